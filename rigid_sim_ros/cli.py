@@ -1,0 +1,168 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The command `rigid_sim`.
+
+A command is a function below that imports what it needs when it runs: `--help` answers at once, and
+everything but `run` works where no ROS is installed.
+"""
+from collections.abc import Callable, Sequence
+import math
+from typing import Any, NoReturn
+
+import click
+
+from rigid_sim_ros import __version__
+from rigid_sim_ros.scene.errors import nearest, SceneError
+
+# What a user can mend: wrong usage, a bad scene, a missing installation.
+USAGE = 2
+NO_ROS = ("needs ROS 2: `pip install '.[ros]'` in a clone of rigid_sim_ros, or, where ROS 2 is "
+          'installed from apt, `source /opt/ros/jazzy/setup.bash`')
+
+
+class Commands(click.Group):
+    """A group of commands that knows which one a mistyped name was meant to be."""
+
+    def resolve_command(
+            self, ctx: click.Context, args: list[str],
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command, or name the nearest."""
+        if args and self.get_command(ctx, args[0]) is None and not args[0].startswith('-'):
+            raise click.UsageError(
+                f'no command {args[0]!r}: {nearest(args[0], self.list_commands(ctx))}', ctx)
+        return super().resolve_command(ctx, args)
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """List the commands in the order in which a newcomer needs them."""
+        return list(self.commands)
+
+
+class NodeCommand(click.Command):
+    """
+    A command that starts a ROS node and passes on what belongs to ROS.
+
+    As on every ROS 2 executable these are the words from `--ros-args` to the next `--`, or to the end;
+    there may be several such stretches. They reach the function as its argument `ros_args`.
+    """
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Set the arguments of ROS aside and parse the rest."""
+        own, ros = split_ros_args(args)
+        rest = super().parse_args(ctx, own)
+        ctx.params['ros_args'] = ros
+        return rest
+
+    def collect_usage_pieces(self, ctx: click.Context) -> list[str]:
+        """Show that arguments of ROS may follow."""
+        return [*super().collect_usage_pieces(ctx), '[--ros-args ...]']
+
+
+class Seconds(click.ParamType):
+    """A span of time: finite and more than nothing."""
+
+    name = 'seconds'
+
+    def convert(
+            self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Return the number."""
+        try:
+            seconds = float(value)
+        except ValueError:
+            self.fail(f'{value!r} is not a number of seconds', param, ctx)
+        if not 0 < seconds < math.inf:
+            self.fail(f'{value} s, must be > 0 and finite', param, ctx)
+        return seconds
+
+
+def split_ros_args(args: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Split a command line into our own arguments and those that belong to ROS."""
+    own: list[str] = []
+    ros: list[str] = []
+    in_ros = False
+    for arg in args:
+        if arg == '--ros-args':
+            in_ros = True
+        (ros if in_ros else own).append(arg)
+        if arg == '--':
+            in_ros = False
+    return own, ros
+
+
+def scene_argument(*, required: bool) -> Callable[..., Any]:
+    """Return the argument SCENE, a path or the name of an example."""
+    return click.argument('scene', required=required)
+
+
+@click.group(cls=Commands, invoke_without_command=True, context_settings={
+    'help_option_names': ['-h', '--help'], 'max_content_width': 99})
+@click.version_option(__version__, prog_name='rigid_sim', message='%(prog)s %(version)s')
+@click.pass_context
+def rigid_sim(ctx: click.Context) -> None:
+    """
+    Simulate rigid bodies in a ROS 2 node.
+
+    SCENE is the path of a YAML file or the name of an example: `rigid_sim scenes` lists them.
+
+    \b
+    First steps:
+      rigid_sim scenes                        what there is to look at
+      rigid_sim check t_handle                what a scene holds, and whether it is right
+      rigid_sim run t_handle --duration 10    the node, for ten seconds
+    """
+    if ctx.invoked_subcommand is None:
+        click.echo(ctx.get_help())
+
+
+@rigid_sim.command(cls=NodeCommand)
+@scene_argument(required=False)
+@click.option('--duration', type=Seconds(), metavar='SECONDS',
+              help='Stop after this much simulation time. Without it the node runs until Ctrl-C.')
+def run(scene: str | None, duration: float | None, ros_args: list[str]) -> int | None:
+    """
+    Run SCENE in the ROS 2 node `simulate`.
+
+    The node publishes the pose and the twist of every body and takes wrenches for them. Without SCENE
+    it runs the one that its parameter `scene` names.
+
+    \b
+    Examples:
+      rigid_sim run tumbling_cubesat
+      rigid_sim run my_scene.yaml --duration 60
+      rigid_sim run t_handle --ros-args -p real_time_factor:=2.0 -r __node:=lab
+      rigid_sim run t_handle --ros-args --params-file my_parameters.yaml
+    """
+    try:
+        from rigid_sim_ros.nodes import simulate
+    except ImportError as error:
+        if (error.name or '').startswith('rigid_sim_ros'):
+            raise
+        raise click.ClickException(f'run {NO_ROS} ({error})') from error
+    result: int | None = simulate.run(scene, duration=duration, ros_args=ros_args)
+    return result
+
+
+def main(argv: Sequence[str] | None = None) -> NoReturn:
+    """
+    Run the command line and leave the process.
+
+    Exit codes: 0 done, 1 it ran and the answer is no, 2 wrong usage or bad input with one line on stderr.
+    """
+    try:
+        code = rigid_sim.main(argv, prog_name='rigid_sim', standalone_mode=False)
+    except click.UsageError as error:
+        where = error.ctx.command_path if error.ctx else 'rigid_sim'
+        fail(f'{error.format_message()} (see `{where} --help`)')
+    except click.ClickException as error:
+        fail(error.format_message())
+    except SceneError as error:
+        fail(error.summary)
+    except click.Abort:
+        raise SystemExit(130) from None      # 128 + SIGINT, as a shell reports it
+    raise SystemExit(code if isinstance(code, int) else 0)
+
+
+def fail(message: str) -> NoReturn:
+    """Leave with one line on stderr."""
+    click.echo(f'rigid_sim: {" ".join(message.split())}', err=True)
+    raise SystemExit(USAGE)

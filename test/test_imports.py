@@ -1,0 +1,134 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Imports go one way: cli, nodes -> bag, codec, scene, world -> engine."""
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+import subprocess
+import sys
+
+import pytest
+
+import rigid_sim_ros
+
+ROOT = Path(rigid_sim_ros.__file__).parent
+MODULES = sorted(
+    path for path in ROOT.rglob('*.py') if not path.relative_to(ROOT).parts[0].startswith('_'))
+
+# What a part may import of the others, besides itself.
+LOWER = {'bag', 'codec', 'engine', 'scene', 'world'}
+MAY_IMPORT = {
+    'cli': LOWER | {'nodes'},
+    'nodes': LOWER,
+    'bag': LOWER,
+    'codec': LOWER,
+    'scene': LOWER,
+    'world': LOWER,
+    'engine': set(),
+}
+ENGINE_LIBRARIES = {'numba', 'numpy', 'osqp'}
+ROS_LIBRARIES = ('rclpy', 'rcl_', 'ament_', 'launch', 'rosidl_', 'builtin_interfaces')
+
+
+def name_of(path: Path) -> str:
+    """Return the dotted name of a module of the package."""
+    parts = path.relative_to(ROOT.parent).with_suffix('').parts
+    return '.'.join(parts[:-1] if parts[-1] == '__init__' else parts)
+
+
+def imports_of(path: Path) -> Iterator[str]:
+    """Give the dotted name of everything that a module imports, wherever in the file it stands."""
+    package = (name_of(path) if path.name == '__init__.py' else name_of(path).rpartition('.')[0])
+    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'), str(path))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ''
+            if node.level:
+                above = package.split('.')[:len(package.split('.')) - node.level + 1]
+                base = '.'.join([*above, base]).rstrip('.')
+            yield from (f'{base}.{alias.name}' for alias in node.names)
+
+
+def part_of(module: str) -> str:
+    """Return the part of the package that a module lies in: `engine` for rigid_sim_ros.engine.step."""
+    return [*module.split('.'), ''][1]
+
+
+def is_ros(module: str) -> bool:
+    top = module.partition('.')[0]
+    return top.startswith(ROS_LIBRARIES) or top.endswith(('_msgs', '_srvs'))
+
+
+def engine_file(module: str) -> str:
+    """Return the file or folder of the engine that an import names: `forces`, or '' for none."""
+    return [*module.split('.'), '', ''][2] if module.startswith('rigid_sim_ros.engine') else ''
+
+
+def each_module(test):
+    return pytest.mark.parametrize('path', MODULES, ids=name_of)(test)
+
+
+@each_module
+def test_imports_go_towards_the_engine(path: Path) -> None:
+    part = part_of(name_of(path))
+    others = {part_of(module) for module in imports_of(path)
+              if module.startswith('rigid_sim_ros.')} - {part, '__version__'}
+    assert others <= MAY_IMPORT[part]
+
+
+@each_module
+def test_only_nodes_import_ros(path: Path) -> None:
+    if part_of(name_of(path)) != 'nodes':
+        assert not [module for module in imports_of(path) if is_ros(module)]
+
+
+@pytest.mark.parametrize(
+    'path', [p for p in MODULES if part_of(name_of(p)) == 'engine'], ids=name_of)
+def test_the_engine_needs_no_more_than_numpy_numba_and_osqp(path: Path) -> None:
+    tops = {module.partition('.')[0] for module in imports_of(path)} - {'rigid_sim_ros'}
+    assert tops - sys.stdlib_module_names <= ENGINE_LIBRARIES
+
+
+def in_a_fresh_interpreter(code: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, check=False, timeout=300)
+
+
+def test_a_world_steps_where_no_ros_is_installed() -> None:
+    result = in_a_fresh_interpreter('''
+import sys
+
+
+class Block:
+    """Makes every package of ROS look as if it were not installed."""
+
+    def find_spec(self, name, path=None, target=None):
+        if name.partition('.')[0].endswith(('rclpy', '_msgs', '_srvs', 'ament_index_python')):
+            raise ModuleNotFoundError(f'No module named {name!r}', name=name)
+
+
+sys.meta_path.insert(0, Block())
+from rigid_sim_ros import load_scene
+world = load_scene('t_handle')
+world.step(10)
+print(world.step_index)
+''')
+    assert (result.stdout, result.stderr) == ('10\n', '')
+
+
+def test_importing_the_package_does_not_wait_for_numba() -> None:
+    result = in_a_fresh_interpreter(
+        "import rigid_sim_ros.cli, sys; print({'numba', 'numpy', 'rclpy'} & set(sys.modules))")
+    assert result.stdout == 'set()\n'
+
+
+def test_the_package_offers_what_the_contract_names() -> None:
+    assert set(rigid_sim_ros.__all__) <= set(dir(rigid_sim_ros))
+    for name in rigid_sim_ros.__all__:
+        assert getattr(rigid_sim_ros, name) is not None
+
+
+def test_an_unknown_name_in_the_package_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match='no_such_name'):
+        rigid_sim_ros.no_such_name    # noqa: B018
