@@ -3,8 +3,8 @@
 """
 The command `rigid_sim`.
 
-A command is a function below that imports what it needs when it runs: `--help` answers at once, and
-everything but `run` works where no ROS is installed.
+A command is a function below that imports what it needs when it runs: `--help` answers at once,
+and everything but `run` works where no ROS is installed.
 """
 from collections.abc import Callable, Sequence
 import math
@@ -42,8 +42,8 @@ class NodeCommand(click.Command):
     """
     A command that starts a ROS node and passes on what belongs to ROS.
 
-    As on every ROS 2 executable these are the words from `--ros-args` to the next `--`, or to the end;
-    there may be several such stretches. They reach the function as its argument `ros_args`.
+    As on every ROS 2 executable these are the words from `--ros-args` to the next `--`, or to the
+    end; there may be several such stretches. The function gets them as its argument `ros_args`.
     """
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
@@ -89,13 +89,22 @@ def split_ros_args(args: Sequence[str]) -> tuple[list[str], list[str]]:
     return own, ros
 
 
+def examples(*lines: str) -> str:
+    """Return the end of a help text: command lines that a newcomer can copy."""
+    # A paragraph that begins with this character is not wrapped.
+    return '\n'.join(['\b', 'Examples:', *(f'  {line}' for line in lines)])
+
+
 def scene_argument(*, required: bool) -> Callable[..., Any]:
     """Return the argument SCENE, a path or the name of an example."""
     return click.argument('scene', required=required)
 
 
 @click.group(cls=Commands, invoke_without_command=True, context_settings={
-    'help_option_names': ['-h', '--help'], 'max_content_width': 99})
+    'help_option_names': ['-h', '--help'], 'max_content_width': 99}, epilog=examples(
+        'rigid_sim scenes                        what there is to look at',
+        'rigid_sim check t_handle                what a scene holds, and whether it is right',
+        'rigid_sim run t_handle --duration 10    the node, for ten seconds'))
 @click.version_option(__version__, prog_name='rigid_sim', message='%(prog)s %(version)s')
 @click.pass_context
 def rigid_sim(ctx: click.Context) -> None:
@@ -103,18 +112,16 @@ def rigid_sim(ctx: click.Context) -> None:
     Simulate rigid bodies in a ROS 2 node.
 
     SCENE is the path of a YAML file or the name of an example: `rigid_sim scenes` lists them.
-
-    \b
-    First steps:
-      rigid_sim scenes                        what there is to look at
-      rigid_sim check t_handle                what a scene holds, and whether it is right
-      rigid_sim run t_handle --duration 10    the node, for ten seconds
     """
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())
 
 
-@rigid_sim.command(cls=NodeCommand)
+@rigid_sim.command(cls=NodeCommand, epilog=examples(
+    'rigid_sim run tumbling_cubesat',
+    'rigid_sim run my_scene.yaml --duration 60',
+    'rigid_sim run t_handle --ros-args -p real_time_factor:=2.0 -r __node:=lab',
+    'rigid_sim run t_handle --ros-args --params-file my_parameters.yaml'))
 @scene_argument(required=False)
 @click.option('--duration', type=Seconds(), metavar='SECONDS',
               help='Stop after this much simulation time. Without it the node runs until Ctrl-C.')
@@ -122,15 +129,8 @@ def run(scene: str | None, duration: float | None, ros_args: list[str]) -> int |
     """
     Run SCENE in the ROS 2 node `simulate`.
 
-    The node publishes the pose and the twist of every body and takes wrenches for them. Without SCENE
-    it runs the one that its parameter `scene` names.
-
-    \b
-    Examples:
-      rigid_sim run tumbling_cubesat
-      rigid_sim run my_scene.yaml --duration 60
-      rigid_sim run t_handle --ros-args -p real_time_factor:=2.0 -r __node:=lab
-      rigid_sim run t_handle --ros-args --params-file my_parameters.yaml
+    The node publishes the pose and the twist of every body and takes wrenches for them. Without
+    SCENE it runs the one that its parameter `scene` names.
     """
     try:
         from rigid_sim_ros.nodes import simulate
@@ -146,7 +146,8 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
     """
     Run the command line and leave the process.
 
-    Exit codes: 0 done, 1 it ran and the answer is no, 2 wrong usage or bad input with one line on stderr.
+    Exit codes: 0 done; 1 it ran and the answer is no; 2 wrong usage or bad input, with one line on
+    stderr.
     """
     try:
         code = rigid_sim.main(argv, prog_name='rigid_sim', standalone_mode=False)

@@ -51,7 +51,7 @@ def imports_of(path: Path) -> Iterator[str]:
 
 
 def part_of(module: str) -> str:
-    """Return the part of the package that a module lies in: `engine` for rigid_sim_ros.engine.step."""
+    """Return the part that a module lies in: `engine` for rigid_sim_ros.engine.step."""
     return [*module.split('.'), ''][1]
 
 

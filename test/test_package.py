@@ -46,8 +46,8 @@ def workspace(request, tmp_path_factory) -> Workspace:
     assert colcon, "colcon is missing: pip install '.[test]'"
     flags = ['--symlink-install'] if request.param == 'symlinked' else []
     build = subprocess.run(
-        [colcon, 'build', '--base-paths', 'src', *flags], cwd=base, env=os.environ | {'PATH': path},
-        capture_output=True, text=True, check=False, timeout=300)
+        [colcon, 'build', '--base-paths', 'src', *flags], cwd=base,
+        env=os.environ | {'PATH': path}, capture_output=True, text=True, check=False, timeout=300)
     assert build.returncode == 0, build.stdout + build.stderr
     sourced = subprocess.run(
         ['bash', '-c', 'source install/setup.bash && env -0'], cwd=base, capture_output=True,
@@ -81,11 +81,11 @@ def test_the_installed_package_holds_scenes_types_and_default_parameters() -> No
 
 
 def test_every_rosdep_key_of_a_python_library_is_also_a_requirement_of_pip() -> None:
-    keys = {element.text for element in ElementTree.parse(SOURCE / 'package.xml').iter('exec_depend')}
-    libraries = {re.sub('^python3-|-pip$', '', key or '') for key in keys
-                 if (key or '').startswith('python3-')}
-    required = {re.split('[<>=; ]', line)[0] for line in distribution('rigid_sim_ros').requires or []
-                if 'extra ==' not in line}
+    manifest = ElementTree.parse(SOURCE / 'package.xml')
+    keys = [element.text or '' for element in manifest.iter('exec_depend')]
+    libraries = {re.sub('^python3-|-pip$', '', key) for key in keys if key.startswith('python3-')}
+    required = {re.split('[<>=; ]', line)[0]
+                for line in distribution('rigid_sim_ros').requires or [] if 'extra' not in line}
     # rosdep knows no osqp and, on Ubuntu 24.04, no pydantic 2; the README says so.
     assert required - libraries == {'osqp', 'pydantic'}
     assert libraries <= required
@@ -108,9 +108,12 @@ def test_colcon_shares_manifest_launch_files_and_msg_config(workspace: Workspace
 
 def test_a_workspace_of_colcon_finds_the_example_scenes(workspace: Workspace) -> None:
     found = workspace.run(
-        sys.executable, '-c', 'import importlib.resources, rigid_sim_ros; '
-        "print(rigid_sim_ros.__file__, *[path.name for path in "
-        "(importlib.resources.files('rigid_sim_ros') / 'example_scenes').iterdir()])")
+        sys.executable, '-c', """
+from importlib.resources import files
+import rigid_sim_ros
+scenes = (files('rigid_sim_ros') / 'example_scenes').iterdir()
+print(rigid_sim_ros.__file__, *[path.name for path in scenes])
+""")
     module, *scenes = found.stdout.split()
     assert workspace.prefix.parent.parent in Path(module).parents
     assert set(scenes) >= SCENES
