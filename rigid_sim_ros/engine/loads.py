@@ -1,0 +1,46 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The sum of the forces and torques on each body."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.arrays import Array, Vector
+from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.model import Model, WORLD
+from rigid_sim_ros.engine.state import State
+from rigid_sim_ros.engine.vector import add_to_column, column, cross, subtract
+
+
+class Loads(NamedTuple):
+    """Force and torque on each of n bodies."""
+
+    F: Array  # forces, (3, n) [N], world axes
+    tau: Array  # torques about the centres of mass, (3, n) [N m], world axes
+
+
+def empty_loads(n: int) -> Loads:
+    """Return room for the loads on n bodies."""
+    return Loads(np.zeros((3, n)), np.zeros((3, n)))
+
+
+@kernel
+def add_force(model: Model, state: State, loads: Loads, frame: int, p_W: Vector,
+              F_W: Vector) -> None:
+    """
+    Let the force F [N] act at the point p [m], both in world axes, on the body of a frame.
+
+    tau = (p - x) x F (Parent, Rigid Body Dynamics, "Force and Torque"). On WORLD nothing happens.
+    """
+    if frame != WORLD:
+        body = model.frame_body[frame]
+        add_to_column(loads.F, body, F_W)
+        add_to_column(loads.tau, body, cross(subtract(p_W, column(state.x, body)), F_W))
+
+
+@kernel
+def add_torque(model: Model, loads: Loads, frame: int, tau_W: Vector) -> None:
+    """Let a torque [N m, world axes] act on the body of a frame; on WORLD nothing happens."""
+    if frame != WORLD:
+        add_to_column(loads.tau, model.frame_body[frame], tau_W)

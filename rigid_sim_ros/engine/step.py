@@ -1,0 +1,33 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The sequence of the stages of a step, and nothing else."""
+
+from collections.abc import Callable
+from typing import Any
+
+from rigid_sim_ros.engine.integrate import euler, rk4, semi_implicit, symplectic, Work
+from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.model import Model
+from rigid_sim_ros.engine.state import State
+from rigid_sim_ros.engine.wrenches import count_down, Wrenches
+
+
+def _free_motion(integrate: Callable[..., None]) -> Any:
+    """Return the kernel that steps bodies which do not touch, with one of the integrators."""
+
+    @kernel
+    def advance(model: Model, state: State, wrenches: Wrenches, orientation: int, work: Work,
+                count: int) -> None:
+        for _ in range(count):
+            integrate(model, state, wrenches, orientation, work)
+            count_down(wrenches)
+
+    return advance
+
+
+FREE_MOTION: dict[str, Any] = {
+    'euler': _free_motion(euler),
+    'semi_implicit': _free_motion(semi_implicit),
+    'rk4': _free_motion(rk4),
+    'symplectic': _free_motion(symplectic),
+}

@@ -1,0 +1,64 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Wrenches that users apply: each in the axes of a frame, for a number of steps."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.arrays import Array, IntArray
+from rigid_sim_ros.engine.frames import frame_pose
+from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.loads import add_force, Loads
+from rigid_sim_ros.engine.model import Model
+from rigid_sim_ros.engine.rotation import rotate
+from rigid_sim_ros.engine.state import State
+from rigid_sim_ros.engine.vector import add, add_to_column, column, row
+
+
+class Wrenches(NamedTuple):
+    """Wrenches in effect, a row each, in the order in which they were applied."""
+
+    body: IntArray  # (r,) the body they act on
+    frame: IntArray  # (r,) whose axes they are given in, WORLD for the world
+    at_point: IntArray  # (r,) 1: the force acts at `point`; 0: at the centre of mass
+    force: Array  # (r, 3) [N], axes of `frame`
+    torque: Array  # (r, 3) [N m], axes of `frame`
+    point: Array  # (r, 3) [m], in `frame`
+    steps_left: IntArray  # (r,) acts for this many more steps
+
+
+def no_wrenches(rows: int = 0) -> Wrenches:
+    """Return room for some wrenches."""
+    return Wrenches(
+        np.zeros(rows, dtype=np.int64), np.zeros(rows, dtype=np.int64),
+        np.zeros(rows, dtype=np.int64), np.zeros((rows, 3)), np.zeros((rows, 3)),
+        np.zeros((rows, 3)), np.zeros(rows, dtype=np.int64))
+
+
+@kernel
+def add_wrenches(model: Model, state: State, wrenches: Wrenches, loads: Loads) -> None:
+    """
+    Add the wrenches in effect to the loads.
+
+    Their frames are looked up anew each time: a force in the axes of a body turns with it.
+    """
+    for r in range(wrenches.body.shape[0]):
+        if wrenches.steps_left[r] <= 0:
+            continue
+        body = wrenches.body[r]
+        p_WF, q_WF = frame_pose(model, state, wrenches.frame[r])
+        force = rotate(q_WF, row(wrenches.force, r))
+        point = column(state.x, body)
+        if wrenches.at_point[r] == 1:
+            point = add(p_WF, rotate(q_WF, row(wrenches.point, r)))
+        add_force(model, state, loads, body, point, force)
+        add_to_column(loads.tau, body, rotate(q_WF, row(wrenches.torque, r)))
+
+
+@kernel
+def count_down(wrenches: Wrenches) -> None:
+    """Let one step pass for the wrenches in effect."""
+    for r in range(wrenches.steps_left.shape[0]):
+        if wrenches.steps_left[r] > 0:
+            wrenches.steps_left[r] -= 1

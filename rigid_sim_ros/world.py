@@ -1,0 +1,340 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""World: the object that a Python user holds."""
+
+from collections.abc import Mapping, Sequence
+import hashlib
+import os
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rigid_sim_ros.applied import AppliedWrenches
+from rigid_sim_ros.engine.arrays import Array
+from rigid_sim_ros.engine.forces import add_gravity, add_scene_forces
+from rigid_sim_ros.engine.frames import point_on_frame, vector_on_frame
+from rigid_sim_ros.engine.integrate import make_work, ORIENTATIONS
+from rigid_sim_ros.engine.model import WORLD
+from rigid_sim_ros.engine.state import (
+    add_impulse, BodyMotion, copy_into, copy_state, empty_motion,
+    first_unfinite, kinetic_energy, read_motion, State, total_angular_momentum, write_motion)
+from rigid_sim_ros.engine.step import FREE_MOTION
+from rigid_sim_ros.engine.wrenches import Wrenches
+from rigid_sim_ros.scene import read_scene, Scene, scene_from_dict
+from rigid_sim_ros.snapshot import pack, unpack
+
+# A quaternion this near to unit length is normalised, one farther off is refused: rounding to three digits
+# passes, a typo does not.
+UNIT_TOLERANCE = 1e-3
+
+
+def load_scene(scene: str | os.PathLike[str]) -> 'World':
+    """Return the world of a scene file, or of an example scene by its name; SceneError if it is wrong."""
+    return World(read_scene(scene))
+
+
+class World:
+    """
+    A world of rigid bodies that advances in fixed steps.
+
+    Poses and twists are of the body frames, as the scene's author wrote them; vectors are in world
+    axes and SI units; the twist's linear part is the velocity of the body frame's origin. The same
+    scene with the same inputs at the same steps gives the same bits.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        """Put every body where the scene says."""
+        self.scene = scene
+        self.names: list[str] = list(scene.names)
+        self.frame_names: dict[str, int] = dict(scene.frame_names)
+        self.step_index = 0
+        self.step_ns: int = scene.step_ns
+        self._index = {name: i for i, name in enumerate(self.names)}
+        self._model = scene.model
+        self._state = copy_state(scene.state)
+        self._applied = AppliedWrenches()
+        self._work = make_work(len(self.names))
+        self._advance = FREE_MOTION[scene.integrator]
+        self._orientation = ORIENTATIONS.index(scene.orientation)
+        self._motion = empty_motion(len(self.names))
+        self._motion_is_current = False
+
+    @classmethod
+    def from_dict(cls, scene: Mapping[str, Any]) -> 'World':
+        """Return the world of a scene in the file's format, given as a dict; SceneError if it is wrong."""
+        return cls(scene_from_dict(dict(scene)))
+
+    # --- time ---------------------------------------------------------------------------------
+
+    @property
+    def time_ns(self) -> int:
+        """Simulation time [ns], step_index * step_ns."""
+        return self.step_index * self.step_ns
+
+    def step(self, count: int = 1) -> None:
+        """
+        Advance by `count` fixed steps.
+
+        ValueError when count is not a whole number >= 0; ArithmeticError when a body's motion has
+        grown beyond all numbers, which a smaller step or softer forces mend.
+        """
+        if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 0:
+            raise ValueError(f'step count {count!r}, must be a whole number >= 0')
+        self._motion_is_current = False
+        done = 0
+        while done < count:
+            # Wrenches leave the book when their time is over, so that a step without any costs nothing for them.
+            batch = self._steps_until_a_wrench_ends(int(count) - done)
+            self._advance(self._model, self._state, self._applied.rows, self._orientation, self._work, batch)
+            self._applied.remove_finished()
+            done += batch
+            self.step_index += batch
+        broken = first_unfinite(self._state)
+        if broken >= 0:
+            raise ArithmeticError(
+                f"body '{self.names[broken]}': its motion is no longer finite at step {self.step_index}; "
+                f'use a step smaller than {self._model.h:g} s or softer forces')
+
+    def _steps_until_a_wrench_ends(self, at_most: int) -> int:
+        left = self._applied.rows.steps_left
+        return min(at_most, int(left.min())) if left.shape[0] else at_most
+
+    # --- motion -------------------------------------------------------------------------------
+
+    def _current_motion(self) -> BodyMotion:
+        if not self._motion_is_current:
+            read_motion(self._model, self._state, self._motion)
+            self._motion_is_current = True
+        return self._motion
+
+    @property
+    def position(self) -> Array:
+        """Origins of the body frames, (n, 3) [m], world axes."""
+        return self._current_motion().position.copy()
+
+    @property
+    def orientation(self) -> Array:
+        """Orientations of the body frames, (n, 4) x, y, z, w, body to world."""
+        return self._current_motion().orientation.copy()
+
+    @property
+    def linear_velocity(self) -> Array:
+        """Velocities of the origins of the body frames, (n, 3) [m/s], world axes."""
+        return self._current_motion().linear.copy()
+
+    @property
+    def angular_velocity(self) -> Array:
+        """Angular velocities, (n, 3) [rad/s], world axes."""
+        return self._current_motion().angular.copy()
+
+    @property
+    def linear_momentum(self) -> Array:
+        """Linear momenta P = M v, (n, 3) [kg m/s], world axes."""
+        return self._state.P.T.copy()
+
+    @property
+    def angular_momentum(self) -> Array:
+        """Angular momenta L = I w about each body's centre of mass, (n, 3) [kg m^2/s], world axes."""
+        return self._state.L.T.copy()
+
+    @property
+    def center_of_mass(self) -> Array:
+        """Centres of mass, (n, 3) [m], world axes."""
+        return self._state.x.T.copy()
+
+    @property
+    def mass(self) -> Array:
+        """Masses, (n,) [kg]; 0 for a fixed body that was given none."""
+        return self._model.m.copy()
+
+    def kinetic_energy(self) -> float:
+        """Return the kinetic energy of all bodies [J]."""
+        return float(kinetic_energy(self._model, self._state))
+
+    def potential_energy(self) -> float:
+        """Return the potential energy of gravity and of the scene's forces [J]."""
+        loads = self._work.later
+        return float(add_gravity(self._model, self._state, loads)
+                     + add_scene_forces(self._model, self._state, loads))
+
+    def total_momentum(self) -> Array:
+        """Return the linear momentum of all bodies, (3,) [kg m/s]."""
+        return np.asarray(self._state.P.sum(axis=1))
+
+    def total_angular_momentum(self) -> Array:
+        """Return the angular momentum of all bodies about the world origin, (3,) [kg m^2/s]."""
+        return np.array(total_angular_momentum(self._state))
+
+    # --- inputs -------------------------------------------------------------------------------
+
+    def apply_wrench(self, name: str, force: ArrayLike = (0.0, 0.0, 0.0),
+                     torque: ArrayLike = (0.0, 0.0, 0.0), frame: str = 'world', *,
+                     point: ArrayLike | None = None, duration: float | None = None,
+                     source: str | None = None) -> None:
+        """
+        Let a force [N] and a torque [N m] act on a body from the next step on.
+
+        Their axes are those of `frame`: 'world', a body ('crate') or a named frame ('crate/handle'), followed as
+        it turns. The force acts at `point` [m], given in that frame; without one at the frame's origin if the
+        frame belongs to the body itself, else at the centre of mass. `duration` [s] of simulation
+        time is rounded to whole steps; None is the next step only. Wrenches add up; one with a
+        `source` first ends what the same source applied before. ValueError for an unknown body or
+        frame, for numbers that are not finite and for a duration below 0.
+        """
+        self._apply(self._body(name), self._frame(frame), _vector('force', force),
+                    _vector('torque', torque), None if point is None else _vector('point', point),
+                    self._steps(duration), source)
+
+    def _apply(self, body: int, frame: int, force: Array, torque: Array, point: Array | None, steps: int,
+               source: str | None) -> None:
+        if source is not None:
+            self._applied.remove(source)
+        if steps > 0:
+            self._applied.add(source or '', body, frame, self._point(body, frame, point), force, torque, steps)
+
+    def cancel_wrenches(self, source: str) -> None:
+        """End what a source applied."""
+        self._applied.remove(source)
+
+    def apply_impulse(self, name: str, impulse: ArrayLike, *, point: ArrayLike | None = None,
+                      frame: str = 'world') -> None:
+        """
+        Change a body's momenta at once by an impulse [N s] in the axes of `frame`.
+
+        It acts at `point`, with the same rules as a wrench's. ValueError as for `apply_wrench`.
+        """
+        body, f = self._body(name), self._frame(frame)
+        J = _vector('impulse', impulse)
+        p_F = self._point(body, f, None if point is None else _vector('point', point))
+        p_W = tuple(self._state.x[:, body])
+        if p_F is not None:
+            p_W, _ = point_on_frame(self._model, self._state, f, tuple(p_F))
+        J_W = vector_on_frame(self._model, self._state, f, tuple(J))
+        add_impulse(self._model, self._state, body, p_W, J_W)
+        self._motion_is_current = False
+
+    def set_pose(self, name: str, position: ArrayLike, orientation: ArrayLike) -> None:
+        """
+        Put the body frame of a body at a position [m] and an orientation x, y, z, w; it keeps its twist.
+
+        ValueError for an unknown body, numbers that are not finite or a quaternion that is not of unit length.
+        """
+        body = self._body(name)
+        p, q = _vector('position', position), _unit_quaternion(orientation)
+        motion = self._current_motion()
+        motion.position[body], motion.orientation[body] = p, q
+        write_motion(self._model, self._state, motion, body)
+        self._motion_is_current = False
+
+    def set_twist(self, name: str, linear: ArrayLike, angular: ArrayLike) -> None:
+        """
+        Give the body frame of a body a velocity [m/s] of its origin and an angular velocity [rad/s], world axes.
+
+        ValueError for an unknown body, a fixed one, or numbers that are not finite.
+        """
+        body = self._body(name)
+        v, w = _vector('linear velocity', linear), _vector('angular velocity', angular)
+        if self._model.inv_m[body] == 0.0 and (v.any() or w.any()):
+            raise ValueError(f"body '{name}' is fixed and cannot be given the twist "
+                             f'{v.tolist()}, {w.tolist()}: remove `fixed: true` from the scene')
+        motion = self._current_motion()
+        motion.linear[body], motion.angular[body] = v, w
+        write_motion(self._model, self._state, motion, body)
+        self._motion_is_current = False
+
+    def _body(self, name: str) -> int:
+        try:
+            return self._index[name]
+        except (KeyError, TypeError):
+            raise ValueError(f'body {name!r} does not exist, must be one of: {_some(self.names)}') from None
+
+    def _frame(self, frame: str) -> int:
+        if frame in ('world', ''):
+            return WORLD
+        try:
+            return self.frame_names[frame]
+        except (KeyError, TypeError):
+            raise ValueError(f"frame {frame!r} does not exist, must be 'world' or one of: "
+                             f'{_some(list(self.frame_names))}') from None
+
+    def _point(self, body: int, frame: int, point: Array | None) -> Array | None:
+        """Return where in a frame a force acts; None is the centre of mass."""
+        if point is None and frame != WORLD and self._model.frame_body[frame] == body:
+            return np.zeros(3)
+        return point
+
+    def _steps(self, duration: float | None) -> int:
+        if duration is None:
+            return 1
+        if not 0.0 <= duration < float('inf'):
+            raise ValueError(f'duration {duration!r} s, must be finite and >= 0')
+        return min(round(duration / self._model.h), 2 ** 62)
+
+    # --- the state as a whole -----------------------------------------------------------------
+
+    def _dynamic(self) -> dict[str, np.ndarray]:
+        """Return every array that the next step depends on, by name."""
+        return {**self._state._asdict(), **self._applied.rows._asdict()}
+
+    def state_hash(self) -> int:
+        """Return 64 bits that identify the complete dynamic state, time included."""
+        digest = hashlib.blake2b(self.step_index.to_bytes(8, 'little'), digest_size=8)
+        for array in self._dynamic().values():
+            digest.update(np.ascontiguousarray(array))
+        return int.from_bytes(digest.digest(), 'little')
+
+    def save(self) -> bytes:
+        """Return the complete dynamic state, for `restore` in a world of the same scene."""
+        meta = {'names': self.names, 'step_index': self.step_index, 'step_ns': self.step_ns,
+                'sources': self._applied.sources}
+        return pack(meta, self._dynamic())
+
+    def restore(self, data: bytes) -> None:
+        """Continue from what `save` returned, bit for bit; ValueError if it belongs to another scene."""
+        meta, arrays = unpack(data)
+        if meta['names'] != self.names or meta['step_ns'] != self.step_ns:
+            raise ValueError(
+                f"the snapshot is of {len(meta['names'])} bodies ({_some(meta['names'])}) at a step of "
+                f"{meta['step_ns']} ns, this world has {len(self.names)} ({_some(self.names)}) at "
+                f'{self.step_ns} ns: restore it into a world of its own scene')
+        copy_into(self._state, State(*(arrays[field] for field in State._fields)))
+        self._applied.replace(Wrenches(*(arrays[field] for field in Wrenches._fields)), meta['sources'])
+        self.step_index = meta['step_index']
+        self._motion_is_current = False
+
+    def reset(self, keep_time: bool = False) -> None:
+        """Return to the scene's initial state, wrenches ended; time restarts at 0 unless it is kept."""
+        copy_into(self._state, self.scene.state)
+        self._applied = AppliedWrenches()
+        self._motion_is_current = False
+        if not keep_time:
+            self.step_index = 0
+
+
+def _some(names: Sequence[str]) -> str:
+    """Return the names for a message, the first few if they are many."""
+    return ', '.join(names[:8]) + (f', ... ({len(names)} in all)' if len(names) > 8 else '')
+
+
+def _vector(what: str, value: ArrayLike) -> Array:
+    """Return three finite numbers, or raise ValueError."""
+    try:
+        vector = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f'{what} {value!r}, must be three numbers') from None
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise ValueError(f'{what} {vector.tolist()!r}, must be three finite numbers')
+    return vector
+
+
+def _unit_quaternion(value: ArrayLike) -> Array:
+    """Return a unit quaternion, or raise ValueError if the value is not near one."""
+    try:
+        q = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f'orientation {value!r}, must be four numbers x, y, z, w') from None
+    length = float(np.sqrt((q * q).sum())) if q.shape == (4,) else float('nan')
+    if not abs(length - 1.0) <= UNIT_TOLERANCE:
+        raise ValueError(f'orientation {q.tolist()!r}, must be x, y, z, w of length 1')
+    return q / length
