@@ -1,0 +1,181 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A checked description of a scene becomes the model and the state that the engine runs."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+import json
+from pathlib import Path
+
+import numpy as np
+
+from rigid_sim_ros.engine.arrays import Array, IntArray
+from rigid_sim_ros.engine.inertia import check, MassProperties
+from rigid_sim_ros.engine.model import Body, build_model, Frame, Model
+from rigid_sim_ros.engine.state import BodyMotion, empty_state, State, write_motion
+from rigid_sim_ros.scene import mass, mesh, schema
+from rigid_sim_ros.scene.document import Source
+from rigid_sim_ros.scene.errors import nearest, Path as Place, Problem, SceneError, shown
+from rigid_sim_ros.scene.forces import force_table, Report
+
+_EXTREME = 'mass, size or speed leave the range of numbers, must be less extreme'
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """All that a world starts from; two scenes with the same text are the same to the bit."""
+
+    name: str
+    spec: schema.Scene  # what the file says, with all defaults and meshes in it
+    text: str  # YAML that says the same and needs nothing beside it
+    model: Model
+    state: State  # at the start
+    names: tuple[str, ...]  # of the bodies
+    frame_names: Mapping[str, int]  # 'crate', 'crate/handle': the frame's index in the model
+
+    @property
+    def step_ns(self) -> int:
+        """Return what the clock advances by in a step [ns]; physics use the step as it is."""
+        return round(self.spec.world.step * 1e9)
+
+
+def build(spec: schema.Scene, name: str, folder: Path | None, source: Source) -> Scene:
+    """
+    Return the scene; raises SceneError with all that is wrong beyond a single value.
+
+    Mesh files are looked for in `folder`; None: the scene must hold its meshes itself. `source`
+    says where in the file a mistake stands.
+    """
+    problems: list[Problem] = []
+
+    def report(path: Place, message: str) -> None:
+        problems.append(source.problem(path, message))
+
+    spec = _with_meshes(spec, folder, report)
+    _check_references(spec, report)
+    masses = [_mass_properties(body, i, report) for i, body in enumerate(spec.bodies)]
+    frame_names = _frame_names(spec)
+    frames = [Frame(i, np.array(pose.position), np.array(pose.orientation))
+              for i, body in enumerate(spec.bodies) for pose in body.frames.values()]
+    owners = [*range(len(spec.bodies)), *(frame.body for frame in frames)]
+    forces = force_table(spec, frame_names, owners, report)
+    if problems:
+        raise SceneError(problems)
+    with np.errstate(all='ignore'):  # What overflows is reported below, with its place.
+        model = build_model([Body(properties, body.fixed)
+                             for properties, body in zip(masses, spec.bodies, strict=True)],
+                            frames, forces, spec.world.step, spec.world.gravity)
+        state = _initial_state(spec, model)
+    for i in range(len(spec.bodies)):
+        numbers = (model.inv_m, model.inv_I_C, *state)
+        if not all(np.isfinite(field[..., i]).all() for field in numbers):
+            report(('bodies', i), _EXTREME)
+    if problems:
+        raise SceneError(problems)
+    return Scene(name, spec, to_text(spec), model, state, tuple(body.name for body in spec.bodies),
+                 frame_names)
+
+
+def to_text(spec: schema.Scene) -> str:
+    """Return a scene as YAML, a body to a line, each number so that it reads back the same."""
+    lines: list[str] = []
+    for key, value in spec.model_dump(exclude_none=True).items():
+        if isinstance(value, tuple) and value:
+            lines += [f'{key}:', *(f'- {json.dumps(item)}' for item in value)]
+        else:
+            lines.append(f'{key}: {json.dumps(value)}')
+    return '\n'.join(lines) + '\n'
+
+
+def _with_meshes(spec: schema.Scene, folder: Path | None, report: Report) -> schema.Scene:
+    """Return the scene with the triangles of every mesh in it, in metres and wound outwards."""
+    def filled(part: schema.Shape, path: Place) -> schema.Shape:
+        if not isinstance(part, schema.Mesh):
+            return part
+        try:
+            surface = mesh.closed(_surface(part, folder))
+        except ValueError as error:
+            report(path if part.file is None else (*path, 'file'), str(error))
+            return part
+        return part.model_copy(update={
+            'file': None, 'scale': (1.0, 1.0, 1.0), 'vertices': _rows(surface.vertices),
+            'faces': _rows(surface.faces)})
+
+    return spec.model_copy(update={'bodies': tuple(
+        body.with_parts([filled(part, ('bodies', i, *path)) for path, part in body.parts()])
+        for i, body in enumerate(spec.bodies))})
+
+
+def _surface(part: schema.Mesh, folder: Path | None) -> mesh.Mesh:
+    """Return the triangles that a mesh names or holds, scaled."""
+    if part.file is None:
+        surface = mesh.Mesh(np.array(part.vertices), np.array(part.faces))
+    elif folder is None:
+        raise ValueError(f'{shown(part.file)} is not beside the scene, must be vertices '
+                         'and faces in it')
+    else:
+        surface = mesh.read(folder / part.file)
+    return surface._replace(vertices=surface.vertices * part.scale)
+
+
+def _rows(array: Array | IntArray) -> tuple[tuple[float | int, ...], ...]:
+    return tuple(map(tuple, array.tolist()))
+
+
+def _check_references(spec: schema.Scene, report: Report) -> None:
+    """Report what does not fit together although each value is right by itself."""
+    first: dict[str, int] = {}
+    for i, body in enumerate(spec.bodies):
+        if first.setdefault(body.name, i) != i:
+            report(('bodies', i, 'name'), f'{shown(body.name)} is the name of bodies'
+                   f'[{first[body.name]}] too, must be unique')
+        if body.fixed and any((*body.twist.linear, *body.twist.angular)):
+            report(('bodies', i, 'twist'), 'of a fixed body, must be 0')
+        named = [((), body.material), *((path, part.material) for path, part in body.parts())]
+        for path, material in named:
+            if material is not None and material not in spec.all_materials:
+                report(('bodies', i, *path, 'material'), f'{shown(material)} is no material, '
+                       f'{nearest(material, spec.all_materials)}')
+
+
+def _mass_properties(body: schema.Body, i: int, report: Report) -> MassProperties | None:
+    """Return what the body weighs, None for nothing; report why it cannot be had."""
+    mistakes = list(mass.mistakes(body))
+    for path, message in mistakes:
+        report(('bodies', i, *path), message)
+    unread = any(isinstance(part, schema.Mesh) and part.file for _, part in body.parts())
+    if mistakes or unread:
+        return None
+    place = 'inertial' if body.inertial else 'shape' if body.shape else 'compound'
+    try:
+        with np.errstate(all='ignore'):
+            properties = mass.properties(body)
+            if properties is not None:
+                check(properties)
+    except ArithmeticError:
+        report(('bodies', i, place), _EXTREME)
+    except ValueError as error:
+        report(('bodies', i, place), str(error))
+    else:
+        return properties
+    return None
+
+
+def _frame_names(spec: schema.Scene) -> dict[str, int]:
+    """Return the index in the model of each frame: those of the bodies, then the named ones."""
+    names = [body.name for body in spec.bodies]
+    names += [f'{body.name}/{frame}' for body in spec.bodies for frame in body.frames]
+    return {name: index for index, name in enumerate(names)}
+
+
+def _initial_state(spec: schema.Scene, model: Model) -> State:
+    n = len(spec.bodies)
+    motion = BodyMotion(
+        np.array([body.pose.position for body in spec.bodies]),
+        np.array([body.pose.orientation for body in spec.bodies]),
+        np.array([body.twist.linear for body in spec.bodies]),
+        np.array([body.twist.angular for body in spec.bodies]))
+    state = empty_state(n)
+    for i in range(n):
+        write_motion(model, state, motion, i)
+    return state

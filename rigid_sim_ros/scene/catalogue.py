@@ -1,0 +1,47 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The example scenes that ship with the package, by name."""
+
+from importlib.resources import files
+import os
+from pathlib import Path
+
+from rigid_sim_ros.scene.errors import nearest, Problem, SceneError
+
+# What `rigid_sim run` shows without a scene: it moves at once, never ends, and surprises.
+DEFAULT_SCENE = 't_handle'
+
+_FOLDER = Path(str(files('rigid_sim_ros'))) / 'example_scenes'
+
+
+def example_names() -> list[str]:
+    """Return the names of the example scenes, in order of the alphabet."""
+    return sorted(path.stem for path in _FOLDER.glob('*.yaml'))
+
+
+def describe(name: str) -> str:
+    """Return the first line of an example's header comment: what one sees."""
+    first, *_ = find(name).read_text(encoding='utf-8').splitlines()
+    return first.lstrip('# ')
+
+
+def find(path_or_name: str | os.PathLike[str]) -> Path:
+    """
+    Return the file of a scene given by its path or, for an example, by its name.
+
+    A file in the working directory comes before an example of the same name. Raises SceneError,
+    with the nearest name, when there is neither.
+    """
+    path = Path(path_or_name)
+    names = example_names()
+    try:
+        if path.is_file():
+            return path
+        if str(path) in names:
+            return _FOLDER / f'{path}.yaml'
+        if path.is_dir():
+            raise SceneError([Problem('is a folder, must be a scene file', '', str(path))])
+    except ValueError:  # A path with a NUL character in it.
+        pass
+    message = f'is neither a scene file nor an example, {nearest(path, names)}'
+    raise SceneError([Problem(message, '', str(path))])

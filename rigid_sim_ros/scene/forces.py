@@ -1,0 +1,88 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The forces of a scene as rows of the engine's table."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from fnmatch import fnmatchcase
+from itertools import combinations
+
+import numpy as np
+
+from rigid_sim_ros.engine.forces import FORCES, WIDTH
+from rigid_sim_ros.engine.model import ForceTable, WORLD
+from rigid_sim_ros.scene import schema
+from rigid_sim_ros.scene.errors import nearest, Path, shown
+
+# Takes the place of a mistake and what it is.
+Report = Callable[[Path, str], None]
+_Ends = tuple[int, int]
+
+
+def force_table(scene: schema.Scene, frame_names: Mapping[str, int], bodies: Sequence[int],
+                report: Report) -> ForceTable:
+    """
+    Return the forces of a scene, a row for each pair of ends.
+
+    `bodies` gives the body of each frame. What names a frame or a body that does not exist, or
+    acts on nothing that moves, is reported and left out.
+    """
+    kinds = list(FORCES)
+    rows = [(kinds.index(force.type), a, b, _parameters(force))
+            for i, force in enumerate(scene.forces)
+            for a, b in _ends(force, scene, frame_names, bodies, _below(('forces', i), report))]
+    kind, frame_a, frame_b, parameters = zip(*rows, strict=True) if rows else ((), (), (), ())
+    return ForceTable(np.array(kind, dtype=np.int64), np.array(frame_a, dtype=np.int64),
+                      np.array(frame_b, dtype=np.int64),
+                      np.array(parameters, dtype=np.float64).reshape(-1, WIDTH))
+
+
+def _parameters(force: schema.Force) -> list[float]:
+    row: list[float] = []
+    for parameter in FORCES[force.type].parameters:
+        row.extend(np.atleast_1d(getattr(force, parameter.name)))
+    return row + [0.0] * (WIDTH - len(row))
+
+
+def _ends(force: schema.Force, scene: schema.Scene, frame_names: Mapping[str, int],
+          bodies: Sequence[int], report: Report) -> Iterable[_Ends]:
+    if isinstance(force, schema.FrameForce):
+        return _frame_ends(force, scene, frame_names, bodies, report)
+    assert isinstance(force, schema.BodyForce)
+    chosen = _chosen(force, scene, report)
+    if FORCES[force.type].ends == 'each':
+        return [(body, WORLD) for body in chosen]
+    if len(chosen) < 2 and force.bodies != ('*',):
+        report(('bodies',), f'{shown(list(force.bodies))} chooses {len(chosen)} bodies that move, '
+               'must be two or more')
+    return combinations(chosen, 2)
+
+
+def _frame_ends(force: schema.FrameForce, scene: schema.Scene, frame_names: Mapping[str, int],
+                bodies: Sequence[int], report: Report) -> Iterable[_Ends]:
+    ends = []
+    for key, name in (('a', force.a), ('b', force.b)):
+        if name != 'world' and name not in frame_names:
+            report((key,), f'{shown(name)} is no frame, {nearest(name, [*frame_names, "world"])}')
+            return []
+        ends.append(frame_names.get(name, WORLD))
+    a, b = (WORLD if end == WORLD else bodies[end] for end in ends)
+    if a == b:
+        report(('b',), f'{shown(force.b)} is on the same body as a: {shown(force.a)}, '
+               'must be on another')
+    elif all(end == WORLD or scene.bodies[end].fixed for end in (a, b)):
+        report(('a',), f'neither {shown(force.a)} nor {shown(force.b)} can move, one of them must')
+    return [(ends[0], ends[1])]
+
+
+def _chosen(force: schema.BodyForce, scene: schema.Scene, report: Report) -> list[int]:
+    """Return the bodies that the names and patterns choose and that can move, in scene order."""
+    names = [body.name for body in scene.bodies]
+    for i, pattern in enumerate(force.bodies):
+        if not any(fnmatchcase(name, pattern) for name in names):
+            report(('bodies', i), f'{shown(pattern)} matches no body, {nearest(pattern, names)}')
+    return [i for i, body in enumerate(scene.bodies) if not body.fixed
+            and any(fnmatchcase(body.name, pattern) for pattern in force.bodies)]
+
+
+def _below(place: Path, report: Report) -> Report:
+    return lambda path, message: report((*place, *path), message)

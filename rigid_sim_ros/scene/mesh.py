@@ -1,0 +1,89 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Triangle meshes: read from a file, and refused unless they enclose a volume."""
+
+from io import BytesIO
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.arrays import Array, IntArray
+from rigid_sim_ros.engine.inertia import mesh_volume
+from rigid_sim_ros.scene.errors import shown
+
+# What is read; the file says which by its name.
+FORMATS = ('.obj', '.stl')
+
+# A mesh that encloses less than this part of its bounding box is flat but for rounding: its volume
+# is the difference of numbers 1e12 times as large, and no digit of the inertia would be right.
+_FLAT = 1e-12
+
+
+class Mesh(NamedTuple):
+    """A surface of triangles, counterclockwise when seen from outside."""
+
+    vertices: Array  # [m], shape (v, 3), in the frame of the shape
+    faces: IntArray  # indices into vertices, shape (f, 3)
+
+
+def read(path: Path) -> Mesh:
+    """
+    Read an OBJ or STL file.
+
+    Corners at the same place become one vertex, as an STL file repeats them for each triangle;
+    polygons become triangles. Raises ValueError if the file is missing or is not such a file.
+    """
+    # SciPy comes with trimesh: 0.6 s that a scene without a mesh does not wait for.
+    import trimesh
+
+    if path.suffix.lower() not in FORMATS:
+        raise ValueError(f'{shown(path.name)}, must be an OBJ or STL file')
+    try:
+        # From bytes, so that an OBJ file cannot make trimesh open the files it refers to.
+        mesh = trimesh.load(BytesIO(path.read_bytes()), file_type=path.suffix[1:].lower(),
+                            force='mesh', skip_materials=True)
+    except OSError as error:
+        raise ValueError(f'{shown(str(path))} cannot be read: {error.strerror}') from None
+    except Exception as error:  # Whatever a parser meets in a damaged file.
+        kind = type(error).__name__
+        raise ValueError(f'{shown(str(path))} is not a mesh that can be read ({kind})') from None
+    vertices = np.asarray(getattr(mesh, 'vertices', ()), dtype=np.float64).reshape(-1, 3)
+    faces = np.asarray(getattr(mesh, 'faces', ()), dtype=np.int64).reshape(-1, 3)
+    return Mesh(vertices, faces)
+
+
+def closed(mesh: Mesh) -> Mesh:
+    """
+    Return the mesh, turned outside out if need be; raises ValueError unless it encloses a volume.
+
+    The triangles at an edge run along it in one direction or the other. On a closed and
+    consistently wound surface both directions are as frequent, so an odd number of triangles means
+    a hole.
+    """
+    vertices, faces = mesh
+    if not np.isfinite(vertices).all():
+        raise ValueError('a vertex is not finite, must be numbers')
+    if faces.max(initial=0) >= len(vertices):
+        raise ValueError(f'a face has the vertex {faces.max()}, must be below {len(vertices)}')
+    # A triangle with a corner twice has no area; without it the edges match as before.
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    if len(faces) == 0:
+        raise ValueError('the mesh has no triangles, must be a closed surface')
+    tail, head = np.concatenate((faces[:, (0, 1)], faces[:, (1, 2)], faces[:, (2, 0)])).T
+    edge = np.minimum(tail, head) * len(vertices) + np.maximum(tail, head)
+    _, edge, triangles = np.unique(edge, return_inverse=True, return_counts=True)
+    both_ways = np.bincount(edge, np.sign(head - tail)) == 0
+    holes = np.count_nonzero(triangles % 2)
+    if holes:
+        raise ValueError(f'the mesh is open: {holes} of {len(triangles)} edges have a triangle '
+                         'on one side only, must be a closed surface')
+    if not both_ways.all():
+        raise ValueError('the mesh is wound inconsistently: at '
+                         f'{np.count_nonzero(~both_ways)} of {len(triangles)} edges the triangles '
+                         'disagree about the outside, must have all corners counterclockwise')
+    volume = mesh_volume(vertices, faces)
+    box = float(np.prod(np.ptp(vertices[np.unique(faces)], axis=0)))
+    if not abs(volume) > _FLAT * box:
+        raise ValueError(f'the mesh encloses {volume:g} m^3, must be a volume')
+    return Mesh(vertices, faces if volume > 0 else faces[:, ::-1])

@@ -1,0 +1,116 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Read a scene from a file, an example's name, text or a dictionary."""
+
+from collections.abc import Mapping
+import os
+from pathlib import Path
+import re
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from rigid_sim_ros.scene import catalogue, schema
+from rigid_sim_ros.scene.build import build, Scene
+from rigid_sim_ros.scene.document import DictSource, Source, YamlSource
+from rigid_sim_ros.scene.errors import either, nearest, Path as Place, Problem, SceneError, shown
+from rigid_sim_ros.scene.values import place
+
+
+def read_scene(path_or_name: str | os.PathLike[str]) -> Scene:
+    """
+    Read a scene file, or an example by its name.
+
+    Files that the scene refers to are looked for beside it. Raises SceneError, with file and line,
+    for what cannot be used.
+    """
+    path = catalogue.find(path_or_name)
+    try:
+        text = path.read_text(encoding='utf-8-sig')
+    except OSError as error:
+        raise SceneError([Problem(f'cannot be read: {error.strerror}', '', str(path))]) from None
+    except UnicodeDecodeError as error:
+        message = f'byte {error.start} is not UTF-8, must be a text file'
+        raise SceneError([Problem(message, '', str(path))]) from None
+    return _read(YamlSource(text, str(path)), path.stem, path.parent)
+
+
+def scene_from_text(text: str, name: str = 'scene') -> Scene:
+    """
+    Read a scene from YAML that needs no file beside it, such as `Scene.text`.
+
+    Raises SceneError, with `name` in the place of the file.
+    """
+    return _read(YamlSource(text, name), name, None)
+
+
+def scene_from_dict(data: Mapping[str, Any], name: str = 'scene') -> Scene:
+    """
+    Read a scene from Python data of the form that the YAML has.
+
+    Mesh files are looked for in the working directory. Raises SceneError without file and line.
+    """
+    return _read(DictSource(data), name, Path())
+
+
+def _read(source: Source, name: str, folder: Path | None) -> Scene:
+    return build(_validated(source), name, folder, source)
+
+
+def _validated(source: Source) -> schema.Scene:
+    classes: dict[int, type[schema.Spec]] = {}
+    try:
+        return schema.Scene.model_validate(source.data, context=classes)
+    except ValidationError as error:
+        details = error.errors(include_url=False)
+    raise SceneError(_problem(detail, source, classes) for detail in details)
+
+
+def _problem(detail: ErrorDetails, source: Source,
+             classes: dict[int, type[schema.Spec]]) -> Problem:
+    """Say in our words what pydantic found, where the user wrote it."""
+    # pydantic marks the choice of a class and the check of a key by steps that are not in the
+    # file.
+    path: Place = tuple(step for step in detail['loc'] if not _is_mark(step))
+    value, context = detail['input'], detail.get('ctx', {})
+    match detail['type']:
+        case 'scene':
+            return source.problem((*path, *place(context)), context['text'])
+        case 'missing':
+            message = 'is missing, must be given'
+        case 'extra_forbidden':
+            keys = classes[id(_at(source.data, path[:-1]))].model_fields
+            message = f'unknown key {shown(path[-1])}, {nearest(path[-1], keys)}'
+        case 'union_tag_invalid':
+            kinds = re.findall('<(.*?)>', context['expected_tags'])
+            return _kind_problem(source, path, value, kinds)
+        case 'model_type' | 'dict_type':
+            message = f'{shown(value)}, must be a mapping of keys to values'
+        case 'tuple_type':
+            message = f'{shown(value)}, must be a list'
+        case 'too_short':
+            message = 'is empty, must have at least one entry'
+        case _:
+            message = f'{shown(value)}: {detail["msg"]}'
+    return source.problem(path, message)
+
+
+def _kind_problem(source: Source, path: Place, value: Any, kinds: list[str]) -> Problem:
+    """Say what is wrong with the key `type` of a shape or a force."""
+    if not isinstance(value, dict):
+        return source.problem(path, f'{shown(value)}, must be a mapping with a type')
+    if 'type' not in value:
+        return source.problem(path, f'has no type, must be {either(kinds)}')
+    kind = value['type']
+    return source.problem((*path, 'type'), f'{shown(kind)}, {nearest(kind, kinds)}')
+
+
+def _is_mark(step: str | int) -> bool:
+    return isinstance(step, str) and (step == '[key]' or (step[:1] + step[-1:]) == '<>')
+
+
+def _at(data: Any, path: Place) -> Any:
+    for step in path:
+        data = data[step]
+    return data

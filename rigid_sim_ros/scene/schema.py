@@ -1,0 +1,305 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The scene file format: one class for each mapping in the file.
+
+Each class holds what the user wrote, checked by itself; what needs two places of the file at once
+(a body and its material, a force and its frames) is checked in build.py.
+"""
+
+import math
+from typing import Annotated, Any, Literal, TypeAlias, Union
+
+from pydantic import (
+    BaseModel, ConfigDict, create_model, Discriminator, Field, field_serializer, model_validator,
+    Tag, ValidationInfo,
+)
+
+from rigid_sim_ros.engine.forces import ForceKind, FORCES, Parameter
+from rigid_sim_ros.scene.errors import Path
+from rigid_sim_ros.scene.values import (
+    Choice, Color, Density, Flag, Format, index, Length, ListOf, Mass, Name, Numbers, Quantity,
+    Quaternion, refuse, Rows, Scale, Text, Vector,
+)
+
+INTEGRATORS = ('euler', 'semi_implicit', 'rk4', 'symplectic')
+ORIENTATIONS = ('quaternion', 'matrix', 'axis_angle')
+CONTACTS = ('none', 'penalty', 'event', 'timestep')
+SOLVERS = ('sequential', 'qp')
+
+Position: TypeAlias = Annotated[Vector, Numbers('x y z', Quantity('m'))]
+Velocity: TypeAlias = Annotated[Vector, Numbers('x y z', Quantity('m/s'))]
+AngularVelocity: TypeAlias = Annotated[Vector, Numbers('x y z', Quantity('rad/s'))]
+Boolean: TypeAlias = Annotated[bool, Flag()]
+
+
+class Spec(BaseModel):
+    """A mapping in the file: its keys are known, its values do not change."""
+
+    model_config = ConfigDict(extra='forbid', frozen=True)
+
+    @model_validator(mode='before')
+    @classmethod
+    def _note_class(cls, data: Any, info: ValidationInfo) -> Any:
+        """Note which class reads this mapping, so that an error can name the keys it knows."""
+        if isinstance(info.context, dict):
+            info.context[id(data)] = cls
+        return data
+
+
+class World(Spec):
+    """What holds for the whole scene."""
+
+    gravity: Annotated[Vector, Numbers('x y z', Quantity('m/s^2'))] = (0.0, 0.0, -9.81)
+    # A stamp counts nanoseconds: a step below half of one would not move the clock.
+    step: Annotated[float, Quantity('s', least=1e-9, most=1e6)] = 0.001
+    integrator: Annotated[str, Choice(INTEGRATORS)] = 'symplectic'
+    orientation: Annotated[str, Choice(ORIENTATIONS)] = 'quaternion'
+    contact: Annotated[str, Choice(CONTACTS)] = 'timestep'
+    solver: Annotated[str, Choice(SOLVERS)] = 'sequential'
+
+
+class Material(Spec):
+    """How a surface slides and bounces."""
+
+    friction: Annotated[float, Quantity(least=0.0)] = 0.5
+    restitution: Annotated[float, Quantity(least=0.0, most=1.0)] = 0.0
+
+
+class Pose(Spec):
+    """Where a frame is, in the frame that it belongs to."""
+
+    position: Position = (0.0, 0.0, 0.0)
+    orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)
+
+
+class Twist(Spec):
+    """The velocity of the body frame's origin and of the body about it, in world axes."""
+
+    linear: Velocity = (0.0, 0.0, 0.0)
+    angular: AngularVelocity = (0.0, 0.0, 0.0)
+
+
+class Inertial(Spec):
+    """Mass properties as a data sheet has them: about the centre of mass, in body axes."""
+
+    mass: Mass
+    com: Position = (0.0, 0.0, 0.0)
+    inertia: Annotated[tuple[float, float, float, float, float, float],
+                       Numbers('ixx iyy izz ixy ixz iyz', Quantity('kg m^2'))]
+
+
+class Shape(Spec):
+    """A solid in the frame of its body."""
+
+    type: str
+    pose: Pose = Pose()
+    # Of a part of a compound only: a body has its own.
+    mass: Mass | None = None
+    density: Density | None = None
+    material: Annotated[str, Text()] | None = None
+
+
+class Sphere(Shape):
+    """A ball about the origin."""
+
+    type: Literal['sphere']
+    radius: Length
+
+
+class Box(Shape):
+    """A box about the origin, given by its full lengths."""
+
+    type: Literal['box']
+    size: Annotated[Vector, Numbers('x y z', Quantity('m', above=0.0))]
+
+
+class Capsule(Shape):
+    """A cylinder about z with half a ball on each end; the length is without them."""
+
+    type: Literal['capsule']
+    radius: Length
+    length: Length
+
+
+class Cylinder(Shape):
+    """A cylinder about z."""
+
+    type: Literal['cylinder']
+    radius: Length
+    length: Length
+
+
+class Plane(Shape):
+    """The half space below the plane normal . r = offset; a fixed body only."""
+
+    type: Literal['plane']
+    normal: Annotated[Vector, Numbers('x y z')] = (0.0, 0.0, 1.0)
+    offset: Annotated[float, Quantity('m')] = 0.0
+
+    @model_validator(mode='after')
+    def _has_direction(self) -> 'Plane':
+        if not any(self.normal):
+            raise refuse('[0, 0, 0] has no direction, must be such as [0, 0, 1]', 'normal')
+        return self
+
+
+class Mesh(Shape):
+    """A closed surface, from a file beside the scene or as vertices and triangles in it."""
+
+    type: Literal['mesh']
+    file: Annotated[str, Text()] | None = None
+    vertices: Annotated[tuple[Vector, ...], Rows(Quantity('m'), 'x y z')] | None = None
+    faces: Annotated[tuple[tuple[int, int, int], ...], Rows(index, 'i j k')] | None = None
+    scale: Annotated[Vector, Scale()] = (1.0, 1.0, 1.0)
+
+    @model_validator(mode='after')
+    def _has_one_source(self) -> 'Mesh':
+        inline = self.vertices is not None and self.faces is not None
+        partly = self.vertices is not None or self.faces is not None
+        if (self.file is None) != inline or (self.file is not None and partly):
+            raise refuse('must have a file, or vertices and faces')
+        return self
+
+    @field_serializer('vertices', 'faces', when_used='unless-none')
+    def _as_text(self, rows: tuple[tuple[float, ...], ...]) -> str:
+        return ', '.join(' '.join(map(repr, row)) for row in rows)
+
+
+class Points(Shape):
+    """Particles: they give a body its mass properties and collide with nothing."""
+
+    type: Literal['points']
+    positions: Annotated[tuple[Vector, ...], Rows(Quantity('m'), 'x y z')]
+    masses: Annotated[tuple[float, ...], ListOf(Quantity('kg', above=0.0), 'masses [kg]')]
+
+    @model_validator(mode='after')
+    def _has_as_many(self) -> 'Points':
+        if len(self.masses) != len(self.positions):
+            raise refuse(f'{len(self.masses)} masses for {len(self.positions)} positions, '
+                         'must be as many', 'masses')
+        return self
+
+
+def _kind(data: Any) -> str:
+    """
+    Return which class reads a mapping, or has read it.
+
+    It stands in angle brackets in the path of an error, which tell it from a key of the file.
+    """
+    if isinstance(data, dict):
+        return f'<{data.get("type", "compound" if "compound" in data else "")}>'
+    return f'<{getattr(data, "type", "")}>'
+
+
+_Solid: TypeAlias = (
+    Annotated[Sphere, Tag('<sphere>')] | Annotated[Box, Tag('<box>')]
+    | Annotated[Capsule, Tag('<capsule>')] | Annotated[Cylinder, Tag('<cylinder>')]
+    | Annotated[Plane, Tag('<plane>')] | Annotated[Mesh, Tag('<mesh>')]
+    | Annotated[Points, Tag('<points>')])
+Part: TypeAlias = Annotated[_Solid, Discriminator(_kind)]
+
+
+class Compound(Spec):
+    """Several solids that move as one."""
+
+    type: Literal['compound'] = 'compound'
+    compound: Annotated[tuple[Part, ...], Field(min_length=1)]
+
+
+class Body(Spec):
+    """One rigid body."""
+
+    name: Name
+    shape: Annotated[_Solid | Annotated[Compound, Tag('<compound>')],
+                     Discriminator(_kind)] | None = None
+    # Short for shape: {compound: [...]}.
+    compound: Annotated[tuple[Part, ...], Field(min_length=1)] | None = None
+    mass: Mass | None = None
+    density: Density | None = None
+    inertial: Inertial | None = None
+    material: Annotated[str, Text()] = 'default'
+    color: Annotated[tuple[float, ...], Color()] | None = None
+    pose: Pose = Pose()
+    twist: Twist = Twist()
+    frames: dict[Name, Pose] = {}
+    fixed: Boolean = False
+
+    def parts(self) -> list[tuple[Path, Shape]]:
+        """Return the solids of the body, each with its place below the body."""
+        if self.compound is not None:
+            return [(('compound', i), part) for i, part in enumerate(self.compound)]
+        if isinstance(self.shape, Compound):
+            return [(('shape', 'compound', i), part) for i, part in enumerate(self.shape.compound)]
+        return [] if self.shape is None else [(('shape',), self.shape)]
+
+    def with_parts(self, parts: list[Shape]) -> 'Body':
+        """Return the body with other solids in the places of those that `parts` gave."""
+        if self.compound is not None:
+            return self.model_copy(update={'compound': tuple(parts)})
+        if isinstance(self.shape, Compound):
+            shape = self.shape.model_copy(update={'compound': tuple(parts)})
+            return self.model_copy(update={'shape': shape})
+        return self.model_copy(update={'shape': parts[0]}) if parts else self
+
+
+class Force(Spec):
+    """A force between frames or on bodies; its parameters are those of its kind in the engine."""
+
+    type: str
+
+
+class BodyForce(Force):
+    """A force on each of the chosen bodies, or on each pair of them."""
+
+    # Names, or patterns such as 'link_*'; what is fixed is left out.
+    bodies: Annotated[tuple[str, ...], ListOf(Text(), "names, as in ['crate', 'link_*']")] = ('*',)
+
+
+class FrameForce(Force):
+    """A force between frame a and a point of frame b."""
+
+    a: Annotated[str, Text()]
+    b: Annotated[str, Text()] = 'world'
+
+
+def _force_class(name: str, kind: ForceKind) -> type[Force]:
+    """Return the class of the mapping that describes a force of this kind."""
+    fields: dict[str, Any] = {'type': (Literal[name], ...)}
+    for parameter in kind.parameters:
+        fields[parameter.name] = _field(parameter)
+    base = FrameForce if kind.ends == 'ab' else BodyForce
+    return create_model(name.title().replace('_', ''), __base__=base, **fields)
+
+
+def _field(parameter: Parameter) -> tuple[Any, Any]:
+    """Return the type and the default of a parameter of a force; ... when it must be given."""
+    least = -math.inf if parameter.minimum is None else parameter.minimum
+    number = Quantity(parameter.unit.removeprefix('1'), least=least)
+    default: Any = parameter.default or ...
+    if parameter.size == 1:
+        return Annotated[float, number], default if default is ... else default[0]
+    if parameter.size == 4:
+        return Quaternion, default
+    return Annotated[Vector, Numbers('x y z', number)], default
+
+
+_FORCE_CLASSES = {name: _force_class(name, kind) for name, kind in FORCES.items()}
+
+_ANY_FORCE: Any = Union[tuple(  # noqa: UP007, the members are known at run time only
+    Annotated[cls, Tag(f'<{name}>')] for name, cls in _FORCE_CLASSES.items())]
+
+
+class Scene(Spec):
+    """A whole scene file."""
+
+    format: Annotated[int, Format()] = 1
+    world: World = World()
+    materials: dict[Name, Material] = {}
+    bodies: Annotated[tuple[Body, ...], Field(min_length=1)]
+    forces: tuple[Annotated[_ANY_FORCE, Discriminator(_kind)], ...] = ()
+
+    @property
+    def all_materials(self) -> dict[str, Material]:
+        """Return the materials by name, with the default one even where the file has none."""
+        return {'default': Material(), **self.materials}
