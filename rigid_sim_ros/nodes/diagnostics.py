@@ -1,0 +1,138 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What /diagnostics says about the node, once a second of wall time.
+
+Three statuses: `pace` (rate, real-time factor, overruns, lateness, cost), `inputs` (accepted and
+refused) and `physics` (energy and momentum). Counters run from the start of the node; rates,
+shares and lateness are those of the second just past.
+"""
+from math import ceil
+
+from rigid_sim_ros.codec import Status
+from rigid_sim_ros.nodes.inputs import Refusals
+from rigid_sim_ros.nodes.pacing import Lateness, Pacer
+from rigid_sim_ros.nodes.publishers import Publishers
+from rigid_sim_ros.world import World
+
+_SECOND = 1_000_000_000
+_PERIOD_NS = _SECOND
+_OK, _WARN, _ERROR = 0, 1, 2
+
+
+class Diagnostics:
+    """Collects figures in the step thread and publishes them."""
+
+    def __init__(
+        self, name: str, world: World, publishers: Publishers, refusals: Refusals, pacer: Pacer,
+    ) -> None:
+        self.accepted = 0       # wrenches, from the start
+        self._name = name
+        self._world = world
+        self._publishers = publishers
+        self._refusals = refusals
+        self._pacer = pacer
+        self._late_ns: list[int] = []
+        self.begin(0, 0)
+
+    def begin(self, now_ns: int, thread_ns: int) -> None:
+        """Start a window at a wall time and a CPU time of the step thread."""
+        self._begun_ns = now_ns
+        self._thread_ns = thread_ns
+        self._steps = self._pacer.steps
+        self._overruns = self._pacer.overruns
+        self._refused = sum(self._refusals.counts().values())
+        self._messages, self._cost_ns = self._publishers.messages, self._publishers.cost_ns
+        self._late_ns.clear()
+
+    def is_due(self, now_ns: int) -> bool:
+        """Return whether the window is over."""
+        return now_ns - self._begun_ns >= _PERIOD_NS
+
+    def note(self, lateness: Lateness) -> None:
+        """Keep how late a batch of steps began."""
+        self._late_ns.append(lateness.late_ns)
+
+    def publish(self, now_ns: int, thread_ns: int, paused: bool, broken: str) -> None:
+        """Publish the figures of this window and begin the next."""
+        statuses = [
+            self._pace(now_ns - self._begun_ns, thread_ns - self._thread_ns, paused),
+            self._inputs(),
+            self._physics(broken),
+        ]
+        self.begin(now_ns, thread_ns)
+        self._publishers.publish_diagnostics(self._world.time_ns, statuses)
+
+    def _status(self, part: str, level: int, message: str, values: dict[str, object]) -> Status:
+        texts = [(key, str(value)) for key, value in values.items()]
+        return Status(level, f'{self._name}: {part}', message, self._world.scene.name, texts)
+
+    def _pace(self, wall_ns: int, thread_ns: int, paused: bool) -> Status:
+        pacer, publishers = self._pacer, self._publishers
+        steps = pacer.steps - self._steps
+        overruns = pacer.overruns - self._overruns
+        messages = publishers.messages - self._messages
+        cost_ns = publishers.cost_ns - self._cost_ns
+        values: dict[str, object] = {
+            'simulation time [s]': f'{self._world.time_ns / _SECOND:.9f}',
+            'step [s]': f'{self._world.step_ns / _SECOND:.9f}',
+            'steps per second': f'{steps * _SECOND / wall_ns:.1f}',
+            'real-time factor': f'{steps * self._world.step_ns / wall_ns:.4f}',
+            'real-time factor wanted': f'{pacer.factor:g}' if pacer.factor else 'unlimited',
+            'overruns': pacer.overruns,
+            'overruns in the last second': overruns,
+            'wall time given up [s]': f'{pacer.dropped_ns / _SECOND:.3f}',
+            'lateness median [us]': f'{self._late_us(0.5):.0f}',
+            'lateness 99 % [us]': f'{self._late_us(0.99):.0f}',
+            'lateness worst [us]': f'{self._late_us(1.0):.0f}',
+            'step thread CPU share [%]': f'{100 * thread_ns / wall_ns:.1f}',
+            'messages per second': f'{messages * _SECOND / wall_ns:.0f}',
+            'cost per message [us]': f'{cost_ns / max(1, messages) / 1e3:.2f}',
+        }
+        clocks = publishers.clock_publishers()
+        if clocks > 1:
+            text = (f'{clocks} publishers on /clock: set publish_clock to false for all '
+                    'simulations but one')
+            return self._status('pace', _WARN, text, values)
+        if overruns:
+            text = f'cannot keep the pace: {overruns} overruns in the last second'
+            return self._status('pace', _WARN, text, values)
+        return self._status('pace', _OK, 'paused' if paused else 'running', values)
+
+    def _inputs(self) -> Status:
+        counts = self._refusals.counts()
+        refused = sum(counts.values())
+        new = refused - self._refused
+        values: dict[str, object] = {'wrenches accepted': self.accepted, 'refused': refused}
+        for reason in sorted(counts):
+            values[f'refused: {reason}'] = counts[reason]
+        if new:
+            return self._status('inputs', _WARN, f'{new} refused in the last second', values)
+        return self._status('inputs', _OK, 'nothing refused', values)
+
+    def _physics(self, broken: str) -> Status:
+        world = self._world
+        kinetic, potential = world.kinetic_energy(), world.potential_energy()
+        values: dict[str, object] = {
+            'bodies': len(world.names),
+            'kinetic energy [J]': f'{kinetic:.9g}',
+            'potential energy [J]': f'{potential:.9g}',
+            'energy [J]': f'{kinetic + potential:.9g}',
+        }
+        momenta = {
+            'momentum {} [kg m/s]': world.total_momentum(),
+            'angular momentum {} [kg m^2/s]': world.total_angular_momentum(),
+        }
+        for key, vector in momenta.items():
+            for axis, component in zip('xyz', vector):
+                values[key.format(axis)] = f'{component:.9g}'
+        if broken:
+            return self._status('physics', _ERROR, broken, values)
+        return self._status('physics', _OK, 'free motion', values)
+
+    def _late_us(self, quantile: float) -> float:
+        """Return the lateness that this share of the batches did not exceed."""
+        if not self._late_ns:
+            return 0.0
+        ranked = sorted(self._late_ns)
+        return ranked[ceil(quantile * len(ranked)) - 1] / 1e3

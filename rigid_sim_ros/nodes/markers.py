@@ -1,0 +1,148 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The shapes of a scene as markers for RViz and Foxglove.
+
+The namespace of a marker is the name of its body; the ids count the solids a body is drawn with.
+"""
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from rigid_sim_ros.codec import Marker, MarkersEncoder
+from rigid_sim_ros.scene.build import Scene
+
+_Array = npt.NDArray[np.float64]
+
+# visualization_msgs/Marker
+_CUBE, _SPHERE, _CYLINDER, _SPHERE_LIST, _TRIANGLE_LIST = 1, 2, 3, 7, 11
+
+_PLANE_EDGE = 20.0          # m, of the piece of a plane that is drawn
+_PLANE_THICKNESS = 1e-3     # m; a cube without thickness is drawn with wrong shading
+_PARTICLE_SHARE = 0.04      # diameter of a particle as a share of the extent of its body
+_LEAST_PARTICLE = 1e-3      # m
+
+# Okabe and Ito's colours, which colour-blind people tell apart; fixed bodies are grey.
+_PALETTE = (
+    (0.90, 0.62, 0.00), (0.34, 0.71, 0.91), (0.00, 0.62, 0.45), (0.94, 0.89, 0.26),
+    (0.00, 0.45, 0.70), (0.84, 0.37, 0.00), (0.80, 0.47, 0.65),
+)
+_FIXED = (0.6, 0.6, 0.6)
+
+
+class _Solid(NamedTuple):
+    """One marker in the frame of the solid that it draws."""
+
+    type: int
+    scale: tuple[float, float, float]
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    orientation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+    points: Sequence[Sequence[float]] = ()
+
+
+class SceneMarkers:
+    """Encodes the shapes of all bodies at their poses as one visualization_msgs/MarkerArray."""
+
+    def __init__(self, frame_id: str, scene: Scene) -> None:
+        markers: list[Marker] = []
+        bodies, positions, orientations = [], [], []
+        for index, body in enumerate(scene.spec.bodies):
+            color = _color(index, body)
+            solids = [
+                (part.pose, solid)
+                for _, part in body.parts() for solid in _SOLIDS[part.type](part)]
+            for number, (pose, solid) in enumerate(solids):
+                markers.append(Marker(
+                    body.name, number, solid.type, solid.scale, color, solid.points))
+                q_BP = np.array(pose.orientation)
+                bodies.append(index)
+                positions.append(pose.position + _rotate(q_BP, np.array(solid.position)))
+                orientations.append(_multiply(q_BP, np.array(solid.orientation)))
+        self._bodies = np.array(bodies, dtype=np.intp)
+        self._p_BM = np.array(positions).reshape(-1, 3)
+        self._q_BM = np.array(orientations).reshape(-1, 4)
+        self._encoder = MarkersEncoder(frame_id, markers)
+
+    def encode(self, t_ns: int, p_WB: _Array, q_WB: _Array) -> bytes:
+        """
+        Encode the markers of the bodies at these poses.
+
+        p_WB is (n, 3) in m, q_WB (n, 4) as x, y, z, w.
+        """
+        p, q = p_WB[self._bodies], q_WB[self._bodies]
+        return self._encoder.encode(
+            t_ns, p + _rotate(q, self._p_BM), _multiply(q, self._q_BM))
+
+
+def _color(index: int, body: Any) -> tuple[float, float, float, float]:
+    if body.color is not None:
+        red, green, blue, *alpha = body.color
+        return red, green, blue, alpha[0] if alpha else 1.0
+    return *(_FIXED if body.fixed else _PALETTE[index % len(_PALETTE)]), 1.0
+
+
+def _sphere(shape: Any) -> Iterable[_Solid]:
+    yield _Solid(_SPHERE, (2 * shape.radius,) * 3)
+
+
+def _box(shape: Any) -> Iterable[_Solid]:
+    yield _Solid(_CUBE, shape.size)
+
+
+def _cylinder(shape: Any) -> Iterable[_Solid]:
+    yield _Solid(_CYLINDER, (2 * shape.radius, 2 * shape.radius, shape.length))
+
+
+def _capsule(shape: Any) -> Iterable[_Solid]:
+    yield from _cylinder(shape)
+    for end in (0.5, -0.5):
+        yield _Solid(_SPHERE, (2 * shape.radius,) * 3, (0.0, 0.0, end * shape.length))
+
+
+def _plane(shape: Any) -> Iterable[_Solid]:
+    normal = np.array(shape.normal) / np.linalg.norm(shape.normal)
+    depth = shape.offset - _PLANE_THICKNESS / 2
+    x, y, z = normal
+    # The shortest turn from the z axis to the normal: axis z x n, half angle from 1 + cos. It is
+    # not defined for n = -z, where half a turn about x does.
+    turn = np.array([-y, x, 0.0, 1.0 + z]) if z > -1.0 + 1e-9 else np.array([1.0, 0.0, 0.0, 0.0])
+    yield _Solid(
+        _CUBE, (_PLANE_EDGE, _PLANE_EDGE, _PLANE_THICKNESS), tuple(depth * normal),
+        tuple(turn / np.linalg.norm(turn)))
+
+
+def _points(shape: Any) -> Iterable[_Solid]:
+    extent = float(np.ptp(np.array(shape.positions), axis=0).max())
+    diameter = max(_PARTICLE_SHARE * extent, _LEAST_PARTICLE)
+    yield _Solid(_SPHERE_LIST, (diameter,) * 3, points=shape.positions)
+
+
+def _mesh(shape: Any) -> Iterable[_Solid]:
+    corners = np.array(shape.vertices)[np.array(shape.faces).ravel()]
+    yield _Solid(_TRIANGLE_LIST, shape.scale, points=corners.tolist())
+
+
+_SOLIDS: dict[str, Callable[[Any], Iterable[_Solid]]] = {
+    'box': _box,
+    'capsule': _capsule,
+    'cylinder': _cylinder,
+    'mesh': _mesh,
+    'plane': _plane,
+    'points': _points,
+    'sphere': _sphere,
+}
+
+
+def _rotate(q: _Array, v: _Array) -> _Array:
+    """Rotate vectors (..., 3) by unit quaternions (..., 4)."""
+    t = 2.0 * np.cross(q[..., :3], v)
+    return v + q[..., 3:] * t + np.cross(q[..., :3], t)
+
+
+def _multiply(a: _Array, b: _Array) -> _Array:
+    """Return the products of quaternions (..., 4): first b, then a."""
+    xyz = a[..., 3:] * b[..., :3] + b[..., 3:] * a[..., :3] + np.cross(a[..., :3], b[..., :3])
+    w = a[..., 3] * b[..., 3] - np.sum(a[..., :3] * b[..., :3], axis=-1)
+    return np.concatenate([xyz, w[..., None]], axis=-1)

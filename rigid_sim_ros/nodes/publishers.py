@@ -1,0 +1,149 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Everything the node `simulate` publishes, as bytes.
+
+The encoders write once what does not change; each publication patches numbers and hands bytes to
+rclpy, which passes them on as they are. `_send` is the one place that all of them go through.
+"""
+from collections.abc import Iterable, Mapping, Sequence
+from fnmatch import fnmatchcase
+from time import perf_counter_ns
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+import numpy as np
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import MultiDOFJointState
+from std_msgs.msg import String, UInt64
+from visualization_msgs.msg import MarkerArray
+
+from rigid_sim_ros.codec import (
+    encode_clock, encode_diagnostics, encode_string, encode_uint64, encode_wrench, PoseEncoder,
+    StateEncoder, Status, TransformsEncoder, TwistEncoder)
+from rigid_sim_ros.nodes.markers import SceneMarkers
+from rigid_sim_ros.nodes.parameters import ParameterError
+from rigid_sim_ros.world import World
+
+
+def chosen_bodies(names: Sequence[str], patterns: Iterable[str]) -> list[int]:
+    """Return the indices of the bodies that a pattern matches, in the order of the scene."""
+    patterns = list(patterns)
+    return [k for k, name in enumerate(names) if any(fnmatchcase(name, p) for p in patterns)]
+
+
+class Publishers:
+    """The topics of one simulation; only the step thread calls the methods."""
+
+    def __init__(
+        self, node: Node, world: World, bodies: Sequence[int], parameters: Mapping[str, Any],
+        qos: Mapping[str, QoSProfile],
+    ) -> None:
+        self.messages = 0       # sent so far, and the wall time that encoding and sending took
+        self.cost_ns = 0
+        self._node = node
+        self._qos = qos
+        self._frame_id: str = parameters['frame_id']
+        names = [world.names[k] for k in bodies]
+        self._bodies = np.array(bodies, dtype=np.intp)
+        self._has_all = len(bodies) == len(world.names)
+
+        self._pose = [self._create(PoseStamped, 'pose', f'~/{n}/pose') for n in names]
+        self._twist = [self._create(TwistStamped, 'twist', f'~/{n}/twist') for n in names]
+        self._applied_wrench = {
+            name: self._create(WrenchStamped, 'applied_wrench', f'~/{name}/applied_wrench')
+            for name in names}
+        self._state = self._create(MultiDOFJointState, 'state', '~/state')
+        self._scene = self._create(String, 'scene', '~/scene')
+        self._state_hash = self._create(UInt64, 'state_hash', '~/state_hash')
+        self._diagnostics = self._create(DiagnosticArray, 'diagnostics', '/diagnostics')
+        self._clock = (
+            self._create(Clock, 'clock', '/clock') if parameters['publish_clock'] else None)
+        self._tf = (
+            self._create(_tf_message(), 'tf', '/tf') if parameters['publish_tf'] else None)
+        self._markers = (
+            self._create(MarkerArray, 'markers', '~/markers')
+            if parameters['publish_markers'] else None)
+
+        self._poses = PoseEncoder(self._frame_id, len(names))
+        self._twists = TwistEncoder(self._frame_id, len(names))
+        self._states = StateEncoder(self._frame_id, world.names)
+        self._transforms = TransformsEncoder(self._frame_id, world.names)
+        self._scene_markers = SceneMarkers(self._frame_id, world.scene) if self._markers else None
+
+    def publish_scene(self, text: str) -> None:
+        """Publish the scene in effect; late subscribers get it too."""
+        self._send([self._scene], [encode_string(text)])
+
+    def publish_state(self, world: World) -> None:
+        """Publish pose and twist of every body, one by one and together, and the transforms."""
+        start_ns = perf_counter_ns()
+        t_ns = world.time_ns
+        p, q = world.position, world.orientation
+        v, w = world.linear_velocity, world.angular_velocity
+        own = (p, q, v, w) if self._has_all else tuple(a[self._bodies] for a in (p, q, v, w))
+        self._send(self._pose, self._poses.encode(t_ns, own[0], own[1]))
+        self._send(self._twist, self._twists.encode(t_ns, own[2], own[3]))
+        self._send([self._state], [self._states.encode(t_ns, p, q, v, w)])
+        if self._tf:
+            self._send([self._tf], [self._transforms.encode(t_ns, p, q)])
+        self.cost_ns += perf_counter_ns() - start_ns
+
+    def publish_clock(self, t_ns: int) -> None:
+        """Publish the simulation time."""
+        if self._clock:
+            self._send([self._clock], [encode_clock(t_ns)])
+
+    def publish_markers(self, world: World) -> None:
+        """Publish the shapes at their poses."""
+        if self._markers and self._scene_markers:
+            data = self._scene_markers.encode(world.time_ns, world.position, world.orientation)
+            self._send([self._markers], [data])
+
+    def publish_hash(self, state_hash: int) -> None:
+        """Publish a hash of the complete state."""
+        self._send([self._state_hash], [encode_uint64(state_hash)])
+
+    def publish_applied_wrench(
+        self, body: str, t_ns: int, frame_id: str, force: Iterable[float],
+        torque: Iterable[float],
+    ) -> None:
+        """
+        Echo an accepted wrench with the time of the step from which it acts.
+
+        Bodies that have no topics of their own have no echo either.
+        """
+        if body in self._applied_wrench:
+            data = encode_wrench(t_ns, frame_id or self._frame_id, force, torque)
+            self._send([self._applied_wrench[body]], [data])
+
+    def publish_diagnostics(self, t_ns: int, statuses: Sequence[Status]) -> None:
+        """Publish what the node knows about itself."""
+        self._send([self._diagnostics], [encode_diagnostics(t_ns, statuses)])
+
+    def clock_publishers(self) -> int:
+        """Return how many publishers /clock has; more than one tears time to and fro."""
+        return self._node.count_publishers('/clock') if self._clock else 0
+
+    def _create(self, message: type, kind: str, topic: str) -> Publisher:
+        return self._node.create_publisher(message, topic, self._qos[kind])
+
+    def _send(self, publishers: Sequence[Publisher], messages: Sequence[bytes]) -> None:
+        for publisher, data in zip(publishers, messages):
+            publisher.publish(data)
+        self.messages += len(messages)
+
+
+def _tf_message() -> type:
+    try:
+        from tf2_msgs.msg import TFMessage
+    except ImportError as error:
+        raise ParameterError(
+            f'parameter publish_tf: the package tf2_msgs is not installed ({error}): install it '
+            '(apt install ros-jazzy-tf2-msgs) or set publish_tf to false') from None
+    message: type = TFMessage
+    return message

@@ -1,0 +1,268 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The thread that owns the world: take inputs, step, publish, on the deadlines of the pacer.
+
+Nothing else touches the world once this runs. What is published, and when, depends on the number
+of the step alone, so a slow machine publishes the same messages as a fast one, only later.
+"""
+from collections.abc import Callable
+import threading
+from time import monotonic_ns, sleep, thread_time_ns
+from typing import Any
+
+from rclpy.node import Node
+
+from rigid_sim_ros.nodes.diagnostics import Diagnostics
+from rigid_sim_ros.nodes.inputs import (
+    Command, ENDED, Input, ParameterInput, PoseInput, Queue, Refusals, TwistInput, WrenchesInput,
+    WrenchInput)
+from rigid_sim_ros.nodes.pacing import MILLISECOND, Pacer
+from rigid_sim_ros.nodes.publishers import Publishers
+from rigid_sim_ros.world import World
+
+_SECOND = 1_000_000_000
+
+# Steps between two looks at the inputs and at the stop flag when no publication comes before.
+# A batch saves the cost of entering the kernel; inputs wait for at most one.
+_BATCH = 64
+
+# Waits up to this long are plain sleeps, which are exact to some 60 us; longer ones end early when
+# an input arrives.
+_PLAIN_SLEEP_NS = 5 * MILLISECOND
+_LONGEST_WAIT_NS = 100 * MILLISECOND
+
+
+class StepLoop:
+    """Steps a world at a pace, applies what arrives, and publishes what comes of it."""
+
+    def __init__(
+        self, node: Node, world: World, queue: Queue, publishers: Publishers,
+        refusals: Refusals, parameters: dict[str, Any], most_steps: int | None = None,
+    ) -> None:
+        self._log = node.get_logger()
+        self._world = world
+        self._queue = queue
+        self._publishers = publishers
+        self._refusals = refusals
+        self._parameters = parameters
+        self._steps_left = most_steps
+        self._stopped = threading.Event()
+        self._paused = False
+        self._broken = ''                       # why the world cannot be stepped any more
+        self._moved = False                     # while paused: there is something new to publish
+        self._sources: dict[str, None] = {}     # of the last ~/wrenches message
+        self._pacer = Pacer(world.step_ns, parameters['real_time_factor'], monotonic_ns())
+        self._diagnostics = Diagnostics(
+            node.get_fully_qualified_name(), world, publishers, refusals, self._pacer)
+        self._schedule()
+
+    def stop(self) -> None:
+        """Ask the loop to end after the step it is in; any thread may call this."""
+        self._stopped.set()
+        self._queue.wake()
+
+    def run(self) -> None:
+        """Step until `stop` is called or the last step is done."""
+        try:
+            self._publish_all()
+            now_ns = monotonic_ns()
+            self._pacer.restart(now_ns)
+            self._diagnostics.begin(now_ns, thread_time_ns())
+            while not self._stopped.is_set() and self._steps_left != 0:
+                self._turn()
+        finally:
+            self._stopped.set()
+            self._refuse_commands()
+
+    def _turn(self) -> None:
+        for item in self._queue.take():
+            _APPLY[type(item)](self, item)
+        if self._moved and self._paused:
+            self._publish_all()
+        self._moved = False
+        now_ns = monotonic_ns()
+        if self._diagnostics.is_due(now_ns):
+            self._diagnostics.publish(now_ns, thread_time_ns(), self._paused, self._broken)
+        count = 0 if self._paused else self._count(now_ns)
+        if count:
+            self._diagnostics.note(self._pacer.start(count, now_ns))
+            self._step(count)
+        else:
+            self._wait(now_ns)
+
+    def _count(self, now_ns: int) -> int:
+        """Return how many steps to take in one go: to the next publication at most."""
+        index = self._world.step_index
+        count = min([_BATCH, *(n - index % n for n, _ in self._outputs)])
+        due = self._pacer.due(now_ns)
+        if due is not None:
+            count = min(count, due)
+        if self._steps_left is not None:
+            count = min(count, self._steps_left)
+        return count
+
+    def _step(self, count: int) -> None:
+        if not self._advance(count):
+            return
+        index = self._world.step_index
+        for interval, publish in self._outputs:
+            if index % interval == 0:
+                publish()
+
+    def _advance(self, count: int) -> bool:
+        """
+        Step the world; return whether that went well.
+
+        A motion beyond all numbers pauses the node, which then waits for ~/reset: topics and
+        services stay. A run of a given duration ends instead.
+        """
+        try:
+            self._world.step(count)
+        except ArithmeticError as error:
+            if self._steps_left is not None:
+                raise
+            self._paused, self._broken = True, str(error)
+            self._log.error(f'paused: {error}; ~/reset starts again')
+            return False
+        if self._steps_left is not None:
+            self._steps_left -= count
+        return True
+
+    def _wait(self, now_ns: int) -> None:
+        wait_ns = _LONGEST_WAIT_NS if self._paused else self._pacer.wait_ns(now_ns)
+        if wait_ns <= _PLAIN_SLEEP_NS:
+            sleep(wait_ns / _SECOND)
+        else:
+            self._queue.wait(min(wait_ns, _LONGEST_WAIT_NS) / _SECOND)
+
+    def _schedule(self) -> None:
+        """Set after how many steps each output is published; the order is that of publishing."""
+        outputs = [
+            (self._interval('clock_rate'), self._publish_clock),
+            (self._interval('publish_rate'), self._publish_state),
+            (self._interval('marker_rate'), self._publish_markers),
+            (self._parameters['hash_interval'], self._publish_hash),
+        ]
+        self._outputs: list[tuple[int, Callable[[], None]]] = [o for o in outputs if o[0]]
+
+    def _interval(self, rate_name: str) -> int:
+        rate = self._parameters[rate_name]
+        return max(1, round(_SECOND / (rate * self._world.step_ns))) if rate else 0
+
+    def _publish_all(self) -> None:
+        for _, publish in self._outputs:
+            publish()
+
+    def _publish_clock(self) -> None:
+        self._publishers.publish_clock(self._world.time_ns)
+
+    def _publish_state(self) -> None:
+        self._publishers.publish_state(self._world)
+
+    def _publish_markers(self) -> None:
+        self._publishers.publish_markers(self._world)
+
+    def _publish_hash(self) -> None:
+        self._publishers.publish_hash(self._world.state_hash())
+
+    def _apply_wrench(self, item: WrenchInput) -> None:
+        timeout = self._parameters['wrench_timeout']
+        # At least one step, which is what the world does without a duration.
+        duration = timeout if timeout * _SECOND >= self._world.step_ns else None
+        if self._try(item.source, self._world.apply_wrench, item.body, item.force, item.torque,
+                     item.frame, duration=duration, source=item.source):
+            self._diagnostics.accepted += 1
+            self._publishers.publish_applied_wrench(
+                item.body, self._world.time_ns, item.frame_id, item.force, item.torque)
+
+    def _apply_wrenches(self, item: WrenchesInput) -> None:
+        for source in self._sources:
+            self._world.cancel_wrenches(source)
+        self._sources = dict.fromkeys(wrench.source for wrench in item.wrenches)
+        for wrench in item.wrenches:
+            self._apply_wrench(wrench)
+
+    def _apply_pose(self, item: PoseInput) -> None:
+        self._moved |= self._try(
+            f'{item.body}/set_pose', self._world.set_pose, item.body, item.position,
+            item.orientation)
+
+    def _apply_twist(self, item: TwistInput) -> None:
+        self._moved |= self._try(
+            f'{item.body}/set_twist', self._world.set_twist, item.body, item.linear,
+            item.angular)
+
+    def _apply_parameter(self, item: ParameterInput) -> None:
+        self._parameters[item.name] = item.value
+        if item.name == 'real_time_factor':
+            self._pacer.set_factor(item.value, monotonic_ns())
+        self._schedule()
+
+    def _apply_command(self, item: Command) -> None:
+        item.answer.set_result(_COMMANDS[item.name](self))
+
+    def _try(self, topic: str, method: Callable[..., None], *args: Any, **options: Any) -> bool:
+        """Call a method of the world; what it cannot do is refused as any other bad message."""
+        try:
+            method(*args, **options)
+        except ValueError as error:
+            self._refusals.refuse('impossible', f'{topic}: {error}')
+            return False
+        return True
+
+    def _pause(self) -> tuple[bool, str]:
+        said = 'already paused' if self._paused else 'paused'
+        self._paused = True
+        return True, f'{said} at {self._time()}'
+
+    def _resume(self) -> tuple[bool, str]:
+        if self._broken:
+            return False, self._broken
+        said = 'resumed' if self._paused else 'was not paused'
+        if self._paused:
+            self._pacer.restart(monotonic_ns())
+        self._paused = False
+        return True, f'{said} at {self._time()}'
+
+    def _single_step(self) -> tuple[bool, str]:
+        if not self._paused:
+            return False, 'not paused: call ~/pause with data: true first'
+        if self._steps_left == 0:
+            return False, 'the last step is done'
+        if self._broken or not self._advance(1):
+            return False, self._broken
+        self._publish_all()     # before the answer: who hears it finds the new state on the topics
+        return True, f'stepped to {self._time()}'
+
+    def _reset(self) -> tuple[bool, str]:
+        self._world.reset(keep_time=not self._parameters['reset_time'])
+        self._sources = {}
+        self._broken = ''
+        self._pacer.restart(monotonic_ns())
+        self._publish_all()
+        return True, f'reset at {self._time()}'
+
+    def _time(self) -> str:
+        return f'{self._world.time_ns / _SECOND:.9f} s'
+
+    def _refuse_commands(self) -> None:
+        for item in self._queue.close():
+            if isinstance(item, Command):
+                item.answer.set_result(ENDED)
+
+
+_APPLY: dict[type[Input], Callable[[StepLoop, Any], None]] = {
+    Command: StepLoop._apply_command,
+    ParameterInput: StepLoop._apply_parameter,
+    PoseInput: StepLoop._apply_pose,
+    TwistInput: StepLoop._apply_twist,
+    WrenchInput: StepLoop._apply_wrench,
+    WrenchesInput: StepLoop._apply_wrenches,
+}
+_COMMANDS: dict[str, Callable[[StepLoop], tuple[bool, str]]] = {
+    'pause': StepLoop._pause,
+    'resume': StepLoop._resume,
+    'step': StepLoop._single_step,
+    'reset': StepLoop._reset,
+}

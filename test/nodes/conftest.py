@@ -1,0 +1,29 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Fixtures of the tests with real nodes."""
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+
+@pytest.fixture(scope='session')
+def ros() -> Iterator[None]:
+    """Start ROS in a domain of its own."""
+    pytest.importorskip('rclpy', reason='rclpy is not installed: pip install .[ros]')
+    from nodes.live import start_ros
+    import rclpy
+
+    start_ros()
+    yield
+    rclpy.try_shutdown()
+
+
+@pytest.fixture(scope='module')
+def probe(ros: None) -> Iterator[Any]:
+    """Give a node of the test."""
+    from nodes.live import Probe
+
+    probe = Probe()
+    yield probe
+    probe.close()

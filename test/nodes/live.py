@@ -1,0 +1,216 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Real nodes for the tests: processes of the package, and a node of the test that talks to them.
+
+Everything runs over real DDS in a ROS domain that nobody else on this machine uses, and on this
+machine only.
+"""
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+import os
+from pathlib import Path
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from typing import Any, TypeVar
+
+import rclpy
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from std_srvs.srv import SetBool, Trigger
+
+# s: far more than anything here takes, so that only what never happens fails.
+PATIENCE = 60.0
+
+# Deep enough for everything that a test waits for.
+DEEP = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
+
+ROOT = Path(__file__).parents[2]
+_Answer = TypeVar('_Answer')
+
+
+def free_domain() -> int:
+    """
+    Return a ROS domain in which no DDS participant listens.
+
+    The first participant of domain d takes UDP port 7410 + 250 d (DDSI-RTPS 2.5, 9.6.1.1).
+    Domains above 101 share their ports with outgoing connections of Linux.
+    """
+    for k in range(1, 101):
+        domain = 1 + (os.getpid() + k) % 101
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(('', 7410 + 250 * domain))
+                return domain
+            except OSError:
+                continue
+    raise RuntimeError('every ROS domain from 1 to 101 is in use')
+
+
+class Process:
+    """A program of the package in a process of its own."""
+
+    def __init__(self, command: Sequence[str], folder: Path) -> None:
+        self._out, self._err = folder / 'stdout', folder / 'stderr'
+        with self._out.open('wb') as out, self._err.open('wb') as err:
+            self._process = subprocess.Popen(command, stdout=out, stderr=err, cwd=ROOT)
+
+    @property
+    def stderr(self) -> str:
+        return self._err.read_text(encoding='utf-8')
+
+    def signal(self, number: signal.Signals) -> None:
+        self._process.send_signal(number)
+
+    def wait(self) -> int:
+        """Wait for the end and return the exit code."""
+        return self._process.wait(PATIENCE)
+
+    def is_running(self) -> bool:
+        return self._process.poll() is None
+
+    def end(self) -> None:
+        """End it if it still runs, by force if need be."""
+        if self.is_running():
+            self.signal(signal.SIGINT)
+            try:
+                self._process.wait(10.0)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+
+
+def simulate(
+    folder: Path, scene: str, *, name: str = 'rigid_sim', words: Sequence[str] = (),
+    **parameters: Any,
+) -> Process:
+    """Start the node with a scene file or name, further words, and parameters."""
+    folder.mkdir(parents=True, exist_ok=True)
+    ros = ['--ros-args', '-r', f'__node:={name}']
+    for key, value in parameters.items():
+        text = str(value).lower() if isinstance(value, bool) else str(value)
+        ros += ['-p', f'{key}:={text}']
+    return Process(
+        [sys.executable, '-m', 'rigid_sim_ros.nodes.simulate', scene, *words, *ros], folder)
+
+
+@contextmanager
+def running(*args: Any, **options: Any) -> Iterator[Process]:
+    """Start the node as `simulate` does and end it with the block."""
+    process = simulate(*args, **options)
+    try:
+        yield process
+    finally:
+        process.end()
+    assert 'Traceback' not in process.stderr, process.stderr
+
+
+class Probe:
+    """The node of the test: it listens, publishes and calls from a thread of its own."""
+
+    def __init__(self) -> None:
+        self.node = Node(f'probe_{os.getpid()}')
+        self._executor = EventsExecutor()
+        self._executor.add_node(self.node)
+        self._changed = threading.Condition()
+        self._stopped = False
+        self._publishers: dict[str, Any] = {}
+        self._received: dict[str, list[Any]] = {}
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._stopped = True
+        self._executor.wake()
+        self._thread.join(PATIENCE)
+        self.node.destroy_node()
+
+    def _spin(self) -> None:
+        while not self._stopped:
+            self._executor.spin_once(timeout_sec=0.2)
+
+    @contextmanager
+    def listening(self, message: type, topic: str, qos: QoSProfile = DEEP) -> Iterator[list[Any]]:
+        """
+        Collect what arrives on a topic from now on.
+
+        The subscription stays for the next time: nothing gets lost while it finds its publisher.
+        """
+        if topic not in self._received:
+            self._subscribe(message, topic, qos)
+        received = self._received[topic]
+        with self._changed:
+            received.clear()
+        yield received
+
+    def _subscribe(self, message: type, topic: str, qos: QoSProfile) -> None:
+        received = self._received[topic] = []
+
+        def keep(item: Any) -> None:
+            with self._changed:
+                received.append(item)
+                self._changed.notify_all()
+
+        subscription = self.node.create_subscription(message, topic, keep, qos)
+        self.wait_for(lambda: subscription.get_publisher_count(), f'a publisher of {topic}')
+        # The publisher may learn of the match a moment later than the subscription.
+        time.sleep(0.2)
+
+    def wait_for(self, condition: Callable[[], Any], what: str = 'a condition') -> Any:
+        """Wait until the condition is true and return its value."""
+        end = time.monotonic() + PATIENCE
+        with self._changed:
+            while not (value := condition()):
+                assert time.monotonic() < end, f'waited {PATIENCE} s for {what}'
+                self._changed.wait(0.02)
+        return value
+
+    def some(
+        self, message: type, topic: str, count: int = 1, qos: QoSProfile = DEEP,
+    ) -> list[Any]:
+        """Return the next messages of a topic."""
+        with self.listening(message, topic, qos) as received:
+            self.wait_for(lambda: len(received) >= count, f'{count} messages on {topic}')
+            return received[:count]
+
+    def publish(self, topic: str, message: Any) -> None:
+        """Publish to a topic, once somebody subscribes to it."""
+        if topic not in self._publishers:
+            self._publishers[topic] = self.node.create_publisher(type(message), topic, 10)
+        publisher = self._publishers[topic]
+        self.wait_for(lambda: publisher.get_subscription_count() > 0, f'a subscriber of {topic}')
+        publisher.publish(message)
+
+    def call(self, service_type: type, name: str, request: Any) -> Any:
+        """Call a service and return its response."""
+        client = self.node.create_client(service_type, name)
+        try:
+            self.wait_for(client.service_is_ready, f'service {name}')
+            answer: list[Any] = []
+            client.call_async(request).add_done_callback(lambda done: answer.append(done.result()))
+            self.wait_for(lambda: answer, f'an answer of {name}')
+            return answer[0]
+        finally:
+            self.node.destroy_client(client)
+
+    def trigger(self, name: str) -> Any:
+        return self.call(Trigger, name, Trigger.Request())
+
+    def pause(self, paused: bool, node: str = '/rigid_sim') -> Any:
+        return self.call(SetBool, f'{node}/pause', SetBool.Request(data=paused))
+
+
+def start_ros() -> None:
+    """Put this process and its children into a domain of their own."""
+    os.environ['ROS_DOMAIN_ID'] = str(free_domain())
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    rclpy.init()
+
+
+def nanoseconds(stamp: Any) -> int:
+    return int(stamp.sec * 1_000_000_000 + stamp.nanosec)

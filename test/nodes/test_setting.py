@@ -1,0 +1,208 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Poses and twists set by other nodes, and the services pause, step and reset."""
+import math
+
+import pytest
+
+pytest.importorskip('rclpy', reason='rclpy is not installed: pip install .[ros]')
+
+from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
+from geometry_msgs.msg import (  # noqa: E402
+    Point, PoseStamped, Quaternion, TwistStamped, Vector3, WrenchStamped)
+from nodes.live import nanoseconds, running  # noqa: E402
+from nodes.scenes import crates, world_of  # noqa: E402
+from rcl_interfaces.srv import SetParameters  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+from rosgraph_msgs.msg import Clock  # noqa: E402
+from sensor_msgs.msg import MultiDOFJointState  # noqa: E402
+
+POSITION, ORIENTATION = [4.0, 5.0, 6.0], [0.5, -0.5, 0.5, 0.5]
+LINEAR, ANGULAR = [-1.0, 0.5, 0.25], [2.0, 0.0, -1.0]
+
+
+@pytest.fixture(scope='module')
+def scene(tmp_path_factory):
+    return crates(tmp_path_factory.mktemp('scene'))
+
+
+@pytest.fixture(scope='module')
+def sim(probe, scene, tmp_path_factory):
+    with running(tmp_path_factory.mktemp('sim'), str(scene)):
+        yield
+
+
+@pytest.fixture
+def world(probe, sim, scene):
+    """Put the simulation back to its start, paused, and give a world in the same state."""
+    set_parameter(probe, 'reset_time', False)
+    assert probe.pause(True).success
+    assert probe.trigger('/rigid_sim/reset').success
+    return world_of(scene)
+
+
+def set_parameter(probe, name, value):
+    request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+    result, = probe.call(SetParameters, '/rigid_sim/set_parameters', request).results
+    return result
+
+
+def pose(position=POSITION, orientation=ORIENTATION, frame_id=''):
+    message = PoseStamped()
+    message.header.frame_id = frame_id
+    message.pose.position = Point(**dict(zip('xyz', position)))
+    message.pose.orientation = Quaternion(**dict(zip('xyzw', orientation)))
+    return message
+
+
+def twist(linear=LINEAR, angular=ANGULAR, frame_id=''):
+    message = TwistStamped()
+    message.header.frame_id = frame_id
+    message.twist.linear = Vector3(**dict(zip('xyz', linear)))
+    message.twist.angular = Vector3(**dict(zip('xyz', angular)))
+    return message
+
+
+def numbers(state, body=0):
+    """Return position, orientation, linear and angular velocity of a body as lists."""
+    p, q = state.transforms[body].translation, state.transforms[body].rotation
+    v, w = state.twist[body].linear, state.twist[body].angular
+    return [[p.x, p.y, p.z], [q.x, q.y, q.z, q.w], [v.x, v.y, v.z], [w.x, w.y, w.z]]
+
+
+def numbers_of(world, body=0):
+    return [world.position[body].tolist(), world.orientation[body].tolist(),
+            world.linear_velocity[body].tolist(), world.angular_velocity[body].tolist()]
+
+
+def send(probe, topic, message):
+    """Publish, and return the state that the paused simulation then shows."""
+    with probe.listening(MultiDOFJointState, '/rigid_sim/state') as states:
+        probe.publish(f'/rigid_sim/{topic}', message)
+        probe.wait_for(lambda: states, f'the state after {topic}')
+        return states[-1]
+
+
+def step(probe):
+    with probe.listening(MultiDOFJointState, '/rigid_sim/state') as states:
+        answer = probe.trigger('/rigid_sim/step')
+        assert answer.success, answer.message
+        probe.wait_for(lambda: states)
+        return states[-1]
+
+
+def refused(probe, reason):
+    message, = probe.some(DiagnosticArray, '/diagnostics')
+    status = next(s for s in message.status if s.name.endswith('inputs'))
+    values = {v.key: int(v.value) for v in status.values}
+    return values.get(f'refused: {reason}', 0)
+
+
+def test_set_pose_moves_a_body_and_keeps_its_twist(probe, world):
+    world.set_pose('crate', POSITION, ORIENTATION)
+    state = numbers(send(probe, 'crate/set_pose', pose()))
+    assert state == numbers_of(world)
+    # The twist goes through momenta about the centre of mass and back: a few roundings.
+    assert state[2] == pytest.approx([0.1, 0.2, -0.3], rel=1e-13)
+    assert state[3] == pytest.approx([0.3, -0.2, 0.5], rel=1e-13)
+
+
+def test_what_follows_a_set_pose_is_what_a_world_does(probe, world):
+    send(probe, 'crate/set_pose', pose())
+    world.set_pose('crate', POSITION, ORIENTATION)
+    world.step(1)
+    assert numbers(step(probe)) == numbers_of(world)
+
+
+def test_set_twist_changes_the_twist_and_keeps_the_pose(probe, world):
+    before = numbers_of(world)
+    state = numbers(send(probe, 'crate/set_twist', twist()))
+    world.set_twist('crate', LINEAR, ANGULAR)
+    assert state == numbers_of(world)
+    assert state[:2] == before[:2]
+
+
+def test_a_quaternion_with_the_rounding_of_float32_is_normalised(probe, world):
+    rough = [0.5 * (1.0 + 1e-7), -0.5, 0.5, 0.5]
+    state = numbers(send(probe, 'crate/set_pose', pose(orientation=rough)))
+    assert math.hypot(*state[1]) == pytest.approx(1.0, abs=1e-15)
+
+
+@pytest.mark.parametrize('topic, message, reason', [
+    ('crate/set_pose', pose(orientation=[0.0, 0.0, 0.0, 0.0]), 'quaternion'),
+    ('crate/set_pose', pose(orientation=[1.0, 1.0, 0.0, 0.0]), 'quaternion'),
+    ('crate/set_pose', pose(position=[math.nan, 0.0, 0.0]), 'not finite'),
+    ('crate/set_pose', pose(orientation=[math.nan] * 4), 'not finite'),
+    ('crate/set_pose', pose(frame_id='ball'), 'unknown frame'),
+    ('crate/set_twist', twist(angular=[0.0, math.inf, 0.0]), 'not finite'),
+    ('crate/set_twist', twist(frame_id='nowhere'), 'unknown frame'),
+    ('ground/set_twist', twist(), 'impossible'),
+])
+def test_a_bad_pose_or_twist_is_refused_and_counted(probe, world, topic, message, reason):
+    before = refused(probe, reason)
+    probe.publish(f'/rigid_sim/{topic}', message)
+    probe.wait_for(lambda: refused(probe, reason) == before + 1)
+    world.step(1)
+    assert numbers(step(probe)) == numbers_of(world)
+
+
+def test_a_pause_stops_time_and_its_end_lets_it_go_on(probe, world):
+    before = nanoseconds(step(probe).header.stamp)
+    assert nanoseconds(step(probe).header.stamp) == before + 1_000_000
+    with probe.listening(MultiDOFJointState, '/rigid_sim/state') as states:
+        assert probe.pause(False).success
+        probe.wait_for(lambda: len(states) > 10)
+    assert probe.pause(True).success
+    with probe.listening(MultiDOFJointState, '/rigid_sim/state') as states:
+        probe.some(DiagnosticArray, '/diagnostics', 2)      # a second and more
+        assert states == []
+
+
+def test_a_step_is_refused_while_the_simulation_runs(probe, world):
+    assert probe.pause(False).success
+    answer = probe.trigger('/rigid_sim/step')
+    assert not answer.success
+    assert 'pause' in answer.message
+
+
+def test_a_pause_twice_is_no_mistake(probe, world):
+    assert probe.pause(True).message.startswith('already paused')
+
+
+def test_reset_restores_what_moved(probe, world, scene):
+    send(probe, 'crate/set_pose', pose())
+    send(probe, 'ball/set_twist', twist())
+    step(probe)
+    with probe.listening(MultiDOFJointState, '/rigid_sim/state') as states:
+        assert probe.trigger('/rigid_sim/reset').success
+        probe.wait_for(lambda: states)
+    assert [numbers(states[-1], k) for k in range(3)] == [
+        numbers_of(world_of(scene), k) for k in range(3)]
+
+
+def test_reset_ends_the_wrenches_in_effect(probe, world):
+    message = WrenchStamped()
+    message.wrench.force.x = 100.0
+    with probe.listening(WrenchStamped, '/rigid_sim/crate/applied_wrench') as echoes:
+        probe.publish('/rigid_sim/crate/wrench', message)
+        probe.wait_for(lambda: echoes)
+    assert probe.trigger('/rigid_sim/reset').success
+    world.step(1)
+    assert numbers(step(probe)) == numbers_of(world)
+
+
+def test_reset_does_not_turn_the_clock_back(probe, world):
+    before = nanoseconds(step(probe).header.stamp)
+    with probe.listening(Clock, '/clock') as clocks:
+        assert probe.trigger('/rigid_sim/reset').success
+        probe.wait_for(lambda: clocks)
+    assert nanoseconds(clocks[-1].clock) == before
+
+
+def test_reset_turns_the_clock_back_where_reset_time_says_so(probe, world):
+    step(probe)
+    assert set_parameter(probe, 'reset_time', True).successful
+    with probe.listening(Clock, '/clock') as clocks:
+        assert probe.trigger('/rigid_sim/reset').success
+        probe.wait_for(lambda: clocks)
+    assert nanoseconds(clocks[-1].clock) == 0
