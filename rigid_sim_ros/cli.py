@@ -142,6 +142,45 @@ def run(scene: str | None, duration: float | None, ros_args: list[str]) -> int |
     return result
 
 
+@rigid_sim.command(epilog=examples(
+    'rigid_sim check t_handle',
+    'rigid_sim check my_scene.yaml'))
+@scene_argument(required=True)
+def check(scene: str) -> None:
+    """
+    Check SCENE and show what it holds.
+
+    Shows the mass, the centre of mass and the principal moments of inertia of every body, the
+    forces and the step, and warns of what is legal and will yet not go well, such as a spring that
+    is too stiff for the step. Mistakes are listed with file, line, key and value; the exit code is
+    then 2.
+    """
+    from rigid_sim_ros.report import console, print_scene
+    from rigid_sim_ros.scene import read_scene
+
+    try:
+        content = read_scene(scene)
+    except SceneError as error:
+        if len(error.problems) > 1:
+            click.echo(str(error))
+        raise
+    print_scene(console(), content)
+
+
+@rigid_sim.command(epilog=examples(
+    'rigid_sim scenes',
+    'rigid_sim run tumbling_cubesat'))
+def scenes() -> None:
+    """
+    List the example scenes.
+
+    Each can be used by its name wherever a command takes a SCENE.
+    """
+    from rigid_sim_ros.report import console, print_examples
+
+    print_examples(console())
+
+
 def main(argv: Sequence[str] | None = None) -> NoReturn:
     """
     Run the command line and leave the process.

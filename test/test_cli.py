@@ -94,6 +94,32 @@ def test_a_scene_with_a_mistake_is_reported_with_line_key_and_value(run: Run, sc
     fails_in_one_line(run('check', path), f'{path}:7', 'bodies[0].mass', '-0.5')
 
 
+def test_several_mistakes_are_listed_and_summed_up_in_one_line(run: Run, scene) -> None:
+    path = scene(PENDULUM.replace('0.002', '0').replace('stiffness: 40', 'stiffness: stiff'))
+    result = run('check', path)
+    assert [line.split(': ')[1] for line in result.out.splitlines()] == [
+        'world.step', 'forces[0].stiffness']
+    assert result.code == 2
+    assert result.err.count('\n') == 1
+    assert 'world.step' in result.err
+
+
+def test_check_shows_mass_inertia_forces_and_step(run: Run, scene) -> None:
+    result = run('check', scene(PENDULUM))
+    assert (result.code, result.err) == (0, '')
+    # 2/5 m r^2 = 0.4 * 0.5 kg * (0.05 m)^2
+    words = ('bob', 'sphere r 0.05', '0.5', '[0.0005, 0.0005, 0.0005]', 'spring', 'stiffness 40',
+             'step 0.002 s', 'rk4', '[0, 0, -9.81] m/s^2')
+    assert [word for word in words if word not in result.out] == []
+    assert 'warning' not in result.out
+
+
+def test_check_warns_of_a_spring_too_stiff_for_the_step(run: Run, scene) -> None:
+    result = run('check', scene(PENDULUM.replace('stiffness: 40', 'stiffness: 4.0e+7')))
+    assert result.code == 0
+    assert 'warning: spring between bob and world' in result.out
+
+
 def test_scenes_lists_every_example_with_a_description(run: Run) -> None:
     result = run('scenes')
     names = {path.stem for path in (Path(cli.__file__).parent / 'example_scenes').glob('*.yaml')}

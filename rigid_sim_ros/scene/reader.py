@@ -64,7 +64,9 @@ def _validated(source: Source) -> schema.Scene:
         return schema.Scene.model_validate(source.data, context=classes)
     except ValidationError as error:
         details = error.errors(include_url=False)
-    raise SceneError(_problem(detail, source, classes) for detail in details)
+    # A list whose entries are all wrong is not also empty, though pydantic says so.
+    raise SceneError(_problem(detail, source, classes) for detail in details
+                     if not (detail['type'] == 'too_short' and detail['input']))
 
 
 def _problem(detail: ErrorDetails, source: Source,
@@ -89,8 +91,6 @@ def _problem(detail: ErrorDetails, source: Source,
             message = f'{shown(value)}, must be a mapping of keys to values'
         case 'tuple_type':
             message = f'{shown(value)}, must be a list'
-        case 'too_short':
-            message = 'is empty, must have at least one entry'
         case _:
             message = f'{shown(value)}: {detail["msg"]}'
     return source.problem(path, message)

@@ -1,0 +1,118 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes as tables for a terminal."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from rigid_sim_ros.scene import describe, example_names, mass, schema
+from rigid_sim_ros.scene.advice import advice
+from rigid_sim_ros.scene.build import Scene
+
+# [columns] What a table may take where there is no terminal that says how wide it is.
+_PIPE_WIDTH = 120
+# Bodies that are shown one by one; a scene of thousands would bury the rest.
+_MOST_ROWS = 40
+
+
+def console() -> Console:
+    """Return what prints to stdout, without colours or cut columns when that is no terminal."""
+    out = Console(highlight=False, markup=False, emoji=False)
+    return out if out.is_terminal else Console(
+        highlight=False, markup=False, emoji=False, width=_PIPE_WIDTH)
+
+
+def print_examples(out: Console) -> None:
+    """Print the name of each example scene and what one sees in it."""
+    table = _table(('scene', 'left'), ('what it shows', 'left'))
+    for name in example_names():
+        table.add_row(name, describe(name))
+    out.print(table)
+
+
+def print_scene(out: Console, scene: Scene) -> None:
+    """Print what a scene holds, and what its author should know before a run."""
+    world = scene.spec.world
+    out.print(f'{scene.name}: {_count(len(scene.names), "body", "bodies")}, '
+              f'{_count(len(scene.spec.forces), "force", "forces")}, step {world.step:g} s, '
+              f'gravity {_numbers(world.gravity)} m/s^2')
+    out.print(f'integrator {world.integrator}, orientation {world.orientation}, '
+              f'contact {world.contact}')
+    out.print(_bodies(scene))
+    if scene.spec.forces:
+        out.print(_forces(scene.spec.forces))
+    for line in advice(scene):
+        out.print(f'warning: {line}', soft_wrap=True)
+
+
+def _bodies(scene: Scene) -> Table:
+    table = _table(('body', 'left'), ('shape', 'left'), ('mass [kg]', 'right'),
+                   ('centre of mass [m]', 'left'), ('principal moments [kg m^2]', 'left'),
+                   ('frames', 'left'))
+    for i, body in enumerate(scene.spec.bodies[:_MOST_ROWS]):
+        properties = mass.properties(body)
+        shape = ' + '.join(map(_shape, (part for _, part in body.parts()))) or '-'
+        table.add_row(
+            body.name, shape + (', fixed' if body.fixed else ''),
+            f'{properties.m:.6g}' if properties else '-',
+            _numbers(properties.p_BC) if properties else '-',
+            _numbers(scene.model.I_C[:, i]) if properties else '-',
+            ' '.join(body.frames) or '-')
+    hidden = len(scene.names) - _MOST_ROWS
+    if hidden > 0:
+        table.add_row(f'... {hidden} more')
+    return table
+
+
+def _forces(forces: Sequence[schema.Force]) -> Table:
+    table = _table(('force', 'left'), ('on', 'left'), ('parameters', 'left'))
+    for force in forces[:_MOST_ROWS]:
+        if isinstance(force, schema.FrameForce):
+            own, on = {'type', 'a', 'b'}, f'{force.a} - {force.b}'
+        else:
+            own, on = {'type', 'bodies'}, ' '.join(getattr(force, 'bodies', ()))
+        # A parameter of 0 is one that the kind of force has and this force does not use.
+        values = {key: np.atleast_1d(value) for key, value in force if key not in own}
+        table.add_row(force.type, on, ', '.join(
+            f'{key} {_numbers(value)}' for key, value in values.items() if value.any()))
+    hidden = len(forces) - _MOST_ROWS
+    if hidden > 0:
+        table.add_row(f'... {hidden} more')
+    return table
+
+
+def _shape(part: schema.Shape) -> str:
+    """Write a solid in a few words."""
+    kind = str(getattr(part, 'type', ''))
+    match part:
+        case schema.Sphere():
+            return f'{kind} r {part.radius:g}'
+        case schema.Box():
+            return f'{kind} {" x ".join(f"{length:g}" for length in part.size)}'
+        case schema.Capsule() | schema.Cylinder():
+            return f'{kind} r {part.radius:g} l {part.length:g}'
+        case schema.Mesh():
+            return f'{kind} of {len(part.faces or ())} triangles'
+        case schema.Points():
+            return f'{len(part.masses)} {kind}'
+    return kind
+
+
+def _numbers(values: Iterable[float]) -> str:
+    words = [f'{value + 0.0:.4g}' for value in values]     # + 0.0: no -0
+    return words[0] if len(words) == 1 else f'[{", ".join(words)}]'
+
+
+def _count(number: int, one: str, many: str) -> str:
+    return f'{number} {one if number == 1 else many}'
+
+
+def _table(*columns: tuple[str, str]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for name, side in columns:
+        table.add_column(name, justify='right' if side == 'right' else 'left', overflow='fold')
+    return table

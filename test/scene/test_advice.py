@@ -1,0 +1,91 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Warnings about scenes that are legal and will yet not go well."""
+import pytest
+
+from rigid_sim_ros.scene import scene_from_text
+from rigid_sim_ros.scene.advice import advice
+
+# A ball of 2 kg, 2/5 m r^2 = 0.008 kg m^2.
+BALL = '{name: ball, shape: {type: sphere, radius: 0.1}, mass: 2}'
+
+
+def advice_for(world: str = '', bodies: str = BALL, forces: str = '') -> list[str]:
+    scene = f'world: {{step: 0.001, {world}}}\nbodies: [{bodies}]\nforces: [{forces}]\n'
+    return advice(scene_from_text(scene))
+
+
+def spring(stiffness: float, damping: float = 0.0) -> str:
+    return f'{{type: spring, a: ball, stiffness: {stiffness}, damping: {damping}}}'
+
+
+def test_a_scene_that_goes_well_has_no_warning() -> None:
+    assert advice_for(forces=spring(100.0, 1.0)) == []
+
+
+def test_a_spring_that_swings_by_half_a_radian_in_a_step_is_too_stiff() -> None:
+    # sqrt(k / m) h = 0.5 at k = 2 * 500^2 = 5e5 N/m.
+    assert advice_for(forces=spring(4.9e5)) == []
+    assert 'oscillate' in advice_for(forces=spring(5.1e5))[0]
+
+
+def test_a_spring_beyond_the_limit_of_stability_is_said_to_grow() -> None:
+    # sqrt(k / m) h = 2 at k = 2 * 2000^2 = 8e6 N/m.
+    assert 'grow without bound' in advice_for(forces=spring(8.1e6))[0]
+
+
+def test_the_step_that_is_advised_brings_no_warning() -> None:
+    line = advice_for(forces=spring(2.0e6))[0]
+    step = line.split('at most ')[1].split()[0]
+    scene = f'world: {{step: {step}}}\nbodies: [{BALL}]\nforces: [{spring(2.0e6)}]\n'
+    assert advice(scene_from_text(scene)) == []
+
+
+def test_a_damper_that_takes_half_the_speed_in_a_step_is_too_strong() -> None:
+    # c h / m = 0.5 at c = 1000 N s/m.
+    assert advice_for(forces=spring(1.0, 990.0)) == []
+    assert 'velocity' in advice_for(forces=spring(1.0, 1010.0))[0]
+
+
+def test_the_lever_arm_of_a_frame_counts() -> None:
+    # At the arm r: 1/m + r^2 / I = 0.5 + 1 / 0.008 = 125.5 /kg instead of 0.5.
+    ball = BALL.replace('mass: 2', 'mass: 2, frames: {tip: {position: [1, 0, 0]}}')
+    tip = spring(1.0e4).replace('a: ball', 'a: ball/tip')
+    assert advice_for(bodies=ball, forces=spring(1.0e4)) == []
+    assert 'ball/tip' in advice_for(bodies=ball, forces=tip)[0]
+
+
+@pytest.mark.parametrize('force', [
+    '{type: wind, drag: 1010}',
+    '{type: wind, velocity: [10, 0, 0], quadratic_drag: 101}',
+    '{type: wind, angular_drag: 4.1}',
+    '{type: hold_point, a: ball, stiffness: 5.1e+5}',
+    '{type: hold_orientation, a: ball, stiffness: 2040}',
+])
+def test_every_kind_of_force_is_watched(force: str) -> None:
+    # m = 2 kg and I = 0.008 kg m^2 at 1 ms: limits 1000 N s/m, 4 N m s, 5e5 N/m and 2000 N m/rad.
+    kind = force.split()[1].strip(',')
+    assert advice_for(forces=force)[0].startswith(kind)
+
+
+def test_avoidance_is_watched() -> None:
+    # Two of 2 kg: sqrt(2 k / m) h = 0.5 at k = 2.5e5 N/m.
+    pair = f'{BALL}, {BALL.replace("ball", "other")}'
+    lines = advice_for('contact: none', pair, '{type: avoidance, range: 1, stiffness: 2.6e+5}')
+    assert lines[0].startswith('avoidance between ball and other')
+
+
+def test_a_fast_spin_is_no_matter_for_the_default_integrator_only() -> None:
+    ball = BALL.replace('mass: 2', 'mass: 2, twist: {angular: [0, 0, 300]}')
+    assert advice_for(bodies=ball) == []
+    assert "body 'ball' turns by 0.3 rad" in advice_for('integrator: rk4', ball)[0]
+
+
+def test_the_explicit_euler_method_is_for_comparison() -> None:
+    assert 'euler' in advice_for('integrator: euler')[0]
+
+
+def test_bodies_that_could_touch_are_told_that_they_do_not() -> None:
+    pair = f'{BALL}, {BALL.replace("ball", "other")}'
+    assert 'pass through each other' in advice_for(bodies=pair)[0]
+    assert advice_for('contact: none', pair) == []
