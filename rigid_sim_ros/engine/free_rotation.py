@@ -21,19 +21,17 @@ computed, so |L| cannot drift; only w0 survives for a sphere or about a principa
 
 import math
 
-from rigid_sim_ros.engine.arrays import Array, Quaternion, Vector
+from rigid_sim_ros.engine.arrays import Quaternion, Vector
 from rigid_sim_ros.engine.kernel import inlined, kernel
 from rigid_sim_ros.engine.rotation import (
-    angular_velocity, exponential, multiply, quaternion, rotate_back, set_quaternion, unit)
-from rigid_sim_ros.engine.vector import add, add_scaled, column, cross, norm, subtract, times
+    angular_velocity, exponential, multiply, rotate_back, unit)
+from rigid_sim_ros.engine.vector import add, add_scaled, cross, norm, subtract, times
 
 # A call of `turn` is good for at most this angle [rad]; a faster body takes more, shorter calls. Here the
 # neglected terms are of the order 0.25^6 / 1000 = 2e-7 rad a call; twice the angle costs 64 times the error.
 MAX_ANGLE = 0.25
 # More than MAX_ANGLE * MAX_SUBSTEPS = 256 rad in one step: the calls become longer, not more numerous.
 MAX_SUBSTEPS = 1024
-# Bodies that are turned at once: a block of this many doubles is one or two vector registers.
-LANES = 8
 
 
 @inlined
@@ -105,53 +103,3 @@ def turn_fast(q_WC: Quaternion, L: Vector, inv_I: Vector, h: float) -> Quaternio
         r = rotation_vector(rotate_back(q_WC, L), inv_I, h / substeps)
         q_WC = unit(multiply(q_WC, exponential(r)))
     return q_WC
-
-
-@inlined
-def turn_block(b: Array, h: float) -> None:
-    """
-    Call `turn` for LANES bodies at once.
-
-    The compiler turns the loop into vector instructions because it holds no branch and its operands lie in
-    one flat array at constant distances: rows of LANES numbers for q_WC (4), L (3), inv_I (3), then the new q_WC.
-    """
-    for i in range(LANES):
-        q = turn((b[i], b[LANES + i], b[2 * LANES + i], b[3 * LANES + i]),
-                 (b[4 * LANES + i], b[5 * LANES + i], b[6 * LANES + i]),
-                 (b[7 * LANES + i], b[8 * LANES + i], b[9 * LANES + i]), h)
-        b[10 * LANES + i] = q[0]
-        b[11 * LANES + i] = q[1]
-        b[12 * LANES + i] = q[2]
-        b[13 * LANES + i] = q[3]
-
-
-@kernel
-def turn_all(q: Array, L: Array, inv_I: Array, h: float, b: Array) -> None:
-    """
-    Turn every body for h [s] under its angular momentum: q (4, n) is replaced.
-
-    L (3, n) in world axes, inv_I (3, n), b a scratch array of 14 * LANES numbers. The result for a body does
-    not depend on the bodies beside it.
-    """
-    n = q.shape[1]
-    for first in range(0, n, LANES):
-        lanes = min(LANES, n - first)
-        for i in range(lanes):
-            for k in range(4):
-                b[k * LANES + i] = q[k, first + i]
-            for k in range(3):
-                b[(4 + k) * LANES + i] = L[k, first + i]
-                b[(7 + k) * LANES + i] = inv_I[k, first + i]
-        turn_block(b, h)
-        for i in range(lanes):
-            body = first + i
-            # |I^-1 l| <= max(I^-1) |L|: cheap, and never below the angle that it bounds.
-            a = max(inv_I[0, body], inv_I[1, body], inv_I[2, body]) * h
-            if a == 0.0:
-                continue  # fixed
-            if a * a * (L[0, body] ** 2 + L[1, body] ** 2 + L[2, body] ** 2) <= MAX_ANGLE * MAX_ANGLE:
-                for k in range(4):
-                    q[k, body] = b[(10 + k) * LANES + i]
-            else:
-                set_quaternion(q, body, turn_fast(
-                    quaternion(q, body), column(L, body), column(inv_I, body), h))

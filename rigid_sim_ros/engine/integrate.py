@@ -13,7 +13,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, Quaternion, Vector
 from rigid_sim_ros.engine.forces import add_gravity, add_scene_forces
-from rigid_sim_ros.engine.free_rotation import LANES, turn_all
+from rigid_sim_ros.engine.free_flight import BLOCK_SIZE, fly
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import empty_loads, Loads
 from rigid_sim_ros.engine.model import Model
@@ -34,13 +34,13 @@ class Work(NamedTuple):
     later: Loads  # at its end, or at a stage of rk4
     stage: State  # the state at a stage of rk4
     slope: State  # the weighted sum of the slopes of rk4
-    block: Array  # for `turn_all`
+    block: Array  # for `fly`
 
 
 def make_work(n: int) -> Work:
     """Return scratch memory for n bodies."""
     return Work(empty_loads(n), empty_loads(n), empty_state(n), empty_state(n),
-                np.zeros(14 * LANES))
+                np.zeros(BLOCK_SIZE))
 
 
 @kernel
@@ -156,15 +156,14 @@ def symplectic(model: Model, state: State, wrenches: Wrenches, orientation: int,
     """
     sum_loads(model, state, wrenches, work.loads)
     kick(state, work.loads, 0.5 * model.h)
-    translate(model, state, model.h)
-    turn_all(state.q, state.L, model.inv_I_C, model.h, work.block)
+    # np.int64(1) and not 1: Numba would compile another copy for the literal.
+    fly(model, state, (0.0, 0.0, 0.0), model.h, np.int64(1), work.block)
     kick(state, work.loads, 0.5 * model.h)
-    if model.forces.kind.shape[0] + wrenches.body.shape[0] > 0:
-        # The momenta are now what constant loads would have made of them, right to first order:
-        # good enough for loads that depend on velocities to keep the whole step at order 2.
-        sum_loads(model, state, wrenches, work.later)
-        kick(state, work.later, 0.5 * model.h)
-        kick(state, work.loads, -0.5 * model.h)
+    # The momenta are now what constant loads would have made of them, right to first order: good
+    # enough for loads that depend on velocities to keep the whole step at order 2.
+    sum_loads(model, state, wrenches, work.later)
+    kick(state, work.later, 0.5 * model.h)
+    kick(state, work.loads, -0.5 * model.h)
 
 
 @kernel

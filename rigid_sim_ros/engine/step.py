@@ -5,6 +5,7 @@
 from collections.abc import Callable
 from typing import Any
 
+from rigid_sim_ros.engine.free_flight import fly
 from rigid_sim_ros.engine.integrate import euler, rk4, semi_implicit, symplectic, Work
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.model import Model
@@ -25,9 +26,21 @@ def _free_motion(integrate: Callable[..., None]) -> Any:
     return advance
 
 
+@kernel
+def _free_motion_symplectic(model: Model, state: State, wrenches: Wrenches, orientation: int,
+                            work: Work, count: int) -> None:
+    if model.forces.kind.shape[0] + wrenches.body.shape[0] == 0:
+        g = model.gravity
+        fly(model, state, (g[0], g[1], g[2]), model.h, count, work.block)
+        return
+    for _ in range(count):
+        symplectic(model, state, wrenches, orientation, work)
+        count_down(wrenches)
+
+
 FREE_MOTION: dict[str, Any] = {
     'euler': _free_motion(euler),
     'semi_implicit': _free_motion(semi_implicit),
     'rk4': _free_motion(rk4),
-    'symplectic': _free_motion(symplectic),
+    'symplectic': _free_motion_symplectic,
 }

@@ -1,0 +1,107 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Flight of bodies that feel a constant force and no torque: kick, drift, kick, for many steps.
+
+Such bodies move independently of each other, so a block of them takes all its steps before the
+next block takes its first: the block stays in the fastest memory, and vector instructions advance
+its bodies together.
+"""
+
+from rigid_sim_ros.engine.arrays import Array
+from rigid_sim_ros.engine.free_rotation import MAX_ANGLE, turn, turn_fast
+from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.model import Model
+from rigid_sim_ros.engine.rotation import quaternion, set_quaternion
+from rigid_sim_ros.engine.state import State
+from rigid_sim_ros.engine.vector import column
+
+# Bodies of a block: their numbers fill one vector register of 512 bits, or two of 256.
+LANES = 8
+# The block is one flat array of rows of LANES numbers.
+_Q, _L, _INV_I, _X, _P, _KICK, _INV_M, _ROWS = 0, 4, 7, 10, 13, 16, 19, 20
+BLOCK_SIZE = _ROWS * LANES
+
+
+@kernel
+def fly(model: Model, state: State, gravity: tuple[float, float, float], h: float, count: int,
+        block: Array) -> None:
+    """
+    Advance every body by `count` steps of h [s] under a uniform gravity [m/s^2, world axes].
+
+    Each step is P += h/2 F, x += h P / M, the rotation of a free body, P += h/2 F. With gravity 0
+    it is the drift of the symplectic integrator. `block` is scratch, (BLOCK_SIZE,). What becomes of
+    a body does not depend on the bodies beside it, nor on how the steps are spread over calls.
+    """
+    n = model.m.shape[0]
+    for first in range(0, n, LANES):
+        lanes = min(LANES, n - first)
+        _load(model, state, gravity, h, first, lanes, block)
+        _fly_block(block, h, count)
+        _store(model, state, h, count, first, lanes, block)
+
+
+@kernel
+def _load(model: Model, state: State, gravity: tuple[float, float, float], h: float, first: int,
+          lanes: int, block: Array) -> None:
+    for i in range(lanes):
+        body = first + i
+        for k in range(4):
+            block[(_Q + k) * LANES + i] = state.q[k, body]
+        block[_INV_M * LANES + i] = model.inv_m[body]
+        for k in range(3):
+            block[(_L + k) * LANES + i] = state.L[k, body]
+            block[(_INV_I + k) * LANES + i] = model.inv_I_C[k, body]
+            block[(_X + k) * LANES + i] = state.x[k, body]
+            block[(_P + k) * LANES + i] = state.P[k, body]
+            weight = model.m[body] * gravity[k] if model.inv_m[body] > 0.0 else 0.0
+            block[(_KICK + k) * LANES + i] = 0.5 * h * weight
+
+
+@kernel
+def _fly_block(b: Array, h: float, count: int) -> None:
+    """
+    Advance one block.
+
+    The compiler turns the inner loop into vector instructions because it holds no branch, and its
+    operands lie in one flat array at constant distances.
+    """
+    for _ in range(count):
+        for i in range(LANES):
+            for k in range(3):
+                # Named rows of the block: x and P of one axis.
+                x, p, j = (_X + k) * LANES + i, (_P + k) * LANES + i, (_KICK + k) * LANES + i
+                half_way = b[p] + b[j]
+                b[x] += h * (b[_INV_M * LANES + i] * half_way)
+                b[p] = half_way + b[j]
+            q = turn((b[i], b[LANES + i], b[2 * LANES + i], b[3 * LANES + i]),
+                     (b[4 * LANES + i], b[5 * LANES + i], b[6 * LANES + i]),
+                     (b[7 * LANES + i], b[8 * LANES + i], b[9 * LANES + i]), h)
+            b[i] = q[0]
+            b[LANES + i] = q[1]
+            b[2 * LANES + i] = q[2]
+            b[3 * LANES + i] = q[3]
+
+
+@kernel
+def _store(model: Model, state: State, h: float, count: int, first: int, lanes: int,
+           block: Array) -> None:
+    """Write a block back; bodies too fast for `turn` are turned here, and fixed ones stay."""
+    for i in range(lanes):
+        body = first + i
+        if model.inv_m[body] == 0.0:
+            continue
+        for k in range(3):
+            state.x[k, body] = block[(_X + k) * LANES + i]
+            state.P[k, body] = block[(_P + k) * LANES + i]
+        L, inv_I = column(state.L, body), column(model.inv_I_C, body)
+        # |I^-1 l| <= max(I^-1) |L|: never below the angle that it bounds.
+        bound = max(inv_I[0], inv_I[1], inv_I[2]) * h
+        if bound * bound * (L[0] * L[0] + L[1] * L[1] + L[2] * L[2]) <= MAX_ANGLE * MAX_ANGLE:
+            for k in range(4):
+                state.q[k, body] = block[(_Q + k) * LANES + i]
+        else:
+            q = quaternion(state.q, body)
+            for _ in range(count):
+                q = turn_fast(q, L, inv_I, h)
+            set_quaternion(state.q, body, q)
