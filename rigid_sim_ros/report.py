@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scenes as tables for a terminal."""
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -55,7 +56,9 @@ def _bodies(scene: Scene) -> Table:
                    ('frames', 'left'))
     for i, body in enumerate(scene.spec.bodies[:_MOST_ROWS]):
         properties = mass.properties(body)
-        shape = ' + '.join(map(_shape, (part for _, part in body.parts()))) or '-'
+        shapes = Counter(_shape(part) for _, part in body.parts())
+        shape = ' + '.join(f'{count} x {text}' if count > 1 else text
+                           for text, count in shapes.items()) or '-'
         table.add_row(
             body.name, shape + (', fixed' if body.fixed else ''),
             f'{properties.m:.6g}' if properties else '-',

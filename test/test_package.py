@@ -119,5 +119,15 @@ print(rigid_sim_ros.__file__, *[path.name for path in scenes])
     assert set(scenes) >= SCENES
 
 
-def test_the_executable_that_colcon_built_starts(workspace: Workspace) -> None:
-    workspace.run('lib/rigid_sim_ros/rigid_sim', 'check', 't_handle')
+def test_the_node_that_colcon_built_runs_to_its_end(workspace: Workspace) -> None:
+    from nodes.live import free_domain
+
+    domain = {'ROS_DOMAIN_ID': str(free_domain()), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+    result = workspace._replace(environment=workspace.environment | domain).run(
+        str(workspace.prefix / 'lib/rigid_sim_ros/simulate'), 't_handle', '--duration', '0.5')
+    assert 'simulating t_handle: 1 body' in result.stderr
+
+
+def test_the_command_that_colcon_built_checks_a_scene(workspace: Workspace) -> None:
+    command = workspace.prefix / 'lib/rigid_sim_ros/rigid_sim'
+    assert 't_handle: 1 body' in workspace.run(str(command), 'check', 't_handle').stdout
