@@ -22,7 +22,7 @@ class AppliedWrenches:
         self._rows = self._view()
 
     def _view(self) -> Wrenches:
-        return Wrenches(*(field[:len(self._sources)] for field in self._room))
+        return Wrenches._make(field[:len(self._sources)] for field in self._room)
 
     @property
     def rows(self) -> Wrenches:
@@ -64,8 +64,8 @@ class AppliedWrenches:
 
     def replace(self, rows: Wrenches, sources: list[str]) -> None:
         """Put these rows in the place of all."""
-        self._room = Wrenches(*(np.concatenate([new, old[:8]]) for new, old in zip(
-            rows, no_wrenches(8), strict=True)))
+        self._room = Wrenches._make(np.concatenate([row, free]) for row, free in zip(
+            rows, no_wrenches(8), strict=True))
         self._sources = list(sources)
         self._rows = self._view()
 

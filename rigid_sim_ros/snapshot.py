@@ -26,7 +26,8 @@ def pack(meta: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> bytes:
               for name, array in raw.items()]
     header = json.dumps({'meta': dict(meta), 'arrays': layout}).encode()
     body = header + b''.join(
-        array.astype(array.dtype.newbyteorder('<'), copy=False).tobytes() for array in raw.values())
+        array.astype(array.dtype.newbyteorder('<'), copy=False).tobytes()
+        for array in raw.values())
     return _PREFIX.pack(_MAGIC, len(header), zlib.crc32(body)) + body
 
 

@@ -24,13 +24,17 @@ from rigid_sim_ros.engine.wrenches import Wrenches
 from rigid_sim_ros.scene import read_scene, Scene, scene_from_dict
 from rigid_sim_ros.snapshot import pack, unpack
 
-# A quaternion this near to unit length is normalised, one farther off is refused: rounding to three digits
-# passes, a typo does not.
+# A quaternion this near to unit length is normalised, one farther off is refused: rounding to
+# three digits passes, a typo does not.
 UNIT_TOLERANCE = 1e-3
 
 
 def load_scene(scene: str | os.PathLike[str]) -> 'World':
-    """Return the world of a scene file, or of an example scene by its name; SceneError if it is wrong."""
+    """
+    Return the world of a scene file, or of an example scene by its name.
+
+    SceneError, a ValueError, if the scene is wrong.
+    """
     return World(read_scene(scene))
 
 
@@ -62,7 +66,11 @@ class World:
 
     @classmethod
     def from_dict(cls, scene: Mapping[str, Any]) -> 'World':
-        """Return the world of a scene in the file's format, given as a dict; SceneError if it is wrong."""
+        """
+        Return the world of a scene in the file's format, given as a dict.
+
+        SceneError, a ValueError, if the scene is wrong.
+        """
         return cls(scene_from_dict(dict(scene)))
 
     # --- time ---------------------------------------------------------------------------------
@@ -84,17 +92,19 @@ class World:
         self._motion_is_current = False
         done = 0
         while done < count:
-            # Wrenches leave the book when their time is over, so that a step without any costs nothing for them.
+            # Wrenches leave the book when their time is over, so that a step without any costs
+            # nothing for them.
             batch = self._steps_until_a_wrench_ends(int(count) - done)
-            self._advance(self._model, self._state, self._applied.rows, self._orientation, self._work, batch)
+            self._advance(self._model, self._state, self._applied.rows, self._orientation,
+                          self._work, batch)
             self._applied.remove_finished()
             done += batch
             self.step_index += batch
         broken = first_unfinite(self._state)
         if broken >= 0:
             raise ArithmeticError(
-                f"body '{self.names[broken]}': its motion is no longer finite at step {self.step_index}; "
-                f'use a step smaller than {self._model.h:g} s or softer forces')
+                f"body '{self.names[broken]}': its motion is no longer finite at step "
+                f'{self.step_index}; use a step smaller than {self._model.h:g} s or softer forces')
 
     def _steps_until_a_wrench_ends(self, at_most: int) -> int:
         left = self._applied.rows.steps_left
@@ -135,7 +145,7 @@ class World:
 
     @property
     def angular_momentum(self) -> Array:
-        """Angular momenta L = I w about each body's centre of mass, (n, 3) [kg m^2/s], world axes."""
+        """Angular momenta L = I w about the centres of mass, (n, 3) [kg m^2/s], world axes."""
         return self._state.L.T.copy()
 
     @property
@@ -175,23 +185,25 @@ class World:
         """
         Let a force [N] and a torque [N m] act on a body from the next step on.
 
-        Their axes are those of `frame`: 'world', a body ('crate') or a named frame ('crate/handle'), followed as
-        it turns. The force acts at `point` [m], given in that frame; without one at the frame's origin if the
-        frame belongs to the body itself, else at the centre of mass. `duration` [s] of simulation
-        time is rounded to whole steps; None is the next step only. Wrenches add up; one with a
-        `source` first ends what the same source applied before. ValueError for an unknown body or
-        frame, for numbers that are not finite and for a duration below 0.
+        Their axes are those of `frame`: 'world', a body ('crate') or a named frame
+        ('crate/handle'), followed as it turns. The force acts at `point` [m], given in that frame;
+        without one at the frame's origin if the frame belongs to the body itself, else at the
+        centre of mass. `duration` [s] of simulation time is rounded to whole steps; None is the
+        next step only. Wrenches add up; one with a `source` first ends what the same source
+        applied before. ValueError for an unknown body or frame, for numbers that are not finite
+        and for a duration below 0.
         """
         self._apply(self._body(name), self._frame(frame), _vector('force', force),
                     _vector('torque', torque), None if point is None else _vector('point', point),
                     self._steps(duration), source)
 
-    def _apply(self, body: int, frame: int, force: Array, torque: Array, point: Array | None, steps: int,
-               source: str | None) -> None:
+    def _apply(self, body: int, frame: int, force: Array, torque: Array, point: Array | None,
+               steps: int, source: str | None) -> None:
         if source is not None:
             self._applied.remove(source)
         if steps > 0:
-            self._applied.add(source or '', body, frame, self._point(body, frame, point), force, torque, steps)
+            self._applied.add(source or '', body, frame, self._point(body, frame, point), force,
+                              torque, steps)
 
     def cancel_wrenches(self, source: str) -> None:
         """End what a source applied."""
@@ -216,9 +228,10 @@ class World:
 
     def set_pose(self, name: str, position: ArrayLike, orientation: ArrayLike) -> None:
         """
-        Put the body frame of a body at a position [m] and an orientation x, y, z, w; it keeps its twist.
+        Put the body frame of a body at a position [m] and an orientation x, y, z, w.
 
-        ValueError for an unknown body, numbers that are not finite or a quaternion that is not of unit length.
+        It keeps its twist. ValueError for an unknown body, numbers that are not finite or a
+        quaternion that is not of unit length.
         """
         body = self._body(name)
         p, q = _vector('position', position), _unit_quaternion(orientation)
@@ -229,9 +242,10 @@ class World:
 
     def set_twist(self, name: str, linear: ArrayLike, angular: ArrayLike) -> None:
         """
-        Give the body frame of a body a velocity [m/s] of its origin and an angular velocity [rad/s], world axes.
+        Give a body frame a velocity [m/s] of its origin and an angular velocity [rad/s].
 
-        ValueError for an unknown body, a fixed one, or numbers that are not finite.
+        Both in world axes. ValueError for an unknown body, a fixed one, or numbers that are not
+        finite.
         """
         body = self._body(name)
         v, w = _vector('linear velocity', linear), _vector('angular velocity', angular)
@@ -247,7 +261,8 @@ class World:
         try:
             return self._index[name]
         except (KeyError, TypeError):
-            raise ValueError(f'body {name!r} does not exist, must be one of: {_some(self.names)}') from None
+            raise ValueError(f'body {name!r} does not exist, must be one of: '
+                             f'{_some(self.names)}') from None
 
     def _frame(self, frame: str) -> int:
         if frame in ('world', ''):
@@ -273,6 +288,9 @@ class World:
 
     # --- the state as a whole -----------------------------------------------------------------
 
+    def _fingerprint(self) -> str:
+        return hashlib.blake2b(self.scene.text.encode(), digest_size=8).hexdigest()
+
     def _dynamic(self) -> dict[str, np.ndarray]:
         """Return every array that the next step depends on, by name."""
         return {**self._state._asdict(), **self._applied.rows._asdict()}
@@ -281,30 +299,34 @@ class World:
         """Return 64 bits that identify the complete dynamic state, time included."""
         digest = hashlib.blake2b(self.step_index.to_bytes(8, 'little'), digest_size=8)
         for array in self._dynamic().values():
-            digest.update(np.ascontiguousarray(array))
+            digest.update(array.tobytes())
         return int.from_bytes(digest.digest(), 'little')
 
     def save(self) -> bytes:
         """Return the complete dynamic state, for `restore` in a world of the same scene."""
-        meta = {'names': self.names, 'step_index': self.step_index, 'step_ns': self.step_ns,
-                'sources': self._applied.sources}
+        meta = {'scene': self._fingerprint(), 'bodies': len(self.names),
+                'step_index': self.step_index, 'sources': self._applied.sources}
         return pack(meta, self._dynamic())
 
     def restore(self, data: bytes) -> None:
-        """Continue from what `save` returned, bit for bit; ValueError if it belongs to another scene."""
+        """
+        Continue from what `save` returned, bit for bit.
+
+        ValueError if it belongs to another scene or is damaged.
+        """
         meta, arrays = unpack(data)
-        if meta['names'] != self.names or meta['step_ns'] != self.step_ns:
+        if meta['scene'] != self._fingerprint():
             raise ValueError(
-                f"the snapshot is of {len(meta['names'])} bodies ({_some(meta['names'])}) at a step of "
-                f"{meta['step_ns']} ns, this world has {len(self.names)} ({_some(self.names)}) at "
-                f'{self.step_ns} ns: restore it into a world of its own scene')
-        copy_into(self._state, State(*(arrays[field] for field in State._fields)))
-        self._applied.replace(Wrenches(*(arrays[field] for field in Wrenches._fields)), meta['sources'])
+                f"the snapshot of {meta['bodies']} bodies is of another scene than this one of "
+                f'{len(self.names)} ({_some(self.names)}): restore it into a world of its own')
+        copy_into(self._state, State._make(arrays[field] for field in State._fields))
+        self._applied.replace(Wrenches._make(arrays[field] for field in Wrenches._fields),
+                              meta['sources'])
         self.step_index = meta['step_index']
         self._motion_is_current = False
 
     def reset(self, keep_time: bool = False) -> None:
-        """Return to the scene's initial state, wrenches ended; time restarts at 0 unless it is kept."""
+        """Return to the initial state, wrenches ended; time restarts at 0 unless kept."""
         copy_into(self._state, self.scene.state)
         self._applied = AppliedWrenches()
         self._motion_is_current = False

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
-# Inside a kernel a vector and a quaternion (x, y, z, w) are tuples: they live in registers, allocate
-# nothing and let the compiler vectorise over bodies.
+# Inside a kernel a vector and a quaternion (x, y, z, w) are tuples: they live in registers,
+# allocate nothing and let the compiler vectorise over bodies.
 Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]

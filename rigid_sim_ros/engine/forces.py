@@ -40,7 +40,8 @@ class ForceKind(NamedTuple):
     """How a force is written in a scene and computed."""
 
     add: Callable[..., float]
-    ends: str  # 'each': a row for each of `bodies`; 'pairs': for each pair of them; 'ab': keys a, b
+    # 'each': a row for each of `bodies`; 'pairs': for each pair of them; 'ab': keys a and b
+    ends: str
     parameters: tuple[Parameter, ...]
 
 

@@ -8,6 +8,8 @@ next block takes its first: the block stays in the fastest memory, and vector in
 its bodies together.
 """
 
+import numpy as np
+
 from rigid_sim_ros.engine.arrays import Array
 from rigid_sim_ros.engine.free_rotation import MAX_ANGLE, turn, turn_fast
 from rigid_sim_ros.engine.kernel import kernel
@@ -24,14 +26,14 @@ BLOCK_SIZE = _ROWS * LANES
 
 
 @kernel
-def fly(model: Model, state: State, gravity: tuple[float, float, float], h: float, count: int,
-        block: Array) -> None:
+def fly(model: Model, state: State, gravity: tuple[float, float, float], h: float,
+        count: int | np.int64, block: Array) -> None:
     """
     Advance every body by `count` steps of h [s] under a uniform gravity [m/s^2, world axes].
 
     Each step is P += h/2 F, x += h P / M, the rotation of a free body, P += h/2 F. With gravity 0
-    it is the drift of the symplectic integrator. `block` is scratch, (BLOCK_SIZE,). What becomes of
-    a body does not depend on the bodies beside it, nor on how the steps are spread over calls.
+    it is the drift of the symplectic integrator. `block` is scratch, (BLOCK_SIZE,). What becomes
+    of a body does not depend on the bodies beside it, nor on how the steps are spread over calls.
     """
     n = model.m.shape[0]
     for first in range(0, n, LANES):
@@ -59,7 +61,7 @@ def _load(model: Model, state: State, gravity: tuple[float, float, float], h: fl
 
 
 @kernel
-def _fly_block(b: Array, h: float, count: int) -> None:
+def _fly_block(b: Array, h: float, count: int | np.int64) -> None:
     """
     Advance one block.
 
@@ -84,7 +86,7 @@ def _fly_block(b: Array, h: float, count: int) -> None:
 
 
 @kernel
-def _store(model: Model, state: State, h: float, count: int, first: int, lanes: int,
+def _store(model: Model, state: State, h: float, count: int | np.int64, first: int, lanes: int,
            block: Array) -> None:
     """Write a block back; bodies too fast for `turn` are turned here, and fixed ones stay."""
     for i in range(lanes):

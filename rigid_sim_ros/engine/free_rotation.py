@@ -3,20 +3,23 @@
 """
 The rotation of a rigid body on which no torque acts.
 
-In the axes of the body the angular momentum l obeys Euler's equation l' = l x w with w = I^-1 l, and the
-attitude q' = q w / 2. The logarithm r(t) of the attitude, q(t) = q(0) exp(r / 2), then obeys
+In the axes of the body the angular momentum l obeys Euler's equation l' = l x w with w = I^-1 l,
+and the attitude q' = q w / 2. The logarithm r(t) of the attitude, q(t) = q(0) exp(r / 2), then
+obeys
 
     r' = w + r x w / 2 + r x (r x w) / 12 + O(r^4 w),    r(0) = 0
 
-(Magnus, Comm. Pure Appl. Math. 7 (1954); Iserles, Munthe-Kaas, Norsett, Zanna, Lie-group methods, Acta Numerica
-9 (2000), section 4). Euler's equation gives the derivatives w1, w2, ... of w, and with c = w0 x w1 the Taylor series
-of r is
+(Magnus, Comm. Pure Appl. Math. 7 (1954); Iserles, Munthe-Kaas, Norsett, Zanna, Lie-group methods,
+Acta Numerica 9 (2000), section 4). Euler's equation gives the derivatives w1, w2, ... of w, and
+with c = w0 x w1 the Taylor series of r is
 
     r = h w0 + h^2 w1 / 2 + h^3 (w2 / 6 + c / 12) + h^4 (w3 + w0 x w2) / 24
-      + h^5 (w4 / 120 + w0 x w3 / 80 + w1 x w2 / 120 - w1 x c / 240 + w0 x (w0 x w2 - w0 x c) / 720) + O(h^6).
+      + h^5 (w4 / 120 + w0 x w3 / 80 + w1 x w2 / 120 - w1 x c / 240 + w0 x (w0 x w2 - w0 x c) /
+      720) + O(h^6).
 
-A step of this Lie-group method has order five. The momentum is a constant of the motion that is stored, not
-computed, so |L| cannot drift; only w0 survives for a sphere or about a principal axis, so these turn exactly.
+A step of this Lie-group method has order five. The momentum is a constant of the motion that is
+stored, not computed, so |L| cannot drift; only w0 survives for a sphere or about a principal axis,
+so these turn exactly.
 """
 
 import math
@@ -27,10 +30,12 @@ from rigid_sim_ros.engine.rotation import (
     angular_velocity, exponential, multiply, rotate_back, unit)
 from rigid_sim_ros.engine.vector import add, add_scaled, cross, norm, subtract, times
 
-# A call of `turn` is good for at most this angle [rad]; a faster body takes more, shorter calls. Here the
-# neglected terms are of the order 0.25^6 / 1000 = 2e-7 rad a call; twice the angle costs 64 times the error.
+# A call of `turn` is good for at most this angle [rad]; a faster body takes more, shorter calls.
+# Here the neglected terms are of the order 0.25^6 / 1000 = 2e-7 rad a call; twice the angle costs
+# 64 times the error.
 MAX_ANGLE = 0.25
-# More than MAX_ANGLE * MAX_SUBSTEPS = 256 rad in one step: the calls become longer, not more numerous.
+# More than MAX_ANGLE * MAX_SUBSTEPS = 256 rad in one step: the calls become longer, not more
+# numerous.
 MAX_SUBSTEPS = 1024
 
 
@@ -39,8 +44,8 @@ def rotation_vector(l0: Vector, inv_I: Vector, h: float) -> Vector:
     """
     Return r, the rotation [rad, body axes] of a free body in h [s], to fifth order in h.
 
-    l0 is the angular momentum at the start [kg m^2/s, body axes], inv_I the reciprocals of the principal
-    moments [1/(kg m^2)]. The formula is derived at the top of this file.
+    l0 is the angular momentum at the start [kg m^2/s, body axes], inv_I the reciprocals of the
+    principal moments [1/(kg m^2)]. The formula is derived at the top of this file.
     """
     w0 = times(inv_I, l0)
     l1 = cross(l0, w0)
@@ -72,11 +77,12 @@ def small_exponential(r: Vector) -> Quaternion:
     """
     Return the rotation by the vector r, |r| <= 2 MAX_ANGLE, without a branch or a call.
 
-    Taylor series of sin(a / 2) / a and cos(a / 2) in u = (a / 2)^2 <= 1/16; the first terms left out, u^6 / 13!
-    and u^7 / 14!, are below 1e-17.
+    Taylor series of sin(a / 2) / a and cos(a / 2) in u = (a / 2)^2 <= 1/16; the first terms left
+    out, u^6 / 13! and u^7 / 14!, are below 1e-17.
     """
     u = 0.25 * (r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
-    s = 0.5 + u * (-1 / 12 + u * (1 / 240 + u * (-1 / 10080 + u * (1 / 725760 + u * (-1 / 79833600)))))
+    s = 0.5 + u * (-1 / 12 + u * (1 / 240 + u * (-1 / 10080 + u * (
+        1 / 725760 + u * (-1 / 79833600)))))
     c = 1.0 + u * (-1 / 2 + u * (1 / 24 + u * (-1 / 720 + u * (
         1 / 40320 + u * (-1 / 3628800 + u * (1 / 479001600))))))
     return (s * r[0], s * r[1], s * r[2], c)
@@ -84,7 +90,7 @@ def small_exponential(r: Vector) -> Quaternion:
 
 @inlined
 def turn(q_WC: Quaternion, L: Vector, inv_I: Vector, h: float) -> Quaternion:
-    """Return the attitude h [s] later of a free body that turns by at most MAX_ANGLE; L in world axes."""
+    """Return the attitude of a free body after h [s], |w| h <= MAX_ANGLE; L in world axes."""
     r = rotation_vector(rotate_back(q_WC, L), inv_I, h)
     q = multiply(q_WC, small_exponential(r))
     # |q|^2 is off by rounding only: one Newton step for 1 / |q| from 1 restores it.
@@ -94,11 +100,11 @@ def turn(q_WC: Quaternion, L: Vector, inv_I: Vector, h: float) -> Quaternion:
 
 @kernel
 def turn_fast(q_WC: Quaternion, L: Vector, inv_I: Vector, h: float) -> Quaternion:
-    """Return the attitude h [s] later of a free body of any speed, by substeps; L in world axes."""
+    """Return the attitude of a free body after h [s] at any speed; L in world axes."""
     angle = norm(angular_velocity(q_WC, L, inv_I)) * h
     substeps = MAX_SUBSTEPS
     if angle < MAX_ANGLE * MAX_SUBSTEPS:
-        substeps = max(1, int(math.ceil(angle / MAX_ANGLE)))
+        substeps = max(1, math.ceil(angle / MAX_ANGLE))
     for _ in range(substeps):
         r = rotation_vector(rotate_back(q_WC, L), inv_I, h / substeps)
         q_WC = unit(multiply(q_WC, exponential(r)))

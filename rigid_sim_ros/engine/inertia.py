@@ -3,8 +3,9 @@
 """
 Mass, centre of mass and inertia of bodies.
 
-An inertia tensor here is I = integral of (|r|^2 1 - r r^T) dm (Parent, Rigid Body Dynamics, "Inertia Tensor"), so
-its off-diagonal entries are I_xy = -integral of x y dm, the sign that URDF and SDF use too.
+An inertia tensor here is I = integral of (|r|^2 1 - r r^T) dm (Parent, Rigid Body Dynamics,
+"Inertia Tensor"), so its off-diagonal entries are I_xy = -integral of x y dm, the sign that URDF
+and SDF use too.
 """
 
 from collections.abc import Sequence
@@ -15,8 +16,8 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array
 
-# Moments that violate I_1 + I_2 >= I_3 by less than this fraction are rounding: a thin plate meets it with
-# equality. Larger: unphysical tensors pass; smaller: real plates are refused.
+# Moments that violate I_1 + I_2 >= I_3 by less than this fraction are rounding: a thin plate meets
+# it with equality. Larger: unphysical tensors pass; smaller: real plates are refused.
 TRIANGLE_TOLERANCE = 1e-9
 
 
@@ -48,7 +49,9 @@ def cylinder_volume(radius: float, length: float) -> float:
 
 
 def capsule_volume(radius: float, length: float) -> float:
-    """Return the volume [m^3] of a cylinder of this radius and length [m] between two half balls."""
+    """
+    Return the volume [m^3] of a cylinder of this radius and length [m] between two half balls.
+    """
     return cylinder_volume(radius, length) + sphere_volume(radius)
 
 
@@ -61,10 +64,12 @@ def box(m: float, size: Sequence[float]) -> MassProperties:
     """
     Return the mass properties of a homogeneous cuboid with full edge lengths a, b, c [m].
 
-    I = m / 12 diag(b^2 + c^2, a^2 + c^2, a^2 + b^2) (Parent, Rigid Body Dynamics, "Inertia Tensor for a Cuboid").
+    I = m / 12 diag(b^2 + c^2, a^2 + c^2, a^2 + b^2) (Parent, Rigid Body Dynamics, "Inertia Tensor
+    for a Cuboid").
     """
     a, b, c = size
-    return _about_origin(m, [m / 12.0 * (b * b + c * c), m / 12.0 * (a * a + c * c), m / 12.0 * (a * a + b * b)])
+    return _about_origin(m, [
+        m / 12.0 * (b * b + c * c), m / 12.0 * (a * a + c * c), m / 12.0 * (a * a + b * b)])
 
 
 def cylinder(m: float, radius: float, length: float) -> MassProperties:
@@ -75,10 +80,12 @@ def cylinder(m: float, radius: float, length: float) -> MassProperties:
 
 def capsule(m: float, radius: float, length: float) -> MassProperties:
     """
-    Return the mass properties of a homogeneous capsule about the z axis; length [m] without the caps.
+    Return the mass properties of a homogeneous capsule about the z axis; length [m] without the
+    caps.
 
-    A half ball of mass m_h has its centre of mass 3/8 r from the flat face and the moment 2/5 m_h r^2 about any
-    axis through the centre of that face; the parallel axes theorem moves it to the middle of the capsule.
+    A half ball of mass m_h has its centre of mass 3/8 r from the flat face and the moment 2/5 m_h
+    r^2 about any axis through the centre of that face; the parallel axes theorem moves it to the
+    middle of the capsule.
     """
     volume = capsule_volume(radius, length)
     m_cylinder = m * cylinder_volume(radius, length) / volume
@@ -93,8 +100,8 @@ def points(positions: Array, masses: Array) -> MassProperties:
     """
     Return the mass properties of particles at positions (k, 3) [m] with masses (k,) [kg].
 
-    M = sum m_i, x = sum m_i q_i / M, I = sum m_i (|r_i|^2 1 - r_i r_i^T), r_i = q_i - x (Parent, Rigid Body Dynamics,
-    "Center of Mass", "Inertia Tensor").
+    M = sum m_i, x = sum m_i q_i / M, I = sum m_i (|r_i|^2 1 - r_i r_i^T), r_i = q_i - x (Parent,
+    Rigid Body Dynamics, "Center of Mass", "Inertia Tensor").
     """
     p = np.asarray(positions, dtype=np.float64)
     m_i = np.asarray(masses, dtype=np.float64)
@@ -106,7 +113,10 @@ def points(positions: Array, masses: Array) -> MassProperties:
 
 
 def inertial(m: float, com: Sequence[float], inertia: Sequence[float]) -> MassProperties:
-    """Return explicit mass properties; inertia is ixx, iyy, izz, ixy, ixz, iyz [kg m^2] about the com."""
+    """
+    Return explicit mass properties; inertia is ixx, iyy, izz, ixy, ixz, iyz [kg m^2] about the
+    com.
+    """
     xx, yy, zz, xy, xz, yz = inertia
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=np.float64)
     return MassProperties(m, np.asarray(com, dtype=np.float64), tensor)
@@ -116,13 +126,15 @@ def mesh(m: float, vertices: Array, triangles: Array) -> MassProperties:
     """
     Return the mass properties of the homogeneous solid inside a closed mesh.
 
-    vertices (v, 3) [m]; triangles (t, 3) indices, counter-clockwise seen from outside. Exact: the solid is the
-    signed sum of the tetrahedra from the origin to each triangle, and over a tetrahedron with the corners 0, a, b, c
-    of volume V the second moment is V / 20 (s s^T + a a^T + b b^T + c c^T), s = a + b + c (Tonon, J. Math. and Stat. 1,
-    2004). ValueError when the enclosed volume is not positive.
+    vertices (v, 3) [m]; triangles (t, 3) indices, counter-clockwise seen from outside. Exact: the
+    solid is the signed sum of the tetrahedra from the origin to each triangle, and over a
+    tetrahedron with the corners 0, a, b, c of volume V the second moment is V / 20 (s s^T + a a^T
+    + b b^T + c c^T), s = a + b + c (Tonon, J. Math. and Stat. 1, 2004). ValueError when the
+    enclosed volume is not positive.
     """
     corners = np.asarray(vertices, dtype=np.float64)
-    # Measured from the middle of the mesh, a mesh far from its origin loses no digits to cancellation.
+    # Measured from the middle of the mesh, a mesh far from its origin loses no digits to
+    # cancellation.
     middle = corners.mean(axis=0)
     a, b, c = np.moveaxis((corners - middle)[np.asarray(triangles)], 1, 0)
     volumes = np.einsum('ti,ti->t', a, np.cross(b, c)) / 6.0
@@ -146,12 +158,17 @@ def mesh_volume(vertices: Array, triangles: Array) -> float:
 
 
 def placed(part: MassProperties, p_BS: Array, R_BS: Array) -> MassProperties:
-    """Return the mass properties of a part, given in its own frame S, in the frame B of the body."""
+    """
+    Return the mass properties of a part, given in its own frame S, in the frame B of the body.
+    """
     return MassProperties(part.m, p_BS + R_BS @ part.p_BC, R_BS @ part.I_BC_B @ R_BS.T)
 
 
 def combine(parts: Sequence[MassProperties]) -> MassProperties:
-    """Return the mass properties of several parts, all given in one frame, by the parallel axes theorem."""
+    """
+    Return the mass properties of several parts, all given in one frame, by the parallel axes
+    theorem.
+    """
     m = sum(part.m for part in parts)
     p_BC = np.sum([part.m * part.p_BC for part in parts], axis=0) / m
     tensor = np.zeros((3, 3))
@@ -167,23 +184,26 @@ def check(properties: MassProperties) -> None:
     if not (math.isfinite(m) and m > 0.0):
         raise ValueError(f'mass {m:g} kg, must be > 0')
     if not (np.isfinite(p_BC).all() and np.isfinite(tensor).all()):
-        raise ValueError(f'centre of mass {p_BC.tolist()} or inertia {tensor.tolist()} is not finite')
+        raise ValueError(f'centre of mass {p_BC.tolist()} or inertia {tensor.tolist()}, '
+                         'must be finite')
     low, middle, high = np.linalg.eigvalsh(tensor)
     moments = f'principal moments {low:.9g}, {middle:.9g}, {high:.9g} kg m^2'
-    # A moment below rounding of the largest one is a line of particles, which cannot be spun up about itself.
+    # A moment below rounding of the largest one is a line of particles, which cannot be spun up
+    # about itself.
     if not low > 1e-14 * high:
         raise ValueError(f'inertia is not positive definite: {moments}, must all be > 0')
     if low + middle < high * (1.0 - TRIANGLE_TOLERANCE):
         raise ValueError(f'inertia violates the triangle inequality: {moments}, the two smaller '
-                         f'ones must add up to the largest or more, {low + middle:.9g} < {high:.9g}')
+                         f'ones must add up to the largest or more, '
+                         f'{low + middle:.9g} < {high:.9g}')
 
 
 def principal_axes(tensor: Array) -> tuple[Array, Array]:
     """
-    Return the principal moments (3,) [kg m^2] and R_BC (3, 3), whose columns are the principal axes in B.
+    Return the principal moments (3,) [kg m^2] and R_BC (3, 3), whose columns are their axes.
 
-    A tensor that is diagonal already keeps its axes and their order to the bit. Else the axes are ordered and
-    signed so that they lie as near as possible to those of B, and right-handed.
+    A tensor that is diagonal already keeps its axes and their order to the bit. Else the axes are
+    ordered and signed so that they lie as near as possible to those of B, and right-handed.
     """
     if not np.any(tensor - np.diag(np.diag(tensor))):
         return np.diag(tensor).copy(), np.eye(3)

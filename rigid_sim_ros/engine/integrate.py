@@ -3,8 +3,9 @@
 """
 Step the state of all bodies by h, by one of four methods.
 
-The equations are d/dt (x, R, P, L) = (v, w* R, F, tau) with v = P / M and w = R I^-1 R^T L (Meyer, Rigid Body
-Dynamics, "Rigid Body Equations of Motion"). Measured orders and errors stand in docs/integrators.md.
+The equations are d/dt (x, R, P, L) = (v, w* R, F, tau) with v = P / M and w = R I^-1 R^T L (Meyer,
+Rigid Body Dynamics, "Rigid Body Equations of Motion"). Measured orders and errors stand in
+docs/integrators.md.
 """
 
 from typing import NamedTuple
@@ -45,7 +46,7 @@ def make_work(n: int) -> Work:
 
 @kernel
 def sum_loads(model: Model, state: State, wrenches: Wrenches, loads: Loads) -> None:
-    """Write gravity, the scene's forces and the applied wrenches to the loads; none on fixed bodies."""
+    """Write gravity, forces and wrenches to the loads; fixed bodies feel none."""
     loads.F[:] = 0.0
     loads.tau[:] = 0.0
     add_gravity(model, state, loads)
@@ -103,7 +104,7 @@ def turn_matrix(q: Quaternion, w: Vector, h: float) -> Quaternion:
 
 @kernel
 def turn_axis_angle(q: Quaternion, w: Vector, h: float) -> Quaternion:
-    """Return R with its columns rotated about w by |w| h (Parent, "Update Orientation - options")."""
+    """Return R, columns rotated by |w| h about w (Parent, "Update Orientation - options")."""
     return unit(multiply(exponential(scale(h, w)), q))
 
 

@@ -3,9 +3,10 @@
 """
 Compile the engine's kernels, and keep what was compiled.
 
-Numba looks at one source file when it decides whether a cached kernel is still valid, while ours call each
-other across files. The folder of the cache therefore carries a digest of all engine sources: a change
-anywhere compiles anew, and a package that lies in a read-only place finds its cache again.
+Numba looks at one source file when it decides whether a cached kernel is still valid, while ours
+call each other across files. The folder of the cache therefore carries a digest of all engine
+sources: a change anywhere compiles anew, and a package that lies in a read-only place finds its
+cache again.
 """
 
 from collections.abc import Callable
@@ -15,7 +16,7 @@ from pathlib import Path
 import tempfile
 from typing import Any, TypeVar
 
-from numba import config, njit
+import numba
 
 Function = TypeVar('Function', bound=Callable[..., Any])
 
@@ -41,8 +42,8 @@ def cache_folder() -> Path:
     """
     Return the folder in which compiled kernels are kept.
 
-    It lies below NUMBA_CACHE_DIR when that is set, else below the user's cache folder, else (a user without a
-    home that can be written to) below the system's temporary folder.
+    It lies below NUMBA_CACHE_DIR when that is set, else below the user's cache folder, else (a
+    user without a home that can be written to) below the system's temporary folder.
     """
     bases = [Path(os.environ['NUMBA_CACHE_DIR'])] if os.environ.get('NUMBA_CACHE_DIR') else []
     home = os.environ.get('XDG_CACHE_HOME') or os.path.join(os.path.expanduser('~'), '.cache')
@@ -59,10 +60,11 @@ _CACHE = cache_folder()
 
 
 def _compiled(function: Function, **options: Any) -> Function:
+    config: Any = numba.config
     elsewhere = config.CACHE_DIR
     config.CACHE_DIR = str(_CACHE)
     try:
-        compiled: Function = njit(cache=True, nogil=True, **options)(function)
+        compiled: Function = numba.njit(cache=True, nogil=True, **options)(function)
     finally:
         config.CACHE_DIR = elsewhere
     return compiled
@@ -72,8 +74,8 @@ def kernel(function: Function) -> Function:
     """
     Compile a function of numbers and arrays, on its first call, and cache the result.
 
-    The compiled code holds no lock of the interpreter (other threads run meanwhile) and keeps the order of
-    every floating-point operation: fastmath stays off, so that runs repeat bit for bit.
+    The compiled code holds no lock of the interpreter (other threads run meanwhile) and keeps the
+    order of every floating-point operation: fastmath stays off, so that runs repeat bit for bit.
     """
     return _compiled(function)
 
@@ -82,7 +84,7 @@ def inlined(function: Function) -> Function:
     """
     Compile like `kernel`, but paste the body into each caller before types are known.
 
-    For small functions that a loop over bodies calls: a real call, even one that LLVM inlines later, keeps
-    that loop from becoming vector instructions.
+    For small functions that a loop over bodies calls: a real call, even one that LLVM inlines
+    later, keeps that loop from becoming vector instructions.
     """
     return _compiled(function, inline='always')

@@ -3,8 +3,9 @@
 """
 What stays the same while a world moves.
 
-Three frames belong to a body: B, the pose that its author wrote; C, with the origin in the centre of mass and the
-principal axes of inertia, in which the dynamics run; and any number of named frames F. W is the world.
+Three frames belong to a body: B, the pose that its author wrote; C, with the origin in the centre
+of mass and the principal axes of inertia, in which the dynamics run; and any number of named
+frames F. W is the world.
 """
 
 from collections.abc import Sequence
@@ -47,7 +48,7 @@ class Model(NamedTuple):
 
 
 class Body(NamedTuple):
-    """How to make one body; the pose and twist are those of B, in world axes."""
+    """How to make one body."""
 
     mass_properties: MassProperties | None  # None: a fixed body without a mass
     fixed: bool
@@ -62,7 +63,8 @@ class Frame(NamedTuple):
 
 
 def _quaternion(R: Array) -> Array:
-    return np.array(from_matrix(tuple(tuple(float(entry) for entry in line) for line in R)))  # type: ignore
+    x, y, z = R.tolist()
+    return np.array(from_matrix((tuple(x), tuple(y), tuple(z))))
 
 
 def _rotated(q: Array, v: Array) -> Array:
@@ -80,8 +82,8 @@ def build_model(bodies: Sequence[Body], frames: Sequence[Frame], forces: ForceTa
     """
     Return the constants of a world of these bodies, with `frames` after the n body frames.
 
-    h is the step [s], gravity [m/s^2] in world axes. ValueError, with the numbers, for mass properties that no body
-    has. Inertia tensors are diagonalised here, once.
+    h is the step [s], gravity [m/s^2] in world axes. ValueError, with the numbers, for mass
+    properties that no body has. Inertia tensors are diagonalised here, once.
     """
     n = len(bodies)
     m, inv_m = np.zeros(n), np.zeros(n)
@@ -106,8 +108,9 @@ def build_model(bodies: Sequence[Body], frames: Sequence[Frame], forces: ForceTa
     p_CF = np.concatenate([p_CB, np.zeros((len(frames), 3))])
     q_CF = np.concatenate([q_CB, np.zeros((len(frames), 4))])
     for k, frame in enumerate(frames, start=n):
-        p_CF[k] = p_CB[frame.body] + _rotated(q_CB[frame.body], np.asarray(frame.p_BF, dtype=np.float64))
-        q_CF[k] = _product(q_CB[frame.body], np.asarray(frame.q_BF, dtype=np.float64))
+        b = frame.body
+        p_CF[k] = p_CB[b] + _rotated(q_CB[b], np.asarray(frame.p_BF, dtype=np.float64))
+        q_CF[k] = _product(q_CB[b], np.asarray(frame.q_BF, dtype=np.float64))
     fixed = np.array([i for i, body in enumerate(bodies) if body.fixed], dtype=np.int64)
-    return Model(float(h), np.array(gravity, dtype=np.float64), m, inv_m, I_C, inv_I_C, p_CB, q_CB, fixed,
-                 frame_body, p_CF, q_CF, forces)
+    return Model(float(h), np.array(gravity, dtype=np.float64), m, inv_m, I_C, inv_I_C, p_CB, q_CB,
+                 fixed, frame_body, p_CF, q_CF, forces)

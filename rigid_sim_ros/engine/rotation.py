@@ -58,8 +58,9 @@ def angular_velocity(q_WC: Quaternion, L: Vector, inv_I: Vector) -> Vector:
     """
     Return w = R I^-1 R^T L [rad/s, world axes].
 
-    L is the angular momentum about the centre of mass [kg m^2/s, world axes], inv_I the reciprocals of the
-    principal moments [1/(kg m^2)] (Meyer, Rigid Body Dynamics, "Angular Momentum", "Inertia Tensor").
+    L is the angular momentum about the centre of mass [kg m^2/s, world axes], inv_I the
+    reciprocals of the principal moments [1/(kg m^2)] (Meyer, Rigid Body Dynamics, "Angular
+    Momentum", "Inertia Tensor").
     """
     return rotate(q_WC, times(inv_I, rotate_back(q_WC, L)))
 
@@ -82,7 +83,9 @@ def exponential(r: Vector) -> Quaternion:
 
 @kernel
 def logarithm(q: Quaternion) -> Vector:
-    """Return the rotation vector [rad] of the shorter way, |r| <= pi: the inverse of `exponential`."""
+    """
+    Return the rotation vector [rad] of the shorter way, |r| <= pi: the inverse of `exponential`.
+    """
     sign = 1.0 if q[3] >= 0.0 else -1.0
     s = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2])
     # angle / sin(angle / 2) goes to 2 where the quotient itself is 0/0.
@@ -104,8 +107,8 @@ def from_matrix(R: Matrix) -> Quaternion:
     """
     Return the unit quaternion of a rotation matrix given by its rows.
 
-    Shepperd, Quaternion from rotation matrix, J. Guidance and Control 1 (1978): divide by the largest of the
-    four components, so that nothing cancels.
+    Shepperd, Quaternion from rotation matrix, J. Guidance and Control 1 (1978): divide by the
+    largest of the four components, so that nothing cancels.
     """
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R
     trace = xx + yy + zz

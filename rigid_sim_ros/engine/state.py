@@ -3,8 +3,9 @@
 """
 What changes while a world moves.
 
-The state is that of the course: S = (x, R, P, L) (Parent, Rigid Body Dynamics, "Update State Vector"), with R as a unit
-quaternion. Momenta are the state, velocities follow: v = P / M, w = I^-1 L.
+The state is that of the course: S = (x, R, P, L) (Parent, Rigid Body Dynamics, "Update State
+Vector"), with R as a unit quaternion. Momenta are the state, velocities follow: v = P / M, w =
+I^-1 L.
 """
 
 from typing import NamedTuple
@@ -14,8 +15,10 @@ import numpy as np
 from rigid_sim_ros.engine.arrays import Array
 from rigid_sim_ros.engine.kernel import inlined, kernel
 from rigid_sim_ros.engine.model import Model
-from rigid_sim_ros.engine.rotation import angular_momentum, angular_velocity, multiply, quaternion, rotate
-from rigid_sim_ros.engine.vector import add, add_scaled, column, cross, row, scale, set_column, subtract
+from rigid_sim_ros.engine.rotation import (
+    angular_momentum, angular_velocity, multiply, quaternion, rotate)
+from rigid_sim_ros.engine.vector import (
+    add, add_scaled, column, cross, row, scale, set_column, subtract)
 
 
 class State(NamedTuple):
@@ -91,7 +94,11 @@ def body_spin(model: Model, state: State, i: int) -> tuple[float, float, float]:
 
 @kernel
 def read_motion(model: Model, state: State, motion: BodyMotion) -> None:
-    """Write the motion of the body frames: p_WB = x + R p_CB, q_WB = q_WC q_CB, v_B = v + w x (p_WB - x)."""
+    """
+    Write the motion of the body frames.
+
+    p_WB = x + R p_CB, q_WB = q_WC q_CB, v_B = v + w x (p_WB - x).
+    """
     for i in range(model.m.shape[0]):
         q = quaternion(state.q, i)
         r = rotate(q, row(model.p_CB, i))
@@ -110,7 +117,7 @@ def read_motion(model: Model, state: State, motion: BodyMotion) -> None:
 
 @kernel
 def write_motion(model: Model, state: State, motion: BodyMotion, i: int) -> None:
-    """Set the state of body i from row i of the motion of the body frames, the inverse of `read_motion`."""
+    """Set the state of body i from its row of body-frame motion: undo `read_motion`."""
     q_WB = (motion.orientation[i, 0], motion.orientation[i, 1], motion.orientation[i, 2],
             motion.orientation[i, 3])
     q_BC = (-model.q_CB[i, 0], -model.q_CB[i, 1], -model.q_CB[i, 2], model.q_CB[i, 3])
@@ -149,7 +156,9 @@ def total_angular_momentum(state: State) -> tuple[float, float, float]:
 @kernel
 def add_impulse(model: Model, state: State, i: int, p_W: tuple[float, float, float],
                 J_W: tuple[float, float, float]) -> None:
-    """Change P by J [N s] and L by (p - x) x J, an impulse at p [m], world axes (Meyer, "Impulse")."""
+    """
+    Change P by J [N s] and L by (p - x) x J, an impulse at p [m], world axes (Meyer, "Impulse").
+    """
     if model.inv_m[i] > 0.0:
         r = subtract(p_W, column(state.x, i))
         set_column(state.P, i, add(column(state.P, i), J_W))
