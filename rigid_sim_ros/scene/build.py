@@ -15,8 +15,10 @@ from rigid_sim_ros.engine.model import Body, build_model, Frame, Model
 from rigid_sim_ros.engine.state import BodyMotion, empty_state, State, write_motion
 from rigid_sim_ros.scene import mass, mesh, schema
 from rigid_sim_ros.scene.document import Source
-from rigid_sim_ros.scene.errors import nearest, Path as Place, Problem, SceneError, shown
-from rigid_sim_ros.scene.forces import force_table, Report
+from rigid_sim_ros.scene.errors import (
+    below, nearest, Path as Place, Problem, Report, SceneError, shown,
+)
+from rigid_sim_ros.scene.forces import force_table
 
 _EXTREME = 'mass, size or speed leave the range of numbers, must be less extreme'
 
@@ -32,6 +34,12 @@ class Scene:
     state: State  # at the start
     names: tuple[str, ...]  # of the bodies
     frame_names: Mapping[str, int]  # 'crate', 'crate/handle': the frame's index in the model
+
+    # How the engine is to run it, in the words of the file.
+    integrator: str
+    orientation: str
+    contact: str
+    solver: str
 
     @property
     def step_ns(self) -> int:
@@ -51,9 +59,14 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source) ->
     def report(path: Place, message: str) -> None:
         problems.append(source.problem(path, message))
 
-    spec = _with_meshes(spec, folder, report)
+    bodies, masses = [], []
+    for i, body in enumerate(spec.bodies):
+        here = below(('bodies', i), report)
+        solid = _with_meshes(body, folder, here)
+        bodies.append(solid or body)
+        masses.append(_mass_properties(solid, here) if solid else None)
+    spec = spec.model_copy(update={'bodies': tuple(bodies)})
     _check_references(spec, report)
-    masses = [_mass_properties(body, i, report) for i, body in enumerate(spec.bodies)]
     frame_names = _frame_names(spec)
     frames = [Frame(i, np.array(pose.position), np.array(pose.orientation))
               for i, body in enumerate(spec.bodies) for pose in body.frames.values()]
@@ -73,7 +86,8 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source) ->
     if problems:
         raise SceneError(problems)
     return Scene(name, spec, to_text(spec), model, state, tuple(body.name for body in spec.bodies),
-                 frame_names)
+                 frame_names, spec.world.integrator, spec.world.orientation, spec.world.contact,
+                 spec.world.solver)
 
 
 def to_text(spec: schema.Scene) -> str:
@@ -87,23 +101,22 @@ def to_text(spec: schema.Scene) -> str:
     return '\n'.join(lines) + '\n'
 
 
-def _with_meshes(spec: schema.Scene, folder: Path | None, report: Report) -> schema.Scene:
-    """Return the scene with the triangles of every mesh in it, in metres and wound outwards."""
-    def filled(part: schema.Shape, path: Place) -> schema.Shape:
+def _with_meshes(body: schema.Body, folder: Path | None, report: Report) -> schema.Body | None:
+    """Return the body with the triangles of its meshes in it; None if one is no good."""
+    parts: list[schema.Shape] = []
+    for path, part in body.parts():
         if not isinstance(part, schema.Mesh):
-            return part
+            parts.append(part)
+            continue
         try:
             surface = mesh.closed(_surface(part, folder))
         except ValueError as error:
             report(path if part.file is None else (*path, 'file'), str(error))
-            return part
-        return part.model_copy(update={
-            'file': None, 'scale': (1.0, 1.0, 1.0), 'vertices': _rows(surface.vertices),
-            'faces': _rows(surface.faces)})
-
-    return spec.model_copy(update={'bodies': tuple(
-        body.with_parts([filled(part, ('bodies', i, *path)) for path, part in body.parts()])
-        for i, body in enumerate(spec.bodies))})
+        else:
+            parts.append(part.model_copy(update={
+                'file': None, 'scale': (1.0, 1.0, 1.0), 'vertices': _rows(surface.vertices),
+                'faces': _rows(surface.faces)}))
+    return body.with_parts(parts) if len(parts) == len(body.parts()) else None
 
 
 def _surface(part: schema.Mesh, folder: Path | None) -> mesh.Mesh:
@@ -138,24 +151,23 @@ def _check_references(spec: schema.Scene, report: Report) -> None:
                        f'{nearest(material, spec.all_materials)}')
 
 
-def _mass_properties(body: schema.Body, i: int, report: Report) -> MassProperties | None:
+def _mass_properties(body: schema.Body, report: Report) -> MassProperties | None:
     """Return what the body weighs, None for nothing; report why it cannot be had."""
     mistakes = list(mass.mistakes(body))
     for path, message in mistakes:
-        report(('bodies', i, *path), message)
-    unread = any(isinstance(part, schema.Mesh) and part.file for _, part in body.parts())
-    if mistakes or unread:
+        report(path, message)
+    if mistakes:
         return None
-    place = 'inertial' if body.inertial else 'shape' if body.shape else 'compound'
+    place = 'inertial' if body.inertial else 'compound' if body.compound else 'shape'
     try:
         with np.errstate(all='ignore'):
             properties = mass.properties(body)
             if properties is not None:
                 check(properties)
     except ArithmeticError:
-        report(('bodies', i, place), _EXTREME)
+        report((place,), _EXTREME)
     except ValueError as error:
-        report(('bodies', i, place), str(error))
+        report((place,), str(error))
     else:
         return properties
     return None

@@ -34,14 +34,12 @@ def find(path_or_name: str | os.PathLike[str]) -> Path:
     """
     path = Path(path_or_name)
     names = example_names()
-    try:
-        if path.is_file():
-            return path
-        if str(path) in names:
-            return _FOLDER / f'{path}.yaml'
-        if path.is_dir():
-            raise SceneError([Problem('is a folder, must be a scene file', '', str(path))])
-    except ValueError:  # A path with a NUL character in it.
-        pass
+    # os.path, since a path with a NUL character is an error to pathlib before Python 3.12.
+    if os.path.isfile(path):
+        return path
+    if str(path) in names:
+        return _FOLDER / f'{path}.yaml'
     message = f'is neither a scene file nor an example, {nearest(path, names)}'
+    if os.path.isdir(path):
+        message = 'is a folder, must be a scene file'
     raise SceneError([Problem(message, '', str(path))])

@@ -135,7 +135,8 @@ class YamlSource:
         for key_node, value_node in node.value:
             key = key_node.value
             if _tag(key_node) not in ('str', 'merge'):
-                raise self._error(key_node, path, f'key {shown(key)[:20]}, must be text')
+                shape = key if isinstance(key_node, ScalarNode) else 'of several values'
+                raise self._error(key_node, path, f'key {shape}, must be text')
             if key in lines:
                 raise self._error(key_node, (*path, key), 'the key appears twice, first in line '
                                   f'{lines[key]}: remove one of them')
@@ -158,14 +159,17 @@ def _compose(text: str, file: str) -> Node:
     """Return the tree of the only document in the text."""
     line = 1
     try:
-        root = YAML(typ='safe', pure=True).compose(text)
+        yaml = YAML(typ='safe', pure=True)
+        yaml.composer.warn_double_anchors = False
+        root = yaml.compose(text)
         if root is not None:
             return root
         message = 'the scene is empty, must have bodies'
     except RecursionError:
         message = _TOO_DEEP
     except MarkedYAMLError as error:
-        message = f'not YAML: {error.problem or error.context}'
+        reason = ', '.join(filter(None, (error.context, error.problem)))
+        message = f'not YAML: {reason}'
         mark = error.problem_mark or error.context_mark
         line = mark.line + 1 if mark else line
     except (YAMLError, ValueError) as error:

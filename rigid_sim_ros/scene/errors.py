@@ -1,15 +1,19 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """What is wrong with a scene: every mistake with its place, its value and its mend."""
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 # The way from the top of a scene to a value: keys of mappings and indices of lists.
-Path = tuple[str | int, ...]
+Path: TypeAlias = tuple[str | int, ...]
+# Takes the place of a mistake and what it is.
+Report: TypeAlias = Callable[[Path, str], None]
 
 # [characters] A value longer than this is cut in a message; one line of a terminal stays one line.
 _SHOWN = 60
+# [words] A longer choice is cut.
+_LISTED = 12
 
 
 class Problem(NamedTuple):
@@ -57,6 +61,11 @@ def dotted(path: Path) -> str:
     return text.removeprefix('.')
 
 
+def below(place: Path, report: Report) -> Report:
+    """Return what reports mistakes whose places are given from `place` on."""
+    return lambda path, message: report((*place, *path), message)
+
+
 def shown(value: object) -> str:
     """Write a value as Python does, cut to a readable length."""
     try:
@@ -72,11 +81,13 @@ def nearest(word: object, known: Iterable[str]) -> str:
 
     Names the most similar of the known words, or lists them all when none is similar.
     """
-    names = list(known)
+    names = list(dict.fromkeys(known))
     match = get_close_matches(str(word)[:_SHOWN], names, n=1, cutoff=0.5)
     if match:
         return f"did you mean '{match[0]}'?"
-    return f'must be {either(names)}' if names else 'there is none'
+    if len(names) > _LISTED:
+        names[_LISTED - 1:] = [f'one of {len(names) - _LISTED + 1} more']
+    return f'must be {either(names)}'
 
 
 def either(words: Sequence[str]) -> str:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The forces of a scene as rows of the engine's table."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from itertools import combinations
 
@@ -11,10 +11,8 @@ import numpy as np
 from rigid_sim_ros.engine.forces import FORCES, WIDTH
 from rigid_sim_ros.engine.model import ForceTable, WORLD
 from rigid_sim_ros.scene import schema
-from rigid_sim_ros.scene.errors import nearest, Path, shown
+from rigid_sim_ros.scene.errors import below, nearest, Report, shown
 
-# Takes the place of a mistake and what it is.
-Report = Callable[[Path, str], None]
 _Ends = tuple[int, int]
 
 
@@ -29,7 +27,7 @@ def force_table(scene: schema.Scene, frame_names: Mapping[str, int], bodies: Seq
     kinds = list(FORCES)
     rows = [(kinds.index(force.type), a, b, _parameters(force))
             for i, force in enumerate(scene.forces)
-            for a, b in _ends(force, scene, frame_names, bodies, _below(('forces', i), report))]
+            for a, b in _ends(force, scene, frame_names, bodies, below(('forces', i), report))]
     kind, frame_a, frame_b, parameters = zip(*rows, strict=True) if rows else ((), (), (), ())
     return ForceTable(np.array(kind, dtype=np.int64), np.array(frame_a, dtype=np.int64),
                       np.array(frame_b, dtype=np.int64),
@@ -48,13 +46,9 @@ def _ends(force: schema.Force, scene: schema.Scene, frame_names: Mapping[str, in
     if isinstance(force, schema.FrameForce):
         return _frame_ends(force, scene, frame_names, bodies, report)
     assert isinstance(force, schema.BodyForce)
-    chosen = _chosen(force, scene, report)
-    if FORCES[force.type].ends == 'each':
-        return [(body, WORLD) for body in chosen]
-    if len(chosen) < 2 and force.bodies != ('*',):
-        report(('bodies',), f'{shown(list(force.bodies))} chooses {len(chosen)} bodies that move, '
-               'must be two or more')
-    return combinations(chosen, 2)
+    pairs = FORCES[force.type].ends == 'pairs'
+    chosen = _chosen(force, scene, 2 if pairs else 1, report)
+    return combinations(chosen, 2) if pairs else [(body, WORLD) for body in chosen]
 
 
 def _frame_ends(force: schema.FrameForce, scene: schema.Scene, frame_names: Mapping[str, int],
@@ -74,15 +68,18 @@ def _frame_ends(force: schema.FrameForce, scene: schema.Scene, frame_names: Mapp
     return [(ends[0], ends[1])]
 
 
-def _chosen(force: schema.BodyForce, scene: schema.Scene, report: Report) -> list[int]:
-    """Return the bodies that the names and patterns choose and that can move, in scene order."""
+def _chosen(force: schema.BodyForce, scene: schema.Scene, least: int,
+            report: Report) -> list[int]:
+    """Return the bodies that can move and whose names match, in the order of the scene."""
     names = [body.name for body in scene.bodies]
-    for i, pattern in enumerate(force.bodies):
-        if not any(fnmatchcase(name, pattern) for name in names):
-            report(('bodies', i), f'{shown(pattern)} matches no body, {nearest(pattern, names)}')
-    return [i for i, body in enumerate(scene.bodies) if not body.fixed
-            and any(fnmatchcase(body.name, pattern) for pattern in force.bodies)]
-
-
-def _below(place: Path, report: Report) -> Report:
-    return lambda path, message: report((*place, *path), message)
+    chosen = {i for i, name in enumerate(names) if not scene.bodies[i].fixed
+              and any(fnmatchcase(name, pattern) for pattern in force.bodies)}
+    strangers = [(i, pattern) for i, pattern in enumerate(force.bodies)
+                 if not any(fnmatchcase(name, pattern) for name in names)]
+    for i, pattern in strangers:
+        report(('bodies', i), f'{shown(pattern)} matches no body, {nearest(pattern, names)}')
+    # Not for '*': a force on all is right for a scene that has few bodies or none that moves.
+    if len(chosen) < least and not strangers and force.bodies != ('*',):
+        report(('bodies',), f'{shown(list(force.bodies))} chooses {len(chosen)} bodies that move, '
+               f'must be {least} or more')
+    return sorted(chosen)

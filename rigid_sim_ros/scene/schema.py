@@ -11,19 +11,20 @@ import math
 from typing import Annotated, Any, Literal, TypeAlias, Union
 
 from pydantic import (
-    BaseModel, ConfigDict, create_model, Discriminator, Field, field_serializer, model_validator,
-    Tag, ValidationInfo,
+    AfterValidator, BaseModel, ConfigDict, create_model, Discriminator, field_serializer,
+    model_validator, Tag, ValidationInfo,
 )
 
 from rigid_sim_ros.engine.forces import ForceKind, FORCES, Parameter
+from rigid_sim_ros.engine.integrate import ORIENTATIONS
+from rigid_sim_ros.engine.step import FREE_MOTION
 from rigid_sim_ros.scene.errors import Path
 from rigid_sim_ros.scene.values import (
     Choice, Color, Density, Flag, Format, index, Length, ListOf, Mass, Name, Numbers, Quantity,
     Quaternion, refuse, Rows, Scale, Text, Vector,
 )
 
-INTEGRATORS = ('euler', 'semi_implicit', 'rk4', 'symplectic')
-ORIENTATIONS = ('quaternion', 'matrix', 'axis_angle')
+INTEGRATORS = tuple(FREE_MOTION)
 CONTACTS = ('none', 'penalty', 'event', 'timestep')
 SOLVERS = ('sequential', 'qp')
 
@@ -31,6 +32,15 @@ Position: TypeAlias = Annotated[Vector, Numbers('x y z', Quantity('m'))]
 Velocity: TypeAlias = Annotated[Vector, Numbers('x y z', Quantity('m/s'))]
 AngularVelocity: TypeAlias = Annotated[Vector, Numbers('x y z', Quantity('rad/s'))]
 Boolean: TypeAlias = Annotated[bool, Flag()]
+
+
+def _not_empty(entries: tuple[Any, ...]) -> tuple[Any, ...]:
+    if not entries:
+        raise refuse('is empty, must have at least one entry')
+    return entries
+
+
+_NOT_EMPTY = AfterValidator(_not_empty)
 
 
 class Spec(BaseModel):
@@ -52,7 +62,7 @@ class World(Spec):
 
     gravity: Annotated[Vector, Numbers('x y z', Quantity('m/s^2'))] = (0.0, 0.0, -9.81)
     # A stamp counts nanoseconds: a step below half of one would not move the clock.
-    step: Annotated[float, Quantity('s', least=1e-9, most=1e6)] = 0.001
+    step: Annotated[float, Quantity('s', above=0.0, least=1e-9, most=1e6)] = 0.001
     integrator: Annotated[str, Choice(INTEGRATORS)] = 'symplectic'
     orientation: Annotated[str, Choice(ORIENTATIONS)] = 'quaternion'
     contact: Annotated[str, Choice(CONTACTS)] = 'timestep'
@@ -204,7 +214,7 @@ class Compound(Spec):
     """Several solids that move as one."""
 
     type: Literal['compound'] = 'compound'
-    compound: Annotated[tuple[Part, ...], Field(min_length=1)]
+    compound: Annotated[tuple[Part, ...], _NOT_EMPTY]
 
 
 class Body(Spec):
@@ -214,7 +224,7 @@ class Body(Spec):
     shape: Annotated[_Solid | Annotated[Compound, Tag('<compound>')],
                      Discriminator(_kind)] | None = None
     # Short for shape: {compound: [...]}.
-    compound: Annotated[tuple[Part, ...], Field(min_length=1)] | None = None
+    compound: Annotated[tuple[Part, ...], _NOT_EMPTY] | None = None
     mass: Mass | None = None
     density: Density | None = None
     inertial: Inertial | None = None
@@ -296,7 +306,7 @@ class Scene(Spec):
     format: Annotated[int, Format()] = 1
     world: World = World()
     materials: dict[Name, Material] = {}
-    bodies: Annotated[tuple[Body, ...], Field(min_length=1)]
+    bodies: Annotated[tuple[Body, ...], _NOT_EMPTY]
     forces: tuple[Annotated[_ANY_FORCE, Discriminator(_kind)], ...] = ()
 
     @property
