@@ -49,9 +49,7 @@ def cylinder_volume(radius: float, length: float) -> float:
 
 
 def capsule_volume(radius: float, length: float) -> float:
-    """
-    Return the volume [m^3] of a cylinder of this radius and length [m] between two half balls.
-    """
+    """Return the volume [m^3] of a capsule; length [m] without the caps."""
     return cylinder_volume(radius, length) + sphere_volume(radius)
 
 
@@ -80,12 +78,11 @@ def cylinder(m: float, radius: float, length: float) -> MassProperties:
 
 def capsule(m: float, radius: float, length: float) -> MassProperties:
     """
-    Return the mass properties of a homogeneous capsule about the z axis; length [m] without the
-    caps.
+    Return the mass properties of a homogeneous capsule about the z axis.
 
-    A half ball of mass m_h has its centre of mass 3/8 r from the flat face and the moment 2/5 m_h
-    r^2 about any axis through the centre of that face; the parallel axes theorem moves it to the
-    middle of the capsule.
+    length [m] is that of the cylinder, without the caps. A half ball of mass m_h has its centre of
+    mass 3/8 r from the flat face and the moment 2/5 m_h r^2 about any axis through the centre of
+    that face; the parallel axes theorem moves it to the middle of the capsule.
     """
     volume = capsule_volume(radius, length)
     m_cylinder = m * cylinder_volume(radius, length) / volume
@@ -114,8 +111,10 @@ def points(positions: Array, masses: Array) -> MassProperties:
 
 def inertial(m: float, com: Sequence[float], inertia: Sequence[float]) -> MassProperties:
     """
-    Return explicit mass properties; inertia is ixx, iyy, izz, ixy, ixz, iyz [kg m^2] about the
-    com.
+    Return explicit mass properties.
+
+    com [m] is the centre of mass in B; inertia is ixx, iyy, izz, ixy, ixz, iyz [kg m^2] about it,
+    in the axes of B.
     """
     xx, yy, zz, xy, xz, yz = inertia
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=np.float64)
@@ -158,16 +157,15 @@ def mesh_volume(vertices: Array, triangles: Array) -> float:
 
 
 def placed(part: MassProperties, p_BS: Array, R_BS: Array) -> MassProperties:
-    """
-    Return the mass properties of a part, given in its own frame S, in the frame B of the body.
-    """
+    """Return the mass properties of a part, given in its own frame S, in the frame B."""
     return MassProperties(part.m, p_BS + R_BS @ part.p_BC, R_BS @ part.I_BC_B @ R_BS.T)
 
 
 def combine(parts: Sequence[MassProperties]) -> MassProperties:
     """
-    Return the mass properties of several parts, all given in one frame, by the parallel axes
-    theorem.
+    Return the mass properties of several parts, all given in one frame.
+
+    The inertia of each is moved to the common centre of mass by the parallel axes theorem.
     """
     m = sum(part.m for part in parts)
     p_BC = np.sum([part.m * part.p_BC for part in parts], axis=0) / m

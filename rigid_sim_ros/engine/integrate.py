@@ -182,10 +182,11 @@ def add_slope(model: Model, at: State, loads: Loads, weight: float, sum_of: Stat
 
 
 @kernel
-def normalise(state: State) -> None:
-    """Scale every quaternion to unit length."""
+def normalise(model: Model, state: State) -> None:
+    """Scale the quaternions of what can move to unit length."""
     for i in range(state.q.shape[1]):
-        set_quaternion(state.q, i, unit(quaternion(state.q, i)))
+        if model.inv_m[i] > 0.0:
+            set_quaternion(state.q, i, unit(quaternion(state.q, i)))
 
 
 @kernel
@@ -206,7 +207,7 @@ def rk4(model: Model, state: State, wrenches: Wrenches, orientation: int, work: 
         if ahead > 0.0:
             advance_stage(model, state, work.loads, ahead, stage)
     copy_into(state, slope)
-    normalise(state)
+    normalise(model, state)
 
 
 @kernel

@@ -83,9 +83,7 @@ def exponential(r: Vector) -> Quaternion:
 
 @kernel
 def logarithm(q: Quaternion) -> Vector:
-    """
-    Return the rotation vector [rad] of the shorter way, |r| <= pi: the inverse of `exponential`.
-    """
+    """Return the rotation vector [rad], |r| <= pi: the inverse of `exponential`."""
     sign = 1.0 if q[3] >= 0.0 else -1.0
     s = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2])
     # angle / sin(angle / 2) goes to 2 where the quotient itself is 0/0.

@@ -156,9 +156,7 @@ def total_angular_momentum(state: State) -> tuple[float, float, float]:
 @kernel
 def add_impulse(model: Model, state: State, i: int, p_W: tuple[float, float, float],
                 J_W: tuple[float, float, float]) -> None:
-    """
-    Change P by J [N s] and L by (p - x) x J, an impulse at p [m], world axes (Meyer, "Impulse").
-    """
+    """Change P by J [N s] and L by (p - x) x J (Meyer, "Impulse"); J, p in world axes."""
     if model.inv_m[i] > 0.0:
         r = subtract(p_W, column(state.x, i))
         set_column(state.P, i, add(column(state.P, i), J_W))
