@@ -1,0 +1,193 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Detection: from the state to the manifolds of all shapes that are near each other.
+
+Poses, bounding boxes, pairs of boxes that overlap, and for each pair its manifold. Whatever is kept from
+the step before saves time only, with one exception that is part of the manifolds: a manifold of
+polyhedra that hardly moved relative to each other keeps its points, and only their gaps are found anew.
+"""
+
+
+from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
+from rigid_sim_ros.engine.broad_phase import boxes_overlap, find_pairs
+from rigid_sim_ros.engine.kernel import inlined, kernel
+from rigid_sim_ros.engine.manifolds import (
+    CONTACTS, Manifolds, Memory, PAIRS, RECYCLED, SHORT_ROWS, WITNESSED)
+from rigid_sim_ros.engine.model import Model
+from rigid_sim_ros.engine.narrow_phase.collide import collide
+from rigid_sim_ros.engine.placing import bound, place
+from rigid_sim_ros.engine.rotation import conjugate, multiply, quaternion
+from rigid_sim_ros.engine.shapes import BOX, HULL, PLANE, Shapes
+from rigid_sim_ros.engine.state import State
+
+# A manifold keeps its points while these move by less than this part of the margin. 0: never; 0.2: a box would
+# slide on by 1 mm of 5 mm before its points follow. The gaps of kept points are exact to second order.
+SLACK = 0.02
+
+
+@kernel
+def detect(model: Model, state: State, shapes: Shapes, memory: Memory, margin: float) -> bool:
+    """
+    Find the manifolds of all pairs with a gap below the margin [m]; `current(memory)` returns them.
+
+    Returns False when a buffer is too small: the manifolds of the last step are then untouched, and the
+    caller detects again with `grown(memory)`. Impulses of the last step are carried over, pair by pair and
+    feature by feature.
+    """
+    place(state, shapes, memory.turn, memory.pose)
+    bound(shapes.kind, shapes.size, memory.pose, margin, memory.box)
+    if not find_pairs(shapes, memory, model.m.shape[0]):
+        return False
+    page = memory.page[0]
+    found = _find_manifolds(state, shapes, memory, memory.pages[1 - page], memory.pages[page], margin)
+    if found > memory.pair.shape[0] or memory.counters[SHORT_ROWS] > 0:
+        return False
+    memory.page[0] = 1 - page
+    return True
+
+
+@kernel
+def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds, before: Manifolds,
+                    margin: float) -> int:
+    """Go through the pairs and through the last step's rows, both sorted, side by side."""
+    room, rows, old, near, recycled, contacts = now.shape_a.shape[0], 0, 0, 0, 0, 0
+    last = before.count[0]
+    for k in range(memory.pair_count[0]):
+        a, b = memory.pair[k, 0], memory.pair[k, 1]
+        if not boxes_overlap(memory.box, a, b):
+            continue
+        near += 1
+        while old < last and (before.shape_a[old] < a
+                              or (before.shape_a[old] == a and before.shape_b[old] < b)):
+            old += 1
+        known = old < last and before.shape_a[old] == a and before.shape_b[old] == b
+        row = min(rows, room - 1)
+        i, j = shapes.body[a], shapes.body[b]
+        if known and _flat(shapes.kind, a, b) and _recycle(
+                state, memory.turn, now, before, row, old, i, j, SLACK * margin,
+                min(shapes.bound[a], shapes.bound[b])):
+            count = before.points[old]
+            recycled += 1
+        else:
+            count, n = collide(memory.pose, shapes, a, b, margin, memory.scratch)
+            if count == 0:
+                continue
+            _write(state, memory.turn, now, row, i, j, count, n, memory.scratch.points,
+                   memory.scratch.ids)
+        _carry_over(now, before, row, old if known else -1, count)
+        now.shape_a[row], now.shape_b[row] = a, b
+        now.body_a[row], now.body_b[row] = i, j
+        now.points[row] = count
+        contacts += count
+        rows += 1
+    memory.counters[PAIRS], memory.counters[WITNESSED] = near, 0
+    memory.counters[RECYCLED], memory.counters[CONTACTS] = recycled, contacts
+    memory.counters[SHORT_ROWS] = rows if rows > room else 0
+    now.count[0] = rows
+    return rows
+
+
+@inlined
+def _flat(kind: IntArray, a: int, b: int) -> bool:
+    """Return whether both shapes are polyhedra: only their points stay where they are when they move."""
+    return ((kind[a] == BOX or kind[a] == HULL or kind[a] == PLANE)
+            and (kind[b] == BOX or kind[b] == HULL or kind[b] == PLANE))
+
+
+@kernel
+def _turned(R: Array, i: int, v: Vector) -> Vector:
+    return (R[i, 0] * v[0] + R[i, 1] * v[1] + R[i, 2] * v[2],
+            R[i, 3] * v[0] + R[i, 4] * v[1] + R[i, 5] * v[2],
+            R[i, 6] * v[0] + R[i, 7] * v[1] + R[i, 8] * v[2])
+
+
+@kernel
+def _turned_back(R: Array, i: int, v: Vector) -> Vector:
+    return (R[i, 0] * v[0] + R[i, 3] * v[1] + R[i, 6] * v[2],
+            R[i, 1] * v[0] + R[i, 4] * v[1] + R[i, 7] * v[2],
+            R[i, 2] * v[0] + R[i, 5] * v[1] + R[i, 8] * v[2])
+
+
+@kernel
+def _recycle(state: State, turn: Array, now: Manifolds, before: Manifolds, row: int, old: int, i: int, j: int,
+             slack: float, reach: float) -> bool:
+    """
+    Take over the points of a manifold unless it moved too far; find its gaps anew.
+
+    The normal and the points on A turn with A, those on B with B. The gap along the turned normal differs
+    from the true one by the square of the angle and of the slip since the points were found.
+    """
+    q = multiply(conjugate(quaternion(state.q, i)), quaternion(state.q, j))
+    turned = 0.0
+    for k in range(4):
+        turned += (q[k] - before.found_at[old, k]) ** 2
+    # |q - q'| is half of the angle between two near orientations.
+    if 4.0 * turned * reach * reach > slack * slack:
+        return False
+    n = _turned(turn, i, (before.normal_A[old, 0], before.normal_A[old, 1], before.normal_A[old, 2]))
+    dx = state.x[0, j] - state.x[0, i]
+    dy = state.x[1, j] - state.x[1, i]
+    dz = state.x[2, j] - state.x[2, i]
+    for p in range(before.points[old]):
+        A = _turned(turn, i, (before.p_A_C[old, p, 0], before.p_A_C[old, p, 1], before.p_A_C[old, p, 2]))
+        B = _turned(turn, j, (before.p_B_C[old, p, 0], before.p_B_C[old, p, 1], before.p_B_C[old, p, 2]))
+        ex, ey, ez = dx + B[0] - A[0], dy + B[1] - A[1], dz + B[2] - A[2]
+        gap = ex * n[0] + ey * n[1] + ez * n[2]
+        slip = (ex - gap * n[0]) ** 2 + (ey - gap * n[1]) ** 2 + (ez - gap * n[2]) ** 2
+        if slip > slack * slack or (p == 0 and abs(gap - before.found_at[old, 4]) > slack):
+            return False
+        now.gap[row, p] = gap
+        now.feature[row, p] = before.feature[old, p]
+        for k in range(3):
+            now.r_A[row, p, k] = A[k]
+            now.r_B[row, p, k] = B[k]
+            now.p_A_C[row, p, k] = before.p_A_C[old, p, k]
+            now.p_B_C[row, p, k] = before.p_B_C[old, p, k]
+    for k in range(3):
+        now.normal[row, k] = n[k]
+        now.normal_A[row, k] = before.normal_A[old, k]
+    for k in range(5):
+        now.found_at[row, k] = before.found_at[old, k]
+    return True
+
+
+@kernel
+def _write(state: State, turn: Array, now: Manifolds, row: int, i: int, j: int, count: int, n: Vector,
+           points: Array, ids: IntArray) -> None:
+    """Write the points that the narrow phase found, as arms from both centres of mass."""
+    n_A = _turned_back(turn, i, n)
+    for p in range(count):
+        gap = points[p, 3]
+        A = (points[p, 0] - state.x[0, i], points[p, 1] - state.x[1, i], points[p, 2] - state.x[2, i])
+        B = (points[p, 0] + gap * n[0] - state.x[0, j], points[p, 1] + gap * n[1] - state.x[1, j],
+             points[p, 2] + gap * n[2] - state.x[2, j])
+        A_C, B_C = _turned_back(turn, i, A), _turned_back(turn, j, B)
+        now.gap[row, p] = gap
+        now.feature[row, p] = ids[p]
+        for k in range(3):
+            now.r_A[row, p, k] = A[k]
+            now.r_B[row, p, k] = B[k]
+            now.p_A_C[row, p, k] = A_C[k]
+            now.p_B_C[row, p, k] = B_C[k]
+    for k in range(3):
+        now.normal[row, k] = n[k]
+        now.normal_A[row, k] = n_A[k]
+    q = multiply(conjugate(quaternion(state.q, i)), quaternion(state.q, j))
+    for k in range(4):
+        now.found_at[row, k] = q[k]
+    now.found_at[row, 4] = points[0, 3]
+
+
+@kernel
+def _carry_over(now: Manifolds, before: Manifolds, row: int, old: int, count: int) -> None:
+    """Start from the impulses of the last step where the same features touch, from 0 elsewhere."""
+    for p in range(count):
+        now.impulse[row, p] = 0.0
+        if old >= 0:
+            for r in range(before.points[old]):
+                if before.feature[old, r] == now.feature[row, p]:
+                    now.impulse[row, p] = before.impulse[old, r]
+    for k in range(3):
+        now.friction[row, k] = before.friction[old, k] if old >= 0 else 0.0
+    now.spin[row] = before.spin[old] if old >= 0 else 0.0

@@ -1,0 +1,80 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The manifold of any two shapes: a table says which family of pairs they belong to."""
+
+import numpy as np
+
+from rigid_sim_ros.engine.arrays import Array, Vector
+from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.manifolds import Scratch
+from rigid_sim_ros.engine.narrow_phase.algebra import add_scaled, put
+from rigid_sim_ros.engine.narrow_phase.balls import (
+    capsule_capsule, shape_sphere, sphere_shape, sphere_sphere)
+from rigid_sim_ros.engine.narrow_phase.boxes import box_box, UNSETTLED
+from rigid_sim_ros.engine.narrow_phase.planes import plane_shape
+from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, HULL, PLANE, Shapes, SPHERE
+
+# The families of pairs.
+BALLS, BALL_FIRST, BALL_SECOND, CAPSULES, BOXES, PLANE_FIRST, PLANE_SECOND, CONVEX, NEVER = range(9)
+
+_FAMILIES = {
+    (SPHERE, SPHERE): BALLS, (CAPSULE, CAPSULE): CAPSULES, (BOX, BOX): BOXES, (PLANE, PLANE): NEVER,
+    **{(SPHERE, other): BALL_FIRST for other in (BOX, CAPSULE, CYLINDER)},
+    **{(other, SPHERE): BALL_SECOND for other in (BOX, CAPSULE, CYLINDER)},
+    **{(PLANE, other): PLANE_FIRST for other in range(PLANE)},
+    **{(other, PLANE): PLANE_SECOND for other in range(PLANE)},
+}
+FAMILY = np.array([[_FAMILIES.get((a, b), CONVEX) for b in range(6)] for a in range(6)])
+
+
+@kernel
+def collide(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
+            scratch: Scratch) -> tuple[int, Vector]:
+    """
+    Find the points of shapes a and b that are nearer than the margin [m].
+
+    Returns their number, at most 4, and the unit normal from A to B, world axes. The points are left in
+    `scratch.points` (on A, with the gap) and `scratch.ids`. With 0 points the normal is a direction that
+    separates the shapes by more than the margin, or 0 where none is known.
+    """
+    family = FAMILY[shapes.kind[a], shapes.kind[b]]
+    points, ids = scratch.points, scratch.ids
+    if family == BOXES:
+        count, n = box_box(pose, shapes.size, a, b, margin, points, ids, scratch.polygon,
+                           scratch.labels, scratch.numbers)
+        if count != UNSETTLED:
+            return count, n
+        return 0, (0.0, 0.0, 0.0)
+    if family == PLANE_FIRST or family == PLANE_SECOND:
+        return _on_plane(pose, shapes, a, b, family == PLANE_SECOND, margin, scratch)
+    if family == BALLS:
+        gap, n, p = sphere_sphere(pose, shapes.size, a, b)
+    elif family == BALL_FIRST:
+        gap, n, p = sphere_shape(pose, shapes.size, shapes.kind[b], a, b)
+    elif family == BALL_SECOND:
+        gap, n, p = shape_sphere(pose, shapes.size, shapes.kind[a], a, b)
+    elif family == CAPSULES:
+        gap, n, p = capsule_capsule(pose, shapes.size, a, b)
+    else:
+        return 0, (0.0, 0.0, 0.0)
+    if gap >= margin:
+        return 0, n
+    put(points, ids, 0, p, gap, 0)
+    return 1, n
+
+
+@kernel
+def _on_plane(pose: Array, shapes: Shapes, a: int, b: int, second: bool, margin: float,
+              scratch: Scratch) -> tuple[int, Vector]:
+    plane, s = (b, a) if second else (a, b)
+    points = scratch.points
+    count = plane_shape(pose, shapes.size, shapes.kind[s], plane, s, shapes.hulls, shapes.hull[s], margin,
+                        points, scratch.ids)
+    n = (pose[plane, 5], pose[plane, 8], pose[plane, 11])
+    if not second:
+        return count, n
+    for k in range(count):
+        gap = points[k, 3]
+        p = add_scaled((points[k, 0], points[k, 1], points[k, 2]), gap, n)
+        put(points, scratch.ids, k, p, gap, scratch.ids[k])
+    return count, (-n[0], -n[1], -n[2])
