@@ -1,0 +1,277 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The points at which bodies touch, one after another, with what the laws of contact need to know of them.
+
+Manifolds are a pair of shapes each. Impulses and contact forces look at pairs of bodies: the points of one pair
+of bodies, whichever of their shapes they belong to, form a block, and lie side by side here.
+
+In the axes (n, t1, t2) of a contact, n from A to B, the motion of B relative to A is u = (u_n, u_t1, u_t2), so that
+u_n is the rate of the gap, and a force or impulse acts on B as given and on A with the other sign.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
+from rigid_sim_ros.engine.kernel import inlined, kernel
+from rigid_sim_ros.engine.manifolds import Manifolds
+from rigid_sim_ros.engine.model import Model
+from rigid_sim_ros.engine.rotation import quaternion, to_matrix
+from rigid_sim_ros.engine.shapes import Materials, Shapes
+from rigid_sim_ros.engine.state import body_spin, State
+from rigid_sim_ros.engine.vector import column, cross, row
+
+
+class Contacts(NamedTuple):
+    """Points of contact in blocks; capacity c."""
+
+    count: IntArray  # (2,) points in use, blocks in use
+    first: IntArray  # (c + 1,) the points of block k are first[k] to first[k + 1] - 1
+    manifold: IntArray  # (c,) row of the manifold
+    shape_a: IntArray  # (c,)
+    shape_b: IntArray  # (c,)
+    feature: IntArray  # (c,) what the manifold calls the point from step to step
+    slot: IntArray  # (c,) its place in the manifold, 0 to 3
+    body_a: IntArray  # (c,)
+    body_b: IntArray  # (c,)
+    axes: Array  # n, t1, t2 as rows, (c, 3, 3), world axes
+    r_A: Array  # the point from the centre of mass of A, (c, 3) [m], world axes
+    r_B: Array  # the same point from the centre of mass of B, (c, 3) [m], world axes
+    gap: Array  # (c,) [m], < 0 is overlap
+    friction: Array  # (c,) coefficient
+    restitution: Array  # (c,) coefficient
+
+
+class Bodies(NamedTuple):
+    """What contacts need to know of n bodies at one instant, world axes."""
+
+    velocity: Array  # v and w, (n, 6) [m/s, rad/s]
+    inv_I_W: Array  # (n, 3, 3) [1/(kg m^2)]
+    acceleration: Array  # of the free body, linear and angular, (n, 6) [m/s^2, rad/s^2]
+
+
+def make_contacts(capacity: int) -> Contacts:
+    """Return room for points of contact."""
+    c = capacity
+
+    def whole(size: int = c) -> IntArray:
+        return np.zeros(size, dtype=np.int64)
+
+    return Contacts(whole(2), whole(c + 1), whole(), whole(), whole(), whole(), whole(), whole(),
+                    whole(), np.zeros((c, 3, 3)), np.zeros((c, 3)), np.zeros((c, 3)), np.zeros(c),
+                    np.zeros(c), np.zeros(c))
+
+
+def make_bodies(n: int) -> Bodies:
+    """Return room for n bodies."""
+    return Bodies(np.zeros((n, 6)), np.zeros((n, 3, 3)), np.zeros((n, 6)))
+
+
+@kernel
+def tangents(n: Vector) -> tuple[Vector, Vector]:
+    """Return t1, t2 so that n, t1, t2 are orthonormal and right-handed; the same for the same n."""
+    # The axis least aligned with n, so that nothing cancels in the product.
+    if abs(n[0]) <= abs(n[1]) and abs(n[0]) <= abs(n[2]):
+        t = (0.0, n[2], -n[1])
+    elif abs(n[1]) <= abs(n[2]):
+        t = (-n[2], 0.0, n[0])
+    else:
+        t = (n[1], -n[0], 0.0)
+    s = 1.0 / np.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])
+    t1 = (s * t[0], s * t[1], s * t[2])
+    return t1, cross(n, t1)
+
+
+@kernel
+def gather(state: State, manifolds: Manifolds, shapes: Shapes, materials: Materials, reach: float,
+           contacts: Contacts) -> int:
+    """
+    Write the points whose gap is at most `reach` [m], block after block.
+
+    Returns how many there are. Where that is more than the capacity, nothing useful was written: call again with room.
+    """
+    n = state.x.shape[1]
+    rows = manifolds.count[0]
+    key = np.empty(rows, dtype=np.int64)
+    for k in range(rows):
+        a, b = manifolds.body_a[k], manifolds.body_b[k]
+        key[k] = min(a, b) * n + max(a, b)
+    # A stable sort: within a block the order of the manifolds remains.
+    order = np.argsort(key, kind='mergesort')
+    capacity = contacts.gap.shape[0]
+    total, blocks, last = 0, 0, np.int64(-1)
+    for k in order:
+        for j in range(manifolds.points[k]):
+            if manifolds.gap[k, j] > reach:
+                continue
+            if total < capacity:
+                if key[k] != last:
+                    contacts.first[blocks] = total
+                    blocks += 1
+                    last = key[k]
+                _write_point(state, manifolds, shapes, materials, k, j, contacts, total)
+            total += 1
+    contacts.count[0] = min(total, capacity)
+    contacts.count[1] = blocks
+    contacts.first[blocks] = contacts.count[0]
+    return total
+
+
+@kernel
+def _write_point(state: State, manifolds: Manifolds, shapes: Shapes, materials: Materials, k: int,
+                 j: int, contacts: Contacts, at: int) -> None:
+    a, b = manifolds.body_a[k], manifolds.body_b[k]
+    contacts.manifold[at], contacts.slot[at] = k, j
+    contacts.shape_a[at], contacts.shape_b[at] = manifolds.shape_a[k], manifolds.shape_b[k]
+    contacts.feature[at] = manifolds.feature[k, j]
+    contacts.body_a[at], contacts.body_b[at] = a, b
+    normal = row(manifolds.normal, k)
+    t1, t2 = tangents(normal)
+    for i in range(3):
+        contacts.axes[at, 0, i] = normal[i]
+        contacts.axes[at, 1, i] = t1[i]
+        contacts.axes[at, 2, i] = t2[i]
+        # One point for both bodies, halfway: opposite impulses there keep P and L to the last digit.
+        apart = ((state.x[i, b] + manifolds.r_B[k, j, i])
+                 - (state.x[i, a] + manifolds.r_A[k, j, i]))
+        contacts.r_A[at, i] = manifolds.r_A[k, j, i] + 0.5 * apart
+        contacts.r_B[at, i] = manifolds.r_B[k, j, i] - 0.5 * apart
+    contacts.gap[at] = manifolds.gap[k, j]
+    material_a = shapes.material[manifolds.shape_a[k]]
+    material_b = shapes.material[manifolds.shape_b[k]]
+    contacts.friction[at] = materials.friction[material_a, material_b]
+    contacts.restitution[at] = materials.restitution[material_a, material_b]
+
+
+@kernel
+def read_velocity(model: Model, state: State, i: int, bodies: Bodies) -> None:
+    """Write v = P / M and w = I^-1 L of body i."""
+    w = body_spin(model, state, i)
+    for k in range(3):
+        bodies.velocity[i, k] = model.inv_m[i] * state.P[k, i]
+        bodies.velocity[i, 3 + k] = w[k]
+
+
+@kernel
+def read_bodies(model: Model, state: State, F: Array, tau: Array, bodies: Bodies) -> None:
+    """
+    Write velocities, inverse inertia tensors, and the accelerations under loads (3, n) [N, N m].
+
+    The angular acceleration is I^-1 (tau - w x L), from d/dt (I w) = tau.
+    """
+    for i in range(model.m.shape[0]):
+        read_velocity(model, state, i, bodies)
+        R = to_matrix(quaternion(state.q, i))
+        for j in range(3):
+            for k in range(3):
+                total = 0.0
+                for axis in range(3):
+                    total += R[j][axis] * model.inv_I_C[axis, i] * R[k][axis]
+                bodies.inv_I_W[i, j, k] = total
+        w = (bodies.velocity[i, 3], bodies.velocity[i, 4], bodies.velocity[i, 5])
+        swing = cross(w, column(state.L, i))
+        for k in range(3):
+            bodies.acceleration[i, k] = model.inv_m[i] * F[k, i]
+            angular = 0.0
+            for j in range(3):
+                angular += bodies.inv_I_W[i, k, j] * (tau[j, i] - swing[j])
+            bodies.acceleration[i, 3 + k] = angular
+
+
+@kernel
+def relative(rates: Array, contacts: Contacts, k: int) -> Vector:
+    """Return the rate of B minus that of A at point k, in world axes, from rows (linear, angular)."""
+    a, b = contacts.body_a[k], contacts.body_b[k]
+    r_A, r_B = row(contacts.r_A, k), row(contacts.r_B, k)
+    at_A = cross((rates[a, 3], rates[a, 4], rates[a, 5]), r_A)
+    at_B = cross((rates[b, 3], rates[b, 4], rates[b, 5]), r_B)
+    return (rates[b, 0] - rates[a, 0] + at_B[0] - at_A[0],
+            rates[b, 1] - rates[a, 1] + at_B[1] - at_A[1],
+            rates[b, 2] - rates[a, 2] + at_B[2] - at_A[2])
+
+
+@inlined
+def to_contact(contacts: Contacts, k: int, v: Vector) -> Vector:
+    """Return a world vector in the axes n, t1, t2 of point k."""
+    e = contacts.axes
+    return (e[k, 0, 0] * v[0] + e[k, 0, 1] * v[1] + e[k, 0, 2] * v[2],
+            e[k, 1, 0] * v[0] + e[k, 1, 1] * v[1] + e[k, 1, 2] * v[2],
+            e[k, 2, 0] * v[0] + e[k, 2, 1] * v[1] + e[k, 2, 2] * v[2])
+
+
+@inlined
+def to_world(contacts: Contacts, k: int, f: Vector) -> Vector:
+    """Return a vector given in the axes n, t1, t2 of point k in world axes."""
+    e = contacts.axes
+    return (e[k, 0, 0] * f[0] + e[k, 1, 0] * f[1] + e[k, 2, 0] * f[2],
+            e[k, 0, 1] * f[0] + e[k, 1, 1] * f[1] + e[k, 2, 1] * f[2],
+            e[k, 0, 2] * f[0] + e[k, 1, 2] * f[1] + e[k, 2, 2] * f[2])
+
+
+@kernel
+def couple(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArray, A: Array) -> None:
+    """
+    Write A, (3m, 3m) [1/kg]: rates of motion at the m chosen points per force at them.
+
+    A_ij = sum over the bodies that i and j share of s_i s_j (e_i . e_j / M + (r_i x e_i) . I^-1 (r_j x e_j)) with
+    s = 1 for B and -1 for A (Meyer, Rigid Body Dynamics, "Resting Contact": d'' = A f + b).
+    """
+    m = chosen.shape[0]
+    arm = np.empty((2, 3 * m, 3))
+    for i in range(m):
+        for axis in range(3):
+            e = (contacts.axes[chosen[i], axis, 0], contacts.axes[chosen[i], axis, 1],
+                 contacts.axes[chosen[i], axis, 2])
+            on_A = cross(row(contacts.r_A, chosen[i]), e)
+            on_B = cross(row(contacts.r_B, chosen[i]), e)
+            for k in range(3):
+                arm[0, 3 * i + axis, k] = -on_A[k]
+                arm[1, 3 * i + axis, k] = on_B[k]
+    A[:3 * m, :3 * m] = 0.0
+    for i in range(m):
+        for side_i in range(2):
+            body = contacts.body_a[chosen[i]] if side_i == 0 else contacts.body_b[chosen[i]]
+            if model.inv_m[body] == 0.0:
+                continue
+            for j in range(i + 1):
+                for side_j in range(2):
+                    other = contacts.body_a[chosen[j]] if side_j == 0 else contacts.body_b[chosen[j]]
+                    if other == body:
+                        sign = 1.0 if side_i == side_j else -1.0
+                        _add_block(contacts, chosen, i, j, sign * model.inv_m[body],
+                                   arm[side_i], arm[side_j], bodies.inv_I_W[body], A)
+    for i in range(3 * m):
+        for j in range(i):
+            A[j, i] = A[i, j]
+
+
+@kernel
+def _add_block(contacts: Contacts, chosen: IntArray, i: int, j: int, inv_m: float, arm_i: Array,
+               arm_j: Array, inv_I_W: Array, A: Array) -> None:
+    for p in range(3):
+        for q in range(3):
+            if i == j and q > p:
+                continue
+            total = 0.0
+            for k in range(3):
+                total += inv_m * contacts.axes[chosen[i], p, k] * contacts.axes[chosen[j], q, k]
+                for c in range(3):
+                    total += arm_i[3 * i + p, k] * inv_I_W[k, c] * arm_j[3 * j + q, c]
+            A[3 * i + p, 3 * j + q] += total
+
+
+@kernel
+def push(state: State, contacts: Contacts, k: int, J: Vector, model: Model) -> None:
+    """Apply an impulse [N s, world axes] at point k: J to B, -J to A (Meyer, "Impulse")."""
+    for side in range(2):
+        body = contacts.body_a[k] if side == 0 else contacts.body_b[k]
+        if model.inv_m[body] == 0.0:
+            continue
+        sign = -1.0 if side == 0 else 1.0
+        r = row(contacts.r_A, k) if side == 0 else row(contacts.r_B, k)
+        turning = cross(r, J)
+        for i in range(3):
+            state.P[i, body] += sign * J[i]
+            state.L[i, body] += sign * turning[i]
