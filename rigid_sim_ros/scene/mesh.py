@@ -44,10 +44,10 @@ def read(path: Path) -> Mesh:
         mesh = trimesh.load(BytesIO(path.read_bytes()), file_type=path.suffix[1:].lower(),
                             force='mesh', skip_materials=True)
     except OSError as error:
-        raise ValueError(f'{shown(str(path))} cannot be read: {error.strerror}') from None
+        raise ValueError(f'{path} cannot be read: {error.strerror}') from None
     except Exception as error:  # Whatever a parser meets in a damaged file.
         kind = type(error).__name__
-        raise ValueError(f'{shown(str(path))} is not a mesh that can be read ({kind})') from None
+        raise ValueError(f'{path} is not a mesh that can be read ({kind})') from None
     vertices = np.asarray(getattr(mesh, 'vertices', ()), dtype=np.float64).reshape(-1, 3)
     faces = np.asarray(getattr(mesh, 'faces', ()), dtype=np.int64).reshape(-1, 3)
     return Mesh(vertices, faces)

@@ -117,7 +117,8 @@ BODIES = {
         '3 kg m^2, the two smaller ones must add up to the largest or more, 2 < 3'),
     'size beyond floats': (
         '- {name: a, density: 1, shape: {type: sphere, radius: 1.0e+200}}',
-        '2: bodies[0].shape: mass, size or speed leave the range of numbers, must be less extreme'),
+        '2: bodies[0].shape: mass, size or speed leave the range of numbers, must be less '
+        'extreme'),
     'speed beyond floats': (
         f'- {{name: a, mass: 1000, {BALL}, twist: {{linear: [1.0e+306, 0, 0]}}}}',
         '2: bodies[0]: mass, size or speed leave the range of numbers, must be less extreme'),
@@ -170,7 +171,8 @@ SCENES = {
         'forces:\n- {type: wind, drga: 1}',
         "4: forces[0].drga: unknown key 'drga', did you mean 'drag'?"),
     'missing key of a force': (
-        'forces:\n- {type: spring, a: crate}', '4: forces[0].stiffness: is missing, must be given'),
+        'forces:\n- {type: spring, a: crate}',
+        '4: forces[0].stiffness: is missing, must be given'),
     'negative parameter': (
         'forces:\n- {type: wind, drag: -1}', '4: forces[0].drag: -1 N s/m, must be >= 0'),
     'quaternion of a force': (
@@ -324,5 +326,5 @@ def test_a_file_that_is_not_text_is_not_a_scene(tmp_path: Path) -> None:
 def test_aliases_that_multiply_are_refused_before_they_fill_the_memory(problems: Problems) -> None:
     lines = [f'a{i}: &a{i} [{", ".join([f"*a{i - 1}"] * 10)}]' for i in range(1, 30)]
     text = 'a0: &a0 [lol]\n' + '\n'.join(lines)  # 10**29 values, written out
-    assert problems(text) == ['scene.yaml:7: a6: more than 2000000 values with all aliases written '
-                              'out, must be fewer']
+    assert problems(text) == ['scene.yaml:7: a6: more than 2000000 values with all aliases '
+                              'written out, must be fewer']

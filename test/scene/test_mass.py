@@ -86,6 +86,12 @@ def test_a_pose_moves_and_turns_a_shape() -> None:
     assert np.diag(got.I_BC_B) == pytest.approx([0.005, 1.03 / 12, 1.03 / 12], abs=1e-16)
 
 
+def test_the_centre_of_a_single_shape_is_its_position_to_the_bit() -> None:
+    got = properties(shape={**BOX, 'pose': {'position': [0.1, 0.2, 0.3]}}, mass=3.0)
+    assert got.p_BC.tolist() == [0.1, 0.2, 0.3]
+    assert not (got.I_BC_B - np.diag(np.diag(got.I_BC_B))).any()  # so its axes stay those of B
+
+
 def dumbbell(**own: Any) -> list[dict[str, Any]]:
     """Return two balls, the second with twice the radius of the first."""
     return [{'type': 'sphere', 'radius': 1.0, 'pose': {'position': [0, 0, 9]}, **own},
@@ -103,9 +109,10 @@ def test_the_mass_of_a_compound_is_shared_by_volume() -> None:
 @pytest.mark.parametrize('body', [
     {'shape': {'compound': dumbbell()}, 'density': 3.0},
     {'shape': {'type': 'compound', 'compound': dumbbell()}, 'density': 3.0},
-    {'compound': dumbbell()[:2], 'density': 3.0},
+    {'compound': dumbbell(), 'density': 3.0},
     {'compound': dumbbell(density=3.0)},
-    {'compound': [{**dumbbell()[0], 'mass': 4 * math.pi}, {**dumbbell()[1], 'mass': 32 * math.pi}]},
+    {'compound': [{**dumbbell()[0], 'mass': 4 * math.pi},
+                  {**dumbbell()[1], 'mass': 32 * math.pi}]},
 ], ids=['density', 'with type', 'on the body', 'density of each part', 'mass of each part'])
 def test_all_ways_to_write_a_compound_weigh_the_same(body: dict[str, Any]) -> None:
     got = properties(**body)
@@ -132,9 +139,10 @@ def test_a_compound_agrees_with_a_sum_over_small_pieces() -> None:
     # A box of 1 x 2 x 3 turned by 90 degrees about x, at (1, 0, 0), cut into 60^3 cells.
     cells = (np.arange(60) + 0.5) / 60 - 0.5
     grid = np.stack(np.meshgrid(cells, cells, cells), axis=-1).reshape(-1, 3) * [1, 3, 2]
+    grid[:, 0] += 1.0
     got = properties(compound=[{**BOX, 'pose': {'position': [1, 0, 0], 'orientation': [
         math.sqrt(0.5), 0, 0, math.sqrt(0.5)]}}, {**SPHERE, 'mass': 1e-9}], density=1.0)
     about_origin = got.I_BC_B + got.m * (got.p_BC @ got.p_BC * np.eye(3)
                                          - np.outer(got.p_BC, got.p_BC))
     # Midpoint rule: the second moment of a length is off by 1/60^2 of itself.
-    assert about_origin == pytest.approx(tensor_by_sampling([(grid + [1, 0, 0], 6.0)]), rel=1e-3)
+    assert about_origin == pytest.approx(tensor_by_sampling([(grid, 6.0)]), rel=1e-3)
