@@ -9,8 +9,6 @@ import pytest
 
 from rigid_sim_ros.scene import read_scene, Scene, SceneError
 
-CRATE = '{name: crate, shape: {type: box, size: [1, 2, 3]}, mass: 2}'
-
 
 @pytest.fixture
 def write(tmp_path: Path) -> Callable[[str], Path]:
