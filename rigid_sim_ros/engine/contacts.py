@@ -33,7 +33,6 @@ class Contacts(NamedTuple):
     shape_a: IntArray  # (c,)
     shape_b: IntArray  # (c,)
     feature: IntArray  # (c,) what the manifold calls the point from step to step
-    slot: IntArray  # (c,) its place in the manifold, 0 to 3
     body_a: IntArray  # (c,)
     body_b: IntArray  # (c,)
     axes: Array  # n, t1, t2 as rows, (c, 3, 3), world axes
@@ -60,7 +59,7 @@ def make_contacts(capacity: int) -> Contacts:
         return np.zeros(size, dtype=np.int64)
 
     return Contacts(whole(2), whole(c + 1), whole(), whole(), whole(), whole(), whole(), whole(),
-                    whole(), np.zeros((c, 3, 3)), np.zeros((c, 3)), np.zeros((c, 3)), np.zeros(c),
+                    np.zeros((c, 3, 3)), np.zeros((c, 3)), np.zeros((c, 3)), np.zeros(c),
                     np.zeros(c), np.zeros(c))
 
 
@@ -123,7 +122,7 @@ def gather(state: State, manifolds: Manifolds, shapes: Shapes, materials: Materi
 def _write_point(state: State, manifolds: Manifolds, shapes: Shapes, materials: Materials, k: int,
                  j: int, contacts: Contacts, at: int) -> None:
     a, b = manifolds.body_a[k], manifolds.body_b[k]
-    contacts.manifold[at], contacts.slot[at] = k, j
+    contacts.manifold[at] = k
     contacts.shape_a[at], contacts.shape_b[at] = manifolds.shape_a[k], manifolds.shape_b[k]
     contacts.feature[at] = manifolds.feature[k, j]
     contacts.body_a[at], contacts.body_b[at] = a, b
