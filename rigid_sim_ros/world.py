@@ -71,7 +71,7 @@ class World:
 
         SceneError, a ValueError, if the scene is wrong.
         """
-        return cls(scene_from_dict(dict(scene)))
+        return cls(scene_from_dict(scene))
 
     # --- time ---------------------------------------------------------------------------------
 

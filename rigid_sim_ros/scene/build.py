@@ -12,8 +12,9 @@ import numpy as np
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.inertia import check, MassProperties
 from rigid_sim_ros.engine.model import Body, build_model, Frame, Model
+from rigid_sim_ros.engine.shapes import build_materials, build_shapes, Materials, Shapes
 from rigid_sim_ros.engine.state import BodyMotion, empty_state, State, write_motion
-from rigid_sim_ros.scene import mass, mesh, schema
+from rigid_sim_ros.scene import collision, mass, mesh, schema
 from rigid_sim_ros.scene.document import Source
 from rigid_sim_ros.scene.errors import (
     below, nearest, Path as Place, Problem, Report, SceneError, shown,
@@ -32,6 +33,8 @@ class Scene:
     text: str  # YAML that says the same and needs nothing beside it
     model: Model
     state: State  # at the start
+    shapes: Shapes  # of the bodies that can touch
+    materials: Materials
     names: tuple[str, ...]  # of the bodies
     frame_names: Mapping[str, int]  # 'crate', 'crate/handle': the frame's index in the model
 
@@ -67,6 +70,7 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source) ->
         masses.append(_mass_properties(solid, here) if solid else None)
     spec = spec.model_copy(update={'bodies': tuple(bodies)})
     _check_references(spec, report)
+    collision.check(spec, report)
     frame_names = _frame_names(spec)
     frames = [Frame(i, np.array(pose.position), np.array(pose.orientation))
               for i, body in enumerate(spec.bodies) for pose in body.frames.values()]
@@ -85,9 +89,14 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source) ->
             report(('bodies', i), _EXTREME)
     if problems:
         raise SceneError(problems)
-    return Scene(name, spec, to_text(spec), model, state, tuple(body.name for body in spec.bodies),
-                 frame_names, spec.world.integrator, spec.world.orientation, spec.world.contact,
-                 spec.world.solver)
+    try:
+        shapes = build_shapes(model, collision.shapes(spec), collision.ignored(spec))
+    except ValueError as error:
+        raise SceneError([source.problem(('bodies',), str(error))]) from None
+    materials = build_materials(collision.materials(spec), collision.overrides(spec))
+    return Scene(name, spec, to_text(spec), model, state, shapes, materials,
+                 tuple(body.name for body in spec.bodies), frame_names, spec.world.integrator,
+                 spec.world.orientation, spec.world.contact, spec.world.solver)
 
 
 def to_text(spec: schema.Scene) -> str:

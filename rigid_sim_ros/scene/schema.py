@@ -20,8 +20,8 @@ from rigid_sim_ros.engine.integrate import ORIENTATIONS
 from rigid_sim_ros.engine.step import FREE_MOTION
 from rigid_sim_ros.scene.errors import Path
 from rigid_sim_ros.scene.values import (
-    Choice, Color, Density, Flag, Format, index, Length, ListOf, Mass, Name, Numbers, Quantity,
-    Quaternion, refuse, Rows, Scale, Text, Vector,
+    Choice, Color, Count, Density, Flag, Format, index, Length, ListOf, Mass, Name, NamePair,
+    Numbers, Quantity, Quaternion, refuse, Rows, Scale, Text, Vector,
 )
 
 INTEGRATORS = tuple(FREE_MOTION)
@@ -69,11 +69,41 @@ class World(Spec):
     solver: Annotated[str, Choice(SOLVERS)] = 'sequential'
 
 
-class Material(Spec):
-    """How a surface slides and bounces."""
+class Surface(Spec):
+    """How surfaces slide, roll and bounce."""
 
     friction: Annotated[float, Quantity(least=0.0)] = 0.5
     restitution: Annotated[float, Quantity(least=0.0, most=1.0)] = 0.0
+    # Levers of the normal force against rolling and against turning about the normal.
+    rolling: Annotated[float, Quantity('m', least=0.0)] = 0.0
+    spinning: Annotated[float, Quantity('m', least=0.0)] = 0.0
+    # Of each contact point in the penalty model: stiffness * depth * (1 + damping * rate).
+    stiffness: Annotated[float, Quantity('N/m', above=0.0)] = 1e5
+    damping: Annotated[float, Quantity('s/m', least=0.0)] = 0.5
+
+
+class Material(Surface):
+    """A surface; two of them combine when they touch."""
+
+
+class MaterialPair(Surface):
+    """What two materials give together, in the place of what would follow from each."""
+
+    a: Annotated[str, Text()]
+    b: Annotated[str, Text()]
+
+
+class Collision(Spec):
+    """How contacts are found and solved."""
+
+    # Pairs of bodies that never touch.
+    ignore: tuple[Annotated[tuple[str, str], NamePair()], ...] = ()
+    # Fast bodies are stopped at what they would pass through in a step.
+    continuous: Boolean = False
+    # Bodies that have come to rest are left alone until something reaches them.
+    sleeping: Boolean = False
+    # Of the sequential solver: more are stiffer and slower.
+    substeps: Annotated[int, Count(1, 64)] = 4
 
 
 class Pose(Spec):
@@ -234,6 +264,11 @@ class Body(Spec):
     twist: Twist = Twist()
     frames: dict[Name, Pose] = {}
     fixed: Boolean = False
+    # Who touches whom: two bodies collide when each collides with a group of the other.
+    collides: Boolean = True
+    groups: Annotated[tuple[str, ...], ListOf(Text(), 'names of groups')] = ('default',)
+    # None: with every group.
+    collides_with: Annotated[tuple[str, ...] | None, ListOf(Text(), 'names of groups')] = None
 
     def parts(self) -> list[tuple[Path, Shape]]:
         """Return the solids of the body, each with its place below the body."""
@@ -306,6 +341,8 @@ class Scene(Spec):
     format: Annotated[int, Format()] = 1
     world: World = World()
     materials: dict[Name, Material] = {}
+    material_pairs: tuple[MaterialPair, ...] = ()
+    collision: Collision = Collision()
     bodies: Annotated[tuple[Body, ...], _NOT_EMPTY]
     forces: tuple[Annotated[_ANY_FORCE, Discriminator(_kind)], ...] = ()
 

@@ -123,6 +123,33 @@ class Choice(_Check):
         raise refuse(f'{shown(value)}, {nearest(value, self.words)}')
 
 
+@dataclass(frozen=True)
+class Count(_Check):
+    """A whole number within limits."""
+
+    least: int
+    most: int
+
+    def __call__(self, value: Any) -> int:
+        """Return the number."""
+        if isinstance(value, bool) or not isinstance(value, int) or not (
+                self.least <= value <= self.most):
+            raise refuse(f'{shown(value)}, must be a whole number from {self.least} to '
+                         f'{self.most}')
+        return value
+
+
+class NamePair(_Check):
+    """Two different names."""
+
+    def __call__(self, value: Any) -> tuple[str, str]:
+        """Return them."""
+        if not isinstance(value, list) or len(value) != 2 or value[0] == value[1] or not all(
+                isinstance(name, str) for name in value):
+            raise refuse(f"{shown(value)}, must be two different names, as in ['crate', 'hook']")
+        return value[0], value[1]
+
+
 class Flag(_Check):
     """A truth value."""
 

@@ -1,0 +1,142 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What of a scene can touch: its solids as shapes of the engine, its materials, its filters."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from rigid_sim_ros.engine.hulls import Polyhedron
+from rigid_sim_ros.engine.rotation import multiply, rotate
+from rigid_sim_ros.engine.shapes import (
+    ALL_GROUPS, BOX, CAPSULE, CYLINDER, HULL, Material, PLANE, Shape, SPHERE)
+from rigid_sim_ros.scene import schema
+from rigid_sim_ros.scene.errors import nearest, Report, shown
+
+# Groups are bits of a 64-bit number whose sign stays free.
+MAX_GROUPS = 62
+
+
+def shapes(scene: schema.Scene) -> list[Shape]:
+    """Return the solids of all bodies; those of bodies that collide with nothing are left out."""
+    bits = _group_bits(scene)
+    materials = list(scene.all_materials)
+    found = []
+    for i, body in enumerate(scene.bodies):
+        mask = ALL_GROUPS
+        if body.collides_with is not None:
+            mask = sum(bits[name] for name in dict.fromkeys(body.collides_with))
+        group = sum(bits[name] for name in dict.fromkeys(body.groups))
+        for _, part in body.parts():
+            if body.collides and part.type in _SHAPES:
+                material = materials.index(part.material or body.material)
+                found.append(_SHAPES[part.type](part)._replace(
+                    body=i, material=material, group=group, mask=mask))
+    return found
+
+
+def materials(scene: schema.Scene) -> list[Material]:
+    """Return the materials in the order in which `shapes` numbers them."""
+    return [_material(material) for material in scene.all_materials.values()]
+
+
+def overrides(scene: schema.Scene) -> Iterator[tuple[int, int, Material]]:
+    """Yield the pairs of materials that behave together in a way of their own."""
+    names = list(scene.all_materials)
+    for pair in scene.material_pairs:
+        if pair.a in names and pair.b in names:
+            yield names.index(pair.a), names.index(pair.b), _material(pair)
+
+
+def ignored(scene: schema.Scene) -> Iterator[tuple[int, int]]:
+    """Yield the pairs of bodies that never touch."""
+    names = [body.name for body in scene.bodies]
+    for a, b in scene.collision.ignore:
+        if a in names and b in names:
+            yield names.index(a), names.index(b)
+
+
+def check(scene: schema.Scene, report: Report) -> None:
+    """Report names of bodies, materials and groups that do not exist."""
+    names = [body.name for body in scene.bodies]
+    for i, pair in enumerate(scene.collision.ignore):
+        for k, name in enumerate(pair):
+            if name not in names:
+                report(('collision', 'ignore', i, k),
+                       f'{shown(name)} is no body, {nearest(name, names)}')
+    for i, line in enumerate(scene.material_pairs):
+        for key, name in (('a', line.a), ('b', line.b)):
+            if name not in scene.all_materials:
+                report(('material_pairs', i, key),
+                       f'{shown(name)} is no material, {nearest(name, scene.all_materials)}')
+    groups = _group_bits(scene)
+    for i, body in enumerate(scene.bodies):
+        for k, name in enumerate(body.collides_with or ()):
+            if name not in groups:
+                report(('bodies', i, 'collides_with', k),
+                       f'{shown(name)} is no group of any body, {nearest(name, groups)}')
+    if len(groups) > MAX_GROUPS:
+        report(('bodies',), f'{len(groups)} groups, must be {MAX_GROUPS} or fewer')
+
+
+def _group_bits(scene: schema.Scene) -> dict[str, int]:
+    """Return the bit of each group, in the order in which the bodies name them."""
+    names = dict.fromkeys(['default', *(name for body in scene.bodies for name in body.groups)])
+    return {name: 1 << k for k, name in enumerate(names)}
+
+
+def _material(line: schema.Surface) -> Material:
+    return Material(line.friction, line.restitution, line.rolling, line.spinning, line.stiffness,
+                    line.damping)
+
+
+def _shape(part: schema.Shape, kind: int, size: tuple[float, float, float]) -> Shape:
+    return Shape(0, kind, size, part.pose.position, part.pose.orientation)
+
+
+def _plane(part: Any) -> Shape:
+    """Return the plane normal . r = offset, whose shape frame has z along the normal."""
+    n = np.array(part.normal) / np.linalg.norm(part.normal)
+    # Half way between z and n lies the axis of a half turn from one to the other; beside -z, any.
+    axis = n + np.array([0.0, 0.0, 1.0])
+    if np.linalg.norm(axis) < 1e-9:
+        axis = np.array([1.0, 0.0, 0.0])
+    x, y, z = (axis / np.linalg.norm(axis)).tolist()
+    q = (0.0, 0.0, 0.0, 1.0) if n[2] == 1.0 else (x, y, z, 0.0)
+    x, y, z = (n * part.offset).tolist()
+    origin = rotate(part.pose.orientation, (x, y, z))
+    position = tuple(np.add(part.pose.position, origin).tolist())
+    return Shape(0, PLANE, (0.0, 0.0, 0.0), position, multiply(part.pose.orientation, q))
+
+
+def _mesh(part: Any) -> Shape:
+    """Return the convex hull of a mesh."""
+    # SciPy: 0.6 s that a scene without a mesh does not wait for.
+    from scipy.spatial import ConvexHull, QhullError
+
+    points = np.array(part.vertices)
+    try:
+        hull = ConvexHull(points)
+    except QhullError:
+        raise ValueError(f'a mesh of {len(points)} vertices is too flat for a convex hull, '
+                         'must have a volume') from None
+    corners, triangles = np.unique(hull.simplices, return_inverse=True)
+    triangles = triangles.reshape(-1, 3)
+    vertices = points[corners]
+    # The hull's equations give the outside; its triangles run either way round.
+    a, b, c = np.moveaxis(vertices[triangles], 1, 0)
+    inward = np.einsum('ti,ti->t', np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
+    triangles[inward] = triangles[inward][:, ::-1]
+    polyhedron = Polyhedron(vertices, triangles.astype(np.int64))
+    return _shape(part, HULL, (0.0, 0.0, 0.0))._replace(hull=polyhedron)
+
+
+_SHAPES: dict[str, Callable[[Any], Shape]] = {
+    'sphere': lambda s: _shape(s, SPHERE, (s.radius, 0.0, 0.0)),
+    'box': lambda s: _shape(s, BOX, (s.size[0] / 2, s.size[1] / 2, s.size[2] / 2)),
+    'capsule': lambda s: _shape(s, CAPSULE, (s.radius, s.length / 2, 0.0)),
+    'cylinder': lambda s: _shape(s, CYLINDER, (s.radius, s.length / 2, 0.0)),
+    'plane': _plane,
+    'mesh': _mesh,
+}
