@@ -27,6 +27,7 @@ world's; or a body or BODY/FRAME, where the force then acts too).
 """
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+import os
 import select
 import sys
 import termios
@@ -112,7 +113,8 @@ def _read_keys(node: BodyPusher) -> None:
     while rclpy.ok():
         # In small waits, so that Ctrl-C and the end of ROS are noticed.
         if select.select([sys.stdin], [], [], 0.1)[0]:
-            key = sys.stdin.read(1)
+            # Not sys.stdin.read: it keeps further keys in a buffer that select does not see.
+            key = os.read(sys.stdin.fileno(), 1).decode(errors='replace')
             if key in ('q', ''):
                 return
             node.key(key)

@@ -1,11 +1,11 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What /diagnostics says about the node, once a second of wall time.
+What /diagnostics says about the node, by default once a second of wall time.
 
 Three statuses: `pace` (rate, real-time factor, overruns, lateness, cost), `inputs` (accepted and
 refused) and `physics` (energy and momentum). Counters run from the start of the node; rates,
-shares and lateness are those of the second just past.
+shares and lateness are those of the window since the last message.
 """
 from math import ceil
 
@@ -16,7 +16,6 @@ from rigid_sim_ros.nodes.publishers import Publishers
 from rigid_sim_ros.world import World
 
 _SECOND = 1_000_000_000
-_PERIOD_NS = _SECOND
 _OK, _WARN, _ERROR = 0, 1, 2
 
 
@@ -27,6 +26,7 @@ class Diagnostics:
         self, name: str, world: World, publishers: Publishers, refusals: Refusals, pacer: Pacer,
     ) -> None:
         self.accepted = 0       # wrenches, from the start
+        self.period_ns: float = _SECOND
         self._name = name
         self._world = world
         self._publishers = publishers
@@ -47,7 +47,7 @@ class Diagnostics:
 
     def is_due(self, now_ns: int) -> bool:
         """Return whether the window is over."""
-        return now_ns - self._begun_ns >= _PERIOD_NS
+        return now_ns - self._begun_ns >= self.period_ns
 
     def note(self, lateness: Lateness) -> None:
         """Keep how late a batch of steps began."""
@@ -80,7 +80,7 @@ class Diagnostics:
             'real-time factor': f'{steps * self._world.step_ns / wall_ns:.4f}',
             'real-time factor wanted': f'{pacer.factor:g}' if pacer.factor else 'unlimited',
             'overruns': pacer.overruns,
-            'overruns in the last second': overruns,
+            'overruns lately': overruns,
             'wall time given up [s]': f'{pacer.dropped_ns / _SECOND:.3f}',
             'lateness median [us]': f'{self._late_us(0.5):.0f}',
             'lateness 99 % [us]': f'{self._late_us(0.99):.0f}',
@@ -95,7 +95,7 @@ class Diagnostics:
                     'simulations but one')
             return self._status('pace', _WARN, text, values)
         if overruns:
-            text = f'cannot keep the pace: {overruns} overruns in the last second'
+            text = f'cannot keep the pace: {overruns} overruns lately'
             return self._status('pace', _WARN, text, values)
         return self._status('pace', _OK, 'paused' if paused else 'running', values)
 
@@ -107,7 +107,7 @@ class Diagnostics:
         for reason in sorted(counts):
             values[f'refused: {reason}'] = counts[reason]
         if new:
-            return self._status('inputs', _WARN, f'{new} refused in the last second', values)
+            return self._status('inputs', _WARN, f'{new} refused lately', values)
         return self._status('inputs', _OK, 'nothing refused', values)
 
     def _physics(self, broken: str) -> Status:

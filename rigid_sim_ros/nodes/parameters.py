@@ -50,6 +50,8 @@ _MEANINGS = {
     'marker_rate': _Meaning(
         'Rate of ~/markers in Hz of simulation time, rounded to whole steps; 0 publishes none.',
         True, 1e6),
+    'diagnostics_rate': _Meaning(
+        'Rate of /diagnostics in Hz of wall time; 0 publishes none.', True, 1e3),
     'hash_interval': _Meaning(
         'Steps from one ~/state_hash to the next; 0 publishes none.', True, 2**31 - 1),
     'wrench_timeout': _Meaning(

@@ -8,12 +8,13 @@ rclpy, which passes them on as they are. `_send` is the one place that all of th
 """
 from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
-from time import perf_counter_ns
+from time import monotonic, perf_counter_ns
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 import numpy as np
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
@@ -46,6 +47,7 @@ class Publishers:
         self.messages = 0       # sent so far, and the wall time that encoding and sending took
         self.cost_ns = 0
         self._node = node
+        self._all: list[Publisher] = []
         self._qos = qos
         self._frame_id: str = parameters['frame_id']
         names = [world.names[k] for k in bodies]
@@ -64,7 +66,7 @@ class Publishers:
         self._clock = (
             self._create(Clock, 'clock', '/clock') if parameters['publish_clock'] else None)
         self._tf = (
-            self._create(_tf_message(), 'tf', '/tf') if parameters['publish_tf'] else None)
+            self._create(tf_message(), 'tf', '/tf') if parameters['publish_tf'] else None)
         self._markers = (
             self._create(MarkerArray, 'markers', '~/markers')
             if parameters['publish_markers'] else None)
@@ -129,8 +131,16 @@ class Publishers:
         """Return how many publishers /clock has; more than one tears time to and fro."""
         return self._node.count_publishers('/clock') if self._clock else 0
 
+    def flush(self, seconds: float) -> None:
+        """Wait until reliable subscribers have what was sent, at most this long."""
+        end = monotonic() + seconds
+        for publisher in self._all:
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - monotonic())))
+
     def _create(self, message: type, kind: str, topic: str) -> Publisher:
-        return self._node.create_publisher(message, topic, self._qos[kind])
+        publisher = self._node.create_publisher(message, topic, self._qos[kind])
+        self._all.append(publisher)
+        return publisher
 
     def _send(self, publishers: Sequence[Publisher], messages: Sequence[bytes]) -> None:
         for publisher, data in zip(publishers, messages):
@@ -138,7 +148,8 @@ class Publishers:
         self.messages += len(messages)
 
 
-def _tf_message() -> type:
+def tf_message() -> type:
+    """Return tf2_msgs/TFMessage; raise ParameterError where it is not installed."""
     try:
         from tf2_msgs.msg import TFMessage
     except ImportError as error:

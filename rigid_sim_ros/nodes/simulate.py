@@ -32,7 +32,7 @@ from sensor_msgs.msg import MultiDOFJointState
 
 from rigid_sim_ros.nodes.inputs import ParameterInput, Queue, Receiver, Refusals
 from rigid_sim_ros.nodes.parameters import declare, is_live, ParameterError
-from rigid_sim_ros.nodes.publishers import chosen_bodies, Publishers
+from rigid_sim_ros.nodes.publishers import chosen_bodies, Publishers, tf_message
 from rigid_sim_ros.nodes.qos import profiles
 from rigid_sim_ros.nodes.services import Services
 from rigid_sim_ros.nodes.step_loop import StepLoop
@@ -43,9 +43,13 @@ from rigid_sim_ros.world import load_scene, World
 NODE_NAME = 'rigid_sim'
 _DONE, _FAILED, _USAGE = 0, 1, 2
 
+# rclpy has no public names for what rclpy.init raises.
+_ROS_ERRORS = (_rclpy.RCLError, _rclpy.RCLInvalidROSArgsError, _rclpy.UnknownROSArgsError)
+
 # s: how long the GIL may stay with the executor's thread while the step thread wants it. The
 # default of 5 ms would be five steps.
 _SWITCH_INTERVAL = 0.0005
+_FLUSH = 0.5            # s at most for the last messages to arrive
 _SPIN_PERIOD = 0.2      # s between two looks at whether to end
 
 
@@ -62,6 +66,8 @@ class Simulation:
         self._log = self.node.get_logger()
         self._parameters = declare(self.node)
         self._qos = profiles(self._parameters)
+        if self._parameters['publish_tf']:
+            tf_message()    # fails now, not after compiling
         self._world = load_scene(self._parameters['scene'])
         self._check_frame_id()
         self._queue = Queue()
@@ -90,9 +96,9 @@ class Simulation:
             f'simulating {self._parameters["scene"]}: {len(self._world.names)} '
             f'bod{"y" if len(self._world.names) == 1 else "ies"}, '
             f'step {self._world.step_ns / 1e6:g} ms')
-        self._run_threads(loop)
+        self._run_threads(loop, publishers)
 
-    def _run_threads(self, loop: StepLoop) -> None:
+    def _run_threads(self, loop: StepLoop, publishers: Publishers) -> None:
         # What was made to start up lives as long as the process: not for the collector, whose
         # search through it would stop the step thread for some ten milliseconds.
         gc.collect()
@@ -107,6 +113,7 @@ class Simulation:
         self._stopped.wait()
         loop.stop()
         stepping.join()
+        publishers.flush(_FLUSH)
         executor.wake()
         spinning.join()
         executor.shutdown()
@@ -193,10 +200,8 @@ def run(
     except ArithmeticError as error:
         print('rigid_sim:', error, file=sys.stderr)
         return _FAILED
-    except (_rclpy.RCLError, _rclpy.RCLInvalidROSArgsError) as error:
-        return _complain(str(error))
-    except _rclpy.UnknownROSArgsError as error:
-        return _complain(f'unknown ROS arguments {error}')
+    except _ROS_ERRORS as error:
+        return _complain(_ros_text(error))
     except Exception:
         traceback.print_exc()       # a mistake of this program, not of its user
         return _FAILED
@@ -214,7 +219,11 @@ def main(args: Sequence[str] | None = None) -> int:
                         help='path of a scene file or name of an example')
     parser.add_argument('--duration', type=float, metavar='S',
                         help='stop after S seconds of simulation time')
-    options = parser.parse_args(remove_ros_args(words)[1:])
+    try:
+        own_words = remove_ros_args(words)[1:]
+    except _ROS_ERRORS as error:
+        return _complain(_ros_text(error))
+    options = parser.parse_args(own_words)
     if options.duration is not None and not 0.0 < options.duration < float('inf'):
         parser.error(f'argument --duration: {options.duration} s, must be > 0 and finite')
     return run(options.scene, duration=options.duration, ros_args=words)
@@ -231,6 +240,11 @@ def _start_ros(ros_args: Sequence[str]) -> None:
     set_logger_level('rcl', LoggingSeverity.FATAL)
     rclpy.init(args=list(ros_args), signal_handler_options=SignalHandlerOptions.NO)
     set_logger_level('rcl', LoggingSeverity.UNSET)
+
+
+def _ros_text(error: Exception) -> str:
+    unknown = isinstance(error, _rclpy.UnknownROSArgsError)
+    return f'unknown ROS arguments {error}' if unknown else str(error)
 
 
 def _complain(message: str) -> int:

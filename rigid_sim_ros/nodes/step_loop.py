@@ -7,6 +7,7 @@ Nothing else touches the world once this runs. What is published, and when, depe
 of the step alone, so a slow machine publishes the same messages as a fast one, only later.
 """
 from collections.abc import Callable
+from math import inf
 import threading
 from time import monotonic_ns, sleep, thread_time_ns
 from typing import Any
@@ -30,7 +31,7 @@ _BATCH = 64
 # Waits up to this long are plain sleeps, which are exact to some 60 us; longer ones end early when
 # an input arrives.
 _PLAIN_SLEEP_NS = 5 * MILLISECOND
-_LONGEST_WAIT_NS = 100 * MILLISECOND
+_LONGEST_WAIT_NS = 50 * MILLISECOND
 
 
 class StepLoop:
@@ -137,7 +138,9 @@ class StepLoop:
             self._queue.wait(min(wait_ns, _LONGEST_WAIT_NS) / _SECOND)
 
     def _schedule(self) -> None:
-        """Set after how many steps each output is published; the order is that of publishing."""
+        """Set when each output is published; those of one step go out in this order."""
+        rate = self._parameters['diagnostics_rate']
+        self._diagnostics.period_ns = _SECOND / rate if rate else inf
         outputs = [
             (self._interval('clock_rate'), self._publish_clock),
             (self._interval('publish_rate'), self._publish_state),

@@ -16,7 +16,7 @@ import subprocess
 import sys
 import threading
 import time
-from typing import Any, TypeVar
+from typing import Any
 
 import rclpy
 from rclpy.experimental import EventsExecutor
@@ -25,14 +25,12 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_srvs.srv import SetBool, Trigger
 
 # s: far more than anything here takes, so that only what never happens fails.
-PATIENCE = 60.0
+PATIENCE = 180.0
 
 # Deep enough for everything that a test waits for.
 DEEP = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
 
 ROOT = Path(__file__).parents[2]
-_Answer = TypeVar('_Answer')
-
 
 def free_domain() -> int:
     """
@@ -55,10 +53,14 @@ def free_domain() -> int:
 class Process:
     """A program of the package in a process of its own."""
 
-    def __init__(self, command: Sequence[str], folder: Path) -> None:
+    def __init__(
+        self, command: Sequence[str], folder: Path, stdin: int = subprocess.DEVNULL,
+    ) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
         self._out, self._err = folder / 'stdout', folder / 'stderr'
         with self._out.open('wb') as out, self._err.open('wb') as err:
-            self._process = subprocess.Popen(command, stdout=out, stderr=err, cwd=ROOT)
+            self._process = subprocess.Popen(
+                command, stdin=stdin, stdout=out, stderr=err, cwd=ROOT)
 
     @property
     def stderr(self) -> str:
@@ -74,6 +76,9 @@ class Process:
     def is_running(self) -> bool:
         return self._process.poll() is None
 
+    def has_failed(self) -> bool:
+        return self._process.poll() not in (None, 0)
+
     def end(self) -> None:
         """End it if it still runs, by force if need be."""
         if self.is_running():
@@ -85,12 +90,15 @@ class Process:
                 self._process.wait()
 
 
+# What the tests have started and not yet ended.
+_RUNNING: list[Process] = []
+
+
 def simulate(
     folder: Path, scene: str, *, name: str = 'rigid_sim', words: Sequence[str] = (),
     **parameters: Any,
 ) -> Process:
     """Start the node with a scene file or name, further words, and parameters."""
-    folder.mkdir(parents=True, exist_ok=True)
     ros = ['--ros-args', '-r', f'__node:={name}']
     for key, value in parameters.items():
         text = str(value).lower() if isinstance(value, bool) else str(value)
@@ -100,14 +108,22 @@ def simulate(
 
 
 @contextmanager
-def running(*args: Any, **options: Any) -> Iterator[Process]:
-    """Start the node as `simulate` does and end it with the block."""
-    process = simulate(*args, **options)
+def kept(process: Process) -> Iterator[Process]:
+    """End a process with the block; nobody waits for anything once it has failed."""
+    _RUNNING.append(process)
     try:
         yield process
     finally:
+        _RUNNING.remove(process)
         process.end()
     assert 'Traceback' not in process.stderr, process.stderr
+
+
+@contextmanager
+def running(*args: Any, **options: Any) -> Iterator[Process]:
+    """Start the node as `simulate` does and end it with the block."""
+    with kept(simulate(*args, **options)) as process:
+        yield process
 
 
 class Probe:
@@ -167,6 +183,8 @@ class Probe:
         with self._changed:
             while not (value := condition()):
                 assert time.monotonic() < end, f'waited {PATIENCE} s for {what}'
+                for process in _RUNNING:
+                    assert not process.has_failed(), process.stderr
                 self._changed.wait(0.02)
         return value
 

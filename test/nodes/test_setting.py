@@ -3,6 +3,7 @@
 """Poses and twists set by other nodes, and the services pause, step and reset."""
 import math
 
+import numpy as np
 import pytest
 
 pytest.importorskip('rclpy', reason='rclpy is not installed: pip install .[ros]')
@@ -28,7 +29,7 @@ def scene(tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def sim(probe, scene, tmp_path_factory):
-    with running(tmp_path_factory.mktemp('sim'), str(scene)):
+    with running(tmp_path_factory.mktemp('sim'), str(scene), diagnostics_rate=20.0):
         yield
 
 
@@ -119,7 +120,8 @@ def test_set_twist_changes_the_twist_and_keeps_the_pose(probe, world):
     state = numbers(send(probe, 'crate/set_twist', twist()))
     world.set_twist('crate', LINEAR, ANGULAR)
     assert state == numbers_of(world)
-    assert state[:2] == before[:2]
+    # The pose goes through the central frame and back: a few roundings of numbers below 4.
+    assert np.concatenate(state[:2]) == pytest.approx(np.concatenate(before[:2]), abs=2e-15)
 
 
 def test_a_quaternion_with_the_rounding_of_float32_is_normalised(probe, world):
@@ -154,7 +156,7 @@ def test_a_pause_stops_time_and_its_end_lets_it_go_on(probe, world):
         probe.wait_for(lambda: len(states) > 10)
     assert probe.pause(True).success
     with probe.listening(MultiDOFJointState, '/rigid_sim/state') as states:
-        probe.some(DiagnosticArray, '/diagnostics', 2)      # a second and more
+        probe.some(DiagnosticArray, '/diagnostics', 10)     # half a second
         assert states == []
 
 

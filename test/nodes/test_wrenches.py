@@ -30,7 +30,7 @@ def scene(tmp_path_factory):
 @pytest.fixture(scope='module')
 def sim(probe, scene, tmp_path_factory):
     with running(tmp_path_factory.mktemp('sim'), str(scene), wrench_timeout=TIMEOUT,
-                 frame_id='map'):
+                 frame_id='map', diagnostics_rate=20.0):
         probe.pause(True)
         yield
 

@@ -1,0 +1,81 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The examples drive a simulation from processes of their own, as the README tells users to."""
+import math
+import os
+import pty
+import sys
+
+import pytest
+
+pytest.importorskip('rclpy', reason='rclpy is not installed: pip install .[ros]')
+
+from geometry_msgs.msg import Twist, WrenchStamped  # noqa: E402
+from nodes.live import kept, Process, running  # noqa: E402
+from sensor_msgs.msg import MultiDOFJointState  # noqa: E402
+
+WHEEL_TORQUE = 0.23e-3      # Nm, as in examples/attitude_controller.py
+
+
+@pytest.fixture(scope='module')
+def sim(probe, tmp_path_factory):
+    # Five times as fast as real, with 100 messages a second of wall time.
+    with running(tmp_path_factory.mktemp('sim'), 'tumbling_cubesat', real_time_factor=5.0,
+                 publish_rate=20.0):
+        probe.some(MultiDOFJointState, '/rigid_sim/state')
+        yield
+
+
+def example(folder, name, *words, **options):
+    return kept(Process([sys.executable, f'examples/{name}.py', *words], folder, **options))
+
+
+def speeds(state):
+    v, w = state.twist[0].linear, state.twist[0].angular
+    return math.hypot(v.x, v.y, v.z), math.hypot(w.x, w.y, w.z)
+
+
+def test_the_attitude_controller_stops_the_cubesat_with_torques_only(probe, sim, tmp_path):
+    tumbling, = probe.some(MultiDOFJointState, '/rigid_sim/state')
+    assert speeds(tumbling)[1] > 0.3
+    with probe.listening(MultiDOFJointState, '/rigid_sim/state') as states, probe.listening(
+            WrenchStamped, '/rigid_sim/cubesat/applied_wrench') as echoes:
+        with example(tmp_path, 'attitude_controller') as controller:
+            probe.wait_for(lambda: 'the tumbling has stopped' in controller.stderr)
+            resting = states[-1]
+        wrenches = [echo.wrench for echo in echoes]
+    linear, angular = speeds(resting)
+    assert angular < 2e-3                                   # rad/s
+    # The centre of mass is at rest throughout and lies 3 mm from the body frame's origin.
+    assert linear < 2e-3 * 3e-3                             # m/s
+    assert abs(resting.transforms[0].rotation.w) > math.cos(math.radians(1.0) / 2.0)
+    forces = [w.force for w in wrenches]
+    torques = [w.torque for w in wrenches]
+    assert {(f.x, f.y, f.z) for f in forces} == {(0.0, 0.0, 0.0)}
+    assert max(abs(c) for t in torques for c in (t.x, t.y, t.z)) <= WHEEL_TORQUE
+
+
+def push(probe, act, wanted):
+    """Repeat an act until the echo of the wanted force (x component) comes."""
+    with probe.listening(WrenchStamped, '/rigid_sim/cubesat/applied_wrench') as echoes:
+        def done():
+            act()
+            return [e for e in echoes if e.wrench.force.x == wanted]
+        probe.wait_for(done, f'a push of {wanted} N')
+
+
+def test_a_velocity_command_pushes_the_body(probe, sim, tmp_path):
+    command = Twist()
+    command.linear.x = 0.5
+    with example(tmp_path, 'push_body', '--ros-args', '-p', 'force:=0.002'):
+        push(probe, lambda: probe.publish('/cmd_vel', command), 0.001)
+
+
+def test_a_key_pushes_the_body(probe, sim, tmp_path):
+    ours, its = pty.openpty()
+    with example(tmp_path, 'push_body', '--ros-args', '-p', 'force:=0.004', stdin=its) as pusher:
+        push(probe, lambda: os.write(ours, b'w'), 0.004)
+        os.write(ours, b'q')
+        assert pusher.wait() == 0
+    os.close(ours)
+    os.close(its)

@@ -1,0 +1,168 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The node as a process: how it starts, how it ends, and beside another of its kind."""
+import importlib.util
+import re
+import signal
+import sys
+
+import pytest
+
+pytest.importorskip('rclpy', reason='rclpy is not installed: pip install .[ros]')
+
+from nodes.live import nanoseconds, Process, running, simulate  # noqa: E402
+from nodes.scenes import crates  # noqa: E402
+from sensor_msgs.msg import MultiDOFJointState  # noqa: E402
+
+# What a healthy run may write to stderr.
+HEALTHY = re.compile(r'\[INFO\] \[[0-9.]+\] \[\w+\]: simulating |compiling the physics kernels')
+
+
+@pytest.fixture(scope='module')
+def scene(tmp_path_factory):
+    return str(crates(tmp_path_factory.mktemp('scene')))
+
+
+def complaint(process):
+    """Return the one line that a process wrote to stderr before it ended with code 2."""
+    assert process.wait() == 2
+    line, = process.stderr.splitlines()
+    return line
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_node_cleanly(probe, tmp_path, scene, number):
+    with running(tmp_path, scene, name=f'sim_{number}') as process:
+        probe.some(MultiDOFJointState, f'/sim_{number}/state')
+        process.signal(number)
+        assert process.wait() == 0
+        assert [line for line in process.stderr.splitlines() if not HEALTHY.match(line)] == []
+
+
+def test_a_signal_ends_the_node_while_it_is_paused(probe, tmp_path, scene):
+    with running(tmp_path, scene) as process:
+        probe.pause(True)
+        process.signal(signal.SIGTERM)
+        assert process.wait() == 0
+
+
+def test_a_signal_ends_the_node_between_long_steps(probe, tmp_path):
+    scene = tmp_path / 'slow.yaml'
+    scene.write_text('{world: {step: 1000.0, gravity: [0, 0, 0]}, bodies: [{name: rock, '
+                     'shape: {type: sphere, radius: 1}, mass: 1}]}', encoding='utf-8')
+    with running(tmp_path, str(scene), name='slow') as process:
+        # The next step is due in a quarter of an hour.
+        assert probe.pause(False, '/slow').success
+        process.signal(signal.SIGINT)
+        assert process.wait() == 0
+
+
+def test_the_node_ends_after_its_duration(tmp_path, scene):
+    process = simulate(tmp_path, scene, words=['--duration', '0.2'])
+    assert process.wait() == 0
+
+
+def test_the_duration_is_simulation_time(probe, tmp_path, scene):
+    # Each message that was sent arrives, the last one too: the end waits for it.
+    with running(tmp_path, scene, name='timed', words=['--duration', '20'],
+                 real_time_factor=10.0) as process:
+        with probe.listening(MultiDOFJointState, '/timed/state') as states:
+            assert process.wait() == 0
+            probe.wait_for(lambda: nanoseconds(states[-1].header.stamp) == 20 * 10**9)
+
+
+@pytest.mark.parametrize('text, expected', [
+    ('bodies: [{name: a, mass: -1}]', 'mass'),
+    ('bodies: [', 'bad.yaml'),
+    ('hello', 'bad.yaml'),
+])
+def test_a_bad_scene_is_one_line_and_code_2(ros, tmp_path, text, expected):
+    path = tmp_path / 'bad.yaml'
+    path.write_text(text, encoding='utf-8')
+    line = complaint(simulate(tmp_path, str(path)))
+    assert line.startswith('rigid_sim: ')
+    assert expected in line
+
+
+def test_a_missing_scene_is_one_line_and_code_2(ros, tmp_path):
+    assert 'nowhere.yaml' in complaint(simulate(tmp_path, str(tmp_path / 'nowhere.yaml')))
+
+
+@pytest.mark.parametrize('parameters, expected', [
+    ({'real_time_factor': -1.0}, 'real_time_factor'),
+    ({'publish_rate': 100}, 'decimal point'),
+    ({'publish_clock': 'perhaps'}, 'true or false'),
+    ({'frame_id': 'crate'}, "'crate' is a frame of the scene"),
+    ({'frame_id': '""'}, 'must not be empty'),
+    ({'qos.pose.reliability': 'perfect'}, 'reliable or best_effort'),
+    ({'qos.pose.depth': 0}, 'at least 1'),
+])
+def test_a_bad_parameter_is_one_line_and_code_2(ros, tmp_path, scene, parameters, expected):
+    line = complaint(simulate(tmp_path, scene, **parameters))
+    assert line.startswith('rigid_sim: parameter ')
+    assert expected in line
+
+
+@pytest.mark.parametrize('words', [
+    ['--duration', 'long'], ['--duration', '-1'], ['--durations', '1'], ['one', 'too_many'],
+    ['--ros-args', '--bogus'], ['--ros-args', '-p', 'nonsense'],
+    ['--ros-args', '--params-file', '/nowhere/p.yaml'],
+])
+def test_wrong_usage_is_one_line_and_code_2(ros, tmp_path, words):
+    command = [sys.executable, '-m', 'rigid_sim_ros.nodes.simulate', *words]
+    assert complaint(Process(command, tmp_path)).startswith('rigid_sim: ')
+
+
+def test_a_mistyped_parameter_is_named_with_the_nearest(probe, tmp_path, scene):
+    with running(tmp_path, scene, publish_rat=50.0) as process:
+        probe.wait_for(lambda: "did you mean 'publish_rate'?" in process.stderr)
+
+
+def test_bodies_that_no_pattern_matches_are_reported(probe, tmp_path, scene):
+    with running(tmp_path, scene, bodies='[nothing]') as process:
+        probe.wait_for(lambda: 'no body matches' in process.stderr)
+
+
+def test_two_simulations_run_side_by_side(probe, tmp_path, scene):
+    first, second = tmp_path / 'first', tmp_path / 'second'
+    with running(first, scene, name='left'), running(
+            second, scene, name='right', real_time_factor=0.5, publish_clock=False):
+        left, = probe.some(MultiDOFJointState, '/left/state')
+        right, = probe.some(MultiDOFJointState, '/right/state')
+        assert left.joint_names == right.joint_names
+        assert probe.pause(True, '/left').success
+        probe.some(MultiDOFJointState, '/right/state', 5)       # one is paused, the other runs
+        assert probe.node.count_publishers('/clock') == 1
+
+
+def test_a_motion_beyond_all_numbers_pauses_the_node(probe, tmp_path):
+    scene = tmp_path / 'stiff.yaml'
+    # A spring too stiff for the step: the amplitude grows without bound in an explicit method.
+    scene.write_text(
+        '{world: {integrator: euler, gravity: [0, 0, 0]}, bodies: [{name: rock, mass: 1, '
+        'shape: {type: sphere, radius: 1}, pose: {position: [2, 0, 0]}}], forces: [{type: spring, '
+        'a: rock, b: world, stiffness: 1.0e+12, rest_length: 1}]}', encoding='utf-8')
+    with running(tmp_path, str(scene), name='stiff') as process:
+        probe.wait_for(lambda: 'paused: ' in process.stderr)
+        answer = probe.pause(False, '/stiff')
+        assert not answer.success
+        assert 'rock' in answer.message
+        assert probe.trigger('/stiff/reset').success
+
+
+@pytest.mark.skipif(importlib.util.find_spec('tf2_msgs') is not None,
+                    reason='tf2_msgs is installed, so publish_tf works')
+def test_publish_tf_without_tf2_msgs_is_one_line_and_code_2(ros, tmp_path, scene):
+    line = complaint(simulate(tmp_path, scene, publish_tf=True))
+    assert 'publish_tf' in line
+    assert 'tf2_msgs is not installed' in line
+
+
+@pytest.mark.skipif(importlib.util.find_spec('tf2_msgs') is None,
+                    reason='tf2_msgs is not installed (it is not among the ROS wheels)')
+def test_publish_tf_publishes_a_transform_for_each_body(probe, tmp_path, scene):
+    from tf2_msgs.msg import TFMessage
+    with running(tmp_path, scene, publish_tf=True):
+        message, = probe.some(TFMessage, '/tf')
+    assert [t.child_frame_id for t in message.transforms] == ['crate', 'ball', 'ground']
+    assert {t.header.frame_id for t in message.transforms} == {'world'}
