@@ -74,13 +74,13 @@ def test_a_step_that_is_no_whole_nanosecond_keeps_the_physics_and_rounds_the_clo
 
 
 def test_pose_and_twist_are_those_of_the_body_frame(read: Read) -> None:
-    scene = read('''
+    scene = read("""
 bodies:
 - name: a
   inertial: {mass: 2, com: [0.1, 0.2, 0.3], inertia: [3, 4, 5, 0.1, 0.2, 0.3]}
   pose: {position: [1, 2, 3], orientation: [0.5, 0.5, 0.5, 0.5]}
   twist: {linear: [4, 5, 6], angular: [0.7, 0.8, 0.9]}
-''')
+""")
     motion = empty_motion(1)
     read_motion(scene.model, scene.state, motion)
     # Rounding: a few products of numbers below 10, each to 1.1e-16 of its size.
@@ -92,12 +92,12 @@ bodies:
 
 
 def test_momentum_is_mass_times_velocity_of_the_centre_of_mass(read: Read) -> None:
-    scene = read('''
+    scene = read("""
 bodies:
 - name: a
   inertial: {mass: 2, com: [1, 0, 0], inertia: [1, 1, 1, 0, 0, 0]}
   twist: {linear: [0, 3, 0], angular: [0, 0, 5]}
-''')
+""")
     # v = v_B + w x r = (0, 3 + 5, 0)
     assert scene.state.P[:, 0].tolist() == [0.0, 16.0, 0.0]
 

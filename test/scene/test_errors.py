@@ -198,7 +198,7 @@ SCENES = {
 
 YAML = {
     '': '1: the scene is empty, must have bodies',
-    'bodies: [': "1: not YAML: while parsing a flow node, expected the node content, but found "
+    'bodies: [': '1: not YAML: while parsing a flow node, expected the node content, but found '
                  "'<stream end>'",
     'a: 1\n---\nb: 2': '2: not YAML: expected a single document in the stream, but found another '
                        'document',
