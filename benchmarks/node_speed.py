@@ -1,7 +1,7 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The node as a whole: does it hold real time, and what does that cost?
+Measure whether the node holds real time, and what that costs.
 
     python benchmarks/node_speed.py                  # 100 bodies, 1 kHz steps, 100 Hz publishing
     python benchmarks/node_speed.py --bodies 1000 --seconds 30 --subscribe
@@ -79,9 +79,8 @@ def measure(scene: Path, count: int, seconds: int, subscribe: bool) -> list[dict
     node, windows = Node('node_speed'), []
 
     def keep(message: DiagnosticArray) -> None:
-        for status in message.status:
-            if status.name.endswith(': pace'):
-                windows.append({v.key: v.value for v in status.values})
+        windows.extend({v.key: v.value for v in status.values}
+                       for status in message.status if status.name.endswith(': pace'))
 
     node.create_subscription(DiagnosticArray, '/diagnostics', keep, 10)
     if subscribe:

@@ -19,14 +19,14 @@ torque in Nm. For example
 
     ros2 run teleop_twist_keyboard teleop_twist_keyboard
 
-The wrenches go to ~/wrenches of the simulation, apart from those on ~/BODY/wrench: they add to what
-a controller does to the same body, they do not replace it.
+The wrenches go to ~/wrenches of the simulation, apart from those on ~/BODY/wrench: they add to
+what a controller does to the same body, they do not replace it.
 
 Parameters, set with `--ros-args -p NAME:=VALUE`: sim, body, force, torque, axes (empty: the
 world's; or a body or BODY/FRAME, where the force then acts too).
 """
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 import os
 import select
 import sys
@@ -120,22 +120,30 @@ def _read_keys(node: BodyPusher) -> None:
             node.key(key)
 
 
+def _spin(node: BodyPusher) -> None:
+    with suppress(ExternalShutdownException):
+        rclpy.spin(node)
+
+
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node until Ctrl-C or the key q."""
     rclpy.init(args=None if args is None else list(args))
     node = BodyPusher()
+    spinning = threading.Thread(target=_spin, args=(node,))
+    spinning.start()
     try:
         if sys.stdin.isatty():
-            threading.Thread(target=rclpy.spin, args=(node,), daemon=True).start()
             print((__doc__ or '').split('\n\n')[3])
             with _single_keys():
                 _read_keys(node)
         else:
-            rclpy.spin(node)
-    except (KeyboardInterrupt, ExternalShutdownException):
+            spinning.join()
+    except KeyboardInterrupt:
         pass
     finally:
         rclpy.try_shutdown()
+        spinning.join()
+        node.destroy_node()
     return 0
 
 

@@ -7,27 +7,28 @@ rosbags fills alignment gaps with zeros as this codec does, so its bytes must be
 leaves whatever its buffer held in the gaps, so there a byte may differ if, and only if, changing
 it changes nothing of the message that is read back.
 """
+from importlib.util import find_spec
 from typing import Any
+from unittest import SkipTest
 
-from hypothesis import given, HealthCheck, settings, strategies as st
-import numpy as np
-import pytest
-from rosbags.typesys import get_typestore, Stores
+if find_spec('rclpy') is None:
+    raise SkipTest('rclpy is not installed: pip install .[ros]')
 
-from rigid_sim_ros import codec
-
-pytest.importorskip('rclpy', reason='rclpy is not installed: pip install .[ros]')
-
-from builtin_interfaces.msg import Time  # noqa: E402
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue  # noqa: E402
-from geometry_msgs.msg import (  # noqa: E402
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import (
     Point, Pose, PoseStamped, Quaternion, Transform, Twist, TwistStamped, Vector3, Wrench,
     WrenchStamped)
-from rclpy.serialization import deserialize_message, serialize_message  # noqa: E402
-from rosgraph_msgs.msg import Clock  # noqa: E402
-from sensor_msgs.msg import MultiDOFJointState  # noqa: E402
-from std_msgs.msg import ColorRGBA, Header, String, UInt64  # noqa: E402
-from visualization_msgs.msg import Marker, MarkerArray  # noqa: E402
+from hypothesis import given, HealthCheck, settings, strategies as st
+import numpy as np
+from rclpy.serialization import deserialize_message, serialize_message
+from rosbags.typesys import get_typestore, Stores
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import MultiDOFJointState
+from std_msgs.msg import ColorRGBA, Header, String, UInt64
+from visualization_msgs.msg import Marker, MarkerArray
+
+from rigid_sim_ros import codec
 
 TYPESTORE = get_typestore(Stores.ROS2_JAZZY)
 
@@ -53,15 +54,15 @@ def values(seed: int, count: int, width: int) -> np.ndarray:
 
 
 def vector(row: Any) -> Vector3:
-    return Vector3(**dict(zip('xyz', map(float, row))))
+    return Vector3(**dict(zip('xyz', map(float, row), strict=True)))
 
 
 def point(row: Any) -> Point:
-    return Point(**dict(zip('xyz', map(float, row))))
+    return Point(**dict(zip('xyz', map(float, row), strict=True)))
 
 
 def quaternion(row: Any) -> Quaternion:
-    return Quaternion(**dict(zip('xyzw', map(float, row))))
+    return Quaternion(**dict(zip('xyzw', map(float, row), strict=True)))
 
 
 def check(ours: bytes, message: Any, ros_type: str) -> None:
@@ -88,7 +89,7 @@ def test_poses_are_what_rclpy_writes(t_ns, frame_id, count, seed):
     p, q = values(seed, count, 3), values(seed, count, 4)
     messages = codec.PoseEncoder(frame_id, count).encode(t_ns, p, q)
     assert len(messages) == count
-    for ours, position, orientation in zip(messages, p, q):
+    for ours, position, orientation in zip(messages, p, q, strict=True):
         pose = Pose(position=point(position), orientation=quaternion(orientation))
         check(ours, PoseStamped(header=header(t_ns, frame_id), pose=pose),
               'geometry_msgs/msg/PoseStamped')
@@ -100,7 +101,7 @@ def test_twists_are_what_rclpy_writes(t_ns, frame_id, count, seed):
     v, w = values(seed, count, 3), values(seed + 1, count, 3)
     messages = codec.TwistEncoder(frame_id, count).encode(t_ns, v, w)
     assert len(messages) == count
-    for ours, linear, angular in zip(messages, v, w):
+    for ours, linear, angular in zip(messages, v, w, strict=True):
         twist = Twist(linear=vector(linear), angular=vector(angular))
         check(ours, TwistStamped(header=header(t_ns, frame_id), twist=twist),
               'geometry_msgs/msg/TwistStamped')
@@ -117,8 +118,9 @@ def test_the_state_is_what_rclpy_writes(t_ns, frame_id, names, seed):
         header=header(t_ns, frame_id),
         joint_names=names,
         transforms=[
-            Transform(translation=vector(a), rotation=quaternion(b)) for a, b in zip(p, q)],
-        twist=[Twist(linear=vector(a), angular=vector(b)) for a, b in zip(v, w)],
+            Transform(translation=vector(a), rotation=quaternion(b))
+            for a, b in zip(p, q, strict=True)],
+        twist=[Twist(linear=vector(a), angular=vector(b)) for a, b in zip(v, w, strict=True)],
     ), 'sensor_msgs/msg/MultiDOFJointState')
 
 
@@ -198,8 +200,9 @@ def test_markers_are_what_rclpy_writes(t_ns, frame_id, given_markers, seed):
         Marker(
             header=header(t_ns, frame_id), ns=m.namespace, id=m.id, type=m.type, action=m.action,
             pose=Pose(position=point(a), orientation=quaternion(b)), scale=vector(m.scale),
-            color=ColorRGBA(**dict(zip('rgba', m.color))), points=[point(c) for c in m.points])
-        for m, a, b in zip(given_markers, p, q)]
+            color=ColorRGBA(**dict(zip('rgba', m.color, strict=True))),
+            points=[point(c) for c in m.points])
+        for m, a, b in zip(given_markers, p, q, strict=True)]
     check(encoder.encode(t_ns, p, q), MarkerArray(markers=expected),
           'visualization_msgs/msg/MarkerArray')
 
@@ -217,7 +220,7 @@ def test_transforms_are_what_rosbags_writes(t_ns, frame_id, names, seed):
     assert ours == bytes(TYPESTORE.serialize_cdr(message, ros_type))
     stamp = divmod(t_ns, 1_000_000_000)
     assert [t.child_frame_id for t in message.transforms] == names
-    for t, position, orientation in zip(message.transforms, p, q):
+    for t, position, orientation in zip(message.transforms, p, q, strict=True):
         assert (t.header.stamp.sec, t.header.stamp.nanosec) == stamp
         assert t.header.frame_id == frame_id
         moved, turned = t.transform.translation, t.transform.rotation

@@ -124,7 +124,7 @@ class Diagnostics:
             'angular momentum {} [kg m^2/s]': world.total_angular_momentum(),
         }
         for key, vector in momenta.items():
-            for axis, component in zip('xyz', vector):
+            for axis, component in zip('xyz', vector, strict=True):
                 values[key.format(axis)] = f'{component:.9g}'
         if broken:
             return self._status('physics', _ERROR, broken, values)

@@ -175,7 +175,7 @@ class Receiver:
         if not self._is_known(frame_id, self._frames, topic):
             return
         wrenches = []
-        for k, (body, ros_wrench) in enumerate(zip(names, message.wrench)):
+        for k, (body, ros_wrench) in enumerate(zip(names, message.wrench, strict=True)):
             if body not in self._bodies:
                 self._refuse('unknown body', f'{topic}: there is no body {body!r}')
                 return

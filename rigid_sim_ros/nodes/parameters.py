@@ -85,20 +85,21 @@ def declare(node: Node) -> dict[str, Any]:
     """
     defaults = default_parameters()
     _warn_of_unknown(node, defaults)
-    values = {}
-    for name, default in defaults.items():
-        try:
-            values[name] = node.declare_parameter(name, default, _descriptor(name, default)).value
-        except InvalidParameterTypeException as error:
-            raise ParameterError(_wrong_type(name, default, error)) from None
-        except InvalidParameterValueException as error:
-            raise ParameterError(f'parameter {_sentence(str(error))}') from None
-    return values
+    return {name: _declare(node, name, default) for name, default in defaults.items()}
 
 
 def is_live(name: str) -> bool:
     """Return whether a declared parameter may change while the node runs."""
     return name in _MEANINGS and _MEANINGS[name].live
+
+
+def _declare(node: Node, name: str, default: Any) -> Any:
+    try:
+        return node.declare_parameter(name, default, _descriptor(name, default)).value
+    except InvalidParameterTypeException as error:
+        raise ParameterError(_wrong_type(name, default, error)) from None
+    except InvalidParameterValueException as error:
+        raise ParameterError(f'parameter {_sentence(str(error))}') from None
 
 
 def _flatten(tree: Mapping[str, Any], prefix: str = '') -> Sequence[tuple[str, Any]]:

@@ -143,7 +143,7 @@ class Publishers:
         return publisher
 
     def _send(self, publishers: Sequence[Publisher], messages: Sequence[bytes]) -> None:
-        for publisher, data in zip(publishers, messages):
+        for publisher, data in zip(publishers, messages, strict=True):
             publisher.publish(data)
         self.messages += len(messages)
 

@@ -38,7 +38,7 @@ from rigid_sim_ros.nodes.services import Services
 from rigid_sim_ros.nodes.step_loop import StepLoop
 from rigid_sim_ros.nodes.warm_up import warm_up
 from rigid_sim_ros.scene.errors import SceneError
-from rigid_sim_ros.world import load_scene, World
+from rigid_sim_ros.world import load_scene
 
 NODE_NAME = 'rigid_sim'
 _DONE, _FAILED, _USAGE = 0, 1, 2
@@ -230,6 +230,7 @@ def main(args: Sequence[str] | None = None) -> int:
 
 
 class _Parser(argparse.ArgumentParser):
+
     def error(self, message: str) -> NoReturn:
         """Say what is wrong on one line."""
         raise SystemExit(_complain(f'{message} (see simulate --help)'))
@@ -263,7 +264,7 @@ def _stop_on_signals(stopped: threading.Event) -> Callable[[], None]:
         stopped.set()
 
     def restore() -> None:
-        for number, handler in zip(signals, before):
+        for number, handler in zip(signals, before, strict=True):
             signal.signal(number, handler)
 
     for number in signals:

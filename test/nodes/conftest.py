@@ -10,13 +10,11 @@ import pytest
 @pytest.fixture(scope='session')
 def ros() -> Iterator[None]:
     """Start ROS in a domain of its own."""
-    pytest.importorskip('rclpy', reason='rclpy is not installed: pip install .[ros]')
-    from nodes.live import start_ros
-    import rclpy
+    from nodes.live import start_ros, stop_ros
 
     start_ros()
     yield
-    rclpy.try_shutdown()
+    stop_ros()
 
 
 @pytest.fixture(scope='module')

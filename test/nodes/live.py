@@ -32,6 +32,7 @@ DEEP = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
 
 ROOT = Path(__file__).parents[2]
 
+
 def free_domain() -> int:
     """
     Return a ROS domain in which no DDS participant listens.
@@ -228,6 +229,10 @@ def start_ros() -> None:
     os.environ['ROS_DOMAIN_ID'] = str(free_domain())
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     rclpy.init()
+
+
+def stop_ros() -> None:
+    rclpy.try_shutdown()
 
 
 def nanoseconds(stamp: Any) -> int:

@@ -1,18 +1,20 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """The examples drive a simulation from processes of their own, as the README tells users to."""
+from importlib.util import find_spec
 import math
 import os
 import pty
 import sys
+from unittest import SkipTest
 
+if find_spec('rclpy') is None:
+    raise SkipTest('rclpy is not installed: pip install .[ros]')
+
+from geometry_msgs.msg import Twist, WrenchStamped
+from nodes.live import kept, Process, running
 import pytest
-
-pytest.importorskip('rclpy', reason='rclpy is not installed: pip install .[ros]')
-
-from geometry_msgs.msg import Twist, WrenchStamped  # noqa: E402
-from nodes.live import kept, Process, running  # noqa: E402
-from sensor_msgs.msg import MultiDOFJointState  # noqa: E402
+from sensor_msgs.msg import MultiDOFJointState
 
 WHEEL_TORQUE = 0.23e-3      # Nm, as in examples/attitude_controller.py
 

@@ -2,17 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node as a process: how it starts, how it ends, and beside another of its kind."""
 import importlib.util
+from importlib.util import find_spec
 import re
 import signal
 import sys
+from unittest import SkipTest
 
+if find_spec('rclpy') is None:
+    raise SkipTest('rclpy is not installed: pip install .[ros]')
+
+from nodes.live import nanoseconds, Process, running, simulate
+from nodes.scenes import crates
 import pytest
-
-pytest.importorskip('rclpy', reason='rclpy is not installed: pip install .[ros]')
-
-from nodes.live import nanoseconds, Process, running, simulate  # noqa: E402
-from nodes.scenes import crates  # noqa: E402
-from sensor_msgs.msg import MultiDOFJointState  # noqa: E402
+from sensor_msgs.msg import MultiDOFJointState
 
 # What a healthy run may write to stderr.
 HEALTHY = re.compile(r'\[INFO\] \[[0-9.]+\] \[\w+\]: simulating |compiling the physics kernels')
@@ -64,11 +66,11 @@ def test_the_node_ends_after_its_duration(tmp_path, scene):
 
 def test_the_duration_is_simulation_time(probe, tmp_path, scene):
     # Each message that was sent arrives, the last one too: the end waits for it.
-    with running(tmp_path, scene, name='timed', words=['--duration', '20'],
-                 real_time_factor=10.0) as process:
-        with probe.listening(MultiDOFJointState, '/timed/state') as states:
-            assert process.wait() == 0
-            probe.wait_for(lambda: nanoseconds(states[-1].header.stamp) == 20 * 10**9)
+    with running(
+        tmp_path, scene, name='timed', words=['--duration', '20'], real_time_factor=10.0,
+    ) as process, probe.listening(MultiDOFJointState, '/timed/state') as states:
+        assert process.wait() == 0
+        probe.wait_for(lambda: nanoseconds(states[-1].header.stamp) == 20 * 10**9)
 
 
 @pytest.mark.parametrize('text, expected', [

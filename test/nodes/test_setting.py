@@ -1,22 +1,23 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """Poses and twists set by other nodes, and the services pause, step and reset."""
+from importlib.util import find_spec
 import math
+from unittest import SkipTest
 
+if find_spec('rclpy') is None:
+    raise SkipTest('rclpy is not installed: pip install .[ros]')
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Point, PoseStamped, Quaternion, TwistStamped, Vector3, WrenchStamped
+from nodes.live import nanoseconds, running
+from nodes.scenes import crates, world_of
 import numpy as np
 import pytest
-
-pytest.importorskip('rclpy', reason='rclpy is not installed: pip install .[ros]')
-
-from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
-from geometry_msgs.msg import (  # noqa: E402
-    Point, PoseStamped, Quaternion, TwistStamped, Vector3, WrenchStamped)
-from nodes.live import nanoseconds, running  # noqa: E402
-from nodes.scenes import crates, world_of  # noqa: E402
-from rcl_interfaces.srv import SetParameters  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-from rosgraph_msgs.msg import Clock  # noqa: E402
-from sensor_msgs.msg import MultiDOFJointState  # noqa: E402
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import MultiDOFJointState
 
 POSITION, ORIENTATION = [4.0, 5.0, 6.0], [0.5, -0.5, 0.5, 0.5]
 LINEAR, ANGULAR = [-1.0, 0.5, 0.25], [2.0, 0.0, -1.0]
@@ -51,16 +52,16 @@ def set_parameter(probe, name, value):
 def pose(position=POSITION, orientation=ORIENTATION, frame_id=''):
     message = PoseStamped()
     message.header.frame_id = frame_id
-    message.pose.position = Point(**dict(zip('xyz', position)))
-    message.pose.orientation = Quaternion(**dict(zip('xyzw', orientation)))
+    message.pose.position = Point(**dict(zip('xyz', position, strict=True)))
+    message.pose.orientation = Quaternion(**dict(zip('xyzw', orientation, strict=True)))
     return message
 
 
 def twist(linear=LINEAR, angular=ANGULAR, frame_id=''):
     message = TwistStamped()
     message.header.frame_id = frame_id
-    message.twist.linear = Vector3(**dict(zip('xyz', linear)))
-    message.twist.angular = Vector3(**dict(zip('xyz', angular)))
+    message.twist.linear = Vector3(**dict(zip('xyz', linear, strict=True)))
+    message.twist.angular = Vector3(**dict(zip('xyz', angular, strict=True)))
     return message
 
 

@@ -1,22 +1,26 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """What the node publishes: topics, types, QoS, and that the figures are those of a World."""
+from importlib.util import find_spec
+from itertools import pairwise
+from unittest import SkipTest
+
+if find_spec('rclpy') is None:
+    raise SkipTest('rclpy is not installed: pip install .[ros]')
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped, TwistStamped
+from nodes.live import nanoseconds, running
+from nodes.scenes import crates, world_of
 import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import MultiDOFJointState
+from std_msgs.msg import String, UInt64
+from visualization_msgs.msg import Marker, MarkerArray
 
-pytest.importorskip('rclpy', reason='rclpy is not installed: pip install .[ros]')
-
-from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
-from geometry_msgs.msg import PoseStamped, TwistStamped  # noqa: E402
-from nodes.live import nanoseconds, running  # noqa: E402
-from nodes.scenes import crates, world_of  # noqa: E402
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
-from rosgraph_msgs.msg import Clock  # noqa: E402
-from sensor_msgs.msg import MultiDOFJointState  # noqa: E402
-from std_msgs.msg import String, UInt64  # noqa: E402
-from visualization_msgs.msg import Marker, MarkerArray  # noqa: E402
-
-from rigid_sim_ros.nodes.parameters import default_parameters  # noqa: E402
-from rigid_sim_ros.world import World  # noqa: E402
+from rigid_sim_ros.nodes.parameters import default_parameters
+from rigid_sim_ros.world import World
 
 PUBLISHED = {
     '/clock': 'rosgraph_msgs/msg/Clock',
@@ -143,7 +147,7 @@ def test_the_state_is_that_of_a_world_to_the_bit(probe, sim, scene):
     world = world_of(scene)
     for message in probe.some(MultiDOFJointState, '/rigid_sim/state', 20):
         world.step(steps(message) - world.step_index)
-        for k, (pose, twist) in enumerate(zip(message.transforms, message.twist)):
+        for k, (pose, twist) in enumerate(zip(message.transforms, message.twist, strict=True)):
             p, q, v, w = pose.translation, pose.rotation, twist.linear, twist.angular
             assert [p.x, p.y, p.z] == world.position[k].tolist()
             assert [q.x, q.y, q.z, q.w] == world.orientation[k].tolist()
@@ -154,7 +158,7 @@ def test_the_state_is_that_of_a_world_to_the_bit(probe, sim, scene):
 def test_the_rate_is_that_of_the_parameter_in_simulation_time(probe, sim):
     stamps = [steps(m) for m in probe.some(PoseStamped, '/rigid_sim/crate/pose', 30)]
     assert all(stamp % 10 == 0 for stamp in stamps)
-    assert [b - a for a, b in zip(stamps, stamps[1:])] == [10] * 29
+    assert [b - a for a, b in pairwise(stamps)] == [10] * 29
 
 
 def test_hashes_are_those_of_a_world(probe, sim, scene):
@@ -188,7 +192,7 @@ def test_a_late_subscriber_gets_the_scene_in_effect(probe, sim, scene):
 
 def test_the_clock_runs_with_the_steps_and_never_backwards(probe, sim):
     clocks = [nanoseconds(m.clock) for m in probe.some(Clock, '/clock', 50)]
-    assert [b - a for a, b in zip(clocks, clocks[1:])] == [10_000_000] * 49
+    assert [b - a for a, b in pairwise(clocks)] == [10_000_000] * 49
 
 
 def test_markers_stand_where_the_bodies_are(probe, sim, scene):
@@ -218,6 +222,6 @@ def test_diagnostics_tell_pace_inputs_and_physics(probe, sim, scene):
     physics = parts['/rigid_sim: physics']
     # Free motion without gravity keeps energy and momentum; nine digits are shown.
     assert float(physics['kinetic energy [J]']) == pytest.approx(world.kinetic_energy(), rel=1e-8)
-    for axis, value in zip('xyz', world.total_momentum()):
+    for axis, value in zip('xyz', world.total_momentum(), strict=True):
         shown = float(physics[f'momentum {axis} [kg m/s]'])
         assert shown == pytest.approx(value, rel=1e-8, abs=1e-12)

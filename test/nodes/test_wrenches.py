@@ -6,17 +6,19 @@ Wrenches from other nodes do what World.apply_wrench does, to the bit.
 The simulation is paused for each test, so that the test knows at which step a wrench arrives, and
 stepped one step a call. The world beside it gets the same wrenches at the same steps.
 """
+from importlib.util import find_spec
 import math
+from unittest import SkipTest
 
+if find_spec('rclpy') is None:
+    raise SkipTest('rclpy is not installed: pip install .[ros]')
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Vector3, Wrench, WrenchStamped
+from nodes.live import nanoseconds, running
+from nodes.scenes import crates, world_of
 import pytest
-
-pytest.importorskip('rclpy', reason='rclpy is not installed: pip install .[ros]')
-
-from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
-from geometry_msgs.msg import Vector3, Wrench, WrenchStamped  # noqa: E402
-from nodes.live import nanoseconds, running  # noqa: E402
-from nodes.scenes import crates, world_of  # noqa: E402
-from sensor_msgs.msg import MultiDOFJointState  # noqa: E402
+from sensor_msgs.msg import MultiDOFJointState
 
 FORCE, TORQUE = (1.0, -2.0, 3.0), (0.3, 0.1, -0.2)
 TIMEOUT = 0.004     # s: four steps
@@ -44,8 +46,8 @@ def world(probe, sim, scene):
 
 
 def wrench(force=FORCE, torque=TORQUE):
-    return Wrench(force=Vector3(**dict(zip('xyz', force))),
-                  torque=Vector3(**dict(zip('xyz', torque))))
+    return Wrench(force=Vector3(**dict(zip('xyz', force, strict=True))),
+                  torque=Vector3(**dict(zip('xyz', torque, strict=True))))
 
 
 def stamped(frame_id='', force=FORCE, torque=TORQUE):
@@ -78,7 +80,7 @@ def step_both(probe, world, count):
     twists = [(t.linear, t.angular) for t in states[-1].twist]
     measured = [[v.x, v.y, v.z, w.x, w.y, w.z] for v, w in twists]
     expected = [[*v, *w] for v, w in zip(
-        world.linear_velocity.tolist(), world.angular_velocity.tolist())]
+        world.linear_velocity.tolist(), world.angular_velocity.tolist(), strict=True)]
     return measured, expected
 
 
