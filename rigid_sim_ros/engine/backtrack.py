@@ -14,15 +14,18 @@ bisection method average performance, ACM Trans. Math. Softw. 47 (2021)).
 
 import math
 
-from rigid_sim_ros.engine.arrays import Array, Vector
+import numpy as np
+
+from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
+from rigid_sim_ros.engine.broad_phase import may_collide
 from rigid_sim_ros.engine.free_rotation import turn_fast
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import Loads
-from rigid_sim_ros.engine.manifolds import Manifolds, Scratch
+from rigid_sim_ros.engine.manifolds import Scratch
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.narrow_phase.collide import collide
 from rigid_sim_ros.engine.rotation import multiply, quaternion, rotate, to_matrix
-from rigid_sim_ros.engine.shapes import Shapes, SPHERE
+from rigid_sim_ros.engine.shapes import PLANE, Shapes, SPHERE
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.vector import column, norm, row
 
@@ -68,11 +71,17 @@ def pair_gap(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b
     """Return the gap [m] of two shapes after t [s], `far` if it is more, and the normal from A to B."""
     place_ahead(model, state, loads, shapes, a, t, pose)
     place_ahead(model, state, loads, shapes, b, t, pose)
-    count, n = collide(pose, shapes, a, b, far, scratch)
-    gap = far
-    for k in range(count):
-        gap = min(gap, scratch.points[k, 3])
-    return gap, n
+    gap, normal = far, (0.0, 0.0, 0.0)
+    # The four points of a manifold are chosen to carry a body well; the deepest may be left out for one
+    # that is nearly as deep. So look again for anything nearer than what was found.
+    for _ in range(16):
+        count, n = collide(pose, shapes, a, b, gap, scratch)
+        if count == 0:
+            break
+        normal = n
+        for k in range(count):
+            gap = min(gap, scratch.points[k, 3])
+    return gap, normal
 
 
 @kernel
@@ -101,18 +110,63 @@ def _approach(model: Model, state: State, loads: Loads, shapes: Shapes, s: int, 
 
 
 @kernel
-def most_motion(model: Model, state: State, loads: Loads, shapes: Shapes, t: float) -> float:
-    """Return how far [m] any point of any shape can move within t [s] under constant loads, at most."""
-    most = 0.0
-    for s in range(shapes.body.shape[0]):
-        i = shapes.body[s]
-        if model.inv_m[i] == 0.0:
-            continue
-        speed = model.inv_m[i] * (norm(column(state.P, i)) + t * norm(column(loads.F, i)))
-        spin = max(model.inv_I_C[0, i], model.inv_I_C[1, i], model.inv_I_C[2, i]) * (
-            norm(column(state.L, i)) + t * norm(column(loads.tau, i)))
-        most = max(most, t * (speed + spin * reach_of_turning(shapes, s)))
-    return most
+def motion_bound(model: Model, state: State, loads: Loads, shapes: Shapes, s: int, t: float) -> float:
+    """Return how far [m] any point of shape s can move within t [s] under constant loads, at most."""
+    i = shapes.body[s]
+    if model.inv_m[i] == 0.0:
+        return 0.0
+    speed = model.inv_m[i] * (norm(column(state.P, i)) + t * norm(column(loads.F, i)))
+    spin = max(model.inv_I_C[0, i], model.inv_I_C[1, i], model.inv_I_C[2, i]) * (
+        norm(column(state.L, i)) + t * norm(column(loads.tau, i)))
+    return t * (speed + spin * reach_of_turning(shapes, s))
+
+
+@kernel
+def pairs_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, t: float, pose: Array,
+                pairs: IntArray) -> int:
+    """
+    Write the pairs of shapes (p, 2) that may meet within t [s], sorted; return how many there are.
+
+    Where that is more than the room, only some were written. Spheres around the shapes, larger by their
+    motion, are sorted along x and swept; planes are compared with all.
+    """
+    count = shapes.body.shape[0]
+    radius, low = np.empty(count), np.empty(count)
+    for s in range(count):
+        place_ahead(model, state, loads, shapes, s, 0.0, pose)
+        radius[s] = shapes.bound[s] + motion_bound(model, state, loads, shapes, s, t)
+        low[s] = pose[s, 0] - radius[s]
+    order = np.argsort(low, kind='mergesort')
+    found = 0
+    for i in range(count):
+        s = order[i]
+        for j in range(i + 1, count):
+            other = order[j]
+            if low[other] > pose[s, 0] + radius[s]:
+                break
+            a, b = min(s, other), max(s, other)
+            if (_near(shapes, pose, radius, a, b) and _near(shapes, pose, radius, b, a)
+                    and may_collide(shapes, model.m.shape[0], a, b)):
+                if found < pairs.shape[0]:
+                    pairs[found, 0], pairs[found, 1] = a, b
+                found += 1
+    if found <= pairs.shape[0]:
+        key = np.empty(found, dtype=np.int64)
+        for k in range(found):
+            key[k] = pairs[k, 0] * count + pairs[k, 1]
+        key.sort()
+        for k in range(found):
+            pairs[k, 0], pairs[k, 1] = key[k] // count, key[k] % count
+    return found
+
+
+@kernel
+def _near(shapes: Shapes, pose: Array, radius: Array, a: int, b: int) -> bool:
+    """Return whether the sphere around b may reach shape a: its sphere, or its half space for a plane."""
+    d = (pose[b, 0] - pose[a, 0], pose[b, 1] - pose[a, 1], pose[b, 2] - pose[a, 2])
+    if shapes.kind[a] == PLANE:
+        return d[0] * pose[a, 5] + d[1] * pose[a, 8] + d[2] * pose[a, 11] <= radius[b]
+    return norm(d) <= radius[a] + radius[b]
 
 
 @kernel
@@ -153,11 +207,11 @@ def crossing(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b
 
 @kernel
 def meeting(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b: int, gap: float,
-            n: Vector, until: float, pose: Array, scratch: Scratch) -> float:
+            n: Vector, until: float, far: float, pose: Array, scratch: Scratch) -> float:
     """
     Return when [s] two shapes with a gap > 0 [m] and the normal n first touch, inf if not before `until`.
 
-    `until` is also the time scale of the least advance.
+    `until` is also the time scale of the least advance, and `far` [m] more than the gap ever becomes.
     """
     t, least = 0.0, LEAST_ADVANCE * until
     while True:
@@ -167,8 +221,6 @@ def meeting(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b:
         if speed * (until - t) < gap:
             return math.inf
         later = min(t + max(gap / speed, least), until)
-        # The gap grows no faster than two times the largest motion.
-        far = gap + 2.0 * most_motion(model, state, loads, shapes, until) + 1.0
         then, n = pair_gap(model, state, loads, shapes, a, b, later, far, pose, scratch)
         if then <= 0.0:
             return crossing(model, state, loads, shapes, a, b, t, later, gap, then, 0.0, far, pose,
@@ -179,31 +231,35 @@ def meeting(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b:
 
 
 @kernel
-def first_event(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds: Manifolds,
+def first_event(model: Model, state: State, loads: Loads, shapes: Shapes, pairs: IntArray, count: int,
                 allowed: Array, until: float, pose: Array, scratch: Scratch) -> tuple[float, int]:
     """
-    Return the earliest time [s] at which a pair of shapes meets, and its manifold; (until, -1) if none does.
+    Return the earliest time [s] at which one of `count` pairs meets, and which; (until, -1) if none does.
 
-    allowed, (rows,), is 0 for pairs that are apart. A pair that touches already has how deep [m, < 0] it may
+    allowed, (p,), is 0 for pairs that are apart. A pair that touches already has how deep [m, < 0] it may
     get during the step; it counts as an event when it ends the step deeper than that, and then from the
     time at which it got there.
     """
     best, which = until, -1
-    for k in range(manifolds.count[0]):
-        a, b = manifolds.shape_a[k], manifolds.shape_b[k]
-        gap = manifolds.gap[k, 0]
-        for j in range(1, manifolds.points[k]):
-            gap = min(gap, manifolds.gap[k, j])
+    for k in range(count):
+        a, b = pairs[k, 0], pairs[k, 1]
+        far = 2.0 * (motion_bound(model, state, loads, shapes, a, until)
+                     + motion_bound(model, state, loads, shapes, b, until))
         if allowed[k] == 0.0:
-            t = meeting(model, state, loads, shapes, a, b, gap, row(manifolds.normal, k), best, pose,
-                        scratch)
-            if t < best:
-                best, which = t, k
+            gap, n = pair_gap(model, state, loads, shapes, a, b, 0.0, far, pose, scratch)
+            if gap >= far:
+                continue
+            if gap > 0.0:
+                t = meeting(model, state, loads, shapes, a, b, gap, n, best, 2.0 * far, pose, scratch)
+                if t < best:
+                    best, which = t, k
             continue
-        far = abs(gap) + 2.0 * most_motion(model, state, loads, shapes, best) + 1.0
+        far += 1.0
         then = pair_gap(model, state, loads, shapes, a, b, best, far, pose, scratch)[0]
-        if then < allowed[k] < gap:
-            best = crossing(model, state, loads, shapes, a, b, 0.0, best, gap, then, allowed[k], far,
-                            pose, scratch)
-            which = k
+        if then < allowed[k]:
+            gap = pair_gap(model, state, loads, shapes, a, b, 0.0, far, pose, scratch)[0]
+            if gap > allowed[k]:
+                best = crossing(model, state, loads, shapes, a, b, 0.0, best, gap, then, allowed[k],
+                                far, pose, scratch)
+                which = k
     return best, which

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
-from rigid_sim_ros.engine.backtrack import first_event, most_motion
+from rigid_sim_ros.engine.backtrack import first_event, pairs_ahead
 from rigid_sim_ros.engine.contact_drift import contact_drift
 from rigid_sim_ros.engine.contact_qp import Outcome, solve
 from rigid_sim_ros.engine.contacts import (
@@ -31,7 +31,7 @@ from rigid_sim_ros.engine.contacts import (
     to_contact, to_world)
 from rigid_sim_ros.engine.detect import detect
 from rigid_sim_ros.engine.free_flight import fly
-from rigid_sim_ros.engine.impulse import collide, resting_speed
+from rigid_sim_ros.engine.impulse import collide, resting_speed, STILL
 from rigid_sim_ros.engine.integrate import kick, make_work, sum_loads, Work
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import empty_loads, Loads
@@ -92,6 +92,8 @@ class EventWork:
         self.contact_loads: Loads = empty_loads(bodies)
         self.still: Loads = empty_loads(bodies)
         self.pose: Array = np.zeros((shapes, 12))
+        self.pairs: IntArray = np.zeros((64, 2), dtype=np.int64)
+        self.allowed: Array = np.zeros(64)
         self.carried: Carried = no_forces()
         self.report = EventReport(0, 0, 0, 0.0, 0.0, 0, 0, '', False)
 
@@ -219,19 +221,21 @@ def _push_all(model: Model, state: State, contacts: Contacts, chosen: IntArray, 
 
 
 @kernel
-def _allow(manifolds: Manifolds, contacts: Contacts, bodies: Bodies, chosen: IntArray, left: float,
+def _allow(pairs: IntArray, count: int, contacts: Contacts, bodies: Bodies, chosen: IntArray, left: float,
            overlap: float, allowed: Array) -> None:
     """Write how deep the pairs that get forces may go, 0 for the others; see `first_event`."""
-    allowed[:] = 0.0
+    allowed[:count] = 0.0
+    p = 0
     for c in range(chosen.shape[0]):
         k = chosen[c]
         u = to_contact(contacts, k, relative(bodies.velocity, contacts, k))
         # Stopped over the step, not at once, a slow approach u_n gets |u_n| t / 2 deeper.
         depth = min(contacts.gap[k], 0.0) + 0.5 * min(u[0], 0.0) * left - overlap
-        for r in range(manifolds.count[0]):
-            if (manifolds.shape_a[r] == contacts.shape_a[k]
-                    and manifolds.shape_b[r] == contacts.shape_b[k]):
-                allowed[r] = min(allowed[r], depth)
+        for _ in range(count):
+            if pairs[p, 0] == contacts.shape_a[k] and pairs[p, 1] == contacts.shape_b[k]:
+                allowed[p] = min(allowed[p], depth)
+                break
+            p = (p + 1) % count
 
 
 @kernel
@@ -288,15 +292,14 @@ class _Step:
         w, left, first = self.work, self.model.h, True
         while left > 0.0:
             self._free_loads()
-            margin = self._detect(1.5 * self._motion(left))
+            self._detect()
             if first:
                 _forget_impulses(current_manifolds(self.memory))
                 first = False
-            self._gather()
             impulses = np.zeros((self.work.contacts.gap.shape[0], 3))
             self._collide(impulses)
             chosen = self._resting_forces(left)
-            t, which = self._next_event(chosen, left, margin)
+            t, which = self._next_event(chosen, left)
             self._keep(chosen, t, impulses)
             _move(self.model, self.state, self.wrenches, w.contact_loads, w.work, t)
             left = left - t if which >= 0 else 0.0
@@ -312,23 +315,15 @@ class _Step:
         sum_loads(self.model, self.state, self.wrenches, w.work.loads)
         read_bodies(self.model, self.state, w.work.loads.F, w.work.loads.tau, w.bodies)
 
-    def _motion(self, t: float) -> float:
-        return 2.0 * float(most_motion(self.model, self.state, self.work.work.loads, self.shapes, t))
-
-    def _detect(self, motion: float) -> float:
-        """Find all pairs that can meet while things move that far [m]; return the margin."""
-        pull = float(_most_pull(self.model, self.work.work.loads))
-        margin = motion + 2.0 * self.settings.touching + self.model.h ** 2 * pull
-        # Points of a manifold that moved are found anew each time: an event needs the true ones.
-        current_manifolds(self.memory).found_at[:, 0] = np.inf
-        while not detect(self.model, self.state, self.shapes, self.memory, margin):
-            self.memory = grown(self.memory)
-        return margin
-
-    def _gather(self) -> None:
+    def _detect(self) -> None:
+        """Find the points that touch, or are as near as a rebound that is too short to be one."""
         w = self.work
-        reach = self.settings.touching + 0.25 * self.model.h * (
-            0.5 * self.model.h * float(_most_pull(self.model, w.work.loads)) + 1e-9)
+        slow = 0.5 * self.model.h * float(_most_pull(self.model, w.work.loads)) + STILL
+        reach = self.settings.touching + 0.25 * self.model.h * slow
+        # Polyhedra that hardly moved would keep points that are right to second order: not enough here.
+        current_manifolds(self.memory).found_at[:, 0] = np.inf
+        while not detect(self.model, self.state, self.shapes, self.memory, 1.01 * reach):
+            self.memory = grown(self.memory)
         while True:
             needed = gather(self.state, current_manifolds(self.memory), self.shapes, self.materials,
                             reach, w.contacts)
@@ -407,22 +402,21 @@ class _Step:
         self.force = f
         return chosen
 
-    def _next_event(self, chosen: IntArray, left: float, margin: float) -> tuple[float, int]:
-        """Return when the next pair meets, within `left` [s], and its manifold, -1 for none."""
+    def _next_event(self, chosen: IntArray, left: float) -> tuple[float, int]:
+        """Return when the next pair meets, within `left` [s], and which; -1 for none."""
+        w = self.work
         if self.events >= self.settings.max_events:
             self.cut_short = True
             return left, -1
-        motion = self._motion(left)
-        memory, w = self.memory, self.work
-        if motion > margin:
-            # Impulses or forces made something faster than it was when the pairs were found.
-            self._detect(motion)
-            memory = self.memory
-        manifolds = current_manifolds(memory)
-        allowed = np.zeros(int(manifolds.count[0]))
-        _allow(manifolds, w.contacts, w.bodies, chosen, left, self.settings.overlap, allowed)
-        t, which = first_event(self.model, self.state, w.work.loads, self.shapes, manifolds, allowed,
-                               left, w.pose, memory.scratch)
+        while True:
+            count = pairs_ahead(self.model, self.state, w.work.loads, self.shapes, left, w.pose, w.pairs)
+            if count <= len(w.pairs):
+                break
+            w.pairs = np.zeros((2 * count, 2), dtype=np.int64)
+            w.allowed = np.zeros(2 * count)
+        _allow(w.pairs, count, w.contacts, w.bodies, chosen, left, self.settings.overlap, w.allowed)
+        t, which = first_event(self.model, self.state, w.work.loads, self.shapes, w.pairs, count,
+                               w.allowed, left, w.pose, self.memory.scratch)
         return float(t), int(which)
 
     def _keep(self, chosen: IntArray, t: float, impulses: Array) -> None:
