@@ -1,14 +1,35 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which pairs of shapes may touch: those whose bounding boxes overlap."""
+"""
+Which pairs of shapes may touch: those whose fat boxes overlap.
 
-from rigid_sim_ros.engine.arrays import Array
-from rigid_sim_ros.engine.kernel import kernel
-from rigid_sim_ros.engine.manifolds import Memory, SHORT_PAIRS
+A fat box is a bounding box with room to move in. While a shape stays inside of its fat box nothing has to
+be done for it. Those that left theirs are looked up in a hierarchical grid: level k has cells of
+2^k m, and a shape lies on the first level whose cells are as large as its fat box, in the cell of its
+middle. So few cells have to be visited on any level, and shapes of very different size do not
+disturb each other. Planes and the like are wide: everything is tried against them.
+
+The pairs that come out are sorted, and a superset of those whose bounding boxes overlap; who goes through
+them tests the bounding boxes first, so that no result depends on when a fat box was made.
+"""
+
+import math
+
+from rigid_sim_ros.engine.arrays import Array, IntArray
+from rigid_sim_ros.engine.bare import bare
+from rigid_sim_ros.engine.manifolds import LEVELS
 from rigid_sim_ros.engine.shapes import PLANE, Shapes
 
+# Room around a bounding box, as a fraction of its largest side. A smaller one makes shapes leave
+# their box more often, a larger one makes more pairs that do not touch.
+ROOM = 0.05
+# A fat box reaches as far ahead as the shape flies in so many steps, but no farther than its own size.
+STEPS_AHEAD = 6.0
+WIDE = 1 << 20  # the level of what is too large for any cell
+_LOWEST = -40  # the level of the smallest cells
 
-@kernel
+
+@bare
 def may_collide(shapes: Shapes, bodies: int, a: int, b: int) -> bool:
     """Apply the filters: not both still, not one body, groups against masks, pairs to ignore."""
     i, j = shapes.body[a], shapes.body[b]
@@ -27,26 +48,243 @@ def may_collide(shapes: Shapes, bodies: int, a: int, b: int) -> bool:
     return not (low < shapes.ignored.shape[0] and shapes.ignored[low] == key)
 
 
-@kernel
+@bare
 def boxes_overlap(box: Array, a: int, b: int) -> bool:
     """Return whether two boxes have a point in common."""
-    return (box[a, 0] <= box[b, 3] and box[b, 0] <= box[a, 3] and box[a, 1] <= box[b, 4]
-            and box[b, 1] <= box[a, 4] and box[a, 2] <= box[b, 5] and box[b, 2] <= box[a, 5])
+    return (box[a, 0] <= box[b, 3] and box[b, 0] <= box[a, 3]
+            and box[a, 1] <= box[b, 4] and box[b, 1] <= box[a, 4]
+            and box[a, 2] <= box[b, 5] and box[b, 2] <= box[a, 5])
 
 
-@kernel
-def find_pairs(shapes: Shapes, memory: Memory, bodies: int) -> bool:
-    """List the pairs in order; return whether there was room for them."""
-    count, room = 0, memory.pair.shape[0]
-    for a in range(shapes.kind.shape[0]):
-        for b in range(a + 1, shapes.kind.shape[0]):
-            if boxes_overlap(memory.box, a, b) and may_collide(shapes, bodies, a, b):
-                if count < room:
-                    memory.pair[count, 0] = a
-                    memory.pair[count, 1] = b
+@bare
+def refresh(kind: IntArray, body: IntArray, pose: Array, box: Array, inv_m: Array, P: Array,
+            h: float, all_of_them: bool, fat: Array, moved: IntArray) -> int:
+    """Give the shapes that left their fat box a new one, mark them, and return their number."""
+    count = 0
+    for s in range(kind.shape[0]):
+        moved[s] = 0
+        if kind[s] == PLANE:
+            n = (pose[s, 5], pose[s, 8], pose[s, 11])
+            offset = n[0] * pose[s, 0] + n[1] * pose[s, 1] + n[2] * pose[s, 2]
+            if (all_of_them or fat[s, 0] != n[0] or fat[s, 1] != n[1] or fat[s, 2] != n[2]
+                    or fat[s, 3] != offset):
+                fat[s, 0], fat[s, 1], fat[s, 2], fat[s, 3] = n[0], n[1], n[2], offset
+                moved[s] = 1
                 count += 1
-    memory.pair_count[0] = count
-    if count > room:
-        memory.counters[SHORT_PAIRS] = count
-        return False
-    return True
+            continue
+        if (not all_of_them and fat[s, 0] <= box[s, 0] and box[s, 3] <= fat[s, 3]
+                and fat[s, 1] <= box[s, 1] and box[s, 4] <= fat[s, 4]
+                and fat[s, 2] <= box[s, 2] and box[s, 5] <= fat[s, 5]):
+            continue
+        side = max(box[s, 3] - box[s, 0], box[s, 4] - box[s, 1], box[s, 5] - box[s, 2])
+        for k in range(3):
+            ahead = STEPS_AHEAD * h * inv_m[body[s]] * P[k, body[s]]
+            ahead = min(max(ahead, -side), side)
+            fat[s, k] = box[s, k] - ROOM * side + min(ahead, 0.0)
+            fat[s, 3 + k] = box[s, 3 + k] + ROOM * side + max(ahead, 0.0)
+        moved[s] = 1
+        count += 1
+    return count
+
+
+@bare
+def _fat_overlap(kind: IntArray, fat: Array, margin: float, a: int, b: int) -> bool:
+    """Return whether fat boxes overlap; a plane takes up all below it and half a margin above."""
+    if kind[a] == PLANE or kind[b] == PLANE:
+        p, s = (a, b) if kind[a] == PLANE else (b, a)
+        lowest = -fat[p, 3]
+        for k in range(3):
+            n = fat[p, k]
+            lowest += n * (fat[s, k] if n > 0.0 else fat[s, 3 + k])
+        return lowest <= 0.5 * margin
+    return boxes_overlap(fat, a, b)
+
+
+@bare
+def _bucket(level: int, x: int, y: int, z: int, mask: int) -> int:
+    # Three large primes (Teschner et al., Optimized Spatial Hashing, VMV 2003). Cells that share a
+    # bucket cost time only: who looks one up compares the cell itself.
+    return (x * 73856093 ^ y * 19349663 ^ z * 83492791 ^ level * 50331653) & mask
+
+
+@bare
+def _fill_grid(kind: IntArray, fat: Array, cells: IntArray, buckets: IntArray, members: IntArray,
+               tally: IntArray, levels: IntArray) -> None:
+    """Sort the shapes by the bucket of their cell: count, add up, distribute."""
+    t = buckets.shape[0] - 2
+    buckets[:] = 0
+    levels[:] = 0
+    for s in range(kind.shape[0]):
+        level, bucket = WIDE, t
+        if kind[s] != PLANE:
+            side = max(fat[s, 3] - fat[s, 0], fat[s, 4] - fat[s, 1], fat[s, 5] - fat[s, 2])
+            # side = m 2^e with m < 1.
+            exponent = max(math.frexp(side)[1], _LOWEST) if side < math.inf else WIDE
+            if exponent < LEVELS + _LOWEST:
+                level = exponent
+                cell = math.ldexp(1.0, -level)
+                for k in range(3):
+                    cells[s, 1 + k] = math.floor(0.5 * (fat[s, k] + fat[s, 3 + k]) * cell)
+                bucket = _bucket(level, cells[s, 1], cells[s, 2], cells[s, 3], t - 1)
+                levels[level - _LOWEST] += 1
+        cells[s, 0] = level
+        tally[s] = bucket
+        buckets[bucket + 1] += 1
+    for k in range(t + 1):
+        buckets[k + 1] += buckets[k]
+    # Backwards, so that the shapes of a bucket end up in order, with its start in place.
+    for s in range(kind.shape[0] - 1, -1, -1):
+        buckets[tally[s] + 1] -= 1
+        members[buckets[tally[s] + 1]] = s
+    for k in range(t + 1):
+        buckets[k] = buckets[k + 1]
+    buckets[t + 1] = kind.shape[0]
+
+
+@bare
+def _offer(shapes: Shapes, fat: Array, moved: IntArray, fresh: IntArray, bodies: int, margin: float,
+           count: int, s: int, other: int) -> int:
+    """Note a pair if its fat boxes overlap and the filters let it; return the number of pairs."""
+    # Two that both moved find each other twice.
+    if other == s or (moved[other] == 1 and other < s):
+        return count
+    if not _fat_overlap(shapes.kind, fat, margin, s, other):
+        return count
+    a, b = min(s, other), max(s, other)
+    if not may_collide(shapes, bodies, a, b):
+        return count
+    if count < fresh.shape[1]:
+        fresh[0, count, 0] = a
+        fresh[0, count, 1] = b
+    return count + 1
+
+
+@bare
+def _look_around(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, buckets: IntArray,
+                 members: IntArray, levels: IntArray, fresh: IntArray, bodies: int, margin: float,
+                 count: int, s: int) -> int:
+    """Find the partners of shape s, which moved; return the number of pairs so far."""
+    t = buckets.shape[0] - 2
+    if cells[s, 0] == WIDE:
+        for other in range(shapes.kind.shape[0]):
+            count = _offer(shapes, fat, moved, fresh, bodies, margin, count, s, other)
+        return count
+    for k in range(buckets[t], buckets[t + 1]):
+        count = _offer(shapes, fat, moved, fresh, bodies, margin, count, s, members[k])
+    for level in range(_LOWEST, LEVELS + _LOWEST):
+        if levels[level - _LOWEST] == 0:
+            continue
+        inverse = math.ldexp(1.0, -level)
+        # The middle of a shape that reaches into the fat box lies at most half a cell outside.
+        x0, x1 = math.floor(fat[s, 0] * inverse - 0.5), math.floor(fat[s, 3] * inverse + 0.5)
+        y0, y1 = math.floor(fat[s, 1] * inverse - 0.5), math.floor(fat[s, 4] * inverse + 0.5)
+        z0, z1 = math.floor(fat[s, 2] * inverse - 0.5), math.floor(fat[s, 5] * inverse + 0.5)
+        visits = (float(x1 - x0) + 1.0) * (float(y1 - y0) + 1.0) * (float(z1 - z0) + 1.0)
+        if visits > float(shapes.kind.shape[0]):
+            for other in range(shapes.kind.shape[0]):
+                if cells[other, 0] == level:
+                    count = _offer(shapes, fat, moved, fresh, bodies, margin, count, s, other)
+            continue
+        for x in range(x0, x1 + 1):
+            for y in range(y0, y1 + 1):
+                for z in range(z0, z1 + 1):
+                    bucket = _bucket(level, x, y, z, t - 1)
+                    for k in range(buckets[bucket], buckets[bucket + 1]):
+                        other = members[k]
+                        if (cells[other, 1] == x and cells[other, 2] == y and cells[other, 3] == z
+                                and cells[other, 0] == level):
+                            count = _offer(shapes, fat, moved, fresh, bodies, margin, count, s,
+                                           other)
+    return count
+
+
+@bare
+def _sort(fresh: IntArray, count: int, tally: IntArray) -> None:
+    """Sort the fresh pairs: by the second shape, then by the first, keeping the order of equals."""
+    for column in range(1, -1, -1):
+        source, target = 1 - column, column
+        tally[:] = 0
+        for k in range(count):
+            tally[fresh[source, k, column] + 1] += 1
+        for s in range(tally.shape[0] - 1):
+            tally[s + 1] += tally[s]
+        for k in range(count):
+            s = fresh[source, k, column]
+            fresh[target, tally[s], 0] = fresh[source, k, 0]
+            fresh[target, tally[s], 1] = fresh[source, k, 1]
+            tally[s] += 1
+
+
+@bare
+def _is_before(pair: IntArray, i: int, fresh: IntArray, j: int) -> bool:
+    return (pair[i, 0] < fresh[0, j, 0]
+            or (pair[i, 0] == fresh[0, j, 0] and pair[i, 1] < fresh[0, j, 1]))
+
+
+@bare
+def _forget_parted(kind: IntArray, fat: Array, moved: IntArray, margin: float, pair: IntArray,
+                   axis: Array, count: int) -> int:
+    """Drop the pairs of moved shapes whose fat boxes no longer overlap; return how many are left."""
+    kept = 0
+    for k in range(count):
+        a, b = pair[k, 0], pair[k, 1]
+        if moved[a] + moved[b] == 0 or _fat_overlap(kind, fat, margin, a, b):
+            if kept < k:
+                pair[kept, 0], pair[kept, 1] = a, b
+                for i in range(4):
+                    axis[kept, i] = axis[k, i]
+            kept += 1
+    return kept
+
+
+@bare
+def _merge(pair: IntArray, axis: Array, count: int, fresh: IntArray, found: int) -> int:
+    """Merge the sorted fresh pairs into the sorted pairs; return their number, too large or not."""
+    new, old = 0, 0
+    for k in range(found):
+        while old < count and _is_before(pair, old, fresh, k):
+            old += 1
+        if (old < count and pair[old, 0] == fresh[0, k, 0] and pair[old, 1] == fresh[0, k, 1]):
+            continue
+        fresh[0, new, 0], fresh[0, new, 1] = fresh[0, k, 0], fresh[0, k, 1]
+        new += 1
+    total = count + new
+    if total > pair.shape[0]:
+        return total
+    # From the end, so that nothing is overwritten that is still needed.
+    old, new, place = count - 1, new - 1, total - 1
+    while new >= 0:
+        if old >= 0 and not _is_before(pair, old, fresh, new):
+            pair[place, 0], pair[place, 1] = pair[old, 0], pair[old, 1]
+            for i in range(4):
+                axis[place, i] = axis[old, i]
+            old -= 1
+        else:
+            pair[place, 0], pair[place, 1] = fresh[0, new, 0], fresh[0, new, 1]
+            for i in range(4):
+                axis[place, i] = 0.0
+            new -= 1
+        place -= 1
+    return total
+
+
+@bare
+def update_pairs(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, buckets: IntArray,
+                 members: IntArray, tally: IntArray, levels: IntArray, fresh: IntArray,
+                 pair: IntArray, axis: Array, count: int, bodies: int, margin: float) -> int:
+    """
+    Bring the pairs up to date after some shapes moved; return their number.
+
+    A number above the capacity of `pair` means that there was no room, and the pairs are lost.
+    """
+    count = _forget_parted(shapes.kind, fat, moved, margin, pair, axis, count)
+    _fill_grid(shapes.kind, fat, cells, buckets, members, tally, levels)
+    found = 0
+    for s in range(shapes.kind.shape[0]):
+        if moved[s] == 1:
+            found = _look_around(shapes, fat, moved, cells, buckets, members, levels, fresh, bodies,
+                                 margin, found, s)
+    if found > fresh.shape[1]:
+        return count + found
+    _sort(fresh, found, tally)
+    return _merge(pair, axis, count, fresh, found)

@@ -10,10 +10,11 @@ polyhedra that hardly moved relative to each other keeps its points, and only th
 
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.broad_phase import boxes_overlap, find_pairs
-from rigid_sim_ros.engine.kernel import inlined, kernel
+from rigid_sim_ros.engine.broad_phase import boxes_overlap, refresh, update_pairs
+from rigid_sim_ros.engine.bare import bare
+from rigid_sim_ros.engine.kernel import inlined
 from rigid_sim_ros.engine.manifolds import (
-    CONTACTS, Manifolds, Memory, PAIRS, RECYCLED, SHORT_ROWS, WITNESSED)
+    CONTACTS, Manifolds, Memory, PAIRS, REBUILT, RECYCLED, SHORT_PAIRS, SHORT_ROWS, WITNESSED)
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.narrow_phase.collide import collide
 from rigid_sim_ros.engine.placing import bound, place
@@ -26,7 +27,7 @@ from rigid_sim_ros.engine.state import State
 SLACK = 0.02
 
 
-@kernel
+@bare
 def detect(model: Model, state: State, shapes: Shapes, memory: Memory, margin: float) -> bool:
     """
     Find the manifolds of all pairs with a gap below the margin [m]; `current(memory)` returns them.
@@ -37,17 +38,37 @@ def detect(model: Model, state: State, shapes: Shapes, memory: Memory, margin: f
     """
     place(state, shapes, memory.turn, memory.pose)
     bound(shapes.kind, shapes.size, memory.pose, margin, memory.box)
-    if not find_pairs(shapes, memory, model.m.shape[0]):
+    if not _find_pairs(model, state, shapes, memory, margin):
         return False
     page = memory.page[0]
     found = _find_manifolds(state, shapes, memory, memory.pages[1 - page], memory.pages[page], margin)
-    if found > memory.pair.shape[0] or memory.counters[SHORT_ROWS] > 0:
+    if found > memory.pages[0].shape_a.shape[0]:
+        memory.counters[SHORT_ROWS] = found
         return False
     memory.page[0] = 1 - page
     return True
 
 
-@kernel
+@bare
+def _find_pairs(model: Model, state: State, shapes: Shapes, memory: Memory, margin: float) -> bool:
+    """Keep the list of pairs up to date; return whether there was room for them."""
+    count = memory.pair_count[0]
+    moved = refresh(shapes.kind, shapes.body, memory.pose, memory.box, model.inv_m, state.P, model.h,
+                    count < 0, memory.fat, memory.moved)
+    memory.counters[REBUILT] = moved
+    if moved > 0:
+        count = update_pairs(shapes, memory.fat, memory.moved, memory.cells, memory.buckets,
+                             memory.members, memory.tally, memory.levels, memory.fresh, memory.pair,
+                             memory.axis, max(count, 0), model.m.shape[0], margin)
+        if count > memory.pair.shape[0]:
+            memory.counters[SHORT_PAIRS] = count
+            memory.pair_count[0] = -1
+            return False
+        memory.pair_count[0] = count
+    return True
+
+
+@bare
 def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds, before: Manifolds,
                     margin: float) -> int:
     """Go through the pairs and through the last step's rows, both sorted, side by side."""
@@ -83,7 +104,6 @@ def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds
         rows += 1
     memory.counters[PAIRS], memory.counters[WITNESSED] = near, 0
     memory.counters[RECYCLED], memory.counters[CONTACTS] = recycled, contacts
-    memory.counters[SHORT_ROWS] = rows if rows > room else 0
     now.count[0] = rows
     return rows
 
@@ -95,21 +115,21 @@ def _flat(kind: IntArray, a: int, b: int) -> bool:
             and (kind[b] == BOX or kind[b] == HULL or kind[b] == PLANE))
 
 
-@kernel
+@bare
 def _turned(R: Array, i: int, v: Vector) -> Vector:
     return (R[i, 0] * v[0] + R[i, 1] * v[1] + R[i, 2] * v[2],
             R[i, 3] * v[0] + R[i, 4] * v[1] + R[i, 5] * v[2],
             R[i, 6] * v[0] + R[i, 7] * v[1] + R[i, 8] * v[2])
 
 
-@kernel
+@bare
 def _turned_back(R: Array, i: int, v: Vector) -> Vector:
     return (R[i, 0] * v[0] + R[i, 3] * v[1] + R[i, 6] * v[2],
             R[i, 1] * v[0] + R[i, 4] * v[1] + R[i, 7] * v[2],
             R[i, 2] * v[0] + R[i, 5] * v[1] + R[i, 8] * v[2])
 
 
-@kernel
+@bare
 def _recycle(state: State, turn: Array, now: Manifolds, before: Manifolds, row: int, old: int, i: int, j: int,
              slack: float, reach: float) -> bool:
     """
@@ -152,7 +172,7 @@ def _recycle(state: State, turn: Array, now: Manifolds, before: Manifolds, row: 
     return True
 
 
-@kernel
+@bare
 def _write(state: State, turn: Array, now: Manifolds, row: int, i: int, j: int, count: int, n: Vector,
            points: Array, ids: IntArray) -> None:
     """Write the points that the narrow phase found, as arms from both centres of mass."""
@@ -179,7 +199,7 @@ def _write(state: State, turn: Array, now: Manifolds, row: int, i: int, j: int, 
     now.found_at[row, 4] = points[0, 3]
 
 
-@kernel
+@bare
 def _carry_over(now: Manifolds, before: Manifolds, row: int, old: int, count: int) -> None:
     """Start from the impulses of the last step where the same features touch, from 0 elsewhere."""
     for p in range(count):

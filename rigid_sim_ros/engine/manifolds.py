@@ -62,6 +62,7 @@ class Scratch(NamedTuple):
 
 
 CANDIDATES = 96
+LEVELS = 82  # of the grid of the broad phase: cells of 2^-40 m to 2^41 m
 EPA_CORNERS = 160
 EPA_FACES = 512
 
@@ -81,10 +82,11 @@ class Memory(NamedTuple):
     box: Array  # (s, 6) bounding boxes, lower and upper corner, with half of the margin
     fat: Array  # (s, 6) fat boxes; a plane: normal and offset
     cells: IntArray  # (s, 4) level and cell of the middle of the fat box
-    moved: IntArray  # (s,) shapes that left their fat box
-    table: IntArray  # (t,) first entry of each bucket of the grid
-    members: IntArray  # (s,) shapes in the order of their buckets
-    chains: IntArray  # (s,) bucket of each shape
+    moved: IntArray  # (s,) 1 for shapes that left their fat box
+    buckets: IntArray  # (t + 2,) where the shapes of each bucket of the grid start; then the wide ones
+    members: IntArray  # (s,) the shapes in the order of their buckets
+    tally: IntArray  # (s + 1,) room to count
+    levels: IntArray  # (LEVELS,) number of shapes on each level of the grid
     pair_count: IntArray  # (1,) -1 before the first step
     pair: IntArray  # (p, 2) shapes whose fat boxes overlap, sorted
     fresh: IntArray  # (2, p, 2) newly found pairs, before they are sorted in
@@ -132,8 +134,9 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
     buckets = 1 << max(4, (2 * s - 1).bit_length())
     pages = (empty_manifolds(capacity), empty_manifolds(capacity))
     memory = Memory(pages, integers(1), np.zeros((s, 12)), np.zeros((bodies, 9)), np.zeros((s, 6)),
-                    np.zeros((s, 6)), integers(s, 4), integers(s), integers(buckets + 1), integers(s),
-                    integers(s), integers(1), integers(2 * capacity, 2), integers(2, 2 * capacity, 2),
+                    np.zeros((s, 6)), integers(s, 4), integers(s), integers(buckets + 2),
+                    integers(s), integers(s + 1), integers(LEVELS), integers(1),
+                    integers(2 * capacity, 2), integers(2, 2 * capacity, 2),
                     np.zeros((2 * capacity, 4)), integers(8), scratch)
     forget_pairs(memory)
     return memory

@@ -5,13 +5,13 @@
 import math
 
 from rigid_sim_ros.engine.arrays import Array
-from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.bare import bare
 from rigid_sim_ros.engine.rotation import quaternion, to_matrix
 from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, HULL, PLANE, Shapes, SPHERE
 from rigid_sim_ros.engine.state import State
 
 
-@kernel
+@bare
 def place(state: State, shapes: Shapes, turn: Array, pose: Array) -> None:
     """Write the rotation matrices of the bodies (n, 9) and the poses of the shapes (s, 12)."""
     for i in range(turn.shape[0]):
@@ -37,7 +37,7 @@ def place(state: State, shapes: Shapes, turn: Array, pose: Array) -> None:
                                               + turn[i, 3 * k + 2] * R[2][j])
 
 
-@kernel
+@bare
 def bound(kind: Array, size: Array, pose: Array, margin: float, box: Array) -> None:
     """Write the bounding box of each shape, with half of the margin on every side; infinite for a plane."""
     for s in range(pose.shape[0]):

@@ -10,14 +10,14 @@ the signed distance of its centre from the shape, less the radius.
 import math
 
 from rigid_sim_ros.engine.arrays import Array, Vector
-from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.bare import bare
 from rigid_sim_ros.engine.narrow_phase.algebra import (
     add_scaled, axis, clamp, dot, norm, origin, perpendicular, point_to_shape, point_to_world, scale,
     subtract, to_world)
 from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, PLANE
 
 
-@kernel
+@bare
 def point_from_box(h: Vector, p: Vector) -> tuple[float, Vector, Vector]:
     """
     Return the signed distance [m] of p from a box, the outward normal and the nearest surface point.
@@ -40,7 +40,7 @@ def point_from_box(h: Vector, p: Vector) -> tuple[float, Vector, Vector]:
     return z, (0.0, 0.0, s), (p[0], p[1], s * h[2])
 
 
-@kernel
+@bare
 def point_from_cylinder(r: float, half: float, p: Vector) -> tuple[float, Vector, Vector]:
     """Return the same for a cylinder of radius r and half length `half` [m] along z."""
     rho = math.sqrt(p[0] * p[0] + p[1] * p[1])
@@ -59,7 +59,7 @@ def point_from_cylinder(r: float, half: float, p: Vector) -> tuple[float, Vector
             (foot * ex, foot * ey, clamp(p[2], -half, half)))
 
 
-@kernel
+@bare
 def point_from_capsule(r: float, half: float, p: Vector) -> tuple[float, Vector, Vector]:
     """Return the same for a capsule of radius r and half length `half` [m] along z."""
     q = (0.0, 0.0, clamp(p[2], -half, half))
@@ -69,7 +69,7 @@ def point_from_capsule(r: float, half: float, p: Vector) -> tuple[float, Vector,
     return length - r, n, add_scaled(q, r, n)
 
 
-@kernel
+@bare
 def point_from_shape(pose: Array, size: Array, kind: int, s: int,
                      p_W: Vector) -> tuple[float, Vector, Vector]:
     """Return the signed distance [m] of a point from shape s, its normal and foot, world axes."""
@@ -88,7 +88,7 @@ def point_from_shape(pose: Array, size: Array, kind: int, s: int,
     return result[0], to_world(pose, s, result[1]), point_to_world(pose, s, result[2])
 
 
-@kernel
+@bare
 def sphere_shape(pose: Array, size: Array, kind: int, ball: int, other: int) -> tuple[float, Vector, Vector]:
     """Return the gap [m] from sphere `ball` (A) to a shape (B), the normal and the point on the ball."""
     c = origin(pose, ball)
@@ -97,14 +97,14 @@ def sphere_shape(pose: Array, size: Array, kind: int, ball: int, other: int) -> 
     return d - r, (-n[0], -n[1], -n[2]), (c[0] - r * n[0], c[1] - r * n[1], c[2] - r * n[2])
 
 
-@kernel
+@bare
 def shape_sphere(pose: Array, size: Array, kind: int, other: int, ball: int) -> tuple[float, Vector, Vector]:
     """Return the same with the shape as A and the ball as B; the point is on the shape."""
     d, n, foot = point_from_shape(pose, size, kind, other, origin(pose, ball))
     return d - size[ball, 0], n, foot
 
 
-@kernel
+@bare
 def sphere_sphere(pose: Array, size: Array, a: int, b: int) -> tuple[float, Vector, Vector]:
     """Return the gap [m] between two spheres, the normal and the point on A."""
     p = origin(pose, a)
@@ -115,7 +115,7 @@ def sphere_sphere(pose: Array, size: Array, a: int, b: int) -> tuple[float, Vect
     return length - size[a, 0] - size[b, 0], n, add_scaled(p, size[a, 0], n)
 
 
-@kernel
+@bare
 def nearest_on_segments(p: Vector, u: Vector, hu: float, q: Vector, v: Vector,
                         hv: float) -> tuple[float, float]:
     """
@@ -136,7 +136,7 @@ def nearest_on_segments(p: Vector, u: Vector, hu: float, q: Vector, v: Vector,
     return clamp(du + c * y, -hu, hu), y
 
 
-@kernel
+@bare
 def capsule_capsule(pose: Array, size: Array, a: int, b: int) -> tuple[float, Vector, Vector]:
     """Return the gap [m] between two capsules, the normal and the point on A."""
     p, q, u, v = origin(pose, a), origin(pose, b), axis(pose, a, 2), axis(pose, b, 2)
@@ -148,7 +148,7 @@ def capsule_capsule(pose: Array, size: Array, a: int, b: int) -> tuple[float, Ve
     return length - size[a, 0] - size[b, 0], n, add_scaled(p, size[a, 0], n)
 
 
-@kernel
+@bare
 def crossing_normal(u: Vector, v: Vector) -> Vector:
     """Return a unit vector at right angles to u and v, for two axes that meet."""
     n = (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])

@@ -12,7 +12,7 @@ SIGGRAPH 1996).
 import math
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.bare import bare
 from rigid_sim_ros.engine.narrow_phase.algebra import add, add_scaled, axis, dot, origin, put
 from rigid_sim_ros.engine.narrow_phase.algebra import scale, subtract
 from rigid_sim_ros.engine.narrow_phase.reduce import reduce_to_four
@@ -30,7 +30,7 @@ _C, _ABS, _T = 0, 9, 18  # places in `numbers`: A_i . B_j, their magnitudes, t i
 UNSETTLED = -1
 
 
-@kernel
+@bare
 def separation(pose: Array, size: Array, a: int, b: int, limit: float,
                m: Array) -> tuple[float, int, int, float]:
     """
@@ -75,7 +75,7 @@ def separation(pose: Array, size: Array, a: int, b: int, limit: float,
     return best, face, face, best
 
 
-@kernel
+@bare
 def _edge_separation(size: Array, a: int, b: int, limit: float, m: Array) -> tuple[int, float]:
     edge, best = UNSETTLED, -math.inf
     for i in range(3):
@@ -100,7 +100,7 @@ def _edge_separation(size: Array, a: int, b: int, limit: float, m: Array) -> tup
     return edge, best
 
 
-@kernel
+@bare
 def direction(pose: Array, a: int, b: int, which: int) -> Vector:
     """Return the unit vector of an axis of `separation`, from A to B."""
     t = subtract(origin(pose, b), origin(pose, a))
@@ -115,7 +115,7 @@ def direction(pose: Array, a: int, b: int, which: int) -> Vector:
     return scale(1.0 if dot(t, n) >= 0.0 else -1.0, n)
 
 
-@kernel
+@bare
 def box_box(pose: Array, size: Array, a: int, b: int, margin: float, points: Array, ids: IntArray,
             polygon: Array, labels: IntArray, m: Array) -> tuple[int, Vector]:
     """
@@ -140,7 +140,7 @@ def box_box(pose: Array, size: Array, a: int, b: int, margin: float, points: Arr
     return reduce_to_four(points, ids, count, n, small), n
 
 
-@kernel
+@bare
 def _edges(pose: Array, size: Array, a: int, b: int, which: int, s: float, n: Vector, points: Array,
            ids: IntArray) -> tuple[int, Vector]:
     """Find the point where two edges cross: the nearest points of the two lines."""
@@ -167,7 +167,7 @@ def _edges(pose: Array, size: Array, a: int, b: int, which: int, s: float, n: Ve
     return 1, n
 
 
-@kernel
+@bare
 def _faces(pose: Array, size: Array, r: int, o: int, k: int, n: Vector, margin: float, swapped: bool,
            points: Array, ids: IntArray, polygon: Array, labels: IntArray, m: Array) -> int:
     """
@@ -219,7 +219,7 @@ def _faces(pose: Array, size: Array, r: int, o: int, k: int, n: Vector, margin: 
     return count
 
 
-@kernel
+@bare
 def _clip(hu: float, hv: float, polygon: Array, labels: IntArray) -> tuple[int, int]:
     """
     Clip the quadrangle of page 0 to |u| <= hu, |v| <= hv; return the page of the result and its corners.

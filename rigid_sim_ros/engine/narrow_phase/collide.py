@@ -5,7 +5,7 @@
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, Vector
-from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.bare import bare
 from rigid_sim_ros.engine.manifolds import Scratch
 from rigid_sim_ros.engine.narrow_phase.algebra import add_scaled, put
 from rigid_sim_ros.engine.narrow_phase.balls import (
@@ -27,7 +27,7 @@ _FAMILIES = {
 FAMILY = np.array([[_FAMILIES.get((a, b), CONVEX) for b in range(6)] for a in range(6)])
 
 
-@kernel
+@bare
 def collide(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
             scratch: Scratch) -> tuple[int, Vector]:
     """
@@ -63,7 +63,7 @@ def collide(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
     return 1, n
 
 
-@kernel
+@bare
 def _on_plane(pose: Array, shapes: Shapes, a: int, b: int, second: bool, margin: float,
               scratch: Scratch) -> tuple[int, Vector]:
     plane, s = (b, a) if second else (a, b)

@@ -10,7 +10,7 @@ import math
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.hulls import HullTable
-from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.bare import bare
 from rigid_sim_ros.engine.manifolds import CANDIDATES
 from rigid_sim_ros.engine.narrow_phase.algebra import (
     add_scaled, axis, dot, origin, point_to_world, put, scale, subtract)
@@ -23,7 +23,7 @@ from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, SPHERE
 UPRIGHT = 1e-2
 
 
-@kernel
+@bare
 def plane_shape(pose: Array, size: Array, kind: int, plane: int, s: int, hulls: HullTable, hull: int,
                 margin: float, points: Array, ids: IntArray) -> int:
     """Find the points of shape s within the margin of a plane; return their number."""
@@ -47,7 +47,7 @@ def plane_shape(pose: Array, size: Array, kind: int, plane: int, s: int, hulls: 
     return reduce_to_four(points, ids, count, n, small)
 
 
-@kernel
+@bare
 def _add(points: Array, ids: IntArray, count: int, n: Vector, p: Vector, q: Vector, feature: int,
          margin: float) -> int:
     """Add the point q of a shape if it is near the plane; return the new number of points."""
@@ -58,7 +58,7 @@ def _add(points: Array, ids: IntArray, count: int, n: Vector, p: Vector, q: Vect
     return count + 1
 
 
-@kernel
+@bare
 def _box(pose: Array, size: Array, s: int, n: Vector, p: Vector, margin: float, points: Array,
          ids: IntArray) -> int:
     X, Y, Z = scale(size[s, 0], axis(pose, s, 0)), scale(size[s, 1], axis(pose, s, 1)), scale(
@@ -82,7 +82,7 @@ def _box(pose: Array, size: Array, s: int, n: Vector, p: Vector, margin: float, 
     return count
 
 
-@kernel
+@bare
 def _cylinder(pose: Array, size: Array, s: int, n: Vector, p: Vector, margin: float, points: Array,
               ids: IntArray) -> int:
     """Take four points around the rim that is lower and the lowest point of the other rim."""
@@ -109,7 +109,7 @@ def _cylinder(pose: Array, size: Array, s: int, n: Vector, p: Vector, margin: fl
     return count
 
 
-@kernel
+@bare
 def _hull(pose: Array, s: int, hulls: HullTable, hull: int, n: Vector, p: Vector, margin: float,
           points: Array, ids: IntArray) -> int:
     count, first = 0, hulls.first[hull]

@@ -3,7 +3,7 @@
 """Choose the four points of a manifold that carry it best."""
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.bare import bare
 from rigid_sim_ros.engine.narrow_phase.algebra import cross, dot
 
 # A point has to be deeper, or farther out, by this fraction to be preferred to an earlier one: rounding
@@ -11,7 +11,7 @@ from rigid_sim_ros.engine.narrow_phase.algebra import cross, dot
 PREFERENCE = 1e-3
 
 
-@kernel
+@bare
 def reduce_to_four(points: Array, ids: IntArray, count: int, normal: Vector, size: float) -> int:
     """
     Keep at most four of `count` candidates, in their order, and return how many.
@@ -52,18 +52,18 @@ def reduce_to_four(points: Array, ids: IntArray, count: int, normal: Vector, siz
     return _keep(points, ids, first, second, third, fourth)
 
 
-@kernel
+@bare
 def _between(points: Array, i: int, j: int) -> Vector:
     return (points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2])
 
 
-@kernel
+@bare
 def _area(points: Array, i: int, j: int, k: int, normal: Vector) -> float:
     """Return twice the area of a triangle, positive when it runs anticlockwise about the normal."""
     return dot(cross(_between(points, i, j), _between(points, i, k)), normal)
 
 
-@kernel
+@bare
 def _keep(points: Array, ids: IntArray, a: int, b: int, c: int, d: int) -> int:
     """Move the chosen candidates to the front without changing their order."""
     kept = 0
