@@ -52,9 +52,9 @@ setup(
         'osqp>=1.0',
         'pydantic>=2.5',
         'rich>=13.0',
-        'rosbags>=0.10',
+        'rosbags>=0.10.8',
         'ruamel.yaml>=0.17.21',
-        'scipy>=1.11',
+        'scipy>=1.11.1',
         'trimesh>=4.0',
     ],
     extras_require={
