@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
+from rigid_sim_ros.engine.hulls import MAX_CORNERS
 from rigid_sim_ros.engine.kernel import kernel
 
 POINTS = 4  # of a manifold, at most
@@ -58,6 +59,7 @@ class Scratch(NamedTuple):
     corners: Array  # (EPA_CORNERS, 9) of A - B, A and B
     faces: Array  # (EPA_FACES, 4) normal and distance
     links: IntArray  # (EPA_FACES, 4) three corners, and whether the face is alive
+    outline: Array  # (2, MAX_CORNERS, 3) the faces of A and B that meet [m, world axes]
     edges: IntArray  # (EPA_FACES, 2) the horizon
 
 
@@ -130,7 +132,8 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
 
     scratch = Scratch(np.zeros((CANDIDATES, 4)), integers(CANDIDATES), np.zeros((2, CANDIDATES, 3)),
                       integers(2, CANDIDATES, 2), np.zeros(64), np.zeros((EPA_CORNERS, 9)),
-                      np.zeros((EPA_FACES, 4)), integers(EPA_FACES, 4), integers(EPA_FACES, 2))
+                      np.zeros((EPA_FACES, 4)), integers(EPA_FACES, 4),
+                      np.zeros((2, MAX_CORNERS, 3)), integers(EPA_FACES, 2))
     buckets = 1 << max(4, (2 * s - 1).bit_length())
     pages = (empty_manifolds(capacity), empty_manifolds(capacity))
     memory = Memory(pages, integers(1), np.zeros((s, 12)), np.zeros((bodies, 9)), np.zeros((s, 6)),

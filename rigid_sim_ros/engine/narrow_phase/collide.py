@@ -11,6 +11,7 @@ from rigid_sim_ros.engine.narrow_phase.algebra import add_scaled, put
 from rigid_sim_ros.engine.narrow_phase.balls import (
     capsule_capsule, shape_sphere, sphere_shape, sphere_sphere)
 from rigid_sim_ros.engine.narrow_phase.boxes import box_box, UNSETTLED
+from rigid_sim_ros.engine.narrow_phase.convex import convex_convex
 from rigid_sim_ros.engine.narrow_phase.planes import plane_shape
 from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, HULL, PLANE, Shapes, SPHERE
 
@@ -44,7 +45,7 @@ def collide(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
                            scratch.labels, scratch.numbers)
         if count != UNSETTLED:
             return count, n
-        return 0, (0.0, 0.0, 0.0)
+        return convex_convex(pose, shapes, a, b, margin, scratch)
     if family == PLANE_FIRST or family == PLANE_SECOND:
         return _on_plane(pose, shapes, a, b, family == PLANE_SECOND, margin, scratch)
     if family == BALLS:
@@ -55,8 +56,10 @@ def collide(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
         gap, n, p = shape_sphere(pose, shapes.size, shapes.kind[a], a, b)
     elif family == CAPSULES:
         gap, n, p = capsule_capsule(pose, shapes.size, a, b)
-    else:
+    elif family == NEVER:
         return 0, (0.0, 0.0, 0.0)
+    else:
+        return convex_convex(pose, shapes, a, b, margin, scratch)
     if gap >= margin:
         return 0, n
     put(points, ids, 0, p, gap, 0)

@@ -1,0 +1,59 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The signed distance of any two shapes, as exact as their kinds allow."""
+
+import math
+
+from rigid_sim_ros.engine.arrays import Array, Vector
+from rigid_sim_ros.engine.bare import bare
+from rigid_sim_ros.engine.manifolds import Scratch
+from rigid_sim_ros.engine.narrow_phase.algebra import add_scaled, axis, dot, origin, scale, subtract
+from rigid_sim_ros.engine.narrow_phase.balls import (
+    capsule_capsule, shape_sphere, sphere_shape, sphere_sphere)
+from rigid_sim_ros.engine.narrow_phase.collide import (
+    BALL_FIRST, BALL_SECOND, BALLS, CAPSULES, FAMILY, NEVER, PLANE_FIRST, PLANE_SECOND)
+from rigid_sim_ros.engine.narrow_phase.convex import distance
+from rigid_sim_ros.engine.narrow_phase.support import extreme, radius
+from rigid_sim_ros.engine.shapes import Shapes
+
+
+@bare
+def signed_distance(pose: Array, shapes: Shapes, a: int, b: int,
+                    scratch: Scratch) -> tuple[float, Vector, Vector, Vector]:
+    """
+    Return the gap [m], the unit normal from A to B and the nearest points on A and on B.
+
+    The distance where the shapes are apart; where they overlap minus the length of the shortest way
+    to part them. All in world axes; `pose` as `placing.place` writes it. Two planes never meet: infinite.
+    """
+    family = FAMILY[shapes.kind[a], shapes.kind[b]]
+    if family == PLANE_FIRST or family == PLANE_SECOND:
+        gap, n, p = _plane(pose, shapes, a, b, family == PLANE_SECOND)
+    elif family == BALLS:
+        gap, n, p = sphere_sphere(pose, shapes.size, a, b)
+    elif family == BALL_FIRST:
+        gap, n, p = sphere_shape(pose, shapes.size, shapes.kind[b], a, b)
+    elif family == BALL_SECOND:
+        gap, n, p = shape_sphere(pose, shapes.size, shapes.kind[a], a, b)
+    elif family == CAPSULES:
+        gap, n, p = capsule_capsule(pose, shapes.size, a, b)
+    elif family == NEVER:
+        gap, n, p = math.inf, (0.0, 0.0, 1.0), origin(pose, a)
+    else:
+        gap, n, p = distance(pose, shapes, a, b, math.inf, scratch)
+    return gap, n, p, add_scaled(p, gap, n)
+
+
+@bare
+def _plane(pose: Array, shapes: Shapes, a: int, b: int,
+           second: bool) -> tuple[float, Vector, Vector]:
+    plane, s = (b, a) if second else (a, b)
+    n, hulls = axis(pose, plane, 2), shapes.hulls
+    down = scale(-1.0, n)
+    q = extreme(pose, shapes.kind, shapes.size, hulls.first, hulls.count, hulls.vertices, shapes.hull,
+                s, down)
+    q = add_scaled(q, radius(shapes.kind, shapes.size, s), down)
+    gap = dot(subtract(q, origin(pose, plane)), n)
+    if second:
+        return gap, down, q
+    return gap, n, add_scaled(q, -gap, n)
