@@ -290,6 +290,14 @@ def encode_string(text: str) -> bytes:
     return bytes(writer.data)
 
 
+def encode_bytes(data: bytes) -> bytes:
+    """Encode a std_msgs/UInt8MultiArray of one dimension that is not described."""
+    writer = _Writer()
+    writer.number('<u4', 0, 0, len(data))   # layout.dim, layout.data_offset, data
+    writer.data += data
+    return bytes(writer.data)
+
+
 def encode_diagnostics(t_ns: int, statuses: Sequence[Status]) -> bytes:
     """Encode a diagnostic_msgs/DiagnosticArray."""
     writer = _Writer()

@@ -1,0 +1,81 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What happened to a world between two steps, as one line of JSON.
+
+An event carries the step from which it acts, its number in the recording, so that one that is
+missing is noticed, and a digest, so that one that was changed is noticed even where the change is
+too small to move a body by a bit.
+"""
+
+from collections.abc import Callable, Mapping
+import hashlib
+import json
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.bag.errors import BagError
+from rigid_sim_ros.world import World
+
+# Events that act on the world are calls of its methods, with their arguments by name.
+INPUTS: dict[str, Callable[..., None]] = {
+    'apply_wrench': World.apply_wrench,
+    'cancel_wrenches': World.cancel_wrenches,
+    'apply_impulse': World.apply_impulse,
+    'set_pose': World.set_pose,
+    'set_twist': World.set_twist,
+    'reset': World.reset,
+}
+# Events that tell of the session and leave the world as it is.
+PAUSE, RESUME, SINGLE_STEP, SPEED, END = 'pause', 'resume', 'step', 'speed', 'end'
+# A gap says what is missing before it; the next snapshot tells how the world goes on.
+GAP = 'gap'
+NOTES = frozenset({PAUSE, RESUME, SINGLE_STEP, SPEED, END, GAP})
+
+# How the echo of a wrench names its frame: the world's may have another name outside.
+FRAME_ID = 'frame_id'
+
+
+class Event(NamedTuple):
+    """One event of a session."""
+
+    number: int     # 0, 1, 2, ... in a recording; of a gap: the number of the next event
+    step: int       # World.step_index when it happened: it acts from the step that follows
+    kind: str
+    arguments: Mapping[str, Any]
+
+    def encode(self) -> str:
+        """Return the event as JSON."""
+        fields = json.dumps(self._asdict(), default=_plain)
+        return f'{fields[:-1]}, "digest": "{_digest(fields)}"}}'
+
+
+def decode(text: str) -> Event:
+    """Return the event of some JSON; BagError when that is none, or was changed."""
+    fields, mark, end = text.rpartition(', "digest": "')
+    if not mark or end != f'{_digest(fields + "}")}"}}':
+        raise BagError('was changed after it was recorded: its digest does not fit')
+    try:
+        event = Event(**json.loads(fields + '}'))
+    except (TypeError, ValueError) as error:
+        raise BagError(f'is not of this version: {error}') from None
+    if event.kind not in INPUTS and event.kind not in NOTES:
+        raise BagError(f'is of the unknown kind {event.kind!r}: verify with the version of '
+                       'rigid_sim_ros that recorded it')
+    return event
+
+
+def apply(event: Event, world: World) -> None:
+    """Do to a world again what an event says; nothing for a note."""
+    method = INPUTS.get(event.kind)
+    if method is not None:
+        method(world, **{key: value for key, value in event.arguments.items() if key != FRAME_ID})
+
+
+def _digest(fields: str) -> str:
+    return hashlib.blake2b(fields.encode(), digest_size=8).hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    return np.asarray(value).tolist()

@@ -1,0 +1,215 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Write one MCAP file that is safe against being cut off.
+
+The records are those of the `mcap` library, except for the messages and their index, which are
+packed here: 0.5 us a message instead of 3.6 (benchmarks/recording.py), and it is this thread's
+turn at the interpreter that the step loop would wait for. What is flushed has left the process:
+whole chunks, each with a checksum, that `recover` finds without an index.
+"""
+
+from collections.abc import Iterable, Sequence
+import os
+from pathlib import Path
+import struct
+import zlib
+
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel, Chunk, ChunkIndex, DataEnd, Footer, Header, McapRecord, Schema, Statistics,
+    SummaryOffset)
+import zstandard
+
+from rigid_sim_ros import __version__
+from rigid_sim_ros.bag.metadata import FileFacts, profiles_text
+from rigid_sim_ros.bag.topics import definition, Topic
+
+MAGIC = b'\x89MCAP0\r\n'
+MESSAGE = struct.Struct('<BQHIQQ')      # opcode, length, channel, sequence, log and publish time
+MESSAGE_FIELDS = MESSAGE.size - 9       # what the length counts besides the data
+_INDEX = struct.Struct('<BQHI')
+
+# [bytes] A chunk goes out when it has grown to this, or with a flush. Larger ones compress a
+# little better; rosbag2 and rosbags end theirs at 0.8 and 1 MB.
+_CHUNK = 1 << 20
+
+
+class McapFile:
+    """An MCAP file that is being written; channel k + 1 carries topic k."""
+
+    suffix = '.mcap'
+
+    def __init__(self, path: Path, topics: Sequence[Topic], compressed: bool) -> None:
+        """Create the file and describe its topics; OSError if that cannot be done."""
+        self.path = path
+        self.counts = [0] * len(topics)
+        self.first_ns = 0       # log times of the first message and the last
+        self.last_ns = 0
+        self.size = 0           # [bytes] that the system has taken over
+        self._crc = 0
+        self._compress = zstandard.ZstdCompressor(level=1).compress if compressed else None
+        self._topics = topics
+        self._schemas = {name: k + 1 for k, name in enumerate(
+            dict.fromkeys(topic.type for topic in topics))}
+        self._chunks: list[ChunkIndex] = []
+        self._begin_chunk()
+        self._file = path.open('xb', buffering=0)
+        try:
+            self._put(MAGIC + _bytes([Header('ros2', f'rigid_sim_ros {__version__}'),
+                                      *self._schema_records(), *self._channel_records()]))
+        except OSError:
+            self._file.close()
+            path.unlink()
+            raise
+        self._whole = self.size, self._crc      # up to the last whole chunk
+
+    def write(self, channels: Iterable[int], first_ns: int, messages: Iterable[bytes]) -> None:
+        """
+        Append messages, one a channel, in the order given.
+
+        Their times are a nanosecond apart from `first_ns` on, which must be later than any time
+        before: so every reader gives them back in the order in which they were written.
+        """
+        parts, index, position, stamp = self._parts, self._index, self._position, first_ns
+        pack = MESSAGE.pack
+        for channel, data in zip(channels, messages, strict=True):
+            size = len(data)
+            parts.append(pack(5, size + MESSAGE_FIELDS, channel, 0, stamp, stamp))
+            parts.append(data)
+            entry = index.get(channel)
+            if entry is None:
+                entry = index[channel] = []
+            entry.append(stamp)
+            entry.append(position)
+            position += size + 31       # MESSAGE.size
+            stamp += 1
+        if self._first is None:
+            self._first = first_ns
+        self._last = stamp - 1
+        self._position = position
+        if position >= _CHUNK:
+            self._end_chunk()
+
+    def flush(self) -> None:
+        """Hand all that was written to the system, which keeps it when this process dies."""
+        if self._position:
+            self._end_chunk()
+
+    def sync_handle(self) -> int:
+        """Return a new file descriptor, to be synchronised and closed by another thread."""
+        return os.dup(self._file.fileno())
+
+    def cut_back(self) -> None:
+        """Drop what a write that failed has left behind the last whole chunk."""
+        self.size, self._crc = self._whole
+        self._file.truncate(self.size)
+        self._file.seek(self.size)
+        self._begin_chunk()
+
+    def closing_size(self) -> int:
+        """Return how many bytes `close` will need at most."""
+        per_chunk = 100 + 10 * len(self._topics)
+        return 4096 + (len(self._chunks) + 1) * per_chunk + len(
+            _bytes([*self._schema_records(), *self._channel_records()]))
+
+    def close(self) -> FileFacts:
+        """Write the index and let the file go; OSError if there is no room."""
+        self.flush()
+        self._put(_bytes([DataEnd(self._crc)]))
+        start = self.size
+        statistics = Statistics(
+            attachment_count=0, channel_count=len(self._topics),
+            channel_message_counts={k + 1: n for k, n in enumerate(self.counts)},
+            chunk_count=len(self._chunks), message_count=sum(self.counts),
+            message_start_time=self.first_ns, message_end_time=self.last_ns, metadata_count=0,
+            schema_count=len(self._schemas))
+        summary, offsets = b'', []
+        for opcode, records in (
+                (Opcode.SCHEMA, self._schema_records()), (Opcode.CHANNEL, self._channel_records()),
+                (Opcode.STATISTICS, [statistics]), (Opcode.CHUNK_INDEX, self._chunks)):
+            group = _bytes(records)
+            if group:
+                offsets.append(SummaryOffset(opcode, start + len(summary), len(group)))
+                summary += group
+        offsets_start = start + len(summary)
+        summary += _bytes(offsets)
+        # The checksum covers the summary and the footer up to where itself stands.
+        footer = _bytes([Footer(start, offsets_start, 0)])[:-4]
+        checksum = zlib.crc32(footer, zlib.crc32(summary))
+        self._put(summary + footer + struct.pack('<I', checksum) + MAGIC)
+        os.fsync(self._file.fileno())
+        self._file.close()
+        return self.facts()
+
+    def abandon(self) -> None:
+        """Let the file go as it is."""
+        self._file.close()
+
+    def facts(self) -> FileFacts:
+        """Return what the metadata says of this file."""
+        return FileFacts(self.path.name, self.first_ns, self.last_ns, tuple(self.counts))
+
+    def _begin_chunk(self) -> None:
+        self._parts: list[bytes] = []
+        self._index: dict[int, list[int]] = {}
+        self._position = 0
+        self._first: int | None = None
+        self._last = 0
+
+    def _end_chunk(self) -> None:
+        raw = b''.join(self._parts)
+        data = self._compress(raw) if self._compress else raw
+        assert self._first is not None
+        chunk = _bytes([Chunk(
+            compression='zstd' if self._compress else '', data=data,
+            message_start_time=self._first, message_end_time=self._last,
+            uncompressed_crc=zlib.crc32(raw), uncompressed_size=len(raw))])
+        parts, offsets, position = [chunk], {}, self.size + len(chunk)
+        for channel, entry in self._index.items():
+            size = 8 * len(entry)
+            offsets[channel] = position
+            parts.append(_INDEX.pack(Opcode.MESSAGE_INDEX, size + 6, channel, size))
+            parts.append(struct.pack(f'<{len(entry)}Q', *entry))
+            position += _INDEX.size + size
+        index = ChunkIndex(
+            chunk_length=len(chunk), chunk_start_offset=self.size,
+            compression='zstd' if self._compress else '', compressed_size=len(data),
+            message_end_time=self._last, message_start_time=self._first,
+            message_index_length=position - self.size - len(chunk),
+            message_index_offsets=offsets, uncompressed_size=len(raw))
+        self._put(b''.join(parts))
+        # Only now does it count: a chunk that did not fit on the disk is cut off again.
+        self._whole = self.size, self._crc
+        self._chunks.append(index)
+        for channel, entry in self._index.items():
+            self.counts[channel - 1] += len(entry) // 2
+        self.first_ns = self.first_ns or self._first
+        self.last_ns = self._last
+        self._begin_chunk()
+
+    def _put(self, data: bytes) -> None:
+        rest = memoryview(data)
+        while rest:
+            rest = rest[self._file.write(rest):]
+        self.size += len(data)
+        self._crc = zlib.crc32(data, self._crc)
+
+    def _schema_records(self) -> list[McapRecord]:
+        return [Schema(id=k, name=name, encoding='ros2msg', data=definition(name)[0].encode())
+                for name, k in self._schemas.items()]
+
+    def _channel_records(self) -> list[McapRecord]:
+        return [Channel(id=k + 1, topic=topic.name, message_encoding='cdr',
+                        metadata={'offered_qos_profiles': profiles_text(topic.latched),
+                                  'topic_type_hash': definition(topic.type)[1]},
+                        schema_id=self._schemas[topic.type])
+                for k, topic in enumerate(self._topics)]
+
+
+def _bytes(records: Iterable[McapRecord]) -> bytes:
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    return builder.end()

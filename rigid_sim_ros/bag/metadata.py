@@ -1,0 +1,139 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The file metadata.yaml of a bag, in rosbag2's format 9."""
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+import json
+import os
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from rigid_sim_ros.bag.errors import BagError
+from rigid_sim_ros.bag.topics import definition, qos_profiles, Topic
+
+NAME = 'metadata.yaml'
+_VERSION = 9
+_ROOT = 'rosbag2_bagfile_information'
+
+# [bytes] Metadata of a thousand topics take 1 MB; more than this is something else.
+_MOST = 64 << 20
+
+
+class FileFacts(NamedTuple):
+    """One file of a bag."""
+
+    name: str
+    first_ns: int               # time of its first message, 0 if it has none
+    last_ns: int
+    counts: tuple[int, ...]     # messages by topic
+
+
+def build(
+    topics: Sequence[Topic], files: Sequence[FileFacts], storage: str, compression_mode: str = '',
+    custom: Mapping[str, str] | None = None,
+) -> dict[str, Any]:
+    """Return the metadata of a bag."""
+    filled = [file for file in files if any(file.counts)]
+    first_ns = min((file.first_ns for file in filled), default=0)
+    last_ns = max((file.last_ns for file in filled), default=0)
+    return {
+        'version': _VERSION,
+        'storage_identifier': storage,
+        'duration': {'nanoseconds': last_ns - first_ns},
+        'starting_time': {'nanoseconds_since_epoch': first_ns},
+        'message_count': sum(sum(file.counts) for file in files),
+        'topics_with_message_count': [{
+            'topic_metadata': {
+                'name': topic.name,
+                'type': topic.type,
+                'serialization_format': 'cdr',
+                'offered_qos_profiles': qos_profiles(topic.latched),
+                'type_description_hash': definition(topic.type)[1],
+            },
+            'message_count': sum(file.counts[k] for file in files),
+        } for k, topic in enumerate(topics)],
+        'compression_format': 'zstd' if compression_mode else '',
+        'compression_mode': compression_mode,
+        'relative_file_paths': [file.name for file in files],
+        'files': [{
+            'path': file.name,
+            'starting_time': {'nanoseconds_since_epoch': file.first_ns},
+            'duration': {'nanoseconds': file.last_ns - file.first_ns},
+            'message_count': sum(file.counts),
+        } for file in files],
+        'custom_data': dict(custom or {}),
+        'ros_distro': 'jazzy',
+    }
+
+
+def write(folder: Path, metadata: Mapping[str, Any]) -> None:
+    """Put metadata.yaml in place at once: it is the old one or the new one, and never a part."""
+    text = _text(metadata).encode()
+    part = folder / f'.{NAME}.part'
+    with part.open('wb') as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+    part.replace(folder / NAME)
+    sync_folder(folder)
+
+
+def sync_folder(folder: Path) -> None:
+    """Make the names in a folder last beyond a power cut."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def read(folder: Path) -> dict[str, Any] | None:
+    """Return the metadata of a bag, None if it has none; BagError when they are damaged."""
+    path = folder / NAME
+    try:
+        with path.open('rb') as file:
+            data = file.read(_MOST + 1)
+        if len(data) > _MOST:
+            raise BagError(f'{path}: {path.stat().st_size} bytes are too many for metadata')
+        found = YAML(typ='safe').load(data.decode())
+        metadata = found[_ROOT]
+        names = metadata['relative_file_paths']
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            raise BagError(f'{path}: relative_file_paths is {names!r}, must be a list of names')
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise BagError(f'{path}: {error.strerror}') from None
+    except (YAMLError, UnicodeDecodeError, KeyError, TypeError, AttributeError, RecursionError,
+            BagError) as error:
+        if isinstance(error, BagError):
+            raise
+        raise BagError(f'{path} is damaged ({type(error).__name__}): `rigid_sim recover '
+                       f'{folder}` makes it anew') from None
+    return dict(metadata)
+
+
+def _text(metadata: Mapping[str, Any]) -> str:
+    """
+    Return metadata as YAML, an entry to a line.
+
+    JSON is YAML too, and is written a hundred times faster than by a YAML library: the step loop
+    has to wait for whoever holds the interpreter.
+    """
+    lines = [f'{_ROOT}:']
+    for key, value in metadata.items():
+        if isinstance(value, list) and value:
+            lines += [f'  {key}:', *(f'  - {json.dumps(item)}' for item in value)]
+        else:
+            lines.append(f'  {key}: {json.dumps(value)}')
+    return '\n'.join(lines) + '\n'
+
+
+@cache
+def profiles_text(latched: bool) -> str:
+    """Return the quality of service as it stands in a file of a bag."""
+    return json.dumps(qos_profiles(latched))

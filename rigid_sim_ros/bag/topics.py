@@ -1,0 +1,99 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Topics of a bag: what is said on each, and the definition of its type."""
+
+from functools import cache
+from typing import Any, NamedTuple
+
+from rosbags.typesys import get_typestore, Stores
+
+from rigid_sim_ros.bag.errors import BagError
+
+# What a topic carries. `verify` compares these; a kind that is not here is recorded all the same.
+CLOCK = 'clock'
+POSE = 'pose'
+TWIST = 'twist'
+STATE = 'state'
+TRANSFORMS = 'tf'
+APPLIED_WRENCH = 'applied_wrench'
+STATE_HASH = 'state_hash'
+SCENE = 'scene'
+# What a recording adds by itself, below BAG.
+STEP = 'step'
+EVENT = 'event'
+SNAPSHOT = 'snapshot'
+SESSION = 'session'
+
+TYPES = {
+    CLOCK: 'rosgraph_msgs/msg/Clock',
+    POSE: 'geometry_msgs/msg/PoseStamped',
+    TWIST: 'geometry_msgs/msg/TwistStamped',
+    STATE: 'sensor_msgs/msg/MultiDOFJointState',
+    TRANSFORMS: 'tf2_msgs/msg/TFMessage',
+    APPLIED_WRENCH: 'geometry_msgs/msg/WrenchStamped',
+    STATE_HASH: 'std_msgs/msg/UInt64',
+    SCENE: 'std_msgs/msg/String',
+    STEP: 'std_msgs/msg/UInt64',
+    EVENT: 'std_msgs/msg/String',
+    SNAPSHOT: 'std_msgs/msg/UInt8MultiArray',
+    SESSION: 'std_msgs/msg/String',
+}
+
+
+_FOREVER = {'sec': 9223372036, 'nsec': 854775807}     # as ROS writes it: 2^63 - 1 ns
+
+
+class Topic(NamedTuple):
+    """A topic that is recorded."""
+
+    name: str           # absolute
+    type: str           # as in TYPES
+    kind: str = ''      # what it carries, see above; '' for anything else
+    body: str = ''      # whose pose, twist or wrench it is
+    latched: bool = False
+
+
+def topic(kind: str, name: str, body: str = '', *, latched: bool = False) -> Topic:
+    """Return a topic of one of the kinds above."""
+    return Topic(name, TYPES[kind], kind, body, latched)
+
+
+def own_topics(node: str) -> tuple[Topic, ...]:
+    """Return the topics that a recording of a node adds, the scene first."""
+    return (topic(SCENE, f'{node}/scene', latched=True),
+            topic(SESSION, f'{node}/bag/session', latched=True),
+            topic(SNAPSHOT, f'{node}/bag/snapshot', latched=True),
+            topic(STEP, f'{node}/bag/step'),
+            topic(EVENT, f'{node}/bag/event'))
+
+
+@cache
+def typestore() -> Any:
+    """Return the definitions of ROS 2 Jazzy's message types."""
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+@cache
+def definition(message_type: str) -> tuple[str, str]:
+    """Return the definition of a type as text, with all it refers to, and the hash of it."""
+    store = typestore()
+    if message_type not in store.types:
+        raise BagError(f'the message type {message_type} is not one of ROS 2 Jazzy, which a bag '
+                       'can describe: leave the topic out')
+    text, _ = store.generate_msgdef(message_type, ros_version=2)
+    return text, store.hash_rihs01(message_type)
+
+
+def qos_profiles(latched: bool) -> list[dict[str, Any]]:
+    """Return the quality of service of a topic in the form of rosbag2's metadata, version 9."""
+    return [{
+        'history': 'keep_last',
+        'depth': 1 if latched else 10,
+        'reliability': 'reliable',
+        'durability': 'transient_local' if latched else 'volatile',
+        'deadline': dict(_FOREVER),
+        'lifespan': dict(_FOREVER),
+        'liveliness': 'automatic',
+        'liveliness_lease_duration': dict(_FOREVER),
+        'avoid_ros_namespace_conventions': False,
+    }]

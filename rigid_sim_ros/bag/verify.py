@@ -1,0 +1,392 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Simulate a recorded session again, and compare with every state that was recorded.
+
+The messages come in the order in which things happened. ~/bag/step says at which step the world
+was, so each message that follows is one that the world can make again; events are applied to it
+as they come. What differs by a bit differs.
+"""
+
+from collections import deque
+from collections.abc import Callable
+import contextlib
+import os
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros import __version__
+from rigid_sim_ros.bag import decode, events, session as sessions, topics as kinds
+from rigid_sim_ros.bag.errors import BagError
+from rigid_sim_ros.bag.events import Event
+from rigid_sim_ros.bag.outputs import Outputs
+from rigid_sim_ros.bag.reader import BagReader, Message
+from rigid_sim_ros.bag.session import Session
+from rigid_sim_ros.bag.topics import Topic, typestore
+from rigid_sim_ros.codec import encode_wrench
+from rigid_sim_ros.scene import SceneError, scene_from_text
+from rigid_sim_ros.world import World
+
+# [steps/s] No world is stepped faster: a step number that grew by more, in the time that the
+# messages say passed, was changed, and is not worth years of simulation.
+_FASTEST = 2e7
+_SLACK = 100_000        # steps, for clocks that stand still
+
+# Comparable kinds that are made of the state alone.
+_STATES = frozenset({kinds.CLOCK, kinds.POSE, kinds.TWIST, kinds.STATE, kinds.TRANSFORMS,
+                     kinds.STATE_HASH})
+
+
+class Difference(NamedTuple):
+    """The first place where the session simulated again is not what was recorded."""
+
+    step: int
+    body: str       # '' if it cannot be told
+    text: str       # what differs, and by how much
+
+    def __str__(self) -> str:
+        """Return it as one line."""
+        of = f", body '{self.body}'" if self.body else ''
+        return f'step {self.step}{of}: {self.text}'
+
+
+class Verdict(NamedTuple):
+    """What came of simulating a session again."""
+
+    difference: Difference | None
+    faults: tuple[str, ...]     # of the files: bytes that are not what was written
+    messages: int               # compared
+    steps: int                  # simulated
+    seconds: float              # of simulation time in these
+    gaps: int                   # stretches of which inputs are missing, and which were left out
+    note: str                   # how this software differs from the one that recorded, or ''
+
+    @property
+    def holds(self) -> bool:
+        """Whether everything that was recorded came out again."""
+        return self.difference is None and not self.faults
+
+
+class _Found(Exception):
+    """Carries the first difference out of the comparison."""
+
+    def __init__(self, difference: Difference) -> None:
+        super().__init__(str(difference))
+        self.difference = difference
+
+
+def verify(path: str | os.PathLike[str],
+           progress: Callable[[int], None] | None = None) -> Verdict:
+    """
+    Simulate the session of a bag again and compare; BagError if it cannot be read.
+
+    `progress` is called with the time of the bag [ns] now and then.
+    """
+    reader = BagReader(path)
+    run = Resimulation()
+    difference = None
+    try:
+        for count, message in enumerate(reader.messages()):
+            run.take(message)
+            if progress is not None and not count % 10_000:
+                progress(message.stamp)
+        run.finish()
+    except _Found as found:
+        difference = found.difference
+    except BagError as error:
+        if not reader.faults:
+            raise
+        # A checksum has already told that bytes were changed; this is how it shows.
+        difference = Difference(run.step, '', str(error))
+    return Verdict(difference, tuple(reader.faults), run.compared, run.steps,
+                   run.steps * run.step_ns / 1e9, run.gaps, run.note)
+
+
+class Resimulation:
+    """A world that goes through the messages of a session, one after another."""
+
+    def __init__(self) -> None:
+        """Begin with nothing: scene, session and snapshot come first in the bag."""
+        self.compared = 0
+        self.steps = 0
+        self.gaps = 0
+        self.note = ''
+        self.step_ns = 0
+        self._world: World | None = None
+        self._session: Session | None = None
+        self._scene_text: bytes | None = None
+        self._outputs: Outputs
+        self._topics: dict[str, Topic] = {}
+        self._handlers: dict[str, Callable[[Message], None]] = {}
+        self._expected: dict[str, bytes] = {}   # what the topics say as the world is now
+        self._echoes: dict[str, deque[bytes]] = {}
+        self._number: int | None = None         # of the next event
+        self._is_lost = False                   # inputs are missing: wait for a snapshot
+        self._stepped_at = 0                    # [ns] when ~/bag/step came last
+        self._ended = False
+
+    @property
+    def step(self) -> int:
+        """The step at which the world is."""
+        return self._world.step_index if self._world else 0
+
+    def take(self, message: Message) -> None:
+        """Go on to a message and compare it; raises _Found at the first difference."""
+        expected = self._expected.get(message.topic)
+        if expected is not None:
+            self.compared += 1
+            if message.data != expected:
+                self._differs(message, expected)
+            return
+        handler = self._handlers.get(message.topic)
+        if handler is not None:
+            handler(message)
+        elif self._world is None:
+            self._begin(message)
+
+    def finish(self) -> None:
+        """Say that there are no more messages."""
+        if self._world is None:
+            raise BagError('this is no recording of rigid_sim_ros: it holds no scene with its '
+                           'state, and only such can be verified')
+        if not self._ended and not self._is_lost:
+            self.note = 'the recording was cut off' + (f'; {self.note}' if self.note else '')
+
+    # --- the first messages: scene, session, snapshot ---------------------------------------
+
+    def _begin(self, message: Message) -> None:
+        name = message.topic
+        if name.endswith('/scene'):
+            self._scene_text = message.data
+        elif name.endswith('/bag/session') and self._scene_text is not None:
+            self._session = sessions.decode(decode.string(message.data))
+            self._make_world(self._session)
+
+    def _make_world(self, session: Session) -> None:
+        assert self._scene_text is not None
+        try:
+            scene = scene_from_text(decode.string(self._scene_text), session.scene)
+            world = World(scene)
+            if tuple(world.names) != session.bodies or world.step_ns != session.step_ns:
+                raise BagError('the scene and the session in the bag do not fit together')
+            self._outputs = Outputs(world, session.topics, session.frame_id)
+        except SceneError as error:
+            raise BagError(f'the scene in the bag cannot be used: {error.summary}') from None
+        except KeyError as error:
+            raise BagError(f'the session has a topic of body {error}, which the scene has '
+                           'not') from None
+        self._world = world
+        self.step_ns = world.step_ns
+        self._topics = session.by_name
+        mine, theirs = __version__, session.software.get('rigid_sim_ros', '?')
+        if mine != theirs:
+            self.note = f'recorded with version {theirs}, simulated again with {mine}'
+        self._is_lost = True
+        by_kind = {
+            kinds.STEP: self._take_step, kinds.EVENT: self._take_event,
+            kinds.SNAPSHOT: self._take_snapshot, kinds.SCENE: self._take_scene,
+            kinds.SESSION: self._take_session, kinds.APPLIED_WRENCH: self._take_echo,
+            **dict.fromkeys(_STATES, self._take_state)}
+        self._handlers = {topic.name: by_kind[topic.kind] for topic in session.topics
+                          if topic.kind in by_kind}
+        self._echoes = {topic.body: deque() for topic in session.topics
+                        if topic.kind == kinds.APPLIED_WRENCH}
+
+    # --- one message each -------------------------------------------------------------------
+
+    def _take_scene(self, message: Message) -> None:
+        if message.data != self._scene_text:
+            self._found('the scene is another than at the beginning')
+
+    def _take_session(self, message: Message) -> None:
+        if sessions.decode(decode.string(message.data)) != self._session:
+            self._found('the session is another than at the beginning')
+
+    def _take_step(self, message: Message) -> None:
+        step = decode.uint64(message.data)
+        self._expected.clear()
+        if not self._is_lost:
+            self._go_to(step, message.stamp)
+        self._stepped_at = message.stamp
+
+    def _take_snapshot(self, message: Message) -> None:
+        world = self._known_world()
+        data = decode.byte_array(message.data)
+        if not self._is_lost:
+            self.compared += 1
+            if data == world.save():
+                return
+            saved = world.save()
+        try:
+            world.restore(data)
+        except (ValueError, KeyError, TypeError) as error:
+            self._found(f'the saved state cannot be used ({error})')
+        if not self._is_lost:
+            self._snapshot_differs(world, saved)
+        self._is_lost = False
+        self._expected.clear()
+
+    def _snapshot_differs(self, world: World, saved: bytes) -> None:
+        recorded = np.hstack([world.position, world.orientation, world.linear_velocity,
+                              world.angular_velocity])
+        world.restore(saved)
+        again = np.hstack([world.position, world.orientation, world.linear_velocity,
+                           world.angular_velocity])
+        body, text = _largest(world.names, recorded, again)
+        self._found(f'the saved state differs{text}', body)
+
+    def _take_event(self, message: Message) -> None:
+        try:
+            event = events.decode(decode.string(message.data))
+        except BagError as error:
+            self._found(f'the event {self._number} {error}')
+        if event.kind == events.GAP:
+            self._take_gap(event)
+            return
+        if self._number is not None and event.number != self._number:
+            self._found(f'the event {self._number} is missing: {event.number} follows')
+        self._number = event.number + 1
+        if self._is_lost:
+            return
+        self._expected.clear()
+        self._go_to(event.step, message.stamp)
+        self._apply(event)
+
+    def _take_gap(self, event: Event) -> None:
+        self._number = event.number
+        # Without inputs missing the world is known all the same.
+        if event.arguments['events']:
+            self.gaps += 1
+            self._is_lost = True
+            self._expected.clear()
+            for queue in self._echoes.values():
+                queue.clear()
+        elif event.arguments['messages']:
+            for queue in self._echoes.values():
+                queue.clear()
+
+    def _apply(self, event: Event) -> None:
+        world = self._known_world()
+        try:
+            events.apply(event, world)
+        except (ValueError, TypeError) as error:
+            self._found(f'the event {event.number}, {event.kind}, is refused: {error}')
+        if event.kind == 'apply_wrench':
+            given = event.arguments
+            session = self._session
+            assert session is not None
+            if given['name'] in self._echoes:
+                self._echoes[given['name']].append(encode_wrench(
+                    world.time_ns, given.get(events.FRAME_ID) or session.frame_id,
+                    given.get('force', (0.0, 0.0, 0.0)), given.get('torque', (0.0, 0.0, 0.0))))
+        elif event.kind == events.END:
+            self._ended = True
+            self.compared += 1
+            if event.arguments['state_hash'] != world.state_hash():
+                self._found(f"the last state's hash is {world.state_hash():#x}, recorded "
+                            f'{event.arguments["state_hash"]:#x}')
+
+    def _take_echo(self, message: Message) -> None:
+        waiting = self._echoes[self._topics[message.topic].body]
+        if self._is_lost:
+            return
+        self.compared += 1
+        if not waiting:
+            self._found('a wrench was published that no event tells of',
+                        self._topics[message.topic].body)
+        expected = waiting.popleft()
+        if message.data != expected:
+            self._differs(message, expected)
+
+    def _take_state(self, message: Message) -> None:
+        if self._is_lost:
+            return
+        self._expected.update(self._outputs.encode(self._topics[message.topic].kind))
+        self.take(message)
+
+    # --- the world --------------------------------------------------------------------------
+
+    def _known_world(self) -> World:
+        assert self._world is not None
+        return self._world
+
+    def _go_to(self, step: int, stamp: int) -> None:
+        world = self._known_world()
+        count = step - world.step_index
+        if count < 0:
+            self._found(f'the recording goes back to step {step} without a reset')
+        elapsed = max(0, stamp - self._stepped_at)
+        if count > _SLACK + elapsed * max(_FASTEST / 1e9, 1.0 / self.step_ns):
+            self._found(f'the recording goes on to step {step}, {count} further, within '
+                        f'{elapsed / 1e9:.3f} s')
+        # Motion beyond all numbers was recorded too, if it was; the comparison tells.
+        with contextlib.suppress(ArithmeticError):
+            world.step(count)
+        self.steps += count
+
+    def _found(self, text: str, body: str = '') -> Any:
+        raise _Found(Difference(self.step, body, text))
+
+    def _differs(self, message: Message, expected: bytes) -> None:
+        topic = self._topics[message.topic]
+        body, text = _compare(topic, message.data, expected, self._known_world().names)
+        self._found(f'{topic.name} differs{text}', topic.body or body)
+
+
+def _compare(topic: Topic, recorded: bytes, again: bytes, names: list[str]) -> tuple[str, str]:
+    """Return the body whose numbers differ most, and by how much."""
+    if topic.kind == kinds.STATE_HASH and len(recorded) == len(again):
+        return '', f': {decode.uint64(recorded):#x} recorded, {decode.uint64(again):#x} now'
+    try:
+        tables = [_numbers(topic, typestore().deserialize_cdr(data, topic.type))
+                  for data in (recorded, again)]
+    except Exception:       # bytes that were changed can break anything that reads them
+        tables = []
+    if len(tables) == 2 and tables[0].shape == tables[1].shape and tables[0].size:
+        body, text = _largest(names if len(tables[0]) > 1 else [topic.body], *tables)
+        if text:
+            return body, text
+    pairs = enumerate(zip(recorded, again))
+    first = next((k for k, (a, b) in pairs if a != b), min(len(recorded), len(again)))
+    return '', f' in byte {first} of {len(recorded)}, where no number of the motion stands'
+
+
+def _numbers(topic: Topic, message: Any) -> np.ndarray:
+    """Return the numbers of a message, a row for each body."""
+    if topic.kind == kinds.POSE:
+        return np.array([_pose(message.pose.position, message.pose.orientation)])
+    if topic.kind == kinds.TWIST:
+        return np.array([_vectors(message.twist.linear, message.twist.angular)])
+    if topic.kind == kinds.APPLIED_WRENCH:
+        return np.array([_vectors(message.wrench.force, message.wrench.torque)])
+    if topic.kind == kinds.TRANSFORMS:
+        return np.array([_pose(each.transform.translation, each.transform.rotation)
+                         for each in message.transforms])
+    if topic.kind == kinds.STATE:
+        return np.array([
+            _pose(transform.translation, transform.rotation)
+            + _vectors(twist.linear, twist.angular)
+            for transform, twist in zip(message.transforms, message.twist, strict=True)])
+    return np.empty((0, 0))
+
+
+def _vectors(*vectors: Any) -> list[float]:
+    return [number for v in vectors for number in (v.x, v.y, v.z)]
+
+
+def _pose(position: Any, q: Any) -> list[float]:
+    return [*_vectors(position), q.x, q.y, q.z, q.w]
+
+
+def _largest(names: list[str], recorded: np.ndarray, again: np.ndarray) -> tuple[str, str]:
+    """Return the body with the largest difference, and a text that says how large it is."""
+    differs = recorded.view(np.int64) != again.view(np.int64)
+    if not differs.any():
+        return '', ''
+    with np.errstate(all='ignore'):
+        size = np.where(differs, np.nan_to_num(np.abs(recorded - again), nan=np.inf), -1.0)
+    row, column = np.unravel_index(int(np.argmax(size)), size.shape)
+    name = names[row] if row < len(names) else ''
+    a, b = float(recorded[row, column]), float(again[row, column])
+    return name, f' by {abs(a - b):.3g}: {a!r} recorded, {b!r} now'
