@@ -21,10 +21,12 @@ from rigid_sim_ros.engine.placing import bound, place
 from rigid_sim_ros.engine.rotation import conjugate, multiply, quaternion
 from rigid_sim_ros.engine.shapes import BOX, HULL, PLANE, Shapes
 from rigid_sim_ros.engine.state import State
+from rigid_sim_ros.engine.witness import remember, separates, worth_it
 
 # A manifold keeps its points while these move by less than this part of the margin. 0: never; 0.2: a box would
 # slide on by 1 mm of 5 mm before its points follow. The gaps of kept points are exact to second order.
 SLACK = 0.02
+NONE = (0.0, 0.0, 0.0)
 
 
 @bare
@@ -72,7 +74,7 @@ def _find_pairs(model: Model, state: State, shapes: Shapes, memory: Memory, marg
 def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds, before: Manifolds,
                     margin: float) -> int:
     """Go through the pairs and through the last step's rows, both sorted, side by side."""
-    room, rows, old, near, recycled, contacts = now.shape_a.shape[0], 0, 0, 0, 0, 0
+    room, rows, old, near, settled, recycled, contacts = now.shape_a.shape[0], 0, 0, 0, 0, 0, 0
     last = before.count[0]
     for k in range(memory.pair_count[0]):
         a, b = memory.pair[k, 0], memory.pair[k, 1]
@@ -91,7 +93,13 @@ def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds
             count = before.points[old]
             recycled += 1
         else:
+            witness = worth_it(shapes, a, b)
+            if witness and separates(memory.pose, shapes, a, b, memory.axis, k, margin):
+                settled += 1
+                continue
             count, n = collide(memory.pose, shapes, a, b, margin, memory.scratch)
+            if witness and (count == 0 or memory.axis[k, 3] != 0.0):
+                remember(memory.pose, shapes, a, memory.axis, k, n if count == 0 else NONE)
             if count == 0:
                 continue
             _write(state, memory.turn, now, row, i, j, count, n, memory.scratch.points,
@@ -102,7 +110,7 @@ def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds
         now.points[row] = count
         contacts += count
         rows += 1
-    memory.counters[PAIRS], memory.counters[WITNESSED] = near, 0
+    memory.counters[PAIRS], memory.counters[WITNESSED] = near, settled
     memory.counters[RECYCLED], memory.counters[CONTACTS] = recycled, contacts
     now.count[0] = rows
     return rows

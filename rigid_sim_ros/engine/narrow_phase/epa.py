@@ -6,7 +6,7 @@ Depth of two convex cores that overlap.
 The set of all differences a - b then holds the origin, and the depth is its distance from the surface. A
 polyhedron inside of the set grows where its surface is nearest to the origin, until that face is one
 of the set's own (van den Bergen, Proximity Queries and Penetration Depth Computation, GDC 2001). For
-polyhedra the result is exact; a round surface is approached to `ACCURACY`.
+polyhedra the result is exact; a round surface is approached to `ROUND_GAIN`.
 """
 
 import math
@@ -17,9 +17,13 @@ from rigid_sim_ros.engine.manifolds import EPA_CORNERS, EPA_FACES
 from rigid_sim_ros.engine.narrow_phase.algebra import (
     cross, dot, norm, perpendicular, scale, subtract)
 from rigid_sim_ros.engine.narrow_phase.gjk import corner, find_corner
+from rigid_sim_ros.engine.shapes import CYLINDER
 
-# Of the size of the shapes: what a further corner has to gain. A larger one is faster on round shapes.
-ACCURACY = 1e-13
+# Of the size of the shapes: what a further corner has to gain, between polyhedra and with a cylinder. On a
+# round surface the faces get smaller without end; below 1e-12 their normals are noise.
+FLAT_GAIN = 1e-13
+ROUND_GAIN = 1e-10
+ALIVE, SEEN = 1, 2  # states of a face; 0: removed
 FLAT = 1e-9  # of the size: below it corners do not span a solid
 
 
@@ -79,7 +83,7 @@ def _face(c: Array, faces: Array, links: IntArray, f: int, i: int, j: int, k: in
     pq, pr, qr = subtract(q, p), subtract(r, p), subtract(r, q)
     n = cross(pq, pr)
     length = norm(n)
-    links[f, 0], links[f, 1], links[f, 2], links[f, 3] = i, j, k, 1
+    links[f, 0], links[f, 1], links[f, 2], links[f, 3] = i, j, k, ALIVE
     longest = max(dot(pq, pq), dot(pr, pr), dot(qr, qr))
     if length <= 1e-14 * longest:
         # Without a direction: it closes the surface, and is neither nearest nor seen from anywhere.
@@ -93,28 +97,61 @@ def _face(c: Array, faces: Array, links: IntArray, f: int, i: int, j: int, k: in
 @bare
 def _horizon(c: Array, faces: Array, links: IntArray, edges: IntArray, used: int, new: int,
              size: float) -> int:
-    """Remove the faces that corner `new` sees, and list the edges around the hole."""
-    count, w = 0, corner(c, new)
-    for f in range(used):
-        if links[f, 3] == 0:
-            continue
-        height = faces[f, 0] * w[0] + faces[f, 1] * w[1] + faces[f, 2] * w[2] - faces[f, 3]
-        if height <= 1e-15 * size:
-            continue
-        links[f, 3] = 0
-        for k in range(3):
-            i, j = links[f, k], links[f, (k + 1) % 3]
-            shared = -1
-            for e in range(count):
-                if edges[e, 0] == j and edges[e, 1] == i:
-                    shared = e
-            if shared >= 0:
-                count -= 1
-                edges[shared, 0], edges[shared, 1] = edges[count, 0], edges[count, 1]
-            elif count < edges.shape[0]:
-                edges[count, 0], edges[count, 1] = i, j
-                count += 1
+    """
+    Remove the faces that corner `new` sees, and list the edges around the hole; 0 if there is none.
+
+    Faces in one plane with the corner, to rounding, make a hole that does not hang together. Then only faces
+    that it sees more clearly are removed.
+    """
+    w, clearly = corner(c, new), 1e-14 * size
+    for _ in range(4):
+        count = 0
+        for f in range(used):
+            if links[f, 3] == 0:
+                continue
+            height = faces[f, 0] * w[0] + faces[f, 1] * w[1] + faces[f, 2] * w[2] - faces[f, 3]
+            links[f, 3] = SEEN if height > clearly else ALIVE
+            for k in range(3 if height > clearly else 0):
+                count = _add_edge(edges, count, links[f, k], links[f, (k + 1) % 3])
+        if _is_loop(edges, count):
+            for f in range(used):
+                if links[f, 3] == SEEN:
+                    links[f, 3] = 0
+            return count
+        clearly *= 30.0
+    return 0
+
+
+@bare
+def _add_edge(edges: IntArray, count: int, i: int, j: int) -> int:
+    """Add an edge of a removed face, or strike out its reverse, between two removed faces."""
+    for e in range(count):
+        if edges[e, 0] == j and edges[e, 1] == i:
+            edges[e, 0], edges[e, 1] = edges[count - 1, 0], edges[count - 1, 1]
+            return count - 1
+    if count < edges.shape[0]:
+        edges[count, 0], edges[count, 1] = i, j
+        return count + 1
     return count
+
+
+@bare
+def _is_loop(edges: IntArray, count: int) -> bool:
+    """Return whether the edges make one closed way around."""
+    if count < 3:
+        return False
+    at, steps = edges[0, 1], 1
+    while at != edges[0, 0] and steps < count:
+        following = -1
+        for e in range(count):
+            if edges[e, 0] == at:
+                following = edges[e, 1]
+                break
+        if following < 0:
+            return False
+        at = following
+        steps += 1
+    return at == edges[0, 0] and steps == count
 
 
 @bare
@@ -140,10 +177,11 @@ def epa(pose: Array, kind: IntArray, size: Array, first: IntArray, count: IntArr
     _face(c, faces, links, 2, i, 3, j)
     _face(c, faces, links, 3, 0, j, 3)
     used, corners, nearest = 4, 4, 0
+    gain = ROUND_GAIN if kind[a] == CYLINDER or kind[b] == CYLINDER else FLAT_GAIN
     while True:
         nearest = -1
         for f in range(used):
-            if links[f, 3] == 1 and (nearest < 0 or faces[f, 3] < faces[nearest, 3]):
+            if links[f, 3] > 0 and (nearest < 0 or faces[f, 3] < faces[nearest, 3]):
                 nearest = f
         if nearest < 0 or faces[nearest, 3] == math.inf:
             return -1.0, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
@@ -151,9 +189,11 @@ def epa(pose: Array, kind: IntArray, size: Array, first: IntArray, count: IntArr
         if corners >= EPA_CORNERS:
             break
         w = find_corner(pose, kind, size, first, count, vertices, hull, a, b, n, c, corners)
-        if dot(n, w) - faces[nearest, 3] <= ACCURACY * largest:
+        if dot(n, w) - faces[nearest, 3] <= gain * largest:
             break
         around = _horizon(c, faces, links, edges, used, corners, largest)
+        if around == 0:
+            break
         used, room = _patch(c, faces, links, edges, around, used, corners)
         corners += 1
         if not room:
@@ -167,7 +207,7 @@ def _patch(c: Array, faces: Array, links: IntArray, edges: IntArray, around: int
     """Close the hole with faces to the new corner, in the places of removed ones."""
     free = 0
     for e in range(around):
-        while free < used and links[free, 3] == 1:
+        while free < used and links[free, 3] > 0:
             free += 1
         if free == EPA_FACES:
             return used, False
