@@ -17,17 +17,19 @@ import math
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
+from rigid_sim_ros.engine.bare import bare
 from rigid_sim_ros.engine.broad_phase import may_collide
+from rigid_sim_ros.engine.contacts import column, quaternion, rotate, row
 from rigid_sim_ros.engine.free_rotation import turn_fast
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Scratch
 from rigid_sim_ros.engine.model import Model
-from rigid_sim_ros.engine.narrow_phase.collide import collide
-from rigid_sim_ros.engine.rotation import multiply, quaternion, rotate, to_matrix
+from rigid_sim_ros.engine.narrow_phase.algebra import norm
+from rigid_sim_ros.engine.narrow_phase.signed_distance import signed_distance
+from rigid_sim_ros.engine.rotation import multiply, to_matrix
 from rigid_sim_ros.engine.shapes import PLANE, Shapes, SPHERE
 from rigid_sim_ros.engine.state import State
-from rigid_sim_ros.engine.vector import column, norm, row
 
 # The time of a meeting is known to this [s], or the gap at it to GAP [m], whichever comes first.
 TIME = 1e-12
@@ -37,7 +39,7 @@ LEAST_ADVANCE = 1.0 / 1024.0
 MAX_STEPS = 80  # of ITP; bisection would halve a second to 1e-12 s with 40
 
 
-@kernel
+@bare
 def place_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, s: int, t: float,
                 pose: Array) -> None:
     """
@@ -65,26 +67,17 @@ def place_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, s: int
             pose[s, 3 + 3 * k + j] = R[k][j]
 
 
-@kernel
+@bare
 def pair_gap(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b: int, t: float,
-             far: float, pose: Array, scratch: Scratch) -> tuple[float, Vector]:
-    """Return the gap [m] of two shapes after t [s], `far` if it is more, and the normal from A to B."""
+             pose: Array, scratch: Scratch) -> tuple[float, Vector]:
+    """Return the gap [m] of two shapes after t [s], and the normal from A to B."""
     place_ahead(model, state, loads, shapes, a, t, pose)
     place_ahead(model, state, loads, shapes, b, t, pose)
-    gap, normal = far, (0.0, 0.0, 0.0)
-    # The four points of a manifold are chosen to carry a body well; the deepest may be left out for one
-    # that is nearly as deep. So look again for anything nearer than what was found.
-    for _ in range(16):
-        count, n = collide(pose, shapes, a, b, gap, scratch)
-        if count == 0:
-            break
-        normal = n
-        for k in range(count):
-            gap = min(gap, scratch.points[k, 3])
-    return gap, normal
+    gap, n, _, _ = signed_distance(pose, shapes, a, b, scratch)
+    return gap, n
 
 
-@kernel
+@bare
 def reach_of_turning(shapes: Shapes, s: int) -> float:
     """Return the distance [m] from the centre of mass within which turning moves the surface of shape s."""
     offset = norm(row(shapes.p_CS, s))
@@ -92,7 +85,7 @@ def reach_of_turning(shapes: Shapes, s: int) -> float:
     return offset if shapes.kind[s] == SPHERE else offset + shapes.bound[s]
 
 
-@kernel
+@bare
 def _approach(model: Model, state: State, loads: Loads, shapes: Shapes, s: int, n: Vector,
               t: float) -> float:
     """Return a bound on how fast a point of shape s moves along n [m/s] until t [s]."""
@@ -109,7 +102,7 @@ def _approach(model: Model, state: State, loads: Loads, shapes: Shapes, s: int, 
     return max(now, later) + spin * reach_of_turning(shapes, s)
 
 
-@kernel
+@bare
 def motion_bound(model: Model, state: State, loads: Loads, shapes: Shapes, s: int, t: float) -> float:
     """Return how far [m] any point of shape s can move within t [s] under constant loads, at most."""
     i = shapes.body[s]
@@ -136,7 +129,13 @@ def pairs_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, t: flo
         place_ahead(model, state, loads, shapes, s, 0.0, pose)
         radius[s] = shapes.bound[s] + motion_bound(model, state, loads, shapes, s, t)
         low[s] = pose[s, 0] - radius[s]
-    order = np.argsort(low, kind='mergesort')
+    order = np.empty(count, dtype=np.int64)
+    for s in range(count):
+        at = s
+        while at > 0 and low[order[at - 1]] > low[s]:
+            order[at] = order[at - 1]
+            at -= 1
+        order[at] = s
     found = 0
     for i in range(count):
         s = order[i]
@@ -151,16 +150,23 @@ def pairs_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, t: flo
                     pairs[found, 0], pairs[found, 1] = a, b
                 found += 1
     if found <= pairs.shape[0]:
-        key = np.empty(found, dtype=np.int64)
-        for k in range(found):
-            key[k] = pairs[k, 0] * count + pairs[k, 1]
-        key.sort()
-        for k in range(found):
-            pairs[k, 0], pairs[k, 1] = key[k] // count, key[k] % count
+        _sort(pairs, found)
     return found
 
 
-@kernel
+@bare
+def _sort(pairs: IntArray, count: int) -> None:
+    """Sort rows by their first, then their second number, by insertion."""
+    for k in range(1, count):
+        a, b = pairs[k, 0], pairs[k, 1]
+        at = k
+        while at > 0 and (pairs[at - 1, 0] > a or (pairs[at - 1, 0] == a and pairs[at - 1, 1] > b)):
+            pairs[at, 0], pairs[at, 1] = pairs[at - 1, 0], pairs[at - 1, 1]
+            at -= 1
+        pairs[at, 0], pairs[at, 1] = a, b
+
+
+@bare
 def _near(shapes: Shapes, pose: Array, radius: Array, a: int, b: int) -> bool:
     """Return whether the sphere around b may reach shape a: its sphere, or its half space for a plane."""
     d = (pose[b, 0] - pose[a, 0], pose[b, 1] - pose[a, 1], pose[b, 2] - pose[a, 2])
@@ -169,9 +175,9 @@ def _near(shapes: Shapes, pose: Array, radius: Array, a: int, b: int) -> bool:
     return norm(d) <= radius[a] + radius[b]
 
 
-@kernel
+@bare
 def crossing(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b: int, low: float,
-             high: float, gap_low: float, gap_high: float, level: float, far: float, pose: Array,
+             high: float, gap_low: float, gap_high: float, level: float, pose: Array,
              scratch: Scratch) -> float:
     """
     Return the time in (low, high] [s] at which the gap of two shapes falls to `level` [m], from above.
@@ -197,7 +203,7 @@ def crossing(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b
             t = middle - side * radius
         if not low < t < high:
             t = middle
-        y = pair_gap(model, state, loads, shapes, a, b, t, far, pose, scratch)[0] - level
+        y = pair_gap(model, state, loads, shapes, a, b, t, pose, scratch)[0] - level
         if y > 0.0:
             low, y_low = t, y
         else:
@@ -205,13 +211,13 @@ def crossing(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b
     return high
 
 
-@kernel
+@bare
 def meeting(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b: int, gap: float,
-            n: Vector, until: float, far: float, pose: Array, scratch: Scratch) -> float:
+            n: Vector, until: float, pose: Array, scratch: Scratch) -> float:
     """
     Return when [s] two shapes with a gap > 0 [m] and the normal n first touch, inf if not before `until`.
 
-    `until` is also the time scale of the least advance, and `far` [m] more than the gap ever becomes.
+    `until` is also the time scale of the least advance.
     """
     t, least = 0.0, LEAST_ADVANCE * until
     while True:
@@ -221,18 +227,19 @@ def meeting(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b:
         if speed * (until - t) < gap:
             return math.inf
         later = min(t + max(gap / speed, least), until)
-        then, n = pair_gap(model, state, loads, shapes, a, b, later, far, pose, scratch)
+        then, n = pair_gap(model, state, loads, shapes, a, b, later, pose, scratch)
         if then <= 0.0:
-            return crossing(model, state, loads, shapes, a, b, t, later, gap, then, 0.0, far, pose,
+            return crossing(model, state, loads, shapes, a, b, t, later, gap, then, 0.0, pose,
                             scratch)
         if later >= until:
             return math.inf
         t, gap = later, then
 
 
-@kernel
+@bare
 def first_event(model: Model, state: State, loads: Loads, shapes: Shapes, pairs: IntArray, count: int,
-                allowed: Array, until: float, pose: Array, scratch: Scratch) -> tuple[float, int]:
+                allowed: Array, overlap: float, until: float, pose: Array,
+                scratch: Scratch) -> tuple[float, int]:
     """
     Return the earliest time [s] at which one of `count` pairs meets, and which; (until, -1) if none does.
 
@@ -243,23 +250,18 @@ def first_event(model: Model, state: State, loads: Loads, shapes: Shapes, pairs:
     best, which = until, -1
     for k in range(count):
         a, b = pairs[k, 0], pairs[k, 1]
-        far = 2.0 * (motion_bound(model, state, loads, shapes, a, until)
-                     + motion_bound(model, state, loads, shapes, b, until))
-        if allowed[k] == 0.0:
-            gap, n = pair_gap(model, state, loads, shapes, a, b, 0.0, far, pose, scratch)
-            if gap >= far:
-                continue
-            if gap > 0.0:
-                t = meeting(model, state, loads, shapes, a, b, gap, n, best, 2.0 * far, pose, scratch)
-                if t < best:
-                    best, which = t, k
+        gap, n = pair_gap(model, state, loads, shapes, a, b, 0.0, pose, scratch)
+        level = allowed[k]
+        if level == 0.0 and gap <= 0.0:
+            # Nearer than detection holds for touching, by rounding: as deep as that it will see it.
+            level = gap - overlap
+        if level == 0.0:
+            t = meeting(model, state, loads, shapes, a, b, gap, n, best, pose, scratch)
+            if t < best:
+                best, which = t, k
             continue
-        far += 1.0
-        then = pair_gap(model, state, loads, shapes, a, b, best, far, pose, scratch)[0]
-        if then < allowed[k]:
-            gap = pair_gap(model, state, loads, shapes, a, b, 0.0, far, pose, scratch)[0]
-            if gap > allowed[k]:
-                best = crossing(model, state, loads, shapes, a, b, 0.0, best, gap, then, allowed[k],
-                                far, pose, scratch)
-                which = k
+        then = pair_gap(model, state, loads, shapes, a, b, best, pose, scratch)[0]
+        if then < level < gap:
+            best = crossing(model, state, loads, shapes, a, b, 0.0, best, gap, then, level, pose, scratch)
+            which = k
     return best, which

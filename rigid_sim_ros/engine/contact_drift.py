@@ -14,21 +14,21 @@ above with N' = w x N and the centripetal acceleration of the corner, for two ba
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.backtrack import place_ahead
+from rigid_sim_ros.engine.bare import bare
 from rigid_sim_ros.engine.contacts import Bodies, Contacts, relative, to_contact
-from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Scratch
 from rigid_sim_ros.engine.model import Model
+from rigid_sim_ros.engine.narrow_phase.algebra import cross, dot
 from rigid_sim_ros.engine.narrow_phase.collide import collide
 from rigid_sim_ros.engine.shapes import Shapes
 from rigid_sim_ros.engine.state import State
-from rigid_sim_ros.engine.vector import cross, dot
 
 # cos 25 deg: a normal that turns farther in one step has jumped to another feature, and says nothing.
 SAME_NORMAL = 0.9
 
 
-@kernel
+@bare
 def contact_drift(model: Model, state: State, still: Loads, shapes: Shapes, contacts: Contacts,
                   bodies: Bodies, chosen: IntArray, t: float, pose: Array, scratch: Scratch,
                   drift: Array) -> None:
@@ -64,7 +64,7 @@ def contact_drift(model: Model, state: State, still: Loads, shapes: Shapes, cont
             break
 
 
-@kernel
+@bare
 def _velocity(model: Model, state: State, contacts: Contacts, bodies: Bodies, k: int, t: float, n: Vector,
               points: Array, p: int) -> Vector:
     """Return the velocity of B relative to A at point p after t [s] with the v and w of now."""

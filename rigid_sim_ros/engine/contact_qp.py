@@ -36,7 +36,7 @@ from rigid_sim_ros.engine.kernel import kernel
 # Sides of the pyramid. Friction off its edges is up to 1 - cos(pi / 8) = 8 % too weak, until Newton's method.
 SIDES = 8
 # Fixed, so that runs repeat: OSQP would otherwise choose the interval from the time that its setup took.
-OSQP_SETTINGS = {'verbose': False, 'eps_abs': 1e-10, 'eps_rel': 1e-10, 'max_iter': 20000,
+OSQP_SETTINGS = {'verbose': False, 'eps_abs': 1e-10, 'eps_rel': 1e-10, 'max_iter': 5000,
                  'adaptive_rho_interval': 25, 'check_termination': 25, 'polishing': False,
                  'time_limit': 1e10}
 # A is singular where points are redundant (the four corners of a box): the forces are not unique, A f is, and
@@ -45,12 +45,15 @@ OSQP_SETTINGS = {'verbose': False, 'eps_abs': 1e-10, 'eps_rel': 1e-10, 'max_iter
 # 1e-8 A_ii f, 1e-10 m/s for a body under its weight at a step of 1 ms. Smaller: forces feel rounding more.
 COMPLIANCE = 1e-8
 ROUNDS = 20  # of the iteration for s
+FEW_ROUNDS = 4  # after so many, TOLERANCE will do
 NEWTON_STEPS = 40
 FEW_STEPS = 4  # while the division of the points lasts, 1 or 2 are enough
 # Newton's method ends at a violation this small against |b|; rounding leaves 1e-16 to 1e-13.
 GOAL = 1e-12
-# More than this is not solved. At 1e-9 of g a body at rest moves with 1e-11 m/s after a step of 1 ms.
-TOLERANCE = 1e-9
+# Less than ENOUGH ends the search: 1e-9 of g moves a body at rest with 1e-11 m/s after a step of 1 ms. Redundant
+# points on the verge of slipping may stay above it; more than TOLERANCE after ROUNDS is not solved.
+ENOUGH = 1e-9
+TOLERANCE = 1e-7
 
 
 class Outcome(NamedTuple):
@@ -250,14 +253,14 @@ def solve(A: Array, b: Array, mu: Array, start: Array) -> tuple[Array, Outcome]:
     A = soften(A)
     size = float(np.abs(b).max(initial=0.0))
     f = start.copy()
-    goal, enough = GOAL * size, TOLERANCE * size
+    goal, enough = GOAL * size, ENOUGH * size
     # Forces that carry over come with a division into open, sticking and sliding points: try that first.
     worst, steps = refine(A, b, mu, f, goal, FEW_STEPS if start.any() else 0)
     if worst <= enough:
         return f, Outcome(worst / max(size, 1e-300), True, 'carried over', 0, steps)
     best, status, iterations = f.copy(), 'carried over', 0
     now = start
-    for _ in range(ROUNDS):
+    for turn in range(ROUNDS):
         a = (A @ now + b).reshape(-1, 3)
         triples = now.reshape(-1, 3)
         slip = np.hypot(a[:, 1], a[:, 2]) * (triples[:, 0] > 0.0)
@@ -272,6 +275,6 @@ def solve(A: Array, b: Array, mu: Array, start: Array) -> tuple[Array, Outcome]:
         steps += more
         if violation < worst:
             worst, best = violation, f.copy()
-        if worst <= enough:
+        if worst <= enough or (turn >= FEW_ROUNDS and worst <= TOLERANCE * size):
             break
-    return best, Outcome(worst / max(size, 1e-300), worst <= enough, status, iterations, steps)
+    return best, Outcome(worst / max(size, 1e-300), worst <= TOLERANCE * size, status, iterations, steps)

@@ -14,14 +14,23 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rigid_sim_ros.engine import rotation, vector
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.kernel import inlined, kernel
+from rigid_sim_ros.engine.bare import bare
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.manifolds import Manifolds
 from rigid_sim_ros.engine.model import Model
-from rigid_sim_ros.engine.rotation import quaternion, to_matrix
+from rigid_sim_ros.engine.narrow_phase.algebra import cross
+from rigid_sim_ros.engine.rotation import to_matrix
 from rigid_sim_ros.engine.shapes import Materials, Shapes
-from rigid_sim_ros.engine.state import body_spin, State
-from rigid_sim_ros.engine.vector import column, cross, row
+from rigid_sim_ros.engine.state import State
+
+# Real calls: the loops here branch and would not vectorise, and pasted bodies take four times as long to compile.
+row = bare(vector.row.py_func)  # type: ignore[attr-defined]
+column = bare(vector.column.py_func)  # type: ignore[attr-defined]
+quaternion = bare(rotation.quaternion.py_func)  # type: ignore[attr-defined]
+rotate = bare(rotation.rotate.py_func)  # type: ignore[attr-defined]
+angular_velocity = bare(rotation.angular_velocity.py_func)  # type: ignore[attr-defined]
 
 
 class Contacts(NamedTuple):
@@ -68,7 +77,7 @@ def make_bodies(n: int) -> Bodies:
     return Bodies(np.zeros((n, 6)), np.zeros((n, 3, 3)), np.zeros((n, 6)))
 
 
-@kernel
+@bare
 def tangents(n: Vector) -> tuple[Vector, Vector]:
     """Return t1, t2 so that n, t1, t2 are orthonormal and right-handed; the same for the same n."""
     # The axis least aligned with n, so that nothing cancels in the product.
@@ -93,12 +102,16 @@ def gather(state: State, manifolds: Manifolds, shapes: Shapes, materials: Materi
     """
     n = state.x.shape[1]
     rows = manifolds.count[0]
-    key = np.empty(rows, dtype=np.int64)
+    key, order = np.empty(rows, dtype=np.int64), np.empty(rows, dtype=np.int64)
     for k in range(rows):
         a, b = manifolds.body_a[k], manifolds.body_b[k]
         key[k] = min(a, b) * n + max(a, b)
-    # A stable sort: within a block the order of the manifolds remains.
-    order = np.argsort(key, kind='mergesort')
+        # By insertion: the rows are nearly in order, and within a block their order remains.
+        at = k
+        while at > 0 and key[order[at - 1]] > key[k]:
+            order[at] = order[at - 1]
+            at -= 1
+        order[at] = k
     capacity = contacts.gap.shape[0]
     total, blocks, last = 0, 0, np.int64(-1)
     for k in order:
@@ -118,7 +131,7 @@ def gather(state: State, manifolds: Manifolds, shapes: Shapes, materials: Materi
     return total
 
 
-@kernel
+@bare
 def _write_point(state: State, manifolds: Manifolds, shapes: Shapes, materials: Materials, k: int,
                  j: int, contacts: Contacts, at: int) -> None:
     a, b = manifolds.body_a[k], manifolds.body_b[k]
@@ -144,16 +157,16 @@ def _write_point(state: State, manifolds: Manifolds, shapes: Shapes, materials: 
     contacts.restitution[at] = materials.restitution[material_a, material_b]
 
 
-@kernel
+@bare
 def read_velocity(model: Model, state: State, i: int, bodies: Bodies) -> None:
     """Write v = P / M and w = I^-1 L of body i."""
-    w = body_spin(model, state, i)
+    w = angular_velocity(quaternion(state.q, i), column(state.L, i), column(model.inv_I_C, i))
     for k in range(3):
         bodies.velocity[i, k] = model.inv_m[i] * state.P[k, i]
         bodies.velocity[i, 3 + k] = w[k]
 
 
-@kernel
+@bare
 def read_bodies(model: Model, state: State, F: Array, tau: Array, bodies: Bodies) -> None:
     """
     Write velocities, inverse inertia tensors, and the accelerations under loads (3, n) [N, N m].
@@ -179,7 +192,7 @@ def read_bodies(model: Model, state: State, F: Array, tau: Array, bodies: Bodies
             bodies.acceleration[i, 3 + k] = angular
 
 
-@kernel
+@bare
 def relative(rates: Array, contacts: Contacts, k: int) -> Vector:
     """Return the rate of B minus that of A at point k, in world axes, from rows (linear, angular)."""
     a, b = contacts.body_a[k], contacts.body_b[k]
@@ -191,7 +204,7 @@ def relative(rates: Array, contacts: Contacts, k: int) -> Vector:
             rates[b, 2] - rates[a, 2] + at_B[2] - at_A[2])
 
 
-@inlined
+@bare
 def to_contact(contacts: Contacts, k: int, v: Vector) -> Vector:
     """Return a world vector in the axes n, t1, t2 of point k."""
     e = contacts.axes
@@ -200,7 +213,7 @@ def to_contact(contacts: Contacts, k: int, v: Vector) -> Vector:
             e[k, 2, 0] * v[0] + e[k, 2, 1] * v[1] + e[k, 2, 2] * v[2])
 
 
-@inlined
+@bare
 def to_world(contacts: Contacts, k: int, f: Vector) -> Vector:
     """Return a vector given in the axes n, t1, t2 of point k in world axes."""
     e = contacts.axes
@@ -246,7 +259,7 @@ def couple(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArray, A
             A[j, i] = A[i, j]
 
 
-@kernel
+@bare
 def _add_block(contacts: Contacts, chosen: IntArray, i: int, j: int, inv_m: float, arm_i: Array,
                arm_j: Array, inv_I_W: Array, A: Array) -> None:
     for p in range(3):
@@ -261,7 +274,7 @@ def _add_block(contacts: Contacts, chosen: IntArray, i: int, j: int, inv_m: floa
             A[3 * i + p, 3 * j + q] += total
 
 
-@kernel
+@bare
 def push(state: State, contacts: Contacts, k: int, J: Vector, model: Model) -> None:
     """Apply an impulse [N s, world axes] at point k: J to B, -J to A (Meyer, "Impulse")."""
     for side in range(2):

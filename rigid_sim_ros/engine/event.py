@@ -24,22 +24,22 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.backtrack import first_event, pairs_ahead
+from rigid_sim_ros.engine.bare import bare
 from rigid_sim_ros.engine.contact_drift import contact_drift
 from rigid_sim_ros.engine.contact_qp import Outcome, solve
 from rigid_sim_ros.engine.contacts import (
-    Bodies, Contacts, couple, gather, make_bodies, make_contacts, push, read_bodies, relative,
+    Bodies, Contacts, couple, gather, make_bodies, make_contacts, push, read_bodies, relative, row,
     to_contact, to_world)
 from rigid_sim_ros.engine.detect import detect
 from rigid_sim_ros.engine.free_flight import fly
 from rigid_sim_ros.engine.impulse import collide, resting_speed, STILL
 from rigid_sim_ros.engine.integrate import kick, make_work, sum_loads, Work
-from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import empty_loads, Loads
 from rigid_sim_ros.engine.manifolds import current_manifolds, grown, Manifolds, Memory
 from rigid_sim_ros.engine.model import Model
+from rigid_sim_ros.engine.narrow_phase.algebra import cross, norm
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.state import State
-from rigid_sim_ros.engine.vector import add_to_column, cross, norm, row
 from rigid_sim_ros.engine.wrenches import count_down, Wrenches
 
 
@@ -108,8 +108,8 @@ def no_forces() -> Carried:
     return Carried(none, none, none, np.zeros((0, 3)))
 
 
-@kernel
-def _load(state: State, model: Model, contacts: Contacts, chosen: IntArray, f: Array, loads: Loads,
+@bare
+def _load(model: Model, contacts: Contacts, chosen: IntArray, f: Array, loads: Loads,
           work: Work) -> None:
     """Write the loads of the contact forces f, (3m,) [N, contact axes], and add them to the step's."""
     loads.F[:] = 0.0
@@ -118,18 +118,21 @@ def _load(state: State, model: Model, contacts: Contacts, chosen: IntArray, f: A
         k = chosen[c]
         F = to_world(contacts, k, (f[3 * c], f[3 * c + 1], f[3 * c + 2]))
         a, b = contacts.body_a[k], contacts.body_b[k]
-        back = (-F[0], -F[1], -F[2])
-        if model.inv_m[a] > 0.0:
-            add_to_column(loads.F, a, back)
-            add_to_column(loads.tau, a, cross(row(contacts.r_A, k), back))
-        if model.inv_m[b] > 0.0:
-            add_to_column(loads.F, b, F)
-            add_to_column(loads.tau, b, cross(row(contacts.r_B, k), F))
-    work.loads.F[:] += loads.F
-    work.loads.tau[:] += loads.tau
+        on_A, on_B = cross(row(contacts.r_A, k), F), cross(row(contacts.r_B, k), F)
+        for i in range(3):
+            loads.F[i, a] -= F[i]
+            loads.tau[i, a] -= on_A[i]
+            loads.F[i, b] += F[i]
+            loads.tau[i, b] += on_B[i]
+    for j in range(model.m.shape[0]):
+        for i in range(3):
+            if model.inv_m[j] == 0.0:
+                loads.F[i, j], loads.tau[i, j] = 0.0, 0.0
+            work.loads.F[i, j] += loads.F[i, j]
+            work.loads.tau[i, j] += loads.tau[i, j]
 
 
-@kernel
+@bare
 def _move(model: Model, state: State, wrenches: Wrenches, loads: Loads, work: Work, t: float) -> None:
     """Kick, drift, kick for t [s] like `integrate.symplectic`, with constant contact loads."""
     kick(state, work.loads, 0.5 * t)
@@ -141,7 +144,7 @@ def _move(model: Model, state: State, wrenches: Wrenches, loads: Loads, work: Wo
     kick(state, work.loads, -0.5 * t)
 
 
-@kernel
+@bare
 def _choose(contacts: Contacts, bodies: Bodies, h: float, touching: float, chosen: IntArray) -> int:
     """Write the points that get a force: those that touch, and slow ones as near as a rebound too short to be one."""
     m = 0
@@ -157,7 +160,7 @@ def _choose(contacts: Contacts, bodies: Bodies, h: float, touching: float, chose
     return m
 
 
-@kernel
+@bare
 def _rates(contacts: Contacts, bodies: Bodies, chosen: IntArray, drift: Array, left: float, h: float,
            push_out: float, b: Array) -> None:
     """
@@ -176,7 +179,7 @@ def _rates(contacts: Contacts, bodies: Bodies, chosen: IntArray, drift: Array, l
         b[3 * c + 2] = free[2] + drift[3 * c + 2] + u[2] / left
 
 
-@kernel
+@bare
 def _recall(contacts: Contacts, chosen: IntArray, carried: Carried, f: Array) -> None:
     """Write the forces of the last step at the points that were there already, 0 at the others."""
     f[:] = 0.0
@@ -194,7 +197,7 @@ def _recall(contacts: Contacts, chosen: IntArray, carried: Carried, f: Array) ->
                 break
 
 
-@kernel
+@bare
 def _forces_in_world(contacts: Contacts, chosen: IntArray, f: Array, force: Array) -> None:
     for c in range(chosen.shape[0]):
         F = to_world(contacts, chosen[c], (f[3 * c], f[3 * c + 1], f[3 * c + 2]))
@@ -202,7 +205,7 @@ def _forces_in_world(contacts: Contacts, chosen: IntArray, f: Array, force: Arra
             force[c, i] = F[i]
 
 
-@kernel
+@bare
 def _velocities(contacts: Contacts, bodies: Bodies, chosen: IntArray, u: Array) -> None:
     for c in range(chosen.shape[0]):
         k = chosen[c]
@@ -210,7 +213,7 @@ def _velocities(contacts: Contacts, bodies: Bodies, chosen: IntArray, u: Array) 
             contacts, k, relative(bodies.velocity, contacts, k))
 
 
-@kernel
+@bare
 def _push_all(model: Model, state: State, contacts: Contacts, chosen: IntArray, J: Array,
               impulses: Array) -> None:
     for c in range(chosen.shape[0]):
@@ -220,7 +223,7 @@ def _push_all(model: Model, state: State, contacts: Contacts, chosen: IntArray, 
             impulses[k, i] += J[3 * c + i]
 
 
-@kernel
+@bare
 def _allow(pairs: IntArray, count: int, contacts: Contacts, bodies: Bodies, chosen: IntArray, left: float,
            overlap: float, allowed: Array) -> None:
     """Write how deep the pairs that get forces may go, 0 for the others; see `first_event`."""
@@ -238,7 +241,7 @@ def _allow(pairs: IntArray, count: int, contacts: Contacts, bodies: Bodies, chos
             p = (p + 1) % count
 
 
-@kernel
+@bare
 def _record(manifolds: Manifolds, contacts: Contacts, impulses: Array) -> None:
     """Add impulses, (c, 3) [N s, contact axes], to those of the manifolds."""
     r = 0
@@ -256,7 +259,7 @@ def _record(manifolds: Manifolds, contacts: Contacts, impulses: Array) -> None:
             manifolds.friction[r, i] += rubbing[i]
 
 
-@kernel
+@bare
 def _deepest(manifolds: Manifolds) -> float:
     deepest = 0.0
     for r in range(manifolds.count[0]):
@@ -265,7 +268,7 @@ def _deepest(manifolds: Manifolds) -> float:
     return deepest
 
 
-@kernel
+@bare
 def _most_pull(model: Model, loads: Loads) -> float:
     """Return the largest acceleration [m/s^2] that a load gives a centre of mass."""
     most = 0.0
@@ -394,7 +397,7 @@ class _Step:
             _rates(w.contacts, w.bodies, chosen, drift, left, h, self.settings.push_out, b)
             _recall(w.contacts, chosen, w.carried, f)
             f = self._solve(self._coupling(chosen), b, chosen, f)
-        _load(self.state, self.model, w.contacts, chosen, f, w.contact_loads, w.work)
+        _load(self.model, w.contacts, chosen, f, w.contact_loads, w.work)
         force = np.zeros((len(chosen), 3))
         _forces_in_world(w.contacts, chosen, f, force)
         w.carried = Carried(w.contacts.shape_a[chosen], w.contacts.shape_b[chosen],
@@ -416,7 +419,7 @@ class _Step:
             w.allowed = np.zeros(2 * count)
         _allow(w.pairs, count, w.contacts, w.bodies, chosen, left, self.settings.overlap, w.allowed)
         t, which = first_event(self.model, self.state, w.work.loads, self.shapes, w.pairs, count,
-                               w.allowed, left, w.pose, self.memory.scratch)
+                               w.allowed, self.settings.overlap, left, w.pose, self.memory.scratch)
         return float(t), int(which)
 
     def _keep(self, chosen: IntArray, t: float, impulses: Array) -> None:

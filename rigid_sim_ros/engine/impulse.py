@@ -13,12 +13,13 @@ travels through a row of touching balls (Newton's cradle), which no simultaneous
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
+from rigid_sim_ros.engine.bare import bare
 from rigid_sim_ros.engine.contacts import (
     Bodies, Contacts, couple, push, read_velocity, relative, to_contact, to_world)
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.model import Model
+from rigid_sim_ros.engine.narrow_phase.algebra import norm
 from rigid_sim_ros.engine.state import State
-from rigid_sim_ros.engine.vector import norm
 
 # Approach slower than this [m/s] is rounding, not a collision; ten times more is still below every tolerance here.
 STILL = 1e-10
@@ -26,7 +27,7 @@ STILL = 1e-10
 MAX_SWEEPS = 2000
 
 
-@kernel
+@bare
 def resting_speed(contacts: Contacts, bodies: Bodies, k: int, h: float) -> float:
     """
     Return the speed [m/s] along the normal below which point k rests.
@@ -162,7 +163,7 @@ def _sweep(A: Array, u0: Array, mu: Array, e: Array, J: Array) -> None:
             return
 
 
-@kernel
+@bare
 def _rub(A: Array, u: Array, mu: float, n: int, J: Array) -> float:
     """Update the friction impulse at one point: it stops the slip, or has the largest size against it."""
     x, y = n + 1, n + 2

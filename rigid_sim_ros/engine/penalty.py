@@ -1,0 +1,330 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Contact model `penalty`: a spring and a damper at each point where bodies overlap.
+
+"Soft body collision: force is applied to prevent interpenetration" (Meyer, Rigid Body Dynamics). With the depth d
+of a point the normal force is that of Hunt and Crossley with a linear spring,
+
+    f_n = max(0, k d (1 + c d'))
+
+(Coefficient of restitution interpreted as damping in vibroimpact, J. Appl. Mech. 42 (1975)): it begins and ends at 0, as
+a force proportional to d' alone would not, and never pulls. A body that arrives with v0 leaves with v1 where
+
+    c v0 - ln(1 + c v0) = -c v1 - ln(1 - c v1),    so v1 / v0 = 1 - 2 c v0 / 3 + O((c v0)^2).
+
+Friction is a bristle: a spring and damper along the surface whose stretch is remembered from step to step, for
+each point by its feature, and slips where its force would exceed mu f_n. It is stretched, not creeping, while a body
+rests on a slope.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
+from rigid_sim_ros.engine.bare import bare
+from rigid_sim_ros.engine.contacts import (
+    Bodies, Contacts, gather, make_bodies, make_contacts, quaternion, read_velocity, relative,
+    rotate, row, to_contact, to_world)
+from rigid_sim_ros.engine.detect import detect
+from rigid_sim_ros.engine.free_flight import fly
+from rigid_sim_ros.engine.integrate import kick, make_work, sum_loads, Work
+from rigid_sim_ros.engine.loads import empty_loads, Loads
+from rigid_sim_ros.engine.manifolds import current_manifolds, grown, Manifolds, Memory
+from rigid_sim_ros.engine.model import Model
+from rigid_sim_ros.engine.narrow_phase.algebra import cross
+from rigid_sim_ros.engine.shapes import CAPSULE, KIND_NAMES, Materials, Shapes, SPHERE
+from rigid_sim_ros.engine.state import State
+from rigid_sim_ros.engine.wrenches import count_down, Wrenches
+
+# Detection looks this far [m] ahead of the surfaces; only overlap gives a force, so it may be tiny.
+MARGIN = 1e-9
+# The bristle's stiffness over the spring's: 1 keeps one limit for the step; Mindlin's elastic spheres have 0.7 to 1.
+TANGENTIAL = 1.0
+# Damping of the bristle against its critical damping. 0 lets a body on a slope swing for ever.
+BRISTLE_DAMPING = 0.5
+# Step times angular frequency of the stiffest pair. Verlet is stable below 2; half of it leaves room for bodies that are
+# touched from two sides, and puts 6 steps into one oscillation.
+STEP_LIMIT = 1.0
+
+
+class PenaltySettings(NamedTuple):
+    """What may be tuned besides the stiffness and damping of the materials."""
+
+    tangential: float = TANGENTIAL
+    bristle_damping: float = BRISTLE_DAMPING
+
+
+class Bristles(NamedTuple):
+    """The bristles of the points that touched last."""
+
+    shape_a: IntArray  # (c,)
+    shape_b: IntArray  # (c,)
+    feature: IntArray  # (c,)
+    stretch: Array  # (c, 3) [m] of B over A, axes of C of body A, with which they turn
+
+
+class PenaltyWork:
+    """Scratch memory, and the bristles, which carry over from step to step."""
+
+    def __init__(self, bodies: int) -> None:
+        """Make room for a world without contacts."""
+        self.work: Work = make_work(bodies)
+        self.bodies: Bodies = make_bodies(bodies)
+        self.contacts: Contacts = make_contacts(64)
+        self.loads: Loads = empty_loads(bodies)
+        self.impulses: Array = np.zeros((64, 3))
+        self.bristles: Bristles = no_bristles()
+
+    def lasting(self) -> Bristles:
+        """Return all that influences later steps, besides the state."""
+        return self.bristles
+
+
+def no_bristles() -> Bristles:
+    """Return the bristles of a world in which nothing touches."""
+    none = np.zeros(0, dtype=np.int64)
+    return Bristles(none, none, none, np.zeros((0, 3)))
+
+
+def stiffness_for_depth(weight: float, depth: float, points: int = 1) -> float:
+    """Return the stiffness [N/m] of a pair at which a weight [N] on some points sinks in by depth [m]."""
+    return weight / (points * depth)
+
+
+def stable_step(model: Model, shapes: Shapes, materials: Materials) -> tuple[float, int, int]:
+    """
+    Return the longest step [s] that is stable for every pair of shapes, and the shapes of the pair that sets it.
+
+    A body on p points of stiffness k each moves against them with at most omega^2 = p k (1/M + r^2 / I), with the
+    farthest distance r of its surface from the centre of mass and its smallest moment I; for two bodies the brackets
+    add up. The step is STEP_LIMIT / omega; infinite where nothing can touch.
+    """
+    moving = np.flatnonzero(shapes.still == 0)
+    if len(moving) == 0 or len(shapes.body) < 2:
+        return math.inf, -1, -1
+    i = shapes.body
+    reach = np.linalg.norm(shapes.p_CS, axis=1) + np.where(np.isfinite(shapes.bound), shapes.bound, 0.0)
+    give = model.inv_m[i] + reach ** 2 * model.inv_I_C[:, i].max(axis=0)
+    points = np.select([shapes.kind == SPHERE, shapes.kind == CAPSULE], [1, 2], 4)
+    best, pair = 0.0, (-1, -1)
+    # The partner that gives way most, for each material: what is left is shapes times materials.
+    for material in np.unique(shapes.material):
+        of_it = np.flatnonzero(shapes.material == material)
+        order = of_it[np.argsort(-give[of_it], kind='stable')]
+        for s in moving:
+            partner = next((int(p) for p in order if i[p] != i[s]), -1)
+            if partner < 0:
+                continue
+            k = float(materials.stiffness[shapes.material[s], material])
+            squared = points[s] * k * (give[s] + give[partner])
+            if squared > best:
+                best, pair = squared, (int(s), partner)
+    return (STEP_LIMIT / math.sqrt(best) if best > 0.0 else math.inf), *pair
+
+
+def check_step(model: Model, shapes: Shapes, materials: Materials) -> None:
+    """Raise ValueError, with a step and a stiffness that work, if the model's step is too long for its contacts."""
+    longest, a, b = stable_step(model, shapes, materials)
+    if model.h <= longest:
+        return
+    k = float(materials.stiffness[shapes.material[a], shapes.material[b]])
+    raise ValueError(
+        f'step {model.h:g} s is unstable for the contact stiffness {k:g} N/m between shape {a} '
+        f'({KIND_NAMES[shapes.kind[a]]}) of body {shapes.body[a]} and shape {b} '
+        f'({KIND_NAMES[shapes.kind[b]]}) of body {shapes.body[b]}: use a step of at most '
+        f'{_rounded_down(longest):g} s, or a stiffness of at most '
+        f'{_rounded_down(k * (longest / model.h) ** 2):g} N/m for the pair')
+
+
+def _rounded_down(value: float) -> float:
+    """Return the number with two digits that is not above the value."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return math.floor(value / unit) * unit
+
+
+@bare
+def _recall(contacts: Contacts, state: State, bristles: Bristles, stretch: Array) -> None:
+    """Write the stretches of the points that were there before, in world axes, 0 for the others."""
+    at, size = 0, bristles.feature.shape[0]
+    for k in range(contacts.count[0]):
+        for i in range(3):
+            stretch[k, i] = 0.0
+        for tried in range(size):
+            j = (at + tried) % size
+            if (bristles.shape_a[j] == contacts.shape_a[k] and bristles.shape_b[j] == contacts.shape_b[k]
+                    and bristles.feature[j] == contacts.feature[k]):
+                s = rotate(quaternion(state.q, contacts.body_a[k]), row(bristles.stretch, j))
+                for i in range(3):
+                    stretch[k, i] = s[i]
+                at = j + 1
+                break
+
+
+@bare
+def _point_force(model: Model, shapes: Shapes, materials: Materials, settings: PenaltySettings,
+                 contacts: Contacts, k: int, points: int, u: Vector,
+                 s: Vector) -> tuple[Vector, float, float]:
+    """Return the force on B [N, contact axes], and what is left of the stretch after slip [m, t1, t2]."""
+    material_a = shapes.material[contacts.shape_a[k]]
+    material_b = shapes.material[contacts.shape_b[k]]
+    stiffness = materials.stiffness[material_a, material_b]
+    depth = max(0.0, -contacts.gap[k])
+    normal = max(0.0, stiffness * depth * (1.0 - materials.damping[material_a, material_b] * u[0]))
+    along = settings.tangential * stiffness
+    # The points of a pair share its mass: each damps its part.
+    mass = 1.0 / ((model.inv_m[contacts.body_a[k]] + model.inv_m[contacts.body_b[k]]) * points)
+    damping = 2.0 * settings.bristle_damping * math.sqrt(along * mass)
+    f_1, f_2 = -along * s[1] - damping * u[1], -along * s[2] - damping * u[2]
+    size, limit = math.sqrt(f_1 * f_1 + f_2 * f_2), contacts.friction[k] * normal
+    left_1, left_2 = s[1], s[2]
+    if size > limit:
+        f_1, f_2 = f_1 * limit / size, f_2 * limit / size
+        # While it slips the bristle alone holds the force.
+        left_1, left_2 = -f_1 / along, -f_2 / along
+    return (normal, f_1, f_2), left_1, left_2
+
+
+@bare
+def _forces(model: Model, state: State, shapes: Shapes, materials: Materials, settings: PenaltySettings,
+            contacts: Contacts, bodies: Bodies, stretch: Array, t: float, loads: Loads,
+            forces: Array) -> None:
+    """
+    Write the loads [N, N m] of all points, and their forces on B, (c, 3) [N, contact axes].
+
+    The stretches, (c, 3) [m, world axes], first grow by what slid in t [s], and lose what slips.
+    """
+    loads.F[:] = 0.0
+    loads.tau[:] = 0.0
+    for block in range(contacts.count[1]):
+        first, after = contacts.first[block], contacts.first[block + 1]
+        for k in range(first, after):
+            u = to_contact(contacts, k, relative(bodies.velocity, contacts, k))
+            s = to_contact(contacts, k, row(stretch, k))
+            s = (0.0, s[1] + t * u[1], s[2] + t * u[2])
+            f, left_1, left_2 = _point_force(model, shapes, materials, settings, contacts, k,
+                                             after - first, u, s)
+            kept = to_world(contacts, k, (0.0, left_1, left_2))
+            F = to_world(contacts, k, f)
+            a, b = contacts.body_a[k], contacts.body_b[k]
+            on_A, on_B = cross(row(contacts.r_A, k), F), cross(row(contacts.r_B, k), F)
+            for i in range(3):
+                stretch[k, i] = kept[i]
+                forces[k, i] = f[i]
+                loads.F[i, a] -= F[i]
+                loads.tau[i, a] -= on_A[i]
+                loads.F[i, b] += F[i]
+                loads.tau[i, b] += on_B[i]
+    for i in model.fixed:
+        loads.F[:, i] = 0.0
+        loads.tau[:, i] = 0.0
+
+
+@bare
+def _keep(contacts: Contacts, state: State, world: Array, bristles: Bristles) -> None:
+    """Write the bristles of all points, turned into the axes of A."""
+    for k in range(contacts.count[0]):
+        bristles.shape_a[k], bristles.shape_b[k] = contacts.shape_a[k], contacts.shape_b[k]
+        bristles.feature[k] = contacts.feature[k]
+        q = quaternion(state.q, contacts.body_a[k])
+        s = rotate((-q[0], -q[1], -q[2], q[3]), row(world, k))
+        for i in range(3):
+            bristles.stretch[k, i] = s[i]
+
+
+@bare
+def _record(manifolds: Manifolds, contacts: Contacts, forces: Array, t: float) -> None:
+    """Write the impulses of the step to the manifolds; the points lie in them in the order of their slots."""
+    rows = manifolds.count[0]
+    for r in range(rows):
+        for j in range(4):
+            manifolds.impulse[r, j] = 0.0
+        for i in range(3):
+            manifolds.friction[r, i] = 0.0
+        manifolds.spin[r] = 0.0
+    for k in range(contacts.count[0]):
+        r = contacts.manifold[k]
+        for j in range(manifolds.points[r]):
+            if manifolds.feature[r, j] == contacts.feature[k]:
+                manifolds.impulse[r, j] = t * forces[k, 0]
+        rubbing = to_world(contacts, k, (0.0, t * forces[k, 1], t * forces[k, 2]))
+        for i in range(3):
+            manifolds.friction[r, i] += rubbing[i]
+
+
+@bare
+def _velocities(model: Model, state: State, bodies: Bodies) -> None:
+    for i in range(model.m.shape[0]):
+        read_velocity(model, state, i, bodies)
+
+
+@bare
+def _drift(model: Model, state: State, wrenches: Wrenches, work: Work) -> None:
+    """Half a kick of the loads other than contact, and the drift of a whole step."""
+    sum_loads(model, state, wrenches, work.loads)
+    kick(state, work.loads, 0.5 * model.h)
+    fly(model, state, (0.0, 0.0, 0.0), model.h, np.int64(1), work.block)
+
+
+@bare
+def _last_kick(model: Model, state: State, wrenches: Wrenches, work: Work) -> None:
+    """Kick by the other half, with the loads at the new pose; see `integrate.symplectic`."""
+    kick(state, work.loads, 0.5 * model.h)
+    sum_loads(model, state, wrenches, work.later)
+    kick(state, work.later, 0.5 * model.h)
+    kick(state, work.loads, -0.5 * model.h)
+    count_down(wrenches)
+
+
+def _overlaps(model: Model, state: State, shapes: Shapes, materials: Materials, memory: Memory,
+              work: PenaltyWork) -> Memory:
+    """Find the points that overlap; return the memory, which may have grown."""
+    while not detect(model, state, shapes, memory, MARGIN):
+        memory = grown(memory)
+    while True:
+        needed = gather(state, current_manifolds(memory), shapes, materials, 0.0, work.contacts)
+        if needed <= work.contacts.gap.shape[0]:
+            break
+        work.contacts = make_contacts(2 * needed)
+        work.impulses = np.zeros((2 * needed, 3))
+    _velocities(model, state, work.bodies)
+    return memory
+
+
+def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
+            memory: Memory, settings: PenaltySettings, work: PenaltyWork, count: int) -> Memory:
+    """
+    Advance all bodies by `count` steps, in place; return the memory, which may have grown.
+
+    Kick, drift, kick: order 2 while the points stay the same. work.bristles together with the state is all that
+    the next step depends on.
+    """
+    for _ in range(count):
+        memory = _overlaps(model, state, shapes, materials, memory, work)
+        stretch = np.zeros((int(work.contacts.count[0]), 3))
+        _recall(work.contacts, state, work.bristles, stretch)
+        _forces(model, state, shapes, materials, settings, work.contacts, work.bodies, stretch, 0.0,
+                work.loads, work.impulses)
+        kick(state, work.loads, 0.5 * model.h)
+        bristles = _copy_of(work.contacts, state, stretch)
+        _drift(model, state, wrenches, work.work)
+        memory = _overlaps(model, state, shapes, materials, memory, work)
+        stretch = np.zeros((int(work.contacts.count[0]), 3))
+        _recall(work.contacts, state, bristles, stretch)
+        _forces(model, state, shapes, materials, settings, work.contacts, work.bodies, stretch,
+                model.h, work.loads, work.impulses)
+        work.bristles = _copy_of(work.contacts, state, stretch)
+        kick(state, work.loads, 0.5 * model.h)
+        _last_kick(model, state, wrenches, work.work)
+        _record(current_manifolds(memory), work.contacts, work.impulses, model.h)
+    return memory
+
+
+def _copy_of(contacts: Contacts, state: State, stretch: Array) -> Bristles:
+    count = int(contacts.count[0])
+    bristles = Bristles(np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64),
+                        np.zeros(count, dtype=np.int64), np.zeros((count, 3)))
+    _keep(contacts, state, stretch, bristles)
+    return bristles
