@@ -12,14 +12,15 @@ from numpy.typing import ArrayLike
 
 from rigid_sim_ros.applied import AppliedWrenches
 from rigid_sim_ros.engine.arrays import Array
+from rigid_sim_ros.engine.contact_models import (
+    ContactReport, make_contact_model, Setup)
 from rigid_sim_ros.engine.forces import add_gravity, add_scene_forces
 from rigid_sim_ros.engine.frames import point_on_frame, vector_on_frame
-from rigid_sim_ros.engine.integrate import make_work, ORIENTATIONS
+from rigid_sim_ros.engine.loads import empty_loads
 from rigid_sim_ros.engine.model import WORLD
 from rigid_sim_ros.engine.state import (
     add_impulse, BodyMotion, copy_into, copy_state, empty_motion,
     first_unfinite, kinetic_energy, read_motion, State, total_angular_momentum, write_motion)
-from rigid_sim_ros.engine.step import FREE_MOTION
 from rigid_sim_ros.engine.wrenches import Wrenches
 from rigid_sim_ros.scene import read_scene, Scene, scene_from_dict
 from rigid_sim_ros.snapshot import pack, unpack
@@ -58,9 +59,10 @@ class World:
         self._model = scene.model
         self._state = copy_state(scene.state)
         self._applied = AppliedWrenches()
-        self._work = make_work(len(self.names))
-        self._advance = FREE_MOTION[scene.integrator]
-        self._orientation = ORIENTATIONS.index(scene.orientation)
+        collision = scene.spec.collision
+        self._contact = make_contact_model(scene.contact, Setup(
+            scene.model, scene.shapes, scene.materials, scene.integrator, scene.orientation,
+            scene.solver, collision.continuous, collision.sleeping, collision.substeps))
         self._motion = empty_motion(len(self.names))
         self._motion_is_current = False
 
@@ -95,8 +97,7 @@ class World:
             # Wrenches leave the book when their time is over, so that a step without any costs
             # nothing for them.
             batch = self._steps_until_a_wrench_ends(int(count) - done)
-            self._advance(self._model, self._state, self._applied.rows, self._orientation,
-                          self._work, batch)
+            self._contact.advance(self._state, self._applied.rows, batch)
             self._applied.remove_finished()
             done += batch
             self.step_index += batch
@@ -164,7 +165,7 @@ class World:
 
     def potential_energy(self) -> float:
         """Return the potential energy of gravity and of the scene's forces [J]."""
-        loads = self._work.later
+        loads = empty_loads(len(self.names))
         return float(add_gravity(self._model, self._state, loads)
                      + add_scene_forces(self._model, self._state, loads))
 
@@ -175,6 +176,38 @@ class World:
     def total_angular_momentum(self) -> Array:
         """Return the angular momentum of all bodies about the world origin, (3,) [kg m^2/s]."""
         return np.array(total_angular_momentum(self._state))
+
+    # --- contacts -----------------------------------------------------------------------------
+
+    def contacts(self) -> np.ndarray:
+        """
+        Return the contact points of the latest step as a structured array.
+
+        Its fields are body_a and body_b (indices into `names`), point [m], normal (unit vector from
+        a to b), gap [m] (below 0: overlap), normal_force [N] and friction_force (3) [N on b], all
+        in world axes. Forces are means over the step. A point without a force is near, but does not
+        touch.
+        """
+        return self._contact.contacts(self._state)
+
+    def contact_wrenches(self) -> Array:
+        """
+        Return force [N] and torque [N m] of the contacts on each body, (n, 6), world axes.
+
+        The torques are about the centres of mass.
+        """
+        rows = self.contacts()
+        force = rows['normal_force'][:, None] * rows['normal'] + rows['friction_force']
+        wrenches = np.zeros((len(self.names), 6))
+        for sign, body in ((-1.0, rows['body_a']), (1.0, rows['body_b'])):
+            arm = rows['point'] - self._state.x.T[body]
+            np.add.at(wrenches, body, sign * np.concatenate(
+                [force, np.cross(arm, force)], axis=1))
+        return wrenches
+
+    def contact_report(self) -> ContactReport:
+        """Return counts of pairs and contacts, the deepest overlap and the solver's residual."""
+        return self._contact.report()
 
     # --- inputs -------------------------------------------------------------------------------
 
@@ -293,7 +326,8 @@ class World:
 
     def _dynamic(self) -> dict[str, np.ndarray]:
         """Return every array that the next step depends on, by name."""
-        return {**self._state._asdict(), **self._applied.rows._asdict()}
+        return {**self._state._asdict(), **self._applied.rows._asdict(),
+                **self._contact.lasting()}
 
     def state_hash(self) -> int:
         """Return 64 bits that identify the complete dynamic state, time included."""
@@ -322,6 +356,8 @@ class World:
         copy_into(self._state, State._make(arrays[field] for field in State._fields))
         self._applied.replace(Wrenches._make(arrays[field] for field in Wrenches._fields),
                               meta['sources'])
+        self._contact.recall({name: array for name, array in arrays.items()
+                              if name not in State._fields + Wrenches._fields})
         self.step_index = meta['step_index']
         self._motion_is_current = False
 
@@ -329,6 +365,7 @@ class World:
         """Return to the initial state, wrenches ended; time restarts at 0 unless kept."""
         copy_into(self._state, self.scene.state)
         self._applied = AppliedWrenches()
+        self._contact.recall({})
         self._motion_is_current = False
         if not keep_time:
             self.step_index = 0

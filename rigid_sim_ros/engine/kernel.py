@@ -17,6 +17,7 @@ import tempfile
 from typing import Any, TypeVar
 
 import numba
+from numba import types
 
 Function = TypeVar('Function', bound=Callable[..., Any])
 
@@ -59,15 +60,15 @@ def cache_folder() -> Path:
 _CACHE = cache_folder()
 
 
-def _compiled(function: Function, **options: Any) -> Function:
+def _compiled(function: Function, **options: Any) -> Any:
     config: Any = numba.config
     elsewhere = config.CACHE_DIR
     config.CACHE_DIR = str(_CACHE)
     try:
-        compiled: Function = numba.njit(cache=True, nogil=True, **options)(function)
+        return numba.njit(cache=True, nogil=True, error_model='numpy', no_cfunc_wrapper=True,
+                          _nrt=False, **options)(function)
     finally:
         config.CACHE_DIR = elsewhere
-    return compiled
 
 
 def kernel(function: Function) -> Function:
@@ -75,9 +76,24 @@ def kernel(function: Function) -> Function:
     Compile a function of numbers and arrays, on its first call, and cache the result.
 
     The compiled code holds no lock of the interpreter (other threads run meanwhile) and keeps the
-    order of every floating-point operation: fastmath stays off, so that runs repeat bit for bit.
+    order of every floating-point operation: fastmath stays off, so that runs repeat bit for bit. A
+    quotient by zero is infinite or not a number, as in NumPy.
+
+    A kernel makes no array, only writes to those that it is given. So references need not be
+    counted, which Numba would do for every array that a call passes, atomically and one by one,
+    also inside of a NamedTuple: 1.4 us for a call that works for 0.1 us. And it is compiled once
+    for numbers of a type, not once more for every constant that a caller writes, as Numba would:
+    that was a third of the time to compile.
     """
-    return _compiled(function)
+    compiled = _compiled(function)
+    template = compiled.get_call_template
+
+    def without_literals(args: Any, kws: Any) -> Any:
+        return template(tuple(types.unliteral(arg) for arg in args),
+                        {name: types.unliteral(arg) for name, arg in kws.items()})
+
+    compiled.get_call_template = without_literals
+    return compiled  # type: ignore[no-any-return]
 
 
 def inlined(function: Function) -> Function:
@@ -87,4 +103,4 @@ def inlined(function: Function) -> Function:
     For small functions that a loop over bodies calls: a real call, even one that LLVM inlines
     later, keeps that loop from becoming vector instructions.
     """
-    return _compiled(function, inline='always')
+    return _compiled(function, inline='always')  # type: ignore[no-any-return]

@@ -1,0 +1,106 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Which manifolds are solved side by side.
+
+Manifolds get colours, greedily and in their order, so that no moving body has one colour twice; eight of a colour
+fill a block. Manifolds with one, two and more points are coloured apart from each other, and so are those
+that resist rolling: a block then holds nothing that only some of its lanes need.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.arrays import IntArray
+from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.manifolds import Manifolds
+from rigid_sim_ros.engine.solver_bodies import LANES
+
+CLASSES = 6  # 0, 1, 2: up to one, two, four points; 3, 4, 5: the same, and they resist rolling
+# A colour is a bit of a mask; the last one means "none left", and each of its manifolds has a block of its own.
+COLORS = 62
+_NONE_LEFT = COLORS
+
+
+class Coloring(NamedTuple):
+    """Blocks of manifolds: room for c manifolds of n bodies."""
+
+    mask: IntArray  # (CLASSES, n + 1) colours in use at the slot of a body
+    color: IntArray  # (c,) CLASSES * colour + class of a manifold, -1: it is not solved
+    fill: IntArray  # (CLASSES * (COLORS + 1),) manifolds of a class and colour, then their next lane
+    lane: IntArray  # (c,) lane of a manifold, counted through all blocks
+    blocks: IntArray  # (1,) blocks in use
+    kind: IntArray  # (c + CLASSES * COLORS,) class of a block
+
+
+def make_coloring(n: int, capacity: int) -> Coloring:
+    """Return room for the manifolds of n bodies."""
+
+    def integers(*shape: int) -> IntArray:
+        return np.zeros(shape, dtype=np.int64)
+
+    return Coloring(integers(CLASSES, n + 1), integers(capacity), integers(CLASSES * (COLORS + 1)),
+                    integers(capacity), integers(1), integers(most_blocks(capacity)))
+
+
+def most_blocks(capacity: int) -> int:
+    """Return the most blocks that so many manifolds can need."""
+    return capacity // LANES + min(capacity, CLASSES * (COLORS + 1)) + capacity
+
+
+@kernel
+def color_manifolds(manifolds: Manifolds, slot: IntArray, used: int, rolls: IntArray, work: Coloring) -> int:
+    """
+    Give every manifold with a body that takes part its lane; return the number of blocks.
+
+    slot is that of a body, 0 where it does not move, `used` one more than the highest; rolls (c,) is 1 for a
+    manifold that resists rolling.
+    """
+    work.mask[:, :used] = 0
+    work.fill[:] = 0
+    for row in range(manifolds.count[0]):
+        work.color[row] = -1
+        a, b = slot[manifolds.body_a[row]], slot[manifolds.body_b[row]]
+        if a == 0 and b == 0:
+            continue
+        kind = min(manifolds.points[row] - 1, 2) + 3 * rolls[row]
+        color = _lowest_free(work.mask[kind, a] | work.mask[kind, b])
+        if color < _NONE_LEFT:
+            # A body that does not move may be anywhere: its bits are never set.
+            if a != 0:
+                work.mask[kind, a] |= 1 << color
+            if b != 0:
+                work.mask[kind, b] |= 1 << color
+        work.color[row] = color * CLASSES + kind
+        work.fill[color * CLASSES + kind] += 1
+    return _place(manifolds.count[0], work)
+
+
+@kernel
+def _lowest_free(mask: int) -> int:
+    for color in range(COLORS):
+        if mask & (1 << color) == 0:
+            return color
+    return _NONE_LEFT
+
+
+@kernel
+def _place(count: int, work: Coloring) -> int:
+    blocks = 0
+    for kind in range(CLASSES):
+        for color in range(COLORS + 1):
+            at = color * CLASSES + kind
+            wanted = work.fill[at]
+            work.fill[at] = blocks * LANES
+            more = wanted if color == _NONE_LEFT else (wanted + LANES - 1) // LANES
+            for block in range(blocks, blocks + more):
+                work.kind[block] = kind
+            blocks += more
+    for row in range(count):
+        at = work.color[row]
+        if at >= 0:
+            work.lane[row] = work.fill[at]
+            work.fill[at] += LANES if at // CLASSES == _NONE_LEFT else 1
+    work.blocks[0] = blocks
+    return blocks

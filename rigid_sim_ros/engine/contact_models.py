@@ -1,0 +1,259 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The contact models behind one interface: advance, report, and hand over what must be saved.
+
+Each holds its buffers and what it remembers of the contacts; the state of the bodies is the
+caller's. What is remembered and influences later steps is part of a world's dynamic state.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from rigid_sim_ros.engine import event, timestep
+from rigid_sim_ros.engine.arrays import Array
+from rigid_sim_ros.engine.integrate import make_work, ORIENTATIONS
+from rigid_sim_ros.engine.manifolds import (
+    CONTACTS, current_manifolds, empty_memory, lasting, Manifolds, Memory, PAIRS, with_lasting,
+    WITNESSED)
+from rigid_sim_ros.engine.model import Model
+from rigid_sim_ros.engine.sequential import SequentialSettings
+from rigid_sim_ros.engine.shapes import Materials, Shapes
+from rigid_sim_ros.engine.state import State
+from rigid_sim_ros.engine.step import FREE_MOTION
+from rigid_sim_ros.engine.wrenches import Wrenches
+
+CONTACT = np.dtype([
+    ('body_a', np.int64), ('body_b', np.int64), ('point', np.float64, 3),
+    ('normal', np.float64, 3), ('gap', np.float64), ('normal_force', np.float64),
+    ('friction_force', np.float64, 3)])
+
+
+class Setup(NamedTuple):
+    """What a contact model is made of."""
+
+    model: Model
+    shapes: Shapes
+    materials: Materials
+    integrator: str  # for bodies that nothing touches
+    orientation: str
+    solver: str  # of the model `timestep`
+    continuous: bool
+    sleeping: bool
+    substeps: int
+
+
+class ContactReport(NamedTuple):
+    """What the latest step did, for people and for diagnostics."""
+
+    pairs: int = 0  # pairs of shapes whose bounding boxes overlap
+    witnessed: int = 0  # of these, found apart by the plane that separated them before
+    contacts: int = 0  # points of all manifolds
+    deepest: float = 0.0  # [m] overlap
+    residual: float = 0.0  # of the solver, in its own measure
+    iterations: int = 0  # of the solver
+    message: str = ''  # what the solver could not do
+
+
+class ContactModel(Protocol):
+    """One way to let bodies touch."""
+
+    def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
+        """Advance the state by some steps, and count the wrenches down."""
+
+    def lasting(self) -> dict[str, np.ndarray]:
+        """Return copies of all that influences later steps besides the state, by name."""
+
+    def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Go back to what `lasting` returned; nothing at all is the beginning."""
+
+    def report(self) -> ContactReport:
+        """Return what the latest step did."""
+
+    def contacts(self, state: State) -> np.ndarray:
+        """Return the contacts of the latest step, a structured array of CONTACT."""
+
+
+class FreeMotion:
+    """No contacts: bodies pass through each other."""
+
+    def __init__(self, setup: Setup) -> None:
+        """Choose the integrator."""
+        self._model = setup.model
+        self._advance = FREE_MOTION[setup.integrator]
+        self._orientation = ORIENTATIONS.index(setup.orientation)
+        self._work = make_work(len(setup.model.m))
+
+    def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
+        """Advance the state."""
+        self._advance(self._model, state, wrenches, self._orientation, self._work, count)
+
+    def lasting(self) -> dict[str, np.ndarray]:
+        """Return nothing: the state is all there is."""
+        return {}
+
+    def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Have nothing to go back to."""
+
+    def report(self) -> ContactReport:
+        """Return zeros."""
+        return ContactReport()
+
+    def contacts(self, state: State) -> np.ndarray:
+        """Return no rows."""
+        return np.zeros(0, dtype=CONTACT)
+
+
+class _Touching:
+    """What the models with contacts share: the memory of detection."""
+
+    def __init__(self, setup: Setup) -> None:
+        self._setup = setup
+        self._memory = self._fresh()
+
+    def _fresh(self) -> Memory:
+        return empty_memory(len(self._setup.model.m), len(self._setup.shapes.body))
+
+    def lasting(self) -> dict[str, np.ndarray]:
+        """Return the manifolds in use."""
+        fields = zip(Manifolds._fields, lasting(self._memory), strict=True)
+        return {f'manifold_{name}': array for name, array in fields}
+
+    def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Go back to manifolds that `lasting` returned."""
+        self._memory = self._fresh()
+        if arrays:
+            rows = [arrays[f'manifold_{name}'] for name in Manifolds._fields]
+            self._memory = with_lasting(self._memory, rows)
+
+    def contacts(self, state: State) -> np.ndarray:
+        """Return the manifolds of the latest step with its impulses as forces."""
+        return _rows(self._setup, state, current_manifolds(self._memory))
+
+    def _counts(self) -> ContactReport:
+        manifolds = current_manifolds(self._memory)
+        count = int(manifolds.count[0])
+        counters = self._memory.counters
+        used = np.arange(manifolds.gap.shape[1]) < manifolds.points[:count, None]
+        gaps = manifolds.gap[:count][used]
+        return ContactReport(int(counters[PAIRS]), int(counters[WITNESSED]),
+                             int(counters[CONTACTS]), float(max(0.0, -gaps.min(initial=0.0))))
+
+
+class Timestep(_Touching):
+    """Velocity level, soft substeps: for real time and for many bodies."""
+
+    def __init__(self, setup: Setup) -> None:
+        """Make room for no contacts yet."""
+        super().__init__(setup)
+        self._settings = timestep.TimestepSettings(
+            sequential=SequentialSettings(substeps=setup.substeps),
+            continuous=int(setup.continuous))
+        self._work = timestep.make_timestep_work(setup.model, setup.shapes, self._memory)
+
+    def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Go back to manifolds that `lasting` returned."""
+        super().recall(arrays)
+        self._work = timestep.make_timestep_work(
+            self._setup.model, self._setup.shapes, self._memory)
+
+    def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
+        """Advance the state."""
+        s = self._setup
+        self._memory, self._work = timestep.advance(
+            s.model, state, wrenches, s.shapes, s.materials, self._memory, self._settings,
+            self._work, count)
+
+    def report(self) -> ContactReport:
+        """Return the counts, and the largest change of a contact's velocity in the last sweep."""
+        return self._counts()._replace(residual=float(self._work.solver.residual[0]),
+                                       iterations=self._settings.sequential.substeps)
+
+
+class Event(_Touching):
+    """The classic algorithm: every collision at its own time, resting contact by a QP."""
+
+    def __init__(self, setup: Setup) -> None:
+        """Make room for no contacts yet."""
+        super().__init__(setup)
+        self._settings = event.EventSettings()
+        self._work = event.EventWork(len(setup.model.m), len(setup.shapes.body))
+
+    def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
+        """Advance the state."""
+        s = self._setup
+        self._memory = event.advance(s.model, state, wrenches, s.shapes, s.materials,
+                                     self._memory, self._settings, self._work, count)
+
+    def lasting(self) -> dict[str, np.ndarray]:
+        """Return the manifolds and the forces of the last step."""
+        carried = self._work.lasting()._asdict()
+        return super().lasting() | {f'carried_{name}': array.copy()
+                                    for name, array in carried.items()}
+
+    def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Go back to manifolds and forces that `lasting` returned."""
+        super().recall(arrays)
+        if arrays:
+            self._work.carried = event.Carried._make(
+                arrays[f'carried_{name}'].copy() for name in event.Carried._fields)
+        else:
+            self._work.carried = event.no_forces()
+
+    def report(self) -> ContactReport:
+        """Return the counts and what OSQP said."""
+        done = self._work.report
+        message = ''
+        if done.unsolved:
+            message = f'OSQP left {done.unsolved} contact problems unsolved: {done.status}'
+        elif done.cut_short:
+            message = f'more than {self._settings.max_events} collisions in one step'
+        return self._counts()._replace(residual=done.residual, iterations=done.iterations,
+                                       message=message)
+
+
+def _rows(setup: Setup, state: State, manifolds: Manifolds) -> np.ndarray:
+    """
+    Return a row for each contact point that is not beyond reach.
+
+    The friction of a manifold is shared out over its points as their normal forces are.
+    """
+    count = int(manifolds.count[0])
+    used = np.arange(manifolds.gap.shape[1]) < manifolds.points[:count, None]
+    r, p = np.nonzero(used)
+    rows = np.zeros(len(r), dtype=CONTACT)
+    a, b = manifolds.body_a[r], manifolds.body_b[r]
+    x: Array = state.x.T
+    rows['body_a'], rows['body_b'] = a, b
+    rows['point'] = 0.5 * (x[a] + manifolds.r_A[r, p] + x[b] + manifolds.r_B[r, p])
+    rows['normal'] = manifolds.normal[r]
+    rows['gap'] = manifolds.gap[r, p]
+    impulses = manifolds.impulse[r, p]
+    totals = np.bincount(r, impulses, minlength=count)[r]
+    share = np.divide(impulses, totals, out=np.zeros_like(totals), where=totals > 0.0)
+    rows['normal_force'] = impulses / setup.model.h
+    rows['friction_force'] = manifolds.friction[r] * share[:, None] / setup.model.h
+    return rows
+
+
+CONTACT_MODELS: dict[str, Callable[[Setup], Any]] = {
+    'none': FreeMotion,
+    'event': Event,
+    'timestep': Timestep,
+}
+
+
+def make_contact_model(name: str, setup: Setup) -> ContactModel:
+    """
+    Return the contact model of this name.
+
+    A world in which nothing can meet anything gets free motion, whatever was asked for: it is the
+    same physics, and the integrator that was chosen runs it.
+    """
+    moving = np.count_nonzero(setup.shapes.still == 0)
+    if len(setup.shapes.body) < 2 or moving == 0:
+        name = 'none'
+    contact_model: ContactModel = CONTACT_MODELS[name](setup)
+    return contact_model

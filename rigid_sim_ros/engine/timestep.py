@@ -1,0 +1,160 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The contact model `timestep`: velocity level, for real time and for many bodies.
+
+A step detects contacts once, lets what bounces bounce, and leaves touching bodies to a solver; bodies that touch
+nothing fly as if there were no contacts at all, by the symplectic method.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.arrays import Array
+from rigid_sim_ros.engine.collisions import collide_bodies, CollisionWork, make_collision_work
+from rigid_sim_ros.engine.detect import detect
+from rigid_sim_ros.engine.free_flight import BLOCK_SIZE as FLIGHT_SIZE, fly
+from rigid_sim_ros.engine.integrate import kick, sum_loads
+from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.loads import empty_loads, Loads
+from rigid_sim_ros.engine.manifolds import current, grown, Manifolds, Memory
+from rigid_sim_ros.engine.model import Model
+from rigid_sim_ros.engine.sequential import make_work as make_sequential_work
+from rigid_sim_ros.engine.sequential import SequentialSettings, SequentialWork, solve_contacts
+from rigid_sim_ros.engine.shapes import Materials, PLANE, Shapes
+from rigid_sim_ros.engine.solver_bodies import SolverBodies
+from rigid_sim_ros.engine.state import body_spin, body_velocity, State
+from rigid_sim_ros.engine.vector import norm
+from rigid_sim_ros.engine.wrenches import count_down, Wrenches
+
+
+class TimestepSettings(NamedTuple):
+    """The parameters of the model."""
+
+    sequential: SequentialSettings = SequentialSettings()
+    margin: float = 0.005  # [m] contacts are found this far ahead: less misses some, more costs time
+    continuous: int = 0  # 1: as far ahead as the fastest body gets in a step, so that none passes a wall
+    bounce_speed: float = 1e-3  # [m/s] what approaches slower does not bounce
+
+
+class TimestepWork(NamedTuple):
+    """Buffers; only the impulses of the last step are worth reading afterwards."""
+
+    loads: Loads
+    later: Loads
+    block: Array
+    radius: Array  # (n,) [m] how far the shapes of a body reach from its centre of mass
+    collision: CollisionWork
+    solver: SequentialWork
+
+
+def make_timestep_work(model: Model, shapes: Shapes, memory: Memory) -> TimestepWork:
+    """Return buffers for a world whose manifolds live in `memory`."""
+    n, capacity = model.m.shape[0], memory.pages[0].shape_a.shape[0]
+    radius = np.zeros(n)
+    for s in range(shapes.body.shape[0]):
+        if shapes.kind[s] != PLANE:
+            reach = float(np.linalg.norm(shapes.p_CS[s])) + shapes.bound[s]
+            radius[shapes.body[s]] = max(radius[shapes.body[s]], reach)
+    return TimestepWork(empty_loads(n), empty_loads(n), np.zeros(FLIGHT_SIZE), radius,
+                        make_collision_work(n, capacity), make_sequential_work(n, capacity))
+
+
+def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
+            memory: Memory, settings: TimestepSettings, work: TimestepWork,
+            count: int) -> tuple[Memory, TimestepWork]:
+    """
+    Advance the state by `count` steps; return the memory and the buffers, which may have grown.
+
+    The state, the wrenches' remaining steps and the memory change in place.
+    """
+    done = 0
+    while True:
+        done += advance_steps(model, state, wrenches, shapes, materials, memory, settings, work, count - done)
+        if done == count:
+            return memory, work
+        memory = grown(memory)
+        if memory.pages[0].shape_a.shape[0] > work.collision.rows.shape[0]:
+            work = make_timestep_work(model, shapes, memory)
+
+
+@kernel
+def advance_steps(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
+                  memory: Memory, settings: TimestepSettings, work: TimestepWork, count: int) -> int:
+    """Take steps until `count` are done or a buffer is too small; return how many were done."""
+    g = model.gravity
+    for step in range(count):
+        margin = look_ahead(model, state, materials, settings, work.radius)
+        if not detect(model, state, shapes, memory, margin):
+            return step
+        manifolds = current(memory)
+        if manifolds.count[0] == 0 and model.forces.kind.shape[0] + wrenches.body.shape[0] == 0:
+            fly(model, state, (g[0], g[1], g[2]), model.h, np.int64(1), work.block)
+            continue
+        sum_loads(model, state, wrenches, work.loads)
+        clear_impulses(manifolds, work.solver)
+        collide_bodies(model, state, work.loads, shapes, materials, manifolds, settings.bounce_speed,
+                       work.solver.shift, work.solver.normal_impulse, work.solver.friction_impulse,
+                       work.collision)
+        give_slots(model, manifolds, work.solver.bodies)
+        solve_contacts(model, state, work.loads, shapes, materials, manifolds, settings.sequential,
+                       work.solver, work.block)
+        if model.forces.kind.shape[0] + wrenches.body.shape[0] > 0:
+            # As in the symplectic method: half of the change of the loads, now at the new poses.
+            sum_loads(model, state, wrenches, work.later)
+            kick(state, work.later, 0.5 * model.h)
+            kick(state, work.loads, -0.5 * model.h)
+        count_down(wrenches)
+    return count
+
+
+@kernel
+def look_ahead(model: Model, state: State, materials: Materials, settings: TimestepSettings,
+               radius: Array) -> float:
+    """
+    Return how far ahead contacts are looked for [m].
+
+    Two bodies come nearer by at most twice the way of the fastest point. What bounces must be seen before
+    it touches; what does not may be seen late, at the price of an overlap, unless `continuous` is set.
+    """
+    fastest = 0.0
+    for i in range(model.m.shape[0]):
+        speed = norm(body_velocity(model, state, i)) + radius[i] * norm(body_spin(model, state, i))
+        fastest = max(fastest, speed)
+    way = 2.0 * fastest * model.h
+    bounces = False
+    for i in range(materials.restitution.shape[0]):
+        for j in range(materials.restitution.shape[1]):
+            bounces = bounces or materials.restitution[i, j] > 0.0
+    if settings.continuous == 1 or bounces:
+        return settings.margin + way
+    return settings.margin + min(way, settings.margin)
+
+
+@kernel
+def clear_impulses(manifolds: Manifolds, work: SequentialWork) -> None:
+    """Forget the impulses of the last step and the shifts of its collisions."""
+    count = manifolds.count[0]
+    work.normal_impulse[:count] = 0.0
+    work.friction_impulse[:count] = 0.0
+    work.shift[:] = 0.0
+
+
+@kernel
+def give_slots(model: Model, manifolds: Manifolds, bodies: SolverBodies) -> None:
+    """Give every moving body with a manifold a slot in the solver, in the order of the bodies."""
+    bodies.slot[:] = 0
+    for r in range(manifolds.count[0]):
+        bodies.slot[manifolds.body_a[r]] = 1
+        bodies.slot[manifolds.body_b[r]] = 1
+    used = 1
+    bodies.body[0] = -1
+    for i in range(model.m.shape[0]):
+        if bodies.slot[i] == 1 and model.inv_m[i] > 0.0:
+            bodies.slot[i] = used
+            bodies.body[used] = i
+            used += 1
+        else:
+            bodies.slot[i] = 0
+    bodies.used[0] = used
