@@ -143,8 +143,10 @@ class Publishers:
         return publisher
 
     def _send(self, publishers: Sequence[Publisher], messages: Sequence[bytes]) -> None:
+        # Publisher.publish would check types and lock the handle for each message: 1.2 us instead
+        # of 0.6. Nothing destroys a publisher while the step thread runs.
         for publisher, data in zip(publishers, messages, strict=True):
-            publisher.publish(data)
+            publisher.handle.publish_raw(data)
         self.messages += len(messages)
 
 

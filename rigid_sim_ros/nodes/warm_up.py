@@ -6,7 +6,6 @@ Compile the physics kernels before the first deadline, and say so while it takes
 Numba compiles at the first call and keeps the result in a cache: the first start on a machine
 takes some ten seconds, every other one a fraction of a second.
 """
-from collections.abc import Callable
 import sys
 import threading
 from time import monotonic
@@ -16,6 +15,7 @@ from rigid_sim_ros.world import World
 
 _QUIET = 1.0            # s: what takes no longer than this is not worth a line
 _PERIOD = 1.0           # s between two updates on a terminal
+_LOOK = 0.1             # s between two looks at whether to stop
 _LOG_PERIOD = 5.0       # s between two lines in a log file
 _TEXT = 'compiling the physics kernels (first start only)'
 
@@ -37,7 +37,7 @@ def warm_up(world: World, stopped: threading.Event, stream: TextIO = sys.stderr)
 
     thread = threading.Thread(target=compile_all, name='warm_up', daemon=True)
     thread.start()
-    _announce(lambda: thread.is_alive() and not stopped.is_set(), thread.join, stream)
+    _announce(thread, stopped, stream)
     if failure:
         raise failure[0]
 
@@ -62,22 +62,18 @@ def _use(world: World) -> None:
     world.reset()
 
 
-def _announce(
-    is_busy: Callable[[], bool], join: Callable[[float], None], stream: TextIO,
-) -> None:
+def _announce(thread: threading.Thread, stopped: threading.Event, stream: TextIO) -> None:
     start = monotonic()
-    join(_QUIET)
-    if not is_busy():
-        return
     on_terminal = stream.isatty()
-    while is_busy():
-        line = f'{_TEXT} ... {monotonic() - start:.0f} s'
-        print(f'\r{line}' if on_terminal else line, end='' if on_terminal else '\n',
-              file=stream, flush=True)
-        update = monotonic() + (_PERIOD if on_terminal else _LOG_PERIOD)
-        while is_busy() and monotonic() < update:
-            join(0.1)
-    if on_terminal:
+    period, end = (_PERIOD, '') if on_terminal else (_LOG_PERIOD, '\n')
+    update, announced = start + _QUIET, False
+    while thread.is_alive() and not stopped.is_set():
+        thread.join(_LOOK)
+        if monotonic() >= update and thread.is_alive():
+            line = f'{_TEXT} ... {monotonic() - start:.0f} s'
+            print(f'\r{line}' if on_terminal else line, end=end, file=stream, flush=True)
+            update, announced = monotonic() + period, True
+    if announced and on_terminal:
         print(file=stream)
-    if not is_busy():
+    if announced and not thread.is_alive():
         print(f'{_TEXT} took {monotonic() - start:.1f} s', file=stream, flush=True)
