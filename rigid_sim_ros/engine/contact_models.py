@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from rigid_sim_ros.engine import event, timestep
+from rigid_sim_ros.engine import event, penalty, timestep
 from rigid_sim_ros.engine.arrays import Array
 from rigid_sim_ros.engine.integrate import make_work, ORIENTATIONS
 from rigid_sim_ros.engine.manifolds import (
@@ -214,6 +214,41 @@ class Event(_Touching):
                                        message=message)
 
 
+class Penalty(_Touching):
+    """Springs and dampers at every contact point."""
+
+    def __init__(self, setup: Setup) -> None:
+        """Make room for no contacts yet."""
+        super().__init__(setup)
+        self._settings = penalty.PenaltySettings()
+        self._work = penalty.PenaltyWork(len(setup.model.m))
+
+    def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
+        """Advance the state."""
+        s = self._setup
+        self._memory = penalty.advance(s.model, state, wrenches, s.shapes, s.materials,
+                                       self._memory, self._settings, self._work, count)
+
+    def lasting(self) -> dict[str, np.ndarray]:
+        """Return the manifolds and the bristles of friction."""
+        bristles = self._work.lasting()._asdict()
+        return super().lasting() | {f'bristle_{name}': array.copy()
+                                    for name, array in bristles.items()}
+
+    def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Go back to manifolds and bristles that `lasting` returned."""
+        super().recall(arrays)
+        if arrays:
+            self._work.bristles = penalty.Bristles._make(
+                arrays[f'bristle_{name}'].copy() for name in penalty.Bristles._fields)
+        else:
+            self._work.bristles = penalty.no_bristles()
+
+    def report(self) -> ContactReport:
+        """Return the counts; springs need no solver."""
+        return self._counts()
+
+
 def _rows(setup: Setup, state: State, manifolds: Manifolds) -> np.ndarray:
     """
     Return a row for each contact point that is not beyond reach.
@@ -241,6 +276,7 @@ def _rows(setup: Setup, state: State, manifolds: Manifolds) -> np.ndarray:
 CONTACT_MODELS: dict[str, Callable[[Setup], Any]] = {
     'none': FreeMotion,
     'event': Event,
+    'penalty': Penalty,
     'timestep': Timestep,
 }
 

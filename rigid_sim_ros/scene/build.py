@@ -12,6 +12,7 @@ import numpy as np
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.inertia import check, MassProperties
 from rigid_sim_ros.engine.model import Body, build_model, Frame, Model
+from rigid_sim_ros.engine.penalty import check_step
 from rigid_sim_ros.engine.shapes import build_materials, build_shapes, Materials, Shapes
 from rigid_sim_ros.engine.state import BodyMotion, empty_state, State, write_motion
 from rigid_sim_ros.scene import collision, mass, mesh, schema
@@ -94,6 +95,11 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source) ->
     except ValueError as error:
         raise SceneError([source.problem(('bodies',), str(error))]) from None
     materials = build_materials(collision.materials(spec), collision.overrides(spec))
+    if spec.world.contact == 'penalty':
+        try:
+            check_step(model, shapes, materials)
+        except ValueError as error:
+            raise SceneError([source.problem(('world', 'step'), str(error))]) from None
     return Scene(name, spec, to_text(spec), model, state, shapes, materials,
                  tuple(body.name for body in spec.bodies), frame_names, spec.world.integrator,
                  spec.world.orientation, spec.world.contact, spec.world.solver)
