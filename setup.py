@@ -23,6 +23,8 @@ ROS_WHEELS = [
     'ros-jazzy-rmw-fastrtps-cpp',    # rclpy cannot be imported without a middleware beside it
 ]
 
+EXPORT = ['pyarrow>=14']    # 100 MB, and only `rigid_sim export` needs it
+
 setup(
     name=PACKAGE,
     version='0.1.0',
@@ -47,6 +49,8 @@ setup(
     zip_safe=False,
     install_requires=[
         'click>=8.1',
+        'lz4>=4.0',
+        'mcap>=1.0',
         'numba>=0.59',
         'numpy>=1.26',
         'osqp>=1.0',
@@ -56,10 +60,13 @@ setup(
         'ruamel.yaml>=0.17.21',
         'scipy>=1.11.1',
         'trimesh>=4.0',
+        'zstandard>=0.18',
     ],
     extras_require={
+        'export': EXPORT,
         'ros': ROS_WHEELS,
-        'test': [*ROS_WHEELS, 'colcon-common-extensions', 'hypothesis', 'pytest'],
+        'test': [*EXPORT, *ROS_WHEELS, 'colcon-common-extensions', 'hypothesis',
+                 'mcap-ros2-support', 'pytest'],
         'lint': [
             'flake8',
             'flake8-blind-except',

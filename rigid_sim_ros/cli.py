@@ -13,6 +13,7 @@ from typing import Any, NoReturn
 import click
 
 from rigid_sim_ros import __version__
+from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.scene.errors import nearest, SceneError
 
 # What a user can mend: wrong usage, a bad scene, a missing installation.
@@ -104,7 +105,8 @@ def scene_argument(*, required: bool) -> Callable[..., Any]:
     'help_option_names': ['-h', '--help'], 'max_content_width': 99}, epilog=examples(
         'rigid_sim scenes                        what there is to look at',
         'rigid_sim check t_handle                what a scene holds, and whether it is right',
-        'rigid_sim run t_handle --duration 10    the node, for ten seconds'))
+        'rigid_sim run t_handle --duration 10    the node, for ten seconds',
+        'rigid_sim batch t_handle --duration 10 --output session    offline, into a bag'))
 @click.version_option(__version__, prog_name='rigid_sim', message='%(prog)s %(version)s')
 @click.pass_context
 def rigid_sim(ctx: click.Context) -> None:
@@ -181,6 +183,94 @@ def scenes() -> None:
     print_examples(console())
 
 
+@rigid_sim.command(epilog=examples(
+    'rigid_sim batch t_handle --duration 60 --output session',
+    'rigid_sim batch my_scene.yaml --duration 10 --output session --compression zstd'))
+@scene_argument(required=True)
+@click.option('--duration', type=Seconds(), metavar='SECONDS', required=True,
+              help='How much simulation time to run.')
+@click.option('--output', metavar='DIR', required=True, help='The folder of the new bag.')
+@click.option('--rate', type=Seconds(), metavar='HZ', default=100.0, show_default=True,
+              help='How often poses and twists are recorded, in simulation time.')
+@click.option('--hash-interval', type=click.IntRange(min=0), metavar='STEPS', default=1000,
+              show_default=True, help='Steps from one state hash to the next; 0: none.')
+@click.option('--storage', type=click.Choice(['mcap', 'sqlite3']), default='mcap',
+              show_default=True)
+@click.option('--compression', type=click.Choice(['none', 'zstd']), default='none',
+              show_default=True)
+def batch(scene: str, duration: float, output: str, **options: Any) -> int:
+    """
+    Simulate SCENE offline, as fast as possible, into a bag.
+
+    The bag holds what the node would publish and record. No ROS is needed.
+    """
+    from rigid_sim_ros.bag_commands import run_batch
+
+    return run_batch(scene, duration, output, **options)
+
+
+@rigid_sim.command(epilog=examples(
+    'rigid_sim verify session'))
+@click.argument('bag')
+def verify(bag: str) -> int:
+    """
+    Simulate the session in BAG again and compare.
+
+    Every recorded state and hash has to come out the same to the last bit. If one does not, the
+    first step and body that differ are printed, and the exit code is 1.
+    """
+    from rigid_sim_ros.bag_commands import run_verify
+
+    return run_verify(bag)
+
+
+@rigid_sim.command(epilog=examples(
+    'rigid_sim info session'))
+@click.argument('bag')
+def info(bag: str) -> int:
+    """
+    Show what BAG holds, and whether it is whole.
+
+    BAG is the folder of any ROS 2 bag; of our own recordings it shows the scene, what happened and
+    the gaps too. The whole bag is read: a damaged one is an error.
+    """
+    from rigid_sim_ros.bag_commands import run_info
+
+    return run_info(bag)
+
+
+@rigid_sim.command(epilog=examples(
+    'rigid_sim recover session'))
+@click.argument('bag')
+def recover(bag: str) -> int:
+    """
+    Restore BAG after a crash, a full disk or damage.
+
+    Keeps all that is whole, makes index and metadata anew, and says what is lost.
+    """
+    from rigid_sim_ros.bag_commands import run_recover
+
+    return run_recover(bag)
+
+
+@rigid_sim.command(epilog=examples(
+    'rigid_sim export session --format csv',
+    'rigid_sim export session --format parquet --output motion.parquet'))
+@click.argument('bag')
+@click.option('--format', 'file_format', type=click.Choice(['csv', 'parquet']), required=True)
+@click.option('--output', metavar='FILE',
+              help='Default: the name of the bag, in the working directory.')
+def export(bag: str, file_format: str, output: str | None) -> int:
+    """
+    Write the motion in BAG as a table, a row for each body and time.
+
+    The column names say the units. Accepted wrenches go to a second file beside it.
+    """
+    from rigid_sim_ros.bag_commands import run_export
+
+    return run_export(bag, file_format, output)
+
+
 def main(argv: Sequence[str] | None = None) -> NoReturn:
     """
     Run the command line and leave the process.
@@ -197,6 +287,8 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
         fail(error.format_message())
     except SceneError as error:
         fail(error.summary)
+    except BagError as error:
+        fail(str(error))
     except click.Abort:
         raise SystemExit(130) from None      # 128 + SIGINT, as a shell reports it
     raise SystemExit(code if isinstance(code, int) else 0)

@@ -19,7 +19,8 @@ MODULES = sorted(
 WORLD = {'applied', 'snapshot', 'world'}
 LOWER = WORLD | {'bag', 'codec', 'engine', 'scene'}
 MAY_IMPORT = {
-    'cli': LOWER | {'nodes', 'report'},
+    'cli': LOWER | {'bag_commands', 'nodes', 'report'},
+    'bag_commands': LOWER | {'report'},
     'nodes': LOWER,
     'report': LOWER,
     'bag': LOWER,

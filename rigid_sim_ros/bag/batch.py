@@ -30,7 +30,7 @@ class Batch:
     def __init__(self, world: World, output: str | os.PathLike[str], *,
                  publish_rate: float = PUBLISH_RATE, hash_interval: int = HASH_INTERVAL,
                  storage: str = 'mcap', compression: str = 'none', node: str = '/rigid_sim',
-                 **options: float) -> None:
+                 **options: Any) -> None:
         """Create the bag; BagError if that cannot be done."""
         self.world = world
         self._publish_interval = max(1, round(_SECOND / (publish_rate * world.step_ns)))

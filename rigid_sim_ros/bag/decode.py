@@ -1,8 +1,15 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The messages that a bag adds, from their bytes: the other half of codec.py for these."""
+"""
+Messages from their bytes: the other half of codec.py, for those that this package reads itself.
+
+Damaged where the bytes are no such message.
+"""
 
 import struct
+
+import numpy as np
+import numpy.typing as npt
 
 from rigid_sim_ros.bag.errors import Damaged
 
@@ -35,3 +42,65 @@ def byte_array(data: bytes) -> bytes:
     if len(data) < _BYTES.size or _BYTES.unpack_from(data) != (0, 0, len(data) - _BYTES.size):
         raise Damaged(f'an array of bytes is damaged ({len(data)} bytes)')
     return data[_BYTES.size:]
+
+
+def multi_dof_state(data: bytes) -> tuple[int, str, list[str], npt.NDArray[np.float64]]:
+    """
+    Return time [ns], frame, names and numbers of a sensor_msgs/MultiDOFJointState.
+
+    The numbers are a row for each name: position, orientation, linear and angular velocity; nan
+    where the message has no twists.
+    """
+    walk = _Walk(data)
+    t_ns, frame = walk.header()
+    names = [walk.string() for _ in range(walk.uint32())]
+    numbers = np.full((len(names), 13), np.nan)
+    for columns in (slice(0, 7), slice(7, 13)):
+        count, width = walk.uint32(), columns.stop - columns.start
+        if count not in (0, len(names)):
+            raise Damaged(f'a state of {len(names)} bodies has {count} poses or twists')
+        if count:
+            numbers[:, columns] = walk.doubles(count * width).reshape(count, width)
+    return t_ns, frame, names, numbers
+
+
+def wrench(data: bytes) -> tuple[int, str, npt.NDArray[np.float64]]:
+    """Return time [ns], frame, and force and torque as (1, 6), of a WrenchStamped."""
+    walk = _Walk(data)
+    t_ns, frame = walk.header()
+    return t_ns, frame, walk.doubles(6).reshape(1, 6)
+
+
+class _Walk:
+    """Goes through one CDR message."""
+
+    def __init__(self, data: bytes) -> None:
+        if data[:2] != b'\x00\x01':
+            raise Damaged('a message is not little-endian CDR')
+        self._data = data
+        self._position = 4
+
+    def _take(self, size: int, alignment: int) -> int:
+        start = self._position + -(self._position - 4) % alignment
+        if start + size > len(self._data):
+            raise Damaged(f'a message of {len(self._data)} bytes breaks off')
+        self._position = start + size
+        return start
+
+    def uint32(self) -> int:
+        return int.from_bytes(self._data[(start := self._take(4, 4)):start + 4], 'little')
+
+    def string(self) -> str:
+        length = self.uint32()
+        start = self._take(length, 1)
+        try:
+            return self._data[start:start + length].rstrip(b'\0').decode()
+        except UnicodeDecodeError as error:
+            raise Damaged(f'a name is damaged ({error})') from None
+
+    def header(self) -> tuple[int, str]:
+        t_ns = self.uint32() * 1_000_000_000 + self.uint32()
+        return t_ns, self.string()
+
+    def doubles(self, count: int) -> npt.NDArray[np.float64]:
+        return np.frombuffer(self._data, '<f8', count, self._take(8 * count, 8))

@@ -40,8 +40,8 @@ FRAME_ID = 'frame_id'
 class Event(NamedTuple):
     """One event of a session."""
 
-    number: int     # 0, 1, 2, ... in a recording; of a gap: the number of the next event
-    step: int       # World.step_index when it happened: it acts from the step that follows
+    number: int | None  # 0, 1, 2, ...; of a gap: of the event after it, None if unknown
+    step: int           # World.step_index before it: it acts from the step that follows
     kind: str
     arguments: Mapping[str, Any]
 

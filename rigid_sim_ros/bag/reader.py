@@ -8,7 +8,7 @@ import os
 from pathlib import Path, PurePath
 import shutil
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import Any, TypeAlias
 
 import zstandard
 
@@ -21,12 +21,8 @@ SUFFIXES = ('.mcap', '.db3')
 ZSTD = '.zstd'
 
 
-class Message(NamedTuple):
-    """A message as it was recorded."""
-
-    topic: str
-    stamp: int      # ns
-    data: bytes     # CDR
+# A message as it was recorded: its topic, the time [ns], and the CDR.
+Message: TypeAlias = tuple[str, int, bytes]
 
 
 class BagReader:
@@ -41,7 +37,8 @@ class BagReader:
         """Find the files of a bag; BagError if there is none, or a part of it is missing."""
         self.path = Path(path)
         self.faults: list[str] = []
-        self.types: dict[str, str] = {}     # of the topics, known once their file was opened
+        self._types: dict[str, str] = {}
+        self._storage: SqliteReader | McapScan | None = None
         self.metadata: dict[str, Any] | None = None
         self._mode = ''
         if not self.path.exists():
@@ -71,6 +68,13 @@ class BagReader:
             raise BagError(f'{path} was not closed, metadata.yaml does not know {more[0]}: '
                            f'`rigid_sim recover {path}` takes it in')
 
+    @property
+    def types(self) -> dict[str, str]:
+        """The types of the topics as far as they were met: of every message that was given."""
+        if self._storage is not None:
+            self._types.update(self._storage.topics.values())
+        return self._types
+
     def messages(self) -> Iterator[Message]:
         """
         Give every message in the order of recording.
@@ -92,16 +96,14 @@ class BagReader:
                 storage = McapScan(plain)
                 decompress = self._mode == 'message' and zstandard.ZstdDecompressor().decompress
             try:
-                topics = storage.topics
-                self.types.update(topics.values())
+                topics, self._storage = storage.topics, storage
                 for channel, stamp, data in storage.messages():
-                    yield Message(topics[channel][0], stamp,
-                                  decompress(data) if decompress else data)
+                    yield topics[channel][0], stamp, decompress(data) if decompress else data
             except zstandard.ZstdError as error:
                 raise Damaged(f'{file.name} is damaged ({error})') from None
             finally:
                 storage.close()
-                self.types.update(topics.values())
+                self._types, self._storage = self.types, None
                 if isinstance(storage, McapScan):
                     self.faults += storage.faults
 

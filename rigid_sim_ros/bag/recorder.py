@@ -45,8 +45,8 @@ FLUSH_S = 0.25
 REAL_TIME_QUEUE = 64 << 20
 WAITING_QUEUE = 4 << 20
 
-# A new file, with scene and full state, after this much [s] or this many [bytes]: what has to be
-# simulated again at most to reach a point in time, and what a damaged file can cost.
+# A new file, with scene and full state, after this much [s] or this many [bytes], not compressed:
+# what has to be simulated again at most to reach a point in time.
 SEGMENT_S = 60.0
 SEGMENT_BYTES = 256 << 20
 
@@ -142,9 +142,10 @@ class Recorder:
         self._closing = False
         self._written_step: int | None = None
         self._messages = 0
-        self._segment_s, self._segment_bytes = segment_s, segment_bytes
-        self._segment_end = 0   # [ns] on the clock of the messages
+        self._segment_ns, self._segment_bytes = round(segment_s * 1e9), segment_bytes
         self._segment_is_full = True
+        self._segment_end_ns = 0    # on the clock of the messages
+        self._segment_end_put = 0   # [bytes], as _put counts them
         self._writer = BagWriter(self.path, self.topics, storage, compression)
         self._thread = threading.Thread(target=self._run, name='bag writer', daemon=True)
         self._thread.start()
@@ -157,7 +158,10 @@ class Recorder:
         """Record messages that were published, one a channel, at a step of the world."""
         size = _ITEM + sum(map(len, messages))
         if self._admits(size, step, 1):
-            self._enter(size, (self._write_messages, self._clock(), step, channels, messages))
+            stamp = self._clock()
+            self._enter(size, (self._write_messages, stamp, step, channels, messages))
+            if stamp >= self._segment_end_ns or self._put >= self._segment_end_put:
+                self._segment_is_full = self.wants_snapshot = True
         elif self._gap is not None:
             self._gap.messages += len(messages)
             self._lost_messages += len(messages)
@@ -189,10 +193,14 @@ class Recorder:
         """Record the complete state of the world."""
         if not self._admits(_ITEM, world.step_index, 1):
             return      # later: there is no room now
-        self.wants_snapshot = False
-        data = world.save()
+        data, stamp = world.save(), self._clock()
         self._enter(_ITEM + len(data), (
-            self._write_snapshot, self._clock(), world.step_index, data))
+            self._write_snapshot, stamp, world.step_index, data, self._segment_is_full))
+        self.wants_snapshot = False
+        if self._segment_is_full:
+            self._segment_is_full = False
+            self._segment_end_ns = stamp + self._segment_ns
+            self._segment_end_put = self._put + self._segment_bytes
 
     def close(self, world: RecordedWorld) -> None:
         """End the recording with the last state, and wait until it is written."""
@@ -271,7 +279,6 @@ class Recorder:
         while queue and time.monotonic() < until:
             size, write, *arguments = queue[0]
             write(*arguments)
-            self._look_at_size()
             queue.popleft()
             self._taken += size
             if not self.waits and not self._closing:
@@ -305,24 +312,14 @@ class Recorder:
     def _write_event(self, stamp: int, event: Event) -> None:
         self._write(stamp, (self._event,), (encode_string(event.encode()),))
 
-    def _write_snapshot(self, stamp: int, step: int, data: bytes) -> None:
-        if self._segment_is_full:
+    def _write_snapshot(self, stamp: int, step: int, data: bytes, begins_file: bool) -> None:
+        if begins_file:
             if self._messages:
                 self._writer.next_file()
-            self._segment_is_full = False
-            self._segment_end = stamp + round(self._segment_s * 1e9)
             self._written_step = None
             self._write(stamp, (self._scene, self._session), self._head)
         self._write_step(stamp, step)
         self._write(stamp, (self._snapshot,), (encode_bytes(data),))
-
-    def _look_at_size(self) -> None:
-        """Ask for the snapshot that begins the next file when this one is long enough."""
-        if not self._segment_is_full and (
-                self._writer.stamp >= self._segment_end
-                or self._writer.file_size >= self._segment_bytes):
-            self._segment_is_full = True
-            self.wants_snapshot = True
 
 
 def _steady_clock() -> Callable[[], int]:

@@ -11,6 +11,7 @@ readers of rosbags and mcap take 5 and 3 and stop at a file that has no end.
 from collections.abc import Iterator
 import io
 from pathlib import Path
+import re
 import struct
 from typing import Any, NamedTuple
 import zlib
@@ -30,6 +31,9 @@ _CHUNK = struct.Struct('<QQQII')    # times, size and checksum of the contents; 
 
 # [bytes] A chunk that claims to grow beyond this is damaged: writers end chunks at some MB.
 _LARGEST_CHUNK = 1 << 30
+# How a chunk below 4 GB begins: opcode and length, two times, size, checksum, name of compression.
+_CHUNK_HEAD = re.compile(
+    rb'(?=\x06.{4}\0{4}.{16}.{4}\0{4}.{4}(?:\0{4}|\x03\0{3}lz4|\x04\0{3}zstd))', re.DOTALL)
 
 
 class Record(NamedTuple):
@@ -57,8 +61,12 @@ class Content(NamedTuple):
 class McapScan:
     """One MCAP file, read front to back; `faults` fills with what does not fit on the way."""
 
-    def __init__(self, path: Path) -> None:
-        """Open the file; Damaged if it is no MCAP file, OSError if it cannot be opened."""
+    def __init__(self, path: Path, *, must_begin: bool = True) -> None:
+        """
+        Open the file; Damaged if it is no MCAP file, OSError if it cannot be opened.
+
+        Unless it `must_begin` as one, so that what follows a damaged beginning can be had.
+        """
         self.path = path
         self.faults: list[str] = []
         self.schemas: dict[int, Schema] = {}
@@ -68,7 +76,7 @@ class McapScan:
         self._size = path.stat().st_size
         self._crc = 0
         start = self._read(len(MAGIC))
-        if start != MAGIC:
+        if start != MAGIC and must_begin:
             self.close()
             raise Damaged(f'{path.name} ' + (
                 'is empty' if not start else 'does not begin as an MCAP file'))
@@ -76,6 +84,16 @@ class McapScan:
     def close(self) -> None:
         """Let the file go."""
         self._file.close()
+
+    @property
+    def position(self) -> int:
+        """The offset of the next byte that is read."""
+        return self._file.tell()
+
+    def opcode_at(self, offset: int) -> int:
+        """Return the byte at an offset, 0 behind the end."""
+        self._file.seek(offset)
+        return ord(self._file.read(1) or b'\0')
 
     def records(self) -> Iterator[Record]:
         """Give every record up to the footer; Damaged where the file breaks off."""
@@ -98,9 +116,32 @@ class McapScan:
                 return
             yield record
 
-    def skip_to(self, offset: int) -> None:
-        """Continue with the record at an offset; the checksum over all data is lost by that."""
+    def skip_damage(self, offset: int) -> bool:
+        """
+        Go on with the next whole chunk behind an offset; return whether there is one.
+
+        The checksum over all data is lost by that.
+        """
         self._file.seek(offset)
+        rest = self._file.read()
+        for match in _CHUNK_HEAD.finditer(rest):
+            start = match.start()
+            length, = struct.unpack_from('<Q', rest, start + 1)
+            payload = rest[start + _RECORD.size:start + _RECORD.size + length]
+            if len(payload) == length and self._is_whole(payload):
+                self._file.seek(offset + start)
+                return True
+        return False
+
+    def _is_whole(self, payload: bytes) -> bool:
+        faults = list(self.faults)
+        try:
+            content = self.content(Record(Opcode.CHUNK, 0, payload))
+        except Damaged:
+            return False
+        finally:
+            self.faults = faults
+        return content.is_checked
 
     def messages(self) -> Iterator[tuple[int, int, bytes]]:
         """Give channel, time and bytes of every message in the order of the file."""
@@ -114,9 +155,10 @@ class McapScan:
             else:
                 self.describe(record)
 
-    def messages_in(self, raw: bytes) -> Iterator[tuple[int, int, bytes]]:
-        """Give the messages of an uncompressed chunk, and learn the channels in it."""
+    def messages_in(self, raw: bytes) -> list[tuple[int, int, bytes]]:
+        """Return the messages of an uncompressed chunk, and learn the channels in it."""
         unpack, topics = MESSAGE.unpack_from, self.topics
+        found: list[tuple[int, int, bytes]] = []
         position, end = 0, len(raw)
         while position < end:
             if end - position < MESSAGE.size:
@@ -129,10 +171,11 @@ class McapScan:
             if opcode == 5:     # Opcode.MESSAGE
                 if length < MESSAGE_FIELDS or channel not in topics:
                     raise Damaged(f'{self.path.name}: a message in a chunk is damaged')
-                yield channel, stamp, raw[position + 31:stop]
+                found.append((channel, stamp, raw[position + 31:stop]))
             else:
                 self.describe(Record(opcode, position, raw[position + 9:stop]))
             position = stop
+        return found
 
     def content(self, record: Record) -> Content:
         """Return what a chunk holds; a wrong checksum is noted, Damaged if it cannot be had."""

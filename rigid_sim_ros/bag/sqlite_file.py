@@ -35,6 +35,9 @@ INSERT INTO schema(schema_version, ros_distro) VALUES (4, 'jazzy');
 """
 _INSERT = 'INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)'
 
+# [bytes] A transaction ends when it has grown to this, or with a flush.
+_TRANSACTION = 1 << 20
+
 # [bytes] What a closing transaction may need besides the messages.
 _MARGIN = 65536
 
@@ -53,6 +56,7 @@ class SqliteFile:
         self._pending = [0] * len(topics)
         self._pending_first = 0
         self._pending_last = 0
+        self._pending_size = 0
         self._compress = zstandard.ZstdCompressor(level=1).compress if compressed else None
         path.open('xb').close()     # sqlite3 says less about why it cannot
         self._database = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
@@ -68,11 +72,6 @@ class SqliteFile:
             raise OSError(f'{path}: {error}') from None
         self._database.execute('BEGIN')
 
-    @property
-    def size(self) -> int:
-        """Bytes of the file."""
-        return self.path.stat().st_size
-
     def write(self, channels: Iterable[int], first_ns: int, messages: Iterable[bytes]) -> None:
         """Append messages, one a channel, their times a nanosecond apart from `first_ns` on."""
         rows = [(channel, first_ns + k, self._compress(data) if self._compress else data)
@@ -82,6 +81,9 @@ class SqliteFile:
             self._pending[channel - 1] += 1
         self._pending_first = self._pending_first or first_ns
         self._pending_last = first_ns + len(rows) - 1
+        self._pending_size += sum(len(data) for _, _, data in rows)
+        if self._pending_size >= _TRANSACTION:
+            self.flush()
 
     def flush(self) -> None:
         """Hand all that was written to the system, which keeps it when this process dies."""
@@ -148,7 +150,7 @@ class SqliteFile:
 
     def _forget_pending(self) -> None:
         self._pending = [0] * len(self._pending)
-        self._pending_first = self._pending_last = 0
+        self._pending_first = self._pending_last = self._pending_size = 0
 
 
 class SqliteReader:

@@ -9,7 +9,7 @@ as they come. What differs by a bit differs.
 """
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 import contextlib
 import os
 from typing import Any, NamedTuple
@@ -87,11 +87,7 @@ def verify(path: str | os.PathLike[str],
     run = Resimulation()
     difference = None
     try:
-        for count, message in enumerate(reader.messages()):
-            run.take(message)
-            if progress is not None and not count % 10_000:
-                progress(message.stamp)
-        run.finish()
+        run.take_all(reader.messages(), progress)
     except _Found as found:
         difference = found.difference
     except BagError as error:
@@ -118,10 +114,10 @@ class Resimulation:
         self._scene_text: bytes | None = None
         self._outputs: Outputs
         self._topics: dict[str, Topic] = {}
-        self._handlers: dict[str, Callable[[Message], None]] = {}
+        self._handlers: dict[str, Callable[[str, int, bytes], None]] = {}
         self._expected: dict[str, bytes] = {}   # what the topics say as the world is now
         self._echoes: dict[str, deque[bytes]] = {}
-        self._number: int | None = None         # of the next event
+        self._number: int | None = 0            # of the next event, None if nobody knows
         self._is_lost = False                   # inputs are missing: wait for a snapshot
         self._stepped_at = 0                    # [ns] when ~/bag/step came last
         self._ended = False
@@ -131,22 +127,25 @@ class Resimulation:
         """The step at which the world is."""
         return self._world.step_index if self._world else 0
 
-    def take(self, message: Message) -> None:
-        """Go on to a message and compare it; raises _Found at the first difference."""
-        expected = self._expected.get(message.topic)
-        if expected is not None:
-            self.compared += 1
-            if message.data != expected:
-                self._differs(message, expected)
-            return
-        handler = self._handlers.get(message.topic)
-        if handler is not None:
-            handler(message)
-        elif self._world is None:
-            self._begin(message)
+    def take_all(self, messages: Iterable[Message],
+                 progress: Callable[[int], None] | None = None) -> None:
+        """Go through the messages and compare; raises _Found at the first difference."""
+        expected, handlers = self._expected, self._handlers
+        for topic, stamp, data in messages:
+            # Most messages end here: the world, as it is now, says the same.
+            if expected.get(topic) == data:
+                self.compared += 1
+            elif topic in expected:
+                self._differs(topic, data)
+            elif topic in handlers:
+                handlers[topic](topic, stamp, data)
+                if progress is not None:
+                    progress(stamp)
+            elif self._world is None:
+                self._begin(topic, data)
+        self._finish()
 
-    def finish(self) -> None:
-        """Say that there are no more messages."""
+    def _finish(self) -> None:
         if self._world is None:
             raise BagError('this is no recording of rigid_sim_ros: it holds no scene with its '
                            'state, and only such can be verified')
@@ -155,12 +154,11 @@ class Resimulation:
 
     # --- the first messages: scene, session, snapshot ---------------------------------------
 
-    def _begin(self, message: Message) -> None:
-        name = message.topic
+    def _begin(self, name: str, data: bytes) -> None:
         if name.endswith('/scene'):
-            self._scene_text = message.data
+            self._scene_text = data
         elif name.endswith('/bag/session') and self._scene_text is not None:
-            self._session = sessions.decode(decode.string(message.data))
+            self._session = sessions.decode(decode.string(data))
             self._make_world(self._session)
 
     def _make_world(self, session: Session) -> None:
@@ -188,38 +186,38 @@ class Resimulation:
             kinds.SNAPSHOT: self._take_snapshot, kinds.SCENE: self._take_scene,
             kinds.SESSION: self._take_session, kinds.APPLIED_WRENCH: self._take_echo,
             **dict.fromkeys(_STATES, self._take_state)}
-        self._handlers = {topic.name: by_kind[topic.kind] for topic in session.topics
-                          if topic.kind in by_kind}
+        self._handlers.update({topic.name: by_kind[topic.kind] for topic in session.topics
+                               if topic.kind in by_kind})
         self._echoes = {topic.body: deque() for topic in session.topics
                         if topic.kind == kinds.APPLIED_WRENCH}
 
     # --- one message each -------------------------------------------------------------------
 
-    def _take_scene(self, message: Message) -> None:
-        if message.data != self._scene_text:
+    def _take_scene(self, topic: str, stamp: int, data: bytes) -> None:
+        if data != self._scene_text:
             self._found('the scene is another than at the beginning')
 
-    def _take_session(self, message: Message) -> None:
-        if sessions.decode(decode.string(message.data)) != self._session:
+    def _take_session(self, topic: str, stamp: int, data: bytes) -> None:
+        if sessions.decode(decode.string(data)) != self._session:
             self._found('the session is another than at the beginning')
 
-    def _take_step(self, message: Message) -> None:
-        step = decode.uint64(message.data)
+    def _take_step(self, topic: str, stamp: int, data: bytes) -> None:
+        step = decode.uint64(data)
         self._expected.clear()
         if not self._is_lost:
-            self._go_to(step, message.stamp)
-        self._stepped_at = message.stamp
+            self._go_to(step, stamp)
+        self._stepped_at = stamp
 
-    def _take_snapshot(self, message: Message) -> None:
+    def _take_snapshot(self, topic: str, stamp: int, data: bytes) -> None:
         world = self._known_world()
-        data = decode.byte_array(message.data)
+        state = decode.byte_array(data)
         if not self._is_lost:
             self.compared += 1
-            if data == world.save():
+            if state == world.save():
                 return
             saved = world.save()
         try:
-            world.restore(data)
+            world.restore(state)
         except (ValueError, KeyError, TypeError) as error:
             self._found(f'the saved state cannot be used ({error})')
         if not self._is_lost:
@@ -236,9 +234,9 @@ class Resimulation:
         body, text = _largest(world.names, recorded, again)
         self._found(f'the saved state differs{text}', body)
 
-    def _take_event(self, message: Message) -> None:
+    def _take_event(self, topic: str, stamp: int, data: bytes) -> None:
         try:
-            event = events.decode(decode.string(message.data))
+            event = events.decode(decode.string(data))
         except BagError as error:
             self._found(f'the event {self._number} {error}')
         if event.kind == events.GAP:
@@ -250,19 +248,19 @@ class Resimulation:
         if self._is_lost:
             return
         self._expected.clear()
-        self._go_to(event.step, message.stamp)
+        self._go_to(event.step, stamp)
         self._apply(event)
 
     def _take_gap(self, event: Event) -> None:
         self._number = event.number
-        # Without inputs missing the world is known all the same.
-        if event.arguments['events']:
+        # With no inputs missing the world is known all the same.
+        if event.arguments['events'] != 0:
             self.gaps += 1
             self._is_lost = True
             self._expected.clear()
             for queue in self._echoes.values():
                 queue.clear()
-        elif event.arguments['messages']:
+        else:
             for queue in self._echoes.values():
                 queue.clear()
 
@@ -287,23 +285,26 @@ class Resimulation:
                 self._found(f"the last state's hash is {world.state_hash():#x}, recorded "
                             f'{event.arguments["state_hash"]:#x}')
 
-    def _take_echo(self, message: Message) -> None:
-        waiting = self._echoes[self._topics[message.topic].body]
+    def _take_echo(self, topic: str, stamp: int, data: bytes) -> None:
+        waiting = self._echoes[self._topics[topic].body]
         if self._is_lost:
             return
         self.compared += 1
         if not waiting:
             self._found('a wrench was published that no event tells of',
-                        self._topics[message.topic].body)
+                        self._topics[topic].body)
         expected = waiting.popleft()
-        if message.data != expected:
-            self._differs(message, expected)
+        if data != expected:
+            self._expected[topic] = expected
+            self._differs(topic, data)
 
-    def _take_state(self, message: Message) -> None:
+    def _take_state(self, topic: str, stamp: int, data: bytes) -> None:
         if self._is_lost:
             return
-        self._expected.update(self._outputs.encode(self._topics[message.topic].kind))
-        self.take(message)
+        self._expected.update(self._outputs.encode(self._topics[topic].kind))
+        self.compared += 1
+        if data != self._expected[topic]:
+            self._differs(topic, data)
 
     # --- the world --------------------------------------------------------------------------
 
@@ -328,9 +329,9 @@ class Resimulation:
     def _found(self, text: str, body: str = '') -> Any:
         raise _Found(Difference(self.step, body, text))
 
-    def _differs(self, message: Message, expected: bytes) -> None:
-        topic = self._topics[message.topic]
-        body, text = _compare(topic, message.data, expected, self._known_world().names)
+    def _differs(self, name: str, recorded: bytes) -> None:
+        topic = self._topics[name]
+        body, text = _compare(topic, recorded, self._expected[name], self._known_world().names)
         self._found(f'{topic.name} differs{text}', topic.body or body)
 
 

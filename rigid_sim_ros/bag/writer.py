@@ -75,11 +75,6 @@ class BagWriter:
         """How many files there are so far."""
         return len(self._done) + (self._file is not None)
 
-    @property
-    def file_size(self) -> int:
-        """Bytes of the file that is being written."""
-        return self._file.size if self._file else 0
-
     def write(self, channels: Iterable[int], stamp: int, messages: Sequence[bytes]) -> None:
         """
         Append messages, one a channel (topic k is channel k + 1), that were sent at a time [ns].

@@ -1,0 +1,131 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Motion and wrenches of a bag as tables, CSV or Parquet, through pyarrow."""
+
+from collections.abc import Sequence
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rigid_sim_ros.bag import decode, topics as kinds
+from rigid_sim_ros.bag.errors import BagError
+from rigid_sim_ros.bag.reader import BagReader
+
+FORMATS = ('csv', 'parquet')
+_AXES = 'xyz'
+_TIMES = ('bag time [s]', 'time [s]')
+MOTION = (*_TIMES, 'body', *(f'position {a} [m]' for a in _AXES),
+          *(f'orientation {a} [1]' for a in 'xyzw'),
+          *(f'linear velocity {a} [m/s]' for a in _AXES),
+          *(f'angular velocity {a} [rad/s]' for a in _AXES))
+WRENCHES = (*_TIMES, 'body', 'frame', *(f'force {a} [N]' for a in _AXES),
+            *(f'torque {a} [N m]' for a in _AXES))
+
+# Rows that are gathered before they are written: some 20 MB.
+_ROWS = 1 << 17
+
+
+def export(bag: str | os.PathLike[str], file_format: str, output: Path) -> list[tuple[Path, int]]:
+    """
+    Write the motion of all bodies to a file, and accepted wrenches to one beside it.
+
+    Returns the files and how many rows each has. BagError if the bag cannot be read, holds no
+    motion, or a file exists already.
+    """
+    try:
+        import pyarrow  # noqa: F401
+    except ImportError:
+        raise BagError("export needs pyarrow: `pip install 'rigid_sim_ros[export]'`, or `pip "
+                       'install pyarrow`') from None
+    beside = output.with_name(f'{output.stem}_wrenches{output.suffix}')
+    for path in (output, beside):
+        if path.exists():
+            raise BagError(f'{path} exists already: choose another --output, or remove it')
+    motion = _Table(output, file_format, MOTION)
+    wrenches = _Table(beside, file_format, WRENCHES)
+    try:
+        _fill(BagReader(bag), motion, wrenches)
+        if not motion.count and not motion.rows:
+            raise BagError(f'{bag} holds no motion: no topic is of the type '
+                           f'{kinds.TYPES[kinds.STATE]}')
+        written = [(table.path, table.close()) for table in (motion, wrenches)]
+    except OSError as error:
+        raise BagError(f'{error.filename or output}: {error.strerror or error}') from None
+    return [(path, count) for path, count in written if count]
+
+
+def _fill(reader: BagReader, motion: '_Table', wrenches: '_Table') -> None:
+    first_ns: int | None = None
+    types: dict[str, str] = {}
+    for topic, stamp, data in reader.messages():
+        first_ns = stamp if first_ns is None else first_ns
+        if topic not in types:
+            types = reader.types
+        kind = types[topic]
+        at = (stamp - first_ns) / 1e9
+        if kind == kinds.TYPES[kinds.STATE]:
+            t_ns, _, names, numbers = decode.multi_dof_state(data)
+            motion.add([at] * len(names), [t_ns / 1e9] * len(names), names, numbers=numbers)
+        elif kind == kinds.TYPES[kinds.APPLIED_WRENCH] and topic.endswith('/applied_wrench'):
+            t_ns, frame, numbers = decode.wrench(data)
+            wrenches.add([at], [t_ns / 1e9], [topic.split('/')[-2]], [frame], numbers=numbers)
+    if reader.faults:
+        raise BagError(f'{reader.path}: {reader.faults[0]}: `rigid_sim recover {reader.path}` '
+                       'keeps what is whole')
+
+
+class _Table:
+    """A table that is written while it grows; the file appears with the first row."""
+
+    def __init__(self, path: Path, file_format: str, columns: Sequence[str]) -> None:
+        self.path = path
+        self.rows = 0           # gathered and not yet written
+        self.count = 0          # written
+        self._format = file_format
+        self._columns = columns
+        self._lists: list[list[Any]] = []
+        self._numbers: list[np.ndarray] = []
+        self._writer: Any = None
+
+    def add(self, *lists: Sequence[Any], numbers: np.ndarray) -> None:
+        """Append rows: some columns as lists, the others as an array."""
+        self._lists = self._lists or [[] for _ in lists]
+        for column, more in zip(self._lists, lists, strict=True):
+            column.extend(more)
+        self._numbers.append(numbers)
+        self.rows += len(numbers)
+        if self.rows >= _ROWS:
+            self._write()
+
+    def close(self) -> int:
+        """Write the rest and return the number of rows."""
+        if self.rows:
+            self._write()
+        if self._writer is not None:
+            self._writer.close()
+        return self.count
+
+    def _write(self) -> None:
+        import pyarrow
+
+        table = pyarrow.table(dict(zip(
+            self._columns, [*self._lists, *np.concatenate(self._numbers).T], strict=True)))
+        if self._writer is None:
+            self._writer = self._opened(table.schema)
+        self._writer.write_table(table)
+        self.count += self.rows
+        self._lists, self._numbers, self.rows = [], [], 0
+
+    def _opened(self, schema: Any) -> Any:
+        if self._format == 'csv':
+            from pyarrow.csv import CSVWriter
+            return CSVWriter(str(self.path), schema)
+        from pyarrow.parquet import ParquetWriter
+        return ParquetWriter(str(self.path), schema)
+
+
+def default_output(bag: Path, file_format: str) -> Path:
+    """Return where an export goes if nobody says: NAME.csv in the working directory."""
+    return Path(f'{bag.resolve().name.partition(".")[0] or "bag"}.{file_format}')

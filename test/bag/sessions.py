@@ -1,0 +1,137 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Sessions that the tests record, and bags that they change."""
+
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+import tempfile
+from typing import Any
+
+from rigid_sim_ros.bag import events, topics as kinds
+from rigid_sim_ros.bag.batch import Batch
+from rigid_sim_ros.bag.mcap_file import McapFile
+from rigid_sim_ros.bag.metadata import build, write
+from rigid_sim_ros.bag.outputs import state_topics
+from rigid_sim_ros.bag.reader import BagReader
+from rigid_sim_ros.bag.recorder import Recorder
+from rigid_sim_ros.bag.topics import own_topics, Topic
+from rigid_sim_ros.codec import encode_wrench
+from rigid_sim_ros.world import World
+
+NODE = '/rigid_sim'
+SCENE = {
+    'format': 1,
+    'world': {'step': 0.001, 'contact': 'none', 'gravity': [0, 0, -9.81]},
+    'bodies': [
+        {'name': 'crate', 'shape': {'type': 'box', 'size': [1, 2, 3]}, 'mass': 2.0,
+         'frames': {'handle': {'position': [0.5, 0, 0]}},
+         'twist': {'angular': [0.1, 3.0, 0.2]}},
+        {'name': 'ball', 'shape': {'type': 'sphere', 'radius': 0.5}, 'mass': 1.0,
+         'pose': {'position': [5, 0, 0]}},
+    ],
+}
+WRENCHES = tuple(kinds.topic(kinds.APPLIED_WRENCH, f'{NODE}/{name}/applied_wrench', name)
+                 for name in ('crate', 'ball'))
+
+
+def world() -> World:
+    """Return a new world of two bodies."""
+    return World.from_dict(SCENE)
+
+
+def record_all(batch: Batch) -> None:
+    """Let everything happen to a session that can: for 3.5 s of simulation."""
+    batch.run(313)
+    batch.tell('apply_wrench', name='crate', force=(1.0, 0.25, -2.0), torque=(0.0, 0.5, 0.0),
+               frame='crate/handle', duration=0.4, source='crate/wrench')
+    batch.run(500)
+    batch.tell('apply_wrench', name='ball', force=(0.5, 0.0, 0.0), duration=5.0, source='wind')
+    batch.tell('set_pose', name='ball', position=(4.0, 1.0, 0.5), orientation=(0.6, 0, 0, 0.8))
+    batch.run(700)
+    batch.tell('cancel_wrenches', source='wind')
+    batch.tell('reset')
+    batch.run(600)
+    batch.tell('pause')
+    batch.tell('set_twist', name='ball', linear=(0.0, 0.0, 1.0), angular=(1.0, 2.0, 3.0))
+    batch.publish()
+    batch.tell('step')
+    batch.run(1)
+    batch.tell('resume')
+    batch.tell('speed', factor=2.0)
+    batch.run(500)
+    batch.tell('apply_impulse', name='crate', impulse=(0.1, 0.2, 0.3))
+    batch.tell('reset', keep_time=True)
+    batch.run(900)
+
+
+def session(folder: Path, **options: Any) -> Path:
+    """Record such a session in several files and return the bag."""
+    bag = folder / 'session'
+    batch = Batch(world(), bag, **{'segment_s': 1.0, 'hash_interval': 250, **options})
+    record_all(batch)
+    batch.close()
+    return bag
+
+
+@cache
+def shared_session(storage: str = 'mcap', compression: str = 'none') -> Path:
+    """Return a session that several tests look at, and none changes."""
+    return session(Path(tempfile.mkdtemp(prefix='rigid_sim_ros_')), storage=storage,
+                   compression=compression)
+
+
+def wrench_session(folder: Path) -> Path:
+    """Record a session with one wrench and its echo, as the node publishes it."""
+    the_world = world()
+    bag = folder / 'wrenches'
+    recorder = Recorder(bag, the_world, [*state_topics(NODE, the_world.names), *WRENCHES],
+                        waits=True)
+    recorder.snapshot(the_world)
+    given = {'name': 'crate', 'force': (0.1, 0.2, 0.3), 'torque': (0.0, 0.0, 0.0),
+             'frame': 'crate', 'duration': 0.01, 'source': 'crate/wrench'}
+    the_world.step(5)
+    the_world.apply_wrench(**given)
+    recorder.event(5, 'apply_wrench', frame_id='crate', **given)
+    recorder.publish(5, [recorder.channel(WRENCHES[0].name)], [
+        encode_wrench(the_world.time_ns, 'crate', given['force'], given['torque'])])
+    the_world.step(20)
+    recorder.close(the_world)
+    return bag
+
+
+def rewrite(bag: Path, folder: Path, change: Callable[[Topic, bytes], bytes | None]) -> Path:
+    """Write a bag anew, checksums and all, with messages changed, or left out for None."""
+    topics = _topics_of(bag)
+    changed = folder / 'changed'
+    changed.mkdir()
+    file = McapFile(changed / 'changed_0.mcap', topics, compressed=False)
+    index = {topic.name: k for k, topic in enumerate(topics)}
+    for name, stamp, data in BagReader(bag).messages():
+        new = change(topics[index[name]], data)
+        if new is not None:
+            file.write((index[name] + 1,), stamp, (new,))
+    write(changed, build(topics, [file.close()], 'mcap'))
+    return changed
+
+
+def _topics_of(bag: Path) -> list[Topic]:
+    known = {topic.name: topic for topic in (
+        *own_topics(NODE), *state_topics(NODE, ['crate', 'ball']), *WRENCHES)}
+    reader = BagReader(bag)
+    for _ in reader.messages():
+        pass
+    return [known[name] for name in reader.types]
+
+
+def messages_of(bag: Path, kind: str) -> list[tuple[str, int, bytes]]:
+    """Return the messages on the topics of a kind."""
+    names = {topic.name for topic in _topics_of(bag) if topic.kind == kind}
+    return [message for message in BagReader(bag).messages() if message[0] in names]
+
+
+def events_of(bag: Path) -> Iterator[events.Event]:
+    """Give the events of a bag."""
+    from rigid_sim_ros.bag import decode
+    for _, _, data in messages_of(bag, kinds.EVENT):
+        yield events.decode(decode.string(data))
