@@ -11,7 +11,7 @@ from unittest import SkipTest
 if find_spec('rclpy') is None:
     raise SkipTest('rclpy is not installed: pip install .[ros]')
 
-from nodes.live import nanoseconds, Process, running, simulate
+from nodes.live import kept, nanoseconds, Process, running, simulate
 from nodes.scenes import crates
 import pytest
 from sensor_msgs.msg import MultiDOFJointState
@@ -65,7 +65,6 @@ def test_the_node_ends_after_its_duration(tmp_path, scene):
 
 
 def test_the_duration_is_simulation_time(probe, tmp_path, scene):
-    # Each message that was sent arrives, the last one too: the end waits for it.
     with running(
         tmp_path, scene, name='timed', words=['--duration', '20'], real_time_factor=10.0,
     ) as process, probe.listening(MultiDOFJointState, '/timed/state') as states:
@@ -113,6 +112,23 @@ def test_a_bad_parameter_is_one_line_and_code_2(ros, tmp_path, scene, parameters
 def test_wrong_usage_is_one_line_and_code_2(ros, tmp_path, words):
     command = [sys.executable, '-m', 'rigid_sim_ros.nodes.simulate', *words]
     assert complaint(Process(command, tmp_path)).startswith('rigid_sim: ')
+
+
+@pytest.mark.parametrize('words', [
+    ['--bogus'], ['-p', 'nonsense'], ['--params-file', '/nowhere/p.yaml'],
+])
+def test_a_wrong_argument_of_ros_to_the_command_is_one_line_and_code_2(ros, tmp_path, words):
+    command = [sys.executable, '-m', 'rigid_sim_ros', 'run', '--ros-args', *words]
+    assert complaint(Process(command, tmp_path)).startswith('rigid_sim: ')
+
+
+def test_the_command_runs_the_node(probe, tmp_path, scene):
+    command = [sys.executable, '-m', 'rigid_sim_ros', 'run', scene, '--ros-args', '-r',
+               '__node:=commanded']
+    with kept(Process(command, tmp_path)) as process:
+        probe.some(MultiDOFJointState, '/commanded/state')
+        process.signal(signal.SIGINT)
+        assert process.wait() == 0
 
 
 def test_a_mistyped_parameter_is_named_with_the_nearest(probe, tmp_path, scene):
