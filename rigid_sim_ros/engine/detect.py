@@ -16,12 +16,14 @@ from rigid_sim_ros.engine.kernel import inlined
 from rigid_sim_ros.engine.manifolds import (
     CONTACTS, Manifolds, Memory, PAIRS, REBUILT, RECYCLED, SHORT_PAIRS, SHORT_ROWS, WITNESSED)
 from rigid_sim_ros.engine.model import Model
+from rigid_sim_ros.engine.narrow_phase.balls import touching_spheres
+from rigid_sim_ros.engine.narrow_phase.boxes import box_box, UNSETTLED
 from rigid_sim_ros.engine.narrow_phase.collide import collide
 from rigid_sim_ros.engine.placing import bound, place
 from rigid_sim_ros.engine.rotation import conjugate, multiply, quaternion
-from rigid_sim_ros.engine.shapes import BOX, HULL, PLANE, Shapes
+from rigid_sim_ros.engine.shapes import BOX, HULL, PLANE, Shapes, SPHERE
 from rigid_sim_ros.engine.state import State
-from rigid_sim_ros.engine.witness import remember, separates, worth_it
+from rigid_sim_ros.engine.witness import boxes_apart, remember, separates, worth_it
 
 # A manifold keeps its points while these move by less than this part of the margin. 0: never; 0.2: a box would
 # slide on by 1 mm of 5 mm before its points follow. The gaps of kept points are exact to second order.
@@ -93,13 +95,29 @@ def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds
             count = before.points[old]
             recycled += 1
         else:
-            witness = worth_it(shapes, a, b)
-            if witness and separates(memory.pose, shapes, a, b, memory.axis, k, margin):
-                settled += 1
-                continue
-            count, n = collide(memory.pose, shapes, a, b, margin, memory.scratch)
+            # The two most frequent families get just the arrays they need: to hand over all tables
+            # takes as long as their work.
+            found, n, witness, points = UNSETTLED, NONE, False, memory.scratch.points
+            if shapes.kind[a] == SPHERE and shapes.kind[b] == SPHERE:
+                found, n = touching_spheres(memory.pose, shapes.size, a, b, margin, points,
+                                            memory.scratch.ids)
+            elif shapes.kind[a] == BOX and shapes.kind[b] == BOX:
+                if boxes_apart(memory.pose, shapes.size, shapes.bound, a, b, memory.axis, k, margin):
+                    settled += 1
+                    continue
+                witness = True
+                found, n = box_box(memory.pose, shapes.size, a, b, margin, points,
+                                   memory.scratch.ids, memory.scratch.polygon,
+                                   memory.scratch.labels, memory.scratch.numbers)
+            if found == UNSETTLED:
+                witness = witness or worth_it(shapes.kind, a, b)
+                if witness and separates(memory.pose, shapes, a, b, memory.axis, k, margin):
+                    settled += 1
+                    continue
+                found, n = collide(memory.pose, shapes, a, b, margin, memory.scratch)
+            count = found
             if witness and (count == 0 or memory.axis[k, 3] != 0.0):
-                remember(memory.pose, shapes, a, memory.axis, k, n if count == 0 else NONE)
+                remember(memory.pose, a, memory.axis, k, n if count == 0 else NONE)
             if count == 0:
                 continue
             _write(state, memory.turn, now, row, i, j, count, n, memory.scratch.points,

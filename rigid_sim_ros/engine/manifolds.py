@@ -197,7 +197,15 @@ def lasting(memory: Memory) -> list[Array | IntArray]:
     """Return copies of all that influences later steps: the rows in use of the latest manifolds."""
     manifolds = current_manifolds(memory)
     count = int(manifolds.count[0])
-    return [manifolds.count.copy(), *(field[:count].copy() for field in manifolds[1:])]
+    unused = np.arange(POINTS) >= manifolds.points[:count, None]
+    fields: list[Array | IntArray] = [manifolds.count.copy()]
+    for field in manifolds[1:]:
+        used = field[:count].copy()
+        # What stands in the places of points that a manifold does not have is left from earlier steps.
+        if used.ndim > 1 and used.shape[1] == POINTS:
+            used[unused] = 0
+        fields.append(used)
+    return fields
 
 
 def with_lasting(memory: Memory, arrays: Sequence[Array | IntArray]) -> Memory:

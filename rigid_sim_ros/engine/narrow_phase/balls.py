@@ -9,10 +9,10 @@ the signed distance of its centre from the shape, less the radius.
 
 import math
 
-from rigid_sim_ros.engine.arrays import Array, Vector
+from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.bare import bare
 from rigid_sim_ros.engine.narrow_phase.algebra import (
-    add_scaled, axis, clamp, dot, norm, origin, perpendicular, point_to_shape, point_to_world, scale,
+    add_scaled, axis, clamp, dot, norm, origin, perpendicular, point_to_shape, point_to_world, put, scale,
     subtract, to_world)
 from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, PLANE
 
@@ -113,6 +113,17 @@ def sphere_sphere(pose: Array, size: Array, a: int, b: int) -> tuple[float, Vect
     # Spheres with one middle: up is as good as any direction, and the same each time.
     n = scale(1.0 / length, d) if length > 0.0 else (0.0, 0.0, 1.0)
     return length - size[a, 0] - size[b, 0], n, add_scaled(p, size[a, 0], n)
+
+
+@bare
+def touching_spheres(pose: Array, size: Array, a: int, b: int, margin: float, points: Array,
+                     ids: IntArray) -> tuple[int, Vector]:
+    """Find the manifold of two spheres: return the number of points, 0 or 1, and the normal."""
+    gap, n, p = sphere_sphere(pose, size, a, b)
+    if gap >= margin:
+        return 0, n
+    put(points, ids, 0, p, gap, 0)
+    return 1, n
 
 
 @bare

@@ -9,7 +9,7 @@ from rigid_sim_ros.engine.bare import bare
 from rigid_sim_ros.engine.manifolds import Scratch
 from rigid_sim_ros.engine.narrow_phase.algebra import add_scaled, put
 from rigid_sim_ros.engine.narrow_phase.balls import (
-    capsule_capsule, shape_sphere, sphere_shape, sphere_sphere)
+    capsule_capsule, shape_sphere, sphere_shape, touching_spheres)
 from rigid_sim_ros.engine.narrow_phase.boxes import box_box, UNSETTLED
 from rigid_sim_ros.engine.narrow_phase.convex import convex_convex
 from rigid_sim_ros.engine.narrow_phase.planes import plane_shape
@@ -49,8 +49,8 @@ def collide(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
     if family == PLANE_FIRST or family == PLANE_SECOND:
         return _on_plane(pose, shapes, a, b, family == PLANE_SECOND, margin, scratch)
     if family == BALLS:
-        gap, n, p = sphere_sphere(pose, shapes.size, a, b)
-    elif family == BALL_FIRST:
+        return touching_spheres(pose, shapes.size, a, b, margin, points, ids)
+    if family == BALL_FIRST:
         gap, n, p = sphere_shape(pose, shapes.size, shapes.kind[b], a, b)
     elif family == BALL_SECOND:
         gap, n, p = shape_sphere(pose, shapes.size, shapes.kind[a], a, b)

@@ -161,11 +161,11 @@ def epa(pose: Array, kind: IntArray, size: Array, first: IntArray, count: IntArr
     """
     Return the depth [m], the normal from A to B and the nearest point on the core of A.
 
-    `simplex` corners in c come from the search for a distance that ended in overlap. A depth of -1 says that
-    the difference of the cores has no volume.
+    `simplex` corners in c come from the search for a distance that ended in overlap. A depth of -inf says
+    that the difference of the cores has no volume.
     """
     if not _start(pose, kind, size, first, count, vertices, hull, a, b, c, simplex):
-        return -1.0, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+        return -math.inf, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
     largest = 0.0
     for k in range(4):
         largest = max(largest, norm(corner(c, k)))
@@ -184,7 +184,7 @@ def epa(pose: Array, kind: IntArray, size: Array, first: IntArray, count: IntArr
             if links[f, 3] > 0 and (nearest < 0 or faces[f, 3] < faces[nearest, 3]):
                 nearest = f
         if nearest < 0 or faces[nearest, 3] == math.inf:
-            return -1.0, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+            return -math.inf, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
         n = (faces[nearest, 0], faces[nearest, 1], faces[nearest, 2])
         if corners >= EPA_CORNERS:
             break

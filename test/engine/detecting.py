@@ -1,0 +1,116 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Bodies for the tests of detection, without a scene file around them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rigid_sim_ros.engine.detect import detect
+from rigid_sim_ros.engine.forces import WIDTH
+from rigid_sim_ros.engine.hulls import Polyhedron
+from rigid_sim_ros.engine.inertia import MassProperties
+from rigid_sim_ros.engine.manifolds import current_manifolds, empty_memory, grown
+from rigid_sim_ros.engine.model import Body, build_model, ForceTable
+from rigid_sim_ros.engine.narrow_phase.signed_distance import signed_distance
+from rigid_sim_ros.engine.placing import place
+from rigid_sim_ros.engine.shapes import (
+    BOX, build_shapes, CAPSULE, CYLINDER, HULL, PLANE, Shape, SPHERE)
+from rigid_sim_ros.engine.state import empty_state
+
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+PLANE_SHAPE = (PLANE, (0.0, 0.0, 0.0), None)
+
+
+def cube_mesh(half):
+    """Return a cube as twelve triangles."""
+    vertices = half * np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0)
+                                for z in (-1.0, 1.0)])
+    triangles = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+                          [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]])
+    return Polyhedron(vertices, triangles)
+
+
+def octahedron(a, b, c):
+    """Return an octahedron with corners at distances a, b, c along the axes."""
+    vertices = np.array([[a, 0, 0], [-a, 0, 0], [0, b, 0], [0, -b, 0], [0, 0, c], [0, 0, -c]],
+                        dtype=np.float64)
+    triangles = np.array([[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4],
+                          [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]])
+    return Polyhedron(vertices, triangles)
+
+
+# One of each convex kind, of about the same size.
+CONVEX = {
+    'sphere': (SPHERE, (0.3, 0.0, 0.0), None),
+    'box': (BOX, (0.2, 0.3, 0.4), None),
+    'capsule': (CAPSULE, (0.2, 0.3, 0.0), None),
+    'cylinder': (CYLINDER, (0.3, 0.25, 0.0), None),
+    'hull': (HULL, (0.0, 0.0, 0.0), octahedron(0.4, 0.35, 0.3)),
+}
+
+
+class Scene:
+    """One body for each shape, and the memory of detection."""
+
+    def __init__(self, shapes: Sequence, poses: Sequence, fixed: Sequence[int] = (), ignored=(),
+                 margin: float = 0.02, **fields: Sequence) -> None:
+        """Put the shapes (kind, size, hull) at poses (position, orientation)."""
+        mass = MassProperties(1.0, np.zeros(3), 0.1 * np.eye(3))
+        nothing = np.zeros(0, dtype=np.int64)
+        self.model = build_model([Body(mass, i in fixed) for i in range(len(shapes))], [],
+                                 ForceTable(nothing, nothing, nothing, np.zeros((0, WIDTH))), 1e-3,
+                                 (0.0, 0.0, -9.81))
+        rows = [Shape(i, kind, size, hull=hull,
+                      **{name: values[i] for name, values in fields.items()})
+                for i, (kind, size, hull) in enumerate(shapes)]
+        self.shapes = build_shapes(self.model, rows, ignored)
+        self.state = empty_state(len(shapes))
+        self.memory = empty_memory(len(shapes), len(rows), 4)
+        self.margin = margin
+        for i, (position, orientation) in enumerate(poses):
+            self.put(i, position, orientation)
+
+    def put(self, i, position, orientation=UPRIGHT):
+        """Move a body."""
+        self.state.x[:, i] = position
+        self.state.q[:, i] = np.asarray(orientation) / np.linalg.norm(orientation)
+
+    def detect(self):
+        """Detect, with larger buffers when they are short; return the manifolds."""
+        while not detect(self.model, self.state, self.shapes, self.memory, self.margin):
+            self.memory = grown(self.memory)
+        return current_manifolds(self.memory)
+
+    def rows(self):
+        """Detect; return a list of dicts, one for each manifold, of what was found."""
+        manifolds = self.detect()
+        return [{'pair': (int(manifolds.shape_a[r]), int(manifolds.shape_b[r])),
+                 'normal': manifolds.normal[r].copy(),
+                 **{name: getattr(manifolds, name)[r, :manifolds.points[r]].copy()
+                    for name in ('gap', 'feature', 'r_A', 'r_B', 'p_A_C', 'p_B_C', 'impulse')}}
+                for r in range(manifolds.count[0])]
+
+    def distance(self, a, b):
+        """Return the signed distance of two shapes, the normal and the points on A and B."""
+        pose = np.zeros((len(self.shapes.kind), 12))
+        place(self.state, self.shapes, np.zeros((self.state.x.shape[1], 9)), pose)
+        gap, n, p, q = signed_distance(pose, self.shapes, a, b, self.memory.scratch)
+        return gap, np.array(n), np.array(p), np.array(q)
+
+
+def random_pose(rng, reach):
+    """Return a position within `reach` of the origin and any orientation."""
+    direction = rng.normal(size=3)
+    return (direction / np.linalg.norm(direction) * rng.uniform(0.05, reach), rng.normal(size=4))
+
+
+def grid(kinds, spacing, rng, tilt=0.0):
+    """Return poses of a cubic lattice, disturbed, above z = 0, for as many bodies."""
+    side = int(np.ceil(len(kinds) ** (1 / 3)))
+    poses = []
+    for k in range(len(kinds)):
+        place_in = np.array([k % side, k // side % side, k // side ** 2]) + (0.0, 0.0, 0.5)
+        q = np.append(tilt * rng.normal(size=3), 1.0)
+        poses.append((spacing * place_in + 0.02 * spacing * rng.normal(size=3), q))
+    return poses

@@ -1,0 +1,105 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The broad phase finds what brute force finds, however shapes move, and applies the filters."""
+
+from engine.detecting import PLANE_SHAPE, Scene, UPRIGHT
+from hypothesis import given, settings, strategies as st
+import numpy as np
+
+from rigid_sim_ros.engine.manifolds import PAIRS, REBUILT
+from rigid_sim_ros.engine.shapes import BOX, SPHERE
+
+BALL = (SPHERE, (0.5, 0.0, 0.0), None)
+TOUCHING = [((0, 0, 0), UPRIGHT), ((0.9, 0, 0), UPRIGHT)]
+
+
+def brute_force(scene):
+    """Return all pairs whose bounding boxes overlap, in order; fixed bodies make none."""
+    box, still = scene.memory.box, scene.shapes.still
+    return [(a, b) for a in range(len(box)) for b in range(a + 1, len(box))
+            if not (still[a] and still[b])
+            and (box[a, :3] <= box[b, 3:]).all() and (box[b, :3] <= box[a, 3:]).all()]
+
+
+def pairs_with_overlapping_boxes(scene):
+    box = scene.memory.box
+    listed = scene.memory.pair[:scene.memory.pair_count[0]].tolist()
+    assert listed == sorted(listed)
+    return [(a, b) for a, b in listed
+            if (box[a, :3] <= box[b, 3:]).all() and (box[b, :3] <= box[a, 3:]).all()]
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), spread=st.floats(0.0, 3.0), octaves=st.floats(0.0, 6.0))
+def test_pairs_are_those_of_brute_force_while_everything_moves(seed, spread, octaves):
+    rng = np.random.default_rng(seed)
+    n = 60
+    sizes = 0.1 * 2.0 ** rng.uniform(-octaves / 2, octaves / 2, n)
+    shapes = [(BOX, (s, s, 2 * s), None) if k % 2 else (SPHERE, (s, 0.0, 0.0), None)
+              for k, s in enumerate(sizes)]
+    scene = Scene(shapes, [(rng.normal(0, spread, 3), rng.normal(size=4)) for _ in range(n)],
+                  fixed=range(0, n, 7))
+    for _ in range(8):
+        scene.detect()
+        assert pairs_with_overlapping_boxes(scene) == brute_force(scene)
+        scene.state.x[:] += rng.normal(0, 0.1, (3, n)) * (rng.random(n) < 0.5)
+
+
+def test_the_pairs_tested_are_those_of_overlapping_boxes_not_of_fat_ones():
+    scene = Scene([BALL, BALL], [((0, 0, 0), UPRIGHT), ((1.03, 0, 0), UPRIGHT)])
+    scene.detect()
+    assert scene.memory.pair_count[0] == 1
+    assert scene.memory.counters[PAIRS] == 0
+
+
+def test_shapes_within_their_fat_boxes_are_left_alone():
+    scene = Scene([BALL, BALL], TOUCHING)
+    scene.detect()
+    scene.state.x[0] += 1e-3
+    scene.detect()
+    assert scene.memory.counters[REBUILT] == 0
+
+
+def test_a_plane_pairs_with_what_is_near_or_below_it_only():
+    scene = Scene([PLANE_SHAPE, BALL, BALL, BALL],
+                  [((0, 0, 0), UPRIGHT), ((0, 0, 0.5), UPRIGHT), ((5, 0, 3), UPRIGHT),
+                   ((9, 0, -2), UPRIGHT)], fixed=[0])
+    scene.detect()
+    assert scene.memory.pair[:scene.memory.pair_count[0]].tolist() == [[0, 1], [0, 3]]
+
+
+def test_a_plane_that_is_moved_finds_its_new_partners():
+    scene = Scene([PLANE_SHAPE, BALL], [((0, 0, 0), UPRIGHT), ((0, 0, 3), UPRIGHT)], fixed=[0])
+    assert scene.detect().count[0] == 0
+    scene.put(0, (0, 0, 2.5))
+    assert scene.detect().count[0] == 1
+
+
+def test_a_huge_box_meets_small_ones_wherever_they_are():
+    small = (BOX, (1e-3, 1e-3, 1e-3), None)
+    scene = Scene([(BOX, (1e4, 1e4, 1.0), None), small, small],
+                  [((0, 0, -1), UPRIGHT), ((9e3, 9e3, 1e-3), UPRIGHT), ((-5, 7, 0.0), UPRIGHT)])
+    assert [row['pair'] for row in scene.rows()] == [(0, 1), (0, 2)]
+
+
+def test_fixed_bodies_make_no_pair():
+    assert Scene([BALL, BALL], TOUCHING, fixed=[0, 1]).detect().count[0] == 0
+
+
+def test_groups_and_masks_must_agree_on_both_sides():
+    def touch(group, mask):
+        return Scene([BALL, BALL], TOUCHING, group=group, mask=mask).detect().count[0] == 1
+
+    assert touch((1, 2), (2, 1))
+    assert not touch((1, 2), (2, 2))
+    assert not touch((1, 2), (1, 1))
+
+
+def test_a_mask_of_0_opts_out():
+    assert Scene([BALL, BALL], TOUCHING, mask=(0, -1)).detect().count[0] == 0
+
+
+def test_an_ignored_pair_of_bodies_never_collides_and_others_do():
+    third = [*TOUCHING, ((0, 0.9, 0), UPRIGHT)]
+    scene = Scene([BALL] * 3, third, ignored=[(1, 0)])
+    assert [row['pair'] for row in scene.rows()] == [(0, 2)]
