@@ -21,7 +21,7 @@ from rigid_sim_ros.engine.bare import bare
 from rigid_sim_ros.engine.broad_phase import may_collide
 from rigid_sim_ros.engine.contacts import column, quaternion, rotate, row
 from rigid_sim_ros.engine.free_rotation import turn_fast
-from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.kernel import allocating, kernel
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Scratch
 from rigid_sim_ros.engine.model import Model
@@ -114,7 +114,7 @@ def motion_bound(model: Model, state: State, loads: Loads, shapes: Shapes, s: in
     return t * (speed + spin * reach_of_turning(shapes, s))
 
 
-@kernel
+@allocating
 def pairs_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, t: float, pose: Array,
                 pairs: IntArray) -> int:
     """

@@ -31,7 +31,7 @@ import osqp
 from scipy import sparse
 
 from rigid_sim_ros.engine.arrays import Array
-from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.kernel import allocating
 
 # Sides of the pyramid. Friction off its edges is up to 1 - cos(pi / 8) = 8 % too weak, until Newton's method.
 SIDES = 8
@@ -66,7 +66,7 @@ class Outcome(NamedTuple):
     newton_steps: int
 
 
-@kernel
+@allocating
 def _violation(A: Array, b: Array, mu: Array, f: Array, a: Array) -> float:
     """Write a = A f + b and return by how much the conditions are violated [unit of b]."""
     rows = b.shape[0]
@@ -100,7 +100,7 @@ def residual(A: Array, b: Array, mu: Array, f: Array) -> float:
     return float(_violation(A, b, mu, f, np.empty_like(b))) / max(float(np.abs(b).max()), 1e-300)
 
 
-@kernel
+@allocating
 def _solve_linear(M: Array, x: Array) -> bool:
     """Replace x by M^-1 x, by elimination with row pivoting; M is destroyed. False if M is singular."""
     size = x.shape[0]
@@ -129,7 +129,7 @@ def _solve_linear(M: Array, x: Array) -> bool:
     return True
 
 
-@kernel
+@allocating
 def _newton_row(A: Array, a: Array, mu: Array, f: Array, k: int, M: Array, x: Array) -> None:
     """
     Write the three equations of point k for the change of f: M df = x.
@@ -169,7 +169,7 @@ def _newton_row(A: Array, a: Array, mu: Array, f: Array, k: int, M: Array, x: Ar
         x[n + 1 + i] = limit * e_i - f[n + 1 + i]
 
 
-@kernel
+@allocating
 def refine(A: Array, b: Array, mu: Array, f: Array, goal: float, steps: int) -> tuple[float, int]:
     """
     Improve f, in place, by Newton's method; return its violation [unit of b] and the steps taken.

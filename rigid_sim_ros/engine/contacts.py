@@ -17,7 +17,7 @@ import numpy as np
 from rigid_sim_ros.engine import rotation, vector
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.bare import bare
-from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.kernel import allocating, kernel
 from rigid_sim_ros.engine.manifolds import Manifolds
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.narrow_phase.algebra import cross
@@ -92,7 +92,7 @@ def tangents(n: Vector) -> tuple[Vector, Vector]:
     return t1, cross(n, t1)
 
 
-@kernel
+@allocating
 def gather(state: State, manifolds: Manifolds, shapes: Shapes, materials: Materials, reach: float,
            contacts: Contacts) -> int:
     """
@@ -222,7 +222,7 @@ def to_world(contacts: Contacts, k: int, f: Vector) -> Vector:
             e[k, 0, 2] * f[0] + e[k, 1, 2] * f[1] + e[k, 2, 2] * f[2])
 
 
-@kernel
+@allocating
 def couple(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArray, A: Array) -> None:
     """
     Write A, (3m, 3m) [1/kg]: rates of motion at the m chosen points per force at them.

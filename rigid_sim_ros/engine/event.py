@@ -24,7 +24,6 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.backtrack import first_event, pairs_ahead
-from rigid_sim_ros.engine.bare import bare
 from rigid_sim_ros.engine.contact_drift import contact_drift
 from rigid_sim_ros.engine.contact_qp import Outcome, solve
 from rigid_sim_ros.engine.contacts import (
@@ -34,6 +33,7 @@ from rigid_sim_ros.engine.detect import detect
 from rigid_sim_ros.engine.free_flight import fly
 from rigid_sim_ros.engine.impulse import collide, resting_speed, STILL
 from rigid_sim_ros.engine.integrate import kick, make_work, sum_loads, Work
+from rigid_sim_ros.engine.kernel import allocating
 from rigid_sim_ros.engine.loads import empty_loads, Loads
 from rigid_sim_ros.engine.manifolds import current_manifolds, grown, Manifolds, Memory
 from rigid_sim_ros.engine.model import Model
@@ -108,7 +108,7 @@ def no_forces() -> Carried:
     return Carried(none, none, none, np.zeros((0, 3)))
 
 
-@bare
+@allocating
 def _load(model: Model, contacts: Contacts, chosen: IntArray, f: Array, loads: Loads,
           work: Work) -> None:
     """Write the loads of the contact forces f, (3m,) [N, contact axes], and add them to the step's."""
@@ -132,7 +132,7 @@ def _load(model: Model, contacts: Contacts, chosen: IntArray, f: Array, loads: L
             work.loads.tau[i, j] += loads.tau[i, j]
 
 
-@bare
+@allocating
 def _move(model: Model, state: State, wrenches: Wrenches, loads: Loads, work: Work, t: float) -> None:
     """Kick, drift, kick for t [s] like `integrate.symplectic`, with constant contact loads."""
     kick(state, work.loads, 0.5 * t)
@@ -144,7 +144,7 @@ def _move(model: Model, state: State, wrenches: Wrenches, loads: Loads, work: Wo
     kick(state, work.loads, -0.5 * t)
 
 
-@bare
+@allocating
 def _choose(contacts: Contacts, bodies: Bodies, h: float, touching: float, chosen: IntArray) -> int:
     """Write the points that get a force: those that touch, and slow ones as near as a rebound too short to be one."""
     m = 0
@@ -160,7 +160,7 @@ def _choose(contacts: Contacts, bodies: Bodies, h: float, touching: float, chose
     return m
 
 
-@bare
+@allocating
 def _rates(contacts: Contacts, bodies: Bodies, chosen: IntArray, drift: Array, left: float, h: float,
            push_out: float, b: Array) -> None:
     """
@@ -179,7 +179,7 @@ def _rates(contacts: Contacts, bodies: Bodies, chosen: IntArray, drift: Array, l
         b[3 * c + 2] = free[2] + drift[3 * c + 2] + u[2] / left
 
 
-@bare
+@allocating
 def _recall(contacts: Contacts, chosen: IntArray, carried: Carried, f: Array) -> None:
     """Write the forces of the last step at the points that were there already, 0 at the others."""
     f[:] = 0.0
@@ -197,7 +197,7 @@ def _recall(contacts: Contacts, chosen: IntArray, carried: Carried, f: Array) ->
                 break
 
 
-@bare
+@allocating
 def _forces_in_world(contacts: Contacts, chosen: IntArray, f: Array, force: Array) -> None:
     for c in range(chosen.shape[0]):
         F = to_world(contacts, chosen[c], (f[3 * c], f[3 * c + 1], f[3 * c + 2]))
@@ -205,7 +205,7 @@ def _forces_in_world(contacts: Contacts, chosen: IntArray, f: Array, force: Arra
             force[c, i] = F[i]
 
 
-@bare
+@allocating
 def _velocities(contacts: Contacts, bodies: Bodies, chosen: IntArray, u: Array) -> None:
     for c in range(chosen.shape[0]):
         k = chosen[c]
@@ -213,7 +213,7 @@ def _velocities(contacts: Contacts, bodies: Bodies, chosen: IntArray, u: Array) 
             contacts, k, relative(bodies.velocity, contacts, k))
 
 
-@bare
+@allocating
 def _push_all(model: Model, state: State, contacts: Contacts, chosen: IntArray, J: Array,
               impulses: Array) -> None:
     for c in range(chosen.shape[0]):
@@ -223,7 +223,7 @@ def _push_all(model: Model, state: State, contacts: Contacts, chosen: IntArray, 
             impulses[k, i] += J[3 * c + i]
 
 
-@bare
+@allocating
 def _allow(pairs: IntArray, count: int, contacts: Contacts, bodies: Bodies, chosen: IntArray, left: float,
            overlap: float, allowed: Array) -> None:
     """Write how deep the pairs that get forces may go, 0 for the others; see `first_event`."""
@@ -241,7 +241,7 @@ def _allow(pairs: IntArray, count: int, contacts: Contacts, bodies: Bodies, chos
             p = (p + 1) % count
 
 
-@bare
+@allocating
 def _record(manifolds: Manifolds, contacts: Contacts, impulses: Array) -> None:
     """Add impulses, (c, 3) [N s, contact axes], to those of the manifolds."""
     r = 0
@@ -259,7 +259,7 @@ def _record(manifolds: Manifolds, contacts: Contacts, impulses: Array) -> None:
             manifolds.friction[r, i] += rubbing[i]
 
 
-@bare
+@allocating
 def _deepest(manifolds: Manifolds) -> float:
     deepest = 0.0
     for r in range(manifolds.count[0]):
@@ -268,7 +268,7 @@ def _deepest(manifolds: Manifolds) -> float:
     return deepest
 
 
-@bare
+@allocating
 def _most_pull(model: Model, loads: Loads) -> float:
     """Return the largest acceleration [m/s^2] that a load gives a centre of mass."""
     most = 0.0

@@ -16,7 +16,7 @@ from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.bare import bare
 from rigid_sim_ros.engine.contacts import (
     Bodies, Contacts, couple, push, read_velocity, relative, to_contact, to_world)
-from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.kernel import allocating, kernel
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.narrow_phase.algebra import norm
 from rigid_sim_ros.engine.state import State
@@ -43,7 +43,7 @@ def resting_speed(contacts: Contacts, bodies: Bodies, k: int, h: float) -> float
     return 0.5 * h * max(pull_A, pull_B) + STILL
 
 
-@kernel
+@allocating
 def collide(model: Model, state: State, contacts: Contacts, bodies: Bodies, h: float, touching: float,
             elastic: IntArray, limit: int, impulses: Array) -> int:
     """
@@ -70,7 +70,7 @@ def collide(model: Model, state: State, contacts: Contacts, bodies: Bodies, h: f
     return -1
 
 
-@kernel
+@allocating
 def _collide_pair(model: Model, state: State, contacts: Contacts, bodies: Bodies, h: float,
                   touching: float, elastic: IntArray, block: int, impulses: Array) -> None:
     first, after = contacts.first[block], contacts.first[block + 1]
@@ -104,7 +104,7 @@ def _collide_pair(model: Model, state: State, contacts: Contacts, bodies: Bodies
     read_velocity(model, state, contacts.body_b[first], bodies)
 
 
-@kernel
+@allocating
 def impact(A: Array, u0: Array, mu: Array, e: Array, J: Array) -> None:
     """
     Write the impulses J, (3m,) [N s], of m points of one pair of bodies; triples (n, t1, t2).
@@ -141,7 +141,7 @@ def impact(A: Array, u0: Array, mu: Array, e: Array, J: Array) -> None:
             J[i] *= 1.0 + least
 
 
-@kernel
+@allocating
 def _sweep(A: Array, u0: Array, mu: Array, e: Array, J: Array) -> None:
     """Sweep over the points (projected Gauss-Seidel) until the impulses move no more."""
     m = mu.shape[0]

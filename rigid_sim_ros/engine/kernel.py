@@ -66,7 +66,7 @@ def _compiled(function: Function, **options: Any) -> Any:
     config.CACHE_DIR = str(_CACHE)
     try:
         return numba.njit(cache=True, nogil=True, error_model='numpy', no_cfunc_wrapper=True,
-                          _nrt=False, **options)(function)
+                          **options)(function)
     finally:
         config.CACHE_DIR = elsewhere
 
@@ -85,7 +85,16 @@ def kernel(function: Function) -> Function:
     for numbers of a type, not once more for every constant that a caller writes, as Numba would:
     that was a third of the time to compile.
     """
-    compiled = _compiled(function)
+    return _without_literals(  # type: ignore[no-any-return]
+        _compiled(function, _nrt=False))
+
+
+def allocating(function: Function) -> Function:
+    """Compile like `kernel` a function that makes arrays: for where memory is not the time."""
+    return _without_literals(_compiled(function))  # type: ignore[no-any-return]
+
+
+def _without_literals(compiled: Any) -> Any:
     template = compiled.get_call_template
 
     def without_literals(args: Any, kws: Any) -> Any:
@@ -93,7 +102,7 @@ def kernel(function: Function) -> Function:
                         {name: types.unliteral(arg) for name, arg in kws.items()})
 
     compiled.get_call_template = without_literals
-    return compiled  # type: ignore[no-any-return]
+    return compiled
 
 
 def inlined(function: Function) -> Function:
@@ -103,4 +112,4 @@ def inlined(function: Function) -> Function:
     For small functions that a loop over bodies calls: a real call, even one that LLVM inlines
     later, keeps that loop from becoming vector instructions.
     """
-    return _compiled(function, inline='always')  # type: ignore[no-any-return]
+    return _compiled(function, _nrt=False, inline='always')  # type: ignore[no-any-return]

@@ -54,10 +54,13 @@ def copy_state(state: State) -> State:
 @kernel
 def copy_into(target: State, source: State) -> None:
     """Make one state equal to another."""
-    target.x[:] = source.x
-    target.q[:] = source.q
-    target.P[:] = source.P
-    target.L[:] = source.L
+    for i in range(source.x.shape[1]):
+        for k in range(3):
+            target.x[k, i] = source.x[k, i]
+            target.P[k, i] = source.P[k, i]
+            target.L[k, i] = source.L[k, i]
+        for k in range(4):
+            target.q[k, i] = source.q[k, i]
 
 
 @kernel
