@@ -32,9 +32,9 @@ from rigid_sim_ros.engine.contacts import (
 from rigid_sim_ros.engine.detect import detect
 from rigid_sim_ros.engine.free_flight import fly
 from rigid_sim_ros.engine.impulse import collide, resting_speed, STILL
-from rigid_sim_ros.engine.integrate import kick, make_work, sum_loads, Work
+from rigid_sim_ros.engine.integrate import make_work, sum_loads, Work
 from rigid_sim_ros.engine.kernel import allocating
-from rigid_sim_ros.engine.loads import empty_loads, Loads
+from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.manifolds import current_manifolds, grown, Manifolds, Memory
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.narrow_phase.algebra import cross, norm

@@ -16,7 +16,7 @@ from rigid_sim_ros.engine.arrays import Array, Quaternion, Vector
 from rigid_sim_ros.engine.forces import add_gravity, add_scene_forces
 from rigid_sim_ros.engine.free_flight import BLOCK_SIZE, fly
 from rigid_sim_ros.engine.kernel import kernel
-from rigid_sim_ros.engine.loads import empty_loads, Loads
+from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.rotation import (
     exponential, from_matrix, multiply, quaternion, set_quaternion, to_matrix, unit)
@@ -55,16 +55,6 @@ def sum_loads(model: Model, state: State, wrenches: Wrenches, loads: Loads) -> N
     for i in model.fixed:
         loads.F[:, i] = 0.0
         loads.tau[:, i] = 0.0
-
-
-@kernel
-def kick(state: State, loads: Loads, h: float) -> None:
-    """Advance the momenta under constant loads: P += h F, L += h tau."""
-    for k in range(3):
-        for i in range(state.P.shape[1]):
-            state.P[k, i] += h * loads.F[k, i]
-        for i in range(state.P.shape[1]):
-            state.L[k, i] += h * loads.tau[k, i]
 
 
 @kernel

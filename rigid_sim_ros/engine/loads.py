@@ -44,3 +44,13 @@ def add_torque(model: Model, loads: Loads, frame: int, tau_W: Vector) -> None:
     """Let a torque [N m, world axes] act on the body of a frame; on WORLD nothing happens."""
     if frame != WORLD:
         add_to_column(loads.tau, model.frame_body[frame], tau_W)
+
+
+@kernel
+def kick(state: State, loads: Loads, h: float) -> None:
+    """Advance the momenta under constant loads: P += h F, L += h tau."""
+    for k in range(3):
+        for i in range(state.P.shape[1]):
+            state.P[k, i] += h * loads.F[k, i]
+        for i in range(state.P.shape[1]):
+            state.L[k, i] += h * loads.tau[k, i]

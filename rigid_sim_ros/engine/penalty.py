@@ -30,8 +30,8 @@ from rigid_sim_ros.engine.contacts import (
     rotate, row, to_contact, to_world)
 from rigid_sim_ros.engine.detect import detect
 from rigid_sim_ros.engine.free_flight import fly
-from rigid_sim_ros.engine.integrate import kick, make_work, sum_loads, Work
-from rigid_sim_ros.engine.loads import empty_loads, Loads
+from rigid_sim_ros.engine.integrate import make_work, sum_loads, Work
+from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.manifolds import current_manifolds, grown, Manifolds, Memory
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.narrow_phase.algebra import cross

@@ -21,9 +21,8 @@ from rigid_sim_ros.engine.contact_blocks import (
     three, TORSION, TOTAL, TOTAL_T)
 from rigid_sim_ros.engine.contact_sweep import Sweep, visit
 from rigid_sim_ros.engine.free_flight import fly
-from rigid_sim_ros.engine.integrate import kick
 from rigid_sim_ros.engine.kernel import kernel
-from rigid_sim_ros.engine.loads import Loads
+from rigid_sim_ros.engine.loads import kick, Loads
 from rigid_sim_ros.engine.manifolds import Manifolds, POINTS
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes

@@ -15,9 +15,9 @@ from rigid_sim_ros.engine.arrays import Array
 from rigid_sim_ros.engine.collisions import collide_bodies, CollisionWork, make_collision_work
 from rigid_sim_ros.engine.detect import detect
 from rigid_sim_ros.engine.free_flight import BLOCK_SIZE as FLIGHT_SIZE, fly
-from rigid_sim_ros.engine.integrate import kick, sum_loads
+from rigid_sim_ros.engine.integrate import sum_loads
 from rigid_sim_ros.engine.kernel import kernel
-from rigid_sim_ros.engine.loads import empty_loads, Loads
+from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.manifolds import current, grown, Manifolds, Memory
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.sequential import make_work as make_sequential_work
