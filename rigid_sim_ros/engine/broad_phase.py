@@ -3,33 +3,34 @@
 """
 Which pairs of shapes may touch: those whose fat boxes overlap.
 
-A fat box is a bounding box with room to move in. While a shape stays inside of its fat box nothing has to
-be done for it. Those that left theirs are looked up in a hierarchical grid: level k has cells of
-2^k m, and a shape lies on the first level whose cells are as large as its fat box, in the cell of its
-middle. So few cells have to be visited on any level, and shapes of very different size do not
-disturb each other. Planes and the like are wide: everything is tried against them.
+A fat box is a bounding box with room to move in. While a shape stays inside of its fat box nothing
+has to be done for it. Those that left theirs are looked up in a hierarchical grid: level k has
+cells of 2^k m, and a shape lies on the first level whose cells are as large as its fat box, in the
+cell of its middle. So few cells have to be visited on any level, and shapes of very different size
+do not disturb each other. Planes and the like are wide: everything is tried against them.
 
-The pairs that come out are sorted, and a superset of those whose bounding boxes overlap; who goes through
-them tests the bounding boxes first, so that no result depends on when a fat box was made.
+The pairs that come out are sorted, and a superset of those whose bounding boxes overlap; who goes
+through them tests the bounding boxes first, so that no result depends on when a fat box was made.
 """
 
 import math
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
-from rigid_sim_ros.engine.bare import bare
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.manifolds import LEVELS
 from rigid_sim_ros.engine.shapes import PLANE, Shapes
 
 # Room around a bounding box, as a fraction of its largest side. A smaller one makes shapes leave
 # their box more often, a larger one makes more pairs that do not touch.
 ROOM = 0.05
-# A fat box reaches as far ahead as the shape flies in so many steps, but no farther than its own size.
+# A fat box reaches as far ahead as the shape flies in so many steps, but no farther than its own
+# size.
 STEPS_AHEAD = 6.0
 WIDE = 1 << 20  # the level of what is too large for any cell
 _LOWEST = -40  # the level of the smallest cells
 
 
-@bare
+@kernel
 def may_collide(shapes: Shapes, bodies: int, a: int, b: int) -> bool:
     """Apply the filters: not both still, not one body, groups against masks, pairs to ignore."""
     i, j = shapes.body[a], shapes.body[b]
@@ -48,7 +49,7 @@ def may_collide(shapes: Shapes, bodies: int, a: int, b: int) -> bool:
     return not (low < shapes.ignored.shape[0] and shapes.ignored[low] == key)
 
 
-@bare
+@kernel
 def boxes_overlap(box: Array, a: int, b: int) -> bool:
     """Return whether two boxes have a point in common."""
     return (box[a, 0] <= box[b, 3] and box[b, 0] <= box[a, 3]
@@ -56,7 +57,7 @@ def boxes_overlap(box: Array, a: int, b: int) -> bool:
             and box[a, 2] <= box[b, 5] and box[b, 2] <= box[a, 5])
 
 
-@bare
+@kernel
 def refresh(kind: IntArray, body: IntArray, pose: Array, box: Array, inv_m: Array, P: Array,
             h: float, all_of_them: bool, fat: Array, moved: IntArray) -> int:
     """Give the shapes that left their fat box a new one, mark them, and return their number."""
@@ -87,7 +88,7 @@ def refresh(kind: IntArray, body: IntArray, pose: Array, box: Array, inv_m: Arra
     return count
 
 
-@bare
+@kernel
 def _fat_overlap(kind: IntArray, fat: Array, margin: float, a: int, b: int) -> bool:
     """Return whether fat boxes overlap; a plane takes up all below it and half a margin above."""
     if kind[a] == PLANE or kind[b] == PLANE:
@@ -100,14 +101,14 @@ def _fat_overlap(kind: IntArray, fat: Array, margin: float, a: int, b: int) -> b
     return boxes_overlap(fat, a, b)
 
 
-@bare
+@kernel
 def _bucket(level: int, x: int, y: int, z: int, mask: int) -> int:
     # Three large primes (Teschner et al., Optimized Spatial Hashing, VMV 2003). Cells that share a
     # bucket cost time only: who looks one up compares the cell itself.
     return (x * 73856093 ^ y * 19349663 ^ z * 83492791 ^ level * 50331653) & mask
 
 
-@bare
+@kernel
 def _fill_grid(kind: IntArray, fat: Array, cells: IntArray, buckets: IntArray, members: IntArray,
                tally: IntArray, levels: IntArray) -> None:
     """Sort the shapes by the bucket of their cell: count, add up, distribute."""
@@ -141,8 +142,9 @@ def _fill_grid(kind: IntArray, fat: Array, cells: IntArray, buckets: IntArray, m
     buckets[t + 1] = kind.shape[0]
 
 
-@bare
-def _offer(shapes: Shapes, fat: Array, moved: IntArray, fresh: IntArray, bodies: int, margin: float,
+@kernel
+def _offer(shapes: Shapes, fat: Array, moved: IntArray, fresh: IntArray, bodies: int,
+           margin: float,
            count: int, s: int, other: int) -> int:
     """Note a pair if its fat boxes overlap and the filters let it; return the number of pairs."""
     # Two that both moved find each other twice.
@@ -159,7 +161,7 @@ def _offer(shapes: Shapes, fat: Array, moved: IntArray, fresh: IntArray, bodies:
     return count + 1
 
 
-@bare
+@kernel
 def _look_around(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, buckets: IntArray,
                  members: IntArray, levels: IntArray, fresh: IntArray, bodies: int, margin: float,
                  count: int, s: int) -> int:
@@ -198,9 +200,9 @@ def _look_around(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, b
     return count
 
 
-@bare
+@kernel
 def _sort(fresh: IntArray, count: int, tally: IntArray) -> None:
-    """Sort the fresh pairs: by the second shape, then by the first, keeping the order of equals."""
+    """Sort the fresh pairs by the second shape, then by the first; equals keep their order."""
     for column in range(1, -1, -1):
         source, target = 1 - column, column
         tally[:] = 0
@@ -215,16 +217,16 @@ def _sort(fresh: IntArray, count: int, tally: IntArray) -> None:
             tally[s] += 1
 
 
-@bare
+@kernel
 def _is_before(pair: IntArray, i: int, fresh: IntArray, j: int) -> bool:
     return (pair[i, 0] < fresh[0, j, 0]
             or (pair[i, 0] == fresh[0, j, 0] and pair[i, 1] < fresh[0, j, 1]))
 
 
-@bare
+@kernel
 def _forget_parted(kind: IntArray, fat: Array, moved: IntArray, margin: float, pair: IntArray,
                    axis: Array, count: int) -> int:
-    """Drop the pairs of moved shapes whose fat boxes no longer overlap; return how many are left."""
+    """Drop pairs of moved shapes whose fat boxes no longer overlap; return how many are left."""
     kept = 0
     for k in range(count):
         a, b = pair[k, 0], pair[k, 1]
@@ -237,9 +239,9 @@ def _forget_parted(kind: IntArray, fat: Array, moved: IntArray, margin: float, p
     return kept
 
 
-@bare
+@kernel
 def _merge(pair: IntArray, axis: Array, count: int, fresh: IntArray, found: int) -> int:
-    """Merge the sorted fresh pairs into the sorted pairs; return their number, too large or not."""
+    """Merge the sorted fresh pairs into the pairs; return their number, too large or not."""
     new, old = 0, 0
     for k in range(found):
         while old < count and _is_before(pair, old, fresh, k):
@@ -268,7 +270,7 @@ def _merge(pair: IntArray, axis: Array, count: int, fresh: IntArray, found: int)
     return total
 
 
-@bare
+@kernel
 def update_pairs(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, buckets: IntArray,
                  members: IntArray, tally: IntArray, levels: IntArray, fresh: IntArray,
                  pair: IntArray, axis: Array, count: int, bodies: int, margin: float) -> int:
@@ -282,7 +284,8 @@ def update_pairs(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, b
     found = 0
     for s in range(shapes.kind.shape[0]):
         if moved[s] == 1:
-            found = _look_around(shapes, fat, moved, cells, buckets, members, levels, fresh, bodies,
+            found = _look_around(shapes, fat, moved, cells, buckets, members, levels, fresh,
+                                 bodies,
                                  margin, found, s)
     if found > fresh.shape[1]:
         return count + found

@@ -3,16 +3,15 @@
 """
 Detection: from the state to the manifolds of all shapes that are near each other.
 
-Poses, bounding boxes, pairs of boxes that overlap, and for each pair its manifold. Whatever is kept from
-the step before saves time only, with one exception that is part of the manifolds: a manifold of
-polyhedra that hardly moved relative to each other keeps its points, and only their gaps are found anew.
+Poses, bounding boxes, pairs of boxes that overlap, and for each pair its manifold. Whatever is
+kept from the step before saves time only, with one exception that is part of the manifolds: a
+manifold of polyhedra that hardly moved relative to each other keeps its points, and only their
+gaps are found anew.
 """
-
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.broad_phase import boxes_overlap, refresh, update_pairs
-from rigid_sim_ros.engine.bare import bare
-from rigid_sim_ros.engine.kernel import inlined
+from rigid_sim_ros.engine.kernel import inlined, kernel
 from rigid_sim_ros.engine.manifolds import (
     CONTACTS, Manifolds, Memory, PAIRS, REBUILT, RECYCLED, SHORT_PAIRS, SHORT_ROWS, WITNESSED)
 from rigid_sim_ros.engine.model import Model
@@ -25,27 +24,29 @@ from rigid_sim_ros.engine.shapes import BOX, HULL, PLANE, Shapes, SPHERE
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.witness import boxes_apart, remember, separates, worth_it
 
-# A manifold keeps its points while these move by less than this part of the margin. 0: never; 0.2: a box would
-# slide on by 1 mm of 5 mm before its points follow. The gaps of kept points are exact to second order.
+# A manifold keeps its points while these move by less than this part of the margin. 0: never; 0.2:
+# a box would slide on by 1 mm of 5 mm before its points follow. The gaps of kept points are exact
+# to second order.
 SLACK = 0.02
 NONE = (0.0, 0.0, 0.0)
 
 
-@bare
+@kernel
 def detect(model: Model, state: State, shapes: Shapes, memory: Memory, margin: float) -> bool:
     """
-    Find the manifolds of all pairs with a gap below the margin [m]; `current(memory)` returns them.
+    Find the manifolds of all pairs with a gap below the margin [m].
 
-    Returns False when a buffer is too small: the manifolds of the last step are then untouched, and the
-    caller detects again with `grown(memory)`. Impulses of the last step are carried over, pair by pair and
-    feature by feature.
+    `current(memory)` then returns them; impulses of the last step are carried over, pair by pair
+    and feature by feature. Returns False when a buffer is too small: the manifolds of the last
+    step are then untouched, and the caller detects again with `grown(memory)`.
     """
     place(state, shapes, memory.turn, memory.pose)
     bound(shapes.kind, shapes.size, memory.pose, margin, memory.box)
     if not _find_pairs(model, state, shapes, memory, margin):
         return False
     page = memory.page[0]
-    found = _find_manifolds(state, shapes, memory, memory.pages[1 - page], memory.pages[page], margin)
+    found = _find_manifolds(state, shapes, memory, memory.pages[1 - page], memory.pages[page],
+                            margin)
     if found > memory.pages[0].shape_a.shape[0]:
         memory.counters[SHORT_ROWS] = found
         return False
@@ -53,16 +54,18 @@ def detect(model: Model, state: State, shapes: Shapes, memory: Memory, margin: f
     return True
 
 
-@bare
+@kernel
 def _find_pairs(model: Model, state: State, shapes: Shapes, memory: Memory, margin: float) -> bool:
     """Keep the list of pairs up to date; return whether there was room for them."""
     count = memory.pair_count[0]
-    moved = refresh(shapes.kind, shapes.body, memory.pose, memory.box, model.inv_m, state.P, model.h,
+    moved = refresh(shapes.kind, shapes.body, memory.pose, memory.box, model.inv_m, state.P,
+                    model.h,
                     count < 0, memory.fat, memory.moved)
     memory.counters[REBUILT] = moved
     if moved > 0:
         count = update_pairs(shapes, memory.fat, memory.moved, memory.cells, memory.buckets,
-                             memory.members, memory.tally, memory.levels, memory.fresh, memory.pair,
+                             memory.members, memory.tally, memory.levels, memory.fresh,
+                             memory.pair,
                              memory.axis, max(count, 0), model.m.shape[0], margin)
         if count > memory.pair.shape[0]:
             memory.counters[SHORT_PAIRS] = count
@@ -72,8 +75,9 @@ def _find_pairs(model: Model, state: State, shapes: Shapes, memory: Memory, marg
     return True
 
 
-@bare
-def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds, before: Manifolds,
+@kernel
+def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds,
+                    before: Manifolds,
                     margin: float) -> int:
     """Go through the pairs and through the last step's rows, both sorted, side by side."""
     room, rows, old, near, settled, recycled, contacts = now.shape_a.shape[0], 0, 0, 0, 0, 0, 0
@@ -102,7 +106,8 @@ def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds
                 found, n = touching_spheres(memory.pose, shapes.size, a, b, margin, points,
                                             memory.scratch.ids)
             elif shapes.kind[a] == BOX and shapes.kind[b] == BOX:
-                if boxes_apart(memory.pose, shapes.size, shapes.bound, a, b, memory.axis, k, margin):
+                if boxes_apart(memory.pose, shapes.size, shapes.bound, a, b, memory.axis, k,
+                               margin):
                     settled += 1
                     continue
                 witness = True
@@ -136,33 +141,35 @@ def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds
 
 @inlined
 def _flat(kind: IntArray, a: int, b: int) -> bool:
-    """Return whether both shapes are polyhedra: only their points stay where they are when they move."""
+    """Return whether both are polyhedra, whose points stay the same while they move."""
     return ((kind[a] == BOX or kind[a] == HULL or kind[a] == PLANE)
             and (kind[b] == BOX or kind[b] == HULL or kind[b] == PLANE))
 
 
-@bare
+@kernel
 def _turned(R: Array, i: int, v: Vector) -> Vector:
     return (R[i, 0] * v[0] + R[i, 1] * v[1] + R[i, 2] * v[2],
             R[i, 3] * v[0] + R[i, 4] * v[1] + R[i, 5] * v[2],
             R[i, 6] * v[0] + R[i, 7] * v[1] + R[i, 8] * v[2])
 
 
-@bare
+@kernel
 def _turned_back(R: Array, i: int, v: Vector) -> Vector:
     return (R[i, 0] * v[0] + R[i, 3] * v[1] + R[i, 6] * v[2],
             R[i, 1] * v[0] + R[i, 4] * v[1] + R[i, 7] * v[2],
             R[i, 2] * v[0] + R[i, 5] * v[1] + R[i, 8] * v[2])
 
 
-@bare
-def _recycle(state: State, turn: Array, now: Manifolds, before: Manifolds, row: int, old: int, i: int, j: int,
+@kernel
+def _recycle(state: State, turn: Array, now: Manifolds, before: Manifolds, row: int, old: int,
+             i: int, j: int,
              slack: float, reach: float) -> bool:
     """
     Take over the points of a manifold unless it moved too far; find its gaps anew.
 
-    The normal and the points on A turn with A, those on B with B. The gap along the turned normal differs
-    from the true one by the square of the angle and of the slip since the points were found.
+    The normal and the points on A turn with A, those on B with B. The gap along the turned normal
+    differs from the true one by the square of the angle and of the slip since the points were
+    found.
     """
     q = multiply(conjugate(quaternion(state.q, i)), quaternion(state.q, j))
     turned = 0.0
@@ -171,13 +178,16 @@ def _recycle(state: State, turn: Array, now: Manifolds, before: Manifolds, row: 
     # |q - q'| is half of the angle between two near orientations.
     if 4.0 * turned * reach * reach > slack * slack:
         return False
-    n = _turned(turn, i, (before.normal_A[old, 0], before.normal_A[old, 1], before.normal_A[old, 2]))
+    n = _turned(turn, i,
+                (before.normal_A[old, 0], before.normal_A[old, 1], before.normal_A[old, 2]))
     dx = state.x[0, j] - state.x[0, i]
     dy = state.x[1, j] - state.x[1, i]
     dz = state.x[2, j] - state.x[2, i]
     for p in range(before.points[old]):
-        A = _turned(turn, i, (before.p_A_C[old, p, 0], before.p_A_C[old, p, 1], before.p_A_C[old, p, 2]))
-        B = _turned(turn, j, (before.p_B_C[old, p, 0], before.p_B_C[old, p, 1], before.p_B_C[old, p, 2]))
+        A = _turned(turn, i,
+                    (before.p_A_C[old, p, 0], before.p_A_C[old, p, 1], before.p_A_C[old, p, 2]))
+        B = _turned(turn, j,
+                    (before.p_B_C[old, p, 0], before.p_B_C[old, p, 1], before.p_B_C[old, p, 2]))
         ex, ey, ez = dx + B[0] - A[0], dy + B[1] - A[1], dz + B[2] - A[2]
         gap = ex * n[0] + ey * n[1] + ez * n[2]
         slip = (ex - gap * n[0]) ** 2 + (ey - gap * n[1]) ** 2 + (ez - gap * n[2]) ** 2
@@ -198,14 +208,16 @@ def _recycle(state: State, turn: Array, now: Manifolds, before: Manifolds, row: 
     return True
 
 
-@bare
-def _write(state: State, turn: Array, now: Manifolds, row: int, i: int, j: int, count: int, n: Vector,
+@kernel
+def _write(state: State, turn: Array, now: Manifolds, row: int, i: int, j: int, count: int,
+           n: Vector,
            points: Array, ids: IntArray) -> None:
     """Write the points that the narrow phase found, as arms from both centres of mass."""
     n_A = _turned_back(turn, i, n)
     for p in range(count):
         gap = points[p, 3]
-        A = (points[p, 0] - state.x[0, i], points[p, 1] - state.x[1, i], points[p, 2] - state.x[2, i])
+        A = (points[p, 0] - state.x[0, i], points[p, 1] - state.x[1, i],
+             points[p, 2] - state.x[2, i])
         B = (points[p, 0] + gap * n[0] - state.x[0, j], points[p, 1] + gap * n[1] - state.x[1, j],
              points[p, 2] + gap * n[2] - state.x[2, j])
         A_C, B_C = _turned_back(turn, i, A), _turned_back(turn, j, B)
@@ -225,7 +237,7 @@ def _write(state: State, turn: Array, now: Manifolds, row: int, i: int, j: int, 
     now.found_at[row, 4] = points[0, 3]
 
 
-@bare
+@kernel
 def _carry_over(now: Manifolds, before: Manifolds, row: int, old: int, count: int) -> None:
     """Start from the impulses of the last step where the same features touch, from 0 elsewhere."""
     for p in range(count):

@@ -30,7 +30,7 @@ class HullTable(NamedTuple):
     """Vertices and faces of all hulls, one after the other."""
 
     first: IntArray  # (k,) first vertex of a hull
-    count: IntArray  # (k,) number of its vertices
+    count: IntArray  # type: ignore[assignment]  # (k,) number of its vertices
     vertices: Array  # (v, 3) [m] in the frame S of the shape
     first_face: IntArray  # (k,)
     face_count: IntArray  # (k,)
@@ -42,7 +42,7 @@ class HullTable(NamedTuple):
 
 
 def bare_hulls() -> HullTable:
-    """Return the table of a world without hulls, with one unused row, so that its arrays are not empty."""
+    """Return the table of a world without hulls: one unused row, so that no array is empty."""
     one = np.zeros(1, dtype=np.int64)
     return HullTable(one, one.copy(), np.zeros((1, 3)), one.copy(), one.copy(), np.zeros((1, 3)),
                      np.zeros(1), one.copy(), one.copy(), one.copy())
@@ -52,8 +52,9 @@ def make_hulls(hulls: Sequence[Polyhedron | None]) -> tuple[HullTable, IntArray,
     """
     Return the table, the row of each hull (-1 for None), its centre and its half extents [m].
 
-    The table's vertices are relative to the centre of the hull's bounding box. A mesh that occurs twice
-    is kept once. ValueError, with the number, for a mesh that is not convex, not closed or flat.
+    The table's vertices are relative to the centre of the hull's bounding box. A mesh that occurs
+    twice is kept once. ValueError, with the number, for a mesh that is not convex, not closed or
+    flat.
     """
     rows = np.full(len(hulls), -1, dtype=np.int64)
     centres, extents = np.zeros((len(hulls), 3)), np.zeros((len(hulls), 3))
@@ -80,7 +81,8 @@ def _table(parts: Sequence[tuple[Array, list[list[int]], Array, Array]]) -> Hull
     vertex_counts = [len(part[0]) for part in parts]
     face_counts = [len(part[1]) for part in parts]
     first = starts(vertex_counts)
-    faces = [[int(first[k]) + corner for corner in face] for k, part in enumerate(parts) for face in part[1]]
+    faces = [[int(first[k]) + corner for corner in face]
+             for k, part in enumerate(parts) for face in part[1]]
     sizes = [len(face) for face in faces]
     ends = np.cumsum([0, *sizes])
     return HullTable(first, np.array(vertex_counts, dtype=np.int64),
@@ -94,10 +96,10 @@ def _table(parts: Sequence[tuple[Array, list[list[int]], Array, Array]]) -> Hull
 
 def polygons(vertices: Array, triangles: IntArray) -> tuple[list[list[int]], Array, Array]:
     """
-    Merge the triangles of a closed convex mesh into faces: corners, outward unit normals, offsets [m].
+    Merge the triangles of a closed convex mesh into faces.
 
-    ValueError when a vertex lies outside of a face by more than the flatness, or an edge is not shared by
-    two triangles.
+    Their corners, outward unit normals and offsets [m] are returned. ValueError when a vertex lies
+    outside of a face by more than the flatness, or an edge is not shared by two triangles.
     """
     size = float(np.abs(vertices).max())
     legs = vertices[triangles[:, 1:]] - vertices[triangles[:, :1]]
@@ -116,7 +118,8 @@ def polygons(vertices: Array, triangles: IntArray) -> tuple[list[list[int]], Arr
         height = vertices @ normal
         offset = float(height[triangles[seed]].max())
         if (excess := float(height.max()) - offset) > 1e-6 * size:
-            raise ValueError(f'the mesh is not convex: a vertex lies {excess:.3g} m outside of a face')
+            raise ValueError(
+                f'the mesh is not convex: a vertex lies {excess:.3g} m outside of a face')
         face = _grow(int(seed), triangles, neighbour, offset - height < 1e3 * FLATNESS * size)
         left -= face
         faces.append(_outline(face, triangles, neighbour))
@@ -153,14 +156,13 @@ def _grow(seed: int, triangles: IntArray, neighbour: dict[tuple[int, int], int],
     return face
 
 
-def _outline(face: set[int], triangles: IntArray, neighbour: dict[tuple[int, int], int]) -> list[int]:
+def _outline(face: set[int], triangles: IntArray,
+             neighbour: dict[tuple[int, int], int]) -> list[int]:
     """Return the corners around a face: the edges whose other side is no part of it."""
-    following = {}
-    for t in sorted(face):
-        a, b, c = triangles[t].tolist()
-        for start, end in ((a, b), (b, c), (c, a)):
-            if neighbour[end, start] not in face:
-                following[start] = end
+    edges = [(a, b) for t in sorted(face)
+             for a,
+             b in zip(triangles[t].tolist(), np.roll(triangles[t], -1).tolist(), strict=True)]
+    following = {start: end for start, end in edges if neighbour[end, start] not in face}
     corners = [min(following)]
     while (corner := following[corners[-1]]) != corners[0]:
         corners.append(corner)

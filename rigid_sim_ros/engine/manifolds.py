@@ -3,13 +3,13 @@
 """
 What detection finds, and what it keeps from one step to the next.
 
-A manifold is a pair of shapes that are near each other: one normal and up to four points. The manifolds of
-this step and of the last take turns in two pages, so that impulses are carried over by walking through
-both in order, without a search and without a copy.
+A manifold is a pair of shapes that are near each other: one normal and up to four points. The
+manifolds of this step and of the last take turns in two pages, so that impulses are carried over
+by walking through both in order, without a search and without a copy.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,11 +24,11 @@ class Manifolds(NamedTuple):
     """
     Pairs of shapes that are near each other, c rows of which the first `count` are in use.
 
-    The rows are in the order of (shape_a, shape_b), and shape_a < shape_b. The normal points from A to B,
-    gap < 0 is overlap: point_B = point_A + gap * normal.
+    The rows are in the order of (shape_a, shape_b), and shape_a < shape_b. The normal points from
+    A to B, gap < 0 is overlap: point_B = point_A + gap * normal.
     """
 
-    count: IntArray  # (1,) number of rows in use
+    count: IntArray  # type: ignore[assignment]  # (1,) number of rows in use
     shape_a: IntArray  # (c,)
     shape_b: IntArray  # (c,)
     body_a: IntArray  # (c,)
@@ -73,8 +73,9 @@ class Memory(NamedTuple):
     """
     All arrays of detection.
 
-    Only `pages` and `page` influence later results. The fat boxes, the pairs and their separating planes
-    save time and change nothing: a world that was restored without them runs on bit for bit.
+    Only `pages` and `page` influence later results. The fat boxes, the pairs and their separating
+    planes save time and change nothing: a world that was restored without them runs on bit for
+    bit.
     """
 
     pages: tuple[Manifolds, Manifolds]
@@ -85,7 +86,7 @@ class Memory(NamedTuple):
     fat: Array  # (s, 6) fat boxes; a plane: normal and offset
     cells: IntArray  # (s, 4) level and cell of the middle of the fat box
     moved: IntArray  # (s,) 1 for shapes that left their fat box
-    buckets: IntArray  # (t + 2,) where the shapes of each bucket of the grid start; then the wide ones
+    buckets: IntArray  # (t + 2,) where each bucket of the grid starts, then the wide shapes
     members: IntArray  # (s,) the shapes in the order of their buckets
     tally: IntArray  # (s + 1,) room to count
     levels: IntArray  # (LEVELS,) number of shapes on each level of the grid
@@ -130,8 +131,9 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
     def integers(*shape: int) -> IntArray:
         return np.zeros(shape, dtype=np.int64)
 
-    scratch = Scratch(np.zeros((CANDIDATES, 4)), integers(CANDIDATES), np.zeros((2, CANDIDATES, 3)),
-                      integers(2, CANDIDATES, 2), np.zeros(64), np.zeros((EPA_CORNERS, 9)),
+    scratch = Scratch(np.zeros((CANDIDATES, 4)), integers(CANDIDATES),
+                      np.zeros((2, CANDIDATES, 3)), integers(2, CANDIDATES, 2), np.zeros(64),
+                      np.zeros((EPA_CORNERS, 9)),
                       np.zeros((EPA_FACES, 4)), integers(EPA_FACES, 4),
                       np.zeros((2, MAX_CORNERS, 3)), integers(EPA_FACES, 2))
     buckets = 1 << max(4, (2 * s - 1).bit_length())
@@ -169,8 +171,8 @@ def grown(memory: Memory) -> Memory:
         pages = (_longer(pages[0], capacity), _longer(pages[1], capacity))
     if (pairs := int(memory.counters[SHORT_PAIRS])) > 0:
         capacity = _doubled(pair.shape[0], pairs)
-        pair = _enlarged(pair, capacity)
-        axis = _enlarged(axis, capacity)
+        pair = _enlarged(pair, capacity)  # type: ignore[assignment]
+        axis = _enlarged(axis, capacity)  # type: ignore[assignment]
         fresh = np.zeros((2, capacity, 2), dtype=np.int64)
     memory.counters[SHORT_ROWS] = memory.counters[SHORT_PAIRS] = 0
     return memory._replace(pages=pages, pair=pair, fresh=fresh, axis=axis)
@@ -190,18 +192,20 @@ def _enlarged(array: Array | IntArray, capacity: int) -> Array | IntArray:
 
 
 def _longer(manifolds: Manifolds, capacity: int) -> Manifolds:
-    return Manifolds(manifolds.count, *(_enlarged(field, capacity) for field in manifolds[1:]))
+    fields: Any = [_enlarged(field, capacity) for field in manifolds[1:]]
+    return Manifolds(manifolds.count, *fields)
 
 
 def lasting(memory: Memory) -> list[Array | IntArray]:
-    """Return copies of all that influences later steps: the rows in use of the latest manifolds."""
+    """Return copies of what influences later steps: the rows in use of the latest manifolds."""
     manifolds = current_manifolds(memory)
     count = int(manifolds.count[0])
     unused = np.arange(POINTS) >= manifolds.points[:count, None]
     fields: list[Array | IntArray] = [manifolds.count.copy()]
     for field in manifolds[1:]:
         used = field[:count].copy()
-        # What stands in the places of points that a manifold does not have is left from earlier steps.
+        # What stands in the places of points that a manifold does not have is left from earlier
+        # steps.
         if used.ndim > 1 and used.shape[1] == POINTS:
             used[unused] = 0
         fields.append(used)

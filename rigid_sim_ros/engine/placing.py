@@ -4,14 +4,14 @@
 
 import math
 
-from rigid_sim_ros.engine.arrays import Array
-from rigid_sim_ros.engine.bare import bare
+from rigid_sim_ros.engine.arrays import Array, IntArray
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.rotation import quaternion, to_matrix
 from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, HULL, PLANE, Shapes, SPHERE
 from rigid_sim_ros.engine.state import State
 
 
-@bare
+@kernel
 def place(state: State, shapes: Shapes, turn: Array, pose: Array) -> None:
     """Write the rotation matrices of the bodies (n, 9) and the poses of the shapes (s, 12)."""
     for i in range(turn.shape[0]):
@@ -30,16 +30,18 @@ def place(state: State, shapes: Shapes, turn: Array, pose: Array) -> None:
             for k in range(9):
                 pose[s, 3 + k] = turn[i, k]
         else:
-            R = to_matrix((shapes.q_CS[s, 0], shapes.q_CS[s, 1], shapes.q_CS[s, 2], shapes.q_CS[s, 3]))
+            R = to_matrix((shapes.q_CS[s, 0], shapes.q_CS[s, 1], shapes.q_CS[s, 2],
+                           shapes.q_CS[s, 3]))
             for k in range(3):
                 for j in range(3):
-                    pose[s, 3 + 3 * k + j] = (turn[i, 3 * k] * R[0][j] + turn[i, 3 * k + 1] * R[1][j]
+                    pose[s, 3 + 3 * k + j] = (turn[i, 3 * k] * R[0][j]
+                                              + turn[i, 3 * k + 1] * R[1][j]
                                               + turn[i, 3 * k + 2] * R[2][j])
 
 
-@bare
-def bound(kind: Array, size: Array, pose: Array, margin: float, box: Array) -> None:
-    """Write the bounding box of each shape, with half of the margin on every side; infinite for a plane."""
+@kernel
+def bound(kind: IntArray, size: Array, pose: Array, margin: float, box: Array) -> None:
+    """Write the bounding box of each shape and half of the margin; infinite for a plane."""
     for s in range(pose.shape[0]):
         for k in range(3):
             x, y, z = pose[s, 3 + 3 * k], pose[s, 4 + 3 * k], pose[s, 5 + 3 * k]

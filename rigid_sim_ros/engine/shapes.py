@@ -3,10 +3,10 @@
 """
 The shapes of the bodies, for detection.
 
-A body has any number of convex shapes; several make a compound. The frame S of a shape is fixed in its
-body: a box, capsule, cylinder or sphere has its centre at the origin, capsule and cylinder have their
-axis along z, and a plane is z = 0 with the normal +z. The origin of a hull is the middle of its
-bounding box.
+A body has any number of convex shapes; several make a compound. The frame S of a shape is fixed in
+its body: a box, capsule, cylinder or sphere has its centre at the origin, capsule and cylinder
+have their axis along z, and a plane is z = 0 with the normal +z. The origin of a hull is the
+middle of its bounding box.
 """
 
 from collections.abc import Iterable, Sequence
@@ -52,7 +52,7 @@ class Shapes(NamedTuple):
     group: IntArray  # (s,) bits
     mask: IntArray  # (s,) bits; two shapes collide when each mask has a bit of the other's group
     still: IntArray  # (s,) 1 for a shape of a fixed body: two of those never make a pair
-    ignored: IntArray  # sorted keys body_a * n + body_b, body_a < body_b, of pairs that never collide
+    ignored: IntArray  # sorted keys a * n + b, a < b, of bodies that never collide
     hulls: HullTable  # vertices and faces of the hulls
     hull: IntArray  # (s,) row of the hull table, -1 for the other kinds
 
@@ -72,9 +72,10 @@ class Materials(NamedTuple):
     """
     What two materials give together: k x k symmetric tables.
 
-    Friction is the geometric mean, restitution and the levers against rolling and spinning are the larger
-    of the two. Two stiffnesses act as springs in series, and the damping is the one that such springs
-    have together: each weighted with the other's stiffness, because the softer one moves more.
+    Friction is the geometric mean, restitution and the levers against rolling and spinning are the
+    larger of the two. Two stiffnesses act as springs in series, and the damping is the one that
+    such springs have together: each weighted with the other's stiffness, because the softer one
+    moves more.
     """
 
     friction: Array
@@ -100,7 +101,8 @@ def build_materials(materials: Sequence[Material],
     series = stiffness * stiffness.T / (stiffness + stiffness.T)
     shared = (damping * stiffness.T + damping.T * stiffness) / (stiffness + stiffness.T)
     combined = Materials(np.sqrt(friction * friction.T), np.maximum(restitution, restitution.T),
-                         np.maximum(rolling, rolling.T), np.maximum(spinning, spinning.T), series, shared)
+                         np.maximum(rolling, rolling.T), np.maximum(spinning, spinning.T),
+                         series, shared)
     for i, j, material in overrides:
         for field, value in zip(combined, material, strict=True):
             field[i, j] = field[j, i] = value
@@ -122,8 +124,8 @@ def build_shapes(model: Model, shapes: Sequence[Shape],
     """
     Return the table of all shapes, for bodies of `model`, with pairs of bodies to ignore.
 
-    ValueError, with the number, for a size that is not > 0, a plane on a body that moves, and a hull
-    without volume.
+    ValueError, with the number, for a size that is not > 0, a plane on a body that moves, and a
+    hull without volume.
     """
     s, n = len(shapes), len(model.m)
     hulls, rows, centres, extents = make_hulls([shape.hull for shape in shapes])
@@ -135,7 +137,7 @@ def build_shapes(model: Model, shapes: Sequence[Shape],
         q_CB = tuple(model.q_CB[shape.body])
         offset = np.asarray(shape.p_BS) + _turned(shape.q_BS, centres[i])
         p_CS[i] = model.p_CB[shape.body] + _turned(q_CB, offset)
-        q_CS[i] = multiply(q_CB, tuple(float(entry) for entry in shape.q_BS))
+        q_CS[i] = multiply(q_CB, tuple(map(float, shape.q_BS)))  # type: ignore[arg-type]
         q_CS[i] /= np.linalg.norm(q_CS[i])
         bound[i] = _bound(shape.kind, size[i])
         if shape.kind == HULL:
@@ -162,7 +164,8 @@ def _bound(kind: int, size: Array) -> float:
     if kind == PLANE:
         return float('inf')
     r, half = size[0], size[1]
-    return float({SPHERE: r, CAPSULE: r + half, CYLINDER: np.hypot(r, half)}.get(kind, np.linalg.norm(size)))
+    bounds = {SPHERE: r, CAPSULE: r + half, CYLINDER: np.hypot(r, half)}
+    return float(bounds.get(kind, np.linalg.norm(size)))
 
 
 # How many entries of `size` a kind uses.

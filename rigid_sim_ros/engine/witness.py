@@ -3,24 +3,26 @@
 """
 Witnesses: for each pair of convex shapes that were apart, the direction that showed it.
 
-Shapes that are apart are separated by a plane, and it does so for many steps (Baraff, Dynamic Simulation of
-Non-penetrating Rigid Bodies, 1992, "coherence"). The direction is kept in the axes of shape A and tried
-first. It settles a pair only if it separates by clearly more than the margin, so that the search it saves
-would have found nothing either: a witness saves time, and never changes a manifold.
+Shapes that are apart are separated by a plane, and it does so for many steps (Baraff, Dynamic
+Simulation of Non-penetrating Rigid Bodies, 1992, "coherence"). The direction is kept in the axes
+of shape A and tried first. It settles a pair only if it separates by clearly more than the margin,
+so that the search it saves would have found nothing either: a witness saves time, and never
+changes a manifold.
 """
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.bare import bare
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.narrow_phase.algebra import dot, origin, subtract, to_shape, to_world
 from rigid_sim_ros.engine.narrow_phase.support import box_reach, reach
 from rigid_sim_ros.engine.shapes import HULL, PLANE, Shapes, SPHERE
 
-# Of the size of the larger shape: what a witness has to separate above the margin. It covers what the
-# narrow phase lets corners stand out over faces (1e-4); 0 could drop a point that it would keep.
+# Of the size of the larger shape: what a witness has to separate above the margin. It covers what
+# the narrow phase lets corners stand out over faces (1e-4); 0 could drop a point that it would
+# keep.
 CLEARLY = 2e-4
 
 
-@bare
+@kernel
 def boxes_apart(pose: Array, size: Array, bound: Array, a: int, b: int, axis: Array, k: int,
                 margin: float) -> bool:
     """Return whether the witness of pair k, two boxes, still separates them."""
@@ -32,7 +34,7 @@ def boxes_apart(pose: Array, size: Array, bound: Array, a: int, b: int, axis: Ar
     return apart > margin + CLEARLY * max(bound[a], bound[b])
 
 
-@bare
+@kernel
 def separates(pose: Array, shapes: Shapes, a: int, b: int, axis: Array, k: int,
               margin: float) -> bool:
     """Return whether the witness of pair k still separates shapes a and b, of any kind."""
@@ -47,7 +49,7 @@ def separates(pose: Array, shapes: Shapes, a: int, b: int, axis: Array, k: int,
     return -reach_a - reach_b > margin + CLEARLY * max(shapes.bound[a], shapes.bound[b])
 
 
-@bare
+@kernel
 def remember(pose: Array, a: int, axis: Array, k: int, n: Vector) -> None:
     """Keep a direction that separated pair k; 0 for none."""
     d = to_shape(pose, a, n)
@@ -55,8 +57,8 @@ def remember(pose: Array, a: int, axis: Array, k: int, n: Vector) -> None:
     axis[k, 3] = dot(n, n)
 
 
-@bare
+@kernel
 def worth_it(kind: IntArray, a: int, b: int) -> bool:
     """Return whether a witness is faster than the narrow phase: not for planes and spheres."""
-    return not (kind[a] == PLANE or kind[b] == PLANE or kind[a] == SPHERE and kind[b] != HULL
-                or kind[b] == SPHERE and kind[a] != HULL)
+    return not (kind[a] == PLANE or kind[b] == PLANE or (kind[a] == SPHERE and kind[b] != HULL)
+                or (kind[b] == SPHERE and kind[a] != HULL))

@@ -110,7 +110,7 @@ def grid(kinds, spacing, rng, tilt=0.0):
     side = int(np.ceil(len(kinds) ** (1 / 3)))
     poses = []
     for k in range(len(kinds)):
-        place_in = np.array([k % side, k // side % side, k // side ** 2]) + (0.0, 0.0, 0.5)
+        place_in = np.array([k % side, k // side % side, k // side ** 2 + 0.5])
         q = np.append(tilt * rng.normal(size=3), 1.0)
         poses.append((spacing * place_in + 0.02 * spacing * rng.normal(size=3), q))
     return poses

@@ -68,8 +68,8 @@ def test_manifolds_are_in_the_order_of_their_shapes():
 
 
 def test_a_body_of_several_shapes_has_a_manifold_for_each():
-    scene = Scene([PLANE_SHAPE, CUBE, CUBE], [((0, 0, 0), UPRIGHT), ((0, 0, 0.5), UPRIGHT),
-                                             ((0.3, 0, 0.5), UPRIGHT)], fixed=[0])
+    poses = [((0, 0, 0), UPRIGHT), ((0, 0, 0.5), UPRIGHT), ((0.3, 0, 0.5), UPRIGHT)]
+    scene = Scene([PLANE_SHAPE, CUBE, CUBE], poses, fixed=[0])
     # The third shape now belongs to body 1: no pair with its sibling, one with the plane.
     scene.shapes.body[2] = 1
     assert [row['pair'] for row in scene.rows()] == [(0, 1), (0, 2)]

@@ -13,8 +13,8 @@ from scipy.optimize import minimize
 from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, HULL, SPHERE
 
 PAIRS = list(product(CONVEX, CONVEX))
-# Polyhedra, spheres and capsules are exact to rounding. For a cylinder the search ends when it gains less
-# than 1e-10 of the size, 1 m here.
+# Polyhedra, spheres and capsules are exact to rounding. For a cylinder the search ends when it
+# gains less than 1e-10 of the size, 1 m here.
 EXACT, ROUND = 1e-13, 1e-9
 
 
@@ -46,7 +46,7 @@ def rotation(q):
 
 
 def separation_along(scene, n):
-    """Return how far a direction n separates the first two shapes; below 0: the way to part them."""
+    """Return how far n separates the first two shapes; below 0: the way to part them."""
     total = 0.0
     for i, d in ((0, n), (1, -n)):
         s = scene.shapes
@@ -119,7 +119,8 @@ def test_distance_is_the_same_after_a_rigid_motion_of_both(names, seed):
     for i in range(2):
         x, q = scene.state.x[:, i].copy(), scene.state.q[:, i].copy()
         vector = turn[3] * q[:3] + q[3] * turn[:3] + np.cross(turn[:3], q[:3])
-        scene.put(i, rotation(turn) @ x + shift, np.append(vector, turn[3] * q[3] - turn[:3] @ q[:3]))
+        q = np.append(vector, turn[3] * q[3] - turn[:3] @ q[:3])
+        scene.put(i, rotation(turn) @ x + shift, q)
     # The poses themselves are rounded: 1e-16 of a few metres.
     assert scene.distance(0, 1)[0] == pytest.approx(gap, abs=max(tolerance(names), 1e-12))
 
@@ -174,7 +175,8 @@ def test_points_on_a_and_b_differ_by_the_gap_along_the_normal(names, seed):
 LYING = (0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5))  # the axis z turned to x
 # How a shape rests: its height and orientation, and how many points carry it.
 RESTING = {
-    'box': (CONVEX['box'], 0.4, UPRIGHT, 4), 'cylinder upright': (CONVEX['cylinder'], 0.25, UPRIGHT, 4),
+    'box': (CONVEX['box'], 0.4, UPRIGHT, 4),
+    'cylinder upright': (CONVEX['cylinder'], 0.25, UPRIGHT, 4),
     'cylinder lying': (CONVEX['cylinder'], 0.3, LYING, 2),
     'capsule lying': (CONVEX['capsule'], 0.2, LYING, 2),
     'hull': ((HULL, (0.0, 0.0, 0.0), cube_mesh(0.3)), 0.3, UPRIGHT, 4),

@@ -83,7 +83,7 @@ def test_a_shape_that_cannot_be_is_refused(shape, told):
 
 def test_a_hull_off_its_frame_collides_where_its_vertices_are():
     mesh = cube_mesh(0.5)
-    moved = Polyhedron(mesh.vertices + (0.0, 0.0, 2.0), mesh.triangles)
+    moved = Polyhedron(mesh.vertices + np.array([0.0, 0.0, 2.0]), mesh.triangles)
     scene = Scene([(HULL, (0.0, 0.0, 0.0), moved), (SPHERE, (0.25, 0.0, 0.0), None)],
                   [((0, 0, 0), UPRIGHT), ((0, 0, 3), UPRIGHT)])
     assert scene.distance(0, 1)[0] == pytest.approx(3.0 - 2.5 - 0.25, abs=1e-15)

@@ -45,8 +45,8 @@ def test_manifolds_are_the_same_with_and_without_witnesses(seed):
         forgetful.memory.axis[:] = 0.0
         forgetful.detect()
         settled += scene.memory.counters[WITNESSED]
-        for with_witness, without in zip(lasting(scene.memory), lasting(forgetful.memory), strict=True):
-            assert np.array_equal(with_witness, without)
+        fields = zip(lasting(scene.memory), lasting(forgetful.memory), strict=True)
+        assert all(np.array_equal(with_one, without) for with_one, without in fields)
         scene.state.x[:] += 0.01 * rng.normal(size=scene.state.x.shape)
         forgetful.state.x[:] = scene.state.x
     assert settled > 0

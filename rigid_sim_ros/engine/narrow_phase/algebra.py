@@ -3,39 +3,39 @@
 """
 Vectors and shape poses for the narrow phase, as real calls.
 
-The functions of `vector` are pasted into their callers, which lets loops over bodies vectorise. The
-narrow phase branches at every turn and would not vectorise anyway; calls compile four times as fast and
-LLVM inlines them just as well.
+The functions of `vector` are pasted into their callers, which lets loops over bodies vectorise.
+The narrow phase branches at every turn and would not vectorise anyway; calls compile four times as
+fast and LLVM inlines them just as well.
 """
 
 import math
 
 from rigid_sim_ros.engine import vector
-from rigid_sim_ros.engine.arrays import Array, Vector
-from rigid_sim_ros.engine.bare import bare
+from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
+from rigid_sim_ros.engine.kernel import kernel
 
-dot = bare(vector.dot.py_func)  # type: ignore[attr-defined]
-cross = bare(vector.cross.py_func)  # type: ignore[attr-defined]
-add = bare(vector.add.py_func)  # type: ignore[attr-defined]
-subtract = bare(vector.subtract.py_func)  # type: ignore[attr-defined]
-scale = bare(vector.scale.py_func)  # type: ignore[attr-defined]
-add_scaled = bare(vector.add_scaled.py_func)  # type: ignore[attr-defined]
-norm = bare(vector.norm.py_func)  # type: ignore[attr-defined]
+dot = kernel(vector.dot.py_func)  # type: ignore[attr-defined]
+cross = kernel(vector.cross.py_func)  # type: ignore[attr-defined]
+add = kernel(vector.add.py_func)  # type: ignore[attr-defined]
+subtract = kernel(vector.subtract.py_func)  # type: ignore[attr-defined]
+scale = kernel(vector.scale.py_func)  # type: ignore[attr-defined]
+add_scaled = kernel(vector.add_scaled.py_func)  # type: ignore[attr-defined]
+norm = kernel(vector.norm.py_func)  # type: ignore[attr-defined]
 
 
-@bare
+@kernel
 def origin(pose: Array, s: int) -> Vector:
     """Return the origin of shape s [m, world axes]."""
     return (pose[s, 0], pose[s, 1], pose[s, 2])
 
 
-@bare
+@kernel
 def axis(pose: Array, s: int, k: int) -> Vector:
     """Return axis k of the frame of shape s, world axes: column k of its rotation matrix."""
     return (pose[s, 3 + k], pose[s, 6 + k], pose[s, 9 + k])
 
 
-@bare
+@kernel
 def to_world(pose: Array, s: int, v: Vector) -> Vector:
     """Return R v: a direction of frame S in world axes."""
     return (pose[s, 3] * v[0] + pose[s, 4] * v[1] + pose[s, 5] * v[2],
@@ -43,7 +43,7 @@ def to_world(pose: Array, s: int, v: Vector) -> Vector:
             pose[s, 9] * v[0] + pose[s, 10] * v[1] + pose[s, 11] * v[2])
 
 
-@bare
+@kernel
 def to_shape(pose: Array, s: int, v: Vector) -> Vector:
     """Return R^T v: a direction of the world in axes of S."""
     return (pose[s, 3] * v[0] + pose[s, 6] * v[1] + pose[s, 9] * v[2],
@@ -51,25 +51,25 @@ def to_shape(pose: Array, s: int, v: Vector) -> Vector:
             pose[s, 5] * v[0] + pose[s, 8] * v[1] + pose[s, 11] * v[2])
 
 
-@bare
+@kernel
 def point_to_world(pose: Array, s: int, p: Vector) -> Vector:
     """Return the point p of frame S [m] in the world."""
     return add(origin(pose, s), to_world(pose, s, p))
 
 
-@bare
+@kernel
 def point_to_shape(pose: Array, s: int, p: Vector) -> Vector:
     """Return the point p of the world [m] in frame S."""
     return to_shape(pose, s, subtract(p, origin(pose, s)))
 
 
-@bare
+@kernel
 def clamp(value: float, low: float, high: float) -> float:
     """Return the nearest number of [low, high]."""
     return min(max(value, low), high)
 
 
-@bare
+@kernel
 def unit_or(v: Vector, otherwise: Vector) -> Vector:
     """Return v / |v|, or `otherwise` where v is 0."""
     length = norm(v)
@@ -78,19 +78,16 @@ def unit_or(v: Vector, otherwise: Vector) -> Vector:
     return otherwise
 
 
-@bare
+@kernel
 def perpendicular(v: Vector) -> Vector:
     """Return a unit vector at right angles to the unit vector v."""
     # Crossed with the axis that v is farthest from: the result is never short.
-    if abs(v[0]) < 0.6:
-        w = (0.0, v[2], -v[1])
-    else:
-        w = (-v[2], 0.0, v[0])
+    w = (0.0, v[2], -v[1]) if abs(v[0]) < 0.6 else (-v[2], 0.0, v[0])
     return scale(1.0 / math.sqrt(dot(w, w)), w)
 
 
-@bare
-def put(points: Array, ids: Array, k: int, p: Vector, gap: float, feature: int) -> None:
+@kernel
+def put(points: Array, ids: IntArray, k: int, p: Vector, gap: float, feature: int) -> None:
     """Write candidate k of a manifold: the point on A [m, world axes], gap [m], feature."""
     points[k, 0] = p[0]
     points[k, 1] = p[1]

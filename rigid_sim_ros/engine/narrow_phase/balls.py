@@ -3,24 +3,25 @@
 """
 Spheres against everything, and capsules against each other: distances in closed form.
 
-A sphere is a point with a radius, a capsule a segment with a radius. The gap between a sphere and a shape is
-the signed distance of its centre from the shape, less the radius.
+A sphere is a point with a radius, a capsule a segment with a radius. The gap between a sphere and
+a shape is the signed distance of its centre from the shape, less the radius.
 """
 
 import math
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.bare import bare
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.narrow_phase.algebra import (
-    add_scaled, axis, clamp, dot, norm, origin, perpendicular, point_to_shape, point_to_world, put, scale,
+    add_scaled, axis, clamp, dot, norm, origin, perpendicular, point_to_shape, point_to_world,
+    put, scale,
     subtract, to_world)
 from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, PLANE
 
 
-@bare
+@kernel
 def point_from_box(h: Vector, p: Vector) -> tuple[float, Vector, Vector]:
     """
-    Return the signed distance [m] of p from a box, the outward normal and the nearest surface point.
+    Return the signed distance [m] of p from a box, the outward normal and the foot of p.
 
     All in the frame of the box; h are the half extents [m]. Inside, the nearest face counts.
     """
@@ -40,7 +41,7 @@ def point_from_box(h: Vector, p: Vector) -> tuple[float, Vector, Vector]:
     return z, (0.0, 0.0, s), (p[0], p[1], s * h[2])
 
 
-@bare
+@kernel
 def point_from_cylinder(r: float, half: float, p: Vector) -> tuple[float, Vector, Vector]:
     """Return the same for a cylinder of radius r and half length `half` [m] along z."""
     rho = math.sqrt(p[0] * p[0] + p[1] * p[1])
@@ -59,7 +60,7 @@ def point_from_cylinder(r: float, half: float, p: Vector) -> tuple[float, Vector
             (foot * ex, foot * ey, clamp(p[2], -half, half)))
 
 
-@bare
+@kernel
 def point_from_capsule(r: float, half: float, p: Vector) -> tuple[float, Vector, Vector]:
     """Return the same for a capsule of radius r and half length `half` [m] along z."""
     q = (0.0, 0.0, clamp(p[2], -half, half))
@@ -69,7 +70,7 @@ def point_from_capsule(r: float, half: float, p: Vector) -> tuple[float, Vector,
     return length - r, n, add_scaled(q, r, n)
 
 
-@bare
+@kernel
 def point_from_shape(pose: Array, size: Array, kind: int, s: int,
                      p_W: Vector) -> tuple[float, Vector, Vector]:
     """Return the signed distance [m] of a point from shape s, its normal and foot, world axes."""
@@ -88,23 +89,27 @@ def point_from_shape(pose: Array, size: Array, kind: int, s: int,
     return result[0], to_world(pose, s, result[1]), point_to_world(pose, s, result[2])
 
 
-@bare
-def sphere_shape(pose: Array, size: Array, kind: int, ball: int, other: int) -> tuple[float, Vector, Vector]:
-    """Return the gap [m] from sphere `ball` (A) to a shape (B), the normal and the point on the ball."""
+@kernel
+def sphere_shape(pose: Array, size: Array, kind: int, ball: int, other: int) -> tuple[float,
+                                                                                      Vector,
+                                                                                      Vector]:
+    """Return the gap [m] from a sphere (A) to a shape (B), the normal and the point on A."""
     c = origin(pose, ball)
     d, n, _ = point_from_shape(pose, size, kind, other, c)
     r = size[ball, 0]
     return d - r, (-n[0], -n[1], -n[2]), (c[0] - r * n[0], c[1] - r * n[1], c[2] - r * n[2])
 
 
-@bare
-def shape_sphere(pose: Array, size: Array, kind: int, other: int, ball: int) -> tuple[float, Vector, Vector]:
+@kernel
+def shape_sphere(pose: Array, size: Array, kind: int, other: int, ball: int) -> tuple[float,
+                                                                                      Vector,
+                                                                                      Vector]:
     """Return the same with the shape as A and the ball as B; the point is on the shape."""
     d, n, foot = point_from_shape(pose, size, kind, other, origin(pose, ball))
     return d - size[ball, 0], n, foot
 
 
-@bare
+@kernel
 def sphere_sphere(pose: Array, size: Array, a: int, b: int) -> tuple[float, Vector, Vector]:
     """Return the gap [m] between two spheres, the normal and the point on A."""
     p = origin(pose, a)
@@ -115,7 +120,7 @@ def sphere_sphere(pose: Array, size: Array, a: int, b: int) -> tuple[float, Vect
     return length - size[a, 0] - size[b, 0], n, add_scaled(p, size[a, 0], n)
 
 
-@bare
+@kernel
 def touching_spheres(pose: Array, size: Array, a: int, b: int, margin: float, points: Array,
                      ids: IntArray) -> tuple[int, Vector]:
     """Find the manifold of two spheres: return the number of points, 0 or 1, and the normal."""
@@ -126,14 +131,14 @@ def touching_spheres(pose: Array, size: Array, a: int, b: int, margin: float, po
     return 1, n
 
 
-@bare
+@kernel
 def nearest_on_segments(p: Vector, u: Vector, hu: float, q: Vector, v: Vector,
                         hv: float) -> tuple[float, float]:
     """
-    Return x, y so that p + x u and q + y v are nearest, |x| <= hu, |y| <= hv; u and v have unit length.
+    Return x, y so that p + x u and q + y v are nearest, |x| <= hu, |y| <= hv.
 
-    Ericson, Real-Time Collision Detection, 5.1.9. For parallel segments it is the middle of what lies
-    opposite each other.
+    u and v have unit length. Ericson, Real-Time Collision Detection, 5.1.9. For parallel segments
+    it is the middle of what lies opposite each other.
     """
     d = subtract(q, p)
     c, du, dv = dot(u, v), dot(d, u), dot(d, v)
@@ -147,7 +152,7 @@ def nearest_on_segments(p: Vector, u: Vector, hu: float, q: Vector, v: Vector,
     return clamp(du + c * y, -hu, hu), y
 
 
-@bare
+@kernel
 def capsule_capsule(pose: Array, size: Array, a: int, b: int) -> tuple[float, Vector, Vector]:
     """Return the gap [m] between two capsules, the normal and the point on A."""
     p, q, u, v = origin(pose, a), origin(pose, b), axis(pose, a, 2), axis(pose, b, 2)
@@ -159,7 +164,7 @@ def capsule_capsule(pose: Array, size: Array, a: int, b: int) -> tuple[float, Ve
     return length - size[a, 0] - size[b, 0], n, add_scaled(p, size[a, 0], n)
 
 
-@bare
+@kernel
 def crossing_normal(u: Vector, v: Vector) -> Vector:
     """Return a unit vector at right angles to u and v, for two axes that meet."""
     n = (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])

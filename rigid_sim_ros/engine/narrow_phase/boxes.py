@@ -3,26 +3,27 @@
 """
 Two boxes: separating axes, then the faces clipped against each other.
 
-Of two boxes the separation along a direction n is s(n) = t.n - sum a_i |n.A_i| - sum b_j |n.B_j|, t from
-the middle of A to that of B. Boxes are apart when s(n) > 0 for a normal of a face or a cross product of two
-edges; if they overlap the largest of these 15 numbers is minus the depth (Gottschalk, OBBTree,
-SIGGRAPH 1996).
+Of two boxes the separation along a direction n is s(n) = t.n - sum a_i |n.A_i| - sum b_j |n.B_j|,
+t from the middle of A to that of B. Boxes are apart when s(n) > 0 for a normal of a face or a
+cross product of two edges; if they overlap the largest of these 15 numbers is minus the depth
+(Gottschalk, OBBTree, SIGGRAPH 1996).
 """
 
 import math
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.bare import bare
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.narrow_phase.algebra import add, add_scaled, axis, dot, origin, put
 from rigid_sim_ros.engine.narrow_phase.algebra import scale, subtract
 from rigid_sim_ros.engine.narrow_phase.reduce import reduce_to_four
 
-# An axis has to separate better by this fraction of the smallest half extent to be preferred: A's faces
-# come before B's and those before edges. It keeps the features of a resting box the same from step to step;
-# the gap is wrong by as much at most (0.2 mm for a box of 20 cm), and only where both axes are near.
+# An axis has to separate better by this fraction of the smallest half extent to be preferred: A's
+# faces come before B's and those before edges. It keeps the features of a resting box the same
+# from step to step; the gap is wrong by as much at most (0.2 mm for a box of 20 cm), and only
+# where both axes are near.
 PREFERENCE = 2e-3
-# Corners that stand out over the other box's face by less than this fraction of its half extent count
-# as lying on it: boxes of equal size on top of each other meet corner to corner.
+# Corners that stand out over the other box's face by less than this fraction of its half extent
+# count as lying on it: boxes of equal size on top of each other meet corner to corner.
 OVERHANG = 1e-4
 # The square of the sine between two edges below which their cross product has no direction.
 PARALLEL = 1e-8
@@ -30,14 +31,15 @@ _C, _ABS, _T = 0, 9, 18  # places in `numbers`: A_i . B_j, their magnitudes, t i
 UNSETTLED = -1
 
 
-@bare
+@kernel
 def separation(pose: Array, size: Array, a: int, b: int, limit: float,
-               m: Array) -> tuple[float, int, int, float]:
+               m: Array) -> tuple[float, int]:
     """
-    Return s, the axis, the rival face's axis and its s, of two boxes.
+    Return s and the axis that separates two boxes best.
 
-    The axis is i for face i of A, 3 + j for face j of B and 6 + 3 i + j for the edges A_i x B_j. The first axis
-    found with s > limit ends the search. The matrices are left in m for the clipping.
+    The axis is i for face i of A, 3 + j for face j of B and 6 + 3 i + j for the edges A_i x B_j.
+    The first axis found with s > limit ends the search. The matrices are left in m for the
+    clipping.
     """
     t = subtract(origin(pose, b), origin(pose, a))
     for i in range(3):
@@ -50,11 +52,12 @@ def separation(pose: Array, size: Array, a: int, b: int, limit: float,
     face_a, best_a = 0, -math.inf
     for i in range(3):
         s = abs(m[_T + i]) - (size[a, i] + size[b, 0] * m[_ABS + 3 * i]
-                              + size[b, 1] * m[_ABS + 3 * i + 1] + size[b, 2] * m[_ABS + 3 * i + 2])
+                              + size[b, 1] * m[_ABS + 3 * i + 1] + size[b,
+                                                                        2] * m[_ABS + 3 * i + 2])
         if s > best_a:
             face_a, best_a = i, s
     if best_a > limit:
-        return best_a, face_a, face_a, best_a
+        return best_a, face_a
     face_b, best_b = 3, -math.inf
     for j in range(3):
         d = abs(m[_T] * m[_C + j] + m[_T + 1] * m[_C + 3 + j] + m[_T + 2] * m[_C + 6 + j])
@@ -63,7 +66,7 @@ def separation(pose: Array, size: Array, a: int, b: int, limit: float,
         if s > best_b:
             face_b, best_b = 3 + j, s
     if best_b > limit:
-        return best_b, face_b, face_b, best_b
+        return best_b, face_b
     edge, best_edge = _edge_separation(size, a, b, limit, m)
     preference = PREFERENCE * min(min(size[a, 0], size[a, 1], size[a, 2]),
                                   min(size[b, 0], size[b, 1], size[b, 2]))
@@ -71,11 +74,11 @@ def separation(pose: Array, size: Array, a: int, b: int, limit: float,
     if best_b > best_a + preference:
         face, best = face_b, best_b
     if best_edge > max(best_a, best_b) + preference or best_edge > limit:
-        return best_edge, edge, face, best
-    return best, face, face, best
+        return best_edge, edge
+    return best, face
 
 
-@bare
+@kernel
 def _edge_separation(size: Array, a: int, b: int, limit: float, m: Array) -> tuple[int, float]:
     edge, best = UNSETTLED, -math.inf
     for i in range(3):
@@ -100,7 +103,7 @@ def _edge_separation(size: Array, a: int, b: int, limit: float, m: Array) -> tup
     return edge, best
 
 
-@bare
+@kernel
 def direction(pose: Array, a: int, b: int, which: int) -> Vector:
     """Return the unit vector of an axis of `separation`, from A to B."""
     t = subtract(origin(pose, b), origin(pose, a))
@@ -115,16 +118,17 @@ def direction(pose: Array, a: int, b: int, which: int) -> Vector:
     return scale(1.0 if dot(t, n) >= 0.0 else -1.0, n)
 
 
-@bare
+@kernel
 def box_box(pose: Array, size: Array, a: int, b: int, margin: float, points: Array, ids: IntArray,
             polygon: Array, labels: IntArray, m: Array) -> tuple[int, Vector]:
     """
     Find the manifold of two boxes: return the number of points and the normal.
 
-    0 points: the normal is a direction that separates them by more than the margin. UNSETTLED: they are
-    near, but their nearest features are not a face or two crossing edges; the general method finds them.
+    0 points: the normal is a direction that separates them by more than the margin. UNSETTLED:
+    they are near, but their nearest features are not a face or two crossing edges; the general
+    method finds them.
     """
-    s, which, face, face_s = separation(pose, size, a, b, margin, m)
+    s, which = separation(pose, size, a, b, margin, m)
     n = direction(pose, a, b, which)
     if s > margin:
         return 0, n
@@ -133,15 +137,17 @@ def box_box(pose: Array, size: Array, a: int, b: int, margin: float, points: Arr
     if which < 3:
         count = _faces(pose, size, a, b, which, n, margin, False, points, ids, polygon, labels, m)
     else:
-        count = _faces(pose, size, b, a, which - 3, n, margin, True, points, ids, polygon, labels, m)
+        count = _faces(pose, size, b, a, which - 3, n, margin, True, points, ids, polygon, labels,
+                       m)
     if count == 0:
         return UNSETTLED, n
     small = min(min(size[a, 0], size[a, 1], size[a, 2]), min(size[b, 0], size[b, 1], size[b, 2]))
     return reduce_to_four(points, ids, count, n, small), n
 
 
-@bare
-def _edges(pose: Array, size: Array, a: int, b: int, which: int, s: float, n: Vector, points: Array,
+@kernel
+def _edges(pose: Array, size: Array, a: int, b: int, which: int, s: float, n: Vector,
+           points: Array,
            ids: IntArray) -> tuple[int, Vector]:
     """Find the point where two edges cross: the nearest points of the two lines."""
     i, j = (which - 6) // 3, (which - 6) % 3
@@ -167,25 +173,27 @@ def _edges(pose: Array, size: Array, a: int, b: int, which: int, s: float, n: Ve
     return 1, n
 
 
-@bare
-def _faces(pose: Array, size: Array, r: int, o: int, k: int, n: Vector, margin: float, swapped: bool,
+@kernel
+def _faces(pose: Array, size: Array, r: int, o: int, k: int, n: Vector, margin: float,
+           swapped: bool,
            points: Array, ids: IntArray, polygon: Array, labels: IntArray, m: Array) -> int:
     """
     Clip the face of box o that faces axis k of box r against r's face, and keep what is near.
 
-    `swapped` says that r is B: the outward normal of its face is -n, and the matrix in m transposed.
+    `swapped` says that r is B: the outward normal of its face is -n, and the matrix in m
+    transposed.
     """
     outward = -1.0 if swapped else 1.0
     sign = 1.0 if outward * dot(n, axis(pose, r, k)) > 0.0 else -1.0
     u, v = (k + 1) % 3, (k + 2) % 3
     row, column = (1, 3) if swapped else (3, 1)
     # The face of o whose normal is most opposed to r's.
-    l = 0
+    f = 0
     for j in range(1, 3):
-        if m[_ABS + row * k + column * j] > m[_ABS + row * k + column * l] + 1e-6:
-            l = j
-    facing = -size[o, l] if sign * m[_C + row * k + column * l] > 0.0 else size[o, l]
-    l1, l2 = (l + 1) % 3, (l + 2) % 3
+        if m[_ABS + row * k + column * j] > m[_ABS + row * k + column * f] + 1e-6:
+            f = j
+    facing = -size[o, f] if sign * m[_C + row * k + column * f] > 0.0 else size[o, f]
+    l1, l2 = (f + 1) % 3, (f + 2) % 3
     for c in range(3):
         # Component of the middle of the face, and its half edges, along axes u, v, k of r.
         x = u if c == 0 else (v if c == 1 else k)
@@ -193,7 +201,7 @@ def _faces(pose: Array, size: Array, r: int, o: int, k: int, n: Vector, margin: 
             middle = -(m[_T] * m[_C + x] + m[_T + 1] * m[_C + 3 + x] + m[_T + 2] * m[_C + 6 + x])
         else:
             middle = m[_T + x]
-        middle += facing * m[_C + row * x + column * l]
+        middle += facing * m[_C + row * x + column * f]
         e1 = size[o, l1] * m[_C + row * x + column * l1]
         e2 = size[o, l2] * m[_C + row * x + column * l2]
         if c == 2:
@@ -204,7 +212,7 @@ def _faces(pose: Array, size: Array, r: int, o: int, k: int, n: Vector, margin: 
         polygon[0, 3, c] = middle - e1 + e2
     page, corners = _clip(size[r, u], size[r, v], polygon, labels)
     base = ((2 * (3 + k if swapped else k) + (1 if sign > 0.0 else 0)) * 6
-            + 2 * l + (1 if facing > 0.0 else 0)) * 64
+            + 2 * f + (1 if facing > 0.0 else 0)) * 64
     U, V, N = axis(pose, r, u), axis(pose, r, v), axis(pose, r, k)
     face = add_scaled(origin(pose, r), sign * size[r, k], N)
     count = 0
@@ -219,13 +227,14 @@ def _faces(pose: Array, size: Array, r: int, o: int, k: int, n: Vector, margin: 
     return count
 
 
-@bare
+@kernel
 def _clip(hu: float, hv: float, polygon: Array, labels: IntArray) -> tuple[int, int]:
     """
-    Clip the quadrangle of page 0 to |u| <= hu, |v| <= hv; return the page of the result and its corners.
+    Clip the quadrangle of page 0 to |u| <= hu, |v| <= hv; return page and number of corners.
 
-    Sutherland and Hodgman, CACM 17 (1974). A corner carries the labels of the edges before and after it: 0 .. 3
-    for the quadrangle's own, 4 .. 7 for the sides that cut it, so that it keeps its name while it moves.
+    Sutherland and Hodgman, CACM 17 (1974). A corner carries the labels of the edges before and
+    after it: 0 .. 3 for the quadrangle's own, 4 .. 7 for the sides that cut it, so that it keeps
+    its name while it moves.
     """
     page, corners = 0, 4
     for c in range(4):
@@ -254,7 +263,8 @@ def _clip(hu: float, hv: float, polygon: Array, labels: IntArray) -> tuple[int, 
                 part = min(max((limit - here) / (there - here), 0.0), 1.0)
                 for i in range(3):
                     polygon[other, kept, i] = (polygon[page, c, i]
-                                               + part * (polygon[page, e, i] - polygon[page, c, i]))
+                                               + part * (polygon[page, e, i] - polygon[page, c,
+                                                                                       i]))
                 out = here <= reach
                 labels[other, kept, 0] = labels[page, c, 1] if out else 4 + side
                 labels[other, kept, 1] = 4 + side if out else labels[page, c, 1]

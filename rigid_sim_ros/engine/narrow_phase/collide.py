@@ -5,7 +5,7 @@
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, Vector
-from rigid_sim_ros.engine.bare import bare
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.manifolds import Scratch
 from rigid_sim_ros.engine.narrow_phase.algebra import add_scaled, put
 from rigid_sim_ros.engine.narrow_phase.balls import (
@@ -13,13 +13,15 @@ from rigid_sim_ros.engine.narrow_phase.balls import (
 from rigid_sim_ros.engine.narrow_phase.boxes import box_box, UNSETTLED
 from rigid_sim_ros.engine.narrow_phase.convex import convex_convex
 from rigid_sim_ros.engine.narrow_phase.planes import plane_shape
-from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, HULL, PLANE, Shapes, SPHERE
+from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, PLANE, Shapes, SPHERE
 
 # The families of pairs.
-BALLS, BALL_FIRST, BALL_SECOND, CAPSULES, BOXES, PLANE_FIRST, PLANE_SECOND, CONVEX, NEVER = range(9)
+(BALLS, BALL_FIRST, BALL_SECOND, CAPSULES, BOXES, PLANE_FIRST, PLANE_SECOND, CONVEX,
+ NEVER) = range(9)
 
 _FAMILIES = {
-    (SPHERE, SPHERE): BALLS, (CAPSULE, CAPSULE): CAPSULES, (BOX, BOX): BOXES, (PLANE, PLANE): NEVER,
+    (SPHERE, SPHERE): BALLS, (CAPSULE, CAPSULE): CAPSULES, (BOX, BOX): BOXES,
+    (PLANE, PLANE): NEVER,
     **{(SPHERE, other): BALL_FIRST for other in (BOX, CAPSULE, CYLINDER)},
     **{(other, SPHERE): BALL_SECOND for other in (BOX, CAPSULE, CYLINDER)},
     **{(PLANE, other): PLANE_FIRST for other in range(PLANE)},
@@ -28,15 +30,15 @@ _FAMILIES = {
 FAMILY = np.array([[_FAMILIES.get((a, b), CONVEX) for b in range(6)] for a in range(6)])
 
 
-@bare
+@kernel
 def collide(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
             scratch: Scratch) -> tuple[int, Vector]:
     """
     Find the points of shapes a and b that are nearer than the margin [m].
 
-    Returns their number, at most 4, and the unit normal from A to B, world axes. The points are left in
-    `scratch.points` (on A, with the gap) and `scratch.ids`. With 0 points the normal is a direction that
-    separates the shapes by more than the margin, or 0 where none is known.
+    Returns their number, at most 4, and the unit normal from A to B, world axes. The points are
+    left in `scratch.points` (on A, with the gap) and `scratch.ids`. With 0 points the normal is a
+    direction that separates the shapes by more than the margin, or 0 where none is known.
     """
     family = FAMILY[shapes.kind[a], shapes.kind[b]]
     points, ids = scratch.points, scratch.ids
@@ -46,7 +48,7 @@ def collide(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
         if count != UNSETTLED:
             return count, n
         return convex_convex(pose, shapes, a, b, margin, scratch)
-    if family == PLANE_FIRST or family == PLANE_SECOND:
+    if family in (PLANE_FIRST, PLANE_SECOND):
         return _on_plane(pose, shapes, a, b, family == PLANE_SECOND, margin, scratch)
     if family == BALLS:
         return touching_spheres(pose, shapes.size, a, b, margin, points, ids)
@@ -66,12 +68,13 @@ def collide(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
     return 1, n
 
 
-@bare
+@kernel
 def _on_plane(pose: Array, shapes: Shapes, a: int, b: int, second: bool, margin: float,
               scratch: Scratch) -> tuple[int, Vector]:
     plane, s = (b, a) if second else (a, b)
     points = scratch.points
-    count = plane_shape(pose, shapes.size, shapes.kind[s], plane, s, shapes.hulls, shapes.hull[s], margin,
+    count = plane_shape(pose, shapes.size, shapes.kind[s], plane, s, shapes.hulls, shapes.hull[s],
+                        margin,
                         points, scratch.ids)
     n = (pose[plane, 5], pose[plane, 8], pose[plane, 11])
     if not second:

@@ -3,15 +3,15 @@
 """
 Any two convex shapes: the distance of their cores, then their faces clipped against each other.
 
-The search for the distance gives the normal and one pair of nearest points. Shapes that lie flat on each other
-need more points: the face of B that looks at A is clipped to the sides of A's, along the normal, and
-what is nearer than the margin is kept.
+The search for the distance gives the normal and one pair of nearest points. Shapes that lie flat
+on each other need more points: the face of B that looks at A is clipped to the sides of A's, along
+the normal, and what is nearer than the margin is kept.
 """
 
 import math
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.bare import bare
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.manifolds import CANDIDATES, EPA_CORNERS, Scratch
 from rigid_sim_ros.engine.narrow_phase.algebra import (
     add_scaled, cross, dot, norm, origin, perpendicular, put, scale, subtract)
@@ -29,14 +29,15 @@ TILTED = 0.2
 OVERHANG = 1e-4
 # The nearest points are added when the clipped ones miss them by this fraction of the size.
 MISSED = 1e-3
-# Of the size: where the search for a distance is less certain than this, the depth is looked for instead.
+# Of the size: where the search for a distance is less certain than this, the depth is looked for
+# instead.
 UNSURE = 1e-9
 NUDGE = 1e-5  # [rad] to find second derivatives by differences; rounding asks for no smaller one
 ROOM = EPA_CORNERS - 1  # a row of the corners that no simplex uses
 WITNESS = 1 << 40  # the feature of the nearest points
 
 
-@bare
+@kernel
 def distance(pose: Array, shapes: Shapes, a: int, b: int, limit: float,
              scratch: Scratch) -> tuple[float, Vector, Vector]:
     """
@@ -58,7 +59,8 @@ def distance(pose: Array, shapes: Shapes, a: int, b: int, limit: float,
     round_one = kind[a] == CYLINDER or kind[b] == CYLINDER
     if apart and round_one:
         # Hardly apart, round shapes may leave the search in the middle.
-        apart = d - separation(pose, shapes, a, b, n, c) < UNSURE * min(shapes.bound[a], shapes.bound[b])
+        apart = d - separation(pose, shapes, a, b, n, c) < UNSURE * min(shapes.bound[a],
+                                                                        shapes.bound[b])
     if apart:
         for k in range(count):
             p = add_scaled(p, weight[k], (c[k, 3], c[k, 4], c[k, 5]))
@@ -76,7 +78,7 @@ def distance(pose: Array, shapes: Shapes, a: int, b: int, limit: float,
     return d - r, n, add_scaled(p, radius(kind, size, a), n)
 
 
-@bare
+@kernel
 def separation(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, c: Array) -> float:
     """Return s(n) [m]: how far the direction n separates the cores, -max n . (a - b)."""
     hulls = shapes.hulls
@@ -84,7 +86,7 @@ def separation(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, c: Array)
                                hulls.vertices, shapes.hull, a, b, n, c, ROOM))
 
 
-@bare
+@kernel
 def _slope(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, t: Vector, u: Vector, x: float,
            y: float, c: Array) -> tuple[float, float]:
     """Return the gradient of -s(m / |m|) times |m| at m = n + x t + y u, along t and u."""
@@ -97,14 +99,15 @@ def _slope(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, t: Vector, u:
     return dot(t, w) - level * x, dot(u, w) - level * y
 
 
-@bare
+@kernel
 def _polish(pose: Array, shapes: Shapes, a: int, b: int, d: float, n: Vector, p: Vector,
             c: Array) -> tuple[float, Vector, Vector]:
     """
     Improve the direction of largest separation by Newton's method, where a shape is round.
 
-    The searches end with an error of the direction of about 1e-6, which is one of 1e-11 in the distance. A step
-    counts only if the separation grows; at a kink of s(n), on a flat face, none does.
+    The searches end with an error of the direction of about 1e-6, which is one of 1e-11 in the
+    distance. A step counts only if the separation grows; at a kink of s(n), on a flat face, none
+    does.
     """
     best = separation(pose, shapes, a, b, n, c)
     for _ in range(3):
@@ -128,7 +131,7 @@ def _polish(pose: Array, shapes: Shapes, a: int, b: int, d: float, n: Vector, p:
     return best, n, p
 
 
-@bare
+@kernel
 def convex_convex(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
                   scratch: Scratch) -> tuple[int, Vector]:
     """Find the manifold: return the number of points, at most 4, and the normal from A to B."""
@@ -136,17 +139,19 @@ def convex_convex(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
     if gap >= margin:
         return 0, n
     points, ids, faces = scratch.points, scratch.ids, scratch.outline
-    corners_a, name_a = outline(pose, shapes.size, shapes.kind[a], a, shapes.hulls, shapes.hull[a], n,
-                                faces[0])
-    corners_b, name_b = outline(pose, shapes.size, shapes.kind[b], b, shapes.hulls, shapes.hull[b],
-                                (-n[0], -n[1], -n[2]), faces[1])
+    kind, size, hulls, hull = shapes.kind, shapes.size, shapes.hulls, shapes.hull
+    corners_a, name_a = outline(pose, size, kind[a], a, hulls, hull[a], n, faces[0])
+    corners_b, name_b = outline(pose, size, kind[b], b, hulls, hull[b], (-n[0], -n[1], -n[2]),
+                                faces[1])
     small = min(shapes.bound[a], shapes.bound[b])
     count = 0
     if corners_a >= 3 and corners_b >= 2:
-        count = _clip_faces(faces[0], corners_a, faces[1], corners_b, n, margin, small, False, points,
+        count = _clip_faces(faces[0], corners_a, faces[1], corners_b, n, margin, small, False,
+                            points,
                             ids, scratch.polygon, scratch.labels)
     elif corners_b >= 3 and corners_a == 2:
-        count = _clip_faces(faces[1], corners_b, faces[0], corners_a, n, margin, small, True, points,
+        count = _clip_faces(faces[1], corners_b, faces[0], corners_a, n, margin, small, True,
+                            points,
                             ids, scratch.polygon, scratch.labels)
     elif corners_a == 2 and corners_b == 2:
         count = _side_by_side(faces[0], faces[1], n, margin, points, ids)
@@ -161,9 +166,9 @@ def convex_convex(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
     return reduce_to_four(points, ids, count, n, small), n
 
 
-@bare
+@kernel
 def _face_normal(face: Array, corners: int) -> Vector:
-    """Return the area vector of a polygon (Newell): robust where three corners nearly lie on a line."""
+    """Return the unit normal of a polygon (Newell): corners may nearly lie on a line."""
     n = (0.0, 0.0, 0.0)
     p = (face[0, 0], face[0, 1], face[0, 2])
     for k in range(1, corners - 1):
@@ -173,15 +178,16 @@ def _face_normal(face: Array, corners: int) -> Vector:
     return scale(1.0 / norm(n), n)
 
 
-@bare
-def _clip_faces(reference: Array, sides: int, incident: Array, corners: int, n: Vector, margin: float,
+@kernel
+def _clip_faces(reference: Array, sides: int, incident: Array, corners: int, n: Vector,
+                margin: float,
                 small: float, swapped: bool, points: Array, ids: IntArray, polygon: Array,
                 labels: IntArray) -> int:
     """
     Clip the incident face, or line, to the sides of the reference face, seen along the normal.
 
-    `swapped` says that the reference face is B's. Labels as for boxes: the edges before and after a corner,
-    the incident face's own from 0, the sides of the reference face from 32.
+    `swapped` says that the reference face is B's. Labels as for boxes: the edges before and after
+    a corner, the incident face's own from 0, the sides of the reference face from 32.
     """
     m = _face_normal(reference, sides)
     slope = dot(m, n)
@@ -220,7 +226,7 @@ def _clip_faces(reference: Array, sides: int, incident: Array, corners: int, n: 
     return count
 
 
-@bare
+@kernel
 def _cut(polygon: Array, labels: IntArray, page: int, corners: int, start: Vector, outward: Vector,
          overhang: float, label: int) -> tuple[int, int]:
     """Cut off what lies beyond a side; return the page of the result and its corners."""
@@ -248,14 +254,14 @@ def _cut(polygon: Array, labels: IntArray, page: int, corners: int, start: Vecto
     return other, kept
 
 
-@bare
+@kernel
 def _height(polygon: Array, page: int, k: int, start: Vector, outward: Vector) -> float:
     return ((polygon[page, k, 0] - start[0]) * outward[0]
             + (polygon[page, k, 1] - start[1]) * outward[1]
             + (polygon[page, k, 2] - start[2]) * outward[2])
 
 
-@bare
+@kernel
 def _side_by_side(line_a: Array, line_b: Array, n: Vector, margin: float, points: Array,
                   ids: IntArray) -> int:
     """Find the two ends of what two nearly parallel lines have side by side; 0 if they cross."""

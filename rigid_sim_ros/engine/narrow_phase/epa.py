@@ -3,31 +3,33 @@
 """
 Depth of two convex cores that overlap.
 
-The set of all differences a - b then holds the origin, and the depth is its distance from the surface. A
-polyhedron inside of the set grows where its surface is nearest to the origin, until that face is one
-of the set's own (van den Bergen, Proximity Queries and Penetration Depth Computation, GDC 2001). For
-polyhedra the result is exact; a round surface is approached to `ROUND_GAIN`.
+The set of all differences a - b then holds the origin, and the depth is its distance from the
+surface. A polyhedron inside of the set grows where its surface is nearest to the origin, until
+that face is one of the set's own (van den Bergen, Proximity Queries and Penetration Depth
+Computation, GDC 2001). For polyhedra the result is exact; a round surface is approached to
+`ROUND_GAIN`.
 """
 
 import math
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.bare import bare
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.manifolds import EPA_CORNERS, EPA_FACES
 from rigid_sim_ros.engine.narrow_phase.algebra import (
     cross, dot, norm, perpendicular, scale, subtract)
 from rigid_sim_ros.engine.narrow_phase.gjk import corner, find_corner
 from rigid_sim_ros.engine.shapes import CYLINDER
 
-# Of the size of the shapes: what a further corner has to gain, between polyhedra and with a cylinder. On a
-# round surface the faces get smaller without end; below 1e-12 their normals are noise.
+# Of the size of the shapes: what a further corner has to gain, between polyhedra and with a
+# cylinder. On a round surface the faces get smaller without end; below 1e-12 their normals are
+# noise.
 FLAT_GAIN = 1e-13
 ROUND_GAIN = 1e-10
 ALIVE, SEEN = 1, 2  # states of a face; 0: removed
 FLAT = 1e-9  # of the size: below it corners do not span a solid
 
 
-@bare
+@kernel
 def _start(pose: Array, kind: IntArray, size: Array, first: IntArray, count: IntArray,
            vertices: Array, hull: IntArray, a: int, b: int, c: Array, n: int) -> bool:
     """Add corners to a simplex until it is a tetrahedron; return whether there is one."""
@@ -62,7 +64,7 @@ def _start(pose: Array, kind: IntArray, size: Array, first: IntArray, count: Int
     return n == 4
 
 
-@bare
+@kernel
 def _spans(c: Array, n: int, size: float) -> bool:
     """Return whether corner n lies outside of the point, line or plane of those before."""
     p, w = corner(c, 0), corner(c, n)
@@ -76,7 +78,7 @@ def _spans(c: Array, n: int, size: float) -> bool:
     return abs(dot(f, d)) > FLAT * size * norm(f)
 
 
-@bare
+@kernel
 def _face(c: Array, faces: Array, links: IntArray, f: int, i: int, j: int, k: int) -> None:
     """Write face f through three corners, seen anticlockwise from outside."""
     p, q, r = corner(c, i), corner(c, j), corner(c, k)
@@ -86,7 +88,8 @@ def _face(c: Array, faces: Array, links: IntArray, f: int, i: int, j: int, k: in
     links[f, 0], links[f, 1], links[f, 2], links[f, 3] = i, j, k, ALIVE
     longest = max(dot(pq, pq), dot(pr, pr), dot(qr, qr))
     if length <= 1e-14 * longest:
-        # Without a direction: it closes the surface, and is neither nearest nor seen from anywhere.
+        # Without a direction: it closes the surface, and is neither nearest nor seen from
+        # anywhere.
         faces[f, 0], faces[f, 1], faces[f, 2], faces[f, 3] = 0.0, 0.0, 0.0, math.inf
         return
     n = scale(1.0 / length, n)
@@ -94,14 +97,14 @@ def _face(c: Array, faces: Array, links: IntArray, f: int, i: int, j: int, k: in
     faces[f, 3] = max(dot(n, p), dot(n, q), dot(n, r))
 
 
-@bare
+@kernel
 def _horizon(c: Array, faces: Array, links: IntArray, edges: IntArray, used: int, new: int,
              size: float) -> int:
     """
-    Remove the faces that corner `new` sees, and list the edges around the hole; 0 if there is none.
+    Remove the faces that corner `new` sees; return how many edges the hole has, 0 for none.
 
-    Faces in one plane with the corner, to rounding, make a hole that does not hang together. Then only faces
-    that it sees more clearly are removed.
+    Faces in one plane with the corner, to rounding, make a hole that does not hang together. Then
+    only faces that it sees more clearly are removed.
     """
     w, clearly = corner(c, new), 1e-14 * size
     for _ in range(4):
@@ -122,7 +125,7 @@ def _horizon(c: Array, faces: Array, links: IntArray, edges: IntArray, used: int
     return 0
 
 
-@bare
+@kernel
 def _add_edge(edges: IntArray, count: int, i: int, j: int) -> int:
     """Add an edge of a removed face, or strike out its reverse, between two removed faces."""
     for e in range(count):
@@ -135,7 +138,7 @@ def _add_edge(edges: IntArray, count: int, i: int, j: int) -> int:
     return count
 
 
-@bare
+@kernel
 def _is_loop(edges: IntArray, count: int) -> bool:
     """Return whether the edges make one closed way around."""
     if count < 3:
@@ -154,15 +157,15 @@ def _is_loop(edges: IntArray, count: int) -> bool:
     return at == edges[0, 0] and steps == count
 
 
-@bare
+@kernel
 def epa(pose: Array, kind: IntArray, size: Array, first: IntArray, count: IntArray,
         vertices: Array, hull: IntArray, a: int, b: int, simplex: int, c: Array, faces: Array,
         links: IntArray, edges: IntArray) -> tuple[float, Vector, Vector]:
     """
     Return the depth [m], the normal from A to B and the nearest point on the core of A.
 
-    `simplex` corners in c come from the search for a distance that ended in overlap. A depth of -inf says
-    that the difference of the cores has no volume.
+    `simplex` corners in c come from the search for a distance that ended in overlap. A depth of
+    -inf says that the difference of the cores has no volume.
     """
     if not _start(pose, kind, size, first, count, vertices, hull, a, b, c, simplex):
         return -math.inf, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
@@ -201,7 +204,7 @@ def epa(pose: Array, kind: IntArray, size: Array, first: IntArray, count: IntArr
     return faces[nearest, 3], n, _point_on_a(c, links, nearest)
 
 
-@bare
+@kernel
 def _patch(c: Array, faces: Array, links: IntArray, edges: IntArray, around: int, used: int,
            new: int) -> tuple[int, bool]:
     """Close the hole with faces to the new corner, in the places of removed ones."""
@@ -218,7 +221,7 @@ def _patch(c: Array, faces: Array, links: IntArray, edges: IntArray, around: int
     return used, True
 
 
-@bare
+@kernel
 def _point_on_a(c: Array, links: IntArray, f: int) -> Vector:
     """Return the point of A that belongs to the foot of the origin on a face."""
     i, j, k = links[f, 0], links[f, 1], links[f, 2]

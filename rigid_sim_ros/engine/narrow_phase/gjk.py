@@ -3,33 +3,34 @@
 """
 Distance of two convex cores that are apart.
 
-The distance of A and B is that of the origin from the set of all differences a - b. A simplex of up to four
-of its points is moved towards the origin (Gilbert, Johnson, Keerthi, IEEE J. Robotics and Automation
-4, 1988; van den Bergen, Collision Detection in Interactive 3D Environments, 2003). Row k of the
-simplex holds a - b, a and b.
+The distance of A and B is that of the origin from the set of all differences a - b. A simplex of
+up to four of its points is moved towards the origin (Gilbert, Johnson, Keerthi, IEEE J. Robotics
+and Automation 4, 1988; van den Bergen, Collision Detection in Interactive 3D Environments, 2003).
+Row k of the simplex holds a - b, a and b.
 """
 
 import math
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.bare import bare
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.narrow_phase.algebra import (
     add_scaled, cross, dot, origin, scale, subtract)
 from rigid_sim_ros.engine.narrow_phase.support import extreme
 
 # Rounds before the search gives up; polyhedra need 5 to 15, round shapes up to 40.
 ROUNDS = 80
-# v . (v - w) bounds how much nearer the origin could still come: below this part of v . v it is done.
+# v . (v - w) bounds how much nearer the origin could still come: below this part of v . v it is
+# done.
 NEAR = 1e-15
 
 
-@bare
+@kernel
 def corner(c: Array, k: int) -> Vector:
     """Return the difference a - b of row k."""
     return (c[k, 0], c[k, 1], c[k, 2])
 
 
-@bare
+@kernel
 def find_corner(pose: Array, kind: IntArray, size: Array, first: IntArray, count: IntArray,
                 vertices: Array, hull: IntArray, a: int, b: int, d: Vector, c: Array,
                 k: int) -> Vector:
@@ -43,13 +44,13 @@ def find_corner(pose: Array, kind: IntArray, size: Array, first: IntArray, count
     return subtract(p, q)
 
 
-@bare
+@kernel
 def _copy(c: Array, source: int, target: int) -> None:
     for i in range(9):
         c[target, i] = c[source, i]
 
 
-@bare
+@kernel
 def nearest_on_triangle(p: Vector, q: Vector, r: Vector) -> tuple[float, float, float]:
     """Return the weights of p, q, r in the point of a triangle nearest to the origin."""
     # Ericson, Real-Time Collision Detection, 5.1.5, for the point at the origin.
@@ -79,7 +80,7 @@ def nearest_on_triangle(p: Vector, q: Vector, r: Vector) -> tuple[float, float, 
     return va / total, vb / total, vc / total
 
 
-@bare
+@kernel
 def _nearest(c: Array, count: int, weight: Array) -> bool:
     """Write the weights of the point of a simplex nearest to the origin; False if it is inside."""
     for k in range(4):
@@ -114,7 +115,7 @@ def _nearest(c: Array, count: int, weight: Array) -> bool:
     return found
 
 
-@bare
+@kernel
 def _drop_unused(c: Array, count: int, weight: Array) -> int:
     kept = 0
     for k in range(count):
@@ -126,7 +127,7 @@ def _drop_unused(c: Array, count: int, weight: Array) -> int:
     return kept
 
 
-@bare
+@kernel
 def _weighted(c: Array, count: int, weight: Array, offset: int) -> Vector:
     x = (0.0, 0.0, 0.0)
     for k in range(count):
@@ -134,15 +135,15 @@ def _weighted(c: Array, count: int, weight: Array, offset: int) -> Vector:
     return x
 
 
-@bare
+@kernel
 def gjk(pose: Array, kind: IntArray, size: Array, first: IntArray, count: IntArray,
         vertices: Array, hull: IntArray, a: int, b: int, limit: float, c: Array,
         weight: Array) -> tuple[int, Vector]:
     """
     Return the corners of the nearest simplex and the vector from B to A; 4 corners mean overlap.
 
-    The search ends early when the distance is certain to exceed `limit` [m]; the vector then gives a
-    separating direction only. Rows and weights of the simplex are left in c and weight.
+    The search ends early when the distance is certain to exceed `limit` [m]; the vector then gives
+    a separating direction only. Rows and weights of the simplex are left in c and weight.
     """
     v = subtract(origin(pose, a), origin(pose, b))
     if dot(v, v) == 0.0:
@@ -178,7 +179,7 @@ def gjk(pose: Array, kind: IntArray, size: Array, first: IntArray, count: IntArr
     return n, _exact(c, n, v)
 
 
-@bare
+@kernel
 def _exact(c: Array, count: int, v: Vector) -> Vector:
     """Return v once more from the corners: its direction without the error of the weights."""
     if count == 3:

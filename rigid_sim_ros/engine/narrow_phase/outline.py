@@ -3,28 +3,29 @@
 """
 The face of a shape that meets another shape, as a polygon.
 
-Two corners are the line along which a cylinder or a capsule lies, none means that the witness point
-alone will do.
+Two corners are the line along which a cylinder or a capsule lies, none means that the witness
+point alone will do.
 """
 
 import math
 
 from rigid_sim_ros.engine.arrays import Array, Vector
-from rigid_sim_ros.engine.bare import bare
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.hulls import HullTable
 from rigid_sim_ros.engine.narrow_phase.algebra import point_to_world, to_shape
 from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, HULL
 
 RIM = 8  # corners that stand for the rim of a cylinder
-# A cap within this angle [rad] of the contact plane touches with corners fixed in its rim; beyond it
-# one corner is turned to the lowest point of the rim, so that a cylinder rolls on its rim smoothly.
+# A cap within this angle [rad] of the contact plane touches with corners fixed in its rim; beyond
+# it one corner is turned to the lowest point of the rim, so that a cylinder rolls on its rim
+# smoothly.
 UPRIGHT = 1e-2
 
 
-@bare
+@kernel
 def outline(pose: Array, size: Array, kind: int, s: int, hulls: HullTable, hull: int, n_W: Vector,
             corners: Array) -> tuple[int, int]:
-    """Write the corners (k, 3) of the face of s that looks in the direction n; return k and its name."""
+    """Write the k corners of the face of s that looks along n; return k and its name."""
     n = to_shape(pose, s, n_W)
     if kind == BOX:
         return _box_face(pose, size, s, n, corners)
@@ -40,13 +41,13 @@ def outline(pose: Array, size: Array, kind: int, s: int, hulls: HullTable, hull:
     return 0, 0
 
 
-@bare
+@kernel
 def _write(pose: Array, s: int, p: Vector, corners: Array, k: int) -> None:
     q = point_to_world(pose, s, p)
     corners[k, 0], corners[k, 1], corners[k, 2] = q
 
 
-@bare
+@kernel
 def _box_face(pose: Array, size: Array, s: int, n: Vector, corners: Array) -> tuple[int, int]:
     x, y, z = size[s, 0], size[s, 1], size[s, 2]
     ax, ay, az = abs(n[0]), abs(n[1]), abs(n[2])
@@ -67,7 +68,7 @@ def _box_face(pose: Array, size: Array, s: int, n: Vector, corners: Array) -> tu
     return 4, name + (1 if e > 0.0 else 0)
 
 
-@bare
+@kernel
 def _cylinder_face(pose: Array, size: Array, s: int, n: Vector,
                    corners: Array) -> tuple[int, int]:
     r, half = size[s, 0], size[s, 1]
@@ -86,7 +87,7 @@ def _cylinder_face(pose: Array, size: Array, s: int, n: Vector,
     return RIM, (2 if across > UPRIGHT else 4) + (1 if e > 0.0 else 0)
 
 
-@bare
+@kernel
 def _hull_face(pose: Array, s: int, hulls: HullTable, hull: int, n: Vector,
                corners: Array) -> tuple[int, int]:
     best, most = 0, -math.inf
@@ -99,5 +100,6 @@ def _hull_face(pose: Array, s: int, hulls: HullTable, hull: int, n: Vector,
             best, most = f, along
     for k in range(hulls.corner_count[best]):
         v = hulls.corners[hulls.first_corner[best] + k]
-        _write(pose, s, (hulls.vertices[v, 0], hulls.vertices[v, 1], hulls.vertices[v, 2]), corners, k)
+        _write(pose, s, (hulls.vertices[v, 0], hulls.vertices[v, 1], hulls.vertices[v, 2]),
+               corners, k)
     return hulls.corner_count[best], best - start

@@ -10,21 +10,22 @@ import math
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.hulls import HullTable
-from rigid_sim_ros.engine.bare import bare
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.manifolds import CANDIDATES
 from rigid_sim_ros.engine.narrow_phase.algebra import (
     add_scaled, axis, dot, origin, point_to_world, put, scale, subtract)
 from rigid_sim_ros.engine.narrow_phase.reduce import reduce_to_four
 from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, SPHERE
 
-# A cylinder that stands within this angle [rad] of upright touches with four points fixed in its rim,
-# beyond it with the rim point that is lowest: 0 would let the points of a cylinder at rest wander around,
-# 0.1 would lift a tilted rim by 0.3 % of its radius.
+# A cylinder that stands within this angle [rad] of upright touches with four points fixed in its
+# rim, beyond it with the rim point that is lowest: 0 would let the points of a cylinder at rest
+# wander around, 0.1 would lift a tilted rim by 0.3 % of its radius.
 UPRIGHT = 1e-2
 
 
-@bare
-def plane_shape(pose: Array, size: Array, kind: int, plane: int, s: int, hulls: HullTable, hull: int,
+@kernel
+def plane_shape(pose: Array, size: Array, kind: int, plane: int, s: int, hulls: HullTable,
+                hull: int,
                 margin: float, points: Array, ids: IntArray) -> int:
     """Find the points of shape s within the margin of a plane; return their number."""
     n, p = axis(pose, plane, 2), origin(pose, plane)
@@ -36,7 +37,8 @@ def plane_shape(pose: Array, size: Array, kind: int, plane: int, s: int, hulls: 
     elif kind == CAPSULE:
         count, small = 0, size[s, 0]
         for end in range(2):
-            middle = add_scaled(origin(pose, s), size[s, 1] if end == 1 else -size[s, 1], axis(pose, s, 2))
+            middle = add_scaled(origin(pose, s), size[s, 1] if end == 1 else -size[s, 1],
+                                axis(pose, s, 2))
             count = _add(points, ids, count, n, p, add_scaled(middle, -size[s, 0], n), end, margin)
     elif kind == CYLINDER:
         count = _cylinder(pose, size, s, n, p, margin, points, ids)
@@ -47,7 +49,7 @@ def plane_shape(pose: Array, size: Array, kind: int, plane: int, s: int, hulls: 
     return reduce_to_four(points, ids, count, n, small)
 
 
-@bare
+@kernel
 def _add(points: Array, ids: IntArray, count: int, n: Vector, p: Vector, q: Vector, feature: int,
          margin: float) -> int:
     """Add the point q of a shape if it is near the plane; return the new number of points."""
@@ -58,7 +60,7 @@ def _add(points: Array, ids: IntArray, count: int, n: Vector, p: Vector, q: Vect
     return count + 1
 
 
-@bare
+@kernel
 def _box(pose: Array, size: Array, s: int, n: Vector, p: Vector, margin: float, points: Array,
          ids: IntArray) -> int:
     X, Y, Z = scale(size[s, 0], axis(pose, s, 0)), scale(size[s, 1], axis(pose, s, 1)), scale(
@@ -82,7 +84,7 @@ def _box(pose: Array, size: Array, s: int, n: Vector, p: Vector, margin: float, 
     return count
 
 
-@bare
+@kernel
 def _cylinder(pose: Array, size: Array, s: int, n: Vector, p: Vector, margin: float, points: Array,
               ids: IntArray) -> int:
     """Take four points around the rim that is lower and the lowest point of the other rim."""
@@ -109,13 +111,14 @@ def _cylinder(pose: Array, size: Array, s: int, n: Vector, p: Vector, margin: fl
     return count
 
 
-@bare
+@kernel
 def _hull(pose: Array, s: int, hulls: HullTable, hull: int, n: Vector, p: Vector, margin: float,
           points: Array, ids: IntArray) -> int:
     count, first = 0, hulls.first[hull]
     for v in range(hulls.count[hull]):
         if count < CANDIDATES:
-            q = point_to_world(pose, s, (hulls.vertices[first + v, 0], hulls.vertices[first + v, 1],
-                                         hulls.vertices[first + v, 2]))
+            k = first + v
+            q = point_to_world(pose, s, (hulls.vertices[k, 0], hulls.vertices[k, 1],
+                                         hulls.vertices[k, 2]))
             count = _add(points, ids, count, n, p, q, v, margin)
     return count

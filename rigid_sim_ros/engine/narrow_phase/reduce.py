@@ -3,21 +3,22 @@
 """Choose the four points of a manifold that carry it best."""
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.bare import bare
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.narrow_phase.algebra import cross, dot
 
-# A point has to be deeper, or farther out, by this fraction to be preferred to an earlier one: rounding
-# must not change the choice from step to step. 0 makes it flicker; 0.1 would leave out real corners.
+# A point has to be deeper, or farther out, by this fraction to be preferred to an earlier one:
+# rounding must not change the choice from step to step. 0 makes it flicker; 0.1 would leave out
+# real corners.
 PREFERENCE = 1e-3
 
 
-@bare
+@kernel
 def reduce_to_four(points: Array, ids: IntArray, count: int, normal: Vector, size: float) -> int:
     """
     Keep at most four of `count` candidates, in their order, and return how many.
 
-    The deepest point, the one farthest from it, the one that spans the largest triangle with these, and
-    the one that adds most to that triangle. `size` [m] is that of the smaller shape.
+    The deepest point, the one farthest from it, the one that spans the largest triangle with
+    these, and the one that adds most to that triangle. `size` [m] is that of the smaller shape.
     """
     if count <= 4:
         return count
@@ -52,23 +53,23 @@ def reduce_to_four(points: Array, ids: IntArray, count: int, normal: Vector, siz
     return _keep(points, ids, first, second, third, fourth)
 
 
-@bare
+@kernel
 def _between(points: Array, i: int, j: int) -> Vector:
     return (points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2])
 
 
-@bare
+@kernel
 def _area(points: Array, i: int, j: int, k: int, normal: Vector) -> float:
-    """Return twice the area of a triangle, positive when it runs anticlockwise about the normal."""
+    """Return twice the area of a triangle, positive if it runs anticlockwise about the normal."""
     return dot(cross(_between(points, i, j), _between(points, i, k)), normal)
 
 
-@bare
+@kernel
 def _keep(points: Array, ids: IntArray, a: int, b: int, c: int, d: int) -> int:
     """Move the chosen candidates to the front without changing their order."""
     kept = 0
     for k in range(max(max(a, b), max(c, d)) + 1):
-        if k == a or k == b or k == c or k == d:
+        if k in (a, b, c, d):
             for i in range(4):
                 points[kept, i] = points[k, i]
             ids[kept] = ids[k]

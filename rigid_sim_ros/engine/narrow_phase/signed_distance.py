@@ -5,9 +5,10 @@
 import math
 
 from rigid_sim_ros.engine.arrays import Array, Vector
-from rigid_sim_ros.engine.bare import bare
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.manifolds import Scratch
-from rigid_sim_ros.engine.narrow_phase.algebra import add_scaled, axis, dot, origin, scale, subtract
+from rigid_sim_ros.engine.narrow_phase.algebra import (
+    add_scaled, axis, dot, origin, scale, subtract)
 from rigid_sim_ros.engine.narrow_phase.balls import (
     capsule_capsule, shape_sphere, sphere_shape, sphere_sphere)
 from rigid_sim_ros.engine.narrow_phase.collide import (
@@ -17,17 +18,18 @@ from rigid_sim_ros.engine.narrow_phase.support import extreme, radius
 from rigid_sim_ros.engine.shapes import Shapes
 
 
-@bare
+@kernel
 def signed_distance(pose: Array, shapes: Shapes, a: int, b: int,
                     scratch: Scratch) -> tuple[float, Vector, Vector, Vector]:
     """
     Return the gap [m], the unit normal from A to B and the nearest points on A and on B.
 
-    The distance where the shapes are apart; where they overlap minus the length of the shortest way
-    to part them. All in world axes; `pose` as `placing.place` writes it. Two planes never meet: infinite.
+    The distance where the shapes are apart; where they overlap minus the length of the shortest
+    way to part them. All in world axes; `pose` as `placing.place` writes it. Two planes never
+    meet: infinite.
     """
     family = FAMILY[shapes.kind[a], shapes.kind[b]]
-    if family == PLANE_FIRST or family == PLANE_SECOND:
+    if family in (PLANE_FIRST, PLANE_SECOND):
         gap, n, p = _plane(pose, shapes, a, b, family == PLANE_SECOND)
     elif family == BALLS:
         gap, n, p = sphere_sphere(pose, shapes.size, a, b)
@@ -44,13 +46,14 @@ def signed_distance(pose: Array, shapes: Shapes, a: int, b: int,
     return gap, n, p, add_scaled(p, gap, n)
 
 
-@bare
+@kernel
 def _plane(pose: Array, shapes: Shapes, a: int, b: int,
            second: bool) -> tuple[float, Vector, Vector]:
     plane, s = (b, a) if second else (a, b)
     n, hulls = axis(pose, plane, 2), shapes.hulls
     down = scale(-1.0, n)
-    q = extreme(pose, shapes.kind, shapes.size, hulls.first, hulls.count, hulls.vertices, shapes.hull,
+    q = extreme(pose, shapes.kind, shapes.size, hulls.first, hulls.count, hulls.vertices,
+                shapes.hull,
                 s, down)
     q = add_scaled(q, radius(shapes.kind, shapes.size, s), down)
     gap = dot(subtract(q, origin(pose, plane)), n)

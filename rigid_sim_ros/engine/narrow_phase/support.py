@@ -3,25 +3,26 @@
 """
 The farthest point of a shape in a direction: all that the general method asks of a shape.
 
-A sphere and a capsule are seen as their core, a point and a segment; `radius` is what lies around it.
+A sphere and a capsule are seen as their core, a point and a segment; `radius` is what lies around
+it.
 """
 
 import math
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.bare import bare
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.narrow_phase.algebra import (
     add, axis, dot, origin, to_shape, to_world)
 from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, SPHERE
 
 
-@bare
+@kernel
 def radius(kind: IntArray, size: Array, s: int) -> float:
     """Return the radius [m] around the core of shape s."""
     return size[s, 0] if kind[s] == SPHERE or kind[s] == CAPSULE else 0.0
 
 
-@bare
+@kernel
 def extreme(pose: Array, kind: IntArray, size: Array, first: IntArray, count: IntArray,
             vertices: Array, hull: IntArray, s: int, d_W: Vector) -> Vector:
     """Return the point of the core of shape s farthest in the direction d, in the world."""
@@ -49,7 +50,7 @@ def extreme(pose: Array, kind: IntArray, size: Array, first: IntArray, count: In
     return add(origin(pose, s), to_world(pose, s, p))
 
 
-@bare
+@kernel
 def reach(pose: Array, kind: IntArray, size: Array, first: IntArray, count: IntArray,
           vertices: Array, hull: IntArray, s: int, n: Vector) -> float:
     """Return max n . x [m] over the shape, with its radius, for a unit vector n."""
@@ -57,7 +58,7 @@ def reach(pose: Array, kind: IntArray, size: Array, first: IntArray, count: IntA
     return dot(n, p) + radius(kind, size, s)
 
 
-@bare
+@kernel
 def box_reach(pose: Array, size: Array, s: int, n: Vector) -> float:
     """Return the same for a box, from its middle: sum h_k |n . axis k|."""
     return (abs(dot(axis(pose, s, 0), n)) * size[s, 0] + abs(dot(axis(pose, s, 1), n)) * size[s, 1]
