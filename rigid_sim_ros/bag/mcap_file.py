@@ -54,7 +54,11 @@ class McapFile:
         self._schemas = {name: k + 1 for k, name in enumerate(
             dict.fromkeys(topic.type for topic in topics))}
         self._chunks: list[ChunkIndex] = []
-        self._begin_chunk()
+        self._parts: list[bytes] = []           # of the chunk that is growing
+        self._index: dict[int, list[int]] = {}  # channel: time and place of each message
+        self._position = 0
+        self._first: int | None = None
+        self._last = 0
         self._file = path.open('xb', buffering=0)
         try:
             self._put(MAGIC + _bytes([Header('ros2', f'rigid_sim_ros {__version__}'),
@@ -152,11 +156,8 @@ class McapFile:
         return FileFacts(self.path.name, self.first_ns, self.last_ns, tuple(self.counts))
 
     def _begin_chunk(self) -> None:
-        self._parts: list[bytes] = []
-        self._index: dict[int, list[int]] = {}
-        self._position = 0
-        self._first: int | None = None
-        self._last = 0
+        self._parts, self._index, self._position = [], {}, 0
+        self._first, self._last = None, 0
 
     def _end_chunk(self) -> None:
         raw = b''.join(self._parts)

@@ -48,7 +48,8 @@ class Outputs:
 
     def encode(self, kind: str) -> Iterator[tuple[str, bytes]]:
         """Give name and message of each topic of a kind, as the world is now."""
-        return zip(self._names[kind], self._encode[kind]() if self._names[kind] else [])
+        names = self._names[kind]
+        return zip(names, self._encode[kind]() if names else [], strict=True)
 
     def _clock(self) -> list[bytes]:
         return [encode_clock(self._world.time_ns)] * len(self._names[kinds.CLOCK])

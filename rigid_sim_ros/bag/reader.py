@@ -81,11 +81,11 @@ class BagReader:
 
         BagError where the bag cannot be read any further.
         """
-        for file in self.files:
-            try:
+        try:
+            for file in self.files:
                 yield from self._messages_of(file)
-            except OSError as error:
-                raise BagError(f'{file}: {error.strerror or error}') from None
+        except OSError as error:
+            raise BagError(f'{error.filename or self.path}: {error.strerror or error}') from None
 
     def _messages_of(self, file: Path) -> Iterator[Message]:
         with self._plain(file) as plain:

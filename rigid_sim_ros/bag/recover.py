@@ -36,8 +36,8 @@ _PART = '.part'
 _DAMAGED = '.damaged'
 _ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 
-_INDEX = {Opcode.SCHEMA, Opcode.CHANNEL, Opcode.DATA_END, Opcode.MESSAGE_INDEX, Opcode.CHUNK_INDEX, Opcode.STATISTICS,
-          Opcode.SUMMARY_OFFSET, Opcode.FOOTER}
+_INDEX = {Opcode.SCHEMA, Opcode.CHANNEL, Opcode.DATA_END, Opcode.MESSAGE_INDEX,
+          Opcode.CHUNK_INDEX, Opcode.STATISTICS, Opcode.SUMMARY_OFFSET, Opcode.FOOTER}
 
 Row = tuple[str, int, bytes]    # topic, time [ns], CDR
 

@@ -244,7 +244,7 @@ class Resimulation:
             return
         if self._number is not None and event.number != self._number:
             self._found(f'the event {self._number} is missing: {event.number} follows')
-        self._number = event.number + 1
+        self._number = (event.number or 0) + 1
         if self._is_lost:
             return
         self._expected.clear()
@@ -348,8 +348,8 @@ def _compare(topic: Topic, recorded: bytes, again: bytes, names: list[str]) -> t
         body, text = _largest(names if len(tables[0]) > 1 else [topic.body], *tables)
         if text:
             return body, text
-    pairs = enumerate(zip(recorded, again))
-    first = next((k for k, (a, b) in pairs if a != b), min(len(recorded), len(again)))
+    shorter = min(len(recorded), len(again))
+    first = next((k for k in range(shorter) if recorded[k] != again[k]), shorter)
     return '', f' in byte {first} of {len(recorded)}, where no number of the motion stands'
 
 

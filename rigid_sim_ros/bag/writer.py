@@ -60,7 +60,7 @@ class BagWriter:
                            'folder') from None
         self._syncing = _Syncing()
         try:
-            self._reserve = open(path / RESERVE, 'xb', buffering=0)
+            self._reserve = (path / RESERVE).open('xb', buffering=0)
             fcntl.flock(self._reserve, fcntl.LOCK_EX)
             self._file: McapFile | SqliteFile | None = self._new_file()
             self._keep_reserve()

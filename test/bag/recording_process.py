@@ -3,8 +3,9 @@
 """
 A process that records in real time until it is killed: python recording_process.py DIR STORAGE.
 
-For each line `NAME` on stdin it forks a child that records into DIR/NAME, and prints its process
-id; it begins at once, with all imported and compiled. At the end of stdin it waits.
+It needs test/ in PYTHONPATH. For each line `NAME` on stdin it forks a child that records into
+DIR/NAME, and prints its process id; the child begins at once, with all imported and compiled. At
+the end of stdin it waits.
 """
 
 import os
@@ -13,14 +14,12 @@ import sys
 from tempfile import TemporaryDirectory
 import time
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+from bag.sessions import NODE, world
 
-from bag.sessions import NODE, world    # noqa: E402
-
-from rigid_sim_ros.bag import topics as kinds   # noqa: E402
-from rigid_sim_ros.bag.batch import Batch     # noqa: E402
-from rigid_sim_ros.bag.outputs import Outputs, state_topics     # noqa: E402
-from rigid_sim_ros.bag.recorder import Recorder     # noqa: E402
+from rigid_sim_ros.bag import topics as kinds
+from rigid_sim_ros.bag.batch import Batch
+from rigid_sim_ros.bag.outputs import Outputs, state_topics
+from rigid_sim_ros.bag.recorder import Recorder
 
 PERIOD = 10     # steps of 1 ms from one publication to the next
 

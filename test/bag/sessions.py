@@ -8,11 +8,11 @@ from pathlib import Path
 import tempfile
 from typing import Any
 
-from rigid_sim_ros.bag import events, topics as kinds
+from rigid_sim_ros.bag import decode, events, topics as kinds
 from rigid_sim_ros.bag.batch import Batch
 from rigid_sim_ros.bag.mcap_file import McapFile
 from rigid_sim_ros.bag.metadata import build, write
-from rigid_sim_ros.bag.outputs import state_topics
+from rigid_sim_ros.bag.outputs import Outputs, state_topics
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.recorder import Recorder
 from rigid_sim_ros.bag.topics import own_topics, Topic
@@ -82,12 +82,15 @@ def shared_session(storage: str = 'mcap', compression: str = 'none') -> Path:
 
 
 def wrench_session(folder: Path) -> Path:
-    """Record a session with one wrench and its echo, as the node publishes it."""
+    """Record a session with a state, one wrench and its echo, as the node publishes them."""
     the_world = world()
     bag = folder / 'wrenches'
     recorder = Recorder(bag, the_world, [*state_topics(NODE, the_world.names), *WRENCHES],
                         waits=True)
     recorder.snapshot(the_world)
+    outputs = Outputs(the_world, state_topics(NODE, the_world.names), 'world')
+    (name, data), = outputs.encode(kinds.STATE)
+    recorder.publish(0, [recorder.channel(name)], [data])
     given = {'name': 'crate', 'force': (0.1, 0.2, 0.3), 'torque': (0.0, 0.0, 0.0),
              'frame': 'crate', 'duration': 0.01, 'source': 'crate/wrench'}
     the_world.step(5)
@@ -132,6 +135,5 @@ def messages_of(bag: Path, kind: str) -> list[tuple[str, int, bytes]]:
 
 def events_of(bag: Path) -> Iterator[events.Event]:
     """Give the events of a bag."""
-    from rigid_sim_ros.bag import decode
     for _, _, data in messages_of(bag, kinds.EVENT):
         yield events.decode(decode.string(data))

@@ -43,8 +43,10 @@ def kill_recordings(folder: Path, storage: str, count: int, seed: int) -> list[K
     """Start recordings and kill each at a random moment of its first 2 s."""
     chance = random.Random(seed)
     done: list[Kill] = []
+    tests = os.pathsep.join([str(PROCESS.parents[1]), os.environ.get('PYTHONPATH', '')])
     process = subprocess.Popen([sys.executable, str(PROCESS), str(folder), storage], text=True,
-                               stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+                               stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                               env={**os.environ, 'PYTHONPATH': tests.rstrip(os.pathsep)})
     assert process.stdin is not None and process.stdout is not None
     try:
         running: list[Kill] = []

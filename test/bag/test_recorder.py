@@ -9,7 +9,7 @@ import threading
 import time
 
 from bag.sessions import (
-    events_of, messages_of, NODE, record_all, session, shared_session, world)
+    events_of, messages_of, NODE, shared_session, world)
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 import pytest
@@ -257,14 +257,9 @@ def test_a_write_that_fails_ends_the_recording_and_nothing_else(tmp_path, monkey
 
 
 def test_recording_leaves_the_simulation_as_it_is(tmp_path) -> None:
-    alone = world()
-    session(tmp_path)
-    batch = Batch(world(), tmp_path / 'other')
-    record_all(batch)
-    batch.close()
+    alone, recorded = world(), world()
     alone.step(600)
-    recorded = world()
-    batch = Batch(recorded, tmp_path / 'third')
+    batch = Batch(recorded, tmp_path / 'bag')
     batch.run(600)
     batch.close()
     assert recorded.state_hash() == alone.state_hash()
