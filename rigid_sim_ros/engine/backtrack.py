@@ -3,13 +3,14 @@
 """
 When bodies meet.
 
-Within a step the loads are constant, so the pose of a body at any time of the step follows from its state at
-the start alone. For each pair of shapes the gap is followed by conservative advancement: along the
-normal n the shapes cannot approach faster than a bound mu, so they are apart until gap / mu has passed
-(Mirtich, Impulse-based Dynamic Simulation, PhD thesis, Berkeley 1996, section 2.3). No speed and no thinness makes
-a pair slip through. Where the gap changes its sign the time is found by the ITP method, which has the
-worst case of bisection and converges faster than the secant rule (Oliveira, Takahashi, An enhancement of the
-bisection method average performance, ACM Trans. Math. Softw. 47 (2021)).
+Within a step the loads are constant, so the pose of a body at any time of the step follows from
+its state at the start alone. For each pair of shapes the gap is followed by conservative
+advancement: along the normal n the shapes cannot approach faster than a bound mu, so they are
+apart until gap / mu has passed (Mirtich, Impulse-based Dynamic Simulation, PhD thesis, Berkeley
+1996, section 2.3). No speed and no thinness makes a pair slip through. Where the gap changes its
+sign the time is found by the ITP method, which has the worst case of bisection and converges
+faster than the secant rule (Oliveira, Takahashi, An enhancement of the bisection method average
+performance, ACM Trans. Math. Softw. 47 (2021)).
 """
 
 import math
@@ -17,35 +18,43 @@ import math
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.bare import bare
 from rigid_sim_ros.engine.broad_phase import may_collide
 from rigid_sim_ros.engine.contacts import column, quaternion, rotate, row
 from rigid_sim_ros.engine.free_rotation import turn_fast
-from rigid_sim_ros.engine.kernel import allocating, kernel
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Scratch
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.narrow_phase.algebra import norm
+from rigid_sim_ros.engine.narrow_phase.collide import collide, CONVEX, FAMILY
 from rigid_sim_ros.engine.narrow_phase.signed_distance import signed_distance
 from rigid_sim_ros.engine.rotation import multiply, to_matrix
-from rigid_sim_ros.engine.shapes import PLANE, Shapes, SPHERE
+from rigid_sim_ros.engine.shapes import BOX, PLANE, Shapes, SPHERE
 from rigid_sim_ros.engine.state import State
 
 # The time of a meeting is known to this [s], or the gap at it to GAP [m], whichever comes first.
 TIME = 1e-12
 GAP = 1e-13
-# Shapes that graze advance by at least this part of a step: a dent of less than that duration may be missed.
+# Shapes that graze advance by at least this part of a step: a dent of less than that duration may
+# be missed.
 LEAST_ADVANCE = 1.0 / 1024.0
+# Shapes without a formula for their distance touch at this gap [m]: at 0 the iteration that finds
+# the distance has no direction left to take the normal from. 1e-12 would make the normal noisy;
+# 1e-9 is unseen.
+FILM = 1e-9
+# Boxes nearer than this part of their size are measured along their separating axes.
+NEAR = 1e-2
 MAX_STEPS = 80  # of ITP; bisection would halve a second to 1e-12 s with 40
 
 
-@bare
+@kernel
 def place_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, s: int, t: float,
                 pose: Array) -> None:
     """
     Write row s of the shape poses as it will be after a step of t [s] under constant loads.
 
-    The pose part of kick, drift, kick: x + t (P + t F / 2) / M, and the free rotation with L + t tau / 2.
+    The pose part of kick, drift, kick: x + t (P + t F / 2) / M, and the free rotation with L + t
+    tau / 2.
     """
     i = shapes.body[s]
     q = quaternion(state.q, i)
@@ -67,25 +76,38 @@ def place_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, s: int
             pose[s, 3 + 3 * k + j] = R[k][j]
 
 
-@bare
+@kernel
 def pair_gap(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b: int, t: float,
              pose: Array, scratch: Scratch) -> tuple[float, Vector]:
     """Return the gap [m] of two shapes after t [s], and the normal from A to B."""
     place_ahead(model, state, loads, shapes, a, t, pose)
     place_ahead(model, state, loads, shapes, b, t, pose)
     gap, n, _, _ = signed_distance(pose, shapes, a, b, scratch)
+    if shapes.kind[a] == BOX and shapes.kind[b] == BOX and gap < NEAR * shapes.bound[a]:
+        # The distance of thin boxes is 0 to rounding while the overlap is slight; separating axes
+        # see it.
+        count, axis = collide(pose, shapes, a, b, NEAR * shapes.bound[a], scratch)
+        for k in range(count):
+            if scratch.points[k, 3] < gap:
+                gap, n = scratch.points[k, 3], axis
     return gap, n
 
 
-@bare
+@kernel
+def film(shapes: Shapes, a: int, b: int) -> float:
+    """Return the gap [m] at which two shapes touch: FILM where an iteration finds it, else 0."""
+    return FILM if FAMILY[shapes.kind[a], shapes.kind[b]] == CONVEX else 0.0
+
+
+@kernel
 def reach_of_turning(shapes: Shapes, s: int) -> float:
-    """Return the distance [m] from the centre of mass within which turning moves the surface of shape s."""
+    """Return how far [m] from the centre of mass turning moves the surface of shape s."""
     offset = norm(row(shapes.p_CS, s))
     # A sphere around the centre of mass looks the same however it turns.
     return offset if shapes.kind[s] == SPHERE else offset + shapes.bound[s]
 
 
-@bare
+@kernel
 def _approach(model: Model, state: State, loads: Loads, shapes: Shapes, s: int, n: Vector,
               t: float) -> float:
     """Return a bound on how fast a point of shape s moves along n [m/s] until t [s]."""
@@ -102,9 +124,10 @@ def _approach(model: Model, state: State, loads: Loads, shapes: Shapes, s: int, 
     return max(now, later) + spin * reach_of_turning(shapes, s)
 
 
-@bare
-def motion_bound(model: Model, state: State, loads: Loads, shapes: Shapes, s: int, t: float) -> float:
-    """Return how far [m] any point of shape s can move within t [s] under constant loads, at most."""
+@kernel
+def motion_bound(model: Model, state: State, loads: Loads, shapes: Shapes, s: int,
+                 t: float) -> float:
+    """Return how far [m] any point of shape s can move within t [s], at most."""
     i = shapes.body[s]
     if model.inv_m[i] == 0.0:
         return 0.0
@@ -114,22 +137,27 @@ def motion_bound(model: Model, state: State, loads: Loads, shapes: Shapes, s: in
     return t * (speed + spin * reach_of_turning(shapes, s))
 
 
-@allocating
 def pairs_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, t: float, pose: Array,
                 pairs: IntArray) -> int:
     """
     Write the pairs of shapes (p, 2) that may meet within t [s], sorted; return how many there are.
 
-    Where that is more than the room, only some were written. Spheres around the shapes, larger by their
-    motion, are sorted along x and swept; planes are compared with all.
+    Where that is more than the room, only some were written. Spheres around the shapes, larger by
+    their motion, are sorted along x and swept; planes are compared with all.
     """
+    count = len(shapes.body)
+    return int(_pairs_ahead(model, state, loads, shapes, t, pose, np.empty(count), np.empty(count),
+                            np.empty(count, dtype=np.int64), pairs))
+
+
+@kernel
+def _pairs_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, t: float, pose: Array,
+                 radius: Array, low: Array, order: IntArray, pairs: IntArray) -> int:
     count = shapes.body.shape[0]
-    radius, low = np.empty(count), np.empty(count)
     for s in range(count):
         place_ahead(model, state, loads, shapes, s, 0.0, pose)
         radius[s] = shapes.bound[s] + motion_bound(model, state, loads, shapes, s, t)
         low[s] = pose[s, 0] - radius[s]
-    order = np.empty(count, dtype=np.int64)
     for s in range(count):
         at = s
         while at > 0 and low[order[at - 1]] > low[s]:
@@ -154,36 +182,39 @@ def pairs_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, t: flo
     return found
 
 
-@bare
+@kernel
 def _sort(pairs: IntArray, count: int) -> None:
     """Sort rows by their first, then their second number, by insertion."""
     for k in range(1, count):
         a, b = pairs[k, 0], pairs[k, 1]
         at = k
-        while at > 0 and (pairs[at - 1, 0] > a or (pairs[at - 1, 0] == a and pairs[at - 1, 1] > b)):
+        while at > 0 and (pairs[at - 1, 0] > a or (pairs[at - 1, 0] == a and pairs[at - 1,
+                                                                                   1] > b)):
             pairs[at, 0], pairs[at, 1] = pairs[at - 1, 0], pairs[at - 1, 1]
             at -= 1
         pairs[at, 0], pairs[at, 1] = a, b
 
 
-@bare
+@kernel
 def _near(shapes: Shapes, pose: Array, radius: Array, a: int, b: int) -> bool:
-    """Return whether the sphere around b may reach shape a: its sphere, or its half space for a plane."""
+    """Return whether the sphere around b may reach the sphere or the half space of a."""
     d = (pose[b, 0] - pose[a, 0], pose[b, 1] - pose[a, 1], pose[b, 2] - pose[a, 2])
     if shapes.kind[a] == PLANE:
         return d[0] * pose[a, 5] + d[1] * pose[a, 8] + d[2] * pose[a, 11] <= radius[b]
     return norm(d) <= radius[a] + radius[b]
 
 
-@bare
+@kernel
 def crossing(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b: int, low: float,
              high: float, gap_low: float, gap_high: float, level: float, pose: Array,
              scratch: Scratch) -> float:
     """
-    Return the time in (low, high] [s] at which the gap of two shapes falls to `level` [m], from above.
+    Return the time in (low, high] [s] at which the gap of two shapes falls to `level` [m], from
+    above.
 
-    gap_low > level >= gap_high are the gaps at the ends. The answer is the end of the last interval at which
-    the gap is not above the level. ITP with kappa_1 = 0.2 / (high - low), kappa_2 = 2, n_0 = 1.
+    gap_low > level >= gap_high are the gaps at the ends. The answer is the end of the last
+    interval at which the gap is not above the level. ITP with kappa_1 = 0.2 / (high - low),
+    kappa_2 = 2, n_0 = 1.
     """
     y_low, y_high = gap_low - level, gap_high - level
     width = high - low
@@ -194,7 +225,8 @@ def crossing(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b
             break
         middle = 0.5 * (low + high)
         radius = max(0.0, 0.5 * TIME * 2.0 ** (steps - j) - 0.5 * (high - low))
-        # Interpolate, truncate towards the middle, project into the range that bisection guarantees.
+        # Interpolate, truncate towards the middle, project into the range that bisection
+        # guarantees.
         falsi = (y_high * low - y_low * high) / (y_high - y_low)
         side = 1.0 if middle >= falsi else -1.0
         shift = kappa * (high - low) ** 2
@@ -211,15 +243,17 @@ def crossing(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b
     return high
 
 
-@bare
+@kernel
 def meeting(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b: int, gap: float,
             n: Vector, until: float, pose: Array, scratch: Scratch) -> float:
     """
-    Return when [s] two shapes with a gap > 0 [m] and the normal n first touch, inf if not before `until`.
+    Return when [s] two shapes with a gap > 0 [m] and the normal n first touch, inf if not before
+    `until`.
 
     `until` is also the time scale of the least advance.
     """
-    t, least = 0.0, LEAST_ADVANCE * until
+    t, least, level = 0.0, LEAST_ADVANCE * until, film(shapes, a, b)
+    gap -= level
     while True:
         back = (-n[0], -n[1], -n[2])
         speed = (_approach(model, state, loads, shapes, a, n, until)
@@ -228,33 +262,37 @@ def meeting(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b:
             return math.inf
         later = min(t + max(gap / speed, least), until)
         then, n = pair_gap(model, state, loads, shapes, a, b, later, pose, scratch)
+        then -= level
         if then <= 0.0:
-            return crossing(model, state, loads, shapes, a, b, t, later, gap, then, 0.0, pose,
-                            scratch)
+            return crossing(model, state, loads, shapes, a, b, t, later, gap + level, then + level,
+                            level, pose, scratch)
         if later >= until:
             return math.inf
         t, gap = later, then
 
 
-@bare
-def first_event(model: Model, state: State, loads: Loads, shapes: Shapes, pairs: IntArray, count: int,
+@kernel
+def first_event(model: Model, state: State, loads: Loads, shapes: Shapes, pairs: IntArray,
+                count: int,
                 allowed: Array, overlap: float, until: float, pose: Array,
                 scratch: Scratch) -> tuple[float, int]:
     """
-    Return the earliest time [s] at which one of `count` pairs meets, and which; (until, -1) if none does.
+    Return the earliest time [s] at which one of `count` pairs meets, and which; (until, -1) if
+    none does.
 
-    allowed, (p,), is 0 for pairs that are apart. A pair that touches already has how deep [m, < 0] it may
-    get during the step; it counts as an event when it ends the step deeper than that, and then from the
-    time at which it got there.
+    allowed, (p,), is 0 for pairs that are apart. A pair that touches already has how deep [m, < 0]
+    it may get during the step; it counts as an event when it ends the step deeper than that, and
+    then from the time at which it got there.
     """
     best, which = until, -1
     for k in range(count):
         a, b = pairs[k, 0], pairs[k, 1]
         gap, n = pair_gap(model, state, loads, shapes, a, b, 0.0, pose, scratch)
         level = allowed[k]
-        if level == 0.0 and gap <= 0.0:
-            # Nearer than detection holds for touching, by rounding: as deep as that it will see it.
-            level = gap - overlap
+        if level == 0.0 and gap <= film(shapes, a, b):
+            # Nearer than detection holds for touching, by rounding: as deep as that it will see
+            # it.
+            level = min(gap, 0.0) - overlap
         if level == 0.0:
             t = meeting(model, state, loads, shapes, a, b, gap, n, best, pose, scratch)
             if t < best:
@@ -262,6 +300,7 @@ def first_event(model: Model, state: State, loads: Loads, shapes: Shapes, pairs:
             continue
         then = pair_gap(model, state, loads, shapes, a, b, best, pose, scratch)[0]
         if then < level < gap:
-            best = crossing(model, state, loads, shapes, a, b, 0.0, best, gap, then, level, pose, scratch)
+            best = crossing(model, state, loads, shapes, a, b, 0.0, best, gap, then, level, pose,
+                            scratch)
             which = k
     return best, which

@@ -3,19 +3,20 @@
 """
 How the geometry of contacts changes the relative velocities at them.
 
-The second derivative of a gap, d'' = N . (p_a'' - p_b'') + 2 N' . (p_a' - p_b') (Meyer, Rigid Body Dynamics,
-"Resting Contact"), has a part from accelerations and a part from velocities: the normal turns, the points are carried
-around by the rotations, and on round bodies other points come to touch. The second part is the rate of the
-contact velocity u at unchanged v and w. It is found here as a difference quotient over the step, with the points
-that detection finds at its end. So it holds for every pair of shapes: for a corner on a face it is the term
-above with N' = w x N and the centripetal acceleration of the corner, for two balls |u_t|^2 / distance of the centres, and
-0 for a ball that rolls on a plane, where the acceleration of the material point would be wrong by w^2 r.
+The second derivative of a gap, d'' = N . (p_a'' - p_b'') + 2 N' . (p_a' - p_b') (Meyer, Rigid Body
+Dynamics, "Resting Contact"), has a part from accelerations and a part from velocities: the normal
+turns, the points are carried around by the rotations, and on round bodies other points come to
+touch. The second part is the rate of the contact velocity u at unchanged v and w. It is found here
+as a difference quotient over the step, with the points that detection finds at its end. So it
+holds for every pair of shapes: for a corner on a face it is the term above with N' = w x N and the
+centripetal acceleration of the corner, for two balls |u_t|^2 / distance of the centres, and 0 for
+a ball that rolls on a plane, where the acceleration of the material point would be wrong by w^2 r.
 """
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.backtrack import place_ahead
-from rigid_sim_ros.engine.bare import bare
 from rigid_sim_ros.engine.contacts import Bodies, Contacts, relative, to_contact
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Scratch
 from rigid_sim_ros.engine.model import Model
@@ -24,19 +25,22 @@ from rigid_sim_ros.engine.narrow_phase.collide import collide
 from rigid_sim_ros.engine.shapes import Shapes
 from rigid_sim_ros.engine.state import State
 
-# cos 25 deg: a normal that turns farther in one step has jumped to another feature, and says nothing.
+# cos 25 deg: a normal that turns farther in one step has jumped to another feature, and says
+# nothing.
 SAME_NORMAL = 0.9
 
 
-@bare
+@kernel
 def contact_drift(model: Model, state: State, still: Loads, shapes: Shapes, contacts: Contacts,
                   bodies: Bodies, chosen: IntArray, t: float, pose: Array, scratch: Scratch,
                   drift: Array) -> None:
     """
-    Write the rate of u [m/s^2] at the chosen points from geometry alone, (3m,), triples (n, t1, t2).
+    Write the rate of u [m/s^2] at the chosen points from geometry alone, (3m,), triples (n, t1,
+    t2).
 
-    still: loads of 0; t [s]: the time over which the difference is taken. A point that is not found again gets 0,
-    an error of first order in t which the next step sees as a velocity and takes back.
+    still: loads of 0; t [s]: the time over which the difference is taken. A point that is not
+    found again gets 0, an error of first order in t which the next step sees as a velocity and
+    takes back.
     """
     previous, count, n = -1, 0, (0.0, 0.0, 0.0)
     for c in range(chosen.shape[0]):
@@ -45,7 +49,8 @@ def contact_drift(model: Model, state: State, still: Loads, shapes: Shapes, cont
         if contacts.manifold[k] != previous:
             place_ahead(model, state, still, shapes, a, t, pose)
             place_ahead(model, state, still, shapes, b, t, pose)
-            count, n = collide(pose, shapes, a, b, shapes.bound[a] if shapes.bound[a] < shapes.bound[b]
+            count, n = collide(pose, shapes, a, b,
+                               shapes.bound[a] if shapes.bound[a] < shapes.bound[b]
                                else shapes.bound[b], scratch)
             previous = contacts.manifold[k]
         for i in range(3):
@@ -64,8 +69,9 @@ def contact_drift(model: Model, state: State, still: Loads, shapes: Shapes, cont
             break
 
 
-@bare
-def _velocity(model: Model, state: State, contacts: Contacts, bodies: Bodies, k: int, t: float, n: Vector,
+@kernel
+def _velocity(model: Model, state: State, contacts: Contacts, bodies: Bodies, k: int, t: float,
+              n: Vector,
               points: Array, p: int) -> Vector:
     """Return the velocity of B relative to A at point p after t [s] with the v and w of now."""
     a, b = contacts.body_a[k], contacts.body_b[k]

@@ -3,25 +3,26 @@
 """
 Forces that keep touching bodies from moving into each other.
 
-At m points the relative accelerations are a = A f + b. Along the normal (Meyer, Rigid Body Dynamics,
-"Resting Contact")
+At m points the relative accelerations are a = A f + b. Along the normal (Meyer, Rigid Body
+Dynamics, "Resting Contact")
 
     a_n >= 0,    f_n >= 0,    f_n a_n = 0,
 
-and in the tangential plane Coulomb's law: |f_t| <= mu f_n, and where a_t is not 0, f_t = -mu f_n a_t / |a_t|. Without
-friction these are the optimality conditions of the quadratic program min f'Af/2 + b'f over f >= 0. With friction
-they are those of
+and in the tangential plane Coulomb's law: |f_t| <= mu f_n, and where a_t is not 0, f_t = -mu f_n
+a_t / |a_t|. Without friction these are the optimality conditions of the quadratic program min
+f'Af/2 + b'f over f >= 0. With friction they are those of
 
     min f'Af/2 + (b + s)'f    over the cones |f_t| <= mu f_n,    with s_n = mu |a_t|, s_t = 0
 
-(De Saxce, Feng, The bipotential method, Math. Comput. Modelling 28 (1998); Acary, Cadoux, Lemarechal, Malick, A formulation
-of the linear discrete Coulomb friction problem via convex optimization, ZAMM 91 (2011)): without s a body that
-slides would be lifted off by mu |a_t|. s is found by iteration; where one point slides it contracts by
-mu^2 / (1 + mu^2).
+(De Saxce, Feng, The bipotential method, Math. Comput. Modelling 28 (1998); Acary, Cadoux,
+Lemarechal, Malick, A formulation of the linear discrete Coulomb friction problem via convex
+optimization, ZAMM 91 (2011)): without s a body that slides would be lifted off by mu |a_t|. s is
+found by iteration; where one point slides it contracts by mu^2 / (1 + mu^2).
 
-OSQP solves each program over a pyramid in place of the cone, whose edges point along the friction force; it finds
-which points press and which slide. Newton's method on the exact conditions takes it from there to rounding, and
-while that division of the points lasts, from step to step without OSQP.
+OSQP solves each program over a pyramid in place of the cone, whose edges point along the friction
+force; it finds which points press and which slide. Newton's method on the exact conditions takes
+it from there to rounding, and while that division of the points lasts, from step to step without
+OSQP.
 """
 
 from typing import NamedTuple
@@ -31,27 +32,34 @@ import osqp
 from scipy import sparse
 
 from rigid_sim_ros.engine.arrays import Array
-from rigid_sim_ros.engine.kernel import allocating
+from rigid_sim_ros.engine.kernel import kernel
 
-# Sides of the pyramid. Friction off its edges is up to 1 - cos(pi / 8) = 8 % too weak, until Newton's method.
+# Sides of the pyramid. Friction off its edges is up to 1 - cos(pi / 8) = 8 % too weak, until
+# Newton's method.
 SIDES = 8
-# Fixed, so that runs repeat: OSQP would otherwise choose the interval from the time that its setup took.
+# Fixed, so that runs repeat: OSQP would otherwise choose the interval from the time that its setup
+# took.
 OSQP_SETTINGS = {'verbose': False, 'eps_abs': 1e-10, 'eps_rel': 1e-10, 'max_iter': 5000,
                  'adaptive_rho_interval': 25, 'check_termination': 25, 'polishing': False,
                  'time_limit': 1e10}
-# A is singular where points are redundant (the four corners of a box): the forces are not unique, A f is, and
-# rounding in b can make sticking everywhere impossible. Each A_ii grows by this fraction, as if the points gave way a
-# little: redundant points share the load evenly, and a contact under the force f yields with the acceleration
-# 1e-8 A_ii f, 1e-10 m/s for a body under its weight at a step of 1 ms. Smaller: forces feel rounding more.
+# A is singular where points are redundant (the four corners of a box): the forces are not unique,
+# A f is, and rounding in b can make sticking everywhere impossible. Each A_ii grows by this
+# fraction, as if the points gave way a little: redundant points share the load evenly, and a
+# contact under the force f yields with the acceleration 1e-8 A_ii f, 1e-10 m/s for a body under
+# its weight at a step of 1 ms. Smaller: forces feel rounding more.
 COMPLIANCE = 1e-8
-ROUNDS = 20  # of the iteration for s
-FEW_ROUNDS = 4  # after so many, TOLERANCE will do
+# Compliance for a step that finds no solution otherwise: 1e-8 m/s for a body under its weight
+SOFTER = 1e-6
+SWEEPS = 300  # of Gauss-Seidel, where Newton's method does not get on from OSQP's forces
+ROUNDS = 8  # of the iteration for s
+FEW_ROUNDS = 3  # after so many, TOLERANCE will do
 NEWTON_STEPS = 40
 FEW_STEPS = 4  # while the division of the points lasts, 1 or 2 are enough
 # Newton's method ends at a violation this small against |b|; rounding leaves 1e-16 to 1e-13.
 GOAL = 1e-12
-# Less than ENOUGH ends the search: 1e-9 of g moves a body at rest with 1e-11 m/s after a step of 1 ms. Redundant
-# points on the verge of slipping may stay above it; more than TOLERANCE after ROUNDS is not solved.
+# Less than ENOUGH ends the search: 1e-9 of g moves a body at rest with 1e-11 m/s after a step of 1
+# ms. Redundant points on the verge of slipping may stay above it; more than TOLERANCE after ROUNDS
+# is not solved.
 ENOUGH = 1e-9
 TOLERANCE = 1e-7
 
@@ -66,7 +74,7 @@ class Outcome(NamedTuple):
     newton_steps: int
 
 
-@allocating
+@kernel
 def _violation(A: Array, b: Array, mu: Array, f: Array, a: Array) -> float:
     """Write a = A f + b and return by how much the conditions are violated [unit of b]."""
     rows = b.shape[0]
@@ -94,15 +102,15 @@ def residual(A: Array, b: Array, mu: Array, f: Array) -> float:
     """
     Return how far forces are from the conditions at the top of this file, relative to max |b|.
 
-    It is the largest |f - P(f - a / A_ii)| A_ii over the points, P the projection onto f_n >= 0 and onto the
-    disk |f_t| <= mu f_n: an acceleration, and 0 exactly for a solution.
+    It is the largest |f - P(f - a / A_ii)| A_ii over the points, P the projection onto f_n >= 0
+    and onto the disk |f_t| <= mu f_n: an acceleration, and 0 exactly for a solution.
     """
     return float(_violation(A, b, mu, f, np.empty_like(b))) / max(float(np.abs(b).max()), 1e-300)
 
 
-@allocating
+@kernel
 def _solve_linear(M: Array, x: Array) -> bool:
-    """Replace x by M^-1 x, by elimination with row pivoting; M is destroyed. False if M is singular."""
+    """Replace x by M^-1 x, destroying M, by elimination; return False if M is singular."""
     size = x.shape[0]
     for k in range(size):
         p = k
@@ -129,16 +137,20 @@ def _solve_linear(M: Array, x: Array) -> bool:
     return True
 
 
-@allocating
+@kernel
 def _newton_row(A: Array, a: Array, mu: Array, f: Array, k: int, M: Array, x: Array) -> None:
     """
     Write the three equations of point k for the change of f: M df = x.
 
-    They are the derivatives of f = P(f - a / A_ii) in the case that holds at f: open, sticking, sliding (Alart,
-    Curnier, A mixed formulation for frictional contact problems, Comput. Methods Appl. Mech. Eng. 92 (1991)).
+    They are the derivatives of f = P(f - a / A_ii) in the case that holds at f: open, sticking,
+    sliding (Alart, Curnier, A mixed formulation for frictional contact problems, Comput. Methods
+    Appl. Mech. Eng. 92 (1991)).
     """
     n = 3 * k
-    M[n:n + 3, :] = 0.0
+    rows = x.shape[0]
+    for i in range(n, n + 3):
+        for j in range(rows):
+            M[i, j] = 0.0
     if f[n] - a[n] / A[n, n] <= 0.0:
         for i in range(n, n + 3):
             M[i, i] = 1.0
@@ -147,11 +159,13 @@ def _newton_row(A: Array, a: Array, mu: Array, f: Array, k: int, M: Array, x: Ar
     stiff = max(A[n + 1, n + 1], A[n + 2, n + 2])
     w_x, w_y = f[n + 1] - a[n + 1] / stiff, f[n + 2] - a[n + 2] / stiff
     size, limit = np.sqrt(w_x * w_x + w_y * w_y), mu[k] * max(0.0, f[n])
-    M[n, :] = A[n, :] / A[n, n]
+    for j in range(rows):
+        M[n, j] = A[n, j] / A[n, n]
     x[n] = -a[n] / A[n, n]
     if size <= limit:
         for i in range(n + 1, n + 3):
-            M[i, :] = A[i, :] / stiff
+            for j in range(rows):
+                M[i, j] = A[i, j] / stiff
             x[i] = -a[i] / stiff
         return
     e_x, e_y = w_x / size, w_y / size
@@ -161,7 +175,8 @@ def _newton_row(A: Array, a: Array, mu: Array, f: Array, k: int, M: Array, x: Ar
         e_i = e_x if i == 0 else e_y
         along_x = bend * ((1.0 if i == 0 else 0.0) - e_i * e_x)
         along_y = bend * ((1.0 if i == 1 else 0.0) - e_i * e_y)
-        M[n + 1 + i, :] = (along_x * A[n + 1, :] + along_y * A[n + 2, :]) / stiff
+        for j in range(rows):
+            M[n + 1 + i, j] = (along_x * A[n + 1, j] + along_y * A[n + 2, j]) / stiff
         M[n + 1 + i, n] -= mu[k] * e_i
         M[n + 1 + i, n + 1] -= along_x
         M[n + 1 + i, n + 2] -= along_y
@@ -169,16 +184,22 @@ def _newton_row(A: Array, a: Array, mu: Array, f: Array, k: int, M: Array, x: Ar
         x[n + 1 + i] = limit * e_i - f[n + 1 + i]
 
 
-@allocating
 def refine(A: Array, b: Array, mu: Array, f: Array, goal: float, steps: int) -> tuple[float, int]:
     """
     Improve f, in place, by Newton's method; return its violation [unit of b] and the steps taken.
 
     It ends at a violation of `goal` [unit of b], after `steps`, or when it gains nothing any more.
     """
+    rows = len(b)
+    violation, done = _refine(A, b, mu, f, goal, steps, np.empty(rows), f.copy(),
+                              np.empty((rows, rows)), np.empty(rows))
+    return float(violation), int(done)
+
+
+@kernel
+def _refine(A: Array, b: Array, mu: Array, f: Array, goal: float, steps: int, a: Array,
+            trial: Array, M: Array, x: Array) -> tuple[float, int]:
     rows = b.shape[0]
-    a, trial = np.empty(rows), f.copy()
-    M, x = np.empty((rows, rows)), np.empty(rows)
     best = _violation(A, b, mu, f, a)
     idle = 0
     if best <= goal:
@@ -201,12 +222,45 @@ def refine(A: Array, b: Array, mu: Array, f: Array, goal: float, steps: int) -> 
             if now < 0.5 * best:
                 idle = 0
             best = now
-            f[:] = trial
+            for i in range(rows):
+                f[i] = trial[i]
     return best, steps
 
 
+def sweep(A: Array, b: Array, mu: Array, f: Array, count: int) -> None:
+    """
+    Bring f nearer to a solution, in place, by `count` sweeps of projected Gauss-Seidel.
+
+    It cannot end in a cycle as Newton's method can, but only creeps where points are redundant.
+    """
+    _sweep(A, b, mu, f, count, np.empty_like(b))
+
+
+@kernel
+def _sweep(A: Array, b: Array, mu: Array, f: Array, count: int, a: Array) -> None:
+    _violation(A, b, mu, f, a)
+    for _ in range(count):
+        for k in range(mu.shape[0]):
+            n = 3 * k
+            before = f[n]
+            f[n] = max(0.0, before - a[n] / A[n, n])
+            for i in range(b.shape[0]):
+                a[i] += A[i, n] * (f[n] - before)
+            x, y = f[n + 1], f[n + 2]
+            # The largest eigenvalue of the 2 x 2 block bounds the step, so that the projection
+            # converges.
+            stiff = max(A[n + 1, n + 1], A[n + 2, n + 2]) + abs(A[n + 1, n + 2])
+            w_x, w_y = x - a[n + 1] / stiff, y - a[n + 2] / stiff
+            size, limit = np.sqrt(w_x * w_x + w_y * w_y), mu[k] * f[n]
+            if size > limit:
+                w_x, w_y = w_x * limit / size, w_y * limit / size
+            f[n + 1], f[n + 2] = w_x, w_y
+            for i in range(b.shape[0]):
+                a[i] += A[i, n + 1] * (w_x - x) + A[i, n + 2] * (w_y - y)
+
+
 def _pyramid(mu: Array, angle: Array) -> sparse.csc_matrix:
-    """Return the rows C of C f >= 0: f_n, then SIDES sides whose edges include the direction `angle`."""
+    """Return the rows C of C f >= 0: f_n, then SIDES sides with an edge at `angle`."""
     m = len(mu)
     phi = angle[:, None] + (2.0 * np.pi / SIDES) * (np.arange(SIDES) + 0.5)
     rows = np.zeros((m, SIDES + 1, 3))
@@ -215,9 +269,11 @@ def _pyramid(mu: Array, angle: Array) -> sparse.csc_matrix:
     rows[:, 1:, 1] = -np.cos(phi)
     rows[:, 1:, 2] = -np.sin(phi)
     at = np.arange(m)
-    i = np.broadcast_to((at * (SIDES + 1))[:, None, None] + np.arange(SIDES + 1)[None, :, None], rows.shape)
+    i = np.broadcast_to((at * (SIDES + 1))[:, None, None] + np.arange(SIDES + 1)[None, :, None],
+                        rows.shape)
     j = np.broadcast_to((3 * at)[:, None, None] + np.arange(3)[None, None, :], rows.shape)
-    return sparse.csc_matrix((rows.ravel(), (i.ravel(), j.ravel())), shape=(m * (SIDES + 1), 3 * m))
+    return sparse.csc_matrix((rows.ravel(), (i.ravel(), j.ravel())), shape=(m * (SIDES + 1),
+                                                                            3 * m))
 
 
 def _osqp(A: Array, q: Array, C: sparse.csc_matrix, f: Array) -> tuple[Array, str, int]:
@@ -237,44 +293,64 @@ def _osqp(A: Array, q: Array, C: sparse.csc_matrix, f: Array) -> tuple[Array, st
     return found, str(result.info.status), int(result.info.iter)
 
 
-def soften(A: Array) -> Array:
-    """Return A with its diagonal larger by COMPLIANCE."""
-    return A + np.diag(COMPLIANCE * np.diag(A))
+def soften(A: Array, compliance: float = COMPLIANCE) -> Array:
+    """Return A with its diagonal larger by that fraction."""
+    return A + np.diag(compliance * np.diag(A))
 
 
 def solve(A: Array, b: Array, mu: Array, start: Array) -> tuple[Array, Outcome]:
     """
     Return the forces (3m,) at m points, triples (n, t1, t2), and how they were found.
 
-    A is (3m, 3m) [1/kg], b (3m,) [m/s^2], mu (m,); `start` are forces to begin with, those of the last step.
-    The result is a function of the arguments alone. Where the conditions cannot be met to TOLERANCE (with
-    friction there may be no solution: Painleve) the best forces found are returned with solved=False.
+    A is (3m, 3m) [1/kg], b (3m,) [m/s^2], mu (m,); `start` are forces to begin with, those of the
+    last step. The result is a function of the arguments alone. Where the conditions cannot be met
+    to TOLERANCE (with friction there may be no solution: Painleve) the best forces found are
+    returned with solved=False.
     """
-    A = soften(A)
     size = float(np.abs(b).max(initial=0.0))
-    f = start.copy()
-    goal, enough = GOAL * size, ENOUGH * size
-    # Forces that carry over come with a division into open, sticking and sliding points: try that first.
-    worst, steps = refine(A, b, mu, f, goal, FEW_STEPS if start.any() else 0)
-    if worst <= enough:
+    f, stiff = start.copy(), soften(A)
+    # Forces that carry over come with a division into open, sticking and sliding points: try that
+    # first.
+    worst, steps = refine(stiff, b, mu, f, GOAL * size, FEW_STEPS if start.any() else 0)
+    if worst <= ENOUGH * size:
         return f, Outcome(worst / max(size, 1e-300), True, 'carried over', 0, steps)
-    best, status, iterations = f.copy(), 'carried over', 0
+    best, outcome = _search(stiff, b, mu, start)
+    if not outcome.solved:
+        # Redundant points on the verge of slipping: let them give way a little more, for this
+        # step.
+        other, softer = _search(soften(A, SOFTER), b, mu, start)
+        if softer.residual < outcome.residual:
+            best, outcome = other, softer
+    return best, outcome
+
+
+def _search(A: Array, b: Array, mu: Array, start: Array) -> tuple[Array, Outcome]:
+    """Iterate for s, with OSQP for each s, until the conditions hold; see `solve`."""
+    size = float(np.abs(b).max(initial=0.0))
+    best, worst, status, iterations, steps = start, np.inf, '', 0, 0
     now = start
     for turn in range(ROUNDS):
         a = (A @ now + b).reshape(-1, 3)
         triples = now.reshape(-1, 3)
         slip = np.hypot(a[:, 1], a[:, 2]) * (triples[:, 0] > 0.0)
-        # Edges of the pyramid where friction pulls or, where none does yet, against the slip that is coming.
-        pull = np.where((np.hypot(triples[:, 1], triples[:, 2]) > 0.0)[:, None], triples[:, 1:], -a[:, 1:])
+        # Edges of the pyramid where friction pulls or, where none does yet, against the slip that
+        # is coming.
+        pull = np.where((np.hypot(triples[:, 1], triples[:, 2]) > 0.0)[:, None], triples[:, 1:],
+                        -a[:, 1:])
         q = b.copy()
         q[::3] += mu * slip
         now, status, count = _osqp(A, q, _pyramid(mu, np.arctan2(pull[:, 1], pull[:, 0])), now)
         iterations += count
-        f = now.copy()
-        violation, more = refine(A, b, mu, f, goal, NEWTON_STEPS)
-        steps += more
-        if violation < worst:
-            worst, best = violation, f.copy()
-        if worst <= enough or (turn >= FEW_ROUNDS and worst <= TOLERANCE * size):
+        for sweeps in (0, SWEEPS):
+            f = now.copy()
+            sweep(A, b, mu, f, sweeps)
+            violation, more = refine(A, b, mu, f, GOAL * size, NEWTON_STEPS)
+            steps += more
+            if violation < worst:
+                worst, best = violation, f
+            if worst <= ENOUGH * size:
+                break
+        if worst <= (ENOUGH if turn < FEW_ROUNDS else TOLERANCE) * size:
             break
-    return best, Outcome(worst / max(size, 1e-300), worst <= TOLERANCE * size, status, iterations, steps)
+    return best, Outcome(worst / max(size, 1e-300), worst <= TOLERANCE * size, status, iterations,
+                         steps)

@@ -1,13 +1,16 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The points at which bodies touch, one after another, with what the laws of contact need to know of them.
+The points at which bodies touch, one after another, with what the laws of contact need to know of
+them.
 
-Manifolds are a pair of shapes each. Impulses and contact forces look at pairs of bodies: the points of one pair
-of bodies, whichever of their shapes they belong to, form a block, and lie side by side here.
+Manifolds are a pair of shapes each. Impulses and contact forces look at pairs of bodies: the
+points of one pair of bodies, whichever of their shapes they belong to, form a block, and lie side
+by side here.
 
-In the axes (n, t1, t2) of a contact, n from A to B, the motion of B relative to A is u = (u_n, u_t1, u_t2), so that
-u_n is the rate of the gap, and a force or impulse acts on B as given and on A with the other sign.
+In the axes (n, t1, t2) of a contact, n from A to B, the motion of B relative to A is u = (u_n,
+u_t1, u_t2), so that u_n is the rate of the gap, and a force or impulse acts on B as given and on A
+with the other sign.
 """
 
 from typing import NamedTuple
@@ -16,8 +19,7 @@ import numpy as np
 
 from rigid_sim_ros.engine import rotation, vector
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.bare import bare
-from rigid_sim_ros.engine.kernel import allocating, kernel
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.manifolds import Manifolds
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.narrow_phase.algebra import cross
@@ -25,18 +27,19 @@ from rigid_sim_ros.engine.rotation import to_matrix
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.state import State
 
-# Real calls: the loops here branch and would not vectorise, and pasted bodies take four times as long to compile.
-row = bare(vector.row.py_func)  # type: ignore[attr-defined]
-column = bare(vector.column.py_func)  # type: ignore[attr-defined]
-quaternion = bare(rotation.quaternion.py_func)  # type: ignore[attr-defined]
-rotate = bare(rotation.rotate.py_func)  # type: ignore[attr-defined]
-angular_velocity = bare(rotation.angular_velocity.py_func)  # type: ignore[attr-defined]
+# Real calls: the loops here branch and would not vectorise, and pasted bodies take four times as
+# long to compile.
+row = kernel(vector.row.py_func)  # type: ignore[attr-defined]
+column = kernel(vector.column.py_func)  # type: ignore[attr-defined]
+quaternion = kernel(rotation.quaternion.py_func)  # type: ignore[attr-defined]
+rotate = kernel(rotation.rotate.py_func)  # type: ignore[attr-defined]
+angular_velocity = kernel(rotation.angular_velocity.py_func)  # type: ignore[attr-defined]
 
 
 class Contacts(NamedTuple):
     """Points of contact in blocks; capacity c."""
 
-    count: IntArray  # (2,) points in use, blocks in use
+    count: IntArray  # type: ignore[assignment]  # (2,) points in use, blocks in use
     first: IntArray  # (c + 1,) the points of block k are first[k] to first[k + 1] - 1
     manifold: IntArray  # (c,) row of the manifold
     shape_a: IntArray  # (c,)
@@ -77,9 +80,9 @@ def make_bodies(n: int) -> Bodies:
     return Bodies(np.zeros((n, 6)), np.zeros((n, 3, 3)), np.zeros((n, 6)))
 
 
-@bare
+@kernel
 def tangents(n: Vector) -> tuple[Vector, Vector]:
-    """Return t1, t2 so that n, t1, t2 are orthonormal and right-handed; the same for the same n."""
+    """Return t1, t2 that make a right-handed frame with n; the same for the same n."""
     # The axis least aligned with n, so that nothing cancels in the product.
     if abs(n[0]) <= abs(n[1]) and abs(n[0]) <= abs(n[2]):
         t = (0.0, n[2], -n[1])
@@ -92,17 +95,23 @@ def tangents(n: Vector) -> tuple[Vector, Vector]:
     return t1, cross(n, t1)
 
 
-@allocating
 def gather(state: State, manifolds: Manifolds, shapes: Shapes, materials: Materials, reach: float,
            contacts: Contacts) -> int:
     """
     Write the points whose gap is at most `reach` [m], block after block.
 
-    Returns how many there are. Where that is more than the capacity, nothing useful was written: call again with room.
+    Returns how many there are. Where that is more than the capacity, nothing useful was written:
+    call again with room.
     """
+    order = np.empty((2, int(manifolds.count[0])), dtype=np.int64)
+    return int(_gather(state, manifolds, shapes, materials, reach, order[0], order[1], contacts))
+
+
+@kernel
+def _gather(state: State, manifolds: Manifolds, shapes: Shapes, materials: Materials,
+            reach: float, key: IntArray, order: IntArray, contacts: Contacts) -> int:
     n = state.x.shape[1]
     rows = manifolds.count[0]
-    key, order = np.empty(rows, dtype=np.int64), np.empty(rows, dtype=np.int64)
     for k in range(rows):
         a, b = manifolds.body_a[k], manifolds.body_b[k]
         key[k] = min(a, b) * n + max(a, b)
@@ -131,7 +140,7 @@ def gather(state: State, manifolds: Manifolds, shapes: Shapes, materials: Materi
     return total
 
 
-@bare
+@kernel
 def _write_point(state: State, manifolds: Manifolds, shapes: Shapes, materials: Materials, k: int,
                  j: int, contacts: Contacts, at: int) -> None:
     a, b = manifolds.body_a[k], manifolds.body_b[k]
@@ -145,7 +154,8 @@ def _write_point(state: State, manifolds: Manifolds, shapes: Shapes, materials: 
         contacts.axes[at, 0, i] = normal[i]
         contacts.axes[at, 1, i] = t1[i]
         contacts.axes[at, 2, i] = t2[i]
-        # One point for both bodies, halfway: opposite impulses there keep P and L to the last digit.
+        # One point for both bodies, halfway: opposite impulses there keep P and L to the last
+        # digit.
         apart = ((state.x[i, b] + manifolds.r_B[k, j, i])
                  - (state.x[i, a] + manifolds.r_A[k, j, i]))
         contacts.r_A[at, i] = manifolds.r_A[k, j, i] + 0.5 * apart
@@ -157,7 +167,7 @@ def _write_point(state: State, manifolds: Manifolds, shapes: Shapes, materials: 
     contacts.restitution[at] = materials.restitution[material_a, material_b]
 
 
-@bare
+@kernel
 def read_velocity(model: Model, state: State, i: int, bodies: Bodies) -> None:
     """Write v = P / M and w = I^-1 L of body i."""
     w = angular_velocity(quaternion(state.q, i), column(state.L, i), column(model.inv_I_C, i))
@@ -166,7 +176,7 @@ def read_velocity(model: Model, state: State, i: int, bodies: Bodies) -> None:
         bodies.velocity[i, 3 + k] = w[k]
 
 
-@bare
+@kernel
 def read_bodies(model: Model, state: State, F: Array, tau: Array, bodies: Bodies) -> None:
     """
     Write velocities, inverse inertia tensors, and the accelerations under loads (3, n) [N, N m].
@@ -192,9 +202,9 @@ def read_bodies(model: Model, state: State, F: Array, tau: Array, bodies: Bodies
             bodies.acceleration[i, 3 + k] = angular
 
 
-@bare
+@kernel
 def relative(rates: Array, contacts: Contacts, k: int) -> Vector:
-    """Return the rate of B minus that of A at point k, in world axes, from rows (linear, angular)."""
+    """Return the rate of B minus that of A at point k, world axes, from rows (linear, angular)."""
     a, b = contacts.body_a[k], contacts.body_b[k]
     r_A, r_B = row(contacts.r_A, k), row(contacts.r_B, k)
     at_A = cross((rates[a, 3], rates[a, 4], rates[a, 5]), r_A)
@@ -204,7 +214,7 @@ def relative(rates: Array, contacts: Contacts, k: int) -> Vector:
             rates[b, 2] - rates[a, 2] + at_B[2] - at_A[2])
 
 
-@bare
+@kernel
 def to_contact(contacts: Contacts, k: int, v: Vector) -> Vector:
     """Return a world vector in the axes n, t1, t2 of point k."""
     e = contacts.axes
@@ -213,7 +223,7 @@ def to_contact(contacts: Contacts, k: int, v: Vector) -> Vector:
             e[k, 2, 0] * v[0] + e[k, 2, 1] * v[1] + e[k, 2, 2] * v[2])
 
 
-@bare
+@kernel
 def to_world(contacts: Contacts, k: int, f: Vector) -> Vector:
     """Return a vector given in the axes n, t1, t2 of point k in world axes."""
     e = contacts.axes
@@ -222,16 +232,16 @@ def to_world(contacts: Contacts, k: int, f: Vector) -> Vector:
             e[k, 0, 2] * f[0] + e[k, 1, 2] * f[1] + e[k, 2, 2] * f[2])
 
 
-@allocating
-def couple(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArray, A: Array) -> None:
+@kernel
+def couple(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArray, m: int, arm: Array,
+           A: Array) -> None:
     """
-    Write A, (3m, 3m) [1/kg]: rates of motion at the m chosen points per force at them.
+    Write A, (3m, 3m) [1/kg]: rates of motion at the first m chosen points per force at them.
 
-    A_ij = sum over the bodies that i and j share of s_i s_j (e_i . e_j / M + (r_i x e_i) . I^-1 (r_j x e_j)) with
-    s = 1 for B and -1 for A (Meyer, Rigid Body Dynamics, "Resting Contact": d'' = A f + b).
+    A_ij = sum over the bodies that i and j share of s_i s_j (e_i . e_j / M + (r_i x e_i) . I^-1
+    (r_j x e_j)) with s = 1 for B and -1 for A (Meyer, Rigid Body Dynamics, "Resting Contact": d''
+    = A f + b).
     """
-    m = chosen.shape[0]
-    arm = np.empty((2, 3 * m, 3))
     for i in range(m):
         for axis in range(3):
             e = (contacts.axes[chosen[i], axis, 0], contacts.axes[chosen[i], axis, 1],
@@ -241,7 +251,9 @@ def couple(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArray, A
             for k in range(3):
                 arm[0, 3 * i + axis, k] = -on_A[k]
                 arm[1, 3 * i + axis, k] = on_B[k]
-    A[:3 * m, :3 * m] = 0.0
+    for i in range(3 * m):
+        for j in range(3 * m):
+            A[i, j] = 0.0
     for i in range(m):
         for side_i in range(2):
             body = contacts.body_a[chosen[i]] if side_i == 0 else contacts.body_b[chosen[i]]
@@ -249,19 +261,21 @@ def couple(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArray, A
                 continue
             for j in range(i + 1):
                 for side_j in range(2):
-                    other = contacts.body_a[chosen[j]] if side_j == 0 else contacts.body_b[chosen[j]]
+                    other = contacts.body_b[chosen[j]]
+                    if side_j == 0:
+                        other = contacts.body_a[chosen[j]]
                     if other == body:
                         sign = 1.0 if side_i == side_j else -1.0
                         _add_block(contacts, chosen, i, j, sign * model.inv_m[body],
-                                   arm[side_i], arm[side_j], bodies.inv_I_W[body], A)
+                                   arm, side_i, side_j, bodies.inv_I_W, body, A)
     for i in range(3 * m):
         for j in range(i):
             A[j, i] = A[i, j]
 
 
-@bare
-def _add_block(contacts: Contacts, chosen: IntArray, i: int, j: int, inv_m: float, arm_i: Array,
-               arm_j: Array, inv_I_W: Array, A: Array) -> None:
+@kernel
+def _add_block(contacts: Contacts, chosen: IntArray, i: int, j: int, inv_m: float, arm: Array,
+               side_i: int, side_j: int, inv_I_W: Array, body: int, A: Array) -> None:
     for p in range(3):
         for q in range(3):
             if i == j and q > p:
@@ -270,11 +284,12 @@ def _add_block(contacts: Contacts, chosen: IntArray, i: int, j: int, inv_m: floa
             for k in range(3):
                 total += inv_m * contacts.axes[chosen[i], p, k] * contacts.axes[chosen[j], q, k]
                 for c in range(3):
-                    total += arm_i[3 * i + p, k] * inv_I_W[k, c] * arm_j[3 * j + q, c]
+                    total += (arm[side_i, 3 * i + p, k] * inv_I_W[body, k, c]
+                              * arm[side_j, 3 * j + q, c])
             A[3 * i + p, 3 * j + q] += total
 
 
-@bare
+@kernel
 def push(state: State, contacts: Contacts, k: int, J: Vector, model: Model) -> None:
     """Apply an impulse [N s, world axes] at point k: J to B, -J to A (Meyer, "Impulse")."""
     for side in range(2):

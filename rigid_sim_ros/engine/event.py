@@ -3,18 +3,20 @@
 """
 Contact model `event`: the classic algorithm, event by event.
 
-"current state, compute new state, detect collisions and backtrack, collision state, compute and apply
-impulses, post-collision state, compute and apply constraint forces, next state" (Meyer, Rigid Body Dynamics,
-"Simulation Algorithm"). The contact forces of the present state act on the way to the new one, so a step
-runs through that circle from the impulses on: impulses, forces, new state, backtrack, and again from the
-collision until the step is over.
+"current state, compute new state, detect collisions and backtrack, collision state, compute and
+apply impulses, post-collision state, compute and apply constraint forces, next state" (Meyer,
+Rigid Body Dynamics, "Simulation Algorithm"). The contact forces of the present state act on the
+way to the new one, so a step runs through that circle from the impulses on: impulses, forces, new
+state, backtrack, and again from the collision until the step is over.
 
-Points of contact by the rate u_n of their gap: colliding below -resting_speed (impulse.py), separating
-above 0 where the force law leaves them alone, resting between. Rules that make bodies come to rest:
+Points of contact by the rate u_n of their gap: colliding below -resting_speed (impulse.py),
+separating above 0 where the force law leaves them alone, resting between. Rules that make bodies
+come to rest:
 
 - A rebound that would be over within a step is none: the impulse has e = 0 there.
 - Two bodies that collided more than `max_bounces` times in one step do so with e = 0 for its rest.
-- A point as high above the surface as such a rebound would rise rests too, once it is that slow: the
+- A point as high above the surface as such a rebound would rise rests too, once it is that slow:
+  the
   force lets it sink to the surface.
 """
 
@@ -23,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
-from rigid_sim_ros.engine.backtrack import first_event, pairs_ahead
+from rigid_sim_ros.engine.backtrack import film, first_event, pairs_ahead
 from rigid_sim_ros.engine.contact_drift import contact_drift
 from rigid_sim_ros.engine.contact_qp import Outcome, solve
 from rigid_sim_ros.engine.contacts import (
@@ -33,7 +35,7 @@ from rigid_sim_ros.engine.detect import detect
 from rigid_sim_ros.engine.free_flight import fly
 from rigid_sim_ros.engine.impulse import collide, resting_speed, STILL
 from rigid_sim_ros.engine.integrate import make_work, sum_loads, Work
-from rigid_sim_ros.engine.kernel import allocating
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.manifolds import current_manifolds, grown, Manifolds, Memory
 from rigid_sim_ros.engine.model import Model
@@ -46,15 +48,19 @@ from rigid_sim_ros.engine.wrenches import count_down, Wrenches
 class EventSettings(NamedTuple):
     """What may be tuned; the defaults suit bodies of 1 cm to 10 m."""
 
-    touching: float = 1e-8  # [m] points with a smaller gap touch; far above rounding, far below anything seen
-    overlap: float = 1e-7  # [m] by which touching pairs may sink in within a step before it is split
-    push_out: float = 0.5  # [m/s] at most, with which bodies that overlap from the start come apart
-    max_events: int = 2000  # in a step; the rest of the step then runs without backtracking, and says so
+    # [m] points with a smaller gap touch; far above rounding, far below anything seen
+    touching: float = 1e-8
+    # [m] by which touching pairs may sink in within a step before it is split
+    overlap: float = 1e-7
+    # [m/s] at most, with which bodies that overlap from the start come apart
+    push_out: float = 0.5
+    # In a step; the rest of the step then runs without backtracking, and says so
+    max_events: int = 2000
     max_bounces: int = 32  # of two bodies in one step, before they collide with e = 0
 
 
-# A gap left at rest is closed at this rate per step. The gap and its rate then shrink with the factors
-# 0.6 and 0.25 a step without swinging; above 0.34 they would swing.
+# A gap left at rest is closed at this rate per step. The gap and its rate then shrink with the
+# factors 0.6 and 0.25 a step without swinging; above 0.34 they would swing.
 CLOSING = 0.3
 
 
@@ -108,10 +114,10 @@ def no_forces() -> Carried:
     return Carried(none, none, none, np.zeros((0, 3)))
 
 
-@allocating
+@kernel
 def _load(model: Model, contacts: Contacts, chosen: IntArray, f: Array, loads: Loads,
           work: Work) -> None:
-    """Write the loads of the contact forces f, (3m,) [N, contact axes], and add them to the step's."""
+    """Write the loads of the forces f, (3m,) [N, contact axes], and add them to the step's."""
     loads.F[:] = 0.0
     loads.tau[:] = 0.0
     for c in range(chosen.shape[0]):
@@ -132,8 +138,9 @@ def _load(model: Model, contacts: Contacts, chosen: IntArray, f: Array, loads: L
             work.loads.tau[i, j] += loads.tau[i, j]
 
 
-@allocating
-def _move(model: Model, state: State, wrenches: Wrenches, loads: Loads, work: Work, t: float) -> None:
+@kernel
+def _move(model: Model, state: State, wrenches: Wrenches, loads: Loads, work: Work,
+          t: float) -> None:
     """Kick, drift, kick for t [s] like `integrate.symplectic`, with constant contact loads."""
     kick(state, work.loads, 0.5 * t)
     fly(model, state, (0.0, 0.0, 0.0), t, np.int64(1), work.block)
@@ -144,9 +151,10 @@ def _move(model: Model, state: State, wrenches: Wrenches, loads: Loads, work: Wo
     kick(state, work.loads, -0.5 * t)
 
 
-@allocating
-def _choose(contacts: Contacts, bodies: Bodies, h: float, touching: float, chosen: IntArray) -> int:
-    """Write the points that get a force: those that touch, and slow ones as near as a rebound too short to be one."""
+@kernel
+def _choose(contacts: Contacts, bodies: Bodies, h: float, touching: float,
+            chosen: IntArray) -> int:
+    """Write the points that get a force: those that touch, and slow ones that nearly do."""
     m = 0
     for k in range(contacts.count[0]):
         slow = resting_speed(contacts, bodies, k, h)
@@ -160,26 +168,29 @@ def _choose(contacts: Contacts, bodies: Bodies, h: float, touching: float, chose
     return m
 
 
-@allocating
-def _rates(contacts: Contacts, bodies: Bodies, chosen: IntArray, drift: Array, left: float, h: float,
+@kernel
+def _rates(shapes: Shapes, contacts: Contacts, bodies: Bodies, chosen: IntArray, drift: Array,
+           left: float, h: float,
            push_out: float, b: Array) -> None:
     """
-    Write b of a = A f + b: accelerations without contact forces, and what is left of velocities and gaps.
+    Write b of a = A f + b: accelerations without contact forces, and what is left of velocities
+    and gaps.
 
-    a = 0 then means that the point has stopped when `left` [s] are over, so that neither a velocity
-    nor a gap that rounding left behind can grow from step to step.
+    a = 0 then means that the point has stopped when `left` [s] are over, so that neither a
+    velocity nor a gap that rounding left behind can grow from step to step.
     """
     for c in range(chosen.shape[0]):
         k = chosen[c]
         u = to_contact(contacts, k, relative(bodies.velocity, contacts, k))
         free = to_contact(contacts, k, relative(bodies.acceleration, contacts, k))
-        wanted = min(-CLOSING * contacts.gap[k] / h, push_out)
+        gap = contacts.gap[k] - film(shapes, contacts.shape_a[k], contacts.shape_b[k])
+        wanted = min(-CLOSING * gap / h, push_out)
         b[3 * c] = free[0] + drift[3 * c] + (u[0] - wanted) / left
         b[3 * c + 1] = free[1] + drift[3 * c + 1] + u[1] / left
         b[3 * c + 2] = free[2] + drift[3 * c + 2] + u[2] / left
 
 
-@allocating
+@kernel
 def _recall(contacts: Contacts, chosen: IntArray, carried: Carried, f: Array) -> None:
     """Write the forces of the last step at the points that were there already, 0 at the others."""
     f[:] = 0.0
@@ -189,7 +200,8 @@ def _recall(contacts: Contacts, chosen: IntArray, carried: Carried, f: Array) ->
         for tried in range(size):
             # Both are in the same order, so the search nearly always ends at once.
             i = (at + tried) % size
-            if (carried.shape_a[i] == contacts.shape_a[k] and carried.shape_b[i] == contacts.shape_b[k]
+            if (carried.shape_a[i] == contacts.shape_a[k]
+                    and carried.shape_b[i] == contacts.shape_b[k]
                     and carried.feature[i] == contacts.feature[k]):
                 F = to_contact(contacts, k, row(carried.force, i))
                 f[3 * c], f[3 * c + 1], f[3 * c + 2] = F
@@ -197,7 +209,7 @@ def _recall(contacts: Contacts, chosen: IntArray, carried: Carried, f: Array) ->
                 break
 
 
-@allocating
+@kernel
 def _forces_in_world(contacts: Contacts, chosen: IntArray, f: Array, force: Array) -> None:
     for c in range(chosen.shape[0]):
         F = to_world(contacts, chosen[c], (f[3 * c], f[3 * c + 1], f[3 * c + 2]))
@@ -205,7 +217,7 @@ def _forces_in_world(contacts: Contacts, chosen: IntArray, f: Array, force: Arra
             force[c, i] = F[i]
 
 
-@allocating
+@kernel
 def _velocities(contacts: Contacts, bodies: Bodies, chosen: IntArray, u: Array) -> None:
     for c in range(chosen.shape[0]):
         k = chosen[c]
@@ -213,18 +225,20 @@ def _velocities(contacts: Contacts, bodies: Bodies, chosen: IntArray, u: Array) 
             contacts, k, relative(bodies.velocity, contacts, k))
 
 
-@allocating
+@kernel
 def _push_all(model: Model, state: State, contacts: Contacts, chosen: IntArray, J: Array,
               impulses: Array) -> None:
     for c in range(chosen.shape[0]):
         k = chosen[c]
-        push(state, contacts, k, to_world(contacts, k, (J[3 * c], J[3 * c + 1], J[3 * c + 2])), model)
+        push(state, contacts, k, to_world(contacts, k, (J[3 * c], J[3 * c + 1], J[3 * c + 2])),
+             model)
         for i in range(3):
             impulses[k, i] += J[3 * c + i]
 
 
-@allocating
-def _allow(pairs: IntArray, count: int, contacts: Contacts, bodies: Bodies, chosen: IntArray, left: float,
+@kernel
+def _allow(pairs: IntArray, count: int, contacts: Contacts, bodies: Bodies, chosen: IntArray,
+           left: float,
            overlap: float, allowed: Array) -> None:
     """Write how deep the pairs that get forces may go, 0 for the others; see `first_event`."""
     allowed[:count] = 0.0
@@ -241,7 +255,7 @@ def _allow(pairs: IntArray, count: int, contacts: Contacts, bodies: Bodies, chos
             p = (p + 1) % count
 
 
-@allocating
+@kernel
 def _record(manifolds: Manifolds, contacts: Contacts, impulses: Array) -> None:
     """Add impulses, (c, 3) [N s, contact axes], to those of the manifolds."""
     r = 0
@@ -259,7 +273,7 @@ def _record(manifolds: Manifolds, contacts: Contacts, impulses: Array) -> None:
             manifolds.friction[r, i] += rubbing[i]
 
 
-@allocating
+@kernel
 def _deepest(manifolds: Manifolds) -> float:
     deepest = 0.0
     for r in range(manifolds.count[0]):
@@ -268,7 +282,7 @@ def _deepest(manifolds: Manifolds) -> float:
     return deepest
 
 
-@allocating
+@kernel
 def _most_pull(model: Model, loads: Loads) -> float:
     """Return the largest acceleration [m/s^2] that a load gives a centre of mass."""
     most = 0.0
@@ -291,7 +305,7 @@ class _Step:
         self.residual, self.status, self.cut_short = 0.0, '', False
 
     def run(self) -> Memory:
-        """Go from event to event until the step is over; return the memory, which may have grown."""
+        """Go from event to event until the step is over; return the memory, perhaps grown."""
         w, left, first = self.work, self.model.h, True
         while left > 0.0:
             self._free_loads()
@@ -323,12 +337,14 @@ class _Step:
         w = self.work
         slow = 0.5 * self.model.h * float(_most_pull(self.model, w.work.loads)) + STILL
         reach = self.settings.touching + 0.25 * self.model.h * slow
-        # Polyhedra that hardly moved would keep points that are right to second order: not enough here.
+        # Polyhedra that hardly moved would keep points that are right to second order: not enough
+        # here.
         current_manifolds(self.memory).found_at[:, 0] = np.inf
         while not detect(self.model, self.state, self.shapes, self.memory, 1.01 * reach):
             self.memory = grown(self.memory)
         while True:
-            needed = gather(self.state, current_manifolds(self.memory), self.shapes, self.materials,
+            needed = gather(self.state, current_manifolds(self.memory), self.shapes,
+                            self.materials,
                             reach, w.contacts)
             if needed <= w.contacts.gap.shape[0]:
                 return
@@ -341,7 +357,8 @@ class _Step:
         if points == 0:
             return
         elastic = np.ones(points, dtype=np.int64)
-        pairs = [(int(w.contacts.body_a[i]), int(w.contacts.body_b[i])) for i in w.contacts.first[:blocks]]
+        pairs = [(int(w.contacts.body_a[i]),
+                  int(w.contacts.body_b[i])) for i in w.contacts.first[:blocks]]
         for block, pair in enumerate(pairs):
             if self.bounced.get(pair, 0) >= self.settings.max_bounces:
                 elastic[w.contacts.first[block]:w.contacts.first[block + 1]] = 0
@@ -360,7 +377,7 @@ class _Step:
         read_bodies(self.model, self.state, w.work.loads.F, w.work.loads.tau, w.bodies)
 
     def _stop_together(self, impulses: Array) -> None:
-        """End a shock that goes to and fro for ever: the same conditions for all at once, with e = 0."""
+        """End a shock that goes to and fro for ever: all points at once, with e = 0."""
         w = self.work
         chosen = np.flatnonzero(
             w.contacts.gap[:w.contacts.count[0]] <= self.settings.touching).astype(np.int64)
@@ -371,7 +388,8 @@ class _Step:
 
     def _coupling(self, chosen: IntArray) -> Array:
         A = np.empty((3 * len(chosen), 3 * len(chosen)))
-        couple(self.model, self.work.contacts, self.work.bodies, chosen, A)
+        couple(self.model, self.work.contacts, self.work.bodies, chosen, len(chosen),
+               np.empty((2, 3 * len(chosen), 3)), A)
         return A
 
     def _solve(self, A: Array, b: Array, chosen: IntArray, start: Array) -> Array:
@@ -385,16 +403,18 @@ class _Step:
         return found
 
     def _resting_forces(self, left: float) -> IntArray:
-        """Find the forces at the points that rest, and add them to the loads; return the points."""
+        """Find the forces at the resting points, and add them to the loads; return the points."""
         w, h = self.work, self.model.h
         chosen = np.empty(w.contacts.count[0], dtype=np.int64)
         chosen = chosen[:_choose(w.contacts, w.bodies, h, self.settings.touching, chosen)]
         f = np.zeros(3 * len(chosen))
         if len(chosen):
             drift, b = np.zeros(3 * len(chosen)), np.empty(3 * len(chosen))
-            contact_drift(self.model, self.state, w.still, self.shapes, w.contacts, w.bodies, chosen,
+            contact_drift(self.model, self.state, w.still, self.shapes, w.contacts, w.bodies,
+                          chosen,
                           max(left, 1e-3 * h), w.pose, self.memory.scratch, drift)
-            _rates(w.contacts, w.bodies, chosen, drift, left, h, self.settings.push_out, b)
+            _rates(self.shapes, w.contacts, w.bodies, chosen, drift, left, h,
+                   self.settings.push_out, b)
             _recall(w.contacts, chosen, w.carried, f)
             f = self._solve(self._coupling(chosen), b, chosen, f)
         _load(self.model, w.contacts, chosen, f, w.contact_loads, w.work)
@@ -412,12 +432,14 @@ class _Step:
             self.cut_short = True
             return left, -1
         while True:
-            count = pairs_ahead(self.model, self.state, w.work.loads, self.shapes, left, w.pose, w.pairs)
+            count = pairs_ahead(self.model, self.state, w.work.loads, self.shapes, left, w.pose,
+                                w.pairs)
             if count <= len(w.pairs):
                 break
             w.pairs = np.zeros((2 * count, 2), dtype=np.int64)
             w.allowed = np.zeros(2 * count)
-        _allow(w.pairs, count, w.contacts, w.bodies, chosen, left, self.settings.overlap, w.allowed)
+        _allow(w.pairs, count, w.contacts, w.bodies, chosen, left, self.settings.overlap,
+               w.allowed)
         t, which = first_event(self.model, self.state, w.work.loads, self.shapes, w.pairs, count,
                                w.allowed, self.settings.overlap, left, w.pose, self.memory.scratch)
         return float(t), int(which)
@@ -441,8 +463,8 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
     """
     Advance all bodies by `count` steps, in place; return the memory, which may have grown.
 
-    work.report says how the last step went, and `work.carried` together with the state is all that the next step
-    depends on.
+    work.report says how the last step went, and `work.carried` together with the state is all that
+    the next step depends on.
     """
     for _ in range(count):
         memory = _Step(model, state, wrenches, shapes, materials, memory, settings, work).run()

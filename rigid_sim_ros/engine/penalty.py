@@ -3,19 +3,20 @@
 """
 Contact model `penalty`: a spring and a damper at each point where bodies overlap.
 
-"Soft body collision: force is applied to prevent interpenetration" (Meyer, Rigid Body Dynamics). With the depth d
-of a point the normal force is that of Hunt and Crossley with a linear spring,
+"Soft body collision: force is applied to prevent interpenetration" (Meyer, Rigid Body Dynamics).
+With the depth d of a point the normal force is that of Hunt and Crossley with a linear spring,
 
     f_n = max(0, k d (1 + c d'))
 
-(Coefficient of restitution interpreted as damping in vibroimpact, J. Appl. Mech. 42 (1975)): it begins and ends at 0, as
-a force proportional to d' alone would not, and never pulls. A body that arrives with v0 leaves with v1 where
+(Coefficient of restitution interpreted as damping in vibroimpact, J. Appl. Mech. 42 (1975)): it
+begins and ends at 0, as a force proportional to d' alone would not, and never pulls. A body that
+arrives with v0 leaves with v1 where
 
     c v0 - ln(1 + c v0) = -c v1 - ln(1 - c v1),    so v1 / v0 = 1 - 2 c v0 / 3 + O((c v0)^2).
 
-Friction is a bristle: a spring and damper along the surface whose stretch is remembered from step to step, for
-each point by its feature, and slips where its force would exceed mu f_n. It is stretched, not creeping, while a body
-rests on a slope.
+Friction is a bristle: a spring and damper along the surface whose stretch is remembered from step
+to step, for each point by its feature, and slips where its force would exceed mu f_n. It is
+stretched, not creeping, while a body rests on a slope.
 """
 
 import math
@@ -24,13 +25,13 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.bare import bare
 from rigid_sim_ros.engine.contacts import (
     Bodies, Contacts, gather, make_bodies, make_contacts, quaternion, read_velocity, relative,
     rotate, row, to_contact, to_world)
 from rigid_sim_ros.engine.detect import detect
 from rigid_sim_ros.engine.free_flight import fly
 from rigid_sim_ros.engine.integrate import make_work, sum_loads, Work
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.manifolds import current_manifolds, grown, Manifolds, Memory
 from rigid_sim_ros.engine.model import Model
@@ -39,14 +40,16 @@ from rigid_sim_ros.engine.shapes import CAPSULE, KIND_NAMES, Materials, Shapes, 
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.wrenches import count_down, Wrenches
 
-# Detection looks this far [m] ahead of the surfaces; only overlap gives a force, so it may be tiny.
+# Detection looks this far [m] ahead of the surfaces; only overlap gives a force, so it may be
+# tiny.
 MARGIN = 1e-9
-# The bristle's stiffness over the spring's: 1 keeps one limit for the step; Mindlin's elastic spheres have 0.7 to 1.
+# The bristle's stiffness over the spring's: 1 keeps one limit for the step; Mindlin's elastic
+# spheres have 0.7 to 1.
 TANGENTIAL = 1.0
 # Damping of the bristle against its critical damping. 0 lets a body on a slope swing for ever.
 BRISTLE_DAMPING = 0.5
-# Step times angular frequency of the stiffest pair. Verlet is stable below 2; half of it leaves room for bodies that are
-# touched from two sides, and puts 6 steps into one oscillation.
+# Step times angular frequency of the stiffest pair. Verlet is stable below 2; half of it leaves
+# room for bodies that are touched from two sides, and puts 6 steps into one oscillation.
 STEP_LIMIT = 1.0
 
 
@@ -90,23 +93,26 @@ def no_bristles() -> Bristles:
 
 
 def stiffness_for_depth(weight: float, depth: float, points: int = 1) -> float:
-    """Return the stiffness [N/m] of a pair at which a weight [N] on some points sinks in by depth [m]."""
+    """Return the stiffness [N/m] at which a weight [N] on some points sinks in by depth [m]."""
     return weight / (points * depth)
 
 
 def stable_step(model: Model, shapes: Shapes, materials: Materials) -> tuple[float, int, int]:
     """
-    Return the longest step [s] that is stable for every pair of shapes, and the shapes of the pair that sets it.
+    Return the longest step [s] that is stable for every pair of shapes, and the shapes of the pair
+    that sets it.
 
-    A body on p points of stiffness k each moves against them with at most omega^2 = p k (1/M + r^2 / I), with the
-    farthest distance r of its surface from the centre of mass and its smallest moment I; for two bodies the brackets
-    add up. The step is STEP_LIMIT / omega; infinite where nothing can touch.
+    A body on p points of stiffness k each moves against them with at most omega^2 = p k (1/M + r^2
+    / I), with the farthest distance r of its surface from the centre of mass and its smallest
+    moment I; for two bodies the brackets add up. The step is STEP_LIMIT / omega; infinite where
+    nothing can touch.
     """
     moving = np.flatnonzero(shapes.still == 0)
     if len(moving) == 0 or len(shapes.body) < 2:
         return math.inf, -1, -1
     i = shapes.body
-    reach = np.linalg.norm(shapes.p_CS, axis=1) + np.where(np.isfinite(shapes.bound), shapes.bound, 0.0)
+    reach = np.linalg.norm(shapes.p_CS, axis=1) + np.where(np.isfinite(shapes.bound),
+                                                           shapes.bound, 0.0)
     give = model.inv_m[i] + reach ** 2 * model.inv_I_C[:, i].max(axis=0)
     points = np.select([shapes.kind == SPHERE, shapes.kind == CAPSULE], [1, 2], 4)
     best, pair = 0.0, (-1, -1)
@@ -126,7 +132,7 @@ def stable_step(model: Model, shapes: Shapes, materials: Materials) -> tuple[flo
 
 
 def check_step(model: Model, shapes: Shapes, materials: Materials) -> None:
-    """Raise ValueError, with a step and a stiffness that work, if the model's step is too long for its contacts."""
+    """Raise ValueError, with a step and a stiffness that work, if the step is too long."""
     longest, a, b = stable_step(model, shapes, materials)
     if model.h <= longest:
         return
@@ -145,16 +151,17 @@ def _rounded_down(value: float) -> float:
     return math.floor(value / unit) * unit
 
 
-@bare
+@kernel
 def _recall(contacts: Contacts, state: State, bristles: Bristles, stretch: Array) -> None:
-    """Write the stretches of the points that were there before, in world axes, 0 for the others."""
+    """Write the stretches of points that were there before, world axes, 0 for the others."""
     at, size = 0, bristles.feature.shape[0]
     for k in range(contacts.count[0]):
         for i in range(3):
             stretch[k, i] = 0.0
         for tried in range(size):
             j = (at + tried) % size
-            if (bristles.shape_a[j] == contacts.shape_a[k] and bristles.shape_b[j] == contacts.shape_b[k]
+            if (bristles.shape_a[j] == contacts.shape_a[k]
+                    and bristles.shape_b[j] == contacts.shape_b[k]
                     and bristles.feature[j] == contacts.feature[k]):
                 s = rotate(quaternion(state.q, contacts.body_a[k]), row(bristles.stretch, j))
                 for i in range(3):
@@ -163,11 +170,11 @@ def _recall(contacts: Contacts, state: State, bristles: Bristles, stretch: Array
                 break
 
 
-@bare
+@kernel
 def _point_force(model: Model, shapes: Shapes, materials: Materials, settings: PenaltySettings,
                  contacts: Contacts, k: int, points: int, u: Vector,
                  s: Vector) -> tuple[Vector, float, float]:
-    """Return the force on B [N, contact axes], and what is left of the stretch after slip [m, t1, t2]."""
+    """Return the force on B [N, contact axes], and the stretch after slip [m, t1, t2]."""
     material_a = shapes.material[contacts.shape_a[k]]
     material_b = shapes.material[contacts.shape_b[k]]
     stiffness = materials.stiffness[material_a, material_b]
@@ -187,8 +194,9 @@ def _point_force(model: Model, shapes: Shapes, materials: Materials, settings: P
     return (normal, f_1, f_2), left_1, left_2
 
 
-@bare
-def _forces(model: Model, state: State, shapes: Shapes, materials: Materials, settings: PenaltySettings,
+@kernel
+def _forces(model: Model, state: State, shapes: Shapes, materials: Materials,
+            settings: PenaltySettings,
             contacts: Contacts, bodies: Bodies, stretch: Array, t: float, loads: Loads,
             forces: Array) -> None:
     """
@@ -222,7 +230,7 @@ def _forces(model: Model, state: State, shapes: Shapes, materials: Materials, se
         loads.tau[:, i] = 0.0
 
 
-@bare
+@kernel
 def _keep(contacts: Contacts, state: State, world: Array, bristles: Bristles) -> None:
     """Write the bristles of all points, turned into the axes of A."""
     for k in range(contacts.count[0]):
@@ -234,9 +242,9 @@ def _keep(contacts: Contacts, state: State, world: Array, bristles: Bristles) ->
             bristles.stretch[k, i] = s[i]
 
 
-@bare
+@kernel
 def _record(manifolds: Manifolds, contacts: Contacts, forces: Array, t: float) -> None:
-    """Write the impulses of the step to the manifolds; the points lie in them in the order of their slots."""
+    """Write the impulses of the step to the manifolds."""
     rows = manifolds.count[0]
     for r in range(rows):
         for j in range(4):
@@ -254,13 +262,13 @@ def _record(manifolds: Manifolds, contacts: Contacts, forces: Array, t: float) -
             manifolds.friction[r, i] += rubbing[i]
 
 
-@bare
+@kernel
 def _velocities(model: Model, state: State, bodies: Bodies) -> None:
     for i in range(model.m.shape[0]):
         read_velocity(model, state, i, bodies)
 
 
-@bare
+@kernel
 def _drift(model: Model, state: State, wrenches: Wrenches, work: Work) -> None:
     """Half a kick of the loads other than contact, and the drift of a whole step."""
     sum_loads(model, state, wrenches, work.loads)
@@ -268,7 +276,7 @@ def _drift(model: Model, state: State, wrenches: Wrenches, work: Work) -> None:
     fly(model, state, (0.0, 0.0, 0.0), model.h, np.int64(1), work.block)
 
 
-@bare
+@kernel
 def _last_kick(model: Model, state: State, wrenches: Wrenches, work: Work) -> None:
     """Kick by the other half, with the loads at the new pose; see `integrate.symplectic`."""
     kick(state, work.loads, 0.5 * model.h)
@@ -281,6 +289,9 @@ def _last_kick(model: Model, state: State, wrenches: Wrenches, work: Work) -> No
 def _overlaps(model: Model, state: State, shapes: Shapes, materials: Materials, memory: Memory,
               work: PenaltyWork) -> Memory:
     """Find the points that overlap; return the memory, which may have grown."""
+    # Polyhedra that hardly moved would keep points that are right to second order: results would
+    # then depend on when these were found.
+    current_manifolds(memory).found_at[:, 0] = np.inf
     while not detect(model, state, shapes, memory, MARGIN):
         memory = grown(memory)
     while True:
@@ -298,14 +309,15 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
     """
     Advance all bodies by `count` steps, in place; return the memory, which may have grown.
 
-    Kick, drift, kick: order 2 while the points stay the same. work.bristles together with the state is all that
-    the next step depends on.
+    Kick, drift, kick: order 2 while the points stay the same. work.bristles together with the
+    state is all that the next step depends on.
     """
     for _ in range(count):
         memory = _overlaps(model, state, shapes, materials, memory, work)
         stretch = np.zeros((int(work.contacts.count[0]), 3))
         _recall(work.contacts, state, work.bristles, stretch)
-        _forces(model, state, shapes, materials, settings, work.contacts, work.bodies, stretch, 0.0,
+        _forces(model, state, shapes, materials, settings, work.contacts, work.bodies, stretch,
+                0.0,
                 work.loads, work.impulses)
         kick(state, work.loads, 0.5 * model.h)
         bristles = _copy_of(work.contacts, state, stretch)
