@@ -1,0 +1,137 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Small worlds of shapes that touch, for the contact models of the engine."""
+
+from collections.abc import Sequence
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine import event, inertia, penalty
+from rigid_sim_ros.engine.forces import WIDTH
+from rigid_sim_ros.engine.inertia import MassProperties
+from rigid_sim_ros.engine.manifolds import current_manifolds, empty_memory
+from rigid_sim_ros.engine.model import Body, build_model, ForceTable
+from rigid_sim_ros.engine.shapes import (
+    BOX, build_materials, build_shapes, PLANE, Shape, SPHERE)
+from rigid_sim_ros.engine.state import (
+    copy_state, empty_motion, empty_state, kinetic_energy, total_angular_momentum,
+    write_motion)
+from rigid_sim_ros.engine.wrenches import no_wrenches
+
+G = 9.81
+
+
+class Thing(NamedTuple):
+    """One body with one shape in the middle of its frame; no mass: it is fixed."""
+
+    kind: int
+    size: Sequence[float]
+    mass: MassProperties | None = None
+    position: Sequence[float] = (0.0, 0.0, 0.0)
+    orientation: Sequence[float] = (0.0, 0.0, 0.0, 1.0)
+    velocity: Sequence[float] = (0.0, 0.0, 0.0)
+    spin: Sequence[float] = (0.0, 0.0, 0.0)
+
+
+def ground(orientation=(0.0, 0.0, 0.0, 1.0)) -> Thing:
+    return Thing(PLANE, (0.0, 0.0, 0.0), orientation=orientation)
+
+
+def ball(radius, mass, **motion) -> Thing:
+    return Thing(SPHERE, (radius, 0.0, 0.0), inertia.sphere(mass, radius), **motion)
+
+
+def box(size, mass, **motion) -> Thing:
+    return Thing(BOX, tuple(0.5 * side for side in size), inertia.box(mass, size), **motion)
+
+
+def about_y(angle) -> tuple[float, float, float, float]:
+    return (0.0, math.sin(0.5 * angle), 0.0, math.cos(0.5 * angle))
+
+
+class _Scene:
+    """Bodies, shapes and one material, with the state at hand."""
+
+    def __init__(self, things, material, h, gravity):
+        bodies = [Body(thing.mass, thing.mass is None) for thing in things]
+        none = np.zeros(0, dtype=np.int64)
+        forces = ForceTable(none, none, none, np.zeros((0, WIDTH)))
+        self.model = build_model(bodies, [], forces, h, gravity)
+        self.shapes = build_shapes(self.model, [Shape(i, thing.kind, tuple(thing.size))
+                                                for i, thing in enumerate(things)])
+        self.materials = build_materials([material])
+        self.state = empty_state(len(things))
+        motion = empty_motion(len(things))
+        for i, thing in enumerate(things):
+            motion.position[i], motion.orientation[i] = thing.position, thing.orientation
+            motion.linear[i], motion.angular[i] = thing.velocity, thing.spin
+            write_motion(self.model, self.state, motion, i)
+        self.wrenches = no_wrenches()
+        self.memory = empty_memory(len(things), len(things))
+
+    @property
+    def v(self):
+        return self.state.P * self.model.inv_m
+
+    def energy(self) -> float:
+        return float(kinetic_energy(self.model, self.state))
+
+    def momentum(self):
+        return np.append(self.state.P.sum(axis=1), total_angular_momentum(self.state))
+
+    def manifolds(self):
+        return current_manifolds(self.memory)
+
+
+class EventScene(_Scene):
+    """A scene that runs with the model `event`."""
+
+    def __init__(self, things, material, h=1e-3, gravity=(0.0, 0.0, -G)):
+        super().__init__(things, material, h, gravity)
+        self.settings = event.EventSettings()
+        self.work = event.EventWork(len(things), len(things))
+
+    def step(self, count=1) -> None:
+        self.memory = event.advance(self.model, self.state, self.wrenches, self.shapes,
+                                    self.materials, self.memory, self.settings, self.work, count)
+
+    def twin(self) -> 'EventScene':
+        """Return a scene that continues from the state and from what is carried over only."""
+        other = object.__new__(EventScene)
+        other.__dict__.update(self.__dict__)
+        other.state = copy_state(self.state)
+        count = len(self.shapes.body)
+        other.memory = empty_memory(count, count)
+        other.work = event.EventWork(count, count)
+        other.work.carried = event.Carried(*(array.copy() for array in self.work.lasting()))
+        return other
+
+
+class PenaltyScene(_Scene):
+    """A scene that runs with the model `penalty`."""
+
+    def __init__(self, things, material, h=1e-3, gravity=(0.0, 0.0, -G)):
+        super().__init__(things, material, h, gravity)
+        self.settings = penalty.PenaltySettings()
+        self.work = penalty.PenaltyWork(len(things))
+
+    def step(self, count=1) -> None:
+        self.memory = penalty.advance(self.model, self.state, self.wrenches, self.shapes,
+                                      self.materials, self.memory, self.settings, self.work, count)
+
+    def twin(self) -> 'PenaltyScene':
+        """Return a scene that continues from the state and from the bristles, and nothing else."""
+        other = object.__new__(PenaltyScene)
+        other.__dict__.update(self.__dict__)
+        other.state = copy_state(self.state)
+        count = len(self.shapes.body)
+        other.memory = empty_memory(count, count)
+        other.work = penalty.PenaltyWork(count)
+        other.work.bristles = penalty.Bristles(*(array.copy() for array in self.work.lasting()))
+        return other
+
+
+def same_bits(a, b) -> bool:
+    return all(x.tobytes() == y.tobytes() for x, y in zip(a, b, strict=True))
