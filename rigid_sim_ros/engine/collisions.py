@@ -17,14 +17,12 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.kernel import kernel
-from rigid_sim_ros.engine.loads import Loads
+from rigid_sim_ros.engine.kernel import inlined, kernel
 from rigid_sim_ros.engine.manifolds import Manifolds, POINTS
-from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.rotation import (
-    angular_velocity, exponential, multiply, quaternion, set_quaternion, unit)
+    exponential, multiply, quaternion, set_quaternion, to_matrix, unit)
 from rigid_sim_ros.engine.shapes import Materials, Shapes, SPHERE
-from rigid_sim_ros.engine.state import body_spin, body_velocity, State
+from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.vector import (
     add, add_scaled, add_to_column, column, cross, dot, norm, row, scale, subtract)
 
@@ -38,96 +36,177 @@ ROUNDS = 200
 VISITS = 30
 
 
+# Columns of `CollisionWork.body`.
+_V, _W, _A, _J, _INV_M, _DP, _DL, _SHIFT, _COLUMNS = 0, 3, 6, 9, 15, 16, 19, 22, 28
+
+
 class CollisionWork(NamedTuple):
     """Buffers for n bodies and c manifolds."""
 
     rows: IntArray  # (c,) manifolds that may bounce
     time: Array  # (c,) when they touch [s] after the start of the step
-    first: Array  # (n,) of these times, the earliest of a body
+    waits: IntArray  # (c,) 1: approaches too fast to be at rest, but will not touch in this step
+    first: Array  # (n,) the earliest of a body's times
+    body: Array  # (n, 28) v, w, F / m, inverse inertia in world axes, 1 / m, new momenta, shifts
     point: Array  # (POINTS, 3) points of one collision from the centre of mass of A [m]
     target: Array  # (POINTS,) normal velocity after it [m/s], NEVER for a point that takes no part
     impulse: Array  # (POINTS,) [N s]
-    before: Array  # (2, 6) P and L of the two bodies before it
 
 
 def make_collision_work(n: int, capacity: int) -> CollisionWork:
     """Return buffers for n bodies and `capacity` manifolds."""
-    return CollisionWork(np.zeros(capacity, dtype=np.int64), np.zeros(capacity), np.zeros(n),
-                         np.zeros((POINTS, 3)), np.zeros(POINTS), np.zeros(POINTS), np.zeros((2, 6)))
+    return CollisionWork(np.zeros(capacity, dtype=np.int64), np.zeros(capacity),
+                         np.zeros(capacity, dtype=np.int64), np.zeros(n), np.zeros((n, _COLUMNS)),
+                         np.zeros((POINTS, 3)), np.zeros(POINTS), np.zeros(POINTS))
 
 
 @kernel
-def collide_bodies(model: Model, state: State, loads: Loads, shapes: Shapes, materials: Materials,
-                   manifolds: Manifolds, slowest: float, shift: Array, normal_impulse: Array,
+def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Array, shapes: Shapes,
+                   materials: Materials, manifolds: Manifolds, slowest: float, normal_impulse: Array,
                    friction_impulse: Array, work: CollisionWork) -> int:
     """
-    Let all pairs with restitution bounce that touch within the step faster than `slowest` [m/s].
+    Let all pairs with restitution bounce that touch within h [s] faster than `slowest` [m/s].
 
-    Changes the state; shift (6, n) gains the displacements [m] and rotations [rad], the impulses (c, 4) and (c, 3)
-    what acted on B [N s]. Returns the number of collisions.
+    F (3, n) are the forces [N]. Changes the state; the displacements and rotations are in work.body
+    afterwards. The impulses (c, 4) and (c, 3) are what acted on B [N s]. Returns the number of collisions.
     """
+    work.waits[:manifolds.count[0]] = 0
     candidates = 0
     for r in range(manifolds.count[0]):
-        if materials.restitution[shapes.material[manifolds.shape_a[r]],
-                                 shapes.material[manifolds.shape_b[r]]] > 0.0:
+        a, b = manifolds.body_a[r], manifolds.body_b[r]
+        if _restitution(shapes, materials, manifolds.shape_a[r], manifolds.shape_b[r]) > 0.0 and (
+                inv_m[a] + inv_m[b] > 0.0):
             work.rows[candidates] = r
             candidates += 1
+            _load(inv_m, inv_I_C, state, F, a, work.body[a])
+            _load(inv_m, inv_I_C, state, F, b, work.body[b])
     collisions = 0
     for _ in range(ROUNDS if candidates > 0 else 0):
         earlier = collisions
-        work.first[:] = NEVER
+        for k in range(candidates):
+            r = work.rows[k]
+            work.first[manifolds.body_a[r]] = work.first[manifolds.body_b[r]] = NEVER
         for k in range(candidates):
             r = work.rows[k]
             a, b = manifolds.body_a[r], manifolds.body_b[r]
-            work.time[k] = _touch(model, state, loads, shapes, manifolds, shift, slowest, r)
-            work.first[a] = min(work.first[a], work.time[k])
-            work.first[b] = min(work.first[b], work.time[k])
+            work.time[k] = _touch(h, state.x, shapes.kind, shapes.size, manifolds, slowest, r, work)
+            if inv_m[a] > 0.0:
+                work.first[a] = min(work.first[a], work.time[k])
+            if inv_m[b] > 0.0:
+                work.first[b] = min(work.first[b], work.time[k])
         for k in range(candidates):
             r = work.rows[k]
             a, b = manifolds.body_a[r], manifolds.body_b[r]
-            first_a = work.first[a] if model.inv_m[a] > 0.0 else NEVER
-            first_b = work.first[b] if model.inv_m[b] > 0.0 else NEVER
-            if work.time[k] <= model.h and work.time[k] <= min(first_a, first_b):
-                _bounce(model, state, loads, shapes, materials, manifolds, shift, slowest, r,
-                        work.time[k], normal_impulse, friction_impulse, work)
+            if work.time[k] <= h and work.time[k] <= min(work.first[a], work.first[b]):
+                first, second = shapes.material[manifolds.shape_a[r]], shapes.material[manifolds.shape_b[r]]
+                _bounce(state.x, shapes.kind, shapes.size, manifolds, materials.restitution[first, second],
+                        materials.friction[first, second], r, work.time[k], normal_impulse,
+                        friction_impulse, work)
+                _store(inv_I_C, state, a, work.time[k], work.body[a])
+                _store(inv_I_C, state, b, work.time[k], work.body[b])
                 # Their other times are no longer true.
-                work.first[a] = work.first[b] = -1.0
+                if inv_m[a] > 0.0:
+                    work.first[a] = -1.0
+                if inv_m[b] > 0.0:
+                    work.first[b] = -1.0
                 collisions += 1
         if collisions == earlier:
             break
     return collisions
 
 
-@kernel
-def _acceleration(model: Model, loads: Loads, i: int) -> Vector:
-    return scale(model.inv_m[i], column(loads.F, i))
+@inlined
+def _restitution(shapes: Shapes, materials: Materials, a: int, b: int) -> float:
+    return materials.restitution[shapes.material[a], shapes.material[b]]
+
+
+@inlined
+def _put(line: Array, at: int, v: Vector) -> None:
+    line[at], line[at + 1], line[at + 2] = v
+
+
+@inlined
+def _get(line: Array, at: int) -> Vector:
+    return (line[at], line[at + 1], line[at + 2])
 
 
 @kernel
-def _point_velocity(model: Model, state: State, i: int, r: Vector) -> Vector:
-    return add(body_velocity(model, state, i), cross(body_spin(model, state, i), r))
+def _load(inv_m: Array, inv_I_C: Array, state: State, F: Array, i: int, line: Array) -> None:
+    """Write what collisions need to know of a body."""
+    q, inv_I = quaternion(state.q, i), column(inv_I_C, i)
+    R = to_matrix(q)
+    line[_INV_M] = inv_m[i]
+    at = _J
+    for k in range(3):
+        line[_V + k] = inv_m[i] * state.P[k, i]
+        line[_A + k] = inv_m[i] * F[k, i]
+        for j in range(k, 3):
+            line[at] = R[k][0] * inv_I[0] * R[j][0] + R[k][1] * inv_I[1] * R[j][1] + R[k][2] * inv_I[2] * R[j][2]
+            at += 1
+    _put(line, _W, _turned(line, column(state.L, i)))
+    for k in range(_DP, _COLUMNS):
+        line[k] = 0.0
+
+
+@inlined
+def _turned(line: Array, L: Vector) -> Vector:
+    """Return J L."""
+    return (line[_J] * L[0] + line[_J + 1] * L[1] + line[_J + 2] * L[2],
+            line[_J + 1] * L[0] + line[_J + 3] * L[1] + line[_J + 4] * L[2],
+            line[_J + 2] * L[0] + line[_J + 4] * L[1] + line[_J + 5] * L[2])
 
 
 @kernel
-def _gap_now(manifolds: Manifolds, shift: Array, r: int, p: int) -> float:
+def _store(inv_I_C: Array, state: State, i: int, tau: float, line: Array) -> None:
+    """Give a body its new momenta, and move it to where with them it would have started the step."""
+    if line[_INV_M] == 0.0:
+        return
+    dP, dL = _get(line, _DP), _get(line, _DL)
+    dx, angle = scale(-tau * line[_INV_M], dP), scale(-tau, _turned(line, dL))
+    add_to_column(state.P, i, dP)
+    add_to_column(state.L, i, dL)
+    add_to_column(state.x, i, dx)
+    set_quaternion(state.q, i, unit(multiply(exponential(angle), quaternion(state.q, i))))
+    for k in range(3):
+        line[_SHIFT + k] += dx[k]
+        line[_SHIFT + 3 + k] += angle[k]
+    _put(line, _DP, (0.0, 0.0, 0.0))
+    _put(line, _DL, (0.0, 0.0, 0.0))
+
+
+@kernel
+def _velocity_at(line: Array, r: Vector) -> Vector:
+    return add(_get(line, _V), cross(_get(line, _W), r))
+
+
+@kernel
+def displacement(line: Array) -> Vector:
+    """Return how far collisions moved the centre of mass of a body [m]."""
+    return _get(line, _SHIFT)
+
+
+@kernel
+def _shifted(line: Array, r: Vector) -> Vector:
+    """Return how far collisions displaced a point of a body, r from its centre of mass."""
+    return add(_get(line, _SHIFT), cross(_get(line, _SHIFT + 3), r))
+
+
+@kernel
+def gap_now(manifolds: Manifolds, body: Array, r: int, p: int) -> float:
     """Return the gap of a point at the start of the step, after the shifts of earlier collisions."""
-    a, b = manifolds.body_a[r], manifolds.body_b[r]
-    n = row(manifolds.normal, r)
-    moved_a = add((shift[0, a], shift[1, a], shift[2, a]),
-                  cross((shift[3, a], shift[4, a], shift[5, a]), row(manifolds.r_A[r], p)))
-    moved_b = add((shift[0, b], shift[1, b], shift[2, b]),
-                  cross((shift[3, b], shift[4, b], shift[5, b]), row(manifolds.r_B[r], p)))
-    return manifolds.gap[r, p] + dot(n, subtract(moved_b, moved_a))
+    moved = subtract(_shifted(body[manifolds.body_b[r]], row(manifolds.r_B[r], p)),
+                     _shifted(body[manifolds.body_a[r]], row(manifolds.r_A[r], p)))
+    return manifolds.gap[r, p] + dot(row(manifolds.normal, r), moved)
 
 
 @kernel
 def _time_of_touch(gap: float, v: float, a: float, h: float, slowest: float) -> float:
     """
-    Return when gap + v t + a t^2 / 2 becomes 0 within h, NEVER if it does not or does so too slowly.
+    Return when gap + v t + a t^2 / 2 becomes 0 within h.
 
-    An overlap that grows touches at 0. Too slow is also what a force alone makes of rest within two steps.
+    An overlap that grows touches at 0. NEVER if it does not touch, or slower than `slowest`; twice NEVER if it is
+    fast but later than h.
     """
-    slowest = max(slowest, 2.0 * abs(a) * h)
     if gap <= 0.0:
         return 0.0 if -v > slowest else NEVER
     square = v * v - 2.0 * a * gap
@@ -137,34 +216,37 @@ def _time_of_touch(gap: float, v: float, a: float, h: float, slowest: float) -> 
     if speed <= v:
         return NEVER
     t = 2.0 * gap / (speed - v)
-    return t if t <= h else NEVER
+    return t if t <= h else 2.0 * NEVER
 
 
 @kernel
-def _touch(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds: Manifolds, shift: Array,
-           slowest: float, r: int) -> float:
+def _touch(h: float, x: Array, kind: IntArray, size: Array, manifolds: Manifolds, slowest: float, r: int,
+           work: CollisionWork) -> float:
     """Return when the first point of a manifold touches [s] after the start of the step."""
     a, b = manifolds.body_a[r], manifolds.body_b[r]
-    if model.inv_m[a] + model.inv_m[b] == 0.0:
-        return NEVER
     n = row(manifolds.normal, r)
-    acceleration = subtract(_acceleration(model, loads, b), _acceleration(model, loads, a))
-    earliest = NEVER
+    acceleration = dot(n, subtract(_get(work.body[b], _A), _get(work.body[a], _A)))
+    # Too slow is also what a force alone makes of rest within two steps.
+    slowest = max(slowest, 2.0 * abs(acceleration) * h)
+    earliest = 3.0 * NEVER
+    slow = False
     for p in range(manifolds.points[r]):
-        v = subtract(_point_velocity(model, state, b, row(manifolds.r_B[r], p)),
-                     _point_velocity(model, state, a, row(manifolds.r_A[r], p)))
-        gap = _gap_now(manifolds, shift, r, p)
-        time = _time_of_touch(gap, dot(n, v), dot(n, acceleration), model.h, slowest)
+        v = subtract(_velocity_at(work.body[b], row(manifolds.r_B[r], p)),
+                     _velocity_at(work.body[a], row(manifolds.r_A[r], p)))
+        gap = gap_now(manifolds, work.body, r, p)
+        time = _time_of_touch(gap, dot(n, v), acceleration, h, slowest)
+        slow = slow or time == NEVER
         earliest = min(earliest, time)
-    both = shapes.kind[manifolds.shape_a[r]] == SPHERE and shapes.kind[manifolds.shape_b[r]] == SPHERE
-    if both and earliest < NEVER:
-        earliest, _ = _touch_of_spheres(model, state, shapes, manifolds, acceleration, r, earliest)
+    both = kind[manifolds.shape_a[r]] == SPHERE and kind[manifolds.shape_b[r]] == SPHERE
+    if both and earliest <= h:
+        earliest, _ = _touch_of_spheres(h, x, size, manifolds, r, earliest, work.body)
+    work.waits[r] = 1 if earliest > NEVER and not slow else 0
     return earliest
 
 
 @kernel
-def _touch_of_spheres(model: Model, state: State, shapes: Shapes, manifolds: Manifolds, acceleration: Vector,
-                      r: int, guess: float) -> tuple[float, Vector]:
+def _touch_of_spheres(h: float, x: Array, size: Array, manifolds: Manifolds, r: int, guess: float,
+                      body: Array) -> tuple[float, Vector]:
     """
     Return when two spheres touch and the normal there.
 
@@ -172,13 +254,13 @@ def _touch_of_spheres(model: Model, state: State, shapes: Shapes, manifolds: Man
     """
     a, b = manifolds.body_a[r], manifolds.body_b[r]
     n = row(manifolds.normal, r)
-    radius_a = shapes.size[manifolds.shape_a[r], 0]
-    radius_b = shapes.size[manifolds.shape_b[r], 0]
+    radius_a, radius_b = size[manifolds.shape_a[r], 0], size[manifolds.shape_b[r], 0]
     # Centres of the spheres from the centres of mass.
     o_A = add_scaled(row(manifolds.r_A[r], 0), -radius_a, n)
     o_B = add_scaled(row(manifolds.r_B[r], 0), radius_b, n)
-    d = subtract(add(column(state.x, b), o_B), add(column(state.x, a), o_A))
-    v = subtract(_point_velocity(model, state, b, o_B), _point_velocity(model, state, a, o_A))
+    d = subtract(add(column(x, b), o_B), add(column(x, a), o_A))
+    v = subtract(_velocity_at(body[b], o_B), _velocity_at(body[a], o_A))
+    acceleration = subtract(_get(body[b], _A), _get(body[a], _A))
     t = guess
     for _ in range(6):
         at = add_scaled(add_scaled(d, t, v), 0.5 * t * t, acceleration)
@@ -188,135 +270,109 @@ def _touch_of_spheres(model: Model, state: State, shapes: Shapes, manifolds: Man
         n = scale(1.0 / distance, at)
         rate = dot(n, add_scaled(v, t, acceleration))
         if rate >= 0.0:
-            return NEVER, n
+            return 2.0 * NEVER, n
         t = max(0.0, t - (distance - radius_a - radius_b) / rate)
-    return t if t <= model.h else NEVER, n
+    return t if t <= h else 2.0 * NEVER, n
 
 
 @kernel
-def _bounce(model: Model, state: State, loads: Loads, shapes: Shapes, materials: Materials,
-            manifolds: Manifolds, shift: Array, slowest: float, r: int, tau: float,
-            normal_impulse: Array, friction_impulse: Array, work: CollisionWork) -> None:
+def _bounce(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, restitution: float, mu: float,
+            r: int, tau: float, normal_impulse: Array, friction_impulse: Array, work: CollisionWork) -> None:
     """Collide one pair at tau [s]: Newton's law at the points that touch, within Coulomb's cone."""
     a, b = manifolds.body_a[r], manifolds.body_b[r]
-    first, second = shapes.material[manifolds.shape_a[r]], shapes.material[manifolds.shape_b[r]]
+    A, B = work.body[a], work.body[b]
     n = row(manifolds.normal, r)
-    acceleration = subtract(_acceleration(model, loads, b), _acceleration(model, loads, a))
-    spheres = shapes.kind[manifolds.shape_a[r]] == SPHERE and shapes.kind[manifolds.shape_b[r]] == SPHERE
+    acceleration = subtract(_get(B, _A), _get(A, _A))
+    spheres = kind[manifolds.shape_a[r]] == SPHERE and kind[manifolds.shape_b[r]] == SPHERE
     o_A = (0.0, 0.0, 0.0)
     if spheres:
-        radius = shapes.size[manifolds.shape_a[r], 0]
+        radius = size[manifolds.shape_a[r], 0]
         o_A = add_scaled(row(manifolds.r_A[r], 0), -radius, n)
-        _, n = _touch_of_spheres(model, state, shapes, manifolds, acceleration, r, tau)
+        _, n = _touch_of_spheres(tau, x, size, manifolds, r, tau, work.body)
         o_A = add_scaled(o_A, radius, n)
-    _remember(state, a, work.before[0])
-    _remember(state, b, work.before[1])
     # From the centre of mass of A to that of B at tau.
-    d = subtract(column(state.x, b), column(state.x, a))
-    v = subtract(body_velocity(model, state, b), body_velocity(model, state, a))
-    d = add_scaled(add_scaled(d, tau, v), 0.5 * tau * tau, acceleration)
+    d = subtract(column(x, b), column(x, a))
+    d = add_scaled(add_scaled(d, tau, subtract(_get(B, _V), _get(A, _V))), 0.5 * tau * tau, acceleration)
     for p in range(manifolds.points[r]):
         c = o_A if spheres else row(manifolds.r_A[r], p)
-        work.point[p, 0], work.point[p, 1], work.point[p, 2] = c
+        _put(work.point[p], 0, c)
         work.impulse[p] = 0.0
         work.target[p] = NEVER
-        u = dot(n, subtract(_point_velocity(model, state, b, subtract(c, d)),
-                            _point_velocity(model, state, a, c)))
-        gap = _gap_now(manifolds, shift, r, p)
+        u = dot(n, subtract(_velocity_at(B, subtract(c, d)), _velocity_at(A, c)))
+        gap = gap_now(manifolds, work.body, r, p)
         gap += tau * u + 0.5 * tau * tau * dot(n, acceleration)
         u += tau * dot(n, acceleration)
         if (gap <= TOGETHER or spheres) and u < 0.0:
-            work.target[p] = -materials.restitution[first, second] * u
-    acceleration = scale(tau, acceleration)
-    J = _impulses(model, state, a, b, n, d, acceleration, materials.friction[first, second],
-                  manifolds.points[r], work)
+            work.target[p] = -restitution * u
+    J = _impulses(A, B, n, d, scale(tau, acceleration), mu, manifolds.points[r], work)
     for p in range(manifolds.points[r]):
         normal_impulse[r, p] += work.impulse[p]
     for k in range(3):
         friction_impulse[r, k] += J[k]
-    _rewind(model, state, a, tau, work.before[0], shift)
-    _rewind(model, state, b, tau, work.before[1], shift)
 
 
 @kernel
-def _remember(state: State, i: int, before: Array) -> None:
-    for k in range(3):
-        before[k] = state.P[k, i]
-        before[3 + k] = state.L[k, i]
+def _push(line: Array, r: Vector, J: Vector) -> None:
+    """Let an impulse J act on a body, r from its centre of mass."""
+    if line[_INV_M] == 0.0:
+        return
+    dL = cross(r, J)
+    _put(line, _DP, add(_get(line, _DP), J))
+    _put(line, _DL, add(_get(line, _DL), dL))
+    _put(line, _V, add_scaled(_get(line, _V), line[_INV_M], J))
+    _put(line, _W, add(_get(line, _W), _turned(line, dL)))
 
 
 @kernel
-def _push(model: Model, state: State, a: int, b: int, r_A: Vector, d: Vector, J: Vector) -> None:
-    """Let J act on B and -J on A at the point r_A from A; d leads from A to B."""
-    if model.inv_m[a] > 0.0:
-        add_to_column(state.P, a, scale(-1.0, J))
-        add_to_column(state.L, a, cross(J, r_A))
-    if model.inv_m[b] > 0.0:
-        add_to_column(state.P, b, J)
-        add_to_column(state.L, b, cross(subtract(r_A, d), J))
+def _response(line: Array, r: Vector, e: Vector) -> float:
+    """Return the change along e of the velocity at r from the centre of mass by a unit impulse along e."""
+    c = cross(r, e)
+    return line[_INV_M] + dot(c, _turned(line, c))
 
 
 @kernel
-def _response(model: Model, state: State, i: int, r: Vector, e: Vector) -> Vector:
-    """Return the change of the velocity at r from the centre of mass by a unit impulse along e."""
-    w = angular_velocity(quaternion(state.q, i), cross(r, e), column(model.inv_I_C, i))
-    return add(scale(model.inv_m[i], e), cross(w, r))
+def _visit_point(A: Array, B: Array, n: Vector, d: Vector, dv: Vector, p: int, work: CollisionWork) -> None:
+    """Bring one point to its target by an impulse >= 0."""
+    r_A = row(work.point, p)
+    r_B = subtract(r_A, d)
+    u = add(dv, subtract(_velocity_at(B, r_B), _velocity_at(A, r_A)))
+    k = _response(A, r_A, n) + _response(B, r_B, n)
+    after = max(0.0, work.impulse[p] + (work.target[p] - dot(n, u)) / k)
+    change = after - work.impulse[p]
+    _push(A, r_A, scale(-change, n))
+    _push(B, r_B, scale(change, n))
+    work.impulse[p] = after
 
 
 @kernel
-def _impulses(model: Model, state: State, a: int, b: int, n: Vector, d: Vector, dv: Vector, mu: float,
-              points: int, work: CollisionWork) -> Vector:
-    """Find and apply the impulses of one collision by visiting points and friction in turn; return friction's."""
+def _impulses(A: Array, B: Array, n: Vector, d: Vector, dv: Vector, mu: float, points: int,
+              work: CollisionWork) -> Vector:
+    """Find and apply the impulses of a collision by visiting points and friction in turn; return friction's."""
     J = (0.0, 0.0, 0.0)
     for _ in range(VISITS):
         pressure = 0.0
         c = (0.0, 0.0, 0.0)
         for p in range(points):
-            if work.target[p] == NEVER:
-                continue
-            r_A = row(work.point, p)
-            r_B = subtract(r_A, d)
-            u = add(dv, subtract(_point_velocity(model, state, b, r_B), _point_velocity(model, state, a, r_A)))
-            k = dot(n, add(_response(model, state, a, r_A, n), _response(model, state, b, r_B, n)))
-            after = max(0.0, work.impulse[p] + (work.target[p] - dot(n, u)) / k)
-            _push(model, state, a, b, r_A, d, scale(after - work.impulse[p], n))
-            work.impulse[p] = after
-            pressure += after
-            c = add_scaled(c, after, r_A)
-        if mu == 0.0 or pressure == 0.0:
-            if points == 1:
-                break
-            continue
+            if work.target[p] < NEVER:
+                _visit_point(A, B, n, d, dv, p, work)
+                pressure += work.impulse[p]
+                c = add_scaled(c, work.impulse[p], row(work.point, p))
+        if pressure == 0.0 or (mu == 0.0 and points == 1):
+            break
         r_A = scale(1.0 / pressure, c)
         r_B = subtract(r_A, d)
-        u = add(dv, subtract(_point_velocity(model, state, b, r_B), _point_velocity(model, state, a, r_A)))
+        u = add(dv, subtract(_velocity_at(B, r_B), _velocity_at(A, r_A)))
         u = add_scaled(u, -dot(n, u), n)
         speed = norm(u)
-        if speed == 0.0:
+        if speed == 0.0 or mu == 0.0:
             continue
         e = scale(1.0 / speed, u)
-        k = dot(e, add(_response(model, state, a, r_A, e), _response(model, state, b, r_B, e)))
-        wanted = add_scaled(J, -speed / k, e)
+        wanted = add_scaled(J, -speed / (_response(A, r_A, e) + _response(B, r_B, e)), e)
         size = norm(wanted)
         if size > mu * pressure:
             wanted = scale(mu * pressure / size, wanted)
-        _push(model, state, a, b, r_A, d, subtract(wanted, J))
+        change = subtract(wanted, J)
+        _push(A, r_A, scale(-1.0, change))
+        _push(B, r_B, change)
         J = wanted
     return J
-
-
-@kernel
-def _rewind(model: Model, state: State, i: int, tau: float, before: Array, shift: Array) -> None:
-    """Move a body to where it would have started the step had it always had its new momenta."""
-    if model.inv_m[i] == 0.0:
-        return
-    q, inv_I = quaternion(state.q, i), column(model.inv_I_C, i)
-    dP = subtract(column(state.P, i), (before[0], before[1], before[2]))
-    dL = subtract(column(state.L, i), (before[3], before[4], before[5]))
-    dx = scale(-tau * model.inv_m[i], dP)
-    angle = scale(-tau, angular_velocity(q, dL, inv_I))
-    add_to_column(state.x, i, dx)
-    set_quaternion(state.q, i, unit(multiply(exponential(angle), q)))
-    for k in range(3):
-        shift[k, i] += dx[k]
-        shift[3 + k, i] += angle[k]

@@ -14,7 +14,6 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import IntArray
 from rigid_sim_ros.engine.kernel import kernel
-from rigid_sim_ros.engine.manifolds import Manifolds
 from rigid_sim_ros.engine.solver_bodies import LANES
 
 CLASSES = 6  # 0, 1, 2: up to one, two, four points; 3, 4, 5: the same, and they resist rolling
@@ -50,21 +49,22 @@ def most_blocks(capacity: int) -> int:
 
 
 @kernel
-def color_manifolds(manifolds: Manifolds, slot: IntArray, used: int, rolls: IntArray, work: Coloring) -> int:
+def color_manifolds(count: int, body_a: IntArray, body_b: IntArray, points: IntArray, slot: IntArray, used: int,
+                    rolls: IntArray, waits: IntArray, work: Coloring) -> int:
     """
     Give every manifold with a body that takes part its lane; return the number of blocks.
 
-    slot is that of a body, 0 where it does not move, `used` one more than the highest; rolls (c,) is 1 for a
-    manifold that resists rolling.
+    slot is that of a body, 0 where it does not move, `used` one more than the highest. rolls (c,) is 1 for a
+    manifold that resists rolling, waits (c,) for one that is left out.
     """
     work.mask[:, :used] = 0
     work.fill[:] = 0
-    for row in range(manifolds.count[0]):
-        work.color[row] = -1
-        a, b = slot[manifolds.body_a[row]], slot[manifolds.body_b[row]]
-        if a == 0 and b == 0:
+    for r in range(count):
+        work.color[r] = -1
+        a, b = slot[body_a[r]], slot[body_b[r]]
+        if waits[r] == 1 or (a == 0 and b == 0):
             continue
-        kind = min(manifolds.points[row] - 1, 2) + 3 * rolls[row]
+        kind = min(points[r] - 1, 2) + 3 * rolls[r]
         color = _lowest_free(work.mask[kind, a] | work.mask[kind, b])
         if color < _NONE_LEFT:
             # A body that does not move may be anywhere: its bits are never set.
@@ -72,9 +72,9 @@ def color_manifolds(manifolds: Manifolds, slot: IntArray, used: int, rolls: IntA
                 work.mask[kind, a] |= 1 << color
             if b != 0:
                 work.mask[kind, b] |= 1 << color
-        work.color[row] = color * CLASSES + kind
+        work.color[r] = color * CLASSES + kind
         work.fill[color * CLASSES + kind] += 1
-    return _place(manifolds.count[0], work)
+    return _place(count, work)
 
 
 @kernel

@@ -57,13 +57,15 @@ TORSION = 65  # angular momentum that the pair gained by it [N m s], world axes
 RESIDUAL = 68  # largest change of velocity that this sweep made [m/s]
 TOTAL_T = 69  # whole step: along t1, t2, about n
 POINT = 72  # rows of the first point
-POINT_ROWS = 6
-S, T, MASS, GAP, IMPULSE, TOTAL = range(6)  # of a point; TOTAL is over the step
+POINT_ROWS = 7
+# Of a point: TOTAL is the impulse of the whole step, SPEED the normal velocity after its last visit.
+S, T, MASS, GAP, IMPULSE, TOTAL, SPEED = range(7)
 MOTION_A = POINT + 4 * POINT_ROWS  # v, L of A: copies, for the lanes
 MOTION_B = MOTION_A + 6
 TWIST = MOTION_B + 6  # of B relative to A at c, N and then T
-WRENCH = TWIST + 6  # what this visit added to the impulse of N
-ROWS = WRENCH + 4  # and the sum of the normal impulses
+WRENCH = TWIST + 6  # what this visit added to the impulses, N and then T
+SHOVE = WRENCH + 6  # impulse along n of the push that displaces [N s]
+ROWS = SHOVE + 1
 BLOCK_SIZE = ROWS * LANES
 ABSENT = 1e30  # the gap of a point that is not there [m]
 
@@ -135,29 +137,25 @@ def _make_basis(b: Array) -> None:
         b[RESIDUAL * LANES + i] = 0.0
 
 
-# Gap at which a point without an impulse counts half for the centre of its manifold [m]. Smaller:
-# friction acts where the bodies already touch; larger: in the middle of what is about to touch.
+# Gap at which a point counts half for the centre of its manifold [m]. Smaller: friction acts where the bodies
+# touch already; larger: in the middle of what is about to touch. The pressure would be the better weight, but
+# where it swings to and fro the centre would swing with it, and friction would feed the motion.
 _NEAR = 1e-4
 
 
 @inlined
-def _weight(b: Array, point: int, i: int, scale: float) -> float:
-    """Return what a point counts for the centre of its manifold: by pressure, else by nearness."""
+def _weight(b: Array, point: int, i: int) -> float:
+    """Return what a point counts for the centre of its manifold."""
     gap = max(b[(point + GAP) * LANES + i], 0.0)
-    near = 0.01 * _NEAR * _NEAR / (_NEAR * _NEAR + gap * gap)
-    return scale * b[(point + IMPULSE) * LANES + i] + near
+    return _NEAR * _NEAR / (_NEAR * _NEAR + gap * gap)
 
 
 @kernel
 def _place_centre(b: Array) -> None:
-    """Put c in the middle of the pressure of the last step; without one, of the nearest points."""
+    """Put c in the middle of the nearest points; the lever of friction is their mean distance from it."""
     p0, p1, p2, p3 = POINT, POINT + POINT_ROWS, POINT + 2 * POINT_ROWS, POINT + 3 * POINT_ROWS
     for i in range(LANES):
-        pressure = (b[(p0 + IMPULSE) * LANES + i] + b[(p1 + IMPULSE) * LANES + i]
-                    + b[(p2 + IMPULSE) * LANES + i] + b[(p3 + IMPULSE) * LANES + i])
-        scale = 0.99 / pressure if pressure > 0.0 else 0.0
-        w0, w1 = _weight(b, p0, i, scale), _weight(b, p1, i, scale)
-        w2, w3 = _weight(b, p2, i, scale), _weight(b, p3, i, scale)
+        w0, w1, w2, w3 = _weight(b, p0, i), _weight(b, p1, i), _weight(b, p2, i), _weight(b, p3, i)
         total = w0 + w1 + w2 + w3
         inverse = 1.0 / total if total > 0.0 else 0.0
         q0, q1, q2, q3 = three(b, p0, i), three(b, p1, i), three(b, p2, i), three(b, p3, i)

@@ -2,118 +2,295 @@
 # SPDX-License-Identifier: Apache-2.0
 """One visit of the sequential solver to eight manifolds; contact_blocks.py explains the arithmetic."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
-from rigid_sim_ros.engine.arrays import Array, IntArray
+from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.contact_blocks import (
-    ARM_A, ARM_B, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, INV_SPIN, INV_TT, J_A, J_B, K_NN, K_TN,
-    K_TT, MASS, MOTION_A, MOTION_B, MOVED, MU, NORMAL, PAIR, POINT, POINT_ROWS, put_three, RESIDUAL,
-    ROLL, ROLL_LEVER, ROLL_STEP, S, SLIDE, SPIN_LEVER, symmetric, T, TANGENT, three, TORSION, TOTAL,
+    ABSENT, ARM_A, ARM_B, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, INV_SPIN, INV_TT, J_A, J_B, K_NN, K_TN,
+    K_TT, MASS, MOTION_A, MOTION_B, MOVED, MU, NORMAL, POINT, POINT_ROWS, put_three, RESIDUAL,
+    ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE, SLIDE, SPEED, SPIN_LEVER, symmetric, T, TANGENT, three, TORSION, TOTAL,
     TOTAL_T, TWIST, WRENCH)
 from rigid_sim_ros.engine.kernel import inlined, kernel
 from rigid_sim_ros.engine.solver_bodies import LANES
 from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, subtract
 
 
+# Bodies this near to each other touch [m]. Below it, velocities do not depend on the gap, nor does the push
+# before there is an overlap: in between nothing can oscillate. 0: a stack of five rocks for ever by
+# micrometres that grow; larger: contacts rest this far apart.
+SKIN = 2e-5
+
+
 class Sweep(NamedTuple):
     """What a visit is for."""
 
     inv_h: float  # 1 / length of the substep [1/s]
-    drift: float  # [s] the bodies moved for this long since the last visit
-    push_rate: float  # part of an overlap that is pushed out per second [1/s]
-    push_speed: float  # [m/s] but not faster
-    mass_scale: float  # 1: rigid; softer below
-    impulse_scale: float  # 0: rigid; how much the impulse so far gives way
+    drift: float  # [s] the bodies moved for this long since the last visit; 0: they did not
+    backwards: bool
     total: float  # 1: this visit ends a substep, its impulses count for the step
-    again: float  # 1: after this visit all impulses act once more, as the next warm start
 
 
 @kernel
-def visit(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points: int, rolls: bool,
+def visit(b: Array, motion: Array, drifted: Array, at_A: IntArray, at_B: IntArray, points: int, rolls: bool,
           sweep: Sweep) -> None:
-    """Read the bodies of a block, solve normals and then friction, write the bodies."""
+    """
+    Read the bodies of a block, solve normals and then friction, write the bodies.
+
+    Friction comes last because the normal impulses bound it. Backwards the sweep takes the blocks in the
+    opposite order, so that two sweeps make a nearly symmetric iteration: its errors decay, while those of a one-sided
+    one also rotate, and the warm start, an extrapolation, would make that a growing sway of a stack.
+    """
+    if sweep.drift > 0.0:
+        _gather(b, drifted, at_A, at_B)
+        _drift(b, sweep.drift)
+    _gather(b, motion, at_A, at_B)
+    _read_twist(b)
+    for i in range(LANES):
+        b[RESIDUAL * LANES + i] = 0.0
+    if rolls:
+        _solve_rolling(b)
+    if points > 1:
+        _solve_together(b)
+    _solve_point_0(b, sweep)
+    if points > 1:
+        _solve_point_1(b, sweep)
+    if points > 2:
+        _solve_point_2(b, sweep)
+        _solve_point_3(b, sweep)
+    _solve_friction(b)
+    _push_bodies(b, sweep)
+    _scatter(b, motion, at_A, at_B)
+
+
+@kernel
+def separate(b: Array, push: Array, at_A: IntArray, at_B: IntArray, points: int, rate: float,
+             speed: float) -> None:
+    """
+    Push the overlaps of a block apart by velocities that last for one substep only.
+
+    They displace and are forgotten, so that the push feeds neither energy nor the warm start. `rate` [1/s] is
+    the part of an overlap that goes per second, but not faster than `speed` [m/s].
+    """
+    deepest = 0.0
+    for p in range(4):
+        for i in range(LANES):
+            deepest = min(deepest, b[(POINT + p * POINT_ROWS + GAP) * LANES + i])
+    if deepest == 0.0:
+        return
+    _gather(b, push, at_A, at_B)
+    _read_twist(b)
+    if points > 1:
+        _separate_together(b, rate, speed)
+    _separate_point_0(b, rate, speed)
+    if points > 1:
+        _separate_point_1(b, rate, speed)
+    if points > 2:
+        _separate_point_2(b, rate, speed)
+        _separate_point_3(b, rate, speed)
+    for i in range(LANES):
+        b[SHOVE * LANES + i] = b[WRENCH * LANES + i]
+    _apply(b)
+    _scatter(b, push, at_A, at_B)
+
+
+@inlined
+def _gather(b: Array, motion: Array, at_A: IntArray, at_B: IntArray) -> None:
     for i in range(LANES):
         for k in range(6):
             b[(MOTION_A + k) * LANES + i] = motion[at_A[i] + k * LANES]
             b[(MOTION_B + k) * LANES + i] = motion[at_B[i] + k * LANES]
-    _read_twist(b, sweep.drift)
-    if rolls:
-        _solve_rolling(b)
-    _solve_point(b, POINT, sweep)
-    if points > 1:
-        _solve_point(b, POINT + POINT_ROWS, sweep)
-    if points > 2:
-        _solve_point(b, POINT + 2 * POINT_ROWS, sweep)
-        _solve_point(b, POINT + 3 * POINT_ROWS, sweep)
-    _solve_friction(b, sweep)
+
+
+@inlined
+def _scatter(b: Array, motion: Array, at_A: IntArray, at_B: IntArray) -> None:
     for i in range(LANES):
         for k in range(6):
             motion[at_A[i] + k * LANES] = b[(MOTION_A + k) * LANES + i]
             motion[at_B[i] + k * LANES] = b[(MOTION_B + k) * LANES + i]
 
 
+@inlined
+def _twist(b: Array, i: int) -> tuple[Vector, Vector, Vector]:
+    """Return the difference of the velocities, and the relative velocity at c and spin; world axes."""
+    w_A = symmetric(b, J_A, i, three(b, MOTION_A + 3, i))
+    w_B = symmetric(b, J_B, i, three(b, MOTION_B + 3, i))
+    v = subtract(three(b, MOTION_B, i), three(b, MOTION_A, i))
+    u = subtract(add(v, cross(w_B, three(b, ARM_B, i))), cross(w_A, three(b, ARM_A, i)))
+    return v, u, subtract(w_B, w_A)
+
+
 @kernel
-def _read_twist(b: Array, drift: float) -> None:
+def _drift(b: Array, h: float) -> None:
+    """
+    Move on the gaps by the velocities with which the bodies drifted for h [s].
+
+    The impulses of the last substep have acted again since, as the warm start, where c was at the start of the
+    step, while the pair has moved: that gains angular momentum. So does the push, which displaces momenta.
+    """
+    for i in range(LANES):
+        n, t1 = three(b, NORMAL, i), three(b, TANGENT, i)
+        t2 = cross(n, t1)
+        v, u, w = _twist(b, i)
+        moved = add_scaled(three(b, MOVED, i), h, v)
+        put_three(b, MOVED, i, moved)
+        rate = (h * dot(u, n), h * dot(w, t1), h * dot(w, t2))
+        for p in range(4):
+            o = (POINT + p * POINT_ROWS) * LANES + i
+            b[o + GAP * LANES] += rate[0] + b[o + T * LANES] * rate[1] - b[o + S * LANES] * rate[2]
+        F = _combine(n, t1, t2, (_pressure(b, i), b[FRICTION * LANES + i], b[(FRICTION + 1) * LANES + i]))
+        shove = b[SHOVE * LANES + i] * h
+        gained = add(cross(moved, F), cross((shove * n[0], shove * n[1], shove * n[2]), v))
+        put_three(b, TORSION, i, add(three(b, TORSION, i), gained))
+        b[SHOVE * LANES + i] = 0.0
+
+
+@kernel
+def _read_twist(b: Array) -> None:
     """Write the twist of B relative to A at c, in the axes n, t1, t2; clear the sums of the visit."""
     for i in range(LANES):
         n, t1 = three(b, NORMAL, i), three(b, TANGENT, i)
         t2 = cross(n, t1)
-        w_A = symmetric(b, J_A, i, three(b, MOTION_A + 3, i))
-        w_B = symmetric(b, J_B, i, three(b, MOTION_B + 3, i))
-        v = subtract(three(b, MOTION_B, i), three(b, MOTION_A, i))
-        put_three(b, MOVED, i, add_scaled(three(b, MOVED, i), drift, v))
-        u = subtract(add(v, cross(w_B, three(b, ARM_B, i))), cross(w_A, three(b, ARM_A, i)))
-        w = subtract(w_B, w_A)
+        _, u, w = _twist(b, i)
         put_three(b, TWIST, i, (dot(u, n), dot(w, t1), dot(w, t2)))
         put_three(b, TWIST + 3, i, (dot(u, t1), dot(u, t2), dot(w, n)))
         put_three(b, WRENCH, i, (0.0, 0.0, 0.0))
-        b[(WRENCH + 3) * LANES + i] = 0.0
-        b[RESIDUAL * LANES + i] = 0.0
-        gap_rate = three(b, TWIST, i)
-        for p in range(4):
-            o = (POINT + p * POINT_ROWS) * LANES + i
-            b[o + GAP * LANES] += drift * (gap_rate[0] + b[o + T * LANES] * gap_rate[1]
-                                           - b[o + S * LANES] * gap_rate[2])
+        put_three(b, WRENCH + 3, i, (0.0, 0.0, 0.0))
 
 
 @inlined
-def _solve_point(b: Array, point: int, sweep: Sweep) -> None:
-    """
-    Make the normal velocity at a point not less than -gap / h, by an impulse >= 0.
+def _touches(b: Array, point: int, i: int) -> float:
+    """Return 1 if a point touches, else 0."""
+    return 1.0 if b[(point + GAP) * LANES + i] < SKIN else 0.0
 
-    An overlap is left at a bounded speed. A soft contact is a spring and a damper, solved
-    implicitly (Catto, Soft Constraints, GDC 2011, and Solver2D, 2024).
+
+@kernel
+def _solve_together(b: Array) -> None:
     """
+    Stop the approach of all points that touch, with the same impulse at each.
+
+    A step along the sum of their directions, before each is visited alone: it treats them alike, so that what
+    lies symmetrically stays so, and it carries weight through a stack faster.
+    """
+    p0, p1, p2, p3 = POINT, POINT + POINT_ROWS, POINT + 2 * POINT_ROWS, POINT + 3 * POINT_ROWS
     for i in range(LANES):
-        g = (1.0, b[(point + T) * LANES + i], -b[(point + S) * LANES + i])
+        w0, w1, w2, w3 = _touches(b, p0, i), _touches(b, p1, i), _touches(b, p2, i), _touches(b, p3, i)
+        s0, s1, s2, s3 = b[p0 * LANES + i], b[p1 * LANES + i], b[p2 * LANES + i], b[p3 * LANES + i]
+        t0, t1 = b[(p0 + T) * LANES + i], b[(p1 + T) * LANES + i]
+        t2, t3 = b[(p2 + T) * LANES + i], b[(p3 + T) * LANES + i]
+        g = (w0 + w1 + w2 + w3, w0 * t0 + w1 * t1 + w2 * t2 + w3 * t3,
+             -(w0 * s0 + w1 * s1 + w2 * s2 + w3 * s3))
         response = symmetric(b, K_NN, i, g)
-        gap, impulse = b[(point + GAP) * LANES + i], b[(point + IMPULSE) * LANES + i]
-        apart = gap > 0.0
-        push = gap * sweep.inv_h if apart else max(gap * sweep.push_rate, -sweep.push_speed)
-        mass_scale = 1.0 if apart else sweep.mass_scale
-        impulse_scale = 0.0 if apart else sweep.impulse_scale
         twist = three(b, TWIST, i)
-        speed = dot(g, twist) + push
-        change = b[(point + MASS) * LANES + i] * (-mass_scale * speed) - impulse_scale * impulse
-        after = max(impulse + change, 0.0)
-        change = after - impulse
-        b[(point + IMPULSE) * LANES + i] = after
-        b[(point + TOTAL) * LANES + i] += sweep.total * after
+        k = dot(g, response)
+        change = -dot(g, twist) / k if k > 0.0 else 0.0
+        # No impulse may fall below 0.
+        f0, f1 = b[(p0 + IMPULSE) * LANES + i], b[(p1 + IMPULSE) * LANES + i]
+        f2, f3 = b[(p2 + IMPULSE) * LANES + i], b[(p3 + IMPULSE) * LANES + i]
+        least = min(min(f0 if w0 > 0.0 else ABSENT, f1 if w1 > 0.0 else ABSENT),
+                    min(f2 if w2 > 0.0 else ABSENT, f3 if w3 > 0.0 else ABSENT))
+        change = max(change, -least)
+        b[(p0 + IMPULSE) * LANES + i] = f0 + w0 * change
+        b[(p1 + IMPULSE) * LANES + i] = f1 + w1 * change
+        b[(p2 + IMPULSE) * LANES + i] = f2 + w2 * change
+        b[(p3 + IMPULSE) * LANES + i] = f3 + w3 * change
         put_three(b, TWIST, i, add_scaled(twist, change, response))
         put_three(b, WRENCH, i, add_scaled(three(b, WRENCH, i), change, g))
-        b[(WRENCH + 3) * LANES + i] += after
-        b[RESIDUAL * LANES + i] = max(b[RESIDUAL * LANES + i], abs(change))
+
+
+def _point_solver(point: int) -> Callable[[Array, Sweep], None]:
+    """Return the kernel for the point whose rows begin at `point`: a constant of the compiled code."""
+
+    @kernel
+    def solve_point(b: Array, sweep: Sweep) -> None:
+        # The normal velocity is made not less than -(gap - SKIN) / h, nor less than 0, by an impulse >= 0.
+        for i in range(LANES):
+            g = (1.0, b[(point + T) * LANES + i], -b[(point + S) * LANES + i])
+            response = symmetric(b, K_NN, i, g)
+            twist, impulse = three(b, TWIST, i), b[(point + IMPULSE) * LANES + i]
+            speed = dot(g, twist) + max(b[(point + GAP) * LANES + i] - SKIN, 0.0) * sweep.inv_h
+            after = max(impulse - b[(point + MASS) * LANES + i] * speed, 0.0)
+            change = after - impulse
+            b[(point + IMPULSE) * LANES + i] = after
+            b[(point + TOTAL) * LANES + i] += sweep.total * after
+            twist = add_scaled(twist, change, response)
+            b[(point + SPEED) * LANES + i] = dot(g, twist)
+            put_three(b, TWIST, i, twist)
+            put_three(b, WRENCH, i, add_scaled(three(b, WRENCH, i), change, g))
+            b[RESIDUAL * LANES + i] = max(b[RESIDUAL * LANES + i], abs(change))
+
+    return solve_point
+
+
+@inlined
+def _wanted(b: Array, point: int, i: int, rate: float, speed: float) -> float:
+    """Return the speed by which a point leaves its overlap too slowly, 0 without one [m/s]."""
+    push = min(-rate * min(b[(point + GAP) * LANES + i], 0.0), speed)
+    return max(push - max(b[(point + SPEED) * LANES + i], 0.0), 0.0)
+
+
+@kernel
+def _separate_together(b: Array, rate: float, speed: float) -> None:
+    """Push all points that overlap with the same impulse, as `_solve_together` stops them."""
+    p0, p1, p2, p3 = POINT, POINT + POINT_ROWS, POINT + 2 * POINT_ROWS, POINT + 3 * POINT_ROWS
+    for i in range(LANES):
+        u0, u1 = _wanted(b, p0, i, rate, speed), _wanted(b, p1, i, rate, speed)
+        u2, u3 = _wanted(b, p2, i, rate, speed), _wanted(b, p3, i, rate, speed)
+        w0, w1 = 1.0 if u0 > 0.0 else 0.0, 1.0 if u1 > 0.0 else 0.0
+        w2, w3 = 1.0 if u2 > 0.0 else 0.0, 1.0 if u3 > 0.0 else 0.0
+        s0, s1, s2, s3 = b[p0 * LANES + i], b[p1 * LANES + i], b[p2 * LANES + i], b[p3 * LANES + i]
+        t0, t1 = b[(p0 + T) * LANES + i], b[(p1 + T) * LANES + i]
+        t2, t3 = b[(p2 + T) * LANES + i], b[(p3 + T) * LANES + i]
+        g = (w0 + w1 + w2 + w3, w0 * t0 + w1 * t1 + w2 * t2 + w3 * t3,
+             -(w0 * s0 + w1 * s1 + w2 * s2 + w3 * s3))
+        response = symmetric(b, K_NN, i, g)
+        twist = three(b, TWIST, i)
+        k = dot(g, response)
+        change = max((u0 + u1 + u2 + u3 - dot(g, twist)) / k if k > 0.0 else 0.0, 0.0)
+        put_three(b, TWIST, i, add_scaled(twist, change, response))
+        put_three(b, WRENCH, i, add_scaled(three(b, WRENCH, i), change, g))
+
+
+def _point_separator(point: int) -> Callable[[Array, float, float], None]:
+    """Return the kernel that pushes one point out of its overlap."""
+
+    @kernel
+    def separate_point(b: Array, rate: float, speed: float) -> None:
+        for i in range(LANES):
+            g = (1.0, b[(point + T) * LANES + i], -b[(point + S) * LANES + i])
+            twist, wanted = three(b, TWIST, i), _wanted(b, point, i, rate, speed)
+            change = max(b[(point + MASS) * LANES + i] * (wanted - dot(g, twist)), 0.0)
+            change = change if wanted > 0.0 else 0.0
+            put_three(b, TWIST, i, add_scaled(twist, change, symmetric(b, K_NN, i, g)))
+            put_three(b, WRENCH, i, add_scaled(three(b, WRENCH, i), change, g))
+
+    return separate_point
+
+
+_separate_point_0 = _point_separator(POINT)
+_separate_point_1 = _point_separator(POINT + POINT_ROWS)
+_separate_point_2 = _point_separator(POINT + 2 * POINT_ROWS)
+_separate_point_3 = _point_separator(POINT + 3 * POINT_ROWS)
+_solve_point_0 = _point_solver(POINT)
+_solve_point_1 = _point_solver(POINT + POINT_ROWS)
+_solve_point_2 = _point_solver(POINT + 2 * POINT_ROWS)
+_solve_point_3 = _point_solver(POINT + 3 * POINT_ROWS)
+
+
+@inlined
+def _pressure(b: Array, i: int) -> float:
+    """Return the sum of the normal impulses [N s]."""
+    return (b[(POINT + IMPULSE) * LANES + i] + b[(POINT + POINT_ROWS + IMPULSE) * LANES + i]
+            + b[(POINT + 2 * POINT_ROWS + IMPULSE) * LANES + i]
+            + b[(POINT + 3 * POINT_ROWS + IMPULSE) * LANES + i])
 
 
 @kernel
 def _solve_rolling(b: Array) -> None:
-    """Stop the rolling as far as the normal impulses of the last visit allow."""
+    """Stop the rolling as far as the normal impulses allow."""
     for i in range(LANES):
         twist = three(b, TWIST, i)
-        pressure = (b[(POINT + IMPULSE) * LANES + i] + b[(POINT + POINT_ROWS + IMPULSE) * LANES + i]
-                    + b[(POINT + 2 * POINT_ROWS + IMPULSE) * LANES + i]
-                    + b[(POINT + 3 * POINT_ROWS + IMPULSE) * LANES + i])
-        limit = b[ROLL_LEVER * LANES + i] * pressure
+        limit = b[ROLL_LEVER * LANES + i] * _pressure(b, i)
         r1, r2 = b[ROLL * LANES + i], b[(ROLL + 1) * LANES + i]
         step = b[ROLL_STEP * LANES + i]
         a1, a2 = r1 - step * twist[1], r2 - step * twist[2]
@@ -127,9 +304,9 @@ def _solve_rolling(b: Array) -> None:
 
 
 @kernel
-def _solve_friction(b: Array, sweep: Sweep) -> None:
+def _solve_friction(b: Array) -> None:
     """
-    Stop the sliding and the spinning at c within Coulomb's cone, and let the bodies feel the visit.
+    Stop the sliding and the spinning at c within Coulomb's cone.
 
     Inside the cone the impulse that stops both directions at once. On the cone the impulse must oppose
     the velocity that is left, while K need not be isotropic: there the step is a multiple of the
@@ -142,7 +319,7 @@ def _solve_friction(b: Array, sweep: Sweep) -> None:
             b[k] * wrench_N[0] + b[k + LANES] * wrench_N[1] + b[k + 2 * LANES] * wrench_N[2],
             b[k + 3 * LANES] * wrench_N[0] + b[k + 4 * LANES] * wrench_N[1] + b[k + 5 * LANES] * wrench_N[2],
             b[k + 6 * LANES] * wrench_N[0] + b[k + 7 * LANES] * wrench_N[1] + b[k + 8 * LANES] * wrench_N[2]))
-        pressure = b[(WRENCH + 3) * LANES + i]
+        pressure = _pressure(b, i)
         old = three(b, FRICTION, i)
 
         most = b[SPIN_LEVER * LANES + i] * pressure
@@ -161,9 +338,30 @@ def _solve_friction(b: Array, sweep: Sweep) -> None:
         scale = limit / square ** 0.5 if square > limit * limit else 1.0
         new = (stick1 if sticks else scale * slide1, stick2 if sticks else scale * slide2, spin)
         put_three(b, FRICTION, i, new)
-        put_three(b, TOTAL_T, i, add_scaled(three(b, TOTAL_T, i), sweep.total, new))
-        wrench_T = subtract(new, old)
+        change = subtract(new, old)
+        put_three(b, WRENCH + 3, i, change)
+        k = K_TN * LANES + i
+        put_three(b, TWIST, i, add(three(b, TWIST, i), (
+            b[k] * change[0] + b[k + 3 * LANES] * change[1] + b[k + 6 * LANES] * change[2],
+            b[k + LANES] * change[0] + b[k + 4 * LANES] * change[1] + b[k + 7 * LANES] * change[2],
+            b[k + 2 * LANES] * change[0] + b[k + 5 * LANES] * change[1] + b[k + 8 * LANES] * change[2])))
 
+
+@kernel
+def _push_bodies(b: Array, sweep: Sweep) -> None:
+    """Let the bodies feel the impulses of this visit."""
+    _apply(b)
+    for i in range(LANES):
+        put_three(b, TOTAL_T, i, add_scaled(three(b, TOTAL_T, i), sweep.total, three(b, FRICTION, i)))
+        put_three(b, TORSION, i, add(three(b, TORSION, i), three(b, TWIST, i)))
+        b[RESIDUAL * LANES + i] *= b[INV_M_A * LANES + i] + b[INV_M_B * LANES + i]
+
+
+@kernel
+def _apply(b: Array) -> None:
+    """Change the motion of the bodies; TWIST becomes the L that the pair gains as it moved away from c."""
+    for i in range(LANES):
+        wrench_N, wrench_T = three(b, WRENCH, i), three(b, WRENCH + 3, i)
         n, t1 = three(b, NORMAL, i), three(b, TANGENT, i)
         t2 = cross(n, t1)
         F = _combine(n, t1, t2, (wrench_N[0], wrench_T[0], wrench_T[1]))
@@ -177,17 +375,12 @@ def _solve_friction(b: Array, sweep: Sweep) -> None:
         turn_B = add(cross(three(b, ARM_B, i), F), torque)
         put_three(b, MOTION_A + 3, i, add_scaled(L_A, -moves_A, turn_A))
         put_three(b, MOTION_B + 3, i, add_scaled(L_B, moves_B, turn_B))
-
-        # Impulses act where c was at the start of the step; the pair has moved since.
-        ahead = _combine(n, t1, t2, (sweep.again * pressure, sweep.again * new[0], sweep.again * new[1]))
-        gained = cross(three(b, MOVED, i), add(F, ahead))
-        put_three(b, TORSION, i, add(three(b, TORSION, i), gained))
-        b[RESIDUAL * LANES + i] *= b[INV_M_A * LANES + i] + b[INV_M_B * LANES + i]
+        put_three(b, TWIST, i, cross(three(b, MOVED, i), F))
 
 
 @inlined
-def _combine(n: tuple[float, float, float], t1: tuple[float, float, float], t2: tuple[float, float, float],
-             c: tuple[float, float, float]) -> tuple[float, float, float]:
+def _combine(n: Vector, t1: Vector, t2: Vector,
+             c: Vector) -> Vector:
     """Return c0 n + c1 t1 + c2 t2."""
     return (c[0] * n[0] + c[1] * t1[0] + c[2] * t2[0], c[0] * n[1] + c[1] * t1[1] + c[2] * t2[1],
             c[0] * n[2] + c[1] * t1[2] + c[2] * t2[2])

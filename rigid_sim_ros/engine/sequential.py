@@ -3,23 +3,29 @@
 """
 The sequential solver: a step of touching bodies in short substeps.
 
-Each substep lets the forces act, pushes overlaps apart softly while it solves all contacts one after the
-other, moves the bodies, and solves once more without the push, so that it leaves no velocity behind
-(Catto, Solver2D, 2024; Macklin et al., Small Steps in Physics Simulation, SCA 2019). One sweep per
-substep and many substeps converge better than many sweeps of one long step.
+Each substep lets the forces act, solves the velocities of all contacts one after the other, back and
+forth, and moves the bodies (Macklin et al., Small Steps in Physics Simulation, SCA 2019: many substeps
+converge better than many sweeps of one long step). Overlaps are pushed apart by displacements of their
+own. A push by the velocities would make the warm-started impulses an integral controller of the gap: with the
+rate e at which the sweeps converge and the rate b of the push, an error obeys
+
+    s^3 + e s^2 + e s + e b = 0,
+
+which is unstable for b > e. A stack of ten has e = 0.01 a substep, so it would sway for ever.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import Array, IntArray
+from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.coloring import color_manifolds, Coloring, make_coloring, most_blocks
+from rigid_sim_ros.engine.collisions import displacement, gap_now
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, BLOCK_SIZE, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, J_A, J_B, MASS, MOVED, MU, NORMAL,
-    PAIR, POINT, POINT_ROWS, prepare_block, put_three, RESIDUAL, ROLL_LEVER, S, SPIN_LEVER, T, TANGENT,
-    three, TORSION, TOTAL, TOTAL_T)
-from rigid_sim_ros.engine.contact_sweep import Sweep, visit
+    ABSENT, ARM_A, ARM_B, BLOCK_SIZE, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, J_A, J_B, MOVED, MU, NORMAL, PAIR,
+    POINT, POINT_ROWS, prepare_block, put_three, RESIDUAL, ROLL_LEVER, S, SHOVE, SPIN_LEVER, T, TANGENT, three,
+    TORSION, TOTAL, TOTAL_T)
+from rigid_sim_ros.engine.contact_sweep import separate, Sweep, visit
 from rigid_sim_ros.engine.free_flight import fly
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import kick, Loads
@@ -30,15 +36,14 @@ from rigid_sim_ros.engine.solver_bodies import (
     BODY_ROWS, drift_bodies, HELD, INV_M, J, kick_bodies, LANES, load_bodies, make_bodies, motion_at, row_at,
     SolverBodies, store_bodies, WARM)
 from rigid_sim_ros.engine.state import State
-from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, row, subtract
+from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, row
 
 
 class SequentialSettings(NamedTuple):
     """Numbers that trade accuracy for time and softness for speed."""
 
     substeps: int = 4  # more: stiffer and slower; an overlap under load shrinks with the square
-    stiffness: float = 0.25  # frequency of a soft contact times the substep; above 0.5 it rings
-    damping: float = 10.0  # its damping ratio; less pushes overlaps out faster
+    push: float = 0.1  # part of an overlap that a substep pushes out; above 0.5 neighbours overshoot
     push_speed: float = 3.0  # [m/s] at most, out of an overlap; more throws what starts inside another
 
 
@@ -52,7 +57,6 @@ class SequentialWork(NamedTuple):
     lane_row: IntArray  # (lanes,) manifold of a lane, -1 for none
     at_A: IntArray  # (lanes,) where body A stands in bodies.motion
     at_B: IntArray
-    shift: Array  # (6, n) displacement [m] and rotation [rad] by collisions since detection
     normal_impulse: Array  # (c, 4) [N s] of the whole step, collisions included
     friction_impulse: Array  # (c, 3) on B [N s], world axes
     residual: Array  # (1,) [m/s] largest change of a contact's velocity in the last sweep
@@ -69,98 +73,115 @@ def make_work(n: int, capacity: int) -> SequentialWork:
     # Most of the lanes are never written, and cost address space only.
     return SequentialWork(make_bodies(n), make_coloring(n, capacity), integers(capacity),
                           np.zeros(lanes // LANES * BLOCK_SIZE), integers(lanes), integers(lanes),
-                          integers(lanes), np.zeros((6, n)), np.zeros((capacity, POINTS)),
-                          np.zeros((capacity, 3)), np.zeros(1), np.zeros(1))
+                          integers(lanes), np.zeros((capacity, POINTS)), np.zeros((capacity, 3)), np.zeros(1),
+                          np.zeros(1))
 
 
 @kernel
 def solve_contacts(model: Model, state: State, loads: Loads, shapes: Shapes, materials: Materials,
-                   manifolds: Manifolds, settings: SequentialSettings, work: SequentialWork,
-                   block: Array) -> None:
+                   manifolds: Manifolds, waits: IntArray, shifts: Array, shifted: bool,
+                   settings: SequentialSettings, work: SequentialWork, block: Array) -> None:
     """
     Advance all bodies by one step under the loads, those with a slot in `work.bodies` with contacts.
 
-    Impulses of the manifolds are those to begin with, and afterwards those of this step. `block` is
-    scratch for `fly`.
+    Impulses of the manifolds are those to begin with, and afterwards those of this step. A manifold with
+    waits (c,) of 1 takes no part. `shifts` are what collisions moved, if `shifted`; `block` is scratch for `fly`.
     """
-    substeps = settings.substeps
+    bodies, blocks, substeps = work.bodies, work.blocks, settings.substeps
     h = model.h / substeps
-    load_bodies(model, state, loads, work.bodies)
-    fill_blocks(model, state, shapes, materials, manifolds, 1.0 / substeps, work)
-    kick(state, loads, 0.5 * model.h)
-    fly(model, state, (0.0, 0.0, 0.0), model.h, np.int64(1), block)
-    kick(state, loads, 0.5 * model.h)
-    soft, rigid, last = sweeps(settings, h)
-    for substep in range(substeps):
-        kick_bodies(work.bodies, h, substep == 0)
-        sweep(work, soft)
-        drift_bodies(work.bodies)
-        sweep(work, rigid if substep < substeps - 1 else last)
-    keep_impulses(manifolds, work)
-    store_bodies(model, state, work.bodies, substeps)
-
-
-@kernel
-def sweeps(settings: SequentialSettings, h: float) -> tuple[Sweep, Sweep, Sweep]:
-    """Return the soft sweep, the relaxing one and the last of a step."""
-    # An implicit spring and damper of angular frequency w and damping ratio z per unit of mass.
-    w = 2.0 * np.pi * settings.stiffness / h
-    a1 = 2.0 * settings.damping + h * w
-    a2 = h * w * a1
-    a3 = 1.0 / (1.0 + a2)
-    soft = Sweep(1.0 / h, 0.0, w / a1, settings.push_speed, a2 * a3, a3, 0.0, 0.0)
-    rigid = Sweep(1.0 / h, h, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0)
-    last = Sweep(1.0 / h, h, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0)
-    return soft, rigid, last
-
-
-@kernel
-def sweep(work: SequentialWork, what: Sweep) -> None:
-    """Visit every block once."""
-    for block in range(work.coloring.blocks[0]):
-        lanes = slice(block * LANES, (block + 1) * LANES)
-        kind = work.coloring.kind[block]
-        points = kind % 3 + 1
-        visit(work.blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE], work.bodies.motion, work.at_A[lanes],
-              work.at_B[lanes], points, kind >= 3, what)
-
-
-@kernel
-def fill_blocks(model: Model, state: State, shapes: Shapes, materials: Materials, manifolds: Manifolds,
-                share: float, work: SequentialWork) -> None:
-    """Bring the manifolds into blocks; `share` is the part of a step that a substep is."""
+    load_bodies(model.inv_m, model.inv_I_C, state, loads, bodies)
     for r in range(manifolds.count[0]):
         first, second = shapes.material[manifolds.shape_a[r]], shapes.material[manifolds.shape_b[r]]
         work.rolls[r] = 1 if materials.rolling[first, second] > 0.0 else 0
-    blocks = color_manifolds(manifolds, work.bodies.slot, work.bodies.used[0], work.rolls, work.coloring)
-    work.lane_row[:blocks * LANES] = -1
-    for r in range(manifolds.count[0]):
-        if work.coloring.color[r] >= 0:
-            work.lane_row[work.coloring.lane[r]] = r
+    count = color_manifolds(manifolds.count[0], manifolds.body_a, manifolds.body_b, manifolds.points,
+                            bodies.slot, bodies.used[0], work.rolls, waits, work.coloring)
+    place_lanes(manifolds.count[0], count, work.coloring.color, work.coloring.lane, work.lane_row)
+    fill_blocks(count, state.x, shapes.material, materials, manifolds, shifts, shifted, 1.0 / substeps, work)
+    if bodies.used[0] <= model.m.shape[0]:
+        kick(state, loads, 0.5 * model.h)
+        fly(model, state, (0.0, 0.0, 0.0), model.h, np.int64(1), block)
+        kick(state, loads, 0.5 * model.h)
+    for substep in range(substeps):
+        kick_bodies(bodies.used[0], bodies.rows, bodies.motion, h, substep == 0)
+        drifted = h if substep > 0 else 0.0
+        sweep(count, work.coloring.kind, blocks, bodies.motion, bodies.drifted, work.at_A, work.at_B,
+              Sweep(1.0 / h, drifted, True, 0.0))
+        sweep(count, work.coloring.kind, blocks, bodies.motion, bodies.drifted, work.at_A, work.at_B,
+              Sweep(1.0 / h, 0.0, False, 1.0))
+        separate_all(count, work.coloring.kind, blocks, bodies.push, work.at_A, work.at_B,
+                     settings.push / h, settings.push_speed)
+        drift_bodies(bodies.used[0], bodies.rows, bodies.motion, bodies.push, bodies.drifted)
+    work.residual[0] = keep_impulses(count, blocks, work.lane_row, manifolds, bodies, work.at_A,
+                                     work.at_B, h, substeps,
+                                     work.normal_impulse, work.friction_impulse)
+    store_bodies(model.h, model.m, state, bodies, substeps)
+
+
+@kernel
+def sweep(count: int, kind: IntArray, blocks: Array, motion: Array, drifted: Array, at_A: IntArray,
+          at_B: IntArray, what: Sweep) -> None:
+    """Visit every block once."""
+    for k in range(count):
+        block = count - 1 - k if what.backwards else k
+        visit(blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE], motion, drifted,
+              at_A[block * LANES:(block + 1) * LANES], at_B[block * LANES:(block + 1) * LANES],
+              kind[block] % 3 + 1, kind[block] >= 3, what)
+
+
+@kernel
+def separate_all(count: int, kind: IntArray, blocks: Array, push: Array, at_A: IntArray, at_B: IntArray,
+                 rate: float, speed: float) -> None:
+    """Push every overlap a little apart."""
+    for block in range(count):
+        separate(blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE], push,
+                 at_A[block * LANES:(block + 1) * LANES], at_B[block * LANES:(block + 1) * LANES],
+                 kind[block] % 3 + 1, rate, speed)
+
+
+@kernel
+def place_lanes(rows: int, blocks: int, color: IntArray, lane: IntArray, lane_row: IntArray) -> None:
+    """Write the manifold of every lane."""
+    lane_row[:blocks * LANES] = -1
+    for r in range(rows):
+        if color[r] >= 0:
+            lane_row[lane[r]] = r
+
+
+@kernel
+def fill_blocks(count: int, x: Array, material: IntArray, materials: Materials, manifolds: Manifolds,
+                shifts: Array, shifted: bool, share: float, work: SequentialWork) -> None:
+    """Bring the manifolds into blocks; `share` is the part of a step that a substep is."""
+    bodies = work.bodies
     work.overlap[0] = 0.0
-    for block in range(blocks):
+    for block in range(count):
         b = work.blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE]
         b[:] = 0.0
         for i in range(LANES):
             lane = block * LANES + i
             r = work.lane_row[lane]
+            work.at_A[lane] = work.at_B[lane] = 0
             if r < 0:
                 _fill_empty(b, i)
-                work.at_A[lane] = work.at_B[lane] = 0
-            else:
-                _fill_lane(model, state, manifolds, r, share, work, b, i)
-                first = shapes.material[manifolds.shape_a[r]]
-                second = shapes.material[manifolds.shape_b[r]]
-                b[MU * LANES + i] = materials.friction[first, second]
-                b[SPIN_LEVER * LANES + i] = materials.spinning[first, second]
-                b[ROLL_LEVER * LANES + i] = materials.rolling[first, second]
-                work.at_A[lane] = motion_at(work.bodies.slot[manifolds.body_a[r]])
-                work.at_B[lane] = motion_at(work.bodies.slot[manifolds.body_b[r]])
+                continue
+            body_a, body_b = manifolds.body_a[r], manifolds.body_b[r]
+            first, second = material[manifolds.shape_a[r]], material[manifolds.shape_b[r]]
+            b[MU * LANES + i] = materials.friction[first, second]
+            b[SPIN_LEVER * LANES + i] = materials.spinning[first, second]
+            b[ROLL_LEVER * LANES + i] = materials.rolling[first, second]
+            deepest = _fill_lane(manifolds, r, share, b, i)
+            work.overlap[0] = max(work.overlap[0], deepest)
+            _fill_bodies(bodies.slot[body_a], bodies.slot[body_b], bodies.rows, b, i)
+            for k in range(3):
+                b[(ARM_B + k) * LANES + i] = x[k, body_a] - x[k, body_b]
+            if shifted:
+                _shift_lane(manifolds, r, shifts, b, i)
+            work.at_A[lane] = motion_at(bodies.slot[body_a])
+            work.at_B[lane] = motion_at(bodies.slot[body_b])
         prepare_block(b)
         for i in range(LANES):
             r = work.lane_row[block * LANES + i]
             if r >= 0:
-                _warm_start(manifolds, r, work.bodies, b, i)
+                _warm_start(bodies.slot[manifolds.body_a[r]], bodies.slot[manifolds.body_b[r]], bodies.rows, b, i)
 
 
 @kernel
@@ -171,50 +192,57 @@ def _fill_empty(b: Array, i: int) -> None:
 
 
 @kernel
-def _fill_lane(model: Model, state: State, manifolds: Manifolds, r: int, share: float,
-               work: SequentialWork, b: Array, i: int) -> None:
-    """Copy manifold r to lane i, moved by what collisions shifted since it was found."""
-    body_a, body_b = manifolds.body_a[r], manifolds.body_b[r]
+def _fill_bodies(slot_a: int, slot_b: int, rows: Array, b: Array, i: int) -> None:
+    """Copy the inverse masses of the two bodies to lane i."""
+    at_a, at_b = row_at(slot_a), row_at(slot_b)
+    for k in range(7):
+        # J and INV_M follow each other.
+        to = J_A + k if k < 6 else INV_M_A
+        b[to * LANES + i] = rows[at_a + (J + k) * LANES]
+        to = J_B + k if k < 6 else INV_M_B
+        b[to * LANES + i] = rows[at_b + (J + k) * LANES]
+    b[PAIR * LANES + i] = 1.0 if slot_a > 0 and slot_b > 0 else 0.0
+
+
+@kernel
+def _fill_lane(manifolds: Manifolds, r: int, share: float, b: Array, i: int) -> float:
+    """Copy manifold r to lane i; return its deepest overlap."""
     n = row(manifolds.normal, r)
     put_three(b, NORMAL, i, n)
     for k in range(3):
-        b[(ARM_B + k) * LANES + i] = state.x[k, body_a] - state.x[k, body_b]
         b[(MOVED + k) * LANES + i] = share * manifolds.friction[r, k]
     b[(FRICTION + 2) * LANES + i] = share * manifolds.spin[r]
-    slot_a, slot_b = work.bodies.slot[body_a], work.bodies.slot[body_b]
-    rows = work.bodies.rows
-    at_a, at_b = row_at(slot_a), row_at(slot_b)
-    for k in range(6):
-        b[(J_A + k) * LANES + i] = rows[at_a + (J + k) * LANES]
-        b[(J_B + k) * LANES + i] = rows[at_b + (J + k) * LANES]
-    b[INV_M_A * LANES + i] = rows[at_a + INV_M * LANES]
-    b[INV_M_B * LANES + i] = rows[at_b + INV_M * LANES]
-    b[PAIR * LANES + i] = 1.0 if slot_a > 0 and slot_b > 0 else 0.0
-    shift_a = (work.shift[0, body_a], work.shift[1, body_a], work.shift[2, body_a])
-    shift_b = (work.shift[0, body_b], work.shift[1, body_b], work.shift[2, body_b])
-    turn_a = (work.shift[3, body_a], work.shift[4, body_a], work.shift[5, body_a])
-    turn_b = (work.shift[3, body_b], work.shift[4, body_b], work.shift[5, body_b])
+    deepest = 0.0
     for p in range(POINTS):
         o = (POINT + p * POINT_ROWS) * LANES + i
         if p >= manifolds.points[r]:
             b[o + GAP * LANES] = ABSENT
             continue
-        r_A, r_B = row(manifolds.r_A[r], p), row(manifolds.r_B[r], p)
         gap = manifolds.gap[r, p]
-        work.overlap[0] = max(work.overlap[0], -gap)
+        deepest = max(deepest, -gap)
         # Half way between the surfaces.
-        c = subtract(add_scaled(r_A, 0.5 * gap, n), shift_a)
-        b[o + S * LANES] = c[0]
-        b[o + T * LANES] = c[1]
-        b[o + MASS * LANES] = c[2]
-        moved = subtract(add(shift_b, cross(turn_b, r_B)), add(shift_a, cross(turn_a, r_A)))
-        b[o + GAP * LANES] = gap + dot(n, moved)
+        for k in range(3):
+            b[o + k * LANES] = manifolds.r_A[r, p, k] + 0.5 * gap * n[k]
+        b[o + GAP * LANES] = gap
         b[o + IMPULSE * LANES] = share * manifolds.impulse[r, p]
+    return deepest
+
+
+@kernel
+def _shift_lane(manifolds: Manifolds, r: int, shifts: Array, b: Array, i: int) -> None:
+    """Move lane i by what collisions shifted since its manifold was found."""
+    for p in range(manifolds.points[r]):
+        o = (POINT + p * POINT_ROWS) * LANES + i
+        b[o + GAP * LANES] = gap_now(manifolds, shifts, r, p)
+        # The common point stays; the centre of mass of A moved.
+        moved = displacement(shifts[manifolds.body_a[r]])
+        for k in range(3):
+            b[o + k * LANES] -= moved[k]
 
 
 @kernel
 def _wrench(b: Array, i: int, along_n: float, about_1: float, about_2: float,
-            t: tuple[float, float, float]) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+            t: Vector) -> tuple[Vector, Vector]:
     """Return force and torque on B about c, world axes, from components in n, t1, t2."""
     n, t1 = three(b, NORMAL, i), three(b, TANGENT, i)
     t2 = cross(n, t1)
@@ -224,64 +252,81 @@ def _wrench(b: Array, i: int, along_n: float, about_1: float, about_2: float,
 
 
 @kernel
-def _warm_start(manifolds: Manifolds, r: int, bodies: SolverBodies, b: Array, i: int) -> None:
+def _warm_start(slot_a: int, slot_b: int, rows: Array, b: Array, i: int) -> None:
     """Let the impulses of lane i act at the start of the first substep."""
     along = about_1 = about_2 = 0.0
-    for p in range(manifolds.points[r]):
+    for p in range(POINTS):
         o = (POINT + p * POINT_ROWS) * LANES + i
         along += b[o + IMPULSE * LANES]
         about_1 += b[o + T * LANES] * b[o + IMPULSE * LANES]
         about_2 -= b[o + S * LANES] * b[o + IMPULSE * LANES]
     F, torque = _wrench(b, i, along, about_1, about_2, three(b, FRICTION, i))
-    slot_a, slot_b = bodies.slot[manifolds.body_a[r]], bodies.slot[manifolds.body_b[r]]
     if slot_a > 0:
-        _add_warm(bodies, slot_a, -b[INV_M_A * LANES + i], F, -1.0, add(cross(three(b, ARM_A, i), F), torque))
+        _add_warm(rows, slot_a, -b[INV_M_A * LANES + i], F, -1.0, add(cross(three(b, ARM_A, i), F), torque))
     if slot_b > 0:
-        _add_warm(bodies, slot_b, b[INV_M_B * LANES + i], F, 1.0, add(cross(three(b, ARM_B, i), F), torque))
+        _add_warm(rows, slot_b, b[INV_M_B * LANES + i], F, 1.0, add(cross(three(b, ARM_B, i), F), torque))
 
 
 @kernel
-def _add_warm(bodies: SolverBodies, slot: int, inv_m: float, F: tuple[float, float, float], sign: float,
-              torque: tuple[float, float, float]) -> None:
+def _add_warm(rows: Array, slot: int, inv_m: float, F: Vector, sign: float, torque: Vector) -> None:
     at = row_at(slot) + WARM * LANES
     for k in range(3):
-        bodies.rows[at + k * LANES] += inv_m * F[k]
-        bodies.rows[at + (3 + k) * LANES] += sign * torque[k]
+        rows[at + k * LANES] += inv_m * F[k]
+        rows[at + (3 + k) * LANES] += sign * torque[k]
 
 
 @kernel
-def keep_impulses(manifolds: Manifolds, work: SequentialWork) -> None:
-    """Write the impulses of the step to the manifolds, and give pairs back what L their motion cost."""
+def keep_impulses(count: int, blocks: Array, lane_row: IntArray, manifolds: Manifolds, bodies: SolverBodies,
+                  at_A: IntArray, at_B: IntArray, h: float, substeps: int, normal_impulse: Array, friction_impulse: Array) -> float:
+    """
+    Keep the impulses, and give pairs back what L their motion cost; return the residual [m/s].
+
+    The manifolds get those of the last substep, as if it had lasted for the whole step: the next step begins
+    with them. A mean over the substeps would lag behind, and a lag feeds the sway of a stack.
+    """
     residual = 0.0
-    for block in range(work.coloring.blocks[0]):
-        b = work.blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE]
+    for block in range(count):
+        b = blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE]
         for i in range(LANES):
-            r = work.lane_row[block * LANES + i]
+            r = lane_row[block * LANES + i]
             if r < 0:
                 continue
             residual = max(residual, b[RESIDUAL * LANES + i])
             pressure = 0.0
             for p in range(manifolds.points[r]):
-                impulse = b[(POINT + p * POINT_ROWS + TOTAL) * LANES + i]
-                manifolds.impulse[r, p] = impulse
-                work.normal_impulse[r, p] += impulse
-                pressure += impulse
-            F, _ = _wrench(b, i, 0.0, 0.0, 0.0, three(b, TOTAL_T, i))
+                o = (POINT + p * POINT_ROWS) * LANES + i
+                manifolds.impulse[r, p] = substeps * b[o + IMPULSE * LANES]
+                normal_impulse[r, p] += b[o + TOTAL * LANES]
+                pressure += b[o + TOTAL * LANES]
+            F, _ = _wrench(b, i, 0.0, 0.0, 0.0, three(b, FRICTION, i))
+            total, _ = _wrench(b, i, 0.0, 0.0, 0.0, three(b, TOTAL_T, i))
             for k in range(3):
-                manifolds.friction[r, k] = F[k]
-                work.friction_impulse[r, k] += F[k]
-            manifolds.spin[r] = b[(TOTAL_T + 2) * LANES + i]
-            if b[PAIR * LANES + i] == 1.0 and pressure > 0.0:
-                _give_back(manifolds, r, work.bodies, b, i)
-    work.residual[0] = residual
+                manifolds.friction[r, k] = substeps * F[k]
+                friction_impulse[r, k] += total[k]
+            manifolds.spin[r] = substeps * b[(FRICTION + 2) * LANES + i]
+            gained = three(b, TORSION, i)
+            if b[SHOVE * LANES + i] > 0.0:
+                gained = add(gained, _shoved(b, i, bodies.drifted, at_A[block * LANES + i],
+                                             at_B[block * LANES + i], h))
+            if b[PAIR * LANES + i] == 1.0 and (pressure > 0.0 or dot(gained, gained) > 0.0):
+                _give_back(bodies.slot[manifolds.body_a[r]], bodies, gained)
+                _give_back(bodies.slot[manifolds.body_b[r]], bodies, gained)
+    return residual
 
 
 @kernel
-def _give_back(manifolds: Manifolds, r: int, bodies: SolverBodies, b: Array, i: int) -> None:
-    """Take half of the angular momentum that a pair gained from each body: the point followed both."""
-    gained = three(b, TORSION, i)
-    for slot in (bodies.slot[manifolds.body_a[r]], bodies.slot[manifolds.body_b[r]]):
-        bodies.rows[row_at(slot) + HELD * LANES] = 1.0
-        at = motion_at(slot)
-        for k in range(3):
-            bodies.motion[at + (3 + k) * LANES] -= 0.5 * gained[k]
+def _shoved(b: Array, i: int, drifted: Array, at_A: int, at_B: int, h: float) -> Vector:
+    """Return the L that a pair gained when the last push displaced its momenta."""
+    v = (drifted[at_B] - drifted[at_A], drifted[at_B + LANES] - drifted[at_A + LANES],
+         drifted[at_B + 2 * LANES] - drifted[at_A + 2 * LANES])
+    n, shove = three(b, NORMAL, i), h * b[SHOVE * LANES + i]
+    return cross((shove * n[0], shove * n[1], shove * n[2]), v)
+
+
+@kernel
+def _give_back(slot: int, bodies: SolverBodies, gained: Vector) -> None:
+    """Take half of the angular momentum that a pair gained from one body: the point follows both."""
+    bodies.rows[row_at(slot) + HELD * LANES] = 1.0
+    at = motion_at(slot)
+    for k in range(3):
+        bodies.motion[at + (3 + k) * LANES] -= 0.5 * gained[k]

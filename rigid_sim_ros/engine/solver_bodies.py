@@ -13,14 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import Array, IntArray
+from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.free_rotation import MAX_ANGLE, turn, turn_fast
-from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.kernel import inlined, kernel
 from rigid_sim_ros.engine.loads import Loads
-from rigid_sim_ros.engine.model import Model
-from rigid_sim_ros.engine.rotation import exponential, multiply, quaternion, set_quaternion, to_matrix
+from rigid_sim_ros.engine.rotation import quaternion, to_matrix
 from rigid_sim_ros.engine.state import State
-from rigid_sim_ros.engine.vector import column
+from rigid_sim_ros.engine.vector import add_scaled, column, dot, subtract
 
 LANES = 8
 # Rows of a block of `motion`: v [m/s], L [kg m^2/s], world axes.
@@ -34,8 +33,10 @@ START = 24  # v, L at the start of the step
 J = 30  # inverse inertia, world axes: xx, xy, xz, yy, yz, zz
 INV_M = 36
 HELD = 37  # 1: pressed against a body that moves
-POSE = 38  # x and q at the start of the step
-BODY_ROWS = 45
+X = 38  # at the start of the step
+Q = 41
+INV_I = 45  # reciprocals of the principal moments
+BODY_ROWS = 48
 
 
 class SolverBodies(NamedTuple):
@@ -45,6 +46,8 @@ class SolverBodies(NamedTuple):
     body: IntArray  # (n + 1,) in a slot; -1 in slot 0
     used: IntArray  # (1,) slots in use
     motion: Array  # flat, see MOTION_ROWS
+    push: Array  # motion that only displaces, out of overlaps
+    drifted: Array  # the sum of both, with which the bodies moved in this substep
     rows: Array  # flat, see BODY_ROWS
 
 
@@ -53,6 +56,7 @@ def make_bodies(n: int) -> SolverBodies:
     blocks = n // LANES + 1
     return SolverBodies(np.zeros(n, dtype=np.int64), np.zeros(n + 1, dtype=np.int64),
                         np.zeros(1, dtype=np.int64), np.zeros(blocks * MOTION_ROWS * LANES),
+                        np.zeros(blocks * MOTION_ROWS * LANES), np.zeros(blocks * MOTION_ROWS * LANES),
                         np.zeros(blocks * BODY_ROWS * LANES))
 
 
@@ -69,30 +73,32 @@ def row_at(slot: int) -> int:
 
 
 @kernel
-def load_bodies(model: Model, state: State, loads: Loads, bodies: SolverBodies) -> None:
+def load_bodies(inv_m: Array, inv_I_C: Array, state: State, loads: Loads, bodies: SolverBodies) -> None:
     """Copy the bodies that have a slot, and what moves them, into their blocks."""
     used = bodies.used[0]
     end = ((used - 1) // LANES + 1) * LANES
     bodies.motion[:end * MOTION_ROWS] = 0.0
+    bodies.push[:end * MOTION_ROWS] = 0.0
     bodies.rows[:end * BODY_ROWS] = 0.0
     rows = bodies.rows
     for slot in range(1, used):
         i = bodies.body[slot]
         at, motion = row_at(slot), motion_at(slot)
         for k in range(3):
-            rows[at + (SMOOTH + k) * LANES] = model.inv_m[i] * loads.F[k, i]
+            rows[at + (SMOOTH + k) * LANES] = inv_m[i] * loads.F[k, i]
             rows[at + (SMOOTH + 3 + k) * LANES] = loads.tau[k, i]
-            v = model.inv_m[i] * state.P[k, i]
+            v = inv_m[i] * state.P[k, i]
             bodies.motion[motion + k * LANES] = v
             bodies.motion[motion + (3 + k) * LANES] = state.L[k, i]
             rows[at + (START + k) * LANES] = v
             rows[at + (START + 3 + k) * LANES] = state.L[k, i]
-            rows[at + (POSE + k) * LANES] = state.x[k, i]
+            rows[at + (X + k) * LANES] = state.x[k, i]
+            rows[at + (INV_I + k) * LANES] = inv_I_C[k, i]
         for k in range(4):
-            rows[at + (POSE + 3 + k) * LANES] = state.q[k, i]
-        rows[at + INV_M * LANES] = model.inv_m[i]
+            rows[at + (Q + k) * LANES] = state.q[k, i]
+        rows[at + INV_M * LANES] = inv_m[i]
         R = to_matrix(quaternion(state.q, i))
-        d = column(model.inv_I_C, i)
+        d = column(inv_I_C, i)
         line = at + J * LANES
         for k in range(3):
             for j in range(k, 3):
@@ -102,81 +108,95 @@ def load_bodies(model: Model, state: State, loads: Loads, bodies: SolverBodies) 
 
 
 @kernel
-def kick_bodies(bodies: SolverBodies, h: float, first: bool) -> None:
+def kick_bodies(used: int, b: Array, m: Array, h: float, first: bool) -> None:
     """
     Begin a substep: forces act for h [s], and contacts as they did in the last substep.
 
     That is a warm start of every contact at once, without a pass over contacts. In the first
     substep WARM holds what the contacts bring from the step before.
     """
-    b, m = bodies.rows, bodies.motion
-    for block in range((bodies.used[0] - 1) // LANES + 1):
+    for block in range((used - 1) // LANES + 1):
         at, motion = block * BODY_ROWS * LANES, block * MOTION_ROWS * LANES
-        for i in range(MOTION_ROWS * LANES):
-            if not first:
+        if not first:
+            for i in range(MOTION_ROWS * LANES):
                 b[at + WARM * LANES + i] = m[motion + i] - b[at + BASE * LANES + i]
-                base = m[motion + i] + h * b[at + SMOOTH * LANES + i]
-            else:
-                base = m[motion + i] + h * b[at + SMOOTH * LANES + i]
+        for i in range(MOTION_ROWS * LANES):
+            base = m[motion + i] + h * b[at + SMOOTH * LANES + i]
             b[at + BASE * LANES + i] = base
             m[motion + i] = base + b[at + WARM * LANES + i]
 
 
 @kernel
-def drift_bodies(bodies: SolverBodies) -> None:
-    """Add the motion of this substep to the sums of which the displacements are made."""
-    b, m = bodies.rows, bodies.motion
-    for block in range((bodies.used[0] - 1) // LANES + 1):
+def drift_bodies(used: int, b: Array, m: Array, push: Array, drifted: Array) -> None:
+    """Add the motion of this substep to the sums of which the displacements are made; forget the push."""
+    for block in range((used - 1) // LANES + 1):
         at, motion = (block * BODY_ROWS + SUM) * LANES, block * MOTION_ROWS * LANES
         for i in range(MOTION_ROWS * LANES):
-            b[at + i] += m[motion + i]
+            drifted[motion + i] = m[motion + i] + push[motion + i]
+            b[at + i] += drifted[motion + i]
+            push[motion + i] = 0.0
 
 
 @kernel
-def store_bodies(model: Model, state: State, bodies: SolverBodies, substeps: int) -> None:
-    """
-    Write momenta and poses back.
-
-    The substeps moved the bodies with the velocities at their ends, which is of first order: for a constant
-    acceleration a it displaces by a h^2 / (2 substeps) too much. That much is taken back from a body whose
-    velocity changed smoothly. It is not when the change is an impact, more than twice what the forces alone would make
-    in a step, nor against a body that moves, where it would change L of the pair.
-    """
-    h = model.h
-    b = bodies.rows
+def store_bodies(h: float, m: Array, state: State, bodies: SolverBodies, substeps: int) -> None:
+    """Move the bodies and write their momenta and poses back."""
+    for block in range((bodies.used[0] - 1) // LANES + 1):
+        b = bodies.rows[block * BODY_ROWS * LANES:(block + 1) * BODY_ROWS * LANES]
+        _move(b, bodies.motion[block * MOTION_ROWS * LANES:(block + 1) * MOTION_ROWS * LANES], h, substeps)
     for slot in range(1, bodies.used[0]):
         i = bodies.body[slot]
         at, motion = row_at(slot), motion_at(slot)
-        forces = changes = 0.0
         for k in range(3):
-            a = b[at + (SMOOTH + k) * LANES]
-            dv = bodies.motion[motion + k * LANES] - b[at + (START + k) * LANES]
-            forces += a * a * h * h
-            changes += dv * dv
-        smooth = changes <= 4.0 * forces and b[at + HELD * LANES] == 0.0
-        back = 0.5 / substeps if smooth else 0.0
-        for k in range(3):
-            v = bodies.motion[motion + k * LANES]
-            dv = v - b[at + (START + k) * LANES]
-            mean = b[at + (SUM + k) * LANES] / substeps - back * dv
-            state.x[k, i] = b[at + (POSE + k) * LANES] + h * mean
-            state.P[k, i] = model.m[i] * v
+            state.x[k, i] = bodies.rows[at + (X + k) * LANES]
+            state.P[k, i] = m[i] * bodies.motion[motion + k * LANES]
             state.L[k, i] = bodies.motion[motion + (3 + k) * LANES]
-        L = _mean_momentum(b, at, state, i, substeps, back)
-        inv_I = column(model.inv_I_C, i)
-        bound = max(inv_I[0], inv_I[1], inv_I[2]) * h
-        o = at + (POSE + 3) * LANES
-        q = (b[o], b[o + LANES], b[o + 2 * LANES], b[o + 3 * LANES])
-        if bound * bound * (L[0] * L[0] + L[1] * L[1] + L[2] * L[2]) <= MAX_ANGLE * MAX_ANGLE:
-            set_quaternion(state.q, i, turn(q, L, inv_I, h))
-        else:
-            set_quaternion(state.q, i, turn_fast(q, L, inv_I, h))
+        for k in range(4):
+            state.q[k, i] = bodies.rows[at + (Q + k) * LANES]
 
 
 @kernel
-def _mean_momentum(b: Array, at: int, state: State, i: int, substeps: int,
-                   back: float) -> tuple[float, float, float]:
-    at_sum, at_start = at + (SUM + 3) * LANES, at + (START + 3) * LANES
-    return (b[at_sum] / substeps - back * (state.L[0, i] - b[at_start]),
-            b[at_sum + LANES] / substeps - back * (state.L[1, i] - b[at_start + LANES]),
-            b[at_sum + 2 * LANES] / substeps - back * (state.L[2, i] - b[at_start + 2 * LANES]))
+def _move(b: Array, motion: Array, h: float, substeps: int) -> None:
+    """
+    Move the eight bodies of a block by the mean of their velocities over the substeps.
+
+    The velocities are those at the ends of the substeps, which is of first order: a constant acceleration a
+    displaces by a h^2 / (2 substeps) too much. That much is taken back from a body whose velocity changed smoothly.
+    It is not when the change is an impact, more than twice what the forces alone would make in a step, nor against
+    a body that moves, where it would change L of the pair.
+    """
+    for i in range(LANES):
+        a, start = _three(b, SMOOTH, i), _three(b, START, i)
+        dv = subtract((motion[i], motion[LANES + i], motion[2 * LANES + i]), start)
+        smooth = dot(dv, dv) <= 4.0 * h * h * dot(a, a) and b[HELD * LANES + i] == 0.0
+        back = -0.5 / substeps if smooth else 0.0
+        share = 1.0 / substeps
+        v, L, start = _three(b, SUM, i), _three(b, SUM + 3, i), _three(b, START + 3, i)
+        dL = subtract((motion[3 * LANES + i], motion[4 * LANES + i], motion[5 * LANES + i]), start)
+        v = add_scaled((share * v[0], share * v[1], share * v[2]), back, dv)
+        L = add_scaled((share * L[0], share * L[1], share * L[2]), back, dL)
+        for k in range(3):
+            b[(X + k) * LANES + i] += h * v[k]
+            b[(SUM + 3 + k) * LANES + i] = L[k]
+    for i in range(LANES):
+        L, inv_I = _three(b, SUM + 3, i), _three(b, INV_I, i)
+        q = (b[Q * LANES + i], b[(Q + 1) * LANES + i], b[(Q + 2) * LANES + i], b[(Q + 3) * LANES + i])
+        q = turn(q, L, inv_I, h)
+        # Too fast for `turn`: below, one by one.
+        bound = h * max(inv_I[0], inv_I[1], inv_I[2])
+        fast = bound * bound * dot(L, L) > MAX_ANGLE * MAX_ANGLE
+        b[HELD * LANES + i] = 1.0 if fast else 0.0
+        for k in range(4):
+            o = (Q + k) * LANES + i
+            b[o] = b[o] if fast else q[k]
+    for i in range(LANES):
+        if b[HELD * LANES + i] > 0.0:
+            q = (b[Q * LANES + i], b[(Q + 1) * LANES + i], b[(Q + 2) * LANES + i], b[(Q + 3) * LANES + i])
+            q = turn_fast(q, _three(b, SUM + 3, i), _three(b, INV_I, i), h)
+            for k in range(4):
+                b[(Q + k) * LANES + i] = q[k]
+
+
+@inlined
+def _three(b: Array, first: int, i: int) -> Vector:
+    """Return three rows of lane i."""
+    return (b[first * LANES + i], b[(first + 1) * LANES + i], b[(first + 2) * LANES + i])

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import Array
+from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.collisions import collide_bodies, CollisionWork, make_collision_work
 from rigid_sim_ros.engine.detect import detect
 from rigid_sim_ros.engine.free_flight import BLOCK_SIZE as FLIGHT_SIZE, fly
@@ -24,8 +24,8 @@ from rigid_sim_ros.engine.sequential import make_work as make_sequential_work
 from rigid_sim_ros.engine.sequential import SequentialSettings, SequentialWork, solve_contacts
 from rigid_sim_ros.engine.shapes import Materials, PLANE, Shapes
 from rigid_sim_ros.engine.solver_bodies import SolverBodies
-from rigid_sim_ros.engine.state import body_spin, body_velocity, State
-from rigid_sim_ros.engine.vector import norm
+from rigid_sim_ros.engine.state import State
+from rigid_sim_ros.engine.vector import column, norm
 from rigid_sim_ros.engine.wrenches import count_down, Wrenches
 
 
@@ -85,7 +85,8 @@ def advance_steps(model: Model, state: State, wrenches: Wrenches, shapes: Shapes
     """Take steps until `count` are done or a buffer is too small; return how many were done."""
     g = model.gravity
     for step in range(count):
-        margin = look_ahead(model, state, materials, settings, work.radius)
+        margin = look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, materials.restitution, settings,
+                            work.radius)
         if not detect(model, state, shapes, memory, margin):
             return step
         manifolds = current(memory)
@@ -93,13 +94,13 @@ def advance_steps(model: Model, state: State, wrenches: Wrenches, shapes: Shapes
             fly(model, state, (g[0], g[1], g[2]), model.h, np.int64(1), work.block)
             continue
         sum_loads(model, state, wrenches, work.loads)
-        clear_impulses(manifolds, work.solver)
-        collide_bodies(model, state, work.loads, shapes, materials, manifolds, settings.bounce_speed,
-                       work.solver.shift, work.solver.normal_impulse, work.solver.friction_impulse,
-                       work.collision)
-        give_slots(model, manifolds, work.solver.bodies)
-        solve_contacts(model, state, work.loads, shapes, materials, manifolds, settings.sequential,
-                       work.solver, work.block)
+        clear_impulses(manifolds.count[0], work.solver.normal_impulse, work.solver.friction_impulse)
+        collisions = collide_bodies(
+            model.h, model.inv_m, model.inv_I_C, state, work.loads.F, shapes, materials, manifolds,
+            settings.bounce_speed, work.solver.normal_impulse, work.solver.friction_impulse, work.collision)
+        give_slots(model.inv_m, manifolds, work.collision.waits, work.solver.bodies)
+        solve_contacts(model, state, work.loads, shapes, materials, manifolds, work.collision.waits,
+                       work.collision.body, collisions > 0, settings.sequential, work.solver, work.block)
         if model.forces.kind.shape[0] + wrenches.body.shape[0] > 0:
             # As in the symplectic method: half of the change of the loads, now at the new poses.
             sum_loads(model, state, wrenches, work.later)
@@ -110,8 +111,8 @@ def advance_steps(model: Model, state: State, wrenches: Wrenches, shapes: Shapes
 
 
 @kernel
-def look_ahead(model: Model, state: State, materials: Materials, settings: TimestepSettings,
-               radius: Array) -> float:
+def look_ahead(h: float, inv_m: Array, inv_I_C: Array, P: Array, L: Array, restitution: Array,
+               settings: TimestepSettings, radius: Array) -> float:
     """
     Return how far ahead contacts are looked for [m].
 
@@ -119,39 +120,40 @@ def look_ahead(model: Model, state: State, materials: Materials, settings: Times
     it touches; what does not may be seen late, at the price of an overlap, unless `continuous` is set.
     """
     fastest = 0.0
-    for i in range(model.m.shape[0]):
-        speed = norm(body_velocity(model, state, i)) + radius[i] * norm(body_spin(model, state, i))
-        fastest = max(fastest, speed)
-    way = 2.0 * fastest * model.h
+    for i in range(inv_m.shape[0]):
+        v = inv_m[i] * norm(column(P, i))
+        # Not below |w|, which would need the attitude.
+        w = max(inv_I_C[0, i], inv_I_C[1, i], inv_I_C[2, i]) * norm(column(L, i))
+        fastest = max(fastest, v + w * radius[i])
+    way = 2.0 * fastest * h
     bounces = False
-    for i in range(materials.restitution.shape[0]):
-        for j in range(materials.restitution.shape[1]):
-            bounces = bounces or materials.restitution[i, j] > 0.0
+    for i in range(restitution.shape[0]):
+        for j in range(i + 1):
+            bounces = bounces or restitution[i, j] > 0.0
     if settings.continuous == 1 or bounces:
         return settings.margin + way
     return settings.margin + min(way, settings.margin)
 
 
 @kernel
-def clear_impulses(manifolds: Manifolds, work: SequentialWork) -> None:
-    """Forget the impulses of the last step and the shifts of its collisions."""
-    count = manifolds.count[0]
-    work.normal_impulse[:count] = 0.0
-    work.friction_impulse[:count] = 0.0
-    work.shift[:] = 0.0
+def clear_impulses(count: int, normal_impulse: Array, friction_impulse: Array) -> None:
+    """Forget the impulses of the last step."""
+    normal_impulse[:count] = 0.0
+    friction_impulse[:count] = 0.0
 
 
 @kernel
-def give_slots(model: Model, manifolds: Manifolds, bodies: SolverBodies) -> None:
-    """Give every moving body with a manifold a slot in the solver, in the order of the bodies."""
+def give_slots(inv_m: Array, manifolds: Manifolds, waits: IntArray, bodies: SolverBodies) -> None:
+    """Give every moving body with a manifold to solve a slot in the solver, in the order of the bodies."""
     bodies.slot[:] = 0
     for r in range(manifolds.count[0]):
-        bodies.slot[manifolds.body_a[r]] = 1
-        bodies.slot[manifolds.body_b[r]] = 1
+        if waits[r] == 0:
+            bodies.slot[manifolds.body_a[r]] = 1
+            bodies.slot[manifolds.body_b[r]] = 1
     used = 1
     bodies.body[0] = -1
-    for i in range(model.m.shape[0]):
-        if bodies.slot[i] == 1 and model.inv_m[i] > 0.0:
+    for i in range(inv_m.shape[0]):
+        if bodies.slot[i] == 1 and inv_m[i] > 0.0:
             bodies.slot[i] = used
             bodies.body[used] = i
             used += 1
