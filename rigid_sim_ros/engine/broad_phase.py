@@ -22,7 +22,7 @@ from rigid_sim_ros.engine.shapes import PLANE, Shapes
 
 # Room around a bounding box, as a fraction of its largest side. A smaller one makes shapes leave
 # their box more often, a larger one makes more pairs that do not touch.
-ROOM = 0.05
+ROOM = 0.1
 # A fat box reaches as far ahead as the shape flies in so many steps, but no farther than its own
 # size.
 STEPS_AHEAD = 6.0

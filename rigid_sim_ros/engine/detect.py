@@ -87,9 +87,7 @@ def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds
         if not boxes_overlap(memory.box, a, b):
             continue
         near += 1
-        while old < last and (before.shape_a[old] < a
-                              or (before.shape_a[old] == a and before.shape_b[old] < b)):
-            old += 1
+        old = _seek(before.shape_a, before.shape_b, old, last, a, b)
         known = old < last and before.shape_a[old] == a and before.shape_b[old] == b
         row = min(rows, room - 1)
         i, j = shapes.body[a], shapes.body[b]
@@ -137,6 +135,14 @@ def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds
     memory.counters[RECYCLED], memory.counters[CONTACTS] = recycled, contacts
     now.count[0] = rows
     return rows
+
+
+@kernel
+def _seek(shape_a: IntArray, shape_b: IntArray, old: int, last: int, a: int, b: int) -> int:
+    """Return the first row from `old` on that does not come before the pair (a, b)."""
+    while old < last and (shape_a[old] < a or (shape_a[old] == a and shape_b[old] < b)):
+        old += 1
+    return old
 
 
 @inlined
