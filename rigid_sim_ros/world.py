@@ -183,10 +183,10 @@ class World:
         """
         Return the contact points of the latest step as a structured array.
 
-        Its fields are body_a and body_b (indices into `names`), point [m], normal (unit vector from
-        a to b), gap [m] (below 0: overlap), normal_force [N] and friction_force (3) [N on b], all
-        in world axes. Forces are means over the step. A point without a force is near, but does not
-        touch.
+        Its fields are body_a and body_b (indices into `names`), point [m], normal (unit vector
+        from a to b), gap [m] (below 0: overlap), normal_force [N] and friction_force (3) [N on b],
+        all in world axes. Forces are means over the step. A point without a force is near, but
+        does not touch.
         """
         return self._contact.contacts(self._state)
 

@@ -30,8 +30,8 @@ MAY_IMPORT = {
     'engine': set(),
 }
 # The stages of a step. What one needs from another comes to it as arrays; only the modules that
-# are a sequence of stages know several: step, timestep, event, penalty, detect and backtrack, which
-# looks for the first of many meetings with the same means as detection.
+# are a sequence of stages know several: step, timestep, event, penalty, detect and backtrack,
+# which looks for the first of many meetings with the same means as detection.
 STAGES = {'broad_phase', 'collisions', 'contact_qp', 'impulse', 'integrate', 'narrow_phase',
           'sequential', 'velocity_qp', 'witness'}
 # SciPy comes with OSQP, whose matrices are those of scipy.sparse.

@@ -25,7 +25,7 @@ from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Scratch
 from rigid_sim_ros.engine.model import Model
-from rigid_sim_ros.engine.narrow_phase.algebra import norm
+from rigid_sim_ros.engine.algebra import norm
 from rigid_sim_ros.engine.narrow_phase.collide import collide, CONVEX, FAMILY
 from rigid_sim_ros.engine.narrow_phase.signed_distance import signed_distance
 from rigid_sim_ros.engine.rotation import multiply, to_matrix

@@ -20,7 +20,7 @@ from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Scratch
 from rigid_sim_ros.engine.model import Model
-from rigid_sim_ros.engine.narrow_phase.algebra import cross, dot
+from rigid_sim_ros.engine.algebra import cross, dot
 from rigid_sim_ros.engine.narrow_phase.collide import collide
 from rigid_sim_ros.engine.shapes import Shapes
 from rigid_sim_ros.engine.state import State

@@ -22,7 +22,7 @@ from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.manifolds import Manifolds
 from rigid_sim_ros.engine.model import Model
-from rigid_sim_ros.engine.narrow_phase.algebra import cross
+from rigid_sim_ros.engine.algebra import cross
 from rigid_sim_ros.engine.rotation import to_matrix
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.state import State

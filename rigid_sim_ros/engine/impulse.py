@@ -20,7 +20,7 @@ from rigid_sim_ros.engine.contacts import (
     Bodies, Contacts, couple, push, read_velocity, relative, to_contact, to_world)
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.model import Model
-from rigid_sim_ros.engine.narrow_phase.algebra import norm
+from rigid_sim_ros.engine.algebra import norm
 from rigid_sim_ros.engine.state import State
 
 # Approach slower than this [m/s] is rounding, not a collision; ten times more is still below every

@@ -62,11 +62,12 @@ _CACHE = cache_folder()
 
 def _compiled(function: Function, **options: Any) -> Any:
     config: Any = numba.config
+    njit: Any = numba.njit
     elsewhere = config.CACHE_DIR
     config.CACHE_DIR = str(_CACHE)
     try:
-        return numba.njit(cache=True, nogil=True, error_model='numpy', no_cfunc_wrapper=True,
-                          **options)(function)
+        return njit(cache=True, nogil=True, error_model='numpy', no_cfunc_wrapper=True,
+                    **options)(function)
     finally:
         config.CACHE_DIR = elsewhere
 
@@ -85,21 +86,21 @@ def kernel(function: Function) -> Function:
     for numbers of a type, not once more for every constant that a caller writes, as Numba would:
     that was a third of the time to compile.
     """
-    return _without_literals(  # type: ignore[no-any-return]
-        _compiled(function, _nrt=False))
+    return _without_literals(_compiled(function, _nrt=False))
 
 
 def allocating(function: Function) -> Function:
     """Compile like `kernel` a function that makes arrays: for where memory is not the time."""
-    return _without_literals(_compiled(function))  # type: ignore[no-any-return]
+    return _without_literals(_compiled(function))
 
 
 def _without_literals(compiled: Any) -> Any:
     template = compiled.get_call_template
+    unliteral: Any = types.unliteral
 
     def without_literals(args: Any, kws: Any) -> Any:
-        return template(tuple(types.unliteral(arg) for arg in args),
-                        {name: types.unliteral(arg) for name, arg in kws.items()})
+        return template(tuple(unliteral(arg) for arg in args),
+                        {name: unliteral(arg) for name, arg in kws.items()})
 
     compiled.get_call_template = without_literals
     return compiled
@@ -112,4 +113,4 @@ def inlined(function: Function) -> Function:
     For small functions that a loop over bodies calls: a real call, even one that LLVM inlines
     later, keeps that loop from becoming vector instructions.
     """
-    return _compiled(function, _nrt=False, inline='always')  # type: ignore[no-any-return]
+    return _compiled(function, _nrt=False, inline='always')

@@ -35,7 +35,7 @@ from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.manifolds import current_manifolds, grown, Manifolds, Memory
 from rigid_sim_ros.engine.model import Model
-from rigid_sim_ros.engine.narrow_phase.algebra import cross
+from rigid_sim_ros.engine.algebra import cross
 from rigid_sim_ros.engine.shapes import CAPSULE, KIND_NAMES, Materials, Shapes, SPHERE
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.wrenches import count_down, Wrenches

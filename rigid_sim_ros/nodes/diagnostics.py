@@ -3,9 +3,9 @@
 """
 What /diagnostics says about the node, by default once a second of wall time.
 
-Three statuses: `pace` (rate, real-time factor, overruns, lateness, cost), `inputs` (accepted and
-refused) and `physics` (energy and momentum). Counters run from the start of the node; rates,
-shares and lateness are those of the window since the last message.
+Four statuses: `pace` (rate, real-time factor, overruns, lateness, cost), `inputs` (accepted and
+refused), `physics` (energy and momentum) and `contact` (pairs, overlap, solver). Counters run from
+the start of the node; rates, shares and lateness are those of the window since the last message.
 """
 from math import ceil
 
@@ -59,6 +59,7 @@ class Diagnostics:
             self._pace(now_ns - self._begun_ns, thread_ns - self._thread_ns, paused),
             self._inputs(),
             self._physics(broken),
+            self._contact(),
         ]
         self.begin(now_ns, thread_ns)
         self._publishers.publish_diagnostics(self._world.time_ns, statuses)
@@ -128,7 +129,21 @@ class Diagnostics:
                 values[key.format(axis)] = f'{component:.9g}'
         if broken:
             return self._status('physics', _ERROR, broken, values)
-        return self._status('physics', _OK, 'free motion', values)
+        return self._status('physics', _OK, 'every motion is finite', values)
+
+    def _contact(self) -> Status:
+        report = self._world.contact_report()
+        values: dict[str, object] = {
+            'pairs': report.pairs,
+            'pairs settled by their witness': report.witnessed,
+            'contacts': report.contacts,
+            'deepest overlap [m]': f'{report.deepest:.3e}',
+            'solver residual': f'{report.residual:.3e}',
+            'solver iterations': report.iterations,
+        }
+        if report.message:
+            return self._status('contact', _WARN, report.message, values)
+        return self._status('contact', _OK, f'{report.contacts} contacts', values)
 
     def _late_us(self, quantile: float) -> float:
         """Return the lateness that this share of the batches did not exceed."""

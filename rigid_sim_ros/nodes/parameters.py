@@ -61,7 +61,10 @@ _MEANINGS = {
         'Whether ~/reset also sets the simulation time, and with it /clock, back to 0.', True),
     'publish_clock': _Meaning('Whether to publish the simulation time on /clock.'),
     'publish_tf': _Meaning('Whether to publish the poses on /tf; needs the package tf2_msgs.'),
-    'publish_markers': _Meaning('Whether to publish the shapes on ~/markers.'),
+    'publish_markers': _Meaning(
+        'Whether to publish the shapes, contact points and contact forces on ~/markers.'),
+    'publish_contact_wrench': _Meaning(
+        'Whether to publish the net contact wrench on each body, about its centre of mass.'),
 }
 _QOS_MEANINGS = {
     'reliability': _Meaning('Reliability of topic `{}`.', constraints='reliable | best_effort'),

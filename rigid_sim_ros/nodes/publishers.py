@@ -26,6 +26,7 @@ from visualization_msgs.msg import MarkerArray
 from rigid_sim_ros.codec import (
     encode_clock, encode_diagnostics, encode_string, encode_uint64, encode_wrench, PoseEncoder,
     StateEncoder, Status, TransformsEncoder, TwistEncoder)
+from rigid_sim_ros.nodes.contact_markers import ContactMarkers
 from rigid_sim_ros.nodes.markers import SceneMarkers
 from rigid_sim_ros.nodes.parameters import ParameterError
 from rigid_sim_ros.world import World
@@ -59,6 +60,9 @@ class Publishers:
         self._applied_wrench = {
             name: self._create(WrenchStamped, 'applied_wrench', f'~/{name}/applied_wrench')
             for name in names}
+        self._contact_wrench = [
+            self._create(WrenchStamped, 'contact_wrench', f'~/{n}/contact_wrench')
+            for n in names] if parameters['publish_contact_wrench'] else []
         self._state = self._create(MultiDOFJointState, 'state', '~/state')
         self._scene = self._create(String, 'scene', '~/scene')
         self._state_hash = self._create(UInt64, 'state_hash', '~/state_hash')
@@ -76,6 +80,7 @@ class Publishers:
         self._states = StateEncoder(self._frame_id, world.names)
         self._transforms = TransformsEncoder(self._frame_id, world.names)
         self._scene_markers = SceneMarkers(self._frame_id, world.scene) if self._markers else None
+        self._contact_markers = ContactMarkers(self._frame_id, world) if self._markers else None
 
     def publish_scene(self, text: str) -> None:
         """Publish the scene in effect; late subscribers get it too."""
@@ -91,6 +96,11 @@ class Publishers:
         self._send(self._pose, self._poses.encode(t_ns, own[0], own[1]))
         self._send(self._twist, self._twists.encode(t_ns, own[2], own[3]))
         self._send([self._state], [self._states.encode(t_ns, p, q, v, w)])
+        if self._contact_wrench:
+            wrenches = world.contact_wrenches()[self._bodies]
+            self._send(self._contact_wrench, [
+                encode_wrench(t_ns, self._frame_id, wrench[:3], wrench[3:])
+                for wrench in wrenches])
         if self._tf:
             self._send([self._tf], [self._transforms.encode(t_ns, p, q)])
         self.cost_ns += perf_counter_ns() - start_ns
@@ -101,10 +111,11 @@ class Publishers:
             self._send([self._clock], [encode_clock(t_ns)])
 
     def publish_markers(self, world: World) -> None:
-        """Publish the shapes at their poses."""
-        if self._markers and self._scene_markers:
+        """Publish the shapes at their poses, and the contacts."""
+        if self._markers and self._scene_markers and self._contact_markers:
             data = self._scene_markers.encode(world.time_ns, world.position, world.orientation)
-            self._send([self._markers], [data])
+            contacts = self._contact_markers.encode(world)
+            self._send([self._markers, self._markers], [data, contacts])
 
     def publish_hash(self, state_hash: int) -> None:
         """Publish a hash of the complete state."""

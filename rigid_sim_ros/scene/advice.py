@@ -10,7 +10,6 @@ import numpy as np
 
 from rigid_sim_ros.engine.forces import FORCES
 from rigid_sim_ros.engine.model import Model, WORLD
-from rigid_sim_ros.scene import schema
 from rigid_sim_ros.scene.build import Scene
 
 # [rad] An oscillation may advance by this much in a step: 13 steps a swing, whose frequency is
@@ -155,11 +154,11 @@ def _of_integrator(scene: Scene) -> Iterator[str]:
 
 
 def _of_contact(scene: Scene) -> Iterator[str]:
-    solid = [body for body in scene.spec.bodies
-             if any(not isinstance(part, schema.Points) for _, part in body.parts())]
-    if scene.spec.world.contact != 'none' and len(solid) > 1:
-        yield ('contact is not in this version yet: bodies pass through each other; '
-               'write contact: none where that is what you want')
+    can_touch = len(scene.shapes.body) > 1 and bool((scene.shapes.still == 0).any())
+    if scene.contact != 'none' and can_touch and scene.integrator != 'symplectic':
+        yield (f'integrator {scene.integrator} runs worlds without contact only: with contact: '
+               f'{scene.contact} bodies fly by the symplectic one; write contact: none, or '
+               'integrator: symplectic')
 
 
 def _below(step: float) -> str:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from rigid_sim_ros.scene.errors import nearest, Problem, SceneError
 
-# What `rigid_sim run` shows without a scene: it moves at once, never ends, and surprises.
-DEFAULT_SCENE = 't_handle'
+# What `rigid_sim run` shows without a scene, as msg_config/default.yaml says too.
+DEFAULT_SCENE = 'tower'
 
 _FOLDER = Path(str(files('rigid_sim_ros'))) / 'example_scenes'
 

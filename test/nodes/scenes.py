@@ -9,7 +9,7 @@ from rigid_sim_ros.world import load_scene, World
 # from the body frame: a wrench in the wrong axes or at the wrong point shows.
 CRATES = """
 format: 1
-world: {gravity: [0, 0, 0], step: 0.001}
+world: {gravity: [0, 0, 0], step: 0.001, contact: none}
 bodies:
   - name: crate
     shape: {type: box, size: [0.4, 0.3, 0.2]}

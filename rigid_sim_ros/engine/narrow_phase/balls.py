@@ -11,7 +11,7 @@ import math
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.kernel import kernel
-from rigid_sim_ros.engine.narrow_phase.algebra import (
+from rigid_sim_ros.engine.algebra import (
     add_scaled, axis, clamp, dot, norm, origin, perpendicular, point_to_shape, point_to_world,
     put, scale,
     subtract, to_world)

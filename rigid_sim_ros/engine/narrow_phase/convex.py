@@ -13,7 +13,7 @@ import math
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.manifolds import CANDIDATES, EPA_CORNERS, Scratch
-from rigid_sim_ros.engine.narrow_phase.algebra import (
+from rigid_sim_ros.engine.algebra import (
     add_scaled, cross, dot, norm, origin, perpendicular, put, scale, subtract)
 from rigid_sim_ros.engine.narrow_phase.balls import crossing_normal
 from rigid_sim_ros.engine.narrow_phase.epa import epa

@@ -4,7 +4,7 @@
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.kernel import kernel
-from rigid_sim_ros.engine.narrow_phase.algebra import cross, dot
+from rigid_sim_ros.engine.algebra import cross, dot
 
 # A point has to be deeper, or farther out, by this fraction to be preferred to an earlier one:
 # rounding must not change the choice from step to step. 0 makes it flicker; 0.1 would leave out

@@ -11,7 +11,7 @@ import math
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.kernel import kernel
-from rigid_sim_ros.engine.narrow_phase.algebra import (
+from rigid_sim_ros.engine.algebra import (
     add, axis, dot, origin, to_shape, to_world)
 from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, SPHERE
 
