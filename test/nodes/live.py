@@ -228,6 +228,9 @@ def start_ros() -> None:
     """Put this process and its children into a domain of their own."""
     os.environ['ROS_DOMAIN_ID'] = str(free_domain())
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    # The kernels compile at their first use, which takes longer than any patience below.
+    subprocess.run([sys.executable, '-m', 'rigid_sim_ros.nodes.simulate', '--duration', '0.001'],
+                   cwd=ROOT, check=True)
     rclpy.init()
 
 
