@@ -267,7 +267,7 @@ def _rows(setup: Setup, state: State, manifolds: Manifolds) -> np.ndarray:
     rows['gap'] = manifolds.gap[r, p]
     impulses = manifolds.impulse[r, p]
     totals = np.bincount(r, impulses, minlength=count)[r]
-    share = np.divide(impulses, totals, out=np.zeros_like(totals), where=totals > 0.0)
+    share = np.divide(impulses, totals, out=np.zeros(len(r)), where=totals > 0.0)
     rows['normal_force'] = impulses / setup.model.h
     rows['friction_force'] = manifolds.friction[r] * share[:, None] / setup.model.h
     return rows
