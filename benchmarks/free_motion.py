@@ -85,7 +85,8 @@ def speed() -> None:
 
 def accuracy() -> None:
     """Print errors and drifts over 100 s of a body that flips about its middle axis."""
-    print('\n| integrator, 1 ms, 100 s | attitude error [rad] | energy drift | drift of L | us a step |')
+    print('\n| integrator, 1 ms, 100 s | attitude error [rad] | energy drift | drift of L '
+          '| us a step |')
     print('| --- | ---: | ---: | ---: | ---: |')
     for integrator in INTEGRATORS:
         world = flipping_body((0.01, 5.0, 0.01), 1e-3, integrator)
