@@ -3,13 +3,14 @@
 """
 Collisions with restitution inside a step, as events on straight or parabolic paths.
 
-A pair that will touch within the step and approaches fast enough gets its impulse J now, but as if it had acted
-at the time tau of the touch: the velocities change by J / M at once, and the positions by -tau J / M, so that
-the motion over the whole step passes through the same places after tau as a motion with the impulse at
-tau. With constant forces that is exact, in energy and in time; P and L are those of the true motion.
-Collisions of a body are taken in the order of their times, so that an impulse runs through a row of
-touching bodies one by one. What approaches slower than a threshold is left to the contact solver, which makes it rest:
-so ends the sequence of ever smaller bounces.
+A pair that will touch within the step and approaches fast enough gets its impulse J now, but as if
+it had acted at the time tau of the touch: the velocities change by J / M at once, and the
+positions by -tau J / M, so that the motion over the whole step passes through the same places
+after tau as a motion with the impulse at tau. With constant forces that is exact, in energy and in
+time; P and L are those of the true motion. Collisions of a body are taken in the order of their
+times, so that an impulse runs through a row of touching bodies one by one. What approaches slower
+than a threshold is left to the contact solver, which makes it rest: so ends the sequence of ever
+smaller bounces.
 """
 
 from typing import NamedTuple
@@ -24,15 +25,16 @@ from rigid_sim_ros.engine.rotation import (
 from rigid_sim_ros.engine.shapes import Materials, Shapes, SPHERE
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.vector import (
-    add, add_scaled, add_to_column, column, cross, dot, norm, row, scale, subtract)
+    add, add_scaled, add_to_column, column, cross, dot, norm, row, scale, subtract, times)
 
 NEVER = 1e30  # [s]
 # Points of a manifold that touch within this distance of each other collide together [m].
 TOGETHER = 1e-7
-# Rounds of collisions in a step. A row of k touching bodies takes about k; what is left after the last
-# round is stopped without a bounce by the contact solver.
+# Rounds of collisions in a step. A row of k touching bodies takes about k; what is left after the
+# last round is stopped without a bounce by the contact solver.
 ROUNDS = 200
-# Visits to the points and the friction of one collision. Four corners of a falling box agree to 1e-6 after 30.
+# Visits to the points and the friction of one collision. Four corners of a falling box agree to
+# 1e-6 after 30.
 VISITS = 30
 
 
@@ -62,13 +64,14 @@ def make_collision_work(n: int, capacity: int) -> CollisionWork:
 
 @kernel
 def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Array, shapes: Shapes,
-                   materials: Materials, manifolds: Manifolds, slowest: float, normal_impulse: Array,
-                   friction_impulse: Array, work: CollisionWork) -> int:
+                   materials: Materials, manifolds: Manifolds, slowest: float,
+                   normal_impulse: Array, friction_impulse: Array, work: CollisionWork) -> int:
     """
     Let all pairs with restitution bounce that touch within h [s] faster than `slowest` [m/s].
 
-    F (3, n) are the forces [N]. Changes the state; the displacements and rotations are in work.body
-    afterwards. The impulses (c, 4) and (c, 3) are what acted on B [N s]. Returns the number of collisions.
+    F (3, n) are the forces [N]. Changes the state; the displacements and rotations are in
+    work.body afterwards. The impulses (c, 4) and (c, 3) are what acted on B [N s]. Returns the
+    number of collisions.
     """
     work.waits[:manifolds.count[0]] = 0
     candidates = 0
@@ -78,8 +81,9 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
                 inv_m[a] + inv_m[b] > 0.0):
             work.rows[candidates] = r
             candidates += 1
-            _load(inv_m, inv_I_C, state, F, a, work.body[a])
-            _load(inv_m, inv_I_C, state, F, b, work.body[b])
+    for r in range(manifolds.count[0] if candidates > 0 else 0):
+        _load(inv_m, inv_I_C, state, F, manifolds.body_a[r], work.body[manifolds.body_a[r]])
+        _load(inv_m, inv_I_C, state, F, manifolds.body_b[r], work.body[manifolds.body_b[r]])
     collisions = 0
     for _ in range(ROUNDS if candidates > 0 else 0):
         earlier = collisions
@@ -89,7 +93,8 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
         for k in range(candidates):
             r = work.rows[k]
             a, b = manifolds.body_a[r], manifolds.body_b[r]
-            work.time[k] = _touch(h, state.x, shapes.kind, shapes.size, manifolds, slowest, r, work)
+            work.time[k] = _touch(h, state.x, shapes.kind, shapes.size, manifolds, slowest, r,
+                                  work)
             if inv_m[a] > 0.0:
                 work.first[a] = min(work.first[a], work.time[k])
             if inv_m[b] > 0.0:
@@ -98,8 +103,10 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
             r = work.rows[k]
             a, b = manifolds.body_a[r], manifolds.body_b[r]
             if work.time[k] <= h and work.time[k] <= min(work.first[a], work.first[b]):
-                first, second = shapes.material[manifolds.shape_a[r]], shapes.material[manifolds.shape_b[r]]
-                _bounce(state.x, shapes.kind, shapes.size, manifolds, materials.restitution[first, second],
+                first = shapes.material[manifolds.shape_a[r]]
+                second = shapes.material[manifolds.shape_b[r]]
+                _bounce(state.x, shapes.kind, shapes.size, manifolds,
+                        materials.restitution[first, second],
                         materials.friction[first, second], r, work.time[k], normal_impulse,
                         friction_impulse, work)
                 _store(inv_I_C, state, a, work.time[k], work.body[a])
@@ -141,7 +148,7 @@ def _load(inv_m: Array, inv_I_C: Array, state: State, F: Array, i: int, line: Ar
         line[_V + k] = inv_m[i] * state.P[k, i]
         line[_A + k] = inv_m[i] * F[k, i]
         for j in range(k, 3):
-            line[at] = R[k][0] * inv_I[0] * R[j][0] + R[k][1] * inv_I[1] * R[j][1] + R[k][2] * inv_I[2] * R[j][2]
+            line[at] = dot(times(R[k], inv_I), R[j])
             at += 1
     _put(line, _W, _turned(line, column(state.L, i)))
     for k in range(_DP, _COLUMNS):
@@ -158,7 +165,7 @@ def _turned(line: Array, L: Vector) -> Vector:
 
 @kernel
 def _store(inv_I_C: Array, state: State, i: int, tau: float, line: Array) -> None:
-    """Give a body its new momenta, and move it to where with them it would have started the step."""
+    """Give a body its new momenta; start its step where they would have."""
     if line[_INV_M] == 0.0:
         return
     dP, dL = _get(line, _DP), _get(line, _DL)
@@ -193,7 +200,7 @@ def _shifted(line: Array, r: Vector) -> Vector:
 
 @kernel
 def gap_now(manifolds: Manifolds, body: Array, r: int, p: int) -> float:
-    """Return the gap of a point at the start of the step, after the shifts of earlier collisions."""
+    """Return the gap at the start of the step, after earlier collisions moved it."""
     moved = subtract(_shifted(body[manifolds.body_b[r]], row(manifolds.r_B[r], p)),
                      _shifted(body[manifolds.body_a[r]], row(manifolds.r_A[r], p)))
     return manifolds.gap[r, p] + dot(row(manifolds.normal, r), moved)
@@ -204,8 +211,8 @@ def _time_of_touch(gap: float, v: float, a: float, h: float, slowest: float) -> 
     """
     Return when gap + v t + a t^2 / 2 becomes 0 within h.
 
-    An overlap that grows touches at 0. NEVER if it does not touch, or slower than `slowest`; twice NEVER if it is
-    fast but later than h.
+    An overlap that grows touches at 0. NEVER if it does not touch, or slower than `slowest`; twice
+    NEVER if it is fast but later than h.
     """
     if gap <= 0.0:
         return 0.0 if -v > slowest else NEVER
@@ -220,7 +227,8 @@ def _time_of_touch(gap: float, v: float, a: float, h: float, slowest: float) -> 
 
 
 @kernel
-def _touch(h: float, x: Array, kind: IntArray, size: Array, manifolds: Manifolds, slowest: float, r: int,
+def _touch(h: float, x: Array, kind: IntArray, size: Array, manifolds: Manifolds, slowest: float,
+           r: int,
            work: CollisionWork) -> float:
     """Return when the first point of a manifold touches [s] after the start of the step."""
     a, b = manifolds.body_a[r], manifolds.body_b[r]
@@ -250,7 +258,8 @@ def _touch_of_spheres(h: float, x: Array, size: Array, manifolds: Manifolds, r: 
     """
     Return when two spheres touch and the normal there.
 
-    While they pass each other the line of their centres turns: Newton's method on the distance itself.
+    While they pass each other the line of their centres turns: Newton's method on the distance
+    itself.
     """
     a, b = manifolds.body_a[r], manifolds.body_b[r]
     n = row(manifolds.normal, r)
@@ -276,9 +285,11 @@ def _touch_of_spheres(h: float, x: Array, size: Array, manifolds: Manifolds, r: 
 
 
 @kernel
-def _bounce(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, restitution: float, mu: float,
-            r: int, tau: float, normal_impulse: Array, friction_impulse: Array, work: CollisionWork) -> None:
-    """Collide one pair at tau [s]: Newton's law at the points that touch, within Coulomb's cone."""
+def _bounce(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, restitution: float,
+            mu: float,
+            r: int, tau: float, normal_impulse: Array, friction_impulse: Array,
+            work: CollisionWork) -> None:
+    """Collide one pair at tau [s], by the law of Newton within the cone of Coulomb."""
     a, b = manifolds.body_a[r], manifolds.body_b[r]
     A, B = work.body[a], work.body[b]
     n = row(manifolds.normal, r)
@@ -292,7 +303,8 @@ def _bounce(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, restitu
         o_A = add_scaled(o_A, radius, n)
     # From the centre of mass of A to that of B at tau.
     d = subtract(column(x, b), column(x, a))
-    d = add_scaled(add_scaled(d, tau, subtract(_get(B, _V), _get(A, _V))), 0.5 * tau * tau, acceleration)
+    d = add_scaled(add_scaled(d, tau, subtract(_get(B, _V), _get(A, _V))), 0.5 * tau * tau,
+                   acceleration)
     for p in range(manifolds.points[r]):
         c = o_A if spheres else row(manifolds.r_A[r], p)
         _put(work.point[p], 0, c)
@@ -325,13 +337,14 @@ def _push(line: Array, r: Vector, J: Vector) -> None:
 
 @kernel
 def _response(line: Array, r: Vector, e: Vector) -> float:
-    """Return the change along e of the velocity at r from the centre of mass by a unit impulse along e."""
+    """Return how much a unit impulse along e at r changes the velocity there along e."""
     c = cross(r, e)
     return line[_INV_M] + dot(c, _turned(line, c))
 
 
 @kernel
-def _visit_point(A: Array, B: Array, n: Vector, d: Vector, dv: Vector, p: int, work: CollisionWork) -> None:
+def _visit_point(A: Array, B: Array, n: Vector, d: Vector, dv: Vector, p: int,
+                 work: CollisionWork) -> None:
     """Bring one point to its target by an impulse >= 0."""
     r_A = row(work.point, p)
     r_B = subtract(r_A, d)
@@ -347,7 +360,7 @@ def _visit_point(A: Array, B: Array, n: Vector, d: Vector, dv: Vector, p: int, w
 @kernel
 def _impulses(A: Array, B: Array, n: Vector, d: Vector, dv: Vector, mu: float, points: int,
               work: CollisionWork) -> Vector:
-    """Find and apply the impulses of a collision by visiting points and friction in turn; return friction's."""
+    """Find and apply the impulses of one collision; return that of friction."""
     J = (0.0, 0.0, 0.0)
     for _ in range(VISITS):
         pressure = 0.0

@@ -3,9 +3,10 @@
 """
 Which manifolds are solved side by side.
 
-Manifolds get colours, greedily and in their order, so that no moving body has one colour twice; eight of a colour
-fill a block. Manifolds with one, two and more points are coloured apart from each other, and so are those
-that resist rolling: a block then holds nothing that only some of its lanes need.
+Manifolds get colours, greedily and in their order, so that no moving body has one colour twice;
+eight of a colour fill a block. Manifolds with one, two and more points are coloured apart from
+each other, and so are those that resist rolling: a block then holds nothing that only some of its
+lanes need.
 """
 
 from typing import NamedTuple
@@ -17,7 +18,8 @@ from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.solver_bodies import LANES
 
 CLASSES = 6  # 0, 1, 2: up to one, two, four points; 3, 4, 5: the same, and they resist rolling
-# A colour is a bit of a mask; the last one means "none left", and each of its manifolds has a block of its own.
+# A colour is a bit of a mask; the last one means "none left", and each of its manifolds has a
+# block of its own.
 COLORS = 62
 _NONE_LEFT = COLORS
 
@@ -27,7 +29,8 @@ class Coloring(NamedTuple):
 
     mask: IntArray  # (CLASSES, n + 1) colours in use at the slot of a body
     color: IntArray  # (c,) CLASSES * colour + class of a manifold, -1: it is not solved
-    fill: IntArray  # (CLASSES * (COLORS + 1),) manifolds of a class and colour, then their next lane
+    # (CLASSES * (COLORS + 1),) manifolds of a class and colour, then their next lane
+    fill: IntArray
     lane: IntArray  # (c,) lane of a manifold, counted through all blocks
     blocks: IntArray  # (1,) blocks in use
     kind: IntArray  # (c + CLASSES * COLORS,) class of a block
@@ -49,13 +52,14 @@ def most_blocks(capacity: int) -> int:
 
 
 @kernel
-def color_manifolds(count: int, body_a: IntArray, body_b: IntArray, points: IntArray, slot: IntArray, used: int,
+def color_manifolds(count: int, body_a: IntArray, body_b: IntArray, points: IntArray,
+                    slot: IntArray, used: int,
                     rolls: IntArray, waits: IntArray, work: Coloring) -> int:
     """
     Give every manifold with a body that takes part its lane; return the number of blocks.
 
-    slot is that of a body, 0 where it does not move, `used` one more than the highest. rolls (c,) is 1 for a
-    manifold that resists rolling, waits (c,) for one that is left out.
+    slot is that of a body, 0 where it does not move, `used` one more than the highest. rolls (c,)
+    is 1 for a manifold that resists rolling, waits (c,) for one that is left out.
     """
     work.mask[:, :used] = 0
     work.fill[:] = 0

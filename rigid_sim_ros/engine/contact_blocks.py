@@ -4,25 +4,26 @@
 Contact manifolds in blocks of eight: what a sweep of the sequential solver reads and writes.
 
 The wrench that one manifold exerts on body B, taken about a common point c of both bodies, has six
-components, and so has the twist of B relative to A at c. With the normal n and the tangents t1, t2 = n x t1
-they are sorted in two triples,
+components, and so has the twist of B relative to A at c. With the normal n and the tangents t1, t2
+= n x t1 they are sorted in two triples,
 
     N: force along n, torque about t1, torque about t2   (what normal impulses make)
     T: force along t1, force along t2, torque about n    (what friction makes)
 
-A normal impulse at the point c + s t1 + t t2 is the column g = (1, t, -s) of N, and the normal velocity there is
-g . twist_N. The response of the twist to a wrench is the symmetric 6 x 6 matrix K, the sum over both bodies of
+A normal impulse at the point c + s t1 + t t2 is the column g = (1, t, -s) of N, and the normal
+velocity there is g . twist_N. The response of the twist to a wrench is the symmetric 6 x 6 matrix
+K, the sum over both bodies of
 
     [ 1/m - [c] J [c]   -[c] J ]
     [ J [c]              J     ]      [c] the matrix of c x, J the inverse inertia, axes n, t1, t2.
 
-So a manifold is solved with six numbers for its state, whatever the number of its points; the bodies are
-read once and written once. The impulse on A is the opposite at the same point of the world: P and L
-of the pair change by nothing but rounding.
+So a manifold is solved with six numbers for its state, whatever the number of its points; the
+bodies are read once and written once. The impulse on A is the opposite at the same point of the
+world: P and L of the pair change by nothing but rounding.
 
-Eight manifolds that share no moving body make a block: one flat array of rows of eight numbers. All
-lane loops run over range(8), without branches, with constant distances in that array: only so does
-the compiler make vector instructions of them.
+Eight manifolds that share no moving body make a block: one flat array of rows of eight numbers.
+All lane loops run over range(8), without branches, with constant distances in that array: only so
+does the compiler make vector instructions of them.
 """
 
 from rigid_sim_ros.engine.arrays import Array, Vector
@@ -58,7 +59,8 @@ RESIDUAL = 68  # largest change of velocity that this sweep made [m/s]
 TOTAL_T = 69  # whole step: along t1, t2, about n
 POINT = 72  # rows of the first point
 POINT_ROWS = 7
-# Of a point: TOTAL is the impulse of the whole step, SPEED the normal velocity after its last visit.
+# Of a point: TOTAL is the impulse of the whole step, SPEED the normal velocity after its last
+# visit.
 S, T, MASS, GAP, IMPULSE, TOTAL, SPEED = range(7)
 MOTION_A = POINT + 4 * POINT_ROWS  # v, L of A: copies, for the lanes
 MOTION_B = MOTION_A + 6
@@ -98,9 +100,10 @@ def prepare_block(b: Array) -> None:
     """
     Work out frames, arms and responses of the eight manifolds of a block.
 
-    Filled in before: NORMAL, x_A - x_B in ARM_B, J_A .. INV_M_B, MU .. PAIR, the friction impulse as a
-    world vector in MOVED, FRICTION + 2, and for each of four points GAP, IMPULSE and in S, T, MASS where
-    it is from the centre of mass of A [m], world axes. A point that is not there has the gap ABSENT.
+    Filled in before: NORMAL, x_A - x_B in ARM_B, J_A .. INV_M_B, MU .. PAIR, the friction impulse
+    as a world vector in MOVED, FRICTION + 2, and for each of four points GAP, IMPULSE and in S, T,
+    MASS where it is from the centre of mass of A [m], world axes. A point that is not there has
+    the gap ABSENT.
     """
     _make_basis(b)
     _place_centre(b)
@@ -137,9 +140,10 @@ def _make_basis(b: Array) -> None:
         b[RESIDUAL * LANES + i] = 0.0
 
 
-# Gap at which a point counts half for the centre of its manifold [m]. Smaller: friction acts where the bodies
-# touch already; larger: in the middle of what is about to touch. The pressure would be the better weight, but
-# where it swings to and fro the centre would swing with it, and friction would feed the motion.
+# Gap at which a point counts half for the centre of its manifold [m]. Smaller: friction acts where
+# the bodies touch already; larger: in the middle of what is about to touch. The pressure would be
+# the better weight, but where it swings to and fro the centre would swing with it, and friction
+# would feed the motion.
 _NEAR = 1e-4
 
 
@@ -152,7 +156,7 @@ def _weight(b: Array, point: int, i: int) -> float:
 
 @kernel
 def _place_centre(b: Array) -> None:
-    """Put c in the middle of the nearest points; the lever of friction is their mean distance from it."""
+    """Put c amid the nearest points; friction has their mean distance as lever."""
     p0, p1, p2, p3 = POINT, POINT + POINT_ROWS, POINT + 2 * POINT_ROWS, POINT + 3 * POINT_ROWS
     for i in range(LANES):
         w0, w1, w2, w3 = _weight(b, p0, i), _weight(b, p1, i), _weight(b, p2, i), _weight(b, p3, i)
@@ -185,11 +189,13 @@ def _add_response(b: Array, arm: int, inertia: int, inv_m: int, keep: float) -> 
     for i in range(LANES):
         n, t1, c_W = three(b, NORMAL, i), three(b, TANGENT, i), three(b, arm, i)
         t2 = cross(n, t1)
-        Jn, J1, J2 = symmetric(b, inertia, i, n), symmetric(b, inertia, i, t1), symmetric(b, inertia, i, t2)
+        Jn, J1 = symmetric(b, inertia, i, n), symmetric(b, inertia, i, t1)
+        J2 = symmetric(b, inertia, i, t2)
         j00, j01, j02 = dot(n, Jn), dot(n, J1), dot(n, J2)
         j11, j12, j22 = dot(t1, J1), dot(t1, J2), dot(t2, J2)
         cn, c1, c2 = dot(c_W, n), dot(c_W, t1), dot(c_W, t2)
-        # M = [c] J, rows and columns in the order n, t1, t2; then K_la = -M and K_ll = 1/m + M [c]^T.
+        # M = [c] J, rows and columns in the order n, t1, t2; then K_la = -M and K_ll = 1/m + M
+        # [c]^T.
         m00, m01, m02 = c1 * j02 - c2 * j01, c1 * j12 - c2 * j11, c1 * j22 - c2 * j12
         m10, m11, m12 = c2 * j00 - cn * j02, c2 * j01 - cn * j12, c2 * j02 - cn * j22
         m20, m21, m22 = cn * j01 - c1 * j00, cn * j11 - c1 * j01, cn * j12 - c1 * j02
@@ -237,12 +243,13 @@ def _invert(b: Array) -> None:
         # Gershgorin's bound of the largest eigenvalue.
         b[SLIDE * LANES + i] = _inverse(max(k00, k11) + abs(k01))
         o = i + K_NN * LANES
-        b[ROLL_STEP * LANES + i] = _inverse(max(b[o + 3 * LANES], b[o + 5 * LANES]) + abs(b[o + 4 * LANES]))
+        k11, k12, k22 = b[o + 3 * LANES], b[o + 4 * LANES], b[o + 5 * LANES]
+        b[ROLL_STEP * LANES + i] = _inverse(max(k11, k22) + abs(k12))
 
 
 @inlined
 def _respond_at(b: Array, point: int) -> None:
-    """Write the mass that a normal impulse at a point has to move; 0 for a point that is not there."""
+    """Write the mass that a normal impulse at a point moves; 0 for an absent one."""
     for i in range(LANES):
         g = (1.0, b[(point + T) * LANES + i], -b[(point + S) * LANES + i])
         there = b[(point + GAP) * LANES + i] < ABSENT

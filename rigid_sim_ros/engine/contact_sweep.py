@@ -1,24 +1,24 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""One visit of the sequential solver to eight manifolds; contact_blocks.py explains the arithmetic."""
+"""One visit of the sequential solver to eight manifolds; see contact_blocks.py."""
 
 from collections.abc import Callable
 from typing import NamedTuple
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, INV_SPIN, INV_TT, J_A, J_B, K_NN, K_TN,
-    K_TT, MASS, MOTION_A, MOTION_B, MOVED, MU, NORMAL, POINT, POINT_ROWS, put_three, RESIDUAL,
-    ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE, SLIDE, SPEED, SPIN_LEVER, symmetric, T, TANGENT, three, TORSION, TOTAL,
-    TOTAL_T, TWIST, WRENCH)
+    ABSENT, ARM_A, ARM_B, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, INV_SPIN, INV_TT, J_A, J_B,
+    K_NN, K_TN, K_TT, MASS, MOTION_A, MOTION_B, MOVED, MU, NORMAL, POINT, POINT_ROWS, put_three,
+    RESIDUAL, ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE, SLIDE, SPEED, SPIN_LEVER, symmetric, T,
+    TANGENT, three, TORSION, TOTAL, TOTAL_T, TWIST, WRENCH)
 from rigid_sim_ros.engine.kernel import inlined, kernel
 from rigid_sim_ros.engine.solver_bodies import LANES
 from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, subtract
 
 
-# Bodies this near to each other touch [m]. Below it, velocities do not depend on the gap, nor does the push
-# before there is an overlap: in between nothing can oscillate. 0: a stack of five rocks for ever by
-# micrometres that grow; larger: contacts rest this far apart.
+# Bodies this near to each other touch [m]. Below it, velocities do not depend on the gap, nor does
+# the push before there is an overlap: in between nothing can oscillate. 0: a stack of five rocks
+# for ever by micrometres that grow; larger: contacts rest this far apart.
 SKIN = 2e-5
 
 
@@ -32,14 +32,16 @@ class Sweep(NamedTuple):
 
 
 @kernel
-def visit(b: Array, motion: Array, drifted: Array, at_A: IntArray, at_B: IntArray, points: int, rolls: bool,
+def visit(b: Array, motion: Array, drifted: Array, at_A: IntArray, at_B: IntArray, points: int,
+          rolls: bool,
           sweep: Sweep) -> None:
     """
     Read the bodies of a block, solve normals and then friction, write the bodies.
 
-    Friction comes last because the normal impulses bound it. Backwards the sweep takes the blocks in the
-    opposite order, so that two sweeps make a nearly symmetric iteration: its errors decay, while those of a one-sided
-    one also rotate, and the warm start, an extrapolation, would make that a growing sway of a stack.
+    Friction comes last because the normal impulses bound it. Backwards the sweep takes the blocks
+    in the opposite order, so that two sweeps make a nearly symmetric iteration: its errors decay,
+    while those of a one-sided one also rotate, and the warm start, an extrapolation, would make
+    that a growing sway of a stack.
     """
     if sweep.drift > 0.0:
         _gather(b, drifted, at_A, at_B)
@@ -51,7 +53,7 @@ def visit(b: Array, motion: Array, drifted: Array, at_A: IntArray, at_B: IntArra
     if rolls:
         _solve_rolling(b)
     if points > 1:
-        _solve_together(b)
+        _solve_together(b, sweep)
     _solve_point_0(b, sweep)
     if points > 1:
         _solve_point_1(b, sweep)
@@ -69,8 +71,8 @@ def separate(b: Array, push: Array, at_A: IntArray, at_B: IntArray, points: int,
     """
     Push the overlaps of a block apart by velocities that last for one substep only.
 
-    They displace and are forgotten, so that the push feeds neither energy nor the warm start. `rate` [1/s] is
-    the part of an overlap that goes per second, but not faster than `speed` [m/s].
+    They displace and are forgotten, so that the push feeds neither energy nor the warm start.
+    `rate` [1/s] is the part of an overlap that goes per second, but not faster than `speed` [m/s].
     """
     deepest = 0.0
     for p in range(4):
@@ -112,7 +114,7 @@ def _scatter(b: Array, motion: Array, at_A: IntArray, at_B: IntArray) -> None:
 
 @inlined
 def _twist(b: Array, i: int) -> tuple[Vector, Vector, Vector]:
-    """Return the difference of the velocities, and the relative velocity at c and spin; world axes."""
+    """Return v_B - v_A, the relative velocity at c and the relative spin, in W."""
     w_A = symmetric(b, J_A, i, three(b, MOTION_A + 3, i))
     w_B = symmetric(b, J_B, i, three(b, MOTION_B + 3, i))
     v = subtract(three(b, MOTION_B, i), three(b, MOTION_A, i))
@@ -125,8 +127,9 @@ def _drift(b: Array, h: float) -> None:
     """
     Move on the gaps by the velocities with which the bodies drifted for h [s].
 
-    The impulses of the last substep have acted again since, as the warm start, where c was at the start of the
-    step, while the pair has moved: that gains angular momentum. So does the push, which displaces momenta.
+    The impulses of the last substep have acted again since, as the warm start, where c was at the
+    start of the step, while the pair has moved: that gains angular momentum. So does the push,
+    which displaces momenta.
     """
     for i in range(LANES):
         n, t1 = three(b, NORMAL, i), three(b, TANGENT, i)
@@ -138,7 +141,8 @@ def _drift(b: Array, h: float) -> None:
         for p in range(4):
             o = (POINT + p * POINT_ROWS) * LANES + i
             b[o + GAP * LANES] += rate[0] + b[o + T * LANES] * rate[1] - b[o + S * LANES] * rate[2]
-        F = _combine(n, t1, t2, (_pressure(b, i), b[FRICTION * LANES + i], b[(FRICTION + 1) * LANES + i]))
+        F = _combine(n, t1, t2, (_pressure(b, i), b[FRICTION * LANES + i], b[(FRICTION
+                                                                              + 1) * LANES + i]))
         shove = b[SHOVE * LANES + i] * h
         gained = add(cross(moved, F), cross((shove * n[0], shove * n[1], shove * n[2]), v))
         put_three(b, TORSION, i, add(three(b, TORSION, i), gained))
@@ -147,7 +151,7 @@ def _drift(b: Array, h: float) -> None:
 
 @kernel
 def _read_twist(b: Array) -> None:
-    """Write the twist of B relative to A at c, in the axes n, t1, t2; clear the sums of the visit."""
+    """Write the twist of B relative to A at c in axes n, t1, t2; clear the sums."""
     for i in range(LANES):
         n, t1 = three(b, NORMAL, i), three(b, TANGENT, i)
         t2 = cross(n, t1)
@@ -159,31 +163,31 @@ def _read_twist(b: Array) -> None:
 
 
 @inlined
-def _touches(b: Array, point: int, i: int) -> float:
-    """Return 1 if a point touches, else 0."""
-    return 1.0 if b[(point + GAP) * LANES + i] < SKIN else 0.0
+def _gap(b: Array, point: int, i: int) -> float:
+    """Return how far a point is from touching [m]."""
+    return max(b[(point + GAP) * LANES + i] - SKIN, 0.0)
 
 
 @kernel
-def _solve_together(b: Array) -> None:
+def _solve_together(b: Array, sweep: Sweep) -> None:
     """
-    Stop the approach of all points that touch, with the same impulse at each.
+    Stop the approach of all points that are equally near, with the same impulse at each.
 
-    A step along the sum of their directions, before each is visited alone: it treats them alike, so that what
-    lies symmetrically stays so, and it carries weight through a stack faster.
+    A step along the sum of their directions, before each is visited alone: it treats them alike,
+    so that what lies symmetrically stays so, and it carries weight through a stack faster.
     """
     p0, p1, p2, p3 = POINT, POINT + POINT_ROWS, POINT + 2 * POINT_ROWS, POINT + 3 * POINT_ROWS
     for i in range(LANES):
-        w0, w1, w2, w3 = _touches(b, p0, i), _touches(b, p1, i), _touches(b, p2, i), _touches(b, p3, i)
-        s0, s1, s2, s3 = b[p0 * LANES + i], b[p1 * LANES + i], b[p2 * LANES + i], b[p3 * LANES + i]
-        t0, t1 = b[(p0 + T) * LANES + i], b[(p1 + T) * LANES + i]
-        t2, t3 = b[(p2 + T) * LANES + i], b[(p3 + T) * LANES + i]
-        g = (w0 + w1 + w2 + w3, w0 * t0 + w1 * t1 + w2 * t2 + w3 * t3,
-             -(w0 * s0 + w1 * s1 + w2 * s2 + w3 * s3))
+        d0, d1, d2, d3 = _gap(b, p0, i), _gap(b, p1, i), _gap(b, p2, i), _gap(b, p3, i)
+        nearest = min(min(d0, d1), min(d2, d3)) + SKIN
+        w0, w1 = 1.0 if d0 < nearest else 0.0, 1.0 if d1 < nearest else 0.0
+        w2, w3 = 1.0 if d2 < nearest else 0.0, 1.0 if d3 < nearest else 0.0
+        g = _sum_of_points(b, i, w0, w1, w2, w3)
+        gap = w0 * d0 + w1 * d1 + w2 * d2 + w3 * d3
         response = symmetric(b, K_NN, i, g)
         twist = three(b, TWIST, i)
         k = dot(g, response)
-        change = -dot(g, twist) / k if k > 0.0 else 0.0
+        change = -(dot(g, twist) + sweep.inv_h * gap) / k if k > 0.0 else 0.0
         # No impulse may fall below 0.
         f0, f1 = b[(p0 + IMPULSE) * LANES + i], b[(p1 + IMPULSE) * LANES + i]
         f2, f3 = b[(p2 + IMPULSE) * LANES + i], b[(p3 + IMPULSE) * LANES + i]
@@ -198,12 +202,24 @@ def _solve_together(b: Array) -> None:
         put_three(b, WRENCH, i, add_scaled(three(b, WRENCH, i), change, g))
 
 
+@inlined
+def _sum_of_points(b: Array, i: int, w0: float, w1: float, w2: float, w3: float) -> Vector:
+    """Return the sum of the columns g of the points, each times its weight."""
+    p0, p1, p2, p3 = POINT, POINT + POINT_ROWS, POINT + 2 * POINT_ROWS, POINT + 3 * POINT_ROWS
+    s0, s1, s2, s3 = b[p0 * LANES + i], b[p1 * LANES + i], b[p2 * LANES + i], b[p3 * LANES + i]
+    t0, t1 = b[(p0 + T) * LANES + i], b[(p1 + T) * LANES + i]
+    t2, t3 = b[(p2 + T) * LANES + i], b[(p3 + T) * LANES + i]
+    return (w0 + w1 + w2 + w3, w0 * t0 + w1 * t1 + w2 * t2 + w3 * t3,
+            -(w0 * s0 + w1 * s1 + w2 * s2 + w3 * s3))
+
+
 def _point_solver(point: int) -> Callable[[Array, Sweep], None]:
-    """Return the kernel for the point whose rows begin at `point`: a constant of the compiled code."""
+    """Return the kernel for the point with its rows at `point`, a constant in it."""
 
     @kernel
     def solve_point(b: Array, sweep: Sweep) -> None:
-        # The normal velocity is made not less than -(gap - SKIN) / h, nor less than 0, by an impulse >= 0.
+        # The normal velocity is made not less than -(gap - SKIN) / h, nor less than 0, by an
+        # impulse >= 0.
         for i in range(LANES):
             g = (1.0, b[(point + T) * LANES + i], -b[(point + S) * LANES + i])
             response = symmetric(b, K_NN, i, g)
@@ -238,11 +254,7 @@ def _separate_together(b: Array, rate: float, speed: float) -> None:
         u2, u3 = _wanted(b, p2, i, rate, speed), _wanted(b, p3, i, rate, speed)
         w0, w1 = 1.0 if u0 > 0.0 else 0.0, 1.0 if u1 > 0.0 else 0.0
         w2, w3 = 1.0 if u2 > 0.0 else 0.0, 1.0 if u3 > 0.0 else 0.0
-        s0, s1, s2, s3 = b[p0 * LANES + i], b[p1 * LANES + i], b[p2 * LANES + i], b[p3 * LANES + i]
-        t0, t1 = b[(p0 + T) * LANES + i], b[(p1 + T) * LANES + i]
-        t2, t3 = b[(p2 + T) * LANES + i], b[(p3 + T) * LANES + i]
-        g = (w0 + w1 + w2 + w3, w0 * t0 + w1 * t1 + w2 * t2 + w3 * t3,
-             -(w0 * s0 + w1 * s1 + w2 * s2 + w3 * s3))
+        g = _sum_of_points(b, i, w0, w1, w2, w3)
         response = symmetric(b, K_NN, i, g)
         twist = three(b, TWIST, i)
         k = dot(g, response)
@@ -308,17 +320,16 @@ def _solve_friction(b: Array) -> None:
     """
     Stop the sliding and the spinning at c within Coulomb's cone.
 
-    Inside the cone the impulse that stops both directions at once. On the cone the impulse must oppose
-    the velocity that is left, while K need not be isotropic: there the step is a multiple of the
-    velocity, short enough to converge.
+    Inside the cone the impulse that stops both directions at once. On the cone the impulse must
+    oppose the velocity that is left, while K need not be isotropic: there the step is a multiple
+    of the velocity, short enough to converge.
     """
     for i in range(LANES):
         wrench_N = three(b, WRENCH, i)
-        k = K_TN * LANES + i
-        twist = add(three(b, TWIST + 3, i), (
-            b[k] * wrench_N[0] + b[k + LANES] * wrench_N[1] + b[k + 2 * LANES] * wrench_N[2],
-            b[k + 3 * LANES] * wrench_N[0] + b[k + 4 * LANES] * wrench_N[1] + b[k + 5 * LANES] * wrench_N[2],
-            b[k + 6 * LANES] * wrench_N[0] + b[k + 7 * LANES] * wrench_N[1] + b[k + 8 * LANES] * wrench_N[2]))
+        first, second = three(b, K_TN, i), three(b, K_TN + 3, i)
+        third = three(b, K_TN + 6, i)
+        twist = add(three(b, TWIST + 3, i),
+                    (dot(first, wrench_N), dot(second, wrench_N), dot(third, wrench_N)))
         pressure = _pressure(b, i)
         old = three(b, FRICTION, i)
 
@@ -340,11 +351,7 @@ def _solve_friction(b: Array) -> None:
         put_three(b, FRICTION, i, new)
         change = subtract(new, old)
         put_three(b, WRENCH + 3, i, change)
-        k = K_TN * LANES + i
-        put_three(b, TWIST, i, add(three(b, TWIST, i), (
-            b[k] * change[0] + b[k + 3 * LANES] * change[1] + b[k + 6 * LANES] * change[2],
-            b[k + LANES] * change[0] + b[k + 4 * LANES] * change[1] + b[k + 7 * LANES] * change[2],
-            b[k + 2 * LANES] * change[0] + b[k + 5 * LANES] * change[1] + b[k + 8 * LANES] * change[2])))
+        put_three(b, TWIST, i, add(three(b, TWIST, i), _combine(first, second, third, change)))
 
 
 @kernel
@@ -352,14 +359,15 @@ def _push_bodies(b: Array, sweep: Sweep) -> None:
     """Let the bodies feel the impulses of this visit."""
     _apply(b)
     for i in range(LANES):
-        put_three(b, TOTAL_T, i, add_scaled(three(b, TOTAL_T, i), sweep.total, three(b, FRICTION, i)))
+        friction = three(b, FRICTION, i)
+        put_three(b, TOTAL_T, i, add_scaled(three(b, TOTAL_T, i), sweep.total, friction))
         put_three(b, TORSION, i, add(three(b, TORSION, i), three(b, TWIST, i)))
         b[RESIDUAL * LANES + i] *= b[INV_M_A * LANES + i] + b[INV_M_B * LANES + i]
 
 
 @kernel
 def _apply(b: Array) -> None:
-    """Change the motion of the bodies; TWIST becomes the L that the pair gains as it moved away from c."""
+    """Change the motion of the bodies; TWIST becomes what L the pair gains."""
     for i in range(LANES):
         wrench_N, wrench_T = three(b, WRENCH, i), three(b, WRENCH + 3, i)
         n, t1 = three(b, NORMAL, i), three(b, TANGENT, i)

@@ -3,10 +3,10 @@
 """
 The moving bodies that may touch something, in blocks of eight, as the sequential solver sees them.
 
-A body has a slot here for one step. Velocity v and angular momentum L are all that contacts change; the
-inverse inertia in world axes stays what it was at the start of the step, so that a step is a
-linear problem, and the pose moves once, at its end. Slot 0 stands for every body that does not
-move: nothing that is added to it is ever different from 0.
+A body has a slot here for one step. Velocity v and angular momentum L are all that contacts
+change; the inverse inertia in world axes stays what it was at the start of the step, so that a
+step is a linear problem, and the pose moves once, at its end. Slot 0 stands for every body that
+does not move: nothing that is added to it is ever different from 0.
 """
 
 from typing import NamedTuple
@@ -56,7 +56,8 @@ def make_bodies(n: int) -> SolverBodies:
     blocks = n // LANES + 1
     return SolverBodies(np.zeros(n, dtype=np.int64), np.zeros(n + 1, dtype=np.int64),
                         np.zeros(1, dtype=np.int64), np.zeros(blocks * MOTION_ROWS * LANES),
-                        np.zeros(blocks * MOTION_ROWS * LANES), np.zeros(blocks * MOTION_ROWS * LANES),
+                        np.zeros(blocks * MOTION_ROWS * LANES),
+                        np.zeros(blocks * MOTION_ROWS * LANES),
                         np.zeros(blocks * BODY_ROWS * LANES))
 
 
@@ -73,7 +74,8 @@ def row_at(slot: int) -> int:
 
 
 @kernel
-def load_bodies(inv_m: Array, inv_I_C: Array, state: State, loads: Loads, bodies: SolverBodies) -> None:
+def load_bodies(inv_m: Array, inv_I_C: Array, state: State, loads: Loads,
+                bodies: SolverBodies) -> None:
     """Copy the bodies that have a slot, and what moves them, into their blocks."""
     used = bodies.used[0]
     end = ((used - 1) // LANES + 1) * LANES
@@ -128,7 +130,7 @@ def kick_bodies(used: int, b: Array, m: Array, h: float, first: bool) -> None:
 
 @kernel
 def drift_bodies(used: int, b: Array, m: Array, push: Array, drifted: Array) -> None:
-    """Add the motion of this substep to the sums of which the displacements are made; forget the push."""
+    """Add the motion of this substep to the sums of displacements; forget the push."""
     for block in range((used - 1) // LANES + 1):
         at, motion = (block * BODY_ROWS + SUM) * LANES, block * MOTION_ROWS * LANES
         for i in range(MOTION_ROWS * LANES):
@@ -142,7 +144,8 @@ def store_bodies(h: float, m: Array, state: State, bodies: SolverBodies, substep
     """Move the bodies and write their momenta and poses back."""
     for block in range((bodies.used[0] - 1) // LANES + 1):
         b = bodies.rows[block * BODY_ROWS * LANES:(block + 1) * BODY_ROWS * LANES]
-        _move(b, bodies.motion[block * MOTION_ROWS * LANES:(block + 1) * MOTION_ROWS * LANES], h, substeps)
+        _move(b, bodies.motion[block * MOTION_ROWS * LANES:(block + 1) * MOTION_ROWS * LANES], h,
+              substeps)
     for slot in range(1, bodies.used[0]):
         i = bodies.body[slot]
         at, motion = row_at(slot), motion_at(slot)
@@ -159,10 +162,11 @@ def _move(b: Array, motion: Array, h: float, substeps: int) -> None:
     """
     Move the eight bodies of a block by the mean of their velocities over the substeps.
 
-    The velocities are those at the ends of the substeps, which is of first order: a constant acceleration a
-    displaces by a h^2 / (2 substeps) too much. That much is taken back from a body whose velocity changed smoothly.
-    It is not when the change is an impact, more than twice what the forces alone would make in a step, nor against
-    a body that moves, where it would change L of the pair.
+    The velocities are those at the ends of the substeps, which is of first order: a constant
+    acceleration a displaces by a h^2 / (2 substeps) too much. That much is taken back from a body
+    whose velocity changed smoothly. It is not when the change is an impact, more than twice what
+    the forces alone would make in a step, nor against a body that moves, where it would change L
+    of the pair.
     """
     for i in range(LANES):
         a, start = _three(b, SMOOTH, i), _three(b, START, i)
@@ -179,8 +183,8 @@ def _move(b: Array, motion: Array, h: float, substeps: int) -> None:
             b[(SUM + 3 + k) * LANES + i] = L[k]
     for i in range(LANES):
         L, inv_I = _three(b, SUM + 3, i), _three(b, INV_I, i)
-        q = (b[Q * LANES + i], b[(Q + 1) * LANES + i], b[(Q + 2) * LANES + i], b[(Q + 3) * LANES + i])
-        q = turn(q, L, inv_I, h)
+        o = Q * LANES + i
+        q = turn((b[o], b[o + LANES], b[o + 2 * LANES], b[o + 3 * LANES]), L, inv_I, h)
         # Too fast for `turn`: below, one by one.
         bound = h * max(inv_I[0], inv_I[1], inv_I[2])
         fast = bound * bound * dot(L, L) > MAX_ANGLE * MAX_ANGLE
@@ -190,7 +194,8 @@ def _move(b: Array, motion: Array, h: float, substeps: int) -> None:
             b[o] = b[o] if fast else q[k]
     for i in range(LANES):
         if b[HELD * LANES + i] > 0.0:
-            q = (b[Q * LANES + i], b[(Q + 1) * LANES + i], b[(Q + 2) * LANES + i], b[(Q + 3) * LANES + i])
+            o = Q * LANES + i
+            q = (b[o], b[o + LANES], b[o + 2 * LANES], b[o + 3 * LANES])
             q = turn_fast(q, _three(b, SUM + 3, i), _three(b, INV_I, i), h)
             for k in range(4):
                 b[(Q + k) * LANES + i] = q[k]
