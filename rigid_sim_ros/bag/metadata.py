@@ -136,4 +136,5 @@ def _text(metadata: Mapping[str, Any]) -> str:
 @cache
 def profiles_text(latched: bool) -> str:
     """Return the quality of service as it stands in a file of a bag."""
-    return json.dumps(qos_profiles(latched))
+    profiles = qos_profiles(latched)
+    return json.dumps(profiles) if profiles else ''

@@ -10,11 +10,13 @@ snapshot. The damaged file is kept beside the new one; one that only breaks off 
 that was whole is in the new one.
 """
 
+from collections import Counter
 from collections.abc import Iterator
 import contextlib
 import fcntl
 import os
 from pathlib import Path
+import re
 import sqlite3
 from typing import NamedTuple
 
@@ -39,7 +41,10 @@ _ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 _INDEX = {Opcode.SCHEMA, Opcode.CHANNEL, Opcode.DATA_END, Opcode.MESSAGE_INDEX,
           Opcode.CHUNK_INDEX, Opcode.STATISTICS, Opcode.SUMMARY_OFFSET, Opcode.FOOTER}
 
-Row = tuple[str, int, bytes]    # topic, time [ns], CDR
+Row = tuple[int, int, bytes]    # channel, time [ns], CDR
+
+# What a file says of a channel: name, type, and whether it is latched.
+Description = tuple[str, str, bool]
 
 
 class Recovery(NamedTuple):
@@ -72,16 +77,22 @@ class _File:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.topics: dict[str, Topic] = {}
+        self.described: dict[int, list[Description]] = {}   # all that is said of each channel
+        self.topics: dict[int, Topic] = {}      # what was made of that
         self.is_whole = True
         self.lost_bytes = 0
         self.lost_places = 0
         self.is_damaged = False     # in the middle: more than that it breaks off
-        self.counts: dict[str, int] = {}
+        self.counts: Counter[int] = Counter()   # messages by channel
         self.first_ns = self.last_ns = 0
 
-    def count(self, topic: str, stamp: int) -> None:
-        self.counts[topic] = self.counts.get(topic, 0) + 1
+    def describe(self, channel: int, description: Description) -> None:
+        known = self.described.setdefault(channel, [])
+        if description not in known:
+            known.append(description)
+
+    def count(self, channel: int, stamp: int) -> None:
+        self.counts[channel] += 1
         self.first_ns = min(self.first_ns or stamp, stamp)
         self.last_ns = max(self.last_ns, stamp)
 
@@ -90,6 +101,13 @@ class _File:
         if size:
             self.lost_bytes += size
             self.lost_places += 1
+
+    def facts(self, topics: list[Topic]) -> FileFacts:
+        by_name: Counter[str] = Counter()
+        for channel, count in self.counts.items():
+            by_name[self.topics[channel].name] += count
+        return FileFacts(self.path.name, self.first_ns, self.last_ns,
+                         tuple(by_name[topic.name] for topic in topics))
 
 
 def recover(path: str | os.PathLike[str]) -> Recovery:
@@ -129,22 +147,20 @@ def _recover(folder: Path) -> Recovery:
     if any(file.path.suffix not in SUFFIXES for file in files):
         raise BagError(f'{folder} holds files that are compressed as a whole: unpack them with '
                        '`zstd -d` first')
-    known: dict[str, Topic] = {}
-    channels: dict[int, str] = {}       # as in the files before, for one that lost its own
     for file in files:
-        for _ in _rows(file, channels):
-            pass
-        known.update(file.topics)
+        for channel, stamp, _ in _rows(file):
+            file.count(channel, stamp)
+    for file in files:
+        _resolve(file, [other for other in files if other is not file])
+    topics = list({topic.name: topic for file in files for topic in file.topics.values()}.values())
     if not any(file.counts for file in files):
         raise BagError(f'{folder}: no message can be read any more')
-    topics = list(known.values())
     is_zstd = _is_message_compressed(files[0].path)
     aside, facts = [], []
     for k, file in enumerate(files):
         if not file.is_whole:
-            aside += _rewrite(file, topics, channels, is_last=k == len(files) - 1)
-        facts.append(FileFacts(file.path.name, file.first_ns, file.last_ns, tuple(
-            file.counts.get(topic.name, 0) for topic in topics)))
+            aside += _rewrite(file, topics, is_last=k == len(files) - 1)
+        facts.append(file.facts(topics))
     result = Recovery(
         sum(sum(each.counts) for each in facts),
         (max(each.last_ns for each in facts) - min(each.first_ns for each in facts
@@ -170,8 +186,38 @@ def _write_metadata(folder: Path, topics: list[Topic], facts: list[FileFacts], s
         topics, facts, storage, 'message' if is_zstd else '', custom))
 
 
-def _rewrite(file: _File, topics: list[Topic], channels: dict[int, str], *,
-             is_last: bool) -> list[str]:
+def _resolve(file: _File, others: list[_File]) -> None:
+    """
+    Decide which topic each channel of a file is.
+
+    A description that was damaged is not taken for a topic: it must be of a known type, and one
+    that a neighbour has too counts more than one that stands alone.
+    """
+    shared = {each for other in others for known in other.described.values() for each in known}
+    for channel in sorted({*file.counts, *file.described}):
+        mine = file.described.get(channel, [])
+        if not file.is_whole:
+            neighbours = [each for other in others for each in other.described.get(channel, [])]
+            mine = [each for each in mine if _is_plausible(each)]
+            # Where nothing is confirmed the last word is that of the index at the end.
+            mine = [each for each in mine if each in shared] or neighbours or mine
+        if mine:
+            file.topics[channel] = _topic(*mine[-1])
+        elif channel in file.counts:
+            file.is_damaged = True
+            file.lose(file.counts.pop(channel))
+
+
+def _is_plausible(description: Description) -> bool:
+    name, message_type, _ = description
+    try:
+        kinds.definition(message_type)
+    except BagError:
+        return False
+    return re.fullmatch(r'(/[A-Za-z_][A-Za-z0-9_]*)+', name) is not None
+
+
+def _rewrite(file: _File, topics: list[Topic], *, is_last: bool) -> list[str]:
     """Write a file anew; return the name under which the damaged one is kept, if it is."""
     path = file.path
     part = path.with_name(path.name + _PART)
@@ -180,22 +226,27 @@ def _rewrite(file: _File, topics: list[Topic], channels: dict[int, str], *,
     writer = kind(part, topics, compressed=path.suffix == '.mcap' and _is_chunk_compressed(path))
     source = _File(path)
     stamp = step = lost = 0
-    event, step_topic = (next((t.name for t in topics if t.kind == kind), None)
-                         for kind in (kinds.EVENT, kinds.STEP))
-    for topic, stamp, data in _rows(source, channels):
+    event = next((index[t.name] for t in topics if t.kind == kinds.EVENT), 0)
+    for channel, stamp, data in _rows(source):
+        topic = file.topics.get(channel)
+        if topic is None:
+            continue
         if source.lost_places > lost and event:
             lost = source.lost_places
-            writer.write((index[event],), stamp - 1, (_gap(step),))
-            file.count(event, stamp - 1)
-        if topic == step_topic:
-            step = decode.uint64(data)
-        writer.write((index[topic],), stamp, (data,))
+            writer.write((event,), stamp - 1, (_gap(step),))
+        if topic.kind == kinds.STEP:
+            with contextlib.suppress(BagError):
+                step = decode.uint64(data)
+        writer.write((index[topic.name],), stamp, (data,))
     if source.lost_places > lost and event and stamp and not is_last:
-        writer.write((index[event],), stamp + 1, (_gap(step),))
-        file.count(event, stamp + 1)
-    writer.close()
+        writer.write((event,), stamp + 1, (_gap(step),))
+    # Counted by the channels of the new file from now on.
+    written = writer.close()
+    file.topics = {k + 1: topic for k, topic in enumerate(topics)}
+    file.counts = Counter({k + 1: n for k, n in enumerate(written.counts) if n})
+    file.first_ns, file.last_ns = written.first_ns, written.last_ns
     aside = []
-    if source.is_damaged:
+    if file.is_damaged:
         kept = path.with_name(path.name + _DAMAGED)
         path.replace(kept)
         aside.append(kept.name)
@@ -208,29 +259,19 @@ def _gap(step: int) -> bytes:
         'since_step': step, 'messages': None, 'events': None}).encode())
 
 
-def _rows(file: _File, channels: dict[int, str]) -> Iterator[Row]:
+def _rows(file: _File) -> Iterator[Row]:
     """Give every message that can be had of a file, and learn about the file."""
-    rows = _sqlite_rows(file) if file.path.suffix == '.db3' else _mcap_rows(file, channels)
-    for row in rows:
-        file.count(row[0], row[1])
-        yield row
+    return _sqlite_rows(file) if file.path.suffix == '.db3' else _mcap_rows(file)
 
 
 # --- MCAP ---------------------------------------------------------------------------------------
 
-def _mcap_rows(file: _File, channels: dict[int, str]) -> Iterator[Row]:
+def _mcap_rows(file: _File) -> Iterator[Row]:
     scan = McapScan(file.path, must_begin=False)
-    scan.topics.update((channel, (name, '')) for channel, name in channels.items())
     try:
         yield from _salvage(file, scan)
     finally:
         scan.close()
-    for channel, (name, message_type) in scan.topics.items():
-        if message_type:
-            profiles = scan.channels[channel].metadata.get('offered_qos_profiles', '')
-            latched = 'transient_local' in profiles or 'durability: 1' in profiles
-            file.topics[name] = _topic(name, message_type, latched)
-            channels[channel] = name
 
 
 def _salvage(file: _File, scan: McapScan) -> Iterator[Row]:
@@ -247,10 +288,10 @@ def _salvage(file: _File, scan: McapScan) -> Iterator[Row]:
                         file.is_damaged = True
                         file.lose(record.end - record.offset)
                     else:
-                        for channel, stamp, data in scan.messages_in(content.raw):
-                            yield scan.topics[channel][0], stamp, data
+                        yield from scan.messages_in(content.raw, of_any_channel=True)
                 else:
                     scan.describe(record)
+                _learn(file, scan)
                 good = record.end
         except Damaged:
             if scan.skip_damage(good + 1):
@@ -262,6 +303,15 @@ def _salvage(file: _File, scan: McapScan) -> Iterator[Row]:
         if scan.faults:
             file.is_whole = False
         return
+
+
+def _learn(file: _File, scan: McapScan) -> None:
+    """Note what the file says of its channels by now."""
+    for channel, (name, message_type) in scan.topics.items():
+        profiles = scan.channels[channel].metadata.get('offered_qos_profiles', '')
+        file.describe(channel, (name, message_type, (
+            'transient_local' in profiles or 'durability: 1' in profiles)))
+    scan.topics.clear()
 
 
 def _is_chunk_compressed(path: Path) -> bool:
@@ -291,19 +341,19 @@ def _sqlite_rows(file: _File) -> Iterator[Row]:
     try:
         database = sqlite3.connect(file.path)       # undoes what was cut off
         database.text_factory = bytes
-        names = {}
         for k, name, kind, profiles in database.execute(
                 'SELECT id, name, type, offered_qos_profiles FROM topics'):
-            names[k] = name.decode()
-            latched = b'transient_local' in profiles or b'durability: 1' in profiles
-            file.topics[names[k]] = _topic(names[k], kind.decode(), latched)
+            file.describe(int(k), (name.decode(), kind.decode(), (
+                b'transient_local' in profiles or b'durability: 1' in profiles)))
         if database.execute('PRAGMA quick_check(1)').fetchone()[0] != b'ok':
             file.is_damaged = True
             file.lose(0)
-        for topic, stamp, data in database.execute(
+        for channel, stamp, data in database.execute(
                 'SELECT topic_id, timestamp, data FROM messages ORDER BY id'):
-            yield names[topic], stamp, data
-    except (sqlite3.Error, UnicodeDecodeError, KeyError, AttributeError, TypeError):
+            if not (type(channel) is type(stamp) is int and type(data) is bytes and stamp > 0):
+                raise TypeError
+            yield channel, stamp, data
+    except (sqlite3.Error, UnicodeDecodeError, ValueError, AttributeError, TypeError):
         # How many rows follow is not known any more: a page at least.
         file.is_damaged = True
         file.lose(4096)

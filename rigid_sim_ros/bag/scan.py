@@ -155,7 +155,9 @@ class McapScan:
             else:
                 self.describe(record)
 
-    def messages_in(self, raw: bytes) -> list[tuple[int, int, bytes]]:
+    def messages_in(
+        self, raw: bytes, *, of_any_channel: bool = False,
+    ) -> list[tuple[int, int, bytes]]:
         """Return the messages of an uncompressed chunk, and learn the channels in it."""
         unpack, topics = MESSAGE.unpack_from, self.topics
         found: list[tuple[int, int, bytes]] = []
@@ -169,7 +171,7 @@ class McapScan:
             if stop > end or opcode == 0:
                 raise Damaged(f'{self.path.name}: a chunk is damaged')
             if opcode == 5:     # Opcode.MESSAGE
-                if length < MESSAGE_FIELDS or channel not in topics:
+                if length < MESSAGE_FIELDS or not (of_any_channel or channel in topics):
                     raise Damaged(f'{self.path.name}: a message in a chunk is damaged')
                 found.append((channel, stamp, raw[position + 31:stop]))
             else:

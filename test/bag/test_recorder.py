@@ -96,8 +96,8 @@ def test_a_bag_tells_scene_parameters_and_version() -> None:
 
 def test_the_scene_is_offered_to_late_subscribers() -> None:
     with AnyReader([shared_session()]) as reader:
-        latched = {c.topic for c in reader.connections
-                   if c.ext.offered_qos_profiles[0].durability.name == 'TRANSIENT_LOCAL'}
+        latched = {c.topic for c in reader.connections for qos in c.ext.offered_qos_profiles
+                   if qos.durability.name == 'TRANSIENT_LOCAL'}
     assert latched == {f'{NODE}/scene', f'{NODE}/bag/session', f'{NODE}/bag/snapshot'}
 
 
@@ -271,6 +271,8 @@ def test_no_metadata_are_ever_half_written(tmp_path) -> None:
     seen = set()
     for _ in range(60):
         batch.run(50)
+        while batch.recorder.status().queued_bytes:
+            time.sleep(0.001)
         if path.exists():
             text = path.read_text()
             seen.add(text)

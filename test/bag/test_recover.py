@@ -132,6 +132,23 @@ def test_a_file_that_lost_its_beginning_borrows_the_topics_of_its_neighbours(tmp
     assert verify(bag).difference is None
 
 
+@pytest.mark.parametrize('whole_files', [0, 2])
+def test_a_topic_whose_name_was_damaged_gets_it_back(tmp_path, whole_files) -> None:
+    # From the neighbours, or, in a single file, from the index at its end.
+    bag = copy(shared_session(), tmp_path)
+    for path in files_of(bag)[1 + whole_files:]:
+        path.unlink()
+    recover_metadata = recover(bag)
+    spoiled = files_of(bag)[-1]
+    raw = spoiled.read_bytes()
+    spoiled.write_bytes(raw.replace(b'/rigid_sim/crate/pose', b'/rigid_sim/crate/nose', 1))
+    recover(bag)
+    found = info(bag)
+    assert found.messages == recover_metadata.messages
+    assert '/rigid_sim/crate/nose' not in found.topics
+    assert verify(bag).difference is None
+
+
 def test_a_bag_that_is_being_recorded_is_left_alone(tmp_path) -> None:
     batch = Batch(world(), tmp_path / 'bag')
     with pytest.raises(BagError, match='is being recorded'):
