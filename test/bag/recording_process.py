@@ -28,7 +28,7 @@ def record(bag: Path, storage: str) -> None:
     """Step a world in real time, push it now and then, and record it."""
     the_world = world()
     topics = state_topics(NODE, the_world.names)
-    recorder = Recorder(bag, the_world, topics, storage=storage, segment_s=0.4)
+    recorder = Recorder(bag, the_world, topics, storage=storage, segment_s=1.6)
     outputs = Outputs(the_world, topics, 'world')
     chosen = kinds.CLOCK, kinds.POSE, kinds.TWIST, kinds.STATE, kinds.STATE_HASH
     due = time.monotonic()

@@ -5,6 +5,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 import subprocess
+import time
 
 from bag.sessions import world
 import pytest
@@ -12,7 +13,7 @@ from rosbags.highlevel import AnyReader
 
 from rigid_sim_ros.bag.batch import Batch
 from rigid_sim_ros.bag.errors import BagError
-from rigid_sim_ros.bag.recorder import Recorder
+from rigid_sim_ros.bag.recorder import FLUSH_S, Recorder
 from rigid_sim_ros.bag.verify import verify
 
 SIZE = 6 << 20      # bytes
@@ -61,6 +62,21 @@ def test_what_was_written_on_a_full_disk_is_read_without_recovery(
     # The rest of the disk is index, metadata, and the megabyte that did not fit any more.
     assert size > SIZE / 4
     assert verify(small_disk / 'bag').holds
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_a_disk_that_others_fill_to_the_last_byte_leaves_room_for_the_index(
+        small_disk, storage) -> None:
+    batch = Batch(world(), small_disk / 'bag', storage=storage)
+    batch.run(1000)
+    time.sleep(2 * FLUSH_S)     # all of that is in the file
+    with (small_disk / 'ballast').open('wb', buffering=0) as ballast, pytest.raises(OSError):
+        while True:
+            ballast.write(bytes(512))
+    assert fill(batch).endswith('what was written can be read')
+    verdict = verify(small_disk / 'bag')
+    assert verdict.holds
+    assert verdict.steps >= 1000
 
 
 def test_several_files_on_a_full_disk_can_be_read(small_disk) -> None:

@@ -40,7 +40,7 @@ class Kill:
 
 
 def kill_recordings(folder: Path, storage: str, count: int, seed: int) -> list[Kill]:
-    """Start recordings and kill each at a random moment of its first 2 s."""
+    """Start recordings and kill each at a random moment of its first 2.4 s."""
     chance = random.Random(seed)
     done: list[Kill] = []
     tests = os.pathsep.join([str(PROCESS.parents[1]), os.environ.get('PYTHONPATH', '')])
@@ -56,7 +56,7 @@ def kill_recordings(folder: Path, storage: str, count: int, seed: int) -> list[K
                 process.stdin.write(f'{name}\n')
                 process.stdin.flush()
                 running.append(Kill(folder / name, int(process.stdout.readline()),
-                                    chance.uniform(0.05, 2.0)))
+                                    chance.uniform(0.05, 2.4)))
             for kill in [kill for kill in running if time.monotonic() >= kill.at]:
                 kill.now()
                 running.remove(kill)
