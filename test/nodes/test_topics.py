@@ -213,8 +213,7 @@ def test_markers_stand_where_the_bodies_are(probe, sim, scene):
 def test_diagnostics_tell_pace_inputs_and_physics(probe, sim, scene):
     message, = probe.some(DiagnosticArray, '/diagnostics')
     parts = {s.name: {v.key: v.value for v in s.values} for s in message.status}
-    assert parts.keys() == {
-        '/rigid_sim: pace', '/rigid_sim: inputs', '/rigid_sim: physics'}
+    assert {'/rigid_sim: pace', '/rigid_sim: inputs', '/rigid_sim: physics'} <= parts.keys()
     assert {'real-time factor', 'overruns', 'lateness worst [us]', 'steps per second',
             'step thread CPU share [%]'} <= parts['/rigid_sim: pace'].keys()
     assert parts['/rigid_sim: inputs']['refused'] == '0'
