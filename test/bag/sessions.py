@@ -2,9 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sessions that the tests record, and bags that they change."""
 
+import atexit
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
+import shutil
 import tempfile
 from typing import Any
 
@@ -77,8 +79,14 @@ def session(folder: Path, **options: Any) -> Path:
 @cache
 def shared_session(storage: str = 'mcap', compression: str = 'none') -> Path:
     """Return a session that several tests look at, and none changes."""
-    return session(Path(tempfile.mkdtemp(prefix='rigid_sim_ros_')), storage=storage,
-                   compression=compression)
+    return session(lasting_folder(), storage=storage, compression=compression)
+
+
+def lasting_folder() -> Path:
+    """Return a folder that lasts until the tests are done."""
+    folder = Path(tempfile.mkdtemp(prefix='rigid_sim_ros_'))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
 
 
 def wrench_session(folder: Path) -> Path:

@@ -5,9 +5,8 @@
 from functools import cache
 from pathlib import Path
 import shutil
-import tempfile
 
-from bag.sessions import events_of, session, shared_session, world
+from bag.sessions import events_of, lasting_folder, session, shared_session, world
 from hypothesis import given, HealthCheck, settings, strategies as st
 import pytest
 from rosbags.highlevel import AnyReader
@@ -35,7 +34,7 @@ def files_of(bag: Path) -> list[Path]:
 @cache
 def long_files() -> Path:
     """Return two files of several chunks, with a snapshot at the start of each."""
-    bag = Path(tempfile.mkdtemp(prefix='rigid_sim_ros_')) / 'long'
+    bag = lasting_folder() / 'long'
     batch = Batch(world(), bag, publish_rate=1000.0, segment_s=3.0)
     for k in range(10):
         batch.run(500)
