@@ -39,9 +39,7 @@ class Setup(NamedTuple):
     materials: Materials
     integrator: str  # for bodies that nothing touches
     orientation: str
-    solver: str  # of the model `timestep`
     continuous: bool
-    sleeping: bool
     substeps: int
 
 

@@ -100,8 +100,6 @@ class Collision(Spec):
     ignore: tuple[Annotated[tuple[str, str], NamePair()], ...] = ()
     # Fast bodies are stopped at what they would pass through in a step.
     continuous: Boolean = False
-    # Bodies that have come to rest are left alone until something reaches them.
-    sleeping: Boolean = False
     # Of the sequential solver: more are stiffer and slower.
     substeps: Annotated[int, Count(1, 64)] = 4
 

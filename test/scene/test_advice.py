@@ -85,7 +85,8 @@ def test_the_explicit_euler_method_is_for_comparison() -> None:
     assert 'euler' in advice_for('integrator: euler')[0]
 
 
-def test_bodies_that_could_touch_are_told_that_they_do_not() -> None:
+def test_an_integrator_that_contact_does_not_use_is_said() -> None:
     pair = f'{BALL}, {BALL.replace("ball", "other")}'
-    assert 'pass through each other' in advice_for(bodies=pair)[0]
-    assert advice_for('contact: none', pair) == []
+    assert 'runs worlds without contact only' in advice_for('integrator: rk4', pair)[0]
+    assert advice_for('integrator: rk4, contact: none', pair) == []
+    assert advice_for('integrator: rk4') == []  # a body alone touches nothing
