@@ -13,7 +13,7 @@ changes a manifold.
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.algebra import dot, origin, subtract, to_shape, to_world
-from rigid_sim_ros.engine.narrow_phase.support import box_reach, reach
+from rigid_sim_ros.engine.support import box_reach, reach
 from rigid_sim_ros.engine.shapes import HULL, PLANE, Shapes, SPHERE
 
 # Of the size of the larger shape: what a witness has to separate above the margin. It covers what

@@ -20,7 +20,7 @@ from rigid_sim_ros.engine.narrow_phase.epa import epa
 from rigid_sim_ros.engine.narrow_phase.gjk import find_corner, gjk
 from rigid_sim_ros.engine.narrow_phase.outline import outline
 from rigid_sim_ros.engine.narrow_phase.reduce import reduce_to_four
-from rigid_sim_ros.engine.narrow_phase.support import radius
+from rigid_sim_ros.engine.support import radius
 from rigid_sim_ros.engine.shapes import CYLINDER, Shapes
 
 # A face tilted from the contact plane by more than the angle with this cosine is not clipped.

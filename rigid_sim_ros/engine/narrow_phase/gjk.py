@@ -15,7 +15,7 @@ from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.algebra import (
     add_scaled, cross, dot, origin, scale, subtract)
-from rigid_sim_ros.engine.narrow_phase.support import extreme
+from rigid_sim_ros.engine.support import extreme
 
 # Rounds before the search gives up; polyhedra need 5 to 15, round shapes up to 40.
 ROUNDS = 80

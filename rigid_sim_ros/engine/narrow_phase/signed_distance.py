@@ -14,7 +14,7 @@ from rigid_sim_ros.engine.narrow_phase.balls import (
 from rigid_sim_ros.engine.narrow_phase.collide import (
     BALL_FIRST, BALL_SECOND, BALLS, CAPSULES, FAMILY, NEVER, PLANE_FIRST, PLANE_SECOND)
 from rigid_sim_ros.engine.narrow_phase.convex import distance
-from rigid_sim_ros.engine.narrow_phase.support import extreme, radius
+from rigid_sim_ros.engine.support import extreme, radius
 from rigid_sim_ros.engine.shapes import Shapes
 
 
