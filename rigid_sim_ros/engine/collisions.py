@@ -305,8 +305,16 @@ def _bounce(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, restitu
     d = subtract(column(x, b), column(x, a))
     d = add_scaled(add_scaled(d, tau, subtract(_get(B, _V), _get(A, _V))), 0.5 * tau * tau,
                    acceleration)
+    # Until tau the point of contact moves with the ball, else with the body that moves, else with
+    # both.
+    follows_B = 0.5
+    if kind[manifolds.shape_b[r]] == SPHERE or A[_INV_M] == 0.0:
+        follows_B = 1.0
+    elif kind[manifolds.shape_a[r]] == SPHERE or B[_INV_M] == 0.0:
+        follows_B = 0.0
     for p in range(manifolds.points[r]):
-        c = o_A if spheres else row(manifolds.r_A[r], p)
+        r_A, r_B = row(manifolds.r_A[r], p), add(row(manifolds.r_B[r], p), d)
+        c = o_A if spheres else add_scaled(r_A, follows_B, subtract(r_B, r_A))
         _put(work.point[p], 0, c)
         work.impulse[p] = 0.0
         work.target[p] = NEVER
