@@ -33,7 +33,7 @@ MAY_IMPORT = {
 # are a sequence of stages know several: step, timestep, event, penalty, detect and backtrack,
 # which looks for the first of many meetings with the same means as detection.
 STAGES = {'broad_phase', 'collisions', 'contact_qp', 'impulse', 'integrate', 'narrow_phase',
-          'sequential', 'velocity_qp', 'witness'}
+          'sequential', 'witness'}
 # SciPy comes with OSQP, whose matrices are those of scipy.sparse.
 ENGINE_LIBRARIES = {'numba', 'numpy', 'osqp', 'scipy'}
 ROS_LIBRARIES = ('rclpy', 'rcl_', 'ament_', 'launch', 'rosidl_', 'builtin_interfaces')

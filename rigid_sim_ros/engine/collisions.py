@@ -23,6 +23,7 @@ from rigid_sim_ros.engine.manifolds import Manifolds, POINTS
 from rigid_sim_ros.engine.rotation import (
     exponential, multiply, quaternion, set_quaternion, to_matrix, unit)
 from rigid_sim_ros.engine.shapes import Materials, Shapes, SPHERE
+from rigid_sim_ros.engine.shifts import gap_now, SHIFT
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.vector import (
     add, add_scaled, add_to_column, column, cross, dot, norm, row, scale, subtract, times)
@@ -39,7 +40,7 @@ VISITS = 30
 
 
 # Columns of `CollisionWork.body`.
-_V, _W, _A, _J, _INV_M, _DP, _DL, _SHIFT, _COLUMNS = 0, 3, 6, 9, 15, 16, 19, 22, 28
+_V, _W, _A, _J, _INV_M, _DP, _DL, _COLUMNS = 0, 3, 6, 9, 15, 16, 19, 28
 
 
 class CollisionWork(NamedTuple):
@@ -175,8 +176,8 @@ def _store(inv_I_C: Array, state: State, i: int, tau: float, line: Array) -> Non
     add_to_column(state.x, i, dx)
     set_quaternion(state.q, i, unit(multiply(exponential(angle), quaternion(state.q, i))))
     for k in range(3):
-        line[_SHIFT + k] += dx[k]
-        line[_SHIFT + 3 + k] += angle[k]
+        line[SHIFT + k] += dx[k]
+        line[SHIFT + 3 + k] += angle[k]
     _put(line, _DP, (0.0, 0.0, 0.0))
     _put(line, _DL, (0.0, 0.0, 0.0))
 
@@ -184,26 +185,6 @@ def _store(inv_I_C: Array, state: State, i: int, tau: float, line: Array) -> Non
 @kernel
 def _velocity_at(line: Array, r: Vector) -> Vector:
     return add(_get(line, _V), cross(_get(line, _W), r))
-
-
-@kernel
-def displacement(line: Array) -> Vector:
-    """Return how far collisions moved the centre of mass of a body [m]."""
-    return _get(line, _SHIFT)
-
-
-@kernel
-def _shifted(line: Array, r: Vector) -> Vector:
-    """Return how far collisions displaced a point of a body, r from its centre of mass."""
-    return add(_get(line, _SHIFT), cross(_get(line, _SHIFT + 3), r))
-
-
-@kernel
-def gap_now(manifolds: Manifolds, body: Array, r: int, p: int) -> float:
-    """Return the gap at the start of the step, after earlier collisions moved it."""
-    moved = subtract(_shifted(body[manifolds.body_b[r]], row(manifolds.r_B[r], p)),
-                     _shifted(body[manifolds.body_a[r]], row(manifolds.r_A[r], p)))
-    return manifolds.gap[r, p] + dot(row(manifolds.normal, r), moved)
 
 
 @kernel

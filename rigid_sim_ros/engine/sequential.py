@@ -21,7 +21,6 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.coloring import color_manifolds, Coloring, make_coloring, most_blocks
-from rigid_sim_ros.engine.collisions import displacement, gap_now
 from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, ARM_A, ARM_B, BLOCK_SIZE, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, J_A, J_B, MOVED,
     MU, NORMAL, PAIR, POINT, POINT_ROWS, prepare_block, put_three, RESIDUAL, ROLL_LEVER, S, SHOVE,
@@ -33,6 +32,7 @@ from rigid_sim_ros.engine.loads import kick, Loads
 from rigid_sim_ros.engine.manifolds import Manifolds, POINTS
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
+from rigid_sim_ros.engine.shifts import displacement, gap_now
 from rigid_sim_ros.engine.solver_bodies import (
     drift_bodies, HELD, J, kick_bodies, LANES, load_bodies, make_bodies, motion_at, row_at,
     SolverBodies, store_bodies, WARM)
