@@ -168,7 +168,7 @@ def test_a_fast_ball_never_passes_a_thin_wall(restitution, height):
 
 
 def test_an_overlap_is_left_at_a_bounded_speed():
-    boxes = [box((1, 1, 1), 1.0, position=(0, 0, 0.2)), box((1, 1, 1), 1.0, position=(0.1, 0, 0.6))]
+    boxes = [box((1, 1, 1), 1.0, position=(0.1 * k, 0, 0.2 + 0.4 * k)) for k in range(2)]
     scene = TimestepScene([ground(), *boxes], Material(), 1 / 240)
     for _ in range(480):
         scene.step()

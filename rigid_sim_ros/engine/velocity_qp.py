@@ -1,0 +1,273 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The reference solver of the model `timestep`: all contacts of a step at once, for small scenes.
+
+With the velocities v* that the forces alone would give the bodies, the impulses f of a step h make
+the contacts move at u = A f + u*. They must not close more than their gaps, and obey Coulomb:
+
+    u_n + max(gap, 0) / h >= 0,    f_n >= 0,    complementary;    |f_t| <= mu f_n against u_t.
+
+That is the problem of contact_qp.py with velocities in place of accelerations, and is solved there
+by OSQP and Newton's method. Overlaps are pushed apart by displacements of their own, as in the
+sequential solver, from the same problem without friction.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
+from rigid_sim_ros.engine.collisions import collide_bodies
+from rigid_sim_ros.engine.contact_qp import solve
+from rigid_sim_ros.engine.contacts import (
+    Bodies, Contacts, couple, gather, make_bodies, make_contacts, read_bodies, relative,
+    to_contact, to_world)
+from rigid_sim_ros.engine.detect import detect
+from rigid_sim_ros.engine.free_flight import fly
+from rigid_sim_ros.engine.integrate import sum_loads
+from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.loads import kick
+from rigid_sim_ros.engine.manifolds import current_manifolds, grown, Manifolds, Memory
+from rigid_sim_ros.engine.model import Model
+from rigid_sim_ros.engine.shapes import Materials, Shapes
+from rigid_sim_ros.engine.solver_bodies import (
+    drift_bodies, HELD, INV_M, kick_bodies, LANES, load_bodies, motion_at, row_at, SolverBodies,
+    store_bodies)
+from rigid_sim_ros.engine.shifts import gap_now
+from rigid_sim_ros.engine.state import State
+from rigid_sim_ros.engine.timestep import (
+    give_slots, look_ahead, make_timestep_work, TimestepSettings, TimestepWork)
+from rigid_sim_ros.engine.vector import cross, row
+from rigid_sim_ros.engine.wrenches import count_down, Wrenches
+
+
+class QpReport(NamedTuple):
+    """How the latest step was solved."""
+
+    residual: float = 0.0  # violation of the conditions, relative to the largest |u*|
+    iterations: int = 0  # of OSQP
+    status: str = ''  # what OSQP said
+    solved: bool = True
+
+
+class QpWork:
+    """Buffers, and the report of the latest step."""
+
+    def __init__(self, model: Model, shapes: Shapes, memory: Memory) -> None:
+        """Make room for a world whose manifolds live in `memory`."""
+        self.shared: TimestepWork = make_timestep_work(model, shapes, memory)
+        self.bodies: Bodies = make_bodies(len(model.m))
+        self.contacts: Contacts = make_contacts(16)
+        self.report = QpReport()
+
+
+def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
+            memory: Memory, settings: TimestepSettings, work: QpWork, count: int) -> Memory:
+    """
+    Advance the state by `count` steps; return the memory, which may have grown.
+
+    What OSQP could not solve is applied as far as it came, and said in `work.report`.
+    """
+    for _ in range(count):
+        margin = look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L,
+                            materials.restitution, settings, work.shared.radius)
+        while not detect(model, state, shapes, memory, margin):
+            memory = grown(memory)
+        if len(memory.pages[0].shape_a) > len(work.shared.collision.rows):
+            work.shared = make_timestep_work(model, shapes, memory)
+        _step(model, state, wrenches, shapes, materials, current_manifolds(memory), settings, work)
+        count_down(wrenches)
+    return memory
+
+
+def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
+          manifolds: Manifolds, settings: TimestepSettings, work: QpWork) -> None:
+    shared, bodies = work.shared, work.shared.solver.bodies
+    normal_impulse, friction_impulse = shared.solver.normal_impulse, shared.solver.friction_impulse
+    normal_impulse[:] = 0.0
+    friction_impulse[:] = 0.0
+    sum_loads(model, state, wrenches, shared.loads)
+    if collide_bodies(model.h, model.inv_m, model.inv_I_C, state, shared.loads.F, shapes,
+                      materials, manifolds, settings.bounce_speed, normal_impulse,
+                      friction_impulse, shared.collision) > 0:
+        _move_gaps(manifolds, shared.collision.body)
+    give_slots(model.inv_m, manifolds, shared.collision.waits, bodies)
+    load_bodies(model.inv_m, model.inv_I_C, state, shared.loads, bodies)
+    read_bodies(model, state, shared.loads.F, shared.loads.tau, work.bodies)
+    chosen = _chosen(model, state, shapes, materials, manifolds, work)
+    kick_bodies(bodies.used[0], bodies.rows, bodies.motion, model.h, True)
+    pushes = _solve(model, manifolds, settings, chosen, work)
+    drift_bodies(bodies.used[0], bodies.rows, bodies.motion, bodies.push, bodies.drifted)
+    _give_back(work.contacts, chosen, pushes, model.h, bodies)
+    kick(state, shared.loads, 0.5 * model.h)
+    fly(model, state, (0.0, 0.0, 0.0), model.h, 1, shared.block)
+    kick(state, shared.loads, 0.5 * model.h)
+    store_bodies(model.h, model.m, state, bodies, 1)
+    # As in the symplectic method: half of the change of the loads, now at the new poses.
+    sum_loads(model, state, wrenches, shared.later)
+    kick(state, shared.later, 0.5 * model.h)
+    kick(state, shared.loads, -0.5 * model.h)
+
+
+@kernel
+def _move_gaps(manifolds: Manifolds, moved: Array) -> None:
+    """Bring the gaps to where collisions moved the bodies."""
+    for r in range(manifolds.count[0]):
+        for p in range(manifolds.points[r]):
+            manifolds.gap[r, p] = gap_now(manifolds, moved, r, p)
+
+
+def _chosen(model: Model, state: State, shapes: Shapes, materials: Materials,
+            manifolds: Manifolds, work: QpWork) -> IntArray:
+    """Write the points to `work.contacts` and return those that the solver looks at."""
+    while True:
+        found = gather(state, manifolds, shapes, materials, float('inf'), work.contacts)
+        if found <= len(work.contacts.gap):
+            break
+        work.contacts = make_contacts(2 * found)
+    contacts = work.contacts
+    rows = contacts.manifold[:found]
+    moves = model.inv_m[contacts.body_a[:found]] + model.inv_m[contacts.body_b[:found]] > 0.0
+    return np.nonzero(moves & (work.shared.collision.waits[rows] == 0))[0]
+
+
+def _solve(model: Model, manifolds: Manifolds, settings: TimestepSettings, chosen: IntArray,
+           work: QpWork) -> Array:
+    """
+    Find the impulses of the chosen points, and let the bodies feel them.
+
+    Returns those that only displace, (3m,) triples in the axes n, t1, t2.
+    """
+    contacts, bodies, m = work.contacts, work.shared.solver.bodies, len(chosen)
+    count = int(manifolds.count[0])
+    manifolds.friction[:count] = 0.0
+    manifolds.spin[:count] = 0.0
+    work.report = QpReport()
+    if m == 0:
+        manifolds.impulse[:count] = 0.0
+        return np.zeros(0)
+    A = np.zeros((3 * m, 3 * m))
+    couple(model, contacts, work.bodies, chosen, m, np.zeros((2, 3 * m, 3)), A)
+    b = np.zeros(3 * m)
+    _free_velocities(contacts, chosen, bodies, work.bodies, b)
+    gap = contacts.gap[chosen]
+    b[::3] += np.maximum(gap, 0.0) / model.h
+    start = np.zeros(3 * m)
+    _read_impulses(manifolds, contacts, chosen, start)
+    f, outcome = solve(A, b, contacts.friction[chosen], start)
+    work.report = QpReport(outcome.residual, outcome.osqp_iterations, outcome.status,
+                           outcome.solved)
+    _push(contacts, chosen, f, bodies, bodies.motion)
+    manifolds.impulse[:count] = 0.0
+    _write_impulses(manifolds, contacts, chosen, f, work.shared.solver.normal_impulse,
+                    work.shared.solver.friction_impulse)
+    push = settings.sequential.push / model.h
+    wanted = np.minimum(-push * np.minimum(gap, 0.0), settings.sequential.push_speed)
+    # Not what leaves its overlap by itself.
+    wanted -= np.maximum((A @ f + b)[::3], 0.0)
+    displaced = np.zeros(3 * m)
+    pressed = np.nonzero(wanted > 0.0)[0]
+    if len(pressed) > 0:
+        apart = np.zeros(3 * len(pressed))
+        apart[::3] = -wanted[pressed]
+        # Tangential rows that do nothing, as there is no friction.
+        block = np.eye(3 * len(pressed))
+        block[::3, ::3] = A[np.ix_(3 * pressed, 3 * pressed)]
+        pushes, _ = solve(block, apart, np.zeros(len(pressed)), np.zeros_like(apart))
+        displaced[3 * pressed] = pushes[::3]
+        _push(contacts, chosen, displaced, bodies, bodies.push)
+    return displaced
+
+
+@kernel
+def _give_back(contacts: Contacts, chosen: IntArray, f: Array, h: float,
+               solver: SolverBodies) -> None:
+    """Take half of the L that a pair gained when a push displaced its momenta from each body."""
+    for c in range(chosen.shape[0]):
+        k = chosen[c]
+        slot_a, slot_b = solver.slot[contacts.body_a[k]], solver.slot[contacts.body_b[k]]
+        if f[3 * c] > 0.0 and slot_a > 0 and slot_b > 0:
+            at_a, at_b = motion_at(slot_a), motion_at(slot_b)
+            v = (solver.drifted[at_b] - solver.drifted[at_a],
+                 solver.drifted[at_b + LANES] - solver.drifted[at_a + LANES],
+                 solver.drifted[at_b + 2 * LANES] - solver.drifted[at_a + 2 * LANES])
+            gained = cross(to_world(contacts, k, (h * f[3 * c], 0.0, 0.0)), v)
+            for i in range(3):
+                solver.motion[at_a + (3 + i) * LANES] -= 0.5 * gained[i]
+                solver.motion[at_b + (3 + i) * LANES] -= 0.5 * gained[i]
+
+
+@kernel
+def _free_velocities(contacts: Contacts, chosen: IntArray, solver: SolverBodies, bodies: Bodies,
+                     b: Array) -> None:
+    """Write u* of the chosen points in the axes n, t1, t2; changes `bodies.velocity` to v*."""
+    for slot in range(1, solver.used[0]):
+        i, at = solver.body[slot], motion_at(slot)
+        for k in range(3):
+            bodies.velocity[i, k] = solver.motion[at + k * LANES]
+            w = 0.0
+            for j in range(3):
+                w += bodies.inv_I_W[i, k, j] * solver.motion[at + (3 + j) * LANES]
+            bodies.velocity[i, 3 + k] = w
+    for c in range(chosen.shape[0]):
+        u = to_contact(contacts, chosen[c], relative(bodies.velocity, contacts, chosen[c]))
+        b[3 * c], b[3 * c + 1], b[3 * c + 2] = u
+
+
+@kernel
+def _push(contacts: Contacts, chosen: IntArray, f: Array, solver: SolverBodies,
+          motion: Array) -> None:
+    """Add the impulses, triples in the axes n, t1, t2, to the motion of the bodies."""
+    for c in range(chosen.shape[0]):
+        k = chosen[c]
+        J = to_world(contacts, k, (f[3 * c], f[3 * c + 1], f[3 * c + 2]))
+        slot_a, slot_b = solver.slot[contacts.body_a[k]], solver.slot[contacts.body_b[k]]
+        _push_slot(slot_a, -1.0, row(contacts.r_A, k), J, solver.rows, motion)
+        _push_slot(slot_b, 1.0, row(contacts.r_B, k), J, solver.rows, motion)
+        if slot_a > 0 and slot_b > 0 and f[3 * c] > 0.0:
+            solver.rows[row_at(slot_a) + HELD * LANES] = 1.0
+            solver.rows[row_at(slot_b) + HELD * LANES] = 1.0
+
+
+@kernel
+def _push_slot(slot: int, sign: float, r: Vector, J: Vector, rows: Array, motion: Array) -> None:
+    if slot > 0:
+        turn, at = cross(r, J), motion_at(slot)
+        inv_m = rows[row_at(slot) + INV_M * LANES]
+        for i in range(3):
+            motion[at + i * LANES] += sign * inv_m * J[i]
+            motion[at + (3 + i) * LANES] += sign * turn[i]
+
+
+@kernel
+def _point_of(manifolds: Manifolds, r: int, feature: int) -> int:
+    """Return which point of a manifold has this feature."""
+    for p in range(manifolds.points[r]):
+        if manifolds.feature[r, p] == feature:
+            return p
+    return 0
+
+
+@kernel
+def _read_impulses(manifolds: Manifolds, contacts: Contacts, chosen: IntArray, f: Array) -> None:
+    """Write the normal impulses of the last step, to begin with."""
+    for c in range(chosen.shape[0]):
+        r = contacts.manifold[chosen[c]]
+        p = _point_of(manifolds, r, contacts.feature[chosen[c]])
+        f[3 * c] = manifolds.impulse[r, p]
+
+
+@kernel
+def _write_impulses(manifolds: Manifolds, contacts: Contacts, chosen: IntArray, f: Array,
+                    normal_impulse: Array, friction_impulse: Array) -> None:
+    """Keep the impulses of this step."""
+    for c in range(chosen.shape[0]):
+        r = contacts.manifold[chosen[c]]
+        p = _point_of(manifolds, r, contacts.feature[chosen[c]])
+        manifolds.impulse[r, p] = f[3 * c]
+        normal_impulse[r, p] += f[3 * c]
+        tangential = to_world(contacts, chosen[c], (0.0, f[3 * c + 1], f[3 * c + 2]))
+        for k in range(3):
+            manifolds.friction[r, k] += tangential[k]
+            friction_impulse[r, k] += tangential[k]
