@@ -50,7 +50,7 @@ def numbers_exact(values: list[float]) -> str:
 
 def tower() -> Iterator[str]:
     """
-    A ball flies into a tower of blocks and brings it down.
+    Steel meets wood: a ball flies into a tower of blocks and brings it down.
 
     Ten layers of three wooden blocks each, laid crosswise, and a steel ball of 33 kg at
     5 m/s. Blocks of a common toy: 75 x 25 x 15 mm, scaled by four; wood on wood slides with a
@@ -119,7 +119,7 @@ def newtons_cradle() -> Iterator[str]:
 
 def billiard_break() -> Iterator[str]:
     """
-    A cue ball breaks a rack of fifteen balls on a billiard table.
+    Fifteen balls on a billiard table are scattered by a cue ball.
 
     Balls of 57.15 mm and 0.17 kg (World Pool Association, Equipment Specifications) on cloth;
     ball on ball: friction 0.06, restitution 0.94; cloth: friction 0.2, rolling resistance 0.01
@@ -181,7 +181,8 @@ def ramp() -> Iterator[str]:
 
 
 def pile_of_shapes() -> Iterator[str]:
-    """Two hundred balls, boxes, capsules and cylinders fall on a heap.
+    """
+    Two hundred balls, boxes, capsules and cylinders fall on a heap.
 
     Shapes of 0.1 to 0.2 m and of the density of ice, in eight layers of 25.
     """

@@ -25,7 +25,7 @@ from rigid_sim_ros.bag.reader import BagReader, Message
 from rigid_sim_ros.bag.session import Session
 from rigid_sim_ros.bag.topics import Topic, typestore
 from rigid_sim_ros.codec import encode_wrench
-from rigid_sim_ros.scene import SceneError, scene_from_text
+from rigid_sim_ros.scene import scene_from_text, SceneError
 from rigid_sim_ros.world import World
 
 # [steps/s] No world is stepped faster: a step number that grew by more, in the time that the

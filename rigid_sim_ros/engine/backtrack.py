@@ -17,6 +17,7 @@ import math
 
 import numpy as np
 
+from rigid_sim_ros.engine.algebra import norm
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.broad_phase import may_collide
 from rigid_sim_ros.engine.contacts import column, quaternion, rotate, row
@@ -25,7 +26,6 @@ from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Scratch
 from rigid_sim_ros.engine.model import Model
-from rigid_sim_ros.engine.algebra import norm
 from rigid_sim_ros.engine.narrow_phase.collide import collide, CONVEX, FAMILY
 from rigid_sim_ros.engine.narrow_phase.signed_distance import signed_distance
 from rigid_sim_ros.engine.rotation import multiply, to_matrix
@@ -209,8 +209,7 @@ def crossing(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b
              high: float, gap_low: float, gap_high: float, level: float, pose: Array,
              scratch: Scratch) -> float:
     """
-    Return the time in (low, high] [s] at which the gap of two shapes falls to `level` [m], from
-    above.
+    Return the time in (low, high] [s] at which the gap of two shapes falls to `level` [m].
 
     gap_low > level >= gap_high are the gaps at the ends. The answer is the end of the last
     interval at which the gap is not above the level. ITP with kappa_1 = 0.2 / (high - low),
@@ -247,8 +246,7 @@ def crossing(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b
 def meeting(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b: int, gap: float,
             n: Vector, until: float, pose: Array, scratch: Scratch) -> float:
     """
-    Return when [s] two shapes with a gap > 0 [m] and the normal n first touch, inf if not before
-    `until`.
+    Return when [s] two shapes apart with the normal n first touch; inf: not before `until`.
 
     `until` is also the time scale of the least advance.
     """
@@ -277,8 +275,7 @@ def first_event(model: Model, state: State, loads: Loads, shapes: Shapes, pairs:
                 allowed: Array, overlap: float, until: float, pose: Array,
                 scratch: Scratch) -> tuple[float, int]:
     """
-    Return the earliest time [s] at which one of `count` pairs meets, and which; (until, -1) if
-    none does.
+    Return when [s] the first of `count` pairs meets, and which; (until, -1) if none does.
 
     allowed, (p,), is 0 for pairs that are apart. A pair that touches already has how deep [m, < 0]
     it may get during the step; it counts as an event when it ends the step deeper than that, and

@@ -13,6 +13,7 @@ centripetal acceleration of the corner, for two balls |u_t|^2 / distance of the 
 a ball that rolls on a plane, where the acceleration of the material point would be wrong by w^2 r.
 """
 
+from rigid_sim_ros.engine.algebra import cross, dot
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.backtrack import place_ahead
 from rigid_sim_ros.engine.contacts import Bodies, Contacts, relative, to_contact
@@ -20,7 +21,6 @@ from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Scratch
 from rigid_sim_ros.engine.model import Model
-from rigid_sim_ros.engine.algebra import cross, dot
 from rigid_sim_ros.engine.narrow_phase.collide import collide
 from rigid_sim_ros.engine.shapes import Shapes
 from rigid_sim_ros.engine.state import State
@@ -35,8 +35,7 @@ def contact_drift(model: Model, state: State, still: Loads, shapes: Shapes, cont
                   bodies: Bodies, chosen: IntArray, t: float, pose: Array, scratch: Scratch,
                   drift: Array) -> None:
     """
-    Write the rate of u [m/s^2] at the chosen points from geometry alone, (3m,), triples (n, t1,
-    t2).
+    Write the rate of u [m/s^2] from geometry alone, (3m,) triples (n, t1, t2).
 
     still: loads of 0; t [s]: the time over which the difference is taken. A point that is not
     found again gets 0, an error of first order in t which the next step sees as a velocity and

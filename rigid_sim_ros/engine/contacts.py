@@ -1,8 +1,7 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The points at which bodies touch, one after another, with what the laws of contact need to know of
-them.
+The points at which bodies touch, with what the laws of contact need to know of them.
 
 Manifolds are a pair of shapes each. Impulses and contact forces look at pairs of bodies: the
 points of one pair of bodies, whichever of their shapes they belong to, form a block, and lie side
@@ -18,11 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine import rotation, vector
+from rigid_sim_ros.engine.algebra import cross
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.manifolds import Manifolds
 from rigid_sim_ros.engine.model import Model
-from rigid_sim_ros.engine.algebra import cross
 from rigid_sim_ros.engine.rotation import to_matrix
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.state import State

@@ -24,6 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rigid_sim_ros.engine.algebra import cross, norm
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.backtrack import film, first_event, pairs_ahead
 from rigid_sim_ros.engine.contact_drift import contact_drift
@@ -39,7 +40,6 @@ from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.manifolds import current_manifolds, grown, Manifolds, Memory
 from rigid_sim_ros.engine.model import Model
-from rigid_sim_ros.engine.algebra import cross, norm
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.wrenches import count_down, Wrenches
@@ -173,8 +173,7 @@ def _rates(shapes: Shapes, contacts: Contacts, bodies: Bodies, chosen: IntArray,
            left: float, h: float,
            push_out: float, b: Array) -> None:
     """
-    Write b of a = A f + b: accelerations without contact forces, and what is left of velocities
-    and gaps.
+    Write b of a = A f + b: accelerations without contact forces, and what stops points.
 
     a = 0 then means that the point has stopped when `left` [s] are over, so that neither a
     velocity nor a gap that rounding left behind can grow from step to step.

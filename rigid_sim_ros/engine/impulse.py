@@ -15,12 +15,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rigid_sim_ros.engine.algebra import norm
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.contacts import (
     Bodies, Contacts, couple, push, read_velocity, relative, to_contact, to_world)
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.model import Model
-from rigid_sim_ros.engine.algebra import norm
 from rigid_sim_ros.engine.state import State
 
 # Approach slower than this [m/s] is rounding, not a collision; ten times more is still below every

@@ -24,6 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rigid_sim_ros.engine.algebra import cross
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.contacts import (
     Bodies, Contacts, gather, make_bodies, make_contacts, quaternion, read_velocity, relative,
@@ -35,7 +36,6 @@ from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.manifolds import current_manifolds, grown, Manifolds, Memory
 from rigid_sim_ros.engine.model import Model
-from rigid_sim_ros.engine.algebra import cross
 from rigid_sim_ros.engine.shapes import CAPSULE, KIND_NAMES, Materials, Shapes, SPHERE
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.wrenches import count_down, Wrenches
@@ -99,8 +99,7 @@ def stiffness_for_depth(weight: float, depth: float, points: int = 1) -> float:
 
 def stable_step(model: Model, shapes: Shapes, materials: Materials) -> tuple[float, int, int]:
     """
-    Return the longest step [s] that is stable for every pair of shapes, and the shapes of the pair
-    that sets it.
+    Return the longest step [s] that is stable for every pair, and the two shapes that set it.
 
     A body on p points of stiffness k each moves against them with at most omega^2 = p k (1/M + r^2
     / I), with the farthest distance r of its surface from the centre of mass and its smallest

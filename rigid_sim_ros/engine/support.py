@@ -9,10 +9,10 @@ it.
 
 import math
 
-from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.algebra import (
     add, axis, dot, origin, to_shape, to_world)
+from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, SPHERE
 
 

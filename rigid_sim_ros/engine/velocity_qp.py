@@ -31,10 +31,10 @@ from rigid_sim_ros.engine.loads import kick
 from rigid_sim_ros.engine.manifolds import current_manifolds, grown, Manifolds, Memory
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
+from rigid_sim_ros.engine.shifts import gap_now
 from rigid_sim_ros.engine.solver_bodies import (
     drift_bodies, HELD, INV_M, kick_bodies, LANES, load_bodies, motion_at, row_at, SolverBodies,
     store_bodies)
-from rigid_sim_ros.engine.shifts import gap_now
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.timestep import (
     give_slots, look_ahead, make_timestep_work, TimestepSettings, TimestepWork)

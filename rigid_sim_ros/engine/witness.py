@@ -10,11 +10,11 @@ so that the search it saves would have found nothing either: a witness saves tim
 changes a manifold.
 """
 
+from rigid_sim_ros.engine.algebra import dot, origin, subtract, to_shape, to_world
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.kernel import kernel
-from rigid_sim_ros.engine.algebra import dot, origin, subtract, to_shape, to_world
-from rigid_sim_ros.engine.support import box_reach, reach
 from rigid_sim_ros.engine.shapes import HULL, PLANE, Shapes, SPHERE
+from rigid_sim_ros.engine.support import box_reach, reach
 
 # Of the size of the larger shape: what a witness has to separate above the margin. It covers what
 # the narrow phase lets corners stand out over faces (1e-4); 0 could drop a point that it would

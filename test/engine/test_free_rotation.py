@@ -22,9 +22,7 @@ AFTER_100_S = (-0.00033532024701064178, 0.69467618661934152, 0.00656962442582044
 
 
 def angle_between(a, b) -> float:
-    """
-    Return the angle of the rotation between two attitudes; exact for small ones, unlike an arccos.
-    """
+    """Return the angle between two attitudes, exact for small ones, unlike an arccos."""
     ax, ay, az, aw = a
     difference = multiply((-ax, -ay, -az, aw), tuple(b))
     return 2.0 * float(np.linalg.norm(difference[:3]))

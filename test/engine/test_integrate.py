@@ -77,9 +77,7 @@ def test_the_order_of_each_integrator_under_a_spring(integrator, order):
 
 
 def tumbling_error(integrator: str, orientation: str, step: float) -> float:
-    """
-    Return the error of the attitude of a tumbling box after 0.5 s against symplectic at 10 us.
-    """
+    """Return the error of a tumbling box's attitude after 0.5 s against symplectic at 10 us."""
     bodies = [body(twist={'angular': [3.0, 4.0, 1.0]})]
     fine = make(step=1e-5, bodies=bodies)
     fine.step(50_000)

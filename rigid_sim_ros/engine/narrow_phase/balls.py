@@ -9,12 +9,12 @@ a shape is the signed distance of its centre from the shape, less the radius.
 
 import math
 
-from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.algebra import (
     add_scaled, axis, clamp, dot, norm, origin, perpendicular, point_to_shape, point_to_world,
     put, scale,
     subtract, to_world)
+from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, PLANE
 
 

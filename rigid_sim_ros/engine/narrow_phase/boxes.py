@@ -11,10 +11,10 @@ cross product of two edges; if they overlap the largest of these 15 numbers is m
 
 import math
 
-from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.algebra import add, add_scaled, axis, dot, origin, put
 from rigid_sim_ros.engine.algebra import scale, subtract
+from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.narrow_phase.reduce import reduce_to_four
 
 # An axis has to separate better by this fraction of the smallest half extent to be preferred: A's

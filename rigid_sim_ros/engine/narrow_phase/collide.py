@@ -4,10 +4,10 @@
 
 import numpy as np
 
+from rigid_sim_ros.engine.algebra import add_scaled, put
 from rigid_sim_ros.engine.arrays import Array, Vector
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.manifolds import Scratch
-from rigid_sim_ros.engine.algebra import add_scaled, put
 from rigid_sim_ros.engine.narrow_phase.balls import (
     capsule_capsule, shape_sphere, sphere_shape, touching_spheres)
 from rigid_sim_ros.engine.narrow_phase.boxes import box_box, UNSETTLED

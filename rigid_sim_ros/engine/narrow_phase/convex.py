@@ -10,18 +10,18 @@ the normal, and what is nearer than the margin is kept.
 
 import math
 
+from rigid_sim_ros.engine.algebra import (
+    add_scaled, cross, dot, norm, origin, perpendicular, put, scale, subtract)
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.manifolds import CANDIDATES, EPA_CORNERS, Scratch
-from rigid_sim_ros.engine.algebra import (
-    add_scaled, cross, dot, norm, origin, perpendicular, put, scale, subtract)
 from rigid_sim_ros.engine.narrow_phase.balls import crossing_normal
 from rigid_sim_ros.engine.narrow_phase.epa import epa
 from rigid_sim_ros.engine.narrow_phase.gjk import find_corner, gjk
 from rigid_sim_ros.engine.narrow_phase.outline import outline
 from rigid_sim_ros.engine.narrow_phase.reduce import reduce_to_four
-from rigid_sim_ros.engine.support import radius
 from rigid_sim_ros.engine.shapes import CYLINDER, Shapes
+from rigid_sim_ros.engine.support import radius
 
 # A face tilted from the contact plane by more than the angle with this cosine is not clipped.
 TILTED = 0.2

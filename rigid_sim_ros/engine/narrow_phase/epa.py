@@ -12,11 +12,11 @@ Computation, GDC 2001). For polyhedra the result is exact; a round surface is ap
 
 import math
 
+from rigid_sim_ros.engine.algebra import (
+    cross, dot, norm, perpendicular, scale, subtract)
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.manifolds import EPA_CORNERS, EPA_FACES
-from rigid_sim_ros.engine.algebra import (
-    cross, dot, norm, perpendicular, scale, subtract)
 from rigid_sim_ros.engine.narrow_phase.gjk import corner, find_corner
 from rigid_sim_ros.engine.shapes import CYLINDER
 

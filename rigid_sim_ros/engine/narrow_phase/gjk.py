@@ -11,10 +11,10 @@ Row k of the simplex holds a - b, a and b.
 
 import math
 
-from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.algebra import (
     add_scaled, cross, dot, origin, scale, subtract)
+from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.support import extreme
 
 # Rounds before the search gives up; polyhedra need 5 to 15, round shapes up to 40.

@@ -9,10 +9,10 @@ point alone will do.
 
 import math
 
-from rigid_sim_ros.engine.arrays import Array, Vector
-from rigid_sim_ros.engine.kernel import kernel
-from rigid_sim_ros.engine.hulls import HullTable
 from rigid_sim_ros.engine.algebra import point_to_world, to_shape
+from rigid_sim_ros.engine.arrays import Array, Vector
+from rigid_sim_ros.engine.hulls import HullTable
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, HULL
 
 RIM = 8  # corners that stand for the rim of a cylinder

@@ -8,12 +8,12 @@ The plane is A of the manifold here; who calls turns the result over where it is
 
 import math
 
+from rigid_sim_ros.engine.algebra import (
+    add_scaled, axis, dot, origin, point_to_world, put, scale, subtract)
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.hulls import HullTable
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.manifolds import CANDIDATES
-from rigid_sim_ros.engine.algebra import (
-    add_scaled, axis, dot, origin, point_to_world, put, scale, subtract)
 from rigid_sim_ros.engine.narrow_phase.reduce import reduce_to_four
 from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, SPHERE
 

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Choose the four points of a manifold that carry it best."""
 
+from rigid_sim_ros.engine.algebra import cross, dot
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.kernel import kernel
-from rigid_sim_ros.engine.algebra import cross, dot
 
 # A point has to be deeper, or farther out, by this fraction to be preferred to an earlier one:
 # rounding must not change the choice from step to step. 0 makes it flicker; 0.1 would leave out

@@ -4,18 +4,18 @@
 
 import math
 
+from rigid_sim_ros.engine.algebra import (
+    add_scaled, axis, dot, origin, scale, subtract)
 from rigid_sim_ros.engine.arrays import Array, Vector
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.manifolds import Scratch
-from rigid_sim_ros.engine.algebra import (
-    add_scaled, axis, dot, origin, scale, subtract)
 from rigid_sim_ros.engine.narrow_phase.balls import (
     capsule_capsule, shape_sphere, sphere_shape, sphere_sphere)
 from rigid_sim_ros.engine.narrow_phase.collide import (
     BALL_FIRST, BALL_SECOND, BALLS, CAPSULES, FAMILY, NEVER, PLANE_FIRST, PLANE_SECOND)
 from rigid_sim_ros.engine.narrow_phase.convex import distance
-from rigid_sim_ros.engine.support import extreme, radius
 from rigid_sim_ros.engine.shapes import Shapes
+from rigid_sim_ros.engine.support import extreme, radius
 
 
 @kernel
