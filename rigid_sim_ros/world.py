@@ -62,7 +62,7 @@ class World:
         collision = scene.spec.collision
         self._contact = make_contact_model(scene.contact, Setup(
             scene.model, scene.shapes, scene.materials, scene.integrator, scene.orientation,
-            collision.continuous, collision.substeps))
+            scene.solver, collision.continuous, collision.substeps))
         self._motion = empty_motion(len(self.names))
         self._motion_is_current = False
 

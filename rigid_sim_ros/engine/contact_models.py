@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from rigid_sim_ros.engine import event, penalty, timestep
+from rigid_sim_ros.engine import event, penalty, timestep, velocity_qp
 from rigid_sim_ros.engine.arrays import Array
 from rigid_sim_ros.engine.integrate import make_work, ORIENTATIONS
 from rigid_sim_ros.engine.manifolds import (
@@ -39,6 +39,7 @@ class Setup(NamedTuple):
     materials: Materials
     integrator: str  # for bodies that nothing touches
     orientation: str
+    solver: str  # of the model `timestep`
     continuous: bool
     substeps: int
 
@@ -170,6 +171,35 @@ class Timestep(_Touching):
                                        iterations=self._settings.sequential.substeps)
 
 
+class VelocityQp(_Touching):
+    """Velocity level, all contacts at once by OSQP: the reference for small scenes."""
+
+    def __init__(self, setup: Setup) -> None:
+        """Make room for no contacts yet."""
+        super().__init__(setup)
+        self._settings = timestep.TimestepSettings(continuous=int(setup.continuous))
+        self._work = velocity_qp.QpWork(setup.model, setup.shapes, self._memory)
+
+    def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
+        """Advance the state."""
+        s = self._setup
+        self._memory = velocity_qp.advance(
+            s.model, state, wrenches, s.shapes, s.materials, self._memory, self._settings,
+            self._work, count)
+
+    def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Go back to manifolds that `lasting` returned."""
+        super().recall(arrays)
+        self._work = velocity_qp.QpWork(self._setup.model, self._setup.shapes, self._memory)
+
+    def report(self) -> ContactReport:
+        """Return the counts and what OSQP said."""
+        done = self._work.report
+        message = '' if done.solved else f'OSQP left a contact problem unsolved: {done.status}'
+        return self._counts()._replace(residual=done.residual, iterations=done.iterations,
+                                       message=message)
+
+
 class Event(_Touching):
     """The classic algorithm: every collision at its own time, resting contact by a QP."""
 
@@ -289,5 +319,7 @@ def make_contact_model(name: str, setup: Setup) -> ContactModel:
     moving = np.count_nonzero(setup.shapes.still == 0)
     if len(setup.shapes.body) < 2 or moving == 0:
         name = 'none'
+    if (name, setup.solver) == ('timestep', 'qp'):
+        return VelocityQp(setup)
     contact_model: ContactModel = CONTACT_MODELS[name](setup)
     return contact_model

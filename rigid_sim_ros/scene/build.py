@@ -72,9 +72,6 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source) ->
     spec = spec.model_copy(update={'bodies': tuple(bodies)})
     _check_references(spec, report)
     collision.check(spec, report)
-    if spec.world.solver != 'sequential' and spec.world.contact == 'timestep':
-        report(('world', 'solver'), f'{shown(spec.world.solver)} is not in this version, must be '
-               'sequential, or contact: event, which solves a quadratic program')
     frame_names = _frame_names(spec)
     frames = [Frame(i, np.array(pose.position), np.array(pose.orientation))
               for i, body in enumerate(spec.bodies) for pose in body.frames.values()]

@@ -15,9 +15,9 @@ class TimestepScene(_Scene):
     """A scene that runs with the model `timestep`."""
 
     def __init__(self, things, material, h=1e-3, gravity=(0.0, 0.0, -G),
-                 settings=TimestepSettings()):
+                 settings=None):
         super().__init__(things, material, h, gravity)
-        self.settings = settings
+        self.settings = settings or TimestepSettings()
         self.work = make_timestep_work(self.model, self.shapes, self.memory)
 
     def step(self, count=1) -> None:

@@ -128,11 +128,6 @@ def test_mistakes_name_their_place(keys, message):
         read(ball('a'), ball('b'), **keys)
 
 
-def test_a_solver_that_is_not_there_is_refused():
-    with pytest.raises(SceneError, match=r"world\.solver: 'qp' is not in this version"):
-        read(ball('a'), world={'solver': 'qp'})
-
-
 def test_an_unknown_group_is_a_mistake():
     with pytest.raises(SceneError, match=r"collides_with\[0\]: 'rde' is no group of any body"):
         read(ball('a', groups=['red'], collides_with=['rde']))
