@@ -16,7 +16,8 @@ def two_boxes(**world) -> World:
     """Return a box of 2 kg on a box of 3 kg on the ground, at rest."""
     return World.from_dict({
         # Of the penalty model: m g * 20 s/m = 980 N s/m on 5 kg and 2e5 N/m, half of critical.
-        'format': 1, 'world': world, 'materials': {'default': {'damping': 20.0}}, 'bodies': [
+        'format': 1, 'world': world, 'materials': {'default': {'damping': 20.0}},
+        'bodies': [
             {'name': 'ground', 'fixed': True, 'shape': {'type': 'plane'}},
             {'name': 'lower', 'mass': 3.0, 'shape': {'type': 'box', 'size': [1, 1, 1]},
              'pose': {'position': [0, 0, 0.5]}},
