@@ -25,7 +25,8 @@ def two_boxes(**world) -> World:
              'pose': {'position': [0, 0, 1.3]}}]})
 
 
-@pytest.fixture(scope='module', params=MODELS, ids=lambda model: '-'.join(map(str, model.values())))
+@pytest.fixture(scope='module', params=MODELS,
+                ids=lambda model: '-'.join(map(str, model.values())))
 def settled(request) -> World:
     world = two_boxes(**request.param)
     world.step(round(1.0 / (world.step_ns * 1e-9)))
