@@ -113,3 +113,19 @@ def test_a_world_alone_with_itself_has_no_contacts():
     world.step(3)
     assert len(world.contacts()) == 0
     assert not world.contact_wrenches().any()
+
+
+@pytest.mark.parametrize('model', ['timestep', 'event'])
+def test_a_bounce_is_in_the_contact_force_of_its_step(model):
+    world = World.from_dict({
+        'format': 1, 'world': {'contact': model, 'gravity': [0, 0, 0]},
+        'materials': {'default': {'restitution': 1.0, 'friction': 0.0}}, 'bodies': [
+            {'name': 'ground', 'fixed': True, 'shape': {'type': 'plane'}},
+            {'name': 'ball', 'mass': 2.0, 'shape': {'type': 'sphere', 'radius': 0.1},
+             'pose': {'position': [0, 0, 0.1505]}, 'twist': {'linear': [0, 0, -5.0]}}]})
+    pushed = 0.0
+    for _ in range(20):
+        world.step()
+        pushed += world.contacts()['normal_force'].sum() * 1e-3
+    assert world.linear_velocity[1, 2] == pytest.approx(5.0, rel=1e-9)
+    assert pushed == pytest.approx(2.0 * 10.0, rel=1e-9)  # m times the change of velocity

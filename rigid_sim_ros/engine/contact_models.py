@@ -129,7 +129,8 @@ class _Touching:
 
     def contacts(self, state: State) -> np.ndarray:
         """Return the manifolds of the latest step with its impulses as forces."""
-        return _rows(self._setup, state, current_manifolds(self._memory))
+        manifolds = current_manifolds(self._memory)
+        return _rows(self._setup, state, manifolds, manifolds.impulse, manifolds.friction)
 
     def _counts(self) -> ContactReport:
         manifolds = current_manifolds(self._memory)
@@ -151,12 +152,14 @@ class Timestep(_Touching):
             sequential=SequentialSettings(substeps=setup.substeps),
             continuous=int(setup.continuous))
         self._work = timestep.make_timestep_work(setup.model, setup.shapes, self._memory)
+        self._has_stepped = False
 
     def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Go back to manifolds that `lasting` returned."""
         super().recall(arrays)
         self._work = timestep.make_timestep_work(
             self._setup.model, self._setup.shapes, self._memory)
+        self._has_stepped = False
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
         """Advance the state."""
@@ -164,6 +167,15 @@ class Timestep(_Touching):
         self._memory, self._work = timestep.advance(
             s.model, state, wrenches, s.shapes, s.materials, self._memory, self._settings,
             self._work, count)
+        self._has_stepped = self._has_stepped or count > 0
+
+    def contacts(self, state: State) -> np.ndarray:
+        """Return the manifolds of the latest step with all its impulses, collisions included."""
+        if not self._has_stepped:  # after `recall` the impulses of the last substep are known
+            return super().contacts(state)
+        solver = self._work.solver
+        return _rows(self._setup, state, current_manifolds(self._memory), solver.normal_impulse,
+                     solver.friction_impulse)
 
     def report(self) -> ContactReport:
         """Return the counts, and the largest change of a contact's velocity in the last sweep."""
@@ -277,9 +289,10 @@ class Penalty(_Touching):
         return self._counts()
 
 
-def _rows(setup: Setup, state: State, manifolds: Manifolds) -> np.ndarray:
+def _rows(setup: Setup, state: State, manifolds: Manifolds, normal: Array,
+          friction: Array) -> np.ndarray:
     """
-    Return a row for each contact point that is not beyond reach.
+    Return a row for each contact point, with the impulses (c, 4) and (c, 3) [N s] as forces.
 
     The friction of a manifold is shared out over its points as their normal forces are.
     """
@@ -293,11 +306,11 @@ def _rows(setup: Setup, state: State, manifolds: Manifolds) -> np.ndarray:
     rows['point'] = 0.5 * (x[a] + manifolds.r_A[r, p] + x[b] + manifolds.r_B[r, p])
     rows['normal'] = manifolds.normal[r]
     rows['gap'] = manifolds.gap[r, p]
-    impulses = manifolds.impulse[r, p]
+    impulses = normal[r, p]
     totals = np.bincount(r, impulses, minlength=count)[r]
     share = np.divide(impulses, totals, out=np.zeros(len(r)), where=totals > 0.0)
     rows['normal_force'] = impulses / setup.model.h
-    rows['friction_force'] = manifolds.friction[r] * share[:, None] / setup.model.h
+    rows['friction_force'] = friction[r] * share[:, None] / setup.model.h
     return rows
 
 
