@@ -47,7 +47,7 @@ def pile():
         q = np.array((x, y, z, w)) / math.sqrt(w * w + x * x + y * y + z * z)
         grid = np.array((i % 10 - 4.5, i // 10 % 10 - 4.5, i // 100)) * 0.36
         boxes.append(box(f'b{i}', (0.2, 0.2, 0.2), 8.0,
-                         (*grid, 0, 0, 0.4, *rng.uniform(-0.005, 0.005, 3)), q))
+                         np.array((0.0, 0.0, 0.4)) + grid + rng.uniform(-0.005, 0.005, 3), q))
     return world(boxes, H)
 
 
