@@ -132,19 +132,17 @@ def overlaps(w):
     return depths[95::96].max(), depths.max(), depths[-1]
 
 
-def balls():
-    """Return the deepest overlap of 666 falling balls."""
+def heap_of_balls():
+    """Return 666 balls that fall into a heap."""
     rng, r = np.random.default_rng(2), 0.1
     places = [np.array((i - 4, j - 4, k)) * 2.2 * r + (0, 0, 0.3) + rng.uniform(-0.01, 0.01, 3)
               for k in range(9) for j in range(9) for i in range(9)][:666]
     mass = 4 / 3 * math.pi * r ** 3 * 1000
-    sampled, deepest, _ = overlaps(world([ball(f'b{i}', r, mass, p)
-                                          for i, p in enumerate(places)], H))
-    return f'{sampled:.2f} mm ({deepest:.2f})'
+    return world([ball(f'b{i}', r, mass, p) for i, p in enumerate(places)], H)
 
 
-def pile():
-    """Return the deepest overlap of 1000 falling boxes, and that at the end."""
+def heap_of_boxes():
+    """Return 1000 boxes that fall into a heap."""
     rng = np.random.default_rng(3)
     boxes = []
     for i in range(1000):
@@ -153,7 +151,18 @@ def pile():
         grid = np.array((i % 10 - 4.5, i // 10 % 10 - 4.5, i // 100)) * 0.36
         boxes.append(box(f'b{i}', (0.2, 0.2, 0.2), 8.0,
                          np.array((0.0, 0.0, 0.4)) + grid + rng.uniform(-0.005, 0.005, 3), q))
-    sampled, deepest, end = overlaps(world(boxes, H))
+    return world(boxes, H)
+
+
+def balls():
+    """Return the deepest overlap of 666 falling balls."""
+    sampled, deepest, _ = overlaps(heap_of_balls())
+    return f'{sampled:.2f} mm ({deepest:.2f})'
+
+
+def pile():
+    """Return the deepest overlap of 1000 falling boxes, and that at the end."""
+    sampled, deepest, end = overlaps(heap_of_boxes())
     return f'{sampled:.1f} mm ({deepest:.1f}), {end:.2f} mm'
 
 

@@ -8,23 +8,12 @@ simulated time), the median of several runs from the start of the scene, one thr
 Compare with runs in turn on the same machine only.
 """
 
-import math
 import statistics
 import time
 
-from contact_quality import ball, box, H, world
-import numpy as np
+from contact_quality import box, H, heap_of_balls, heap_of_boxes, world
 
 REPEATS = 3
-
-
-def balls():
-    """Return 666 balls that fall into a heap."""
-    rng, r = np.random.default_rng(2), 0.1
-    places = [np.array((i - 4, j - 4, k)) * 2.2 * r + (0, 0, 0.3) + rng.uniform(-0.01, 0.01, 3)
-              for k in range(9) for j in range(9) for i in range(9)][:666]
-    mass = 4 / 3 * math.pi * r ** 3 * 1000
-    return world([ball(f'b{i}', r, mass, p) for i, p in enumerate(places)], H)
 
 
 def tower(count):
@@ -38,22 +27,9 @@ def pyramid():
                   for k in range(20) for i in range(20 - k)], H, 0.6)
 
 
-def pile():
-    """Return 1000 boxes that fall into a heap."""
-    rng = np.random.default_rng(3)
-    boxes = []
-    for i in range(1000):
-        w, x, y, z = rng.normal(0, 1, 4)
-        q = np.array((x, y, z, w)) / math.sqrt(w * w + x * x + y * y + z * z)
-        grid = np.array((i % 10 - 4.5, i // 10 % 10 - 4.5, i // 100)) * 0.36
-        boxes.append(box(f'b{i}', (0.2, 0.2, 0.2), 8.0,
-                         np.array((0.0, 0.0, 0.4)) + grid + rng.uniform(-0.005, 0.005, 3), q))
-    return world(boxes, H)
-
-
-CASES = (('spheres 666', balls, 1200), ('stack 10', lambda: tower(10), 2400),
+CASES = (('spheres 666', heap_of_balls, 1200), ('stack 10', lambda: tower(10), 2400),
          ('stack 20', lambda: tower(20), 2400), ('pyramid 210', pyramid, 1200),
-         ('pile 1000', pile, 1200))
+         ('pile 1000', heap_of_boxes, 1200))
 
 
 def main() -> None:
