@@ -46,7 +46,7 @@ class Marker(NamedTuple):
     type: int           # visualization_msgs/Marker: ARROW 0, CUBE 1, SPHERE 2, CYLINDER 3, ...
     scale: tuple[float, float, float]           # m
     color: tuple[float, float, float, float]    # red, green, blue, alpha, each 0 to 1
-    points: Sequence[Sequence[float]] = ()      # m, in the marker's own frame
+    points: Sequence[Sequence[float]] | _Floats = ()    # m, in the marker's own frame
     action: int = 0     # ADD
 
 
@@ -244,7 +244,8 @@ class MarkersEncoder(_Scattered):
         writer.number('<i4', 0, 0)              # lifetime: for ever
         writer.number('|u1', 0)                 # frame_locked
         writer.number('<u4', len(marker.points))
-        writer.number('<f8', *(c for point in marker.points for c in point))
+        points = np.asarray(marker.points, dtype='<f8')
+        writer._append(points.tobytes(), _DOUBLE if points.size else 1)
         writer.number('<u4', 0)                 # colors: one for the whole marker
         writer.string('')                       # texture_resource
         writer.header('')                       # texture

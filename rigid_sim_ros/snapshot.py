@@ -28,7 +28,11 @@ def pack(meta: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> bytes:
     body = header + b''.join(
         array.astype(array.dtype.newbyteorder('<'), copy=False).tobytes()
         for array in raw.values())
-    return _PREFIX.pack(_MAGIC, len(header), zlib.crc32(body)) + body
+    return _PREFIX.pack(_MAGIC, len(header), _checksum(len(header), body)) + body
+
+
+def _checksum(header_size: int, body: bytes) -> int:
+    return zlib.crc32(body, header_size)
 
 
 def unpack(data: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -37,9 +41,9 @@ def unpack(data: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         raise ValueError(f'{len(data)} bytes are not a snapshot of a world: use World.save()')
     _, header_size, checksum = _PREFIX.unpack_from(data)
     body = data[_PREFIX.size:]
-    if zlib.crc32(body) != checksum:
+    if _checksum(header_size, body) != checksum:
         raise ValueError(f'the snapshot of {len(data)} bytes is damaged: its checksum is '
-                         f'{zlib.crc32(body):08x}, must be {checksum:08x}')
+                         f'{_checksum(header_size, body):08x}, must be {checksum:08x}')
     header = json.loads(body[:header_size])
     arrays = {}
     offset = header_size

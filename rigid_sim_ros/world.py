@@ -62,7 +62,7 @@ class World:
         collision = scene.spec.collision
         self._contact = make_contact_model(scene.contact, Setup(
             scene.model, scene.shapes, scene.materials, scene.integrator, scene.orientation,
-            scene.solver, collision.continuous, collision.substeps))
+            scene.solver, collision.continuous, collision.substeps, collision.sleep_after))
         self._motion = empty_motion(len(self.names))
         self._motion_is_current = False
 
@@ -241,6 +241,11 @@ class World:
     def cancel_wrenches(self, source: str) -> None:
         """End what a source applied."""
         self._applied.remove(source)
+
+    @property
+    def wrench_sources(self) -> list[str]:
+        """Who applied each wrench that is in effect, '' for nobody in particular."""
+        return list(self._applied.sources)
 
     def apply_impulse(self, name: str, impulse: ArrayLike, *, point: ArrayLike | None = None,
                       frame: str = 'world') -> None:

@@ -19,11 +19,17 @@ MODULES = sorted(
 WORLD = {'applied', 'snapshot', 'world'}
 LOWER = WORLD | {'bag', 'codec', 'engine', 'scene'}
 MAY_IMPORT = {
-    'cli': LOWER | {'bag_commands', 'nodes', 'report'},
-    'bag_commands': LOWER | {'report'},
-    'nodes': LOWER,
+    'cli': LOWER | {'bag_commands', 'nodes', 'options', 'plots', 'render', 'report', 'viewer',
+                    'warm_up'},
+    'options': {'scene'},
+    'bag_commands': LOWER | {'report', 'warm_up'},
+    'plots': LOWER,
+    'render': LOWER | {'plots'},
+    'nodes': LOWER | {'viewer', 'warm_up'},
+    'viewer': LOWER | {'plots'},
     'report': LOWER,
     'bag': LOWER,
+    'warm_up': WORLD | {'scene'},
     'codec': {'engine'},
     'scene': {'engine'},
     **dict.fromkeys(WORLD, WORLD | {'engine', 'scene'}),

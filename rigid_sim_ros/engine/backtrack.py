@@ -15,7 +15,6 @@ performance, ACM Trans. Math. Softw. 47 (2021)).
 
 import math
 
-import numpy as np
 
 from rigid_sim_ros.engine.algebra import norm
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
@@ -137,22 +136,16 @@ def motion_bound(model: Model, state: State, loads: Loads, shapes: Shapes, s: in
     return t * (speed + spin * reach_of_turning(shapes, s))
 
 
+@kernel
 def pairs_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, t: float, pose: Array,
-                pairs: IntArray) -> int:
+                radius: Array, low: Array, order: IntArray, pairs: IntArray) -> int:
     """
     Write the pairs of shapes (p, 2) that may meet within t [s], sorted; return how many there are.
 
     Where that is more than the room, only some were written. Spheres around the shapes, larger by
-    their motion, are sorted along x and swept; planes are compared with all.
+    their motion, are sorted along x and swept; planes are compared with all. radius, low and
+    order, (s,), are scratch.
     """
-    count = len(shapes.body)
-    return int(_pairs_ahead(model, state, loads, shapes, t, pose, np.empty(count), np.empty(count),
-                            np.empty(count, dtype=np.int64), pairs))
-
-
-@kernel
-def _pairs_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, t: float, pose: Array,
-                 radius: Array, low: Array, order: IntArray, pairs: IntArray) -> int:
     count = shapes.body.shape[0]
     for s in range(count):
         place_ahead(model, state, loads, shapes, s, 0.0, pose)
@@ -279,24 +272,25 @@ def first_event(model: Model, state: State, loads: Loads, shapes: Shapes, pairs:
 
     allowed, (p,), is 0 for pairs that are apart. A pair that touches already has how deep [m, < 0]
     it may get during the step; it counts as an event when it ends the step deeper than that, and
-    then from the time at which it got there.
+    then from the time at which it got there. What is deeper already may not get deeper by more
+    than `overlap` [m]. `allowed` then holds what was allowed.
     """
     best, which = until, -1
     for k in range(count):
         a, b = pairs[k, 0], pairs[k, 1]
         gap, n = pair_gap(model, state, loads, shapes, a, b, 0.0, pose, scratch)
         level = allowed[k]
-        if level == 0.0 and gap <= film(shapes, a, b):
-            # Nearer than detection holds for touching, by rounding: as deep as that it will see
-            # it.
-            level = min(gap, 0.0) - overlap
+        if level < 0.0 or gap <= film(shapes, a, b):
+            # The points of a manifold may miss the deepest one by rounding, or by UNSEEN.
+            level = min(level, gap - overlap, -overlap)
+            allowed[k] = level
         if level == 0.0:
             t = meeting(model, state, loads, shapes, a, b, gap, n, best, pose, scratch)
             if t < best:
                 best, which = t, k
             continue
         then = pair_gap(model, state, loads, shapes, a, b, best, pose, scratch)[0]
-        if then < level < gap:
+        if then < level:
             best = crossing(model, state, loads, shapes, a, b, 0.0, best, gap, then, level, pose,
                             scratch)
             which = k

@@ -89,15 +89,15 @@ def refresh(kind: IntArray, body: IntArray, pose: Array, box: Array, inv_m: Arra
 
 
 @kernel
-def _fat_overlap(kind: IntArray, fat: Array, margin: float, a: int, b: int) -> bool:
-    """Return whether fat boxes overlap; a plane takes up all below it and half a margin above."""
+def _fat_overlap(kind: IntArray, fat: Array, ahead: Array, a: int, b: int) -> bool:
+    """Return whether fat boxes overlap; a plane takes up all below it and some above."""
     if kind[a] == PLANE or kind[b] == PLANE:
         p, s = (a, b) if kind[a] == PLANE else (b, a)
         lowest = -fat[p, 3]
         for k in range(3):
             n = fat[p, k]
             lowest += n * (fat[s, k] if n > 0.0 else fat[s, 3 + k])
-        return lowest <= 0.5 * margin
+        return lowest <= ahead[p]
     return boxes_overlap(fat, a, b)
 
 
@@ -144,13 +144,13 @@ def _fill_grid(kind: IntArray, fat: Array, cells: IntArray, buckets: IntArray, m
 
 @kernel
 def _offer(shapes: Shapes, fat: Array, moved: IntArray, fresh: IntArray, bodies: int,
-           margin: float,
+           ahead: Array,
            count: int, s: int, other: int) -> int:
     """Note a pair if its fat boxes overlap and the filters let it; return the number of pairs."""
     # Two that both moved find each other twice.
     if other == s or (moved[other] == 1 and other < s):
         return count
-    if not _fat_overlap(shapes.kind, fat, margin, s, other):
+    if not _fat_overlap(shapes.kind, fat, ahead, s, other):
         return count
     a, b = min(s, other), max(s, other)
     if not may_collide(shapes, bodies, a, b):
@@ -163,16 +163,16 @@ def _offer(shapes: Shapes, fat: Array, moved: IntArray, fresh: IntArray, bodies:
 
 @kernel
 def _look_around(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, buckets: IntArray,
-                 members: IntArray, levels: IntArray, fresh: IntArray, bodies: int, margin: float,
+                 members: IntArray, levels: IntArray, fresh: IntArray, bodies: int, ahead: Array,
                  count: int, s: int) -> int:
     """Find the partners of shape s, which moved; return the number of pairs so far."""
     t = buckets.shape[0] - 2
     if cells[s, 0] == WIDE:
         for other in range(shapes.kind.shape[0]):
-            count = _offer(shapes, fat, moved, fresh, bodies, margin, count, s, other)
+            count = _offer(shapes, fat, moved, fresh, bodies, ahead, count, s, other)
         return count
     for k in range(buckets[t], buckets[t + 1]):
-        count = _offer(shapes, fat, moved, fresh, bodies, margin, count, s, members[k])
+        count = _offer(shapes, fat, moved, fresh, bodies, ahead, count, s, members[k])
     for level in range(_LOWEST, LEVELS + _LOWEST):
         if levels[level - _LOWEST] == 0:
             continue
@@ -185,7 +185,7 @@ def _look_around(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, b
         if visits > float(shapes.kind.shape[0]):
             for other in range(shapes.kind.shape[0]):
                 if cells[other, 0] == level:
-                    count = _offer(shapes, fat, moved, fresh, bodies, margin, count, s, other)
+                    count = _offer(shapes, fat, moved, fresh, bodies, ahead, count, s, other)
             continue
         for x in range(x0, x1 + 1):
             for y in range(y0, y1 + 1):
@@ -195,7 +195,7 @@ def _look_around(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, b
                         other = members[k]
                         if (cells[other, 1] == x and cells[other, 2] == y and cells[other, 3] == z
                                 and cells[other, 0] == level):
-                            count = _offer(shapes, fat, moved, fresh, bodies, margin, count, s,
+                            count = _offer(shapes, fat, moved, fresh, bodies, ahead, count, s,
                                            other)
     return count
 
@@ -224,13 +224,13 @@ def _is_before(pair: IntArray, i: int, fresh: IntArray, j: int) -> bool:
 
 
 @kernel
-def _forget_parted(kind: IntArray, fat: Array, moved: IntArray, margin: float, pair: IntArray,
+def _forget_parted(kind: IntArray, fat: Array, moved: IntArray, ahead: Array, pair: IntArray,
                    axis: Array, count: int) -> int:
     """Drop pairs of moved shapes whose fat boxes no longer overlap; return how many are left."""
     kept = 0
     for k in range(count):
         a, b = pair[k, 0], pair[k, 1]
-        if moved[a] + moved[b] == 0 or _fat_overlap(kind, fat, margin, a, b):
+        if moved[a] + moved[b] == 0 or _fat_overlap(kind, fat, ahead, a, b):
             if kept < k:
                 pair[kept, 0], pair[kept, 1] = a, b
                 for i in range(4):
@@ -273,20 +273,20 @@ def _merge(pair: IntArray, axis: Array, count: int, fresh: IntArray, found: int)
 @kernel
 def update_pairs(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, buckets: IntArray,
                  members: IntArray, tally: IntArray, levels: IntArray, fresh: IntArray,
-                 pair: IntArray, axis: Array, count: int, bodies: int, margin: float) -> int:
+                 pair: IntArray, axis: Array, count: int, bodies: int, ahead: Array) -> int:
     """
     Bring the pairs up to date after some shapes moved; return their number.
 
     A number above the capacity of `pair` means that there was no room, and the pairs are lost.
     """
-    count = _forget_parted(shapes.kind, fat, moved, margin, pair, axis, count)
+    count = _forget_parted(shapes.kind, fat, moved, ahead, pair, axis, count)
     _fill_grid(shapes.kind, fat, cells, buckets, members, tally, levels)
     found = 0
     for s in range(shapes.kind.shape[0]):
         if moved[s] == 1:
             found = _look_around(shapes, fat, moved, cells, buckets, members, levels, fresh,
                                  bodies,
-                                 margin, found, s)
+                                 ahead, found, s)
     if found > fresh.shape[1]:
         return count + found
     _sort(fresh, found, tally)

@@ -67,7 +67,8 @@ MOTION_B = MOTION_A + 6
 TWIST = MOTION_B + 6  # of B relative to A at c, N and then T
 WRENCH = TWIST + 6  # what this visit added to the impulses, N and then T
 SHOVE = WRENCH + 6  # impulse along n of the push that displaces [N s]
-ROWS = SHOVE + 1
+OVERLAP = SHOVE + 1  # scratch
+ROWS = OVERLAP + 1
 BLOCK_SIZE = ROWS * LANES
 ABSENT = 1e30  # the gap of a point that is not there [m]
 
@@ -96,28 +97,30 @@ def symmetric(b: Array, row: int, i: int, v: Vector) -> Vector:
 
 
 @kernel
-def prepare_block(b: Array) -> None:
+def prepare_block(b: Array, points: int) -> None:
     """
     Work out frames, arms and responses of the eight manifolds of a block.
 
     Filled in before: NORMAL, x_A - x_B in ARM_B, J_A .. INV_M_B, MU .. PAIR, the friction impulse
     as a world vector in MOVED, FRICTION + 2, and for each of four points GAP, IMPULSE and in S, T,
     MASS where it is from the centre of mass of A [m], world axes. A point that is not there has
-    the gap ABSENT.
+    the gap ABSENT, and so have all but the first in a block of one point.
     """
     _make_basis(b)
     _place_centre(b)
     _place_point(b, POINT)
-    _place_point(b, POINT + POINT_ROWS)
-    _place_point(b, POINT + 2 * POINT_ROWS)
-    _place_point(b, POINT + 3 * POINT_ROWS)
+    if points > 1:
+        _place_point(b, POINT + POINT_ROWS)
+        _place_point(b, POINT + 2 * POINT_ROWS)
+        _place_point(b, POINT + 3 * POINT_ROWS)
     _add_response(b, ARM_A, J_A, INV_M_A, 0.0)
     _add_response(b, ARM_B, J_B, INV_M_B, 1.0)
     _invert(b)
     _respond_at(b, POINT)
-    _respond_at(b, POINT + POINT_ROWS)
-    _respond_at(b, POINT + 2 * POINT_ROWS)
-    _respond_at(b, POINT + 3 * POINT_ROWS)
+    if points > 1:
+        _respond_at(b, POINT + POINT_ROWS)
+        _respond_at(b, POINT + 2 * POINT_ROWS)
+        _respond_at(b, POINT + 3 * POINT_ROWS)
 
 
 @kernel

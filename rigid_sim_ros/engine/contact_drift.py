@@ -13,10 +13,10 @@ centripetal acceleration of the corner, for two balls |u_t|^2 / distance of the 
 a ball that rolls on a plane, where the acceleration of the material point would be wrong by w^2 r.
 """
 
-from rigid_sim_ros.engine.algebra import cross, dot
+from rigid_sim_ros.engine.algebra import cross, dot, norm, subtract
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.backtrack import place_ahead
-from rigid_sim_ros.engine.contacts import Bodies, Contacts, relative, to_contact
+from rigid_sim_ros.engine.contacts import Bodies, Contacts, relative, row, to_contact
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Scratch
@@ -28,6 +28,10 @@ from rigid_sim_ros.engine.state import State
 # cos 25 deg: a normal that turns farther in one step has jumped to another feature, and says
 # nothing.
 SAME_NORMAL = 0.9
+# Of the size of the smaller shape: a point that gets farther on both bodies in the time has jumped
+# too, as the lowest point of a rim does from one side to the other when a disk falls flat. 2 would
+# take the jump for a motion, and a force that stops it throws the disk up.
+JUMP = 0.5
 
 
 @kernel
@@ -58,9 +62,10 @@ def contact_drift(model: Model, state: State, still: Loads, shapes: Shapes, cont
             if scratch.ids[p] != contacts.feature[k]:
                 continue
             now = to_contact(contacts, k, relative(bodies.velocity, contacts, k))
-            then = _velocity(model, state, contacts, bodies, k, t, n, scratch.points, p)
+            then, shift = _velocity(model, state, contacts, bodies, k, t, n, scratch.points, p)
             e = contacts.axes
-            if dot(n, (e[k, 0, 0], e[k, 0, 1], e[k, 0, 2])) > SAME_NORMAL:
+            if (dot(n, (e[k, 0, 0], e[k, 0, 1], e[k, 0, 2])) > SAME_NORMAL
+                    and shift < JUMP * min(shapes.bound[a], shapes.bound[b])):
                 turned = to_contact(contacts, k, then)
                 drift[3 * c] = (dot(n, then) - now[0]) / t
                 drift[3 * c + 1] = (turned[1] - now[1]) / t
@@ -70,9 +75,12 @@ def contact_drift(model: Model, state: State, still: Loads, shapes: Shapes, cont
 
 @kernel
 def _velocity(model: Model, state: State, contacts: Contacts, bodies: Bodies, k: int, t: float,
-              n: Vector,
-              points: Array, p: int) -> Vector:
-    """Return the velocity of B relative to A at point p after t [s] with the v and w of now."""
+              n: Vector, points: Array, p: int) -> tuple[Vector, float]:
+    """
+    Return the velocity of B relative to A at point p after t [s] with the v and w of now.
+
+    And how far [m] the point has moved from where it was, seen from the body on which it is less.
+    """
     a, b = contacts.body_a[k], contacts.body_b[k]
     v = bodies.velocity
     half = 0.5 * points[p, 3]
@@ -83,5 +91,7 @@ def _velocity(model: Model, state: State, contacts: Contacts, bodies: Bodies, k:
            at[2] - state.x[2, b] - t * v[b, 2])
     at_A = cross((v[a, 3], v[a, 4], v[a, 5]), r_A)
     at_B = cross((v[b, 3], v[b, 4], v[b, 5]), r_B)
+    on_A = norm(subtract(r_A, row(contacts.r_A, k)))
+    on_B = norm(subtract(r_B, row(contacts.r_B, k)))
     return (v[b, 0] - v[a, 0] + at_B[0] - at_A[0], v[b, 1] - v[a, 1] + at_B[1] - at_A[1],
-            v[b, 2] - v[a, 2] + at_B[2] - at_A[2])
+            v[b, 2] - v[a, 2] + at_B[2] - at_A[2]), min(on_A, on_B)

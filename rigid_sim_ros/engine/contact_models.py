@@ -8,12 +8,14 @@ caller's. What is remembered and influences later steps is part of a world's dyn
 """
 
 from collections.abc import Callable, Mapping
+import math
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from rigid_sim_ros.engine import event, penalty, timestep, velocity_qp
 from rigid_sim_ros.engine.arrays import Array
+from rigid_sim_ros.engine.event_buffers import Carried, EventSettings, no_forces
 from rigid_sim_ros.engine.integrate import make_work, ORIENTATIONS
 from rigid_sim_ros.engine.manifolds import (
     CONTACTS, current_manifolds, empty_memory, lasting, Manifolds, Memory, PAIRS, with_lasting,
@@ -21,6 +23,7 @@ from rigid_sim_ros.engine.manifolds import (
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.sequential import SequentialSettings
 from rigid_sim_ros.engine.shapes import Materials, Shapes
+from rigid_sim_ros.engine.sleeping import no_rest
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.step import FREE_MOTION
 from rigid_sim_ros.engine.wrenches import Wrenches
@@ -42,6 +45,7 @@ class Setup(NamedTuple):
     solver: str  # of the model `timestep`
     continuous: bool
     substeps: int
+    sleep_after: float  # [s] at rest, of the sequential solver; 0: nothing sleeps
 
 
 class ContactReport(NamedTuple):
@@ -51,6 +55,7 @@ class ContactReport(NamedTuple):
     witnessed: int = 0  # of these, found apart by the plane that separated them before
     contacts: int = 0  # points of all manifolds
     deepest: float = 0.0  # [m] overlap
+    asleep: int = 0  # bodies that sleep
     residual: float = 0.0  # of the solver, in its own measure
     iterations: int = 0  # of the solver
     message: str = ''  # what the solver could not do
@@ -105,6 +110,16 @@ class FreeMotion:
         return np.zeros(0, dtype=CONTACT)
 
 
+def _named(prefix: str, fields: Any) -> dict[str, np.ndarray]:
+    """Return copies of the arrays of a NamedTuple under names of their own in a saved world."""
+    return {f'{prefix}_{name}': array.copy() for name, array in fields._asdict().items()}
+
+
+def _unnamed(prefix: str, kind: Any, arrays: Mapping[str, np.ndarray]) -> Any:
+    """Return the NamedTuple of this kind whose arrays `_named` returned."""
+    return kind._make(arrays[f'{prefix}_{name}'].copy() for name in kind._fields)
+
+
 class _Touching:
     """What the models with contacts share: the memory of detection."""
 
@@ -117,15 +132,13 @@ class _Touching:
 
     def lasting(self) -> dict[str, np.ndarray]:
         """Return the manifolds in use."""
-        fields = zip(Manifolds._fields, lasting(self._memory), strict=True)
-        return {f'manifold_{name}': array for name, array in fields}
+        return _named('manifold', Manifolds._make(lasting(self._memory)))
 
     def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Go back to manifolds that `lasting` returned."""
         self._memory = self._fresh()
         if arrays:
-            rows = [arrays[f'manifold_{name}'] for name in Manifolds._fields]
-            self._memory = with_lasting(self._memory, rows)
+            self._memory = with_lasting(self._memory, _unnamed('manifold', Manifolds, arrays))
 
     def contacts(self, state: State) -> np.ndarray:
         """Return the manifolds of the latest step with its impulses as forces."""
@@ -142,6 +155,10 @@ class _Touching:
                              int(counters[CONTACTS]), float(max(0.0, -gaps.min(initial=0.0))))
 
 
+# Of `Rest`, what influences later steps.
+_REST = ('steps', 'asleep', 'pose', 'load')
+
+
 class Timestep(_Touching):
     """Velocity level, soft substeps: for real time and for many bodies."""
 
@@ -150,15 +167,27 @@ class Timestep(_Touching):
         super().__init__(setup)
         self._settings = timestep.TimestepSettings(
             sequential=SequentialSettings(substeps=setup.substeps),
-            continuous=int(setup.continuous))
+            continuous=int(setup.continuous),
+            sleep_steps=math.ceil(setup.sleep_after / setup.model.h))
         self._work = timestep.make_timestep_work(setup.model, setup.shapes, self._memory)
+        self._rest = no_rest(len(setup.model.m))
         self._has_stepped = False
+
+    def lasting(self) -> dict[str, np.ndarray]:
+        """Return the manifolds, and who rests where if bodies may sleep."""
+        arrays = super().lasting()
+        if self._settings.sleep_steps > 0:
+            arrays |= {f'rest_{name}': getattr(self._rest, name).copy() for name in _REST}
+        return arrays
 
     def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Go back to manifolds that `lasting` returned."""
         super().recall(arrays)
         self._work = timestep.make_timestep_work(
             self._setup.model, self._setup.shapes, self._memory)
+        self._rest = no_rest(len(self._setup.model.m))
+        for name in _REST if arrays and self._settings.sleep_steps > 0 else ():
+            getattr(self._rest, name)[...] = arrays[f'rest_{name}']
         self._has_stepped = False
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
@@ -166,7 +195,7 @@ class Timestep(_Touching):
         s = self._setup
         self._memory, self._work = timestep.advance(
             s.model, state, wrenches, s.shapes, s.materials, self._memory, self._settings,
-            self._work, count)
+            self._work, self._rest, count)
         self._has_stepped = self._has_stepped or count > 0
 
     def contacts(self, state: State) -> np.ndarray:
@@ -180,7 +209,8 @@ class Timestep(_Touching):
     def report(self) -> ContactReport:
         """Return the counts, and the largest change of a contact's velocity in the last sweep."""
         return self._counts()._replace(residual=float(self._work.solver.residual[0]),
-                                       iterations=self._settings.sequential.substeps)
+                                       iterations=self._settings.sequential.substeps,
+                                       asleep=int(self._rest.asleep.sum()))
 
 
 class VelocityQp(_Touching):
@@ -218,7 +248,7 @@ class Event(_Touching):
     def __init__(self, setup: Setup) -> None:
         """Make room for no contacts yet."""
         super().__init__(setup)
-        self._settings = event.EventSettings()
+        self._settings = EventSettings()
         self._work = event.EventWork(len(setup.model.m), len(setup.shapes.body))
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
@@ -229,29 +259,26 @@ class Event(_Touching):
 
     def lasting(self) -> dict[str, np.ndarray]:
         """Return the manifolds and the forces of the last step."""
-        carried = self._work.lasting()._asdict()
-        return super().lasting() | {f'carried_{name}': array.copy()
-                                    for name, array in carried.items()}
+        return super().lasting() | _named('carried', self._work.carried)
 
     def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Go back to manifolds and forces that `lasting` returned."""
         super().recall(arrays)
-        if arrays:
-            self._work.carried = event.Carried._make(
-                arrays[f'carried_{name}'].copy() for name in event.Carried._fields)
-        else:
-            self._work.carried = event.no_forces()
+        self._work.carried = (_unnamed('carried', Carried, arrays) if arrays
+                              else no_forces())
 
     def report(self) -> ContactReport:
         """Return the counts and what OSQP said."""
         done = self._work.report
         message = ''
         if done.unsolved:
-            message = f'OSQP left {done.unsolved} contact problems unsolved: {done.status}'
+            message = (f'{done.unsolved} contact problems were left with a residual of '
+                       f'{done.residual:.1e}, OSQP: {done.status}')
         elif done.cut_short:
             message = f'more than {self._settings.max_events} collisions in one step'
-        return self._counts()._replace(residual=done.residual, iterations=done.iterations,
-                                       message=message)
+        # Not only where the step began: the deepest of all times at which it was interrupted.
+        return self._counts()._replace(deepest=done.deepest, residual=done.residual,
+                                       iterations=done.iterations, message=message)
 
 
 class Penalty(_Touching):
@@ -271,18 +298,13 @@ class Penalty(_Touching):
 
     def lasting(self) -> dict[str, np.ndarray]:
         """Return the manifolds and the bristles of friction."""
-        bristles = self._work.lasting()._asdict()
-        return super().lasting() | {f'bristle_{name}': array.copy()
-                                    for name, array in bristles.items()}
+        return super().lasting() | _named('bristle', self._work.lasting())
 
     def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Go back to manifolds and bristles that `lasting` returned."""
         super().recall(arrays)
-        if arrays:
-            self._work.bristles = penalty.Bristles._make(
-                arrays[f'bristle_{name}'].copy() for name in penalty.Bristles._fields)
-        else:
-            self._work.bristles = penalty.no_bristles()
+        self._work.bristles = (_unnamed('bristle', penalty.Bristles, arrays) if arrays
+                               else penalty.no_bristles())
 
     def report(self) -> ContactReport:
         """Return the counts; springs need no solver."""
@@ -314,11 +336,13 @@ def _rows(setup: Setup, state: State, manifolds: Manifolds, normal: Array,
     return rows
 
 
-CONTACT_MODELS: dict[str, Callable[[Setup], Any]] = {
-    'none': FreeMotion,
-    'event': Event,
-    'penalty': Penalty,
-    'timestep': Timestep,
+# By contact and solver; the others have but one way to solve, whatever the solver is called.
+CONTACT_MODELS: dict[tuple[str, str], Callable[[Setup], Any]] = {
+    ('none', ''): FreeMotion,
+    ('event', ''): Event,
+    ('penalty', ''): Penalty,
+    ('timestep', 'sequential'): Timestep,
+    ('timestep', 'qp'): VelocityQp,
 }
 
 
@@ -332,7 +356,6 @@ def make_contact_model(name: str, setup: Setup) -> ContactModel:
     moving = np.count_nonzero(setup.shapes.still == 0)
     if len(setup.shapes.body) < 2 or moving == 0:
         name = 'none'
-    if (name, setup.solver) == ('timestep', 'qp'):
-        return VelocityQp(setup)
-    contact_model: ContactModel = CONTACT_MODELS[name](setup)
+    solver = setup.solver if name == 'timestep' else ''
+    contact_model: ContactModel = CONTACT_MODELS[name, solver](setup)
     return contact_model

@@ -19,6 +19,9 @@ Lemarechal, Malick, A formulation of the linear discrete Coulomb friction proble
 optimization, ZAMM 91 (2011)): without s a body that slides would be lifted off by mu |a_t|. s is
 found by iteration; where one point slides it contracts by mu^2 / (1 + mu^2).
 
+Torques against spinning and rolling obey the same law with coefficients of their own, about the
+normal and in the tangential plane: three disks in place of one, and three more rows to a point.
+
 OSQP solves each program over a pyramid in place of the cone, whose edges point along the friction
 force; it finds which points press and which slide. Newton's method on the exact conditions takes
 it from there to rounding, and while that division of the points lasts, from step to step without
@@ -51,9 +54,14 @@ COMPLIANCE = 1e-8
 # Compliance for a step that finds no solution otherwise: 1e-8 m/s for a body under its weight
 SOFTER = 1e-6
 SWEEPS = 300  # of Gauss-Seidel, where Newton's method does not get on from OSQP's forces
+# Sweeps where nothing else led on: redundant points on the verge of slipping, towards which the
+# sweeps creep. 1e4 take 15 ms for six points; at most as many as so many products allow.
+LAST_SWEEPS = (1000, 10000)
+LAST_PRODUCTS = 2e7
 ROUNDS = 8  # of the iteration for s
 FEW_ROUNDS = 3  # after so many, TOLERANCE will do
 NEWTON_STEPS = 40
+CARRIED_OVER = 'carried over'
 FEW_STEPS = 4  # while the division of the points lasts, 1 or 2 are enough
 # Newton's method ends at a violation this small against |b|; rounding leaves 1e-16 to 1e-13.
 GOAL = 1e-12
@@ -75,6 +83,28 @@ class Outcome(NamedTuple):
 
 
 @kernel
+def coefficients(width: int) -> int:
+    """Return how many coefficients, and disks, a point with so many rows has: 1 or 3."""
+    return width // 3 * 2 - 1
+
+
+@kernel
+def _disk(d: int) -> tuple[int, int]:
+    """Return the first row of disk d of a point and how many it has: slip, spin, roll."""
+    if d == 0:
+        return 1, 2
+    if d == 1:
+        return 3, 1
+    return 4, 2
+
+
+@kernel
+def _stiffness(A: Array, x: int, rows: int) -> float:
+    """Return the larger diagonal entry of the rows of a disk [1/kg]."""
+    return max(A[x, x], A[x + rows - 1, x + rows - 1])
+
+
+@kernel
 def _violation(A: Array, b: Array, mu: Array, f: Array, a: Array) -> float:
     """Write a = A f + b and return by how much the conditions are violated [unit of b]."""
     rows = b.shape[0]
@@ -83,19 +113,31 @@ def _violation(A: Array, b: Array, mu: Array, f: Array, a: Array) -> float:
         for j in range(rows):
             total += A[i, j] * f[j]
         a[i] = total
-    worst = 0.0
+    worst, width = 0.0, rows // mu.shape[0]
     for k in range(mu.shape[0]):
-        n = 3 * k
+        n = width * k
         stiff = A[n, n]
         pressed = max(0.0, f[n] - a[n] / stiff)
         worst = max(worst, abs(f[n] - pressed) * stiff)
-        stiff = max(A[n + 1, n + 1], A[n + 2, n + 2])
-        w_x, w_y = f[n + 1] - a[n + 1] / stiff, f[n + 2] - a[n + 2] / stiff
-        size, limit = np.sqrt(w_x * w_x + w_y * w_y), mu[k] * max(0.0, f[n])
-        if size > limit:
-            w_x, w_y = w_x * limit / size, w_y * limit / size
-        worst = max(worst, abs(f[n + 1] - w_x) * stiff, abs(f[n + 2] - w_y) * stiff)
+        for d in range(coefficients(width)):
+            first, size = _disk(d)
+            x, y = n + first, n + first + size - 1
+            stiff = _stiffness(A, x, size)
+            w_x = f[x] - a[x] / stiff
+            w_y = f[y] - a[y] / stiff if size == 2 else 0.0
+            length, limit = np.sqrt(w_x * w_x + w_y * w_y), mu[k, d] * max(0.0, f[n])
+            if length > limit:
+                w_x, w_y = w_x * limit / length, w_y * limit / length
+            worst = max(worst, abs(f[x] - w_x) * stiff)
+            if size == 2:
+                worst = max(worst, abs(f[y] - w_y) * stiff)
     return worst
+
+
+def _table(mu: Array, rows: int) -> Array:
+    """Return the coefficients as (m, 1) or, with rows for spinning and rolling, (m, 3)."""
+    m = len(mu)
+    return np.ascontiguousarray(mu.reshape(m, -1)[:, :coefficients(rows // m)])
 
 
 def residual(A: Array, b: Array, mu: Array, f: Array) -> float:
@@ -105,7 +147,8 @@ def residual(A: Array, b: Array, mu: Array, f: Array) -> float:
     It is the largest |f - P(f - a / A_ii)| A_ii over the points, P the projection onto f_n >= 0
     and onto the disk |f_t| <= mu f_n: an acceleration, and 0 exactly for a solution.
     """
-    return float(_violation(A, b, mu, f, np.empty_like(b))) / max(float(np.abs(b).max()), 1e-300)
+    worst = float(_violation(A, b, _table(mu, len(b)), f, np.empty_like(b)))
+    return worst / max(float(np.abs(b).max()), 1e-300)
 
 
 @kernel
@@ -138,68 +181,87 @@ def _solve_linear(M: Array, x: Array) -> bool:
 
 
 @kernel
-def _newton_row(A: Array, a: Array, mu: Array, f: Array, k: int, M: Array, x: Array) -> None:
+def _newton_rows(A: Array, a: Array, mu: Array, f: Array, k: int, M: Array, x: Array) -> None:
     """
-    Write the three equations of point k for the change of f: M df = x.
+    Write the equations of point k for the change of f: M df = x.
 
     They are the derivatives of f = P(f - a / A_ii) in the case that holds at f: open, sticking,
     sliding (Alart, Curnier, A mixed formulation for frictional contact problems, Comput. Methods
     Appl. Mech. Eng. 92 (1991)).
     """
-    n = 3 * k
     rows = x.shape[0]
-    for i in range(n, n + 3):
+    width = rows // mu.shape[0]
+    n = width * k
+    for i in range(n, n + width):
         for j in range(rows):
             M[i, j] = 0.0
     if f[n] - a[n] / A[n, n] <= 0.0:
-        for i in range(n, n + 3):
+        for i in range(n, n + width):
             M[i, i] = 1.0
             x[i] = -f[i]
         return
-    stiff = max(A[n + 1, n + 1], A[n + 2, n + 2])
-    w_x, w_y = f[n + 1] - a[n + 1] / stiff, f[n + 2] - a[n + 2] / stiff
-    size, limit = np.sqrt(w_x * w_x + w_y * w_y), mu[k] * max(0.0, f[n])
     for j in range(rows):
         M[n, j] = A[n, j] / A[n, n]
     x[n] = -a[n] / A[n, n]
-    if size <= limit:
-        for i in range(n + 1, n + 3):
+    for d in range(coefficients(width)):
+        first, size = _disk(d)
+        _newton_disk(A, a, mu[k, d], f, n, n + first, size, M, x)
+
+
+@kernel
+def _newton_disk(A: Array, a: Array, mu: float, f: Array, n: int, p: int, size: int, M: Array,
+                 x: Array) -> None:
+    """Write the equations of one disk: `size` rows from p on, of the point with the normal n."""
+    rows, q = x.shape[0], p + size - 1
+    stiff = _stiffness(A, p, size)
+    w_x = f[p] - a[p] / stiff
+    w_y = f[q] - a[q] / stiff if size == 2 else 0.0
+    length, limit = np.sqrt(w_x * w_x + w_y * w_y), mu * max(0.0, f[n])
+    if length <= limit:
+        for i in range(p, q + 1):
             for j in range(rows):
                 M[i, j] = A[i, j] / stiff
             x[i] = -a[i] / stiff
         return
-    e_x, e_y = w_x / size, w_y / size
-    bend = limit / size
+    e_x, e_y = w_x / length, w_y / length
+    bend = limit / length
     # d(limit e) = mu e df_n + limit / |w| (1 - e e') (df_t - da_t / stiff)
-    for i in range(2):
+    for i in range(size):
         e_i = e_x if i == 0 else e_y
         along_x = bend * ((1.0 if i == 0 else 0.0) - e_i * e_x)
         along_y = bend * ((1.0 if i == 1 else 0.0) - e_i * e_y)
+        if size == 1:
+            along_x, along_y = 0.0, 0.0
         for j in range(rows):
-            M[n + 1 + i, j] = (along_x * A[n + 1, j] + along_y * A[n + 2, j]) / stiff
-        M[n + 1 + i, n] -= mu[k] * e_i
-        M[n + 1 + i, n + 1] -= along_x
-        M[n + 1 + i, n + 2] -= along_y
-        M[n + 1 + i, n + 1 + i] += 1.0
-        x[n + 1 + i] = limit * e_i - f[n + 1 + i]
+            M[p + i, j] = (along_x * A[p, j] + along_y * A[q, j]) / stiff
+        M[p + i, n] -= mu * e_i
+        M[p + i, p] -= along_x
+        M[p + i, q] -= along_y
+        M[p + i, p + i] += 1.0
+        x[p + i] = limit * e_i - f[p + i]
 
 
-def refine(A: Array, b: Array, mu: Array, f: Array, goal: float, steps: int) -> tuple[float, int]:
-    """
-    Improve f, in place, by Newton's method; return its violation [unit of b] and the steps taken.
-
-    It ends at a violation of `goal` [unit of b], after `steps`, or when it gains nothing any more.
-    """
+def _improve(A: Array, b: Array, mu: Array, f: Array, goal: float,
+             steps: int) -> tuple[float, int]:
+    """Improve f as `refine` does, with scratch memory of its own."""
     rows = len(b)
-    violation, done = _refine(A, b, mu, f, goal, steps, np.empty(rows), f.copy(),
-                              np.empty((rows, rows)), np.empty(rows))
+    violation, done = refine(A, b, mu, f, goal, steps, np.empty(rows), np.empty(rows),
+                             np.empty((rows, rows)), np.empty(rows))
     return float(violation), int(done)
 
 
 @kernel
-def _refine(A: Array, b: Array, mu: Array, f: Array, goal: float, steps: int, a: Array,
-            trial: Array, M: Array, x: Array) -> tuple[float, int]:
+def refine(A: Array, b: Array, mu: Array, f: Array, goal: float, steps: int, a: Array,
+           trial: Array, M: Array, x: Array) -> tuple[float, int]:
+    """
+    Improve f, in place, by Newton's method; return its violation [unit of b] and the steps taken.
+
+    It ends at a violation of `goal` [unit of b], after `steps`, or when it gains nothing any more.
+    a, trial, x, (rows,), and M, (rows, rows), are scratch.
+    """
     rows = b.shape[0]
+    for i in range(rows):
+        trial[i] = f[i]
     best = _violation(A, b, mu, f, a)
     idle = 0
     if best <= goal:
@@ -208,7 +270,7 @@ def _refine(A: Array, b: Array, mu: Array, f: Array, goal: float, steps: int, a:
         if best <= goal or idle > 6:
             return best, step
         for k in range(mu.shape[0]):
-            _newton_row(A, a, mu, trial, k, M, x)
+            _newton_rows(A, a, mu, trial, k, M, x)
         if not _solve_linear(M, x):
             return best, step
         for i in range(rows):
@@ -239,41 +301,68 @@ def sweep(A: Array, b: Array, mu: Array, f: Array, count: int) -> None:
 @kernel
 def _sweep(A: Array, b: Array, mu: Array, f: Array, count: int, a: Array) -> None:
     _violation(A, b, mu, f, a)
+    rows = b.shape[0]
+    width = rows // mu.shape[0]
     for _ in range(count):
         for k in range(mu.shape[0]):
-            n = 3 * k
+            n = width * k
             before = f[n]
             f[n] = max(0.0, before - a[n] / A[n, n])
-            for i in range(b.shape[0]):
+            for i in range(rows):
                 a[i] += A[i, n] * (f[n] - before)
-            x, y = f[n + 1], f[n + 2]
-            # The largest eigenvalue of the 2 x 2 block bounds the step, so that the projection
-            # converges.
-            stiff = max(A[n + 1, n + 1], A[n + 2, n + 2]) + abs(A[n + 1, n + 2])
-            w_x, w_y = x - a[n + 1] / stiff, y - a[n + 2] / stiff
-            size, limit = np.sqrt(w_x * w_x + w_y * w_y), mu[k] * f[n]
-            if size > limit:
-                w_x, w_y = w_x * limit / size, w_y * limit / size
-            f[n + 1], f[n + 2] = w_x, w_y
-            for i in range(b.shape[0]):
-                a[i] += A[i, n + 1] * (w_x - x) + A[i, n + 2] * (w_y - y)
+            for d in range(coefficients(width)):
+                first, size = _disk(d)
+                _sweep_disk(A, mu[k, d] * f[n], f, n + first, size, a)
 
 
-def _pyramid(mu: Array, angle: Array) -> sparse.csc_matrix:
-    """Return the rows C of C f >= 0: f_n, then SIDES sides with an edge at `angle`."""
-    m = len(mu)
-    phi = angle[:, None] + (2.0 * np.pi / SIDES) * (np.arange(SIDES) + 0.5)
-    rows = np.zeros((m, SIDES + 1, 3))
-    rows[:, 0, 0] = 1.0
-    rows[:, 1:, 0] = mu[:, None] * np.cos(np.pi / SIDES)
-    rows[:, 1:, 1] = -np.cos(phi)
-    rows[:, 1:, 2] = -np.sin(phi)
-    at = np.arange(m)
-    i = np.broadcast_to((at * (SIDES + 1))[:, None, None] + np.arange(SIDES + 1)[None, :, None],
-                        rows.shape)
-    j = np.broadcast_to((3 * at)[:, None, None] + np.arange(3)[None, None, :], rows.shape)
-    return sparse.csc_matrix((rows.ravel(), (i.ravel(), j.ravel())), shape=(m * (SIDES + 1),
-                                                                            3 * m))
+@kernel
+def _sweep_disk(A: Array, limit: float, f: Array, p: int, size: int, a: Array) -> None:
+    """Project the forces of one disk after a step against its rates."""
+    q = p + size - 1
+    x, y = f[p], f[q]
+    # The largest eigenvalue of the 2 x 2 block bounds the step, so that the projection converges.
+    stiff = _stiffness(A, p, size) + (abs(A[p, q]) if size == 2 else 0.0)
+    w_x = x - a[p] / stiff
+    w_y = y - a[q] / stiff if size == 2 else 0.0
+    length = np.sqrt(w_x * w_x + w_y * w_y)
+    if length > limit:
+        w_x, w_y = w_x * limit / length, w_y * limit / length
+    f[p] = w_x
+    for i in range(a.shape[0]):
+        a[i] += A[i, p] * (w_x - x)
+    if size == 2:
+        f[q] = w_y
+        for i in range(a.shape[0]):
+            a[i] += A[i, q] * (w_y - y)
+
+
+def _pyramid(mu: Array, pull: Array) -> sparse.csc_matrix:
+    """
+    Return the rows C of C f >= 0: f_n, and for each disk what bounds it.
+
+    That is SIDES sides with an edge along `pull`, (m, w), for two rows, and two for one.
+    """
+    m, width = pull.shape
+    parts = [np.zeros((m, 1, width))]
+    parts[0][:, 0, 0] = 1.0
+    for d in range(mu.shape[1]):
+        first, size = _disk(d)
+        sides = np.zeros((m, SIDES if size == 2 else 2, width))
+        if size == 2:
+            angle = np.arctan2(pull[:, first + 1], pull[:, first])
+            phi = angle[:, None] + (2.0 * np.pi / SIDES) * (np.arange(SIDES) + 0.5)
+            sides[:, :, 0] = mu[:, d, None] * np.cos(np.pi / SIDES)
+            sides[:, :, first], sides[:, :, first + 1] = -np.cos(phi), -np.sin(phi)
+        else:
+            sides[:, :, 0] = mu[:, d, None]
+            sides[:, 0, first], sides[:, 1, first] = 1.0, -1.0
+        parts.append(sides)
+    rows = np.concatenate(parts, axis=1)
+    count, at = rows.shape[1], np.arange(m)
+    i = np.broadcast_to((at * count)[:, None, None] + np.arange(count)[None, :, None], rows.shape)
+    j = np.broadcast_to((width * at)[:, None, None] + np.arange(width)[None, None, :], rows.shape)
+    return sparse.csc_matrix((rows.ravel(), (i.ravel(), j.ravel())),
+                             shape=(m * count, width * m))
 
 
 def _osqp(A: Array, q: Array, C: sparse.csc_matrix, f: Array) -> tuple[Array, str, int]:
@@ -300,21 +389,31 @@ def soften(A: Array, compliance: float = COMPLIANCE) -> Array:
 
 def solve(A: Array, b: Array, mu: Array, start: Array) -> tuple[Array, Outcome]:
     """
-    Return the forces (3m,) at m points, triples (n, t1, t2), and how they were found.
+    Return the forces (wm,) at m points and how they were found; w = 3 or 6 rows to a point.
 
-    A is (3m, 3m) [1/kg], b (3m,) [m/s^2], mu (m,); `start` are forces to begin with, those of the
+    The rows of a point are (n, t1, t2) and perhaps spin about n and roll about t1, t2. A is (wm,
+    wm) [1/kg], b (wm,) [m/s^2], mu (m,) or (m, 3); `start` are forces to begin with, those of the
     last step. The result is a function of the arguments alone. Where the conditions cannot be met
     to TOLERANCE (with friction there may be no solution: Painleve) the best forces found are
     returned with solved=False.
     """
     size = float(np.abs(b).max(initial=0.0))
-    f, stiff = start.copy(), soften(A)
+    f, stiff, table = start.copy(), soften(A), _table(mu, len(b))
     # Forces that carry over come with a division into open, sticking and sliding points: try that
     # first.
-    worst, steps = refine(stiff, b, mu, f, GOAL * size, FEW_STEPS if start.any() else 0)
+    worst, steps = _improve(stiff, b, table, f, GOAL * size, FEW_STEPS if start.any() else 0)
     if worst <= ENOUGH * size:
-        return f, Outcome(worst / max(size, 1e-300), True, 'carried over', 0, steps)
-    best, outcome = _search(stiff, b, mu, start)
+        return f, Outcome(worst / max(size, 1e-300), True, CARRIED_OVER, 0, steps)
+    return search(stiff, b, table, start)
+
+
+def search(A: Array, b: Array, mu: Array, start: Array) -> tuple[Array, Outcome]:
+    """
+    Return the forces and how they were found, where those of the last step are no solution.
+
+    As `solve`, but A has its compliance already, and mu is (m, 1) or (m, 3).
+    """
+    best, outcome = _search(A, b, mu, start)
     if not outcome.solved:
         # Redundant points on the verge of slipping: let them give way a little more, for this
         # step.
@@ -324,30 +423,39 @@ def solve(A: Array, b: Array, mu: Array, start: Array) -> tuple[Array, Outcome]:
     return best, outcome
 
 
+def _slip(mu: Array, a: Array) -> Array:
+    """Return s_n = sum of mu |a| over the disks of each point, from a (m, w)."""
+    total = np.zeros(len(mu))
+    for d in range(mu.shape[1]):
+        first, size = _disk(d)
+        total += mu[:, d] * np.linalg.norm(a[:, first:first + size], axis=1)
+    return total
+
+
 def _search(A: Array, b: Array, mu: Array, start: Array) -> tuple[Array, Outcome]:
     """Iterate for s, with OSQP for each s, until the conditions hold; see `solve`."""
-    size = float(np.abs(b).max(initial=0.0))
+    m, size = len(mu), float(np.abs(b).max(initial=0.0))
+    width = len(b) // m
     best, worst, status, iterations, steps = start, np.inf, '', 0, 0
     now = start
-    for turn in range(ROUNDS):
-        a = (A @ now + b).reshape(-1, 3)
-        triples = now.reshape(-1, 3)
-        slip = np.hypot(a[:, 1], a[:, 2]) * (triples[:, 0] > 0.0)
-        # Edges of the pyramid where friction pulls or, where none does yet, against the slip that
-        # is coming.
-        pull = np.where((np.hypot(triples[:, 1], triples[:, 2]) > 0.0)[:, None], triples[:, 1:],
-                        -a[:, 1:])
-        q = b.copy()
-        q[::3] += mu * slip
-        now, status, count = _osqp(A, q, _pyramid(mu, np.arctan2(pull[:, 1], pull[:, 0])), now)
-        iterations += count
-        for sweeps in (0, SWEEPS):
-            f = now.copy()
-            sweep(A, b, mu, f, sweeps)
-            violation, more = refine(A, b, mu, f, GOAL * size, NEWTON_STEPS)
+    for turn in range(ROUNDS + 1):
+        if turn < ROUNDS:
+            a, f = (A @ now + b).reshape(m, width), now.reshape(m, width)
+            # Edges of the pyramid where friction pulls or, where none does yet, against the slip
+            # that is coming.
+            pulls = np.hypot(f[:, 1], f[:, 2]) > 0.0
+            q = b.copy()
+            q[::width] += _slip(mu, a) * (f[:, 0] > 0.0)
+            now, status, count = _osqp(A, q, _pyramid(mu, np.where(pulls[:, None], f, -a)), now)
+            iterations += count
+        most = int(LAST_PRODUCTS / len(b) ** 2)
+        for sweeps in (0, SWEEPS) if turn < ROUNDS else (min(n, most) for n in LAST_SWEEPS):
+            trial = now.copy()
+            sweep(A, b, mu, trial, sweeps)
+            violation, more = _improve(A, b, mu, trial, GOAL * size, NEWTON_STEPS)
             steps += more
             if violation < worst:
-                worst, best = violation, f
+                worst, best = violation, trial
             if worst <= ENOUGH * size:
                 break
         if worst <= (ENOUGH if turn < FEW_ROUNDS else TOLERANCE) * size:

@@ -8,11 +8,12 @@ from typing import NamedTuple
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, ARM_A, ARM_B, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, INV_SPIN, INV_TT, J_A, J_B,
-    K_NN, K_TN, K_TT, MASS, MOTION_A, MOTION_B, MOVED, MU, NORMAL, POINT, POINT_ROWS, put_three,
+    K_NN, K_TN, K_TT, MASS, MOTION_A, MOTION_B, MOVED, MU, NORMAL, OVERLAP, POINT, POINT_ROWS,
+    put_three,
     RESIDUAL, ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE, SLIDE, SPEED, SPIN_LEVER, symmetric, T,
     TANGENT, three, TORSION, TOTAL, TOTAL_T, TWIST, WRENCH)
-from rigid_sim_ros.engine.kernel import inlined, kernel
-from rigid_sim_ros.engine.solver_bodies import LANES
+from rigid_sim_ros.engine.kernel import inlined, kernel, part
+from rigid_sim_ros.engine.solver_bodies import INDEX, LANES
 from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, subtract
 
 
@@ -20,6 +21,8 @@ from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, subtract
 # the push before there is an overlap: in between nothing can oscillate. 0: a stack of five rocks
 # for ever by micrometres that grow; larger: contacts rest this far apart.
 SKIN = 2e-5
+# An overlap that is not pushed apart [m].
+NEGLIGIBLE = 1e-6
 
 
 class Sweep(NamedTuple):
@@ -28,13 +31,11 @@ class Sweep(NamedTuple):
     inv_h: float  # 1 / length of the substep [1/s]
     drift: float  # [s] the bodies moved for this long since the last visit; 0: they did not
     backwards: bool
-    total: float  # 1: this visit ends a substep, its impulses count for the step
 
 
 @kernel
 def visit(b: Array, motion: Array, drifted: Array, at_A: IntArray, at_B: IntArray, points: int,
-          rolls: bool,
-          sweep: Sweep) -> None:
+          rolls: bool, sweep: Sweep) -> None:
     """
     Read the bodies of a block, solve normals and then friction, write the bodies.
 
@@ -45,8 +46,12 @@ def visit(b: Array, motion: Array, drifted: Array, at_A: IntArray, at_B: IntArra
     """
     if sweep.drift > 0.0:
         _gather(b, drifted, at_A, at_B)
-        _drift(b, sweep.drift)
+        _drift(b, sweep.drift, points)
     _gather(b, motion, at_A, at_B)
+    if points == 1 and not rolls:
+        _solve_single(b, sweep)
+        _scatter(b, motion, at_A, at_B)
+        return
     _read_twist(b)
     for i in range(LANES):
         b[RESIDUAL * LANES + i] = 0.0
@@ -60,9 +65,96 @@ def visit(b: Array, motion: Array, drifted: Array, at_A: IntArray, at_B: IntArra
     if points > 2:
         _solve_point_2(b, sweep)
         _solve_point_3(b, sweep)
+    if not _presses(b):
+        return
     _solve_friction(b)
-    _push_bodies(b, sweep)
+    _push_bodies(b)
     _scatter(b, motion, at_A, at_B)
+
+
+@part
+def _solve_single(b: Array, sweep: Sweep) -> None:
+    """
+    Do all that the other parts do, for manifolds of one point: their common point c.
+
+    There the direction of the normal impulse is (1, 0, 0), and six rows of the response suffice.
+    """
+    for i in range(LANES):
+        n, t1 = three(b, NORMAL, i), three(b, TANGENT, i)
+        t2 = cross(n, t1)
+        _, u, w = _twist(b, i)
+        old_N = b[(POINT + IMPULSE) * LANES + i]
+        speed = dot(u, n)
+        wanted = speed + max(b[(POINT + GAP) * LANES + i] - SKIN, 0.0) * sweep.inv_h
+        pressure = max(old_N - b[(POINT + MASS) * LANES + i] * wanted, 0.0)
+        change_N = pressure - old_N
+        b[(POINT + IMPULSE) * LANES + i] = pressure
+        b[(POINT + SPEED) * LANES + i] = speed + b[K_NN * LANES + i] * change_N
+
+        k = K_TN * LANES + i
+        twist = (dot(u, t1) + b[k] * change_N, dot(u, t2) + b[k + 3 * LANES] * change_N,
+                 dot(w, n) + b[k + 6 * LANES] * change_N)
+        old = three(b, FRICTION, i)
+        new = _friction(b, i, twist, pressure, old)
+        put_three(b, FRICTION, i, new)
+        change = subtract(new, old)
+        b[RESIDUAL * LANES + i] = (b[INV_M_A * LANES + i] + b[INV_M_B * LANES + i]) * max(
+            abs(change_N), max(abs(change[0]), abs(change[1])))
+
+        F = _combine(n, t1, t2, (change_N, change[0], change[1]))
+        torque = (change[2] * n[0], change[2] * n[1], change[2] * n[2])
+        _push_lane(b, i, F, torque)
+        put_three(b, TORSION, i, add(three(b, TORSION, i), cross(three(b, MOVED, i), F)))
+
+
+@kernel
+def _presses(b: Array) -> bool:
+    """Return whether any manifold of a block has an impulse, or had one before this visit."""
+    for i in range(LANES):
+        b[OVERLAP * LANES + i] = (
+            b[RESIDUAL * LANES + i] + _pressure(b, i) + abs(b[FRICTION * LANES + i])
+            + abs(b[(FRICTION + 1) * LANES + i]) + abs(b[(FRICTION + 2) * LANES + i])
+            + abs(b[ROLL * LANES + i]) + abs(b[(ROLL + 1) * LANES + i]))
+    for i in range(LANES):
+        if b[OVERLAP * LANES + i] > 0.0:
+            return True
+    return False
+
+
+@kernel
+def is_settled(b: Array, speed: float) -> bool:
+    """Return whether the last visit changed no velocity in a block by more than `speed` [m/s]."""
+    for i in range(LANES):
+        if b[RESIDUAL * LANES + i] > speed:
+            return False
+    return True
+
+
+@kernel
+def count_impulses(b: Array, points: int) -> None:
+    """Add the impulses of a substep to those of the step."""
+    for i in range(LANES):
+        put_three(b, TOTAL_T, i, add(three(b, TOTAL_T, i), three(b, FRICTION, i)))
+        b[(POINT + TOTAL) * LANES + i] += b[(POINT + IMPULSE) * LANES + i]
+    if points > 1:
+        for i in range(LANES):
+            for p in range(1, 4):
+                o = (POINT + p * POINT_ROWS) * LANES + i
+                b[o + TOTAL * LANES] += b[o + IMPULSE * LANES]
+
+
+@kernel
+def overlaps(b: Array) -> bool:
+    """Return whether any point of a block overlaps by more than is left alone."""
+    for i in range(LANES):
+        o = (POINT + GAP) * LANES + i
+        b[OVERLAP * LANES + i] = min(
+            min(b[o], b[o + POINT_ROWS * LANES]),
+            min(b[o + 2 * POINT_ROWS * LANES], b[o + 3 * POINT_ROWS * LANES]))
+    for i in range(LANES):
+        if b[OVERLAP * LANES + i] < -NEGLIGIBLE:
+            return True
+    return False
 
 
 @kernel
@@ -74,12 +166,6 @@ def separate(b: Array, push: Array, at_A: IntArray, at_B: IntArray, points: int,
     They displace and are forgotten, so that the push feeds neither energy nor the warm start.
     `rate` [1/s] is the part of an overlap that goes per second, but not faster than `speed` [m/s].
     """
-    deepest = 0.0
-    for p in range(4):
-        for i in range(LANES):
-            deepest = min(deepest, b[(POINT + p * POINT_ROWS + GAP) * LANES + i])
-    if deepest == 0.0:
-        return
     _gather(b, push, at_A, at_B)
     _read_twist(b)
     if points > 1:
@@ -99,17 +185,25 @@ def separate(b: Array, push: Array, at_A: IntArray, at_B: IntArray, points: int,
 @inlined
 def _gather(b: Array, motion: Array, at_A: IntArray, at_B: IntArray) -> None:
     for i in range(LANES):
+        at = at_A[i] & INDEX
         for k in range(6):
-            b[(MOTION_A + k) * LANES + i] = motion[at_A[i] + k * LANES]
-            b[(MOTION_B + k) * LANES + i] = motion[at_B[i] + k * LANES]
+            b[(MOTION_A + k) * LANES + i] = motion[at + k]
+    for i in range(LANES):
+        at = at_B[i] & INDEX
+        for k in range(6):
+            b[(MOTION_B + k) * LANES + i] = motion[at + k]
 
 
 @inlined
 def _scatter(b: Array, motion: Array, at_A: IntArray, at_B: IntArray) -> None:
     for i in range(LANES):
+        at = at_A[i] & INDEX
         for k in range(6):
-            motion[at_A[i] + k * LANES] = b[(MOTION_A + k) * LANES + i]
-            motion[at_B[i] + k * LANES] = b[(MOTION_B + k) * LANES + i]
+            motion[at + k] = b[(MOTION_A + k) * LANES + i]
+    for i in range(LANES):
+        at = at_B[i] & INDEX
+        for k in range(6):
+            motion[at + k] = b[(MOTION_B + k) * LANES + i]
 
 
 @inlined
@@ -122,8 +216,8 @@ def _twist(b: Array, i: int) -> tuple[Vector, Vector, Vector]:
     return v, u, subtract(w_B, w_A)
 
 
-@kernel
-def _drift(b: Array, h: float) -> None:
+@part
+def _drift(b: Array, h: float, points: int) -> None:
     """
     Move on the gaps by the velocities with which the bodies drifted for h [s].
 
@@ -137,16 +231,20 @@ def _drift(b: Array, h: float) -> None:
         v, u, w = _twist(b, i)
         moved = add_scaled(three(b, MOVED, i), h, v)
         put_three(b, MOVED, i, moved)
-        rate = (h * dot(u, n), h * dot(w, t1), h * dot(w, t2))
-        for p in range(4):
-            o = (POINT + p * POINT_ROWS) * LANES + i
-            b[o + GAP * LANES] += rate[0] + b[o + T * LANES] * rate[1] - b[o + S * LANES] * rate[2]
+        put_three(b, TWIST, i, (h * dot(u, n), h * dot(w, t1), h * dot(w, t2)))
         F = _combine(n, t1, t2, (_pressure(b, i), b[FRICTION * LANES + i], b[(FRICTION
                                                                               + 1) * LANES + i]))
         shove = b[SHOVE * LANES + i] * h
         gained = add(cross(moved, F), cross((shove * n[0], shove * n[1], shove * n[2]), v))
         put_three(b, TORSION, i, add(three(b, TORSION, i), gained))
         b[SHOVE * LANES + i] = 0.0
+    for p in range(4 if points > 1 else 1):
+        point = (POINT + p * POINT_ROWS) * LANES
+        for i in range(LANES):
+            o = point + i
+            b[o + GAP * LANES] += (b[TWIST * LANES + i]
+                                   + b[o + T * LANES] * b[(TWIST + 1) * LANES + i]
+                                   - b[o + S * LANES] * b[(TWIST + 2) * LANES + i])
 
 
 @kernel
@@ -168,7 +266,7 @@ def _gap(b: Array, point: int, i: int) -> float:
     return max(b[(point + GAP) * LANES + i] - SKIN, 0.0)
 
 
-@kernel
+@part
 def _solve_together(b: Array, sweep: Sweep) -> None:
     """
     Stop the approach of all points that are equally near, with the same impulse at each.
@@ -228,7 +326,6 @@ def _point_solver(point: int) -> Callable[[Array, Sweep], None]:
             after = max(impulse - b[(point + MASS) * LANES + i] * speed, 0.0)
             change = after - impulse
             b[(point + IMPULSE) * LANES + i] = after
-            b[(point + TOTAL) * LANES + i] += sweep.total * after
             twist = add_scaled(twist, change, response)
             b[(point + SPEED) * LANES + i] = dot(g, twist)
             put_three(b, TWIST, i, twist)
@@ -315,7 +412,7 @@ def _solve_rolling(b: Array) -> None:
         put_three(b, WRENCH, i, add(three(b, WRENCH, i), change))
 
 
-@kernel
+@part
 def _solve_friction(b: Array) -> None:
     """
     Stop the sliding and the spinning at c within Coulomb's cone.
@@ -330,37 +427,40 @@ def _solve_friction(b: Array) -> None:
         third = three(b, K_TN + 6, i)
         twist = add(three(b, TWIST + 3, i),
                     (dot(first, wrench_N), dot(second, wrench_N), dot(third, wrench_N)))
-        pressure = _pressure(b, i)
         old = three(b, FRICTION, i)
-
-        most = b[SPIN_LEVER * LANES + i] * pressure
-        spin = min(max(old[2] - b[INV_SPIN * LANES + i] * twist[2], -most), most)
-        k = K_TT * LANES + i
-        u1 = twist[0] + b[k + 2 * LANES] * (spin - old[2])
-        u2 = twist[1] + b[k + 4 * LANES] * (spin - old[2])
-
-        limit = b[MU * LANES + i] * pressure
-        inv00, inv01, inv11 = three(b, INV_TT, i)
-        stick1, stick2 = old[0] - inv00 * u1 - inv01 * u2, old[1] - inv01 * u1 - inv11 * u2
-        sticks = stick1 * stick1 + stick2 * stick2 <= limit * limit
-        slide = b[SLIDE * LANES + i]
-        slide1, slide2 = old[0] - slide * u1, old[1] - slide * u2
-        square = slide1 * slide1 + slide2 * slide2
-        scale = limit / square ** 0.5 if square > limit * limit else 1.0
-        new = (stick1 if sticks else scale * slide1, stick2 if sticks else scale * slide2, spin)
+        new = _friction(b, i, twist, _pressure(b, i), old)
         put_three(b, FRICTION, i, new)
         change = subtract(new, old)
+        b[RESIDUAL * LANES + i] = max(b[RESIDUAL * LANES + i],
+                                      max(abs(change[0]), abs(change[1])))
         put_three(b, WRENCH + 3, i, change)
         put_three(b, TWIST, i, add(three(b, TWIST, i), _combine(first, second, third, change)))
 
 
-@kernel
-def _push_bodies(b: Array, sweep: Sweep) -> None:
+@inlined
+def _friction(b: Array, i: int, twist: Vector, pressure: float, old: Vector) -> Vector:
+    """Return the impulses of friction along t1, t2 and about n; `twist` is T with the old ones."""
+    most = b[SPIN_LEVER * LANES + i] * pressure
+    spin = min(max(old[2] - b[INV_SPIN * LANES + i] * twist[2], -most), most)
+    k = K_TT * LANES + i
+    u1 = twist[0] + b[k + 2 * LANES] * (spin - old[2])
+    u2 = twist[1] + b[k + 4 * LANES] * (spin - old[2])
+    limit = b[MU * LANES + i] * pressure
+    inv00, inv01, inv11 = three(b, INV_TT, i)
+    stick1, stick2 = old[0] - inv00 * u1 - inv01 * u2, old[1] - inv01 * u1 - inv11 * u2
+    sticks = stick1 * stick1 + stick2 * stick2 <= limit * limit
+    slide = b[SLIDE * LANES + i]
+    slide1, slide2 = old[0] - slide * u1, old[1] - slide * u2
+    square = slide1 * slide1 + slide2 * slide2
+    scale = limit / square ** 0.5 if square > limit * limit else 1.0
+    return (stick1 if sticks else scale * slide1, stick2 if sticks else scale * slide2, spin)
+
+
+@part
+def _push_bodies(b: Array) -> None:
     """Let the bodies feel the impulses of this visit."""
     _apply(b)
     for i in range(LANES):
-        friction = three(b, FRICTION, i)
-        put_three(b, TOTAL_T, i, add_scaled(three(b, TOTAL_T, i), sweep.total, friction))
         put_three(b, TORSION, i, add(three(b, TORSION, i), three(b, TWIST, i)))
         b[RESIDUAL * LANES + i] *= b[INV_M_A * LANES + i] + b[INV_M_B * LANES + i]
 
@@ -374,16 +474,22 @@ def _apply(b: Array) -> None:
         t2 = cross(n, t1)
         F = _combine(n, t1, t2, (wrench_N[0], wrench_T[0], wrench_T[1]))
         torque = _combine(n, t1, t2, (wrench_T[2], wrench_N[1], wrench_N[2]))
-        put_three(b, MOTION_A, i, add_scaled(three(b, MOTION_A, i), -b[INV_M_A * LANES + i], F))
-        put_three(b, MOTION_B, i, add_scaled(three(b, MOTION_B, i), b[INV_M_B * LANES + i], F))
-        L_A, L_B = three(b, MOTION_A + 3, i), three(b, MOTION_B + 3, i)
-        moves_A = 1.0 if b[INV_M_A * LANES + i] > 0.0 else 0.0
-        moves_B = 1.0 if b[INV_M_B * LANES + i] > 0.0 else 0.0
-        turn_A = add(cross(three(b, ARM_A, i), F), torque)
-        turn_B = add(cross(three(b, ARM_B, i), F), torque)
-        put_three(b, MOTION_A + 3, i, add_scaled(L_A, -moves_A, turn_A))
-        put_three(b, MOTION_B + 3, i, add_scaled(L_B, moves_B, turn_B))
+        _push_lane(b, i, F, torque)
         put_three(b, TWIST, i, cross(three(b, MOVED, i), F))
+
+
+@inlined
+def _push_lane(b: Array, i: int, F: Vector, torque: Vector) -> None:
+    """Let an impulse at c act on the copies of both bodies of a lane."""
+    put_three(b, MOTION_A, i, add_scaled(three(b, MOTION_A, i), -b[INV_M_A * LANES + i], F))
+    put_three(b, MOTION_B, i, add_scaled(three(b, MOTION_B, i), b[INV_M_B * LANES + i], F))
+    L_A, L_B = three(b, MOTION_A + 3, i), three(b, MOTION_B + 3, i)
+    moves_A = 1.0 if b[INV_M_A * LANES + i] > 0.0 else 0.0
+    moves_B = 1.0 if b[INV_M_B * LANES + i] > 0.0 else 0.0
+    turn_A = add(cross(three(b, ARM_A, i), F), torque)
+    turn_B = add(cross(three(b, ARM_B, i), F), torque)
+    put_three(b, MOTION_A + 3, i, add_scaled(L_A, -moves_A, turn_A))
+    put_three(b, MOTION_B + 3, i, add_scaled(L_B, moves_B, turn_B))
 
 
 @inlined

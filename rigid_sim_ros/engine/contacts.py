@@ -10,6 +10,12 @@ by side here.
 In the axes (n, t1, t2) of a contact, n from A to B, the motion of B relative to A is u = (u_n,
 u_t1, u_t2), so that u_n is the rate of the gap, and a force or impulse acts on B as given and on A
 with the other sign.
+
+Where something resists rolling and spinning, three rows more belong to a point: the relative
+angular velocity w in the same axes, (w_n, w_t1, w_t2), and a torque. They are made commensurable
+with the others by a length l of the contact: rates l w [m/s], torques over l [N]. The levers over
+l are then coefficients like that of friction: for a ball l is its radius, and rolling / l is what
+tables call the coefficient of rolling resistance.
 """
 
 from typing import NamedTuple
@@ -17,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine import rotation, vector
-from rigid_sim_ros.engine.algebra import cross
+from rigid_sim_ros.engine.algebra import cross, norm
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.manifolds import Manifolds
@@ -52,6 +58,8 @@ class Contacts(NamedTuple):
     gap: Array  # (c,) [m], < 0 is overlap
     friction: Array  # (c,) coefficient
     restitution: Array  # (c,) coefficient
+    spinning: Array  # (c,) [m] lever of the normal force against turning about the normal
+    rolling: Array  # (c,) [m] lever against rolling
 
 
 class Bodies(NamedTuple):
@@ -71,7 +79,7 @@ def make_contacts(capacity: int) -> Contacts:
 
     return Contacts(whole(2), whole(c + 1), whole(), whole(), whole(), whole(), whole(), whole(),
                     np.zeros((c, 3, 3)), np.zeros((c, 3)), np.zeros((c, 3)), np.zeros(c),
-                    np.zeros(c), np.zeros(c))
+                    np.zeros(c), np.zeros(c), np.zeros(c), np.zeros(c))
 
 
 def make_bodies(n: int) -> Bodies:
@@ -94,21 +102,22 @@ def tangents(n: Vector) -> tuple[Vector, Vector]:
     return t1, cross(n, t1)
 
 
-def gather(state: State, manifolds: Manifolds, shapes: Shapes, materials: Materials, reach: float,
-           contacts: Contacts) -> int:
+def gather_all(state: State, manifolds: Manifolds, shapes: Shapes, materials: Materials,
+               reach: float, contacts: Contacts) -> int:
+    """Write the points as `gather` does, with scratch memory of its own."""
+    order = np.empty((2, int(manifolds.count[0])), dtype=np.int64)
+    return int(gather(state, manifolds, shapes, materials, reach, order[0], order[1], contacts))
+
+
+@kernel
+def gather(state: State, manifolds: Manifolds, shapes: Shapes, materials: Materials,
+           reach: float, key: IntArray, order: IntArray, contacts: Contacts) -> int:
     """
     Write the points whose gap is at most `reach` [m], block after block.
 
     Returns how many there are. Where that is more than the capacity, nothing useful was written:
-    call again with room.
+    call again with room. key, order: scratch, a number for each manifold in use.
     """
-    order = np.empty((2, int(manifolds.count[0])), dtype=np.int64)
-    return int(_gather(state, manifolds, shapes, materials, reach, order[0], order[1], contacts))
-
-
-@kernel
-def _gather(state: State, manifolds: Manifolds, shapes: Shapes, materials: Materials,
-            reach: float, key: IntArray, order: IntArray, contacts: Contacts) -> int:
     n = state.x.shape[1]
     rows = manifolds.count[0]
     for k in range(rows):
@@ -164,6 +173,8 @@ def _write_point(state: State, manifolds: Manifolds, shapes: Shapes, materials: 
     material_b = shapes.material[manifolds.shape_b[k]]
     contacts.friction[at] = materials.friction[material_a, material_b]
     contacts.restitution[at] = materials.restitution[material_a, material_b]
+    contacts.spinning[at] = materials.spinning[material_a, material_b]
+    contacts.rolling[at] = materials.rolling[material_a, material_b]
 
 
 @kernel
@@ -232,26 +243,75 @@ def to_world(contacts: Contacts, k: int, f: Vector) -> Vector:
 
 
 @kernel
-def couple(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArray, m: int, arm: Array,
-           A: Array) -> None:
+def row_count(materials: Materials) -> int:
+    """Return how many rows a point has: 6 where anything resists rolling or spinning, else 3."""
+    for i in range(materials.rolling.shape[0]):
+        for j in range(materials.rolling.shape[0]):
+            if materials.rolling[i, j] > 0.0 or materials.spinning[i, j] > 0.0:
+                return 6
+    return 3
+
+
+@kernel
+def length(model: Model, contacts: Contacts, k: int) -> float:
+    """Return the length l [m] of point k: its larger distance from the centre of a moving body."""
+    a, b = contacts.body_a[k], contacts.body_b[k]
+    on_A = norm(row(contacts.r_A, k)) if model.inv_m[a] > 0.0 else 0.0
+    on_B = norm(row(contacts.r_B, k)) if model.inv_m[b] > 0.0 else 0.0
+    longest = max(on_A, on_B)
+    return longest if longest > 0.0 else 1.0
+
+
+@kernel
+def read_rates(model: Model, contacts: Contacts, rates: Array, k: int, width: int, u: Array,
+               at: int) -> None:
+    """Write the rates of point k, from rows (linear, angular) of the bodies, to u[at:]."""
+    u[at], u[at + 1], u[at + 2] = to_contact(contacts, k, relative(rates, contacts, k))
+    if width == 6:
+        a, b = contacts.body_a[k], contacts.body_b[k]
+        w = (rates[b, 3] - rates[a, 3], rates[b, 4] - rates[a, 4], rates[b, 5] - rates[a, 5])
+        turning, arm = to_contact(contacts, k, w), length(model, contacts, k)
+        u[at + 3], u[at + 4], u[at + 5] = arm * turning[0], arm * turning[1], arm * turning[2]
+
+
+@kernel
+def read_coefficients(model: Model, contacts: Contacts, k: int, width: int, mu: Array,
+                      c: int) -> None:
+    """Write the coefficients of friction, and of spinning and rolling, of point k to mu[c]."""
+    mu[c, 0] = contacts.friction[k]
+    if width == 6:
+        arm = length(model, contacts, k)
+        mu[c, 1], mu[c, 2] = contacts.spinning[k] / arm, contacts.rolling[k] / arm
+
+
+@kernel
+def couple(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArray, m: int, width: int,
+           arm: Array, A: Array) -> None:
     """
-    Write A, (3m, 3m) [1/kg]: rates of motion at the first m chosen points per force at them.
+    Write A, (wm, wm) [1/kg]: rates of motion at the first m chosen points per force at them.
 
     A_ij = sum over the bodies that i and j share of s_i s_j (e_i . e_j / M + (r_i x e_i) . I^-1
     (r_j x e_j)) with s = 1 for B and -1 for A (Meyer, Rigid Body Dynamics, "Resting Contact": d''
-    = A f + b).
+    = A f + b). width: rows of a point, 3 or 6; a row that turns has l e_i in place of r_i x e_i,
+    and no first term. arm: scratch, (2, wm, 3).
     """
     for i in range(m):
-        for axis in range(3):
+        for p in range(width):
+            axis = p if p < 3 else p - 3
             e = (contacts.axes[chosen[i], axis, 0], contacts.axes[chosen[i], axis, 1],
                  contacts.axes[chosen[i], axis, 2])
-            on_A = cross(row(contacts.r_A, chosen[i]), e)
-            on_B = cross(row(contacts.r_B, chosen[i]), e)
+            if p < 3:
+                on_A = cross(row(contacts.r_A, chosen[i]), e)
+                on_B = cross(row(contacts.r_B, chosen[i]), e)
+            else:
+                turn = length(model, contacts, chosen[i])
+                on_A = (turn * e[0], turn * e[1], turn * e[2])
+                on_B = on_A
             for k in range(3):
-                arm[0, 3 * i + axis, k] = -on_A[k]
-                arm[1, 3 * i + axis, k] = on_B[k]
-    for i in range(3 * m):
-        for j in range(3 * m):
+                arm[0, width * i + p, k] = -on_A[k]
+                arm[1, width * i + p, k] = on_B[k]
+    for i in range(width * m):
+        for j in range(width * m):
             A[i, j] = 0.0
     for i in range(m):
         for side_i in range(2):
@@ -265,27 +325,53 @@ def couple(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArray, m
                         other = contacts.body_a[chosen[j]]
                     if other == body:
                         sign = 1.0 if side_i == side_j else -1.0
-                        _add_block(contacts, chosen, i, j, sign * model.inv_m[body],
+                        _add_block(contacts, chosen, i, j, width, sign * model.inv_m[body],
                                    arm, side_i, side_j, bodies.inv_I_W, body, A)
-    for i in range(3 * m):
+    for i in range(width * m):
         for j in range(i):
             A[j, i] = A[i, j]
 
 
 @kernel
-def _add_block(contacts: Contacts, chosen: IntArray, i: int, j: int, inv_m: float, arm: Array,
-               side_i: int, side_j: int, inv_I_W: Array, body: int, A: Array) -> None:
-    for p in range(3):
-        for q in range(3):
+def _add_block(contacts: Contacts, chosen: IntArray, i: int, j: int, width: int, inv_m: float,
+               arm: Array, side_i: int, side_j: int, inv_I_W: Array, body: int, A: Array) -> None:
+    for p in range(width):
+        for q in range(width):
             if i == j and q > p:
                 continue
             total = 0.0
             for k in range(3):
-                total += inv_m * contacts.axes[chosen[i], p, k] * contacts.axes[chosen[j], q, k]
+                if p < 3 and q < 3:
+                    total += (inv_m * contacts.axes[chosen[i], p, k]
+                              * contacts.axes[chosen[j], q, k])
                 for c in range(3):
-                    total += (arm[side_i, 3 * i + p, k] * inv_I_W[body, k, c]
-                              * arm[side_j, 3 * j + q, c])
-            A[3 * i + p, 3 * j + q] += total
+                    total += (arm[side_i, width * i + p, k] * inv_I_W[body, k, c]
+                              * arm[side_j, width * j + q, c])
+            A[width * i + p, width * j + q] += total
+
+
+@kernel
+def torque_in_world(model: Model, contacts: Contacts, k: int, width: int, f: Array,
+                    at: int) -> Vector:
+    """Return the torque on B [N m, world axes] of the rows of point k that begin at f[at]."""
+    if width == 3:
+        return (0.0, 0.0, 0.0)
+    arm = length(model, contacts, k)
+    return to_world(contacts, k, (arm * f[at + 3], arm * f[at + 4], arm * f[at + 5]))
+
+
+@kernel
+def push_rows(model: Model, state: State, contacts: Contacts, k: int, width: int, J: Array,
+              at: int) -> None:
+    """Apply the impulses of all rows of point k, J[at:] [N s, contact axes]."""
+    push(state, contacts, k, to_world(contacts, k, (J[at], J[at + 1], J[at + 2])), model)
+    turning = torque_in_world(model, contacts, k, width, J, at)
+    a, b = contacts.body_a[k], contacts.body_b[k]
+    for i in range(3):
+        if model.inv_m[a] > 0.0:
+            state.L[i, a] -= turning[i]
+        if model.inv_m[b] > 0.0:
+            state.L[i, b] += turning[i]
 
 
 @kernel

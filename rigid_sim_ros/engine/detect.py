@@ -11,7 +11,7 @@ gaps are found anew.
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.broad_phase import boxes_overlap, refresh, update_pairs
-from rigid_sim_ros.engine.kernel import inlined, kernel
+from rigid_sim_ros.engine.kernel import inlined, kernel, part
 from rigid_sim_ros.engine.manifolds import (
     CONTACTS, Manifolds, Memory, PAIRS, REBUILT, RECYCLED, SHORT_PAIRS, SHORT_ROWS, WITNESSED)
 from rigid_sim_ros.engine.model import Model
@@ -40,13 +40,23 @@ def detect(model: Model, state: State, shapes: Shapes, memory: Memory, margin: f
     and feature by feature. Returns False when a buffer is too small: the manifolds of the last
     step are then untouched, and the caller detects again with `grown(memory)`.
     """
+    memory.ahead[:], memory.calm[0] = 0.5 * margin, margin
+    return detect_ahead(model, state, shapes, memory)
+
+
+@kernel
+def detect_ahead(model: Model, state: State, shapes: Shapes, memory: Memory) -> bool:
+    """
+    Do the same for margins that differ: that of a pair is the sum of two of `memory.ahead`.
+
+    What it exceeds `memory.calm` by is how far the pair may move in the step.
+    """
     place(state, shapes, memory.turn, memory.pose)
-    bound(shapes.kind, shapes.size, memory.pose, margin, memory.box)
-    if not _find_pairs(model, state, shapes, memory, margin):
+    bound(shapes.kind, shapes.size, memory.pose, memory.ahead, memory.box)
+    if not _find_pairs(model, state, shapes, memory):
         return False
     page = memory.page[0]
-    found = _find_manifolds(state, shapes, memory, memory.pages[1 - page], memory.pages[page],
-                            margin)
+    found = _find_manifolds(state, shapes, memory, memory.pages[1 - page], memory.pages[page])
     if found > memory.pages[0].shape_a.shape[0]:
         memory.counters[SHORT_ROWS] = found
         return False
@@ -54,8 +64,8 @@ def detect(model: Model, state: State, shapes: Shapes, memory: Memory, margin: f
     return True
 
 
-@kernel
-def _find_pairs(model: Model, state: State, shapes: Shapes, memory: Memory, margin: float) -> bool:
+@part
+def _find_pairs(model: Model, state: State, shapes: Shapes, memory: Memory) -> bool:
     """Keep the list of pairs up to date; return whether there was room for them."""
     count = memory.pair_count[0]
     moved = refresh(shapes.kind, shapes.body, memory.pose, memory.box, model.inv_m, state.P,
@@ -66,7 +76,7 @@ def _find_pairs(model: Model, state: State, shapes: Shapes, memory: Memory, marg
         count = update_pairs(shapes, memory.fat, memory.moved, memory.cells, memory.buckets,
                              memory.members, memory.tally, memory.levels, memory.fresh,
                              memory.pair,
-                             memory.axis, max(count, 0), model.m.shape[0], margin)
+                             memory.axis, max(count, 0), model.m.shape[0], memory.ahead)
         if count > memory.pair.shape[0]:
             memory.counters[SHORT_PAIRS] = count
             memory.pair_count[0] = -1
@@ -77,8 +87,7 @@ def _find_pairs(model: Model, state: State, shapes: Shapes, memory: Memory, marg
 
 @kernel
 def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds,
-                    before: Manifolds,
-                    margin: float) -> int:
+                    before: Manifolds) -> int:
     """Go through the pairs and through the last step's rows, both sorted, side by side."""
     room, rows, old, near, settled, recycled, contacts = now.shape_a.shape[0], 0, 0, 0, 0, 0, 0
     last = before.count[0]
@@ -87,12 +96,13 @@ def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds
         if not boxes_overlap(memory.box, a, b):
             continue
         near += 1
+        margin = memory.ahead[a] + memory.ahead[b]
         old = _seek(before.shape_a, before.shape_b, old, last, a, b)
         known = old < last and before.shape_a[old] == a and before.shape_b[old] == b
         row = min(rows, room - 1)
         i, j = shapes.body[a], shapes.body[b]
         if known and _flat(shapes.kind, a, b) and _recycle(
-                state, memory.turn, now, before, row, old, i, j, SLACK * margin,
+                state, memory.turn, now, before, row, old, i, j, margin,
                 min(shapes.bound[a], shapes.bound[b])):
             count = before.points[old]
             recycled += 1
@@ -109,7 +119,8 @@ def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds
                     settled += 1
                     continue
                 witness = True
-                found, n = box_box(memory.pose, shapes.size, a, b, margin, points,
+                found, n = box_box(memory.pose, shapes.size, a, b, margin,
+                                   max(0.0, margin - memory.calm[0]), points,
                                    memory.scratch.ids, memory.scratch.polygon,
                                    memory.scratch.labels, memory.scratch.numbers)
             if found == UNSETTLED:
@@ -124,7 +135,7 @@ def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds
             if count == 0:
                 continue
             _write(state, memory.turn, now, row, i, j, count, n, memory.scratch.points,
-                   memory.scratch.ids)
+                   memory.scratch.ids, _flat(shapes.kind, a, b))
         _carry_over(now, before, row, old if known else -1, count)
         now.shape_a[row], now.shape_b[row] = a, b
         now.body_a[row], now.body_b[row] = i, j
@@ -137,7 +148,7 @@ def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds
     return rows
 
 
-@kernel
+@part
 def _seek(shape_a: IntArray, shape_b: IntArray, old: int, last: int, a: int, b: int) -> int:
     """Return the first row from `old` on that does not come before the pair (a, b)."""
     while old < last and (shape_a[old] < a or (shape_a[old] == a and shape_b[old] < b)):
@@ -166,17 +177,18 @@ def _turned_back(R: Array, i: int, v: Vector) -> Vector:
             R[i, 2] * v[0] + R[i, 5] * v[1] + R[i, 8] * v[2])
 
 
-@kernel
+@part
 def _recycle(state: State, turn: Array, now: Manifolds, before: Manifolds, row: int, old: int,
-             i: int, j: int,
-             slack: float, reach: float) -> bool:
+             i: int, j: int, margin: float, reach: float) -> bool:
     """
-    Take over the points of a manifold unless it moved too far; find its gaps anew.
+    Take over the points of a manifold unless they moved too far; find their gaps anew.
 
     The normal and the points on A turn with A, those on B with B. The gap along the turned normal
     differs from the true one by the square of the angle and of the slip since the points were
-    found.
+    found. The margin may have been larger then: what is farther away now is no manifold, or
+    results would depend on how long a pair stays in the list.
     """
+    slack, near = SLACK * margin, False
     q = multiply(conjugate(quaternion(state.q, i)), quaternion(state.q, j))
     turned = 0.0
     for k in range(4):
@@ -199,6 +211,7 @@ def _recycle(state: State, turn: Array, now: Manifolds, before: Manifolds, row: 
         slip = (ex - gap * n[0]) ** 2 + (ey - gap * n[1]) ** 2 + (ez - gap * n[2]) ** 2
         if slip > slack * slack or (p == 0 and abs(gap - before.found_at[old, 4]) > slack):
             return False
+        near = near or gap < margin
         now.gap[row, p] = gap
         now.feature[row, p] = before.feature[old, p]
         for k in range(3):
@@ -206,6 +219,8 @@ def _recycle(state: State, turn: Array, now: Manifolds, before: Manifolds, row: 
             now.r_B[row, p, k] = B[k]
             now.p_A_C[row, p, k] = before.p_A_C[old, p, k]
             now.p_B_C[row, p, k] = before.p_B_C[old, p, k]
+    if not near:
+        return False
     for k in range(3):
         now.normal[row, k] = n[k]
         now.normal_A[row, k] = before.normal_A[old, k]
@@ -214,19 +229,28 @@ def _recycle(state: State, turn: Array, now: Manifolds, before: Manifolds, row: 
     return True
 
 
-@kernel
+@part
 def _write(state: State, turn: Array, now: Manifolds, row: int, i: int, j: int, count: int,
-           n: Vector,
-           points: Array, ids: IntArray) -> None:
-    """Write the points that the narrow phase found, as arms from both centres of mass."""
-    n_A = _turned_back(turn, i, n)
+           n: Vector, points: Array, ids: IntArray, lasts: bool) -> None:
+    """
+    Write the points that the narrow phase found, as arms from both centres of mass.
+
+    A manifold that `lasts` may keep its points in the next steps, and has them in axes that turn
+    with the bodies too.
+    """
+    n_A, q = NONE, (0.0, 0.0, 0.0, 0.0)
+    if lasts:
+        n_A = _turned_back(turn, i, n)
+        q = multiply(conjugate(quaternion(state.q, i)), quaternion(state.q, j))
     for p in range(count):
         gap = points[p, 3]
         A = (points[p, 0] - state.x[0, i], points[p, 1] - state.x[1, i],
              points[p, 2] - state.x[2, i])
         B = (points[p, 0] + gap * n[0] - state.x[0, j], points[p, 1] + gap * n[1] - state.x[1, j],
              points[p, 2] + gap * n[2] - state.x[2, j])
-        A_C, B_C = _turned_back(turn, i, A), _turned_back(turn, j, B)
+        A_C, B_C = NONE, NONE
+        if lasts:
+            A_C, B_C = _turned_back(turn, i, A), _turned_back(turn, j, B)
         now.gap[row, p] = gap
         now.feature[row, p] = ids[p]
         for k in range(3):
@@ -237,13 +261,12 @@ def _write(state: State, turn: Array, now: Manifolds, row: int, i: int, j: int, 
     for k in range(3):
         now.normal[row, k] = n[k]
         now.normal_A[row, k] = n_A[k]
-    q = multiply(conjugate(quaternion(state.q, i)), quaternion(state.q, j))
     for k in range(4):
         now.found_at[row, k] = q[k]
     now.found_at[row, 4] = points[0, 3]
 
 
-@kernel
+@part
 def _carry_over(now: Manifolds, before: Manifolds, row: int, old: int, count: int) -> None:
     """Start from the impulses of the last step where the same features touch, from 0 elsewhere."""
     for p in range(count):

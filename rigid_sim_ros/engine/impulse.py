@@ -18,7 +18,8 @@ import numpy as np
 from rigid_sim_ros.engine.algebra import norm
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.contacts import (
-    Bodies, Contacts, couple, push, read_velocity, relative, to_contact, to_world)
+    Bodies, Contacts, couple, push_rows, read_coefficients, read_rates, read_velocity, relative,
+    to_contact)
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.state import State
@@ -50,43 +51,40 @@ def resting_speed(contacts: Contacts, bodies: Bodies, k: int, h: float) -> float
 
 
 class Room(NamedTuple):
-    """Scratch memory for the points of one pair."""
+    """Scratch memory for the points of one pair: m points, w rows each."""
 
-    chosen: IntArray
-    A: Array
-    arm: Array
-    u0: Array
-    u: Array
-    J: Array
-    mu: Array
-    e: Array
-    plastic: Array  # zeros
+    chosen: IntArray  # (m,)
+    A: Array  # (wm, wm)
+    arm: Array  # (2, wm, 3)
+    u0: Array  # (wm,)
+    u: Array  # (wm,)
+    J: Array  # (wm,)
+    mu: Array  # (m, 3)
+    e: Array  # (m,)
+    plastic: Array  # (m,) zeros
 
 
-def _room(m: int) -> Room:
-    return Room(np.zeros(m, dtype=np.int64), np.zeros((3 * m, 3 * m)), np.zeros((2, 3 * m, 3)),
-                np.zeros(3 * m), np.zeros(3 * m), np.zeros(3 * m), np.zeros(m), np.zeros(m),
+def make_room(m: int, width: int) -> Room:
+    """Return room for pairs of bodies with m points at most."""
+    rows = width * m
+    return Room(np.zeros(m, dtype=np.int64), np.zeros((rows, rows)), np.zeros((2, rows, 3)),
+                np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros((m, 3)), np.zeros(m),
                 np.zeros(m))
 
 
-def collide(model: Model, state: State, contacts: Contacts, bodies: Bodies, h: float,
-            touching: float, elastic: IntArray, limit: int, impulses: Array) -> int:
+@kernel
+def collide_all(model: Model, state: State, contacts: Contacts, bodies: Bodies, h: float,
+                touching: float, quiet: float, width: int, elastic: IntArray, limit: int,
+                room: Room, impulses: Array) -> int:
     """
     Apply impulses until no touching point approaches faster than it may at rest.
 
-    Points with a gap of at most `touching` [m] touch. elastic, (c,) is 1 where a point may bounce
-    back; h is the step [s] of `resting_speed`. The impulses on B, (c, 3) [N s, contact axes], are
-    added to `impulses`. Returns the number of collisions of pairs, or -1 if after `limit` of them
-    something still approaches.
+    Points with a gap of at most `touching` [m] touch. At most `quiet` [m/s], and less than
+    `resting_speed` with the step h [s], is left to the resting forces. width: rows of a point;
+    elastic, (c,) is 1 where a point may bounce back. The impulses on B, (c, 6) [N s, contact
+    axes], are added to `impulses`. Returns the number of collisions of pairs, or -1 if after
+    `limit` of them something still approaches.
     """
-    largest = int(np.diff(contacts.first[:contacts.count[1] + 1]).max(initial=0))
-    return int(_collide(model, state, contacts, bodies, h, touching, elastic, limit,
-                        _room(largest), impulses))
-
-
-@kernel
-def _collide(model: Model, state: State, contacts: Contacts, bodies: Bodies, h: float,
-             touching: float, elastic: IntArray, limit: int, room: Room, impulses: Array) -> int:
     for count in range(limit + 1):
         block = -1
         fastest = 0.0
@@ -95,19 +93,19 @@ def _collide(model: Model, state: State, contacts: Contacts, bodies: Bodies, h: 
                 if contacts.gap[i] > touching:
                     continue
                 u = to_contact(contacts, i, relative(bodies.velocity, contacts, i))
-                if u[0] < -resting_speed(contacts, bodies, i, h) and u[0] < fastest:
+                if u[0] < fastest and u[0] < -min(resting_speed(contacts, bodies, i, h), quiet):
                     block, fastest = k, u[0]
         if block < 0:
             return count
         if count < limit:
-            _collide_pair(model, state, contacts, bodies, h, touching, elastic, block, room,
-                          impulses)
+            _collide_pair(model, state, contacts, bodies, h, touching, width, elastic, block,
+                          room, impulses)
     return -1
 
 
 @kernel
 def _collide_pair(model: Model, state: State, contacts: Contacts, bodies: Bodies, h: float,
-                  touching: float, elastic: IntArray, block: int, room: Room,
+                  touching: float, width: int, elastic: IntArray, block: int, room: Room,
                   impulses: Array) -> None:
     first, after = contacts.first[block], contacts.first[block + 1]
     m = 0
@@ -115,24 +113,20 @@ def _collide_pair(model: Model, state: State, contacts: Contacts, bodies: Bodies
         if contacts.gap[i] <= touching:
             room.chosen[m] = i
             m += 1
-    couple(model, contacts, bodies, room.chosen, m, room.arm, room.A)
+    couple(model, contacts, bodies, room.chosen, m, width, room.arm, room.A)
     for j in range(m):
         i = room.chosen[j]
-        u = to_contact(contacts, i, relative(bodies.velocity, contacts, i))
-        for k in range(3):
-            room.u0[3 * j + k] = u[k]
-            room.J[3 * j + k] = 0.0
-        room.mu[j] = contacts.friction[i]
-        rebound = -contacts.restitution[i] * u[0]
+        read_rates(model, contacts, bodies.velocity, i, width, room.u0, width * j)
+        read_coefficients(model, contacts, i, width, room.mu, j)
+        rebound = -contacts.restitution[i] * room.u0[width * j]
         bounces = elastic[i] == 1 and rebound > resting_speed(contacts, bodies, i, h)
         room.e[j] = contacts.restitution[i] if bounces else 0.0
-    _impact(room.A, room.u0, room.mu, room.e, room.plastic, room.J, room.u, m)
+    _impact(room.A, room.u0, room.mu, room.e, room.plastic, room.J, room.u, m, width)
     for j in range(m):
         i = room.chosen[j]
-        J = (room.J[3 * j], room.J[3 * j + 1], room.J[3 * j + 2])
-        push(state, contacts, i, to_world(contacts, i, J), model)
-        for k in range(3):
-            impulses[i, k] += J[k]
+        push_rows(model, state, contacts, i, width, room.J, width * j)
+        for k in range(width):
+            impulses[i, k] += room.J[width * j + k]
     read_velocity(model, state, contacts.body_a[first], bodies)
     read_velocity(model, state, contacts.body_b[first], bodies)
 
@@ -142,7 +136,8 @@ def impact(A: Array, u0: Array, mu: Array, e: Array, J: Array) -> None:
     Write the impulses J, (3m,) [N s], of m points of one pair of bodies; triples (n, t1, t2).
 
     A, (3m, 3m) [1/kg], gives the change of velocity A J; u0 [m/s] is the velocity of B relative
-    to A before; mu and e, (m,), are the coefficients of friction and restitution. Points that
+    to A before; mu and e, (m,), are the coefficients of friction and restitution. With rows for
+    spinning and rolling, 6 a point, mu is (m, 3): see `contacts`. Points that
     approach get u_n >= -e u_n0 and the others u_n >= 0, with J_n >= 0, and equality where J_n > 0.
 
     Newton's restitution together with friction can create energy where A couples normal and
@@ -151,14 +146,19 @@ def impact(A: Array, u0: Array, mu: Array, e: Array, J: Array) -> None:
     energy, is at most (1 - e^2) / 2 J_0 . u0 <= 0, because the plastic impulse J_0 leaves
     J_0 . (u0 + A J_0) <= 0.
     """
-    J[:] = 0.0
-    _impact(A, u0, mu, e, np.zeros_like(e), J, np.zeros_like(u0), len(mu))
+    m = len(e)
+    coefficients = np.zeros((m, 3))
+    coefficients[:, :mu.reshape(m, -1).shape[1]] = mu.reshape(m, -1)
+    _impact(A, u0, coefficients, e, np.zeros_like(e), J, np.zeros_like(u0), m, len(u0) // m)
 
 
 @kernel
-def _impact(A: Array, u0: Array, mu: Array, e: Array, plastic: Array, J: Array, u: Array,
-            m: int) -> None:
-    _sweep(A, u0, mu, e, J, u, m)
+def _impact(A: Array, u0: Array, mu: Array, e: Array, plastic: Array, J: Array, u: Array, m: int,
+            width: int) -> None:
+    rows = width * m
+    for i in range(rows):
+        J[i] = 0.0
+    _sweep(A, u0, mu, e, J, u, m, width)
     least = 2.0
     for j in range(m):
         if 0.0 < e[j] < least:
@@ -166,49 +166,62 @@ def _impact(A: Array, u0: Array, mu: Array, e: Array, plastic: Array, J: Array, 
     if least == 2.0:
         return
     change, scale = 0.0, 0.0
-    for i in range(3 * m):
+    for i in range(rows):
         gain = 0.0
-        for j in range(3 * m):
+        for j in range(rows):
             gain += A[i, j] * J[j]
         change += J[i] * (u0[i] + 0.5 * gain)
         scale += abs(J[i] * u0[i])
     # An elastic collision without friction has a change of 0, up to rounding.
     if change > 1e-12 * scale:
-        for i in range(3 * m):
+        for i in range(rows):
             J[i] = 0.0
-        _sweep(A, u0, mu, plastic, J, u, m)
-        for i in range(3 * m):
+        _sweep(A, u0, mu, plastic, J, u, m, width)
+        for i in range(rows):
             J[i] *= 1.0 + least
 
 
 @kernel
-def _sweep(A: Array, u0: Array, mu: Array, e: Array, J: Array, u: Array, m: int) -> None:
+def _sweep(A: Array, u0: Array, mu: Array, e: Array, J: Array, u: Array, m: int,
+           width: int) -> None:
     """Sweep over the points (projected Gauss-Seidel) until the impulses move no more."""
     scale = 0.0
-    for i in range(3 * m):
+    for i in range(width * m):
         u[i] = u0[i]
         scale = max(scale, abs(u0[i]))
     for _ in range(MAX_SWEEPS):
         moved = 0.0
         for j in range(m):
-            n = 3 * j
+            n = width * j
             wanted = -e[j] * min(u0[n], 0.0)
             before = J[n]
             J[n] = max(0.0, J[n] - (u[n] - wanted) / A[n, n])
             step = J[n] - before
             moved = max(moved, abs(step) * A[n, n])
-            for i in range(3 * m):
+            for i in range(width * m):
                 u[i] += A[i, n] * step
-            moved = max(moved, _rub(A, u, mu[j], n, J, m))
+            moved = max(moved, _rub(A, u, mu[j, 0] * J[n], n + 1, n + 2, J, width * m))
+            if width == 6:
+                moved = max(moved, _stop_spin(A, u, mu[j, 1] * J[n], n + 3, J, width * m))
+                moved = max(moved, _rub(A, u, mu[j, 2] * J[n], n + 4, n + 5, J, width * m))
         if moved <= 1e-16 * scale:
             return
 
 
 @kernel
-def _rub(A: Array, u: Array, mu: float, n: int, J: Array, m: int) -> float:
-    """Update the friction impulse at one point: it stops the slip, or opposes it in full."""
-    x, y = n + 1, n + 2
-    limit = mu * J[n]
+def _stop_spin(A: Array, u: Array, limit: float, s: int, J: Array, rows: int) -> float:
+    """Update the impulse of row s: it stops the spin, or opposes it in full."""
+    before = J[s]
+    J[s] = min(max(before - u[s] / A[s, s], -limit), limit)
+    step = J[s] - before
+    for i in range(rows):
+        u[i] += A[i, s] * step
+    return abs(step) * A[s, s]
+
+
+@kernel
+def _rub(A: Array, u: Array, limit: float, x: int, y: int, J: Array, rows: int) -> float:
+    """Update the impulses of rows x, y: they stop the slip, or oppose it in full."""
     old_x, old_y = J[x], J[y]
     if limit == 0.0:
         J[x], J[y] = 0.0, 0.0
@@ -225,6 +238,6 @@ def _rub(A: Array, u: Array, mu: float, n: int, J: Array, m: int) -> float:
                 new_x, new_y = new_x * limit / size, new_y * limit / size
         J[x], J[y] = new_x, new_y
     step_x, step_y = J[x] - old_x, J[y] - old_y
-    for i in range(3 * m):
+    for i in range(rows):
         u[i] += A[i, x] * step_x + A[i, y] * step_y
     return max(abs(step_x) * A[x, x], abs(step_y) * A[y, y])

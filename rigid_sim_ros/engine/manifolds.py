@@ -38,8 +38,8 @@ class Manifolds(NamedTuple):
     normal_A: Array  # (c, 3) the same in axes of C of body A
     r_A: Array  # (c, 4, 3) [m] contact points on A from the centre of mass of A, world axes
     r_B: Array  # (c, 4, 3) [m] contact points on B from the centre of mass of B, world axes
-    p_A_C: Array  # (c, 4, 3) [m] the same points in axes of C of body A
-    p_B_C: Array  # (c, 4, 3) [m] and in axes of C of body B
+    p_A_C: Array  # (c, 4, 3) [m] those on A in axes of C of body A; of polyhedra, else 0
+    p_B_C: Array  # (c, 4, 3) [m] those on B in axes of C of body B
     gap: Array  # (c, 4) [m]
     feature: IntArray  # (c, 4) which features of the shapes meet: the same number, the same point
     impulse: Array  # (c, 4) [N s] normal impulses; those of the last step after detection
@@ -82,7 +82,9 @@ class Memory(NamedTuple):
     page: IntArray  # (1,) the page of the latest step
     pose: Array  # (s, 12) shape poses in the world: origin, rotation matrix by rows
     turn: Array  # (n, 9) rotation matrices C to W of the bodies, by rows
-    box: Array  # (s, 6) bounding boxes, lower and upper corner, with half of the margin
+    ahead: Array  # (s,) how far ahead a shape looks [m]; the margin of a pair is the sum of two
+    calm: Array  # (1,) the margin of a pair at rest [m]
+    box: Array  # (s, 6) bounding boxes, lower and upper corner, as far ahead as the shape looks
     fat: Array  # (s, 6) fat boxes; a plane: normal and offset
     cells: IntArray  # (s, 4) level and cell of the middle of the fat box
     moved: IntArray  # (s,) 1 for shapes that left their fat box
@@ -138,9 +140,10 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
                       np.zeros((2, MAX_CORNERS, 3)), integers(EPA_FACES, 2))
     buckets = 1 << max(4, (2 * s - 1).bit_length())
     pages = (empty_manifolds(capacity), empty_manifolds(capacity))
-    memory = Memory(pages, integers(1), np.zeros((s, 12)), np.zeros((bodies, 9)), np.zeros((s, 6)),
-                    np.zeros((s, 6)), integers(s, 4), integers(s), integers(buckets + 2),
-                    integers(s), integers(s + 1), integers(LEVELS), integers(1),
+    memory = Memory(pages, integers(1), np.zeros((s, 12)), np.zeros((bodies, 9)), np.zeros(s),
+                    np.zeros(1), np.zeros((s, 6)), np.zeros((s, 6)), integers(s, 4), integers(s),
+                    integers(buckets + 2), integers(s), integers(s + 1), integers(LEVELS),
+                    integers(1),
                     integers(2 * capacity, 2), integers(2, 2 * capacity, 2),
                     np.zeros((2 * capacity, 4)), integers(8), scratch)
     forget_pairs(memory)

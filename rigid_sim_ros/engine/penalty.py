@@ -14,9 +14,18 @@ arrives with v0 leaves with v1 where
 
     c v0 - ln(1 + c v0) = -c v1 - ln(1 - c v1),    so v1 / v0 = 1 - 2 c v0 / 3 + O((c v0)^2).
 
+No damper is stronger than what stops its point in one step, k c d <= m / (p h) with the mass m
+that a pair on p points has along the normal. A fast body, which the damper lets in by
+d = sqrt(2 m v / (p k c)), would else be thrown back; the bound takes effect where
+h omega sqrt(2 c v) > 1 with omega^2 = p k / m, and the body then goes deeper.
+
 Friction is a bristle: a spring and damper along the surface whose stretch is remembered from step
 to step, for each point by its feature, and slips where its force would exceed mu f_n. It is
 stretched, not creeping, while a body rests on a slope.
+
+Against rolling and spinning a torque of the lever times the normal force opposes the relative
+angular velocity, regularised: no larger than what would stop it in a few steps. A slow rotation so
+fades instead of changing its sign, and a ball creeps where a torque would have to hold it.
 """
 
 import math
@@ -27,7 +36,7 @@ import numpy as np
 from rigid_sim_ros.engine.algebra import cross
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.contacts import (
-    Bodies, Contacts, gather, make_bodies, make_contacts, quaternion, read_velocity, relative,
+    Bodies, Contacts, gather_all, make_bodies, make_contacts, quaternion, read_velocity, relative,
     rotate, row, to_contact, to_world)
 from rigid_sim_ros.engine.detect import detect
 from rigid_sim_ros.engine.free_flight import fly
@@ -51,6 +60,11 @@ BRISTLE_DAMPING = 0.5
 # Step times angular frequency of the stiffest pair. Verlet is stable below 2; half of it leaves
 # room for bodies that are touched from two sides, and puts 6 steps into one oscillation.
 STEP_LIMIT = 1.0
+
+
+# Steps in which the torques against rolling and spinning may stop a rotation, at least. Below 1 it
+# would swing; 40 lets a ball creep ten times as fast where it should be held.
+STOPPING = 4.0
 
 
 class PenaltySettings(NamedTuple):
@@ -170,18 +184,33 @@ def _recall(contacts: Contacts, state: State, bristles: Bristles, stretch: Array
 
 
 @kernel
-def _point_force(model: Model, shapes: Shapes, materials: Materials, settings: PenaltySettings,
-                 contacts: Contacts, k: int, points: int, u: Vector,
+def _turning(model: Model, state: State, body: int, r: Vector, n: Vector) -> float:
+    """Return (r x n) . I^-1 (r x n) [1/kg]: how a force along n at r gives way by turning."""
+    q = quaternion(state.q, body)
+    arm = rotate((-q[0], -q[1], -q[2], q[3]), cross(r, n))
+    return (model.inv_I_C[0, body] * arm[0] * arm[0] + model.inv_I_C[1, body] * arm[1] * arm[1]
+            + model.inv_I_C[2, body] * arm[2] * arm[2])
+
+
+@kernel
+def _point_force(model: Model, state: State, shapes: Shapes, materials: Materials,
+                 settings: PenaltySettings, contacts: Contacts, k: int, points: int, u: Vector,
                  s: Vector) -> tuple[Vector, float, float]:
     """Return the force on B [N, contact axes], and the stretch after slip [m, t1, t2]."""
     material_a = shapes.material[contacts.shape_a[k]]
     material_b = shapes.material[contacts.shape_b[k]]
     stiffness = materials.stiffness[material_a, material_b]
     depth = max(0.0, -contacts.gap[k])
-    normal = max(0.0, stiffness * depth * (1.0 - materials.damping[material_a, material_b] * u[0]))
-    along = settings.tangential * stiffness
+    a, b = contacts.body_a[k], contacts.body_b[k]
+    inv_m, n = model.inv_m[a] + model.inv_m[b], to_world(contacts, k, (1.0, 0.0, 0.0))
+    give = (inv_m + _turning(model, state, a, row(contacts.r_A, k), n)
+            + _turning(model, state, b, row(contacts.r_B, k), n))
     # The points of a pair share its mass: each damps its part.
-    mass = 1.0 / ((model.inv_m[contacts.body_a[k]] + model.inv_m[contacts.body_b[k]]) * points)
+    strongest = 1.0 / (give * points * model.h)
+    damper = min(materials.damping[material_a, material_b] * stiffness * depth, strongest)
+    normal = max(0.0, stiffness * depth - damper * u[0])
+    along = settings.tangential * stiffness
+    mass = 1.0 / (inv_m * points)
     damping = 2.0 * settings.bristle_damping * math.sqrt(along * mass)
     f_1, f_2 = -along * s[1] - damping * u[1], -along * s[2] - damping * u[2]
     size, limit = math.sqrt(f_1 * f_1 + f_2 * f_2), contacts.friction[k] * normal
@@ -191,6 +220,29 @@ def _point_force(model: Model, shapes: Shapes, materials: Materials, settings: P
         # While it slips the bristle alone holds the force.
         left_1, left_2 = -f_1 / along, -f_2 / along
     return (normal, f_1, f_2), left_1, left_2
+
+
+@kernel
+def _resistance(model: Model, shapes: Shapes, materials: Materials, contacts: Contacts,
+                bodies: Bodies, k: int, points: int, normal: float) -> Vector:
+    """Return the torque on B [N m, world axes] against spinning and rolling at point k."""
+    material_a = shapes.material[contacts.shape_a[k]]
+    material_b = shapes.material[contacts.shape_b[k]]
+    spinning = materials.spinning[material_a, material_b]
+    rolling = materials.rolling[material_a, material_b]
+    if normal == 0.0 or (spinning == 0.0 and rolling == 0.0):
+        return (0.0, 0.0, 0.0)
+    a, b, v = contacts.body_a[k], contacts.body_b[k], bodies.velocity
+    w = to_contact(contacts, k, (v[b, 3] - v[a, 3], v[b, 4] - v[a, 4], v[b, 5] - v[a, 5]))
+    give = (max(model.inv_I_C[0, a], model.inv_I_C[1, a], model.inv_I_C[2, a])
+            + max(model.inv_I_C[0, b], model.inv_I_C[1, b], model.inv_I_C[2, b]))
+    # The torque per angular velocity that stops the smaller moment in that time, all points
+    # together.
+    most = 1.0 / (give * STOPPING * model.h * points)
+    size = math.sqrt(w[1] * w[1] + w[2] * w[2])
+    on_spin = min(most, spinning * normal / abs(w[0])) if w[0] != 0.0 else 0.0
+    on_roll = min(most, rolling * normal / size) if size > 0.0 else 0.0
+    return to_world(contacts, k, (-on_spin * w[0], -on_roll * w[1], -on_roll * w[2]))
 
 
 @kernel
@@ -211,19 +263,20 @@ def _forces(model: Model, state: State, shapes: Shapes, materials: Materials,
             u = to_contact(contacts, k, relative(bodies.velocity, contacts, k))
             s = to_contact(contacts, k, row(stretch, k))
             s = (0.0, s[1] + t * u[1], s[2] + t * u[2])
-            f, left_1, left_2 = _point_force(model, shapes, materials, settings, contacts, k,
-                                             after - first, u, s)
+            f, left_1, left_2 = _point_force(model, state, shapes, materials, settings, contacts,
+                                             k, after - first, u, s)
             kept = to_world(contacts, k, (0.0, left_1, left_2))
             F = to_world(contacts, k, f)
             a, b = contacts.body_a[k], contacts.body_b[k]
             on_A, on_B = cross(row(contacts.r_A, k), F), cross(row(contacts.r_B, k), F)
+            tau = _resistance(model, shapes, materials, contacts, bodies, k, after - first, f[0])
             for i in range(3):
                 stretch[k, i] = kept[i]
                 forces[k, i] = f[i]
                 loads.F[i, a] -= F[i]
-                loads.tau[i, a] -= on_A[i]
+                loads.tau[i, a] -= on_A[i] + tau[i]
                 loads.F[i, b] += F[i]
-                loads.tau[i, b] += on_B[i]
+                loads.tau[i, b] += on_B[i] + tau[i]
     for i in model.fixed:
         loads.F[:, i] = 0.0
         loads.tau[:, i] = 0.0
@@ -294,7 +347,8 @@ def _overlaps(model: Model, state: State, shapes: Shapes, materials: Materials, 
     while not detect(model, state, shapes, memory, MARGIN):
         memory = grown(memory)
     while True:
-        needed = gather(state, current_manifolds(memory), shapes, materials, 0.0, work.contacts)
+        needed = gather_all(state, current_manifolds(memory), shapes, materials, 0.0,
+                            work.contacts)
         if needed <= work.contacts.gap.shape[0]:
             break
         work.contacts = make_contacts(2 * needed)

@@ -40,8 +40,8 @@ def place(state: State, shapes: Shapes, turn: Array, pose: Array) -> None:
 
 
 @kernel
-def bound(kind: IntArray, size: Array, pose: Array, margin: float, box: Array) -> None:
-    """Write the bounding box of each shape and half of the margin; infinite for a plane."""
+def bound(kind: IntArray, size: Array, pose: Array, ahead: Array, box: Array) -> None:
+    """Write the bounding box of each shape and of what is ahead; infinite for a plane."""
     for s in range(pose.shape[0]):
         for k in range(3):
             x, y, z = pose[s, 3 + 3 * k], pose[s, 4 + 3 * k], pose[s, 5 + 3 * k]
@@ -58,6 +58,6 @@ def bound(kind: IntArray, size: Array, pose: Array, margin: float, box: Array) -
             elif kind[s] == PLANE:
                 reach = math.inf
             # One part in 1e12 more, so that rounding never makes the box too small.
-            reach = reach * (1.0 + 1e-12) + 0.5 * margin
+            reach = reach * (1.0 + 1e-12) + ahead[s]
             box[s, k] = pose[s, k] - reach
             box[s, 3 + k] = pose[s, k] + reach

@@ -25,17 +25,18 @@ from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, ARM_A, ARM_B, BLOCK_SIZE, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, J_A, J_B, MOVED,
     MU, NORMAL, PAIR, POINT, POINT_ROWS, prepare_block, put_three, RESIDUAL, ROLL_LEVER, S, SHOVE,
     SPIN_LEVER, T, TANGENT, three, TORSION, TOTAL, TOTAL_T)
-from rigid_sim_ros.engine.contact_sweep import separate, SKIN, Sweep, visit
+from rigid_sim_ros.engine.contact_sweep import (
+    count_impulses, is_settled, overlaps, separate, SKIN, Sweep, visit)
 from rigid_sim_ros.engine.free_flight import fly
-from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.kernel import kernel, part
 from rigid_sim_ros.engine.loads import kick, Loads
 from rigid_sim_ros.engine.manifolds import Manifolds, POINTS
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import displacement, gap_now
 from rigid_sim_ros.engine.solver_bodies import (
-    drift_bodies, HELD, J, kick_bodies, LANES, load_bodies, make_bodies, motion_at, row_at,
-    SolverBodies, store_bodies, WARM)
+    BODY_ROWS, drift_bodies, HELD, INDEX, J, kick_bodies, LANES, load_bodies, make_bodies,
+    SolverBodies, store_bodies, STRIDE)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, row
 
@@ -58,6 +59,8 @@ class SequentialWork(NamedTuple):
     rolls: IntArray  # (c,) 1 where a manifold resists rolling
     blocks: Array  # flat, BLOCK_SIZE for each block
     fresh: IntArray  # (blocks + 1,) 1 where a lane touches without an impulse to begin with
+    shaken: IntArray  # (n + 1,) see `calm`
+    visited: IntArray  # (blocks,)
     lane_row: IntArray  # (lanes,) manifold of a lane, -1 for none
     at_A: IntArray  # (lanes,) where body A stands in bodies.motion
     at_B: IntArray
@@ -77,9 +80,9 @@ def make_work(n: int, capacity: int) -> SequentialWork:
     # Most of the lanes are never written, and cost address space only.
     return SequentialWork(make_bodies(n), make_coloring(n, capacity), integers(capacity),
                           np.zeros(lanes // LANES * BLOCK_SIZE), integers(lanes // LANES + 1),
-                          integers(lanes), integers(lanes), integers(lanes),
-                          np.zeros((capacity, POINTS)), np.zeros((capacity, 3)), np.zeros(1),
-                          np.zeros(1))
+                          integers(n + 1), integers(lanes // LANES), integers(lanes),
+                          integers(lanes), integers(lanes), np.zeros((capacity, POINTS)),
+                          np.zeros((capacity, 3)), np.zeros(1), np.zeros(1))
 
 
 @kernel
@@ -106,27 +109,27 @@ def solve_contacts(model: Model, state: State, loads: Loads, shapes: Shapes, mat
     place_lanes(manifolds.count[0], count, work.coloring.color, work.coloring.lane, work.lane_row)
     fill_blocks(count, state.x, shapes.material, materials, manifolds, shifts, shifted,
                 1.0 / substeps, work)
-    if bodies.used[0] <= model.m.shape[0]:
+    if bodies.used[1] > 0:
         kick(state, loads, 0.5 * model.h)
         fly(model, state, (0.0, 0.0, 0.0), model.h, np.int64(1), block)
         kick(state, loads, 0.5 * model.h)
     for substep in range(substeps):
-        kick_bodies(bodies.used[0], bodies.rows, bodies.motion, h, substep == 0)
+        kick_bodies(bodies.used[0], bodies.motion, bodies.smooth, bodies.base, bodies.warm, h,
+                    substep == 0)
         if substep == 0:
             settle(count, work.fresh, work.coloring.kind, blocks, bodies.motion, bodies.drifted,
                    work.at_A, work.at_B, 1.0 / h)
-        drifted = h if substep > 0 else 0.0
         sweep(count, work.coloring.kind, blocks, bodies.motion, bodies.drifted, work.at_A,
-              work.at_B, Sweep(1.0 / h, drifted, True, 0.0))
-        sweep(count, work.coloring.kind, blocks, bodies.motion, bodies.drifted, work.at_A,
-              work.at_B, Sweep(1.0 / h, 0.0, False, 1.0))
-        separate_all(count, work.coloring.kind, blocks, bodies.push, work.at_A, work.at_B,
-                     settings.push / h, settings.push_speed)
-        drift_bodies(bodies.used[0], bodies.rows, bodies.motion, bodies.push, bodies.drifted)
+              work.at_B, Sweep(1.0 / h, h if substep > 0 else 0.0, False))
+        calm(count, work.coloring.kind, blocks, bodies.motion, work.at_A, work.at_B, work.shaken,
+             work.visited, 1.0 / h)
+        sweep_back(count, work.coloring.kind, blocks, bodies.motion, bodies.push, work.at_A,
+                   work.at_B, Sweep(1.0 / h, 0.0, True), settings.push / h, settings.push_speed)
+        drift_bodies(bodies.used[0], bodies.motion, bodies.push, bodies.drifted, bodies.total)
     work.residual[0] = keep_impulses(count, blocks, work.lane_row, manifolds, bodies, work.at_A,
                                      work.at_B, h, substeps, work.normal_impulse,
                                      work.friction_impulse)
-    store_bodies(model.h, model.m, state, bodies, substeps)
+    store_bodies(model.h, model.m, model.inv_I_C, state, bodies, substeps)
 
 
 @kernel
@@ -146,6 +149,11 @@ FRESH_VISITS = 6
 # Sweeps where half of all that touches is new, as at the start of a scene: without them a stack of
 # 20 sinks by 4 mm before its impulses have grown, and the shock moves it sideways.
 FRESH_SWEEPS = 100
+# [m/s] a change that others must hear of before the substep ends, in so many sweeps at most
+ROUGH = 0.2
+CALMING_SWEEPS = 30
+# [m/s] a visit that changes velocities less has nothing left to do in this substep
+SETTLED = 1e-6
 
 
 @kernel
@@ -155,23 +163,93 @@ def settle(count: int, fresh: IntArray, kind: IntArray, blocks: Array, motion: A
     if fresh[-1] == 1:
         for k in range(FRESH_SWEEPS):
             sweep(count, kind, blocks, motion, drifted, at_A, at_B,
-                  Sweep(inv_h, 0.0, k % 2 == 1, 0.0))
+                  Sweep(inv_h, 0.0, k % 2 == 1))
         return
     for block in range(count):
+        b = blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE]
         for _ in range(FRESH_VISITS * fresh[block]):
-            visit(blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE], motion, drifted,
-                  at_A[block * LANES:(block + 1) * LANES], at_B[block * LANES:(block + 1) * LANES],
-                  kind[block] % 3 + 1, kind[block] >= 3, Sweep(inv_h, 0.0, False, 0.0))
+            visit(b, motion, drifted, at_A[block * LANES:(block + 1) * LANES],
+                  at_B[block * LANES:(block + 1) * LANES], kind[block] % 3 + 1, kind[block] >= 3,
+                  Sweep(inv_h, 0.0, False))
+            if is_settled(b, SETTLED):
+                break
 
 
 @kernel
-def separate_all(count: int, kind: IntArray, blocks: Array, push: Array, at_A: IntArray,
-                 at_B: IntArray, rate: float, speed: float) -> None:
-    """Push every overlap a little apart."""
+def calm(count: int, kind: IntArray, blocks: Array, motion: Array, at_A: IntArray,
+         at_B: IntArray, shaken: IntArray, visited: IntArray, inv_h: float) -> None:
+    """
+    Let an impact run its course: visit what a rough change reached, until there are no more.
+
+    A clock counts the visits; `shaken` has for each slot when a visit last changed its velocity
+    by more than ROUGH, `visited` for each block when it was visited last.
+    """
+    shaken[:] = 0
+    clock = 0
     for block in range(count):
-        separate(blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE], push,
-                 at_A[block * LANES:(block + 1) * LANES], at_B[block * LANES:(block + 1) * LANES],
-                 kind[block] % 3 + 1, rate, speed)
+        clock += 1
+        visited[block] = clock
+        b = blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE]
+        if not is_settled(b, ROUGH):
+            _shake(b, block * LANES, at_A, at_B, clock, shaken)
+    for k in range(CALMING_SWEEPS if clock > 0 else 0):
+        first = clock
+        for j in range(count):
+            block = count - 1 - j if k % 2 == 0 else j
+            if not _was_reached(block, at_A, at_B, shaken, visited):
+                continue
+            b = blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE]
+            visit(b, motion, motion, at_A[block * LANES:(block + 1) * LANES],
+                  at_B[block * LANES:(block + 1) * LANES], kind[block] % 3 + 1, kind[block] >= 3,
+                  Sweep(inv_h, 0.0, k % 2 == 0))
+            clock += 1
+            visited[block] = clock
+            if not is_settled(b, ROUGH):
+                _shake(b, block * LANES, at_A, at_B, clock, shaken)
+        if clock == first:
+            break
+
+
+@kernel
+def _shake(b: Array, first: int, at_A: IntArray, at_B: IntArray, clock: int,
+           shaken: IntArray) -> None:
+    """Note which bodies a visit changed roughly; slot 0 stands still."""
+    for i in range(LANES):
+        if b[RESIDUAL * LANES + i] > ROUGH:
+            shaken[at_A[first + i] // STRIDE] = clock
+            shaken[at_B[first + i] // STRIDE] = clock
+    shaken[0] = 0
+
+
+@kernel
+def _was_reached(block: int, at_A: IntArray, at_B: IntArray, shaken: IntArray,
+                 visited: IntArray) -> bool:
+    """Return whether a body of a block was shaken since its last visit."""
+    for lane in range(block * LANES, (block + 1) * LANES):
+        if (shaken[at_A[lane] // STRIDE] > visited[block]
+                or shaken[at_B[lane] // STRIDE] > visited[block]):
+            return True
+    return False
+
+
+@kernel
+def sweep_back(count: int, kind: IntArray, blocks: Array, motion: Array, push: Array,
+               at_A: IntArray, at_B: IntArray, what: Sweep, rate: float, speed: float) -> None:
+    """
+    End a substep: visit what is not settled, in the opposite order, and push overlaps apart.
+
+    What the forward sweep hardly changed is only read: the next one visits every block again.
+    """
+    for k in range(count):
+        block = count - 1 - k
+        b = blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE]
+        a, c = at_A[block * LANES:(block + 1) * LANES], at_B[block * LANES:(block + 1) * LANES]
+        points = kind[block] % 3 + 1
+        if not is_settled(b, SETTLED):
+            visit(b, motion, motion, a, c, points, kind[block] >= 3, what)
+        count_impulses(b, points)
+        if overlaps(b):
+            separate(b, push, a, c, points, rate, speed)
 
 
 @kernel
@@ -220,38 +298,38 @@ def fill_blocks(count: int, x: Array, material: IntArray, materials: Materials,
                 b[(ARM_B + k) * LANES + i] = x[k, body_a] - x[k, body_b]
             if shifted:
                 _shift_lane(manifolds, r, shifts, b, i)
-            work.at_A[lane] = motion_at(bodies.slot[body_a])
-            work.at_B[lane] = motion_at(bodies.slot[body_b])
-        prepare_block(b)
+            work.at_A[lane] = bodies.slot[body_a] * STRIDE
+            work.at_B[lane] = bodies.slot[body_b] * STRIDE
+        prepare_block(b, work.coloring.kind[block] % 3 + 1)
         for i in range(LANES):
             r = work.lane_row[block * LANES + i]
             if r >= 0:
                 _warm_start(bodies.slot[manifolds.body_a[r]], bodies.slot[manifolds.body_b[r]],
-                            bodies.rows, b, i)
+                            bodies.warm, b, i)
     work.fresh[-1] = 1 if 2 * fresh > touching else 0
 
 
-@kernel
+@part
 def _fill_empty(b: Array, i: int) -> None:
     b[(NORMAL + 2) * LANES + i] = 1.0
     for p in range(POINTS):
         b[(POINT + p * POINT_ROWS + GAP) * LANES + i] = ABSENT
 
 
-@kernel
+@part
 def _fill_bodies(slot_a: int, slot_b: int, rows: Array, b: Array, i: int) -> None:
     """Copy the inverse masses of the two bodies to lane i."""
-    at_a, at_b = row_at(slot_a), row_at(slot_b)
+    at_a, at_b = (slot_a * BODY_ROWS + J) & INDEX, (slot_b * BODY_ROWS + J) & INDEX
     for k in range(7):
         # J and INV_M follow each other.
         to = J_A + k if k < 6 else INV_M_A
-        b[to * LANES + i] = rows[at_a + (J + k) * LANES]
+        b[to * LANES + i] = rows[at_a + k]
         to = J_B + k if k < 6 else INV_M_B
-        b[to * LANES + i] = rows[at_b + (J + k) * LANES]
+        b[to * LANES + i] = rows[at_b + k]
     b[PAIR * LANES + i] = 1.0 if slot_a > 0 and slot_b > 0 else 0.0
 
 
-@kernel
+@part
 def _fill_lane(manifolds: Manifolds, r: int, share: float, b: Array, i: int) -> tuple[float,
                                                                                       float]:
     """Copy manifold r to lane i; return its smallest gap and the sum of its impulses."""
@@ -302,8 +380,8 @@ def _wrench(b: Array, i: int, along_n: float, about_1: float, about_2: float,
     return F, torque
 
 
-@kernel
-def _warm_start(slot_a: int, slot_b: int, rows: Array, b: Array, i: int) -> None:
+@part
+def _warm_start(slot_a: int, slot_b: int, warm: Array, b: Array, i: int) -> None:
     """Let the impulses of lane i act at the start of the first substep."""
     along = about_1 = about_2 = 0.0
     for p in range(POINTS):
@@ -313,20 +391,20 @@ def _warm_start(slot_a: int, slot_b: int, rows: Array, b: Array, i: int) -> None
         about_2 -= b[o + S * LANES] * b[o + IMPULSE * LANES]
     F, torque = _wrench(b, i, along, about_1, about_2, three(b, FRICTION, i))
     if slot_a > 0:
-        _add_warm(rows, slot_a, -b[INV_M_A * LANES + i], F, -1.0, add(cross(three(b, ARM_A, i),
+        _add_warm(warm, slot_a, -b[INV_M_A * LANES + i], F, -1.0, add(cross(three(b, ARM_A, i),
                                                                             F), torque))
     if slot_b > 0:
-        _add_warm(rows, slot_b, b[INV_M_B * LANES + i], F, 1.0, add(cross(three(b, ARM_B, i), F),
+        _add_warm(warm, slot_b, b[INV_M_B * LANES + i], F, 1.0, add(cross(three(b, ARM_B, i), F),
                                                                     torque))
 
 
-@kernel
-def _add_warm(rows: Array, slot: int, inv_m: float, F: Vector, sign: float,
+@part
+def _add_warm(warm: Array, slot: int, inv_m: float, F: Vector, sign: float,
               torque: Vector) -> None:
-    at = row_at(slot) + WARM * LANES
+    at = slot * STRIDE & INDEX
     for k in range(3):
-        rows[at + k * LANES] += inv_m * F[k]
-        rows[at + (3 + k) * LANES] += sign * torque[k]
+        warm[at + k] += inv_m * F[k]
+        warm[at + 3 + k] += sign * torque[k]
 
 
 @kernel
@@ -373,8 +451,8 @@ def keep_impulses(count: int, blocks: Array, lane_row: IntArray, manifolds: Mani
 @kernel
 def _shoved(b: Array, i: int, drifted: Array, at_A: int, at_B: int, h: float) -> Vector:
     """Return the L that a pair gained when the last push displaced its momenta."""
-    v = (drifted[at_B] - drifted[at_A], drifted[at_B + LANES] - drifted[at_A + LANES],
-         drifted[at_B + 2 * LANES] - drifted[at_A + 2 * LANES])
+    v = (drifted[at_B] - drifted[at_A], drifted[at_B + 1] - drifted[at_A + 1],
+         drifted[at_B + 2] - drifted[at_A + 2])
     n, shove = three(b, NORMAL, i), h * b[SHOVE * LANES + i]
     return cross((shove * n[0], shove * n[1], shove * n[2]), v)
 
@@ -382,7 +460,6 @@ def _shoved(b: Array, i: int, drifted: Array, at_A: int, at_B: int, h: float) ->
 @kernel
 def _give_back(slot: int, bodies: SolverBodies, gained: Vector) -> None:
     """Take half of the L that a pair gained from one body: the point follows both."""
-    bodies.rows[row_at(slot) + HELD * LANES] = 1.0
-    at = motion_at(slot)
+    bodies.rows[slot * BODY_ROWS + HELD] = 1.0
     for k in range(3):
-        bodies.motion[at + (3 + k) * LANES] -= 0.5 * gained[k]
+        bodies.motion[slot * STRIDE + 3 + k] -= 0.5 * gained[k]

@@ -13,7 +13,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.collisions import collide_bodies, CollisionWork, make_collision_work
-from rigid_sim_ros.engine.detect import detect
+from rigid_sim_ros.engine.detect import detect_ahead
 from rigid_sim_ros.engine.free_flight import BLOCK_SIZE as FLIGHT_SIZE, fly
 from rigid_sim_ros.engine.integrate import sum_loads
 from rigid_sim_ros.engine.kernel import kernel
@@ -23,15 +23,16 @@ from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.sequential import make_work as make_sequential_work
 from rigid_sim_ros.engine.sequential import SequentialSettings, SequentialWork, solve_contacts
 from rigid_sim_ros.engine.shapes import Materials, PLANE, Shapes
+from rigid_sim_ros.engine.sleeping import (
+    fall_asleep, keep_pressing, Rest, wake_disturbed, wake_touched)
 from rigid_sim_ros.engine.solver_bodies import SolverBodies
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.vector import column, norm
 from rigid_sim_ros.engine.wrenches import count_down, Wrenches
 
 
-# How many margins further ahead a fast body looks, at most. 1: boxes that fall into a pile overlap
-# by 18 mm before they are seen; 4: by 12 mm; more finds pairs in vain.
-_FAR = 4.0
+# How many margins further ahead a fast body looks, at most: more finds pairs in vain.
+_FAR = 2.0
 
 
 class TimestepSettings(NamedTuple):
@@ -43,6 +44,7 @@ class TimestepSettings(NamedTuple):
     # 1: as far ahead as the fastest body gets in a step, so that none passes a wall
     continuous: int = 0
     bounce_speed: float = 1e-3  # [m/s] what approaches slower does not bounce
+    sleep_steps: int = 0  # what has been at rest for so many steps sleeps; 0: nothing does
 
 
 class TimestepWork(NamedTuple):
@@ -69,17 +71,17 @@ def make_timestep_work(model: Model, shapes: Shapes, memory: Memory) -> Timestep
 
 
 def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
-            memory: Memory, settings: TimestepSettings, work: TimestepWork,
+            memory: Memory, settings: TimestepSettings, work: TimestepWork, rest: Rest,
             count: int) -> tuple[Memory, TimestepWork]:
     """
     Advance the state by `count` steps; return the memory and the buffers, which may have grown.
 
-    The state, the wrenches' remaining steps and the memory change in place.
+    The state, the wrenches' remaining steps, the memory and who sleeps change in place.
     """
     done = 0
     while True:
         done += advance_steps(model, state, wrenches, shapes, materials, memory, settings, work,
-                              count - done)
+                              rest, count - done)
         if done == count:
             return memory, work
         memory = grown(memory)
@@ -90,19 +92,24 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
 @kernel
 def advance_steps(model: Model, state: State, wrenches: Wrenches, shapes: Shapes,
                   materials: Materials, memory: Memory, settings: TimestepSettings,
-                  work: TimestepWork, count: int) -> int:
+                  work: TimestepWork, rest: Rest, count: int) -> int:
     """Take steps until `count` are done or a buffer is too small; return how many were done."""
-    g = model.gravity
+    g, sleeps = model.gravity, settings.sleep_steps > 0
+    loaded = model.forces.kind.shape[0] + wrenches.body.shape[0] > 0
     for step in range(count):
-        margin = look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L,
-                            materials.restitution, settings,
-                            work.radius)
-        if not detect(model, state, shapes, memory, margin):
+        if sleeps:
+            sum_loads(model, state, wrenches, work.loads)
+            wake_disturbed(model.inv_m, state, work.loads, wrenches, current(memory), rest)
+        look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, materials.restitution,
+                   settings, work.radius, shapes.body, memory.ahead, memory.calm)
+        if not detect_ahead(model, state, shapes, memory):
             return step
         manifolds = current(memory)
-        if manifolds.count[0] == 0 and model.forces.kind.shape[0] + wrenches.body.shape[0] == 0:
+        if manifolds.count[0] == 0 and not loaded and not sleeps:
             fly(model, state, (g[0], g[1], g[2]), model.h, np.int64(1), work.block)
             continue
+        if sleeps:
+            wake_touched(model.h, model.inv_m, model.inv_I_C, state, work.radius, manifolds, rest)
         sum_loads(model, state, wrenches, work.loads)
         clear_impulses(manifolds.count[0], work.solver.normal_impulse,
                        work.solver.friction_impulse)
@@ -110,43 +117,46 @@ def advance_steps(model: Model, state: State, wrenches: Wrenches, shapes: Shapes
             model.h, model.inv_m, model.inv_I_C, state, work.loads.F, shapes, materials, manifolds,
             settings.bounce_speed, work.solver.normal_impulse, work.solver.friction_impulse,
             work.collision)
-        give_slots(model.inv_m, manifolds, work.collision.waits, work.solver.bodies)
+        give_slots(model.inv_m, manifolds, work.collision.waits, rest.asleep, work.solver.bodies)
         solve_contacts(model, state, work.loads, shapes, materials, manifolds,
                        work.collision.waits, work.collision.body, collisions > 0,
                        settings.sequential, work.solver, work.block)
-        if model.forces.kind.shape[0] + wrenches.body.shape[0] > 0:
+        if loaded:
             # As in the symplectic method: half of the change of the loads, now at the new poses.
             sum_loads(model, state, wrenches, work.later)
             kick(state, work.later, 0.5 * model.h)
             kick(state, work.loads, -0.5 * model.h)
+        if sleeps:
+            keep_pressing(manifolds, work.solver.bodies.slot, rest, work.solver.normal_impulse,
+                          work.solver.friction_impulse)
+            fall_asleep(model.inv_m, model.inv_I_C, state, work.loads, work.radius, manifolds,
+                        settings.sleep_steps, rest)
         count_down(wrenches)
     return count
 
 
 @kernel
 def look_ahead(h: float, inv_m: Array, inv_I_C: Array, P: Array, L: Array, restitution: Array,
-               settings: TimestepSettings, radius: Array) -> float:
+               settings: TimestepSettings, radius: Array, body: IntArray, ahead: Array,
+               calm: Array) -> None:
     """
-    Return how far ahead contacts are looked for [m].
+    Write how far ahead each shape looks for contacts [m]: half of the margin, and what it moves.
 
-    Two bodies come nearer by at most twice the way of the fastest point. What bounces must be seen
-    before it touches; what does not may be seen late, at the price of an overlap, unless
-    `continuous` is set.
+    What bounces must be seen before it touches; what does not may be seen late, at the price of an
+    overlap, unless `continuous` is set.
     """
-    fastest = 0.0
-    for i in range(inv_m.shape[0]):
-        v = inv_m[i] * norm(column(P, i))
-        # Not below |w|, which would need the attitude.
-        w = max(inv_I_C[0, i], inv_I_C[1, i], inv_I_C[2, i]) * norm(column(L, i))
-        fastest = max(fastest, v + w * radius[i])
-    way = 2.0 * fastest * h
-    bounces = False
+    calm[0] = settings.margin
+    bounces = settings.continuous == 1
     for i in range(restitution.shape[0]):
         for j in range(i + 1):
             bounces = bounces or restitution[i, j] > 0.0
-    if settings.continuous == 1 or bounces:
-        return settings.margin + way
-    return settings.margin + min(way, _FAR * settings.margin)
+    for s in range(body.shape[0]):
+        i = body[s]
+        v = inv_m[i] * norm(column(P, i))
+        # Not below |w|, which would need the attitude.
+        w = max(inv_I_C[0, i], inv_I_C[1, i], inv_I_C[2, i]) * norm(column(L, i))
+        way = (v + w * radius[i]) * h
+        ahead[s] = 0.5 * settings.margin + (way if bounces else min(way, _FAR * settings.margin))
 
 
 @kernel
@@ -157,20 +167,22 @@ def clear_impulses(count: int, normal_impulse: Array, friction_impulse: Array) -
 
 
 @kernel
-def give_slots(inv_m: Array, manifolds: Manifolds, waits: IntArray, bodies: SolverBodies) -> None:
+def give_slots(inv_m: Array, manifolds: Manifolds, waits: IntArray, asleep: IntArray,
+               bodies: SolverBodies) -> None:
     """Give every moving body with a manifold to solve a slot, in order of the bodies."""
     bodies.slot[:] = 0
     for r in range(manifolds.count[0]):
         if waits[r] == 0:
             bodies.slot[manifolds.body_a[r]] = 1
             bodies.slot[manifolds.body_b[r]] = 1
-    used = 1
+    used, free = 1, 0
     bodies.body[0] = -1
     for i in range(inv_m.shape[0]):
-        if bodies.slot[i] == 1 and inv_m[i] > 0.0:
+        if bodies.slot[i] == 1 and inv_m[i] > 0.0 and asleep[i] == 0:
             bodies.slot[i] = used
             bodies.body[used] = i
             used += 1
         else:
             bodies.slot[i] = 0
-    bodies.used[0] = used
+            free += 1 if inv_m[i] > 0.0 and asleep[i] == 0 else 0
+    bodies.used[0], bodies.used[1] = used, free

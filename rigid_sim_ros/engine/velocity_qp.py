@@ -21,9 +21,9 @@ from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.collisions import collide_bodies
 from rigid_sim_ros.engine.contact_qp import solve
 from rigid_sim_ros.engine.contacts import (
-    Bodies, Contacts, couple, gather, make_bodies, make_contacts, read_bodies, relative,
+    Bodies, Contacts, couple, gather_all, make_bodies, make_contacts, read_bodies, relative,
     to_contact, to_world)
-from rigid_sim_ros.engine.detect import detect
+from rigid_sim_ros.engine.detect import detect_ahead
 from rigid_sim_ros.engine.free_flight import fly
 from rigid_sim_ros.engine.integrate import sum_loads
 from rigid_sim_ros.engine.kernel import kernel
@@ -33,8 +33,8 @@ from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import gap_now
 from rigid_sim_ros.engine.solver_bodies import (
-    drift_bodies, HELD, INV_M, kick_bodies, LANES, load_bodies, motion_at, row_at, SolverBodies,
-    store_bodies)
+    BODY_ROWS, drift_bodies, HELD, INV_M, kick_bodies, load_bodies, SolverBodies,
+    store_bodies, STRIDE)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.timestep import (
     give_slots, look_ahead, make_timestep_work, TimestepSettings, TimestepWork)
@@ -58,6 +58,7 @@ class QpWork:
         """Make room for a world whose manifolds live in `memory`."""
         self.shared: TimestepWork = make_timestep_work(model, shapes, memory)
         self.bodies: Bodies = make_bodies(len(model.m))
+        self.awake: IntArray = np.zeros(len(model.m), dtype=np.int64)  # no body sleeps
         self.contacts: Contacts = make_contacts(16)
         self.report = QpReport()
 
@@ -70,9 +71,9 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
     What OSQP could not solve is applied as far as it came, and said in `work.report`.
     """
     for _ in range(count):
-        margin = look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L,
-                            materials.restitution, settings, work.shared.radius)
-        while not detect(model, state, shapes, memory, margin):
+        look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, materials.restitution,
+                   settings, work.shared.radius, shapes.body, memory.ahead, memory.calm)
+        while not detect_ahead(model, state, shapes, memory):
             memory = grown(memory)
         if len(memory.pages[0].shape_a) > len(work.shared.collision.rows):
             work.shared = make_timestep_work(model, shapes, memory)
@@ -92,18 +93,19 @@ def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
                       materials, manifolds, settings.bounce_speed, normal_impulse,
                       friction_impulse, shared.collision) > 0:
         _move_gaps(manifolds, shared.collision.body)
-    give_slots(model.inv_m, manifolds, shared.collision.waits, bodies)
+    give_slots(model.inv_m, manifolds, shared.collision.waits, work.awake, bodies)
     load_bodies(model.inv_m, model.inv_I_C, state, shared.loads, bodies)
     read_bodies(model, state, shared.loads.F, shared.loads.tau, work.bodies)
     chosen = _chosen(model, state, shapes, materials, manifolds, work)
-    kick_bodies(bodies.used[0], bodies.rows, bodies.motion, model.h, True)
+    kick_bodies(bodies.used[0], bodies.motion, bodies.smooth, bodies.base, bodies.warm, model.h,
+                True)
     pushes = _solve(model, manifolds, settings, chosen, work)
-    drift_bodies(bodies.used[0], bodies.rows, bodies.motion, bodies.push, bodies.drifted)
+    drift_bodies(bodies.used[0], bodies.motion, bodies.push, bodies.drifted, bodies.total)
     _give_back(work.contacts, chosen, pushes, model.h, bodies)
     kick(state, shared.loads, 0.5 * model.h)
     fly(model, state, (0.0, 0.0, 0.0), model.h, 1, shared.block)
     kick(state, shared.loads, 0.5 * model.h)
-    store_bodies(model.h, model.m, state, bodies, 1)
+    store_bodies(model.h, model.m, model.inv_I_C, state, bodies, 1)
     # As in the symplectic method: half of the change of the loads, now at the new poses.
     sum_loads(model, state, wrenches, shared.later)
     kick(state, shared.later, 0.5 * model.h)
@@ -122,7 +124,7 @@ def _chosen(model: Model, state: State, shapes: Shapes, materials: Materials,
             manifolds: Manifolds, work: QpWork) -> IntArray:
     """Write the points to `work.contacts` and return those that the solver looks at."""
     while True:
-        found = gather(state, manifolds, shapes, materials, float('inf'), work.contacts)
+        found = gather_all(state, manifolds, shapes, materials, float('inf'), work.contacts)
         if found <= len(work.contacts.gap):
             break
         work.contacts = make_contacts(2 * found)
@@ -148,7 +150,7 @@ def _solve(model: Model, manifolds: Manifolds, settings: TimestepSettings, chose
         manifolds.impulse[:count] = 0.0
         return np.zeros(0)
     A = np.zeros((3 * m, 3 * m))
-    couple(model, contacts, work.bodies, chosen, m, np.zeros((2, 3 * m, 3)), A)
+    couple(model, contacts, work.bodies, chosen, m, 3, np.zeros((2, 3 * m, 3)), A)
     b = np.zeros(3 * m)
     _free_velocities(contacts, chosen, bodies, work.bodies, b)
     gap = contacts.gap[chosen]
@@ -188,14 +190,14 @@ def _give_back(contacts: Contacts, chosen: IntArray, f: Array, h: float,
         k = chosen[c]
         slot_a, slot_b = solver.slot[contacts.body_a[k]], solver.slot[contacts.body_b[k]]
         if f[3 * c] > 0.0 and slot_a > 0 and slot_b > 0:
-            at_a, at_b = motion_at(slot_a), motion_at(slot_b)
+            at_a, at_b = slot_a * STRIDE, slot_b * STRIDE
             v = (solver.drifted[at_b] - solver.drifted[at_a],
-                 solver.drifted[at_b + LANES] - solver.drifted[at_a + LANES],
-                 solver.drifted[at_b + 2 * LANES] - solver.drifted[at_a + 2 * LANES])
+                 solver.drifted[at_b + 1] - solver.drifted[at_a + 1],
+                 solver.drifted[at_b + 2] - solver.drifted[at_a + 2])
             gained = cross(to_world(contacts, k, (h * f[3 * c], 0.0, 0.0)), v)
             for i in range(3):
-                solver.motion[at_a + (3 + i) * LANES] -= 0.5 * gained[i]
-                solver.motion[at_b + (3 + i) * LANES] -= 0.5 * gained[i]
+                solver.motion[at_a + 3 + i] -= 0.5 * gained[i]
+                solver.motion[at_b + 3 + i] -= 0.5 * gained[i]
 
 
 @kernel
@@ -203,12 +205,12 @@ def _free_velocities(contacts: Contacts, chosen: IntArray, solver: SolverBodies,
                      b: Array) -> None:
     """Write u* of the chosen points in the axes n, t1, t2; changes `bodies.velocity` to v*."""
     for slot in range(1, solver.used[0]):
-        i, at = solver.body[slot], motion_at(slot)
+        i, at = solver.body[slot], slot * STRIDE
         for k in range(3):
-            bodies.velocity[i, k] = solver.motion[at + k * LANES]
+            bodies.velocity[i, k] = solver.motion[at + k]
             w = 0.0
             for j in range(3):
-                w += bodies.inv_I_W[i, k, j] * solver.motion[at + (3 + j) * LANES]
+                w += bodies.inv_I_W[i, k, j] * solver.motion[at + 3 + j]
             bodies.velocity[i, 3 + k] = w
     for c in range(chosen.shape[0]):
         u = to_contact(contacts, chosen[c], relative(bodies.velocity, contacts, chosen[c]))
@@ -226,18 +228,18 @@ def _push(contacts: Contacts, chosen: IntArray, f: Array, solver: SolverBodies,
         _push_slot(slot_a, -1.0, row(contacts.r_A, k), J, solver.rows, motion)
         _push_slot(slot_b, 1.0, row(contacts.r_B, k), J, solver.rows, motion)
         if slot_a > 0 and slot_b > 0 and f[3 * c] > 0.0:
-            solver.rows[row_at(slot_a) + HELD * LANES] = 1.0
-            solver.rows[row_at(slot_b) + HELD * LANES] = 1.0
+            solver.rows[slot_a * BODY_ROWS + HELD] = 1.0
+            solver.rows[slot_b * BODY_ROWS + HELD] = 1.0
 
 
 @kernel
 def _push_slot(slot: int, sign: float, r: Vector, J: Vector, rows: Array, motion: Array) -> None:
     if slot > 0:
-        turn, at = cross(r, J), motion_at(slot)
-        inv_m = rows[row_at(slot) + INV_M * LANES]
+        turn, at = cross(r, J), slot * STRIDE
+        inv_m = rows[slot * BODY_ROWS + INV_M]
         for i in range(3):
-            motion[at + i * LANES] += sign * inv_m * J[i]
-            motion[at + (3 + i) * LANES] += sign * turn[i]
+            motion[at + i] += sign * inv_m * J[i]
+            motion[at + 3 + i] += sign * turn[i]
 
 
 @kernel

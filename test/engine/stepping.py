@@ -7,6 +7,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.manifolds import empty_memory, lasting, with_lasting
 from rigid_sim_ros.engine.shapes import Material
+from rigid_sim_ros.engine.sleeping import no_rest
 from rigid_sim_ros.engine.state import copy_state
 from rigid_sim_ros.engine.timestep import advance, make_timestep_work, TimestepSettings
 
@@ -19,11 +20,12 @@ class TimestepScene(_Scene):
         super().__init__(things, material, h, gravity)
         self.settings = settings or TimestepSettings()
         self.work = make_timestep_work(self.model, self.shapes, self.memory)
+        self.rest = no_rest(len(self.model.m))
 
     def step(self, count=1) -> None:
         self.memory, self.work = advance(self.model, self.state, self.wrenches, self.shapes,
                                          self.materials, self.memory, self.settings, self.work,
-                                         count)
+                                         self.rest, count)
 
     def twin(self) -> 'TimestepScene':
         """Return a scene that continues from the state and from the manifolds only."""

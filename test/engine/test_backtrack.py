@@ -20,7 +20,9 @@ def next_event(things, until, gravity=(0, 0, -G)):
     sum_loads(scene.model, scene.state, scene.wrenches, loads)
     pose = np.zeros((len(things), 12))
     pairs = np.zeros((100, 2), dtype=np.int64)
-    count = pairs_ahead(scene.model, scene.state, loads, scene.shapes, until, pose, pairs)
+    reach, order = np.zeros((2, len(things))), np.zeros(len(things), dtype=np.int64)
+    count = pairs_ahead(scene.model, scene.state, loads, scene.shapes, until, pose, *reach, order,
+                        pairs)
     t, which = first_event(scene.model, scene.state, loads, scene.shapes, pairs, count,
                            np.zeros(100),
                            1e-7, until, pose, scene.memory.scratch)

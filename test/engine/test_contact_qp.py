@@ -74,13 +74,65 @@ def test_the_same_bits_twice():
     assert solve(A, b, mu, np.zeros(12))[0].tobytes() == solve(A, b, mu, np.zeros(12))[0].tobytes()
 
 
+def test_osqp_alone_finds_how_a_cube_slides(monkeypatch):
+    # Without the term s of the program it would lift the cube by mu |a_t|: 0.2 * 4 m/s^2.
+    monkeypatch.setattr(contact_qp, 'NEWTON_STEPS', 0)
+    monkeypatch.setattr(contact_qp, 'SWEEPS', 0)
+    monkeypatch.setattr(contact_qp, 'LAST_SWEEPS', (0,))
+    A, b, mu = cube_on_slope(0.6, 0.2)
+    f, _ = solve(A, b, mu, np.zeros(12))
+    assert np.abs((A @ f + b)[::3]).max() < 1e-3
+
+
+def test_osqp_alone_keeps_a_torque_within_its_cone(monkeypatch):
+    monkeypatch.setattr(contact_qp, 'NEWTON_STEPS', 0)
+    monkeypatch.setattr(contact_qp, 'SWEEPS', 0)
+    monkeypatch.setattr(contact_qp, 'LAST_SWEEPS', (0,))
+    A = np.diag([1.0, 3.5, 3.5, 2.5, 2.5, 2.5])
+    f, _ = solve(A, np.array([-G, 0, 0, 50.0, 30.0, 40.0]), np.array([[0.3, 0.02, 0.05]]),
+                 np.zeros(6))
+    assert f[3] == pytest.approx(-0.02 * f[0], rel=1e-6)
+    assert np.hypot(*f[4:]) == pytest.approx(0.05 * f[0], rel=1e-6)  # along an edge of the pyramid
+
+
 def test_what_osqp_could_not_solve_is_said(monkeypatch):
     monkeypatch.setattr(contact_qp, 'ROUNDS', 1)
     monkeypatch.setattr(contact_qp, 'NEWTON_STEPS', 0)
     monkeypatch.setattr(contact_qp, 'SWEEPS', 0)
+    monkeypatch.setattr(contact_qp, 'LAST_SWEEPS', (0,))
     monkeypatch.setitem(contact_qp.OSQP_SETTINGS, 'max_iter', 1)
     A, b, mu = cube_on_slope(0.6, 0.2)
     _, outcome = solve(A, b, mu, np.zeros(12))
     assert not outcome.solved
     assert outcome.status == 'maximum iterations reached'
     assert outcome.residual > TOLERANCE
+
+
+def test_torques_against_rolling_and_spinning_obey_their_cones():
+    # A ball on the ground that slides, rolls and spins: six rows, l = r.
+    r, mu = 0.1, np.array([[0.3, 0.02, 0.05]])
+    rows = np.zeros((6, 6))
+    for i, axis in enumerate(np.roll(np.eye(3), 1, axis=0)):
+        rows[i, :3], rows[i, 3:] = axis, np.cross((0, 0, -r), axis)
+        rows[3 + i, 3:] = r * axis
+    A = rows @ np.diag(1.0 / np.array([1.0] * 3 + [0.004] * 3)) @ rows.T
+    b = rows @ np.array([50.0, 0, -G, 300.0, -400.0, 900.0])
+    f, outcome = solve(A, b, mu, np.zeros(6))
+    a = A @ f + b
+    assert outcome.solved
+    assert f[0] == pytest.approx(G, rel=1e-7)
+    assert np.hypot(*f[1:3]) == pytest.approx(0.3 * f[0], rel=1e-9)
+    assert f[3] == pytest.approx(-0.02 * f[0] * np.sign(a[3]), rel=1e-9)
+    assert f[4:] == pytest.approx(-0.05 * f[0] * a[4:] / np.hypot(*a[4:]), rel=1e-9)
+
+
+def test_points_on_the_verge_of_slipping_are_solved():
+    # Six redundant points that carry almost all that friction allows.
+    points = [(0.1 * np.cos(x), 0.1 * np.sin(x), -0.02) for x in np.linspace(0, 5, 6)]
+    rows = np.array([np.append(axis, np.cross(p, axis)) for p in points
+                     for axis in ((0, 0, 1.0), (1.0, 0, 0), (0, 1.0, 0))])
+    A = rows @ np.diag([1.0] * 3 + [200.0] * 3) @ rows.T
+    b = rows @ np.array([0.49999 * G, 0, -G, 0, 0, 0])
+    f, outcome = solve(A, b, np.full(6, 0.5), np.zeros(18))
+    assert outcome.solved
+    assert f[1::3].sum() == pytest.approx(-0.49999 * G, rel=1e-6)

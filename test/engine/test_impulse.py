@@ -74,16 +74,45 @@ def test_no_impact_makes_energy_or_leaves_the_cone(seed, points, mu, e):
 
 
 def test_restitution_with_friction_gives_up_rebound_rather_than_make_energy():
-    # A slanting rod hits while it slides: Newton's rule alone would add energy here (Kane,
+    # A slanting rod hits and its tip sticks: Newton's rule alone would add energy here (Kane,
     # Levinson).
     c, s = np.cos(1.0), np.sin(1.0)
     A = on_ground([(-0.5 * c, 0, -0.5 * s)], 1.0, [1.0 / 12.0] * 3)
-    u0 = np.array([-0.1, -1.0, 0])
-    J = solve(A, u0, 0.3, 1.0)
-    newton = np.array([0.0, 0.0, 0.0])
-    # With sliding all the way, J_t = mu J_n and u_n turns round.
-    newton[0] = 0.2 / (A[0, 0] + 0.3 * A[0, 1])
-    newton[1] = 0.3 * newton[0]
-    change = newton @ (u0 + 0.5 * A @ newton)
+    u0 = np.array([-1.0, 0.7, 0.0])
+    newton = np.append(np.linalg.solve(A[:2, :2], [2.0, -0.7]), 0.0)
+    assert abs(newton[1]) < 0.4 * newton[0]  # it does stick
+    assert newton @ (u0 + 0.5 * A @ newton) > 0.1
+    J = solve(A, u0, 0.4, 1.0)
     assert J @ (u0 + 0.5 * A @ J) <= 1e-15
-    assert change <= 1e-15 or not np.allclose(J, newton)
+    assert pytest.approx(2.0 * solve(A, u0, 0.4, 0.0), rel=1e-12) == J  # (1 + e) of the plastic
+
+
+def turning_ball(spinning, rolling, w):
+    """Return rates before and after of a ball of 2 kg and 0.1 m that lands at 3 m/s, turning."""
+    r, m, inertia = 0.1, 2.0, 0.4 * 2.0 * 0.01
+    rows = np.zeros((6, 6))  # n, t1, t2, and l w_n, l w_t1, l w_t2 with l = r: (v, w) to rates
+    for i, axis in enumerate(np.roll(np.eye(3), 1, axis=0)):
+        rows[i, :3], rows[i, 3:] = axis, np.cross((0, 0, -r), axis)
+        rows[3 + i, 3:] = r * axis
+    A = rows @ np.diag(1.0 / np.array([m] * 3 + [inertia] * 3)) @ rows.T
+    u0 = rows @ np.array([0, 0, -3.0, *w])
+    J = np.zeros(6)
+    impact(A, u0, np.array([[0.0, spinning / r, rolling / r]]), np.array([0.5]), J)
+    return J, u0, u0 + A @ J, inertia
+
+
+def test_an_impact_takes_spin_with_its_lever():
+    J, u0, u1, inertia = turning_ball(0.002, 0.0, (0, 0, 10.0))
+    assert J[0] == pytest.approx(2.0 * 1.5 * 3.0, rel=1e-14)
+    # l dw = l lever J_n / I
+    assert u1[3] - u0[3] == pytest.approx(-0.1 * 0.002 * J[0] / inertia, rel=1e-12)
+
+
+def test_an_impact_takes_rolling_with_its_lever_against_its_direction():
+    J, u0, u1, inertia = turning_ball(0.0, 0.003, (6.0, 8.0, 0))
+    lost = 0.1 * 0.003 * J[0] / inertia * np.array([0.6, 0.8])
+    assert u0[4:] - u1[4:] == pytest.approx(lost, rel=1e-9)
+
+
+def test_an_impact_stops_what_turns_slower_than_its_lever_could():
+    assert np.abs(turning_ball(0.01, 0.01, (0.1, 0.2, 0.3))[2][3:]).max() < 1e-12

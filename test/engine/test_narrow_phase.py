@@ -167,9 +167,63 @@ def test_points_on_a_and_b_differ_by_the_gap_along_the_normal(names, seed):
         for k, gap in enumerate(row['gap']):
             apart = x[:, 1] + row['r_B'][k] - x[:, 0] - row['r_A'][k]
             assert apart == pytest.approx(gap * row['normal'], abs=1e-14)
-            for i, name in enumerate(('A', 'B')):
+            # Only what may keep its points has them in axes that turn with the bodies too.
+            for i, name in enumerate(('A', 'B') if row['p_A_C'].any() else ()):
                 in_C = rotation(scene.state.q[:, i]) @ row[f'p_{name}_C'][k]
                 assert in_C == pytest.approx(row[f'r_{name}'][k], abs=1e-14)
+
+
+CLOSE_PAIRS = [(CONVEX[a], CONVEX[b]) for a, b in PAIRS] + [
+    ((BOX, (0.3, 0.3, 0.002), None), (CYLINDER, (0.3, 0.03, 0.0), None)),
+    (CONVEX['box'], (CYLINDER, (0.3, 0.03, 0.0), None)),
+    ((BOX, (0.3, 0.3, 0.002), None), CONVEX['hull']),
+    ((CYLINDER, (0.3, 0.03, 0.0), None), (CYLINDER, (0.3, 0.03, 0.0), None))]
+
+
+def touching(shapes, rng, how):
+    """Return a scene, a position of B in which the shapes touch, and the normal there."""
+    scene = Scene(shapes, [((0, 0, 0), UPRIGHT), ((0, 0, 1), UPRIGHT)])
+    direction, turn = np.append(0.05 * rng.normal(size=2), 1.0), rng.normal(size=4)
+    if how == 0:
+        scene.put(0, (0, 0, 0), rng.normal(size=4))
+        direction = rng.normal(size=3)
+    elif how == 1:  # nearly flat on each other
+        turn = np.append(rng.normal(size=3) * 10.0 ** rng.uniform(-8, -1), 1.0)
+    x = 2.0 * direction / np.linalg.norm(direction)
+    for _ in range(20):
+        scene.put(1, x, turn)
+        gap, n, _, _ = scene.distance(0, 1)
+        x = x - (gap - 1e-2) * n
+    gap, n, _, _ = scene.distance(0, 1)
+    return scene, x - gap * n, n, turn
+
+
+@pytest.mark.parametrize('how', [0, 1])
+@pytest.mark.parametrize('shapes', CLOSE_PAIRS)
+def test_the_gap_of_shapes_that_hardly_touch_is_how_far_they_were_moved(shapes, how):
+    rng = np.random.default_rng(3)
+    for _ in range(40):
+        scene, x, n, turn = touching(shapes, rng, how)
+        for moved in (-1e-3, -1e-5, -1e-7, -1e-9, 0.0, 1e-12, 1e-9, 1e-7):
+            scene.put(1, x + moved * n, turn)
+            gap = scene.distance(0, 1)[0]
+            # The shortest way out may be another than back, and corners that met may pass each
+            # other. 2e-8: thin boxes at nearly no distance, 1e-7 of their size.
+            assert moved - 2e-8 < gap < abs(moved) + 2e-8
+
+
+@pytest.mark.parametrize('how', [0, 1])
+@pytest.mark.parametrize('shapes', CLOSE_PAIRS)
+def test_the_deepest_point_of_a_manifold_is_as_deep_as_the_shapes(shapes, how):
+    rng = np.random.default_rng(4)
+    for _ in range(40):
+        scene, x, n, turn = touching(shapes, rng, how)
+        for moved in (-1e-7, 0.0, 1e-7):
+            scene.put(1, x + moved * n, turn)
+            rows = scene.rows()
+            assert len(rows) == 1
+            # OVERHANG, 1e-5 of shapes of 0.5 m that lean on an edge.
+            assert rows[0]['gap'].min() == pytest.approx(scene.distance(0, 1)[0], abs=4e-6)
 
 
 LYING = (0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5))  # the axis z turned to x

@@ -66,6 +66,20 @@ def test_the_damper_takes_what_hunt_and_crossley_say():
     assert collision(c, h)[1] == pytest.approx(low, abs=1e5 * h * h)
 
 
+def test_a_damper_stops_a_fast_body_and_does_not_throw_it_back():
+    # In the first overlap of 5 mm the damper would be ten times what stops the ball in a step.
+    h, k, start = 1e-3, 1e5, 10.0
+    thing = ball(0.1, 1.0, position=(0, 0, 0.1 + 0.5 * h * start), velocity=(0, 0, -start))
+    scene = PenaltyScene([ground(), thing], soft(k, damping=20.0), h=h, gravity=(0, 0, 0))
+    energy = 0.5 * start ** 2
+    for _ in range(60):
+        scene.step()
+        before, depth = energy, max(0.0, 0.1 - scene.state.x[2, 1])
+        energy = scene.energy() + 0.5 * k * depth ** 2
+        assert energy <= before
+    assert 0.0 < scene.v[2, 1] < 0.2 * start
+
+
 def resting_on_slope(friction) -> PenaltyScene:
     up = np.array([math.sin(SLOPE), 0.0, math.cos(SLOPE)])
     depth = G * math.cos(SLOPE) / 4e4
@@ -110,6 +124,70 @@ def test_free_bodies_that_meet_keep_their_momentum():
     # step: impulses of 1 N s, half a step of 1 m/s.
     assert np.abs(scene.momentum() - before)[:3].max() < 1e-14
     assert np.abs(scene.momentum() - before)[3:].max() < 1e-4
+
+
+def resting_ball(material, **motion) -> PenaltyScene:
+    """Return a ball of 1 kg and 0.1 m that has sunk in by its weight."""
+    depth = G / (0.5 * material.stiffness)
+    return PenaltyScene([ground(), ball(0.1, 1.0, position=(0, 0, 0.1 - depth), **motion)],
+                        material)
+
+
+def test_a_rolling_ball_slows_by_its_lever_and_stops():
+    lever = 0.005
+    scene = resting_ball(soft(1e5)._replace(rolling=lever), velocity=(1.0, 0, 0),
+                         spin=(0, 10.0, 0))
+    a = 5.0 / 7.0 * G * lever / 0.1
+    scene.step(200)
+    before = scene.v[0, 1]
+    scene.step(1000)
+    # The ball has sunk in by 1e-4 m of its radius, and the bristle swings.
+    assert before - scene.v[0, 1] == pytest.approx(a, rel=2e-3)
+    scene.step(2000)
+    assert abs(scene.v[0, 1]) < 1e-9
+
+
+def test_a_spinning_ball_slows_by_its_lever_and_stops():
+    lever, moment = 0.002, 0.4 * 0.01
+    scene = resting_ball(soft(1e5)._replace(spinning=lever), spin=(0, 0, 5.0))
+    scene.step(500)
+    assert scene.state.L[2, 1] == pytest.approx(5.0 * moment - 0.5 * lever * G, rel=1e-6)
+    scene.step(700)
+    assert abs(scene.state.L[2, 1]) < 1e-12
+
+
+@pytest.mark.parametrize('mass', [1e-6, 1e-3, 1.0])
+def test_the_step_that_the_refusal_names_is_stable(mass):
+    # Light bodies and the default stiffness, as a scene would have them: a thin plate, tumbling.
+    q = np.array([0.3, -0.25, 0.1, 0.9])
+    x, y, z, w = q = q / np.linalg.norm(q)
+    up = np.array([2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)])
+    height = np.abs(up) @ [0.01, 0.015, 0.002]  # a corner is about to touch
+    thing = box((0.02, 0.03, 0.004), mass, position=(0, 0, height), orientation=q,
+                velocity=(0, 0, -1.0), spin=(5, 10, 15))
+    scene = PenaltyScene([ground(), thing], Material(), h=1.0)
+    with pytest.raises(ValueError, match='use a step of at most') as refusal:
+        check_step(scene.model, scene.shapes, scene.materials)
+    named = float(str(refusal.value).split('at most ')[1].split(' s')[0])
+    scene = PenaltyScene([ground(), thing], Material(), h=named)
+    check_step(scene.model, scene.shapes, scene.materials)
+    highest, touched = scene.energy() + mass * G * height, False
+    for _ in range(3000):
+        scene.step()
+        touched = touched or bool(scene.manifolds().count[0])
+        # An unstable contact would throw the plate up.
+        assert scene.energy() + mass * G * scene.state.x[2, 1] < 1.01 * highest
+    assert touched
+
+
+def test_the_stiffness_that_the_refusal_names_is_taken():
+    light = ball(0.01, 0.001, position=(0, 0, 0.5))
+    scene = PenaltyScene([ground(), light], Material())
+    with pytest.raises(ValueError, match='N/m for the pair') as refusal:
+        check_step(scene.model, scene.shapes, scene.materials)
+    named = float(str(refusal.value).split('at most ')[-1].split(' N/m')[0])
+    scene = PenaltyScene([ground(), light], soft(named))
+    check_step(scene.model, scene.shapes, scene.materials)
 
 
 def test_the_longest_stable_step_is_that_of_the_stiffest_pair():

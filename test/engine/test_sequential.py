@@ -10,7 +10,7 @@ from rigid_sim_ros.engine.coloring import color_manifolds, COLORS, make_coloring
 from rigid_sim_ros.engine.contact_blocks import (
     BLOCK_SIZE, K_NN, K_TN, K_TT, MOTION_A, MOTION_B, TWIST, WRENCH)
 from rigid_sim_ros.engine.contact_sweep import _read_twist, Sweep, visit
-from rigid_sim_ros.engine.solver_bodies import LANES, motion_at
+from rigid_sim_ros.engine.solver_bodies import LANES, STRIDE
 
 
 def colored(pairs, points=4, n=200):
@@ -55,7 +55,7 @@ def read_twist(block, solver, bodies):
     """Return the twists of a block as the bodies have them now."""
     for lane in range(LANES):
         for k in range(6):
-            at_A, at_B = solver.at_A[lane] + k * LANES, solver.at_B[lane] + k * LANES
+            at_A, at_B = solver.at_A[lane] + k, solver.at_B[lane] + k
             block[(MOTION_A + k) * LANES + lane] = bodies.motion[at_A]
             block[(MOTION_B + k) * LANES + lane] = bodies.motion[at_B]
     _read_twist(block)
@@ -81,11 +81,11 @@ def test_the_response_of_a_manifold_is_that_of_its_bodies():
     rng = np.random.default_rng(0)
     for slot in range(1, bodies.used[0]):
         for k in range(6):
-            bodies.motion[motion_at(slot) + k * LANES] = rng.normal(0, 1e-2)
+            bodies.motion[slot * STRIDE + k] = rng.normal(0, 1e-2)
     block = solver.blocks[:BLOCK_SIZE]
     before = read_twist(block, solver, bodies)
     visit(block, bodies.motion, bodies.drifted, solver.at_A[:LANES], solver.at_B[:LANES], 3, False,
-          Sweep(960.0, 0.0, False, 0.0))
+          Sweep(960.0, 0.0, False))
     wrench = block.reshape(-1, LANES)[WRENCH:WRENCH + 6].copy()
     after = read_twist(block, solver, bodies)
     for lane in np.nonzero(solver.lane_row[:LANES] >= 0)[0]:

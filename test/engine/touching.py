@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine import event, inertia, penalty
+from rigid_sim_ros.engine.event_buffers import Carried, EventSettings
 from rigid_sim_ros.engine.forces import WIDTH
 from rigid_sim_ros.engine.inertia import MassProperties
 from rigid_sim_ros.engine.manifolds import current_manifolds, empty_memory
@@ -90,7 +91,7 @@ class EventScene(_Scene):
 
     def __init__(self, things, material, h=1e-3, gravity=(0.0, 0.0, -G)):
         super().__init__(things, material, h, gravity)
-        self.settings = event.EventSettings()
+        self.settings = EventSettings()
         self.work = event.EventWork(len(things), len(things))
 
     def step(self, count=1) -> None:
@@ -105,7 +106,7 @@ class EventScene(_Scene):
         count = len(self.shapes.body)
         other.memory = empty_memory(count, count)
         other.work = event.EventWork(count, count)
-        other.work.carried = event.Carried(*(array.copy() for array in self.work.lasting()))
+        other.work.carried = Carried(*(array.copy() for array in self.work.carried))
         return other
 
 

@@ -32,14 +32,15 @@ UNSETTLED = -1
 
 
 @kernel
-def separation(pose: Array, size: Array, a: int, b: int, limit: float,
+def separation(pose: Array, size: Array, a: int, b: int, limit: float, way: float,
                m: Array) -> tuple[float, int]:
     """
     Return s and the axis that separates two boxes best.
 
     The axis is i for face i of A, 3 + j for face j of B and 6 + 3 i + j for the edges A_i x B_j.
     The first axis found with s > limit ends the search. The matrices are left in m for the
-    clipping.
+    clipping. Edges that meet are a single point, and other features may come into play before the
+    pair has moved by `way` [m]: if a face is as near as that, its corners say more.
     """
     t = subtract(origin(pose, b), origin(pose, a))
     for i in range(3):
@@ -73,7 +74,7 @@ def separation(pose: Array, size: Array, a: int, b: int, limit: float,
     face, best = face_a, best_a
     if best_b > best_a + preference:
         face, best = face_b, best_b
-    if best_edge > max(best_a, best_b) + preference or best_edge > limit:
+    if best_edge > max(best_a, best_b) + preference + way or best_edge > limit:
         return best_edge, edge
     return best, face
 
@@ -119,8 +120,8 @@ def direction(pose: Array, a: int, b: int, which: int) -> Vector:
 
 
 @kernel
-def box_box(pose: Array, size: Array, a: int, b: int, margin: float, points: Array, ids: IntArray,
-            polygon: Array, labels: IntArray, m: Array) -> tuple[int, Vector]:
+def box_box(pose: Array, size: Array, a: int, b: int, margin: float, way: float, points: Array,
+            ids: IntArray, polygon: Array, labels: IntArray, m: Array) -> tuple[int, Vector]:
     """
     Find the manifold of two boxes: return the number of points and the normal.
 
@@ -128,7 +129,7 @@ def box_box(pose: Array, size: Array, a: int, b: int, margin: float, points: Arr
     they are near, but their nearest features are not a face or two crossing edges; the general
     method finds them.
     """
-    s, which = separation(pose, size, a, b, margin, m)
+    s, which = separation(pose, size, a, b, margin, way, m)
     n = direction(pose, a, b, which)
     if s > margin:
         return 0, n

@@ -43,7 +43,7 @@ def collide(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
     family = FAMILY[shapes.kind[a], shapes.kind[b]]
     points, ids = scratch.points, scratch.ids
     if family == BOXES:
-        count, n = box_box(pose, shapes.size, a, b, margin, points, ids, scratch.polygon,
+        count, n = box_box(pose, shapes.size, a, b, margin, 0.0, points, ids, scratch.polygon,
                            scratch.labels, scratch.numbers)
         if count != UNSETTLED:
             return count, n

@@ -18,7 +18,7 @@ from rigid_sim_ros.engine.manifolds import CANDIDATES, EPA_CORNERS, Scratch
 from rigid_sim_ros.engine.narrow_phase.balls import crossing_normal
 from rigid_sim_ros.engine.narrow_phase.epa import epa
 from rigid_sim_ros.engine.narrow_phase.gjk import find_corner, gjk
-from rigid_sim_ros.engine.narrow_phase.outline import outline
+from rigid_sim_ros.engine.narrow_phase.outline import face_normal_along, outline
 from rigid_sim_ros.engine.narrow_phase.reduce import reduce_to_four
 from rigid_sim_ros.engine.shapes import CYLINDER, Shapes
 from rigid_sim_ros.engine.support import radius
@@ -26,12 +26,16 @@ from rigid_sim_ros.engine.support import radius
 # A face tilted from the contact plane by more than the angle with this cosine is not clipped.
 TILTED = 0.2
 # What stands out over a face by less than this fraction of the shapes' size counts as lying on it.
-OVERHANG = 1e-4
-# The nearest points are added when the clipped ones miss them by this fraction of the size.
-MISSED = 1e-3
+OVERHANG = 1e-5
+# The nearest points are added when the clipped ones miss them by this fraction of the size. What
+# the manifold misses can sink in unseen: 1e-3 let rims sink in by a tenth of a millimetre.
+MISSED = 1e-7
 # Of the size: where the search for a distance is less certain than this, the depth is looked for
 # instead.
 UNSURE = 1e-9
+# Of the size: hardly apart, or hardly overlapping, the direction found is that of a difference of
+# nearly equal numbers, and the normals of the faces that meet are tried beside it.
+CLOSE = 1e-3
 NUDGE = 1e-5  # [rad] to find second derivatives by differences; rounding asks for no smaller one
 ROOM = EPA_CORNERS - 1  # a row of the corners that no simplex uses
 WITNESS = 1 << 40  # the feature of the nearest points
@@ -56,26 +60,81 @@ def distance(pose: Array, shapes: Shapes, a: int, b: int, limit: float,
     apart = count < 4 and d > 0.0
     if apart and d - r > limit:
         return d - r, n, origin(pose, a)
+    small = min(shapes.bound[a], shapes.bound[b])
     round_one = kind[a] == CYLINDER or kind[b] == CYLINDER
-    if apart and round_one:
-        # Hardly apart, round shapes may leave the search in the middle.
-        apart = d - separation(pose, shapes, a, b, n, c) < UNSURE * min(shapes.bound[a],
-                                                                        shapes.bound[b])
+    if apart and (round_one or d < CLOSE * small):
+        # Round shapes may leave the search in the middle, and hardly apart all have no direction.
+        apart = d - separation(pose, shapes, a, b, n, c) < UNSURE * small
     if apart:
         for k in range(count):
             p = add_scaled(p, weight[k], (c[k, 3], c[k, 4], c[k, 5]))
     else:
-        depth, n, p = epa(pose, kind, size, hulls.first, hulls.count, hulls.vertices, hull, a, b,
-                          count, c, scratch.faces, scratch.links, scratch.edges)
-        d = -depth
-        if depth == -math.inf:
+        d, n, p = _overlap(pose, shapes, a, b, n, count, small, scratch)
+        if d == math.inf:
             # Flat cores that cross, such as the segments of two capsules.
             d, p = 0.0, origin(pose, a)
             n = crossing_normal((pose[a, 5], pose[a, 8], pose[a, 11]),
                                 (pose[b, 5], pose[b, 8], pose[b, 11]))
+    if abs(d) < CLOSE * small:
+        d, n, p = _try_faces(pose, shapes, a, b, d, n, p, c)
     if round_one:
         d, n, p = _polish(pose, shapes, a, b, d, n, p, c)
     return d - r, n, add_scaled(p, radius(kind, size, a), n)
+
+
+@kernel
+def _overlap(pose: Array, shapes: Shapes, a: int, b: int, last: Vector, count: int, small: float,
+             scratch: Scratch) -> tuple[float, Vector, Vector]:
+    """
+    Return the signed distance of cores that overlap, the normal and the nearest point on A.
+
+    The search starts from the simplex that the search for a distance ended with. At a slight
+    overlap that is nearly flat, and rounding may then end the search anywhere: if the direction
+    found does not separate by what the face says, it starts again from four corners far apart, and
+    the direction `last` in which the cores looked apart is tried. A distance of inf says that the
+    difference of the cores has no volume.
+    """
+    kind, size, hulls, hull = shapes.kind, shapes.size, shapes.hulls, shapes.hull
+    c = scratch.corners
+    depth, n, p = epa(pose, kind, size, hulls.first, hulls.count, hulls.vertices, hull, a, b,
+                      count, c, scratch.faces, scratch.links, scratch.edges)
+    if depth == -math.inf:
+        return math.inf, n, p
+    d = separation(pose, shapes, a, b, n, c)
+    if abs(d + depth) > UNSURE * small:
+        depth, m, q = epa(pose, kind, size, hulls.first, hulls.count, hulls.vertices, hull, a, b,
+                          0, c, scratch.faces, scratch.links, scratch.edges)
+        if depth > -math.inf:
+            s = separation(pose, shapes, a, b, m, c)
+            if s > d:
+                d, n, p = s, m, q
+        s = separation(pose, shapes, a, b, last, c)
+        if s > d:
+            d, n, p = s, last, (c[ROOM, 3], c[ROOM, 4], c[ROOM, 5])
+    return d, n, p
+
+
+@kernel
+def _try_faces(pose: Array, shapes: Shapes, a: int, b: int, d: float, n: Vector, p: Vector,
+               c: Array) -> tuple[float, Vector, Vector]:
+    """
+    Return distance, normal and point on A for the better of n and the faces that look along it.
+
+    The distance is the largest s(m) of all directions m, so what separates more is nearer to it.
+    """
+    best = separation(pose, shapes, a, b, n, c)
+    m = face_normal_along(pose, shapes, a, n)
+    s = separation(pose, shapes, a, b, m, c)
+    if s > best:
+        # The corner of B is what touches A's face.
+        best, n = s, m
+        p = add_scaled((c[ROOM, 6], c[ROOM, 7], c[ROOM, 8]), -s, m)
+        d = s
+    m = scale(-1.0, face_normal_along(pose, shapes, b, scale(-1.0, n)))
+    s = separation(pose, shapes, a, b, m, c)
+    if s > best:
+        d, n, p = s, m, (c[ROOM, 3], c[ROOM, 4], c[ROOM, 5])
+    return d, n, p
 
 
 @kernel
@@ -127,7 +186,11 @@ def _polish(pose: Array, shapes: Shapes, a: int, b: int, d: float, n: Vector, p:
         if not s > best:
             break
         best, n = s, m
-        p = (c[ROOM, 3], c[ROOM, 4], c[ROOM, 5])
+        # One of the two farthest points may be any of a face or a line: the other one is meant.
+        on_a = (c[ROOM, 3], c[ROOM, 4], c[ROOM, 5])
+        on_b = add_scaled((c[ROOM, 6], c[ROOM, 7], c[ROOM, 8]), -s, m)
+        to_a, to_b = subtract(on_a, p), subtract(on_b, p)
+        p = on_a if dot(to_a, to_a) < dot(to_b, to_b) else on_b
     return best, n, p
 
 

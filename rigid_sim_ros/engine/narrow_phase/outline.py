@@ -9,17 +9,18 @@ point alone will do.
 
 import math
 
-from rigid_sim_ros.engine.algebra import point_to_world, to_shape
+from rigid_sim_ros.engine.algebra import axis, point_to_world, scale, to_shape, to_world
 from rigid_sim_ros.engine.arrays import Array, Vector
 from rigid_sim_ros.engine.hulls import HullTable
 from rigid_sim_ros.engine.kernel import kernel
-from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, HULL
+from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, HULL, Shapes
 
 RIM = 8  # corners that stand for the rim of a cylinder
 # A cap within this angle [rad] of the contact plane touches with corners fixed in its rim; beyond
 # it one corner is turned to the lowest point of the rim, so that a cylinder rolls on its rim
-# smoothly.
-UPRIGHT = 1e-2
+# smoothly. Between two fixed corners the rim is lower by 0.08 of angle and radius: 1e-2 would let
+# it sink in by a thousandth of the radius.
+UPRIGHT = 1e-5
 
 
 @kernel
@@ -88,8 +89,26 @@ def _cylinder_face(pose: Array, size: Array, s: int, n: Vector,
 
 
 @kernel
-def _hull_face(pose: Array, s: int, hulls: HullTable, hull: int, n: Vector,
-               corners: Array) -> tuple[int, int]:
+def face_normal_along(pose: Array, shapes: Shapes, s: int, n_W: Vector) -> Vector:
+    """Return the normal of the flat face of s that looks along n; n itself where it has none."""
+    kind = shapes.kind[s]
+    if kind not in (BOX, CYLINDER, HULL):
+        return n_W
+    n = to_shape(pose, s, n_W)
+    if kind == HULL:
+        f = _face_along(shapes.hulls, shapes.hull[s], n)
+        normals = shapes.hulls.normals
+        return to_world(pose, s, (normals[f, 0], normals[f, 1], normals[f, 2]))
+    along = 2
+    if kind == BOX:
+        along = 0 if abs(n[0]) >= abs(n[1]) else 1
+        along = along if abs(n[along]) >= abs(n[2]) else 2
+    return scale(math.copysign(1.0, n[along]), axis(pose, s, along))
+
+
+@kernel
+def _face_along(hulls: HullTable, hull: int, n: Vector) -> int:
+    """Return the face of a hull that looks along n, in the axes of the shape."""
     best, most = 0, -math.inf
     start = hulls.first_face[hull]
     for f in range(start, start + hulls.face_count[hull]):
@@ -98,8 +117,15 @@ def _hull_face(pose: Array, s: int, hulls: HullTable, hull: int, n: Vector,
         # Rounding must not change the choice between two faces from step to step.
         if along > most + 1e-6:
             best, most = f, along
+    return best
+
+
+@kernel
+def _hull_face(pose: Array, s: int, hulls: HullTable, hull: int, n: Vector,
+               corners: Array) -> tuple[int, int]:
+    best = _face_along(hulls, hull, n)
     for k in range(hulls.corner_count[best]):
         v = hulls.corners[hulls.first_corner[best] + k]
         _write(pose, s, (hulls.vertices[v, 0], hulls.vertices[v, 1], hulls.vertices[v, 2]),
                corners, k)
-    return hulls.corner_count[best], best - start
+    return hulls.corner_count[best], best - hulls.first_face[hull]

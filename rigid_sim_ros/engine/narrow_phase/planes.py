@@ -18,9 +18,10 @@ from rigid_sim_ros.engine.narrow_phase.reduce import reduce_to_four
 from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, SPHERE
 
 # A cylinder that stands within this angle [rad] of upright touches with four points fixed in its
-# rim, beyond it with the rim point that is lowest: 0 would let the points of a cylinder at rest
-# wander around, 0.1 would lift a tilted rim by 0.3 % of its radius.
-UPRIGHT = 1e-2
+# rim, beyond it one of them is the rim point that is lowest: 0 would let the points of a cylinder
+# at rest wander around, 1e-2 would let a tilted rim sink in, between points, by 0.3 % of its
+# radius.
+UPRIGHT = 1e-5
 
 
 @kernel

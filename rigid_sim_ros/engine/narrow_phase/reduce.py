@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Choose the four points of a manifold that carry it best."""
 
+import math
+
 from rigid_sim_ros.engine.algebra import cross, dot
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.kernel import kernel
@@ -10,6 +12,9 @@ from rigid_sim_ros.engine.kernel import kernel
 # rounding must not change the choice from step to step. 0 makes it flicker; 0.1 would leave out
 # real corners.
 PREFERENCE = 1e-3
+# Of the size: a point deeper than all that were chosen by more than this takes the place of the
+# one nearest to it, so that nothing sinks in unseen.
+UNSEEN = 1e-6
 
 
 @kernel
@@ -17,7 +22,7 @@ def reduce_to_four(points: Array, ids: IntArray, count: int, normal: Vector, siz
     """
     Keep at most four of `count` candidates, in their order, and return how many.
 
-    The deepest point, the one farthest from it, the one that spans the largest triangle with
+    A deep point, the one farthest from it, the one that spans the largest triangle with
     these, and the one that adds most to that triangle. `size` [m] is that of the smaller shape.
     """
     if count <= 4:
@@ -33,7 +38,7 @@ def reduce_to_four(points: Array, ids: IntArray, count: int, normal: Vector, siz
         if length > best * (1.0 + PREFERENCE):
             second, best = k, length
     if second < 0:
-        return _keep(points, ids, first, first, first, first)
+        return _keep_deepest(points, ids, count, first, first, first, first, size)
     third, best, side = -1, PREFERENCE * PREFERENCE * best, 1.0
     for k in range(count):
         area = _area(points, first, second, k, normal)
@@ -41,7 +46,7 @@ def reduce_to_four(points: Array, ids: IntArray, count: int, normal: Vector, siz
             third, best = k, abs(area)
             side = 1.0 if area > 0.0 else -1.0
     if third < 0:
-        return _keep(points, ids, first, second, second, second)
+        return _keep_deepest(points, ids, count, first, second, second, second, size)
     fourth, best = third, PREFERENCE * best
     for k in range(count):
         # What lies outside of an edge of the triangle has the other sign there.
@@ -50,7 +55,28 @@ def reduce_to_four(points: Array, ids: IntArray, count: int, normal: Vector, siz
                     side * _area(points, third, first, k, normal))
         if gain > best * (1.0 + PREFERENCE):
             fourth, best = k, gain
-    return _keep(points, ids, first, second, third, fourth)
+    return _keep_deepest(points, ids, count, first, second, third, fourth, size)
+
+
+@kernel
+def _keep_deepest(points: Array, ids: IntArray, count: int, a: int, b: int, c: int, d: int,
+                  size: float) -> int:
+    """Keep four points, one of them replaced where the deepest of all is not among them."""
+    deepest = 0
+    for k in range(1, count):
+        if points[k, 3] < points[deepest, 3]:
+            deepest = k
+    seen = min(min(points[a, 3], points[b, 3]), min(points[c, 3], points[d, 3]))
+    if points[deepest, 3] >= seen - UNSEEN * size:
+        return _keep(points, ids, a, b, c, d)
+    near, where = math.inf, 0
+    for k in range(4):
+        one = a if k == 0 else b if k == 1 else c if k == 2 else d
+        e = _between(points, one, deepest)
+        if dot(e, e) < near:
+            near, where = dot(e, e), k
+    return _keep(points, ids, deepest if where == 0 else a, deepest if where == 1 else b,
+                 deepest if where == 2 else c, deepest if where == 3 else d)
 
 
 @kernel

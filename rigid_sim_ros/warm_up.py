@@ -1,49 +1,67 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Compile the physics kernels before the first deadline, and say so while it takes.
+Compile the physics kernels before they are needed, and say so while it takes.
 
 Numba compiles at the first call and keeps the result in a cache: the first start on a machine
-takes some ten seconds, every other one a fraction of a second.
+takes a minute or so, every other one a fraction of a second.
 """
+from collections.abc import Callable
 import sys
 import threading
 from time import monotonic
-from typing import TextIO
+from typing import TextIO, TypeVar
 
+from rigid_sim_ros.scene import Scene
 from rigid_sim_ros.world import World
 
-_QUIET = 1.0            # s: what takes no longer than this is not worth a line
+_QUIET = 3.0            # s: to load what was compiled takes less, also on a busy machine
 _PERIOD = 1.0           # s between two updates on a terminal
 _LOOK = 0.1             # s between two looks at whether to stop
 _LOG_PERIOD = 5.0       # s between two lines in a log file
+_T = TypeVar('_T')
+
 _TEXT = 'compiling the physics kernels (first start only)'
 
 
-def warm_up(world: World, stopped: threading.Event, stream: TextIO = sys.stderr) -> None:
+def warm_up(
+    scene: Scene, stopped: threading.Event | None = None, stream: TextIO | None = None,
+) -> None:
     """
-    Run everything that a node does with a world on a copy of it.
+    Run everything that is done with a world on another one of the same scene.
 
     Returns early when `stopped` is set; compiling then goes on in a thread that ends with the
     process. Whatever fails raises here as it would have later.
     """
-    failure: list[BaseException] = []
+    _run(lambda: _use(World(scene)), stopped or threading.Event(), stream or sys.stderr)
 
-    def compile_all() -> None:
+
+def announced(work: Callable[[], _T], stream: TextIO | None = None) -> _T:
+    """Do something that may have to compile kernels first, say so while it takes; return it."""
+    return _run(work, threading.Event(), stream or sys.stderr)[0]
+
+
+def _run(work: Callable[[], _T], stopped: threading.Event, stream: TextIO) -> list[_T]:
+    """Return a list with the result, an empty one if it was stopped."""
+    results: list[_T] = []
+    failures: list[BaseException] = []
+
+    def guarded() -> None:
         try:
-            _use(World(world.scene))
+            results.append(work())
         except BaseException as error:      # carried over to the thread that waits
-            failure.append(error)
+            failures.append(error)
 
-    thread = threading.Thread(target=compile_all, name='warm_up', daemon=True)
+    thread = threading.Thread(target=guarded, name='warm_up', daemon=True)
     thread.start()
     _announce(thread, stopped, stream)
-    if failure:
-        raise failure[0]
+    if failures:
+        raise failures[0]
+    return results
 
 
 def _use(world: World) -> None:
-    """Call each kernel once, in the ways the node calls them."""
+    """Call each kernel once, in the ways a node calls them."""
     name = world.names[0]
     for duration in (None, 1.0):
         world.apply_wrench(name, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 'world', duration=duration,

@@ -1,0 +1,140 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The settings of the model `event`, and the memory of its compiled part."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.arrays import Array, IntArray
+from rigid_sim_ros.engine.contacts import Bodies, Contacts, make_bodies, make_contacts
+from rigid_sim_ros.engine.impulse import make_room, Room
+from rigid_sim_ros.engine.integrate import make_work, Work
+from rigid_sim_ros.engine.loads import empty_loads, Loads
+
+
+class EventSettings(NamedTuple):
+    """What may be tuned; the defaults suit bodies of 1 cm to 10 m."""
+
+    # [m] points with a smaller gap touch; far above rounding, far below anything seen
+    touching: float = 1e-8
+    # [m] by which touching pairs may sink in within a step before it is split
+    overlap: float = 1e-7
+    # [m] by which a slow approach may sink in while the forces stop it; what is faster is stopped
+    # by an impulse. 1e-5 is seen as bodies that dip in when they land, 1e-9: rounding collides.
+    dip: float = 2e-7
+    # [m/s] at most, with which bodies that overlap from the start come apart
+    push_out: float = 0.5
+    # In a step; the rest of the step then runs without backtracking, and says so
+    max_events: int = 2000
+    max_bounces: int = 32  # of two bodies in one step, before they collide with e = 0
+
+
+class Carried(NamedTuple):
+    """The forces of the last step, from which the next solution starts."""
+
+    shape_a: IntArray  # (c,)
+    shape_b: IntArray  # (c,)
+    feature: IntArray  # (c,)
+    force: Array  # (c, 3) [N] on B, world axes
+    torque: Array  # (c, 3) [N m] on B, world axes, against spinning and rolling
+
+
+# Why the kernel stops.
+(DONE, MORE_MEMORY, MORE_MANIFOLDS, MORE_CONTACTS, MORE_ROOM, MORE_ROWS, MORE_PAIRS, MORE_FORCES,
+ SHOCK, UNSOLVED) = range(10)
+# At which stage it goes on.
+MEET, REST, TRAVEL = range(3)
+# Places in `Buffers.count`.
+(STEPS, STAGE, FRESH, EVENTS, COLLISIONS, CUT_SHORT, CHOSEN, WIDTH, KNOWN, BOUNCED,
+ NEEDED) = range(11)
+# Places in `Buffers.number`.
+LEFT, SPAN, RESIDUAL, DEEPEST = range(4)
+
+
+class Buffers(NamedTuple):
+    """Scratch memory of the kernel, and where it stands; capacities c points, r rows, p pairs."""
+
+    count: IntArray  # type: ignore[assignment]  # (16,) see STEPS
+    number: Array  # (4,) see LEFT
+    work: Work
+    bodies: Bodies
+    loads: Loads  # of the contacts
+    still: Loads  # zeros
+    pose: Array  # (s, 12)
+    contacts: Contacts
+    order: IntArray  # (2, rows of the memory) for `gather`
+    impulses: Array  # (c, 6) [N s, contact axes]
+    elastic: IntArray  # (c,)
+    chosen: IntArray  # (c,) points that get a force
+    bounced: IntArray  # (p, 3) two bodies and how often they collided in this step
+    room: Room  # for the largest block
+    A: Array  # (r r,)
+    M: Array  # (r r,)
+    arm: Array  # (2 r 3,)
+    mu: Array  # (r,)
+    b: Array  # (r,)
+    f: Array  # (r,)
+    spare: Array  # (3, r)
+    pairs: IntArray  # (p, 2) that may meet
+    allowed: Array  # (p,)
+    reach: Array  # (2, s)
+    sweep: IntArray  # (s,)
+
+
+def make_buffers(bodies: int, shapes: int) -> Buffers:
+    """Make room for a world without contacts."""
+
+    def whole(*shape: int) -> IntArray:
+        return np.zeros(shape, dtype=np.int64)
+
+    c = 64
+    return Buffers(whole(16), np.zeros(4), make_work(bodies), make_bodies(bodies),
+                   empty_loads(bodies), empty_loads(bodies), np.zeros((shapes, 12)),
+                   make_contacts(c), whole(2, c), np.zeros((c, 6)), whole(c), whole(c),
+                   whole(c, 3), make_room(4, 6), *_qp_room(48), whole(c, 2), np.zeros(c),
+                   np.zeros((2, shapes)), whole(shapes))
+
+
+def _qp_room(rows: int) -> tuple[Array, Array, Array, Array, Array, Array, Array]:
+    return (np.zeros(rows * rows), np.zeros(rows * rows), np.zeros(6 * rows), np.zeros(rows),
+            np.zeros(rows), np.zeros(rows), np.zeros((3, rows)))
+
+
+def more_contacts(buffers: Buffers, points: int) -> Buffers:
+    """Return buffers with room for twice as many points."""
+    c = 2 * points
+    return buffers._replace(contacts=make_contacts(c), impulses=np.zeros((c, 6)),
+                            elastic=np.zeros(c, dtype=np.int64),
+                            chosen=np.zeros(c, dtype=np.int64))
+
+
+def more_rows(buffers: Buffers, rows: int) -> Buffers:
+    """Return buffers with room for a contact problem with twice as many rows."""
+    A, M, arm, mu, b, f, spare = _qp_room(2 * rows)
+    return buffers._replace(A=A, M=M, arm=arm, mu=mu, b=b, f=f, spare=spare)
+
+
+def more_pairs(buffers: Buffers, pairs: int) -> Buffers:
+    """Return buffers with room for twice as many pairs that may meet."""
+    return buffers._replace(pairs=np.zeros((2 * pairs, 2), dtype=np.int64),
+                            allowed=np.zeros(2 * pairs))
+
+
+def no_forces() -> Carried:
+    """Return what is carried over where nothing touched."""
+    none = np.zeros(0, dtype=np.int64)
+    return Carried(none, none, none, np.zeros((0, 3)), np.zeros((0, 3)))
+
+
+def more_manifolds(buffers: Buffers, rows: int) -> Buffers:
+    """Return buffers for twice as many manifolds, or pairs of bodies that collided."""
+    return buffers._replace(order=np.zeros((2, 2 * rows), dtype=np.int64),
+                            bounced=longer(buffers.bounced, 2 * rows))
+
+
+def longer(array: Array | IntArray, rows: int) -> Any:
+    """Return the array with room for `rows` rows, if that is more than it has."""
+    longer_one = np.zeros((max(rows, len(array)), *array.shape[1:]), dtype=array.dtype)
+    longer_one[:len(array)] = array
+    return longer_one

@@ -1,0 +1,455 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The circle of the model `event`, compiled: it runs until the steps are done, or needs help.
+
+What needs help is a buffer that has to grow and a contact problem that only OSQP can solve. The
+kernel then returns the reason; Python does what is asked (event.py) and calls again, and it goes
+on from the stage at which it stopped.
+"""
+
+import numpy as np
+
+from rigid_sim_ros.engine.algebra import norm
+from rigid_sim_ros.engine.arrays import Array, IntArray
+from rigid_sim_ros.engine.backtrack import film, first_event, pairs_ahead
+from rigid_sim_ros.engine.contact_drift import contact_drift
+from rigid_sim_ros.engine.contact_qp import (
+    coefficients, COMPLIANCE, ENOUGH, FEW_STEPS, GOAL, refine)
+from rigid_sim_ros.engine.contacts import (
+    Bodies, Contacts, couple, gather, length, push_rows, read_bodies, read_coefficients,
+    read_rates, relative, row, row_count, to_contact, to_world, torque_in_world)
+from rigid_sim_ros.engine.detect import detect
+from rigid_sim_ros.engine.event_buffers import (
+    BOUNCED, Buffers, Carried, CHOSEN, COLLISIONS, CUT_SHORT, DEEPEST, DONE, EVENTS, EventSettings,
+    FRESH, KNOWN, LEFT, MEET, MORE_CONTACTS, MORE_FORCES, MORE_MANIFOLDS, MORE_MEMORY, MORE_PAIRS,
+    MORE_ROOM, MORE_ROWS, NEEDED, RESIDUAL, REST, SHOCK, SPAN, STAGE, STEPS, TRAVEL, UNSOLVED,
+    WIDTH)
+from rigid_sim_ros.engine.event_move import load, move
+from rigid_sim_ros.engine.impulse import collide_all, resting_speed, STILL
+from rigid_sim_ros.engine.integrate import sum_loads
+from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.loads import Loads
+from rigid_sim_ros.engine.manifolds import current, Manifolds, Memory
+from rigid_sim_ros.engine.model import Model
+from rigid_sim_ros.engine.shapes import Materials, Shapes
+from rigid_sim_ros.engine.state import State
+from rigid_sim_ros.engine.wrenches import count_down, Wrenches
+
+
+# A gap left at rest is closed at this rate per step. The gap and its rate then shrink with the
+# factors 0.6 and 0.25 a step without swinging; above 0.34 they would swing.
+CLOSING = 0.3
+# Of a step: no part in which forces stay constant is shorter.
+SHORTEST = 1.0 / 256.0
+CUT = 1.0 / 16.0  # of a step: gaps are not closed within less
+
+
+@kernel
+def _choose(contacts: Contacts, bodies: Bodies, h: float, touching: float,
+            chosen: IntArray) -> int:
+    """Write the points that get a force: those that touch, and slow ones that nearly do."""
+    m = 0
+    for k in range(contacts.count[0]):
+        slow = resting_speed(contacts, bodies, k, h)
+        if contacts.gap[k] > touching:
+            u = to_contact(contacts, k, relative(bodies.velocity, contacts, k))
+            # It rises to slow^2 / 2a = slow h / 4 with slow = a h / 2.
+            if contacts.gap[k] > touching + 0.25 * slow * h or u[0] < -slow:
+                continue
+        chosen[m] = k
+        m += 1
+    return m
+
+
+@kernel
+def _rates(model: Model, shapes: Shapes, contacts: Contacts, bodies: Bodies, chosen: IntArray,
+           width: int, drift: Array, span: float, closing: float, push_out: float, u: Array,
+           b: Array) -> None:
+    """
+    Write b of a = A f + b: accelerations without contact forces, and what stops points.
+
+    a = 0 then means that the point has stopped when `span` [s] is over, so that neither a
+    velocity nor a gap that rounding left behind can grow from step to step: of the gap a part is
+    closed in `closing` [s]. u: scratch.
+    """
+    for c in range(chosen.shape[0]):
+        k, at = chosen[c], width * c
+        read_rates(model, contacts, bodies.acceleration, k, width, b, at)
+        read_rates(model, contacts, bodies.velocity, k, width, u, at)
+        gap = contacts.gap[k] - film(shapes, contacts.shape_a[k], contacts.shape_b[k])
+        u[at] -= min(-CLOSING * gap / closing, push_out)
+        for i in range(width):
+            b[at + i] += u[at + i] / span
+        for i in range(3):
+            b[at + i] += drift[3 * c + i]
+
+
+@kernel
+def _recall(model: Model, contacts: Contacts, chosen: IntArray, width: int, carried: Carried,
+            known: int, f: Array) -> bool:
+    """
+    Write the forces of the last step at the points that were there already, 0 at the others.
+
+    Returns whether any was.
+    """
+    f[:] = 0.0
+    at, size, found = 0, known, False
+    for c in range(chosen.shape[0]):
+        k = chosen[c]
+        for tried in range(size):
+            # Both are in the same order, so the search nearly always ends at once.
+            i = (at + tried) % size
+            if (carried.shape_a[i] == contacts.shape_a[k]
+                    and carried.shape_b[i] == contacts.shape_b[k]
+                    and carried.feature[i] == contacts.feature[k]):
+                to = width * c
+                f[to], f[to + 1], f[to + 2] = to_contact(contacts, k, row(carried.force, i))
+                if width == 6:
+                    tau = to_contact(contacts, k, row(carried.torque, i))
+                    arm = length(model, contacts, k)
+                    f[to + 3], f[to + 4], f[to + 5] = tau[0] / arm, tau[1] / arm, tau[2] / arm
+                at, found = i + 1, True
+                break
+    return found
+
+
+@kernel
+def _remember(model: Model, contacts: Contacts, chosen: IntArray, width: int, f: Array,
+              carried: Carried) -> None:
+    """Write the forces to what is carried over."""
+    for c in range(chosen.shape[0]):
+        k, at = chosen[c], width * c
+        carried.shape_a[c], carried.shape_b[c] = contacts.shape_a[k], contacts.shape_b[k]
+        carried.feature[c] = contacts.feature[k]
+        F = to_world(contacts, k, (f[at], f[at + 1], f[at + 2]))
+        tau = torque_in_world(model, contacts, k, width, f, at)
+        for i in range(3):
+            carried.force[c, i] = F[i]
+            carried.torque[c, i] = tau[i]
+
+
+@kernel
+def _allow(pairs: IntArray, count: int, contacts: Contacts, bodies: Bodies, chosen: IntArray,
+           span: float, overlap: float, allowed: Array) -> None:
+    """Write how deep the pairs that get forces may go, 0 for the others; see `first_event`."""
+    allowed[:count] = 0.0
+    p = 0
+    for c in range(chosen.shape[0]):
+        k = chosen[c]
+        u = to_contact(contacts, k, relative(bodies.velocity, contacts, k))
+        # Stopped over the span, not at once, a slow approach u_n gets |u_n| t / 2 deeper.
+        depth = min(contacts.gap[k], 0.0) + 0.5 * min(u[0], 0.0) * span - overlap
+        for _ in range(count):
+            if pairs[p, 0] == contacts.shape_a[k] and pairs[p, 1] == contacts.shape_b[k]:
+                allowed[p] = min(allowed[p], depth)
+                break
+            p = (p + 1) % count
+
+
+@kernel
+def _record(model: Model, manifolds: Manifolds, contacts: Contacts, impulses: Array) -> None:
+    """Add impulses, (c, 6) [N s, contact axes], to those of the manifolds."""
+    r = 0
+    for k in range(contacts.count[0]):
+        a, b = contacts.shape_a[k], contacts.shape_b[k]
+        for _ in range(manifolds.count[0]):
+            if manifolds.shape_a[r] == a and manifolds.shape_b[r] == b:
+                break
+            r = (r + 1) % manifolds.count[0]
+        for j in range(manifolds.points[r]):
+            if manifolds.feature[r, j] == contacts.feature[k]:
+                manifolds.impulse[r, j] += impulses[k, 0]
+        rubbing = to_world(contacts, k, (0.0, impulses[k, 1], impulses[k, 2]))
+        for i in range(3):
+            manifolds.friction[r, i] += rubbing[i]
+        manifolds.spin[r] += length(model, contacts, k) * impulses[k, 3]
+
+
+@kernel
+def _deepest(manifolds: Manifolds) -> float:
+    deepest = 0.0
+    for r in range(manifolds.count[0]):
+        for j in range(manifolds.points[r]):
+            deepest = max(deepest, -manifolds.gap[r, j])
+    return deepest
+
+
+@kernel
+def _most_pull(model: Model, loads: Loads) -> float:
+    """Return the largest acceleration [m/s^2] that a load gives a centre of mass."""
+    most = 0.0
+    for i in range(model.m.shape[0]):
+        most = max(most, model.inv_m[i] * norm((loads.F[0, i], loads.F[1, i], loads.F[2, i])))
+    return most
+
+
+@kernel
+def _forget_impulses(manifolds: Manifolds) -> None:
+    for r in range(manifolds.count[0]):
+        manifolds.spin[r] = 0.0
+        for j in range(4):
+            manifolds.impulse[r, j] = 0.0
+        for i in range(3):
+            manifolds.friction[r, i] = 0.0
+
+
+@kernel
+def _find(model: Model, state: State, shapes: Shapes, materials: Materials, memory: Memory,
+          settings: EventSettings, w: Buffers) -> int:
+    """Find the points that touch, or are as near as a rebound that is too short to be one."""
+    slow = 0.5 * model.h * _most_pull(model, w.work.loads) + STILL
+    reach = settings.touching + 0.25 * model.h * slow
+    manifolds = current(memory)
+    for r in range(manifolds.count[0]):
+        # Polyhedra that hardly moved would keep points that are right to second order: not enough
+        # here.
+        manifolds.found_at[r, 0] = np.inf
+    if not detect(model, state, shapes, memory, 1.01 * reach):
+        return MORE_MEMORY
+    manifolds = current(memory)
+    rows = manifolds.count[0]
+    if rows > w.order.shape[1]:
+        w.count[NEEDED] = rows
+        return MORE_MANIFOLDS
+    found = gather(state, manifolds, shapes, materials, reach, w.order[0, :rows],
+                   w.order[1, :rows], w.contacts)
+    if found > w.contacts.gap.shape[0]:
+        w.count[NEEDED] = found
+        return MORE_CONTACTS
+    largest = 0
+    for k in range(w.contacts.count[1]):
+        largest = max(largest, w.contacts.first[k + 1] - w.contacts.first[k])
+    w.count[NEEDED] = largest
+    if largest > w.room.chosen.shape[0]:
+        return MORE_ROOM
+    w.count[NEEDED] = w.count[BOUNCED] + w.contacts.count[1]
+    if w.count[NEEDED] > w.bounced.shape[0]:
+        return MORE_MANIFOLDS
+    if w.count[FRESH] == 1:
+        _forget_impulses(manifolds)
+        w.count[FRESH] = 0
+    w.number[DEEPEST] = max(w.number[DEEPEST], _deepest(manifolds))
+    return DONE
+
+
+@kernel
+def _bounce(contacts: Contacts, k: int, w: Buffers) -> int:
+    """Return the row of `bounced` that belongs to the bodies of block k, after adding it."""
+    a, b = contacts.body_a[contacts.first[k]], contacts.body_b[contacts.first[k]]
+    for i in range(w.count[BOUNCED]):
+        if w.bounced[i, 0] == a and w.bounced[i, 1] == b:
+            return i
+    i = w.count[BOUNCED]
+    w.bounced[i, 0], w.bounced[i, 1], w.bounced[i, 2] = a, b, 0
+    w.count[BOUNCED] += 1
+    return i
+
+
+@kernel
+def _collide(model: Model, state: State, settings: EventSettings, w: Buffers) -> int:
+    """Apply the impulses of all that collides now."""
+    contacts = w.contacts
+    blocks = contacts.count[1]
+    for k in range(contacts.count[0]):
+        for i in range(6):
+            w.impulses[k, i] = 0.0
+    if blocks == 0:
+        return DONE
+    for k in range(blocks):
+        tired = False
+        for i in range(w.count[BOUNCED]):
+            at = contacts.first[k]
+            if (w.bounced[i, 0] == contacts.body_a[at] and w.bounced[i, 1] == contacts.body_b[at]
+                    and w.bounced[i, 2] >= settings.max_bounces):
+                tired = True
+        for i in range(contacts.first[k], contacts.first[k + 1]):
+            w.elastic[i] = 0 if tired else 1
+    limit = 200 + 50 * blocks
+    quiet = max(STILL, 2.0 * settings.dip / min(w.number[SPAN], w.number[LEFT]))
+    done = collide_all(model, state, contacts, w.bodies, model.h, settings.touching, quiet,
+                       w.count[WIDTH], w.elastic, limit, w.room, w.impulses)
+    if done == 0:
+        return DONE
+    w.count[COLLISIONS] += limit if done < 0 else done
+    for k in range(blocks):
+        pushed = False
+        for i in range(contacts.first[k], contacts.first[k + 1]):
+            pushed = pushed or w.impulses[i, 0] != 0.0
+        if pushed:
+            w.bounced[_bounce(contacts, k, w), 2] += 1
+    read_bodies(model, state, w.work.loads.F, w.work.loads.tau, w.bodies)
+    return SHOCK if done < 0 else DONE
+
+
+@kernel
+def _balance(model: Model, state: State, shapes: Shapes, memory: Memory, settings: EventSettings,
+             carried: Carried, w: Buffers) -> int:
+    """Find the forces at the resting points; UNSOLVED where Newton's method does not."""
+    contacts, width = w.contacts, w.count[WIDTH]
+    m = _choose(contacts, w.bodies, model.h, settings.touching, w.chosen)
+    rows = width * m
+    w.count[CHOSEN], w.count[NEEDED] = m, rows
+    if rows > w.b.shape[0]:
+        return MORE_ROWS
+    if m == 0:
+        return DONE
+    chosen, b, f, columns = w.chosen[:m], w.b[:rows], w.f[:rows], coefficients(width)
+    mu = w.mu[:m * columns].reshape((m, columns))
+    A = w.A[:rows * rows].reshape((rows, rows))
+    span = min(w.number[SPAN], w.number[LEFT])
+    contact_drift(model, state, w.still, shapes, contacts, w.bodies, chosen,
+                  max(span, 1e-3 * model.h), w.pose, memory.scratch, w.spare[0])
+    # What is left of a step after a collision may be nothing: a gap of rounding over that is no
+    # speed.
+    closing = min(max(w.number[SPAN], CUT * model.h), model.h)
+    _rates(model, shapes, contacts, w.bodies, chosen, width, w.spare[0], span, closing,
+           settings.push_out, w.spare[1], b)
+    for c in range(m):
+        read_coefficients(model, contacts, chosen[c], width, mu, c)
+    couple(model, contacts, w.bodies, chosen, m, width, w.arm[:6 * rows].reshape((2, rows, 3)), A)
+    size = 0.0
+    for i in range(rows):
+        A[i, i] += COMPLIANCE * A[i, i]
+        size = max(size, abs(b[i]))
+    steps = FEW_STEPS if _recall(model, contacts, chosen, width, carried, w.count[KNOWN],
+                                 f) else 0
+    M = w.M[:rows * rows].reshape((rows, rows))
+    worst, _ = refine(A, b, mu, f, GOAL * size, steps, w.spare[0, :rows], w.spare[1, :rows], M,
+                      w.spare[2, :rows])
+    if worst > ENOUGH * size:
+        return UNSOLVED
+    w.number[RESIDUAL] = max(w.number[RESIDUAL], worst / max(size, 1e-300))
+    return DONE
+
+
+@kernel
+def _travel(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, memory: Memory,
+            settings: EventSettings, w: Buffers) -> int:
+    """Let the forces act until the next pair meets, or the span is over."""
+    m, width = w.count[CHOSEN], w.count[WIDTH]
+    chosen, f, loads = w.chosen[:m], w.f[:width * m], w.work.loads
+    left = w.number[LEFT]
+    until = min(w.number[SPAN], left)
+    load(model, w.contacts, chosen, width, f, w.loads, w.work)
+    t, which = until, -1
+    if w.count[EVENTS] >= settings.max_events:
+        w.count[CUT_SHORT] = 1
+        t = left
+    else:
+        count = pairs_ahead(model, state, loads, shapes, until, w.pose, w.reach[0], w.reach[1],
+                            w.sweep, w.pairs)
+        if count > w.pairs.shape[0]:
+            w.count[NEEDED] = count
+            sum_loads(model, state, wrenches, loads)
+            return MORE_PAIRS
+        _allow(w.pairs, count, w.contacts, w.bodies, chosen, until, settings.overlap, w.allowed)
+        t, which = first_event(model, state, loads, shapes, w.pairs, count, w.allowed,
+                               settings.overlap, until, w.pose, memory.scratch)
+    for c in range(m):
+        for i in range(width):
+            w.impulses[chosen[c], i] += t * f[width * c + i]
+    _record(model, current(memory), w.contacts, w.impulses)
+    move(model, state, wrenches, w.contacts, chosen, width, f, w.loads, w.work, t)
+    w.number[LEFT] = left - t if which >= 0 or t < left else 0.0
+    _next_span(model, t, which, w)
+    return DONE
+
+
+@kernel
+def _next_span(model: Model, t: float, which: int, w: Buffers) -> None:
+    """
+    Choose for how long the next forces are to act.
+
+    A point that sinks in under its force shows that its motion curves more within the span than
+    the force can know. The span is then cut to the time for which it was right, and doubled again
+    when nothing happens in it.
+    """
+    if which < 0:
+        w.number[SPAN] = 2.0 * w.number[SPAN]
+        return
+    w.count[EVENTS] += 1
+    if w.allowed[which] < 0.0:
+        w.number[SPAN] = max(t, SHORTEST * model.h)
+
+
+@kernel
+def run(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
+        memory: Memory, settings: EventSettings, carried: Carried, w: Buffers) -> int:
+    """Run through the circle until no steps are left; return DONE, or what is needed first."""
+    while w.count[STEPS] > 0:
+        if w.count[STAGE] == MEET:
+            if w.number[LEFT] == 0.0:
+                _begin_step(model, materials, w)
+            sum_loads(model, state, wrenches, w.work.loads)
+            read_bodies(model, state, w.work.loads.F, w.work.loads.tau, w.bodies)
+            why = _find(model, state, shapes, materials, memory, settings, w)
+            if why != DONE:
+                return why
+            w.count[STAGE] = REST
+            why = _collide(model, state, settings, w)
+            if why != DONE:
+                return why
+        if w.count[STAGE] == REST:
+            if w.contacts.count[0] > carried.feature.shape[0]:
+                w.count[NEEDED] = w.contacts.count[0]
+                return MORE_FORCES
+            why = _balance(model, state, shapes, memory, settings, carried, w)
+            if why != DONE:
+                return why
+            w.count[STAGE] = TRAVEL
+        m, width = w.count[CHOSEN], w.count[WIDTH]
+        why = _travel(model, state, wrenches, shapes, memory, settings, w)
+        if why != DONE:
+            return why
+        _remember(model, w.contacts, w.chosen[:m], width, w.f[:width * m], carried)
+        w.count[KNOWN] = m
+        w.count[STAGE] = MEET
+        if w.number[LEFT] == 0.0:
+            count_down(wrenches)
+            w.count[STEPS] -= 1
+    return DONE
+
+
+@kernel
+def _begin_step(model: Model, materials: Materials, w: Buffers) -> None:
+    w.number[LEFT], w.number[SPAN] = model.h, model.h
+    w.number[RESIDUAL], w.number[DEEPEST] = 0.0, 0.0
+    w.count[FRESH] = 1
+    w.count[EVENTS], w.count[COLLISIONS], w.count[CUT_SHORT], w.count[BOUNCED] = 0, 0, 0, 0
+    w.count[WIDTH] = row_count(materials)
+
+
+@kernel
+def touching_points(settings: EventSettings, w: Buffers) -> int:
+    """Choose all points that touch, with their velocities in b, for a shock; return how many."""
+    m = 0
+    for k in range(w.contacts.count[0]):
+        if w.contacts.gap[k] <= settings.touching:
+            w.chosen[m] = k
+            m += 1
+    return m
+
+
+@kernel
+def shock_problem(model: Model, m: int, w: Buffers) -> None:
+    """Write A, mu and the velocities of the first m chosen points to b."""
+    width = w.count[WIDTH]
+    rows, columns = width * m, coefficients(width)
+    mu = w.mu[:m * columns].reshape((m, columns))
+    for c in range(m):
+        read_rates(model, w.contacts, w.bodies.velocity, w.chosen[c], width, w.b, width * c)
+        read_coefficients(model, w.contacts, w.chosen[c], width, mu, c)
+    couple(model, w.contacts, w.bodies, w.chosen, m, width, w.arm[:6 * rows].reshape((2, rows, 3)),
+           w.A[:rows * rows].reshape((rows, rows)))
+
+
+@kernel
+def push_all(model: Model, state: State, m: int, J: Array, w: Buffers) -> None:
+    """Apply the impulses J, (wm,), at the first m chosen points, and look at the bodies again."""
+    width = w.count[WIDTH]
+    for c in range(m):
+        push_rows(model, state, w.contacts, w.chosen[c], width, J, width * c)
+        for i in range(width):
+            w.impulses[w.chosen[c], i] += J[width * c + i]
+    read_bodies(model, state, w.work.loads.F, w.work.loads.tau, w.bodies)

@@ -1,0 +1,115 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Where compiled kernels are kept.
+
+Numba looks at one source file when it decides whether a cached kernel is still valid, while ours
+call each other across files. The folder of a module's cache therefore carries a digest of its
+source and of all that it imports: a change compiles anew what depends on it and nothing else, and
+a package that lies in a read-only place finds its cache again.
+"""
+
+import ast
+from functools import cache
+import gc
+import hashlib
+import os
+from pathlib import Path
+import tempfile
+from typing import Any
+
+from numba.core import event
+
+_ENGINE = Path(__file__).parent
+_PACKAGE = __package__.rpartition('.')[0] + '.engine'
+
+
+def cache_folder(module: str) -> Path:
+    """
+    Return the folder in which compiled kernels of a module, given by its full name, are kept.
+
+    It lies below NUMBA_CACHE_DIR when that is set, else below the user's cache folder, else (a
+    user without a home that can be written to) below the system's temporary folder.
+    """
+    short = module.removeprefix(f'{_PACKAGE}.')
+    return _base() / f'{short}-{_digest(module)}'
+
+
+@cache
+def _base() -> Path:
+    bases = [Path(os.environ['NUMBA_CACHE_DIR'])] if os.environ.get('NUMBA_CACHE_DIR') else []
+    home = os.environ.get('XDG_CACHE_HOME') or os.path.join(os.path.expanduser('~'), '.cache')
+    bases += [Path(home), Path(tempfile.gettempdir()) / f'user-{os.getuid()}']
+    folders = [base / 'rigid_sim_ros' / 'kernels' for base in bases]
+    return next((folder for folder in folders if _writable(folder)), folders[-1])
+
+
+def _writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return os.access(folder, os.W_OK)
+
+
+def _digest(module: str) -> str:
+    """Return a name for the present state of all sources that a module is made of."""
+    needed: dict[str, bytes] = {}
+    waiting = [module]
+    while waiting:
+        name = waiting.pop()
+        if name not in needed:
+            needed[name], imports = _source(name)
+            waiting += imports
+    digest = hashlib.blake2b(digest_size=8)
+    for name in sorted(needed):
+        digest.update(name.encode() + b'\0' + needed[name])
+    return digest.hexdigest()
+
+
+@cache
+def _source(module: str) -> tuple[bytes, tuple[str, ...]]:
+    """Return a digest of a module's source, and the modules of the engine that it imports."""
+    text = _path(module).read_bytes()
+    imports: list[str] = []
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith(_PACKAGE):
+            submodules = [f'{node.module}.{alias.name}' for alias in node.names]
+            imports += [name for name in (node.module, *submodules) if _path(name).is_file()]
+    return hashlib.blake2b(text).digest(), tuple(imports)
+
+
+def _path(module: str) -> Path:
+    relative = module.removeprefix(_PACKAGE).replace('.', '/').lstrip('/')
+    path = _ENGINE / relative
+    return path / '__init__.py' if path.is_dir() else path.with_suffix('.py')
+
+
+class _NoCollector(event.Listener):
+    """
+    Keep Python's collector of cycles from running while Numba compiles.
+
+    The compiler makes millions of objects and keeps most of them: to look through them again and
+    again was an eighth of the time to compile.
+    """
+
+    def __init__(self) -> None:
+        self._depth = 0
+        self._was_on = False
+
+    def on_start(self, event: Any) -> None:
+        """Switch the collector off when the first of several nested compilations begins."""
+        if self._depth == 0:
+            self._was_on = gc.isenabled()
+            gc.disable()
+        self._depth += 1
+
+    def on_end(self, event: Any) -> None:
+        """Switch it on again after the last."""
+        self._depth -= 1
+        if self._depth == 0 and self._was_on:
+            gc.enable()
+
+
+_register: Any = event.register
+_register('numba:compile', _NoCollector())

@@ -1,0 +1,123 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the commands of `rigid_sim` are made of: their group, node commands, types of options."""
+
+from collections.abc import Callable, Sequence
+import math
+from typing import Any
+
+import click
+
+from rigid_sim_ros.scene.errors import nearest
+
+
+class Commands(click.Group):
+    """A group of commands that knows which one a mistyped name was meant to be."""
+
+    def resolve_command(
+            self, ctx: click.Context, args: list[str],
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command, or name the nearest."""
+        if args and self.get_command(ctx, args[0]) is None and not args[0].startswith('-'):
+            raise click.UsageError(
+                f'no command {args[0]!r}: {nearest(args[0], self.list_commands(ctx))}', ctx)
+        return super().resolve_command(ctx, args)
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """List the commands in the order in which a newcomer needs them."""
+        return list(self.commands)
+
+
+class NodeCommand(click.Command):
+    """
+    A command that starts a ROS node and passes on what belongs to ROS.
+
+    As on every ROS 2 executable these are the words from `--ros-args` to the next `--`, or to the
+    end; there may be several such stretches. The function gets them as its argument `ros_args`.
+    """
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Set the arguments of ROS aside and parse the rest."""
+        own, ros = split_ros_args(args)
+        rest = super().parse_args(ctx, own)
+        ctx.params['ros_args'] = ros
+        return rest
+
+    def collect_usage_pieces(self, ctx: click.Context) -> list[str]:
+        """Show that arguments of ROS may follow."""
+        return [*super().collect_usage_pieces(ctx), '[--ros-args ...]']
+
+
+class Seconds(click.ParamType):
+    """A span of time: finite and more than nothing, or a point in time, which may be 0."""
+
+    name = 'seconds'
+
+    def __init__(self, *, may_be_zero: bool = False) -> None:
+        """Allow 0 or not."""
+        self._may_be_zero = may_be_zero
+
+    def convert(
+            self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Return the number."""
+        try:
+            seconds = float(value)
+        except ValueError:
+            self.fail(f'{value!r} is not a number of seconds', param, ctx)
+        if self._may_be_zero and seconds == 0:
+            return 0.0
+        if not 0 < seconds < math.inf:
+            least = '>= 0' if self._may_be_zero else '> 0'
+            self.fail(f'{value} s, must be {least} and finite', param, ctx)
+        return seconds
+
+
+class Size(click.ParamType):
+    """Width and height of a picture in pixels, such as 960x540."""
+
+    name = 'size'
+
+    def convert(self, value: Any, param: click.Parameter | None,
+                ctx: click.Context | None) -> tuple[int, int]:
+        """Return the two numbers, even as films need them."""
+        if isinstance(value, tuple):
+            return value
+        width, _, height = str(value).lower().partition('x')
+        if not (width.isdecimal() and height.isdecimal()):
+            self.fail(f'{value!r}, must be WIDTHxHEIGHT such as 960x540', param, ctx)
+        size = int(width), int(height)
+        if any(number % 2 or not 16 <= number <= 8192 for number in size):
+            self.fail(f'{value}, must be two even numbers from 16 to 8192', param, ctx)
+        return size
+
+
+def split_ros_args(args: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Split a command line into our own arguments and those that belong to ROS."""
+    own: list[str] = []
+    ros: list[str] = []
+    in_ros = False
+    for arg in args:
+        if arg == '--ros-args':
+            in_ros = True
+        (ros if in_ros else own).append(arg)
+        if arg == '--':
+            in_ros = False
+    return own, ros
+
+
+def examples(*lines: str) -> str:
+    """Return the end of a help text: command lines that a newcomer can copy."""
+    # A paragraph that begins with this character is not wrapped.
+    return '\n'.join(['\b', 'Examples:', *(f'  {line}' for line in lines)])
+
+
+def scene_argument(*, required: bool) -> Callable[..., Any]:
+    """Return the argument SCENE, a path or the name of an example."""
+    return click.argument('scene', required=required)
+
+
+duration_option = click.option(
+    '--duration', type=Seconds(), metavar='SECONDS',
+    help='Stop after this much simulation time. Without it the node runs until Ctrl-C.')
+record_option = click.option(
+    '--record', metavar='DIR', help='Record the session into this new folder, a ROS 2 bag.')
