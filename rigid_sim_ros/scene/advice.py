@@ -9,8 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.forces import FORCES
+from rigid_sim_ros.engine.inertia import mesh_volume
 from rigid_sim_ros.engine.model import Model, WORLD
 from rigid_sim_ros.scene.build import Scene
+from rigid_sim_ros.scene.overlap import describe_overlaps
+from rigid_sim_ros.scene.schema import Mesh
 
 # [rad] An oscillation may advance by this much in a step: 13 steps a swing, whose frequency is
 # then off by 0.5**2 / 24 = 1 %. From 2 rad on no explicit method is stable. A damper may take the
@@ -18,6 +21,8 @@ from rigid_sim_ros.scene.build import Scene
 COARSE = 0.5
 # [rad] A turn in a step from which the methods of first order show visible errors.
 FAST_TURN = 0.25
+# Part of its convex hull that a mesh may leave empty without a word.
+HOLLOW = 0.01
 
 
 class Rates(NamedTuple):
@@ -106,7 +111,8 @@ _RATES: dict[str, Callable[[_Row], Rates]] = {
 
 def advice(scene: Scene) -> list[str]:
     """Return a line, with what to do, for each thing in a scene that will not go well."""
-    return [*_of_forces(scene), *_of_spin(scene), *_of_integrator(scene), *_of_contact(scene)]
+    return [*_of_forces(scene), *_of_spin(scene), *_of_integrator(scene), *_of_contact(scene),
+            *_of_materials(scene), *_of_meshes(scene), *describe_overlaps(scene)]
 
 
 def _of_forces(scene: Scene) -> Iterator[str]:
@@ -159,6 +165,31 @@ def _of_contact(scene: Scene) -> Iterator[str]:
         yield (f'integrator {scene.integrator} runs worlds without contact only: with contact: '
                f'{scene.contact} bodies fly by the symplectic one; write contact: none, or '
                'integrator: symplectic')
+
+
+def _of_materials(scene: Scene) -> Iterator[str]:
+    if scene.contact != 'timestep' or scene.solver != 'qp':
+        return
+    for name, material in scene.spec.all_materials.items():
+        if material.rolling > 0.0 or material.spinning > 0.0:
+            yield (f"material '{name}' resists rolling or spinning, which solver qp does not "
+                   'know: use solver: sequential, or contact: event')
+
+
+def _of_meshes(scene: Scene) -> Iterator[str]:
+    for body in scene.spec.bodies if scene.contact != 'none' else ():
+        for _, part in body.parts():
+            if isinstance(part, Mesh) and body.collides:
+                # SciPy: 0.6 s that a scene without a mesh does not wait for.
+                from scipy.spatial import ConvexHull
+
+                vertices = np.array(part.vertices)
+                volume = mesh_volume(vertices, np.array(part.faces))
+                hull = float(ConvexHull(vertices).volume)
+                if volume < (1.0 - HOLLOW) * hull:
+                    yield (f"body '{body.name}' has a mesh of {volume:.3g} m^3 in a convex hull "
+                           f'of {hull:.3g} m^3: it collides as the hull; use a compound of convex '
+                           'meshes where that matters')
 
 
 def _below(step: float) -> str:

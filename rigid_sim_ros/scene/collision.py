@@ -70,6 +70,12 @@ def check(scene: schema.Scene, report: Report) -> None:
             if name not in scene.all_materials:
                 report(('material_pairs', i, key),
                        f'{shown(name)} is no material, {nearest(name, scene.all_materials)}')
+    world = scene.world
+    if scene.collision.sleep_after > 0.0 and (world.contact, world.solver) != ('timestep',
+                                                                               'sequential'):
+        report(('collision', 'sleep_after'),
+               f'{scene.collision.sleep_after:g} s, must be 0: only the contact model timestep '
+               'with the solver sequential lets bodies sleep')
     groups = _group_bits(scene)
     for i, body in enumerate(scene.bodies):
         for k, name in enumerate(body.collides_with or ()):

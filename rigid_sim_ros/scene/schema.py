@@ -102,6 +102,8 @@ class Collision(Spec):
     continuous: Boolean = False
     # Of the sequential solver: more are stiffer and slower.
     substeps: Annotated[int, Count(1, 64)] = 4
+    # s, of the sequential solver: what has been at rest for so long sleeps; 0: nothing does.
+    sleep_after: Annotated[float, Quantity('s', least=0.0)] = 0.0
 
 
 class Pose(Spec):

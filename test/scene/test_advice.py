@@ -90,3 +90,54 @@ def test_an_integrator_that_contact_does_not_use_is_said() -> None:
     assert 'runs worlds without contact only' in advice_for('integrator: rk4', pair)[0]
     assert advice_for('integrator: rk4, contact: none', pair) == []
     assert advice_for('integrator: rk4') == []  # a body alone touches nothing
+
+
+def touching(depth: float, more: str = '') -> list[str]:
+    bodies = ', '.join(
+        f'{{name: {name}, shape: {{type: box, size: [1, 1, 1]}}, mass: 1, '
+        f'pose: {{position: [{x}, 0, 0]}}}}' for name, x in (('a', 0.0), ('b', 1.0 - depth)))
+    return advice(scene_from_text(f'bodies: [{bodies}]\n{more}\n'))
+
+
+def test_a_lever_that_the_solver_does_not_know_is_named() -> None:
+    scene = 'world: {{solver: {}}}\nmaterials: {{felt: {{rolling: 0.01}}}}\nbodies: [{}]\n'
+    lines = advice(scene_from_text(scene.format('qp', BALL)))
+    assert len(lines) == 1 and "material 'felt' resists rolling" in lines[0]
+    assert advice(scene_from_text(scene.format('sequential', BALL))) == []
+
+
+# A cube of 1 m whose upper face goes down to a point at the height z.
+DENTED = """{{name: die, mass: 1, shape: {{type: mesh, vertices: "0 0 0, 1 0 0, 1 1 0, 0 1 0, \
+0 0 1, 1 0 1, 1 1 1, 0 1 1, 0.5 0.5 {z}", faces: "0 2 1, 0 3 2, 0 1 5, 0 5 4, 1 2 6, 1 6 5, \
+2 3 7, 2 7 6, 3 0 4, 3 4 7, 4 5 8, 5 6 8, 6 7 8, 7 4 8"}}}}"""
+
+
+def test_a_mesh_that_collides_as_something_larger_is_named_with_both_volumes() -> None:
+    # The dent is a pyramid of 0.75 m: 1 - 0.75 / 3.
+    lines = advice_for(bodies=DENTED.format(z=0.25))
+    assert len(lines) == 1
+    assert "'die' has a mesh of 0.75 m^3 in a convex hull of 1 m^3" in lines[0]
+    assert advice_for(bodies=DENTED.format(z=0.99)) == []
+    assert advice_for('contact: none', bodies=DENTED.format(z=0.25)) == []
+
+
+def test_bodies_that_overlap_at_the_start_are_named_with_the_depth() -> None:
+    line, = touching(0.0125)
+    assert line.startswith("bodies 'a' and 'b' overlap by 0.0125 m")
+
+
+@pytest.mark.parametrize('depth, more', [
+    (-0.1, ''), (0.0, ''), (1e-4, ''), (0.1, 'world: {contact: none}'),
+    (0.1, 'collision: {ignore: [[a, b]]}')])
+def test_bodies_that_only_touch_or_cannot_are_no_overlap(depth: float, more: str) -> None:
+    assert touching(depth, more) == []
+
+
+def test_of_many_overlaps_the_deepest_are_named_and_the_rest_is_counted() -> None:
+    bodies = ', '.join(
+        f'{{name: b{k}, shape: {{type: sphere, radius: 0.5}}, mass: 1, '
+        f'pose: {{position: [{0.9 * k + 0.002 * k * k}, 0, 0]}}}}' for k in range(9))
+    lines = advice(scene_from_text(f'bodies: [{bodies}]\n'))
+    # The distance from k to k + 1 is 0.9 + 0.002 (2 k + 1): the first two are the nearest.
+    assert "'b0' and 'b1' overlap by 0.098 m" in lines[0]
+    assert lines[5:] == ['3 more pairs of bodies overlap at the start, less deep']

@@ -1,0 +1,20 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The colours of bodies, the same wherever they are shown."""
+
+from rigid_sim_ros.scene import schema
+
+# Okabe and Ito's colours, which colour-blind people tell apart; fixed bodies are grey.
+PALETTE = (
+    (0.90, 0.62, 0.00), (0.34, 0.71, 0.91), (0.00, 0.62, 0.45), (0.94, 0.89, 0.26),
+    (0.00, 0.45, 0.70), (0.84, 0.37, 0.00), (0.80, 0.47, 0.65),
+)
+FIXED = (0.6, 0.6, 0.6)
+
+
+def body_color(index: int, body: schema.Body) -> tuple[float, float, float, float]:
+    """Return red, green, blue and alpha, each 0 to 1, of the body at this place in the scene."""
+    if body.color is not None:
+        red, green, blue, *alpha = body.color
+        return red, green, blue, alpha[0] if alpha else 1.0
+    return *(FIXED if body.fixed else PALETTE[index % len(PALETTE)]), 1.0
