@@ -29,9 +29,10 @@ INPUTS: dict[str, Callable[..., None]] = {
 }
 # Events that tell of the session and leave the world as it is.
 PAUSE, RESUME, SINGLE_STEP, SPEED, END = 'pause', 'resume', 'step', 'speed', 'end'
+PARAMETER = 'parameter'     # of the node, that was changed while it ran
 # A gap says what is missing before it; the next snapshot tells how the world goes on.
 GAP = 'gap'
-NOTES = frozenset({PAUSE, RESUME, SINGLE_STEP, SPEED, END, GAP})
+NOTES = frozenset({PAUSE, RESUME, SINGLE_STEP, SPEED, PARAMETER, END, GAP})
 
 # How the echo of a wrench names its frame: the world's may have another name outside.
 FRAME_ID = 'frame_id'

@@ -80,6 +80,7 @@ class Status(NamedTuple):
     error: str              # why the recording has ended, '' if it has not
     messages: int           # written
     files: int
+    size: int               # [bytes] of these
     gaps: int
     lost_messages: int      # in gaps
     lost_events: int
@@ -99,9 +100,9 @@ class Recorder:
     """
     Records one session into a new bag.
 
-    All methods but `status` and `wait_for_room` belong to the thread that steps the world. None
-    raises an error once the recording has begun: it ends, `error` says why, `on_error` is called
-    with that text from the writer's thread, and later calls do nothing.
+    All methods but `status`, `wait` and `wait_for_room` belong to the thread that steps the world.
+    None raises an error once the recording has begun: it ends, `error` says why, `on_error` is
+    called with that text from the writer's thread, and later calls do nothing.
     """
 
     def __init__(
@@ -204,11 +205,30 @@ class Recorder:
 
     def close(self, world: RecordedWorld) -> None:
         """End the recording with the last state, and wait until it is written."""
-        if not self._closing:
-            self.wait_for_room()
-            self.event(world.step_index, events.END, state_hash=world.state_hash())
-            self._closing = True
-        self._thread.join()
+        self.end(world)
+        self.wait()
+
+    def end(self, world: RecordedWorld) -> None:
+        """End the recording with the last state, and do not wait; later calls do nothing."""
+        if self._closing or self.error:
+            return
+        step = world.step_index
+        if self._gap is not None:
+            self._end_gap(step)
+        # Whether there is room or not: it is the last of all.
+        self._enter(_ITEM, (self._write_event, self._clock(), Event(
+            self._number, step, events.END, {'state_hash': world.state_hash()})))
+        self._closing = True
+
+    def wait(self, seconds: float | None = None) -> bool:
+        """Wait, after `end` or an error, until all is written; return whether it is."""
+        self._thread.join(seconds)
+        return not self._thread.is_alive()
+
+    @property
+    def is_in_gap(self) -> bool:
+        """Whether the queue was full, and has no room yet."""
+        return self._gap is not None
 
     def wait_for_room(self) -> None:
         """Wait until the queue is half empty, or the recording has ended."""
@@ -217,8 +237,9 @@ class Recorder:
 
     def status(self) -> Status:
         """Return what was done so far; any thread may ask."""
-        return Status(self.path, self.error, self._messages, self._writer.files, self._gaps,
-                      self._lost_messages, self._lost_events, self._put - self._taken)
+        return Status(self.path, self.error, self._messages, self._writer.files,
+                      self._writer.size, self._gaps, self._lost_messages, self._lost_events,
+                      self._put - self._taken)
 
     # --- the step thread: the queue ---------------------------------------------------------
 
@@ -311,6 +332,9 @@ class Recorder:
 
     def _write_event(self, stamp: int, event: Event) -> None:
         self._write(stamp, (self._event,), (encode_string(event.encode()),))
+        if event.kind == 'reset':
+            # It may have turned time back: the same number is then another step.
+            self._written_step = None
 
     def _write_snapshot(self, stamp: int, step: int, data: bytes, begins_file: bool) -> None:
         if begins_file:

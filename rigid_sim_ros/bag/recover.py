@@ -370,5 +370,6 @@ def _is_message_compressed(path: Path) -> bool:
         return False
     with contextlib.suppress(sqlite3.Error), contextlib.closing(sqlite3.connect(path)) as database:
         row = database.execute('SELECT data FROM messages LIMIT 1').fetchone()
-        return bool(row) and row[0][:4] == _ZSTD_MAGIC
+        # A damaged page may hold anything in the place of the bytes.
+        return row is not None and isinstance(row[0], bytes) and row[0][:4] == _ZSTD_MAGIC
     return False

@@ -76,15 +76,16 @@ class _Found(Exception):
         self.difference = difference
 
 
-def verify(path: str | os.PathLike[str],
-           progress: Callable[[int], None] | None = None) -> Verdict:
+def verify(path: str | os.PathLike[str], progress: Callable[[int], None] | None = None,
+           prepare: Callable[[Callable[[], World]], World] | None = None) -> Verdict:
     """
     Simulate the session of a bag again and compare; BagError if it cannot be read.
 
-    `progress` is called with the time of the bag [ns] now and then.
+    `progress` is called with the time of the bag [ns] now and then, `prepare` with what makes the
+    world, which it returns.
     """
     reader = BagReader(path)
-    run = Resimulation()
+    run = Resimulation(prepare)
     difference = None
     try:
         run.take_all(reader.messages(), progress)
@@ -102,8 +103,10 @@ def verify(path: str | os.PathLike[str],
 class Resimulation:
     """A world that goes through the messages of a session, one after another."""
 
-    def __init__(self) -> None:
+    def __init__(
+            self, prepare: Callable[[Callable[[], World]], World] | None = None) -> None:
         """Begin with nothing: scene, session and snapshot come first in the bag."""
+        self._prepare = prepare
         self.compared = 0
         self.steps = 0
         self.gaps = 0
@@ -164,8 +167,11 @@ class Resimulation:
     def _make_world(self, session: Session) -> None:
         assert self._scene_text is not None
         try:
-            scene = scene_from_text(decode.string(self._scene_text), session.scene)
-            world = World(scene)
+            text = decode.string(self._scene_text)
+
+            def make() -> World:
+                return World(scene_from_text(text, session.scene))
+            world = self._prepare(make) if self._prepare is not None else make()
             if tuple(world.names) != session.bodies or world.step_ns != session.step_ns:
                 raise BagError('the scene and the session in the bag do not fit together')
             self._outputs = Outputs(world, session.topics, session.frame_id)

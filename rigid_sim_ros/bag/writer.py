@@ -30,6 +30,19 @@ RESERVE = '.reserve'
 _RESERVE_MARGIN = 1 << 16       # bytes, for metadata.yaml and what a file system adds
 
 
+def check_path(path: str | os.PathLike[str]) -> None:
+    """Raise a BagError if no bag can be made there, as far as that can be told without trying."""
+    path = Path(path)
+    if os.path.lexists(path):
+        raise BagError(f'{path} exists already: choose another folder, or remove it')
+    above = path.absolute().parent
+    while not above.exists():
+        above = above.parent
+    if not above.is_dir() or not os.access(above, os.W_OK | os.X_OK):
+        raise BagError(f'{path} cannot be made ({above} may not be written): choose another '
+                       'folder')
+
+
 class BagWriter:
     """A bag that is being written."""
 
@@ -49,6 +62,8 @@ class BagWriter:
         self._custom = dict(custom or {})
         self._done: list[FileFacts] = []
         self.stamp = 0      # [ns] of the last message
+        self.size = 0       # [bytes] of all files, as of the last flush
+        self._done_size = 0
         for each in self._topics:
             definition(each.type)       # a type that is not known is found before any file is made
         try:
@@ -91,6 +106,7 @@ class BagWriter:
         """Hand all that was written to the system, and let it reach the disk meanwhile."""
         assert self._file is not None
         self._file.flush()
+        self.size = self._done_size + self._file.path.stat().st_size
         self._keep_reserve()
         self._syncing.request(self._file.sync_handle)
 
@@ -128,7 +144,10 @@ class BagWriter:
 
     def _end_file(self) -> None:
         assert self._file is not None
+        path = self._file.path
         self._done.append(self._file.close())
+        self._done_size += path.stat().st_size
+        self.size = self._done_size
         self._file = None
 
     def _new_file(self) -> McapFile | SqliteFile:

@@ -10,14 +10,15 @@ import shutil
 import tempfile
 from typing import Any
 
-from rigid_sim_ros.bag import decode, events, topics as kinds
+from rigid_sim_ros.bag import decode, events, session as sessions, topics as kinds
 from rigid_sim_ros.bag.batch import Batch
 from rigid_sim_ros.bag.mcap_file import McapFile
 from rigid_sim_ros.bag.metadata import build, write
 from rigid_sim_ros.bag.outputs import Outputs, state_topics
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.recorder import Recorder
-from rigid_sim_ros.bag.topics import own_topics, Topic
+from rigid_sim_ros.bag.session import Session
+from rigid_sim_ros.bag.topics import Topic
 from rigid_sim_ros.codec import encode_wrench
 from rigid_sim_ros.world import World
 
@@ -127,12 +128,13 @@ def rewrite(bag: Path, folder: Path, change: Callable[[Topic, bytes], bytes | No
 
 
 def _topics_of(bag: Path) -> list[Topic]:
-    known = {topic.name: topic for topic in (
-        *own_topics(NODE), *state_topics(NODE, ['crate', 'ball']), *WRENCHES)}
-    reader = BagReader(bag)
-    for _ in reader.messages():
-        pass
-    return [known[name] for name in reader.types]
+    return list(session_of(bag).topics)
+
+
+def session_of(bag: Path) -> Session:
+    """Return what a bag says of its session."""
+    return next(sessions.decode(decode.string(data)) for name, _, data
+                in BagReader(bag).messages() if name.endswith('/bag/session'))
 
 
 def messages_of(bag: Path, kind: str) -> list[tuple[str, int, bytes]]:

@@ -128,5 +128,5 @@ for args in (['batch', 't_handle', '--duration', '0.1', '--output', r'{tmp_path 
 '''
     result = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True,
                             check=False, timeout=300)
-    assert result.stderr == ''
+    assert [line for line in result.stderr.splitlines() if 'compiling' not in line] == []
     assert result.stdout.splitlines()[1::2] == ['0', '0']

@@ -4,10 +4,10 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-import subprocess
 import time
 
 from bag.sessions import world
+from bag.small_disk import make_read_only, mounted, SIZE
 import pytest
 from rosbags.highlevel import AnyReader
 
@@ -16,24 +16,11 @@ from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.recorder import FLUSH_S, Recorder
 from rigid_sim_ros.bag.verify import verify
 
-SIZE = 6 << 20      # bytes
-
 
 @pytest.fixture
 def small_disk(tmp_path) -> Iterator[Path]:
-    """Mount a file system of 6 MB, where that is permitted."""
-    folder = tmp_path / 'disk'
-    folder.mkdir()
-    mounted = subprocess.run(['mount', '-t', 'tmpfs', '-o', f'size={SIZE}', 'tmpfs', str(folder)],
-                             capture_output=True, text=True, check=False)
-    if mounted.returncode:
-        reason = f'a small file system cannot be mounted here: {mounted.stderr.strip()}'
-        print(reason)
-        pytest.skip(reason)
-    try:
+    with mounted(tmp_path / 'disk') as folder:
         yield folder
-    finally:
-        subprocess.run(['umount', '-l', str(folder)], check=True)
 
 
 def fill(batch: Batch) -> str:
@@ -94,6 +81,6 @@ def test_a_disk_that_is_full_already_is_refused_and_left_clean(small_disk) -> No
 
 
 def test_a_folder_that_may_not_be_written_is_refused(small_disk) -> None:
-    subprocess.run(['mount', '-o', 'remount,ro', str(small_disk)], check=True)
+    make_read_only(small_disk)
     with pytest.raises(BagError, match='Read-only file system'):
         Recorder(small_disk / 'bag', world(), [])

@@ -218,6 +218,39 @@ def test_as_fast_as_possible_waits_for_the_disk_and_loses_nothing(tmp_path, monk
     assert len(messages_of(tmp_path / 'bag', kinds.STATE)) == 100
 
 
+def test_a_reset_to_the_same_step_does_not_hide_the_steps_after_it(tmp_path) -> None:
+    the_world = world()
+    recorder = Recorder(tmp_path / 'bag', the_world, state_topics(NODE, the_world.names))
+    recorder.snapshot(the_world)
+    outputs = Outputs(the_world, state_topics(NODE, the_world.names), 'world')
+    channel = [recorder.channel(f'{NODE}/state')]
+    for _ in range(2):
+        the_world.step(30)
+        (_, data), = outputs.encode(kinds.STATE)
+        recorder.publish(30, channel, [data])
+        the_world.reset()
+        recorder.event(30, 'reset')
+    recorder.close(the_world)
+    verdict = verify(tmp_path / 'bag')
+    assert verdict.difference is None
+    assert verdict.steps == 60
+
+
+def test_a_recording_ends_without_waiting_for_a_disk_that_stands_still(
+        tmp_path, monkeypatch) -> None:
+    disk = Stalled(monkeypatch)
+    the_world = world()
+    recorder = Recorder(tmp_path / 'bag', the_world, state_topics(NODE, the_world.names))
+    recorder.snapshot(the_world)
+    fill_queue(recorder, the_world)
+    recorder.end(the_world)
+    assert recorder.status().queued_bytes > 0
+    disk.release()
+    recorder.wait()
+    assert len(messages_of(tmp_path / 'bag', kinds.STATE)) == 100
+    assert verify(tmp_path / 'bag').note == ''
+
+
 def test_a_path_that_exists_is_refused(tmp_path) -> None:
     with pytest.raises(BagError, match='exists already: choose another'):
         Recorder(tmp_path, world(), [])

@@ -1,0 +1,280 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+One file of a bag for playing it: MCAP or SQLite, as it is or compressed as a whole.
+
+Every call opens the file anew, so that one thread may read ahead while another seeks.
+"""
+
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Mapping, Set as AbstractSet
+from contextlib import closing, contextmanager
+from functools import partial
+from operator import itemgetter
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple, Protocol, TypeAlias
+
+import zstandard
+
+from rigid_sim_ros.bag.errors import Damaged
+from rigid_sim_ros.bag.mcap_index import Block, read_block, read_index
+from rigid_sim_ros.bag.reader import ZSTD
+from rigid_sim_ros.bag.scan import McapScan
+from rigid_sim_ros.bag.sqlite_index import SqliteIndex
+
+Message: TypeAlias = tuple[int, str, bytes]     # time [ns], topic, CDR
+TIME: Callable[[Message], int] = itemgetter(0)
+_STAMP: Callable[[tuple[int, int, bytes]], int] = itemgetter(1)     # of (channel, time, data)
+
+# [bytes] Blocks whose times overlap are sorted together up to this. Recorders write almost in
+# order, so a block or two are enough; a file that was rearranged could make us hold all of it,
+# and is played out of order instead.
+_MOST_SORTED = 256 << 20
+
+# [bytes] A message that claims to grow beyond this is damaged.
+_LARGEST_MESSAGE = 1 << 30
+
+
+class RecordedTopic(NamedTuple):
+    """What a bag says of a topic."""
+
+    name: str
+    type: str
+    encoding: str       # of its messages, 'cdr'
+    profiles: object    # QoS of its publishers, as it stands in the bag
+    type_hash: str      # of the definition of its type, '' if unknown
+
+
+class PlayableFile(Protocol):
+    """One file of a bag; its times are 0 if it has no messages."""
+
+    topics: Mapping[str, RecordedTopic]
+    first_ns: int
+    last_ns: int
+
+    def messages(self, start_ns: int, names: AbstractSet[str]) -> Iterator[list[Message]]:
+        """Give the messages of some topics from a time on, in groups sorted by time."""
+
+    def last(self, until_ns: int, counts: Mapping[str, int]) -> list[Message]:
+        """Return the last messages of topics up to a time and with it, so many of each."""
+
+
+def open_file(
+    path: Path, by_message: bool, topics: Mapping[str, RecordedTopic],
+    times: tuple[int, int] | None,
+) -> PlayableFile:
+    """
+    Open a file of a bag; Damaged if it is not what was written, OSError if it cannot be read.
+
+    `topics` and `times` are what the metadata tell: a compressed file is not opened for them.
+    """
+    if path.suffix == ZSTD:
+        return PackedPlayback(path, by_message, topics, times)
+    return (SqlitePlayback if path.suffix == '.db3' else McapPlayback)(path, by_message)
+
+
+class McapPlayback:
+    """An MCAP file."""
+
+    def __init__(self, path: Path, by_message: bool) -> None:
+        """Read the index."""
+        scan, blocks = read_index(path)
+        self._path = path
+        self._by_message = by_message
+        self._scan = scan
+        self._blocks = [block for block in blocks if block.last_ns]
+        self.first_ns = min((block.first_ns for block in self._blocks), default=0)
+        self.last_ns = max((block.last_ns for block in self._blocks), default=0)
+        self.topics: Mapping[str, RecordedTopic] = {
+            name: RecordedTopic(
+                name, kind, scan.channels[number].message_encoding,
+                scan.channels[number].metadata.get('offered_qos_profiles', ''),
+                scan.channels[number].metadata.get('topic_type_hash', ''))
+            for number, (name, kind) in scan.topics.items()}
+
+    def messages(self, start_ns: int, names: AbstractSet[str]) -> Iterator[list[Message]]:
+        """Give the messages of some topics from a time on, in groups sorted by time."""
+        numbers = self._numbers(names)
+        blocks = [block for block in self._blocks
+                  if block.last_ns >= start_ns and _has(block, numbers.keys())]
+        ends = [*(block.first_ns for block in blocks[1:]), 2 ** 64]
+        # By the place of their block: of one time, what was written first comes first.
+        pending: dict[int, list[Message]] = {}
+        with self._reading() as read:
+            for block, end in zip(blocks, ends, strict=False):
+                pending[block.offset] = [
+                    message for message in read(block, numbers) if message[0] >= start_ns]
+                group = [each for offset in sorted(pending) for each in pending[offset]]
+                group.sort(key=TIME)
+                # What is later than the next block begins may belong among its messages.
+                cut = bisect_left(group, end, key=TIME)
+                if sum(len(data) for _, _, data in group[cut:]) > _MOST_SORTED:
+                    cut = len(group)
+                pending = {} if cut == len(group) else {
+                    offset: [each for each in messages if each[0] >= end]
+                    for offset, messages in pending.items()}
+                if cut:
+                    yield group[:cut]
+
+    def last(self, until_ns: int, counts: Mapping[str, int]) -> list[Message]:
+        """Return the last messages of topics up to a time and with it, so many of each."""
+        found: dict[str, list[Message]] = {name: [] for name in counts}
+        by_name = {name: self._numbers({name}) for name in counts}
+        with self._reading() as read:
+            for block in sorted(self._blocks, key=lambda each: each.last_ns, reverse=True):
+                if block.first_ns > until_ns:
+                    continue
+                # All blocks from here on end no later than this one.
+                open_names = [name for name, count in counts.items()
+                              if len(found[name]) < count or found[name][0][0] < block.last_ns]
+                numbers = {number: name for name in open_names
+                           for number in by_name[name]}
+                if not numbers or not _has(block, numbers.keys()):
+                    continue
+                for message in read(block, numbers):
+                    if message[0] <= until_ns:
+                        found[message[1]].append(message)
+                for name in open_names:
+                    found[name] = sorted(found[name], key=TIME)[-counts[name]:]
+        return [message for messages in found.values() for message in messages]
+
+    def _numbers(self, names: AbstractSet[str]) -> dict[int, str]:
+        return {number: name for number, (name, _) in self._scan.topics.items() if name in names}
+
+    @contextmanager
+    def _reading(self) -> Iterator[Callable[[Block, Mapping[int, str]], list[Message]]]:
+        """Give a function that returns the messages of some channels in a block."""
+        with self._path.open('rb') as file, closing(McapScan(self._path)) as scan:
+            scan.schemas, scan.topics = dict(self._scan.schemas), dict(self._scan.topics)
+            unpack = _unpacker(self._path) if self._by_message else None
+
+            def read(block: Block, numbers: Mapping[int, str]) -> list[Message]:
+                found = scan.messages_in(read_block(file, block, scan))
+                if found and not (block.first_ns <= min(map(_STAMP, found))
+                                  and max(map(_STAMP, found)) <= block.last_ns):
+                    raise Damaged(f'{self._path.name}: the block at byte {block.offset} holds '
+                                  'messages of other times than its index says')
+                if unpack is None:
+                    return [(stamp, numbers[number], data)
+                            for number, stamp, data in found if number in numbers]
+                return [(stamp, numbers[number], unpack(data))
+                        for number, stamp, data in found if number in numbers]
+
+            yield read
+
+
+class SqlitePlayback:
+    """A SQLite file."""
+
+    def __init__(self, path: Path, by_message: bool) -> None:
+        """Check the file and read its topics."""
+        self._path = path
+        self._by_message = by_message
+        self._index = SqliteIndex(path)
+        self.first_ns, self.last_ns = self._index.first_ns, self._index.last_ns
+        self._names = {each.number: each.name for each in self._index.topics}
+        self.topics: Mapping[str, RecordedTopic] = {
+            each.name: RecordedTopic(
+                each.name, each.type, each.encoding, each.profiles, each.type_hash)
+            for each in self._index.topics}
+
+    def messages(self, start_ns: int, names: AbstractSet[str]) -> Iterator[list[Message]]:
+        """Give the messages of some topics from a time on, in groups sorted by time."""
+        numbers = [number for number, name in self._names.items() if name in names]
+        message = self._converter()
+        for group in self._index.messages(start_ns, numbers):
+            yield [message(row) for row in group]
+
+    def last(self, until_ns: int, counts: Mapping[str, int]) -> list[Message]:
+        """Return the last messages of topics up to a time and with it, so many of each."""
+        message = self._converter()
+        return [message(row) for number, name in self._names.items() if name in counts
+                for row in self._index.last(number, until_ns, counts[name])]
+
+    def _converter(self) -> Callable[[tuple[int, int, bytes]], Message]:
+        names = self._names
+        if not self._by_message:
+            return lambda row: (row[1], names[row[0]], row[2])
+        unpack = _unpacker(self._path)
+        return lambda row: (row[1], names[row[0]], unpack(row[2]))
+
+
+class PackedPlayback:
+    """A file that is compressed as a whole: it is unpacked for as long as it is read."""
+
+    def __init__(self, path: Path, by_message: bool, topics: Mapping[str, RecordedTopic],
+                 times: tuple[int, int] | None) -> None:
+        """Take what the metadata tell, or unpack the file to learn it."""
+        self._path = path
+        self._open = partial(open_file, by_message=by_message, topics={}, times=None)
+        if times is None or not topics:
+            with self._plain() as plain:
+                self.topics: Mapping[str, RecordedTopic] = plain.topics
+                self.first_ns, self.last_ns = plain.first_ns, plain.last_ns
+        else:
+            self.topics = topics
+            self.first_ns, self.last_ns = times
+
+    def messages(self, start_ns: int, names: AbstractSet[str]) -> Iterator[list[Message]]:
+        """Give the messages of some topics from a time on, in groups sorted by time."""
+        with self._plain() as plain:
+            yield from plain.messages(start_ns, names)
+
+    def last(self, until_ns: int, counts: Mapping[str, int]) -> list[Message]:
+        """Return the last messages of topics up to a time and with it, so many of each."""
+        with self._plain() as plain:
+            return plain.last(until_ns, counts)
+
+    @contextmanager
+    def _plain(self) -> Iterator[PlayableFile]:
+        with TemporaryDirectory(prefix='rigid_sim_ros_') as folder:
+            plain = Path(folder, self._path.stem)
+            try:
+                with self._path.open('rb') as packed, plain.open('wb') as file:
+                    zstandard.ZstdDecompressor().copy_stream(packed, file)
+            except zstandard.ZstdError as error:
+                raise Damaged(f'{self._path.name} is damaged ({error})') from None
+            yield self._open(plain)
+
+
+def _unpacker(path: Path) -> Callable[[bytes], bytes]:
+    """Return what unpacks the messages of a file; it belongs to one thread."""
+    decompress = zstandard.ZstdDecompressor().decompress
+
+    def unpack(data: bytes) -> bytes:
+        try:
+            size = zstandard.frame_content_size(data)
+            if not 0 <= size <= _LARGEST_MESSAGE:
+                raise Damaged(f'{path.name} is damaged (a message of {size} bytes)')
+            return decompress(data)
+        except zstandard.ZstdError as error:
+            raise Damaged(f'{path.name} is damaged ({error})') from None
+
+    return unpack
+
+
+def _has(block: Block, numbers: AbstractSet[int]) -> bool:
+    return block.channels is None or not block.channels.isdisjoint(numbers)
+
+
+def metadata_topics(metadata: Mapping[str, Any]) -> dict[str, RecordedTopic]:
+    """Return what metadata.yaml says of the topics; empty where it makes no sense."""
+    try:
+        told = [entry['topic_metadata'] for entry in metadata['topics_with_message_count']]
+        return {each['name']: RecordedTopic(
+            str(each['name']), str(each['type']), str(each['serialization_format']),
+            each.get('offered_qos_profiles', ''), str(each.get('type_description_hash', '')))
+            for each in told}
+    except (KeyError, TypeError, AttributeError):
+        return {}
+
+
+def metadata_times(metadata: Mapping[str, Any]) -> dict[str, tuple[int, int]]:
+    """Return first and last time of each file that metadata.yaml tells of."""
+    try:
+        return {Path(each['path']).name: (start, start + int(each['duration']['nanoseconds']))
+                for each in metadata['files']
+                for start in [int(each['starting_time']['nanoseconds_since_epoch'])]}
+    except (KeyError, TypeError, AttributeError, ValueError):
+        return {}
