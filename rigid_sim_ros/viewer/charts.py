@@ -1,0 +1,90 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The charts of the page: figures over time."""
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import viser
+from viser import uplot
+
+_LONGEST = 300      # points that a chart keeps
+_HEIGHT = 170       # px
+# Okabe and Ito's colours.
+_LINES = ('#0072b2', '#d55e00', '#009e73', '#cc79a7')
+
+
+class Chart(NamedTuple):
+    """What stands in one chart: a title with its unit, and the names of its lines."""
+
+    title: str
+    lines: Sequence[str]
+
+
+ENERGY = Chart('energy [J]', ('total', 'kinetic', 'potential'))
+MOMENTUM = Chart('momentum [kg m/s]', ('x', 'y', 'z'))
+ANGULAR_MOMENTUM = Chart('angular momentum [kg m²/s]', ('x', 'y', 'z'))
+CONTACTS = Chart('contacts', ('contacts',))
+PACE = Chart('real-time factor', ('measured',))
+
+
+class Charts:
+    """Some charts over one time axis."""
+
+    def __init__(self, gui: viser.GuiApi, charts: Sequence[Chart], length: int = _LONGEST) -> None:
+        self._times: deque[float] = deque(maxlen=length)
+        self._values: dict[str, list[deque[float]]] = {}
+        self._handles: dict[str, viser.GuiUplotHandle] = {}
+        for chart in charts:
+            self._values[chart.title] = [deque(maxlen=length) for _ in chart.lines]
+            self._handles[chart.title] = gui.add_uplot(
+                _empty(len(chart.lines)), _series(chart),
+                title=chart.title, height=_HEIGHT, scales={'x': uplot.Scale(time=False)},
+                legend=uplot.Legend(show=len(chart.lines) > 1))
+
+    def add(self, time: float, values: Mapping[str, Sequence[float]]) -> None:
+        """Add a point at a time [s] to each chart; time that goes back begins anew."""
+        if self._times and time < self._times[-1]:
+            self._forget()
+        self._times.append(time)
+        for title, lines in self._values.items():
+            numbers = values.get(title, [float('nan')] * len(lines))
+            for line, number in zip(lines, numbers, strict=True):
+                line.append(number)
+            self._show(title)
+
+    def fill(self, times: Sequence[float], values: Mapping[str, np.ndarray]) -> None:
+        """Show whole curves: of each chart a row for each line."""
+        for title, rows in values.items():
+            self._handles[title].data = (np.asarray(times, float), *np.asarray(rows, float))
+
+    def clear(self) -> None:
+        """Empty all charts."""
+        self._forget()
+        for title, lines in self._values.items():
+            self._handles[title].data = _empty(len(lines))
+
+    def _forget(self) -> None:
+        self._times.clear()
+        for lines in self._values.values():
+            for line in lines:
+                line.clear()
+
+    def _show(self, title: str) -> None:
+        if len(self._times) < 2:
+            return
+        self._handles[title].data = (
+            np.array(self._times), *(np.array(line) for line in self._values[title]))
+
+
+def _empty(lines: int) -> tuple[np.ndarray, ...]:
+    # Two points: viser keeps the part of the time axis that a user has zoomed to, as a share of
+    # the whole, and an axis without length has no shares.
+    return (np.array([0.0, 1.0]), *(np.zeros(2) for _ in range(lines)))
+
+
+def _series(chart: Chart) -> tuple[uplot.Series, ...]:
+    lines = [uplot.Series(label=label, stroke=color, width=1.5)
+             for label, color in zip(chart.lines, _LINES, strict=False)]
+    return (uplot.Series(label='time [s]'), *lines)

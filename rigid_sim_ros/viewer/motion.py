@@ -1,0 +1,74 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""How all bodies move at one time: what the page shows, wherever it comes from."""
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from rigid_sim_ros.bag.decode import multi_dof_state
+from rigid_sim_ros.bag.errors import Damaged
+
+Array = npt.NDArray[np.float64]
+
+
+class Motion(NamedTuple):
+    """Poses and twists of the body frames, a row for each body, in world axes."""
+
+    t_ns: int           # simulation time
+    position: Array     # (n, 3) [m]
+    orientation: Array  # (n, 4) x, y, z, w
+    linear: Array       # (n, 3) [m/s] of the body frame's origin
+    angular: Array      # (n, 3) [rad/s]
+
+    @property
+    def rotation(self) -> Rotation:
+        """The orientations as rotations from body to world axes."""
+        return Rotation.from_quat(self.orientation)
+
+
+class MotionDecoder:
+    """Reads sensor_msgs/MultiDOFJointState of the bodies of one scene."""
+
+    def __init__(self, names: tuple[str, ...]) -> None:
+        self._names = names
+        self._head = b''            # of a message that was read in full, behind its stamp
+        self._poses = self._twists = 0
+
+    def read(self, data: bytes) -> Motion | None:
+        """Return the motion, or None if the message is of other bodies or damaged."""
+        is_known = self._head and data[_STAMP:_STAMP + len(self._head)] == self._head
+        if not (is_known or self._learn(data)):
+            return None
+        n = len(self._names)
+        try:
+            pose = np.frombuffer(data, '<f8', 7 * n, self._poses).reshape(n, 7)
+            twist = np.frombuffer(data, '<f8', 6 * n, self._twists).reshape(n, 6)
+        except ValueError:
+            return None
+        sec, nanosec = np.frombuffer(data, '<u4', 2, 4).tolist()
+        return Motion(sec * 1_000_000_000 + nanosec, pose[:, :3], pose[:, 3:], twist[:, :3],
+                      twist[:, 3:])
+
+    def _learn(self, data: bytes) -> bool:
+        """Find where the numbers stand; the strings before them stay the same."""
+        try:
+            _, _, names, numbers = multi_dof_state(data)
+        except Damaged:
+            return False
+        if tuple(names) != self._names or np.isnan(numbers).any():
+            return False
+        # Behind the names: a count, the poses, a count, the twists, a count of no wrenches.
+        n = len(names)
+        tail = 6 * 8 * n + 4
+        self._twists = len(data) - tail
+        self._poses = self._twists - 8 - 7 * 8 * n
+        again = np.frombuffer(data, '<f8', 7 * n, self._poses).reshape(n, 7)
+        if not np.array_equal(again, numbers[:, :7]):
+            return False
+        self._head = data[_STAMP:self._poses]
+        return True
+
+
+_STAMP = 12     # bytes of a message before the frame: encapsulation header and stamp

@@ -1,0 +1,176 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A bag as the page shows it: all states in memory, and what happened at which time.
+
+The time axis is that of the simulation. It goes on where a reset sets the clock back, and stands
+still in a pause. A session too long for the memory is thinned out, evenly.
+"""
+from bisect import bisect_right
+import os
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from rigid_sim_ros.bag import decode, events, session as sessions
+from rigid_sim_ros.bag.errors import BagError
+from rigid_sim_ros.bag.motion import Clock
+from rigid_sim_ros.bag.reader import BagReader
+from rigid_sim_ros.bag.session import Session
+from rigid_sim_ros.scene import Scene, scene_from_text, SceneError
+from rigid_sim_ros.viewer.motion import Motion, MotionDecoder
+from rigid_sim_ros.viewer.simulation import Applied
+
+# [bytes] States, and contacts, beyond this are thinned out: every other one goes.
+_MOST_BYTES = 400_000_000
+_STATE, _SCENE, _SESSION, _EVENT = '/state', '/scene', '/bag/session', '/bag/event'
+_WRENCH, _MARKERS = '/applied_wrench', '/markers'
+_CONTACTS = b'contact_'
+_HEAD = 200     # bytes in which the namespace of the first marker stands
+
+
+class Happening(NamedTuple):
+    """Something that happened in a session."""
+
+    time: float     # [s] on the axis of the recording
+    what: str
+    text: str
+
+
+class Recording:
+    """The states of a bag, with the scene that they are of."""
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        """Read a bag; BagError if it cannot be read, or holds no scene with its states."""
+        self.path = path
+        self.session: Session | None = None
+        self.scene: Scene
+        self.happenings: list[Happening] = []
+        self.thinning = 1                       # one of so many states is kept
+        self._scene_text = ''
+        self._node = ''
+        self._clock = Clock()
+        self._times: list[float] = []           # [s] of each state that is kept
+        self._stamps: list[int] = []            # [ns] of the same in the bag
+        self._motions: list[Motion] = []
+        self._decoder: MotionDecoder | None = None
+        self._contacts: list[tuple[float, bytes]] = []
+        self._contact_bytes = 0
+        self._wrenches: dict[str, list[tuple[float, Applied]]] = {}
+        self._seen = 0
+        self._now = 0.0
+        self._read(BagReader(path))
+        if not self._motions:
+            raise BagError(f'{path} holds no states with their scene on the topics ~/state and '
+                           '~/scene: nothing can be shown')
+        self.times = np.array(self._times)
+        self.stamps = np.array(self._stamps)
+
+    def __len__(self) -> int:
+        return len(self._motions)
+
+    @property
+    def duration(self) -> float:
+        """The time from the first state to the last [s]."""
+        return float(self.times[-1] - self.times[0])
+
+    def row(self, time: float) -> int:
+        """Return the last state at a time on the axis, or the first."""
+        return max(0, int(np.searchsorted(self.times, time, side='right')) - 1)
+
+    def motion(self, row: int) -> Motion:
+        """Return a state."""
+        return self._motions[row]
+
+    def contacts(self, time: float) -> bytes:
+        """Return the last MarkerArray of contacts at a time, b'' for none."""
+        k = bisect_right(self._contacts, time, key=lambda pair: pair[0])
+        return self._contacts[k - 1][1] if k else b''
+
+    def applied(self, time: float) -> dict[str, Applied]:
+        """Return the last wrench on each body at a time."""
+        found = {}
+        for body, wrenches in self._wrenches.items():
+            k = bisect_right(wrenches, time, key=lambda pair: pair[0])
+            if k:
+                found[body] = wrenches[k - 1][1]
+        return found
+
+    def time_of_stamp(self, stamp: int) -> float:
+        """Return the time on the axis of a stamp in the bag [ns]."""
+        return float(self.times[max(0, int(np.searchsorted(self.stamps, stamp)) - 1)])
+
+    def table(self, rows: npt.NDArray[np.intp]) -> npt.NDArray[np.float64]:
+        """Return poses and twists at some rows, (rows, n, 13)."""
+        return np.stack([np.hstack(self._motions[row][1:]) for row in rows])
+
+    def _read(self, reader: BagReader) -> None:
+        for topic, stamp, data in reader.messages():
+            if topic.endswith(_STATE) and topic == f'{self._node}{_STATE}':
+                self._take_state(stamp, data)
+            elif topic.endswith(_SCENE) and not self._scene_text:
+                self._take_scene(topic, data)
+            elif topic.endswith(_SESSION) and self.session is None:
+                self.session = sessions.decode(decode.string(data))
+            elif topic.endswith(_EVENT):
+                self._take_event(data)
+            elif topic.endswith(_WRENCH):
+                self._take_wrench(topic, data)
+            elif topic.endswith(_MARKERS) and _CONTACTS in data[:_HEAD]:
+                self._take_contacts(data)
+
+    def _take_scene(self, topic: str, data: bytes) -> None:
+        self._node = topic.removesuffix(_SCENE)
+        self._scene_text = decode.string(data)
+        try:
+            self.scene = scene_from_text(self._scene_text, 'scene')
+        except SceneError as error:
+            raise BagError(f'the scene in {self.path} cannot be shown: {error.summary}') from None
+        self._decoder = MotionDecoder(self.scene.names)
+
+    def _take_state(self, stamp: int, data: bytes) -> None:
+        motion = self._decoder.read(data) if self._decoder is not None else None
+        if motion is None:
+            return
+        self._now, is_back = self._clock.seconds(motion.t_ns)
+        if is_back and self.session is None:
+            self._happened('reset', 'the clock was set back')
+        self._seen += 1
+        if self._seen % self.thinning:
+            return
+        self._times.append(self._now)
+        self._stamps.append(stamp)
+        self._motions.append(motion)
+        if len(self._motions) * len(data) > _MOST_BYTES:
+            self.thinning *= 2
+            del self._times[1::2], self._stamps[1::2], self._motions[1::2]
+
+    def _take_contacts(self, data: bytes) -> None:
+        self._contacts.append((self._now, data))
+        self._contact_bytes += len(data)
+        if self._contact_bytes > _MOST_BYTES:
+            del self._contacts[1::2]
+            self._contact_bytes = sum(len(kept) for _, kept in self._contacts)
+
+    def _take_event(self, data: bytes) -> None:
+        event = events.decode(decode.string(data))
+        if event.kind in _TOLD:
+            given = ', '.join(str(value) for key, value in event.arguments.items()
+                              if key in ('name', 'factor', 'messages'))
+            self._happened(event.kind, f'{event.kind.replace("_", " ")} {given}'.strip())
+
+    def _take_wrench(self, topic: str, data: bytes) -> None:
+        t_ns, frame, numbers = decode.wrench(data)
+        fx, fy, fz, tx, ty, tz = numbers[0].tolist()
+        body = topic.removesuffix(_WRENCH).rpartition('/')[2]
+        self._wrenches.setdefault(body, []).append(
+            (self._now, Applied(t_ns, frame, (fx, fy, fz), (tx, ty, tz))))
+
+    def _happened(self, what: str, text: str) -> None:
+        self.happenings.append(Happening(self._now, what, text))
+
+
+# Wrenches are too many to be told of one by one; their arrows show them.
+_TOLD = frozenset({'reset', 'set_pose', 'set_twist', 'apply_impulse', events.PAUSE, events.RESUME,
+                   events.SPEED, events.GAP, events.END})

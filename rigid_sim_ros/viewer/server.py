@@ -1,0 +1,144 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The web server of the page, and who may reach it."""
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
+from hashlib import sha256
+from hmac import compare_digest
+from http import HTTPStatus
+from http.cookies import CookieError, SimpleCookie
+from io import StringIO
+from ipaddress import ip_address
+import threading
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+import viser
+import websockets.asyncio.server
+from websockets.datastructures import Headers
+from websockets.http11 import Request, Response
+
+LOCAL = '127.0.0.1'
+_LOCAL_NAMES = frozenset({'localhost', LOCAL, '::1'})
+_TOKEN = 'token'
+
+Check = Callable[[Any, Request], Any]
+
+
+class Gate:
+    """
+    Answers requests that have no business here, before the page sees them.
+
+    With a token, only who has it comes in: from the address that was printed, ?token=..., and
+    from then on by a cookie. Without one the page is for this machine: a request must have come
+    under one of its own names, so that no foreign name that leads here gets through. In both
+    cases a WebSocket must be opened by this very page: a browser would let any other page that
+    its user visits open one, and drive the simulation.
+    """
+
+    def __init__(self, token: str = '') -> None:
+        self._token = token
+        self._cookie = f'rigid_sim_{sha256(token.encode()).hexdigest()[:12]}'
+
+    def answer(self, request: Request) -> Response | None:
+        """Return what to answer, or None to let the request through."""
+        url = urlsplit(request.path)
+        host = _one(request, 'Host')
+        if 'Origin' in request.headers and urlsplit(_one(request, 'Origin')).netloc != host:
+            return _refusal()
+        if not self._token:
+            return None if urlsplit(f'//{host}').hostname in _LOCAL_NAMES else _refusal()
+        given = parse_qs(url.query).get(_TOKEN, [])
+        if any(self._is_token(text) for text in given):
+            # Out of the address bar, and with that out of bookmarks and screenshots.
+            return Response(HTTPStatus.SEE_OTHER, 'See Other', Headers({
+                'Location': url.path or '/', 'Content-Length': '0', 'Cache-Control': 'no-store',
+                'Set-Cookie': f'{self._cookie}={self._token}; HttpOnly; SameSite=Lax; Path=/'}))
+        return None if self._is_token(self._cookie_of(request)) else _refusal()
+
+    def _is_token(self, text: str) -> bool:
+        return compare_digest(text.encode(), self._token.encode())
+
+    def _cookie_of(self, request: Request) -> str:
+        cookies = SimpleCookie()
+        try:
+            for line in request.headers.get_all('Cookie'):
+                cookies.load(line)
+        except CookieError:
+            return ''
+        return cookies[self._cookie].value if self._cookie in cookies else ''
+
+
+def _one(request: Request, name: str) -> str:
+    """Return a header that must not be there twice."""
+    values = request.headers.get_all(name)
+    return values[0] if len(values) == 1 else ''
+
+
+def _refusal() -> Response:
+    return Response(HTTPStatus.FORBIDDEN, 'Forbidden',
+                    Headers({'Content-Length': '0', 'Connection': 'close'}))
+
+
+class _Server(viser.ViserServer):
+
+    def request_share_url(self, verbose: bool = True) -> None:
+        """Open no tunnel to the internet, whatever a page asks for."""
+
+
+def is_local(host: str) -> bool:
+    """Return whether only this machine can reach a page at this address."""
+    try:
+        return host == 'localhost' or ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def start(host: str, port: int, token: str = '') -> viser.ViserServer:
+    """
+    Start the server at an address; a port that is taken gives way to the next free one.
+
+    Whoever brings no token gets nothing, if one is given.
+    """
+    with _guarded(Gate(token)) as is_guarded, redirect_stdout(StringIO()):
+        server = _Server(host=host, port=port, verbose=False)
+    if not is_guarded.is_set():     # this version of viser opens its port in another way
+        server.stop()
+        raise RuntimeError('the page cannot be guarded with this version of viser')
+    server.gui.configure_theme(show_logo=False, show_share_button=False, control_width='medium')
+    server.gui.main_panel.dock_right()      # beside the picture, not over it
+    # Light from all around, besides the lamps that cast shadows. viser's picture of surroundings
+    # does that too: without a graphics card a frame then takes a second, and colours fade.
+    server.scene.configure_environment_map(None)
+    server.scene.add_light_hemisphere(
+        '/light', sky_color=(255, 255, 255), ground_color=(150, 150, 160), intensity=1.6)
+    return server
+
+
+def stop(server: viser.ViserServer) -> None:
+    """Close the page."""
+    with redirect_stdout(StringIO()):
+        server.stop()
+
+
+@contextmanager
+def _guarded(gate: Gate) -> Iterator[threading.Event]:
+    """Let a server that is started in the block ask the gate first; the event says it will."""
+    # viser offers no place for that, but what it calls to open the port has one.
+    serve = websockets.asyncio.server.serve
+    is_guarded = threading.Event()
+
+    def guarded(*args: Any, process_request: Check, **options: Any) -> Any:
+
+        def check(connection: Any, request: Request) -> Any:
+            refusal = gate.answer(request)
+            return process_request(connection, request) if refusal is None else refusal
+
+        is_guarded.set()
+        return serve(*args, process_request=check, **options)
+
+    websockets.asyncio.server.serve = guarded   # type: ignore[assignment,misc]
+    try:
+        yield is_guarded
+    finally:
+        websockets.asyncio.server.serve = serve     # type: ignore[misc]

@@ -1,0 +1,161 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The bodies of one scene in the page."""
+from collections.abc import Sequence
+import math
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+import viser
+
+from rigid_sim_ros.scene import Scene
+from rigid_sim_ros.viewer.motion import Array, Motion
+from rigid_sim_ros.viewer.shapes import Plane, Shapes, Solid, Surface
+
+_SHADOW = 0.35      # how dark shadows are on the ground
+_LENGTHLESS = 1.0   # m: the size of a scene of planes alone
+
+
+class Batch:
+    """All solids of one form: drawn in one go, and moved with two arrays."""
+
+    def __init__(
+        self, scene: viser.SceneApi, name: str, surface: Surface, solids: Sequence[Solid],
+        colors: Array, opacity: float | None,
+    ) -> None:
+        self.bodies = np.array([solid.body for solid in solids], dtype=np.intp)
+        self._p_BS = np.array([solid.position for solid in solids])
+        self._q_BS = Rotation.from_quat([solid.orientation for solid in solids])
+        self._shown: tuple[Array, Array] | None = None
+        count = len(solids)
+        self.handle = scene.add_batched_meshes_simple(
+            name, surface.vertices, surface.faces,
+            np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)), np.zeros((count, 3)),
+            batched_scales=np.array([solid.scale for solid in solids]),
+            batched_colors=np.round(255 * colors).astype(np.uint8), opacity=opacity, lod='off')
+
+    def move(self, motion: Motion, rotation: Rotation) -> None:
+        """Put the solids where their bodies are."""
+        turn = rotation[self.bodies]
+        p = motion.position[self.bodies] + turn.apply(self._p_BS)
+        q = (turn * self._q_BS).as_quat()[:, [3, 0, 1, 2]]
+        if self._shown is not None and np.array_equal(p, self._shown[0]) and np.array_equal(
+                q, self._shown[1]):
+            return
+        self._shown = p, q
+        self.handle.batched_positions = p.astype(np.float32)
+        self.handle.batched_wxyzs = q.astype(np.float32)
+
+
+class Stage:
+    """Shapes, planes and the ground of a scene."""
+
+    def __init__(self, server: viser.ViserServer, scene: Scene) -> None:
+        self.scene = scene
+        self.moving = np.flatnonzero(scene.model.inv_m > 0.0)
+        self._server = server
+        shapes = Shapes(scene)
+        self.colors = np.array([color[:3] for color in shapes.colors])
+        self.extents = _extents(scene, shapes)
+        self.batches: list[Batch] = []
+        self._add_batches(shapes)
+        self.size = self._median_size()
+        self._planes = [(plane, self._grid(f'/planes/{k}'))
+                        for k, plane in enumerate(shapes.planes)]
+        self.ground = self._grid('/ground')
+        self.show_ground(True)
+        self._aim(scene)
+
+    def move(self, motion: Motion) -> None:
+        """Put every body where it is."""
+        rotation = motion.rotation
+        for batch in self.batches:
+            batch.move(motion, rotation)
+        for plane, grid in self._planes:
+            _place(grid, plane, motion, rotation)
+
+    def is_moving(self, batch: Batch) -> bool:
+        """Return whether the bodies of a batch move."""
+        return bool(self.scene.model.inv_m[batch.bodies[0]] > 0.0)
+
+    def show_ground(self, wanted: bool) -> None:
+        """Show the planes, or where there are none a grid in their place."""
+        for _, grid in self._planes:
+            grid.visible = wanted
+        self.ground.visible = wanted and not self._planes
+
+    def show_shadows(self, wanted: bool) -> None:
+        """Let bodies cast shadows on each other and the ground."""
+        self._server.scene.configure_default_lights(cast_shadow=wanted)
+        for grid in (self.ground, *(grid for _, grid in self._planes)):
+            grid.shadow_opacity = _SHADOW if wanted else 0.0
+
+    def remove(self) -> None:
+        """Take everything out of the page."""
+        for batch in self.batches:
+            batch.handle.remove()
+        for _, grid in self._planes:
+            grid.remove()
+        self.ground.remove()
+
+    def _add_batches(self, shapes: Shapes) -> None:
+        fixed = self.scene.model.inv_m == 0.0
+        groups: dict[tuple[str, bool, float], list[Solid]] = {}
+        for solid in shapes.solids:
+            opacity = shapes.colors[solid.body][3]
+            groups.setdefault((solid.form, bool(fixed[solid.body]), opacity), []).append(solid)
+        for (form, is_fixed, opacity), solids in groups.items():
+            name = f'/{"fixed" if is_fixed else "bodies"}/{form}_{round(100 * opacity)}'
+            colors = self.colors[[solid.body for solid in solids]]
+            self.batches.append(Batch(
+                self._server.scene, name, shapes.surfaces[form], solids, colors,
+                opacity if opacity < 1.0 else None))
+
+    def _median_size(self) -> float:
+        sizes = self.extents[self.moving] if len(self.moving) else self.extents
+        sizes = sizes[sizes > 0.0]
+        return float(np.median(sizes)) if len(sizes) else _LENGTHLESS
+
+    def _grid(self, name: str) -> viser.GridHandle:
+        # About two bodies wide, in a unit that is easy to read off: 1, 0.1, 10 m.
+        cell = 10.0 ** round(math.log10(2.0 * self.size))
+        return self._server.scene.add_grid(
+            name, infinite_grid=True, cell_size=cell, section_size=10 * cell,
+            cell_color=(195, 200, 205), section_color=(150, 158, 166),
+            fade_distance=200 * cell, shadow_opacity=_SHADOW)
+
+    def _aim(self, scene: Scene) -> None:
+        """Look at the bodies that move from the front, the right and above."""
+        rows = self.moving if len(self.moving) else np.arange(len(scene.names))
+        p = np.array([scene.spec.bodies[k].pose.position for k in rows])
+        # The heap counts, not the ball that comes flying from far away.
+        centre = np.median(p, axis=0)
+        reach = np.linalg.norm(p - centre, axis=1) + self.extents[rows]
+        reach = 1.6 * max(float(np.quantile(reach, 0.8)), 2.0 * self.size)
+        position = centre + reach * np.array([0.95, -1.15, 0.6])
+        self._server.initial_camera.look_at = centre
+        self._server.initial_camera.position = position
+        for client in self._server.get_clients().values():
+            client.camera.position, client.camera.look_at = position, centre
+
+
+def _extents(scene: Scene, shapes: Shapes) -> Array:
+    """Return how far the solids of each body reach from its frame, planes aside [m]."""
+    reach = np.zeros(len(scene.names))
+    bound = {form: float(np.linalg.norm(surface.vertices, axis=1).max())
+             for form, surface in shapes.surfaces.items()}
+    for solid in shapes.solids:
+        radius = bound[solid.form] * max(solid.scale)
+        if solid.form in ('box', 'cylinder'):
+            radius = 0.5 * float(np.linalg.norm(solid.scale))
+        far = float(np.linalg.norm(solid.position)) + radius
+        reach[solid.body] = max(reach[solid.body], far)
+    return reach
+
+
+def _place(grid: viser.GridHandle, plane: Plane, motion: Motion, rotation: Rotation) -> None:
+    turn = rotation[plane.body]
+    p = motion.position[plane.body] + turn.apply(plane.position)
+    q = (turn * Rotation.from_quat(plane.orientation)).as_quat()[[3, 0, 1, 2]]
+    if not (np.array_equal(p, grid.position) and np.array_equal(q, grid.wxyz)):
+        grid.position, grid.wxyz = p, q

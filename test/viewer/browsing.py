@@ -1,0 +1,147 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The page in a browser, as a test sees and touches it."""
+from collections.abc import Callable
+import io
+from pathlib import Path
+import socket
+import sys
+import time
+from typing import Any
+
+from nodes.live import PATIENCE, Process
+import numpy as np
+from PIL import Image
+from scipy import ndimage
+
+# Three bodies whose colours nothing else in the page has, side by side before the camera. The left
+# one goes up to 0.4 m and down again on a spring, every 3.1 s for ever; the others rest.
+SCENE = """
+format: 1
+world: {gravity: [0, 0, 0], step: 0.001, contact: none}
+bodies:
+  - name: left
+    shape: {type: sphere, radius: 0.2}
+    mass: 1.0
+    color: [1, 0, 0]
+    pose: {position: [-0.6, -0.6, 0]}
+  - name: middle
+    shape: {type: box, size: [0.4, 0.4, 0.4]}
+    mass: 1.0
+    color: [0, 0.8, 0]
+  - name: right
+    shape: {type: capsule, radius: 0.15, length: 0.2}
+    mass: 1.0
+    color: [1, 0, 1]
+    pose: {position: [0.6, 0.6, 0]}
+forces:
+  - {type: spring, a: left, anchor: [-0.6, -0.6, 1.0], stiffness: 4, rest_length: 0.8}
+"""
+OTHER_SCENE = """
+format: 1
+world: {gravity: [0, 0, 0], step: 0.001, contact: none}
+bodies:
+  - name: only
+    shape: {type: box, size: [0.4, 0.4, 0.4]}
+    mass: 1.0
+    color: [0, 0.8, 0]
+"""
+RED, GREEN, MAGENTA = 0, 120, 300
+_SIZE = {'width': 1000, 'height': 600}
+_PANEL = 360        # px at the right that the controls cover
+_LEAST = 30         # px: smaller spots are edges, not bodies
+_HUE = 25           # degrees to either side that are still this colour
+
+
+def scene_file(folder: Path, text: str = SCENE) -> Path:
+    """Write a scene to a file."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / 'scene.yaml'
+    path.write_text(text, encoding='utf-8')
+    return path
+
+
+def free_port() -> int:
+    """Return a port that nobody uses."""
+    with socket.socket() as probe:
+        probe.bind(('127.0.0.1', 0))
+        return int(probe.getsockname()[1])
+
+
+def view(folder: Path, *words: str) -> Process:
+    """Start `rigid_sim view`."""
+    return Process([sys.executable, '-m', 'rigid_sim_ros', 'view', *words], folder)
+
+
+class Page:
+    """One page in the browser."""
+
+    def __init__(self, browser: Any, address: str) -> None:
+        self.page = browser.new_page(viewport=_SIZE)
+        self.requests: list[str] = []
+        self.page.on('request', lambda request: self.requests.append(request.url))
+        self._open(address)
+
+    def _open(self, address: str) -> None:
+        def is_open() -> bool:
+            try:
+                self.page.goto(address)
+            except Exception:       # refused until the program listens
+                return False
+            return True
+
+        self.wait_for(is_open, f'{address} to answer')
+        # A message about the missing graphics card would cover what is looked at.
+        self.page.add_style_tag(content='.mantine-Notifications-root {visibility: hidden}')
+
+    def close(self) -> None:
+        self.page.close()
+
+    def wait_for(self, condition: Callable[[], Any], what: str) -> Any:
+        """Wait until the condition is true and return its value; the page lives on meanwhile."""
+        end = time.monotonic() + PATIENCE
+        while not (value := condition()):
+            assert time.monotonic() < end, f'waited {PATIENCE} s for {what}'
+            self.page.wait_for_timeout(100)
+        return value
+
+    def spots(self, hue: int) -> list[tuple[float, float]]:
+        """Return the middles [px] of the spots of a colour, given in degrees."""
+        picture = Image.open(io.BytesIO(self.page.screenshot())).convert('HSV')
+        pixels = np.asarray(picture, dtype=float)[:, :-_PANEL]
+        away = np.abs((pixels[..., 0] * 360 / 255 - hue + 180) % 360 - 180)
+        mask = (away < _HUE) & (pixels[..., 1] > 100) & (pixels[..., 2] > 40)
+        labels, count = ndimage.label(mask)
+        sizes = ndimage.sum_labels(mask, labels, range(1, count + 1))
+        large = [k + 1 for k, size in enumerate(sizes) if size >= _LEAST]
+        return [(x, y) for y, x in ndimage.center_of_mass(mask, labels, large)]
+
+    def spot(self, hue: int) -> tuple[float, float]:
+        """Wait for the only spot of a colour and return its middle."""
+        self.wait_for(lambda: len(self.spots(hue)) == 1, f'one spot of hue {hue}')
+        return self.spots(hue)[0]
+
+    def counts(self) -> tuple[int, int, int]:
+        """Return how many red, green and magenta bodies are in view."""
+        red, green, magenta = (len(self.spots(hue)) for hue in (RED, GREEN, MAGENTA))
+        return red, green, magenta
+
+    def click(self, name: str) -> None:
+        """Click on a button."""
+        self.page.get_by_role('button', name=name, exact=True).click(timeout=1000 * PATIENCE)
+
+    def text(self) -> str:
+        """Return all that is written in the page."""
+        return str(self.page.inner_text('body'))
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float], hold: float) -> None:
+        """Move the mouse with its button down, and let go after a while [s]."""
+        mouse = self.page.mouse
+        mouse.move(*start)
+        self.page.wait_for_timeout(500)     # the page looks for what is under the mouse
+        mouse.down()
+        for share in np.linspace(0.0, 1.0, 12):
+            mouse.move(*(np.array(start) + share * (np.array(end) - start)))
+            self.page.wait_for_timeout(60)
+        self.page.wait_for_timeout(1000 * hold)
+        mouse.up()

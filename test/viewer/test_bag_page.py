@@ -1,0 +1,133 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The page of a bag, in a real browser, in an environment without ROS."""
+from importlib.util import find_spec
+import subprocess
+import sys
+from unittest import SkipTest
+
+if find_spec('rclpy') is None or find_spec('viser') is None:
+    raise SkipTest('rclpy or viser is not installed: pip install .[ros]')
+
+from bag.sessions import messages_of, rewrite
+from nodes.live import kept
+import pytest
+from viewer.browsing import free_port, Page, RED, scene_file, view
+
+from rigid_sim_ros.bag import topics as kinds
+from rigid_sim_ros.bag.batch import Batch
+from rigid_sim_ros.world import load_scene
+
+
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp('bag_page')
+
+
+@pytest.fixture(scope='module')
+def bag(folder):
+    batch = Batch(load_scene(scene_file(folder)), folder / 'session')
+    batch.run(2000)
+    batch.tell('set_pose', name='middle', position=(0.0, 0.0, 0.5), orientation=(0, 0, 0, 1))
+    batch.run(2000)
+    batch.close()
+    return folder / 'session'
+
+
+@pytest.fixture(scope='module')
+def page(bag, browser, folder):
+    port = free_port()
+    with kept(view(folder / 'view', str(bag), '--port', str(port))):
+        page = Page(browser, f'http://127.0.0.1:{port}')
+        yield page
+        page.close()
+
+
+def seek(page, time):
+    """Type a time beside the timeline."""
+    box = page.page.locator('input[inputmode]:visible').first
+    box.fill(f'{time:g}')
+    box.press('Enter')
+    page.wait_for(lambda: f'{time:.3f} s, state' in page.text(), f'the time {time} s')
+
+
+def test_the_page_shows_each_body_of_the_bag(page):
+    page.wait_for(lambda: page.counts() == (1, 1, 1), 'three bodies')
+
+
+def test_the_timeline_seeks(page):
+    seek(page, 0.0)
+    _, y = page.spot(RED)
+    seek(page, 4.0)
+    page.wait_for(lambda: page.spot(RED)[1] < y - 10, 'the ball to be higher')
+    seek(page, 0.0)
+    page.wait_for(lambda: abs(page.spot(RED)[1] - y) < 1.0, 'the ball to be back')
+
+
+def test_play_goes_on_to_the_end_and_stops(page):
+    seek(page, 3.0)
+    page.click('Play')
+    page.wait_for(lambda: '4.000 s, state 401 of 401' in page.text(), 'the end')
+    page.wait_for(lambda: page.page.get_by_role('button', name='Play', exact=True).count(), 'Play')
+
+
+def test_steps_go_from_state_to_state(page):
+    seek(page, 1.0)
+    page.click('forward')
+    page.wait_for(lambda: '1.010 s, state 102 of 401' in page.text(), 'the next state')
+    page.click('back')
+    page.wait_for(lambda: '1.000 s, state 101 of 401' in page.text(), 'the state before')
+
+
+def test_what_happened_can_be_gone_to(page):
+    seek(page, 0.0)
+    page.page.locator('input[aria-haspopup=listbox]:visible').first.click()
+    page.page.get_by_text('set pose middle').first.click()
+    page.wait_for(lambda: '2.000 s, state' in page.text(), 'the time of the event')
+
+
+def test_the_session_is_verified(page):
+    page.wait_for(lambda: 'verified: the same to the bit in 4000 steps' in page.text(),
+                  'the verdict')
+
+
+def test_the_first_difference_is_marked(bag, browser, folder):
+    (folder / 'other').mkdir()
+    states = [data for _, _, data in messages_of(bag, kinds.STATE)]
+    changed = states[300]
+
+    def change(topic, data):
+        if data != changed:
+            return data
+        return data[:-60] + bytes([data[-60] ^ 1]) + data[-59:]
+
+    port = free_port()
+    with kept(view(folder / 'changed', str(rewrite(bag, folder / 'other', change)),
+                   '--port', str(port))):
+        page = Page(browser, f'http://127.0.0.1:{port}')
+        page.wait_for(lambda: 'differs at step 3000' in page.text(), 'the verdict')
+        page.wait_for(lambda: 'difference' in page.text(), 'the mark')
+        page.close()
+
+
+def test_a_bag_is_shown_where_no_ros_is_installed(bag, folder):
+    code = f"""
+import sys, threading
+
+
+class Block:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition('.')[0].endswith(('rclpy', '_msgs', '_srvs', 'ament_index_python')):
+            raise ModuleNotFoundError(f'No module named {{name!r}}', name=name)
+
+
+sys.meta_path.insert(0, Block())
+from rigid_sim_ros.viewer.bag import show_bag
+stopped = threading.Event()
+stopped.set()
+show_bag({str(bag)!r}, stopped, port=0)
+"""
+    result = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True,
+                            check=False, timeout=300)
+    assert result.returncode == 0, result.stderr
+    assert 'the page is at http://127.0.0.1:' in result.stdout

@@ -1,0 +1,97 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The command line of the page."""
+from contextlib import ExitStack
+from importlib.util import find_spec
+import re
+import signal
+import subprocess
+import sys
+import time
+from unittest import SkipTest
+from urllib.error import URLError
+from urllib.request import urlopen
+
+if find_spec('rclpy') is None or find_spec('viser') is None:
+    raise SkipTest('rclpy or viser is not installed: pip install .[ros]')
+
+from nodes.live import kept, PATIENCE, Process, ROOT, running
+import pytest
+from viewer.browsing import free_port, scene_file, view
+import viser
+from websockets.sync.client import connect
+
+from rigid_sim_ros.nodes.view_process import name_of
+
+
+def run(*words):
+    return subprocess.run([sys.executable, '-m', *words], capture_output=True, text=True,
+                          cwd=ROOT, check=False, timeout=300)
+
+
+@pytest.mark.parametrize(('ros_args', 'name'), [
+    ([], '/rigid_sim'),
+    (['--ros-args', '-r', '__node:=lab'], '/lab'),
+    (['--ros-args', '--remap', '__name:=lab', '-r', '__ns:=/hall/two'], '/hall/two/lab'),
+    (['--ros-args', '-r', 'rigid_sim:__node:=lab'], '/lab'),
+    (['--ros-args', '-r', 'other:__node:=lab', '-p', 'scene:=tower'], '/rigid_sim'),
+    (['--ros-args', '-r', '/clock:=/time', '-r', '__ns:=/'], '/rigid_sim'),
+])
+def test_the_page_of_a_run_knows_the_name_of_its_node(ros_args, name):
+    assert name_of(ros_args) == name
+
+
+@pytest.mark.parametrize('program', ['rigid_sim_ros', 'rigid_sim_ros.nodes.view'])
+@pytest.mark.parametrize(('words', 'said'), [
+    (['no_such_bag'], 'no_such_bag does not exist'),
+    (['--host', '192.0.2.1'], 'must be an address of this machine'),
+    (['--port', '70000'], '70000'),
+    (['--rate', '0'], 'must be > 0'),
+    (['--no-such-option'], '--no-such-option'),
+])
+def test_what_cannot_be_done_is_one_line(program, words, said):
+    command = [program, 'view'] if program == 'rigid_sim_ros' else [program]
+    result = run(*command, *words)
+    assert result.returncode == 2
+    assert said in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+
+
+def test_a_run_with_a_page_ends_with_its_page(ros, tmp_path):
+    command = [sys.executable, '-m', 'rigid_sim_ros', 'run', str(scene_file(tmp_path)), '--view']
+    with kept(Process(command, tmp_path / 'run')) as process:
+        address = wait_for(lambda: re.search(
+            r'the page is at (http://\S+)', (tmp_path / 'run/stdout').read_text('utf-8')))[1]
+        with urlopen(address, timeout=60) as answer:
+            assert answer.status == 200
+        process.signal(signal.SIGINT)
+        assert process.wait() == 0
+    with pytest.raises(URLError, match='refused'):
+        urlopen(address, timeout=60)
+
+
+def test_five_pages_are_served_at_once(ros, tmp_path):
+    port = free_port()
+    with running(tmp_path / 'sim', str(scene_file(tmp_path)), name='five'), kept(
+            view(tmp_path / 'view', '--node', '/five', '--port', str(port))), ExitStack() as stack:
+        pages = [stack.enter_context(wait_for(lambda: opened(port))) for _ in range(5)]
+        for page in pages:
+            for _ in range(20):     # what a page is told when bodies move
+                assert page.recv(timeout=PATIENCE)
+
+
+def opened(port):
+    """Return a WebSocket as a page opens it, None while nobody listens."""
+    try:
+        return connect(f'ws://127.0.0.1:{port}', subprotocols=[f'viser-v{viser.__version__}'],
+                       max_size=None)
+    except OSError:
+        return None
+
+
+def wait_for(condition):
+    end = time.monotonic() + PATIENCE
+    while not (value := condition()):
+        assert time.monotonic() < end
+        time.sleep(0.1)
+    return value

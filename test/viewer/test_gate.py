@@ -1,0 +1,161 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Who may reach the page: real requests to a real server."""
+from collections.abc import Iterator
+import http.client
+from importlib.util import find_spec
+import socket
+from unittest import SkipTest
+
+if find_spec('viser') is None:
+    raise SkipTest('viser is not installed: pip install .[view]')
+
+import pytest
+import viser
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+from rigid_sim_ros.viewer.address import AddressError, open_page
+from rigid_sim_ros.viewer.server import is_local, start, stop
+
+TOKEN = 'secret-token'
+PROTOCOL = f'viser-v{viser.__version__}'
+
+
+@pytest.fixture(scope='module')
+def guarded() -> Iterator[int]:
+    """Give the port of a page with a token."""
+    server = start('127.0.0.1', 0, TOKEN)
+    yield server.get_port()
+    stop(server)
+
+
+@pytest.fixture(scope='module')
+def local() -> Iterator[int]:
+    """Give the port of a page for this machine."""
+    server = start('127.0.0.1', 0)
+    yield server.get_port()
+    stop(server)
+
+
+def get(port: int, path: str = '/', **headers: str) -> tuple[int, bytes, dict[str, str]]:
+    """Return status, content and headers of an answer."""
+    connection = http.client.HTTPConnection('127.0.0.1', port, timeout=60)
+    connection.request('GET', path, headers=headers)
+    response = connection.getresponse()
+    content = response.read()
+    connection.close()
+    return response.status, content, dict(response.headers)
+
+
+def opens_websocket(port: int, **headers: str) -> bool:
+    try:
+        with connect(f'ws://127.0.0.1:{port}', subprotocols=[PROTOCOL],
+                     additional_headers=headers, open_timeout=60):
+            return True
+    except InvalidStatus as error:
+        assert error.response.status_code == 403
+        assert not error.response.body
+        return False
+
+
+def cookie(port: int) -> str:
+    _, _, headers = get(port, f'/?token={TOKEN}')
+    return headers['Set-Cookie'].partition(';')[0]
+
+
+@pytest.mark.parametrize('path', ['/', '/index.html', '/?token=', '/?token=wrong', '/?x=1'])
+def test_without_the_token_there_is_nothing(guarded: int, path: str) -> None:
+    status, content, _ = get(guarded, path)
+    assert (status, content) == (403, b'')
+
+
+def test_without_the_token_no_websocket_opens(guarded: int) -> None:
+    assert not opens_websocket(guarded)
+
+
+def test_the_token_opens_the_page_and_the_websocket(guarded: int) -> None:
+    status, _, headers = get(guarded, f'/?token={TOKEN}')
+    assert (status, headers['Location']) == (303, '/')
+    mine = cookie(guarded)
+    status, content, _ = get(guarded, Cookie=mine)
+    assert status == 200
+    assert b'<html' in content
+    assert opens_websocket(guarded, Cookie=mine)
+
+
+def test_scripts_of_the_page_cannot_read_the_token(guarded: int) -> None:
+    _, _, headers = get(guarded, f'/?token={TOKEN}')
+    assert 'HttpOnly' in headers['Set-Cookie']
+
+
+def test_a_wrong_cookie_opens_nothing(guarded: int) -> None:
+    name = cookie(guarded).partition('=')[0]
+    assert get(guarded, Cookie=f'{name}=wrong')[0] == 403
+
+
+def test_another_site_cannot_open_a_websocket_with_the_users_cookie(guarded: int) -> None:
+    assert not opens_websocket(guarded, Cookie=cookie(guarded), Origin='http://elsewhere.example')
+
+
+def test_a_local_page_needs_no_token(local: int) -> None:
+    assert get(local)[0] == 200
+    assert opens_websocket(local)
+
+
+def test_another_site_cannot_open_a_websocket_to_a_local_page(local: int) -> None:
+    assert not opens_websocket(local, Origin='http://elsewhere.example')
+
+
+def test_a_local_page_answers_to_no_foreign_name(local: int) -> None:
+    # a name of somebody else's domain that leads to 127.0.0.1
+    assert get(local, Host=f'elsewhere.example:{local}')[0] == 403
+
+
+def test_a_page_is_open_on_this_machine_only_by_default() -> None:
+    server, _ = open_page(port=0)
+    try:
+        own = socket.gethostbyname(socket.gethostname())
+        if own.startswith('127.'):
+            own = '127.0.0.2'       # this machine, by an address that was not opened
+        with pytest.raises(OSError, match='refused'), socket.create_connection(
+                (own, server.get_port()), timeout=10):
+            pass
+    finally:
+        stop(server)
+
+
+def test_a_page_for_other_machines_is_guarded_and_says_so(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    server, address = open_page('0.0.0.0', 0)
+    try:
+        said = capsys.readouterr()
+        assert 'anyone who has the address below can drive the simulation' in said.err
+        assert address in said.out
+        assert get(server.get_port())[0] == 403
+        assert get(server.get_port(), '/?' + address.partition('?')[2])[0] == 303
+    finally:
+        stop(server)
+
+
+def test_each_page_for_other_machines_has_a_token_of_its_own() -> None:
+    addresses = set()
+    for _ in range(2):
+        server, address = open_page('0.0.0.0', 0)
+        addresses.add(address.partition('token=')[2])
+        stop(server)
+    assert len(addresses) == 2
+    assert min(map(len, addresses)) >= 32
+
+
+def test_an_address_of_another_machine_is_refused_at_once() -> None:
+    with pytest.raises(AddressError, match=r'--host 192\.0\.2\.1: .* must be an address of this'):
+        open_page('192.0.2.1')
+
+
+@pytest.mark.parametrize(('host', 'answer'), [
+    ('127.0.0.1', True), ('localhost', True), ('::1', True), ('127.3.2.1', True),
+    ('0.0.0.0', False), ('192.168.1.5', False), ('robot.local', False)])
+def test_local_addresses_are_told_from_others(host: str, answer: bool) -> None:
+    assert is_local(host) is answer
