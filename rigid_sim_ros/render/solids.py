@@ -1,0 +1,172 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The bodies of a scene as triangles that move."""
+
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyvista
+from scipy.spatial.transform import Rotation
+
+from rigid_sim_ros.bag.motion import Array
+from rigid_sim_ros.scene import Scene, schema
+from rigid_sim_ros.scene.appearance import body_color
+
+# Corners around a ball or a cylinder; fewer where there are hundreds of them.
+_FINE, _COARSE = 40, 20
+_MANY = 150
+# [deg] Faces that meet at a larger angle keep their edge; the others look round.
+_CREASE = 30.0
+_SHADE = 0.72               # of every other octant of a ball: one sees it roll
+_PARTICLE_SHARE = 0.05      # diameter of a particle as a share of the extent of its body
+_LEAST_PARTICLE = 1e-3      # m
+
+
+class Plane(NamedTuple):
+    """The half space below normal . r = offset in the frame of its body."""
+
+    body: int
+    position: Array         # of the body [m]
+    orientation: Array      # of the body, x, y, z, w
+    normal: Array           # of unit length
+    offset: float           # [m]
+    color: tuple[float, float, float]
+
+
+class Bodies:
+    """All solids but planes as one mesh, whose corners are where the bodies are."""
+
+    def __init__(self, scene: Scene) -> None:
+        bodies = scene.spec.bodies
+        corners = _COARSE if len(bodies) > _MANY else _FINE
+        pieces = [(index, _colored(_MAKERS[part.type](part, corners), part, index, body))
+                  for index, body in enumerate(bodies)
+                  for _, part in body.parts() if part.type in _MAKERS]
+        self.mesh = pyvista.PolyData()
+        self._owner = np.repeat([index for index, _ in pieces],
+                                [piece.n_points for _, piece in pieces]).astype(int)
+        if not pieces:
+            return
+        self._p_B, self._n_B = (
+            np.concatenate([piece.point_data[name] for _, piece in pieces]).astype(np.float64)
+            for name in ('place', 'Normals'))
+        # Not pyvista.merge: the order of what it merges differs between its versions.
+        first = np.cumsum([0, *(piece.n_points for _, piece in pieces)])
+        triangles = np.concatenate([
+            piece.faces.reshape(-1, 4)[:, 1:] + start
+            for (_, piece), start in zip(pieces, first[:-1], strict=True)])
+        self.mesh = pyvista.PolyData(
+            self._p_B.astype('f4'), np.insert(triangles, 0, 3, axis=1).ravel())
+        self.mesh.cell_data['color'] = np.concatenate(
+            [piece.cell_data['color'] for _, piece in pieces])
+        self.mesh.point_data['Normals'] = self._n_B.astype('f4')
+        self.mesh.point_data.active_normals_name = 'Normals'
+
+    def move(self, p_WB: Array, q_WB: Array) -> None:
+        """Put every body at its pose: (n, 3) in m and (n, 4) as x, y, z, w."""
+        if not len(self._owner):
+            return
+        R = Rotation.from_quat(q_WB).as_matrix()[self._owner]
+        self.mesh.points = (np.einsum('pij,pj->pi', R, self._p_B) + p_WB[self._owner]).astype('f4')
+        self.mesh.point_data['Normals'] = np.einsum('pij,pj->pi', R, self._n_B).astype('f4')
+
+
+def extents(scene: Scene) -> Array:
+    """Return how far each body reaches from the origin of its frame, (n,) [m]; planes are 0."""
+    found = np.zeros(len(scene.spec.bodies))
+    for index, body in enumerate(scene.spec.bodies):
+        for _, part in body.parts():
+            if part.type in _MAKERS:
+                piece = _MAKERS[part.type](part, _COARSE)
+                _place(piece, part.pose)
+                found[index] = max(found[index], np.linalg.norm(piece.points, axis=1).max())
+    return found
+
+
+def _colored(piece: Any, part: schema.Shape, index: int, body: schema.Body) -> Any:
+    """Return a solid at its place in the body and in the colour of that."""
+    _place(piece, part.pose)
+    red, green, blue, alpha = body_color(index, body)
+    tint = np.asarray(piece.cell_data['shade'])[:, None]
+    color = np.hstack([tint * (red, green, blue), np.full_like(tint, alpha)])
+    piece.cell_data['color'] = np.rint(255 * color).astype(np.uint8)
+    piece.point_data['place'] = piece.points
+    return piece
+
+
+def _place(piece: Any, pose: Any) -> None:
+    turn = Rotation.from_quat(pose.orientation)
+    piece.points = (turn.apply(piece.points) + pose.position).astype('f4')
+    piece.point_data['Normals'] = turn.apply(piece.point_data['Normals']).astype('f4')
+
+
+def _finished(surface: Any, crease: float = _CREASE) -> Any:
+    """Return triangles with normals, and full colour everywhere."""
+    surface = surface.triangulate()
+    surface.clear_data()
+    surface = surface.compute_normals(
+        cell_normals=False, split_vertices=True, feature_angle=crease, consistent_normals=False)
+    surface.cell_data['shade'] = np.ones(surface.n_cells)
+    return surface
+
+
+def _sphere(shape: Any, corners: int) -> Any:
+    ball = _finished(pyvista.Sphere(radius=shape.radius, theta_resolution=corners,
+                                    phi_resolution=corners // 2 + 1), 180.0)
+    x, y, z = ball.cell_centers().points.T
+    ball.cell_data['shade'] = np.where((x > 0) ^ (y > 0) ^ (z > 0), 1.0, _SHADE)
+    return ball
+
+
+def _box(shape: Any, corners: int) -> Any:
+    x, y, z = (0.5 * length for length in shape.size)
+    return _finished(pyvista.Box((-x, x, -y, y, -z, z)))
+
+
+def _cylinder(shape: Any, corners: int) -> Any:
+    return _finished(pyvista.Cylinder(
+        direction=(0, 0, 1), radius=shape.radius, height=shape.length, resolution=corners))
+
+
+def _capsule(shape: Any, corners: int) -> Any:
+    return _finished(pyvista.Capsule(
+        direction=(0, 0, 1), radius=shape.radius, cylinder_length=shape.length,
+        resolution=corners))
+
+
+def _mesh(shape: Any, corners: int) -> Any:
+    faces = np.array(shape.faces)
+    table = np.hstack([np.full((len(faces), 1), 3), faces])
+    return _finished(pyvista.PolyData(np.array(shape.vertices, dtype='f4'), table.ravel()))
+
+
+def _points(shape: Any, corners: int) -> Any:
+    positions = np.array(shape.positions)
+    diameter = max(_PARTICLE_SHARE * float(np.ptp(positions, axis=0).max()), _LEAST_PARTICLE)
+    balls = [pyvista.Sphere(radius=diameter / 2, center=p, theta_resolution=16, phi_resolution=9)
+             for p in positions]
+    return _finished(pyvista.merge(balls, merge_points=False), 180.0)
+
+
+_MAKERS: dict[str, Callable[[Any, int], Any]] = {
+    'box': _box,
+    'capsule': _capsule,
+    'cylinder': _cylinder,
+    'mesh': _mesh,
+    'points': _points,
+    'sphere': _sphere,
+}
+
+
+def planes(scene: Scene) -> Iterable[Plane]:
+    """Give the planes of a scene; only fixed bodies have such."""
+    for index, body in enumerate(scene.spec.bodies):
+        for _, part in body.parts():
+            if isinstance(part, schema.Plane):
+                turn = Rotation.from_quat(part.pose.orientation)
+                n_B = turn.apply(np.array(part.normal) / np.linalg.norm(part.normal))
+                yield Plane(
+                    index, np.array(body.pose.position), np.array(body.pose.orientation), n_B,
+                    float(part.offset + n_B @ np.array(part.pose.position)),
+                    body_color(index, body)[:3])
