@@ -5,6 +5,7 @@ Start the node `simulate`.
 
     ros2 launch rigid_sim_ros simulate.launch.py scene:=tumbling_cubesat
     ros2 launch rigid_sim_ros simulate.launch.py scene:=/path/scene.yaml params_file:=my.yaml
+    ros2 launch rigid_sim_ros simulate.launch.py duration:=10 record:=session
 
 `ros2 launch rigid_sim_ros simulate.launch.py --show-args` lists the arguments. When the node ends,
 so does the launch.
@@ -20,6 +21,7 @@ ARGUMENTS = {
     'scene': ('', 'path of a scene file or name of an example; empty: what the parameters say'),
     'params_file': ('', 'ROS parameter file, see msg_config/default.yaml; empty: the defaults'),
     'duration': ('', 'stop after so many seconds of simulation time; empty: run until Ctrl-C'),
+    'record': ('', 'record into this new folder; empty: what the parameters say'),
     'name': ('rigid_sim', 'name of the node, and so of its topics: two sims need two names'),
     'namespace': ('', 'namespace of the node'),
 }
@@ -38,6 +40,8 @@ def _node(context: Any) -> list[Node]:
     words = [given['scene']] if given['scene'] else []
     if given['duration']:
         words += ['--duration', given['duration']]
+    if given['record']:
+        words += ['--record', given['record']]
     return [Node(
         package='rigid_sim_ros',
         executable='simulate',

@@ -6,99 +6,26 @@ The command `rigid_sim`.
 A command is a function below that imports what it needs when it runs: `--help` answers at once,
 and everything but `run` works where no ROS is installed.
 """
-from collections.abc import Callable, Sequence
-import math
+from collections.abc import Sequence
+from contextlib import nullcontext
+from importlib import import_module
+from importlib.util import find_spec
 from typing import Any, NoReturn
 
 import click
 
 from rigid_sim_ros import __version__
 from rigid_sim_ros.bag.errors import BagError
-from rigid_sim_ros.scene.errors import nearest, SceneError
+from rigid_sim_ros.options import (
+    Commands, duration_option, examples, NodeCommand, record_option, scene_argument, Seconds, Size)
+from rigid_sim_ros.scene.errors import SceneError
 
 # What a user can mend: wrong usage, a bad scene, a missing installation.
 USAGE = 2
 NO_ROS = ("needs ROS 2: `pip install '.[ros]'` in a clone of rigid_sim_ros, or, where ROS 2 is "
           'installed from apt, `source /opt/ros/jazzy/setup.bash`')
-
-
-class Commands(click.Group):
-    """A group of commands that knows which one a mistyped name was meant to be."""
-
-    def resolve_command(
-            self, ctx: click.Context, args: list[str],
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the command, or name the nearest."""
-        if args and self.get_command(ctx, args[0]) is None and not args[0].startswith('-'):
-            raise click.UsageError(
-                f'no command {args[0]!r}: {nearest(args[0], self.list_commands(ctx))}', ctx)
-        return super().resolve_command(ctx, args)
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        """List the commands in the order in which a newcomer needs them."""
-        return list(self.commands)
-
-
-class NodeCommand(click.Command):
-    """
-    A command that starts a ROS node and passes on what belongs to ROS.
-
-    As on every ROS 2 executable these are the words from `--ros-args` to the next `--`, or to the
-    end; there may be several such stretches. The function gets them as its argument `ros_args`.
-    """
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Set the arguments of ROS aside and parse the rest."""
-        own, ros = split_ros_args(args)
-        rest = super().parse_args(ctx, own)
-        ctx.params['ros_args'] = ros
-        return rest
-
-    def collect_usage_pieces(self, ctx: click.Context) -> list[str]:
-        """Show that arguments of ROS may follow."""
-        return [*super().collect_usage_pieces(ctx), '[--ros-args ...]']
-
-
-class Seconds(click.ParamType):
-    """A span of time: finite and more than nothing."""
-
-    name = 'seconds'
-
-    def convert(
-            self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Return the number."""
-        try:
-            seconds = float(value)
-        except ValueError:
-            self.fail(f'{value!r} is not a number of seconds', param, ctx)
-        if not 0 < seconds < math.inf:
-            self.fail(f'{value} s, must be > 0 and finite', param, ctx)
-        return seconds
-
-
-def split_ros_args(args: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Split a command line into our own arguments and those that belong to ROS."""
-    own: list[str] = []
-    ros: list[str] = []
-    in_ros = False
-    for arg in args:
-        if arg == '--ros-args':
-            in_ros = True
-        (ros if in_ros else own).append(arg)
-        if arg == '--':
-            in_ros = False
-    return own, ros
-
-
-def examples(*lines: str) -> str:
-    """Return the end of a help text: command lines that a newcomer can copy."""
-    # A paragraph that begins with this character is not wrapped.
-    return '\n'.join(['\b', 'Examples:', *(f'  {line}' for line in lines)])
-
-
-def scene_argument(*, required: bool) -> Callable[..., Any]:
-    """Return the argument SCENE, a path or the name of an example."""
-    return click.argument('scene', required=required)
+NO_VIEWER = ("the page needs viser: `pip install '.[view]'` in a clone of rigid_sim_ros, or "
+             '`pip install viser`')
 
 
 @click.group(cls=Commands, invoke_without_command=True, context_settings={
@@ -121,27 +48,81 @@ def rigid_sim(ctx: click.Context) -> None:
 
 @rigid_sim.command(cls=NodeCommand, epilog=examples(
     'rigid_sim run tumbling_cubesat',
-    'rigid_sim run my_scene.yaml --duration 60',
+    'rigid_sim run tower --view',
+    'rigid_sim run my_scene.yaml --duration 60 --record session',
     'rigid_sim run t_handle --ros-args -p real_time_factor:=2.0 -r __node:=lab',
     'rigid_sim run t_handle --ros-args --params-file my_parameters.yaml'))
 @scene_argument(required=False)
-@click.option('--duration', type=Seconds(), metavar='SECONDS',
-              help='Stop after this much simulation time. Without it the node runs until Ctrl-C.')
-def run(scene: str | None, duration: float | None, ros_args: list[str]) -> int | None:
+@duration_option
+@record_option
+@click.option('--view', 'is_viewed', is_flag=True,
+              help='Open a web page that shows and drives the simulation.')
+def run(scene: str | None, duration: float | None, record: str | None, is_viewed: bool,
+        ros_args: list[str]) -> int | None:
     """
     Run SCENE in the ROS 2 node `simulate`.
 
     The node publishes the pose and the twist of every body and takes wrenches for them. Without
     SCENE it runs the one that its parameter `scene` names.
     """
+    simulate = _import_node('run', 'simulate')
+    page: Any = nullcontext()
+    if is_viewed:
+        _check_viewer()
+        page = _import_node('run', 'view_process').viewing(ros_args)
+    with page:
+        result: int | None = simulate.run(
+            scene, duration=duration, record=record, ros_args=ros_args)
+    return result
+
+
+@rigid_sim.command(cls=NodeCommand, epilog=examples(
+    'rigid_sim view                         whatever simulation runs',
+    'rigid_sim view --node /lab',
+    'rigid_sim view session                 a bag; no ROS is needed',
+    'rigid_sim view --host 0.0.0.0          for other machines too, with a token'))
+@click.argument('bag', required=False)
+@click.option('--node', metavar='NAME', default='',
+              help='The simulation or replay to show. Default: the first that is found.')
+@click.option('--host', metavar='ADDRESS', default='127.0.0.1', show_default=True,
+              help='Where to open the page. Anywhere but here it is guarded by a token.')
+@click.option('--port', type=click.IntRange(0, 65535), metavar='PORT', default=8080,
+              show_default=True, help='Or the next that is free.')
+@click.option('--rate', type=Seconds(), metavar='HZ', default=40.0, show_default=True,
+              help='Pictures a second at most.')
+def view(bag: str | None, node: str, ros_args: list[str], **options: Any) -> int:
+    """
+    Show and drive a running simulation, or play BAG, in a web page.
+
+    The page pauses, steps, resets, paces and records the simulation; bodies are dragged with the
+    mouse. It shows the scene again when the simulation restarts.
+    """
+    _check_viewer()
+    if bag is None:
+        result: int = _import_node('view', 'view').run(node, ros_args=ros_args, **options)
+        return result
+    from rigid_sim_ros.viewer.address import AddressError
+    from rigid_sim_ros.viewer.bag import run as show
+
     try:
-        from rigid_sim_ros.nodes import simulate
+        return show(bag, **options)
+    except AddressError as error:
+        raise click.ClickException(str(error)) from None
+
+
+def _check_viewer() -> None:
+    if find_spec('viser') is None:
+        raise click.ClickException(NO_VIEWER)
+
+
+def _import_node(command: str, name: str) -> Any:
+    """Return a module of `nodes`; a ClickException where no ROS is installed."""
+    try:
+        return import_module(f'rigid_sim_ros.nodes.{name}')
     except ImportError as error:
         if (error.name or '').startswith('rigid_sim_ros'):
             raise
-        raise click.ClickException(f'run {NO_ROS} ({error})') from error
-    result: int | None = simulate.run(scene, duration=duration, ros_args=ros_args)
-    return result
+        raise click.ClickException(f'{command} {NO_ROS} ({error})') from error
 
 
 @rigid_sim.command(epilog=examples(
@@ -159,13 +140,16 @@ def check(scene: str) -> None:
     """
     from rigid_sim_ros.report import console, print_scene
     from rigid_sim_ros.scene import read_scene
+    from rigid_sim_ros.scene.overlap import initial_overlaps
+    from rigid_sim_ros.warm_up import announced
 
     try:
-        content = read_scene(scene)
+        content = announced(lambda: read_scene(scene))
     except SceneError as error:
         if len(error.problems) > 1:
             click.echo(str(error))
         raise
+    announced(lambda: initial_overlaps(content))
     print_scene(console(), content)
 
 
@@ -209,6 +193,34 @@ def batch(scene: str, duration: float, output: str, **options: Any) -> int:
     return run_batch(scene, duration, output, **options)
 
 
+@rigid_sim.command(cls=NodeCommand, epilog=examples(
+    'rigid_sim replay session',
+    'rigid_sim replay session --rate 0.5 --loop --start 12 --duration 3',
+    "rigid_sim replay session --topics '/rigid_sim/*/pose' --topics /clock",
+    'rigid_sim replay session --ros-args -r /rigid_sim/state:=/recorded/state'))
+@click.argument('bag', required=False)
+@click.option('--rate', type=float, metavar='R', help='Seconds of the bag per second.')
+@click.option('--loop', is_flag=True, default=None, help='Begin again at the end.')
+@click.option('--start', type=Seconds(may_be_zero=True), metavar='SECONDS',
+              help='Begin this far into the bag.')
+@click.option('--duration', type=Seconds(), metavar='SECONDS', help='Play so much of the bag.')
+@click.option('--topics', multiple=True, metavar='GLOB',
+              help='Publish only the topics that match; may be given several times.')
+@click.option('--pause', 'paused', is_flag=True, default=None, help='Begin paused.')
+def replay(bag: str | None, topics: tuple[str, ...], ros_args: list[str],
+           **options: Any) -> int | None:
+    """
+    Publish what BAG holds, when it was recorded.
+
+    BAG is the folder of any ROS 2 bag. Keys in a terminal: space pauses, arrows seek by 5 s and
+    change the rate, s steps, q quits.
+    """
+    node = _import_node('replay', 'replay.node')
+    result: int | None = node.run(
+        bag, topics=list(topics) or None, ros_args=ros_args, **options)
+    return result
+
+
 @rigid_sim.command(epilog=examples(
     'rigid_sim verify session'))
 @click.argument('bag')
@@ -222,6 +234,31 @@ def verify(bag: str) -> int:
     from rigid_sim_ros.bag_commands import run_verify
 
     return run_verify(bag)
+
+
+@rigid_sim.command(cls=NodeCommand, epilog=examples(
+    'rigid_sim resume session --at 12.5',
+    'rigid_sim resume session --at 12.5 --duration 10 --record branch'))
+@click.argument('bag')
+@click.option('--at', type=Seconds(may_be_zero=True), metavar='SECONDS', required=True,
+              help='Simulation time from which to go on.')
+@duration_option
+@record_option
+def resume(bag: str, at: float, duration: float | None, record: str | None,
+           ros_args: list[str]) -> int | None:
+    """
+    Run the node from a moment of the session in BAG, to branch off.
+
+    Everything is as it was then, after all that the world was told at that time: motion, contacts,
+    wrenches with the time that they have left. Parameters are those of the session too, but for
+    the pace; `--ros-args` overrides them.
+    """
+    from rigid_sim_ros.bag.moment import find
+
+    simulate = _import_node('resume', 'simulate')
+    result: int | None = simulate.run(
+        duration=duration, record=record, moment=find(bag, at), ros_args=ros_args)
+    return result
 
 
 @rigid_sim.command(epilog=examples(
@@ -269,6 +306,65 @@ def export(bag: str, file_format: str, output: str | None) -> int:
     from rigid_sim_ros.bag_commands import run_export
 
     return run_export(bag, file_format, output)
+
+
+@rigid_sim.command(epilog=examples(
+    'rigid_sim plot session --output session.png',
+    'rigid_sim plot session --output ball.svg --bodies ball --quantity position --quantity gap',
+    "rigid_sim plot session --output blocks.html --bodies 'block_*' --start 2 --duration 3"))
+@click.argument('bag')
+@click.option('--output', metavar='FILE', required=True,
+              help='A picture, .png or .svg, or a page to zoom into, .html.')
+@click.option('--bodies', metavar='GLOB', multiple=True,
+              help='Names or patterns, may be repeated. Default: the bodies that are not fixed.')
+@click.option('--quantity', 'quantities', metavar='NAME', multiple=True,
+              help='position, path, velocity, angular_velocity, energy, momentum, '
+                   'angular_momentum, contact_force or gap; may be repeated. Default: all.')
+@click.option('--start', type=Seconds(may_be_zero=True), metavar='SECONDS', default=0.0,
+              help='Leave out so much at the beginning.')
+@click.option('--duration', type=Seconds(), metavar='SECONDS', help='Show no more than this.')
+def plot(bag: str, output: str, **options: Any) -> int:
+    """
+    Draw trajectories, velocities, energy, momentum and contacts of BAG.
+
+    BAG is the folder of any ROS 2 bag: one without a scene shows poses and twists. Contact forces
+    and gaps come from simulating the session again with its recorded inputs.
+    """
+    from rigid_sim_ros.plots.command import run_plot
+
+    return run_plot(bag, output, **options)
+
+
+@rigid_sim.command(epilog=examples(
+    'rigid_sim render session --output session.mp4',
+    'rigid_sim render session --output moment.png --at 1.5 --size 1920x1080',
+    'rigid_sim render session --output slow.mp4 --start 2 --duration 1 --speed 0.1',
+    'rigid_sim render session --output near.mp4 --camera 2 -1 0.5 --look-at 0 0 0.3'))
+@click.argument('bag')
+@click.option('--output', metavar='FILE', required=True, help='A film, .mp4, or a picture, .png.')
+@click.option('--at', type=Seconds(may_be_zero=True), metavar='SECONDS',
+              help='The moment of a picture. Default: the beginning.')
+@click.option('--start', type=Seconds(may_be_zero=True), metavar='SECONDS', default=0.0,
+              help='Leave out so much at the beginning of a film.')
+@click.option('--duration', type=Seconds(), metavar='SECONDS', help='Show no more than this.')
+@click.option('--speed', type=Seconds(), metavar='FACTOR', default=1.0, show_default=True,
+              help='Simulated seconds in a second of film.')
+@click.option('--fps', type=click.FloatRange(1.0, 240.0), default=30.0, show_default=True,
+              help='Pictures in a second of film.')
+@click.option('--size', type=Size(), metavar='WxH', default='960x540', show_default=True)
+@click.option('--camera', type=float, nargs=3, metavar='X Y Z',
+              help='Where the camera stands [m]. Default: where it sees all that moves.')
+@click.option('--look-at', type=float, nargs=3, metavar='X Y Z',
+              help='What the camera looks at [m]. Default: the middle of what moves.')
+def render(bag: str, output: str, **options: Any) -> int:
+    """
+    Film BAG, or draw one moment of it, without a display.
+
+    BAG holds a scene, as recordings of `batch` and of the node do. No GPU is needed.
+    """
+    from rigid_sim_ros.render.command import run_render
+
+    return run_render(bag, output, **options)
 
 
 def main(argv: Sequence[str] | None = None) -> NoReturn:

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from rigid_sim_ros import cli
+from rigid_sim_ros.options import split_ros_args
 
 Run = Callable[..., SimpleNamespace]
 
@@ -130,7 +131,7 @@ def test_scenes_lists_every_example_with_a_description(run: Run) -> None:
 
 
 def test_ros_arguments_are_told_from_our_own() -> None:
-    own, ros = cli.split_ros_args(
+    own, ros = split_ros_args(
         ['a', '--ros-args', '-p', 'x:=1', '--', '--duration', '3', '--ros-args', '-r', 'b:=c'])
     assert own == ['a', '--duration', '3']
     assert ros == ['--ros-args', '-p', 'x:=1', '--', '--ros-args', '-r', 'b:=c']

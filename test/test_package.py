@@ -19,7 +19,7 @@ SOURCE = Path(__file__).resolve().parent.parent
 SCENES = {path.name for path in (SOURCE / 'rigid_sim_ros' / 'example_scenes').iterdir()
           if path.suffix == '.yaml'}
 LEFT_OUT = shutil.ignore_patterns(
-    '.*', '__pycache__', '*.egg-info', 'build', 'install', 'log', 'session*')
+    '.*', '__pycache__', '*.egg-info', 'build', 'install', 'log', 'session')
 
 
 class Workspace(NamedTuple):
@@ -30,9 +30,11 @@ class Workspace(NamedTuple):
 
     def run(self, *command: str, **options) -> subprocess.CompletedProcess[str]:
         """Run a command in the sourced workspace, away from the sources."""
-        return subprocess.run(
+        result = subprocess.run(
             command, env=self.environment, cwd=self.prefix, capture_output=True, text=True,
-            check=True, timeout=300, **options)
+            check=False, timeout=300, **options)
+        assert result.returncode == 0, result.stdout + result.stderr
+        return result
 
 
 @pytest.fixture(scope='module', params=['copied', 'symlinked'])
@@ -98,7 +100,7 @@ def test_every_rosdep_key_of_a_python_library_is_also_a_requirement_of_pip() -> 
 def test_colcon_puts_the_executables_where_ros2_run_looks(workspace: Workspace) -> None:
     executables = {path.name for path in (workspace.prefix / 'lib/rigid_sim_ros').iterdir()
                    if os.access(path, os.X_OK)}
-    assert executables >= {'rigid_sim', 'simulate'}
+    assert executables >= {'rigid_sim', 'replay', 'simulate'}
     assert not (workspace.prefix / 'bin').exists()
 
 
@@ -106,7 +108,9 @@ def test_colcon_shares_manifest_launch_files_and_msg_config(workspace: Workspace
     share = workspace.prefix / 'share'
     assert (share / 'rigid_sim_ros/package.xml').is_file()
     assert (share / 'rigid_sim_ros/launch/simulate.launch.py').is_file()
+    assert (share / 'rigid_sim_ros/launch/replay.launch.py').is_file()
     assert (share / 'rigid_sim_ros/msg_config/default.yaml').is_file()
+    assert (share / 'rigid_sim_ros/msg_config/replay.yaml').is_file()
     assert (share / 'ament_index/resource_index/packages/rigid_sim_ros').is_file()
 
 

@@ -1,22 +1,28 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Contacts as markers: a ball at each point, a line along the normal, a line along the force.
+Contacts as markers: a ball at each point, a line along the normal, an arrow along the force.
 
 Three markers hold all of them, in namespaces of their own, so that each can be switched off in
-RViz. Lengths follow the scene: a normal is as long as half of a common body, and so is the force
-that carries the weight of one.
+RViz. Lengths follow the scene: a normal is as long as half of a common body, and an arrow as long
+as a whole one is the force that carries its weight.
 """
 import numpy as np
 import numpy.typing as npt
 
 from rigid_sim_ros.codec import Marker, MarkersEncoder
+from rigid_sim_ros.nodes.markers import encode_deletes
 from rigid_sim_ros.world import World
 
 # visualization_msgs/Marker
 _LINE_LIST, _SPHERE_LIST, _ADD, _DELETE = 5, 7, 0, 2
 _LENGTHLESS = 0.1       # m: what a scene of planes alone is drawn with
 _WEIGHTLESS = 1.0       # N: what a scene without gravity is drawn with
+_BARB = 0.25            # length of the barbs of an arrow, as a share of the arrow
+_LONGEST_BARB = 0.25    # the same at most, as a share of a common body
+
+_NAMESPACES = {
+    'contact_points': _SPHERE_LIST, 'contact_normals': _LINE_LIST, 'contact_forces': _LINE_LIST}
 
 _Array = npt.NDArray[np.float64]
 
@@ -41,20 +47,40 @@ class ContactMarkers:
         p = rows['point']
         force = rows['normal_force'][:, None] * rows['normal'] + rows['friction_force']
         normals = _lines(p, p + 0.5 * self._length * rows['normal'])
-        forces = _lines(p, p + self._length / self._weight * force)
+        forces = _arrows(p, self._length / self._weight * force, _LONGEST_BARB * self._length)
         action = _ADD if len(rows) else _DELETE
         size = self._length
         markers = [
             Marker('contact_points', 0, _SPHERE_LIST, (0.1 * size,) * 3, (0.8, 0.2, 0.1, 1.0),
-                   p.tolist(), action),
+                   p, action),
             Marker('contact_normals', 0, _LINE_LIST, (0.02 * size, 0.0, 0.0),
-                   (0.1, 0.1, 0.1, 1.0), normals.tolist(), action),
+                   (0.1, 0.1, 0.1, 1.0), normals, action),
             Marker('contact_forces', 0, _LINE_LIST, (0.04 * size, 0.0, 0.0),
-                   (0.9, 0.6, 0.0, 1.0), forces.tolist(), action)]
+                   (0.9, 0.6, 0.0, 1.0), forces, action)]
         still = np.zeros((len(markers), 3)), np.tile([0.0, 0.0, 0.0, 1.0], (len(markers), 1))
         return bytes(MarkersEncoder(self._frame_id, markers).encode(world.time_ns, *still))
+
+    def encode_end(self, t_ns: int) -> bytes:
+        """Encode that there are no contacts any more: a DELETE for each marker."""
+        return encode_deletes(self._frame_id, t_ns, [
+            Marker(namespace, 0, kind, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
+            for namespace, kind in _NAMESPACES.items()])
 
 
 def _lines(start: _Array, end: _Array) -> _Array:
     """Return the ends of lines one after the other."""
     return np.stack([start, end], axis=1).reshape(-1, 3)
+
+
+def _arrows(start: _Array, vector: _Array, longest: float) -> _Array:
+    """Return the ends of the lines of arrows: a shaft each, and four barbs at its head."""
+    length = np.linalg.norm(vector, axis=1, keepdims=True)
+    along = vector / np.maximum(length, np.finfo(float).tiny)
+    # The axis that an arrow is least along gives the first direction across it.
+    across = np.cross(along, np.eye(3)[np.argmin(np.abs(along), axis=1)])
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), np.finfo(float).tiny)
+    barb = np.minimum(_BARB * length, longest)
+    head = start + vector
+    barbs = [head + barb * (0.4 * sign * side - along)
+             for sign in (-1.0, 1.0) for side in (across, np.cross(along, across))]
+    return np.concatenate([_lines(start, head), *(_lines(head, end) for end in barbs)])

@@ -3,9 +3,10 @@
 """
 What /diagnostics says about the node, by default once a second of wall time.
 
-Four statuses: `pace` (rate, real-time factor, overruns, lateness, cost), `inputs` (accepted and
-refused), `physics` (energy and momentum) and `contact` (pairs, overlap, solver). Counters run from
-the start of the node; rates, shares and lateness are those of the window since the last message.
+Five statuses: `pace` (rate, real-time factor, overruns, lateness, cost), `inputs` (accepted and
+refused), `physics` (energy and momentum), `contact` (pairs, overlap, solver) and `recording`.
+Counters run from the start of the node, or of the recording; rates, shares and lateness are those
+of the window since the last message.
 """
 from math import ceil
 
@@ -13,6 +14,7 @@ from rigid_sim_ros.codec import Status
 from rigid_sim_ros.nodes.inputs import Refusals
 from rigid_sim_ros.nodes.pacing import Lateness, Pacer
 from rigid_sim_ros.nodes.publishers import Publishers
+from rigid_sim_ros.nodes.recording import NOT_RECORDING, Recording
 from rigid_sim_ros.world import World
 
 _SECOND = 1_000_000_000
@@ -24,6 +26,7 @@ class Diagnostics:
 
     def __init__(
         self, name: str, world: World, publishers: Publishers, refusals: Refusals, pacer: Pacer,
+        recording: Recording,
     ) -> None:
         self.accepted = 0       # wrenches, from the start
         self.period_ns: float = _SECOND
@@ -32,6 +35,7 @@ class Diagnostics:
         self._publishers = publishers
         self._refusals = refusals
         self._pacer = pacer
+        self._recording = recording
         self._late_ns: list[int] = []
         self.begin(0, 0)
 
@@ -43,6 +47,8 @@ class Diagnostics:
         self._overruns = self._pacer.overruns
         self._refused = sum(self._refusals.counts().values())
         self._messages, self._cost_ns = self._publishers.messages, self._publishers.cost_ns
+        self._recorded = self._publishers.recorded
+        self._recording_ns = self._publishers.recording_ns
         self._late_ns.clear()
 
     def is_due(self, now_ns: int) -> bool:
@@ -60,6 +66,7 @@ class Diagnostics:
             self._inputs(),
             self._physics(broken),
             self._contact(),
+            self._recorder(),
         ]
         self.begin(now_ns, thread_ns)
         self._publishers.publish_diagnostics(self._world.time_ns, statuses)
@@ -138,12 +145,40 @@ class Diagnostics:
             'pairs settled by their witness': report.witnessed,
             'contacts': report.contacts,
             'deepest overlap [m]': f'{report.deepest:.3e}',
+            'bodies asleep': report.asleep,
             'solver residual': f'{report.residual:.3e}',
             'solver iterations': report.iterations,
         }
         if report.message:
             return self._status('contact', _WARN, report.message, values)
         return self._status('contact', _OK, f'{report.contacts} contacts', values)
+
+    def _recorder(self) -> Status:
+        status = self._recording.status()
+        if status is None:
+            return self._status('recording', _OK, NOT_RECORDING, {})
+        recorded = self._publishers.recorded - self._recorded
+        cost_ns = self._publishers.recording_ns - self._recording_ns
+        values: dict[str, object] = {
+            'path': status.path,
+            'elapsed [s]': f'{self._recording.elapsed():.3f}',
+            'messages': status.messages,
+            'size [MB]': f'{status.size / 1e6:.3f}',
+            'files': status.files,
+            'queue [MB]': f'{status.queued_bytes / 1e6:.3f}',
+            'gaps': status.gaps,
+            'messages lost': status.lost_messages,
+            'inputs lost': status.lost_events,
+            'cost per message [us]': f'{cost_ns / max(1, recorded) / 1e3:.2f}',
+        }
+        if status.error:
+            return self._status('recording', _ERROR, status.error, values)
+        if not self._recording.is_active:
+            return self._status('recording', _OK, f'recorded into {status.path}', values)
+        if status.gaps or status.lost_messages:
+            text = f'the disk did not keep up: {status.path} has gaps'
+            return self._status('recording', _WARN, text, values)
+        return self._status('recording', _OK, f'recording into {status.path}', values)
 
     def _late_us(self, quantile: float) -> float:
         """Return the lateness that this share of the batches did not exceed."""

@@ -20,6 +20,9 @@ from typing import Any, NamedTuple
 _UNIT_TOLERANCE = 1e-3
 _LOG_PERIOD = 5.0   # s of wall time between two log lines for the same reason
 
+# How the sources of wrenches from ~/wrenches begin.
+_WRENCHES = 'wrenches['
+
 # The answer to a service call that comes too late.
 ENDED = False, 'the simulation has ended'
 
@@ -69,7 +72,7 @@ class ParameterInput(NamedTuple):
 class Command(NamedTuple):
     """A service call: the step thread sets the answer, a pair of success and text."""
 
-    name: str           # pause, resume, step, reset
+    name: str           # pause, resume, step, reset, start_recording, stop_recording
     answer: 'Future[tuple[bool, str]]'
 
 
@@ -180,7 +183,7 @@ class Receiver:
                 self._refuse('unknown body', f'{topic}: there is no body {body!r}')
                 return
             # A source of its own for each entry: two entries for one body add up.
-            wrench = self._wrench(f'{topic}[{k}]', body, frame_id, ros_wrench, topic)
+            wrench = self._wrench(f'{_WRENCHES}{k}]', body, frame_id, ros_wrench, topic)
             if wrench is None:
                 return
             wrenches.append(wrench)
@@ -232,6 +235,11 @@ class Receiver:
             return True
         self._refuse('not finite', f'{topic}: {list(values)}, must be finite numbers')
         return False
+
+
+def is_of_wrenches(source: str) -> bool:
+    """Return whether a wrench came in a message on ~/wrenches."""
+    return source.startswith(_WRENCHES)
 
 
 def _vector(message: Any) -> Vector:

@@ -4,6 +4,7 @@
 The shapes of a scene as markers for RViz and Foxglove.
 
 The namespace of a marker is the name of its body; the ids count the solids a body is drawn with.
+A marker stays until it is deleted: that happens once, when the simulation ends.
 """
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
@@ -12,24 +13,19 @@ import numpy as np
 import numpy.typing as npt
 
 from rigid_sim_ros.codec import Marker, MarkersEncoder
+from rigid_sim_ros.scene.appearance import body_color
 from rigid_sim_ros.scene.build import Scene
 
 _Array = npt.NDArray[np.float64]
 
 # visualization_msgs/Marker
 _CUBE, _SPHERE, _CYLINDER, _SPHERE_LIST, _TRIANGLE_LIST = 1, 2, 3, 7, 11
+_DELETE = 2
 
 _PLANE_EDGE = 20.0          # m, of the piece of a plane that is drawn
 _PLANE_THICKNESS = 1e-3     # m; a cube without thickness is drawn with wrong shading
 _PARTICLE_SHARE = 0.04      # diameter of a particle as a share of the extent of its body
 _LEAST_PARTICLE = 1e-3      # m
-
-# Okabe and Ito's colours, which colour-blind people tell apart; fixed bodies are grey.
-_PALETTE = (
-    (0.90, 0.62, 0.00), (0.34, 0.71, 0.91), (0.00, 0.62, 0.45), (0.94, 0.89, 0.26),
-    (0.00, 0.45, 0.70), (0.84, 0.37, 0.00), (0.80, 0.47, 0.65),
-)
-_FIXED = (0.6, 0.6, 0.6)
 
 
 class _Solid(NamedTuple):
@@ -49,7 +45,7 @@ class SceneMarkers:
         markers: list[Marker] = []
         bodies, positions, orientations = [], [], []
         for index, body in enumerate(scene.spec.bodies):
-            color = _color(index, body)
+            color = body_color(index, body)
             solids = [
                 (part.pose, solid)
                 for _, part in body.parts() for solid in _SOLIDS[part.type](part)]
@@ -64,6 +60,8 @@ class SceneMarkers:
         self._p_BM = np.array(positions).reshape(-1, 3)
         self._q_BM = np.array(orientations).reshape(-1, 4)
         self._encoder = MarkersEncoder(frame_id, markers)
+        self._frame_id = frame_id
+        self._markers = markers
 
     def encode(self, t_ns: int, p_WB: _Array, q_WB: _Array) -> bytes:
         """
@@ -75,12 +73,16 @@ class SceneMarkers:
         return self._encoder.encode(
             t_ns, p + _rotate(q, self._p_BM), _multiply(q, self._q_BM))
 
+    def encode_end(self, t_ns: int) -> bytes:
+        """Encode that the bodies are gone: a DELETE for each marker."""
+        return encode_deletes(self._frame_id, t_ns, self._markers)
 
-def _color(index: int, body: Any) -> tuple[float, float, float, float]:
-    if body.color is not None:
-        red, green, blue, *alpha = body.color
-        return red, green, blue, alpha[0] if alpha else 1.0
-    return *(_FIXED if body.fixed else _PALETTE[index % len(_PALETTE)]), 1.0
+
+def encode_deletes(frame_id: str, t_ns: int, markers: Sequence[Marker]) -> bytes:
+    """Encode a DELETE for each of some markers."""
+    gone = [marker._replace(action=_DELETE, points=()) for marker in markers]
+    nowhere = np.zeros((len(gone), 3)), np.tile([0.0, 0.0, 0.0, 1.0], (len(gone), 1))
+    return bytes(MarkersEncoder(frame_id, gone).encode(t_ns, *nowhere))
 
 
 def _sphere(shape: Any) -> Iterable[_Solid]:

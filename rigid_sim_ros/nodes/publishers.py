@@ -4,7 +4,8 @@
 Everything the node `simulate` publishes, as bytes.
 
 The encoders write once what does not change; each publication patches numbers and hands bytes to
-rclpy, which passes them on as they are. `_send` is the one place that all of them go through.
+rclpy, which passes them on as they are. `_send` is the one place that all of them go through, and
+from which a recording gets the same bytes.
 """
 from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
@@ -23,6 +24,9 @@ from sensor_msgs.msg import MultiDOFJointState
 from std_msgs.msg import String, UInt64
 from visualization_msgs.msg import MarkerArray
 
+from rigid_sim_ros.bag import topics as kinds
+from rigid_sim_ros.bag.recorder import Recorder
+from rigid_sim_ros.bag.topics import Topic
 from rigid_sim_ros.codec import (
     encode_clock, encode_diagnostics, encode_string, encode_uint64, encode_wrench, PoseEncoder,
     StateEncoder, Status, TransformsEncoder, TwistEncoder)
@@ -38,6 +42,17 @@ def chosen_bodies(names: Sequence[str], patterns: Iterable[str]) -> list[int]:
     return [k for k, name in enumerate(names) if any(fnmatchcase(name, p) for p in patterns)]
 
 
+class _Outlet:
+    """Publishers that send at the same time, one message each, and what a bag calls them."""
+
+    def __init__(self, publishers: Sequence[Publisher], topics: Sequence[Topic]) -> None:
+        # Publisher.publish would check types and lock the handle for each message: 1.2 us instead
+        # of 0.6. Nothing destroys a publisher while the step thread runs.
+        self.handles = [publisher.handle for publisher in publishers]
+        self.topics = list(topics)
+        self.channels: list[int] = []       # of the recording
+
+
 class Publishers:
     """The topics of one simulation; only the step thread calls the methods."""
 
@@ -47,7 +62,12 @@ class Publishers:
     ) -> None:
         self.messages = 0       # sent so far, and the wall time that encoding and sending took
         self.cost_ns = 0
+        self.recorded = 0       # messages, and the wall time that handing them over took
+        self.recording_ns = 0
         self._node = node
+        self._world = world
+        self._recorder: Recorder | None = None
+        self._outlets: list[_Outlet] = []
         self._all: list[Publisher] = []
         self._qos = qos
         self._frame_id: str = parameters['frame_id']
@@ -55,25 +75,24 @@ class Publishers:
         self._bodies = np.array(bodies, dtype=np.intp)
         self._has_all = len(bodies) == len(world.names)
 
-        self._pose = [self._create(PoseStamped, 'pose', f'~/{n}/pose') for n in names]
-        self._twist = [self._create(TwistStamped, 'twist', f'~/{n}/twist') for n in names]
+        self._pose = self._create(PoseStamped, 'pose', names)
+        self._twist = self._create(TwistStamped, 'twist', names)
         self._applied_wrench = {
-            name: self._create(WrenchStamped, 'applied_wrench', f'~/{name}/applied_wrench')
-            for name in names}
-        self._contact_wrench = [
-            self._create(WrenchStamped, 'contact_wrench', f'~/{n}/contact_wrench')
-            for n in names] if parameters['publish_contact_wrench'] else []
-        self._state = self._create(MultiDOFJointState, 'state', '~/state')
-        self._scene = self._create(String, 'scene', '~/scene')
-        self._state_hash = self._create(UInt64, 'state_hash', '~/state_hash')
-        self._diagnostics = self._create(DiagnosticArray, 'diagnostics', '/diagnostics')
+            name: self._create(WrenchStamped, 'applied_wrench', [name]) for name in names}
+        self._contact_wrench = (
+            self._create(WrenchStamped, 'contact_wrench', names)
+            if parameters['publish_contact_wrench'] else None)
+        self._state = self._create(MultiDOFJointState, 'state')
+        self._scene = self._create(String, 'scene')
+        self._state_hash = self._create(UInt64, 'state_hash')
+        self._diagnostics = self._create(DiagnosticArray, 'diagnostics', prefix='/')
         self._clock = (
-            self._create(Clock, 'clock', '/clock') if parameters['publish_clock'] else None)
-        self._tf = (
-            self._create(tf_message(), 'tf', '/tf') if parameters['publish_tf'] else None)
+            self._create(Clock, 'clock', prefix='/') if parameters['publish_clock'] else None)
+        self._tf = self._create(tf_message(), 'tf', prefix='/') if parameters['publish_tf'] else (
+            None)
         self._markers = (
-            self._create(MarkerArray, 'markers', '~/markers')
-            if parameters['publish_markers'] else None)
+            self._create(MarkerArray, 'markers', messages=2) if parameters['publish_markers']
+            else None)
 
         self._poses = PoseEncoder(self._frame_id, len(names))
         self._twists = TwistEncoder(self._frame_id, len(names))
@@ -84,7 +103,7 @@ class Publishers:
 
     def publish_scene(self, text: str) -> None:
         """Publish the scene in effect; late subscribers get it too."""
-        self._send([self._scene], [encode_string(text)])
+        self._send(self._scene, [encode_string(text)])
 
     def publish_state(self, world: World) -> None:
         """Publish pose and twist of every body, one by one and together, and the transforms."""
@@ -95,31 +114,37 @@ class Publishers:
         own = (p, q, v, w) if self._has_all else tuple(a[self._bodies] for a in (p, q, v, w))
         self._send(self._pose, self._poses.encode(t_ns, own[0], own[1]))
         self._send(self._twist, self._twists.encode(t_ns, own[2], own[3]))
-        self._send([self._state], [self._states.encode(t_ns, p, q, v, w)])
+        self._send(self._state, [self._states.encode(t_ns, p, q, v, w)])
         if self._contact_wrench:
             wrenches = world.contact_wrenches()[self._bodies]
             self._send(self._contact_wrench, [
                 encode_wrench(t_ns, self._frame_id, wrench[:3], wrench[3:])
                 for wrench in wrenches])
         if self._tf:
-            self._send([self._tf], [self._transforms.encode(t_ns, p, q)])
+            self._send(self._tf, [self._transforms.encode(t_ns, p, q)])
         self.cost_ns += perf_counter_ns() - start_ns
 
     def publish_clock(self, t_ns: int) -> None:
         """Publish the simulation time."""
         if self._clock:
-            self._send([self._clock], [encode_clock(t_ns)])
+            self._send(self._clock, [encode_clock(t_ns)])
 
     def publish_markers(self, world: World) -> None:
         """Publish the shapes at their poses, and the contacts."""
         if self._markers and self._scene_markers and self._contact_markers:
             data = self._scene_markers.encode(world.time_ns, world.position, world.orientation)
             contacts = self._contact_markers.encode(world)
-            self._send([self._markers, self._markers], [data, contacts])
+            self._send(self._markers, [data, contacts])
+
+    def delete_markers(self, t_ns: int) -> None:
+        """Take all markers away: the simulation ends, and nobody else would."""
+        if self._markers and self._scene_markers and self._contact_markers:
+            self._send(self._markers, [self._scene_markers.encode_end(t_ns),
+                                       self._contact_markers.encode_end(t_ns)])
 
     def publish_hash(self, state_hash: int) -> None:
         """Publish a hash of the complete state."""
-        self._send([self._state_hash], [encode_uint64(state_hash)])
+        self._send(self._state_hash, [encode_uint64(state_hash)])
 
     def publish_applied_wrench(
         self, body: str, t_ns: int, frame_id: str, force: Iterable[float],
@@ -132,11 +157,11 @@ class Publishers:
         """
         if body in self._applied_wrench:
             data = encode_wrench(t_ns, frame_id or self._frame_id, force, torque)
-            self._send([self._applied_wrench[body]], [data])
+            self._send(self._applied_wrench[body], [data])
 
     def publish_diagnostics(self, t_ns: int, statuses: Sequence[Status]) -> None:
         """Publish what the node knows about itself."""
-        self._send([self._diagnostics], [encode_diagnostics(t_ns, statuses)])
+        self._send(self._diagnostics, [encode_diagnostics(t_ns, statuses)])
 
     def clock_publishers(self) -> int:
         """Return how many publishers /clock has; more than one tears time to and fro."""
@@ -148,17 +173,49 @@ class Publishers:
         for publisher in self._all:
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - monotonic())))
 
-    def _create(self, message: type, kind: str, topic: str) -> Publisher:
-        publisher = self._node.create_publisher(message, topic, self._qos[kind])
-        self._all.append(publisher)
-        return publisher
+    @property
+    def topics(self) -> list[Topic]:
+        """The topics as a bag describes them; the scene is recorded by itself."""
+        found = {topic.name: topic for outlet in self._outlets for topic in outlet.topics
+                 if topic.kind != kinds.SCENE}
+        return list(found.values())
 
-    def _send(self, publishers: Sequence[Publisher], messages: Sequence[bytes]) -> None:
-        # Publisher.publish would check types and lock the handle for each message: 1.2 us instead
-        # of 0.6. Nothing destroys a publisher while the step thread runs.
-        for publisher, data in zip(publishers, messages, strict=True):
-            publisher.handle.publish_raw(data)
+    def record(self, recorder: Recorder | None) -> None:
+        """Hand what is published to a recorder from now on, or to none."""
+        for outlet in self._outlets:
+            outlet.channels = [] if recorder is None else [
+                recorder.channel(topic.name) for topic in outlet.topics
+                if topic.kind != kinds.SCENE]
+        self._recorder = recorder
+
+    def _create(
+        self, message: type, kind: str, bodies: Sequence[str] | None = None, *,
+        prefix: str = '~/', messages: int = 1,
+    ) -> _Outlet:
+        """Create a publisher, or one for each body; `messages` go out through it at a time."""
+        names = [f'{prefix}{kind}'] if bodies is None else [
+            f'{prefix}{body}/{kind}' for body in bodies]
+        publishers = [
+            self._node.create_publisher(message, name, self._qos[kind]) for name in names]
+        self._all += publishers
+        message_type = f'{message.__module__.partition(".")[0]}/msg/{message.__name__}'
+        known = kind if kind in kinds.TYPES else ''
+        owners = [''] if bodies is None else bodies
+        topics = [Topic(publisher.topic_name, message_type, known, body)
+                  for publisher, body in zip(publishers, owners, strict=True)]
+        outlet = _Outlet(publishers * messages, topics * messages)
+        self._outlets.append(outlet)
+        return outlet
+
+    def _send(self, outlet: _Outlet, messages: Sequence[bytes]) -> None:
+        for handle, data in zip(outlet.handles, messages, strict=True):
+            handle.publish_raw(data)
         self.messages += len(messages)
+        if self._recorder is not None and outlet.channels:
+            start_ns = perf_counter_ns()
+            self._recorder.publish(self._world.step_index, outlet.channels, messages)
+            self.recorded += len(messages)
+            self.recording_ns += perf_counter_ns() - start_ns
 
 
 def tf_message() -> type:

@@ -8,23 +8,47 @@ from typing import Any
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
+from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.nodes.inputs import Command, ENDED, Queue
+from rigid_sim_ros.nodes.recording import Recording
 
 
 class Services:
-    """~/pause, ~/step and ~/reset."""
+    """~/pause, ~/step, ~/reset, ~/start_recording and ~/stop_recording."""
 
-    def __init__(self, node: Node, queue: Queue) -> None:
+    def __init__(self, node: Node, queue: Queue, recording: Recording) -> None:
         self._queue = queue
+        self._recording = recording
+        self._log = node.get_logger()
         node.create_service(SetBool, '~/pause', self._pause)
         node.create_service(Trigger, '~/step', self._trigger('step'))
         node.create_service(Trigger, '~/reset', self._trigger('reset'))
+        node.create_service(Trigger, '~/start_recording', self._start_recording)
+        node.create_service(Trigger, '~/stop_recording', self._stop_recording)
 
     def _pause(self, request: Any, response: Any) -> Any:
         return self._do('pause' if request.data else 'resume', response)
 
     def _trigger(self, command: str) -> Callable[[Any, Any], Any]:
         return lambda request, response: self._do(command, response)
+
+    def _start_recording(self, request: Any, response: Any) -> Any:
+        try:
+            self._recording.create()
+        except BagError as error:
+            self._log.error(f'not recording: {error}')
+            response.success, response.message = False, str(error)
+            return response
+        self._do('start_recording', response)
+        if not response.success:
+            self._recording.close()     # the simulation has ended meanwhile
+        return response
+
+    def _stop_recording(self, request: Any, response: Any) -> Any:
+        self._do('stop_recording', response)
+        if response.success:
+            response.success, response.message = self._recording.finish()
+        return response
 
     def _do(self, command: str, response: Any) -> Any:
         # The step thread looks at its queue between batches of steps and answers what is left in

@@ -8,95 +8,125 @@ owns the world and steps it. The callbacks hand over what arrives through a queu
 
 The node never waits for its own /clock: it paces itself on the steady wall clock.
 """
-import argparse
 from collections.abc import Callable, Sequence
 from functools import partial
 import gc
-import signal
 import sys
 import threading
 import traceback
-from typing import Any, NoReturn
+from typing import Any
 
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from rcl_interfaces.msg import SetParametersResult
 import rclpy
 from rclpy.experimental import EventsExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
-from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 from sensor_msgs.msg import MultiDOFJointState
 
+from rigid_sim_ros.bag.errors import BagError
+from rigid_sim_ros.bag.moment import Moment
+from rigid_sim_ros.bag.writer import check_path
 from rigid_sim_ros.nodes.inputs import ParameterInput, Queue, Receiver, Refusals
-from rigid_sim_ros.nodes.parameters import declare, is_live, ParameterError
+from rigid_sim_ros.nodes.parameters import declare, is_live, mistake_in, ParameterError
+from rigid_sim_ros.nodes.process import (
+    complain, DONE, FAILED, Parser, ROS_ERRORS, ros_text, start_ros, stop_on_signals,
+    Threads)
 from rigid_sim_ros.nodes.publishers import chosen_bodies, Publishers, tf_message
 from rigid_sim_ros.nodes.qos import profiles
+from rigid_sim_ros.nodes.recording import Recording
 from rigid_sim_ros.nodes.services import Services
 from rigid_sim_ros.nodes.step_loop import StepLoop
-from rigid_sim_ros.nodes.warm_up import warm_up
 from rigid_sim_ros.scene.errors import SceneError
-from rigid_sim_ros.world import load_scene
+from rigid_sim_ros.scene.overlap import describe_overlaps
+from rigid_sim_ros.warm_up import announced, warm_up
+from rigid_sim_ros.world import load_scene, World
 
 NODE_NAME = 'rigid_sim'
-_DONE, _FAILED, _USAGE = 0, 1, 2
-
-# rclpy has no public names for what rclpy.init raises.
-_ROS_ERRORS = (_rclpy.RCLError, _rclpy.RCLInvalidROSArgsError, _rclpy.UnknownROSArgsError)
 
 # s: how long the GIL may stay with the executor's thread while the step thread wants it. The
 # default of 5 ms would be five steps.
 _SWITCH_INTERVAL = 0.0005
 _FLUSH = 0.5            # s at most for the last messages to arrive
-_SPIN_PERIOD = 0.2      # s between two looks at whether to end
 
 
 class Simulation:
     """One world in one node, from its parameters to its end."""
 
     def __init__(
-        self, scene: str | None, duration: float | None, stopped: threading.Event,
+        self, scene: str | None, duration: float | None, record: str | None,
+        moment: Moment | None, stopped: threading.Event,
     ) -> None:
         overrides = [] if scene is None else [Parameter('scene', value=scene)]
+        if record is not None:
+            check_path(record)      # fails now, not after compiling
+            overrides += [Parameter('record', value=True), Parameter('bag_path', value=record)]
+        self._must_record = record is not None
+        self._moment = moment
         self._stopped = stopped
-        self._failures: list[BaseException] = []
+        self._threads = Threads(stopped)
         self.node = Node(NODE_NAME, parameter_overrides=overrides)
         self._log = self.node.get_logger()
-        self._parameters = declare(self.node)
+        self._parameters = declare(self.node, _recorded_parameters(moment))
         self._qos = profiles(self._parameters)
         if self._parameters['publish_tf']:
             tf_message()    # fails now, not after compiling
-        self._world = load_scene(self._parameters['scene'])
+        self._world = World(moment.scene) if moment is not None else announced(
+            lambda: load_scene(self._parameters['scene']))
         self._check_frame_id()
         self._queue = Queue()
         self._refusals = Refusals(self._log.warning)
         self._duration = duration
+        self._recording: Recording | None = None
 
     def run(self) -> None:
         """Compile, connect, and simulate until the end; raise what went wrong in a thread."""
-        warm_up(self._world, self._stopped)
+        warm_up(self._world.scene, self._stopped)
         if self._stopped.is_set():
             return
+        if self._moment is not None:
+            self._moment.apply(self._world)
+        else:
+            for line in describe_overlaps(self._world.scene):
+                self._log.warning(line)
         bodies = chosen_bodies(self._world.names, self._parameters['bodies'])
         if not bodies:
             self._log.warning(f'no body matches the parameter bodies {self._parameters["bodies"]}:'
                               ' ~/state and ~/wrenches still cover all of them')
         publishers = Publishers(self.node, self._world, bodies, self._parameters, self._qos)
+        self._recording = Recording(self.node, self._world, publishers, self._parameters)
+        if self._parameters['record']:
+            self._create_recording()
         publishers.publish_scene(self._world.scene.text)
         loop = StepLoop(
-            self.node, self._world, self._queue, publishers, self._refusals,
+            self.node, self._world, self._queue, publishers, self._refusals, self._recording,
             dict(self._parameters), self._most_steps())
         self._subscribe(bodies)
-        Services(self.node, self._queue)
+        Services(self.node, self._queue, self._recording)
         self.node.add_on_set_parameters_callback(self._check_parameters)
         self.node.add_post_set_parameters_callback(self._hand_over_parameters)
+        begin = '' if self._moment is None else f', from {self._world.time_ns / 1e9:.9g} s on'
         self._log.info(
             f'simulating {self._parameters["scene"]}: {len(self._world.names)} '
             f'bod{"y" if len(self._world.names) == 1 else "ies"}, '
-            f'step {self._world.step_ns / 1e6:g} ms')
+            f'step {self._world.step_ns / 1e6:g} ms{begin}')
         self._run_threads(loop, publishers)
+
+    @property
+    def lost_a_recording(self) -> bool:
+        """Whether a bag that was begun, or was to be from the start, is not whole."""
+        return self._recording is not None and self._recording.has_failed
+
+    def _create_recording(self) -> None:
+        assert self._recording is not None
+        try:
+            self._recording.create()
+        except BagError as error:
+            if self._must_record:
+                raise
+            self._recording.has_failed = True
+            self._log.error(f'not recording: {error}')
 
     def _run_threads(self, loop: StepLoop, publishers: Publishers) -> None:
         # What was made to start up lives as long as the process: not for the collector, whose
@@ -106,33 +136,19 @@ class Simulation:
         sys.setswitchinterval(_SWITCH_INTERVAL)
         executor = EventsExecutor()
         executor.add_node(self.node)
-        stepping = threading.Thread(target=self._guard, args=(loop.run,), name='step')
-        spinning = threading.Thread(target=self._guard, args=(self._spin, executor), name='spin')
+        stepping = self._threads.make('step', loop.run)
+        spinning = self._threads.make('spin', self._threads.spin, executor)
         stepping.start()
         spinning.start()
         self._stopped.wait()
         loop.stop()
         stepping.join()
+        publishers.delete_markers(self._world.time_ns)
         publishers.flush(_FLUSH)
         executor.wake()
         spinning.join()
         executor.shutdown()
-        if self._failures:
-            raise self._failures[0]
-
-    def _spin(self, executor: Any) -> None:
-        # Not spin(): it keeps a lock that waking, and so creating or destroying, needs as well.
-        while not self._stopped.is_set():
-            executor.spin_once(timeout_sec=_SPIN_PERIOD)
-
-    def _guard(self, function: Callable[..., None], *args: Any) -> None:
-        """Run a thread, and end the others with it however it ends."""
-        try:
-            function(*args)
-        except BaseException as error:      # carried over to the main thread
-            self._failures.append(error)
-        finally:
-            self._stopped.set()
+        self._threads.raise_failure()
 
     def _subscribe(self, bodies: Sequence[int]) -> None:
         receiver = Receiver(
@@ -163,113 +179,84 @@ class Simulation:
         return max(1, round(self._duration * 1e9 / self._world.step_ns))
 
     def _check_parameters(self, parameters: Sequence[Any]) -> Any:
-        # The ranges are checked by rclpy, which has let NaN pass in other versions.
         for parameter in parameters:
-            if parameter.value != parameter.value:
-                return SetParametersResult(
-                    successful=False, reason=f'{parameter.name}: must be a number')
+            if mistake := mistake_in(parameter.name, parameter.value):
+                return SetParametersResult(successful=False, reason=mistake)
         return SetParametersResult(successful=True)
 
     def _hand_over_parameters(self, parameters: Sequence[Any]) -> None:
+        assert self._recording is not None
         for parameter in parameters:
             if is_live(parameter.name):
+                # Before the queue: who sets a path and then starts a recording means that path.
+                self._recording.set_parameter(parameter.name, parameter.value)
                 self._queue.put(ParameterInput(parameter.name, parameter.value))
 
 
+def _recorded_parameters(moment: Moment | None) -> dict[str, Any]:
+    """Return the parameters with which a session goes on, which others may override."""
+    if moment is None:
+        return {}
+    kept = {name: value for name, value in moment.parameters.items()
+            if not name.startswith('bag_') and name not in ('record', 'real_time_factor')}
+    return {**kept, 'scene': moment.session.scene}
+
+
 def run(
-    scene: str | None = None, *, duration: float | None = None, ros_args: Sequence[str] = (),
+    scene: str | None = None, *, duration: float | None = None, record: str | None = None,
+    moment: Moment | None = None, ros_args: Sequence[str] = (),
 ) -> int:
     """
     Run the node until Ctrl-C, SIGTERM or, if given, `duration` s of simulation time.
 
     scene is the path of a scene file or the name of an example; without it the parameter `scene`
-    counts. ros_args are ROS's own arguments, from `--ros-args` on. Returns the exit code: 0 for a
-    clean end, 2 with one line on stderr for a bad parameter or scene.
+    counts. record is the folder of a new bag. With a moment of a recorded session the node goes on
+    from there, with the parameters of then but the pace. ros_args are ROS's own arguments, from
+    `--ros-args` on. Returns the exit code: 0 for a clean end, 1 if a recording broke off, 2 with
+    one line on stderr for a bad parameter, scene or folder.
     """
     stopped = threading.Event()
-    restore = _stop_on_signals(stopped)
+    restore = stop_on_signals(stopped)
     try:
-        _start_ros(ros_args)
-        simulation = Simulation(scene, duration, stopped)
+        start_ros(ros_args)
+        simulation = Simulation(scene, duration, record, moment, stopped)
         simulation.run()
         simulation.node.destroy_node()
+        return FAILED if simulation.lost_a_recording else DONE
     except SceneError as error:
-        return _complain(error.summary)
-    except (ParameterError, OSError) as error:
-        return _complain(str(error))
+        return complain(error.summary)
+    except (ParameterError, BagError, OSError) as error:
+        return complain(str(error))
     except ArithmeticError as error:
         print('rigid_sim:', error, file=sys.stderr)
-        return _FAILED
-    except _ROS_ERRORS as error:
-        return _complain(_ros_text(error))
+        return FAILED
+    except ROS_ERRORS as error:
+        return complain(ros_text(error))
     except Exception:
         traceback.print_exc()       # a mistake of this program, not of its user
-        return _FAILED
+        return FAILED
     finally:
         rclpy.try_shutdown()
         restore()
-    return _DONE
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the ROS executable `simulate`: [SCENE] [--duration S] [--ros-args ...]."""
+    """Run the ROS executable: [SCENE] [--duration S] [--record DIR] [--ros-args ...]."""
     words = list(sys.argv if args is None else ['simulate', *args])
-    parser = _Parser(prog='simulate', description='Simulate rigid bodies in a ROS 2 node.')
+    parser = Parser(prog='simulate', description='Simulate rigid bodies in a ROS 2 node.')
     parser.add_argument('scene', nargs='?', metavar='SCENE',
                         help='path of a scene file or name of an example')
     parser.add_argument('--duration', type=float, metavar='S',
                         help='stop after S seconds of simulation time')
+    parser.add_argument('--record', metavar='DIR', help='record into a new bag')
     try:
         own_words = remove_ros_args(words)[1:]
-    except _ROS_ERRORS as error:
-        return _complain(_ros_text(error))
+    except ROS_ERRORS as error:
+        return complain(ros_text(error))
     options = parser.parse_args(own_words)
     if options.duration is not None and not 0.0 < options.duration < float('inf'):
         parser.error(f'argument --duration: {options.duration} s, must be > 0 and finite')
-    return run(options.scene, duration=options.duration, ros_args=words)
-
-
-class _Parser(argparse.ArgumentParser):
-
-    def error(self, message: str) -> NoReturn:
-        """Say what is wrong on one line."""
-        raise SystemExit(_complain(f'{message} (see simulate --help)'))
-
-
-def _start_ros(ros_args: Sequence[str]) -> None:
-    # rcl logs what it raises as well: one line about a wrong argument is enough.
-    set_logger_level('rcl', LoggingSeverity.FATAL)
-    rclpy.init(args=list(ros_args), signal_handler_options=SignalHandlerOptions.NO)
-    set_logger_level('rcl', LoggingSeverity.UNSET)
-
-
-def _ros_text(error: Exception) -> str:
-    unknown = isinstance(error, _rclpy.UnknownROSArgsError)
-    return f'unknown ROS arguments {error}' if unknown else str(error)
-
-
-def _complain(message: str) -> int:
-    print('rigid_sim:', ' '.join(message.split()), file=sys.stderr)
-    return _USAGE
-
-
-def _stop_on_signals(stopped: threading.Event) -> Callable[[], None]:
-    """Let SIGINT and SIGTERM set the event; return what restores the handlers."""
-    if threading.current_thread() is not threading.main_thread():
-        return lambda: None         # only the main thread may set handlers
-    signals = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.getsignal(number) for number in signals]
-
-    def stop(number: int, frame: object) -> None:
-        stopped.set()
-
-    def restore() -> None:
-        for number, handler in zip(signals, before, strict=True):
-            signal.signal(number, handler)
-
-    for number in signals:
-        signal.signal(number, stop)
-    return restore
+    return run(options.scene, duration=options.duration, record=options.record, ros_args=words)
 
 
 if __name__ == '__main__':

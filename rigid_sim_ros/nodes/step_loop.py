@@ -14,12 +14,14 @@ from typing import Any
 
 from rclpy.node import Node
 
+from rigid_sim_ros.bag import events
 from rigid_sim_ros.nodes.diagnostics import Diagnostics
 from rigid_sim_ros.nodes.inputs import (
-    Command, ENDED, Input, ParameterInput, PoseInput, Queue, Refusals, TwistInput, WrenchesInput,
-    WrenchInput)
+    Command, ENDED, Input, is_of_wrenches, ParameterInput, PoseInput, Queue, Refusals, TwistInput,
+    WrenchesInput, WrenchInput)
 from rigid_sim_ros.nodes.pacing import MILLISECOND, Pacer
 from rigid_sim_ros.nodes.publishers import Publishers
+from rigid_sim_ros.nodes.recording import Recording
 from rigid_sim_ros.world import World
 
 _SECOND = 1_000_000_000
@@ -39,23 +41,27 @@ class StepLoop:
 
     def __init__(
         self, node: Node, world: World, queue: Queue, publishers: Publishers,
-        refusals: Refusals, parameters: dict[str, Any], most_steps: int | None = None,
+        refusals: Refusals, recording: Recording, parameters: dict[str, Any],
+        most_steps: int | None = None,
     ) -> None:
         self._log = node.get_logger()
         self._world = world
         self._queue = queue
         self._publishers = publishers
         self._refusals = refusals
+        self._recording = recording
         self._parameters = parameters
         self._steps_left = most_steps
         self._stopped = threading.Event()
         self._paused = False
         self._broken = ''                       # why the world cannot be stepped any more
         self._moved = False                     # while paused: there is something new to publish
-        self._sources: dict[str, None] = {}     # of the last ~/wrenches message
+        # Of the last ~/wrenches message; a world that goes on from a bag may bring some along.
+        self._sources = dict.fromkeys(
+            name for name in world.wrench_sources if is_of_wrenches(name))
         self._pacer = Pacer(world.step_ns, parameters['real_time_factor'], monotonic_ns())
         self._diagnostics = Diagnostics(
-            node.get_fully_qualified_name(), world, publishers, refusals, self._pacer)
+            node.get_fully_qualified_name(), world, publishers, refusals, self._pacer, recording)
         self._schedule()
 
     def stop(self) -> None:
@@ -66,6 +72,8 @@ class StepLoop:
     def run(self) -> None:
         """Step until `stop` is called or the last step is done."""
         try:
+            if self._recording.is_made:
+                self._recording.begin()
             self._publish_all()
             now_ns = monotonic_ns()
             self._pacer.restart(now_ns)
@@ -75,6 +83,7 @@ class StepLoop:
         finally:
             self._stopped.set()
             self._refuse_commands()
+            self._recording.close()
 
     def _turn(self) -> None:
         for item in self._queue.take():
@@ -82,6 +91,7 @@ class StepLoop:
         if self._moved and self._paused:
             self._publish_all()
         self._moved = False
+        self._recording.turn()
         now_ns = monotonic_ns()
         if self._diagnostics.is_due(now_ns):
             self._diagnostics.publish(now_ns, thread_time_ns(), self._paused, self._broken)
@@ -173,31 +183,33 @@ class StepLoop:
         timeout = self._parameters['wrench_timeout']
         # At least one step, which is what the world does without a duration.
         duration = timeout if timeout * _SECOND >= self._world.step_ns else None
-        if self._try(item.source, self._world.apply_wrench, item.body, item.force, item.torque,
-                     item.frame, duration=duration, source=item.source):
+        if self._try(item.source, 'apply_wrench', name=item.body, force=item.force,
+                     torque=item.torque, frame=item.frame, duration=duration, source=item.source,
+                     frame_id=item.frame_id):
             self._diagnostics.accepted += 1
             self._publishers.publish_applied_wrench(
                 item.body, self._world.time_ns, item.frame_id, item.force, item.torque)
 
     def _apply_wrenches(self, item: WrenchesInput) -> None:
         for source in self._sources:
-            self._world.cancel_wrenches(source)
+            self._recording.tell('cancel_wrenches', source=source)
         self._sources = dict.fromkeys(wrench.source for wrench in item.wrenches)
         for wrench in item.wrenches:
             self._apply_wrench(wrench)
 
     def _apply_pose(self, item: PoseInput) -> None:
         self._moved |= self._try(
-            f'{item.body}/set_pose', self._world.set_pose, item.body, item.position,
-            item.orientation)
+            f'{item.body}/set_pose', 'set_pose', name=item.body, position=item.position,
+            orientation=item.orientation)
 
     def _apply_twist(self, item: TwistInput) -> None:
         self._moved |= self._try(
-            f'{item.body}/set_twist', self._world.set_twist, item.body, item.linear,
-            item.angular)
+            f'{item.body}/set_twist', 'set_twist', name=item.body, linear=item.linear,
+            angular=item.angular)
 
     def _apply_parameter(self, item: ParameterInput) -> None:
         self._parameters[item.name] = item.value
+        self._recording.note_parameter(item.name, item.value)
         if item.name == 'real_time_factor':
             self._pacer.set_factor(item.value, monotonic_ns())
         self._schedule()
@@ -205,10 +217,10 @@ class StepLoop:
     def _apply_command(self, item: Command) -> None:
         item.answer.set_result(_COMMANDS[item.name](self))
 
-    def _try(self, topic: str, method: Callable[..., None], *args: Any, **options: Any) -> bool:
-        """Call a method of the world; what it cannot do is refused as any other bad message."""
+    def _try(self, topic: str, kind: str, **arguments: Any) -> bool:
+        """Tell the world something; what it cannot do is refused as any other bad message."""
         try:
-            method(*args, **options)
+            self._recording.tell(kind, **arguments)
         except ValueError as error:
             self._refusals.refuse('impossible', f'{topic}: {error}')
             return False
@@ -216,6 +228,8 @@ class StepLoop:
 
     def _pause(self) -> tuple[bool, str]:
         said = 'already paused' if self._paused else 'paused'
+        if not self._paused:
+            self._note(events.PAUSE)
         self._paused = True
         return True, f'{said} at {self._time()}'
 
@@ -224,6 +238,7 @@ class StepLoop:
             return False, self._broken
         said = 'resumed' if self._paused else 'was not paused'
         if self._paused:
+            self._note(events.RESUME)
             self._pacer.restart(monotonic_ns())
         self._paused = False
         return True, f'{said} at {self._time()}'
@@ -233,18 +248,32 @@ class StepLoop:
             return False, 'not paused: call ~/pause with data: true first'
         if self._steps_left == 0:
             return False, 'the last step is done'
+        if not self._broken:
+            self._note(events.SINGLE_STEP)
         if self._broken or not self._advance(1):
             return False, self._broken
         self._publish_all()     # before the answer: who hears it finds the new state on the topics
         return True, f'stepped to {self._time()}'
 
     def _reset(self) -> tuple[bool, str]:
-        self._world.reset(keep_time=not self._parameters['reset_time'])
+        self._recording.tell('reset', keep_time=not self._parameters['reset_time'])
         self._sources = {}
         self._broken = ''
         self._pacer.restart(monotonic_ns())
         self._publish_all()
         return True, f'reset at {self._time()}'
+
+    def _start_recording(self) -> tuple[bool, str]:
+        answer = self._recording.begin()
+        if self._paused:
+            self._note(events.PAUSE)
+        return answer
+
+    def _stop_recording(self) -> tuple[bool, str]:
+        return self._recording.end()
+
+    def _note(self, kind: str) -> None:
+        self._recording.note(self._world.step_index, kind)
 
     def _time(self) -> str:
         return f'{self._world.time_ns / _SECOND:.9f} s'
@@ -268,4 +297,6 @@ _COMMANDS: dict[str, Callable[[StepLoop], tuple[bool, str]]] = {
     'resume': StepLoop._resume,
     'step': StepLoop._single_step,
     'reset': StepLoop._reset,
+    'start_recording': StepLoop._start_recording,
+    'stop_recording': StepLoop._stop_recording,
 }

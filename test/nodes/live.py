@@ -56,12 +56,13 @@ class Process:
 
     def __init__(
         self, command: Sequence[str], folder: Path, stdin: int = subprocess.DEVNULL,
+        cwd: Path = ROOT,
     ) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self._out, self._err = folder / 'stdout', folder / 'stderr'
         with self._out.open('wb') as out, self._err.open('wb') as err:
             self._process = subprocess.Popen(
-                command, stdin=stdin, stdout=out, stderr=err, cwd=ROOT)
+                command, stdin=stdin, stdout=out, stderr=err, cwd=cwd)
 
     @property
     def stderr(self) -> str:
@@ -96,16 +97,17 @@ _RUNNING: list[Process] = []
 
 
 def simulate(
-    folder: Path, scene: str, *, name: str = 'rigid_sim', words: Sequence[str] = (),
-    **parameters: Any,
+    log: Path, scene: str, *, name: str = 'rigid_sim', words: Sequence[str] = (),
+    folder: Path = ROOT, **parameters: Any,
 ) -> Process:
-    """Start the node with a scene file or name, further words, and parameters."""
+    """Start the node in a folder, with a scene file or name, further words, and parameters."""
     ros = ['--ros-args', '-r', f'__node:={name}']
     for key, value in parameters.items():
         text = str(value).lower() if isinstance(value, bool) else str(value)
         ros += ['-p', f'{key}:={text}']
     return Process(
-        [sys.executable, '-m', 'rigid_sim_ros.nodes.simulate', scene, *words, *ros], folder)
+        [sys.executable, '-m', 'rigid_sim_ros.nodes.simulate', scene, *words, *ros], log,
+        cwd=folder)
 
 
 @contextmanager

@@ -35,6 +35,19 @@ def crates(folder: Path) -> Path:
     return path
 
 
+def free_bodies(folder: Path, count: int) -> Path:
+    """Write a scene of so many boxes that tumble in weightlessness, and return its path."""
+    bodies = '\n'.join(
+        f'  - {{name: body_{k}, shape: {{type: box, size: [0.1, 0.2, 0.3]}}, mass: 1.0, '
+        f'pose: {{position: [{k}, 0, 0]}}, twist: {{angular: [0.01, 5, 0.01]}}}}'
+        for k in range(count))
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / 'free_bodies.yaml'
+    path.write_text(f'world: {{step: 0.001, gravity: [0, 0, 0], contact: none}}\n'
+                    f'bodies:\n{bodies}\n', encoding='utf-8')
+    return path
+
+
 def world_of(scene: Path | str, step_index: int = 0) -> World:
     """Return a world of a scene, stepped so far."""
     world = load_scene(scene)

@@ -1,0 +1,98 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the nodes share as processes: how they start, end, and complain."""
+import argparse
+from collections.abc import Callable, Sequence
+import signal
+import sys
+import threading
+from typing import Any, NoReturn
+
+import rclpy
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.logging import LoggingSeverity, set_logger_level
+from rclpy.signals import SignalHandlerOptions
+
+DONE, FAILED, USAGE = 0, 1, 2
+_SPIN_PERIOD = 0.2      # s between two looks at whether to end
+
+# rclpy has no public names for what rclpy.init raises.
+ROS_ERRORS = (_rclpy.RCLError, _rclpy.RCLInvalidROSArgsError, _rclpy.UnknownROSArgsError)
+
+
+class Parser(argparse.ArgumentParser):
+    """The arguments of a ROS executable; what is wrong with them is one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong on one line."""
+        raise SystemExit(complain(f'{message} (see {self.prog} --help)'))
+
+
+def start_ros(ros_args: Sequence[str]) -> None:
+    """Start ROS and leave the signals alone; one of ROS_ERRORS for a wrong argument."""
+    # rcl logs what it raises as well: one line about a wrong argument is enough.
+    set_logger_level('rcl', LoggingSeverity.FATAL)
+    rclpy.init(args=list(ros_args), signal_handler_options=SignalHandlerOptions.NO)
+    set_logger_level('rcl', LoggingSeverity.UNSET)
+
+
+def ros_text(error: Exception) -> str:
+    """Return what one of ROS_ERRORS says."""
+    unknown = isinstance(error, _rclpy.UnknownROSArgsError)
+    return f'unknown ROS arguments {error}' if unknown else str(error)
+
+
+def complain(message: str) -> int:
+    """Print one line on stderr and return the exit code for what a user can mend."""
+    print('rigid_sim:', ' '.join(message.split()), file=sys.stderr)
+    return USAGE
+
+
+class Threads:
+    """The threads of a node, which end together: `stopped` is set however one of them ends."""
+
+    def __init__(self, stopped: threading.Event) -> None:
+        self._stopped = stopped
+        self._failures: list[BaseException] = []
+
+    def make(self, name: str, function: Callable[..., None], *args: Any) -> threading.Thread:
+        """Return a thread that is not yet started."""
+        return threading.Thread(target=self._guard, args=(function, *args), name=name)
+
+    def spin(self, executor: Any) -> None:
+        """Let an executor work until the node stops."""
+        # Not spin(): it keeps a lock that waking, and so creating or destroying, needs as well.
+        while not self._stopped.is_set():
+            executor.spin_once(timeout_sec=_SPIN_PERIOD)
+
+    def raise_failure(self) -> None:
+        """Raise what ended a thread, if anything did."""
+        if self._failures:
+            raise self._failures[0]
+
+    def _guard(self, function: Callable[..., None], *args: Any) -> None:
+        try:
+            function(*args)
+        except BaseException as error:      # carried over to the main thread
+            self._failures.append(error)
+        finally:
+            self._stopped.set()
+
+
+def stop_on_signals(stopped: threading.Event) -> Callable[[], None]:
+    """Let SIGINT and SIGTERM set the event; return what restores the handlers."""
+    if threading.current_thread() is not threading.main_thread():
+        return lambda: None         # only the main thread may set handlers
+    signals = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.getsignal(number) for number in signals]
+
+    def stop(number: int, frame: object) -> None:
+        stopped.set()
+
+    def restore() -> None:
+        for number, handler in zip(signals, before, strict=True):
+            signal.signal(number, handler)
+
+    for number in signals:
+        signal.signal(number, stop)
+    return restore

@@ -1,0 +1,66 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Replays in processes of their own, for the tests."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+import sys
+from typing import Any
+
+from nodes.live import DEEP, kept, Probe, Process
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from rclpy.serialization import deserialize_message
+from std_msgs.msg import String
+
+from rigid_sim_ros.bag.reader import BagReader
+
+
+def replay(
+    folder: Path, bag: Path | str, *words: str, name: str = 'replay', remaps: Sequence[str] = (),
+    **parameters: Any,
+) -> Process:
+    """Start the node with words of the command line, and parameters."""
+    ros = ['--ros-args', '-r', f'__node:={name}']
+    for remap in remaps:
+        ros += ['-r', remap]
+    for key, value in parameters.items():
+        text = str(value).lower() if isinstance(value, bool) else str(value)
+        ros += ['-p', f'{key}:={text}']
+    return Process([sys.executable, '-m', 'rigid_sim_ros.nodes.replay.node', str(bag), *words,
+                    *ros], folder / 'process')
+
+
+@contextmanager
+def replaying(*args: Any, **options: Any) -> Iterator[Process]:
+    """Start the node and end it with the block."""
+    with kept(replay(*args, **options)) as process:
+        yield process
+
+
+def of_topic(bag: Path, topic: str) -> list[tuple[int, bytes]]:
+    """Return times and bytes of what a bag holds on a topic."""
+    return [(stamp, data) for name, stamp, data in BagReader(bag).messages() if name == topic]
+
+
+@contextmanager
+def hearing(probe: Probe, message: type, topic: str, qos: Any = DEEP) -> Iterator[list[bytes]]:
+    """Collect the bytes that arrive on a topic; nobody needs to publish there yet."""
+    received: list[bytes] = []
+    subscription = probe.node.create_subscription(message, topic, received.append, qos, raw=True)
+    try:
+        yield received
+    finally:
+        probe.node.destroy_subscription(subscription)
+
+
+def texts_of(received: Sequence[bytes]) -> list[str]:
+    """Return what messages of type String say; DDS may have padded the bytes."""
+    return [deserialize_message(data, String).data for data in received]
+
+
+def set_parameter(probe: Probe, node: str, name: str, value: Any) -> Any:
+    """Set a parameter of a node from outside and return the answer."""
+    request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+    return probe.call(SetParameters, f'{node}/set_parameters', request).results[0]
