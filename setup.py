@@ -13,7 +13,9 @@ HERE = Path(__file__).resolve().parent    # --symlink-install runs a link to thi
 # where `ros2 run` looks, and wrong on everybody's PATH. colcon and bloom run `setup.py install` or
 # `develop`, and setup.cfg sends the scripts there; pip builds a wheel, whose scripts go to bin/.
 ROS_EXECUTABLES = [
+    'replay = rigid_sim_ros.nodes.replay.node:main',
     'simulate = rigid_sim_ros.nodes.simulate:main',
+    'view = rigid_sim_ros.nodes.view:main',
 ]
 FOR_ROS = bool({'develop', 'install'} & set(sys.argv))
 
@@ -24,6 +26,11 @@ ROS_WHEELS = [
 ]
 
 EXPORT = ['pyarrow>=14']    # 100 MB, and only `rigid_sim export` needs it
+PLOT = ['matplotlib>=3.8', 'plotly>=5.15']
+RENDER = ['av>=12.0', 'pillow>=10.1', 'pyvista>=0.44', 'vtk>=9.4']      # VTK unpacks to 600 MB
+
+# The page: it brings its own browser client, so that nothing is loaded from the internet.
+VIEW = ['viser>=1.1,<2']
 
 setup(
     name=PACKAGE,
@@ -50,13 +57,13 @@ setup(
     install_requires=[
         'click>=8.1',
         'lz4>=4.0',
-        'mcap>=1.0',
+        'mcap>=1.1',
         'numba>=0.59',
         'numpy>=1.26',
         'osqp>=1.0',
         'pydantic>=2.5',
         'rich>=13.0',
-        'rosbags>=0.10.8',
+        'rosbags>=0.10.9',
         'ruamel.yaml>=0.17.21',
         'scipy>=1.11.1',
         'trimesh>=4.0',
@@ -64,9 +71,12 @@ setup(
     ],
     extras_require={
         'export': EXPORT,
-        'ros': ROS_WHEELS,
-        'test': [*EXPORT, *ROS_WHEELS, 'colcon-common-extensions', 'hypothesis',
-                 'mcap-ros2-support', 'pytest'],
+        'plot': PLOT,
+        'render': RENDER,
+        'ros': [*ROS_WHEELS, *VIEW],
+        'test': [*EXPORT, *PLOT, *RENDER, *ROS_WHEELS, *VIEW, 'colcon-common-extensions',
+                 'hypothesis', 'mcap-ros2-support', 'playwright>=1.40', 'pytest'],
+        'view': VIEW,
         'lint': [
             'flake8',
             'flake8-blind-except',

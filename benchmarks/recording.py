@@ -5,19 +5,26 @@ What recording costs, and how fast a recording is verified.
 
     python benchmarks/recording.py
     python benchmarks/recording.py --session 600
+    python benchmarks/recording.py --node 20            needs ROS; nothing but part 4
 
 Part 1 is what the thread that steps the world pays for a message: it must stay below 3 us. Part 2
 is why messages are packed in this package: what else could write MCAP. Part 3 simulates a session
-again, which must be 20 times faster than real time. Each figure is the median of several runs.
+again, which must be 20 times faster than real time. Part 4 is the node with 100 bodies, 1 kHz,
+100 Hz, which records while it publishes: what its diagnostics say. Each figure is the median of
+several runs, or of the seconds of one.
 """
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import pairwise
+import os
 from pathlib import Path
 from statistics import median
+import subprocess
+import sys
 from tempfile import TemporaryDirectory
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 from mcap.writer import CompressionType, Writer as LibraryWriter
@@ -168,12 +175,94 @@ def _push(batch: Batch, seconds: float) -> None:
             batch.tell('reset', keep_time=True)
 
 
+def print_node(bodies: int, seconds: int) -> None:
+    """Let a node record every other two seconds, and print what it says of itself in both."""
+    import node_speed       # beside this file; imports rclpy
+    import rclpy
+
+    os.environ |= {'ROS_DOMAIN_ID': str(node_speed.DOMAIN),
+                   'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+    rclpy.init()
+    click.echo(f'4. in the node, {bodies} bodies, 1 kHz, {2 * bodies + 1} messages at 100 Hz, and '
+               f'markers, for {seconds} s; seconds with and without a recording take turns:')
+    with folder() as path:
+        windows = alternate(node_speed.write_scene(path, bodies), path, seconds)
+    late = node_speed.empty_loop(seconds)
+    rclpy.try_shutdown()
+    for recorded in (False, True):
+        chosen = [window for window in windows if window.recorded == recorded]
+        pace = [window.pace for window in chosen]
+        click.echo(
+            f'   {"recorded" if recorded else "not recorded":14}{len(chosen)} s: overruns '
+            f'{sum(int(p["overruns lately"]) for p in pace)}, lateness median '
+            f'{_median(pace, "lateness median [us]"):.0f} us, 99 % '
+            f'{_median(pace, "lateness 99 % [us]"):.0f} us; step thread '
+            f'{_median(pace, "step thread CPU share [%]"):.1f} % of a core; '
+            f'encoding and sending {_median(pace, "cost per message [us]"):.2f} us a message')
+    told = [window.recording for window in windows if window.recorded]
+    click.echo(f'   recording {_median(told, "cost per message [us]"):.2f} us a message, most '
+               f'{max(float(t["cost per message [us]"]) for t in told):.2f} (must be <= 3); '
+               f'gaps {sum(int(t["gaps"]) for t in told)}')
+    click.echo(f'   beside it a loop that only sleeps: {sum(ns > 1_000_000 for ns in late)} '
+               f'overruns in {seconds} s')
+
+
+class Window(NamedTuple):
+    """A second of a node, as /diagnostics tells of it."""
+
+    recorded: bool
+    pace: dict[str, str]
+    recording: dict[str, str]
+
+
+def alternate(scene: Path, path: Path, seconds: int) -> list[Window]:
+    """Start a node, let it record now and then; return its seconds but the mixed ones."""
+    from diagnostic_msgs.msg import DiagnosticArray
+    from rclpy.experimental import EventsExecutor
+    from rclpy.node import Node
+    from std_srvs.srv import Trigger
+
+    node, windows = Node('alternate'), []
+    clients = [node.create_client(Trigger, f'/rigid_sim/{name}_recording')
+               for name in ('start', 'stop')]
+
+    def keep(message: DiagnosticArray) -> None:
+        values = {status.name.rpartition(': ')[2]: (status.message, {
+            value.key: value.value for value in status.values}) for status in message.status}
+        says, recording = values['recording']
+        windows.append(Window(says.startswith('recording into'), values['pace'][1], recording))
+        if len(windows) % 3 == 1:
+            clients[len(windows) // 3 % 2].call_async(Trigger.Request())
+
+    node.create_subscription(DiagnosticArray, '/diagnostics', keep, 10)
+    executor = EventsExecutor()
+    executor.add_node(node)
+    process = subprocess.Popen([
+        sys.executable, '-m', 'rigid_sim_ros', 'run', str(scene), '--ros-args', '--log-level',
+        'error'], cwd=path)
+    while len(windows) < 3 * (seconds // 2) + 3 and process.poll() is None:
+        executor.spin_once(timeout_sec=0.1)
+    process.terminate()
+    process.wait()
+    node.destroy_node()
+    # The second in which a recording begins or ends is neither.
+    return [now for before, now in pairwise(windows[1:]) if before.recorded == now.recorded]
+
+
+def _median(rows: list[dict[str, str]], key: str) -> float:
+    return median(float(row[key]) for row in rows)
+
+
 @click.command()
 @click.option('--session', default=60.0, help='Seconds of the session that is verified.')
 @click.option('--runs', default=3, help='How often it is verified.')
-def main(session: float, runs: int) -> None:
+@click.option('--node', default=0, help='Seconds of the recording in the node; 0: none.')
+def main(session: float, runs: int, node: int) -> None:
     """Print what recording costs and how fast verifying is."""
     world(2).step(10)       # compiles
+    if node:
+        print_node(bodies=100, seconds=node)
+        return
     print_cost_per_message(bodies=100)
     print_cost_of_writers(channels=200)
     print_verify_speed(bodies=20, seconds=session, runs=runs)

@@ -1,0 +1,199 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+How fast the page follows a simulation, and whether it grows.
+
+    python benchmarks/viewer_speed.py                                # 200 bodies, one browser
+    python benchmarks/viewer_speed.py --viewers 5                    # five at once
+    python benchmarks/viewer_speed.py --scene tower --seconds 1800   # half an hour: memory
+
+Starts the node, `rigid_sim view` and Chromium without a window, each in a process of its own. The
+node is reset now and then, so that the bodies keep moving. Printed for the time after warming up:
+
+* pictures: what the browser has drawn a second (of viser's renderer), and how often it could have
+  (requestAnimationFrame), each the median of all pages;
+* real time: the real-time factor that the node reports, median and worst second;
+* memory [MB] of the page's program, of the browser with what steers it, and of the page's
+  JavaScript: at the beginning and the end, and the slope of a straight line through all that lies
+  between, and through the last two thirds, when caches are full.
+
+Without a graphics card the browser draws with the CPU: then the pictures say most about the size
+of the window (--window).
+"""
+import argparse
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, ExitStack
+import os
+from pathlib import Path
+import re
+import shutil
+import socket
+import statistics
+import subprocess
+import sys
+import time
+from typing import Any, NamedTuple
+
+import numpy as np
+from playwright.sync_api import Page, sync_playwright
+
+_WARM_UP = 8.0      # s
+_RESET = 4.0        # s between two resets
+_SAMPLES = 60       # looks at most
+_MB = 1e6
+
+_COUNT = """
+() => {
+  window.turns = 0;
+  const turn = () => { window.turns += 1; requestAnimationFrame(turn); };
+  requestAnimationFrame(turn);
+}
+"""
+_LOOK = """
+() => ({
+  turns: window.turns,
+  pictures: window.__viserTestpoints.rendererInfo.render.frame,
+  heap: performance.memory.usedJSHeapSize,
+  now: performance.now() / 1000,
+})
+"""
+
+
+class Sample(NamedTuple):
+    """What was seen at one time."""
+
+    now: float          # s
+    factor: float       # real-time factor
+    program: float      # MB of the page's program
+    browser: float      # MB of all processes of the browser and of what steers it
+    heap: float         # MB of JavaScript in the first page
+
+
+@contextmanager
+def running(*words: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Run a command of the package until the end of the block."""
+    process = subprocess.Popen([sys.executable, '-m', 'rigid_sim_ros', *words],
+                               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        yield process
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def free_port() -> int:
+    """Return a port that nobody uses."""
+    with socket.socket() as probe:
+        probe.bind(('127.0.0.1', 0))
+        return int(probe.getsockname()[1])
+
+
+def memory(pid: int, without: Collection[int] = ()) -> float:
+    """Return the memory in use of a process and its children, but for some of these [MB]."""
+    total = 0.0
+    try:
+        status = Path(f'/proc/{pid}/status').read_text(encoding='utf-8')
+        children = Path(f'/proc/{pid}/task/{pid}/children').read_text(encoding='utf-8')
+    except OSError:
+        return 0.0      # it has just ended
+    found = re.search(r'^RssAnon:\s+(\d+) kB', status, re.MULTILINE)
+    if found:
+        total += 1024 * int(found.group(1)) / _MB
+    return total + sum(memory(int(child), without) for child in children.split()
+                       if int(child) not in without)
+
+
+def open_page(browser: Any, address: str, window: str) -> Page:
+    """Open a page and wait until it shows a simulation."""
+    width, height = map(int, window.split('x'))
+    page: Page = browser.new_page(viewport={'width': width, 'height': height})
+    end = time.monotonic() + 120.0
+    while True:
+        try:
+            page.goto(address)
+            break
+        except Exception:
+            if time.monotonic() > end:
+                raise
+            time.sleep(0.5)
+    page.get_by_text('times real time').wait_for(timeout=120_000)
+    # A message about the missing graphics card would cover buttons in a small window.
+    page.add_style_tag(content='.mantine-Notifications-root {visibility: hidden}')
+    page.evaluate(_COUNT)
+    return page
+
+
+def watch(
+    pages: list[Page], program: int, own: Collection[int], seconds: float,
+) -> list[Sample]:
+    """Look at everything again and again."""
+    samples = []
+    garbage = pages[0].context.new_cdp_session(pages[0])
+    begin = reset = time.monotonic()
+    while time.monotonic() < begin + seconds:
+        pages[0].wait_for_timeout(1000 * max(1.0, seconds / _SAMPLES))
+        text = pages[0].inner_text('body')
+        found = re.search(r'at ([\d.]+) times real time', text)
+        # What is left once nothing is left lying about: else it is a saw.
+        garbage.send('HeapProfiler.collectGarbage')
+        heap = pages[0].evaluate(_LOOK)['heap'] / _MB
+        samples.append(Sample(time.monotonic() - begin, float(found.group(1)) if found else 0.0,
+                              memory(program), memory(os.getpid(), own), heap))
+        if time.monotonic() > reset + _RESET:
+            reset = time.monotonic()
+            pages[0].get_by_role('button', name='Reset', exact=True).click(timeout=60_000)
+    return samples
+
+
+def report(before: list[Any], after: list[Any], samples: list[Sample]) -> None:
+    """Print the figures."""
+    for what, key in (('pictures drawn a second', 'pictures'), ('chances to draw one', 'turns')):
+        rates = [(z[key] - a[key]) / (z['now'] - a['now'])
+                 for a, z in zip(before, after, strict=True)]
+        print(f'{what:28} {statistics.median(rates):8.1f}   (' + ', '.join(
+            f'{rate:.1f}' for rate in rates) + ')')
+    factors = [sample.factor for sample in samples]
+    print(f'{"real-time factor":28} {statistics.median(factors):8.2f}   '
+          f'(worst {min(factors):.2f})')
+    times = np.array([sample.now for sample in samples])
+    late = times > times[-1] / 3
+    for field in ('program', 'browser', 'heap'):
+        values = np.array([getattr(sample, field) for sample in samples])
+        slope, late_slope = (3600 * np.polyfit(times[rows], values[rows], 1)[0]
+                             for rows in (slice(None), late))
+        print(f'{"memory of " + field + " [MB]":28} {values[0]:8.1f} to {values[-1]:.1f}, '
+              f'{slope:+.1f} an hour, {late_slope:+.1f} of the last two thirds')
+
+
+def main() -> None:
+    """Run the benchmark."""
+    parser = argparse.ArgumentParser(description='Measure the page of a running simulation.')
+    parser.add_argument('--scene', default='pile_of_shapes')
+    parser.add_argument('--seconds', type=float, default=20.0)
+    parser.add_argument('--viewers', type=int, default=1)
+    parser.add_argument('--window', default='640x400')
+    options = parser.parse_args()
+    os.environ.setdefault('ROS_DOMAIN_ID', '91')
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    port = free_port()
+    with ExitStack() as stack:
+        node = stack.enter_context(running('run', options.scene))
+        program = stack.enter_context(running('view', '--port', str(port)))
+        tool = stack.enter_context(sync_playwright())
+        browser = tool.chromium.launch(executable_path=shutil.which('chromium'), args=[
+            '--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader',
+            '--disable-gpu-compositing'])
+        stack.callback(browser.close)
+        pages = [open_page(browser, f'http://127.0.0.1:{port}', options.window)
+                 for _ in range(options.viewers)]
+        pages[0].wait_for_timeout(1000 * _WARM_UP)
+        before = [page.evaluate(_LOOK) for page in pages]
+        samples = watch(pages, program.pid, {node.pid, program.pid}, options.seconds)
+        after = [page.evaluate(_LOOK) for page in pages]
+    print(f'{options.scene}, {options.viewers} pages of {options.window}, '
+          f'{samples[-1].now:.0f} s, {os.cpu_count()} CPUs, load {os.getloadavg()[0]:.1f}')
+    report(before, after, samples)
+
+
+if __name__ == '__main__':
+    main()
