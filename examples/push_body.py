@@ -138,10 +138,10 @@ def main(args: Sequence[str] | None = None) -> int:
                 _read_keys(node)
         else:
             spinning.join()
-    except KeyboardInterrupt:
-        pass
-    finally:
         rclpy.try_shutdown()
+    except KeyboardInterrupt:
+        pass        # rclpy shuts down by itself on a signal, in another thread
+    finally:
         spinning.join()
         node.destroy_node()
     return 0

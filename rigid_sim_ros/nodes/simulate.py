@@ -8,7 +8,7 @@ owns the world and steps it. The callbacks hand over what arrives through a queu
 
 The node never waits for its own /clock: it paces itself on the steady wall clock.
 """
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 import gc
 import sys

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 import os
 import sys
 import threading
-from typing import Any
 
 import rclpy
 from rclpy.experimental import EventsExecutor
@@ -19,7 +18,7 @@ import viser
 
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.nodes.process import (
-    complain, DONE, Parser, ROS_ERRORS, ros_text, start_ros, stop_on_signals)
+    complain, DONE, Parser, ROS_ERRORS, ros_text, start_ros, stop_on_signals, Threads)
 from rigid_sim_ros.nodes.view_driver import RosDriver
 from rigid_sim_ros.nodes.view_feed import Feed, simulations
 from rigid_sim_ros.viewer.address import AddressError, open_page, PORT
@@ -31,7 +30,6 @@ from rigid_sim_ros.viewer.simulation import Inbox
 NODE_NAME = 'rigid_sim_view'
 _NICE = 5       # levels by which the page gives way to a simulation on the same processors
 _LOOK = 0.25    # s between two looks for a simulation
-_SPIN = 0.2     # s between two looks at whether to end
 _LOOKING = 'Looking for a simulation: start one with `rigid_sim run`.'
 
 
@@ -42,13 +40,14 @@ class View:
         self.node = Node(NODE_NAME)
         self._server = server
         self._stopped = stopped
+        self._threads = Threads(stopped)
         self._log = self.node.get_logger()
 
     def run(self, target: str, rate: float) -> None:
         """Show a simulation, or the first that is found, until the end."""
         executor = EventsExecutor()
         executor.add_node(self.node)
-        spinning = threading.Thread(target=self._spin, args=(executor,), name='spin')
+        spinning = self._threads.make('spin', self._threads.spin, executor)
         spinning.start()
         try:
             looking = self._server.gui.add_markdown(_LOOKING)
@@ -61,6 +60,7 @@ class View:
             executor.wake()
             spinning.join()
             executor.shutdown()
+        self._threads.raise_failure()
 
     def _show(self, target: str, rate: float) -> None:
         self._log.info(f'showing {target}')
@@ -78,11 +78,6 @@ class View:
             if found:
                 return found[0]
         return ''
-
-    def _spin(self, executor: Any) -> None:
-        # Not spin(): it keeps a lock that waking, and so creating or destroying, needs as well.
-        while not self._stopped.is_set():
-            executor.spin_once(timeout_sec=_SPIN)
 
 
 def run(

@@ -53,17 +53,16 @@ def set_parameter(probe, node, name, value):
     return result
 
 
-def recorder_status(probe, node, count=2):
-    """Return what the diagnostics say of the recording now; the first may be of before."""
-    seen = []
-
+def recorder_status(probe, node, when=lambda values: True):
+    """Return what the diagnostics say of the recording; the first may be of before."""
     def of_node():
-        seen[:] = [status for message in messages for status in message.status
-                   if status.name == f'{node}: recording']
-        return len(seen) >= count
+        seen = [status for message in messages for status in message.status
+                if status.name == f'{node}: recording'][1:]
+        found = [(status, {value.key: value.value for value in status.values})
+                 for status in seen]
+        return [(status, values) for status, values in found if when(values)]
     with probe.listening(DiagnosticArray, '/diagnostics') as messages:
-        probe.wait_for(of_node, f'diagnostics of {node}')
-    return seen[-1], {value.key: value.value for value in seen[-1].values}
+        return probe.wait_for(of_node, f'diagnostics of {node}')[-1]
 
 
 def goes_on(probe, node):
@@ -165,10 +164,10 @@ def test_an_unknown_storage_is_refused(probe, sim):
 
 def test_the_diagnostics_tell_of_the_recording(probe, sim, start, tmp_path):
     start(tmp_path / 'bag')
-    status, values = recorder_status(probe, sim, 20)
+    status, values = recorder_status(
+        probe, sim, lambda values: float(values['elapsed [s]']) > 0.5)
     assert (status.level, status.message) == (b'\x00', f'recording into {tmp_path / "bag"}')
     assert values['path'] == str(tmp_path / 'bag')
-    assert float(values['elapsed [s]']) > 0.5
     assert int(values['messages']) > 100
     assert float(values['size [MB]']) > 0.0
     assert (values['gaps'], values['messages lost'], values['inputs lost']) == ('0', '0', '0')

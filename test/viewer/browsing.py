@@ -134,8 +134,11 @@ class Page:
         """Return all that is written in the page."""
         return str(self.page.inner_text('body'))
 
-    def drag(self, start: tuple[float, float], end: tuple[float, float], hold: float) -> None:
-        """Move the mouse with its button down, and let go after a while [s]."""
+    def drag(
+        self, start: tuple[float, float], end: tuple[float, float],
+        until: Callable[[], Any] = lambda: True,
+    ) -> None:
+        """Move the mouse with its button down, and let go when a condition is true."""
         mouse = self.page.mouse
         mouse.move(*start)
         self.page.wait_for_timeout(500)     # the page looks for what is under the mouse
@@ -143,5 +146,5 @@ class Page:
         for share in np.linspace(0.0, 1.0, 12):
             mouse.move(*(np.array(start) + share * (np.array(end) - start)))
             self.page.wait_for_timeout(60)
-        self.page.wait_for_timeout(1000 * hold)
+        self.wait_for(until, 'what the mouse drags to follow')
         mouse.up()

@@ -121,15 +121,15 @@ def test_the_reset_button_returns_the_bodies(page, probe):
 
 def test_dragging_moves_a_body_to_the_mouse(page, probe):
     start = page.spot(GREEN)
-    page.drag(start, (start[0], start[1] - 120), hold=2.0)
+    end = (start[0], start[1] - 120)
+    page.drag(start, end, until=lambda: page.spot(GREEN) == pytest.approx(end, abs=40))     # px
     assert position(probe, MIDDLE)[2] > 0.2     # the mouse went up the screen
-    assert page.spot(GREEN)[1] == pytest.approx(start[1] - 120, abs=40)     # px
     assert abs(position(probe, RIGHT)).tolist() == pytest.approx([0.6, 0.6, 0.0], abs=1e-3)
 
 
 def test_a_body_that_is_let_go_is_pulled_no_more(page, probe):
     start = page.spot(GREEN)
-    page.drag(start, (start[0] + 60, start[1] - 60), hold=0.0)
+    page.drag(start, (start[0] + 60, start[1] - 60))
     with probe.listening(MultiDOFJointState, '/rigid_sim/state') as received:
         probe.wait_for(lambda: len(received) >= 50, 'half a second')
     v = [np.array([m.twist[MIDDLE].linear.x, m.twist[MIDDLE].linear.z]) for m in received[20:]]
@@ -141,8 +141,8 @@ def test_a_clicked_body_is_put_where_the_fields_say(page, probe):
     page.page.mouse.click(*start)
     page.wait_for(lambda: 'angular velocity [0.000, 0.000, 0.000] rad/s' in page.text(),
                   'the figures of the body')
-    page.drag(start, (start[0], start[1] - 120), hold=1.0)
-    assert position(probe, MIDDLE)[2] > 0.1
+    page.drag(start, (start[0], start[1] - 120),
+              until=lambda: position(probe, MIDDLE)[2] > 0.1)
     page.click('Set pose')      # the fields hold the pose at the click
     page.wait_for(lambda: abs(position(probe, MIDDLE)[2]) < 0.05, 'the body to be back')
 
