@@ -46,7 +46,7 @@ setup(
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
     # msg_config in the package is a link to the folder above, so that the defaults are found in a
     # checkout, in a wheel and in a colcon workspace alike.
-    package_data={PACKAGE: ['py.typed', 'example_scenes/*', 'msg_config/*']},
+    package_data={PACKAGE: ['py.typed', 'example_scenes/*', 'msg_config/*', 'viewer/*.js']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),

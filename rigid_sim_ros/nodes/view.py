@@ -14,7 +14,6 @@ import rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
-import viser
 
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.nodes.process import (
@@ -24,7 +23,7 @@ from rigid_sim_ros.nodes.view_feed import Feed, simulations
 from rigid_sim_ros.viewer.address import AddressError, open_page, PORT
 from rigid_sim_ros.viewer.bag import RATE, run as run_bag
 from rigid_sim_ros.viewer.live import LivePage
-from rigid_sim_ros.viewer.server import LOCAL, stop
+from rigid_sim_ros.viewer.server import LOCAL, PageServer, stop
 from rigid_sim_ros.viewer.simulation import Inbox
 
 NODE_NAME = 'rigid_sim_view'
@@ -36,7 +35,7 @@ _LOOKING = 'Looking for a simulation: start one with `rigid_sim run`.'
 class View:
     """One page and one node, from the search for a simulation to the end."""
 
-    def __init__(self, server: viser.ViserServer, stopped: threading.Event) -> None:
+    def __init__(self, server: PageServer, stopped: threading.Event) -> None:
         self.node = Node(NODE_NAME)
         self._server = server
         self._stopped = stopped

@@ -5,9 +5,7 @@ import secrets
 import socket
 import sys
 
-import viser
-
-from rigid_sim_ros.viewer.server import is_local, LOCAL, start
+from rigid_sim_ros.viewer.server import is_local, LOCAL, PageServer, start
 
 PORT = 8080
 _EVERYWHERE = frozenset({'0.0.0.0', '::'})
@@ -17,7 +15,7 @@ class AddressError(ValueError):
     """The page cannot be opened where it should be; the message says why."""
 
 
-def open_page(host: str = LOCAL, port: int = PORT) -> tuple[viser.ViserServer, str]:
+def open_page(host: str = LOCAL, port: int = PORT) -> tuple[PageServer, str]:
     """
     Open a page and print its address; return the server and the address.
 

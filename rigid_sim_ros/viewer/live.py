@@ -15,6 +15,7 @@ from rigid_sim_ros.viewer.grip import grip, Hands
 from rigid_sim_ros.viewer.inputs import write
 from rigid_sim_ros.viewer.motion import Motion, MotionDecoder
 from rigid_sim_ros.viewer.overlays import contact_lines, Overlays
+from rigid_sim_ros.viewer.server import PageServer
 from rigid_sim_ros.viewer.show import ShowPanel
 from rigid_sim_ros.viewer.simulation import Driver, Inbox, Report
 from rigid_sim_ros.viewer.stage import Batch, Stage
@@ -28,7 +29,7 @@ _STATUS_PERIOD = 0.25
 class LivePage:
     """Shows what an inbox holds, and drives the simulation that fills it."""
 
-    def __init__(self, server: viser.ViserServer, inbox: Inbox, driver: Driver) -> None:
+    def __init__(self, server: PageServer, inbox: Inbox, driver: Driver) -> None:
         self._server = server
         self._inbox = inbox
         self._driver = driver

@@ -3,10 +3,12 @@
 """The web server of the page, and who may reach it."""
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
+import gzip
 from hashlib import sha256
 from hmac import compare_digest
 from http import HTTPStatus
 from http.cookies import CookieError, SimpleCookie
+from importlib.resources import files
 from io import StringIO
 from ipaddress import ip_address
 import threading
@@ -21,8 +23,11 @@ from websockets.http11 import Request, Response
 LOCAL = '127.0.0.1'
 _LOCAL_NAMES = frozenset({'localhost', LOCAL, '::1'})
 _TOKEN = 'token'
+_SCRIPT = 'hover.js'
 
 Check = Callable[[Any, Request], Any]
+# Takes a page by its number, and a point of its picture from 0 to 1, from the left and the top.
+NameAt = Callable[[int, float, float], str]
 
 
 class Gate:
@@ -75,12 +80,66 @@ def _one(request: Request, name: str) -> str:
     return values[0] if len(values) == 1 else ''
 
 
+class Hover:
+    """
+    Tells pages the name of the body under the mouse.
+
+    viser's own page has no such thing: a script that is added to it asks here.
+    """
+
+    def __init__(self) -> None:
+        self.name_at: NameAt = lambda page, x, y: ''
+        self._pages: dict[bool, bytes] = {}     # by whether they are compressed
+
+    def answer(self, request: Request) -> Response | None:
+        """Return a script or a name, or None if the request is not for these."""
+        url = urlsplit(request.path)
+        if url.path == f'/{_SCRIPT}':
+            return _found(_script(), 'text/javascript')
+        if url.path != '/hover':
+            return None
+        words = parse_qs(url.query)
+        try:
+            page, x, y = int(words['page'][0]), float(words['x'][0]), float(words['y'][0])
+        except (KeyError, ValueError):
+            return Response(HTTPStatus.BAD_REQUEST, 'Bad Request',
+                            Headers({'Content-Length': '0'}))
+        return _found(self.name_at(page, x, y).encode(), 'text/plain')
+
+    def extend(self, request: Request, response: Response | None) -> Response | None:
+        """Add the script to the page, which is what viser answers to `/`."""
+        if response is None or urlsplit(request.path).path not in ('/', '/index.html'):
+            return response
+        is_packed = response.headers.get('Content-Encoding') == 'gzip'
+        if is_packed not in self._pages:
+            page = gzip.decompress(response.body) if is_packed else bytes(response.body)
+            page = page.replace(b'</body>', f'<script src="{_SCRIPT}"></script></body>'.encode())
+            self._pages[is_packed] = gzip.compress(page) if is_packed else page
+        response.body = self._pages[is_packed]
+        del response.headers['Content-Length']      # setting adds another
+        response.headers['Content-Length'] = str(len(response.body))
+        return response
+
+
+def _script() -> bytes:
+    return files('rigid_sim_ros.viewer').joinpath(_SCRIPT).read_bytes()
+
+
+def _found(content: bytes, kind: str) -> Response:
+    return Response(HTTPStatus.OK, 'OK', Headers({
+        'Content-Type': f'{kind}; charset=utf-8', 'Content-Length': str(len(content)),
+        'Cache-Control': 'no-store'}), content)
+
+
 def _refusal() -> Response:
     return Response(HTTPStatus.FORBIDDEN, 'Forbidden',
                     Headers({'Content-Length': '0', 'Connection': 'close'}))
 
 
-class _Server(viser.ViserServer):
+class PageServer(viser.ViserServer):
+    """viser's server with names under the mouse."""
+
+    hover: Hover
 
     def request_share_url(self, verbose: bool = True) -> None:
         """Open no tunnel to the internet, whatever a page asks for."""
@@ -94,14 +153,16 @@ def is_local(host: str) -> bool:
         return False
 
 
-def start(host: str, port: int, token: str = '') -> viser.ViserServer:
+def start(host: str, port: int, token: str = '') -> PageServer:
     """
     Start the server at an address; a port that is taken gives way to the next free one.
 
     Whoever brings no token gets nothing, if one is given.
     """
-    with _guarded(Gate(token)) as is_guarded, redirect_stdout(StringIO()):
-        server = _Server(host=host, port=port, verbose=False)
+    hover = Hover()
+    with _guarded(Gate(token), hover) as is_guarded, redirect_stdout(StringIO()):
+        server = PageServer(host=host, port=port, verbose=False)
+    server.hover = hover
     if not is_guarded.is_set():     # this version of viser opens its port in another way
         server.stop()
         raise RuntimeError('the page cannot be guarded with this version of viser')
@@ -112,7 +173,13 @@ def start(host: str, port: int, token: str = '') -> viser.ViserServer:
     server.scene.configure_environment_map(None)
     server.scene.add_light_hemisphere(
         '/light', sky_color=(255, 255, 255), ground_color=(150, 150, 160), intensity=1.6)
+    server.on_client_connect(_number)
     return server
+
+
+def _number(client: viser.ClientHandle) -> None:
+    """Tell the script in a page which one it is."""
+    client.gui.add_html(f'<span hidden data-rigid-sim-page="{client.client_id}"></span>')
 
 
 def stop(server: viser.ViserServer) -> None:
@@ -122,7 +189,7 @@ def stop(server: viser.ViserServer) -> None:
 
 
 @contextmanager
-def _guarded(gate: Gate) -> Iterator[threading.Event]:
+def _guarded(gate: Gate, hover: Hover) -> Iterator[threading.Event]:
     """Let a server that is started in the block ask the gate first; the event says it will."""
     # viser offers no place for that, but what it calls to open the port has one.
     serve = websockets.asyncio.server.serve
@@ -131,8 +198,10 @@ def _guarded(gate: Gate) -> Iterator[threading.Event]:
     def guarded(*args: Any, process_request: Check, **options: Any) -> Any:
 
         def check(connection: Any, request: Request) -> Any:
-            refusal = gate.answer(request)
-            return process_request(connection, request) if refusal is None else refusal
+            answer = gate.answer(request) or hover.answer(request)
+            if answer is not None:
+                return answer
+            return hover.extend(request, process_request(connection, request))
 
         is_guarded.set()
         return serve(*args, process_request=check, **options)

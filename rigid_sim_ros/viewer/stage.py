@@ -10,6 +10,8 @@ import viser
 
 from rigid_sim_ros.scene import Scene
 from rigid_sim_ros.viewer.motion import Array, Motion
+from rigid_sim_ros.viewer.picking import first_hit, is_near, line_of_sight
+from rigid_sim_ros.viewer.server import PageServer
 from rigid_sim_ros.viewer.shapes import Plane, Shapes, Solid, Surface
 
 _SHADOW = 0.35      # how dark shadows are on the ground
@@ -27,12 +29,15 @@ class Batch:
         self._p_BS = np.array([solid.position for solid in solids])
         self._q_BS = Rotation.from_quat([solid.orientation for solid in solids])
         self._shown: tuple[Array, Array] | None = None
+        self._triangles = surface.vertices[surface.faces]
+        self._radius = float(np.linalg.norm(surface.vertices, axis=1).max())
+        self._scales = np.array([solid.scale for solid in solids], dtype=float)
         count = len(solids)
         self.handle = scene.add_batched_meshes_simple(
             name, surface.vertices, surface.faces,
             np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)), np.zeros((count, 3)),
-            batched_scales=np.array([solid.scale for solid in solids]),
-            batched_colors=np.round(255 * colors).astype(np.uint8), opacity=opacity, lod='off')
+            batched_scales=self._scales, batched_colors=np.round(255 * colors).astype(np.uint8),
+            opacity=opacity, lod='off')
 
     def move(self, motion: Motion, rotation: Rotation) -> None:
         """Put the solids where their bodies are."""
@@ -46,11 +51,30 @@ class Batch:
         self.handle.batched_positions = p.astype(np.float32)
         self.handle.batched_wxyzs = q.astype(np.float32)
 
+    def meet(self, origin: Array, direction: Array) -> tuple[float, int]:
+        """
+        Return how far away a half-line first meets a solid, and its body.
+
+        The distance is in lengths of `direction`; inf and -1 if it meets none.
+        """
+        shown = self._shown
+        if shown is None:
+            return float('inf'), -1
+        p, q = shown
+        back = Rotation.from_quat(q[:, [1, 2, 3, 0]]).inv()
+        # In the unit form's own axes; a length along the line stays the same multiple of its
+        # direction, whatever the scale.
+        starts = back.apply(origin - p) / self._scales
+        ways = back.apply(direction) / self._scales
+        found = [(first_hit(starts[k], ways[k], self._triangles), int(self.bodies[k]))
+                 for k in np.flatnonzero(is_near(starts, ways, self._radius))]
+        return min(found, default=(float('inf'), -1))
+
 
 class Stage:
     """Shapes, planes and the ground of a scene."""
 
-    def __init__(self, server: viser.ViserServer, scene: Scene) -> None:
+    def __init__(self, server: PageServer, scene: Scene) -> None:
         self.scene = scene
         self.moving = np.flatnonzero(scene.model.inv_m > 0.0)
         self._server = server
@@ -65,6 +89,7 @@ class Stage:
         self.ground = self._grid('/ground')
         self.show_ground(True)
         self._aim(scene)
+        server.hover.name_at = self.name_at
 
     def move(self, motion: Motion) -> None:
         """Put every body where it is."""
@@ -73,6 +98,22 @@ class Stage:
             batch.move(motion, rotation)
         for plane, grid in self._planes:
             _place(grid, plane, motion, rotation)
+
+    def body_at(self, origin: Array, direction: Array) -> int | None:
+        """Return the body that a half-line from (3,) towards (3,) meets first, planes aside."""
+        distance, body = min((batch.meet(origin, direction) for batch in self.batches),
+                             default=(float('inf'), -1))
+        return body if distance < float('inf') else None
+
+    def name_at(self, page: int, x: float, y: float) -> str:
+        """
+        Return the name of the body that a page shows at a point, '' where there is none.
+
+        x and y go from 0 to 1, from the left and from the top.
+        """
+        client = self._server.get_clients().get(page)
+        body = self.body_at(*line_of_sight(client.camera, x, y)) if client is not None else None
+        return '' if body is None else self.scene.names[body]
 
     def is_moving(self, batch: Batch) -> bool:
         """Return whether the bodies of a batch move."""

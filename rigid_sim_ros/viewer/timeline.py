@@ -20,6 +20,7 @@ from rigid_sim_ros.viewer.charts import Charts
 from rigid_sim_ros.viewer.inputs import put, write
 from rigid_sim_ros.viewer.overlays import contact_lines, Overlays
 from rigid_sim_ros.viewer.recording import Happening, Recording
+from rigid_sim_ros.viewer.server import PageServer
 from rigid_sim_ros.viewer.show import ShowPanel
 from rigid_sim_ros.viewer.stage import Stage
 
@@ -35,7 +36,7 @@ _STEP = 0.001           # s: how fine the timeline is
 class BagPage:
     """Plays a recording in the page."""
 
-    def __init__(self, server: viser.ViserServer, recording: Recording) -> None:
+    def __init__(self, server: PageServer, recording: Recording) -> None:
         self._server = server
         self._recording = recording
         self._time = self._begin = float(recording.times[0])

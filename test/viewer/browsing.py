@@ -134,6 +134,10 @@ class Page:
         """Return all that is written in the page."""
         return str(self.page.inner_text('body'))
 
+    def hovered(self) -> str:
+        """Return the name that stands beside the mouse, '' if none does."""
+        return str(self.page.locator('#hovered-body').inner_text())
+
     def drag(
         self, start: tuple[float, float], end: tuple[float, float],
         until: Callable[[], Any] = lambda: True,

@@ -64,6 +64,14 @@ def test_the_timeline_seeks(page):
     page.wait_for(lambda: abs(page.spot(RED)[1] - y) < 1.0, 'the ball to be back')
 
 
+def test_the_name_of_a_body_stands_beside_the_mouse_over_it(page):
+    seek(page, 0.0)
+    page.page.mouse.move(*page.spot(RED))
+    page.wait_for(lambda: page.hovered() == 'left', 'the name of the ball')
+    page.page.mouse.move(20, 20)
+    page.wait_for(lambda: page.hovered() == '', 'the name to go')
+
+
 def test_play_goes_on_to_the_end_and_stops(page):
     seek(page, 3.0)
     page.click('Play')

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Who may reach the page: real requests to a real server."""
 from collections.abc import Iterator
+import gzip
 import http.client
 from importlib.util import find_spec
 import socket
@@ -64,7 +65,9 @@ def cookie(port: int) -> str:
     return headers['Set-Cookie'].partition(';')[0]
 
 
-@pytest.mark.parametrize('path', ['/', '/index.html', '/?token=', '/?token=wrong', '/?x=1'])
+@pytest.mark.parametrize('path', [
+    '/', '/index.html', '/?token=', '/?token=wrong', '/?x=1', '/hover.js',
+    '/hover?page=0&x=0.5&y=0.5'])
 def test_without_the_token_there_is_nothing(guarded: int, path: str) -> None:
     status, content, _ = get(guarded, path)
     assert (status, content) == (403, b'')
@@ -82,6 +85,22 @@ def test_the_token_opens_the_page_and_the_websocket(guarded: int) -> None:
     assert status == 200
     assert b'<html' in content
     assert opens_websocket(guarded, Cookie=mine)
+
+
+def test_the_page_brings_the_script_that_names_bodies(local: int) -> None:
+    for encoding, unpack in (('identity', bytes), ('gzip', gzip.decompress)):
+        status, content, headers = get(local, **{'Accept-Encoding': encoding})
+        assert (status, headers['Content-Encoding']) == (200, encoding)
+        assert unpack(content).count(b'<script src="hover.js"></script></body>') == 1
+    status, content, headers = get(local, '/hover.js')
+    assert status == 200
+    assert headers['Content-Type'].startswith('text/javascript')
+    assert b'hovered-body' in content
+
+
+@pytest.mark.parametrize('query', ['', '?page=0', '?page=a&x=0&y=0', '?page=0&x=0&y='])
+def test_a_question_without_a_place_is_refused(local: int, query: str) -> None:
+    assert get(local, f'/hover{query}')[:2] == (400, b'')
 
 
 def test_scripts_of_the_page_cannot_read_the_token(guarded: int) -> None:

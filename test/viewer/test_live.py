@@ -9,12 +9,13 @@ from unittest import SkipTest
 if find_spec('rclpy') is None or find_spec('viser') is None:
     raise SkipTest('rclpy or viser is not installed: pip install .[ros]')
 
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from nodes.live import kept, Process, running
 import numpy as np
 import pytest
 from sensor_msgs.msg import MultiDOFJointState
 from viewer.browsing import (
-    free_port, GREEN, OTHER_SCENE, Page, RED, scene_file, view)
+    free_port, GREEN, MAGENTA, OTHER_SCENE, Page, RED, scene_file, view)
 
 from rigid_sim_ros.bag.batch import Batch
 from rigid_sim_ros.bag.info import info
@@ -89,6 +90,22 @@ def test_bodies_move_in_the_page(page):
 
     page.wait_for(lambda: swing() > 20, 'the ball to swing')    # px
     assert page.spot(GREEN) == pytest.approx(resting, abs=0.5)
+
+
+def test_the_name_of_a_body_stands_beside_the_mouse_over_it(page):
+    for hue, name in ((GREEN, 'middle'), (MAGENTA, 'right')):
+        page.page.mouse.move(*page.spot(hue))
+        page.wait_for(lambda name=name: page.hovered() == name, f'the name of {name}')
+    page.page.mouse.move(20, 20)
+    page.wait_for(lambda: page.hovered() == '', 'the name to go')
+
+
+def test_the_name_goes_when_the_body_leaves_the_mouse(page, probe):
+    page.page.mouse.move(*page.spot(GREEN))
+    page.wait_for(lambda: page.hovered() == 'middle', 'the name of the box')
+    pose = Pose(position=Point(z=1.0), orientation=Quaternion(w=1.0))
+    probe.publish('/rigid_sim/middle/set_pose', PoseStamped(pose=pose))
+    page.wait_for(lambda: page.hovered() == '', 'the name to go')
 
 
 def test_the_pause_button_stops_the_bodies(page, probe):
