@@ -9,7 +9,6 @@ and everything but `run` works where no ROS is installed.
 from collections.abc import Sequence
 from contextlib import nullcontext
 from importlib import import_module
-from importlib.util import find_spec
 from typing import Any, NoReturn
 
 import click
@@ -19,13 +18,12 @@ from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.options import (
     Commands, duration_option, examples, NodeCommand, record_option, scene_argument, Seconds, Size)
 from rigid_sim_ros.scene.errors import SceneError
+from rigid_sim_ros.viewer import is_installed, NEEDED
 
 # What a user can mend: wrong usage, a bad scene, a missing installation.
 USAGE = 2
 NO_ROS = ("needs ROS 2: `pip install '.[ros]'` in a clone of rigid_sim_ros, or, where ROS 2 is "
           'installed from apt, `source /opt/ros/jazzy/setup.bash`')
-NO_VIEWER = ("the page needs viser: `pip install '.[view]'` in a clone of rigid_sim_ros, or "
-             '`pip install viser`')
 
 
 @click.group(cls=Commands, invoke_without_command=True, context_settings={
@@ -99,7 +97,7 @@ def view(bag: str | None, node: str, ros_args: list[str], **options: Any) -> int
     """
     _check_viewer()
     if bag is None:
-        result: int = _import_node('view', 'view').run(node, ros_args=ros_args, **options)
+        result: int = _import_node('view', 'view_node').run(node, ros_args=ros_args, **options)
         return result
     from rigid_sim_ros.viewer.address import AddressError
     from rigid_sim_ros.viewer.bag import run as show
@@ -111,8 +109,8 @@ def view(bag: str | None, node: str, ros_args: list[str], **options: Any) -> int
 
 
 def _check_viewer() -> None:
-    if find_spec('viser') is None:
-        raise click.ClickException(NO_VIEWER)
+    if not is_installed():
+        raise click.ClickException(NEEDED)
 
 
 def _import_node(command: str, name: str) -> Any:

@@ -57,6 +57,20 @@ def test_what_cannot_be_done_is_one_line(program, words, said):
     assert len(result.stderr.splitlines()) == 1
 
 
+@pytest.mark.parametrize('start', [
+    'from rigid_sim_ros.nodes.view import main; sys.exit(main())',
+    'from rigid_sim_ros.cli import main; sys.argv[1:] = ["view"]; main()',
+    'from rigid_sim_ros.cli import main; sys.argv[1:] = ["run", "tower", "--view"]; main()',
+])
+def test_without_viser_one_line_says_what_to_install(start):
+    code = f"import sys; sys.modules['viser'] = None; {start}"     # Python's mark for: not there
+    result = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True,
+                            cwd=ROOT, check=False, timeout=300)
+    assert result.returncode == 2
+    said, = result.stderr.splitlines()
+    assert said.startswith('rigid_sim: the page needs viser: `pip install')
+
+
 def test_a_run_with_a_page_ends_with_its_page(ros, tmp_path):
     command = [sys.executable, '-m', 'rigid_sim_ros', 'run', str(scene_file(tmp_path)), '--view']
     with kept(Process(command, tmp_path / 'run')) as process:

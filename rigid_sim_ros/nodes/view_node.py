@@ -1,0 +1,108 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The node behind the page of a simulation.
+
+The executor has a thread of its own; the main thread brings the page up to date.
+"""
+from collections.abc import Sequence
+import os
+import threading
+
+import rclpy
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+
+from rigid_sim_ros.nodes.process import (
+    complain, DONE, ROS_ERRORS, ros_text, start_ros, stop_on_signals, Threads)
+from rigid_sim_ros.nodes.view_driver import RosDriver
+from rigid_sim_ros.nodes.view_feed import Feed, simulations
+from rigid_sim_ros.viewer.address import AddressError, open_page, PORT
+from rigid_sim_ros.viewer.bag import RATE
+from rigid_sim_ros.viewer.live import LivePage
+from rigid_sim_ros.viewer.server import LOCAL, PageServer, stop
+from rigid_sim_ros.viewer.simulation import Inbox
+
+NODE_NAME = 'rigid_sim_view'
+_NICE = 5       # levels by which the page gives way to a simulation on the same processors
+_LOOK = 0.25    # s between two looks for a simulation
+_LOOKING = 'Looking for a simulation: start one with `rigid_sim run`.'
+
+
+class View:
+    """One page and one node, from the search for a simulation to the end."""
+
+    def __init__(self, server: PageServer, stopped: threading.Event) -> None:
+        self.node = Node(NODE_NAME)
+        self._server = server
+        self._stopped = stopped
+        self._threads = Threads(stopped)
+        self._log = self.node.get_logger()
+
+    def run(self, target: str, rate: float) -> None:
+        """Show a simulation, or the first that is found, until the end."""
+        executor = EventsExecutor()
+        executor.add_node(self.node)
+        spinning = self._threads.make('spin', self._threads.spin, executor)
+        spinning.start()
+        try:
+            looking = self._server.gui.add_markdown(_LOOKING)
+            target = target or self._find()
+            looking.remove()
+            if target:
+                self._show(target, rate)
+        finally:
+            self._stopped.set()
+            executor.wake()
+            spinning.join()
+            executor.shutdown()
+        self._threads.raise_failure()
+
+    def _show(self, target: str, rate: float) -> None:
+        self._log.info(f'showing {target}')
+        inbox = Inbox()
+        feed = Feed(self.node, target, inbox)
+        page = LivePage(self._server, inbox, RosDriver(self.node, target, feed.listen))
+        page.run(self._stopped, rate)
+
+    def _find(self) -> str:
+        """Wait for a simulation and return its name, '' at the end."""
+        while not self._stopped.wait(_LOOK):
+            found = simulations(self.node)
+            if len(found) > 1:
+                self._log.warning(f'found {", ".join(found)}: choose one with --node')
+            if found:
+                return found[0]
+        return ''
+
+
+def run(
+    target: str = '', *, host: str = LOCAL, port: int = PORT, rate: float = RATE,
+    ros_args: Sequence[str] = (),
+) -> int:
+    """
+    Show a simulation until Ctrl-C or SIGTERM.
+
+    target is the name of its node, '' for the first that is found. host and port are where the
+    page is opened; rate [Hz] is how often it follows. Returns the exit code.
+    """
+    stopped = threading.Event()
+    restore = stop_on_signals(stopped)
+    try:
+        os.nice(_NICE)
+        start_ros(ros_args)
+        server, _ = open_page(host, port)
+        try:
+            view = View(server, stopped)
+            view.run(target, rate)
+            view.node.destroy_node()
+        finally:
+            stop(server)
+    except AddressError as error:
+        return complain(str(error))
+    except ROS_ERRORS as error:
+        return complain(ros_text(error))
+    finally:
+        rclpy.try_shutdown()
+        restore()
+    return DONE
