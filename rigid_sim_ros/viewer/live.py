@@ -21,7 +21,8 @@ from rigid_sim_ros.viewer.simulation import Driver, Inbox, Report
 from rigid_sim_ros.viewer.stage import Batch, Stage
 
 _CHARTS = (charts.ENERGY, charts.MOMENTUM, charts.ANGULAR_MOMENTUM, charts.CONTACTS, charts.PACE)
-_OVERLAYS = (kinds.VELOCITY, kinds.WRENCHES, kinds.CONTACTS, kinds.AXES, kinds.NAMES, kinds.TRAILS)
+_OVERLAYS = (kinds.VELOCITY, kinds.WRENCHES, kinds.CONTACTS, kinds.AXES, kinds.NAMES, kinds.TRAILS,
+             kinds.SPRINGS)
 _SILENCE = 3.0      # s without a word after which the simulation counts as gone
 _STATUS_PERIOD = 0.25
 
@@ -44,12 +45,13 @@ class LivePage:
         self._motion: Motion | None = None
         self._hands: Hands | None = None
         self._acts = False
+        self._is_stale = False      # another overlay is wanted than those in the picture
         tabs = server.gui.add_tab_group()
         with tabs.add_tab('Drive'):
             self._pace = PacePanel(server, driver)
             self._body = BodyPanel(server, driver)
         with tabs.add_tab('Show'):
-            self._show = ShowPanel(server, _OVERLAYS, driver.listen)
+            self._show = ShowPanel(server, _OVERLAYS, self._switch)
         with tabs.add_tab('Charts'):
             self._charts = Charts(server.gui, _CHARTS)
         inbox.heard_state = self._react
@@ -71,6 +73,8 @@ class LivePage:
             if self._inbox.state != self._state:
                 self._state = self._inbox.state
                 self._follow(self._decoder.read(self._state), now)
+            elif self._is_stale:    # also while the simulation is paused
+                self._follow(self._motion, now)
             if self._inbox.reported != self._reported:
                 self._reported = self._inbox.reported
                 self._report(now)
@@ -105,6 +109,7 @@ class LivePage:
         if motion is None or self._stage is None or self._overlays is None:
             return
         self._motion = motion
+        self._is_stale = False
         self._stage.move(motion)
         self._overlays.move(motion, now)
         self._overlays.show_wrenches(motion, self._inbox.applied)
@@ -114,6 +119,10 @@ class LivePage:
         self._inbox.contacts = b''
         if self._hands is not None:
             self._overlays.show_grips(motion, list(self._hands.grips.values()))
+
+    def _switch(self, kind: str, wanted: bool) -> None:
+        self._driver.listen(kind, wanted)
+        self._is_stale = True
 
     def _report(self, now: float) -> None:
         reports = self._inbox.reports

@@ -11,10 +11,11 @@ from rigid_sim_ros.bag.topics import typestore
 from rigid_sim_ros.viewer.grip import Grip, held_point, Masses
 from rigid_sim_ros.viewer.motion import Array, Motion
 from rigid_sim_ros.viewer.simulation import Applied
+from rigid_sim_ros.viewer.springs import Springs
 from rigid_sim_ros.viewer.stage import Stage
 
 VELOCITY, WRENCHES, CONTACTS = 'velocities', 'wrenches', 'contacts'
-AXES, NAMES, TRAILS = 'body axes', 'names', 'trails'
+AXES, NAMES, TRAILS, SPRINGS = 'body axes', 'names', 'trails', 'springs'
 
 _COLORS = {VELOCITY: (0, 114, 178), WRENCHES: (213, 94, 0), CONTACTS: (204, 121, 167)}
 _GRIP = (213, 94, 0)
@@ -63,35 +64,28 @@ class Overlays:
         self._stage = stage
         self._masses = Masses(stage.scene)
         self._index = {name: k for k, name in enumerate(stage.scene.names)}
-        self._shown: set[str] = set()
+        self._wanted: dict[str, bool] = {}
+        self._shown: frozenset[str] = frozenset()
         self._arrows = {kind: Arrows(scene, f'/arrows/{kind}', size, color)
                         for kind, color in _COLORS.items()}
         self._grips = Arrows(scene, '/arrows/grips', size, _GRIP)
         self._labels: list[viser.LabelHandle] = []
         self._axes: viser.BatchedAxesHandle | None = None
         self._trails = Trails(scene, stage)
+        self._springs = Springs(scene, stage)
         # [m/N] The weight of a common body is as long as the body is wide.
         self._per_newton = 2.0 * size / _common_force(stage)
 
     def switch(self, kind: str, wanted: bool) -> None:
-        """Show a kind of overlay, or no longer."""
-        (self._shown.add if wanted else self._shown.discard)(kind)
-        if wanted:
-            return
-        if kind in self._arrows:
-            self._arrows[kind].show(np.empty((0, 3)), np.empty((0, 3)))
-        elif kind == TRAILS:
-            self._trails.clear()
-        elif kind == NAMES:
-            for label in self._labels:
-                label.remove()
-            self._labels = []
-        elif self._axes is not None:
-            self._axes.remove()
-            self._axes = None
+        """Show a kind of overlay from the next motion on, or no longer; any thread may call."""
+        self._wanted[kind] = wanted
 
     def move(self, motion: Motion, now: float) -> None:
         """Follow the bodies; now [s] is wall time."""
+        wanted = frozenset(kind for kind, is_on in list(self._wanted.items()) if is_on)
+        for kind in self._shown - wanted:
+            self._hide(kind)
+        self._shown = wanted
         moving = self._stage.moving
         if VELOCITY in self._shown:
             start = motion.position[moving]
@@ -102,6 +96,23 @@ class Overlays:
             self._move_names(motion)
         if TRAILS in self._shown:
             self._trails.follow(motion.position, now)
+        if SPRINGS in self._shown:
+            self._springs.follow(motion)
+
+    def _hide(self, kind: str) -> None:
+        if kind in self._arrows:
+            self._arrows[kind].show(np.empty((0, 3)), np.empty((0, 3)))
+        elif kind == TRAILS:
+            self._trails.clear()
+        elif kind == SPRINGS:
+            self._springs.clear()
+        elif kind == NAMES:
+            for label in self._labels:
+                label.remove()
+            self._labels = []
+        elif self._axes is not None:
+            self._axes.remove()
+            self._axes = None
 
     def show_wrenches(self, motion: Motion, applied: Mapping[str, Applied]) -> None:
         """Draw the forces that act on the bodies."""
@@ -157,11 +168,12 @@ class Overlays:
 
     def remove(self) -> None:
         """Take everything out of the page."""
-        for kind in (AXES, NAMES):
-            self.switch(kind, False)
+        for kind in self._shown & {AXES, NAMES}:
+            self._hide(kind)
         for arrows in (*self._arrows.values(), self._grips):
             arrows.remove()
         self._trails.remove()
+        self._springs.remove()
 
     def _move_axes(self, motion: Motion) -> None:
         wxyzs = motion.orientation[:, [3, 0, 1, 2]]

@@ -7,10 +7,11 @@ from typing import Any
 import viser
 
 from rigid_sim_ros.viewer.inputs import put
-from rigid_sim_ros.viewer.overlays import Overlays
+from rigid_sim_ros.viewer.overlays import Overlays, SPRINGS
 from rigid_sim_ros.viewer.stage import Stage
 
 _GRID, _SHADOWS = 'ground grid', 'shadows'
+_FIRST = frozenset({SPRINGS})   # what is switched on at first: part of the scene
 # [bodies] Larger scenes begin without shadows.
 _MOST_SHADOWS = 60
 
@@ -19,12 +20,13 @@ class ShowPanel:
     """Checkboxes for what is shown; they keep their state when the scene changes."""
 
     def __init__(self, server: viser.ViserServer, kinds: Sequence[str],
-                 listen: Callable[[str, bool], None] = lambda kind, wanted: None) -> None:
+                 switched: Callable[[str, bool], None]) -> None:
         self._server = server
-        self._listen = listen
+        self._switched = switched
         self._stage: Stage | None = None
         self._overlays: Overlays | None = None
-        self._boxes = {kind: server.gui.add_checkbox(kind, initial_value=False) for kind in kinds}
+        self._boxes = {kind: server.gui.add_checkbox(kind, initial_value=kind in _FIRST)
+                       for kind in kinds}
         self._grid = server.gui.add_checkbox(_GRID, initial_value=True)
         self._shadows = server.gui.add_checkbox(_SHADOWS, initial_value=True)
         for kind, box in self._boxes.items():
@@ -47,9 +49,9 @@ class ShowPanel:
 
     def _switch(self, kind: str) -> None:
         wanted = self._boxes[kind].value
-        self._listen(kind, wanted)
         if self._overlays is not None:
             self._overlays.switch(kind, wanted)
+        self._switched(kind, wanted)
 
     def _switch_shadows(self) -> None:
         if self._stage is not None:

@@ -25,7 +25,8 @@ from rigid_sim_ros.viewer.show import ShowPanel
 from rigid_sim_ros.viewer.stage import Stage
 
 _CHARTS = (charts.ENERGY, charts.MOMENTUM, charts.ANGULAR_MOMENTUM)
-_OVERLAYS = (kinds.VELOCITY, kinds.WRENCHES, kinds.CONTACTS, kinds.AXES, kinds.NAMES, kinds.TRAILS)
+_OVERLAYS = (kinds.VELOCITY, kinds.WRENCHES, kinds.CONTACTS, kinds.AXES, kinds.NAMES, kinds.TRAILS,
+             kinds.SPRINGS)
 _POINTS = 400           # of a curve in a chart
 _MOST_LABELS = 12       # of marks on the timeline; more would hide each other
 _NO_EVENT = '-'
@@ -41,7 +42,7 @@ class BagPage:
         self._recording = recording
         self._time = self._begin = float(recording.times[0])
         self._end = float(recording.times[-1])
-        self._row = -1
+        self._row = -1          # that is in the picture
         self._plays = False
         self._lock = threading.Lock()
         tabs = server.gui.add_tab_group()
@@ -49,7 +50,7 @@ class BagPage:
         with self._tab:
             self._add_controls(server.gui)
         with tabs.add_tab('Show'):
-            show = ShowPanel(server, _OVERLAYS)
+            show = ShowPanel(server, _OVERLAYS, self._switch)
         with tabs.add_tab('Charts'):
             self._fill_charts(server.gui)
         self._stage = Stage(server, recording.scene)
@@ -142,6 +143,9 @@ class BagPage:
         self._plays = plays
         self._play.label = 'Pause' if plays else 'Play'
         self._play.icon = viser.Icon.PLAYER_PAUSE if plays else viser.Icon.PLAYER_PLAY
+
+    def _switch(self, kind: str, wanted: bool) -> None:
+        self._row = -1      # draws it again
 
     def _seek(self, event: viser.GuiEvent[Any]) -> None:
         if event.client is not None:        # not by this program, as it plays
