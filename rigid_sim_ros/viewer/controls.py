@@ -28,7 +28,7 @@ class PacePanel:
         gui = server.gui
         self._server = server
         self._driver = driver
-        self._is_paused = False
+        self.is_paused = False
         self._is_recording = False
         self._turned_at = -_PATIENCE
         self.status = gui.add_markdown('looking for a simulation ...')
@@ -42,7 +42,7 @@ class PacePanel:
         self._unlimited = gui.add_checkbox('as fast as possible', initial_value=False)
         self._record = gui.add_button('Record', icon=viser.Icon.PLAYER_RECORD, color='red')
         self._recorded = gui.add_markdown('not recording')
-        self._pause.on_click(lambda _: self._driver.pause(not self._is_paused, self._answer))
+        self._pause.on_click(lambda _: self._driver.pause(not self.is_paused, self._answer))
         self._step.on_click(lambda _: self._driver.trigger('step', self._answer))
         self._reset.on_click(lambda _: self._driver.trigger('reset', self._answer))
         self._speed.on_update(self._set_speed)
@@ -70,8 +70,8 @@ class PacePanel:
 
     def show_paused(self, paused: bool) -> None:
         """Turn the button."""
-        if paused != self._is_paused:
-            self._is_paused = paused
+        if paused != self.is_paused:
+            self.is_paused = paused
             self._pause.label = 'Go on' if paused else 'Pause'
             self._pause.icon = viser.Icon.PLAYER_PLAY if paused else viser.Icon.PLAYER_PAUSE
 

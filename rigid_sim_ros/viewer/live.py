@@ -154,8 +154,11 @@ class LivePage:
         elif self._motion is None:
             text = f'**{inbox.node}**: waiting for its first state'
         else:
-            factor = f' at {_number(pace, "real-time factor"):.2f} times real time' if pace else ''
-            text = f'**{inbox.node}** {1e-9 * self._motion.t_ns:.2f} s{factor}'
+            text = f'**{inbox.node}** {1e-9 * self._motion.t_ns:.2f} s'
+            if self._pace.is_paused:
+                text += ', paused'
+            elif pace is not None:
+                text += f' at {_number(pace, "real-time factor"):.2f} times real time'
         write(self._pace.status, text)
         if self._motion is not None:
             self._body.move(self._motion)

@@ -17,7 +17,7 @@ from rigid_sim_ros.viewer.stage import Stage
 VELOCITY, WRENCHES, CONTACTS = 'velocities', 'wrenches', 'contacts'
 AXES, NAMES, TRAILS, SPRINGS = 'body axes', 'names', 'trails', 'springs'
 
-_COLORS = {VELOCITY: (0, 114, 178), WRENCHES: (213, 94, 0), CONTACTS: (204, 121, 167)}
+_COLORS = {VELOCITY: (0, 114, 178), WRENCHES: (213, 94, 0), CONTACTS: (150, 0, 110)}
 _GRIP = (213, 94, 0)
 _NS = 1e-9
 # [s] A velocity arrow shows where the body would be after this time.
@@ -211,9 +211,10 @@ class Trails:
         self._points: list[Array] = []      # (bodies, 3) each
         self._due = 0.0
         self._colors = np.round(255 * stage.colors[self._bodies]).astype(np.uint8)
+        # Colours for each end from the beginning: viser draws white what gets them later.
         self._handle = scene.add_line_segments(
-            '/trails', np.zeros((1, 2, 3)), (0, 0, 0), thickness=2.0, thickness_units='screen',
-            visible=False)
+            '/trails', np.zeros((1, 2, 3)), np.zeros((1, 2, 3), np.uint8), thickness=2.0,
+            thickness_units='screen', visible=False)
 
     def follow(self, position: Array, now: float) -> None:
         """Add a point to each trail, unless the last one is only just there."""

@@ -51,6 +51,8 @@ _SIZE = {'width': 1000, 'height': 600}
 _PANEL = 360        # px at the right that the controls cover
 _LEAST = 30         # px: smaller spots are edges, not bodies
 _HUE = 25           # degrees to either side that are still this colour
+_NARROW_HUE = 9     # the same where another colour is near
+_DARK = 70          # of 255, in each of red, green and blue
 
 
 def scene_file(folder: Path, text: str = SCENE) -> Path:
@@ -107,14 +109,26 @@ class Page:
 
     def spots(self, hue: int) -> list[tuple[float, float]]:
         """Return the middles [px] of the spots of a colour, given in degrees."""
-        picture = Image.open(io.BytesIO(self.page.screenshot())).convert('HSV')
-        pixels = np.asarray(picture, dtype=float)[:, :-_PANEL]
-        away = np.abs((pixels[..., 0] * 360 / 255 - hue + 180) % 360 - 180)
-        mask = (away < _HUE) & (pixels[..., 1] > 100) & (pixels[..., 2] > 40)
+        mask = self._mask(hue, _HUE)
         labels, count = ndimage.label(mask)
         sizes = ndimage.sum_labels(mask, labels, range(1, count + 1))
         large = [k + 1 for k, size in enumerate(sizes) if size >= _LEAST]
         return [(x, y) for y, x in ndimage.center_of_mass(mask, labels, large)]
+
+    def pixels(self, hue: int, within: float = _NARROW_HUE) -> int:
+        """Return how many pixels have a colour, given in degrees."""
+        return int(self._mask(hue, within).sum())
+
+    def _mask(self, hue: int, within: float) -> np.ndarray:
+        picture = Image.open(io.BytesIO(self.page.screenshot())).convert('HSV')
+        pixels = np.asarray(picture, dtype=float)[:, :-_PANEL]
+        away = np.abs((pixels[..., 0] * 360 / 255 - hue + 180) % 360 - 180)
+        return (away < within) & (pixels[..., 1] > 100) & (pixels[..., 2] > 40)
+
+    def dark_pixels(self) -> int:
+        """Return how many pixels are nearly black, as letters are."""
+        picture = Image.open(io.BytesIO(self.page.screenshot())).convert('RGB')
+        return int((np.asarray(picture)[:, :-_PANEL].max(axis=2) < _DARK).sum())
 
     def spot(self, hue: int) -> tuple[float, float]:
         """Wait for the only spot of a colour and return its middle."""
@@ -129,6 +143,19 @@ class Page:
     def click(self, name: str) -> None:
         """Click on a button."""
         self.page.get_by_role('button', name=name, exact=True).click(timeout=1000 * PATIENCE)
+
+    def switch(self, name: str) -> None:
+        """Click on a checkbox in the tab Show."""
+        self.page.get_by_role('tab', name='Show').click(timeout=1000 * PATIENCE)
+        self.page.get_by_label(name, exact=True).click(timeout=1000 * PATIENCE)
+
+    def fill(self, label: str, number: float, place: int = 0) -> None:
+        """Type a number into a field, or that many fields behind the one with the label."""
+        field = self.page.get_by_label(label, exact=True)
+        if place:
+            field = field.locator(f'xpath=following::input[{place}]')
+        field.fill(f'{number:g}')
+        field.press('Enter')
 
     def text(self) -> str:
         """Return all that is written in the page."""

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fixtures of the tests of the page: a real browser, and ROS where a test needs it."""
 from collections.abc import Iterator
+from pathlib import Path
 import shutil
 from typing import Any
 
@@ -47,3 +48,57 @@ def browser() -> Iterator[Any]:
             '--disable-gpu-compositing'])
         yield browser
         browser.close()
+
+
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give a folder for all tests of a module."""
+    return tmp_path_factory.mktemp('viewer')
+
+
+@pytest.fixture(scope='module')
+def sim(probe: Any, folder: Path) -> Iterator[Any]:
+    """Run the scene of three bodies in the node `rigid_sim`."""
+    from nodes.live import running
+    from sensor_msgs.msg import MultiDOFJointState
+    from viewer.browsing import scene_file
+
+    with running(folder / 'sim', str(scene_file(folder)), bag_path=folder / 'bag') as process:
+        probe.some(MultiDOFJointState, '/rigid_sim/state')
+        yield process
+
+
+@pytest.fixture(scope='module')
+def port() -> int:
+    """Give the port of the page."""
+    from viewer.browsing import free_port
+
+    return free_port()
+
+
+@pytest.fixture(scope='module')
+def viewer(sim: Any, folder: Path, port: int) -> Iterator[Any]:
+    """Run `rigid_sim view` for the simulation."""
+    from nodes.live import kept
+    from viewer.browsing import view
+
+    with kept(view(folder / 'view', '--port', str(port))) as process:
+        yield process
+
+
+@pytest.fixture(scope='module')
+def shown(viewer: Any, browser: Any, port: int) -> Iterator[Any]:
+    """Open the page in the browser."""
+    from viewer.browsing import Page
+
+    page = Page(browser, f'http://127.0.0.1:{port}')
+    yield page
+    page.close()
+
+
+@pytest.fixture
+def page(shown: Any, probe: Any) -> Any:
+    """Give the page of a simulation that has just been reset."""
+    probe.pause(False)
+    probe.trigger('/rigid_sim/reset')
+    return shown

@@ -20,11 +20,6 @@ from rigid_sim_ros.world import load_scene
 
 
 @pytest.fixture(scope='module')
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp('bag_page')
-
-
-@pytest.fixture(scope='module')
 def bag(folder):
     batch = Batch(load_scene(scene_file(folder)), folder / 'session')
     batch.run(2000)

@@ -9,10 +9,12 @@ from unittest import SkipTest
 if find_spec('rclpy') is None or find_spec('viser') is None:
     raise SkipTest('rclpy or viser is not installed: pip install .[ros]')
 
-from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, WrenchStamped
 from nodes.live import kept, Process, running
 import numpy as np
 import pytest
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import GetParameters, SetParameters
 from sensor_msgs.msg import MultiDOFJointState
 from viewer.browsing import (
     free_port, GREEN, MAGENTA, OTHER_SCENE, Page, RED, scene_file, view)
@@ -24,49 +26,23 @@ from rigid_sim_ros.world import load_scene
 LEFT, MIDDLE, RIGHT = range(3)
 
 
-@pytest.fixture(scope='module')
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp('viewer')
-
-
-@pytest.fixture(scope='module')
-def sim(probe, folder):
-    with running(folder / 'sim', str(scene_file(folder)), bag_path=folder / 'bag') as process:
-        probe.some(MultiDOFJointState, '/rigid_sim/state')
-        yield process
-
-
-@pytest.fixture(scope='module')
-def port():
-    return free_port()
-
-
-@pytest.fixture(scope='module')
-def viewer(sim, folder, port):
-    with kept(view(folder / 'view', '--port', str(port))) as process:
-        yield process
-
-
-@pytest.fixture(scope='module')
-def shown(viewer, browser, port):
-    page = Page(browser, f'http://127.0.0.1:{port}')
-    yield page
-    page.close()
-
-
-@pytest.fixture
-def page(shown, probe):
-    """Give the page of a simulation that has just been reset."""
-    probe.pause(False)
-    probe.trigger('/rigid_sim/reset')
-    return shown
-
-
 def position(probe, body):
     """Return where a body is now, as the simulation says."""
     message, = probe.some(MultiDOFJointState, '/rigid_sim/state')
     p = message.transforms[body].translation
     return np.array([p.x, p.y, p.z])
+
+
+def pace(probe):
+    """Return what the parameter says."""
+    request = GetParameters.Request(names=['real_time_factor'])
+    return probe.call(GetParameters, '/rigid_sim/get_parameters', request).values[0].double_value
+
+
+def set_pace(probe, factor):
+    value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=factor)
+    request = SetParameters.Request(parameters=[Parameter(name='real_time_factor', value=value)])
+    assert probe.call(SetParameters, '/rigid_sim/set_parameters', request).results[0].successful
 
 
 def test_the_page_shows_each_body_once(page):
@@ -151,6 +127,62 @@ def test_a_body_that_is_let_go_is_pulled_no_more(page, probe):
         probe.wait_for(lambda: len(received) >= 50, 'half a second')
     v = [np.array([m.twist[MIDDLE].linear.x, m.twist[MIDDLE].linear.z]) for m in received[20:]]
     assert np.ptp(v, axis=0).max() < 1e-12      # nothing else acts on it
+
+
+def test_the_push_button_pushes_the_chosen_body(page, probe):
+    page.page.mouse.click(*page.spot(GREEN))
+    page.wait_for(lambda: 'angular velocity [0.000, 0.000, 0.000] rad/s' in page.text(),
+                  'the figures of the body')
+    page.fill('force [N]', 2.0, place=2)
+    page.fill('for [s]', 0.2)
+    echoed = '/rigid_sim/middle/applied_wrench'
+    with probe.listening(WrenchStamped, echoed) as wrenches, probe.listening(
+            MultiDOFJointState, '/rigid_sim/state') as states:
+        page.click('Push')
+        probe.wait_for(lambda: states and states[-1].twist[MIDDLE].linear.z > 0.0,
+                       'the body to move')
+        probe.wait_for(lambda: wrenches and wrenches[-1].wrench.force.z == 0.0,
+                       'the end of the push')
+        assert {message.wrench.force.z for message in wrenches} == {0.0, 2.0}
+        states.clear()
+        after = probe.wait_for(lambda: states and states[-1].twist[MIDDLE])
+    # F t / m = 2 N 0.2 s / 1 kg = 0.4 m/s. It ends with the first state after 0.2 s that the page
+    # hears, at the latest after the 0.5 s for which the node holds a wrench.
+    assert 0.4 <= after.linear.z < 1.4 + 1e-9
+    assert [after.linear.x, after.linear.y] == [0.0, 0.0]
+    assert [after.angular.x, after.angular.y, after.angular.z] == pytest.approx([0, 0, 0])
+
+
+def test_the_speed_slider_sets_the_pace(page, probe):
+    slider = page.page.get_by_role('slider').first
+    slider.focus()
+    for _ in range(4):
+        slider.press('ArrowRight')      # 0.05 each
+    shown = float(slider.get_attribute('aria-valuenow'))
+    assert shown > 1.0
+    probe.wait_for(lambda: pace(probe) == pytest.approx(shown), 'the simulation to follow')
+
+
+def test_a_speed_is_typed_beside_the_slider_or_left_open(page, probe):
+    field = page.page.locator('input[inputmode]:visible').first
+    field.fill('0.5')
+    field.press('Enter')
+    probe.wait_for(lambda: pace(probe) == 0.5, 'half of real time')
+    # The node tells once a second what it does with it.
+    page.wait_for(lambda: 'at 0.5' in page.text(), 'the page to say so')
+    unlimited = page.page.get_by_label('as fast as possible', exact=True)
+    unlimited.click()
+    probe.wait_for(lambda: pace(probe) == 0.0, 'no limit')
+    unlimited.click()
+    probe.wait_for(lambda: pace(probe) == 0.5, 'the limit again')
+
+
+def test_the_slider_follows_what_others_set(page, probe):
+    set_pace(probe, 2.0)
+    slider = page.page.get_by_role('slider').first
+    page.wait_for(lambda: slider.get_attribute('aria-valuenow') == '2', 'the slider')
+    set_pace(probe, 1.0)
+    page.wait_for(lambda: slider.get_attribute('aria-valuenow') == '1', 'the slider')
 
 
 def test_a_clicked_body_is_put_where_the_fields_say(page, probe):

@@ -1,0 +1,130 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the tab Show switches on appears in the picture, and goes again."""
+from importlib.util import find_spec
+from unittest import SkipTest
+
+if find_spec('rclpy') is None or find_spec('viser') is None:
+    raise SkipTest('rclpy or viser is not installed: pip install .[ros]')
+
+from geometry_msgs.msg import Twist, TwistStamped, Vector3, Wrench, WrenchStamped
+from nodes.live import kept, running
+from sensor_msgs.msg import MultiDOFJointState
+from viewer.browsing import free_port, MAGENTA, Page, scene_file, view
+
+# Hues of the overlays in the light of the page, in degrees.
+VELOCITY, WRENCH, CONTACT, SPRING, Z_AXIS = 202, 35, 305, 164, 240
+RIGHT = 2
+# px: less is the edge of something else.
+SOME, NONE = 25, 5
+
+RESTING = """
+format: 1
+bodies:
+  - {name: floor, fixed: true, shape: {type: plane, normal: [0, 0, 1], offset: 0}}
+  - name: crate
+    shape: {type: box, size: [0.4, 0.4, 0.4]}
+    mass: 1.0
+    color: [0, 0.8, 0]
+    pose: {position: [0, 0, 0.2]}
+"""
+
+
+def appears_and_goes(page, switch, hue):
+    """Switch something on and off that has a colour of its own."""
+    assert page.pixels(hue) < NONE
+    page.switch(switch)
+    page.wait_for(lambda: page.pixels(hue) > SOME, f'{switch} to appear')
+    page.switch(switch)
+    page.wait_for(lambda: page.pixels(hue) < NONE, f'{switch} to go')
+
+
+def launch(probe, body, speed, height):
+    """Let a body go up, and wait until it is at a height."""
+    up = TwistStamped(twist=Twist(linear=Vector3(z=speed)))
+    probe.publish(f'/rigid_sim/{body}/set_twist', up)
+    with probe.listening(MultiDOFJointState, '/rigid_sim/state') as states:
+        probe.wait_for(lambda: states and states[-1].transforms[RIGHT].translation.z > height)
+
+
+def test_body_axes_are_shown_and_hidden(page):
+    appears_and_goes(page, 'body axes', Z_AXIS)
+
+
+def test_velocities_are_arrows_in_a_pause_too(page, probe):
+    launch(probe, 'right', 2.0, 0.1)
+    probe.pause(True)
+    appears_and_goes(page, 'velocities', VELOCITY)
+
+
+def test_springs_are_shown_and_follow_their_bodies(page, probe):
+    page.wait_for(lambda: page.pixels(SPRING) > SOME, 'the spring')
+    counts = []
+
+    def shrinks():
+        counts.append(page.pixels(SPRING))
+        return max(counts) > 1.3 * min(counts)
+
+    page.wait_for(shrinks, 'the spring to become shorter as the ball rises')
+    page.switch('springs')
+    page.wait_for(lambda: page.pixels(SPRING) < NONE, 'the spring to go')
+    probe.pause(True)
+    page.switch('springs')
+    page.wait_for(lambda: page.pixels(SPRING) > SOME, 'the spring again, in a pause too')
+
+
+def test_names_are_shown_in_a_pause_too(page, probe):
+    probe.pause(True)
+    before = page.dark_pixels()
+    page.switch('names')
+    page.wait_for(lambda: page.dark_pixels() > before + SOME, 'letters')
+    page.switch('names')
+    page.wait_for(lambda: page.dark_pixels() < before + NONE, 'no letters')
+
+
+def test_trails_are_left_behind(page, probe):
+    page.switch('trails')
+    launch(probe, 'right', 0.4, 0.7)
+    probe.pause(True)
+    page.wait_for(lambda: page.spots(MAGENTA), 'the picture')
+    page.page.wait_for_timeout(500)
+    with_trail = page.pixels(MAGENTA)
+    page.switch('trails')
+    page.wait_for(lambda: page.pixels(MAGENTA) < with_trail - SOME, 'the trail to go')
+
+
+def test_an_applied_wrench_is_an_arrow(page, probe):
+    wrench = WrenchStamped(wrench=Wrench(force=Vector3(z=10.0)))
+
+    def is_drawn():
+        """Stop the simulation just after it has taken a wrench."""
+        probe.trigger('/rigid_sim/reset')
+        probe.pause(False)
+        with probe.listening(WrenchStamped, '/rigid_sim/right/applied_wrench') as taken:
+            probe.publish('/rigid_sim/right/wrench', wrench)
+            probe.wait_for(lambda: taken)
+            probe.pause(True)
+        page.page.wait_for_timeout(500)
+        return page.pixels(WRENCH) > SOME
+
+    assert page.pixels(WRENCH) < NONE
+    page.switch('wrenches')
+    page.wait_for(is_drawn, 'the arrow')
+    page.switch('wrenches')
+    page.wait_for(lambda: page.pixels(WRENCH) < NONE, 'the arrow to go with the switch')
+    page.switch('wrenches')
+    page.wait_for(is_drawn, 'the arrow again')
+    probe.pause(False)
+    page.wait_for(lambda: page.pixels(WRENCH) < NONE, 'the arrow to go with the wrench')
+    page.switch('wrenches')
+
+
+def test_contact_forces_are_arrows(browser, probe, folder):
+    other = free_port()
+    scene = str(scene_file(folder / 'resting', RESTING))
+    with running(folder / 'rests', scene, name='resting'), kept(
+            view(folder / 'view_it', '--node', '/resting', '--port', str(other))):
+        page = Page(browser, f'http://127.0.0.1:{other}')
+        page.wait_for(lambda: 'times real time' in page.text(), 'the simulation')
+        appears_and_goes(page, 'contacts', CONTACT)
+        page.close()
