@@ -6,12 +6,15 @@ Start the node `simulate`.
     ros2 launch rigid_sim_ros simulate.launch.py scene:=tumbling_cubesat
     ros2 launch rigid_sim_ros simulate.launch.py scene:=/path/scene.yaml params_file:=my.yaml
     ros2 launch rigid_sim_ros simulate.launch.py duration:=10 record:=session
+    ros2 launch rigid_sim_ros simulate.launch.py scene:=tower rviz:=true
 
 `ros2 launch rigid_sim_ros simulate.launch.py --show-args` lists the arguments. When the node ends,
-so does the launch.
+so does the launch, with RViz; when RViz is closed, the node goes on.
 """
+from pathlib import Path
 from typing import Any
 
+from ament_index_python import get_package_share_directory, get_packages_with_prefixes
 from launch import LaunchDescription  # type: ignore[attr-defined]
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.substitutions import LaunchConfiguration
@@ -24,7 +27,9 @@ ARGUMENTS = {
     'record': ('', 'record into this new folder; empty: what the parameters say'),
     'name': ('rigid_sim', 'name of the node, and so of its topics: two sims need two names'),
     'namespace': ('', 'namespace of the node'),
+    'rviz': ('false', 'whether to open RViz too, with msg_config/rigid_sim.rviz'),
 }
+_MARKERS = '/rigid_sim/markers'     # as the RViz configuration has it
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -32,17 +37,18 @@ def generate_launch_description() -> LaunchDescription:
     arguments = [
         DeclareLaunchArgument(name, default_value=default, description=description)
         for name, (default, description) in ARGUMENTS.items()]
-    return LaunchDescription([*arguments, OpaqueFunction(function=_node)])
+    return LaunchDescription([*arguments, OpaqueFunction(function=_nodes)])
 
 
-def _node(context: Any) -> list[Node]:
+def _nodes(context: Any) -> list[Node]:
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     words = [given['scene']] if given['scene'] else []
     if given['duration']:
         words += ['--duration', given['duration']]
     if given['record']:
         words += ['--record', given['record']]
-    return [Node(
+    is_shown = given['rviz'].lower() in ('true', '1')
+    return [*([_rviz(given)] if is_shown else []), Node(
         package='rigid_sim_ros',
         executable='simulate',
         name=given['name'],
@@ -52,3 +58,18 @@ def _node(context: Any) -> list[Node]:
         output='screen',
         on_exit=Shutdown(),
     )]
+
+
+def _rviz(given: dict[str, str]) -> Node:
+    """Return RViz with the markers of the node, whatever its name."""
+    if 'rviz2' not in get_packages_with_prefixes():
+        raise RuntimeError('rviz:=true needs RViz: apt install ros-$ROS_DISTRO-rviz2')
+    node = '/'.join(['', *filter(None, [given['namespace'].strip('/'), given['name']])])
+    config = Path(get_package_share_directory('rigid_sim_ros')) / 'msg_config' / 'rigid_sim.rviz'
+    return Node(
+        package='rviz2',
+        executable='rviz2',
+        arguments=['-d', str(config)],
+        parameters=[{'use_sim_time': True}],
+        remappings=[(_MARKERS, f'{node}/markers')],
+    )

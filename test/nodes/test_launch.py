@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The launch file starts the installed node with its arguments, where launch is installed."""
 from importlib.util import find_spec
+import os
+from pathlib import Path
 import sys
 from unittest import SkipTest
 
@@ -61,3 +63,40 @@ def test_the_parameter_file_is_an_argument(probe, tmp_path, scene):
 def test_the_launch_ends_with_the_node(ros, tmp_path, scene):
     with launch(tmp_path, f'scene:={scene}', 'duration:=0.1') as process:
         assert process.wait() == 0
+
+
+@pytest.fixture
+def rviz(monkeypatch, tmp_path):
+    """Put a program that writes down its arguments in the place of RViz."""
+    prefix = tmp_path / 'prefix'
+    packages = prefix / 'share' / 'ament_index' / 'resource_index' / 'packages'
+    packages.mkdir(parents=True)
+    (packages / 'rviz2').touch()
+    program = prefix / 'lib' / 'rviz2' / 'rviz2'
+    program.parent.mkdir(parents=True)
+    said = tmp_path / 'said'
+    program.write_text(f'#!/bin/sh\necho "$@" > {said}.part\nmv {said}.part {said}\nexec sleep 600\n',
+                       encoding='utf-8')
+    program.chmod(0o755)
+    monkeypatch.setenv('AMENT_PREFIX_PATH', f'{prefix}:{os.environ["AMENT_PREFIX_PATH"]}')
+    return said
+
+
+def test_rviz_shows_the_markers_of_this_node_and_ends_with_it(probe, rviz, tmp_path, scene):
+    with launch(tmp_path, f'scene:={scene}', 'name:=seen', 'namespace:=lab', 'duration:=1.0',
+                'rviz:=true') as process:
+        assert process.wait() == 0
+    words = rviz.read_text(encoding='utf-8').split()
+    config, = (Path(word) for word in words if word.endswith('rigid_sim.rviz'))
+    assert words[0] == '-d'
+    assert 'Value: /rigid_sim/markers' in config.read_text(encoding='utf-8')
+    assert '/rigid_sim/markers:=/lab/seen/markers' in words
+
+
+def test_without_rviz_the_launch_says_what_to_install(probe, tmp_path, scene):
+    if 'rviz2' in get_packages_with_prefixes():
+        pytest.skip('RViz is installed')
+    with launch(tmp_path, f'scene:={scene}', 'rviz:=true') as process:
+        process.wait()
+    said = (tmp_path / 'stdout').read_text(encoding='utf-8') + process.stderr
+    assert 'rviz:=true needs RViz: apt install ros-$ROS_DISTRO-rviz2' in said
