@@ -138,11 +138,14 @@ class BodyPanel:
         put(self._body, self._names[body])
         self._read()
 
-    def move(self, motion: Motion) -> None:
-        """Show how the chosen body moves."""
+    def follow(self, motion: Motion) -> None:
+        """Take note of how the bodies move."""
         self._motion = motion
-        k = self._index()
-        if k < 0:
+
+    def show(self) -> None:
+        """Show how the chosen body moves."""
+        k, motion = self._index(), self._motion
+        if k < 0 or motion is None:
             text = ''
         else:
             p, v, w = (_listed(a[k]) for a in (motion.position, motion.linear, motion.angular))
@@ -162,12 +165,12 @@ class BodyPanel:
 
     def _push(self) -> None:
         k = self._index()
-        if k < 0 or self._motion is None or self._hands is None:
+        if k < 0 or self._hands is None:
             notify(self._server, 'choose a body first', False)
             return
-        end_ns = self._motion.t_ns + round(self._duration.value * _SECOND)
         self._hands.pushes.append(Push(
-            k, self._force.value, self._torque.value, self._axes.value == _BODY_AXES, end_ns))
+            k, self._force.value, self._torque.value, self._axes.value == _BODY_AXES,
+            round(self._duration.value * _SECOND)))
 
     def _set_pose(self) -> None:
         k = self._index()

@@ -13,6 +13,7 @@ point, and K is the inverse of the mass that a force there feels. So a crumb and
 the middle or at a corner, follow the mouse alike. The hand carries the weight too: what it holds
 does not sag. A body that swings about the hand comes to rest by a torque against its turning.
 """
+from collections import deque
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -100,7 +101,7 @@ class Push(NamedTuple):
     force: Vector       # N
     torque: Vector      # Nm
     turns: bool         # in the axes of the body, and turns with it; else in those of the world
-    end_ns: int         # simulation time
+    duration_ns: int    # of simulation time, from the first state that it follows
 
 
 class Hands:
@@ -108,7 +109,8 @@ class Hands:
 
     def __init__(self, scene: Scene) -> None:
         self.grips: dict[int, Grip] = {}    # by page
-        self.pushes: list[Push] = []
+        self.pushes: deque[Push] = deque()  # that are yet to begin
+        self._acting: list[tuple[int, Push]] = []   # and when they end, simulation time [ns]
         self._masses = Masses(scene)
         self._names = scene.names
         self._interval = 0.01
@@ -117,15 +119,20 @@ class Hands:
     @property
     def are_idle(self) -> bool:
         """Whether nothing is held or pushed."""
-        return not (self.grips or self.pushes)
+        return not (self.grips or self.pushes or self._acting)
 
     def wrenches(self, motion: Motion, now: float) -> list[BodyWrench]:
         """Return what acts from now on; now [s] is steady wall time."""
         self._measure(motion.t_ns, now)
-        self.pushes = [push for push in self.pushes if motion.t_ns < push.end_ns]
+        # A clock that was set back ends them too.
+        self._acting = [(end, push) for end, push in self._acting
+                        if end - push.duration_ns <= motion.t_ns < end]
+        while self.pushes:
+            push = self.pushes.popleft()
+            self._acting.append((motion.t_ns + push.duration_ns, push))
         grips: Mapping[int, Grip] = dict(self.grips)
         pulls = [self._masses.pull(hand, motion, self._interval) for hand in grips.values()]
-        return pulls + [self._pushed(push, motion) for push in self.pushes]
+        return pulls + [self._pushed(push, motion) for _, push in self._acting]
 
     def _pushed(self, push: Push, motion: Motion) -> BodyWrench:
         if not push.turns:

@@ -110,6 +110,7 @@ class LivePage:
             return
         self._motion = motion
         self._is_stale = False
+        self._body.follow(motion)
         self._stage.move(motion)
         self._overlays.move(motion, now)
         self._overlays.show_wrenches(motion, self._inbox.applied)
@@ -160,8 +161,7 @@ class LivePage:
             elif pace is not None:
                 text += f' at {_number(pace, "real-time factor"):.2f} times real time'
         write(self._pace.status, text)
-        if self._motion is not None:
-            self._body.move(self._motion)
+        self._body.show()
 
     def _make_touchable(self, batch: Batch) -> None:
         # async: viser calls these in the order of the mouse, the others in that of its threads.

@@ -81,6 +81,7 @@ class Page:
     def __init__(self, browser: Any, address: str) -> None:
         self.page = browser.new_page(viewport=_SIZE)
         self.requests: list[str] = []
+        self.home: tuple[float, float] | None = None    # px: the box, as the scene begins
         self.page.on('request', lambda request: self.requests.append(request.url))
         self._open(address)
 

@@ -98,7 +98,14 @@ def shown(viewer: Any, browser: Any, port: int) -> Iterator[Any]:
 
 @pytest.fixture
 def page(shown: Any, probe: Any) -> Any:
-    """Give the page of a simulation that has just been reset."""
+    """Give the page of a simulation that has just been reset, once it shows that."""
+    from viewer.browsing import GREEN
+
+    shown.page.mouse.move(20, 20)
+    home = shown.spot(GREEN) if shown.home is None else shown.home
+    shown.home = home
     probe.pause(False)
     probe.trigger('/rigid_sim/reset')
+    shown.wait_for(lambda: shown.spots(GREEN) == [pytest.approx(home, abs=2.0)],   # px
+                   'the box where it was at the beginning')
     return shown

@@ -70,6 +70,18 @@ def test_a_push_acts_for_its_time_and_no_longer():
     assert hands.are_idle
 
 
+def test_a_push_counts_from_when_it_begins():
+    w = world(mass=2.0, gravity=(0, 0, 0))
+    hands = Hands(w.scene)
+    run(w, hands, 0.5)
+    for _ in range(2):      # they add up
+        hands.pushes.append(Push(0, (3.0, 0.0, 0.0), (0.0, 0.0, 0.0), False, 200_000_000))
+    run(w, hands, 0.1)
+    assert w.linear_momentum[0] == pytest.approx([2 * 3.0 * 0.1, 0, 0], rel=1e-12)
+    run(w, hands, 0.5)
+    assert w.linear_momentum[0] == pytest.approx([2 * 3.0 * 0.2, 0, 0], rel=1e-12)
+
+
 def test_a_push_in_body_axes_turns_with_the_body():
     w = world(gravity=(0, 0, 0))
     axis = World.from_dict(w.scene.spec.model_dump(exclude_none=True)).orientation[0]
