@@ -23,7 +23,8 @@ from websockets.http11 import Request, Response
 LOCAL = '127.0.0.1'
 _LOCAL_NAMES = frozenset({'localhost', LOCAL, '::1'})
 _TOKEN = 'token'
-_SCRIPT = 'hover.js'
+# What is added to viser's page.
+_SCRIPTS = ('drawing.js', 'hover.js')
 
 Check = Callable[[Any, Request], Any]
 # Takes a page by its number, and a point of its picture from 0 to 1, from the left and the top.
@@ -94,8 +95,9 @@ class Hover:
     def answer(self, request: Request) -> Response | None:
         """Return a script or a name, or None if the request is not for these."""
         url = urlsplit(request.path)
-        if url.path == f'/{_SCRIPT}':
-            return _found(_script(), 'text/javascript')
+        if url.path.lstrip('/') in _SCRIPTS:
+            script = files('rigid_sim_ros.viewer').joinpath(url.path.lstrip('/'))
+            return _found(script.read_bytes(), 'text/javascript')
         if url.path != '/hover':
             return None
         words = parse_qs(url.query)
@@ -107,22 +109,19 @@ class Hover:
         return _found(self.name_at(page, x, y).encode(), 'text/plain')
 
     def extend(self, request: Request, response: Response | None) -> Response | None:
-        """Add the script to the page, which is what viser answers to `/`."""
+        """Add the scripts to the page, which is what viser answers to `/`."""
         if response is None or urlsplit(request.path).path not in ('/', '/index.html'):
             return response
         is_packed = response.headers.get('Content-Encoding') == 'gzip'
         if is_packed not in self._pages:
             page = gzip.decompress(response.body) if is_packed else bytes(response.body)
-            page = page.replace(b'</body>', f'<script src="{_SCRIPT}"></script></body>'.encode())
+            tags = ''.join(f'<script src="{name}"></script>' for name in _SCRIPTS)
+            page = page.replace(b'</body>', f'{tags}</body>'.encode())
             self._pages[is_packed] = gzip.compress(page) if is_packed else page
         response.body = self._pages[is_packed]
         del response.headers['Content-Length']      # setting adds another
         response.headers['Content-Length'] = str(len(response.body))
         return response
-
-
-def _script() -> bytes:
-    return files('rigid_sim_ros.viewer').joinpath(_SCRIPT).read_bytes()
 
 
 def _found(content: bytes, kind: str) -> Response:

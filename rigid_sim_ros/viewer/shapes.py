@@ -25,8 +25,8 @@ _LEAST_PARTICLE = 1e-3      # m
 # How round a ball is: its rings from pole to pole, and the sides of each ring. Scenes of many
 # round bodies take the next coarser ones: without a graphics card a thousand triangles are a
 # millisecond.
-_ROUNDNESS = ((16, 24), (12, 18), (8, 12))
-_TRIANGLES = 20_000
+_ROUNDNESS = ((16, 24), (12, 18), (8, 12), (6, 10))
+_TRIANGLES = 12_000
 # [rad] Edges where faces meet at less than this are shaded round.
 _ROUND = 0.6
 

@@ -66,7 +66,7 @@ def cookie(port: int) -> str:
 
 
 @pytest.mark.parametrize('path', [
-    '/', '/index.html', '/?token=', '/?token=wrong', '/?x=1', '/hover.js',
+    '/', '/index.html', '/?token=', '/?token=wrong', '/?x=1', '/drawing.js', '/hover.js',
     '/hover?page=0&x=0.5&y=0.5'])
 def test_without_the_token_there_is_nothing(guarded: int, path: str) -> None:
     status, content, _ = get(guarded, path)
@@ -87,15 +87,17 @@ def test_the_token_opens_the_page_and_the_websocket(guarded: int) -> None:
     assert opens_websocket(guarded, Cookie=mine)
 
 
-def test_the_page_brings_the_script_that_names_bodies(local: int) -> None:
+def test_the_page_brings_scripts_of_its_own(local: int) -> None:
+    tags = b'<script src="drawing.js"></script><script src="hover.js"></script></body>'
     for encoding, unpack in (('identity', bytes), ('gzip', gzip.decompress)):
         status, content, headers = get(local, **{'Accept-Encoding': encoding})
         assert (status, headers['Content-Encoding']) == (200, encoding)
-        assert unpack(content).count(b'<script src="hover.js"></script></body>') == 1
-    status, content, headers = get(local, '/hover.js')
-    assert status == 200
-    assert headers['Content-Type'].startswith('text/javascript')
-    assert b'hovered-body' in content
+        assert unpack(content).count(tags) == 1
+    for name in ('drawing', 'hover'):
+        status, content, headers = get(local, f'/{name}.js')
+        assert status == 200
+        assert headers['Content-Type'].startswith('text/javascript')
+        assert b"'use strict'" in content
 
 
 @pytest.mark.parametrize('query', ['', '?page=0', '?page=a&x=0&y=0', '?page=0&x=0&y='])
