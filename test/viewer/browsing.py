@@ -47,7 +47,7 @@ bodies:
     color: [0, 0.8, 0]
 """
 RED, GREEN, MAGENTA = 0, 120, 300
-_SIZE = {'width': 1000, 'height': 600}
+_SIZE = 1000, 600   # px
 _PANEL = 360        # px at the right that the controls cover
 _LEAST = 30         # px: smaller spots are edges, not bodies
 _HUE = 25           # degrees to either side that are still this colour
@@ -78,8 +78,9 @@ def view(folder: Path, *words: str) -> Process:
 class Page:
     """One page in the browser."""
 
-    def __init__(self, browser: Any, address: str) -> None:
-        self.page = browser.new_page(viewport=_SIZE)
+    def __init__(self, browser: Any, address: str, size: tuple[int, int] = _SIZE) -> None:
+        # In a context of its own: nothing is shared with another page.
+        self.page = browser.new_page(viewport=dict(zip(('width', 'height'), size, strict=True)))
         self.requests: list[str] = []
         self.home: tuple[float, float] | None = None    # px: the box, as the scene begins
         self.page.on('request', lambda request: self.requests.append(request.url))

@@ -1,7 +1,6 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """The command line of the page."""
-from contextlib import ExitStack
 from importlib.util import find_spec
 import re
 import signal
@@ -15,11 +14,9 @@ from urllib.request import urlopen
 if find_spec('rclpy') is None or find_spec('viser') is None:
     raise SkipTest('rclpy or viser is not installed: pip install .[ros]')
 
-from nodes.live import kept, PATIENCE, Process, ROOT, running
+from nodes.live import kept, PATIENCE, Process, ROOT
 import pytest
-from viewer.browsing import free_port, scene_file, view
-import viser
-from websockets.sync.client import connect
+from viewer.browsing import scene_file
 
 from rigid_sim_ros.nodes.view_process import name_of
 
@@ -82,25 +79,6 @@ def test_a_run_with_a_page_ends_with_its_page(ros, tmp_path):
         assert process.wait() == 0
     with pytest.raises(URLError, match='refused'):
         urlopen(address, timeout=60)
-
-
-def test_five_pages_are_served_at_once(ros, tmp_path):
-    port = free_port()
-    with running(tmp_path / 'sim', str(scene_file(tmp_path)), name='five'), kept(
-            view(tmp_path / 'view', '--node', '/five', '--port', str(port))), ExitStack() as stack:
-        pages = [stack.enter_context(wait_for(lambda: opened(port))) for _ in range(5)]
-        for page in pages:
-            for _ in range(20):     # what a page is told when bodies move
-                assert page.recv(timeout=PATIENCE)
-
-
-def opened(port):
-    """Return a WebSocket as a page opens it, None while nobody listens."""
-    try:
-        return connect(f'ws://127.0.0.1:{port}', subprotocols=[f'viser-v{viser.__version__}'],
-                       max_size=None)
-    except OSError:
-        return None
 
 
 def wait_for(condition):

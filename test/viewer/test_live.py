@@ -84,6 +84,24 @@ def test_the_name_goes_when_the_body_leaves_the_mouse(page, probe):
     page.wait_for(lambda: page.hovered() == '', 'the name to go')
 
 
+def test_five_viewers_see_the_bodies_move(viewer, browser, port, probe):
+    probe.pause(False)
+    address = f'http://127.0.0.1:{port}/?fixedDpr=0.5'      # the processor draws all of them
+    pages = [Page(browser, address, (700, 400)) for _ in range(5)]
+    for page in pages:
+        page.wait_for(lambda page=page: page.counts() == (1, 1, 1), 'three bodies')
+    heights = [[] for _ in pages]
+
+    def swing():
+        for page, seen in zip(pages, heights, strict=True):
+            seen += [y for _, y in page.spots(RED)]
+        return min(max(seen, default=0) - min(seen, default=0) for seen in heights) > 12   # px
+
+    pages[0].wait_for(swing, 'the ball to swing in all of them')
+    for page in pages:
+        page.close()
+
+
 def test_the_pause_button_stops_the_bodies(page, probe):
     page.click('Pause')
     page.wait_for(lambda: 'Go on' in page.text(), 'the button to turn')
