@@ -22,6 +22,7 @@ _PORT = 8765
 _MOMENT = 0.5       # s of simulation time
 _PACE = 0.05        # times real time
 _PATIENCE = 120_000     # ms
+_MOUSE = 400, 380       # px: over a block, whose name the page shows
 _ENVIRONMENT = {'ROS_DOMAIN_ID': '77', 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', **os.environ}
 
 
@@ -38,16 +39,18 @@ def simulation_time(page: Page) -> float:
 
 def take(page: Page) -> None:
     """Wait for the moment and take the picture."""
-    page.goto(f'http://127.0.0.1:{_PORT}')
+    page.goto(f'http://127.0.0.1:{_PORT}/?antialias')
     page.add_style_tag(content='.mantine-Notifications-root {visibility: hidden}')
     page.get_by_role('tab', name='Show').click(timeout=_PATIENCE)
-    for place in (0, 2):        # velocities, contacts
-        page.locator('input[type=checkbox]:visible').nth(place).click(force=True)
+    for name in ('velocities', 'contacts'):
+        page.get_by_label(name, exact=True).click(timeout=_PATIENCE)
     page.get_by_role('tab', name='Drive').click(timeout=_PATIENCE)
     while simulation_time(page) < _MOMENT:
         page.wait_for_timeout(100)
     page.get_by_role('button', name='Pause', exact=True).click(timeout=_PATIENCE)
     page.wait_for_timeout(8000)
+    page.mouse.move(*_MOUSE)
+    page.locator('#hovered-body').filter(has_text='_').wait_for(timeout=_PATIENCE)
     page.screenshot(path=_PICTURE, type='jpeg', quality=80)
 
 

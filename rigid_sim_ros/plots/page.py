@@ -18,6 +18,8 @@ from rigid_sim_ros.plots.diagram import Band, Diagram, Line, Panel
 
 _COLUMNS = 2
 _ROW_HEIGHT = 270       # pixels
+_SPACING = 0.22         # of the width: the legend of one column, the labels of the next
+_LEGEND_FONT = 11       # pixels
 _DASHES = {'solid': 'solid', 'dashed': 'dash', 'dotted': 'dot'}
 
 
@@ -26,7 +28,8 @@ def write_page(diagram: Diagram, path: Path) -> None:
     columns = min(_COLUMNS, len(diagram.panels))
     rows = math.ceil(len(diagram.panels) / columns)
     figure = make_subplots(
-        rows, columns, column_titles=None, horizontal_spacing=0.16, vertical_spacing=0.28 / rows,
+        rows, columns, column_titles=None, horizontal_spacing=_SPACING,
+        vertical_spacing=0.28 / rows,
         subplot_titles=[_panel_at(diagram, row, column, rows).title
                         if column * rows + row < len(diagram.panels) else ''
                         for row in range(rows) for column in range(columns)])
@@ -77,7 +80,8 @@ def _band(band: Band, legend: str) -> list[Any]:
 def _place_legend(figure: Any, legend: str, axes: Any) -> None:
     figure.update_layout({legend: {
         'x': axes.xaxis.domain[1] + 0.005, 'y': axes.yaxis.domain[1], 'xanchor': 'left',
-        'yanchor': 'top', 'groupclick': 'toggleitem', 'bgcolor': 'rgba(255, 255, 255, 0)'}})
+        'yanchor': 'top', 'groupclick': 'toggleitem', 'bgcolor': 'rgba(255, 255, 255, 0)',
+        'font': {'size': _LEGEND_FONT}}})
 
 
 def _label(axes: Any, panel: Panel, diagram: Diagram, first_time: str) -> str:

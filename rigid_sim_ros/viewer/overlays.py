@@ -27,6 +27,8 @@ _TRAIL_POINTS, _LONGEST_TRAIL = 12_000, 240
 _TRAIL_PERIOD = 0.05    # s of wall time between two of its points
 _JUMP = 20.0            # body sizes: a step of this length is no motion
 _EARTH = 9.81           # m/s^2
+# [body widths] Arrows of forces end here: an impact is a hundred weights, it would fill the picture.
+_LONGEST_FORCE = 3.0
 _FORGET = 0.6           # s of simulation time that the arrow of a wrench stays
 
 
@@ -75,6 +77,7 @@ class Overlays:
         self._springs = Springs(scene, stage)
         # [m/N] The weight of a common body is as long as the body is wide.
         self._per_newton = 2.0 * size / _common_force(stage)
+        self._longest = _LONGEST_FORCE * 2.0 * size     # m
 
     def switch(self, kind: str, wanted: bool) -> None:
         """Show a kind of overlay from the next motion on, or no longer; any thread may call."""
@@ -133,7 +136,7 @@ class Overlays:
             if owner == body:
                 start = motion.position[k] + rotation[k].apply(self._origin(wrench.frame))
             starts.append(start)
-            ends.append(start + self._per_newton * force)
+            ends.append(start + shortened(self._per_newton * force, self._longest))
         self._arrows[WRENCHES].show(np.reshape(starts, (-1, 3)), np.reshape(ends, (-1, 3)))
 
     def _frame(self, name: str) -> tuple[Array, Array] | None:
@@ -159,7 +162,9 @@ class Overlays:
     def show_contacts(self, lines: Array) -> None:
         """Draw the contact forces: lines (k, 2, 3) [m]."""
         if CONTACTS in self._shown:
-            self._arrows[CONTACTS].show(lines[:, 0], lines[:, 1])
+            start = lines[:, 0]
+            self._arrows[CONTACTS].show(
+                start, start + shortened(lines[:, 1] - start, self._longest))
 
     def show_grips(self, motion: Motion, grips: Sequence[Grip]) -> None:
         """Draw a line from each held point to the mouse that pulls it."""
@@ -191,6 +196,12 @@ class Overlays:
                             for name in (self._stage.scene.names[k] for k in moving)]
         for label, p in zip(self._labels, motion.position[moving], strict=True):
             label.position = p
+
+
+def shortened(vectors: Array, most: float) -> Array:
+    """Return vectors (..., 3) of the same directions, none of them longer than `most`."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors * (most / np.maximum(length, most)))
 
 
 def _common_force(stage: Stage) -> float:
