@@ -27,7 +27,7 @@ _TRAIL_POINTS, _LONGEST_TRAIL = 12_000, 240
 _TRAIL_PERIOD = 0.05    # s of wall time between two of its points
 _JUMP = 20.0            # body sizes: a step of this length is no motion
 _EARTH = 9.81           # m/s^2
-# [body widths] Arrows of forces end here: an impact is a hundred weights, it would fill the picture.
+# [body widths] Arrows of forces end here: an impact is a hundred weights, off the picture.
 _LONGEST_FORCE = 3.0
 _FORGET = 0.6           # s of simulation time that the arrow of a wrench stays
 
