@@ -22,7 +22,6 @@ import argparse
 import ctypes
 import gc
 import json
-import math
 import os
 from pathlib import Path
 from statistics import median
@@ -256,7 +255,8 @@ def draw(results: Results, path: Path) -> None:
             y = [cost(results, name, n, case.batches[-1]) for n in x]
             left.plot(x, y, color=color, marker=marker, label=case.name)
             left.fill_between(x, min(y), FLAT * min(y), color=color, alpha=0.15, linewidth=0)
-        left.set(xscale='log', yscale='log', xlabel='bodies', ylabel='cost of a body and step [ns]',
+        left.set(xscale='log', yscale='log', xlabel='bodies',
+                 ylabel='cost of a body and step [ns]',
                  title=f'Bands: {FLAT} times the cheapest size')
         left.legend()
         x, bodies, contacts = shares(results)

@@ -34,9 +34,10 @@ class Clocks:
     def __init__(self, seconds: float) -> None:
         self.parts: dict[str, int] = {}
         self.late: list[tuple[int, int, int]] = []  # count, of the first [ns], a tick [ns]
+        self.work: list[int] = []       # time of the processor from each step to the next [ns]
         self._inner = 0         # what parts inside of the present one took
         self._seconds = seconds
-        self._origin = 0
+        self._origin = self._before = 0
         self._first: dict[str, Any] = {}
         self._last: dict[str, Any] = {}
 
@@ -68,6 +69,9 @@ class Clocks:
                 if not self._first:
                     self._first = self._moment(this, now_ns)
                 self.late.append((count, lateness.late_ns, this.tick_ns))
+                cpu_ns = time.thread_time_ns()
+                self.work.append(cpu_ns - (self._before or cpu_ns))
+                self._before = cpu_ns
             elif since >= self._seconds and not self._last:
                 self._last = self._moment(this, now_ns)
             return lateness
@@ -88,13 +92,14 @@ class Clocks:
         late = sorted(ns - k * tick for count, ns, tick in self.late for k in range(count))
 
         def share(kind: str) -> dict[str, float]:
-            return {name: (ns - first[kind].get(name, 0)) / wall for name, ns in last[kind].items()}
+            return {name: (ns - first[kind].get(name, 0)) / wall
+                    for name, ns in last[kind].items()}
 
         return {'parts': share('parts'), 'threads': share('threads'),
                 'process': (last['process'] - first['process']) / wall,
                 'rate': (last['steps'] - first['steps']) * STEP_NS / wall,
                 'overruns': last['overruns'] - first['overruns'],
-                'late': quantiles(late)}
+                'late': quantiles(late), 'work': quantiles(sorted(self.work))}
 
 
 def quantiles(ranked: Sequence[float]) -> list[float]:
