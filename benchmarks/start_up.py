@@ -7,10 +7,10 @@ How long it takes from starting Python to the first step.
     python benchmarks/start_up.py --output docs/performance.md
 
 Cold: with an empty cache, so that every kernel that the scene needs is compiled. Warm: with the
-cache of the run before, and Python's own of its bytecode. Each start is a process of its own, and
-its time goes from its creation to the end of the first step; on a machine that does other things
-too, the time of the processor tells more. `batch` is `rigid_sim batch`, which records one step;
-it has to say that it compiles when that takes.
+cache of the run before, and Python's own of its bytecode. Each start is a process of its own that
+ends after the first step, and its time is that of the whole process; on a machine that does other
+things too, the time of the processor tells more. `batch` is `rigid_sim batch`, which records one
+step; it has to say that it compiles when that takes.
 """
 
 import argparse
@@ -92,19 +92,18 @@ def _seconds(starts: list[Start]) -> list[str]:
             f'{median(one.cpu for one in starts):.2f}']
 
 
-def cold_and_warm(repeats: int) -> list[str]:
+def cold_and_warm(below: Path, repeats: int) -> list[str]:
     """Return the lines of a table, a line for each scene and one for the command."""
     lines = heading(['first step of', 'cold [s]', 'of the processor', 'warm [s]',
                      'of the processor'])
     for name, scene in SCENES.items():
-        with tempfile.TemporaryDirectory() as folder:
-            words = ['-c', STEP, json.dumps(scene)]
-            lines.append(_row(name, words, Path(folder), repeats)[0])
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / 'scene.yaml'
-        path.write_text(json.dumps(scene), encoding='utf-8')
-        words = ['-m', 'rigid_sim_ros', 'batch', str(path), '--duration', '0.001', '--output']
-        text, cold = _row(f'{name}, `batch`', words, Path(folder), repeats)
+        words = ['-c', STEP, json.dumps(scene)]
+        lines.append(_row(name, words, below / name, repeats)[0])
+    folder = below / 'batch'
+    path = below / 'scene.yaml'
+    path.write_text(json.dumps(scene), encoding='utf-8')
+    words = ['-m', 'rigid_sim_ros', 'batch', str(path), '--duration', '0.001', '--output']
+    text, cold = _row(f'{name}, `batch`', words, folder, repeats)
     said = [part for part in cold.errors.replace('\r', '\n').splitlines() if 'compiling' in part]
     return [*lines, text, line(['wanted, at most', COLD, '', WARM, '']), '',
             f'`batch` said while it compiled: `{said[-1].strip()}`.' if said else
@@ -113,6 +112,7 @@ def cold_and_warm(repeats: int) -> list[str]:
 
 def _row(name: str, words: list[str], folder: Path, repeats: int) -> tuple[str, Start]:
     print(f'  {name}', file=sys.stderr, flush=True)
+    folder.mkdir()
     is_command = words[-1] == '--output'
 
     def once(k: int) -> Start:
@@ -123,13 +123,10 @@ def _row(name: str, words: list[str], folder: Path, repeats: int) -> tuple[str, 
     return line([name, *_seconds([cold]), *_seconds(warm)]), cold
 
 
-def parts(repeats: int) -> list[str]:
-    """Return a table of what a warm start consists of."""
+def parts(below: Path, repeats: int) -> list[str]:
+    """Return a table of what a warm start consists of, of a scene that was started before."""
     name, scene = list(SCENES.items())[-1]
-    words = ['-c', PARTS, json.dumps(scene)]
-    with tempfile.TemporaryDirectory() as folder:
-        start(words, Path(folder))
-        starts = [start(words, Path(folder)) for _ in range(repeats)]
+    starts = [start(['-c', PARTS, json.dumps(scene)], below / name) for _ in range(repeats)]
     found = [json.loads(one.output) for one in starts]
     row = {key: median(one[key] for one in found) for key in found[0]}
     rest = median(one.wall for one in starts) - sum(row.values())
@@ -146,7 +143,9 @@ def main() -> int:
     arguments = parser.parse_args()
     pages = [machine()]
     print(pages[0], flush=True)
-    pages += ['\n'.join(cold_and_warm(arguments.repeats)), '\n'.join(parts(arguments.repeats))]
+    with tempfile.TemporaryDirectory() as folder:
+        pages += ['\n'.join(table(Path(folder), arguments.repeats))
+                  for table in (cold_and_warm, parts)]
     print('', *pages[1:], sep='\n\n')
     if arguments.output:
         write(arguments.output, pages, 'start-up')
