@@ -12,10 +12,10 @@ is found; and free bodies in a world without contacts. Each size runs in a proce
 one thread, sizes take turns, and of all pieces of all rounds the median counts. Time is that of
 the processor. Sleeping is off, as it is by default.
 
-Memory is what the resident set of the process grew by, after a small world of the same kind was
-stepped: by the description of the scene (what the file said, kept for bags and for the page), and
-by the world that steps, of which bodies far apart tell the share of a body and the bin, beyond
-that, the share of a contact.
+Memory, in processes of their own, is what the resident set grew by after a small world of the
+same kind was stepped: by the description of the scene (what the file said, kept for bags and for
+the page), and by the world that steps. Bodies far apart tell the share of a body, and the bin what
+contacts add to it.
 """
 
 import argparse
@@ -39,12 +39,15 @@ from rigid_sim_ros.scene import scene_from_dict
 RADIUS = 0.1
 FLAT = 1.5      # how much more the dearest size may cost than the cheapest
 BODY, CONTACT = 2000, 1000      # bytes at most
+LEAST = 1000    # bodies whose memory is more than a few pages
 SETTLING = 480  # steps until the spheres of a bin are at rest
 PIECE = 0.02    # s of a piece that is timed, at least
 PIECES = 15
 BATCHES = (1, 10, 100)  # steps of free bodies in one call
 # What keeps a library from using more than one thread.
 ONE_THREAD = dict.fromkeys(('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'NUMBA_NUM_THREADS'), '1')
+# glibc: arrays get pages of their own, in place of what was left over from reading the scene.
+OWN_PAGES = {'MALLOC_MMAP_THRESHOLD_': '4096'}
 
 
 def _sphere(k: int, place: np.ndarray) -> dict[str, Any]:
@@ -138,8 +141,16 @@ def costs(world: World, n: int, count: int) -> list[float]:
     return found
 
 
-def run(case: Case, n: int) -> dict[str, Any]:
-    """Measure one size."""
+def time_of(case: Case, n: int) -> dict[str, Any]:
+    """Measure what a body and step cost at one size [ns]."""
+    world = World.from_dict(case.make(n))
+    world.step(case.settling)
+    times = {str(count): costs(world, n, count) for count in case.batches}
+    return {'times': times, 'contacts': world.contact_report().contacts / n}
+
+
+def memory_of(case: Case, n: int) -> dict[str, Any]:
+    """Measure the memory of one size, bytes a body."""
     small = World.from_dict(case.make(30))
     small.step(10)
     data = case.make(n)
@@ -149,22 +160,34 @@ def run(case: Case, n: int) -> dict[str, Any]:
     world = World(scene)
     world.step(case.settling)
     stepped = resident()
-    times = {str(count): costs(world, n, count) for count in case.batches}
-    report = world.contact_report()
-    return {'times': times, 'contacts': report.contacts / n, 'pairs': report.pairs / n,
-            'description': (described - before) / n, 'world': (stepped - described) / n}
+    # The arrays that the world shares with its scene belong to what steps.
+    shared = size_of((scene.model, scene.state, scene.shapes))
+    return {'contacts': world.contact_report().contacts / n,
+            'description': (described - before - shared) / n,
+            'world': (stepped - described + shared) / n}
+
+
+def size_of(arrays: Any) -> int:
+    """Return the bytes of all arrays in tuples of tuples."""
+    if isinstance(arrays, tuple):
+        return sum(map(size_of, arrays))
+    return arrays.nbytes if isinstance(arrays, np.ndarray) else 0
+
+
+WHATS = {'time': time_of, 'memory': memory_of}
 
 
 # --- in the process that asks -----------------------------------------------------------------
 
-Results = dict[tuple[str, int], list[dict[str, Any]]]
+Results = dict[tuple[str, str, int], list[dict[str, Any]]]  # by what, scene and size
 
 
-def ask(name: str, n: int) -> dict[str, Any]:
+def ask(what: str, name: str, n: int) -> dict[str, Any]:
     """Measure one size in a process of its own."""
-    print(f'  {CASES[name].name}: {n}', file=sys.stderr, flush=True)
-    done = subprocess.run([sys.executable, __file__, '--run', name, str(n)], check=True,
-                          capture_output=True, text=True, env=os.environ | ONE_THREAD)
+    print(f'  {what}: {CASES[name].name}, {n}', file=sys.stderr, flush=True)
+    environment = os.environ | ONE_THREAD | (OWN_PAGES if what == 'memory' else {})
+    done = subprocess.run([sys.executable, __file__, '--run', what, name, str(n)], check=True,
+                          capture_output=True, text=True, env=environment)
     found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
     return found
 
@@ -172,34 +195,36 @@ def ask(name: str, n: int) -> dict[str, Any]:
 def measure(rounds: int, most: int) -> Results:
     """Measure all sizes up to `most`, in turn."""
     results: Results = {}
+    chosen = [(name, n) for name, case in CASES.items() for n in case.sizes if n <= most]
     for _ in range(rounds):
-        for name, case in CASES.items():
-            for n in case.sizes:
-                if n <= most:
-                    results.setdefault((name, n), []).append(ask(name, n))
+        for name, n in chosen:
+            results.setdefault(('time', name, n), []).append(ask('time', name, n))
+    for name, n in chosen:
+        if n >= LEAST:
+            results['memory', name, n] = [ask('memory', name, n)]
     return results
 
 
 def cost(results: Results, name: str, n: int, count: int) -> float:
     """Return the median cost of a body and step [ns]."""
-    return median([t for one in results[name, n] for t in one['times'][str(count)]])
+    return median([t for one in results['time', name, n] for t in one['times'][str(count)]])
 
 
-def mean(results: Results, name: str, n: int, key: str) -> float:
+def figure(results: Results, what: str, name: str, n: int, key: str) -> float:
     """Return the median of a figure over the rounds."""
-    return median(one[key] for one in results[name, n])
+    return median(one[key] for one in results[what, name, n])
 
 
-def sizes(results: Results, name: str) -> list[int]:
+def sizes(results: Results, what: str, name: str) -> list[int]:
     """Return the sizes of a kind of scene that were measured."""
-    return [n for case, n in results if case == name]
+    return [n for found, case, n in results if (found, case) == (what, name)]
 
 
 def cost_tables(results: Results) -> list[str]:
     """Return the tables of costs, one for each kind of scene."""
     tables = []
     for name, case in CASES.items():
-        measured = sizes(results, name)
+        measured = sizes(results, 'time', name)
         lines = heading([f'{case.name}, ns a body and step', *measured, 'largest / smallest'])
         for count in case.batches:
             row = [cost(results, name, n, count) for n in measured]
@@ -209,32 +234,36 @@ def cost_tables(results: Results) -> list[str]:
                                f'{max(row) / min(row):.2f} (at most {FLAT})']))
         if name == 'bin':
             lines.append(line(['contacts a body', *(
-                f'{mean(results, name, n, "contacts"):.2f}' for n in measured), '']))
+                f'{figure(results, "time", name, n, "contacts"):.2f}' for n in measured), '']))
         tables.append('\n'.join(lines))
     return tables
 
 
 def shares(results: Results) -> tuple[list[int], list[float], list[float]]:
     """Return sizes with the bytes of a body and of a contact in a world that steps."""
-    common = [n for n in sizes(results, 'bin') if ('apart', n) in results and n >= 1000]
-    bodies = [mean(results, 'apart', n, 'world') for n in common]
-    contacts = [(mean(results, 'bin', n, 'world') - body) / mean(results, 'bin', n, 'contacts')
+    common = [n for n in sizes(results, 'memory', 'bin') if ('memory', 'apart', n) in results]
+    bodies = [figure(results, 'memory', 'apart', n, 'world') for n in common]
+    contacts = [(figure(results, 'memory', 'bin', n, 'world') - body)
+                / figure(results, 'memory', 'bin', n, 'contacts')
                 for n, body in zip(common, bodies, strict=True)]
     return common, bodies, contacts
 
 
 def memory_table(results: Results) -> str:
-    """Return the table of memory; small worlds are pages of memory, not bytes."""
+    """Return the table of memory."""
     common, bodies, contacts = shares(results)
     lines = heading(['bytes', *common, 'at most'])
-    lines.append(line(['a body that can touch', *(f'{b:.0f}' for b in bodies), BODY]))
-    lines.append(line(['a contact', *(f'{b:.0f}' for b in contacts), CONTACT]))
-    for name, text in (('free', 'a free body'),):
-        row = [f'{mean(results, name, n, "world"):.0f}' if (name, n) in results else ''
-               for n in common]
-        lines.append(line([text, *row, BODY]))
-    row = [f'{mean(results, "bin", n, "description"):.0f}' for n in common]
-    lines.append(line(['the description of a body', *row, '']))
+    in_bin = [figure(results, 'memory', 'bin', n, 'world') for n in common]
+    count = figure(results, 'memory', 'bin', common[-1], 'contacts')
+    lines.append(line([f'a body in the bin, with its {count:.1f} contacts',
+                       *(f'{b:.0f}' for b in in_bin), f'{BODY + count * CONTACT:.0f}']))
+    lines.append(line(['a body far apart', *(f'{b:.0f}' for b in bodies), BODY]))
+    lines.append(line(['what a contact adds', *(f'{b:.0f}' for b in contacts), CONTACT]))
+    for text, name, key, limit in (('a free body', 'free', 'world', BODY),
+                                   ('the description of a body', 'bin', 'description', '')):
+        row = [f'{figure(results, "memory", name, n, key):.0f}'
+               if ('memory', name, n) in results else '' for n in common]
+        lines.append(line([text, *row, limit]))
     return '\n'.join(lines)
 
 
@@ -251,7 +280,7 @@ def draw(results: Results, path: Path) -> None:
         left, right = figure.subplots(1, 2)
         kinds = zip(CASES.items(), COLORS, ('o', 's', '^'), strict=False)
         for (name, case), color, marker in kinds:
-            x = sizes(results, name)
+            x = sizes(results, 'time', name)
             y = [cost(results, name, n, case.batches[-1]) for n in x]
             left.plot(x, y, color=color, marker=marker, label=case.name)
             left.fill_between(x, min(y), FLAT * min(y), color=color, alpha=0.15, linewidth=0)
@@ -279,11 +308,12 @@ def main() -> int:
     parser.add_argument('--most', type=int, default=100_000, help='bodies at most')
     parser.add_argument('--chart', type=Path, help='a .png or .svg file to draw into')
     parser.add_argument('--output', type=Path, help='a Markdown file to write, besides')
-    parser.add_argument('--run', nargs=2, metavar=('SCENE', 'N'), help='one size, as JSON')
+    parser.add_argument('--run', nargs=3, metavar=('WHAT', 'SCENE', 'N'),
+                        help='one size, as JSON')
     arguments = parser.parse_args()
     if arguments.run:
-        name, n = arguments.run
-        print(json.dumps(run(CASES[name], int(n))))
+        what, name, n = arguments.run
+        print(json.dumps(WHATS[what](CASES[name], int(n))))
         return 0
     where = machine()
     print(where, flush=True)

@@ -248,7 +248,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or '').strip().splitlines()[0])
     parser.add_argument('--bodies', type=int, nargs='+', default=[1, 10, 100, 1000])
     parser.add_argument('--seconds', type=int, default=60)
-    parser.add_argument('--starts', type=int, default=5)
+    parser.add_argument('--starts', type=int, default=5, help='at least 1')
     parser.add_argument('--ways', nargs='+', default=['bytes', 'objects'],
                         choices=['bytes', 'objects'])
     parser.add_argument('--output', type=Path, help='a Markdown file to write, besides')
