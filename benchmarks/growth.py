@@ -297,7 +297,7 @@ def draw(results: Results, path: Path) -> None:
                           label=f'{label}: at most')
         right.set(xscale='log', ylim=(0.0, None), xlabel='bodies', ylabel='resident memory [kB]',
                   title='Memory of a world that steps')
-        right.legend()
+        right.legend(frameon=True, framealpha=0.9, edgecolor='none')
         figure.savefig(path, dpi=110)
 
 
