@@ -315,6 +315,8 @@ def main() -> int:
         what, name, n = arguments.run
         print(json.dumps(WHATS[what](CASES[name], int(n))))
         return 0
+    if arguments.most < LEAST:
+        parser.error(f'argument --most: {arguments.most}, must be at least {LEAST}')
     where = machine()
     print(where, flush=True)
     results = measure(arguments.rounds, arguments.most)
