@@ -16,11 +16,9 @@ Rapier is built by Cargo, once, which takes minutes.
 """
 
 import argparse
-from datetime import date
 import json
 import os
 from pathlib import Path
-import platform
 from statistics import median
 import subprocess
 import sys
@@ -30,8 +28,8 @@ from typing import Any, NamedTuple
 import contact_quality  # which puts peers/ on the path of modules
 from engines import Command, Engine, ENGINES, find, HERE, ONE_THREAD, OURS
 from figures import figures
-import numba
 import numpy as np
+from page import heading, line, machine, write
 from scenes import SCENES
 
 
@@ -69,10 +67,6 @@ def run(command: Command, scene: dict[str, Any], folder: Path, limit: float) -> 
     return Run(report['steps'] / report['seconds'], share, found)
 
 
-def _line(cells: list[str]) -> str:
-    return '| ' + ' | '.join(cells) + ' |'
-
-
 def _short(value: float) -> str:
     return f'{value:.1e}' if value and (abs(value) < 0.01 or abs(value) >= 1e4) else f'{value:.3g}'
 
@@ -106,36 +100,16 @@ def table(scene: dict[str, Any], commands: dict[str, Command], repeats: int,
                     runs[name].append(one)
     columns = list(dict.fromkeys(key for of_engine in runs.values() for one in of_engine
                                  for key in one.figures))
-    lines = [_line([scene['name'], 'steps/s', 'spread', 'to ours', *columns]),
-             _line(['---', *['---:'] * (3 + len(columns))])]
+    lines = heading([scene['name'], 'steps/s', 'spread', 'to ours', *columns])
     # Parts of a scene cannot be compared: its beginning is often the easy part.
     whole = [one.speed for one in runs.get(OURS, []) if one.share == 1.0]
     ours = median(whole) if whole else 0.0
     for name, of_engine in runs.items():
         if name in failed:
-            lines.append(_line([name, f'failed: {failed[name]}', *[''] * (2 + len(columns))]))
+            lines.append(line([name, f'failed: {failed[name]}', *[''] * (2 + len(columns))]))
         else:
-            lines.append(_line(_row(name, of_engine, ours, columns)))
+            lines.append(line(_row(name, of_engine, ours, columns)))
     return lines
-
-
-def machine() -> str:
-    """Return a line about where and when the figures were measured."""
-    processor = next((line.split(':')[1].strip() for line in _read('/proc/cpuinfo').splitlines()
-                      if line.startswith('model name')), platform.machine())
-    return (f'{date.today()}, {processor}, {os.cpu_count()} virtual cores, load {_load()}, Python '
-            f'{platform.python_version()}, Numba {numba.__version__}, NumPy {np.__version__}')
-
-
-def _read(path: str) -> str:
-    try:
-        return Path(path).read_text(encoding='utf-8')
-    except OSError:
-        return ''
-
-
-def _load() -> str:
-    return f'{os.getloadavg()[0]:.1f}' if hasattr(os, 'getloadavg') else 'unknown'
 
 
 def missing(engine: Engine) -> str:
@@ -196,20 +170,6 @@ def main() -> None:
         say(table(SCENES[name](), commands, arguments.repeats, arguments.limit))
     if arguments.output:
         write(arguments.output, pages)
-
-
-MARKS = ('<!-- measured: begin -->', '<!-- measured: end -->')
-
-
-def write(path: Path, pages: list[str]) -> None:
-    """Put the figures between the marks of a file, or into a new file."""
-    begin, end = MARKS
-    text = path.read_text(encoding='utf-8') if path.exists() else f'{begin}\n{end}\n'
-    if begin not in text or end not in text:
-        sys.exit(f'{path} has no lines {begin} and {end}')
-    head, tail = text.split(begin)[0], text.split(end)[1]
-    path.write_text(f'{head}{begin}\n\n' + '\n\n'.join(pages) + f'\n\n{end}{tail}',
-                    encoding='utf-8')
 
 
 if __name__ == '__main__':

@@ -58,6 +58,8 @@ class AppliedWrenches:
 
     def remove_finished(self) -> None:
         """Drop the rows whose time is over."""
+        if not self._sources:
+            return      # of most steps
         active = self._rows.steps_left > 0
         if not active.all():
             self._keep(active)

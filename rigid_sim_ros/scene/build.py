@@ -118,8 +118,11 @@ def to_text(spec: schema.Scene) -> str:
 
 def _with_meshes(body: schema.Body, folder: Path | None, report: Report) -> schema.Body | None:
     """Return the body with the triangles of its meshes in it; None if one is no good."""
+    found = body.parts()
+    if not any(isinstance(part, schema.Mesh) for _, part in found):
+        return body     # and no copy: a scene may have many thousand
     parts: list[schema.Shape] = []
-    for path, part in body.parts():
+    for path, part in found:
         if not isinstance(part, schema.Mesh):
             parts.append(part)
             continue
@@ -131,7 +134,7 @@ def _with_meshes(body: schema.Body, folder: Path | None, report: Report) -> sche
             parts.append(part.model_copy(update={
                 'file': None, 'scale': (1.0, 1.0, 1.0), 'vertices': _rows(surface.vertices),
                 'faces': _rows(surface.faces)}))
-    return body.with_parts(parts) if len(parts) == len(body.parts()) else None
+    return body.with_parts(parts) if len(parts) == len(found) else None
 
 
 def _surface(part: schema.Mesh, folder: Path | None) -> mesh.Mesh:

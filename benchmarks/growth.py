@@ -1,0 +1,333 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+How cost and memory grow with the number of bodies.
+
+    python benchmarks/growth.py
+    python benchmarks/growth.py --output docs/performance.md --chart docs/pictures/growth.png
+
+Three scenes at several sizes: spheres in a bin whose shape is the same for all sizes, after they
+came to rest; the same spheres far apart without gravity, so that contacts are looked for and none
+is found; and free bodies in a world without contacts. Each size runs in a process of its own on
+one thread, sizes take turns, and of all pieces of all rounds the median counts. Time is that of
+the processor. Sleeping is off, as it is by default.
+
+Memory, in processes of their own, is what the resident set grew by after a small world of the
+same kind was stepped: by the description of the scene (what the file said, kept for bags and for
+the page), and by the world that steps. Bodies far apart tell the share of a body, and the bin what
+contacts add to it.
+"""
+
+import argparse
+import ctypes
+import gc
+import json
+import os
+from pathlib import Path
+from statistics import median
+import subprocess
+import sys
+import time
+from typing import Any, NamedTuple
+
+import numpy as np
+from page import heading, line, machine, write
+
+from rigid_sim_ros import World
+from rigid_sim_ros.scene import scene_from_dict
+
+RADIUS = 0.1
+FLAT = 1.5      # how much more the dearest size may cost than the cheapest
+BODY, CONTACT = 2000, 1000      # bytes at most
+LEAST = 1000    # bodies whose memory is more than a few pages
+SETTLING = 480  # steps until the spheres of a bin are at rest
+PIECE = 0.02    # s of a piece that is timed, at least
+PIECES = 15
+BATCHES = (1, 10, 100)  # steps of free bodies in one call
+# What keeps a library from using more than one thread.
+ONE_THREAD = dict.fromkeys(('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'NUMBA_NUM_THREADS'), '1')
+# glibc: arrays get pages of their own, in place of what was left over from reading the scene.
+OWN_PAGES = {'MALLOC_MMAP_THRESHOLD_': '4096'}
+
+
+def _sphere(k: int, place: np.ndarray) -> dict[str, Any]:
+    return {'name': f'b{k}', 'shape': {'type': 'sphere', 'radius': RADIUS}, 'mass': 4.2,
+            'pose': {'position': place.tolist()}}
+
+
+def _in_rows(n: int, distance: float) -> np.ndarray:
+    """Return places in a block about as high as wide, which stands on z = 0 amid x and y."""
+    side = round(n ** (1 / 3))
+    k = np.arange(n)
+    grid = np.stack([k % side - (side - 1) / 2, k // side % side - (side - 1) / 2,
+                     k // side ** 2 + 0.5], axis=1)
+    return distance * grid
+
+
+def _walls(width: float) -> list[dict[str, Any]]:
+    normals = ((0, 0, 1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0))
+    return [{'name': f'wall{k}', 'fixed': True,
+             'shape': {'type': 'plane', 'normal': normal,
+                       'offset': 0.0 if normal[2] else -width / 2}}
+            for k, normal in enumerate(normals)]
+
+
+def in_a_bin(n: int) -> dict[str, Any]:
+    """Return spheres that fall into a bin by a tenth of their height."""
+    rng = np.random.default_rng(2)
+    places = _in_rows(n, 2.1 * RADIUS) + rng.uniform(-0.004, 0.004, (n, 3)) + (0, 0, 0.01)
+    width = 2.1 * RADIUS * round(n ** (1 / 3))
+    return {'format': 1, 'world': {'step': 1 / 240, 'contact': 'timestep'},
+            'bodies': [_sphere(k, place) for k, place in enumerate(places)] + _walls(width)}
+
+
+def apart(n: int) -> dict[str, Any]:
+    """Return spheres that turn where they are, out of each other's reach."""
+    places = _in_rows(n, 10.0 * RADIUS)
+    spheres = [_sphere(k, place) | {'twist': {'angular': [0.1, 1.0, 0.2]}}
+               for k, place in enumerate(places)]
+    return {'format': 1, 'bodies': spheres + _walls(10.0 * RADIUS * (round(n ** (1 / 3)) + 1)),
+            'world': {'step': 1 / 240, 'contact': 'timestep', 'gravity': [0, 0, 0]}}
+
+
+def free(n: int) -> dict[str, Any]:
+    """Return tumbling boxes in free fall."""
+    rng = np.random.default_rng(1)
+    return {'format': 1, 'world': {'step': 1 / 240, 'contact': 'none'},
+            'bodies': [{'name': f'b{k}', 'shape': {'type': 'box', 'size': [0.2, 0.3, 0.4]},
+                        'mass': 24.0, 'twist': {'angular': rng.normal(0, 3.0, 3).tolist()}}
+                       for k in range(n)]}
+
+
+class Case(NamedTuple):
+    """A kind of scene, and how it is run."""
+
+    name: str
+    make: Any
+    sizes: tuple[int, ...]
+    settling: int
+    batches: tuple[int, ...]
+
+
+CASES = {
+    'bin': Case('spheres at rest in a bin', in_a_bin, (100, 300, 1000, 3000, 10_000), SETTLING,
+                (10,)),
+    'apart': Case('the same spheres far apart', apart, (100, 1000, 3000, 10_000), 10, (10,)),
+    'free': Case('free bodies', free, (100, 1000, 10_000, 100_000), 10, BATCHES),
+}
+
+
+# --- in the process of one size ---------------------------------------------------------------
+
+def resident() -> int:
+    """Return the bytes of memory that this process holds, without what it could give back."""
+    gc.collect()
+    ctypes.CDLL(None).malloc_trim(0)
+    return int(Path('/proc/self/statm').read_text().split()[1]) * os.sysconf('SC_PAGE_SIZE')
+
+
+def costs(world: World, n: int, count: int) -> list[float]:
+    """Return the time of the processor that a body takes for a step [ns], piece by piece."""
+    calls, found = 1, []
+    while len(found) < PIECES:
+        start = time.process_time()
+        for _ in range(calls):
+            world.step(count)
+        taken = time.process_time() - start
+        if taken < PIECE and calls < 100_000:
+            calls *= 2
+        else:
+            found.append(1e9 * taken / (calls * count * n))
+    return found
+
+
+def time_of(case: Case, n: int) -> dict[str, Any]:
+    """Measure what a body and step cost at one size [ns]."""
+    world = World.from_dict(case.make(n))
+    world.step(case.settling)
+    times = {str(count): costs(world, n, count) for count in case.batches}
+    return {'times': times, 'contacts': world.contact_report().contacts / n}
+
+
+def memory_of(case: Case, n: int) -> dict[str, Any]:
+    """Measure the memory of one size, bytes a body."""
+    small = World.from_dict(case.make(30))
+    small.step(10)
+    data = case.make(n)
+    before = resident()
+    scene = scene_from_dict(data)
+    described = resident()
+    world = World(scene)
+    world.step(case.settling)
+    stepped = resident()
+    # The arrays that the world shares with its scene belong to what steps.
+    shared = size_of((scene.model, scene.state, scene.shapes))
+    return {'contacts': world.contact_report().contacts / n,
+            'description': (described - before - shared) / n,
+            'world': (stepped - described + shared) / n}
+
+
+def size_of(arrays: Any) -> int:
+    """Return the bytes of all arrays in tuples of tuples."""
+    if isinstance(arrays, tuple):
+        return sum(map(size_of, arrays))
+    return arrays.nbytes if isinstance(arrays, np.ndarray) else 0
+
+
+WHATS = {'time': time_of, 'memory': memory_of}
+
+
+# --- in the process that asks -----------------------------------------------------------------
+
+Results = dict[tuple[str, str, int], list[dict[str, Any]]]  # by what, scene and size
+
+
+def ask(what: str, name: str, n: int) -> dict[str, Any]:
+    """Measure one size in a process of its own."""
+    print(f'  {what}: {CASES[name].name}, {n}', file=sys.stderr, flush=True)
+    environment = os.environ | ONE_THREAD | (OWN_PAGES if what == 'memory' else {})
+    done = subprocess.run([sys.executable, __file__, '--run', what, name, str(n)], check=True,
+                          capture_output=True, text=True, env=environment)
+    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+def measure(rounds: int, most: int) -> Results:
+    """Measure all sizes up to `most`, in turn."""
+    results: Results = {}
+    chosen = [(name, n) for name, case in CASES.items() for n in case.sizes if n <= most]
+    for _ in range(rounds):
+        for name, n in chosen:
+            results.setdefault(('time', name, n), []).append(ask('time', name, n))
+    for name, n in chosen:
+        if n >= LEAST:
+            results['memory', name, n] = [ask('memory', name, n)]
+    return results
+
+
+def cost(results: Results, name: str, n: int, count: int) -> float:
+    """Return the median cost of a body and step [ns]."""
+    return median([t for one in results['time', name, n] for t in one['times'][str(count)]])
+
+
+def figure(results: Results, what: str, name: str, n: int, key: str) -> float:
+    """Return the median of a figure over the rounds."""
+    return median(one[key] for one in results[what, name, n])
+
+
+def sizes(results: Results, what: str, name: str) -> list[int]:
+    """Return the sizes of a kind of scene that were measured."""
+    return [n for found, case, n in results if (found, case) == (what, name)]
+
+
+def cost_tables(results: Results) -> list[str]:
+    """Return the tables of costs, one for each kind of scene."""
+    tables = []
+    for name, case in CASES.items():
+        measured = sizes(results, 'time', name)
+        lines = heading([f'{case.name}, ns a body and step', *measured, 'largest / smallest'])
+        for count in case.batches:
+            row = [cost(results, name, n, count) for n in measured]
+            text = ('one step a call' if count == 1 else f'{count} steps a call')
+            lines.append(line([text, *(f'{value:.3g}' if value < 100 else f'{value:.0f}'
+                                       for value in row),
+                               f'{max(row) / min(row):.2f} (at most {FLAT})']))
+        if name == 'bin':
+            lines.append(line(['contacts a body', *(
+                f'{figure(results, "time", name, n, "contacts"):.2f}' for n in measured), '']))
+        tables.append('\n'.join(lines))
+    return tables
+
+
+def shares(results: Results) -> tuple[list[int], list[float], list[float]]:
+    """Return sizes with the bytes of a body and of a contact in a world that steps."""
+    common = [n for n in sizes(results, 'memory', 'bin') if ('memory', 'apart', n) in results]
+    bodies = [figure(results, 'memory', 'apart', n, 'world') for n in common]
+    contacts = [(figure(results, 'memory', 'bin', n, 'world') - body)
+                / figure(results, 'memory', 'bin', n, 'contacts')
+                for n, body in zip(common, bodies, strict=True)]
+    return common, bodies, contacts
+
+
+def memory_table(results: Results) -> str:
+    """Return the table of memory."""
+    common, bodies, contacts = shares(results)
+    lines = heading(['bytes', *common, 'at most'])
+    in_bin = [figure(results, 'memory', 'bin', n, 'world') for n in common]
+    count = figure(results, 'memory', 'bin', common[-1], 'contacts')
+    lines.append(line([f'a body in the bin, with its {count:.1f} contacts',
+                       *(f'{b:.0f}' for b in in_bin), f'{BODY + count * CONTACT:.0f}']))
+    lines.append(line(['a body far apart', *(f'{b:.0f}' for b in bodies), BODY]))
+    lines.append(line(['what a contact adds', *(f'{b:.0f}' for b in contacts), CONTACT]))
+    for text, name, key, limit in (('a free body', 'free', 'world', BODY),
+                                   ('the description of a body', 'bin', 'description', '')):
+        row = [f'{figure(results, "memory", name, n, key):.0f}'
+               if ('memory', name, n) in results else '' for n in common]
+        lines.append(line([text, *row, limit]))
+    return '\n'.join(lines)
+
+
+def draw(results: Results, path: Path) -> None:
+    """Draw costs and memory against the number of bodies."""
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    from rigid_sim_ros.plots.diagram import COLORS
+    with rc_context({'font.size': 10, 'axes.spines.top': False, 'axes.spines.right': False,
+                     'axes.grid': True, 'grid.color': '#d9d9d9', 'grid.linewidth': 0.6,
+                     'legend.frameon': False, 'svg.fonttype': 'none'}):
+        figure = Figure(figsize=(10.5, 4.2), layout='constrained')
+        left, right = figure.subplots(1, 2)
+        kinds = zip(CASES.items(), COLORS, ('o', 's', '^'), strict=False)
+        for (name, case), color, marker in kinds:
+            x = sizes(results, 'time', name)
+            y = [cost(results, name, n, case.batches[-1]) for n in x]
+            left.plot(x, y, color=color, marker=marker, label=case.name)
+            left.fill_between(x, min(y), FLAT * min(y), color=color, alpha=0.15, linewidth=0)
+        left.set(xscale='log', yscale='log', xlabel='bodies',
+                 ylabel='cost of a body and step [ns]',
+                 title=f'Bands: {FLAT} times the cheapest size')
+        left.legend()
+        x, bodies, contacts = shares(results)
+        for y, limit, label, color, marker in (
+                (bodies, BODY, 'a body', COLORS[0], 'o'),
+                (contacts, CONTACT, 'a contact', COLORS[3], 's')):
+            right.plot(x, np.array(y) / 1e3, color=color, marker=marker, label=label)
+            right.axhline(limit / 1e3, color=color, linestyle='dashed', linewidth=1.0,
+                          label=f'{label}: at most')
+        right.set(xscale='log', ylim=(0.0, None), xlabel='bodies', ylabel='resident memory [kB]',
+                  title='Memory of a world that steps')
+        right.legend(frameon=True, framealpha=0.9, edgecolor='none')
+        figure.savefig(path, dpi=110)
+
+
+def main() -> int:
+    """Measure, print, draw and write down."""
+    parser = argparse.ArgumentParser(description=(__doc__ or '').strip().splitlines()[0])
+    parser.add_argument('--rounds', type=int, default=3, help='processes for each size, 3')
+    parser.add_argument('--most', type=int, default=100_000, help='bodies at most')
+    parser.add_argument('--chart', type=Path, help='a .png or .svg file to draw into')
+    parser.add_argument('--output', type=Path, help='a Markdown file to write, besides')
+    parser.add_argument('--run', nargs=3, metavar=('WHAT', 'SCENE', 'N'),
+                        help='one size, as JSON')
+    arguments = parser.parse_args()
+    if arguments.run:
+        what, name, n = arguments.run
+        print(json.dumps(WHATS[what](CASES[name], int(n))))
+        return 0
+    if arguments.most < LEAST:
+        parser.error(f'argument --most: {arguments.most}, must be at least {LEAST}')
+    where = machine()
+    print(where, flush=True)
+    results = measure(arguments.rounds, arguments.most)
+    pages = [where, *cost_tables(results), memory_table(results)]
+    print('', *pages[1:], sep='\n\n')
+    if arguments.chart:
+        draw(results, arguments.chart)
+    if arguments.output:
+        write(arguments.output, pages, 'growth')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
