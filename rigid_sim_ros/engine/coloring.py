@@ -15,7 +15,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import IntArray
 from rigid_sim_ros.engine.kernel import kernel
-from rigid_sim_ros.engine.solver_bodies import LANES
+from rigid_sim_ros.engine.lanes import LANES
 
 CLASSES = 6  # 0, 1, 2: up to one, two, four points; 3, 4, 5: the same, and they resist rolling
 # A colour is a bit of a mask; the last one means "none left", and each of its manifolds has a

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
+from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray, Vector
 from rigid_sim_ros.engine.coloring import color_manifolds, Coloring, make_coloring, most_blocks
 from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, ARM_A, ARM_B, BLOCK_SIZE, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, J_A, J_B, MOVED,
@@ -29,13 +29,14 @@ from rigid_sim_ros.engine.contact_sweep import (
     count_impulses, is_settled, overlaps, separate, SKIN, Sweep, visit)
 from rigid_sim_ros.engine.free_flight import fly
 from rigid_sim_ros.engine.kernel import kernel, part
+from rigid_sim_ros.engine.lanes import LANES
 from rigid_sim_ros.engine.loads import kick, Loads
 from rigid_sim_ros.engine.manifolds import Manifolds, POINTS
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import displacement, gap_now
 from rigid_sim_ros.engine.solver_bodies import (
-    BODY_ROWS, drift_bodies, HELD, INDEX, J, kick_bodies, LANES, load_bodies, make_bodies,
+    BODY_ROWS, drift_bodies, HELD, INDEX, J, kick_bodies, load_bodies, make_bodies,
     SolverBodies, store_bodies, STRIDE)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, row
@@ -79,7 +80,7 @@ def make_work(n: int, capacity: int) -> SequentialWork:
 
     # Most of the lanes are never written, and cost address space only.
     return SequentialWork(make_bodies(n), make_coloring(n, capacity), integers(capacity),
-                          np.zeros(lanes // LANES * BLOCK_SIZE), integers(lanes // LANES + 1),
+                          aligned_zeros(lanes // LANES * BLOCK_SIZE), integers(lanes // LANES + 1),
                           integers(n + 1), integers(lanes // LANES), integers(lanes),
                           integers(lanes), integers(lanes), np.zeros((capacity, POINTS)),
                           np.zeros((capacity, 3)), np.zeros(1), np.zeros(1))
@@ -120,11 +121,11 @@ def solve_contacts(model: Model, state: State, loads: Loads, shapes: Shapes, mat
             settle(count, work.fresh, work.coloring.kind, blocks, bodies.motion, bodies.drifted,
                    work.at_A, work.at_B, 1.0 / h)
         sweep(count, work.coloring.kind, blocks, bodies.motion, bodies.drifted, work.at_A,
-              work.at_B, Sweep(1.0 / h, h if substep > 0 else 0.0, False))
+              work.at_B, Sweep(1.0 / h, h if substep > 0 else 0.0), False)
         calm(count, work.coloring.kind, blocks, bodies.motion, work.at_A, work.at_B, work.shaken,
              work.visited, 1.0 / h)
         sweep_back(count, work.coloring.kind, blocks, bodies.motion, bodies.push, work.at_A,
-                   work.at_B, Sweep(1.0 / h, 0.0, True), settings.push / h, settings.push_speed)
+                   work.at_B, Sweep(1.0 / h, 0.0), settings.push / h, settings.push_speed)
         drift_bodies(bodies.used[0], bodies.motion, bodies.push, bodies.drifted, bodies.total)
     work.residual[0] = keep_impulses(count, blocks, work.lane_row, manifolds, bodies, work.at_A,
                                      work.at_B, h, substeps, work.normal_impulse,
@@ -134,10 +135,16 @@ def solve_contacts(model: Model, state: State, loads: Loads, shapes: Shapes, mat
 
 @kernel
 def sweep(count: int, kind: IntArray, blocks: Array, motion: Array, drifted: Array, at_A: IntArray,
-          at_B: IntArray, what: Sweep) -> None:
-    """Visit every block once."""
+          at_B: IntArray, what: Sweep, backwards: bool) -> None:
+    """
+    Visit every block once.
+
+    Backwards in the opposite order, so that two sweeps make a nearly symmetric iteration: its
+    errors decay, while those of a one-sided one also rotate, and the warm start, an extrapolation,
+    would make that a growing sway of a stack.
+    """
     for k in range(count):
-        block = count - 1 - k if what.backwards else k
+        block = count - 1 - k if backwards else k
         visit(blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE], motion, drifted,
               at_A[block * LANES:(block + 1) * LANES], at_B[block * LANES:(block + 1) * LANES],
               kind[block] % 3 + 1, kind[block] >= 3, what)
@@ -163,14 +170,14 @@ def settle(count: int, fresh: IntArray, kind: IntArray, blocks: Array, motion: A
     if fresh[-1] == 1:
         for k in range(FRESH_SWEEPS):
             sweep(count, kind, blocks, motion, drifted, at_A, at_B,
-                  Sweep(inv_h, 0.0, k % 2 == 1))
+                  Sweep(inv_h, 0.0), k % 2 == 1)
         return
     for block in range(count):
         b = blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE]
         for _ in range(FRESH_VISITS * fresh[block]):
             visit(b, motion, drifted, at_A[block * LANES:(block + 1) * LANES],
                   at_B[block * LANES:(block + 1) * LANES], kind[block] % 3 + 1, kind[block] >= 3,
-                  Sweep(inv_h, 0.0, False))
+                  Sweep(inv_h, 0.0))
             if is_settled(b, SETTLED):
                 break
 
@@ -201,7 +208,7 @@ def calm(count: int, kind: IntArray, blocks: Array, motion: Array, at_A: IntArra
             b = blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE]
             visit(b, motion, motion, at_A[block * LANES:(block + 1) * LANES],
                   at_B[block * LANES:(block + 1) * LANES], kind[block] % 3 + 1, kind[block] >= 3,
-                  Sweep(inv_h, 0.0, k % 2 == 0))
+                  Sweep(inv_h, 0.0))
             clock += 1
             visited[block] = clock
             if not is_settled(b, ROUGH):
@@ -248,7 +255,7 @@ def sweep_back(count: int, kind: IntArray, blocks: Array, motion: Array, push: A
         if not is_settled(b, SETTLED):
             visit(b, motion, motion, a, c, points, kind[block] >= 3, what)
         count_impulses(b, points)
-        if overlaps(b):
+        if overlaps(b, points):
             separate(b, push, a, c, points, rate, speed)
 
 

@@ -13,15 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
+from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray, Vector
 from rigid_sim_ros.engine.free_rotation import MAX_ANGLE, turn, turn_fast
 from rigid_sim_ros.engine.kernel import inlined, kernel, part
+from rigid_sim_ros.engine.lanes import LANES
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.rotation import quaternion, to_matrix
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.vector import add_scaled, column, dot
 
-LANES = 8
 # Numbers of a body in `motion`: v [m/s], L [kg m^2/s], world axes, and two that stay 0. So a body
 # fills one line of the cache, and whatever all bodies do alike is one loop over a flat array.
 STRIDE = 8
@@ -61,12 +61,12 @@ def make_bodies(n: int) -> SolverBodies:
     slots = n + 1
 
     def numbers() -> Array:
-        return np.zeros(slots * STRIDE)
+        return aligned_zeros(slots * STRIDE)
 
     return SolverBodies(np.zeros(n, dtype=np.int64), np.zeros(slots, dtype=np.int64),
                         np.zeros(2, dtype=np.int64), numbers(), numbers(), numbers(), numbers(),
-                        numbers(), numbers(), numbers(), np.zeros(slots * BODY_ROWS),
-                        np.zeros(_ROWS * LANES))
+                        numbers(), numbers(), numbers(), aligned_zeros(slots * BODY_ROWS),
+                        aligned_zeros(_ROWS * LANES))
 
 
 @kernel
