@@ -15,8 +15,8 @@ through them tests the bounding boxes first, so that no result depends on when a
 
 import math
 
-from rigid_sim_ros.engine.arrays import Array, IntArray
-from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
+from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.manifolds import LEVELS
 from rigid_sim_ros.engine.shapes import PLANE, Shapes
 
@@ -26,6 +26,8 @@ ROOM = 0.1
 # A fat box reaches as far ahead as the shape flies in so many steps, but no farther than its own
 # size.
 STEPS_AHEAD = 6.0
+# Less room than that, and a shape gets a new box along with the others.
+_USED = 0.05
 WIDE = 1 << 20  # the level of what is too large for any cell
 _LOWEST = -40  # the level of the smallest cells
 
@@ -60,32 +62,67 @@ def boxes_overlap(box: Array, a: int, b: int) -> bool:
 @kernel
 def refresh(kind: IntArray, body: IntArray, pose: Array, box: Array, inv_m: Array, P: Array,
             h: float, all_of_them: bool, fat: Array, moved: IntArray) -> int:
-    """Give the shapes that left their fat box a new one, mark them, and return their number."""
+    """
+    Give the shapes that left their fat box a new one, mark them, and return their number.
+
+    As soon as one did, so are those that are about to: to look up many costs little more than to
+    look up one.
+    """
     count = 0
     for s in range(kind.shape[0]):
         moved[s] = 0
-        if kind[s] == PLANE:
-            n = (pose[s, 5], pose[s, 8], pose[s, 11])
-            offset = n[0] * pose[s, 0] + n[1] * pose[s, 1] + n[2] * pose[s, 2]
-            if (all_of_them or fat[s, 0] != n[0] or fat[s, 1] != n[1] or fat[s, 2] != n[2]
-                    or fat[s, 3] != offset):
-                fat[s, 0], fat[s, 1], fat[s, 2], fat[s, 3] = n[0], n[1], n[2], offset
-                moved[s] = 1
-                count += 1
-            continue
-        if (not all_of_them and fat[s, 0] <= box[s, 0] and box[s, 3] <= fat[s, 3]
-                and fat[s, 1] <= box[s, 1] and box[s, 4] <= fat[s, 4]
-                and fat[s, 2] <= box[s, 2] and box[s, 5] <= fat[s, 5]):
-            continue
-        side = max(box[s, 3] - box[s, 0], box[s, 4] - box[s, 1], box[s, 5] - box[s, 2])
-        for k in range(3):
-            ahead = STEPS_AHEAD * h * inv_m[body[s]] * P[k, body[s]]
-            ahead = min(max(ahead, -side), side)
-            fat[s, k] = box[s, k] - ROOM * side + min(ahead, 0.0)
-            fat[s, 3 + k] = box[s, 3 + k] + ROOM * side + max(ahead, 0.0)
-        moved[s] = 1
-        count += 1
+        if all_of_them or not _fits(kind, pose, box, fat, s, 0.0):
+            moved[s] = 1
+            count += 1
+    if count == 0:
+        return 0
+    for s in range(kind.shape[0]):
+        if moved[s] == 0 and not _fits(kind, pose, box, fat, s, _USED):
+            moved[s] = 1
+            count += 1
+        if moved[s] == 1:
+            _fatten(kind, pose, box, h * inv_m[body[s] & INDEX], P, body[s] & INDEX, fat, s)
     return count
+
+
+@part
+def _fits(kind: IntArray, pose: Array, box: Array, fat: Array, s: int, room: float) -> bool:
+    """Return whether a fat box has room around a shape, as a fraction of its largest side."""
+    if kind[s] == PLANE:
+        n, offset = _plane(pose, s)
+        return fat[s, 0] == n[0] and fat[s, 1] == n[1] and fat[s, 2] == n[2] and (
+            fat[s, 3] == offset)
+    r = room * _side(box, s)
+    return (fat[s, 0] + r <= box[s, 0] and box[s, 3] <= fat[s, 3] - r
+            and fat[s, 1] + r <= box[s, 1] and box[s, 4] <= fat[s, 4] - r
+            and fat[s, 2] + r <= box[s, 2] and box[s, 5] <= fat[s, 5] - r)
+
+
+@part
+def _fatten(kind: IntArray, pose: Array, box: Array, way: float, P: Array, i: int, fat: Array,
+            s: int) -> None:
+    """Make a fat box; `way` times P is how far body i flies in a step [m]."""
+    if kind[s] == PLANE:
+        n, offset = _plane(pose, s)
+        fat[s, 0], fat[s, 1], fat[s, 2], fat[s, 3] = n[0], n[1], n[2], offset
+        return
+    side = _side(box, s)
+    for k in range(3):
+        ahead = min(max(STEPS_AHEAD * way * P[k, i], -side), side)
+        fat[s, k] = box[s, k] - ROOM * side + min(ahead, 0.0)
+        fat[s, 3 + k] = box[s, 3 + k] + ROOM * side + max(ahead, 0.0)
+
+
+@part
+def _side(box: Array, s: int) -> float:
+    return max(box[s, 3] - box[s, 0], box[s, 4] - box[s, 1], box[s, 5] - box[s, 2])
+
+
+@part
+def _plane(pose: Array, s: int) -> tuple[Vector, float]:
+    """Return the normal of a plane and how far it is from the origin along it [m]."""
+    n = (pose[s, 5], pose[s, 8], pose[s, 11])
+    return n, n[0] * pose[s, 0] + n[1] * pose[s, 1] + n[2] * pose[s, 2]
 
 
 @kernel

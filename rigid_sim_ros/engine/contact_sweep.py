@@ -64,13 +64,18 @@ def _visit_single(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h
     speed = dot(u, n)
     wanted = speed + _gap(b, POINT) * inv_h
     pressure = max(old_N - load(b, POINT + MASS) * wanted, 0.0)
+    old = load_three(b, FRICTION)
+    if not any_of(pressure + old_N + abs(old[0]) + abs(old[1]) + abs(old[2]) > 0.0):
+        # Nothing presses, nor did anything before this visit.
+        store(b, POINT + SPEED, speed)
+        store(b, RESIDUAL, 0.0)
+        return
     change_N = pressure - old_N
     store(b, POINT + IMPULSE, pressure)
     store(b, POINT + SPEED, speed + load(b, K_NN) * change_N)
 
     twist = (dot(u, t1) + load(b, K_TN) * change_N, dot(u, t2) + load(b, K_TN + 3) * change_N,
              dot(w, n) + load(b, K_TN + 6) * change_N)
-    old = load_three(b, FRICTION)
     new = _friction(b, twist, pressure, old)
     store_three(b, FRICTION, new)
     change = subtract(new, old)
@@ -224,10 +229,12 @@ def _drift(b: Array, A: Motion, B: Motion, h: float, points: int) -> None:
     moved = add_scaled(load_three(b, MOVED), h, v)
     store_three(b, MOVED, moved)
     pressure = _pressure(b) if points > 1 else load(b, POINT + IMPULSE)
-    F = _combine(n, t1, t2, (pressure, load(b, FRICTION), load(b, FRICTION + 1)))
-    shove = load(b, SHOVE) * h
-    gained = add(cross(moved, F), cross((shove * n[0], shove * n[1], shove * n[2]), v))
-    store_three(b, TORSION, add(load_three(b, TORSION), gained))
+    shove, slide_1, slide_2 = load(b, SHOVE), load(b, FRICTION), load(b, FRICTION + 1)
+    if any_of(pressure + shove + abs(slide_1) + abs(slide_2) > 0.0):
+        F = _combine(n, t1, t2, (pressure, slide_1, slide_2))
+        pushed = (h * shove * n[0], h * shove * n[1], h * shove * n[2])
+        gained = add(cross(moved, F), cross(pushed, v))
+        store_three(b, TORSION, add(load_three(b, TORSION), gained))
     store(b, SHOVE, 0.0)
     nearer, about_1, about_2 = h * dot(u, n), h * dot(w, t1), h * dot(w, t2)
     for p in range(4 if points > 1 else 1):
@@ -386,7 +393,13 @@ def _friction(b: Array, twist: Three, pressure: Lanes, old: Three) -> Three:
     inv00, inv01, inv11 = load(b, INV_TT), load(b, INV_TT + 1), load(b, INV_TT + 2)
     stick1, stick2 = old[0] - inv00 * u1 - inv01 * u2, old[1] - inv01 * u1 - inv11 * u2
     sticks = stick1 * stick1 + stick2 * stick2 <= limit * limit
-    slide = load(b, SLIDE)
-    slide1, slide2 = old[0] - slide * u1, old[1] - slide * u2
-    scale = _onto_circle(slide1, slide2, limit)
-    return (select(sticks, stick1, scale * slide1), select(sticks, stick2, scale * slide2), spin)
+    # What nothing presses has no friction.
+    new1, new2 = select(sticks, stick1, 0.0), select(sticks, stick2, 0.0)
+    slides = select(sticks, 0.0, limit) > 0.0
+    if any_of(slides):
+        slide = load(b, SLIDE)
+        slide1, slide2 = old[0] - slide * u1, old[1] - slide * u2
+        scale = _onto_circle(slide1, slide2, limit)
+        new1 = select(slides, scale * slide1, new1)
+        new2 = select(slides, scale * slide2, new2)
+    return (new1, new2, spin)

@@ -20,7 +20,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray, Vector
-from rigid_sim_ros.engine.coloring import color_manifolds, Coloring, make_coloring, most_blocks
+from rigid_sim_ros.engine.coloring import (
+    color_manifolds, Coloring, make_coloring, most_blocks, points_in, QUIET, resists)
 from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, ARM_A, ARM_B, BLOCK_SIZE, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, J_A, J_B, MOVED,
     MU, NORMAL, PAIR, POINT, POINT_ROWS, prepare_block, put_three, RESIDUAL, ROLL_LEVER, S, SHOVE,
@@ -28,7 +29,7 @@ from rigid_sim_ros.engine.contact_blocks import (
 from rigid_sim_ros.engine.contact_sweep import (
     count_impulses, is_settled, overlaps, separate, SKIN, Sweep, visit)
 from rigid_sim_ros.engine.free_flight import fly
-from rigid_sim_ros.engine.kernel import kernel, part
+from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.lanes import LANES
 from rigid_sim_ros.engine.loads import kick, Loads
 from rigid_sim_ros.engine.manifolds import Manifolds, POINTS
@@ -36,7 +37,7 @@ from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import displacement, gap_now
 from rigid_sim_ros.engine.solver_bodies import (
-    BODY_ROWS, drift_bodies, HELD, INDEX, J, kick_bodies, load_bodies, make_bodies,
+    BODY_ROWS, drift_bodies, HELD, J, kick_bodies, load_bodies, make_bodies,
     SolverBodies, store_bodies, STRIDE)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, row
@@ -57,7 +58,7 @@ class SequentialWork(NamedTuple):
 
     bodies: SolverBodies
     coloring: Coloring
-    rolls: IntArray  # (c,) 1 where a manifold resists rolling
+    kinds: IntArray  # (c,) classes of the manifolds
     blocks: Array  # flat, BLOCK_SIZE for each block
     fresh: IntArray  # (blocks + 1,) 1 where a lane touches without an impulse to begin with
     shaken: IntArray  # (n + 1,) see `calm`
@@ -100,13 +101,9 @@ def solve_contacts(model: Model, state: State, loads: Loads, shapes: Shapes, mat
     bodies, blocks, substeps = work.bodies, work.blocks, settings.substeps
     h = model.h / substeps
     load_bodies(model.inv_m, model.inv_I_C, state, loads, bodies)
-    for r in range(manifolds.count[0]):
-        first = shapes.material[manifolds.shape_a[r]]
-        second = shapes.material[manifolds.shape_b[r]]
-        work.rolls[r] = 1 if materials.rolling[first, second] > 0.0 else 0
-    count = color_manifolds(manifolds.count[0], manifolds.body_a, manifolds.body_b,
-                            manifolds.points,
-                            bodies.slot, bodies.used[0], work.rolls, waits, work.coloring)
+    classify(manifolds, shapes.material, materials.rolling, work.kinds)
+    count = color_manifolds(manifolds.count[0], manifolds.body_a, manifolds.body_b, work.kinds,
+                            bodies.slot, bodies.used[0], waits, work.coloring)
     place_lanes(manifolds.count[0], count, work.coloring.color, work.coloring.lane, work.lane_row)
     fill_blocks(count, state.x, shapes.material, materials, manifolds, shifts, shifted,
                 1.0 / substeps, work)
@@ -134,6 +131,28 @@ def solve_contacts(model: Model, state: State, loads: Loads, shapes: Shapes, mat
 
 
 @kernel
+def classify(manifolds: Manifolds, material: IntArray, rolling: Array, kinds: IntArray) -> None:
+    """Write the class of each manifold, as the colouring wants it."""
+    for r in range(manifolds.count[0]):
+        points = manifolds.points[r]
+        first = material[manifolds.shape_a[r] & INDEX] & INDEX
+        second = material[manifolds.shape_b[r] & INDEX] & INDEX
+        kinds[r] = min(points - 1, 2)
+        if rolling[first, second] > 0.0:
+            kinds[r] += 3
+        elif points == 1 and manifolds.impulse[r, 0] == 0.0:
+            kinds[r] = QUIET
+
+
+@part
+def _visit(block: int, kind: IntArray, blocks: Array, motion: Array, drifted: Array,
+           at_A: IntArray, at_B: IntArray, what: Sweep) -> None:
+    visit(blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE], motion, drifted,
+          at_A[block * LANES:(block + 1) * LANES], at_B[block * LANES:(block + 1) * LANES],
+          points_in(kind[block]), resists(kind[block]), what)
+
+
+@kernel
 def sweep(count: int, kind: IntArray, blocks: Array, motion: Array, drifted: Array, at_A: IntArray,
           at_B: IntArray, what: Sweep, backwards: bool) -> None:
     """
@@ -145,9 +164,7 @@ def sweep(count: int, kind: IntArray, blocks: Array, motion: Array, drifted: Arr
     """
     for k in range(count):
         block = count - 1 - k if backwards else k
-        visit(blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE], motion, drifted,
-              at_A[block * LANES:(block + 1) * LANES], at_B[block * LANES:(block + 1) * LANES],
-              kind[block] % 3 + 1, kind[block] >= 3, what)
+        _visit(block, kind, blocks, motion, drifted, at_A, at_B, what)
 
 
 # Visits to a block with new contacts. A box that is put down on a slope slips by 1e-7 m until its
@@ -175,9 +192,7 @@ def settle(count: int, fresh: IntArray, kind: IntArray, blocks: Array, motion: A
     for block in range(count):
         b = blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE]
         for _ in range(FRESH_VISITS * fresh[block]):
-            visit(b, motion, drifted, at_A[block * LANES:(block + 1) * LANES],
-                  at_B[block * LANES:(block + 1) * LANES], kind[block] % 3 + 1, kind[block] >= 3,
-                  Sweep(inv_h, 0.0))
+            _visit(block, kind, blocks, motion, drifted, at_A, at_B, Sweep(inv_h, 0.0))
             if is_settled(b, SETTLED):
                 break
 
@@ -206,9 +221,7 @@ def calm(count: int, kind: IntArray, blocks: Array, motion: Array, at_A: IntArra
             if not _was_reached(block, at_A, at_B, shaken, visited):
                 continue
             b = blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE]
-            visit(b, motion, motion, at_A[block * LANES:(block + 1) * LANES],
-                  at_B[block * LANES:(block + 1) * LANES], kind[block] % 3 + 1, kind[block] >= 3,
-                  Sweep(inv_h, 0.0))
+            _visit(block, kind, blocks, motion, motion, at_A, at_B, Sweep(inv_h, 0.0))
             clock += 1
             visited[block] = clock
             if not is_settled(b, ROUGH):
@@ -251,9 +264,9 @@ def sweep_back(count: int, kind: IntArray, blocks: Array, motion: Array, push: A
         block = count - 1 - k
         b = blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE]
         a, c = at_A[block * LANES:(block + 1) * LANES], at_B[block * LANES:(block + 1) * LANES]
-        points = kind[block] % 3 + 1
+        points = points_in(kind[block])
         if not is_settled(b, SETTLED):
-            visit(b, motion, motion, a, c, points, kind[block] >= 3, what)
+            _visit(block, kind, blocks, motion, motion, at_A, at_B, what)
         count_impulses(b, points)
         if overlaps(b, points):
             separate(b, push, a, c, points, rate, speed)
@@ -307,7 +320,7 @@ def fill_blocks(count: int, x: Array, material: IntArray, materials: Materials,
                 _shift_lane(manifolds, r, shifts, b, i)
             work.at_A[lane] = bodies.slot[body_a] * STRIDE
             work.at_B[lane] = bodies.slot[body_b] * STRIDE
-        prepare_block(b, work.coloring.kind[block] % 3 + 1)
+        prepare_block(b, points_in(work.coloring.kind[block]))
         for i in range(LANES):
             r = work.lane_row[block * LANES + i]
             if r >= 0:

@@ -15,7 +15,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray, Vector
 from rigid_sim_ros.engine.free_rotation import MAX_ANGLE, turn, turn_fast
-from rigid_sim_ros.engine.kernel import inlined, kernel, part
+from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part
 from rigid_sim_ros.engine.lanes import LANES
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.rotation import quaternion, to_matrix
@@ -32,9 +32,6 @@ HELD = 7  # 1: pressed against a body that moves
 START = 8  # v, L at the start of the step
 POSE = 16  # x [m] and q at the start of the step
 BODY_ROWS = 24
-# Numba counts an index below 0 from the end, and tests for it at each access. A positive number
-# stays what it is under this mask, and the tests go.
-INDEX = (1 << 40) - 1
 # Rows of the scratch block in which eight bodies are moved.
 _V, _L, _DV, _DL, _A, _X, _Q, _INV_I, _FREE, _ROWS = 0, 3, 6, 9, 12, 15, 18, 22, 25, 26
 
