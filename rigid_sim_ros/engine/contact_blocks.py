@@ -33,6 +33,8 @@ from rigid_sim_ros.engine.lanes import Lanes, LANES, load, root, select, store
 from rigid_sim_ros.engine.vector import add, cross, dot, subtract
 
 Three: TypeAlias = tuple[Lanes, Lanes, Lanes]
+# v [m/s] and L [kg m^2/s] of the bodies of a block, world axes, and two that are 0.
+Motion: TypeAlias = tuple[Lanes, Lanes, Lanes, Lanes, Lanes, Lanes, Lanes, Lanes]
 
 # Rows of a block.
 NORMAL = 0  # n, world axes
@@ -113,6 +115,23 @@ def axes(b: Array) -> tuple[Three, Three, Three]:
     """Return n, t1 and t2."""
     n, t1 = load_three(b, NORMAL), load_three(b, TANGENT)
     return n, t1, cross(n, t1)
+
+
+@part
+def pushed(motion: Motion, inv_m: Lanes, arm: Three, F: Three, torque: Three,
+            sign: float) -> tuple[Lanes, Lanes, Lanes, Lanes, Lanes, Lanes]:
+    """Return the motion after an impulse at c, `sign` times F and the torque."""
+    w, moves = sign * inv_m, select(inv_m > 0.0, sign, 0.0)
+    turn = add(cross(arm, F), torque)
+    return (motion[0] + w * F[0], motion[1] + w * F[1], motion[2] + w * F[2],
+            motion[3] + moves * turn[0], motion[4] + moves * turn[1], motion[5] + moves * turn[2])
+
+
+@part
+def combine(n: Three, t1: Three, t2: Three, c: Three) -> Three:
+    """Return c0 n + c1 t1 + c2 t2."""
+    return (c[0] * n[0] + c[1] * t1[0] + c[2] * t2[0], c[0] * n[1] + c[1] * t1[1] + c[2] * t2[1],
+            c[0] * n[2] + c[1] * t1[2] + c[2] * t2[2])
 
 
 @kernel

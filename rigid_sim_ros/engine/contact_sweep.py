@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """One visit of the sequential solver to eight manifolds; see contact_blocks.py."""
 
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, axes, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, INV_SPIN, INV_TT, J_A,
-    J_B, K_NN, K_TN, K_TT, load_three, MASS, MOVED, MU, POINT, POINT_ROWS, RESIDUAL, ROLL,
+    ABSENT, ARM_A, ARM_B, axes, combine, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, INV_SPIN, INV_TT, J_A,
+    J_B, K_NN, K_TN, K_TT, load_three, MASS, Motion, MOVED, MU, POINT, POINT_ROWS, pushed, RESIDUAL, ROLL,
     ROLL_LEVER, ROLL_STEP, S, SHOVE, SLIDE, SPEED, SPIN_LEVER, store_three, symmetric, T, Three,
     TORSION, TOTAL, TOTAL_T)
 from rigid_sim_ros.engine.kernel import kernel, part
@@ -22,10 +22,6 @@ from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, subtract
 SKIN = 2e-5
 # An overlap that is not pushed apart [m].
 NEGLIGIBLE = 1e-6
-
-# v [m/s] and L [kg m^2/s] of the bodies of a block, world axes, and two that are 0.
-Motion: TypeAlias = tuple[Lanes, Lanes, Lanes, Lanes, Lanes, Lanes, Lanes, Lanes]
-
 
 class Sweep(NamedTuple):
     """What a visit is for."""
@@ -82,11 +78,11 @@ def _visit_single(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h
     store(b, RESIDUAL, (load(b, INV_M_A) + load(b, INV_M_B)) * max(
         abs(change_N), max(abs(change[0]), abs(change[1]))))
 
-    F = _combine(n, t1, t2, (change_N, change[0], change[1]))
+    F = combine(n, t1, t2, (change_N, change[0], change[1]))
     torque = (change[2] * n[0], change[2] * n[1], change[2] * n[2])
     store_three(b, TORSION, add(load_three(b, TORSION), cross(load_three(b, MOVED), F)))
-    scatter(motion, at_A, _pushed(A, load(b, INV_M_A), load_three(b, ARM_A), F, torque, -1.0))
-    scatter(motion, at_B, _pushed(B, load(b, INV_M_B), load_three(b, ARM_B), F, torque, 1.0))
+    scatter(motion, at_A, pushed(A, load(b, INV_M_A), load_three(b, ARM_A), F, torque, -1.0))
+    scatter(motion, at_B, pushed(B, load(b, INV_M_B), load_three(b, ARM_B), F, torque, 1.0))
 
 
 @part
@@ -104,13 +100,13 @@ def _visit_many(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points:
     zero = spread(0.0)
     wrench, residual = (zero, zero, zero), zero
     if rolls:
-        twist_N, wrench = _solve_rolling(b, twist_N, wrench)
+        twist_N, wrench = _solve_rolling(b, twist_N, wrench, points)
     if points > 1:
         twist_N, wrench = _solve_together(b, twist_N, wrench, inv_h)
     for p in range(4 if points > 2 else points):
         twist_N, wrench, residual = _solve_point(b, POINT + p * POINT_ROWS, twist_N, wrench,
                                                  residual, inv_h)
-    pressure = _pressure(b)
+    pressure = _pressure(b, points)
     old = load_three(b, FRICTION)
     if not any_of(residual + pressure + abs(old[0]) + abs(old[1]) + abs(old[2])
                   + abs(load(b, ROLL)) + abs(load(b, ROLL + 1)) > 0.0):
@@ -125,11 +121,11 @@ def _visit_many(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points:
     store(b, RESIDUAL, (load(b, INV_M_A) + load(b, INV_M_B)) * max(
         residual, max(abs(change[0]), abs(change[1]))))
 
-    F = _combine(n, t1, t2, (wrench[0], change[0], change[1]))
-    torque = _combine(n, t1, t2, (change[2], wrench[1], wrench[2]))
+    F = combine(n, t1, t2, (wrench[0], change[0], change[1]))
+    torque = combine(n, t1, t2, (change[2], wrench[1], wrench[2]))
     store_three(b, TORSION, add(load_three(b, TORSION), cross(load_three(b, MOVED), F)))
-    scatter(motion, at_A, _pushed(A, load(b, INV_M_A), load_three(b, ARM_A), F, torque, -1.0))
-    scatter(motion, at_B, _pushed(B, load(b, INV_M_B), load_three(b, ARM_B), F, torque, 1.0))
+    scatter(motion, at_A, pushed(A, load(b, INV_M_A), load_three(b, ARM_A), F, torque, -1.0))
+    scatter(motion, at_B, pushed(B, load(b, INV_M_B), load_three(b, ARM_B), F, torque, 1.0))
 
 
 @kernel
@@ -175,10 +171,10 @@ def separate(b: Array, push: Array, at_A: IntArray, at_B: IntArray, points: int,
     for p in range(4 if points > 2 else points):
         twist, wrench = _separate_point(b, POINT + p * POINT_ROWS, twist, wrench, rate, speed)
     store(b, SHOVE, wrench[0])
-    F = _combine(n, t1, t2, (wrench[0], zero, zero))
-    torque = _combine(n, t1, t2, (zero, wrench[1], wrench[2]))
-    scatter(push, at_A, _pushed(A, load(b, INV_M_A), load_three(b, ARM_A), F, torque, -1.0))
-    scatter(push, at_B, _pushed(B, load(b, INV_M_B), load_three(b, ARM_B), F, torque, 1.0))
+    F = combine(n, t1, t2, (wrench[0], zero, zero))
+    torque = combine(n, t1, t2, (zero, wrench[1], wrench[2]))
+    scatter(push, at_A, pushed(A, load(b, INV_M_A), load_three(b, ARM_A), F, torque, -1.0))
+    scatter(push, at_B, pushed(B, load(b, INV_M_B), load_three(b, ARM_B), F, torque, 1.0))
 
 
 @part
@@ -199,23 +195,6 @@ def _twist(b: Array, A: Motion, B: Motion) -> tuple[Three, Three]:
 
 
 @part
-def _pushed(motion: Motion, inv_m: Lanes, arm: Three, F: Three, torque: Three,
-            sign: float) -> tuple[Lanes, Lanes, Lanes, Lanes, Lanes, Lanes]:
-    """Return the motion after an impulse at c, `sign` times F and the torque."""
-    w, moves = sign * inv_m, select(inv_m > 0.0, sign, 0.0)
-    turn = add(cross(arm, F), torque)
-    return (motion[0] + w * F[0], motion[1] + w * F[1], motion[2] + w * F[2],
-            motion[3] + moves * turn[0], motion[4] + moves * turn[1], motion[5] + moves * turn[2])
-
-
-@part
-def _combine(n: Three, t1: Three, t2: Three, c: Three) -> Three:
-    """Return c0 n + c1 t1 + c2 t2."""
-    return (c[0] * n[0] + c[1] * t1[0] + c[2] * t2[0], c[0] * n[1] + c[1] * t1[1] + c[2] * t2[1],
-            c[0] * n[2] + c[1] * t1[2] + c[2] * t2[2])
-
-
-@part
 def _drift(b: Array, A: Motion, B: Motion, h: float, points: int) -> None:
     """
     Move on the gaps by the velocities with which the bodies drifted for h [s].
@@ -228,10 +207,10 @@ def _drift(b: Array, A: Motion, B: Motion, h: float, points: int) -> None:
     v, u, w = _relative(b, A, B)
     moved = add_scaled(load_three(b, MOVED), h, v)
     store_three(b, MOVED, moved)
-    pressure = _pressure(b) if points > 1 else load(b, POINT + IMPULSE)
+    pressure = _pressure(b, points)
     shove, slide_1, slide_2 = load(b, SHOVE), load(b, FRICTION), load(b, FRICTION + 1)
     if any_of(pressure + shove + abs(slide_1) + abs(slide_2) > 0.0):
-        F = _combine(n, t1, t2, (pressure, slide_1, slide_2))
+        F = combine(n, t1, t2, (pressure, slide_1, slide_2))
         pushed = (h * shove * n[0], h * shove * n[1], h * shove * n[2])
         gained = add(cross(moved, F), cross(pushed, v))
         store_three(b, TORSION, add(load_three(b, TORSION), gained))
@@ -256,8 +235,10 @@ def _column(b: Array, point: int) -> Three:
 
 
 @part
-def _pressure(b: Array) -> Lanes:
+def _pressure(b: Array, points: int) -> Lanes:
     """Return the sum of the normal impulses [N s]."""
+    if points == 1:
+        return load(b, POINT + IMPULSE)
     p0, p1, p2, p3 = POINT, POINT + POINT_ROWS, POINT + 2 * POINT_ROWS, POINT + 3 * POINT_ROWS
     return (load(b, p0 + IMPULSE) + load(b, p1 + IMPULSE) + load(b, p2 + IMPULSE)
             + load(b, p3 + IMPULSE))
@@ -356,9 +337,9 @@ def _separate_point(b: Array, point: int, twist: Three, wrench: Three, rate: flo
 
 
 @part
-def _solve_rolling(b: Array, twist: Three, wrench: Three) -> tuple[Three, Three]:
+def _solve_rolling(b: Array, twist: Three, wrench: Three, points: int) -> tuple[Three, Three]:
     """Stop the rolling as far as the normal impulses allow."""
-    limit = load(b, ROLL_LEVER) * _pressure(b)
+    limit = load(b, ROLL_LEVER) * _pressure(b, points)
     r1, r2, step = load(b, ROLL), load(b, ROLL + 1), load(b, ROLL_STEP)
     a1, a2 = r1 - step * twist[1], r2 - step * twist[2]
     scale = _onto_circle(a1, a2, limit)

@@ -25,6 +25,7 @@ from typing import Any, TypeAlias
 
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, lower_cast, models, register_model
@@ -231,6 +232,135 @@ def scatter(_: Any, records: Any, at: Any, numbers: Any) -> Any:
     return types.void(records, at, types.UniTuple(_LANES, count)), generate
 
 
+def _rows_gatherer(numbers: int, load_row: Callable[..., ir.Value]) -> Any:
+
+    @intrinsic
+    def gatherer(_: Any, array: Any, rows: Any, width: Any, first: Any) -> Any:
+
+        def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
+            data, at = (_data(context, builder, signature.args[k], args[k]) for k in (0, 1))
+            loaded = []
+            for lane in range(LANES):
+                row = builder.load(builder.gep(at, [_INT(lane)]))
+                exists = builder.icmp_signed('>=', row, _INT(0))
+                row = builder.select(exists, row, _INT(0))
+                start = builder.add(builder.mul(row, args[2]), args[3])
+                value = load_row(builder, data, start)
+                loaded.append(builder.select(exists, value, ir.Constant(value.type, None)))
+            columns = (_transposed if numbers == LANES else _four_columns)(builder, loaded)
+            return context.make_tuple(builder, signature.return_type, columns[:numbers])
+
+        kind = types.UniTuple(_LANES, numbers)
+        return kind(array, rows, types.int64, types.int64), generate
+
+    return gatherer
+
+
+def _eight_numbers(builder: ir.IRBuilder, data: ir.Value, start: ir.Value) -> ir.Value:
+    return _load(builder, _vector_at(builder, data, start))
+
+
+def _four_numbers(builder: ir.IRBuilder, data: ir.Value, start: ir.Value) -> ir.Value:
+    four = ir.VectorType(ir.DoubleType(), 4)
+    place = builder.bitcast(builder.gep(data, [start]), four.as_pointer())
+    return builder.load(place, align=_ALIGN)
+
+
+def _three_numbers(builder: ir.IRBuilder, data: ir.Value, start: ir.Value) -> ir.Value:
+    # There may be no fourth: the array may end there.
+    value = ir.Constant(ir.VectorType(ir.DoubleType(), 4), None)
+    for k in range(3):
+        number = builder.load(builder.gep(data, [builder.add(start, _INT(k))]))
+        value = builder.insert_element(value, number, ir.IntType(32)(k))
+    return value
+
+
+# gather_rows_N(array, rows, width, first): return N numbers, each in eight lanes, from number
+# `first` on in the rows (8,) of an array with `width` numbers in a row; 0 for a row below 0.
+gather_rows_3 = _rows_gatherer(3, _three_numbers)
+gather_rows_4 = _rows_gatherer(4, _four_numbers)
+gather_rows_8 = _rows_gatherer(8, _eight_numbers)
+
+
+def _rows_scatterer(numbers: int) -> Any:
+
+    @intrinsic
+    def scatterer(_: Any, array: Any, rows: Any, width: Any, first: Any, lanes: Any) -> Any:
+
+        def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
+            data, at = (_data(context, builder, signature.args[k], args[k]) for k in (0, 1))
+            columns = [builder.extract_value(args[4], k) for k in range(numbers)]
+            nowhere = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), numbers))
+            nowhere = builder.gep(nowhere, [_INT(0), _INT(0)])
+            for lane in range(LANES):
+                row = builder.load(builder.gep(at, [_INT(lane)]))
+                start = builder.add(builder.mul(row, args[2]), args[3])
+                place = builder.select(builder.icmp_signed('>=', row, _INT(0)),
+                                       builder.gep(data, [start]), nowhere)
+                for k, column in enumerate(columns):
+                    number = builder.extract_element(column, ir.IntType(32)(lane))
+                    builder.store(number, builder.gep(place, [_INT(k)]))
+            return context.get_dummy_value()
+
+        kind = types.UniTuple(_LANES, numbers)
+        return types.void(array, rows, types.int64, types.int64, kind), generate
+
+    return scatterer
+
+
+# scatter_rows_N(array, rows, width, first, lanes): write N numbers where gather_rows_N reads them.
+scatter_rows_1, scatter_rows_3, scatter_rows_4 = (_rows_scatterer(n) for n in (1, 3, 4))
+
+
+@intrinsic
+def gather_integers(_: Any, array: Any, rows: Any) -> Any:
+    """Return the integers that stand in the rows (8,) of an array, 0 for a row below 0."""
+
+    def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
+        data, at = (_data(context, builder, signature.args[k], args[k]) for k in (0, 1))
+        value = ir.Constant(_VECTOR, None)
+        for lane in range(LANES):
+            row = builder.load(builder.gep(at, [_INT(lane)]))
+            exists = builder.icmp_signed('>=', row, _INT(0))
+            found = builder.load(builder.gep(data, [builder.select(exists, row, _INT(0))]))
+            number = builder.sitofp(builder.select(exists, found, _INT(0)), ir.DoubleType())
+            value = builder.insert_element(value, number, ir.IntType(32)(lane))
+        return value
+
+    return _LANES(array, rows), generate
+
+
+@intrinsic
+def count_of(_: Any, mask: Any) -> Any:
+    """Return in how many lanes a mask holds."""
+
+    def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
+        bits = builder.bitcast(args[0], ir.IntType(LANES))
+        return builder.zext(builder.ctpop(bits), _INT)
+
+    return types.int64(_MASK), generate
+
+
+@intrinsic
+def largest_of(_: Any, lanes: Any) -> Any:
+    """Return the largest number of all lanes."""
+
+    def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
+        best = builder.extract_element(args[0], ir.IntType(32)(0))
+        for lane in range(1, LANES):
+            other = builder.extract_element(args[0], ir.IntType(32)(lane))
+            best = builder.select(builder.fcmp_ordered('>', other, best), other, best)
+        return best
+
+    return types.float64(_LANES), generate
+
+
+def _four_columns(builder: ir.IRBuilder, rows: Sequence[ir.Value]) -> list[ir.Value]:
+    """Return the columns of a matrix of eight rows of four."""
+    pairs = [builder.shuffle_vector(rows[k], rows[k + 4], _mask(range(LANES))) for k in range(4)]
+    return _exchange(builder, pairs, (1, 2))
+
+
 def _transposed(builder: ir.IRBuilder, rows: Sequence[ir.Value]) -> list[ir.Value]:
     """
     Return the columns of a matrix of eight rows.
@@ -238,11 +368,16 @@ def _transposed(builder: ir.IRBuilder, rows: Sequence[ir.Value]) -> list[ir.Valu
     Three times what stands off the diagonal changes places: single numbers in blocks of two by
     two, then those blocks in blocks of four by four, then these.
     """
+    return _exchange(builder, rows, (1, 2, 4))
+
+
+def _exchange(builder: ir.IRBuilder, rows: Sequence[ir.Value],
+              widths: Sequence[int]) -> list[ir.Value]:
     turned = list(rows)
-    for width in (1, 2, 4):
+    for width in widths:
         low = [k if k & width == 0 else k - width + LANES for k in range(LANES)]
         high = [k + width if k & width == 0 else k + LANES for k in range(LANES)]
-        for k in range(LANES):
+        for k in range(len(turned)):
             if k & width == 0:
                 a, b = turned[k], turned[k + width]
                 turned[k] = builder.shuffle_vector(a, b, _mask(low))

@@ -25,13 +25,11 @@ from rigid_sim_ros.engine.vector import add_scaled, column, dot
 # Numbers of a body in `motion`: v [m/s], L [kg m^2/s], world axes, and two that stay 0. So a body
 # fills one line of the cache, and whatever all bodies do alike is one loop over a flat array.
 STRIDE = 8
-# Sections of a body in `rows`.
-J = 0  # inverse inertia, world axes: xx, xy, xz, yy, yz, zz
+# Numbers of a body in `mass`: the inverse inertia, world axes, the inverse mass, and whether it is
+# pressed against a body that moves.
+J = 0  # xx, xy, xz, yy, yz, zz
 INV_M = 6
-HELD = 7  # 1: pressed against a body that moves
-START = 8  # v, L at the start of the step
-POSE = 16  # x [m] and q at the start of the step
-BODY_ROWS = 24
+HELD = 7
 # Rows of the scratch block in which eight bodies are moved.
 _V, _L, _DV, _DL, _A, _X, _Q, _INV_I, _FREE, _ROWS = 0, 3, 6, 9, 12, 15, 18, 22, 25, 26
 
@@ -42,14 +40,16 @@ class SolverBodies(NamedTuple):
     slot: IntArray  # (n,) of a body, 0 if it does not take part
     body: IntArray  # (n + 1,) in a slot; -1 in slot 0
     used: IntArray  # (2,) slots in use; moving bodies without a slot
-    motion: Array  # flat, STRIDE for each slot, as the next six
+    motion: Array  # flat, STRIDE for each slot, as all but the last
     push: Array  # motion that only displaces, out of overlaps
     drifted: Array  # the sum of both, with which the bodies moved in this substep
     smooth: Array  # F / m [m/s^2] and torque [N m] of all that is no contact
     base: Array  # v, L of this substep without contacts
     warm: Array  # what contacts added to it in the last substep
     total: Array  # sums of `drifted` over the substeps
-    rows: Array  # flat, BODY_ROWS for each slot
+    mass: Array  # see J, INV_M, HELD
+    start: Array  # v, L at the start of the step
+    pose: Array  # x [m] and q at the start of the step
     lanes: Array  # flat scratch
 
 
@@ -62,7 +62,7 @@ def make_bodies(n: int) -> SolverBodies:
 
     return SolverBodies(np.zeros(n, dtype=np.int64), np.zeros(slots, dtype=np.int64),
                         np.zeros(2, dtype=np.int64), numbers(), numbers(), numbers(), numbers(),
-                        numbers(), numbers(), numbers(), aligned_zeros(slots * BODY_ROWS),
+                        numbers(), numbers(), numbers(), numbers(), numbers(), numbers(),
                         aligned_zeros(_ROWS * LANES))
 
 
@@ -76,29 +76,30 @@ def load_bodies(inv_m: Array, inv_I_C: Array, state: State, loads: Loads,
     bodies.smooth[:used * STRIDE] = 0.0
     bodies.warm[:used * STRIDE] = 0.0
     bodies.total[:used * STRIDE] = 0.0
-    bodies.rows[:used * BODY_ROWS] = 0.0
-    rows = bodies.rows
+    mass, start, pose = bodies.mass, bodies.start, bodies.pose
+    mass[:STRIDE] = 0.0
     for slot in range(1, used):
         i = bodies.body[slot] & INDEX
-        at, motion = slot * BODY_ROWS, slot * STRIDE
+        motion = slot * STRIDE
         for k in range(3):
             bodies.smooth[motion + k] = inv_m[i] * loads.F[k, i]
             bodies.smooth[motion + 3 + k] = loads.tau[k, i]
             v = inv_m[i] * state.P[k, i]
             bodies.motion[motion + k] = v
             bodies.motion[motion + 3 + k] = state.L[k, i]
-            rows[at + START + k] = v
-            rows[at + START + 3 + k] = state.L[k, i]
-            rows[at + POSE + k] = state.x[k, i]
+            start[motion + k] = v
+            start[motion + 3 + k] = state.L[k, i]
+            pose[motion + k] = state.x[k, i]
         for k in range(4):
-            rows[at + POSE + 3 + k] = state.q[k, i]
-        rows[at + INV_M] = inv_m[i]
+            pose[motion + 3 + k] = state.q[k, i]
+        mass[motion + INV_M] = inv_m[i]
+        mass[motion + HELD] = 0.0
         R = to_matrix(quaternion(state.q, i))
         d = column(inv_I_C, i)
-        line = at + J
+        line = motion + J
         for k in range(3):
             for j in range(k, 3):
-                rows[line] = (R[k][0] * d[0] * R[j][0] + R[k][1] * d[1] * R[j][1]
+                mass[line] = (R[k][0] * d[0] * R[j][0] + R[k][1] * d[1] * R[j][1]
                               + R[k][2] * d[2] * R[j][2])
                 line += 1
 
@@ -152,19 +153,19 @@ def store_bodies(h: float, m: Array, inv_I_C: Array, state: State, bodies: Solve
 @part
 def _take(inv_I_C: Array, bodies: SolverBodies, slot: int, b: Array, lane: int) -> None:
     """Copy what moves a body to a lane."""
-    i, at, motion = bodies.body[slot] & INDEX, slot * BODY_ROWS, slot * STRIDE
-    rows = bodies.rows
+    i, motion = bodies.body[slot] & INDEX, slot * STRIDE
     for k in range(3):
         b[(_V + k) * LANES + lane] = bodies.total[motion + k]
         b[(_L + k) * LANES + lane] = bodies.total[motion + 3 + k]
-        b[(_DV + k) * LANES + lane] = bodies.motion[motion + k] - rows[at + START + k]
-        b[(_DL + k) * LANES + lane] = bodies.motion[motion + 3 + k] - rows[at + START + 3 + k]
+        b[(_DV + k) * LANES + lane] = bodies.motion[motion + k] - bodies.start[motion + k]
+        b[(_DL + k) * LANES + lane] = (bodies.motion[motion + 3 + k]
+                                       - bodies.start[motion + 3 + k])
         b[(_A + k) * LANES + lane] = bodies.smooth[motion + k]
-        b[(_X + k) * LANES + lane] = rows[at + POSE + k]
+        b[(_X + k) * LANES + lane] = bodies.pose[motion + k]
         b[(_INV_I + k) * LANES + lane] = inv_I_C[k, i]
     for k in range(4):
-        b[(_Q + k) * LANES + lane] = rows[at + POSE + 3 + k]
-    b[_FREE * LANES + lane] = 1.0 - rows[at + HELD]
+        b[(_Q + k) * LANES + lane] = bodies.pose[motion + 3 + k]
+    b[_FREE * LANES + lane] = 1.0 - bodies.mass[motion + HELD]
 
 
 @kernel
