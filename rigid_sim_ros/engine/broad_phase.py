@@ -25,9 +25,9 @@ from rigid_sim_ros.engine.shapes import PLANE, Shapes
 ROOM = 0.1
 # A fat box reaches as far ahead as the shape flies in so many steps, but no farther than its own
 # size.
-STEPS_AHEAD = 6.0
+STEPS_AHEAD = 8.0
 # Less room than that, and a shape gets a new box along with the others.
-_USED = 0.05
+_USED = 0.04
 WIDE = 1 << 20  # the level of what is too large for any cell
 _LOWEST = -40  # the level of the smallest cells
 
@@ -139,21 +139,21 @@ def _fat_overlap(kind: IntArray, fat: Array, ahead: Array, a: int, b: int) -> bo
 
 
 @kernel
-def _bucket(level: int, x: int, y: int, z: int, mask: int) -> int:
-    # Three large primes (Teschner et al., Optimized Spatial Hashing, VMV 2003). Cells that share a
-    # bucket cost time only: who looks one up compares the cell itself.
-    return (x * 73856093 ^ y * 19349663 ^ z * 83492791 ^ level * 50331653) & mask
+def _key(level: int, x: int, y: int, z: int) -> int:
+    # Three large primes (Teschner et al., Optimized Spatial Hashing, VMV 2003); the last bits are
+    # the bucket. Cells that share a key cost time only: who looks one up compares the cell itself.
+    return x * 73856093 ^ y * 19349663 ^ z * 83492791 ^ level * 50331653
 
 
 @kernel
 def _fill_grid(kind: IntArray, fat: Array, cells: IntArray, buckets: IntArray, members: IntArray,
-               tally: IntArray, levels: IntArray) -> None:
+               keys: IntArray, tally: IntArray, levels: IntArray) -> None:
     """Sort the shapes by the bucket of their cell: count, add up, distribute."""
     t = buckets.shape[0] - 2
     buckets[:] = 0
     levels[:] = 0
     for s in range(kind.shape[0]):
-        level, bucket = WIDE, t
+        level, key, bucket = WIDE, 0, t
         if kind[s] != PLANE:
             side = max(fat[s, 3] - fat[s, 0], fat[s, 4] - fat[s, 1], fat[s, 5] - fat[s, 2])
             # side = m 2^e with m < 1.
@@ -163,9 +163,10 @@ def _fill_grid(kind: IntArray, fat: Array, cells: IntArray, buckets: IntArray, m
                 cell = math.ldexp(1.0, -level)
                 for k in range(3):
                     cells[s, 1 + k] = math.floor(0.5 * (fat[s, k] + fat[s, 3 + k]) * cell)
-                bucket = _bucket(level, cells[s, 1], cells[s, 2], cells[s, 3], t - 1)
+                key = _key(level, cells[s, 1], cells[s, 2], cells[s, 3])
+                bucket = key & (t - 1)
                 levels[level - _LOWEST] += 1
-        cells[s, 0] = level
+        cells[s, 0], cells[s, 4] = level, key
         tally[s] = bucket
         buckets[bucket + 1] += 1
     for k in range(t + 1):
@@ -174,6 +175,7 @@ def _fill_grid(kind: IntArray, fat: Array, cells: IntArray, buckets: IntArray, m
     for s in range(kind.shape[0] - 1, -1, -1):
         buckets[tally[s] + 1] -= 1
         members[buckets[tally[s] + 1]] = s
+        keys[buckets[tally[s] + 1]] = cells[s, 4]
     for k in range(t + 1):
         buckets[k] = buckets[k + 1]
     buckets[t + 1] = kind.shape[0]
@@ -200,7 +202,8 @@ def _offer(shapes: Shapes, fat: Array, moved: IntArray, fresh: IntArray, bodies:
 
 @kernel
 def _look_around(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, buckets: IntArray,
-                 members: IntArray, levels: IntArray, fresh: IntArray, bodies: int, ahead: Array,
+                 members: IntArray, keys: IntArray, levels: IntArray, fresh: IntArray,
+                 bodies: int, ahead: Array,
                  count: int, s: int) -> int:
     """Find the partners of shape s, which moved; return the number of pairs so far."""
     t = buckets.shape[0] - 2
@@ -227,9 +230,12 @@ def _look_around(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, b
         for x in range(x0, x1 + 1):
             for y in range(y0, y1 + 1):
                 for z in range(z0, z1 + 1):
-                    bucket = _bucket(level, x, y, z, t - 1)
-                    for k in range(buckets[bucket], buckets[bucket + 1]):
-                        other = members[k]
+                    key = _key(level, x, y, z)
+                    bucket = key & (t - 1) & INDEX
+                    for k in range(buckets[bucket] & INDEX, buckets[bucket + 1] & INDEX):
+                        if keys[k] != key:
+                            continue
+                        other = members[k] & INDEX
                         if (cells[other, 1] == x and cells[other, 2] == y and cells[other, 3] == z
                                 and cells[other, 0] == level):
                             count = _offer(shapes, fat, moved, fresh, bodies, ahead, count, s,
@@ -266,7 +272,7 @@ def _forget_parted(kind: IntArray, fat: Array, moved: IntArray, ahead: Array, pa
     """Drop pairs of moved shapes whose fat boxes no longer overlap; return how many are left."""
     kept = 0
     for k in range(count):
-        a, b = pair[k, 0], pair[k, 1]
+        a, b = pair[k, 0] & INDEX, pair[k, 1] & INDEX
         if moved[a] + moved[b] == 0 or _fat_overlap(kind, fat, ahead, a, b):
             if kept < k:
                 pair[kept, 0], pair[kept, 1] = a, b
@@ -309,21 +315,20 @@ def _merge(pair: IntArray, axis: Array, count: int, fresh: IntArray, found: int)
 
 @kernel
 def update_pairs(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, buckets: IntArray,
-                 members: IntArray, tally: IntArray, levels: IntArray, fresh: IntArray,
-                 pair: IntArray, axis: Array, count: int, bodies: int, ahead: Array) -> int:
+                 members: IntArray, keys: IntArray, tally: IntArray, levels: IntArray,
+                 fresh: IntArray, pair: IntArray, axis: Array, count: int, bodies: int, ahead: Array) -> int:
     """
     Bring the pairs up to date after some shapes moved; return their number.
 
     A number above the capacity of `pair` means that there was no room, and the pairs are lost.
     """
     count = _forget_parted(shapes.kind, fat, moved, ahead, pair, axis, count)
-    _fill_grid(shapes.kind, fat, cells, buckets, members, tally, levels)
+    _fill_grid(shapes.kind, fat, cells, buckets, members, keys, tally, levels)
     found = 0
     for s in range(shapes.kind.shape[0]):
         if moved[s] == 1:
-            found = _look_around(shapes, fat, moved, cells, buckets, members, levels, fresh,
-                                 bodies,
-                                 ahead, found, s)
+            found = _look_around(shapes, fat, moved, cells, buckets, members, keys, levels, fresh,
+                                 bodies, ahead, found, s)
     if found > fresh.shape[1]:
         return count + found
     _sort(fresh, found, tally)

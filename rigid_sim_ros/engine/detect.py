@@ -11,11 +11,11 @@ gaps are found anew.
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.broad_phase import boxes_overlap, refresh, update_pairs
-from rigid_sim_ros.engine.kernel import inlined, kernel, part
+from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part
 from rigid_sim_ros.engine.manifolds import (
     CONTACTS, Manifolds, Memory, PAIRS, REBUILT, RECYCLED, SHORT_PAIRS, SHORT_ROWS, WITNESSED)
 from rigid_sim_ros.engine.model import Model
-from rigid_sim_ros.engine.narrow_phase.balls import touching_spheres
+from rigid_sim_ros.engine.narrow_phase.balls import touching_ball
 from rigid_sim_ros.engine.narrow_phase.boxes import box_box, UNSETTLED
 from rigid_sim_ros.engine.narrow_phase.collide import collide
 from rigid_sim_ros.engine.placing import bound, place
@@ -74,7 +74,7 @@ def _find_pairs(model: Model, state: State, shapes: Shapes, memory: Memory) -> b
     memory.counters[REBUILT] = moved
     if moved > 0:
         count = update_pairs(shapes, memory.fat, memory.moved, memory.cells, memory.buckets,
-                             memory.members, memory.tally, memory.levels, memory.fresh,
+                             memory.members, memory.keys, memory.tally, memory.levels, memory.fresh,
                              memory.pair,
                              memory.axis, max(count, 0), model.m.shape[0], memory.ahead)
         if count > memory.pair.shape[0]:
@@ -92,15 +92,16 @@ def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds
     room, rows, old, near, settled, recycled, contacts = now.shape_a.shape[0], 0, 0, 0, 0, 0, 0
     last = before.count[0]
     for k in range(memory.pair_count[0]):
-        a, b = memory.pair[k, 0], memory.pair[k, 1]
+        a, b = memory.pair[k, 0] & INDEX, memory.pair[k, 1] & INDEX
         if not boxes_overlap(memory.box, a, b):
             continue
         near += 1
         margin = memory.ahead[a] + memory.ahead[b]
-        old = _seek(before.shape_a, before.shape_b, old, last, a, b)
+        old = _seek(before.shape_a, before.shape_b, old, last, a, b) & INDEX
         known = old < last and before.shape_a[old] == a and before.shape_b[old] == b
-        row = min(rows, room - 1)
-        i, j = shapes.body[a], shapes.body[b]
+        row = min(rows, room - 1) & INDEX
+        i, j = shapes.body[a] & INDEX, shapes.body[b] & INDEX
+        kind_a, kind_b = shapes.kind[a], shapes.kind[b]
         if known and _flat(shapes.kind, a, b) and _recycle(
                 state, memory.turn, now, before, row, old, i, j, margin,
                 min(shapes.bound[a], shapes.bound[b])):
@@ -110,10 +111,10 @@ def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds
             # The two most frequent families get just the arrays they need: to hand over all tables
             # takes as long as their work.
             found, n, witness, points = UNSETTLED, NONE, False, memory.scratch.points
-            if shapes.kind[a] == SPHERE and shapes.kind[b] == SPHERE:
-                found, n = touching_spheres(memory.pose, shapes.size, a, b, margin, points,
-                                            memory.scratch.ids)
-            elif shapes.kind[a] == BOX and shapes.kind[b] == BOX:
+            if kind_a != HULL and kind_b != HULL and (kind_a == SPHERE or kind_b == SPHERE):
+                found, n = touching_ball(memory.pose, shapes.size, kind_a, kind_b, a, b, margin,
+                                         points, memory.scratch.ids)
+            elif kind_a == BOX and kind_b == BOX:
                 if boxes_apart(memory.pose, shapes.size, shapes.bound, a, b, memory.axis, k,
                                margin):
                     settled += 1

@@ -86,10 +86,11 @@ class Memory(NamedTuple):
     calm: Array  # (1,) the margin of a pair at rest [m]
     box: Array  # (s, 6) bounding boxes, lower and upper corner, as far ahead as the shape looks
     fat: Array  # (s, 6) fat boxes; a plane: normal and offset
-    cells: IntArray  # (s, 4) level and cell of the middle of the fat box
+    cells: IntArray  # (s, 5) level, cell of the middle of the fat box, key of the cell
     moved: IntArray  # (s,) 1 for shapes that left their fat box
     buckets: IntArray  # (t + 2,) where each bucket of the grid starts, then the wide shapes
     members: IntArray  # (s,) the shapes in the order of their buckets
+    keys: IntArray  # (s,) of their cells, in that order
     tally: IntArray  # (s + 1,) room to count
     levels: IntArray  # (LEVELS,) number of shapes on each level of the grid
     pair_count: IntArray  # (1,) -1 before the first step
@@ -141,8 +142,8 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
     buckets = 1 << max(4, (2 * s - 1).bit_length())
     pages = (empty_manifolds(capacity), empty_manifolds(capacity))
     memory = Memory(pages, integers(1), np.zeros((s, 12)), np.zeros((bodies, 9)), np.zeros(s),
-                    np.zeros(1), np.zeros((s, 6)), np.zeros((s, 6)), integers(s, 4), integers(s),
-                    integers(buckets + 2), integers(s), integers(s + 1), integers(LEVELS),
+                    np.zeros(1), np.zeros((s, 6)), np.zeros((s, 6)), integers(s, 5), integers(s),
+                    integers(buckets + 2), integers(s), integers(s), integers(s + 1), integers(LEVELS),
                     integers(1),
                     integers(2 * capacity, 2), integers(2, 2 * capacity, 2),
                     np.zeros((2 * capacity, 4)), integers(8), scratch)
