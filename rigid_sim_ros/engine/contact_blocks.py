@@ -147,7 +147,7 @@ def prepare_block(b: Array, points: int) -> None:
     count = 4 if points > 1 else 1
     _make_basis(b)
     _place_centre(b, count)
-    n, t1, t2 = axes(b)
+    _, t1, t2 = axes(b)
     for p in range(count):
         point = POINT + p * POINT_ROWS
         r = subtract(load_three(b, point), load_three(b, ARM_A))

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, axes, combine, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, INV_SPIN, INV_TT, J_A,
-    J_B, K_NN, K_TN, K_TT, load_three, MASS, Motion, MOVED, MU, POINT, POINT_ROWS, pushed, RESIDUAL, ROLL,
-    ROLL_LEVER, ROLL_STEP, S, SHOVE, SLIDE, SPEED, SPIN_LEVER, store_three, symmetric, T, Three,
-    TORSION, TOTAL, TOTAL_T)
+    ABSENT, ARM_A, ARM_B, axes, combine, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, INV_SPIN,
+    INV_TT, J_A, J_B, K_NN, K_TN, K_TT, load_three, MASS, Motion, MOVED, MU, POINT, POINT_ROWS,
+    pushed, RESIDUAL, ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE, SLIDE, SPEED, SPIN_LEVER, store_three,
+    symmetric, T, Three, TORSION, TOTAL, TOTAL_T)
 from rigid_sim_ros.engine.kernel import kernel, part
 from rigid_sim_ros.engine.lanes import (
     any_of, gather, Lanes, load, root, scatter, select, spread, store)

@@ -29,7 +29,7 @@ from rigid_sim_ros.engine.contact_filling import (
 from rigid_sim_ros.engine.contact_sweep import (
     count_impulses, is_settled, overlaps, separate, Sweep, visit)
 from rigid_sim_ros.engine.free_flight import fly
-from rigid_sim_ros.engine.kernel import kernel, part
+from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.lanes import LANES
 from rigid_sim_ros.engine.loads import kick, Loads
 from rigid_sim_ros.engine.manifolds import Manifolds, POINTS
@@ -194,15 +194,17 @@ def calm(count: int, kind: IntArray, blocks: Array, motion: Array, at_A: IntArra
     A clock counts the visits; `shaken` has for each slot when a visit last changed its velocity
     by more than ROUGH, `visited` for each block when it was visited last.
     """
-    shaken[:] = 0
-    clock = 0
+    rough = 0
     for block in range(count):
-        clock += 1
-        visited[block] = clock
         b = blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE]
+        visited[block] = block + 1
         if not is_settled(b, ROUGH):
-            _shake(b, block * LANES, at_A, at_B, clock, shaken)
-    for k in range(CALMING_SWEEPS if clock > 0 else 0):
+            if rough == 0:
+                shaken[:] = 0
+            _shake(b, block * LANES, at_A, at_B, block + 1, shaken)
+            rough += 1
+    clock = count
+    for k in range(CALMING_SWEEPS if rough > 0 else 0):
         first = clock
         for j in range(count):
             block = count - 1 - j if k % 2 == 0 else j
@@ -224,8 +226,8 @@ def _shake(b: Array, first: int, at_A: IntArray, at_B: IntArray, clock: int,
     """Note which bodies a visit changed roughly; slot 0 stands still."""
     for i in range(LANES):
         if b[RESIDUAL * LANES + i] > ROUGH:
-            shaken[at_A[first + i] // STRIDE] = clock
-            shaken[at_B[first + i] // STRIDE] = clock
+            shaken[(at_A[first + i] & INDEX) // STRIDE] = clock
+            shaken[(at_B[first + i] & INDEX) // STRIDE] = clock
     shaken[0] = 0
 
 
@@ -233,11 +235,11 @@ def _shake(b: Array, first: int, at_A: IntArray, at_B: IntArray, clock: int,
 def _was_reached(block: int, at_A: IntArray, at_B: IntArray, shaken: IntArray,
                  visited: IntArray) -> bool:
     """Return whether a body of a block was shaken since its last visit."""
+    latest = 0
     for lane in range(block * LANES, (block + 1) * LANES):
-        if (shaken[at_A[lane] // STRIDE] > visited[block]
-                or shaken[at_B[lane] // STRIDE] > visited[block]):
-            return True
-    return False
+        latest = max(latest, shaken[(at_A[lane] & INDEX) // STRIDE],
+                     shaken[(at_B[lane] & INDEX) // STRIDE])
+    return latest > visited[block]
 
 
 @kernel
