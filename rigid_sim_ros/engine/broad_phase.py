@@ -316,7 +316,8 @@ def _merge(pair: IntArray, axis: Array, count: int, fresh: IntArray, found: int)
 @kernel
 def update_pairs(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, buckets: IntArray,
                  members: IntArray, keys: IntArray, tally: IntArray, levels: IntArray,
-                 fresh: IntArray, pair: IntArray, axis: Array, count: int, bodies: int, ahead: Array) -> int:
+                 fresh: IntArray, pair: IntArray, axis: Array, count: int, bodies: int,
+                 ahead: Array) -> int:
     """
     Bring the pairs up to date after some shapes moved; return their number.
 

@@ -29,12 +29,12 @@ from typing import TypeAlias
 
 from rigid_sim_ros.engine.arrays import Array, Vector
 from rigid_sim_ros.engine.kernel import inlined, kernel, part
-from rigid_sim_ros.engine.lanes import Lanes, LANES, load, root, select, store
+from rigid_sim_ros.engine.lanes import Eight, LANES, load, root, select, store
 from rigid_sim_ros.engine.vector import add, cross, dot, subtract
 
-Three: TypeAlias = tuple[Lanes, Lanes, Lanes]
+Three: TypeAlias = tuple[Eight, Eight, Eight]
 # v [m/s] and L [kg m^2/s] of the bodies of a block, world axes, and two that are 0.
-Motion: TypeAlias = tuple[Lanes, Lanes, Lanes, Lanes, Lanes, Lanes, Lanes, Lanes]
+Motion: TypeAlias = tuple[Eight, Eight, Eight, Eight, Eight, Eight, Eight, Eight]
 
 # Rows of a block.
 NORMAL = 0  # n, world axes
@@ -118,8 +118,8 @@ def axes(b: Array) -> tuple[Three, Three, Three]:
 
 
 @part
-def pushed(motion: Motion, inv_m: Lanes, arm: Three, F: Three, torque: Three,
-            sign: float) -> tuple[Lanes, Lanes, Lanes, Lanes, Lanes, Lanes]:
+def pushed(motion: Motion, inv_m: Eight, arm: Three, F: Three, torque: Three,
+           sign: float) -> tuple[Eight, Eight, Eight, Eight, Eight, Eight]:
     """Return the motion after an impulse at c, `sign` times F and the torque."""
     w, moves = sign * inv_m, select(inv_m > 0.0, sign, 0.0)
     turn = add(cross(arm, F), torque)
@@ -192,7 +192,7 @@ _NEAR = 1e-4
 
 
 @part
-def _weight(b: Array, point: int) -> Lanes:
+def _weight(b: Array, point: int) -> Eight:
     """Return what a point counts for the centre of its manifold."""
     gap = max(load(b, point + GAP), 0.0)
     return _NEAR * _NEAR / (_NEAR * _NEAR + gap * gap)
@@ -254,7 +254,7 @@ def _add_three(b: Array, row: int, keep: float, v: Three) -> None:
 
 
 @part
-def _inverse(x: Lanes) -> Lanes:
+def _inverse(x: Eight) -> Eight:
     return select(x > 0.0, 1.0 / x, 0.0)
 
 

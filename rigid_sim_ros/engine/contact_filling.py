@@ -11,9 +11,9 @@ from rigid_sim_ros.engine.contact_blocks import (
 from rigid_sim_ros.engine.contact_sweep import SKIN
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.lanes import (
-    any_of, both, count_of, gather, gather_integers, gather_rows_3, gather_rows_4, gather_rows_8,
-    Lanes, LANES, largest_of, load, scatter, scatter_rows_1, scatter_rows_3, scatter_rows_4,
-    select, spread, store)
+    any_of, both, count_of, Eight, gather, gather_integers, gather_rows_3, gather_rows_4,
+    gather_rows_8, LANES, largest_of, load, scatter, scatter_rows_1, scatter_rows_3,
+    scatter_rows_4, select, spread, store)
 from rigid_sim_ros.engine.manifolds import Manifolds, POINTS
 from rigid_sim_ros.engine.shapes import Materials
 from rigid_sim_ros.engine.shifts import displacement, gap_now
@@ -138,8 +138,8 @@ def _copy_manifolds(b: Array, rows: IntArray, points: int, manifolds: Manifolds,
 
 
 @part
-def _copy_point(b: Array, p: int, n: Three, r_A: Three, gap: Lanes, impulse: Lanes,
-                present: Lanes, share: float) -> None:
+def _copy_point(b: Array, p: int, n: Three, r_A: Three, gap: Eight, impulse: Eight,
+                present: Eight, share: float) -> None:
     """Write one point, half way between the surfaces; where there is none it is far away."""
     there, point = present > p, POINT + p * POINT_ROWS
     half = select(there, 0.5 * gap, 0.0)
@@ -151,7 +151,7 @@ def _copy_point(b: Array, p: int, n: Three, r_A: Three, gap: Lanes, impulse: Lan
 
 
 @part
-def _smallest_gap(b: Array, points: int) -> Lanes:
+def _smallest_gap(b: Array, points: int) -> Eight:
     least = load(b, POINT + GAP)
     for p in range(1, POINTS if points > 1 else 1):
         least = min(least, load(b, POINT + p * POINT_ROWS + GAP))
@@ -159,7 +159,7 @@ def _smallest_gap(b: Array, points: int) -> Lanes:
 
 
 @part
-def _pressure(b: Array, points: int) -> Lanes:
+def _pressure(b: Array, points: int) -> Eight:
     total = load(b, POINT + IMPULSE)
     for p in range(1, POINTS if points > 1 else 1):
         total = total + load(b, POINT + p * POINT_ROWS + IMPULSE)
@@ -234,7 +234,7 @@ def keep_impulses(count: int, kind: IntArray, blocks: Array, lane_row: IntArray,
 
 @part
 def _keep_normals(b: Array, rows: IntArray, points: int, impulse: Array, normal_impulse: Array,
-                  substeps: int) -> Lanes:
+                  substeps: int) -> Eight:
     """Keep the normal impulses; return their sums over the whole step."""
     i0, total = load(b, POINT + IMPULSE), load(b, POINT + TOTAL)
     before = gather_rows_4(normal_impulse, rows, POINTS, 0)
@@ -254,7 +254,7 @@ def _keep_normals(b: Array, rows: IntArray, points: int, impulse: Array, normal_
 
 
 @part
-def _give_back(b: Array, pressure: Lanes, bodies: SolverBodies, at_A: IntArray, at_B: IntArray,
+def _give_back(b: Array, pressure: Eight, bodies: SolverBodies, at_A: IntArray, at_B: IntArray,
                h: float) -> None:
     """
     Take half of the L that a pair gained from each of its bodies: the point follows both.

@@ -12,7 +12,7 @@ from rigid_sim_ros.engine.contact_blocks import (
     symmetric, T, Three, TORSION, TOTAL, TOTAL_T)
 from rigid_sim_ros.engine.kernel import kernel, part
 from rigid_sim_ros.engine.lanes import (
-    any_of, gather, Lanes, load, root, scatter, select, spread, store)
+    any_of, Eight, gather, load, root, scatter, select, spread, store)
 from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, subtract
 
 
@@ -22,6 +22,7 @@ from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, subtract
 SKIN = 2e-5
 # An overlap that is not pushed apart [m].
 NEGLIGIBLE = 1e-6
+
 
 class Sweep(NamedTuple):
     """What a visit is for."""
@@ -223,7 +224,7 @@ def _drift(b: Array, A: Motion, B: Motion, h: float, points: int) -> None:
 
 
 @part
-def _gap(b: Array, point: int) -> Lanes:
+def _gap(b: Array, point: int) -> Eight:
     """Return how far a point is from touching [m]."""
     return max(load(b, point + GAP) - SKIN, 0.0)
 
@@ -235,7 +236,7 @@ def _column(b: Array, point: int) -> Three:
 
 
 @part
-def _pressure(b: Array, points: int) -> Lanes:
+def _pressure(b: Array, points: int) -> Eight:
     """Return the sum of the normal impulses [N s]."""
     if points == 1:
         return load(b, POINT + IMPULSE)
@@ -245,7 +246,7 @@ def _pressure(b: Array, points: int) -> Lanes:
 
 
 @part
-def _sum_of_points(b: Array, w0: Lanes, w1: Lanes, w2: Lanes, w3: Lanes) -> Three:
+def _sum_of_points(b: Array, w0: Eight, w1: Eight, w2: Eight, w3: Eight) -> Three:
     """Return the sum of the columns g of the points, each times its weight."""
     p0, p1, p2, p3 = POINT, POINT + POINT_ROWS, POINT + 2 * POINT_ROWS, POINT + 3 * POINT_ROWS
     return (w0 + w1 + w2 + w3,
@@ -287,8 +288,8 @@ def _solve_together(b: Array, twist: Three, wrench: Three, inv_h: float) -> tupl
 
 
 @part
-def _solve_point(b: Array, point: int, twist: Three, wrench: Three, residual: Lanes,
-                 inv_h: float) -> tuple[Three, Three, Lanes]:
+def _solve_point(b: Array, point: int, twist: Three, wrench: Three, residual: Eight,
+                 inv_h: float) -> tuple[Three, Three, Eight]:
     """
     Make the normal velocity of a point not less than -(gap - SKIN) / h, nor less than 0.
 
@@ -305,7 +306,7 @@ def _solve_point(b: Array, point: int, twist: Three, wrench: Three, residual: La
 
 
 @part
-def _wanted(b: Array, point: int, rate: float, speed: float) -> Lanes:
+def _wanted(b: Array, point: int, rate: float, speed: float) -> Eight:
     """Return the speed by which a point leaves its overlap too slowly, 0 without one [m/s]."""
     push = min(-rate * min(load(b, point + GAP), 0.0), speed)
     return max(push - max(load(b, point + SPEED), 0.0), 0.0)
@@ -350,14 +351,14 @@ def _solve_rolling(b: Array, twist: Three, wrench: Three, points: int) -> tuple[
 
 
 @part
-def _onto_circle(x: Lanes, y: Lanes, radius: Lanes) -> Lanes:
+def _onto_circle(x: Eight, y: Eight, radius: Eight) -> Eight:
     """Return the factor that brings (x, y) back to a circle from outside."""
     square = x * x + y * y
     return select(square > radius * radius, radius / root(square), 1.0)
 
 
 @part
-def _friction(b: Array, twist: Three, pressure: Lanes, old: Three) -> Three:
+def _friction(b: Array, twist: Three, pressure: Eight, old: Three) -> Three:
     """
     Stop the sliding and the spinning at c within Coulomb's cone.
 

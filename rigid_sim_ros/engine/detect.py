@@ -69,14 +69,13 @@ def _find_pairs(model: Model, state: State, shapes: Shapes, memory: Memory) -> b
     """Keep the list of pairs up to date; return whether there was room for them."""
     count = memory.pair_count[0]
     moved = refresh(shapes.kind, shapes.body, memory.pose, memory.box, model.inv_m, state.P,
-                    model.h,
-                    count < 0, memory.fat, memory.moved)
+                    model.h, count < 0, memory.fat, memory.moved)
     memory.counters[REBUILT] = moved
     if moved > 0:
         count = update_pairs(shapes, memory.fat, memory.moved, memory.cells, memory.buckets,
-                             memory.members, memory.keys, memory.tally, memory.levels, memory.fresh,
-                             memory.pair,
-                             memory.axis, max(count, 0), model.m.shape[0], memory.ahead)
+                             memory.members, memory.keys, memory.tally, memory.levels,
+                             memory.fresh, memory.pair, memory.axis, max(count, 0),
+                             model.m.shape[0], memory.ahead)
         if count > memory.pair.shape[0]:
             memory.counters[SHORT_PAIRS] = count
             memory.pair_count[0] = -1

@@ -1,7 +1,7 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Eight numbers that are worked on at once: the type `Lanes` inside of a kernel.
+Eight numbers that are worked on at once: the type `Eight` inside of a kernel.
 
     n = load(b, NORMAL)             # row NORMAL of a flat array of rows of eight numbers
     speed = max(n * v, 0.0)         # lane by lane, as + - * / min max abs and comparisons are
@@ -32,7 +32,7 @@ from numba.extending import intrinsic, lower_builtin, lower_cast, models, regist
 
 LANES = 8
 # In kernels only: to Python and its checkers they are just something.
-Lanes: TypeAlias = Any
+Eight: TypeAlias = Any
 Mask: TypeAlias = Any
 
 _VECTOR = ir.VectorType(ir.DoubleType(), LANES)
@@ -41,11 +41,15 @@ _INT = ir.IntType(64)
 _ALIGN = 8      # bytes: arrays may begin anywhere
 
 
-class LanesType(types.Type):
+def _intrinsic(build: Callable[..., Any]) -> Any:
+    return intrinsic(build)
+
+
+class EightType(types.Type):
     """Eight floats."""
 
     def __init__(self) -> None:
-        super().__init__(name='Lanes')
+        super().__init__(name='Eight')  # type: ignore[no-untyped-call]
 
     def can_convert_from(self, _: Any, other: Any) -> Any:
         """Let a number stand for eight of it."""
@@ -56,14 +60,14 @@ class MaskType(types.Type):
     """Eight truth values."""
 
     def __init__(self) -> None:
-        super().__init__(name='Mask')
+        super().__init__(name='Mask')  # type: ignore[no-untyped-call]
 
 
-_LANES, _MASK = LanesType(), MaskType()
+_LANES, _MASK = EightType(), MaskType()
 
 
-@register_model(LanesType)
-class _LanesModel(models.PrimitiveModel):
+@register_model(EightType)
+class _EightModel(models.PrimitiveModel):
 
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, _VECTOR)
@@ -76,7 +80,7 @@ class _MaskModel(models.PrimitiveModel):
         super().__init__(manager, kind, _BITS)
 
 
-@lower_cast(types.Number, LanesType)
+@lower_cast(types.Number, EightType)
 def _spread(context: Any, builder: ir.IRBuilder, kind: Any, _: Any, value: ir.Value) -> ir.Value:
     """Return a number in all lanes."""
     number = context.cast(builder, value, kind, types.float64)
@@ -98,7 +102,7 @@ def _operator(function: Any, result: Any, count: int, emit: Callable[..., ir.Val
                 return signature(result, *[_LANES] * count)
             return None
 
-    @lower_builtin(function, *[LanesType] * count)
+    @lower_builtin(function, *[EightType] * count)
     def _lower(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
         return emit(builder, *args)
 
@@ -131,7 +135,7 @@ _operator(min, _LANES, 2, lambda builder, a, b: builder.select(
     builder.fcmp_ordered('<', a, b), a, b))
 
 
-@intrinsic
+@_intrinsic
 def spread(_: Any, number: Any) -> Any:
     """Return a number in all lanes."""
 
@@ -141,7 +145,7 @@ def spread(_: Any, number: Any) -> Any:
     return _LANES(_LANES), generate
 
 
-@intrinsic
+@_intrinsic
 def root(_: Any, a: Any) -> Any:
     """Return the square root of each lane."""
 
@@ -151,7 +155,7 @@ def root(_: Any, a: Any) -> Any:
     return _LANES(_LANES), generate
 
 
-@intrinsic
+@_intrinsic
 def select(_: Any, mask: Any, a: Any, b: Any) -> Any:
     """Return a where the mask holds, else b; both may be numbers."""
 
@@ -161,7 +165,7 @@ def select(_: Any, mask: Any, a: Any, b: Any) -> Any:
     return _LANES(_MASK, _LANES, _LANES), generate
 
 
-@intrinsic
+@_intrinsic
 def both(_: Any, a: Any, b: Any) -> Any:
     """Return where two masks hold."""
 
@@ -171,7 +175,7 @@ def both(_: Any, a: Any, b: Any) -> Any:
     return _MASK(_MASK, _MASK), generate
 
 
-@intrinsic
+@_intrinsic
 def any_of(_: Any, mask: Any) -> Any:
     """Return whether a mask holds in any lane."""
 
@@ -184,7 +188,7 @@ def any_of(_: Any, mask: Any) -> Any:
 
 # --- rows and records --------------------------------------------------------------------------
 
-@intrinsic
+@_intrinsic
 def load(_: Any, b: Any, row: Any) -> Any:
     """Return a row of a flat array of rows of eight numbers."""
 
@@ -194,7 +198,7 @@ def load(_: Any, b: Any, row: Any) -> Any:
     return _LANES(b, types.int64), generate
 
 
-@intrinsic
+@_intrinsic
 def store(_: Any, b: Any, row: Any, lanes: Any) -> Any:
     """Write a row of a flat array of rows of eight numbers."""
 
@@ -205,7 +209,7 @@ def store(_: Any, b: Any, row: Any, lanes: Any) -> Any:
     return types.void(b, types.int64, _LANES), generate
 
 
-@intrinsic
+@_intrinsic
 def gather(_: Any, records: Any, at: Any) -> Any:
     """Return the eight numbers of the records that begin at `at` (8,), each in eight lanes."""
 
@@ -216,7 +220,7 @@ def gather(_: Any, records: Any, at: Any) -> Any:
     return types.UniTuple(_LANES, LANES)(records, at), generate
 
 
-@intrinsic
+@_intrinsic
 def scatter(_: Any, records: Any, at: Any, numbers: Any) -> Any:
     """Write records of eight numbers, given as up to eight lanes; what is not given becomes 0."""
     count = len(numbers)
@@ -234,7 +238,7 @@ def scatter(_: Any, records: Any, at: Any, numbers: Any) -> Any:
 
 def _rows_gatherer(numbers: int, load_row: Callable[..., ir.Value]) -> Any:
 
-    @intrinsic
+    @_intrinsic
     def gatherer(_: Any, array: Any, rows: Any, width: Any, first: Any) -> Any:
 
         def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
@@ -284,7 +288,7 @@ gather_rows_8 = _rows_gatherer(8, _eight_numbers)
 
 def _rows_scatterer(numbers: int) -> Any:
 
-    @intrinsic
+    @_intrinsic
     def scatterer(_: Any, array: Any, rows: Any, width: Any, first: Any, lanes: Any) -> Any:
 
         def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
@@ -312,7 +316,7 @@ def _rows_scatterer(numbers: int) -> Any:
 scatter_rows_1, scatter_rows_3, scatter_rows_4 = (_rows_scatterer(n) for n in (1, 3, 4))
 
 
-@intrinsic
+@_intrinsic
 def gather_integers(_: Any, array: Any, rows: Any) -> Any:
     """Return the integers that stand in the rows (8,) of an array, 0 for a row below 0."""
 
@@ -330,7 +334,7 @@ def gather_integers(_: Any, array: Any, rows: Any) -> Any:
     return _LANES(array, rows), generate
 
 
-@intrinsic
+@_intrinsic
 def count_of(_: Any, mask: Any) -> Any:
     """Return in how many lanes a mask holds."""
 
@@ -341,7 +345,7 @@ def count_of(_: Any, mask: Any) -> Any:
     return types.int64(_MASK), generate
 
 
-@intrinsic
+@_intrinsic
 def largest_of(_: Any, lanes: Any) -> Any:
     """Return the largest number of all lanes."""
 

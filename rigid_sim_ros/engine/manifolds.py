@@ -143,9 +143,9 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
     pages = (empty_manifolds(capacity), empty_manifolds(capacity))
     memory = Memory(pages, integers(1), np.zeros((s, 12)), np.zeros((bodies, 9)), np.zeros(s),
                     np.zeros(1), np.zeros((s, 6)), np.zeros((s, 6)), integers(s, 5), integers(s),
-                    integers(buckets + 2), integers(s), integers(s), integers(s + 1), integers(LEVELS),
-                    integers(1),
-                    integers(2 * capacity, 2), integers(2, 2 * capacity, 2),
+                    integers(buckets + 2), integers(s), integers(s), integers(s + 1),
+                    integers(LEVELS), integers(1), integers(2 * capacity, 2),
+                    integers(2, 2 * capacity, 2),
                     np.zeros((2 * capacity, 4)), integers(8), scratch)
     forget_pairs(memory)
     return memory
