@@ -146,36 +146,46 @@ def _key(level: int, x: int, y: int, z: int) -> int:
 
 
 @kernel
-def _fill_grid(kind: IntArray, fat: Array, cells: IntArray, buckets: IntArray, members: IntArray,
-               keys: IntArray, tally: IntArray, levels: IntArray) -> None:
+def _find_cell(fat: Array, cells: IntArray, s: int, bounded: bool) -> None:
+    """Write level, cell and key of a shape."""
+    level, key = WIDE, 0
+    if bounded:
+        side = max(fat[s, 3] - fat[s, 0], fat[s, 4] - fat[s, 1], fat[s, 5] - fat[s, 2])
+        # side = m 2^e with m < 1.
+        exponent = max(math.frexp(side)[1], _LOWEST) if side < math.inf else WIDE
+        if exponent < LEVELS + _LOWEST:
+            level = exponent
+            cell = math.ldexp(1.0, -level)
+            for k in range(3):
+                cells[s, 1 + k] = math.floor(0.5 * (fat[s, k] + fat[s, 3 + k]) * cell)
+            key = _key(level, cells[s, 1], cells[s, 2], cells[s, 3])
+    cells[s, 0], cells[s, 4] = level, key
+
+
+@kernel
+def _fill_grid(kind: IntArray, fat: Array, moved: IntArray, cells: IntArray, buckets: IntArray,
+               members: IntArray, keys: IntArray, tally: IntArray, levels: IntArray) -> None:
     """Sort the shapes by the bucket of their cell: count, add up, distribute."""
     t = buckets.shape[0] - 2
     buckets[:] = 0
     levels[:] = 0
     for s in range(kind.shape[0]):
-        level, key, bucket = WIDE, 0, t
-        if kind[s] != PLANE:
-            side = max(fat[s, 3] - fat[s, 0], fat[s, 4] - fat[s, 1], fat[s, 5] - fat[s, 2])
-            # side = m 2^e with m < 1.
-            exponent = max(math.frexp(side)[1], _LOWEST) if side < math.inf else WIDE
-            if exponent < LEVELS + _LOWEST:
-                level = exponent
-                cell = math.ldexp(1.0, -level)
-                for k in range(3):
-                    cells[s, 1 + k] = math.floor(0.5 * (fat[s, k] + fat[s, 3 + k]) * cell)
-                key = _key(level, cells[s, 1], cells[s, 2], cells[s, 3])
-                bucket = key & (t - 1)
-                levels[level - _LOWEST] += 1
-        cells[s, 0], cells[s, 4] = level, key
+        if moved[s] == 1:
+            _find_cell(fat, cells, s, kind[s] != PLANE)
+        level = cells[s, 0]
+        bucket = t if level == WIDE else cells[s, 4] & (t - 1)
+        if level != WIDE:
+            levels[level - _LOWEST] += 1
         tally[s] = bucket
-        buckets[bucket + 1] += 1
+        buckets[(bucket + 1) & INDEX] += 1
     for k in range(t + 1):
         buckets[k + 1] += buckets[k]
     # Backwards, so that the shapes of a bucket end up in order, with its start in place.
     for s in range(kind.shape[0] - 1, -1, -1):
-        buckets[tally[s] + 1] -= 1
-        members[buckets[tally[s] + 1]] = s
-        keys[buckets[tally[s] + 1]] = cells[s, 4]
+        bucket = (tally[s] + 1) & INDEX
+        buckets[bucket] -= 1
+        members[buckets[bucket] & INDEX] = s
+        keys[buckets[bucket] & INDEX] = cells[s, 4]
     for k in range(t + 1):
         buckets[k] = buckets[k + 1]
     buckets[t + 1] = kind.shape[0]
@@ -324,7 +334,7 @@ def update_pairs(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, b
     A number above the capacity of `pair` means that there was no room, and the pairs are lost.
     """
     count = _forget_parted(shapes.kind, fat, moved, ahead, pair, axis, count)
-    _fill_grid(shapes.kind, fat, cells, buckets, members, keys, tally, levels)
+    _fill_grid(shapes.kind, fat, moved, cells, buckets, members, keys, tally, levels)
     found = 0
     for s in range(shapes.kind.shape[0]):
         if moved[s] == 1:

@@ -62,13 +62,13 @@ MOVED = 62  # displacement of x_B - x_A since the start of the step [m], world a
 TORSION = 65  # angular momentum that the pair gained by it [N m s], world axes
 RESIDUAL = 68  # largest change of velocity that this sweep made [m/s]
 TOTAL_T = 69  # whole step: along t1, t2, about n
-POINT = 72  # rows of the first point
+SHOVE = 72  # impulse along n of the push that displaces [N s]
+POINT = 73  # rows of the first point
 POINT_ROWS = 7
 # Of a point: TOTAL is the impulse of the whole step, SPEED the normal velocity after its last
 # visit.
 S, T, MASS, GAP, IMPULSE, TOTAL, SPEED = range(7)
-SHOVE = POINT + 4 * POINT_ROWS  # impulse along n of the push that displaces [N s]
-ROWS = SHOVE + 1
+ROWS = POINT + 4 * POINT_ROWS
 BLOCK_SIZE = ROWS * LANES
 ABSENT = 1e30  # the gap of a point that is not there [m]
 
