@@ -5,7 +5,7 @@ Which pairs of shapes may touch: those whose fat boxes overlap.
 
 A fat box is a bounding box with room to move in. While a shape stays inside of its fat box nothing
 has to be done for it. Those that left theirs are looked up in a hierarchical grid: level k has
-cells of 2^k m, and a shape lies on the first level whose cells are as large as its fat box, in the
+cells of 2^(k/2) m, and a shape lies on the first level whose cells are as large as its fat box, in the
 cell of its middle. So few cells have to be visited on any level, and shapes of very different size
 do not disturb each other. Planes and the like are wide: everything is tried against them.
 
@@ -25,11 +25,12 @@ from rigid_sim_ros.engine.shapes import PLANE, Shapes
 ROOM = 0.1
 # A fat box reaches as far ahead as the shape flies in so many steps, but no farther than its own
 # size.
-STEPS_AHEAD = 8.0
+STEPS_AHEAD = 16.0
 # Less room than that, and a shape gets a new box along with the others.
-_USED = 0.04
+_USED = 0.05
 WIDE = 1 << 20  # the level of what is too large for any cell
-_LOWEST = -40  # the level of the smallest cells
+_LOWEST = -80  # the level of the smallest cells
+_SQRT_HALF = math.sqrt(0.5)
 
 
 @kernel
@@ -146,19 +147,29 @@ def _key(level: int, x: int, y: int, z: int) -> int:
 
 
 @kernel
+def _inverse_size(level: int) -> float:
+    """Return 1 / 2^(level / 2), the cells of a level to a metre."""
+    half = level >> 1
+    return math.ldexp(_SQRT_HALF if level & 1 else 1.0, -half)
+
+
+@kernel
 def _find_cell(fat: Array, cells: IntArray, s: int, bounded: bool) -> None:
     """Write level, cell and key of a shape."""
     level, key = WIDE, 0
     if bounded:
         side = max(fat[s, 3] - fat[s, 0], fat[s, 4] - fat[s, 1], fat[s, 5] - fat[s, 2])
-        # side = m 2^e with m < 1.
-        exponent = max(math.frexp(side)[1], _LOWEST) if side < math.inf else WIDE
-        if exponent < LEVELS + _LOWEST:
-            level = exponent
-            cell = math.ldexp(1.0, -level)
+        if side < math.inf:
+            # side = m 2^e with m < 1.
+            m, e = math.frexp(side)
+            level = max(2 * e - (1 if m <= _SQRT_HALF else 0), _LOWEST)
+        if level < LEVELS + _LOWEST:
+            inverse = _inverse_size(level)
             for k in range(3):
-                cells[s, 1 + k] = math.floor(0.5 * (fat[s, k] + fat[s, 3 + k]) * cell)
+                cells[s, 1 + k] = math.floor(0.5 * (fat[s, k] + fat[s, 3 + k]) * inverse)
             key = _key(level, cells[s, 1], cells[s, 2], cells[s, 3])
+        else:
+            level = WIDE
     cells[s, 0], cells[s, 4] = level, key
 
 
@@ -226,7 +237,7 @@ def _look_around(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, b
     for level in range(_LOWEST, LEVELS + _LOWEST):
         if levels[level - _LOWEST] == 0:
             continue
-        inverse = math.ldexp(1.0, -level)
+        inverse = _inverse_size(level)
         # The middle of a shape that reaches into the fat box lies at most half a cell outside.
         x0, x1 = math.floor(fat[s, 0] * inverse - 0.5), math.floor(fat[s, 3] * inverse + 0.5)
         y0, y1 = math.floor(fat[s, 1] * inverse - 0.5), math.floor(fat[s, 4] * inverse + 0.5)

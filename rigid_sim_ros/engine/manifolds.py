@@ -64,7 +64,7 @@ class Scratch(NamedTuple):
 
 
 CANDIDATES = 96
-LEVELS = 82  # of the grid of the broad phase: cells of 2^-40 m to 2^41 m
+LEVELS = 163  # of the grid of the broad phase: cells of 2^-40 m to 2^41 m, in steps of sqrt 2
 EPA_CORNERS = 160
 EPA_FACES = 512
 

@@ -194,27 +194,28 @@ def calm(count: int, kind: IntArray, blocks: Array, motion: Array, at_A: IntArra
     A clock counts the visits; `shaken` has for each slot when a visit last changed its velocity
     by more than ROUGH, `visited` for each block when it was visited last.
     """
-    rough = 0
+    latest = 0      # when something was shaken last
     for block in range(count):
         b = blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE]
         visited[block] = block + 1
         if not is_settled(b, ROUGH):
-            if rough == 0:
+            if latest == 0:
                 shaken[:] = 0
-            _shake(b, block * LANES, at_A, at_B, block + 1, shaken)
-            rough += 1
+            latest = block + 1
+            _shake(b, block * LANES, at_A, at_B, latest, shaken)
     clock = count
-    for k in range(CALMING_SWEEPS if rough > 0 else 0):
+    for k in range(CALMING_SWEEPS if latest > 0 else 0):
         first = clock
         for j in range(count):
             block = count - 1 - j if k % 2 == 0 else j
-            if not _was_reached(block, at_A, at_B, shaken, visited):
+            if latest <= visited[block] or not _was_reached(block, at_A, at_B, shaken, visited):
                 continue
             b = blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE]
             _visit(block, kind, blocks, motion, motion, at_A, at_B, Sweep(inv_h, 0.0))
             clock += 1
             visited[block] = clock
             if not is_settled(b, ROUGH):
+                latest = clock
                 _shake(b, block * LANES, at_A, at_B, clock, shaken)
         if clock == first:
             break
