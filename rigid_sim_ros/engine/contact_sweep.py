@@ -216,8 +216,13 @@ def _drift(b: Array, A: Motion, B: Motion, h: float, points: int) -> None:
         gained = add(cross(moved, F), cross(pushed, v))
         store_three(b, TORSION, add(load_three(b, TORSION), gained))
     store(b, SHOVE, 0.0)
-    nearer, about_1, about_2 = h * dot(u, n), h * dot(w, t1), h * dot(w, t2)
-    for p in range(4 if points > 1 else 1):
+    nearer = h * dot(u, n)
+    if points == 1:
+        # The point is c.
+        store(b, POINT + GAP, load(b, POINT + GAP) + nearer)
+        return
+    about_1, about_2 = h * dot(w, t1), h * dot(w, t2)
+    for p in range(4):
         point = POINT + p * POINT_ROWS
         store(b, point + GAP, load(b, point + GAP) + (
             nearer + load(b, point + T) * about_1 - load(b, point + S) * about_2))

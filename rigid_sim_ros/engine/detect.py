@@ -236,31 +236,32 @@ def _write(state: State, turn: Array, now: Manifolds, row: int, i: int, j: int, 
     Write the points that the narrow phase found, as arms from both centres of mass.
 
     A manifold that `lasts` may keep its points in the next steps, and has them in axes that turn
-    with the bodies too.
+    with the bodies too; one that does not has the orientation 0.
     """
-    n_A, q = NONE, (0.0, 0.0, 0.0, 0.0)
+    q = (0.0, 0.0, 0.0, 0.0)
     if lasts:
-        n_A = _turned_back(turn, i, n)
         q = multiply(conjugate(quaternion(state.q, i)), quaternion(state.q, j))
+        n_A = _turned_back(turn, i, n)
+        for k in range(3):
+            now.normal_A[row, k] = n_A[k]
     for p in range(count):
         gap = points[p, 3]
         A = (points[p, 0] - state.x[0, i], points[p, 1] - state.x[1, i],
              points[p, 2] - state.x[2, i])
         B = (points[p, 0] + gap * n[0] - state.x[0, j], points[p, 1] + gap * n[1] - state.x[1, j],
              points[p, 2] + gap * n[2] - state.x[2, j])
-        A_C, B_C = NONE, NONE
-        if lasts:
-            A_C, B_C = _turned_back(turn, i, A), _turned_back(turn, j, B)
         now.gap[row, p] = gap
         now.feature[row, p] = ids[p]
         for k in range(3):
             now.r_A[row, p, k] = A[k]
             now.r_B[row, p, k] = B[k]
-            now.p_A_C[row, p, k] = A_C[k]
-            now.p_B_C[row, p, k] = B_C[k]
+        if lasts:
+            A_C, B_C = _turned_back(turn, i, A), _turned_back(turn, j, B)
+            for k in range(3):
+                now.p_A_C[row, p, k] = A_C[k]
+                now.p_B_C[row, p, k] = B_C[k]
     for k in range(3):
         now.normal[row, k] = n[k]
-        now.normal_A[row, k] = n_A[k]
     for k in range(4):
         now.found_at[row, k] = q[k]
     now.found_at[row, 4] = points[0, 3]

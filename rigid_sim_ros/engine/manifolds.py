@@ -205,9 +205,13 @@ def lasting(memory: Memory) -> list[Array | IntArray]:
     manifolds = current_manifolds(memory)
     count = int(manifolds.count[0])
     unused = np.arange(POINTS) >= manifolds.points[:count, None]
+    # Those that are found anew in every step have nothing in axes that turn with the bodies.
+    fleeting = (manifolds.found_at[:count, :4] == 0.0).all(axis=1)
     fields: list[Array | IntArray] = [manifolds.count.copy()]
-    for field in manifolds[1:]:
+    for name, field in zip(manifolds._fields[1:], manifolds[1:], strict=True):
         used = field[:count].copy()
+        if name in ('normal_A', 'p_A_C', 'p_B_C'):
+            used[fleeting] = 0
         # What stands in the places of points that a manifold does not have is left from earlier
         # steps.
         if used.ndim > 1 and used.shape[1] == POINTS:
