@@ -117,8 +117,8 @@ class Grid:
                        H, count < 0, m.fat, m.moved)
         if left:
             m.pair_count[0] = update_pairs(
-                self.shapes, m.fat, m.moved, m.cells, m.buckets, m.members, m.tally, m.levels,
-                m.fresh, m.pair, m.axis, max(count, 0), len(self.model.m), m.ahead)
+                self.shapes, m.fat, m.moved, m.cells, m.buckets, m.members, m.keys, m.tally,
+                m.levels, m.fresh, m.pair, m.axis, max(count, 0), len(self.model.m), m.ahead)
             assert m.pair_count[0] <= len(m.pair)
         return int(_count(box, m.pair, m.pair_count[0]))
 

@@ -5,9 +5,9 @@ Which pairs of shapes may touch: those whose fat boxes overlap.
 
 A fat box is a bounding box with room to move in. While a shape stays inside of its fat box nothing
 has to be done for it. Those that left theirs are looked up in a hierarchical grid: level k has
-cells of 2^k m, and a shape lies on the first level whose cells are as large as its fat box, in the
-cell of its middle. So few cells have to be visited on any level, and shapes of very different size
-do not disturb each other. Planes and the like are wide: everything is tried against them.
+cells of 2^(k/2) m, and a shape lies on the first level whose cells are as large as its fat box, in
+the cell of its middle. So few cells have to be visited on any level, and shapes of very different
+size do not disturb each other. Planes and the like are wide: everything is tried against them.
 
 The pairs that come out are sorted, and a superset of those whose bounding boxes overlap; who goes
 through them tests the bounding boxes first, so that no result depends on when a fat box was made.
@@ -15,8 +15,8 @@ through them tests the bounding boxes first, so that no result depends on when a
 
 import math
 
-from rigid_sim_ros.engine.arrays import Array, IntArray
-from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
+from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.manifolds import LEVELS
 from rigid_sim_ros.engine.shapes import PLANE, Shapes
 
@@ -25,9 +25,12 @@ from rigid_sim_ros.engine.shapes import PLANE, Shapes
 ROOM = 0.1
 # A fat box reaches as far ahead as the shape flies in so many steps, but no farther than its own
 # size.
-STEPS_AHEAD = 6.0
+STEPS_AHEAD = 16.0
+# Less room than that, and a shape gets a new box along with the others.
+_USED = 0.05
 WIDE = 1 << 20  # the level of what is too large for any cell
-_LOWEST = -40  # the level of the smallest cells
+_LOWEST = -80  # the level of the smallest cells
+_SQRT_HALF = math.sqrt(0.5)
 
 
 @kernel
@@ -60,32 +63,67 @@ def boxes_overlap(box: Array, a: int, b: int) -> bool:
 @kernel
 def refresh(kind: IntArray, body: IntArray, pose: Array, box: Array, inv_m: Array, P: Array,
             h: float, all_of_them: bool, fat: Array, moved: IntArray) -> int:
-    """Give the shapes that left their fat box a new one, mark them, and return their number."""
+    """
+    Give the shapes that left their fat box a new one, mark them, and return their number.
+
+    As soon as one did, so are those that are about to: to look up many costs little more than to
+    look up one.
+    """
     count = 0
     for s in range(kind.shape[0]):
         moved[s] = 0
-        if kind[s] == PLANE:
-            n = (pose[s, 5], pose[s, 8], pose[s, 11])
-            offset = n[0] * pose[s, 0] + n[1] * pose[s, 1] + n[2] * pose[s, 2]
-            if (all_of_them or fat[s, 0] != n[0] or fat[s, 1] != n[1] or fat[s, 2] != n[2]
-                    or fat[s, 3] != offset):
-                fat[s, 0], fat[s, 1], fat[s, 2], fat[s, 3] = n[0], n[1], n[2], offset
-                moved[s] = 1
-                count += 1
-            continue
-        if (not all_of_them and fat[s, 0] <= box[s, 0] and box[s, 3] <= fat[s, 3]
-                and fat[s, 1] <= box[s, 1] and box[s, 4] <= fat[s, 4]
-                and fat[s, 2] <= box[s, 2] and box[s, 5] <= fat[s, 5]):
-            continue
-        side = max(box[s, 3] - box[s, 0], box[s, 4] - box[s, 1], box[s, 5] - box[s, 2])
-        for k in range(3):
-            ahead = STEPS_AHEAD * h * inv_m[body[s]] * P[k, body[s]]
-            ahead = min(max(ahead, -side), side)
-            fat[s, k] = box[s, k] - ROOM * side + min(ahead, 0.0)
-            fat[s, 3 + k] = box[s, 3 + k] + ROOM * side + max(ahead, 0.0)
-        moved[s] = 1
-        count += 1
+        if all_of_them or not _fits(kind, pose, box, fat, s, 0.0):
+            moved[s] = 1
+            count += 1
+    if count == 0:
+        return 0
+    for s in range(kind.shape[0]):
+        if moved[s] == 0 and not _fits(kind, pose, box, fat, s, _USED):
+            moved[s] = 1
+            count += 1
+        if moved[s] == 1:
+            _fatten(kind, pose, box, h * inv_m[body[s] & INDEX], P, body[s] & INDEX, fat, s)
     return count
+
+
+@part
+def _fits(kind: IntArray, pose: Array, box: Array, fat: Array, s: int, room: float) -> bool:
+    """Return whether a fat box has room around a shape, as a fraction of its largest side."""
+    if kind[s] == PLANE:
+        n, offset = _plane(pose, s)
+        return fat[s, 0] == n[0] and fat[s, 1] == n[1] and fat[s, 2] == n[2] and (
+            fat[s, 3] == offset)
+    r = room * _side(box, s)
+    return (fat[s, 0] + r <= box[s, 0] and box[s, 3] <= fat[s, 3] - r
+            and fat[s, 1] + r <= box[s, 1] and box[s, 4] <= fat[s, 4] - r
+            and fat[s, 2] + r <= box[s, 2] and box[s, 5] <= fat[s, 5] - r)
+
+
+@part
+def _fatten(kind: IntArray, pose: Array, box: Array, way: float, P: Array, i: int, fat: Array,
+            s: int) -> None:
+    """Make a fat box; `way` times P is how far body i flies in a step [m]."""
+    if kind[s] == PLANE:
+        n, offset = _plane(pose, s)
+        fat[s, 0], fat[s, 1], fat[s, 2], fat[s, 3] = n[0], n[1], n[2], offset
+        return
+    side = _side(box, s)
+    for k in range(3):
+        ahead = min(max(STEPS_AHEAD * way * P[k, i], -side), side)
+        fat[s, k] = box[s, k] - ROOM * side + min(ahead, 0.0)
+        fat[s, 3 + k] = box[s, 3 + k] + ROOM * side + max(ahead, 0.0)
+
+
+@part
+def _side(box: Array, s: int) -> float:
+    return max(box[s, 3] - box[s, 0], box[s, 4] - box[s, 1], box[s, 5] - box[s, 2])
+
+
+@part
+def _plane(pose: Array, s: int) -> tuple[Vector, float]:
+    """Return the normal of a plane and how far it is from the origin along it [m]."""
+    n = (pose[s, 5], pose[s, 8], pose[s, 11])
+    return n, n[0] * pose[s, 0] + n[1] * pose[s, 1] + n[2] * pose[s, 2]
 
 
 @kernel
@@ -102,41 +140,63 @@ def _fat_overlap(kind: IntArray, fat: Array, ahead: Array, a: int, b: int) -> bo
 
 
 @kernel
-def _bucket(level: int, x: int, y: int, z: int, mask: int) -> int:
-    # Three large primes (Teschner et al., Optimized Spatial Hashing, VMV 2003). Cells that share a
-    # bucket cost time only: who looks one up compares the cell itself.
-    return (x * 73856093 ^ y * 19349663 ^ z * 83492791 ^ level * 50331653) & mask
+def _key(level: int, x: int, y: int, z: int) -> int:
+    # Three large primes (Teschner et al., Optimized Spatial Hashing, VMV 2003); the last bits are
+    # the bucket. Cells that share a key cost time only: who looks one up compares the cell itself.
+    return x * 73856093 ^ y * 19349663 ^ z * 83492791 ^ level * 50331653
 
 
 @kernel
-def _fill_grid(kind: IntArray, fat: Array, cells: IntArray, buckets: IntArray, members: IntArray,
-               tally: IntArray, levels: IntArray) -> None:
+def _inverse_size(level: int) -> float:
+    """Return 1 / 2^(level / 2), the cells of a level to a metre."""
+    half = level >> 1
+    return math.ldexp(_SQRT_HALF if level & 1 else 1.0, -half)
+
+
+@kernel
+def _find_cell(fat: Array, cells: IntArray, s: int, bounded: bool) -> None:
+    """Write level, cell and key of a shape."""
+    level, key = WIDE, 0
+    if bounded:
+        side = max(fat[s, 3] - fat[s, 0], fat[s, 4] - fat[s, 1], fat[s, 5] - fat[s, 2])
+        if side < math.inf:
+            # side = m 2^e with m < 1.
+            m, e = math.frexp(side)
+            level = max(2 * e - (1 if m <= _SQRT_HALF else 0), _LOWEST)
+        if level < LEVELS + _LOWEST:
+            inverse = _inverse_size(level)
+            for k in range(3):
+                cells[s, 1 + k] = math.floor(0.5 * (fat[s, k] + fat[s, 3 + k]) * inverse)
+            key = _key(level, cells[s, 1], cells[s, 2], cells[s, 3])
+        else:
+            level = WIDE
+    cells[s, 0], cells[s, 4] = level, key
+
+
+@kernel
+def _fill_grid(kind: IntArray, fat: Array, moved: IntArray, cells: IntArray, buckets: IntArray,
+               members: IntArray, keys: IntArray, tally: IntArray, levels: IntArray) -> None:
     """Sort the shapes by the bucket of their cell: count, add up, distribute."""
     t = buckets.shape[0] - 2
     buckets[:] = 0
     levels[:] = 0
     for s in range(kind.shape[0]):
-        level, bucket = WIDE, t
-        if kind[s] != PLANE:
-            side = max(fat[s, 3] - fat[s, 0], fat[s, 4] - fat[s, 1], fat[s, 5] - fat[s, 2])
-            # side = m 2^e with m < 1.
-            exponent = max(math.frexp(side)[1], _LOWEST) if side < math.inf else WIDE
-            if exponent < LEVELS + _LOWEST:
-                level = exponent
-                cell = math.ldexp(1.0, -level)
-                for k in range(3):
-                    cells[s, 1 + k] = math.floor(0.5 * (fat[s, k] + fat[s, 3 + k]) * cell)
-                bucket = _bucket(level, cells[s, 1], cells[s, 2], cells[s, 3], t - 1)
-                levels[level - _LOWEST] += 1
-        cells[s, 0] = level
+        if moved[s] == 1:
+            _find_cell(fat, cells, s, kind[s] != PLANE)
+        level = cells[s, 0]
+        bucket = t if level == WIDE else cells[s, 4] & (t - 1)
+        if level != WIDE:
+            levels[level - _LOWEST] += 1
         tally[s] = bucket
-        buckets[bucket + 1] += 1
+        buckets[(bucket + 1) & INDEX] += 1
     for k in range(t + 1):
         buckets[k + 1] += buckets[k]
     # Backwards, so that the shapes of a bucket end up in order, with its start in place.
     for s in range(kind.shape[0] - 1, -1, -1):
-        buckets[tally[s] + 1] -= 1
-        members[buckets[tally[s] + 1]] = s
+        bucket = (tally[s] + 1) & INDEX
+        buckets[bucket] -= 1
+        members[buckets[bucket] & INDEX] = s
+        keys[buckets[bucket] & INDEX] = cells[s, 4]
     for k in range(t + 1):
         buckets[k] = buckets[k + 1]
     buckets[t + 1] = kind.shape[0]
@@ -163,7 +223,8 @@ def _offer(shapes: Shapes, fat: Array, moved: IntArray, fresh: IntArray, bodies:
 
 @kernel
 def _look_around(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, buckets: IntArray,
-                 members: IntArray, levels: IntArray, fresh: IntArray, bodies: int, ahead: Array,
+                 members: IntArray, keys: IntArray, levels: IntArray, fresh: IntArray,
+                 bodies: int, ahead: Array,
                  count: int, s: int) -> int:
     """Find the partners of shape s, which moved; return the number of pairs so far."""
     t = buckets.shape[0] - 2
@@ -176,7 +237,7 @@ def _look_around(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, b
     for level in range(_LOWEST, LEVELS + _LOWEST):
         if levels[level - _LOWEST] == 0:
             continue
-        inverse = math.ldexp(1.0, -level)
+        inverse = _inverse_size(level)
         # The middle of a shape that reaches into the fat box lies at most half a cell outside.
         x0, x1 = math.floor(fat[s, 0] * inverse - 0.5), math.floor(fat[s, 3] * inverse + 0.5)
         y0, y1 = math.floor(fat[s, 1] * inverse - 0.5), math.floor(fat[s, 4] * inverse + 0.5)
@@ -190,9 +251,12 @@ def _look_around(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, b
         for x in range(x0, x1 + 1):
             for y in range(y0, y1 + 1):
                 for z in range(z0, z1 + 1):
-                    bucket = _bucket(level, x, y, z, t - 1)
-                    for k in range(buckets[bucket], buckets[bucket + 1]):
-                        other = members[k]
+                    key = _key(level, x, y, z)
+                    bucket = key & (t - 1) & INDEX
+                    for k in range(buckets[bucket] & INDEX, buckets[bucket + 1] & INDEX):
+                        if keys[k] != key:
+                            continue
+                        other = members[k] & INDEX
                         if (cells[other, 1] == x and cells[other, 2] == y and cells[other, 3] == z
                                 and cells[other, 0] == level):
                             count = _offer(shapes, fat, moved, fresh, bodies, ahead, count, s,
@@ -229,7 +293,7 @@ def _forget_parted(kind: IntArray, fat: Array, moved: IntArray, ahead: Array, pa
     """Drop pairs of moved shapes whose fat boxes no longer overlap; return how many are left."""
     kept = 0
     for k in range(count):
-        a, b = pair[k, 0], pair[k, 1]
+        a, b = pair[k, 0] & INDEX, pair[k, 1] & INDEX
         if moved[a] + moved[b] == 0 or _fat_overlap(kind, fat, ahead, a, b):
             if kept < k:
                 pair[kept, 0], pair[kept, 1] = a, b
@@ -272,21 +336,21 @@ def _merge(pair: IntArray, axis: Array, count: int, fresh: IntArray, found: int)
 
 @kernel
 def update_pairs(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, buckets: IntArray,
-                 members: IntArray, tally: IntArray, levels: IntArray, fresh: IntArray,
-                 pair: IntArray, axis: Array, count: int, bodies: int, ahead: Array) -> int:
+                 members: IntArray, keys: IntArray, tally: IntArray, levels: IntArray,
+                 fresh: IntArray, pair: IntArray, axis: Array, count: int, bodies: int,
+                 ahead: Array) -> int:
     """
     Bring the pairs up to date after some shapes moved; return their number.
 
     A number above the capacity of `pair` means that there was no room, and the pairs are lost.
     """
     count = _forget_parted(shapes.kind, fat, moved, ahead, pair, axis, count)
-    _fill_grid(shapes.kind, fat, cells, buckets, members, tally, levels)
+    _fill_grid(shapes.kind, fat, moved, cells, buckets, members, keys, tally, levels)
     found = 0
     for s in range(shapes.kind.shape[0]):
         if moved[s] == 1:
-            found = _look_around(shapes, fat, moved, cells, buckets, members, levels, fresh,
-                                 bodies,
-                                 ahead, found, s)
+            found = _look_around(shapes, fat, moved, cells, buckets, members, keys, levels, fresh,
+                                 bodies, ahead, found, s)
     if found > fresh.shape[1]:
         return count + found
     _sort(fresh, found, tally)

@@ -5,8 +5,8 @@ Which manifolds are solved side by side.
 
 Manifolds get colours, greedily and in their order, so that no moving body has one colour twice;
 eight of a colour fill a block. Manifolds with one, two and more points are coloured apart from
-each other, and so are those that resist rolling: a block then holds nothing that only some of its
-lanes need.
+each other, and so are those that resist rolling or are near but did not touch: a block then holds
+nothing that only some of its lanes need.
 """
 
 from typing import NamedTuple
@@ -14,10 +14,12 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import IntArray
-from rigid_sim_ros.engine.kernel import kernel
-from rigid_sim_ros.engine.solver_bodies import LANES
+from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel
+from rigid_sim_ros.engine.lanes import LANES
 
-CLASSES = 6  # 0, 1, 2: up to one, two, four points; 3, 4, 5: the same, and they resist rolling
+# Classes of manifolds. 0, 1, 2: up to one, two, four points; 3, 4, 5: the same, and they resist
+# rolling; QUIET: one point and no impulse in the last step.
+CLASSES, QUIET = 7, 6
 # A colour is a bit of a mask; the last one means "none left", and each of its manifolds has a
 # block of its own.
 COLORS = 62
@@ -51,24 +53,34 @@ def most_blocks(capacity: int) -> int:
     return capacity // LANES + min(capacity, CLASSES * (COLORS + 1)) + capacity
 
 
+@inlined
+def points_in(kind: int) -> int:
+    """Return 1, 2 or 3 for a class with up to one, two or four points."""
+    return kind % 3 + 1
+
+
+@inlined
+def resists(kind: int) -> bool:
+    """Return whether manifolds of a class resist rolling."""
+    return 3 <= kind < QUIET
+
+
 @kernel
-def color_manifolds(count: int, body_a: IntArray, body_b: IntArray, points: IntArray,
-                    slot: IntArray, used: int,
-                    rolls: IntArray, waits: IntArray, work: Coloring) -> int:
+def color_manifolds(count: int, body_a: IntArray, body_b: IntArray, kinds: IntArray,
+                    slot: IntArray, used: int, waits: IntArray, work: Coloring) -> int:
     """
     Give every manifold with a body that takes part its lane; return the number of blocks.
 
-    slot is that of a body, 0 where it does not move, `used` one more than the highest. rolls (c,)
-    is 1 for a manifold that resists rolling, waits (c,) for one that is left out.
+    kinds (c,) are the classes of the manifolds. slot is that of a body, 0 where it does not move,
+    `used` one more than the highest. waits (c,) is 1 for a manifold that is left out.
     """
     work.mask[:, :used] = 0
     work.fill[:] = 0
     for r in range(count):
         work.color[r] = -1
-        a, b = slot[body_a[r]], slot[body_b[r]]
+        a, b, kind = slot[body_a[r] & INDEX] & INDEX, slot[body_b[r] & INDEX] & INDEX, kinds[r]
         if waits[r] == 1 or (a == 0 and b == 0):
             continue
-        kind = min(points[r] - 1, 2) + 3 * rolls[r]
         color = _lowest_free(work.mask[kind, a] | work.mask[kind, b])
         if color < _NONE_LEFT:
             # A body that does not move may be anywhere: its bits are never set.

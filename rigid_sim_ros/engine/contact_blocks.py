@@ -21,15 +21,20 @@ So a manifold is solved with six numbers for its state, whatever the number of i
 bodies are read once and written once. The impulse on A is the opposite at the same point of the
 world: P and L of the pair change by nothing but rounding.
 
-Eight manifolds that share no moving body make a block: one flat array of rows of eight numbers.
-All lane loops run over range(8), without branches, with constant distances in that array: only so
-does the compiler make vector instructions of them.
+Eight manifolds that share no moving body make a block: one flat array of rows of eight numbers,
+which are worked on side by side.
 """
 
+from typing import TypeAlias
+
 from rigid_sim_ros.engine.arrays import Array, Vector
-from rigid_sim_ros.engine.kernel import inlined, kernel
-from rigid_sim_ros.engine.solver_bodies import LANES
-from rigid_sim_ros.engine.vector import add, cross, dot, norm, subtract
+from rigid_sim_ros.engine.kernel import inlined, kernel, part
+from rigid_sim_ros.engine.lanes import Eight, LANES, load, root, select, store
+from rigid_sim_ros.engine.vector import add, cross, dot, subtract
+
+Three: TypeAlias = tuple[Eight, Eight, Eight]
+# v [m/s] and L [kg m^2/s] of the bodies of a block, world axes, and two that are 0.
+Motion: TypeAlias = tuple[Eight, Eight, Eight, Eight, Eight, Eight, Eight, Eight]
 
 # Rows of a block.
 NORMAL = 0  # n, world axes
@@ -57,18 +62,13 @@ MOVED = 62  # displacement of x_B - x_A since the start of the step [m], world a
 TORSION = 65  # angular momentum that the pair gained by it [N m s], world axes
 RESIDUAL = 68  # largest change of velocity that this sweep made [m/s]
 TOTAL_T = 69  # whole step: along t1, t2, about n
-POINT = 72  # rows of the first point
+SHOVE = 72  # impulse along n of the push that displaces [N s]
+POINT = 73  # rows of the first point
 POINT_ROWS = 7
 # Of a point: TOTAL is the impulse of the whole step, SPEED the normal velocity after its last
 # visit.
 S, T, MASS, GAP, IMPULSE, TOTAL, SPEED = range(7)
-MOTION_A = POINT + 4 * POINT_ROWS  # v, L of A: copies, for the lanes
-MOTION_B = MOTION_A + 6
-TWIST = MOTION_B + 6  # of B relative to A at c, N and then T
-WRENCH = TWIST + 6  # what this visit added to the impulses, N and then T
-SHOVE = WRENCH + 6  # impulse along n of the push that displaces [N s]
-OVERLAP = SHOVE + 1  # scratch
-ROWS = OVERLAP + 1
+ROWS = POINT + 4 * POINT_ROWS
 BLOCK_SIZE = ROWS * LANES
 ABSENT = 1e30  # the gap of a point that is not there [m]
 
@@ -87,13 +87,51 @@ def put_three(b: Array, row: int, i: int, v: Vector) -> None:
     b[(row + 2) * LANES + i] = v[2]
 
 
-@inlined
-def symmetric(b: Array, row: int, i: int, v: Vector) -> Vector:
+@part
+def load_three(b: Array, row: int) -> Three:
+    """Return three rows."""
+    return (load(b, row), load(b, row + 1), load(b, row + 2))
+
+
+@part
+def store_three(b: Array, row: int, v: Three) -> None:
+    """Write three rows."""
+    store(b, row, v[0])
+    store(b, row + 1, v[1])
+    store(b, row + 2, v[2])
+
+
+@part
+def symmetric(b: Array, row: int, v: Three) -> Three:
     """Return the product of a symmetric matrix in six rows (00, 01, 02, 11, 12, 22) with v."""
-    o = row * LANES + i
-    return (b[o] * v[0] + b[o + LANES] * v[1] + b[o + 2 * LANES] * v[2],
-            b[o + LANES] * v[0] + b[o + 3 * LANES] * v[1] + b[o + 4 * LANES] * v[2],
-            b[o + 2 * LANES] * v[0] + b[o + 4 * LANES] * v[1] + b[o + 5 * LANES] * v[2])
+    m00, m01, m02 = load(b, row), load(b, row + 1), load(b, row + 2)
+    m11, m12, m22 = load(b, row + 3), load(b, row + 4), load(b, row + 5)
+    return (m00 * v[0] + m01 * v[1] + m02 * v[2], m01 * v[0] + m11 * v[1] + m12 * v[2],
+            m02 * v[0] + m12 * v[1] + m22 * v[2])
+
+
+@part
+def axes(b: Array) -> tuple[Three, Three, Three]:
+    """Return n, t1 and t2."""
+    n, t1 = load_three(b, NORMAL), load_three(b, TANGENT)
+    return n, t1, cross(n, t1)
+
+
+@part
+def pushed(motion: Motion, inv_m: Eight, arm: Three, F: Three, torque: Three,
+           sign: float) -> tuple[Eight, Eight, Eight, Eight, Eight, Eight]:
+    """Return the motion after an impulse at c, `sign` times F and the torque."""
+    w, moves = sign * inv_m, select(inv_m > 0.0, sign, 0.0)
+    turn = add(cross(arm, F), torque)
+    return (motion[0] + w * F[0], motion[1] + w * F[1], motion[2] + w * F[2],
+            motion[3] + moves * turn[0], motion[4] + moves * turn[1], motion[5] + moves * turn[2])
+
+
+@part
+def combine(n: Three, t1: Three, t2: Three, c: Three) -> Three:
+    """Return c0 n + c1 t1 + c2 t2."""
+    return (c[0] * n[0] + c[1] * t1[0] + c[2] * t2[0], c[0] * n[1] + c[1] * t1[1] + c[2] * t2[1],
+            c[0] * n[2] + c[1] * t1[2] + c[2] * t2[2])
 
 
 @kernel
@@ -106,41 +144,44 @@ def prepare_block(b: Array, points: int) -> None:
     MASS where it is from the centre of mass of A [m], world axes. A point that is not there has
     the gap ABSENT, and so have all but the first in a block of one point.
     """
+    count = 4 if points > 1 else 1
     _make_basis(b)
-    _place_centre(b)
-    _place_point(b, POINT)
-    if points > 1:
-        _place_point(b, POINT + POINT_ROWS)
-        _place_point(b, POINT + 2 * POINT_ROWS)
-        _place_point(b, POINT + 3 * POINT_ROWS)
+    _place_centre(b, count)
+    _, t1, t2 = axes(b)
+    for p in range(count):
+        point = POINT + p * POINT_ROWS
+        r = subtract(load_three(b, point), load_three(b, ARM_A))
+        store(b, point + S, dot(r, t1))
+        store(b, point + T, dot(r, t2))
+        store(b, point + TOTAL, 0.0)
     _add_response(b, ARM_A, J_A, INV_M_A, 0.0)
     _add_response(b, ARM_B, J_B, INV_M_B, 1.0)
     _invert(b)
-    _respond_at(b, POINT)
-    if points > 1:
-        _respond_at(b, POINT + POINT_ROWS)
-        _respond_at(b, POINT + 2 * POINT_ROWS)
-        _respond_at(b, POINT + 3 * POINT_ROWS)
+    for p in range(count):
+        point = POINT + p * POINT_ROWS
+        # The mass that a normal impulse at a point moves; 0 for an absent one.
+        g = (1.0, load(b, point + T), -load(b, point + S))
+        mass = _inverse(dot(g, symmetric(b, K_NN, g)))
+        store(b, point + MASS, select(load(b, point + GAP) < ABSENT, mass, 0.0))
 
 
-@kernel
+@part
 def _make_basis(b: Array) -> None:
     """Choose t1 without a branch (Duff et al., J. Computer Graphics Techniques 6 (2017))."""
-    for i in range(LANES):
-        n = three(b, NORMAL, i)
-        sign = 1.0 if n[2] >= 0.0 else -1.0
-        k = -1.0 / (sign + n[2])
-        t1 = (1.0 + sign * n[0] * n[0] * k, sign * n[0] * n[1] * k, -sign * n[0])
-        put_three(b, TANGENT, i, t1)
-        friction = three(b, MOVED, i)
-        b[FRICTION * LANES + i] = dot(friction, t1)
-        b[(FRICTION + 1) * LANES + i] = dot(friction, cross(n, t1))
-        b[ROLL * LANES + i] = 0.0
-        b[(ROLL + 1) * LANES + i] = 0.0
-        put_three(b, MOVED, i, (0.0, 0.0, 0.0))
-        put_three(b, TORSION, i, (0.0, 0.0, 0.0))
-        put_three(b, TOTAL_T, i, (0.0, 0.0, 0.0))
-        b[RESIDUAL * LANES + i] = 0.0
+    n = load_three(b, NORMAL)
+    sign = select(n[2] >= 0.0, 1.0, -1.0)
+    k = -1.0 / (sign + n[2])
+    t1 = (1.0 + sign * n[0] * n[0] * k, sign * n[0] * n[1] * k, -sign * n[0])
+    store_three(b, TANGENT, t1)
+    friction = load_three(b, MOVED)
+    store(b, FRICTION, dot(friction, t1))
+    store(b, FRICTION + 1, dot(friction, cross(n, t1)))
+    store(b, ROLL, 0.0)
+    store(b, ROLL + 1, 0.0)
+    store_three(b, MOVED, (0.0, 0.0, 0.0))
+    store_three(b, TORSION, (0.0, 0.0, 0.0))
+    store_three(b, TOTAL_T, (0.0, 0.0, 0.0))
+    store(b, RESIDUAL, 0.0)
 
 
 # Gap at which a point counts half for the centre of its manifold [m]. Smaller: friction acts where
@@ -150,111 +191,81 @@ def _make_basis(b: Array) -> None:
 _NEAR = 1e-4
 
 
-@inlined
-def _weight(b: Array, point: int, i: int) -> float:
+@part
+def _weight(b: Array, point: int) -> Eight:
     """Return what a point counts for the centre of its manifold."""
-    gap = max(b[(point + GAP) * LANES + i], 0.0)
+    gap = max(load(b, point + GAP), 0.0)
     return _NEAR * _NEAR / (_NEAR * _NEAR + gap * gap)
 
 
-@kernel
-def _place_centre(b: Array) -> None:
+@part
+def _place_centre(b: Array, count: int) -> None:
     """Put c amid the nearest points; friction has their mean distance as lever."""
-    p0, p1, p2, p3 = POINT, POINT + POINT_ROWS, POINT + 2 * POINT_ROWS, POINT + 3 * POINT_ROWS
-    for i in range(LANES):
-        w0, w1, w2, w3 = _weight(b, p0, i), _weight(b, p1, i), _weight(b, p2, i), _weight(b, p3, i)
-        total = w0 + w1 + w2 + w3
-        inverse = 1.0 / total if total > 0.0 else 0.0
-        q0, q1, q2, q3 = three(b, p0, i), three(b, p1, i), three(b, p2, i), three(b, p3, i)
-        c = (inverse * (w0 * q0[0] + w1 * q1[0] + w2 * q2[0] + w3 * q3[0]),
-             inverse * (w0 * q0[1] + w1 * q1[1] + w2 * q2[1] + w3 * q3[1]),
-             inverse * (w0 * q0[2] + w1 * q1[2] + w2 * q2[2] + w3 * q3[2]))
-        lever = (w0 * norm(subtract(q0, c)) + w1 * norm(subtract(q1, c))
-                 + w2 * norm(subtract(q2, c)) + w3 * norm(subtract(q3, c)))
-        put_three(b, ARM_A, i, c)
-        put_three(b, ARM_B, i, add(c, three(b, ARM_B, i)))
-        b[SPIN_LEVER * LANES + i] += b[MU * LANES + i] * (lever * inverse)
+    w = _weight(b, POINT)
+    q = load_three(b, POINT)
+    total, c = w, (w * q[0], w * q[1], w * q[2])
+    for p in range(1, count):
+        point = POINT + p * POINT_ROWS
+        w, q = _weight(b, point), load_three(b, point)
+        total, c = total + w, (c[0] + w * q[0], c[1] + w * q[1], c[2] + w * q[2])
+    inverse = _inverse(total)
+    c = (inverse * c[0], inverse * c[1], inverse * c[2])
+    lever = 0.0 * total
+    for p in range(count):
+        point = POINT + p * POINT_ROWS
+        r = subtract(load_three(b, point), c)
+        lever = lever + _weight(b, point) * root(dot(r, r))
+    store_three(b, ARM_A, c)
+    store_three(b, ARM_B, add(c, load_three(b, ARM_B)))
+    store(b, SPIN_LEVER, load(b, SPIN_LEVER) + load(b, MU) * (lever * inverse))
 
 
-@inlined
-def _place_point(b: Array, point: int) -> None:
-    for i in range(LANES):
-        n, t1 = three(b, NORMAL, i), three(b, TANGENT, i)
-        r = subtract(three(b, point, i), three(b, ARM_A, i))
-        b[(point + S) * LANES + i] = dot(r, t1)
-        b[(point + T) * LANES + i] = dot(r, cross(n, t1))
-        b[(point + TOTAL) * LANES + i] = 0.0
-
-
-@inlined
+@part
 def _add_response(b: Array, arm: int, inertia: int, inv_m: int, keep: float) -> None:
     """Add one body's part to `keep` K."""
-    for i in range(LANES):
-        n, t1, c_W = three(b, NORMAL, i), three(b, TANGENT, i), three(b, arm, i)
-        t2 = cross(n, t1)
-        Jn, J1 = symmetric(b, inertia, i, n), symmetric(b, inertia, i, t1)
-        J2 = symmetric(b, inertia, i, t2)
-        j00, j01, j02 = dot(n, Jn), dot(n, J1), dot(n, J2)
-        j11, j12, j22 = dot(t1, J1), dot(t1, J2), dot(t2, J2)
-        cn, c1, c2 = dot(c_W, n), dot(c_W, t1), dot(c_W, t2)
-        # M = [c] J, rows and columns in the order n, t1, t2; then K_la = -M and K_ll = 1/m + M
-        # [c]^T.
-        m00, m01, m02 = c1 * j02 - c2 * j01, c1 * j12 - c2 * j11, c1 * j22 - c2 * j12
-        m10, m11, m12 = c2 * j00 - cn * j02, c2 * j01 - cn * j12, c2 * j02 - cn * j22
-        m20, m21, m22 = cn * j01 - c1 * j00, cn * j11 - c1 * j01, cn * j12 - c1 * j02
-        w = b[inv_m * LANES + i]
-        o = i + K_NN * LANES
-        b[o] = keep * b[o] + (w + c1 * m02 - c2 * m01)
-        b[o + LANES] = keep * b[o + LANES] - m01
-        b[o + 2 * LANES] = keep * b[o + 2 * LANES] - m02
-        b[o + 3 * LANES] = keep * b[o + 3 * LANES] + j11
-        b[o + 4 * LANES] = keep * b[o + 4 * LANES] + j12
-        b[o + 5 * LANES] = keep * b[o + 5 * LANES] + j22
-        o = i + K_TN * LANES
-        b[o] = keep * b[o] + (c1 * m12 - c2 * m11)
-        b[o + LANES] = keep * b[o + LANES] - m11
-        b[o + 2 * LANES] = keep * b[o + 2 * LANES] - m12
-        b[o + 3 * LANES] = keep * b[o + 3 * LANES] + (c1 * m22 - c2 * m21)
-        b[o + 4 * LANES] = keep * b[o + 4 * LANES] - m21
-        b[o + 5 * LANES] = keep * b[o + 5 * LANES] - m22
-        b[o + 6 * LANES] = keep * b[o + 6 * LANES] - m00
-        b[o + 7 * LANES] = keep * b[o + 7 * LANES] + j01
-        b[o + 8 * LANES] = keep * b[o + 8 * LANES] + j02
-        o = i + K_TT * LANES
-        b[o] = keep * b[o] + (w + c2 * m10 - cn * m12)
-        b[o + LANES] = keep * b[o + LANES] + (cn * m11 - c1 * m10)
-        b[o + 2 * LANES] = keep * b[o + 2 * LANES] - m10
-        b[o + 3 * LANES] = keep * b[o + 3 * LANES] + (w + cn * m21 - c1 * m20)
-        b[o + 4 * LANES] = keep * b[o + 4 * LANES] - m20
-        b[o + 5 * LANES] = keep * b[o + 5 * LANES] + j00
+    n, t1, t2 = axes(b)
+    c_W = load_three(b, arm)
+    Jn, J1 = symmetric(b, inertia, n), symmetric(b, inertia, t1)
+    J2 = symmetric(b, inertia, t2)
+    j00, j01, j02 = dot(n, Jn), dot(n, J1), dot(n, J2)
+    j11, j12, j22 = dot(t1, J1), dot(t1, J2), dot(t2, J2)
+    cn, c1, c2 = dot(c_W, n), dot(c_W, t1), dot(c_W, t2)
+    # M = [c] J, rows and columns in the order n, t1, t2; then K_la = -M and K_ll = 1/m + M [c]^T.
+    m00, m01, m02 = c1 * j02 - c2 * j01, c1 * j12 - c2 * j11, c1 * j22 - c2 * j12
+    m10, m11, m12 = c2 * j00 - cn * j02, c2 * j01 - cn * j12, c2 * j02 - cn * j22
+    m20, m21, m22 = cn * j01 - c1 * j00, cn * j11 - c1 * j01, cn * j12 - c1 * j02
+    w = load(b, inv_m)
+    _add_three(b, K_NN, keep, (w + c1 * m02 - c2 * m01, -m01, -m02))
+    _add_three(b, K_NN + 3, keep, (j11, j12, j22))
+    _add_three(b, K_TN, keep, (c1 * m12 - c2 * m11, -m11, -m12))
+    _add_three(b, K_TN + 3, keep, (c1 * m22 - c2 * m21, -m21, -m22))
+    _add_three(b, K_TN + 6, keep, (-m00, j01, j02))
+    _add_three(b, K_TT, keep, (w + c2 * m10 - cn * m12, cn * m11 - c1 * m10, -m10))
+    _add_three(b, K_TT + 3, keep, (w + cn * m21 - c1 * m20, -m20, j00))
 
 
-@inlined
-def _inverse(x: float) -> float:
-    return 1.0 / x if x > 0.0 else 0.0
+@part
+def _add_three(b: Array, row: int, keep: float, v: Three) -> None:
+    """Add v to `keep` three rows."""
+    if keep == 0.0:
+        store_three(b, row, v)
+    else:
+        store_three(b, row, add(load_three(b, row), v))
 
 
-@kernel
+@part
+def _inverse(x: Eight) -> Eight:
+    return select(x > 0.0, 1.0 / x, 0.0)
+
+
+@part
 def _invert(b: Array) -> None:
     """Invert what friction and rolling resistance divide by; an empty lane gets 0."""
-    for i in range(LANES):
-        o = i + K_TT * LANES
-        k00, k01, k11 = b[o], b[o + LANES], b[o + 3 * LANES]
-        inverse = _inverse(k00 * k11 - k01 * k01)
-        put_three(b, INV_TT, i, (k11 * inverse, -k01 * inverse, k00 * inverse))
-        b[INV_SPIN * LANES + i] = _inverse(b[o + 5 * LANES])
-        # Gershgorin's bound of the largest eigenvalue.
-        b[SLIDE * LANES + i] = _inverse(max(k00, k11) + abs(k01))
-        o = i + K_NN * LANES
-        k11, k12, k22 = b[o + 3 * LANES], b[o + 4 * LANES], b[o + 5 * LANES]
-        b[ROLL_STEP * LANES + i] = _inverse(max(k11, k22) + abs(k12))
-
-
-@inlined
-def _respond_at(b: Array, point: int) -> None:
-    """Write the mass that a normal impulse at a point moves; 0 for an absent one."""
-    for i in range(LANES):
-        g = (1.0, b[(point + T) * LANES + i], -b[(point + S) * LANES + i])
-        there = b[(point + GAP) * LANES + i] < ABSENT
-        mass = _inverse(dot(g, symmetric(b, K_NN, i, g)))
-        b[(point + MASS) * LANES + i] = mass if there else 0.0
+    k00, k01, k11 = load(b, K_TT), load(b, K_TT + 1), load(b, K_TT + 3)
+    inverse = _inverse(k00 * k11 - k01 * k01)
+    store_three(b, INV_TT, (k11 * inverse, -k01 * inverse, k00 * inverse))
+    store(b, INV_SPIN, _inverse(load(b, K_TT + 5)))
+    # Gershgorin's bound of the largest eigenvalue.
+    store(b, SLIDE, _inverse(max(k00, k11) + abs(k01)))
+    k11, k12, k22 = load(b, K_NN + 3), load(b, K_NN + 4), load(b, K_NN + 5)
+    store(b, ROLL_STEP, _inverse(max(k11, k22) + abs(k12)))

@@ -28,11 +28,9 @@ it from there to rounding, and while that division of the points lasts, from ste
 OSQP.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-import osqp
-from scipy import sparse
 
 from rigid_sim_ros.engine.arrays import Array
 from rigid_sim_ros.engine.kernel import kernel
@@ -336,7 +334,7 @@ def _sweep_disk(A: Array, limit: float, f: Array, p: int, size: int, a: Array) -
             a[i] += A[i, q] * (w_y - y)
 
 
-def _pyramid(mu: Array, pull: Array) -> sparse.csc_matrix:
+def _pyramid(mu: Array, pull: Array) -> Any:
     """
     Return the rows C of C f >= 0: f_n, and for each disk what bounds it.
 
@@ -361,12 +359,18 @@ def _pyramid(mu: Array, pull: Array) -> sparse.csc_matrix:
     count, at = rows.shape[1], np.arange(m)
     i = np.broadcast_to((at * count)[:, None, None] + np.arange(count)[None, :, None], rows.shape)
     j = np.broadcast_to((width * at)[:, None, None] + np.arange(width)[None, None, :], rows.shape)
+    from scipy import sparse        # as OSQP below
+
     return sparse.csc_matrix((rows.ravel(), (i.ravel(), j.ravel())),
                              shape=(m * count, width * m))
 
 
-def _osqp(A: Array, q: Array, C: sparse.csc_matrix, f: Array) -> tuple[Array, str, int]:
+def _osqp(A: Array, q: Array, C: Any, f: Array) -> tuple[Array, str, int]:
     """Return the minimiser of f'Af/2 + q'f over C f >= 0, OSQP's status and its iterations."""
+    # Here, not above: a tenth of a second at each start, and most worlds never need it.
+    import osqp
+    from scipy import sparse
+
     # In units in which A and q are of order 1, so that the absolute tolerance means something.
     per_force = float(np.trace(A)) / len(A)
     size = max(float(np.abs(q).max()), 1e-300)

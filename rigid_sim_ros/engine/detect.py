@@ -11,11 +11,11 @@ gaps are found anew.
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.broad_phase import boxes_overlap, refresh, update_pairs
-from rigid_sim_ros.engine.kernel import inlined, kernel, part
+from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part
 from rigid_sim_ros.engine.manifolds import (
     CONTACTS, Manifolds, Memory, PAIRS, REBUILT, RECYCLED, SHORT_PAIRS, SHORT_ROWS, WITNESSED)
 from rigid_sim_ros.engine.model import Model
-from rigid_sim_ros.engine.narrow_phase.balls import touching_spheres
+from rigid_sim_ros.engine.narrow_phase.balls import touching_ball
 from rigid_sim_ros.engine.narrow_phase.boxes import box_box, UNSETTLED
 from rigid_sim_ros.engine.narrow_phase.collide import collide
 from rigid_sim_ros.engine.placing import bound, place
@@ -69,14 +69,13 @@ def _find_pairs(model: Model, state: State, shapes: Shapes, memory: Memory) -> b
     """Keep the list of pairs up to date; return whether there was room for them."""
     count = memory.pair_count[0]
     moved = refresh(shapes.kind, shapes.body, memory.pose, memory.box, model.inv_m, state.P,
-                    model.h,
-                    count < 0, memory.fat, memory.moved)
+                    model.h, count < 0, memory.fat, memory.moved)
     memory.counters[REBUILT] = moved
     if moved > 0:
         count = update_pairs(shapes, memory.fat, memory.moved, memory.cells, memory.buckets,
-                             memory.members, memory.tally, memory.levels, memory.fresh,
-                             memory.pair,
-                             memory.axis, max(count, 0), model.m.shape[0], memory.ahead)
+                             memory.members, memory.keys, memory.tally, memory.levels,
+                             memory.fresh, memory.pair, memory.axis, max(count, 0),
+                             model.m.shape[0], memory.ahead)
         if count > memory.pair.shape[0]:
             memory.counters[SHORT_PAIRS] = count
             memory.pair_count[0] = -1
@@ -92,15 +91,16 @@ def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds
     room, rows, old, near, settled, recycled, contacts = now.shape_a.shape[0], 0, 0, 0, 0, 0, 0
     last = before.count[0]
     for k in range(memory.pair_count[0]):
-        a, b = memory.pair[k, 0], memory.pair[k, 1]
+        a, b = memory.pair[k, 0] & INDEX, memory.pair[k, 1] & INDEX
         if not boxes_overlap(memory.box, a, b):
             continue
         near += 1
         margin = memory.ahead[a] + memory.ahead[b]
-        old = _seek(before.shape_a, before.shape_b, old, last, a, b)
+        old = _seek(before.shape_a, before.shape_b, old, last, a, b) & INDEX
         known = old < last and before.shape_a[old] == a and before.shape_b[old] == b
-        row = min(rows, room - 1)
-        i, j = shapes.body[a], shapes.body[b]
+        row = min(rows, room - 1) & INDEX
+        i, j = shapes.body[a] & INDEX, shapes.body[b] & INDEX
+        kind_a, kind_b = shapes.kind[a], shapes.kind[b]
         if known and _flat(shapes.kind, a, b) and _recycle(
                 state, memory.turn, now, before, row, old, i, j, margin,
                 min(shapes.bound[a], shapes.bound[b])):
@@ -110,10 +110,10 @@ def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds
             # The two most frequent families get just the arrays they need: to hand over all tables
             # takes as long as their work.
             found, n, witness, points = UNSETTLED, NONE, False, memory.scratch.points
-            if shapes.kind[a] == SPHERE and shapes.kind[b] == SPHERE:
-                found, n = touching_spheres(memory.pose, shapes.size, a, b, margin, points,
-                                            memory.scratch.ids)
-            elif shapes.kind[a] == BOX and shapes.kind[b] == BOX:
+            if kind_a != HULL and kind_b != HULL and (kind_a == SPHERE or kind_b == SPHERE):
+                found, n = touching_ball(memory.pose, shapes.size, kind_a, kind_b, a, b, margin,
+                                         points, memory.scratch.ids)
+            elif kind_a == BOX and kind_b == BOX:
                 if boxes_apart(memory.pose, shapes.size, shapes.bound, a, b, memory.axis, k,
                                margin):
                     settled += 1
@@ -236,31 +236,32 @@ def _write(state: State, turn: Array, now: Manifolds, row: int, i: int, j: int, 
     Write the points that the narrow phase found, as arms from both centres of mass.
 
     A manifold that `lasts` may keep its points in the next steps, and has them in axes that turn
-    with the bodies too.
+    with the bodies too; one that does not has the orientation 0.
     """
-    n_A, q = NONE, (0.0, 0.0, 0.0, 0.0)
+    q = (0.0, 0.0, 0.0, 0.0)
     if lasts:
-        n_A = _turned_back(turn, i, n)
         q = multiply(conjugate(quaternion(state.q, i)), quaternion(state.q, j))
+        n_A = _turned_back(turn, i, n)
+        for k in range(3):
+            now.normal_A[row, k] = n_A[k]
     for p in range(count):
         gap = points[p, 3]
         A = (points[p, 0] - state.x[0, i], points[p, 1] - state.x[1, i],
              points[p, 2] - state.x[2, i])
         B = (points[p, 0] + gap * n[0] - state.x[0, j], points[p, 1] + gap * n[1] - state.x[1, j],
              points[p, 2] + gap * n[2] - state.x[2, j])
-        A_C, B_C = NONE, NONE
-        if lasts:
-            A_C, B_C = _turned_back(turn, i, A), _turned_back(turn, j, B)
         now.gap[row, p] = gap
         now.feature[row, p] = ids[p]
         for k in range(3):
             now.r_A[row, p, k] = A[k]
             now.r_B[row, p, k] = B[k]
-            now.p_A_C[row, p, k] = A_C[k]
-            now.p_B_C[row, p, k] = B_C[k]
+        if lasts:
+            A_C, B_C = _turned_back(turn, i, A), _turned_back(turn, j, B)
+            for k in range(3):
+                now.p_A_C[row, p, k] = A_C[k]
+                now.p_B_C[row, p, k] = B_C[k]
     for k in range(3):
         now.normal[row, k] = n[k]
-        now.normal_A[row, k] = n_A[k]
     for k in range(4):
         now.found_at[row, k] = q[k]
     now.found_at[row, 4] = points[0, 3]

@@ -12,6 +12,10 @@ from rigid_sim_ros.engine.kernel_cache import cache_folder
 
 Function = TypeVar('Function', bound=Callable[..., Any])
 
+# Numba counts an index below 0 from the end, and tests for it at each access. A positive number
+# stays what it is under this mask, and the tests go.
+INDEX = (1 << 40) - 1
+
 
 def _compiled(function: Function, **options: Any) -> Any:
     config: Any = numba.config

@@ -64,7 +64,7 @@ class Scratch(NamedTuple):
 
 
 CANDIDATES = 96
-LEVELS = 82  # of the grid of the broad phase: cells of 2^-40 m to 2^41 m
+LEVELS = 163  # of the grid of the broad phase: cells of 2^-40 m to 2^41 m, in steps of sqrt 2
 EPA_CORNERS = 160
 EPA_FACES = 512
 
@@ -86,10 +86,11 @@ class Memory(NamedTuple):
     calm: Array  # (1,) the margin of a pair at rest [m]
     box: Array  # (s, 6) bounding boxes, lower and upper corner, as far ahead as the shape looks
     fat: Array  # (s, 6) fat boxes; a plane: normal and offset
-    cells: IntArray  # (s, 4) level and cell of the middle of the fat box
+    cells: IntArray  # (s, 5) level, cell of the middle of the fat box, key of the cell
     moved: IntArray  # (s,) 1 for shapes that left their fat box
     buckets: IntArray  # (t + 2,) where each bucket of the grid starts, then the wide shapes
     members: IntArray  # (s,) the shapes in the order of their buckets
+    keys: IntArray  # (s,) of their cells, in that order
     tally: IntArray  # (s + 1,) room to count
     levels: IntArray  # (LEVELS,) number of shapes on each level of the grid
     pair_count: IntArray  # (1,) -1 before the first step
@@ -141,10 +142,10 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
     buckets = 1 << max(4, (2 * s - 1).bit_length())
     pages = (empty_manifolds(capacity), empty_manifolds(capacity))
     memory = Memory(pages, integers(1), np.zeros((s, 12)), np.zeros((bodies, 9)), np.zeros(s),
-                    np.zeros(1), np.zeros((s, 6)), np.zeros((s, 6)), integers(s, 4), integers(s),
-                    integers(buckets + 2), integers(s), integers(s + 1), integers(LEVELS),
-                    integers(1),
-                    integers(2 * capacity, 2), integers(2, 2 * capacity, 2),
+                    np.zeros(1), np.zeros((s, 6)), np.zeros((s, 6)), integers(s, 5), integers(s),
+                    integers(buckets + 2), integers(s), integers(s), integers(s + 1),
+                    integers(LEVELS), integers(1), integers(2 * capacity, 2),
+                    integers(2, 2 * capacity, 2),
                     np.zeros((2 * capacity, 4)), integers(8), scratch)
     forget_pairs(memory)
     return memory
@@ -204,9 +205,13 @@ def lasting(memory: Memory) -> list[Array | IntArray]:
     manifolds = current_manifolds(memory)
     count = int(manifolds.count[0])
     unused = np.arange(POINTS) >= manifolds.points[:count, None]
+    # Those that are found anew in every step have nothing in axes that turn with the bodies.
+    fleeting = (manifolds.found_at[:count, :4] == 0.0).all(axis=1)
     fields: list[Array | IntArray] = [manifolds.count.copy()]
-    for field in manifolds[1:]:
-        used = field[:count].copy()
+    for name, field in zip(manifolds._fields[1:], manifolds[1:], strict=True):
+        used: Any = field[:count].copy()
+        if name in ('normal_A', 'p_A_C', 'p_B_C'):
+            used[fleeting] = 0
         # What stands in the places of points that a manifold does not have is left from earlier
         # steps.
         if used.ndim > 1 and used.shape[1] == POINTS:

@@ -13,30 +13,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
+from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray, Vector
 from rigid_sim_ros.engine.free_rotation import MAX_ANGLE, turn, turn_fast
-from rigid_sim_ros.engine.kernel import inlined, kernel, part
+from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel
+from rigid_sim_ros.engine.lanes import any_of, both, gather, LANES, load, select, store
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.rotation import quaternion, to_matrix
 from rigid_sim_ros.engine.state import State
-from rigid_sim_ros.engine.vector import add_scaled, column, dot
+from rigid_sim_ros.engine.vector import column, dot
 
-LANES = 8
 # Numbers of a body in `motion`: v [m/s], L [kg m^2/s], world axes, and two that stay 0. So a body
 # fills one line of the cache, and whatever all bodies do alike is one loop over a flat array.
 STRIDE = 8
-# Sections of a body in `rows`.
-J = 0  # inverse inertia, world axes: xx, xy, xz, yy, yz, zz
+# Numbers of a body in `mass`: the inverse inertia, world axes, the inverse mass, and whether it is
+# pressed against a body that moves.
+J = 0  # xx, xy, xz, yy, yz, zz
 INV_M = 6
-HELD = 7  # 1: pressed against a body that moves
-START = 8  # v, L at the start of the step
-POSE = 16  # x [m] and q at the start of the step
-BODY_ROWS = 24
-# Numba counts an index below 0 from the end, and tests for it at each access. A positive number
-# stays what it is under this mask, and the tests go.
-INDEX = (1 << 40) - 1
+HELD = 7
 # Rows of the scratch block in which eight bodies are moved.
-_V, _L, _DV, _DL, _A, _X, _Q, _INV_I, _FREE, _ROWS = 0, 3, 6, 9, 12, 15, 18, 22, 25, 26
+_X, _Q, _L, _INV_I, _FAST, _ROWS = 0, 3, 7, 10, 13, 14
 
 
 class SolverBodies(NamedTuple):
@@ -45,15 +40,18 @@ class SolverBodies(NamedTuple):
     slot: IntArray  # (n,) of a body, 0 if it does not take part
     body: IntArray  # (n + 1,) in a slot; -1 in slot 0
     used: IntArray  # (2,) slots in use; moving bodies without a slot
-    motion: Array  # flat, STRIDE for each slot, as the next six
+    motion: Array  # flat, STRIDE for each slot, as all but the last two
     push: Array  # motion that only displaces, out of overlaps
     drifted: Array  # the sum of both, with which the bodies moved in this substep
     smooth: Array  # F / m [m/s^2] and torque [N m] of all that is no contact
     base: Array  # v, L of this substep without contacts
-    warm: Array  # what contacts added to it in the last substep
+    warm: Array  # what contacts add to the first substep, from the step before
     total: Array  # sums of `drifted` over the substeps
-    rows: Array  # flat, BODY_ROWS for each slot
+    mass: Array  # see J, INV_M, HELD
+    start: Array  # v, L at the start of the step
+    pose: Array  # x [m] and q at the start of the step
     lanes: Array  # flat scratch
+    at: IntArray  # (8,) scratch
 
 
 def make_bodies(n: int) -> SolverBodies:
@@ -61,12 +59,12 @@ def make_bodies(n: int) -> SolverBodies:
     slots = n + 1
 
     def numbers() -> Array:
-        return np.zeros(slots * STRIDE)
+        return aligned_zeros(slots * STRIDE)
 
     return SolverBodies(np.zeros(n, dtype=np.int64), np.zeros(slots, dtype=np.int64),
                         np.zeros(2, dtype=np.int64), numbers(), numbers(), numbers(), numbers(),
-                        numbers(), numbers(), numbers(), np.zeros(slots * BODY_ROWS),
-                        np.zeros(_ROWS * LANES))
+                        numbers(), numbers(), numbers(), numbers(), numbers(), numbers(),
+                        aligned_zeros(_ROWS * LANES), np.zeros(LANES, dtype=np.int64))
 
 
 @kernel
@@ -79,29 +77,30 @@ def load_bodies(inv_m: Array, inv_I_C: Array, state: State, loads: Loads,
     bodies.smooth[:used * STRIDE] = 0.0
     bodies.warm[:used * STRIDE] = 0.0
     bodies.total[:used * STRIDE] = 0.0
-    bodies.rows[:used * BODY_ROWS] = 0.0
-    rows = bodies.rows
+    mass, start, pose = bodies.mass, bodies.start, bodies.pose
+    mass[:STRIDE] = 0.0
     for slot in range(1, used):
         i = bodies.body[slot] & INDEX
-        at, motion = slot * BODY_ROWS, slot * STRIDE
+        motion = slot * STRIDE
         for k in range(3):
             bodies.smooth[motion + k] = inv_m[i] * loads.F[k, i]
             bodies.smooth[motion + 3 + k] = loads.tau[k, i]
             v = inv_m[i] * state.P[k, i]
             bodies.motion[motion + k] = v
             bodies.motion[motion + 3 + k] = state.L[k, i]
-            rows[at + START + k] = v
-            rows[at + START + 3 + k] = state.L[k, i]
-            rows[at + POSE + k] = state.x[k, i]
+            start[motion + k] = v
+            start[motion + 3 + k] = state.L[k, i]
+            pose[motion + k] = state.x[k, i]
         for k in range(4):
-            rows[at + POSE + 3 + k] = state.q[k, i]
-        rows[at + INV_M] = inv_m[i]
+            pose[motion + 3 + k] = state.q[k, i]
+        mass[motion + INV_M] = inv_m[i]
+        mass[motion + HELD] = 0.0
         R = to_matrix(quaternion(state.q, i))
         d = column(inv_I_C, i)
-        line = at + J
+        line = motion + J
         for k in range(3):
             for j in range(k, 3):
-                rows[line] = (R[k][0] * d[0] * R[j][0] + R[k][1] * d[1] * R[j][1]
+                mass[line] = (R[k][0] * d[0] * R[j][0] + R[k][1] * d[1] * R[j][1]
                               + R[k][2] * d[2] * R[j][2])
                 line += 1
 
@@ -112,15 +111,19 @@ def kick_bodies(used: int, m: Array, smooth: Array, base: Array, warm: Array, h:
     """
     Begin a substep: forces act for h [s], and contacts as they did in the last substep.
 
-    That is a warm start of every contact at once, without a pass over contacts. In the first
-    substep `warm` holds what the contacts bring from the step before.
+    That is a warm start of every contact at once, without a pass over contacts: they added m -
+    base. For the first substep `warm` holds what they bring from the step before.
     """
-    if not first:
+    if first:
         for k in range(used * STRIDE):
-            warm[k] = m[k] - base[k]
+            base[k] = m[k] + h * smooth[k]
+            m[k] = base[k] + warm[k]
+        return
     for k in range(used * STRIDE):
-        base[k] = m[k] + h * smooth[k]
-        m[k] = base[k] + warm[k]
+        now = m[k]
+        kicked = now + h * smooth[k]
+        m[k] = kicked + (now - base[k])
+        base[k] = kicked
 
 
 @kernel
@@ -136,42 +139,26 @@ def drift_bodies(used: int, m: Array, push: Array, drifted: Array, total: Array)
 def store_bodies(h: float, m: Array, inv_I_C: Array, state: State, bodies: SolverBodies,
                  substeps: int) -> None:
     """Move the bodies, eight at a time, and write their momenta and poses back."""
-    used, b = bodies.used[0], bodies.lanes
+    used, b, at, motion = bodies.used[0], bodies.lanes, bodies.at, bodies.motion
     for first in range(1, used, LANES):
-        count = min(LANES, used - first)
-        for lane in range(count):
-            _take(inv_I_C, bodies, first + lane, b, lane)
-        _move(b, h, 1.0 / substeps)
-        for lane in range(count):
-            i = bodies.body[first + lane] & INDEX
+        for lane in range(LANES):
+            slot = min(first + lane, used - 1)
+            at[lane] = slot * STRIDE
+            for k in range(3):
+                b[(_INV_I + k) * LANES + lane] = inv_I_C[k, bodies.body[slot] & INDEX]
+        _move(bodies, b, h, 1.0 / substeps)
+        for lane in range(min(LANES, used - first)):
+            i, start = bodies.body[first + lane] & INDEX, (first + lane) * STRIDE
             for k in range(3):
                 state.x[k, i] = b[(_X + k) * LANES + lane]
-                state.P[k, i] = m[i] * bodies.motion[(first + lane) * STRIDE + k]
-                state.L[k, i] = bodies.motion[(first + lane) * STRIDE + 3 + k]
+                state.P[k, i] = m[i] * motion[start + k]
+                state.L[k, i] = motion[start + 3 + k]
             for k in range(4):
                 state.q[k, i] = b[(_Q + k) * LANES + lane]
 
 
-@part
-def _take(inv_I_C: Array, bodies: SolverBodies, slot: int, b: Array, lane: int) -> None:
-    """Copy what moves a body to a lane."""
-    i, at, motion = bodies.body[slot] & INDEX, slot * BODY_ROWS, slot * STRIDE
-    rows = bodies.rows
-    for k in range(3):
-        b[(_V + k) * LANES + lane] = bodies.total[motion + k]
-        b[(_L + k) * LANES + lane] = bodies.total[motion + 3 + k]
-        b[(_DV + k) * LANES + lane] = bodies.motion[motion + k] - rows[at + START + k]
-        b[(_DL + k) * LANES + lane] = bodies.motion[motion + 3 + k] - rows[at + START + 3 + k]
-        b[(_A + k) * LANES + lane] = bodies.smooth[motion + k]
-        b[(_X + k) * LANES + lane] = rows[at + POSE + k]
-        b[(_INV_I + k) * LANES + lane] = inv_I_C[k, i]
-    for k in range(4):
-        b[(_Q + k) * LANES + lane] = rows[at + POSE + 3 + k]
-    b[_FREE * LANES + lane] = 1.0 - rows[at + HELD]
-
-
 @kernel
-def _move(b: Array, h: float, share: float) -> None:
+def _move(bodies: SolverBodies, b: Array, h: float, share: float) -> None:
     """
     Move eight bodies by the mean of their velocities over the substeps, `share` of a step each.
 
@@ -181,29 +168,40 @@ def _move(b: Array, h: float, share: float) -> None:
     forces alone would make in a step, nor against a body that moves, where it would change L of
     the pair.
     """
-    for i in range(LANES):
-        a, dv, dL = _three(b, _A, i), _three(b, _DV, i), _three(b, _DL, i)
-        smooth = dot(dv, dv) <= 4.0 * h * h * dot(a, a) and b[_FREE * LANES + i] == 1.0
-        back = -0.5 * share if smooth else 0.0
-        v, L = _three(b, _V, i), _three(b, _L, i)
-        v = add_scaled((share * v[0], share * v[1], share * v[2]), back, dv)
-        L = add_scaled((share * L[0], share * L[1], share * L[2]), back, dL)
+    total, now = gather(bodies.total, bodies.at), gather(bodies.motion, bodies.at)
+    start, forces = gather(bodies.start, bodies.at), gather(bodies.smooth, bodies.at)
+    pose, mass = gather(bodies.pose, bodies.at), gather(bodies.mass, bodies.at)
+    dv = (now[0] - start[0], now[1] - start[1], now[2] - start[2])
+    dL = (now[3] - start[3], now[4] - start[4], now[5] - start[5])
+    a = (forces[0], forces[1], forces[2])
+    smooth = both(dot(dv, dv) <= 4.0 * h * h * dot(a, a), mass[HELD] == 0.0)
+    back = select(smooth, -0.5 * share, 0.0)
+    for k, x in enumerate((pose[0] + h * (share * total[0] + back * dv[0]),
+                           pose[1] + h * (share * total[1] + back * dv[1]),
+                           pose[2] + h * (share * total[2] + back * dv[2]))):
+        store(b, _X + k, x)
+    L = (share * total[3] + back * dL[0], share * total[4] + back * dL[1],
+         share * total[5] + back * dL[2])
+    inv_I = (load(b, _INV_I), load(b, _INV_I + 1), load(b, _INV_I + 2))
+    # Too fast for `turn`: below, one by one.
+    bound = h * max(inv_I[0], max(inv_I[1], inv_I[2]))
+    fast = bound * bound * dot(L, L) > MAX_ANGLE * MAX_ANGLE
+    q = (pose[3], pose[4], pose[5], pose[6])
+    turned = turn(q, L, inv_I, h)
+    for k in range(4):
+        store(b, _Q + k, select(fast, q[k], turned[k]))
+    if any_of(fast):
         for k in range(3):
-            b[(_X + k) * LANES + i] += h * v[k]
-            b[(_L + k) * LANES + i] = L[k]
+            store(b, _L + k, L[k])
+        store(b, _FAST, select(fast, 1.0, 0.0))
+        _turn_fast_ones(b, h)
+
+
+@kernel
+def _turn_fast_ones(b: Array, h: float) -> None:
+    """Turn the bodies that are too fast for `turn`."""
     for i in range(LANES):
-        L, inv_I = _three(b, _L, i), _three(b, _INV_I, i)
-        o = _Q * LANES + i
-        q = turn((b[o], b[o + LANES], b[o + 2 * LANES], b[o + 3 * LANES]), L, inv_I, h)
-        # Too fast for `turn`: below, one by one.
-        bound = h * max(inv_I[0], inv_I[1], inv_I[2])
-        fast = bound * bound * dot(L, L) > MAX_ANGLE * MAX_ANGLE
-        b[_FREE * LANES + i] = 1.0 if fast else 0.0
-        for k in range(4):
-            o = (_Q + k) * LANES + i
-            b[o] = b[o] if fast else q[k]
-    for i in range(LANES):
-        if b[_FREE * LANES + i] > 0.0:
+        if b[_FAST * LANES + i] > 0.0:
             o = _Q * LANES + i
             q = (b[o], b[o + LANES], b[o + 2 * LANES], b[o + 3 * LANES])
             q = turn_fast(q, _three(b, _L, i), _three(b, _INV_I, i), h)

@@ -33,7 +33,7 @@ from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import gap_now
 from rigid_sim_ros.engine.solver_bodies import (
-    BODY_ROWS, drift_bodies, HELD, INV_M, kick_bodies, load_bodies, SolverBodies,
+    drift_bodies, HELD, INV_M, kick_bodies, load_bodies, SolverBodies,
     store_bodies, STRIDE)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.timestep import (
@@ -225,18 +225,18 @@ def _push(contacts: Contacts, chosen: IntArray, f: Array, solver: SolverBodies,
         k = chosen[c]
         J = to_world(contacts, k, (f[3 * c], f[3 * c + 1], f[3 * c + 2]))
         slot_a, slot_b = solver.slot[contacts.body_a[k]], solver.slot[contacts.body_b[k]]
-        _push_slot(slot_a, -1.0, row(contacts.r_A, k), J, solver.rows, motion)
-        _push_slot(slot_b, 1.0, row(contacts.r_B, k), J, solver.rows, motion)
+        _push_slot(slot_a, -1.0, row(contacts.r_A, k), J, solver.mass, motion)
+        _push_slot(slot_b, 1.0, row(contacts.r_B, k), J, solver.mass, motion)
         if slot_a > 0 and slot_b > 0 and f[3 * c] > 0.0:
-            solver.rows[slot_a * BODY_ROWS + HELD] = 1.0
-            solver.rows[slot_b * BODY_ROWS + HELD] = 1.0
+            solver.mass[slot_a * STRIDE + HELD] = 1.0
+            solver.mass[slot_b * STRIDE + HELD] = 1.0
 
 
 @kernel
-def _push_slot(slot: int, sign: float, r: Vector, J: Vector, rows: Array, motion: Array) -> None:
+def _push_slot(slot: int, sign: float, r: Vector, J: Vector, mass: Array, motion: Array) -> None:
     if slot > 0:
         turn, at = cross(r, J), slot * STRIDE
-        inv_m = rows[slot * BODY_ROWS + INV_M]
+        inv_m = mass[at + INV_M]
         for i in range(3):
             motion[at + i] += sign * inv_m * J[i]
             motion[at + 3 + i] += sign * turn[i]

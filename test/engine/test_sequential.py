@@ -8,9 +8,11 @@ import pytest
 
 from rigid_sim_ros.engine.coloring import color_manifolds, COLORS, make_coloring
 from rigid_sim_ros.engine.contact_blocks import (
-    BLOCK_SIZE, K_NN, K_TN, K_TT, MOTION_A, MOTION_B, TWIST, WRENCH)
-from rigid_sim_ros.engine.contact_sweep import _read_twist, Sweep, visit
-from rigid_sim_ros.engine.solver_bodies import LANES, STRIDE
+    ARM_A, ARM_B, BLOCK_SIZE, FRICTION, IMPULSE, J_A, J_B, K_NN, K_TN, K_TT, NORMAL, POINT,
+    POINT_ROWS, S, T, TANGENT)
+from rigid_sim_ros.engine.contact_sweep import Sweep, visit
+from rigid_sim_ros.engine.lanes import LANES
+from rigid_sim_ros.engine.solver_bodies import STRIDE
 
 
 def colored(pairs, points=4, n=200):
@@ -18,8 +20,8 @@ def colored(pairs, points=4, n=200):
     a, b = np.array(pairs, dtype=np.int64).T
     work = make_coloring(n, len(pairs))
     nothing = np.zeros(len(pairs), dtype=np.int64)
-    color_manifolds(len(pairs), a, b, np.full(len(pairs), points, dtype=np.int64),
-                    np.arange(n, dtype=np.int64), n, nothing, nothing, work)
+    kinds = np.full(len(pairs), min(points - 1, 2), dtype=np.int64)
+    color_manifolds(len(pairs), a, b, kinds, np.arange(n, dtype=np.int64), n, nothing, work)
     return work
 
 
@@ -51,15 +53,32 @@ def test_a_body_with_more_contacts_than_colours_is_solved_one_by_one():
     assert len(set(work.lane.tolist())) == len(pairs)
 
 
-def read_twist(block, solver, bodies):
-    """Return the twists of a block as the bodies have them now."""
-    for lane in range(LANES):
-        for k in range(6):
-            at_A, at_B = solver.at_A[lane] + k, solver.at_B[lane] + k
-            block[(MOTION_A + k) * LANES + lane] = bodies.motion[at_A]
-            block[(MOTION_B + k) * LANES + lane] = bodies.motion[at_B]
-    _read_twist(block)
-    return block.reshape(-1, LANES)[TWIST:TWIST + 6].copy()
+def axes(rows, lane):
+    """Return n, t1 and t2 of a lane."""
+    n, t1 = rows[NORMAL:NORMAL + 3, lane], rows[TANGENT:TANGENT + 3, lane]
+    return n, t1, np.cross(n, t1)
+
+
+def read_twist(rows, lane, solver, bodies):
+    """Return the twist of B relative to A at c as the bodies have it now, N before T."""
+    u, w = np.zeros(3), np.zeros(3)
+    for at, arm, inertia, sign in ((solver.at_A, ARM_A, J_A, -1), (solver.at_B, ARM_B, J_B, 1)):
+        motion = bodies.motion[at[lane]:at[lane] + 6]
+        xx, xy, xz, yy, yz, zz = rows[inertia:inertia + 6, lane]
+        spin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ motion[3:]
+        w += sign * spin
+        u += sign * (motion[:3] + np.cross(spin, rows[arm:arm + 3, lane]))
+    n, t1, t2 = axes(rows, lane)
+    return np.array([u @ n, w @ t1, w @ t2, u @ t1, u @ t2, w @ n])
+
+
+def read_wrench(rows, lane):
+    """Return the sum of the impulses of a lane, N before T."""
+    N = np.zeros(3)
+    for p in range(4):
+        point = rows[POINT + p * POINT_ROWS:POINT + (p + 1) * POINT_ROWS, lane]
+        N += point[IMPULSE] * np.array([1.0, point[T], -point[S]])
+    return np.append(N, rows[FRICTION:FRICTION + 3, lane])
 
 
 def response(rows, lane):
@@ -83,14 +102,17 @@ def test_the_response_of_a_manifold_is_that_of_its_bodies():
         for k in range(6):
             bodies.motion[slot * STRIDE + k] = rng.normal(0, 1e-2)
     block = solver.blocks[:BLOCK_SIZE]
-    before = read_twist(block, solver, bodies)
+    rows, lanes = block.reshape(-1, LANES), np.nonzero(solver.lane_row[:LANES] >= 0)[0]
+    twist = {lane: read_twist(rows, lane, solver, bodies) for lane in lanes}
+    wrench = {lane: read_wrench(rows, lane) for lane in lanes}
     visit(block, bodies.motion, bodies.drifted, solver.at_A[:LANES], solver.at_B[:LANES], 3, False,
-          Sweep(960.0, 0.0, False))
-    wrench = block.reshape(-1, LANES)[WRENCH:WRENCH + 6].copy()
-    after = read_twist(block, solver, bodies)
-    for lane in np.nonzero(solver.lane_row[:LANES] >= 0)[0]:
-        foreseen = before[:, lane] + response(block.reshape(-1, LANES), lane) @ wrench[:, lane]
-        assert after[:, lane] == pytest.approx(foreseen, abs=1e-14)  # rounding of 0.1 m/s
+          Sweep(960.0, 0.0))
+    for lane in lanes:
+        added = read_wrench(rows, lane) - wrench[lane]
+        assert np.abs(added).max() > 1e-6       # N s
+        foreseen = twist[lane] + response(rows, lane) @ added
+        # Rounding of 0.1 m/s.
+        assert read_twist(rows, lane, solver, bodies) == pytest.approx(foreseen, abs=1e-14)
 
 
 def test_the_residual_goes_to_rounding_at_rest():

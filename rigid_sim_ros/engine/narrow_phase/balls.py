@@ -14,8 +14,8 @@ from rigid_sim_ros.engine.algebra import (
     put, scale,
     subtract, to_world)
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.kernel import kernel
-from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, PLANE
+from rigid_sim_ros.engine.kernel import kernel, part
+from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, PLANE, SPHERE
 
 
 @kernel
@@ -109,7 +109,7 @@ def shape_sphere(pose: Array, size: Array, kind: int, other: int, ball: int) -> 
     return d - size[ball, 0], n, foot
 
 
-@kernel
+@part
 def sphere_sphere(pose: Array, size: Array, a: int, b: int) -> tuple[float, Vector, Vector]:
     """Return the gap [m] between two spheres, the normal and the point on A."""
     p = origin(pose, a)
@@ -120,11 +120,24 @@ def sphere_sphere(pose: Array, size: Array, a: int, b: int) -> tuple[float, Vect
     return length - size[a, 0] - size[b, 0], n, add_scaled(p, size[a, 0], n)
 
 
-@kernel
-def touching_spheres(pose: Array, size: Array, a: int, b: int, margin: float, points: Array,
-                     ids: IntArray) -> tuple[int, Vector]:
-    """Find the manifold of two spheres: return the number of points, 0 or 1, and the normal."""
-    gap, n, p = sphere_sphere(pose, size, a, b)
+@part
+def ball_gap(pose: Array, size: Array, kind_a: int, kind_b: int, a: int,
+             b: int) -> tuple[float, Vector, Vector]:
+    """Return the same for a sphere and any shape but a hull, in either order."""
+    if kind_a == SPHERE and kind_b == SPHERE:
+        gap, n, p = sphere_sphere(pose, size, a, b)
+    elif kind_a == SPHERE:
+        gap, n, p = sphere_shape(pose, size, kind_b, a, b)
+    else:
+        gap, n, p = shape_sphere(pose, size, kind_a, a, b)
+    return gap, n, p
+
+
+@part
+def touching_ball(pose: Array, size: Array, kind_a: int, kind_b: int, a: int, b: int,
+                  margin: float, points: Array, ids: IntArray) -> tuple[int, Vector]:
+    """Find the manifold of such a pair: return the number of points, 0 or 1, and the normal."""
+    gap, n, p = ball_gap(pose, size, kind_a, kind_b, a, b)
     if gap >= margin:
         return 0, n
     put(points, ids, 0, p, gap, 0)

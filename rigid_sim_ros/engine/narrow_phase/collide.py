@@ -8,24 +8,21 @@ from rigid_sim_ros.engine.algebra import add_scaled, put
 from rigid_sim_ros.engine.arrays import Array, Vector
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.manifolds import Scratch
-from rigid_sim_ros.engine.narrow_phase.balls import (
-    capsule_capsule, shape_sphere, sphere_shape, touching_spheres)
+from rigid_sim_ros.engine.narrow_phase.balls import capsule_capsule, touching_ball
 from rigid_sim_ros.engine.narrow_phase.boxes import box_box, UNSETTLED
 from rigid_sim_ros.engine.narrow_phase.convex import convex_convex
 from rigid_sim_ros.engine.narrow_phase.planes import plane_shape
 from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, PLANE, Shapes, SPHERE
 
 # The families of pairs.
-(BALLS, BALL_FIRST, BALL_SECOND, CAPSULES, BOXES, PLANE_FIRST, PLANE_SECOND, CONVEX,
- NEVER) = range(9)
+BALL, CAPSULES, BOXES, PLANE_FIRST, PLANE_SECOND, CONVEX, NEVER = range(7)
 
 _FAMILIES = {
-    (SPHERE, SPHERE): BALLS, (CAPSULE, CAPSULE): CAPSULES, (BOX, BOX): BOXES,
-    (PLANE, PLANE): NEVER,
-    **{(SPHERE, other): BALL_FIRST for other in (BOX, CAPSULE, CYLINDER)},
-    **{(other, SPHERE): BALL_SECOND for other in (BOX, CAPSULE, CYLINDER)},
+    (CAPSULE, CAPSULE): CAPSULES, (BOX, BOX): BOXES, (PLANE, PLANE): NEVER,
     **{(PLANE, other): PLANE_FIRST for other in range(PLANE)},
     **{(other, PLANE): PLANE_SECOND for other in range(PLANE)},
+    **{(SPHERE, other): BALL for other in (SPHERE, BOX, CAPSULE, CYLINDER, PLANE)},
+    **{(other, SPHERE): BALL for other in (BOX, CAPSULE, CYLINDER, PLANE)},
 }
 FAMILY = np.array([[_FAMILIES.get((a, b), CONVEX) for b in range(6)] for a in range(6)])
 
@@ -50,13 +47,10 @@ def collide(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
         return convex_convex(pose, shapes, a, b, margin, scratch)
     if family in (PLANE_FIRST, PLANE_SECOND):
         return _on_plane(pose, shapes, a, b, family == PLANE_SECOND, margin, scratch)
-    if family == BALLS:
-        return touching_spheres(pose, shapes.size, a, b, margin, points, ids)
-    if family == BALL_FIRST:
-        gap, n, p = sphere_shape(pose, shapes.size, shapes.kind[b], a, b)
-    elif family == BALL_SECOND:
-        gap, n, p = shape_sphere(pose, shapes.size, shapes.kind[a], a, b)
-    elif family == CAPSULES:
+    if family == BALL:
+        return touching_ball(pose, shapes.size, shapes.kind[a], shapes.kind[b], a, b, margin,
+                             points, ids)
+    if family == CAPSULES:
         gap, n, p = capsule_capsule(pose, shapes.size, a, b)
     elif family == NEVER:
         return 0, (0.0, 0.0, 0.0)

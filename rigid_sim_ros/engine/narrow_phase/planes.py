@@ -15,7 +15,7 @@ from rigid_sim_ros.engine.hulls import HullTable
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.manifolds import CANDIDATES
 from rigid_sim_ros.engine.narrow_phase.reduce import reduce_to_four
-from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, SPHERE
+from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER
 
 # A cylinder that stands within this angle [rad] of upright touches with four points fixed in its
 # rim, beyond it one of them is the rim point that is lowest: 0 would let the points of a cylinder
@@ -28,10 +28,8 @@ UPRIGHT = 1e-5
 def plane_shape(pose: Array, size: Array, kind: int, plane: int, s: int, hulls: HullTable,
                 hull: int,
                 margin: float, points: Array, ids: IntArray) -> int:
-    """Find the points of shape s within the margin of a plane; return their number."""
+    """Find the points of shape s, no sphere, within the margin of a plane; return their number."""
     n, p = axis(pose, plane, 2), origin(pose, plane)
-    if kind == SPHERE:
-        return _add(points, ids, 0, n, p, add_scaled(origin(pose, s), -size[s, 0], n), 0, margin)
     if kind == BOX:
         count = _box(pose, size, s, n, p, margin, points, ids)
         small = min(size[s, 0], size[s, 1], size[s, 2])

@@ -9,10 +9,9 @@ from rigid_sim_ros.engine.algebra import (
 from rigid_sim_ros.engine.arrays import Array, Vector
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.manifolds import Scratch
-from rigid_sim_ros.engine.narrow_phase.balls import (
-    capsule_capsule, shape_sphere, sphere_shape, sphere_sphere)
+from rigid_sim_ros.engine.narrow_phase.balls import ball_gap, capsule_capsule
 from rigid_sim_ros.engine.narrow_phase.collide import (
-    BALL_FIRST, BALL_SECOND, BALLS, CAPSULES, FAMILY, NEVER, PLANE_FIRST, PLANE_SECOND)
+    BALL, CAPSULES, FAMILY, NEVER, PLANE_FIRST, PLANE_SECOND)
 from rigid_sim_ros.engine.narrow_phase.convex import distance
 from rigid_sim_ros.engine.shapes import Shapes
 from rigid_sim_ros.engine.support import extreme, radius
@@ -31,12 +30,8 @@ def signed_distance(pose: Array, shapes: Shapes, a: int, b: int,
     family = FAMILY[shapes.kind[a], shapes.kind[b]]
     if family in (PLANE_FIRST, PLANE_SECOND):
         gap, n, p = _plane(pose, shapes, a, b, family == PLANE_SECOND)
-    elif family == BALLS:
-        gap, n, p = sphere_sphere(pose, shapes.size, a, b)
-    elif family == BALL_FIRST:
-        gap, n, p = sphere_shape(pose, shapes.size, shapes.kind[b], a, b)
-    elif family == BALL_SECOND:
-        gap, n, p = shape_sphere(pose, shapes.size, shapes.kind[a], a, b)
+    elif family == BALL:
+        gap, n, p = ball_gap(pose, shapes.size, shapes.kind[a], shapes.kind[b], a, b)
     elif family == CAPSULES:
         gap, n, p = capsule_capsule(pose, shapes.size, a, b)
     elif family == NEVER:

@@ -1,0 +1,284 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The way of manifolds into the blocks of the sequential solver, and of impulses back."""
+
+from rigid_sim_ros.engine.arrays import Array, IntArray
+from rigid_sim_ros.engine.coloring import points_in, QUIET
+from rigid_sim_ros.engine.contact_blocks import (
+    ABSENT, ARM_A, ARM_B, axes, BLOCK_SIZE, combine, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, J_A,
+    J_B, load_three, MOVED, MU, NORMAL, PAIR, POINT, POINT_ROWS, prepare_block, pushed, RESIDUAL,
+    ROLL_LEVER, S, SHOVE, SPIN_LEVER, store_three, T, Three, TORSION, TOTAL, TOTAL_T)
+from rigid_sim_ros.engine.contact_sweep import SKIN
+from rigid_sim_ros.engine.kernel import INDEX, kernel, part
+from rigid_sim_ros.engine.lanes import (
+    any_of, both, count_of, Eight, gather, gather_integers, gather_rows_3, gather_rows_4,
+    gather_rows_8, LANES, largest_of, load, scatter, scatter_rows_1, scatter_rows_3,
+    scatter_rows_4, select, spread, store)
+from rigid_sim_ros.engine.manifolds import Manifolds, POINTS
+from rigid_sim_ros.engine.shapes import Materials
+from rigid_sim_ros.engine.shifts import displacement, gap_now
+from rigid_sim_ros.engine.solver_bodies import HELD, SolverBodies, STRIDE
+from rigid_sim_ros.engine.vector import add, cross, dot
+
+# Numbers that describe a manifold: friction coefficient, levers of the spinning and the rolling
+# resistance [m], x_A - x_B [m], impulse about the normal in the last step [N m s].
+ABOUT = 8
+_X = 3
+_SPIN = 6
+
+
+@kernel
+def describe(x: Array, material: IntArray, materials: Materials, manifolds: Manifolds,
+             kinds: IntArray, about: Array) -> None:
+    """Write the class of each manifold, and ABOUT numbers that belong to its shapes and bodies."""
+    for r in range(manifolds.count[0]):
+        first = material[manifolds.shape_a[r] & INDEX] & INDEX
+        second = material[manifolds.shape_b[r] & INDEX] & INDEX
+        i, j = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+        points, rolling = manifolds.points[r], materials.rolling[first, second]
+        at = r * ABOUT
+        about[at] = materials.friction[first, second]
+        about[at + 1] = materials.spinning[first, second]
+        about[at + 2] = rolling
+        for k in range(3):
+            about[at + _X + k] = x[k, i] - x[k, j]
+        about[at + _SPIN] = manifolds.spin[r]
+        kinds[r] = min(points - 1, 2)
+        if rolling > 0.0:
+            kinds[r] += 3
+        elif points == 1 and manifolds.impulse[r, 0] == 0.0:
+            kinds[r] = QUIET
+
+
+@kernel
+def place_lanes(rows: int, blocks: int, manifolds: Manifolds, color: IntArray, lane: IntArray,
+                slot: IntArray, lane_row: IntArray, at_A: IntArray, at_B: IntArray) -> None:
+    """Write the manifold of every lane, -1 for none, and where its bodies stand."""
+    lane_row[:blocks * LANES] = -1
+    at_A[:blocks * LANES] = 0
+    at_B[:blocks * LANES] = 0
+    for r in range(rows):
+        if color[r] >= 0:
+            to = lane[r] & INDEX
+            lane_row[to] = r
+            at_A[to] = slot[manifolds.body_a[r] & INDEX] * STRIDE
+            at_B[to] = slot[manifolds.body_b[r] & INDEX] * STRIDE
+
+
+@kernel
+def fill_blocks(count: int, manifolds: Manifolds, about: Array, shifts: Array, shifted: bool,
+                share: float, bodies: SolverBodies, kind: IntArray, blocks: Array,
+                lane_row: IntArray, at_A: IntArray, at_B: IntArray, fresh: IntArray) -> float:
+    """
+    Bring the manifolds into blocks; return the deepest overlap [m].
+
+    `share` is the part of a step that a substep is. fresh (blocks + 1,) becomes 1 where a lane
+    touches without an impulse to begin with; the last entry says that these are many.
+    """
+    deepest, touching, new = 0.0, 0, 0
+    for block in range(count):
+        lanes = slice(block * LANES, (block + 1) * LANES)
+        b, rows = blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE], lane_row[lanes]
+        points = points_in(kind[block])
+        _copy_bodies(b, bodies.mass, at_A[lanes], at_B[lanes])
+        _copy_manifolds(b, rows, points, manifolds, about, share)
+        least, pressure = _smallest_gap(b, points), _pressure(b, points)
+        touches = least < SKIN
+        fresh[block] = count_of(both(touches, pressure == 0.0))
+        touching, new = touching + count_of(touches), new + fresh[block]
+        deepest = max(deepest, largest_of(-least))
+        if shifted:
+            for i in range(LANES):
+                if rows[i] >= 0:
+                    _shift_lane(manifolds, rows[i], shifts, b, i)
+        prepare_block(b, points)
+        _warm_start(b, points, bodies.warm, at_A[lanes], at_B[lanes])
+    fresh[-1] = 1 if 2 * new > touching else 0
+    return deepest
+
+
+@part
+def _copy_bodies(b: Array, mass: Array, at_A: IntArray, at_B: IntArray) -> None:
+    A, B = gather(mass, at_A), gather(mass, at_B)
+    store_three(b, J_A, (A[0], A[1], A[2]))
+    store_three(b, J_A + 3, (A[3], A[4], A[5]))
+    store_three(b, J_B, (B[0], B[1], B[2]))
+    store_three(b, J_B + 3, (B[3], B[4], B[5]))
+    store(b, INV_M_A, A[6])
+    store(b, INV_M_B, B[6])
+    store(b, PAIR, select(both(A[6] > 0.0, B[6] > 0.0), 1.0, 0.0))
+    store(b, SHOVE, 0.0)
+
+
+@part
+def _copy_manifolds(b: Array, rows: IntArray, points: int, manifolds: Manifolds, about: Array,
+                    share: float) -> None:
+    n, friction = gather_rows_3(manifolds.normal, rows, 3, 0), gather_rows_3(
+        manifolds.friction, rows, 3, 0)
+    numbers = gather_rows_8(about, rows, ABOUT, 0)
+    gaps = gather_rows_4(manifolds.gap, rows, POINTS, 0)
+    impulses = gather_rows_4(manifolds.impulse, rows, POINTS, 0)
+    present = gather_integers(manifolds.points, rows)
+    store_three(b, NORMAL, n)
+    store_three(b, MOVED, (share * friction[0], share * friction[1], share * friction[2]))
+    store(b, FRICTION + 2, share * numbers[_SPIN])
+    store(b, MU, numbers[0])
+    store(b, SPIN_LEVER, numbers[1])
+    store(b, ROLL_LEVER, numbers[2])
+    store_three(b, ARM_B, (numbers[_X], numbers[_X + 1], numbers[_X + 2]))
+    _copy_point(b, 0, n, gather_rows_3(manifolds.r_A, rows, 3 * POINTS, 0), gaps[0],
+                impulses[0], present, share)
+    if points > 1:
+        _copy_point(b, 1, n, gather_rows_3(manifolds.r_A, rows, 3 * POINTS, 3), gaps[1],
+                    impulses[1], present, share)
+        _copy_point(b, 2, n, gather_rows_3(manifolds.r_A, rows, 3 * POINTS, 6), gaps[2],
+                    impulses[2], present, share)
+        _copy_point(b, 3, n, gather_rows_3(manifolds.r_A, rows, 3 * POINTS, 9), gaps[3],
+                    impulses[3], present, share)
+
+
+@part
+def _copy_point(b: Array, p: int, n: Three, r_A: Three, gap: Eight, impulse: Eight,
+                present: Eight, share: float) -> None:
+    """Write one point, half way between the surfaces; where there is none it is far away."""
+    there, point = present > p, POINT + p * POINT_ROWS
+    half = select(there, 0.5 * gap, 0.0)
+    store_three(b, point, (select(there, r_A[0], 0.0) + half * n[0],
+                           select(there, r_A[1], 0.0) + half * n[1],
+                           select(there, r_A[2], 0.0) + half * n[2]))
+    store(b, point + GAP, select(there, gap, ABSENT))
+    store(b, point + IMPULSE, select(there, share * impulse, 0.0))
+
+
+@part
+def _smallest_gap(b: Array, points: int) -> Eight:
+    least = load(b, POINT + GAP)
+    for p in range(1, POINTS if points > 1 else 1):
+        least = min(least, load(b, POINT + p * POINT_ROWS + GAP))
+    return least
+
+
+@part
+def _pressure(b: Array, points: int) -> Eight:
+    total = load(b, POINT + IMPULSE)
+    for p in range(1, POINTS if points > 1 else 1):
+        total = total + load(b, POINT + p * POINT_ROWS + IMPULSE)
+    return total
+
+
+@kernel
+def _shift_lane(manifolds: Manifolds, r: int, shifts: Array, b: Array, i: int) -> None:
+    """Move lane i by what collisions shifted since its manifold was found."""
+    for p in range(manifolds.points[r]):
+        o = (POINT + p * POINT_ROWS) * LANES + i
+        b[o + GAP * LANES] = gap_now(manifolds, shifts, r, p)
+        # The common point stays; the centre of mass of A moved.
+        moved = displacement(shifts[manifolds.body_a[r]])
+        for k in range(3):
+            b[o + k * LANES] -= moved[k]
+
+
+@part
+def _warm_start(b: Array, points: int, warm: Array, at_A: IntArray, at_B: IntArray) -> None:
+    """Let the impulses of a block act at the start of the first substep."""
+    n, t1, t2 = axes(b)
+    along = load(b, POINT + IMPULSE)
+    about_1, about_2 = load(b, POINT + T) * along, -load(b, POINT + S) * along
+    for p in range(1, POINTS if points > 1 else 1):
+        point = POINT + p * POINT_ROWS
+        impulse = load(b, point + IMPULSE)
+        along = along + impulse
+        about_1, about_2 = (about_1 + load(b, point + T) * impulse,
+                            about_2 - load(b, point + S) * impulse)
+    slide_1, slide_2, spin = load_three(b, FRICTION)
+    if not any_of(along + abs(slide_1) + abs(slide_2) + abs(spin) > 0.0):
+        return
+    F = combine(n, t1, t2, (along, slide_1, slide_2))
+    torque = combine(n, t1, t2, (spin, about_1, about_2))
+    A, B = gather(warm, at_A), gather(warm, at_B)
+    scatter(warm, at_A, pushed(A, load(b, INV_M_A), load_three(b, ARM_A), F, torque, -1.0))
+    scatter(warm, at_B, pushed(B, load(b, INV_M_B), load_three(b, ARM_B), F, torque, 1.0))
+
+
+@kernel
+def keep_impulses(count: int, kind: IntArray, blocks: Array, lane_row: IntArray,
+                  manifolds: Manifolds, bodies: SolverBodies, at_A: IntArray, at_B: IntArray,
+                  h: float, substeps: int, normal_impulse: Array,
+                  friction_impulse: Array) -> float:
+    """
+    Keep the impulses, and give pairs back what L their motion cost; return the residual [m/s].
+
+    The manifolds get those of the last substep, as if it had lasted for the whole step: the next
+    step begins with them. A mean over the substeps would lag behind, and a lag feeds the sway of a
+    stack.
+    """
+    residual = 0.0
+    for block in range(count):
+        lanes = slice(block * LANES, (block + 1) * LANES)
+        b, rows = blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE], lane_row[lanes]
+        residual = max(residual, largest_of(load(b, RESIDUAL)))
+        n, t1, t2 = axes(b)
+        zero = spread(0.0)
+        last, total = load_three(b, FRICTION), load_three(b, TOTAL_T)
+        F = combine(n, t1, t2, (zero, substeps * last[0], substeps * last[1]))
+        scatter_rows_3(manifolds.friction, rows, 3, 0, F)
+        scatter_rows_1(manifolds.spin, rows, 1, 0, (substeps * last[2],))
+        F, before = (combine(n, t1, t2, (zero, total[0], total[1])),
+                     gather_rows_3(friction_impulse, rows, 3, 0))
+        scatter_rows_3(friction_impulse, rows, 3, 0, add(before, F))
+        pressure = _keep_normals(b, rows, points_in(kind[block]), manifolds.impulse,
+                                 normal_impulse, substeps)
+        _give_back(b, pressure, bodies, at_A[lanes], at_B[lanes], h)
+    return residual
+
+
+@part
+def _keep_normals(b: Array, rows: IntArray, points: int, impulse: Array, normal_impulse: Array,
+                  substeps: int) -> Eight:
+    """Keep the normal impulses; return their sums over the whole step."""
+    i0, total = load(b, POINT + IMPULSE), load(b, POINT + TOTAL)
+    before = gather_rows_4(normal_impulse, rows, POINTS, 0)
+    if points == 1:
+        scatter_rows_1(impulse, rows, POINTS, 0, (substeps * i0,))
+        scatter_rows_1(normal_impulse, rows, POINTS, 0, (before[0] + total,))
+        return total
+    p1, p2, p3 = POINT + POINT_ROWS, POINT + 2 * POINT_ROWS, POINT + 3 * POINT_ROWS
+    i1, i2, i3 = load(b, p1 + IMPULSE), load(b, p2 + IMPULSE), load(b, p3 + IMPULSE)
+    scatter_rows_4(impulse, rows, POINTS, 0,
+                   (substeps * i0, substeps * i1, substeps * i2, substeps * i3))
+    total_1, total_2, total_3 = load(b, p1 + TOTAL), load(b, p2 + TOTAL), load(b, p3 + TOTAL)
+    scatter_rows_4(normal_impulse, rows, POINTS, 0,
+                   (before[0] + total, before[1] + total_1, before[2] + total_2,
+                    before[3] + total_3))
+    return total + total_1 + total_2 + total_3
+
+
+@part
+def _give_back(b: Array, pressure: Eight, bodies: SolverBodies, at_A: IntArray, at_B: IntArray,
+               h: float) -> None:
+    """
+    Take half of the L that a pair gained from each of its bodies: the point follows both.
+
+    To the gain of the substeps comes that of the last push, which displaced momenta. Bodies that
+    press against each other are marked as held.
+    """
+    shove, gained = h * load(b, SHOVE), load_three(b, TORSION)
+    if any_of(shove > 0.0):
+        A, B, n = gather(bodies.drifted, at_A), gather(bodies.drifted, at_B), load_three(b, NORMAL)
+        v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
+        gained = add(gained, cross((shove * n[0], shove * n[1], shove * n[2]), v))
+    pair = load(b, PAIR)
+    held = select(pressure + dot(gained, gained) > 0.0, pair, 0.0)
+    if not any_of(held > 0.0):
+        return
+    half = (-0.5 * held * gained[0], -0.5 * held * gained[1], -0.5 * held * gained[2])
+    A, B = gather(bodies.motion, at_A), gather(bodies.motion, at_B)
+    scatter(bodies.motion, at_A,
+            (A[0], A[1], A[2], A[3] + half[0], A[4] + half[1], A[5] + half[2]))
+    scatter(bodies.motion, at_B,
+            (B[0], B[1], B[2], B[3] + half[0], B[4] + half[1], B[5] + half[2]))
+    store(b, PAIR, held)
+    for i in range(LANES):
+        if b[PAIR * LANES + i] > 0.0:
+            bodies.mass[at_A[i] + HELD] = 1.0
+            bodies.mass[at_B[i] + HELD] = 1.0

@@ -1,0 +1,62 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled kernels are found again exactly as long as nothing that they are made of changes."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+from rigid_sim_ros.engine import kernel_cache
+
+ENGINE = Path(kernel_cache.__file__).parent
+PACKAGE = 'rigid_sim_ros.engine'
+MODULES = sorted(
+    f'{PACKAGE}.' + '.'.join(path.relative_to(ENGINE).with_suffix('').parts)
+    for path in ENGINE.rglob('*.py') if path.name != '__init__.py')
+
+
+def imported(module):
+    """Return the modules of the engine that a module imports, as Python's parser reads it."""
+    tree = ast.parse(kernel_cache._path(module).read_text(encoding='utf-8'))
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or '').startswith(PACKAGE):
+            names = [node.module, *(f'{node.module}.{alias.name}' for alias in node.names)]
+            found |= {name for name in names if kernel_cache._path(name).is_file()}
+    return found
+
+
+@pytest.mark.parametrize('module', MODULES)
+def test_all_imports_of_a_module_are_seen(module):
+    assert set(kernel_cache._source(module)[1]) == imported(module)
+
+
+@pytest.fixture
+def engine(tmp_path, monkeypatch):
+    """Give a folder with three modules in place of the engine; `a` imports `b`, and `b` `c`."""
+    monkeypatch.setattr(kernel_cache, '_ENGINE', tmp_path)
+    for name, text in {'a': f'from {PACKAGE}.b import (\n    f)\n',
+                       'b': f'from {PACKAGE} import c\n', 'c': '', 'd': ''}.items():
+        (tmp_path / f'{name}.py').write_text(text, encoding='utf-8')
+
+    def forget():
+        kernel_cache._source.cache_clear()
+        kernel_cache._digest.cache_clear()
+
+    forget()
+
+    def folders():
+        forget()
+        return {name: kernel_cache.cache_folder(f'{PACKAGE}.{name}').name for name in 'abcd'}
+
+    yield folders
+    forget()
+
+
+@pytest.mark.parametrize('changed, affected', [('a', 'a'), ('b', 'ab'), ('c', 'abc'), ('d', 'd')])
+def test_a_change_moves_the_cache_of_what_depends_on_it(engine, tmp_path, changed, affected):
+    before = engine()
+    (tmp_path / f'{changed}.py').open('a', encoding='utf-8').write('x = 1\n')
+    after = engine()
+    assert ''.join(name for name in 'abcd' if before[name] != after[name]) == affected
