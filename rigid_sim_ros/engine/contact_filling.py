@@ -72,8 +72,8 @@ def fill_blocks(count: int, manifolds: Manifolds, about: Array, shifts: Array, s
     """
     Bring the manifolds into blocks; return the deepest overlap [m].
 
-    `share` is the part of a step that a substep is. fresh (blocks + 1,) becomes 1 where a lane
-    touches without an impulse to begin with; the last entry says that these are many.
+    `share` is the part of a step that a substep is. fresh (blocks + 1,) becomes the number of
+    lanes that touch without an impulse to begin with; the last entry is 1 when these are many.
     """
     deepest, touching, new = 0.0, 0, 0
     for block in range(count):

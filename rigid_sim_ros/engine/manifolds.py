@@ -35,17 +35,18 @@ class Manifolds(NamedTuple):
     body_b: IntArray  # (c,)
     points: IntArray  # (c,) number of points, 1 .. 4
     normal: Array  # (c, 3) unit vector from A to B, world axes
-    normal_A: Array  # (c, 3) the same in axes of C of body A
+    normal_A: Array  # (c, 3) the same in axes of C of body A; as p_A_C, p_B_C: of polyhedra only
     r_A: Array  # (c, 4, 3) [m] contact points on A from the centre of mass of A, world axes
     r_B: Array  # (c, 4, 3) [m] contact points on B from the centre of mass of B, world axes
-    p_A_C: Array  # (c, 4, 3) [m] those on A in axes of C of body A; of polyhedra, else 0
+    p_A_C: Array  # (c, 4, 3) [m] those on A in axes of C of body A
     p_B_C: Array  # (c, 4, 3) [m] those on B in axes of C of body B
     gap: Array  # (c, 4) [m]
     feature: IntArray  # (c, 4) which features of the shapes meet: the same number, the same point
     impulse: Array  # (c, 4) [N s] normal impulses; those of the last step after detection
     friction: Array  # (c, 3) [N s] tangential impulse on B, world axes
     spin: Array  # (c,) [N m s] impulse about the normal on B
-    found_at: Array  # (c, 5) orientation of B in A and first gap, when the features were found
+    # (c, 5) when the features were found: orientation of B in A (0 but for polyhedra), first gap
+    found_at: Array
 
 
 class Scratch(NamedTuple):

@@ -22,8 +22,7 @@ import numpy as np
 from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray
 from rigid_sim_ros.engine.coloring import (
     color_manifolds, Coloring, make_coloring, most_blocks, points_in, resists)
-from rigid_sim_ros.engine.contact_blocks import (
-    BLOCK_SIZE, RESIDUAL)
+from rigid_sim_ros.engine.contact_blocks import BLOCK_SIZE, RESIDUAL
 from rigid_sim_ros.engine.contact_filling import (
     ABOUT, describe, fill_blocks, keep_impulses, place_lanes)
 from rigid_sim_ros.engine.contact_sweep import (
@@ -36,8 +35,7 @@ from rigid_sim_ros.engine.manifolds import Manifolds, POINTS
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.solver_bodies import (
-    drift_bodies, kick_bodies, load_bodies, make_bodies,
-    SolverBodies, store_bodies, STRIDE)
+    drift_bodies, kick_bodies, load_bodies, make_bodies, SolverBodies, store_bodies, STRIDE)
 from rigid_sim_ros.engine.state import State
 
 
@@ -59,7 +57,7 @@ class SequentialWork(NamedTuple):
     kinds: IntArray  # (c,) classes of the manifolds
     about: Array  # flat, ABOUT for each manifold
     blocks: Array  # flat, BLOCK_SIZE for each block
-    fresh: IntArray  # (blocks + 1,) 1 where a lane touches without an impulse to begin with
+    fresh: IntArray  # (blocks + 1,) lanes that touch without an impulse to begin with
     shaken: IntArray  # (n + 1,) see `calm`
     visited: IntArray  # (blocks,)
     lane_row: IntArray  # (lanes,) manifold of a lane, -1 for none

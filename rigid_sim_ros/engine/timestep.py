@@ -110,7 +110,8 @@ def advance_steps(model: Model, state: State, wrenches: Wrenches, shapes: Shapes
             continue
         if sleeps:
             wake_touched(model.h, model.inv_m, model.inv_I_C, state, work.radius, manifolds, rest)
-        sum_loads(model, state, wrenches, work.loads)
+        else:
+            sum_loads(model, state, wrenches, work.loads)
         clear_impulses(manifolds.count[0], work.solver.normal_impulse,
                        work.solver.friction_impulse)
         collisions = collide_bodies(
