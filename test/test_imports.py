@@ -40,8 +40,9 @@ MAY_IMPORT = {
 # which looks for the first of many meetings with the same means as detection.
 STAGES = {'broad_phase', 'collisions', 'contact_qp', 'impulse', 'integrate', 'narrow_phase',
           'sequential', 'witness'}
-# SciPy comes with OSQP, whose matrices are those of scipy.sparse.
-ENGINE_LIBRARIES = {'numba', 'numpy', 'osqp', 'scipy'}
+# SciPy comes with OSQP, whose matrices are those of scipy.sparse; llvmlite with Numba, whose
+# vectors are LLVM's.
+ENGINE_LIBRARIES = {'llvmlite', 'numba', 'numpy', 'osqp', 'scipy'}
 ROS_LIBRARIES = ('rclpy', 'rcl_', 'ament_', 'launch', 'rosidl_', 'builtin_interfaces')
 
 
