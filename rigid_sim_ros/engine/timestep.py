@@ -32,7 +32,7 @@ from rigid_sim_ros.engine.wrenches import count_down, Wrenches
 
 
 # How many margins further ahead a fast body looks, at most: more finds pairs in vain.
-_FAR = 2.0
+_FAR = 1.9
 
 
 class TimestepSettings(NamedTuple):
