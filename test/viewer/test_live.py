@@ -133,7 +133,14 @@ def test_the_reset_button_returns_the_bodies(page, probe):
 def test_dragging_moves_a_body_to_the_mouse(page, probe):
     start = page.spot(GREEN)
     end = (start[0], start[1] - 120)
-    page.drag(start, end, until=lambda: page.spot(GREEN) == pytest.approx(end, abs=40))     # px
+    seen = []
+
+    def follows():
+        seen[:] = page.spots(GREEN)
+        return len(seen) == 1 and seen[0][1] < start[1] - 60      # px
+
+    page.drag(start, end, until=follows)
+    assert seen[0][0] == pytest.approx(end[0], abs=40)
     assert position(probe, MIDDLE)[2] > 0.2     # the mouse went up the screen
     assert abs(position(probe, RIGHT)).tolist() == pytest.approx([0.6, 0.6, 0.0], abs=1e-3)
 
