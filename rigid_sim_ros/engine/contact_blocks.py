@@ -27,8 +27,8 @@ which are worked on side by side.
 
 from typing import TypeAlias
 
-from rigid_sim_ros.engine.arrays import Array, Vector
-from rigid_sim_ros.engine.kernel import inlined, kernel, part
+from rigid_sim_ros.engine.arrays import Array
+from rigid_sim_ros.engine.kernel import kernel, part
 from rigid_sim_ros.engine.lanes import Eight, LANES, load, root, select, store
 from rigid_sim_ros.engine.vector import add, cross, dot, subtract
 
@@ -73,20 +73,6 @@ BLOCK_SIZE = ROWS * LANES
 ABSENT = 1e30  # the gap of a point that is not there [m]
 
 
-@inlined
-def three(b: Array, row: int, i: int) -> Vector:
-    """Return three rows of lane i."""
-    return (b[row * LANES + i], b[(row + 1) * LANES + i], b[(row + 2) * LANES + i])
-
-
-@inlined
-def put_three(b: Array, row: int, i: int, v: Vector) -> None:
-    """Write three rows of lane i."""
-    b[row * LANES + i] = v[0]
-    b[(row + 1) * LANES + i] = v[1]
-    b[(row + 2) * LANES + i] = v[2]
-
-
 @part
 def load_three(b: Array, row: int) -> Three:
     """Return three rows."""
@@ -108,6 +94,24 @@ def symmetric(b: Array, row: int, v: Three) -> Three:
     m11, m12, m22 = load(b, row + 3), load(b, row + 4), load(b, row + 5)
     return (m00 * v[0] + m01 * v[1] + m02 * v[2], m01 * v[0] + m11 * v[1] + m12 * v[2],
             m02 * v[0] + m12 * v[1] + m22 * v[2])
+
+
+@part
+def normal_sum(b: Array, points: int) -> Eight:
+    """Return the sum of the normal impulses [N s]."""
+    total = load(b, POINT + IMPULSE)
+    for p in range(1, 4 if points > 1 else 1):
+        total = total + load(b, POINT + p * POINT_ROWS + IMPULSE)
+    return total
+
+
+@part
+def smallest_gap(b: Array, points: int) -> Eight:
+    """Return how near the nearest points are [m]."""
+    least = load(b, POINT + GAP)
+    for p in range(1, 4 if points > 1 else 1):
+        least = min(least, load(b, POINT + p * POINT_ROWS + GAP))
+    return least
 
 
 @part

@@ -6,8 +6,9 @@ from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.coloring import points_in, QUIET
 from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, ARM_A, ARM_B, axes, BLOCK_SIZE, combine, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, J_A,
-    J_B, load_three, MOVED, MU, NORMAL, PAIR, POINT, POINT_ROWS, prepare_block, pushed, RESIDUAL,
-    ROLL_LEVER, S, SHOVE, SPIN_LEVER, store_three, T, Three, TORSION, TOTAL, TOTAL_T)
+    J_B, load_three, MOVED, MU, NORMAL, normal_sum, PAIR, POINT, POINT_ROWS, prepare_block, pushed,
+    RESIDUAL, ROLL_LEVER, S, SHOVE, smallest_gap, SPIN_LEVER, store_three, T, Three, TORSION,
+    TOTAL, TOTAL_T)
 from rigid_sim_ros.engine.contact_sweep import SKIN
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.lanes import (
@@ -82,9 +83,9 @@ def fill_blocks(count: int, manifolds: Manifolds, about: Array, shifts: Array, s
         points = points_in(kind[block])
         _copy_bodies(b, bodies.mass, at_A[lanes], at_B[lanes])
         _copy_manifolds(b, rows, points, manifolds, about, share)
-        least, pressure = _smallest_gap(b, points), _pressure(b, points)
+        least = smallest_gap(b, points)
         touches = least < SKIN
-        fresh[block] = count_of(both(touches, pressure == 0.0))
+        fresh[block] = count_of(both(touches, normal_sum(b, points) == 0.0))
         touching, new = touching + count_of(touches), new + fresh[block]
         deepest = max(deepest, largest_of(-least))
         if shifted:
@@ -150,22 +151,6 @@ def _copy_point(b: Array, p: int, n: Three, r_A: Three, gap: Eight, impulse: Eig
     store(b, point + IMPULSE, select(there, share * impulse, 0.0))
 
 
-@part
-def _smallest_gap(b: Array, points: int) -> Eight:
-    least = load(b, POINT + GAP)
-    for p in range(1, POINTS if points > 1 else 1):
-        least = min(least, load(b, POINT + p * POINT_ROWS + GAP))
-    return least
-
-
-@part
-def _pressure(b: Array, points: int) -> Eight:
-    total = load(b, POINT + IMPULSE)
-    for p in range(1, POINTS if points > 1 else 1):
-        total = total + load(b, POINT + p * POINT_ROWS + IMPULSE)
-    return total
-
-
 @kernel
 def _shift_lane(manifolds: Manifolds, r: int, shifts: Array, b: Array, i: int) -> None:
     """Move lane i by what collisions shifted since its manifold was found."""
@@ -226,9 +211,9 @@ def keep_impulses(count: int, kind: IntArray, blocks: Array, lane_row: IntArray,
         F, before = (combine(n, t1, t2, (zero, total[0], total[1])),
                      gather_rows_3(friction_impulse, rows, 3, 0))
         scatter_rows_3(friction_impulse, rows, 3, 0, add(before, F))
-        pressure = _keep_normals(b, rows, points_in(kind[block]), manifolds.impulse,
-                                 normal_impulse, substeps)
-        _give_back(b, pressure, bodies, at_A[lanes], at_B[lanes], h)
+        total_N = _keep_normals(b, rows, points_in(kind[block]), manifolds.impulse,
+                                normal_impulse, substeps)
+        _give_back(b, total_N, bodies, at_A[lanes], at_B[lanes], h)
     return residual
 
 
@@ -254,7 +239,7 @@ def _keep_normals(b: Array, rows: IntArray, points: int, impulse: Array, normal_
 
 
 @part
-def _give_back(b: Array, pressure: Eight, bodies: SolverBodies, at_A: IntArray, at_B: IntArray,
+def _give_back(b: Array, total_N: Eight, bodies: SolverBodies, at_A: IntArray, at_B: IntArray,
                h: float) -> None:
     """
     Take half of the L that a pair gained from each of its bodies: the point follows both.
@@ -268,7 +253,7 @@ def _give_back(b: Array, pressure: Eight, bodies: SolverBodies, at_A: IntArray, 
         v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
         gained = add(gained, cross((shove * n[0], shove * n[1], shove * n[2]), v))
     pair = load(b, PAIR)
-    held = select(pressure + dot(gained, gained) > 0.0, pair, 0.0)
+    held = select(total_N + dot(gained, gained) > 0.0, pair, 0.0)
     if not any_of(held > 0.0):
         return
     half = (-0.5 * held * gained[0], -0.5 * held * gained[1], -0.5 * held * gained[2])

@@ -7,9 +7,9 @@ from typing import NamedTuple
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, ARM_A, ARM_B, axes, combine, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, INV_SPIN,
-    INV_TT, J_A, J_B, K_NN, K_TN, K_TT, load_three, MASS, Motion, MOVED, MU, POINT, POINT_ROWS,
-    pushed, RESIDUAL, ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE, SLIDE, SPEED, SPIN_LEVER, store_three,
-    symmetric, T, Three, TORSION, TOTAL, TOTAL_T)
+    INV_TT, J_A, J_B, K_NN, K_TN, K_TT, load_three, MASS, Motion, MOVED, MU, normal_sum, POINT,
+    POINT_ROWS, pushed, RESIDUAL, ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE, SLIDE, smallest_gap,
+    SPEED, SPIN_LEVER, store_three, symmetric, T, Three, TORSION, TOTAL, TOTAL_T)
 from rigid_sim_ros.engine.kernel import kernel, part
 from rigid_sim_ros.engine.lanes import (
     any_of, Eight, gather, load, root, scatter, select, spread, store)
@@ -107,7 +107,7 @@ def _visit_many(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points:
     for p in range(4 if points > 2 else points):
         twist_N, wrench, residual = _solve_point(b, POINT + p * POINT_ROWS, twist_N, wrench,
                                                  residual, inv_h)
-    pressure = _pressure(b, points)
+    pressure = normal_sum(b, points)
     old = load_three(b, FRICTION)
     if not any_of(residual + pressure + abs(old[0]) + abs(old[1]) + abs(old[2])
                   + abs(load(b, ROLL)) + abs(load(b, ROLL + 1)) > 0.0):
@@ -147,10 +147,7 @@ def count_impulses(b: Array, points: int) -> None:
 @kernel
 def overlaps(b: Array, points: int) -> bool:
     """Return whether any point of a block overlaps by more than is left alone."""
-    least = load(b, POINT + GAP)
-    for p in range(1, 4 if points > 1 else 1):
-        least = min(least, load(b, POINT + p * POINT_ROWS + GAP))
-    return any_of(least < -NEGLIGIBLE)
+    return any_of(smallest_gap(b, points) < -NEGLIGIBLE)
 
 
 @kernel
@@ -208,7 +205,7 @@ def _drift(b: Array, A: Motion, B: Motion, h: float, points: int) -> None:
     v, u, w = _relative(b, A, B)
     moved = add_scaled(load_three(b, MOVED), h, v)
     store_three(b, MOVED, moved)
-    pressure = _pressure(b, points)
+    pressure = normal_sum(b, points)
     shove, slide_1, slide_2 = load(b, SHOVE), load(b, FRICTION), load(b, FRICTION + 1)
     if any_of(pressure + shove + abs(slide_1) + abs(slide_2) > 0.0):
         F = combine(n, t1, t2, (pressure, slide_1, slide_2))
@@ -238,16 +235,6 @@ def _gap(b: Array, point: int) -> Eight:
 def _column(b: Array, point: int) -> Three:
     """Return the column g of a point: its normal impulse as a wrench N."""
     return (spread(1.0), load(b, point + T), -load(b, point + S))
-
-
-@part
-def _pressure(b: Array, points: int) -> Eight:
-    """Return the sum of the normal impulses [N s]."""
-    if points == 1:
-        return load(b, POINT + IMPULSE)
-    p0, p1, p2, p3 = POINT, POINT + POINT_ROWS, POINT + 2 * POINT_ROWS, POINT + 3 * POINT_ROWS
-    return (load(b, p0 + IMPULSE) + load(b, p1 + IMPULSE) + load(b, p2 + IMPULSE)
-            + load(b, p3 + IMPULSE))
 
 
 @part
@@ -345,7 +332,7 @@ def _separate_point(b: Array, point: int, twist: Three, wrench: Three, rate: flo
 @part
 def _solve_rolling(b: Array, twist: Three, wrench: Three, points: int) -> tuple[Three, Three]:
     """Stop the rolling as far as the normal impulses allow."""
-    limit = load(b, ROLL_LEVER) * _pressure(b, points)
+    limit = load(b, ROLL_LEVER) * normal_sum(b, points)
     r1, r2, step = load(b, ROLL), load(b, ROLL + 1), load(b, ROLL_STEP)
     a1, a2 = r1 - step * twist[1], r2 - step * twist[2]
     scale = _onto_circle(a1, a2, limit)
