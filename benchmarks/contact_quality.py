@@ -23,6 +23,9 @@ from run_rigid_sim import world
 from scenes import (
     body, bounce, G, pile, pyramid, roll, scene, SLOPE, slope_hold, slope_slide, spheres, stack)
 
+# Steps between looks at the overlaps of the heap, as for the other engines (peers/figures.py).
+LOOK = 96
+
 
 def apexes(contact: str) -> str:
     """Return the error of the first three apexes of a ball with restitution 0.8."""
@@ -111,23 +114,25 @@ def rows(contact: str) -> str:
     return f'{1e3 * np.linalg.norm(w.position - start, axis=1).max():.2f} mm'
 
 
-def _overlaps(what: dict[str, Any], contact: str) -> tuple[float, float]:
-    """Return the deepest overlap of all steps, and that at the end [mm]."""
-    w, deepest = world(what, contact), 0.0
-    for _ in range(what['steps']):
+def _overlaps(what: dict[str, Any], contact: str) -> np.ndarray:
+    """Return the deepest overlap of each step [mm]."""
+    w, deepest = world(what, contact), np.zeros(what['steps'])
+    for k in range(len(deepest)):
         w.step()
-        deepest = max(deepest, w.contact_report().deepest)
-    return 1e3 * deepest, 1e3 * w.contact_report().deepest
+        deepest[k] = 1e3 * w.contact_report().deepest
+    return deepest
 
 
 def balls(contact: str) -> str:
     """Return the deepest overlap of 666 falling balls."""
-    return f'{_overlaps(spheres(), contact)[0]:.2f} mm'
+    return f'{_overlaps(spheres(), contact).max():.2f} mm'
 
 
 def boxes(contact: str) -> str:
-    """Return the deepest overlap of 1000 falling boxes, and that at the end."""
-    return '{:.1f} mm, {:.2f} mm'.format(*_overlaps(pile(), contact))
+    """Return the deepest overlap of 1000 falling boxes as the peers' is looked for, and all."""
+    depths = _overlaps(pile(), contact)
+    return (f'{depths[::LOOK].max():.1f} mm, {depths[-1]:.2f} mm; '
+            f'deepest of all steps {depths.max():.1f} mm')
 
 
 def cube(contact: str) -> str:
@@ -177,7 +182,8 @@ CASES = (
          '1 mm, 0.01 mm, 1e-5'),
     Case('pyramid of 210, 1/240 s, 5 s: displacement', rows, '', '1 mm'),
     Case('666 balls, 1/240 s, 5 s: deepest', balls, '', '1.2 mm'),
-    Case('1000 boxes, 1/240 s, 5 s: deepest, at the end', boxes, '', '15 mm, 1 mm'),
+    Case(f'1000 boxes, 1/240 s, 5 s: deepest of every {LOOK}th step, at the end', boxes, '',
+         '15 mm, 1 mm'),
     Case('cube dropped on a corner: tilt, speed', cube, 'flat, 1e-9', 'flat, 1e-6'),
     Case('2 cm ball at 200 m/s against a 1 cm wall (timestep: `continuous`)', bullet,
          'never passes', 'never passes'),

@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import IntArray
+from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray
+from rigid_sim_ros.engine.contact_blocks import BLOCK_SIZE, SMALL_SIZE
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel
 from rigid_sim_ros.engine.lanes import LANES
 
@@ -27,15 +28,24 @@ _NONE_LEFT = COLORS
 
 
 class Coloring(NamedTuple):
-    """Blocks of manifolds: room for c manifolds of n bodies."""
+    """Room to colour c manifolds of n bodies."""
 
     mask: IntArray  # (CLASSES, n + 1) colours in use at the slot of a body
     color: IntArray  # (c,) CLASSES * colour + class of a manifold, -1: it is not solved
     # (CLASSES * (COLORS + 1),) manifolds of a class and colour, then their next lane
     fill: IntArray
     lane: IntArray  # (c,) lane of a manifold, counted through all blocks
-    blocks: IntArray  # (1,) blocks in use
-    kind: IntArray  # (c + CLASSES * COLORS,) class of a block
+
+
+class Blocks(NamedTuple):
+    """The blocks of a step: b of them, room for the most_blocks() of c manifolds."""
+
+    kind: IntArray  # (b,) class
+    start: IntArray  # (b,) where it begins in `numbers`
+    numbers: Array  # flat, the rows of contact_blocks.py
+    row: IntArray  # (8 b,) manifold of a lane, -1 for none
+    at_A: IntArray  # (8 b,) where body A of a lane stands in SolverBodies.motion
+    at_B: IntArray
 
 
 def make_coloring(n: int, capacity: int) -> Coloring:
@@ -45,7 +55,18 @@ def make_coloring(n: int, capacity: int) -> Coloring:
         return np.zeros(shape, dtype=np.int64)
 
     return Coloring(integers(CLASSES, n + 1), integers(capacity), integers(CLASSES * (COLORS + 1)),
-                    integers(capacity), integers(1), integers(most_blocks(capacity)))
+                    integers(capacity))
+
+
+def make_blocks(capacity: int) -> Blocks:
+    """Return room for so many manifolds: address space, most of which is never written."""
+    b = most_blocks(capacity)
+
+    def integers(count: int) -> IntArray:
+        return np.zeros(count, dtype=np.int64)
+
+    return Blocks(integers(b), integers(b), aligned_zeros(b * BLOCK_SIZE), integers(b * LANES),
+                  integers(b * LANES), integers(b * LANES))
 
 
 def most_blocks(capacity: int) -> int:
@@ -60,19 +81,41 @@ def points_in(kind: int) -> int:
 
 
 @inlined
+def is_small(kind: int) -> bool:
+    """Return whether manifolds of a class have one point and do not resist rolling."""
+    return kind == 0 or kind == QUIET
+
+
+@inlined
 def resists(kind: int) -> bool:
     """Return whether manifolds of a class resist rolling."""
     return 3 <= kind < QUIET
 
 
+@inlined
+def numbers_of(blocks: Blocks, block: int) -> Array:
+    """Return the rows of a block, and what follows."""
+    first = blocks.start[block] & INDEX
+    return blocks.numbers[first:first + BLOCK_SIZE]
+
+
+@inlined
+def lanes_of(block: int) -> slice:
+    """Return where the lanes of a block are among all lanes."""
+    first = block * LANES & INDEX
+    return slice(first, first + LANES)
+
+
 @kernel
 def color_manifolds(count: int, body_a: IntArray, body_b: IntArray, kinds: IntArray,
-                    slot: IntArray, used: int, waits: IntArray, work: Coloring) -> int:
+                    slot: IntArray, used: int, waits: IntArray, work: Coloring,
+                    block_kind: IntArray, block_start: IntArray) -> int:
     """
     Give every manifold with a body that takes part its lane; return the number of blocks.
 
     kinds (c,) are the classes of the manifolds. slot is that of a body, 0 where it does not move,
-    `used` one more than the highest. waits (c,) is 1 for a manifold that is left out.
+    `used` one more than the highest. waits (c,) is 1 for a manifold that is left out. block_kind
+    and block_start are written for `Blocks`.
     """
     work.mask[:, :used] = 0
     work.fill[:] = 0
@@ -90,7 +133,7 @@ def color_manifolds(count: int, body_a: IntArray, body_b: IntArray, kinds: IntAr
                 work.mask[kind, b] |= 1 << color
         work.color[r] = color * CLASSES + kind
         work.fill[color * CLASSES + kind] += 1
-    return _place(count, work)
+    return _place(count, work, block_kind, block_start)
 
 
 @kernel
@@ -102,21 +145,22 @@ def _lowest_free(mask: int) -> int:
 
 
 @kernel
-def _place(count: int, work: Coloring) -> int:
-    blocks = 0
+def _place(count: int, work: Coloring, block_kind: IntArray, block_start: IntArray) -> int:
+    blocks, end = 0, 0
     for kind in range(CLASSES):
+        size = SMALL_SIZE if is_small(kind) else BLOCK_SIZE
         for color in range(COLORS + 1):
             at = color * CLASSES + kind
             wanted = work.fill[at]
             work.fill[at] = blocks * LANES
             more = wanted if color == _NONE_LEFT else (wanted + LANES - 1) // LANES
             for block in range(blocks, blocks + more):
-                work.kind[block] = kind
+                block_kind[block], block_start[block] = kind, end
+                end += size
             blocks += more
     for row in range(count):
         at = work.color[row]
         if at >= 0:
             work.lane[row] = work.fill[at]
             work.fill[at] += LANES if at // CLASSES == _NONE_LEFT else 1
-    work.blocks[0] = blocks
     return blocks

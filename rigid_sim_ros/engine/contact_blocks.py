@@ -33,10 +33,12 @@ from rigid_sim_ros.engine.lanes import Eight, LANES, load, root, select, store
 from rigid_sim_ros.engine.vector import add, cross, dot, subtract
 
 Three: TypeAlias = tuple[Eight, Eight, Eight]
+Six: TypeAlias = tuple[Eight, Eight, Eight, Eight, Eight, Eight]
+Nine: TypeAlias = tuple[Eight, Eight, Eight, Eight, Eight, Eight, Eight, Eight, Eight]
 # v [m/s] and L [kg m^2/s] of the bodies of a block, world axes, and two that are 0.
 Motion: TypeAlias = tuple[Eight, Eight, Eight, Eight, Eight, Eight, Eight, Eight]
 
-# Rows of a block.
+# Rows of a block. All blocks have these:
 NORMAL = 0  # n, world axes
 TANGENT = 3  # t1
 ARM_A = 6  # c from the centre of mass of A [m], world axes
@@ -45,31 +47,36 @@ J_A = 12  # inverse inertia of A, world axes: xx, xy, xz, yy, yz, zz
 J_B = 18
 INV_M_A = 24
 INV_M_B = 25
-K_NN = 26  # 00, 01, 02, 11, 12, 22
-K_TN = 32  # by rows
-K_TT = 41  # 00, 01, 02, 11, 12, 22
-INV_TT = 47  # inverse of the force part of K_TT: 00, 01, 11
-INV_SPIN = 50  # 1 / K_TT22
-SLIDE = 51  # 1 / a bound of the largest eigenvalue of the force part of K_TT
-ROLL_STEP = 52  # the same for the torque part of K_NN
-MU = 53  # friction coefficient
-SPIN_LEVER = 54  # [m] torque about n per normal force
-ROLL_LEVER = 55  # [m] torque about t1, t2 per normal force
-PAIR = 56  # 1: both bodies move
-FRICTION = 57  # impulses along t1, t2 [N s], about n [N m s], of this substep
-ROLL = 60  # about t1, t2 [N m s]
-MOVED = 62  # displacement of x_B - x_A since the start of the step [m], world axes
-TORSION = 65  # angular momentum that the pair gained by it [N m s], world axes
-RESIDUAL = 68  # largest change of velocity that this sweep made [m/s]
-TOTAL_T = 69  # whole step: along t1, t2, about n
-SHOVE = 72  # impulse along n of the push that displaces [N s]
-POINT = 73  # rows of the first point
+INV_TT = 26  # inverse of the force part of K_TT: 00, 01, 11
+INV_SPIN = 29  # 1 / K_TT22
+SLIDE = 30  # 1 / a bound of the largest eigenvalue of the force part of K_TT
+K_SPIN = 31  # K_TT02 and K_TT12: how a torque about n makes a pair slide
+MU = 33  # friction coefficient
+SPIN_LEVER = 34  # [m] torque about n per normal force
+PAIR = 35  # 1: both bodies move
+FRICTION = 36  # impulses along t1, t2 [N s], about n [N m s], of this substep
+MOVED = 39  # displacement of x_B - x_A since the start of the step [m], world axes
+TORSION = 42  # angular momentum that the pair gained by it [N m s], world axes
+RESIDUAL = 45  # largest change of velocity that this sweep made [m/s]
+TOTAL_T = 46  # whole step: along t1, t2, about n
+SHOVE = 49  # impulse along n of the push that displaces [N s]
+POINT = 50  # rows of the first point
 POINT_ROWS = 7
 # Of a point: TOTAL is the impulse of the whole step, SPEED the normal velocity after its last
 # visit.
 S, T, MASS, GAP, IMPULSE, TOTAL, SPEED = range(7)
-ROWS = POINT + 4 * POINT_ROWS
+# A small block, of manifolds that have one point and do not resist rolling, ends with this:
+K_N = POINT + POINT_ROWS  # response along n, t1, t2 and about n to the normal impulse
+SMALL_ROWS = K_N + 4
+# The others have four points instead, and the rest of K.
+K_NN = POINT + 4 * POINT_ROWS  # 00, 01, 02, 11, 12, 22
+K_TN = K_NN + 6  # by rows
+ROLL = K_TN + 9  # impulses about t1, t2 [N m s]
+ROLL_STEP = ROLL + 2  # 1 / a bound of the largest eigenvalue of the torque part of K_NN
+ROLL_LEVER = ROLL_STEP + 1  # [m] torque about t1, t2 per normal force
+ROWS = ROLL_LEVER + 1
 BLOCK_SIZE = ROWS * LANES
+SMALL_SIZE = SMALL_ROWS * LANES
 ABSENT = 1e30  # the gap of a point that is not there [m]
 
 
@@ -139,7 +146,7 @@ def combine(n: Three, t1: Three, t2: Three, c: Three) -> Three:
 
 
 @kernel
-def prepare_block(b: Array, points: int) -> None:
+def prepare_block(b: Array, points: int, small: bool) -> None:
     """
     Work out frames, arms and responses of the eight manifolds of a block.
 
@@ -158,9 +165,23 @@ def prepare_block(b: Array, points: int) -> None:
         store(b, point + S, dot(r, t1))
         store(b, point + T, dot(r, t2))
         store(b, point + TOTAL, 0.0)
-    _add_response(b, ARM_A, J_A, INV_M_A, 0.0)
-    _add_response(b, ARM_B, J_B, INV_M_B, 1.0)
-    _invert(b)
+    nn_A, tn_A, tt_A = _response(b, ARM_A, J_A, INV_M_A)
+    nn_B, tn_B, tt_B = _response(b, ARM_B, J_B, INV_M_B)
+    _prepare_friction(b, tt_A, tt_B)
+    if small:
+        # The point is c, and its column g is (1, 0, 0).
+        k = nn_A[0] + nn_B[0]
+        store(b, K_N, k)
+        store(b, K_N + 1, tn_A[0] + tn_B[0])
+        store(b, K_N + 2, tn_A[3] + tn_B[3])
+        store(b, K_N + 3, tn_A[6] + tn_B[6])
+        store(b, POINT + MASS, select(load(b, POINT + GAP) < ABSENT, _inverse(k), 0.0))
+        return
+    for k in range(6):
+        store(b, K_NN + k, nn_A[k] + nn_B[k])
+    for k in range(9):
+        store(b, K_TN + k, tn_A[k] + tn_B[k])
+    _prepare_rolling(b)
     for p in range(count):
         point = POINT + p * POINT_ROWS
         # The mass that a normal impulse at a point moves; 0 for an absent one.
@@ -180,8 +201,6 @@ def _make_basis(b: Array) -> None:
     friction = load_three(b, MOVED)
     store(b, FRICTION, dot(friction, t1))
     store(b, FRICTION + 1, dot(friction, cross(n, t1)))
-    store(b, ROLL, 0.0)
-    store(b, ROLL + 1, 0.0)
     store_three(b, MOVED, (0.0, 0.0, 0.0))
     store_three(b, TORSION, (0.0, 0.0, 0.0))
     store_three(b, TOTAL_T, (0.0, 0.0, 0.0))
@@ -225,8 +244,8 @@ def _place_centre(b: Array, count: int) -> None:
 
 
 @part
-def _add_response(b: Array, arm: int, inertia: int, inv_m: int, keep: float) -> None:
-    """Add one body's part to `keep` K."""
+def _response(b: Array, arm: int, inertia: int, inv_m: int) -> tuple[Six, Nine, Six]:
+    """Return one body's part of K: the rows of K_NN, of K_TN and of K_TT."""
     n, t1, t2 = axes(b)
     c_W = load_three(b, arm)
     Jn, J1 = symmetric(b, inertia, n), symmetric(b, inertia, t1)
@@ -239,22 +258,10 @@ def _add_response(b: Array, arm: int, inertia: int, inv_m: int, keep: float) -> 
     m10, m11, m12 = c2 * j00 - cn * j02, c2 * j01 - cn * j12, c2 * j02 - cn * j22
     m20, m21, m22 = cn * j01 - c1 * j00, cn * j11 - c1 * j01, cn * j12 - c1 * j02
     w = load(b, inv_m)
-    _add_three(b, K_NN, keep, (w + c1 * m02 - c2 * m01, -m01, -m02))
-    _add_three(b, K_NN + 3, keep, (j11, j12, j22))
-    _add_three(b, K_TN, keep, (c1 * m12 - c2 * m11, -m11, -m12))
-    _add_three(b, K_TN + 3, keep, (c1 * m22 - c2 * m21, -m21, -m22))
-    _add_three(b, K_TN + 6, keep, (-m00, j01, j02))
-    _add_three(b, K_TT, keep, (w + c2 * m10 - cn * m12, cn * m11 - c1 * m10, -m10))
-    _add_three(b, K_TT + 3, keep, (w + cn * m21 - c1 * m20, -m20, j00))
-
-
-@part
-def _add_three(b: Array, row: int, keep: float, v: Three) -> None:
-    """Add v to `keep` three rows."""
-    if keep == 0.0:
-        store_three(b, row, v)
-    else:
-        store_three(b, row, add(load_three(b, row), v))
+    return ((w + c1 * m02 - c2 * m01, -m01, -m02, j11, j12, j22),
+            (c1 * m12 - c2 * m11, -m11, -m12, c1 * m22 - c2 * m21, -m21, -m22, -m00, j01, j02),
+            (w + c2 * m10 - cn * m12, cn * m11 - c1 * m10, -m10, w + cn * m21 - c1 * m20, -m20,
+             j00))
 
 
 @part
@@ -263,13 +270,22 @@ def _inverse(x: Eight) -> Eight:
 
 
 @part
-def _invert(b: Array) -> None:
-    """Invert what friction and rolling resistance divide by; an empty lane gets 0."""
-    k00, k01, k11 = load(b, K_TT), load(b, K_TT + 1), load(b, K_TT + 3)
+def _prepare_friction(b: Array, A: Six, B: Six) -> None:
+    """Invert what friction divides by, given both parts of K_TT; an empty lane gets 0."""
+    k00, k01, k11 = A[0] + B[0], A[1] + B[1], A[3] + B[3]
     inverse = _inverse(k00 * k11 - k01 * k01)
     store_three(b, INV_TT, (k11 * inverse, -k01 * inverse, k00 * inverse))
-    store(b, INV_SPIN, _inverse(load(b, K_TT + 5)))
+    store(b, INV_SPIN, _inverse(A[5] + B[5]))
+    store(b, K_SPIN, A[2] + B[2])
+    store(b, K_SPIN + 1, A[4] + B[4])
     # Gershgorin's bound of the largest eigenvalue.
     store(b, SLIDE, _inverse(max(k00, k11) + abs(k01)))
+
+
+@part
+def _prepare_rolling(b: Array) -> None:
+    """Start without rolling resistance, with Gershgorin's bound for its steps."""
     k11, k12, k22 = load(b, K_NN + 3), load(b, K_NN + 4), load(b, K_NN + 5)
+    store(b, ROLL, 0.0)
+    store(b, ROLL + 1, 0.0)
     store(b, ROLL_STEP, _inverse(max(k11, k22) + abs(k12)))

@@ -3,9 +3,10 @@
 """The way of manifolds into the blocks of the sequential solver, and of impulses back."""
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
-from rigid_sim_ros.engine.coloring import points_in, QUIET
+from rigid_sim_ros.engine.coloring import (
+    Blocks, Coloring, is_small, lanes_of, numbers_of, points_in, QUIET)
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, axes, BLOCK_SIZE, combine, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, J_A,
+    ABSENT, ARM_A, ARM_B, axes, combine, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, J_A,
     J_B, load_three, MOVED, MU, NORMAL, normal_sum, PAIR, POINT, POINT_ROWS, prepare_block, pushed,
     RESIDUAL, ROLL_LEVER, S, SHOVE, smallest_gap, SPIN_LEVER, store_three, T, Three, TORSION,
     TOTAL, TOTAL_T)
@@ -52,24 +53,23 @@ def describe(x: Array, material: IntArray, materials: Materials, manifolds: Mani
 
 
 @kernel
-def place_lanes(rows: int, blocks: int, manifolds: Manifolds, color: IntArray, lane: IntArray,
-                slot: IntArray, lane_row: IntArray, at_A: IntArray, at_B: IntArray) -> None:
+def place_lanes(rows: int, count: int, manifolds: Manifolds, slot: IntArray, work: Coloring,
+                blocks: Blocks) -> None:
     """Write the manifold of every lane, -1 for none, and where its bodies stand."""
-    lane_row[:blocks * LANES] = -1
-    at_A[:blocks * LANES] = 0
-    at_B[:blocks * LANES] = 0
+    blocks.row[:count * LANES] = -1
+    blocks.at_A[:count * LANES] = 0
+    blocks.at_B[:count * LANES] = 0
     for r in range(rows):
-        if color[r] >= 0:
-            to = lane[r] & INDEX
-            lane_row[to] = r
-            at_A[to] = slot[manifolds.body_a[r] & INDEX] * STRIDE
-            at_B[to] = slot[manifolds.body_b[r] & INDEX] * STRIDE
+        if work.color[r] >= 0:
+            to = work.lane[r] & INDEX
+            blocks.row[to] = r
+            blocks.at_A[to] = slot[manifolds.body_a[r] & INDEX] * STRIDE
+            blocks.at_B[to] = slot[manifolds.body_b[r] & INDEX] * STRIDE
 
 
 @kernel
 def fill_blocks(count: int, manifolds: Manifolds, about: Array, shifts: Array, shifted: bool,
-                share: float, bodies: SolverBodies, kind: IntArray, blocks: Array,
-                lane_row: IntArray, at_A: IntArray, at_B: IntArray, fresh: IntArray) -> float:
+                share: float, bodies: SolverBodies, blocks: Blocks, fresh: IntArray) -> float:
     """
     Bring the manifolds into blocks; return the deepest overlap [m].
 
@@ -78,11 +78,11 @@ def fill_blocks(count: int, manifolds: Manifolds, about: Array, shifts: Array, s
     """
     deepest, touching, new = 0.0, 0, 0
     for block in range(count):
-        lanes = slice(block * LANES, (block + 1) * LANES)
-        b, rows = blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE], lane_row[lanes]
-        points = points_in(kind[block])
-        _copy_bodies(b, bodies.mass, at_A[lanes], at_B[lanes])
-        _copy_manifolds(b, rows, points, manifolds, about, share)
+        lanes = lanes_of(block)
+        b, rows = numbers_of(blocks, block), blocks.row[lanes]
+        points, small = points_in(blocks.kind[block]), is_small(blocks.kind[block])
+        _copy_bodies(b, bodies.mass, blocks.at_A[lanes], blocks.at_B[lanes])
+        _copy_manifolds(b, rows, points, small, manifolds, about, share)
         least = smallest_gap(b, points)
         touches = least < SKIN
         fresh[block] = count_of(both(touches, normal_sum(b, points) == 0.0))
@@ -92,8 +92,8 @@ def fill_blocks(count: int, manifolds: Manifolds, about: Array, shifts: Array, s
             for i in range(LANES):
                 if rows[i] >= 0:
                     _shift_lane(manifolds, rows[i], shifts, b, i)
-        prepare_block(b, points)
-        _warm_start(b, points, bodies.warm, at_A[lanes], at_B[lanes])
+        prepare_block(b, points, small)
+        _warm_start(b, points, bodies.warm, blocks.at_A[lanes], blocks.at_B[lanes])
     fresh[-1] = 1 if 2 * new > touching else 0
     return deepest
 
@@ -112,8 +112,8 @@ def _copy_bodies(b: Array, mass: Array, at_A: IntArray, at_B: IntArray) -> None:
 
 
 @part
-def _copy_manifolds(b: Array, rows: IntArray, points: int, manifolds: Manifolds, about: Array,
-                    share: float) -> None:
+def _copy_manifolds(b: Array, rows: IntArray, points: int, small: bool, manifolds: Manifolds,
+                    about: Array, share: float) -> None:
     n, friction = gather_rows_3(manifolds.normal, rows, 3, 0), gather_rows_3(
         manifolds.friction, rows, 3, 0)
     numbers = gather_rows_8(about, rows, ABOUT, 0)
@@ -125,7 +125,8 @@ def _copy_manifolds(b: Array, rows: IntArray, points: int, manifolds: Manifolds,
     store(b, FRICTION + 2, share * numbers[_SPIN])
     store(b, MU, numbers[0])
     store(b, SPIN_LEVER, numbers[1])
-    store(b, ROLL_LEVER, numbers[2])
+    if not small:
+        store(b, ROLL_LEVER, numbers[2])
     store_three(b, ARM_B, (numbers[_X], numbers[_X + 1], numbers[_X + 2]))
     _copy_point(b, 0, n, gather_rows_3(manifolds.r_A, rows, 3 * POINTS, 0), gaps[0],
                 impulses[0], present, share)
@@ -186,10 +187,8 @@ def _warm_start(b: Array, points: int, warm: Array, at_A: IntArray, at_B: IntArr
 
 
 @kernel
-def keep_impulses(count: int, kind: IntArray, blocks: Array, lane_row: IntArray,
-                  manifolds: Manifolds, bodies: SolverBodies, at_A: IntArray, at_B: IntArray,
-                  h: float, substeps: int, normal_impulse: Array,
-                  friction_impulse: Array) -> float:
+def keep_impulses(count: int, blocks: Blocks, manifolds: Manifolds, bodies: SolverBodies, h: float,
+                  substeps: int, normal_impulse: Array, friction_impulse: Array) -> float:
     """
     Keep the impulses, and give pairs back what L their motion cost; return the residual [m/s].
 
@@ -199,8 +198,8 @@ def keep_impulses(count: int, kind: IntArray, blocks: Array, lane_row: IntArray,
     """
     residual = 0.0
     for block in range(count):
-        lanes = slice(block * LANES, (block + 1) * LANES)
-        b, rows = blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE], lane_row[lanes]
+        lanes = lanes_of(block)
+        b, rows = numbers_of(blocks, block), blocks.row[lanes]
         residual = max(residual, largest_of(load(b, RESIDUAL)))
         n, t1, t2 = axes(b)
         zero = spread(0.0)
@@ -211,9 +210,9 @@ def keep_impulses(count: int, kind: IntArray, blocks: Array, lane_row: IntArray,
         F, before = (combine(n, t1, t2, (zero, total[0], total[1])),
                      gather_rows_3(friction_impulse, rows, 3, 0))
         scatter_rows_3(friction_impulse, rows, 3, 0, add(before, F))
-        total_N = _keep_normals(b, rows, points_in(kind[block]), manifolds.impulse,
+        total_N = _keep_normals(b, rows, points_in(blocks.kind[block]), manifolds.impulse,
                                 normal_impulse, substeps)
-        _give_back(b, total_N, bodies, at_A[lanes], at_B[lanes], h)
+        _give_back(b, total_N, bodies, blocks.at_A[lanes], blocks.at_B[lanes], h)
     return residual
 
 

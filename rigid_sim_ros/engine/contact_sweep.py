@@ -7,9 +7,9 @@ from typing import NamedTuple
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, ARM_A, ARM_B, axes, combine, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, INV_SPIN,
-    INV_TT, J_A, J_B, K_NN, K_TN, K_TT, load_three, MASS, Motion, MOVED, MU, normal_sum, POINT,
-    POINT_ROWS, pushed, RESIDUAL, ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE, SLIDE, smallest_gap,
-    SPEED, SPIN_LEVER, store_three, symmetric, T, Three, TORSION, TOTAL, TOTAL_T)
+    INV_TT, J_A, J_B, K_N, K_NN, K_SPIN, K_TN, load_three, MASS, Motion, MOVED, MU, NORMAL,
+    normal_sum, POINT, POINT_ROWS, pushed, RESIDUAL, ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE, SLIDE,
+    smallest_gap, SPEED, SPIN_LEVER, store_three, symmetric, T, Three, TORSION, TOTAL, TOTAL_T)
 from rigid_sim_ros.engine.kernel import kernel, part
 from rigid_sim_ros.engine.lanes import (
     any_of, Eight, gather, load, root, scatter, select, spread, store)
@@ -42,13 +42,13 @@ def visit(b: Array, motion: Array, drifted: Array, at_A: IntArray, at_B: IntArra
     if sweep.drift > 0.0:
         _drift(b, gather(drifted, at_A), gather(drifted, at_B), sweep.drift, points)
     if points == 1 and not rolls:
-        _visit_single(b, motion, at_A, at_B, sweep.inv_h)
+        _visit_small(b, motion, at_A, at_B, sweep.inv_h)
     else:
         _visit_many(b, motion, at_A, at_B, points, rolls, sweep.inv_h)
 
 
 @part
-def _visit_single(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h: float) -> None:
+def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h: float) -> None:
     """
     Do all that `_visit_many` does, for manifolds of one point: their common point c.
 
@@ -69,10 +69,10 @@ def _visit_single(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h
         return
     change_N = pressure - old_N
     store(b, POINT + IMPULSE, pressure)
-    store(b, POINT + SPEED, speed + load(b, K_NN) * change_N)
+    store(b, POINT + SPEED, speed + load(b, K_N) * change_N)
 
-    twist = (dot(u, t1) + load(b, K_TN) * change_N, dot(u, t2) + load(b, K_TN + 3) * change_N,
-             dot(w, n) + load(b, K_TN + 6) * change_N)
+    twist = (dot(u, t1) + load(b, K_N + 1) * change_N, dot(u, t2) + load(b, K_N + 2) * change_N,
+             dot(w, n) + load(b, K_N + 3) * change_N)
     new = _friction(b, twist, pressure, old)
     store_three(b, FRICTION, new)
     change = subtract(new, old)
@@ -151,14 +151,17 @@ def overlaps(b: Array, points: int) -> bool:
 
 
 @kernel
-def separate(b: Array, push: Array, at_A: IntArray, at_B: IntArray, points: int, rate: float,
-             speed: float) -> None:
+def separate(b: Array, push: Array, at_A: IntArray, at_B: IntArray, points: int, small: bool,
+             rate: float, speed: float) -> None:
     """
     Push the overlaps of a block apart by velocities that last for one substep only.
 
     They displace and are forgotten, so that the push feeds neither energy nor the warm start.
     `rate` [1/s] is the part of an overlap that goes per second, but not faster than `speed` [m/s].
     """
+    if small:
+        _separate_small(b, push, at_A, at_B, rate, speed)
+        return
     A, B = gather(push, at_A), gather(push, at_B)
     n, t1, t2 = axes(b)
     twist, _ = _twist(b, A, B)
@@ -173,6 +176,21 @@ def separate(b: Array, push: Array, at_A: IntArray, at_B: IntArray, points: int,
     torque = combine(n, t1, t2, (zero, wrench[1], wrench[2]))
     scatter(push, at_A, pushed(A, load(b, INV_M_A), load_three(b, ARM_A), F, torque, -1.0))
     scatter(push, at_B, pushed(B, load(b, INV_M_B), load_three(b, ARM_B), F, torque, 1.0))
+
+
+@part
+def _separate_small(b: Array, push: Array, at_A: IntArray, at_B: IntArray, rate: float,
+                    speed: float) -> None:
+    """Do the same for manifolds of one point: their common point c."""
+    A, B, n = gather(push, at_A), gather(push, at_B), load_three(b, NORMAL)
+    _, u, _ = _relative(b, A, B)
+    wanted = _wanted(b, POINT, rate, speed)
+    shove = max(load(b, POINT + MASS) * (wanted - dot(u, n)), 0.0)
+    shove = select(wanted > 0.0, shove, 0.0)
+    store(b, SHOVE, shove)
+    F, none = (shove * n[0], shove * n[1], shove * n[2]), (0.0 * shove, 0.0 * shove, 0.0 * shove)
+    scatter(push, at_A, pushed(A, load(b, INV_M_A), load_three(b, ARM_A), F, none, -1.0))
+    scatter(push, at_B, pushed(B, load(b, INV_M_B), load_three(b, ARM_B), F, none, 1.0))
 
 
 @part
@@ -361,8 +379,8 @@ def _friction(b: Array, twist: Three, pressure: Eight, old: Three) -> Three:
     """
     most = load(b, SPIN_LEVER) * pressure
     spin = min(max(old[2] - load(b, INV_SPIN) * twist[2], -most), most)
-    u1 = twist[0] + load(b, K_TT + 2) * (spin - old[2])
-    u2 = twist[1] + load(b, K_TT + 4) * (spin - old[2])
+    u1 = twist[0] + load(b, K_SPIN) * (spin - old[2])
+    u2 = twist[1] + load(b, K_SPIN + 1) * (spin - old[2])
     limit = load(b, MU) * pressure
     inv00, inv01, inv11 = load(b, INV_TT), load(b, INV_TT + 1), load(b, INV_TT + 2)
     stick1, stick2 = old[0] - inv00 * u1 - inv01 * u2, old[1] - inv01 * u1 - inv11 * u2

@@ -21,8 +21,9 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray
 from rigid_sim_ros.engine.coloring import (
-    color_manifolds, Coloring, make_coloring, most_blocks, points_in, resists)
-from rigid_sim_ros.engine.contact_blocks import BLOCK_SIZE, RESIDUAL
+    Blocks, color_manifolds, Coloring, is_small, lanes_of, make_blocks, make_coloring, most_blocks,
+    numbers_of, points_in, resists)
+from rigid_sim_ros.engine.contact_blocks import RESIDUAL
 from rigid_sim_ros.engine.contact_filling import (
     ABOUT, describe, fill_blocks, keep_impulses, place_lanes)
 from rigid_sim_ros.engine.contact_sweep import (
@@ -54,15 +55,12 @@ class SequentialWork(NamedTuple):
 
     bodies: SolverBodies
     coloring: Coloring
+    blocks: Blocks
     kinds: IntArray  # (c,) classes of the manifolds
     about: Array  # flat, ABOUT for each manifold
-    blocks: Array  # flat, BLOCK_SIZE for each block
     fresh: IntArray  # (blocks + 1,) lanes that touch without an impulse to begin with
     shaken: IntArray  # (n + 1,) see `calm`
     visited: IntArray  # (blocks,)
-    lane_row: IntArray  # (lanes,) manifold of a lane, -1 for none
-    at_A: IntArray  # (lanes,) where body A stands in bodies.motion
-    at_B: IntArray
     normal_impulse: Array  # (c, 4) [N s] of the whole step, collisions included
     friction_impulse: Array  # (c, 3) on B [N s], world axes
     residual: Array  # (1,) [m/s] largest change of a contact's velocity in the last sweep
@@ -71,76 +69,67 @@ class SequentialWork(NamedTuple):
 
 def make_work(n: int, capacity: int) -> SequentialWork:
     """Return buffers for n bodies and `capacity` manifolds."""
-    lanes = most_blocks(capacity) * LANES
+    blocks = most_blocks(capacity)
 
     def integers(count: int) -> IntArray:
         return np.zeros(count, dtype=np.int64)
 
-    # Most of the lanes are never written, and cost address space only.
-    return SequentialWork(make_bodies(n), make_coloring(n, capacity), integers(capacity),
-                          aligned_zeros(capacity * ABOUT),
-                          aligned_zeros(lanes // LANES * BLOCK_SIZE), integers(lanes // LANES + 1),
-                          integers(n + 1), integers(lanes // LANES), integers(lanes),
-                          integers(lanes), integers(lanes), np.zeros((capacity, POINTS)),
-                          np.zeros((capacity, 3)), np.zeros(1), np.zeros(1))
+    return SequentialWork(make_bodies(n), make_coloring(n, capacity), make_blocks(capacity),
+                          integers(capacity), aligned_zeros(capacity * ABOUT),
+                          integers(blocks + 1), integers(n + 1), integers(blocks),
+                          np.zeros((capacity, POINTS)), np.zeros((capacity, 3)), np.zeros(1),
+                          np.zeros(1))
 
 
 @kernel
 def solve_contacts(model: Model, state: State, loads: Loads, shapes: Shapes, materials: Materials,
                    manifolds: Manifolds, waits: IntArray, shifts: Array, shifted: bool,
-                   settings: SequentialSettings, work: SequentialWork, block: Array) -> None:
+                   settings: SequentialSettings, work: SequentialWork, flight: Array) -> None:
     """
     Advance all bodies by one step, those with a slot in `work.bodies` with contacts.
 
     Impulses of the manifolds are those to begin with, and afterwards those of this step. A
     manifold with waits (c,) of 1 takes no part. `shifts` are what collisions moved, if `shifted`;
-    `block` is scratch for `fly`.
+    `flight` is scratch for `fly`.
     """
     bodies, blocks, substeps = work.bodies, work.blocks, settings.substeps
-    h = model.h / substeps
+    motion, used, h = bodies.motion, bodies.used[0], model.h / substeps
     load_bodies(model.inv_m, model.inv_I_C, state, loads, bodies)
     describe(state.x, shapes.material, materials, manifolds, work.kinds, work.about)
     count = color_manifolds(manifolds.count[0], manifolds.body_a, manifolds.body_b, work.kinds,
-                            bodies.slot, bodies.used[0], waits, work.coloring)
-    place_lanes(manifolds.count[0], count, manifolds, work.coloring.color, work.coloring.lane,
-                bodies.slot, work.lane_row, work.at_A, work.at_B)
+                            bodies.slot, used, waits, work.coloring, blocks.kind, blocks.start)
+    place_lanes(manifolds.count[0], count, manifolds, bodies.slot, work.coloring, blocks)
     work.overlap[0] = fill_blocks(count, manifolds, work.about, shifts, shifted, 1.0 / substeps,
-                                  bodies, work.coloring.kind, blocks, work.lane_row, work.at_A,
-                                  work.at_B, work.fresh)
+                                  bodies, blocks, work.fresh)
     if bodies.used[1] > 0:
         kick(state, loads, 0.5 * model.h)
-        fly(model, state, (0.0, 0.0, 0.0), model.h, np.int64(1), block)
+        fly(model, state, (0.0, 0.0, 0.0), model.h, np.int64(1), flight)
         kick(state, loads, 0.5 * model.h)
     for substep in range(substeps):
-        kick_bodies(bodies.used[0], bodies.motion, bodies.smooth, bodies.base, bodies.warm, h,
-                    substep == 0)
+        kick_bodies(used, motion, bodies.smooth, bodies.base, bodies.warm, h, substep == 0)
         if substep == 0:
-            settle(count, work.fresh, work.coloring.kind, blocks, bodies.motion, bodies.drifted,
-                   work.at_A, work.at_B, 1.0 / h)
-        sweep(count, work.coloring.kind, blocks, bodies.motion, bodies.drifted, work.at_A,
-              work.at_B, Sweep(1.0 / h, h if substep > 0 else 0.0), False)
-        calm(count, work.coloring.kind, blocks, bodies.motion, work.at_A, work.at_B, work.shaken,
-             work.visited, 1.0 / h)
-        sweep_back(count, work.coloring.kind, blocks, bodies.motion, bodies.push, work.at_A,
-                   work.at_B, Sweep(1.0 / h, 0.0), settings.push / h, settings.push_speed)
-        drift_bodies(bodies.used[0], bodies.motion, bodies.push, bodies.drifted, bodies.total)
-    work.residual[0] = keep_impulses(
-        count, work.coloring.kind, blocks, work.lane_row, manifolds, bodies, work.at_A, work.at_B,
-        h, substeps, work.normal_impulse, work.friction_impulse)
+            settle(count, blocks, work.fresh, motion, 1.0 / h)
+        sweep(count, blocks, motion, bodies.drifted, Sweep(1.0 / h, h if substep > 0 else 0.0),
+              False)
+        calm(count, blocks, motion, work.shaken, work.visited, 1.0 / h)
+        sweep_back(count, blocks, motion, bodies.push, 1.0 / h, settings.push / h,
+                   settings.push_speed)
+        drift_bodies(used, motion, bodies.push, bodies.drifted, bodies.total)
+    work.residual[0] = keep_impulses(count, blocks, manifolds, bodies, h, substeps,
+                                     work.normal_impulse, work.friction_impulse)
     store_bodies(model.h, model.m, model.inv_I_C, state, bodies, substeps)
 
 
 @part
-def _visit(block: int, kind: IntArray, blocks: Array, motion: Array, drifted: Array,
-           at_A: IntArray, at_B: IntArray, what: Sweep) -> None:
-    visit(blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE], motion, drifted,
-          at_A[block * LANES:(block + 1) * LANES], at_B[block * LANES:(block + 1) * LANES],
-          points_in(kind[block]), resists(kind[block]), what)
+def _visit(blocks: Blocks, block: int, motion: Array, drifted: Array, what: Sweep) -> None:
+    lanes, kind = lanes_of(block), blocks.kind[block]
+    visit(numbers_of(blocks, block), motion, drifted, blocks.at_A[lanes], blocks.at_B[lanes],
+          points_in(kind), resists(kind), what)
 
 
 @kernel
-def sweep(count: int, kind: IntArray, blocks: Array, motion: Array, drifted: Array, at_A: IntArray,
-          at_B: IntArray, what: Sweep, backwards: bool) -> None:
+def sweep(count: int, blocks: Blocks, motion: Array, drifted: Array, what: Sweep,
+          backwards: bool) -> None:
     """
     Visit every block once.
 
@@ -149,8 +138,7 @@ def sweep(count: int, kind: IntArray, blocks: Array, motion: Array, drifted: Arr
     would make that a growing sway of a stack.
     """
     for k in range(count):
-        block = count - 1 - k if backwards else k
-        _visit(block, kind, blocks, motion, drifted, at_A, at_B, what)
+        _visit(blocks, count - 1 - k if backwards else k, motion, drifted, what)
 
 
 # Visits to a block with new contacts. A box that is put down on a slope slips by 1e-7 m until its
@@ -167,25 +155,23 @@ SETTLED = 1e-6
 
 
 @kernel
-def settle(count: int, fresh: IntArray, kind: IntArray, blocks: Array, motion: Array,
-           drifted: Array, at_A: IntArray, at_B: IntArray, inv_h: float) -> None:
+def settle(count: int, blocks: Blocks, fresh: IntArray, motion: Array, inv_h: float) -> None:
     """Find impulses for new contacts; the last entry of `fresh` says that these are many."""
+    what = Sweep(inv_h, 0.0)
     if fresh[-1] == 1:
         for k in range(FRESH_SWEEPS):
-            sweep(count, kind, blocks, motion, drifted, at_A, at_B,
-                  Sweep(inv_h, 0.0), k % 2 == 1)
+            sweep(count, blocks, motion, motion, what, k % 2 == 1)
         return
     for block in range(count):
-        b = blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE]
         for _ in range(FRESH_VISITS if fresh[block] > 0 else 0):
-            _visit(block, kind, blocks, motion, drifted, at_A, at_B, Sweep(inv_h, 0.0))
-            if is_settled(b, SETTLED):
+            _visit(blocks, block, motion, motion, what)
+            if is_settled(numbers_of(blocks, block), SETTLED):
                 break
 
 
 @kernel
-def calm(count: int, kind: IntArray, blocks: Array, motion: Array, at_A: IntArray,
-         at_B: IntArray, shaken: IntArray, visited: IntArray, inv_h: float) -> None:
+def calm(count: int, blocks: Blocks, motion: Array, shaken: IntArray, visited: IntArray,
+         inv_h: float) -> None:
     """
     Let an impact run its course: visit what a rough change reached, until there are no more.
 
@@ -194,56 +180,53 @@ def calm(count: int, kind: IntArray, blocks: Array, motion: Array, at_A: IntArra
     """
     latest = 0      # when something was shaken last
     for block in range(count):
-        b = blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE]
         visited[block] = block + 1
-        if not is_settled(b, ROUGH):
+        if not is_settled(numbers_of(blocks, block), ROUGH):
             if latest == 0:
                 shaken[:] = 0
             latest = block + 1
-            _shake(b, block * LANES, at_A, at_B, latest, shaken)
+            _shake(blocks, block, latest, shaken)
     clock = count
     for k in range(CALMING_SWEEPS if latest > 0 else 0):
         first = clock
         for j in range(count):
             block = count - 1 - j if k % 2 == 0 else j
-            if latest <= visited[block] or not _was_reached(block, at_A, at_B, shaken, visited):
+            if latest <= visited[block] or not _was_reached(blocks, block, shaken, visited):
                 continue
-            b = blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE]
-            _visit(block, kind, blocks, motion, motion, at_A, at_B, Sweep(inv_h, 0.0))
+            _visit(blocks, block, motion, motion, Sweep(inv_h, 0.0))
             clock += 1
             visited[block] = clock
-            if not is_settled(b, ROUGH):
+            if not is_settled(numbers_of(blocks, block), ROUGH):
                 latest = clock
-                _shake(b, block * LANES, at_A, at_B, clock, shaken)
+                _shake(blocks, block, clock, shaken)
         if clock == first:
             break
 
 
 @kernel
-def _shake(b: Array, first: int, at_A: IntArray, at_B: IntArray, clock: int,
-           shaken: IntArray) -> None:
+def _shake(blocks: Blocks, block: int, clock: int, shaken: IntArray) -> None:
     """Note which bodies a visit changed roughly; slot 0 stands still."""
+    b = numbers_of(blocks, block)
     for i in range(LANES):
         if b[RESIDUAL * LANES + i] > ROUGH:
-            shaken[(at_A[first + i] & INDEX) // STRIDE] = clock
-            shaken[(at_B[first + i] & INDEX) // STRIDE] = clock
+            shaken[(blocks.at_A[block * LANES + i] & INDEX) // STRIDE] = clock
+            shaken[(blocks.at_B[block * LANES + i] & INDEX) // STRIDE] = clock
     shaken[0] = 0
 
 
 @kernel
-def _was_reached(block: int, at_A: IntArray, at_B: IntArray, shaken: IntArray,
-                 visited: IntArray) -> bool:
+def _was_reached(blocks: Blocks, block: int, shaken: IntArray, visited: IntArray) -> bool:
     """Return whether a body of a block was shaken since its last visit."""
     latest = 0
     for lane in range(block * LANES, (block + 1) * LANES):
-        latest = max(latest, shaken[(at_A[lane] & INDEX) // STRIDE],
-                     shaken[(at_B[lane] & INDEX) // STRIDE])
+        latest = max(latest, shaken[(blocks.at_A[lane] & INDEX) // STRIDE],
+                     shaken[(blocks.at_B[lane] & INDEX) // STRIDE])
     return latest > visited[block]
 
 
 @kernel
-def sweep_back(count: int, kind: IntArray, blocks: Array, motion: Array, push: Array,
-               at_A: IntArray, at_B: IntArray, what: Sweep, rate: float, speed: float) -> None:
+def sweep_back(count: int, blocks: Blocks, motion: Array, push: Array, inv_h: float, rate: float,
+               speed: float) -> None:
     """
     End a substep: visit what is not settled, in the opposite order, and push overlaps apart.
 
@@ -251,11 +234,10 @@ def sweep_back(count: int, kind: IntArray, blocks: Array, motion: Array, push: A
     """
     for k in range(count):
         block = count - 1 - k
-        b = blocks[block * BLOCK_SIZE:(block + 1) * BLOCK_SIZE]
-        a, c = at_A[block * LANES:(block + 1) * LANES], at_B[block * LANES:(block + 1) * LANES]
-        points = points_in(kind[block])
+        b, lanes = numbers_of(blocks, block), lanes_of(block)
+        points, small = points_in(blocks.kind[block]), is_small(blocks.kind[block])
         if not is_settled(b, SETTLED):
-            _visit(block, kind, blocks, motion, motion, at_A, at_B, what)
+            _visit(blocks, block, motion, motion, Sweep(inv_h, 0.0))
         count_impulses(b, points)
         if overlaps(b, points):
-            separate(b, push, a, c, points, rate, speed)
+            separate(b, push, blocks.at_A[lanes], blocks.at_B[lanes], points, small, rate, speed)

@@ -6,10 +6,11 @@ from engine.stepping import pyramid, tower
 import numpy as np
 import pytest
 
-from rigid_sim_ros.engine.coloring import color_manifolds, COLORS, make_coloring
+from rigid_sim_ros.engine.coloring import (
+    color_manifolds, COLORS, make_blocks, make_coloring)
 from rigid_sim_ros.engine.contact_blocks import (
-    ARM_A, ARM_B, BLOCK_SIZE, FRICTION, IMPULSE, J_A, J_B, K_NN, K_TN, K_TT, NORMAL, POINT,
-    POINT_ROWS, S, T, TANGENT)
+    ARM_A, ARM_B, BLOCK_SIZE, FRICTION, IMPULSE, INV_SPIN, INV_TT, J_A, J_B,
+    K_NN, K_SPIN, K_TN, NORMAL, POINT, POINT_ROWS, S, T, TANGENT)
 from rigid_sim_ros.engine.contact_sweep import Sweep, visit
 from rigid_sim_ros.engine.lanes import LANES
 from rigid_sim_ros.engine.solver_bodies import STRIDE
@@ -21,14 +22,16 @@ def colored(pairs, points=4, n=200):
     work = make_coloring(n, len(pairs))
     nothing = np.zeros(len(pairs), dtype=np.int64)
     kinds = np.full(len(pairs), min(points - 1, 2), dtype=np.int64)
-    color_manifolds(len(pairs), a, b, kinds, np.arange(n, dtype=np.int64), n, nothing, work)
-    return work
+    blocks = make_blocks(len(pairs))
+    count = color_manifolds(len(pairs), a, b, kinds, np.arange(n, dtype=np.int64), n, nothing,
+                            work, blocks.kind, blocks.start)
+    return work, count
 
 
-def shared_bodies(pairs, work) -> int:
+def shared_bodies(pairs) -> int:
     """Return how many blocks hold a moving body twice; body 0 does not move."""
-    bad = 0
-    for block in range(work.blocks[0]):
+    bad, (work, count) = 0, colored(pairs)
+    for block in range(count):
         rows = [r for r in range(len(pairs)) if work.lane[r] // LANES == block]
         bodies = [body for r in rows for body in pairs[r] if body != 0]
         bad += len(bodies) != len(set(bodies))
@@ -38,18 +41,18 @@ def shared_bodies(pairs, work) -> int:
 def test_no_block_holds_a_moving_body_twice():
     rng = np.random.default_rng(3)
     pairs = [tuple(sorted(rng.choice(100, 2, replace=False))) for _ in range(400)]
-    assert shared_bodies(pairs, colored(pairs)) == 0
+    assert shared_bodies(pairs) == 0
 
 
 def test_manifolds_with_the_ground_share_blocks():
     pairs = [(0, k) for k in range(1, 65)]
-    assert colored(pairs).blocks[0] == 8
+    assert colored(pairs)[1] == 8
 
 
 def test_a_body_with_more_contacts_than_colours_is_solved_one_by_one():
     pairs = [(1, k) for k in range(2, 2 + COLORS + 20)]
-    work = colored(pairs)
-    assert shared_bodies(pairs, work) == 0
+    work, _ = colored(pairs)
+    assert shared_bodies(pairs) == 0
     assert len(set(work.lane.tolist())) == len(pairs)
 
 
@@ -59,10 +62,10 @@ def axes(rows, lane):
     return n, t1, np.cross(n, t1)
 
 
-def read_twist(rows, lane, solver, bodies):
+def read_twist(rows, lane, blocks, bodies):
     """Return the twist of B relative to A at c as the bodies have it now, N before T."""
     u, w = np.zeros(3), np.zeros(3)
-    for at, arm, inertia, sign in ((solver.at_A, ARM_A, J_A, -1), (solver.at_B, ARM_B, J_B, 1)):
+    for at, arm, inertia, sign in ((blocks.at_A, ARM_A, J_A, -1), (blocks.at_B, ARM_B, J_B, 1)):
         motion = bodies.motion[at[lane]:at[lane] + 6]
         xx, xy, xz, yy, yz, zz = rows[inertia:inertia + 6, lane]
         spin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ motion[3:]
@@ -85,9 +88,12 @@ def response(rows, lane):
     """Return the 6 x 6 matrix K of a lane, N before T."""
     upper = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
     K = np.zeros((6, 6))
-    for first, at in ((K_NN, 0), (K_TT, 3)):
-        for k, (i, j) in enumerate(upper):
-            K[at + i, at + j] = K[at + j, at + i] = rows[first + k, lane]
+    for k, (i, j) in enumerate(upper):
+        K[i, j] = K[j, i] = rows[K_NN + k, lane]
+    a, b, c = rows[INV_TT:INV_TT + 3, lane]
+    K[3:5, 3:5] = np.linalg.inv([[a, b], [b, c]])
+    K[3:5, 5] = K[5, 3:5] = rows[K_SPIN:K_SPIN + 2, lane]
+    K[5, 5] = 1.0 / rows[INV_SPIN, lane]
     K[3:, :3] = rows[K_TN:K_TN + 9, lane].reshape(3, 3)
     K[:3, 3:] = K[3:, :3].T
     return K
@@ -96,23 +102,23 @@ def response(rows, lane):
 def test_the_response_of_a_manifold_is_that_of_its_bodies():
     scene = pyramid(5, 1 / 240)
     scene.step(30)
-    solver, bodies = scene.work.solver, scene.work.solver.bodies
+    blocks, bodies = scene.work.solver.blocks, scene.work.solver.bodies
     rng = np.random.default_rng(0)
     for slot in range(1, bodies.used[0]):
         for k in range(6):
             bodies.motion[slot * STRIDE + k] = rng.normal(0, 1e-2)
-    block = solver.blocks[:BLOCK_SIZE]
-    rows, lanes = block.reshape(-1, LANES), np.nonzero(solver.lane_row[:LANES] >= 0)[0]
-    twist = {lane: read_twist(rows, lane, solver, bodies) for lane in lanes}
+    block = blocks.numbers[:BLOCK_SIZE]
+    rows, lanes = block.reshape(-1, LANES), np.nonzero(blocks.row[:LANES] >= 0)[0]
+    twist = {lane: read_twist(rows, lane, blocks, bodies) for lane in lanes}
     wrench = {lane: read_wrench(rows, lane) for lane in lanes}
-    visit(block, bodies.motion, bodies.drifted, solver.at_A[:LANES], solver.at_B[:LANES], 3, False,
+    visit(block, bodies.motion, bodies.drifted, blocks.at_A[:LANES], blocks.at_B[:LANES], 3, False,
           Sweep(960.0, 0.0))
     for lane in lanes:
         added = read_wrench(rows, lane) - wrench[lane]
         assert np.abs(added).max() > 1e-6       # N s
         foreseen = twist[lane] + response(rows, lane) @ added
         # Rounding of 0.1 m/s.
-        assert read_twist(rows, lane, solver, bodies) == pytest.approx(foreseen, abs=1e-14)
+        assert read_twist(rows, lane, blocks, bodies) == pytest.approx(foreseen, abs=1e-14)
 
 
 def test_the_residual_goes_to_rounding_at_rest():
