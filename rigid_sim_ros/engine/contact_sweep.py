@@ -5,6 +5,7 @@
 from typing import NamedTuple
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
+from rigid_sim_ros.engine.coloring import Blocks, lanes_of, numbers_of, points_in, resists
 from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, ARM_A, ARM_B, axes, combine, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, INV_SPIN,
     INV_TT, J_A, J_B, K_N, K_NN, K_SPIN, K_TN, load_three, MASS, Motion, MOVED, MU, NORMAL,
@@ -45,6 +46,14 @@ def visit(b: Array, motion: Array, drifted: Array, at_A: IntArray, at_B: IntArra
         _visit_small(b, motion, at_A, at_B, sweep.inv_h)
     else:
         _visit_many(b, motion, at_A, at_B, points, rolls, sweep.inv_h)
+
+
+@part
+def visit_block(blocks: Blocks, block: int, motion: Array, drifted: Array, what: Sweep) -> None:
+    """Visit a block by its number."""
+    lanes, kind = lanes_of(block), blocks.kind[block]
+    visit(numbers_of(blocks, block), motion, drifted, blocks.at_A[lanes], blocks.at_B[lanes],
+          points_in(kind), resists(kind), what)
 
 
 @part

@@ -20,23 +20,22 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray
+from rigid_sim_ros.engine.calming import calm, Calming, make_calming
 from rigid_sim_ros.engine.coloring import (
     Blocks, color_manifolds, Coloring, is_small, lanes_of, make_blocks, make_coloring, most_blocks,
-    numbers_of, points_in, resists)
-from rigid_sim_ros.engine.contact_blocks import RESIDUAL
+    numbers_of, points_in)
 from rigid_sim_ros.engine.contact_filling import (
     ABOUT, describe, fill_blocks, keep_impulses, place_lanes)
 from rigid_sim_ros.engine.contact_sweep import (
-    count_impulses, is_settled, overlaps, separate, Sweep, visit)
+    count_impulses, is_settled, overlaps, separate, Sweep, visit_block)
 from rigid_sim_ros.engine.free_flight import fly
-from rigid_sim_ros.engine.kernel import INDEX, kernel, part
-from rigid_sim_ros.engine.lanes import LANES
+from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import kick, Loads
 from rigid_sim_ros.engine.manifolds import Manifolds, POINTS
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.solver_bodies import (
-    drift_bodies, kick_bodies, load_bodies, make_bodies, SolverBodies, store_bodies, STRIDE)
+    drift_bodies, kick_bodies, load_bodies, make_bodies, SolverBodies, store_bodies)
 from rigid_sim_ros.engine.state import State
 
 
@@ -59,8 +58,7 @@ class SequentialWork(NamedTuple):
     kinds: IntArray  # (c,) classes of the manifolds
     about: Array  # flat, ABOUT for each manifold
     fresh: IntArray  # (blocks + 1,) lanes that touch without an impulse to begin with
-    shaken: IntArray  # (n + 1,) see `calm`
-    visited: IntArray  # (blocks,)
+    calming: Calming
     normal_impulse: Array  # (c, 4) [N s] of the whole step, collisions included
     friction_impulse: Array  # (c, 3) on B [N s], world axes
     residual: Array  # (1,) [m/s] largest change of a contact's velocity in the last sweep
@@ -76,7 +74,7 @@ def make_work(n: int, capacity: int) -> SequentialWork:
 
     return SequentialWork(make_bodies(n), make_coloring(n, capacity), make_blocks(capacity),
                           integers(capacity), aligned_zeros(capacity * ABOUT),
-                          integers(blocks + 1), integers(n + 1), integers(blocks),
+                          integers(blocks + 1), make_calming(n, capacity),
                           np.zeros((capacity, POINTS)), np.zeros((capacity, 3)), np.zeros(1),
                           np.zeros(1))
 
@@ -105,26 +103,20 @@ def solve_contacts(model: Model, state: State, loads: Loads, shapes: Shapes, mat
         kick(state, loads, 0.5 * model.h)
         fly(model, state, (0.0, 0.0, 0.0), model.h, np.int64(1), flight)
         kick(state, loads, 0.5 * model.h)
+    work.calming.listed[0] = 0
     for substep in range(substeps):
         kick_bodies(used, motion, bodies.smooth, bodies.base, bodies.warm, h, substep == 0)
         if substep == 0:
             settle(count, blocks, work.fresh, motion, 1.0 / h)
         sweep(count, blocks, motion, bodies.drifted, Sweep(1.0 / h, h if substep > 0 else 0.0),
               False)
-        calm(count, blocks, motion, work.shaken, work.visited, 1.0 / h)
+        calm(count, blocks, motion, used, work.calming, 1.0 / h)
         sweep_back(count, blocks, motion, bodies.push, 1.0 / h, settings.push / h,
                    settings.push_speed)
         drift_bodies(used, motion, bodies.push, bodies.drifted, bodies.total)
     work.residual[0] = keep_impulses(count, blocks, manifolds, bodies, h, substeps,
                                      work.normal_impulse, work.friction_impulse)
     store_bodies(model.h, model.m, model.inv_I_C, state, bodies, substeps)
-
-
-@part
-def _visit(blocks: Blocks, block: int, motion: Array, drifted: Array, what: Sweep) -> None:
-    lanes, kind = lanes_of(block), blocks.kind[block]
-    visit(numbers_of(blocks, block), motion, drifted, blocks.at_A[lanes], blocks.at_B[lanes],
-          points_in(kind), resists(kind), what)
 
 
 @kernel
@@ -138,7 +130,7 @@ def sweep(count: int, blocks: Blocks, motion: Array, drifted: Array, what: Sweep
     would make that a growing sway of a stack.
     """
     for k in range(count):
-        _visit(blocks, count - 1 - k if backwards else k, motion, drifted, what)
+        visit_block(blocks, count - 1 - k if backwards else k, motion, drifted, what)
 
 
 # Visits to a block with new contacts. A box that is put down on a slope slips by 1e-7 m until its
@@ -147,9 +139,6 @@ FRESH_VISITS = 6
 # Sweeps where half of all that touches is new, as at the start of a scene: without them a stack of
 # 20 sinks by 4 mm before its impulses have grown, and the shock moves it sideways.
 FRESH_SWEEPS = 100
-# [m/s] a change that others must hear of before the substep ends, in so many sweeps at most
-ROUGH = 0.2
-CALMING_SWEEPS = 30
 # [m/s] a visit that changes velocities less has nothing left to do in this substep
 SETTLED = 1e-6
 
@@ -164,64 +153,9 @@ def settle(count: int, blocks: Blocks, fresh: IntArray, motion: Array, inv_h: fl
         return
     for block in range(count):
         for _ in range(FRESH_VISITS if fresh[block] > 0 else 0):
-            _visit(blocks, block, motion, motion, what)
+            visit_block(blocks, block, motion, motion, what)
             if is_settled(numbers_of(blocks, block), SETTLED):
                 break
-
-
-@kernel
-def calm(count: int, blocks: Blocks, motion: Array, shaken: IntArray, visited: IntArray,
-         inv_h: float) -> None:
-    """
-    Let an impact run its course: visit what a rough change reached, until there are no more.
-
-    A clock counts the visits; `shaken` has for each slot when a visit last changed its velocity
-    by more than ROUGH, `visited` for each block when it was visited last.
-    """
-    latest = 0      # when something was shaken last
-    for block in range(count):
-        visited[block] = block + 1
-        if not is_settled(numbers_of(blocks, block), ROUGH):
-            if latest == 0:
-                shaken[:] = 0
-            latest = block + 1
-            _shake(blocks, block, latest, shaken)
-    clock = count
-    for k in range(CALMING_SWEEPS if latest > 0 else 0):
-        first = clock
-        for j in range(count):
-            block = count - 1 - j if k % 2 == 0 else j
-            if latest <= visited[block] or not _was_reached(blocks, block, shaken, visited):
-                continue
-            _visit(blocks, block, motion, motion, Sweep(inv_h, 0.0))
-            clock += 1
-            visited[block] = clock
-            if not is_settled(numbers_of(blocks, block), ROUGH):
-                latest = clock
-                _shake(blocks, block, clock, shaken)
-        if clock == first:
-            break
-
-
-@kernel
-def _shake(blocks: Blocks, block: int, clock: int, shaken: IntArray) -> None:
-    """Note which bodies a visit changed roughly; slot 0 stands still."""
-    b = numbers_of(blocks, block)
-    for i in range(LANES):
-        if b[RESIDUAL * LANES + i] > ROUGH:
-            shaken[(blocks.at_A[block * LANES + i] & INDEX) // STRIDE] = clock
-            shaken[(blocks.at_B[block * LANES + i] & INDEX) // STRIDE] = clock
-    shaken[0] = 0
-
-
-@kernel
-def _was_reached(blocks: Blocks, block: int, shaken: IntArray, visited: IntArray) -> bool:
-    """Return whether a body of a block was shaken since its last visit."""
-    latest = 0
-    for lane in range(block * LANES, (block + 1) * LANES):
-        latest = max(latest, shaken[(blocks.at_A[lane] & INDEX) // STRIDE],
-                     shaken[(blocks.at_B[lane] & INDEX) // STRIDE])
-    return latest > visited[block]
 
 
 @kernel
@@ -237,7 +171,7 @@ def sweep_back(count: int, blocks: Blocks, motion: Array, push: Array, inv_h: fl
         b, lanes = numbers_of(blocks, block), lanes_of(block)
         points, small = points_in(blocks.kind[block]), is_small(blocks.kind[block])
         if not is_settled(b, SETTLED):
-            _visit(blocks, block, motion, motion, Sweep(inv_h, 0.0))
+            visit_block(blocks, block, motion, motion, Sweep(inv_h, 0.0))
         count_impulses(b, points)
         if overlaps(b, points):
             separate(b, push, blocks.at_A[lanes], blocks.at_B[lanes], points, small, rate, speed)
