@@ -288,6 +288,14 @@ def _is_before(pair: IntArray, i: int, fresh: IntArray, j: int) -> bool:
 
 
 @kernel
+def _move_axis(axis: Array, k: int, to: int) -> None:
+    """Give pair `to` the witness of pair k; pairs that never had one leave no trace in memory."""
+    if axis[k, 3] != 0.0 or axis[to, 3] != 0.0:
+        for i in range(4):
+            axis[to, i] = axis[k, i]
+
+
+@kernel
 def _forget_parted(kind: IntArray, fat: Array, moved: IntArray, ahead: Array, pair: IntArray,
                    axis: Array, count: int) -> int:
     """Drop pairs of moved shapes whose fat boxes no longer overlap; return how many are left."""
@@ -297,8 +305,7 @@ def _forget_parted(kind: IntArray, fat: Array, moved: IntArray, ahead: Array, pa
         if moved[a] + moved[b] == 0 or _fat_overlap(kind, fat, ahead, a, b):
             if kept < k:
                 pair[kept, 0], pair[kept, 1] = a, b
-                for i in range(4):
-                    axis[kept, i] = axis[k, i]
+                _move_axis(axis, k, kept)
             kept += 1
     return kept
 
@@ -322,13 +329,12 @@ def _merge(pair: IntArray, axis: Array, count: int, fresh: IntArray, found: int)
     while new >= 0:
         if old >= 0 and not _is_before(pair, old, fresh, new):
             pair[place, 0], pair[place, 1] = pair[old, 0], pair[old, 1]
-            for i in range(4):
-                axis[place, i] = axis[old, i]
+            _move_axis(axis, old, place)
             old -= 1
         else:
             pair[place, 0], pair[place, 1] = fresh[0, new, 0], fresh[0, new, 1]
-            for i in range(4):
-                axis[place, i] = 0.0
+            if axis[place, 3] != 0.0:
+                axis[place, 3] = 0.0
             new -= 1
         place -= 1
     return total
@@ -346,12 +352,22 @@ def update_pairs(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, b
     """
     count = _forget_parted(shapes.kind, fat, moved, ahead, pair, axis, count)
     _fill_grid(shapes.kind, fat, moved, cells, buckets, members, keys, tally, levels)
-    found = 0
+    found, most = 0, shapes.kind.shape[0] - 1  # partners of one shape
     for s in range(shapes.kind.shape[0]):
-        if moved[s] == 1:
-            found = _look_around(shapes, fat, moved, cells, buckets, members, keys, levels, fresh,
-                                 bodies, ahead, found, s)
-    if found > fresh.shape[1]:
+        if moved[s] == 0:
+            continue
+        if found + most > fresh.shape[1]:
+            count, found = _take_in(fresh, found, tally, pair, axis, count), 0
+        found = _look_around(shapes, fat, moved, cells, buckets, members, keys, levels, fresh,
+                             bodies, ahead, found, s)
+    return _take_in(fresh, found, tally, pair, axis, count)
+
+
+@kernel
+def _take_in(fresh: IntArray, found: int, tally: IntArray, pair: IntArray, axis: Array,
+             count: int) -> int:
+    """Sort the fresh pairs into the pairs; return their number. Without room it only counts."""
+    if count > pair.shape[0]:
         return count + found
     _sort(fresh, found, tally)
     return _merge(pair, axis, count, fresh, found)

@@ -13,12 +13,12 @@ than a threshold is left to the contact solver, which makes it rest: so ends the
 smaller bounces.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.kernel import inlined, kernel
+from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel
 from rigid_sim_ros.engine.manifolds import Manifolds, POINTS
 from rigid_sim_ros.engine.rotation import (
     exponential, multiply, quaternion, set_quaternion, to_matrix, unit)
@@ -46,9 +46,10 @@ _V, _W, _A, _J, _INV_M, _DP, _DL, _COLUMNS = 0, 3, 6, 9, 15, 16, 19, 28
 class CollisionWork(NamedTuple):
     """Buffers for n bodies and c manifolds."""
 
-    rows: IntArray  # (c,) manifolds that may bounce
+    rows: IntArray  # (c,) of 32 bits, manifolds that may bounce
     time: Array  # (c,) when they touch [s] after the start of the step
-    waits: IntArray  # (c,) 1: approaches too fast to be at rest, but will not touch in this step
+    # (c,) of 8 bits; 1: approaches too fast to be at rest, but will not touch in this step
+    waits: IntArray
     first: Array  # (n,) the earliest of a body's times
     body: Array  # (n, 28) v, w, F / m, inverse inertia in world axes, 1 / m, new momenta, shifts
     point: Array  # (POINTS, 3) points of one collision from the centre of mass of A [m]
@@ -58,8 +59,9 @@ class CollisionWork(NamedTuple):
 
 def make_collision_work(n: int, capacity: int) -> CollisionWork:
     """Return buffers for n bodies and `capacity` manifolds."""
-    return CollisionWork(np.zeros(capacity, dtype=np.int64), np.zeros(capacity),
-                         np.zeros(capacity, dtype=np.int64), np.zeros(n), np.zeros((n, _COLUMNS)),
+    rows: Any = np.zeros(capacity, dtype=np.int32)
+    waits: Any = np.zeros(capacity, dtype=np.int8)
+    return CollisionWork(rows, np.zeros(capacity), waits, np.zeros(n), np.zeros((n, _COLUMNS)),
                          np.zeros((POINTS, 3)), np.zeros(POINTS), np.zeros(POINTS))
 
 
@@ -77,14 +79,15 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
     work.waits[:manifolds.count[0]] = 0
     candidates = 0
     for r in range(manifolds.count[0]):
-        a, b = manifolds.body_a[r], manifolds.body_b[r]
+        a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if _restitution(shapes, materials, manifolds.shape_a[r], manifolds.shape_b[r]) > 0.0 and (
                 inv_m[a] + inv_m[b] > 0.0):
             work.rows[candidates] = r
             candidates += 1
     for r in range(manifolds.count[0] if candidates > 0 else 0):
-        _load(inv_m, inv_I_C, state, F, manifolds.body_a[r], work.body[manifolds.body_a[r]])
-        _load(inv_m, inv_I_C, state, F, manifolds.body_b[r], work.body[manifolds.body_b[r]])
+        a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+        _load(inv_m, inv_I_C, state, F, a, work.body[a])
+        _load(inv_m, inv_I_C, state, F, b, work.body[b])
     collisions = 0
     for _ in range(ROUNDS if candidates > 0 else 0):
         earlier = collisions
@@ -93,7 +96,7 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
             work.first[manifolds.body_a[r]] = work.first[manifolds.body_b[r]] = NEVER
         for k in range(candidates):
             r = work.rows[k]
-            a, b = manifolds.body_a[r], manifolds.body_b[r]
+            a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
             work.time[k] = _touch(h, state.x, shapes.kind, shapes.size, manifolds, slowest, r,
                                   work)
             if inv_m[a] > 0.0:
@@ -102,7 +105,7 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
                 work.first[b] = min(work.first[b], work.time[k])
         for k in range(candidates):
             r = work.rows[k]
-            a, b = manifolds.body_a[r], manifolds.body_b[r]
+            a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
             if work.time[k] <= h and work.time[k] <= min(work.first[a], work.first[b]):
                 first = shapes.material[manifolds.shape_a[r]]
                 second = shapes.material[manifolds.shape_b[r]]
@@ -212,7 +215,7 @@ def _touch(h: float, x: Array, kind: IntArray, size: Array, manifolds: Manifolds
            r: int,
            work: CollisionWork) -> float:
     """Return when the first point of a manifold touches [s] after the start of the step."""
-    a, b = manifolds.body_a[r], manifolds.body_b[r]
+    a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
     n = row(manifolds.normal, r)
     acceleration = dot(n, subtract(_get(work.body[b], _A), _get(work.body[a], _A)))
     # Too slow is also what a force alone makes of rest within two steps.
@@ -220,8 +223,8 @@ def _touch(h: float, x: Array, kind: IntArray, size: Array, manifolds: Manifolds
     earliest = 3.0 * NEVER
     slow = False
     for p in range(manifolds.points[r]):
-        v = subtract(_velocity_at(work.body[b], row(manifolds.r_B[r], p)),
-                     _velocity_at(work.body[a], row(manifolds.r_A[r], p)))
+        v = subtract(_velocity_at(work.body[b], row(manifolds.r_B[p], r)),
+                     _velocity_at(work.body[a], row(manifolds.r_A[p], r)))
         gap = gap_now(manifolds, work.body, r, p)
         time = _time_of_touch(gap, dot(n, v), acceleration, h, slowest)
         slow = slow or time == NEVER
@@ -242,12 +245,12 @@ def _touch_of_spheres(h: float, x: Array, size: Array, manifolds: Manifolds, r: 
     While they pass each other the line of their centres turns: Newton's method on the distance
     itself.
     """
-    a, b = manifolds.body_a[r], manifolds.body_b[r]
+    a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
     n = row(manifolds.normal, r)
     radius_a, radius_b = size[manifolds.shape_a[r], 0], size[manifolds.shape_b[r], 0]
     # Centres of the spheres from the centres of mass.
-    o_A = add_scaled(row(manifolds.r_A[r], 0), -radius_a, n)
-    o_B = add_scaled(row(manifolds.r_B[r], 0), radius_b, n)
+    o_A = add_scaled(row(manifolds.r_A[0], r), -radius_a, n)
+    o_B = add_scaled(row(manifolds.r_B[0], r), radius_b, n)
     d = subtract(add(column(x, b), o_B), add(column(x, a), o_A))
     v = subtract(_velocity_at(body[b], o_B), _velocity_at(body[a], o_A))
     acceleration = subtract(_get(body[b], _A), _get(body[a], _A))
@@ -271,7 +274,7 @@ def _bounce(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, restitu
             r: int, tau: float, normal_impulse: Array, friction_impulse: Array,
             work: CollisionWork) -> None:
     """Collide one pair at tau [s], by the law of Newton within the cone of Coulomb."""
-    a, b = manifolds.body_a[r], manifolds.body_b[r]
+    a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
     A, B = work.body[a], work.body[b]
     n = row(manifolds.normal, r)
     acceleration = subtract(_get(B, _A), _get(A, _A))
@@ -279,7 +282,7 @@ def _bounce(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, restitu
     o_A = (0.0, 0.0, 0.0)
     if spheres:
         radius = size[manifolds.shape_a[r], 0]
-        o_A = add_scaled(row(manifolds.r_A[r], 0), -radius, n)
+        o_A = add_scaled(row(manifolds.r_A[0], r), -radius, n)
         _, n = _touch_of_spheres(tau, x, size, manifolds, r, tau, work.body)
         o_A = add_scaled(o_A, radius, n)
     # From the centre of mass of A to that of B at tau.
@@ -294,7 +297,7 @@ def _bounce(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, restitu
     elif kind[manifolds.shape_a[r]] == SPHERE or B[_INV_M] == 0.0:
         follows_B = 0.0
     for p in range(manifolds.points[r]):
-        r_A, r_B = row(manifolds.r_A[r], p), add(row(manifolds.r_B[r], p), d)
+        r_A, r_B = row(manifolds.r_A[p], r), add(row(manifolds.r_B[p], r), d)
         c = o_A if spheres else add_scaled(r_A, follows_B, subtract(r_B, r_A))
         _put(work.point[p], 0, c)
         work.impulse[p] = 0.0

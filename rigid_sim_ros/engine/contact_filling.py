@@ -48,7 +48,7 @@ def describe(x: Array, material: IntArray, materials: Materials, manifolds: Mani
         kinds[r] = min(points - 1, 2)
         if rolling > 0.0:
             kinds[r] += 3
-        elif points == 1 and manifolds.impulse[r, 0] == 0.0:
+        elif points == 1 and manifolds.impulse[0, r] == 0.0:
             kinds[r] = QUIET
 
 
@@ -117,8 +117,6 @@ def _copy_manifolds(b: Array, rows: IntArray, points: int, small: bool, manifold
     n, friction = gather_rows_3(manifolds.normal, rows, 3, 0), gather_rows_3(
         manifolds.friction, rows, 3, 0)
     numbers = gather_rows_8(about, rows, ABOUT, 0)
-    gaps = gather_rows_4(manifolds.gap, rows, POINTS, 0)
-    impulses = gather_rows_4(manifolds.impulse, rows, POINTS, 0)
     present = gather_integers(manifolds.points, rows)
     store_three(b, NORMAL, n)
     store_three(b, MOVED, (share * friction[0], share * friction[1], share * friction[2]))
@@ -128,21 +126,18 @@ def _copy_manifolds(b: Array, rows: IntArray, points: int, small: bool, manifold
     if not small:
         store(b, ROLL_LEVER, numbers[2])
     store_three(b, ARM_B, (numbers[_X], numbers[_X + 1], numbers[_X + 2]))
-    _copy_point(b, 0, n, gather_rows_3(manifolds.r_A, rows, 3 * POINTS, 0), gaps[0],
-                impulses[0], present, share)
-    if points > 1:
-        _copy_point(b, 1, n, gather_rows_3(manifolds.r_A, rows, 3 * POINTS, 3), gaps[1],
-                    impulses[1], present, share)
-        _copy_point(b, 2, n, gather_rows_3(manifolds.r_A, rows, 3 * POINTS, 6), gaps[2],
-                    impulses[2], present, share)
-        _copy_point(b, 3, n, gather_rows_3(manifolds.r_A, rows, 3 * POINTS, 9), gaps[3],
-                    impulses[3], present, share)
+    for p in range(POINTS if points > 1 else 1):
+        _copy_point(b, p, n, rows, manifolds, present, share)
 
 
 @part
-def _copy_point(b: Array, p: int, n: Three, r_A: Three, gap: Eight, impulse: Eight,
-                present: Eight, share: float) -> None:
+def _copy_point(b: Array, p: int, n: Three, rows: IntArray, manifolds: Manifolds, present: Eight,
+                share: float) -> None:
     """Write one point, half way between the surfaces; where there is none it is far away."""
+    first = p * manifolds.gap.shape[1]
+    r_A = gather_rows_3(manifolds.r_A, rows, 3, 3 * first)
+    gap = gather_rows_3(manifolds.gap, rows, 1, first)[0]
+    impulse = gather_rows_3(manifolds.impulse, rows, 1, first)[0]
     there, point = present > p, POINT + p * POINT_ROWS
     half = select(there, 0.5 * gap, 0.0)
     store_three(b, point, (select(there, r_A[0], 0.0) + half * n[0],
@@ -222,14 +217,16 @@ def _keep_normals(b: Array, rows: IntArray, points: int, impulse: Array, normal_
     """Keep the normal impulses; return their sums over the whole step."""
     i0, total = load(b, POINT + IMPULSE), load(b, POINT + TOTAL)
     before = gather_rows_4(normal_impulse, rows, POINTS, 0)
+    room = impulse.shape[1]
+    scatter_rows_1(impulse, rows, 1, 0, (substeps * i0,))
     if points == 1:
-        scatter_rows_1(impulse, rows, POINTS, 0, (substeps * i0,))
         scatter_rows_1(normal_impulse, rows, POINTS, 0, (before[0] + total,))
         return total
     p1, p2, p3 = POINT + POINT_ROWS, POINT + 2 * POINT_ROWS, POINT + 3 * POINT_ROWS
     i1, i2, i3 = load(b, p1 + IMPULSE), load(b, p2 + IMPULSE), load(b, p3 + IMPULSE)
-    scatter_rows_4(impulse, rows, POINTS, 0,
-                   (substeps * i0, substeps * i1, substeps * i2, substeps * i3))
+    scatter_rows_1(impulse, rows, 1, room, (substeps * i1,))
+    scatter_rows_1(impulse, rows, 1, 2 * room, (substeps * i2,))
+    scatter_rows_1(impulse, rows, 1, 3 * room, (substeps * i3,))
     total_1, total_2, total_3 = load(b, p1 + TOTAL), load(b, p2 + TOTAL), load(b, p3 + TOTAL)
     scatter_rows_4(normal_impulse, rows, POINTS, 0,
                    (before[0] + total, before[1] + total_1, before[2] + total_2,

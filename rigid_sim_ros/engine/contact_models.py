@@ -18,8 +18,8 @@ from rigid_sim_ros.engine.arrays import Array
 from rigid_sim_ros.engine.event_buffers import Carried, EventSettings, no_forces
 from rigid_sim_ros.engine.integrate import make_work, ORIENTATIONS
 from rigid_sim_ros.engine.manifolds import (
-    CONTACTS, current_manifolds, empty_memory, lasting, Manifolds, Memory, PAIRS, with_lasting,
-    WITNESSED)
+    CONTACTS, current_manifolds, empty_memory, lasting, Manifolds, Memory, PAIRS, POINTS,
+    with_lasting, WITNESSED)
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.sequential import SequentialSettings
 from rigid_sim_ros.engine.shapes import Materials, Shapes
@@ -143,14 +143,14 @@ class _Touching:
     def contacts(self, state: State) -> np.ndarray:
         """Return the manifolds of the latest step with its impulses as forces."""
         manifolds = current_manifolds(self._memory)
-        return _rows(self._setup, state, manifolds, manifolds.impulse, manifolds.friction)
+        return _rows(self._setup, state, manifolds, manifolds.impulse.T, manifolds.friction)
 
     def _counts(self) -> ContactReport:
         manifolds = current_manifolds(self._memory)
         count = int(manifolds.count[0])
         counters = self._memory.counters
-        used = np.arange(manifolds.gap.shape[1]) < manifolds.points[:count, None]
-        gaps = manifolds.gap[:count][used]
+        used = np.arange(POINTS)[:, None] < manifolds.points[:count]
+        gaps = manifolds.gap[:, :count][used]
         return ContactReport(int(counters[PAIRS]), int(counters[WITNESSED]),
                              int(counters[CONTACTS]), float(max(0.0, -gaps.min(initial=0.0))))
 
@@ -319,15 +319,15 @@ def _rows(setup: Setup, state: State, manifolds: Manifolds, normal: Array,
     The friction of a manifold is shared out over its points as their normal forces are.
     """
     count = int(manifolds.count[0])
-    used = np.arange(manifolds.gap.shape[1]) < manifolds.points[:count, None]
+    used = np.arange(POINTS) < manifolds.points[:count, None]
     r, p = np.nonzero(used)
     rows = np.zeros(len(r), dtype=CONTACT)
     a, b = manifolds.body_a[r], manifolds.body_b[r]
     x: Array = state.x.T
     rows['body_a'], rows['body_b'] = a, b
-    rows['point'] = 0.5 * (x[a] + manifolds.r_A[r, p] + x[b] + manifolds.r_B[r, p])
+    rows['point'] = 0.5 * (x[a] + manifolds.r_A[p, r] + x[b] + manifolds.r_B[p, r])
     rows['normal'] = manifolds.normal[r]
-    rows['gap'] = manifolds.gap[r, p]
+    rows['gap'] = manifolds.gap[p, r]
     impulses = normal[r, p]
     totals = np.bincount(r, impulses, minlength=count)[r]
     share = np.divide(impulses, totals, out=np.zeros(len(r)), where=totals > 0.0)

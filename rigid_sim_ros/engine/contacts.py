@@ -133,7 +133,7 @@ def gather(state: State, manifolds: Manifolds, shapes: Shapes, materials: Materi
     total, blocks, last = 0, 0, np.int64(-1)
     for k in order:
         for j in range(manifolds.points[k]):
-            if manifolds.gap[k, j] > reach:
+            if manifolds.gap[j, k] > reach:
                 continue
             if total < capacity:
                 if key[k] != last:
@@ -154,7 +154,7 @@ def _write_point(state: State, manifolds: Manifolds, shapes: Shapes, materials: 
     a, b = manifolds.body_a[k], manifolds.body_b[k]
     contacts.manifold[at] = k
     contacts.shape_a[at], contacts.shape_b[at] = manifolds.shape_a[k], manifolds.shape_b[k]
-    contacts.feature[at] = manifolds.feature[k, j]
+    contacts.feature[at] = manifolds.feature[j, k]
     contacts.body_a[at], contacts.body_b[at] = a, b
     normal = row(manifolds.normal, k)
     t1, t2 = tangents(normal)
@@ -164,11 +164,11 @@ def _write_point(state: State, manifolds: Manifolds, shapes: Shapes, materials: 
         contacts.axes[at, 2, i] = t2[i]
         # One point for both bodies, halfway: opposite impulses there keep P and L to the last
         # digit.
-        apart = ((state.x[i, b] + manifolds.r_B[k, j, i])
-                 - (state.x[i, a] + manifolds.r_A[k, j, i]))
-        contacts.r_A[at, i] = manifolds.r_A[k, j, i] + 0.5 * apart
-        contacts.r_B[at, i] = manifolds.r_B[k, j, i] - 0.5 * apart
-    contacts.gap[at] = manifolds.gap[k, j]
+        apart = ((state.x[i, b] + manifolds.r_B[j, k, i])
+                 - (state.x[i, a] + manifolds.r_A[j, k, i]))
+        contacts.r_A[at, i] = manifolds.r_A[j, k, i] + 0.5 * apart
+        contacts.r_B[at, i] = manifolds.r_B[j, k, i] - 0.5 * apart
+    contacts.gap[at] = manifolds.gap[j, k]
     material_a = shapes.material[manifolds.shape_a[k]]
     material_b = shapes.material[manifolds.shape_b[k]]
     contacts.friction[at] = materials.friction[material_a, material_b]

@@ -37,8 +37,8 @@ def detect(model: Model, state: State, shapes: Shapes, memory: Memory, margin: f
     Find the manifolds of all pairs with a gap below the margin [m].
 
     `current(memory)` then returns them; impulses of the last step are carried over, pair by pair
-    and feature by feature. Returns False when a buffer is too small: the manifolds of the last
-    step are then untouched, and the caller detects again with `grown(memory)`.
+    and feature by feature. Returns False when a buffer is too small: all that is carried over from
+    the last step is then untouched, and the caller detects again with `grown(memory)`.
     """
     memory.ahead[:], memory.calm[0] = 0.5 * margin, margin
     return detect_ahead(model, state, shapes, memory)
@@ -212,11 +212,11 @@ def _recycle(state: State, turn: Array, now: Manifolds, before: Manifolds, row: 
         if slip > slack * slack or (p == 0 and abs(gap - before.found_at[old, 4]) > slack):
             return False
         near = near or gap < margin
-        now.gap[row, p] = gap
-        now.feature[row, p] = before.feature[old, p]
+        now.gap[p, row] = gap
+        now.feature[p, row] = before.feature[p, old]
         for k in range(3):
-            now.r_A[row, p, k] = A[k]
-            now.r_B[row, p, k] = B[k]
+            now.r_A[p, row, k] = A[k]
+            now.r_B[p, row, k] = B[k]
             now.p_A_C[row, p, k] = before.p_A_C[old, p, k]
             now.p_B_C[row, p, k] = before.p_B_C[old, p, k]
     if not near:
@@ -236,25 +236,32 @@ def _write(state: State, turn: Array, now: Manifolds, row: int, i: int, j: int, 
     Write the points that the narrow phase found, as arms from both centres of mass.
 
     A manifold that `lasts` may keep its points in the next steps, and has them in axes that turn
-    with the bodies too; one that does not has the orientation 0.
+    with the bodies too; one that does not has the orientation 0, and leaves no trace in memory
+    that only the others use.
     """
-    q = (0.0, 0.0, 0.0, 0.0)
     if lasts:
         q = multiply(conjugate(quaternion(state.q, i)), quaternion(state.q, j))
         n_A = _turned_back(turn, i, n)
         for k in range(3):
             now.normal_A[row, k] = n_A[k]
+        for k in range(4):
+            now.found_at[row, k] = q[k]
+        now.found_at[row, 4] = points[0, 3]
+    else:
+        for k in range(4):
+            if now.found_at[row, k] != 0.0:
+                now.found_at[row, k] = 0.0
     for p in range(count):
         gap = points[p, 3]
         A = (points[p, 0] - state.x[0, i], points[p, 1] - state.x[1, i],
              points[p, 2] - state.x[2, i])
         B = (points[p, 0] + gap * n[0] - state.x[0, j], points[p, 1] + gap * n[1] - state.x[1, j],
              points[p, 2] + gap * n[2] - state.x[2, j])
-        now.gap[row, p] = gap
-        now.feature[row, p] = ids[p]
+        now.gap[p, row] = gap
+        now.feature[p, row] = ids[p]
         for k in range(3):
-            now.r_A[row, p, k] = A[k]
-            now.r_B[row, p, k] = B[k]
+            now.r_A[p, row, k] = A[k]
+            now.r_B[p, row, k] = B[k]
         if lasts:
             A_C, B_C = _turned_back(turn, i, A), _turned_back(turn, j, B)
             for k in range(3):
@@ -262,20 +269,17 @@ def _write(state: State, turn: Array, now: Manifolds, row: int, i: int, j: int, 
                 now.p_B_C[row, p, k] = B_C[k]
     for k in range(3):
         now.normal[row, k] = n[k]
-    for k in range(4):
-        now.found_at[row, k] = q[k]
-    now.found_at[row, 4] = points[0, 3]
 
 
 @part
 def _carry_over(now: Manifolds, before: Manifolds, row: int, old: int, count: int) -> None:
     """Start from the impulses of the last step where the same features touch, from 0 elsewhere."""
     for p in range(count):
-        now.impulse[row, p] = 0.0
+        now.impulse[p, row] = 0.0
         if old >= 0:
             for r in range(before.points[old]):
-                if before.feature[old, r] == now.feature[row, p]:
-                    now.impulse[row, p] = before.impulse[old, r]
+                if before.feature[r, old] == now.feature[p, row]:
+                    now.impulse[p, row] = before.impulse[r, old]
     for k in range(3):
         now.friction[row, k] = before.friction[old, k] if old >= 0 else 0.0
     now.spin[row] = before.spin[old] if old >= 0 else 0.0

@@ -158,8 +158,8 @@ def _record(model: Model, manifolds: Manifolds, contacts: Contacts, impulses: Ar
                 break
             r = (r + 1) % manifolds.count[0]
         for j in range(manifolds.points[r]):
-            if manifolds.feature[r, j] == contacts.feature[k]:
-                manifolds.impulse[r, j] += impulses[k, 0]
+            if manifolds.feature[j, r] == contacts.feature[k]:
+                manifolds.impulse[j, r] += impulses[k, 0]
         rubbing = to_world(contacts, k, (0.0, impulses[k, 1], impulses[k, 2]))
         for i in range(3):
             manifolds.friction[r, i] += rubbing[i]
@@ -171,7 +171,7 @@ def _deepest(manifolds: Manifolds) -> float:
     deepest = 0.0
     for r in range(manifolds.count[0]):
         for j in range(manifolds.points[r]):
-            deepest = max(deepest, -manifolds.gap[r, j])
+            deepest = max(deepest, -manifolds.gap[j, r])
     return deepest
 
 
@@ -188,8 +188,8 @@ def _most_pull(model: Model, loads: Loads) -> float:
 def _forget_impulses(manifolds: Manifolds) -> None:
     for r in range(manifolds.count[0]):
         manifolds.spin[r] = 0.0
-        for j in range(4):
-            manifolds.impulse[r, j] = 0.0
+        for j in range(manifolds.points[r]):
+            manifolds.impulse[j, r] = 0.0
         for i in range(3):
             manifolds.friction[r, i] = 0.0
 

@@ -299,16 +299,16 @@ def _record(manifolds: Manifolds, contacts: Contacts, forces: Array, t: float) -
     """Write the impulses of the step to the manifolds."""
     rows = manifolds.count[0]
     for r in range(rows):
-        for j in range(4):
-            manifolds.impulse[r, j] = 0.0
+        for j in range(manifolds.points[r]):
+            manifolds.impulse[j, r] = 0.0
         for i in range(3):
             manifolds.friction[r, i] = 0.0
         manifolds.spin[r] = 0.0
     for k in range(contacts.count[0]):
         r = contacts.manifold[k]
         for j in range(manifolds.points[r]):
-            if manifolds.feature[r, j] == contacts.feature[k]:
-                manifolds.impulse[r, j] = t * forces[k, 0]
+            if manifolds.feature[j, r] == contacts.feature[k]:
+                manifolds.impulse[j, r] = t * forces[k, 0]
         rubbing = to_world(contacts, k, (0.0, t * forces[k, 1], t * forces[k, 2]))
         for i in range(3):
             manifolds.friction[r, i] += rubbing[i]
@@ -343,7 +343,8 @@ def _overlaps(model: Model, state: State, shapes: Shapes, materials: Materials, 
     """Find the points that overlap; return the memory, which may have grown."""
     # Polyhedra that hardly moved would keep points that are right to second order: results would
     # then depend on when these were found.
-    current_manifolds(memory).found_at[:, 0] = np.inf
+    manifolds = current_manifolds(memory)
+    manifolds.found_at[:int(manifolds.count[0]), 0] = np.inf
     while not detect(model, state, shapes, memory, MARGIN):
         memory = grown(memory)
     while True:

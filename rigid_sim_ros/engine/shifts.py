@@ -31,6 +31,6 @@ def shifted(line: Array, r: Vector) -> Vector:
 @kernel
 def gap_now(manifolds: Manifolds, body: Array, r: int, p: int) -> float:
     """Return the gap at the start of the step, after earlier collisions moved it."""
-    moved = subtract(shifted(body[manifolds.body_b[r]], row(manifolds.r_B[r], p)),
-                     shifted(body[manifolds.body_a[r]], row(manifolds.r_A[r], p)))
-    return manifolds.gap[r, p] + dot(row(manifolds.normal, r), moved)
+    moved = subtract(shifted(body[manifolds.body_b[r]], row(manifolds.r_B[p], r)),
+                     shifted(body[manifolds.body_a[r]], row(manifolds.r_A[p], r)))
+    return manifolds.gap[p, r] + dot(row(manifolds.normal, r), moved)

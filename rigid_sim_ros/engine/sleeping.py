@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
-from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.kernel import INDEX, kernel
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Manifolds
 from rigid_sim_ros.engine.state import State
@@ -80,7 +80,7 @@ def wake_disturbed(inv_m: Array, state: State, loads: Loads, wrenches: Wrenches,
         if rest.asleep[i] == 1:
             rest.asleep[i], woken = 0, True
     for r in range(manifolds.count[0] if woken else 0):
-        a, b = manifolds.body_a[r], manifolds.body_b[r]
+        a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if inv_m[a] == 0.0 and rest.island[a] == 1:
             _wake(rest, b)
         if inv_m[b] == 0.0 and rest.island[b] == 1:
@@ -95,13 +95,13 @@ def wake_touched(h: float, inv_m: Array, inv_I_C: Array, state: State, radius: A
     """Wake the islands that an awake body may touch within h [s]."""
     woken = False
     for r in range(manifolds.count[0]):
-        a, b = manifolds.body_a[r], manifolds.body_b[r]
+        a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if rest.asleep[a] == rest.asleep[b] or inv_m[a] == 0.0 or inv_m[b] == 0.0:
             continue
         awake = b if rest.asleep[a] == 1 else a
         reach = NEAR + _speed(inv_m, inv_I_C, state, radius, awake) * h
         for p in range(manifolds.points[r]):
-            if manifolds.gap[r, p] < reach:
+            if manifolds.gap[p, r] < reach:
                 _wake(rest, a)
                 _wake(rest, b)
                 woken = True
@@ -122,7 +122,7 @@ def _wake_neighbours(inv_m: Array, manifolds: Manifolds, rest: Rest) -> None:
     while again:
         again = False
         for r in range(manifolds.count[0]):
-            a, b = manifolds.body_a[r], manifolds.body_b[r]
+            a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
             if (rest.asleep[a] != rest.asleep[b] and inv_m[a] > 0.0 and inv_m[b] > 0.0
                     and _press(manifolds, r)):
                 _wake(rest, a)
@@ -133,7 +133,7 @@ def _wake_neighbours(inv_m: Array, manifolds: Manifolds, rest: Rest) -> None:
 @kernel
 def _press(manifolds: Manifolds, r: int) -> bool:
     for p in range(manifolds.points[r]):
-        if manifolds.impulse[r, p] > 0.0:
+        if manifolds.impulse[p, r] > 0.0:
             return True
     return False
 
@@ -171,7 +171,7 @@ def fall_asleep(inv_m: Array, inv_I_C: Array, state: State, loads: Loads, radius
             slow = _speed(inv_m, inv_I_C, state, radius, i) < SLOW
             rest.steps[i] = rest.steps[i] + 1 if slow else 0
     for r in range(manifolds.count[0]):
-        a, b = manifolds.body_a[r], manifolds.body_b[r]
+        a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if inv_m[a] > 0.0 and inv_m[b] > 0.0 and _press(manifolds, r):
             a, b = _first(rest.island, a), _first(rest.island, b)
             rest.island[max(a, b)] = min(a, b)
@@ -198,9 +198,9 @@ def keep_pressing(manifolds: Manifolds, slot: IntArray, rest: Rest, normal_impul
                   friction_impulse: Array) -> None:
     """Report for what sleeps the impulses with which it fell asleep."""
     for r in range(manifolds.count[0]):
-        a, b = manifolds.body_a[r], manifolds.body_b[r]
+        a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if rest.asleep[a] + rest.asleep[b] > 0 and slot[a] == 0 and slot[b] == 0:
             for p in range(manifolds.points[r]):
-                normal_impulse[r, p] = manifolds.impulse[r, p]
+                normal_impulse[r, p] = manifolds.impulse[p, r]
             for k in range(3):
                 friction_impulse[r, k] = manifolds.friction[r, k]

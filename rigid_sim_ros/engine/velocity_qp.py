@@ -117,7 +117,7 @@ def _move_gaps(manifolds: Manifolds, moved: Array) -> None:
     """Bring the gaps to where collisions moved the bodies."""
     for r in range(manifolds.count[0]):
         for p in range(manifolds.points[r]):
-            manifolds.gap[r, p] = gap_now(manifolds, moved, r, p)
+            manifolds.gap[p, r] = gap_now(manifolds, moved, r, p)
 
 
 def _chosen(model: Model, state: State, shapes: Shapes, materials: Materials,
@@ -147,7 +147,7 @@ def _solve(model: Model, manifolds: Manifolds, settings: TimestepSettings, chose
     manifolds.spin[:count] = 0.0
     work.report = QpReport()
     if m == 0:
-        manifolds.impulse[:count] = 0.0
+        manifolds.impulse[:, :count] = 0.0
         return np.zeros(0)
     A = np.zeros((3 * m, 3 * m))
     couple(model, contacts, work.bodies, chosen, m, 3, np.zeros((2, 3 * m, 3)), A)
@@ -161,7 +161,7 @@ def _solve(model: Model, manifolds: Manifolds, settings: TimestepSettings, chose
     work.report = QpReport(outcome.residual, outcome.osqp_iterations, outcome.status,
                            outcome.solved)
     _push(contacts, chosen, f, bodies, bodies.motion)
-    manifolds.impulse[:count] = 0.0
+    manifolds.impulse[:, :count] = 0.0
     _write_impulses(manifolds, contacts, chosen, f, work.shared.solver.normal_impulse,
                     work.shared.solver.friction_impulse)
     push = settings.sequential.push / model.h
@@ -246,7 +246,7 @@ def _push_slot(slot: int, sign: float, r: Vector, J: Vector, mass: Array, motion
 def _point_of(manifolds: Manifolds, r: int, feature: int) -> int:
     """Return which point of a manifold has this feature."""
     for p in range(manifolds.points[r]):
-        if manifolds.feature[r, p] == feature:
+        if manifolds.feature[p, r] == feature:
             return p
     return 0
 
@@ -257,7 +257,7 @@ def _read_impulses(manifolds: Manifolds, contacts: Contacts, chosen: IntArray, f
     for c in range(chosen.shape[0]):
         r = contacts.manifold[chosen[c]]
         p = _point_of(manifolds, r, contacts.feature[chosen[c]])
-        f[3 * c] = manifolds.impulse[r, p]
+        f[3 * c] = manifolds.impulse[p, r]
 
 
 @kernel
@@ -267,7 +267,7 @@ def _write_impulses(manifolds: Manifolds, contacts: Contacts, chosen: IntArray, 
     for c in range(chosen.shape[0]):
         r = contacts.manifold[chosen[c]]
         p = _point_of(manifolds, r, contacts.feature[chosen[c]])
-        manifolds.impulse[r, p] = f[3 * c]
+        manifolds.impulse[p, r] = f[3 * c]
         normal_impulse[r, p] += f[3 * c]
         tangential = to_world(contacts, chosen[c], (0.0, f[3 * c + 1], f[3 * c + 2]))
         for k in range(3):

@@ -38,7 +38,7 @@ def initial_overlaps(scene: Scene) -> list[Overlap]:
     found = current_manifolds(memory)
     deepest: dict[tuple[int, int], float] = {}
     for r in range(int(found.count[0])):
-        depth = -float(found.gap[r, :found.points[r]].min())
+        depth = -float(found.gap[:found.points[r], r].min())
         size = min(shapes.bound[found.shape_a[r]], shapes.bound[found.shape_b[r]])
         if depth > _WORTH_A_LINE * size:
             pair = int(found.body_a[r]), int(found.body_b[r])

@@ -87,8 +87,10 @@ class Scene:
         manifolds = self.detect()
         return [{'pair': (int(manifolds.shape_a[r]), int(manifolds.shape_b[r])),
                  'normal': manifolds.normal[r].copy(),
+                 **{name: getattr(manifolds, name)[:manifolds.points[r], r].copy()
+                    for name in ('gap', 'feature', 'r_A', 'r_B', 'impulse')},
                  **{name: getattr(manifolds, name)[r, :manifolds.points[r]].copy()
-                    for name in ('gap', 'feature', 'r_A', 'r_B', 'p_A_C', 'p_B_C', 'impulse')}}
+                    for name in ('p_A_C', 'p_B_C')}}
                 for r in range(manifolds.count[0])]
 
     def distance(self, a, b):

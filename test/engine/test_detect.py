@@ -38,26 +38,27 @@ def same(first, second):
 def test_impulses_are_carried_over_to_the_same_features():
     scene = on_a_plane()
     manifolds = scene.detect()
-    manifolds.impulse[0] = [1.0, 2.0, 3.0, 4.0]
+    manifolds.impulse[:, 0] = [1.0, 2.0, 3.0, 4.0]
     manifolds.friction[0], manifolds.spin[0] = (5.0, 6.0, 7.0), 8.0
-    before = dict(zip(manifolds.feature[0].tolist(), manifolds.impulse[0].tolist(), strict=True))
+    before = dict(zip(manifolds.feature[:, 0].tolist(), manifolds.impulse[:, 0].tolist(),
+                      strict=True))
     # Tilted by 0.1 rad about y the corners of one side leave the margin.
     scene.put(1, (0, 0, 0.545), (0, np.sin(0.05), 0, np.cos(0.05)))
     after = scene.detect()
     assert after.points[0] == 2
-    assert {k: before[k] for k in after.feature[0, :2].tolist()} == dict(
-        zip(after.feature[0, :2].tolist(), after.impulse[0, :2].tolist(), strict=True))
+    assert {k: before[k] for k in after.feature[:2, 0].tolist()} == dict(
+        zip(after.feature[:2, 0].tolist(), after.impulse[:2, 0].tolist(), strict=True))
     assert after.friction[0].tolist() == [5.0, 6.0, 7.0]
     assert after.spin[0] == 8.0
 
 
 def test_a_new_manifold_starts_without_impulses():
     scene = on_a_plane()
-    scene.detect().impulse[0] = 1.0
+    scene.detect().impulse[:, 0] = 1.0
     scene.put(1, (0, 0, 2))
     assert scene.detect().count[0] == 0
     scene.put(1, (0, 0, 0.5))
-    assert scene.detect().impulse[0].tolist() == [0.0] * 4
+    assert scene.detect().impulse[:, 0].tolist() == [0.0] * 4
 
 
 def test_manifolds_are_in_the_order_of_their_shapes():
