@@ -13,7 +13,7 @@ from rigid_sim_ros.engine.contact_blocks import (
 from rigid_sim_ros.engine.contact_sweep import SKIN
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.lanes import (
-    any_of, both, count_of, Eight, gather, gather_integers, gather_rows_3, gather_rows_4,
+    any_of, both, count_of, Eight, gather, gather_integers, gather_rows_1, gather_rows_3, gather_rows_4,
     gather_rows_8, LANES, largest_of, load, scatter, scatter_rows_1, scatter_rows_3,
     scatter_rows_4, select, spread, store)
 from rigid_sim_ros.engine.manifolds import Manifolds, POINTS
@@ -136,8 +136,8 @@ def _copy_point(b: Array, p: int, n: Three, rows: IntArray, manifolds: Manifolds
     """Write one point, half way between the surfaces; where there is none it is far away."""
     first = p * manifolds.gap.shape[1]
     r_A = gather_rows_3(manifolds.r_A, rows, 3, 3 * first)
-    gap = gather_rows_3(manifolds.gap, rows, 1, first)[0]
-    impulse = gather_rows_3(manifolds.impulse, rows, 1, first)[0]
+    (gap,) = gather_rows_1(manifolds.gap, rows, 1, first)
+    (impulse,) = gather_rows_1(manifolds.impulse, rows, 1, first)
     there, point = present > p, POINT + p * POINT_ROWS
     half = select(there, 0.5 * gap, 0.0)
     store_three(b, point, (select(there, r_A[0], 0.0) + half * n[0],

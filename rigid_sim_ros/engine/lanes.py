@@ -251,7 +251,7 @@ def _rows_gatherer(numbers: int, load_row: Callable[..., ir.Value]) -> Any:
                 start = builder.add(builder.mul(row, args[2]), args[3])
                 value = load_row(builder, data, start)
                 loaded.append(builder.select(exists, value, ir.Constant(value.type, None)))
-            columns = (_transposed if numbers == LANES else _four_columns)(builder, loaded)
+            columns = _COLUMNS[loaded[0].type](builder, loaded)
             return context.make_tuple(builder, signature.return_type, columns[:numbers])
 
         kind = types.UniTuple(_LANES, numbers)
@@ -262,6 +262,10 @@ def _rows_gatherer(numbers: int, load_row: Callable[..., ir.Value]) -> Any:
 
 def _eight_numbers(builder: ir.IRBuilder, data: ir.Value, start: ir.Value) -> ir.Value:
     return _load(builder, _vector_at(builder, data, start))
+
+
+def _one_number(builder: ir.IRBuilder, data: ir.Value, start: ir.Value) -> ir.Value:
+    return builder.load(builder.gep(data, [start]))
 
 
 def _four_numbers(builder: ir.IRBuilder, data: ir.Value, start: ir.Value) -> ir.Value:
@@ -281,6 +285,7 @@ def _three_numbers(builder: ir.IRBuilder, data: ir.Value, start: ir.Value) -> ir
 
 # gather_rows_N(array, rows, width, first): return N numbers, each in eight lanes, from number
 # `first` on in the rows (8,) of an array with `width` numbers in a row; 0 for a row below 0.
+gather_rows_1 = _rows_gatherer(1, _one_number)
 gather_rows_3 = _rows_gatherer(3, _three_numbers)
 gather_rows_4 = _rows_gatherer(4, _four_numbers)
 gather_rows_8 = _rows_gatherer(8, _eight_numbers)
@@ -359,6 +364,14 @@ def largest_of(_: Any, lanes: Any) -> Any:
     return types.float64(_LANES), generate
 
 
+def _one_column(builder: ir.IRBuilder, rows: Sequence[ir.Value]) -> list[ir.Value]:
+    """Return eight numbers as one column."""
+    column = ir.Constant(_VECTOR, None)
+    for lane, number in enumerate(rows):
+        column = builder.insert_element(column, number, ir.IntType(32)(lane))
+    return [column]
+
+
 def _four_columns(builder: ir.IRBuilder, rows: Sequence[ir.Value]) -> list[ir.Value]:
     """Return the columns of a matrix of eight rows of four."""
     pairs = [builder.shuffle_vector(rows[k], rows[k + 4], _mask(range(LANES))) for k in range(4)]
@@ -373,6 +386,11 @@ def _transposed(builder: ir.IRBuilder, rows: Sequence[ir.Value]) -> list[ir.Valu
     two, then those blocks in blocks of four by four, then these.
     """
     return _exchange(builder, rows, (1, 2, 4))
+
+
+# By what was loaded from each row.
+_COLUMNS = {ir.DoubleType(): _one_column, ir.VectorType(ir.DoubleType(), 4): _four_columns,
+            _VECTOR: _transposed}
 
 
 def _exchange(builder: ir.IRBuilder, rows: Sequence[ir.Value],

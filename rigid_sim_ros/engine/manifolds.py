@@ -138,15 +138,10 @@ def _empty_page(capacity: int) -> Manifolds:
     def integers(*shape: int) -> IntArray:
         return np.zeros(shape, dtype=np.int64)
 
-    # The solver reads three numbers at once of which it wants the first: two more behind the last.
-    def numbers_of_points() -> Array:
-        size = POINTS * (c + 13)
-        return np.zeros(size + 2)[:size].reshape(of_points)
-
     return Manifolds(
         integers(1), _names(c), _names(c), _names(c), _names(c), integers(c), np.zeros((c, 3)),
-        np.zeros((*of_points, 3)), np.zeros((*of_points, 3)), numbers_of_points(),
-        integers(*of_points), numbers_of_points(), np.zeros((c, 3)), np.zeros(c), np.zeros((c, 5)),
+        np.zeros((*of_points, 3)), np.zeros((*of_points, 3)), np.zeros(of_points),
+        integers(*of_points), np.zeros(of_points), np.zeros((c, 3)), np.zeros(c), np.zeros((c, 5)),
         np.zeros((c, 3)), np.zeros((c, POINTS, 3)), np.zeros((c, POINTS, 3)))
 
 
