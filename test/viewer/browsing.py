@@ -53,6 +53,7 @@ _LEAST = 30         # px: smaller spots are edges, not bodies
 _HUE = 25           # degrees to either side that are still this colour
 _NARROW_HUE = 9     # the same where another colour is near
 _DARK = 70          # of 255, in each of red, green and blue
+_COLORLESS = 25     # of 255, between the strongest and the weakest of the three
 
 
 def scene_file(folder: Path, text: str = SCENE) -> Path:
@@ -131,6 +132,14 @@ class Page:
         """Return how many pixels are nearly black, as letters are."""
         picture = Image.open(io.BytesIO(self.page.screenshot())).convert('RGB')
         return int((np.asarray(picture)[:, :-_PANEL].max(axis=2) < _DARK).sum())
+
+    def grey_pixels(self, darkest: int, lightest: int) -> int:
+        """Return how many pixels are about as light as that, of 255, and have no colour."""
+        picture = Image.open(io.BytesIO(self.page.screenshot())).convert('RGB')
+        pixels = np.asarray(picture, dtype=int)[:, :-_PANEL]
+        light = pixels.max(axis=2)
+        is_grey = light - pixels.min(axis=2) < _COLORLESS
+        return int((is_grey & (light >= darkest) & (light <= lightest)).sum())
 
     def spot(self, hue: int) -> tuple[float, float]:
         """Wait for the only spot of a colour and return its middle."""

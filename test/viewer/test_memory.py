@@ -1,0 +1,184 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""However long a page is open, nothing is kept of what it has shown."""
+from collections import Counter
+from collections.abc import Iterator
+import gc
+from importlib.util import find_spec
+import json
+import time
+from typing import Any
+from unittest import SkipTest
+
+if find_spec('rclpy') is None or find_spec('viser') is None:
+    raise SkipTest('rclpy or viser is not installed: pip install .[ros]')
+
+import numpy as np
+import pytest
+from viewer.browsing import OTHER_SCENE, Page, SCENE
+
+from rigid_sim_ros.codec import Marker, MarkersEncoder, StateEncoder
+from rigid_sim_ros.scene.reader import scene_from_text
+from rigid_sim_ros.viewer.live import LivePage
+from rigid_sim_ros.viewer.server import PageServer, start, stop
+from rigid_sim_ros.viewer.simulation import Applied, Inbox, Report
+
+OVERLAYS = ('velocities', 'wrenches', 'contacts', 'body axes', 'names', 'trails')
+# How many pictures are drawn between two counts, and how often the scene changes.
+PICTURES, SCENES = 60, 10
+_POINTS, _LINES = 7, 5      # visualization_msgs/Marker
+_NS = 1_000_000_000
+_THINGS = ('object', 'closure', 'array')
+# What comes and goes by itself; a body's mesh alone is more than that.
+_PER_SCENE = dict.fromkeys(_THINGS, 60)
+
+_PICTURES = 'window.__viserTestpoints.rendererInfo.render.frame'
+_ON_THE_CARD = '({...window.__viserTestpoints.rendererInfo.memory})'
+
+
+class Nobody:
+    """Takes what the page wants of a simulation."""
+
+    def __getattr__(self, name: str) -> Any:
+        return lambda *arguments: None
+
+
+class Told:
+    """A page of bodies on circles; each turn tells it everything anew, a chart's point too."""
+
+    def __init__(self, server: PageServer) -> None:
+        self._inbox = Inbox()
+        self._inbox.node = '/told'
+        self._live = LivePage(server, self._inbox, Nobody())
+        self.turns = 0
+        self.show(SCENE)
+
+    def show(self, scene: str) -> None:
+        """Change the scene."""
+        self._inbox.scene = scene
+        self._inbox.applied = {}
+        self._names = scene_from_text(scene).names
+        self._encoder = StateEncoder('world', self._names)
+
+    def turn(self) -> None:
+        """Tell of a state, a contact, a wrench on each body, and a report."""
+        self.turns += 1
+        t_ns, inbox, n = self.turns * _NS // 4, self._inbox, len(self._names)
+        angle = 0.1 * self.turns + np.arange(n)
+        p = np.stack([np.cos(angle), np.sin(angle), 0.1 * angle % 1.0], axis=1)
+        q = np.stack([np.zeros(n), np.zeros(n), np.sin(angle), np.cos(angle)], axis=1)
+        inbox.state = self._encoder.encode(t_ns, p, q, p, p)
+        inbox.contacts = contact(t_ns, p[0])
+        inbox.applied = {name: Applied(t_ns, '', (0.1, 0.0, float(p[0, 2])), (0.0, 0.0, 0.0))
+                         for name in self._names}
+        energy = str(p[0, 0])
+        inbox.reports = {
+            'pace': Report(0, 'running', {
+                'simulation time [s]': str(t_ns / _NS), 'real-time factor': energy}),
+            'physics': Report(0, '', {'energy [J]': energy, 'momentum x [kg m/s]': energy}),
+            'contact': Report(0, '', {'contacts': str(self.turns % 7)})}
+        inbox.reported += 1
+        inbox.state_at = inbox.reported_at = time.monotonic()
+        self._live.update(inbox.state_at + 1e6 * self.turns)    # each text is due
+
+
+def contact(t_ns: int, point: np.ndarray) -> bytes:
+    """Return a message of one contact."""
+    ends = np.array([point, point + [0.0, 0.0, 0.3]])
+    size = 0.1, 0.1, 0.1
+    markers = [Marker('contact_points', 0, _POINTS, size, (1.0, 0.0, 0.0, 1.0), ends[:1]),
+               Marker('contact_forces', 0, _LINES, size, (1.0, 0.0, 0.0, 1.0), ends)]
+    still = np.zeros((2, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (2, 1))
+    return MarkersEncoder('world', markers).encode(t_ns, *still)
+
+
+@pytest.fixture(scope='module')
+def server() -> Iterator[PageServer]:
+    server = start('127.0.0.1', 0)
+    yield server
+    stop(server)
+
+
+@pytest.fixture(scope='module')
+def told(server: PageServer) -> Told:
+    return Told(server)
+
+
+@pytest.fixture(scope='module')
+def page(told: Told, server: PageServer, browser: Any) -> Iterator[Page]:
+    """Give the page with all that can be switched on, and the charts in view."""
+    page = Page(browser, f'http://127.0.0.1:{server.get_port()}', (700, 400))
+    for overlay in OVERLAYS:
+        page.switch(overlay)
+    page.page.get_by_role('tab', name='Charts').click()
+    draw(page, told, PICTURES)
+    yield page
+    page.close()
+
+
+def draw(page: Page, told: Told, pictures: int) -> None:
+    """Go on until so many more pictures are drawn."""
+    end = page.page.evaluate(_PICTURES) + pictures
+
+    def is_drawn() -> bool:
+        told.turn()
+        return bool(page.page.evaluate(_PICTURES) >= end)
+
+    page.wait_for(is_drawn, f'{pictures} pictures')
+
+
+def held(page: Page) -> Counter[str]:
+    """Count what the page holds in the browser, and the program for it."""
+    tools = page.page.context.new_cdp_session(page.page)
+    parts: list[str] = []
+    tools.on('HeapProfiler.addHeapSnapshotChunk', lambda event: parts.append(event['chunk']))
+    tools.send('HeapProfiler.takeHeapSnapshot')     # garbage is collected first
+    found = Counter(dict(tools.send('Memory.getDOMCounters')))
+    tools.detach()
+    found.update(things(''.join(parts)))
+    found.update(page.page.evaluate(_ON_THE_CARD))
+    gc.collect()
+    found['kept by viser in Python'] = sum(
+        str(type(each).__module__).startswith('viser') for each in gc.get_objects())
+    return found
+
+
+def things(snapshot: str) -> dict[str, int]:
+    """Count objects, functions and arrays of JavaScript in a snapshot of its memory."""
+    head, _, rest = snapshot.partition('"nodes":[')
+    meta = json.loads(head[len('{"snapshot":'):].rstrip().rstrip(','))['meta']
+    numbers = np.array(rest[:rest.index(']')].split(','), dtype=np.int64)
+    kinds = numbers[meta['node_fields'].index('type')::len(meta['node_fields'])]
+    names = meta['node_types'][0]
+    return {name: int((kinds == names.index(name)).sum()) for name in _THINGS}
+
+
+def grown(before: Counter[str], after: Counter[str]) -> dict[str, int]:
+    """Return of what there is more."""
+    return {what: more for what, count in before.items() if (more := after[what] - count) > 0}
+
+
+def test_nothing_is_kept_of_pictures_charts_and_texts(page: Page, told: Told) -> None:
+    draw(page, told, PICTURES)      # caches fill, charts get their axes
+    before, turns = held(page), told.turns
+    draw(page, told, PICTURES)
+    more = grown(before, held(page))
+    assert told.turns - turns > PICTURES // 4
+    assert all(count < PICTURES // 2 for count in more.values()), more
+
+
+def test_nothing_is_kept_of_scenes(page: Page, told: Told) -> None:
+    change_scenes(page, told)
+    before = held(page)
+    change_scenes(page, told)
+    more = grown(before, held(page))
+    assert all(count < _PER_SCENE.get(what, 1) * SCENES for what, count in more.items()), more
+
+
+def change_scenes(page: Page, told: Told) -> None:
+    """Show other scenes, and in the end the same as before."""
+    for _ in range(SCENES // 2):
+        for scene in (OTHER_SCENE, SCENE):
+            told.show(scene)
+            draw(page, told, 2)
+    draw(page, told, PICTURES // 4)
