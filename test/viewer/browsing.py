@@ -82,6 +82,7 @@ class Page:
     def __init__(self, browser: Any, address: str, size: tuple[int, int] = _SIZE) -> None:
         # In a context of its own: nothing is shared with another page.
         self.page = browser.new_page(viewport=dict(zip(('width', 'height'), size, strict=True)))
+        self.page.set_default_timeout(1000 * PATIENCE)
         self.requests: list[str] = []
         self.home: tuple[float, float] | None = None    # px: the box, as the scene begins
         self.page.on('request', lambda request: self.requests.append(request.url))
@@ -153,12 +154,12 @@ class Page:
 
     def click(self, name: str) -> None:
         """Click on a button."""
-        self.page.get_by_role('button', name=name, exact=True).click(timeout=1000 * PATIENCE)
+        self.page.get_by_role('button', name=name, exact=True).click()
 
     def switch(self, name: str) -> None:
         """Click on a checkbox in the tab Show."""
-        self.page.get_by_role('tab', name='Show').click(timeout=1000 * PATIENCE)
-        self.page.get_by_label(name, exact=True).click(timeout=1000 * PATIENCE)
+        self.page.get_by_role('tab', name='Show').click()
+        self.page.get_by_label(name, exact=True).click()
 
     def fill(self, label: str, number: float, place: int = 0) -> None:
         """Type a number into a field, or that many fields behind the one with the label."""
