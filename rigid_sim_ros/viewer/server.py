@@ -24,7 +24,7 @@ LOCAL = '127.0.0.1'
 _LOCAL_NAMES = frozenset({'localhost', LOCAL, '::1'})
 _TOKEN = 'token'
 # What is added to viser's page.
-_SCRIPTS = ('drawing.js', 'hover.js')
+_SCRIPTS = ('drawing.js', 'culling.js', 'hover.js')
 
 Check = Callable[[Any, Request], Any]
 # Takes a page by its number, and a point of its picture from 0 to 1, from the left and the top.

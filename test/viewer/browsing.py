@@ -53,6 +53,7 @@ _LEAST = 30         # px: smaller spots are edges, not bodies
 _HUE = 25           # degrees to either side that are still this colour
 _NARROW_HUE = 9     # the same where another colour is near
 _DARK = 70          # of 255, in each of red, green and blue
+_COLORLESS = 25     # of 255, between the strongest and the weakest of the three
 
 
 def scene_file(folder: Path, text: str = SCENE) -> Path:
@@ -81,6 +82,7 @@ class Page:
     def __init__(self, browser: Any, address: str, size: tuple[int, int] = _SIZE) -> None:
         # In a context of its own: nothing is shared with another page.
         self.page = browser.new_page(viewport=dict(zip(('width', 'height'), size, strict=True)))
+        self.page.set_default_timeout(1000 * PATIENCE)
         self.requests: list[str] = []
         self.home: tuple[float, float] | None = None    # px: the box, as the scene begins
         self.page.on('request', lambda request: self.requests.append(request.url))
@@ -132,6 +134,14 @@ class Page:
         picture = Image.open(io.BytesIO(self.page.screenshot())).convert('RGB')
         return int((np.asarray(picture)[:, :-_PANEL].max(axis=2) < _DARK).sum())
 
+    def grey_pixels(self, darkest: int, lightest: int) -> int:
+        """Return how many pixels are about as light as that, of 255, and have no colour."""
+        picture = Image.open(io.BytesIO(self.page.screenshot())).convert('RGB')
+        pixels = np.asarray(picture, dtype=int)[:, :-_PANEL]
+        light = pixels.max(axis=2)
+        is_grey = light - pixels.min(axis=2) < _COLORLESS
+        return int((is_grey & (light >= darkest) & (light <= lightest)).sum())
+
     def spot(self, hue: int) -> tuple[float, float]:
         """Wait for the only spot of a colour and return its middle."""
         self.wait_for(lambda: len(self.spots(hue)) == 1, f'one spot of hue {hue}')
@@ -144,12 +154,12 @@ class Page:
 
     def click(self, name: str) -> None:
         """Click on a button."""
-        self.page.get_by_role('button', name=name, exact=True).click(timeout=1000 * PATIENCE)
+        self.page.get_by_role('button', name=name, exact=True).click()
 
     def switch(self, name: str) -> None:
         """Click on a checkbox in the tab Show."""
-        self.page.get_by_role('tab', name='Show').click(timeout=1000 * PATIENCE)
-        self.page.get_by_label(name, exact=True).click(timeout=1000 * PATIENCE)
+        self.page.get_by_role('tab', name='Show').click()
+        self.page.get_by_label(name, exact=True).click()
 
     def fill(self, label: str, number: float, place: int = 0) -> None:
         """Type a number into a field, or that many fields behind the one with the label."""

@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page of a bag, in a real browser, in an environment without ROS."""
 from importlib.util import find_spec
+import re
 import subprocess
 import sys
+import time
 from unittest import SkipTest
 
 if find_spec('rclpy') is None or find_spec('viser') is None:
@@ -38,12 +40,12 @@ def page(bag, browser, folder):
         page.close()
 
 
-def seek(page, time):
+def seek(page, at):
     """Type a time beside the timeline."""
     box = page.page.locator('input[inputmode]:visible').first
-    box.fill(f'{time:g}')
+    box.fill(f'{at:g}')
     box.press('Enter')
-    page.wait_for(lambda: f'{time:.3f} s, state' in page.text(), f'the time {time} s')
+    page.wait_for(lambda: f'{at:.3f} s, state' in page.text(), f'the time {at} s')
 
 
 def test_the_page_shows_each_body_of_the_bag(page):
@@ -72,6 +74,36 @@ def test_play_goes_on_to_the_end_and_stops(page):
     page.click('Play')
     page.wait_for(lambda: '4.000 s, state 401 of 401' in page.text(), 'the end')
     page.wait_for(lambda: page.page.get_by_role('button', name='Play', exact=True).count(), 'Play')
+
+
+def shown_time(page):
+    return float(re.search(r'([\d.]+) s, state', page.text())[1])
+
+
+def test_the_bag_plays_at_the_chosen_rate(page):
+    seek(page, 1.0)
+    rate = page.page.locator('input[inputmode]:visible').nth(1)
+    rate.fill('0.05')
+    rate.press('Enter')
+    begin = time.monotonic()
+    page.click('Play')
+    page.wait_for(lambda: shown_time(page) >= 1.05, 'a twentieth of a second')
+    page.click('Pause')
+    shown = shown_time(page) - 1.0
+    # However slow the machine: never more than that share of the time that has passed.
+    assert shown <= 0.05 * (time.monotonic() - begin) + 1e-3
+    rate.fill('1')
+    rate.press('Enter')
+
+
+def test_a_loop_begins_anew(page):
+    loop = page.page.get_by_label('loop', exact=True)
+    loop.click()
+    seek(page, 3.9)
+    page.click('Play')
+    page.wait_for(lambda: shown_time(page) < 3.5, 'the beginning')
+    loop.click()
+    page.click('Pause')
 
 
 def test_steps_go_from_state_to_state(page):

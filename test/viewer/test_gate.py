@@ -66,8 +66,8 @@ def cookie(port: int) -> str:
 
 
 @pytest.mark.parametrize('path', [
-    '/', '/index.html', '/?token=', '/?token=wrong', '/?x=1', '/drawing.js', '/hover.js',
-    '/hover?page=0&x=0.5&y=0.5'])
+    '/', '/index.html', '/?token=', '/?token=wrong', '/?x=1', '/drawing.js', '/culling.js',
+    '/hover.js', '/hover?page=0&x=0.5&y=0.5'])
 def test_without_the_token_there_is_nothing(guarded: int, path: str) -> None:
     status, content, _ = get(guarded, path)
     assert (status, content) == (403, b'')
@@ -88,12 +88,13 @@ def test_the_token_opens_the_page_and_the_websocket(guarded: int) -> None:
 
 
 def test_the_page_brings_scripts_of_its_own(local: int) -> None:
-    tags = b'<script src="drawing.js"></script><script src="hover.js"></script></body>'
+    names = 'drawing', 'culling', 'hover'
+    tags = ''.join(f'<script src="{name}.js"></script>' for name in names).encode() + b'</body>'
     for encoding, unpack in (('identity', bytes), ('gzip', gzip.decompress)):
         status, content, headers = get(local, **{'Accept-Encoding': encoding})
         assert (status, headers['Content-Encoding']) == (200, encoding)
         assert unpack(content).count(tags) == 1
-    for name in ('drawing', 'hover'):
+    for name in names:
         status, content, headers = get(local, f'/{name}.js')
         assert status == 200
         assert headers['Content-Type'].startswith('text/javascript')

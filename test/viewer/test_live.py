@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page of a running simulation, in a real browser."""
 from importlib.util import find_spec
+import re
 import signal
 import sys
 from unittest import SkipTest
@@ -223,6 +224,15 @@ def test_a_clicked_body_is_put_where_the_fields_say(page, probe):
 def test_the_record_button_records(page, probe, folder):
     page.click('Record')
     page.wait_for(lambda: 'recording into' in page.text(), 'the recording')
+    grows = re.compile(r'recording into .*, (\d+\.\d) s, (\d+\.\d+) MB')
+
+    def seen():
+        return [float(number) for found in grows.findall(page.text()) for number in found]
+
+    page.wait_for(lambda: seen() and min(seen()) > 0.0, 'elapsed time and size')
+    before = seen()
+    page.wait_for(lambda: all(now > then for now, then in zip(seen(), before, strict=True)),
+                  'both to grow')
     page.click('Stop recording')
     page.wait_for(lambda: 'recorded into' in page.text(), 'its end')
     bag, = folder.glob('bag*')

@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros.bag import topics as kinds
+from rigid_sim_ros.bag.batch import Batch
 from rigid_sim_ros.bag.decode import multi_dof_state
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.viewer import recording as module
 from rigid_sim_ros.viewer.recording import Recording
+from rigid_sim_ros.world import World
 
 
 @pytest.fixture(scope='module')
@@ -50,6 +52,19 @@ def test_what_happened_stands_at_its_time(recording):
     found = {each.what: each.time for each in recording.happenings}
     assert {'reset', 'pause', 'resume', 'set_pose', 'set_twist', 'speed', 'end'} <= set(found)
     assert found['set_pose'] == pytest.approx(0.81, abs=0.0101)     # s: within one state
+
+
+def test_a_gap_is_told_of_with_what_is_missing(tmp_path):
+    batch = Batch(World.from_dict({'format': 1, 'bodies': [
+        {'name': 'ball', 'mass': 1.0, 'shape': {'type': 'sphere', 'radius': 0.1}}]}),
+        tmp_path / 'bag')
+    batch.run(100)
+    batch.recorder.event(100, 'gap', since_step=50, messages=3, events=2)
+    batch.run(100)
+    batch.close()
+    gap, = (each for each in Recording(tmp_path / 'bag').happenings if each.what == 'gap')
+    assert gap.time == pytest.approx(0.1, abs=0.0101)       # s: within one state
+    assert gap.text == 'gap 3'
 
 
 def test_the_last_wrench_on_each_body_is_known(folder_with_wrench):

@@ -9,6 +9,7 @@ if find_spec('rclpy') is None or find_spec('viser') is None:
 
 from geometry_msgs.msg import Twist, TwistStamped, Vector3, Wrench, WrenchStamped
 from nodes.live import kept, running
+import pytest
 from sensor_msgs.msg import MultiDOFJointState
 from viewer.browsing import free_port, MAGENTA, Page, scene_file, view
 
@@ -17,6 +18,11 @@ VELOCITY, WRENCH, CONTACT, SPRING, Z_AXIS = 202, 35, 305, 164, 240
 RIGHT = 2
 # px: less is the edge of something else.
 SOME, NONE = 25, 5
+# How light lines of the ground are, and shadows on it, of 255; what is between is lines' edges in
+# a shadow.
+LINES, SHADOW = (180, 235), (100, 174)
+# px: the lines are some 30 000 in the picture, the shadow of a box or of three bodies 1200.
+MANY = 500
 
 RESTING = """
 format: 1
@@ -45,6 +51,41 @@ def launch(probe, body, speed, height):
     probe.publish(f'/rigid_sim/{body}/set_twist', up)
     with probe.listening(MultiDOFJointState, '/rigid_sim/state') as states:
         probe.wait_for(lambda: states and states[-1].transforms[RIGHT].translation.z > height)
+
+
+def goes_and_comes_back(page, switch, greys):
+    """Switch something off and on again that is grey."""
+    page.wait_for(lambda: page.grey_pixels(*greys) > MANY, f'{switch}, on from the beginning')
+    page.switch(switch)
+    page.wait_for(lambda: page.grey_pixels(*greys) < NONE, f'{switch} to go')
+    page.switch(switch)
+    page.wait_for(lambda: page.grey_pixels(*greys) > MANY, f'{switch} again')
+
+
+@pytest.fixture(scope='module')
+def resting(browser, probe, folder):
+    """Give the page of a box that rests on a plane."""
+    other = free_port()
+    scene = str(scene_file(folder / 'resting', RESTING))
+    with running(folder / 'rests', scene, name='resting'), kept(
+            view(folder / 'view_it', '--node', '/resting', '--port', str(other))):
+        page = Page(browser, f'http://127.0.0.1:{other}')
+        page.wait_for(lambda: 'times real time' in page.text(), 'the simulation')
+        yield page
+        page.close()
+
+
+@pytest.mark.parametrize('kind', ['page', 'resting'])
+def test_the_ground_grid_is_shown_and_hidden(request, kind):
+    """Where the scene has no ground, and where a plane is the ground."""
+    goes_and_comes_back(request.getfixturevalue(kind), 'ground grid', LINES)
+
+
+@pytest.mark.parametrize('kind', ['page', 'resting'])
+def test_shadows_are_cast_and_taken_away(request, kind):
+    page = request.getfixturevalue(kind)
+    goes_and_comes_back(page, 'shadows', SHADOW)
+    assert page.grey_pixels(*LINES) > MANY      # the ground stays
 
 
 def test_body_axes_are_shown_and_hidden(page):
@@ -119,12 +160,5 @@ def test_an_applied_wrench_is_an_arrow(page, probe):
     page.switch('wrenches')
 
 
-def test_contact_forces_are_arrows(browser, probe, folder):
-    other = free_port()
-    scene = str(scene_file(folder / 'resting', RESTING))
-    with running(folder / 'rests', scene, name='resting'), kept(
-            view(folder / 'view_it', '--node', '/resting', '--port', str(other))):
-        page = Page(browser, f'http://127.0.0.1:{other}')
-        page.wait_for(lambda: 'times real time' in page.text(), 'the simulation')
-        appears_and_goes(page, 'contacts', CONTACT)
-        page.close()
+def test_contact_forces_are_arrows(resting):
+    appears_and_goes(resting, 'contacts', CONTACT)

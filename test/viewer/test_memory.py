@@ -1,0 +1,122 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""However long a page is open, nothing is kept of what it has shown."""
+from collections import Counter
+from collections.abc import Callable, Iterator
+import gc
+from importlib.util import find_spec
+from itertools import pairwise
+import json
+from typing import Any
+from unittest import SkipTest
+
+if find_spec('rclpy') is None or find_spec('viser') is None:
+    raise SkipTest('rclpy or viser is not installed: pip install .[ros]')
+
+import numpy as np
+import pytest
+from viewer.browsing import OTHER_SCENE, Page, SCENE
+from viewer.telling import Told
+
+from rigid_sim_ros.viewer.server import PageServer, start, stop
+
+OVERLAYS = ('velocities', 'wrenches', 'contacts', 'body axes', 'names', 'trails')
+# How many pictures are drawn between two counts, and how often the scene changes.
+PICTURES, SCENES = 60, 10
+_THINGS = ('object', 'closure', 'array')
+
+_PICTURES = 'window.__viserTestpoints.rendererInfo.render.frame'
+_ON_THE_CARD = '({...window.__viserTestpoints.rendererInfo.memory})'
+
+
+@pytest.fixture(scope='module')
+def server() -> Iterator[PageServer]:
+    server = start('127.0.0.1', 0)
+    yield server
+    stop(server)
+
+
+@pytest.fixture(scope='module')
+def told(server: PageServer) -> Told:
+    return Told(server)
+
+
+@pytest.fixture(scope='module')
+def page(told: Told, server: PageServer, browser: Any) -> Iterator[Page]:
+    """Give the page with all that can be switched on, and the charts in view."""
+    page = Page(browser, f'http://127.0.0.1:{server.get_port()}', (700, 400))
+    for overlay in OVERLAYS:
+        page.switch(overlay)
+    page.page.get_by_role('tab', name='Charts').click()
+    draw(page, told, PICTURES)
+    yield page
+    page.close()
+
+
+def draw(page: Page, told: Told, pictures: int) -> None:
+    """Go on until so many more pictures are drawn."""
+    end = page.page.evaluate(_PICTURES) + pictures
+
+    def is_drawn() -> bool:
+        told.turn()
+        return bool(page.page.evaluate(_PICTURES) >= end)
+
+    page.wait_for(is_drawn, f'{pictures} pictures')
+
+
+def held(page: Page) -> Counter[str]:
+    """Count what the page holds in the browser, and the program for it."""
+    tools = page.page.context.new_cdp_session(page.page)
+    parts: list[str] = []
+    tools.on('HeapProfiler.addHeapSnapshotChunk', lambda event: parts.append(event['chunk']))
+    tools.send('HeapProfiler.takeHeapSnapshot')     # garbage is collected first
+    found = Counter(dict(tools.send('Memory.getDOMCounters')))
+    tools.detach()
+    found.update(things(''.join(parts)))
+    found.update(page.page.evaluate(_ON_THE_CARD))
+    gc.collect()
+    found['kept by viser in Python'] = sum(
+        str(type(each).__module__).startswith('viser') for each in gc.get_objects())
+    return found
+
+
+def things(snapshot: str) -> dict[str, int]:
+    """Count objects, functions and arrays of JavaScript in a snapshot of its memory."""
+    head, _, rest = snapshot.partition('"nodes":[')
+    meta = json.loads(head[len('{"snapshot":'):].rstrip().rstrip(','))['meta']
+    numbers = np.array(rest[:rest.index(']')].split(','), dtype=np.int64)
+    kinds = numbers[meta['node_fields'].index('type')::len(meta['node_fields'])]
+    names = meta['node_types'][0]
+    return {name: int((kinds == names.index(name)).sum()) for name in _THINGS}
+
+
+def growing(page: Page, go_on: Callable[[], None], least: int) -> dict[str, list[int]]:
+    """
+    Return what becomes more by at least that number each time that the page goes on.
+
+    Three times: what becomes more only once is a cache that fills.
+    """
+    counts = [held(page)]
+    for _ in range(3):
+        go_on()
+        counts.append(held(page))
+    more = {what: [after[what] - before[what] for before, after in pairwise(counts)]
+            for what in counts[0]}
+    return {what: steps for what, steps in more.items() if min(steps) >= least}
+
+
+def test_nothing_is_kept_of_pictures_charts_and_texts(page: Page, told: Told) -> None:
+    turns = told.turns
+    assert growing(page, lambda: draw(page, told, PICTURES), PICTURES // 2) == {}
+    assert told.turns - turns > PICTURES // 2
+
+
+def test_nothing_is_kept_of_scenes(page: Page, told: Told) -> None:
+    def change_scenes() -> None:
+        for _ in range(SCENES // 2):
+            for scene in (OTHER_SCENE, SCENE):
+                told.show(scene)
+                draw(page, told, 2)
+        draw(page, told, PICTURES // 4)
+
+    assert growing(page, change_scenes, SCENES // 2) == {}
