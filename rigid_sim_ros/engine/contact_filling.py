@@ -13,9 +13,9 @@ from rigid_sim_ros.engine.contact_blocks import (
 from rigid_sim_ros.engine.contact_sweep import SKIN
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.lanes import (
-    any_of, both, count_of, Eight, gather, gather_integers, gather_rows_1, gather_rows_3, gather_rows_4,
-    gather_rows_8, LANES, largest_of, load, scatter, scatter_rows_1, scatter_rows_3,
-    scatter_rows_4, select, spread, store)
+    any_of, both, count_of, Eight, gather, gather_integers, gather_rows_1, gather_rows_3,
+    gather_rows_4, gather_rows_8, LANES, largest_of, load, scatter, scatter_rows_1,
+    scatter_rows_3, scatter_rows_4, select, spread, store)
 from rigid_sim_ros.engine.manifolds import Manifolds, POINTS
 from rigid_sim_ros.engine.shapes import Materials
 from rigid_sim_ros.engine.shifts import displacement, gap_now

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros.engine.lanes import (
-    any_of, both, count_of, gather, gather_integers, gather_rows_3, gather_rows_4, gather_rows_8,
-    LANES, largest_of, load, root, scatter, scatter_rows_1, scatter_rows_3, scatter_rows_4, select,
-    spread, store)
+    any_of, both, count_of, gather, gather_integers, gather_rows_1, gather_rows_3, gather_rows_4,
+    gather_rows_8, LANES, largest_of, load, root, scatter, scatter_rows_1, scatter_rows_3,
+    scatter_rows_4, select, spread, store)
 
 ROWS = np.array([3, -1, 0, 7, -1, 2, 9, 5])
 
@@ -89,9 +89,10 @@ def pick(b, three, four, eight, integers, rows):
     x, y, z = gather_rows_3(three, rows, 3, 0)
     p = gather_rows_4(four, rows, 8, 4)
     q = gather_rows_8(eight, rows, 8, 0)
+    (one,) = gather_rows_1(four, rows, 8, 2)
     for k, row in enumerate((x, y, z, p[0], p[3], q[0], q[7])):
         store(b, k, row)
-    store(b, 7, gather_integers(integers, rows))
+    store(b, 7, gather_integers(integers, rows) + one)
 
 
 def test_rows_of_tables_are_found_and_missing_ones_are_0(numbers):
@@ -100,7 +101,7 @@ def test_rows_of_tables_are_found_and_missing_ones_are_0(numbers):
     integers = rng.integers(-9, 9, 10)
     pick(numbers, three, four, eight, integers, ROWS)
     wanted = [three[:, 0], three[:, 1], three[:, 2], four[:, 1, 0], four[:, 1, 3], eight[::8],
-              eight[7::8], integers]
+              eight[7::8], integers + four[:, 0, 2]]
     for row, column in zip(numbers.reshape(-1, LANES), wanted, strict=False):
         assert row.tolist() == [column[r] if r >= 0 else 0.0 for r in ROWS]
 
