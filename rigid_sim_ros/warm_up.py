@@ -4,7 +4,7 @@
 Compile the physics kernels before they are needed, and say so while it takes.
 
 Numba compiles at the first call and keeps the result in a cache: the first start on a machine
-takes a minute or so, every other one a fraction of a second.
+takes half a minute or so, every other one a fraction of a second.
 """
 from collections.abc import Callable
 import sys

@@ -6,9 +6,10 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numba
-from numba import types
 
 from rigid_sim_ros.engine.kernel_cache import cache_folder
+from rigid_sim_ros.engine.kernel_linking import (
+    called_as_part, SUPPORTED, WholeCompiler, without_literals)
 
 Function = TypeVar('Function', bound=Callable[..., Any])
 
@@ -21,6 +22,8 @@ def _compiled(function: Function, **options: Any) -> Any:
     config: Any = numba.config
     njit: Any = numba.njit
     elsewhere = config.CACHE_DIR
+    if SUPPORTED:
+        options['pipeline_class'] = WholeCompiler
     config.CACHE_DIR = str(cache_folder(function.__module__))
     try:
         return njit(cache=True, nogil=True, error_model='numpy', no_cfunc_wrapper=True,
@@ -43,7 +46,7 @@ def kernel(function: Function) -> Function:
     for numbers of a type, not once more for every constant that a caller writes, as Numba would:
     that was a third of the time to compile.
     """
-    return _without_literals(_compiled(function, _nrt=False))
+    return _for_kernels(_compiled(function, _nrt=False))
 
 
 def part(function: Function) -> Function:
@@ -53,31 +56,29 @@ def part(function: Function) -> Function:
     A call hands over every array of a NamedTuple as seven numbers, which takes as long as a
     hundred operations.
     """
-    return _without_literals(_compiled(function, _nrt=False, forceinline=True))
+    return _for_kernels(_compiled(function, _nrt=False, forceinline=True))
 
 
 def allocating(function: Function) -> Function:
     """Compile like `kernel` a function that makes arrays: for where memory is not the time."""
-    return _without_literals(_compiled(function))
-
-
-def _without_literals(compiled: Any) -> Any:
-    template = compiled.get_call_template
-    unliteral: Any = types.unliteral
-
-    def without_literals(args: Any, kws: Any) -> Any:
-        return template(tuple(unliteral(arg) for arg in args),
-                        {name: unliteral(arg) for name, arg in kws.items()})
-
-    compiled.get_call_template = without_literals
-    return compiled
+    return _for_kernels(_compiled(function))
 
 
 def inlined(function: Function) -> Function:
     """
-    Compile like `kernel`, but paste the body into each caller before types are known.
+    Compile like `part` a small function that a loop over bodies calls.
 
-    For small functions that a loop over bodies calls: a real call, even one that LLVM inlines
-    later, keeps that loop from becoming vector instructions.
+    Numba by itself has to paste the body into each caller before types are known: a real call,
+    even one that LLVM inlines later, keeps that loop from becoming vector instructions.
     """
+    if SUPPORTED:
+        return part(function)
     return _compiled(function, _nrt=False, inline='always')
+
+
+def _for_kernels(compiled: Any) -> Any:
+    if SUPPORTED:
+        return called_as_part(compiled)
+    template = compiled.get_call_template
+    compiled.get_call_template = lambda args, kws: template(*without_literals(args, kws))
+    return compiled

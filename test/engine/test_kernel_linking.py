@@ -1,0 +1,117 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Kernels that kernels call get no machine code of their own, and everything still runs."""
+
+import math
+import os
+import subprocess
+import sys
+
+import numba
+import numpy as np
+import pytest
+
+from rigid_sim_ros.engine import kernel as kernels
+from rigid_sim_ros.engine.kernel_linking import SUPPORTED
+
+needs_parts = pytest.mark.skipif(not SUPPORTED, reason='this Numba compiles kernels by itself')
+
+
+def of_the_engine(decorate):
+    """Let a function of this file be compiled and cached as one of the engine."""
+    def decorated(function):
+        function.__module__ = kernels.__name__
+        return decorate(function)
+    return decorated
+
+
+inlined, kernel, part = map(of_the_engine, (kernels.inlined, kernels.kernel, kernels.part))
+
+
+@inlined
+def square(x):
+    return x * x
+
+
+@part
+def length(x, y):
+    return math.sqrt(square(x) + square(y))
+
+
+@kernel
+def shorter(x, y, factor):
+    return length(x, y) / factor
+
+
+@kernel
+def fill(values, factor):
+    for i in range(values.shape[0]):
+        values[i] = shorter(values[i], 4, factor)
+    return shorter(3.0, 4.0, 2)
+
+
+@needs_parts
+def test_only_what_python_calls_is_machine_code():
+    values = np.array([3.0, 0.0])
+    assert fill(values, 5.0) == 2.5
+    assert values.tolist() == [1.0, 0.8]
+    assert [len(f.signatures) for f in (fill, shorter, length, square)] == [1, 0, 0, 0]
+
+
+@pytest.mark.parametrize('function, arguments, result', [
+    (square, (3.0,), 9.0), (length, (3.0, 4.0), 5.0), (shorter, (3.0, 4.0, 5.0), 1.0)])
+def test_a_kernel_that_kernels_call_may_be_called_from_python_too(function, arguments, result):
+    fill(np.zeros(1), 1.0)
+    assert function(*arguments) == result
+
+
+@kernel
+def at_once(x):
+    return square(x) / 0.0
+
+
+def test_a_quotient_by_zero_is_infinite_in_a_part_as_in_a_kernel():
+    assert at_once(1.0) == math.inf
+
+
+@numba.njit
+def of_a_user(x):
+    return shorter(x, x, 1.0)
+
+
+def test_a_function_that_numba_compiles_may_call_kernels():
+    assert of_a_user(1.0) == math.sqrt(2.0)
+
+
+FALL = """
+import sys
+from rigid_sim_ros.engine import kernel_linking
+kernel_linking.SUPPORTED = kernel_linking.SUPPORTED and sys.argv[1] == 'parts'
+from rigid_sim_ros import World
+world = World.from_dict({'format': 1, 'bodies': [
+    {'name': 'ball', 'shape': {'type': 'sphere', 'radius': 0.1}, 'mass': 1.0,
+     'twist': {'angular': [1, 2, 3]}}]})
+world.step(10)
+print(world.state_hash())
+"""
+
+
+def test_a_numba_that_cannot_link_parts_computes_the_same(tmp_path):
+    results = [subprocess.run(
+        [sys.executable, '-c', FALL, how], capture_output=True, text=True, check=True,
+        env=os.environ | {'NUMBA_CACHE_DIR': str(tmp_path / how)}).stdout
+        for how in ('parts', 'by itself')]
+    assert int(results[0]) == int(results[1])
+
+
+def test_a_second_process_finds_what_python_calls_in_the_cache(tmp_path):
+    environment = os.environ | {'NUMBA_CACHE_DIR': str(tmp_path)}
+
+    def files():
+        subprocess.run([sys.executable, '-c', FALL, 'parts'], env=environment, check=True,
+                       capture_output=True)
+        return {path: path.stat().st_mtime_ns for path in tmp_path.rglob('*.nb[ic]')}
+
+    first = files()
+    assert first
+    assert files() == first
