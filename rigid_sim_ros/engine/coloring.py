@@ -15,7 +15,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray
 from rigid_sim_ros.engine.contact_blocks import BLOCK_SIZE, SMALL_SIZE
-from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel
+from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, pasted
 from rigid_sim_ros.engine.lanes import LANES
 
 # Classes of manifolds. 0, 1, 2: up to one, two, four points; 3, 4, 5: the same, and they resist
@@ -92,14 +92,14 @@ def resists(kind: int) -> bool:
     return 3 <= kind < QUIET
 
 
-@inlined
+@pasted
 def numbers_of(blocks: Blocks, block: int) -> Array:
     """Return the rows of a block, and what follows."""
     first = blocks.start[block] & INDEX
     return blocks.numbers[first:first + BLOCK_SIZE]
 
 
-@inlined
+@pasted
 def lanes_of(block: int) -> slice:
     """Return where the lanes of a block are among all lanes."""
     first = block * LANES & INDEX

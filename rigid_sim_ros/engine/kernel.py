@@ -71,8 +71,15 @@ def inlined(function: Function) -> Function:
     Numba by itself has to paste the body into each caller before types are known: a real call,
     even one that LLVM inlines later, keeps that loop from becoming vector instructions.
     """
-    if SUPPORTED:
-        return part(function)
+    return part(function) if SUPPORTED else pasted(function)
+
+
+def pasted(function: Function) -> Function:
+    """
+    Paste the body into each caller before types are known.
+
+    For what returns a piece of an array, which would be counted as a reference if a call did.
+    """
     return _compiled(function, _nrt=False, inline='always')
 
 
