@@ -115,6 +115,36 @@ def test_short_buffers_grow_and_lose_nothing():
     assert same(scene.memory, roomy.memory)
 
 
+def test_impulses_survive_that_buffers_grow():
+    ground = ((0, 0, 0), UPRIGHT)
+    scene = Scene([PLANE_SHAPE, *[CUBE] * 8],
+                  [ground, *[((2 * k, 0, 0.5 if k < 2 else 9), UPRIGHT) for k in range(8)]],
+                  fixed=[0])
+    first = scene.detect()
+    first.impulse[:, :2], first.friction[:2] = [[1, 5], [2, 6], [3, 7], [4, 8]], [[9], [10]]
+    room = len(first.shape_a)
+    for k in range(2, 8):
+        scene.put(1 + k, (2 * k, 0, 0.5))
+    after = scene.detect()
+    assert len(after.shape_a) > room
+    assert after.impulse[:, :3].tolist() == [[1, 5, 0], [2, 6, 0], [3, 7, 0], [4, 8, 0]]
+    assert after.friction[:3].tolist() == [[9] * 3, [10] * 3, [0] * 3]
+
+
+def test_balls_leave_untouched_what_only_others_need():
+    rng = np.random.default_rng(6)
+    balls = [CONVEX['sphere']] * 40
+    scene = Scene([PLANE_SHAPE, *balls], [((0, 0, 0), UPRIGHT), *grid(balls, 0.55, rng)],
+                  fixed=[0])
+    for _ in range(4):
+        assert scene.detect().count[0] > 40
+        move(scene, rng, 2e-2)
+    for page in scene.memory.pages:
+        rest = (page.r_A[1:], page.gap[1:], page.feature[1:], page.impulse[1:], page.found_at,
+                page.normal_A, page.p_A_C, page.p_B_C, scene.memory.axis)
+        assert not any(field.any() for field in rest)
+
+
 def test_a_box_at_rest_keeps_its_points_and_updates_their_gaps():
     scene = on_a_plane()
     scene.detect()
