@@ -262,7 +262,11 @@ def lasting(memory: Memory) -> list[Array | IntArray]:
 
 
 def with_lasting(memory: Memory, arrays: Sequence[Array | IntArray]) -> Memory:
-    """Return a memory, new until now, whose latest manifolds are those that `lasting` returned."""
+    """
+    Return a memory, new until now, whose latest manifolds are those that `lasting` returned.
+
+    ValueError where the arrays are not laid out like that.
+    """
     kept = Manifolds._make(arrays)
     count = int(kept.count[0])
     memory.counters[SHORT_ROWS] = count
@@ -270,7 +274,11 @@ def with_lasting(memory: Memory, arrays: Sequence[Array | IntArray]) -> Memory:
     manifolds = current_manifolds(memory)
     manifolds.count[0] = count
     for name, field, values in zip(kept._fields[1:], manifolds[1:], kept[1:], strict=True):
+        rows, used = _rows(name, field, count), _used(name, kept.points, kept.found_at)
+        if (shape := rows[used].shape) != values.shape:
+            raise ValueError(f'manifolds: {name} of shape {values.shape}, must be {shape}: it was '
+                             f'saved by another version; run the scene from its start')
         if values.any():
-            _rows(name, field, count)[_used(name, kept.points, kept.found_at)] = values
+            rows[used] = values
     forget_pairs(memory)
     return memory

@@ -105,6 +105,16 @@ def test_a_restored_memory_runs_on_the_same():
         move(scene, rng, 1e-5)
 
 
+def test_manifolds_of_another_layout_are_refused():
+    scene = on_a_plane()
+    scene.detect()
+    arrays = lasting(scene.memory)
+    gap = scene.memory.pages[0]._fields.index('gap')
+    arrays[gap] = arrays[gap].reshape(1, 4)
+    with pytest.raises(ValueError, match=r'gap of shape \(1, 4\), must be \(4,\): .*version'):
+        with_lasting(empty_memory(2, 2), arrays)
+
+
 def test_short_buffers_grow_and_lose_nothing():
     scene, _ = mixed(1)
     roomy, _ = mixed(1)
