@@ -358,11 +358,12 @@ class World:
             raise ValueError(
                 f"the snapshot of {meta['bodies']} bodies is of another scene than this one of "
                 f'{len(self.names)} ({_some(self.names)}): restore it into a world of its own')
+        # First what may be refused, so that a refusal changes nothing.
+        self._contact.recall({name: array for name, array in arrays.items()
+                              if name not in State._fields + Wrenches._fields})
         copy_into(self._state, State._make(arrays[field] for field in State._fields))
         self._applied.replace(Wrenches._make(arrays[field] for field in Wrenches._fields),
                               meta['sources'])
-        self._contact.recall({name: array for name, array in arrays.items()
-                              if name not in State._fields + Wrenches._fields})
         self.step_index = meta['step_index']
         self._motion_is_current = False
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros import load_scene, World
+from rigid_sim_ros.snapshot import pack, unpack
 
 MODELS = ({'contact': 'timestep'}, {'contact': 'timestep', 'solver': 'qp'}, {'contact': 'event'},
           {'contact': 'penalty', 'step': 5e-4})
@@ -90,6 +91,19 @@ def test_a_world_restored_in_the_middle_of_contact_goes_on_bit_for_bit(world):
     world.restore(saved)
     world.step(30)
     assert world.state_hash() == expected
+
+
+def test_a_snapshot_of_another_layout_is_refused_and_changes_nothing(world):
+    meta, arrays = unpack(world.save())
+    # As it was laid out once: four places for each manifold, whether there are points or not.
+    other = arrays | {'manifold_gap': np.zeros((len(arrays['manifold_points']), 4))}
+    world.step(10)
+    before = world.state_hash()
+    with pytest.raises(ValueError, match='gap of shape'):
+        world.restore(pack(meta, other))
+    assert world.state_hash() == before
+    world.step(10)
+    assert world.state_hash() != before
 
 
 def test_a_world_restored_goes_on_bit_for_bit_whatever_was_near_before():

@@ -136,9 +136,10 @@ class _Touching:
 
     def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Go back to manifolds that `lasting` returned."""
-        self._memory = self._fresh()
+        memory = self._fresh()
         if arrays:
-            self._memory = with_lasting(self._memory, _unnamed('manifold', Manifolds, arrays))
+            memory = with_lasting(memory, _unnamed('manifold', Manifolds, arrays))
+        self._memory = memory
 
     def contacts(self, state: State) -> np.ndarray:
         """Return the manifolds of the latest step with its impulses as forces."""
