@@ -17,6 +17,7 @@ from rigid_sim_ros.engine import event, penalty, timestep, velocity_qp
 from rigid_sim_ros.engine.arrays import Array
 from rigid_sim_ros.engine.event_buffers import Carried, EventSettings, no_forces
 from rigid_sim_ros.engine.integrate import make_work, ORIENTATIONS
+from rigid_sim_ros.engine.kept import Kept
 from rigid_sim_ros.engine.manifolds import (
     CONTACTS, current_manifolds, empty_memory, lasting, Manifolds, Memory, PAIRS, POINTS,
     with_lasting, WITNESSED)
@@ -89,10 +90,12 @@ class FreeMotion:
         self._advance = FREE_MOTION[setup.integrator]
         self._orientation = ORIENTATIONS.index(setup.orientation)
         self._work = make_work(len(setup.model.m))
+        self._kept = Kept()
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
         """Advance the state."""
-        self._advance(self._model, state, wrenches, self._orientation, self._work, count)
+        box = self._kept.box(self._model, state, self._work)
+        self._advance(box, wrenches, self._orientation, count)
 
     def lasting(self) -> dict[str, np.ndarray]:
         """Return nothing: the state is all there is."""
@@ -172,6 +175,7 @@ class Timestep(_Touching):
             sleep_steps=math.ceil(setup.sleep_after / setup.model.h))
         self._work = timestep.make_timestep_work(setup.model, setup.shapes, self._memory)
         self._rest = no_rest(len(setup.model.m))
+        self._kept = Kept()
         self._has_stepped = False
 
     def lasting(self) -> dict[str, np.ndarray]:
@@ -196,7 +200,7 @@ class Timestep(_Touching):
         s = self._setup
         self._memory, self._work = timestep.advance(
             s.model, state, wrenches, s.shapes, s.materials, self._memory, self._settings,
-            self._work, self._rest, count)
+            self._work, self._rest, count, self._kept)
         self._has_stepped = self._has_stepped or count > 0
 
     def contacts(self, state: State) -> np.ndarray:

@@ -69,7 +69,8 @@ class _Whole(_Library):
         self._linking_libraries: list[Any]
         for library in _below(self._linking_libraries):
             self._final_module.link_in(_module(library), preserve=True)
-            self._reload_init.update(library._reload_init)
+            if hasattr(self, '_reload_init'):   # not in early Numbas
+                self._reload_init.update(library._reload_init)
         self._linking_libraries = []
         super().finalize()
 

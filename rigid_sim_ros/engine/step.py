@@ -6,10 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 from rigid_sim_ros.engine.free_flight import fly
-from rigid_sim_ros.engine.integrate import euler, rk4, semi_implicit, symplectic, Work
+from rigid_sim_ros.engine.integrate import euler, rk4, semi_implicit, symplectic
+from rigid_sim_ros.engine.kept import contents
 from rigid_sim_ros.engine.kernel import kernel
-from rigid_sim_ros.engine.model import Model
-from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.wrenches import count_down, Wrenches
 
 
@@ -17,8 +16,8 @@ def _free_motion(integrate: Callable[..., None]) -> Any:
     """Return the kernel that steps bodies which do not touch, with one of the integrators."""
 
     @kernel
-    def advance(model: Model, state: State, wrenches: Wrenches, orientation: int, work: Work,
-                count: int) -> None:
+    def advance(box: Any, wrenches: Wrenches, orientation: int, count: int) -> None:
+        model, state, work = contents(box)
         for _ in range(count):
             integrate(model, state, wrenches, orientation, work)
             count_down(wrenches)
@@ -27,8 +26,8 @@ def _free_motion(integrate: Callable[..., None]) -> Any:
 
 
 @kernel
-def _free_motion_symplectic(model: Model, state: State, wrenches: Wrenches, orientation: int,
-                            work: Work, count: int) -> None:
+def _free_motion_symplectic(box: Any, wrenches: Wrenches, orientation: int, count: int) -> None:
+    model, state, work = contents(box)
     if model.forces.kind.shape[0] + wrenches.body.shape[0] == 0:
         g = model.gravity
         fly(model, state, (g[0], g[1], g[2]), model.h, count, work.block)
@@ -38,6 +37,7 @@ def _free_motion_symplectic(model: Model, state: State, wrenches: Wrenches, orie
         count_down(wrenches)
 
 
+# Each takes a box of model, state and `Work`, the wrenches, how to turn, and how many steps.
 FREE_MOTION: dict[str, Any] = {
     'euler': _free_motion(euler),
     'semi_implicit': _free_motion(semi_implicit),

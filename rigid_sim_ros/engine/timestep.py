@@ -7,7 +7,7 @@ A step detects contacts once, lets what bounces bounce, and leaves touching bodi
 bodies that touch nothing fly as if there were no contacts at all, by the symplectic method.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from rigid_sim_ros.engine.collisions import collide_bodies, CollisionWork, make_
 from rigid_sim_ros.engine.detect import detect_ahead
 from rigid_sim_ros.engine.free_flight import BLOCK_SIZE as FLIGHT_SIZE, fly
 from rigid_sim_ros.engine.integrate import sum_loads
+from rigid_sim_ros.engine.kept import contents, Kept
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.manifolds import current, grown, Manifolds, Memory
@@ -72,21 +73,29 @@ def make_timestep_work(model: Model, shapes: Shapes, memory: Memory) -> Timestep
 
 def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
             memory: Memory, settings: TimestepSettings, work: TimestepWork, rest: Rest,
-            count: int) -> tuple[Memory, TimestepWork]:
+            count: int, kept: Kept | None = None) -> tuple[Memory, TimestepWork]:
     """
     Advance the state by `count` steps; return the memory and the buffers, which may have grown.
 
-    The state, the wrenches' remaining steps, the memory and who sleeps change in place.
+    The state, the wrenches' remaining steps, the memory and who sleeps change in place. A world
+    that is stepped often keeps its arguments in `kept` from call to call.
     """
-    done = 0
+    done, kept = 0, kept or Kept()
     while True:
-        done += advance_steps(model, state, wrenches, shapes, materials, memory, settings, work,
-                              rest, count - done)
+        box = kept.box(model, state, shapes, materials, memory, settings, work, rest)
+        done += _advance_kept(box, wrenches, count - done)
         if done == count:
             return memory, work
         memory = grown(memory)
         if memory.pages[0].shape_a.shape[0] > work.collision.rows.shape[0]:
             work = make_timestep_work(model, shapes, memory)
+
+
+@kernel
+def _advance_kept(box: Any, wrenches: Wrenches, count: int) -> int:
+    model, state, shapes, materials, memory, settings, work, rest = contents(box)
+    return advance_steps(model, state, wrenches, shapes, materials, memory, settings, work, rest,
+                         count)
 
 
 @kernel

@@ -1,0 +1,66 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Arguments that are kept from call to call are the same as arguments that are given anew."""
+
+import numpy as np
+
+from rigid_sim_ros.engine import kept as engine_kept
+from rigid_sim_ros.engine.integrate import make_work
+from rigid_sim_ros.engine.kept import contents, Kept
+from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.timestep import TimestepSettings
+
+SETTINGS = TimestepSettings(bounce_speed=2.5, sleep_steps=10)
+
+
+def work(n):
+    """Return NamedTuples in a NamedTuple: the work of n bodies, with forces 0, 1, 2, ... [N]."""
+    made = make_work(n)
+    made.loads.F[...] = np.arange(3.0 * n).reshape(3, n)
+    return made
+
+
+def add_up(box, weight):
+    scratch, settings, (flags, total) = contents(box)
+    total[0] = settings.bounce_speed * settings.sleep_steps
+    for i in range(scratch.loads.F.shape[1]):
+        total[0] += weight * scratch.loads.F[1, i] * flags[i]
+    return total[0]
+
+
+add_up.__module__ = engine_kept.__name__    # whose place in the cache it gets
+add_up = kernel(add_up)
+
+
+def pair(n):
+    return np.ones(n, dtype=np.int64), np.zeros(1)
+
+
+def test_a_kernel_finds_numbers_arrays_and_tuples_in_a_box():
+    arrays = pair(3)
+    assert add_up(Kept().box(work(3), SETTINGS, arrays), 2.0) == 25 + 2.0 * (3 + 4 + 5)
+    assert arrays[1][0] == 49
+
+
+def test_what_python_writes_to_an_array_the_next_call_sees():
+    scratch, arrays, kept = work(3), pair(3), Kept()
+    add_up(kept.box(scratch, SETTINGS, arrays), 2.0)
+    scratch.loads.F[1] = 1.0
+    arrays[0][0] = 0
+    assert add_up(kept.box(scratch, SETTINGS, arrays), 2.0) == 25 + 2.0 * 2
+
+
+def test_the_same_objects_are_taken_apart_once_and_others_anew():
+    first, second, arrays, kept = work(3), work(4), pair(4), Kept()
+    box = kept.box(first, SETTINGS, arrays)
+    assert kept.box(first, SETTINGS, arrays) is box
+    assert add_up(kept.box(second, SETTINGS, arrays), 1.0) == 25 + (4 + 5 + 6 + 7)
+    assert add_up(kept.box(first, SETTINGS, arrays), 1.0) == 25 + (3 + 4 + 5)
+    faster = SETTINGS._replace(bounce_speed=3.0)
+    assert add_up(kept.box(first, faster, arrays), 1.0) == 30 + (3 + 4 + 5)
+
+
+def test_boxes_of_other_types_are_told_apart():
+    flags, total = pair(3)
+    assert add_up(Kept().box(work(3), SETTINGS, (flags.astype(np.int32), total)), 1.0) == 37
+    assert add_up(Kept().box(work(3), SETTINGS, (flags, total)), 1.0) == 37
