@@ -45,7 +45,7 @@ class SceneMarkers:
         markers: list[Marker] = []
         bodies, positions, orientations = [], [], []
         for index, body in enumerate(scene.spec.bodies):
-            color = body_color(index, body)
+            color = body_color(scene.spec, index)
             solids = [
                 (part.pose, solid)
                 for _, part in body.parts() for solid in _SOLIDS[part.type](part)]

@@ -40,7 +40,8 @@ class Bodies:
     def __init__(self, scene: Scene) -> None:
         bodies = scene.spec.bodies
         corners = _COARSE if len(bodies) > _MANY else _FINE
-        pieces = [(index, _colored(_MAKERS[part.type](part, corners), part, index, body))
+        pieces = [(index, _colored(_MAKERS[part.type](part, corners), part,
+                                   body_color(scene.spec, index)))
                   for index, body in enumerate(bodies)
                   for _, part in body.parts() if part.type in _MAKERS]
         self.mesh = pyvista.PolyData()
@@ -84,10 +85,11 @@ def extents(scene: Scene) -> Array:
     return found
 
 
-def _colored(piece: Any, part: schema.Shape, index: int, body: schema.Body) -> Any:
+def _colored(piece: Any, part: schema.Shape,
+             rgba: tuple[float, float, float, float]) -> Any:
     """Return a solid at its place in the body and in the colour of that."""
     _place(piece, part.pose)
-    red, green, blue, alpha = body_color(index, body)
+    red, green, blue, alpha = rgba
     tint = np.asarray(piece.cell_data['shade'])[:, None]
     color = np.hstack([tint * (red, green, blue), np.full_like(tint, alpha)])
     piece.cell_data['color'] = np.rint(255 * color).astype(np.uint8)
@@ -169,4 +171,4 @@ def planes(scene: Scene) -> Iterable[Plane]:
                 yield Plane(
                     index, np.array(body.pose.position), np.array(body.pose.orientation), n_B,
                     float(part.offset + n_B @ np.array(part.pose.position)),
-                    body_color(index, body)[:3])
+                    body_color(scene.spec, index)[:3])

@@ -12,9 +12,16 @@ PALETTE = (
 FIXED = (0.6, 0.6, 0.6)
 
 
-def body_color(index: int, body: schema.Body) -> tuple[float, float, float, float]:
-    """Return red, green, blue and alpha, each 0 to 1, of the body at this place in the scene."""
-    if body.color is not None:
-        red, green, blue, *alpha = body.color
+def body_color(scene: schema.Scene, index: int) -> tuple[float, float, float, float]:
+    """
+    Return red, green, blue and alpha, each 0 to 1, of the body at this place in the scene.
+
+    Its own colour, or that of its material, or one that tells it from its neighbours.
+    """
+    body = scene.bodies[index]
+    material = scene.materials.get(body.material)
+    color = body.color or (material.color if material else None)
+    if color is not None:
+        red, green, blue, *alpha = color
         return red, green, blue, alpha[0] if alpha else 1.0
     return *(FIXED if body.fixed else PALETTE[index % len(PALETTE)]), 1.0

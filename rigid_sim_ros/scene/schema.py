@@ -83,7 +83,9 @@ class Surface(Spec):
 
 
 class Material(Surface):
-    """A surface; two of them combine when they touch."""
+    """A surface; two of them combine when they touch. Its colour is that of its bodies."""
+
+    color: Annotated[tuple[float, ...], Color()] | None = None
 
 
 class MaterialPair(Surface):

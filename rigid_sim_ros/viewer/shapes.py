@@ -75,7 +75,7 @@ class Shapes:
         rings, sides = _roundness(self.solids)
         for form in sorted({solid.form for solid in self.solids} - set(self.surfaces)):
             self.surfaces[form] = _shaded(_UNITS[form](rings, sides))
-        self.colors = [body_color(k, body) for k, body in enumerate(scene.spec.bodies)]
+        self.colors = [body_color(scene.spec, k) for k in range(len(scene.spec.bodies))]
 
     def _mesh(self, index: int, part: Any) -> Solid:
         key = part.vertices, part.faces

@@ -11,6 +11,8 @@ if find_spec('pyvista') is None:
     raise SkipTest("pyvista is not installed: pip install '.[render]'")
 
 from rigid_sim_ros.render.solids import Bodies, extents, planes
+from rigid_sim_ros.scene import scene_from_dict
+from rigid_sim_ros.scene.appearance import body_color, PALETTE
 from rigid_sim_ros.world import World
 
 DIRECTIONS = np.random.default_rng(2).normal(size=(200, 3))
@@ -71,6 +73,19 @@ def test_a_body_is_drawn_at_its_pose_and_a_part_at_its_own():
 def test_a_body_has_its_colour():
     mesh = drawn(world_of({'type': 'box', 'size': [1, 1, 1]}, color=[0.2, 0.4, 0.6]))
     assert (mesh.cell_data['color'][:, :3] == [51, 102, 153]).all()
+
+
+def test_a_body_without_a_colour_has_that_of_its_material():
+    spec = scene_from_dict({
+        'format': 1, 'materials': {'rubber': {'color': [0.1, 0.2, 0.3]}, 'steel': {}},
+        'bodies': [{'name': f'b{k}', 'shape': {'type': 'sphere', 'radius': 1}, 'mass': 1, **more}
+                   for k, more in enumerate(({'material': 'rubber'}, {'material': 'steel'}, {},
+                                             {'material': 'rubber', 'color': [1, 0, 0, 0.5]}))],
+    }).spec
+    assert body_color(spec, 0) == (0.1, 0.2, 0.3, 1.0)
+    assert body_color(spec, 1) == (*PALETTE[1], 1.0)
+    assert body_color(spec, 2) == (*PALETTE[2], 1.0)
+    assert body_color(spec, 3) == (1, 0, 0, 0.5)
 
 
 def test_extents_reach_the_farthest_corner_from_the_frame():
