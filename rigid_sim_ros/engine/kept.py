@@ -15,6 +15,7 @@ from typing import Any
 from llvmlite import ir
 import numba
 from numba import types
+from numba._dispatcher import compute_fingerprint
 from numba.core.registry import cpu_target
 from numba.extending import (
     intrinsic, models, NativeValue, register_model, typeof_impl, unbox)
@@ -38,18 +39,29 @@ class _BoxType(types.Type):
         # It becomes part of the names of functions; that of the tuple fills pages.
         digest = blake2b(str(content).encode(), digest_size=16).hexdigest()
         super().__init__(name=f'Box{digest}')
+        packer = cpu_target.target_context.get_arg_packer((content,))
+        self.slots = len(packer.argument_types)
+
+
+_types: dict[bytes, _BoxType] = {}
+
+
+def _type(values: tuple[Any, ...]) -> _BoxType:
+    """Return the type of a box; to find that of 120 arrays takes Numba a millisecond."""
+    mark = compute_fingerprint(values)
+    if mark not in _types:
+        _types[mark] = _BoxType(_typeof(values))
+    return _types[mark]
 
 
 class _Box:
     """A tuple of arguments, and their parts in memory."""
 
     def __init__(self, *values: Any) -> None:
-        content = _typeof(values)
-        parts = cpu_target.target_context.get_arg_packer((content,)).argument_types
+        self.type = _type(values)
         self.values = values    # or the arrays might go away
-        self.slots: IntArray = np.zeros(len(parts), dtype=np.int64)
+        self.slots: IntArray = np.zeros(self.type.slots, dtype=np.int64)
         self.address = self.slots.ctypes.data
-        self.type = _BoxType(content)
         _fill(self.slots, values)
 
 
