@@ -7,6 +7,7 @@ import subprocess
 import sys
 from types import SimpleNamespace
 
+from first_start import besides_compiling
 import pytest
 
 from rigid_sim_ros import cli
@@ -34,7 +35,7 @@ def run(capsys) -> Run:
         with pytest.raises(SystemExit) as leaving:
             cli.main(args)
         out, err = capsys.readouterr()
-        return SimpleNamespace(code=leaving.value.code, out=out, err=err)
+        return SimpleNamespace(code=leaving.value.code, out=out, err=besides_compiling(err))
     return call
 
 

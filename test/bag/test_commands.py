@@ -9,6 +9,7 @@ import sys
 from types import SimpleNamespace
 
 from bag.sessions import rewrite, shared_session
+from first_start import besides_compiling
 import pytest
 
 from rigid_sim_ros import cli
@@ -24,7 +25,7 @@ def run(capsys, monkeypatch, tmp_path):
         with pytest.raises(SystemExit) as leaving:
             cli.main([str(arg) for arg in args])
         out, err = capsys.readouterr()
-        return SimpleNamespace(code=leaving.value.code, out=out, err=err)
+        return SimpleNamespace(code=leaving.value.code, out=out, err=besides_compiling(err))
     return call
 
 
