@@ -78,7 +78,8 @@ def start(words: list[str], folder: Path) -> Start:
     """Run Python with a cache below `folder`."""
     environment = {key: value for key, value in os.environ.items()
                    if key not in ('PYTHONDONTWRITEBYTECODE', 'NUMBA_CACHE_DIR')}
-    environment |= {'XDG_CACHE_HOME': str(folder), 'PYTHONPYCACHEPREFIX': str(folder / 'python')}
+    environment |= {'XDG_CACHE_HOME': str(folder / 'cache'),
+                    'PYTHONPYCACHEPREFIX': str(folder / 'python')}
     before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
     done = subprocess.run([sys.executable, *words], env=environment, cwd=folder, check=True,
                           capture_output=True, text=True)
