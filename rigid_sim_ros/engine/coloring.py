@@ -81,15 +81,15 @@ def points_in(kind: int) -> int:
 
 
 @inlined
-def is_small(kind: int) -> bool:
-    """Return whether manifolds of a class have one point and do not resist rolling."""
-    return kind == 0 or kind == QUIET
-
-
-@inlined
 def resists(kind: int) -> bool:
     """Return whether manifolds of a class resist rolling."""
     return 3 <= kind < QUIET
+
+
+@inlined
+def is_small(kind: int) -> bool:
+    """Return whether manifolds of a class have one point and do not resist rolling."""
+    return points_in(kind) == 1 and not resists(kind)
 
 
 @pasted

@@ -59,11 +59,6 @@ def part(function: Function) -> Function:
     return _for_kernels(_compiled(function, _nrt=False, forceinline=True))
 
 
-def allocating(function: Function) -> Function:
-    """Compile like `kernel` a function that makes arrays: for where memory is not the time."""
-    return _for_kernels(_compiled(function))
-
-
 def inlined(function: Function) -> Function:
     """
     Compile like `part` a small function that a loop over bodies calls.

@@ -132,7 +132,7 @@ def empty_pages(capacity: int) -> tuple[Manifolds, Manifolds]:
 def _empty_page(capacity: int) -> Manifolds:
     c = capacity
     # Were the four points of a manifold a power of two apart, all would want the same few lines
-    # of the cache: that costs a quarter of the time of a pyramid's detection.
+    # of the cache.
     of_points = (POINTS, c + 13)
 
     def integers(*shape: int) -> IntArray:
