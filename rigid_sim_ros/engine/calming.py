@@ -15,7 +15,8 @@ import numpy as np
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.coloring import Blocks, most_blocks, numbers_of
 from rigid_sim_ros.engine.contact_blocks import RESIDUAL
-from rigid_sim_ros.engine.contact_sweep import is_settled, Sweep, visit_block
+from rigid_sim_ros.engine.contact_rules import Sweep
+from rigid_sim_ros.engine.contact_sweep import is_settled, visit_block
 from rigid_sim_ros.engine.kernel import INDEX, kernel
 from rigid_sim_ros.engine.lanes import LANES
 from rigid_sim_ros.engine.solver_bodies import STRIDE

@@ -14,13 +14,15 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray
-from rigid_sim_ros.engine.contact_blocks import BLOCK_SIZE, SMALL_SIZE
+from rigid_sim_ros.engine.contact_blocks import (
+    BALLS_BEGIN, BALLS_SIZE, BLOCK_SIZE, SMALL_SIZE)
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, pasted
 from rigid_sim_ros.engine.lanes import LANES
 
 # Classes of manifolds. 0, 1, 2: up to one, two, four points; 3, 4, 5: the same, and they resist
-# rolling; QUIET: one point and no impulse in the last step.
-CLASSES, QUIET = 7, 6
+# rolling; QUIET: one point and no impulse in the last step; BALLS, QUIET_BALLS: the same for balls
+# that do not resist rolling.
+CLASSES, QUIET, BALLS, QUIET_BALLS = 9, 6, 7, 8
 # A colour is a bit of a mask; the last one means "none left", and each of its manifolds has a
 # block of its own.
 COLORS = 62
@@ -41,7 +43,7 @@ class Blocks(NamedTuple):
     """The blocks of a step: b of them, room for the most_blocks() of c manifolds."""
 
     kind: IntArray  # (b,) class
-    start: IntArray  # (b,) where it begins in `numbers`
+    start: IntArray  # (b,) where its row 0 is in `numbers`, or would be
     numbers: Array  # flat, the rows of contact_blocks.py
     row: IntArray  # (8 b,) manifold of a lane, -1 for none
     at_A: IntArray  # (8 b,) where body A of a lane stands in SolverBodies.motion
@@ -65,8 +67,8 @@ def make_blocks(capacity: int) -> Blocks:
     def integers(count: int) -> IntArray:
         return np.zeros(count, dtype=np.int64)
 
-    return Blocks(integers(b), integers(b), aligned_zeros(b * BLOCK_SIZE), integers(b * LANES),
-                  integers(b * LANES), integers(b * LANES))
+    return Blocks(integers(b), integers(b), aligned_zeros((b + 1) * BLOCK_SIZE),
+                  integers(b * LANES), integers(b * LANES), integers(b * LANES))
 
 
 def most_blocks(capacity: int) -> int:
@@ -77,7 +79,7 @@ def most_blocks(capacity: int) -> int:
 @inlined
 def points_in(kind: int) -> int:
     """Return 1, 2 or 3 for a class with up to one, two or four points."""
-    return kind % 3 + 1
+    return 1 if kind >= QUIET else kind % 3 + 1
 
 
 @inlined
@@ -88,8 +90,14 @@ def resists(kind: int) -> bool:
 
 @inlined
 def is_small(kind: int) -> bool:
-    """Return whether manifolds of a class have one point and do not resist rolling."""
-    return points_in(kind) == 1 and not resists(kind)
+    """Return whether manifolds of a class have one point, do not resist rolling, are no balls."""
+    return kind == 0 or kind == QUIET
+
+
+@inlined
+def are_balls(kind: int) -> bool:
+    """Return whether the blocks of a class are those of contact_balls.py."""
+    return kind >= BALLS
 
 
 @pasted
@@ -146,16 +154,19 @@ def _lowest_free(mask: int) -> int:
 
 @kernel
 def _place(count: int, work: Coloring, block_kind: IntArray, block_start: IntArray) -> int:
-    blocks, end = 0, 0
+    # Balls have no rows before BALLS_BEGIN: where these would be, the block before ends.
+    blocks, end = 0, BALLS_BEGIN * LANES
     for kind in range(CLASSES):
-        size = SMALL_SIZE if is_small(kind) else BLOCK_SIZE
+        size, skipped = SMALL_SIZE if is_small(kind) else BLOCK_SIZE, 0
+        if are_balls(kind):
+            size, skipped = BALLS_SIZE, BALLS_BEGIN * LANES
         for color in range(COLORS + 1):
             at = color * CLASSES + kind
             wanted = work.fill[at]
             work.fill[at] = blocks * LANES
             more = wanted if color == _NONE_LEFT else (wanted + LANES - 1) // LANES
             for block in range(blocks, blocks + more):
-                block_kind[block], block_start[block] = kind, end
+                block_kind[block], block_start[block] = kind, end - skipped
                 end += size
             blocks += more
     for row in range(count):

@@ -4,13 +4,15 @@
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.coloring import (
-    Blocks, Coloring, is_small, lanes_of, numbers_of, points_in, QUIET)
+    are_balls, BALLS, Blocks, Coloring, is_small, lanes_of, numbers_of, points_in, QUIET,
+    QUIET_BALLS)
+from rigid_sim_ros.engine.contact_balls import prepare_balls, warm_balls
 from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, ARM_A, ARM_B, axes, combine, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, J_A,
-    J_B, load_three, MOVED, MU, NORMAL, normal_sum, PAIR, POINT, POINT_ROWS, prepare_block, pushed,
-    RESIDUAL, ROLL_LEVER, S, SHOVE, smallest_gap, SPIN_LEVER, store_three, T, Three, TORSION,
-    TOTAL, TOTAL_T)
-from rigid_sim_ros.engine.contact_sweep import SKIN
+    J_B, LEVER_A, LEVER_B, load_three, MOVED, MU, NORMAL, normal_sum, PAIR, POINT, POINT_ROWS,
+    prepare_block, pushed, RESIDUAL, ROLL_LEVER, S, SHOVE, smallest_gap, SPIN_LEVER, store_three,
+    T, Three, TORSION, TOTAL, TOTAL_T, TURN_A, TURN_B)
+from rigid_sim_ros.engine.contact_rules import SKIN
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.lanes import (
     any_of, both, count_of, Eight, gather, gather_integers, gather_rows_1, gather_rows_3,
@@ -30,9 +32,14 @@ _SPIN = 6
 
 
 @kernel
-def describe(x: Array, material: IntArray, materials: Materials, manifolds: Manifolds,
-             kinds: IntArray, about: Array) -> None:
-    """Write the class of each manifold, and ABOUT numbers that belong to its shapes and bodies."""
+def describe(x: Array, material: IntArray, materials: Materials, round_shapes: IntArray,
+             shifted: bool, manifolds: Manifolds, kinds: IntArray, about: Array) -> None:
+    """
+    Write the class of each manifold, and ABOUT numbers that belong to its shapes and bodies.
+
+    What collisions `shifted` since its normal was found is no pair of balls: its point is not on
+    the line of the centres.
+    """
     for r in range(manifolds.count[0]):
         first = material[manifolds.shape_a[r] & INDEX] & INDEX
         second = material[manifolds.shape_b[r] & INDEX] & INDEX
@@ -45,11 +52,15 @@ def describe(x: Array, material: IntArray, materials: Materials, manifolds: Mani
         for k in range(3):
             about[at + _X + k] = x[k, i] - x[k, j]
         about[at + _SPIN] = manifolds.spin[r]
-        kinds[r] = min(points - 1, 2)
+        a, b = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
+        balls = points == 1 and not shifted and round_shapes[a] + round_shapes[b] == 2
+        quiet = points == 1 and manifolds.impulse[0, r] == 0.0
         if rolling > 0.0:
-            kinds[r] += 3
-        elif points == 1 and manifolds.impulse[0, r] == 0.0:
-            kinds[r] = QUIET
+            kinds[r] = min(points - 1, 2) + 3
+        elif balls:
+            kinds[r] = QUIET_BALLS if quiet else BALLS
+        else:
+            kinds[r] = QUIET if quiet else min(points - 1, 2)
 
 
 @kernel
@@ -81,8 +92,9 @@ def fill_blocks(count: int, manifolds: Manifolds, about: Array, shifts: Array, s
         lanes = lanes_of(block)
         b, rows = numbers_of(blocks, block), blocks.row[lanes]
         points, small = points_in(blocks.kind[block]), is_small(blocks.kind[block])
-        _copy_bodies(b, bodies.mass, blocks.at_A[lanes], blocks.at_B[lanes])
-        _copy_manifolds(b, rows, points, small, manifolds, about, share)
+        balls = are_balls(blocks.kind[block])
+        _copy_bodies(b, balls, bodies.mass, blocks.at_A[lanes], blocks.at_B[lanes])
+        _copy_manifolds(b, rows, points, small, balls, manifolds, about, share)
         least = smallest_gap(b, points)
         touches = least < SKIN
         fresh[block] = count_of(both(touches, normal_sum(b, points) == 0.0))
@@ -92,19 +104,27 @@ def fill_blocks(count: int, manifolds: Manifolds, about: Array, shifts: Array, s
             for i in range(LANES):
                 if rows[i] >= 0:
                     _shift_lane(manifolds, rows[i], shifts, b, i)
-        prepare_block(b, points, small)
-        _warm_start(b, points, bodies.warm, blocks.at_A[lanes], blocks.at_B[lanes])
+        if balls:
+            prepare_balls(b)
+            warm_balls(b, bodies.warm, blocks.at_A[lanes], blocks.at_B[lanes])
+        else:
+            prepare_block(b, points, small)
+            _warm_start(b, points, bodies.warm, blocks.at_A[lanes], blocks.at_B[lanes])
     fresh[-1] = 1 if 2 * new > touching else 0
     return deepest
 
 
 @part
-def _copy_bodies(b: Array, mass: Array, at_A: IntArray, at_B: IntArray) -> None:
+def _copy_bodies(b: Array, balls: bool, mass: Array, at_A: IntArray, at_B: IntArray) -> None:
     A, B = gather(mass, at_A), gather(mass, at_B)
-    store_three(b, J_A, (A[0], A[1], A[2]))
-    store_three(b, J_A + 3, (A[3], A[4], A[5]))
-    store_three(b, J_B, (B[0], B[1], B[2]))
-    store_three(b, J_B + 3, (B[3], B[4], B[5]))
+    if balls:
+        store(b, TURN_A, A[0])
+        store(b, TURN_B, B[0])
+    else:
+        store_three(b, J_A, (A[0], A[1], A[2]))
+        store_three(b, J_A + 3, (A[3], A[4], A[5]))
+        store_three(b, J_B, (B[0], B[1], B[2]))
+        store_three(b, J_B + 3, (B[3], B[4], B[5]))
     store(b, INV_M_A, A[6])
     store(b, INV_M_B, B[6])
     store(b, PAIR, select(both(A[6] > 0.0, B[6] > 0.0), 1.0, 0.0))
@@ -112,8 +132,8 @@ def _copy_bodies(b: Array, mass: Array, at_A: IntArray, at_B: IntArray) -> None:
 
 
 @part
-def _copy_manifolds(b: Array, rows: IntArray, points: int, small: bool, manifolds: Manifolds,
-                    about: Array, share: float) -> None:
+def _copy_manifolds(b: Array, rows: IntArray, points: int, small: bool, balls: bool,
+                    manifolds: Manifolds, about: Array, share: float) -> None:
     n, friction = gather_rows_3(manifolds.normal, rows, 3, 0), gather_rows_3(
         manifolds.friction, rows, 3, 0)
     numbers = gather_rows_8(about, rows, ABOUT, 0)
@@ -123,9 +143,16 @@ def _copy_manifolds(b: Array, rows: IntArray, points: int, small: bool, manifold
     store(b, FRICTION + 2, share * numbers[_SPIN])
     store(b, MU, numbers[0])
     store(b, SPIN_LEVER, numbers[1])
+    between = (numbers[_X], numbers[_X + 1], numbers[_X + 2])
+    if balls:
+        _copy_point(b, 0, n, rows, manifolds, present, share)
+        lever = dot(load_three(b, POINT), n)
+        store(b, LEVER_A, lever)
+        store(b, LEVER_B, lever + dot(between, n))
+        return
     if not small:
         store(b, ROLL_LEVER, numbers[2])
-    store_three(b, ARM_B, (numbers[_X], numbers[_X + 1], numbers[_X + 2]))
+    store_three(b, ARM_B, between)
     for p in range(POINTS if points > 1 else 1):
         _copy_point(b, p, n, rows, manifolds, present, share)
 

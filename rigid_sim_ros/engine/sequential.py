@@ -22,12 +22,13 @@ import numpy as np
 from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray
 from rigid_sim_ros.engine.calming import calm, Calming, make_calming
 from rigid_sim_ros.engine.coloring import (
-    Blocks, color_manifolds, Coloring, is_small, lanes_of, make_blocks, make_coloring, most_blocks,
+    Blocks, color_manifolds, Coloring, make_blocks, make_coloring, most_blocks,
     numbers_of, points_in)
 from rigid_sim_ros.engine.contact_filling import (
     ABOUT, describe, fill_blocks, keep_impulses, place_lanes)
+from rigid_sim_ros.engine.contact_rules import Sweep
 from rigid_sim_ros.engine.contact_sweep import (
-    count_impulses, is_settled, overlaps, separate, Sweep, visit_block)
+    count_impulses, is_settled, overlaps, separate, visit_block)
 from rigid_sim_ros.engine.free_flight import fly
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import kick, Loads
@@ -81,19 +82,21 @@ def make_work(n: int, capacity: int) -> SequentialWork:
 
 @kernel
 def solve_contacts(model: Model, state: State, loads: Loads, shapes: Shapes, materials: Materials,
-                   manifolds: Manifolds, waits: IntArray, shifts: Array, shifted: bool,
-                   settings: SequentialSettings, work: SequentialWork, flight: Array) -> None:
+                   round_shapes: IntArray, manifolds: Manifolds, waits: IntArray, shifts: Array,
+                   shifted: bool, settings: SequentialSettings, work: SequentialWork,
+                   flight: Array) -> None:
     """
     Advance all bodies by one step, those with a slot in `work.bodies` with contacts.
 
     Impulses of the manifolds are those to begin with, and afterwards those of this step. A
-    manifold with waits (c,) of 1 takes no part. `shifts` are what collisions moved, if `shifted`;
-    `flight` is scratch for `fly`.
+    manifold with waits (c,) of 1 takes no part. round_shapes (s,) are 1 for what may be in a block
+    of balls. `shifts` are what collisions moved, if `shifted`; `flight` is scratch for `fly`.
     """
     bodies, blocks, substeps = work.bodies, work.blocks, settings.substeps
     motion, used, h = bodies.motion, bodies.used[0], model.h / substeps
     load_bodies(model.inv_m, model.inv_I_C, state, loads, bodies)
-    describe(state.x, shapes.material, materials, manifolds, work.kinds, work.about)
+    describe(state.x, shapes.material, materials, round_shapes, shifted, manifolds, work.kinds,
+             work.about)
     count = color_manifolds(manifolds.count[0], manifolds.body_a, manifolds.body_b, work.kinds,
                             bodies.slot, used, waits, work.coloring, blocks.kind, blocks.start)
     place_lanes(manifolds.count[0], count, manifolds, bodies.slot, work.coloring, blocks)
@@ -168,10 +171,9 @@ def sweep_back(count: int, blocks: Blocks, motion: Array, push: Array, inv_h: fl
     """
     for k in range(count):
         block = count - 1 - k
-        b, lanes = numbers_of(blocks, block), lanes_of(block)
-        points, small = points_in(blocks.kind[block]), is_small(blocks.kind[block])
+        b, points = numbers_of(blocks, block), points_in(blocks.kind[block])
         if not is_settled(b, SETTLED):
             visit_block(blocks, block, motion, motion, Sweep(inv_h, 0.0))
         count_impulses(b, points)
         if overlaps(b, points):
-            separate(b, push, blocks.at_A[lanes], blocks.at_B[lanes], points, small, rate, speed)
+            separate(blocks, block, push, rate, speed)

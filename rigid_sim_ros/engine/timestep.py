@@ -23,7 +23,7 @@ from rigid_sim_ros.engine.manifolds import current, grown, Manifolds, Memory
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.sequential import make_work as make_sequential_work
 from rigid_sim_ros.engine.sequential import SequentialSettings, SequentialWork, solve_contacts
-from rigid_sim_ros.engine.shapes import Materials, PLANE, Shapes
+from rigid_sim_ros.engine.shapes import Materials, PLANE, Shapes, SPHERE
 from rigid_sim_ros.engine.sleeping import (
     fall_asleep, keep_pressing, Rest, wake_disturbed, wake_touched)
 from rigid_sim_ros.engine.solver_bodies import SolverBodies
@@ -55,6 +55,7 @@ class TimestepWork(NamedTuple):
     later: Loads
     block: Array
     radius: Array  # (n,) [m] how far the shapes of a body reach from its centre of mass
+    round_shapes: IntArray  # (s,) 1: a ball about its centre of mass, or a body that never moves
     collision: CollisionWork
     solver: SequentialWork
 
@@ -68,7 +69,15 @@ def make_timestep_work(model: Model, shapes: Shapes, memory: Memory) -> Timestep
             reach = float(np.linalg.norm(shapes.p_CS[s])) + shapes.bound[s]
             radius[shapes.body[s]] = max(radius[shapes.body[s]], reach)
     return TimestepWork(empty_loads(n), empty_loads(n), np.zeros(FLIGHT_SIZE), radius,
+                        _round_shapes(model, shapes),
                         make_collision_work(n, capacity), make_sequential_work(n, capacity))
+
+
+def _round_shapes(model: Model, shapes: Shapes) -> IntArray:
+    i = shapes.body
+    alike = (model.inv_I_C[:, i] == model.inv_I_C[0, i]).all(axis=0)
+    balls = (shapes.kind == SPHERE) & (shapes.p_CS == 0.0).all(axis=1) & alike
+    return np.where(balls | (model.inv_m[i] == 0.0), 1, 0)
 
 
 def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
@@ -128,7 +137,7 @@ def advance_steps(model: Model, state: State, wrenches: Wrenches, shapes: Shapes
             settings.bounce_speed, work.solver.normal_impulse, work.solver.friction_impulse,
             work.collision)
         give_slots(model.inv_m, manifolds, work.collision.waits, rest.asleep, work.solver.bodies)
-        solve_contacts(model, state, work.loads, shapes, materials, manifolds,
+        solve_contacts(model, state, work.loads, shapes, materials, work.round_shapes, manifolds,
                        work.collision.waits, work.collision.body, collisions > 0,
                        settings.sequential, work.solver, work.block)
         if loaded:
