@@ -4,9 +4,10 @@
 Which manifolds are solved side by side.
 
 Manifolds get colours, greedily and in their order, so that no moving body has one colour twice;
-eight of a colour fill a block. Manifolds with one, two and more points are coloured apart from
-each other, and so are those that resist rolling or are near but did not touch: a block then holds
-nothing that only some of its lanes need.
+eight of a colour fill a block. Where there are many, each piece of them is coloured by itself.
+Manifolds with one, two and more points are coloured apart from each other, and so are those of
+balls, and those that resist rolling or are near but did not touch: a block then holds nothing that
+only some of its lanes need.
 """
 
 from typing import NamedTuple
@@ -16,7 +17,7 @@ import numpy as np
 from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray
 from rigid_sim_ros.engine.contact_blocks import (
     BALLS_BEGIN, BALLS_SIZE, BLOCK_SIZE, SMALL_SIZE)
-from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, pasted
+from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part, pasted
 from rigid_sim_ros.engine.lanes import LANES
 
 # Classes of manifolds. 0, 1, 2: up to one, two, four points; 3, 4, 5: the same, and they resist
@@ -27,6 +28,9 @@ CLASSES, QUIET, BALLS, QUIET_BALLS = 9, 6, 7, 8
 # block of its own.
 COLORS = 62
 _NONE_LEFT = COLORS
+# Manifolds in a piece. What one colour leaves in the cache, the next one needs again; the blocks
+# of a piece that is too small are not full.
+PIECE = 2048
 
 
 class Coloring(NamedTuple):
@@ -116,18 +120,33 @@ def lanes_of(block: int) -> slice:
 
 @kernel
 def color_manifolds(count: int, body_a: IntArray, body_b: IntArray, kinds: IntArray,
-                    slot: IntArray, used: int, waits: IntArray, work: Coloring,
+                    slot: IntArray, waits: IntArray, work: Coloring,
                     block_kind: IntArray, block_start: IntArray) -> int:
     """
     Give every manifold with a body that takes part its lane; return the number of blocks.
 
-    kinds (c,) are the classes of the manifolds. slot is that of a body, 0 where it does not move,
-    `used` one more than the highest. waits (c,) is 1 for a manifold that is left out. block_kind
+    kinds (c,) are the classes of the manifolds. slot is that of a body, 0 where it does not move.
+    waits (c,) is 1 for a manifold that is left out. block_kind
     and block_start are written for `Blocks`.
     """
-    work.mask[:, :used] = 0
+    # Balls have no rows before BALLS_BEGIN: where these would be, the block before ends.
+    blocks, end = 0, BALLS_BEGIN * LANES
+    for first in range(0, count, PIECE):
+        last = min(first + PIECE, count)
+        _color_piece(first, last, body_a, body_b, kinds, slot, waits, work)
+        blocks, end = _place_piece(first, last, blocks, end, work, block_kind, block_start)
+    return blocks
+
+
+@part
+def _color_piece(first: int, last: int, body_a: IntArray, body_b: IntArray, kinds: IntArray,
+                 slot: IntArray, waits: IntArray, work: Coloring) -> None:
     work.fill[:] = 0
-    for r in range(count):
+    for r in range(first, last):
+        kind = kinds[r]
+        work.mask[kind, slot[body_a[r] & INDEX] & INDEX] = 0
+        work.mask[kind, slot[body_b[r] & INDEX] & INDEX] = 0
+    for r in range(first, last):
         work.color[r] = -1
         a, b, kind = slot[body_a[r] & INDEX] & INDEX, slot[body_b[r] & INDEX] & INDEX, kinds[r]
         if waits[r] == 1 or (a == 0 and b == 0):
@@ -141,7 +160,6 @@ def color_manifolds(count: int, body_a: IntArray, body_b: IntArray, kinds: IntAr
                 work.mask[kind, b] |= 1 << color
         work.color[r] = color * CLASSES + kind
         work.fill[color * CLASSES + kind] += 1
-    return _place(count, work, block_kind, block_start)
 
 
 @kernel
@@ -152,10 +170,10 @@ def _lowest_free(mask: int) -> int:
     return _NONE_LEFT
 
 
-@kernel
-def _place(count: int, work: Coloring, block_kind: IntArray, block_start: IntArray) -> int:
-    # Balls have no rows before BALLS_BEGIN: where these would be, the block before ends.
-    blocks, end = 0, BALLS_BEGIN * LANES
+@part
+def _place_piece(first: int, last: int, blocks: int, end: int, work: Coloring,
+                 block_kind: IntArray, block_start: IntArray) -> tuple[int, int]:
+    """Give the lanes of a piece; return the number of blocks so far, and where they end."""
     for kind in range(CLASSES):
         size, skipped = SMALL_SIZE if is_small(kind) else BLOCK_SIZE, 0
         if are_balls(kind):
@@ -169,9 +187,9 @@ def _place(count: int, work: Coloring, block_kind: IntArray, block_start: IntArr
                 block_kind[block], block_start[block] = kind, end - skipped
                 end += size
             blocks += more
-    for row in range(count):
+    for row in range(first, last):
         at = work.color[row]
         if at >= 0:
             work.lane[row] = work.fill[at]
             work.fill[at] += LANES if at // CLASSES == _NONE_LEFT else 1
-    return blocks
+    return blocks, end

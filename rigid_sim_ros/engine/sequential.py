@@ -98,7 +98,7 @@ def solve_contacts(model: Model, state: State, loads: Loads, shapes: Shapes, mat
     describe(state.x, shapes.material, materials, round_shapes, shifted, manifolds, work.kinds,
              work.about)
     count = color_manifolds(manifolds.count[0], manifolds.body_a, manifolds.body_b, work.kinds,
-                            bodies.slot, used, waits, work.coloring, blocks.kind, blocks.start)
+                            bodies.slot, waits, work.coloring, blocks.kind, blocks.start)
     place_lanes(manifolds.count[0], count, manifolds, bodies.slot, work.coloring, blocks)
     work.overlap[0] = fill_blocks(count, manifolds, work.about, shifts, shifted, 1.0 / substeps,
                                   bodies, blocks, work.fresh)

@@ -23,7 +23,7 @@ def colored(pairs, points=4, n=200):
     nothing = np.zeros(len(pairs), dtype=np.int64)
     kinds = np.full(len(pairs), min(points - 1, 2), dtype=np.int64)
     blocks = make_blocks(len(pairs))
-    count = color_manifolds(len(pairs), a, b, kinds, np.arange(n, dtype=np.int64), n, nothing,
+    count = color_manifolds(len(pairs), a, b, kinds, np.arange(n, dtype=np.int64), nothing,
                             work, blocks.kind, blocks.start)
     return work, count
 
@@ -107,7 +107,7 @@ def test_the_response_of_a_manifold_is_that_of_its_bodies():
     for slot in range(1, bodies.used[0]):
         for k in range(6):
             bodies.motion[slot * STRIDE + k] = rng.normal(0, 1e-2)
-    block = blocks.numbers[:BLOCK_SIZE]
+    block = blocks.numbers[blocks.start[0]:][:BLOCK_SIZE]
     rows, lanes = block.reshape(-1, LANES), np.nonzero(blocks.row[:LANES] >= 0)[0]
     twist = {lane: read_twist(rows, lane, blocks, bodies) for lane in lanes}
     wrench = {lane: read_wrench(rows, lane) for lane in lanes}
