@@ -210,24 +210,6 @@ def store(_: Any, b: Any, row: Any, lanes: Any) -> Any:
 
 
 @_intrinsic
-def fetch(_: Any, array: Any, first: Any, count: Any) -> Any:
-    """Ask for `count` lines of the cache, the first of which holds number `first` of an array."""
-
-    def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
-        data = _data(context, builder, signature.args[0], args[0])
-        pointer = ir.IntType(8).as_pointer()
-        kind = ir.FunctionType(ir.VoidType(), [pointer] + [ir.IntType(32)] * 3)
-        ask = builder.module.declare_intrinsic('llvm.prefetch', [pointer], kind)
-        with cgutils.for_range(builder, args[2]) as loop:
-            at = builder.add(args[1], builder.mul(loop.index, _INT(8)))
-            place = builder.bitcast(builder.gep(data, [at]), pointer)
-            builder.call(ask, [place, ir.IntType(32)(0), ir.IntType(32)(3), ir.IntType(32)(1)])
-        return context.get_dummy_value()
-
-    return types.void(array, types.int64, types.int64), generate
-
-
-@_intrinsic
 def gather(_: Any, records: Any, at: Any) -> Any:
     """Return the eight numbers of the records that begin at `at` (8,), each in eight lanes."""
 
