@@ -10,7 +10,7 @@ balls, and those that resist rolling or are near but did not touch: a block then
 only some of its lanes need.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -37,10 +37,12 @@ class Coloring(NamedTuple):
     """Room to colour c manifolds of n bodies."""
 
     mask: IntArray  # (CLASSES, n + 1) colours in use at the slot of a body
-    color: IntArray  # (c,) CLASSES * colour + class of a manifold, -1: it is not solved
+    kind: IntArray  # (c,) of 8 bits, classes of the manifolds
+    # (c,) of 16 bits, CLASSES * colour + class of a manifold, -1: it is not solved
+    color: IntArray
     # (CLASSES * (COLORS + 1),) manifolds of a class and colour, then their next lane
     fill: IntArray
-    lane: IntArray  # (c,) lane of a manifold, counted through all blocks
+    lane: IntArray  # (c,) of 32 bits, lane of a manifold, counted through all blocks
 
 
 class Blocks(NamedTuple):
@@ -49,7 +51,7 @@ class Blocks(NamedTuple):
     kind: IntArray  # (b,) class
     start: IntArray  # (b,) where its row 0 is in `numbers`, or would be
     numbers: Array  # flat, the rows of contact_blocks.py
-    row: IntArray  # (8 b,) manifold of a lane, -1 for none
+    row: IntArray  # (8 b,) of 32 bits, as the next two, manifold of a lane, -1 for none
     at_A: IntArray  # (8 b,) where body A of a lane stands in SolverBodies.motion
     at_B: IntArray
 
@@ -60,19 +62,21 @@ def make_coloring(n: int, capacity: int) -> Coloring:
     def integers(*shape: int) -> IntArray:
         return np.zeros(shape, dtype=np.int64)
 
-    return Coloring(integers(CLASSES, n + 1), integers(capacity), integers(CLASSES * (COLORS + 1)),
-                    integers(capacity))
+    kind: Any = np.zeros(capacity, dtype=np.int8)
+    color: Any = np.zeros(capacity, dtype=np.int16)
+    lane: Any = np.zeros(capacity, dtype=np.int32)
+    return Coloring(integers(CLASSES, n + 1), kind, color, integers(CLASSES * (COLORS + 1)), lane)
 
 
 def make_blocks(capacity: int) -> Blocks:
     """Return room for so many manifolds: address space, most of which is never written."""
     b = most_blocks(capacity)
 
-    def integers(count: int) -> IntArray:
-        return np.zeros(count, dtype=np.int64)
+    def lanes() -> Any:
+        return np.zeros(b * LANES, dtype=np.int32)
 
-    return Blocks(integers(b), integers(b), aligned_zeros((b + 1) * BLOCK_SIZE),
-                  integers(b * LANES), integers(b * LANES), integers(b * LANES))
+    return Blocks(np.zeros(b, dtype=np.int64), np.zeros(b, dtype=np.int64),
+                  aligned_zeros((b + 1) * BLOCK_SIZE), lanes(), lanes(), lanes())
 
 
 def most_blocks(capacity: int) -> int:

@@ -258,7 +258,9 @@ def _write(state: State, turn: Array, now: Manifolds, row: int, i: int, j: int, 
         B = (points[p, 0] + gap * n[0] - state.x[0, j], points[p, 1] + gap * n[1] - state.x[1, j],
              points[p, 2] + gap * n[2] - state.x[2, j])
         now.gap[p, row] = gap
-        now.feature[p, row] = ids[p]
+        # That of a ball is 0.
+        if now.feature[p, row] != ids[p]:
+            now.feature[p, row] = ids[p]
         for k in range(3):
             now.r_A[p, row, k] = A[k]
             now.r_B[p, row, k] = B[k]
@@ -282,4 +284,7 @@ def _carry_over(now: Manifolds, before: Manifolds, row: int, old: int, count: in
                     now.impulse[p, row] = before.impulse[r, old]
     for k in range(3):
         now.friction[row, k] = before.friction[old, k] if old >= 0 else 0.0
-    now.spin[row] = before.spin[old] if old >= 0 else 0.0
+    # Most have no resistance to spinning: theirs stays 0, in memory that nobody writes to.
+    spin = before.spin[old] if old >= 0 else 0.0
+    if now.spin[row] != spin:
+        now.spin[row] = spin

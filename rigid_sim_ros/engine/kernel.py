@@ -10,12 +10,15 @@ import numba
 from rigid_sim_ros.engine.kernel_cache import cache_folder
 from rigid_sim_ros.engine.kernel_linking import (
     called_as_part, SUPPORTED, WholeCompiler, without_literals)
+from rigid_sim_ros.engine.numba_without_scipy import spare_scipy
 
 Function = TypeVar('Function', bound=Callable[..., Any])
 
 # Numba counts an index below 0 from the end, and tests for it at each access. A positive number
 # stays what it is under this mask, and the tests go.
 INDEX = (1 << 40) - 1
+
+spare_scipy()
 
 
 def _compiled(function: Function, **options: Any) -> Any:

@@ -15,6 +15,7 @@ Where Numba lacks one of the names that this takes, kernels are compiled as Numb
 
 from typing import Any
 
+from llvmlite import binding, ir
 from numba.core import codegen, compiler, types
 from numba.core.typing.templates import make_concrete_template
 
@@ -27,7 +28,7 @@ SUPPORTED = (
     all(hasattr(_Library, name) for name in (
         '_ensure_finalized', '_finalize_dynamic_globals', '_get_module_for_linking',
         '_raise_if_finalized', 'add_linking_library', 'enable_object_caching', 'finalize',
-        'get_pointer_to_function'))
+        'get_pointer_to_function', 'serialize_using_object_code'))
     and all(name in _Flags.options for name in ('no_compile', 'no_cpython_wrapper')))
 
 
@@ -73,6 +74,32 @@ class _Whole(_Library):
                 self._reload_init.update(library._reload_init)
         self._linking_libraries = []
         super().finalize()
+
+    def serialize_using_object_code(self) -> Any:
+        """
+        Return what the cache keeps: machine code, and for LLVM no more than names.
+
+        Numba adds the module that the code was made of, for others to link. To read that again
+        took longer than to load the code, and nobody links what has parts.
+        """
+        name, kind, (code, _) = super().serialize_using_object_code()
+        return name, kind, (code, _names_in(self._get_module_for_linking()))
+
+
+def _names_in(module: Any) -> Any:
+    """Return the bitcode of a module that defines the same names, and nothing behind them."""
+    names: Any = ir.Module()
+    names.triple = module.triple
+    for function in module.functions:
+        if not function.is_declaration:
+            kind = ir.FunctionType(ir.VoidType(), ())
+            body = ir.Function(names, kind, function.name).append_basic_block()
+            ir.IRBuilder(body).unreachable()
+    for variable in module.global_variables:
+        if not variable.is_declaration:
+            place = ir.GlobalVariable(names, ir.IntType(8), variable.name)
+            place.initializer = ir.IntType(8)(0)
+    return binding.parse_assembly(str(names)).as_bitcode()
 
 
 def _below(libraries: Any) -> list[Any]:

@@ -245,7 +245,7 @@ def _rows_gatherer(numbers: int, load_row: Callable[..., ir.Value]) -> Any:
             data, at = (_data(context, builder, signature.args[k], args[k]) for k in (0, 1))
             loaded = []
             for lane in range(LANES):
-                row = builder.load(builder.gep(at, [_INT(lane)]))
+                row = _integer(builder, at, _INT(lane))
                 exists = builder.icmp_signed('>=', row, _INT(0))
                 row = builder.select(exists, row, _INT(0))
                 start = builder.add(builder.mul(row, args[2]), args[3])
@@ -302,7 +302,7 @@ def _rows_scatterer(numbers: int) -> Any:
             nowhere = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), numbers))
             nowhere = builder.gep(nowhere, [_INT(0), _INT(0)])
             for lane in range(LANES):
-                row = builder.load(builder.gep(at, [_INT(lane)]))
+                row = _integer(builder, at, _INT(lane))
                 start = builder.add(builder.mul(row, args[2]), args[3])
                 place = builder.select(builder.icmp_signed('>=', row, _INT(0)),
                                        builder.gep(data, [start]), nowhere)
@@ -329,9 +329,9 @@ def gather_integers(_: Any, array: Any, rows: Any) -> Any:
         data, at = (_data(context, builder, signature.args[k], args[k]) for k in (0, 1))
         value = ir.Constant(_VECTOR, None)
         for lane in range(LANES):
-            row = builder.load(builder.gep(at, [_INT(lane)]))
+            row = _integer(builder, at, _INT(lane))
             exists = builder.icmp_signed('>=', row, _INT(0))
-            found = builder.load(builder.gep(data, [builder.select(exists, row, _INT(0))]))
+            found = _integer(builder, data, builder.select(exists, row, _INT(0)))
             number = builder.sitofp(builder.select(exists, found, _INT(0)), ir.DoubleType())
             value = builder.insert_element(value, number, ir.IntType(32)(lane))
         return value
@@ -427,8 +427,14 @@ def _row(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.V
 def _records(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> list[ir.Value]:
     """Return where the record of each lane begins."""
     data, at = (_data(context, builder, signature.args[k], args[k]) for k in (0, 1))
-    starts = [builder.load(builder.gep(at, [_INT(lane)])) for lane in range(LANES)]
+    starts = [_integer(builder, at, _INT(lane)) for lane in range(LANES)]
     return [_vector_at(builder, data, start) for start in starts]
+
+
+def _integer(builder: ir.IRBuilder, data: ir.Value, index: ir.Value) -> ir.Value:
+    """Return an integer of an array of whatever width, 64 bits at most."""
+    number = builder.load(builder.gep(data, [index]))
+    return number if number.type == _INT else builder.sext(number, _INT)
 
 
 def _load(builder: ir.IRBuilder, place: ir.Value) -> ir.Value:

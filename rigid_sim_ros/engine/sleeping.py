@@ -201,6 +201,6 @@ def keep_pressing(manifolds: Manifolds, slot: IntArray, rest: Rest, normal_impul
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if rest.asleep[a] + rest.asleep[b] > 0 and slot[a] == 0 and slot[b] == 0:
             for p in range(manifolds.points[r]):
-                normal_impulse[r, p] = manifolds.impulse[p, r]
+                normal_impulse[p, r] = manifolds.impulse[p, r]
             for k in range(3):
                 friction_impulse[r, k] = manifolds.friction[r, k]

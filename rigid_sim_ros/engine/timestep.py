@@ -19,7 +19,7 @@ from rigid_sim_ros.engine.integrate import sum_loads
 from rigid_sim_ros.engine.kept import contents, Kept
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
-from rigid_sim_ros.engine.manifolds import current, grown, Manifolds, Memory
+from rigid_sim_ros.engine.manifolds import current, earlier, grown, Manifolds, Memory
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.sequential import make_work as make_sequential_work
 from rigid_sim_ros.engine.sequential import SequentialSettings, SequentialWork, solve_contacts
@@ -122,7 +122,7 @@ def advance_steps(model: Model, state: State, wrenches: Wrenches, shapes: Shapes
                    settings, work.radius, shapes.body, memory.ahead, memory.calm)
         if not detect_ahead(model, state, shapes, memory):
             return step
-        manifolds = current(memory)
+        manifolds, acted = current(memory), earlier(memory)
         if manifolds.count[0] == 0 and not loaded and not sleeps:
             fly(model, state, (g[0], g[1], g[2]), model.h, np.int64(1), work.block)
             continue
@@ -130,15 +130,13 @@ def advance_steps(model: Model, state: State, wrenches: Wrenches, shapes: Shapes
             wake_touched(model.h, model.inv_m, model.inv_I_C, state, work.radius, manifolds, rest)
         else:
             sum_loads(model, state, wrenches, work.loads)
-        clear_impulses(manifolds.count[0], work.solver.normal_impulse,
-                       work.solver.friction_impulse)
+        clear_impulses(manifolds, acted.impulse, acted.friction)
         collisions = collide_bodies(
             model.h, model.inv_m, model.inv_I_C, state, work.loads.F, shapes, materials, manifolds,
-            settings.bounce_speed, work.solver.normal_impulse, work.solver.friction_impulse,
-            work.collision)
+            settings.bounce_speed, acted.impulse, acted.friction, work.collision)
         give_slots(model.inv_m, manifolds, work.collision.waits, rest.asleep, work.solver.bodies)
         solve_contacts(model, state, work.loads, shapes, materials, work.round_shapes, manifolds,
-                       work.collision.waits, work.collision.body, collisions > 0,
+                       acted, work.collision.waits, work.collision.body, collisions > 0,
                        settings.sequential, work.solver, work.block)
         if loaded:
             # As in the symplectic method: half of the change of the loads, now at the new poses.
@@ -146,8 +144,8 @@ def advance_steps(model: Model, state: State, wrenches: Wrenches, shapes: Shapes
             kick(state, work.later, 0.5 * model.h)
             kick(state, work.loads, -0.5 * model.h)
         if sleeps:
-            keep_pressing(manifolds, work.solver.bodies.slot, rest, work.solver.normal_impulse,
-                          work.solver.friction_impulse)
+            keep_pressing(manifolds, work.solver.bodies.slot, rest, acted.impulse,
+                          acted.friction)
             fall_asleep(model.inv_m, model.inv_I_C, state, work.loads, work.radius, manifolds,
                         settings.sleep_steps, rest)
         count_down(wrenches)
@@ -179,10 +177,13 @@ def look_ahead(h: float, inv_m: Array, inv_I_C: Array, P: Array, L: Array, resti
 
 
 @kernel
-def clear_impulses(count: int, normal_impulse: Array, friction_impulse: Array) -> None:
-    """Forget the impulses of the last step."""
-    normal_impulse[:count] = 0.0
+def clear_impulses(manifolds: Manifolds, normal_impulse: Array, friction_impulse: Array) -> None:
+    """Forget the impulses of the last step, as far as this one has points."""
+    count = manifolds.count[0]
     friction_impulse[:count] = 0.0
+    for r in range(count):
+        for p in range(manifolds.points[r]):
+            normal_impulse[p, r] = 0.0
 
 
 @kernel
