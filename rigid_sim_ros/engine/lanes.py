@@ -260,18 +260,8 @@ def _rows_gatherer(numbers: int, load_row: Callable[..., ir.Value]) -> Any:
     return gatherer
 
 
-def _eight_numbers(builder: ir.IRBuilder, data: ir.Value, start: ir.Value) -> ir.Value:
-    return _load(builder, _vector_at(builder, data, start))
-
-
 def _one_number(builder: ir.IRBuilder, data: ir.Value, start: ir.Value) -> ir.Value:
     return builder.load(builder.gep(data, [start]))
-
-
-def _four_numbers(builder: ir.IRBuilder, data: ir.Value, start: ir.Value) -> ir.Value:
-    four = ir.VectorType(ir.DoubleType(), 4)
-    place = builder.bitcast(builder.gep(data, [start]), four.as_pointer())
-    return builder.load(place, align=_ALIGN)
 
 
 def _three_numbers(builder: ir.IRBuilder, data: ir.Value, start: ir.Value) -> ir.Value:
@@ -287,8 +277,6 @@ def _three_numbers(builder: ir.IRBuilder, data: ir.Value, start: ir.Value) -> ir
 # `first` on in the rows (8,) of an array with `width` numbers in a row; 0 for a row below 0.
 gather_rows_1 = _rows_gatherer(1, _one_number)
 gather_rows_3 = _rows_gatherer(3, _three_numbers)
-gather_rows_4 = _rows_gatherer(4, _four_numbers)
-gather_rows_8 = _rows_gatherer(8, _eight_numbers)
 
 
 def _rows_scatterer(numbers: int) -> Any:
@@ -318,7 +306,7 @@ def _rows_scatterer(numbers: int) -> Any:
 
 
 # scatter_rows_N(array, rows, width, first, lanes): write N numbers where gather_rows_N reads them.
-scatter_rows_1, scatter_rows_3, scatter_rows_4 = (_rows_scatterer(n) for n in (1, 3, 4))
+scatter_rows_1, scatter_rows_3 = _rows_scatterer(1), _rows_scatterer(3)
 
 
 @_intrinsic
@@ -389,8 +377,7 @@ def _transposed(builder: ir.IRBuilder, rows: Sequence[ir.Value]) -> list[ir.Valu
 
 
 # By what was loaded from each row.
-_COLUMNS = {ir.DoubleType(): _one_column, ir.VectorType(ir.DoubleType(), 4): _four_columns,
-            _VECTOR: _transposed}
+_COLUMNS = {ir.DoubleType(): _one_column, ir.VectorType(ir.DoubleType(), 4): _four_columns}
 
 
 def _exchange(builder: ir.IRBuilder, rows: Sequence[ir.Value],
