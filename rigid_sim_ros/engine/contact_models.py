@@ -175,7 +175,7 @@ class Timestep(_Touching):
             sleep_steps=math.ceil(setup.sleep_after / setup.model.h))
         self._work = timestep.make_timestep_work(setup.model, setup.shapes, self._memory)
         self._rest = no_rest(len(setup.model.m))
-        self._kept = Kept()
+        self._kept = Kept(timestep.PIECES)
         self._has_stepped = False
 
     def lasting(self) -> dict[str, np.ndarray]:

@@ -132,6 +132,10 @@ class _QuickFlags(_Flags):
         return self._HASH
 
 
+# Passes for what kernels do not have: closures, and arrays that an expression makes.
+_NEEDLESS = ('inline_closure_likes', 'nopython_rewrites')
+
+
 class _Compiler(_NumbasCompiler):
 
     def __init__(self, *arguments: Any) -> None:
@@ -147,6 +151,8 @@ class _Compiler(_NumbasCompiler):
             # Between two passes Numba looks for variables that a pass left behind, which takes as
             # long as the passes themselves.
             pipeline._ENFORCING = False
+            pipeline.passes = [one for one in pipeline.passes
+                               if getattr(one[0], '_name', '') not in _NEEDLESS]
         return pipelines
 
 
