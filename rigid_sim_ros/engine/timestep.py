@@ -113,14 +113,10 @@ _MODEL, _STATE, _SHAPES, _MATERIALS, _MEMORY, _SETTINGS, _WORK, _REST, _ADDRESSE
 
 
 @kernel
-def _detect_manifolds(box: Any, _: int) -> int:
-    return int(detect_manifolds(held(box, _STATE), held(box, _SHAPES), held(box, _MEMORY)))
-
-
-@kernel
-def _detect_pairs(box: Any, _: int) -> int:
-    return int(detect_pairs(held(box, _MODEL), held(box, _STATE), held(box, _SHAPES),
-                            held(box, _MEMORY)))
+def _detect(box: Any, _: int) -> int:
+    state, shapes, memory = held(box, _STATE), held(box, _SHAPES), held(box, _MEMORY)
+    return int(detect_pairs(held(box, _MODEL), state, shapes, memory)
+               and detect_manifolds(state, shapes, memory))
 
 
 @kernel
@@ -162,15 +158,15 @@ def _sleep(box: Any, when: int) -> int:
     return 0
 
 
-# What is compiled apart from the step, by place; the first of them by a helper: they take as long
+# What is compiled apart from the step, by place; the first by a helper: it takes as long
 # as all others together.
-_TO_MANIFOLDS, _TO_PAIRS, _TO_COLLIDE, _TO_FORCES, _TO_SLEEP = range(5)
-PIECES, _SHARED_OUT = 5, 2
+_TO_DETECT, _TO_COLLIDE, _TO_FORCES, _TO_SLEEP = range(4)
+PIECES, _SHARED_OUT = 4, 1
 
 
 def _pieces(model: Model, settings: TimestepSettings) -> list[Any]:
     """Return what a world needs, None in the place of a piece that is never called."""
-    return [_detect_manifolds, _detect_pairs, _collide,
+    return [_detect, _collide,
             _add_forces if model.forces.kind.shape[0] > 0 else None,
             _sleep if settings.sleep_steps > 0 else None]
 
@@ -206,7 +202,7 @@ def _advance_kept(box: Any, wrenches: Wrenches, count: int) -> int:
             call(to[_TO_SLEEP], box, _DISTURBED)
         look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, materials.restitution,
                    settings, work.radius, shapes.body, memory.ahead, memory.calm)
-        if call(to[_TO_PAIRS], box, 0) == 0 or call(to[_TO_MANIFOLDS], box, 0) == 0:
+        if call(to[_TO_DETECT], box, 0) == 0:
             return step
         manifolds, acted = current(memory), earlier(memory)
         if manifolds.count[0] == 0 and not loaded and not sleeps:
