@@ -148,6 +148,19 @@ def test_importing_the_package_does_not_wait_for_numba() -> None:
     assert result.stdout == 'set()\n'
 
 
+def test_a_world_steps_without_waiting_for_scipy_which_numba_finds_when_asked() -> None:
+    result = in_a_fresh_interpreter("""
+import sys
+from rigid_sim_ros import load_scene
+load_scene('t_handle').step()
+print('scipy.linalg' in sys.modules)
+import numba
+import numpy as np
+print(numba.njit(lambda a: (a @ a)[0, 0])(2.0 * np.eye(2)), 'scipy.linalg' in sys.modules)
+""")
+    assert (result.stdout, result.stderr) == ('False\n4.0 True\n', '')
+
+
 def test_the_package_offers_what_the_contract_names() -> None:
     assert set(rigid_sim_ros.__all__) <= set(dir(rigid_sim_ros))
     for name in rigid_sim_ros.__all__:

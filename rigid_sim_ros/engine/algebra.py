@@ -70,15 +70,6 @@ def clamp(value: float, low: float, high: float) -> float:
 
 
 @kernel
-def unit_or(v: Vector, otherwise: Vector) -> Vector:
-    """Return v / |v|, or `otherwise` where v is 0."""
-    length = norm(v)
-    if length > 0.0:
-        return scale(1.0 / length, v)
-    return otherwise
-
-
-@kernel
 def perpendicular(v: Vector) -> Vector:
     """Return a unit vector at right angles to the unit vector v."""
     # Crossed with the axis that v is farthest from: the result is never short.

@@ -8,14 +8,15 @@ its visit, such as the far end of a row of balls, would wait for the next sweep;
 at once, and what that changes roughly, and so on.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.coloring import Blocks, most_blocks, numbers_of
 from rigid_sim_ros.engine.contact_blocks import RESIDUAL
-from rigid_sim_ros.engine.contact_sweep import is_settled, Sweep, visit_block
+from rigid_sim_ros.engine.contact_rules import Sweep
+from rigid_sim_ros.engine.contact_sweep import is_settled, visit_block
 from rigid_sim_ros.engine.kernel import INDEX, kernel
 from rigid_sim_ros.engine.lanes import LANES
 from rigid_sim_ros.engine.solver_bodies import STRIDE
@@ -30,7 +31,7 @@ class Calming(NamedTuple):
 
     listed: IntArray  # (1,) 1 when the lists are those of this step
     first: IntArray  # (n + 3,) where the blocks of a slot begin in `member`
-    member: IntArray  # (16 blocks,)
+    member: IntArray  # (16 blocks,) of 32 bits
     reached: IntArray  # (blocks,) when a visit last changed a body of a block roughly
     visited: IntArray  # (blocks,) when a block was visited last
 
@@ -42,8 +43,8 @@ def make_calming(n: int, capacity: int) -> Calming:
     def integers(count: int) -> IntArray:
         return np.zeros(count, dtype=np.int64)
 
-    return Calming(integers(1), integers(n + 3), integers(2 * LANES * blocks), integers(blocks),
-                   integers(blocks))
+    member: Any = np.zeros(2 * LANES * blocks, dtype=np.int32)
+    return Calming(integers(1), integers(n + 3), member, integers(blocks), integers(blocks))
 
 
 @kernel

@@ -73,7 +73,7 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
     Let all pairs with restitution bounce that touch within h [s] faster than `slowest` [m/s].
 
     F (3, n) are the forces [N]. Changes the state; the displacements and rotations are in
-    work.body afterwards. The impulses (c, 4) and (c, 3) are what acted on B [N s]. Returns the
+    work.body afterwards. The impulses (4, c) and (c, 3) are what acted on B [N s]. Returns the
     number of collisions.
     """
     work.waits[:manifolds.count[0]] = 0
@@ -310,7 +310,7 @@ def _bounce(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, restitu
             work.target[p] = -restitution * u
     J = _impulses(A, B, n, d, scale(tau, acceleration), mu, manifolds.points[r], work)
     for p in range(manifolds.points[r]):
-        normal_impulse[r, p] += work.impulse[p]
+        normal_impulse[p, r] += work.impulse[p]
     for k in range(3):
         friction_impulse[r, k] += J[k]
 

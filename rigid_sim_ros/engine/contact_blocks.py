@@ -38,19 +38,20 @@ Nine: TypeAlias = tuple[Eight, Eight, Eight, Eight, Eight, Eight, Eight, Eight, 
 # v [m/s] and L [kg m^2/s] of the bodies of a block, world axes, and two that are 0.
 Motion: TypeAlias = tuple[Eight, Eight, Eight, Eight, Eight, Eight, Eight, Eight]
 
-# Rows of a block. All blocks have these:
-NORMAL = 0  # n, world axes
-TANGENT = 3  # t1
-ARM_A = 6  # c from the centre of mass of A [m], world axes
-ARM_B = 9  # c from the centre of mass of B; before `prepare_block`: x_A - x_B
-J_A = 12  # inverse inertia of A, world axes: xx, xy, xz, yy, yz, zz
-J_B = 18
-INV_M_A = 24
-INV_M_B = 25
-INV_TT = 26  # inverse of the force part of K_TT: 00, 01, 11
-INV_SPIN = 29  # 1 / K_TT22
-SLIDE = 30  # 1 / a bound of the largest eigenvalue of the force part of K_TT
-K_SPIN = 31  # K_TT02 and K_TT12: how a torque about n makes a pair slide
+# Rows of a block. Balls do without the first of them, see BALLS_BEGIN:
+ARM_A = 0  # c from the centre of mass of A [m], world axes
+ARM_B = 3  # c from the centre of mass of B; before `prepare_block`: x_A - x_B
+J_A = 6  # inverse inertia of A, world axes: xx, xy, xz, yy, yz, zz
+J_B = 12
+INV_TT = 18  # inverse of the force part of K_TT: 00, 01, 11
+SLIDE = 21  # 1 / a bound of the largest eigenvalue of the force part of K_TT
+K_SPIN = 22  # K_TT02 and K_TT12: how a torque about n makes a pair slide
+# All blocks have these:
+NORMAL = 24  # n, world axes
+TANGENT = 27  # t1
+INV_M_A = 30
+INV_M_B = 31
+INV_SPIN = 32  # 1 / K_TT22
 MU = 33  # friction coefficient
 SPIN_LEVER = 34  # [m] torque about n per normal force
 PAIR = 35  # 1: both bodies move
@@ -68,6 +69,13 @@ S, T, MASS, GAP, IMPULSE, TOTAL, SPEED = range(7)
 # A small block, of manifolds that have one point and do not resist rolling, ends with this:
 K_N = POINT + POINT_ROWS  # response along n, t1, t2 and about n to the normal impulse
 SMALL_ROWS = K_N + 4
+# Balls: c lies on the normal through both centres, and inertia is a number. Instead of the arms
+# and of S, T they have the way from the centres of mass along n to c [m], and end with
+LEVER_A, LEVER_B = POINT + S, POINT + T
+TURN_A = K_N  # inverse inertia of A, of B
+TURN_B = TURN_A + 1
+STICK = TURN_B + 1  # 1 / K_TT00, which is 1 / K_TT11 too
+BALLS_BEGIN, BALLS_END = NORMAL, STICK + 1
 # The others have four points instead, and the rest of K.
 K_NN = POINT + 4 * POINT_ROWS  # 00, 01, 02, 11, 12, 22
 K_TN = K_NN + 6  # by rows
@@ -77,6 +85,7 @@ ROLL_LEVER = ROLL_STEP + 1  # [m] torque about t1, t2 per normal force
 ROWS = ROLL_LEVER + 1
 BLOCK_SIZE = ROWS * LANES
 SMALL_SIZE = SMALL_ROWS * LANES
+BALLS_SIZE = (BALLS_END - BALLS_BEGIN) * LANES
 ABSENT = 1e30  # the gap of a point that is not there [m]
 
 
@@ -156,7 +165,7 @@ def prepare_block(b: Array, points: int, small: bool) -> None:
     the gap ABSENT, and so have all but the first in a block of one point.
     """
     count = 4 if points > 1 else 1
-    _make_basis(b)
+    make_basis(b)
     _place_centre(b, count)
     _, t1, t2 = axes(b)
     for p in range(count):
@@ -175,7 +184,7 @@ def prepare_block(b: Array, points: int, small: bool) -> None:
         store(b, K_N + 1, tn_A[0] + tn_B[0])
         store(b, K_N + 2, tn_A[3] + tn_B[3])
         store(b, K_N + 3, tn_A[6] + tn_B[6])
-        store(b, POINT + MASS, select(load(b, POINT + GAP) < ABSENT, _inverse(k), 0.0))
+        store(b, POINT + MASS, select(load(b, POINT + GAP) < ABSENT, inverse_of(k), 0.0))
         return
     for k in range(6):
         store(b, K_NN + k, nn_A[k] + nn_B[k])
@@ -186,12 +195,12 @@ def prepare_block(b: Array, points: int, small: bool) -> None:
         point = POINT + p * POINT_ROWS
         # The mass that a normal impulse at a point moves; 0 for an absent one.
         g = (1.0, load(b, point + T), -load(b, point + S))
-        mass = _inverse(dot(g, symmetric(b, K_NN, g)))
+        mass = inverse_of(dot(g, symmetric(b, K_NN, g)))
         store(b, point + MASS, select(load(b, point + GAP) < ABSENT, mass, 0.0))
 
 
 @part
-def _make_basis(b: Array) -> None:
+def make_basis(b: Array) -> None:
     """Choose t1 without a branch (Duff et al., J. Computer Graphics Techniques 6 (2017))."""
     n = load_three(b, NORMAL)
     sign = select(n[2] >= 0.0, 1.0, -1.0)
@@ -231,7 +240,7 @@ def _place_centre(b: Array, count: int) -> None:
         point = POINT + p * POINT_ROWS
         w, q = _weight(b, point), load_three(b, point)
         total, c = total + w, (c[0] + w * q[0], c[1] + w * q[1], c[2] + w * q[2])
-    inverse = _inverse(total)
+    inverse = inverse_of(total)
     c = (inverse * c[0], inverse * c[1], inverse * c[2])
     lever = 0.0 * total
     for p in range(count):
@@ -265,7 +274,7 @@ def _response(b: Array, arm: int, inertia: int, inv_m: int) -> tuple[Six, Nine, 
 
 
 @part
-def _inverse(x: Eight) -> Eight:
+def inverse_of(x: Eight) -> Eight:
     return select(x > 0.0, 1.0 / x, 0.0)
 
 
@@ -273,13 +282,13 @@ def _inverse(x: Eight) -> Eight:
 def _prepare_friction(b: Array, A: Six, B: Six) -> None:
     """Invert what friction divides by, given both parts of K_TT; an empty lane gets 0."""
     k00, k01, k11 = A[0] + B[0], A[1] + B[1], A[3] + B[3]
-    inverse = _inverse(k00 * k11 - k01 * k01)
+    inverse = inverse_of(k00 * k11 - k01 * k01)
     store_three(b, INV_TT, (k11 * inverse, -k01 * inverse, k00 * inverse))
-    store(b, INV_SPIN, _inverse(A[5] + B[5]))
+    store(b, INV_SPIN, inverse_of(A[5] + B[5]))
     store(b, K_SPIN, A[2] + B[2])
     store(b, K_SPIN + 1, A[4] + B[4])
     # Gershgorin's bound of the largest eigenvalue.
-    store(b, SLIDE, _inverse(max(k00, k11) + abs(k01)))
+    store(b, SLIDE, inverse_of(max(k00, k11) + abs(k01)))
 
 
 @part
@@ -288,4 +297,4 @@ def _prepare_rolling(b: Array) -> None:
     k11, k12, k22 = load(b, K_NN + 3), load(b, K_NN + 4), load(b, K_NN + 5)
     store(b, ROLL, 0.0)
     store(b, ROLL + 1, 0.0)
-    store(b, ROLL_STEP, _inverse(max(k11, k22) + abs(k12)))
+    store(b, ROLL_STEP, inverse_of(max(k11, k22) + abs(k12)))

@@ -4,52 +4,51 @@
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.coloring import (
-    Blocks, Coloring, is_small, lanes_of, numbers_of, points_in, QUIET)
+    are_balls, BALLS, Blocks, Coloring, is_small, lanes_of, numbers_of, points_in, QUIET,
+    QUIET_BALLS)
+from rigid_sim_ros.engine.contact_balls import prepare_balls, warm_balls
 from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, ARM_A, ARM_B, axes, combine, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, J_A,
-    J_B, load_three, MOVED, MU, NORMAL, normal_sum, PAIR, POINT, POINT_ROWS, prepare_block, pushed,
-    RESIDUAL, ROLL_LEVER, S, SHOVE, smallest_gap, SPIN_LEVER, store_three, T, Three, TORSION,
-    TOTAL, TOTAL_T)
-from rigid_sim_ros.engine.contact_sweep import SKIN
+    J_B, LEVER_A, LEVER_B, load_three, MOVED, MU, NORMAL, normal_sum, PAIR, POINT, POINT_ROWS,
+    prepare_block, pushed, RESIDUAL, ROLL_LEVER, S, SHOVE, smallest_gap, SPIN_LEVER, store_three,
+    T, Three, TORSION, TOTAL, TOTAL_T, TURN_A, TURN_B)
+from rigid_sim_ros.engine.contact_rules import SKIN
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.lanes import (
     any_of, both, count_of, Eight, gather, gather_integers, gather_rows_1, gather_rows_3,
-    gather_rows_4, gather_rows_8, LANES, largest_of, load, scatter, scatter_rows_1,
-    scatter_rows_3, scatter_rows_4, select, spread, store)
+    LANES, largest_of, load, scatter, scatter_rows_1, scatter_rows_3, select, spread, store)
 from rigid_sim_ros.engine.manifolds import Manifolds, POINTS
 from rigid_sim_ros.engine.shapes import Materials
 from rigid_sim_ros.engine.shifts import displacement, gap_now
 from rigid_sim_ros.engine.solver_bodies import HELD, SolverBodies, STRIDE
 from rigid_sim_ros.engine.vector import add, cross, dot
 
-# Numbers that describe a manifold: friction coefficient, levers of the spinning and the rolling
-# resistance [m], x_A - x_B [m], impulse about the normal in the last step [N m s].
-ABOUT = 8
-_X = 3
-_SPIN = 6
+# Where x_A - x_B of balls waits for the levers [m]: rows that are not yet in use.
+_BETWEEN_BALLS = TOTAL_T
 
 
 @kernel
-def describe(x: Array, material: IntArray, materials: Materials, manifolds: Manifolds,
-             kinds: IntArray, about: Array) -> None:
-    """Write the class of each manifold, and ABOUT numbers that belong to its shapes and bodies."""
+def classify(material: IntArray, materials: Materials, round_shapes: IntArray, shifted: bool,
+             manifolds: Manifolds, kinds: IntArray) -> None:
+    """
+    Write the class of each manifold.
+
+    What collisions `shifted` since its normal was found is no pair of balls: its point is not on
+    the line of the centres.
+    """
     for r in range(manifolds.count[0]):
         first = material[manifolds.shape_a[r] & INDEX] & INDEX
         second = material[manifolds.shape_b[r] & INDEX] & INDEX
-        i, j = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         points, rolling = manifolds.points[r], materials.rolling[first, second]
-        at = r * ABOUT
-        about[at] = materials.friction[first, second]
-        about[at + 1] = materials.spinning[first, second]
-        about[at + 2] = rolling
-        for k in range(3):
-            about[at + _X + k] = x[k, i] - x[k, j]
-        about[at + _SPIN] = manifolds.spin[r]
-        kinds[r] = min(points - 1, 2)
+        a, b = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
+        balls = points == 1 and not shifted and round_shapes[a] + round_shapes[b] == 2
+        quiet = points == 1 and manifolds.impulse[0, r] == 0.0
         if rolling > 0.0:
-            kinds[r] += 3
-        elif points == 1 and manifolds.impulse[0, r] == 0.0:
-            kinds[r] = QUIET
+            kinds[r] = min(points - 1, 2) + 3
+        elif balls:
+            kinds[r] = QUIET_BALLS if quiet else BALLS
+        else:
+            kinds[r] = QUIET if quiet else min(points - 1, 2)
 
 
 @kernel
@@ -68,8 +67,9 @@ def place_lanes(rows: int, count: int, manifolds: Manifolds, slot: IntArray, wor
 
 
 @kernel
-def fill_blocks(count: int, manifolds: Manifolds, about: Array, shifts: Array, shifted: bool,
-                share: float, bodies: SolverBodies, blocks: Blocks, fresh: IntArray) -> float:
+def fill_blocks(count: int, manifolds: Manifolds, x: Array, material: IntArray,
+                materials: Materials, shifts: Array, shifted: bool, share: float,
+                bodies: SolverBodies, blocks: Blocks, fresh: IntArray) -> float:
     """
     Bring the manifolds into blocks; return the deepest overlap [m].
 
@@ -81,8 +81,10 @@ def fill_blocks(count: int, manifolds: Manifolds, about: Array, shifts: Array, s
         lanes = lanes_of(block)
         b, rows = numbers_of(blocks, block), blocks.row[lanes]
         points, small = points_in(blocks.kind[block]), is_small(blocks.kind[block])
-        _copy_bodies(b, bodies.mass, blocks.at_A[lanes], blocks.at_B[lanes])
-        _copy_manifolds(b, rows, points, small, manifolds, about, share)
+        balls = are_balls(blocks.kind[block])
+        _copy_shapes(b, rows, small, balls, manifolds, x, material, materials)
+        _copy_bodies(b, balls, bodies.mass, blocks.at_A[lanes], blocks.at_B[lanes])
+        _copy_manifolds(b, rows, points, balls, manifolds, share)
         least = smallest_gap(b, points)
         touches = least < SKIN
         fresh[block] = count_of(both(touches, normal_sum(b, points) == 0.0))
@@ -91,20 +93,52 @@ def fill_blocks(count: int, manifolds: Manifolds, about: Array, shifts: Array, s
         if shifted:
             for i in range(LANES):
                 if rows[i] >= 0:
-                    _shift_lane(manifolds, rows[i], shifts, b, i)
-        prepare_block(b, points, small)
-        _warm_start(b, points, bodies.warm, blocks.at_A[lanes], blocks.at_B[lanes])
+                    _shift_lane(manifolds, rows[i] & INDEX, shifts, b, i)
+        if balls:
+            prepare_balls(b)
+            warm_balls(b, bodies.base, blocks.at_A[lanes], blocks.at_B[lanes])
+        else:
+            prepare_block(b, points, small)
+            _warm_start(b, points, bodies.base, blocks.at_A[lanes], blocks.at_B[lanes])
     fresh[-1] = 1 if 2 * new > touching else 0
     return deepest
 
 
 @part
-def _copy_bodies(b: Array, mass: Array, at_A: IntArray, at_B: IntArray) -> None:
+def _copy_shapes(b: Array, rows: IntArray, small: bool, balls: bool, manifolds: Manifolds,
+                 x: Array, material: IntArray, materials: Materials) -> None:
+    """
+    Write the friction, the levers of the resistances and x_A - x_B.
+
+    Number by number, as the shapes of a manifold lead to them: no copy of them is worth its
+    memory. An empty lane gets zeros.
+    """
+    between = _BETWEEN_BALLS if balls else ARM_B
+    for i in range(LANES):
+        there = rows[i] >= 0
+        r = rows[i] & INDEX if there else 0
+        first = material[manifolds.shape_a[r] & INDEX] & INDEX
+        second = material[manifolds.shape_b[r] & INDEX] & INDEX
+        body_a, body_b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+        b[MU * LANES + i] = materials.friction[first, second] if there else 0.0
+        b[SPIN_LEVER * LANES + i] = materials.spinning[first, second] if there else 0.0
+        if not small and not balls:
+            b[ROLL_LEVER * LANES + i] = materials.rolling[first, second] if there else 0.0
+        for k in range(3):
+            b[(between + k) * LANES + i] = x[k, body_a] - x[k, body_b] if there else 0.0
+
+
+@part
+def _copy_bodies(b: Array, balls: bool, mass: Array, at_A: IntArray, at_B: IntArray) -> None:
     A, B = gather(mass, at_A), gather(mass, at_B)
-    store_three(b, J_A, (A[0], A[1], A[2]))
-    store_three(b, J_A + 3, (A[3], A[4], A[5]))
-    store_three(b, J_B, (B[0], B[1], B[2]))
-    store_three(b, J_B + 3, (B[3], B[4], B[5]))
+    if balls:
+        store(b, TURN_A, A[0])
+        store(b, TURN_B, B[0])
+    else:
+        store_three(b, J_A, (A[0], A[1], A[2]))
+        store_three(b, J_A + 3, (A[3], A[4], A[5]))
+        store_three(b, J_B, (B[0], B[1], B[2]))
+        store_three(b, J_B + 3, (B[3], B[4], B[5]))
     store(b, INV_M_A, A[6])
     store(b, INV_M_B, B[6])
     store(b, PAIR, select(both(A[6] > 0.0, B[6] > 0.0), 1.0, 0.0))
@@ -112,20 +146,21 @@ def _copy_bodies(b: Array, mass: Array, at_A: IntArray, at_B: IntArray) -> None:
 
 
 @part
-def _copy_manifolds(b: Array, rows: IntArray, points: int, small: bool, manifolds: Manifolds,
-                    about: Array, share: float) -> None:
+def _copy_manifolds(b: Array, rows: IntArray, points: int, balls: bool, manifolds: Manifolds,
+                    share: float) -> None:
     n, friction = gather_rows_3(manifolds.normal, rows, 3, 0), gather_rows_3(
         manifolds.friction, rows, 3, 0)
-    numbers = gather_rows_8(about, rows, ABOUT, 0)
+    (spin,) = gather_rows_1(manifolds.spin, rows, 1, 0)
     present = gather_integers(manifolds.points, rows)
     store_three(b, NORMAL, n)
     store_three(b, MOVED, (share * friction[0], share * friction[1], share * friction[2]))
-    store(b, FRICTION + 2, share * numbers[_SPIN])
-    store(b, MU, numbers[0])
-    store(b, SPIN_LEVER, numbers[1])
-    if not small:
-        store(b, ROLL_LEVER, numbers[2])
-    store_three(b, ARM_B, (numbers[_X], numbers[_X + 1], numbers[_X + 2]))
+    store(b, FRICTION + 2, share * spin)
+    if balls:
+        _copy_point(b, 0, n, rows, manifolds, present, share)
+        lever = dot(load_three(b, POINT), n)
+        store(b, LEVER_A, lever)
+        store(b, LEVER_B, lever + dot(load_three(b, _BETWEEN_BALLS), n))
+        return
     for p in range(POINTS if points > 1 else 1):
         _copy_point(b, p, n, rows, manifolds, present, share)
 
@@ -201,7 +236,7 @@ def keep_impulses(count: int, blocks: Blocks, manifolds: Manifolds, bodies: Solv
         last, total = load_three(b, FRICTION), load_three(b, TOTAL_T)
         F = combine(n, t1, t2, (zero, substeps * last[0], substeps * last[1]))
         scatter_rows_3(manifolds.friction, rows, 3, 0, F)
-        scatter_rows_1(manifolds.spin, rows, 1, 0, (substeps * last[2],))
+        _keep_spin(rows, substeps * last[2], manifolds.spin)
         F, before = (combine(n, t1, t2, (zero, total[0], total[1])),
                      gather_rows_3(friction_impulse, rows, 3, 0))
         scatter_rows_3(friction_impulse, rows, 3, 0, add(before, F))
@@ -212,26 +247,30 @@ def keep_impulses(count: int, blocks: Blocks, manifolds: Manifolds, bodies: Solv
 
 
 @part
+def _keep_spin(rows: IntArray, spin: Eight, kept: Array) -> None:
+    """Keep the impulse about the normal; where it is 0, as it was, the memory stays untouched."""
+    (before,) = gather_rows_1(kept, rows, 1, 0)
+    if any_of(abs(before) + abs(spin) > 0.0):
+        # Never -0.0: what is kept must not depend on whether another lane has an impulse.
+        scatter_rows_1(kept, rows, 1, 0, (spin + 0.0,))
+
+
+@part
 def _keep_normals(b: Array, rows: IntArray, points: int, impulse: Array, normal_impulse: Array,
                   substeps: int) -> Eight:
     """Keep the normal impulses; return their sums over the whole step."""
     i0, total = load(b, POINT + IMPULSE), load(b, POINT + TOTAL)
-    before = gather_rows_4(normal_impulse, rows, POINTS, 0)
     room = impulse.shape[1]
+    (before,) = gather_rows_1(normal_impulse, rows, 1, 0)
+    scatter_rows_1(normal_impulse, rows, 1, 0, (before + total,))
     scatter_rows_1(impulse, rows, 1, 0, (substeps * i0,))
-    if points == 1:
-        scatter_rows_1(normal_impulse, rows, POINTS, 0, (before[0] + total,))
-        return total
-    p1, p2, p3 = POINT + POINT_ROWS, POINT + 2 * POINT_ROWS, POINT + 3 * POINT_ROWS
-    i1, i2, i3 = load(b, p1 + IMPULSE), load(b, p2 + IMPULSE), load(b, p3 + IMPULSE)
-    scatter_rows_1(impulse, rows, 1, room, (substeps * i1,))
-    scatter_rows_1(impulse, rows, 1, 2 * room, (substeps * i2,))
-    scatter_rows_1(impulse, rows, 1, 3 * room, (substeps * i3,))
-    total_1, total_2, total_3 = load(b, p1 + TOTAL), load(b, p2 + TOTAL), load(b, p3 + TOTAL)
-    scatter_rows_4(normal_impulse, rows, POINTS, 0,
-                   (before[0] + total, before[1] + total_1, before[2] + total_2,
-                    before[3] + total_3))
-    return total + total_1 + total_2 + total_3
+    for p in range(1, POINTS if points > 1 else 1):
+        point, first = POINT + p * POINT_ROWS, p * room
+        scatter_rows_1(impulse, rows, 1, first, (substeps * load(b, point + IMPULSE),))
+        (before,) = gather_rows_1(normal_impulse, rows, 1, first)
+        scatter_rows_1(normal_impulse, rows, 1, first, (before + load(b, point + TOTAL),))
+        total = total + load(b, point + TOTAL)
+    return total
 
 
 @part

@@ -19,8 +19,8 @@ from rigid_sim_ros.engine.event_buffers import Carried, EventSettings, no_forces
 from rigid_sim_ros.engine.integrate import make_work, ORIENTATIONS
 from rigid_sim_ros.engine.kept import Kept
 from rigid_sim_ros.engine.manifolds import (
-    CONTACTS, current_manifolds, empty_memory, lasting, Manifolds, Memory, PAIRS, POINTS,
-    with_lasting, WITNESSED)
+    CONTACTS, current_manifolds, earlier_manifolds, empty_memory, lasting, Manifolds, Memory,
+    PAIRS, POINTS, with_lasting, WITNESSED)
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.sequential import SequentialSettings
 from rigid_sim_ros.engine.shapes import Materials, Shapes
@@ -175,7 +175,7 @@ class Timestep(_Touching):
             sleep_steps=math.ceil(setup.sleep_after / setup.model.h))
         self._work = timestep.make_timestep_work(setup.model, setup.shapes, self._memory)
         self._rest = no_rest(len(setup.model.m))
-        self._kept = Kept()
+        self._kept = Kept(timestep.PIECES)
         self._has_stepped = False
 
     def lasting(self) -> dict[str, np.ndarray]:
@@ -207,9 +207,9 @@ class Timestep(_Touching):
         """Return the manifolds of the latest step with all its impulses, collisions included."""
         if not self._has_stepped:  # after `recall` the impulses of the last substep are known
             return super().contacts(state)
-        solver = self._work.solver
-        return _rows(self._setup, state, current_manifolds(self._memory), solver.normal_impulse,
-                     solver.friction_impulse)
+        acted = earlier_manifolds(self._memory)
+        return _rows(self._setup, state, current_manifolds(self._memory), acted.impulse.T,
+                     acted.friction)
 
     def report(self) -> ContactReport:
         """Return the counts, and the largest change of a contact's velocity in the last sweep."""

@@ -2,34 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """One visit of the sequential solver to eight manifolds; see contact_blocks.py."""
 
-from typing import NamedTuple
-
 from rigid_sim_ros.engine.arrays import Array, IntArray
-from rigid_sim_ros.engine.coloring import Blocks, lanes_of, numbers_of, points_in, resists
+from rigid_sim_ros.engine.coloring import (
+    are_balls, Blocks, is_small, lanes_of, numbers_of, points_in, resists)
+from rigid_sim_ros.engine.contact_balls import drift_balls, separate_balls, visit_balls
 from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, ARM_A, ARM_B, axes, combine, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, INV_SPIN,
     INV_TT, J_A, J_B, K_N, K_NN, K_SPIN, K_TN, load_three, MASS, Motion, MOVED, MU, NORMAL,
     normal_sum, POINT, POINT_ROWS, pushed, RESIDUAL, ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE, SLIDE,
     smallest_gap, SPEED, SPIN_LEVER, store_three, symmetric, T, Three, TORSION, TOTAL, TOTAL_T)
+from rigid_sim_ros.engine.contact_rules import (
+    gap_of, NEGLIGIBLE, onto_circle, SKIN, Sweep, wanted_of)
 from rigid_sim_ros.engine.kernel import kernel, part
 from rigid_sim_ros.engine.lanes import (
-    any_of, Eight, gather, load, root, scatter, select, spread, store)
+    any_of, Eight, gather, load, scatter, select, spread, store)
 from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, subtract
-
-
-# Bodies this near to each other touch [m]. Below it, velocities do not depend on the gap, nor does
-# the push before there is an overlap: in between nothing can oscillate. 0: a stack of five rocks
-# for ever by micrometres that grow; larger: contacts rest this far apart.
-SKIN = 2e-5
-# An overlap that is not pushed apart [m].
-NEGLIGIBLE = 1e-6
-
-
-class Sweep(NamedTuple):
-    """What a visit is for."""
-
-    inv_h: float  # 1 / length of the substep [1/s]
-    drift: float  # [s] the bodies moved for this long since the last visit; 0: they did not
 
 
 @kernel
@@ -51,9 +38,14 @@ def visit(b: Array, motion: Array, drifted: Array, at_A: IntArray, at_B: IntArra
 @part
 def visit_block(blocks: Blocks, block: int, motion: Array, drifted: Array, what: Sweep) -> None:
     """Visit a block by its number."""
-    lanes, kind = lanes_of(block), blocks.kind[block]
-    visit(numbers_of(blocks, block), motion, drifted, blocks.at_A[lanes], blocks.at_B[lanes],
-          points_in(kind), resists(kind), what)
+    b, lanes, kind = numbers_of(blocks, block), lanes_of(block), blocks.kind[block]
+    at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
+    if are_balls(kind):
+        if what.drift > 0.0:
+            drift_balls(b, drifted, at_A, at_B, what.drift)
+        visit_balls(b, motion, at_A, at_B, what.inv_h)
+    else:
+        visit(b, motion, drifted, at_A, at_B, points_in(kind), resists(kind), what)
 
 
 @part
@@ -68,7 +60,7 @@ def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h:
     _, u, w = _relative(b, A, B)
     old_N = load(b, POINT + IMPULSE)
     speed = dot(u, n)
-    wanted = speed + _gap(b, POINT) * inv_h
+    wanted = speed + gap_of(b, POINT) * inv_h
     pressure = max(old_N - load(b, POINT + MASS) * wanted, 0.0)
     old = load_three(b, FRICTION)
     if not any_of(pressure + old_N + abs(old[0]) + abs(old[1]) + abs(old[2]) > 0.0):
@@ -160,17 +152,27 @@ def overlaps(b: Array, points: int) -> bool:
 
 
 @kernel
-def separate(b: Array, push: Array, at_A: IntArray, at_B: IntArray, points: int, small: bool,
-             rate: float, speed: float) -> None:
+def separate(blocks: Blocks, block: int, push: Array, rate: float, speed: float) -> None:
     """
     Push the overlaps of a block apart by velocities that last for one substep only.
 
     They displace and are forgotten, so that the push feeds neither energy nor the warm start.
     `rate` [1/s] is the part of an overlap that goes per second, but not faster than `speed` [m/s].
     """
-    if small:
+    b, lanes, kind = numbers_of(blocks, block), lanes_of(block), blocks.kind[block]
+    at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
+    if are_balls(kind):
+        separate_balls(b, push, at_A, at_B, rate, speed)
+    elif is_small(kind):
         _separate_small(b, push, at_A, at_B, rate, speed)
-        return
+    else:
+        _separate_many(b, push, at_A, at_B, points_in(kind), rate, speed)
+
+
+@part
+def _separate_many(b: Array, push: Array, at_A: IntArray, at_B: IntArray, points: int,
+                   rate: float, speed: float) -> None:
+    """Push several points, or one that resists rolling."""
     A, B = gather(push, at_A), gather(push, at_B)
     n, t1, t2 = axes(b)
     twist, _ = _twist(b, A, B)
@@ -193,7 +195,7 @@ def _separate_small(b: Array, push: Array, at_A: IntArray, at_B: IntArray, rate:
     """Do the same for manifolds of one point: their common point c."""
     A, B, n = gather(push, at_A), gather(push, at_B), load_three(b, NORMAL)
     _, u, _ = _relative(b, A, B)
-    wanted = _wanted(b, POINT, rate, speed)
+    wanted = wanted_of(b, POINT, rate, speed)
     shove = max(load(b, POINT + MASS) * (wanted - dot(u, n)), 0.0)
     shove = select(wanted > 0.0, shove, 0.0)
     store(b, SHOVE, shove)
@@ -253,12 +255,6 @@ def _drift(b: Array, A: Motion, B: Motion, h: float, points: int) -> None:
 
 
 @part
-def _gap(b: Array, point: int) -> Eight:
-    """Return how far a point is from touching [m]."""
-    return max(load(b, point + GAP) - SKIN, 0.0)
-
-
-@part
 def _column(b: Array, point: int) -> Three:
     """Return the column g of a point: its normal impulse as a wrench N."""
     return (spread(1.0), load(b, point + T), -load(b, point + S))
@@ -284,7 +280,7 @@ def _solve_together(b: Array, twist: Three, wrench: Three, inv_h: float) -> tupl
     so that what lies symmetrically stays so, and it carries weight through a stack faster.
     """
     p0, p1, p2, p3 = POINT, POINT + POINT_ROWS, POINT + 2 * POINT_ROWS, POINT + 3 * POINT_ROWS
-    d0, d1, d2, d3 = _gap(b, p0), _gap(b, p1), _gap(b, p2), _gap(b, p3)
+    d0, d1, d2, d3 = gap_of(b, p0), gap_of(b, p1), gap_of(b, p2), gap_of(b, p3)
     nearest = min(min(d0, d1), min(d2, d3)) + SKIN
     w0, w1 = select(d0 < nearest, 1.0, 0.0), select(d1 < nearest, 1.0, 0.0)
     w2, w3 = select(d2 < nearest, 1.0, 0.0), select(d3 < nearest, 1.0, 0.0)
@@ -316,7 +312,7 @@ def _solve_point(b: Array, point: int, twist: Three, wrench: Three, residual: Ei
     """
     g = _column(b, point)
     response, impulse = symmetric(b, K_NN, g), load(b, point + IMPULSE)
-    after = max(impulse - load(b, point + MASS) * (dot(g, twist) + _gap(b, point) * inv_h), 0.0)
+    after = max(impulse - load(b, point + MASS) * (dot(g, twist) + gap_of(b, point) * inv_h), 0.0)
     change = after - impulse
     store(b, point + IMPULSE, after)
     twist = add_scaled(twist, change, response)
@@ -325,19 +321,12 @@ def _solve_point(b: Array, point: int, twist: Three, wrench: Three, residual: Ei
 
 
 @part
-def _wanted(b: Array, point: int, rate: float, speed: float) -> Eight:
-    """Return the speed by which a point leaves its overlap too slowly, 0 without one [m/s]."""
-    push = min(-rate * min(load(b, point + GAP), 0.0), speed)
-    return max(push - max(load(b, point + SPEED), 0.0), 0.0)
-
-
-@part
 def _separate_together(b: Array, twist: Three, wrench: Three, rate: float,
                        speed: float) -> tuple[Three, Three]:
     """Push all points that overlap with the same impulse, as `_solve_together` stops them."""
     p0, p1, p2, p3 = POINT, POINT + POINT_ROWS, POINT + 2 * POINT_ROWS, POINT + 3 * POINT_ROWS
-    u0, u1 = _wanted(b, p0, rate, speed), _wanted(b, p1, rate, speed)
-    u2, u3 = _wanted(b, p2, rate, speed), _wanted(b, p3, rate, speed)
+    u0, u1 = wanted_of(b, p0, rate, speed), wanted_of(b, p1, rate, speed)
+    u2, u3 = wanted_of(b, p2, rate, speed), wanted_of(b, p3, rate, speed)
     g = _sum_of_points(b, select(u0 > 0.0, 1.0, 0.0), select(u1 > 0.0, 1.0, 0.0),
                        select(u2 > 0.0, 1.0, 0.0), select(u3 > 0.0, 1.0, 0.0))
     response = symmetric(b, K_NN, g)
@@ -350,7 +339,7 @@ def _separate_together(b: Array, twist: Three, wrench: Three, rate: float,
 def _separate_point(b: Array, point: int, twist: Three, wrench: Three, rate: float,
                     speed: float) -> tuple[Three, Three]:
     """Push one point out of its overlap."""
-    g, wanted = _column(b, point), _wanted(b, point, rate, speed)
+    g, wanted = _column(b, point), wanted_of(b, point, rate, speed)
     change = max(load(b, point + MASS) * (wanted - dot(g, twist)), 0.0)
     change = select(wanted > 0.0, change, 0.0)
     return add_scaled(twist, change, symmetric(b, K_NN, g)), add_scaled(wrench, change, g)
@@ -362,18 +351,11 @@ def _solve_rolling(b: Array, twist: Three, wrench: Three, points: int) -> tuple[
     limit = load(b, ROLL_LEVER) * normal_sum(b, points)
     r1, r2, step = load(b, ROLL), load(b, ROLL + 1), load(b, ROLL_STEP)
     a1, a2 = r1 - step * twist[1], r2 - step * twist[2]
-    scale = _onto_circle(a1, a2, limit)
+    scale = onto_circle(a1, a2, limit)
     change = (spread(0.0), scale * a1 - r1, scale * a2 - r2)
     store(b, ROLL, scale * a1)
     store(b, ROLL + 1, scale * a2)
     return add(twist, symmetric(b, K_NN, change)), add(wrench, change)
-
-
-@part
-def _onto_circle(x: Eight, y: Eight, radius: Eight) -> Eight:
-    """Return the factor that brings (x, y) back to a circle from outside."""
-    square = x * x + y * y
-    return select(square > radius * radius, radius / root(square), 1.0)
 
 
 @part
@@ -400,7 +382,7 @@ def _friction(b: Array, twist: Three, pressure: Eight, old: Three) -> Three:
     if any_of(slides):
         slide = load(b, SLIDE)
         slide1, slide2 = old[0] - slide * u1, old[1] - slide * u2
-        scale = _onto_circle(slide1, slide2, limit)
+        scale = onto_circle(slide1, slide2, limit)
         new1 = select(slides, scale * slide1, new1)
         new2 = select(slides, scale * slide2, new2)
     return (new1, new2, spin)

@@ -51,10 +51,21 @@ def detect_ahead(model: Model, state: State, shapes: Shapes, memory: Memory) -> 
 
     What it exceeds `memory.calm` by is how far the pair may move in the step.
     """
+    return (detect_pairs(model, state, shapes, memory)
+            and detect_manifolds(state, shapes, memory))
+
+
+@kernel
+def detect_pairs(model: Model, state: State, shapes: Shapes, memory: Memory) -> bool:
+    """Do the first half of `detect_ahead`: the pairs that may be near each other."""
     place(state, shapes, memory.turn, memory.pose)
     bound(shapes.kind, shapes.size, memory.pose, memory.ahead, memory.box)
-    if not _find_pairs(model, state, shapes, memory):
-        return False
+    return _find_pairs(model, state, shapes, memory)
+
+
+@kernel
+def detect_manifolds(state: State, shapes: Shapes, memory: Memory) -> bool:
+    """Do the second half: their manifolds."""
     page = memory.page[0]
     found = _find_manifolds(state, shapes, memory, memory.pages[1 - page], memory.pages[page])
     if found > memory.pages[0].shape_a.shape[0]:
@@ -258,7 +269,9 @@ def _write(state: State, turn: Array, now: Manifolds, row: int, i: int, j: int, 
         B = (points[p, 0] + gap * n[0] - state.x[0, j], points[p, 1] + gap * n[1] - state.x[1, j],
              points[p, 2] + gap * n[2] - state.x[2, j])
         now.gap[p, row] = gap
-        now.feature[p, row] = ids[p]
+        # That of a ball is 0.
+        if now.feature[p, row] != ids[p]:
+            now.feature[p, row] = ids[p]
         for k in range(3):
             now.r_A[p, row, k] = A[k]
             now.r_B[p, row, k] = B[k]
@@ -282,4 +295,7 @@ def _carry_over(now: Manifolds, before: Manifolds, row: int, old: int, count: in
                     now.impulse[p, row] = before.impulse[r, old]
     for k in range(3):
         now.friction[row, k] = before.friction[old, k] if old >= 0 else 0.0
-    now.spin[row] = before.spin[old] if old >= 0 else 0.0
+    # Most have no resistance to spinning: theirs stays 0, in memory that nobody writes to.
+    spin = before.spin[old] if old >= 0 else 0.0
+    if now.spin[row] != spin:
+        now.spin[row] = spin

@@ -8,6 +8,7 @@ A call from Python reads address, shape and strides of every array that it is gi
 and hands over where that is. The arrays stay the same: a kernel sees what Python writes to them.
 """
 
+from functools import cache
 from hashlib import blake2b
 from operator import is_
 from typing import Any
@@ -16,13 +17,13 @@ from llvmlite import ir
 import numba
 from numba import types
 from numba._dispatcher import compute_fingerprint
+from numba.core import cgutils
 from numba.core.registry import cpu_target
 from numba.extending import (
     intrinsic, models, NativeValue, register_model, typeof_impl, unbox)
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import IntArray
-from rigid_sim_ros.engine.kernel import kernel
 
 _POINTER = ir.IntType(8).as_pointer()
 _SLOT = 8       # bytes: no part of an argument is larger
@@ -60,16 +61,47 @@ class _Box:
     def __init__(self, *values: Any) -> None:
         self.type = _type(values)
         self.values = values    # or the arrays might go away
-        self.slots: IntArray = np.zeros(self.type.slots, dtype=np.int64)
+        self.slots: IntArray = np.array(_parts(values, self.type.content), dtype=np.int64)
+        if self.slots.shape != (self.type.slots,):
+            raise AssertionError(f'{len(self.slots)} parts for {self.type.slots} slots')
         self.address = self.slots.ctypes.data
-        _fill(self.slots, values)
+
+
+def _parts(value: Any, kind: Any) -> list[int]:
+    """
+    Return the parts of an argument as Numba passes them, each as 64 bits.
+
+    A kernel that did this for a world took longer to compile than to load all others.
+    """
+    if isinstance(value, tuple):
+        return [part for item, its in zip(value, kind, strict=True) for part in _parts(item, its)]
+    if isinstance(value, np.ndarray):
+        fields = {
+            'meminfo': (0,), 'parent': (0,), 'nitems': (value.size,),
+            'itemsize': (value.itemsize,), 'data': (value.__array_interface__['data'][0],),
+            'shape': value.shape, 'strides': value.strides}
+        return [part for name in _fields(kind) for part in fields[name]]
+    if kind == types.float64:
+        return [int(np.float64(value).view(np.int64))]
+    if kind == types.int64:
+        return [int(value)]
+    raise TypeError(f'a {kind} cannot be kept, only arrays and numbers of 64 bits')
+
+
+@cache
+def _fields(kind: Any) -> tuple[str, ...]:
+    """Return the names of the parts of an array, in the order in which Numba passes them."""
+    model: Any = cpu_target.target_context.data_model_manager[kind]
+    return tuple(model._fields)
 
 
 class Kept:
-    """The arguments of the latest call."""
+    """The arguments of the latest call, and the addresses of what it calls with the same ones."""
 
-    def __init__(self) -> None:
-        """Begin with none."""
+    def __init__(self, pieces: int = 0) -> None:
+        """Begin with none, and room for the addresses of kernels (see `compiling.py`)."""
+        self.addresses: IntArray = np.zeros(pieces, dtype=np.int64)
+        self.compiled_for: Any = None   # the box that these kernels take
         self._box: Any = None
 
     def box(self, *values: Any) -> Any:
@@ -100,38 +132,49 @@ def _unbox(kind: Any, box: Any, c: Any) -> Any:
 unbox(_BoxType)(_unbox)
 
 
-def _slots(builder: Any, start: Any, parts: Any) -> Any:
-    """Yield a pointer to each part of a tuple of arguments."""
-    for k, kind in enumerate(parts):
+def _read(context: Any, builder: Any, start: Any, first: int, kind: Any) -> Any:
+    """Return an argument of this type whose parts begin in slot `first`."""
+    packer = context.get_arg_packer((kind,))
+    found = []
+    for k, part in enumerate(packer.argument_types, first):
         place = builder.gep(start, [ir.Constant(ir.IntType(64), _SLOT * k)])
-        yield builder.bitcast(place, kind.as_pointer())
+        found.append(builder.load(builder.bitcast(place, part.as_pointer()), align=_SLOT))
+    return packer.from_arguments(builder, found)[0]
 
 
 @_intrinsic
 def contents(context: Any, box: Any) -> Any:
     """Return the tuple of arguments that a box holds."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        packer = context.get_arg_packer((box.content,))
-        found = [builder.load(slot, align=_SLOT)
-                 for slot in _slots(builder, arguments[0], packer.argument_types)]
-        return packer.from_arguments(builder, found)[0]
+        return _read(context, builder, arguments[0], 0, box.content)
     return box.content(box), build
 
 
 @_intrinsic
-def _write(context: Any, slots: Any, values: Any) -> Any:
+def held(context: Any, box: Any, index: Any) -> Any:
+    """Return one of the arguments that a box holds, by an index that is a constant."""
+    if not isinstance(index, types.IntegerLiteral):
+        return None     # Numba asks again with the constant
+    before, kind = box.content.types[:index.literal_value], box.content[index.literal_value]
+
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        packer = context.get_arg_packer((values,))
-        parts = packer.as_arguments(builder, [arguments[1]])
-        data = context.make_array(slots)(context, builder, value=arguments[0]).data
-        start = builder.bitcast(data, _POINTER)
-        for part, slot in zip(parts, _slots(builder, start, packer.argument_types), strict=True):
-            builder.store(part, slot, align=_SLOT)
-        return context.get_dummy_value()
-    return types.none(slots, values), build
+        first = sum(len(context.get_arg_packer((one,)).argument_types) for one in before)
+        return _read(context, builder, arguments[0], first, kind)
+    return kind(box, index), build
 
 
-@kernel
-def _fill(slots: IntArray, values: Any) -> None:
-    """Write the parts of a tuple of arguments."""
-    _write(slots, values)
+@_intrinsic
+def call(context: Any, address: Any, box: Any, number: Any) -> Any:
+    """Return what a kernel at an address returns, which takes a box and an int: an int."""
+    kinds = box, types.int64
+
+    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        convention = context.call_conv
+        kind = convention.get_function_type(types.int64, kinds)
+        callee = builder.inttoptr(arguments[0], kind.as_pointer())
+        status, value = convention.call_function(
+            builder, callee, types.int64, kinds, arguments[1:])
+        with cgutils.if_unlikely(builder, status.is_error):
+            convention.return_status_propagate(builder, status)
+        return value
+    return types.int64(address, *kinds), build

@@ -10,6 +10,7 @@ import numba
 from rigid_sim_ros.engine.kernel_cache import cache_folder
 from rigid_sim_ros.engine.kernel_linking import (
     called_as_part, SUPPORTED, WholeCompiler, without_literals)
+from rigid_sim_ros.engine.numba_without_scipy import spare_scipy
 
 Function = TypeVar('Function', bound=Callable[..., Any])
 
@@ -17,11 +18,14 @@ Function = TypeVar('Function', bound=Callable[..., Any])
 # stays what it is under this mask, and the tests go.
 INDEX = (1 << 40) - 1
 
+spare_scipy()
+
 
 def _compiled(function: Function, **options: Any) -> Any:
     config: Any = numba.config
     njit: Any = numba.njit
     elsewhere = config.CACHE_DIR
+    _name_apart(function)
     if SUPPORTED:
         options['pipeline_class'] = WholeCompiler
     config.CACHE_DIR = str(cache_folder(function.__module__))
@@ -30,6 +34,18 @@ def _compiled(function: Function, **options: Any) -> Any:
                     **options)(function)
     finally:
         config.CACHE_DIR = elsewhere
+
+
+def _name_apart(function: Any) -> None:
+    """
+    Let the names of functions that one line of source makes say what they were made of.
+
+    Numba tells them apart by a number that each process counts from 1, and machine code of several
+    processes, from the cache, meets in one: of two functions of a name the first is called.
+    """
+    for cell in function.__closure__ or ():
+        content = cell.cell_contents
+        function.__qualname__ += f'_{getattr(content, "__name__", content)}'
 
 
 def kernel(function: Function) -> Function:

@@ -36,11 +36,12 @@ def cache_folder(module: str) -> Path:
     user without a home that can be written to) below the system's temporary folder.
     """
     short = module.removeprefix(f'{_PACKAGE}.')
-    return _base() / f'{short}-{_digest(module)}'
+    return base_folder() / f'{short}-{_digest(module)}'
 
 
 @cache
-def _base() -> Path:
+def base_folder() -> Path:
+    """Return the folder below which all compiled kernels are kept."""
     bases = [Path(os.environ['NUMBA_CACHE_DIR'])] if os.environ.get('NUMBA_CACHE_DIR') else []
     home = os.environ.get('XDG_CACHE_HOME') or os.path.join(os.path.expanduser('~'), '.cache')
     bases += [Path(home), Path(tempfile.gettempdir()) / f'user-{os.getuid()}']

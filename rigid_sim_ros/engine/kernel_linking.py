@@ -15,6 +15,7 @@ Where Numba lacks one of the names that this takes, kernels are compiled as Numb
 
 from typing import Any
 
+from llvmlite import binding, ir
 from numba.core import codegen, compiler, types
 from numba.core.typing.templates import make_concrete_template
 
@@ -27,7 +28,7 @@ SUPPORTED = (
     all(hasattr(_Library, name) for name in (
         '_ensure_finalized', '_finalize_dynamic_globals', '_get_module_for_linking',
         '_raise_if_finalized', 'add_linking_library', 'enable_object_caching', 'finalize',
-        'get_pointer_to_function'))
+        'get_pointer_to_function', 'serialize_using_object_code'))
     and all(name in _Flags.options for name in ('no_compile', 'no_cpython_wrapper')))
 
 
@@ -74,6 +75,32 @@ class _Whole(_Library):
         self._linking_libraries = []
         super().finalize()
 
+    def serialize_using_object_code(self) -> Any:
+        """
+        Return what the cache keeps: machine code, and for LLVM no more than names.
+
+        Numba adds the module that the code was made of, for others to link. To read that again
+        took longer than to load the code, and nobody links what has parts.
+        """
+        name, kind, (code, _) = super().serialize_using_object_code()
+        return name, kind, (code, _names_in(self._get_module_for_linking()))
+
+
+def _names_in(module: Any) -> Any:
+    """Return the bitcode of a module that defines the same names, and nothing behind them."""
+    names: Any = ir.Module()
+    names.triple = module.triple
+    for function in module.functions:
+        if not function.is_declaration:
+            kind = ir.FunctionType(ir.VoidType(), ())
+            body = ir.Function(names, kind, function.name).append_basic_block()
+            ir.IRBuilder(body).unreachable()
+    for variable in module.global_variables:
+        if not variable.is_declaration:
+            place = ir.GlobalVariable(names, ir.IntType(8), variable.name)
+            place.initializer = ir.IntType(8)(0)
+    return binding.parse_assembly(str(names)).as_bitcode()
+
 
 def _below(libraries: Any) -> list[Any]:
     """Return these libraries and all that parts among them call, each once."""
@@ -105,6 +132,10 @@ class _QuickFlags(_Flags):
         return self._HASH
 
 
+# Passes for what kernels do not have: closures, and arrays that an expression makes.
+_NEEDLESS = ('inline_closure_likes', 'nopython_rewrites')
+
+
 class _Compiler(_NumbasCompiler):
 
     def __init__(self, *arguments: Any) -> None:
@@ -120,6 +151,8 @@ class _Compiler(_NumbasCompiler):
             # Between two passes Numba looks for variables that a pass left behind, which takes as
             # long as the passes themselves.
             pipeline._ENFORCING = False
+            pipeline.passes = [one for one in pipeline.passes
+                               if getattr(one[0], '_name', '') not in _NEEDLESS]
         return pipelines
 
 

@@ -245,7 +245,7 @@ def _rows_gatherer(numbers: int, load_row: Callable[..., ir.Value]) -> Any:
             data, at = (_data(context, builder, signature.args[k], args[k]) for k in (0, 1))
             loaded = []
             for lane in range(LANES):
-                row = builder.load(builder.gep(at, [_INT(lane)]))
+                row = _integer(builder, at, _INT(lane))
                 exists = builder.icmp_signed('>=', row, _INT(0))
                 row = builder.select(exists, row, _INT(0))
                 start = builder.add(builder.mul(row, args[2]), args[3])
@@ -260,18 +260,8 @@ def _rows_gatherer(numbers: int, load_row: Callable[..., ir.Value]) -> Any:
     return gatherer
 
 
-def _eight_numbers(builder: ir.IRBuilder, data: ir.Value, start: ir.Value) -> ir.Value:
-    return _load(builder, _vector_at(builder, data, start))
-
-
 def _one_number(builder: ir.IRBuilder, data: ir.Value, start: ir.Value) -> ir.Value:
     return builder.load(builder.gep(data, [start]))
-
-
-def _four_numbers(builder: ir.IRBuilder, data: ir.Value, start: ir.Value) -> ir.Value:
-    four = ir.VectorType(ir.DoubleType(), 4)
-    place = builder.bitcast(builder.gep(data, [start]), four.as_pointer())
-    return builder.load(place, align=_ALIGN)
 
 
 def _three_numbers(builder: ir.IRBuilder, data: ir.Value, start: ir.Value) -> ir.Value:
@@ -287,8 +277,6 @@ def _three_numbers(builder: ir.IRBuilder, data: ir.Value, start: ir.Value) -> ir
 # `first` on in the rows (8,) of an array with `width` numbers in a row; 0 for a row below 0.
 gather_rows_1 = _rows_gatherer(1, _one_number)
 gather_rows_3 = _rows_gatherer(3, _three_numbers)
-gather_rows_4 = _rows_gatherer(4, _four_numbers)
-gather_rows_8 = _rows_gatherer(8, _eight_numbers)
 
 
 def _rows_scatterer(numbers: int) -> Any:
@@ -302,7 +290,7 @@ def _rows_scatterer(numbers: int) -> Any:
             nowhere = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), numbers))
             nowhere = builder.gep(nowhere, [_INT(0), _INT(0)])
             for lane in range(LANES):
-                row = builder.load(builder.gep(at, [_INT(lane)]))
+                row = _integer(builder, at, _INT(lane))
                 start = builder.add(builder.mul(row, args[2]), args[3])
                 place = builder.select(builder.icmp_signed('>=', row, _INT(0)),
                                        builder.gep(data, [start]), nowhere)
@@ -318,7 +306,7 @@ def _rows_scatterer(numbers: int) -> Any:
 
 
 # scatter_rows_N(array, rows, width, first, lanes): write N numbers where gather_rows_N reads them.
-scatter_rows_1, scatter_rows_3, scatter_rows_4 = (_rows_scatterer(n) for n in (1, 3, 4))
+scatter_rows_1, scatter_rows_3 = _rows_scatterer(1), _rows_scatterer(3)
 
 
 @_intrinsic
@@ -329,9 +317,9 @@ def gather_integers(_: Any, array: Any, rows: Any) -> Any:
         data, at = (_data(context, builder, signature.args[k], args[k]) for k in (0, 1))
         value = ir.Constant(_VECTOR, None)
         for lane in range(LANES):
-            row = builder.load(builder.gep(at, [_INT(lane)]))
+            row = _integer(builder, at, _INT(lane))
             exists = builder.icmp_signed('>=', row, _INT(0))
-            found = builder.load(builder.gep(data, [builder.select(exists, row, _INT(0))]))
+            found = _integer(builder, data, builder.select(exists, row, _INT(0)))
             number = builder.sitofp(builder.select(exists, found, _INT(0)), ir.DoubleType())
             value = builder.insert_element(value, number, ir.IntType(32)(lane))
         return value
@@ -389,8 +377,7 @@ def _transposed(builder: ir.IRBuilder, rows: Sequence[ir.Value]) -> list[ir.Valu
 
 
 # By what was loaded from each row.
-_COLUMNS = {ir.DoubleType(): _one_column, ir.VectorType(ir.DoubleType(), 4): _four_columns,
-            _VECTOR: _transposed}
+_COLUMNS = {ir.DoubleType(): _one_column, ir.VectorType(ir.DoubleType(), 4): _four_columns}
 
 
 def _exchange(builder: ir.IRBuilder, rows: Sequence[ir.Value],
@@ -427,8 +414,14 @@ def _row(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.V
 def _records(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> list[ir.Value]:
     """Return where the record of each lane begins."""
     data, at = (_data(context, builder, signature.args[k], args[k]) for k in (0, 1))
-    starts = [builder.load(builder.gep(at, [_INT(lane)])) for lane in range(LANES)]
+    starts = [_integer(builder, at, _INT(lane)) for lane in range(LANES)]
     return [_vector_at(builder, data, start) for start in starts]
+
+
+def _integer(builder: ir.IRBuilder, data: ir.Value, index: ir.Value) -> ir.Value:
+    """Return an integer of an array of whatever width, 64 bits at most."""
+    number = builder.load(builder.gep(data, [index]))
+    return number if number.type == _INT else builder.sext(number, _INT)
 
 
 def _load(builder: ir.IRBuilder, place: ir.Value) -> ir.Value:

@@ -6,7 +6,9 @@ What detection finds, and what it keeps from one step to the next.
 A manifold is a pair of shapes that are near each other: one normal and up to four points. The
 manifolds of this step and of the last take turns in two pages, so that impulses are carried over
 by walking through both in order, without a search and without a copy. What nobody asks of the last
-step both pages share.
+step both pages share. Its impulses nobody asks for once they are carried over: then the model
+`timestep` writes there what acted in the whole step, collisions included, for those who ask what
+pressed on what.
 
 Most contacts are one point of a ball, and 10 000 bodies have 30 000. So the first points of all
 manifolds lie side by side, then all second points, and what belongs to polyhedra is written for
@@ -38,7 +40,7 @@ class Manifolds(NamedTuple):
     shape_b: IntArray  # (c,)
     body_a: IntArray  # (c,)
     body_b: IntArray  # (c,)
-    points: IntArray  # (c,) number of points, 1 .. 4
+    points: IntArray  # (c,) of 8 bits, number of points, 1 .. 4
     normal: Array  # (c, 3) unit vector from A to B, world axes
     r_A: Array  # (4, c, 3) [m] contact points on A from the centre of mass of A, world axes
     r_B: Array  # (4, c, 3) [m] contact points on B from the centre of mass of B, world axes
@@ -135,11 +137,13 @@ def _empty_page(capacity: int) -> Manifolds:
     # of the cache.
     of_points = (POINTS, c + 13)
 
+    points: Any = np.zeros(c, dtype=np.int8)
+
     def integers(*shape: int) -> IntArray:
         return np.zeros(shape, dtype=np.int64)
 
     return Manifolds(
-        integers(1), _names(c), _names(c), _names(c), _names(c), integers(c), np.zeros((c, 3)),
+        integers(1), _names(c), _names(c), _names(c), _names(c), points, np.zeros((c, 3)),
         np.zeros((*of_points, 3)), np.zeros((*of_points, 3)), np.zeros(of_points),
         integers(*of_points), np.zeros(of_points), np.zeros((c, 3)), np.zeros(c), np.zeros((c, 5)),
         np.zeros((c, 3)), np.zeros((c, POINTS, 3)), np.zeros((c, POINTS, 3)))
@@ -181,6 +185,22 @@ def forget_pairs(memory: Memory) -> None:
 def current(memory: Memory) -> Manifolds:
     """Return the manifolds of the latest step."""
     return memory.pages[memory.page[0]]
+
+
+@kernel
+def earlier(memory: Memory) -> Manifolds:
+    """
+    Return the other page, that of the step before.
+
+    `impulse` and `friction` are what acted on the manifolds of the latest step where a model wrote
+    that, in the rows of these.
+    """
+    return memory.pages[1 - memory.page[0]]
+
+
+def earlier_manifolds(memory: Memory) -> Manifolds:
+    """Return the same in Python."""
+    return memory.pages[1 - int(memory.page[0])]
 
 
 def current_manifolds(memory: Memory) -> Manifolds:
@@ -257,7 +277,9 @@ def lasting(memory: Memory) -> list[Array | IntArray]:
     fields: list[Array | IntArray] = [manifolds.count.copy()]
     for name, field in zip(manifolds._fields[1:], manifolds[1:], strict=True):
         rows = found_at if name == 'found_at' else _rows(name, field, count)
-        fields.append(rows[_used(name, points, found_at)])
+        values = rows[_used(name, points, found_at)]
+        # Saved worlds have them in 64 bits.
+        fields.append(values.astype(np.int64) if name == 'points' else values)
     return fields
 
 

@@ -19,23 +19,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray
+from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.calming import calm, Calming, make_calming
 from rigid_sim_ros.engine.coloring import (
-    Blocks, color_manifolds, Coloring, is_small, lanes_of, make_blocks, make_coloring, most_blocks,
+    Blocks, color_manifolds, Coloring, make_blocks, make_coloring, most_blocks,
     numbers_of, points_in)
 from rigid_sim_ros.engine.contact_filling import (
-    ABOUT, describe, fill_blocks, keep_impulses, place_lanes)
+    classify, fill_blocks, keep_impulses, place_lanes)
+from rigid_sim_ros.engine.contact_rules import Sweep
 from rigid_sim_ros.engine.contact_sweep import (
-    count_impulses, is_settled, overlaps, separate, Sweep, visit_block)
+    count_impulses, is_settled, overlaps, separate, visit_block)
 from rigid_sim_ros.engine.free_flight import fly
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import kick, Loads
-from rigid_sim_ros.engine.manifolds import Manifolds, POINTS
+from rigid_sim_ros.engine.manifolds import Manifolds
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.solver_bodies import (
-    drift_bodies, kick_bodies, load_bodies, make_bodies, SolverBodies, store_bodies)
+    drift_bodies, kick_bodies, load_bodies, make_bodies, note_start, SolverBodies, stop_pushing,
+    store_bodies)
 from rigid_sim_ros.engine.state import State
 
 
@@ -50,17 +52,13 @@ class SequentialSettings(NamedTuple):
 
 
 class SequentialWork(NamedTuple):
-    """Buffers for one step: nothing here outlives it but the impulses to report."""
+    """Buffers for one step: nothing here outlives it but what is reported."""
 
     bodies: SolverBodies
     coloring: Coloring
     blocks: Blocks
-    kinds: IntArray  # (c,) classes of the manifolds
-    about: Array  # flat, ABOUT for each manifold
     fresh: IntArray  # (blocks + 1,) lanes that touch without an impulse to begin with
     calming: Calming
-    normal_impulse: Array  # (c, 4) [N s] of the whole step, collisions included
-    friction_impulse: Array  # (c, 3) on B [N s], world axes
     residual: Array  # (1,) [m/s] largest change of a contact's velocity in the last sweep
     overlap: Array  # (1,) [m] deepest
 
@@ -68,54 +66,53 @@ class SequentialWork(NamedTuple):
 def make_work(n: int, capacity: int) -> SequentialWork:
     """Return buffers for n bodies and `capacity` manifolds."""
     blocks = most_blocks(capacity)
-
-    def integers(count: int) -> IntArray:
-        return np.zeros(count, dtype=np.int64)
-
     return SequentialWork(make_bodies(n), make_coloring(n, capacity), make_blocks(capacity),
-                          integers(capacity), aligned_zeros(capacity * ABOUT),
-                          integers(blocks + 1), make_calming(n, capacity),
-                          np.zeros((capacity, POINTS)), np.zeros((capacity, 3)), np.zeros(1),
-                          np.zeros(1))
+                          np.zeros(blocks + 1, dtype=np.int64), make_calming(n, capacity),
+                          np.zeros(1), np.zeros(1))
 
 
 @kernel
 def solve_contacts(model: Model, state: State, loads: Loads, shapes: Shapes, materials: Materials,
-                   manifolds: Manifolds, waits: IntArray, shifts: Array, shifted: bool,
-                   settings: SequentialSettings, work: SequentialWork, flight: Array) -> None:
+                   round_shapes: IntArray, manifolds: Manifolds, acted: Manifolds, waits: IntArray,
+                   shifts: Array, shifted: bool, settings: SequentialSettings,
+                   work: SequentialWork, flight: Array) -> None:
     """
     Advance all bodies by one step, those with a slot in `work.bodies` with contacts.
 
-    Impulses of the manifolds are those to begin with, and afterwards those of this step. A
-    manifold with waits (c,) of 1 takes no part. `shifts` are what collisions moved, if `shifted`;
-    `flight` is scratch for `fly`.
+    Impulses of the manifolds are those to begin with, and afterwards those of this step; those of
+    the whole step are added to what collisions wrote to `acted`. A manifold with waits (c,) of 1
+    takes no part. round_shapes (s,) are 1 for what may be in a block of balls. `shifts` are what
+    collisions moved, if `shifted`; `flight` is scratch for `fly`.
     """
     bodies, blocks, substeps = work.bodies, work.blocks, settings.substeps
     motion, used, h = bodies.motion, bodies.used[0], model.h / substeps
     load_bodies(model.inv_m, model.inv_I_C, state, loads, bodies)
-    describe(state.x, shapes.material, materials, manifolds, work.kinds, work.about)
-    count = color_manifolds(manifolds.count[0], manifolds.body_a, manifolds.body_b, work.kinds,
-                            bodies.slot, used, waits, work.coloring, blocks.kind, blocks.start)
+    classify(shapes.material, materials, round_shapes, shifted, manifolds, work.coloring.kind)
+    count = color_manifolds(manifolds.count[0], manifolds.body_a, manifolds.body_b,
+                            work.coloring.kind, bodies.slot, waits, work.coloring, blocks.kind,
+                            blocks.start)
     place_lanes(manifolds.count[0], count, manifolds, bodies.slot, work.coloring, blocks)
-    work.overlap[0] = fill_blocks(count, manifolds, work.about, shifts, shifted, 1.0 / substeps,
-                                  bodies, blocks, work.fresh)
+    work.overlap[0] = fill_blocks(count, manifolds, state.x, shapes.material, materials, shifts,
+                                  shifted, 1.0 / substeps, bodies, blocks, work.fresh)
+    note_start(used, motion, bodies.mass)
     if bodies.used[1] > 0:
         kick(state, loads, 0.5 * model.h)
         fly(model, state, (0.0, 0.0, 0.0), model.h, np.int64(1), flight)
         kick(state, loads, 0.5 * model.h)
     work.calming.listed[0] = 0
     for substep in range(substeps):
-        kick_bodies(used, motion, bodies.smooth, bodies.base, bodies.warm, h, substep == 0)
+        kick_bodies(used, motion, bodies.smooth, bodies.base, h, substep == 0)
         if substep == 0:
             settle(count, blocks, work.fresh, motion, 1.0 / h)
         sweep(count, blocks, motion, bodies.drifted, Sweep(1.0 / h, h if substep > 0 else 0.0),
               False)
         calm(count, blocks, motion, used, work.calming, 1.0 / h)
-        sweep_back(count, blocks, motion, bodies.push, 1.0 / h, settings.push / h,
+        stop_pushing(used, bodies.drifted)
+        sweep_back(count, blocks, motion, bodies.drifted, 1.0 / h, settings.push / h,
                    settings.push_speed)
-        drift_bodies(used, motion, bodies.push, bodies.drifted, bodies.total)
+        drift_bodies(used, motion, bodies.drifted, bodies.total)
     work.residual[0] = keep_impulses(count, blocks, manifolds, bodies, h, substeps,
-                                     work.normal_impulse, work.friction_impulse)
+                                     acted.impulse, acted.friction)
     store_bodies(model.h, model.m, model.inv_I_C, state, bodies, substeps)
 
 
@@ -168,10 +165,9 @@ def sweep_back(count: int, blocks: Blocks, motion: Array, push: Array, inv_h: fl
     """
     for k in range(count):
         block = count - 1 - k
-        b, lanes = numbers_of(blocks, block), lanes_of(block)
-        points, small = points_in(blocks.kind[block]), is_small(blocks.kind[block])
+        b, points = numbers_of(blocks, block), points_in(blocks.kind[block])
         if not is_settled(b, SETTLED):
             visit_block(blocks, block, motion, motion, Sweep(inv_h, 0.0))
         count_impulses(b, points)
         if overlaps(b, points):
-            separate(b, push, blocks.at_A[lanes], blocks.at_B[lanes], points, small, rate, speed)
+            separate(blocks, block, push, rate, speed)

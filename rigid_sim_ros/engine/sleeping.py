@@ -47,8 +47,15 @@ def no_rest(n: int) -> Rest:
 
 
 @kernel
-def wake_disturbed(inv_m: Array, state: State, loads: Loads, wrenches: Wrenches,
-                   manifolds: Manifolds, rest: Rest) -> None:
+def mark_pushed(wrenches: Wrenches, rest: Rest) -> None:
+    """Let bodies that a wrench acts on begin to rest anew; -1 for `wake_disturbed` to see it."""
+    for r in range(wrenches.body.shape[0]):
+        rest.steps[wrenches.body[r]] = -1
+
+
+@kernel
+def wake_disturbed(inv_m: Array, state: State, loads: Loads, manifolds: Manifolds,
+                   rest: Rest) -> None:
     """Wake the islands in which a body was pushed, moved or loaded otherwise than before."""
     woken = False
     for i in range(inv_m.shape[0]):
@@ -74,11 +81,11 @@ def wake_disturbed(inv_m: Array, state: State, loads: Loads, wrenches: Wrenches,
             moved = moved or loads.tau[k, i] != rest.load[3 + k, i]
         if moved:
             rest.asleep[i], rest.steps[i], woken = 0, 0, True
-    for r in range(wrenches.body.shape[0]):
-        i = wrenches.body[r]
-        rest.steps[i] = 0
-        if rest.asleep[i] == 1:
-            rest.asleep[i], woken = 0, True
+    for i in range(inv_m.shape[0]):
+        if rest.steps[i] < 0:
+            rest.steps[i] = 0
+            if rest.asleep[i] == 1:
+                rest.asleep[i], woken = 0, True
     for r in range(manifolds.count[0] if woken else 0):
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if inv_m[a] == 0.0 and rest.island[a] == 1:
@@ -201,6 +208,6 @@ def keep_pressing(manifolds: Manifolds, slot: IntArray, rest: Rest, normal_impul
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if rest.asleep[a] + rest.asleep[b] > 0 and slot[a] == 0 and slot[b] == 0:
             for p in range(manifolds.points[r]):
-                normal_impulse[r, p] = manifolds.impulse[p, r]
+                normal_impulse[p, r] = manifolds.impulse[p, r]
             for k in range(3):
                 friction_impulse[r, k] = manifolds.friction[r, k]

@@ -28,6 +28,7 @@ STRIDE = 8
 # Numbers of a body in `mass`: the inverse inertia, world axes, the inverse mass, and whether it is
 # pressed against a body that moves.
 J = 0  # xx, xy, xz, yy, yz, zz
+START = 0  # v, L at the start of the step: in the place of J, from `note_start` on
 INV_M = 6
 HELD = 7
 # Rows of the scratch block in which eight bodies are moved.
@@ -41,14 +42,15 @@ class SolverBodies(NamedTuple):
     body: IntArray  # (n + 1,) in a slot; -1 in slot 0
     used: IntArray  # (2,) slots in use; moving bodies without a slot
     motion: Array  # flat, STRIDE for each slot, as all but the last two
-    push: Array  # motion that only displaces, out of overlaps
-    drifted: Array  # the sum of both, with which the bodies moved in this substep
+    # With what the bodies moved in the last substep: `motion` and the motion that only displaces,
+    # out of overlaps. While this is found it stands here alone, from `stop_pushing` on.
+    drifted: Array
     smooth: Array  # F / m [m/s^2] and torque [N m] of all that is no contact
-    base: Array  # v, L of this substep without contacts
-    warm: Array  # what contacts add to the first substep, from the step before
+    # v, L of this substep without contacts; before the first one what contacts add to it, from the
+    # step before
+    base: Array
     total: Array  # sums of `drifted` over the substeps
-    mass: Array  # see J, INV_M, HELD
-    start: Array  # v, L at the start of the step
+    mass: Array  # see J, START, INV_M, HELD
     pose: Array  # x [m] and q at the start of the step
     lanes: Array  # flat scratch
     at: IntArray  # (8,) scratch
@@ -63,8 +65,8 @@ def make_bodies(n: int) -> SolverBodies:
 
     return SolverBodies(np.zeros(n, dtype=np.int64), np.zeros(slots, dtype=np.int64),
                         np.zeros(2, dtype=np.int64), numbers(), numbers(), numbers(), numbers(),
-                        numbers(), numbers(), numbers(), numbers(), numbers(), numbers(),
-                        aligned_zeros(_ROWS * LANES), np.zeros(LANES, dtype=np.int64))
+                        numbers(), numbers(), numbers(), aligned_zeros(_ROWS * LANES),
+                        np.zeros(LANES, dtype=np.int64))
 
 
 @kernel
@@ -73,11 +75,10 @@ def load_bodies(inv_m: Array, inv_I_C: Array, state: State, loads: Loads,
     """Write the rows and the motion of the bodies that have a slot."""
     used = bodies.used[0]
     bodies.motion[:used * STRIDE] = 0.0
-    bodies.push[:used * STRIDE] = 0.0
     bodies.smooth[:used * STRIDE] = 0.0
-    bodies.warm[:used * STRIDE] = 0.0
+    bodies.base[:used * STRIDE] = 0.0
     bodies.total[:used * STRIDE] = 0.0
-    mass, start, pose = bodies.mass, bodies.start, bodies.pose
+    mass, pose = bodies.mass, bodies.pose
     mass[:STRIDE] = 0.0
     for slot in range(1, used):
         i = bodies.body[slot] & INDEX
@@ -85,11 +86,8 @@ def load_bodies(inv_m: Array, inv_I_C: Array, state: State, loads: Loads,
         for k in range(3):
             bodies.smooth[motion + k] = inv_m[i] * loads.F[k, i]
             bodies.smooth[motion + 3 + k] = loads.tau[k, i]
-            v = inv_m[i] * state.P[k, i]
-            bodies.motion[motion + k] = v
+            bodies.motion[motion + k] = inv_m[i] * state.P[k, i]
             bodies.motion[motion + 3 + k] = state.L[k, i]
-            start[motion + k] = v
-            start[motion + 3 + k] = state.L[k, i]
             pose[motion + k] = state.x[k, i]
         for k in range(4):
             pose[motion + 3 + k] = state.q[k, i]
@@ -106,18 +104,26 @@ def load_bodies(inv_m: Array, inv_I_C: Array, state: State, loads: Loads,
 
 
 @kernel
-def kick_bodies(used: int, m: Array, smooth: Array, base: Array, warm: Array, h: float,
-                first: bool) -> None:
+def note_start(used: int, motion: Array, mass: Array) -> None:
+    """Keep the motion at the start of the step, when nobody asks for the inverse inertia more."""
+    for slot in range(used):
+        for k in range(6):
+            mass[slot * STRIDE + START + k] = motion[slot * STRIDE + k]
+
+
+@kernel
+def kick_bodies(used: int, m: Array, smooth: Array, base: Array, h: float, first: bool) -> None:
     """
     Begin a substep: forces act for h [s], and contacts as they did in the last substep.
 
     That is a warm start of every contact at once, without a pass over contacts: they added m -
-    base. For the first substep `warm` holds what they bring from the step before.
+    base. Before the first substep `base` holds what they bring from the step before.
     """
     if first:
         for k in range(used * STRIDE):
-            base[k] = m[k] + h * smooth[k]
-            m[k] = base[k] + warm[k]
+            kicked = m[k] + h * smooth[k]
+            m[k] = kicked + base[k]
+            base[k] = kicked
         return
     for k in range(used * STRIDE):
         now = m[k]
@@ -127,12 +133,17 @@ def kick_bodies(used: int, m: Array, smooth: Array, base: Array, warm: Array, h:
 
 
 @kernel
-def drift_bodies(used: int, m: Array, push: Array, drifted: Array, total: Array) -> None:
-    """Add the motion of this substep to the sums of displacements; forget the push."""
+def stop_pushing(used: int, drifted: Array) -> None:
+    """Begin to find the push of this substep, in place of the drift of the last one."""
+    drifted[:used * STRIDE] = 0.0
+
+
+@kernel
+def drift_bodies(used: int, m: Array, drifted: Array, total: Array) -> None:
+    """Add the motion of this substep to the push, and both to the sums of displacements."""
     for k in range(used * STRIDE):
-        drifted[k] = m[k] + push[k]
+        drifted[k] += m[k]
         total[k] += drifted[k]
-        push[k] = 0.0
 
 
 @kernel
@@ -169,10 +180,10 @@ def _move(bodies: SolverBodies, b: Array, h: float, share: float) -> None:
     the pair.
     """
     total, now = gather(bodies.total, bodies.at), gather(bodies.motion, bodies.at)
-    start, forces = gather(bodies.start, bodies.at), gather(bodies.smooth, bodies.at)
-    pose, mass = gather(bodies.pose, bodies.at), gather(bodies.mass, bodies.at)
-    dv = (now[0] - start[0], now[1] - start[1], now[2] - start[2])
-    dL = (now[3] - start[3], now[4] - start[4], now[5] - start[5])
+    mass, forces = gather(bodies.mass, bodies.at), gather(bodies.smooth, bodies.at)
+    pose = gather(bodies.pose, bodies.at)
+    dv = (now[0] - mass[START], now[1] - mass[START + 1], now[2] - mass[START + 2])
+    dL = (now[3] - mass[START + 3], now[4] - mass[START + 4], now[5] - mass[START + 5])
     a = (forces[0], forces[1], forces[2])
     smooth = both(dot(dv, dv) <= 4.0 * h * h * dot(a, a), mass[HELD] == 0.0)
     back = select(smooth, -0.5 * share, 0.0)

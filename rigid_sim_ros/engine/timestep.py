@@ -9,27 +9,29 @@ bodies that touch nothing fly as if there were no contacts at all, by the symple
 
 from typing import Any, NamedTuple
 
+from numba import typeof
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.collisions import collide_bodies, CollisionWork, make_collision_work
-from rigid_sim_ros.engine.detect import detect_ahead
+from rigid_sim_ros.engine.compiling import compile_together
+from rigid_sim_ros.engine.detect import detect_manifolds, detect_pairs
+from rigid_sim_ros.engine.forces import add_gravity, add_scene_forces
 from rigid_sim_ros.engine.free_flight import BLOCK_SIZE as FLIGHT_SIZE, fly
-from rigid_sim_ros.engine.integrate import sum_loads
-from rigid_sim_ros.engine.kept import contents, Kept
-from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.kept import call, held, Kept
+from rigid_sim_ros.engine.kernel import kernel, part
 from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
-from rigid_sim_ros.engine.manifolds import current, grown, Manifolds, Memory
+from rigid_sim_ros.engine.manifolds import current, earlier, grown, Manifolds, Memory
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.sequential import make_work as make_sequential_work
 from rigid_sim_ros.engine.sequential import SequentialSettings, SequentialWork, solve_contacts
-from rigid_sim_ros.engine.shapes import Materials, PLANE, Shapes
+from rigid_sim_ros.engine.shapes import Materials, PLANE, Shapes, SPHERE
 from rigid_sim_ros.engine.sleeping import (
-    fall_asleep, keep_pressing, Rest, wake_disturbed, wake_touched)
+    fall_asleep, keep_pressing, mark_pushed, Rest, wake_disturbed, wake_touched)
 from rigid_sim_ros.engine.solver_bodies import SolverBodies
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.vector import column, norm
-from rigid_sim_ros.engine.wrenches import count_down, Wrenches
+from rigid_sim_ros.engine.wrenches import add_wrenches, count_down, Wrenches
 
 
 # How many margins further ahead a fast body looks, at most: more finds pairs in vain.
@@ -55,6 +57,7 @@ class TimestepWork(NamedTuple):
     later: Loads
     block: Array
     radius: Array  # (n,) [m] how far the shapes of a body reach from its centre of mass
+    round_shapes: IntArray  # (s,) 1: a ball about its centre of mass, or a body that never moves
     collision: CollisionWork
     solver: SequentialWork
 
@@ -68,7 +71,15 @@ def make_timestep_work(model: Model, shapes: Shapes, memory: Memory) -> Timestep
             reach = float(np.linalg.norm(shapes.p_CS[s])) + shapes.bound[s]
             radius[shapes.body[s]] = max(radius[shapes.body[s]], reach)
     return TimestepWork(empty_loads(n), empty_loads(n), np.zeros(FLIGHT_SIZE), radius,
+                        _round_shapes(model, shapes),
                         make_collision_work(n, capacity), make_sequential_work(n, capacity))
+
+
+def _round_shapes(model: Model, shapes: Shapes) -> IntArray:
+    i = shapes.body
+    alike = (model.inv_I_C[:, i] == model.inv_I_C[0, i]).all(axis=0)
+    balls = (shapes.kind == SPHERE) & (shapes.p_CS == 0.0).all(axis=1) & alike
+    return np.where(balls | (model.inv_m[i] == 0.0), 1, 0)
 
 
 def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
@@ -80,9 +91,15 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
     The state, the wrenches' remaining steps, the memory and who sleeps change in place. A world
     that is stepped often keeps its arguments in `kept` from call to call.
     """
-    done, kept = 0, kept or Kept()
+    done, kept = 0, kept or Kept(PIECES)
     while True:
-        box = kept.box(model, state, shapes, materials, memory, settings, work, rest)
+        box = kept.box(model, state, shapes, materials, memory, settings, work, rest,
+                       kept.addresses)
+        if kept.compiled_for is not box:
+            kinds = box.type, typeof(wrenches), typeof(count)
+            kept.addresses[:] = compile_together(
+                _advance_kept, kinds, _pieces(model, settings), _SHARED_OUT)
+            kept.compiled_for = box
         done += _advance_kept(box, wrenches, count - done)
         if done == count:
             return memory, work
@@ -91,56 +108,123 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
             work = make_timestep_work(model, shapes, memory)
 
 
+# The arguments in a box, by their places in it.
+_MODEL, _STATE, _SHAPES, _MATERIALS, _MEMORY, _SETTINGS, _WORK, _REST, _ADDRESSES = range(9)
+
+
+@kernel
+def _detect(box: Any, _: int) -> int:
+    state, shapes, memory = held(box, _STATE), held(box, _SHAPES), held(box, _MEMORY)
+    return int(detect_pairs(held(box, _MODEL), state, shapes, memory)
+               and detect_manifolds(state, shapes, memory))
+
+
+@kernel
+def _collide(box: Any, _: int) -> int:
+    model, memory, work = held(box, _MODEL), held(box, _MEMORY), held(box, _WORK)
+    acted = earlier(memory)
+    return collide_bodies(
+        model.h, model.inv_m, model.inv_I_C, held(box, _STATE), work.loads.F, held(box, _SHAPES),
+        held(box, _MATERIALS), current(memory), held(box, _SETTINGS).bounce_speed, acted.impulse,
+        acted.friction, work.collision)
+
+
+@kernel
+def _add_forces(box: Any, later: int) -> int:
+    model, state, work = held(box, _MODEL), held(box, _STATE), held(box, _WORK)
+    if later == 1:
+        add_scene_forces(model, state, work.later)
+    else:
+        add_scene_forces(model, state, work.loads)
+    return 0
+
+
+_DISTURBED, _TOUCHED, _AFTERWARDS = range(3)    # the parts of a step in which bodies wake or sleep
+
+
+@kernel
+def _sleep(box: Any, when: int) -> int:
+    model, state, work = held(box, _MODEL), held(box, _STATE), held(box, _WORK)
+    memory, rest = held(box, _MEMORY), held(box, _REST)
+    manifolds, acted = current(memory), earlier(memory)
+    if when == _DISTURBED:
+        wake_disturbed(model.inv_m, state, work.loads, manifolds, rest)
+    elif when == _TOUCHED:
+        wake_touched(model.h, model.inv_m, model.inv_I_C, state, work.radius, manifolds, rest)
+    else:
+        keep_pressing(manifolds, work.solver.bodies.slot, rest, acted.impulse, acted.friction)
+        fall_asleep(model.inv_m, model.inv_I_C, state, work.loads, work.radius, manifolds,
+                    held(box, _SETTINGS).sleep_steps, rest)
+    return 0
+
+
+# What is compiled apart from the step, by place; the first by a helper: it takes as long
+# as all others together.
+_TO_DETECT, _TO_COLLIDE, _TO_FORCES, _TO_SLEEP = range(4)
+PIECES, _SHARED_OUT = 4, 1
+
+
+def _pieces(model: Model, settings: TimestepSettings) -> list[Any]:
+    """Return what a world needs, None in the place of a piece that is never called."""
+    return [_detect, _collide,
+            _add_forces if model.forces.kind.shape[0] > 0 else None,
+            _sleep if settings.sleep_steps > 0 else None]
+
+
+@part
+def _sum_loads(box: Any, to: IntArray, wrenches: Wrenches, loads: Loads, later: int) -> None:
+    """Do what `sum_loads` does, the forces of the scene by address."""
+    model, state = held(box, _MODEL), held(box, _STATE)
+    loads.F[:] = 0.0
+    loads.tau[:] = 0.0
+    add_gravity(model, state, loads)
+    if model.forces.kind.shape[0] > 0:
+        call(to[_TO_FORCES], box, later)
+    add_wrenches(model, state, wrenches, loads)
+    for i in model.fixed:
+        loads.F[:, i] = 0.0
+        loads.tau[:, i] = 0.0
+
+
 @kernel
 def _advance_kept(box: Any, wrenches: Wrenches, count: int) -> int:
-    model, state, shapes, materials, memory, settings, work, rest = contents(box)
-    return advance_steps(model, state, wrenches, shapes, materials, memory, settings, work, rest,
-                         count)
-
-
-@kernel
-def advance_steps(model: Model, state: State, wrenches: Wrenches, shapes: Shapes,
-                  materials: Materials, memory: Memory, settings: TimestepSettings,
-                  work: TimestepWork, rest: Rest, count: int) -> int:
     """Take steps until `count` are done or a buffer is too small; return how many were done."""
+    model, state, shapes = held(box, _MODEL), held(box, _STATE), held(box, _SHAPES)
+    materials, memory = held(box, _MATERIALS), held(box, _MEMORY)
+    settings, work, rest = held(box, _SETTINGS), held(box, _WORK), held(box, _REST)
+    to = held(box, _ADDRESSES)
     g, sleeps = model.gravity, settings.sleep_steps > 0
     loaded = model.forces.kind.shape[0] + wrenches.body.shape[0] > 0
     for step in range(count):
         if sleeps:
-            sum_loads(model, state, wrenches, work.loads)
-            wake_disturbed(model.inv_m, state, work.loads, wrenches, current(memory), rest)
+            _sum_loads(box, to, wrenches, work.loads, 0)
+            mark_pushed(wrenches, rest)
+            call(to[_TO_SLEEP], box, _DISTURBED)
         look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, materials.restitution,
                    settings, work.radius, shapes.body, memory.ahead, memory.calm)
-        if not detect_ahead(model, state, shapes, memory):
+        if call(to[_TO_DETECT], box, 0) == 0:
             return step
-        manifolds = current(memory)
+        manifolds, acted = current(memory), earlier(memory)
         if manifolds.count[0] == 0 and not loaded and not sleeps:
             fly(model, state, (g[0], g[1], g[2]), model.h, np.int64(1), work.block)
             continue
         if sleeps:
-            wake_touched(model.h, model.inv_m, model.inv_I_C, state, work.radius, manifolds, rest)
+            call(to[_TO_SLEEP], box, _TOUCHED)
         else:
-            sum_loads(model, state, wrenches, work.loads)
-        clear_impulses(manifolds.count[0], work.solver.normal_impulse,
-                       work.solver.friction_impulse)
-        collisions = collide_bodies(
-            model.h, model.inv_m, model.inv_I_C, state, work.loads.F, shapes, materials, manifolds,
-            settings.bounce_speed, work.solver.normal_impulse, work.solver.friction_impulse,
-            work.collision)
+            _sum_loads(box, to, wrenches, work.loads, 0)
+        clear_impulses(manifolds, acted.impulse, acted.friction)
+        collisions = call(to[_TO_COLLIDE], box, 0)
         give_slots(model.inv_m, manifolds, work.collision.waits, rest.asleep, work.solver.bodies)
-        solve_contacts(model, state, work.loads, shapes, materials, manifolds,
-                       work.collision.waits, work.collision.body, collisions > 0,
+        solve_contacts(model, state, work.loads, shapes, materials, work.round_shapes, manifolds,
+                       acted, work.collision.waits, work.collision.body, collisions > 0,
                        settings.sequential, work.solver, work.block)
         if loaded:
             # As in the symplectic method: half of the change of the loads, now at the new poses.
-            sum_loads(model, state, wrenches, work.later)
+            _sum_loads(box, to, wrenches, work.later, 1)
             kick(state, work.later, 0.5 * model.h)
             kick(state, work.loads, -0.5 * model.h)
         if sleeps:
-            keep_pressing(manifolds, work.solver.bodies.slot, rest, work.solver.normal_impulse,
-                          work.solver.friction_impulse)
-            fall_asleep(model.inv_m, model.inv_I_C, state, work.loads, work.radius, manifolds,
-                        settings.sleep_steps, rest)
+            call(to[_TO_SLEEP], box, _AFTERWARDS)
         count_down(wrenches)
     return count
 
@@ -170,10 +254,13 @@ def look_ahead(h: float, inv_m: Array, inv_I_C: Array, P: Array, L: Array, resti
 
 
 @kernel
-def clear_impulses(count: int, normal_impulse: Array, friction_impulse: Array) -> None:
-    """Forget the impulses of the last step."""
-    normal_impulse[:count] = 0.0
+def clear_impulses(manifolds: Manifolds, normal_impulse: Array, friction_impulse: Array) -> None:
+    """Forget the impulses of the last step, as far as this one has points."""
+    count = manifolds.count[0]
     friction_impulse[:count] = 0.0
+    for r in range(count):
+        for p in range(manifolds.points[r]):
+            normal_impulse[p, r] = 0.0
 
 
 @kernel

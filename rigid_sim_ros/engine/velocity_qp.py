@@ -28,16 +28,17 @@ from rigid_sim_ros.engine.free_flight import fly
 from rigid_sim_ros.engine.integrate import sum_loads
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import kick
-from rigid_sim_ros.engine.manifolds import current_manifolds, grown, Manifolds, Memory
+from rigid_sim_ros.engine.manifolds import (
+    current_manifolds, earlier_manifolds, grown, Manifolds, Memory)
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import gap_now
 from rigid_sim_ros.engine.solver_bodies import (
-    drift_bodies, HELD, INV_M, kick_bodies, load_bodies, SolverBodies,
+    drift_bodies, HELD, INV_M, kick_bodies, load_bodies, note_start, SolverBodies, stop_pushing,
     store_bodies, STRIDE)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.timestep import (
-    give_slots, look_ahead, make_timestep_work, TimestepSettings, TimestepWork)
+    clear_impulses, give_slots, look_ahead, make_timestep_work, TimestepSettings, TimestepWork)
 from rigid_sim_ros.engine.vector import cross, row
 from rigid_sim_ros.engine.wrenches import count_down, Wrenches
 
@@ -77,30 +78,31 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
             memory = grown(memory)
         if len(memory.pages[0].shape_a) > len(work.shared.collision.rows):
             work.shared = make_timestep_work(model, shapes, memory)
-        _step(model, state, wrenches, shapes, materials, current_manifolds(memory), settings, work)
+        _step(model, state, wrenches, shapes, materials, current_manifolds(memory),
+              earlier_manifolds(memory), settings, work)
         count_down(wrenches)
     return memory
 
 
 def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
-          manifolds: Manifolds, settings: TimestepSettings, work: QpWork) -> None:
+          manifolds: Manifolds, acted: Manifolds, settings: TimestepSettings,
+          work: QpWork) -> None:
     shared, bodies = work.shared, work.shared.solver.bodies
-    normal_impulse, friction_impulse = shared.solver.normal_impulse, shared.solver.friction_impulse
-    normal_impulse[:] = 0.0
-    friction_impulse[:] = 0.0
+    clear_impulses(manifolds, acted.impulse, acted.friction)
     sum_loads(model, state, wrenches, shared.loads)
     if collide_bodies(model.h, model.inv_m, model.inv_I_C, state, shared.loads.F, shapes,
-                      materials, manifolds, settings.bounce_speed, normal_impulse,
-                      friction_impulse, shared.collision) > 0:
+                      materials, manifolds, settings.bounce_speed, acted.impulse,
+                      acted.friction, shared.collision) > 0:
         _move_gaps(manifolds, shared.collision.body)
     give_slots(model.inv_m, manifolds, shared.collision.waits, work.awake, bodies)
     load_bodies(model.inv_m, model.inv_I_C, state, shared.loads, bodies)
     read_bodies(model, state, shared.loads.F, shared.loads.tau, work.bodies)
     chosen = _chosen(model, state, shapes, materials, manifolds, work)
-    kick_bodies(bodies.used[0], bodies.motion, bodies.smooth, bodies.base, bodies.warm, model.h,
-                True)
-    pushes = _solve(model, manifolds, settings, chosen, work)
-    drift_bodies(bodies.used[0], bodies.motion, bodies.push, bodies.drifted, bodies.total)
+    note_start(bodies.used[0], bodies.motion, bodies.mass)
+    kick_bodies(bodies.used[0], bodies.motion, bodies.smooth, bodies.base, model.h, True)
+    stop_pushing(bodies.used[0], bodies.drifted)
+    pushes = _solve(model, manifolds, acted, settings, chosen, work)
+    drift_bodies(bodies.used[0], bodies.motion, bodies.drifted, bodies.total)
     _give_back(work.contacts, chosen, pushes, model.h, bodies)
     kick(state, shared.loads, 0.5 * model.h)
     fly(model, state, (0.0, 0.0, 0.0), model.h, 1, shared.block)
@@ -134,8 +136,8 @@ def _chosen(model: Model, state: State, shapes: Shapes, materials: Materials,
     return np.nonzero(moves & (work.shared.collision.waits[rows] == 0))[0]
 
 
-def _solve(model: Model, manifolds: Manifolds, settings: TimestepSettings, chosen: IntArray,
-           work: QpWork) -> Array:
+def _solve(model: Model, manifolds: Manifolds, acted: Manifolds, settings: TimestepSettings,
+           chosen: IntArray, work: QpWork) -> Array:
     """
     Find the impulses of the chosen points, and let the bodies feel them.
 
@@ -162,8 +164,7 @@ def _solve(model: Model, manifolds: Manifolds, settings: TimestepSettings, chose
                            outcome.solved)
     _push(contacts, chosen, f, bodies, bodies.motion)
     manifolds.impulse[:, :count] = 0.0
-    _write_impulses(manifolds, contacts, chosen, f, work.shared.solver.normal_impulse,
-                    work.shared.solver.friction_impulse)
+    _write_impulses(manifolds, acted, contacts, chosen, f)
     push = settings.sequential.push / model.h
     wanted = np.minimum(-push * np.minimum(gap, 0.0), settings.sequential.push_speed)
     # Not what leaves its overlap by itself.
@@ -178,7 +179,7 @@ def _solve(model: Model, manifolds: Manifolds, settings: TimestepSettings, chose
         block[::3, ::3] = A[np.ix_(3 * pressed, 3 * pressed)]
         pushes, _ = solve(block, apart, np.zeros(len(pressed)), np.zeros_like(apart))
         displaced[3 * pressed] = pushes[::3]
-        _push(contacts, chosen, displaced, bodies, bodies.push)
+        _push(contacts, chosen, displaced, bodies, bodies.drifted)
     return displaced
 
 
@@ -261,15 +262,15 @@ def _read_impulses(manifolds: Manifolds, contacts: Contacts, chosen: IntArray, f
 
 
 @kernel
-def _write_impulses(manifolds: Manifolds, contacts: Contacts, chosen: IntArray, f: Array,
-                    normal_impulse: Array, friction_impulse: Array) -> None:
-    """Keep the impulses of this step."""
+def _write_impulses(manifolds: Manifolds, acted: Manifolds, contacts: Contacts, chosen: IntArray,
+                    f: Array) -> None:
+    """Keep the impulses of this step, and add them to those of its collisions."""
     for c in range(chosen.shape[0]):
         r = contacts.manifold[chosen[c]]
         p = _point_of(manifolds, r, contacts.feature[chosen[c]])
         manifolds.impulse[p, r] = f[3 * c]
-        normal_impulse[r, p] += f[3 * c]
+        acted.impulse[p, r] += f[3 * c]
         tangential = to_world(contacts, chosen[c], (0.0, f[3 * c + 1], f[3 * c + 2]))
         for k in range(3):
             manifolds.friction[r, k] += tangential[k]
-            friction_impulse[r, k] += tangential[k]
+            acted.friction[r, k] += tangential[k]

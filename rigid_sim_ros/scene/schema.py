@@ -46,7 +46,8 @@ _NOT_EMPTY = AfterValidator(_not_empty)
 class Spec(BaseModel):
     """A mapping in the file: its keys are known, its values do not change."""
 
-    model_config = ConfigDict(extra='forbid', frozen=True)
+    # Deferred: only a whole scene is ever validated, and it brings the classes of its parts along.
+    model_config = ConfigDict(extra='forbid', frozen=True, defer_build=True)
 
     @model_validator(mode='before')
     @classmethod

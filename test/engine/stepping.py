@@ -5,7 +5,8 @@
 from engine.touching import _Scene, ball, box, G, ground
 import numpy as np
 
-from rigid_sim_ros.engine.manifolds import empty_memory, lasting, with_lasting
+from rigid_sim_ros.engine.manifolds import (
+    earlier_manifolds, empty_memory, lasting, with_lasting)
 from rigid_sim_ros.engine.shapes import Material
 from rigid_sim_ros.engine.sleeping import no_rest
 from rigid_sim_ros.engine.state import copy_state
@@ -40,10 +41,11 @@ class TimestepScene(_Scene):
     def ground_force(self) -> float:
         """Return the vertical force of what is fixed on what moves, over the last step [N]."""
         manifolds, total = self.manifolds(), 0.0
+        acted = earlier_manifolds(self.memory)
         for r in range(manifolds.count[0]):
             if self.model.inv_m[manifolds.body_a[r]] == 0.0:
-                total += (self.work.solver.normal_impulse[r].sum() * manifolds.normal[r, 2]
-                          + self.work.solver.friction_impulse[r, 2])
+                total += (acted.impulse[:manifolds.points[r], r].sum() * manifolds.normal[r, 2]
+                          + acted.friction[r, 2])
         return total / self.model.h
 
     def deepest(self) -> float:

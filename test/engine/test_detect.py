@@ -150,8 +150,8 @@ def test_balls_leave_untouched_what_only_others_need():
         assert scene.detect().count[0] > 40
         move(scene, rng, 2e-2)
     for page in scene.memory.pages:
-        rest = (page.r_A[1:], page.gap[1:], page.feature[1:], page.impulse[1:], page.found_at,
-                page.normal_A, page.p_A_C, page.p_B_C, scene.memory.axis)
+        rest = (page.r_A[1:], page.gap[1:], page.feature, page.impulse[1:], page.spin,
+                page.found_at, page.normal_A, page.p_A_C, page.p_B_C, scene.memory.axis)
         assert not any(field.any() for field in rest)
 
 

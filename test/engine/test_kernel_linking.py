@@ -7,12 +7,13 @@ import os
 import subprocess
 import sys
 
+from llvmlite import binding
 import numba
 import numpy as np
 import pytest
 
 from rigid_sim_ros.engine import kernel as kernels
-from rigid_sim_ros.engine.kernel_linking import SUPPORTED
+from rigid_sim_ros.engine.kernel_linking import _names_in, SUPPORTED
 
 needs_parts = pytest.mark.skipif(not SUPPORTED, reason='this Numba compiles kernels by itself')
 
@@ -115,3 +116,16 @@ def test_a_second_process_finds_what_python_calls_in_the_cache(tmp_path):
     first = files()
     assert first
     assert files() == first
+
+
+def test_of_the_module_of_a_kernel_the_cache_keeps_the_names_alone():
+    module = binding.parse_assembly("""
+        @"d.0" = global i64 7
+        declare void @elsewhere()
+        define i64 @"a$b"(i64 %x) {
+            ret i64 %x
+        }""")
+    names = binding.parse_bitcode(_names_in(module))
+    assert [function.name for function in names.functions] == ['a$b']
+    assert [variable.name for variable in names.global_variables] == ['d.0']
+    assert 'ret ' not in str(names)

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros.engine.lanes import (
-    any_of, both, count_of, gather, gather_integers, gather_rows_1, gather_rows_3, gather_rows_4,
-    gather_rows_8, LANES, largest_of, load, root, scatter, scatter_rows_1, scatter_rows_3,
-    scatter_rows_4, select, spread, store)
+    any_of, both, count_of, gather, gather_integers, gather_rows_1, gather_rows_3, LANES,
+    largest_of, load, root, scatter, scatter_rows_1, scatter_rows_3, select, spread, store)
 
 ROWS = np.array([3, -1, 0, 7, -1, 2, 9, 5])
 
@@ -85,40 +84,37 @@ def test_records_become_rows_and_back(numbers):
 
 
 @numba.njit
-def pick(b, three, four, eight, integers, rows):
+def pick(b, three, eight, integers, rows):
     x, y, z = gather_rows_3(three, rows, 3, 0)
-    p = gather_rows_4(four, rows, 8, 4)
-    q = gather_rows_8(eight, rows, 8, 0)
-    (one,) = gather_rows_1(four, rows, 8, 2)
-    for k, row in enumerate((x, y, z, p[0], p[3], q[0], q[7])):
+    p, q, r = gather_rows_3(eight, rows, 8, 4)
+    (one,) = gather_rows_1(eight, rows, 8, 2)
+    for k, row in enumerate((x, y, z, p, q, r)):
         store(b, k, row)
-    store(b, 7, gather_integers(integers, rows) + one)
+    store(b, 6, gather_integers(integers, rows) + one)
 
 
 def test_rows_of_tables_are_found_and_missing_ones_are_0(numbers):
     rng = np.random.default_rng(6)
-    three, four, eight = rng.normal(size=(10, 3)), rng.normal(size=(10, 2, 4)), rng.normal(size=80)
-    integers = rng.integers(-9, 9, 10)
-    pick(numbers, three, four, eight, integers, ROWS)
-    wanted = [three[:, 0], three[:, 1], three[:, 2], four[:, 1, 0], four[:, 1, 3], eight[::8],
-              eight[7::8], integers + four[:, 0, 2]]
+    three, eight, integers = rng.normal(size=(10, 3)), rng.normal(size=(10, 8)), rng.integers(
+        -9, 9, 10)
+    pick(numbers, three, eight, integers, ROWS)
+    wanted = [*three.T, *eight[:, 4:7].T, integers + eight[:, 2]]
     for row, column in zip(numbers.reshape(-1, LANES), wanted, strict=False):
         assert row.tolist() == [column[r] if r >= 0 else 0.0 for r in ROWS]
 
 
 @numba.njit
-def put(b, one, three, four, rows):
-    x, y, z, w = load(b, 0), load(b, 1), load(b, 2), load(b, 3)
+def put(b, one, three, rows):
+    x, y, z = load(b, 0), load(b, 1), load(b, 2)
     scatter_rows_1(one, rows, 1, 0, (x,))
     scatter_rows_3(three, rows, 3, 0, (x, y, z))
-    scatter_rows_4(four, rows, 4, 0, (x, y, z, w))
 
 
 def test_rows_of_tables_are_written_and_no_others(numbers):
-    one, three, four = np.zeros(10), np.zeros((10, 3)), np.zeros((10, 4))
-    put(numbers, one, three, four, ROWS)
-    columns = numbers.reshape(-1, LANES)[:4]
-    for table, width in ((one[:, None], 1), (three, 3), (four, 4)):
+    one, three = np.zeros(10), np.zeros((10, 3))
+    put(numbers, one, three, ROWS)
+    columns = numbers.reshape(-1, LANES)[:3]
+    for table, width in ((one[:, None], 1), (three, 3)):
         for r in range(10):
             lane = np.nonzero(r == ROWS)[0]
             wanted = columns[:width, lane[0]] if lane.size else np.zeros(width)

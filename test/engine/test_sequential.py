@@ -2,18 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parts of the sequential solver: blocks, colours, sweeps."""
 
-from engine.stepping import pyramid, tower
+from engine.stepping import pyramid, TimestepScene, tower
+from engine.touching import ball, ground
 import numpy as np
 import pytest
 
 from rigid_sim_ros.engine.coloring import (
-    color_manifolds, COLORS, make_blocks, make_coloring)
+    BALLS, color_manifolds, COLORS, make_blocks, make_coloring, PIECE, QUIET)
 from rigid_sim_ros.engine.contact_blocks import (
     ARM_A, ARM_B, BLOCK_SIZE, FRICTION, IMPULSE, INV_SPIN, INV_TT, J_A, J_B,
     K_NN, K_SPIN, K_TN, NORMAL, POINT, POINT_ROWS, S, T, TANGENT)
-from rigid_sim_ros.engine.contact_sweep import Sweep, visit
+from rigid_sim_ros.engine.contact_rules import Sweep
+from rigid_sim_ros.engine.contact_sweep import visit
 from rigid_sim_ros.engine.lanes import LANES
+from rigid_sim_ros.engine.shapes import Material
 from rigid_sim_ros.engine.solver_bodies import STRIDE
+from rigid_sim_ros.engine.state import copy_state
 
 
 def colored(pairs, points=4, n=200):
@@ -23,7 +27,7 @@ def colored(pairs, points=4, n=200):
     nothing = np.zeros(len(pairs), dtype=np.int64)
     kinds = np.full(len(pairs), min(points - 1, 2), dtype=np.int64)
     blocks = make_blocks(len(pairs))
-    count = color_manifolds(len(pairs), a, b, kinds, np.arange(n, dtype=np.int64), n, nothing,
+    count = color_manifolds(len(pairs), a, b, kinds, np.arange(n, dtype=np.int64), nothing,
                             work, blocks.kind, blocks.start)
     return work, count
 
@@ -54,6 +58,19 @@ def test_a_body_with_more_contacts_than_colours_is_solved_one_by_one():
     work, _ = colored(pairs)
     assert shared_bodies(pairs) == 0
     assert len(set(work.lane.tolist())) == len(pairs)
+
+
+def test_each_piece_of_many_manifolds_is_coloured_by_itself():
+    # A row of touching bodies takes two colours, so the blocks of a piece are full.
+    pairs = [(k, k + 1) for k in range(1, 3 * PIECE + 1)]
+    work, count = colored(pairs, n=3 * PIECE + 2)
+    assert count == 3 * PIECE // LANES
+    blocks = work.lane // LANES
+    per_piece = PIECE // LANES
+    for piece in range(3):
+        inside = blocks[piece * PIECE:(piece + 1) * PIECE]
+        assert set(inside.tolist()) == set(range(piece * per_piece, (piece + 1) * per_piece))
+    assert sorted(work.lane.tolist()) == list(range(3 * PIECE))
 
 
 def axes(rows, lane):
@@ -107,7 +124,7 @@ def test_the_response_of_a_manifold_is_that_of_its_bodies():
     for slot in range(1, bodies.used[0]):
         for k in range(6):
             bodies.motion[slot * STRIDE + k] = rng.normal(0, 1e-2)
-    block = blocks.numbers[:BLOCK_SIZE]
+    block = blocks.numbers[blocks.start[0]:][:BLOCK_SIZE]
     rows, lanes = block.reshape(-1, LANES), np.nonzero(blocks.row[:LANES] >= 0)[0]
     twist = {lane: read_twist(rows, lane, blocks, bodies) for lane in lanes}
     wrench = {lane: read_wrench(rows, lane) for lane in lanes}
@@ -125,3 +142,25 @@ def test_the_residual_goes_to_rounding_at_rest():
     scene = tower(5, 1 / 240)
     scene.step(600)
     assert scene.work.solver.residual[0] < 1e-12
+
+
+def test_balls_move_as_they_do_in_blocks_for_any_shape():
+    rng = np.random.default_rng(4)
+    balls = [ball(rng.uniform(0.06, 0.1), rng.uniform(1.0, 5.0), spin=rng.normal(0, 5, 3),
+                  position=(0.17 * (k % 4), 0.17 * (k // 4 % 4), 0.1 + 0.19 * (k // 16)))
+             for k in range(64)]
+    scene = TimestepScene([ground(), *balls], Material(friction=0.4, spinning=1e-3), 1 / 240)
+    scene.step(60)
+    other = scene.twin()
+    other.work.round_shapes[:] = 0
+    before = copy_state(scene.state)
+    scene.step()
+    other.step()
+    kinds, others = (set(s.work.solver.blocks.kind[:20].tolist()) for s in (scene, other))
+    assert BALLS in kinds and kinds.isdisjoint({0, QUIET})
+    assert others == {0, QUIET}
+    changed = np.abs(scene.state.L - before.L).max()
+    assert changed > 1e-3       # kg m^2/s: friction acts
+    for one, same in zip(scene.state, other.state, strict=True):
+        # Rounding of 10 kg m/s, times the 60 visits that a block gets in a step.
+        assert one == pytest.approx(same, rel=0, abs=1e-13)
