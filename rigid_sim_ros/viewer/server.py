@@ -20,6 +20,8 @@ import websockets.asyncio.server
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
+from rigid_sim_ros.viewer.waking import wake_in_the_loop
+
 LOCAL = '127.0.0.1'
 _LOCAL_NAMES = frozenset({'localhost', LOCAL, '::1'})
 _TOKEN = 'token'
@@ -159,6 +161,7 @@ def start(host: str, port: int, token: str = '') -> PageServer:
     Whoever brings no token gets nothing, if one is given.
     """
     hover = Hover()
+    wake_in_the_loop()
     with _guarded(Gate(token), hover) as is_guarded, redirect_stdout(StringIO()):
         server = PageServer(host=host, port=port, verbose=False)
     server.hover = hover

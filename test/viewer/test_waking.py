@@ -1,0 +1,35 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Threads that bring messages to pages leave the list of those that wait alone."""
+import asyncio
+from importlib.util import find_spec
+import threading
+from unittest import SkipTest
+
+if find_spec('viser') is None:
+    raise SkipTest('viser is not installed: pip install .[view]')
+
+from rigid_sim_ros.viewer.server import start, stop
+
+
+def test_only_the_loop_wakes_who_waits_for_messages():
+    server = start('127.0.0.1', 0)
+    event = server._websock_server.get_message_buffer().message_event
+
+    async def wait_for_another_thread() -> tuple[bool, bool]:
+        event.clear()
+        waiter = asyncio.ensure_future(event.wait())
+        await asyncio.sleep(0)
+        thread = threading.Thread(target=event.set)
+        thread.start()
+        thread.join()
+        await asyncio.sleep(0)
+        early = waiter.done()
+        asyncio.get_running_loop().call_soon(event.set)
+        return early, await asyncio.wait_for(waiter, 10.0)
+
+    try:
+        # Nobody else waits: there is no page.
+        assert asyncio.run(wait_for_another_thread()) == (False, True)
+    finally:
+        stop(server)
