@@ -51,21 +51,10 @@ def detect_ahead(model: Model, state: State, shapes: Shapes, memory: Memory) -> 
 
     What it exceeds `memory.calm` by is how far the pair may move in the step.
     """
-    return (detect_pairs(model, state, shapes, memory)
-            and detect_manifolds(state, shapes, memory))
-
-
-@kernel
-def detect_pairs(model: Model, state: State, shapes: Shapes, memory: Memory) -> bool:
-    """Do the first half of `detect_ahead`: the pairs that may be near each other."""
     place(state, shapes, memory.turn, memory.pose)
     bound(shapes.kind, shapes.size, memory.pose, memory.ahead, memory.box)
-    return _find_pairs(model, state, shapes, memory)
-
-
-@kernel
-def detect_manifolds(state: State, shapes: Shapes, memory: Memory) -> bool:
-    """Do the second half: their manifolds."""
+    if not _find_pairs(model, state, shapes, memory):
+        return False
     page = memory.page[0]
     found = _find_manifolds(state, shapes, memory, memory.pages[1 - page], memory.pages[page])
     if found > memory.pages[0].shape_a.shape[0]:

@@ -15,7 +15,7 @@ import numpy as np
 from rigid_sim_ros.engine.arrays import Array, Quaternion, Vector
 from rigid_sim_ros.engine.forces import add_gravity, add_scene_forces
 from rigid_sim_ros.engine.free_flight import BLOCK_SIZE, fly
-from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.kernel import kernel, part
 from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.rotation import (
@@ -47,10 +47,22 @@ def make_work(n: int) -> Work:
 @kernel
 def sum_loads(model: Model, state: State, wrenches: Wrenches, loads: Loads) -> None:
     """Write gravity, forces and wrenches to the loads; fixed bodies feel none."""
+    begin_loads(model, state, loads)
+    add_scene_forces(model, state, loads)
+    end_loads(model, state, wrenches, loads)
+
+
+@part
+def begin_loads(model: Model, state: State, loads: Loads) -> None:
+    """Write gravity to the loads."""
     loads.F[:] = 0.0
     loads.tau[:] = 0.0
     add_gravity(model, state, loads)
-    add_scene_forces(model, state, loads)
+
+
+@part
+def end_loads(model: Model, state: State, wrenches: Wrenches, loads: Loads) -> None:
+    """Add the wrenches; take everything from fixed bodies."""
     add_wrenches(model, state, wrenches, loads)
     for i in model.fixed:
         loads.F[:, i] = 0.0

@@ -15,9 +15,10 @@ import numpy as np
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.collisions import collide_bodies, CollisionWork, make_collision_work
 from rigid_sim_ros.engine.compiling import compile_together
-from rigid_sim_ros.engine.detect import detect_manifolds, detect_pairs
-from rigid_sim_ros.engine.forces import add_gravity, add_scene_forces
+from rigid_sim_ros.engine.detect import detect_ahead
+from rigid_sim_ros.engine.forces import add_scene_forces
 from rigid_sim_ros.engine.free_flight import BLOCK_SIZE as FLIGHT_SIZE, fly
+from rigid_sim_ros.engine.integrate import begin_loads, end_loads
 from rigid_sim_ros.engine.kept import call, held, Kept
 from rigid_sim_ros.engine.kernel import kernel, part
 from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
@@ -31,7 +32,7 @@ from rigid_sim_ros.engine.sleeping import (
 from rigid_sim_ros.engine.solver_bodies import SolverBodies
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.vector import column, norm
-from rigid_sim_ros.engine.wrenches import add_wrenches, count_down, Wrenches
+from rigid_sim_ros.engine.wrenches import count_down, Wrenches
 
 
 # How many margins further ahead a fast body looks, at most: more finds pairs in vain.
@@ -114,9 +115,8 @@ _MODEL, _STATE, _SHAPES, _MATERIALS, _MEMORY, _SETTINGS, _WORK, _REST, _ADDRESSE
 
 @kernel
 def _detect(box: Any, _: int) -> int:
-    state, shapes, memory = held(box, _STATE), held(box, _SHAPES), held(box, _MEMORY)
-    return int(detect_pairs(held(box, _MODEL), state, shapes, memory)
-               and detect_manifolds(state, shapes, memory))
+    return int(detect_ahead(held(box, _MODEL), held(box, _STATE), held(box, _SHAPES),
+                            held(box, _MEMORY)))
 
 
 @kernel
@@ -175,15 +175,10 @@ def _pieces(model: Model, settings: TimestepSettings) -> list[Any]:
 def _sum_loads(box: Any, to: IntArray, wrenches: Wrenches, loads: Loads, later: int) -> None:
     """Do what `sum_loads` does, the forces of the scene by address."""
     model, state = held(box, _MODEL), held(box, _STATE)
-    loads.F[:] = 0.0
-    loads.tau[:] = 0.0
-    add_gravity(model, state, loads)
+    begin_loads(model, state, loads)
     if model.forces.kind.shape[0] > 0:
         call(to[_TO_FORCES], box, later)
-    add_wrenches(model, state, wrenches, loads)
-    for i in model.fixed:
-        loads.F[:, i] = 0.0
-        loads.tau[:, i] = 0.0
+    end_loads(model, state, wrenches, loads)
 
 
 @kernel
