@@ -13,9 +13,13 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
+import viser
 from viser.infra import _infra
 
-_Buffer: Any = _infra.AsyncMessageBuffer
+_Buffer: Any = getattr(_infra, 'AsyncMessageBuffer', None)
+if _Buffer is None:
+    raise ImportError(f'viser {viser.__version__} keeps its messages in another way than 1.1, '
+                      "for which the page was written; pip install 'viser>=1.1,<1.2'")
 
 
 def only_in_a_loop(act: Callable[[], None]) -> Callable[[], None]:

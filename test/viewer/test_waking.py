@@ -14,10 +14,11 @@ from rigid_sim_ros.viewer.server import start, stop
 
 def test_only_the_loop_wakes_who_waits_for_messages():
     server = start('127.0.0.1', 0)
-    event = server._websock_server.get_message_buffer().message_event
+    kind = type(server._websock_server.get_message_buffer())
 
     async def wait_for_another_thread() -> tuple[bool, bool]:
-        event.clear()
+        # One like the server's, that the server does not know: its loop wakes it never.
+        event = kind(asyncio.get_running_loop(), persistent_messages=False).message_event
         waiter = asyncio.ensure_future(event.wait())
         await asyncio.sleep(0)
         thread = threading.Thread(target=event.set)
@@ -29,7 +30,6 @@ def test_only_the_loop_wakes_who_waits_for_messages():
         return early, await asyncio.wait_for(waiter, 10.0)
 
     try:
-        # Nobody else waits: there is no page.
         assert asyncio.run(wait_for_another_thread()) == (False, True)
     finally:
         stop(server)
