@@ -65,6 +65,7 @@ class World:
             scene.solver, collision.continuous, collision.substeps, collision.sleep_after))
         self._motion = empty_motion(len(self.names))
         self._motion_is_current = False
+        self._threads = 1
 
     @classmethod
     def from_dict(cls, scene: Mapping[str, Any]) -> 'World':
@@ -74,6 +75,24 @@ class World:
         SceneError, a ValueError, if the scene is wrong.
         """
         return cls(scene_from_dict(scene))
+
+    @property
+    def threads(self) -> int:
+        """
+        How many threads a step may use; the bits of its results do not depend on it.
+
+        A second one helps the contact model `timestep` in worlds with a thousand contacts or more,
+        and keeps a core busy while the world is stepped; more than two are not used. ValueError
+        when it is set to anything but a whole number > 0.
+        """
+        return self._threads
+
+    @threads.setter
+    def threads(self, count: int) -> None:
+        if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
+            raise ValueError(f'threads {count!r}, must be a whole number > 0')
+        self._threads = int(count)
+        self._contact.use_threads(self._threads)
 
     # --- time ---------------------------------------------------------------------------------
 

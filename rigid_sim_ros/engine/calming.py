@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
-from rigid_sim_ros.engine.coloring import Blocks, most_blocks, numbers_of
+from rigid_sim_ros.engine.coloring import Blocks, first_block, most_blocks, numbers_of
 from rigid_sim_ros.engine.contact_blocks import RESIDUAL
 from rigid_sim_ros.engine.contact_rules import Sweep
 from rigid_sim_ros.engine.contact_sweep import is_settled, visit_block
-from rigid_sim_ros.engine.kernel import INDEX, kernel
+from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel
 from rigid_sim_ros.engine.lanes import LANES
 from rigid_sim_ros.engine.solver_bodies import STRIDE
 
@@ -30,7 +30,7 @@ class Calming(NamedTuple):
     """Which blocks hold a body, and a clock that counts visits."""
 
     listed: IntArray  # (1,) 1 when the lists are those of this step
-    first: IntArray  # (n + 3,) where the blocks of a slot begin in `member`
+    first: IntArray  # (n + 4,) where the blocks of a slot begin in `member`
     member: IntArray  # (16 blocks,) of 32 bits
     reached: IntArray  # (blocks,) when a visit last changed a body of a block roughly
     visited: IntArray  # (blocks,) when a block was visited last
@@ -44,35 +44,47 @@ def make_calming(n: int, capacity: int) -> Calming:
         return np.zeros(count, dtype=np.int64)
 
     member: Any = np.zeros(2 * LANES * blocks, dtype=np.int32)
-    return Calming(integers(1), integers(n + 3), member, integers(blocks), integers(blocks))
+    return Calming(integers(1), integers(n + 4), member, integers(blocks), integers(blocks))
 
 
 @kernel
-def calm(count: int, blocks: Blocks, motion: Array, used: int, work: Calming,
-         inv_h: float) -> None:
-    """Visit what a rough change reached, until there is no more; `used` is how many slots are."""
-    for block in range(count):
+def is_rough(region: int, blocks: Blocks) -> bool:
+    """Return whether the last visit to any block of a region changed something roughly."""
+    first = first_block(blocks, region)
+    for block in range(first, first + blocks.count[region]):
         if not is_settled(numbers_of(blocks, block), ROUGH):
-            _run(count, blocks, motion, used, work, inv_h)
-            return
+            return True
+    return False
+
+
+@inlined
+def _block(blocks: Blocks, k: int) -> int:
+    """Return the block that is number k of all regions."""
+    region = 0
+    while k >= blocks.count[region]:
+        k -= blocks.count[region]
+        region += 1
+    return first_block(blocks, region) + k
 
 
 @kernel
-def _run(count: int, blocks: Blocks, motion: Array, used: int, work: Calming,
-         inv_h: float) -> None:
+def calm(blocks: Blocks, motion: Array, used: IntArray, work: Calming, inv_h: float) -> None:
+    """Visit what a rough change reached, until there is no more; see SolverBodies for `used`."""
+    count = blocks.count[0] + blocks.count[1] + blocks.count[2]
     if work.listed[0] == 0:
         _list_blocks(count, blocks, used, work.first, work.member)
         work.listed[0] = 1
-    work.reached[:count] = 0
     # The sweep before this was visit 1, 2, ... in the order of the blocks.
-    for block in range(count):
-        work.visited[block] = block + 1
-        _shake(blocks, block, block + 1, work)
+    for k in range(count):
+        block = _block(blocks, k)
+        work.reached[block], work.visited[block] = 0, k + 1
+    for k in range(count):
+        _shake(blocks, _block(blocks, k), k + 1, work)
     clock = count
     for k in range(CALMING_SWEEPS):
         before = clock
         for j in range(count):
-            block = count - 1 - j if k % 2 == 0 else j
+            block = _block(blocks, count - 1 - j if k % 2 == 0 else j)
             if work.reached[block] > work.visited[block]:
                 visit_block(blocks, block, motion, motion, Sweep(inv_h, 0.0))
                 clock += 1
@@ -97,19 +109,23 @@ def _shake(blocks: Blocks, block: int, clock: int, work: Calming) -> None:
 
 
 @kernel
-def _list_blocks(count: int, blocks: Blocks, used: int, first: IntArray, member: IntArray) -> None:
-    """List the blocks of each slot but 0, which stands still: count, add up, distribute."""
-    first[:used + 2] = 0
-    for lane in range(count * LANES):
-        first[(blocks.at_A[lane] & INDEX) // STRIDE + 2] += 1
-        first[(blocks.at_B[lane] & INDEX) // STRIDE + 2] += 1
-    first[2] = 0
-    for slot in range(2, used + 1):
+def _list_blocks(count: int, blocks: Blocks, used: IntArray, first: IntArray,
+                 member: IntArray) -> None:
+    """List the blocks of each slot that moves: count, add up, distribute."""
+    first[:used[0] + 2] = 0
+    for k in range(count):
+        for lane in range(_block(blocks, k) * LANES, (_block(blocks, k) + 1) * LANES):
+            first[(blocks.at_A[lane] & INDEX) // STRIDE + 2] += 1
+            first[(blocks.at_B[lane] & INDEX) // STRIDE + 2] += 1
+    first[2] = first[used[2] + 2] = 0
+    for slot in range(2, used[0] + 1):
         first[slot + 1] += first[slot]
     # What is the start of a slot now, one place too far on, moves to its end.
-    for lane in range(count * LANES):
-        for at in (blocks.at_A[lane], blocks.at_B[lane]):
-            slot = (at & INDEX) // STRIDE
-            if slot > 0:
-                member[first[slot + 1]] = lane // LANES
-                first[slot + 1] += 1
+    for k in range(count):
+        block = _block(blocks, k)
+        for lane in range(block * LANES, (block + 1) * LANES):
+            for at in (blocks.at_A[lane], blocks.at_B[lane]):
+                slot = (at & INDEX) // STRIDE
+                if slot > 0 and slot != used[2]:
+                    member[first[slot + 1]] = block
+                    first[slot + 1] += 1

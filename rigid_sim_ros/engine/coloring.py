@@ -4,7 +4,9 @@
 Which manifolds are solved side by side.
 
 Manifolds get colours, greedily and in their order, so that no moving body has one colour twice;
-eight of a colour fill a block. Where there are many, each piece of them is coloured by itself.
+eight of a colour fill a block. Where there are many, each piece of them is coloured by itself. So
+are the regions of a world that is cut in halves (see `slots.py`): those inside of either half, and
+those across.
 Manifolds with one, two and more points are coloured apart from each other, and so are those of
 balls, and those that resist rolling or are near but did not touch: a block then holds nothing that
 only some of its lanes need.
@@ -31,23 +33,30 @@ _NONE_LEFT = COLORS
 # Manifolds in a piece. What one colour leaves in the cache, the next one needs again; the blocks
 # of a piece that is too small are not full.
 PIECE = 2048
+# The regions of a world: the halves, the first of which has all if there is no second, and what is
+# across.
+REGIONS, BETWEEN = 3, 2
 
 
 class Coloring(NamedTuple):
     """Room to colour c manifolds of n bodies."""
 
-    mask: IntArray  # (CLASSES, n + 1) colours in use at the slot of a body
-    kind: IntArray  # (c,) of 8 bits, classes of the manifolds
-    # (c,) of 16 bits, CLASSES * colour + class of a manifold, -1: it is not solved
-    color: IntArray
-    # (CLASSES * (COLORS + 1),) manifolds of a class and colour, then their next lane
+    member: IntArray  # (REGIONS, c) of 32 bits, manifolds of a region
+    members: IntArray  # (REGIONS,) how many these are
+    # Of the manifolds in the order of `member`, as two cores should not write next to each other:
+    # class, of 8 bits; CLASSES * colour + class, of 16; lane, counted through all blocks, of 32.
+    kind: IntArray  # (REGIONS, c)
+    color: IntArray  # (REGIONS, c)
+    lane: IntArray  # (REGIONS, c)
+    mask: IntArray  # (CLASSES, slots) colours in use at the slot of a body
+    # (REGIONS, CLASSES * (COLORS + 1)) manifolds of a class and colour, then their next lane
     fill: IntArray
-    lane: IntArray  # (c,) of 32 bits, lane of a manifold, counted through all blocks
 
 
 class Blocks(NamedTuple):
-    """The blocks of a step: b of them, room for the most_blocks() of c manifolds."""
+    """The blocks of a step: room for b, a third of them for each region."""
 
+    count: IntArray  # type: ignore[assignment]  # (REGIONS,) how many there are
     kind: IntArray  # (b,) class
     start: IntArray  # (b,) where its row 0 is in `numbers`, or would be
     numbers: Array  # flat, the rows of contact_blocks.py
@@ -62,10 +71,12 @@ def make_coloring(n: int, capacity: int) -> Coloring:
     def integers(*shape: int) -> IntArray:
         return np.zeros(shape, dtype=np.int64)
 
-    kind: Any = np.zeros(capacity, dtype=np.int8)
-    color: Any = np.zeros(capacity, dtype=np.int16)
-    lane: Any = np.zeros(capacity, dtype=np.int32)
-    return Coloring(integers(CLASSES, n + 1), kind, color, integers(CLASSES * (COLORS + 1)), lane)
+    def narrow(kind: Any) -> Any:
+        return np.zeros((REGIONS, capacity), dtype=kind)
+
+    return Coloring(narrow(np.int32), integers(REGIONS), narrow(np.int8), narrow(np.int16),
+                    narrow(np.int32), integers(CLASSES, n + 2),
+                    integers(REGIONS, CLASSES * (COLORS + 1)))
 
 
 def make_blocks(capacity: int) -> Blocks:
@@ -75,13 +86,14 @@ def make_blocks(capacity: int) -> Blocks:
     def lanes() -> Any:
         return np.zeros(b * LANES, dtype=np.int32)
 
-    return Blocks(np.zeros(b, dtype=np.int64), np.zeros(b, dtype=np.int64),
-                  aligned_zeros((b + 1) * BLOCK_SIZE), lanes(), lanes(), lanes())
+    return Blocks(np.zeros(REGIONS, dtype=np.int64), np.zeros(b, dtype=np.int64),
+                  np.zeros(b, dtype=np.int64), aligned_zeros((b + 1) * BLOCK_SIZE),
+                  lanes(), lanes(), lanes())
 
 
 def most_blocks(capacity: int) -> int:
-    """Return the most blocks that so many manifolds can need."""
-    return capacity // LANES + min(capacity, CLASSES * (COLORS + 1)) + capacity
+    """Return the most blocks that so many manifolds can need, whatever region they are in."""
+    return REGIONS * capacity     # none is empty
 
 
 @inlined
@@ -122,39 +134,44 @@ def lanes_of(block: int) -> slice:
     return slice(first, first + LANES)
 
 
-@kernel
-def color_manifolds(count: int, body_a: IntArray, body_b: IntArray, kinds: IntArray,
-                    slot: IntArray, waits: IntArray, work: Coloring,
-                    block_kind: IntArray, block_start: IntArray) -> int:
-    """
-    Give every manifold with a body that takes part its lane; return the number of blocks.
+@inlined
+def first_block(blocks: Blocks, region: int) -> int:
+    """Return the first block of a region."""
+    return region * (blocks.kind.shape[0] // REGIONS)
 
-    kinds (c,) are the classes of the manifolds. slot is that of a body, 0 where it does not move.
-    waits (c,) is 1 for a manifold that is left out. block_kind
-    and block_start are written for `Blocks`.
+
+@kernel
+def color_manifolds(region: int, body_a: IntArray, body_b: IntArray, slot: IntArray,
+                    work: Coloring, blocks: Blocks) -> None:
     """
+    Give every manifold of a region its lane, and write kind, start and count of its blocks.
+
+    slot is that of a body, 0 where it does not move.
+    """
+    first = block = first_block(blocks, region)
     # Balls have no rows before BALLS_BEGIN: where these would be, the block before ends.
-    blocks, end = 0, BALLS_BEGIN * LANES
-    for first in range(0, count, PIECE):
-        last = min(first + PIECE, count)
-        _color_piece(first, last, body_a, body_b, kinds, slot, waits, work)
-        blocks, end = _place_piece(first, last, blocks, end, work, block_kind, block_start)
-    return blocks
+    end, count = first * BLOCK_SIZE + BALLS_BEGIN * LANES, work.members[region]
+    for begin in range(0, count, PIECE):
+        last = min(begin + PIECE, count)
+        _color_piece(region, begin, last, body_a, body_b, slot, work)
+        block, end = _place_piece(region, begin, last, block, end, work, blocks)
+    blocks.count[region] = block - first
 
 
 @part
-def _color_piece(first: int, last: int, body_a: IntArray, body_b: IntArray, kinds: IntArray,
-                 slot: IntArray, waits: IntArray, work: Coloring) -> None:
-    work.fill[:] = 0
-    for r in range(first, last):
-        kind = kinds[r]
-        work.mask[kind, slot[body_a[r] & INDEX] & INDEX] = 0
-        work.mask[kind, slot[body_b[r] & INDEX] & INDEX] = 0
-    for r in range(first, last):
-        work.color[r] = -1
-        a, b, kind = slot[body_a[r] & INDEX] & INDEX, slot[body_b[r] & INDEX] & INDEX, kinds[r]
-        if waits[r] == 1 or (a == 0 and b == 0):
-            continue
+def _color_piece(region: int, begin: int, end: int, body_a: IntArray, body_b: IntArray,
+                 slot: IntArray, work: Coloring) -> None:
+    work.fill[region, :] = 0
+    for k in range(begin, end):
+        r, kind = work.member[region, k] & INDEX, work.kind[region, k]
+        a, b = slot[body_a[r] & INDEX] & INDEX, slot[body_b[r] & INDEX] & INDEX
+        if a != 0:
+            work.mask[kind, a] = 0
+        if b != 0:
+            work.mask[kind, b] = 0
+    for k in range(begin, end):
+        r, kind = work.member[region, k] & INDEX, work.kind[region, k]
+        a, b = slot[body_a[r] & INDEX] & INDEX, slot[body_b[r] & INDEX] & INDEX
         color = _lowest_free(work.mask[kind, a] | work.mask[kind, b])
         if color < _NONE_LEFT:
             # A body that does not move may be anywhere: its bits are never set.
@@ -162,8 +179,8 @@ def _color_piece(first: int, last: int, body_a: IntArray, body_b: IntArray, kind
                 work.mask[kind, a] |= 1 << color
             if b != 0:
                 work.mask[kind, b] |= 1 << color
-        work.color[r] = color * CLASSES + kind
-        work.fill[color * CLASSES + kind] += 1
+        work.color[region, k] = color * CLASSES + kind
+        work.fill[region, color * CLASSES + kind] += 1
 
 
 @kernel
@@ -175,25 +192,24 @@ def _lowest_free(mask: int) -> int:
 
 
 @part
-def _place_piece(first: int, last: int, blocks: int, end: int, work: Coloring,
-                 block_kind: IntArray, block_start: IntArray) -> tuple[int, int]:
-    """Give the lanes of a piece; return the number of blocks so far, and where they end."""
+def _place_piece(region: int, begin: int, end: int, block: int, place: int, work: Coloring,
+                 blocks: Blocks) -> tuple[int, int]:
+    """Give the lanes of a piece; return the block after its last, and where that begins."""
     for kind in range(CLASSES):
         size, skipped = SMALL_SIZE if is_small(kind) else BLOCK_SIZE, 0
         if are_balls(kind):
             size, skipped = BALLS_SIZE, BALLS_BEGIN * LANES
         for color in range(COLORS + 1):
             at = color * CLASSES + kind
-            wanted = work.fill[at]
-            work.fill[at] = blocks * LANES
+            wanted = work.fill[region, at]
+            work.fill[region, at] = block * LANES
             more = wanted if color == _NONE_LEFT else (wanted + LANES - 1) // LANES
-            for block in range(blocks, blocks + more):
-                block_kind[block], block_start[block] = kind, end - skipped
-                end += size
-            blocks += more
-    for row in range(first, last):
-        at = work.color[row]
-        if at >= 0:
-            work.lane[row] = work.fill[at]
-            work.fill[at] += LANES if at // CLASSES == _NONE_LEFT else 1
-    return blocks, end
+            for _ in range(more):
+                blocks.kind[block], blocks.start[block] = kind, place - skipped
+                place += size
+                block += 1
+    for k in range(begin, end):
+        at = work.color[region, k]
+        work.lane[region, k] = work.fill[region, at]
+        work.fill[region, at] += LANES if at // CLASSES == _NONE_LEFT else 1
+    return block, place

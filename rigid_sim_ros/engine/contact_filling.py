@@ -4,8 +4,8 @@
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.coloring import (
-    are_balls, BALLS, Blocks, Coloring, is_small, lanes_of, numbers_of, points_in, QUIET,
-    QUIET_BALLS)
+    are_balls, BALLS, BETWEEN, Blocks, Coloring, first_block, is_small, lanes_of, numbers_of,
+    points_in, QUIET, QUIET_BALLS)
 from rigid_sim_ros.engine.contact_balls import prepare_balls, warm_balls
 from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, ARM_A, ARM_B, axes, combine, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, J_A,
@@ -20,64 +20,96 @@ from rigid_sim_ros.engine.lanes import (
 from rigid_sim_ros.engine.manifolds import Manifolds, POINTS
 from rigid_sim_ros.engine.shapes import Materials
 from rigid_sim_ros.engine.shifts import displacement, gap_now
-from rigid_sim_ros.engine.solver_bodies import HELD, SolverBodies, STRIDE
+from rigid_sim_ros.engine.slots import ACROSS
+from rigid_sim_ros.engine.solver_bodies import HELD, SolverBodies, still_slot, STRIDE
 from rigid_sim_ros.engine.vector import add, cross, dot
 
 # Where x_A - x_B of balls waits for the levers [m]: rows that are not yet in use.
 _BETWEEN_BALLS = TOTAL_T
+# What is noted of a region: the deepest overlap [m], and how many manifolds touch, and how many of
+# them without an impulse to begin with.
+DEEPEST, TOUCHING, NEW = range(3)
 
 
 @kernel
-def classify(material: IntArray, materials: Materials, round_shapes: IntArray, shifted: bool,
-             manifolds: Manifolds, kinds: IntArray) -> None:
+def choose_manifolds(region: int, manifolds: Manifolds, side: IntArray, waits: IntArray,
+                     work: Coloring) -> None:
     """
-    Write the class of each manifold.
+    List the manifolds of a half that are solved: neither wait, nor have two bodies at rest.
+
+    With those of the first half also those across. side (n,) are those of the bodies, waits (c,)
+    is 1 for a manifold that is left out.
+    """
+    found, across, wanted = 0, 0, region + 1
+    for r in range(manifolds.count[0]):
+        if waits[r] == 0:
+            at = side[manifolds.body_a[r] & INDEX] | side[manifolds.body_b[r] & INDEX]
+            if at == wanted:
+                work.member[region, found] = r
+                found += 1
+            elif at == ACROSS and region == 0:
+                work.member[BETWEEN, across] = r
+                across += 1
+    work.members[region] = found
+    if region == 0:
+        work.members[BETWEEN] = across
+
+
+@kernel
+def classify(region: int, material: IntArray, materials: Materials, round_shapes: IntArray,
+             shifted: bool, manifolds: Manifolds, work: Coloring) -> None:
+    """
+    Write the class of each manifold of a region.
 
     What collisions `shifted` since its normal was found is no pair of balls: its point is not on
     the line of the centres.
     """
-    for r in range(manifolds.count[0]):
-        first = material[manifolds.shape_a[r] & INDEX] & INDEX
-        second = material[manifolds.shape_b[r] & INDEX] & INDEX
-        points, rolling = manifolds.points[r], materials.rolling[first, second]
+    for k in range(work.members[region]):
+        r = work.member[region, k] & INDEX
         a, b = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
+        points = manifolds.points[r]
+        rolling = materials.rolling[material[a] & INDEX, material[b] & INDEX]
         balls = points == 1 and not shifted and round_shapes[a] + round_shapes[b] == 2
         quiet = points == 1 and manifolds.impulse[0, r] == 0.0
         if rolling > 0.0:
-            kinds[r] = min(points - 1, 2) + 3
+            work.kind[region, k] = min(points - 1, 2) + 3
         elif balls:
-            kinds[r] = QUIET_BALLS if quiet else BALLS
+            work.kind[region, k] = QUIET_BALLS if quiet else BALLS
         else:
-            kinds[r] = QUIET if quiet else min(points - 1, 2)
+            work.kind[region, k] = QUIET if quiet else min(points - 1, 2)
 
 
 @kernel
-def place_lanes(rows: int, count: int, manifolds: Manifolds, slot: IntArray, work: Coloring,
-                blocks: Blocks) -> None:
+def place_lanes(region: int, manifolds: Manifolds, slot: IntArray, used: IntArray,
+                work: Coloring, blocks: Blocks) -> None:
     """Write the manifold of every lane, -1 for none, and where its bodies stand."""
-    blocks.row[:count * LANES] = -1
-    blocks.at_A[:count * LANES] = 0
-    blocks.at_B[:count * LANES] = 0
-    for r in range(rows):
-        if work.color[r] >= 0:
-            to = work.lane[r] & INDEX
-            blocks.row[to] = r
-            blocks.at_A[to] = slot[manifolds.body_a[r] & INDEX] * STRIDE
-            blocks.at_B[to] = slot[manifolds.body_b[r] & INDEX] * STRIDE
+    first, still = first_block(blocks, region), STRIDE * still_slot(used, region)
+    begin, end = first * LANES & INDEX, (first + blocks.count[region]) * LANES & INDEX
+    blocks.row[begin:end] = -1
+    blocks.at_A[begin:end] = still
+    blocks.at_B[begin:end] = still
+    for k in range(work.members[region]):
+        r = work.member[region, k] & INDEX
+        a, b = slot[manifolds.body_a[r] & INDEX], slot[manifolds.body_b[r] & INDEX]
+        to = work.lane[region, k] & INDEX
+        blocks.row[to] = r
+        blocks.at_A[to] = a * STRIDE if a > 0 else still
+        blocks.at_B[to] = b * STRIDE if b > 0 else still
 
 
 @kernel
-def fill_blocks(count: int, manifolds: Manifolds, x: Array, material: IntArray,
+def fill_blocks(region: int, manifolds: Manifolds, x: Array, material: IntArray,
                 materials: Materials, shifts: Array, shifted: bool, share: float,
-                bodies: SolverBodies, blocks: Blocks, fresh: IntArray) -> float:
+                bodies: SolverBodies, blocks: Blocks, fresh: IntArray, notes: Array) -> None:
     """
-    Bring the manifolds into blocks; return the deepest overlap [m].
+    Bring the manifolds of a region into its blocks, and note how they are.
 
-    `share` is the part of a step that a substep is. fresh (blocks + 1,) becomes the number of
-    lanes that touch without an impulse to begin with; the last entry is 1 when these are many.
+    `share` is the part of a step that a substep is. fresh (blocks,) becomes the number of lanes
+    that touch without an impulse to begin with. See DEEPEST, TOUCHING and NEW for the notes.
     """
     deepest, touching, new = 0.0, 0, 0
-    for block in range(count):
+    first = first_block(blocks, region)
+    for block in range(first, first + blocks.count[region]):
         lanes = lanes_of(block)
         b, rows = numbers_of(blocks, block), blocks.row[lanes]
         points, small = points_in(blocks.kind[block]), is_small(blocks.kind[block])
@@ -100,8 +132,7 @@ def fill_blocks(count: int, manifolds: Manifolds, x: Array, material: IntArray,
         else:
             prepare_block(b, points, small)
             _warm_start(b, points, bodies.base, blocks.at_A[lanes], blocks.at_B[lanes])
-    fresh[-1] = 1 if 2 * new > touching else 0
-    return deepest
+    notes[DEEPEST], notes[TOUCHING], notes[NEW] = deepest, touching, new
 
 
 @part
@@ -217,17 +248,20 @@ def _warm_start(b: Array, points: int, warm: Array, at_A: IntArray, at_B: IntArr
 
 
 @kernel
-def keep_impulses(count: int, blocks: Blocks, manifolds: Manifolds, bodies: SolverBodies, h: float,
-                  substeps: int, normal_impulse: Array, friction_impulse: Array) -> float:
+def keep_impulses(region: int, blocks: Blocks, manifolds: Manifolds, bodies: SolverBodies,
+                  h: float, substeps: int, normal_impulse: Array,
+                  friction_impulse: Array) -> float:
     """
-    Keep the impulses, and give pairs back what L their motion cost; return the residual [m/s].
+    Keep the impulses of a region, and give pairs back what L their motion cost.
+
+    Returns the residual [m/s], the largest change of a contact's velocity in the last visit.
 
     The manifolds get those of the last substep, as if it had lasted for the whole step: the next
     step begins with them. A mean over the substeps would lag behind, and a lag feeds the sway of a
     stack.
     """
-    residual = 0.0
-    for block in range(count):
+    residual, first = 0.0, first_block(blocks, region)
+    for block in range(first, first + blocks.count[region]):
         lanes = lanes_of(block)
         b, rows = numbers_of(blocks, block), blocks.row[lanes]
         residual = max(residual, largest_of(load(b, RESIDUAL)))

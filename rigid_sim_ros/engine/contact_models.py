@@ -27,6 +27,7 @@ from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.sleeping import no_rest
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.step import FREE_MOTION
+from rigid_sim_ros.engine.two_cores import Helper
 from rigid_sim_ros.engine.wrenches import Wrenches
 
 CONTACT = np.dtype([
@@ -65,6 +66,9 @@ class ContactReport(NamedTuple):
 class ContactModel(Protocol):
     """One way to let bodies touch."""
 
+    def use_threads(self, count: int) -> None:
+        """Use up to so many threads from now on; results do not depend on it."""
+
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
         """Advance the state by some steps, and count the wrenches down."""
 
@@ -81,7 +85,13 @@ class ContactModel(Protocol):
         """Return the contacts of the latest step, a structured array of CONTACT."""
 
 
-class FreeMotion:
+class _OneThread:
+
+    def use_threads(self, count: int) -> None:
+        """Go on with one: this model has no work for others."""
+
+
+class FreeMotion(_OneThread):
     """No contacts: bodies pass through each other."""
 
     def __init__(self, setup: Setup) -> None:
@@ -123,7 +133,7 @@ def _unnamed(prefix: str, kind: Any, arrays: Mapping[str, np.ndarray]) -> Any:
     return kind._make(arrays[f'{prefix}_{name}'].copy() for name in kind._fields)
 
 
-class _Touching:
+class _Touching(_OneThread):
     """What the models with contacts share: the memory of detection."""
 
     def __init__(self, setup: Setup) -> None:
@@ -176,7 +186,13 @@ class Timestep(_Touching):
         self._work = timestep.make_timestep_work(setup.model, setup.shapes, self._memory)
         self._rest = no_rest(len(setup.model.m))
         self._kept = Kept(timestep.PIECES)
+        self._helper: Helper | None = None
         self._has_stepped = False
+
+    def use_threads(self, count: int) -> None:
+        """Let a second thread help where contacts are many, if there may be one."""
+        if (count > 1) != (self._helper is not None):
+            self._helper = Helper() if count > 1 else None
 
     def lasting(self) -> dict[str, np.ndarray]:
         """Return the manifolds, and who rests where if bodies may sleep."""
@@ -200,7 +216,7 @@ class Timestep(_Touching):
         s = self._setup
         self._memory, self._work = timestep.advance(
             s.model, state, wrenches, s.shapes, s.materials, self._memory, self._settings,
-            self._work, self._rest, count, self._kept)
+            self._work, self._rest, count, self._kept, self._helper)
         self._has_stepped = self._has_stepped or count > 0
 
     def contacts(self, state: State) -> np.ndarray:

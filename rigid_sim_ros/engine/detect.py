@@ -9,11 +9,14 @@ manifold of polyhedra that hardly moved relative to each other keeps its points,
 gaps are found anew.
 """
 
+from typing import NamedTuple
+
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.broad_phase import boxes_overlap, refresh, update_pairs
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part
 from rigid_sim_ros.engine.manifolds import (
-    CONTACTS, Manifolds, Memory, PAIRS, REBUILT, RECYCLED, SHORT_PAIRS, SHORT_ROWS, WITNESSED)
+    CONTACTS, current, earlier, Manifolds, Memory, PAIRS, REBUILT, RECYCLED, Scratch, SHORT_PAIRS,
+    SHORT_ROWS, WITNESSED)
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.narrow_phase.balls import touching_ball
 from rigid_sim_ros.engine.narrow_phase.boxes import box_box, UNSETTLED
@@ -28,6 +31,7 @@ from rigid_sim_ros.engine.witness import boxes_apart, remember, separates, worth
 # a box would slide on by 1 mm of 5 mm before its points follow. The gaps of kept points are exact
 # to second order.
 SLACK = 0.02
+ROWS = 7    # what a thread counts besides what is in `Memory.counters`: manifolds
 NONE = (0.0, 0.0, 0.0)
 
 
@@ -52,20 +56,37 @@ def detect_ahead(model: Model, state: State, shapes: Shapes, memory: Memory) -> 
     What it exceeds `memory.calm` by is how far the pair may move in the step.
     """
     place(state, shapes, memory.turn, memory.pose)
-    bound(shapes.kind, shapes.size, memory.pose, memory.ahead, memory.box)
-    if not _find_pairs(model, state, shapes, memory):
+    bound(shapes.kind, shapes.size, memory.pose, memory.ahead, memory.box, 0, memory.box.shape[0])
+    return find_pairs(model, state, shapes, memory) and find_all_manifolds(state, shapes, memory)
+
+
+@kernel
+def find_all_manifolds(state: State, shapes: Shapes, memory: Memory) -> bool:
+    """Find the manifolds of all pairs, and turn the page; return whether there was room."""
+    now, before = earlier(memory), current(memory)
+    everything = Share(0, memory.pair_count[0], 0, now.shape_a.shape[0], 0)
+    find_manifolds(state, shapes, memory, memory.scratch, now, before, everything,
+                   memory.shares[0])
+    memory.shares[1, :] = 0
+    return turn_page(memory, memory.shares[0, ROWS])
+
+
+@kernel
+def turn_page(memory: Memory, rows: int) -> bool:
+    """Let what was found be the current manifolds, if there was room for them."""
+    now = earlier(memory)
+    if rows > now.shape_a.shape[0]:
+        memory.counters[SHORT_ROWS] = rows
         return False
-    page = memory.page[0]
-    found = _find_manifolds(state, shapes, memory, memory.pages[1 - page], memory.pages[page])
-    if found > memory.pages[0].shape_a.shape[0]:
-        memory.counters[SHORT_ROWS] = found
-        return False
-    memory.page[0] = 1 - page
+    for k in (PAIRS, WITNESSED, RECYCLED, CONTACTS):
+        memory.counters[k] = memory.shares[0, k] + memory.shares[1, k]
+    now.count[0] = rows
+    memory.page[0] = 1 - memory.page[0]
     return True
 
 
-@part
-def _find_pairs(model: Model, state: State, shapes: Shapes, memory: Memory) -> bool:
+@kernel
+def find_pairs(model: Model, state: State, shapes: Shapes, memory: Memory) -> bool:
     """Keep the list of pairs up to date; return whether there was room for them."""
     count = memory.pair_count[0]
     moved = refresh(shapes.kind, shapes.body, memory.pose, memory.box, model.inv_m, state.P,
@@ -84,13 +105,27 @@ def _find_pairs(model: Model, state: State, shapes: Shapes, memory: Memory) -> b
     return True
 
 
+class Share(NamedTuple):
+    """What one thread looks through, and where it writes."""
+
+    first: int  # of the pairs
+    last: int  # and the one after
+    row: int  # the first row to write
+    end: int  # the first one not to write
+    old: int  # no row of the last step before this one is of these pairs
+
+
 @kernel
-def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds,
-                    before: Manifolds) -> int:
-    """Go through the pairs and through the last step's rows, both sorted, side by side."""
-    room, rows, old, near, settled, recycled, contacts = now.shape_a.shape[0], 0, 0, 0, 0, 0, 0
-    last = before.count[0]
-    for k in range(memory.pair_count[0]):
+def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratch, now: Manifolds,
+                   before: Manifolds, share: Share, found_so: IntArray) -> None:
+    """
+    Go through the pairs and through the last step's rows, both sorted, side by side.
+
+    found_so (8,) becomes what `turn_page` counts; in ROWS how many rows would have been needed.
+    """
+    rows, old, last = share.row, share.old, before.count[0]
+    near, settled, recycled, contacts = 0, 0, 0, 0
+    for k in range(share.first, share.last):
         a, b = memory.pair[k, 0] & INDEX, memory.pair[k, 1] & INDEX
         if not boxes_overlap(memory.box, a, b):
             continue
@@ -98,7 +133,7 @@ def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds
         margin = memory.ahead[a] + memory.ahead[b]
         old = _seek(before.shape_a, before.shape_b, old, last, a, b) & INDEX
         known = old < last and before.shape_a[old] == a and before.shape_b[old] == b
-        row = min(rows, room - 1) & INDEX
+        row = min(rows, share.end - 1) & INDEX
         i, j = shapes.body[a] & INDEX, shapes.body[b] & INDEX
         kind_a, kind_b = shapes.kind[a], shapes.kind[b]
         if known and _flat(shapes.kind, a, b) and _recycle(
@@ -109,10 +144,10 @@ def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds
         else:
             # The two most frequent families get just the arrays they need: to hand over all tables
             # takes as long as their work.
-            found, n, witness, points = UNSETTLED, NONE, False, memory.scratch.points
+            found, n, witness, points = UNSETTLED, NONE, False, scratch.points
             if kind_a != HULL and kind_b != HULL and (kind_a == SPHERE or kind_b == SPHERE):
                 found, n = touching_ball(memory.pose, shapes.size, kind_a, kind_b, a, b, margin,
-                                         points, memory.scratch.ids)
+                                         points, scratch.ids)
             elif kind_a == BOX and kind_b == BOX:
                 if boxes_apart(memory.pose, shapes.size, shapes.bound, a, b, memory.axis, k,
                                margin):
@@ -121,31 +156,30 @@ def _find_manifolds(state: State, shapes: Shapes, memory: Memory, now: Manifolds
                 witness = True
                 found, n = box_box(memory.pose, shapes.size, a, b, margin,
                                    max(0.0, margin - memory.calm[0]), points,
-                                   memory.scratch.ids, memory.scratch.polygon,
-                                   memory.scratch.labels, memory.scratch.numbers)
+                                   scratch.ids, scratch.polygon,
+                                   scratch.labels, scratch.numbers)
             if found == UNSETTLED:
                 witness = witness or worth_it(shapes.kind, a, b)
                 if witness and separates(memory.pose, shapes, a, b, memory.axis, k, margin):
                     settled += 1
                     continue
-                found, n = collide(memory.pose, shapes, a, b, margin, memory.scratch)
+                found, n = collide(memory.pose, shapes, a, b, margin, scratch)
             count = found
             if witness and (count == 0 or memory.axis[k, 3] != 0.0):
                 remember(memory.pose, a, memory.axis, k, n if count == 0 else NONE)
             if count == 0:
                 continue
-            _write(state, memory.turn, now, row, i, j, count, n, memory.scratch.points,
-                   memory.scratch.ids, _flat(shapes.kind, a, b))
+            _write(state, memory.turn, now, row, i, j, count, n, scratch.points,
+                   scratch.ids, _flat(shapes.kind, a, b))
         _carry_over(now, before, row, old if known else -1, count)
         now.shape_a[row], now.shape_b[row] = a, b
         now.body_a[row], now.body_b[row] = i, j
         now.points[row] = count
         contacts += count
         rows += 1
-    memory.counters[PAIRS], memory.counters[WITNESSED] = near, settled
-    memory.counters[RECYCLED], memory.counters[CONTACTS] = recycled, contacts
-    now.count[0] = rows
-    return rows
+    found_so[PAIRS], found_so[WITNESSED] = near, settled
+    found_so[RECYCLED], found_so[CONTACTS] = recycled, contacts
+    found_so[ROWS] = rows - share.row
 
 
 @part

@@ -108,6 +108,8 @@ class Memory(NamedTuple):
     axis: Array  # (p, 4) witness: a direction in the axes of A that separated the pair; 0: none
     counters: IntArray  # (8,) see PAIRS .. SHORT_ROWS
     scratch: Scratch
+    other_scratch: Scratch  # for a second thread
+    shares: IntArray  # (2, 8) what either thread found, see shared_detection.py
 
 
 # Rows of `Memory.counters`, of the latest step.
@@ -154,6 +156,17 @@ def _names(*shape: int) -> Any:
     return np.zeros(shape, dtype=np.int32)
 
 
+def _scratch() -> Scratch:
+    def integers(*shape: int) -> IntArray:
+        return np.zeros(shape, dtype=np.int64)
+
+    return Scratch(np.zeros((CANDIDATES, 4)), integers(CANDIDATES),
+                   np.zeros((2, CANDIDATES, 3)), integers(2, CANDIDATES, 2), np.zeros(64),
+                   np.zeros((EPA_CORNERS, 9)),
+                   np.zeros((EPA_FACES, 4)), integers(EPA_FACES, 4),
+                   np.zeros((2, MAX_CORNERS, 3)), integers(EPA_FACES, 2))
+
+
 def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
     """Return the memory of a world before its first step."""
     s = shapes
@@ -161,17 +174,13 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
     def integers(*shape: int) -> IntArray:
         return np.zeros(shape, dtype=np.int64)
 
-    scratch = Scratch(np.zeros((CANDIDATES, 4)), integers(CANDIDATES),
-                      np.zeros((2, CANDIDATES, 3)), integers(2, CANDIDATES, 2), np.zeros(64),
-                      np.zeros((EPA_CORNERS, 9)),
-                      np.zeros((EPA_FACES, 4)), integers(EPA_FACES, 4),
-                      np.zeros((2, MAX_CORNERS, 3)), integers(EPA_FACES, 2))
     buckets = 1 << max(4, (2 * s - 1).bit_length())
     memory = Memory(empty_pages(capacity), integers(1), np.zeros((s, 12)), np.zeros((bodies, 9)),
                     np.zeros(s), np.zeros(1), np.zeros((s, 6)), np.zeros((s, 6)), integers(s, 5),
                     integers(s), integers(buckets + 2), integers(s), integers(s), integers(s + 1),
                     integers(LEVELS), integers(1), _names(2 * capacity, 2), _names(2, 4 * s, 2),
-                    np.zeros((2 * capacity, 4)), integers(8), scratch)
+                    np.zeros((2 * capacity, 4)), integers(8), _scratch(), _scratch(),
+                    integers(2, 8))
     forget_pairs(memory)
     return memory
 

@@ -13,14 +13,27 @@ from rigid_sim_ros.engine.state import State
 
 @kernel
 def place(state: State, shapes: Shapes, turn: Array, pose: Array) -> None:
-    """Write the rotation matrices of the bodies (n, 9) and the poses of the shapes (s, 12)."""
-    for i in range(turn.shape[0]):
+    """Place all bodies and all shapes."""
+    place_bodies(state, turn, 0, turn.shape[0])
+    place_shapes(state, shapes, turn, pose, 0, pose.shape[0])
+
+
+@kernel
+def place_bodies(state: State, turn: Array, first: int, last: int) -> None:
+    """Write the rotation matrices (n, 9) of some bodies."""
+    for i in range(first, last):
         x, y, z = to_matrix(quaternion(state.q, i))
         for k in range(3):
             turn[i, k] = x[k]
             turn[i, 3 + k] = y[k]
             turn[i, 6 + k] = z[k]
-    for s in range(pose.shape[0]):
+
+
+@kernel
+def place_shapes(state: State, shapes: Shapes, turn: Array, pose: Array, first: int,
+                 last: int) -> None:
+    """Write the poses (s, 12) of some shapes, whose bodies are placed."""
+    for s in range(first, last):
         i = shapes.body[s]
         for k in range(3):
             pose[s, k] = state.x[k, i] + (turn[i, 3 * k] * shapes.p_CS[s, 0]
@@ -40,9 +53,10 @@ def place(state: State, shapes: Shapes, turn: Array, pose: Array) -> None:
 
 
 @kernel
-def bound(kind: IntArray, size: Array, pose: Array, ahead: Array, box: Array) -> None:
-    """Write the bounding box of each shape and of what is ahead; infinite for a plane."""
-    for s in range(pose.shape[0]):
+def bound(kind: IntArray, size: Array, pose: Array, ahead: Array, box: Array, first: int,
+          last: int) -> None:
+    """Write the bounding boxes of some shapes and of what is ahead; infinite for a plane."""
+    for s in range(first, last):
         for k in range(3):
             x, y, z = pose[s, 3 + 3 * k], pose[s, 4 + 3 * k], pose[s, 5 + 3 * k]
             reach = math.inf

@@ -15,30 +15,33 @@ push, an error obeys
 which is unstable for b > e. A stack of ten has e = 0.01 a substep, so it would sway for ever.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import Array, IntArray
-from rigid_sim_ros.engine.calming import calm, Calming, make_calming
+from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray
+from rigid_sim_ros.engine.calming import calm, Calming, is_rough, make_calming
 from rigid_sim_ros.engine.coloring import (
-    Blocks, color_manifolds, Coloring, make_blocks, make_coloring, most_blocks,
-    numbers_of, points_in)
+    BETWEEN, Blocks, color_manifolds, Coloring, first_block, make_blocks, make_coloring,
+    most_blocks, numbers_of, points_in, REGIONS)
 from rigid_sim_ros.engine.contact_filling import (
-    classify, fill_blocks, keep_impulses, place_lanes)
+    choose_manifolds, classify, DEEPEST, fill_blocks, keep_impulses, NEW, place_lanes, TOUCHING)
 from rigid_sim_ros.engine.contact_rules import Sweep
 from rigid_sim_ros.engine.contact_sweep import (
     count_impulses, is_settled, overlaps, separate, visit_block)
 from rigid_sim_ros.engine.free_flight import fly
-from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.kept import call
+from rigid_sim_ros.engine.kernel import kernel, part
 from rigid_sim_ros.engine.loads import kick, Loads
 from rigid_sim_ros.engine.manifolds import Manifolds
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
+from rigid_sim_ros.engine.slots import make_sides, Sides
 from rigid_sim_ros.engine.solver_bodies import (
     drift_bodies, kick_bodies, load_bodies, make_bodies, note_start, SolverBodies, stop_pushing,
     store_bodies)
 from rigid_sim_ros.engine.state import State
+from rigid_sim_ros.engine.two_cores import side_by_side
 
 
 class SequentialSettings(NamedTuple):
@@ -55,79 +58,88 @@ class SequentialWork(NamedTuple):
     """Buffers for one step: nothing here outlives it but what is reported."""
 
     bodies: SolverBodies
+    sides: Sides
     coloring: Coloring
     blocks: Blocks
-    fresh: IntArray  # (blocks + 1,) lanes that touch without an impulse to begin with
+    fresh: IntArray  # (blocks,) lanes that touch without an impulse to begin with
     calming: Calming
+    shifted: IntArray  # (1,) 1 if collisions moved bodies since detection
+    notes: Array  # (REGIONS, 8) see DEEPEST and ROUGH
     residual: Array  # (1,) [m/s] largest change of a contact's velocity in the last sweep
     overlap: Array  # (1,) [m] deepest
 
 
+# More that is noted of a region: whether a visit changed anything roughly, and the residual.
+ROUGH, RESIDUAL = 3, 4
+
+
 def make_work(n: int, capacity: int) -> SequentialWork:
     """Return buffers for n bodies and `capacity` manifolds."""
-    blocks = most_blocks(capacity)
-    return SequentialWork(make_bodies(n), make_coloring(n, capacity), make_blocks(capacity),
-                          np.zeros(blocks + 1, dtype=np.int64), make_calming(n, capacity),
-                          np.zeros(1), np.zeros(1))
+    return SequentialWork(make_bodies(n), make_sides(n), make_coloring(n, capacity),
+                          make_blocks(capacity), np.zeros(most_blocks(capacity), dtype=np.int64),
+                          make_calming(n, capacity), np.zeros(1, dtype=np.int64),
+                          aligned_zeros(8 * REGIONS).reshape(REGIONS, 8), np.zeros(1), np.zeros(1))
 
 
-@kernel
-def solve_contacts(model: Model, state: State, loads: Loads, shapes: Shapes, materials: Materials,
-                   round_shapes: IntArray, manifolds: Manifolds, acted: Manifolds, waits: IntArray,
-                   shifts: Array, shifted: bool, settings: SequentialSettings,
-                   work: SequentialWork, flight: Array) -> None:
+# The stages of a region. Those after SETTLE begin with sweeps as in the first substep and in all
+# others.
+FILL, START, SWEEP, SWEEP_BACK, SETTLE, MOVED_SWEEP, RETURN, NEXT, KEEP, STORE = range(10)
+
+
+@part
+def solve_contacts(to: int, box: Any, desk: IntArray, model: Model, state: State, loads: Loads,
+                   substeps: int, flight: Array, work: SequentialWork) -> None:
     """
     Advance all bodies by one step, those with a slot in `work.bodies` with contacts.
 
-    Impulses of the manifolds are those to begin with, and afterwards those of this step; those of
-    the whole step are added to what collisions wrote to `acted`. A manifold with waits (c,) of 1
-    takes no part. round_shapes (s,) are 1 for what may be in a block of balls. `shifts` are what
-    collisions moved, if `shifted`; `flight` is scratch for `fly`.
+    `flight` is scratch for `fly`. `to` is the address of a kernel that calls `do_stage` with
+    REGIONS * stage + region. What is across waits for both halves, so a substep has one meeting:
+    forth in both halves, then across and back across, and back in both halves.
     """
-    bodies, blocks, substeps = work.bodies, work.blocks, settings.substeps
-    motion, used, h = bodies.motion, bodies.used[0], model.h / substeps
-    load_bodies(model.inv_m, model.inv_I_C, state, loads, bodies)
-    classify(shapes.material, materials, round_shapes, shifted, manifolds, work.coloring.kind)
-    count = color_manifolds(manifolds.count[0], manifolds.body_a, manifolds.body_b,
-                            work.coloring.kind, bodies.slot, waits, work.coloring, blocks.kind,
-                            blocks.start)
-    place_lanes(manifolds.count[0], count, manifolds, bodies.slot, work.coloring, blocks)
-    work.overlap[0] = fill_blocks(count, manifolds, state.x, shapes.material, materials, shifts,
-                                  shifted, 1.0 / substeps, bodies, blocks, work.fresh)
-    note_start(used, motion, bodies.mass)
+    blocks, bodies, halved = work.blocks, work.bodies, work.sides.halved[0] == 1
+    inv_h = 1.0 / (model.h / substeps)
+    work.calming.listed[0] = 0
+    _in_all(to, box, desk, halved, FILL)
     if bodies.used[1] > 0:
         kick(state, loads, 0.5 * model.h)
         fly(model, state, (0.0, 0.0, 0.0), model.h, np.int64(1), flight)
         kick(state, loads, 0.5 * model.h)
-    work.calming.listed[0] = 0
+    _in_halves(to, box, desk, halved, START)
+    _begin(to, box, desk, halved, work.notes)
+    _in_halves(to, box, desk, halved, SWEEP)
     for substep in range(substeps):
-        kick_bodies(used, motion, bodies.smooth, bodies.base, h, substep == 0)
-        if substep == 0:
-            settle(count, blocks, work.fresh, motion, 1.0 / h)
-        sweep(count, blocks, motion, bodies.drifted, Sweep(1.0 / h, h if substep > 0 else 0.0),
-              False)
-        calm(count, blocks, motion, used, work.calming, 1.0 / h)
-        stop_pushing(used, bodies.drifted)
-        sweep_back(count, blocks, motion, bodies.drifted, 1.0 / h, settings.push / h,
-                   settings.push_speed)
-        drift_bodies(used, motion, bodies.drifted, bodies.total)
-    work.residual[0] = keep_impulses(count, blocks, manifolds, bodies, h, substeps,
-                                     acted.impulse, acted.friction)
-    store_bodies(model.h, model.m, model.inv_I_C, state, bodies, substeps)
+        if halved:
+            call(to, box, REGIONS * (SWEEP if substep == 0 else MOVED_SWEEP) + BETWEEN)
+        if work.notes[0, ROUGH] + work.notes[1, ROUGH] + work.notes[2, ROUGH] > 0.0:
+            calm(blocks, bodies.motion, bodies.used, work.calming, inv_h)
+        stop_pushing(bodies.used[0], bodies.drifted)
+        if halved:
+            call(to, box, REGIONS * RETURN + BETWEEN)
+        if substep + 1 < substeps:
+            _in_halves(to, box, desk, halved, NEXT)
+    _in_halves(to, box, desk, halved, KEEP)
+    if halved:
+        call(to, box, REGIONS * KEEP + BETWEEN)
+    _in_halves(to, box, desk, halved, STORE)
+    notes = work.notes
+    work.overlap[0] = max(notes[0, DEEPEST], max(notes[1, DEEPEST], notes[2, DEEPEST]))
+    work.residual[0] = max(notes[0, RESIDUAL], max(notes[1, RESIDUAL], notes[2, RESIDUAL]))
 
 
 @kernel
-def sweep(count: int, blocks: Blocks, motion: Array, drifted: Array, what: Sweep,
-          backwards: bool) -> None:
-    """
-    Visit every block once.
+def _in_halves(to: int, box: Any, desk: IntArray, halved: bool, stage: int) -> None:
+    if halved:
+        side_by_side(desk, to, box, REGIONS * stage, REGIONS * stage + 1)
+    else:
+        call(to, box, REGIONS * stage)
 
-    Backwards in the opposite order, so that two sweeps make a nearly symmetric iteration: its
-    errors decay, while those of a one-sided one also rotate, and the warm start, an extrapolation,
-    would make that a growing sway of a stack.
-    """
-    for k in range(count):
-        visit_block(blocks, count - 1 - k if backwards else k, motion, drifted, what)
+
+@kernel
+def _in_all(to: int, box: Any, desk: IntArray, halved: bool, stage: int) -> None:
+    """Do a stage in both halves, and then across."""
+    _in_halves(to, box, desk, halved, stage)
+    if halved:
+        call(to, box, REGIONS * stage + BETWEEN)
 
 
 # Visits to a block with new contacts. A box that is put down on a slope slips by 1e-7 m until its
@@ -141,14 +153,106 @@ SETTLED = 1e-6
 
 
 @kernel
-def settle(count: int, blocks: Blocks, fresh: IntArray, motion: Array, inv_h: float) -> None:
-    """Find impulses for new contacts; the last entry of `fresh` says that these are many."""
-    what = Sweep(inv_h, 0.0)
-    if fresh[-1] == 1:
-        for k in range(FRESH_SWEEPS):
-            sweep(count, blocks, motion, motion, what, k % 2 == 1)
+def _begin(to: int, box: Any, desk: IntArray, halved: bool, notes: Array) -> None:
+    """Find impulses for new contacts."""
+    new, touching = 0.0, 0.0
+    for region in range(REGIONS if halved else 1):
+        new, touching = new + notes[region, NEW], touching + notes[region, TOUCHING]
+    if 2.0 * new <= touching:
+        _in_all(to, box, desk, halved, SETTLE)
         return
-    for block in range(count):
+    for k in range(FRESH_SWEEPS):
+        if k % 2 == 0:
+            _in_all(to, box, desk, halved, SWEEP)
+        else:
+            if halved:
+                call(to, box, REGIONS * SWEEP_BACK + BETWEEN)
+            _in_halves(to, box, desk, halved, SWEEP_BACK)
+
+
+@part
+def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, shapes: Shapes,
+             materials: Materials, round_shapes: IntArray, manifolds: Manifolds, acted: Manifolds,
+             waits: IntArray, shifts: Array, settings: SequentialSettings,
+             work: SequentialWork) -> None:
+    """
+    Do a stage in a region: 0 and 1, the halves, have bodies; 2, BETWEEN, has only contacts.
+
+    Impulses of the manifolds are those to begin with, and afterwards those of this step; those of
+    the whole step are added to what collisions wrote to `acted`. A manifold with waits (c,) of 1
+    takes no part. round_shapes (s,) are 1 for what may be in a block of balls. `shifts` are what
+    collisions moved.
+    """
+    bodies, blocks, notes = work.bodies, work.blocks, work.notes[region]
+    motion, h = bodies.motion, model.h / settings.substeps
+    at_rest, moved = Sweep(1.0 / h, 0.0), Sweep(1.0 / h, h)
+    if stage == FILL:
+        if region != BETWEEN:
+            load_bodies(region, model.inv_m, model.inv_I_C, state, loads, bodies)
+        _fill(region, state, shapes, materials, round_shapes, manifolds, waits, shifts,
+              1.0 / settings.substeps, work)
+    elif stage == START:
+        note_start(region, bodies.used, motion, bodies.mass)
+        kick_bodies(region, bodies.used, motion, bodies.smooth, bodies.base, h, True)
+    elif stage == SETTLE:
+        settle(region, blocks, work.fresh, motion, at_rest)
+    elif stage in (SWEEP, SWEEP_BACK):
+        sweep(region, blocks, motion, bodies.drifted, at_rest, stage == SWEEP_BACK, notes)
+    elif stage == MOVED_SWEEP:
+        sweep(region, blocks, motion, bodies.drifted, moved, False, notes)
+    elif stage == STORE:
+        store_bodies(region, work.sides.halved[0] + 1, model.h, model.m, model.inv_I_C, state,
+                     bodies, settings.substeps)
+    if stage in (RETURN, NEXT) or (stage == KEEP and region != BETWEEN):
+        sweep_back(region, blocks, motion, bodies.drifted, at_rest, settings.push / h,
+                   settings.push_speed)
+        if region != BETWEEN:
+            drift_bodies(region, bodies.used, motion, bodies.drifted, bodies.total)
+    if stage == NEXT:
+        kick_bodies(region, bodies.used, motion, bodies.smooth, bodies.base, h, False)
+        sweep(region, blocks, motion, bodies.drifted, moved, False, notes)
+    elif stage == KEEP:
+        notes[RESIDUAL] = keep_impulses(region, blocks, manifolds, bodies, h, settings.substeps,
+                                        acted.impulse, acted.friction)
+
+
+@part
+def _fill(region: int, state: State, shapes: Shapes, materials: Materials, round_shapes: IntArray,
+          manifolds: Manifolds, waits: IntArray, shifts: Array, share: float,
+          work: SequentialWork) -> None:
+    """Bring the manifolds of a region into blocks."""
+    shifted, sides = work.shifted[0] == 1, work.sides
+    if region != BETWEEN:
+        choose_manifolds(region, manifolds, sides.of_body, waits, work.coloring)
+    classify(region, shapes.material, materials, round_shapes, shifted, manifolds, work.coloring)
+    color_manifolds(region, manifolds.body_a, manifolds.body_b, work.bodies.slot, work.coloring,
+                    work.blocks)
+    place_lanes(region, manifolds, work.bodies.slot, work.bodies.used, work.coloring, work.blocks)
+    fill_blocks(region, manifolds, state.x, shapes.material, materials, shifts, shifted, share,
+                work.bodies, work.blocks, work.fresh, work.notes[region])
+
+
+@kernel
+def sweep(region: int, blocks: Blocks, motion: Array, drifted: Array, what: Sweep,
+          backwards: bool, notes: Array) -> None:
+    """
+    Visit every block of a region once, and note whether any visit changed something roughly.
+
+    Backwards in the opposite order, so that two sweeps make a nearly symmetric iteration: its
+    errors decay, while those of a one-sided one also rotate, and the warm start, an extrapolation,
+    would make that a growing sway of a stack.
+    """
+    first, count = first_block(blocks, region), blocks.count[region]
+    for k in range(count):
+        visit_block(blocks, first + (count - 1 - k if backwards else k), motion, drifted, what)
+    notes[ROUGH] = 1.0 if is_rough(region, blocks) else 0.0
+
+
+@kernel
+def settle(region: int, blocks: Blocks, fresh: IntArray, motion: Array, what: Sweep) -> None:
+    """Visit the blocks of a region that have new contacts."""
+    first = first_block(blocks, region)
+    for block in range(first, first + blocks.count[region]):
         for _ in range(FRESH_VISITS if fresh[block] > 0 else 0):
             visit_block(blocks, block, motion, motion, what)
             if is_settled(numbers_of(blocks, block), SETTLED):
@@ -156,18 +260,19 @@ def settle(count: int, blocks: Blocks, fresh: IntArray, motion: Array, inv_h: fl
 
 
 @kernel
-def sweep_back(count: int, blocks: Blocks, motion: Array, push: Array, inv_h: float, rate: float,
+def sweep_back(region: int, blocks: Blocks, motion: Array, push: Array, what: Sweep, rate: float,
                speed: float) -> None:
     """
     End a substep: visit what is not settled, in the opposite order, and push overlaps apart.
 
     What the forward sweep hardly changed is only read: the next one visits every block again.
     """
+    first, count = first_block(blocks, region), blocks.count[region]
     for k in range(count):
-        block = count - 1 - k
+        block = first + count - 1 - k
         b, points = numbers_of(blocks, block), points_in(blocks.kind[block])
         if not is_settled(b, SETTLED):
-            visit_block(blocks, block, motion, motion, Sweep(inv_h, 0.0))
+            visit_block(blocks, block, motion, motion, what)
         count_impulses(b, points)
         if overlaps(b, points):
             separate(blocks, block, push, rate, speed)

@@ -5,8 +5,9 @@ The moving bodies that may touch something, as the sequential solver sees them.
 
 A body has a slot here for one step. Velocity v and angular momentum L are all that contacts
 change; the inverse inertia in world axes stays what it was at the start of the step, so that a
-step is a linear problem, and the pose moves once, at its end. Slot 0 stands for every body that
-does not move: nothing that is added to it is ever different from 0.
+step is a linear problem, and the pose moves once, at its end. The first slot of a half (see
+slots.py) stands for every body that does not move: nothing that is added to it is ever different
+from 0.
 """
 
 from typing import NamedTuple
@@ -15,7 +16,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray, Vector
 from rigid_sim_ros.engine.free_rotation import MAX_ANGLE, turn, turn_fast
-from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel
+from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, pasted
 from rigid_sim_ros.engine.lanes import any_of, both, gather, LANES, load, select, store
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.rotation import quaternion, to_matrix
@@ -36,11 +37,12 @@ _X, _Q, _L, _INV_I, _FAST, _ROWS = 0, 3, 7, 10, 13, 14
 
 
 class SolverBodies(NamedTuple):
-    """Slots for up to n bodies and the one that stands still."""
+    """Slots for up to n bodies and, in each half, the one that stands still."""
 
     slot: IntArray  # (n,) of a body, 0 if it does not take part
-    body: IntArray  # (n + 1,) in a slot; -1 in slot 0
-    used: IntArray  # (2,) slots in use; moving bodies without a slot
+    body: IntArray  # (n + 2,) in a slot; -1 in those that stand still
+    # (3,) slots in use; moving bodies without a slot; where the slots of the second half begin
+    used: IntArray
     motion: Array  # flat, STRIDE for each slot, as all but the last two
     # With what the bodies moved in the last substep: `motion` and the motion that only displaces,
     # out of overlaps. While this is found it stands here alone, from `stop_pushing` on.
@@ -52,35 +54,55 @@ class SolverBodies(NamedTuple):
     total: Array  # sums of `drifted` over the substeps
     mass: Array  # see J, START, INV_M, HELD
     pose: Array  # x [m] and q at the start of the step
-    lanes: Array  # flat scratch
-    at: IntArray  # (8,) scratch
+    lanes: Array  # flat scratch for each half, as the next one
+    at: IntArray
 
 
 def make_bodies(n: int) -> SolverBodies:
     """Return room for n bodies."""
-    slots = n + 1
+    slots = n + 2
 
     def numbers() -> Array:
         return aligned_zeros(slots * STRIDE)
 
     return SolverBodies(np.zeros(n, dtype=np.int64), np.zeros(slots, dtype=np.int64),
-                        np.zeros(2, dtype=np.int64), numbers(), numbers(), numbers(), numbers(),
-                        numbers(), numbers(), numbers(), aligned_zeros(_ROWS * LANES),
-                        np.zeros(LANES, dtype=np.int64))
+                        np.zeros(3, dtype=np.int64), numbers(), numbers(), numbers(), numbers(),
+                        numbers(), numbers(), numbers(), aligned_zeros(2 * _ROWS * LANES),
+                        np.zeros(2 * LANES, dtype=np.int64))
+
+
+@inlined
+def slots_of(used: IntArray, half: int) -> tuple[int, int]:
+    """Return the first slot of a half, 0 or 1, the still one, and the slot after its last."""
+    first, last = used[2] if half == 1 else 0, used[0] if half == 1 else used[2]
+    return first & INDEX, last & INDEX
+
+
+@pasted
+def _of_half(numbers: Array, used: IntArray, half: int) -> Array:
+    """Return the numbers of the slots of a half."""
+    first, last = slots_of(used, half)
+    return numbers[first * STRIDE:last * STRIDE]
+
+
+@inlined
+def still_slot(used: IntArray, region: int) -> int:
+    """Return the slot that stands still in a half; across are none but moving bodies."""
+    return used[2] if region == 1 else 0
 
 
 @kernel
-def load_bodies(inv_m: Array, inv_I_C: Array, state: State, loads: Loads,
+def load_bodies(half: int, inv_m: Array, inv_I_C: Array, state: State, loads: Loads,
                 bodies: SolverBodies) -> None:
-    """Write the rows and the motion of the bodies that have a slot."""
-    used = bodies.used[0]
-    bodies.motion[:used * STRIDE] = 0.0
-    bodies.smooth[:used * STRIDE] = 0.0
-    bodies.base[:used * STRIDE] = 0.0
-    bodies.total[:used * STRIDE] = 0.0
+    """Write the rows and the motion of the bodies that have a slot in a half."""
+    first, last = slots_of(bodies.used, half)
+    _of_half(bodies.motion, bodies.used, half)[:] = 0.0
+    _of_half(bodies.smooth, bodies.used, half)[:] = 0.0
+    _of_half(bodies.base, bodies.used, half)[:] = 0.0
+    _of_half(bodies.total, bodies.used, half)[:] = 0.0
     mass, pose = bodies.mass, bodies.pose
-    mass[:STRIDE] = 0.0
-    for slot in range(1, used):
+    _of_half(mass, bodies.used, half)[:STRIDE] = 0.0
+    for slot in range(first + 1, last):
         i = bodies.body[slot] & INDEX
         motion = slot * STRIDE
         for k in range(3):
@@ -104,32 +126,35 @@ def load_bodies(inv_m: Array, inv_I_C: Array, state: State, loads: Loads,
 
 
 @kernel
-def note_start(used: int, motion: Array, mass: Array) -> None:
+def note_start(half: int, used: IntArray, motion: Array, mass: Array) -> None:
     """Keep the motion at the start of the step, when nobody asks for the inverse inertia more."""
-    for slot in range(used):
+    first, last = slots_of(used, half)
+    for slot in range(first, last):
         for k in range(6):
             mass[slot * STRIDE + START + k] = motion[slot * STRIDE + k]
 
 
 @kernel
-def kick_bodies(used: int, m: Array, smooth: Array, base: Array, h: float, first: bool) -> None:
+def kick_bodies(half: int, used: IntArray, m: Array, smooth: Array, base: Array, h: float,
+                at_first: bool) -> None:
     """
     Begin a substep: forces act for h [s], and contacts as they did in the last substep.
 
     That is a warm start of every contact at once, without a pass over contacts: they added m -
     base. Before the first substep `base` holds what they bring from the step before.
     """
-    if first:
-        for k in range(used * STRIDE):
-            kicked = m[k] + h * smooth[k]
-            m[k] = kicked + base[k]
-            base[k] = kicked
+    v, a, b = _of_half(m, used, half), _of_half(smooth, used, half), _of_half(base, used, half)
+    if at_first:
+        for k in range(v.shape[0]):
+            kicked = v[k] + h * a[k]
+            v[k] = kicked + b[k]
+            b[k] = kicked
         return
-    for k in range(used * STRIDE):
-        now = m[k]
-        kicked = now + h * smooth[k]
-        m[k] = kicked + (now - base[k])
-        base[k] = kicked
+    for k in range(v.shape[0]):
+        now = v[k]
+        kicked = now + h * a[k]
+        v[k] = kicked + (now - b[k])
+        b[k] = kicked
 
 
 @kernel
@@ -139,37 +164,70 @@ def stop_pushing(used: int, drifted: Array) -> None:
 
 
 @kernel
-def drift_bodies(used: int, m: Array, drifted: Array, total: Array) -> None:
+def drift_bodies(half: int, used: IntArray, m: Array, drifted: Array, total: Array) -> None:
     """Add the motion of this substep to the push, and both to the sums of displacements."""
-    for k in range(used * STRIDE):
-        drifted[k] += m[k]
-        total[k] += drifted[k]
+    v, u, sums = _of_half(m, used, half), _of_half(drifted, used, half), _of_half(
+        total, used, half)
+    for k in range(v.shape[0]):
+        u[k] += v[k]
+        sums[k] += u[k]
 
 
 @kernel
-def store_bodies(h: float, m: Array, inv_I_C: Array, state: State, bodies: SolverBodies,
-                 substeps: int) -> None:
-    """Move the bodies, eight at a time, and write their momenta and poses back."""
-    used, b, at, motion = bodies.used[0], bodies.lanes, bodies.at, bodies.motion
-    for first in range(1, used, LANES):
+def store_bodies(half: int, halves: int, h: float, m: Array, inv_I_C: Array, state: State,
+                 bodies: SolverBodies, substeps: int) -> None:
+    """
+    Move bodies, eight at a time, and write their momenta and poses back.
+
+    Here a half is one of the bodies by their numbers, as they lie in the state: two cores that
+    write to the same lines of it would wait for each other most of the time.
+    """
+    n = m.shape[0]
+    i, last = half * n // halves, (half + 1) * n // halves
+    b, at, motion = _scratch_of(bodies, half), _places_of(bodies, half), bodies.motion
+    while True:
+        lanes = 0
+        while lanes < LANES and i < last:
+            if bodies.slot[i] > 0:
+                at[lanes] = bodies.slot[i] * STRIDE
+                lanes += 1
+            i += 1
+        if lanes == 0:
+            break
         for lane in range(LANES):
-            slot = min(first + lane, used - 1)
-            at[lane] = slot * STRIDE
+            at[lane] = at[min(lane, lanes - 1)]
+            body = _body_at(bodies, at[lane])
             for k in range(3):
-                b[(_INV_I + k) * LANES + lane] = inv_I_C[k, bodies.body[slot] & INDEX]
-        _move(bodies, b, h, 1.0 / substeps)
-        for lane in range(min(LANES, used - first)):
-            i, start = bodies.body[first + lane] & INDEX, (first + lane) * STRIDE
+                b[(_INV_I + k) * LANES + lane] = inv_I_C[k, body]
+        _move(bodies, at, b, h, 1.0 / substeps)
+        for lane in range(lanes):
+            start, body = at[lane] & INDEX, _body_at(bodies, at[lane])
             for k in range(3):
-                state.x[k, i] = b[(_X + k) * LANES + lane]
-                state.P[k, i] = m[i] * motion[start + k]
-                state.L[k, i] = motion[start + 3 + k]
+                state.x[k, body] = b[(_X + k) * LANES + lane]
+                state.P[k, body] = m[body] * motion[start + k]
+                state.L[k, body] = motion[start + 3 + k]
             for k in range(4):
-                state.q[k, i] = b[(_Q + k) * LANES + lane]
+                state.q[k, body] = b[(_Q + k) * LANES + lane]
+
+
+@inlined
+def _body_at(bodies: SolverBodies, at: int) -> int:
+    """Return the body whose motion stands there."""
+    return bodies.body[(at & INDEX) // STRIDE] & INDEX
+
+
+@pasted
+def _scratch_of(bodies: SolverBodies, half: int) -> Array:
+    return bodies.lanes[half * _ROWS * LANES:(half + 1) * _ROWS * LANES]
+
+
+@pasted
+def _places_of(bodies: SolverBodies, half: int) -> IntArray:
+    return bodies.at[half * LANES:(half + 1) * LANES]
 
 
 @kernel
-def _move(bodies: SolverBodies, b: Array, h: float, share: float) -> None:
+def _move(bodies: SolverBodies, at: IntArray, b: Array, h: float, share: float) -> None:
     """
     Move eight bodies by the mean of their velocities over the substeps, `share` of a step each.
 
@@ -179,9 +237,9 @@ def _move(bodies: SolverBodies, b: Array, h: float, share: float) -> None:
     forces alone would make in a step, nor against a body that moves, where it would change L of
     the pair.
     """
-    total, now = gather(bodies.total, bodies.at), gather(bodies.motion, bodies.at)
-    mass, forces = gather(bodies.mass, bodies.at), gather(bodies.smooth, bodies.at)
-    pose = gather(bodies.pose, bodies.at)
+    total, now = gather(bodies.total, at), gather(bodies.motion, at)
+    mass, forces = gather(bodies.mass, at), gather(bodies.smooth, at)
+    pose = gather(bodies.pose, at)
     dv = (now[0] - mass[START], now[1] - mass[START + 1], now[2] - mass[START + 2])
     dL = (now[3] - mass[START + 3], now[4] - mass[START + 4], now[5] - mass[START + 5])
     a = (forces[0], forces[1], forces[2])

@@ -7,6 +7,7 @@ A step detects contacts once, lets what bounces bounce, and leaves touching bodi
 bodies that touch nothing fly as if there were no contacts at all, by the symplectic method.
 """
 
+from contextlib import nullcontext
 from typing import Any, NamedTuple
 
 from numba import typeof
@@ -14,6 +15,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.collisions import collide_bodies, CollisionWork, make_collision_work
+from rigid_sim_ros.engine.coloring import REGIONS
 from rigid_sim_ros.engine.compiling import compile_together
 from rigid_sim_ros.engine.detect import detect_ahead
 from rigid_sim_ros.engine.forces import add_scene_forces
@@ -22,15 +24,19 @@ from rigid_sim_ros.engine.integrate import begin_loads, end_loads
 from rigid_sim_ros.engine.kept import call, held, Kept
 from rigid_sim_ros.engine.kernel import kernel, part
 from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
-from rigid_sim_ros.engine.manifolds import current, earlier, grown, Manifolds, Memory
+from rigid_sim_ros.engine.manifolds import (
+    current, current_manifolds, earlier, grown, Manifolds, Memory)
 from rigid_sim_ros.engine.model import Model
+from rigid_sim_ros.engine.sequential import (
+    do_stage, SequentialSettings, SequentialWork, solve_contacts)
 from rigid_sim_ros.engine.sequential import make_work as make_sequential_work
-from rigid_sim_ros.engine.sequential import SequentialSettings, SequentialWork, solve_contacts
 from rigid_sim_ros.engine.shapes import Materials, PLANE, Shapes, SPHERE
+from rigid_sim_ros.engine.shared_detection import detect_side_by_side, detect_stage, WHOLE
 from rigid_sim_ros.engine.sleeping import (
     fall_asleep, keep_pressing, mark_pushed, Rest, wake_disturbed, wake_touched)
-from rigid_sim_ros.engine.solver_bodies import SolverBodies
+from rigid_sim_ros.engine.slots import ENOUGH, give_slots
 from rigid_sim_ros.engine.state import State
+from rigid_sim_ros.engine.two_cores import Helper, is_helped, make_desk
 from rigid_sim_ros.engine.vector import column, norm
 from rigid_sim_ros.engine.wrenches import count_down, Wrenches
 
@@ -59,6 +65,7 @@ class TimestepWork(NamedTuple):
     block: Array
     radius: Array  # (n,) [m] how far the shapes of a body reach from its centre of mass
     round_shapes: IntArray  # (s,) 1: a ball about its centre of mass, or a body that never moves
+    cut: IntArray  # (2,) the first shape of the second half of them, and its body
     collision: CollisionWork
     solver: SequentialWork
 
@@ -72,7 +79,7 @@ def make_timestep_work(model: Model, shapes: Shapes, memory: Memory) -> Timestep
             reach = float(np.linalg.norm(shapes.p_CS[s])) + shapes.bound[s]
             radius[shapes.body[s]] = max(radius[shapes.body[s]], reach)
     return TimestepWork(empty_loads(n), empty_loads(n), np.zeros(FLIGHT_SIZE), radius,
-                        _round_shapes(model, shapes),
+                        _round_shapes(model, shapes), _cut(n, shapes.body),
                         make_collision_work(n, capacity), make_sequential_work(n, capacity))
 
 
@@ -83,40 +90,64 @@ def _round_shapes(model: Model, shapes: Shapes) -> IntArray:
     return np.where(balls | (model.inv_m[i] == 0.0), 1, 0)
 
 
+def _cut(n: int, body: IntArray) -> IntArray:
+    """Return where the shapes can be cut in halves, without a body on both sides."""
+    before, after = np.maximum.accumulate(body), np.minimum.accumulate(body[::-1])[::-1]
+    places = 1 + np.flatnonzero(before[:-1] < after[1:])
+    later = places[places >= len(body) // 2]
+    return np.array((later[0], body[later[0]]) if len(later) else (len(body), n), dtype=np.int64)
+
+
 def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
             memory: Memory, settings: TimestepSettings, work: TimestepWork, rest: Rest,
-            count: int, kept: Kept | None = None) -> tuple[Memory, TimestepWork]:
+            count: int, kept: Kept | None = None,
+            helper: Helper | None = None) -> tuple[Memory, TimestepWork]:
     """
     Advance the state by `count` steps; return the memory and the buffers, which may have grown.
 
     The state, the wrenches' remaining steps, the memory and who sleeps change in place. A world
-    that is stepped often keeps its arguments in `kept` from call to call.
+    that is stepped often keeps its arguments in `kept` from call to call. A helper takes over
+    halves of what many contacts need; the results are the same bits.
     """
     done, kept = 0, kept or Kept(PIECES)
+    desk = _NOBODY if helper is None else helper.desk
     while True:
         box = kept.box(model, state, shapes, materials, memory, settings, work, rest,
-                       kept.addresses)
+                       kept.addresses, desk)
         if kept.compiled_for is not box:
             kinds = box.type, typeof(wrenches), typeof(count)
             kept.addresses[:] = compile_together(
                 _advance_kept, kinds, _pieces(model, settings), _SHARED_OUT)
             kept.compiled_for = box
-        done += _advance_kept(box, wrenches, count - done)
+        some = count - done if helper is None else min(count - done, _STEPS_WITHOUT_HELP)
+        many = current_manifolds(memory).count[0] >= ENOUGH
+        with helper if helper is not None and many else nullcontext():
+            taken = _advance_kept(box, wrenches, some)
+        done += taken
         if done == count:
             return memory, work
+        if taken == some:
+            continue
         memory = grown(memory)
         if memory.pages[0].shape_a.shape[0] > work.collision.rows.shape[0]:
             work = make_timestep_work(model, shapes, memory)
 
 
+# Steps in one call of a world that a helper may help, for until the next one nobody calls it.
+_STEPS_WITHOUT_HELP = 64
 # The arguments in a box, by their places in it.
-_MODEL, _STATE, _SHAPES, _MATERIALS, _MEMORY, _SETTINGS, _WORK, _REST, _ADDRESSES = range(9)
+(_MODEL, _STATE, _SHAPES, _MATERIALS, _MEMORY, _SETTINGS, _WORK, _REST, _ADDRESSES,
+ _DESK) = range(10)
+_NOBODY = make_desk()
 
 
 @kernel
-def _detect(box: Any, _: int) -> int:
-    return int(detect_ahead(held(box, _MODEL), held(box, _STATE), held(box, _SHAPES),
-                            held(box, _MEMORY)))
+def _detect(box: Any, stage: int) -> int:
+    model, state, shapes = held(box, _MODEL), held(box, _STATE), held(box, _SHAPES)
+    if stage == WHOLE:
+        return int(detect_ahead(model, state, shapes, held(box, _MEMORY)))
+    return int(detect_stage(stage, model, state, shapes, held(box, _MEMORY),
+                            held(box, _WORK).cut))
 
 
 @kernel
@@ -127,6 +158,16 @@ def _collide(box: Any, _: int) -> int:
         model.h, model.inv_m, model.inv_I_C, held(box, _STATE), work.loads.F, held(box, _SHAPES),
         held(box, _MATERIALS), current(memory), held(box, _SETTINGS).bounce_speed, acted.impulse,
         acted.friction, work.collision)
+
+
+@kernel
+def _solve(box: Any, number: int) -> int:
+    memory, work = held(box, _MEMORY), held(box, _WORK)
+    do_stage(number // REGIONS, number % REGIONS, held(box, _MODEL), held(box, _STATE), work.loads,
+             held(box, _SHAPES), held(box, _MATERIALS), work.round_shapes, current(memory),
+             earlier(memory), work.collision.waits, work.collision.body,
+             held(box, _SETTINGS).sequential, work.solver)
+    return 0
 
 
 @kernel
@@ -160,13 +201,13 @@ def _sleep(box: Any, when: int) -> int:
 
 # What is compiled apart from the step, by place; the first by a helper: it takes as long
 # as all others together.
-_TO_DETECT, _TO_COLLIDE, _TO_FORCES, _TO_SLEEP = range(4)
-PIECES, _SHARED_OUT = 4, 1
+_TO_DETECT, _TO_COLLIDE, _TO_SOLVE, _TO_FORCES, _TO_SLEEP = range(5)
+PIECES, _SHARED_OUT = 5, 1
 
 
 def _pieces(model: Model, settings: TimestepSettings) -> list[Any]:
     """Return what a world needs, None in the place of a piece that is never called."""
-    return [_detect, _collide,
+    return [_detect, _collide, _solve,
             _add_forces if model.forces.kind.shape[0] > 0 else None,
             _sleep if settings.sleep_steps > 0 else None]
 
@@ -187,7 +228,7 @@ def _advance_kept(box: Any, wrenches: Wrenches, count: int) -> int:
     model, state, shapes = held(box, _MODEL), held(box, _STATE), held(box, _SHAPES)
     materials, memory = held(box, _MATERIALS), held(box, _MEMORY)
     settings, work, rest = held(box, _SETTINGS), held(box, _WORK), held(box, _REST)
-    to = held(box, _ADDRESSES)
+    to, desk = held(box, _ADDRESSES), held(box, _DESK)
     g, sleeps = model.gravity, settings.sleep_steps > 0
     loaded = model.forces.kind.shape[0] + wrenches.body.shape[0] > 0
     for step in range(count):
@@ -197,7 +238,11 @@ def _advance_kept(box: Any, wrenches: Wrenches, count: int) -> int:
             call(to[_TO_SLEEP], box, _DISTURBED)
         look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, materials.restitution,
                    settings, work.radius, shapes.body, memory.ahead, memory.calm)
-        if call(to[_TO_DETECT], box, 0) == 0:
+        if is_helped(desk) and current(memory).count[0] >= ENOUGH:
+            found = detect_side_by_side(to[_TO_DETECT], box, desk)
+        else:
+            found = call(to[_TO_DETECT], box, WHOLE)
+        if found == 0:
             return step
         manifolds, acted = current(memory), earlier(memory)
         if manifolds.count[0] == 0 and not loaded and not sleeps:
@@ -209,10 +254,11 @@ def _advance_kept(box: Any, wrenches: Wrenches, count: int) -> int:
             _sum_loads(box, to, wrenches, work.loads, 0)
         clear_impulses(manifolds, acted.impulse, acted.friction)
         collisions = call(to[_TO_COLLIDE], box, 0)
-        give_slots(model.inv_m, manifolds, work.collision.waits, rest.asleep, work.solver.bodies)
-        solve_contacts(model, state, work.loads, shapes, materials, work.round_shapes, manifolds,
-                       acted, work.collision.waits, work.collision.body, collisions > 0,
-                       settings.sequential, work.solver, work.block)
+        work.solver.shifted[0] = 1 if collisions > 0 else 0
+        give_slots(model.inv_m, state.x, manifolds, work.collision.waits, rest.asleep, ENOUGH,
+                   work.solver.sides, work.solver.bodies)
+        solve_contacts(to[_TO_SOLVE], box, desk, model, state, work.loads,
+                       settings.sequential.substeps, work.block, work.solver)
         if loaded:
             # As in the symplectic method: half of the change of the loads, now at the new poses.
             _sum_loads(box, to, wrenches, work.later, 1)
@@ -256,25 +302,3 @@ def clear_impulses(manifolds: Manifolds, normal_impulse: Array, friction_impulse
     for r in range(count):
         for p in range(manifolds.points[r]):
             normal_impulse[p, r] = 0.0
-
-
-@kernel
-def give_slots(inv_m: Array, manifolds: Manifolds, waits: IntArray, asleep: IntArray,
-               bodies: SolverBodies) -> None:
-    """Give every moving body with a manifold to solve a slot, in order of the bodies."""
-    bodies.slot[:] = 0
-    for r in range(manifolds.count[0]):
-        if waits[r] == 0:
-            bodies.slot[manifolds.body_a[r]] = 1
-            bodies.slot[manifolds.body_b[r]] = 1
-    used, free = 1, 0
-    bodies.body[0] = -1
-    for i in range(inv_m.shape[0]):
-        if bodies.slot[i] == 1 and inv_m[i] > 0.0 and asleep[i] == 0:
-            bodies.slot[i] = used
-            bodies.body[used] = i
-            used += 1
-        else:
-            bodies.slot[i] = 0
-            free += 1 if inv_m[i] > 0.0 and asleep[i] == 0 else 0
-    bodies.used[0], bodies.used[1] = used, free

@@ -33,12 +33,13 @@ from rigid_sim_ros.engine.manifolds import (
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import gap_now
+from rigid_sim_ros.engine.slots import give_slots, NEVER
 from rigid_sim_ros.engine.solver_bodies import (
     drift_bodies, HELD, INV_M, kick_bodies, load_bodies, note_start, SolverBodies, stop_pushing,
     store_bodies, STRIDE)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.timestep import (
-    clear_impulses, give_slots, look_ahead, make_timestep_work, TimestepSettings, TimestepWork)
+    clear_impulses, look_ahead, make_timestep_work, TimestepSettings, TimestepWork)
 from rigid_sim_ros.engine.vector import cross, row
 from rigid_sim_ros.engine.wrenches import count_down, Wrenches
 
@@ -94,20 +95,21 @@ def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
                       materials, manifolds, settings.bounce_speed, acted.impulse,
                       acted.friction, shared.collision) > 0:
         _move_gaps(manifolds, shared.collision.body)
-    give_slots(model.inv_m, manifolds, shared.collision.waits, work.awake, bodies)
-    load_bodies(model.inv_m, model.inv_I_C, state, shared.loads, bodies)
+    give_slots(model.inv_m, state.x, manifolds, shared.collision.waits, work.awake, NEVER,
+               shared.solver.sides, bodies)
+    load_bodies(0, model.inv_m, model.inv_I_C, state, shared.loads, bodies)
     read_bodies(model, state, shared.loads.F, shared.loads.tau, work.bodies)
     chosen = _chosen(model, state, shapes, materials, manifolds, work)
-    note_start(bodies.used[0], bodies.motion, bodies.mass)
-    kick_bodies(bodies.used[0], bodies.motion, bodies.smooth, bodies.base, model.h, True)
+    note_start(0, bodies.used, bodies.motion, bodies.mass)
+    kick_bodies(0, bodies.used, bodies.motion, bodies.smooth, bodies.base, model.h, True)
     stop_pushing(bodies.used[0], bodies.drifted)
     pushes = _solve(model, manifolds, acted, settings, chosen, work)
-    drift_bodies(bodies.used[0], bodies.motion, bodies.drifted, bodies.total)
+    drift_bodies(0, bodies.used, bodies.motion, bodies.drifted, bodies.total)
     _give_back(work.contacts, chosen, pushes, model.h, bodies)
     kick(state, shared.loads, 0.5 * model.h)
     fly(model, state, (0.0, 0.0, 0.0), model.h, 1, shared.block)
     kick(state, shared.loads, 0.5 * model.h)
-    store_bodies(model.h, model.m, model.inv_I_C, state, bodies, 1)
+    store_bodies(0, 1, model.h, model.m, model.inv_I_C, state, bodies, 1)
     # As in the symplectic method: half of the change of the loads, now at the new poses.
     sum_loads(model, state, wrenches, shared.later)
     kick(state, shared.later, 0.5 * model.h)

@@ -29,6 +29,9 @@ _MEANINGS = {
         '~/wrenches always cover all of them.'),
     'real_time_factor': Meaning(
         'Simulated seconds per second of wall time; 0 is as fast as possible.', True, 1e4),
+    'threads': Meaning(
+        'Threads that a step may use: a second one helps where contacts are many, and changes no '
+        'result.', most=2, least=1),
     'publish_rate': Meaning(
         'Rate of poses, twists, states and transforms in Hz of simulation time, rounded to whole '
         'steps; 0 publishes none.', True, 1e6),

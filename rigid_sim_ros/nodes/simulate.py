@@ -74,6 +74,7 @@ class Simulation:
             tf_message()    # fails now, not after compiling
         self._world = World(moment.scene) if moment is not None else announced(
             lambda: load_scene(self._parameters['scene']))
+        self._world.threads = self._parameters['threads']
         self._check_frame_id()
         self._queue = Queue()
         self._refusals = Refusals(self._log.warning)

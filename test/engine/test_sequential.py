@@ -23,20 +23,18 @@ from rigid_sim_ros.engine.state import copy_state
 def colored(pairs, points=4, n=200):
     """Return the colouring of manifolds between bodies, whose slots are their numbers."""
     a, b = np.array(pairs, dtype=np.int64).T
-    work = make_coloring(n, len(pairs))
-    nothing = np.zeros(len(pairs), dtype=np.int64)
-    kinds = np.full(len(pairs), min(points - 1, 2), dtype=np.int64)
-    blocks = make_blocks(len(pairs))
-    count = color_manifolds(len(pairs), a, b, kinds, np.arange(n, dtype=np.int64), nothing,
-                            work, blocks.kind, blocks.start)
-    return work, count
+    work, blocks = make_coloring(n, len(pairs)), make_blocks(len(pairs))
+    work.kind[0], work.members[0] = min(points - 1, 2), len(pairs)
+    work.member[0] = np.arange(len(pairs))
+    color_manifolds(0, a, b, np.arange(n, dtype=np.int64), work, blocks)
+    return work.lane[0], blocks.count[0]
 
 
 def shared_bodies(pairs) -> int:
     """Return how many blocks hold a moving body twice; body 0 does not move."""
-    bad, (work, count) = 0, colored(pairs)
+    bad, (lane, count) = 0, colored(pairs)
     for block in range(count):
-        rows = [r for r in range(len(pairs)) if work.lane[r] // LANES == block]
+        rows = [r for r in range(len(pairs)) if lane[r] // LANES == block]
         bodies = [body for r in rows for body in pairs[r] if body != 0]
         bad += len(bodies) != len(set(bodies))
     return bad
@@ -55,22 +53,22 @@ def test_manifolds_with_the_ground_share_blocks():
 
 def test_a_body_with_more_contacts_than_colours_is_solved_one_by_one():
     pairs = [(1, k) for k in range(2, 2 + COLORS + 20)]
-    work, _ = colored(pairs)
+    lane, _ = colored(pairs)
     assert shared_bodies(pairs) == 0
-    assert len(set(work.lane.tolist())) == len(pairs)
+    assert len(set(lane.tolist())) == len(pairs)
 
 
 def test_each_piece_of_many_manifolds_is_coloured_by_itself():
     # A row of touching bodies takes two colours, so the blocks of a piece are full.
     pairs = [(k, k + 1) for k in range(1, 3 * PIECE + 1)]
-    work, count = colored(pairs, n=3 * PIECE + 2)
+    lane, count = colored(pairs, n=3 * PIECE + 2)
     assert count == 3 * PIECE // LANES
-    blocks = work.lane // LANES
+    blocks = lane // LANES
     per_piece = PIECE // LANES
     for piece in range(3):
         inside = blocks[piece * PIECE:(piece + 1) * PIECE]
         assert set(inside.tolist()) == set(range(piece * per_piece, (piece + 1) * per_piece))
-    assert sorted(work.lane.tolist()) == list(range(3 * PIECE))
+    assert sorted(lane.tolist()) == list(range(3 * PIECE))
 
 
 def axes(rows, lane):

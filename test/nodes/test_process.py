@@ -91,6 +91,7 @@ def test_a_missing_scene_is_one_line_and_code_2(ros, tmp_path):
 
 @pytest.mark.parametrize('parameters, expected', [
     ({'real_time_factor': -1.0}, 'real_time_factor'),
+    ({'threads': 3}, 'threads'),
     ({'publish_rate': 100}, 'decimal point'),
     ({'publish_clock': 'perhaps'}, 'true or false'),
     ({'frame_id': 'crate'}, "'crate' is a frame of the scene"),
