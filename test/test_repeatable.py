@@ -5,7 +5,7 @@
 from typing import Any
 
 from dropping import SHAPES
-from hypothesis import given, settings, strategies as st
+from hypothesis import example, given, settings, strategies as st
 import numpy as np
 import pytest
 
@@ -66,6 +66,8 @@ def test_steps_at_once_give_the_hash_of_single_steps(model, **scene):
 
 @every_model
 @settings(max_examples=10)
+# A friction impulse of -0.0.
+@example(kinds=['compound', 'box'], seed=0, friction=0.0, restitution=0.0, before=16)
 @given(**SCENES, before=st.integers(0, 25))
 def test_a_world_restored_in_the_middle_of_contact_goes_on_bit_for_bit(model, before, **scene):
     world = heap(model, **scene)

@@ -248,8 +248,13 @@ def _copy(source: Manifolds, target: Manifolds) -> None:
         # Few manifolds have all points: each by itself.
         single = name not in _OF_POINTS
         for values, place in [(old, new)] if single else zip(old, new, strict=True):
-            if values[:count].any():
+            if _any_bit(values[:count]):
                 place[:count] = values[:count]
+
+
+def _any_bit(values: Any) -> bool:
+    """Return whether any bit is set: -0.0 is 0.0, but not the same bits."""
+    return bool(np.ascontiguousarray(values).view(np.uint8).any())
 
 
 def _rows(name: str, field: Any, count: int) -> Any:
@@ -309,7 +314,7 @@ def with_lasting(memory: Memory, arrays: Sequence[Array | IntArray]) -> Memory:
         if (shape := rows[used].shape) != values.shape:
             raise ValueError(f'manifolds: {name} of shape {values.shape}, must be {shape}: it was '
                              f'saved by another version; run the scene from its start')
-        if values.any():
+        if _any_bit(values):
             rows[used] = values
     forget_pairs(memory)
     return memory
