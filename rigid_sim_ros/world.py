@@ -81,9 +81,10 @@ class World:
         """
         How many threads a step may use; the bits of its results do not depend on it.
 
-        A second one helps the contact model `timestep` in worlds with a thousand contacts or more,
-        and keeps a core busy while the world is stepped; more than two are not used. ValueError
-        when it is set to anything but a whole number > 0.
+        A second one helps the contact model `timestep` while 512 pairs of shapes or more are near
+        each other, and keeps a core busy as long as the world is stepped; more than two are not
+        used, nor a second one on a single core. ValueError when it is set to anything but a whole
+        number > 0.
         """
         return self._threads
 

@@ -95,7 +95,7 @@ def _helped(pieces: Sequence[Any], arguments: Any) -> Iterator[None]:
 def _start(pieces: Sequence[Any], arguments: Any) -> Any:
     """Return a process that compiles some kernels into the cache; None where there can be none."""
     folder = base_folder()
-    if not SUPPORTED or _cores() < 2 or not os.access(folder, os.W_OK) or (
+    if not SUPPORTED or cores() < 2 or not os.access(folder, os.W_OK) or (
             'python' not in Path(sys.executable or '').name):
         return None
     environment = os.environ | {
@@ -119,7 +119,7 @@ def _start(pieces: Sequence[Any], arguments: Any) -> Any:
     return helper
 
 
-def _cores() -> int:
+def cores() -> int:
     """Return how many cores this process may use."""
     if hasattr(os, 'sched_getaffinity'):
         return len(os.sched_getaffinity(0))

@@ -15,6 +15,7 @@ import numpy as np
 
 from rigid_sim_ros.engine import event, penalty, timestep, velocity_qp
 from rigid_sim_ros.engine.arrays import Array
+from rigid_sim_ros.engine.compiling import cores
 from rigid_sim_ros.engine.event_buffers import Carried, EventSettings, no_forces
 from rigid_sim_ros.engine.integrate import make_work, ORIENTATIONS
 from rigid_sim_ros.engine.kept import Kept
@@ -190,9 +191,10 @@ class Timestep(_Touching):
         self._has_stepped = False
 
     def use_threads(self, count: int) -> None:
-        """Let a second thread help where contacts are many, if there may be one."""
-        if (count > 1) != (self._helper is not None):
-            self._helper = Helper() if count > 1 else None
+        """Let a second thread help where contacts are many, if there is a core for it."""
+        helped = count > 1 and cores() > 1
+        if helped != (self._helper is not None):
+            self._helper = Helper() if helped else None
 
     def lasting(self) -> dict[str, np.ndarray]:
         """Return the manifolds, and who rests where if bodies may sleep."""

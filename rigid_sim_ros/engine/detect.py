@@ -75,8 +75,9 @@ def find_all_manifolds(state: State, shapes: Shapes, memory: Memory) -> bool:
 def turn_page(memory: Memory, rows: int) -> bool:
     """Let what was found be the current manifolds, if there was room for them."""
     now = earlier(memory)
-    if rows > now.shape_a.shape[0]:
-        memory.counters[SHORT_ROWS] = rows
+    # The last row stays free: what comes after a full page was tried out in it.
+    if rows >= now.shape_a.shape[0]:
+        memory.counters[SHORT_ROWS] = rows + 1
         return False
     for k in (PAIRS, WITNESSED, RECYCLED, CONTACTS):
         memory.counters[k] = memory.shares[0, k] + memory.shares[1, k]

@@ -70,7 +70,7 @@ class SequentialWork(NamedTuple):
 
 
 # More that is noted of a region: whether a visit changed anything roughly, and the residual.
-ROUGH, RESIDUAL = 3, 4
+ROUGH, LARGEST = 3, 4
 
 
 def make_work(n: int, capacity: int) -> SequentialWork:
@@ -81,8 +81,9 @@ def make_work(n: int, capacity: int) -> SequentialWork:
                           aligned_zeros(8 * REGIONS).reshape(REGIONS, 8), np.zeros(1), np.zeros(1))
 
 
-# The stages of a region. Those after SETTLE begin with sweeps as in the first substep and in all
-# others.
+# The stages of a region: fill its blocks; begin the first substep; sweep forth or back before any
+# body has moved; find impulses for new contacts; sweep forth after bodies have moved; end a
+# substep; end it and begin the next one; end the last one and keep impulses; write bodies back.
 FILL, START, SWEEP, SWEEP_BACK, SETTLE, MOVED_SWEEP, RETURN, NEXT, KEEP, STORE = range(10)
 
 
@@ -98,7 +99,8 @@ def solve_contacts(to: int, box: Any, desk: IntArray, model: Model, state: State
     """
     blocks, bodies, halved = work.blocks, work.bodies, work.sides.halved[0] == 1
     inv_h = 1.0 / (model.h / substeps)
-    work.calming.listed[0] = 0
+    # Whatever an earlier step had in regions that this one does not have.
+    blocks.count[:], work.notes[:], work.calming.listed[0] = 0, 0.0, 0
     _in_all(to, box, desk, halved, FILL)
     if bodies.used[1] > 0:
         kick(state, loads, 0.5 * model.h)
@@ -123,7 +125,7 @@ def solve_contacts(to: int, box: Any, desk: IntArray, model: Model, state: State
     _in_halves(to, box, desk, halved, STORE)
     notes = work.notes
     work.overlap[0] = max(notes[0, DEEPEST], max(notes[1, DEEPEST], notes[2, DEEPEST]))
-    work.residual[0] = max(notes[0, RESIDUAL], max(notes[1, RESIDUAL], notes[2, RESIDUAL]))
+    work.residual[0] = max(notes[0, LARGEST], max(notes[1, LARGEST], notes[2, LARGEST]))
 
 
 @kernel
@@ -212,8 +214,8 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
         kick_bodies(region, bodies.used, motion, bodies.smooth, bodies.base, h, False)
         sweep(region, blocks, motion, bodies.drifted, moved, False, notes)
     elif stage == KEEP:
-        notes[RESIDUAL] = keep_impulses(region, blocks, manifolds, bodies, h, settings.substeps,
-                                        acted.impulse, acted.friction)
+        notes[LARGEST] = keep_impulses(region, blocks, manifolds, bodies, h, settings.substeps,
+                                       acted.impulse, acted.friction)
 
 
 @part

@@ -103,10 +103,10 @@ def _first_pair(pair: IntArray, pairs: int, a: int, b: int) -> int:
 
 @kernel
 def _fit(memory: Memory) -> bool:
-    """Return whether both threads had enough room."""
+    """Return whether both threads had enough room, and a row to spare (see `turn_page`)."""
     first, second = _shares(memory)
-    return bool(memory.shares[0, ROWS] <= first.end
-                and memory.shares[1, ROWS] <= second.end - second.row)
+    return bool(memory.shares[0, ROWS] < first.end
+                and memory.shares[1, ROWS] < second.end - second.row)
 
 
 @kernel
@@ -155,9 +155,11 @@ def _move_rows(rows: Manifolds, source: int, target: int, count: int) -> None:
     for k in range(count):
         i, j = (source + k) & INDEX, (target + k) & INDEX
         lasts = False
+        for x in range(4):
+            lasts = lasts or rows.found_at[i, x] != 0.0
         for x in range(5):
-            lasts = lasts or (x < 4 and rows.found_at[i, x] != 0.0)
-            if rows.found_at[j, x] != rows.found_at[i, x]:
+            # Of what lasts also -0.0.
+            if lasts or rows.found_at[j, x] != rows.found_at[i, x]:
                 rows.found_at[j, x] = rows.found_at[i, x]
         for p in range(rows.points[i] if lasts else 0):
             for x in range(3):

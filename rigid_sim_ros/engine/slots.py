@@ -101,12 +101,14 @@ def _cut(x: Array, weight: IntArray, sides: Sides) -> None:
         first, second = 0.0, 0.0
         for i in range(weight.shape[0]):
             if weight[i] > 0:
-                first += x[k, i]
-                second += x[k, i] * x[k, i]
+                # From some body: far from the origin the squares would cancel.
+                place = x[k, i] - x[k, 0]
+                first += place
+                second += place * place
         first /= count
         variance = second / count - first * first
         if variance > spread:
-            axis, mean, spread = k, first, variance
+            axis, mean, spread = k, x[k, 0] + first, variance
     lowest, width = mean - 2.0 * math.sqrt(max(spread, 0.0)), 4.0 * math.sqrt(max(spread, 0.0))
     per_bin = _BINS / width if width > 0.0 else 0.0
     sides.bins[:] = 0

@@ -95,7 +95,7 @@ def _cut(n: int, body: IntArray) -> IntArray:
     before, after = np.maximum.accumulate(body), np.minimum.accumulate(body[::-1])[::-1]
     places = 1 + np.flatnonzero(before[:-1] < after[1:])
     later = places[places >= len(body) // 2]
-    return np.array((later[0], body[later[0]]) if len(later) else (len(body), n), dtype=np.int64)
+    return np.array((later[0], after[later[0]]) if len(later) else (len(body), n), dtype=np.int64)
 
 
 def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,

@@ -5,8 +5,8 @@ A second thread that takes over one of two halves of a stage.
 
 Who steps the world puts a piece of work on a desk: the address of a kernel, its box and a number.
 Then it does the other half itself. What nobody has taken meanwhile it takes back, so that nothing
-ever waits for a thread that sleeps or was stopped, and the results are those of one thread: both
-halves are done, whoever does them.
+waits for a thread that sleeps or has ended, and the results are those of one thread: both halves
+are done, whoever does them. What was taken is waited for: kernels raise no errors.
 
 The second thread looks at the desk all the time while the world is stepped, for a wake-up takes
 longer than most stages, and sleeps when there was nothing to do for a millisecond.
@@ -156,7 +156,7 @@ class Helper:
         ended = threading.Event()
         threading.Thread(target=_work, args=(self.desk, self._wanted, ended), daemon=True,
                          name='helper').start()
-        weakref.finalize(self, _end, self._wanted, ended)
+        weakref.finalize(self, _end, self.desk, self._wanted, ended)
 
     @property
     def done(self) -> int:
@@ -165,9 +165,9 @@ class Helper:
 
     def __enter__(self) -> 'Helper':
         """Let it look at the desk until the end of the block, and a while longer."""
-        self.desk[_AWAITED] = 1
         if self.desk[_PRESENT] == 0:
             self._wanted.set()
+        self.desk[_AWAITED] = 1
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -179,8 +179,12 @@ def _work(desk: IntArray, wanted: threading.Event, ended: threading.Event) -> No
         wanted.wait()
         wanted.clear()
         _assist(desk, PATIENCE)
+        # Who came while the helper turned away believed that it was there.
+        while desk[_AWAITED] == 1:
+            _assist(desk, PATIENCE)
 
 
-def _end(wanted: threading.Event, ended: threading.Event) -> None:
+def _end(desk: IntArray, wanted: threading.Event, ended: threading.Event) -> None:
+    desk[_AWAITED] = 0
     ended.set()
     wanted.set()

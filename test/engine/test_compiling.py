@@ -10,11 +10,11 @@ import time
 
 import pytest
 
-from rigid_sim_ros.engine.compiling import _cores
+from rigid_sim_ros.engine.compiling import cores
 from rigid_sim_ros.engine.kernel_linking import SUPPORTED
 
 needs_helper = pytest.mark.skipif(
-    not SUPPORTED or _cores() < 2, reason='no helper is started on this machine')
+    not SUPPORTED or cores() < 2, reason='no helper is started on this machine')
 
 # A module that a helper can import, with kernels that lie in the engine's cache.
 KERNELS = """
@@ -114,7 +114,7 @@ def test_what_a_helper_compiled_is_loaded(started):
 @pytest.mark.parametrize('change', [
     pytest.param("sys.executable = ''", id='no-python'),
     pytest.param("sys.executable = '/nowhere/python3'", id='no-such-python'),
-    pytest.param('compiling._cores = lambda: 1', id='one-core'),
+    pytest.param('compiling.cores = lambda: 1', id='one-core'),
     pytest.param('compiling.os.access = lambda *_: False', id='read-only-cache'),
     pytest.param(TO_A_HELPER.format(waits='', happens='helper.kill()'), id='killed-at-once'),
     pytest.param(TO_A_HELPER.format(waits='no', happens='compiling.PATIENCE = 0.1'), id='hangs'),
