@@ -54,7 +54,11 @@ class Coloring(NamedTuple):
 
 
 class Blocks(NamedTuple):
-    """The blocks of a step: room for b, a third of them for each region."""
+    """
+    The blocks of a step: room for b.
+
+    The halves begin in the middle and at the start, where what is across follows them.
+    """
 
     count: IntArray  # type: ignore[assignment]  # (REGIONS,) how many there are
     kind: IntArray  # (b,) class
@@ -92,8 +96,8 @@ def make_blocks(capacity: int) -> Blocks:
 
 
 def most_blocks(capacity: int) -> int:
-    """Return the most blocks that so many manifolds can need, whatever region they are in."""
-    return REGIONS * capacity     # none is empty
+    """Return room for the blocks of so many manifolds, whatever region they are in."""
+    return 2 * capacity     # none is empty
 
 
 @inlined
@@ -136,8 +140,10 @@ def lanes_of(block: int) -> slice:
 
 @inlined
 def first_block(blocks: Blocks, region: int) -> int:
-    """Return the first block of a region."""
-    return region * (blocks.kind.shape[0] // REGIONS)
+    """Return the first block of a region; that of what is across once the first half has its."""
+    if region == BETWEEN:
+        return blocks.count[0]
+    return region * (blocks.kind.shape[0] // 2)
 
 
 @kernel
