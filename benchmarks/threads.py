@@ -14,7 +14,6 @@ most. Both must end in the same state.
 """
 
 import argparse
-import os
 from pathlib import Path
 import sys
 import time
@@ -30,6 +29,7 @@ from run_rigid_sim import world as peers_world
 from scenes import pile, spheres
 
 from rigid_sim_ros import World
+from rigid_sim_ros.engine.compiling import cores
 
 WANTED = 1.6
 PIECE = 12      # steps
@@ -68,7 +68,7 @@ def main() -> int:
     parser.add_argument('--steps', type=int, default=960, help='of each scene that count, 960')
     parser.add_argument('--output', type=Path, help='a Markdown file to write, besides')
     arguments = parser.parse_args()
-    if len(os.sched_getaffinity(0)) < 2:
+    if cores() < 2:
         parser.error('this process may use only one core')
     lines = heading(['', 'one thread, steps/s', 'two threads', 'ratio', 'half of the ratios',
                      'of the quickest tenth', 'the same hash'])

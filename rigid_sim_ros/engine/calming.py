@@ -114,7 +114,8 @@ def _list_blocks(count: int, blocks: Blocks, used: IntArray, first: IntArray,
     """List the blocks of each slot that moves: count, add up, distribute."""
     first[:used[0] + 2] = 0
     for k in range(count):
-        for lane in range(_block(blocks, k) * LANES, (_block(blocks, k) + 1) * LANES):
+        block = _block(blocks, k)
+        for lane in range(block * LANES, (block + 1) * LANES):
             first[(blocks.at_A[lane] & INDEX) // STRIDE + 2] += 1
             first[(blocks.at_B[lane] & INDEX) // STRIDE + 2] += 1
     first[2] = first[used[2] + 2] = 0

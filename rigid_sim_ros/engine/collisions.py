@@ -66,6 +66,16 @@ def make_collision_work(n: int, capacity: int) -> CollisionWork:
 
 
 @kernel
+def may_bounce(restitution: Array) -> bool:
+    """Return whether anything bounces off anything."""
+    for i in range(restitution.shape[0]):
+        for j in range(i + 1):
+            if restitution[i, j] > 0.0:
+                return True
+    return False
+
+
+@kernel
 def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Array, shapes: Shapes,
                    materials: Materials, manifolds: Manifolds, slowest: float,
                    normal_impulse: Array, friction_impulse: Array, work: CollisionWork) -> int:
@@ -77,11 +87,8 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
     number of collisions.
     """
     work.waits[:manifolds.count[0]] = 0
-    candidates, bouncy = 0, False
-    for i in range(materials.restitution.shape[0]):
-        for j in range(i + 1):
-            bouncy = bouncy or materials.restitution[i, j] > 0.0
-    for r in range(manifolds.count[0] if bouncy else 0):
+    candidates = 0
+    for r in range(manifolds.count[0] if may_bounce(materials.restitution) else 0):
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if _restitution(shapes, materials, manifolds.shape_a[r], manifolds.shape_b[r]) > 0.0 and (
                 inv_m[a] + inv_m[b] > 0.0):

@@ -57,7 +57,8 @@ class Blocks(NamedTuple):
     """
     The blocks of a step: room for b.
 
-    The halves begin in the middle and at the start, where what is across follows them.
+    Those of the first half begin at the start, and those across follow them; those of the second
+    half begin in the middle.
     """
 
     count: IntArray  # type: ignore[assignment]  # (REGIONS,) how many there are

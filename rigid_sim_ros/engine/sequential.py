@@ -157,10 +157,8 @@ SETTLED = 1e-6
 @kernel
 def _begin(to: int, box: Any, desk: IntArray, halved: bool, notes: Array) -> None:
     """Find impulses for new contacts."""
-    new, touching = 0.0, 0.0
-    for region in range(REGIONS if halved else 1):
-        new, touching = new + notes[region, NEW], touching + notes[region, TOUCHING]
-    if 2.0 * new <= touching:
+    new = notes[0, NEW] + notes[1, NEW] + notes[2, NEW]
+    if 2.0 * new <= notes[0, TOUCHING] + notes[1, TOUCHING] + notes[2, TOUCHING]:
         _in_all(to, box, desk, halved, SETTLE)
         return
     for k in range(FRESH_SWEEPS):

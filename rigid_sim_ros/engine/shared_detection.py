@@ -61,12 +61,12 @@ def detect_stage(stage: int, model: Model, state: State, shapes: Shapes, memory:
             find_manifolds(state, shapes, memory, memory.other_scratch, now, before, second,
                            memory.shares[1])
     elif _fit(memory):
-        first, second = _shares(memory)
-        rows, found, more = earlier(memory), memory.shares[0, ROWS], memory.shares[1, ROWS]
+        rows, source = earlier(memory), _shares(memory)[1].row
+        found, more = memory.shares[0, ROWS], memory.shares[1, ROWS]
         if stage == MOVE:
-            _move_points(rows, second.row, found, more)
+            _move_points(rows, source, found, more)
         else:
-            _move_rows(rows, second.row, found, more)
+            _move_rows(rows, source, found, more)
     return True
 
 
@@ -161,8 +161,9 @@ def _move_rows(rows: Manifolds, source: int, target: int, count: int) -> None:
             # Of what lasts also -0.0.
             if lasts or rows.found_at[j, x] != rows.found_at[i, x]:
                 rows.found_at[j, x] = rows.found_at[i, x]
+        for x in range(3 if lasts else 0):
+            rows.normal_A[j, x] = rows.normal_A[i, x]
         for p in range(rows.points[i] if lasts else 0):
             for x in range(3):
-                rows.normal_A[j, x] = rows.normal_A[i, x]
                 rows.p_A_C[j, p, x] = rows.p_A_C[i, p, x]
                 rows.p_B_C[j, p, x] = rows.p_B_C[i, p, x]

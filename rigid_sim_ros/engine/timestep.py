@@ -7,14 +7,14 @@ A step detects contacts once, lets what bounces bounce, and leaves touching bodi
 bodies that touch nothing fly as if there were no contacts at all, by the symplectic method.
 """
 
-from contextlib import nullcontext
 from typing import Any, NamedTuple
 
 from numba import typeof
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
-from rigid_sim_ros.engine.collisions import collide_bodies, CollisionWork, make_collision_work
+from rigid_sim_ros.engine.collisions import (
+    collide_bodies, CollisionWork, make_collision_work, may_bounce)
 from rigid_sim_ros.engine.coloring import REGIONS
 from rigid_sim_ros.engine.compiling import compile_together
 from rigid_sim_ros.engine.detect import detect_ahead
@@ -120,9 +120,11 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
                 _advance_kept, kinds, _pieces(model, settings), _SHARED_OUT)
             kept.compiled_for = box
         some = count - done if helper is None else min(count - done, _STEPS_WITHOUT_HELP)
-        many = current_manifolds(memory).count[0] >= ENOUGH
-        with helper if helper is not None and many else nullcontext():
+        if helper is None or current_manifolds(memory).count[0] < ENOUGH:
             taken = _advance_kept(box, wrenches, some)
+        else:
+            with helper:
+                taken = _advance_kept(box, wrenches, some)
         done += taken
         if done == count:
             return memory, work
@@ -281,10 +283,7 @@ def look_ahead(h: float, inv_m: Array, inv_I_C: Array, P: Array, L: Array, resti
     overlap, unless `continuous` is set.
     """
     calm[0] = settings.margin
-    bounces = settings.continuous == 1
-    for i in range(restitution.shape[0]):
-        for j in range(i + 1):
-            bounces = bounces or restitution[i, j] > 0.0
+    bounces = settings.continuous == 1 or may_bounce(restitution)
     for s in range(body.shape[0]):
         i = body[s]
         v = inv_m[i] * norm(column(P, i))
