@@ -26,7 +26,7 @@ Parameters, set with `--ros-args -p NAME:=VALUE`: sim, body, force, torque, axes
 world's; or a body or BODY/FRAME, where the force then acts too).
 """
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 import os
 import select
 import sys
@@ -36,8 +36,9 @@ import tty
 
 from geometry_msgs.msg import Twist, Vector3, Wrench
 import rclpy
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import MultiDOFJointState
 
 _Triple = tuple[float, float, float]
@@ -53,6 +54,7 @@ KEYS: dict[str, tuple[_Triple, _Triple]] = {
     ' ': (_NONE, _NONE),
 }
 _PUSH = 0.2     # s of wall time that a key pushes
+_LOOK = 0.1     # s at most until the end of the other thread is noticed
 
 
 class BodyPusher(Node):
@@ -109,10 +111,10 @@ def _single_keys() -> Iterator[None]:
         termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
 
 
-def _read_keys(node: BodyPusher) -> None:
-    while rclpy.ok():
-        # In small waits, so that Ctrl-C and the end of ROS are noticed.
-        if select.select([sys.stdin], [], [], 0.1)[0]:
+def _read_keys(node: BodyPusher, stopped: threading.Event) -> None:
+    while not stopped.is_set():
+        # In small waits, so that the end of the other thread is noticed.
+        if select.select([sys.stdin], [], [], _LOOK)[0]:
             # Not sys.stdin.read: it keeps further keys in a buffer that select does not see.
             key = os.read(sys.stdin.fileno(), 1).decode(errors='replace')
             if key in ('q', ''):
@@ -120,30 +122,41 @@ def _read_keys(node: BodyPusher) -> None:
             node.key(key)
 
 
-def _spin(node: BodyPusher) -> None:
-    with suppress(ExternalShutdownException):
-        rclpy.spin(node)
+def _spin(node: BodyPusher, stopped: threading.Event) -> None:
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        while not stopped.is_set():
+            executor.spin_once(_LOOK)
+    finally:
+        stopped.set()
+        executor.shutdown()
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node until Ctrl-C or the key q."""
-    rclpy.init(args=None if args is None else list(args))
+    # Ctrl-C is for this thread alone: ROS must not end while the other one still uses it.
+    rclpy.init(args=None if args is None else list(args),
+               signal_handler_options=SignalHandlerOptions.NO)
     node = BodyPusher()
-    spinning = threading.Thread(target=_spin, args=(node,))
+    stopped = threading.Event()
+    spinning = threading.Thread(target=_spin, args=(node, stopped))
     spinning.start()
     try:
         if sys.stdin.isatty():
             print((__doc__ or '').split('\n\n')[3])
             with _single_keys():
-                _read_keys(node)
+                _read_keys(node, stopped)
         else:
-            spinning.join()
-        rclpy.try_shutdown()
+            # Not join: a thread whose join is interrupted counts as ended, though it runs.
+            stopped.wait()
     except KeyboardInterrupt:
-        pass        # rclpy shuts down by itself on a signal, in another thread
+        pass
     finally:
+        stopped.set()
         spinning.join()
         node.destroy_node()
+        rclpy.shutdown()
     return 0
 
 

@@ -141,7 +141,7 @@ def _alone(folder: Path) -> Iterator[None]:
 
 
 def _recover(folder: Path) -> Recovery:
-    for stale in (*folder.glob(f'*{_PART}'), *folder.glob(f'.*{_PART}')):
+    for stale in folder.glob(f'*{_PART}'):      # hidden files too, unlike in a shell
         stale.unlink()
     files = [_File(path) for path in bag_files(folder)]
     if any(file.path.suffix not in SUFFIXES for file in files):

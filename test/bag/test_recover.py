@@ -8,6 +8,7 @@ import shutil
 
 from bag.sessions import events_of, lasting_folder, session, shared_session, world
 from hypothesis import given, HealthCheck, settings, strategies as st
+from mcap.opcode import Opcode
 import pytest
 from rosbags.highlevel import AnyReader
 
@@ -16,6 +17,7 @@ from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.info import info
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.recover import recover
+from rigid_sim_ros.bag.scan import McapScan
 from rigid_sim_ros.bag.verify import verify
 
 
@@ -43,6 +45,22 @@ def long_files() -> Path:
     return bag
 
 
+def inside_a_chunk(path: Path) -> int:
+    """
+    Return the offset of a byte among the messages, about in the middle of a file.
+
+    Not of any byte there: an eighth of a file is index, and where chunks end depends on how fast
+    they were written.
+    """
+    scan = McapScan(path)
+    try:
+        chunks = [(record.offset + record.end) // 2 for record in scan.records()
+                  if record.opcode == Opcode.CHUNK]
+    finally:
+        scan.close()
+    return min(chunks, key=lambda at: abs(at - path.stat().st_size // 2))
+
+
 @pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
 def test_a_whole_bag_stays_as_it_is(tmp_path, storage) -> None:
     bag = copy(shared_session(storage), tmp_path)
@@ -58,6 +76,16 @@ def test_metadata_that_are_lost_are_made_anew(tmp_path) -> None:
     (bag / 'metadata.yaml').unlink()
     recover(bag)
     assert info(bag) == expected
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_what_a_kill_left_half_written_goes(tmp_path, storage) -> None:
+    bag = copy(shared_session(storage), tmp_path)
+    before = {path.name: path.read_bytes() for path in bag.iterdir()}
+    (bag / '.metadata.yaml.part').write_text('rosbag2_bagf')
+    (bag / f'{files_of(bag)[0].name}.part').write_bytes(b'\x89MCAP')
+    recover(bag)
+    assert {path.name: path.read_bytes() for path in bag.iterdir()} == before
 
 
 @pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
@@ -93,7 +121,7 @@ def test_a_damaged_chunk_in_the_middle_costs_only_itself(tmp_path) -> None:
     total = info(bag).messages
     first = files_of(bag)[0]
     raw = bytearray(first.read_bytes())
-    raw[len(raw) // 2] ^= 1
+    raw[inside_a_chunk(first)] ^= 1
     first.write_bytes(raw)
     result = recover(bag)
     assert (result.lost_places, len(result.kept_aside)) == (1, 1)
@@ -110,7 +138,7 @@ def test_zeros_in_the_middle_cost_only_what_they_cover(tmp_path) -> None:
     total = info(bag).messages
     first = files_of(bag)[0]
     raw = bytearray(first.read_bytes())
-    middle = len(raw) // 2
+    middle = inside_a_chunk(first)
     raw[middle:middle + 4096] = bytes(4096)
     first.write_bytes(raw)
     result = recover(bag)

@@ -86,7 +86,7 @@ class Process:
         if self.is_running():
             self.signal(signal.SIGINT)
             try:
-                self._process.wait(10.0)
+                self._process.wait(PATIENCE)
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()

@@ -11,10 +11,14 @@ from typing import Any
 from nodes.live import DEEP, kept, Probe, Process
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
 from rigid_sim_ros.bag.reader import BagReader
+
+# Gets what a latched topic said before the subscription was found, too.
+LATE = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def replay(

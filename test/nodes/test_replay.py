@@ -12,9 +12,9 @@ from bag.foreign import BEST_EFFORT, LATCHED, mcap, rosbag2, texts
 from bag.sessions import NODE, shared_session
 from geometry_msgs.msg import PoseStamped
 from nodes.live import DEEP, nanoseconds
-from nodes.replays import hearing, of_topic, replay, replaying, set_parameter, texts_of
+from nodes.replays import hearing, LATE, of_topic, replay, replaying, set_parameter, texts_of
 import pytest
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import MultiDOFJointState
@@ -24,7 +24,6 @@ from rigid_sim_ros.bag.playable_files import Message
 from rigid_sim_ros.codec import encode_clock, encode_string
 
 SECOND = 10 ** 9
-LATE = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 FAST = ('--rate', '20')
 
 
@@ -84,7 +83,8 @@ def test_a_start_in_the_middle_publishes_what_was_latched_before(probe, tmp_path
     latched = [(SECOND + k, '/map', encode_string(f'map {k}')) for k in (0, 100, 10 * SECOND)]
     bag = rosbag2(tmp_path / 'bag', sorted(latched + texts('/chatter', 100, SECOND // 10)),
                   qos={'/map': [LATCHED]})
-    with hearing(probe, String, '/map') as maps, hearing(probe, String, '/chatter') as chatter, \
+    with hearing(probe, String, '/map', LATE) as maps, \
+            hearing(probe, String, '/chatter') as chatter, \
             replaying(tmp_path, bag, *FAST, '--start', '5') as process:
         assert process.wait() == 0
         probe.wait_for(lambda: len(chatter) >= 50 and len(maps) >= 2)
@@ -143,7 +143,7 @@ def test_what_each_file_repeats_is_not_published_again(probe, tmp_path) -> None:
 def test_a_latched_topic_that_says_the_same_again_is_heard_twice(probe, tmp_path) -> None:
     messages: list[Message] = [(k * SECOND, '/map', encode_string('same')) for k in (1, 2)]
     bag = rosbag2(tmp_path / 'bag', messages, qos={'/map': [LATCHED]})
-    with hearing(probe, String, '/map') as maps, replaying(tmp_path, bag, *FAST) as process:
+    with hearing(probe, String, '/map', LATE) as maps, replaying(tmp_path, bag, *FAST) as process:
         assert process.wait() == 0
         probe.wait_for(lambda: len(maps) == 2)
 

@@ -11,7 +11,7 @@ from bag.foreign import LATCHED, mcap, rosbag2, texts
 from bag.sessions import NODE, shared_session
 from geometry_msgs.msg import PoseStamped
 from nodes.live import nanoseconds
-from nodes.replays import hearing, of_topic, replaying, set_parameter, texts_of
+from nodes.replays import hearing, LATE, of_topic, replaying, set_parameter, texts_of
 import pytest
 from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
@@ -99,7 +99,8 @@ def test_after_a_seek_comes_first_what_was_latched_then(probe, tmp_path) -> None
     latched = [((1 + 10 * k) * SECOND, '/map', encode_string(f'map {k}')) for k in range(3)]
     bag = rosbag2(tmp_path / 'bag', sorted(latched + texts('/chatter', 30, SECOND)),
                   qos={'/map': [LATCHED]})
-    with hearing(probe, String, '/map') as maps, replaying(tmp_path, bag, '--pause'):
+    with hearing(probe, String, '/map', LATE) as maps, replaying(
+            tmp_path, bag, '--pause'):
         for count, at in enumerate((25.0, 5.0, 15.0), 2):
             probe.publish('/replay/seek', Float64(data=at))
             probe.wait_for(lambda: len(maps) == count)    # noqa: B023
