@@ -10,6 +10,7 @@ import numba
 from rigid_sim_ros.engine.kernel_cache import cache_folder
 from rigid_sim_ros.engine.kernel_linking import (
     called_as_part, SUPPORTED, WholeCompiler, without_literals)
+from rigid_sim_ros.engine.known_calls import remember_calls
 from rigid_sim_ros.engine.numba_without_scipy import spare_scipy
 
 Function = TypeVar('Function', bound=Callable[..., Any])
@@ -19,6 +20,7 @@ Function = TypeVar('Function', bound=Callable[..., Any])
 INDEX = (1 << 40) - 1
 
 spare_scipy()
+remember_calls()
 
 
 def _compiled(function: Function, **options: Any) -> Any:
