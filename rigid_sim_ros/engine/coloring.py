@@ -147,7 +147,7 @@ def first_block(blocks: Blocks, region: int) -> int:
     return region * (blocks.kind.shape[0] // 2)
 
 
-@kernel
+@part
 def color_manifolds(region: int, body_a: IntArray, body_b: IntArray, slot: IntArray,
                     work: Coloring, blocks: Blocks) -> None:
     """

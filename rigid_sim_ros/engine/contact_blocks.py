@@ -28,7 +28,7 @@ which are worked on side by side.
 from typing import TypeAlias
 
 from rigid_sim_ros.engine.arrays import Array
-from rigid_sim_ros.engine.kernel import kernel, part
+from rigid_sim_ros.engine.kernel import part
 from rigid_sim_ros.engine.lanes import Eight, LANES, load, root, select, store
 from rigid_sim_ros.engine.vector import add, cross, dot, subtract
 
@@ -154,7 +154,7 @@ def combine(n: Three, t1: Three, t2: Three, c: Three) -> Three:
             c[0] * n[2] + c[1] * t1[2] + c[2] * t2[2])
 
 
-@kernel
+@part
 def prepare_block(b: Array, points: int, small: bool) -> None:
     """
     Work out frames, arms and responses of the eight manifolds of a block.

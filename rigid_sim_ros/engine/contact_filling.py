@@ -97,7 +97,7 @@ def place_lanes(region: int, manifolds: Manifolds, slot: IntArray, used: IntArra
         blocks.at_B[to] = b * STRIDE if b > 0 else still
 
 
-@kernel
+@part
 def fill_blocks(region: int, manifolds: Manifolds, x: Array, material: IntArray,
                 materials: Materials, shifts: Array, shifted: bool, share: float,
                 bodies: SolverBodies, blocks: Blocks, fresh: IntArray, notes: Array) -> None:
@@ -247,7 +247,7 @@ def _warm_start(b: Array, points: int, warm: Array, at_A: IntArray, at_B: IntArr
     scatter(warm, at_B, pushed(B, load(b, INV_M_B), load_three(b, ARM_B), F, torque, 1.0))
 
 
-@kernel
+@part
 def keep_impulses(region: int, blocks: Blocks, manifolds: Manifolds, bodies: SolverBodies,
                   h: float, substeps: int, normal_impulse: Array,
                   friction_impulse: Array) -> float:

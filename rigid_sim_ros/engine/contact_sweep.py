@@ -19,7 +19,7 @@ from rigid_sim_ros.engine.lanes import (
 from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, subtract
 
 
-@kernel
+@part
 def visit(b: Array, motion: Array, drifted: Array, at_A: IntArray, at_B: IntArray, points: int,
           rolls: bool, sweep: Sweep) -> None:
     """
@@ -151,7 +151,7 @@ def overlaps(b: Array, points: int) -> bool:
     return any_of(smallest_gap(b, points) < -NEGLIGIBLE)
 
 
-@kernel
+@part
 def separate(blocks: Blocks, block: int, push: Array, rate: float, speed: float) -> None:
     """
     Push the overlaps of a block apart by velocities that last for one substep only.

@@ -33,6 +33,33 @@ from rigid_sim_ros.engine.witness import boxes_apart, remember, separates, worth
 SLACK = 0.02
 ROWS = 7    # what a thread counts besides what is in `Memory.counters`: manifolds
 NONE = (0.0, 0.0, 0.0)
+# The stages by their numbers: everything, the list of pairs, the manifolds of the pairs of the
+# first thread and of the second (the number that follows), and of all pairs.
+WHOLE, LIST, FIND, ALL = 0, 1, 2, 4
+
+
+class Share(NamedTuple):
+    """What one thread looks through, and where it writes."""
+
+    first: int  # of the pairs
+    last: int  # and the one after
+    row: int  # the first row to write
+    end: int  # the first one not to write
+    old: int  # no row of the last step before this one is of these pairs
+
+
+@part
+def get_share(memory: Memory, thread: int) -> Share:
+    """Return what a thread was given."""
+    of = memory.ranges[thread]
+    return Share(of[0], of[1], of[2], of[3], of[4])
+
+
+@part
+def set_share(memory: Memory, thread: int, share: Share) -> None:
+    """Give a thread its share."""
+    for k, value in enumerate(share):
+        memory.ranges[thread, k] = value
 
 
 @kernel
@@ -61,14 +88,39 @@ def detect_ahead(model: Model, state: State, shapes: Shapes, memory: Memory) -> 
 
 
 @kernel
+def detect_stage(stage: int, model: Model, state: State, shapes: Shapes, memory: Memory) -> bool:
+    """Do what `detect_ahead` does, or of that what several threads do one by one or each."""
+    if stage == WHOLE:
+        return detect_ahead(model, state, shapes, memory)
+    if stage == LIST:
+        return find_pairs(model, state, shapes, memory)
+    if stage == ALL:
+        return find_all_manifolds(state, shapes, memory)
+    find_share(state, shapes, memory, stage - FIND)
+    return True
+
+
+@kernel
 def find_all_manifolds(state: State, shapes: Shapes, memory: Memory) -> bool:
     """Find the manifolds of all pairs, and turn the page; return whether there was room."""
-    now, before = earlier(memory), current(memory)
-    everything = Share(0, memory.pair_count[0], 0, now.shape_a.shape[0], 0)
-    find_manifolds(state, shapes, memory, memory.scratch, now, before, everything,
-                   memory.shares[0])
+    everything = Share(0, memory.pair_count[0], 0, current(memory).shape_a.shape[0], 0)
+    set_share(memory, 0, everything)
+    find_share(state, shapes, memory, 0)
     memory.shares[1, :] = 0
+    memory.split[0] = memory.shares[0, ROWS] // 2
     return turn_page(memory, memory.shares[0, ROWS])
+
+
+@kernel
+def find_share(state: State, shapes: Shapes, memory: Memory, thread: int) -> None:
+    """Find the manifolds of the pairs that one of two threads was given."""
+    now, before, share = earlier(memory), current(memory), get_share(memory, thread)
+    if thread == 0:
+        find_manifolds(state, shapes, memory, memory.scratch, now, before, share,
+                       memory.shares[0])
+    else:
+        find_manifolds(state, shapes, memory, memory.other_scratch, now, before, share,
+                       memory.shares[1])
 
 
 @kernel
@@ -104,16 +156,6 @@ def find_pairs(model: Model, state: State, shapes: Shapes, memory: Memory) -> bo
             return False
         memory.pair_count[0] = count
     return True
-
-
-class Share(NamedTuple):
-    """What one thread looks through, and where it writes."""
-
-    first: int  # of the pairs
-    last: int  # and the one after
-    row: int  # the first row to write
-    end: int  # the first one not to write
-    old: int  # no row of the last step before this one is of these pairs
 
 
 @kernel

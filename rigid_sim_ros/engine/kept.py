@@ -24,6 +24,7 @@ from numba.extending import (
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import IntArray
+from rigid_sim_ros.engine.tuple_passing import passes_packed
 
 _POINTER = ir.IntType(8).as_pointer()
 _SLOT = 8       # bytes: no part of an argument is larger
@@ -67,19 +68,24 @@ class _Box:
         self.address = self.slots.ctypes.data
 
 
-def _parts(value: Any, kind: Any) -> list[int]:
+def _parts(value: Any, kind: Any, packed: bool = False) -> list[int]:
     """
     Return the parts of an argument as Numba passes them, each as 64 bits.
 
-    A kernel that did this for a world took longer to compile than to load all others.
+    A kernel that did this for a world took longer to compile than to load all others. `packed`: an
+    array is passed by address and lengths.
     """
     if isinstance(value, tuple):
-        return [part for item, its in zip(value, kind, strict=True) for part in _parts(item, its)]
+        return [part for item, its in zip(value, kind, strict=True)
+                for part in _parts(item, its, passes_packed(kind, its))]
     if isinstance(value, np.ndarray):
+        address = value.__array_interface__['data'][0]
+        if packed:
+            return [address, *value.shape]
         fields = {
             'meminfo': (0,), 'parent': (0,), 'nitems': (value.size,),
-            'itemsize': (value.itemsize,), 'data': (value.__array_interface__['data'][0],),
-            'shape': value.shape, 'strides': value.strides}
+            'itemsize': (value.itemsize,), 'data': (address,), 'shape': value.shape,
+            'strides': value.strides}
         return [part for name in _fields(kind) for part in fields[name]]
     if kind == types.float64:
         return [int(np.float64(value).view(np.int64))]

@@ -9,9 +9,10 @@ import numba
 
 from rigid_sim_ros.engine.kernel_cache import cache_folder
 from rigid_sim_ros.engine.kernel_linking import (
-    called_as_part, SUPPORTED, WholeCompiler, without_literals)
-from rigid_sim_ros.engine.known_calls import remember_calls
+    called_as_part, STAYS_APART, SUPPORTED, WholeCompiler, without_literals)
+from rigid_sim_ros.engine.numba_shortcuts import take_shortcuts
 from rigid_sim_ros.engine.numba_without_scipy import spare_scipy
+from rigid_sim_ros.engine.tuple_passing import pass_by_address
 
 Function = TypeVar('Function', bound=Callable[..., Any])
 
@@ -20,7 +21,8 @@ Function = TypeVar('Function', bound=Callable[..., Any])
 INDEX = (1 << 40) - 1
 
 spare_scipy()
-remember_calls()
+take_shortcuts()
+pass_by_address()
 
 
 def _compiled(function: Function, **options: Any) -> Any:
@@ -62,17 +64,28 @@ def kernel(function: Function) -> Function:
     counted, which Numba would do for every array that a call passes, atomically and one by one,
     also inside of a NamedTuple: 1.4 us for a call that works for 0.1 us. And it is compiled once
     for numbers of a type, not once more for every constant that a caller writes, as Numba would:
-    that was a third of the time to compile.
+    that was a third of the time to compile. Where a part calls it, Numba would put it in its place
+    like the part: half of the machine code of a step was such copies.
     """
-    return _for_kernels(_compiled(function, _nrt=False))
+    return _for_kernels(_compiled(function, _nrt=False, forceinline=False))
+
+
+def apart(function: Function) -> Function:
+    """
+    Compile like `kernel` what is called in many places, a few times in a step.
+
+    LLVM would put it in each of these places, and take as long for each.
+    """
+    setattr(function, STAYS_APART, True)
+    return kernel(function)
 
 
 def part(function: Function) -> Function:
     """
     Compile like `kernel` a part of one longer kernel: it is put in its place, without a call.
 
-    A call hands over every array of a NamedTuple as seven numbers, which takes as long as a
-    hundred operations.
+    A call hands over every array as seven numbers, in a NamedTuple as two to four, which takes as
+    long as a hundred operations.
     """
     return _for_kernels(_compiled(function, _nrt=False, forceinline=True))
 

@@ -23,6 +23,8 @@ _Library: Any = codegen.JITCodeLibrary
 _Flags: Any = compiler.Flags
 _NumbasCompiler: Any = compiler.Compiler
 
+# What says of a function that a call of it stays a call.
+STAYS_APART = 'stays_apart'
 # Whether this Numba has what is overridden and called here.
 SUPPORTED = (
     all(hasattr(_Library, name) for name in (
@@ -38,6 +40,7 @@ class _Part(_Library):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self.below: dict[Any, None] = {}    # what it calls, in a fixed order
+        self.stays_apart = False            # it is called where LLVM would put it in place
 
     def add_linking_library(self, library: Any) -> None:
         library._ensure_finalized()
@@ -46,6 +49,10 @@ class _Part(_Library):
     def finalize(self) -> None:
         self._raise_if_finalized()
         self._finalize_dynamic_globals()
+        if self.stays_apart:
+            for function in self._final_module.functions:
+                if not function.is_declaration:
+                    function.add_function_attribute('noinline')
         self._finalized = True
 
     def module(self) -> Any:
@@ -133,7 +140,7 @@ class _QuickFlags(_Flags):
 
 
 # Passes for what kernels do not have: closures, and arrays that an expression makes.
-_NEEDLESS = ('inline_closure_likes', 'nopython_rewrites')
+_NEEDLESS = ('inline_closure_likes', 'nopython_rewrites', 'ir_legalization')
 
 
 class _Compiler(_NumbasCompiler):
@@ -162,6 +169,7 @@ class _PartCompiler(_Compiler):
         flags = self.state.flags
         flags.no_compile = flags.no_cpython_wrapper = True
         self.state.library = self._library(_Part)
+        self.state.library.stays_apart = getattr(self.state.func_id.func, STAYS_APART, False)
         return super().define_pipelines()
 
 

@@ -110,6 +110,8 @@ class Memory(NamedTuple):
     scratch: Scratch
     other_scratch: Scratch  # for a second thread
     shares: IntArray  # (2, 8) what either thread found, see shared_detection.py
+    ranges: IntArray  # (2, 5) the `Share` of either thread
+    split: IntArray  # (1,) how many of the latest manifolds the first thread begins from
 
 
 # Rows of `Memory.counters`, of the latest step.
@@ -175,7 +177,8 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
         np.zeros(1), np.zeros((s, 6)), np.zeros((s, 6)), _integers(s, 5), _integers(s),
         _integers(buckets + 2), _integers(s), _integers(s), _integers(s + 1), _integers(LEVELS),
         _integers(1), _names(2 * capacity, 2), _names(2, 4 * s, 2), np.zeros((2 * capacity, 4)),
-        _integers(8), _scratch(), _scratch(), _integers(2, 8))
+        _integers(8), _scratch(), _scratch(), _integers(2, 8), _integers(2, 5),
+        _integers(1))
     forget_pairs(memory)
     return memory
 

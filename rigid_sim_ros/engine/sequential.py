@@ -31,7 +31,7 @@ from rigid_sim_ros.engine.contact_sweep import (
     count_impulses, is_settled, overlaps, separate, visit_block)
 from rigid_sim_ros.engine.free_flight import fly
 from rigid_sim_ros.engine.kept import call
-from rigid_sim_ros.engine.kernel import kernel, part
+from rigid_sim_ros.engine.kernel import apart, kernel, part
 from rigid_sim_ros.engine.loads import kick, Loads
 from rigid_sim_ros.engine.manifolds import Manifolds
 from rigid_sim_ros.engine.model import Model
@@ -128,7 +128,7 @@ def solve_contacts(to: int, box: Any, desk: IntArray, model: Model, state: State
     work.residual[0] = max(notes[0, LARGEST], max(notes[1, LARGEST], notes[2, LARGEST]))
 
 
-@kernel
+@apart
 def _in_halves(to: int, box: Any, desk: IntArray, halved: bool, stage: int) -> None:
     if halved:
         side_by_side(desk, to, box, REGIONS * stage, REGIONS * stage + 1)
@@ -185,7 +185,7 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
     """
     bodies, blocks, notes = work.bodies, work.blocks, work.notes[region]
     motion, h = bodies.motion, model.h / settings.substeps
-    at_rest, moved = Sweep(1.0 / h, 0.0), Sweep(1.0 / h, h)
+    at_rest = Sweep(1.0 / h, 0.0)
     if stage == FILL:
         if region != BETWEEN:
             load_bodies(region, model.inv_m, model.inv_I_C, state, loads, bodies)
@@ -193,27 +193,25 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
               1.0 / settings.substeps, work)
     elif stage == START:
         note_start(region, bodies.used, motion, bodies.mass)
-        kick_bodies(region, bodies.used, motion, bodies.smooth, bodies.base, h, True)
     elif stage == SETTLE:
         settle(region, blocks, work.fresh, motion, at_rest)
-    elif stage in (SWEEP, SWEEP_BACK):
-        sweep(region, blocks, motion, bodies.drifted, at_rest, stage == SWEEP_BACK, notes)
-    elif stage == MOVED_SWEEP:
-        sweep(region, blocks, motion, bodies.drifted, moved, False, notes)
-    elif stage == STORE:
-        store_bodies(region, work.sides.halved[0] + 1, model.h, model.m, model.inv_I_C, state,
-                     bodies, settings.substeps)
     if stage in (RETURN, NEXT) or (stage == KEEP and region != BETWEEN):
         sweep_back(region, blocks, motion, bodies.drifted, at_rest, settings.push / h,
                    settings.push_speed)
         if region != BETWEEN:
             drift_bodies(region, bodies.used, motion, bodies.drifted, bodies.total)
-    if stage == NEXT:
-        kick_bodies(region, bodies.used, motion, bodies.smooth, bodies.base, h, False)
-        sweep(region, blocks, motion, bodies.drifted, moved, False, notes)
-    elif stage == KEEP:
+    if stage in (START, NEXT):
+        kick_bodies(region, bodies.used, motion, bodies.smooth, bodies.base, h, stage == START)
+    if stage in (SWEEP, SWEEP_BACK, MOVED_SWEEP, NEXT):
+        drift = h if stage in (MOVED_SWEEP, NEXT) else 0.0
+        sweep(region, blocks, motion, bodies.drifted, Sweep(1.0 / h, drift), stage == SWEEP_BACK,
+              notes)
+    if stage == KEEP:
         notes[LARGEST] = keep_impulses(region, blocks, manifolds, bodies, h, settings.substeps,
                                        acted.impulse, acted.friction)
+    elif stage == STORE:
+        store_bodies(region, work.sides.halved[0] + 1, model.h, model.m, model.inv_I_C, state,
+                     bodies, settings.substeps)
 
 
 @part
@@ -232,7 +230,7 @@ def _fill(region: int, state: State, shapes: Shapes, materials: Materials, round
                 work.bodies, work.blocks, work.fresh, work.notes[region])
 
 
-@kernel
+@part
 def sweep(region: int, blocks: Blocks, motion: Array, drifted: Array, what: Sweep,
           backwards: bool, notes: Array) -> None:
     """
@@ -248,7 +246,7 @@ def sweep(region: int, blocks: Blocks, motion: Array, drifted: Array, what: Swee
     notes[ROUGH] = 1.0 if is_rough(region, blocks) else 0.0
 
 
-@kernel
+@part
 def settle(region: int, blocks: Blocks, fresh: IntArray, motion: Array, what: Sweep) -> None:
     """Visit the blocks of a region that have new contacts."""
     first = first_block(blocks, region)
@@ -259,7 +257,7 @@ def settle(region: int, blocks: Blocks, fresh: IntArray, motion: Array, what: Sw
                 break
 
 
-@kernel
+@part
 def sweep_back(region: int, blocks: Blocks, motion: Array, push: Array, what: Sweep, rate: float,
                speed: float) -> None:
     """

@@ -3,65 +3,67 @@
 """
 Detection by two threads; what it finds is what `detect_ahead` finds.
 
-Either places half of the shapes, and looks through those pairs that had half of the manifolds in
-the last step. The second does not know how many the first will find, so it leaves as much room as
-there were then and some more; afterwards its rows move up. Where the room was too small one thread
-begins anew.
+Either places half of the shapes, and looks through those pairs that took half of the effort in the
+last step. The second does not know how many manifolds the first will find, so it leaves as much
+room as there were then and some more; afterwards its rows move up. Where the room was too small
+one thread begins anew.
 """
 
 from typing import Any
 
 from rigid_sim_ros.engine.arrays import IntArray
 from rigid_sim_ros.engine.detect import (
-    find_all_manifolds, find_manifolds, find_pairs, ROWS, Share, turn_page)
+    ALL, FIND, get_share, LIST, ROWS, set_share, Share, turn_page)
 from rigid_sim_ros.engine.kept import call
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
-from rigid_sim_ros.engine.manifolds import current, earlier, Manifolds, Memory
-from rigid_sim_ros.engine.model import Model
+from rigid_sim_ros.engine.manifolds import (
+    current, earlier, Manifolds, Memory, PAIRS, RECYCLED, WITNESSED)
 from rigid_sim_ros.engine.placing import bound, place_bodies, place_shapes
 from rigid_sim_ros.engine.shapes import Shapes
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.two_cores import side_by_side
 
-# The stages by their numbers; of those in halves the number of the first half.
-WHOLE, PAIRS, JOIN, PLACE, FIND, MOVE = 0, 1, 2, 3, 5, 7
+# The stages that one thread alone does not have, by their numbers; of those in halves the number
+# of the first half.
+SHARE_OUT, FIT, JOIN, PLACE, MOVE = 0, 1, 2, 3, 5
+# What a manifold takes more than a pair that a witness settles.
+_OF_RECYCLED, _OF_NEW = 2, 14
 _SPARE = 64     # rows of room for manifolds that the first half did not have in the last step
 
 
 @part
-def detect_side_by_side(to: int, box: Any, desk: IntArray) -> int:
-    """Do what `detect_ahead` does; `to` is the address of a kernel that calls `detect_stage`."""
-    side_by_side(desk, to, box, PLACE, PLACE + 1)
-    if call(to, box, PAIRS) == 0:
+def detect_side_by_side(to: int, to_share: int, box: Any, desk: IntArray) -> int:
+    """
+    Do what `detect_ahead` does.
+
+    `to` and `to_share` are the addresses of kernels that call `detect_stage` and `share_stage`.
+    """
+    side_by_side(desk, to_share, box, PLACE, PLACE + 1)
+    if call(to, box, LIST) == 0:
         return 0
+    call(to_share, box, SHARE_OUT)
     side_by_side(desk, to, box, FIND, FIND + 1)
-    side_by_side(desk, to, box, MOVE, MOVE + 1)
-    return call(to, box, JOIN)
+    if call(to_share, box, FIT) == 0:
+        return call(to, box, ALL)
+    side_by_side(desk, to_share, box, MOVE, MOVE + 1)
+    return call(to_share, box, JOIN)
 
 
 @kernel
-def detect_stage(stage: int, model: Model, state: State, shapes: Shapes, memory: Memory,
-                 cut: IntArray) -> bool:
-    """Do a stage but WHOLE; cut (2,) are the first shape of the second half, and its body."""
-    if stage == PLACE:
+def share_stage(stage: int, state: State, shapes: Shapes, memory: Memory, cut: IntArray) -> bool:
+    """Do a stage; cut (2,) are the first shape of the second half, and its body."""
+    if stage == SHARE_OUT:
+        _share_out(memory)
+    elif stage == FIT:
+        return _fit(memory)
+    elif stage == JOIN:
+        return _join(memory)
+    elif stage == PLACE:
         _place(state, shapes, memory, 0, cut[0], 0, cut[1])
     elif stage == PLACE + 1:
-        _place(state, shapes, memory, cut[0], shapes.kind.shape[0], cut[1], model.m.shape[0])
-    elif stage == PAIRS:
-        return find_pairs(model, state, shapes, memory)
-    elif stage == JOIN:
-        return _join(state, shapes, memory)
-    elif stage == FIND or stage == FIND + 1:
-        first, second = _shares(memory)
-        now, before = earlier(memory), current(memory)
-        if stage == FIND:
-            find_manifolds(state, shapes, memory, memory.scratch, now, before, first,
-                           memory.shares[0])
-        else:
-            find_manifolds(state, shapes, memory, memory.other_scratch, now, before, second,
-                           memory.shares[1])
-    elif _fit(memory):
-        rows, source = earlier(memory), _shares(memory)[1].row
+        _place(state, shapes, memory, cut[0], shapes.kind.shape[0], cut[1], state.x.shape[1])
+    else:
+        rows, source = earlier(memory), get_share(memory, 1).row
         found, more = memory.shares[0, ROWS], memory.shares[1, ROWS]
         if stage == MOVE:
             _move_points(rows, source, found, more)
@@ -79,13 +81,14 @@ def _place(state: State, shapes: Shapes, memory: Memory, first: int, last: int, 
 
 
 @kernel
-def _shares(memory: Memory) -> tuple[Share, Share]:
-    """Return the shares of the pairs of both threads."""
+def _share_out(memory: Memory) -> None:
+    """Give either thread its pairs, and room for what it finds."""
     before, pairs = current(memory), memory.pair_count[0]
-    old, room = before.count[0] // 2, before.shape_a.shape[0]
+    old, room = min(memory.split[0], before.count[0]), before.shape_a.shape[0]
     cut = _first_pair(memory.pair, pairs, before.shape_a[old], before.shape_b[old])
     start = old + min(old // 8 + _SPARE, (room - before.count[0]) // 2)
-    return Share(0, cut, 0, start, 0), Share(cut, pairs, start, room, old)
+    set_share(memory, 0, Share(0, cut, 0, start, 0))
+    set_share(memory, 1, Share(cut, pairs, start, room, old))
 
 
 @kernel
@@ -104,20 +107,35 @@ def _first_pair(pair: IntArray, pairs: int, a: int, b: int) -> int:
 @kernel
 def _fit(memory: Memory) -> bool:
     """Return whether both threads had enough room, and a row to spare (see `turn_page`)."""
-    first, second = _shares(memory)
+    first, second = get_share(memory, 0), get_share(memory, 1)
     return bool(memory.shares[0, ROWS] < first.end
                 and memory.shares[1, ROWS] < second.end - second.row)
 
 
 @kernel
-def _join(state: State, shapes: Shapes, memory: Memory) -> bool:
+def _join(memory: Memory) -> bool:
     """Turn the page to the rows of both threads, which lie together by now."""
-    if _fit(memory):
-        rows, source, target = earlier(memory), _shares(memory)[1].row, memory.shares[0, ROWS]
-        for k in range(memory.shares[1, ROWS]):
-            rows.points[(target + k) & INDEX] = rows.points[(source + k) & INDEX]
-        return turn_page(memory, target + memory.shares[1, ROWS])
-    return find_all_manifolds(state, shapes, memory)
+    rows, source, target = earlier(memory), get_share(memory, 1).row, memory.shares[0, ROWS]
+    for k in range(memory.shares[1, ROWS]):
+        rows.points[(target + k) & INDEX] = rows.points[(source + k) & INDEX]
+    memory.split[0] = _fair_split(memory.shares[0], memory.shares[1])
+    return turn_page(memory, target + memory.shares[1, ROWS])
+
+
+@kernel
+def _fair_split(first: IntArray, second: IntArray) -> int:
+    """Return how many manifolds of this step took half of its effort, as far as one can tell."""
+    one, other = _effort(first), _effort(second)
+    if one > other:
+        return first[ROWS] - first[ROWS] * (one - other) // (2 * one)
+    return first[ROWS] + second[ROWS] * (other - one) // max(2 * other, 1)
+
+
+@kernel
+def _effort(found: IntArray) -> int:
+    """Return how long a thread was busy, about, in units of a pair that a witness settles."""
+    anew = found[PAIRS] - found[WITNESSED] - found[RECYCLED]
+    return found[PAIRS] + _OF_RECYCLED * found[RECYCLED] + _OF_NEW * anew
 
 
 @kernel

@@ -16,7 +16,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray, Vector
 from rigid_sim_ros.engine.free_rotation import MAX_ANGLE, turn, turn_fast
-from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, pasted
+from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part, pasted
 from rigid_sim_ros.engine.lanes import any_of, both, gather, LANES, load, select, store
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.rotation import quaternion, to_matrix
@@ -91,7 +91,7 @@ def still_slot(used: IntArray, region: int) -> int:
     return used[2] if region == 1 else 0
 
 
-@kernel
+@part
 def load_bodies(half: int, inv_m: Array, inv_I_C: Array, state: State, loads: Loads,
                 bodies: SolverBodies) -> None:
     """Write the rows and the motion of the bodies that have a slot in a half."""
@@ -173,7 +173,7 @@ def drift_bodies(half: int, used: IntArray, m: Array, drifted: Array, total: Arr
         sums[k] += u[k]
 
 
-@kernel
+@part
 def store_bodies(half: int, halves: int, h: float, m: Array, inv_I_C: Array, state: State,
                  bodies: SolverBodies, substeps: int) -> None:
     """
@@ -226,7 +226,7 @@ def _places_of(bodies: SolverBodies, half: int) -> IntArray:
     return bodies.at[half * LANES:(half + 1) * LANES]
 
 
-@kernel
+@part
 def _move(bodies: SolverBodies, at: IntArray, b: Array, h: float, share: float) -> None:
     """
     Move eight bodies by the mean of their velocities over the substeps, `share` of a step each.

@@ -17,12 +17,12 @@ from rigid_sim_ros.engine.collisions import (
     collide_bodies, CollisionWork, make_collision_work, may_bounce)
 from rigid_sim_ros.engine.coloring import REGIONS
 from rigid_sim_ros.engine.compiling import compile_together
-from rigid_sim_ros.engine.detect import detect_ahead
+from rigid_sim_ros.engine.detect import detect_stage, WHOLE
 from rigid_sim_ros.engine.forces import add_scene_forces
 from rigid_sim_ros.engine.free_flight import BLOCK_SIZE as FLIGHT_SIZE, fly
 from rigid_sim_ros.engine.integrate import begin_loads, end_loads
 from rigid_sim_ros.engine.kept import call, held, Kept
-from rigid_sim_ros.engine.kernel import kernel, part
+from rigid_sim_ros.engine.kernel import apart, kernel
 from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.manifolds import (
     current, current_manifolds, earlier, grown, Manifolds, Memory)
@@ -31,7 +31,7 @@ from rigid_sim_ros.engine.sequential import (
     do_stage, SequentialSettings, SequentialWork, solve_contacts)
 from rigid_sim_ros.engine.sequential import make_work as make_sequential_work
 from rigid_sim_ros.engine.shapes import Materials, PLANE, Shapes, SPHERE
-from rigid_sim_ros.engine.shared_detection import detect_side_by_side, detect_stage, WHOLE
+from rigid_sim_ros.engine.shared_detection import detect_side_by_side, share_stage
 from rigid_sim_ros.engine.sleeping import (
     fall_asleep, keep_pressing, mark_pushed, Rest, wake_disturbed, wake_touched)
 from rigid_sim_ros.engine.slots import ENOUGH, give_slots
@@ -117,7 +117,8 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
         if kept.compiled_for is not box:
             kinds = box.type, typeof(wrenches), typeof(count)
             kept.addresses[:] = compile_together(
-                _advance_kept, kinds, _pieces(model, settings), _SHARED_OUT)
+                _advance_kept, kinds, _pieces(model, materials, settings, helper is not None),
+                _SHARED_OUT)
             kept.compiled_for = box
         some = count - done if helper is None else min(count - done, _STEPS_WITHOUT_HELP)
         if helper is None or current_manifolds(memory).count[0] < ENOUGH:
@@ -145,11 +146,14 @@ _NOBODY = make_desk()
 
 @kernel
 def _detect(box: Any, stage: int) -> int:
-    model, state, shapes = held(box, _MODEL), held(box, _STATE), held(box, _SHAPES)
-    if stage == WHOLE:
-        return int(detect_ahead(model, state, shapes, held(box, _MEMORY)))
-    return int(detect_stage(stage, model, state, shapes, held(box, _MEMORY),
-                            held(box, _WORK).cut))
+    return int(detect_stage(stage, held(box, _MODEL), held(box, _STATE), held(box, _SHAPES),
+                            held(box, _MEMORY)))
+
+
+@kernel
+def _share(box: Any, stage: int) -> int:
+    return int(share_stage(stage, held(box, _STATE), held(box, _SHAPES), held(box, _MEMORY),
+                           held(box, _WORK).cut))
 
 
 @kernel
@@ -203,18 +207,20 @@ def _sleep(box: Any, when: int) -> int:
 
 # What is compiled apart from the step, by place; the first by a helper: it takes as long
 # as all others together.
-_TO_DETECT, _TO_COLLIDE, _TO_SOLVE, _TO_FORCES, _TO_SLEEP = range(5)
-PIECES, _SHARED_OUT = 5, 1
+_TO_DETECT, _TO_COLLIDE, _TO_SOLVE, _TO_FORCES, _TO_SLEEP, _TO_SHARE = range(6)
+PIECES, _SHARED_OUT = 6, 1
 
 
-def _pieces(model: Model, settings: TimestepSettings) -> list[Any]:
+def _pieces(model: Model, materials: Materials, settings: TimestepSettings,
+            helped: bool) -> list[Any]:
     """Return what a world needs, None in the place of a piece that is never called."""
-    return [_detect, _collide, _solve,
+    return [_detect, _collide if (materials.restitution > 0.0).any() else None, _solve,
             _add_forces if model.forces.kind.shape[0] > 0 else None,
-            _sleep if settings.sleep_steps > 0 else None]
+            _sleep if settings.sleep_steps > 0 else None,
+            _share if helped else None]
 
 
-@part
+@apart
 def _sum_loads(box: Any, to: IntArray, wrenches: Wrenches, loads: Loads, later: int) -> None:
     """Do what `sum_loads` does, the forces of the scene by address."""
     model, state = held(box, _MODEL), held(box, _STATE)
@@ -227,49 +233,58 @@ def _sum_loads(box: Any, to: IntArray, wrenches: Wrenches, loads: Loads, later: 
 @kernel
 def _advance_kept(box: Any, wrenches: Wrenches, count: int) -> int:
     """Take steps until `count` are done or a buffer is too small; return how many were done."""
+    for step in range(count):
+        if not _step(box, wrenches):
+            return step
+    return count
+
+
+@kernel
+def _step(box: Any, wrenches: Wrenches) -> bool:
+    """Take a step; return whether it was done, not left at its beginning for want of room."""
     model, state, shapes = held(box, _MODEL), held(box, _STATE), held(box, _SHAPES)
     materials, memory = held(box, _MATERIALS), held(box, _MEMORY)
     settings, work, rest = held(box, _SETTINGS), held(box, _WORK), held(box, _REST)
     to, desk = held(box, _ADDRESSES), held(box, _DESK)
     g, sleeps = model.gravity, settings.sleep_steps > 0
     loaded = model.forces.kind.shape[0] + wrenches.body.shape[0] > 0
-    for step in range(count):
-        if sleeps:
-            _sum_loads(box, to, wrenches, work.loads, 0)
-            mark_pushed(wrenches, rest)
-            call(to[_TO_SLEEP], box, _DISTURBED)
-        look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, materials.restitution,
-                   settings, work.radius, shapes.body, memory.ahead, memory.calm)
-        if is_helped(desk) and current(memory).count[0] >= ENOUGH:
-            found = detect_side_by_side(to[_TO_DETECT], box, desk)
-        else:
-            found = call(to[_TO_DETECT], box, WHOLE)
-        if found == 0:
-            return step
-        manifolds, acted = current(memory), earlier(memory)
-        if manifolds.count[0] == 0 and not loaded and not sleeps:
-            fly(model, state, (g[0], g[1], g[2]), model.h, np.int64(1), work.block)
-            continue
-        if sleeps:
-            call(to[_TO_SLEEP], box, _TOUCHED)
-        else:
-            _sum_loads(box, to, wrenches, work.loads, 0)
-        clear_impulses(manifolds, acted.impulse, acted.friction)
-        collisions = call(to[_TO_COLLIDE], box, 0)
-        work.solver.shifted[0] = 1 if collisions > 0 else 0
-        give_slots(model.inv_m, state.x, manifolds, work.collision.waits, rest.asleep, ENOUGH,
-                   work.solver.sides, work.solver.bodies)
-        solve_contacts(to[_TO_SOLVE], box, desk, model, state, work.loads,
-                       settings.sequential.substeps, work.block, work.solver)
-        if loaded:
-            # As in the symplectic method: half of the change of the loads, now at the new poses.
-            _sum_loads(box, to, wrenches, work.later, 1)
-            kick(state, work.later, 0.5 * model.h)
-            kick(state, work.loads, -0.5 * model.h)
-        if sleeps:
-            call(to[_TO_SLEEP], box, _AFTERWARDS)
-        count_down(wrenches)
-    return count
+    if sleeps:
+        _sum_loads(box, to, wrenches, work.loads, 0)
+        mark_pushed(wrenches, rest)
+        call(to[_TO_SLEEP], box, _DISTURBED)
+    look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, materials.restitution,
+               settings, work.radius, shapes.body, memory.ahead, memory.calm)
+    if is_helped(desk) and current(memory).count[0] >= ENOUGH:
+        found = detect_side_by_side(to[_TO_DETECT], to[_TO_SHARE], box, desk)
+    else:
+        found = call(to[_TO_DETECT], box, WHOLE)
+    if found == 0:
+        return False
+    manifolds, acted = current(memory), earlier(memory)
+    if manifolds.count[0] == 0 and not loaded and not sleeps:
+        fly(model, state, (g[0], g[1], g[2]), model.h, np.int64(1), work.block)
+        return True
+    if sleeps:
+        call(to[_TO_SLEEP], box, _TOUCHED)
+    else:
+        _sum_loads(box, to, wrenches, work.loads, 0)
+    clear_impulses(manifolds, acted.impulse, acted.friction)
+    work.solver.shifted[0] = 0
+    if to[_TO_COLLIDE] != 0 and call(to[_TO_COLLIDE], box, 0) > 0:
+        work.solver.shifted[0] = 1
+    give_slots(model.inv_m, state.x, manifolds, work.collision.waits, rest.asleep, ENOUGH,
+               work.solver.sides, work.solver.bodies)
+    solve_contacts(to[_TO_SOLVE], box, desk, model, state, work.loads,
+                   settings.sequential.substeps, work.block, work.solver)
+    if loaded:
+        # As in the symplectic method: half of the change of the loads, now at the new poses.
+        _sum_loads(box, to, wrenches, work.later, 1)
+        kick(state, work.later, 0.5 * model.h)
+        kick(state, work.loads, -0.5 * model.h)
+    if sleeps:
+        call(to[_TO_SLEEP], box, _AFTERWARDS)
+    count_down(wrenches)
+    return True
 
 
 @kernel

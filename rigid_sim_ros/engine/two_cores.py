@@ -24,7 +24,7 @@ from numba.extending import intrinsic
 
 from rigid_sim_ros.engine.arrays import aligned_zeros, IntArray
 from rigid_sim_ros.engine.kept import call
-from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.kernel import apart, kernel
 
 # Places on a desk, in lines of the cache of their own: how the work stands, what it is, and
 # whether somebody looks and how much was taken, and whether there will be more.
@@ -111,7 +111,7 @@ def is_helped(desk: IntArray) -> bool:
     return _read(desk, _PRESENT) == 1
 
 
-@kernel
+@apart
 def side_by_side(desk: IntArray, address: int, box: Any, here: int, there: int) -> None:
     """Call a kernel with two numbers: here and, if somebody helps, in another thread."""
     if not is_helped(desk):

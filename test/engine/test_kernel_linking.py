@@ -26,7 +26,8 @@ def of_the_engine(decorate):
     return decorated
 
 
-inlined, kernel, part = map(of_the_engine, (kernels.inlined, kernels.kernel, kernels.part))
+apart, inlined, kernel, part = map(
+    of_the_engine, (kernels.apart, kernels.inlined, kernels.kernel, kernels.part))
 
 
 @inlined
@@ -49,6 +50,30 @@ def fill(values, factor):
     for i in range(values.shape[0]):
         values[i] = shorter(values[i], 4, factor)
     return shorter(3.0, 4.0, 2)
+
+
+@apart
+def cube(x):
+    return x * x * x
+
+
+@part
+def cubes(x):
+    return cube(x) + square(x)
+
+
+@kernel
+def powers(x):
+    return cubes(x) + cube(2.0 * x)
+
+
+@needs_parts
+def test_what_is_apart_stays_a_call_in_a_part_too():
+    assert powers(2.0) == 8.0 + 4.0 + 64.0
+    (compiled,) = powers.overloads.values()
+    names = [function.name for function in compiled.library._final_module.functions]
+    assert any('cube' in name and 'cubes' not in name for name in names)
+    assert not any('cubes' in name or 'square' in name for name in names)
 
 
 @needs_parts

@@ -6,9 +6,10 @@ from engine.detecting import CONVEX, grid, PLANE_SHAPE, Scene
 from hypothesis import given, settings, strategies as st
 import numpy as np
 
-from rigid_sim_ros.engine.manifolds import grown, lasting
+from rigid_sim_ros.engine.detect import ALL, detect_stage, FIND, LIST, ROWS
+from rigid_sim_ros.engine.manifolds import grown, lasting, PAIRS, RECYCLED, WITNESSED
 from rigid_sim_ros.engine.shared_detection import (
-    detect_stage, FIND, JOIN, MOVE, PAIRS, PLACE)
+    _effort, _fair_split, FIT, JOIN, MOVE, PLACE, SHARE_OUT, share_stage)
 from rigid_sim_ros.engine.timestep import _cut
 
 
@@ -18,11 +19,18 @@ def detect_in_stages(scene: Scene) -> None:
     while True:
         memory = scene.memory
         memory.ahead[:], memory.calm[0] = 0.5 * scene.margin, scene.margin
-        done = True
-        for stage in (PLACE + 1, PLACE, PAIRS, FIND + 1, FIND, MOVE + 1, MOVE, JOIN):
-            done = done and detect_stage(stage, scene.model, scene.state, scene.shapes, memory,
-                                         cut)
-        if done:
+
+        def detect(*stages, memory=memory):
+            return all(detect_stage(stage, scene.model, scene.state, scene.shapes, memory)
+                       for stage in stages)
+
+        def share(*stages, memory=memory):
+            return all(share_stage(stage, scene.state, scene.shapes, memory, cut)
+                       for stage in stages)
+
+        share(PLACE + 1, PLACE)
+        if detect(LIST) and share(SHARE_OUT) and detect(FIND + 1, FIND) and (
+                share(MOVE + 1, MOVE, JOIN) if share(FIT) else detect(ALL)):
             return
         scene.memory = grown(memory)
 
@@ -46,3 +54,25 @@ def test_stages_find_the_same_manifolds_as_one_thread(kinds, count, spacing, see
         move = 10.0 ** (step - 5) * rng.normal(size=(3, count))
         for scene in (one, other):
             scene.state.x[:, :count] += move
+
+
+def found(pairs, witnessed, recycled, rows):
+    counts = np.zeros(8, dtype=np.int64)
+    counts[[PAIRS, WITNESSED, RECYCLED, ROWS]] = pairs, witnessed, recycled, rows
+    return counts
+
+
+@given(pairs=st.lists(st.integers(0, 10_000), min_size=2, max_size=2),
+       parts=st.lists(st.floats(0.0, 1.0), min_size=6, max_size=6))
+def test_the_split_parts_the_effort_where_the_rows_of_a_half_take_the_same(pairs, parts):
+    halves = [found(n, int(n * w * r), int(n * (1.0 - w) * r), int(n * rows))
+              for n, (w, r, rows) in zip(pairs, (parts[:3], parts[3:]), strict=True)]
+    split, (first, second) = _fair_split(*halves), (half[ROWS] for half in halves)
+    assert 0 <= split <= first + second
+    effort = [_effort(half) for half in halves]
+    # Effort up to the split, were it spread evenly in each half; a row more or less is rounding.
+    before = (effort[0] * split / first if split < first else
+              effort[0] + (effort[1] * (split - first) / second if second else 0))
+    if first and second:
+        a_row = max(effort[0] / first, effort[1] / second)
+        assert abs(before - sum(effort) / 2) <= a_row + 1

@@ -70,7 +70,7 @@ def point_from_capsule(r: float, half: float, p: Vector) -> tuple[float, Vector,
     return length - r, n, add_scaled(q, r, n)
 
 
-@kernel
+@part
 def point_from_shape(pose: Array, size: Array, kind: int, s: int,
                      p_W: Vector) -> tuple[float, Vector, Vector]:
     """Return the signed distance [m] of a point from shape s, its normal and foot, world axes."""
@@ -89,7 +89,7 @@ def point_from_shape(pose: Array, size: Array, kind: int, s: int,
     return result[0], to_world(pose, s, result[1]), point_to_world(pose, s, result[2])
 
 
-@kernel
+@part
 def sphere_shape(pose: Array, size: Array, kind: int, ball: int, other: int) -> tuple[float,
                                                                                       Vector,
                                                                                       Vector]:
