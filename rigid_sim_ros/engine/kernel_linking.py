@@ -29,8 +29,8 @@ STAYS_APART = 'stays_apart'
 SUPPORTED = (
     all(hasattr(_Library, name) for name in (
         '_ensure_finalized', '_finalize_dynamic_globals', '_get_module_for_linking',
-        '_raise_if_finalized', 'add_linking_library', 'enable_object_caching', 'finalize',
-        'get_pointer_to_function', 'serialize_using_object_code'))
+        '_raise_if_finalized', 'add_ir_module', 'add_linking_library', 'enable_object_caching',
+        'finalize', 'get_pointer_to_function', 'serialize_using_object_code'))
     and all(name in _Flags.options for name in ('no_compile', 'no_cpython_wrapper')))
 
 
@@ -46,13 +46,15 @@ class _Part(_Library):
         library._ensure_finalized()
         self.below[library] = None
 
+    def add_ir_module(self, module: Any) -> None:
+        for function in module.functions if self.stays_apart else ():
+            if not function.is_declaration:
+                function.attributes.add('noinline')
+        super().add_ir_module(module)
+
     def finalize(self) -> None:
         self._raise_if_finalized()
         self._finalize_dynamic_globals()
-        if self.stays_apart:
-            for function in self._final_module.functions:
-                if not function.is_declaration:
-                    function.add_function_attribute('noinline')
         self._finalized = True
 
     def module(self) -> Any:
