@@ -104,7 +104,11 @@ def passes_packed(kind: Any, member: Any) -> bool:
 
 
 def pass_by_address() -> None:
-    """Pass the NamedTuples of this package so from now on; of others Numba knows no change."""
+    """
+    Pass the NamedTuples of this package so from now on; for others nothing changes.
+
+    What is compiled to return an array of such a tuple to Python returns it without its owner.
+    """
     for kind, ours in ((types.NamedTuple, _TupleByAddress),
                        (_types.NamedUniTuple, _UniTupleByAddress)):
         _register(kind, ours)
