@@ -12,6 +12,7 @@ if find_spec('rclpy') is None:
     raise SkipTest('rclpy is not installed: pip install .[ros]')
 
 from nodes.live import kept, nanoseconds, Process, running, simulate
+from nodes.replays import set_parameter
 from nodes.scenes import crates
 import pytest
 from sensor_msgs.msg import MultiDOFJointState
@@ -65,9 +66,11 @@ def test_the_node_ends_after_its_duration(tmp_path, scene):
 
 
 def test_the_duration_is_simulation_time(probe, tmp_path, scene):
+    # Slow until somebody listens: to find each other may take nodes longer than the whole run.
     with running(
-        tmp_path, scene, name='timed', words=['--duration', '20'], real_time_factor=10.0,
+        tmp_path, scene, name='timed', words=['--duration', '20'], real_time_factor=0.1,
     ) as process, probe.listening(MultiDOFJointState, '/timed/state') as states:
+        assert set_parameter(probe, '/timed', 'real_time_factor', 10.0).successful
         assert process.wait() == 0
         probe.wait_for(lambda: nanoseconds(states[-1].header.stamp) == 20 * 10**9)
 
