@@ -141,7 +141,8 @@ class _QuickFlags(_Flags):
         return self._HASH
 
 
-# Passes for what kernels do not have: closures, and arrays that an expression makes.
+# Passes for what kernels do not have: closures, arrays that an expression makes, and references
+# that end with the life of a variable.
 _NEEDLESS = ('inline_closure_likes', 'nopython_rewrites', 'ir_legalization')
 
 
