@@ -8,7 +8,7 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from nodes.live import DEEP, kept, Probe, Process
+from nodes.live import DEEP, kept, PATIENCE, Probe, Process
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -25,7 +25,13 @@ def replay(
     folder: Path, bag: Path | str, *words: str, name: str = 'replay', remaps: Sequence[str] = (),
     **parameters: Any,
 ) -> Process:
-    """Start the node with words of the command line, and parameters."""
+    """
+    Start the node with words of the command line, and parameters.
+
+    It waits for whoever listens: on a machine under load the two may take more than the default
+    time to find each other.
+    """
+    parameters.setdefault('subscriber_timeout', PATIENCE)
     ros = ['--ros-args', '-r', f'__node:={name}']
     for remap in remaps:
         ros += ['-r', remap]

@@ -118,9 +118,11 @@ class Outputs:
             self._clock.handle.publish_raw(encode_clock(t_ns))
 
     def subscriptions(self) -> int:
-        """Return how many subscriptions there are to all topics together."""
-        return sum(output.publisher.get_subscription_count()
-                   for output in self._outputs.values())
+        """Return how many subscriptions there are to all topics and the clock together."""
+        publishers = [output.publisher for output in self._outputs.values()]
+        if self._clock is not None:
+            publishers.append(self._clock)
+        return sum(publisher.get_subscription_count() for publisher in publishers)
 
     def flush(self, seconds: float) -> None:
         """Wait until reliable subscribers have what was sent, at most this long."""
