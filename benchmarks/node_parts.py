@@ -187,7 +187,8 @@ def main() -> int:
     clocks = Clocks(seconds)
     clocks.wrap(World, ['step'], 'stepping')
     clocks.wrap(Publishers, ['publish_state', 'publish_clock', 'publish_markers', 'publish_hash',
-                             'publish_applied_wrench', 'publish_diagnostics'], 'publishing')
+                             'publish_applied_wrench', 'publish_diagnostics', 'send_waiting'],
+                'publishing')
     clocks.wrap(Recorder, ['publish', 'event', 'snapshot'], 'recording')
     if variant == 'objects':
         clocks.wrap(sys.modules[__name__], ['record_objects'],  # type: ignore[arg-type]

@@ -12,6 +12,7 @@ section 10): four bytes of encapsulation header, then every value aligned to its
 from behind that header; a string is its length with the closing NUL, its bytes, the NUL.
 """
 from collections.abc import Iterable, Sequence
+from struct import calcsize, pack, pack_into
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ _SECOND = 1_000_000_000
 _POSE = 7       # doubles: position, orientation
 _TWIST = 6      # doubles: linear, angular
 _DOUBLE = 8     # bytes
+_NOWHERE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)      # the pose that moves nothing
 _STAMP = np.dtype([('sec', '<i4'), ('nanosec', '<u4')])
 
 
@@ -61,21 +63,27 @@ class _Writer:
         self.data += raw
         return len(self.data) - len(raw)
 
-    def number(self, dtype: str, *values: float) -> int:
-        raw = np.array(values, dtype=dtype).tobytes()
-        return self._append(raw, np.dtype(dtype).itemsize if raw else 1)
+    def number(self, kind: str, *values: float) -> int:
+        """Write numbers of one kind, by its letter in `struct`."""
+        raw = pack(f'<{len(values)}{kind}', *values)
+        return self._append(raw, calcsize(f'<{kind}') if raw else 1)
 
     def doubles(self, count: int) -> int:
         """Leave room for doubles; an empty sequence is not aligned either."""
         return self._append(bytes(_DOUBLE * count), _DOUBLE if count else 1)
 
+    def doubles_of(self, values: Any) -> int:
+        """Write an array of doubles."""
+        raw = np.asarray(values, dtype='<f8').tobytes()
+        return self._append(raw, _DOUBLE if raw else 1)
+
     def string(self, text: str) -> int:
         raw = text.encode() + b'\0'
-        self.number('<u4', len(raw))
+        self.number('I', len(raw))
         return self._append(raw, 1)
 
     def header(self, frame_id: str, t_ns: int = 0) -> int:
-        offset = self.number('<u4', *divmod(t_ns, _SECOND))
+        offset = self.number('I', *divmod(t_ns, _SECOND))
         self.string(frame_id)
         return offset
 
@@ -152,14 +160,14 @@ class StateEncoder:
     def __init__(self, frame_id: str, names: Sequence[str]) -> None:
         writer, count = _Writer(), len(names)
         stamp = writer.header(frame_id)
-        writer.number('<u4', count)
+        writer.number('I', count)
         for name in names:
             writer.string(name)
-        writer.number('<u4', count)
+        writer.number('I', count)
         transforms = writer.doubles(_POSE * count)
-        writer.number('<u4', count)
+        writer.number('I', count)
         twists = writer.doubles(_TWIST * count)
-        writer.number('<u4', 0)     # no wrenches: what acts on a body has topics of its own
+        writer.number('I', 0)     # no wrenches: what acts on a body has topics of its own
         self._data = writer.array()
         self._stamp = _view(self._data, stamp, _STAMP, (1,))
         self._transforms = _view(self._data, transforms, '<f8', (count, _POSE))
@@ -212,7 +220,7 @@ class TransformsEncoder(_Scattered):
     def __init__(self, frame_id: str, names: Sequence[str]) -> None:
         writer = _Writer()
         stamps, poses = [], []
-        writer.number('<u4', len(names))
+        writer.number('I', len(names))
         for name in names:
             stamps.append(writer.header(frame_id))
             writer.string(name)
@@ -220,44 +228,83 @@ class TransformsEncoder(_Scattered):
         super().__init__(writer, stamps, poses)
 
 
+class _MarkerPlaces(NamedTuple):
+    """Where in a message things of a marker begin."""
+
+    stamp: int
+    pose: int
+    length: int     # of the list of points
+    points: int
+
+
 class MarkersEncoder(_Scattered):
     """visualization_msgs/MarkerArray: markers whose poses change and nothing else."""
 
     def __init__(self, frame_id: str, markers: Sequence[Marker]) -> None:
         writer = _Writer()
-        stamps, poses = [], []
-        writer.number('<u4', len(markers))
-        for marker in markers:
-            stamp, pose = self._write(writer, frame_id, marker)
-            stamps.append(stamp)
-            poses.append(pose)
-        super().__init__(writer, stamps, poses)
+        places = _write_markers(writer, frame_id, markers)
+        super().__init__(writer, [place.stamp for place in places],
+                         [place.pose for place in places])
 
-    @staticmethod
-    def _write(writer: _Writer, frame_id: str, marker: Marker) -> tuple[int, int]:
-        stamp = writer.header(frame_id)
-        writer.string(marker.namespace)
-        writer.number('<i4', marker.id, marker.type, marker.action)
-        pose = writer.doubles(_POSE)
-        writer.number('<f8', *marker.scale)
-        writer.number('<f4', *marker.color)
-        writer.number('<i4', 0, 0)              # lifetime: for ever
-        writer.number('|u1', 0)                 # frame_locked
-        writer.number('<u4', len(marker.points))
-        points = np.asarray(marker.points, dtype='<f8')
-        writer._append(points.tobytes(), _DOUBLE if points.size else 1)
-        writer.number('<u4', 0)                 # colors: one for the whole marker
-        writer.string('')                       # texture_resource
-        writer.header('')                       # texture
-        writer.string('')                       # texture.format
-        writer.number('<u4', 0)                 # texture.data
-        writer.number('<u4', 0)                 # uv_coordinates
-        writer.string('')                       # text
-        writer.string('')                       # mesh_resource
-        writer.string('')                       # mesh_file.filename
-        writer.number('<u4', 0)                 # mesh_file.data
-        writer.number('|u1', 0)                 # mesh_use_embedded_materials
-        return stamp, pose
+
+class PointMarkersEncoder:
+    """visualization_msgs/MarkerArray: markers whose points change and nothing else."""
+
+    def __init__(self, frame_id: str, markers: Sequence[Marker]) -> None:
+        writer = _Writer()
+        # With a point each: none at all would not be aligned, and further ones shift what follows
+        # by 24 bytes, which changes no alignment.
+        places = _write_markers(
+            writer, frame_id, [marker._replace(points=[(0.0, 0.0, 0.0)]) for marker in markers])
+        self._pieces: list[tuple[bytearray, int, int]] = []     # up to the points, stamp, length
+        begin = 0
+        for place in places:
+            pack_into(f'<{_POSE}d', writer.data, place.pose, *_NOWHERE)
+            self._pieces.append((writer.data[begin:place.points], place.stamp - begin,
+                                 place.length - begin))
+            begin = place.points + 3 * _DOUBLE
+        self._end = writer.data[begin:]
+
+    def encode(self, t_ns: int, points: Sequence[_Floats]) -> bytes:
+        """Encode the markers with these points: for each (n, 3) in m, n at least 1."""
+        written: list[bytes | bytearray] = []
+        for (piece, stamp, length), own in zip(self._pieces, points, strict=True):
+            pack_into('<iI', piece, stamp, *divmod(t_ns, _SECOND))
+            pack_into('<I', piece, length, len(own))
+            written += [piece, own.astype('<f8', copy=False).tobytes()]
+        return b''.join([*written, self._end])
+
+
+def _write_markers(
+    writer: _Writer, frame_id: str, markers: Sequence[Marker],
+) -> list[_MarkerPlaces]:
+    writer.number('I', len(markers))
+    return [_write_marker(writer, frame_id, marker) for marker in markers]
+
+
+def _write_marker(writer: _Writer, frame_id: str, marker: Marker) -> _MarkerPlaces:
+    stamp = writer.header(frame_id)
+    writer.string(marker.namespace)
+    writer.number('i', marker.id, marker.type, marker.action)
+    pose = writer.doubles(_POSE)
+    writer.number('d', *marker.scale)
+    writer.number('f', *marker.color)
+    writer.number('i', 0, 0)                # lifetime: for ever
+    writer.number('B', 0)                   # frame_locked
+    length = writer.number('I', len(marker.points))
+    points = writer.doubles_of(marker.points)
+    writer.number('I', 0)                   # colors: one for the whole marker
+    writer.string('')                       # texture_resource
+    writer.header('')                       # texture
+    writer.string('')                       # texture.format
+    writer.number('I', 0)                   # texture.data
+    writer.number('I', 0)                   # uv_coordinates
+    writer.string('')                       # text
+    writer.string('')                       # mesh_resource
+    writer.string('')                       # mesh_file.filename
+    writer.number('I', 0)                   # mesh_file.data
+    writer.number('B', 0)                   # mesh_use_embedded_materials
+    return _MarkerPlaces(stamp, pose, length, points)
 
 
 def encode_wrench(
@@ -266,21 +313,21 @@ def encode_wrench(
     """Encode a geometry_msgs/WrenchStamped; force (3) in N, torque (3) in Nm."""
     writer = _Writer()
     writer.header(frame_id, t_ns)
-    writer.number('<f8', *force, *torque)
+    writer.number('d', *force, *torque)
     return bytes(writer.data)
 
 
 def encode_clock(t_ns: int) -> bytes:
     """Encode a rosgraph_msgs/Clock."""
     writer = _Writer()
-    writer.number('<u4', *divmod(t_ns, _SECOND))
+    writer.number('I', *divmod(t_ns, _SECOND))
     return bytes(writer.data)
 
 
 def encode_uint64(value: int) -> bytes:
     """Encode a std_msgs/UInt64."""
     writer = _Writer()
-    writer.number('<u8', value)
+    writer.number('Q', value)
     return bytes(writer.data)
 
 
@@ -294,7 +341,7 @@ def encode_string(text: str) -> bytes:
 def encode_bytes(data: bytes) -> bytes:
     """Encode a std_msgs/UInt8MultiArray of one dimension that is not described."""
     writer = _Writer()
-    writer.number('<u4', 0, 0, len(data))   # layout.dim, layout.data_offset, data
+    writer.number('I', 0, 0, len(data))   # layout.dim, layout.data_offset, data
     writer.data += data
     return bytes(writer.data)
 
@@ -303,13 +350,13 @@ def encode_diagnostics(t_ns: int, statuses: Sequence[Status]) -> bytes:
     """Encode a diagnostic_msgs/DiagnosticArray."""
     writer = _Writer()
     writer.header('', t_ns)
-    writer.number('<u4', len(statuses))
+    writer.number('I', len(statuses))
     for status in statuses:
-        writer.number('|u1', status.level)
+        writer.number('B', status.level)
         writer.string(status.name)
         writer.string(status.message)
         writer.string(status.hardware_id)
-        writer.number('<u4', len(status.values))
+        writer.number('I', len(status.values))
         for key, value in status.values:
             writer.string(key)
             writer.string(value)

@@ -208,6 +208,20 @@ def test_markers_are_what_rclpy_writes(t_ns, frame_id, given_markers, seed):
 
 
 @many
+@given(times, texts, st.lists(st.tuples(markers, st.integers(1, 5)), max_size=4), seeds)
+def test_markers_with_other_points_are_as_if_they_were_made_with_them(t_ns, frame_id, made, seed):
+    encoder = codec.PointMarkersEncoder(frame_id, [marker for marker, _ in made])
+    encoder.encode(1, [np.ones((k + 1, 3)) for k in range(len(made))])
+    points = [values(seed + k, count, 3) for k, (_, count) in enumerate(made)]
+    whole = codec.MarkersEncoder(frame_id, [
+        marker._replace(points=own) for (marker, _), own in zip(made, points, strict=True)])
+    ours = encoder.encode(t_ns, points)
+    assert type(ours) is bytes
+    assert ours == whole.encode(
+        t_ns, np.zeros((len(made), 3)), np.tile([0.0, 0.0, 0.0, 1.0], (len(made), 1)))
+
+
+@many
 @given(times, texts, st.lists(texts, max_size=5), seeds)
 def test_transforms_are_what_rosbags_writes(t_ns, frame_id, names, seed):
     # tf2_msgs is not among the ROS wheels: rosbags, which knows the type, is the other codec.

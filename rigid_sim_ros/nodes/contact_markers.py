@@ -10,19 +10,16 @@ as a whole one is the force that carries its weight.
 import numpy as np
 import numpy.typing as npt
 
-from rigid_sim_ros.codec import Marker, MarkersEncoder
-from rigid_sim_ros.nodes.markers import encode_deletes
+from rigid_sim_ros.codec import Marker, PointMarkersEncoder
+from rigid_sim_ros.nodes.markers import Deletes
 from rigid_sim_ros.world import World
 
 # visualization_msgs/Marker
-_LINE_LIST, _SPHERE_LIST, _ADD, _DELETE = 5, 7, 0, 2
+_LINE_LIST, _SPHERE_LIST = 5, 7
 _LENGTHLESS = 0.1       # m: what a scene of planes alone is drawn with
 _WEIGHTLESS = 1.0       # N: what a scene without gravity is drawn with
 _BARB = 0.25            # length of the barbs of an arrow, as a share of the arrow
 _LONGEST_BARB = 0.25    # the same at most, as a share of a common body
-
-_NAMESPACES = {
-    'contact_points': _SPHERE_LIST, 'contact_normals': _LINE_LIST, 'contact_forces': _LINE_LIST}
 
 _Array = npt.NDArray[np.float64]
 
@@ -38,33 +35,31 @@ class ContactMarkers:
         g = float(np.linalg.norm(world.scene.model.gravity))
         weight = float(np.median(masses)) * g if len(masses) else 0.0
         self._weight = weight or _WEIGHTLESS
-        self._frame_id = frame_id
+        size = self._length
+        markers = [
+            Marker('contact_points', 0, _SPHERE_LIST, (0.1 * size,) * 3, (0.8, 0.2, 0.1, 1.0)),
+            Marker('contact_normals', 0, _LINE_LIST, (0.02 * size, 0.0, 0.0),
+                   (0.1, 0.1, 0.1, 1.0)),
+            Marker('contact_forces', 0, _LINE_LIST, (0.04 * size, 0.0, 0.0),
+                   (0.9, 0.6, 0.0, 1.0))]
+        self._encoder = PointMarkersEncoder(frame_id, markers)
+        self._deletes = Deletes(frame_id, markers)
 
     def encode(self, world: World) -> bytes:
         """Encode the contact points that bear a force."""
         rows = world.contacts()
         rows = rows[rows['normal_force'] > 0.0]
+        if not len(rows):
+            return self.encode_end(world.time_ns)
         p = rows['point']
         force = rows['normal_force'][:, None] * rows['normal'] + rows['friction_force']
         normals = _lines(p, p + 0.5 * self._length * rows['normal'])
         forces = _arrows(p, self._length / self._weight * force, _LONGEST_BARB * self._length)
-        action = _ADD if len(rows) else _DELETE
-        size = self._length
-        markers = [
-            Marker('contact_points', 0, _SPHERE_LIST, (0.1 * size,) * 3, (0.8, 0.2, 0.1, 1.0),
-                   p, action),
-            Marker('contact_normals', 0, _LINE_LIST, (0.02 * size, 0.0, 0.0),
-                   (0.1, 0.1, 0.1, 1.0), normals, action),
-            Marker('contact_forces', 0, _LINE_LIST, (0.04 * size, 0.0, 0.0),
-                   (0.9, 0.6, 0.0, 1.0), forces, action)]
-        still = np.zeros((len(markers), 3)), np.tile([0.0, 0.0, 0.0, 1.0], (len(markers), 1))
-        return bytes(MarkersEncoder(self._frame_id, markers).encode(world.time_ns, *still))
+        return self._encoder.encode(world.time_ns, (p, normals, forces))
 
     def encode_end(self, t_ns: int) -> bytes:
         """Encode that there are no contacts any more: a DELETE for each marker."""
-        return encode_deletes(self._frame_id, t_ns, [
-            Marker(namespace, 0, kind, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
-            for namespace, kind in _NAMESPACES.items()])
+        return self._deletes.encode(t_ns)
 
 
 def _lines(start: _Array, end: _Array) -> _Array:

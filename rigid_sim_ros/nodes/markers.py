@@ -26,6 +26,7 @@ _PLANE_EDGE = 20.0          # m, of the piece of a plane that is drawn
 _PLANE_THICKNESS = 1e-3     # m; a cube without thickness is drawn with wrong shading
 _PARTICLE_SHARE = 0.04      # diameter of a particle as a share of the extent of its body
 _LEAST_PARTICLE = 1e-3      # m
+_UNTURNED = (0.0, 0.0, 0.0, 1.0)
 
 
 class _Solid(NamedTuple):
@@ -34,7 +35,7 @@ class _Solid(NamedTuple):
     type: int
     scale: tuple[float, float, float]
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    orientation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+    orientation: tuple[float, float, float, float] = _UNTURNED
     points: Sequence[Sequence[float]] = ()
 
 
@@ -57,8 +58,10 @@ class SceneMarkers:
                 positions.append(pose.position + _rotate(q_BP, np.array(solid.position)))
                 orientations.append(_multiply(q_BP, np.array(solid.orientation)))
         self._bodies = np.array(bodies, dtype=np.intp)
-        self._p_BM = np.array(positions).reshape(-1, 3)
-        self._q_BM = np.array(orientations).reshape(-1, 4)
+        p_BM, q_BM = np.array(positions).reshape(-1, 3), np.array(orientations).reshape(-1, 4)
+        # Most are where their body is.
+        self._placed = np.flatnonzero((p_BM != 0.0).any(axis=1) | (q_BM != _UNTURNED).any(axis=1))
+        self._p_BM, self._q_BM = p_BM[self._placed], q_BM[self._placed]
         self._encoder = MarkersEncoder(frame_id, markers)
         self._frame_id = frame_id
         self._markers = markers
@@ -70,19 +73,28 @@ class SceneMarkers:
         p_WB is (n, 3) in m, q_WB (n, 4) as x, y, z, w.
         """
         p, q = p_WB[self._bodies], q_WB[self._bodies]
-        return self._encoder.encode(
-            t_ns, p + _rotate(q, self._p_BM), _multiply(q, self._q_BM))
+        k = self._placed
+        if len(k):
+            p[k] += _rotate(q[k], self._p_BM)
+            q[k] = _multiply(q[k], self._q_BM)
+        return self._encoder.encode(t_ns, p, q)
 
     def encode_end(self, t_ns: int) -> bytes:
         """Encode that the bodies are gone: a DELETE for each marker."""
-        return encode_deletes(self._frame_id, t_ns, self._markers)
+        return Deletes(self._frame_id, self._markers).encode(t_ns)
 
 
-def encode_deletes(frame_id: str, t_ns: int, markers: Sequence[Marker]) -> bytes:
-    """Encode a DELETE for each of some markers."""
-    gone = [marker._replace(action=_DELETE, points=()) for marker in markers]
-    nowhere = np.zeros((len(gone), 3)), np.tile([0.0, 0.0, 0.0, 1.0], (len(gone), 1))
-    return bytes(MarkersEncoder(frame_id, gone).encode(t_ns, *nowhere))
+class Deletes:
+    """Encodes a DELETE for each of some markers."""
+
+    def __init__(self, frame_id: str, markers: Sequence[Marker]) -> None:
+        self._encoder = MarkersEncoder(frame_id, [
+            marker._replace(action=_DELETE, points=()) for marker in markers])
+        self._poses = np.zeros((len(markers), 3)), np.tile(_UNTURNED, (len(markers), 1))
+
+    def encode(self, t_ns: int) -> bytes:
+        """Encode that they are gone from this time on."""
+        return self._encoder.encode(t_ns, *self._poses)
 
 
 def _sphere(shape: Any) -> Iterable[_Solid]:

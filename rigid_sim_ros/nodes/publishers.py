@@ -4,11 +4,12 @@
 Everything the node `simulate` publishes, as bytes.
 
 The encoders write once what does not change; each publication patches numbers and hands bytes to
-rclpy, which passes them on as they are. `_send` is the one place that all of them go through, and
-from which a recording gets the same bytes.
+rclpy, which passes them on as they are. All of them go through `_send` or `_send_later`, from
+which a recording gets the same bytes. What has a topic for each body is sent later, between steps.
 """
 from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
+from math import inf
 from time import monotonic, perf_counter_ns
 from typing import Any
 
@@ -32,6 +33,7 @@ from rigid_sim_ros.codec import (
     StateEncoder, Status, TransformsEncoder, TwistEncoder)
 from rigid_sim_ros.nodes.contact_markers import ContactMarkers
 from rigid_sim_ros.nodes.markers import SceneMarkers
+from rigid_sim_ros.nodes.outbox import Outbox
 from rigid_sim_ros.nodes.parameters import ParameterError
 from rigid_sim_ros.world import World
 
@@ -68,6 +70,7 @@ class Publishers:
         self._world = world
         self._recorder: Recorder | None = None
         self._outlets: list[_Outlet] = []
+        self._outbox = Outbox()
         self._all: list[Publisher] = []
         self._qos = qos
         self._frame_id: str = parameters['frame_id']
@@ -106,23 +109,39 @@ class Publishers:
         self._send(self._scene, [encode_string(text)])
 
     def publish_state(self, world: World) -> None:
-        """Publish pose and twist of every body, one by one and together, and the transforms."""
+        """
+        Publish pose and twist of every body, together and one by one, and the transforms.
+
+        Those of single bodies go out with `send_waiting`, and before the next state at the latest.
+        """
+        self.send_waiting()
         start_ns = perf_counter_ns()
         t_ns = world.time_ns
         p, q = world.position, world.orientation
         v, w = world.linear_velocity, world.angular_velocity
         own = (p, q, v, w) if self._has_all else tuple(a[self._bodies] for a in (p, q, v, w))
-        self._send(self._pose, self._poses.encode(t_ns, own[0], own[1]))
-        self._send(self._twist, self._twists.encode(t_ns, own[2], own[3]))
+        self._send_later(self._pose, self._poses.encode(t_ns, own[0], own[1]))
+        self._send_later(self._twist, self._twists.encode(t_ns, own[2], own[3]))
         self._send(self._state, [self._states.encode(t_ns, p, q, v, w)])
         if self._contact_wrench:
             wrenches = world.contact_wrenches()[self._bodies]
-            self._send(self._contact_wrench, [
+            self._send_later(self._contact_wrench, [
                 encode_wrench(t_ns, self._frame_id, wrench[:3], wrench[3:])
                 for wrench in wrenches])
         if self._tf:
             self._send(self._tf, [self._transforms.encode(t_ns, p, q)])
         self.cost_ns += perf_counter_ns() - start_ns
+
+    def send_waiting(self, until_ns: float = inf) -> bool:
+        """
+        Send what waits, until all of it is sent or that time [ns] of the steady clock.
+
+        Return whether anything was sent.
+        """
+        start_ns = perf_counter_ns()
+        has_sent = self._outbox.send(until_ns)
+        self.cost_ns += perf_counter_ns() - start_ns
+        return has_sent
 
     def publish_clock(self, t_ns: int) -> None:
         """Publish the simulation time."""
@@ -210,6 +229,14 @@ class Publishers:
     def _send(self, outlet: _Outlet, messages: Sequence[bytes]) -> None:
         for handle, data in zip(outlet.handles, messages, strict=True):
             handle.publish_raw(data)
+        self._note(outlet, messages)
+
+    def _send_later(self, outlet: _Outlet, messages: Sequence[bytes]) -> None:
+        self._outbox.put(outlet.handles, messages)
+        self._note(outlet, messages)
+
+    def _note(self, outlet: _Outlet, messages: Sequence[bytes]) -> None:
+        """Count messages, and record them."""
         self.messages += len(messages)
         if self._recorder is not None and outlet.channels:
             start_ns = perf_counter_ns()

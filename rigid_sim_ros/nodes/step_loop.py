@@ -84,6 +84,7 @@ class StepLoop:
             self._stopped.set()
             self._refuse_commands()
             self._recording.close()
+            self._publishers.send_waiting()
 
     def _turn(self) -> None:
         for item in self._queue.take():
@@ -120,6 +121,8 @@ class StepLoop:
         for interval, publish in self._outputs:
             if index % interval == 0:
                 publish()
+        if not self._pacer.factor:
+            self._publishers.send_waiting()     # no time is left between steps
 
     def _advance(self, count: int) -> bool:
         """
@@ -141,7 +144,10 @@ class StepLoop:
         return True
 
     def _wait(self, now_ns: int) -> None:
+        """Let time pass until a step is due or an input arrives; use it to send what waits."""
         wait_ns = _LONGEST_WAIT_NS if self._paused else self._pacer.wait_ns(now_ns)
+        if self._publishers.send_waiting(now_ns + wait_ns):
+            return      # and look again: time has passed
         if wait_ns <= _PLAIN_SLEEP_NS:
             sleep(wait_ns / _SECOND)
         else:
@@ -166,6 +172,7 @@ class StepLoop:
     def _publish_all(self) -> None:
         for _, publish in self._outputs:
             publish()
+        self._publishers.send_waiting()
 
     def _publish_clock(self) -> None:
         self._publishers.publish_clock(self._world.time_ns)
@@ -215,6 +222,7 @@ class StepLoop:
         self._schedule()
 
     def _apply_command(self, item: Command) -> None:
+        self._publishers.send_waiting()     # who hears the answer has heard what was before it
         item.answer.set_result(_COMMANDS[item.name](self))
 
     def _try(self, topic: str, kind: str, **arguments: Any) -> bool:

@@ -18,9 +18,11 @@ import threading
 import time
 from typing import Any
 
+from rcl_interfaces.srv import SetParameters
 import rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_srvs.srv import SetBool, Trigger
 
@@ -221,6 +223,12 @@ class Probe:
 
     def trigger(self, name: str) -> Any:
         return self.call(Trigger, name, Trigger.Request())
+
+    def set_parameter(self, name: str, value: Any, node: str = '/rigid_sim') -> Any:
+        """Set a parameter of a node from outside and return the answer."""
+        request = SetParameters.Request(
+            parameters=[Parameter(name, value=value).to_parameter_msg()])
+        return self.call(SetParameters, f'{node}/set_parameters', request).results[0]
 
     def pause(self, paused: bool, node: str = '/rigid_sim') -> Any:
         return self.call(SetBool, f'{node}/pause', SetBool.Request(data=paused))

@@ -9,8 +9,6 @@ import sys
 from typing import Any
 
 from nodes.live import DEEP, kept, PATIENCE, Probe, Process
-from rcl_interfaces.srv import SetParameters
-from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
@@ -68,9 +66,3 @@ def hearing(probe: Probe, message: type, topic: str, qos: Any = DEEP) -> Iterato
 def texts_of(received: Sequence[bytes]) -> list[str]:
     """Return what messages of type String say; DDS may have padded the bytes."""
     return [deserialize_message(data, String).data for data in received]
-
-
-def set_parameter(probe: Probe, node: str, name: str, value: Any) -> Any:
-    """Set a parameter of a node from outside and return the answer."""
-    request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
-    return probe.call(SetParameters, f'{node}/set_parameters', request).results[0]

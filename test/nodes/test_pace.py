@@ -17,8 +17,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from nodes.live import nanoseconds, running
 from nodes.scenes import crates
 import pytest
-from rcl_interfaces.srv import DescribeParameters, SetParameters
-from rclpy.parameter import Parameter
+from rcl_interfaces.srv import DescribeParameters
 from sensor_msgs.msg import MultiDOFJointState
 
 from rigid_sim_ros.nodes.parameters import default_parameters, is_live
@@ -31,12 +30,6 @@ def sim(probe, tmp_path_factory):
         yield
 
 
-def set_parameter(probe, name, value):
-    request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
-    result, = probe.call(SetParameters, '/rigid_sim/set_parameters', request).results
-    return result
-
-
 def pace(probe):
     """Return the pace of a whole window of diagnostics that begins now."""
     message = probe.some(DiagnosticArray, '/diagnostics', 2)[1]
@@ -46,27 +39,27 @@ def pace(probe):
 
 def test_the_real_time_factor_follows_its_parameter(probe, sim):
     for factor in (0.2, 3.0):
-        assert set_parameter(probe, 'real_time_factor', factor).successful
+        assert probe.set_parameter('real_time_factor', factor).successful
         values = pace(probe)
         assert float(values['real-time factor wanted']) == factor
         assert factor / 2 < float(values['real-time factor']) < factor * 1.5
 
 
 def test_factor_0_is_as_fast_as_possible(probe, sim):
-    assert set_parameter(probe, 'publish_rate', 1.0).successful
-    assert set_parameter(probe, 'real_time_factor', 0.0).successful
+    assert probe.set_parameter('publish_rate', 1.0).successful
+    assert probe.set_parameter('real_time_factor', 0.0).successful
     values = pace(probe)
-    assert set_parameter(probe, 'real_time_factor', 1.0).successful
-    assert set_parameter(probe, 'publish_rate', 100.0).successful
+    assert probe.set_parameter('real_time_factor', 1.0).successful
+    assert probe.set_parameter('publish_rate', 100.0).successful
     assert values['real-time factor wanted'] == 'unlimited'
     assert float(values['real-time factor']) > 4.0
 
 
 def test_the_publish_rate_follows_its_parameter(probe, sim):
-    assert set_parameter(probe, 'publish_rate', 250.0).successful
+    assert probe.set_parameter('publish_rate', 250.0).successful
     stamps = [nanoseconds(m.header.stamp)
               for m in probe.some(MultiDOFJointState, '/rigid_sim/state', 20)]
-    assert set_parameter(probe, 'publish_rate', 100.0).successful
+    assert probe.set_parameter('publish_rate', 100.0).successful
     assert {b - a for a, b in pairwise(stamps)} == {4_000_000}
 
 
@@ -77,7 +70,7 @@ def test_the_publish_rate_follows_its_parameter(probe, sim):
     ('publish_tf', True),
 ])
 def test_a_value_out_of_range_or_read_only_is_refused(probe, sim, name, value):
-    assert not set_parameter(probe, name, value).successful
+    assert not probe.set_parameter(name, value).successful
 
 
 def test_every_parameter_has_a_description_and_says_whether_it_is_live(probe, sim):

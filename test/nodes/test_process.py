@@ -12,7 +12,6 @@ if find_spec('rclpy') is None:
     raise SkipTest('rclpy is not installed: pip install .[ros]')
 
 from nodes.live import kept, nanoseconds, Process, running, simulate
-from nodes.replays import set_parameter
 from nodes.scenes import crates
 import pytest
 from sensor_msgs.msg import MultiDOFJointState
@@ -70,7 +69,7 @@ def test_the_duration_is_simulation_time(probe, tmp_path, scene):
     with running(
         tmp_path, scene, name='timed', words=['--duration', '20'], real_time_factor=0.1,
     ) as process, probe.listening(MultiDOFJointState, '/timed/state') as states:
-        assert set_parameter(probe, '/timed', 'real_time_factor', 10.0).successful
+        assert probe.set_parameter('real_time_factor', 10.0, '/timed').successful
         assert process.wait() == 0
         probe.wait_for(lambda: nanoseconds(states[-1].header.stamp) == 20 * 10**9)
 

@@ -15,8 +15,6 @@ from mcap_ros2.decoder import DecoderFactory
 from nodes.live import running
 from nodes.scenes import crates
 import pytest
-from rcl_interfaces.srv import SetParameters
-from rclpy.parameter import Parameter
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import MultiDOFJointState
 
@@ -57,12 +55,6 @@ def set_twist() -> TwistStamped:
     return message
 
 
-def set_parameter(probe, name: str, value) -> None:
-    request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
-    result, = probe.call(SetParameters, f'{NODE}/set_parameters', request).results
-    assert result.successful, result.reason
-
-
 def let_pass(probe, publications: int = 20) -> None:
     """Let so many publications of the state go by."""
     probe.some(MultiDOFJointState, f'{NODE}/state', publications)
@@ -93,16 +85,16 @@ def drive(probe) -> None:
         probe.publish(f'{NODE}/crate/set_twist', set_twist())
         probe.wait_for(lambda: states, 'the state with the new twist')
     assert probe.pause(False, NODE).success
-    set_parameter(probe, 'real_time_factor', 3.0)
+    assert probe.set_parameter('real_time_factor', 3.0, NODE).successful
     push(probe, 'crate/wrench', wrench(0.5, 'ball'))
     let_pass(probe, 80)
-    set_parameter(probe, 'reset_time', True)
+    assert probe.set_parameter('reset_time', True, NODE).successful
     assert probe.trigger(f'{NODE}/reset').success
-    set_parameter(probe, 'wrench_timeout', 0.05)
+    assert probe.set_parameter('wrench_timeout', 0.05, NODE).successful
     push(probe, 'crate/wrench', wrench(4.0))
-    set_parameter(probe, 'real_time_factor', 0.0)
+    assert probe.set_parameter('real_time_factor', 0.0, NODE).successful
     let_pass(probe, 200)
-    set_parameter(probe, 'real_time_factor', 1.0)
+    assert probe.set_parameter('real_time_factor', 1.0, NODE).successful
     let_pass(probe, 60)
 
 

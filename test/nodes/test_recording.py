@@ -16,8 +16,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from nodes.live import kept, Process, running, simulate
 from nodes.scenes import crates, free_bodies
 import pytest
-from rcl_interfaces.srv import SetParameters
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import MultiDOFJointState
 
 from rigid_sim_ros.bag.info import info
@@ -41,16 +39,10 @@ def start(probe, sim):
     """Start recording into a path; end that, if it is still going on, after the test."""
     def begin(path, **parameters):
         for name, value in {'bag_path': str(path), **parameters}.items():
-            assert set_parameter(probe, sim, name, value).successful
+            assert probe.set_parameter(name, value, sim).successful
         return probe.trigger(f'{sim}/start_recording')
     yield begin
     probe.trigger(f'{sim}/stop_recording')
-
-
-def set_parameter(probe, node, name, value):
-    request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
-    result, = probe.call(SetParameters, f'{node}/set_parameters', request).results
-    return result
 
 
 def recorder_status(probe, node, when=lambda values: True):
@@ -92,7 +84,7 @@ def test_a_recording_that_begins_amid_contacts_stands_on_its_own(probe, tmp_path
     # A ball hits a tower of blocks: 84 contacts, some of which are about to end.
     with running(tmp_path, 'tower', name='tower', real_time_factor=1.0):
         for k in range(3):
-            assert set_parameter(probe, '/tower', 'bag_path', str(tmp_path / f'bag{k}')).successful
+            assert probe.set_parameter('bag_path', str(tmp_path / f'bag{k}'), '/tower').successful
             assert probe.trigger('/tower/start_recording').success
             assert goes_on(probe, '/tower')
             assert probe.trigger('/tower/stop_recording').success
@@ -157,7 +149,7 @@ def test_a_folder_that_may_not_be_written_is_refused_and_the_simulation_goes_on(
 
 
 def test_an_unknown_storage_is_refused(probe, sim):
-    result = set_parameter(probe, sim, 'bag_storage', 'tape')
+    result = probe.set_parameter('bag_storage', 'tape', sim)
     assert not result.successful
     assert 'must be mcap or sqlite3' in result.reason
 
@@ -271,7 +263,7 @@ def test_after_a_full_disk_another_one_can_be_recorded_to(probe, tmp_path):
     with mounted(tmp_path / 'disk') as disk, running(
             tmp_path, str(scene), name='again', record=True, bag_path=disk / 'bag') as process:
         probe.wait_for(lambda: 'recording has ended' in process.stderr, 'a full disk')
-        assert set_parameter(probe, '/again', 'bag_path', str(tmp_path / 'bag')).successful
+        assert probe.set_parameter('bag_path', str(tmp_path / 'bag'), '/again').successful
         assert probe.trigger('/again/start_recording').success
         assert goes_on(probe, '/again')
         assert probe.trigger('/again/stop_recording').success

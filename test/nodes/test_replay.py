@@ -12,7 +12,7 @@ from bag.foreign import BEST_EFFORT, LATCHED, mcap, rosbag2, texts
 from bag.sessions import NODE, shared_session
 from geometry_msgs.msg import PoseStamped
 from nodes.live import DEEP, nanoseconds
-from nodes.replays import hearing, LATE, of_topic, replay, replaying, set_parameter, texts_of
+from nodes.replays import hearing, LATE, of_topic, replay, replaying, texts_of
 import pytest
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
@@ -124,7 +124,7 @@ def test_a_loop_begins_again_and_can_be_ended_while_it_runs(probe, tmp_path) -> 
     with hearing(probe, String, '/chatter') as received, replaying(
             tmp_path, bag, '--loop', name='loops') as process:
         probe.wait_for(lambda: len(received) >= 11)
-        assert set_parameter(probe, '/loops', 'loop', False).successful
+        assert probe.set_parameter('loop', False, '/loops').successful
         assert process.wait() == 0
         assert texts_of(received)[:11] == [f'/chatter {k % 5}' for k in range(11)]
 

@@ -11,7 +11,7 @@ from bag.foreign import LATCHED, mcap, rosbag2, texts
 from bag.sessions import NODE, shared_session
 from geometry_msgs.msg import PoseStamped
 from nodes.live import nanoseconds
-from nodes.replays import hearing, LATE, of_topic, replaying, set_parameter, texts_of
+from nodes.replays import hearing, LATE, of_topic, replaying, texts_of
 import pytest
 from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
@@ -134,7 +134,7 @@ def test_the_rate_changes_while_the_replay_runs(probe, tmp_path, chatter) -> Non
     with hearing(probe, String, '/chatter') as received, \
             replaying(tmp_path, chatter, '--rate', '0.001') as process:
         probe.wait_for(lambda: received)
-        assert set_parameter(probe, '/replay', 'rate', 1000.0).successful
+        assert probe.set_parameter('rate', 1000.0, '/replay').successful
         assert process.wait() == 0
         probe.wait_for(lambda: len(received) == 100)
 
@@ -144,4 +144,4 @@ def test_the_rate_changes_while_the_replay_runs(probe, tmp_path, chatter) -> Non
     ('start', 3.0), ('bag', 'other')])
 def test_parameters_that_cannot_be_set_are_refused(probe, tmp_path, chatter, name, value) -> None:
     with replaying(tmp_path, chatter, '--pause'):
-        assert not set_parameter(probe, '/replay', name, value).successful
+        assert not probe.set_parameter(name, value, '/replay').successful

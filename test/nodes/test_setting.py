@@ -14,8 +14,6 @@ from nodes.live import nanoseconds, running
 from nodes.scenes import crates, world_of
 import numpy as np
 import pytest
-from rcl_interfaces.srv import SetParameters
-from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import MultiDOFJointState
 
@@ -37,16 +35,10 @@ def sim(probe, scene, tmp_path_factory):
 @pytest.fixture
 def world(probe, sim, scene):
     """Put the simulation back to its start, paused, and give a world in the same state."""
-    set_parameter(probe, 'reset_time', False)
+    probe.set_parameter('reset_time', False)
     assert probe.pause(True).success
     assert probe.trigger('/rigid_sim/reset').success
     return world_of(scene)
-
-
-def set_parameter(probe, name, value):
-    request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
-    result, = probe.call(SetParameters, '/rigid_sim/set_parameters', request).results
-    return result
 
 
 def pose(position=POSITION, orientation=ORIENTATION, frame_id=''):
@@ -204,7 +196,7 @@ def test_reset_does_not_turn_the_clock_back(probe, world):
 
 def test_reset_turns_the_clock_back_where_reset_time_says_so(probe, world):
     step(probe)
-    assert set_parameter(probe, 'reset_time', True).successful
+    assert probe.set_parameter('reset_time', True).successful
     with probe.listening(Clock, '/clock') as clocks:
         assert probe.trigger('/rigid_sim/reset').success
         probe.wait_for(lambda: clocks)
