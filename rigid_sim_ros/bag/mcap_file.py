@@ -5,8 +5,9 @@ Write one MCAP file that is safe against being cut off.
 
 The records are those of the `mcap` library, except for the messages and their index, which are
 packed here: 0.5 us a message instead of 3.6 (benchmarks/recording.py), and it is this thread's
-turn at the interpreter that the step loop would wait for. What is flushed has left the process:
-whole chunks, each with a checksum, that `recover` finds without an index.
+turn at the interpreter that the step loop would wait for. For the same reason a chunk is never
+put together in memory: to copy a megabyte takes the interpreter for a millisecond. What is flushed
+has left the process: whole chunks, each with a checksum, that `recover` finds without an index.
 """
 
 from collections.abc import Iterable, Sequence
@@ -30,10 +31,14 @@ MAGIC = b'\x89MCAP0\r\n'
 MESSAGE = struct.Struct('<BQHIQQ')      # opcode, length, channel, sequence, log and publish time
 MESSAGE_FIELDS = MESSAGE.size - 9       # what the length counts besides the data
 _INDEX = struct.Struct('<BQHI')
+_LENGTH = struct.Struct('<Q')
+_AT_LENGTH = 1      # where a record has its length, behind the opcode
 
 # [bytes] A chunk goes out when it has grown to this, or with a flush. Larger ones compress a
 # little better; rosbag2 and rosbags end theirs at 0.8 and 1 MB.
 _CHUNK = 1 << 20
+# Buffers in one call of the system: IOV_MAX of Linux.
+_BUFFERS = 1024
 
 
 class McapFile:
@@ -54,15 +59,17 @@ class McapFile:
         self._schemas = {name: k + 1 for k, name in enumerate(
             dict.fromkeys(topic.type for topic in topics))}
         self._chunks: list[ChunkIndex] = []
-        self._parts: list[bytes] = []           # of the chunk that is growing
+        self._parts: list[bytes] = []           # of the chunk that is growing, one a call
+        self._parts_crc = 0
         self._index: dict[int, list[int]] = {}  # channel: time and place of each message
         self._position = 0
         self._first: int | None = None
         self._last = 0
         self._file = path.open('xb', buffering=0)
+        described = _bytes([*self._schema_records(), *self._channel_records()])
+        self._described_size = len(described)
         try:
-            self._put(MAGIC + _bytes([Header('ros2', f'rigid_sim_ros {__version__}'),
-                                      *self._schema_records(), *self._channel_records()]))
+            self._put([MAGIC, _bytes([Header('ros2', f'rigid_sim_ros {__version__}')]), described])
         except OSError:
             self._file.close()
             path.unlink()
@@ -76,8 +83,8 @@ class McapFile:
         Their times are a nanosecond apart from `first_ns` on, which must be later than any time
         before: so every reader gives them back in the order in which they were written.
         """
-        parts, index, position, stamp = self._parts, self._index, self._position, first_ns
-        pack = MESSAGE.pack
+        parts: list[bytes] = []
+        index, position, stamp, pack = self._index, self._position, first_ns, MESSAGE.pack
         for channel, data in zip(channels, messages, strict=True):
             size = len(data)
             parts.append(pack(5, size + MESSAGE_FIELDS, channel, 0, stamp, stamp))
@@ -89,6 +96,9 @@ class McapFile:
             entry.append(position)
             position += size + 31       # MESSAGE.size
             stamp += 1
+        together = b''.join(parts)
+        self._parts.append(together)
+        self._parts_crc = zlib.crc32(together, self._parts_crc)
         if self._first is None:
             self._first = first_ns
         self._last = stamp - 1
@@ -115,13 +125,12 @@ class McapFile:
     def closing_size(self) -> int:
         """Return how many bytes `close` will need at most."""
         per_chunk = 100 + 10 * len(self._topics)
-        return 4096 + (len(self._chunks) + 1) * per_chunk + len(
-            _bytes([*self._schema_records(), *self._channel_records()]))
+        return 4096 + (len(self._chunks) + 1) * per_chunk + self._described_size
 
     def close(self) -> FileFacts:
         """Write the index and let the file go; OSError if there is no room."""
         self.flush()
-        self._put(_bytes([DataEnd(self._crc)]))
+        self._put([_bytes([DataEnd(self._crc)])])
         start = self.size
         statistics = Statistics(
             attachment_count=0, channel_count=len(self._topics),
@@ -142,7 +151,7 @@ class McapFile:
         # The checksum covers the summary and the footer up to where itself stands.
         footer = _bytes([Footer(start, offsets_start, 0)])[:-4]
         checksum = zlib.crc32(footer, zlib.crc32(summary))
-        self._put(summary + footer + struct.pack('<I', checksum) + MAGIC)
+        self._put([summary, footer, struct.pack('<I', checksum), MAGIC])
         os.fsync(self._file.fileno())
         self._file.close()
         return self.facts()
@@ -156,31 +165,29 @@ class McapFile:
         return FileFacts(self.path.name, self.first_ns, self.last_ns, tuple(self.counts))
 
     def _begin_chunk(self) -> None:
-        self._parts, self._index, self._position = [], {}, 0
+        self._parts, self._parts_crc, self._index, self._position = [], 0, {}, 0
         self._first, self._last = None, 0
 
     def _end_chunk(self) -> None:
-        raw = b''.join(self._parts)
-        data = self._compress(raw) if self._compress else raw
-        assert self._first is not None
-        chunk = _bytes([Chunk(
-            compression='zstd' if self._compress else '', data=data,
-            message_start_time=self._first, message_end_time=self._last,
-            uncompressed_crc=zlib.crc32(raw), uncompressed_size=len(raw))])
-        parts, offsets, position = [chunk], {}, self.size + len(chunk)
+        data = [self._compress(b''.join(self._parts))] if self._compress else self._parts
+        data_size = sum(map(len, data))
+        head = self._chunk_head(data_size)
+        chunk_size = len(head) + data_size
+        parts, offsets, position = [head, *data], {}, self.size + chunk_size
         for channel, entry in self._index.items():
             size = 8 * len(entry)
             offsets[channel] = position
             parts.append(_INDEX.pack(Opcode.MESSAGE_INDEX, size + 6, channel, size))
             parts.append(struct.pack(f'<{len(entry)}Q', *entry))
             position += _INDEX.size + size
+        assert self._first is not None
         index = ChunkIndex(
-            chunk_length=len(chunk), chunk_start_offset=self.size,
-            compression='zstd' if self._compress else '', compressed_size=len(data),
+            chunk_length=chunk_size, chunk_start_offset=self.size,
+            compression=self._compression, compressed_size=data_size,
             message_end_time=self._last, message_start_time=self._first,
-            message_index_length=position - self.size - len(chunk),
-            message_index_offsets=offsets, uncompressed_size=len(raw))
-        self._put(b''.join(parts))
+            message_index_length=position - self.size - chunk_size,
+            message_index_offsets=offsets, uncompressed_size=self._position)
+        self._put(parts)
         # Only now does it count: a chunk that did not fit on the disk is cut off again.
         self._whole = self.size, self._crc
         self._chunks.append(index)
@@ -190,12 +197,37 @@ class McapFile:
         self.last_ns = self._last
         self._begin_chunk()
 
-    def _put(self, data: bytes) -> None:
-        rest = memoryview(data)
+    def _chunk_head(self, data_size: int) -> bytes:
+        """Return the record of the chunk up to its data, which the library would copy twice."""
+        assert self._first is not None
+        head = bytearray(_bytes([Chunk(
+            compression=self._compression, data=b'', message_start_time=self._first,
+            message_end_time=self._last, uncompressed_crc=self._parts_crc,
+            uncompressed_size=self._position)]))
+        length, = _LENGTH.unpack_from(head, _AT_LENGTH)
+        _LENGTH.pack_into(head, _AT_LENGTH, length + data_size)
+        _LENGTH.pack_into(head, len(head) - _LENGTH.size, data_size)
+        return bytes(head)
+
+    @property
+    def _compression(self) -> str:
+        return 'zstd' if self._compress else ''
+
+    def _put(self, parts: Sequence[bytes]) -> None:
+        """Write bytes one after the other, not put together before."""
+        rest: list[bytes | memoryview] = list(parts)
         while rest:
-            rest = rest[self._file.write(rest):]
-        self.size += len(data)
-        self._crc = zlib.crc32(data, self._crc)
+            written = os.writev(self._file.fileno(), rest[:_BUFFERS])
+            done = 0
+            while done < len(rest) and written >= len(rest[done]):
+                written -= len(rest[done])
+                done += 1
+            del rest[:done]
+            if written:
+                rest[0] = memoryview(rest[0])[written:]
+        self.size += sum(map(len, parts))
+        for part in parts:
+            self._crc = zlib.crc32(part, self._crc)
 
     def _schema_records(self) -> list[McapRecord]:
         return [Schema(id=k, name=name, encoding='ros2msg', data=definition(name)[0].encode())
