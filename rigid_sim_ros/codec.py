@@ -26,7 +26,7 @@ _SECOND = 1_000_000_000
 _POSE = 7       # doubles: position, orientation
 _TWIST = 6      # doubles: linear, angular
 _DOUBLE = 8     # bytes
-_NOWHERE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)      # the pose that moves nothing
+_IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)     # as a pose
 _STAMP = np.dtype([('sec', '<i4'), ('nanosec', '<u4')])
 
 
@@ -229,7 +229,7 @@ class TransformsEncoder(_Scattered):
 
 
 class _MarkerPlaces(NamedTuple):
-    """Where in a message things of a marker begin."""
+    """Where in a message what changes of a marker begins."""
 
     stamp: int
     pose: int
@@ -256,10 +256,11 @@ class PointMarkersEncoder:
         # by 24 bytes, which changes no alignment.
         places = _write_markers(
             writer, frame_id, [marker._replace(points=[(0.0, 0.0, 0.0)]) for marker in markers])
-        self._pieces: list[tuple[bytearray, int, int]] = []     # up to the points, stamp, length
+        # Bytes up to the points, and the places of the stamp and of the number of points in them.
+        self._pieces: list[tuple[bytearray, int, int]] = []
         begin = 0
         for place in places:
-            pack_into(f'<{_POSE}d', writer.data, place.pose, *_NOWHERE)
+            pack_into(f'<{_POSE}d', writer.data, place.pose, *_IDENTITY)
             self._pieces.append((writer.data[begin:place.points], place.stamp - begin,
                                  place.length - begin))
             begin = place.points + 3 * _DOUBLE

@@ -5,9 +5,10 @@ Write one MCAP file that is safe against being cut off.
 
 The records are those of the `mcap` library, except for the messages and their index, which are
 packed here: 0.5 us a message instead of 3.6 (benchmarks/recording.py), and it is this thread's
-turn at the interpreter that the step loop would wait for. For the same reason a chunk is never
-put together in memory: to copy a megabyte takes the interpreter for a millisecond. What is flushed
-has left the process: whole chunks, each with a checksum, that `recover` finds without an index.
+turn at the interpreter that the step loop would wait for. For the same reason a chunk that is not
+compressed is never put together in memory: to copy a megabyte holds the GIL for up to a
+millisecond. What is flushed has left the process: whole chunks, each with a checksum, that
+`recover` finds without an index.
 """
 
 from collections.abc import Iterable, Sequence
@@ -19,7 +20,7 @@ import zlib
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
-    Channel, Chunk, ChunkIndex, DataEnd, Footer, Header, McapRecord, Schema, Statistics,
+    Channel, ChunkIndex, DataEnd, Footer, Header, McapRecord, Schema, Statistics,
     SummaryOffset)
 import zstandard
 
@@ -31,8 +32,6 @@ MAGIC = b'\x89MCAP0\r\n'
 MESSAGE = struct.Struct('<BQHIQQ')      # opcode, length, channel, sequence, log and publish time
 MESSAGE_FIELDS = MESSAGE.size - 9       # what the length counts besides the data
 _INDEX = struct.Struct('<BQHI')
-_LENGTH = struct.Struct('<Q')
-_AT_LENGTH = 1      # where a record has its length, behind the opcode
 
 # [bytes] A chunk goes out when it has grown to this, or with a flush. Larger ones compress a
 # little better; rosbag2 and rosbags end theirs at 0.8 and 1 MB.
@@ -59,7 +58,7 @@ class McapFile:
         self._schemas = {name: k + 1 for k, name in enumerate(
             dict.fromkeys(topic.type for topic in topics))}
         self._chunks: list[ChunkIndex] = []
-        self._parts: list[bytes] = []           # of the chunk that is growing, one a call
+        self._parts: list[bytes] = []           # of the chunk that is growing, one for each `write`
         self._parts_crc = 0
         self._index: dict[int, list[int]] = {}  # channel: time and place of each message
         self._position = 0
@@ -200,21 +199,17 @@ class McapFile:
     def _chunk_head(self, data_size: int) -> bytes:
         """Return the record of the chunk up to its data, which the library would copy twice."""
         assert self._first is not None
-        head = bytearray(_bytes([Chunk(
-            compression=self._compression, data=b'', message_start_time=self._first,
-            message_end_time=self._last, uncompressed_crc=self._parts_crc,
-            uncompressed_size=self._position)]))
-        length, = _LENGTH.unpack_from(head, _AT_LENGTH)
-        _LENGTH.pack_into(head, _AT_LENGTH, length + data_size)
-        _LENGTH.pack_into(head, len(head) - _LENGTH.size, data_size)
-        return bytes(head)
+        name = self._compression.encode()
+        rest = struct.pack(f'<QQQII{len(name)}sQ', self._first, self._last, self._position,
+                           self._parts_crc, len(name), name, data_size)
+        return struct.pack('<BQ', Opcode.CHUNK, len(rest) + data_size) + rest
 
     @property
     def _compression(self) -> str:
         return 'zstd' if self._compress else ''
 
     def _put(self, parts: Sequence[bytes]) -> None:
-        """Write bytes one after the other, not put together before."""
+        """Write pieces one after the other without joining them."""
         rest: list[bytes | memoryview] = list(parts)
         while rest:
             written = os.writev(self._file.fileno(), rest[:_BUFFERS])

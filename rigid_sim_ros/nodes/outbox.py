@@ -11,9 +11,6 @@ from collections.abc import Iterable
 from time import monotonic_ns
 from typing import Any
 
-# Messages between two looks at the clock: some 20 us.
-_AT_ONCE = 8
-
 
 class Outbox:
     """What is still to be sent, in the order in which it came; for one thread."""
@@ -30,7 +27,6 @@ class Outbox:
         waiting = self._waiting
         before = len(waiting)
         while waiting and monotonic_ns() < until_ns:
-            for _ in range(min(_AT_ONCE, len(waiting))):
-                handle, data = waiting.popleft()
-                handle.publish_raw(data)
+            handle, data = waiting.popleft()
+            handle.publish_raw(data)
         return len(waiting) < before

@@ -62,7 +62,7 @@ class Publishers:
         self, node: Node, world: World, bodies: Sequence[int], parameters: Mapping[str, Any],
         qos: Mapping[str, QoSProfile],
     ) -> None:
-        self.messages = 0       # sent so far, and the wall time that encoding and sending took
+        self.messages = 0       # so far, and the wall time that encoding and sending them took
         self.cost_ns = 0
         self.recorded = 0       # messages, and the wall time that handing them over took
         self.recording_ns = 0

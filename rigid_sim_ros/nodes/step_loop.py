@@ -3,8 +3,8 @@
 """
 The thread that owns the world: take inputs, step, publish, on the deadlines of the pacer.
 
-Nothing else touches the world once this runs. What is published, and when, depends on the number
-of the step alone, so a slow machine publishes the same messages as a fast one, only later.
+Nothing else touches the world once this runs. What is published depends on the number of the step
+alone, so a slow machine publishes the same messages as a fast one, only later.
 """
 from collections.abc import Callable
 from math import inf
@@ -34,6 +34,9 @@ _BATCH = 64
 # an input arrives.
 _PLAIN_SLEEP_NS = 5 * MILLISECOND
 _LONGEST_WAIT_NS = 50 * MILLISECOND
+
+# A loop that is later than this does not wait for time to send in.
+_BEHIND_NS = 10 * MILLISECOND
 
 
 class StepLoop:
@@ -83,8 +86,10 @@ class StepLoop:
         finally:
             self._stopped.set()
             self._refuse_commands()
-            self._recording.close()
-            self._publishers.send_waiting()
+            try:
+                self._publishers.send_waiting()
+            finally:
+                self._recording.close()     # which waits for the disk
 
     def _turn(self) -> None:
         for item in self._queue.take():
@@ -98,8 +103,11 @@ class StepLoop:
             self._diagnostics.publish(now_ns, thread_time_ns(), self._paused, self._broken)
         count = 0 if self._paused else self._count(now_ns)
         if count:
-            self._diagnostics.note(self._pacer.start(count, now_ns))
+            lateness = self._pacer.start(count, now_ns)
+            self._diagnostics.note(lateness)
             self._step(count)
+            if not self._pacer.factor or lateness.late_ns > _BEHIND_NS:
+                self._publishers.send_waiting()     # no time is left between steps
         else:
             self._wait(now_ns)
 
@@ -121,8 +129,6 @@ class StepLoop:
         for interval, publish in self._outputs:
             if index % interval == 0:
                 publish()
-        if not self._pacer.factor:
-            self._publishers.send_waiting()     # no time is left between steps
 
     def _advance(self, count: int) -> bool:
         """
@@ -154,7 +160,11 @@ class StepLoop:
             self._queue.wait(min(wait_ns, _LONGEST_WAIT_NS) / _SECOND)
 
     def _schedule(self) -> None:
-        """Set when each output is published; those of one step go out in this order."""
+        """
+        Set when each output is published.
+
+        Those of one step go out in this order, but the topics of single bodies: these come last.
+        """
         rate = self._parameters['diagnostics_rate']
         self._diagnostics.period_ns = _SECOND / rate if rate else inf
         outputs = [
@@ -222,8 +232,13 @@ class StepLoop:
         self._schedule()
 
     def _apply_command(self, item: Command) -> None:
-        self._publishers.send_waiting()     # who hears the answer has heard what was before it
-        item.answer.set_result(_COMMANDS[item.name](self))
+        try:
+            self._publishers.send_waiting()     # what came before is sent before the answer
+            answer = _COMMANDS[item.name](self)
+        except Exception:
+            item.answer.set_result(ENDED)       # or who asked would wait for ever
+            raise
+        item.answer.set_result(answer)
 
     def _try(self, topic: str, kind: str, **arguments: Any) -> bool:
         """Tell the world something; what it cannot do is refused as any other bad message."""

@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is recorded is what was published, and any tool can read it."""
 
+from collections.abc import Sequence
 from itertools import pairwise, product
 import json
+import os
 from pathlib import Path
 import threading
 import time
@@ -16,9 +18,10 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from rigid_sim_ros import __version__
-from rigid_sim_ros.bag import decode, recorder as recorder_module, topics as kinds
+from rigid_sim_ros.bag import decode, mcap_file, recorder as recorder_module, topics as kinds
 from rigid_sim_ros.bag.batch import Batch
 from rigid_sim_ros.bag.errors import BagError
+from rigid_sim_ros.bag.mcap_file import McapFile
 from rigid_sim_ros.bag.outputs import Outputs, state_topics
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.recorder import Recorder
@@ -287,6 +290,26 @@ def test_a_write_that_fails_ends_the_recording_and_nothing_else(tmp_path, monkey
     verdict = verify(tmp_path / 'bag')
     assert verdict.holds
     assert (verdict.steps, verdict.note) == (500, 'the recording was cut off')
+
+
+@pytest.mark.parametrize('compression', ['none', 'zstd'])
+def test_a_system_that_takes_a_little_at_a_time_gets_everything(
+        tmp_path, monkeypatch, compression) -> None:
+    def write(name: str) -> bytes:
+        topic = kinds.topic(kinds.STATE, 'somebody')
+        file = McapFile(tmp_path / name, [topic], compressed=compression == 'zstd')
+        for k in range(2000):       # more pieces than one call takes
+            file.write([1], 1 + k, [b'%d' % k * (k % 50)])
+        file.close()
+        return (tmp_path / name).read_bytes()
+
+    def write_some(handle: int, parts: Sequence[bytes]) -> int:
+        assert len(parts) <= os.sysconf('SC_IOV_MAX')
+        return os.write(handle, b''.join(parts)[:1000])
+
+    whole = write('whole.mcap')
+    monkeypatch.setattr(mcap_file.os, 'writev', write_some)
+    assert write('pieces.mcap') == whole
 
 
 def test_recording_leaves_the_simulation_as_it_is(tmp_path) -> None:

@@ -69,7 +69,7 @@ def test_a_step_through_a_recording_is_a_step_of_the_simulation(probe, tmp_path)
 
 
 def test_a_step_needs_a_pause(probe, tmp_path, chatter) -> None:
-    with replaying(tmp_path, chatter, '--loop'):
+    with replaying(tmp_path, chatter, '--loop', subscriber_timeout=0.0):
         answer = probe.trigger('/replay/step')
     assert not answer.success
     assert 'not paused' in answer.message
@@ -77,7 +77,7 @@ def test_a_step_needs_a_pause(probe, tmp_path, chatter) -> None:
 
 def test_a_step_at_the_end_says_so(probe, tmp_path) -> None:
     bag = mcap(tmp_path / 'a.mcap', texts('/chatter', 2, SECOND))
-    with replaying(tmp_path, bag, '--pause'):
+    with replaying(tmp_path, bag, '--pause', subscriber_timeout=0.0):
         assert [probe.trigger('/replay/step').success for _ in range(4)] == [
             True, True, False, False]
 
@@ -109,14 +109,15 @@ def test_after_a_seek_comes_first_what_was_latched_then(probe, tmp_path) -> None
 
 @pytest.mark.parametrize('at, shown', [(-5.0, 0), (1e9, 99), (1e300, 99)])
 def test_seek_stays_within_the_bag(probe, tmp_path, chatter, at, shown) -> None:
-    with replaying(tmp_path, chatter, '--pause', '--start', '50'):
+    with replaying(tmp_path, chatter, '--pause', '--start', '50', subscriber_timeout=0.0):
         probe.publish('/replay/seek', Float64(data=at))
         probe.wait_for(lambda: probe.pause(True, '/replay').message
                        == f'already paused at {shown}.000000000 s')
 
 
 def test_seek_to_no_number_is_refused_and_the_replay_goes_on(probe, tmp_path, chatter) -> None:
-    with replaying(tmp_path, chatter, '--pause', '--start', '50') as process:
+    with replaying(tmp_path, chatter, '--pause', '--start', '50',
+                   subscriber_timeout=0.0) as process:
         probe.publish('/replay/seek', Float64(data=float('nan')))
         probe.wait_for(lambda: 'refused ~/seek: nan' in process.stderr)
         assert probe.pause(True, '/replay').message == 'already paused at 50.000000000 s'

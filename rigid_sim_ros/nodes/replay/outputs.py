@@ -3,7 +3,7 @@
 """What a replay publishes: the bytes of the bag, and the clock."""
 
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -119,16 +119,19 @@ class Outputs:
 
     def subscriptions(self) -> int:
         """Return how many subscriptions there are to all topics and the clock together."""
-        publishers = [output.publisher for output in self._outputs.values()]
-        if self._clock is not None:
-            publishers.append(self._clock)
-        return sum(publisher.get_subscription_count() for publisher in publishers)
+        return sum(publisher.get_subscription_count() for publisher in self._publishers())
 
     def flush(self, seconds: float) -> None:
         """Wait until reliable subscribers have what was sent, at most this long."""
         end = monotonic() + seconds
+        for publisher in self._publishers():
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - monotonic())))
+
+    def _publishers(self) -> Iterator[Publisher]:
         for output in self._outputs.values():
-            output.publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - monotonic())))
+            yield output.publisher
+        if self._clock is not None:
+            yield self._clock
 
     def _begin_file(self, file: int) -> None:
         # What a bag repeats at the start of each file, so that the file is of use by itself, is

@@ -16,7 +16,7 @@ _MEANINGS = {
     'paused': Meaning('Whether to begin paused.'),
     'subscriber_timeout': Meaning(
         'How long to wait at the start, in s of wall time, as long as nobody has subscribed to '
-        'any of the topics.', most=1e6),
+        'any of the topics or to /clock.', most=1e6),
     'rate': Meaning(
         'Seconds of the bag per second of wall time.', live=True, least=1e-3, most=1e3),
     'loop': Meaning('Whether to begin again at the end.', live=True),
