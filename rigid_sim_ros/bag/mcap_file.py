@@ -58,7 +58,7 @@ class McapFile:
         self._schemas = {name: k + 1 for k, name in enumerate(
             dict.fromkeys(topic.type for topic in topics))}
         self._chunks: list[ChunkIndex] = []
-        self._parts: list[bytes] = []           # of the chunk that is growing, one for each `write`
+        self._parts: list[bytes] = []           # of the chunk that is growing, one a `write`
         self._parts_crc = 0
         self._index: dict[int, list[int]] = {}  # channel: time and place of each message
         self._position = 0
