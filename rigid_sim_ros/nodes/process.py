@@ -3,7 +3,6 @@
 """What the nodes share as processes: how they start, end, and complain."""
 import argparse
 from collections.abc import Callable, Sequence
-import signal
 import sys
 import threading
 from typing import Any, NoReturn
@@ -77,22 +76,3 @@ class Threads:
             self._failures.append(error)
         finally:
             self._stopped.set()
-
-
-def stop_on_signals(stopped: threading.Event) -> Callable[[], None]:
-    """Let SIGINT and SIGTERM set the event; return what restores the handlers."""
-    if threading.current_thread() is not threading.main_thread():
-        return lambda: None         # only the main thread may set handlers
-    signals = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.getsignal(number) for number in signals]
-
-    def stop(number: int, frame: object) -> None:
-        stopped.set()
-
-    def restore() -> None:
-        for number, handler in zip(signals, before, strict=True):
-            signal.signal(number, handler)
-
-    for number in signals:
-        signal.signal(number, stop)
-    return restore

@@ -31,8 +31,7 @@ from rigid_sim_ros.bag.writer import check_path
 from rigid_sim_ros.nodes.inputs import ParameterInput, Queue, Receiver, Refusals
 from rigid_sim_ros.nodes.parameters import declare, is_live, mistake_in, ParameterError
 from rigid_sim_ros.nodes.process import (
-    complain, DONE, FAILED, Parser, ROS_ERRORS, ros_text, start_ros, stop_on_signals,
-    Threads)
+    complain, DONE, FAILED, Parser, ROS_ERRORS, ros_text, start_ros, Threads)
 from rigid_sim_ros.nodes.publishers import chosen_bodies, Publishers, tf_message
 from rigid_sim_ros.nodes.qos import profiles
 from rigid_sim_ros.nodes.recording import Recording
@@ -40,6 +39,7 @@ from rigid_sim_ros.nodes.services import Services
 from rigid_sim_ros.nodes.step_loop import StepLoop
 from rigid_sim_ros.scene.errors import SceneError
 from rigid_sim_ros.scene.overlap import describe_overlaps
+from rigid_sim_ros.signals import stop_on_signals
 from rigid_sim_ros.warm_up import announced, warm_up
 from rigid_sim_ros.world import load_scene, World
 

@@ -14,9 +14,10 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 
 from rigid_sim_ros.nodes.process import (
-    complain, DONE, ROS_ERRORS, ros_text, start_ros, stop_on_signals, Threads)
+    complain, DONE, ROS_ERRORS, ros_text, start_ros, Threads)
 from rigid_sim_ros.nodes.view_driver import RosDriver
 from rigid_sim_ros.nodes.view_feed import Feed, simulations
+from rigid_sim_ros.signals import stop_on_signals
 from rigid_sim_ros.viewer.address import AddressError, open_page, PORT
 from rigid_sim_ros.viewer.bag import RATE
 from rigid_sim_ros.viewer.live import LivePage

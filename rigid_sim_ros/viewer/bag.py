@@ -1,9 +1,9 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """Show a bag in the page, without ROS."""
-import signal
 import threading
 
+from rigid_sim_ros.signals import stop_on_signals
 from rigid_sim_ros.viewer.address import open_page, PORT
 from rigid_sim_ros.viewer.recording import Recording
 from rigid_sim_ros.viewer.server import LOCAL, stop
@@ -37,7 +37,9 @@ def show_bag(path: str, stopped: threading.Event, *, host: str = LOCAL, port: in
 def run(path: str, *, host: str = LOCAL, port: int = PORT, rate: float = RATE) -> int:
     """Show a bag until Ctrl-C or SIGTERM; return the exit code. Errors as for `show_bag`."""
     stopped = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stopped.set())
-    show_bag(path, stopped, host=host, port=port, rate=rate)
+    restore = stop_on_signals(stopped)
+    try:
+        show_bag(path, stopped, host=host, port=port, rate=rate)
+    finally:
+        restore()
     return 0

@@ -8,6 +8,7 @@ machine only.
 """
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+import ctypes
 import os
 from pathlib import Path
 import signal
@@ -72,6 +73,12 @@ class Process:
 
     def signal(self, number: signal.Signals) -> None:
         self._process.send_signal(number)
+
+    def signal_other_thread(self, number: int) -> None:
+        """Send a signal to a thread that is not the main one, as a system may do."""
+        pid = self._process.pid
+        others = [int(name) for name in os.listdir(f'/proc/{pid}/task') if int(name) != pid]
+        assert ctypes.CDLL(None).tgkill(pid, others[-1], number) == 0
 
     def wait(self) -> int:
         """Wait for the end and return the exit code."""

@@ -41,6 +41,13 @@ def test_a_signal_ends_the_node_cleanly(probe, tmp_path, scene, number):
         assert [line for line in process.stderr.splitlines() if not HEALTHY.match(line)] == []
 
 
+def test_a_signal_to_any_thread_ends_the_node(probe, tmp_path, scene):
+    with running(tmp_path, scene, name='sim_thread') as process:
+        probe.some(MultiDOFJointState, '/sim_thread/state')
+        process.signal_other_thread(signal.SIGINT)
+        assert process.wait() == 0
+
+
 def test_a_signal_ends_the_node_while_it_is_paused(probe, tmp_path, scene):
     with running(tmp_path, scene) as process:
         probe.pause(True)

@@ -26,14 +26,14 @@ from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.playback import PlayableBag
 from rigid_sim_ros.nodes.declaring import ParameterError
 from rigid_sim_ros.nodes.process import (
-    complain, DONE, FAILED, Parser, ROS_ERRORS, ros_text, start_ros, stop_on_signals,
-    Threads)
+    complain, DONE, FAILED, Parser, ROS_ERRORS, ros_text, start_ros, Threads)
 from rigid_sim_ros.nodes.replay.controls import Controls
 from rigid_sim_ros.nodes.replay.outputs import Outputs
 from rigid_sim_ros.nodes.replay.parameters import declare
 from rigid_sim_ros.nodes.replay.player import Player, Settings
 from rigid_sim_ros.nodes.replay.terminal import attend, Bar, Keyboard
 from rigid_sim_ros.scene.errors import nearest
+from rigid_sim_ros.signals import stop_on_signals
 
 NODE_NAME = 'replay'
 SKIP = 5.0              # s that an arrow key moves
