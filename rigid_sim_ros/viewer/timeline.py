@@ -116,10 +116,11 @@ class BagPage:
         for each in happenings:
             marks[each.time] = each.what if named or each.what == 'difference' else ''
         old = self._timeline
-        with self._tab:
+        # At once: what stands below must not move to and fro under the mouse.
+        with self._server.atomic(), self._tab:
             self._timeline = self._new_timeline(
                 tuple((at, text) if text else at for at, text in marks.items()), old.order)
-        old.remove()
+            old.remove()
         self._event.options = (_NO_EVENT, *(
             f'{each.time:.3f} s  {each.text}' for each in happenings))
 

@@ -36,6 +36,8 @@ def page(bag, browser, folder):
     port = free_port()
     with kept(view(folder / 'view', str(bag), '--port', str(port))):
         page = Page(browser, f'http://127.0.0.1:{port}')
+        # The verdict makes the timeline anew: a click just then may miss.
+        page.wait_for(lambda: 'verified' in page.text(), 'the verdict')
         yield page
         page.close()
 
@@ -99,6 +101,7 @@ def test_the_bag_plays_at_the_chosen_rate(page):
 def test_a_loop_begins_anew(page):
     loop = page.page.get_by_label('loop', exact=True)
     loop.click()
+    page.wait_for(loop.is_checked, 'the loop')
     seek(page, 3.9)
     page.click('Play')
     page.wait_for(lambda: shown_time(page) < 3.5, 'the beginning')
