@@ -14,8 +14,7 @@ from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Vector3, Wre
 from nodes.live import kept, Process, running
 import numpy as np
 import pytest
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import GetParameters, SetParameters
+from rcl_interfaces.srv import GetParameters
 from sensor_msgs.msg import MultiDOFJointState
 from viewer.browsing import (
     free_port, GREEN, MAGENTA, OTHER_SCENE, Page, RED, scene_file, view)
@@ -41,9 +40,7 @@ def pace(probe):
 
 
 def set_pace(probe, factor):
-    value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=factor)
-    request = SetParameters.Request(parameters=[Parameter(name='real_time_factor', value=value)])
-    assert probe.call(SetParameters, '/rigid_sim/set_parameters', request).results[0].successful
+    assert probe.set_parameter('real_time_factor', factor).successful
 
 
 def test_the_page_shows_each_body_once(page):
