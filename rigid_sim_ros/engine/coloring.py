@@ -17,9 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray
+from rigid_sim_ros.engine.bits import fetch, lowest_zero
 from rigid_sim_ros.engine.contact_blocks import (
     BALLS_BEGIN, BALLS_SIZE, BLOCK_SIZE, SMALL_SIZE)
-from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part, pasted
+from rigid_sim_ros.engine.kernel import INDEX, inlined, part, pasted
 from rigid_sim_ros.engine.lanes import LANES
 
 # Classes of manifolds. 0, 1, 2: up to one, two, four points; 3, 4, 5: the same, and they resist
@@ -33,6 +34,9 @@ _NONE_LEFT = COLORS
 # Manifolds in a piece. What one colour leaves in the cache, the next one needs again; the blocks
 # of a piece that is too small are not full.
 PIECE = 2048
+# Blocks of a region that the processor's own cache has room for, about: who goes through more of
+# them asks for each ahead of time.
+CACHED = 512
 # The regions of a world: the halves, the first of which has all if there is no second, and what is
 # across.
 REGIONS, BETWEEN = 3, 2
@@ -132,6 +136,25 @@ def numbers_of(blocks: Blocks, block: int) -> Array:
     return blocks.numbers[first:first + BLOCK_SIZE]
 
 
+@part
+def fetch_block(blocks: Blocks, block: int) -> None:
+    """
+    Ask for the rows of a block that is needed soon; there may be none of that number.
+
+    A visit is so long that the processor does not see the next one coming, and of what is read row
+    by row it asks for nothing beyond the end of a page.
+    """
+    block = min(max(block, 0), blocks.kind.shape[0] - 1)
+    kind, size = blocks.kind[block], BLOCK_SIZE
+    first = blocks.start[block]
+    if are_balls(kind):
+        first, size = first + BALLS_BEGIN * LANES, BALLS_SIZE
+    elif is_small(kind):
+        size = SMALL_SIZE
+    for row in range(size // LANES):
+        fetch(blocks.numbers, (first + row * LANES) & INDEX)
+
+
 @pasted
 def lanes_of(block: int) -> slice:
     """Return where the lanes of a block are among all lanes."""
@@ -179,7 +202,7 @@ def _color_piece(region: int, begin: int, end: int, body_a: IntArray, body_b: In
     for k in range(begin, end):
         r, kind = work.member[region, k] & INDEX, work.kind[region, k]
         a, b = slot[body_a[r] & INDEX] & INDEX, slot[body_b[r] & INDEX] & INDEX
-        color = _lowest_free(work.mask[kind, a] | work.mask[kind, b])
+        color = min(lowest_zero(work.mask[kind, a] | work.mask[kind, b]), _NONE_LEFT)
         if color < _NONE_LEFT:
             # A body that does not move may be anywhere: its bits are never set.
             if a != 0:
@@ -188,14 +211,6 @@ def _color_piece(region: int, begin: int, end: int, body_a: IntArray, body_b: In
                 work.mask[kind, b] |= 1 << color
         work.color[region, k] = color * CLASSES + kind
         work.fill[region, color * CLASSES + kind] += 1
-
-
-@kernel
-def _lowest_free(mask: int) -> int:
-    for color in range(COLORS):
-        if mask & (1 << color) == 0:
-            return color
-    return _NONE_LEFT
 
 
 @part

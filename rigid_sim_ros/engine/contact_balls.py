@@ -8,51 +8,52 @@ inverse inertia of each body is a number J. With m = b w_B - a w_A the relative 
 
     u = v_B - v_A + m x n,   u . n = (v_B - v_A) . n,   u . t1 = (v_B - v_A) . t1 + m . t2, ...
 
-so the response K is diagonal: 1/m_A + 1/m_B along n, besides a^2 J_A + b^2 J_B along t1 and t2,
-and J_A + J_B about n. That takes a third of the work of other contacts and half of their memory.
+so the response K is diagonal: 1/m_A + 1/m_B along n, besides a^2 J_A + b^2 J_B along t1 and t2.
+About n a point makes no torque; where something resists spinning, the blocks are those of other
+shapes. That takes a third of the work of other contacts and half of their memory.
 """
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, axes, combine, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, INV_SPIN, inverse_of, LEVER_A,
-    LEVER_B, load_three, make_basis, MASS, Motion, MOVED, MU, NORMAL, POINT, RESIDUAL, SHOVE,
-    SPEED, SPIN_LEVER, STICK, store_three, Three, TORSION, TOTAL, TURN_A, TURN_B)
+    ABSENT, axes, combine, FRICTION, GAP, IMPULSE, inverse_of, LEVER_A, LEVER_B, load_three,
+    load_two, make_basis, MASS, Motion, MOVED, MU, NORMAL, POINT, RESIDUAL, SHOVE, SPEED, STICK,
+    store_three, store_two, Three, TORSION, TOTAL, Two)
 from rigid_sim_ros.engine.contact_rules import gap_of, onto_circle, wanted_of
 from rigid_sim_ros.engine.kernel import part
 from rigid_sim_ros.engine.lanes import any_of, Eight, gather, load, scatter, select, store
+from rigid_sim_ros.engine.solver_bodies import INV_I, INV_M
 from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, scale, subtract
 
 
 @part
-def prepare_balls(b: Array) -> None:
+def prepare_balls(b: Array, inv_m_A: Eight, inv_m_B: Eight, J_A: Eight, J_B: Eight) -> None:
     """
-    Work out frames and responses.
+    Work out frames and responses, given the inverse masses and inertias.
 
     Filled in before: what `prepare_block` asks for, but levers in place of arms and of where the
-    point is, and TURN_A and TURN_B in place of the inertia.
+    point is.
     """
     make_basis(b)
     a, c = load(b, LEVER_A), load(b, LEVER_B)
-    J_A, J_B = load(b, TURN_A), load(b, TURN_B)
-    straight = load(b, INV_M_A) + load(b, INV_M_B)
+    straight = inv_m_A + inv_m_B
     store(b, POINT + TOTAL, 0.0)
     store(b, POINT + MASS, select(load(b, POINT + GAP) < ABSENT, inverse_of(straight), 0.0))
     store(b, STICK, inverse_of(straight + a * a * J_A + c * c * J_B))
-    store(b, INV_SPIN, inverse_of(J_A + J_B))
 
 
 @part
-def warm_balls(b: Array, warm: Array, at_A: IntArray, at_B: IntArray) -> None:
+def warm_balls(b: Array, warm: Array, at_A: IntArray, at_B: IntArray, inv_m_A: Eight,
+               inv_m_B: Eight) -> None:
     """Let the impulses of a block act at the start of the first substep."""
     n, t1, t2 = axes(b)
-    along, (slide_1, slide_2, spin) = load(b, POINT + IMPULSE), load_three(b, FRICTION)
-    if not any_of(along + abs(slide_1) + abs(slide_2) + abs(spin) > 0.0):
+    along, (slide_1, slide_2) = load(b, POINT + IMPULSE), load_two(b, FRICTION)
+    if not any_of(along + abs(slide_1) + abs(slide_2) > 0.0):
         return
     F = combine(n, t1, t2, (along, slide_1, slide_2))
-    turn, about = subtract(scale(slide_1, t2), scale(slide_2, t1)), scale(spin, n)
+    turn = subtract(scale(slide_1, t2), scale(slide_2, t1))
     A, B = gather(warm, at_A), gather(warm, at_B)
-    scatter(warm, at_A, _pushed(A, load(b, INV_M_A), load(b, LEVER_A), F, turn, about, -1.0))
-    scatter(warm, at_B, _pushed(B, load(b, INV_M_B), load(b, LEVER_B), F, turn, about, 1.0))
+    scatter(warm, at_A, _pushed(A, inv_m_A, load(b, LEVER_A), F, turn, -1.0))
+    scatter(warm, at_B, _pushed(B, inv_m_B, load(b, LEVER_B), F, turn, 1.0))
 
 
 @part
@@ -63,54 +64,49 @@ def visit_balls(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h: 
     v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
     old_N, speed = load(b, POINT + IMPULSE), dot(v, n)
     pressure = max(old_N - load(b, POINT + MASS) * (speed + gap_of(b, POINT) * inv_h), 0.0)
-    old = load_three(b, FRICTION)
-    if not any_of(pressure + old_N + abs(old[0]) + abs(old[1]) + abs(old[2]) > 0.0):
+    old = load_two(b, FRICTION)
+    if not any_of(pressure + old_N + abs(old[0]) + abs(old[1]) > 0.0):
         # Nothing presses, nor did anything before this visit.
         store(b, POINT + SPEED, speed)
         store(b, RESIDUAL, 0.0)
         return
-    straight, change_N = load(b, INV_M_A) + load(b, INV_M_B), pressure - old_N
+    straight, change_N = A[INV_M] + B[INV_M], pressure - old_N
     store(b, POINT + IMPULSE, pressure)
     store(b, POINT + SPEED, speed + straight * change_N)
 
-    w_A = scale(load(b, TURN_A), (A[3], A[4], A[5]))
-    w_B = scale(load(b, TURN_B), (B[3], B[4], B[5]))
+    w_A, w_B = scale(A[INV_I], (A[3], A[4], A[5])), scale(B[INV_I], (B[3], B[4], B[5]))
     m = subtract(scale(load(b, LEVER_B), w_B), scale(load(b, LEVER_A), w_A))
-    new = _friction(b, (dot(v, t1) + dot(m, t2), dot(v, t2) - dot(m, t1),
-                        dot(subtract(w_B, w_A), n)), pressure, old)
-    store_three(b, FRICTION, new)
-    change = subtract(new, old)
+    new = _friction(b, (dot(v, t1) + dot(m, t2), dot(v, t2) - dot(m, t1)), pressure, old)
+    store_two(b, FRICTION, new)
+    change = (new[0] - old[0], new[1] - old[1])
     store(b, RESIDUAL, straight * max(abs(change_N), max(abs(change[0]), abs(change[1]))))
 
     F = combine(n, t1, t2, (change_N, change[0], change[1]))
     store_three(b, TORSION, add(load_three(b, TORSION), cross(load_three(b, MOVED), F)))
-    # n x F, and the torque about n
-    turn, spin = subtract(scale(change[0], t2), scale(change[1], t1)), scale(change[2], n)
-    scatter(motion, at_A, _pushed(A, load(b, INV_M_A), load(b, LEVER_A), F, turn, spin, -1.0))
-    scatter(motion, at_B, _pushed(B, load(b, INV_M_B), load(b, LEVER_B), F, turn, spin, 1.0))
+    turn = subtract(scale(change[0], t2), scale(change[1], t1))     # n x F
+    scatter(motion, at_A, _pushed(A, A[INV_M], load(b, LEVER_A), F, turn, -1.0))
+    scatter(motion, at_B, _pushed(B, B[INV_M], load(b, LEVER_B), F, turn, 1.0))
 
 
 @part
-def _friction(b: Array, twist: Three, pressure: Eight, old: Three) -> Three:
-    """Stop the sliding and the spinning at c within Coulomb's cone; see contact_sweep.py."""
-    most, limit = load(b, SPIN_LEVER) * pressure, load(b, MU) * pressure
-    spin = min(max(old[2] - load(b, INV_SPIN) * twist[2], -most), most)
-    stick = load(b, STICK)
-    new1, new2 = old[0] - stick * twist[0], old[1] - stick * twist[1]
+def _friction(b: Array, sliding: Two, pressure: Eight, old: Two) -> Two:
+    """Stop the sliding at c within Coulomb's cone; see contact_sweep.py."""
+    limit, stick = load(b, MU) * pressure, load(b, STICK)
+    new1, new2 = old[0] - stick * sliding[0], old[1] - stick * sliding[1]
     if any_of(new1 * new1 + new2 * new2 > limit * limit):
         back = onto_circle(new1, new2, limit)
         new1, new2 = back * new1, back * new2
-    return (new1, new2, spin)
+    return (new1, new2)
 
 
 @part
-def _pushed(motion: Motion, inv_m: Eight, lever: Eight, F: Three, turn: Three, spin: Three,
-            sign: float) -> tuple[Eight, Eight, Eight, Eight, Eight, Eight]:
-    """Return the motion after an impulse at c, `sign` times F and the torque `spin`."""
+def _pushed(motion: Motion, inv_m: Eight, lever: Eight, F: Three, turn: Three,
+            sign: float) -> Motion:
+    """Return the motion after an impulse at c, `sign` times F; `turn` is n x F."""
     moves = select(inv_m > 0.0, sign, 0.0)
     v = add_scaled((motion[0], motion[1], motion[2]), sign * inv_m, F)
-    L = add_scaled(add_scaled((motion[3], motion[4], motion[5]), moves * lever, turn), moves, spin)
-    return (v[0], v[1], v[2], L[0], L[1], L[2])
+    L = add_scaled((motion[3], motion[4], motion[5]), moves * lever, turn)
+    return (v[0], v[1], v[2], L[0], L[1], L[2], motion[6], motion[7])
 
 
 @part
@@ -141,8 +137,8 @@ def separate_balls(b: Array, push: Array, at_A: IntArray, at_B: IntArray, rate: 
     shove = max(load(b, POINT + MASS) * (wanted - parting), 0.0)
     shove = select(wanted > 0.0, shove, 0.0)
     store(b, SHOVE, shove)
-    to_A, to_B = -load(b, INV_M_A) * shove, load(b, INV_M_B) * shove
+    to_A, to_B = -A[INV_M] * shove, B[INV_M] * shove
     scatter(push, at_A, (A[0] + to_A * n[0], A[1] + to_A * n[1], A[2] + to_A * n[2], A[3], A[4],
-                         A[5]))
+                         A[5], A[6], A[7]))
     scatter(push, at_B, (B[0] + to_B * n[0], B[1] + to_B * n[1], B[2] + to_B * n[2], B[3], B[4],
-                         B[5]))
+                         B[5], B[6], B[7]))

@@ -32,10 +32,12 @@ from rigid_sim_ros.engine.kernel import part
 from rigid_sim_ros.engine.lanes import Eight, LANES, load, root, select, store
 from rigid_sim_ros.engine.vector import add, cross, dot, subtract
 
+Two: TypeAlias = tuple[Eight, Eight]
 Three: TypeAlias = tuple[Eight, Eight, Eight]
 Six: TypeAlias = tuple[Eight, Eight, Eight, Eight, Eight, Eight]
 Nine: TypeAlias = tuple[Eight, Eight, Eight, Eight, Eight, Eight, Eight, Eight, Eight]
-# v [m/s] and L [kg m^2/s] of the bodies of a block, world axes, and two that are 0.
+# v [m/s] and L [kg m^2/s] of the bodies of a block, world axes, and what SolverBodies.motion holds
+# besides: the inverse mass and, of a ball, the inverse inertia.
 Motion: TypeAlias = tuple[Eight, Eight, Eight, Eight, Eight, Eight, Eight, Eight]
 
 # Rows of a block. Balls do without the first of them, see BALLS_BEGIN:
@@ -46,22 +48,20 @@ J_B = 12
 INV_TT = 18  # inverse of the force part of K_TT: 00, 01, 11
 SLIDE = 21  # 1 / a bound of the largest eigenvalue of the force part of K_TT
 K_SPIN = 22  # K_TT02 and K_TT12: how a torque about n makes a pair slide
+INV_SPIN = 24  # 1 / K_TT22
+SPIN_LEVER = 25  # [m] torque about n per normal force
+SPIN = 26  # impulse about n of this substep [N m s]
 # All blocks have these:
-NORMAL = 24  # n, world axes
-TANGENT = 27  # t1
-INV_M_A = 30
-INV_M_B = 31
-INV_SPIN = 32  # 1 / K_TT22
+NORMAL = 27  # n, world axes
+TANGENT = 30  # t1
 MU = 33  # friction coefficient
-SPIN_LEVER = 34  # [m] torque about n per normal force
-PAIR = 35  # 1: both bodies move
-FRICTION = 36  # impulses along t1, t2 [N s], about n [N m s], of this substep
-MOVED = 39  # displacement of x_B - x_A since the start of the step [m], world axes
-TORSION = 42  # angular momentum that the pair gained by it [N m s], world axes
-RESIDUAL = 45  # largest change of velocity that this sweep made [m/s]
-TOTAL_T = 46  # whole step: along t1, t2, about n
-SHOVE = 49  # impulse along n of the push that displaces [N s]
-POINT = 50  # rows of the first point
+FRICTION = 34  # impulses along t1, t2 of this substep [N s]
+MOVED = 36  # displacement of x_B - x_A since the start of the step [m], world axes
+TORSION = 39  # angular momentum that the pair gained by it [N m s], world axes
+RESIDUAL = 42  # largest change of velocity that this sweep made [m/s]
+TOTAL_T = 43  # friction of the whole step, along t1, t2 [N s]
+SHOVE = 45  # impulse along n of the push that displaces [N s]
+POINT = 46  # rows of the first point
 POINT_ROWS = 7
 # Of a point: TOTAL is the impulse of the whole step, SPEED the normal velocity after its last
 # visit.
@@ -69,12 +69,11 @@ S, T, MASS, GAP, IMPULSE, TOTAL, SPEED = range(7)
 # A small block, of manifolds that have one point and do not resist rolling, ends with this:
 K_N = POINT + POINT_ROWS  # response along n, t1, t2 and about n to the normal impulse
 SMALL_ROWS = K_N + 4
-# Balls: c lies on the normal through both centres, and inertia is a number. Instead of the arms
-# and of S, T they have the way from the centres of mass along n to c [m], and end with
+# Balls: c lies on the normal through both centres, inertia is a number, and nothing resists
+# spinning. Instead of S, T they have the way from the centres of mass along n to c [m], and end
+# with
 LEVER_A, LEVER_B = POINT + S, POINT + T
-TURN_A = K_N  # inverse inertia of A, of B
-TURN_B = TURN_A + 1
-STICK = TURN_B + 1  # 1 / K_TT00, which is 1 / K_TT11 too
+STICK = K_N  # 1 / K_TT00, which is 1 / K_TT11 too
 BALLS_BEGIN, BALLS_END = NORMAL, STICK + 1
 # The others have four points instead, and the rest of K.
 K_NN = POINT + 4 * POINT_ROWS  # 00, 01, 02, 11, 12, 22
@@ -90,9 +89,22 @@ ABSENT = 1e30  # the gap of a point that is not there [m]
 
 
 @part
+def load_two(b: Array, row: int) -> Two:
+    """Return two rows."""
+    return (load(b, row), load(b, row + 1))
+
+
+@part
 def load_three(b: Array, row: int) -> Three:
     """Return three rows."""
     return (load(b, row), load(b, row + 1), load(b, row + 2))
+
+
+@part
+def store_two(b: Array, row: int, v: Two) -> None:
+    """Write two rows."""
+    store(b, row, v[0])
+    store(b, row + 1, v[1])
 
 
 @part
@@ -110,6 +122,20 @@ def symmetric(b: Array, row: int, v: Three) -> Three:
     m11, m12, m22 = load(b, row + 3), load(b, row + 4), load(b, row + 5)
     return (m00 * v[0] + m01 * v[1] + m02 * v[2], m01 * v[0] + m11 * v[1] + m12 * v[2],
             m02 * v[0] + m12 * v[1] + m22 * v[2])
+
+
+@part
+def friction_of(b: Array) -> Three:
+    """Return the impulses of friction in this substep, as far as not only balls have them."""
+    return (load(b, FRICTION), load(b, FRICTION + 1), load(b, SPIN))
+
+
+@part
+def keep_friction(b: Array, impulse: Three) -> None:
+    """Write what `friction_of` returns."""
+    store(b, FRICTION, impulse[0])
+    store(b, FRICTION + 1, impulse[1])
+    store(b, SPIN, impulse[2])
 
 
 @part
@@ -139,12 +165,13 @@ def axes(b: Array) -> tuple[Three, Three, Three]:
 
 @part
 def pushed(motion: Motion, inv_m: Eight, arm: Three, F: Three, torque: Three,
-           sign: float) -> tuple[Eight, Eight, Eight, Eight, Eight, Eight]:
+           sign: float) -> Motion:
     """Return the motion after an impulse at c, `sign` times F and the torque."""
     w, moves = sign * inv_m, select(inv_m > 0.0, sign, 0.0)
     turn = add(cross(arm, F), torque)
     return (motion[0] + w * F[0], motion[1] + w * F[1], motion[2] + w * F[2],
-            motion[3] + moves * turn[0], motion[4] + moves * turn[1], motion[5] + moves * turn[2])
+            motion[3] + moves * turn[0], motion[4] + moves * turn[1], motion[5] + moves * turn[2],
+            motion[6], motion[7])
 
 
 @part
@@ -155,12 +182,12 @@ def combine(n: Three, t1: Three, t2: Three, c: Three) -> Three:
 
 
 @part
-def prepare_block(b: Array, points: int, small: bool) -> None:
+def prepare_block(b: Array, points: int, small: bool, inv_m_A: Eight, inv_m_B: Eight) -> None:
     """
     Work out frames, arms and responses of the eight manifolds of a block.
 
-    Filled in before: NORMAL, x_A - x_B in ARM_B, J_A .. INV_M_B, MU .. PAIR, the friction impulse
-    as a world vector in MOVED, FRICTION + 2, and for each of four points GAP, IMPULSE and in S, T,
+    Filled in before: NORMAL, x_A - x_B in ARM_B, J_A, J_B, MU, SPIN_LEVER, the friction impulse
+    as a world vector in MOVED, SPIN, and for each of four points GAP, IMPULSE and in S, T,
     MASS where it is from the centre of mass of A [m], world axes. A point that is not there has
     the gap ABSENT, and so have all but the first in a block of one point.
     """
@@ -174,8 +201,8 @@ def prepare_block(b: Array, points: int, small: bool) -> None:
         store(b, point + S, dot(r, t1))
         store(b, point + T, dot(r, t2))
         store(b, point + TOTAL, 0.0)
-    nn_A, tn_A, tt_A = _response(b, ARM_A, J_A, INV_M_A)
-    nn_B, tn_B, tt_B = _response(b, ARM_B, J_B, INV_M_B)
+    nn_A, tn_A, tt_A = _response(b, ARM_A, J_A, inv_m_A)
+    nn_B, tn_B, tt_B = _response(b, ARM_B, J_B, inv_m_B)
     _prepare_friction(b, tt_A, tt_B)
     if small:
         # The point is c, and its column g is (1, 0, 0).
@@ -212,7 +239,7 @@ def make_basis(b: Array) -> None:
     store(b, FRICTION + 1, dot(friction, cross(n, t1)))
     store_three(b, MOVED, (0.0, 0.0, 0.0))
     store_three(b, TORSION, (0.0, 0.0, 0.0))
-    store_three(b, TOTAL_T, (0.0, 0.0, 0.0))
+    store_two(b, TOTAL_T, (0.0, 0.0))
     store(b, RESIDUAL, 0.0)
 
 
@@ -253,7 +280,7 @@ def _place_centre(b: Array, count: int) -> None:
 
 
 @part
-def _response(b: Array, arm: int, inertia: int, inv_m: int) -> tuple[Six, Nine, Six]:
+def _response(b: Array, arm: int, inertia: int, inv_m: Eight) -> tuple[Six, Nine, Six]:
     """Return one body's part of K: the rows of K_NN, of K_TN and of K_TT."""
     n, t1, t2 = axes(b)
     c_W = load_three(b, arm)
@@ -266,11 +293,10 @@ def _response(b: Array, arm: int, inertia: int, inv_m: int) -> tuple[Six, Nine, 
     m00, m01, m02 = c1 * j02 - c2 * j01, c1 * j12 - c2 * j11, c1 * j22 - c2 * j12
     m10, m11, m12 = c2 * j00 - cn * j02, c2 * j01 - cn * j12, c2 * j02 - cn * j22
     m20, m21, m22 = cn * j01 - c1 * j00, cn * j11 - c1 * j01, cn * j12 - c1 * j02
-    w = load(b, inv_m)
-    return ((w + c1 * m02 - c2 * m01, -m01, -m02, j11, j12, j22),
+    return ((inv_m + c1 * m02 - c2 * m01, -m01, -m02, j11, j12, j22),
             (c1 * m12 - c2 * m11, -m11, -m12, c1 * m22 - c2 * m21, -m21, -m22, -m00, j01, j02),
-            (w + c2 * m10 - cn * m12, cn * m11 - c1 * m10, -m10, w + cn * m21 - c1 * m20, -m20,
-             j00))
+            (inv_m + c2 * m10 - cn * m12, cn * m11 - c1 * m10, -m10, inv_m + cn * m21 - c1 * m20,
+             -m20, j00))
 
 
 @part

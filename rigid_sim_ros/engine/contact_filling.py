@@ -4,14 +4,14 @@
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.coloring import (
-    are_balls, BALLS, BETWEEN, Blocks, Coloring, first_block, is_small, lanes_of, numbers_of,
-    points_in, QUIET, QUIET_BALLS)
+    are_balls, BALLS, BETWEEN, Blocks, CACHED, Coloring, fetch_block, first_block, is_small,
+    lanes_of, numbers_of, points_in, QUIET, QUIET_BALLS)
 from rigid_sim_ros.engine.contact_balls import prepare_balls, warm_balls
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, axes, combine, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, J_A,
-    J_B, LEVER_A, LEVER_B, load_three, MOVED, MU, NORMAL, normal_sum, PAIR, POINT, POINT_ROWS,
-    prepare_block, pushed, RESIDUAL, ROLL_LEVER, S, SHOVE, smallest_gap, SPIN_LEVER, store_three,
-    T, Three, TORSION, TOTAL, TOTAL_T, TURN_A, TURN_B)
+    ABSENT, ARM_A, ARM_B, axes, combine, FRICTION, friction_of, GAP, IMPULSE, J_A, J_B, LEVER_A,
+    LEVER_B, load_three, load_two, Motion, MOVED, MU, NORMAL, normal_sum, POINT, POINT_ROWS,
+    prepare_block, pushed, RESIDUAL, ROLL_LEVER, S, SHOVE, smallest_gap, SPIN, SPIN_LEVER,
+    store_three, T, Three, TORSION, TOTAL, TOTAL_T)
 from rigid_sim_ros.engine.contact_rules import SKIN
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.lanes import (
@@ -21,11 +21,9 @@ from rigid_sim_ros.engine.manifolds import Manifolds, POINTS
 from rigid_sim_ros.engine.shapes import Materials
 from rigid_sim_ros.engine.shifts import displacement, gap_now
 from rigid_sim_ros.engine.slots import ACROSS
-from rigid_sim_ros.engine.solver_bodies import HELD, SolverBodies, still_slot, STRIDE
+from rigid_sim_ros.engine.solver_bodies import HELD, INV_M, J, SolverBodies, still_slot, STRIDE
 from rigid_sim_ros.engine.vector import add, cross, dot
 
-# Where x_A - x_B of balls waits for the levers [m]: rows that are not yet in use.
-_BETWEEN_BALLS = TOTAL_T
 # What is noted of a region: the deepest overlap [m], and how many manifolds touch, and how many of
 # them without an impulse to begin with.
 DEEPEST, TOUCHING, NEW = range(3)
@@ -68,8 +66,10 @@ def classify(region: int, material: IntArray, materials: Materials, round_shapes
         r = work.member[region, k] & INDEX
         a, b = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
         points = manifolds.points[r]
-        rolling = materials.rolling[material[a] & INDEX, material[b] & INDEX]
-        balls = points == 1 and not shifted and round_shapes[a] + round_shapes[b] == 2
+        first, second = material[a] & INDEX, material[b] & INDEX
+        rolling, spinning = materials.rolling[first, second], materials.spinning[first, second]
+        balls = points == 1 and not shifted and round_shapes[a] + round_shapes[b] == 2 and (
+            spinning == 0.0)
         quiet = points == 1 and manifolds.impulse[0, r] == 0.0
         if rolling > 0.0:
             work.kind[region, k] = min(points - 1, 2) + 3
@@ -98,9 +98,9 @@ def place_lanes(region: int, manifolds: Manifolds, slot: IntArray, used: IntArra
 
 
 @part
-def fill_blocks(region: int, manifolds: Manifolds, x: Array, material: IntArray,
-                materials: Materials, shifts: Array, shifted: bool, share: float,
-                bodies: SolverBodies, blocks: Blocks, fresh: IntArray, notes: Array) -> None:
+def fill_blocks(region: int, manifolds: Manifolds, material: IntArray, materials: Materials,
+                shifts: Array, shifted: bool, share: float, bodies: SolverBodies, blocks: Blocks,
+                fresh: IntArray, notes: Array) -> None:
     """
     Bring the manifolds of a region into its blocks, and note how they are.
 
@@ -114,9 +114,16 @@ def fill_blocks(region: int, manifolds: Manifolds, x: Array, material: IntArray,
         b, rows = numbers_of(blocks, block), blocks.row[lanes]
         points, small = points_in(blocks.kind[block]), is_small(blocks.kind[block])
         balls = are_balls(blocks.kind[block])
-        _copy_shapes(b, rows, small, balls, manifolds, x, material, materials)
-        _copy_bodies(b, balls, bodies.mass, blocks.at_A[lanes], blocks.at_B[lanes])
-        _copy_manifolds(b, rows, points, balls, manifolds, share)
+        if blocks.count[region] > CACHED:
+            fetch_block(blocks, block + 1)
+        at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
+        A, B = gather(bodies.mass, at_A), gather(bodies.mass, at_B)
+        between = _between(gather(bodies.pose, at_A), gather(bodies.pose, at_B))
+        _copy_shapes(b, rows, small, balls, manifolds, material, materials)
+        if not balls:
+            _copy_inertia(b, A, B)
+            store_three(b, ARM_B, between)
+        _copy_manifolds(b, rows, points, balls, between, manifolds, share)
         least = smallest_gap(b, points)
         touches = least < SKIN
         fresh[block] = count_of(both(touches, normal_sum(b, points) == 0.0))
@@ -127,71 +134,66 @@ def fill_blocks(region: int, manifolds: Manifolds, x: Array, material: IntArray,
                 if rows[i] >= 0:
                     _shift_lane(manifolds, rows[i] & INDEX, shifts, b, i)
         if balls:
-            prepare_balls(b)
-            warm_balls(b, bodies.base, blocks.at_A[lanes], blocks.at_B[lanes])
+            prepare_balls(b, A[INV_M], B[INV_M], A[J], B[J])
+            warm_balls(b, bodies.base, at_A, at_B, A[INV_M], B[INV_M])
         else:
-            prepare_block(b, points, small)
-            _warm_start(b, points, bodies.base, blocks.at_A[lanes], blocks.at_B[lanes])
+            prepare_block(b, points, small, A[INV_M], B[INV_M])
+            _warm_start(b, points, bodies.base, at_A, at_B, A[INV_M], B[INV_M])
     notes[DEEPEST], notes[TOUCHING], notes[NEW] = deepest, touching, new
 
 
 @part
 def _copy_shapes(b: Array, rows: IntArray, small: bool, balls: bool, manifolds: Manifolds,
-                 x: Array, material: IntArray, materials: Materials) -> None:
+                 material: IntArray, materials: Materials) -> None:
     """
-    Write the friction, the levers of the resistances and x_A - x_B.
+    Write the friction and the levers of the resistances.
 
     Number by number, as the shapes of a manifold lead to them: no copy of them is worth its
     memory. An empty lane gets zeros.
     """
-    between = _BETWEEN_BALLS if balls else ARM_B
     for i in range(LANES):
         there = rows[i] >= 0
         r = rows[i] & INDEX if there else 0
         first = material[manifolds.shape_a[r] & INDEX] & INDEX
         second = material[manifolds.shape_b[r] & INDEX] & INDEX
-        body_a, body_b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         b[MU * LANES + i] = materials.friction[first, second] if there else 0.0
-        b[SPIN_LEVER * LANES + i] = materials.spinning[first, second] if there else 0.0
+        if not balls:
+            b[SPIN_LEVER * LANES + i] = materials.spinning[first, second] if there else 0.0
         if not small and not balls:
             b[ROLL_LEVER * LANES + i] = materials.rolling[first, second] if there else 0.0
-        for k in range(3):
-            b[(between + k) * LANES + i] = x[k, body_a] - x[k, body_b] if there else 0.0
 
 
 @part
-def _copy_bodies(b: Array, balls: bool, mass: Array, at_A: IntArray, at_B: IntArray) -> None:
-    A, B = gather(mass, at_A), gather(mass, at_B)
-    if balls:
-        store(b, TURN_A, A[0])
-        store(b, TURN_B, B[0])
-    else:
-        store_three(b, J_A, (A[0], A[1], A[2]))
-        store_three(b, J_A + 3, (A[3], A[4], A[5]))
-        store_three(b, J_B, (B[0], B[1], B[2]))
-        store_three(b, J_B + 3, (B[3], B[4], B[5]))
-    store(b, INV_M_A, A[6])
-    store(b, INV_M_B, B[6])
-    store(b, PAIR, select(both(A[6] > 0.0, B[6] > 0.0), 1.0, 0.0))
-    store(b, SHOVE, 0.0)
+def _between(A: Motion, B: Motion) -> Three:
+    """Return x_A - x_B [m] from the poses; where one does not move, nobody asks for its arm."""
+    return (A[0] - B[0], A[1] - B[1], A[2] - B[2])
 
 
 @part
-def _copy_manifolds(b: Array, rows: IntArray, points: int, balls: bool, manifolds: Manifolds,
-                    share: float) -> None:
+def _copy_inertia(b: Array, A: Motion, B: Motion) -> None:
+    store_three(b, J_A, (A[0], A[1], A[2]))
+    store_three(b, J_A + 3, (A[3], A[4], A[5]))
+    store_three(b, J_B, (B[0], B[1], B[2]))
+    store_three(b, J_B + 3, (B[3], B[4], B[5]))
+
+
+@part
+def _copy_manifolds(b: Array, rows: IntArray, points: int, balls: bool, between: Three,
+                    manifolds: Manifolds, share: float) -> None:
     n, friction = gather_rows_3(manifolds.normal, rows, 3, 0), gather_rows_3(
         manifolds.friction, rows, 3, 0)
-    (spin,) = gather_rows_1(manifolds.spin, rows, 1, 0)
     present = gather_integers(manifolds.points, rows)
     store_three(b, NORMAL, n)
     store_three(b, MOVED, (share * friction[0], share * friction[1], share * friction[2]))
-    store(b, FRICTION + 2, share * spin)
+    store(b, SHOVE, 0.0)
     if balls:
         _copy_point(b, 0, n, rows, manifolds, present, share)
         lever = dot(load_three(b, POINT), n)
         store(b, LEVER_A, lever)
-        store(b, LEVER_B, lever + dot(load_three(b, _BETWEEN_BALLS), n))
+        store(b, LEVER_B, lever + dot(between, n))
         return
+    (spin,) = gather_rows_1(manifolds.spin, rows, 1, 0)
+    store(b, SPIN, share * spin)
     for p in range(POINTS if points > 1 else 1):
         _copy_point(b, p, n, rows, manifolds, present, share)
 
@@ -226,7 +228,8 @@ def _shift_lane(manifolds: Manifolds, r: int, shifts: Array, b: Array, i: int) -
 
 
 @part
-def _warm_start(b: Array, points: int, warm: Array, at_A: IntArray, at_B: IntArray) -> None:
+def _warm_start(b: Array, points: int, warm: Array, at_A: IntArray, at_B: IntArray,
+                inv_m_A: Eight, inv_m_B: Eight) -> None:
     """Let the impulses of a block act at the start of the first substep."""
     n, t1, t2 = axes(b)
     along = load(b, POINT + IMPULSE)
@@ -237,14 +240,14 @@ def _warm_start(b: Array, points: int, warm: Array, at_A: IntArray, at_B: IntArr
         along = along + impulse
         about_1, about_2 = (about_1 + load(b, point + T) * impulse,
                             about_2 - load(b, point + S) * impulse)
-    slide_1, slide_2, spin = load_three(b, FRICTION)
+    slide_1, slide_2, spin = friction_of(b)
     if not any_of(along + abs(slide_1) + abs(slide_2) + abs(spin) > 0.0):
         return
     F = combine(n, t1, t2, (along, slide_1, slide_2))
     torque = combine(n, t1, t2, (spin, about_1, about_2))
     A, B = gather(warm, at_A), gather(warm, at_B)
-    scatter(warm, at_A, pushed(A, load(b, INV_M_A), load_three(b, ARM_A), F, torque, -1.0))
-    scatter(warm, at_B, pushed(B, load(b, INV_M_B), load_three(b, ARM_B), F, torque, 1.0))
+    scatter(warm, at_A, pushed(A, inv_m_A, load_three(b, ARM_A), F, torque, -1.0))
+    scatter(warm, at_B, pushed(B, inv_m_B, load_three(b, ARM_B), F, torque, 1.0))
 
 
 @part
@@ -264,13 +267,17 @@ def keep_impulses(region: int, blocks: Blocks, manifolds: Manifolds, bodies: Sol
     for block in range(first, first + blocks.count[region]):
         lanes = lanes_of(block)
         b, rows = numbers_of(blocks, block), blocks.row[lanes]
+        if blocks.count[region] > CACHED:
+            fetch_block(blocks, block + 1)
         residual = max(residual, largest_of(load(b, RESIDUAL)))
         n, t1, t2 = axes(b)
         zero = spread(0.0)
-        last, total = load_three(b, FRICTION), load_three(b, TOTAL_T)
+        last, total = load_two(b, FRICTION), load_two(b, TOTAL_T)
         F = combine(n, t1, t2, (zero, substeps * last[0], substeps * last[1]))
         scatter_rows_3(manifolds.friction, rows, 3, 0, F)
-        _keep_spin(rows, substeps * last[2], manifolds.spin)
+        balls = are_balls(blocks.kind[block])
+        spin = spread(0.0) if balls else substeps * load(b, SPIN)
+        _keep_spin(rows, spin, manifolds.spin)
         F, before = (combine(n, t1, t2, (zero, total[0], total[1])),
                      gather_rows_3(friction_impulse, rows, 3, 0))
         scatter_rows_3(friction_impulse, rows, 3, 0, add(before, F))
@@ -321,18 +328,19 @@ def _give_back(b: Array, total_N: Eight, bodies: SolverBodies, at_A: IntArray, a
         A, B, n = gather(bodies.drifted, at_A), gather(bodies.drifted, at_B), load_three(b, NORMAL)
         v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
         gained = add(gained, cross((shove * n[0], shove * n[1], shove * n[2]), v))
-    pair = load(b, PAIR)
+    A, B = gather(bodies.motion, at_A), gather(bodies.motion, at_B)
+    pair = select(both(A[INV_M] > 0.0, B[INV_M] > 0.0), 1.0, 0.0)
     held = select(total_N + dot(gained, gained) > 0.0, pair, 0.0)
     if not any_of(held > 0.0):
         return
     half = (-0.5 * held * gained[0], -0.5 * held * gained[1], -0.5 * held * gained[2])
-    A, B = gather(bodies.motion, at_A), gather(bodies.motion, at_B)
     scatter(bodies.motion, at_A,
-            (A[0], A[1], A[2], A[3] + half[0], A[4] + half[1], A[5] + half[2]))
+            (A[0], A[1], A[2], A[3] + half[0], A[4] + half[1], A[5] + half[2], A[6], A[7]))
     scatter(bodies.motion, at_B,
-            (B[0], B[1], B[2], B[3] + half[0], B[4] + half[1], B[5] + half[2]))
-    store(b, PAIR, held)
+            (B[0], B[1], B[2], B[3] + half[0], B[4] + half[1], B[5] + half[2], B[6], B[7]))
+    # Nobody asks for the residual any more.
+    store(b, RESIDUAL, held)
     for i in range(LANES):
-        if b[PAIR * LANES + i] > 0.0:
+        if b[RESIDUAL * LANES + i] > 0.0:
             bodies.mass[at_A[i] + HELD] = 1.0
             bodies.mass[at_B[i] + HELD] = 1.0

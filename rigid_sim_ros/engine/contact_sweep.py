@@ -7,15 +7,17 @@ from rigid_sim_ros.engine.coloring import (
     are_balls, Blocks, is_small, lanes_of, numbers_of, points_in, resists)
 from rigid_sim_ros.engine.contact_balls import drift_balls, separate_balls, visit_balls
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, axes, combine, FRICTION, GAP, IMPULSE, INV_M_A, INV_M_B, INV_SPIN,
-    INV_TT, J_A, J_B, K_N, K_NN, K_SPIN, K_TN, load_three, MASS, Motion, MOVED, MU, NORMAL,
-    normal_sum, POINT, POINT_ROWS, pushed, RESIDUAL, ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE, SLIDE,
-    smallest_gap, SPEED, SPIN_LEVER, store_three, symmetric, T, Three, TORSION, TOTAL, TOTAL_T)
+    ABSENT, ARM_A, ARM_B, axes, combine, FRICTION, friction_of, GAP, IMPULSE, INV_SPIN, INV_TT,
+    J_A, J_B, K_N, K_NN, K_SPIN, K_TN, keep_friction, load_three, MASS, Motion, MOVED,
+    MU, NORMAL, normal_sum, POINT, POINT_ROWS, pushed, RESIDUAL, ROLL, ROLL_LEVER, ROLL_STEP, S,
+    SHOVE, SLIDE, smallest_gap, SPEED, SPIN_LEVER, store_three, symmetric, T, Three,
+    TORSION, TOTAL, TOTAL_T)
 from rigid_sim_ros.engine.contact_rules import (
     gap_of, NEGLIGIBLE, onto_circle, SKIN, Sweep, wanted_of)
 from rigid_sim_ros.engine.kernel import kernel, part
 from rigid_sim_ros.engine.lanes import (
     any_of, Eight, gather, load, scatter, select, spread, store)
+from rigid_sim_ros.engine.solver_bodies import INV_M
 from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, subtract
 
 
@@ -62,7 +64,7 @@ def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h:
     speed = dot(u, n)
     wanted = speed + gap_of(b, POINT) * inv_h
     pressure = max(old_N - load(b, POINT + MASS) * wanted, 0.0)
-    old = load_three(b, FRICTION)
+    old = friction_of(b)
     if not any_of(pressure + old_N + abs(old[0]) + abs(old[1]) + abs(old[2]) > 0.0):
         # Nothing presses, nor did anything before this visit.
         store(b, POINT + SPEED, speed)
@@ -75,16 +77,16 @@ def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h:
     twist = (dot(u, t1) + load(b, K_N + 1) * change_N, dot(u, t2) + load(b, K_N + 2) * change_N,
              dot(w, n) + load(b, K_N + 3) * change_N)
     new = _friction(b, twist, pressure, old)
-    store_three(b, FRICTION, new)
+    keep_friction(b, new)
     change = subtract(new, old)
-    store(b, RESIDUAL, (load(b, INV_M_A) + load(b, INV_M_B)) * max(
+    store(b, RESIDUAL, (A[INV_M] + B[INV_M]) * max(
         abs(change_N), max(abs(change[0]), abs(change[1]))))
 
     F = combine(n, t1, t2, (change_N, change[0], change[1]))
     torque = (change[2] * n[0], change[2] * n[1], change[2] * n[2])
     store_three(b, TORSION, add(load_three(b, TORSION), cross(load_three(b, MOVED), F)))
-    scatter(motion, at_A, pushed(A, load(b, INV_M_A), load_three(b, ARM_A), F, torque, -1.0))
-    scatter(motion, at_B, pushed(B, load(b, INV_M_B), load_three(b, ARM_B), F, torque, 1.0))
+    scatter(motion, at_A, pushed(A, A[INV_M], load_three(b, ARM_A), F, torque, -1.0))
+    scatter(motion, at_B, pushed(B, B[INV_M], load_three(b, ARM_B), F, torque, 1.0))
 
 
 @part
@@ -109,7 +111,7 @@ def _visit_many(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points:
         twist_N, wrench, residual = _solve_point(b, POINT + p * POINT_ROWS, twist_N, wrench,
                                                  residual, inv_h)
     pressure = normal_sum(b, points)
-    old = load_three(b, FRICTION)
+    old = friction_of(b)
     if not any_of(residual + pressure + abs(old[0]) + abs(old[1]) + abs(old[2])
                   + abs(load(b, ROLL)) + abs(load(b, ROLL + 1)) > 0.0):
         # Nothing presses, nor did anything before this visit.
@@ -118,16 +120,16 @@ def _visit_many(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points:
     first, second, third = load_three(b, K_TN), load_three(b, K_TN + 3), load_three(b, K_TN + 6)
     new = _friction(b, add(twist_T, (dot(first, wrench), dot(second, wrench), dot(third, wrench))),
                     pressure, old)
-    store_three(b, FRICTION, new)
+    keep_friction(b, new)
     change = subtract(new, old)
-    store(b, RESIDUAL, (load(b, INV_M_A) + load(b, INV_M_B)) * max(
+    store(b, RESIDUAL, (A[INV_M] + B[INV_M]) * max(
         residual, max(abs(change[0]), abs(change[1]))))
 
     F = combine(n, t1, t2, (wrench[0], change[0], change[1]))
     torque = combine(n, t1, t2, (change[2], wrench[1], wrench[2]))
     store_three(b, TORSION, add(load_three(b, TORSION), cross(load_three(b, MOVED), F)))
-    scatter(motion, at_A, pushed(A, load(b, INV_M_A), load_three(b, ARM_A), F, torque, -1.0))
-    scatter(motion, at_B, pushed(B, load(b, INV_M_B), load_three(b, ARM_B), F, torque, 1.0))
+    scatter(motion, at_A, pushed(A, A[INV_M], load_three(b, ARM_A), F, torque, -1.0))
+    scatter(motion, at_B, pushed(B, B[INV_M], load_three(b, ARM_B), F, torque, 1.0))
 
 
 @kernel
@@ -139,7 +141,8 @@ def is_settled(b: Array, speed: float) -> bool:
 @kernel
 def count_impulses(b: Array, points: int) -> None:
     """Add the impulses of a substep to those of the step."""
-    store_three(b, TOTAL_T, add(load_three(b, TOTAL_T), load_three(b, FRICTION)))
+    for k in range(2):
+        store(b, TOTAL_T + k, load(b, TOTAL_T + k) + load(b, FRICTION + k))
     for p in range(4 if points > 1 else 1):
         point = POINT + p * POINT_ROWS
         store(b, point + TOTAL, load(b, point + TOTAL) + load(b, point + IMPULSE))
@@ -185,8 +188,8 @@ def _separate_many(b: Array, push: Array, at_A: IntArray, at_B: IntArray, points
     store(b, SHOVE, wrench[0])
     F = combine(n, t1, t2, (wrench[0], zero, zero))
     torque = combine(n, t1, t2, (zero, wrench[1], wrench[2]))
-    scatter(push, at_A, pushed(A, load(b, INV_M_A), load_three(b, ARM_A), F, torque, -1.0))
-    scatter(push, at_B, pushed(B, load(b, INV_M_B), load_three(b, ARM_B), F, torque, 1.0))
+    scatter(push, at_A, pushed(A, A[INV_M], load_three(b, ARM_A), F, torque, -1.0))
+    scatter(push, at_B, pushed(B, B[INV_M], load_three(b, ARM_B), F, torque, 1.0))
 
 
 @part
@@ -200,8 +203,8 @@ def _separate_small(b: Array, push: Array, at_A: IntArray, at_B: IntArray, rate:
     shove = select(wanted > 0.0, shove, 0.0)
     store(b, SHOVE, shove)
     F, none = (shove * n[0], shove * n[1], shove * n[2]), (0.0 * shove, 0.0 * shove, 0.0 * shove)
-    scatter(push, at_A, pushed(A, load(b, INV_M_A), load_three(b, ARM_A), F, none, -1.0))
-    scatter(push, at_B, pushed(B, load(b, INV_M_B), load_three(b, ARM_B), F, none, 1.0))
+    scatter(push, at_A, pushed(A, A[INV_M], load_three(b, ARM_A), F, none, -1.0))
+    scatter(push, at_B, pushed(B, B[INV_M], load_three(b, ARM_B), F, none, 1.0))
 
 
 @part

@@ -12,11 +12,11 @@ gaps are found anew.
 from typing import NamedTuple
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.broad_phase import boxes_overlap, refresh, update_pairs
+from rigid_sim_ros.engine.broad_phase import near_pairs, refresh, update_pairs
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part
 from rigid_sim_ros.engine.manifolds import (
-    CONTACTS, current, earlier, Manifolds, Memory, PAIRS, REBUILT, RECYCLED, Scratch, SHORT_PAIRS,
-    SHORT_ROWS, WITNESSED)
+    CONTACTS, current, earlier, Manifolds, Memory, NEAR, PAIRS, REBUILT, RECYCLED, Scratch,
+    SHORT_PAIRS, SHORT_ROWS, WITNESSED)
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.narrow_phase.balls import touching_ball
 from rigid_sim_ros.engine.narrow_phase.boxes import box_box, UNSETTLED
@@ -168,11 +168,16 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
     """
     rows, old, last = share.row, share.old, before.count[0]
     near, settled, recycled, contacts = 0, 0, 0, 0
-    for k in range(share.first, share.last):
-        a, b = memory.pair[k, 0] & INDEX, memory.pair[k, 1] & INDEX
-        if not boxes_overlap(memory.box, a, b):
+    looked, listed, at = share.first, 0, 0
+    while looked < share.last or at < listed:
+        if at == listed:
+            some = min(share.last, looked + NEAR)
+            listed, at = near_pairs(memory.pair, memory.box, looked, some, scratch.near), 0
+            looked, near = some, near + listed
             continue
-        near += 1
+        k = scratch.near[at] & INDEX
+        at += 1
+        a, b = memory.pair[k, 0] & INDEX, memory.pair[k, 1] & INDEX
         margin = memory.ahead[a] + memory.ahead[b]
         old = _seek(before.shape_a, before.shape_b, old, last, a, b) & INDEX
         known = old < last and before.shape_a[old] == a and before.shape_b[old] == b

@@ -70,10 +70,12 @@ class Scratch(NamedTuple):
     links: IntArray  # (EPA_FACES, 4) three corners, and whether the face is alive
     outline: Array  # (2, MAX_CORNERS, 3) the faces of A and B that meet [m, world axes]
     edges: IntArray  # (EPA_FACES, 2) the horizon
+    near: IntArray  # (NEAR,) some pairs whose bounding boxes overlap
 
 
 CANDIDATES = 96
 LEVELS = 163  # of the grid of the broad phase: cells of 2^-40 m to 2^41 m, in steps of sqrt 2
+NEAR = 64
 EPA_CORNERS = 160
 EPA_FACES = 512
 
@@ -164,7 +166,7 @@ def _scratch() -> Scratch:
                    np.zeros((2, CANDIDATES, 3)), _integers(2, CANDIDATES, 2), np.zeros(64),
                    np.zeros((EPA_CORNERS, 9)),
                    np.zeros((EPA_FACES, 4)), _integers(EPA_FACES, 4),
-                   np.zeros((2, MAX_CORNERS, 3)), _integers(EPA_FACES, 2))
+                   np.zeros((2, MAX_CORNERS, 3)), _integers(EPA_FACES, 2), _integers(NEAR))
 
 
 def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:

@@ -22,8 +22,8 @@ import numpy as np
 from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray
 from rigid_sim_ros.engine.calming import calm, Calming, is_rough, make_calming
 from rigid_sim_ros.engine.coloring import (
-    BETWEEN, Blocks, color_manifolds, Coloring, first_block, make_blocks, make_coloring,
-    most_blocks, numbers_of, points_in, REGIONS)
+    BETWEEN, Blocks, CACHED, color_manifolds, Coloring, fetch_block, first_block, make_blocks,
+    make_coloring, most_blocks, numbers_of, points_in, REGIONS)
 from rigid_sim_ros.engine.contact_filling import (
     choose_manifolds, classify, DEEPEST, fill_blocks, keep_impulses, NEW, place_lanes, TOUCHING)
 from rigid_sim_ros.engine.contact_rules import Sweep
@@ -114,7 +114,7 @@ def solve_contacts(to: int, box: Any, desk: IntArray, model: Model, state: State
             call(to, box, REGIONS * (SWEEP if substep == 0 else MOVED_SWEEP) + BETWEEN)
         if work.notes[0, ROUGH] + work.notes[1, ROUGH] + work.notes[2, ROUGH] > 0.0:
             calm(blocks, bodies.motion, bodies.used, work.calming, inv_h)
-        stop_pushing(bodies.used[0], bodies.drifted)
+        stop_pushing(bodies.used[0], bodies.motion, bodies.drifted)
         if halved:
             call(to, box, REGIONS * RETURN + BETWEEN)
         if substep + 1 < substeps:
@@ -189,7 +189,7 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
     if stage == FILL:
         if region != BETWEEN:
             load_bodies(region, model.inv_m, model.inv_I_C, state, loads, bodies)
-        _fill(region, state, shapes, materials, round_shapes, manifolds, waits, shifts,
+        _fill(region, shapes, materials, round_shapes, manifolds, waits, shifts,
               1.0 / settings.substeps, work)
     elif stage == START:
         note_start(region, bodies.used, motion, bodies.mass)
@@ -215,7 +215,7 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
 
 
 @part
-def _fill(region: int, state: State, shapes: Shapes, materials: Materials, round_shapes: IntArray,
+def _fill(region: int, shapes: Shapes, materials: Materials, round_shapes: IntArray,
           manifolds: Manifolds, waits: IntArray, shifts: Array, share: float,
           work: SequentialWork) -> None:
     """Bring the manifolds of a region into blocks."""
@@ -226,7 +226,7 @@ def _fill(region: int, state: State, shapes: Shapes, materials: Materials, round
     color_manifolds(region, manifolds.body_a, manifolds.body_b, work.bodies.slot, work.coloring,
                     work.blocks)
     place_lanes(region, manifolds, work.bodies.slot, work.bodies.used, work.coloring, work.blocks)
-    fill_blocks(region, manifolds, state.x, shapes.material, materials, shifts, shifted, share,
+    fill_blocks(region, manifolds, shapes.material, materials, shifts, shifted, share,
                 work.bodies, work.blocks, work.fresh, work.notes[region])
 
 
@@ -242,7 +242,10 @@ def sweep(region: int, blocks: Blocks, motion: Array, drifted: Array, what: Swee
     """
     first, count = first_block(blocks, region), blocks.count[region]
     for k in range(count):
-        visit_block(blocks, first + (count - 1 - k if backwards else k), motion, drifted, what)
+        block = first + (count - 1 - k if backwards else k)
+        if count > CACHED:
+            fetch_block(blocks, block - 1 if backwards else block + 1)
+        visit_block(blocks, block, motion, drifted, what)
     notes[ROUGH] = 1.0 if is_rough(region, blocks) else 0.0
 
 
@@ -268,6 +271,8 @@ def sweep_back(region: int, blocks: Blocks, motion: Array, push: Array, what: Sw
     first, count = first_block(blocks, region), blocks.count[region]
     for k in range(count):
         block = first + count - 1 - k
+        if count > CACHED:
+            fetch_block(blocks, block - 1)
         b, points = numbers_of(blocks, block), points_in(blocks.kind[block])
         if not is_settled(b, SETTLED):
             visit_block(blocks, block, motion, motion, what)

@@ -23,11 +23,13 @@ from rigid_sim_ros.engine.rotation import quaternion, to_matrix
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.vector import column, dot
 
-# Numbers of a body in `motion`: v [m/s], L [kg m^2/s], world axes, and two that stay 0. So a body
-# fills one line of the cache, and whatever all bodies do alike is one loop over a flat array.
+# Numbers of a body in `motion`: v [m/s], L [kg m^2/s], world axes, and two that stay as they are:
+# what a contact of balls needs besides. So a body fills one line of the cache, and whatever all
+# bodies do alike is one loop over a flat array.
 STRIDE = 8
-# Numbers of a body in `mass`: the inverse inertia, world axes, the inverse mass, and whether it is
-# pressed against a body that moves.
+INV_I = 7  # the first of J, which is that about all axes of a ball [1/(kg m^2)]
+# Numbers of a body in `mass`: the inverse inertia, world axes, the inverse mass (there as well),
+# and whether it is pressed against a body that moves.
 J = 0  # xx, xy, xz, yy, yz, zz
 START = 0  # v, L at the start of the step: in the place of J, from `note_start` on
 INV_M = 6
@@ -45,11 +47,12 @@ class SolverBodies(NamedTuple):
     used: IntArray
     motion: Array  # flat, STRIDE for each slot, as all but the last two
     # With what the bodies moved in the last substep: `motion` and the motion that only displaces,
-    # out of overlaps. While this is found it stands here alone, from `stop_pushing` on.
+    # out of overlaps. While this is found it stands here alone, from `stop_pushing` on, and with
+    # it the inverse mass.
     drifted: Array
-    smooth: Array  # F / m [m/s^2] and torque [N m] of all that is no contact
-    # v, L of this substep without contacts; before the first one what contacts add to it, from the
-    # step before
+    smooth: Array  # F / m [m/s^2] and torque [N m] of all that is no contact, and 0, 0
+    # `motion` of this substep without contacts; before the first one what contacts add to it, from
+    # the step before
     base: Array
     total: Array  # sums of `drifted` over the substeps
     mass: Array  # see J, START, INV_M, HELD
@@ -96,12 +99,11 @@ def load_bodies(half: int, inv_m: Array, inv_I_C: Array, state: State, loads: Lo
                 bodies: SolverBodies) -> None:
     """Write the rows and the motion of the bodies that have a slot in a half."""
     first, last = slots_of(bodies.used, half)
-    _of_half(bodies.motion, bodies.used, half)[:] = 0.0
-    _of_half(bodies.smooth, bodies.used, half)[:] = 0.0
+    mass, pose = bodies.mass, bodies.pose
+    for numbers in (bodies.motion, bodies.smooth, mass, pose):
+        _of_half(numbers, bodies.used, half)[:STRIDE] = 0.0
     _of_half(bodies.base, bodies.used, half)[:] = 0.0
     _of_half(bodies.total, bodies.used, half)[:] = 0.0
-    mass, pose = bodies.mass, bodies.pose
-    _of_half(mass, bodies.used, half)[:STRIDE] = 0.0
     for slot in range(first + 1, last):
         i = bodies.body[slot] & INDEX
         motion = slot * STRIDE
@@ -123,6 +125,8 @@ def load_bodies(half: int, inv_m: Array, inv_I_C: Array, state: State, loads: Lo
                 mass[line] = (R[k][0] * d[0] * R[j][0] + R[k][1] * d[1] * R[j][1]
                               + R[k][2] * d[2] * R[j][2])
                 line += 1
+        bodies.motion[motion + INV_M], bodies.motion[motion + INV_I] = inv_m[i], mass[motion + J]
+        bodies.smooth[motion + INV_M], bodies.smooth[motion + INV_I] = 0.0, 0.0
 
 
 @kernel
@@ -158,9 +162,12 @@ def kick_bodies(half: int, used: IntArray, m: Array, smooth: Array, base: Array,
 
 
 @kernel
-def stop_pushing(used: int, drifted: Array) -> None:
+def stop_pushing(used: int, motion: Array, drifted: Array) -> None:
     """Begin to find the push of this substep, in place of the drift of the last one."""
-    drifted[:used * STRIDE] = 0.0
+    for slot in range(used):
+        for k in range(6):
+            drifted[slot * STRIDE + k] = 0.0
+        drifted[slot * STRIDE + INV_M] = motion[slot * STRIDE + INV_M]
 
 
 @kernel

@@ -102,7 +102,7 @@ def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
     chosen = _chosen(model, state, shapes, materials, manifolds, work)
     note_start(0, bodies.used, bodies.motion, bodies.mass)
     kick_bodies(0, bodies.used, bodies.motion, bodies.smooth, bodies.base, model.h, True)
-    stop_pushing(bodies.used[0], bodies.drifted)
+    stop_pushing(bodies.used[0], bodies.motion, bodies.drifted)
     pushes = _solve(model, manifolds, acted, settings, chosen, work)
     drift_bodies(0, bodies.used, bodies.motion, bodies.drifted, bodies.total)
     _give_back(work.contacts, chosen, pushes, model.h, bodies)

@@ -11,7 +11,7 @@ from rigid_sim_ros.engine.coloring import (
     BALLS, color_manifolds, COLORS, make_blocks, make_coloring, PIECE, QUIET)
 from rigid_sim_ros.engine.contact_blocks import (
     ARM_A, ARM_B, BLOCK_SIZE, FRICTION, IMPULSE, INV_SPIN, INV_TT, J_A, J_B,
-    K_NN, K_SPIN, K_TN, NORMAL, POINT, POINT_ROWS, S, T, TANGENT)
+    K_NN, K_SPIN, K_TN, NORMAL, POINT, POINT_ROWS, S, SPIN, T, TANGENT)
 from rigid_sim_ros.engine.contact_rules import Sweep
 from rigid_sim_ros.engine.contact_sweep import visit
 from rigid_sim_ros.engine.lanes import LANES
@@ -96,7 +96,7 @@ def read_wrench(rows, lane):
     for p in range(4):
         point = rows[POINT + p * POINT_ROWS:POINT + (p + 1) * POINT_ROWS, lane]
         N += point[IMPULSE] * np.array([1.0, point[T], -point[S]])
-    return np.append(N, rows[FRICTION:FRICTION + 3, lane])
+    return np.concatenate((N, rows[FRICTION:FRICTION + 2, lane], rows[SPIN, lane:lane + 1]))
 
 
 def response(rows, lane):
@@ -142,13 +142,23 @@ def test_the_residual_goes_to_rounding_at_rest():
     assert scene.work.solver.residual[0] < 1e-12
 
 
-def test_balls_move_as_they_do_in_blocks_for_any_shape():
+def heap_of_balls(material):
     rng = np.random.default_rng(4)
     balls = [ball(rng.uniform(0.06, 0.1), rng.uniform(1.0, 5.0), spin=rng.normal(0, 5, 3),
                   position=(0.17 * (k % 4), 0.17 * (k // 4 % 4), 0.1 + 0.19 * (k // 16)))
              for k in range(64)]
-    scene = TimestepScene([ground(), *balls], Material(friction=0.4, spinning=1e-3), 1 / 240)
+    scene = TimestepScene([ground(), *balls], material, 1 / 240)
     scene.step(60)
+    return scene
+
+
+def test_balls_that_resist_spinning_have_the_blocks_of_any_shape():
+    blocks = heap_of_balls(Material(friction=0.4, spinning=1e-3)).work.solver.blocks
+    assert set(blocks.kind[:blocks.count[0]].tolist()) <= {0, QUIET}
+
+
+def test_balls_move_as_they_do_in_blocks_for_any_shape():
+    scene = heap_of_balls(Material(friction=0.4))
     other = scene.twin()
     other.work.round_shapes[:] = 0
     before = copy_state(scene.state)
