@@ -66,6 +66,7 @@ class Blocks(NamedTuple):
     """
 
     count: IntArray  # type: ignore[assignment]  # (REGIONS,) how many there are
+    end: IntArray  # (REGIONS,) where the last one of a region ends in `numbers`
     kind: IntArray  # (b,) class
     start: IntArray  # (b,) where its row 0 is in `numbers`, or would be
     numbers: Array  # flat, the rows of contact_blocks.py
@@ -95,8 +96,8 @@ def make_blocks(capacity: int) -> Blocks:
     def lanes() -> Any:
         return np.zeros(b * LANES, dtype=np.int32)
 
-    return Blocks(np.zeros(REGIONS, dtype=np.int64), np.zeros(b, dtype=np.int64),
-                  np.zeros(b, dtype=np.int64), aligned_zeros((b + 1) * BLOCK_SIZE),
+    return Blocks(np.zeros(REGIONS, dtype=np.int64), np.zeros(REGIONS, dtype=np.int64),
+                  np.zeros(b, dtype=np.int64), np.zeros(b, dtype=np.int64), aligned_zeros((b + 1) * BLOCK_SIZE),
                   lanes(), lanes(), lanes())
 
 
@@ -181,11 +182,13 @@ def color_manifolds(region: int, body_a: IntArray, body_b: IntArray, slot: IntAr
     first = block = first_block(blocks, region)
     # Balls have no rows before BALLS_BEGIN: where these would be, the block before ends.
     end, count = first * BLOCK_SIZE + BALLS_BEGIN * LANES, work.members[region]
+    if region == BETWEEN:
+        end = blocks.end[0]
     for begin in range(0, count, PIECE):
         last = min(begin + PIECE, count)
         _color_piece(region, begin, last, body_a, body_b, slot, work)
         block, end = _place_piece(region, begin, last, block, end, work, blocks)
-    blocks.count[region] = block - first
+    blocks.count[region], blocks.end[region] = block - first, end
 
 
 @part
