@@ -4,9 +4,10 @@
 Which manifolds are solved side by side.
 
 Manifolds get colours, greedily and in their order, so that no moving body has one colour twice;
-eight of a colour fill a block. Where there are many, each piece of them is coloured by itself. So
-are the regions of a world that is cut in halves (see `slots.py`): those inside of either half, and
-those across.
+eight of a colour fill a block. Where there are many, each piece of them is coloured by itself, and
+brought into its blocks before the next. So are the regions of a world that is cut in halves (see
+`slots.py`): those inside of either half, and those across.
+
 Manifolds with one, two and more points are coloured apart from each other, and so are those of
 balls, and those that resist rolling or are near but did not touch: a block then holds nothing that
 only some of its lanes need.
@@ -20,7 +21,7 @@ from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray
 from rigid_sim_ros.engine.bits import fetch, lowest_zero
 from rigid_sim_ros.engine.contact_blocks import (
     BALLS_BEGIN, BALLS_SIZE, BLOCK_SIZE, SMALL_SIZE)
-from rigid_sim_ros.engine.kernel import INDEX, inlined, part, pasted
+from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part, pasted
 from rigid_sim_ros.engine.lanes import LANES
 
 # Classes of manifolds. 0, 1, 2: up to one, two, four points; 3, 4, 5: the same, and they resist
@@ -96,9 +97,11 @@ def make_blocks(capacity: int) -> Blocks:
     def lanes() -> Any:
         return np.zeros(b * LANES, dtype=np.int32)
 
-    return Blocks(np.zeros(REGIONS, dtype=np.int64), np.zeros(REGIONS, dtype=np.int64),
-                  np.zeros(b, dtype=np.int64), np.zeros(b, dtype=np.int64), aligned_zeros((b + 1) * BLOCK_SIZE),
-                  lanes(), lanes(), lanes())
+    def integers(count: int) -> IntArray:
+        return np.zeros(count, dtype=np.int64)
+
+    return Blocks(integers(REGIONS), integers(REGIONS), integers(b), integers(b),
+                  aligned_zeros((b + 1) * BLOCK_SIZE), lanes(), lanes(), lanes())
 
 
 def most_blocks(capacity: int) -> int:
@@ -171,29 +174,22 @@ def first_block(blocks: Blocks, region: int) -> int:
     return region * (blocks.kind.shape[0] // 2)
 
 
+@kernel
+def begin_blocks(region: int, blocks: Blocks) -> None:
+    """Let a region have no blocks yet."""
+    # Balls have no rows before BALLS_BEGIN: where these would be, the block before ends.
+    end = first_block(blocks, region) * BLOCK_SIZE + BALLS_BEGIN * LANES
+    blocks.count[region], blocks.end[region] = 0, blocks.end[0] if region == BETWEEN else end
+
+
 @part
-def color_manifolds(region: int, body_a: IntArray, body_b: IntArray, slot: IntArray,
-                    work: Coloring, blocks: Blocks) -> None:
+def color_piece(region: int, begin: int, end: int, body_a: IntArray, body_b: IntArray,
+                slot: IntArray, work: Coloring) -> None:
     """
-    Give every manifold of a region its lane, and write kind, start and count of its blocks.
+    Give the manifolds of a region from `begin` to `end` their colours, and count these.
 
     slot is that of a body, 0 where it does not move.
     """
-    first = block = first_block(blocks, region)
-    # Balls have no rows before BALLS_BEGIN: where these would be, the block before ends.
-    end, count = first * BLOCK_SIZE + BALLS_BEGIN * LANES, work.members[region]
-    if region == BETWEEN:
-        end = blocks.end[0]
-    for begin in range(0, count, PIECE):
-        last = min(begin + PIECE, count)
-        _color_piece(region, begin, last, body_a, body_b, slot, work)
-        block, end = _place_piece(region, begin, last, block, end, work, blocks)
-    blocks.count[region], blocks.end[region] = block - first, end
-
-
-@part
-def _color_piece(region: int, begin: int, end: int, body_a: IntArray, body_b: IntArray,
-                 slot: IntArray, work: Coloring) -> None:
     work.fill[region, :] = 0
     for k in range(begin, end):
         r, kind = work.member[region, k] & INDEX, work.kind[region, k]
@@ -217,9 +213,10 @@ def _color_piece(region: int, begin: int, end: int, body_a: IntArray, body_b: In
 
 
 @part
-def _place_piece(region: int, begin: int, end: int, block: int, place: int, work: Coloring,
-                 blocks: Blocks) -> tuple[int, int]:
-    """Give the lanes of a piece; return the block after its last, and where that begins."""
+def make_room(region: int, begin: int, end: int, work: Coloring, blocks: Blocks) -> None:
+    """Give a piece of coloured manifolds its lanes, in blocks behind those that there are."""
+    first = first_block(blocks, region)
+    block, place = first + blocks.count[region], blocks.end[region]
     for kind in range(CLASSES):
         size, skipped = SMALL_SIZE if is_small(kind) else BLOCK_SIZE, 0
         if are_balls(kind):
@@ -237,4 +234,4 @@ def _place_piece(region: int, begin: int, end: int, block: int, place: int, work
         at = work.color[region, k]
         work.lane[region, k] = work.fill[region, at]
         work.fill[region, at] += LANES if at // CLASSES == _NONE_LEFT else 1
-    return block, place
+    blocks.count[region], blocks.end[region] = block - first, place

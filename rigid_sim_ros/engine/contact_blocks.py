@@ -301,6 +301,7 @@ def _response(b: Array, arm: int, inertia: int, inv_m: Eight) -> tuple[Six, Nine
 
 @part
 def inverse_of(x: Eight) -> Eight:
+    """Return 1 / x, and 0 where x is not above 0."""
     return select(x > 0.0, 1.0 / x, 0.0)
 
 

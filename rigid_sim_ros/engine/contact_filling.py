@@ -3,9 +3,10 @@
 """The way of manifolds into the blocks of the sequential solver, and of impulses back."""
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
+from rigid_sim_ros.engine.bits import fetch
 from rigid_sim_ros.engine.coloring import (
     are_balls, BALLS, BETWEEN, Blocks, CACHED, Coloring, fetch_block, first_block, is_small,
-    lanes_of, numbers_of, points_in, QUIET, QUIET_BALLS)
+    lanes_of, numbers_of, PIECE, points_in, QUIET, QUIET_BALLS)
 from rigid_sim_ros.engine.contact_balls import prepare_balls, warm_balls
 from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, ARM_A, ARM_B, axes, combine, FRICTION, friction_of, GAP, IMPULSE, J_A, J_B, LEVER_A,
@@ -80,36 +81,57 @@ def classify(region: int, material: IntArray, materials: Materials, round_shapes
 
 
 @kernel
-def place_lanes(region: int, manifolds: Manifolds, slot: IntArray, used: IntArray,
-                work: Coloring, blocks: Blocks) -> None:
-    """Write the manifold of every lane, -1 for none, and where its bodies stand."""
-    first, still = first_block(blocks, region), STRIDE * still_slot(used, region)
-    begin, end = first * LANES & INDEX, (first + blocks.count[region]) * LANES & INDEX
-    blocks.row[begin:end] = -1
-    blocks.at_A[begin:end] = still
-    blocks.at_B[begin:end] = still
-    for k in range(work.members[region]):
+def place_lanes(region: int, begin: int, end: int, block: int, manifolds: Manifolds,
+                bodies: SolverBodies, work: Coloring, blocks: Blocks) -> None:
+    """
+    Write the manifold of every lane of a piece, -1 for none, and where its bodies stand.
+
+    The piece has the blocks of its region from `block` on. What they will be filled with is asked
+    for on the way, while it is met in order: later it is met colour by colour.
+    """
+    many, still = work.members[region] > PIECE, STRIDE * still_slot(bodies.used, region)
+    lane = block * LANES & INDEX
+    last = (first_block(blocks, region) + blocks.count[region]) * LANES & INDEX
+    blocks.row[lane:last] = -1
+    blocks.at_A[lane:last] = still
+    blocks.at_B[lane:last] = still
+    for k in range(begin, end):
         r = work.member[region, k] & INDEX
-        a, b = slot[manifolds.body_a[r] & INDEX], slot[manifolds.body_b[r] & INDEX]
+        a = bodies.slot[manifolds.body_a[r] & INDEX]
+        b = bodies.slot[manifolds.body_b[r] & INDEX]
         to = work.lane[region, k] & INDEX
         blocks.row[to] = r
         blocks.at_A[to] = a * STRIDE if a > 0 else still
         blocks.at_B[to] = b * STRIDE if b > 0 else still
+        if many:
+            _fetch_sources(r, manifolds)
+            for numbers in (bodies.mass, bodies.pose, bodies.base):
+                fetch(numbers, a * STRIDE)
+                fetch(numbers, b * STRIDE)
+
+
+@kernel
+def _fetch_sources(r: int, manifolds: Manifolds) -> None:
+    """Ask for what `fill_blocks` reads of a manifold, but for what `place_lanes` has read."""
+    fetch(manifolds.normal, 3 * r)
+    fetch(manifolds.friction, 3 * r)
+    fetch(manifolds.r_A, 3 * r)
+    fetch(manifolds.gap, r)
+    fetch(manifolds.impulse, r)
 
 
 @part
-def fill_blocks(region: int, manifolds: Manifolds, material: IntArray, materials: Materials,
-                shifts: Array, shifted: bool, share: float, bodies: SolverBodies, blocks: Blocks,
-                fresh: IntArray, notes: Array) -> None:
+def fill_blocks(region: int, first: int, manifolds: Manifolds, material: IntArray,
+                materials: Materials, shifts: Array, shifted: bool, share: float,
+                bodies: SolverBodies, blocks: Blocks, fresh: IntArray, notes: Array) -> None:
     """
-    Bring the manifolds of a region into its blocks, and note how they are.
+    Bring manifolds of a region into its blocks, from the `first` on, and note how they are.
 
     `share` is the part of a step that a substep is. fresh (blocks,) becomes the number of lanes
     that touch without an impulse to begin with. See DEEPEST, TOUCHING and NEW for the notes.
     """
     deepest, touching, new = 0.0, 0, 0
-    first = first_block(blocks, region)
-    for block in range(first, first + blocks.count[region]):
+    for block in range(first, first_block(blocks, region) + blocks.count[region]):
         lanes = lanes_of(block)
         b, rows = numbers_of(blocks, block), blocks.row[lanes]
         points, small = points_in(blocks.kind[block]), is_small(blocks.kind[block])
@@ -139,7 +161,9 @@ def fill_blocks(region: int, manifolds: Manifolds, material: IntArray, materials
         else:
             prepare_block(b, points, small, A[INV_M], B[INV_M])
             _warm_start(b, points, bodies.base, at_A, at_B, A[INV_M], B[INV_M])
-    notes[DEEPEST], notes[TOUCHING], notes[NEW] = deepest, touching, new
+    notes[DEEPEST] = max(notes[DEEPEST], deepest)
+    notes[TOUCHING] += touching
+    notes[NEW] += new
 
 
 @part

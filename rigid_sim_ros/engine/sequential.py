@@ -22,8 +22,8 @@ import numpy as np
 from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray
 from rigid_sim_ros.engine.calming import calm, Calming, is_rough, make_calming
 from rigid_sim_ros.engine.coloring import (
-    BETWEEN, Blocks, CACHED, color_manifolds, Coloring, fetch_block, first_block, make_blocks,
-    make_coloring, most_blocks, numbers_of, points_in, REGIONS)
+    begin_blocks, BETWEEN, Blocks, CACHED, color_piece, Coloring, fetch_block, first_block,
+    make_blocks, make_coloring, make_room, most_blocks, numbers_of, PIECE, points_in, REGIONS)
 from rigid_sim_ros.engine.contact_filling import (
     choose_manifolds, classify, DEEPEST, fill_blocks, keep_impulses, NEW, place_lanes, TOUCHING)
 from rigid_sim_ros.engine.contact_rules import Sweep
@@ -223,11 +223,17 @@ def _fill(region: int, shapes: Shapes, materials: Materials, round_shapes: IntAr
     if region != BETWEEN:
         choose_manifolds(region, manifolds, sides.of_body, waits, work.coloring)
     classify(region, shapes.material, materials, round_shapes, shifted, manifolds, work.coloring)
-    color_manifolds(region, manifolds.body_a, manifolds.body_b, work.bodies.slot, work.coloring,
-                    work.blocks)
-    place_lanes(region, manifolds, work.bodies.slot, work.bodies.used, work.coloring, work.blocks)
-    fill_blocks(region, manifolds, shapes.material, materials, shifts, shifted, share,
-                work.bodies, work.blocks, work.fresh, work.notes[region])
+    coloring, blocks, bodies = work.coloring, work.blocks, work.bodies
+    begin_blocks(region, blocks)
+    for begin in range(0, coloring.members[region], PIECE):
+        end = min(begin + PIECE, coloring.members[region])
+        block = first_block(blocks, region) + blocks.count[region]
+        color_piece(region, begin, end, manifolds.body_a, manifolds.body_b, bodies.slot,
+                    coloring)
+        make_room(region, begin, end, coloring, blocks)
+        place_lanes(region, begin, end, block, manifolds, bodies, coloring, blocks)
+        fill_blocks(region, block, manifolds, shapes.material, materials, shifts, shifted, share,
+                    bodies, blocks, work.fresh, work.notes[region])
 
 
 @part

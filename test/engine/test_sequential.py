@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros.engine.coloring import (
-    BALLS, color_manifolds, COLORS, make_blocks, make_coloring, PIECE, QUIET)
+    BALLS, begin_blocks, color_piece, COLORS, make_blocks, make_coloring, make_room, PIECE, QUIET)
 from rigid_sim_ros.engine.contact_blocks import (
     ARM_A, ARM_B, BLOCK_SIZE, FRICTION, IMPULSE, INV_SPIN, INV_TT, J_A, J_B,
     K_NN, K_SPIN, K_TN, NORMAL, POINT, POINT_ROWS, S, SPIN, T, TANGENT)
@@ -26,7 +26,11 @@ def colored(pairs, points=4, n=200):
     work, blocks = make_coloring(n, len(pairs)), make_blocks(len(pairs))
     work.kind[0], work.members[0] = min(points - 1, 2), len(pairs)
     work.member[0] = np.arange(len(pairs))
-    color_manifolds(0, a, b, np.arange(n, dtype=np.int64), work, blocks)
+    begin_blocks(0, blocks)
+    for begin in range(0, len(pairs), PIECE):
+        end = min(begin + PIECE, len(pairs))
+        color_piece(0, begin, end, a, b, np.arange(n, dtype=np.int64), work)
+        make_room(0, begin, end, work, blocks)
     return work.lane[0], blocks.count[0]
 
 
