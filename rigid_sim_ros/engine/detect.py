@@ -164,6 +164,7 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
     """
     Go through the pairs and through the last step's rows, both sorted, side by side.
 
+    Which of the pairs are near is listed first, some pairs at a time; see `near_pairs`.
     found_so (8,) becomes what `turn_page` counts; in ROWS how many rows would have been needed.
     """
     rows, old, last = share.row, share.old, before.count[0]

@@ -6,6 +6,7 @@ from engine.detecting import PLANE_SHAPE, Scene, UPRIGHT
 from hypothesis import given, settings, strategies as st
 import numpy as np
 
+from rigid_sim_ros.engine.broad_phase import near_pairs
 from rigid_sim_ros.engine.manifolds import PAIRS, REBUILT
 from rigid_sim_ros.engine.shapes import BOX, SPHERE
 
@@ -27,6 +28,22 @@ def pairs_with_overlapping_boxes(scene):
     assert listed == sorted(listed)
     return [(a, b) for a, b in listed
             if (box[a, :3] <= box[b, 3:]).all() and (box[b, :3] <= box[a, 3:]).all()]
+
+
+@given(seed=st.integers(0, 2**32 - 1), first=st.integers(0, 90), count=st.integers(0, 60))
+def test_near_pairs_are_those_whose_boxes_overlap(seed, first, count):
+    rng = np.random.default_rng(seed)
+    # On a coarse grid, so that boxes also touch without overlapping further.
+    low = rng.integers(0, 6, (20, 3))
+    box = np.hstack((low, low + rng.integers(0, 4, (20, 3)))).astype(float)
+    pair = rng.integers(0, 20, (150, 2)).astype(np.int32)
+    near = np.full(count + 1, -7)
+    found = near_pairs(pair, box, first, first + count, near)
+    expected = [k for k in range(first, first + count)
+                if (box[pair[k, 0], :3] <= box[pair[k, 1], 3:]).all()
+                and (box[pair[k, 1], :3] <= box[pair[k, 0], 3:]).all()]
+    assert near[:found].tolist() == expected
+    assert near[-1] == -7
 
 
 @settings(max_examples=25, deadline=None)

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros.engine.coloring import (
-    BALLS, begin_blocks, color_piece, COLORS, make_blocks, make_coloring, make_room, PIECE, QUIET)
+    BALLS, begin_blocks, BETWEEN, color_piece, COLORS, first_block, make_blocks, make_coloring,
+    make_room, PIECE, QUIET, QUIET_BALLS, REGIONS)
 from rigid_sim_ros.engine.contact_blocks import (
-    ARM_A, ARM_B, BLOCK_SIZE, FRICTION, IMPULSE, INV_SPIN, INV_TT, J_A, J_B,
-    K_NN, K_SPIN, K_TN, NORMAL, POINT, POINT_ROWS, S, SPIN, T, TANGENT)
+    ARM_A, ARM_B, BALLS_BEGIN, BALLS_SIZE, BLOCK_SIZE, FRICTION, IMPULSE, INV_SPIN, INV_TT, J_A,
+    J_B, K_NN, K_SPIN, K_TN, NORMAL, POINT, POINT_ROWS, S, SPIN, T, TANGENT)
 from rigid_sim_ros.engine.contact_rules import Sweep
 from rigid_sim_ros.engine.contact_sweep import visit
 from rigid_sim_ros.engine.lanes import LANES
@@ -73,6 +74,27 @@ def test_each_piece_of_many_manifolds_is_coloured_by_itself():
         inside = blocks[piece * PIECE:(piece + 1) * PIECE]
         assert set(inside.tolist()) == set(range(piece * per_piece, (piece + 1) * per_piece))
     assert sorted(lane.tolist()) == list(range(3 * PIECE))
+
+
+def test_blocks_of_a_cut_world_lie_side_by_side():
+    side = 12
+    # Two layers: enough manifolds for a cut.
+    balls = [ball(0.1, 1.0, position=(0.199 * (k % side), 0.199 * (k // side % side),
+                                      0.099 + 0.198 * (k // side ** 2)))
+             for k in range(2 * side ** 2)]
+    scene = TimestepScene([ground(), *balls], Material(friction=0.4), 1 / 240)
+    scene.step(3)
+    blocks = scene.work.solver.blocks
+    assert scene.work.solver.sides.halved[0] == 1 and (blocks.count > 0).all()
+    for region in range(REGIONS):
+        first = first_block(blocks, region)
+        used = range(first, first + blocks.count[region])
+        assert set(blocks.kind[used].tolist()) <= {BALLS, QUIET_BALLS}
+        begins = blocks.start[used] + BALLS_BEGIN * LANES
+        assert (np.diff(begins) == BALLS_SIZE).all()
+        assert begins[-1] + BALLS_SIZE == blocks.end[region]
+    across = first_block(blocks, BETWEEN)
+    assert blocks.start[across] + BALLS_BEGIN * LANES == blocks.end[0]
 
 
 def axes(rows, lane):
