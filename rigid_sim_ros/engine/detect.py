@@ -116,11 +116,11 @@ def find_share(state: State, shapes: Shapes, memory: Memory, thread: int) -> Non
     """Find the manifolds of the pairs that one of two threads was given."""
     now, before, share = earlier(memory), current(memory), get_share(memory, thread)
     if thread == 0:
-        find_manifolds(state, shapes, memory, memory.scratch, now, before, share,
-                       memory.shares[0])
+        find_manifolds(state, shapes, memory, memory.scratch, memory.near[0], now, before,
+                       share, memory.shares[0])
     else:
-        find_manifolds(state, shapes, memory, memory.other_scratch, now, before, share,
-                       memory.shares[1])
+        find_manifolds(state, shapes, memory, memory.other_scratch, memory.near[1], now, before,
+                       share, memory.shares[1])
 
 
 @kernel
@@ -159,12 +159,13 @@ def find_pairs(model: Model, state: State, shapes: Shapes, memory: Memory) -> bo
 
 
 @kernel
-def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratch, now: Manifolds,
-                   before: Manifolds, share: Share, found_so: IntArray) -> None:
+def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratch,
+                   listing: IntArray, now: Manifolds, before: Manifolds, share: Share,
+                   found_so: IntArray) -> None:
     """
     Go through the pairs and through the last step's rows, both sorted, side by side.
 
-    Which of the pairs are near is listed first, some pairs at a time; see `near_pairs`.
+    Which of the pairs are near is listed first, some pairs at a time, in `listing` (NEAR,).
     found_so (8,) becomes what `turn_page` counts; in ROWS how many rows would have been needed.
     """
     rows, old, last = share.row, share.old, before.count[0]
@@ -173,10 +174,10 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
     while looked < share.last or at < listed:
         if at == listed:
             some = min(share.last, looked + NEAR)
-            listed, at = near_pairs(memory.pair, memory.box, looked, some, scratch.near), 0
+            listed, at = near_pairs(memory.pair, memory.box, looked, some, listing), 0
             looked, near = some, near + listed
             continue
-        k = scratch.near[at] & INDEX
+        k = listing[at] & INDEX
         at += 1
         a, b = memory.pair[k, 0] & INDEX, memory.pair[k, 1] & INDEX
         margin = memory.ahead[a] + memory.ahead[b]

@@ -70,7 +70,6 @@ class Scratch(NamedTuple):
     links: IntArray  # (EPA_FACES, 4) three corners, and whether the face is alive
     outline: Array  # (2, MAX_CORNERS, 3) the faces of A and B that meet [m, world axes]
     edges: IntArray  # (EPA_FACES, 2) the horizon
-    near: IntArray  # (NEAR,) some pairs whose bounding boxes overlap
 
 
 CANDIDATES = 96
@@ -111,6 +110,7 @@ class Memory(NamedTuple):
     counters: IntArray  # (8,) see PAIRS .. SHORT_ROWS
     scratch: Scratch
     other_scratch: Scratch  # for a second thread
+    near: IntArray  # (2, NEAR) some pairs whose bounding boxes overlap, of either thread
     shares: IntArray  # (2, 8) what either thread found, see shared_detection.py
     ranges: IntArray  # (2, 5) the `Share` of either thread
     split: IntArray  # (1,) how many of the latest manifolds the first thread begins from
@@ -166,7 +166,7 @@ def _scratch() -> Scratch:
                    np.zeros((2, CANDIDATES, 3)), _integers(2, CANDIDATES, 2), np.zeros(64),
                    np.zeros((EPA_CORNERS, 9)),
                    np.zeros((EPA_FACES, 4)), _integers(EPA_FACES, 4),
-                   np.zeros((2, MAX_CORNERS, 3)), _integers(EPA_FACES, 2), _integers(NEAR))
+                   np.zeros((2, MAX_CORNERS, 3)), _integers(EPA_FACES, 2))
 
 
 def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
@@ -179,7 +179,7 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
         np.zeros(1), np.zeros((s, 6)), np.zeros((s, 6)), _integers(s, 5), _integers(s),
         _integers(buckets + 2), _integers(s), _integers(s), _integers(s + 1), _integers(LEVELS),
         _integers(1), _names(2 * capacity, 2), _names(2, 4 * s, 2), np.zeros((2 * capacity, 4)),
-        _integers(8), _scratch(), _scratch(), _integers(2, 8), _integers(2, 5),
+        _integers(8), _scratch(), _scratch(), _integers(2, NEAR), _integers(2, 8), _integers(2, 5),
         _integers(1))
     forget_pairs(memory)
     return memory
