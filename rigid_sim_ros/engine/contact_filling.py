@@ -25,6 +25,8 @@ from rigid_sim_ros.engine.slots import ACROSS
 from rigid_sim_ros.engine.solver_bodies import HELD, INV_M, J, SolverBodies, still_slot, STRIDE
 from rigid_sim_ros.engine.vector import add, cross, dot
 
+# Where x_A - x_B of balls waits for the levers [m]: three rows that are not yet in use.
+_BETWEEN_BALLS = TOTAL_T
 # What is noted of a region: the deepest overlap [m], and how many manifolds touch, and how many of
 # them without an impulse to begin with.
 DEEPEST, TOUCHING, NEW = range(3)
@@ -121,7 +123,7 @@ def _fetch_sources(r: int, manifolds: Manifolds) -> None:
 
 
 @part
-def fill_blocks(region: int, first: int, manifolds: Manifolds, material: IntArray,
+def fill_blocks(region: int, first: int, manifolds: Manifolds, x: Array, material: IntArray,
                 materials: Materials, shifts: Array, shifted: bool, share: float,
                 bodies: SolverBodies, blocks: Blocks, fresh: IntArray, notes: Array) -> None:
     """
@@ -140,12 +142,15 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, material: IntArra
             fetch_block(blocks, block + 1)
         at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
         A, B = gather(bodies.mass, at_A), gather(bodies.mass, at_B)
-        between = _between(gather(bodies.pose, at_A), gather(bodies.pose, at_B))
         _copy_shapes(b, rows, small, balls, manifolds, material, materials)
+        between = _BETWEEN_BALLS if balls else ARM_B
+        _copy_places(b, between, gather(bodies.pose, at_A), gather(bodies.pose, at_B))
+        if any_of(min(A[INV_M], B[INV_M]) == 0.0):
+            _copy_places_of_the_still(b, between, rows, manifolds, x)
         if not balls:
             _copy_inertia(b, A, B)
-            store_three(b, ARM_B, between)
-        _copy_manifolds(b, rows, points, balls, between, manifolds, share)
+        _copy_manifolds(b, rows, points, balls, manifolds, share)
+        store(b, SHOVE, 0.0)
         least = smallest_gap(b, points)
         touches = least < SKIN
         fresh[block] = count_of(both(touches, normal_sum(b, points) == 0.0))
@@ -188,9 +193,21 @@ def _copy_shapes(b: Array, rows: IntArray, small: bool, balls: bool, manifolds: 
 
 
 @part
-def _between(A: Motion, B: Motion) -> Three:
-    """Return x_A - x_B [m] from the poses; where one does not move, nobody asks for its arm."""
-    return (A[0] - B[0], A[1] - B[1], A[2] - B[2])
+def _copy_places(b: Array, between: int, A: Motion, B: Motion) -> None:
+    """Write x_A - x_B, from the poses of bodies that move."""
+    store_three(b, between, (A[0] - B[0], A[1] - B[1], A[2] - B[2]))
+
+
+@kernel
+def _copy_places_of_the_still(b: Array, between: int, rows: IntArray, manifolds: Manifolds,
+                              x: Array) -> None:
+    """Write x_A - x_B where not both bodies have a pose of their own among those that move."""
+    for i in range(LANES):
+        if rows[i] >= 0:
+            r = rows[i] & INDEX
+            body_a, body_b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+            for k in range(3):
+                b[(between + k) * LANES + i] = x[k, body_a] - x[k, body_b]
 
 
 @part
@@ -202,19 +219,18 @@ def _copy_inertia(b: Array, A: Motion, B: Motion) -> None:
 
 
 @part
-def _copy_manifolds(b: Array, rows: IntArray, points: int, balls: bool, between: Three,
-                    manifolds: Manifolds, share: float) -> None:
+def _copy_manifolds(b: Array, rows: IntArray, points: int, balls: bool, manifolds: Manifolds,
+                    share: float) -> None:
     n, friction = gather_rows_3(manifolds.normal, rows, 3, 0), gather_rows_3(
         manifolds.friction, rows, 3, 0)
     present = gather_integers(manifolds.points, rows)
     store_three(b, NORMAL, n)
     store_three(b, MOVED, (share * friction[0], share * friction[1], share * friction[2]))
-    store(b, SHOVE, 0.0)
     if balls:
         _copy_point(b, 0, n, rows, manifolds, present, share)
         lever = dot(load_three(b, POINT), n)
         store(b, LEVER_A, lever)
-        store(b, LEVER_B, lever + dot(between, n))
+        store(b, LEVER_B, lever + dot(load_three(b, _BETWEEN_BALLS), n))
         return
     (spin,) = gather_rows_1(manifolds.spin, rows, 1, 0)
     store(b, SPIN, share * spin)

@@ -189,7 +189,7 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
     if stage == FILL:
         if region != BETWEEN:
             load_bodies(region, model.inv_m, model.inv_I_C, state, loads, bodies)
-        _fill(region, shapes, materials, round_shapes, manifolds, waits, shifts,
+        _fill(region, state.x, shapes, materials, round_shapes, manifolds, waits, shifts,
               1.0 / settings.substeps, work)
     elif stage == START:
         note_start(region, bodies.used, motion, bodies.mass)
@@ -215,7 +215,7 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
 
 
 @part
-def _fill(region: int, shapes: Shapes, materials: Materials, round_shapes: IntArray,
+def _fill(region: int, x: Array, shapes: Shapes, materials: Materials, round_shapes: IntArray,
           manifolds: Manifolds, waits: IntArray, shifts: Array, share: float,
           work: SequentialWork) -> None:
     """Bring the manifolds of a region into blocks."""
@@ -232,8 +232,8 @@ def _fill(region: int, shapes: Shapes, materials: Materials, round_shapes: IntAr
                     coloring)
         make_room(region, begin, end, coloring, blocks)
         place_lanes(region, begin, end, block, manifolds, bodies, coloring, blocks)
-        fill_blocks(region, block, manifolds, shapes.material, materials, shifts, shifted, share,
-                    bodies, blocks, work.fresh, work.notes[region])
+        fill_blocks(region, block, manifolds, x, shapes.material, materials, shifts, shifted,
+                    share, bodies, blocks, work.fresh, work.notes[region])
 
 
 @part

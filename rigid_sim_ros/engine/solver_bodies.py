@@ -165,7 +165,7 @@ def kick_bodies(half: int, used: IntArray, m: Array, smooth: Array, base: Array,
 def stop_pushing(used: int, motion: Array, drifted: Array) -> None:
     """Begin to find the push of this substep, in place of the drift of the last one."""
     for slot in range(used):
-        for k in range(6):
+        for k in range(STRIDE):
             drifted[slot * STRIDE + k] = 0.0
         drifted[slot * STRIDE + INV_M] = motion[slot * STRIDE + INV_M]
 
