@@ -166,12 +166,15 @@ def test_the_response_of_a_manifold_is_that_of_its_bodies():
 def test_what_moves_on_a_fixed_body_does_so_wherever_that_is(last):
     """The arms of both bodies begin at the common point, also where one of them has no slot."""
     def moved_by_then(where):
-        table = Thing(BOX, (2.0, 2.0, 0.1), position=where + (0.0, 0.0, -0.1))
-        things = [ball(0.1, 1.0, position=where + (-0.5, 0.0, 0.1), velocity=(1.0, 0.2, 0.0),
+        def at(*place):
+            return where + np.array(place)
+
+        table = Thing(BOX, (2.0, 2.0, 0.1), position=at(0.0, 0.0, -0.1))
+        things = [ball(0.1, 1.0, position=at(-0.5, 0.0, 0.1), velocity=(1.0, 0.2, 0.0),
                        spin=(0.0, 5.0, 3.0)),
-                  box((0.2, 0.1, 0.1), 2.0, position=where + (0.3, 0.3, 0.05),
+                  box((0.2, 0.1, 0.1), 2.0, position=at(0.3, 0.3, 0.05),
                       velocity=(0.5, 0.3, 0.0), spin=(0.0, 0.0, 4.0)),
-                  box((0.1, 0.1, 0.1), 1.0, position=where + (-0.3, -0.5, 0.1),
+                  box((0.1, 0.1, 0.1), 1.0, position=at(-0.3, -0.5, 0.1),
                       orientation=about_y(0.3))]
         scene = TimestepScene([*things, table] if last else [table, *things],
                               Material(friction=0.4), 1 / 240)
