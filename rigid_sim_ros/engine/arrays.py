@@ -17,6 +17,11 @@ Quaternion: TypeAlias = tuple[float, float, float, float]
 _LINE = 64  # bytes that the processor fetches at once
 
 
+def integers(*shape: int) -> IntArray:
+    """Return whole numbers that are 0."""
+    return np.zeros(shape, dtype=np.int64)
+
+
 def aligned_zeros(count: int) -> Array:
     """Return a flat array that begins on a line of the cache: eight numbers then need one line."""
     room = np.zeros(count + _LINE // 8)

@@ -9,7 +9,13 @@ from numba import types
 from numba.extending import intrinsic
 
 _intrinsic: Any = intrinsic
-_INT, _BYTES = ir.IntType(64), ir.IntType(8).as_pointer()
+_BYTES = ir.IntType(8).as_pointer()
+
+
+def place(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
+    """Return the address of an entry of a flat array, from (array, index, ...)."""
+    array = context.make_array(kind)(context, builder, arguments[0])
+    return builder.gep(array.data, [arguments[1]])
 
 
 @_intrinsic
@@ -31,13 +37,12 @@ def fetch(_: Any, numbers: Any, at: Any) -> Any:
     """Ask for the line of the cache where a number stands, to be read or written soon."""
 
     def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
-        array = context.make_array(signature.args[0])(context, builder, args[0])
         ask = builder.module.declare_intrinsic(
             'llvm.prefetch', (_BYTES,),
             ir.FunctionType(ir.VoidType(), [_BYTES, *[ir.IntType(32)] * 3]))
-        place = builder.bitcast(builder.gep(array.data, [args[1]]), _BYTES)
+        entry = builder.bitcast(place(context, builder, signature.args[0], args), _BYTES)
         # To write, for all levels of the cache, data.
-        builder.call(ask, [place, *(ir.IntType(32)(k) for k in (1, 3, 1))])
+        builder.call(ask, [entry, *(ir.IntType(32)(k) for k in (1, 3, 1))])
         return context.get_dummy_value()
 
     return types.void(numbers, types.int64), generate

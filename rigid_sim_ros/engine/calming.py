@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import Array, IntArray
+from rigid_sim_ros.engine.arrays import Array, IntArray, integers
 from rigid_sim_ros.engine.coloring import Blocks, first_block, most_blocks, numbers_of
 from rigid_sim_ros.engine.contact_blocks import RESIDUAL
 from rigid_sim_ros.engine.contact_rules import Sweep
@@ -39,9 +39,6 @@ class Calming(NamedTuple):
 def make_calming(n: int, capacity: int) -> Calming:
     """Return room for n bodies and `capacity` manifolds."""
     blocks = most_blocks(capacity)
-
-    def integers(count: int) -> IntArray:
-        return np.zeros(count, dtype=np.int64)
 
     member: Any = np.zeros(2 * LANES * blocks, dtype=np.int32)
     return Calming(integers(1), integers(n + 4), member, integers(blocks), integers(blocks))

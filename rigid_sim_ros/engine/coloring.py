@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray
+from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray, integers
 from rigid_sim_ros.engine.bits import fetch, lowest_zero
 from rigid_sim_ros.engine.contact_blocks import (
     BALLS_BEGIN, BALLS_SIZE, BLOCK_SIZE, SMALL_SIZE)
@@ -79,9 +79,6 @@ class Blocks(NamedTuple):
 def make_coloring(n: int, capacity: int) -> Coloring:
     """Return room for the manifolds of n bodies."""
 
-    def integers(*shape: int) -> IntArray:
-        return np.zeros(shape, dtype=np.int64)
-
     def narrow(kind: Any) -> Any:
         return np.zeros((REGIONS, capacity), dtype=kind)
 
@@ -96,9 +93,6 @@ def make_blocks(capacity: int) -> Blocks:
 
     def lanes() -> Any:
         return np.zeros(b * LANES, dtype=np.int32)
-
-    def integers(count: int) -> IntArray:
-        return np.zeros(count, dtype=np.int64)
 
     return Blocks(integers(REGIONS), integers(REGIONS), integers(b), integers(b),
                   aligned_zeros((b + 1) * BLOCK_SIZE), lanes(), lanes(), lanes())
@@ -133,6 +127,14 @@ def are_balls(kind: int) -> bool:
     return kind >= BALLS
 
 
+@kernel
+def _extent(kind: int) -> tuple[int, int]:
+    """Return how many numbers a block of a class has, and without how many before them."""
+    if are_balls(kind):
+        return BALLS_SIZE, BALLS_BEGIN * LANES
+    return (SMALL_SIZE if is_small(kind) else BLOCK_SIZE), 0
+
+
 @pasted
 def numbers_of(blocks: Blocks, block: int) -> Array:
     """Return the rows of a block, and what follows."""
@@ -149,12 +151,8 @@ def fetch_block(blocks: Blocks, block: int) -> None:
     by row it asks for nothing beyond the end of a page.
     """
     block = min(max(block, 0), blocks.kind.shape[0] - 1)
-    kind, size = blocks.kind[block], BLOCK_SIZE
-    first = blocks.start[block]
-    if are_balls(kind):
-        first, size = first + BALLS_BEGIN * LANES, BALLS_SIZE
-    elif is_small(kind):
-        size = SMALL_SIZE
+    size, skipped = _extent(blocks.kind[block])
+    first = blocks.start[block] + skipped
     for row in range(size // LANES):
         fetch(blocks.numbers, (first + row * LANES) & INDEX)
 
@@ -218,9 +216,7 @@ def make_room(region: int, begin: int, end: int, work: Coloring, blocks: Blocks)
     first = first_block(blocks, region)
     block, place = first + blocks.count[region], blocks.end[region]
     for kind in range(CLASSES):
-        size, skipped = SMALL_SIZE if is_small(kind) else BLOCK_SIZE, 0
-        if are_balls(kind):
-            size, skipped = BALLS_SIZE, BALLS_BEGIN * LANES
+        size, skipped = _extent(kind)
         for color in range(COLORS + 1):
             at = color * CLASSES + kind
             wanted = work.fill[region, at]

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import Array, IntArray
+from rigid_sim_ros.engine.arrays import Array, IntArray, integers
 from rigid_sim_ros.engine.hulls import MAX_CORNERS
 from rigid_sim_ros.engine.kernel import kernel
 
@@ -146,14 +146,10 @@ def _empty_page(capacity: int) -> Manifolds:
     points: Any = np.zeros(c, dtype=np.int8)
 
     return Manifolds(
-        _integers(1), _names(c), _names(c), _names(c), _names(c), points, np.zeros((c, 3)),
+        integers(1), _names(c), _names(c), _names(c), _names(c), points, np.zeros((c, 3)),
         np.zeros((*of_points, 3)), np.zeros((*of_points, 3)), np.zeros(of_points),
-        _integers(*of_points), np.zeros(of_points), np.zeros((c, 3)), np.zeros(c),
+        integers(*of_points), np.zeros(of_points), np.zeros((c, 3)), np.zeros(c),
         np.zeros((c, 5)), np.zeros((c, 3)), np.zeros((c, POINTS, 3)), np.zeros((c, POINTS, 3)))
-
-
-def _integers(*shape: int) -> IntArray:
-    return np.zeros(shape, dtype=np.int64)
 
 
 def _names(*shape: int) -> Any:
@@ -162,11 +158,11 @@ def _names(*shape: int) -> Any:
 
 
 def _scratch() -> Scratch:
-    return Scratch(np.zeros((CANDIDATES, 4)), _integers(CANDIDATES),
-                   np.zeros((2, CANDIDATES, 3)), _integers(2, CANDIDATES, 2), np.zeros(64),
+    return Scratch(np.zeros((CANDIDATES, 4)), integers(CANDIDATES),
+                   np.zeros((2, CANDIDATES, 3)), integers(2, CANDIDATES, 2), np.zeros(64),
                    np.zeros((EPA_CORNERS, 9)),
-                   np.zeros((EPA_FACES, 4)), _integers(EPA_FACES, 4),
-                   np.zeros((2, MAX_CORNERS, 3)), _integers(EPA_FACES, 2))
+                   np.zeros((EPA_FACES, 4)), integers(EPA_FACES, 4),
+                   np.zeros((2, MAX_CORNERS, 3)), integers(EPA_FACES, 2))
 
 
 def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
@@ -175,12 +171,12 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
 
     buckets = 1 << max(4, (2 * s - 1).bit_length())
     memory = Memory(
-        empty_pages(capacity), _integers(1), np.zeros((s, 12)), np.zeros((bodies, 9)), np.zeros(s),
-        np.zeros(1), np.zeros((s, 6)), np.zeros((s, 6)), _integers(s, 5), _integers(s),
-        _integers(buckets + 2), _integers(s), _integers(s), _integers(s + 1), _integers(LEVELS),
-        _integers(1), _names(2 * capacity, 2), _names(2, 4 * s, 2), np.zeros((2 * capacity, 4)),
-        _integers(8), _scratch(), _scratch(), _integers(2, NEAR), _integers(2, 8), _integers(2, 5),
-        _integers(1))
+        empty_pages(capacity), integers(1), np.zeros((s, 12)), np.zeros((bodies, 9)), np.zeros(s),
+        np.zeros(1), np.zeros((s, 6)), np.zeros((s, 6)), integers(s, 5), integers(s),
+        integers(buckets + 2), integers(s), integers(s), integers(s + 1), integers(LEVELS),
+        integers(1), _names(2 * capacity, 2), _names(2, 4 * s, 2), np.zeros((2 * capacity, 4)),
+        integers(8), _scratch(), _scratch(), integers(2, NEAR), integers(2, 8), integers(2, 5),
+        integers(1))
     forget_pairs(memory)
     return memory
 

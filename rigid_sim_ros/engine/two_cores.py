@@ -23,6 +23,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from rigid_sim_ros.engine.arrays import aligned_zeros, IntArray
+from rigid_sim_ros.engine.bits import place
 from rigid_sim_ros.engine.kept import call
 from rigid_sim_ros.engine.kernel import apart, kernel
 
@@ -43,18 +44,12 @@ def make_desk() -> IntArray:
     return aligned_zeros(_SIZE).view('int64')
 
 
-def _place(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
-    """Return the address of an entry of a desk, from (desk, index, ...)."""
-    desk = context.make_array(kind)(context, builder, arguments[0])
-    return builder.gep(desk.data, [arguments[1]])
-
-
 @_intrinsic
 def _read(context: Any, desk: Any, at: Any) -> Any:
     """Return an entry, and see all that was written before it was."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        place = _place(context, builder, signature.args[0], arguments)
-        return builder.load_atomic(place, 'acquire', 8)
+        entry = place(context, builder, signature.args[0], arguments)
+        return builder.load_atomic(entry, 'acquire', 8)
     return types.int64(desk, types.int64), build
 
 
@@ -62,8 +57,8 @@ def _read(context: Any, desk: Any, at: Any) -> Any:
 def _write(context: Any, desk: Any, at: Any, value: Any) -> Any:
     """Write an entry, after all that was written before."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        place = _place(context, builder, signature.args[0], arguments)
-        builder.store_atomic(arguments[2], place, 'release', 8)
+        entry = place(context, builder, signature.args[0], arguments)
+        builder.store_atomic(arguments[2], entry, 'release', 8)
         return context.get_dummy_value()
     return types.void(desk, types.int64, types.int64), build
 
@@ -72,8 +67,8 @@ def _write(context: Any, desk: Any, at: Any, value: Any) -> Any:
 def _replace(context: Any, desk: Any, at: Any, old: Any, new: Any) -> Any:
     """Write `new` where `old` stands; return whether it stood there."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        place = _place(context, builder, signature.args[0], arguments)
-        both = builder.cmpxchg(place, arguments[2], arguments[3], 'acq_rel', 'acquire')
+        entry = place(context, builder, signature.args[0], arguments)
+        both = builder.cmpxchg(entry, arguments[2], arguments[3], 'acq_rel', 'acquire')
         return builder.extract_value(both, 1)
     return types.boolean(desk, types.int64, types.int64, types.int64), build
 
