@@ -118,7 +118,8 @@ class Grid:
         if left:
             m.pair_count[0] = update_pairs(
                 self.shapes, m.fat, m.moved, m.cells, m.buckets, m.members, m.keys, m.tally,
-                m.levels, m.fresh, m.pair, m.axis, max(count, 0), len(self.model.m), m.ahead)
+                m.levels, m.fresh, m.pair, m.axis, m.pair_count, len(self.model.m), m.ahead,
+                m.near[0])
             assert m.pair_count[0] <= len(m.pair)
         return int(_count(box, m.pair, m.pair_count[0]))
 

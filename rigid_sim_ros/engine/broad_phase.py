@@ -17,8 +17,8 @@ import math
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
-from rigid_sim_ros.engine.manifolds import LEVELS
-from rigid_sim_ros.engine.shapes import PLANE, Shapes
+from rigid_sim_ros.engine.manifolds import LEVELS, NEAR
+from rigid_sim_ros.engine.shapes import PLANE, Shapes, SPHERE
 
 # Room around a bounding box, as a fraction of its largest side. A smaller one makes shapes leave
 # their box more often, a larger one makes more pairs that do not touch.
@@ -28,6 +28,8 @@ ROOM = 0.1
 STEPS_AHEAD = 16.0
 # Less room than that, and a shape gets a new box along with the others.
 _USED = 0.05
+# Pairs that have parted are forgotten once there are more than an eighth too many.
+_MANY_PARTED = 8
 WIDE = 1 << 20  # the level of what is too large for any cell
 _LOWEST = -80  # the level of the smallest cells
 _SQRT_HALF = math.sqrt(0.5)
@@ -154,10 +156,15 @@ def _fat_overlap(kind: IntArray, fat: Array, ahead: Array, a: int, b: int) -> bo
 
 
 @kernel
-def _key(level: int, x: int, y: int, z: int) -> int:
-    # Three large primes (Teschner et al., Optimized Spatial Hashing, VMV 2003); the last bits are
-    # the bucket. Cells that share a key cost time only: who looks one up compares the cell itself.
-    return x * 73856093 ^ y * 19349663 ^ z * 83492791 ^ level * 50331653
+def _key(level: int, x: int, y: int) -> int:
+    """
+    Return the key of a column of cells; z more, its last bits are the bucket of a cell.
+
+    So cells on top of each other have buckets side by side. Three large primes (Teschner et al.,
+    Optimized Spatial Hashing, VMV 2003). Columns that share a key cost time only: who looks one up
+    compares the cells themselves.
+    """
+    return x * 73856093 ^ y * 19349663 ^ level * 50331653
 
 
 @kernel
@@ -181,7 +188,7 @@ def _find_cell(fat: Array, cells: IntArray, s: int, bounded: bool) -> None:
             inverse = _inverse_size(level)
             for k in range(3):
                 cells[s, 1 + k] = math.floor(0.5 * (fat[s, k] + fat[s, 3 + k]) * inverse)
-            key = _key(level, cells[s, 1], cells[s, 2], cells[s, 3])
+            key = _key(level, cells[s, 1], cells[s, 2])
         else:
             level = WIDE
     cells[s, 0], cells[s, 4] = level, key
@@ -198,7 +205,7 @@ def _fill_grid(kind: IntArray, fat: Array, moved: IntArray, cells: IntArray, buc
         if moved[s] == 1:
             _find_cell(fat, cells, s, kind[s] != PLANE)
         level = cells[s, 0]
-        bucket = t if level == WIDE else cells[s, 4] & (t - 1)
+        bucket = t if level == WIDE else (cells[s, 4] + cells[s, 3]) & (t - 1)
         if level != WIDE:
             levels[level - _LOWEST] += 1
         tally[s] = bucket
@@ -214,6 +221,16 @@ def _fill_grid(kind: IntArray, fat: Array, moved: IntArray, cells: IntArray, buc
     for k in range(t + 1):
         buckets[k] = buckets[k + 1]
     buckets[t + 1] = kind.shape[0]
+
+
+@kernel
+def _levels_in_use(levels: IntArray) -> tuple[int, int]:
+    """Return the lowest and the highest level with shapes; with none, a higher and a lower one."""
+    lowest, highest = LEVELS, -1
+    for k in range(LEVELS):
+        if levels[k] > 0:
+            lowest, highest = min(lowest, k), k
+    return lowest + _LOWEST, highest + _LOWEST
 
 
 @kernel
@@ -236,9 +253,25 @@ def _offer(shapes: Shapes, fat: Array, moved: IntArray, fresh: IntArray, bodies:
 
 
 @kernel
+def _near_members(fat: Array, keys: IntArray, members: IntArray, key: int, s: int, first: int,
+                  last: int, near: IntArray) -> int:
+    """
+    List those members of a column whose fat boxes overlap that of shape s; return their number.
+
+    Without a branch, as in `near_pairs`.
+    """
+    count = 0
+    for k in range(first, last):
+        other = members[k & INDEX] & INDEX
+        near[count] = other
+        count += 1 if (keys[k & INDEX] == key) & boxes_overlap(fat, s, other) else 0
+    return count
+
+
+@kernel
 def _look_around(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, buckets: IntArray,
                  members: IntArray, keys: IntArray, levels: IntArray, fresh: IntArray,
-                 bodies: int, ahead: Array,
+                 bodies: int, ahead: Array, near: IntArray, used: tuple[int, int],
                  count: int, s: int) -> int:
     """Find the partners of shape s, which moved; return the number of pairs so far."""
     t = buckets.shape[0] - 2
@@ -248,7 +281,7 @@ def _look_around(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, b
         return count
     for k in range(buckets[t], buckets[t + 1]):
         count = _offer(shapes, fat, moved, fresh, bodies, ahead, count, s, members[k])
-    for level in range(_LOWEST, LEVELS + _LOWEST):
+    for level in range(used[0], used[1] + 1):
         if levels[level - _LOWEST] == 0:
             continue
         inverse = _inverse_size(level)
@@ -264,17 +297,21 @@ def _look_around(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, b
             continue
         for x in range(x0, x1 + 1):
             for y in range(y0, y1 + 1):
-                for z in range(z0, z1 + 1):
-                    key = _key(level, x, y, z)
-                    bucket = key & (t - 1) & INDEX
-                    for k in range(buckets[bucket] & INDEX, buckets[bucket + 1] & INDEX):
-                        if keys[k] != key:
-                            continue
-                        other = members[k] & INDEX
-                        if (cells[other, 1] == x and cells[other, 2] == y and cells[other, 3] == z
-                                and cells[other, 0] == level):
-                            count = _offer(shapes, fat, moved, fresh, bodies, ahead, count, s,
-                                           other)
+                key = _key(level, x, y)
+                first, last = (key + z0) & (t - 1), (key + z1) & (t - 1)
+                # What lies beyond the last bucket is in the first ones.
+                for begin, end in ((first, last), (0, -1)) if first <= last else (
+                        (first, t - 1), (0, last)):
+                    k, until = buckets[begin & INDEX], buckets[(end + 1) & INDEX]
+                    while k < until:
+                        some = min(k + NEAR, until)
+                        for i in range(_near_members(fat, keys, members, key, s, k, some, near)):
+                            other = near[i] & INDEX
+                            if (cells[other, 1] == x and cells[other, 2] == y
+                                    and cells[other, 0] == level):
+                                count = _offer(shapes, fat, moved, fresh, bodies, ahead, count, s,
+                                               other)
+                        k = some
     return count
 
 
@@ -302,30 +339,33 @@ def _is_before(pair: IntArray, i: int, fresh: IntArray, j: int) -> bool:
 
 
 @kernel
-def _move_axis(axis: Array, k: int, to: int) -> None:
-    """Give pair `to` the witness of pair k; pairs that never had one leave no trace in memory."""
-    if axis[k, 3] != 0.0 or axis[to, 3] != 0.0:
-        for i in range(4):
-            axis[to, i] = axis[k, i]
+def _have_witnesses(kind: IntArray) -> bool:
+    """Return whether any pair of shapes may have a witness: see `worth_it`."""
+    for s in range(kind.shape[0]):
+        if kind[s] != SPHERE and kind[s] != PLANE:
+            return True
+    return False
 
 
 @kernel
-def _forget_parted(kind: IntArray, fat: Array, moved: IntArray, ahead: Array, pair: IntArray,
+def _forget_parted(kind: IntArray, fat: Array, ahead: Array, witnessed: bool, pair: IntArray,
                    axis: Array, count: int) -> int:
-    """Drop pairs of moved shapes whose fat boxes no longer overlap; return how many are left."""
+    """Drop pairs whose fat boxes no longer overlap; return how many are left."""
     kept = 0
     for k in range(count):
         a, b = pair[k, 0] & INDEX, pair[k, 1] & INDEX
-        if moved[a] + moved[b] == 0 or _fat_overlap(kind, fat, ahead, a, b):
+        if _fat_overlap(kind, fat, ahead, a, b):
             if kept < k:
                 pair[kept, 0], pair[kept, 1] = a, b
-                _move_axis(axis, k, kept)
+                for i in range(4 if witnessed else 0):
+                    axis[kept, i] = axis[k, i]
             kept += 1
     return kept
 
 
 @kernel
-def _merge(pair: IntArray, axis: Array, count: int, fresh: IntArray, found: int) -> int:
+def _merge(pair: IntArray, axis: Array, witnessed: bool, count: int, fresh: IntArray,
+           found: int) -> int:
     """Merge the sorted fresh pairs into the pairs; return their number, too large or not."""
     new, old = 0, 0
     for k in range(found):
@@ -343,11 +383,12 @@ def _merge(pair: IntArray, axis: Array, count: int, fresh: IntArray, found: int)
     while new >= 0:
         if old >= 0 and not _is_before(pair, old, fresh, new):
             pair[place, 0], pair[place, 1] = pair[old, 0], pair[old, 1]
-            _move_axis(axis, old, place)
+            for i in range(4 if witnessed else 0):
+                axis[place, i] = axis[old, i]
             old -= 1
         else:
             pair[place, 0], pair[place, 1] = fresh[0, new, 0], fresh[0, new, 1]
-            if axis[place, 3] != 0.0:
+            if witnessed:
                 axis[place, 3] = 0.0
             new -= 1
         place -= 1
@@ -357,31 +398,37 @@ def _merge(pair: IntArray, axis: Array, count: int, fresh: IntArray, found: int)
 @kernel
 def update_pairs(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, buckets: IntArray,
                  members: IntArray, keys: IntArray, tally: IntArray, levels: IntArray,
-                 fresh: IntArray, pair: IntArray, axis: Array, count: int, bodies: int,
-                 ahead: Array) -> int:
+                 fresh: IntArray, pair: IntArray, axis: Array, pair_count: IntArray, bodies: int,
+                 ahead: Array, near: IntArray) -> int:
     """
     Bring the pairs up to date after some shapes moved; return their number.
 
-    A number above the capacity of `pair` means that there was no room, and the pairs are lost.
+    pair_count (2,) is how many there are, and how many were left when those that had parted were
+    forgotten: to go through all of them is worth it when many have. A number above the capacity of
+    `pair` means that there was no room, and the pairs are lost.
     """
-    count = _forget_parted(shapes.kind, fat, moved, ahead, pair, axis, count)
+    count, witnessed = max(pair_count[0], 0), _have_witnesses(shapes.kind)
+    if count > pair_count[1] + pair_count[1] // _MANY_PARTED:
+        count = _forget_parted(shapes.kind, fat, ahead, witnessed, pair, axis, count)
+        pair_count[1] = count
     _fill_grid(shapes.kind, fat, moved, cells, buckets, members, keys, tally, levels)
     found, most = 0, shapes.kind.shape[0] - 1  # partners of one shape
+    used = _levels_in_use(levels)
     for s in range(shapes.kind.shape[0]):
         if moved[s] == 0:
             continue
         if found + most > fresh.shape[1]:
-            count, found = _take_in(fresh, found, tally, pair, axis, count), 0
+            count, found = _take_in(fresh, found, tally, pair, axis, witnessed, count), 0
         found = _look_around(shapes, fat, moved, cells, buckets, members, keys, levels, fresh,
-                             bodies, ahead, found, s)
-    return _take_in(fresh, found, tally, pair, axis, count)
+                             bodies, ahead, near, used, found, s)
+    return _take_in(fresh, found, tally, pair, axis, witnessed, count)
 
 
 @kernel
 def _take_in(fresh: IntArray, found: int, tally: IntArray, pair: IntArray, axis: Array,
-             count: int) -> int:
+             witnessed: bool, count: int) -> int:
     """Sort the fresh pairs into the pairs; return their number. Without room it only counts."""
     if count > pair.shape[0]:
         return count + found
     _sort(fresh, found, tally)
-    return _merge(pair, axis, count, fresh, found)
+    return _merge(pair, axis, witnessed, count, fresh, found)

@@ -148,8 +148,8 @@ def find_pairs(model: Model, state: State, shapes: Shapes, memory: Memory) -> bo
     if moved > 0:
         count = update_pairs(shapes, memory.fat, memory.moved, memory.cells, memory.buckets,
                              memory.members, memory.keys, memory.tally, memory.levels,
-                             memory.fresh, memory.pair, memory.axis, max(count, 0),
-                             model.m.shape[0], memory.ahead)
+                             memory.fresh, memory.pair, memory.axis, memory.pair_count,
+                             model.m.shape[0], memory.ahead, memory.near[0])
         if count > memory.pair.shape[0]:
             memory.counters[SHORT_PAIRS] = count
             memory.pair_count[0] = -1

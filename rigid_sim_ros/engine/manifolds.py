@@ -103,7 +103,8 @@ class Memory(NamedTuple):
     keys: IntArray  # (s,) of their cells, in that order
     tally: IntArray  # (s + 1,) room to count
     levels: IntArray  # (LEVELS,) number of shapes on each level of the grid
-    pair_count: IntArray  # (1,) -1 before the first step
+    # (2,) -1 before the first step; and how many were left when parted ones were forgotten
+    pair_count: IntArray
     pair: IntArray  # (p, 2) of 32 bits, shapes whose fat boxes overlap, sorted
     fresh: IntArray  # (2, >= s, 2) of 32 bits, newly found pairs, before they are sorted in
     axis: Array  # (p, 4) witness: a direction in the axes of A that separated the pair; 0: none
@@ -174,7 +175,7 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
         empty_pages(capacity), integers(1), np.zeros((s, 12)), np.zeros((bodies, 9)), np.zeros(s),
         np.zeros(1), np.zeros((s, 6)), np.zeros((s, 6)), integers(s, 5), integers(s),
         integers(buckets + 2), integers(s), integers(s), integers(s + 1), integers(LEVELS),
-        integers(1), _names(2 * capacity, 2), _names(2, 4 * s, 2), np.zeros((2 * capacity, 4)),
+        integers(2), _names(2 * capacity, 2), _names(2, 4 * s, 2), np.zeros((2 * capacity, 4)),
         integers(8), _scratch(), _scratch(), integers(2, NEAR), integers(2, 8), integers(2, 5),
         integers(1))
     forget_pairs(memory)
@@ -183,7 +184,7 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
 
 def forget_pairs(memory: Memory) -> None:
     """Empty all that only saves time, so that the next step finds it anew."""
-    memory.pair_count[0] = -1
+    memory.pair_count[:] = -1, 0
 
 
 @kernel

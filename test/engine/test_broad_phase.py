@@ -7,7 +7,7 @@ from hypothesis import given, settings, strategies as st
 import numpy as np
 
 from rigid_sim_ros.engine.broad_phase import near_pairs
-from rigid_sim_ros.engine.manifolds import PAIRS, REBUILT
+from rigid_sim_ros.engine.manifolds import NEAR, PAIRS, REBUILT
 from rigid_sim_ros.engine.shapes import BOX, SPHERE
 
 BALL = (SPHERE, (0.5, 0.0, 0.0), None)
@@ -60,6 +60,29 @@ def test_pairs_are_those_of_brute_force_while_everything_moves(seed, spread, oct
         scene.detect()
         assert pairs_with_overlapping_boxes(scene) == brute_force(scene)
         scene.state.x[:] += rng.normal(0, 0.1, (3, n)) * (rng.random(n) < 0.5)
+
+
+def test_a_crowd_in_one_cell_is_gone_through_piece_by_piece():
+    rng = np.random.default_rng(5)
+    n = 2 * NEAR + 7
+    scene = Scene([BALL] * n, [(rng.normal(0, 0.3, 3), UPRIGHT) for _ in range(n)])
+    for _ in range(3):
+        scene.detect()
+        assert pairs_with_overlapping_boxes(scene) == brute_force(scene)
+        scene.state.x[:, ::3] += rng.normal(0, 0.5, (3, len(scene.state.x[0, ::3])))
+
+
+def test_pairs_that_have_parted_are_forgotten_in_the_end():
+    n = 40
+    scene = Scene([BALL] * n, [((0.9 * k, 0, 0), UPRIGHT) for k in range(n)])
+    scene.detect()
+    assert scene.memory.pair_count[0] >= n - 1
+    # Away from each other, and one of them to and fro: fat boxes are made anew, and nothing else.
+    scene.state.x[0] *= 10.0
+    for k in range(3):
+        scene.state.x[2, 0] += 5.0
+        scene.detect()
+    assert scene.memory.pair_count[0] == 0
 
 
 def test_the_pairs_tested_are_those_of_overlapping_boxes_not_of_fat_ones():
