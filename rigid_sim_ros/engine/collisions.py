@@ -19,7 +19,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel
-from rigid_sim_ros.engine.manifolds import Manifolds, POINTS
+from rigid_sim_ros.engine.manifolds import Manifolds, POINTS, rows_in_use
 from rigid_sim_ros.engine.rotation import (
     exponential, multiply, quaternion, set_quaternion, to_matrix, unit)
 from rigid_sim_ros.engine.shapes import Materials, Shapes, SPHERE
@@ -86,15 +86,16 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
     work.body afterwards. The impulses (4, c) and (c, 3) are what acted on B [N s]. Returns the
     number of collisions.
     """
-    work.waits[:manifolds.count[0]] = 0
+    begin, end = rows_in_use(manifolds)
+    work.waits[begin:end] = 0
     candidates = 0
-    for r in range(manifolds.count[0] if may_bounce(materials.restitution) else 0):
+    for r in range(begin, end if may_bounce(materials.restitution) else begin):
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if _restitution(shapes, materials, manifolds.shape_a[r], manifolds.shape_b[r]) > 0.0 and (
                 inv_m[a] + inv_m[b] > 0.0):
             work.rows[candidates] = r
             candidates += 1
-    for r in range(manifolds.count[0] if candidates > 0 else 0):
+    for r in range(begin, end if candidates > 0 else begin):
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         _load(inv_m, inv_I_C, state, F, a, work.body[a])
         _load(inv_m, inv_I_C, state, F, b, work.body[b])

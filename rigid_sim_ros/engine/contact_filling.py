@@ -18,7 +18,7 @@ from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.lanes import (
     any_of, both, count_of, Eight, gather, gather_integers, gather_rows_1, gather_rows_3,
     LANES, largest_of, load, scatter, scatter_rows_1, scatter_rows_3, select, spread, store)
-from rigid_sim_ros.engine.manifolds import Manifolds, POINTS
+from rigid_sim_ros.engine.manifolds import Manifolds, POINTS, rows_in_use
 from rigid_sim_ros.engine.shapes import Materials
 from rigid_sim_ros.engine.shifts import displacement, gap_now
 from rigid_sim_ros.engine.slots import ACROSS
@@ -42,7 +42,8 @@ def choose_manifolds(region: int, manifolds: Manifolds, side: IntArray, waits: I
     is 1 for a manifold that is left out.
     """
     found, across, wanted = 0, 0, region + 1
-    for r in range(manifolds.count[0]):
+    begin, end = rows_in_use(manifolds)
+    for r in range(begin, end):
         if waits[r] == 0:
             at = side[manifolds.body_a[r] & INDEX] | side[manifolds.body_b[r] & INDEX]
             if at == wanted:

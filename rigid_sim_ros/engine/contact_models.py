@@ -21,7 +21,7 @@ from rigid_sim_ros.engine.integrate import make_work, ORIENTATIONS
 from rigid_sim_ros.engine.kept import Kept
 from rigid_sim_ros.engine.manifolds import (
     CONTACTS, current_manifolds, earlier_manifolds, empty_memory, lasting, Manifolds, Memory,
-    PAIRS, POINTS, with_lasting, WITNESSED)
+    PAIRS, POINTS, slice_in_use, with_lasting, WITNESSED)
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.sequential import SequentialSettings
 from rigid_sim_ros.engine.shapes import Materials, Shapes
@@ -162,10 +162,9 @@ class _Touching(_OneThread):
 
     def _counts(self) -> ContactReport:
         manifolds = current_manifolds(self._memory)
-        count = int(manifolds.count[0])
-        counters = self._memory.counters
-        used = np.arange(POINTS)[:, None] < manifolds.points[:count]
-        gaps = manifolds.gap[:, :count][used]
+        rows, counters = slice_in_use(manifolds), self._memory.counters
+        used = np.arange(POINTS)[:, None] < manifolds.points[rows]
+        gaps = manifolds.gap[:, rows][used]
         return ContactReport(int(counters[PAIRS]), int(counters[WITNESSED]),
                              int(counters[CONTACTS]), float(max(0.0, -gaps.min(initial=0.0))))
 
@@ -341,9 +340,10 @@ def _rows(setup: Setup, state: State, manifolds: Manifolds, normal: Array,
 
     The friction of a manifold is shared out over its points as their normal forces are.
     """
-    count = int(manifolds.count[0])
-    used = np.arange(POINTS) < manifolds.points[:count, None]
+    in_use = slice_in_use(manifolds)
+    used = np.arange(POINTS) < manifolds.points[in_use, None]
     r, p = np.nonzero(used)
+    r += in_use.start
     rows = np.zeros(len(r), dtype=CONTACT)
     a, b = manifolds.body_a[r], manifolds.body_b[r]
     x: Array = state.x.T
@@ -352,7 +352,7 @@ def _rows(setup: Setup, state: State, manifolds: Manifolds, normal: Array,
     rows['normal'] = manifolds.normal[r]
     rows['gap'] = manifolds.gap[p, r]
     impulses = normal[r, p]
-    totals = np.bincount(r, impulses, minlength=count)[r]
+    totals = np.bincount(r, impulses, minlength=in_use.stop)[r]
     share = np.divide(impulses, totals, out=np.zeros(len(r)), where=totals > 0.0)
     rows['normal_force'] = impulses / setup.model.h
     rows['friction_force'] = friction[r] * share[:, None] / setup.model.h

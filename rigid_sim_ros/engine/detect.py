@@ -15,8 +15,8 @@ from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.broad_phase import near_pairs, refresh, update_pairs
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part
 from rigid_sim_ros.engine.manifolds import (
-    CONTACTS, current, earlier, Manifolds, Memory, NEAR, PAIRS, REBUILT, RECYCLED, Scratch,
-    SHORT_PAIRS, SHORT_ROWS, WITNESSED)
+    CONTACTS, current, earlier, Manifolds, Memory, NEAR, PAIRS, REBUILT, RECYCLED, rows_in_use,
+    Scratch, SHORT_PAIRS, SHORT_ROWS, WITNESSED)
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.narrow_phase.balls import touching_ball
 from rigid_sim_ros.engine.narrow_phase.boxes import box_box, UNSETTLED
@@ -39,20 +39,25 @@ WHOLE, LIST, FIND, ALL = 0, 1, 2, 4
 
 
 class Share(NamedTuple):
-    """What one thread looks through, and where it writes."""
+    """
+    What one thread looks through, and where it writes.
+
+    Backwards it goes from the last pair to the first, and its rows end before `row`.
+    """
 
     first: int  # of the pairs
     last: int  # and the one after
     row: int  # the first row to write
-    end: int  # the first one not to write
-    old: int  # no row of the last step before this one is of these pairs
+    room: int  # how many rows it may write
+    old: int  # the rows of the last step that are of these pairs begin here, or end before
+    backwards: int  # 0 or 1
 
 
 @part
 def get_share(memory: Memory, thread: int) -> Share:
     """Return what a thread was given."""
     of = memory.ranges[thread]
-    return Share(of[0], of[1], of[2], of[3], of[4])
+    return Share(of[0], of[1], of[2], of[3], of[4], of[5])
 
 
 @part
@@ -103,12 +108,13 @@ def detect_stage(stage: int, model: Model, state: State, shapes: Shapes, memory:
 @kernel
 def find_all_manifolds(state: State, shapes: Shapes, memory: Memory) -> bool:
     """Find the manifolds of all pairs, and turn the page; return whether there was room."""
-    everything = Share(0, memory.pair_count[0], 0, current(memory).shape_a.shape[0], 0)
+    before = current(memory)
+    everything = Share(0, memory.pair_count[0], 0, before.shape_a.shape[0], before.count[1], 0)
     set_share(memory, 0, everything)
     find_share(state, shapes, memory, 0)
     memory.shares[1, :] = 0
     memory.split[0] = memory.shares[0, ROWS] // 2
-    return turn_page(memory, memory.shares[0, ROWS])
+    return turn_page(memory, 0, memory.shares[0, ROWS])
 
 
 @kernel
@@ -124,8 +130,8 @@ def find_share(state: State, shapes: Shapes, memory: Memory, thread: int) -> Non
 
 
 @kernel
-def turn_page(memory: Memory, rows: int) -> bool:
-    """Let what was found be the current manifolds, if there was room for them."""
+def turn_page(memory: Memory, first: int, rows: int) -> bool:
+    """Let the rows that were found be the current manifolds, if there was room for them."""
     now = earlier(memory)
     # The last row stays free: what comes after a full page was tried out in it.
     if rows >= now.shape_a.shape[0]:
@@ -133,7 +139,7 @@ def turn_page(memory: Memory, rows: int) -> bool:
         return False
     for k in (PAIRS, WITNESSED, RECYCLED, CONTACTS):
         memory.counters[k] = memory.shares[0, k] + memory.shares[1, k]
-    now.count[0] = rows
+    now.count[0], now.count[1] = rows, first
     memory.page[0] = 1 - memory.page[0]
     return True
 
@@ -165,25 +171,31 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
     """
     Go through the pairs and through the last step's rows, both sorted, side by side.
 
+    Backwards a row is found by the place after it, so that every place is 0 or more.
+
     Which of the pairs are near is listed first, some pairs at a time, in `listing` (NEAR,).
     found_so (8,) becomes what `turn_page` counts; in ROWS how many rows would have been needed.
     """
-    rows, old, last = share.row, share.old, before.count[0]
-    near, settled, recycled, contacts = 0, 0, 0, 0
-    looked, listed, at = share.first, 0, 0
-    while looked < share.last or at < listed:
+    back, step = share.backwards, 1 - 2 * share.backwards
+    begin, end = rows_in_use(before)
+    old_at, old_end = share.old, begin if back == 1 else end
+    rows, near, settled, recycled, contacts = 0, 0, 0, 0, 0
+    left, listed, at = share.last - share.first, 0, 0
+    while left > 0 or at < listed:
         if at == listed:
-            some = min(share.last, looked + NEAR)
-            listed, at = near_pairs(memory.pair, memory.box, looked, some, listing), 0
-            looked, near = some, near + listed
+            some = min(left, NEAR)
+            first = share.first + left - some if back == 1 else share.last - left
+            listed, at = near_pairs(memory.pair, memory.box, first, first + some, listing), 0
+            left, near = left - some, near + listed
             continue
-        k = listing[at] & INDEX
+        k = listing[listed - 1 - at if back == 1 else at] & INDEX
         at += 1
         a, b = memory.pair[k, 0] & INDEX, memory.pair[k, 1] & INDEX
         margin = memory.ahead[a] + memory.ahead[b]
-        old = _seek(before.shape_a, before.shape_b, old, last, a, b) & INDEX
-        known = old < last and before.shape_a[old] == a and before.shape_b[old] == b
-        row = min(rows, share.end - 1) & INDEX
+        old_at = _seek(before.shape_a, before.shape_b, old_at, old_end, step, a, b)
+        old = (old_at - back) & INDEX
+        known = old_at != old_end and before.shape_a[old] == a and before.shape_b[old] == b
+        row = (share.row + step * min(rows, share.room - 1) - back) & INDEX
         i, j = shapes.body[a] & INDEX, shapes.body[b] & INDEX
         kind_a, kind_b = shapes.kind[a], shapes.kind[b]
         if known and _flat(shapes.kind, a, b) and _recycle(
@@ -229,14 +241,24 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
         rows += 1
     found_so[PAIRS], found_so[WITNESSED] = near, settled
     found_so[RECYCLED], found_so[CONTACTS] = recycled, contacts
-    found_so[ROWS] = rows - share.row
+    found_so[ROWS] = rows
 
 
 @part
-def _seek(shape_a: IntArray, shape_b: IntArray, old: int, last: int, a: int, b: int) -> int:
-    """Return the first row from `old` on that does not come before the pair (a, b)."""
-    while old < last and (shape_a[old] < a or (shape_a[old] == a and shape_b[old] < b)):
-        old += 1
+def _seek(shape_a: IntArray, shape_b: IntArray, old: int, end: int, step: int, a: int,
+          b: int) -> int:
+    """
+    Return the first row from `old` on that does not come before the pair (a, b).
+
+    With a step of -1 backwards, and then it is the row before what is returned.
+    """
+    back = 1 if step < 0 else 0
+    while old != end:
+        i = (old - back) & INDEX
+        if step * shape_a[i] > step * a or (
+                shape_a[i] == a and step * shape_b[i] >= step * b):
+            break
+        old += step
     return old
 
 

@@ -22,20 +22,21 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers
 from rigid_sim_ros.engine.hulls import MAX_CORNERS
-from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.kernel import INDEX, kernel
 
 POINTS = 4  # of a manifold, at most
 
 
 class Manifolds(NamedTuple):
     """
-    Pairs of shapes that are near each other, c rows of which the first `count` are in use.
+    Pairs of shapes that are near each other: c rows, of which those of `rows_in_use` are in use.
 
     The rows are in the order of (shape_a, shape_b), and shape_a < shape_b. The normal points from
     A to B, gap < 0 is overlap: point_B = point_A + gap * normal.
     """
 
-    count: IntArray  # type: ignore[assignment]  # (1,) number of rows in use
+    # (2,) number of rows in use, and the first of them: 0 but where two threads found them
+    count: IntArray  # type: ignore[assignment]
     shape_a: IntArray  # (c,) of 32 bits, as the next three
     shape_b: IntArray  # (c,)
     body_a: IntArray  # (c,)
@@ -113,7 +114,7 @@ class Memory(NamedTuple):
     other_scratch: Scratch  # for a second thread
     near: IntArray  # (2, NEAR) some pairs whose bounding boxes overlap, of either thread
     shares: IntArray  # (2, 8) what either thread found, see shared_detection.py
-    ranges: IntArray  # (2, 5) the `Share` of either thread
+    ranges: IntArray  # (2, 6) the `Share` of either thread
     split: IntArray  # (1,) how many of the latest manifolds the first thread begins from
 
 
@@ -147,7 +148,7 @@ def _empty_page(capacity: int) -> Manifolds:
     points: Any = np.zeros(c, dtype=np.int8)
 
     return Manifolds(
-        integers(1), _names(c), _names(c), _names(c), _names(c), points, np.zeros((c, 3)),
+        integers(2), _names(c), _names(c), _names(c), _names(c), points, np.zeros((c, 3)),
         np.zeros((*of_points, 3)), np.zeros((*of_points, 3)), np.zeros(of_points),
         integers(*of_points), np.zeros(of_points), np.zeros((c, 3)), np.zeros(c),
         np.zeros((c, 5)), np.zeros((c, 3)), np.zeros((c, POINTS, 3)), np.zeros((c, POINTS, 3)))
@@ -176,7 +177,7 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
         np.zeros(1), np.zeros((s, 6)), np.zeros((s, 6)), integers(s, 5), integers(s),
         integers(buckets + 2), integers(s), integers(s), integers(s + 1), integers(LEVELS),
         integers(2), _names(2 * capacity, 2), _names(2, 4 * s, 2), np.zeros((2 * capacity, 4)),
-        integers(8), _scratch(), _scratch(), integers(2, NEAR), integers(2, 8), integers(2, 5),
+        integers(8), _scratch(), _scratch(), integers(2, NEAR), integers(2, 8), integers(2, 6),
         integers(1))
     forget_pairs(memory)
     return memory
@@ -185,6 +186,19 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
 def forget_pairs(memory: Memory) -> None:
     """Empty all that only saves time, so that the next step finds it anew."""
     memory.pair_count[:] = -1, 0
+
+
+@kernel
+def rows_in_use(manifolds: Manifolds) -> tuple[int, int]:
+    """Return the first row in use, and the one after the last."""
+    first = manifolds.count[1] & INDEX
+    return first, (first + manifolds.count[0]) & INDEX
+
+
+def slice_in_use(manifolds: Manifolds) -> slice:
+    """Return the same in Python."""
+    count, first = manifolds.count.tolist()
+    return slice(first, first + count)
 
 
 @kernel
@@ -239,14 +253,14 @@ def _doubled(present: int, needed: int) -> int:
 
 def _copy(source: Manifolds, target: Manifolds) -> None:
     """Copy the rows in use to a page that is all zeros; what stays zero is not even touched."""
-    count = int(source.count[0])
-    target.count[0] = count
+    rows = slice_in_use(source)
+    target.count[:] = source.count[0], 0
     for name, old, new in zip(source._fields[1:], source[1:], target[1:], strict=True):
         # Few manifolds have all points: each by itself.
         single = name not in _OF_POINTS
         for values, place in [(old, new)] if single else zip(old, new, strict=True):
-            if _any_bit(values[:count]):
-                place[:count] = values[:count]
+            if _any_bit(values[rows]):
+                place[:source.count[0]] = values[rows]
 
 
 def _any_bit(values: Any) -> bool:
@@ -254,9 +268,9 @@ def _any_bit(values: Any) -> bool:
     return bool(np.ascontiguousarray(values).view(np.uint8).any())
 
 
-def _rows(name: str, field: Any, count: int) -> Any:
-    """Return the first rows of a field."""
-    return field[:, :count] if name in _OF_POINTS else field[:count]
+def _rows(name: str, field: Any, rows: slice) -> Any:
+    """Return rows of a field."""
+    return field[:, rows] if name in _OF_POINTS else field[rows]
 
 
 def _used(name: str, points: IntArray, found_at: Array) -> Any:
@@ -282,13 +296,13 @@ def lasting(memory: Memory) -> list[Array | IntArray]:
     Of the points those that there are, the first ones of all manifolds first.
     """
     manifolds = current_manifolds(memory)
-    count = int(manifolds.count[0])
-    points, found_at = manifolds.points[:count], manifolds.found_at[:count].copy()
+    rows = slice_in_use(manifolds)
+    points, found_at = manifolds.points[rows], manifolds.found_at[rows].copy()
     found_at[~found_at[:, :4].any(axis=1)] = 0.0
-    fields: list[Array | IntArray] = [manifolds.count.copy()]
+    fields: list[Array | IntArray] = [manifolds.count[:1].copy()]
     for name, field in zip(manifolds._fields[1:], manifolds[1:], strict=True):
-        rows = found_at if name == 'found_at' else _rows(name, field, count)
-        values = rows[_used(name, points, found_at)]
+        there = found_at if name == 'found_at' else _rows(name, field, rows)
+        values = there[_used(name, points, found_at)]
         # Saved worlds have them in 64 bits.
         fields.append(values.astype(np.int64) if name == 'points' else values)
     return fields
@@ -305,9 +319,9 @@ def with_lasting(memory: Memory, arrays: Sequence[Array | IntArray]) -> Memory:
     memory.counters[SHORT_ROWS] = count
     memory = grown(memory)
     manifolds = current_manifolds(memory)
-    manifolds.count[0] = count
+    manifolds.count[:] = count, 0
     for name, field, values in zip(kept._fields[1:], manifolds[1:], kept[1:], strict=True):
-        rows, used = _rows(name, field, count), _used(name, kept.points, kept.found_at)
+        rows, used = _rows(name, field, slice(count)), _used(name, kept.points, kept.found_at)
         if (shape := rows[used].shape) != values.shape:
             raise ValueError(f'manifolds: {name} of shape {values.shape}, must be {shape}: it was '
                              f'saved by another version; run the scene from its start')

@@ -3,10 +3,10 @@
 """
 Detection by two threads; what it finds is what `detect_ahead` finds.
 
-Either places half of the shapes, and looks through those pairs that took half of the effort in the
-last step. The second does not know how many manifolds the first will find, so it leaves as much
-room as there were then and some more; afterwards its rows move up. Where the room was too small
-one thread begins anew.
+Either places half of the shapes, and looks through those pairs that took half of the effort in
+the last step. The first goes through its pairs from the last to the first, and writes its rows
+from the middle of the page to its start; the second writes from there on. So the rows of both lie
+side by side, however many each of them finds. Where the room was too small one thread begins anew.
 """
 
 from typing import Any
@@ -17,7 +17,7 @@ from rigid_sim_ros.engine.detect import (
 from rigid_sim_ros.engine.kept import call
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.manifolds import (
-    current, earlier, Manifolds, Memory, PAIRS, RECYCLED, WITNESSED)
+    current, Memory, PAIRS, RECYCLED, rows_in_use, WITNESSED)
 from rigid_sim_ros.engine.placing import bound, place_bodies, place_shapes
 from rigid_sim_ros.engine.shapes import Shapes
 from rigid_sim_ros.engine.state import State
@@ -25,10 +25,9 @@ from rigid_sim_ros.engine.two_cores import side_by_side
 
 # The stages that one thread alone does not have, by their numbers; of those in halves the number
 # of the first half.
-SHARE_OUT, FIT, JOIN, PLACE, MOVE = 0, 1, 2, 3, 5
+SHARE_OUT, FIT, JOIN, PLACE = range(4)
 # What a manifold takes more than a pair that a witness settles.
 _OF_RECYCLED, _OF_NEW = 2, 14
-_SPARE = 64     # rows of room for manifolds that the first half did not have in the last step
 
 
 @part
@@ -45,7 +44,6 @@ def detect_side_by_side(to: int, to_share: int, box: Any, desk: IntArray) -> int
     side_by_side(desk, to, box, FIND, FIND + 1)
     if call(to_share, box, FIT) == 0:
         return call(to, box, ALL)
-    side_by_side(desk, to_share, box, MOVE, MOVE + 1)
     return call(to_share, box, JOIN)
 
 
@@ -60,15 +58,8 @@ def share_stage(stage: int, state: State, shapes: Shapes, memory: Memory, cut: I
         return _join(memory)
     elif stage == PLACE:
         _place(state, shapes, memory, 0, cut[0], 0, cut[1])
-    elif stage == PLACE + 1:
-        _place(state, shapes, memory, cut[0], shapes.kind.shape[0], cut[1], state.x.shape[1])
     else:
-        rows, source = earlier(memory), get_share(memory, 1).row
-        found, more = memory.shares[0, ROWS], memory.shares[1, ROWS]
-        if stage == MOVE:
-            _move_points(rows, source, found, more)
-        else:
-            _move_rows(rows, source, found, more)
+        _place(state, shapes, memory, cut[0], shapes.kind.shape[0], cut[1], state.x.shape[1])
     return True
 
 
@@ -83,12 +74,17 @@ def _place(state: State, shapes: Shapes, memory: Memory, first: int, last: int, 
 @kernel
 def _share_out(memory: Memory) -> None:
     """Give either thread its pairs, and room for what it finds."""
-    before, pairs = current(memory), memory.pair_count[0]
-    old, room = min(memory.split[0], before.count[0]), before.shape_a.shape[0]
-    cut = _first_pair(memory.pair, pairs, before.shape_a[old], before.shape_b[old])
-    start = old + min(old // 8 + _SPARE, (room - before.count[0]) // 2)
-    set_share(memory, 0, Share(0, cut, 0, start, 0))
-    set_share(memory, 1, Share(cut, pairs, start, room, old))
+    before, pairs, room = current(memory), memory.pair_count[0], memory.pages[0].shape_a.shape[0]
+    first, last = rows_in_use(before)
+    split = min(memory.split[0], last - first)
+    old = first + split
+    cut = pairs
+    if old < last:
+        cut = _first_pair(memory.pair, pairs, before.shape_a[old], before.shape_b[old])
+    # To each the same part of the room as of the rows.
+    middle = room * split // max(last - first, 1)
+    set_share(memory, 0, Share(0, cut, middle, middle, old, 1))
+    set_share(memory, 1, Share(cut, pairs, middle, room - middle, old, 0))
 
 
 @kernel
@@ -107,19 +103,16 @@ def _first_pair(pair: IntArray, pairs: int, a: int, b: int) -> int:
 @kernel
 def _fit(memory: Memory) -> bool:
     """Return whether both threads had enough room, and a row to spare (see `turn_page`)."""
-    first, second = get_share(memory, 0), get_share(memory, 1)
-    return bool(memory.shares[0, ROWS] < first.end
-                and memory.shares[1, ROWS] < second.end - second.row)
+    return bool(memory.shares[0, ROWS] < get_share(memory, 0).room
+                and memory.shares[1, ROWS] < get_share(memory, 1).room)
 
 
 @kernel
 def _join(memory: Memory) -> bool:
-    """Turn the page to the rows of both threads, which lie together by now."""
-    rows, source, target = earlier(memory), get_share(memory, 1).row, memory.shares[0, ROWS]
-    for k in range(memory.shares[1, ROWS]):
-        rows.points[(target + k) & INDEX] = rows.points[(source + k) & INDEX]
+    """Turn the page to the rows of both threads, which lie side by side."""
+    found, more = memory.shares[0, ROWS], memory.shares[1, ROWS]
     memory.split[0] = _fair_split(memory.shares[0], memory.shares[1])
-    return turn_page(memory, target + memory.shares[1, ROWS])
+    return turn_page(memory, get_share(memory, 0).row - found, found + more)
 
 
 @kernel
@@ -136,52 +129,3 @@ def _effort(found: IntArray) -> int:
     """Return how long a thread was busy, about, in units of a pair that a witness settles."""
     anew = found[PAIRS] - found[WITNESSED] - found[RECYCLED]
     return found[PAIRS] + _OF_RECYCLED * found[RECYCLED] + _OF_NEW * anew
-
-
-@kernel
-def _move_points(rows: Manifolds, source: int, target: int, count: int) -> None:
-    """Move the places of the points of some rows up; of most rows these are half of all."""
-    i, j = source & INDEX, target & INDEX
-    for p in range(rows.gap.shape[0]):
-        for k in range(count):
-            if p < rows.points[i + k]:
-                rows.gap[p, j + k] = rows.gap[p, i + k]
-                for x in range(3):
-                    rows.r_A[p, j + k, x] = rows.r_A[p, i + k, x]
-                    rows.r_B[p, j + k, x] = rows.r_B[p, i + k, x]
-
-
-@kernel
-def _move_rows(rows: Manifolds, source: int, target: int, count: int) -> None:
-    """
-    Move the rest of some rows up, but for the numbers of points: both threads go by these.
-
-    What most shapes do not need is written only where it changes: see `Manifolds`.
-    """
-    for k in range(count):
-        i, j = (source + k) & INDEX, (target + k) & INDEX
-        rows.shape_a[j], rows.shape_b[j] = rows.shape_a[i], rows.shape_b[i]
-        rows.body_a[j], rows.body_b[j] = rows.body_a[i], rows.body_b[i]
-        for x in range(3):
-            rows.normal[j, x], rows.friction[j, x] = rows.normal[i, x], rows.friction[i, x]
-        if rows.spin[j] != rows.spin[i]:
-            rows.spin[j] = rows.spin[i]
-        for p in range(rows.points[i]):
-            rows.impulse[p, j] = rows.impulse[p, i]
-            if rows.feature[p, j] != rows.feature[p, i]:
-                rows.feature[p, j] = rows.feature[p, i]
-    for k in range(count):
-        i, j = (source + k) & INDEX, (target + k) & INDEX
-        lasts = False
-        for x in range(4):
-            lasts = lasts or rows.found_at[i, x] != 0.0
-        for x in range(5):
-            # Of what lasts also -0.0.
-            if lasts or rows.found_at[j, x] != rows.found_at[i, x]:
-                rows.found_at[j, x] = rows.found_at[i, x]
-        for x in range(3 if lasts else 0):
-            rows.normal_A[j, x] = rows.normal_A[i, x]
-        for p in range(rows.points[i] if lasts else 0):
-            for x in range(3):
-                rows.p_A_C[j, p, x] = rows.p_A_C[i, p, x]
-                rows.p_B_C[j, p, x] = rows.p_B_C[i, p, x]

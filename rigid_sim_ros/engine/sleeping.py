@@ -17,7 +17,7 @@ import numpy as np
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.kernel import INDEX, kernel
 from rigid_sim_ros.engine.loads import Loads
-from rigid_sim_ros.engine.manifolds import Manifolds
+from rigid_sim_ros.engine.manifolds import Manifolds, rows_in_use
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.vector import column, norm
 from rigid_sim_ros.engine.wrenches import Wrenches
@@ -86,7 +86,8 @@ def wake_disturbed(inv_m: Array, state: State, loads: Loads, manifolds: Manifold
             rest.steps[i] = 0
             if rest.asleep[i] == 1:
                 rest.asleep[i], woken = 0, True
-    for r in range(manifolds.count[0] if woken else 0):
+    begin, end = rows_in_use(manifolds)
+    for r in range(begin, end if woken else begin):
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if inv_m[a] == 0.0 and rest.island[a] == 1:
             _wake(rest, b)
@@ -101,7 +102,8 @@ def wake_touched(h: float, inv_m: Array, inv_I_C: Array, state: State, radius: A
                  manifolds: Manifolds, rest: Rest) -> None:
     """Wake the islands that an awake body may touch within h [s]."""
     woken = False
-    for r in range(manifolds.count[0]):
+    begin, end = rows_in_use(manifolds)
+    for r in range(begin, end):
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if rest.asleep[a] == rest.asleep[b] or inv_m[a] == 0.0 or inv_m[b] == 0.0:
             continue
@@ -125,10 +127,11 @@ def _wake(rest: Rest, i: int) -> None:
 @kernel
 def _wake_neighbours(inv_m: Array, manifolds: Manifolds, rest: Rest) -> None:
     """Wake whatever presses against an awake body, until nothing does."""
+    begin, end = rows_in_use(manifolds)
     again = True
     while again:
         again = False
-        for r in range(manifolds.count[0]):
+        for r in range(begin, end):
             a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
             if (rest.asleep[a] != rest.asleep[b] and inv_m[a] > 0.0 and inv_m[b] > 0.0
                     and _press(manifolds, r)):
@@ -177,7 +180,8 @@ def fall_asleep(inv_m: Array, inv_I_C: Array, state: State, loads: Loads, radius
         elif inv_m[i] > 0.0:
             slow = _speed(inv_m, inv_I_C, state, radius, i) < SLOW
             rest.steps[i] = rest.steps[i] + 1 if slow else 0
-    for r in range(manifolds.count[0]):
+    begin, end = rows_in_use(manifolds)
+    for r in range(begin, end):
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if inv_m[a] > 0.0 and inv_m[b] > 0.0 and _press(manifolds, r):
             a, b = _first(rest.island, a), _first(rest.island, b)
@@ -204,7 +208,8 @@ def fall_asleep(inv_m: Array, inv_I_C: Array, state: State, loads: Loads, radius
 def keep_pressing(manifolds: Manifolds, slot: IntArray, rest: Rest, normal_impulse: Array,
                   friction_impulse: Array) -> None:
     """Report for what sleeps the impulses with which it fell asleep."""
-    for r in range(manifolds.count[0]):
+    begin, end = rows_in_use(manifolds)
+    for r in range(begin, end):
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if rest.asleep[a] + rest.asleep[b] > 0 and slot[a] == 0 and slot[b] == 0:
             for p in range(manifolds.points[r]):

@@ -25,7 +25,7 @@ from rigid_sim_ros.engine.kept import call, held, Kept
 from rigid_sim_ros.engine.kernel import apart, kernel
 from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.manifolds import (
-    current, current_manifolds, earlier, grown, Manifolds, Memory)
+    current, current_manifolds, earlier, grown, Manifolds, Memory, rows_in_use)
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.sequential import (
     do_stage, SequentialSettings, SequentialWork, solve_contacts)
@@ -311,8 +311,8 @@ def look_ahead(h: float, inv_m: Array, inv_I_C: Array, P: Array, L: Array, resti
 @kernel
 def clear_impulses(manifolds: Manifolds, normal_impulse: Array, friction_impulse: Array) -> None:
     """Forget the impulses of the last step, as far as this one has points."""
-    count = manifolds.count[0]
-    friction_impulse[:count] = 0.0
-    for r in range(count):
+    begin, end = rows_in_use(manifolds)
+    friction_impulse[begin:end] = 0.0
+    for r in range(begin, end):
         for p in range(manifolds.points[r]):
             normal_impulse[p, r] = 0.0

@@ -79,7 +79,7 @@ def test_pairs_that_have_parted_are_forgotten_in_the_end():
     assert scene.memory.pair_count[0] >= n - 1
     # Away from each other, and one of them to and fro: fat boxes are made anew, and nothing else.
     scene.state.x[0] *= 10.0
-    for k in range(3):
+    for _ in range(3):
         scene.state.x[2, 0] += 5.0
         scene.detect()
     assert scene.memory.pair_count[0] == 0

@@ -9,7 +9,7 @@ import numpy as np
 from rigid_sim_ros.engine.detect import ALL, detect_stage, FIND, LIST, ROWS
 from rigid_sim_ros.engine.manifolds import grown, lasting, PAIRS, RECYCLED, WITNESSED
 from rigid_sim_ros.engine.shared_detection import (
-    _effort, _fair_split, FIT, JOIN, MOVE, PLACE, SHARE_OUT, share_stage)
+    _effort, _fair_split, FIT, JOIN, PLACE, SHARE_OUT, share_stage)
 from rigid_sim_ros.engine.timestep import _cut
 
 
@@ -30,7 +30,7 @@ def detect_in_stages(scene: Scene) -> None:
 
         share(PLACE + 1, PLACE)
         if detect(LIST) and share(SHARE_OUT) and detect(FIND + 1, FIND) and (
-                share(MOVE + 1, MOVE, JOIN) if share(FIT) else detect(ALL)):
+                share(JOIN) if share(FIT) else detect(ALL)):
             return
         scene.memory = grown(memory)
 
