@@ -28,8 +28,8 @@ ROOM = 0.1
 STEPS_AHEAD = 16.0
 # Less room than that, and a shape gets a new box along with the others.
 _USED = 0.05
-# Pairs that have parted are forgotten once there are more than an eighth too many.
-_MANY_PARTED = 8
+# Pairs that have parted are forgotten after so many steps, or once there are an eighth more pairs.
+_UNTIL_FORGOTTEN, _MANY_PARTED = 64, 8
 WIDE = 1 << 20  # the level of what is too large for any cell
 _LOWEST = -80  # the level of the smallest cells
 _SQRT_HALF = math.sqrt(0.5)
@@ -348,10 +348,24 @@ def _have_witnesses(kind: IntArray) -> bool:
 
 
 @kernel
-def _forget_parted(kind: IntArray, fat: Array, ahead: Array, witnessed: bool, pair: IntArray,
-                   axis: Array, count: int) -> int:
-    """Drop pairs whose fat boxes no longer overlap; return how many are left."""
-    kept = 0
+def forget_parted(kind: IntArray, fat: Array, ahead: Array, moved: int, pair: IntArray,
+                  axis: Array, pair_count: IntArray) -> None:
+    """
+    Drop pairs whose fat boxes no longer overlap, when it is worth to go through all of them.
+
+    pair_count (3,) is how many there are, how many were left the last time, and in how many steps
+    those are forgotten that have parted since: 0 if no shape moved out of its fat box.
+    """
+    count = pair_count[0]
+    if moved > 0 and pair_count[2] == 0:
+        pair_count[2] = _UNTIL_FORGOTTEN
+    elif pair_count[2] > 0:
+        pair_count[2] -= 1
+    else:
+        return
+    if pair_count[2] > 0 and count <= pair_count[1] + pair_count[1] // _MANY_PARTED:
+        return
+    kept, witnessed = 0, _have_witnesses(kind)
     for k in range(count):
         a, b = pair[k, 0] & INDEX, pair[k, 1] & INDEX
         if _fat_overlap(kind, fat, ahead, a, b):
@@ -360,7 +374,7 @@ def _forget_parted(kind: IntArray, fat: Array, ahead: Array, witnessed: bool, pa
                 for i in range(4 if witnessed else 0):
                     axis[kept, i] = axis[k, i]
             kept += 1
-    return kept
+    pair_count[0], pair_count[1], pair_count[2] = kept, kept, 0
 
 
 @kernel
@@ -403,14 +417,10 @@ def update_pairs(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, b
     """
     Bring the pairs up to date after some shapes moved; return their number.
 
-    pair_count (2,) is how many there are, and how many were left when those that had parted were
-    forgotten: to go through all of them is worth it when many have. A number above the capacity of
-    `pair` means that there was no room, and the pairs are lost.
+    See `forget_parted` for pair_count (3,). A number above the capacity of `pair` means that there
+    was no room, and the pairs are lost.
     """
     count, witnessed = max(pair_count[0], 0), _have_witnesses(shapes.kind)
-    if count > pair_count[1] + pair_count[1] // _MANY_PARTED:
-        count = _forget_parted(shapes.kind, fat, ahead, witnessed, pair, axis, count)
-        pair_count[1] = count
     _fill_grid(shapes.kind, fat, moved, cells, buckets, members, keys, tally, levels)
     found, most = 0, shapes.kind.shape[0] - 1  # partners of one shape
     used = _levels_in_use(levels)

@@ -86,16 +86,18 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
     work.body afterwards. The impulses (4, c) and (c, 3) are what acted on B [N s]. Returns the
     number of collisions.
     """
-    begin, end = rows_in_use(manifolds)
-    work.waits[begin:end] = 0
+    first_row, count = rows_in_use(manifolds)
+    work.waits[first_row:first_row + count] = 0
     candidates = 0
-    for r in range(begin, end if may_bounce(materials.restitution) else begin):
+    for k in range(count if may_bounce(materials.restitution) else 0):
+        r = (first_row + k) & INDEX
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if _restitution(shapes, materials, manifolds.shape_a[r], manifolds.shape_b[r]) > 0.0 and (
                 inv_m[a] + inv_m[b] > 0.0):
             work.rows[candidates] = r
             candidates += 1
-    for r in range(begin, end if candidates > 0 else begin):
+    for k in range(count if candidates > 0 else 0):
+        r = (first_row + k) & INDEX
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         _load(inv_m, inv_I_C, state, F, a, work.body[a])
         _load(inv_m, inv_I_C, state, F, b, work.body[b])

@@ -42,8 +42,9 @@ def choose_manifolds(region: int, manifolds: Manifolds, side: IntArray, waits: I
     is 1 for a manifold that is left out.
     """
     found, across, wanted = 0, 0, region + 1
-    begin, end = rows_in_use(manifolds)
-    for r in range(begin, end):
+    first, count = rows_in_use(manifolds)
+    for k in range(count):
+        r = (first + k) & INDEX
         if waits[r] == 0:
             at = side[manifolds.body_a[r] & INDEX] | side[manifolds.body_b[r] & INDEX]
             if at == wanted:

@@ -12,11 +12,11 @@ gaps are found anew.
 from typing import NamedTuple
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.broad_phase import near_pairs, refresh, update_pairs
+from rigid_sim_ros.engine.broad_phase import forget_parted, near_pairs, refresh, update_pairs
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part
 from rigid_sim_ros.engine.manifolds import (
-    CONTACTS, current, earlier, Manifolds, Memory, NEAR, PAIRS, REBUILT, RECYCLED, rows_in_use,
-    Scratch, SHORT_PAIRS, SHORT_ROWS, WITNESSED)
+    CONTACTS, current, earlier, Manifolds, Memory, NEAR, PAIRS, REBUILT, RECYCLED, Scratch,
+    SHORT_PAIRS, SHORT_ROWS, WITNESSED)
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.narrow_phase.balls import touching_ball
 from rigid_sim_ros.engine.narrow_phase.boxes import box_box, UNSETTLED
@@ -151,6 +151,9 @@ def find_pairs(model: Model, state: State, shapes: Shapes, memory: Memory) -> bo
     moved = refresh(shapes.kind, shapes.body, memory.pose, memory.box, model.inv_m, state.P,
                     model.h, count < 0, memory.fat, memory.moved)
     memory.counters[REBUILT] = moved
+    if count >= 0:
+        forget_parted(shapes.kind, memory.fat, memory.ahead, moved, memory.pair, memory.axis,
+                      memory.pair_count)
     if moved > 0:
         count = update_pairs(shapes, memory.fat, memory.moved, memory.cells, memory.buckets,
                              memory.members, memory.keys, memory.tally, memory.levels,
@@ -177,8 +180,7 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
     found_so (8,) becomes what `turn_page` counts; in ROWS how many rows would have been needed.
     """
     back, step = share.backwards, 1 - 2 * share.backwards
-    begin, end = rows_in_use(before)
-    old_at, old_end = share.old, begin if back == 1 else end
+    old_at, old_end = share.old, before.count[1] + (0 if back == 1 else before.count[0])
     rows, near, settled, recycled, contacts = 0, 0, 0, 0, 0
     left, listed, at = share.last - share.first, 0, 0
     while left > 0 or at < listed:
@@ -192,7 +194,7 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
         at += 1
         a, b = memory.pair[k, 0] & INDEX, memory.pair[k, 1] & INDEX
         margin = memory.ahead[a] + memory.ahead[b]
-        old_at = _seek(before.shape_a, before.shape_b, old_at, old_end, step, a, b)
+        old_at = _seek(before, old_at, old_end, back, _key(a, b))
         old = (old_at - back) & INDEX
         known = old_at != old_end and before.shape_a[old] == a and before.shape_b[old] == b
         row = (share.row + step * min(rows, share.room - 1) - back) & INDEX
@@ -244,19 +246,25 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
     found_so[ROWS] = rows
 
 
-@part
-def _seek(shape_a: IntArray, shape_b: IntArray, old: int, end: int, step: int, a: int,
-          b: int) -> int:
-    """
-    Return the first row from `old` on that does not come before the pair (a, b).
+@inlined
+def _key(a: int, b: int) -> int:
+    """Return a number by which pairs are in order."""
+    return (a << 32) | b
 
-    With a step of -1 backwards, and then it is the row before what is returned.
+
+@part
+def _seek(before: Manifolds, old: int, end: int, back: int, key: int) -> int:
     """
-    back = 1 if step < 0 else 0
+    Return the first row from `old` on that does not come before a pair.
+
+    With `back`, 1 and not 0, in the other direction, and then it is the row before what is
+    returned.
+    """
+    # The bits of -1 turn the order around.
+    turn, step = -back, 1 - 2 * back
     while old != end:
-        i = (old - back) & INDEX
-        if step * shape_a[i] > step * a or (
-                shape_a[i] == a and step * shape_b[i] >= step * b):
+        row = (old - back) & INDEX
+        if _key(before.shape_a[row], before.shape_b[row]) ^ turn >= key ^ turn:
             break
         old += step
     return old

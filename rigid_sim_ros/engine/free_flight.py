@@ -10,9 +10,10 @@ its bodies together.
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import Array
+from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.free_rotation import MAX_ANGLE, turn, turn_fast
-from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.kernel import apart, kernel
+from rigid_sim_ros.engine.loads import kick_some, Loads
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.rotation import quaternion, set_quaternion
 from rigid_sim_ros.engine.state import State
@@ -37,10 +38,35 @@ def fly(model: Model, state: State, gravity: tuple[float, float, float], h: floa
     """
     n = model.m.shape[0]
     for first in range(0, n, LANES):
-        lanes = min(LANES, n - first)
-        _load(model, state, gravity, h, first, lanes, block)
-        _fly_block(block, h, count)
-        _store(model, state, h, count, first, lanes, block)
+        _fly_some(model, state, gravity, h, count, first, min(LANES, n - first), block)
+
+
+@kernel
+def fly_free(model: Model, state: State, loads: Loads, slot: IntArray, h: float,
+             block: Array) -> None:
+    """
+    Advance the bodies without a slot (n,) of the sequential solver by a step of h [s].
+
+    Kick, drift, kick, as in the method `symplectic`. Who has a slot may be advanced too: the
+    solver writes its state afterwards.
+    """
+    n = model.m.shape[0]
+    for first in range(0, n, LANES):
+        last, free = min(first + LANES, n), False
+        for i in range(first, last):
+            free = free or (slot[i] == 0 and model.inv_m[i] > 0.0)
+        if free:
+            kick_some(state, loads, 0.5 * h, first, last)
+            _fly_some(model, state, (0.0, 0.0, 0.0), h, np.int64(1), first, last - first, block)
+            kick_some(state, loads, 0.5 * h, first, last)
+
+
+@apart
+def _fly_some(model: Model, state: State, gravity: tuple[float, float, float], h: float,
+              count: int | np.int64, first: int, lanes: int, block: Array) -> None:
+    _load(model, state, gravity, h, first, lanes, block)
+    _fly_block(block, h, count)
+    _store(model, state, h, count, first, lanes, block)
 
 
 @kernel

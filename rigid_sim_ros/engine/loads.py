@@ -49,8 +49,14 @@ def add_torque(model: Model, loads: Loads, frame: int, tau_W: Vector) -> None:
 @kernel
 def kick(state: State, loads: Loads, h: float) -> None:
     """Advance the momenta under constant loads: P += h F, L += h tau."""
+    kick_some(state, loads, h, 0, state.P.shape[1])
+
+
+@kernel
+def kick_some(state: State, loads: Loads, h: float, first: int, last: int) -> None:
+    """Advance the momenta of some bodies."""
     for k in range(3):
-        for i in range(state.P.shape[1]):
+        for i in range(first, last):
             state.P[k, i] += h * loads.F[k, i]
-        for i in range(state.P.shape[1]):
+        for i in range(first, last):
             state.L[k, i] += h * loads.tau[k, i]

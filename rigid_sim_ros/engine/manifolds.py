@@ -22,7 +22,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers
 from rigid_sim_ros.engine.hulls import MAX_CORNERS
-from rigid_sim_ros.engine.kernel import INDEX, kernel
+from rigid_sim_ros.engine.kernel import kernel
 
 POINTS = 4  # of a manifold, at most
 
@@ -104,8 +104,7 @@ class Memory(NamedTuple):
     keys: IntArray  # (s,) of their cells, in that order
     tally: IntArray  # (s + 1,) room to count
     levels: IntArray  # (LEVELS,) number of shapes on each level of the grid
-    # (2,) -1 before the first step; and how many were left when parted ones were forgotten
-    pair_count: IntArray
+    pair_count: IntArray  # (3,) -1 before the first step; see `forget_parted`
     pair: IntArray  # (p, 2) of 32 bits, shapes whose fat boxes overlap, sorted
     fresh: IntArray  # (2, >= s, 2) of 32 bits, newly found pairs, before they are sorted in
     axis: Array  # (p, 4) witness: a direction in the axes of A that separated the pair; 0: none
@@ -176,7 +175,7 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
         empty_pages(capacity), integers(1), np.zeros((s, 12)), np.zeros((bodies, 9)), np.zeros(s),
         np.zeros(1), np.zeros((s, 6)), np.zeros((s, 6)), integers(s, 5), integers(s),
         integers(buckets + 2), integers(s), integers(s), integers(s + 1), integers(LEVELS),
-        integers(2), _names(2 * capacity, 2), _names(2, 4 * s, 2), np.zeros((2 * capacity, 4)),
+        integers(3), _names(2 * capacity, 2), _names(2, 4 * s, 2), np.zeros((2 * capacity, 4)),
         integers(8), _scratch(), _scratch(), integers(2, NEAR), integers(2, 8), integers(2, 6),
         integers(1))
     forget_pairs(memory)
@@ -185,18 +184,17 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
 
 def forget_pairs(memory: Memory) -> None:
     """Empty all that only saves time, so that the next step finds it anew."""
-    memory.pair_count[:] = -1, 0
+    memory.pair_count[:] = -1, 0, 0
 
 
 @kernel
 def rows_in_use(manifolds: Manifolds) -> tuple[int, int]:
-    """Return the first row in use, and the one after the last."""
-    first = manifolds.count[1] & INDEX
-    return first, (first + manifolds.count[0]) & INDEX
+    """Return the first row in use, and how many there are."""
+    return manifolds.count[1], manifolds.count[0]
 
 
 def slice_in_use(manifolds: Manifolds) -> slice:
-    """Return the same in Python."""
+    """Return the rows in use, in Python."""
     count, first = manifolds.count.tolist()
     return slice(first, first + count)
 
@@ -219,7 +217,7 @@ def earlier(memory: Memory) -> Manifolds:
 
 
 def earlier_manifolds(memory: Memory) -> Manifolds:
-    """Return the same in Python."""
+    """Return the rows in use, in Python."""
     return memory.pages[1 - int(memory.page[0])]
 
 

@@ -29,10 +29,10 @@ from rigid_sim_ros.engine.contact_filling import (
 from rigid_sim_ros.engine.contact_rules import Sweep
 from rigid_sim_ros.engine.contact_sweep import (
     count_impulses, is_settled, overlaps, separate, visit_block)
-from rigid_sim_ros.engine.free_flight import fly
+from rigid_sim_ros.engine.free_flight import fly_free
 from rigid_sim_ros.engine.kept import call
 from rigid_sim_ros.engine.kernel import apart, kernel, part
-from rigid_sim_ros.engine.loads import kick, Loads
+from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Manifolds
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
@@ -93,7 +93,7 @@ def solve_contacts(to: int, box: Any, desk: IntArray, model: Model, state: State
     """
     Advance all bodies by one step, those with a slot in `work.bodies` with contacts.
 
-    `flight` is scratch for `fly`. `to` is the address of a kernel that calls `do_stage` with
+    `flight` is scratch for `fly_free`. `to` is the address of a kernel that calls `do_stage` with
     REGIONS * stage + region. What is across waits for both halves, so a substep has one meeting:
     forth in both halves, then across and back across, and back in both halves.
     """
@@ -103,9 +103,7 @@ def solve_contacts(to: int, box: Any, desk: IntArray, model: Model, state: State
     blocks.count[:], work.notes[:], work.calming.listed[0] = 0, 0.0, 0
     _in_all(to, box, desk, halved, FILL)
     if bodies.used[1] > 0:
-        kick(state, loads, 0.5 * model.h)
-        fly(model, state, (0.0, 0.0, 0.0), model.h, np.int64(1), flight)
-        kick(state, loads, 0.5 * model.h)
+        fly_free(model, state, loads, bodies.slot, model.h, flight)
     _in_halves(to, box, desk, halved, START)
     _begin(to, box, desk, halved, work.notes)
     _in_halves(to, box, desk, halved, SWEEP)

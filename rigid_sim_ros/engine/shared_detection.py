@@ -75,14 +75,13 @@ def _place(state: State, shapes: Shapes, memory: Memory, first: int, last: int, 
 def _share_out(memory: Memory) -> None:
     """Give either thread its pairs, and room for what it finds."""
     before, pairs, room = current(memory), memory.pair_count[0], memory.pages[0].shape_a.shape[0]
-    first, last = rows_in_use(before)
-    split = min(memory.split[0], last - first)
-    old = first + split
-    cut = pairs
-    if old < last:
+    first, count = rows_in_use(before)
+    split = min(memory.split[0], count)
+    cut, old = pairs, first + split
+    if split < count:
         cut = _first_pair(memory.pair, pairs, before.shape_a[old], before.shape_b[old])
     # To each the same part of the room as of the rows.
-    middle = room * split // max(last - first, 1)
+    middle = room * split // max(count, 1)
     set_share(memory, 0, Share(0, cut, middle, middle, old, 1))
     set_share(memory, 1, Share(cut, pairs, middle, room - middle, old, 0))
 

@@ -86,8 +86,8 @@ def wake_disturbed(inv_m: Array, state: State, loads: Loads, manifolds: Manifold
             rest.steps[i] = 0
             if rest.asleep[i] == 1:
                 rest.asleep[i], woken = 0, True
-    begin, end = rows_in_use(manifolds)
-    for r in range(begin, end if woken else begin):
+    first, count = rows_in_use(manifolds)
+    for r in range(first, first + count if woken else first):
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if inv_m[a] == 0.0 and rest.island[a] == 1:
             _wake(rest, b)
@@ -102,8 +102,8 @@ def wake_touched(h: float, inv_m: Array, inv_I_C: Array, state: State, radius: A
                  manifolds: Manifolds, rest: Rest) -> None:
     """Wake the islands that an awake body may touch within h [s]."""
     woken = False
-    begin, end = rows_in_use(manifolds)
-    for r in range(begin, end):
+    first, count = rows_in_use(manifolds)
+    for r in range(first, first + count):
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if rest.asleep[a] == rest.asleep[b] or inv_m[a] == 0.0 or inv_m[b] == 0.0:
             continue
@@ -127,11 +127,11 @@ def _wake(rest: Rest, i: int) -> None:
 @kernel
 def _wake_neighbours(inv_m: Array, manifolds: Manifolds, rest: Rest) -> None:
     """Wake whatever presses against an awake body, until nothing does."""
-    begin, end = rows_in_use(manifolds)
+    first, count = rows_in_use(manifolds)
     again = True
     while again:
         again = False
-        for r in range(begin, end):
+        for r in range(first, first + count):
             a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
             if (rest.asleep[a] != rest.asleep[b] and inv_m[a] > 0.0 and inv_m[b] > 0.0
                     and _press(manifolds, r)):
@@ -180,8 +180,8 @@ def fall_asleep(inv_m: Array, inv_I_C: Array, state: State, loads: Loads, radius
         elif inv_m[i] > 0.0:
             slow = _speed(inv_m, inv_I_C, state, radius, i) < SLOW
             rest.steps[i] = rest.steps[i] + 1 if slow else 0
-    begin, end = rows_in_use(manifolds)
-    for r in range(begin, end):
+    first, count = rows_in_use(manifolds)
+    for r in range(first, first + count):
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if inv_m[a] > 0.0 and inv_m[b] > 0.0 and _press(manifolds, r):
             a, b = _first(rest.island, a), _first(rest.island, b)
@@ -208,8 +208,8 @@ def fall_asleep(inv_m: Array, inv_I_C: Array, state: State, loads: Loads, radius
 def keep_pressing(manifolds: Manifolds, slot: IntArray, rest: Rest, normal_impulse: Array,
                   friction_impulse: Array) -> None:
     """Report for what sleeps the impulses with which it fell asleep."""
-    begin, end = rows_in_use(manifolds)
-    for r in range(begin, end):
+    first, count = rows_in_use(manifolds)
+    for r in range(first, first + count):
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if rest.asleep[a] + rest.asleep[b] > 0 and slot[a] == 0 and slot[b] == 0:
             for p in range(manifolds.points[r]):

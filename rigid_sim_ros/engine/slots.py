@@ -50,9 +50,10 @@ def give_slots(inv_m: Array, x: Array, manifolds: Manifolds, waits: IntArray, as
     x (3, n) [m] are the centres of mass. waits (c,) is 1 for a manifold that is left out, asleep
     (n,) for a body. The world is cut where it has `enough` manifolds.
     """
-    begin, end = rows_in_use(manifolds)
+    first, count = rows_in_use(manifolds)
     bodies.slot[:] = 0
-    for r in range(begin, end):
+    for k in range(count):
+        r = (first + k) & INDEX
         if waits[r] == 0:
             bodies.slot[manifolds.body_a[r] & INDEX] += 1
             bodies.slot[manifolds.body_b[r] & INDEX] += 1
@@ -64,7 +65,7 @@ def give_slots(inv_m: Array, x: Array, manifolds: Manifolds, waits: IntArray, as
         elif bodies.slot[i] == 0:
             free += 1
         sides.of_body[i] = FIRST if bodies.slot[i] > 0 else STILL
-    sides.halved[0] = 1 if end - begin >= enough else 0
+    sides.halved[0] = 1 if count >= enough else 0
     if sides.halved[0] == 1:
         _cut(x, bodies.slot, sides)
     bodies.used[2] = bodies.used[0] = _fill(FIRST, 0, sides.of_body, bodies)

@@ -22,7 +22,7 @@ from rigid_sim_ros.engine.forces import add_scene_forces
 from rigid_sim_ros.engine.free_flight import BLOCK_SIZE as FLIGHT_SIZE, fly
 from rigid_sim_ros.engine.integrate import begin_loads, end_loads
 from rigid_sim_ros.engine.kept import call, held, Kept
-from rigid_sim_ros.engine.kernel import apart, kernel
+from rigid_sim_ros.engine.kernel import apart, INDEX, kernel
 from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.manifolds import (
     current, current_manifolds, earlier, grown, Manifolds, Memory, rows_in_use)
@@ -311,8 +311,9 @@ def look_ahead(h: float, inv_m: Array, inv_I_C: Array, P: Array, L: Array, resti
 @kernel
 def clear_impulses(manifolds: Manifolds, normal_impulse: Array, friction_impulse: Array) -> None:
     """Forget the impulses of the last step, as far as this one has points."""
-    begin, end = rows_in_use(manifolds)
-    friction_impulse[begin:end] = 0.0
-    for r in range(begin, end):
+    first, count = rows_in_use(manifolds)
+    friction_impulse[first:first + count] = 0.0
+    for k in range(count):
+        r = (first + k) & INDEX
         for p in range(manifolds.points[r]):
             normal_impulse[p, r] = 0.0

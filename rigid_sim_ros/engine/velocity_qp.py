@@ -24,7 +24,7 @@ from rigid_sim_ros.engine.contacts import (
     Bodies, Contacts, couple, gather_all, make_bodies, make_contacts, read_bodies, relative,
     to_contact, to_world)
 from rigid_sim_ros.engine.detect import detect_ahead
-from rigid_sim_ros.engine.free_flight import fly
+from rigid_sim_ros.engine.free_flight import fly_free
 from rigid_sim_ros.engine.integrate import sum_loads
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.loads import kick
@@ -106,9 +106,7 @@ def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
     pushes = _solve(model, manifolds, acted, settings, chosen, work)
     drift_bodies(0, bodies.used, bodies.motion, bodies.drifted, bodies.total)
     _give_back(work.contacts, chosen, pushes, model.h, bodies)
-    kick(state, shared.loads, 0.5 * model.h)
-    fly(model, state, (0.0, 0.0, 0.0), model.h, 1, shared.block)
-    kick(state, shared.loads, 0.5 * model.h)
+    fly_free(model, state, shared.loads, bodies.slot, model.h, shared.block)
     store_bodies(0, 1, model.h, model.m, model.inv_I_C, state, bodies, 1)
     # As in the symplectic method: half of the change of the loads, now at the new poses.
     sum_loads(model, state, wrenches, shared.later)
