@@ -48,7 +48,7 @@ class Share(NamedTuple):
     first: int  # of the pairs
     last: int  # and the one after
     row: int  # the first row to write
-    room: int  # how many rows it may write
+    room: int  # how many rows it may write, at least one; the last is for what comes after it too
     old: int  # the rows of the last step that are of these pairs begin here, or end before
     backwards: int  # 0 or 1
 
@@ -182,22 +182,24 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
     back, step = share.backwards, 1 - 2 * share.backwards
     old_at, old_end = share.old, before.count[1] + (0 if back == 1 else before.count[0])
     rows, near, settled, recycled, contacts = 0, 0, 0, 0, 0
-    left, listed, at = share.last - share.first, 0, 0
-    while left > 0 or at < listed:
-        if at == listed:
+    left, at, end, last = share.last - share.first, 0, 0, share.row + step * (share.room - 1)
+    place = share.row
+    while left > 0 or at != end:
+        if at == end:
             some = min(left, NEAR)
             first = share.first + left - some if back == 1 else share.last - left
-            listed, at = near_pairs(memory.pair, memory.box, first, first + some, listing), 0
+            listed = near_pairs(memory.pair, memory.box, first, first + some, listing)
+            at, end = (listed, 0) if back == 1 else (0, listed)
             left, near = left - some, near + listed
             continue
-        k = listing[listed - 1 - at if back == 1 else at] & INDEX
-        at += 1
+        k = listing[(at - back) & INDEX] & INDEX
+        at += step
         a, b = memory.pair[k, 0] & INDEX, memory.pair[k, 1] & INDEX
         margin = memory.ahead[a] + memory.ahead[b]
         old_at = _seek(before, old_at, old_end, back, _key(a, b))
         old = (old_at - back) & INDEX
         known = old_at != old_end and before.shape_a[old] == a and before.shape_b[old] == b
-        row = (share.row + step * min(rows, share.room - 1) - back) & INDEX
+        row = (place - back) & INDEX
         i, j = shapes.body[a] & INDEX, shapes.body[b] & INDEX
         kind_a, kind_b = shapes.kind[a], shapes.kind[b]
         if known and _flat(shapes.kind, a, b) and _recycle(
@@ -241,6 +243,8 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
         now.points[row] = count
         contacts += count
         rows += 1
+        if place != last:
+            place += step
     found_so[PAIRS], found_so[WITNESSED] = near, settled
     found_so[RECYCLED], found_so[CONTACTS] = recycled, contacts
     found_so[ROWS] = rows

@@ -80,8 +80,8 @@ def _share_out(memory: Memory) -> None:
     cut, old = pairs, first + split
     if split < count:
         cut = _first_pair(memory.pair, pairs, before.shape_a[old], before.shape_b[old])
-    # To each the same part of the room as of the rows.
-    middle = room * split // max(count, 1)
+    # To each the same part of the room as of the rows, and one at least.
+    middle = min(max(room * split // max(count, 1), 1), room - 1)
     set_share(memory, 0, Share(0, cut, middle, middle, old, 1))
     set_share(memory, 1, Share(cut, pairs, middle, room - middle, old, 0))
 
