@@ -27,7 +27,8 @@ from typing import NamedTuple
 from numba import njit
 import numpy as np
 
-from rigid_sim_ros.engine.broad_phase import boxes_overlap, refresh, update_pairs
+from rigid_sim_ros.engine.broad_phase import (
+    boxes_overlap, fill_grid, forget_parted, refresh, update_pairs)
 from rigid_sim_ros.engine.forces import WIDTH
 from rigid_sim_ros.engine.inertia import sphere
 from rigid_sim_ros.engine.manifolds import empty_memory
@@ -115,11 +116,15 @@ class Grid:
         m, count = self.memory, int(self.memory.pair_count[0])
         left = refresh(self.shapes.kind, self.shapes.body, m.pose, box, self.model.inv_m, self.P,
                        H, count < 0, m.fat, m.moved)
+        if count >= 0:
+            forget_parted(self.shapes.kind, m.fat, m.ahead, left, m.pair, m.axis, m.pair_count)
         if left:
+            fill_grid(self.shapes.kind, m.fat, m.moved, m.cells, m.buckets, m.members, m.keys,
+                      m.tally, m.levels)
             m.pair_count[0] = update_pairs(
                 self.shapes, m.fat, m.moved, m.cells, m.buckets, m.members, m.keys, m.tally,
-                m.levels, m.fresh, m.pair, m.axis, m.pair_count, len(self.model.m), m.ahead,
-                m.near[0])
+                m.levels, m.fresh, m.pair, m.axis, max(m.pair_count[0], 0), len(self.model.m),
+                m.ahead, m.near[0])
             assert m.pair_count[0] <= len(m.pair)
         return int(_count(box, m.pair, m.pair_count[0]))
 

@@ -195,8 +195,8 @@ def _find_cell(fat: Array, cells: IntArray, s: int, bounded: bool) -> None:
 
 
 @kernel
-def _fill_grid(kind: IntArray, fat: Array, moved: IntArray, cells: IntArray, buckets: IntArray,
-               members: IntArray, keys: IntArray, tally: IntArray, levels: IntArray) -> None:
+def fill_grid(kind: IntArray, fat: Array, moved: IntArray, cells: IntArray, buckets: IntArray,
+              members: IntArray, keys: IntArray, tally: IntArray, levels: IntArray) -> None:
     """Sort the shapes by the bucket of their cell: count, add up, distribute."""
     t = buckets.shape[0] - 2
     buckets[:] = 0
@@ -234,9 +234,8 @@ def _levels_in_use(levels: IntArray) -> tuple[int, int]:
 
 
 @kernel
-def _offer(shapes: Shapes, fat: Array, moved: IntArray, fresh: IntArray, bodies: int,
-           ahead: Array,
-           count: int, s: int, other: int) -> int:
+def _offer(shapes: Shapes, fat: Array, moved: IntArray, fresh: IntArray, side: int, bodies: int,
+           ahead: Array, count: int, s: int, other: int) -> int:
     """Note a pair if its fat boxes overlap and the filters let it; return the number of pairs."""
     # Two that both moved find each other twice.
     if other == s or (moved[other] == 1 and other < s):
@@ -247,8 +246,8 @@ def _offer(shapes: Shapes, fat: Array, moved: IntArray, fresh: IntArray, bodies:
     if not may_collide(shapes, bodies, a, b):
         return count
     if count < fresh.shape[1]:
-        fresh[0, count, 0] = a
-        fresh[0, count, 1] = b
+        fresh[side, count, 0] = a
+        fresh[side, count, 1] = b
     return count + 1
 
 
@@ -270,17 +269,17 @@ def _near_members(fat: Array, keys: IntArray, members: IntArray, key: int, s: in
 
 @kernel
 def _look_around(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, buckets: IntArray,
-                 members: IntArray, keys: IntArray, levels: IntArray, fresh: IntArray,
+                 members: IntArray, keys: IntArray, levels: IntArray, fresh: IntArray, side: int,
                  bodies: int, ahead: Array, near: IntArray, used: tuple[int, int],
                  count: int, s: int) -> int:
     """Find the partners of shape s, which moved; return the number of pairs so far."""
     t = buckets.shape[0] - 2
     if cells[s, 0] == WIDE:
         for other in range(shapes.kind.shape[0]):
-            count = _offer(shapes, fat, moved, fresh, bodies, ahead, count, s, other)
+            count = _offer(shapes, fat, moved, fresh, side, bodies, ahead, count, s, other)
         return count
     for k in range(buckets[t], buckets[t + 1]):
-        count = _offer(shapes, fat, moved, fresh, bodies, ahead, count, s, members[k])
+        count = _offer(shapes, fat, moved, fresh, side, bodies, ahead, count, s, members[k])
     for level in range(used[0], used[1] + 1):
         if levels[level - _LOWEST] == 0:
             continue
@@ -293,7 +292,8 @@ def _look_around(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, b
         if visits > float(shapes.kind.shape[0]):
             for other in range(shapes.kind.shape[0]):
                 if cells[other, 0] == level:
-                    count = _offer(shapes, fat, moved, fresh, bodies, ahead, count, s, other)
+                    count = _offer(shapes, fat, moved, fresh, side, bodies, ahead, count, s,
+                                   other)
             continue
         for x in range(x0, x1 + 1):
             for y in range(y0, y1 + 1):
@@ -309,8 +309,8 @@ def _look_around(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, b
                             other = near[i] & INDEX
                             if (cells[other, 1] == x and cells[other, 2] == y
                                     and cells[other, 0] == level):
-                                count = _offer(shapes, fat, moved, fresh, bodies, ahead, count, s,
-                                               other)
+                                count = _offer(shapes, fat, moved, fresh, side, bodies, ahead,
+                                               count, s, other)
                         k = some
     return count
 
@@ -410,35 +410,55 @@ def _merge(pair: IntArray, axis: Array, witnessed: bool, count: int, fresh: IntA
 
 
 @kernel
-def update_pairs(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, buckets: IntArray,
-                 members: IntArray, keys: IntArray, tally: IntArray, levels: IntArray,
-                 fresh: IntArray, pair: IntArray, axis: Array, pair_count: IntArray, bodies: int,
-                 ahead: Array, near: IntArray) -> int:
+def look_around(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, buckets: IntArray,
+                members: IntArray, keys: IntArray, levels: IntArray, fresh: IntArray,
+                bodies: int, ahead: Array, near: IntArray, side: int, sides: int,
+                begin: int) -> tuple[int, int]:
     """
-    Bring the pairs up to date after some shapes moved; return their number.
+    List the partners of what moved, from shape `begin` on, until there may be no room for more.
 
-    See `forget_parted` for pair_count (3,). A number above the capacity of `pair` means that there
-    was no room, and the pairs are lost.
+    Of two `sides`, 0 and 1, each looks around from every second one, and lists what it finds in
+    fresh[side]. Returns the shape from which to go on, and the number of pairs.
     """
-    count, witnessed = max(pair_count[0], 0), _have_witnesses(shapes.kind)
-    _fill_grid(shapes.kind, fat, moved, cells, buckets, members, keys, tally, levels)
-    found, most = 0, shapes.kind.shape[0] - 1  # partners of one shape
+    found, most, turn = 0, shapes.kind.shape[0] - 1, 0  # partners of one shape, at most
     used = _levels_in_use(levels)
-    for s in range(shapes.kind.shape[0]):
+    for s in range(begin, shapes.kind.shape[0]):
         if moved[s] == 0:
             continue
+        turn += 1
+        if turn % sides != side:
+            continue
         if found + most > fresh.shape[1]:
-            count, found = _take_in(fresh, found, tally, pair, axis, witnessed, count), 0
+            return s, found
         found = _look_around(shapes, fat, moved, cells, buckets, members, keys, levels, fresh,
-                             bodies, ahead, near, used, found, s)
-    return _take_in(fresh, found, tally, pair, axis, witnessed, count)
+                             side, bodies, ahead, near, used, found, s)
+    return shapes.kind.shape[0], found
 
 
 @kernel
-def _take_in(fresh: IntArray, found: int, tally: IntArray, pair: IntArray, axis: Array,
-             witnessed: bool, count: int) -> int:
+def update_pairs(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, buckets: IntArray,
+                 members: IntArray, keys: IntArray, tally: IntArray, levels: IntArray,
+                 fresh: IntArray, pair: IntArray, axis: Array, count: int, bodies: int,
+                 ahead: Array, near: IntArray) -> int:
+    """
+    Bring the pairs up to date after some shapes moved and the grid was filled.
+
+    Returns their number. One above the capacity of `pair` means that there was no room, and the
+    pairs are lost.
+    """
+    s = 0
+    while s < shapes.kind.shape[0]:
+        s, found = look_around(shapes, fat, moved, cells, buckets, members, keys, levels, fresh,
+                               bodies, ahead, near, 0, 1, s)
+        count = take_in(shapes.kind, fresh, found, tally, pair, axis, count)
+    return count
+
+
+@kernel
+def take_in(kind: IntArray, fresh: IntArray, found: int, tally: IntArray, pair: IntArray,
+            axis: Array, count: int) -> int:
     """Sort the fresh pairs into the pairs; return their number. Without room it only counts."""
     if count > pair.shape[0]:
         return count + found
     _sort(fresh, found, tally)
-    return _merge(pair, axis, witnessed, count, fresh, found)
+    return _merge(pair, axis, _have_witnesses(kind), count, fresh, found)

@@ -12,15 +12,16 @@ gaps are found anew.
 from typing import NamedTuple
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.broad_phase import forget_parted, near_pairs, refresh, update_pairs
+from rigid_sim_ros.engine.broad_phase import near_pairs
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part
 from rigid_sim_ros.engine.manifolds import (
-    CONTACTS, current, earlier, Manifolds, Memory, NEAR, PAIRS, REBUILT, RECYCLED, Scratch,
-    SHORT_PAIRS, SHORT_ROWS, WITNESSED)
+    CONTACTS, current, earlier, Manifolds, Memory, NEAR, PAIRS, RECYCLED, Scratch,
+    SHORT_ROWS, WITNESSED)
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.narrow_phase.balls import touching_ball
 from rigid_sim_ros.engine.narrow_phase.boxes import box_box, UNSETTLED
 from rigid_sim_ros.engine.narrow_phase.collide import collide
+from rigid_sim_ros.engine.pair_list import find_pairs, look_for_share, note_moved, take_shares
 from rigid_sim_ros.engine.placing import bound, place
 from rigid_sim_ros.engine.rotation import conjugate, multiply, quaternion
 from rigid_sim_ros.engine.shapes import BOX, HULL, PLANE, Shapes, SPHERE
@@ -33,9 +34,10 @@ from rigid_sim_ros.engine.witness import boxes_apart, remember, separates, worth
 SLACK = 0.02
 ROWS = 7    # what a thread counts besides what is in `Memory.counters`: manifolds
 NONE = (0.0, 0.0, 0.0)
-# The stages by their numbers: everything, the list of pairs, the manifolds of the pairs of the
-# first thread and of the second (the number that follows), and of all pairs.
-WHOLE, LIST, FIND, ALL = 0, 1, 2, 4
+# The stages by their numbers: everything; what moved; the partners of what moved, by the first
+# thread and by the second (the number that follows), and taken in; the manifolds, in the same way,
+# and by one thread.
+WHOLE, NOTE, LOOK, TAKE, FIND, ALL = 0, 1, 2, 4, 5, 7
 
 
 class Share(NamedTuple):
@@ -97,11 +99,16 @@ def detect_stage(stage: int, model: Model, state: State, shapes: Shapes, memory:
     """Do what `detect_ahead` does, or of that what several threads do one by one or each."""
     if stage == WHOLE:
         return detect_ahead(model, state, shapes, memory)
-    if stage == LIST:
-        return find_pairs(model, state, shapes, memory)
     if stage == ALL:
         return find_all_manifolds(state, shapes, memory)
-    find_share(state, shapes, memory, stage - FIND)
+    if stage == TAKE:
+        return take_shares(model, shapes, memory)
+    if stage == NOTE:
+        note_moved(model, state, shapes, memory)
+    elif stage < TAKE:
+        look_for_share(model, shapes, memory, stage - LOOK)
+    else:
+        find_share(state, shapes, memory, stage - FIND)
     return True
 
 
@@ -141,29 +148,6 @@ def turn_page(memory: Memory, first: int, rows: int) -> bool:
         memory.counters[k] = memory.shares[0, k] + memory.shares[1, k]
     now.count[0], now.count[1] = rows, first
     memory.page[0] = 1 - memory.page[0]
-    return True
-
-
-@kernel
-def find_pairs(model: Model, state: State, shapes: Shapes, memory: Memory) -> bool:
-    """Keep the list of pairs up to date; return whether there was room for them."""
-    count = memory.pair_count[0]
-    moved = refresh(shapes.kind, shapes.body, memory.pose, memory.box, model.inv_m, state.P,
-                    model.h, count < 0, memory.fat, memory.moved)
-    memory.counters[REBUILT] = moved
-    if count >= 0:
-        forget_parted(shapes.kind, memory.fat, memory.ahead, moved, memory.pair, memory.axis,
-                      memory.pair_count)
-    if moved > 0:
-        count = update_pairs(shapes, memory.fat, memory.moved, memory.cells, memory.buckets,
-                             memory.members, memory.keys, memory.tally, memory.levels,
-                             memory.fresh, memory.pair, memory.axis, memory.pair_count,
-                             model.m.shape[0], memory.ahead, memory.near[0])
-        if count > memory.pair.shape[0]:
-            memory.counters[SHORT_PAIRS] = count
-            memory.pair_count[0] = -1
-            return False
-        memory.pair_count[0] = count
     return True
 
 

@@ -112,6 +112,7 @@ class Memory(NamedTuple):
     scratch: Scratch
     other_scratch: Scratch  # for a second thread
     near: IntArray  # (2, NEAR) some pairs whose bounding boxes overlap, of either thread
+    looked: IntArray  # (2,) pairs that either thread found around what moved, -1 without room
     shares: IntArray  # (2, 8) what either thread found, see shared_detection.py
     ranges: IntArray  # (2, 6) the `Share` of either thread
     split: IntArray  # (1,) how many of the latest manifolds the first thread begins from
@@ -176,8 +177,8 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
         np.zeros(1), np.zeros((s, 6)), np.zeros((s, 6)), integers(s, 5), integers(s),
         integers(buckets + 2), integers(s), integers(s), integers(s + 1), integers(LEVELS),
         integers(3), _names(2 * capacity, 2), _names(2, 4 * s, 2), np.zeros((2 * capacity, 4)),
-        integers(8), _scratch(), _scratch(), integers(2, NEAR), integers(2, 8), integers(2, 6),
-        integers(1))
+        integers(8), _scratch(), _scratch(), integers(2, NEAR), integers(2), integers(2, 8),
+        integers(2, 6), integers(1))
     forget_pairs(memory)
     return memory
 

@@ -13,11 +13,11 @@ from typing import Any
 
 from rigid_sim_ros.engine.arrays import IntArray
 from rigid_sim_ros.engine.detect import (
-    ALL, FIND, get_share, LIST, ROWS, set_share, Share, turn_page)
+    ALL, FIND, get_share, LOOK, NOTE, ROWS, set_share, Share, TAKE, turn_page)
 from rigid_sim_ros.engine.kept import call
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.manifolds import (
-    current, Memory, PAIRS, RECYCLED, rows_in_use, WITNESSED)
+    current, Memory, PAIRS, REBUILT, RECYCLED, rows_in_use, WITNESSED)
 from rigid_sim_ros.engine.placing import bound, place_bodies, place_shapes
 from rigid_sim_ros.engine.shapes import Shapes
 from rigid_sim_ros.engine.state import State
@@ -31,15 +31,20 @@ _OF_RECYCLED, _OF_NEW = 2, 14
 
 
 @part
-def detect_side_by_side(to: int, to_share: int, box: Any, desk: IntArray) -> int:
+def detect_side_by_side(to: int, to_share: int, box: Any, desk: IntArray,
+                        counters: IntArray) -> int:
     """
     Do what `detect_ahead` does.
 
-    `to` and `to_share` are the addresses of kernels that call `detect_stage` and `share_stage`.
+    `to` and `to_share` are the addresses of kernels that call `detect_stage` and `share_stage`,
+    counters those of the memory.
     """
     side_by_side(desk, to_share, box, PLACE, PLACE + 1)
-    if call(to, box, LIST) == 0:
-        return 0
+    call(to, box, NOTE)
+    if counters[REBUILT] > 0:
+        side_by_side(desk, to, box, LOOK, LOOK + 1)
+        if call(to, box, TAKE) == 0:
+            return 0
     call(to_share, box, SHARE_OUT)
     side_by_side(desk, to, box, FIND, FIND + 1)
     if call(to_share, box, FIT) == 0:

@@ -255,7 +255,7 @@ def _step(box: Any, wrenches: Wrenches) -> bool:
     look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, materials.restitution,
                settings, work.radius, shapes.body, memory.ahead, memory.calm)
     if is_helped(desk) and current(memory).count[0] >= ENOUGH:
-        found = detect_side_by_side(to[_TO_DETECT], to[_TO_SHARE], box, desk)
+        found = detect_side_by_side(to[_TO_DETECT], to[_TO_SHARE], box, desk, memory.counters)
     else:
         found = call(to[_TO_DETECT], box, WHOLE)
     if found == 0:

@@ -6,7 +6,7 @@ from engine.detecting import CONVEX, grid, PLANE_SHAPE, Scene
 from hypothesis import given, settings, strategies as st
 import numpy as np
 
-from rigid_sim_ros.engine.detect import ALL, detect_stage, FIND, LIST, ROWS
+from rigid_sim_ros.engine.detect import ALL, detect_stage, FIND, LOOK, NOTE, ROWS, TAKE
 from rigid_sim_ros.engine.manifolds import grown, lasting, PAIRS, RECYCLED, WITNESSED
 from rigid_sim_ros.engine.shared_detection import (
     _effort, _fair_split, FIT, JOIN, PLACE, SHARE_OUT, share_stage)
@@ -29,7 +29,7 @@ def detect_in_stages(scene: Scene) -> None:
                        for stage in stages)
 
         share(PLACE + 1, PLACE)
-        if detect(LIST) and share(SHARE_OUT) and detect(FIND + 1, FIND) and (
+        if detect(NOTE, LOOK + 1, LOOK, TAKE) and share(SHARE_OUT) and detect(FIND + 1, FIND) and (
                 share(JOIN) if share(FIT) else detect(ALL)):
             return
         scene.memory = grown(memory)
