@@ -32,7 +32,9 @@ from rigid_sim_ros import World
 from rigid_sim_ros.engine.compiling import cores
 
 WANTED = 1.6
-PIECE = 12      # steps
+# Steps. After a change of worlds the caches hold the other one, and the second thread has to wake
+# up: what is stepped without a break has neither.
+PIECE = 40
 QUICKEST = 0.1  # part of the pieces whose ratio is given apart from the median
 SCENES: dict[str, Any] = {
     'spheres 666': lambda: peers_world(spheres()),

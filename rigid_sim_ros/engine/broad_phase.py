@@ -16,7 +16,7 @@ through them tests the bounding boxes first, so that no result depends on when a
 import math
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.kernel import INDEX, kernel, part
+from rigid_sim_ros.engine.kernel import apart, INDEX, kernel, part
 from rigid_sim_ros.engine.manifolds import LEVELS, NEAR
 from rigid_sim_ros.engine.shapes import PLANE, Shapes, SPHERE
 
@@ -409,7 +409,7 @@ def _merge(pair: IntArray, axis: Array, witnessed: bool, count: int, fresh: IntA
     return total
 
 
-@kernel
+@apart
 def look_around(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, buckets: IntArray,
                 members: IntArray, keys: IntArray, levels: IntArray, fresh: IntArray,
                 bodies: int, ahead: Array, near: IntArray, side: int, sides: int,
@@ -454,7 +454,7 @@ def update_pairs(shapes: Shapes, fat: Array, moved: IntArray, cells: IntArray, b
     return count
 
 
-@kernel
+@apart
 def take_in(kind: IntArray, fresh: IntArray, found: int, tally: IntArray, pair: IntArray,
             axis: Array, count: int) -> int:
     """Sort the fresh pairs into the pairs; return their number. Without room it only counts."""
