@@ -218,7 +218,7 @@ def earlier(memory: Memory) -> Manifolds:
 
 
 def earlier_manifolds(memory: Memory) -> Manifolds:
-    """Return the rows in use, in Python."""
+    """Return the same in Python."""
     return memory.pages[1 - int(memory.page[0])]
 
 
