@@ -4,6 +4,7 @@
 from collections.abc import Callable
 from importlib.util import find_spec
 import os
+from pathlib import Path
 import pty
 import re
 import shutil
@@ -19,10 +20,12 @@ if find_spec('rclpy') is None:
 
 from bag.foreign import mcap, texts
 from bag.sessions import shared_session
-from nodes.live import PATIENCE, Process, ROOT
+from nodes.live import kept, PATIENCE, Process, ROOT
 from nodes.replays import hearing, replay, texts_of
 import pytest
 from std_msgs.msg import String
+
+from rigid_sim_ros.codec import encode_string
 
 SECOND = 10 ** 9
 COMMAND = [sys.executable, '-m', 'rigid_sim_ros', 'replay']
@@ -92,6 +95,52 @@ def test_a_flipped_bit_ends_the_replay_where_it_is_reached(probe, tmp_path) -> N
         heard = texts_of(list(received))
     assert heard == [f'/chatter {k}' for k in range(len(heard))]
     assert len(heard) <= 150
+
+
+# Prints what it hears on a topic.
+LISTENER = """
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from std_msgs.msg import String
+rclpy.init()
+node = rclpy.create_node('listener')
+
+def hear(message):
+    print(message.data[:20].strip(), flush=True)
+
+heard = node.create_subscription(String, '/chatter', hear, 99)
+try:
+    rclpy.spin(node)
+except (KeyboardInterrupt, ExternalShutdownException):
+    pass
+"""
+
+
+def lines_of(file: Path, count: int) -> list[str]:
+    """Return the lines of a file, once there are so many."""
+    end = time.monotonic() + PATIENCE
+    while len(lines := file.read_text(encoding='utf-8').splitlines()) < count:
+        assert time.monotonic() < end, lines
+        time.sleep(0.05)
+    return lines
+
+
+def test_a_subscriber_that_stands_still_at_the_end_still_gets_all(ros, tmp_path) -> None:
+    # So large that they do not all find room in the buffers between the two.
+    count, step = 40, 0.05
+    bag = mcap(tmp_path / 'a.mcap', [
+        (int((1.0 + k * step) * SECOND), '/chatter', encode_string(f'{k}'.ljust(200_000)))
+        for k in range(count)])
+    with kept(Process([sys.executable, '-c', LISTENER], tmp_path / 'listener')) as listener, \
+            kept(replay(tmp_path, bag)) as process:
+        heard = tmp_path / 'listener' / 'stdout'
+        lines_of(heard, count // 2)
+        # Until a second after the last message was sent.
+        listener.signal(signal.SIGSTOP)
+        time.sleep(count // 2 * step + 1.0)
+        listener.signal(signal.SIGCONT)
+        assert process.wait() == 0
+        assert lines_of(heard, count) == [f'{k}' for k in range(count)]
 
 
 def test_without_a_terminal_nothing_is_drawn(ros, tmp_path, chatter) -> None:
