@@ -43,8 +43,9 @@ _SECOND = 1_000_000_000
 # s: how long the interpreter may stay with another thread while the one that plays wants it. The
 # default of 5 ms would be late for every message.
 _SWITCH_INTERVAL = 0.0005
-# s at most for the last messages to arrive; a subscriber on a busy machine may stand still for one
-_FLUSH = 3.0
+# s at most for the last messages to arrive. A subscriber on a busy machine may stand still for
+# one, and what got lost last is missed at the next heartbeat: every 3 s, by default of Fast DDS.
+_FLUSH = 4.0
 
 # s: subscribers are there one after the other; all have come when there is no new one for so long.
 _QUIET = 0.3
