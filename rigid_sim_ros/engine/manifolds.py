@@ -97,11 +97,11 @@ class Memory(NamedTuple):
     calm: Array  # (1,) the margin of a pair at rest [m]
     box: Array  # (s, 6) bounding boxes, lower and upper corner, as far ahead as the shape looks
     fat: Array  # (s, 6) fat boxes; a plane: normal and offset
-    cells: IntArray  # (s, 5) level, cell of the middle of the fat box, key of the cell
+    cells: IntArray  # (s, 5) level, cell of the middle of the fat box, key of its column
     moved: IntArray  # (s,) 1 for shapes that left their fat box
     buckets: IntArray  # (t + 2,) where each bucket of the grid starts, then the wide shapes
     members: IntArray  # (s,) the shapes in the order of their buckets
-    keys: IntArray  # (s,) of their cells, in that order
+    keys: IntArray  # (s,) of their columns, in that order
     tally: IntArray  # (s + 1,) room to count
     levels: IntArray  # (LEVELS,) number of shapes on each level of the grid
     pair_count: IntArray  # (3,) -1 before the first step; see `forget_parted`

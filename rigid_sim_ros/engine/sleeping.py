@@ -180,8 +180,8 @@ def fall_asleep(inv_m: Array, inv_I_C: Array, state: State, loads: Loads, radius
         elif inv_m[i] > 0.0:
             slow = _speed(inv_m, inv_I_C, state, radius, i) < SLOW
             rest.steps[i] = rest.steps[i] + 1 if slow else 0
-    first, count = rows_in_use(manifolds)
-    for r in range(first, first + count):
+    begin, count = rows_in_use(manifolds)
+    for r in range(begin, begin + count):
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if inv_m[a] > 0.0 and inv_m[b] > 0.0 and _press(manifolds, r):
             a, b = _first(rest.island, a), _first(rest.island, b)

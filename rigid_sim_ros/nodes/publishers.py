@@ -10,13 +10,12 @@ which a recording gets the same bytes. What has a topic for each body is sent la
 from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from math import inf
-from time import monotonic, perf_counter_ns
+from time import perf_counter_ns
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 import numpy as np
-from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
@@ -32,6 +31,7 @@ from rigid_sim_ros.codec import (
     encode_clock, encode_diagnostics, encode_string, encode_uint64, encode_wrench, PoseEncoder,
     StateEncoder, Status, TransformsEncoder, TwistEncoder)
 from rigid_sim_ros.nodes.contact_markers import ContactMarkers
+from rigid_sim_ros.nodes.delivery import await_delivery
 from rigid_sim_ros.nodes.markers import SceneMarkers
 from rigid_sim_ros.nodes.outbox import Outbox
 from rigid_sim_ros.nodes.parameters import ParameterError
@@ -188,9 +188,7 @@ class Publishers:
 
     def flush(self, seconds: float) -> None:
         """Wait until reliable subscribers have what was sent, at most this long."""
-        end = monotonic() + seconds
-        for publisher in self._all:
-            publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - monotonic())))
+        await_delivery(self._all, seconds)
 
     @property
     def topics(self) -> list[Topic]:

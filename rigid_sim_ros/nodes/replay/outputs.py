@@ -8,10 +8,8 @@ from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 import re
-from time import monotonic
 from typing import NamedTuple
 
-from rclpy.duration import Duration
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -21,6 +19,7 @@ from rigid_sim_ros.bag.offered_qos import OfferedQos
 from rigid_sim_ros.bag.playable_files import Message, RecordedTopic
 from rigid_sim_ros.bag.playback import PlayableBag
 from rigid_sim_ros.codec import encode_clock
+from rigid_sim_ros.nodes.delivery import await_delivery
 from rigid_sim_ros.nodes.replay.qos import CLOCK_QOS, profile
 
 CLOCK = '/clock'
@@ -123,9 +122,7 @@ class Outputs:
 
     def flush(self, seconds: float) -> None:
         """Wait until reliable subscribers have what was sent, at most this long."""
-        end = monotonic() + seconds
-        for publisher in self._publishers():
-            publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - monotonic())))
+        await_delivery(self._publishers(), seconds)
 
     def _publishers(self) -> Iterator[Publisher]:
         for output in self._outputs.values():
