@@ -16,7 +16,7 @@ from rigid_sim_ros.engine.arrays import Array, IntArray, integers
 from rigid_sim_ros.engine.coloring import Blocks, first_block, most_blocks, numbers_of
 from rigid_sim_ros.engine.contact_blocks import RESIDUAL
 from rigid_sim_ros.engine.contact_rules import Sweep
-from rigid_sim_ros.engine.contact_sweep import is_settled, visit_block
+from rigid_sim_ros.engine.contact_sweep import is_settled, note_open, visit_block
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel
 from rigid_sim_ros.engine.lanes import LANES
 from rigid_sim_ros.engine.solver_bodies import STRIDE
@@ -42,16 +42,6 @@ def make_calming(n: int, capacity: int) -> Calming:
 
     member: Any = np.zeros(2 * LANES * blocks, dtype=np.int32)
     return Calming(integers(1), integers(n + 4), member, integers(blocks), integers(blocks))
-
-
-@kernel
-def is_rough(region: int, blocks: Blocks) -> bool:
-    """Return whether the last visit to any block of a region changed something roughly."""
-    first = first_block(blocks, region)
-    for block in range(first, first + blocks.count[region]):
-        if not is_settled(numbers_of(blocks, block), ROUGH):
-            return True
-    return False
 
 
 @inlined
@@ -84,6 +74,7 @@ def calm(blocks: Blocks, motion: Array, used: IntArray, work: Calming, inv_h: fl
             block = _block(blocks, count - 1 - j if k % 2 == 0 else j)
             if work.reached[block] > work.visited[block]:
                 visit_block(blocks, block, motion, motion, Sweep(inv_h, 0.0))
+                note_open(blocks, block)
                 clock += 1
                 work.visited[block] = clock
                 _shake(blocks, block, clock, work)

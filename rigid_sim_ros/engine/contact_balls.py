@@ -15,7 +15,7 @@ shapes. That takes a third of the work of other contacts and half of their memor
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, axes, combine, FRICTION, GAP, IMPULSE, inverse_of, LEVER_A, LEVER_B, load_three,
+    ABSENT, axes, combine, count_impulses, FRICTION, GAP, IMPULSE, inverse_of, LEVER_A, LEVER_B, load_three,
     load_two, make_basis, MASS, Motion, MOVED, MU, NORMAL, POINT, RESIDUAL, SHOVE, SPEED, STICK,
     store_three, store_two, Three, TORSION, TOTAL, Two)
 from rigid_sim_ros.engine.contact_rules import gap_of, onto_circle, wanted_of
@@ -119,6 +119,7 @@ def drift_balls(b: Array, drifted: Array, at_A: IntArray, at_B: IntArray, h: flo
     store_three(b, MOVED, moved)
     pressure, shove = load(b, POINT + IMPULSE), load(b, SHOVE)
     slide_1, slide_2 = load(b, FRICTION), load(b, FRICTION + 1)
+    count_impulses(b, 1)
     if any_of(pressure + shove + abs(slide_1) + abs(slide_2) > 0.0):
         F = combine(n, t1, t2, (pressure, slide_1, slide_2))
         gained = add(cross(moved, F), cross(scale(h * shove, n), v))

@@ -59,12 +59,12 @@ FRICTION = 34  # impulses along t1, t2 of this substep [N s]
 MOVED = 36  # displacement of x_B - x_A since the start of the step [m], world axes
 TORSION = 39  # angular momentum that the pair gained by it [N m s], world axes
 RESIDUAL = 42  # largest change of velocity that this sweep made [m/s]
-TOTAL_T = 43  # friction of the whole step, along t1, t2 [N s]
+TOTAL_T = 43  # friction of the substeps before, along t1, t2 [N s]
 SHOVE = 45  # impulse along n of the push that displaces [N s]
 POINT = 46  # rows of the first point
 POINT_ROWS = 7
-# Of a point: TOTAL is the impulse of the whole step, SPEED the normal velocity after its last
-# visit.
+# Of a point: TOTAL is the impulse of the substeps before, SPEED the normal velocity after its
+# last visit.
 S, T, MASS, GAP, IMPULSE, TOTAL, SPEED = range(7)
 # A small block, of manifolds that have one point and do not resist rolling, ends with this:
 K_N = POINT + POINT_ROWS  # response along n, t1, t2 and about n to the normal impulse
@@ -145,6 +145,16 @@ def normal_sum(b: Array, points: int) -> Eight:
     for p in range(1, 4 if points > 1 else 1):
         total = total + load(b, POINT + p * POINT_ROWS + IMPULSE)
     return total
+
+
+@part
+def count_impulses(b: Array, points: int) -> None:
+    """Add the impulses of the last substep to those of the step."""
+    for k in range(2):
+        store(b, TOTAL_T + k, load(b, TOTAL_T + k) + load(b, FRICTION + k))
+    for p in range(4 if points > 1 else 1):
+        point = POINT + p * POINT_ROWS
+        store(b, point + TOTAL, load(b, point + TOTAL) + load(b, point + IMPULSE))
 
 
 @part
@@ -260,8 +270,12 @@ def _weight(b: Array, point: int) -> Eight:
 @part
 def _place_centre(b: Array, count: int) -> None:
     """Put c amid the nearest points; friction has their mean distance as lever."""
-    w = _weight(b, POINT)
     q = load_three(b, POINT)
+    if count == 1:
+        store_three(b, ARM_A, q)
+        store_three(b, ARM_B, add(q, load_three(b, ARM_B)))
+        return
+    w = _weight(b, POINT)
     total, c = w, (w * q[0], w * q[1], w * q[2])
     for p in range(1, count):
         point = POINT + p * POINT_ROWS

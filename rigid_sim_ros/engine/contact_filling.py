@@ -9,7 +9,7 @@ from rigid_sim_ros.engine.coloring import (
     lanes_of, numbers_of, PIECE, points_in, QUIET, QUIET_BALLS)
 from rigid_sim_ros.engine.contact_balls import prepare_balls, warm_balls
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, axes, combine, FRICTION, friction_of, GAP, IMPULSE, J_A, J_B, LEVER_A,
+    ABSENT, ARM_A, ARM_B, axes, combine, count_impulses, FRICTION, friction_of, GAP, IMPULSE, J_A, J_B, LEVER_A,
     LEVER_B, load_three, load_two, Motion, MOVED, MU, NORMAL, normal_sum, POINT, POINT_ROWS,
     prepare_block, pushed, RESIDUAL, ROLL_LEVER, S, SHOVE, smallest_gap, SPIN, SPIN_LEVER,
     store_three, T, Three, TORSION, TOTAL, TOTAL_T)
@@ -294,7 +294,7 @@ def _warm_start(b: Array, points: int, warm: Array, at_A: IntArray, at_B: IntArr
 
 @part
 def keep_impulses(region: int, blocks: Blocks, manifolds: Manifolds, bodies: SolverBodies,
-                  h: float, substeps: int, normal_impulse: Array,
+                  h: float, substeps: int, adds: bool, normal_impulse: Array,
                   friction_impulse: Array) -> float:
     """
     Keep the impulses of a region, and give pairs back what L their motion cost.
@@ -303,7 +303,8 @@ def keep_impulses(region: int, blocks: Blocks, manifolds: Manifolds, bodies: Sol
 
     The manifolds get those of the last substep, as if it had lasted for the whole step: the next
     step begins with them. A mean over the substeps would lag behind, and a lag feeds the sway of a
-    stack.
+    stack. What acted in all of them is written to the last two arrays, or added where it `adds` to
+    what collisions did.
     """
     residual, first = 0.0, first_block(blocks, region)
     for block in range(first, first + blocks.count[region]):
@@ -314,17 +315,18 @@ def keep_impulses(region: int, blocks: Blocks, manifolds: Manifolds, bodies: Sol
         residual = max(residual, largest_of(load(b, RESIDUAL)))
         n, t1, t2 = axes(b)
         zero = spread(0.0)
+        count_impulses(b, points_in(blocks.kind[block]))
         last, total = load_two(b, FRICTION), load_two(b, TOTAL_T)
         F = combine(n, t1, t2, (zero, substeps * last[0], substeps * last[1]))
         scatter_rows_3(manifolds.friction, rows, 3, 0, F)
-        balls = are_balls(blocks.kind[block])
-        spin = spread(0.0) if balls else substeps * load(b, SPIN)
-        _keep_spin(rows, spin, manifolds.spin)
-        F, before = (combine(n, t1, t2, (zero, total[0], total[1])),
-                     gather_rows_3(friction_impulse, rows, 3, 0))
-        scatter_rows_3(friction_impulse, rows, 3, 0, add(before, F))
+        if not are_balls(blocks.kind[block]):
+            _keep_spin(rows, substeps * load(b, SPIN), manifolds.spin)
+        F = combine(n, t1, t2, (zero, total[0], total[1]))
+        if adds:
+            F = add(gather_rows_3(friction_impulse, rows, 3, 0), F)
+        scatter_rows_3(friction_impulse, rows, 3, 0, F)
         total_N = _keep_normals(b, rows, points_in(blocks.kind[block]), manifolds.impulse,
-                                normal_impulse, substeps)
+                                normal_impulse, substeps, adds)
         _give_back(b, total_N, bodies, blocks.at_A[lanes], blocks.at_B[lanes], h)
     return residual
 
@@ -340,20 +342,19 @@ def _keep_spin(rows: IntArray, spin: Eight, kept: Array) -> None:
 
 @part
 def _keep_normals(b: Array, rows: IntArray, points: int, impulse: Array, normal_impulse: Array,
-                  substeps: int) -> Eight:
+                  substeps: int, adds: bool) -> Eight:
     """Keep the normal impulses; return their sums over the whole step."""
-    i0, total = load(b, POINT + IMPULSE), load(b, POINT + TOTAL)
-    room = impulse.shape[1]
-    (before,) = gather_rows_1(normal_impulse, rows, 1, 0)
-    scatter_rows_1(normal_impulse, rows, 1, 0, (before + total,))
-    scatter_rows_1(impulse, rows, 1, 0, (substeps * i0,))
-    for p in range(1, POINTS if points > 1 else 1):
-        point, first = POINT + p * POINT_ROWS, p * room
+    sum_of_all = spread(0.0)
+    for p in range(POINTS if points > 1 else 1):
+        point, first = POINT + p * POINT_ROWS, p * impulse.shape[1]
+        total = load(b, point + TOTAL)
+        sum_of_all = sum_of_all + total
+        if adds:
+            (before,) = gather_rows_1(normal_impulse, rows, 1, first)
+            total = before + total
+        scatter_rows_1(normal_impulse, rows, 1, first, (total,))
         scatter_rows_1(impulse, rows, 1, first, (substeps * load(b, point + IMPULSE),))
-        (before,) = gather_rows_1(normal_impulse, rows, 1, first)
-        scatter_rows_1(normal_impulse, rows, 1, first, (before + load(b, point + TOTAL),))
-        total = total + load(b, point + TOTAL)
-    return total
+    return sum_of_all
 
 
 @part

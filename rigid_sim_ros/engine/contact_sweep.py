@@ -4,14 +4,14 @@
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.coloring import (
-    are_balls, Blocks, is_small, lanes_of, numbers_of, points_in, resists)
+    are_balls, Blocks, is_small, lanes_of, numbers_of, OVERLAPPING, points_in, resists, UNSETTLED)
 from rigid_sim_ros.engine.contact_balls import drift_balls, separate_balls, visit_balls
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, axes, combine, FRICTION, friction_of, GAP, IMPULSE, INV_SPIN, INV_TT,
+    ABSENT, ARM_A, ARM_B, axes, combine, count_impulses, FRICTION, friction_of, GAP, IMPULSE, INV_SPIN, INV_TT,
     J_A, J_B, K_N, K_NN, K_SPIN, K_TN, keep_friction, load_three, MASS, Motion, MOVED,
     MU, NORMAL, normal_sum, POINT, POINT_ROWS, pushed, RESIDUAL, ROLL, ROLL_LEVER, ROLL_STEP, S,
     SHOVE, SLIDE, smallest_gap, SPEED, SPIN_LEVER, store_three, symmetric, T, Three,
-    TORSION, TOTAL, TOTAL_T)
+    TORSION)
 from rigid_sim_ros.engine.contact_rules import (
     gap_of, NEGLIGIBLE, onto_circle, SKIN, Sweep, wanted_of)
 from rigid_sim_ros.engine.kernel import kernel, part
@@ -19,6 +19,10 @@ from rigid_sim_ros.engine.lanes import (
     any_of, Eight, gather, load, scatter, select, spread, store)
 from rigid_sim_ros.engine.solver_bodies import INV_M
 from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, subtract
+
+
+# [m/s] a visit that changes velocities less has nothing left to do in this substep
+SETTLED = 1e-6
 
 
 @part
@@ -138,20 +142,13 @@ def is_settled(b: Array, speed: float) -> bool:
     return not any_of(load(b, RESIDUAL) > speed)
 
 
-@kernel
-def count_impulses(b: Array, points: int) -> None:
-    """Add the impulses of a substep to those of the step."""
-    for k in range(2):
-        store(b, TOTAL_T + k, load(b, TOTAL_T + k) + load(b, FRICTION + k))
-    for p in range(4 if points > 1 else 1):
-        point = POINT + p * POINT_ROWS
-        store(b, point + TOTAL, load(b, point + TOTAL) + load(b, point + IMPULSE))
-
-
-@kernel
-def overlaps(b: Array, points: int) -> bool:
-    """Return whether any point of a block overlaps by more than is left alone."""
-    return any_of(smallest_gap(b, points) < -NEGLIGIBLE)
+@part
+def note_open(blocks: Blocks, block: int) -> None:
+    """Note what a block leaves for the way back, which does not look at it without need."""
+    b, points = numbers_of(blocks, block), points_in(blocks.kind[block])
+    overlaps = any_of(smallest_gap(b, points) < -NEGLIGIBLE)
+    blocks.open[block] = (0 if is_settled(b, SETTLED) else UNSETTLED) | (
+        OVERLAPPING if overlaps else 0)
 
 
 @part
@@ -237,6 +234,7 @@ def _drift(b: Array, A: Motion, B: Motion, h: float, points: int) -> None:
     v, u, w = _relative(b, A, B)
     moved = add_scaled(load_three(b, MOVED), h, v)
     store_three(b, MOVED, moved)
+    count_impulses(b, points)
     pressure = normal_sum(b, points)
     shove, slide_1, slide_2 = load(b, SHOVE), load(b, FRICTION), load(b, FRICTION + 1)
     if any_of(pressure + shove + abs(slide_1) + abs(slide_2) > 0.0):

@@ -20,15 +20,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray
-from rigid_sim_ros.engine.calming import calm, Calming, is_rough, make_calming
+from rigid_sim_ros.engine.calming import calm, Calming, make_calming, ROUGH as ROUGHLY
 from rigid_sim_ros.engine.coloring import (
     begin_blocks, BETWEEN, Blocks, CACHED, color_piece, Coloring, fetch_block, first_block,
-    make_blocks, make_coloring, make_room, most_blocks, numbers_of, PIECE, points_in, REGIONS)
+    make_blocks, make_coloring, make_room, most_blocks, numbers_of, OVERLAPPING, PIECE, REGIONS,
+    UNSETTLED)
 from rigid_sim_ros.engine.contact_filling import (
     choose_manifolds, classify, DEEPEST, fill_blocks, keep_impulses, NEW, place_lanes, TOUCHING)
 from rigid_sim_ros.engine.contact_rules import Sweep
 from rigid_sim_ros.engine.contact_sweep import (
-    count_impulses, is_settled, overlaps, separate, visit_block)
+    is_settled, note_open, separate, SETTLED, visit_block)
 from rigid_sim_ros.engine.free_flight import fly_free
 from rigid_sim_ros.engine.kept import call
 from rigid_sim_ros.engine.kernel import apart, kernel, part
@@ -38,8 +39,8 @@ from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.slots import make_sides, Sides
 from rigid_sim_ros.engine.solver_bodies import (
-    drift_bodies, kick_bodies, load_bodies, make_bodies, note_start, SolverBodies, stop_pushing,
-    store_bodies)
+    begin_push, drift_and_kick, drift_bodies, kick_bodies, load_bodies, make_bodies, note_start, slots_of,
+    SolverBodies, store_bodies)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.two_cores import side_by_side
 
@@ -69,8 +70,9 @@ class SequentialWork(NamedTuple):
     overlap: Array  # (1,) [m] deepest
 
 
-# More that is noted of a region: whether a visit changed anything roughly, and the residual.
-ROUGH, LARGEST = 3, 4
+# More that is noted of a region: whether a visit changed anything roughly, the residual, and
+# whether anything was pushed in this substep.
+ROUGH, LARGEST, PUSHED = 3, 4, 5
 
 
 def make_work(n: int, capacity: int) -> SequentialWork:
@@ -112,7 +114,6 @@ def solve_contacts(to: int, box: Any, desk: IntArray, model: Model, state: State
             call(to, box, REGIONS * (SWEEP if substep == 0 else MOVED_SWEEP) + BETWEEN)
         if work.notes[0, ROUGH] + work.notes[1, ROUGH] + work.notes[2, ROUGH] > 0.0:
             calm(blocks, bodies.motion, bodies.used, work.calming, inv_h)
-        stop_pushing(bodies.used[0], bodies.motion, bodies.drifted)
         if halved:
             call(to, box, REGIONS * RETURN + BETWEEN)
         if substep + 1 < substeps:
@@ -148,8 +149,6 @@ FRESH_VISITS = 6
 # Sweeps where half of all that touches is new, as at the start of a scene: without them a stack of
 # 20 sinks by 4 mm before its impulses have grown, and the shock moves it sideways.
 FRESH_SWEEPS = 100
-# [m/s] a visit that changes velocities less has nothing left to do in this substep
-SETTLED = 1e-6
 
 
 @kernel
@@ -194,19 +193,24 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
     elif stage == SETTLE:
         settle(region, blocks, work.fresh, motion, at_rest)
     if stage in (RETURN, NEXT) or (stage == KEEP and region != BETWEEN):
-        sweep_back(region, blocks, motion, bodies.drifted, at_rest, settings.push / h,
-                   settings.push_speed)
-        if region != BETWEEN:
-            drift_bodies(region, bodies.used, motion, bodies.drifted, bodies.total)
-    if stage in (START, NEXT):
-        kick_bodies(region, bodies.used, motion, bodies.smooth, bodies.base, h, stage == START)
+        notes[PUSHED] = 0.0
+        sweep_back(region, blocks, bodies, at_rest, settings.push / h, settings.push_speed,
+                   work.notes)
+    pushed = notes[PUSHED] + work.notes[BETWEEN, PUSHED] > 0.0
+    if stage == START:
+        kick_bodies(region, bodies.used, motion, bodies.smooth, bodies.base, h)
+    elif stage == NEXT:
+        drift_and_kick(region, bodies.used, motion, bodies.drifted, bodies.total, pushed,
+                       bodies.smooth, bodies.base, h)
+    elif stage == KEEP and region != BETWEEN:
+        drift_bodies(region, bodies.used, motion, bodies.drifted, bodies.total, pushed)
     if stage in (SWEEP, SWEEP_BACK, MOVED_SWEEP, NEXT):
         drift = h if stage in (MOVED_SWEEP, NEXT) else 0.0
         sweep(region, blocks, motion, bodies.drifted, Sweep(1.0 / h, drift), stage == SWEEP_BACK,
               notes)
     if stage == KEEP:
         notes[LARGEST] = keep_impulses(region, blocks, manifolds, bodies, h, settings.substeps,
-                                       acted.impulse, acted.friction)
+                                       work.shifted[0] == 1, acted.impulse, acted.friction)
     elif stage == STORE:
         store_bodies(region, work.sides.halved[0] + 1, model.h, model.m, model.inv_I_C, state,
                      bodies, settings.substeps)
@@ -245,12 +249,15 @@ def sweep(region: int, blocks: Blocks, motion: Array, drifted: Array, what: Swee
     would make that a growing sway of a stack.
     """
     first, count = first_block(blocks, region), blocks.count[region]
+    notes[ROUGH] = 0.0
     for k in range(count):
         block = first + (count - 1 - k if backwards else k)
         if count > CACHED:
             fetch_block(blocks, block - 1 if backwards else block + 1)
         visit_block(blocks, block, motion, drifted, what)
-    notes[ROUGH] = 1.0 if is_rough(region, blocks) else 0.0
+        note_open(blocks, block)
+        if not is_settled(numbers_of(blocks, block), ROUGHLY):
+            notes[ROUGH] = 1.0
 
 
 @part
@@ -265,21 +272,30 @@ def settle(region: int, blocks: Blocks, fresh: IntArray, motion: Array, what: Sw
 
 
 @part
-def sweep_back(region: int, blocks: Blocks, motion: Array, push: Array, what: Sweep, rate: float,
-               speed: float) -> None:
+def sweep_back(region: int, blocks: Blocks, bodies: SolverBodies, what: Sweep, rate: float,
+               speed: float, notes: Array) -> None:
     """
     End a substep: visit what is not settled, in the opposite order, and push overlaps apart.
 
-    What the forward sweep hardly changed is only read: the next one visits every block again.
+    What the forward sweep hardly changed is left alone: the next one visits every block again.
     """
+    motion = bodies.motion
     first, count = first_block(blocks, region), blocks.count[region]
     for k in range(count):
         block = first + count - 1 - k
         if count > CACHED:
             fetch_block(blocks, block - 1)
-        b, points = numbers_of(blocks, block), points_in(blocks.kind[block])
-        if not is_settled(b, SETTLED):
+        if blocks.open[block] & UNSETTLED != 0:
             visit_block(blocks, block, motion, motion, what)
-        count_impulses(b, points)
-        if overlaps(b, points):
-            separate(blocks, block, push, rate, speed)
+        if blocks.open[block] & OVERLAPPING != 0:
+            if notes[region, PUSHED] + notes[BETWEEN, PUSHED] == 0.0:
+                _begin_push(region, bodies)
+                notes[region, PUSHED] = 1.0
+            separate(blocks, block, bodies.drifted, rate, speed)
+
+
+@kernel
+def _begin_push(region: int, bodies: SolverBodies) -> None:
+    """Let nobody be pushed yet in a half or, where the region is across, in both."""
+    first, last = slots_of(bodies.used, region % BETWEEN)
+    begin_push(first, bodies.used[0] if region == BETWEEN else last, bodies.motion, bodies.drifted)

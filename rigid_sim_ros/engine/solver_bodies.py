@@ -47,7 +47,7 @@ class SolverBodies(NamedTuple):
     used: IntArray
     motion: Array  # flat, STRIDE for each slot, as all but the last two
     # With what the bodies moved in the last substep: `motion` and the motion that only displaces,
-    # out of overlaps. While this is found it stands here alone, from `stop_pushing` on, and with
+    # out of overlaps. While this is found it stands here alone, from `begin_push` on, and with
     # it the inverse mass.
     drifted: Array
     smooth: Array  # F / m [m/s^2] and torque [N m] of all that is no contact, and 0, 0
@@ -139,45 +139,68 @@ def note_start(half: int, used: IntArray, motion: Array, mass: Array) -> None:
 
 
 @kernel
-def kick_bodies(half: int, used: IntArray, m: Array, smooth: Array, base: Array, h: float,
-                at_first: bool) -> None:
+def kick_bodies(half: int, used: IntArray, motion: Array, smooth: Array, base: Array,
+                h: float) -> None:
     """
-    Begin a substep: forces act for h [s], and contacts as they did in the last substep.
+    Begin the first substep: forces act for h [s], and contacts as they did in the step before.
 
-    That is a warm start of every contact at once, without a pass over contacts: they added m -
-    base. Before the first substep `base` holds what they bring from the step before.
+    What contacts bring from there is in `base`, and afterwards `motion` without it.
     """
-    v, a, b = _of_half(m, used, half), _of_half(smooth, used, half), _of_half(base, used, half)
-    if at_first:
-        for k in range(v.shape[0]):
-            kicked = v[k] + h * a[k]
-            v[k] = kicked + b[k]
-            b[k] = kicked
-        return
-    for k in range(v.shape[0]):
-        now = v[k]
-        kicked = now + h * a[k]
-        v[k] = kicked + (now - b[k])
-        b[k] = kicked
+    first, last = slots_of(used, half)
+    for slot in range(first, last):
+        kicked = load(motion, slot) + h * load(smooth, slot)
+        store(motion, slot, kicked + load(base, slot))
+        store(base, slot, kicked)
 
 
 @kernel
-def stop_pushing(used: int, motion: Array, drifted: Array) -> None:
-    """Begin to find the push of this substep, in place of the drift of the last one."""
-    for slot in range(used):
+def begin_push(first: int, last: int, motion: Array, drifted: Array) -> None:
+    """Let no slot from the first one on be pushed yet, in place of its drift of the last substep."""
+    for slot in range(first, last):
         for k in range(STRIDE):
             drifted[slot * STRIDE + k] = 0.0
         drifted[slot * STRIDE + INV_M] = motion[slot * STRIDE + INV_M]
 
 
+@part
+def drift_body(slot: int, motion: Array, drifted: Array, total: Array, pushed: bool) -> None:
+    """
+    Add the motion of this substep to the push, and both to the sums of displacements.
+
+    Where nobody was `pushed`, nobody asked for the push: what stands there is from before.
+    """
+    v = load(motion, slot)
+    if pushed:
+        v = v + load(drifted, slot)
+    store(drifted, slot, v)
+    store(total, slot, load(total, slot) + v)
+
+
 @kernel
-def drift_bodies(half: int, used: IntArray, m: Array, drifted: Array, total: Array) -> None:
-    """Add the motion of this substep to the push, and both to the sums of displacements."""
-    v, u, sums = _of_half(m, used, half), _of_half(drifted, used, half), _of_half(
-        total, used, half)
-    for k in range(v.shape[0]):
-        u[k] += v[k]
-        sums[k] += u[k]
+def drift_bodies(half: int, used: IntArray, motion: Array, drifted: Array, total: Array,
+                 pushed: bool) -> None:
+    """End the last substep: drift all bodies of a half."""
+    first, last = slots_of(used, half)
+    for slot in range(first, last):
+        drift_body(slot, motion, drifted, total, pushed)
+
+
+@kernel
+def drift_and_kick(half: int, used: IntArray, motion: Array, drifted: Array, total: Array,
+                   pushed: bool, smooth: Array, base: Array, h: float) -> None:
+    """
+    End a substep and begin the next one: forces act for h [s], and contacts as they did in this.
+
+    That is a warm start of every contact at once, without a pass over contacts: what they added is
+    what differs from `base`.
+    """
+    first, last = slots_of(used, half)
+    for slot in range(first, last):
+        drift_body(slot, motion, drifted, total, pushed)
+        now = load(motion, slot)
+        kicked = now + h * load(smooth, slot)
+        store(motion, slot, kicked + (now - load(base, slot)))
+        store(base, slot, kicked)
 
 
 @part

@@ -268,7 +268,9 @@ def _step(box: Any, wrenches: Wrenches) -> bool:
         call(to[_TO_SLEEP], box, _TOUCHED)
     else:
         _sum_loads(box, to, wrenches, work.loads, 0)
-    clear_impulses(manifolds, acted.impulse, acted.friction)
+    if sleeps or to[_TO_COLLIDE] != 0:
+        # Of all others the solver writes them.
+        clear_impulses(manifolds, acted.impulse, acted.friction)
     work.solver.shifted[0] = 0
     if to[_TO_COLLIDE] != 0 and call(to[_TO_COLLIDE], box, 0) > 0:
         work.solver.shifted[0] = 1

@@ -35,7 +35,7 @@ from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import gap_now
 from rigid_sim_ros.engine.slots import give_slots, NEVER
 from rigid_sim_ros.engine.solver_bodies import (
-    drift_bodies, HELD, INV_M, kick_bodies, load_bodies, note_start, SolverBodies, stop_pushing,
+    begin_push, drift_bodies, HELD, INV_M, kick_bodies, load_bodies, note_start, SolverBodies,
     store_bodies, STRIDE)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.timestep import (
@@ -101,10 +101,11 @@ def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
     read_bodies(model, state, shared.loads.F, shared.loads.tau, work.bodies)
     chosen = _chosen(model, state, shapes, materials, manifolds, work)
     note_start(0, bodies.used, bodies.motion, bodies.mass)
-    kick_bodies(0, bodies.used, bodies.motion, bodies.smooth, bodies.base, model.h, True)
-    stop_pushing(bodies.used[0], bodies.motion, bodies.drifted)
+    kick_bodies(0, bodies.used, bodies.motion, bodies.smooth, bodies.base, model.h)
+    begin_push(0, bodies.used[0], bodies.motion, bodies.drifted)
     pushes = _solve(model, manifolds, acted, settings, chosen, work)
-    drift_bodies(0, bodies.used, bodies.motion, bodies.drifted, bodies.total)
+    drift_bodies(0, bodies.used, bodies.motion, bodies.drifted, bodies.total,
+                 True)
     _give_back(work.contacts, chosen, pushes, model.h, bodies)
     fly_free(model, state, shared.loads, bodies.slot, model.h, shared.block)
     store_bodies(0, 1, model.h, model.m, model.inv_I_C, state, bodies, 1)
