@@ -73,7 +73,7 @@ def calm(blocks: Blocks, motion: Array, used: IntArray, work: Calming, inv_h: fl
         for j in range(count):
             block = _block(blocks, count - 1 - j if k % 2 == 0 else j)
             if work.reached[block] > work.visited[block]:
-                visit_block(blocks, block, motion, motion, Sweep(inv_h, 0.0))
+                visit_block(blocks, block, motion, motion, Sweep(inv_h, 0.0, False))
                 note_open(blocks, block)
                 clock += 1
                 work.visited[block] = clock

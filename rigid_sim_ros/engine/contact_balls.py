@@ -15,7 +15,7 @@ shapes. That takes a third of the work of other contacts and half of their memor
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, axes, combine, count_impulses, FRICTION, GAP, IMPULSE, inverse_of, LEVER_A, LEVER_B, load_three,
+    ABSENT, axes, combine, drift_together, FRICTION, GAP, IMPULSE, inverse_of, LEVER_A, LEVER_B, load_three,
     load_two, make_basis, MASS, Motion, MOVED, MU, NORMAL, POINT, RESIDUAL, SHOVE, SPEED, STICK,
     store_three, store_two, Three, TORSION, TOTAL, Two)
 from rigid_sim_ros.engine.contact_rules import gap_of, onto_circle, wanted_of
@@ -36,7 +36,6 @@ def prepare_balls(b: Array, inv_m_A: Eight, inv_m_B: Eight, J_A: Eight, J_B: Eig
     make_basis(b)
     a, c = load(b, LEVER_A), load(b, LEVER_B)
     straight = inv_m_A + inv_m_B
-    store(b, POINT + TOTAL, 0.0)
     store(b, POINT + MASS, select(load(b, POINT + GAP) < ABSENT, inverse_of(straight), 0.0))
     store(b, STICK, inverse_of(straight + a * a * J_A + c * c * J_B))
 
@@ -82,7 +81,6 @@ def visit_balls(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h: 
     store(b, RESIDUAL, straight * max(abs(change_N), max(abs(change[0]), abs(change[1]))))
 
     F = combine(n, t1, t2, (change_N, change[0], change[1]))
-    store_three(b, TORSION, add(load_three(b, TORSION), cross(load_three(b, MOVED), F)))
     turn = subtract(scale(change[0], t2), scale(change[1], t1))     # n x F
     scatter(motion, at_A, _pushed(A, A[INV_M], load(b, LEVER_A), F, turn, -1.0))
     scatter(motion, at_B, _pushed(B, B[INV_M], load(b, LEVER_B), F, turn, 1.0))
@@ -113,18 +111,9 @@ def _pushed(motion: Motion, inv_m: Eight, lever: Eight, F: Three, turn: Three,
 def drift_balls(b: Array, drifted: Array, at_A: IntArray, at_B: IntArray, h: float) -> None:
     """Move on the gaps by the velocities with which the bodies drifted for h [s]; see `visit`."""
     A, B = gather(drifted, at_A), gather(drifted, at_B)
-    n, t1, t2 = axes(b)
+    n = load_three(b, NORMAL)
     v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
-    moved = add_scaled(load_three(b, MOVED), h, v)
-    store_three(b, MOVED, moved)
-    pressure, shove = load(b, POINT + IMPULSE), load(b, SHOVE)
-    slide_1, slide_2 = load(b, FRICTION), load(b, FRICTION + 1)
-    count_impulses(b, 1)
-    if any_of(pressure + shove + abs(slide_1) + abs(slide_2) > 0.0):
-        F = combine(n, t1, t2, (pressure, slide_1, slide_2))
-        gained = add(cross(moved, F), cross(scale(h * shove, n), v))
-        store_three(b, TORSION, add(load_three(b, TORSION), gained))
-    store(b, SHOVE, 0.0)
+    drift_together(b, 1, n, v, h)
     store(b, POINT + GAP, load(b, POINT + GAP) + h * dot(v, n))
 
 

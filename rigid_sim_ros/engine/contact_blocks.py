@@ -29,8 +29,8 @@ from typing import TypeAlias
 
 from rigid_sim_ros.engine.arrays import Array
 from rigid_sim_ros.engine.kernel import part
-from rigid_sim_ros.engine.lanes import Eight, LANES, load, root, select, store
-from rigid_sim_ros.engine.vector import add, cross, dot, subtract
+from rigid_sim_ros.engine.lanes import any_of, Eight, LANES, load, root, select, store
+from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, subtract
 
 Two: TypeAlias = tuple[Eight, Eight]
 Three: TypeAlias = tuple[Eight, Eight, Eight]
@@ -148,13 +148,46 @@ def normal_sum(b: Array, points: int) -> Eight:
 
 
 @part
-def count_impulses(b: Array, points: int) -> None:
-    """Add the impulses of the last substep to those of the step."""
+def begin_sums(b: Array, points: int) -> None:
+    """Let no substep have been yet."""
+    store_three(b, MOVED, (0.0, 0.0, 0.0))
+    store_three(b, TORSION, (0.0, 0.0, 0.0))
+    store_two(b, TOTAL_T, (0.0, 0.0))
+    for p in range(4 if points > 1 else 1):
+        store(b, POINT + p * POINT_ROWS + TOTAL, 0.0)
+
+
+@part
+def end_substep(b: Array, points: int) -> None:
+    """
+    Add the impulses of a substep, and what angular momentum they made, to those of the step.
+
+    They act where c was at the start of the step, while the pair has moved.
+    """
+    n, t1, t2 = axes(b)
+    F = combine(n, t1, t2, (normal_sum(b, points), load(b, FRICTION), load(b, FRICTION + 1)))
+    store_three(b, TORSION, add(load_three(b, TORSION), cross(load_three(b, MOVED), F)))
     for k in range(2):
         store(b, TOTAL_T + k, load(b, TOTAL_T + k) + load(b, FRICTION + k))
     for p in range(4 if points > 1 else 1):
         point = POINT + p * POINT_ROWS
         store(b, point + TOTAL, load(b, point + TOTAL) + load(b, point + IMPULSE))
+
+
+@part
+def drift_together(b: Array, points: int, n: Three, v: Three, h: float) -> None:
+    """
+    End a substep, after which B moved with the velocity v relative to A for h [s].
+
+    The push, too, displaces momenta.
+    """
+    end_substep(b, points)
+    store_three(b, MOVED, add_scaled(load_three(b, MOVED), h, v))
+    shove = h * load(b, SHOVE)
+    if any_of(shove > 0.0):
+        gained = cross((shove * n[0], shove * n[1], shove * n[2]), v)
+        store_three(b, TORSION, add(load_three(b, TORSION), gained))
+        store(b, SHOVE, 0.0)
 
 
 @part
@@ -210,7 +243,6 @@ def prepare_block(b: Array, points: int, small: bool, inv_m_A: Eight, inv_m_B: E
         r = subtract(load_three(b, point), load_three(b, ARM_A))
         store(b, point + S, dot(r, t1))
         store(b, point + T, dot(r, t2))
-        store(b, point + TOTAL, 0.0)
     nn_A, tn_A, tt_A = _response(b, ARM_A, J_A, inv_m_A)
     nn_B, tn_B, tt_B = _response(b, ARM_B, J_B, inv_m_B)
     _prepare_friction(b, tt_A, tt_B)
@@ -247,10 +279,7 @@ def make_basis(b: Array) -> None:
     friction = load_three(b, MOVED)
     store(b, FRICTION, dot(friction, t1))
     store(b, FRICTION + 1, dot(friction, cross(n, t1)))
-    store_three(b, MOVED, (0.0, 0.0, 0.0))
-    store_three(b, TORSION, (0.0, 0.0, 0.0))
-    store_two(b, TOTAL_T, (0.0, 0.0))
-    store(b, RESIDUAL, 0.0)
+    store(b, SHOVE, 0.0)
 
 
 # Gap at which a point counts half for the centre of its manifold [m]. Smaller: friction acts where

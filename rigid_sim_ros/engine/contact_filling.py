@@ -9,7 +9,7 @@ from rigid_sim_ros.engine.coloring import (
     lanes_of, numbers_of, PIECE, points_in, QUIET, QUIET_BALLS)
 from rigid_sim_ros.engine.contact_balls import prepare_balls, warm_balls
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, axes, combine, count_impulses, FRICTION, friction_of, GAP, IMPULSE, J_A, J_B, LEVER_A,
+    ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, end_substep, FRICTION, friction_of, GAP, IMPULSE, J_A, J_B, LEVER_A,
     LEVER_B, load_three, load_two, Motion, MOVED, MU, NORMAL, normal_sum, POINT, POINT_ROWS,
     prepare_block, pushed, RESIDUAL, ROLL_LEVER, S, SHOVE, smallest_gap, SPIN, SPIN_LEVER,
     store_three, T, Three, TORSION, TOTAL, TOTAL_T)
@@ -152,7 +152,6 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, x: Array, materia
         if not balls:
             _copy_inertia(b, A, B)
         _copy_manifolds(b, rows, points, balls, manifolds, share)
-        store(b, SHOVE, 0.0)
         least = smallest_gap(b, points)
         touches = least < SKIN
         fresh[block] = count_of(both(touches, normal_sum(b, points) == 0.0))
@@ -315,7 +314,10 @@ def keep_impulses(region: int, blocks: Blocks, manifolds: Manifolds, bodies: Sol
         residual = max(residual, largest_of(load(b, RESIDUAL)))
         n, t1, t2 = axes(b)
         zero = spread(0.0)
-        count_impulses(b, points_in(blocks.kind[block]))
+        points = points_in(blocks.kind[block])
+        if substeps == 1:
+            begin_sums(b, points)
+        end_substep(b, points)
         last, total = load_two(b, FRICTION), load_two(b, TOTAL_T)
         F = combine(n, t1, t2, (zero, substeps * last[0], substeps * last[1]))
         scatter_rows_3(manifolds.friction, rows, 3, 0, F)
@@ -325,8 +327,8 @@ def keep_impulses(region: int, blocks: Blocks, manifolds: Manifolds, bodies: Sol
         if adds:
             F = add(gather_rows_3(friction_impulse, rows, 3, 0), F)
         scatter_rows_3(friction_impulse, rows, 3, 0, F)
-        total_N = _keep_normals(b, rows, points_in(blocks.kind[block]), manifolds.impulse,
-                                normal_impulse, substeps, adds)
+        total_N = _keep_normals(b, rows, points, manifolds.impulse, normal_impulse, substeps,
+                                adds)
         _give_back(b, total_N, bodies, blocks.at_A[lanes], blocks.at_B[lanes], h)
     return residual
 

@@ -22,6 +22,7 @@ class Sweep(NamedTuple):
 
     inv_h: float  # 1 / length of the substep [1/s]
     drift: float  # [s] the bodies moved for this long since the last visit; 0: they did not
+    begins: bool  # whether they did so for the first time in this step
 
 
 @part

@@ -7,7 +7,7 @@ from rigid_sim_ros.engine.coloring import (
     are_balls, Blocks, is_small, lanes_of, numbers_of, OVERLAPPING, points_in, resists, UNSETTLED)
 from rigid_sim_ros.engine.contact_balls import drift_balls, separate_balls, visit_balls
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, axes, combine, count_impulses, FRICTION, friction_of, GAP, IMPULSE, INV_SPIN, INV_TT,
+    ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, drift_together, FRICTION, friction_of, GAP, IMPULSE, INV_SPIN, INV_TT,
     J_A, J_B, K_N, K_NN, K_SPIN, K_TN, keep_friction, load_three, MASS, Motion, MOVED,
     MU, NORMAL, normal_sum, POINT, POINT_ROWS, pushed, RESIDUAL, ROLL, ROLL_LEVER, ROLL_STEP, S,
     SHOVE, SLIDE, smallest_gap, SPEED, SPIN_LEVER, store_three, symmetric, T, Three,
@@ -34,6 +34,8 @@ def visit(b: Array, motion: Array, drifted: Array, at_A: IntArray, at_B: IntArra
     Friction comes last because the normal impulses bound it.
     """
     if sweep.drift > 0.0:
+        if sweep.begins:
+            begin_sums(b, points)
         _drift(b, gather(drifted, at_A), gather(drifted, at_B), sweep.drift, points)
     if points == 1 and not rolls:
         _visit_small(b, motion, at_A, at_B, sweep.inv_h)
@@ -48,6 +50,8 @@ def visit_block(blocks: Blocks, block: int, motion: Array, drifted: Array, what:
     at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
     if are_balls(kind):
         if what.drift > 0.0:
+            if what.begins:
+                begin_sums(b, 1)
             drift_balls(b, drifted, at_A, at_B, what.drift)
         visit_balls(b, motion, at_A, at_B, what.inv_h)
     else:
@@ -88,7 +92,6 @@ def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h:
 
     F = combine(n, t1, t2, (change_N, change[0], change[1]))
     torque = (change[2] * n[0], change[2] * n[1], change[2] * n[2])
-    store_three(b, TORSION, add(load_three(b, TORSION), cross(load_three(b, MOVED), F)))
     scatter(motion, at_A, pushed(A, A[INV_M], load_three(b, ARM_A), F, torque, -1.0))
     scatter(motion, at_B, pushed(B, B[INV_M], load_three(b, ARM_B), F, torque, 1.0))
 
@@ -131,7 +134,6 @@ def _visit_many(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points:
 
     F = combine(n, t1, t2, (wrench[0], change[0], change[1]))
     torque = combine(n, t1, t2, (change[2], wrench[1], wrench[2]))
-    store_three(b, TORSION, add(load_three(b, TORSION), cross(load_three(b, MOVED), F)))
     scatter(motion, at_A, pushed(A, A[INV_M], load_three(b, ARM_A), F, torque, -1.0))
     scatter(motion, at_B, pushed(B, B[INV_M], load_three(b, ARM_B), F, torque, 1.0))
 
@@ -223,26 +225,10 @@ def _twist(b: Array, A: Motion, B: Motion) -> tuple[Three, Three]:
 
 @part
 def _drift(b: Array, A: Motion, B: Motion, h: float, points: int) -> None:
-    """
-    Move on the gaps by the velocities with which the bodies drifted for h [s].
-
-    The impulses of the last substep have acted again since, as the warm start, where c was at the
-    start of the step, while the pair has moved: that gains angular momentum. So does the push,
-    which displaces momenta.
-    """
+    """Move on the gaps by the velocities with which the bodies drifted for h [s]."""
     n, t1, t2 = axes(b)
     v, u, w = _relative(b, A, B)
-    moved = add_scaled(load_three(b, MOVED), h, v)
-    store_three(b, MOVED, moved)
-    count_impulses(b, points)
-    pressure = normal_sum(b, points)
-    shove, slide_1, slide_2 = load(b, SHOVE), load(b, FRICTION), load(b, FRICTION + 1)
-    if any_of(pressure + shove + abs(slide_1) + abs(slide_2) > 0.0):
-        F = combine(n, t1, t2, (pressure, slide_1, slide_2))
-        pushed = (h * shove * n[0], h * shove * n[1], h * shove * n[2])
-        gained = add(cross(moved, F), cross(pushed, v))
-        store_three(b, TORSION, add(load_three(b, TORSION), gained))
-    store(b, SHOVE, 0.0)
+    drift_together(b, points, n, v, h)
     nearer = h * dot(u, n)
     if points == 1:
         # The point is c.

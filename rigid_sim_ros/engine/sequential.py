@@ -70,9 +70,9 @@ class SequentialWork(NamedTuple):
     overlap: Array  # (1,) [m] deepest
 
 
-# More that is noted of a region: whether a visit changed anything roughly, the residual, and
-# whether anything was pushed in this substep.
-ROUGH, LARGEST, PUSHED = 3, 4, 5
+# More that is noted of a region: whether a visit changed anything roughly, the residual, whether
+# anything was pushed in this substep, and for how long its contacts have moved in this step [s].
+ROUGH, LARGEST, PUSHED, MOVED = 3, 4, 5, 6
 
 
 def make_work(n: int, capacity: int) -> SequentialWork:
@@ -182,7 +182,7 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
     """
     bodies, blocks, notes = work.bodies, work.blocks, work.notes[region]
     motion, h = bodies.motion, model.h / settings.substeps
-    at_rest = Sweep(1.0 / h, 0.0)
+    at_rest = Sweep(1.0 / h, 0.0, False)
     if stage == FILL:
         if region != BETWEEN:
             load_bodies(region, model.inv_m, model.inv_I_C, state, loads, bodies)
@@ -206,8 +206,9 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
         drift_bodies(region, bodies.used, motion, bodies.drifted, bodies.total, pushed)
     if stage in (SWEEP, SWEEP_BACK, MOVED_SWEEP, NEXT):
         drift = h if stage in (MOVED_SWEEP, NEXT) else 0.0
-        sweep(region, blocks, motion, bodies.drifted, Sweep(1.0 / h, drift), stage == SWEEP_BACK,
-              notes)
+        sweep(region, blocks, motion, bodies.drifted, Sweep(1.0 / h, drift, notes[MOVED] == 0.0),
+              stage == SWEEP_BACK, notes)
+        notes[MOVED] += drift
     if stage == KEEP:
         notes[LARGEST] = keep_impulses(region, blocks, manifolds, bodies, h, settings.substeps,
                                        work.shifted[0] == 1, acted.impulse, acted.friction)
