@@ -6,11 +6,12 @@ How cost and memory grow with the number of bodies.
     python benchmarks/growth.py
     python benchmarks/growth.py --output docs/performance.md --chart docs/pictures/growth.png
 
-Three scenes at several sizes: spheres in a bin whose shape is the same for all sizes, after they
-came to rest; the same spheres far apart without gravity, so that contacts are looked for and none
-is found; and free bodies in a world without contacts. Each size runs in a process of its own on
-one thread, sizes take turns, and of all pieces of all rounds the median counts. Time is that of
-the processor. Sleeping is off, as it is by default.
+Three scenes at several sizes: spheres in a bin whose shape is the same for all sizes, after two
+seconds, when deep bins still settle, and after twelve, when all are at rest; the same spheres far
+apart without gravity, so that contacts are looked for and none is found; and free bodies in a
+world without contacts. Each size runs in a process of its own on one thread, sizes take turns, and
+of all pieces of all rounds the median counts. Time is that of the processor. Sleeping is off, as
+it is by default.
 
 Memory, in processes of their own, is what the resident set grew by after a small world of the
 same kind was stepped: by the description of the scene (what the file said, kept for bags and for
@@ -40,7 +41,7 @@ RADIUS = 0.1
 FLAT = 1.5      # how much more the dearest size may cost than the cheapest
 BODY, CONTACT = 2000, 1000      # bytes at most
 LEAST = 1000    # bodies whose memory is more than a few pages
-SETTLING = 480  # steps until the spheres of a bin are at rest
+SETTLING, RESTING = 480, 2880   # steps after which a bin still settles, and is at rest
 PIECE = 0.02    # s of a piece that is timed, at least
 PIECES = 15
 BATCHES = (1, 10, 100)  # steps of free bodies in one call
@@ -105,15 +106,19 @@ class Case(NamedTuple):
     name: str
     make: Any
     sizes: tuple[int, ...]
-    settling: int
+    after: tuple[int, ...]  # steps before it is measured, for the limit the last of them
     batches: tuple[int, ...]
+
+    def rows(self) -> list[tuple[int, int]]:
+        """Return when each line of its table was measured, and how many steps a call had."""
+        return [(after, count) for after in self.after for count in self.batches]
 
 
 CASES = {
-    'bin': Case('spheres at rest in a bin', in_a_bin, (100, 300, 1000, 3000, 10_000), SETTLING,
-                (10,)),
-    'apart': Case('the same spheres far apart', apart, (100, 1000, 3000, 10_000), 10, (10,)),
-    'free': Case('free bodies', free, (100, 1000, 10_000, 100_000), 10, BATCHES),
+    'bin': Case('spheres at rest in a bin', in_a_bin, (100, 300, 1000, 3000, 10_000),
+                (SETTLING, RESTING), (10,)),
+    'apart': Case('the same spheres far apart', apart, (100, 1000, 3000, 10_000), (10,), (10,)),
+    'free': Case('free bodies', free, (100, 1000, 10_000, 100_000), (10,), BATCHES),
 }
 
 
@@ -144,9 +149,13 @@ def costs(world: World, n: int, count: int) -> list[float]:
 def time_of(case: Case, n: int) -> dict[str, Any]:
     """Measure what a body and step cost at one size [ns]."""
     world = World.from_dict(case.make(n))
-    world.step(case.settling)
-    times = {str(count): costs(world, n, count) for count in case.batches}
-    return {'times': times, 'contacts': world.contact_report().contacts / n}
+    times, done = {}, 0
+    for after, count in case.rows():
+        world.step(max(after - done, 0))
+        done = max(after, done)
+        times[f'{after}/{count}'] = costs(world, n, count)
+    report = world.contact_report()
+    return {'times': times, 'contacts': report.contacts / n, 'residual': report.residual}
 
 
 def memory_of(case: Case, n: int) -> dict[str, Any]:
@@ -158,7 +167,7 @@ def memory_of(case: Case, n: int) -> dict[str, Any]:
     scene = scene_from_dict(data)
     described = resident()
     world = World(scene)
-    world.step(case.settling)
+    world.step(case.after[0])
     stepped = resident()
     # The arrays that the world shares with its scene belong to what steps.
     shared = size_of((scene.model, scene.state, scene.shapes))
@@ -205,9 +214,10 @@ def measure(rounds: int, most: int) -> Results:
     return results
 
 
-def cost(results: Results, name: str, n: int, count: int) -> float:
-    """Return the median cost of a body and step [ns]."""
-    return median([t for one in results['time', name, n] for t in one['times'][str(count)]])
+def cost(results: Results, name: str, n: int, row: tuple[int, int]) -> float:
+    """Return the median cost of a body and step [ns] of a row."""
+    key = f'{row[0]}/{row[1]}'
+    return median([t for one in results['time', name, n] for t in one['times'][key]])
 
 
 def figure(results: Results, what: str, name: str, n: int, key: str) -> float:
@@ -226,15 +236,19 @@ def cost_tables(results: Results) -> list[str]:
     for name, case in CASES.items():
         measured = sizes(results, 'time', name)
         lines = heading([f'{case.name}, ns a body and step', *measured, 'largest / smallest'])
-        for count in case.batches:
-            row = [cost(results, name, n, count) for n in measured]
-            text = ('one step a call' if count == 1 else f'{count} steps a call')
+        for after, count in case.rows():
+            row = [cost(results, name, n, (after, count)) for n in measured]
+            text = 'one step a call' if count == 1 else f'{count} steps a call'
+            if name == 'bin':
+                text += f', after {after / 240:.0f} s'
+            limit = f' (at most {FLAT})' if after == case.after[-1] else ', still settling'
             lines.append(line([text, *(f'{value:.3g}' if value < 100 else f'{value:.0f}'
-                                       for value in row),
-                               f'{max(row) / min(row):.2f} (at most {FLAT})']))
+                                       for value in row), f'{max(row) / min(row):.2f}{limit}']))
         if name == 'bin':
             lines.append(line(['contacts a body', *(
                 f'{figure(results, "time", name, n, "contacts"):.2f}' for n in measured), '']))
+            lines.append(line(['velocity that a sweep changes at the end [m/s]', *(
+                f'{figure(results, "time", name, n, "residual"):.0e}' for n in measured), '']))
         tables.append('\n'.join(lines))
     return tables
 
@@ -281,7 +295,7 @@ def draw(results: Results, path: Path) -> None:
         kinds = zip(CASES.items(), COLORS, ('o', 's', '^'), strict=False)
         for (name, case), color, marker in kinds:
             x = sizes(results, 'time', name)
-            y = [cost(results, name, n, case.batches[-1]) for n in x]
+            y = [cost(results, name, n, case.rows()[-1]) for n in x]
             left.plot(x, y, color=color, marker=marker, label=case.name)
             left.fill_between(x, min(y), FLAT * min(y), color=color, alpha=0.15, linewidth=0)
         left.set(xscale='log', yscale='log', xlabel='bodies',

@@ -16,7 +16,7 @@ from rigid_sim_ros.engine.arrays import Array, IntArray, integers
 from rigid_sim_ros.engine.coloring import Blocks, first_block, most_blocks, numbers_of
 from rigid_sim_ros.engine.contact_blocks import RESIDUAL
 from rigid_sim_ros.engine.contact_rules import Sweep
-from rigid_sim_ros.engine.contact_sweep import is_settled, note_open, visit_block
+from rigid_sim_ros.engine.contact_sweep import is_settled, note_left, visit_block
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel
 from rigid_sim_ros.engine.lanes import LANES
 from rigid_sim_ros.engine.solver_bodies import STRIDE
@@ -74,7 +74,7 @@ def calm(blocks: Blocks, motion: Array, used: IntArray, work: Calming, inv_h: fl
             block = _block(blocks, count - 1 - j if k % 2 == 0 else j)
             if work.reached[block] > work.visited[block]:
                 visit_block(blocks, block, motion, motion, Sweep(inv_h, 0.0, False))
-                note_open(blocks, block)
+                note_left(blocks, block)
                 clock += 1
                 work.visited[block] = clock
                 _shake(blocks, block, clock, work)

@@ -322,6 +322,12 @@ def _bounce(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, restitu
         if (gap <= TOGETHER or spheres) and u < 0.0:
             work.target[p] = -restitution * u
     J = _impulses(A, B, n, d, scale(tau, acceleration), mu, manifolds.points[r], work)
+    if spheres:
+        # The manifold has the normal from the start of the step.
+        before = row(manifolds.normal, r)
+        J = add_scaled(J, work.impulse[0], n)
+        work.impulse[0] = dot(J, before)
+        J = add_scaled(J, -work.impulse[0], before)
     for p in range(manifolds.points[r]):
         normal_impulse[p, r] += work.impulse[p]
     for k in range(3):

@@ -74,7 +74,7 @@ class Blocks(NamedTuple):
     end: IntArray  # (REGIONS,) where the last one of a region ends in `numbers`
     kind: IntArray  # (b,) class
     start: IntArray  # (b,) where its row 0 is in `numbers`, or would be
-    open: IntArray  # (b,) of 8 bits, see UNSETTLED and OVERLAPPING
+    left: IntArray  # (b,) of 8 bits, see UNSETTLED and OVERLAPPING
     numbers: Array  # flat, the rows of contact_blocks.py
     row: IntArray  # (8 b,) of 32 bits, as the next two, manifold of a lane, -1 for none
     at_A: IntArray  # (8 b,) where body A of a lane stands in SolverBodies.motion

@@ -15,14 +15,14 @@ shapes. That takes a third of the work of other contacts and half of their memor
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, axes, combine, drift_together, FRICTION, GAP, IMPULSE, inverse_of, LEVER_A, LEVER_B, load_three,
-    load_two, make_basis, MASS, Motion, MOVED, MU, NORMAL, POINT, RESIDUAL, SHOVE, SPEED, STICK,
-    store_three, store_two, Three, TORSION, TOTAL, Two)
+    ABSENT, axes, combine, drift_together, FRICTION, GAP, IMPULSE, inverse_of, LEVER_A, LEVER_B,
+    load_three, load_two, make_basis, MASS, Motion, MU, NORMAL, POINT, RESIDUAL, SHOVE, SPEED,
+    STICK, store_two, Three, Two)
 from rigid_sim_ros.engine.contact_rules import gap_of, onto_circle, wanted_of
 from rigid_sim_ros.engine.kernel import part
 from rigid_sim_ros.engine.lanes import any_of, Eight, gather, load, scatter, select, store
 from rigid_sim_ros.engine.solver_bodies import INV_I, INV_M
-from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, scale, subtract
+from rigid_sim_ros.engine.vector import add_scaled, dot, scale, subtract
 
 
 @part

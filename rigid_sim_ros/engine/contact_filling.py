@@ -9,10 +9,10 @@ from rigid_sim_ros.engine.coloring import (
     lanes_of, numbers_of, PIECE, points_in, QUIET, QUIET_BALLS)
 from rigid_sim_ros.engine.contact_balls import prepare_balls, warm_balls
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, end_substep, FRICTION, friction_of, GAP, IMPULSE, J_A, J_B, LEVER_A,
-    LEVER_B, load_three, load_two, Motion, MOVED, MU, NORMAL, normal_sum, POINT, POINT_ROWS,
-    prepare_block, pushed, RESIDUAL, ROLL_LEVER, S, SHOVE, smallest_gap, SPIN, SPIN_LEVER,
-    store_three, T, Three, TORSION, TOTAL, TOTAL_T)
+    ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, end_substep, FRICTION, friction_of, GAP,
+    IMPULSE, J_A, J_B, LEVER_A, LEVER_B, load_three, load_two, Motion, MOVED, MU, NORMAL,
+    normal_sum, POINT, POINT_ROWS, prepare_block, pushed, RESIDUAL, ROLL_LEVER, S, SHOVE,
+    smallest_gap, SPIN, SPIN_LEVER, store_three, T, Three, TORSION, TOTAL, TOTAL_T)
 from rigid_sim_ros.engine.contact_rules import SKIN
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.lanes import (

@@ -7,11 +7,10 @@ from rigid_sim_ros.engine.coloring import (
     are_balls, Blocks, is_small, lanes_of, numbers_of, OVERLAPPING, points_in, resists, UNSETTLED)
 from rigid_sim_ros.engine.contact_balls import drift_balls, separate_balls, visit_balls
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, drift_together, FRICTION, friction_of, GAP, IMPULSE, INV_SPIN, INV_TT,
-    J_A, J_B, K_N, K_NN, K_SPIN, K_TN, keep_friction, load_three, MASS, Motion, MOVED,
+    ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, drift_together, friction_of, GAP, IMPULSE,
+    INV_SPIN, INV_TT, J_A, J_B, K_N, K_NN, K_SPIN, K_TN, keep_friction, load_three, MASS, Motion,
     MU, NORMAL, normal_sum, POINT, POINT_ROWS, pushed, RESIDUAL, ROLL, ROLL_LEVER, ROLL_STEP, S,
-    SHOVE, SLIDE, smallest_gap, SPEED, SPIN_LEVER, store_three, symmetric, T, Three,
-    TORSION)
+    SHOVE, SLIDE, smallest_gap, SPEED, SPIN_LEVER, symmetric, T, Three)
 from rigid_sim_ros.engine.contact_rules import (
     gap_of, NEGLIGIBLE, onto_circle, SKIN, Sweep, wanted_of)
 from rigid_sim_ros.engine.kernel import kernel, part
@@ -145,11 +144,11 @@ def is_settled(b: Array, speed: float) -> bool:
 
 
 @part
-def note_open(blocks: Blocks, block: int) -> None:
-    """Note what a block leaves for the way back, which does not look at it without need."""
+def note_left(blocks: Blocks, block: int) -> None:
+    """Note what is left to do in a block on the way back, which looks at no other."""
     b, points = numbers_of(blocks, block), points_in(blocks.kind[block])
     overlaps = any_of(smallest_gap(b, points) < -NEGLIGIBLE)
-    blocks.open[block] = (0 if is_settled(b, SETTLED) else UNSETTLED) | (
+    blocks.left[block] = (0 if is_settled(b, SETTLED) else UNSETTLED) | (
         OVERLAPPING if overlaps else 0)
 
 

@@ -11,6 +11,7 @@ from rigid_sim_ros.engine.contacts import Bodies, Contacts, make_bodies, make_co
 from rigid_sim_ros.engine.impulse import make_room, Room
 from rigid_sim_ros.engine.integrate import make_work, Work
 from rigid_sim_ros.engine.loads import empty_loads, Loads
+from rigid_sim_ros.engine.placing import unplaced
 
 
 class EventSettings(NamedTuple):
@@ -90,7 +91,7 @@ def make_buffers(bodies: int, shapes: int) -> Buffers:
 
     c = 64
     return Buffers(whole(16), np.zeros(4), make_work(bodies), make_bodies(bodies),
-                   empty_loads(bodies), empty_loads(bodies), np.zeros((shapes, 12)),
+                   empty_loads(bodies), empty_loads(bodies), unplaced(shapes),
                    make_contacts(c), whole(2, c), np.zeros((c, 6)), whole(c), whole(c),
                    whole(c, 3), make_room(4, 6), *_qp_room(48), whole(c, 2), np.zeros(c),
                    np.zeros((2, shapes)), whole(shapes))

@@ -23,6 +23,7 @@ import numpy as np
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers
 from rigid_sim_ros.engine.hulls import MAX_CORNERS
 from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.placing import unplaced
 
 POINTS = 4  # of a manifold, at most
 
@@ -173,7 +174,7 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
 
     buckets = 1 << max(4, (2 * s - 1).bit_length())
     memory = Memory(
-        empty_pages(capacity), integers(1), np.zeros((s, 12)), np.zeros((bodies, 9)), np.zeros(s),
+        empty_pages(capacity), integers(1), unplaced(s), np.zeros((bodies, 9)), np.zeros(s),
         np.zeros(1), np.zeros((s, 6)), np.zeros((s, 6)), integers(s, 5), integers(s),
         integers(buckets + 2), integers(s), integers(s), integers(s + 1), integers(LEVELS),
         integers(3), _names(2 * capacity, 2), _names(2, 4 * s, 2), np.zeros((2 * capacity, 4)),

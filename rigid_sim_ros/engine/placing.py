@@ -4,6 +4,8 @@
 
 import math
 
+import numpy as np
+
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.rotation import quaternion, to_matrix
@@ -11,17 +13,26 @@ from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, HULL, PLANE, Sha
 from rigid_sim_ros.engine.state import State
 
 
+def unplaced(s: int) -> Array:
+    """Return poses (s, 12) at the origin, in its axes."""
+    pose = np.zeros((s, 12))
+    pose[:, 3::4] = 1.0
+    return pose
+
+
 @kernel
 def place(state: State, shapes: Shapes, turn: Array, pose: Array) -> None:
     """Place all bodies and all shapes."""
-    place_bodies(state, turn, 0, turn.shape[0])
+    place_bodies(state, shapes.turning, turn, 0, turn.shape[0])
     place_shapes(state, shapes, turn, pose, 0, pose.shape[0])
 
 
 @kernel
-def place_bodies(state: State, turn: Array, first: int, last: int) -> None:
-    """Write the rotation matrices (n, 9) of some bodies."""
+def place_bodies(state: State, turning: IntArray, turn: Array, first: int, last: int) -> None:
+    """Write the rotation matrices (n, 9) of some bodies, but for those that are only balls."""
     for i in range(first, last):
+        if turning[i] == 0:
+            continue
         x, y, z = to_matrix(quaternion(state.q, i))
         for k in range(3):
             turn[i, k] = x[k]
@@ -32,9 +43,17 @@ def place_bodies(state: State, turn: Array, first: int, last: int) -> None:
 @kernel
 def place_shapes(state: State, shapes: Shapes, turn: Array, pose: Array, first: int,
                  last: int) -> None:
-    """Write the poses (s, 12) of some shapes, whose bodies are placed."""
+    """
+    Write the poses (s, 12) of some shapes, whose bodies are placed.
+
+    Balls keep the axes that `unplaced` gave them.
+    """
     for s in range(first, last):
         i = shapes.body[s]
+        if shapes.ball[s] == 1:
+            for k in range(3):
+                pose[s, k] = state.x[k, i]
+            continue
         for k in range(3):
             pose[s, k] = state.x[k, i] + (turn[i, 3 * k] * shapes.p_CS[s, 0]
                                           + turn[i, 3 * k + 1] * shapes.p_CS[s, 1]

@@ -29,7 +29,7 @@ from rigid_sim_ros.engine.contact_filling import (
     choose_manifolds, classify, DEEPEST, fill_blocks, keep_impulses, NEW, place_lanes, TOUCHING)
 from rigid_sim_ros.engine.contact_rules import Sweep
 from rigid_sim_ros.engine.contact_sweep import (
-    is_settled, note_open, separate, SETTLED, visit_block)
+    is_settled, note_left, separate, SETTLED, visit_block)
 from rigid_sim_ros.engine.free_flight import fly_free
 from rigid_sim_ros.engine.kept import call
 from rigid_sim_ros.engine.kernel import apart, kernel, part
@@ -39,8 +39,8 @@ from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.slots import make_sides, Sides
 from rigid_sim_ros.engine.solver_bodies import (
-    begin_push, drift_and_kick, drift_bodies, kick_bodies, load_bodies, make_bodies, note_start, slots_of,
-    SolverBodies, store_bodies)
+    begin_push, drift_and_kick, drift_bodies, kick_bodies, load_bodies, make_bodies, note_start,
+    slots_of, SolverBodies, store_bodies)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.two_cores import side_by_side
 
@@ -256,7 +256,7 @@ def sweep(region: int, blocks: Blocks, motion: Array, drifted: Array, what: Swee
         if count > CACHED:
             fetch_block(blocks, block - 1 if backwards else block + 1)
         visit_block(blocks, block, motion, drifted, what)
-        note_open(blocks, block)
+        note_left(blocks, block)
         if not is_settled(numbers_of(blocks, block), ROUGHLY):
             notes[ROUGH] = 1.0
 
@@ -286,9 +286,9 @@ def sweep_back(region: int, blocks: Blocks, bodies: SolverBodies, what: Sweep, r
         block = first + count - 1 - k
         if count > CACHED:
             fetch_block(blocks, block - 1)
-        if blocks.open[block] & UNSETTLED != 0:
+        if blocks.left[block] & UNSETTLED != 0:
             visit_block(blocks, block, motion, motion, what)
-        if blocks.open[block] & OVERLAPPING != 0:
+        if blocks.left[block] & OVERLAPPING != 0:
             if notes[region, PUSHED] + notes[BETWEEN, PUSHED] == 0.0:
                 _begin_push(region, bodies)
                 notes[region, PUSHED] = 1.0

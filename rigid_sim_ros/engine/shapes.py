@@ -47,6 +47,8 @@ class Shapes(NamedTuple):
     p_CS: Array  # (s, 3) [m] origin of S from C of its body, axes of C
     q_CS: Array  # (s, 4) axes of S to axes of C, x, y, z, w
     aligned: IntArray  # (s,) 1 where q_CS is no rotation, so that S has the axes of C
+    ball: IntArray  # (s,) 1 for a sphere about C: nobody asks how it is turned
+    turning: IntArray  # (n,) 0 for a body that carries nothing but such balls
     bound: Array  # (s,) [m] radius of a sphere around the origin of S that holds the shape
     material: IntArray  # (s,) row of the `Materials`
     group: IntArray  # (s,) bits
@@ -145,8 +147,13 @@ def build_shapes(model: Model, shapes: Sequence[Shape],
             bound[i] = np.linalg.norm(hulls.vertices[first:first + count], axis=1).max()
     keys = sorted({min(a, b) * n + max(a, b) for a, b in ignored})
     still = [model.inv_m[shape.body] == 0.0 for shape in shapes]
-    return Shapes(_column(shapes, 'body'), _column(shapes, 'kind'), size, p_CS, q_CS,
-                  (np.abs(q_CS[:, :3]).max(axis=1, initial=0.0) == 0.0).astype(np.int64), bound,
+    body, kind = _column(shapes, 'body'), _column(shapes, 'kind')
+    ball = ((kind == SPHERE) & (p_CS == 0.0).all(axis=1)).astype(np.int64)
+    turning = np.zeros(n, dtype=np.int64)
+    turning[body[ball == 0]] = 1
+    return Shapes(body, kind, size, p_CS, q_CS,
+                  (np.abs(q_CS[:, :3]).max(axis=1, initial=0.0) == 0.0).astype(np.int64), ball,
+                  turning, bound,
                   _column(shapes, 'material'), _column(shapes, 'group'), _column(shapes, 'mask'),
                   np.array(still, dtype=np.int64), np.array(keys, dtype=np.int64),
                   hulls if hulls.first.shape[0] else bare_hulls(), rows)

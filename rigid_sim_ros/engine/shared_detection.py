@@ -71,7 +71,7 @@ def share_stage(stage: int, state: State, shapes: Shapes, memory: Memory, cut: I
 @kernel
 def _place(state: State, shapes: Shapes, memory: Memory, first: int, last: int, first_body: int,
            last_body: int) -> None:
-    place_bodies(state, memory.turn, first_body, last_body)
+    place_bodies(state, shapes.turning, memory.turn, first_body, last_body)
     place_shapes(state, shapes, memory.turn, memory.pose, first, last)
     bound(shapes.kind, shapes.size, memory.pose, memory.ahead, memory.box, first, last)
 

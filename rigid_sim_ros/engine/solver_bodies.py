@@ -155,7 +155,7 @@ def kick_bodies(half: int, used: IntArray, motion: Array, smooth: Array, base: A
 
 @kernel
 def begin_push(first: int, last: int, motion: Array, drifted: Array) -> None:
-    """Let no slot from the first one on be pushed yet, in place of its drift of the last substep."""
+    """Let nobody be pushed yet in these slots, in place of the drift of the last substep."""
     for slot in range(first, last):
         for k in range(STRIDE):
             drifted[slot * STRIDE + k] = 0.0

@@ -30,7 +30,7 @@ from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.sequential import (
     do_stage, SequentialSettings, SequentialWork, solve_contacts)
 from rigid_sim_ros.engine.sequential import make_work as make_sequential_work
-from rigid_sim_ros.engine.shapes import Materials, PLANE, Shapes, SPHERE
+from rigid_sim_ros.engine.shapes import Materials, PLANE, Shapes
 from rigid_sim_ros.engine.shared_detection import detect_side_by_side, share_stage
 from rigid_sim_ros.engine.sleeping import (
     fall_asleep, keep_pressing, mark_pushed, Rest, wake_disturbed, wake_touched)
@@ -86,8 +86,7 @@ def make_timestep_work(model: Model, shapes: Shapes, memory: Memory) -> Timestep
 def _round_shapes(model: Model, shapes: Shapes) -> IntArray:
     i = shapes.body
     alike = (model.inv_I_C[:, i] == model.inv_I_C[0, i]).all(axis=0)
-    balls = (shapes.kind == SPHERE) & (shapes.p_CS == 0.0).all(axis=1) & alike
-    return np.where(balls | (model.inv_m[i] == 0.0), 1, 0)
+    return np.where((shapes.ball == 1) & alike | (model.inv_m[i] == 0.0), 1, 0)
 
 
 def _cut(n: int, body: IntArray) -> IntArray:

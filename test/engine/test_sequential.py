@@ -153,7 +153,7 @@ def test_the_response_of_a_manifold_is_that_of_its_bodies():
     twist = {lane: read_twist(rows, lane, blocks, bodies) for lane in lanes}
     wrench = {lane: read_wrench(rows, lane) for lane in lanes}
     visit(block, bodies.motion, bodies.drifted, blocks.at_A[:LANES], blocks.at_B[:LANES], 3, False,
-          Sweep(960.0, 0.0))
+          Sweep(960.0, 0.0, False))
     for lane in lanes:
         added = read_wrench(rows, lane) - wrench[lane]
         assert np.abs(added).max() > 1e-6       # N s

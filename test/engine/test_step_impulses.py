@@ -1,0 +1,90 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the sequential solver says that acted in a step, and what it leaves out on its way back."""
+
+from engine.stepping import pyramid, TimestepScene
+from engine.touching import ball, box, G, ground
+import numpy as np
+import pytest
+
+from rigid_sim_ros.engine.coloring import first_block, OVERLAPPING, UNSETTLED
+from rigid_sim_ros.engine.contact_blocks import BLOCK_SIZE, GAP, POINT, POINT_ROWS, RESIDUAL
+from rigid_sim_ros.engine.contact_rules import NEGLIGIBLE
+from rigid_sim_ros.engine.contact_sweep import note_left, SETTLED
+from rigid_sim_ros.engine.lanes import LANES
+from rigid_sim_ros.engine.manifolds import earlier_manifolds, slice_in_use
+from rigid_sim_ros.engine.sequential import SequentialSettings
+from rigid_sim_ros.engine.shapes import Material
+from rigid_sim_ros.engine.solver_bodies import begin_push, drift_bodies, INV_M, STRIDE
+from rigid_sim_ros.engine.timestep import TimestepSettings
+
+
+def impulses_on_bodies(scene):
+    """Return the sum of all impulses of contacts in the last step on each body [N s]."""
+    manifolds, acted = scene.manifolds(), earlier_manifolds(scene.memory)
+    total = np.zeros((len(scene.model.m), 3))
+    rows = slice_in_use(manifolds)
+    for r in range(rows.start, rows.stop):
+        J = (acted.impulse[:manifolds.points[r], r].sum() * manifolds.normal[r]
+             + acted.friction[r])
+        total[manifolds.body_b[r]] += J
+        total[manifolds.body_a[r]] -= J
+    return total
+
+
+@pytest.mark.parametrize('restitution', [0.0, 0.5], ids=['dead', 'bouncing'])
+@pytest.mark.parametrize('substeps', [1, 2, 4])
+def test_the_impulses_of_every_step_are_what_changed_the_momenta(substeps, restitution):
+    settings = TimestepSettings(sequential=SequentialSettings(substeps=substeps))
+    things = [ground(), ball(0.1, 1.0, position=(0.0, 0.0, 0.12), velocity=(1.0, 0.0, -2.0)),
+              ball(0.1, 2.0, position=(0.21, 0.0, 0.12), spin=(0.0, 20.0, 5.0)),
+              box((0.2, 0.2, 0.1), 3.0, position=(0.9, 0.1, 0.11), velocity=(-1.0, 0.0, -1.0)),
+              box((0.2, 0.2, 0.1), 1.0, position=(0.9, 0.1, 0.22), velocity=(0.3, 0.0, -1.0))]
+    scene = TimestepScene(things, Material(friction=0.4, restitution=restitution), 1 / 240,
+                          settings=settings)
+    moves, largest = scene.model.inv_m > 0.0, 0.0
+    for _ in range(240):
+        before = scene.state.P.T.copy()
+        scene.step()
+        acted = impulses_on_bodies(scene)
+        weight = np.outer(scene.model.m / 240, (0.0, 0.0, -G))
+        largest = max(largest, np.abs(acted[moves]).max())
+        # Rounding of momenta of up to 10 kg m/s, some ten times a substep.
+        assert scene.state.P.T[moves] == pytest.approx((before + weight + acted)[moves], abs=1e-12)
+    assert largest > 1.0    # N s: there were impacts
+
+
+def test_the_way_back_looks_at_what_changed_and_at_what_overlaps():
+    scene = pyramid(4, 1 / 240)
+    scene.step(2)
+    blocks = scene.work.solver.blocks
+    block = first_block(blocks, 0)
+    rows = blocks.numbers[blocks.start[block]:][:BLOCK_SIZE].reshape(-1, LANES)
+    for points, residual, gap, left in (
+            (1, 0.5 * SETTLED, -0.5 * NEGLIGIBLE, 0),
+            (1, 2.0 * SETTLED, -0.5 * NEGLIGIBLE, UNSETTLED),
+            (4, 0.5 * SETTLED, -2.0 * NEGLIGIBLE, OVERLAPPING),
+            (4, 2.0 * SETTLED, -2.0 * NEGLIGIBLE, UNSETTLED | OVERLAPPING)):
+        rows[RESIDUAL], rows[POINT + GAP:POINT + 4 * POINT_ROWS:POINT_ROWS] = 0.0, 1.0
+        # One lane, and of its points the last.
+        rows[RESIDUAL, 5] = residual
+        rows[POINT + (points - 1) * POINT_ROWS + GAP, 5] = gap
+        note_left(blocks, block)
+        assert blocks.left[block] == left
+
+
+@pytest.mark.parametrize('pushed', [False, True])
+def test_what_nobody_pushed_drifts_as_it_moves(pushed):
+    rng = np.random.default_rng(1)
+    slots = 5
+    used = np.array([slots, 0, slots])
+    motion, drifted, total = rng.normal(0.0, 1.0, (3, slots * STRIDE))
+    u, sums = motion.copy(), total.copy()
+    if pushed:
+        begin_push(0, slots, motion, drifted)
+        by_mass = np.arange(slots) * STRIDE + INV_M
+        assert (drifted[by_mass] == motion[by_mass]).all() and np.count_nonzero(drifted) == slots
+        drifted[STRIDE:] = rng.normal(0.0, 1.0, (slots - 1) * STRIDE)
+        u += drifted
+    drift_bodies(0, used, motion, drifted, total, pushed)
+    assert (drifted == u).all() and (total == sums + u).all()
