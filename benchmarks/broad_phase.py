@@ -27,12 +27,13 @@ from typing import NamedTuple
 from numba import njit
 import numpy as np
 
-from rigid_sim_ros.engine.broad_phase import (
-    boxes_overlap, fill_grid, forget_parted, refresh, update_pairs)
+from rigid_sim_ros.engine.broad_phase import refresh
 from rigid_sim_ros.engine.forces import WIDTH
+from rigid_sim_ros.engine.grid import boxes_overlap, fill_grid
 from rigid_sim_ros.engine.inertia import sphere
 from rigid_sim_ros.engine.manifolds import empty_memory
 from rigid_sim_ros.engine.model import Body, build_model, ForceTable
+from rigid_sim_ros.engine.pair_list import forget_parted, update_pairs
 from rigid_sim_ros.engine.shapes import build_shapes, Shape, SPHERE
 
 H = 1 / 240
@@ -115,16 +116,15 @@ class Grid:
         """Return the number of pairs whose boxes overlap."""
         m, count = self.memory, int(self.memory.pair_count[0])
         left = refresh(self.shapes.kind, self.shapes.body, m.pose, box, self.model.inv_m, self.P,
-                       H, count < 0, m.fat, m.moved)
+                       H, count < 0, m.grid)
         if count >= 0:
-            forget_parted(self.shapes.kind, m.fat, m.ahead, left, m.pair, m.axis, m.pair_count)
+            forget_parted(self.shapes.kind, m.grid.fat, m.ahead, left, m.pair, m.axis,
+                          m.pair_count)
         if left:
-            fill_grid(self.shapes.kind, m.fat, m.moved, m.cells, m.buckets, m.members, m.keys,
-                      m.tally, m.levels)
+            fill_grid(self.shapes.kind, m.grid)
             m.pair_count[0] = update_pairs(
-                self.shapes, m.fat, m.moved, m.cells, m.buckets, m.members, m.keys, m.tally,
-                m.levels, m.fresh, m.pair, m.axis, max(m.pair_count[0], 0), len(self.model.m),
-                m.ahead, m.near[0])
+                self.shapes, m.grid, m.fresh, m.pair, m.axis, max(m.pair_count[0], 0),
+                len(self.model.m), m.ahead, m.near[0])
             assert m.pair_count[0] <= len(m.pair)
         return int(_count(box, m.pair, m.pair_count[0]))
 
@@ -315,11 +315,11 @@ class Tree(Grid):
         """Return the number of pairs whose boxes overlap."""
         m, count = self.memory, int(self.memory.pair_count[0])
         left = refresh(self.shapes.kind, self.shapes.body, m.pose, box, self.model.inv_m, self.P,
-                       H, count < 0, m.fat, m.moved)
+                       H, count < 0, m.grid)
         if left:
-            m.pair_count[0] = _update_tree(self.node, self.link, self.root, m.moved, m.fat,
-                                           count >= 0, self.keys, max(count, 0), self.fresh,
-                                           self.stack, m.pair)
+            m.pair_count[0] = _update_tree(
+                self.node, self.link, self.root, m.grid.moved, m.grid.fat, count >= 0, self.keys,
+                max(count, 0), self.fresh, self.stack, m.pair)
         return int(_count(box, m.pair, m.pair_count[0]))
 
 

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers
+from rigid_sim_ros.engine.grid import Grid, make_grid
 from rigid_sim_ros.engine.hulls import MAX_CORNERS
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.placing import unplaced
@@ -75,7 +76,6 @@ class Scratch(NamedTuple):
 
 
 CANDIDATES = 96
-LEVELS = 163  # of the grid of the broad phase: cells of 2^-40 m to 2^41 m, in steps of sqrt 2
 NEAR = 64
 EPA_CORNERS = 160
 EPA_FACES = 512
@@ -97,14 +97,7 @@ class Memory(NamedTuple):
     ahead: Array  # (s,) how far ahead a shape looks [m]; the margin of a pair is the sum of two
     calm: Array  # (1,) the margin of a pair at rest [m]
     box: Array  # (s, 6) bounding boxes, lower and upper corner, as far ahead as the shape looks
-    fat: Array  # (s, 6) fat boxes; a plane: normal and offset
-    cells: IntArray  # (s, 5) level, cell of the middle of the fat box, key of its column
-    moved: IntArray  # (s,) 1 for shapes that left their fat box
-    buckets: IntArray  # (t + 2,) where each bucket of the grid starts, then the wide shapes
-    members: IntArray  # (s,) the shapes in the order of their buckets
-    keys: IntArray  # (s,) of their columns, in that order
-    tally: IntArray  # (s + 1,) room to count
-    levels: IntArray  # (LEVELS,) number of shapes on each level of the grid
+    grid: Grid
     pair_count: IntArray  # (3,) -1 before the first step; see `forget_parted`
     pair: IntArray  # (p, 2) of 32 bits, shapes whose fat boxes overlap, sorted
     fresh: IntArray  # (2, >= s, 2) of 32 bits, newly found pairs, before they are sorted in
@@ -171,15 +164,11 @@ def _scratch() -> Scratch:
 def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
     """Return the memory of a world before its first step."""
     s = shapes
-
-    buckets = 1 << max(4, (2 * s - 1).bit_length())
     memory = Memory(
         empty_pages(capacity), integers(1), unplaced(s), np.zeros((bodies, 9)), np.zeros(s),
-        np.zeros(1), np.zeros((s, 6)), np.zeros((s, 6)), integers(s, 5), integers(s),
-        integers(buckets + 2), integers(s), integers(s), integers(s + 1), integers(LEVELS),
-        integers(3), _names(2 * capacity, 2), _names(2, 4 * s, 2), np.zeros((2 * capacity, 4)),
-        integers(8), _scratch(), _scratch(), integers(2, NEAR), integers(2), integers(2, 8),
-        integers(2, 6), integers(1))
+        np.zeros(1), np.zeros((s, 6)), make_grid(s), integers(3), _names(2 * capacity, 2),
+        _names(2, 4 * s, 2), np.zeros((2 * capacity, 4)), integers(8), _scratch(), _scratch(),
+        integers(2, NEAR), integers(2), integers(2, 8), integers(2, 6), integers(1))
     forget_pairs(memory)
     return memory
 
