@@ -34,6 +34,7 @@ from rigid_sim_ros.engine.witness import boxes_apart, remember, separates, worth
 SLACK = 0.02
 ROWS = 7    # what a thread counts besides what is in `Memory.counters`: manifolds
 NONE = (0.0, 0.0, 0.0)
+AS_BEFORE = -2  # in place of the number of points: the pair is apart, and a witness says so
 # The stages by their numbers: everything; what moved; the partners of what moved, by the first
 # thread and by the second (the number that follows), and taken in; the manifolds, in the same way,
 # and by one thread.
@@ -158,9 +159,8 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
     """
     Go through the pairs and through the last step's rows, both sorted, side by side.
 
-    Backwards a row is found by the place after it, so that every place is 0 or more.
-
-    Which of the pairs are near is listed first, some pairs at a time, in `listing` (NEAR,).
+    Backwards a row is found by the place after it, so that every place is 0 or more. Which of the
+    pairs are near is listed first, some pairs at a time, in `listing` (NEAR,).
     found_so (8,) becomes what `turn_page` counts; in ROWS how many rows would have been needed.
     """
     back, step = share.backwards, 1 - 2 * share.backwards
@@ -185,39 +185,15 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
         known = old_at != old_end and before.shape_a[old] == a and before.shape_b[old] == b
         row = (place - back) & INDEX
         i, j = shapes.body[a] & INDEX, shapes.body[b] & INDEX
-        kind_a, kind_b = shapes.kind[a], shapes.kind[b]
         if known and _flat(shapes.kind, a, b) and _recycle(
                 state, memory.turn, now, before, row, old, i, j, margin,
                 min(shapes.bound[a], shapes.bound[b])):
             count = before.points[old]
             recycled += 1
         else:
-            # The two most frequent families get just the arrays they need: to hand over all tables
-            # takes as long as their work.
-            found, n, witness, points = UNSETTLED, NONE, False, scratch.points
-            if kind_a != HULL and kind_b != HULL and (kind_a == SPHERE or kind_b == SPHERE):
-                found, n = touching_ball(memory.pose, shapes.size, kind_a, kind_b, a, b, margin,
-                                         points, scratch.ids)
-            elif kind_a == BOX and kind_b == BOX:
-                if boxes_apart(memory.pose, shapes.size, shapes.bound, a, b, memory.axis, k,
-                               margin):
-                    settled += 1
-                    continue
-                witness = True
-                found, n = box_box(memory.pose, shapes.size, a, b, margin,
-                                   max(0.0, margin - memory.calm[0]), points,
-                                   scratch.ids, scratch.polygon,
-                                   scratch.labels, scratch.numbers)
-            if found == UNSETTLED:
-                witness = witness or worth_it(shapes.kind, a, b)
-                if witness and separates(memory.pose, shapes, a, b, memory.axis, k, margin):
-                    settled += 1
-                    continue
-                found, n = collide(memory.pose, shapes, a, b, margin, scratch)
-            count = found
-            if witness and (count == 0 or memory.axis[k, 3] != 0.0):
-                remember(memory.pose, a, memory.axis, k, n if count == 0 else NONE)
-            if count == 0:
+            count, n = _points_of(shapes, memory, scratch, k, a, b, margin)
+            settled += 1 if count == AS_BEFORE else 0
+            if count <= 0:
                 continue
             _write(state, memory.turn, now, row, i, j, count, n, scratch.points,
                    scratch.ids, _flat(shapes.kind, a, b))
@@ -232,6 +208,38 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
     found_so[PAIRS], found_so[WITNESSED] = near, settled
     found_so[RECYCLED], found_so[CONTACTS] = recycled, contacts
     found_so[ROWS] = rows
+
+
+@part
+def _points_of(shapes: Shapes, memory: Memory, scratch: Scratch, k: int, a: int, b: int,
+               margin: float) -> tuple[int, Vector]:
+    """
+    Find the points of pair k, of shapes a and b: return their number and the normal.
+
+    AS_BEFORE for a pair that the plane which separated it before still separates. The two most
+    frequent families get just the arrays they need: to hand over all tables takes as long as their
+    work.
+    """
+    kind_a, kind_b = shapes.kind[a], shapes.kind[b]
+    count, n, witness = UNSETTLED, NONE, False
+    if kind_a != HULL and kind_b != HULL and (kind_a == SPHERE or kind_b == SPHERE):
+        count, n = touching_ball(memory.pose, shapes.size, kind_a, kind_b, a, b, margin,
+                                 scratch.points, scratch.ids)
+    elif kind_a == BOX and kind_b == BOX:
+        if boxes_apart(memory.pose, shapes.size, shapes.bound, a, b, memory.axis, k, margin):
+            return AS_BEFORE, NONE
+        witness = True
+        count, n = box_box(memory.pose, shapes.size, a, b, margin,
+                           max(0.0, margin - memory.calm[0]), scratch.points, scratch.ids,
+                           scratch.polygon, scratch.labels, scratch.numbers)
+    if count == UNSETTLED:
+        witness = witness or worth_it(shapes.kind, a, b)
+        if witness and separates(memory.pose, shapes, a, b, memory.axis, k, margin):
+            return AS_BEFORE, NONE
+        count, n = collide(memory.pose, shapes, a, b, margin, scratch)
+    if witness and (count == 0 or memory.axis[k, 3] != 0.0):
+        remember(memory.pose, a, memory.axis, k, n if count == 0 else NONE)
+    return count, n
 
 
 @inlined
