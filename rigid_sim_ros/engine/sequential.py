@@ -284,7 +284,7 @@ def sweep_back(region: int, blocks: Blocks, bodies: SolverBodies, what: Sweep, r
     first, count = first_block(blocks, region), blocks.count[region]
     for k in range(count):
         block = first + count - 1 - k
-        if count > CACHED:
+        if count > CACHED and blocks.left[max(block - 1, first)] != 0:
             fetch_block(blocks, block - 1)
         if blocks.left[block] & UNSETTLED != 0:
             visit_block(blocks, block, motion, motion, what)
