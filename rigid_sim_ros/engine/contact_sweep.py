@@ -33,8 +33,6 @@ def visit(b: Array, motion: Array, drifted: Array, at_A: IntArray, at_B: IntArra
     Friction comes last because the normal impulses bound it.
     """
     if sweep.drift > 0.0:
-        if sweep.begins:
-            begin_sums(b, points)
         _drift(b, gather(drifted, at_A), gather(drifted, at_B), sweep.drift, points)
     if points == 1 and not rolls:
         _visit_small(b, motion, at_A, at_B, sweep.inv_h)
@@ -47,10 +45,10 @@ def visit_block(blocks: Blocks, block: int, motion: Array, drifted: Array, what:
     """Visit a block by its number."""
     b, lanes, kind = numbers_of(blocks, block), lanes_of(block), blocks.kind[block]
     at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
+    if what.drift > 0.0 and what.begins:
+        begin_sums(b, points_in(kind))
     if are_balls(kind):
         if what.drift > 0.0:
-            if what.begins:
-                begin_sums(b, 1)
             drift_balls(b, drifted, at_A, at_B, what.drift)
         visit_balls(b, motion, at_A, at_B, what.inv_h)
     else:

@@ -163,7 +163,7 @@ def begin_push(first: int, last: int, motion: Array, drifted: Array) -> None:
 
 
 @part
-def drift_body(slot: int, motion: Array, drifted: Array, total: Array, pushed: bool) -> None:
+def _drift_body(slot: int, motion: Array, drifted: Array, total: Array, pushed: bool) -> None:
     """
     Add the motion of this substep to the push, and both to the sums of displacements.
 
@@ -182,7 +182,7 @@ def drift_bodies(half: int, used: IntArray, motion: Array, drifted: Array, total
     """End the last substep: drift all bodies of a half."""
     first, last = slots_of(used, half)
     for slot in range(first, last):
-        drift_body(slot, motion, drifted, total, pushed)
+        _drift_body(slot, motion, drifted, total, pushed)
 
 
 @kernel
@@ -196,7 +196,7 @@ def drift_and_kick(half: int, used: IntArray, motion: Array, drifted: Array, tot
     """
     first, last = slots_of(used, half)
     for slot in range(first, last):
-        drift_body(slot, motion, drifted, total, pushed)
+        _drift_body(slot, motion, drifted, total, pushed)
         now = load(motion, slot)
         kicked = now + h * load(smooth, slot)
         store(motion, slot, kicked + (now - load(base, slot)))
