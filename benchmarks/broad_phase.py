@@ -27,7 +27,7 @@ from typing import NamedTuple
 from numba import njit
 import numpy as np
 
-from rigid_sim_ros.engine.broad_phase import refresh
+from rigid_sim_ros.engine.broad_phase import mark_moved, refresh
 from rigid_sim_ros.engine.forces import WIDTH
 from rigid_sim_ros.engine.grid import boxes_overlap, fill_grid
 from rigid_sim_ros.engine.inertia import sphere
@@ -112,11 +112,17 @@ class Grid:
         self.P = np.ascontiguousarray(spheres.v.T)
         self.memory.pair_count[0] = -1
 
+    def _renew(self, box: np.ndarray, all_of_them: bool) -> int:
+        kind, m = self.shapes.kind, self.memory
+        if not mark_moved(kind, m.pose, box, all_of_them, m.grid, 0, len(kind)):
+            return 0
+        return int(refresh(kind, self.shapes.body, m.pose, box, self.model.inv_m, self.P, H,
+                           m.grid))
+
     def find(self, box: np.ndarray) -> int:
         """Return the number of pairs whose boxes overlap."""
         m, count = self.memory, int(self.memory.pair_count[0])
-        left = refresh(self.shapes.kind, self.shapes.body, m.pose, box, self.model.inv_m, self.P,
-                       H, count < 0, m.grid)
+        left = self._renew(box, count < 0)
         if count >= 0:
             forget_parted(self.shapes.kind, m.grid.fat, m.ahead, left, m.pair, m.axis,
                           m.pair_count)
@@ -314,8 +320,7 @@ class Tree(Grid):
     def find(self, box: np.ndarray) -> int:
         """Return the number of pairs whose boxes overlap."""
         m, count = self.memory, int(self.memory.pair_count[0])
-        left = refresh(self.shapes.kind, self.shapes.body, m.pose, box, self.model.inv_m, self.P,
-                       H, count < 0, m.grid)
+        left = self._renew(box, count < 0)
         if left:
             m.pair_count[0] = _update_tree(
                 self.node, self.link, self.root, m.grid.moved, m.grid.fat, count >= 0, self.keys,

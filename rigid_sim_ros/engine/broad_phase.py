@@ -64,42 +64,48 @@ def near_pairs(pair: IntArray, box: Array, first: int, last: int, near: IntArray
 
 
 @kernel
-def refresh(kind: IntArray, body: IntArray, pose: Array, box: Array, inv_m: Array, P: Array,
-            h: float, all_of_them: bool, grid: Grid) -> int:
-    """
-    Give the shapes that left their fat box a new one, mark them, and return their number.
-
-    As soon as one did, so are those that are about to: to look up many costs little more than to
-    look up one.
-    """
+def mark_moved(kind: IntArray, pose: Array, box: Array, all_of_them: bool, grid: Grid, first: int,
+               last: int) -> int:
+    """Mark which of some shapes left their fat box, or are about to; return how many left."""
     fat, moved, count = grid.fat, grid.moved, 0
+    for s in range(first, last):
+        room, little = _room(kind, pose, box, fat, s), _USED * _side(box, s)
+        # What is not a number has no room either.
+        stays = room >= 0.0 and not all_of_them
+        moved[s] = 0 if stays and (room >= little or kind[s] == PLANE) else 1
+        count += 0 if stays else 1
+    return count
+
+
+@kernel
+def refresh(kind: IntArray, body: IntArray, pose: Array, box: Array, inv_m: Array, P: Array,
+            h: float, grid: Grid) -> int:
+    """
+    Give the shapes that are marked a new fat box, and return their number.
+
+    As soon as one left its own, so get those that are about to: to look up many costs little more
+    than to look up one.
+    """
+    count = 0
     for s in range(kind.shape[0]):
-        moved[s] = 0
-        if all_of_them or not _fits(kind, pose, box, fat, s, 0.0):
-            moved[s] = 1
+        if grid.moved[s] == 1:
             count += 1
-    if count == 0:
-        return 0
-    for s in range(kind.shape[0]):
-        if moved[s] == 0 and not _fits(kind, pose, box, fat, s, _USED):
-            moved[s] = 1
-            count += 1
-        if moved[s] == 1:
-            _fatten(kind, pose, box, h * inv_m[body[s] & INDEX], P, body[s] & INDEX, fat, s)
+            i = body[s] & INDEX
+            _fatten(kind, pose, box, h * inv_m[i], P, i, grid.fat, s)
     return count
 
 
 @part
-def _fits(kind: IntArray, pose: Array, box: Array, fat: Array, s: int, room: float) -> bool:
-    """Return whether a fat box has room around a shape, as a fraction of its largest side."""
+def _room(kind: IntArray, pose: Array, box: Array, fat: Array, s: int) -> float:
+    """Return how much room a fat box has around a shape [m], below 0 if it does not hold it."""
     if kind[s] == PLANE:
         n, offset = _plane(pose, s)
-        return fat[s, 0] == n[0] and fat[s, 1] == n[1] and fat[s, 2] == n[2] and (
-            fat[s, 3] == offset)
-    r = room * _side(box, s)
-    return (fat[s, 0] + r <= box[s, 0] and box[s, 3] <= fat[s, 3] - r
-            and fat[s, 1] + r <= box[s, 1] and box[s, 4] <= fat[s, 4] - r
-            and fat[s, 2] + r <= box[s, 2] and box[s, 5] <= fat[s, 5] - r)
+        same = (fat[s, 0] == n[0] and fat[s, 1] == n[1] and fat[s, 2] == n[2]
+                and fat[s, 3] == offset)
+        return 0.0 if same else -1.0
+    below = min(box[s, 0] - fat[s, 0], min(box[s, 1] - fat[s, 1], box[s, 2] - fat[s, 2]))
+    above = min(fat[s, 3] - box[s, 3], min(fat[s, 4] - box[s, 4], fat[s, 5] - box[s, 5]))
+    return min(below, above)
 
 
 @part

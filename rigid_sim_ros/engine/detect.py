@@ -12,7 +12,7 @@ gaps are found anew.
 from typing import NamedTuple
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
-from rigid_sim_ros.engine.broad_phase import near_pairs
+from rigid_sim_ros.engine.broad_phase import mark_moved, near_pairs
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part
 from rigid_sim_ros.engine.manifolds import (
     CONTACTS, current, earlier, Manifolds, Memory, NEAR, PAIRS, RECYCLED, Scratch,
@@ -22,7 +22,7 @@ from rigid_sim_ros.engine.narrow_phase.balls import touching_ball
 from rigid_sim_ros.engine.narrow_phase.boxes import box_box, UNSETTLED
 from rigid_sim_ros.engine.narrow_phase.collide import collide
 from rigid_sim_ros.engine.pair_list import find_pairs, look_for_share, note_moved, take_shares
-from rigid_sim_ros.engine.placing import bound, place
+from rigid_sim_ros.engine.placing import bound, place_bodies, place_shapes
 from rigid_sim_ros.engine.rotation import conjugate, multiply, quaternion
 from rigid_sim_ros.engine.shapes import BOX, HULL, PLANE, Shapes, SPHERE
 from rigid_sim_ros.engine.state import State
@@ -90,9 +90,20 @@ def detect_ahead(model: Model, state: State, shapes: Shapes, memory: Memory) -> 
 
     What it exceeds `memory.calm` by is how far the pair may move in the step.
     """
-    place(state, shapes, memory.turn, memory.pose)
-    bound(shapes.kind, shapes.size, memory.pose, memory.ahead, memory.box, 0, memory.box.shape[0])
+    memory.left[1, 0] = 0
+    place_some(state, shapes, memory, 0, (0, shapes.kind.shape[0]), (0, state.x.shape[1]))
     return find_pairs(model, state, shapes, memory) and find_all_manifolds(state, shapes, memory)
+
+
+@kernel
+def place_some(state: State, shapes: Shapes, memory: Memory, half: int, some: tuple[int, int],
+          bodies: tuple[int, int]) -> None:
+    """Find where `some` shapes are, of these bodies, and which of them left their fat boxes."""
+    place_bodies(state, shapes.turning, memory.turn, bodies[0], bodies[1])
+    place_shapes(state, shapes, memory.turn, memory.pose, some[0], some[1])
+    bound(shapes.kind, shapes.size, memory.pose, memory.ahead, memory.box, some[0], some[1])
+    memory.left[half, 0] = mark_moved(shapes.kind, memory.pose, memory.box,
+                                      memory.pair_count[0] < 0, memory.grid, some[0], some[1])
 
 
 @kernel

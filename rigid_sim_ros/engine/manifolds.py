@@ -105,6 +105,7 @@ class Memory(NamedTuple):
     counters: IntArray  # (8,) see PAIRS .. SHORT_ROWS
     scratch: Scratch
     other_scratch: Scratch  # for a second thread
+    left: IntArray  # (2, 8) first of all how many shapes of either half left their fat boxes
     near: IntArray  # (2, NEAR) some pairs whose bounding boxes overlap, of either thread
     looked: IntArray  # (2,) pairs that either thread found around what moved, -1 without room
     shares: IntArray  # (2, 8) what either thread found, see shared_detection.py
@@ -168,7 +169,8 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
         empty_pages(capacity), integers(1), unplaced(s), np.zeros((bodies, 9)), np.zeros(s),
         np.zeros(1), np.zeros((s, 6)), make_grid(s), integers(3), _names(2 * capacity, 2),
         _names(2, 4 * s, 2), np.zeros((2 * capacity, 4)), integers(8), _scratch(), _scratch(),
-        integers(2, NEAR), integers(2), integers(2, 8), integers(2, 6), integers(1))
+        integers(2, 8), integers(2, NEAR), integers(2), integers(2, 8), integers(2, 6),
+        integers(1))
     forget_pairs(memory)
     return memory
 

@@ -29,10 +29,12 @@ def find_pairs(model: Model, state: State, shapes: Shapes, memory: Memory) -> bo
 
 @kernel
 def note_moved(model: Model, state: State, shapes: Shapes, memory: Memory) -> None:
-    """Find which shapes left their fat boxes, and let the grid know their new ones."""
+    """Give what left its fat box a new one, and let the grid know."""
     count = memory.pair_count[0]
-    moved = refresh(shapes.kind, shapes.body, memory.pose, memory.box, model.inv_m, state.P,
-                    model.h, count < 0, memory.grid)
+    moved = 0
+    if memory.left[0, 0] + memory.left[1, 0] > 0:
+        moved = refresh(shapes.kind, shapes.body, memory.pose, memory.box, model.inv_m, state.P,
+                        model.h, memory.grid)
     memory.counters[REBUILT] = moved
     if count >= 0:
         forget_parted(shapes.kind, memory.grid.fat, memory.ahead, moved, memory.pair, memory.axis,

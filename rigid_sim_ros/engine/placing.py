@@ -21,13 +21,6 @@ def unplaced(s: int) -> Array:
 
 
 @kernel
-def place(state: State, shapes: Shapes, turn: Array, pose: Array) -> None:
-    """Place all bodies and all shapes."""
-    place_bodies(state, shapes.turning, turn, 0, turn.shape[0])
-    place_shapes(state, shapes, turn, pose, 0, pose.shape[0])
-
-
-@kernel
 def place_bodies(state: State, turning: IntArray, turn: Array, first: int, last: int) -> None:
     """Write the rotation matrices (n, 9) of some bodies, but for those that are only balls."""
     for i in range(first, last):

@@ -13,12 +13,11 @@ from typing import Any
 
 from rigid_sim_ros.engine.arrays import IntArray
 from rigid_sim_ros.engine.detect import (
-    ALL, FIND, get_share, LOOK, NOTE, ROWS, set_share, Share, TAKE, turn_page)
+    ALL, FIND, get_share, LOOK, NOTE, place_some, ROWS, set_share, Share, TAKE, turn_page)
 from rigid_sim_ros.engine.kept import call
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.manifolds import (
     current, Memory, PAIRS, REBUILT, RECYCLED, rows_in_use, WITNESSED)
-from rigid_sim_ros.engine.placing import bound, place_bodies, place_shapes
 from rigid_sim_ros.engine.shapes import Shapes
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.two_cores import side_by_side
@@ -62,18 +61,11 @@ def share_stage(stage: int, state: State, shapes: Shapes, memory: Memory, cut: I
     elif stage == JOIN:
         return _join(memory)
     elif stage == PLACE:
-        _place(state, shapes, memory, 0, cut[0], 0, cut[1])
+        place_some(state, shapes, memory, 0, (0, cut[0]), (0, cut[1]))
     else:
-        _place(state, shapes, memory, cut[0], shapes.kind.shape[0], cut[1], state.x.shape[1])
+        place_some(state, shapes, memory, 1, (cut[0], shapes.kind.shape[0]),
+              (cut[1], state.x.shape[1]))
     return True
-
-
-@kernel
-def _place(state: State, shapes: Shapes, memory: Memory, first: int, last: int, first_body: int,
-           last_body: int) -> None:
-    place_bodies(state, shapes.turning, memory.turn, first_body, last_body)
-    place_shapes(state, shapes, memory.turn, memory.pose, first, last)
-    bound(shapes.kind, shapes.size, memory.pose, memory.ahead, memory.box, first, last)
 
 
 @kernel

@@ -50,66 +50,64 @@ def give_slots(inv_m: Array, x: Array, manifolds: Manifolds, waits: IntArray, as
     x (3, n) [m] are the centres of mass. waits (c,) is 1 for a manifold that is left out, asleep
     (n,) for a body. The world is cut where it has `enough` manifolds.
     """
-    first, count = rows_in_use(manifolds)
     bodies.slot[:] = 0
+    _count_manifolds(manifolds, waits, bodies.slot)
+    free, touching = 0, 0
+    for i in range(inv_m.shape[0]):
+        moves = (inv_m[i] > 0.0) & (asleep[i] == 0)
+        touches = moves & (bodies.slot[i] > 0)
+        free += 1 if moves & (not touches) else 0
+        touching += 1 if touches else 0
+        bodies.slot[i] = bodies.slot[i] if touches else 0
+        sides.of_body[i] = FIRST if touches else STILL
+    halved = manifolds.count[0] >= enough
+    sides.halved[0] = 1 if halved else 0
+    second = _cut(x, bodies.slot, touching, sides) if halved else 0
+    bodies.used[2] = 1 + touching - second
+    bodies.used[0] = bodies.used[2] + (1 + second if halved else 0)
+    bodies.used[1] = free
+    _fill(sides.of_body, halved, bodies)
+
+
+@kernel
+def _count_manifolds(manifolds: Manifolds, waits: IntArray, number: IntArray) -> None:
+    """Count the manifolds of each body, but for those that are left out."""
+    first, count = rows_in_use(manifolds)
     for k in range(count):
         r = (first + k) & INDEX
-        if waits[r] == 0:
-            bodies.slot[manifolds.body_a[r] & INDEX] += 1
-            bodies.slot[manifolds.body_b[r] & INDEX] += 1
-    free = 0
-    for i in range(inv_m.shape[0]):
-        moves = inv_m[i] > 0.0 and asleep[i] == 0
-        if not moves:
-            bodies.slot[i] = 0
-        elif bodies.slot[i] == 0:
-            free += 1
-        sides.of_body[i] = FIRST if bodies.slot[i] > 0 else STILL
-    sides.halved[0] = 1 if count >= enough else 0
-    if sides.halved[0] == 1:
-        _cut(x, bodies.slot, sides)
-    bodies.used[2] = bodies.used[0] = _fill(FIRST, 0, sides.of_body, bodies)
-    if sides.halved[0] == 1:
-        bodies.used[0] = _fill(SECOND, bodies.used[2], sides.of_body, bodies)
-    bodies.used[1] = free
+        one = 1 if waits[r] == 0 else 0
+        number[manifolds.body_a[r] & INDEX] += one
+        number[manifolds.body_b[r] & INDEX] += one
 
 
 @kernel
-def _fill(side: int, first: int, sides: IntArray, bodies: SolverBodies) -> int:
-    """Give the slots from the first one on, which stands still; return the one after the last."""
-    bodies.body[first] = -1
-    slot = first + 1
+def _fill(sides: IntArray, halved: bool, bodies: SolverBodies) -> None:
+    """
+    Give every body on a side the next slot there.
+
+    Without a branch: which side comes next nobody could guess. What has no side is written to
+    the next slot too, and then overwritten.
+    """
+    one, other = 1, bodies.used[2] + 1
     for i in range(sides.shape[0]):
-        if sides[i] == side:
-            bodies.slot[i], bodies.body[slot] = slot, i
-            slot += 1
-    return slot
+        is_first, is_second = sides[i] == FIRST, sides[i] == SECOND
+        slot = (other if is_second else one) & INDEX
+        bodies.slot[i] = slot if is_first | is_second else 0
+        bodies.body[slot] = i
+        one += 1 if is_first else 0
+        other += 1 if is_second else 0
+    bodies.body[0] = bodies.body[bodies.used[2]] = -1
 
 
 @kernel
-def _cut(x: Array, weight: IntArray, sides: Sides) -> None:
+def _cut(x: Array, weight: IntArray, count: int, sides: Sides) -> int:
     """
-    Move bodies to the second side, so that half of the weight is there.
+    Move bodies to the second side, so that half of the weight is there; return their number.
 
-    Across the axis along which they are spread most, at the median, to a 32nd of a standard
-    deviation.
+    Across the axis along which those `count` with a weight are spread most, at the median, to a
+    32nd of a standard deviation.
     """
-    axis, mean, spread = 0, 0.0, -1.0
-    count = 0
-    for i in range(weight.shape[0]):
-        count += 1 if weight[i] > 0 else 0
-    for k in range(3):
-        first, second = 0.0, 0.0
-        for i in range(weight.shape[0]):
-            if weight[i] > 0:
-                # From some body: far from the origin the squares would cancel.
-                place = x[k, i] - x[k, 0]
-                first += place
-                second += place * place
-        first /= count
-        variance = second / count - first * first
-        if variance > spread:
-            axis, mean, spread = k, x[k, 0] + first, variance
+    axis, mean, spread = _widest(x, weight, count)
     lowest, width = mean - 2.0 * math.sqrt(max(spread, 0.0)), 4.0 * math.sqrt(max(spread, 0.0))
     per_bin = _BINS / width if width > 0.0 else 0.0
     sides.bins[:] = 0
@@ -121,9 +119,31 @@ def _cut(x: Array, weight: IntArray, sides: Sides) -> None:
     while 2 * below < total:
         last += 1
         below += sides.bins[last]
+    end, second = lowest + (last + 1) * width / _BINS, 0
     for i in range(weight.shape[0]):
-        if weight[i] > 0 and x[axis, i] > lowest + (last + 1) * width / _BINS:
-            sides.of_body[i] = SECOND
+        beyond = (weight[i] > 0) & (x[axis, i] > end)
+        sides.of_body[i] = SECOND if beyond else sides.of_body[i]
+        second += 1 if beyond else 0
+    return second
+
+
+@kernel
+def _widest(x: Array, weight: IntArray, count: int) -> tuple[int, float, float]:
+    """Return the axis of the largest variance, the mean there [m] and the variance [m^2]."""
+    sums = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    for i in range(weight.shape[0]):
+        one = 1.0 if weight[i] > 0 else 0.0
+        # From some body: far from the origin the squares would cancel.
+        a, b, c = (one * (x[0, i] - x[0, 0]), one * (x[1, i] - x[1, 0]), one * (x[2, i] - x[2, 0]))
+        sums = (sums[0] + a, sums[1] + b, sums[2] + c,
+                sums[3] + a * a, sums[4] + b * b, sums[5] + c * c)
+    axis, mean, spread = 0, 0.0, -1.0
+    for k in range(3):
+        first = sums[k] / count
+        variance = sums[3 + k] / count - first * first
+        if variance > spread:
+            axis, mean, spread = k, x[k, 0] + first, variance
+    return axis, mean, spread
 
 
 @kernel

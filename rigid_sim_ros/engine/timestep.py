@@ -31,7 +31,7 @@ from rigid_sim_ros.engine.sequential import (
     do_stage, SequentialSettings, SequentialWork, solve_contacts)
 from rigid_sim_ros.engine.sequential import make_work as make_sequential_work
 from rigid_sim_ros.engine.shapes import Materials, PLANE, Shapes
-from rigid_sim_ros.engine.shared_detection import detect_side_by_side, share_stage
+from rigid_sim_ros.engine.shared_detection import detect_side_by_side, PLACE, share_stage
 from rigid_sim_ros.engine.sleeping import (
     fall_asleep, keep_pressing, mark_pushed, Rest, wake_disturbed, wake_touched)
 from rigid_sim_ros.engine.slots import ENOUGH, give_slots
@@ -151,8 +151,19 @@ def _detect(box: Any, stage: int) -> int:
 
 @kernel
 def _share(box: Any, stage: int) -> int:
-    return int(share_stage(stage, held(box, _STATE), held(box, _SHAPES), held(box, _MEMORY),
-                           held(box, _WORK).cut))
+    cut = held(box, _WORK).cut
+    if stage >= PLACE:
+        shapes, last = held(box, _SHAPES).body.shape[0], cut[0]
+        _look_ahead(box, last if stage > PLACE else 0, shapes if stage > PLACE else last)
+    return int(share_stage(stage, held(box, _STATE), held(box, _SHAPES), held(box, _MEMORY), cut))
+
+
+@kernel
+def _look_ahead(box: Any, first: int, last: int) -> None:
+    model, state = held(box, _MODEL), held(box, _STATE)
+    look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L,
+               held(box, _MATERIALS).restitution, held(box, _SETTINGS), held(box, _WORK).radius,
+               held(box, _SHAPES).body, held(box, _MEMORY), first, last)
 
 
 @kernel
@@ -242,8 +253,8 @@ def _advance_kept(box: Any, wrenches: Wrenches, count: int) -> int:
 def _step(box: Any, wrenches: Wrenches) -> bool:
     """Take a step; return whether it was done, not left at its beginning for want of room."""
     model, state, shapes = held(box, _MODEL), held(box, _STATE), held(box, _SHAPES)
-    materials, memory = held(box, _MATERIALS), held(box, _MEMORY)
-    settings, work, rest = held(box, _SETTINGS), held(box, _WORK), held(box, _REST)
+    memory, settings = held(box, _MEMORY), held(box, _SETTINGS)
+    work, rest = held(box, _WORK), held(box, _REST)
     to, desk = held(box, _ADDRESSES), held(box, _DESK)
     g, sleeps = model.gravity, settings.sleep_steps > 0
     loaded = model.forces.kind.shape[0] + wrenches.body.shape[0] > 0
@@ -251,11 +262,10 @@ def _step(box: Any, wrenches: Wrenches) -> bool:
         _sum_loads(box, to, wrenches, work.loads, 0)
         mark_pushed(wrenches, rest)
         call(to[_TO_SLEEP], box, _DISTURBED)
-    look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, materials.restitution,
-               settings, work.radius, shapes.body, memory.ahead, memory.calm)
     if is_helped(desk) and current(memory).count[0] >= ENOUGH:
         found = detect_side_by_side(to[_TO_DETECT], to[_TO_SHARE], box, desk, memory.counters)
     else:
+        _look_ahead(box, 0, shapes.body.shape[0])
         found = call(to[_TO_DETECT], box, WHOLE)
     if found == 0:
         return False
@@ -290,23 +300,24 @@ def _step(box: Any, wrenches: Wrenches) -> bool:
 
 @kernel
 def look_ahead(h: float, inv_m: Array, inv_I_C: Array, P: Array, L: Array, restitution: Array,
-               settings: TimestepSettings, radius: Array, body: IntArray, ahead: Array,
-               calm: Array) -> None:
+               settings: TimestepSettings, radius: Array, body: IntArray, memory: Memory,
+               first: int, last: int) -> None:
     """
-    Write how far ahead each shape looks for contacts [m]: half of the margin, and what it moves.
+    Write how far ahead some shapes look for contacts [m]: half of the margin, and what they move.
 
     What bounces must be seen before it touches; what does not may be seen late, at the price of an
     overlap, unless `continuous` is set.
     """
-    calm[0] = settings.margin
+    memory.calm[0] = settings.margin
     bounces = settings.continuous == 1 or may_bounce(restitution)
-    for s in range(body.shape[0]):
-        i = body[s]
+    for s in range(first, last):
+        i = body[s] & INDEX
         v = inv_m[i] * norm(column(P, i))
         # Not below |w|, which would need the attitude.
         w = max(inv_I_C[0, i], inv_I_C[1, i], inv_I_C[2, i]) * norm(column(L, i))
         way = (v + w * radius[i]) * h
-        ahead[s] = 0.5 * settings.margin + (way if bounces else min(way, _FAR * settings.margin))
+        most = way if bounces else min(way, _FAR * settings.margin)
+        memory.ahead[s] = 0.5 * settings.margin + most
 
 
 @kernel

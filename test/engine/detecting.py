@@ -13,7 +13,7 @@ from rigid_sim_ros.engine.inertia import MassProperties
 from rigid_sim_ros.engine.manifolds import current_manifolds, empty_memory, grown
 from rigid_sim_ros.engine.model import Body, build_model, ForceTable
 from rigid_sim_ros.engine.narrow_phase.signed_distance import signed_distance
-from rigid_sim_ros.engine.placing import place
+from rigid_sim_ros.engine.placing import place_bodies, place_shapes
 from rigid_sim_ros.engine.shapes import (
     BOX, build_shapes, CAPSULE, CYLINDER, HULL, PLANE, Shape, SPHERE)
 from rigid_sim_ros.engine.state import empty_state
@@ -95,8 +95,9 @@ class Scene:
 
     def distance(self, a, b):
         """Return the signed distance of two shapes, the normal and the points on A and B."""
-        pose = np.zeros((len(self.shapes.kind), 12))
-        place(self.state, self.shapes, np.zeros((self.state.x.shape[1], 9)), pose)
+        pose, turn = np.zeros((len(self.shapes.kind), 12)), np.zeros((self.state.x.shape[1], 9))
+        place_bodies(self.state, self.shapes.turning, turn, 0, len(turn))
+        place_shapes(self.state, self.shapes, turn, pose, 0, len(pose))
         gap, n, p, q = signed_distance(pose, self.shapes, a, b, self.memory.scratch)
         return gap, np.array(n), np.array(p), np.array(q)
 

@@ -24,7 +24,7 @@ def signed_distance(pose: Array, shapes: Shapes, a: int, b: int,
     Return the gap [m], the unit normal from A to B and the nearest points on A and on B.
 
     The distance where the shapes are apart; where they overlap minus the length of the shortest
-    way to part them. All in world axes; `pose` as `placing.place` writes it. Two planes never
+    way to part them. All in world axes; `pose` as `place_shapes` writes it. Two planes never
     meet: infinite.
     """
     family = FAMILY[shapes.kind[a], shapes.kind[b]]
