@@ -83,10 +83,11 @@ def make_work(n: int, capacity: int) -> SequentialWork:
                           aligned_zeros(8 * REGIONS).reshape(REGIONS, 8), np.zeros(1), np.zeros(1))
 
 
-# The stages of a region: fill its blocks; begin the first substep; sweep forth or back before any
-# body has moved; find impulses for new contacts; sweep forth after bodies have moved; end a
-# substep; end it and begin the next one; end the last one and keep impulses; write bodies back.
-FILL, START, SWEEP, SWEEP_BACK, SETTLE, MOVED_SWEEP, RETURN, NEXT, KEEP, STORE = range(10)
+# The stages of a region: fill its blocks; let forces act in the first substep; that, impulses for
+# new contacts and a sweep forth; sweep forth or back before any body has moved; sweep forth after
+# bodies have moved; end a substep; end it and begin the next one; end the last one and keep
+# impulses; write bodies back.
+FILL, START, BEGIN, SWEEP, SWEEP_BACK, MOVED_SWEEP, RETURN, NEXT, KEEP, STORE = range(10)
 
 
 @part
@@ -106,12 +107,13 @@ def solve_contacts(to: int, box: Any, desk: IntArray, model: Model, state: State
     _in_all(to, box, desk, halved, FILL)
     if bodies.used[1] > 0:
         fly_free(model, state, loads, bodies.slot, model.h, flight)
-    _in_halves(to, box, desk, halved, START)
-    _begin(to, box, desk, halved, work.notes)
-    _in_halves(to, box, desk, halved, SWEEP)
+    first = SWEEP if _is_mostly_new(work.notes) else BEGIN
+    if first == SWEEP:
+        _find_impulses(to, box, desk, halved)
+    _in_halves(to, box, desk, halved, first)
     for substep in range(substeps):
         if halved:
-            call(to, box, REGIONS * (SWEEP if substep == 0 else MOVED_SWEEP) + BETWEEN)
+            call(to, box, REGIONS * (first if substep == 0 else MOVED_SWEEP) + BETWEEN)
         if work.notes[0, ROUGH] + work.notes[1, ROUGH] + work.notes[2, ROUGH] > 0.0:
             calm(blocks, bodies.motion, bodies.used, work.calming, inv_h)
         if halved:
@@ -152,12 +154,15 @@ FRESH_SWEEPS = 100
 
 
 @kernel
-def _begin(to: int, box: Any, desk: IntArray, halved: bool, notes: Array) -> None:
-    """Find impulses for new contacts."""
+def _is_mostly_new(notes: Array) -> bool:
     new = notes[0, NEW] + notes[1, NEW] + notes[2, NEW]
-    if 2.0 * new <= notes[0, TOUCHING] + notes[1, TOUCHING] + notes[2, TOUCHING]:
-        _in_all(to, box, desk, halved, SETTLE)
-        return
+    return bool(2.0 * new > notes[0, TOUCHING] + notes[1, TOUCHING] + notes[2, TOUCHING])
+
+
+@kernel
+def _find_impulses(to: int, box: Any, desk: IntArray, halved: bool) -> None:
+    """Let forces act in the first substep, and find impulses where most contacts are new."""
+    _in_halves(to, box, desk, halved, START)
     for k in range(FRESH_SWEEPS):
         if k % 2 == 0:
             _in_all(to, box, desk, halved, SWEEP)
@@ -188,23 +193,22 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
             load_bodies(region, model.inv_m, model.inv_I_C, state, loads, bodies)
         _fill(region, state.x, shapes, materials, round_shapes, manifolds, waits, shifts,
               1.0 / settings.substeps, work)
-    elif stage == START:
-        note_start(region, bodies.used, motion, bodies.mass)
-    elif stage == SETTLE:
-        settle(region, blocks, work.fresh, motion, at_rest)
     if stage in (RETURN, NEXT) or (stage == KEEP and region != BETWEEN):
         notes[PUSHED] = 0.0
         sweep_back(region, blocks, bodies, at_rest, settings.push / h, settings.push_speed,
                    work.notes)
     pushed = notes[PUSHED] + work.notes[BETWEEN, PUSHED] > 0.0
-    if stage == START:
+    if stage in (START, BEGIN) and region != BETWEEN:
+        note_start(region, bodies.used, motion, bodies.mass)
         kick_bodies(region, bodies.used, motion, bodies.smooth, bodies.base, h)
     elif stage == NEXT:
         drift_and_kick(region, bodies.used, motion, bodies.drifted, bodies.total, pushed,
                        bodies.smooth, bodies.base, h)
     elif stage == KEEP and region != BETWEEN:
         drift_bodies(region, bodies.used, motion, bodies.drifted, bodies.total, pushed)
-    if stage in (SWEEP, SWEEP_BACK, MOVED_SWEEP, NEXT):
+    if stage == BEGIN:
+        settle(region, blocks, work.fresh, motion, at_rest)
+    if stage in (BEGIN, SWEEP, SWEEP_BACK, MOVED_SWEEP, NEXT):
         drift = h if stage in (MOVED_SWEEP, NEXT) else 0.0
         sweep(region, blocks, motion, bodies.drifted, Sweep(1.0 / h, drift, notes[MOVED] == 0.0),
               stage == SWEEP_BACK, notes)
@@ -217,7 +221,7 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
                      bodies, settings.substeps)
 
 
-@part
+@kernel
 def _fill(region: int, x: Array, shapes: Shapes, materials: Materials, round_shapes: IntArray,
           manifolds: Manifolds, waits: IntArray, shifts: Array, share: float,
           work: SequentialWork) -> None:

@@ -25,6 +25,9 @@ from rigid_sim_ros.engine.two_cores import side_by_side
 # The stages that one thread alone does not have, by their numbers; of those in halves the number
 # of the first half.
 SHARE_OUT, FIT, JOIN, PLACE = range(4)
+# What the model does of its own while one thread finds what moved: a stage besides those of
+# `detect_stage`, which reads the positions and the manifolds of the last step only.
+BESIDE = 8
 # What a manifold takes more than a pair that a witness settles.
 _OF_RECYCLED, _OF_NEW = 2, 14
 
@@ -36,10 +39,10 @@ def detect_side_by_side(to: int, to_share: int, box: Any, desk: IntArray,
     Do what `detect_ahead` does.
 
     `to` and `to_share` are the addresses of kernels that call `detect_stage` and `share_stage`,
-    counters those of the memory.
+    the first also for BESIDE; counters those of the memory.
     """
     side_by_side(desk, to_share, box, PLACE, PLACE + 1)
-    call(to, box, NOTE)
+    side_by_side(desk, to, box, NOTE, BESIDE)
     if counters[REBUILT] > 0:
         side_by_side(desk, to, box, LOOK, LOOK + 1)
         if call(to, box, TAKE) == 0:

@@ -5,8 +5,9 @@ Which bodies a step solves, and in which half of the world each of them is.
 
 Where contacts are many, a plane cuts the bodies into two halves with about as many contacts each.
 What happens inside of one half concerns no body of the other, so two cores may work at both; the
-few contacts across wait for both. The cut follows from the state alone: the same bodies are on the
-same side for any number of threads.
+few contacts across wait for both. The cut follows from the positions and the manifolds of the step
+before, which are there before detection begins: the same bodies are on the same side for any
+number of threads.
 """
 
 import math
@@ -14,14 +15,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import Array, IntArray
-from rigid_sim_ros.engine.kernel import INDEX, kernel
+from rigid_sim_ros.engine.arrays import Array, IntArray, integers
+from rigid_sim_ros.engine.kernel import apart, INDEX, kernel
 from rigid_sim_ros.engine.manifolds import Manifolds, rows_in_use
 from rigid_sim_ros.engine.solver_bodies import SolverBodies
 
 # Manifolds from which on a world is cut: with fewer, what is across is too large a share.
 ENOUGH = 512
-NEVER = 1 << 40     # as many manifolds as no world has
 # Sides are bits: the sides of both bodies of a manifold make that of the manifold.
 STILL, FIRST, SECOND, ACROSS = range(4)
 _BINS = 64
@@ -31,57 +31,53 @@ class Sides(NamedTuple):
     """Where each body is."""
 
     of_body: IntArray  # (n,) of 8 bits, STILL for what does not move in this step
+    weight: IntArray  # (n,) manifolds of the step before, each counted for one body that moves
     bins: IntArray  # (_BINS,) scratch
     halved: IntArray  # (1,) 1 if there are two halves; without, all is on the first side
+    axis: IntArray  # (1,) of the world, across which it is cut
+    end: Array  # (1,) [m] where on this axis the first half ends
 
 
 def make_sides(n: int) -> Sides:
-    """Return room for n bodies."""
+    """Return room for n bodies, all on one side."""
     of_body: Any = np.zeros(n, dtype=np.int8)
-    return Sides(of_body, np.zeros(_BINS, dtype=np.int64), np.zeros(1, dtype=np.int64))
+    return Sides(of_body, integers(n), integers(_BINS), integers(1), integers(1), np.zeros(1))
 
 
 @kernel
 def give_slots(inv_m: Array, x: Array, manifolds: Manifolds, waits: IntArray, asleep: IntArray,
-               enough: int, sides: Sides, bodies: SolverBodies) -> None:
+               sides: Sides, bodies: SolverBodies) -> None:
     """
     Give every moving body with a manifold to solve a slot, in order of the sides and bodies.
 
     x (3, n) [m] are the centres of mass. waits (c,) is 1 for a manifold that is left out, asleep
-    (n,) for a body. The world is cut where it has `enough` manifolds.
+    (n,) for a body.
     """
+    first, count = rows_in_use(manifolds)
     bodies.slot[:] = 0
-    _count_manifolds(manifolds, waits, bodies.slot)
-    free, touching = 0, 0
+    for k in range(count):
+        r = (first + k) & INDEX
+        if waits[r] == 0:
+            bodies.slot[manifolds.body_a[r] & INDEX] = 1
+            bodies.slot[manifolds.body_b[r] & INDEX] = 1
+    halved, axis, end = sides.halved[0] == 1, sides.axis[0] & INDEX, sides.end[0]
+    free, on_first, on_second = 0, 0, 0
     for i in range(inv_m.shape[0]):
         moves = (inv_m[i] > 0.0) & (asleep[i] == 0)
         touches = moves & (bodies.slot[i] > 0)
+        beyond = touches & halved & (x[axis, i] > end)
+        sides.of_body[i] = SECOND if beyond else FIRST if touches else STILL
         free += 1 if moves & (not touches) else 0
-        touching += 1 if touches else 0
-        bodies.slot[i] = bodies.slot[i] if touches else 0
-        sides.of_body[i] = FIRST if touches else STILL
-    halved = manifolds.count[0] >= enough
-    sides.halved[0] = 1 if halved else 0
-    second = _cut(x, bodies.slot, touching, sides) if halved else 0
-    bodies.used[2] = 1 + touching - second
-    bodies.used[0] = bodies.used[2] + (1 + second if halved else 0)
+        on_first += 1 if touches & (not beyond) else 0
+        on_second += 1 if beyond else 0
+    bodies.used[2] = 1 + on_first
+    bodies.used[0] = bodies.used[2] + (1 + on_second if halved else 0)
     bodies.used[1] = free
-    _fill(sides.of_body, halved, bodies)
+    _fill(sides.of_body, bodies)
 
 
 @kernel
-def _count_manifolds(manifolds: Manifolds, waits: IntArray, number: IntArray) -> None:
-    """Count the manifolds of each body, but for those that are left out."""
-    first, count = rows_in_use(manifolds)
-    for k in range(count):
-        r = (first + k) & INDEX
-        one = 1 if waits[r] == 0 else 0
-        number[manifolds.body_a[r] & INDEX] += one
-        number[manifolds.body_b[r] & INDEX] += one
-
-
-@kernel
-def _fill(sides: IntArray, halved: bool, bodies: SolverBodies) -> None:
+def _fill(sides: IntArray, bodies: SolverBodies) -> None:
     """
     Give every body on a side the next slot there.
 
@@ -99,15 +95,26 @@ def _fill(sides: IntArray, halved: bool, bodies: SolverBodies) -> None:
     bodies.body[0] = bodies.body[bodies.used[2]] = -1
 
 
-@kernel
-def _cut(x: Array, weight: IntArray, count: int, sides: Sides) -> int:
+@apart
+def choose_cut(inv_m: Array, x: Array, asleep: IntArray, manifolds: Manifolds,
+               sides: Sides) -> None:
     """
-    Move bodies to the second side, so that half of the weight is there; return their number.
+    Choose where the bodies are cut, from the manifolds of the step before, if these are ENOUGH.
 
-    Across the axis along which those `count` with a weight are spread most, at the median, to a
-    32nd of a standard deviation.
+    Half of the manifolds shall be on either side: across the axis along which bodies with
+    manifolds are spread most, at the median, to a 16th of a standard deviation.
     """
-    axis, mean, spread = _widest(x, weight, count)
+    first, count = rows_in_use(manifolds)
+    sides.halved[0] = 1 if count >= ENOUGH else 0
+    if count < ENOUGH:
+        return
+    weight = sides.weight
+    weight[:] = 0
+    for k in range(count):
+        a = manifolds.body_a[(first + k) & INDEX] & INDEX
+        b = manifolds.body_b[(first + k) & INDEX] & INDEX
+        weight[b if inv_m[b] > 0.0 else a] += 1
+    axis, mean, spread = _widest(inv_m, x, asleep, weight)
     lowest, width = mean - 2.0 * math.sqrt(max(spread, 0.0)), 4.0 * math.sqrt(max(spread, 0.0))
     per_bin = _BINS / width if width > 0.0 else 0.0
     sides.bins[:] = 0
@@ -119,20 +126,23 @@ def _cut(x: Array, weight: IntArray, count: int, sides: Sides) -> int:
     while 2 * below < total:
         last += 1
         below += sides.bins[last]
-    end, second = lowest + (last + 1) * width / _BINS, 0
-    for i in range(weight.shape[0]):
-        beyond = (weight[i] > 0) & (x[axis, i] > end)
-        sides.of_body[i] = SECOND if beyond else sides.of_body[i]
-        second += 1 if beyond else 0
-    return second
+    sides.axis[0], sides.end[0] = axis, lowest + (last + 1) * width / _BINS
 
 
 @kernel
-def _widest(x: Array, weight: IntArray, count: int) -> tuple[int, float, float]:
-    """Return the axis of the largest variance, the mean there [m] and the variance [m^2]."""
-    sums = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+def _widest(inv_m: Array, x: Array, asleep: IntArray,
+            weight: IntArray) -> tuple[int, float, float]:
+    """
+    Return along which axis moving bodies with a weight have the largest variance.
+
+    And the mean there [m], and the variance [m^2]. What does not move loses its weight.
+    """
+    count, sums = 0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for i in range(weight.shape[0]):
-        one = 1.0 if weight[i] > 0 else 0.0
+        counts = (inv_m[i] > 0.0) & (asleep[i] == 0) & (weight[i] > 0)
+        weight[i] = weight[i] if counts else 0
+        one = 1.0 if counts else 0.0
+        count += 1 if counts else 0
         # From some body: far from the origin the squares would cancel.
         a, b, c = (one * (x[0, i] - x[0, 0]), one * (x[1, i] - x[1, 0]), one * (x[2, i] - x[2, 0]))
         sums = (sums[0] + a, sums[1] + b, sums[2] + c,

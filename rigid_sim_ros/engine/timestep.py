@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from numba import typeof
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import Array, IntArray
+from rigid_sim_ros.engine.arrays import Array, IntArray, integers
 from rigid_sim_ros.engine.collisions import (
     collide_bodies, CollisionWork, make_collision_work, may_bounce)
 from rigid_sim_ros.engine.coloring import REGIONS
@@ -31,10 +31,11 @@ from rigid_sim_ros.engine.sequential import (
     do_stage, SequentialSettings, SequentialWork, solve_contacts)
 from rigid_sim_ros.engine.sequential import make_work as make_sequential_work
 from rigid_sim_ros.engine.shapes import Materials, PLANE, Shapes
-from rigid_sim_ros.engine.shared_detection import detect_side_by_side, PLACE, share_stage
+from rigid_sim_ros.engine.shared_detection import (
+    BESIDE, detect_side_by_side, PLACE, share_stage)
 from rigid_sim_ros.engine.sleeping import (
     fall_asleep, keep_pressing, mark_pushed, Rest, wake_disturbed, wake_touched)
-from rigid_sim_ros.engine.slots import ENOUGH, give_slots
+from rigid_sim_ros.engine.slots import choose_cut, ENOUGH, give_slots
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.two_cores import Helper, is_helped, make_desk
 from rigid_sim_ros.engine.vector import column, norm
@@ -62,6 +63,7 @@ class TimestepWork(NamedTuple):
 
     loads: Loads
     later: Loads
+    plain: IntArray  # (1,) 1 if the loads are those of gravity alone, as in most steps
     block: Array
     radius: Array  # (n,) [m] how far the shapes of a body reach from its centre of mass
     round_shapes: IntArray  # (s,) 1: a ball about its centre of mass, or a body that never moves
@@ -78,7 +80,7 @@ def make_timestep_work(model: Model, shapes: Shapes, memory: Memory) -> Timestep
         if shapes.kind[s] != PLANE:
             reach = float(np.linalg.norm(shapes.p_CS[s])) + shapes.bound[s]
             radius[shapes.body[s]] = max(radius[shapes.body[s]], reach)
-    return TimestepWork(empty_loads(n), empty_loads(n), np.zeros(FLIGHT_SIZE), radius,
+    return TimestepWork(empty_loads(n), empty_loads(n), integers(1), np.zeros(FLIGHT_SIZE), radius,
                         _round_shapes(model, shapes), _cut(n, shapes.body),
                         make_collision_work(n, capacity), make_sequential_work(n, capacity))
 
@@ -145,6 +147,10 @@ _NOBODY = make_desk()
 
 @kernel
 def _detect(box: Any, stage: int) -> int:
+    if stage == BESIDE:
+        choose_cut(held(box, _MODEL).inv_m, held(box, _STATE).x, held(box, _REST).asleep,
+                   current(held(box, _MEMORY)), held(box, _WORK).solver.sides)
+        return 1
     return int(detect_stage(stage, held(box, _MODEL), held(box, _STATE), held(box, _SHAPES),
                             held(box, _MEMORY)))
 
@@ -265,6 +271,7 @@ def _step(box: Any, wrenches: Wrenches) -> bool:
     if is_helped(desk) and current(memory).count[0] >= ENOUGH:
         found = detect_side_by_side(to[_TO_DETECT], to[_TO_SHARE], box, desk, memory.counters)
     else:
+        call(to[_TO_DETECT], box, BESIDE)
         _look_ahead(box, 0, shapes.body.shape[0])
         found = call(to[_TO_DETECT], box, WHOLE)
     if found == 0:
@@ -275,15 +282,16 @@ def _step(box: Any, wrenches: Wrenches) -> bool:
         return True
     if sleeps:
         call(to[_TO_SLEEP], box, _TOUCHED)
-    else:
+    elif loaded or work.plain[0] == 0:
         _sum_loads(box, to, wrenches, work.loads, 0)
+        work.plain[0] = 0 if loaded else 1
     if sleeps or to[_TO_COLLIDE] != 0:
         # Of all others the solver writes them.
         clear_impulses(manifolds, acted.impulse, acted.friction)
     work.solver.shifted[0] = 0
     if to[_TO_COLLIDE] != 0 and call(to[_TO_COLLIDE], box, 0) > 0:
         work.solver.shifted[0] = 1
-    give_slots(model.inv_m, state.x, manifolds, work.collision.waits, rest.asleep, ENOUGH,
+    give_slots(model.inv_m, state.x, manifolds, work.collision.waits, rest.asleep,
                work.solver.sides, work.solver.bodies)
     solve_contacts(to[_TO_SOLVE], box, desk, model, state, work.loads,
                    settings.sequential.substeps, work.block, work.solver)

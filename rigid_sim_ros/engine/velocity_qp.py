@@ -33,7 +33,7 @@ from rigid_sim_ros.engine.manifolds import (
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import gap_now
-from rigid_sim_ros.engine.slots import give_slots, NEVER
+from rigid_sim_ros.engine.slots import give_slots
 from rigid_sim_ros.engine.solver_bodies import (
     begin_push, drift_bodies, HELD, INV_M, kick_bodies, load_bodies, note_start, SolverBodies,
     store_bodies, STRIDE)
@@ -95,7 +95,7 @@ def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
                       materials, manifolds, settings.bounce_speed, acted.impulse,
                       acted.friction, shared.collision) > 0:
         _move_gaps(manifolds, shared.collision.body)
-    give_slots(model.inv_m, state.x, manifolds, shared.collision.waits, work.awake, NEVER,
+    give_slots(model.inv_m, state.x, manifolds, shared.collision.waits, work.awake,
                shared.solver.sides, bodies)
     load_bodies(0, model.inv_m, model.inv_I_C, state, shared.loads, bodies)
     read_bodies(model, state, shared.loads.F, shared.loads.tau, work.bodies)
