@@ -93,6 +93,24 @@ def test_a_world_restored_in_the_middle_of_contact_goes_on_bit_for_bit(world):
     assert world.state_hash() == expected
 
 
+@pytest.mark.parametrize('sleep_after', [0.0, 100.0])
+def test_a_wrench_that_is_over_leaves_nothing(sleep_after):
+    world = World.from_dict({
+        'format': 1, 'materials': {'default': {'friction': 0.0}},
+        'world': {'contact': 'timestep', 'step': 0.001},
+        'collision': {'sleep_after': sleep_after},
+        'bodies': [{'name': 'ground', 'fixed': True, 'shape': {'type': 'plane'}},
+                   {'name': 'puck', 'mass': 2.0, 'shape': {'type': 'sphere', 'radius': 0.1},
+                    'pose': {'position': [0, 0, 0.1]}}]})
+    world.step(5)
+    for pushes in range(1, 4):
+        world.apply_wrench('puck', (4.0, 0.0, 0.0), duration=0.002)
+        for _ in range(3):
+            world.step(2)
+            # 4 N for 2 ms on 2 kg; without friction nothing else acts along x.
+            assert world.linear_velocity[1, 0] == pytest.approx(0.004 * pushes, rel=1e-12)
+
+
 def test_a_snapshot_of_another_layout_is_refused_and_changes_nothing(world):
     meta, arrays = unpack(world.save())
     # As it was laid out once: four places for each manifold, whether there are points or not.
