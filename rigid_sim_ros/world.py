@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rigid_sim_ros.applied import AppliedWrenches
-from rigid_sim_ros.engine.arrays import Array
+from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.contact_models import (
     ContactReport, make_contact_model, Setup)
 from rigid_sim_ros.engine.forces import add_gravity, add_scene_forces
 from rigid_sim_ros.engine.frames import point_on_frame, vector_on_frame
 from rigid_sim_ros.engine.loads import empty_loads
 from rigid_sim_ros.engine.model import WORLD
+from rigid_sim_ros.engine.numbering import order_by_place, renumbered
 from rigid_sim_ros.engine.state import (
     add_impulse, BodyMotion, copy_into, copy_state, empty_motion,
     first_unfinite, kinetic_energy, read_motion, State, total_angular_momentum, write_motion)
@@ -55,13 +56,17 @@ class World:
         self.frame_names: dict[str, int] = dict(scene.frame_names)
         self.step_index = 0
         self.step_ns: int = scene.step_ns
-        self._index = {name: i for i, name in enumerate(self.names)}
-        self._model = scene.model
-        self._state = copy_state(scene.state)
+        # Which body is in a row of the engine's arrays, and the row of a body.
+        self._order: IntArray = _order(scene)
+        self._row: IntArray = np.argsort(self._order)
+        self._model, self._start, shapes = renumbered(scene.model, scene.state, scene.shapes,
+                                                      self._order)
+        self._index = dict(zip(self.names, self._row.tolist(), strict=True))
+        self._state = copy_state(self._start)
         self._applied = AppliedWrenches()
         collision = scene.spec.collision
         self._contact = make_contact_model(scene.contact, Setup(
-            scene.model, scene.shapes, scene.materials, scene.integrator, scene.orientation,
+            self._model, shapes, scene.materials, scene.integrator, scene.orientation,
             scene.solver, collision.continuous, collision.substeps, collision.sleep_after))
         self._motion = empty_motion(len(self.names))
         self._motion_is_current = False
@@ -124,8 +129,9 @@ class World:
         broken = first_unfinite(self._state)
         if broken >= 0:
             raise ArithmeticError(
-                f"body '{self.names[broken]}': its motion is no longer finite at step "
-                f'{self.step_index}; use a step smaller than {self._model.h:g} s or softer forces')
+                f"body '{self.names[self._order[broken]]}': its motion is no longer finite at "
+                f'step {self.step_index}; use a step smaller than {self._model.h:g} s or softer '
+                'forces')
 
     def _steps_until_a_wrench_ends(self, at_most: int) -> int:
         left = self._applied.rows.steps_left
@@ -139,45 +145,49 @@ class World:
             self._motion_is_current = True
         return self._motion
 
+    def _by_body(self, columns: Array) -> Array:
+        """Return a row for each body, in the order of `names`."""
+        return np.take(columns.T, self._row, axis=0)
+
     @property
     def position(self) -> Array:
         """Origins of the body frames, (n, 3) [m], world axes."""
-        return self._current_motion().position.copy()
+        return self._current_motion().position[self._row]
 
     @property
     def orientation(self) -> Array:
         """Orientations of the body frames, (n, 4) x, y, z, w, body to world."""
-        return self._current_motion().orientation.copy()
+        return self._current_motion().orientation[self._row]
 
     @property
     def linear_velocity(self) -> Array:
         """Velocities of the origins of the body frames, (n, 3) [m/s], world axes."""
-        return self._current_motion().linear.copy()
+        return self._current_motion().linear[self._row]
 
     @property
     def angular_velocity(self) -> Array:
         """Angular velocities, (n, 3) [rad/s], world axes."""
-        return self._current_motion().angular.copy()
+        return self._current_motion().angular[self._row]
 
     @property
     def linear_momentum(self) -> Array:
         """Linear momenta P = M v, (n, 3) [kg m/s], world axes."""
-        return self._state.P.T.copy()
+        return self._by_body(self._state.P)
 
     @property
     def angular_momentum(self) -> Array:
         """Angular momenta L = I w about the centres of mass, (n, 3) [kg m^2/s], world axes."""
-        return self._state.L.T.copy()
+        return self._by_body(self._state.L)
 
     @property
     def center_of_mass(self) -> Array:
         """Centres of mass, (n, 3) [m], world axes."""
-        return self._state.x.T.copy()
+        return self._by_body(self._state.x)
 
     @property
     def mass(self) -> Array:
         """Masses, (n,) [kg]; 0 for a fixed body that was given none."""
-        return self._model.m.copy()
+        return self._model.m[self._row]
 
     def kinetic_energy(self) -> float:
         """Return the kinetic energy of all bodies [J]."""
@@ -208,7 +218,10 @@ class World:
         all in world axes. Forces are means over the step. A point without a force is near, but
         does not touch.
         """
-        return self._contact.contacts(self._state)
+        rows = self._contact.contacts(self._state)
+        for body in ('body_a', 'body_b'):
+            rows[body] = self._order[rows[body]]
+        return rows
 
     def contact_wrenches(self) -> Array:
         """
@@ -218,9 +231,9 @@ class World:
         """
         rows = self.contacts()
         force = rows['normal_force'][:, None] * rows['normal'] + rows['friction_force']
-        wrenches = np.zeros((len(self.names), 6))
+        wrenches, x = np.zeros((len(self.names), 6)), self.center_of_mass
         for sign, body in ((-1.0, rows['body_a']), (1.0, rows['body_b'])):
-            arm = rows['point'] - self._state.x.T[body]
+            arm = rows['point'] - x[body]
             np.add.at(wrenches, body, sign * np.concatenate(
                 [force, np.cross(arm, force)], axis=1))
         return wrenches
@@ -349,6 +362,12 @@ class World:
     def _fingerprint(self) -> str:
         return hashlib.blake2b(self.scene.text.encode(), digest_size=8).hexdigest()
 
+    def _order_mark(self) -> str:
+        """Return what tells orders of the bodies apart, nothing for that of the scene."""
+        if np.array_equal(self._order, np.arange(len(self._order))):
+            return ''
+        return hashlib.blake2b(self._order.tobytes(), digest_size=8).hexdigest()
+
     def _dynamic(self) -> dict[str, np.ndarray]:
         """Return every array that the next step depends on, by name."""
         return {**self._state._asdict(), **self._applied.rows._asdict(),
@@ -364,7 +383,8 @@ class World:
     def save(self) -> bytes:
         """Return the complete dynamic state, for `restore` in a world of the same scene."""
         meta = {'scene': self._fingerprint(), 'bodies': len(self.names),
-                'step_index': self.step_index, 'sources': self._applied.sources}
+                'step_index': self.step_index, 'sources': self._applied.sources,
+                'order': self._order_mark()}
         return pack(meta, self._dynamic())
 
     def restore(self, data: bytes) -> None:
@@ -378,6 +398,9 @@ class World:
             raise ValueError(
                 f"the snapshot of {meta['bodies']} bodies is of another scene than this one of "
                 f'{len(self.names)} ({_some(self.names)}): restore it into a world of its own')
+        if meta.get('order', '') != self._order_mark():
+            raise ValueError('the snapshot numbers the bodies in another way: it was saved by '
+                             'another version; run the scene from its start')
         # First what may be refused, so that a refusal changes nothing.
         self._contact.recall({name: array for name, array in arrays.items()
                               if name not in State._fields + Wrenches._fields})
@@ -389,12 +412,19 @@ class World:
 
     def reset(self, keep_time: bool = False) -> None:
         """Return to the initial state, wrenches ended; time restarts at 0 unless kept."""
-        copy_into(self._state, self.scene.state)
+        copy_into(self._state, self._start)
         self._applied = AppliedWrenches()
         self._contact.recall({})
         self._motion_is_current = False
         if not keep_time:
             self.step_index = 0
+
+
+def _order(scene: Scene) -> IntArray:
+    """Return the order in which the engine has the bodies of a scene."""
+    if (scene.contact, scene.solver) == ('timestep', 'sequential'):
+        return order_by_place(scene.model, scene.state)
+    return np.arange(len(scene.names))
 
 
 def _some(names: Sequence[str]) -> str:

@@ -26,17 +26,22 @@ def empty_loads(n: int) -> Loads:
 
 
 @kernel
+def push_body(state: State, loads: Loads, body: int, p_W: Vector, F_W: Vector) -> None:
+    """
+    Let the force F [N] act at the point p [m] of a body, both in world axes.
+
+    tau = (p - x) x F (Parent, Rigid Body Dynamics, "Force and Torque").
+    """
+    add_to_column(loads.F, body, F_W)
+    add_to_column(loads.tau, body, cross(subtract(p_W, column(state.x, body)), F_W))
+
+
+@kernel
 def add_force(model: Model, state: State, loads: Loads, frame: int, p_W: Vector,
               F_W: Vector) -> None:
-    """
-    Let the force F [N] act at the point p [m], both in world axes, on the body of a frame.
-
-    tau = (p - x) x F (Parent, Rigid Body Dynamics, "Force and Torque"). On WORLD nothing happens.
-    """
+    """Let a force act in the same way on the body of a frame; on WORLD nothing happens."""
     if frame != WORLD:
-        body = model.frame_body[frame]
-        add_to_column(loads.F, body, F_W)
-        add_to_column(loads.tau, body, cross(subtract(p_W, column(state.x, body)), F_W))
+        push_body(state, loads, model.frame_body[frame], p_W, F_W)
 
 
 @kernel

@@ -41,7 +41,8 @@ class Model(NamedTuple):
     p_CB: Array  # origin of B from C, (n, 3) [m], axes of C
     q_CB: Array  # axes of B to axes of C, (n, 4) x, y, z, w
     fixed: IntArray  # indices of the fixed bodies
-    frame_body: IntArray  # (k,) the body of a frame; frame i < n is the frame B of body i
+    # (k,) the body of a frame; the first n frames are the frames B, in the order of the scene
+    frame_body: IntArray
     p_CF: Array  # origins of the frames from C of their body, (k, 3) [m], axes of C
     q_CF: Array  # axes of the frames to axes of C, (k, 4) x, y, z, w
     forces: ForceTable

@@ -9,7 +9,7 @@ import numpy as np
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.frames import frame_pose
 from rigid_sim_ros.engine.kernel import kernel
-from rigid_sim_ros.engine.loads import add_force, Loads
+from rigid_sim_ros.engine.loads import Loads, push_body
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.rotation import rotate
 from rigid_sim_ros.engine.state import State
@@ -52,7 +52,7 @@ def add_wrenches(model: Model, state: State, wrenches: Wrenches, loads: Loads) -
         point = column(state.x, body)
         if wrenches.at_point[r] == 1:
             point = add(p_WF, rotate(q_WF, row(wrenches.point, r)))
-        add_force(model, state, loads, body, point, force)
+        push_body(state, loads, body, point, force)
         add_to_column(loads.tau, body, rotate(q_WF, row(wrenches.torque, r)))
 
 
