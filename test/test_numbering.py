@@ -143,3 +143,15 @@ def test_a_body_of_a_large_world_that_flies_off_is_named():
         world.apply_wrench('b123', (1.7e308, 0.0, 0.0))
     with pytest.raises(ArithmeticError, match="body 'b123'"):
         world.step()
+
+
+def test_pairs_that_the_scene_ignores_pass_through_each_other():
+    world = crowd(7)
+    for still, moved in (('b3', 'b4'), ('b100', 'b101'), ('b200', 'b201')):
+        world.set_pose(moved, world.position[world.names.index(still)], (0.0, 0.0, 0.0, 1.0))
+    world.step()
+    rows = world.contacts()
+    met = {frozenset((world.names[a], world.names[b]))
+           for a, b in zip(rows['body_a'], rows['body_b'], strict=True)}
+    assert {'b200', 'b201'} in met
+    assert {'b3', 'b4'} not in met and {'b100', 'b101'} not in met
