@@ -24,6 +24,7 @@ import threading
 import time
 from typing import Any
 
+from numba import njit
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent / 'peers'))
@@ -35,11 +36,13 @@ from scenes import pile, spheres
 
 from rigid_sim_ros import World
 from rigid_sim_ros.engine.compiling import cores
+from rigid_sim_ros.engine.two_cores import _read, _write, make_desk
 
 WANTED = 1.6
 # Steps, and those before them that do not count: after a change of worlds the caches hold another
 # one, and the second thread has to wake up. What is stepped without a break has neither.
 PIECE, BEFORE = 40, 10
+BALLS = 20_000  # how often a line of the cache goes there and back
 QUICKEST = 0.1  # part of the pieces whose ratio is given apart from the median
 SCENES: dict[str, Any] = {
     'spheres 666': lambda: peers_world(spheres()),
@@ -76,6 +79,38 @@ def _seconds_at_once(worlds: list[World], pair: list[int]) -> list[float]:
     return taken
 
 
+@njit(nogil=True)
+def _play(desk: np.ndarray, begins: bool, balls: int) -> None:
+    """Write the next number whenever the other one did."""
+    mine, other = (0, 8) if begins else (8, 0)
+    for k in range(1, balls + 1):
+        if begins:
+            _write(desk, mine, k)
+        while _read(desk, other) != k:
+            pass
+        if not begins:
+            _write(desk, mine, k)
+
+
+def _line_time(pair: list[int]) -> float:
+    """Return how long what one core writes takes to the other one [ns]."""
+    desk = make_desk()
+    _play(desk, True, 0)  # compiles it
+
+    def answer() -> None:
+        _place(pair[1])
+        _play(desk, False, BALLS)
+
+    partner = Thread(target=answer)
+    _place(pair[0])
+    partner.start()
+    begun = time.perf_counter()
+    _play(desk, True, BALLS)
+    taken = time.perf_counter() - begun
+    partner.join()
+    return 1e9 * taken / (2 * BALLS)
+
+
 def row(name: str, steps: int) -> list[object]:
     """Run a scene with one thread and with two; return the cells of a line."""
     pair = sorted(os.sched_getaffinity(0))[:2]
@@ -88,8 +123,10 @@ def row(name: str, steps: int) -> list[object]:
     # Kernels are compiled, and bodies have fallen onto each other.
     for world in worlds:
         world.step(240)
+    lines = [_line_time(pair)]
     taken = np.array([[*map(_seconds, alone, pair), _seconds(two, pair[0]),
                        *_seconds_at_once(at_once, pair)] for _ in range(steps // PIECE)])
+    lines.append(_line_time(pair))
     os.sched_setaffinity(0, pair)
     same = 'yes' if len({world.state_hash() for world in worlds}) == 1 else 'NO'
     one = taken[:, :2].mean(axis=1)
@@ -98,7 +135,8 @@ def row(name: str, steps: int) -> list[object]:
     quickest = np.quantile(taken, QUICKEST, axis=0)
     return [name, *(f'{PIECE / t:.0f}' for t in np.median(taken[:, :3], axis=0)), f'{middle:.2f}',
             f'{low:.2f} to {high:.2f}', f'{quickest[:2].mean() / quickest[2]:.2f}',
-            f'{np.median((taken[:, :2] / taken[:, 3:]).sum(axis=1)):.2f}', same]
+            f'{np.median((taken[:, :2] / taken[:, 3:]).sum(axis=1)):.2f}',
+            f'{np.mean(lines):.0f}', same]
 
 
 def main() -> int:
@@ -111,11 +149,11 @@ def main() -> int:
         parser.error('this process may use only one core')
     lines = heading(['', 'one thread on the first core, steps/s', 'on the second', 'two threads',
                      'ratio', 'half of the ratios', 'of the quickest tenth',
-                     'two worlds at once', 'the same hash'])
+                     'two worlds at once', 'a line from core to core [ns]', 'the same hash'])
     for name in SCENES:
         lines.append(line(row(name, arguments.steps)))
         print(lines[-1], flush=True)
-    lines.append(line(['wanted', '', '', '', f'{WANTED}', '', '', '', 'yes']))
+    lines.append(line(['wanted', '', '', '', f'{WANTED}', '', '', '', '', 'yes']))
     pages = [machine(), '\n'.join(lines)]
     print('', *pages, sep='\n\n')
     if arguments.output:
