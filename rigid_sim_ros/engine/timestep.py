@@ -268,10 +268,12 @@ def _step(box: Any, wrenches: Wrenches) -> bool:
         _sum_loads(box, to, wrenches, work.loads, 0)
         mark_pushed(wrenches, rest)
         call(to[_TO_SLEEP], box, _DISTURBED)
-    if is_helped(desk) and current(memory).count[0] >= ENOUGH:
+    many = current(memory).count[0] >= ENOUGH
+    if many and is_helped(desk):
         found = detect_side_by_side(to[_TO_DETECT], to[_TO_SHARE], box, desk, memory.counters)
     else:
-        call(to[_TO_DETECT], box, BESIDE)
+        if many or work.solver.sides.halved[0] == 1:
+            call(to[_TO_DETECT], box, BESIDE)
         _look_ahead(box, 0, shapes.body.shape[0])
         found = call(to[_TO_DETECT], box, WHOLE)
     if found == 0:

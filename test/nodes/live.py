@@ -221,6 +221,9 @@ class Probe:
         client = self.node.create_client(service_type, name)
         try:
             self.wait_for(client.service_is_ready, f'service {name}')
+            # The service may learn of this client a moment later than the client of the service.
+            # Its answers wait for that, but for 0.1 s only, and are then lost.
+            time.sleep(0.1)
             answer: list[Any] = []
             client.call_async(request).add_done_callback(lambda done: answer.append(done.result()))
             self.wait_for(lambda: answer, f'an answer of {name}')
