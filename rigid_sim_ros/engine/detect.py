@@ -97,7 +97,7 @@ def detect_ahead(model: Model, state: State, shapes: Shapes, memory: Memory) -> 
 
 @kernel
 def place_some(state: State, shapes: Shapes, memory: Memory, half: int, some: tuple[int, int],
-          bodies: tuple[int, int]) -> None:
+               bodies: tuple[int, int]) -> None:
     """Find where `some` shapes are, of these bodies, and which of them left their fat boxes."""
     place_bodies(state, shapes.turning, memory.turn, bodies[0], bodies[1])
     place_shapes(state, shapes, memory.turn, memory.pose, some[0], some[1])

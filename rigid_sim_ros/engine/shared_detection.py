@@ -67,7 +67,7 @@ def share_stage(stage: int, state: State, shapes: Shapes, memory: Memory, cut: I
         place_some(state, shapes, memory, 0, (0, cut[0]), (0, cut[1]))
     else:
         place_some(state, shapes, memory, 1, (cut[0], shapes.kind.shape[0]),
-              (cut[1], state.x.shape[1]))
+                   (cut[1], state.x.shape[1]))
     return True
 
 
