@@ -21,7 +21,6 @@ import argparse
 import os
 from pathlib import Path
 import sys
-from threading import Thread
 import threading
 import time
 from typing import Any
@@ -75,7 +74,7 @@ def _seconds_at_once(worlds: list[World], pair: list[int]) -> list[float]:
     def run(k: int) -> None:
         taken[k] = _seconds(worlds[k], pair[k])
 
-    threads = [Thread(target=run, args=(k,)) for k in range(2)]
+    threads = [threading.Thread(target=run, args=(k,)) for k in range(2)]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -105,7 +104,7 @@ def _line_time(pair: list[int]) -> float:
         _play(warm_up, False, BALLS // 10)
         _play(desk, False, BALLS)
 
-    partner = Thread(target=answer)
+    partner = threading.Thread(target=answer)
     _place(pair[0])
     partner.start()
     _play(warm_up, True, BALLS // 10)

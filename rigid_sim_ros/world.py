@@ -60,7 +60,7 @@ class World:
         self._order: IntArray = _order(scene)
         self._row: IntArray = np.argsort(self._order)
         self._model, self._start, shapes = renumbered(scene.model, scene.state, scene.shapes,
-                                                      self._order)
+                                                      self._order, self._row)
         self._index = dict(zip(self.names, self._row.tolist(), strict=True))
         self._state = copy_state(self._start)
         self._applied = AppliedWrenches()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros import World
-from rigid_sim_ros.engine.numbering import MANY
+from rigid_sim_ros.engine.numbering import _spread, MANY
 from rigid_sim_ros.snapshot import pack, unpack
 
 COUNT = MANY + 40
@@ -155,3 +155,11 @@ def test_pairs_that_the_scene_ignores_pass_through_each_other():
            for a, b in zip(rows['body_a'], rows['body_b'], strict=True)}
     assert {'b200', 'b201'} in met
     assert {'b3', 'b4'} not in met and {'b100', 'b101'} not in met
+
+
+def test_the_spread_is_the_same_however_it_is_summed_up():
+    # So the axis is, of a regular heap too, whose spreads differ by rounding alone.
+    rng = np.random.default_rng(8)
+    x = rng.normal(size=1000) * 10.0 ** rng.integers(-3, 4, 1000)
+    assert {_spread(rng.permutation(x)) for _ in range(50)} == {_spread(x)}
+    assert _spread(x) == pytest.approx(x.std(), rel=1e-12)

@@ -8,6 +8,7 @@ other get numbers that are: of two cores each has mostly the same bodies in all 
 what it needs in its own cache. The bodies of the scene keep their order wherever a user sees them.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -34,17 +35,22 @@ def order_by_place(model: Model, state: State) -> IntArray:
     if np.count_nonzero(moves) < MANY:
         return np.arange(len(moves))
     down = np.abs(model.gravity) / max(float(np.abs(model.gravity).max()), 1e-300)
-    spread = state.x[:, moves].std(axis=1) * (1.0 - _UPRIGHT * down)
+    spread = [_spread(x) for x in state.x[:, moves]] * (1.0 - _UPRIGHT * down)
     along = np.where(moves, state.x[int(np.argmax(spread))], np.inf)
     return np.argsort(along, kind='stable')
 
 
-def renumbered(model: Model, state: State, shapes: Shapes,
-               order: IntArray) -> tuple[Model, State, Shapes]:
-    """Return the same world with body order[k] in row k; frames keep their numbers."""
+def _spread(x: Array) -> float:
+    """Return the standard deviation, the same on every machine: how NumPy sums up may differ."""
+    mean = math.fsum(x) / len(x)
+    return math.sqrt(math.fsum((x - mean) ** 2) / len(x))
+
+
+def renumbered(model: Model, state: State, shapes: Shapes, order: IntArray,
+               row: IntArray) -> tuple[Model, State, Shapes]:
+    """Return the same world with body order[k] in row k, body i in row[i]; frames stay."""
     if np.array_equal(order, np.arange(len(order))):
         return model, state, shapes
-    row = np.argsort(order)
     return (_model(model, order, row), State._make(_columns(field, order) for field in state),
             _shapes(shapes, order, row))
 
