@@ -18,6 +18,7 @@ import sys
 import threading
 import time
 from typing import Any
+import warnings
 
 from rcl_interfaces.srv import SetParameters
 import rclpy
@@ -29,6 +30,7 @@ from std_srvs.srv import SetBool, Trigger
 
 # s: far more than anything here takes, so that only what never happens fails.
 PATIENCE = 180.0
+LOST = 20.0     # s after which an answer of a service will not come any more
 
 # Deep enough for everything that a test waits for.
 DEEP = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
@@ -222,11 +224,25 @@ class Probe:
         try:
             self.wait_for(client.service_is_ready, f'service {name}')
             # The service may learn of this client a moment later than the client of the service.
-            # Its answers wait for that, but for 0.1 s only, and are then lost.
-            time.sleep(0.1)
+            # Its answers wait for that, but for 0.1 s only, and are then lost: on a busy machine
+            # half a second is not always enough either, so the question is asked again, aloud.
+            time.sleep(0.5)
             answer: list[Any] = []
-            client.call_async(request).add_done_callback(lambda done: answer.append(done.result()))
-            self.wait_for(lambda: answer, f'an answer of {name}')
+            asked: list[float] = []
+
+            def ask() -> None:
+                if asked:
+                    warnings.warn(f'no answer of {name}, asked again', stacklevel=2)
+                asked.append(time.monotonic())
+                client.call_async(request).add_done_callback(
+                    lambda done: answer.append(done.result()))
+
+            def answered() -> list[Any]:
+                if not asked or (not answer and time.monotonic() > asked[-1] + LOST):
+                    ask()
+                return answer
+
+            self.wait_for(answered, f'an answer of {name}')
             return answer[0]
         finally:
             self.node.destroy_client(client)
