@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros import World
-from rigid_sim_ros.engine.numbering import _spread, MANY
+from rigid_sim_ros.engine.model import Model
+from rigid_sim_ros.engine.numbering import _spread, MANY, order_by_place
+from rigid_sim_ros.engine.state import State
+from rigid_sim_ros.scene import scene_from_dict
 from rigid_sim_ros.snapshot import pack, unpack
 
 COUNT = MANY + 40
@@ -163,3 +166,47 @@ def test_the_spread_is_the_same_however_it_is_summed_up():
     x = rng.normal(size=1000) * 10.0 ** rng.integers(-3, 4, 1000)
     assert {_spread(rng.permutation(x)) for _ in range(50)} == {_spread(x)}
     assert _spread(x) == pytest.approx(x.std(), rel=1e-12)
+
+
+def heap(order: np.ndarray) -> tuple[Model, State]:
+    """Return balls in layers and rows, a little off, and the ground, in this order."""
+    rng = np.random.default_rng(8)
+    k = np.arange(9 * 8 * 7)
+    grid = 0.2 * np.stack([k % 9, k // 9 % 8, k // 72], axis=1)
+    grid += rng.uniform(-0.01, 0.01, grid.shape)
+    bodies: list[dict[str, Any]] = [
+        {'name': f'b{i}', 'mass': 1.0, 'shape': {'type': 'sphere', 'radius': 0.1},
+         'pose': {'position': grid[i].tolist()}} for i in order]
+    ground = {'name': 'ground', 'fixed': True, 'shape': {'type': 'plane'}}
+    scene = scene_from_dict({'format': 1, 'bodies': [ground, *bodies]})
+    return scene.model, scene.state
+
+
+def test_bodies_are_numbered_by_halves_layers_and_rows():
+    count = 9 * 8 * 7
+    for seed in (1, 2):
+        order = np.random.default_rng(seed).permutation(count)
+        numbers = order_by_place(*heap(order))
+        assert numbers[-1] == 0     # the ground
+        place = order[numbers[:-1] - 1]
+        x, y, z = place % 9, place // 9 % 8, place // 72
+        # x is the widest: four columns of it and half of the fifth on either side.
+        assert (x[:count // 2] <= 4).all() and (x[count // 2:] >= 4).all()
+        for half in (slice(0, count // 2), slice(count // 2, count)):
+            # Layers follow each other, in a layer rows, in a row places.
+            assert (np.diff(z[half]) >= 0).all()
+            assert (np.diff(8 * z[half] + y[half]) >= 0).all()
+            row = np.diff(8 * z[half] + y[half]) == 0
+            assert (np.diff(x[half])[row] > 0).all()
+
+
+def test_bodies_in_a_plane_or_a_line_or_a_point_are_numbered_too():
+    rng = np.random.default_rng(9)
+    for axes in ((0, 1), (2,), ()):
+        model, state = heap(np.arange(9 * 8 * 7))
+        for k in range(3):
+            state.x[k, 1:] = rng.uniform(0, 5, 9 * 8 * 7) if k in axes else 0.25
+        numbers = order_by_place(model, state)
+        assert sorted(numbers.tolist()) == list(range(9 * 8 * 7 + 1)) and numbers[-1] == 0
+        if axes == (2,):
+            assert (np.diff(state.x[2, numbers[:-1]]) >= 0).all()
