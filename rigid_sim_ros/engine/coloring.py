@@ -75,6 +75,7 @@ class Blocks(NamedTuple):
     kind: IntArray  # (b,) class
     start: IntArray  # (b,) where its row 0 is in `numbers`, or would be
     left: IntArray  # (b,) of 8 bits, see UNSETTLED and OVERLAPPING
+    again: IntArray  # (b,) of 32 bits, those of a region with something left, from its first on
     numbers: Array  # flat, the rows of contact_blocks.py
     row: IntArray  # (8 b,) of 32 bits, as the next two, manifold of a lane, -1 for none
     at_A: IntArray  # (8 b,) where body A of a lane stands in SolverBodies.motion
@@ -100,7 +101,8 @@ def make_blocks(capacity: int) -> Blocks:
         return np.zeros(b * LANES, dtype=np.int32)
 
     flags: Any = np.zeros(b, dtype=np.int8)
-    return Blocks(integers(REGIONS), integers(REGIONS), integers(b), integers(b), flags,
+    again: Any = np.zeros(b, dtype=np.int32)
+    return Blocks(integers(REGIONS), integers(REGIONS), integers(b), integers(b), flags, again,
                   aligned_zeros((b + 1) * BLOCK_SIZE), lanes(), lanes(), lanes())
 
 

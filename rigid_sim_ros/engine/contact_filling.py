@@ -292,8 +292,8 @@ def _warm_start(b: Array, points: int, warm: Array, at_A: IntArray, at_B: IntArr
 
 
 @part
-def keep_impulses(region: int, blocks: Blocks, manifolds: Manifolds, bodies: SolverBodies,
-                  h: float, substeps: int, adds: bool, normal_impulse: Array,
+def keep_impulses(region: int, blocks: Blocks, coloring: Coloring, manifolds: Manifolds,
+                  bodies: SolverBodies, h: float, substeps: int, adds: bool, normal_impulse: Array,
                   friction_impulse: Array) -> float:
     """
     Keep the impulses of a region, and give pairs back what L their motion cost.
@@ -311,6 +311,12 @@ def keep_impulses(region: int, blocks: Blocks, manifolds: Manifolds, bodies: Sol
         b, rows = numbers_of(blocks, block), blocks.row[lanes]
         if blocks.count[region] > CACHED:
             fetch_block(blocks, block + 1)
+        # Of the next piece, in order: colour by colour nobody sees them coming.
+        ahead = PIECE + (block - first) * LANES
+        if ahead < coloring.members[region]:
+            r = coloring.member[region, ahead] & INDEX
+            _fetch_kept(r, manifolds.impulse, manifolds.friction)
+            _fetch_kept(r, normal_impulse, friction_impulse)
         residual = max(residual, largest_of(load(b, RESIDUAL)))
         n, t1, t2 = axes(b)
         zero = spread(0.0)
@@ -331,6 +337,14 @@ def keep_impulses(region: int, blocks: Blocks, manifolds: Manifolds, bodies: Sol
                                 adds)
         _give_back(b, total_N, bodies, blocks.at_A[lanes], blocks.at_B[lanes], h)
     return residual
+
+
+@kernel
+def _fetch_kept(r: int, impulse: Array, friction: Array) -> None:
+    """Ask for the impulses of eight manifolds, from r on, to be written soon."""
+    fetch(impulse, r)
+    for k in range(0, 3 * LANES, LANES):
+        fetch(friction, 3 * r + k)
 
 
 @part
@@ -383,9 +397,10 @@ def _give_back(b: Array, total_N: Eight, bodies: SolverBodies, at_A: IntArray, a
             (A[0], A[1], A[2], A[3] + half[0], A[4] + half[1], A[5] + half[2], A[6], A[7]))
     scatter(bodies.motion, at_B,
             (B[0], B[1], B[2], B[3] + half[0], B[4] + half[1], B[5] + half[2], B[6], B[7]))
-    # Nobody asks for the residual any more.
+    # Nobody asks for the residual any more. Without a branch: whether a pair presses the processor
+    # could only guess.
     store(b, RESIDUAL, held)
     for i in range(LANES):
-        if b[RESIDUAL * LANES + i] > 0.0:
-            bodies.mass[at_A[i] + HELD] = 1.0
-            bodies.mass[at_B[i] + HELD] = 1.0
+        presses = b[RESIDUAL * LANES + i]
+        for at in (at_A[i] & INDEX, at_B[i] & INDEX):
+            bodies.mass[at + HELD] = max(bodies.mass[at + HELD], presses)

@@ -24,10 +24,9 @@ from numba.extending import (
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import IntArray
-from rigid_sim_ros.engine.tuple_passing import passes_packed
+from rigid_sim_ros.engine.tuple_passing import nobody_writes, passes_packed, read, slots
 
 _POINTER = ir.IntType(8).as_pointer()
-_SLOT = 8       # bytes: no part of an argument is larger
 _intrinsic: Any = intrinsic
 _typeof: Any = numba.typeof
 _PrimitiveModel: Any = models.PrimitiveModel
@@ -41,8 +40,7 @@ class _BoxType(types.Type):
         # It becomes part of the names of functions; that of the tuple fills pages.
         digest = blake2b(str(content).encode(), digest_size=16).hexdigest()
         super().__init__(name=f'Box{digest}')
-        packer = cpu_target.target_context.get_arg_packer((content,))
-        self.slots = len(packer.argument_types)
+        self.slots = slots(content)
 
 
 _types: dict[bytes, _BoxType] = {}
@@ -123,6 +121,10 @@ class _BoxModel(_PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, _POINTER)
 
+    def from_argument(self, builder: Any, value: Any) -> Any:
+        """Return the address; what lies there stays as it is."""
+        return nobody_writes(value, self._fe_type.slots)
+
 
 register_model(_BoxType)(_BoxModel)
 typeof_impl.register(_Box)(lambda box, context: box.type)
@@ -138,21 +140,11 @@ def _unbox(kind: Any, box: Any, c: Any) -> Any:
 unbox(_BoxType)(_unbox)
 
 
-def _read(context: Any, builder: Any, start: Any, first: int, kind: Any) -> Any:
-    """Return an argument of this type whose parts begin in slot `first`."""
-    packer = context.get_arg_packer((kind,))
-    found = []
-    for k, part in enumerate(packer.argument_types, first):
-        place = builder.gep(start, [ir.Constant(ir.IntType(64), _SLOT * k)])
-        found.append(builder.load(builder.bitcast(place, part.as_pointer()), align=_SLOT))
-    return packer.from_arguments(builder, found)[0]
-
-
 @_intrinsic
 def contents(context: Any, box: Any) -> Any:
     """Return the tuple of arguments that a box holds."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return _read(context, builder, arguments[0], 0, box.content)
+        return read(builder, arguments[0], 0, box.content)
     return box.content(box), build
 
 
@@ -164,8 +156,7 @@ def held(context: Any, box: Any, index: Any) -> Any:
     before, kind = box.content.types[:index.literal_value], box.content[index.literal_value]
 
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        first = sum(len(context.get_arg_packer((one,)).argument_types) for one in before)
-        return _read(context, builder, arguments[0], first, kind)
+        return read(builder, arguments[0], sum(map(slots, before)), kind)
     return kind(box, index), build
 
 

@@ -84,8 +84,8 @@ def part(function: Function) -> Function:
     """
     Compile like `kernel` a part of one longer kernel: it is put in its place, without a call.
 
-    A call hands over every array as seven numbers, in a NamedTuple as two to four, which takes as
-    long as a hundred operations.
+    A call hands over every array as seven numbers or more. Of a NamedTuple with arrays it hands
+    over where that lies, and what is called has to read there what it needs.
     """
     return _for_kernels(_compiled(function, _nrt=False, forceinline=True))
 

@@ -19,6 +19,8 @@ from llvmlite import binding, ir
 from numba.core import codegen, compiler, types
 from numba.core.typing.templates import make_concrete_template
 
+from rigid_sim_ros.engine.tuple_lifetimes import AFTER, TupleLifetimes
+
 _Library: Any = codegen.JITCodeLibrary
 _Flags: Any = compiler.Flags
 _NumbasCompiler: Any = compiler.Compiler
@@ -146,6 +148,14 @@ class _QuickFlags(_Flags):
 _NEEDLESS = ('inline_closure_likes', 'nopython_rewrites', 'ir_legalization')
 
 
+def _passes(known: Any) -> Any:
+    """Return what takes the place of a pass."""
+    name = getattr(known[0], '_name', '')
+    if name in _NEEDLESS:
+        return ()
+    return (known, (TupleLifetimes, 'lifetimes of tuples')) if name == AFTER else (known,)
+
+
 class _Compiler(_NumbasCompiler):
 
     def __init__(self, *arguments: Any) -> None:
@@ -161,8 +171,7 @@ class _Compiler(_NumbasCompiler):
             # Between two passes Numba looks for variables that a pass left behind, which takes as
             # long as the passes themselves.
             pipeline._ENFORCING = False
-            pipeline.passes = [one for one in pipeline.passes
-                               if getattr(one[0], '_name', '') not in _NEEDLESS]
+            pipeline.passes = [one for known in pipeline.passes for one in _passes(known)]
         return pipelines
 
 

@@ -32,7 +32,7 @@ from rigid_sim_ros.engine.contact_sweep import (
     is_settled, note_left, separate, SETTLED, visit_block)
 from rigid_sim_ros.engine.free_flight import fly_free
 from rigid_sim_ros.engine.kept import call
-from rigid_sim_ros.engine.kernel import apart, kernel, part
+from rigid_sim_ros.engine.kernel import apart, INDEX, kernel, part
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Manifolds
 from rigid_sim_ros.engine.model import Model
@@ -214,8 +214,9 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
               stage == SWEEP_BACK, notes)
         notes[MOVED] += drift
     if stage == KEEP:
-        notes[LARGEST] = keep_impulses(region, blocks, manifolds, bodies, h, settings.substeps,
-                                       work.shifted[0] == 1, acted.impulse, acted.friction)
+        notes[LARGEST] = keep_impulses(region, blocks, work.coloring, manifolds, bodies, h,
+                                       settings.substeps, work.shifted[0] == 1, acted.impulse,
+                                       acted.friction)
     elif stage == STORE:
         store_bodies(region, work.sides.halved[0] + 1, model.h, model.m, model.inv_I_C, state,
                      bodies, settings.substeps)
@@ -285,11 +286,12 @@ def sweep_back(region: int, blocks: Blocks, bodies: SolverBodies, what: Sweep, r
     What the forward sweep hardly changed is left alone: the next one visits every block again.
     """
     motion = bodies.motion
-    first, count = first_block(blocks, region), blocks.count[region]
+    first, many = first_block(blocks, region), blocks.count[region] > CACHED
+    count = _list_left(first, blocks.count[region], blocks.left, blocks.again)
     for k in range(count):
-        block = first + count - 1 - k
-        if count > CACHED and blocks.left[max(block - 1, first)] != 0:
-            fetch_block(blocks, block - 1)
+        block = blocks.again[first + count - 1 - k & INDEX] & INDEX
+        if many and k + 1 < count:
+            fetch_block(blocks, blocks.again[first + count - 2 - k & INDEX])
         if blocks.left[block] & UNSETTLED != 0:
             visit_block(blocks, block, motion, motion, what)
         if blocks.left[block] & OVERLAPPING != 0:
@@ -297,6 +299,16 @@ def sweep_back(region: int, blocks: Blocks, bodies: SolverBodies, what: Sweep, r
                 _begin_push(region, bodies)
                 notes[region, PUSHED] = 1.0
             separate(blocks, block, bodies.drifted, rate, speed)
+
+
+@kernel
+def _list_left(first: int, count: int, left: IntArray, again: IntArray) -> int:
+    """List the blocks that have something left to do, from `first` on; return their number."""
+    found = 0
+    for block in range(first, first + count):
+        again[first + found & INDEX] = block
+        found += 1 if left[block & INDEX] != 0 else 0
+    return found
 
 
 @kernel

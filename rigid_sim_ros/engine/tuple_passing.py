@@ -1,27 +1,44 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How kernels hand the arrays of a NamedTuple of the engine on: each by address and lengths.
+How kernels hold and hand on a NamedTuple of the engine that has arrays: by its place in memory.
 
-Numba passes an array of k dimensions as 5 + 2 k numbers: its owner and parent, how many entries it
-has and how many bytes each takes, their address, lengths and strides. Kernels count no references,
-and of an array without gaps the rest follows from its type and lengths. The buffers of a step are
-some hundred arrays that go from kernel to kernel; with 1 + k numbers each the kernels of a scene
-compile in a sixth less time.
+To Numba such a tuple is one value of all its numbers, and an array of k dimensions is 5 + 2 k of
+them. It copies the value at every name that it gets and passes number by number. The buffers of a
+step are some hundred arrays that go through a dozen kernels: to copy them was half of what LLVM
+had to read. Nobody writes to a tuple, so that a name and an argument may be the address of one.
+
+In memory each number takes a slot. Of an array there are its address and its lengths: kernels
+count no references, and of an array without gaps the rest follows from its type and lengths. A
+tuple in a tuple lies inside it.
 """
 
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from llvmlite import ir
-from numba import types
+from numba import extending, types
+from numba.core import base
 from numba.core.datamodel import default_manager, models
+from numba.cpython import tupleobj
 
+SLOT = 8        # bytes: no number is larger
 _PACKAGE = __name__.partition('.')[0] + '.'
 _models: Any = models
 _types: Any = types
+_context: Any = base.BaseContext
+_tuples: Any = tupleobj
+_extending: Any = extending
 # The members of an array, by place.
 _OWNER, _PARENT, _COUNT, _ITEM_SIZE, _ADDRESS, _LENGTHS, _STRIDES = range(7)
-_INTEGER = ir.IntType(64)
+_INTEGER = ir.IntType(8 * SLOT)
+_PLACE = ir.IntType(8).as_pointer()
+# The second has two names, of which an LLVM knows one.
+_UNCHANGED = 'noalias', 'captures(none)', 'nocapture'
+# Whether this Numba has what is called and overridden here; else tuples stay values.
+SUPPORTED = (
+    all(hasattr(tupleobj, name) for name in ('namedtuple_getattr', 'static_getitem_tuple'))
+    and hasattr(base.BaseContext, 'make_tuple') and hasattr(default_manager, '_handlers'))
 
 
 def _is_packed(kind: Any) -> bool:
@@ -29,38 +46,160 @@ def _is_packed(kind: Any) -> bool:
             and isinstance(kind.dtype, (types.Integer, types.Float)))
 
 
-class _ByAddress:
-    """What the models of Numba for both kinds of NamedTuples are mixed with."""
+class _InMemory(_models.DataModel):
+    """
+    A tuple by its address; what a function returns is all that lies there.
 
-    def _members_and_models(self) -> list[tuple[Any, Any]]:
-        own: Any = self
-        return [(member, own._dmm.lookup(member)) for member in own._fe_type]
+    The methods are those that Numba asks any model for, and at the end two more.
+    """
 
-    def get_argument_type(self) -> Any:
-        """Return the types of LLVM's that are passed, nested as the members are."""
-        return tuple((model.get_value_type().elements[_ADDRESS], *member.ndim * [_INTEGER])
-                     if _is_packed(member) else model.get_argument_type()
-                     for member, model in self._members_and_models())
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind)
+        self.firsts = [0]   # slots of the members, and the one after
+        parts: list[Any] = []
+        for member in kind:
+            parts += _parts(member, packed=True)
+            self.firsts.append(len(parts))
+        self._content = ir.LiteralStructType([_in_a_slot(part) for part in parts])
+
+    def get_value_type(self) -> Any:
+        return _PLACE
+
+    def get_data_type(self) -> Any:
+        return self._content
+
+    def get_return_type(self) -> Any:
+        return self._content
+
+    def as_data(self, builder: Any, value: Any) -> Any:
+        return builder.load(builder.bitcast(value, self._content.as_pointer()))
+
+    def from_data(self, builder: Any, value: Any) -> Any:
+        place = self._room(builder)
+        builder.store(value, builder.bitcast(place, self._content.as_pointer()))
+        return place
+
+    def load_from_data_pointer(self, builder: Any, pointer: Any, align: Any = None) -> Any:
+        return builder.bitcast(pointer, _PLACE)
 
     def as_argument(self, builder: Any, value: Any) -> Any:
-        """Take a value apart."""
-        parts: list[Any] = []
-        for i, (member, model) in enumerate(self._members_and_models()):
-            part = builder.extract_value(value, i)
-            parts.append(_taken_apart(builder, part, member.ndim) if _is_packed(member)
-                         else model.as_argument(builder, part))
-        return tuple(parts)
+        return value
 
     def from_argument(self, builder: Any, value: Any) -> Any:
-        """Put a value together again."""
-        own: Any = self
-        whole: Any = ir.Constant(own.get_value_type(), ir.Undefined)
-        for i, ((member, model), given) in enumerate(
-                zip(self._members_and_models(), value, strict=True)):
-            part = (_put_together(builder, member, model, *given) if _is_packed(member)
-                    else model.from_argument(builder, given))
-            whole = builder.insert_value(whole, part, i)
+        return nobody_writes(value, self.firsts[-1])
+
+    as_return = as_data
+    from_return = from_data
+
+    def made(self, builder: Any, values: Sequence[Any]) -> Any:
+        """Return a new tuple."""
+        place = self._room(builder)
+        for member, first, value in zip(self._fe_type, self.firsts, values, strict=False):
+            _write(builder, place, first, member, value, True)
+        return place
+
+    def member(self, builder: Any, value: Any, index: int) -> Any:
+        """Return one of the members of a tuple."""
+        return read(builder, value, self.firsts[index], self._fe_type[index], True)
+
+    def _room(self, builder: Any) -> Any:
+        with builder.goto_entry_block():
+            return builder.bitcast(builder.alloca(_INTEGER, self.firsts[-1]), _PLACE)
+
+
+def nobody_writes(place: Any, length: int) -> Any:
+    """
+    Tell LLVM, where an argument is the address of so many slots, that they stay as they are.
+
+    It need not read them anew whenever an entry of an array was written. Return the address.
+    """
+    if isinstance(place, ir.Argument):
+        for attribute in _UNCHANGED:
+            if attribute in place.attributes._known:
+                place.add_attribute(attribute)
+        place.attributes.dereferenceable = SLOT * length
+    return place
+
+
+def _in_a_slot(part: Any) -> Any:
+    is_wide = isinstance(part, (ir.PointerType, ir.DoubleType)) or part == _INTEGER
+    return part if is_wide else _INTEGER
+
+
+def _parts(kind: Any, packed: bool = False) -> list[Any]:
+    """Return LLVM's types of the slots of a value; `packed`: an array in a tuple of ours."""
+    model = default_manager[kind]
+    if packed and _is_packed(kind):
+        return [model.get_value_type().elements[_ADDRESS], *kind.ndim * [_INTEGER]]
+    if isinstance(model, _InMemory):
+        return list(model.get_data_type().elements)
+    if isinstance(kind, _types.BaseTuple):
+        return [part for member in kind for part in _parts(member)]
+    return list(_flat(model.get_argument_type()))
+
+
+def _flat(nested: Any) -> Iterator[Any]:
+    if isinstance(nested, (tuple, list)):
+        for one in nested:
+            yield from _flat(one)
+    else:
+        yield nested
+
+
+def slots(kind: Any) -> int:
+    """Return how many slots a value takes in memory."""
+    return len(_parts(kind))
+
+
+def _slot(builder: Any, start: Any, at: int, part: Any = None) -> Any:
+    place = builder.gep(start, [ir.Constant(_INTEGER, SLOT * at)])
+    return builder.bitcast(place, part.as_pointer()) if part else place
+
+
+def read(builder: Any, start: Any, first: int, kind: Any, packed: bool = False) -> Any:
+    """Return the value whose slots begin with the `first` after an address."""
+    model = default_manager[kind]
+    if isinstance(model, _InMemory):
+        return _slot(builder, start, first)
+    if isinstance(kind, _types.BaseTuple):
+        whole: Any = ir.Constant(model.get_value_type(), ir.Undefined)
+        for k, member in enumerate(kind):
+            part = read(builder, start, first, member)
+            whole = builder.insert_value(whole, part, k)
+            first += slots(member)
         return whole
+    found = [builder.load(_slot(builder, start, k, part), align=SLOT)
+             for k, part in enumerate(_parts(kind, packed), first)]
+    if packed and _is_packed(kind):
+        return _put_together(builder, kind, model, *found)
+    return _unflattened(model, builder, found)
+
+
+def _unflattened(model: Any, builder: Any, found: list[Any]) -> Any:
+    waiting = iter(found)
+
+    def nested(pattern: Any) -> Any:
+        if isinstance(pattern, (tuple, list)):
+            return tuple(nested(one) for one in pattern)
+        return next(waiting)
+
+    return model.from_argument(builder, nested(model.get_argument_type()))
+
+
+def _write(builder: Any, start: Any, first: int, kind: Any, value: Any, packed: bool) -> None:
+    model = default_manager[kind]
+    if isinstance(model, _InMemory):
+        place = _slot(builder, start, first, model.get_data_type())
+        builder.store(model.as_data(builder, value), place)
+    elif isinstance(kind, _types.BaseTuple):
+        for k, member in enumerate(kind):
+            _write(builder, start, first, member, builder.extract_value(value, k), False)
+            first += slots(member)
+    else:
+        given = (_taken_apart(builder, value, kind.ndim) if packed and _is_packed(kind)
+                 else _flat(model.as_argument(builder, value)))
+        for k, part in enumerate(given, first):
+            builder.store(part, _slot(builder, start, k, part.type), align=SLOT)
 
 
 def _taken_apart(builder: Any, array: Any, dimensions: int) -> tuple[Any, ...]:
@@ -90,35 +229,90 @@ def _put_together(builder: Any, kind: Any, model: Any, address: Any, *lengths: A
     return builder.insert_value(array, count, _COUNT)
 
 
-class _TupleByAddress(_ByAddress, _models.TupleModel):
-    pass
-
-
-class _UniTupleByAddress(_ByAddress, _models.UniTupleModel):
-    pass
-
-
 def passes_packed(kind: Any, member: Any) -> bool:
-    """Return whether a tuple of this type hands on a member by address and lengths."""
-    return isinstance(default_manager[kind], _ByAddress) and _is_packed(member)
+    """Return whether a tuple of this type holds a member by address and lengths."""
+    return isinstance(default_manager[kind], _InMemory) and _is_packed(member)
+
+
+def is_in_memory(kind: Any) -> bool:
+    """Return whether a value of this type is, or has in it, the address of a tuple."""
+    return isinstance(default_manager[kind], _InMemory) or (
+        isinstance(kind, _types.BaseTuple) and any(map(is_in_memory, kind)))
+
+
+class _OfTuples(_models.UniTupleModel):
+    """Several tuples of one type; Numba would return such values as they are, the addresses."""
+
+    def get_return_type(self) -> Any:
+        return self.get_data_type()
+
+    def as_return(self, builder: Any, value: Any) -> Any:
+        return self.as_data(builder, value)
+
+    def from_return(self, builder: Any, value: Any) -> Any:
+        return self.from_data(builder, value)
 
 
 def pass_by_address() -> None:
     """
-    Pass the NamedTuples of this package so from now on; for others nothing changes.
+    Hold the NamedTuples of this package so from now on; for others nothing changes.
 
-    What is compiled to return an array of such a tuple to Python returns it without its owner.
+    What is compiled to return an array of such a tuple to Python returns it without its owner. A
+    line of a kernel that makes such a tuple has room for one: `tuple_lifetimes.py` sees to it that
+    none is asked for after the next was made.
     """
-    for kind, ours in ((types.NamedTuple, _TupleByAddress),
-                       (_types.NamedUniTuple, _UniTupleByAddress)):
-        _register(kind, ours)
+    if not SUPPORTED:
+        return
+    named, uniform = types.NamedTuple, _types.NamedUniTuple
+    for kind in named, uniform:
+        _register(kind, _is_ours, _InMemory)
+        _read_members(kind)
+    for kind in types.UniTuple, uniform:
+        _register(kind, lambda own: not _is_ours(own) and is_in_memory(own.dtype), _OfTuples)
+    others = _context.make_tuple
+
+    def make_tuple(self: Any, builder: Any, kind: Any, values: Sequence[Any]) -> Any:
+        model = default_manager[kind]
+        if isinstance(model, _InMemory):
+            return model.made(builder, values)
+        return others(self, builder, kind, values)
+
+    _context.make_tuple = make_tuple
 
 
-def _register(kind: Any, ours: Any) -> None:
+def _is_ours(kind: Any) -> bool:
+    return (isinstance(kind, _types.BaseNamedTuple)
+            and kind.instance_class.__module__.startswith(_PACKAGE) and _has_arrays(kind))
+
+
+def _has_arrays(kind: Any) -> bool:
+    return isinstance(kind, types.Array) or (
+        isinstance(kind, _types.BaseTuple) and any(map(_has_arrays, kind)))
+
+
+def _register(kind: Any, concerns: Callable[[Any], bool], ours: Any) -> None:
     others = default_manager._handlers[kind]
 
     def model(manager: Any, own: Any) -> Any:
-        is_ours = own.instance_class.__module__.startswith(_PACKAGE)
-        return (ours if is_ours else others)(manager, own)
+        return (ours if concerns(own) else others)(manager, own)
 
     default_manager.register(kind, model)
+
+
+def _read_members(kind: Any) -> None:
+    """Let kernels read members of a tuple, by name and by a constant index."""
+    def attribute(context: Any, builder: Any, own: Any, value: Any, name: str) -> Any:
+        model = default_manager[own]
+        if isinstance(model, _InMemory):
+            return model.member(builder, value, own.fields.index(name))
+        return _tuples.namedtuple_getattr(context, builder, own, value, name)
+
+    def item(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        (own, _), (value, index) = signature.args, arguments
+        model = default_manager[own]
+        if isinstance(model, _InMemory) and -len(own) <= index < len(own):
+            return model.member(builder, value, index % len(own))
+        return _tuples.static_getitem_tuple(context, builder, signature, arguments)
+
+    _extending.lower_getattr_generic(kind)(attribute)
+    _extending.lower_builtin('static_getitem', kind, types.IntegerLiteral)(item)

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 
+from engine.own_kernels import of_the_engine
 from llvmlite import binding
 import numba
 import numpy as np
@@ -16,14 +17,6 @@ from rigid_sim_ros.engine import kernel as kernels
 from rigid_sim_ros.engine.kernel_linking import _names_in, SUPPORTED
 
 needs_parts = pytest.mark.skipif(not SUPPORTED, reason='this Numba compiles kernels by itself')
-
-
-def of_the_engine(decorate):
-    """Let a function of this file be compiled and cached as one of the engine."""
-    def decorated(function):
-        function.__module__ = kernels.__name__
-        return decorate(function)
-    return decorated
 
 
 apart, inlined, kernel, part = map(
