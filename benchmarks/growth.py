@@ -41,6 +41,7 @@ RADIUS = 0.1
 FLAT = 1.5      # how much more the dearest size may cost than the cheapest
 BODY, CONTACT = 2000, 1000      # bytes at most
 LEAST = 1000    # bodies whose memory is more than a few pages
+SMALL = 300     # bodies of a world that is numbered by place and cut, as large ones are
 SETTLING, RESTING = 480, 2880   # steps after which a bin still settles, and is at rest
 PIECE = 0.02    # s of a piece that is timed, at least
 PIECES = 15
@@ -160,7 +161,7 @@ def time_of(case: Case, n: int) -> dict[str, Any]:
 
 def memory_of(case: Case, n: int) -> dict[str, Any]:
     """Measure the memory of one size, bytes a body."""
-    small = World.from_dict(case.make(30))
+    small = World.from_dict(case.make(SMALL))
     small.step(10)
     data = case.make(n)
     before = resident()
