@@ -24,14 +24,17 @@ Parameters, set with `--ros-args -p NAME:=VALUE`: sim, body, attitude, inertia, 
 torque_limit, turn_rate.
 """
 from collections.abc import Sequence
+import signal
 import sys
+import threading
 
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
 import numpy.typing as npt
 import rclpy
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import MultiDOFJointState
 
 _Array = npt.NDArray[np.float64]
@@ -42,6 +45,8 @@ WHEEL_TORQUE = 0.23e-3      # Nm
 # A 1U CubeSat at its greatest mass, as a uniform cube: 1.33 kg * (0.1 m)^2 / 6. The law does not
 # depend on it being exact: half or double makes the turn slower or less damped.
 INERTIA = 2.2e-3            # kg m^2
+
+_LOOK = 0.2                 # s between two looks at whether to end
 
 
 class AttitudeController(Node):
@@ -117,15 +122,21 @@ def rotate(q: _Array, v: _Array) -> _Array:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node until Ctrl-C."""
-    rclpy.init(args=None if args is None else list(args))
+    # An interrupt that is raised while rclpy takes a message ends in an error of its own; so
+    # Ctrl-C is only noted, and heard between two messages.
+    stopped = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stopped.set())
+    rclpy.init(args=None if args is None else list(args),
+               signal_handler_options=SignalHandlerOptions.NO)
     node = AttitudeController()
-    try:
-        rclpy.spin(node)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    while not stopped.is_set():
+        executor.spin_once(timeout_sec=_LOOK)
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.shutdown()
     return 0
 
 

@@ -57,6 +57,28 @@ def test_the_attitude_controller_stops_the_cubesat_with_torques_only(probe, sim,
     assert max(abs(c) for t in torques for c in (t.x, t.y, t.z)) <= WHEEL_TORQUE
 
 
+# Ends itself with Ctrl-C while rclpy makes the message that it has just taken.
+INTERRUPTED = """
+import os, runpy, signal
+from sensor_msgs.msg import MultiDOFJointState as Message
+plain, taken = Message.__init__, []
+
+def make(self, **fields):
+    taken.append(self)
+    if len(taken) == 3:
+        os.kill(os.getpid(), signal.SIGINT)
+    plain(self, **fields)
+
+Message.__init__ = make
+runpy.run_path('examples/attitude_controller.py', run_name='__main__')
+"""
+
+
+def test_ctrl_c_ends_the_attitude_controller_also_in_the_midst_of_a_message(sim, tmp_path):
+    with kept(Process([sys.executable, '-c', INTERRUPTED], tmp_path)) as controller:
+        assert controller.wait() == 0
+
+
 def push(probe, act, wanted):
     """Repeat an act until the echo of the wanted force (x component) comes."""
     with probe.listening(WrenchStamped, '/rigid_sim/cubesat/applied_wrench') as echoes:

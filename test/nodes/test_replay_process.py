@@ -99,20 +99,18 @@ def test_a_flipped_bit_ends_the_replay_where_it_is_reached(probe, tmp_path) -> N
 
 # Prints what it hears on a topic.
 LISTENER = """
+import signal
 import rclpy
-from rclpy.executors import ExternalShutdownException
 from std_msgs.msg import String
-rclpy.init()
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
 node = rclpy.create_node('listener')
 
 def hear(message):
     print(message.data[:20].strip(), flush=True)
 
 heard = node.create_subscription(String, '/chatter', hear, 99)
-try:
-    rclpy.spin(node)
-except (KeyboardInterrupt, ExternalShutdownException):
-    pass
+rclpy.spin(node)
 """
 
 
