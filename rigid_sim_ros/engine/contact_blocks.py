@@ -30,7 +30,7 @@ from typing import TypeAlias
 from rigid_sim_ros.engine.arrays import Array
 from rigid_sim_ros.engine.kernel import part
 from rigid_sim_ros.engine.lanes import any_of, Eight, LANES, load, root, select, store
-from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, subtract
+from rigid_sim_ros.engine.vector import add, cross, dot, subtract
 
 Two: TypeAlias = tuple[Eight, Eight]
 Three: TypeAlias = tuple[Eight, Eight, Eight]
@@ -56,12 +56,11 @@ NORMAL = 27  # n, world axes
 TANGENT = 30  # t1
 MU = 33  # friction coefficient
 FRICTION = 34  # impulses along t1, t2 of this substep [N s]
-MOVED = 36  # displacement of x_B - x_A since the start of the step [m], world axes
-TORSION = 39  # angular momentum that the pair gained by it [N m s], world axes
-RESIDUAL = 42  # largest change of velocity that this sweep made [m/s]
-TOTAL_T = 43  # friction of the substeps before, along t1, t2 [N s]
-SHOVE = 45  # impulse along n of the push that displaces [N s]
-POINT = 46  # rows of the first point
+TORSION = 36  # a part of the angular momentum that the pair gained by having moved [N m s]
+RESIDUAL = 39  # largest change of velocity that this sweep made [m/s]
+TOTAL_T = 40  # friction of the substeps before, along t1, t2 [N s]
+SHOVE = 42  # impulse along n of the push that displaces [N s]
+POINT = 43  # rows of the first point
 POINT_ROWS = 7
 # Of a point: TOTAL is the impulse of the substeps before, SPEED the normal velocity after its
 # last visit.
@@ -150,7 +149,6 @@ def normal_sum(b: Array, points: int) -> Eight:
 @part
 def begin_sums(b: Array, points: int) -> None:
     """Let no substep have been yet."""
-    store_three(b, MOVED, (0.0, 0.0, 0.0))
     store_three(b, TORSION, (0.0, 0.0, 0.0))
     store_two(b, TOTAL_T, (0.0, 0.0))
     for p in range(4 if points > 1 else 1):
@@ -159,14 +157,7 @@ def begin_sums(b: Array, points: int) -> None:
 
 @part
 def end_substep(b: Array, points: int) -> None:
-    """
-    Add the impulses of a substep, and what angular momentum they made, to those of the step.
-
-    They act where c was at the start of the step, while the pair has moved.
-    """
-    n, t1, t2 = axes(b)
-    F = combine(n, t1, t2, (normal_sum(b, points), load(b, FRICTION), load(b, FRICTION + 1)))
-    store_three(b, TORSION, add(load_three(b, TORSION), cross(load_three(b, MOVED), F)))
+    """Add the impulses of a substep to those of the step."""
     for k in range(2):
         store(b, TOTAL_T + k, load(b, TOTAL_T + k) + load(b, FRICTION + k))
     for p in range(4 if points > 1 else 1):
@@ -179,15 +170,40 @@ def drift_together(b: Array, points: int, n: Three, v: Three, h: float) -> None:
     """
     End a substep, after which B moved with the velocity v relative to A for h [s].
 
-    The push, too, displaces momenta.
+    Impulses act where c was at the start of the step, while the pair has moved: with the
+    impulse F_i of a substep and the way d_j of its end, the pair gains the angular momentum
+
+        sum_i (sum_{j < i} d_j) x F_i = (sum_j d_j) x (sum_i F_i) + sum_j (sum_{i <= j} F_i) x d_j,
+
+    the first part of which `gain_of` adds at the end, when both sums are known. The push, too,
+    displaces momenta.
     """
     end_substep(b, points)
-    store_three(b, MOVED, add_scaled(load_three(b, MOVED), h, v))
-    shove = h * load(b, SHOVE)
+    _, t1, t2 = axes(b)
+    along, (slide_1, slide_2), shove = total_of(b, points), load_two(b, TOTAL_T), load(b, SHOVE)
     if any_of(shove > 0.0):
-        gained = cross((shove * n[0], shove * n[1], shove * n[2]), v)
-        store_three(b, TORSION, add(load_three(b, TORSION), gained))
+        along = along + shove
         store(b, SHOVE, 0.0)
+    F = combine(n, t1, t2, (h * along, h * slide_1, h * slide_2))
+    store_three(b, TORSION, add(load_three(b, TORSION), cross(F, v)))
+
+
+@part
+def gain_of(b: Array, points: int, moved: Three) -> Three:
+    """Return what L a pair gained by having `moved` before the last substep; see above."""
+    n, t1, t2 = axes(b)
+    slide_1, slide_2 = load_two(b, TOTAL_T)
+    F = combine(n, t1, t2, (total_of(b, points), slide_1, slide_2))
+    return add(load_three(b, TORSION), cross(moved, F))
+
+
+@part
+def total_of(b: Array, points: int) -> Eight:
+    """Return the sum of the normal impulses of the substeps that have ended [N s]."""
+    total = load(b, POINT + TOTAL)
+    for p in range(1, 4 if points > 1 else 1):
+        total = total + load(b, POINT + p * POINT_ROWS + TOTAL)
+    return total
 
 
 @part
@@ -230,7 +246,7 @@ def prepare_block(b: Array, points: int, small: bool, inv_m_A: Eight, inv_m_B: E
     Work out frames, arms and responses of the eight manifolds of a block.
 
     Filled in before: NORMAL, x_A - x_B in ARM_B, J_A, J_B, MU, SPIN_LEVER, the friction impulse
-    as a world vector in MOVED, SPIN, and for each of four points GAP, IMPULSE and in S, T,
+    as a world vector in TORSION, SPIN, and for each of four points GAP, IMPULSE and in S, T,
     MASS where it is from the centre of mass of A [m], world axes. A point that is not there has
     the gap ABSENT, and so have all but the first in a block of one point.
     """
@@ -276,7 +292,7 @@ def make_basis(b: Array) -> None:
     k = -1.0 / (sign + n[2])
     t1 = (1.0 + sign * n[0] * n[0] * k, sign * n[0] * n[1] * k, -sign * n[0])
     store_three(b, TANGENT, t1)
-    friction = load_three(b, MOVED)
+    friction = load_three(b, TORSION)
     store(b, FRICTION, dot(friction, t1))
     store(b, FRICTION + 1, dot(friction, cross(n, t1)))
     store(b, SHOVE, 0.0)

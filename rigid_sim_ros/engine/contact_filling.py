@@ -9,8 +9,8 @@ from rigid_sim_ros.engine.coloring import (
     lanes_of, numbers_of, PIECE, points_in, QUIET, QUIET_BALLS)
 from rigid_sim_ros.engine.contact_balls import prepare_balls, warm_balls
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, end_substep, FRICTION, friction_of, GAP,
-    IMPULSE, J_A, J_B, LEVER_A, LEVER_B, load_three, load_two, Motion, MOVED, MU, NORMAL,
+    ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, end_substep, FRICTION, friction_of, gain_of,
+    GAP, IMPULSE, J_A, J_B, LEVER_A, LEVER_B, load_three, load_two, Motion, MU, NORMAL,
     normal_sum, POINT, POINT_ROWS, prepare_block, pushed, RESIDUAL, ROLL_LEVER, S, SHOVE,
     smallest_gap, SPIN, SPIN_LEVER, store_three, T, Three, TORSION, TOTAL, TOTAL_T)
 from rigid_sim_ros.engine.contact_rules import SKIN
@@ -226,7 +226,7 @@ def _copy_manifolds(b: Array, rows: IntArray, points: int, balls: bool, manifold
         manifolds.friction, rows, 3, 0)
     present = gather_integers(manifolds.points, rows)
     store_three(b, NORMAL, n)
-    store_three(b, MOVED, (share * friction[0], share * friction[1], share * friction[2]))
+    store_three(b, TORSION, (share * friction[0], share * friction[1], share * friction[2]))
     if balls:
         _copy_point(b, 0, n, rows, manifolds, present, share)
         lever = dot(load_three(b, POINT), n)
@@ -335,7 +335,7 @@ def keep_impulses(region: int, blocks: Blocks, coloring: Coloring, manifolds: Ma
         scatter_rows_3(friction_impulse, rows, 3, 0, F)
         total_N = _keep_normals(b, rows, points, manifolds.impulse, normal_impulse, substeps,
                                 adds)
-        _give_back(b, total_N, bodies, blocks.at_A[lanes], blocks.at_B[lanes], h)
+        _give_back(b, points, total_N, bodies, blocks.at_A[lanes], blocks.at_B[lanes], h)
     return residual
 
 
@@ -374,15 +374,17 @@ def _keep_normals(b: Array, rows: IntArray, points: int, impulse: Array, normal_
 
 
 @part
-def _give_back(b: Array, total_N: Eight, bodies: SolverBodies, at_A: IntArray, at_B: IntArray,
-               h: float) -> None:
+def _give_back(b: Array, points: int, total_N: Eight, bodies: SolverBodies, at_A: IntArray,
+               at_B: IntArray, h: float) -> None:
     """
     Take half of the L that a pair gained from each of its bodies: the point follows both.
 
     To the gain of the substeps comes that of the last push, which displaced momenta. Bodies that
     press against each other are marked as held.
     """
-    shove, gained = h * load(b, SHOVE), load_three(b, TORSION)
+    A, B = gather(bodies.total, at_A), gather(bodies.total, at_B)
+    shove = h * load(b, SHOVE)
+    gained = gain_of(b, points, (h * (B[0] - A[0]), h * (B[1] - A[1]), h * (B[2] - A[2])))
     if any_of(shove > 0.0):
         A, B, n = gather(bodies.drifted, at_A), gather(bodies.drifted, at_B), load_three(b, NORMAL)
         v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])

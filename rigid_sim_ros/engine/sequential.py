@@ -205,7 +205,7 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
         drift_and_kick(region, bodies.used, motion, bodies.drifted, bodies.total, pushed,
                        bodies.smooth, bodies.base, h)
     elif stage == KEEP and region != BETWEEN:
-        drift_bodies(region, bodies.used, motion, bodies.drifted, bodies.total, pushed)
+        drift_bodies(region, bodies.used, motion, bodies.drifted, pushed)
     if stage == BEGIN:
         settle(region, blocks, work.fresh, motion, at_rest)
     if stage in (BEGIN, SWEEP, SWEEP_BACK, MOVED_SWEEP, NEXT):

@@ -17,11 +17,11 @@ import numpy as np
 from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray, Vector
 from rigid_sim_ros.engine.free_rotation import MAX_ANGLE, turn, turn_fast
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part, pasted
-from rigid_sim_ros.engine.lanes import any_of, both, gather, LANES, load, select, store
+from rigid_sim_ros.engine.lanes import any_of, both, Eight, gather, LANES, load, select, store
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.rotation import quaternion, to_matrix
 from rigid_sim_ros.engine.state import State
-from rigid_sim_ros.engine.vector import column, dot
+from rigid_sim_ros.engine.vector import add, column, dot
 
 # Numbers of a body in `motion`: v [m/s], L [kg m^2/s], world axes, and two that stay as they are:
 # what a contact of balls needs besides. So a body fills one line of the cache, and whatever all
@@ -54,7 +54,7 @@ class SolverBodies(NamedTuple):
     # `motion` of this substep without contacts; before the first one what contacts add to it, from
     # the step before
     base: Array
-    total: Array  # sums of `drifted` over the substeps
+    total: Array  # sums of `drifted` over the substeps before the last one
     mass: Array  # see J, START, INV_M, HELD
     pose: Array  # x [m] and q at the start of the step
     lanes: Array  # flat scratch for each half, as the next one
@@ -163,9 +163,9 @@ def begin_push(first: int, last: int, motion: Array, drifted: Array) -> None:
 
 
 @part
-def _drift_body(slot: int, motion: Array, drifted: Array, total: Array, pushed: bool) -> None:
+def _drift_body(slot: int, motion: Array, drifted: Array, pushed: bool) -> Eight:
     """
-    Add the motion of this substep to the push, and both to the sums of displacements.
+    Add the motion of this substep to the push; return both.
 
     Where nobody was `pushed`, nobody asked for the push: what stands there is from before.
     """
@@ -173,16 +173,15 @@ def _drift_body(slot: int, motion: Array, drifted: Array, total: Array, pushed: 
     if pushed:
         v = v + load(drifted, slot)
     store(drifted, slot, v)
-    store(total, slot, load(total, slot) + v)
+    return v
 
 
 @kernel
-def drift_bodies(half: int, used: IntArray, motion: Array, drifted: Array, total: Array,
-                 pushed: bool) -> None:
+def drift_bodies(half: int, used: IntArray, motion: Array, drifted: Array, pushed: bool) -> None:
     """End the last substep: drift all bodies of a half."""
     first, last = slots_of(used, half)
     for slot in range(first, last):
-        _drift_body(slot, motion, drifted, total, pushed)
+        _drift_body(slot, motion, drifted, pushed)
 
 
 @kernel
@@ -196,7 +195,8 @@ def drift_and_kick(half: int, used: IntArray, motion: Array, drifted: Array, tot
     """
     first, last = slots_of(used, half)
     for slot in range(first, last):
-        _drift_body(slot, motion, drifted, total, pushed)
+        v = _drift_body(slot, motion, drifted, pushed)
+        store(total, slot, load(total, slot) + v)
         now = load(motion, slot)
         kicked = now + h * load(smooth, slot)
         store(motion, slot, kicked + (now - load(base, slot)))
@@ -267,7 +267,8 @@ def _move(bodies: SolverBodies, at: IntArray, b: Array, h: float, share: float) 
     forces alone would make in a step, nor against a body that moves, where it would change L of
     the pair.
     """
-    total, now = gather(bodies.total, at), gather(bodies.motion, at)
+    before, last = gather(bodies.total, at), gather(bodies.drifted, at)
+    v, now = add(before[:3], last[:3]), gather(bodies.motion, at)
     mass, forces = gather(bodies.mass, at), gather(bodies.smooth, at)
     pose = gather(bodies.pose, at)
     dv = (now[0] - mass[START], now[1] - mass[START + 1], now[2] - mass[START + 2])
@@ -275,12 +276,13 @@ def _move(bodies: SolverBodies, at: IntArray, b: Array, h: float, share: float) 
     a = (forces[0], forces[1], forces[2])
     smooth = both(dot(dv, dv) <= 4.0 * h * h * dot(a, a), mass[HELD] == 0.0)
     back = select(smooth, -0.5 * share, 0.0)
-    for k, x in enumerate((pose[0] + h * (share * total[0] + back * dv[0]),
-                           pose[1] + h * (share * total[1] + back * dv[1]),
-                           pose[2] + h * (share * total[2] + back * dv[2]))):
+    for k, x in enumerate((pose[0] + h * (share * v[0] + back * dv[0]),
+                           pose[1] + h * (share * v[1] + back * dv[1]),
+                           pose[2] + h * (share * v[2] + back * dv[2]))):
         store(b, _X + k, x)
-    L = (share * total[3] + back * dL[0], share * total[4] + back * dL[1],
-         share * total[5] + back * dL[2])
+    turning = add(before[3:6], last[3:6])
+    L = (share * turning[0] + back * dL[0], share * turning[1] + back * dL[1],
+         share * turning[2] + back * dL[2])
     inv_I = (load(b, _INV_I), load(b, _INV_I + 1), load(b, _INV_I + 2))
     # Too fast for `turn`: below, one by one.
     bound = h * max(inv_I[0], max(inv_I[1], inv_I[2]))

@@ -104,8 +104,7 @@ def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
     kick_bodies(0, bodies.used, bodies.motion, bodies.smooth, bodies.base, model.h)
     begin_push(0, bodies.used[0], bodies.motion, bodies.drifted)
     pushes = _solve(model, manifolds, acted, settings, chosen, work)
-    drift_bodies(0, bodies.used, bodies.motion, bodies.drifted, bodies.total,
-                 True)
+    drift_bodies(0, bodies.used, bodies.motion, bodies.drifted, True)
     _give_back(work.contacts, chosen, pushes, model.h, bodies)
     fly_free(model, state, shared.loads, bodies.slot, model.h, shared.block)
     store_bodies(0, 1, model.h, model.m, model.inv_I_C, state, bodies, 1)
