@@ -156,13 +156,19 @@ def begin_sums(b: Array, points: int) -> None:
 
 
 @part
-def end_substep(b: Array, points: int) -> None:
-    """Add the impulses of a substep to those of the step."""
-    for k in range(2):
-        store(b, TOTAL_T + k, load(b, TOTAL_T + k) + load(b, FRICTION + k))
-    for p in range(4 if points > 1 else 1):
+def end_substep(b: Array, points: int) -> Three:
+    """Add the impulses of a substep to those of the step; return these along n, t1, t2 [N s]."""
+    slide_1, slide_2 = (load(b, TOTAL_T) + load(b, FRICTION),
+                        load(b, TOTAL_T + 1) + load(b, FRICTION + 1))
+    store_two(b, TOTAL_T, (slide_1, slide_2))
+    along = load(b, POINT + TOTAL) + load(b, POINT + IMPULSE)
+    store(b, POINT + TOTAL, along)
+    for p in range(1, 4 if points > 1 else 1):
         point = POINT + p * POINT_ROWS
-        store(b, point + TOTAL, load(b, point + TOTAL) + load(b, point + IMPULSE))
+        total = load(b, point + TOTAL) + load(b, point + IMPULSE)
+        store(b, point + TOTAL, total)
+        along = along + total
+    return along, slide_1, slide_2
 
 
 @part
@@ -178,9 +184,8 @@ def drift_together(b: Array, points: int, n: Three, v: Three, h: float) -> None:
     the first part of which `gain_of` adds at the end, when both sums are known. The push, too,
     displaces momenta.
     """
-    end_substep(b, points)
     _, t1, t2 = axes(b)
-    along, (slide_1, slide_2), shove = total_of(b, points), load_two(b, TOTAL_T), load(b, SHOVE)
+    (along, slide_1, slide_2), shove = end_substep(b, points), load(b, SHOVE)
     if any_of(shove > 0.0):
         along = along + shove
         store(b, SHOVE, 0.0)
@@ -189,21 +194,14 @@ def drift_together(b: Array, points: int, n: Three, v: Three, h: float) -> None:
 
 
 @part
-def gain_of(b: Array, points: int, moved: Three) -> Three:
-    """Return what L a pair gained by having `moved` before the last substep; see above."""
+def gain_of(b: Array, acted: Three, moved: Three) -> Three:
+    """
+    Return what L a pair gained by having `moved` before the last substep; see above.
+
+    `acted` are the impulses of all substeps along n, t1, t2.
+    """
     n, t1, t2 = axes(b)
-    slide_1, slide_2 = load_two(b, TOTAL_T)
-    F = combine(n, t1, t2, (total_of(b, points), slide_1, slide_2))
-    return add(load_three(b, TORSION), cross(moved, F))
-
-
-@part
-def total_of(b: Array, points: int) -> Eight:
-    """Return the sum of the normal impulses of the substeps that have ended [N s]."""
-    total = load(b, POINT + TOTAL)
-    for p in range(1, 4 if points > 1 else 1):
-        total = total + load(b, POINT + p * POINT_ROWS + TOTAL)
-    return total
+    return add(load_three(b, TORSION), cross(moved, combine(n, t1, t2, acted)))
 
 
 @part

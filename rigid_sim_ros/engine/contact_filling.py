@@ -323,19 +323,17 @@ def keep_impulses(region: int, blocks: Blocks, coloring: Coloring, manifolds: Ma
         points = points_in(blocks.kind[block])
         if substeps == 1:
             begin_sums(b, points)
-        end_substep(b, points)
-        last, total = load_two(b, FRICTION), load_two(b, TOTAL_T)
+        acted, last = end_substep(b, points), load_two(b, FRICTION)
         F = combine(n, t1, t2, (zero, substeps * last[0], substeps * last[1]))
         scatter_rows_3(manifolds.friction, rows, 3, 0, F)
         if not are_balls(blocks.kind[block]):
             _keep_spin(rows, substeps * load(b, SPIN), manifolds.spin)
-        F = combine(n, t1, t2, (zero, total[0], total[1]))
+        F = combine(n, t1, t2, (zero, acted[1], acted[2]))
         if adds:
             F = add(gather_rows_3(friction_impulse, rows, 3, 0), F)
         scatter_rows_3(friction_impulse, rows, 3, 0, F)
-        total_N = _keep_normals(b, rows, points, manifolds.impulse, normal_impulse, substeps,
-                                adds)
-        _give_back(b, points, total_N, bodies, blocks.at_A[lanes], blocks.at_B[lanes], h)
+        _keep_normals(b, rows, points, manifolds.impulse, normal_impulse, substeps, adds)
+        _give_back(b, acted, bodies, blocks.at_A[lanes], blocks.at_B[lanes], h)
     return residual
 
 
@@ -358,24 +356,21 @@ def _keep_spin(rows: IntArray, spin: Eight, kept: Array) -> None:
 
 @part
 def _keep_normals(b: Array, rows: IntArray, points: int, impulse: Array, normal_impulse: Array,
-                  substeps: int, adds: bool) -> Eight:
-    """Keep the normal impulses; return their sums over the whole step."""
-    sum_of_all = spread(0.0)
+                  substeps: int, adds: bool) -> None:
+    """Keep the normal impulses."""
     for p in range(POINTS if points > 1 else 1):
         point, first = POINT + p * POINT_ROWS, p * impulse.shape[1]
         total = load(b, point + TOTAL)
-        sum_of_all = sum_of_all + total
         if adds:
             (before,) = gather_rows_1(normal_impulse, rows, 1, first)
             total = before + total
         scatter_rows_1(normal_impulse, rows, 1, first, (total,))
         scatter_rows_1(impulse, rows, 1, first, (substeps * load(b, point + IMPULSE),))
-    return sum_of_all
 
 
 @part
-def _give_back(b: Array, points: int, total_N: Eight, bodies: SolverBodies, at_A: IntArray,
-               at_B: IntArray, h: float) -> None:
+def _give_back(b: Array, acted: Three, bodies: SolverBodies, at_A: IntArray, at_B: IntArray,
+               h: float) -> None:
     """
     Take half of the L that a pair gained from each of its bodies: the point follows both.
 
@@ -384,14 +379,14 @@ def _give_back(b: Array, points: int, total_N: Eight, bodies: SolverBodies, at_A
     """
     A, B = gather(bodies.total, at_A), gather(bodies.total, at_B)
     shove = h * load(b, SHOVE)
-    gained = gain_of(b, points, (h * (B[0] - A[0]), h * (B[1] - A[1]), h * (B[2] - A[2])))
+    gained = gain_of(b, acted, (h * (B[0] - A[0]), h * (B[1] - A[1]), h * (B[2] - A[2])))
     if any_of(shove > 0.0):
         A, B, n = gather(bodies.drifted, at_A), gather(bodies.drifted, at_B), load_three(b, NORMAL)
         v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
         gained = add(gained, cross((shove * n[0], shove * n[1], shove * n[2]), v))
     A, B = gather(bodies.motion, at_A), gather(bodies.motion, at_B)
     pair = select(both(A[INV_M] > 0.0, B[INV_M] > 0.0), 1.0, 0.0)
-    held = select(total_N + dot(gained, gained) > 0.0, pair, 0.0)
+    held = select(acted[0] + dot(gained, gained) > 0.0, pair, 0.0)
     if not any_of(held > 0.0):
         return
     half = (-0.5 * held * gained[0], -0.5 * held * gained[1], -0.5 * held * gained[2])
