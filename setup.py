@@ -76,7 +76,8 @@ setup(
         'render': RENDER,
         'ros': [*ROS_WHEELS, *VIEW],
         'test': [*EXPORT, *PLOT, *RENDER, *ROS_WHEELS, *VIEW, 'colcon-common-extensions',
-                 'hypothesis', 'mcap-ros2-support', 'playwright>=1.40', 'pytest'],
+                 'hypothesis', 'mcap-ros2-support', 'playwright>=1.40', 'pytest',
+                 'pytest-rerunfailures'],
         'view': VIEW,
         'lint': [
             'flake8',
