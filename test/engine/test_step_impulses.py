@@ -15,7 +15,8 @@ from rigid_sim_ros.engine.lanes import LANES
 from rigid_sim_ros.engine.manifolds import earlier_manifolds, slice_in_use
 from rigid_sim_ros.engine.sequential import SequentialSettings
 from rigid_sim_ros.engine.shapes import Material
-from rigid_sim_ros.engine.solver_bodies import begin_push, drift_bodies, INV_M, STRIDE
+from rigid_sim_ros.engine.solver_bodies import (
+    begin_push, drift_and_kick, drift_bodies, INV_M, STRIDE)
 from rigid_sim_ros.engine.timestep import TimestepSettings
 
 
@@ -86,5 +87,10 @@ def test_what_nobody_pushed_drifts_as_it_moves(pushed):
         assert (drifted[by_mass] == motion[by_mass]).all() and np.count_nonzero(drifted) == slots
         drifted[STRIDE:] = rng.normal(0.0, 1.0, (slots - 1) * STRIDE)
         u += drifted
+    ended, total, smooth, base = drifted.copy(), *rng.normal(0.0, 1.0, (3, slots * STRIDE))
+    sums = total.copy()
     drift_bodies(0, used, motion, drifted, pushed)
     assert (drifted == u).all()
+    # Before the last substep it is added to the sums besides.
+    drift_and_kick(0, used, motion, ended, total, pushed, smooth, base, 0.1)
+    assert (ended == u).all() and (total == sums + u).all()
