@@ -1,7 +1,9 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """The part of the page that drives a simulation: pace, recording, and one chosen body."""
+import asyncio
 from collections.abc import Sequence
+import time
 from typing import Any
 
 import numpy as np
@@ -17,7 +19,7 @@ _SECOND = 1_000_000_000
 _SLOWEST, _FASTEST = 0.05, 5.0
 _NONE = '-'
 _WORLD_AXES, _BODY_AXES = 'world axes', 'body axes'
-# [s] After a button was pressed, older reports do not turn it back.
+# [s] After a button was pressed or the speed was set, older reports do not turn it back.
 _PATIENCE = 1.5
 
 
@@ -30,7 +32,7 @@ class PacePanel:
         self._driver = driver
         self.is_paused = False
         self._is_recording = False
-        self._turned_at = -_PATIENCE
+        self._turned_at = self._sped_at = -_PATIENCE
         self.status = gui.add_markdown('looking for a simulation ...')
         self._pause = gui.add_button('Pause', icon=viser.Icon.PLAYER_PAUSE)
         self._step = gui.add_button('Step', icon=viser.Icon.PLAYER_SKIP_FORWARD)
@@ -42,7 +44,7 @@ class PacePanel:
         self._unlimited = gui.add_checkbox('as fast as possible', initial_value=False)
         self._record = gui.add_button('Record', icon=viser.Icon.PLAYER_RECORD, color='red')
         self._recorded = gui.add_markdown('not recording')
-        self._pause.on_click(lambda _: self._driver.pause(not self.is_paused, self._answer))
+        self._pause.on_click(lambda _: self._set_paused(not self.is_paused))
         self._step.on_click(lambda _: self._driver.trigger('step', self._answer))
         self._reset.on_click(lambda _: self._driver.trigger('reset', self._answer))
         self._speed.on_update(self._set_speed)
@@ -54,6 +56,7 @@ class PacePanel:
         """Show what the simulation says of itself; now [s] is wall time."""
         if pace is not None and now - self._turned_at > _PATIENCE:
             self.show_paused(pace.message == 'paused')
+        if pace is not None and now - self._sped_at > _PATIENCE:
             self._show_speed(pace.values.get('real-time factor wanted', ''))
         text = 'not recording'
         is_recording = False
@@ -75,10 +78,15 @@ class PacePanel:
             self._pause.label = 'Go on' if paused else 'Pause'
             self._pause.icon = viser.Icon.PLAYER_PLAY if paused else viser.Icon.PLAYER_PAUSE
 
-    def turned(self, paused: bool, now: float) -> None:
-        """Note that the simulation has paused or gone on just now."""
-        self._turned_at = now
-        self.show_paused(paused)
+    def _set_paused(self, paused: bool) -> None:
+        def said(text: str, is_well: bool) -> None:
+            if is_well:
+                # Who replays a bag reports nothing while it pauses.
+                self._turned_at = time.monotonic()
+                self.show_paused(paused)
+            self._answer(text, is_well)
+
+        self._driver.pause(paused, said)
 
     def _show_speed(self, wanted: str) -> None:
         is_unlimited = wanted == 'unlimited'
@@ -86,11 +94,14 @@ class PacePanel:
         if wanted and not is_unlimited:
             put(self._speed, min(max(float(wanted), _SLOWEST), _FASTEST))
 
-    def _set_speed(self, event: viser.GuiEvent[Any]) -> None:
+    async def _set_speed(self, event: viser.GuiEvent[Any]) -> None:
+        # async: viser calls it as soon as the value is here; in a thread, some time later, a
+        # report from before could have put the old value back.
         if event.client is None:
             return          # it was this program that moved the slider
+        self._sped_at = time.monotonic()
         factor = 0.0 if self._unlimited.value else float(self._speed.value)
-        self._driver.set_speed(factor, self._answer)
+        await asyncio.to_thread(self._driver.set_speed, factor, self._answer)
 
     def _answer(self, text: str, is_well: bool) -> None:
         notify(self._server, text, is_well)

@@ -31,6 +31,8 @@ from std_srvs.srv import SetBool, Trigger
 # s: far more than anything here takes, so that only what never happens fails.
 PATIENCE = 180.0
 LOST = 20.0     # s after which an answer of a service will not come any more
+# s: what was lost on its way is missed at the next heartbeat, every 3 s by default of Fast DDS.
+SILENCE = 5.0
 
 # Deep enough for everything that a test waits for.
 DEEP = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
@@ -201,6 +203,18 @@ class Probe:
                     assert not process.has_failed(), process.stderr
                 self._changed.wait(0.02)
         return value
+
+    def wait_for_silence(self, received: list[Any]) -> None:
+        """Wait until no message has come for a while; the last may come late."""
+        seen, since = -1, 0.0
+
+        def is_silent() -> bool:
+            nonlocal seen, since
+            if len(received) != seen:
+                seen, since = len(received), time.monotonic()
+            return time.monotonic() - since > SILENCE
+
+        self.wait_for(is_silent, 'silence')
 
     def some(
         self, message: type, topic: str, count: int = 1, qos: QoSProfile = DEEP,

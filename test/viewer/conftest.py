@@ -1,37 +1,12 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Fixtures of the tests of the page: a real browser, and ROS where a test needs it."""
+"""Fixtures of the tests of the page: a real browser, and a simulation that it shows."""
 from collections.abc import Iterator
 from pathlib import Path
 import shutil
 from typing import Any
 
 import pytest
-
-
-@pytest.fixture(scope='session')
-def ros() -> Iterator[None]:
-    """Start ROS in a domain of its own, unless other tests have."""
-    import rclpy
-
-    from nodes.live import start_ros, stop_ros
-
-    is_first = not rclpy.ok()
-    if is_first:
-        start_ros()
-    yield
-    if is_first:
-        stop_ros()
-
-
-@pytest.fixture(scope='module')
-def probe(ros: None) -> Iterator[Any]:
-    """Give a node of the test."""
-    from nodes.live import Probe
-
-    probe = Probe()
-    yield probe
-    probe.close()
 
 
 @pytest.fixture(scope='module')

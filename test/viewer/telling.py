@@ -27,10 +27,10 @@ class Nobody:
 class Told:
     """A page of bodies on circles; each turn tells it everything anew, a chart's point too."""
 
-    def __init__(self, server: PageServer) -> None:
+    def __init__(self, server: PageServer, driver: Any = None) -> None:
         self._inbox = Inbox()
         self._inbox.node = '/told'
-        self._live = LivePage(server, self._inbox, Nobody())
+        self._live = LivePage(server, self._inbox, driver or Nobody())
         self.turns = 0
         self.show(SCENE)
 
@@ -61,7 +61,8 @@ class Told:
         """Return what /diagnostics would say: each figure another one."""
         k = self.turns
         figures = {
-            'pace': {'simulation time [s]': seconds, 'real-time factor': 0.5 + 0.01 * k},
+            'pace': {'simulation time [s]': seconds, 'real-time factor': 0.5 + 0.01 * k,
+                     'real-time factor wanted': 1},
             'physics': {
                 'energy [J]': 3.0 * k, 'kinetic energy [J]': k, 'potential energy [J]': 2.0 * k,
                 **{f'{kind} {axis} [{unit}]': sign * k + place

@@ -1,0 +1,66 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a user does in the page is not undone by what the simulation said before."""
+from collections.abc import Iterator
+from importlib.util import find_spec
+from itertools import count
+import threading
+from typing import Any
+from unittest import SkipTest
+
+if find_spec('rclpy') is None or find_spec('viser') is None:
+    raise SkipTest('rclpy or viser is not installed: pip install .[ros]')
+
+import pytest
+from viewer.browsing import Page
+from viewer.telling import Nobody, Told
+
+from rigid_sim_ros.viewer.server import start, stop
+
+OFTEN = 0.001   # s between two reports
+SPEEDS = 20
+
+
+class Listener(Nobody):
+    """Notes which speeds the page wants; the reports hold the first one all the time."""
+
+    def __init__(self) -> None:
+        self.speeds: list[float] = []
+
+    def set_speed(self, factor: float, answer: Any) -> None:
+        """Take note."""
+        self.speeds.append(factor)
+
+
+@pytest.fixture(scope='module')
+def driver() -> Listener:
+    return Listener()
+
+
+@pytest.fixture(scope='module')
+def page(browser: Any, driver: Listener) -> Iterator[Page]:
+    """Give a page that hears of a simulation at speed 1, which runs, much more often than ever."""
+    server, stopped = start('127.0.0.1', 0), threading.Event()
+    told = Told(server, driver)
+
+    def tell() -> None:
+        while not stopped.wait(OFTEN):
+            told.turn()
+
+    teller = threading.Thread(target=tell)
+    teller.start()
+    page = Page(browser, f'http://127.0.0.1:{server.get_port()}', (900, 600))
+    yield page
+    page.close()
+    stopped.set()
+    teller.join()
+    stop(server)
+
+
+def test_the_speed_that_is_set_is_the_one_that_was_typed(page, driver):
+    field = page.page.locator('input[inputmode]:visible').first
+    for k, speed in zip(range(SPEEDS), count(2.0, 0.05)):
+        driver.speeds.clear()
+        field.fill(f'{speed:.2f}')
+        page.wait_for(lambda: driver.speeds, 'the speed to be set')
+        assert driver.speeds[-1] == pytest.approx(speed), k
