@@ -2,10 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """The book of the wrenches in effect: what a world's users applied, and until when."""
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array
 from rigid_sim_ros.engine.wrenches import no_wrenches, Wrenches
+
+
+# What is said of a wrench.
+FIELDS = tuple(name for name in Wrenches._fields if name != 'in_use')
+_LEAST = 8      # rows to begin with
 
 
 class AppliedWrenches:
@@ -17,17 +24,17 @@ class AppliedWrenches:
 
     def __init__(self) -> None:
         """Begin with none."""
-        self._room = no_wrenches(8)
+        self._room = no_wrenches(_LEAST)
         self._sources: list[str] = []
-        self._rows = self._view()
-
-    def _view(self) -> Wrenches:
-        return Wrenches._make(field[:len(self._sources)] for field in self._room)
 
     @property
-    def rows(self) -> Wrenches:
-        """The rows, as the kernels read them and count them down."""
-        return self._rows
+    def room(self) -> Wrenches:
+        """The rows and room for more, as the kernels read them and count them down."""
+        return self._room
+
+    def rows(self) -> dict[str, np.ndarray]:
+        """Return the rows, by the names of their fields."""
+        return {name: getattr(self._room, name)[:len(self._sources)] for name in FIELDS}
 
     @property
     def sources(self) -> list[str]:
@@ -39,13 +46,10 @@ class AppliedWrenches:
         """Append a row."""
         r = len(self._sources)
         if r == self._room.body.shape[0]:
-            grown = no_wrenches(2 * r)
-            for new, old in zip(grown, self._room, strict=True):
-                new[:r] = old
-            self._room = grown
+            self._put(self.rows(), 2 * r)
         self._sources.append(source)
-        self._rows = self._view()
-        rows = self._rows
+        rows = self._room
+        rows.in_use[0] = r + 1
         rows.body[r], rows.frame[r], rows.at_point[r] = body, frame, point is not None
         rows.force[r], rows.torque[r] = force, torque
         rows.point[r] = 0.0 if point is None else point
@@ -60,20 +64,35 @@ class AppliedWrenches:
         """Drop the rows whose time is over."""
         if not self._sources:
             return      # of most steps
-        active = self._rows.steps_left > 0
+        active = self._room.steps_left[:len(self._sources)] > 0
         if not active.all():
             self._keep(active)
 
-    def replace(self, rows: Wrenches, sources: list[str]) -> None:
-        """Put these rows in the place of all."""
-        self._room = Wrenches._make(np.concatenate([row, free]) for row, free in zip(
-            rows, no_wrenches(8), strict=True))
+    def steps_until_one_ends(self, at_most: int) -> int:
+        """Return how many steps can be taken with all of them, up to a limit."""
+        if not self._sources:
+            return at_most
+        return min(at_most, int(self._room.steps_left[:len(self._sources)].min()))
+
+    def replace(self, rows: Mapping[str, np.ndarray], sources: Sequence[str]) -> None:
+        """Put these rows in the place of all, as `rows` returns them."""
         self._sources = list(sources)
-        self._rows = self._view()
+        self._put(rows, len(sources) + _LEAST)
+
+    def clear(self) -> None:
+        """Drop all rows."""
+        self._sources = []
+        self._room.in_use[0] = 0
+
+    def _put(self, rows: Mapping[str, np.ndarray], room: int) -> None:
+        self._room = no_wrenches(room)
+        for name, row in rows.items():
+            getattr(self._room, name)[:len(row)] = row
+        self._room.in_use[0] = len(self._sources)
 
     def _keep(self, chosen: np.ndarray) -> None:
-        for field in self._room:
-            kept = field[:len(self._sources)][chosen]
-            field[:len(kept)] = kept
+        for row in self.rows().values():
+            kept = row[chosen]
+            row[:len(kept)] = kept
         self._sources = [name for name, keep in zip(self._sources, chosen, strict=True) if keep]
-        self._rows = self._view()
+        self._room.in_use[0] = len(self._sources)

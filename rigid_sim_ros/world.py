@@ -10,19 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rigid_sim_ros.applied import AppliedWrenches
+from rigid_sim_ros.applied import AppliedWrenches, FIELDS
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.contact_models import (
     ContactReport, make_contact_model, Setup)
 from rigid_sim_ros.engine.forces import add_gravity, add_scene_forces
 from rigid_sim_ros.engine.frames import point_on_frame, vector_on_frame
+from rigid_sim_ros.engine.kept import Kept
 from rigid_sim_ros.engine.loads import empty_loads
 from rigid_sim_ros.engine.model import WORLD
 from rigid_sim_ros.engine.numbering import order_by_place, renumbered
 from rigid_sim_ros.engine.state import (
     add_impulse, BodyMotion, copy_into, copy_state, empty_motion,
     first_unfinite, kinetic_energy, read_motion, State, total_angular_momentum, write_motion)
-from rigid_sim_ros.engine.wrenches import Wrenches
 from rigid_sim_ros.scene import read_scene, Scene, scene_from_dict
 from rigid_sim_ros.snapshot import pack, unpack
 
@@ -68,6 +68,7 @@ class World:
         self._contact = make_contact_model(scene.contact, Setup(
             self._model, shapes, scene.materials, scene.integrator, scene.orientation,
             scene.solver, collision.continuous, collision.substeps, collision.sleep_after))
+        self._kept = Kept()
         self._motion = empty_motion(len(self.names))
         self._motion_is_current = False
         self._threads = 1
@@ -121,27 +122,26 @@ class World:
         while done < count:
             # Wrenches leave the book when their time is over, so that a step without any costs
             # nothing for them.
-            batch = self._steps_until_a_wrench_ends(int(count) - done)
-            self._contact.advance(self._state, self._applied.rows, batch)
+            batch = self._applied.steps_until_one_ends(int(count) - done)
+            self._contact.advance(self._state, self._applied.room, batch)
             self._applied.remove_finished()
             done += batch
             self.step_index += batch
-        broken = first_unfinite(self._state)
+        broken = self._box().run(first_unfinite)
         if broken >= 0:
             raise ArithmeticError(
                 f"body '{self.names[self._order[broken]]}': its motion is no longer finite at "
                 f'step {self.step_index}; use a step smaller than {self._model.h:g} s or softer '
                 'forces')
 
-    def _steps_until_a_wrench_ends(self, at_most: int) -> int:
-        left = self._applied.rows.steps_left
-        return min(at_most, int(left.min())) if left.shape[0] else at_most
-
     # --- motion -------------------------------------------------------------------------------
+
+    def _box(self) -> Any:
+        return self._kept.box(self._model, self._state, self._motion)
 
     def _current_motion(self) -> BodyMotion:
         if not self._motion_is_current:
-            read_motion(self._model, self._state, self._motion)
+            self._box().run(read_motion)
             self._motion_is_current = True
         return self._motion
 
@@ -370,7 +370,7 @@ class World:
 
     def _dynamic(self) -> dict[str, np.ndarray]:
         """Return every array that the next step depends on, by name."""
-        return {**self._state._asdict(), **self._applied.rows._asdict(),
+        return {**self._state._asdict(), **self._applied.rows(),
                 **self._contact.lasting()}
 
     def state_hash(self) -> int:
@@ -403,17 +403,16 @@ class World:
                              'another version; run the scene from its start')
         # First what may be refused, so that a refusal changes nothing.
         self._contact.recall({name: array for name, array in arrays.items()
-                              if name not in State._fields + Wrenches._fields})
+                              if name not in State._fields + FIELDS})
         copy_into(self._state, State._make(arrays[field] for field in State._fields))
-        self._applied.replace(Wrenches._make(arrays[field] for field in Wrenches._fields),
-                              meta['sources'])
+        self._applied.replace({name: arrays[name] for name in FIELDS}, meta['sources'])
         self.step_index = meta['step_index']
         self._motion_is_current = False
 
     def reset(self, keep_time: bool = False) -> None:
         """Return to the initial state, wrenches ended; time restarts at 0 unless kept."""
         copy_into(self._state, self._start)
-        self._applied = AppliedWrenches()
+        self._applied.clear()
         self._contact.recall({})
         self._motion_is_current = False
         if not keep_time:

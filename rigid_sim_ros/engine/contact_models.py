@@ -105,8 +105,8 @@ class FreeMotion(_OneThread):
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
         """Advance the state."""
-        box = self._kept.box(self._model, state, self._work)
-        self._advance(box, wrenches, self._orientation, count)
+        box = self._kept.box(self._model, state, wrenches, self._work)
+        box.run(self._advance, self._orientation, count)
 
     def lasting(self) -> dict[str, np.ndarray]:
         """Return nothing: the state is all there is."""

@@ -64,6 +64,19 @@ class _Box:
         if self.slots.shape != (self.type.slots,):
             raise AssertionError(f'{len(self.slots)} parts for {self.type.slots} slots')
         self.address = self.slots.ctypes.data
+        self._compiled: dict[Any, Any] = {}
+
+    def run(self, kernel: Any, *numbers: int) -> Any:
+        """
+        Return what a kernel returns for this box and some ints.
+
+        Called as usual it would ask Python for the type of the box each time: 1.5 us.
+        """
+        compiled = self._compiled.get(kernel)
+        if compiled is None:
+            compiled = kernel.compile((self.type, *(types.int64 for _ in numbers)))
+            self._compiled[kernel] = compiled
+        return compiled(self, *numbers)
 
 
 def _parts(value: Any, kind: Any, packed: bool = False) -> list[int]:

@@ -49,7 +49,7 @@ def no_rest(n: int) -> Rest:
 @kernel
 def mark_pushed(wrenches: Wrenches, rest: Rest) -> None:
     """Let bodies that a wrench acts on begin to rest anew; -1 for `wake_disturbed` to see it."""
-    for r in range(wrenches.body.shape[0]):
+    for r in range(wrenches.in_use[0]):
         rest.steps[wrenches.body[r]] = -1
 
 

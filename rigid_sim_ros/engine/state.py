@@ -8,11 +8,12 @@ Vector"), with R as a unit quaternion. Momenta are the state, velocities follow:
 I^-1 L.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array
+from rigid_sim_ros.engine.kept import contents, held
 from rigid_sim_ros.engine.kernel import inlined, kernel
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.rotation import (
@@ -64,8 +65,13 @@ def copy_into(target: State, source: State) -> None:
 
 
 @kernel
-def first_unfinite(state: State) -> int:
-    """Return the first body whose motion is not finite, -1 if all are."""
+def first_unfinite(box: Any) -> int:
+    """
+    Return the first body whose motion is not finite, -1 if all are.
+
+    The box holds a model, its state, and the motion of its body frames.
+    """
+    state = held(box, 1)
     for i in range(state.x.shape[1]):
         total = 0.0
         for k in range(3):
@@ -96,12 +102,13 @@ def body_spin(model: Model, state: State, i: int) -> tuple[float, float, float]:
 
 
 @kernel
-def read_motion(model: Model, state: State, motion: BodyMotion) -> None:
+def read_motion(box: Any) -> None:
     """
-    Write the motion of the body frames.
+    Write the motion of the body frames: in a box, the model, the state, and where to write it.
 
     p_WB = x + R p_CB, q_WB = q_WC q_CB, v_B = v + w x (p_WB - x).
     """
+    model, state, motion = contents(box)
     for i in range(model.m.shape[0]):
         q = quaternion(state.q, i)
         r = rotate(q, row(model.p_CB, i))

@@ -9,15 +9,15 @@ from rigid_sim_ros.engine.free_flight import fly
 from rigid_sim_ros.engine.integrate import euler, rk4, semi_implicit, symplectic
 from rigid_sim_ros.engine.kept import contents
 from rigid_sim_ros.engine.kernel import kernel
-from rigid_sim_ros.engine.wrenches import count_down, Wrenches
+from rigid_sim_ros.engine.wrenches import count_down
 
 
 def _free_motion(integrate: Callable[..., None]) -> Any:
     """Return the kernel that steps bodies which do not touch, with one of the integrators."""
 
     @kernel
-    def advance(box: Any, wrenches: Wrenches, orientation: int, count: int) -> None:
-        model, state, work = contents(box)
+    def advance(box: Any, orientation: int, count: int) -> None:
+        model, state, wrenches, work = contents(box)
         for _ in range(count):
             integrate(model, state, wrenches, orientation, work)
             count_down(wrenches)
@@ -26,9 +26,9 @@ def _free_motion(integrate: Callable[..., None]) -> Any:
 
 
 @kernel
-def _free_motion_symplectic(box: Any, wrenches: Wrenches, orientation: int, count: int) -> None:
-    model, state, work = contents(box)
-    if model.forces.kind.shape[0] + wrenches.body.shape[0] == 0:
+def _free_motion_symplectic(box: Any, orientation: int, count: int) -> None:
+    model, state, wrenches, work = contents(box)
+    if model.forces.kind.shape[0] + wrenches.in_use[0] == 0:
         g = model.gravity
         fly(model, state, (g[0], g[1], g[2]), model.h, count, work.block)
         return
@@ -37,7 +37,7 @@ def _free_motion_symplectic(box: Any, wrenches: Wrenches, orientation: int, coun
         count_down(wrenches)
 
 
-# Each takes a box of model, state and `Work`, the wrenches, how to turn, and how many steps.
+# Each takes a box of model, state, wrenches and `Work`, how to turn, and how many steps.
 FREE_MOTION: dict[str, Any] = {
     'euler': _free_motion(euler),
     'semi_implicit': _free_motion(semi_implicit),

@@ -9,7 +9,7 @@ bodies that touch nothing fly as if there were no contacts at all, by the symple
 
 from typing import Any, NamedTuple
 
-from numba import typeof
+from numba import types
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers
@@ -113,20 +113,20 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
     done, kept = 0, kept or Kept(PIECES)
     desk = _NOBODY if helper is None else helper.desk
     while True:
-        box = kept.box(model, state, shapes, materials, memory, settings, work, rest,
+        box = kept.box(model, state, wrenches, shapes, materials, memory, settings, work, rest,
                        kept.addresses, desk)
         if kept.compiled_for is not box:
-            kinds = box.type, typeof(wrenches), typeof(count)
+            kinds = box.type, types.int64
             kept.addresses[:] = compile_together(
                 _advance_kept, kinds, _pieces(model, materials, settings, helper is not None),
                 _SHARED_OUT)
             kept.compiled_for = box
         some = count - done if helper is None else min(count - done, _STEPS_WITHOUT_HELP)
         if helper is None or current_manifolds(memory).count[0] < ENOUGH:
-            taken = _advance_kept(box, wrenches, some)
+            taken = box.run(_advance_kept, some)
         else:
             with helper:
-                taken = _advance_kept(box, wrenches, some)
+                taken = box.run(_advance_kept, some)
         done += taken
         if done == count:
             return memory, work
@@ -140,8 +140,8 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
 # Steps in one call of a world that a helper may help, for until the next one nobody calls it.
 _STEPS_WITHOUT_HELP = 64
 # The arguments in a box, by their places in it.
-(_MODEL, _STATE, _SHAPES, _MATERIALS, _MEMORY, _SETTINGS, _WORK, _REST, _ADDRESSES,
- _DESK) = range(10)
+(_MODEL, _STATE, _WRENCHES, _SHAPES, _MATERIALS, _MEMORY, _SETTINGS, _WORK, _REST, _ADDRESSES,
+ _DESK) = range(11)
 _NOBODY = make_desk()
 
 
@@ -237,35 +237,35 @@ def _pieces(model: Model, materials: Materials, settings: TimestepSettings,
 
 
 @apart
-def _sum_loads(box: Any, to: IntArray, wrenches: Wrenches, loads: Loads, later: int) -> None:
+def _sum_loads(box: Any, to: IntArray, loads: Loads, later: int) -> None:
     """Do what `sum_loads` does, the forces of the scene by address."""
     model, state = held(box, _MODEL), held(box, _STATE)
     begin_loads(model, state, loads)
     if model.forces.kind.shape[0] > 0:
         call(to[_TO_FORCES], box, later)
-    end_loads(model, state, wrenches, loads)
+    end_loads(model, state, held(box, _WRENCHES), loads)
 
 
 @kernel
-def _advance_kept(box: Any, wrenches: Wrenches, count: int) -> int:
+def _advance_kept(box: Any, count: int) -> int:
     """Take steps until `count` are done or a buffer is too small; return how many were done."""
     for step in range(count):
-        if not _step(box, wrenches):
+        if not _step(box):
             return step
     return count
 
 
 @kernel
-def _step(box: Any, wrenches: Wrenches) -> bool:
+def _step(box: Any) -> bool:
     """Take a step; return whether it was done, not left at its beginning for want of room."""
-    model, state, shapes = held(box, _MODEL), held(box, _STATE), held(box, _SHAPES)
-    memory, settings = held(box, _MEMORY), held(box, _SETTINGS)
+    model, state, wrenches = held(box, _MODEL), held(box, _STATE), held(box, _WRENCHES)
+    shapes, memory, settings = held(box, _SHAPES), held(box, _MEMORY), held(box, _SETTINGS)
     work, rest = held(box, _WORK), held(box, _REST)
     to, desk = held(box, _ADDRESSES), held(box, _DESK)
     g, sleeps = model.gravity, settings.sleep_steps > 0
-    loaded = model.forces.kind.shape[0] + wrenches.body.shape[0] > 0
+    loaded = model.forces.kind.shape[0] + wrenches.in_use[0] > 0
     if sleeps:
-        _sum_loads(box, to, wrenches, work.loads, 0)
+        _sum_loads(box, to, work.loads, 0)
         mark_pushed(wrenches, rest)
         call(to[_TO_SLEEP], box, _DISTURBED)
     many = current(memory).count[0] >= ENOUGH
@@ -285,7 +285,7 @@ def _step(box: Any, wrenches: Wrenches) -> bool:
     if sleeps:
         call(to[_TO_SLEEP], box, _TOUCHED)
     elif loaded or work.plain[0] == 0:
-        _sum_loads(box, to, wrenches, work.loads, 0)
+        _sum_loads(box, to, work.loads, 0)
         work.plain[0] = 0 if loaded else 1
     if sleeps or to[_TO_COLLIDE] != 0:
         # Of all others the solver writes them.
@@ -299,7 +299,7 @@ def _step(box: Any, wrenches: Wrenches) -> bool:
                    settings.sequential.substeps, work.block, work.solver)
     if loaded:
         # As in the symplectic method: half of the change of the loads, now at the new poses.
-        _sum_loads(box, to, wrenches, work.later, 1)
+        _sum_loads(box, to, work.later, 1)
         kick(state, work.later, 0.5 * model.h)
         kick(state, work.loads, -0.5 * model.h)
     if sleeps:

@@ -17,7 +17,11 @@ from rigid_sim_ros.engine.vector import add, add_to_column, column, row
 
 
 class Wrenches(NamedTuple):
-    """Wrenches in effect, a row each, in the order in which they were applied."""
+    """
+    Wrenches in effect, a row each, in the order in which they were applied; then room for more.
+
+    So a world that gets wrenches has the same arrays from step to step (see `kept.py`).
+    """
 
     body: IntArray  # (r,) the body they act on
     frame: IntArray  # (r,) whose axes they are given in, WORLD for the world
@@ -26,14 +30,15 @@ class Wrenches(NamedTuple):
     torque: Array  # (r, 3) [N m], axes of `frame`
     point: Array  # (r, 3) [m], in `frame`
     steps_left: IntArray  # (r,) acts for this many more steps
+    in_use: IntArray  # (1,) how many rows there are
 
 
-def no_wrenches(rows: int = 0) -> Wrenches:
-    """Return room for some wrenches."""
+def no_wrenches(room: int = 0) -> Wrenches:
+    """Return no wrenches, and room for some."""
     return Wrenches(
-        np.zeros(rows, dtype=np.int64), np.zeros(rows, dtype=np.int64),
-        np.zeros(rows, dtype=np.int64), np.zeros((rows, 3)), np.zeros((rows, 3)),
-        np.zeros((rows, 3)), np.zeros(rows, dtype=np.int64))
+        np.zeros(room, dtype=np.int64), np.zeros(room, dtype=np.int64),
+        np.zeros(room, dtype=np.int64), np.zeros((room, 3)), np.zeros((room, 3)),
+        np.zeros((room, 3)), np.zeros(room, dtype=np.int64), np.zeros(1, dtype=np.int64))
 
 
 @kernel
@@ -43,7 +48,7 @@ def add_wrenches(model: Model, state: State, wrenches: Wrenches, loads: Loads) -
 
     Their frames are looked up anew each time: a force in the axes of a body turns with it.
     """
-    for r in range(wrenches.body.shape[0]):
+    for r in range(wrenches.in_use[0]):
         if wrenches.steps_left[r] <= 0:
             continue
         body = wrenches.body[r]
@@ -59,6 +64,6 @@ def add_wrenches(model: Model, state: State, wrenches: Wrenches, loads: Loads) -
 @kernel
 def count_down(wrenches: Wrenches) -> None:
     """Let one step pass for the wrenches in effect."""
-    for r in range(wrenches.steps_left.shape[0]):
+    for r in range(wrenches.in_use[0]):
         if wrenches.steps_left[r] > 0:
             wrenches.steps_left[r] -= 1

@@ -28,8 +28,13 @@ def add_up(box, weight):
     return total[0]
 
 
-add_up.__module__ = engine_kept.__name__    # whose place in the cache it gets
-add_up = kernel(add_up)
+def double(box):
+    _, _, (_, total) = contents(box)
+    return 2 * total[0]
+
+
+add_up.__module__ = double.__module__ = engine_kept.__name__    # whose place in the cache they get
+add_up, double = kernel(add_up), kernel(double)
 
 
 def pair(n):
@@ -64,3 +69,12 @@ def test_boxes_of_other_types_are_told_apart():
     flags, total = pair(3)
     assert add_up(Kept().box(work(3), SETTINGS, (flags.astype(np.int32), total)), 1.0) == 37
     assert add_up(Kept().box(work(3), SETTINGS, (flags, total)), 1.0) == 37
+
+
+def test_a_box_runs_kernels_of_its_type_with_numbers():
+    for kind, weight in ((np.int64, 2), (np.int32, 3), (np.int64, 4)):
+        flags, total = pair(3)
+        box = Kept().box(work(3), SETTINGS, (flags.astype(kind), total))
+        for _ in range(2):
+            assert box.run(add_up, weight) == 25 + weight * (3 + 4 + 5)
+            assert box.run(double) == 2 * (25 + weight * (3 + 4 + 5))
