@@ -4,10 +4,10 @@
 Kernels that one kernel calls by address, so that two processes can compile them.
 
 To compile the kernels of a step takes half a minute, and Numba uses one core. So the step's kernel
-calls its largest pieces through pointers, once a step each. Before the first step a helper, a
-process of its own, compiles these into the cache while this process compiles the rest, which then
-loads what it finds there. Nothing rests on the helper: what the cache does not hold when it ends,
-however it ends, is compiled here.
+calls its largest pieces through pointers, once a step each. Before the first step, and as soon as
+a scene is built, a helper, a process of its own, compiles these into the cache while this process
+compiles the rest, which then loads what it finds there. Nothing rests on the helper: what the
+cache does not hold when it ends, however it ends, is compiled here.
 
 The helper ends with its work or with this process, whichever comes first: it reads from a pipe
 whose other end closes when this process ends, however that ends.
@@ -33,6 +33,7 @@ from rigid_sim_ros.engine.kernel_linking import SUPPORTED
 PATIENCE = 120.0
 _ROOT = Path(__file__).parents[2]
 _lock = threading.Lock()
+_begun: list[Any] = []      # a helper that nobody has waited for yet
 
 
 def compile_together(caller: Any, arguments: Sequence[Any], pieces: Sequence[Any],
@@ -52,6 +53,19 @@ def compile_together(caller: Any, arguments: Sequence[Any], pieces: Sequence[Any
             for piece in filter(None, pieces[shared_out:]):
                 piece.compile(kinds)
         return [_address(piece, kinds) if piece else 0 for piece in pieces]
+
+
+def begin(pieces: Sequence[Any], box: Any) -> None:
+    """
+    Let a helper compile some pieces from now on, for `compile_together` to wait for it.
+
+    `box` is the type of their first argument, as there. What is in the cache needs no helper.
+    """
+    kinds = box, types.int64
+    with _lock:
+        missing = [piece for piece in pieces if not _is_cached(piece, kinds)]
+        if missing and not _begun and (helper := _start(missing, kinds)) is not None:
+            _begun.append(helper)
 
 
 def _address(piece: Any, arguments: Any) -> int:
@@ -77,7 +91,9 @@ def _is_cached(piece: Any, arguments: Any) -> bool:
 @contextmanager
 def _helped(pieces: Sequence[Any], arguments: Any) -> Iterator[None]:
     """Let a helper compile some kernels meanwhile; wait for it in the end."""
-    helper = _start(pieces, arguments) if pieces else None
+    helper = _begun.pop() if _begun else None
+    if helper is None and pieces:
+        helper = _start(pieces, arguments)
     if helper is None:
         yield
         return

@@ -111,10 +111,10 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
     halves of what many contacts need; the results are the same bits.
     """
     done, kept = 0, kept or Kept(PIECES)
-    desk = _NOBODY if helper is None else helper.desk
+    desk = None if helper is None else helper.desk
     while True:
-        box = kept.box(model, state, wrenches, shapes, materials, memory, settings, work, rest,
-                       kept.addresses, desk)
+        box = boxed(kept, model, state, wrenches, shapes, materials, memory, settings, work, rest,
+                    desk)
         if kept.compiled_for is not box:
             kinds = box.type, types.int64
             kept.addresses[:] = compile_together(
@@ -135,6 +135,14 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
         memory = grown(memory)
         if memory.pages[0].shape_a.shape[0] > work.collision.rows.shape[0]:
             work = make_timestep_work(model, shapes, memory)
+
+
+def boxed(kept: Kept, model: Model, state: State, wrenches: Wrenches, shapes: Shapes,
+          materials: Materials, memory: Memory, settings: TimestepSettings, work: TimestepWork,
+          rest: Rest, desk: IntArray | None = None) -> Any:
+    """Return the box that the kernels of a step get; without a desk nobody helps."""
+    return kept.box(model, state, wrenches, shapes, materials, memory, settings, work, rest,
+                    kept.addresses, _NOBODY if desk is None else desk)
 
 
 # Steps in one call of a world that a helper may help, for until the next one nobody calls it.
@@ -225,6 +233,7 @@ def _sleep(box: Any, when: int) -> int:
 # as all others together.
 _TO_DETECT, _TO_COLLIDE, _TO_SOLVE, _TO_FORCES, _TO_SLEEP, _TO_SHARE = range(6)
 PIECES, _SHARED_OUT = 6, 1
+ALWAYS = [_detect]    # what every world has a helper compile
 
 
 def _pieces(model: Model, materials: Materials, settings: TimestepSettings,

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
+from rigid_sim_ros.engine.beforehand import compile_beforehand
 from rigid_sim_ros.engine.inertia import check, MassProperties
 from rigid_sim_ros.engine.model import Body, build_model, Frame, Model
 from rigid_sim_ros.engine.penalty import check_step
@@ -58,6 +59,9 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source) ->
     Mesh files are looked for in `folder`; None: the scene must hold its meshes itself. `source`
     says where in the file a mistake stands.
     """
+    if (spec.world.contact, spec.world.solver) == ('timestep', 'sequential') and (
+            len(spec.bodies) > 1):
+        compile_beforehand()
     problems: list[Problem] = []
 
     def report(path: Place, message: str) -> None:

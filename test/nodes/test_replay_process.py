@@ -97,7 +97,7 @@ def test_a_flipped_bit_ends_the_replay_where_it_is_reached(probe, tmp_path) -> N
     assert len(heard) <= 150
 
 
-# Prints what it hears on a topic.
+# Prints 'found' once it has found who publishes on a topic, and then what it hears there.
 LISTENER = """
 import signal
 import rclpy
@@ -110,6 +110,9 @@ def hear(message):
     print(message.data[:20].strip(), flush=True)
 
 heard = node.create_subscription(String, '/chatter', hear, 99)
+while not heard.get_publisher_count():
+    rclpy.spin_once(node, timeout_sec=0.1)
+print('found', flush=True)
 rclpy.spin(node)
 """
 
@@ -118,27 +121,29 @@ def lines_of(file: Path, count: int) -> list[str]:
     """Return the lines of a file, once there are so many."""
     end = time.monotonic() + PATIENCE
     while len(lines := file.read_text(encoding='utf-8').splitlines()) < count:
-        assert time.monotonic() < end, lines
+        assert time.monotonic() < end, f'waited {PATIENCE} s for {count} lines: {lines}'
         time.sleep(0.05)
     return lines
 
 
-def test_a_subscriber_that_stands_still_at_the_end_still_gets_all(ros, tmp_path) -> None:
+def test_a_subscriber_that_stands_still_at_the_end_still_gets_all(probe, tmp_path) -> None:
     # So large that they do not all find room in the buffers between the two.
     count, step = 40, 0.05
     bag = mcap(tmp_path / 'a.mcap', [
         (int((1.0 + k * step) * SECOND), '/chatter', encode_string(f'{k}'.ljust(200_000)))
         for k in range(count)])
     with kept(Process([sys.executable, '-c', LISTENER], tmp_path / 'listener')) as listener, \
-            kept(replay(tmp_path, bag)) as process:
+            kept(replay(tmp_path, bag, paused=True)) as process:
         heard = tmp_path / 'listener' / 'stdout'
-        lines_of(heard, count // 2)
+        lines_of(heard, 1)
+        probe.pause(False, '/replay')
+        lines_of(heard, 1 + count // 2)
         # Until a second after the last message was sent.
         listener.signal(signal.SIGSTOP)
         time.sleep(count // 2 * step + 1.0)
         listener.signal(signal.SIGCONT)
         assert process.wait() == 0
-        assert lines_of(heard, count) == [f'{k}' for k in range(count)]
+        assert lines_of(heard, 1 + count) == ['found', *(f'{k}' for k in range(count))]
 
 
 def test_without_a_terminal_nothing_is_drawn(ros, tmp_path, chatter) -> None:
