@@ -68,8 +68,8 @@ class World:
         self._contact = make_contact_model(scene.contact, Setup(
             self._model, shapes, scene.materials, scene.integrator, scene.orientation,
             scene.solver, collision.continuous, collision.substeps, collision.sleep_after))
-        self._kept = Kept()
         self._motion = empty_motion(len(self.names))
+        self._box = Kept().box(self._model, self._state, self._motion)
         self._motion_is_current = False
         self._threads = 1
 
@@ -127,7 +127,7 @@ class World:
             self._applied.remove_finished()
             done += batch
             self.step_index += batch
-        broken = self._box().run(first_unfinite)
+        broken = self._box.run(first_unfinite)
         if broken >= 0:
             raise ArithmeticError(
                 f"body '{self.names[self._order[broken]]}': its motion is no longer finite at "
@@ -136,12 +136,9 @@ class World:
 
     # --- motion -------------------------------------------------------------------------------
 
-    def _box(self) -> Any:
-        return self._kept.box(self._model, self._state, self._motion)
-
     def _current_motion(self) -> BodyMotion:
         if not self._motion_is_current:
-            self._box().run(read_motion)
+            self._box.run(read_motion)
             self._motion_is_current = True
         return self._motion
 

@@ -66,6 +66,10 @@ class _Box:
         self.address = self.slots.ctypes.data
         self._compiled: dict[Any, Any] = {}
 
+    def __reduce__(self) -> Any:
+        """Copy the arguments, and take the copies apart."""
+        return _Box, self.values
+
     def run(self, kernel: Any, *numbers: int) -> Any:
         """
         Return what a kernel returns for this box and some ints.
@@ -120,6 +124,10 @@ class Kept:
         self.addresses: IntArray = np.zeros(pieces, dtype=np.int64)
         self.compiled_for: Any = None   # the box that these kernels take
         self._box: Any = None
+
+    def __reduce__(self) -> Any:
+        """Let a copy begin with none: what lies in memory, and where, is of this process."""
+        return Kept, (len(self.addresses),)
 
     def box(self, *values: Any) -> Any:
         """Return what a kernel gets in place of these arguments, for `contents` to open."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array
 from rigid_sim_ros.engine.kept import contents, held
-from rigid_sim_ros.engine.kernel import inlined, kernel
+from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.rotation import (
     angular_momentum, angular_velocity, multiply, quaternion, rotate)
@@ -64,6 +64,17 @@ def copy_into(target: State, source: State) -> None:
             target.q[k, i] = source.q[k, i]
 
 
+@part
+def _unfinite(rows: Array) -> int:
+    """Count the numbers that are not finite; as integers add up in any order, by vectors."""
+    count = 0
+    for k in range(rows.shape[0]):
+        for i in range(rows.shape[1]):
+            number = rows[k, i & INDEX]
+            count += 0 if number - number == 0.0 else 1
+    return count
+
+
 @kernel
 def first_unfinite(box: Any) -> int:
     """
@@ -72,6 +83,8 @@ def first_unfinite(box: Any) -> int:
     The box holds a model, its state, and the motion of its body frames.
     """
     state = held(box, 1)
+    if _unfinite(state.x) + _unfinite(state.q) + _unfinite(state.P) + _unfinite(state.L) == 0:
+        return -1
     for i in range(state.x.shape[1]):
         total = 0.0
         for k in range(3):
