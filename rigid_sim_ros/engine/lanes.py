@@ -210,6 +210,18 @@ def store(_: Any, b: Any, row: Any, lanes: Any) -> Any:
 
 
 @_intrinsic
+def write_eight(_: Any, array: Any, first: Any, lanes: Any) -> Any:
+    """Write eight numbers of an array that lie side by side, whichever is the first."""
+
+    def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
+        data = _data(context, builder, signature.args[0], args[0])
+        builder.store(args[2], _vector_at(builder, data, args[1]), align=8)
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64, _LANES), generate
+
+
+@_intrinsic
 def gather(_: Any, records: Any, at: Any) -> Any:
     """Return the eight numbers of the records that begin at `at` (8,), each in eight lanes."""
 

@@ -14,10 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray, Vector
+from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray, integers, Vector
 from rigid_sim_ros.engine.free_rotation import MAX_ANGLE, turn, turn_fast
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part, pasted
-from rigid_sim_ros.engine.lanes import any_of, both, Eight, gather, LANES, load, select, store
+from rigid_sim_ros.engine.lanes import (
+    any_of, both, Eight, gather, LANES, load, select, store, write_eight)
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.rotation import quaternion, to_matrix
 from rigid_sim_ros.engine.state import State
@@ -34,8 +35,9 @@ J = 0  # xx, xy, xz, yy, yz, zz
 START = 0  # v, L at the start of the step: in the place of J, from `note_start` on
 INV_M = 6
 HELD = 7
-# Rows of the scratch block in which eight bodies are moved.
-_X, _Q, _L, _INV_I, _FAST, _ROWS = 0, 3, 7, 10, 13, 14
+# Rows of the scratch block in which eight bodies are moved: the state afterwards, what is needed
+# of the body, and the mean of L of those that are too fast for `turn`.
+_X, _Q, _P, _L, _INV_I, _M, _MEAN_L, _FAST, _ROWS = 0, 3, 7, 10, 13, 16, 17, 20, 21
 
 
 class SolverBodies(NamedTuple):
@@ -71,7 +73,7 @@ def make_bodies(n: int) -> SolverBodies:
     return SolverBodies(np.zeros(n, dtype=np.int64), np.zeros(slots, dtype=np.int64),
                         np.zeros(3, dtype=np.int64), numbers(), numbers(), numbers(), numbers(),
                         numbers(), numbers(), numbers(), aligned_zeros(2 * _ROWS * LANES),
-                        np.zeros(2 * LANES, dtype=np.int64))
+                        integers(2 * LANES))
 
 
 @inlined
@@ -214,7 +216,7 @@ def store_bodies(half: int, halves: int, h: float, m: Array, inv_I_C: Array, sta
     """
     n = m.shape[0]
     i, last = half * n // halves, (half + 1) * n // halves
-    b, at, motion = _scratch_of(bodies, half), _places_of(bodies, half), bodies.motion
+    b, at = _scratch_of(bodies, half), _places_of(bodies, half)
     while True:
         lanes = 0
         while lanes < LANES and i < last:
@@ -227,17 +229,38 @@ def store_bodies(half: int, halves: int, h: float, m: Array, inv_I_C: Array, sta
         for lane in range(LANES):
             at[lane] = at[min(lane, lanes - 1)]
             body = _body_at(bodies, at[lane])
+            b[_M * LANES + lane] = m[body]
             for k in range(3):
                 b[(_INV_I + k) * LANES + lane] = inv_I_C[k, body]
         _move(bodies, at, b, h, 1.0 / substeps)
-        for lane in range(lanes):
-            start, body = at[lane] & INDEX, _body_at(bodies, at[lane])
-            for k in range(3):
-                state.x[k, body] = b[(_X + k) * LANES + lane]
-                state.P[k, body] = m[body] * motion[start + k]
-                state.L[k, body] = motion[start + 3 + k]
-            for k in range(4):
-                state.q[k, body] = b[(_Q + k) * LANES + lane]
+        if lanes == LANES and _body_at(bodies, at[LANES - 1]) == i - 1 == (
+                _body_at(bodies, at[0]) + LANES - 1):
+            _write_eight(state, b, i - LANES)
+        else:
+            for lane in range(lanes):
+                _write_one(state, b, lane, _body_at(bodies, at[lane]))
+
+
+@part
+def _write_eight(state: State, b: Array, first: int) -> None:
+    """Write bodies from the first on: a line of the cache is asked for once, not eight times."""
+    n = state.x.shape[1]
+    for k in range(3):
+        write_eight(state.x, k * n + first, load(b, _X + k))
+        write_eight(state.P, k * n + first, load(b, _P + k))
+        write_eight(state.L, k * n + first, load(b, _L + k))
+    for k in range(4):
+        write_eight(state.q, k * n + first, load(b, _Q + k))
+
+
+@part
+def _write_one(state: State, b: Array, lane: int, body: int) -> None:
+    for k in range(3):
+        state.x[k, body] = b[(_X + k) * LANES + lane]
+        state.P[k, body] = b[(_P + k) * LANES + lane]
+        state.L[k, body] = b[(_L + k) * LANES + lane]
+    for k in range(4):
+        state.q[k, body] = b[(_Q + k) * LANES + lane]
 
 
 @inlined
@@ -280,6 +303,8 @@ def _move(bodies: SolverBodies, at: IntArray, b: Array, h: float, share: float) 
                            pose[1] + h * (share * v[1] + back * dv[1]),
                            pose[2] + h * (share * v[2] + back * dv[2]))):
         store(b, _X + k, x)
+        store(b, _P + k, load(b, _M) * now[k])
+        store(b, _L + k, now[3 + k])
     turning = add(before[3:6], last[3:6])
     L = (share * turning[0] + back * dL[0], share * turning[1] + back * dL[1],
          share * turning[2] + back * dL[2])
@@ -293,7 +318,7 @@ def _move(bodies: SolverBodies, at: IntArray, b: Array, h: float, share: float) 
         store(b, _Q + k, select(fast, q[k], turned[k]))
     if any_of(fast):
         for k in range(3):
-            store(b, _L + k, L[k])
+            store(b, _MEAN_L + k, L[k])
         store(b, _FAST, select(fast, 1.0, 0.0))
         _turn_fast_ones(b, h)
 
@@ -305,7 +330,7 @@ def _turn_fast_ones(b: Array, h: float) -> None:
         if b[_FAST * LANES + i] > 0.0:
             o = _Q * LANES + i
             q = (b[o], b[o + LANES], b[o + 2 * LANES], b[o + 3 * LANES])
-            q = turn_fast(q, _three(b, _L, i), _three(b, _INV_I, i), h)
+            q = turn_fast(q, _three(b, _MEAN_L, i), _three(b, _INV_I, i), h)
             for k in range(4):
                 b[(_Q + k) * LANES + i] = q[k]
 

@@ -27,10 +27,11 @@ from rigid_sim_ros.engine.bits import place
 from rigid_sim_ros.engine.kept import call
 from rigid_sim_ros.engine.kernel import apart, kernel
 
-# Places on a desk, in lines of the cache of their own: how the work stands, what it is, and
-# whether somebody looks and how much was taken, and whether there will be more.
-_STATE, _ADDRESS, _BOX, _NUMBER, _PRESENT, _TAKEN_SO_FAR, _AWAITED, _SIZE = (
-    0, 8, 9, 10, 16, 17, 24, 32)
+# Places on a desk. In one line of the cache, which goes from core to core as a whole: how the work
+# stands, and what it is. In lines of their own, for one thread writes what the other one reads:
+# whether somebody looks, whether there will be more, and how much was taken.
+_STATE, _ADDRESS, _BOX, _NUMBER, _PRESENT, _AWAITED, _TAKEN_SO_FAR, _SIZE = (
+    0, 1, 2, 3, 8, 16, 24, 32)
 _FREE, _OFFERED, _TAKEN, _DONE = range(4)
 # Looks at an empty desk before the helper sleeps: about a millisecond.
 PATIENCE = 100_000
@@ -116,12 +117,12 @@ def side_by_side(desk: IntArray, address: int, box: Any, here: int, there: int) 
     desk[_ADDRESS], desk[_BOX], desk[_NUMBER] = address, _address_of(box), there
     _write(desk, _STATE, _OFFERED)
     call(address, box, here)
-    if _replace(desk, _STATE, _OFFERED, _FREE):
+    # First by a look, which does not take the line from the other core.
+    if _read(desk, _STATE) == _OFFERED and _replace(desk, _STATE, _OFFERED, _FREE):
         call(address, box, there)
         return
     while _read(desk, _STATE) != _DONE:
         _pause()
-    _write(desk, _STATE, _FREE)
 
 
 @kernel

@@ -8,7 +8,8 @@ import pytest
 
 from rigid_sim_ros.engine.lanes import (
     any_of, both, count_of, gather, gather_integers, gather_rows_1, gather_rows_3, LANES,
-    largest_of, load, root, scatter, scatter_rows_1, scatter_rows_3, select, spread, store)
+    largest_of, load, root, scatter, scatter_rows_1, scatter_rows_3, select, spread, store,
+    write_eight)
 
 ROWS = np.array([3, -1, 0, 7, -1, 2, 9, 5])
 
@@ -61,6 +62,20 @@ def test_lanes_hear_of_each_other_in_questions_only(numbers):
     assert look(numbers, 4.0) == (True, 1, 5.0)
     assert look(numbers, 6.0) == (False, 0, 5.0)
     assert look(numbers, -9.0)[1] == LANES
+
+
+@numba.njit
+def put_eight(array, first, b):
+    write_eight(array, first, load(b, 1))
+
+
+@pytest.mark.parametrize('first', [0, 3, 9])
+def test_eight_numbers_are_written_anywhere(numbers, first):
+    matrix = np.zeros((2, 10))
+    put_eight(matrix, first, numbers)
+    wanted = np.zeros(20)
+    wanted[first:first + LANES] = numbers[LANES:2 * LANES]
+    assert matrix.tobytes() == wanted.tobytes()
 
 
 @numba.njit
