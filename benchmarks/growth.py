@@ -302,7 +302,7 @@ def draw(results: Results, path: Path) -> None:
         left.set(xscale='log', yscale='log', xlabel='bodies',
                  ylabel='cost of a body and step [ns]',
                  title=f'Bands: {FLAT} times the cheapest size')
-        left.legend()
+        left.legend(loc='upper left', bbox_to_anchor=(0.02, 0.8))     # between the lines
         x, bodies, contacts = shares(results)
         for y, limit, label, color, marker in (
                 (bodies, BODY, 'a body', COLORS[0], 'o'),
