@@ -33,6 +33,7 @@ class PacePanel:
         self.is_paused = False
         self._is_recording = False
         self._turned_at = self._sped_at = -_PATIENCE
+        self._asking = asyncio.Lock()
         self.status = gui.add_markdown('looking for a simulation ...')
         self._pause = gui.add_button('Pause', icon=viser.Icon.PLAYER_PAUSE)
         self._step = gui.add_button('Step', icon=viser.Icon.PLAYER_SKIP_FORWARD)
@@ -101,7 +102,8 @@ class PacePanel:
             return          # it was this program that moved the slider
         self._sped_at = time.monotonic()
         factor = 0.0 if self._unlimited.value else float(self._speed.value)
-        await asyncio.to_thread(self._driver.set_speed, factor, self._answer)
+        async with self._asking:    # one after the other, as they came
+            await asyncio.to_thread(self._driver.set_speed, factor, self._answer)
 
     def _answer(self, text: str, is_well: bool) -> None:
         notify(self._server, text, is_well)

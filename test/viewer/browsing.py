@@ -154,20 +154,45 @@ class Page:
 
     def click(self, name: str) -> None:
         """Click on a button."""
-        self.page.get_by_role('button', name=name, exact=True).click()
+        self.click_on(self.page.get_by_role('button', name=name, exact=True))
+
+    def tick(self, name: str) -> Any:
+        """Click on a checkbox, and return it."""
+        box = self.page.get_by_label(name, exact=True)
+        self.click_on(box)
+        return box
 
     def switch(self, name: str) -> None:
         """Click on a checkbox in the tab Show."""
-        self.page.get_by_role('tab', name='Show').click()
-        self.page.get_by_label(name, exact=True).click()
+        self.click_on(self.page.get_by_role('tab', name='Show'))
+        self.tick(name)
 
     def fill(self, label: str, number: float, place: int = 0) -> None:
         """Type a number into a field, or that many fields behind the one with the label."""
         field = self.page.get_by_label(label, exact=True)
         if place:
             field = field.locator(f'xpath=following::input[{place}]')
+        self.type_into(field, number)
+
+    def fill_beside(self, slider: int, number: float) -> None:
+        """Type a number beside a slider: the first, the second, ... that is in view."""
+        self.type_into(self.page.locator('input[inputmode]:visible').nth(slider), number)
+
+    def click_on(self, what: Any) -> None:
+        """Click on anything in the page."""
+        self._send()
+        what.click()
+
+    def type_into(self, field: Any, number: float) -> None:
+        """Put a number in place of what a field holds."""
+        self._send()
         field.fill(f'{number:g}')
         field.press('Enter')
+
+    def _send(self) -> None:
+        # All inputs of viser's page share one timer: of what is done within 50 ms the first is
+        # sent and the last, and nobody hears of those between. This timer ends after that one.
+        self.page.evaluate('new Promise(done => setTimeout(done, 100))')
 
     def text(self) -> str:
         """Return all that is written in the page."""

@@ -44,9 +44,7 @@ def page(bag, browser, folder):
 
 def seek(page, at):
     """Type a time beside the timeline."""
-    box = page.page.locator('input[inputmode]:visible').first
-    box.fill(f'{at:g}')
-    box.press('Enter')
+    page.fill_beside(0, at)
     page.wait_for(lambda: f'{at:.3f} s, state' in page.text(), f'the time {at} s')
 
 
@@ -84,9 +82,7 @@ def shown_time(page):
 
 def test_the_bag_plays_at_the_chosen_rate(page):
     seek(page, 1.0)
-    rate = page.page.locator('input[inputmode]:visible').nth(1)
-    rate.fill('0.05')
-    rate.press('Enter')
+    page.fill_beside(1, 0.05)
     begin = time.monotonic()
     page.click('Play')
     page.wait_for(lambda: shown_time(page) >= 1.05, 'a twentieth of a second')
@@ -94,19 +90,17 @@ def test_the_bag_plays_at_the_chosen_rate(page):
     shown = shown_time(page) - 1.0
     # However slow the machine: never more than that share of the time that has passed.
     assert shown <= 0.05 * (time.monotonic() - begin) + 1e-3
-    rate.fill('1')
-    rate.press('Enter')
+    page.fill_beside(1, 1.0)
 
 
 def test_a_loop_begins_anew(page):
-    loop = page.page.get_by_label('loop', exact=True)
-    loop.click()
+    loop = page.tick('loop')
     page.wait_for(loop.is_checked, 'the loop')
     seek(page, 3.9)
     page.click('Play')
     page.wait_for(lambda: shown_time(page) < 3.5, 'the beginning')
     page.click('Pause')     # as long as it loops, it does not stop by itself
-    loop.click()
+    page.tick('loop')
 
 
 def test_steps_go_from_state_to_state(page):
@@ -119,8 +113,8 @@ def test_steps_go_from_state_to_state(page):
 
 def test_what_happened_can_be_gone_to(page):
     seek(page, 0.0)
-    page.page.locator('input[aria-haspopup=listbox]:visible').first.click()
-    page.page.get_by_text('set pose middle').first.click()
+    page.click_on(page.page.locator('input[aria-haspopup=listbox]:visible').first)
+    page.click_on(page.page.get_by_text('set pose middle').first)
     page.wait_for(lambda: '2.000 s, state' in page.text(), 'the time of the event')
 
 

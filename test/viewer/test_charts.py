@@ -38,7 +38,7 @@ def told() -> Iterator[tuple[Told, str]]:
 def charts(told: tuple[Told, str], browser: Any) -> Iterator[dict[str, dict[str, list[float]]]]:
     """Give the points of the lines of each chart, as the browser has them."""
     page = Page(browser, told[1])
-    page.page.get_by_role('tab', name='Charts').click()
+    page.click_on(page.page.get_by_role('tab', name='Charts'))
     for _ in range(TURNS):
         told[0].turn()
 

@@ -190,16 +190,13 @@ def test_the_speed_slider_sets_the_pace(page, probe):
 
 
 def test_a_speed_is_typed_beside_the_slider_or_left_open(page, probe):
-    field = page.page.locator('input[inputmode]:visible').first
-    field.fill('0.5')
-    field.press('Enter')
+    page.fill_beside(0, 0.5)
     probe.wait_for(lambda: pace(probe) == 0.5, 'half of real time')
     # The node tells once a second what it does with it.
     page.wait_for(lambda: 'at 0.5' in page.text(), 'the page to say so')
-    unlimited = page.page.get_by_label('as fast as possible', exact=True)
-    unlimited.click()
+    page.tick('as fast as possible')
     probe.wait_for(lambda: pace(probe) == 0.0, 'no limit')
-    unlimited.click()
+    page.tick('as fast as possible')
     probe.wait_for(lambda: pace(probe) == 0.5, 'the limit again')
 
 

@@ -47,7 +47,7 @@ def page(told: Told, server: PageServer, browser: Any) -> Iterator[Page]:
     page = Page(browser, f'http://127.0.0.1:{server.get_port()}', (700, 400))
     for overlay in OVERLAYS:
         page.switch(overlay)
-    page.page.get_by_role('tab', name='Charts').click()
+    page.click_on(page.page.get_by_role('tab', name='Charts'))
     draw(page, told, PICTURES)
     yield page
     page.close()

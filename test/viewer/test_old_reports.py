@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from importlib.util import find_spec
 from itertools import count
 import threading
+import time
 from typing import Any
 from unittest import SkipTest
 
@@ -26,9 +27,12 @@ class Listener(Nobody):
 
     def __init__(self) -> None:
         self.speeds: list[float] = []
+        self.delays: list[float] = []   # [s] that the next calls take
 
     def set_speed(self, factor: float, answer: Any) -> None:
         """Take note."""
+        if self.delays:
+            time.sleep(self.delays.pop())
         self.speeds.append(factor)
 
 
@@ -64,3 +68,15 @@ def test_the_speed_that_is_set_is_the_one_that_was_typed(page, driver):
         field.fill(f'{speed:.2f}')
         page.wait_for(lambda: driver.speeds, 'the speed to be set')
         assert driver.speeds[-1] == pytest.approx(speed), k
+
+
+def test_speeds_are_set_in_the_order_in_which_they_were_typed(page, driver):
+    driver.speeds.clear()
+    driver.delays[:] = [1.0]    # the first
+    field = page.page.locator('input[inputmode]:visible').first
+    typed = [3.0, 3.5, 4.0]
+    for speed in typed:
+        field.fill(f'{speed:.2f}')
+    page.wait_for(lambda: driver.speeds[-1:] == [4.0], 'the last one')
+    assert driver.speeds == [speed for speed in typed if speed in driver.speeds]
+    assert driver.speeds[0] == 3.0
