@@ -8,11 +8,11 @@ its visit, such as the far end of a row of balls, would wait for the next sweep;
 at once, and what that changes roughly, and so on.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import Array, IntArray, integers
+from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.engine.coloring import Blocks, first_block, most_blocks, numbers_of
 from rigid_sim_ros.engine.contact_blocks import RESIDUAL
 from rigid_sim_ros.engine.contact_rules import Sweep
@@ -39,9 +39,8 @@ class Calming(NamedTuple):
 def make_calming(n: int, capacity: int) -> Calming:
     """Return room for n bodies and `capacity` manifolds."""
     blocks = most_blocks(capacity)
-
-    member: Any = np.zeros(2 * LANES * blocks, dtype=np.int32)
-    return Calming(integers(1), integers(n + 4), member, integers(blocks), integers(blocks))
+    return Calming(integers(1), integers(n + 4), room(2 * LANES * blocks, kind=np.int32),
+                   integers(blocks), integers(blocks))
 
 
 @inlined

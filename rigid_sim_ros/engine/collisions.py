@@ -13,11 +13,11 @@ than a threshold is left to the contact solver, which makes it rest: so ends the
 smaller bounces.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
+from rigid_sim_ros.engine.arrays import Array, IntArray, room, Vector
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel
 from rigid_sim_ros.engine.manifolds import Manifolds, POINTS, rows_in_use
 from rigid_sim_ros.engine.rotation import (
@@ -59,9 +59,8 @@ class CollisionWork(NamedTuple):
 
 def make_collision_work(n: int, capacity: int) -> CollisionWork:
     """Return buffers for n bodies and `capacity` manifolds."""
-    rows: Any = np.zeros(capacity, dtype=np.int32)
-    waits: Any = np.zeros(capacity, dtype=np.int8)
-    return CollisionWork(rows, np.zeros(capacity), waits, np.zeros(n), np.zeros((n, _COLUMNS)),
+    return CollisionWork(room(capacity, kind=np.int32), room(capacity),
+                         room(capacity, kind=np.int8), room(n), room(n, _COLUMNS),
                          np.zeros((POINTS, 3)), np.zeros(POINTS), np.zeros(POINTS))
 
 

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from llvmlite.binding import get_host_cpu_name
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray, integers
+from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.engine.bits import fetch, lowest_zero
 from rigid_sim_ros.engine.contact_blocks import (
     BALLS_BEGIN, BALLS_SIZE, BLOCK_SIZE, SMALL_SIZE)
@@ -84,13 +84,10 @@ class Blocks(NamedTuple):
 
 def make_coloring(n: int, capacity: int) -> Coloring:
     """Return room for the manifolds of n bodies."""
-
-    def narrow(kind: Any) -> Any:
-        return np.zeros((REGIONS, capacity), dtype=kind)
-
-    return Coloring(narrow(np.int32), integers(REGIONS), narrow(np.int8), narrow(np.int16),
-                    narrow(np.int32), integers(CLASSES, n + 2),
-                    integers(REGIONS, CLASSES * (COLORS + 1)))
+    each = REGIONS, capacity
+    return Coloring(room(*each, kind=np.int32), integers(REGIONS), room(*each, kind=np.int8),
+                    room(*each, kind=np.int16), room(*each, kind=np.int32),
+                    integers(CLASSES, n + 2), integers(REGIONS, CLASSES * (COLORS + 1)))
 
 
 def make_blocks(capacity: int) -> Blocks:
@@ -98,12 +95,11 @@ def make_blocks(capacity: int) -> Blocks:
     b = most_blocks(capacity)
 
     def lanes() -> Any:
-        return np.zeros(b * LANES, dtype=np.int32)
+        return room(b * LANES, kind=np.int32)
 
-    flags: Any = np.zeros(b, dtype=np.int8)
-    again: Any = np.zeros(b, dtype=np.int32)
-    return Blocks(integers(REGIONS), integers(REGIONS), integers(b), integers(b), flags, again,
-                  aligned_zeros((b + 1) * BLOCK_SIZE), lanes(), lanes(), lanes())
+    return Blocks(integers(REGIONS), integers(REGIONS), integers(b), integers(b),
+                  room(b, kind=np.int8), room(b, kind=np.int32), room((b + 1) * BLOCK_SIZE),
+                  lanes(), lanes(), lanes())
 
 
 def most_blocks(capacity: int) -> int:

@@ -12,9 +12,7 @@ shapes lie side by side. What is too large for any cell is wide: everything is t
 import math
 from typing import NamedTuple
 
-import numpy as np
-
-from rigid_sim_ros.engine.arrays import Array, IntArray, integers
+from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.engine.kernel import INDEX, kernel
 from rigid_sim_ros.engine.shapes import PLANE
 
@@ -40,7 +38,7 @@ class Grid(NamedTuple):
 def make_grid(s: int) -> Grid:
     """Return a grid for s shapes that nobody has filled yet."""
     t = 1 << max(4, (2 * s - 1).bit_length())
-    return Grid(np.zeros((s, 6)), integers(s), integers(s, 5), integers(t + 2), integers(s),
+    return Grid(room(s, 6), integers(s), integers(s, 5), integers(t + 2), integers(s),
                 integers(s), integers(s + 1), integers(LEVELS))
 
 

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import Array, IntArray, integers
+from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.engine.grid import Grid, make_grid
 from rigid_sim_ros.engine.hulls import MAX_CORNERS
 from rigid_sim_ros.engine.kernel import kernel
@@ -140,18 +140,16 @@ def _empty_page(capacity: int) -> Manifolds:
     # of the cache.
     of_points = (POINTS, c + 13)
 
-    points: Any = np.zeros(c, dtype=np.int8)
-
     return Manifolds(
-        integers(2), _names(c), _names(c), _names(c), _names(c), points, np.zeros((c, 3)),
-        np.zeros((*of_points, 3)), np.zeros((*of_points, 3)), np.zeros(of_points),
-        integers(*of_points), np.zeros(of_points), np.zeros((c, 3)), np.zeros(c),
-        np.zeros((c, 5)), np.zeros((c, 3)), np.zeros((c, POINTS, 3)), np.zeros((c, POINTS, 3)))
+        integers(2), _names(c), _names(c), _names(c), _names(c), room(c, kind=np.int8), room(c, 3),
+        room(*of_points, 3), room(*of_points, 3), room(*of_points), integers(*of_points),
+        room(*of_points), room(c, 3), room(c), room(c, 5), room(c, 3), room(c, POINTS, 3),
+        room(c, POINTS, 3))
 
 
 def _names(*shape: int) -> Any:
     """Return room for numbers of shapes or bodies: 32 bits are enough, and there are many."""
-    return np.zeros(shape, dtype=np.int32)
+    return room(*shape, kind=np.int32)
 
 
 def _scratch() -> Scratch:
@@ -166,9 +164,9 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
     """Return the memory of a world before its first step."""
     s = shapes
     memory = Memory(
-        empty_pages(capacity), integers(1), unplaced(s), np.zeros((bodies, 9)), np.zeros(s),
-        np.zeros(1), np.zeros((s, 6)), make_grid(s), integers(3), _names(2 * capacity, 2),
-        _names(2, 4 * s, 2), np.zeros((2 * capacity, 4)), integers(8), _scratch(), _scratch(),
+        empty_pages(capacity), integers(1), unplaced(s), room(bodies, 9), room(s), room(1),
+        room(s, 6), make_grid(s), integers(3), _names(2 * capacity, 2), _names(2, 4 * s, 2),
+        room(2 * capacity, 4), integers(8), _scratch(), _scratch(),
         integers(2, 8), integers(2, NEAR), integers(2), integers(2, 8), integers(2, 6),
         integers(1))
     forget_pairs(memory)
@@ -228,7 +226,7 @@ def grown(memory: Memory) -> Memory:
     if (pairs := int(memory.counters[SHORT_PAIRS])) > pair.shape[0]:
         # Those that were there are lost.
         capacity = _doubled(pair.shape[0], pairs)
-        pair, axis = _names(capacity, 2), np.zeros((capacity, 4))
+        pair, axis = _names(capacity, 2), room(capacity, 4)
     memory.counters[SHORT_ROWS] = memory.counters[SHORT_PAIRS] = 0
     return memory._replace(pages=pages, pair=pair, axis=axis)
 

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray
+from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.engine.calming import calm, Calming, make_calming, ROUGH as ROUGHLY
 from rigid_sim_ros.engine.coloring import (
     begin_blocks, BETWEEN, Blocks, CACHED, color_piece, Coloring, fetch_block, first_block,
@@ -78,9 +78,9 @@ ROUGH, LARGEST, PUSHED, MOVED = 3, 4, 5, 6
 def make_work(n: int, capacity: int) -> SequentialWork:
     """Return buffers for n bodies and `capacity` manifolds."""
     return SequentialWork(make_bodies(n), make_sides(n), make_coloring(n, capacity),
-                          make_blocks(capacity), np.zeros(most_blocks(capacity), dtype=np.int64),
+                          make_blocks(capacity), integers(most_blocks(capacity)),
                           make_calming(n, capacity), np.zeros(1, dtype=np.int64),
-                          aligned_zeros(8 * REGIONS).reshape(REGIONS, 8), np.zeros(1), np.zeros(1))
+                          room(REGIONS, 8), np.zeros(1), np.zeros(1))
 
 
 # The stages of a region: fill its blocks; let forces act in the first substep; that, impulses for

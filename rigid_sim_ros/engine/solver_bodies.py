@@ -10,11 +10,9 @@ slots.py) stands for every body that does not move: nothing that is added to it 
 from 0.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import numpy as np
-
-from rigid_sim_ros.engine.arrays import aligned_zeros, Array, IntArray, integers, Vector
+from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room, Vector
 from rigid_sim_ros.engine.free_rotation import MAX_ANGLE, turn, turn_fast
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part, pasted
 from rigid_sim_ros.engine.lanes import (
@@ -67,12 +65,11 @@ def make_bodies(n: int) -> SolverBodies:
     """Return room for n bodies."""
     slots = n + 2
 
-    def numbers() -> Array:
-        return aligned_zeros(slots * STRIDE)
+    def numbers() -> Any:
+        return room(slots * STRIDE)
 
-    return SolverBodies(np.zeros(n, dtype=np.int64), np.zeros(slots, dtype=np.int64),
-                        np.zeros(3, dtype=np.int64), numbers(), numbers(), numbers(), numbers(),
-                        numbers(), numbers(), numbers(), aligned_zeros(2 * _ROWS * LANES),
+    return SolverBodies(integers(n), integers(slots), integers(3), numbers(), numbers(), numbers(),
+                        numbers(), numbers(), numbers(), numbers(), room(2 * _ROWS * LANES),
                         integers(2 * LANES))
 
 

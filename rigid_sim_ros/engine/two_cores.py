@@ -22,7 +22,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from rigid_sim_ros.engine.arrays import aligned_zeros, IntArray
+from rigid_sim_ros.engine.arrays import IntArray, integers
 from rigid_sim_ros.engine.bits import place
 from rigid_sim_ros.engine.kept import call
 from rigid_sim_ros.engine.kernel import apart, kernel
@@ -42,7 +42,7 @@ _intrinsic: Any = intrinsic
 
 def make_desk() -> IntArray:
     """Return an empty desk at which nobody looks."""
-    return aligned_zeros(_SIZE).view('int64')
+    return integers(_SIZE)
 
 
 @_intrinsic
