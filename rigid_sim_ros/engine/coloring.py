@@ -186,13 +186,14 @@ def begin_blocks(region: int, blocks: Blocks) -> None:
 
 @part
 def color_piece(region: int, begin: int, end: int, body_a: IntArray, body_b: IntArray,
-                slot: IntArray, work: Coloring) -> None:
+                slot: IntArray, work: Coloring) -> int:
     """
-    Give the manifolds of a region from `begin` to `end` their colours, and count these.
+    Give the manifolds of a region from `begin` to `end` their colours; return how many those are.
 
-    slot is that of a body, 0 where it does not move.
+    And count the manifolds of each. slot is that of a body, 0 where it does not move.
     """
     work.fill[region, :] = 0
+    highest = 0
     for k in range(begin, end):
         r, kind = work.member[region, k] & INDEX, work.kind[region, k]
         a, b = slot[body_a[r] & INDEX] & INDEX, slot[body_b[r] & INDEX] & INDEX
@@ -212,16 +213,19 @@ def color_piece(region: int, begin: int, end: int, body_a: IntArray, body_b: Int
                 work.mask[kind, b] |= 1 << color
         work.color[region, k] = color * CLASSES + kind
         work.fill[region, color * CLASSES + kind] += 1
+        highest = max(highest, color)
+    return highest + 1
 
 
 @part
-def make_room(region: int, begin: int, end: int, work: Coloring, blocks: Blocks) -> None:
+def make_room(region: int, begin: int, end: int, colors: int, work: Coloring,
+              blocks: Blocks) -> None:
     """Give a piece of coloured manifolds its lanes, in blocks behind those that there are."""
     first = first_block(blocks, region)
     block, place = first + blocks.count[region], blocks.end[region]
     for kind in range(CLASSES):
         size, skipped = _extent(kind)
-        for color in range(COLORS + 1):
+        for color in range(colors):
             at = color * CLASSES + kind
             wanted = work.fill[region, at]
             work.fill[region, at] = block * LANES

@@ -236,9 +236,9 @@ def _fill(region: int, x: Array, shapes: Shapes, materials: Materials, round_sha
     for begin in range(0, coloring.members[region], PIECE):
         end = min(begin + PIECE, coloring.members[region])
         block = first_block(blocks, region) + blocks.count[region]
-        color_piece(region, begin, end, manifolds.body_a, manifolds.body_b, bodies.slot,
-                    coloring)
-        make_room(region, begin, end, coloring, blocks)
+        colors = color_piece(region, begin, end, manifolds.body_a, manifolds.body_b, bodies.slot,
+                             coloring)
+        make_room(region, begin, end, colors, coloring, blocks)
         place_lanes(region, begin, end, block, manifolds, bodies, coloring, blocks)
         fill_blocks(region, block, manifolds, x, shapes.material, materials, shifts, shifted,
                     share, bodies, blocks, work.fresh, work.notes[region])

@@ -30,8 +30,8 @@ def colored(pairs, points=4, n=200):
     begin_blocks(0, blocks)
     for begin in range(0, len(pairs), PIECE):
         end = min(begin + PIECE, len(pairs))
-        color_piece(0, begin, end, a, b, np.arange(n, dtype=np.int64), work)
-        make_room(0, begin, end, work, blocks)
+        colors = color_piece(0, begin, end, a, b, np.arange(n, dtype=np.int64), work)
+        make_room(0, begin, end, colors, work, blocks)
     return work.lane[0], blocks.count[0]
 
 
