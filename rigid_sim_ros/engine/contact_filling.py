@@ -12,21 +12,19 @@ from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, end_substep, FRICTION, friction_of, gain_of,
     GAP, IMPULSE, J_A, J_B, LEVER_A, LEVER_B, load_three, load_two, Motion, MU, NORMAL,
     normal_sum, POINT, POINT_ROWS, prepare_block, pushed, RESIDUAL, ROLL_LEVER, S, SHOVE,
-    smallest_gap, SPIN, SPIN_LEVER, store_three, T, Three, TORSION, TOTAL, TOTAL_T)
+    smallest_gap, SPIN, SPIN_LEVER, store_three, T, Three, TORSION, TOTAL)
 from rigid_sim_ros.engine.contact_rules import SKIN
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.lanes import (
     any_of, both, count_of, Eight, gather, gather_integers, gather_rows_1, gather_rows_3,
     LANES, largest_of, load, scatter, scatter_rows_1, scatter_rows_3, select, spread, store)
 from rigid_sim_ros.engine.manifolds import Manifolds, POINTS, rows_in_use
-from rigid_sim_ros.engine.shapes import Materials
+from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import displacement, gap_now
 from rigid_sim_ros.engine.slots import ACROSS
 from rigid_sim_ros.engine.solver_bodies import HELD, INV_M, J, SolverBodies, still_slot, STRIDE
 from rigid_sim_ros.engine.vector import add, cross, dot
 
-# Where x_A - x_B of balls waits for the levers [m]: three rows that are not yet in use.
-_BETWEEN_BALLS = TOTAL_T
 # What is noted of a region: the deepest overlap [m], and how many manifolds touch, and how many of
 # them without an impulse to begin with.
 DEEPEST, TOUCHING, NEW = range(3)
@@ -108,24 +106,25 @@ def place_lanes(region: int, begin: int, end: int, block: int, manifolds: Manifo
         blocks.at_A[to] = a * STRIDE if a > 0 else still
         blocks.at_B[to] = b * STRIDE if b > 0 else still
         if many:
-            _fetch_sources(r, manifolds)
-            for numbers in (bodies.mass, bodies.pose, bodies.base):
+            _fetch_sources(r, are_balls(work.kind[region, k]), manifolds)
+            for numbers in (bodies.mass, bodies.base):
                 fetch(numbers, a * STRIDE)
                 fetch(numbers, b * STRIDE)
 
 
 @kernel
-def _fetch_sources(r: int, manifolds: Manifolds) -> None:
+def _fetch_sources(r: int, balls: bool, manifolds: Manifolds) -> None:
     """Ask for what `fill_blocks` reads of a manifold, but for what `place_lanes` has read."""
     fetch(manifolds.normal, 3 * r)
     fetch(manifolds.friction, 3 * r)
-    fetch(manifolds.r_A, 3 * r)
     fetch(manifolds.gap, r)
     fetch(manifolds.impulse, r)
+    if not balls:
+        fetch(manifolds.r_A, 3 * r)
 
 
 @part
-def fill_blocks(region: int, first: int, manifolds: Manifolds, x: Array, material: IntArray,
+def fill_blocks(region: int, first: int, manifolds: Manifolds, x: Array, shapes: Shapes,
                 materials: Materials, shifts: Array, shifted: bool, share: float,
                 bodies: SolverBodies, blocks: Blocks, fresh: IntArray, notes: Array) -> None:
     """
@@ -144,14 +143,16 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, x: Array, materia
             fetch_block(blocks, block + 1)
         at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
         A, B = gather(bodies.mass, at_A), gather(bodies.mass, at_B)
-        _copy_shapes(b, rows, small, balls, manifolds, material, materials)
-        between = _BETWEEN_BALLS if balls else ARM_B
-        _copy_places(b, between, gather(bodies.pose, at_A), gather(bodies.pose, at_B))
-        if any_of(min(A[INV_M], B[INV_M]) == 0.0):
-            _copy_places_of_the_still(b, between, rows, manifolds, x)
-        if not balls:
+        _copy_impulses(b, rows, manifolds, share)
+        if balls:
+            _copy_balls(b, rows, manifolds, shapes, materials, share)
+        else:
+            _copy_shapes(b, rows, small, manifolds, shapes.material, materials)
+            _copy_places(b, gather(bodies.pose, at_A), gather(bodies.pose, at_B))
+            if any_of(min(A[INV_M], B[INV_M]) == 0.0):
+                _copy_places_of_the_still(b, rows, manifolds, x)
             _copy_inertia(b, A, B)
-        _copy_manifolds(b, rows, points, balls, manifolds, share)
+            _copy_points(b, rows, points, manifolds, share)
         least = smallest_gap(b, points)
         touches = least < SKIN
         fresh[block] = count_of(both(touches, normal_sum(b, points) == 0.0))
@@ -173,7 +174,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, x: Array, materia
 
 
 @part
-def _copy_shapes(b: Array, rows: IntArray, small: bool, balls: bool, manifolds: Manifolds,
+def _copy_shapes(b: Array, rows: IntArray, small: bool, manifolds: Manifolds,
                  material: IntArray, materials: Materials) -> None:
     """
     Write the friction and the levers of the resistances.
@@ -187,28 +188,51 @@ def _copy_shapes(b: Array, rows: IntArray, small: bool, balls: bool, manifolds: 
         first = material[manifolds.shape_a[r] & INDEX] & INDEX
         second = material[manifolds.shape_b[r] & INDEX] & INDEX
         b[MU * LANES + i] = materials.friction[first, second] if there else 0.0
-        if not balls:
-            b[SPIN_LEVER * LANES + i] = materials.spinning[first, second] if there else 0.0
-        if not small and not balls:
+        b[SPIN_LEVER * LANES + i] = materials.spinning[first, second] if there else 0.0
+        if not small:
             b[ROLL_LEVER * LANES + i] = materials.rolling[first, second] if there else 0.0
 
 
 @part
-def _copy_places(b: Array, between: int, A: Motion, B: Motion) -> None:
+def _copy_balls(b: Array, rows: IntArray, manifolds: Manifolds, shapes: Shapes,
+                materials: Materials, share: float) -> None:
+    """
+    Write the friction of balls, their point, and how far it is from both middles.
+
+    It lies half way between the surfaces: the radius and half of the gap away. That of what does
+    not move, which may be no ball, is multiplied by 0.
+    """
+    for i in range(LANES):
+        there = rows[i] >= 0
+        r = rows[i] & INDEX if there else 0
+        one, other = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
+        first, second = shapes.material[one] & INDEX, shapes.material[other] & INDEX
+        half = 0.5 * manifolds.gap[0, r]
+        b[MU * LANES + i] = materials.friction[first, second] if there else 0.0
+        b[LEVER_A * LANES + i] = shapes.size[one, 0] + half if there else 0.0
+        b[LEVER_B * LANES + i] = -(shapes.size[other, 0] + half) if there else 0.0
+    (gap,) = gather_rows_1(manifolds.gap, rows, 1, 0)
+    (impulse,) = gather_rows_1(manifolds.impulse, rows, 1, 0)
+    there = gather_integers(manifolds.points, rows) > 0.0
+    store(b, POINT + GAP, select(there, gap, ABSENT))
+    store(b, POINT + IMPULSE, select(there, share * impulse, 0.0))
+
+
+@part
+def _copy_places(b: Array, A: Motion, B: Motion) -> None:
     """Write x_A - x_B, from the poses of bodies that move."""
-    store_three(b, between, (A[0] - B[0], A[1] - B[1], A[2] - B[2]))
+    store_three(b, ARM_B, (A[0] - B[0], A[1] - B[1], A[2] - B[2]))
 
 
 @kernel
-def _copy_places_of_the_still(b: Array, between: int, rows: IntArray, manifolds: Manifolds,
-                              x: Array) -> None:
+def _copy_places_of_the_still(b: Array, rows: IntArray, manifolds: Manifolds, x: Array) -> None:
     """Write x_A - x_B where not both bodies have a pose of their own among those that move."""
     for i in range(LANES):
         if rows[i] >= 0:
             r = rows[i] & INDEX
             body_a, body_b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
             for k in range(3):
-                b[(between + k) * LANES + i] = x[k, body_a] - x[k, body_b]
+                b[(ARM_B + k) * LANES + i] = x[k, body_a] - x[k, body_b]
 
 
 @part
@@ -220,19 +244,18 @@ def _copy_inertia(b: Array, A: Motion, B: Motion) -> None:
 
 
 @part
-def _copy_manifolds(b: Array, rows: IntArray, points: int, balls: bool, manifolds: Manifolds,
-                    share: float) -> None:
-    n, friction = gather_rows_3(manifolds.normal, rows, 3, 0), gather_rows_3(
-        manifolds.friction, rows, 3, 0)
-    present = gather_integers(manifolds.points, rows)
-    store_three(b, NORMAL, n)
+def _copy_impulses(b: Array, rows: IntArray, manifolds: Manifolds, share: float) -> None:
+    """Write the normal, and the friction as a vector where `make_basis` looks for it."""
+    store_three(b, NORMAL, gather_rows_3(manifolds.normal, rows, 3, 0))
+    friction = gather_rows_3(manifolds.friction, rows, 3, 0)
     store_three(b, TORSION, (share * friction[0], share * friction[1], share * friction[2]))
-    if balls:
-        _copy_point(b, 0, n, rows, manifolds, present, share)
-        lever = dot(load_three(b, POINT), n)
-        store(b, LEVER_A, lever)
-        store(b, LEVER_B, lever + dot(load_three(b, _BETWEEN_BALLS), n))
-        return
+
+
+@part
+def _copy_points(b: Array, rows: IntArray, points: int, manifolds: Manifolds,
+                 share: float) -> None:
+    """Write the points of manifolds that are not of balls."""
+    n, present = load_three(b, NORMAL), gather_integers(manifolds.points, rows)
     (spin,) = gather_rows_1(manifolds.spin, rows, 1, 0)
     store(b, SPIN, share * spin)
     for p in range(POINTS if points > 1 else 1):

@@ -240,8 +240,8 @@ def _fill(region: int, x: Array, shapes: Shapes, materials: Materials, round_sha
                              coloring)
         make_room(region, begin, end, colors, coloring, blocks)
         place_lanes(region, begin, end, block, manifolds, bodies, coloring, blocks)
-        fill_blocks(region, block, manifolds, x, shapes.material, materials, shifts, shifted,
-                    share, bodies, blocks, work.fresh, work.notes[region])
+        fill_blocks(region, block, manifolds, x, shapes, materials, shifts, shifted, share,
+                    bodies, blocks, work.fresh, work.notes[region])
 
 
 @part
