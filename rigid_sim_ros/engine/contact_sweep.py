@@ -20,9 +20,10 @@ from rigid_sim_ros.engine.solver_bodies import INV_M
 from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, subtract
 
 
-# [m/s] a visit that changes velocities less has nothing left to do in this substep. Balls stand on
-# nothing that a small error could tilt, and a heap of thousands never stops to roll a little.
-SETTLED, SETTLED_BALLS = 1e-6, 1e-5
+# [m/s] a visit that changes velocities less has nothing left to do in this substep. Nothing stands
+# upright on a single point, so that a small error could tilt it; and a heap of thousands of balls
+# never stops to roll a little.
+SETTLED, SETTLED_POINT = 1e-6, 1e-5
 
 
 @part
@@ -145,9 +146,9 @@ def is_settled(b: Array, speed: float) -> bool:
 @part
 def note_left(blocks: Blocks, block: int) -> None:
     """Note what is left to do in a block on the way back, which looks at no other."""
-    b, kind = numbers_of(blocks, block), blocks.kind[block]
-    overlaps = any_of(smallest_gap(b, points_in(kind)) < -NEGLIGIBLE)
-    settled = is_settled(b, SETTLED_BALLS if are_balls(kind) else SETTLED)
+    b, points = numbers_of(blocks, block), points_in(blocks.kind[block])
+    overlaps = any_of(smallest_gap(b, points) < -NEGLIGIBLE)
+    settled = is_settled(b, SETTLED_POINT if points == 1 else SETTLED)
     blocks.left[block] = (0 if settled else UNSETTLED) | (OVERLAPPING if overlaps else 0)
 
 
