@@ -104,18 +104,16 @@ def fill_grid(kind: IntArray, grid: Grid) -> None:
         if level != WIDE:
             levels[level - _LOWEST] += 1
         tally[s] = bucket
-        buckets[(bucket + 1) & INDEX] += 1
+        buckets[bucket & INDEX] += 1
+    # Where each bucket ends.
     for k in range(t + 1):
         buckets[k + 1] += buckets[k]
-    # Backwards, so that the shapes of a bucket end up in order, with its start in place.
+    # Backwards, so that the shapes of a bucket end up in order, and its end becomes its start.
     for s in range(kind.shape[0] - 1, -1, -1):
-        bucket = (tally[s] + 1) & INDEX
+        bucket = tally[s] & INDEX
         buckets[bucket] -= 1
         grid.members[buckets[bucket] & INDEX] = s
         grid.keys[buckets[bucket] & INDEX] = cells[s, 4]
-    for k in range(t + 1):
-        buckets[k] = buckets[k + 1]
-    buckets[t + 1] = kind.shape[0]
 
 
 @kernel
