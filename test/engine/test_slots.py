@@ -4,6 +4,7 @@
 
 from hypothesis import given, settings, strategies as st
 import numpy as np
+import pytest
 
 from rigid_sim_ros.engine.manifolds import empty_pages
 from rigid_sim_ros.engine.slots import (
@@ -51,6 +52,27 @@ def test_a_world_is_cut_in_the_middle_of_its_manifolds(seed, count, first, axis,
     least = 1e-9 * width + 1e-15 * abs(place)
     assert np.mean(x[axis, body] > sides.end[0] + least) <= 0.5
     assert np.mean(x[axis, body] > sides.end[0] - width - least) >= 0.5
+
+
+@pytest.mark.parametrize('axis', [0, 1, 2])
+@pytest.mark.parametrize('numbered', [True, False])
+def test_the_cut_has_the_numbers_of_either_half_on_a_side(axis, numbered):
+    # As wide along the next axis as along this one, or a little wider.
+    rng, other = np.random.default_rng(7 + axis), (axis + 1) % 3
+    x = rng.uniform(-1.0, 1.0, size=(3, BODIES))
+    x[other] *= 1.2
+    x[(axis + 2) % 3] *= 0.5
+    if numbered:
+        x = x[:, np.argsort(x[axis], kind='stable')]
+    sides = make_sides(BODIES)
+    choose_cut(np.ones(BODIES), x, np.zeros(BODIES, dtype=np.int64),
+               manifolds_of(some_pairs(rng, 2 * ENOUGH)), sides)
+    assert sides.axis[0] == (axis if numbered else other)
+    # Where half of the manifolds are, 4 % more or fewer of 200 bodies may be: sqrt(1 / 200) / 2.
+    if numbered:
+        first = x[axis] <= sides.end[0]
+        assert np.mean(first[:BODIES // 2]) > 0.9
+        assert np.mean(first[BODIES // 2:]) < 0.1
 
 
 @settings(max_examples=60)
