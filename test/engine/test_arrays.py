@@ -20,7 +20,8 @@ def test_room_is_zero_and_begins_on_a_line_of_the_cache(shape, kind):
     assert array.shape == tuple(shape)
     assert array.dtype == kind
     assert array.flags.c_contiguous and array.flags.writeable
-    assert array.ctypes.data % 64 == 0
+    # What is empty lies nowhere.
+    assert array.size == 0 or array.ctypes.data % 64 == 0
     assert not array.any()
     array[...] = 1
     assert array.sum() == array.size
