@@ -8,7 +8,7 @@ import pytest
 
 from rigid_sim_ros.engine.manifolds import empty_pages
 from rigid_sim_ros.engine.slots import (
-    _BINS, choose_cut, ENOUGH, FIRST, give_slots, make_sides, SECOND, STILL)
+    _BINS, _OF_FIRST, choose_cut, ENOUGH, FIRST, give_slots, make_sides, SECOND, STILL)
 from rigid_sim_ros.engine.solver_bodies import make_bodies
 
 BODIES = 200
@@ -31,7 +31,7 @@ def some_pairs(rng, count):
 @settings(max_examples=60)
 @given(seed=st.integers(0, 2 ** 32 - 1), count=st.integers(0, 2 * ENOUGH), first=st.integers(0, 9),
        axis=st.integers(0, 2), place=st.sampled_from([0.0, 1e5]))
-def test_a_world_is_cut_in_the_middle_of_its_manifolds(seed, count, first, axis, place):
+def test_a_world_is_cut_about_in_the_middle_of_its_manifolds(seed, count, first, axis, place):
     rng = np.random.default_rng(seed)
     spread = np.array([1.0, 1.0, 1.0])
     spread[axis] = 3.0
@@ -50,8 +50,9 @@ def test_a_world_is_cut_in_the_middle_of_its_manifolds(seed, count, first, axis,
     width = 4.0 * x[axis, np.unique(body)].std() / _BINS
     # Squares about a body some spreads away cancel, and lose a few of 16 digits.
     least = 1e-9 * width + 1e-15 * abs(place)
-    assert np.mean(x[axis, body] > sides.end[0] + least) <= 0.5
-    assert np.mean(x[axis, body] > sides.end[0] - width - least) >= 0.5
+    beyond = 1.0 - 0.01 * _OF_FIRST
+    assert np.mean(x[axis, body] > sides.end[0] + least) <= beyond + 1e-12
+    assert np.mean(x[axis, body] > sides.end[0] - width - least) >= beyond - 1e-12
 
 
 @pytest.mark.parametrize('axis', [0, 1, 2])
@@ -68,7 +69,8 @@ def test_the_cut_has_the_numbers_of_either_half_on_a_side(axis, numbered):
     choose_cut(np.ones(BODIES), x, np.zeros(BODIES, dtype=np.int64),
                manifolds_of(some_pairs(rng, 2 * ENOUGH)), sides)
     assert sides.axis[0] == (axis if numbered else other)
-    # Where half of the manifolds are, 4 % more or fewer of 200 bodies may be: sqrt(1 / 200) / 2.
+    # Where half of the manifolds are, 4 % more or fewer of 200 bodies may be: sqrt(1 / 200) / 2;
+    # and two more by intent.
     if numbered:
         first = x[axis] <= sides.end[0]
         assert np.mean(first[:BODIES // 2]) > 0.9
