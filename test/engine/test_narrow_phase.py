@@ -92,9 +92,7 @@ def test_the_normal_separates_by_the_distance(names, seed):
     scene = two(names, np.random.default_rng(seed))
     gap, n, p, q = scene.distance(0, 1)
     close = tolerance(names)
-    # Turned into the world by a matrix made of a quaternion of unit length: some 16 roundings of
-    # 1.1e-16. 1.1e-15 was seen.
-    assert np.linalg.norm(n) == pytest.approx(1.0, abs=2e-15)
+    assert np.linalg.norm(n) == pytest.approx(1.0, abs=1e-15)
     assert separation_along(scene, n) == pytest.approx(gap, abs=close)
     assert (q - p) @ n == pytest.approx(gap, abs=1e-15)
     # From A to B: B moved along n by -gap just touches.
