@@ -143,7 +143,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, x: Array, shapes:
             fetch_block(blocks, block + 1)
         at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
         A, B = gather(bodies.mass, at_A), gather(bodies.mass, at_B)
-        _copy_impulses(b, rows, manifolds, share)
+        _copy_normal_and_friction(b, rows, manifolds, share)
         if balls:
             _copy_balls(b, rows, manifolds, shapes, materials, share)
         else:
@@ -244,7 +244,8 @@ def _copy_inertia(b: Array, A: Motion, B: Motion) -> None:
 
 
 @part
-def _copy_impulses(b: Array, rows: IntArray, manifolds: Manifolds, share: float) -> None:
+def _copy_normal_and_friction(b: Array, rows: IntArray, manifolds: Manifolds,
+                              share: float) -> None:
     """Write the normal, and the friction as a vector where `make_basis` looks for it."""
     store_three(b, NORMAL, gather_rows_3(manifolds.normal, rows, 3, 0))
     friction = gather_rows_3(manifolds.friction, rows, 3, 0)
