@@ -81,16 +81,91 @@ def test_a_world_that_is_no_longer_cut_forgets_its_halves():
         world.set_pose(f'b{k}', (10.0 * k, 0, 0), (0, 0, 0, 1))
     fresh = World.from_dict(scene)
     fresh.restore(world.save())
-    # The cut of a step follows from the manifolds of the one before.
+    # Whether a step has halves follows from the manifolds of the one before.
     for halves in (2, 1):
         world.step()
         fresh.step()
-        assert world._contact._work.solver.sides.halved[0] == halves - 1
+        assert world._contact._work.solver.sides.cut.halved[0] == halves - 1
         assert world.state_hash() == fresh.state_hash()
         assert world._contact.report() == fresh._contact.report()
     # What is left there would be visited when an impact is calmed.
     assert world._contact._work.solver.blocks.count.tolist()[1:] == [0, 0]
     assert not world._contact._work.solver.notes[1:].any()
+
+
+def mixed(world: World) -> World:
+    """Let bodies change places until their numbers say nothing about these."""
+    places, turns = world.position, world.orientation
+    bodies = np.flatnonzero(world.mass > 0.0)
+    for body, other in zip(bodies, np.random.default_rng(7).permutation(bodies), strict=True):
+        world.set_pose(world.names[body], places[other], turns[other])
+    return world
+
+
+def cut_by_place(world: World) -> bool | None:
+    """Return whether a plane cuts a world, and not the numbers of the bodies; None: nothing."""
+    cut = world._contact._work.solver.sides.cut
+    return bool(cut.by_place[0]) if cut.halved[0] == 1 else None
+
+
+@pytest.mark.parametrize('sleep_after', [0.0, 0.1])
+def test_bodies_that_have_mixed_are_cut_by_a_plane(sleep_after):
+    one, two = (mixed(crowd(['sphere', 'box'], 0.0, sleep_after=sleep_after)) for _ in range(2))
+    two.threads = 2
+    assert cut_by_place(one) is None
+    one.step(20)
+    two.step(20)
+    assert cut_by_place(one) is cut_by_place(two) is True
+    for _ in range(60):
+        one.step()
+        two.step()
+        assert one.state_hash() == two.state_hash()
+    # Neither half has all of them.
+    assert min(one._contact._work.solver.blocks.count[:2]) > 0.3 * max(
+        one._contact._work.solver.blocks.count[:2])
+
+
+@pytest.mark.parametrize('by_place', [False, True])
+def test_a_world_is_restored_with_its_halves(by_place):
+    world = crowd(['sphere'], 0.0)
+    if by_place:
+        mixed(world)
+    world.step(40)
+    for _ in range(20):     # longer than a cut stays
+        world.step()
+        assert cut_by_place(world) == by_place
+        saved, fresh = world.save(), crowd(['sphere'], 0.0)
+        fresh.restore(saved)
+        world.step(20)
+        fresh.step(20)
+        assert fresh.state_hash() == world.state_hash()
+        world.restore(saved)
+
+
+def test_halves_stay_when_a_world_needs_more_room():
+    # Balls that the walls push together: the number of manifolds grows.
+    places = np.stack(np.indices((8, 8, 7)), -1).reshape(-1, 3) - (3.5, 3.5, -0.6)
+    walls = [{'name': f'wall{k}', 'fixed': True,
+              'shape': {'type': 'plane', 'normal': normal, 'offset': offset}}
+             for k, (normal, offset) in enumerate([
+                 ((0, 0, 1), 0.0), ((1, 0, 0), -0.9), ((-1, 0, 0), -0.9), ((0, 1, 0), -0.9),
+                 ((0, -1, 0), -0.9)])]
+    world = World.from_dict({
+        'format': 1, 'world': {'contact': 'timestep', 'step': 1 / 240},
+        'bodies': walls + [{'name': f'b{k}', 'shape': {'type': 'sphere', 'radius': 0.1},
+                            'mass': 1.0, 'pose': {'position': (0.26 * place).tolist()}}
+                           for k, place in enumerate(places)]})
+    world.step()
+    contact, grown_when_halved = world._contact, 0
+    for _ in range(400):
+        rows = len(contact._memory.pages[0].shape_a)
+        left = int(contact._work.solver.sides.cut.left[0])
+        world.step()
+        if left > 0:
+            # As if nothing had happened: who is restored may have the room already.
+            assert contact._work.solver.sides.cut.left[0] == left - 1
+            grown_when_halved += len(contact._memory.pages[0].shape_a) > rows
+    assert grown_when_halved > 0
 
 
 def test_a_world_may_change_its_mind_about_threads():

@@ -15,7 +15,7 @@ import math
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.grid import (
-    boxes_overlap, column_key, Grid, inverse_size, levels_in_use, shapes_on, WIDE)
+    boxes_overlap, column_key, find_cell, Grid, inverse_size, levels_in_use, shapes_on, WIDE)
 from rigid_sim_ros.engine.kernel import apart, INDEX, kernel, part
 from rigid_sim_ros.engine.manifolds import NEAR
 from rigid_sim_ros.engine.shapes import PLANE, Shapes
@@ -79,19 +79,20 @@ def mark_moved(kind: IntArray, pose: Array, box: Array, all_of_them: bool, grid:
 
 @kernel
 def refresh(kind: IntArray, body: IntArray, pose: Array, box: Array, inv_m: Array, P: Array,
-            h: float, grid: Grid) -> int:
+            h: float, grid: Grid, first: int, last: int) -> int:
     """
-    Give the shapes that are marked a new fat box, and return their number.
+    Give some shapes, if they are marked, a new fat box, and return how many these are.
 
     As soon as one left its own, so get those that are about to: to look up many costs little more
     than to look up one.
     """
     count = 0
-    for s in range(kind.shape[0]):
+    for s in range(first, last):
         if grid.moved[s] == 1:
             count += 1
             i = body[s] & INDEX
             _fatten(kind, pose, box, h * inv_m[i], P, i, grid.fat, s)
+            find_cell(grid.fat, grid.cells, s, kind[s] != PLANE)
     return count
 
 

@@ -13,16 +13,16 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
-from rigid_sim_ros.engine.coloring import Blocks, first_block, most_blocks, numbers_of
+from rigid_sim_ros.engine.coloring import (
+    Blocks, first_block, most_blocks, numbers_of, SHAKEN)
 from rigid_sim_ros.engine.contact_blocks import RESIDUAL
 from rigid_sim_ros.engine.contact_rules import Sweep
-from rigid_sim_ros.engine.contact_sweep import is_settled, note_left, visit_block
+from rigid_sim_ros.engine.contact_sweep import note_left, ROUGH, visit_block
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel
 from rigid_sim_ros.engine.lanes import LANES
-from rigid_sim_ros.engine.solver_bodies import STRIDE
+from rigid_sim_ros.engine.solver_bodies import SECOND_BEGIN, SECOND_END, STRIDE
 
-# [m/s] a change that others must hear of before the substep ends, in so many sweeps at most
-ROUGH = 0.2
+# In so many sweeps at most others hear of a rough change.
 CALMING_SWEEPS = 30
 
 
@@ -84,9 +84,9 @@ def calm(blocks: Blocks, motion: Array, used: IntArray, work: Calming, inv_h: fl
 @kernel
 def _shake(blocks: Blocks, block: int, clock: int, work: Calming) -> None:
     """Note whom the last visit to a block reached: all blocks of what it changed roughly."""
-    b = numbers_of(blocks, block)
-    if is_settled(b, ROUGH):
+    if blocks.left[block] & SHAKEN == 0:
         return
+    b = numbers_of(blocks, block)
     for i in range(LANES):
         if b[RESIDUAL * LANES + i] > ROUGH:
             for at in (blocks.at_A[block * LANES + i], blocks.at_B[block * LANES + i]):
@@ -99,14 +99,14 @@ def _shake(blocks: Blocks, block: int, clock: int, work: Calming) -> None:
 def _list_blocks(count: int, blocks: Blocks, used: IntArray, first: IntArray,
                  member: IntArray) -> None:
     """List the blocks of each slot that moves: count, add up, distribute."""
-    first[:used[0] + 2] = 0
+    first[:used[SECOND_END] + 2] = 0
     for k in range(count):
         block = _block(blocks, k)
         for lane in range(block * LANES, (block + 1) * LANES):
             first[(blocks.at_A[lane] & INDEX) // STRIDE + 2] += 1
             first[(blocks.at_B[lane] & INDEX) // STRIDE + 2] += 1
-    first[2] = first[used[2] + 2] = 0
-    for slot in range(2, used[0] + 1):
+    first[2] = first[used[SECOND_BEGIN] + 2] = 0
+    for slot in range(2, used[SECOND_END] + 1):
         first[slot + 1] += first[slot]
     # What is the start of a slot now, one place too far on, moves to its end.
     for k in range(count):
@@ -114,6 +114,6 @@ def _list_blocks(count: int, blocks: Blocks, used: IntArray, first: IntArray,
         for lane in range(block * LANES, (block + 1) * LANES):
             for at in (blocks.at_A[lane], blocks.at_B[lane]):
                 slot = (at & INDEX) // STRIDE
-                if slot > 0 and slot != used[2]:
+                if slot > 0 and slot != used[SECOND_BEGIN]:
                     member[first[slot + 1]] = block
                     first[slot + 1] += 1

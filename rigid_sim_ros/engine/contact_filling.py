@@ -18,10 +18,10 @@ from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.lanes import (
     any_of, both, count_of, Eight, gather, gather_integers, gather_rows_1, gather_rows_3,
     LANES, largest_of, load, scatter, scatter_rows_1, scatter_rows_3, select, spread, store)
-from rigid_sim_ros.engine.manifolds import Manifolds, POINTS, rows_in_use
+from rigid_sim_ros.engine.manifolds import first_row, Manifolds, POINTS, rows_in_use
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import displacement, gap_now
-from rigid_sim_ros.engine.slots import ACROSS
+from rigid_sim_ros.engine.slots import ACROSS, is_by_number, SECOND, Sides
 from rigid_sim_ros.engine.solver_bodies import HELD, INV_M, J, SolverBodies, still_slot, STRIDE
 from rigid_sim_ros.engine.vector import add, cross, dot
 
@@ -31,24 +31,29 @@ DEEPEST, TOUCHING, NEW = range(3)
 
 
 @kernel
-def choose_manifolds(region: int, manifolds: Manifolds, side: IntArray, waits: IntArray,
+def choose_manifolds(region: int, manifolds: Manifolds, sides: Sides, waits: IntArray,
                      work: Coloring) -> None:
     """
     List the manifolds of a half that are solved: neither wait, nor have two bodies at rest.
 
-    With those of the first half also those across. side (n,) are those of the bodies, waits (c,)
-    is 1 for a manifold that is left out.
+    With those of the first half also those across. Where numbers cut, the manifolds of the second
+    half are those from its first shape on, and whatever else has a body there is across. waits
+    (c,) is 1 for a manifold that is left out.
     """
-    found, across, wanted = 0, 0, region + 1
-    first, count = rows_in_use(manifolds)
-    for k in range(count):
-        r = (first + k) & INDEX
+    found, across, wanted, side = 0, 0, region + 1, sides.of_body
+    begin, count = rows_in_use(manifolds)
+    end, by_number = begin + count, is_by_number(sides.cut)
+    if by_number:
+        middle = first_row(manifolds, sides.middle[1])
+        begin, end = (middle, end) if region == 1 else (begin, middle)
+    for row in range(begin, end):
+        r = row & INDEX
         if waits[r] == 0:
             at = side[manifolds.body_a[r] & INDEX] | side[manifolds.body_b[r] & INDEX]
             if at == wanted:
                 work.member[region, found] = r
                 found += 1
-            elif at == ACROSS and region == 0:
+            elif region == 0 and (at == ACROSS or (at == SECOND and by_number)):
                 work.member[BETWEEN, across] = r
                 across += 1
     work.members[region] = found

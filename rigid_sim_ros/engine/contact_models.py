@@ -26,6 +26,7 @@ from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.sequential import SequentialSettings
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.sleeping import no_rest
+from rigid_sim_ros.engine.slots import Cut
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.step import FREE_MOTION
 from rigid_sim_ros.engine.two_cores import Helper
@@ -196,8 +197,8 @@ class Timestep(_Touching):
             self._helper = Helper() if helped else None
 
     def lasting(self) -> dict[str, np.ndarray]:
-        """Return the manifolds, and who rests where if bodies may sleep."""
-        arrays = super().lasting()
+        """Return the manifolds, the cut, and who rests where if bodies may sleep."""
+        arrays = super().lasting() | _named('cut', self._work.solver.sides.cut)
         if self._settings.sleep_steps > 0:
             arrays |= {f'rest_{name}': getattr(self._rest, name).copy() for name in _REST}
         return arrays
@@ -207,6 +208,8 @@ class Timestep(_Touching):
         super().recall(arrays)
         self._work = timestep.make_timestep_work(
             self._setup.model, self._setup.shapes, self._memory)
+        if arrays:
+            timestep.with_cut(self._work, _unnamed('cut', Cut, arrays))
         self._rest = no_rest(len(self._setup.model.m))
         for name in _REST if arrays and self._settings.sleep_steps > 0 else ():
             getattr(self._rest, name)[...] = arrays[f'rest_{name}']

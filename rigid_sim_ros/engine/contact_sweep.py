@@ -4,7 +4,8 @@
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.coloring import (
-    are_balls, Blocks, is_small, lanes_of, numbers_of, OVERLAPPING, points_in, resists, UNSETTLED)
+    are_balls, Blocks, is_small, lanes_of, numbers_of, OVERLAPPING, points_in, resists, SHAKEN,
+    UNSETTLED)
 from rigid_sim_ros.engine.contact_balls import drift_balls, separate_balls, visit_balls
 from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, drift_together, friction_of, GAP, IMPULSE,
@@ -24,6 +25,8 @@ from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, subtract
 # upright on a single point, so that a small error could tilt it; and a heap of thousands of balls
 # never stops to roll a little.
 SETTLED, SETTLED_POINT = 1e-6, 1e-5
+# [m/s] a change that others must hear of before the substep ends, see calming.py
+ROUGH = 0.2
 
 
 @part
@@ -145,11 +148,17 @@ def is_settled(b: Array, speed: float) -> bool:
 
 @part
 def note_left(blocks: Blocks, block: int) -> None:
-    """Note what is left to do in a block on the way back, which looks at no other."""
+    """
+    Note what is left to do in a block: on the way back no other is looked at.
+
+    Nor is one of the other half by `calm`, which goes through all of them: what a core has read
+    another one has to ask back before it writes there.
+    """
     b, points = numbers_of(blocks, block), points_in(blocks.kind[block])
     overlaps = any_of(smallest_gap(b, points) < -NEGLIGIBLE)
     settled = is_settled(b, SETTLED_POINT if points == 1 else SETTLED)
-    blocks.left[block] = (0 if settled else UNSETTLED) | (OVERLAPPING if overlaps else 0)
+    left = (0 if settled else UNSETTLED) | (OVERLAPPING if overlaps else 0)
+    blocks.left[block] = left if settled or is_settled(b, ROUGH) else left | SHAKEN
 
 
 @part

@@ -116,7 +116,7 @@ def detect_stage(stage: int, model: Model, state: State, shapes: Shapes, memory:
     if stage == TAKE:
         return take_shares(model, shapes, memory)
     if stage == NOTE:
-        note_moved(model, state, shapes, memory)
+        note_moved(shapes, memory)
     elif stage < TAKE:
         look_for_share(model, shapes, memory, stage - LOOK)
     else:
@@ -131,7 +131,7 @@ def find_all_manifolds(state: State, shapes: Shapes, memory: Memory) -> bool:
     everything = Share(0, memory.pair_count[0], 0, before.shape_a.shape[0], before.count[1], 0)
     set_share(memory, 0, everything)
     find_share(state, shapes, memory, 0)
-    memory.shares[1, :] = 0
+    memory.shares[1, :], memory.touching[1, :] = 0, 0
     memory.split[0] = memory.shares[0, ROWS] // 2
     return turn_page(memory, 0, memory.shares[0, ROWS])
 
@@ -142,10 +142,10 @@ def find_share(state: State, shapes: Shapes, memory: Memory, thread: int) -> Non
     now, before, share = earlier(memory), current(memory), get_share(memory, thread)
     if thread == 0:
         find_manifolds(state, shapes, memory, memory.scratch, memory.near[0], now, before,
-                       share, memory.shares[0])
+                       share, memory.touching[0], memory.shares[0])
     else:
         find_manifolds(state, shapes, memory, memory.other_scratch, memory.near[1], now, before,
-                       share, memory.shares[1])
+                       share, memory.touching[1], memory.shares[1])
 
 
 @kernel
@@ -166,19 +166,21 @@ def turn_page(memory: Memory, first: int, rows: int) -> bool:
 @kernel
 def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratch,
                    listing: IntArray, now: Manifolds, before: Manifolds, share: Share,
-                   found_so: IntArray) -> None:
+                   touching: IntArray, found_so: IntArray) -> None:
     """
     Go through the pairs and through the last step's rows, both sorted, side by side.
 
     Backwards a row is found by the place after it, so that every place is 0 or more. Which of the
     pairs are near is listed first, some pairs at a time, in `listing` (NEAR,).
-    found_so (8,) becomes what `turn_page` counts; in ROWS how many rows would have been needed.
+    touching (n,) becomes 1 for the bodies of what is found, and 0 for others; found_so (8,) what
+    `turn_page` counts, and in ROWS how many rows would have been needed.
     """
     back, step = share.backwards, 1 - 2 * share.backwards
     old_at, old_end = share.old, before.count[1] + (0 if back == 1 else before.count[0])
     rows, near, settled, recycled, contacts = 0, 0, 0, 0, 0
     left, at, end, last = share.last - share.first, 0, 0, share.row + step * (share.room - 1)
     place = share.row
+    touching[:] = 0
     while left > 0 or at != end:
         if at == end:
             some = min(left, NEAR)
@@ -211,6 +213,7 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
         _carry_over(now, before, row, old if known else -1, count)
         now.shape_a[row], now.shape_b[row] = a, b
         now.body_a[row], now.body_b[row] = i, j
+        touching[i] = touching[j] = 1
         now.points[row] = count
         contacts += count
         rows += 1

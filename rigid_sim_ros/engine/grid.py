@@ -12,9 +12,10 @@ shapes lie side by side. What is too large for any cell is wide: everything is t
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.engine.kernel import INDEX, kernel
-from rigid_sim_ros.engine.shapes import PLANE
 
 LEVELS = 163  # cells of 2^-40 m to 2^41 m, in steps of sqrt 2
 WIDE = 1 << 20  # the level of what is too large for any cell
@@ -26,7 +27,7 @@ class Grid(NamedTuple):
     """Fat boxes of s shapes, and where they are; t buckets, a power of two."""
 
     fat: Array  # (s, 6) lower and upper corner; a plane: normal and offset
-    moved: IntArray  # (s,) 1 for shapes that left their fat box
+    moved: IntArray  # (s,) of 8 bits, 1 for shapes that left their fat box
     cells: IntArray  # (s, 5) level, cell of the middle of the fat box, key of its column
     buckets: IntArray  # (t + 2,) where each bucket starts, then the wide shapes
     members: IntArray  # (s,) the shapes in the order of their buckets
@@ -38,7 +39,7 @@ class Grid(NamedTuple):
 def make_grid(s: int) -> Grid:
     """Return a grid for s shapes that nobody has filled yet."""
     t = 1 << max(4, (2 * s - 1).bit_length())
-    return Grid(room(s, 6), integers(s), integers(s, 5), integers(t + 2), integers(s),
+    return Grid(room(s, 6), room(s, kind=np.int8), integers(s, 5), integers(t + 2), integers(s),
                 integers(s), integers(s + 1), integers(LEVELS))
 
 
@@ -70,7 +71,7 @@ def inverse_size(level: int) -> float:
 
 
 @kernel
-def _find_cell(fat: Array, cells: IntArray, s: int, bounded: bool) -> None:
+def find_cell(fat: Array, cells: IntArray, s: int, bounded: bool) -> None:
     """Write level, cell and key of a shape."""
     level, key = WIDE, 0
     if bounded:
@@ -90,15 +91,13 @@ def _find_cell(fat: Array, cells: IntArray, s: int, bounded: bool) -> None:
 
 
 @kernel
-def fill_grid(kind: IntArray, grid: Grid) -> None:
+def fill_grid(grid: Grid) -> None:
     """Sort the shapes by the bucket of their cell: count, add up, distribute."""
     cells, buckets, tally, levels = grid.cells, grid.buckets, grid.tally, grid.levels
     t = buckets.shape[0] - 2
     buckets[:] = 0
     levels[:] = 0
-    for s in range(kind.shape[0]):
-        if grid.moved[s] == 1:
-            _find_cell(grid.fat, cells, s, kind[s] != PLANE)
+    for s in range(cells.shape[0]):
         level = cells[s, 0]
         bucket = t if level == WIDE else (cells[s, 4] + cells[s, 3]) & (t - 1)
         if level != WIDE:
@@ -109,7 +108,7 @@ def fill_grid(kind: IntArray, grid: Grid) -> None:
     for k in range(t + 1):
         buckets[k + 1] += buckets[k]
     # Backwards, so that the shapes of a bucket end up in order, and its end becomes its start.
-    for s in range(kind.shape[0] - 1, -1, -1):
+    for s in range(cells.shape[0] - 1, -1, -1):
         bucket = tally[s] & INDEX
         buckets[bucket] -= 1
         grid.members[buckets[bucket] & INDEX] = s

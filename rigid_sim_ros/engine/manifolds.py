@@ -23,7 +23,7 @@ import numpy as np
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.engine.grid import Grid, make_grid
 from rigid_sim_ros.engine.hulls import MAX_CORNERS
-from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.kernel import INDEX, kernel
 from rigid_sim_ros.engine.placing import unplaced
 
 POINTS = 4  # of a manifold, at most
@@ -111,6 +111,7 @@ class Memory(NamedTuple):
     shares: IntArray  # (2, 8) what either thread found, see shared_detection.py
     ranges: IntArray  # (2, 6) the `Share` of either thread
     split: IntArray  # (1,) how many of the latest manifolds the first thread begins from
+    touching: IntArray  # (2, n) of 8 bits, 1 for a body of a manifold that either thread found
 
 
 # Rows of `Memory.counters`, of the latest step.
@@ -168,7 +169,7 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
         room(s, 6), make_grid(s), integers(3), _names(2 * capacity, 2), _names(2, 4 * s, 2),
         room(2 * capacity, 4), integers(8), _scratch(), _scratch(),
         integers(2, 8), integers(2, NEAR), integers(2), integers(2, 8), integers(2, 6),
-        integers(1))
+        integers(1), room(2, bodies, kind=np.int8))
     forget_pairs(memory)
     return memory
 
@@ -182,6 +183,20 @@ def forget_pairs(memory: Memory) -> None:
 def rows_in_use(manifolds: Manifolds) -> tuple[int, int]:
     """Return the first row in use, and how many there are."""
     return manifolds.count[1], manifolds.count[0]
+
+
+@kernel
+def first_row(manifolds: Manifolds, shape: int) -> int:
+    """Return the first row in use whose shape A does not come before this one."""
+    low, count = rows_in_use(manifolds)
+    high = low + count
+    while low < high:
+        middle = (low + high) // 2 & INDEX
+        if manifolds.shape_a[middle] < shape:
+            low = middle + 1
+        else:
+            high = middle
+    return low
 
 
 def slice_in_use(manifolds: Manifolds) -> slice:

@@ -3,11 +3,11 @@
 """
 The numbers by which the engine knows the bodies of a world.
 
-Detection and the state are shared out by number, the solver by place. So the bodies of either
-half of a world get numbers side by side: of two cores each has mostly the same bodies in all
-stages, and finds what it needs in its own cache. In a half they are numbered by layers and rows:
-those that touch have numbers close by, and the solver goes through a heap along the way of its
-weight. The bodies of the scene keep their order wherever a user sees them.
+All that two cores share they share out by number. So the bodies of either half of a world get
+numbers side by side: each core has the same bodies in all stages, and finds what it needs in its
+own cache, and few contacts are across. In a half they are numbered by layers and rows: those that
+touch have numbers close by, and the solver goes through a heap along the way of its weight. The
+bodies of the scene keep their order wherever a user sees them.
 """
 
 import math
@@ -37,19 +37,29 @@ def order_by_place(model: Model, state: State) -> IntArray:
     row; what does not move comes last. Few bodies stay in the order that they have.
     """
     moves = model.inv_m > 0.0
-    if np.count_nonzero(moves) < MANY:
+    moving = np.count_nonzero(moves)
+    if moving < MANY:
         return np.arange(len(moves))
     g, x = model.gravity, state.x
     down = np.abs(g) / max(float(np.abs(g).max()), 1e-300)
     spread = [_spread(one) for one in x[:, moves]] * (1.0 - _UPRIGHT * down)
-    along = x[int(np.argmax(spread))]
-    half = np.where(moves, along > np.median(along[moves]), 2)
+    widest = int(np.argmax(spread))
+    # Of those at the same place along it others decide.
+    along = np.lexsort((x[widest - 2], x[widest - 1], x[widest], ~moves))
+    half = np.full(len(moves), 2)
+    half[along[:moving]] = np.arange(moving) >= moving // 2
     up = int(np.argmax(down)) if g.any() else 2
     in_row, across = (k for k in range(3) if k != up)
     side = _distance(x[:, moves])
     layer, row = np.rint(x[up] / side), np.rint(x[across] / side)
     # Those of a row by their places in it, and by the others if these are the same.
     return np.lexsort((x[up], x[across], x[in_row], row, layer, half))
+
+
+def middle_of(inv_m: Array) -> int:
+    """Return the number of the first body of the second half of those that move."""
+    moving = np.flatnonzero(inv_m > 0.0)
+    return int(moving[len(moving) // 2]) if len(moving) > 0 else len(inv_m)
 
 
 def _distance(x: Array) -> float:

@@ -23,24 +23,38 @@ _UNTIL_FORGOTTEN, _MANY_PARTED = 64, 8
 @kernel
 def find_pairs(model: Model, state: State, shapes: Shapes, memory: Memory) -> bool:
     """Keep the list of pairs up to date; return whether there was room for them."""
-    note_moved(model, state, shapes, memory)
+    if _have_left(memory):
+        refresh_some(model, state, shapes, memory, 0, (0, shapes.kind.shape[0]))
+        memory.left[1, 1] = 0
+    note_moved(shapes, memory)
     return memory.counters[REBUILT] == 0 or update_alone(model, shapes, memory)
 
 
 @kernel
-def note_moved(model: Model, state: State, shapes: Shapes, memory: Memory) -> None:
-    """Give what left its fat box a new one, and let the grid know."""
+def _have_left(memory: Memory) -> bool:
+    """Return whether any shape has left its fat box."""
+    return bool(memory.left[0, 0] + memory.left[1, 0] > 0)
+
+
+@kernel
+def refresh_some(model: Model, state: State, shapes: Shapes, memory: Memory, half: int,
+                 some: tuple[int, int]) -> None:
+    """Give those of `some` shapes that are marked a new fat box, and count them."""
+    memory.left[half, 1] = refresh(shapes.kind, shapes.body, memory.pose, memory.box, model.inv_m,
+                                   state.P, model.h, memory.grid, some[0], some[1])
+
+
+@kernel
+def note_moved(shapes: Shapes, memory: Memory) -> None:
+    """Note how many shapes got a new fat box, and let the grid know."""
     count = memory.pair_count[0]
-    moved = 0
-    if memory.left[0, 0] + memory.left[1, 0] > 0:
-        moved = refresh(shapes.kind, shapes.body, memory.pose, memory.box, model.inv_m, state.P,
-                        model.h, memory.grid)
+    moved = memory.left[0, 1] + memory.left[1, 1] if _have_left(memory) else 0
     memory.counters[REBUILT] = moved
     if count >= 0:
         forget_parted(shapes.kind, memory.grid.fat, memory.ahead, moved, memory.pair, memory.axis,
                       memory.pair_count)
     if moved > 0:
-        fill_grid(shapes.kind, memory.grid)
+        fill_grid(memory.grid)
 
 
 @kernel

@@ -20,11 +20,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
-from rigid_sim_ros.engine.calming import calm, Calming, make_calming, ROUGH as ROUGHLY
+from rigid_sim_ros.engine.calming import calm, Calming, make_calming
 from rigid_sim_ros.engine.coloring import (
     begin_blocks, BETWEEN, Blocks, CACHED, color_piece, Coloring, fetch_block, first_block,
     make_blocks, make_coloring, make_room, most_blocks, numbers_of, OVERLAPPING, PIECE, REGIONS,
-    UNSETTLED)
+    SHAKEN, UNSETTLED)
 from rigid_sim_ros.engine.contact_filling import (
     choose_manifolds, classify, DEEPEST, fill_blocks, keep_impulses, NEW, place_lanes, TOUCHING)
 from rigid_sim_ros.engine.contact_rules import Sweep
@@ -37,10 +37,10 @@ from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Manifolds
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
-from rigid_sim_ros.engine.slots import make_sides, Sides
+from rigid_sim_ros.engine.slots import give_slots, make_sides, shared_out, Sides
 from rigid_sim_ros.engine.solver_bodies import (
-    begin_push, drift_and_kick, drift_bodies, kick_bodies, load_bodies, make_bodies, note_start,
-    slots_of, SolverBodies, store_bodies)
+    begin_push, drift_and_kick, drift_bodies, FIRST_FREE, kick_bodies, load_bodies, make_bodies,
+    note_start, SECOND_END, SECOND_FREE, slots_of, SolverBodies, store_bodies)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.two_cores import side_by_side
 
@@ -75,9 +75,9 @@ class SequentialWork(NamedTuple):
 ROUGH, LARGEST, PUSHED, MOVED = 3, 4, 5, 6
 
 
-def make_work(n: int, capacity: int) -> SequentialWork:
-    """Return buffers for n bodies and `capacity` manifolds."""
-    return SequentialWork(make_bodies(n), make_sides(n), make_coloring(n, capacity),
+def make_work(n: int, middle: tuple[int, int], capacity: int) -> SequentialWork:
+    """Return buffers for n bodies and `capacity` manifolds; for `middle` see `make_sides`."""
+    return SequentialWork(make_bodies(n), make_sides(n, middle), make_coloring(n, capacity),
                           make_blocks(capacity), integers(most_blocks(capacity)),
                           make_calming(n, capacity), np.zeros(1, dtype=np.int64),
                           room(REGIONS, 8), np.zeros(1), np.zeros(1))
@@ -100,12 +100,12 @@ def solve_contacts(to: int, box: Any, desk: IntArray, model: Model, state: State
     REGIONS * stage + region. What is across waits for both halves, so a substep has one meeting:
     forth in both halves, then across and back across, and back in both halves.
     """
-    blocks, bodies, halved = work.blocks, work.bodies, work.sides.halved[0] == 1
+    blocks, bodies, halved = work.blocks, work.bodies, work.sides.cut.halved[0] == 1
     inv_h = 1.0 / (model.h / substeps)
     # Whatever an earlier step had in regions that this one does not have.
     blocks.count[:], work.notes[:], work.calming.listed[0] = 0, 0.0, 0
     _in_all(to, box, desk, halved, FILL)
-    if bodies.used[1] > 0:
+    if bodies.used[FIRST_FREE] + bodies.used[SECOND_FREE] > 0:
         fly_free(model, state, loads, bodies.slot, model.h, flight)
     first = SWEEP if _is_mostly_new(work.notes) else BEGIN
     if first == SWEEP:
@@ -175,21 +175,22 @@ def _find_impulses(to: int, box: Any, desk: IntArray, halved: bool) -> None:
 @part
 def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, shapes: Shapes,
              materials: Materials, round_shapes: IntArray, manifolds: Manifolds, acted: Manifolds,
-             waits: IntArray, shifts: Array, settings: SequentialSettings,
+             waits: IntArray, touching: IntArray, shifts: Array, settings: SequentialSettings,
              work: SequentialWork) -> None:
     """
     Do a stage in a region: 0 and 1, the halves, have bodies; 2, BETWEEN, has only contacts.
 
     Impulses of the manifolds are those to begin with, and afterwards those of this step; those of
     the whole step are added to what collisions wrote to `acted`. A manifold with waits (c,) of 1
-    takes no part. round_shapes (s,) are 1 for what may be in a block of balls. `shifts` are what
-    collisions moved.
+    takes no part; touching (2, n) are 1 for the bodies of others. round_shapes (s,) are 1 for what
+    may be in a block of balls. `shifts` are what collisions moved.
     """
     bodies, blocks, notes = work.bodies, work.blocks, work.notes[region]
     motion, h = bodies.motion, model.h / settings.substeps
     at_rest = Sweep(1.0 / h, 0.0, False)
     if stage == FILL:
         if region != BETWEEN:
+            give_slots(region, work.sides, touching, bodies)
             load_bodies(region, model.inv_m, model.inv_I_C, state, loads, bodies)
         _fill(region, state.x, shapes, materials, round_shapes, manifolds, waits, shifts,
               1.0 / settings.substeps, work)
@@ -218,8 +219,9 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
                                        settings.substeps, work.shifted[0] == 1, acted.impulse,
                                        acted.friction)
     elif stage == STORE:
-        store_bodies(region, work.sides.halved[0] + 1, model.h, model.m, model.inv_I_C, state,
-                     bodies, settings.substeps)
+        first, last = shared_out(work.sides, region)
+        store_bodies(region, first, last, model.h, model.m, model.inv_I_C, state, bodies,
+                     settings.substeps)
 
 
 @kernel
@@ -229,7 +231,7 @@ def _fill(region: int, x: Array, shapes: Shapes, materials: Materials, round_sha
     """Bring the manifolds of a region into blocks."""
     shifted, sides = work.shifted[0] == 1, work.sides
     if region != BETWEEN:
-        choose_manifolds(region, manifolds, sides.of_body, waits, work.coloring)
+        choose_manifolds(region, manifolds, sides, waits, work.coloring)
     classify(region, shapes.material, materials, round_shapes, shifted, manifolds, work.coloring)
     coloring, blocks, bodies = work.coloring, work.blocks, work.bodies
     begin_blocks(region, blocks)
@@ -262,7 +264,7 @@ def sweep(region: int, blocks: Blocks, motion: Array, drifted: Array, what: Swee
             fetch_block(blocks, block - 1 if backwards else block + 1)
         visit_block(blocks, block, motion, drifted, what)
         note_left(blocks, block)
-        if not is_settled(numbers_of(blocks, block), ROUGHLY):
+        if blocks.left[block] & SHAKEN != 0:
             notes[ROUGH] = 1.0
 
 
@@ -315,4 +317,5 @@ def _list_left(first: int, count: int, left: IntArray, again: IntArray) -> int:
 def _begin_push(region: int, bodies: SolverBodies) -> None:
     """Let nobody be pushed yet in a half or, where the region is across, in both."""
     first, last = slots_of(bodies.used, region % BETWEEN)
-    begin_push(first, bodies.used[0] if region == BETWEEN else last, bodies.motion, bodies.drifted)
+    last = bodies.used[SECOND_END] if region == BETWEEN else last
+    begin_push(first, last, bodies.motion, bodies.drifted)

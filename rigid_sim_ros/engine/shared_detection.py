@@ -17,32 +17,33 @@ from rigid_sim_ros.engine.detect import (
 from rigid_sim_ros.engine.kept import call
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.manifolds import (
-    current, Memory, PAIRS, REBUILT, RECYCLED, rows_in_use, WITNESSED)
+    current, first_row, Memory, PAIRS, REBUILT, RECYCLED, rows_in_use, WITNESSED)
+from rigid_sim_ros.engine.model import Model
+from rigid_sim_ros.engine.pair_list import refresh_some
 from rigid_sim_ros.engine.shapes import Shapes
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.two_cores import side_by_side
 
 # The stages that one thread alone does not have, by their numbers; of those in halves the number
 # of the first half.
-SHARE_OUT, FIT, JOIN, PLACE = range(4)
-# What the model does of its own while one thread finds what moved: a stage besides those of
-# `detect_stage`, which reads the positions and the manifolds of the last step only.
-BESIDE = 8
+SHARE_OUT, FIT, JOIN, PLACE, _, REFRESH = range(6)
 # What a manifold takes more than a pair that a witness settles.
 _OF_RECYCLED, _OF_NEW = 2, 14
 
 
 @part
-def detect_side_by_side(to: int, to_share: int, box: Any, desk: IntArray,
+def detect_side_by_side(to: int, to_share: int, box: Any, desk: IntArray, left: IntArray,
                         counters: IntArray) -> int:
     """
     Do what `detect_ahead` does.
 
-    `to` and `to_share` are the addresses of kernels that call `detect_stage` and `share_stage`,
-    the first also for BESIDE; counters those of the memory.
+    `to` and `to_share` are the addresses of kernels that call `detect_stage` and `share_stage`;
+    left and counters those of the memory.
     """
     side_by_side(desk, to_share, box, PLACE, PLACE + 1)
-    side_by_side(desk, to, box, NOTE, BESIDE)
+    if left[0, 0] + left[1, 0] > 0:
+        side_by_side(desk, to_share, box, REFRESH, REFRESH + 1)
+    call(to, box, NOTE)
     if counters[REBUILT] > 0:
         side_by_side(desk, to, box, LOOK, LOOK + 1)
         if call(to, box, TAKE) == 0:
@@ -55,30 +56,42 @@ def detect_side_by_side(to: int, to_share: int, box: Any, desk: IntArray,
 
 
 @kernel
-def share_stage(stage: int, state: State, shapes: Shapes, memory: Memory, cut: IntArray) -> bool:
-    """Do a stage; cut (2,) are the first shape of the second half, and its body."""
+def share_stage(stage: int, model: Model, state: State, shapes: Shapes, memory: Memory,
+                first: tuple[int, int], by_number: bool) -> bool:
+    """
+    Do a stage; `first` are the first body of the second half, and its first shape.
+
+    Pairs are shared out in these halves as well, `by_number`, where the solver has them; else by
+    what they took in the last step.
+    """
+    (body, shape), bodies, shapes_end = first, state.x.shape[1], shapes.kind.shape[0]
     if stage == SHARE_OUT:
-        _share_out(memory)
+        _share_out(memory, by_number, shape)
     elif stage == FIT:
         return _fit(memory)
     elif stage == JOIN:
         return _join(memory)
     elif stage == PLACE:
-        place_some(state, shapes, memory, 0, (0, cut[0]), (0, cut[1]))
+        place_some(state, shapes, memory, 0, (0, shape), (0, body))
+    elif stage == PLACE + 1:
+        place_some(state, shapes, memory, 1, (shape, shapes_end), (body, bodies))
+    elif stage == REFRESH:
+        refresh_some(model, state, shapes, memory, 0, (0, shape))
     else:
-        place_some(state, shapes, memory, 1, (cut[0], shapes.kind.shape[0]),
-                   (cut[1], state.x.shape[1]))
+        refresh_some(model, state, shapes, memory, 1, (shape, shapes_end))
     return True
 
 
 @kernel
-def _share_out(memory: Memory) -> None:
+def _share_out(memory: Memory, by_number: bool, shape: int) -> None:
     """Give either thread its pairs, and room for what it finds."""
     before, pairs, room = current(memory), memory.pair_count[0], memory.pages[0].shape_a.shape[0]
     first, count = rows_in_use(before)
-    split = min(memory.split[0], count)
+    split = first_row(before, shape) - first if by_number else min(memory.split[0], count)
     cut, old = pairs, first + split
-    if split < count:
+    if by_number:
+        cut = _first_pair(memory.pair, pairs, shape, 0)
+    elif split < count:
         cut = _first_pair(memory.pair, pairs, before.shape_a[old], before.shape_b[old])
     # To each the same part of the room as of the rows, and one at least.
     middle = min(max(room * split // max(count, 1), 1), room - 1)

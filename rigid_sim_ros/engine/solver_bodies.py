@@ -12,6 +12,8 @@ from 0.
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room, Vector
 from rigid_sim_ros.engine.free_rotation import MAX_ANGLE, turn, turn_fast
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part, pasted
@@ -38,13 +40,17 @@ HELD = 7
 _X, _Q, _P, _L, _INV_I, _M, _MEAN_L, _FAST, _ROWS = 0, 3, 7, 10, 13, 16, 17, 20, 21
 
 
+# Of `used`: where the slots of the first half end; where those of the second one begin and end;
+# and how many bodies of either half move without a slot.
+FIRST_END, SECOND_BEGIN, SECOND_END, FIRST_FREE, SECOND_FREE, _USED = range(6)
+
+
 class SolverBodies(NamedTuple):
     """Slots for up to n bodies and, in each half, the one that stands still."""
 
     slot: IntArray  # (n,) of a body, 0 if it does not take part
     body: IntArray  # (n + 2,) in a slot; -1 in those that stand still
-    # (3,) slots in use; moving bodies without a slot; where the slots of the second half begin
-    used: IntArray
+    used: IntArray  # (5,), see FIRST_END
     motion: Array  # flat, STRIDE for each slot, as all but the last two
     # With what the bodies moved in the last substep: `motion` and the motion that only displaces,
     # out of overlaps. While this is found it stands here alone, from `begin_push` on, and with
@@ -68,15 +74,16 @@ def make_bodies(n: int) -> SolverBodies:
     def numbers() -> Any:
         return room(slots * STRIDE)
 
-    return SolverBodies(integers(n), integers(slots), integers(3), numbers(), numbers(), numbers(),
-                        numbers(), numbers(), numbers(), numbers(), room(2 * _ROWS * LANES),
-                        integers(2 * LANES))
+    return SolverBodies(room(n, kind=np.int32), room(slots, kind=np.int32), integers(_USED),
+                        numbers(), numbers(), numbers(), numbers(), numbers(), numbers(),
+                        numbers(), room(2 * _ROWS * LANES), integers(2 * LANES))
 
 
 @inlined
 def slots_of(used: IntArray, half: int) -> tuple[int, int]:
     """Return the first slot of a half, 0 or 1, the still one, and the slot after its last."""
-    first, last = used[2] if half == 1 else 0, used[0] if half == 1 else used[2]
+    first = used[SECOND_BEGIN] if half == 1 else 0
+    last = used[SECOND_END] if half == 1 else used[FIRST_END]
     return first & INDEX, last & INDEX
 
 
@@ -90,7 +97,7 @@ def _of_half(numbers: Array, used: IntArray, half: int) -> Array:
 @inlined
 def still_slot(used: IntArray, region: int) -> int:
     """Return the slot that stands still in a half; across are none but moving bodies."""
-    return used[2] if region == 1 else 0
+    return used[SECOND_BEGIN] if region == 1 else 0
 
 
 @part
@@ -203,17 +210,15 @@ def drift_and_kick(half: int, used: IntArray, motion: Array, drifted: Array, tot
 
 
 @part
-def store_bodies(half: int, halves: int, h: float, m: Array, inv_I_C: Array, state: State,
-                 bodies: SolverBodies, substeps: int) -> None:
+def store_bodies(half: int, first: int, last: int, h: float, m: Array, inv_I_C: Array,
+                 state: State, bodies: SolverBodies, substeps: int) -> None:
     """
-    Move bodies, eight at a time, and write their momenta and poses back.
+    Move bodies, eight at a time, from `first` to `last`, and write momenta and poses back.
 
-    Here a half is one of the bodies by their numbers, as they lie in the state: two cores that
-    write to the same lines of it would wait for each other most of the time.
+    By number, as they lie in the state: two cores that write to the same lines of it would wait
+    for each other most of the time. `half` says whose scratch is used.
     """
-    n = m.shape[0]
-    i, last = half * n // halves, (half + 1) * n // halves
-    b, at = _scratch_of(bodies, half), _places_of(bodies, half)
+    i, b, at = first, _scratch_of(bodies, half), _places_of(bodies, half)
     while True:
         lanes = 0
         while lanes < LANES and i < last:

@@ -27,15 +27,17 @@ from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.manifolds import (
     current, current_manifolds, earlier, grown, Manifolds, Memory, rows_in_use)
 from rigid_sim_ros.engine.model import Model
+from rigid_sim_ros.engine.numbering import middle_of
 from rigid_sim_ros.engine.sequential import (
     do_stage, SequentialSettings, SequentialWork, solve_contacts)
 from rigid_sim_ros.engine.sequential import make_work as make_sequential_work
 from rigid_sim_ros.engine.shapes import Materials, PLANE, Shapes
 from rigid_sim_ros.engine.shared_detection import (
-    BESIDE, detect_side_by_side, PLACE, share_stage)
+    detect_side_by_side, PLACE, REFRESH, share_stage)
 from rigid_sim_ros.engine.sleeping import (
     fall_asleep, keep_pressing, mark_pushed, Rest, wake_disturbed, wake_touched)
-from rigid_sim_ros.engine.slots import choose_cut, ENOUGH, give_slots
+from rigid_sim_ros.engine.slots import (
+    begin_slots, choose_cut, Cut, ENOUGH, is_by_number, mark_touching, take_sides)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.two_cores import Helper, is_helped, make_desk
 from rigid_sim_ros.engine.vector import column, norm
@@ -67,7 +69,6 @@ class TimestepWork(NamedTuple):
     block: Array
     radius: Array  # (n,) [m] how far the shapes of a body reach from its centre of mass
     round_shapes: IntArray  # (s,) 1: a ball about its centre of mass, or a body that never moves
-    cut: IntArray  # (2,) the first shape of the second half of them, and its body
     collision: CollisionWork
     solver: SequentialWork
 
@@ -81,8 +82,15 @@ def make_timestep_work(model: Model, shapes: Shapes, memory: Memory) -> Timestep
             reach = float(np.linalg.norm(shapes.p_CS[s])) + shapes.bound[s]
             radius[shapes.body[s]] = max(radius[shapes.body[s]], reach)
     return TimestepWork(empty_loads(n), empty_loads(n), integers(1), np.zeros(FLIGHT_SIZE), radius,
-                        _round_shapes(model, shapes), _cut(n, shapes.body),
-                        make_collision_work(n, capacity), make_sequential_work(n, capacity))
+                        _round_shapes(model, shapes), make_collision_work(n, capacity),
+                        make_sequential_work(n, _middle(model, shapes.body), capacity))
+
+
+def with_cut(work: TimestepWork, cut: Cut) -> TimestepWork:
+    """Return buffers, the same, for a world that is cut in this way."""
+    for there, field in zip(work.solver.sides.cut, cut, strict=True):
+        there[:] = field
+    return work
 
 
 def _round_shapes(model: Model, shapes: Shapes) -> IntArray:
@@ -91,12 +99,18 @@ def _round_shapes(model: Model, shapes: Shapes) -> IntArray:
     return np.where((shapes.ball == 1) & alike | (model.inv_m[i] == 0.0), 1, 0)
 
 
-def _cut(n: int, body: IntArray) -> IntArray:
-    """Return where the shapes can be cut in halves, without a body on both sides."""
+def _middle(model: Model, body: IntArray) -> tuple[int, int]:
+    """
+    Return the first body of the second half by number, and its first shape.
+
+    Not quite in the middle where else a body would be on both sides.
+    """
     before, after = np.maximum.accumulate(body), np.minimum.accumulate(body[::-1])[::-1]
     places = 1 + np.flatnonzero(before[:-1] < after[1:])
-    later = places[places >= len(body) // 2]
-    return np.array((later[0], after[later[0]]) if len(later) else (len(body), n), dtype=np.int64)
+    later = places[after[places] >= middle_of(model.inv_m)]
+    if len(later) == 0:
+        return len(model.m), len(body)
+    return int(after[later[0]]), int(later[0])
 
 
 def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
@@ -134,7 +148,7 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
             continue
         memory = grown(memory)
         if memory.pages[0].shape_a.shape[0] > work.collision.rows.shape[0]:
-            work = make_timestep_work(model, shapes, memory)
+            work = with_cut(make_timestep_work(model, shapes, memory), work.solver.sides.cut)
 
 
 def boxed(kept: Kept, model: Model, state: State, wrenches: Wrenches, shapes: Shapes,
@@ -153,9 +167,13 @@ _STEPS_WITHOUT_HELP = 64
 _NOBODY = make_desk()
 
 
+# A stage besides those of `detect_stage`: to choose where the world is cut.
+_CUT = 8
+
+
 @kernel
 def _detect(box: Any, stage: int) -> int:
-    if stage == BESIDE:
+    if stage == _CUT:
         choose_cut(held(box, _MODEL).inv_m, held(box, _STATE).x, held(box, _REST).asleep,
                    current(held(box, _MEMORY)), held(box, _WORK).solver.sides)
         return 1
@@ -165,19 +183,28 @@ def _detect(box: Any, stage: int) -> int:
 
 @kernel
 def _share(box: Any, stage: int) -> int:
-    cut = held(box, _WORK).cut
-    if stage >= PLACE:
-        shapes, last = held(box, _SHAPES).body.shape[0], cut[0]
-        _look_ahead(box, last if stage > PLACE else 0, shapes if stage > PLACE else last)
-    return int(share_stage(stage, held(box, _STATE), held(box, _SHAPES), held(box, _MEMORY), cut))
+    sides = held(box, _WORK).solver.sides
+    first = sides.middle[0], sides.middle[1]
+    if PLACE <= stage < REFRESH:
+        shapes, bodies = held(box, _SHAPES).body.shape[0], held(box, _STATE).x.shape[1]
+        if stage == PLACE:
+            _begin(box, (0, first[1]), (0, first[0]))
+        else:
+            _begin(box, (first[1], shapes), (first[0], bodies))
+    return int(share_stage(
+        stage, held(box, _MODEL), held(box, _STATE), held(box, _SHAPES), held(box, _MEMORY),
+        first, is_by_number(sides.cut)))
 
 
 @kernel
-def _look_ahead(box: Any, first: int, last: int) -> None:
-    model, state = held(box, _MODEL), held(box, _STATE)
+def _begin(box: Any, shapes: tuple[int, int], bodies: tuple[int, int]) -> None:
+    """Find how far ahead some shapes look, and on which side of the cut some bodies are."""
+    model, state, solver = held(box, _MODEL), held(box, _STATE), held(box, _WORK).solver
+    take_sides(model.inv_m, state.x, held(box, _REST).asleep, bodies[0], bodies[1], solver.sides,
+               solver.bodies.slot)
     look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L,
                held(box, _MATERIALS).restitution, held(box, _SETTINGS), held(box, _WORK).radius,
-               held(box, _SHAPES).body, held(box, _MEMORY), first, last)
+               held(box, _SHAPES).body, held(box, _MEMORY), shapes[0], shapes[1])
 
 
 @kernel
@@ -195,7 +222,7 @@ def _solve(box: Any, number: int) -> int:
     memory, work = held(box, _MEMORY), held(box, _WORK)
     do_stage(number // REGIONS, number % REGIONS, held(box, _MODEL), held(box, _STATE), work.loads,
              held(box, _SHAPES), held(box, _MATERIALS), work.round_shapes, current(memory),
-             earlier(memory), work.collision.waits, work.collision.body,
+             earlier(memory), work.collision.waits, memory.touching, work.collision.body,
              held(box, _SETTINGS).sequential, work.solver)
     return 0
 
@@ -277,13 +304,16 @@ def _step(box: Any) -> bool:
         _sum_loads(box, to, work.loads, 0)
         mark_pushed(wrenches, rest)
         call(to[_TO_SLEEP], box, _DISTURBED)
-    many = current(memory).count[0] >= ENOUGH
+    many, cut = current(memory).count[0] >= ENOUGH, work.solver.sides.cut
+    if not many:
+        cut.halved[0], cut.left[0] = 0, 0
+    elif cut.left[0] == 0:
+        call(to[_TO_DETECT], box, _CUT)
     if many and is_helped(desk):
-        found = detect_side_by_side(to[_TO_DETECT], to[_TO_SHARE], box, desk, memory.counters)
+        found = detect_side_by_side(to[_TO_DETECT], to[_TO_SHARE], box, desk, memory.left,
+                                    memory.counters)
     else:
-        if many or work.solver.sides.halved[0] == 1:
-            call(to[_TO_DETECT], box, BESIDE)
-        _look_ahead(box, 0, shapes.body.shape[0])
+        _begin(box, (0, shapes.body.shape[0]), (0, state.x.shape[1]))
         found = call(to[_TO_DETECT], box, WHOLE)
     if found == 0:
         return False
@@ -293,17 +323,18 @@ def _step(box: Any) -> bool:
         return True
     if sleeps:
         call(to[_TO_SLEEP], box, _TOUCHED)
+        take_sides(model.inv_m, state.x, rest.asleep, 0, model.m.shape[0], work.solver.sides,
+                   work.solver.bodies.slot)
     elif loaded or work.plain[0] == 0:
         _sum_loads(box, to, work.loads, 0)
         work.plain[0] = 0 if loaded else 1
     if sleeps or to[_TO_COLLIDE] != 0:
         # Of all others the solver writes them.
         clear_impulses(manifolds, acted.impulse, acted.friction)
-    work.solver.shifted[0] = 0
-    if to[_TO_COLLIDE] != 0 and call(to[_TO_COLLIDE], box, 0) > 0:
-        work.solver.shifted[0] = 1
-    give_slots(model.inv_m, state.x, manifolds, work.collision.waits, rest.asleep,
-               work.solver.sides, work.solver.bodies)
+    if to[_TO_COLLIDE] != 0:
+        work.solver.shifted[0] = 1 if call(to[_TO_COLLIDE], box, 0) > 0 else 0
+        mark_touching(manifolds, work.collision.waits, memory.touching)
+    begin_slots(work.solver.sides, memory.touching, work.solver.bodies)
     solve_contacts(to[_TO_SOLVE], box, desk, model, state, work.loads,
                    settings.sequential.substeps, work.block, work.solver)
     if loaded:
@@ -314,6 +345,7 @@ def _step(box: Any) -> bool:
     if sleeps:
         call(to[_TO_SLEEP], box, _AFTERWARDS)
     count_down(wrenches)
+    cut.left[0] = max(cut.left[0] - 1, 0)
     return True
 
 

@@ -33,10 +33,10 @@ from rigid_sim_ros.engine.manifolds import (
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import gap_now
-from rigid_sim_ros.engine.slots import give_slots
+from rigid_sim_ros.engine.slots import give_slots, mark_touching, take_sides
 from rigid_sim_ros.engine.solver_bodies import (
-    begin_push, drift_bodies, HELD, INV_M, kick_bodies, load_bodies, note_start, SolverBodies,
-    store_bodies, STRIDE)
+    begin_push, drift_bodies, HELD, INV_M, kick_bodies, load_bodies, note_start, SECOND_END,
+    SolverBodies, store_bodies, STRIDE)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.timestep import (
     clear_impulses, look_ahead, make_timestep_work, TimestepSettings, TimestepWork)
@@ -80,13 +80,13 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
         if len(memory.pages[0].shape_a) > len(work.shared.collision.rows):
             work.shared = make_timestep_work(model, shapes, memory)
         _step(model, state, wrenches, shapes, materials, current_manifolds(memory),
-              earlier_manifolds(memory), settings, work)
+              earlier_manifolds(memory), memory.touching, settings, work)
         count_down(wrenches)
     return memory
 
 
 def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
-          manifolds: Manifolds, acted: Manifolds, settings: TimestepSettings,
+          manifolds: Manifolds, acted: Manifolds, touching: IntArray, settings: TimestepSettings,
           work: QpWork) -> None:
     shared, bodies = work.shared, work.shared.solver.bodies
     clear_impulses(manifolds, acted.impulse, acted.friction)
@@ -95,19 +95,21 @@ def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
                       materials, manifolds, settings.bounce_speed, acted.impulse,
                       acted.friction, shared.collision) > 0:
         _move_gaps(manifolds, shared.collision.body)
-    give_slots(model.inv_m, state.x, manifolds, shared.collision.waits, work.awake,
-               shared.solver.sides, bodies)
+    mark_touching(manifolds, shared.collision.waits, touching)
+    take_sides(model.inv_m, state.x, work.awake, 0, len(model.m), shared.solver.sides,
+               bodies.slot)
+    give_slots(0, shared.solver.sides, touching, bodies)
     load_bodies(0, model.inv_m, model.inv_I_C, state, shared.loads, bodies)
     read_bodies(model, state, shared.loads.F, shared.loads.tau, work.bodies)
     chosen = _chosen(model, state, shapes, materials, manifolds, work)
     note_start(0, bodies.used, bodies.motion, bodies.mass)
     kick_bodies(0, bodies.used, bodies.motion, bodies.smooth, bodies.base, model.h)
-    begin_push(0, bodies.used[0], bodies.motion, bodies.drifted)
+    begin_push(0, bodies.used[SECOND_END], bodies.motion, bodies.drifted)
     pushes = _solve(model, manifolds, acted, settings, chosen, work)
     drift_bodies(0, bodies.used, bodies.motion, bodies.drifted, True)
     _give_back(work.contacts, chosen, pushes, model.h, bodies)
     fly_free(model, state, shared.loads, bodies.slot, model.h, shared.block)
-    store_bodies(0, 1, model.h, model.m, model.inv_I_C, state, bodies, 1)
+    store_bodies(0, 0, len(model.m), model.h, model.m, model.inv_I_C, state, bodies, 1)
     # As in the symplectic method: half of the change of the loads, now at the new poses.
     sum_loads(model, state, wrenches, shared.later)
     kick(state, shared.later, 0.5 * model.h)
@@ -205,7 +207,7 @@ def _give_back(contacts: Contacts, chosen: IntArray, f: Array, h: float,
 def _free_velocities(contacts: Contacts, chosen: IntArray, solver: SolverBodies, bodies: Bodies,
                      b: Array) -> None:
     """Write u* of the chosen points in the axes n, t1, t2; changes `bodies.velocity` to v*."""
-    for slot in range(1, solver.used[0]):
+    for slot in range(1, solver.used[SECOND_END]):
         i, at = solver.body[slot], slot * STRIDE
         for k in range(3):
             bodies.velocity[i, k] = solver.motion[at + k]

@@ -85,7 +85,7 @@ def test_blocks_of_a_cut_world_lie_side_by_side():
     scene = TimestepScene([ground(), *balls], Material(friction=0.4), 1 / 240)
     scene.step(3)
     blocks = scene.work.solver.blocks
-    assert scene.work.solver.sides.halved[0] == 1 and (blocks.count > 0).all()
+    assert scene.work.solver.sides.cut.halved[0] == 1 and (blocks.count > 0).all()
     for region in range(REGIONS):
         first = first_block(blocks, region)
         used = range(first, first + blocks.count[region])

@@ -9,13 +9,13 @@ import numpy as np
 from rigid_sim_ros.engine.detect import ALL, detect_stage, FIND, LOOK, NOTE, ROWS, TAKE
 from rigid_sim_ros.engine.manifolds import grown, lasting, PAIRS, RECYCLED, WITNESSED
 from rigid_sim_ros.engine.shared_detection import (
-    _effort, _fair_split, FIT, JOIN, PLACE, SHARE_OUT, share_stage)
-from rigid_sim_ros.engine.timestep import _cut
+    _effort, _fair_split, FIT, JOIN, PLACE, REFRESH, SHARE_OUT, share_stage)
+from rigid_sim_ros.engine.timestep import _middle
 
 
-def detect_in_stages(scene: Scene) -> None:
+def detect_in_stages(scene: Scene, by_number: bool) -> None:
     """Do what `Scene.detect` does, stage by stage, the second half of each one first."""
-    cut = _cut(len(scene.model.m), scene.shapes.body)
+    middle = _middle(scene.model, scene.shapes.body)
     while True:
         memory = scene.memory
         memory.ahead[:], memory.calm[0] = 0.5 * scene.margin, scene.margin
@@ -25,10 +25,10 @@ def detect_in_stages(scene: Scene) -> None:
                        for stage in stages)
 
         def share(*stages, memory=memory):
-            return all(share_stage(stage, scene.state, scene.shapes, memory, cut)
-                       for stage in stages)
+            return all(share_stage(stage, scene.model, scene.state, scene.shapes, memory, middle,
+                                   by_number) for stage in stages)
 
-        share(PLACE + 1, PLACE)
+        share(PLACE + 1, PLACE, REFRESH + 1, REFRESH)
         if detect(NOTE, LOOK + 1, LOOK, TAKE) and share(SHARE_OUT) and detect(FIND + 1, FIND) and (
                 share(JOIN) if share(FIT) else detect(ALL)):
             return
@@ -37,8 +37,9 @@ def detect_in_stages(scene: Scene) -> None:
 
 @settings(max_examples=25)
 @given(kinds=st.lists(st.sampled_from(sorted(CONVEX)), min_size=1, max_size=3),
-       count=st.integers(0, 60), spacing=st.floats(0.45, 0.8), seed=st.integers(0, 2 ** 32 - 1))
-def test_stages_find_the_same_manifolds_as_one_thread(kinds, count, spacing, seed):
+       count=st.integers(0, 60), spacing=st.floats(0.45, 0.8), seed=st.integers(0, 2 ** 32 - 1),
+       by_number=st.booleans())
+def test_stages_find_the_same_manifolds_as_one_thread(kinds, count, spacing, seed, by_number):
     rng = np.random.default_rng(seed)
     shapes = [CONVEX[kinds[k % len(kinds)]] for k in range(count)]
     poses = grid(shapes, spacing, rng, tilt=0.2)
@@ -46,10 +47,12 @@ def test_stages_find_the_same_manifolds_as_one_thread(kinds, count, spacing, see
                         fixed=[count]) for _ in range(2))
     for step in range(6):
         one.detect()
-        detect_in_stages(other)
+        detect_in_stages(other, by_number)
         for a, b in zip(lasting(one.memory), lasting(other.memory), strict=True):
             assert a.tobytes() == b.tobytes()
         assert np.array_equal(one.memory.counters[[0, 3]], other.memory.counters[[0, 3]])
+        # Who touches something is the same, whichever thread found it.
+        assert np.array_equal(one.memory.touching.any(axis=0), other.memory.touching.any(axis=0))
         # From nearly at rest to a jump, which takes all pairs apart.
         move = 10.0 ** (step - 5) * rng.normal(size=(3, count))
         for scene in (one, other):

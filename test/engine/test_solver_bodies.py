@@ -31,8 +31,9 @@ def written(world, halves):
     """Return what is written back of a world's last step."""
     state, model = empty_state(COUNT + 1), world._model
     for half in range(halves):
-        store_bodies(half, halves, model.h, model.m, model.inv_I_C, state,
-                     world._contact._work.solver.bodies, 4)
+        n = COUNT + 1
+        store_bodies(half, half * n // halves, (half + 1) * n // halves, model.h, model.m,
+                     model.inv_I_C, state, world._contact._work.solver.bodies, 4)
     return state
 
 
