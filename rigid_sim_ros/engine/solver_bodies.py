@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room, Vector
+from rigid_sim_ros.engine.arrays import Array, IntArray, integers, Quaternion, room, Vector
 from rigid_sim_ros.engine.free_rotation import MAX_ANGLE, turn, turn_fast
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part, pasted
 from rigid_sim_ros.engine.lanes import (
@@ -123,16 +123,25 @@ def load_bodies(half: int, inv_m: Array, inv_I_C: Array, state: State, loads: Lo
             pose[motion + 3 + k] = state.q[k, i]
         mass[motion + INV_M] = inv_m[i]
         mass[motion + HELD] = 0.0
-        R = to_matrix(quaternion(state.q, i))
-        d = column(inv_I_C, i)
-        line = motion + J
-        for k in range(3):
-            for j in range(k, 3):
-                mass[line] = (R[k][0] * d[0] * R[j][0] + R[k][1] * d[1] * R[j][1]
-                              + R[k][2] * d[2] * R[j][2])
-                line += 1
+        _turn_inertia(mass, motion + J, column(inv_I_C, i), quaternion(state.q, i))
         bodies.motion[motion + INV_M], bodies.motion[motion + INV_I] = inv_m[i], mass[motion + J]
         bodies.smooth[motion + INV_M], bodies.smooth[motion + INV_I] = 0.0, 0.0
+
+
+@part
+def _turn_inertia(mass: Array, line: int, d: Vector, q: Quaternion) -> None:
+    """Write the inverse inertia in world axes, d along the axes of the body; that of a ball is d."""
+    if d[0] == d[1] and d[1] == d[2]:
+        for k in range(6):
+            mass[line + k] = 0.0
+        mass[line] = mass[line + 3] = mass[line + 5] = d[0]
+        return
+    R = to_matrix(q)
+    for k in range(3):
+        for j in range(k, 3):
+            mass[line] = (R[k][0] * d[0] * R[j][0] + R[k][1] * d[1] * R[j][1]
+                          + R[k][2] * d[2] * R[j][2])
+            line += 1
 
 
 @kernel
