@@ -39,8 +39,8 @@ from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.slots import give_slots, make_sides, shared_out, Sides
 from rigid_sim_ros.engine.solver_bodies import (
-    begin_push, drift_and_kick, drift_bodies, FIRST_FREE, kick_bodies, load_bodies, make_bodies,
-    note_start, SECOND_END, SECOND_FREE, slots_of, SolverBodies, store_bodies)
+    begin_push, drift_and_kick, drift_bodies, FIRST_FREE, kick_bodies, load_bodies,
+    make_bodies, note_start, SECOND_END, SECOND_FREE, slots_of, SolverBodies, store_bodies)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.two_cores import side_by_side
 
@@ -203,8 +203,8 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
         note_start(region, bodies.used, motion, bodies.mass)
         kick_bodies(region, bodies.used, motion, bodies.smooth, bodies.base, h)
     elif stage == NEXT:
-        drift_and_kick(region, bodies.used, motion, bodies.drifted, bodies.total, pushed,
-                       bodies.smooth, bodies.base, h)
+        drift_and_kick(region, bodies.used, motion, bodies.drifted, bodies.total,
+                       notes[MOVED] == 0.0, pushed, bodies.smooth, bodies.base, h)
     elif stage == KEEP and region != BETWEEN:
         drift_bodies(region, bodies.used, motion, bodies.drifted, pushed)
     if stage == BEGIN:

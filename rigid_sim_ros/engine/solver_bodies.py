@@ -60,7 +60,7 @@ class SolverBodies(NamedTuple):
     # `motion` of this substep without contacts; before the first one what contacts add to it, from
     # the step before
     base: Array
-    total: Array  # sums of `drifted` over the substeps before the last one
+    total: Array  # sums of `drifted` over the substeps before the last one, 0 if there are none
     mass: Array  # see J, START, INV_M, HELD
     pose: Array  # x [m] and q at the start of the step
     lanes: Array  # flat scratch for each half, as the next one
@@ -109,7 +109,6 @@ def load_bodies(half: int, inv_m: Array, inv_I_C: Array, state: State, loads: Lo
     for numbers in (bodies.motion, bodies.smooth, mass, pose):
         _of_half(numbers, bodies.used, half)[:STRIDE] = 0.0
     _of_half(bodies.base, bodies.used, half)[:] = 0.0
-    _of_half(bodies.total, bodies.used, half)[:] = 0.0
     for slot in range(first + 1, last):
         i = bodies.body[slot] & INDEX
         motion = slot * STRIDE
@@ -130,7 +129,7 @@ def load_bodies(half: int, inv_m: Array, inv_I_C: Array, state: State, loads: Lo
 
 @part
 def _turn_inertia(mass: Array, line: int, d: Vector, q: Quaternion) -> None:
-    """Write the inverse inertia in world axes, d along the axes of the body; that of a ball is d."""
+    """Write the inverse inertia, world axes; d along those of the body, and of a ball in all."""
     if d[0] == d[1] and d[1] == d[2]:
         for k in range(6):
             mass[line + k] = 0.0
@@ -201,17 +200,20 @@ def drift_bodies(half: int, used: IntArray, motion: Array, drifted: Array, pushe
 
 @kernel
 def drift_and_kick(half: int, used: IntArray, motion: Array, drifted: Array, total: Array,
-                   pushed: bool, smooth: Array, base: Array, h: float) -> None:
+                   begins: bool, pushed: bool, smooth: Array, base: Array, h: float) -> None:
     """
     End a substep and begin the next one: forces act for h [s], and contacts as they did in this.
 
     That is a warm start of every contact at once, without a pass over contacts: what they added is
-    what differs from `base`.
+    what differs from `base`. The substep that `begins` a step finds what is left of the one before
+    in `total`.
     """
     first, last = slots_of(used, half)
     for slot in range(first, last):
         v = _drift_body(slot, motion, drifted, pushed)
-        store(total, slot, load(total, slot) + v)
+        if not begins:
+            v = v + load(total, slot)
+        store(total, slot, v)
         now = load(motion, slot)
         kicked = now + h * load(smooth, slot)
         store(motion, slot, kicked + (now - load(base, slot)))

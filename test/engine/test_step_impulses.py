@@ -78,7 +78,7 @@ def test_the_way_back_looks_at_what_changed_and_at_what_overlaps():
 def test_what_nobody_pushed_drifts_as_it_moves(pushed):
     rng = np.random.default_rng(1)
     slots = 5
-    used = np.array([slots, 0, slots])
+    used = np.full(5, slots)
     motion, drifted = rng.normal(0.0, 1.0, (2, slots * STRIDE))
     u = motion.copy()
     if pushed:
@@ -88,9 +88,11 @@ def test_what_nobody_pushed_drifts_as_it_moves(pushed):
         drifted[STRIDE:] = rng.normal(0.0, 1.0, (slots - 1) * STRIDE)
         u += drifted
     ended, total, smooth, base = drifted.copy(), *rng.normal(0.0, 1.0, (3, slots * STRIDE))
-    sums = total.copy()
+    sums, first = total.copy(), drifted.copy()
     drift_bodies(0, used, motion, drifted, pushed)
     assert (drifted == u).all()
-    # Before the last substep it is added to the sums besides.
-    drift_and_kick(0, used, motion, ended, total, pushed, smooth, base, 0.1)
+    # Before the last substep it is added to the sums besides; the first one begins them.
+    drift_and_kick(0, used, motion.copy(), ended, total, False, pushed, smooth, base.copy(), 0.1)
     assert (ended == u).all() and (total == sums + u).all()
+    drift_and_kick(0, used, motion, first, total, True, pushed, smooth, base, 0.1)
+    assert (first == u).all() and (total == u).all()
