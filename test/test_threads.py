@@ -12,6 +12,7 @@ import pytest
 from rigid_sim_ros import load_scene, World
 from rigid_sim_ros.engine.compiling import cores
 from rigid_sim_ros.engine.manifolds import current_manifolds, slice_in_use
+from rigid_sim_ros.snapshot import pack, unpack
 
 LONGEST = 60.0      # s until the helper must have done something
 
@@ -140,6 +141,22 @@ def test_a_world_is_restored_with_its_halves(by_place):
         fresh.step(20)
         assert fresh.state_hash() == world.state_hash()
         world.restore(saved)
+
+
+def test_a_world_saved_without_halves_is_restored_if_it_has_none():
+    for world, has_halves in ((load_scene('tower'), False), (crowd(['sphere'], 0.0), True)):
+        world.step(40)
+        meta, arrays = unpack(world.save())
+        before = pack(meta, {k: v for k, v in arrays.items() if not k.startswith('cut_')})
+        world.step(5)
+        after = world.state_hash()
+        if has_halves:
+            with pytest.raises(ValueError, match='in which halves'):
+                world.restore(before)
+        else:
+            world.restore(before)
+            world.step(5)
+        assert world.state_hash() == after
 
 
 def test_halves_stay_when_a_world_needs_more_room():
