@@ -64,22 +64,29 @@ def share_stage(stage: int, model: Model, state: State, shapes: Shapes, memory: 
     Pairs are shared out in these halves as well, `by_number`, where the solver has them; else by
     what they took in the last step.
     """
-    (body, shape), bodies, shapes_end = first, state.x.shape[1], shapes.kind.shape[0]
+    half = 1 if stage == PLACE + 1 or stage == REFRESH + 1 else 0
+    some, bodies = in_half(half, first, state, shapes)
     if stage == SHARE_OUT:
-        _share_out(memory, by_number, shape)
+        _share_out(memory, by_number, first[1])
     elif stage == FIT:
         return _fit(memory)
     elif stage == JOIN:
         return _join(memory)
-    elif stage == PLACE:
-        place_some(state, shapes, memory, 0, (0, shape), (0, body))
-    elif stage == PLACE + 1:
-        place_some(state, shapes, memory, 1, (shape, shapes_end), (body, bodies))
-    elif stage == REFRESH:
-        refresh_some(model, state, shapes, memory, 0, (0, shape))
+    elif stage < REFRESH:
+        place_some(state, shapes, memory, half, some, bodies)
     else:
-        refresh_some(model, state, shapes, memory, 1, (shape, shapes_end))
+        refresh_some(model, state, shapes, memory, half, some)
     return True
+
+
+@kernel
+def in_half(half: int, first: tuple[int, int], state: State,
+            shapes: Shapes) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Return the first shape of a half and the one after its last, and the same of bodies."""
+    body, shape = first
+    if half == 1:
+        return (shape, shapes.kind.shape[0]), (body, state.x.shape[1])
+    return (0, shape), (0, body)
 
 
 @kernel

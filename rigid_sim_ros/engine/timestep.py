@@ -33,7 +33,7 @@ from rigid_sim_ros.engine.sequential import (
 from rigid_sim_ros.engine.sequential import make_work as make_sequential_work
 from rigid_sim_ros.engine.shapes import Materials, PLANE, Shapes
 from rigid_sim_ros.engine.shared_detection import (
-    detect_side_by_side, PLACE, REFRESH, share_stage)
+    detect_side_by_side, in_half, PLACE, REFRESH, share_stage)
 from rigid_sim_ros.engine.sleeping import (
     fall_asleep, keep_pressing, mark_pushed, Rest, wake_disturbed, wake_touched)
 from rigid_sim_ros.engine.slots import (
@@ -186,11 +186,8 @@ def _share(box: Any, stage: int) -> int:
     sides = held(box, _WORK).solver.sides
     first = sides.middle[0], sides.middle[1]
     if PLACE <= stage < REFRESH:
-        shapes, bodies = held(box, _SHAPES).body.shape[0], held(box, _STATE).x.shape[1]
-        if stage == PLACE:
-            _begin(box, (0, first[1]), (0, first[0]))
-        else:
-            _begin(box, (first[1], shapes), (first[0], bodies))
+        some, bodies = in_half(stage - PLACE, first, held(box, _STATE), held(box, _SHAPES))
+        _begin(box, some, bodies)
     return int(share_stage(
         stage, held(box, _MODEL), held(box, _STATE), held(box, _SHAPES), held(box, _MEMORY),
         first, is_by_number(sides.cut)))

@@ -29,9 +29,8 @@ def world(request):
 
 def written(world, halves):
     """Return what is written back of a world's last step."""
-    state, model = empty_state(COUNT + 1), world._model
+    n, state, model = COUNT + 1, empty_state(COUNT + 1), world._model
     for half in range(halves):
-        n = COUNT + 1
         store_bodies(half, half * n // halves, (half + 1) * n // halves, model.h, model.m,
                      model.inv_I_C, state, world._contact._work.solver.bodies, 4)
     return state
