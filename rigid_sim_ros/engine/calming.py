@@ -14,10 +14,9 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.engine.coloring import (
-    Blocks, first_block, most_blocks, numbers_of, SHAKEN)
-from rigid_sim_ros.engine.contact_blocks import RESIDUAL
+    Blocks, first_block, most_blocks, SHAKEN)
 from rigid_sim_ros.engine.contact_rules import Sweep
-from rigid_sim_ros.engine.contact_sweep import note_left, ROUGH, visit_block
+from rigid_sim_ros.engine.contact_sweep import note_left, visit_block
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel
 from rigid_sim_ros.engine.lanes import LANES
 from rigid_sim_ros.engine.solver_bodies import SECOND_BEGIN, SECOND_END, STRIDE
@@ -72,8 +71,8 @@ def calm(blocks: Blocks, motion: Array, used: IntArray, work: Calming, inv_h: fl
         for j in range(count):
             block = _block(blocks, count - 1 - j if k % 2 == 0 else j)
             if work.reached[block] > work.visited[block]:
-                visit_block(blocks, block, motion, motion, Sweep(inv_h, 0.0, False))
-                note_left(blocks, block)
+                residual = visit_block(blocks, block, motion, motion, Sweep(inv_h, 0.0, False))
+                note_left(blocks, block, residual)
                 clock += 1
                 work.visited[block] = clock
                 _shake(blocks, block, clock, work)
@@ -84,11 +83,10 @@ def calm(blocks: Blocks, motion: Array, used: IntArray, work: Calming, inv_h: fl
 @kernel
 def _shake(blocks: Blocks, block: int, clock: int, work: Calming) -> None:
     """Note whom the last visit to a block reached: all blocks of what it changed roughly."""
-    if blocks.left[block] & SHAKEN == 0:
+    if blocks.left[block] < SHAKEN:
         return
-    b = numbers_of(blocks, block)
     for i in range(LANES):
-        if b[RESIDUAL * LANES + i] > ROUGH:
+        if blocks.left[block] & SHAKEN << i != 0:
             for at in (blocks.at_A[block * LANES + i], blocks.at_B[block * LANES + i]):
                 slot = (at & INDEX) // STRIDE
                 for k in range(work.first[slot], work.first[slot + 1]):

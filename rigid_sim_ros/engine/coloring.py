@@ -40,9 +40,10 @@ PIECE = 2048
 # them asks for each ahead of time. Other processors than those of AMD do so by themselves, and are
 # held up: by 8 % of a step of 10 000 spheres on an Intel Xeon.
 CACHED = 512 if get_host_cpu_name().startswith('znver') else 1 << 40
-# What a sweep leaves to do in a block: something that its visit changed, an overlap; and that it
-# was changed so roughly that others must hear of it.
-UNSETTLED, OVERLAPPING, SHAKEN = 1, 2, 4
+# What a sweep leaves to do in a block: something that its visit changed, an overlap; that it was
+# pushed since the last substep; and the bits of all lanes, the first of which is given here, that
+# were changed so roughly that others must hear of it.
+UNSETTLED, OVERLAPPING, SHOVED, SHAKEN = 1, 2, 4, 8
 # The regions of a world: the halves, the first of which has all if there is no second, and what is
 # across.
 REGIONS, BETWEEN = 3, 2
@@ -75,7 +76,8 @@ class Blocks(NamedTuple):
     end: IntArray  # (REGIONS,) where the last one of a region ends in `numbers`
     kind: IntArray  # (b,) class
     start: IntArray  # (b,) where its row 0 is in `numbers`, or would be
-    left: IntArray  # (b,) of 8 bits, see UNSETTLED, OVERLAPPING and SHAKEN
+    left: IntArray  # (b,) of 16 bits, see UNSETTLED, OVERLAPPING, SHOVED and SHAKEN
+    residual: Array  # (b,) largest change of velocity that the last visit made [m/s]
     again: IntArray  # (b,) of 32 bits, those of a region with something left, from its first on
     numbers: Array  # flat, the rows of contact_blocks.py
     row: IntArray  # (8 b,) of 32 bits, as the next two, manifold of a lane, -1 for none
@@ -99,7 +101,8 @@ def make_blocks(capacity: int) -> Blocks:
         return room(b * LANES, kind=np.int32)
 
     return Blocks(integers(REGIONS), integers(REGIONS), integers(b), integers(b),
-                  room(b, kind=np.int8), room(b, kind=np.int32), room((b + 1) * BLOCK_SIZE),
+                  room(b, kind=np.int16), room(b), room(b, kind=np.int32),
+                  room((b + 1) * BLOCK_SIZE),
                   lanes(), lanes(), lanes())
 
 
@@ -157,9 +160,12 @@ def fetch_block(blocks: Blocks, block: int) -> None:
     """
     block = min(max(block, 0), blocks.kind.shape[0] - 1)
     size, skipped = _extent(blocks.kind[block])
-    first = blocks.start[block] + skipped
-    for row in range(size // LANES):
-        fetch(blocks.numbers, (first + row * LANES) & INDEX)
+    begin, end = skipped // LANES, (skipped + size) // LANES
+    if are_balls(blocks.kind[block]):
+        # Most do not overlap.
+        begin, end = begin + 1, end - 1
+    for row in range(begin, end):
+        fetch(blocks.numbers, (blocks.start[block] + row * LANES) & INDEX)
 
 
 @pasted

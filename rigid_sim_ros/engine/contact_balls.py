@@ -16,11 +16,12 @@ shapes. That takes a third of the work of other contacts and half of their memor
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, axes, combine, drift_together, FRICTION, GAP, IMPULSE, inverse_of, LEVER_A, LEVER_B,
-    load_three, load_two, make_basis, MASS, Motion, MU, NORMAL, POINT, RESIDUAL, SHOVE, SPEED,
-    STICK, store_two, Three, Two)
-from rigid_sim_ros.engine.contact_rules import gap_of, onto_circle, wanted_of
+    load_three, load_two, make_basis, MASS, Motion, MU, NORMAL, POINT, SHOVE, SPEED, STICK,
+    store_two, Three, Two)
+from rigid_sim_ros.engine.contact_rules import gap_of, NEGLIGIBLE, onto_circle, wanted_of
 from rigid_sim_ros.engine.kernel import part
-from rigid_sim_ros.engine.lanes import any_of, Eight, gather, load, scatter, select, store
+from rigid_sim_ros.engine.lanes import (
+    any_of, Eight, gather, load, scatter, select, spread, store)
 from rigid_sim_ros.engine.solver_bodies import INV_I, INV_M
 from rigid_sim_ros.engine.vector import add_scaled, dot, scale, subtract
 
@@ -56,7 +57,7 @@ def warm_balls(b: Array, warm: Array, at_A: IntArray, at_B: IntArray, inv_m_A: E
 
 
 @part
-def visit_balls(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h: float) -> None:
+def visit_balls(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h: float) -> Eight:
     """Do what `visit` does: solve normals and then friction."""
     A, B = gather(motion, at_A), gather(motion, at_B)
     n, t1, t2 = axes(b)
@@ -66,24 +67,30 @@ def visit_balls(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h: 
     old = load_two(b, FRICTION)
     if not any_of(pressure + old_N + abs(old[0]) + abs(old[1]) > 0.0):
         # Nothing presses, nor did anything before this visit.
-        store(b, POINT + SPEED, speed)
-        store(b, RESIDUAL, 0.0)
-        return
+        _keep_speed(b, speed)
+        return spread(0.0)
     straight, change_N = A[INV_M] + B[INV_M], pressure - old_N
     store(b, POINT + IMPULSE, pressure)
-    store(b, POINT + SPEED, speed + straight * change_N)
+    _keep_speed(b, speed + straight * change_N)
 
     w_A, w_B = scale(A[INV_I], (A[3], A[4], A[5])), scale(B[INV_I], (B[3], B[4], B[5]))
     m = subtract(scale(load(b, LEVER_B), w_B), scale(load(b, LEVER_A), w_A))
     new = _friction(b, (dot(v, t1) + dot(m, t2), dot(v, t2) - dot(m, t1)), pressure, old)
     store_two(b, FRICTION, new)
     change = (new[0] - old[0], new[1] - old[1])
-    store(b, RESIDUAL, straight * max(abs(change_N), max(abs(change[0]), abs(change[1]))))
 
     F = combine(n, t1, t2, (change_N, change[0], change[1]))
     turn = subtract(scale(change[0], t2), scale(change[1], t1))     # n x F
     scatter(motion, at_A, _pushed(A, A[INV_M], load(b, LEVER_A), F, turn, -1.0))
     scatter(motion, at_B, _pushed(B, B[INV_M], load(b, LEVER_B), F, turn, 1.0))
+    return straight * max(abs(change_N), max(abs(change[0]), abs(change[1])))
+
+
+@part
+def _keep_speed(b: Array, speed: Eight) -> None:
+    """Write the normal velocity if anybody will ask for it, see `wanted_of`."""
+    if any_of(load(b, POINT + GAP) < -NEGLIGIBLE):
+        store(b, POINT + SPEED, speed)
 
 
 @part
@@ -108,12 +115,13 @@ def _pushed(motion: Motion, inv_m: Eight, lever: Eight, F: Three, turn: Three,
 
 
 @part
-def drift_balls(b: Array, drifted: Array, at_A: IntArray, at_B: IntArray, h: float) -> None:
+def drift_balls(b: Array, drifted: Array, at_A: IntArray, at_B: IntArray, h: float,
+                shoved: bool) -> None:
     """Move on the gaps by the velocities with which the bodies drifted for h [s]; see `visit`."""
     A, B = gather(drifted, at_A), gather(drifted, at_B)
     n = load_three(b, NORMAL)
     v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
-    drift_together(b, 1, n, v, h)
+    drift_together(b, 1, shoved, v, h)
     store(b, POINT + GAP, load(b, POINT + GAP) + h * dot(v, n))
 
 

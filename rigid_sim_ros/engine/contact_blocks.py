@@ -29,7 +29,7 @@ from typing import TypeAlias
 
 from rigid_sim_ros.engine.arrays import Array
 from rigid_sim_ros.engine.kernel import part
-from rigid_sim_ros.engine.lanes import any_of, Eight, LANES, load, root, select, store
+from rigid_sim_ros.engine.lanes import Eight, LANES, load, root, select, store
 from rigid_sim_ros.engine.vector import add, cross, dot, subtract
 
 Two: TypeAlias = tuple[Eight, Eight]
@@ -46,34 +46,34 @@ ARM_B = 3  # c from the centre of mass of B; before `prepare_block`: x_A - x_B
 J_A = 6  # inverse inertia of A, world axes: xx, xy, xz, yy, yz, zz
 J_B = 12
 INV_TT = 18  # inverse of the force part of K_TT: 00, 01, 11
-SLIDE = 21  # 1 / a bound of the largest eigenvalue of the force part of K_TT
-K_SPIN = 22  # K_TT02 and K_TT12: how a torque about n makes a pair slide
-INV_SPIN = 24  # 1 / K_TT22
-SPIN_LEVER = 25  # [m] torque about n per normal force
-SPIN = 26  # impulse about n of this substep [N m s]
+K_SPIN = 21  # K_TT02 and K_TT12: how a torque about n makes a pair slide
+INV_SPIN = 23  # 1 / K_TT22
+SPIN_LEVER = 24  # [m] torque about n per normal force
+SPIN = 25  # impulse about n of this substep [N m s]
 # All blocks have these:
+SHOVE = 26  # impulse along n of the push that displaces [N s]; means nothing unless SHOVED
 NORMAL = 27  # n, world axes
-TANGENT = 30  # t1
-MU = 33  # friction coefficient
-FRICTION = 34  # impulses along t1, t2 of this substep [N s]
-TORSION = 36  # a part of the angular momentum that the pair gained by having moved [N m s]
-RESIDUAL = 39  # largest change of velocity that this sweep made [m/s]
-TOTAL_T = 40  # friction of the substeps before, along t1, t2 [N s]
-SHOVE = 42  # impulse along n of the push that displaces [N s]
-POINT = 43  # rows of the first point
+BASIS = 30  # a number from which t1 follows, see `make_basis`
+MU = 31  # friction coefficient
+SLIDE = 32  # 1 / a bound of the largest eigenvalue of the force part of K_TT
+FRICTION = 33  # impulses along t1, t2 of this substep [N s]
+TORSION = 35  # a part of the angular momentum that the pair gained by having moved [N m s]
+TOTAL_T = 38  # friction of the substeps before, along t1, t2 [N s]
+POINT = 40  # rows of the first point
 POINT_ROWS = 7
 # Of a point: TOTAL is the impulse of the substeps before, SPEED the normal velocity after its
-# last visit.
+# last visit, of balls only where one overlaps.
 S, T, MASS, GAP, IMPULSE, TOTAL, SPEED = range(7)
 # A small block, of manifolds that have one point and do not resist rolling, ends with this:
 K_N = POINT + POINT_ROWS  # response along n, t1, t2 and about n to the normal impulse
 SMALL_ROWS = K_N + 4
 # Balls: c lies on the normal through both centres, inertia is a number, and nothing resists
-# spinning. Instead of S, T they have the way from the centres of mass along n to c [m], and end
-# with
+# spinning. Instead of S, T they have the way from the centres of mass along n to c [m], and in
+# place of a bound 1 / K_TT00, which is 1 / K_TT11 too. Only what overlaps needs their first row
+# and their last.
 LEVER_A, LEVER_B = POINT + S, POINT + T
-STICK = K_N  # 1 / K_TT00, which is 1 / K_TT11 too
-BALLS_BEGIN, BALLS_END = NORMAL, STICK + 1
+STICK = SLIDE
+BALLS_BEGIN, BALLS_END = SHOVE, POINT + POINT_ROWS
 # The others have four points instead, and the rest of K.
 K_NN = POINT + 4 * POINT_ROWS  # 00, 01, 02, 11, 12, 22
 K_TN = K_NN + 6  # by rows
@@ -172,7 +172,7 @@ def end_substep(b: Array, points: int) -> Three:
 
 
 @part
-def drift_together(b: Array, points: int, n: Three, v: Three, h: float) -> None:
+def drift_together(b: Array, points: int, shoved: bool, v: Three, h: float) -> None:
     """
     End a substep, after which B moved with the velocity v relative to A for h [s].
 
@@ -184,11 +184,10 @@ def drift_together(b: Array, points: int, n: Three, v: Three, h: float) -> None:
     the first part of which `gain_of` adds at the end, when both sums are known. The push, too,
     displaces momenta.
     """
-    _, t1, t2 = axes(b)
-    (along, slide_1, slide_2), shove = end_substep(b, points), load(b, SHOVE)
-    if any_of(shove > 0.0):
-        along = along + shove
-        store(b, SHOVE, 0.0)
+    n, t1, t2 = axes(b)
+    along, slide_1, slide_2 = end_substep(b, points)
+    if shoved:
+        along = along + load(b, SHOVE)
     F = combine(n, t1, t2, (h * along, h * slide_1, h * slide_2))
     store_three(b, TORSION, add(load_three(b, TORSION), cross(F, v)))
 
@@ -215,8 +214,15 @@ def smallest_gap(b: Array, points: int) -> Eight:
 
 @part
 def axes(b: Array) -> tuple[Three, Three, Three]:
-    """Return n, t1 and t2."""
-    n, t1 = load_three(b, NORMAL), load_three(b, TANGENT)
+    """
+    Return n, t1 and t2.
+
+    t1 without a branch (Duff et al., J. Computer Graphics Techniques 6 (2017)), given k: to work
+    it out takes less time than to read three rows more of what does not fit into the cache.
+    """
+    n, k = load_three(b, NORMAL), load(b, BASIS)
+    sign = select(n[2] >= 0.0, 1.0, -1.0)
+    t1 = (1.0 + sign * n[0] * n[0] * k, sign * n[0] * n[1] * k, -sign * n[0])
     return n, t1, cross(n, t1)
 
 
@@ -284,16 +290,13 @@ def prepare_block(b: Array, points: int, small: bool, inv_m_A: Eight, inv_m_B: E
 
 @part
 def make_basis(b: Array) -> None:
-    """Choose t1 without a branch (Duff et al., J. Computer Graphics Techniques 6 (2017))."""
-    n = load_three(b, NORMAL)
-    sign = select(n[2] >= 0.0, 1.0, -1.0)
-    k = -1.0 / (sign + n[2])
-    t1 = (1.0 + sign * n[0] * n[0] * k, sign * n[0] * n[1] * k, -sign * n[0])
-    store_three(b, TANGENT, t1)
+    """Choose the tangents, see `axes`, and turn the friction in TORSION into its parts."""
+    z = load(b, NORMAL + 2)
+    store(b, BASIS, -1.0 / (select(z >= 0.0, 1.0, -1.0) + z))
+    _, t1, t2 = axes(b)
     friction = load_three(b, TORSION)
     store(b, FRICTION, dot(friction, t1))
-    store(b, FRICTION + 1, dot(friction, cross(n, t1)))
-    store(b, SHOVE, 0.0)
+    store(b, FRICTION + 1, dot(friction, t2))
 
 
 # Gap at which a point counts half for the centre of its manifold [m]. Smaller: friction acts where

@@ -6,12 +6,12 @@ from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.bits import fetch
 from rigid_sim_ros.engine.coloring import (
     are_balls, BALLS, BETWEEN, Blocks, CACHED, Coloring, fetch_block, first_block, is_small,
-    lanes_of, numbers_of, PIECE, points_in, QUIET, QUIET_BALLS)
+    lanes_of, numbers_of, PIECE, points_in, QUIET, QUIET_BALLS, SHOVED)
 from rigid_sim_ros.engine.contact_balls import prepare_balls, warm_balls
 from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, end_substep, FRICTION, friction_of, gain_of,
     GAP, IMPULSE, J_A, J_B, LEVER_A, LEVER_B, load_three, load_two, Motion, MU, NORMAL,
-    normal_sum, POINT, POINT_ROWS, prepare_block, pushed, RESIDUAL, ROLL_LEVER, S, SHOVE,
+    normal_sum, POINT, POINT_ROWS, prepare_block, pushed, ROLL_LEVER, S, SHOVE,
     smallest_gap, SPIN, SPIN_LEVER, store_three, T, Three, TORSION, TOTAL)
 from rigid_sim_ros.engine.contact_rules import SKIN
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
@@ -158,7 +158,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, x: Array, shapes:
                 _copy_places_of_the_still(b, rows, manifolds, x)
             _copy_inertia(b, A, B)
             _copy_points(b, rows, points, manifolds, share)
-        least = smallest_gap(b, points)
+        blocks.left[block], least = 0, smallest_gap(b, points)
         touches = least < SKIN
         fresh[block] = count_of(both(touches, normal_sum(b, points) == 0.0))
         touching, new = touching + count_of(touches), new + fresh[block]
@@ -346,7 +346,7 @@ def keep_impulses(region: int, blocks: Blocks, coloring: Coloring, manifolds: Ma
             r = coloring.member[region, ahead] & INDEX
             _fetch_kept(r, manifolds.impulse, manifolds.friction)
             _fetch_kept(r, normal_impulse, friction_impulse)
-        residual = max(residual, largest_of(load(b, RESIDUAL)))
+        residual = max(residual, blocks.residual[block])
         n, t1, t2 = axes(b)
         zero = spread(0.0)
         points = points_in(blocks.kind[block])
@@ -362,7 +362,8 @@ def keep_impulses(region: int, blocks: Blocks, coloring: Coloring, manifolds: Ma
             F = add(gather_rows_3(friction_impulse, rows, 3, 0), F)
         scatter_rows_3(friction_impulse, rows, 3, 0, F)
         _keep_normals(b, rows, points, manifolds.impulse, normal_impulse, substeps, adds)
-        _give_back(b, acted, bodies, blocks.at_A[lanes], blocks.at_B[lanes], h)
+        _give_back(b, acted, bodies, blocks.at_A[lanes], blocks.at_B[lanes], h,
+                   blocks.left[block] & SHOVED != 0)
     return residual
 
 
@@ -399,7 +400,7 @@ def _keep_normals(b: Array, rows: IntArray, points: int, impulse: Array, normal_
 
 @part
 def _give_back(b: Array, acted: Three, bodies: SolverBodies, at_A: IntArray, at_B: IntArray,
-               h: float) -> None:
+               h: float, shoved: bool) -> None:
     """
     Take half of the L that a pair gained from each of its bodies: the point follows both.
 
@@ -407,9 +408,9 @@ def _give_back(b: Array, acted: Three, bodies: SolverBodies, at_A: IntArray, at_
     press against each other are marked as held.
     """
     A, B = gather(bodies.total, at_A), gather(bodies.total, at_B)
-    shove = h * load(b, SHOVE)
     gained = gain_of(b, acted, (h * (B[0] - A[0]), h * (B[1] - A[1]), h * (B[2] - A[2])))
-    if any_of(shove > 0.0):
+    if shoved:
+        shove = h * load(b, SHOVE)
         A, B, n = gather(bodies.drifted, at_A), gather(bodies.drifted, at_B), load_three(b, NORMAL)
         v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
         gained = add(gained, cross((shove * n[0], shove * n[1], shove * n[2]), v))
@@ -423,10 +424,10 @@ def _give_back(b: Array, acted: Three, bodies: SolverBodies, at_A: IntArray, at_
             (A[0], A[1], A[2], A[3] + half[0], A[4] + half[1], A[5] + half[2], A[6], A[7]))
     scatter(bodies.motion, at_B,
             (B[0], B[1], B[2], B[3] + half[0], B[4] + half[1], B[5] + half[2], B[6], B[7]))
-    # Nobody asks for the residual any more. Without a branch: whether a pair presses the processor
+    # Nobody asks for the friction any more. Without a branch: whether a pair presses the processor
     # could only guess.
-    store(b, RESIDUAL, held)
+    store(b, FRICTION, held)
     for i in range(LANES):
-        presses = b[RESIDUAL * LANES + i]
+        presses = b[FRICTION * LANES + i]
         for at in (at_A[i] & INDEX, at_B[i] & INDEX):
             bodies.mass[at + HELD] = max(bodies.mass[at + HELD], presses)

@@ -5,18 +5,18 @@
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.coloring import (
     are_balls, Blocks, is_small, lanes_of, numbers_of, OVERLAPPING, points_in, resists, SHAKEN,
-    UNSETTLED)
+    SHOVED, UNSETTLED)
 from rigid_sim_ros.engine.contact_balls import drift_balls, separate_balls, visit_balls
 from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, drift_together, friction_of, GAP, IMPULSE,
     INV_SPIN, INV_TT, J_A, J_B, K_N, K_NN, K_SPIN, K_TN, keep_friction, load_three, MASS, Motion,
-    MU, NORMAL, normal_sum, POINT, POINT_ROWS, pushed, RESIDUAL, ROLL, ROLL_LEVER, ROLL_STEP, S,
+    MU, NORMAL, normal_sum, POINT, POINT_ROWS, pushed, ROLL, ROLL_LEVER, ROLL_STEP, S,
     SHOVE, SLIDE, smallest_gap, SPEED, SPIN_LEVER, symmetric, T, Three)
 from rigid_sim_ros.engine.contact_rules import (
     gap_of, NEGLIGIBLE, onto_circle, SKIN, Sweep, wanted_of)
-from rigid_sim_ros.engine.kernel import kernel, part
+from rigid_sim_ros.engine.kernel import part
 from rigid_sim_ros.engine.lanes import (
-    any_of, Eight, gather, load, scatter, select, spread, store)
+    any_of, bits_of, Eight, gather, largest_of, load, scatter, select, spread, store)
 from rigid_sim_ros.engine.solver_bodies import INV_M
 from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, subtract
 
@@ -30,38 +30,42 @@ ROUGH = 0.2
 
 
 @part
-def visit(b: Array, motion: Array, drifted: Array, at_A: IntArray, at_B: IntArray, points: int,
-          rolls: bool, sweep: Sweep) -> None:
+def visit(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points: int, rolls: bool,
+          inv_h: float) -> Eight:
     """
     Read the bodies of a block, solve normals and then friction, write the bodies.
 
-    Friction comes last because the normal impulses bound it.
+    Friction comes last because the normal impulses bound it. Returns the largest change of a
+    velocity, lane by lane [m/s].
     """
-    if sweep.drift > 0.0:
-        _drift(b, gather(drifted, at_A), gather(drifted, at_B), sweep.drift, points)
     if points == 1 and not rolls:
-        _visit_small(b, motion, at_A, at_B, sweep.inv_h)
-    else:
-        _visit_many(b, motion, at_A, at_B, points, rolls, sweep.inv_h)
+        return _visit_small(b, motion, at_A, at_B, inv_h)
+    return _visit_many(b, motion, at_A, at_B, points, rolls, inv_h)
 
 
 @part
-def visit_block(blocks: Blocks, block: int, motion: Array, drifted: Array, what: Sweep) -> None:
-    """Visit a block by its number."""
+def visit_block(blocks: Blocks, block: int, motion: Array, drifted: Array, what: Sweep) -> Eight:
+    """Visit a block by its number; return what `visit` does."""
     b, lanes, kind = numbers_of(blocks, block), lanes_of(block), blocks.kind[block]
     at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
-    if what.drift > 0.0 and what.begins:
+    drifts, shoved = what.drift > 0.0, blocks.left[block] & SHOVED != 0
+    if drifts and what.begins:
         begin_sums(b, points_in(kind))
     if are_balls(kind):
-        if what.drift > 0.0:
-            drift_balls(b, drifted, at_A, at_B, what.drift)
-        visit_balls(b, motion, at_A, at_B, what.inv_h)
+        if drifts:
+            drift_balls(b, drifted, at_A, at_B, what.drift, shoved)
+        residual = visit_balls(b, motion, at_A, at_B, what.inv_h)
     else:
-        visit(b, motion, drifted, at_A, at_B, points_in(kind), resists(kind), what)
+        if drifts:
+            _drift(b, gather(drifted, at_A), gather(drifted, at_B), what.drift, points_in(kind),
+                   shoved)
+        residual = visit(b, motion, at_A, at_B, points_in(kind), resists(kind), what.inv_h)
+    blocks.residual[block] = largest_of(residual)
+    return residual
 
 
 @part
-def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h: float) -> None:
+def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h: float) -> Eight:
     """
     Do all that `_visit_many` does, for manifolds of one point: their common point c.
 
@@ -78,8 +82,7 @@ def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h:
     if not any_of(pressure + old_N + abs(old[0]) + abs(old[1]) + abs(old[2]) > 0.0):
         # Nothing presses, nor did anything before this visit.
         store(b, POINT + SPEED, speed)
-        store(b, RESIDUAL, 0.0)
-        return
+        return spread(0.0)
     change_N = pressure - old_N
     store(b, POINT + IMPULSE, pressure)
     store(b, POINT + SPEED, speed + load(b, K_N) * change_N)
@@ -89,18 +92,17 @@ def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h:
     new = _friction(b, twist, pressure, old)
     keep_friction(b, new)
     change = subtract(new, old)
-    store(b, RESIDUAL, (A[INV_M] + B[INV_M]) * max(
-        abs(change_N), max(abs(change[0]), abs(change[1]))))
 
     F = combine(n, t1, t2, (change_N, change[0], change[1]))
     torque = (change[2] * n[0], change[2] * n[1], change[2] * n[2])
     scatter(motion, at_A, pushed(A, A[INV_M], load_three(b, ARM_A), F, torque, -1.0))
     scatter(motion, at_B, pushed(B, B[INV_M], load_three(b, ARM_B), F, torque, 1.0))
+    return (A[INV_M] + B[INV_M]) * max(abs(change_N), max(abs(change[0]), abs(change[1])))
 
 
 @part
 def _visit_many(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points: int, rolls: bool,
-                inv_h: float) -> None:
+                inv_h: float) -> Eight:
     """
     Visit manifolds of several points, or that resist rolling.
 
@@ -124,41 +126,33 @@ def _visit_many(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points:
     if not any_of(residual + pressure + abs(old[0]) + abs(old[1]) + abs(old[2])
                   + abs(load(b, ROLL)) + abs(load(b, ROLL + 1)) > 0.0):
         # Nothing presses, nor did anything before this visit.
-        store(b, RESIDUAL, 0.0)
-        return
+        return spread(0.0)
     first, second, third = load_three(b, K_TN), load_three(b, K_TN + 3), load_three(b, K_TN + 6)
     new = _friction(b, add(twist_T, (dot(first, wrench), dot(second, wrench), dot(third, wrench))),
                     pressure, old)
     keep_friction(b, new)
     change = subtract(new, old)
-    store(b, RESIDUAL, (A[INV_M] + B[INV_M]) * max(
-        residual, max(abs(change[0]), abs(change[1]))))
 
     F = combine(n, t1, t2, (wrench[0], change[0], change[1]))
     torque = combine(n, t1, t2, (change[2], wrench[1], wrench[2]))
     scatter(motion, at_A, pushed(A, A[INV_M], load_three(b, ARM_A), F, torque, -1.0))
     scatter(motion, at_B, pushed(B, B[INV_M], load_three(b, ARM_B), F, torque, 1.0))
-
-
-@kernel
-def is_settled(b: Array, speed: float) -> bool:
-    """Return whether the last visit changed no velocity in a block by more than `speed` [m/s]."""
-    return not any_of(load(b, RESIDUAL) > speed)
+    return (A[INV_M] + B[INV_M]) * max(residual, max(abs(change[0]), abs(change[1])))
 
 
 @part
-def note_left(blocks: Blocks, block: int) -> None:
+def note_left(blocks: Blocks, block: int, residual: Eight) -> None:
     """
-    Note what is left to do in a block: on the way back no other is looked at.
+    Note what a visit, which returned `residual`, leaves to do in a block.
 
-    Nor is one of the other half by `calm`, which goes through all of them: what a core has read
-    another one has to ask back before it writes there.
+    On the way back no other is looked at. Nor is one of the other half by `calm`, which goes
+    through all of them: what a core has read another one has to ask back before it writes there.
     """
     b, points = numbers_of(blocks, block), points_in(blocks.kind[block])
     overlaps = any_of(smallest_gap(b, points) < -NEGLIGIBLE)
-    settled = is_settled(b, SETTLED_POINT if points == 1 else SETTLED)
-    left = (0 if settled else UNSETTLED) | (OVERLAPPING if overlaps else 0)
-    blocks.left[block] = left if settled or is_settled(b, ROUGH) else left | SHAKEN
+    settled = not any_of(residual > (SETTLED_POINT if points == 1 else SETTLED))
+    blocks.left[block] = ((0 if settled else UNSETTLED) | (OVERLAPPING if overlaps else 0)
+                          | SHAKEN * bits_of(residual > ROUGH))
 
 
 @part
@@ -171,6 +165,7 @@ def separate(blocks: Blocks, block: int, push: Array, rate: float, speed: float)
     """
     b, lanes, kind = numbers_of(blocks, block), lanes_of(block), blocks.kind[block]
     at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
+    blocks.left[block] |= SHOVED
     if are_balls(kind):
         separate_balls(b, push, at_A, at_B, rate, speed)
     elif is_small(kind):
@@ -232,11 +227,11 @@ def _twist(b: Array, A: Motion, B: Motion) -> tuple[Three, Three]:
 
 
 @part
-def _drift(b: Array, A: Motion, B: Motion, h: float, points: int) -> None:
+def _drift(b: Array, A: Motion, B: Motion, h: float, points: int, shoved: bool) -> None:
     """Move on the gaps by the velocities with which the bodies drifted for h [s]."""
     n, t1, t2 = axes(b)
     v, u, w = _relative(b, A, B)
-    drift_together(b, points, n, v, h)
+    drift_together(b, points, shoved, v, h)
     nearer = h * dot(u, n)
     if points == 1:
         # The point is c.

@@ -340,6 +340,16 @@ def gather_integers(_: Any, array: Any, rows: Any) -> Any:
 
 
 @_intrinsic
+def bits_of(_: Any, mask: Any) -> Any:
+    """Return an integer whose bit k is set where a mask holds in lane k."""
+
+    def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
+        return builder.zext(builder.bitcast(args[0], ir.IntType(LANES)), _INT)
+
+    return types.int64(_MASK), generate
+
+
+@_intrinsic
 def count_of(_: Any, mask: Any) -> Any:
     """Return in how many lanes a mask holds."""
 
@@ -355,11 +365,13 @@ def largest_of(_: Any, lanes: Any) -> Any:
     """Return the largest number of all lanes."""
 
     def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
-        best = builder.extract_element(args[0], ir.IntType(32)(0))
-        for lane in range(1, LANES):
-            other = builder.extract_element(args[0], ir.IntType(32)(lane))
+        best, half = args[0], LANES // 2
+        while half > 0:
+            # Each half of what is left against the other.
+            other = builder.shuffle_vector(best, best, _mask([k ^ half for k in range(LANES)]))
             best = builder.select(builder.fcmp_ordered('>', other, best), other, best)
-        return best
+            half //= 2
+        return builder.extract_element(best, ir.IntType(32)(0))
 
     return types.float64(_LANES), generate
 

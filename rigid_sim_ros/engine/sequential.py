@@ -23,16 +23,17 @@ from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.engine.calming import calm, Calming, make_calming
 from rigid_sim_ros.engine.coloring import (
     begin_blocks, BETWEEN, Blocks, CACHED, color_piece, Coloring, fetch_block, first_block,
-    make_blocks, make_coloring, make_room, most_blocks, numbers_of, OVERLAPPING, PIECE, REGIONS,
-    SHAKEN, UNSETTLED)
+    make_blocks, make_coloring, make_room, most_blocks, OVERLAPPING, PIECE, REGIONS, SHAKEN,
+    UNSETTLED)
 from rigid_sim_ros.engine.contact_filling import (
     choose_manifolds, classify, DEEPEST, fill_blocks, keep_impulses, NEW, place_lanes, TOUCHING)
 from rigid_sim_ros.engine.contact_rules import Sweep
 from rigid_sim_ros.engine.contact_sweep import (
-    is_settled, note_left, separate, SETTLED, visit_block)
+    note_left, separate, SETTLED, visit_block)
 from rigid_sim_ros.engine.free_flight import fly_free
 from rigid_sim_ros.engine.kept import call
 from rigid_sim_ros.engine.kernel import apart, INDEX, kernel, part
+from rigid_sim_ros.engine.lanes import any_of
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Manifolds
 from rigid_sim_ros.engine.model import Model
@@ -262,9 +263,8 @@ def sweep(region: int, blocks: Blocks, motion: Array, drifted: Array, what: Swee
         block = first + (count - 1 - k if backwards else k)
         if count > CACHED:
             fetch_block(blocks, block - 1 if backwards else block + 1)
-        visit_block(blocks, block, motion, drifted, what)
-        note_left(blocks, block)
-        if blocks.left[block] & SHAKEN != 0:
+        note_left(blocks, block, visit_block(blocks, block, motion, drifted, what))
+        if blocks.left[block] >= SHAKEN:
             notes[ROUGH] = 1.0
 
 
@@ -274,8 +274,7 @@ def settle(region: int, blocks: Blocks, fresh: IntArray, motion: Array, what: Sw
     first = first_block(blocks, region)
     for block in range(first, first + blocks.count[region]):
         for _ in range(FRESH_VISITS if fresh[block] > 0 else 0):
-            visit_block(blocks, block, motion, motion, what)
-            if is_settled(numbers_of(blocks, block), SETTLED):
+            if not any_of(visit_block(blocks, block, motion, motion, what) > SETTLED):
                 break
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros.engine.lanes import (
-    any_of, both, count_of, gather, gather_integers, gather_rows_1, gather_rows_3, LANES,
+    any_of, bits_of, both, count_of, gather, gather_integers, gather_rows_1, gather_rows_3, LANES,
     largest_of, load, root, scatter, scatter_rows_1, scatter_rows_3, select, spread, store,
     write_eight)
 
@@ -37,7 +37,7 @@ def calculate(b):
 @numba.njit
 def look(b, limit):
     x = load(b, 0)
-    return any_of(x > limit), count_of(x > limit), largest_of(x)
+    return any_of(x > limit), count_of(x > limit), bits_of(x > limit), largest_of(x)
 
 
 @pytest.fixture
@@ -59,9 +59,13 @@ def test_operators_do_what_they_do_to_numbers(numbers):
 def test_lanes_hear_of_each_other_in_questions_only(numbers):
     x = numbers[:LANES]
     x[3] = 5.0
-    assert look(numbers, 4.0) == (True, 1, 5.0)
-    assert look(numbers, 6.0) == (False, 0, 5.0)
-    assert look(numbers, -9.0)[1] == LANES
+    assert look(numbers, 4.0) == (True, 1, 8, 5.0)
+    assert look(numbers, 6.0) == (False, 0, 0, 5.0)
+    assert look(numbers, -9.0)[1:3] == (LANES, 255)
+    for lane in range(LANES):
+        x[:] = -np.arange(LANES)
+        x[lane] = 5.0
+        assert look(numbers, 4.0) == (True, 1, 1 << lane, 5.0)
 
 
 @numba.njit

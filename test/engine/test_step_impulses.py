@@ -4,14 +4,15 @@
 
 from engine.stepping import pyramid, TimestepScene
 from engine.touching import ball, box, G, ground
+import numba
 import numpy as np
 import pytest
 
-from rigid_sim_ros.engine.coloring import first_block, OVERLAPPING, UNSETTLED
-from rigid_sim_ros.engine.contact_blocks import BLOCK_SIZE, GAP, POINT, POINT_ROWS, RESIDUAL
+from rigid_sim_ros.engine.coloring import first_block, OVERLAPPING, SHAKEN, UNSETTLED
+from rigid_sim_ros.engine.contact_blocks import BLOCK_SIZE, GAP, POINT, POINT_ROWS
 from rigid_sim_ros.engine.contact_rules import NEGLIGIBLE
-from rigid_sim_ros.engine.contact_sweep import note_left, SETTLED
-from rigid_sim_ros.engine.lanes import LANES
+from rigid_sim_ros.engine.contact_sweep import note_left, ROUGH, SETTLED
+from rigid_sim_ros.engine.lanes import LANES, load
 from rigid_sim_ros.engine.manifolds import earlier_manifolds, slice_in_use
 from rigid_sim_ros.engine.sequential import SequentialSettings
 from rigid_sim_ros.engine.shapes import Material
@@ -55,6 +56,11 @@ def test_the_impulses_of_every_step_are_what_changed_the_momenta(substeps, resti
     assert largest > 1.0    # N s: there were impacts
 
 
+@numba.njit
+def note(blocks, block, residual):
+    note_left(blocks, block, load(residual, 0))
+
+
 def test_the_way_back_looks_at_what_changed_and_at_what_overlaps():
     scene = pyramid(4, 1 / 240)
     scene.step(2)
@@ -65,12 +71,14 @@ def test_the_way_back_looks_at_what_changed_and_at_what_overlaps():
             (1, 0.5 * SETTLED, -0.5 * NEGLIGIBLE, 0),
             (1, 2.0 * SETTLED, -0.5 * NEGLIGIBLE, UNSETTLED),
             (4, 0.5 * SETTLED, -2.0 * NEGLIGIBLE, OVERLAPPING),
-            (4, 2.0 * SETTLED, -2.0 * NEGLIGIBLE, UNSETTLED | OVERLAPPING)):
-        rows[RESIDUAL], rows[POINT + GAP:POINT + 4 * POINT_ROWS:POINT_ROWS] = 0.0, 1.0
+            (4, 2.0 * SETTLED, -2.0 * NEGLIGIBLE, UNSETTLED | OVERLAPPING),
+            (4, 2.0 * ROUGH, -0.5 * NEGLIGIBLE, UNSETTLED | SHAKEN << 5)):
+        rows[POINT + GAP:POINT + 4 * POINT_ROWS:POINT_ROWS] = 1.0
         # One lane, and of its points the last.
-        rows[RESIDUAL, 5] = residual
+        changes = np.zeros(LANES)
+        changes[5] = residual
         rows[POINT + (points - 1) * POINT_ROWS + GAP, 5] = gap
-        note_left(blocks, block)
+        note(blocks, block, changes)
         assert blocks.left[block] == left
 
 
