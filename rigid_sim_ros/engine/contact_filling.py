@@ -22,7 +22,8 @@ from rigid_sim_ros.engine.manifolds import first_row, Manifolds, POINTS, rows_in
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import displacement, gap_now
 from rigid_sim_ros.engine.slots import ACROSS, is_by_number, SECOND, Sides
-from rigid_sim_ros.engine.solver_bodies import HELD, INV_M, J, SolverBodies, still_slot, STRIDE
+from rigid_sim_ros.engine.solver_bodies import (
+    HELD, INV_I, INV_M, SolverBodies, still_slot, STRIDE)
 from rigid_sim_ros.engine.vector import add, cross, dot
 
 # What is noted of a region: the deepest overlap [m], and how many manifolds touch, and how many of
@@ -111,10 +112,10 @@ def place_lanes(region: int, begin: int, end: int, block: int, manifolds: Manifo
         blocks.at_A[to] = a * STRIDE if a > 0 else still
         blocks.at_B[to] = b * STRIDE if b > 0 else still
         if many:
-            _fetch_sources(r, are_balls(work.kind[region, k]), manifolds)
-            for numbers in (bodies.mass, bodies.base):
-                fetch(numbers, a * STRIDE)
-                fetch(numbers, b * STRIDE)
+            balls = are_balls(work.kind[region, k])
+            _fetch_sources(r, balls, manifolds)
+            _fetch_body(a * STRIDE, balls, bodies)
+            _fetch_body(b * STRIDE, balls, bodies)
 
 
 @kernel
@@ -126,6 +127,16 @@ def _fetch_sources(r: int, balls: bool, manifolds: Manifolds) -> None:
     fetch(manifolds.impulse, r)
     if not balls:
         fetch(manifolds.r_A, 3 * r)
+
+
+@kernel
+def _fetch_body(at: int, balls: bool, bodies: SolverBodies) -> None:
+    """Ask for what it reads and writes of a body."""
+    fetch(bodies.base, at)
+    if balls:
+        fetch(bodies.motion, at)
+    else:
+        fetch(bodies.mass, at)
 
 
 @part
@@ -147,15 +158,14 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, x: Array, shapes:
         if blocks.count[region] > CACHED:
             fetch_block(blocks, block + 1)
         at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
-        A, B = gather(bodies.mass, at_A), gather(bodies.mass, at_B)
         _copy_normal_and_friction(b, rows, manifolds, share)
         if balls:
+            A, B = gather(bodies.motion, at_A), gather(bodies.motion, at_B)
             _copy_balls(b, rows, manifolds, shapes, materials, share)
         else:
+            A, B = gather(bodies.mass, at_A), gather(bodies.mass, at_B)
             _copy_shapes(b, rows, small, manifolds, shapes.material, materials)
-            _copy_places(b, gather(bodies.pose, at_A), gather(bodies.pose, at_B))
-            if any_of(min(A[INV_M], B[INV_M]) == 0.0):
-                _copy_places_of_the_still(b, rows, manifolds, x)
+            _copy_places(b, rows, manifolds, x)
             _copy_inertia(b, A, B)
             _copy_points(b, rows, points, manifolds, share)
         blocks.left[block], least = 0, smallest_gap(b, points)
@@ -168,7 +178,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, x: Array, shapes:
                 if rows[i] >= 0:
                     _shift_lane(manifolds, rows[i] & INDEX, shifts, b, i)
         if balls:
-            prepare_balls(b, A[INV_M], B[INV_M], A[J], B[J])
+            prepare_balls(b, A[INV_M], B[INV_M], A[INV_I], B[INV_I])
             warm_balls(b, bodies.base, at_A, at_B, A[INV_M], B[INV_M])
         else:
             prepare_block(b, points, small, A[INV_M], B[INV_M])
@@ -224,20 +234,13 @@ def _copy_balls(b: Array, rows: IntArray, manifolds: Manifolds, shapes: Shapes,
 
 
 @part
-def _copy_places(b: Array, A: Motion, B: Motion) -> None:
-    """Write x_A - x_B, from the poses of bodies that move."""
-    store_three(b, ARM_B, (A[0] - B[0], A[1] - B[1], A[2] - B[2]))
-
-
-@kernel
-def _copy_places_of_the_still(b: Array, rows: IntArray, manifolds: Manifolds, x: Array) -> None:
-    """Write x_A - x_B where not both bodies have a pose of their own among those that move."""
+def _copy_places(b: Array, rows: IntArray, manifolds: Manifolds, x: Array) -> None:
+    """Write x_A - x_B; of an empty lane something."""
     for i in range(LANES):
-        if rows[i] >= 0:
-            r = rows[i] & INDEX
-            body_a, body_b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
-            for k in range(3):
-                b[(ARM_B + k) * LANES + i] = x[k, body_a] - x[k, body_b]
+        r = rows[i] & INDEX if rows[i] >= 0 else 0
+        body_a, body_b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+        for k in range(3):
+            b[(ARM_B + k) * LANES + i] = x[k, body_a] - x[k, body_b]
 
 
 @part
@@ -430,4 +433,4 @@ def _give_back(b: Array, acted: Three, bodies: SolverBodies, at_A: IntArray, at_
     for i in range(LANES):
         presses = b[FRICTION * LANES + i]
         for at in (at_A[i] & INDEX, at_B[i] & INDEX):
-            bodies.mass[at + HELD] = max(bodies.mass[at + HELD], presses)
+            bodies.drifted[at + HELD] = max(bodies.drifted[at + HELD], presses)

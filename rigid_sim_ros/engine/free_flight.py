@@ -38,7 +38,10 @@ def fly(model: Model, state: State, gravity: tuple[float, float, float], h: floa
     """
     n = model.m.shape[0]
     for first in range(0, n, LANES):
-        _fly_some(model, state, gravity, h, count, first, min(LANES, n - first), block)
+        lanes = min(LANES, n - first)
+        _fly_some(model, state, gravity, h, count, first, lanes, block)
+        for i in range(lanes):
+            _store(model, state, h, count, i, first + i, block)
 
 
 @kernel
@@ -47,8 +50,7 @@ def fly_free(model: Model, state: State, loads: Loads, slot: IntArray, h: float,
     """
     Advance the bodies without a slot (n,) of the sequential solver by a step of h [s].
 
-    Kick, drift, kick, as in the method `symplectic`. Who has a slot may be advanced too: the
-    solver writes its state afterwards.
+    Kick, drift, kick, as in the method `symplectic`.
     """
     n = model.m.shape[0]
     for first in range(0, n, LANES):
@@ -56,17 +58,28 @@ def fly_free(model: Model, state: State, loads: Loads, slot: IntArray, h: float,
         for i in range(first, last):
             free = free or (slot[i] == 0 and model.inv_m[i] > 0.0)
         if free:
-            kick_some(state, loads, 0.5 * h, first, last)
+            _kick_free(state, loads, slot, 0.5 * h, first, last)
             _fly_some(model, state, (0.0, 0.0, 0.0), h, np.int64(1), first, last - first, block)
-            kick_some(state, loads, 0.5 * h, first, last)
+            for i in range(first, last):
+                if slot[i] == 0:
+                    _store(model, state, h, np.int64(1), i - first, i, block)
+            _kick_free(state, loads, slot, 0.5 * h, first, last)
+
+
+@kernel
+def _kick_free(state: State, loads: Loads, slot: IntArray, h: float, first: int,
+               last: int) -> None:
+    for i in range(first, last):
+        if slot[i] == 0:
+            kick_some(state, loads, h, i, i + 1)
 
 
 @apart
 def _fly_some(model: Model, state: State, gravity: tuple[float, float, float], h: float,
               count: int | np.int64, first: int, lanes: int, block: Array) -> None:
+    """Advance a block of bodies that it reads, but not the state."""
     _load(model, state, gravity, h, first, lanes, block)
     _fly_block(block, h, count)
-    _store(model, state, h, count, first, lanes, block)
 
 
 @kernel
@@ -112,24 +125,22 @@ def _fly_block(b: Array, h: float, count: int | np.int64) -> None:
 
 
 @kernel
-def _store(model: Model, state: State, h: float, count: int | np.int64, first: int, lanes: int,
+def _store(model: Model, state: State, h: float, count: int | np.int64, lane: int, body: int,
            block: Array) -> None:
-    """Write a block back; bodies too fast for `turn` are turned here, and fixed ones stay."""
-    for i in range(lanes):
-        body = first + i
-        if model.inv_m[body] == 0.0:
-            continue
-        for k in range(3):
-            state.x[k, body] = block[(_X + k) * LANES + i]
-            state.P[k, body] = block[(_P + k) * LANES + i]
-        L, inv_I = column(state.L, body), column(model.inv_I_C, body)
-        # |I^-1 l| <= max(I^-1) |L|: never below the angle that it bounds.
-        bound = max(inv_I[0], inv_I[1], inv_I[2]) * h
-        if bound * bound * (L[0] * L[0] + L[1] * L[1] + L[2] * L[2]) <= MAX_ANGLE * MAX_ANGLE:
-            for k in range(4):
-                state.q[k, body] = block[(_Q + k) * LANES + i]
-        else:
-            q = quaternion(state.q, body)
-            for _ in range(count):
-                q = turn_fast(q, L, inv_I, h)
-            set_quaternion(state.q, body, q)
+    """Write a body back; one that is too fast for `turn` is turned here, and a fixed one stays."""
+    if model.inv_m[body] == 0.0:
+        return
+    for k in range(3):
+        state.x[k, body] = block[(_X + k) * LANES + lane]
+        state.P[k, body] = block[(_P + k) * LANES + lane]
+    L, inv_I = column(state.L, body), column(model.inv_I_C, body)
+    # |I^-1 l| <= max(I^-1) |L|: never below the angle that it bounds.
+    bound = max(inv_I[0], inv_I[1], inv_I[2]) * h
+    if bound * bound * (L[0] * L[0] + L[1] * L[1] + L[2] * L[2]) <= MAX_ANGLE * MAX_ANGLE:
+        for k in range(4):
+            state.q[k, body] = block[(_Q + k) * LANES + lane]
+    else:
+        q = quaternion(state.q, body)
+        for _ in range(count):
+            q = turn_fast(q, L, inv_I, h)
+        set_quaternion(state.q, body, q)

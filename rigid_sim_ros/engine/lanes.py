@@ -210,6 +210,17 @@ def store(_: Any, b: Any, row: Any, lanes: Any) -> Any:
 
 
 @_intrinsic
+def read_eight(_: Any, array: Any, first: Any) -> Any:
+    """Return eight numbers of an array that lie side by side, whichever is the first."""
+
+    def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
+        data = _data(context, builder, signature.args[0], args[0])
+        return _load(builder, _vector_at(builder, data, args[1]))
+
+    return _LANES(array, types.int64), generate
+
+
+@_intrinsic
 def write_eight(_: Any, array: Any, first: Any, lanes: Any) -> Any:
     """Write eight numbers of an array that lie side by side, whichever is the first."""
 

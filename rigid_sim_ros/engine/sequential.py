@@ -41,7 +41,7 @@ from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.slots import give_slots, make_sides, shared_out, Sides
 from rigid_sim_ros.engine.solver_bodies import (
     begin_push, drift_and_kick, drift_bodies, FIRST_FREE, kick_bodies, load_bodies,
-    make_bodies, note_start, SECOND_END, SECOND_FREE, slots_of, SolverBodies, store_bodies)
+    make_bodies, SECOND_END, SECOND_FREE, slots_of, SolverBodies, store_bodies)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.two_cores import side_by_side
 
@@ -187,12 +187,12 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
     may be in a block of balls. `shifts` are what collisions moved.
     """
     bodies, blocks, notes = work.bodies, work.blocks, work.notes[region]
-    motion, h = bodies.motion, model.h / settings.substeps
+    motion, alike, h = bodies.motion, bodies.alike[0] == 1, model.h / settings.substeps
     at_rest = Sweep(1.0 / h, 0.0, False)
     if stage == FILL:
         if region != BETWEEN:
             give_slots(region, work.sides, touching, bodies)
-            load_bodies(region, model.inv_m, model.inv_I_C, state, loads, bodies)
+            load_bodies(region, model.gravity, model.inv_m, model.inv_I_C, state, loads, bodies)
         _fill(region, state.x, shapes, materials, round_shapes, manifolds, waits, shifts,
               1.0 / settings.substeps, work)
     if stage in (RETURN, NEXT) or (stage == KEEP and region != BETWEEN):
@@ -201,11 +201,10 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
                    work.notes)
     pushed = notes[PUSHED] + work.notes[BETWEEN, PUSHED] > 0.0
     if stage in (START, BEGIN) and region != BETWEEN:
-        note_start(region, bodies.used, motion, bodies.mass)
-        kick_bodies(region, bodies.used, motion, bodies.smooth, bodies.base, h)
+        kick_bodies(region, bodies.used, motion, bodies.smooth, alike, bodies.base, h)
     elif stage == NEXT:
         drift_and_kick(region, bodies.used, motion, bodies.drifted, bodies.total,
-                       notes[MOVED] == 0.0, pushed, bodies.smooth, bodies.base, h)
+                       notes[MOVED] == 0.0, pushed, bodies.smooth, alike, bodies.base, h)
     elif stage == KEEP and region != BETWEEN:
         drift_bodies(region, bodies.used, motion, bodies.drifted, pushed)
     if stage == BEGIN:
@@ -221,8 +220,8 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
                                        acted.friction)
     elif stage == STORE:
         first, last = shared_out(work.sides, region)
-        store_bodies(region, first, last, model.h, model.m, model.inv_I_C, state, bodies,
-                     settings.substeps)
+        store_bodies(region, first, last, model.h, model.m, model.inv_m, model.inv_I_C, state,
+                     bodies, settings.substeps)
 
 
 @kernel

@@ -18,7 +18,7 @@ from rigid_sim_ros.engine.arrays import Array, IntArray, integers, Quaternion, r
 from rigid_sim_ros.engine.free_rotation import MAX_ANGLE, turn, turn_fast
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part, pasted
 from rigid_sim_ros.engine.lanes import (
-    any_of, both, Eight, gather, LANES, load, select, store, write_eight)
+    any_of, both, Eight, gather, LANES, load, read_eight, select, spread, store, write_eight)
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.rotation import quaternion, to_matrix
 from rigid_sim_ros.engine.state import State
@@ -29,15 +29,13 @@ from rigid_sim_ros.engine.vector import add, column, dot
 # bodies do alike is one loop over a flat array.
 STRIDE = 8
 INV_I = 7  # the first of J, which is that about all axes of a ball [1/(kg m^2)]
-# Numbers of a body in `mass`: the inverse inertia, world axes, the inverse mass (there as well),
-# and whether it is pressed against a body that moves.
+INV_M = 6  # in `mass` as well, after the inverse inertia, world axes
 J = 0  # xx, xy, xz, yy, yz, zz
-START = 0  # v, L at the start of the step: in the place of J, from `note_start` on
-INV_M = 6
+# In `drifted` at the end of a step: whether a body is pressed against one that moves.
 HELD = 7
-# Rows of the scratch block in which eight bodies are moved: the state afterwards, what is needed
-# of the body, and the mean of L of those that are too fast for `turn`.
-_X, _Q, _P, _L, _INV_I, _M, _MEAN_L, _FAST, _ROWS = 0, 3, 7, 10, 13, 16, 17, 20, 21
+# Rows of the scratch block in which eight bodies are moved: the state before and afterwards, what
+# is needed of the body, and the mean of L of those that are too fast for `turn`.
+_X, _Q, _P, _L, _INV_I, _M, _INV_M, _MEAN_L, _FAST, _ROWS = 0, 3, 7, 10, 13, 16, 17, 18, 21, 22
 
 
 # Of `used`: where the slots of the first half end; where those of the second one begin and end;
@@ -56,13 +54,15 @@ class SolverBodies(NamedTuple):
     # out of overlaps. While this is found it stands here alone, from `begin_push` on, and with
     # it the inverse mass.
     drifted: Array
-    smooth: Array  # F / m [m/s^2] and torque [N m] of all that is no contact, and 0, 0
+    # F / m [m/s^2] and torque [N m] of all that is no contact, and 0, 0. Where gravity is all
+    # there is, it stands in the slots that stand still, and nowhere else
+    smooth: Array
+    alike: IntArray  # (1,) 1 where that is so
     # `motion` of this substep without contacts; before the first one what contacts add to it, from
     # the step before
     base: Array
     total: Array  # sums of `drifted` over the substeps before the last one, 0 if there are none
-    mass: Array  # see J, START, INV_M, HELD
-    pose: Array  # x [m] and q at the start of the step
+    mass: Array  # see J and INV_M
     lanes: Array  # flat scratch for each half, as the next one
     at: IntArray
 
@@ -75,7 +75,7 @@ def make_bodies(n: int) -> SolverBodies:
         return room(slots * STRIDE)
 
     return SolverBodies(room(n, kind=np.int32), room(slots, kind=np.int32), integers(_USED),
-                        numbers(), numbers(), numbers(), numbers(), numbers(), numbers(),
+                        numbers(), numbers(), numbers(), integers(1), numbers(), numbers(),
                         numbers(), room(2 * _ROWS * LANES), integers(2 * LANES))
 
 
@@ -101,30 +101,34 @@ def still_slot(used: IntArray, region: int) -> int:
 
 
 @part
-def load_bodies(half: int, inv_m: Array, inv_I_C: Array, state: State, loads: Loads,
-                bodies: SolverBodies) -> None:
+def load_bodies(half: int, gravity: Array, inv_m: Array, inv_I_C: Array, state: State,
+                loads: Loads, bodies: SolverBodies) -> None:
     """Write the rows and the motion of the bodies that have a slot in a half."""
-    first, last = slots_of(bodies.used, half)
-    mass, pose = bodies.mass, bodies.pose
-    for numbers in (bodies.motion, bodies.smooth, mass, pose):
+    (first, last), mass, alike = slots_of(bodies.used, half), bodies.mass, bodies.alike[0] == 1
+    for numbers in (bodies.motion, bodies.smooth, mass, bodies.drifted, bodies.total):
         _of_half(numbers, bodies.used, half)[:STRIDE] = 0.0
     _of_half(bodies.base, bodies.used, half)[:] = 0.0
+    for k in range(3 if alike else 0):
+        bodies.smooth[first * STRIDE + k] = gravity[k]
     for slot in range(first + 1, last):
         i = bodies.body[slot] & INDEX
         motion = slot * STRIDE
         for k in range(3):
-            bodies.smooth[motion + k] = inv_m[i] * loads.F[k, i]
-            bodies.smooth[motion + 3 + k] = loads.tau[k, i]
             bodies.motion[motion + k] = inv_m[i] * state.P[k, i]
             bodies.motion[motion + 3 + k] = state.L[k, i]
-            pose[motion + k] = state.x[k, i]
-        for k in range(4):
-            pose[motion + 3 + k] = state.q[k, i]
         mass[motion + INV_M] = inv_m[i]
-        mass[motion + HELD] = 0.0
         _turn_inertia(mass, motion + J, column(inv_I_C, i), quaternion(state.q, i))
         bodies.motion[motion + INV_M], bodies.motion[motion + INV_I] = inv_m[i], mass[motion + J]
-        bodies.smooth[motion + INV_M], bodies.smooth[motion + INV_I] = 0.0, 0.0
+        if not alike:
+            _load_forces(bodies.smooth, motion, inv_m[i], column(loads.F, i),
+                         column(loads.tau, i))
+
+
+@part
+def _load_forces(smooth: Array, line: int, inv_m: float, F: Vector, tau: Vector) -> None:
+    for k in range(3):
+        smooth[line + k], smooth[line + 3 + k] = inv_m * F[k], tau[k]
+    smooth[line + INV_M], smooth[line + INV_I] = 0.0, 0.0
 
 
 @part
@@ -144,16 +148,7 @@ def _turn_inertia(mass: Array, line: int, d: Vector, q: Quaternion) -> None:
 
 
 @kernel
-def note_start(half: int, used: IntArray, motion: Array, mass: Array) -> None:
-    """Keep the motion at the start of the step, when nobody asks for the inverse inertia more."""
-    first, last = slots_of(used, half)
-    for slot in range(first, last):
-        for k in range(6):
-            mass[slot * STRIDE + START + k] = motion[slot * STRIDE + k]
-
-
-@kernel
-def kick_bodies(half: int, used: IntArray, motion: Array, smooth: Array, base: Array,
+def kick_bodies(half: int, used: IntArray, motion: Array, smooth: Array, alike: bool, base: Array,
                 h: float) -> None:
     """
     Begin the first substep: forces act for h [s], and contacts as they did in the step before.
@@ -161,8 +156,8 @@ def kick_bodies(half: int, used: IntArray, motion: Array, smooth: Array, base: A
     What contacts bring from there is in `base`, and afterwards `motion` without it.
     """
     first, last = slots_of(used, half)
-    for slot in range(first, last):
-        kicked = load(motion, slot) + h * load(smooth, slot)
+    for slot in range(first + 1, last):
+        kicked = load(motion, slot) + h * load(smooth, first if alike else slot)
         store(motion, slot, kicked + load(base, slot))
         store(base, slot, kicked)
 
@@ -192,15 +187,17 @@ def _drift_body(slot: int, motion: Array, drifted: Array, pushed: bool) -> Eight
 
 @kernel
 def drift_bodies(half: int, used: IntArray, motion: Array, drifted: Array, pushed: bool) -> None:
-    """End the last substep: drift all bodies of a half."""
+    """End the last substep: drift all bodies of a half, of which nobody is held so far."""
     first, last = slots_of(used, half)
-    for slot in range(first, last):
+    for slot in range(first + 1, last):
         _drift_body(slot, motion, drifted, pushed)
+        drifted[slot * STRIDE + HELD] = 0.0
 
 
 @kernel
 def drift_and_kick(half: int, used: IntArray, motion: Array, drifted: Array, total: Array,
-                   begins: bool, pushed: bool, smooth: Array, base: Array, h: float) -> None:
+                   begins: bool, pushed: bool, smooth: Array, alike: bool, base: Array,
+                   h: float) -> None:
     """
     End a substep and begin the next one: forces act for h [s], and contacts as they did in this.
 
@@ -209,20 +206,20 @@ def drift_and_kick(half: int, used: IntArray, motion: Array, drifted: Array, tot
     in `total`.
     """
     first, last = slots_of(used, half)
-    for slot in range(first, last):
+    for slot in range(first + 1, last):
         v = _drift_body(slot, motion, drifted, pushed)
         if not begins:
             v = v + load(total, slot)
         store(total, slot, v)
         now = load(motion, slot)
-        kicked = now + h * load(smooth, slot)
+        kicked = now + h * load(smooth, first if alike else slot)
         store(motion, slot, kicked + (now - load(base, slot)))
         store(base, slot, kicked)
 
 
 @part
-def store_bodies(half: int, first: int, last: int, h: float, m: Array, inv_I_C: Array,
-                 state: State, bodies: SolverBodies, substeps: int) -> None:
+def store_bodies(half: int, first: int, last: int, h: float, m: Array, inv_m: Array,
+                 inv_I_C: Array, state: State, bodies: SolverBodies, substeps: int) -> None:
     """
     Move bodies, eight at a time, from `first` to `last`, and write momenta and poses back.
 
@@ -239,19 +236,47 @@ def store_bodies(half: int, first: int, last: int, h: float, m: Array, inv_I_C: 
             i += 1
         if lanes == 0:
             break
-        for lane in range(LANES):
-            at[lane] = at[min(lane, lanes - 1)]
-            body = _body_at(bodies, at[lane])
-            b[_M * LANES + lane] = m[body]
-            for k in range(3):
-                b[(_INV_I + k) * LANES + lane] = inv_I_C[k, body]
-        _move(bodies, at, b, h, 1.0 / substeps)
         if lanes == LANES and _body_at(bodies, at[LANES - 1]) == i - 1 == (
                 _body_at(bodies, at[0]) + LANES - 1):
+            _read_eight(m, inv_m, inv_I_C, state, b, i - LANES)
+            _move(half, bodies, at, b, h, 1.0 / substeps)
             _write_eight(state, b, i - LANES)
         else:
+            for lane in range(LANES):
+                at[lane] = at[min(lane, lanes - 1)]
+                _read_one(m, inv_m, inv_I_C, state, b, lane, _body_at(bodies, at[lane]))
+            _move(half, bodies, at, b, h, 1.0 / substeps)
             for lane in range(lanes):
                 _write_one(state, b, lane, _body_at(bodies, at[lane]))
+
+
+@part
+def _read_eight(m: Array, inv_m: Array, inv_I_C: Array, state: State, b: Array,
+                first: int) -> None:
+    """Read the state and the masses of eight bodies, from the first on."""
+    n = state.x.shape[1]
+    for k in range(3):
+        store(b, _X + k, read_eight(state.x, k * n + first))
+        store(b, _P + k, read_eight(state.P, k * n + first))
+        store(b, _L + k, read_eight(state.L, k * n + first))
+        store(b, _INV_I + k, read_eight(inv_I_C, k * n + first))
+    for k in range(4):
+        store(b, _Q + k, read_eight(state.q, k * n + first))
+    store(b, _M, read_eight(m, first))
+    store(b, _INV_M, read_eight(inv_m, first))
+
+
+@part
+def _read_one(m: Array, inv_m: Array, inv_I_C: Array, state: State, b: Array, lane: int,
+              body: int) -> None:
+    for k in range(3):
+        b[(_X + k) * LANES + lane] = state.x[k, body]
+        b[(_P + k) * LANES + lane] = state.P[k, body]
+        b[(_L + k) * LANES + lane] = state.L[k, body]
+        b[(_INV_I + k) * LANES + lane] = inv_I_C[k, body]
+    for k in range(4):
+        b[(_Q + k) * LANES + lane] = state.q[k, body]
+    b[_M * LANES + lane], b[_INV_M * LANES + lane] = m[body], inv_m[body]
 
 
 @part
@@ -293,7 +318,8 @@ def _places_of(bodies: SolverBodies, half: int) -> IntArray:
 
 
 @part
-def _move(bodies: SolverBodies, at: IntArray, b: Array, h: float, share: float) -> None:
+def _move(half: int, bodies: SolverBodies, at: IntArray, b: Array, h: float,
+          share: float) -> None:
     """
     Move eight bodies by the mean of their velocities over the substeps, `share` of a step each.
 
@@ -305,27 +331,27 @@ def _move(bodies: SolverBodies, at: IntArray, b: Array, h: float, share: float) 
     """
     before, last = gather(bodies.total, at), gather(bodies.drifted, at)
     v, now = add(before[:3], last[:3]), gather(bodies.motion, at)
-    mass, forces = gather(bodies.mass, at), gather(bodies.smooth, at)
-    pose = gather(bodies.pose, at)
-    dv = (now[0] - mass[START], now[1] - mass[START + 1], now[2] - mass[START + 2])
-    dL = (now[3] - mass[START + 3], now[4] - mass[START + 4], now[5] - mass[START + 5])
-    a = (forces[0], forces[1], forces[2])
-    smooth = both(dot(dv, dv) <= 4.0 * h * h * dot(a, a), mass[HELD] == 0.0)
+    inv_m, P, L = load(b, _INV_M), _three_rows(b, _P), _three_rows(b, _L)
+    dv = (now[0] - inv_m * P[0], now[1] - inv_m * P[1], now[2] - inv_m * P[2])
+    dL = (now[3] - L[0], now[4] - L[1], now[5] - L[2])
+    a = _acceleration(half, bodies, at)
+    smooth = both(dot(dv, dv) <= 4.0 * h * h * dot(a, a), last[HELD] == 0.0)
     back = select(smooth, -0.5 * share, 0.0)
-    for k, x in enumerate((pose[0] + h * (share * v[0] + back * dv[0]),
-                           pose[1] + h * (share * v[1] + back * dv[1]),
-                           pose[2] + h * (share * v[2] + back * dv[2]))):
-        store(b, _X + k, x)
+    x = _three_rows(b, _X)
+    for k, moved in enumerate((x[0] + h * (share * v[0] + back * dv[0]),
+                               x[1] + h * (share * v[1] + back * dv[1]),
+                               x[2] + h * (share * v[2] + back * dv[2]))):
+        store(b, _X + k, moved)
         store(b, _P + k, load(b, _M) * now[k])
         store(b, _L + k, now[3 + k])
     turning = add(before[3:6], last[3:6])
     L = (share * turning[0] + back * dL[0], share * turning[1] + back * dL[1],
          share * turning[2] + back * dL[2])
-    inv_I = (load(b, _INV_I), load(b, _INV_I + 1), load(b, _INV_I + 2))
+    inv_I = _three_rows(b, _INV_I)
     # Too fast for `turn`: below, one by one.
     bound = h * max(inv_I[0], max(inv_I[1], inv_I[2]))
     fast = bound * bound * dot(L, L) > MAX_ANGLE * MAX_ANGLE
-    q = (pose[3], pose[4], pose[5], pose[6])
+    q = (load(b, _Q), load(b, _Q + 1), load(b, _Q + 2), load(b, _Q + 3))
     turned = turn(q, L, inv_I, h)
     for k in range(4):
         store(b, _Q + k, select(fast, q[k], turned[k]))
@@ -334,6 +360,22 @@ def _move(bodies: SolverBodies, at: IntArray, b: Array, h: float, share: float) 
             store(b, _MEAN_L + k, L[k])
         store(b, _FAST, select(fast, 1.0, 0.0))
         _turn_fast_ones(b, h)
+
+
+@part
+def _acceleration(half: int, bodies: SolverBodies, at: IntArray) -> tuple[Eight, Eight, Eight]:
+    """Return what eight bodies feel that is no contact [m/s^2]."""
+    if bodies.alike[0] == 1:
+        line = slots_of(bodies.used, half)[0] * STRIDE
+        return (spread(bodies.smooth[line]), spread(bodies.smooth[line + 1]),
+                spread(bodies.smooth[line + 2]))
+    forces = gather(bodies.smooth, at)
+    return (forces[0], forces[1], forces[2])
+
+
+@part
+def _three_rows(b: Array, row: int) -> tuple[Eight, Eight, Eight]:
+    return (load(b, row), load(b, row + 1), load(b, row + 2))
 
 
 @kernel

@@ -331,6 +331,7 @@ def _step(box: Any) -> bool:
     if to[_TO_COLLIDE] != 0:
         work.solver.shifted[0] = 1 if call(to[_TO_COLLIDE], box, 0) > 0 else 0
         mark_touching(manifolds, work.collision.waits, memory.touching)
+    work.solver.bodies.alike[0] = 0 if loaded else 1
     begin_slots(work.solver.sides, memory.touching, work.solver.bodies)
     solve_contacts(to[_TO_SOLVE], box, desk, model, state, work.loads,
                    settings.sequential.substeps, work.block, work.solver)

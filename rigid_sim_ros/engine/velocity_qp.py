@@ -35,7 +35,7 @@ from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import gap_now
 from rigid_sim_ros.engine.slots import give_slots, mark_touching, take_sides
 from rigid_sim_ros.engine.solver_bodies import (
-    begin_push, drift_bodies, HELD, INV_M, kick_bodies, load_bodies, note_start,
+    begin_push, drift_bodies, HELD, INV_M, kick_bodies, load_bodies,
     SECOND_END, SolverBodies, store_bodies, STRIDE)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.timestep import (
@@ -99,17 +99,17 @@ def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
     take_sides(model.inv_m, state.x, work.awake, 0, len(model.m), shared.solver.sides,
                bodies.slot)
     give_slots(0, shared.solver.sides, touching, bodies)
-    load_bodies(0, model.inv_m, model.inv_I_C, state, shared.loads, bodies)
+    load_bodies(0, model.gravity, model.inv_m, model.inv_I_C, state, shared.loads, bodies)
     read_bodies(model, state, shared.loads.F, shared.loads.tau, work.bodies)
     chosen = _chosen(model, state, shapes, materials, manifolds, work)
-    note_start(0, bodies.used, bodies.motion, bodies.mass)
-    kick_bodies(0, bodies.used, bodies.motion, bodies.smooth, bodies.base, model.h)
+    kick_bodies(0, bodies.used, bodies.motion, bodies.smooth, False, bodies.base, model.h)
     begin_push(0, bodies.used[SECOND_END], bodies.motion, bodies.drifted)
-    pushes = _solve(model, manifolds, acted, settings, chosen, work)
+    impulses, pushes = _solve(model, manifolds, acted, settings, chosen, work)
     drift_bodies(0, bodies.used, bodies.motion, bodies.drifted, True)
-    _give_back(work.contacts, chosen, pushes, model.h, bodies)
+    _give_back(work.contacts, chosen, impulses, pushes, model.h, bodies)
     fly_free(model, state, shared.loads, bodies.slot, model.h, shared.block)
-    store_bodies(0, 0, len(model.m), model.h, model.m, model.inv_I_C, state, bodies, 1)
+    store_bodies(0, 0, len(model.m), model.h, model.m, model.inv_m, model.inv_I_C, state, bodies,
+                 1)
     # As in the symplectic method: half of the change of the loads, now at the new poses.
     sum_loads(model, state, wrenches, shared.later)
     kick(state, shared.later, 0.5 * model.h)
@@ -139,11 +139,11 @@ def _chosen(model: Model, state: State, shapes: Shapes, materials: Materials,
 
 
 def _solve(model: Model, manifolds: Manifolds, acted: Manifolds, settings: TimestepSettings,
-           chosen: IntArray, work: QpWork) -> Array:
+           chosen: IntArray, work: QpWork) -> tuple[Array, Array]:
     """
     Find the impulses of the chosen points, and let the bodies feel them.
 
-    Returns those that only displace, (3m,) triples in the axes n, t1, t2.
+    Returns them, and those that only displace, (3m,) triples in the axes n, t1, t2.
     """
     contacts, bodies, m = work.contacts, work.shared.solver.bodies, len(chosen)
     count = int(manifolds.count[0])
@@ -152,7 +152,7 @@ def _solve(model: Model, manifolds: Manifolds, acted: Manifolds, settings: Times
     work.report = QpReport()
     if m == 0:
         manifolds.impulse[:, :count] = 0.0
-        return np.zeros(0)
+        return np.zeros(0), np.zeros(0)
     A = np.zeros((3 * m, 3 * m))
     couple(model, contacts, work.bodies, chosen, m, 3, np.zeros((2, 3 * m, 3)), A)
     b = np.zeros(3 * m)
@@ -182,22 +182,28 @@ def _solve(model: Model, manifolds: Manifolds, acted: Manifolds, settings: Times
         pushes, _ = solve(block, apart, np.zeros(len(pressed)), np.zeros_like(apart))
         displaced[3 * pressed] = pushes[::3]
         _push(contacts, chosen, displaced, bodies, bodies.drifted)
-    return displaced
+    return f, displaced
 
 
 @kernel
-def _give_back(contacts: Contacts, chosen: IntArray, f: Array, h: float,
+def _give_back(contacts: Contacts, chosen: IntArray, f: Array, pushes: Array, h: float,
                solver: SolverBodies) -> None:
-    """Take half of the L that a pair gained when a push displaced its momenta from each body."""
+    """
+    Take half of the L that a pair gained when a push displaced its momenta from each body.
+
+    Bodies that press against each other are marked as held.
+    """
     for c in range(chosen.shape[0]):
         k = chosen[c]
         slot_a, slot_b = solver.slot[contacts.body_a[k]], solver.slot[contacts.body_b[k]]
-        if f[3 * c] > 0.0 and slot_a > 0 and slot_b > 0:
-            at_a, at_b = slot_a * STRIDE, slot_b * STRIDE
+        at_a, at_b = slot_a * STRIDE, slot_b * STRIDE
+        if max(f[3 * c], pushes[3 * c]) > 0.0 and slot_a > 0 and slot_b > 0:
+            solver.drifted[at_a + HELD] = solver.drifted[at_b + HELD] = 1.0
+        if pushes[3 * c] > 0.0 and slot_a > 0 and slot_b > 0:
             v = (solver.drifted[at_b] - solver.drifted[at_a],
                  solver.drifted[at_b + 1] - solver.drifted[at_a + 1],
                  solver.drifted[at_b + 2] - solver.drifted[at_a + 2])
-            gained = cross(to_world(contacts, k, (h * f[3 * c], 0.0, 0.0)), v)
+            gained = cross(to_world(contacts, k, (h * pushes[3 * c], 0.0, 0.0)), v)
             for i in range(3):
                 solver.motion[at_a + 3 + i] -= 0.5 * gained[i]
                 solver.motion[at_b + 3 + i] -= 0.5 * gained[i]
@@ -230,9 +236,6 @@ def _push(contacts: Contacts, chosen: IntArray, f: Array, solver: SolverBodies,
         slot_a, slot_b = solver.slot[contacts.body_a[k]], solver.slot[contacts.body_b[k]]
         _push_slot(slot_a, -1.0, row(contacts.r_A, k), J, solver.mass, motion)
         _push_slot(slot_b, 1.0, row(contacts.r_B, k), J, solver.mass, motion)
-        if slot_a > 0 and slot_b > 0 and f[3 * c] > 0.0:
-            solver.mass[slot_a * STRIDE + HELD] = 1.0
-            solver.mass[slot_b * STRIDE + HELD] = 1.0
 
 
 @kernel

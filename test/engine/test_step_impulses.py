@@ -17,7 +17,7 @@ from rigid_sim_ros.engine.manifolds import earlier_manifolds, slice_in_use
 from rigid_sim_ros.engine.sequential import SequentialSettings
 from rigid_sim_ros.engine.shapes import Material
 from rigid_sim_ros.engine.solver_bodies import (
-    begin_push, drift_and_kick, drift_bodies, INV_M, STRIDE)
+    begin_push, drift_and_kick, drift_bodies, HELD, INV_M, kick_bodies, STRIDE)
 from rigid_sim_ros.engine.timestep import TimestepSettings
 
 
@@ -98,9 +98,32 @@ def test_what_nobody_pushed_drifts_as_it_moves(pushed):
     ended, total, smooth, base = drifted.copy(), *rng.normal(0.0, 1.0, (3, slots * STRIDE))
     sums, first = total.copy(), drifted.copy()
     drift_bodies(0, used, motion, drifted, pushed)
-    assert (drifted == u).all()
+    # Nobody is held, and the first slot stands still.
+    moves = slice(STRIDE, None)
+    assert (drifted[STRIDE + HELD::STRIDE] == 0.0).all()
+    drifted[HELD::STRIDE] = u[HELD::STRIDE]
+    assert (drifted[moves] == u[moves]).all()
     # Before the last substep it is added to the sums besides; the first one begins them.
-    drift_and_kick(0, used, motion.copy(), ended, total, False, pushed, smooth, base.copy(), 0.1)
-    assert (ended == u).all() and (total == sums + u).all()
-    drift_and_kick(0, used, motion, first, total, True, pushed, smooth, base, 0.1)
-    assert (first == u).all() and (total == u).all()
+    drift_and_kick(0, used, motion.copy(), ended, total, False, pushed, smooth, False,
+                   base.copy(), 0.1)
+    assert (ended[moves] == u[moves]).all() and (total[moves] == (sums + u)[moves]).all()
+    drift_and_kick(0, used, motion, first, total, True, pushed, smooth, False, base, 0.1)
+    assert (first[moves] == u[moves]).all() and (total[moves] == u[moves]).all()
+
+
+@pytest.mark.parametrize('alike', [False, True])
+def test_forces_kick_each_by_its_own_or_all_alike(alike):
+    rng = np.random.default_rng(2)
+    slots, h = 5, 0.1
+    used = np.full(5, slots)
+    motion, smooth, base = rng.normal(0.0, 1.0, (3, slots * STRIDE))
+    felt = np.tile(smooth[:STRIDE], slots) if alike else smooth
+    moves, before, contacts = slice(STRIDE, None), motion.copy(), base.copy()
+    kick_bodies(0, used, motion, smooth, alike, base, h)
+    assert (base[moves] == (before + h * felt)[moves]).all()
+    assert (motion[moves] == (base + contacts)[moves]).all()
+    motion, before, without = 2.0 * motion, 2.0 * motion, base.copy()
+    drift_and_kick(0, used, motion, np.zeros_like(base), np.zeros_like(base), True, False, smooth,
+                   alike, base, h)
+    assert (base[moves] == (before + h * felt)[moves]).all()
+    assert (motion[moves] == (base + (before - without))[moves]).all()
