@@ -9,6 +9,8 @@ but for planes and the like: everything is tried against them.
 
 The pairs that come out are sorted, and a superset of those whose bounding boxes overlap; who goes
 through them tests the bounding boxes first, so that no result depends on when a fat box was made.
+Of two spheres, most of what bounding boxes have in common are corners that the spheres do not
+reach: there they are taken for what they are.
 """
 
 import math
@@ -18,7 +20,7 @@ from rigid_sim_ros.engine.grid import (
     boxes_overlap, column_key, find_cell, Grid, inverse_size, levels_in_use, shapes_on, WIDE)
 from rigid_sim_ros.engine.kernel import apart, INDEX, kernel, part
 from rigid_sim_ros.engine.manifolds import NEAR
-from rigid_sim_ros.engine.shapes import PLANE, Shapes
+from rigid_sim_ros.engine.shapes import PLANE, Shapes, SPHERE
 
 # Room around a bounding box, as a fraction of its largest side. A smaller one makes shapes leave
 # their box more often, a larger one makes more pairs that do not touch.
@@ -28,6 +30,8 @@ ROOM = 0.1
 STEPS_AHEAD = 16.0
 # Less room than that, and a shape gets a new box along with the others.
 _USED = 0.05
+# Spheres are taken to be farther apart than they can come only beyond rounding, wherever they are.
+_NEARLY = 1.01
 
 
 @kernel
@@ -50,17 +54,32 @@ def may_collide(shapes: Shapes, bodies: int, a: int, b: int) -> bool:
 
 
 @kernel
-def near_pairs(pair: IntArray, box: Array, first: int, last: int, near: IntArray) -> int:
+def near_pairs(kind: IntArray, pair: IntArray, box: Array, first: int, last: int,
+               near: IntArray) -> int:
     """
     List the pairs from `first` to `last` whose boxes overlap; return how many these are.
 
-    Nothing here is a branch: the processor could only guess, and be wrong every third time.
+    Of two spheres, the boxes of which are cubes, the balls in them must overlap. Nothing here is a
+    branch: the processor could only guess, and be wrong every third time.
     """
     count = 0
     for k in range(first, last):
+        a, b = pair[k, 0] & INDEX, pair[k, 1] & INDEX
+        spheres = (kind[a] == SPHERE) & (kind[b] == SPHERE)
         near[count] = k
-        count += 1 if boxes_overlap(box, pair[k, 0] & INDEX, pair[k, 1] & INDEX) else 0
+        count += 1 if boxes_overlap(box, a, b) & ((not spheres) | _balls_overlap(box, a, b)) else 0
     return count
+
+
+@kernel
+def _balls_overlap(box: Array, a: int, b: int) -> bool:
+    """Return whether the balls in two cubes have a point in common."""
+    # Twice the way from middle to middle, and twice the sum of the radii.
+    x = box[a, 0] + box[a, 3] - box[b, 0] - box[b, 3]
+    y = box[a, 1] + box[a, 4] - box[b, 1] - box[b, 4]
+    z = box[a, 2] + box[a, 5] - box[b, 2] - box[b, 5]
+    r = box[a, 3] - box[a, 0] + box[b, 3] - box[b, 0]
+    return x * x + y * y + z * z <= r * r
 
 
 @kernel
@@ -137,8 +156,12 @@ def _plane(pose: Array, s: int) -> tuple[Vector, float]:
 
 
 @kernel
-def fat_boxes_overlap(kind: IntArray, fat: Array, ahead: Array, a: int, b: int) -> bool:
-    """Return whether fat boxes overlap; a plane takes up all below it and some above."""
+def can_meet(kind: IntArray, size: Array, fat: Array, ahead: Array, a: int, b: int) -> bool:
+    """
+    Return whether two shapes can be a near pair while they are in their fat boxes.
+
+    Those of two spheres must come near enough; a plane takes up all below it and some above.
+    """
     if kind[a] == PLANE or kind[b] == PLANE:
         p, s = (a, b) if kind[a] == PLANE else (b, a)
         lowest = -fat[p, 3]
@@ -146,18 +169,40 @@ def fat_boxes_overlap(kind: IntArray, fat: Array, ahead: Array, a: int, b: int) 
             n = fat[p, k]
             lowest += n * (fat[s, k] if n > 0.0 else fat[s, 3 + k])
         return lowest <= ahead[p]
-    return boxes_overlap(fat, a, b)
+    spheres = (kind[a] == SPHERE) & (kind[b] == SPHERE)
+    return boxes_overlap(fat, a, b) & ((not spheres) | _spheres_can_meet(size, fat, a, b))
+
+
+@kernel
+def _spheres_can_meet(size: Array, fat: Array, a: int, b: int) -> bool:
+    """
+    Return whether two spheres can touch somewhere in their boxes.
+
+    The middle of either is at least its radius from the sides of its box. That they look ahead
+    changes nothing: a larger ball in the box is a union of such spheres.
+    """
+    r_A, r_B, square = size[a, 0], size[b, 0], 0.0
+    for k in range(3):
+        between = max(fat[b, k] - fat[a, 3 + k], fat[a, k] - fat[b, 3 + k]) + r_A + r_B
+        square += max(between, 0.0) ** 2
+    return square <= (_NEARLY * (r_A + r_B)) ** 2
 
 
 @kernel
 def _offer(shapes: Shapes, fat: Array, moved: IntArray, fresh: IntArray, bodies: int,
            ahead: Array, count: int, s: int, other: int) -> int:
-    """Note a pair if its fat boxes overlap and the filters let it; return the number of pairs."""
+    """Note a pair if it can meet and the filters let it; return the number of pairs."""
     # Two that both moved find each other twice.
     if other == s or (moved[other] == 1 and other < s):
         return count
-    if not fat_boxes_overlap(shapes.kind, fat, ahead, s, other):
+    if not can_meet(shapes.kind, shapes.size, fat, ahead, s, other):
         return count
+    return _note(shapes, fresh, bodies, count, s, other)
+
+
+@kernel
+def _note(shapes: Shapes, fresh: IntArray, bodies: int, count: int, s: int, other: int) -> int:
+    """Note a pair if the filters let it; return the number of pairs."""
     a, b = min(s, other), max(s, other)
     if not may_collide(shapes, bodies, a, b):
         return count
@@ -168,25 +213,28 @@ def _offer(shapes: Shapes, fat: Array, moved: IntArray, fresh: IntArray, bodies:
 
 
 @kernel
-def _near_members(fat: Array, keys: IntArray, members: IntArray, key: int, s: int, first: int,
-                  last: int, near: IntArray) -> int:
+def _near_members(grid: Grid, key: int, s: int, first: int, last: int,
+                  near: IntArray) -> int:
     """
-    List those members of a column whose fat boxes overlap that of shape s; return their number.
+    List those members of a column whose fat boxes overlap that of shape s, which moved.
 
-    Without a branch, as in `near_pairs`.
+    Without a branch, as in `near_pairs`. Two that both moved would find each other twice. Spheres
+    that cannot meet are left to `forget_parted`: here there are too few to look at each. Returns
+    how many are listed.
     """
     count = 0
     for k in range(first, last):
-        other = members[k & INDEX] & INDEX
+        other = grid.members[k & INDEX] & INDEX
+        once = (grid.moved[other] == 0) | (other > s)
         near[count] = other
-        count += 1 if (keys[k & INDEX] == key) & boxes_overlap(fat, s, other) else 0
+        count += 1 if ((grid.keys[k & INDEX] == key) & once
+                       & boxes_overlap(grid.fat, s, other)) else 0
     return count
 
 
 @part
-def _look_into_column(shapes: Shapes, grid: Grid, fresh: IntArray, bodies: int, ahead: Array,
-                      near: IntArray, count: int, s: int, level: int, x: int, y: int, z0: int,
-                      z1: int) -> int:
+def _look_into_column(shapes: Shapes, grid: Grid, fresh: IntArray, bodies: int, near: IntArray,
+                      count: int, s: int, level: int, x: int, y: int, z0: int, z1: int) -> int:
     """Find partners of shape s in the cells (x, y, z0 .. z1); return the number of pairs."""
     t, key = grid.buckets.shape[0] - 2, column_key(level, x, y)
     first, last = (key + z0) & (t - 1), (key + z1) & (t - 1)
@@ -195,13 +243,11 @@ def _look_into_column(shapes: Shapes, grid: Grid, fresh: IntArray, bodies: int, 
         k, until = grid.buckets[begin & INDEX], grid.buckets[(end + 1) & INDEX]
         while k < until:
             some = min(k + NEAR, until)
-            for i in range(_near_members(grid.fat, grid.keys, grid.members, key, s, k, some,
-                                         near)):
+            for i in range(_near_members(grid, key, s, k, some, near)):
                 other = near[i] & INDEX
                 if (grid.cells[other, 1] == x and grid.cells[other, 2] == y
                         and grid.cells[other, 0] == level):
-                    count = _offer(shapes, grid.fat, grid.moved, fresh, bodies, ahead, count, s,
-                                   other)
+                    count = _note(shapes, fresh, bodies, count, s, other)
             k = some
     return count
 
@@ -234,8 +280,8 @@ def _partners(shapes: Shapes, grid: Grid, fresh: IntArray, bodies: int, ahead: A
             continue
         for x in range(x0, x1 + 1):
             for y in range(y0, y1 + 1):
-                count = _look_into_column(shapes, grid, fresh, bodies, ahead, near, count, s,
-                                          level, x, y, z0, z1)
+                count = _look_into_column(shapes, grid, fresh, bodies, near, count, s, level,
+                                          x, y, z0, z1)
     return count
 
 

@@ -55,7 +55,8 @@ class Setup(NamedTuple):
 class ContactReport(NamedTuple):
     """What the latest step did, for people and for diagnostics."""
 
-    pairs: int = 0  # pairs of shapes whose bounding boxes overlap
+    # pairs of shapes whose bounding boxes overlap, of spheres the balls in them
+    pairs: int = 0
     witnessed: int = 0  # of these, found apart by the plane that separated them before
     contacts: int = 0  # points of all manifolds
     deepest: float = 0.0  # [m] overlap

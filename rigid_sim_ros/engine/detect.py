@@ -185,7 +185,8 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
         if at == end:
             some = min(left, NEAR)
             first = share.first + left - some if back == 1 else share.last - left
-            listed = near_pairs(memory.pair, memory.box, first, first + some, listing)
+            listed = near_pairs(shapes.kind, memory.pair, memory.box, first,
+                                first + some, listing)
             at, end = (listed, 0) if back == 1 else (0, listed)
             left, near = left - some, near + listed
             continue

@@ -115,7 +115,7 @@ class Memory(NamedTuple):
 
 
 # Rows of `Memory.counters`, of the latest step.
-PAIRS = 0  # pairs whose bounding boxes overlap
+PAIRS = 0  # pairs whose bounding boxes overlap, and of spheres the balls in them
 WITNESSED = 1  # of these, settled by the plane that separated them before
 RECYCLED = 2  # manifolds that hardly moved and only had their gaps updated
 CONTACTS = 3  # points of all manifolds

@@ -8,7 +8,7 @@ come out are sorted and merged with those that there are, whose witnesses move a
 """
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
-from rigid_sim_ros.engine.broad_phase import fat_boxes_overlap, look_around, refresh
+from rigid_sim_ros.engine.broad_phase import can_meet, look_around, refresh
 from rigid_sim_ros.engine.grid import fill_grid, Grid
 from rigid_sim_ros.engine.kernel import apart, INDEX, kernel
 from rigid_sim_ros.engine.manifolds import Memory, REBUILT, SHORT_PAIRS
@@ -51,8 +51,8 @@ def note_moved(shapes: Shapes, memory: Memory) -> None:
     moved = memory.left[0, 1] + memory.left[1, 1] if _have_left(memory) else 0
     memory.counters[REBUILT] = moved
     if count >= 0:
-        forget_parted(shapes.kind, memory.grid.fat, memory.ahead, moved, memory.pair, memory.axis,
-                      memory.pair_count)
+        forget_parted(shapes.kind, shapes.size, memory.grid.fat, memory.ahead, moved, memory.pair,
+                      memory.axis, memory.pair_count)
     if moved > 0:
         fill_grid(memory.grid)
 
@@ -128,10 +128,10 @@ def _have_witnesses(kind: IntArray) -> bool:
 
 
 @kernel
-def forget_parted(kind: IntArray, fat: Array, ahead: Array, moved: int, pair: IntArray,
-                  axis: Array, pair_count: IntArray) -> None:
+def forget_parted(kind: IntArray, size: Array, fat: Array, ahead: Array, moved: int,
+                  pair: IntArray, axis: Array, pair_count: IntArray) -> None:
     """
-    Drop pairs whose fat boxes no longer overlap, when it is worth to go through all of them.
+    Drop pairs that cannot meet in their fat boxes, when it is worth to go through all of them.
 
     pair_count (3,) is how many there are, how many were left the last time, and in how many steps
     those are forgotten that have parted since: 0 if no shape moved out of its fat box.
@@ -148,12 +148,10 @@ def forget_parted(kind: IntArray, fat: Array, ahead: Array, moved: int, pair: In
     kept, witnessed = 0, _have_witnesses(kind)
     for k in range(count):
         a, b = pair[k, 0] & INDEX, pair[k, 1] & INDEX
-        if fat_boxes_overlap(kind, fat, ahead, a, b):
-            if kept < k:
-                pair[kept, 0], pair[kept, 1] = a, b
-                for i in range(4 if witnessed else 0):
-                    axis[kept, i] = axis[k, i]
-            kept += 1
+        pair[kept, 0], pair[kept, 1] = a, b
+        for i in range(4 if witnessed else 0):
+            axis[kept, i] = axis[k, i]
+        kept += 1 if can_meet(kind, size, fat, ahead, a, b) else 0
     pair_count[0], pair_count[1], pair_count[2] = kept, kept, 0
 
 

@@ -14,20 +14,27 @@ BALL = (SPHERE, (0.5, 0.0, 0.0), None)
 TOUCHING = [((0, 0, 0), UPRIGHT), ((0.9, 0, 0), UPRIGHT)]
 
 
+def overlap(kind, box, a, b):
+    """Return whether two bounding boxes overlap, and of spheres the balls in them."""
+    if (box[a, :3] > box[b, 3:]).any() or (box[b, :3] > box[a, 3:]).any():
+        return False
+    if kind[a] != SPHERE or kind[b] != SPHERE:
+        return True
+    middle, reach = 0.5 * (box[:, :3] + box[:, 3:]), 0.5 * (box[:, 3] - box[:, 0])
+    return np.linalg.norm(middle[b] - middle[a]) <= reach[a] + reach[b]
+
+
 def brute_force(scene):
     """Return all pairs whose bounding boxes overlap, in order; fixed bodies make none."""
-    box, still = scene.memory.box, scene.shapes.still
+    kind, box, still = scene.shapes.kind, scene.memory.box, scene.shapes.still
     return [(a, b) for a in range(len(box)) for b in range(a + 1, len(box))
-            if not (still[a] and still[b])
-            and (box[a, :3] <= box[b, 3:]).all() and (box[b, :3] <= box[a, 3:]).all()]
+            if not (still[a] and still[b]) and overlap(kind, box, a, b)]
 
 
 def pairs_with_overlapping_boxes(scene):
-    box = scene.memory.box
     listed = scene.memory.pair[:scene.memory.pair_count[0]].tolist()
     assert listed == sorted(listed)
-    return [(a, b) for a, b in listed
-            if (box[a, :3] <= box[b, 3:]).all() and (box[b, :3] <= box[a, 3:]).all()]
+    return [(a, b) for a, b in listed if overlap(scene.shapes.kind, scene.memory.box, a, b)]
 
 
 @given(seed=st.integers(0, 2**32 - 1), first=st.integers(0, 90), count=st.integers(0, 60))
@@ -36,12 +43,13 @@ def test_near_pairs_are_those_whose_boxes_overlap(seed, first, count):
     # On a coarse grid, so that boxes also touch without overlapping further.
     low = rng.integers(0, 6, (20, 3))
     box = np.hstack((low, low + rng.integers(0, 4, (20, 3)))).astype(float)
+    kind = np.where(rng.random(20) < 0.5, SPHERE, BOX)
+    # Of spheres cubes: some of 3, 4, 5 touch.
+    box[kind == SPHERE, 3:] = box[kind == SPHERE, :3] + rng.integers(0, 6, (20, 1))[kind == SPHERE]
     pair = rng.integers(0, 20, (150, 2)).astype(np.int32)
     near = np.full(count + 1, -7)
-    found = near_pairs(pair, box, first, first + count, near)
-    expected = [k for k in range(first, first + count)
-                if (box[pair[k, 0], :3] <= box[pair[k, 1], 3:]).all()
-                and (box[pair[k, 1], :3] <= box[pair[k, 0], 3:]).all()]
+    found = near_pairs(kind, pair, box, first, first + count, near)
+    expected = [k for k in range(first, first + count) if overlap(kind, box, *pair[k])]
     assert near[:found].tolist() == expected
     assert near[-1] == -7
 
@@ -83,6 +91,22 @@ def test_pairs_that_have_parted_are_forgotten_in_the_end():
         scene.state.x[2, 0] += 5.0
         scene.detect()
     assert scene.memory.pair_count[0] == 0
+
+
+def test_spheres_that_only_the_corners_of_their_boxes_share_are_no_pair_for_long():
+    # Two on a diagonal, 1.5 m from middle to middle, with 0.1 m of room to each side; and a pair.
+    across = 1.5 / np.sqrt(3)
+    scene = Scene([BALL] * 4, [((0, 0, 0), UPRIGHT), ((across, across, across), UPRIGHT),
+                               ((9, 0, 0), UPRIGHT), ((9.9, 0, 0), UPRIGHT)])
+    scene.detect()
+    assert scene.memory.counters[PAIRS] == 1
+    for _ in range(70):
+        scene.detect()
+    assert scene.memory.pair[:scene.memory.pair_count[0]].tolist() == [[2, 3]]
+    # Out of its fat box, towards the other.
+    scene.state.x[:, 1] -= 0.3
+    scene.detect()
+    assert scene.memory.counters[PAIRS] == 2
 
 
 def test_the_pairs_tested_are_those_of_overlapping_boxes_not_of_fat_ones():
