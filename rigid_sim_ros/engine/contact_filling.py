@@ -168,7 +168,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, x: Array, shapes:
             _copy_places(b, rows, manifolds, x)
             _copy_inertia(b, A, B)
             _copy_points(b, rows, points, manifolds, share)
-        blocks.left[block], least = 0, smallest_gap(b, points)
+        least = smallest_gap(b, points)
         touches = least < SKIN
         fresh[block] = count_of(both(touches, normal_sum(b, points) == 0.0))
         touching, new = touching + count_of(touches), new + fresh[block]

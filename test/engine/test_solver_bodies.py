@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros import World
-from rigid_sim_ros.engine.solver_bodies import store_bodies
+from rigid_sim_ros.engine.loads import empty_loads
+from rigid_sim_ros.engine.solver_bodies import (
+    FIRST_END, load_bodies, make_bodies, SECOND_BEGIN, SECOND_END, store_bodies, STRIDE)
 from rigid_sim_ros.engine.state import State
 
 COUNT = 27      # three times eight next to each other, and some more
@@ -35,6 +37,29 @@ def written(world, before, halves):
         store_bodies(half, half * n // halves, (half + 1) * n // halves, model.h, model.m,
                      model.inv_m, model.inv_I_C, state, world._contact._work.solver.bodies, 4)
     return state
+
+
+@pytest.mark.parametrize('alike', [0, 1])
+def test_a_slot_that_stands_still_has_no_trace_of_whom_it_had_before(world, alike):
+    world, before = world
+    model, bodies = world._model, make_bodies(COUNT + 1)
+    loads = empty_loads(COUNT + 1)
+    loads.F[:] = 7.0
+    bodies.alike[0] = alike
+    bodies.body[:] = np.arange(-1, COUNT + 2)
+    # The second half begins amid what was the first one before.
+    bodies.used[[FIRST_END, SECOND_BEGIN, SECOND_END]] = 5, 5, COUNT
+    for numbers in (bodies.motion, bodies.smooth, bodies.mass, bodies.drifted, bodies.total,
+                    bodies.base):
+        numbers[:] = np.nan
+    for half, still in enumerate((0, 5)):
+        load_bodies(half, model.gravity, model.inv_m, model.inv_I_C, State._make(before), loads,
+                    bodies)
+        line = slice(still * STRIDE, (still + 1) * STRIDE)
+        for numbers in (bodies.motion, bodies.mass, bodies.drifted, bodies.total, bodies.base):
+            assert (numbers[line] == 0.0).all()
+        felt = model.gravity if alike else np.zeros(3)
+        assert bodies.smooth[line].tolist() == [*felt, *np.zeros(5)]
 
 
 def test_bodies_that_lie_otherwise_are_written_the_same(world):

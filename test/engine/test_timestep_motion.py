@@ -196,6 +196,35 @@ def test_an_overlap_is_left_at_a_bounded_speed():
     assert scene.deepest() < 1e-4
 
 
+@pytest.mark.parametrize('thing', [ball(0.1, 1.0), box((0.2, 0.2, 0.2), 1.0)],
+                         ids=['ball', 'box'])
+def test_an_overlap_that_is_left_by_itself_is_not_pushed(thing):
+    # It would be pushed by 0.2 of 1 mm in a substep of 1 / 960 s, 0.19 m/s, but rises faster.
+    start = np.array((0.0, 0.0, 0.099))
+    scene = TimestepScene([ground(), thing._replace(position=start, velocity=(0.0, 0.0, 0.5))],
+                          Material(), 1 / 240)
+    scene.step()
+    assert scene.manifolds().count[0] == 1
+    assert scene.v[2, 1] == pytest.approx(0.5 - G / 240, abs=1e-14)     # rounding
+    assert scene.state.x[2, 1] == pytest.approx(0.099 + 0.5 / 240 - 0.5 * G / 240 ** 2, abs=1e-14)
+
+
+def test_what_touches_moves_as_if_nobody_flew_beside_it():
+    # One falls along a wall, near enough to be looked at, one rolls, and one slides.
+    touching = [ball(0.1, 1.0, position=(3.0, 0, 0.1005), velocity=(0, 0.2, 0.1)),
+                ball(0.1, 2.0, position=(0, 0, 0.1), velocity=(0, 1.0, 0)),
+                box((0.2, 0.2, 0.2), 3.0, position=(-3.0, 0, 0.1), velocity=(0, 1.0, 0))]
+    flying = ball(0.1, 5.0, position=(0, 0, 9.0), spin=(3.0, 2.0, 1.0))
+    beside = TimestepScene([ground(), *touching, flying], Material(friction=0.3))
+    alone = TimestepScene([ground(), *touching], Material(friction=0.3))
+    for _ in range(20):
+        beside.step()
+        alone.step()
+        assert beside.work.solver.bodies.slot[4] == 0
+        for one, other in zip(beside.state, alone.state, strict=True):
+            assert same_bits(one[:, 1:4], other[:, 1:4])
+
+
 def test_flight_beside_contacts_is_exact():
     scene = TimestepScene([ground(), box((1, 1, 1), 1.0, position=(5, 0, 0.5)),
                            ball(0.1, 1.0, position=(0, 0, 20), velocity=(1, 2, 3))], Material())

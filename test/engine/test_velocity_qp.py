@@ -67,6 +67,25 @@ def test_a_free_pair_keeps_its_momenta():
     assert scene.momentum() == pytest.approx(before, abs=1e-12)  # rounding
 
 
+def test_a_pair_that_presses_while_it_falls_keeps_its_angular_momentum():
+    # Slowly enough that what the impulses change looks as smooth as a fall.
+    scene = QpScene([ball(0.1, 1.0, position=(0.01, 0.02, 0.0), velocity=(0, 0, 0.01)),
+                     ball(0.1, 2.0, position=(0.0, 0.0, 0.198), spin=(0.1, 0.2, 0))],
+                    Material(friction=0.5), 1 / 240)
+
+    def about_the_centre():
+        x, P = scene.state.x.T, scene.state.P.T
+        centre = (scene.model.m @ x) / scene.model.m.sum()
+        return np.cross(x - centre, P).sum(axis=0) + scene.state.L.sum(axis=1)
+
+    before, impulses = about_the_centre(), 0.0
+    for _ in range(5):
+        scene.step()
+        impulses = max(impulses, scene.manifolds().impulse[0, :1].max())
+    assert impulses > 1e-3      # N s
+    assert about_the_centre() == pytest.approx(before, abs=1e-14)   # rounding
+
+
 def test_the_sequential_solver_agrees_on_how_a_box_lands():
     things = [ground(), box((1, 1, 1), 1.0, position=(0, 0, 0.75), velocity=(1, 0, 0),
                             orientation=about_y(0.1))]
