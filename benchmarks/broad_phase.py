@@ -27,7 +27,7 @@ from typing import NamedTuple
 from numba import njit
 import numpy as np
 
-from rigid_sim_ros.engine.broad_phase import mark_moved, refresh
+from rigid_sim_ros.engine.broad_phase import balls_overlap, mark_moved, refresh
 from rigid_sim_ros.engine.forces import WIDTH
 from rigid_sim_ros.engine.grid import boxes_overlap, fill_grid
 from rigid_sim_ros.engine.inertia import sphere
@@ -92,7 +92,8 @@ def _move(x, v, radius, step, box):
 def _count(box, pair, count):
     found = 0
     for k in range(count):
-        found += boxes_overlap(box, pair[k, 0], pair[k, 1])
+        a, b = pair[k, 0], pair[k, 1]
+        found += boxes_overlap(box, a, b) and balls_overlap(box, a, b)
     return found
 
 
@@ -117,17 +118,17 @@ class Grid:
         if not mark_moved(kind, m.pose, box, all_of_them, m.grid, 0, len(kind)):
             return 0
         return int(refresh(kind, self.shapes.body, m.pose, box, self.model.inv_m, self.P, H,
-                           m.grid))
+                           m.grid, 0, len(kind)))
 
     def find(self, box: np.ndarray) -> int:
-        """Return the number of pairs whose boxes overlap."""
+        """Return the number of pairs that are near each other."""
         m, count = self.memory, int(self.memory.pair_count[0])
         left = self._renew(box, count < 0)
         if count >= 0:
-            forget_parted(self.shapes.kind, m.grid.fat, m.ahead, left, m.pair, m.axis,
-                          m.pair_count)
+            forget_parted(self.shapes.kind, self.shapes.size, m.grid.fat, m.ahead, left, m.pair,
+                          m.axis, m.pair_count)
         if left:
-            fill_grid(self.shapes.kind, m.grid)
+            fill_grid(m.grid)
             m.pair_count[0] = update_pairs(
                 self.shapes, m.grid, m.fresh, m.pair, m.axis, max(m.pair_count[0], 0),
                 len(self.model.m), m.ahead, m.near[0])
@@ -318,7 +319,7 @@ class Tree(Grid):
         self.stack = np.zeros(256, dtype=np.int64)
 
     def find(self, box: np.ndarray) -> int:
-        """Return the number of pairs whose boxes overlap."""
+        """Return the number of pairs that are near each other."""
         m, count = self.memory, int(self.memory.pair_count[0])
         left = self._renew(box, count < 0)
         if left:
@@ -350,7 +351,8 @@ def _sweep(box, order, axis, first):
             if box[b, axis] > box[a, 3 + axis]:
                 break
             if (box[a, y] <= box[b, 3 + y] and box[b, y] <= box[a, 3 + y]
-                    and box[a, z] <= box[b, 3 + z] and box[b, z] <= box[a, 3 + z]):
+                    and box[a, z] <= box[b, 3 + z] and box[b, z] <= box[a, 3 + z]
+                    and balls_overlap(box, a, b)):
                 found += 1
     return found
 
@@ -365,7 +367,7 @@ class Sweep:
         self.first = True
 
     def find(self, box: np.ndarray) -> int:
-        """Return the number of pairs whose boxes overlap."""
+        """Return the number of pairs that are near each other."""
         found = int(_sweep(box, self.order, self.axis, self.first))
         self.first = False
         return found

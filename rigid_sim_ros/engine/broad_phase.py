@@ -67,12 +67,12 @@ def near_pairs(kind: IntArray, pair: IntArray, box: Array, first: int, last: int
         a, b = pair[k, 0] & INDEX, pair[k, 1] & INDEX
         spheres = (kind[a] == SPHERE) & (kind[b] == SPHERE)
         near[count] = k
-        count += 1 if boxes_overlap(box, a, b) & ((not spheres) | _balls_overlap(box, a, b)) else 0
+        count += 1 if boxes_overlap(box, a, b) & ((not spheres) | balls_overlap(box, a, b)) else 0
     return count
 
 
 @kernel
-def _balls_overlap(box: Array, a: int, b: int) -> bool:
+def balls_overlap(box: Array, a: int, b: int) -> bool:
     """Return whether the balls in two cubes have a point in common."""
     # Twice the way from middle to middle, and twice the sum of the radii.
     x = box[a, 0] + box[a, 3] - box[b, 0] - box[b, 3]
