@@ -213,14 +213,13 @@ def _note(shapes: Shapes, fresh: IntArray, bodies: int, count: int, s: int, othe
 
 
 @kernel
-def _near_members(grid: Grid, key: int, s: int, first: int, last: int,
-                  near: IntArray) -> int:
+def _near_members(grid: Grid, key: int, s: int, first: int, last: int, near: IntArray) -> int:
     """
     List those members of a column whose fat boxes overlap that of shape s, which moved.
 
     Without a branch, as in `near_pairs`. Two that both moved would find each other twice. Spheres
-    that cannot meet are left to `forget_parted`: here there are too few to look at each. Returns
-    how many are listed.
+    that cannot meet are left to `forget_parted`: to test each member takes longer than a few pairs
+    too many. Returns how many are listed.
     """
     count = 0
     for k in range(first, last):
