@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers, Quaternion, room, Vector
+from rigid_sim_ros.engine.contact_blocks import load_three
 from rigid_sim_ros.engine.free_rotation import MAX_ANGLE, turn, turn_fast
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part, pasted
 from rigid_sim_ros.engine.lanes import (
@@ -331,13 +332,13 @@ def _move(half: int, bodies: SolverBodies, at: IntArray, b: Array, h: float,
     """
     before, last = gather(bodies.total, at), gather(bodies.drifted, at)
     v, now = add(before[:3], last[:3]), gather(bodies.motion, at)
-    inv_m, P, L = load(b, _INV_M), _three_rows(b, _P), _three_rows(b, _L)
+    inv_m, P, L = load(b, _INV_M), load_three(b, _P), load_three(b, _L)
     dv = (now[0] - inv_m * P[0], now[1] - inv_m * P[1], now[2] - inv_m * P[2])
     dL = (now[3] - L[0], now[4] - L[1], now[5] - L[2])
     a = _acceleration(half, bodies, at)
     smooth = both(dot(dv, dv) <= 4.0 * h * h * dot(a, a), last[HELD] == 0.0)
     back = select(smooth, -0.5 * share, 0.0)
-    x = _three_rows(b, _X)
+    x = load_three(b, _X)
     for k, moved in enumerate((x[0] + h * (share * v[0] + back * dv[0]),
                                x[1] + h * (share * v[1] + back * dv[1]),
                                x[2] + h * (share * v[2] + back * dv[2]))):
@@ -347,7 +348,7 @@ def _move(half: int, bodies: SolverBodies, at: IntArray, b: Array, h: float,
     turning = add(before[3:6], last[3:6])
     L = (share * turning[0] + back * dL[0], share * turning[1] + back * dL[1],
          share * turning[2] + back * dL[2])
-    inv_I = _three_rows(b, _INV_I)
+    inv_I = load_three(b, _INV_I)
     # Too fast for `turn`: below, one by one.
     bound = h * max(inv_I[0], max(inv_I[1], inv_I[2]))
     fast = bound * bound * dot(L, L) > MAX_ANGLE * MAX_ANGLE
@@ -371,11 +372,6 @@ def _acceleration(half: int, bodies: SolverBodies, at: IntArray) -> tuple[Eight,
                 spread(bodies.smooth[line + 2]))
     forces = gather(bodies.smooth, at)
     return (forces[0], forces[1], forces[2])
-
-
-@part
-def _three_rows(b: Array, row: int) -> tuple[Eight, Eight, Eight]:
-    return (load(b, row), load(b, row + 1), load(b, row + 2))
 
 
 @kernel

@@ -196,10 +196,12 @@ def _give_back(contacts: Contacts, chosen: IntArray, f: Array, pushes: Array, h:
     for c in range(chosen.shape[0]):
         k = chosen[c]
         slot_a, slot_b = solver.slot[contacts.body_a[k]], solver.slot[contacts.body_b[k]]
+        if slot_a == 0 or slot_b == 0:
+            continue
         at_a, at_b = slot_a * STRIDE, slot_b * STRIDE
-        if max(f[3 * c], pushes[3 * c]) > 0.0 and slot_a > 0 and slot_b > 0:
+        if max(f[3 * c], pushes[3 * c]) > 0.0:
             solver.drifted[at_a + HELD] = solver.drifted[at_b + HELD] = 1.0
-        if pushes[3 * c] > 0.0 and slot_a > 0 and slot_b > 0:
+        if pushes[3 * c] > 0.0:
             v = (solver.drifted[at_b] - solver.drifted[at_a],
                  solver.drifted[at_b + 1] - solver.drifted[at_a + 1],
                  solver.drifted[at_b + 2] - solver.drifted[at_a + 2])
