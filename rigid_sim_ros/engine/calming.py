@@ -19,7 +19,8 @@ from rigid_sim_ros.engine.contact_rules import Sweep
 from rigid_sim_ros.engine.contact_sweep import note_left, visit_block
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel
 from rigid_sim_ros.engine.lanes import LANES
-from rigid_sim_ros.engine.solver_bodies import SECOND_BEGIN, SECOND_END, STRIDE
+from rigid_sim_ros.engine.solver_bodies import (
+    most_slots, SECOND_BEGIN, SECOND_END, STRIDE)
 
 # In so many sweeps at most others hear of a rough change.
 CALMING_SWEEPS = 30
@@ -29,7 +30,7 @@ class Calming(NamedTuple):
     """Which blocks hold a body, and a clock that counts visits."""
 
     listed: IntArray  # (1,) 1 when the lists are those of this step
-    first: IntArray  # (n + 4,) where the blocks of a slot begin in `member`
+    first: IntArray  # (slots + 2,) where the blocks of a slot begin in `member`
     member: IntArray  # (16 blocks,) of 32 bits
     reached: IntArray  # (blocks,) when a visit last changed a body of a block roughly
     visited: IntArray  # (blocks,) when a block was visited last
@@ -38,8 +39,8 @@ class Calming(NamedTuple):
 def make_calming(n: int, capacity: int) -> Calming:
     """Return room for n bodies and `capacity` manifolds."""
     blocks = most_blocks(capacity)
-    return Calming(integers(1), integers(n + 4), room(2 * LANES * blocks, kind=np.int32),
-                   integers(blocks), integers(blocks))
+    return Calming(integers(1), integers(most_slots(n) + 2),
+                   room(2 * LANES * blocks, kind=np.int32), integers(blocks), integers(blocks))
 
 
 @inlined

@@ -24,6 +24,7 @@ from rigid_sim_ros.engine.contact_blocks import (
     BALLS_BEGIN, BALLS_SIZE, BLOCK_SIZE, SMALL_SIZE)
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part, pasted
 from rigid_sim_ros.engine.lanes import LANES
+from rigid_sim_ros.engine.solver_bodies import most_slots
 
 # Classes of manifolds. 0, 1, 2: up to one, two, four points; 3, 4, 5: the same, and they resist
 # rolling; QUIET: one point and no impulse in the last step; BALLS, QUIET_BALLS: the same for balls
@@ -90,7 +91,7 @@ def make_coloring(n: int, capacity: int) -> Coloring:
     each = REGIONS, capacity
     return Coloring(room(*each, kind=np.int32), integers(REGIONS), room(*each, kind=np.int8),
                     room(*each, kind=np.int16), room(*each, kind=np.int32),
-                    integers(CLASSES, n + 2), integers(REGIONS, CLASSES * (COLORS + 1)))
+                    integers(CLASSES, most_slots(n)), integers(REGIONS, CLASSES * (COLORS + 1)))
 
 
 def make_blocks(capacity: int) -> Blocks:

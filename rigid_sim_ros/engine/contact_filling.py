@@ -195,11 +195,12 @@ def _copy_shapes(b: Array, rows: IntArray, small: bool, manifolds: Manifolds,
     Write the friction and the levers of the resistances.
 
     Number by number, as the shapes of a manifold lead to them: no copy of them is worth its
-    memory. An empty lane gets zeros.
+    memory. An empty lane gets zeros, and reads what the first one does, which is never empty:
+    that is at hand.
     """
     for i in range(LANES):
         there = rows[i] >= 0
-        r = rows[i] & INDEX if there else 0
+        r = (rows[i] if there else rows[0]) & INDEX
         first = material[manifolds.shape_a[r] & INDEX] & INDEX
         second = material[manifolds.shape_b[r] & INDEX] & INDEX
         b[MU * LANES + i] = materials.friction[first, second] if there else 0.0
@@ -219,7 +220,7 @@ def _copy_balls(b: Array, rows: IntArray, manifolds: Manifolds, shapes: Shapes,
     """
     for i in range(LANES):
         there = rows[i] >= 0
-        r = rows[i] & INDEX if there else 0
+        r = (rows[i] if there else rows[0]) & INDEX
         one, other = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
         first, second = shapes.material[one] & INDEX, shapes.material[other] & INDEX
         half = 0.5 * manifolds.gap[0, r]
@@ -237,7 +238,7 @@ def _copy_balls(b: Array, rows: IntArray, manifolds: Manifolds, shapes: Shapes,
 def _copy_places(b: Array, rows: IntArray, manifolds: Manifolds, x: Array) -> None:
     """Write x_A - x_B; of an empty lane something."""
     for i in range(LANES):
-        r = rows[i] & INDEX if rows[i] >= 0 else 0
+        r = (rows[i] if rows[i] >= 0 else rows[0]) & INDEX
         body_a, body_b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         for k in range(3):
             b[(ARM_B + k) * LANES + i] = x[k, body_a] - x[k, body_b]

@@ -266,11 +266,12 @@ def _rows_gatherer(numbers: int, load_row: Callable[..., ir.Value]) -> Any:
 
         def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
             data, at = (_data(context, builder, signature.args[k], args[k]) for k in (0, 1))
+            at_hand = _row_at_hand(builder, at)
             loaded = []
             for lane in range(LANES):
                 row = _integer(builder, at, _INT(lane))
                 exists = builder.icmp_signed('>=', row, _INT(0))
-                row = builder.select(exists, row, _INT(0))
+                row = builder.select(exists, row, at_hand)
                 start = builder.add(builder.mul(row, args[2]), args[3])
                 value = load_row(builder, data, start)
                 loaded.append(builder.select(exists, value, ir.Constant(value.type, None)))
@@ -281,6 +282,16 @@ def _rows_gatherer(numbers: int, load_row: Callable[..., ir.Value]) -> Any:
         return kind(array, rows, types.int64, types.int64), generate
 
     return gatherer
+
+
+def _row_at_hand(builder: ir.IRBuilder, rows: ir.Value) -> ir.Value:
+    """
+    Return the row that a lane without one reads, in vain: that of the first lane, if it has one.
+
+    Of an array of which only a part is in use the row 0 would have to be fetched for it.
+    """
+    first = _integer(builder, rows, _INT(0))
+    return builder.select(builder.icmp_signed('>=', first, _INT(0)), first, _INT(0))
 
 
 def _one_number(builder: ir.IRBuilder, data: ir.Value, start: ir.Value) -> ir.Value:
@@ -338,11 +349,11 @@ def gather_integers(_: Any, array: Any, rows: Any) -> Any:
 
     def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
         data, at = (_data(context, builder, signature.args[k], args[k]) for k in (0, 1))
-        value = ir.Constant(_VECTOR, None)
+        value, at_hand = ir.Constant(_VECTOR, None), _row_at_hand(builder, at)
         for lane in range(LANES):
             row = _integer(builder, at, _INT(lane))
             exists = builder.icmp_signed('>=', row, _INT(0))
-            found = _integer(builder, data, builder.select(exists, row, _INT(0)))
+            found = _integer(builder, data, builder.select(exists, row, at_hand))
             number = builder.sitofp(builder.select(exists, found, _INT(0)), ir.DoubleType())
             value = builder.insert_element(value, number, ir.IntType(32)(lane))
         return value

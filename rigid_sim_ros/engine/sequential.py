@@ -41,7 +41,7 @@ from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.slots import give_slots, make_sides, shared_out, Sides
 from rigid_sim_ros.engine.solver_bodies import (
     begin_push, drift_and_kick, drift_bodies, FIRST_FREE, kick_bodies, load_bodies,
-    make_bodies, SECOND_END, SECOND_FREE, slots_of, SolverBodies, store_bodies)
+    make_bodies, SECOND_FREE, slots_of, SolverBodies, store_bodies)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.two_cores import side_by_side
 
@@ -314,6 +314,7 @@ def _list_left(first: int, count: int, left: IntArray, again: IntArray) -> int:
 @kernel
 def _begin_push(region: int, bodies: SolverBodies) -> None:
     """Let nobody be pushed yet in a half or, where the region is across, in both."""
-    first, last = slots_of(bodies.used, region % BETWEEN)
-    last = bodies.used[SECOND_END] if region == BETWEEN else last
-    begin_push(first, last, bodies.motion, bodies.drifted)
+    for half in range(2):
+        if region in (half, BETWEEN):
+            first, last = slots_of(bodies.used, half)
+            begin_push(first, last, bodies.motion, bodies.drifted)

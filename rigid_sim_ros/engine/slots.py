@@ -24,7 +24,7 @@ from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.engine.kernel import apart, INDEX, inlined, kernel, part
 from rigid_sim_ros.engine.manifolds import Manifolds, rows_in_use
 from rigid_sim_ros.engine.solver_bodies import (
-    FIRST_END, FIRST_FREE, SECOND_BEGIN, SECOND_END, SECOND_FREE, SolverBodies)
+    FIRST_END, FIRST_FREE, SECOND_BEGIN, SECOND_END, SECOND_FREE, slots_between, SolverBodies)
 
 # Manifolds from which on a world is cut: with fewer, what is across is too large a share.
 ENOUGH = 512
@@ -113,16 +113,17 @@ def mark_touching(manifolds: Manifolds, waits: IntArray, touching: IntArray) -> 
 @kernel
 def begin_slots(sides: Sides, touching: IntArray, bodies: SolverBodies) -> None:
     """Say where the slots of the second half begin; where a plane cuts, give all of them."""
+    n = sides.of_body.shape[0]
     if sides.cut.halved[0] == 1 and not is_by_number(sides.cut):
         on_first = 0
-        for i in range(sides.of_body.shape[0]):
+        for i in range(n):
             touches = touching[0, i] | touching[1, i] == 1
             on_first += 1 if touches & (sides.of_body[i] == FIRST) else 0
-        bodies.used[SECOND_BEGIN] = 1 + on_first
+        bodies.used[SECOND_BEGIN] = 1 + on_first + slots_between(n)
         for half in range(2):
-            _give(half, 0, sides.of_body.shape[0], sides, touching, bodies)
+            _give(half, 0, n, sides, touching, bodies)
     else:
-        bodies.used[SECOND_BEGIN] = 1 + sides.middle[0]
+        bodies.used[SECOND_BEGIN] = 1 + sides.middle[0] + slots_between(n)
 
 
 @part

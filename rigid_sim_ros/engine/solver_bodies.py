@@ -42,13 +42,17 @@ _X, _Q, _P, _L, _INV_I, _M, _INV_M, _MEAN_L, _FAST, _ROWS = 0, 3, 7, 10, 13, 16,
 # Of `used`: where the slots of the first half end; where those of the second one begin and end;
 # and how many bodies of either half move without a slot.
 FIRST_END, SECOND_BEGIN, SECOND_END, FIRST_FREE, SECOND_FREE, _USED = range(6)
+# Empty slots between the halves. A core that goes from slot to slot is sent some thirty lines of
+# the cache beyond the last one that it asked for. If another core writes there, it would have to
+# take every one of them back first, in each substep.
+_BETWEEN_HALVES = 64
 
 
 class SolverBodies(NamedTuple):
     """Slots for up to n bodies and, in each half, the one that stands still."""
 
     slot: IntArray  # (n,) of a body, 0 if it does not take part
-    body: IntArray  # (n + 2,) in a slot; -1 in those that stand still
+    body: IntArray  # (slots,) in a slot; -1 in those that stand still
     used: IntArray  # (5,), see FIRST_END
     motion: Array  # flat, STRIDE for each slot, as all but the last two
     # With what the bodies moved in the last substep: `motion` and the motion that only displaces,
@@ -68,9 +72,20 @@ class SolverBodies(NamedTuple):
     at: IntArray
 
 
+def most_slots(n: int) -> int:
+    """Return how many slots there are for n bodies, with those that stand still."""
+    return n + 2 + slots_between(n)
+
+
+@inlined
+def slots_between(n: int) -> int:
+    """Return how many slots are left empty between the halves; of a small world few."""
+    return min(_BETWEEN_HALVES, n // 8)
+
+
 def make_bodies(n: int) -> SolverBodies:
     """Return room for n bodies."""
-    slots = n + 2
+    slots = most_slots(n)
 
     def numbers() -> Any:
         return room(slots * STRIDE)

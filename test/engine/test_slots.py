@@ -12,7 +12,8 @@ from rigid_sim_ros.engine.manifolds import empty_pages
 from rigid_sim_ros.engine.slots import (
     _BINS, begin_slots, choose_cut, ENOUGH, FIRST, give_slots, make_sides, mark_touching, SECOND,
     STILL, take_sides)
-from rigid_sim_ros.engine.solver_bodies import FIRST_FREE, make_bodies, SECOND_FREE, slots_of
+from rigid_sim_ros.engine.solver_bodies import (
+    FIRST_FREE, make_bodies, most_slots, SECOND_FREE, slots_between, slots_of)
 
 BODIES = 200
 
@@ -103,6 +104,10 @@ def test_slots_are_in_order_of_sides_and_bodies(seed, count, cut):
     there = {'not at all': np.zeros(BODIES, dtype=bool), 'by number': np.arange(BODIES) >= middle,
              'by place': x[1] > 0.1}[cut]
     assert np.array_equal(sides.of_body, np.where(moves, np.where(there, SECOND, FIRST), STILL))
+    if cut != 'not at all':
+        begin, end = slots_of(bodies.used, 1)
+        assert begin - slots_of(bodies.used, 0)[1] >= slots_between(BODIES) > 0
+        assert end <= most_slots(BODIES) == len(bodies.body)
     free = 0
     for half in range(2 if cut != 'not at all' else 1):
         first, last = slots_of(bodies.used, half)

@@ -46,7 +46,7 @@ def test_a_slot_that_stands_still_has_no_trace_of_whom_it_had_before(world, alik
     loads = empty_loads(COUNT + 1)
     loads.F[:] = 7.0
     bodies.alike[0] = alike
-    bodies.body[:] = np.arange(-1, COUNT + 2)
+    bodies.body[:COUNT + 3] = np.arange(-1, COUNT + 2)
     # The second half begins amid what was the first one before.
     bodies.used[[FIRST_END, SECOND_BEGIN, SECOND_END]] = 5, 5, COUNT
     for numbers in (bodies.motion, bodies.smooth, bodies.mass, bodies.drifted, bodies.total,
