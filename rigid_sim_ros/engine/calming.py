@@ -13,11 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
-from rigid_sim_ros.engine.coloring import (
-    Blocks, first_block, most_blocks, SHAKEN)
+from rigid_sim_ros.engine.coloring import Blocks, first_block, most_blocks, REGIONS, SHAKEN
 from rigid_sim_ros.engine.contact_rules import Sweep
 from rigid_sim_ros.engine.contact_sweep import note_left, visit_block
-from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel
+from rigid_sim_ros.engine.kernel import INDEX, kernel
 from rigid_sim_ros.engine.lanes import LANES
 from rigid_sim_ros.engine.solver_bodies import (
     most_slots, SECOND_BEGIN, SECOND_END, STRIDE)
@@ -27,92 +26,81 @@ CALMING_SWEEPS = 30
 
 
 class Calming(NamedTuple):
-    """Which blocks hold a body, and a clock that counts visits."""
+    """Which blocks hold a body, and which are to be visited again."""
 
     listed: IntArray  # (1,) 1 when the lists are those of this step
-    first: IntArray  # (slots + 2,) where the blocks of a slot begin in `member`
-    member: IntArray  # (16 blocks,) of 32 bits
-    reached: IntArray  # (blocks,) when a visit last changed a body of a block roughly
-    visited: IntArray  # (blocks,) when a block was visited last
+    # The list of a slot leads from place to place, to -1. Places are numbers 2 lane of a block's
+    # body A and 2 lane + 1 of its B, with lanes counted over all blocks.
+    first: IntArray  # (slots,) of 32 bits, where it begins
+    further: IntArray  # (16 blocks,) of 32 bits, the place after a place
+    waits: IntArray  # (blocks,) of 8 bits, 1 for what a rough change reached after its last visit
 
 
 def make_calming(n: int, capacity: int) -> Calming:
     """Return room for n bodies and `capacity` manifolds."""
     blocks = most_blocks(capacity)
-    return Calming(integers(1), integers(most_slots(n) + 2),
-                   room(2 * LANES * blocks, kind=np.int32), integers(blocks), integers(blocks))
-
-
-@inlined
-def _block(blocks: Blocks, k: int) -> int:
-    """Return the block that is number k of all regions."""
-    region = 0
-    while k >= blocks.count[region]:
-        k -= blocks.count[region]
-        region += 1
-    return first_block(blocks, region) + k
+    return Calming(integers(1), room(most_slots(n), kind=np.int32),
+                   room(2 * LANES * blocks, kind=np.int32), room(blocks, kind=np.int8))
 
 
 @kernel
 def calm(blocks: Blocks, motion: Array, used: IntArray, work: Calming, inv_h: float) -> None:
     """Visit what a rough change reached, until there is no more; see SolverBodies for `used`."""
-    count = blocks.count[0] + blocks.count[1] + blocks.count[2]
     if work.listed[0] == 0:
-        _list_blocks(count, blocks, used, work.first, work.member)
+        _list_blocks(blocks, used, work)
         work.listed[0] = 1
-    # The sweep before this was visit 1, 2, ... in the order of the blocks.
-    for k in range(count):
-        block = _block(blocks, k)
-        work.reached[block], work.visited[block] = 0, k + 1
-    for k in range(count):
-        _shake(blocks, _block(blocks, k), k + 1, work)
-    clock = count
+    # The sweep before this visited the blocks in their order: who comes later has heard of it.
+    for region in range(REGIONS):
+        first = first_block(blocks, region)
+        for block in range(first, first + blocks.count[region]):
+            work.waits[block] = 0
+            _tell(blocks, block, work)
     for k in range(CALMING_SWEEPS):
-        before = clock
-        for j in range(count):
-            block = _block(blocks, count - 1 - j if k % 2 == 0 else j)
-            if work.reached[block] > work.visited[block]:
-                residual = visit_block(blocks, block, motion, motion, Sweep(inv_h, 0.0, False))
-                note_left(blocks, block, residual)
-                clock += 1
-                work.visited[block] = clock
-                _shake(blocks, block, clock, work)
-        if clock == before:
+        if not _visit_waiting(blocks, motion, k % 2 == 0, work, Sweep(inv_h, 0.0, False)):
             break
 
 
 @kernel
-def _shake(blocks: Blocks, block: int, clock: int, work: Calming) -> None:
-    """Note whom the last visit to a block reached: all blocks of what it changed roughly."""
+def _visit_waiting(blocks: Blocks, motion: Array, backwards: bool, work: Calming,
+                   what: Sweep) -> bool:
+    """Visit the blocks that wait, in their order or the opposite one; return whether any did."""
+    any_did = False
+    for k in range(REGIONS):
+        region = REGIONS - 1 - k if backwards else k
+        first, count = first_block(blocks, region), blocks.count[region]
+        for j in range(count):
+            block = first + (count - 1 - j if backwards else j) & INDEX
+            if work.waits[block] == 1:
+                any_did = True
+                note_left(blocks, block, visit_block(blocks, block, motion, motion, what))
+                work.waits[block] = 0
+                _tell(blocks, block, work)
+    return any_did
+
+
+@kernel
+def _tell(blocks: Blocks, block: int, work: Calming) -> None:
+    """Let all other blocks of whom the last visit to a block changed roughly wait for theirs."""
     if blocks.left[block] < SHAKEN:
         return
     for i in range(LANES):
         if blocks.left[block] & SHAKEN << i != 0:
             for at in (blocks.at_A[block * LANES + i], blocks.at_B[block * LANES + i]):
-                slot = (at & INDEX) // STRIDE
-                for k in range(work.first[slot], work.first[slot + 1]):
-                    work.reached[work.member[k] & INDEX] = clock
+                place = work.first[(at & INDEX) // STRIDE]
+                while place >= 0:
+                    work.waits[(place & INDEX) // (2 * LANES)] = 1
+                    place = work.further[place & INDEX]
+    work.waits[block] = 0
 
 
 @kernel
-def _list_blocks(count: int, blocks: Blocks, used: IntArray, first: IntArray,
-                 member: IntArray) -> None:
-    """List the blocks of each slot that moves: count, add up, distribute."""
-    first[:used[SECOND_END] + 2] = 0
-    for k in range(count):
-        block = _block(blocks, k)
-        for lane in range(block * LANES, (block + 1) * LANES):
-            first[(blocks.at_A[lane] & INDEX) // STRIDE + 2] += 1
-            first[(blocks.at_B[lane] & INDEX) // STRIDE + 2] += 1
-    first[2] = first[used[SECOND_BEGIN] + 2] = 0
-    for slot in range(2, used[SECOND_END] + 1):
-        first[slot + 1] += first[slot]
-    # What is the start of a slot now, one place too far on, moves to its end.
-    for k in range(count):
-        block = _block(blocks, k)
-        for lane in range(block * LANES, (block + 1) * LANES):
-            for at in (blocks.at_A[lane], blocks.at_B[lane]):
-                slot = (at & INDEX) // STRIDE
-                if slot > 0 and slot != used[SECOND_BEGIN]:
-                    member[first[slot + 1]] = block
-                    first[slot + 1] += 1
+def _list_blocks(blocks: Blocks, used: IntArray, work: Calming) -> None:
+    """List the places of each slot that moves."""
+    work.first[:used[SECOND_END] + 1] = -1
+    for region in range(REGIONS):
+        begin = first_block(blocks, region) * LANES
+        for lane in range(begin, begin + blocks.count[region] * LANES):
+            a, b = (blocks.at_A[lane] & INDEX) // STRIDE, (blocks.at_B[lane] & INDEX) // STRIDE
+            work.further[2 * lane], work.first[a] = work.first[a], 2 * lane
+            work.further[2 * lane + 1], work.first[b] = work.first[b], 2 * lane + 1
+    work.first[0] = work.first[used[SECOND_BEGIN]] = -1
