@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
-from rigid_sim_ros.engine.calming import calm, Calming, make_calming
+from rigid_sim_ros.engine.calming import calm, Calming, LISTED, make_calming
 from rigid_sim_ros.engine.coloring import (
     begin_blocks, BETWEEN, Blocks, CACHED, color_piece, Coloring, fetch_block, first_block,
     make_blocks, make_coloring, make_room, most_blocks, OVERLAPPING, PIECE, REGIONS, SHAKEN,
@@ -33,15 +33,16 @@ from rigid_sim_ros.engine.contact_sweep import (
 from rigid_sim_ros.engine.free_flight import fly_free
 from rigid_sim_ros.engine.kept import call
 from rigid_sim_ros.engine.kernel import apart, INDEX, kernel, part
-from rigid_sim_ros.engine.lanes import any_of
+from rigid_sim_ros.engine.lanes import any_of, LANES
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Manifolds
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.slots import give_slots, make_sides, shared_out, Sides
 from rigid_sim_ros.engine.solver_bodies import (
-    begin_push, drift_and_kick, drift_bodies, FIRST_FREE, kick_bodies, load_bodies,
-    make_bodies, SECOND_FREE, slots_of, SolverBodies, store_bodies)
+    begin_push, begin_push_astride, begin_push_inside, drift_and_kick, drift_bodies, FIRST_FREE,
+    kick_bodies, load_bodies, make_bodies, mark_astride, SECOND_FREE, slots_of, SolverBodies,
+    store_bodies)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.two_cores import side_by_side
 
@@ -71,9 +72,11 @@ class SequentialWork(NamedTuple):
     overlap: Array  # (1,) [m] deepest
 
 
-# More that is noted of a region: whether a visit changed anything roughly, the residual, whether
-# anything was pushed in this substep, and for how long its contacts have moved in this step [s].
+# More that is noted of a region: whether the last sweep changed anything roughly, the residual,
+# whether anything was pushed in this substep, and for how long its contacts have moved in this
+# step [s].
 ROUGH, LARGEST, PUSHED, MOVED = 3, 4, 5, 6
+assert MOVED < LISTED
 
 
 def make_work(n: int, middle: tuple[int, int], capacity: int) -> SequentialWork:
@@ -85,10 +88,11 @@ def make_work(n: int, middle: tuple[int, int], capacity: int) -> SequentialWork:
 
 
 # The stages of a region: fill its blocks; let forces act in the first substep; that, impulses for
-# new contacts and a sweep forth; sweep forth or back before any body has moved; sweep forth after
-# bodies have moved; end a substep; end it and begin the next one; end the last one and keep
-# impulses; write bodies back.
-FILL, START, BEGIN, SWEEP, SWEEP_BACK, MOVED_SWEEP, RETURN, NEXT, KEEP, STORE = range(10)
+# new contacts and a sweep forth; sweep forth or back to find impulses, and forth once they are
+# found; sweep forth after bodies have moved; end a substep; end it and begin the next one; end the
+# last one and keep impulses; write bodies back.
+FILL, START, BEGIN, SWEEP, SWEEP_BACK, FOUND_SWEEP, MOVED_SWEEP, RETURN, NEXT, KEEP, STORE = (
+    range(11))
 
 
 @part
@@ -101,23 +105,19 @@ def solve_contacts(to: int, box: Any, desk: IntArray, model: Model, state: State
     REGIONS * stage + region. What is across waits for both halves, so a substep has one meeting:
     forth in both halves, then across and back across, and back in both halves.
     """
-    blocks, bodies, halved = work.blocks, work.bodies, work.sides.cut.halved[0] == 1
-    inv_h = 1.0 / (model.h / substeps)
+    bodies, notes, halved = work.bodies, work.notes, work.sides.cut.halved[0] == 1
     # Whatever an earlier step had in regions that this one does not have.
-    blocks.count[:], work.notes[:], work.calming.listed[0] = 0, 0.0, 0
+    work.blocks.count[:], notes[:] = 0, 0.0
     _in_all(to, box, desk, halved, FILL)
     if bodies.used[FIRST_FREE] + bodies.used[SECOND_FREE] > 0:
         fly_free(model, state, loads, bodies.slot, model.h, flight)
-    first = SWEEP if _is_mostly_new(work.notes) else BEGIN
-    if first == SWEEP:
+    first = FOUND_SWEEP if _is_mostly_new(notes) else BEGIN
+    if first == FOUND_SWEEP:
         _find_impulses(to, box, desk, halved)
     _in_halves(to, box, desk, halved, first)
     for substep in range(substeps):
         if halved:
             call(to, box, REGIONS * (first if substep == 0 else MOVED_SWEEP) + BETWEEN)
-        if work.notes[0, ROUGH] + work.notes[1, ROUGH] + work.notes[2, ROUGH] > 0.0:
-            calm(blocks, bodies.motion, bodies.used, work.calming, inv_h)
-        if halved:
             call(to, box, REGIONS * RETURN + BETWEEN)
         if substep + 1 < substeps:
             _in_halves(to, box, desk, halved, NEXT)
@@ -125,7 +125,6 @@ def solve_contacts(to: int, box: Any, desk: IntArray, model: Model, state: State
     if halved:
         call(to, box, REGIONS * KEEP + BETWEEN)
     _in_halves(to, box, desk, halved, STORE)
-    notes = work.notes
     work.overlap[0] = max(notes[0, DEEPEST], max(notes[1, DEEPEST], notes[2, DEEPEST]))
     work.residual[0] = max(notes[0, LARGEST], max(notes[1, LARGEST], notes[2, LARGEST]))
 
@@ -197,9 +196,11 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
               1.0 / settings.substeps, work)
     if stage in (RETURN, NEXT) or (stage == KEEP and region != BETWEEN):
         notes[PUSHED] = 0.0
+        if work.notes[BETWEEN, PUSHED] > 0.0:
+            _begin_push(region, blocks, bodies, work.notes)
         sweep_back(region, blocks, bodies, at_rest, settings.push / h, settings.push_speed,
                    work.notes)
-    pushed = notes[PUSHED] + work.notes[BETWEEN, PUSHED] > 0.0
+    pushed = notes[PUSHED] > 0.0
     if stage in (START, BEGIN) and region != BETWEEN:
         kick_bodies(region, bodies.used, motion, bodies.smooth, alike, bodies.base, h)
     elif stage == NEXT:
@@ -209,11 +210,13 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
         drift_bodies(region, bodies.used, motion, bodies.drifted, pushed)
     if stage == BEGIN:
         settle(region, blocks, work.fresh, motion, at_rest)
-    if stage in (BEGIN, SWEEP, SWEEP_BACK, MOVED_SWEEP, NEXT):
+    if stage in (BEGIN, SWEEP, SWEEP_BACK, FOUND_SWEEP, MOVED_SWEEP, NEXT):
         drift = h if stage in (MOVED_SWEEP, NEXT) else 0.0
         sweep(region, blocks, motion, bodies.drifted, Sweep(1.0 / h, drift, notes[MOVED] == 0.0),
               stage == SWEEP_BACK, notes)
         notes[MOVED] += drift
+    if notes[ROUGH] > 0.0 and stage in (BEGIN, FOUND_SWEEP, MOVED_SWEEP, NEXT):
+        calm(region, blocks, motion, bodies.used, 1.0 / h, work.notes, work.calming)
     if stage == KEEP:
         notes[LARGEST] = keep_impulses(region, blocks, work.coloring, manifolds, bodies, h,
                                        settings.substeps, work.shifted[0] == 1, acted.impulse,
@@ -244,6 +247,10 @@ def _fill(region: int, x: Array, shapes: Shapes, materials: Materials, round_sha
         place_lanes(region, begin, end, block, manifolds, bodies, coloring, blocks)
         fill_blocks(region, block, manifolds, x, shapes, materials, shifts, shifted, share,
                     bodies, blocks, work.fresh, work.notes[region])
+    if region == BETWEEN:
+        begin = first_block(blocks, region)
+        mark_astride(begin * LANES, (begin + blocks.count[region]) * LANES, blocks.at_A,
+                     blocks.at_B, bodies.astride)
 
 
 @part
@@ -295,9 +302,8 @@ def sweep_back(region: int, blocks: Blocks, bodies: SolverBodies, what: Sweep, r
         if blocks.left[block] & UNSETTLED != 0:
             visit_block(blocks, block, motion, motion, what)
         if blocks.left[block] & OVERLAPPING != 0:
-            if notes[region, PUSHED] + notes[BETWEEN, PUSHED] == 0.0:
-                _begin_push(region, bodies)
-                notes[region, PUSHED] = 1.0
+            if notes[region, PUSHED] == 0.0:
+                _begin_push(region, blocks, bodies, notes)
             separate(blocks, block, bodies.drifted, rate, speed)
 
 
@@ -312,9 +318,20 @@ def _list_left(first: int, count: int, left: IntArray, again: IntArray) -> int:
 
 
 @kernel
-def _begin_push(region: int, bodies: SolverBodies) -> None:
-    """Let nobody be pushed yet in a half or, where the region is across, in both."""
-    for half in range(2):
-        if region in (half, BETWEEN):
-            first, last = slots_of(bodies.used, half)
-            begin_push(first, last, bodies.motion, bodies.drifted)
+def _begin_push(region: int, blocks: Blocks, bodies: SolverBodies, notes: Array) -> None:
+    """
+    Let nobody be pushed yet.
+
+    Across there are only those astride. What a core writes of the other half it would take from
+    there, and the other one would take it back.
+    """
+    first, last = slots_of(bodies.used, region)
+    if region == BETWEEN:
+        begin = first_block(blocks, BETWEEN) * LANES
+        begin_push_astride(begin, begin + blocks.count[BETWEEN] * LANES, blocks.at_A,
+                           blocks.at_B, bodies.motion, bodies.drifted)
+    elif notes[BETWEEN, PUSHED] > 0.0:
+        begin_push_inside(first, last, bodies.astride, bodies.motion, bodies.drifted)
+    else:
+        begin_push(first, last, bodies.motion, bodies.drifted)
+    notes[region, PUSHED] = 1.0

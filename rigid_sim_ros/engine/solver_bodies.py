@@ -54,6 +54,7 @@ class SolverBodies(NamedTuple):
     slot: IntArray  # (n,) of a body, 0 if it does not take part
     body: IntArray  # (slots,) in a slot; -1 in those that stand still
     used: IntArray  # (5,), see FIRST_END
+    astride: IntArray  # (slots,) of 8 bits, 1 for who has a contact with the other half
     motion: Array  # flat, STRIDE for each slot, as all but the last two
     # With what the bodies moved in the last substep: `motion` and the motion that only displaces,
     # out of overlaps. While this is found it stands here alone, from `begin_push` on, and with
@@ -91,8 +92,9 @@ def make_bodies(n: int) -> SolverBodies:
         return room(slots * STRIDE)
 
     return SolverBodies(room(n, kind=np.int32), room(slots, kind=np.int32), integers(_USED),
-                        numbers(), numbers(), numbers(), integers(1), numbers(), numbers(),
-                        numbers(), room(2 * _ROWS * LANES), integers(2 * LANES))
+                        room(slots, kind=np.int8), numbers(), numbers(), numbers(), integers(1),
+                        numbers(), numbers(), numbers(), room(2 * _ROWS * LANES),
+                        integers(2 * LANES))
 
 
 @inlined
@@ -124,6 +126,7 @@ def load_bodies(half: int, gravity: Array, inv_m: Array, inv_I_C: Array, state: 
     for numbers in (bodies.motion, bodies.smooth, mass, bodies.drifted, bodies.total):
         _of_half(numbers, bodies.used, half)[:STRIDE] = 0.0
     _of_half(bodies.base, bodies.used, half)[:] = 0.0
+    bodies.astride[first:last] = 0
     for k in range(3 if alike else 0):
         bodies.smooth[first * STRIDE + k] = gravity[k]
     for slot in range(first + 1, last):
@@ -185,6 +188,31 @@ def begin_push(first: int, last: int, motion: Array, drifted: Array) -> None:
         for k in range(STRIDE):
             drifted[slot * STRIDE + k] = 0.0
         drifted[slot * STRIDE + INV_M] = motion[slot * STRIDE + INV_M]
+
+
+@kernel
+def mark_astride(begin: int, end: int, at_A: IntArray, at_B: IntArray, astride: IntArray) -> None:
+    """Mark the slots of the lanes from `begin` to `end`, which are those across."""
+    for lane in range(begin, end):
+        astride[(at_A[lane] & INDEX) // STRIDE] = astride[(at_B[lane] & INDEX) // STRIDE] = 1
+
+
+@kernel
+def begin_push_astride(begin: int, end: int, at_A: IntArray, at_B: IntArray, motion: Array,
+                       drifted: Array) -> None:
+    """Do what `begin_push` does, of the slots of these lanes."""
+    for lane in range(begin, end):
+        for at in (at_A[lane] & INDEX, at_B[lane] & INDEX):
+            begin_push(at // STRIDE, at // STRIDE + 1, motion, drifted)
+
+
+@kernel
+def begin_push_inside(first: int, last: int, astride: IntArray, motion: Array,
+                      drifted: Array) -> None:
+    """Do what `begin_push` does, but for the slots of bodies astride, some of which are pushed."""
+    for slot in range(first, last):
+        if astride[slot] == 0:
+            begin_push(slot, slot + 1, motion, drifted)
 
 
 @part

@@ -17,7 +17,8 @@ from rigid_sim_ros.engine.manifolds import earlier_manifolds, slice_in_use
 from rigid_sim_ros.engine.sequential import SequentialSettings
 from rigid_sim_ros.engine.shapes import Material
 from rigid_sim_ros.engine.solver_bodies import (
-    begin_push, drift_and_kick, drift_bodies, HELD, INV_M, kick_bodies, STRIDE)
+    begin_push, begin_push_astride, begin_push_inside, drift_and_kick, drift_bodies, HELD, INV_M,
+    kick_bodies, mark_astride, STRIDE)
 from rigid_sim_ros.engine.timestep import TimestepSettings
 
 
@@ -80,6 +81,24 @@ def test_the_way_back_looks_at_what_changed_and_at_what_overlaps():
         rows[POINT + (points - 1) * POINT_ROWS + GAP, 5] = gap
         note(blocks, block, changes)
         assert blocks.left[block] == left
+
+
+def test_both_halves_and_what_is_across_begin_to_push_everybody_once():
+    rng = np.random.default_rng(2)
+    slots, first, last = 20, 2, 17
+    motion, drifted = rng.normal(0.0, 1.0, (2, slots * STRIDE))
+    alone, together = drifted.copy(), drifted.copy()
+    begin_push(first, last, motion, alone)
+    at_A, at_B = STRIDE * np.array([[5, 3, 9, 16], [3, 2, 12, 9]])
+    # The first lane is no longer in use.
+    astride = np.zeros(slots, dtype=np.int8)
+    mark_astride(1, 4, at_A, at_B, astride)
+    assert np.flatnonzero(astride).tolist() == [2, 3, 9, 12, 16]
+    begin_push_astride(1, 4, at_A, at_B, motion, together)
+    # Those inside keep what those astride were pushed meanwhile.
+    together[3 * STRIDE] = alone[3 * STRIDE] = 0.5
+    begin_push_inside(first, last, astride, motion, together)
+    assert (together == alone).all()
 
 
 @pytest.mark.parametrize('pushed', [False, True])
