@@ -106,7 +106,8 @@ def test_slots_are_in_order_of_sides_and_bodies(seed, count, cut):
     assert np.array_equal(sides.of_body, np.where(moves, np.where(there, SECOND, FIRST), STILL))
     if cut != 'not at all':
         begin, end = slots_of(bodies.used, 1)
-        assert begin - slots_of(bodies.used, 0)[1] >= slots_between(BODIES) > 0
+        last = 1 + middle if cut == 'by number' else slots_of(bodies.used, 0)[1]
+        assert begin == last + slots_between(BODIES) > last
         assert end <= most_slots(BODIES) == len(bodies.body)
     free = 0
     for half in range(2 if cut != 'not at all' else 1):
