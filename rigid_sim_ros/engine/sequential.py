@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
+from rigid_sim_ros.engine.bits import fetch
 from rigid_sim_ros.engine.calming import calm, Calming, LISTED, make_calming
 from rigid_sim_ros.engine.coloring import (
     begin_blocks, BETWEEN, Blocks, CACHED, color_piece, Coloring, fetch_block, first_block,
@@ -41,8 +42,8 @@ from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.slots import give_slots, make_sides, shared_out, Sides
 from rigid_sim_ros.engine.solver_bodies import (
     begin_push, begin_push_astride, begin_push_inside, drift_and_kick, drift_bodies, FIRST_FREE,
-    kick_bodies, load_bodies, make_bodies, mark_astride, SECOND_FREE, slots_of, SolverBodies,
-    store_bodies)
+    kick_bodies, load_bodies, make_bodies, mark_astride, SECOND_BEGIN, SECOND_FREE, slots_of,
+    SolverBodies, store_bodies, STRIDE)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.two_cores import side_by_side
 
@@ -196,6 +197,8 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
               1.0 / settings.substeps, work)
     if stage in (RETURN, NEXT) or (stage == KEEP and region != BETWEEN):
         notes[PUSHED] = 0.0
+        if region == 1:
+            _fetch_astride(blocks, bodies, work.notes[BETWEEN, PUSHED] > 0.0)
         if work.notes[BETWEEN, PUSHED] > 0.0:
             _begin_push(region, blocks, bodies, work.notes)
         sweep_back(region, blocks, bodies, at_rest, settings.push / h, settings.push_speed,
@@ -315,6 +318,23 @@ def _list_left(first: int, count: int, left: IntArray, again: IntArray) -> int:
         again[first + found & INDEX] = block
         found += 1 if left[block & INDEX] != 0 else 0
     return found
+
+
+@kernel
+def _fetch_astride(blocks: Blocks, bodies: SolverBodies, pushed: bool) -> None:
+    """
+    Ask for the bodies of the second half that were touched across, where the first core did it.
+
+    All at once: one by one each of them would be waited for.
+    """
+    begin, second = first_block(blocks, BETWEEN) * LANES, bodies.used[SECOND_BEGIN] * STRIDE
+    for lane in range(begin, begin + blocks.count[BETWEEN] * LANES):
+        a, b = blocks.at_A[lane], blocks.at_B[lane]
+        at = b if b >= second else a
+        if at >= second:
+            fetch(bodies.motion, at)
+            if pushed:
+                fetch(bodies.drifted, at)
 
 
 @kernel
