@@ -170,7 +170,7 @@ def test_halves_stay_when_a_world_needs_more_room():
     world = World.from_dict({
         'format': 1, 'world': {'contact': 'timestep', 'step': 1 / 240},
         'bodies': walls + [{'name': f'b{k}', 'shape': {'type': 'sphere', 'radius': 0.1},
-                            'mass': 1.0, 'pose': {'position': (0.255 * place).tolist()}}
+                            'mass': 1.0, 'pose': {'position': (0.26 * place).tolist()}}
                            for k, place in enumerate(places)]})
     world.step()
     contact, grown_when_halved = world._contact, 0

@@ -21,7 +21,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.engine.bits import fetch
-from rigid_sim_ros.engine.calming import calm, Calming, LISTED, make_calming
+from rigid_sim_ros.engine.calming import calm, Calming, make_calming
 from rigid_sim_ros.engine.coloring import (
     begin_blocks, BETWEEN, Blocks, CACHED, color_piece, Coloring, fetch_block, first_block,
     make_blocks, make_coloring, make_room, most_blocks, OVERLAPPING, PIECE, REGIONS, SHAKEN,
@@ -77,7 +77,6 @@ class SequentialWork(NamedTuple):
 # whether anything was pushed in this substep, and for how long its contacts have moved in this
 # step [s].
 ROUGH, LARGEST, PUSHED, MOVED = 3, 4, 5, 6
-assert MOVED < LISTED
 
 
 def make_work(n: int, middle: tuple[int, int], capacity: int) -> SequentialWork:
@@ -89,11 +88,10 @@ def make_work(n: int, middle: tuple[int, int], capacity: int) -> SequentialWork:
 
 
 # The stages of a region: fill its blocks; let forces act in the first substep; that, impulses for
-# new contacts and a sweep forth; sweep forth or back to find impulses, and forth once they are
-# found; sweep forth after bodies have moved; end a substep; end it and begin the next one; end the
-# last one and keep impulses; write bodies back.
-FILL, START, BEGIN, SWEEP, SWEEP_BACK, FOUND_SWEEP, MOVED_SWEEP, RETURN, NEXT, KEEP, STORE = (
-    range(11))
+# new contacts and a sweep forth; sweep forth or back before any body has moved; sweep forth after
+# bodies have moved; end a substep; end it and begin the next one; end the last one and keep
+# impulses; write bodies back.
+FILL, START, BEGIN, SWEEP, SWEEP_BACK, MOVED_SWEEP, RETURN, NEXT, KEEP, STORE = range(10)
 
 
 @part
@@ -108,17 +106,21 @@ def solve_contacts(to: int, box: Any, desk: IntArray, model: Model, state: State
     """
     bodies, notes, halved = work.bodies, work.notes, work.sides.cut.halved[0] == 1
     # Whatever an earlier step had in regions that this one does not have.
-    work.blocks.count[:], notes[:] = 0, 0.0
+    work.blocks.count[:], notes[:], work.calming.listed[0] = 0, 0.0, 0
     _in_all(to, box, desk, halved, FILL)
     if bodies.used[FIRST_FREE] + bodies.used[SECOND_FREE] > 0:
         fly_free(model, state, loads, bodies.slot, model.h, flight)
-    first = FOUND_SWEEP if _is_mostly_new(notes) else BEGIN
-    if first == FOUND_SWEEP:
+    first = SWEEP if _is_mostly_new(notes) else BEGIN
+    if first == SWEEP:
         _find_impulses(to, box, desk, halved)
     _in_halves(to, box, desk, halved, first)
     for substep in range(substeps):
         if halved:
             call(to, box, REGIONS * (first if substep == 0 else MOVED_SWEEP) + BETWEEN)
+        if notes[0, ROUGH] + notes[1, ROUGH] + notes[2, ROUGH] > 0.0:
+            calm(work.blocks, bodies.motion, bodies.used, work.calming,
+                 1.0 / (model.h / substeps))
+        if halved:
             call(to, box, REGIONS * RETURN + BETWEEN)
         if substep + 1 < substeps:
             _in_halves(to, box, desk, halved, NEXT)
@@ -213,13 +215,11 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
         drift_bodies(region, bodies.used, motion, bodies.drifted, pushed)
     if stage == BEGIN:
         settle(region, blocks, work.fresh, motion, at_rest)
-    if stage in (BEGIN, SWEEP, SWEEP_BACK, FOUND_SWEEP, MOVED_SWEEP, NEXT):
+    if stage in (BEGIN, SWEEP, SWEEP_BACK, MOVED_SWEEP, NEXT):
         drift = h if stage in (MOVED_SWEEP, NEXT) else 0.0
         sweep(region, blocks, motion, bodies.drifted, Sweep(1.0 / h, drift, notes[MOVED] == 0.0),
               stage == SWEEP_BACK, notes)
         notes[MOVED] += drift
-    if notes[ROUGH] > 0.0 and stage in (BEGIN, FOUND_SWEEP, MOVED_SWEEP, NEXT):
-        calm(region, blocks, motion, bodies.used, 1.0 / h, work.notes, work.calming)
     if stage == KEEP:
         notes[LARGEST] = keep_impulses(region, blocks, work.coloring, manifolds, bodies, h,
                                        settings.substeps, work.shifted[0] == 1, acted.impulse,

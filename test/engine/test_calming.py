@@ -35,9 +35,9 @@ def some_blocks(rng, halved):
     return bodies, blocks
 
 
-def places(bodies, blocks, regions):
-    """Return the block of each lane of some regions, and the slots of its two bodies."""
-    firsts = [(first_block(blocks, region), blocks.count[region]) for region in regions]
+def places(bodies, blocks):
+    """Return the block of each lane, and the slots of its two bodies."""
+    firsts = [(first_block(blocks, region), blocks.count[region]) for region in range(REGIONS)]
     return [(block, {int(at[lane]) // STRIDE for at in (blocks.at_A, blocks.at_B)})
             for first, count in firsts for block in range(first, first + count)
             for lane in range(block * LANES, (block + 1) * LANES)]
@@ -51,9 +51,9 @@ def test_a_rough_change_is_told_to_all_other_blocks_of_whom_it_moved(seed, halve
     work = make_calming(BODIES, MOST * LANES)
     still = {0, int(bodies.used[SECOND_BEGIN])} if halved else {0}
     # What an earlier step left.
-    work.first[:], work.further[:], work.waits[:] = 7, 7, 1
-    for region in range(REGIONS if halved else 1):
-        _list_blocks(region, blocks, bodies.used, work)
+    work.first[:], work.further[:] = 7, 7
+    _list_blocks(blocks, bodies.used, work)
+    everything = places(bodies, blocks)
     for region in range(REGIONS if halved else 1):
         if blocks.count[region] == 0:
             continue
@@ -64,21 +64,7 @@ def test_a_rough_change_is_told_to_all_other_blocks_of_whom_it_moved(seed, halve
         blocks.left[block] = flags + SHAKEN * int(shaken @ (1 << np.arange(LANES)))
         reached = {int(at[block * LANES + i]) // STRIDE for at in (blocks.at_A, blocks.at_B)
                    for i in np.flatnonzero(shaken)} - still
-        # A half knows of nobody else; what is across may reach everything.
-        there = range(REGIONS) if region == BETWEEN else [region]
-        expected = {other for other, slots in places(bodies, blocks, there) if slots & reached}
+        expected = {other for other, slots in everything if slots & reached}
         work.waits[:] = 0
-        _tell(region, blocks, block, work)
+        _tell(blocks, block, work)
         assert set(np.flatnonzero(work.waits)) == expected - {block}
-
-
-def test_nobody_waits_from_the_step_before():
-    rng = np.random.default_rng(1)
-    bodies, blocks = some_blocks(rng, True)
-    work = make_calming(BODIES, MOST * LANES)
-    work.waits[:] = 1
-    _list_blocks(1, blocks, bodies.used, work)
-    first = first_block(blocks, 1)
-    expected = np.ones(len(work.waits))
-    expected[first:first + blocks.count[1]] = 0
-    assert np.array_equal(work.waits, expected)
