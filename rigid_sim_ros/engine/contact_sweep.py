@@ -145,8 +145,7 @@ def note_left(blocks: Blocks, block: int, residual: Eight) -> None:
     """
     Note what a visit, which returned `residual`, leaves to do in a block.
 
-    On the way back no other is looked at. Nor is one of the other half by `calm`, which goes
-    through all of them: what a core has read another one has to ask back before it writes there.
+    On the way back no other is looked at.
     """
     b, points = numbers_of(blocks, block), points_in(blocks.kind[block])
     overlaps = any_of(smallest_gap(b, points) < -NEGLIGIBLE)

@@ -21,7 +21,8 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.engine.bits import fetch
-from rigid_sim_ros.engine.calming import calm, Calming, make_calming
+from rigid_sim_ros.engine.calming import (
+    calm, Calming, CALMING_TURNS, make_calming, tell_of_sweep, visit_waiting)
 from rigid_sim_ros.engine.coloring import (
     begin_blocks, BETWEEN, Blocks, CACHED, color_piece, Coloring, fetch_block, first_block,
     make_blocks, make_coloring, make_room, most_blocks, OVERLAPPING, PIECE, REGIONS, SHAKEN,
@@ -74,9 +75,9 @@ class SequentialWork(NamedTuple):
 
 
 # More that is noted of a region: whether the last sweep changed anything roughly, the residual,
-# whether anything was pushed in this substep, and for how long its contacts have moved in this
-# step [s].
-ROUGH, LARGEST, PUSHED, MOVED = 3, 4, 5, 6
+# whether anything was pushed in this substep, for how long its contacts have moved in this step
+# [s], and whether anything may wait since an impact.
+ROUGH, LARGEST, PUSHED, MOVED, WAITING = 3, 4, 5, 6, 7
 
 
 def make_work(n: int, middle: tuple[int, int], capacity: int) -> SequentialWork:
@@ -89,9 +90,10 @@ def make_work(n: int, middle: tuple[int, int], capacity: int) -> SequentialWork:
 
 # The stages of a region: fill its blocks; let forces act in the first substep; that, impulses for
 # new contacts and a sweep forth; sweep forth or back before any body has moved; sweep forth after
-# bodies have moved; end a substep; end it and begin the next one; end the last one and keep
-# impulses; write bodies back.
-FILL, START, BEGIN, SWEEP, SWEEP_BACK, MOVED_SWEEP, RETURN, NEXT, KEEP, STORE = range(10)
+# bodies have moved; one turn or two through what waits after an impact; end a substep; end it and
+# begin the next one; end the last one and keep impulses; write bodies back.
+(FILL, START, BEGIN, SWEEP, SWEEP_BACK, MOVED_SWEEP, CALM_BACK, CALM, RETURN, NEXT, KEEP,
+ STORE) = range(12)
 
 
 @part
@@ -106,7 +108,7 @@ def solve_contacts(to: int, box: Any, desk: IntArray, model: Model, state: State
     """
     bodies, notes, halved = work.bodies, work.notes, work.sides.cut.halved[0] == 1
     # Whatever an earlier step had in regions that this one does not have.
-    work.blocks.count[:], notes[:], work.calming.listed[0] = 0, 0.0, 0
+    work.blocks.count[:], notes[:], work.calming.listed[:] = 0, 0.0, 0
     _in_all(to, box, desk, halved, FILL)
     if bodies.used[FIRST_FREE] + bodies.used[SECOND_FREE] > 0:
         fly_free(model, state, loads, bodies.slot, model.h, flight)
@@ -118,8 +120,7 @@ def solve_contacts(to: int, box: Any, desk: IntArray, model: Model, state: State
         if halved:
             call(to, box, REGIONS * (first if substep == 0 else MOVED_SWEEP) + BETWEEN)
         if notes[0, ROUGH] + notes[1, ROUGH] + notes[2, ROUGH] > 0.0:
-            calm(work.blocks, bodies.motion, bodies.used, work.calming,
-                 1.0 / (model.h / substeps))
+            _calm(to, box, desk, halved, notes)
         if halved:
             call(to, box, REGIONS * RETURN + BETWEEN)
         if substep + 1 < substeps:
@@ -146,6 +147,17 @@ def _in_all(to: int, box: Any, desk: IntArray, halved: bool, stage: int) -> None
     _in_halves(to, box, desk, halved, stage)
     if halved:
         call(to, box, REGIONS * stage + BETWEEN)
+
+
+@kernel
+def _calm(to: int, box: Any, desk: IntArray, halved: bool, notes: Array) -> None:
+    """Visit what a rough change reached, until there is no more."""
+    if notes[BETWEEN, ROUGH] > 0.0:
+        call(to, box, REGIONS * CALM_BACK + BETWEEN)
+    for _ in range(CALMING_TURNS):
+        _in_all(to, box, desk, halved, CALM)
+        if notes[0, WAITING] + notes[1, WAITING] + notes[2, WAITING] == 0.0:
+            break
 
 
 # Visits to a block with new contacts. A box that is put down on a slope slips by 1e-7 m until its
@@ -220,6 +232,11 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
         sweep(region, blocks, motion, bodies.drifted, Sweep(1.0 / h, drift, notes[MOVED] == 0.0),
               stage == SWEEP_BACK, notes)
         notes[MOVED] += drift
+        tell_of_sweep(region, notes[ROUGH] > 0.0, blocks, bodies, work.calming)
+    elif stage == CALM_BACK:
+        visit_waiting(region, True, blocks, bodies, at_rest, work.calming)
+    elif stage == CALM:
+        notes[WAITING] = 1.0 if calm(region, blocks, bodies, at_rest, work.calming) else 0.0
     if stage == KEEP:
         notes[LARGEST] = keep_impulses(region, blocks, work.coloring, manifolds, bodies, h,
                                        settings.substeps, work.shifted[0] == 1, acted.impulse,

@@ -1,13 +1,18 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Who hears of a rough change before a substep ends."""
+"""Who hears of a rough change before a substep ends, and in which order it is heard."""
+
+import functools
 
 from hypothesis import given, settings, strategies as st
 import numpy as np
+from test_halves import LENGTH, members, row, rows_and, SPEED
 
-from rigid_sim_ros.engine.calming import _list_blocks, _tell, make_calming
+from rigid_sim_ros.engine.calming import (
+    _tell, calm, make_calming, tell_of_sweep, visit_waiting)
 from rigid_sim_ros.engine.coloring import (
     BETWEEN, first_block, make_blocks, OVERLAPPING, REGIONS, SHAKEN, SHOVED, UNSETTLED)
+from rigid_sim_ros.engine.contact_rules import Sweep
 from rigid_sim_ros.engine.lanes import LANES
 from rigid_sim_ros.engine.solver_bodies import (
     FIRST_END, make_bodies, SECOND_BEGIN, SECOND_END, slots_of, STRIDE)
@@ -52,7 +57,6 @@ def test_a_rough_change_is_told_to_all_other_blocks_of_whom_it_moved(seed, halve
     still = {0, int(bodies.used[SECOND_BEGIN])} if halved else {0}
     # What an earlier step left.
     work.first[:], work.further[:] = 7, 7
-    _list_blocks(blocks, bodies.used, work)
     everything = places(bodies, blocks)
     for region in range(REGIONS if halved else 1):
         if blocks.count[region] == 0:
@@ -66,5 +70,83 @@ def test_a_rough_change_is_told_to_all_other_blocks_of_whom_it_moved(seed, halve
                    for i in np.flatnonzero(shaken)} - still
         expected = {other for other, slots in everything if slots & reached}
         work.waits[:] = 0
-        _tell(blocks, block, work)
+        _tell(region, blocks, block, bodies, work)
         assert set(np.flatnonzero(work.waits)) == expected - {block}
+
+
+def copy_of(record):
+    """Return a copy of all arrays of a record."""
+    return type(record)(*(np.copy(field) for field in record))
+
+
+@functools.cache
+def impact():
+    """Return a world of two halves in the step in which rows of balls are hit, some across."""
+    y, z = np.eye(3)[1:]
+    across = [ball for k in range(1, 17)
+              for ball in row(f'a{k}', 0.3 * k * z, y, LENGTH, 0.0, SPEED)]
+    world = rows_and(across, SPEED)
+    world.step(3)
+    assert members(world)[BETWEEN] == 16
+    return world._contact._work.solver
+
+
+def in_one_order(blocks, bodies, work, what):
+    """Calm all regions in the order of a sweep or the opposite one, as if there were no halves."""
+    for region in range(REGIONS):
+        tell_of_sweep(region, True, blocks, bodies, work)
+    done = 0
+    for k in range(1000):
+        waiting = work.waits.sum()
+        if waiting == 0:
+            break
+        backwards = k % 2 == 0
+        for region in (2, 1, 0) if backwards else (0, 1, 2):
+            visit_waiting(region, backwards, blocks, bodies, what, work)
+        done += 1
+    return done
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2 ** 32 - 1), share=st.sampled_from([0.003, 0.03, 0.3]))
+def test_halves_that_calm_apart_end_as_one_world_in_its_order(seed, share):
+    rng, filled = np.random.default_rng(seed), impact()
+    bodies, blocks = copy_of(filled.bodies), copy_of(filled.blocks)
+    what = Sweep(960.0, 0.0, False)
+    # All bodies at rest but for some, of which a visit has just told.
+    motion = bodies.motion.reshape(-1, STRIDE)
+    motion[:, :6] = 0.0
+    rough = [False] * REGIONS
+    for region in range(REGIONS):
+        first = first_block(blocks, region)
+        for block in range(first, first + blocks.count[region]):
+            blocks.left[block] = 0
+            if rng.random() < share:
+                lane = block * LANES + int(rng.choice(np.flatnonzero(
+                    blocks.at_A[block * LANES:][:LANES] % (bodies.used[SECOND_BEGIN] * STRIDE))))
+                for at in (blocks.at_A[lane], blocks.at_B[lane]):
+                    motion[at // STRIDE, :3] = rng.normal(scale=SPEED, size=3)
+                blocks.left[block] = SHAKEN << lane % LANES
+                rough[region] = True
+
+    one, one_blocks, one_work = copy_of(bodies), copy_of(blocks), copy_of(filled.calming)
+    one_work.listed[:] = 0
+    turns = in_one_order(one_blocks, one, one_work, what)
+
+    work = copy_of(filled.calming)
+    # What the sweep before this left, and lists of another step.
+    work.listed[:], work.waits[:], work.first[:] = 0, 1, 7
+    # Two cores may take the halves in any order.
+    halves = rng.permutation(2).tolist()
+    for region in (*halves, BETWEEN):
+        tell_of_sweep(region, rough[region], blocks, bodies, work)
+    if rough[BETWEEN]:
+        visit_waiting(BETWEEN, True, blocks, bodies, what, work)
+    for _ in range(1000):
+        if sum(calm(region, blocks, bodies, what, work) for region in (*halves, BETWEEN)) == 0:
+            break
+    assert turns > 1 or share < 0.3
+    assert np.array_equal(bodies.motion, one.motion)
+    assert np.array_equal(blocks.numbers, one_blocks.numbers)
+    assert not any(work.waits[first_block(blocks, region):][:blocks.count[region]].any()
+                   for region in range(REGIONS))
