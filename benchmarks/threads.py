@@ -6,16 +6,16 @@ How much a second thread brings.
     python benchmarks/threads.py
     python benchmarks/threads.py --output docs/performance.md
 
-The heaps that engines are compared in, and spheres at rest in a bin. Worlds of a scene take turns,
-some steps each: one with one thread on either of two cores, one with two threads on both, and two
-with one thread each, both at once; every piece of one world is compared with the same steps of the
-others. Time is that of the wall: what is asked for is how much sooner the steps are done. The
-cores of a rented machine are shared with strangers, and one of them may be the slower one for a
-while: the speed of one thread is the mean of both cores, and two worlds at once tell what both
-cores together are worth to work that shares nothing: two threads of one core, as which a machine
-may lend them, not much more than one. Nor do the two cores have to be neighbours, and they may be
-moved: before each piece a line of the cache is sent there and back. All worlds must end in the
-same state.
+The heaps that engines are compared in, and spheres at rest in a bin, each run some times. Worlds
+of a scene take turns, some steps each: one with one thread on either of two cores, one with two
+threads on both, and two with one thread each, both at once; every piece of one world is compared
+with the same steps of the others. Time is that of the wall: what is asked for is how much sooner
+the steps are done. The cores of a rented machine are shared with strangers, and one of them may be
+the slower one for a while: the speed of one thread is the mean of both cores, and two worlds at
+once tell what both cores together are worth to work that shares nothing: two threads of one core,
+as which a machine may lend them, not much more than one. Nor do the two cores have to be
+neighbours, and they may be moved, at any time: before and after each piece with two threads a line
+of the cache is sent there and back. All worlds must end in the same state.
 """
 
 import argparse
@@ -119,9 +119,22 @@ def _line_time(pair: list[int]) -> float:
     return 1e9 * taken / (2 * BALLS)
 
 
-def row(name: str, steps: int) -> list[object]:
-    """Run a scene with one thread and with two; return the cells of a line."""
-    pair = sorted(os.sched_getaffinity(0))[:2]
+def _with_both(world: World, pair: list[int]) -> tuple[float, float]:
+    """Return how long a piece takes on both cores, and a line there before or after, at most."""
+    before = _line_time(pair)
+    taken = _seconds(world, pair[0])
+    return taken, max(before, _line_time(pair))
+
+
+def run(name: str, steps: int, pair: list[int]) -> tuple[np.ndarray, set[int]]:
+    """
+    Run a scene with one thread and with two; return how long its pieces took, and all hashes.
+
+    A row is a piece: the times of one thread on either core, that of two threads, a line from core
+    to core [ns], and the times of two worlds at once.
+    """
+    # A world that may use one core only has no helper.
+    os.sched_setaffinity(0, pair)
     worlds = [SCENES[name]() for _ in range(5)]
     alone, two, at_once = worlds[:2], worlds[2], worlds[3:]
     others = set(threading.enumerate())
@@ -132,14 +145,21 @@ def row(name: str, steps: int) -> list[object]:
     for world in worlds:
         world.step(240)
     _play(make_desk(), True, 0)
-    taken = np.array([[*map(_seconds, alone, pair), _line_time(pair), _seconds(two, pair[0]),
+    taken = np.array([[*map(_seconds, alone, pair), *_with_both(two, pair),
                        *_seconds_at_once(at_once, pair)] for _ in range(steps // PIECE)])
     os.sched_setaffinity(0, pair)
-    same = 'yes' if len({world.state_hash() for world in worlds}) == 1 else 'NO'
-    ratios, worth = taken[:, :2].mean(axis=1) / taken[:, 3], taken[:, :2] / taken[:, 4:]
-    near = (taken[:, 2] < NEAR) & (worth.sum(axis=1) > TWO)
-    return [name, *(f'{PIECE / t:.0f}' for t in np.median(taken[:, (0, 1, 3)], axis=0)),
-            f'{np.median(worth.sum(axis=1)):.2f}', f'{np.median(taken[:, 2]):.0f}',
+    return taken, {world.state_hash() for world in worlds}
+
+
+def row(name: str, steps: int, rounds: int) -> list[object]:
+    """Run a scene some times; return the cells of a line."""
+    pair = sorted(os.sched_getaffinity(0))[:2]
+    pieces, hashes = zip(*(run(name, steps, pair) for _ in range(rounds)), strict=True)
+    taken, same = np.vstack(pieces), 'yes' if len(set().union(*hashes)) == 1 else 'NO'
+    ratios, worth = taken[:, :2].mean(axis=1) / taken[:, 2], taken[:, :2] / taken[:, 4:]
+    near = (taken[:, 3] < NEAR) & (worth.sum(axis=1) > TWO)
+    return [name, *(f'{PIECE / t:.0f}' for t in np.median(taken[:, :3], axis=0)),
+            f'{np.median(worth.sum(axis=1)):.2f}', f'{np.median(taken[:, 3]):.0f}',
             _middle(ratios), f'{100.0 * near.mean():.0f}', _middle(ratios[near]), same]
 
 
@@ -155,6 +175,7 @@ def main() -> int:
     """Measure, print and write down."""
     parser = argparse.ArgumentParser(description=(__doc__ or '').strip().splitlines()[0])
     parser.add_argument('--steps', type=int, default=960, help='of each scene that count, 960')
+    parser.add_argument('--rounds', type=int, default=4, help='how often each is run, 4')
     parser.add_argument('--output', type=Path, help='a Markdown file to write, besides')
     arguments = parser.parse_args()
     if cores() < 2:
@@ -163,7 +184,7 @@ def main() -> int:
                      'two worlds at once', 'a line from core to core [ns]', 'ratio (half of them)',
                      'two cores, and near, % of the pieces', 'ratio then', 'the same hash'])
     for name in SCENES:
-        lines.append(line(row(name, arguments.steps)))
+        lines.append(line(row(name, arguments.steps, arguments.rounds)))
         print(lines[-1], flush=True)
     lines.append(line(['wanted', '', '', '', '', '', '', '', f'{WANTED}', 'yes']))
     pages = [machine(), '\n'.join(lines)]
