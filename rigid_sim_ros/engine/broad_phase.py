@@ -286,22 +286,19 @@ def _partners(shapes: Shapes, grid: Grid, fresh: IntArray, bodies: int, ahead: A
 
 @apart
 def look_around(shapes: Shapes, grid: Grid, fresh: IntArray, bodies: int, ahead: Array,
-                near: IntArray, side: int, sides: int, begin: int) -> tuple[int, int]:
+                near: IntArray, begin: int, end: int) -> tuple[int, int]:
     """
-    List the partners of what moved, from shape `begin` on, until there may be no room for more.
+    List the partners of what moved, of some shapes, until there may be no room for more.
 
-    Of two `sides`, 0 and 1, each looks around from every second one. `fresh` (>= s, 2) gets the
-    pairs. Returns the shape from which to go on, and the number of pairs.
+    `fresh` (>= s, 2) gets the pairs. Returns the shape from which to go on, `end` if all are done,
+    and the number of pairs.
     """
-    found, most, turn = 0, shapes.kind.shape[0] - 1, 0  # partners of one shape, at most
+    found, most = 0, shapes.kind.shape[0] - 1  # partners of one shape, at most
     used = levels_in_use(grid.levels)
-    for s in range(begin, shapes.kind.shape[0]):
+    for s in range(begin, end):
         if grid.moved[s] == 0:
-            continue
-        turn += 1
-        if turn % sides != side:
             continue
         if found + most > fresh.shape[0]:
             return s, found
         found = _partners(shapes, grid, fresh, bodies, ahead, near, used, found, s)
-    return shapes.kind.shape[0], found
+    return end, found

@@ -100,7 +100,10 @@ class Memory(NamedTuple):
     grid: Grid
     pair_count: IntArray  # (3,) -1 before the first step; see `forget_parted`
     pair: IntArray  # (p, 2) of 32 bits, shapes whose fat boxes overlap, sorted
-    fresh: IntArray  # (2, >= s, 2) of 32 bits, newly found pairs, before they are sorted in
+    # (4, >= s, 2) of 32 bits, pairs that either thread found around what moved, before they are
+    # taken in, each with as much to sort them in
+    fresh: IntArray
+    other_tally: IntArray  # (s + 1,) room to count for a second thread, beside that of the grid
     axis: Array  # (p, 4) witness: a direction in the axes of A that separated the pair; 0: none
     counters: IntArray  # (8,) see PAIRS .. SHORT_ROWS
     scratch: Scratch
@@ -166,8 +169,8 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
     s = shapes
     memory = Memory(
         empty_pages(capacity), integers(1), unplaced(s), room(bodies, 9), room(s), room(1),
-        room(s, 6), make_grid(s), integers(3), _names(2 * capacity, 2), _names(2, 4 * s, 2),
-        room(2 * capacity, 4), integers(8), _scratch(), _scratch(),
+        room(s, 6), make_grid(s), integers(3), _names(2 * capacity, 2), _names(4, 4 * s, 2),
+        room(s + 1, kind=np.int64), room(2 * capacity, 4), integers(8), _scratch(), _scratch(),
         integers(2, 8), integers(2, NEAR), integers(2), integers(2, 8), integers(2, 6),
         integers(1), room(2, bodies, kind=np.int8))
     forget_pairs(memory)

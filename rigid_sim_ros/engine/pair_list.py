@@ -10,7 +10,7 @@ come out are sorted and merged with those that there are, whose witnesses move a
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.broad_phase import can_meet, look_around, refresh
 from rigid_sim_ros.engine.grid import fill_grid, Grid
-from rigid_sim_ros.engine.kernel import apart, INDEX, kernel
+from rigid_sim_ros.engine.kernel import apart, INDEX, inlined, kernel
 from rigid_sim_ros.engine.manifolds import Memory, REBUILT, SHORT_PAIRS
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import PLANE, Shapes, SPHERE
@@ -67,22 +67,42 @@ def update_alone(model: Model, shapes: Shapes, memory: Memory) -> bool:
 
 @kernel
 def look_for_share(model: Model, shapes: Shapes, memory: Memory, thread: int) -> None:
-    """List the partners of every second shape that moved, for one of two threads."""
-    end, found = look_around(shapes, memory.grid, memory.fresh[thread], model.m.shape[0],
-                             memory.ahead, memory.near[thread], thread, 2, 0)
-    memory.looked[thread] = found if end == shapes.kind.shape[0] else -1
+    """
+    List the new partners, sorted, of half of the shapes that moved, for one of two threads.
+
+    The first half by number: most of their partners are then of the same half of the world.
+    """
+    fresh, tally = memory.fresh[2 * thread:2 * thread + 2], memory.grid.tally
+    if thread == 1:
+        tally = memory.other_tally
+    middle = _middle_of(memory.grid.moved, memory.counters[REBUILT])
+    begin, end = (middle, shapes.kind.shape[0]) if thread == 1 else (0, middle)
+    done, found = look_around(shapes, memory.grid, fresh[0], model.m.shape[0], memory.ahead,
+                              memory.near[thread], begin, end)
+    memory.looked[thread] = -1
+    if done == end:
+        memory.looked[thread] = sort_new(fresh, found, tally, memory.pair,
+                                         max(memory.pair_count[0], 0))
+
+
+@kernel
+def _middle_of(moved: IntArray, count: int) -> int:
+    """Return the shape before which half of those are that moved."""
+    s, before = 0, 0
+    while 2 * before < count:
+        before += moved[s]
+        s += 1
+    return s
 
 
 @kernel
 def take_shares(model: Model, shapes: Shapes, memory: Memory) -> bool:
     """Take in what both threads listed; return whether there was room for it."""
-    first, second, fresh = memory.looked[0], memory.looked[1], memory.fresh
-    if min(first, second) < 0 or first + second > fresh.shape[1]:
+    first, second = memory.looked[0], memory.looked[1]
+    if min(first, second) < 0:
         return update_alone(model, shapes, memory)
-    for k in range(second):
-        fresh[0, first + k, 0], fresh[0, first + k, 1] = fresh[1, k, 0], fresh[1, k, 1]
-    return _keep_count(memory, take_in(shapes.kind, fresh, first + second, memory.grid.tally,
-                                       memory.pair, memory.axis, max(memory.pair_count[0], 0)))
+    return _keep_count(memory, take_in(shapes.kind, memory.fresh, first, second, memory.pair,
+                                       memory.axis, max(memory.pair_count[0], 0)))
 
 
 @kernel
@@ -93,6 +113,25 @@ def _keep_count(memory: Memory, count: int) -> bool:
         memory.counters[SHORT_PAIRS] = count
     memory.pair_count[0] = -1 if short else count
     return not short
+
+
+@apart
+def sort_new(fresh: IntArray, found: int, tally: IntArray, pair: IntArray, count: int) -> int:
+    """
+    Sort the pairs that were found, and drop those that there are; return how many are left.
+
+    fresh (2, f, 2) then has these in its first page, and in the first column of its second one
+    before which of the pairs each of them belongs.
+    """
+    _sort(fresh, found, tally)
+    new, old = 0, 0
+    for k in range(found):
+        a, b = fresh[0, k, 0], fresh[0, k, 1]
+        while old < count and _is_before(pair[old, 0], pair[old, 1], a, b):
+            old += 1
+        fresh[0, new, 0], fresh[0, new, 1], fresh[1, new, 0] = a, b, old
+        new += 0 if old < count and pair[old, 0] == a and pair[old, 1] == b else 1
+    return new
 
 
 @kernel
@@ -112,10 +151,10 @@ def _sort(fresh: IntArray, count: int, tally: IntArray) -> None:
             tally[s] += 1
 
 
-@kernel
-def _is_before(pair: IntArray, i: int, fresh: IntArray, j: int) -> bool:
-    return (pair[i, 0] < fresh[0, j, 0]
-            or (pair[i, 0] == fresh[0, j, 0] and pair[i, 1] < fresh[0, j, 1]))
+@inlined
+def _is_before(a: int, b: int, c: int, d: int) -> bool:
+    """Return whether the pair (a, b) comes before (c, d)."""
+    return a < c or (a == c and b < d)
 
 
 @kernel
@@ -156,38 +195,6 @@ def forget_parted(kind: IntArray, size: Array, fat: Array, ahead: Array, moved: 
 
 
 @kernel
-def _merge(pair: IntArray, axis: Array, witnessed: bool, count: int, fresh: IntArray,
-           found: int) -> int:
-    """Merge the sorted fresh pairs into the pairs; return their number, too large or not."""
-    new, old = 0, 0
-    for k in range(found):
-        while old < count and _is_before(pair, old, fresh, k):
-            old += 1
-        if (old < count and pair[old, 0] == fresh[0, k, 0] and pair[old, 1] == fresh[0, k, 1]):
-            continue
-        fresh[0, new, 0], fresh[0, new, 1] = fresh[0, k, 0], fresh[0, k, 1]
-        new += 1
-    total = count + new
-    if total > pair.shape[0]:
-        return total
-    # From the end, so that nothing is overwritten that is still needed.
-    old, new, place = count - 1, new - 1, total - 1
-    while new >= 0:
-        if old >= 0 and not _is_before(pair, old, fresh, new):
-            pair[place, 0], pair[place, 1] = pair[old, 0], pair[old, 1]
-            for i in range(4 if witnessed else 0):
-                axis[place, i] = axis[old, i]
-            old -= 1
-        else:
-            pair[place, 0], pair[place, 1] = fresh[0, new, 0], fresh[0, new, 1]
-            if witnessed:
-                axis[place, 3] = 0.0
-            new -= 1
-        place -= 1
-    return total
-
-
-@kernel
 def update_pairs(shapes: Shapes, grid: Grid, fresh: IntArray, pair: IntArray, axis: Array,
                  count: int, bodies: int, ahead: Array, near: IntArray) -> int:
     """
@@ -198,16 +205,41 @@ def update_pairs(shapes: Shapes, grid: Grid, fresh: IntArray, pair: IntArray, ax
     """
     s = 0
     while s < shapes.kind.shape[0]:
-        s, found = look_around(shapes, grid, fresh[0], bodies, ahead, near, 0, 1, s)
-        count = take_in(shapes.kind, fresh, found, grid.tally, pair, axis, count)
+        s, found = look_around(shapes, grid, fresh[0], bodies, ahead, near, s,
+                               shapes.kind.shape[0])
+        if count <= pair.shape[0]:
+            found = sort_new(fresh[:2], found, grid.tally, pair, count)
+        count = take_in(shapes.kind, fresh, found, 0, pair, axis, count)
     return count
 
 
 @apart
-def take_in(kind: IntArray, fresh: IntArray, found: int, tally: IntArray, pair: IntArray,
-            axis: Array, count: int) -> int:
-    """Sort the fresh pairs into the pairs; return their number. Without room it only counts."""
-    if count > pair.shape[0]:
-        return count + found
-    _sort(fresh, found, tally)
-    return _merge(pair, axis, _have_witnesses(kind), count, fresh, found)
+def take_in(kind: IntArray, fresh: IntArray, first: int, second: int, pair: IntArray, axis: Array,
+            count: int) -> int:
+    """
+    Take in what `sort_new` left of either thread's pairs; return how many pairs there are then.
+
+    Without room for them it only counts. From the end, so that nothing is overwritten that is
+    still needed; all between two new ones moves on by as many places.
+    """
+    total = count + first + second
+    if total > pair.shape[0]:
+        return total
+    witnessed, end = _have_witnesses(kind), count
+    while first + second > 0:
+        i, j = first - 1 & INDEX, second - 1 & INDEX
+        if second == 0 or (first > 0 and _is_before(fresh[2, j, 0], fresh[2, j, 1],
+                                                    fresh[0, i, 0], fresh[0, i, 1])):
+            a, b, old, first = fresh[0, i, 0], fresh[0, i, 1], fresh[1, i, 0], first - 1
+        else:
+            a, b, old, second = fresh[2, j, 0], fresh[2, j, 1], fresh[3, j, 0], second - 1
+        further = first + second
+        for k in range(end - 1, old - 1, -1):
+            pair[k + further + 1, 0], pair[k + further + 1, 1] = pair[k, 0], pair[k, 1]
+            for x in range(4 if witnessed else 0):
+                axis[k + further + 1, x] = axis[k, x]
+        pair[old + further, 0], pair[old + further, 1] = a, b
+        if witnessed:
+            axis[old + further, 3] = 0.0
+        end = old
+    return total
