@@ -8,8 +8,8 @@ its visit, such as the far end of a row of balls, would wait for the next sweep;
 at once, and what that changes roughly, and so on.
 
 All that waits is visited in turns, against the order of the sweep and along it: across, in both
-halves, in both halves again, across. So the halves have two turns at a time to themselves, and two
-cores may take one each: no body of one half is touched by a contact of the other.
+halves, in both halves again, across. So the halves have two visits at a time to themselves, and
+two cores may pay them: no body of one half is touched by a contact of the other.
 """
 
 from typing import NamedTuple
@@ -24,7 +24,7 @@ from rigid_sim_ros.engine.kernel import apart, INDEX, kernel
 from rigid_sim_ros.engine.lanes import LANES
 from rigid_sim_ros.engine.solver_bodies import most_slots, slots_of, SolverBodies, STRIDE
 
-# So often at most both halves have their two turns, and what is across too.
+# So many turns at most. What waits then has to wait for the next sweep.
 CALMING_TURNS = 15
 
 
@@ -67,15 +67,13 @@ def tell_of_sweep(region: int, was_rough: bool, blocks: Blocks, bodies: SolverBo
 @kernel
 def calm(region: int, blocks: Blocks, bodies: SolverBodies, what: Sweep, work: Calming) -> bool:
     """
-    Take two turns through what waits in a region; return whether anybody may wait afterwards.
+    Visit what waits in a region, in a half back and forth, across forth only, as a turn ends.
 
-    In a half against the order of a sweep and then along it; across along it and then, as the
-    first one of the next turns, against it. Whoever waits in the halves after what is across had
-    its turns has heard of it there.
+    Returns whether anybody may wait afterwards: in this half; and, if any was visited across,
+    whomever that told.
     """
     if region == BETWEEN:
-        forth = visit_waiting(region, False, blocks, bodies, what, work)
-        return visit_waiting(region, True, blocks, bodies, what, work) or forth
+        return visit_waiting(region, False, blocks, bodies, what, work)
     visit_waiting(region, True, blocks, bodies, what, work)
     visit_waiting(region, False, blocks, bodies, what, work)
     first, any_waits = first_block(blocks, region), False

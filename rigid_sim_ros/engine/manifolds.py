@@ -100,8 +100,8 @@ class Memory(NamedTuple):
     grid: Grid
     pair_count: IntArray  # (3,) -1 before the first step; see `forget_parted`
     pair: IntArray  # (p, 2) of 32 bits, shapes whose fat boxes overlap, sorted
-    # (4, >= s, 2) of 32 bits, pairs that either thread found around what moved, before they are
-    # taken in, each with as much to sort them in
+    # (4, >= s, 2) of 32 bits: pages 0 and 2 for the pairs that either thread found around what
+    # moved, before they are taken in, and after each of them one to sort them in
     fresh: IntArray
     other_tally: IntArray  # (s + 1,) room to count for a second thread, beside that of the grid
     axis: Array  # (p, 4) witness: a direction in the axes of A that separated the pair; 0: none
@@ -110,7 +110,7 @@ class Memory(NamedTuple):
     other_scratch: Scratch  # for a second thread
     left: IntArray  # (2, 8) first of all how many shapes of either half left their fat boxes
     near: IntArray  # (2, NEAR) some pairs whose bounding boxes overlap, of either thread
-    looked: IntArray  # (2,) pairs that either thread found around what moved, -1 without room
+    looked: IntArray  # (2,) new pairs that either thread has in `fresh`, -1 if it had no room
     shares: IntArray  # (2, 8) what either thread found, see shared_detection.py
     ranges: IntArray  # (2, 6) the `Share` of either thread
     split: IntArray  # (1,) how many of the latest manifolds the first thread begins from
@@ -170,7 +170,7 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
     memory = Memory(
         empty_pages(capacity), integers(1), unplaced(s), room(bodies, 9), room(s), room(1),
         room(s, 6), make_grid(s), integers(3), _names(2 * capacity, 2), _names(4, 4 * s, 2),
-        room(s + 1, kind=np.int64), room(2 * capacity, 4), integers(8), _scratch(), _scratch(),
+        integers(s + 1), room(2 * capacity, 4), integers(8), _scratch(), _scratch(),
         integers(2, 8), integers(2, NEAR), integers(2), integers(2, 8), integers(2, 6),
         integers(1), room(2, bodies, kind=np.int8))
     forget_pairs(memory)

@@ -70,7 +70,8 @@ def look_for_share(model: Model, shapes: Shapes, memory: Memory, thread: int) ->
     """
     List the new partners, sorted, of half of the shapes that moved, for one of two threads.
 
-    The first half by number: most of their partners are then of the same half of the world.
+    The first thread takes the first half by number: most of their partners are then of the same
+    half of the world.
     """
     fresh, tally = memory.fresh[2 * thread:2 * thread + 2], memory.grid.tally
     if thread == 1:
@@ -219,6 +220,7 @@ def take_in(kind: IntArray, fresh: IntArray, first: int, second: int, pair: IntA
     """
     Take in what `sort_new` left of either thread's pairs; return how many pairs there are then.
 
+    fresh (4, f, 2) has the `first` of these in its first two pages, the `second` in the others.
     Without room for them it only counts. From the end, so that nothing is overwritten that is
     still needed; all between two new ones moves on by as many places.
     """

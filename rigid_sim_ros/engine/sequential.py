@@ -90,7 +90,7 @@ def make_work(n: int, middle: tuple[int, int], capacity: int) -> SequentialWork:
 
 # The stages of a region: fill its blocks; let forces act in the first substep; that, impulses for
 # new contacts and a sweep forth; sweep forth or back before any body has moved; sweep forth after
-# bodies have moved; one turn or two through what waits after an impact; end a substep; end it and
+# bodies have moved; let what waits after an impact have a turn; end a substep; end it and
 # begin the next one; end the last one and keep impulses; write bodies back.
 (FILL, START, BEGIN, SWEEP, SWEEP_BACK, MOVED_SWEEP, CALM_BACK, CALM, RETURN, NEXT, KEEP,
  STORE) = range(12)
@@ -103,8 +103,9 @@ def solve_contacts(to: int, box: Any, desk: IntArray, model: Model, state: State
     Advance all bodies by one step, those with a slot in `work.bodies` with contacts.
 
     `flight` is scratch for `fly_free`. `to` is the address of a kernel that calls `do_stage` with
-    REGIONS * stage + region. What is across waits for both halves, so a substep has one meeting:
-    forth in both halves, then across and back across, and back in both halves.
+    REGIONS * stage + region. What is across waits for both halves, so a substep has one meeting,
+    and more after an impact: forth in both halves, then across and back across, and back in both
+    halves.
     """
     bodies, notes, halved = work.bodies, work.notes, work.sides.cut.halved[0] == 1
     # Whatever an earlier step had in regions that this one does not have.
@@ -152,9 +153,9 @@ def _in_all(to: int, box: Any, desk: IntArray, halved: bool, stage: int) -> None
 @kernel
 def _calm(to: int, box: Any, desk: IntArray, halved: bool, notes: Array) -> None:
     """Visit what a rough change reached, until there is no more."""
-    if notes[BETWEEN, ROUGH] > 0.0:
-        call(to, box, REGIONS * CALM_BACK + BETWEEN)
     for _ in range(CALMING_TURNS):
+        if halved:
+            call(to, box, REGIONS * CALM_BACK + BETWEEN)
         _in_all(to, box, desk, halved, CALM)
         if notes[0, WAITING] + notes[1, WAITING] + notes[2, WAITING] == 0.0:
             break
@@ -232,7 +233,8 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
         sweep(region, blocks, motion, bodies.drifted, Sweep(1.0 / h, drift, notes[MOVED] == 0.0),
               stage == SWEEP_BACK, notes)
         notes[MOVED] += drift
-        tell_of_sweep(region, notes[ROUGH] > 0.0, blocks, bodies, work.calming)
+        if stage != SWEEP_BACK:
+            tell_of_sweep(region, notes[ROUGH] > 0.0, blocks, bodies, work.calming)
     elif stage == CALM_BACK:
         visit_waiting(region, True, blocks, bodies, at_rest, work.calming)
     elif stage == CALM:
