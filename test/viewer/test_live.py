@@ -215,7 +215,8 @@ def test_a_clicked_body_is_put_where_the_fields_say(page, probe):
     page.wait_for(lambda: 'position [0.600, 0.600, 0.000] m' in page.text(), 'another body')
     start = page.spot(GREEN)
     page.page.mouse.click(*start)
-    page.wait_for(lambda: 'position [0.000, 0.000, 0.000] m' in page.text(),
+    page.wait_for(lambda: 'position [0.000, 0.000, 0.000] m' in page.text()
+                  and 'angular velocity [0.000, 0.000, 0.000] rad/s' in page.text(),
                   'the figures of the body')
     page.drag(start, (start[0], start[1] - 120),
               until=lambda: position(probe, MIDDLE)[2] > 0.1)
