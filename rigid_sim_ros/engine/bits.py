@@ -8,14 +8,15 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+from rigid_sim_ros.engine.tuple_passing import ADDRESS
+
 _intrinsic: Any = intrinsic
 _BYTES = ir.IntType(8).as_pointer()
 
 
-def place(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
+def place(builder: Any, arguments: Any) -> Any:
     """Return the address of an entry of a flat array, from (array, index, ...)."""
-    array = context.make_array(kind)(context, builder, arguments[0])
-    return builder.gep(array.data, [arguments[1]])
+    return builder.gep(builder.extract_value(arguments[0], ADDRESS), [arguments[1]])
 
 
 @_intrinsic
@@ -40,7 +41,7 @@ def fetch(_: Any, numbers: Any, at: Any) -> Any:
         ask = builder.module.declare_intrinsic(
             'llvm.prefetch', (_BYTES,),
             ir.FunctionType(ir.VoidType(), [_BYTES, *[ir.IntType(32)] * 3]))
-        entry = builder.bitcast(place(context, builder, signature.args[0], args), _BYTES)
+        entry = builder.bitcast(place(builder, args), _BYTES)
         # To write, for all levels of the cache, data.
         builder.call(ask, [entry, *(ir.IntType(32)(k) for k in (1, 3, 1))])
         return context.get_dummy_value()

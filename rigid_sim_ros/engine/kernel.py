@@ -7,11 +7,14 @@ from typing import Any, TypeVar
 
 import numba
 
+from rigid_sim_ros.engine.array_entries import find_entries_directly
+from rigid_sim_ros.engine.counted_loops import count_plainly
 from rigid_sim_ros.engine.kernel_cache import cache_folder
 from rigid_sim_ros.engine.kernel_linking import (
     called_as_part, STAYS_APART, SUPPORTED, WholeCompiler, without_literals)
 from rigid_sim_ros.engine.numba_shortcuts import take_shortcuts
 from rigid_sim_ros.engine.numba_without_scipy import spare_scipy
+from rigid_sim_ros.engine.plain_values import see_through_tuples
 from rigid_sim_ros.engine.tuple_passing import pass_by_address
 
 Function = TypeVar('Function', bound=Callable[..., Any])
@@ -23,6 +26,9 @@ INDEX = (1 << 40) - 1
 spare_scipy()
 take_shortcuts()
 pass_by_address()
+find_entries_directly()
+see_through_tuples()
+count_plainly()
 
 
 def _compiled(function: Function, **options: Any) -> Any:

@@ -16,7 +16,7 @@ Where Numba lacks one of the names that this takes, kernels are compiled as Numb
 from typing import Any
 
 from llvmlite import binding, ir
-from numba.core import codegen, compiler, types
+from numba.core import cgutils, codegen, compiler, types
 from numba.core.typing.templates import make_concrete_template
 
 from rigid_sim_ros.engine.tuple_lifetimes import AFTER, TupleLifetimes
@@ -43,6 +43,7 @@ class _Part(_Library):
         super().__init__(*arguments)
         self.below: dict[Any, None] = {}    # what it calls, in a fixed order
         self.stays_apart = False            # it is called where LLVM would put it in place
+        self.succeeds = True                # it returns no error
 
     def add_linking_library(self, library: Any) -> None:
         library._ensure_finalized()
@@ -52,6 +53,7 @@ class _Part(_Library):
         for function in module.functions if self.stays_apart else ():
             if not function.is_declaration:
                 function.attributes.add('noinline')
+        self.succeeds = self.succeeds and not any(map(_may_fail, module.functions))
         super().add_ir_module(module)
 
     def finalize(self) -> None:
@@ -72,6 +74,16 @@ class _Part(_Library):
 
     def get_pointer_to_function(self, name: str) -> int:
         return 0
+
+
+def _may_fail(function: Any) -> bool:
+    """Return whether a function may return another number than 0, which says that all is well."""
+    ends = [block.terminator for block in function.blocks]
+    return any(end.opname == 'ret' and not _is_success(end.operands) for end in ends)
+
+
+def _is_success(returned: Any) -> bool:
+    return all(isinstance(one, ir.Constant) and one.constant == 0 for one in returned)
 
 
 class _Whole(_Library):
@@ -213,7 +225,7 @@ def called_as_part(compiled: Any) -> Any:
         if arguments not in parts:
             result = as_part.compile(arguments, None)
             key = object()
-            compiled.targetctx.insert_user_function(key, result.fndesc, [result.library])
+            _make_callable(compiled.targetctx, key, result)
             parts[arguments] = key, result.signature
         template = make_concrete_template(f'CallTemplate({name})', key=name,
                                           signatures=[parts[arguments][1]])
@@ -222,6 +234,32 @@ def called_as_part(compiled: Any) -> Any:
     compiled.get_call_template = get_call_template
     compiled.get_overload = lambda arguments: parts[tuple(arguments)][0]
     return compiled
+
+
+def _make_callable(context: Any, key: Any, result: Any) -> None:
+    """
+    Let kernels call a part that was compiled.
+
+    After a call Numba looks whether the part failed, and hands an error on: 25 instructions in
+    three blocks. Of what cannot fail nobody needs to ask.
+    """
+    part = result.fndesc
+    if not getattr(result.library, 'succeeds', False) or isinstance(part.restype, types.Optional):
+        context.insert_user_function(key, part, [result.library])
+        return
+
+    def call(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        convention = context.call_conv
+        function = context.declare_function(builder.module, part)
+        room = cgutils.alloca_once(builder, convention.get_return_type(part.restype).pointee)
+        given = convention._get_arg_packer(part.argtypes).as_arguments(builder, arguments)
+        error = convention._get_excinfo_argument(builder.function)
+        builder.call(function, [room, error, *given])
+        return context.get_returned_value(builder, part.restype, builder.load(room))
+
+    implementation: Any = call
+    implementation.libs = (result.library,)
+    context.insert_func_defn([(implementation, key, part.argtypes)])
 
 
 def without_literals(args: Any, kws: Any) -> Any:

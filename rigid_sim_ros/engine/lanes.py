@@ -30,6 +30,8 @@ from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, lower_cast, models, register_model
 
+from rigid_sim_ros.engine.tuple_passing import ADDRESS
+
 LANES = 8
 # In kernels only: to Python and its checkers they are just something.
 Eight: TypeAlias = Any
@@ -214,7 +216,7 @@ def read_eight(_: Any, array: Any, first: Any) -> Any:
     """Return eight numbers of an array that lie side by side, whichever is the first."""
 
     def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
-        data = _data(context, builder, signature.args[0], args[0])
+        data = builder.extract_value(args[0], ADDRESS)
         return _load(builder, _vector_at(builder, data, args[1]))
 
     return _LANES(array, types.int64), generate
@@ -225,7 +227,7 @@ def write_eight(_: Any, array: Any, first: Any, lanes: Any) -> Any:
     """Write eight numbers of an array that lie side by side, whichever is the first."""
 
     def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
-        data = _data(context, builder, signature.args[0], args[0])
+        data = builder.extract_value(args[0], ADDRESS)
         builder.store(args[2], _vector_at(builder, data, args[1]), align=8)
         return context.get_dummy_value()
 
@@ -265,7 +267,7 @@ def _rows_gatherer(numbers: int, load_row: Callable[..., ir.Value]) -> Any:
     def gatherer(_: Any, array: Any, rows: Any, width: Any, first: Any) -> Any:
 
         def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
-            data, at = (_data(context, builder, signature.args[k], args[k]) for k in (0, 1))
+            data, at = (builder.extract_value(args[k], ADDRESS) for k in (0, 1))
             at_hand = _row_at_hand(builder, at)
             loaded = []
             for lane in range(LANES):
@@ -319,7 +321,7 @@ def _rows_scatterer(numbers: int) -> Any:
     def scatterer(_: Any, array: Any, rows: Any, width: Any, first: Any, lanes: Any) -> Any:
 
         def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
-            data, at = (_data(context, builder, signature.args[k], args[k]) for k in (0, 1))
+            data, at = (builder.extract_value(args[k], ADDRESS) for k in (0, 1))
             columns = [builder.extract_value(args[4], k) for k in range(numbers)]
             nowhere = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), numbers))
             nowhere = builder.gep(nowhere, [_INT(0), _INT(0)])
@@ -348,7 +350,7 @@ def gather_integers(_: Any, array: Any, rows: Any) -> Any:
     """Return the integers that stand in the rows (8,) of an array, 0 for a row below 0."""
 
     def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
-        data, at = (_data(context, builder, signature.args[k], args[k]) for k in (0, 1))
+        data, at = (builder.extract_value(args[k], ADDRESS) for k in (0, 1))
         value, at_hand = ir.Constant(_VECTOR, None), _row_at_hand(builder, at)
         for lane in range(LANES):
             row = _integer(builder, at, _INT(lane))
@@ -444,22 +446,18 @@ def _mask(indices: Sequence[int]) -> ir.Constant:
     return ir.Constant(ir.VectorType(ir.IntType(32), LANES), list(indices))
 
 
-def _data(context: Any, builder: ir.IRBuilder, kind: Any, array: ir.Value) -> ir.Value:
-    return context.make_array(kind)(context, builder, array).data
-
-
 def _vector_at(builder: ir.IRBuilder, data: ir.Value, index: ir.Value) -> ir.Value:
     return builder.bitcast(builder.gep(data, [index]), _VECTOR.as_pointer())
 
 
 def _row(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
-    data = _data(context, builder, signature.args[0], args[0])
+    data = builder.extract_value(args[0], ADDRESS)
     return _vector_at(builder, data, builder.mul(args[1], _INT(LANES)))
 
 
 def _records(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> list[ir.Value]:
     """Return where the record of each lane begins."""
-    data, at = (_data(context, builder, signature.args[k], args[k]) for k in (0, 1))
+    data, at = (builder.extract_value(args[k], ADDRESS) for k in (0, 1))
     starts = [_integer(builder, at, _INT(lane)) for lane in range(LANES)]
     return [_vector_at(builder, data, start) for start in starts]
 

@@ -75,7 +75,8 @@ class SolverBodies(NamedTuple):
 
 def most_slots(n: int) -> int:
     """Return how many slots there are for n bodies, with those that stand still."""
-    return n + 2 + slots_between(n)
+    plain: Any = slots_between  # as a kernel it would be compiled for this alone
+    return n + 2 + int(plain.py_func(n))
 
 
 @inlined

@@ -30,7 +30,7 @@ _context: Any = base.BaseContext
 _tuples: Any = tupleobj
 _extending: Any = extending
 # The members of an array, by place.
-_OWNER, _PARENT, _COUNT, _ITEM_SIZE, _ADDRESS, _LENGTHS, _STRIDES = range(7)
+_OWNER, _PARENT, _COUNT, _ITEM_SIZE, ADDRESS, LENGTHS, _STRIDES = range(7)
 _INTEGER = ir.IntType(8 * SLOT)
 _PLACE = ir.IntType(8).as_pointer()
 # The second has two names, of which an LLVM knows one.
@@ -41,7 +41,8 @@ SUPPORTED = (
     and hasattr(base.BaseContext, 'make_tuple') and hasattr(default_manager, '_handlers'))
 
 
-def _is_packed(kind: Any) -> bool:
+def is_packed(kind: Any) -> bool:
+    """Return whether a type is that of an array of numbers without gaps."""
     return (isinstance(kind, types.Array) and kind.layout == 'C' and kind.ndim > 0
             and isinstance(kind.dtype, (types.Integer, types.Float)))
 
@@ -129,8 +130,8 @@ def _in_a_slot(part: Any) -> Any:
 def _parts(kind: Any, packed: bool = False) -> list[Any]:
     """Return LLVM's types of the slots of a value; `packed`: an array in a tuple of ours."""
     model = default_manager[kind]
-    if packed and _is_packed(kind):
-        return [model.get_value_type().elements[_ADDRESS], *kind.ndim * [_INTEGER]]
+    if packed and is_packed(kind):
+        return [model.get_value_type().elements[ADDRESS], *kind.ndim * [_INTEGER]]
     if isinstance(model, _InMemory):
         return list(model.get_data_type().elements)
     if isinstance(kind, _types.BaseTuple):
@@ -170,7 +171,7 @@ def read(builder: Any, start: Any, first: int, kind: Any, packed: bool = False) 
         return whole
     found = [builder.load(_slot(builder, start, k, part), align=SLOT)
              for k, part in enumerate(_parts(kind, packed), first)]
-    if packed and _is_packed(kind):
+    if packed and is_packed(kind):
         return _put_together(builder, kind, model, *found)
     return _unflattened(model, builder, found)
 
@@ -196,7 +197,7 @@ def _write(builder: Any, start: Any, first: int, kind: Any, value: Any, packed: 
             _write(builder, start, first, member, builder.extract_value(value, k), False)
             first += slots(member)
     else:
-        given = (_taken_apart(builder, value, kind.ndim) if packed and _is_packed(kind)
+        given = (_taken_apart(builder, value, kind.ndim) if packed and is_packed(kind)
                  else _flat(model.as_argument(builder, value)))
         for k, part in enumerate(given, first):
             builder.store(part, _slot(builder, start, k, part.type), align=SLOT)
@@ -204,8 +205,8 @@ def _write(builder: Any, start: Any, first: int, kind: Any, value: Any, packed: 
 
 def _taken_apart(builder: Any, array: Any, dimensions: int) -> tuple[Any, ...]:
     """Return the address and the lengths of an array."""
-    return (builder.extract_value(array, _ADDRESS),
-            *(builder.extract_value(array, (_LENGTHS, k)) for k in range(dimensions)))
+    return (builder.extract_value(array, ADDRESS),
+            *(builder.extract_value(array, (LENGTHS, k)) for k in range(dimensions)))
 
 
 def _put_together(builder: Any, kind: Any, model: Any, address: Any, *lengths: Any) -> Any:
@@ -218,10 +219,10 @@ def _put_together(builder: Any, kind: Any, model: Any, address: Any, *lengths: A
     entries[_ITEM_SIZE] = strides[-1] = stride
     entries[_STRIDES] = ir.Constant(entries[_STRIDES].type, strides)
     array = builder.insert_value(
-        ir.Constant(model.get_value_type(), entries), address, _ADDRESS)
+        ir.Constant(model.get_value_type(), entries), address, ADDRESS)
     count = lengths[0]
     for k, length in enumerate(lengths):
-        array = builder.insert_value(array, length, (_LENGTHS, k))
+        array = builder.insert_value(array, length, (LENGTHS, k))
         count = count if k == 0 else builder.mul(count, length)
     for k in range(len(lengths) - 1, 0, -1):
         stride = builder.mul(stride, lengths[k])
@@ -231,7 +232,7 @@ def _put_together(builder: Any, kind: Any, model: Any, address: Any, *lengths: A
 
 def passes_packed(kind: Any, member: Any) -> bool:
     """Return whether a tuple of this type holds a member by address and lengths."""
-    return isinstance(default_manager[kind], _InMemory) and _is_packed(member)
+    return isinstance(default_manager[kind], _InMemory) and is_packed(member)
 
 
 def is_in_memory(kind: Any) -> bool:

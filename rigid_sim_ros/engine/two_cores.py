@@ -49,7 +49,7 @@ def make_desk() -> IntArray:
 def _read(context: Any, desk: Any, at: Any) -> Any:
     """Return an entry, and see all that was written before it was."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        entry = place(context, builder, signature.args[0], arguments)
+        entry = place(builder, arguments)
         return builder.load_atomic(entry, 'acquire', 8)
     return types.int64(desk, types.int64), build
 
@@ -58,7 +58,7 @@ def _read(context: Any, desk: Any, at: Any) -> Any:
 def _write(context: Any, desk: Any, at: Any, value: Any) -> Any:
     """Write an entry, after all that was written before."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        entry = place(context, builder, signature.args[0], arguments)
+        entry = place(builder, arguments)
         builder.store_atomic(arguments[2], entry, 'release', 8)
         return context.get_dummy_value()
     return types.void(desk, types.int64, types.int64), build
@@ -68,7 +68,7 @@ def _write(context: Any, desk: Any, at: Any, value: Any) -> Any:
 def _replace(context: Any, desk: Any, at: Any, old: Any, new: Any) -> Any:
     """Write `new` where `old` stands; return whether it stood there."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        entry = place(context, builder, signature.args[0], arguments)
+        entry = place(builder, arguments)
         both = builder.cmpxchg(entry, arguments[2], arguments[3], 'acq_rel', 'acquire')
         return builder.extract_value(both, 1)
     return types.boolean(desk, types.int64, types.int64, types.int64), build

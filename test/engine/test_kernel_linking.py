@@ -10,6 +10,7 @@ import sys
 from engine.own_kernels import of_the_engine
 from llvmlite import binding
 import numba
+from numba.core.base import BaseContext
 import numpy as np
 import pytest
 
@@ -92,6 +93,64 @@ def at_once(x):
 
 def test_a_quotient_by_zero_is_infinite_in_a_part_as_in_a_kernel():
     assert at_once(1.0) == math.inf
+
+
+@kernel
+def root(x):
+    if x < 0.0:
+        raise ValueError('a root of less than 0')
+    return math.sqrt(x)
+
+
+@part
+def root_and_square(x):
+    return root(x) + square(x)
+
+
+@kernel
+def third(values, i):
+    triple = (values[0], values[1], values[2])
+    return triple[i]
+
+
+@kernel
+def what_may_fail(x, i, values):
+    before = square(x)
+    values[0] = before
+    return before + root_and_square(x) + third(values, i)
+
+
+@needs_parts
+@pytest.mark.parametrize('x, i, error', [
+    (-1.0, 0, 'a root of less than 0'), (1.0, 3, 'tuple index out of range')])
+def test_an_error_of_a_part_reaches_python(x, i, error):
+    values = np.zeros(3)
+    assert what_may_fail(4.0, 0, values) == 16.0 + 2.0 + 16.0 + 16.0
+    with pytest.raises((ValueError, IndexError), match=error):
+        what_may_fail(x, i, values)
+    assert values[0] == 1.0     # what came before was done
+
+
+@needs_parts
+def test_what_cannot_fail_is_not_asked_for_errors(monkeypatch):
+    asked, insert = [], BaseContext.insert_user_function
+    monkeypatch.setattr(
+        BaseContext, 'insert_user_function', lambda self, key, described, libraries=():
+        asked.append(described.qualname) or insert(self, key, described, libraries))
+
+    @kernel
+    def half(x):
+        return x / 2.0
+
+    @kernel
+    def quarters(values):
+        for i in range(values.shape[0]):
+            values[i] = half(half(values[i])) + root(values[i])
+
+    values = np.array([4.0, 16.0])
+    quarters(values)
+    assert values.tolist() == [3.0, 8.0]
+    assert not [name for name in asked if name.endswith('.half')]
 
 
 @numba.njit
