@@ -92,20 +92,20 @@ def make_work(n: int, middle: tuple[int, int], capacity: int) -> SequentialWork:
 # new contacts and a sweep forth; sweep forth or back before any body has moved; sweep forth after
 # bodies have moved; let what waits after an impact have a turn; end a substep; end it and
 # begin the next one; end the last one and keep impulses; write bodies back.
-(FILL, START, BEGIN, SWEEP, SWEEP_BACK, MOVED_SWEEP, CALM_BACK, CALM, RETURN, NEXT, KEEP,
- STORE) = range(12)
+(FILL, START, BEGIN, SWEEP, SWEEP_BACK, MOVED_SWEEP, CALM_BACK, CALM, RETURN, NEXT,
+ KEEP) = range(11)
 
 
 @part
-def solve_contacts(to: int, box: Any, desk: IntArray, model: Model, state: State, loads: Loads,
-                   substeps: int, flight: Array, work: SequentialWork) -> None:
+def solve_contacts(to: int, to_store: int, box: Any, desk: IntArray, model: Model, state: State,
+                   loads: Loads, substeps: int, flight: Array, work: SequentialWork) -> None:
     """
     Advance all bodies by one step, those with a slot in `work.bodies` with contacts.
 
     `flight` is scratch for `fly_free`. `to` is the address of a kernel that calls `do_stage` with
-    REGIONS * stage + region. What is across waits for both halves, so a substep has one meeting,
-    and more after an impact: forth in both halves, then across and back across, and back in both
-    halves.
+    REGIONS * stage + region, `to_store` that of one that calls `store_half`. What is across waits
+    for both halves, so a substep has one meeting, and more after an impact: forth in both halves,
+    then across and back across, and back in both halves.
     """
     bodies, notes, halved = work.bodies, work.notes, work.sides.cut.halved[0] == 1
     # Whatever an earlier step had in regions that this one does not have.
@@ -129,7 +129,7 @@ def solve_contacts(to: int, box: Any, desk: IntArray, model: Model, state: State
     _in_halves(to, box, desk, halved, KEEP)
     if halved:
         call(to, box, REGIONS * KEEP + BETWEEN)
-    _in_halves(to, box, desk, halved, STORE)
+    _in_halves(to_store, box, desk, halved, 0)
     work.overlap[0] = max(notes[0, DEEPEST], max(notes[1, DEEPEST], notes[2, DEEPEST]))
     work.residual[0] = max(notes[0, LARGEST], max(notes[1, LARGEST], notes[2, LARGEST]))
 
@@ -243,10 +243,15 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
         notes[LARGEST] = keep_impulses(region, blocks, work.coloring, manifolds, bodies, h,
                                        settings.substeps, work.shifted[0] == 1, acted.impulse,
                                        acted.friction)
-    elif stage == STORE:
-        first, last = shared_out(work.sides, region)
-        store_bodies(region, first, last, model.h, model.m, model.inv_m, model.inv_I_C, state,
-                     bodies, settings.substeps)
+
+
+@part
+def store_half(half: int, model: Model, state: State, substeps: int,
+               work: SequentialWork) -> None:
+    """Write the bodies of a half back to the state, at the end of a step."""
+    first, last = shared_out(work.sides, half)
+    store_bodies(half, first, last, model.h, model.m, model.inv_m, model.inv_I_C, state,
+                 work.bodies, substeps)
 
 
 @kernel

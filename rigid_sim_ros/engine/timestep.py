@@ -29,7 +29,7 @@ from rigid_sim_ros.engine.manifolds import (
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.numbering import middle_of
 from rigid_sim_ros.engine.sequential import (
-    do_stage, SequentialSettings, SequentialWork, solve_contacts)
+    do_stage, SequentialSettings, SequentialWork, solve_contacts, store_half)
 from rigid_sim_ros.engine.sequential import make_work as make_sequential_work
 from rigid_sim_ros.engine.shapes import Materials, PLANE, Shapes
 from rigid_sim_ros.engine.shared_detection import (
@@ -225,6 +225,13 @@ def _solve(box: Any, number: int) -> int:
 
 
 @kernel
+def _store(box: Any, half: int) -> int:
+    store_half(half, held(box, _MODEL), held(box, _STATE),
+               held(box, _SETTINGS).sequential.substeps, held(box, _WORK).solver)
+    return 0
+
+
+@kernel
 def _add_forces(box: Any, later: int) -> int:
     model, state, work = held(box, _MODEL), held(box, _STATE), held(box, _WORK)
     if later == 1:
@@ -253,17 +260,17 @@ def _sleep(box: Any, when: int) -> int:
     return 0
 
 
-# What is compiled apart from the step, by place; the first by a helper: it takes as long
+# What is compiled apart from the step, by place; the first two by a helper: they take as long
 # as all others together.
-_TO_DETECT, _TO_COLLIDE, _TO_SOLVE, _TO_FORCES, _TO_SLEEP, _TO_SHARE = range(6)
-PIECES, _SHARED_OUT = 6, 1
-ALWAYS = [_detect]    # what every world has a helper compile
+_TO_DETECT, _TO_STORE, _TO_COLLIDE, _TO_SOLVE, _TO_FORCES, _TO_SLEEP, _TO_SHARE = range(7)
+PIECES, _SHARED_OUT = 7, 2
+ALWAYS = [_detect, _store]    # what every world has a helper compile
 
 
 def _pieces(model: Model, materials: Materials, settings: TimestepSettings,
             helped: bool) -> list[Any]:
     """Return what a world needs, None in the place of a piece that is never called."""
-    return [_detect, _collide if (materials.restitution > 0.0).any() else None, _solve,
+    return [_detect, _store, _collide if (materials.restitution > 0.0).any() else None, _solve,
             _add_forces if model.forces.kind.shape[0] > 0 else None,
             _sleep if settings.sleep_steps > 0 else None,
             _share if helped else None]
@@ -333,7 +340,7 @@ def _step(box: Any) -> bool:
         mark_touching(manifolds, work.collision.waits, memory.touching)
     work.solver.bodies.alike[0] = 0 if loaded else 1
     begin_slots(work.solver.sides, memory.touching, work.solver.bodies)
-    solve_contacts(to[_TO_SOLVE], box, desk, model, state, work.loads,
+    solve_contacts(to[_TO_SOLVE], to[_TO_STORE], box, desk, model, state, work.loads,
                    settings.sequential.substeps, work.block, work.solver)
     if loaded:
         # As in the symplectic method: half of the change of the loads, now at the new poses.

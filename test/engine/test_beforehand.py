@@ -48,7 +48,7 @@ def told(*scenes):
 ], ids=['two balls', 'with all that is optional'])
 def test_a_helper_begins_with_the_types_that_the_first_step_has(one):
     begun, needed = told(one, scene('timestep', BALL, OTHER))
-    assert begun == [[['_detect'], needed]]     # and once only
+    assert begun == [[['_detect', '_store'], needed]]     # and once only
 
 
 @pytest.mark.parametrize('other', [scene('none', BALL, GROUND), scene('timestep', BALL)])
@@ -69,12 +69,12 @@ from rigid_sim_ros.world import World
 world = World.from_dict(SCENE)
 assert len(started) == 1 and compiling._begun == started
 world.step()
-from rigid_sim_ros.engine.timestep import _detect
+from rigid_sim_ros.engine.timestep import ALWAYS
 print(len(started), len(compiling._begun), started[0].returncode,
-      sum(_detect.stats.cache_hits.values()))
+      *(sum(piece.stats.cache_hits.values()) for piece in ALWAYS))
 """
     done = subprocess.run(
         [sys.executable, '-c', code.replace('SCENE', repr(scene('timestep', BALL, OTHER)))],
         env=os.environ | {'NUMBA_CACHE_DIR': str(tmp_path)}, capture_output=True, text=True,
         check=True)
-    assert done.stdout.split() == ['1', '0', '0', '1']
+    assert done.stdout.split() == ['1', '0', '0', '1', '1']
