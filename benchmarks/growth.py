@@ -9,8 +9,9 @@ How cost and memory grow with the number of bodies.
 Three scenes at several sizes: spheres in a bin whose shape is the same for all sizes, after two
 seconds, when deep bins still settle, and after twelve, when all are at rest; the same spheres far
 apart without gravity, so that contacts are looked for and none is found; and free bodies in a
-world without contacts. Each size runs in a process of its own on one thread, sizes take turns, and
-of all pieces of all rounds the median counts. Time is that of the processor. Sleeping is off, as
+world without contacts. Each size runs in a process of its own on one thread, and of its pieces the
+median counts. The sizes of a scene take turns with every piece, so that whatever else the machine
+does in these minutes, it does to all of them. Time is that of the processor. Sleeping is off, as
 it is by default.
 
 Memory, in processes of their own, is what the resident set grew by after a small world of the
@@ -44,7 +45,7 @@ LEAST = 1000    # bodies whose memory is more than a few pages
 SMALL = 300     # bodies of a world that is numbered by place and cut, as large ones are
 SETTLING, RESTING = 480, 2880   # steps after which a bin still settles, and is at rest
 PIECE = 0.02    # s of a piece that is timed, at least
-PIECES = 15
+TURNS = 45      # pieces of each size
 BATCHES = (1, 10, 100)  # steps of free bodies in one call
 # What keeps a library from using more than one thread.
 ONE_THREAD = dict.fromkeys(('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'NUMBA_NUM_THREADS'), '1')
@@ -132,31 +133,45 @@ def resident() -> int:
     return int(Path('/proc/self/statm').read_text().split()[1]) * os.sysconf('SC_PAGE_SIZE')
 
 
-def costs(world: World, n: int, count: int) -> list[float]:
-    """Return the time of the processor that a body takes for a step [ns], piece by piece."""
-    calls, found = 1, []
-    while len(found) < PIECES:
+class Timed:
+    """One size that steps when asked."""
+
+    def __init__(self, case: Case, n: int) -> None:
+        self.world, self.n = World.from_dict(case.make(n)), n
+        self.done = 0
+
+    def begin(self, after: int, count: int) -> int:
+        """Step until `after` steps are done, and return how many calls a piece has."""
+        self.world.step(max(after - self.done, 0))
+        self.done = max(after, self.done)
+        calls = 1
+        while self._seconds(calls, count) < PIECE and calls < 100_000:
+            calls *= 2
+        return calls
+
+    def piece(self, calls: int, count: int) -> float:
+        """Return what a body and step cost [ns], after a call that nobody counts."""
+        self.world.step(count)
+        return 1e9 * self._seconds(calls, count) / (calls * count * self.n)
+
+    def report(self) -> dict[str, float]:
+        """Return how it stands at the end."""
+        report = self.world.contact_report()
+        return {'contacts': report.contacts / self.n, 'residual': report.residual}
+
+    def _seconds(self, calls: int, count: int) -> float:
         start = time.process_time()
         for _ in range(calls):
-            world.step(count)
-        taken = time.process_time() - start
-        if taken < PIECE and calls < 100_000:
-            calls *= 2
-        else:
-            found.append(1e9 * taken / (calls * count * n))
-    return found
+            self.world.step(count)
+        return time.process_time() - start
 
 
-def time_of(case: Case, n: int) -> dict[str, Any]:
-    """Measure what a body and step cost at one size [ns]."""
-    world = World.from_dict(case.make(n))
-    times, done = {}, 0
-    for after, count in case.rows():
-        world.step(max(after - done, 0))
-        done = max(after, done)
-        times[f'{after}/{count}'] = costs(world, n, count)
-    report = world.contact_report()
-    return {'times': times, 'contacts': report.contacts / n, 'residual': report.residual}
+def answer(case: Case, n: int) -> None:
+    """Do what the lines of standard input ask for, each with a line, until they end."""
+    timed = Timed(case, n)
+    for asked in sys.stdin:
+        name, *arguments = asked.split()
+        print(json.dumps(getattr(timed, name)(*map(int, arguments))), flush=True)
 
 
 def memory_of(case: Case, n: int) -> dict[str, Any]:
@@ -184,46 +199,68 @@ def size_of(arrays: Any) -> int:
     return arrays.nbytes if isinstance(arrays, np.ndarray) else 0
 
 
-WHATS = {'time': time_of, 'memory': memory_of}
-
-
 # --- in the process that asks -----------------------------------------------------------------
 
-Results = dict[tuple[str, str, int], list[dict[str, Any]]]  # by what, scene and size
+Results = dict[tuple[str, str, int], dict[str, Any]]    # by what, scene and size
 
 
-def ask(what: str, name: str, n: int) -> dict[str, Any]:
-    """Measure one size in a process of its own."""
+def command(what: str, name: str, n: int) -> list[str]:
+    """Return what runs one size in a process of its own, and say so."""
     print(f'  {what}: {CASES[name].name}, {n}', file=sys.stderr, flush=True)
-    environment = os.environ | ONE_THREAD | (OWN_PAGES if what == 'memory' else {})
-    done = subprocess.run([sys.executable, __file__, '--run', what, name, str(n)], check=True,
-                          capture_output=True, text=True, env=environment)
-    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return [sys.executable, __file__, '--run', what, name, str(n)]
+
+
+class Size:
+    """A size in a process of its own, which takes its turn when asked."""
+
+    def __init__(self, name: str, n: int) -> None:
+        self.process = subprocess.Popen(command('time', name, n), stdin=subprocess.PIPE, text=True,
+                                        stdout=subprocess.PIPE, env=os.environ | ONE_THREAD)
+
+    def ask(self, *words: object) -> Any:
+        """Return the answer to a line."""
+        assert self.process.stdin is not None and self.process.stdout is not None
+        print(*words, file=self.process.stdin, flush=True)
+        return json.loads(self.process.stdout.readline())
+
+    def end(self) -> None:
+        """Let the process end."""
+        self.process.communicate()
+
+
+def times_of(name: str, numbers: list[int], turns: int) -> Results:
+    """Measure what a body and step cost at these sizes, in turn."""
+    case, sizes = CASES[name], [Size(name, n) for n in numbers]
+    times: dict[str, list[list[float]]] = {}
+    for after, count in case.rows():
+        calls = [size.ask('begin', after, count) for size in sizes]
+        rounds = [[size.ask('piece', k, count) for size, k in zip(sizes, calls, strict=True)]
+                  for _ in range(turns)]
+        times[f'{after}/{count}'] = [list(pieces) for pieces in zip(*rounds, strict=True)]
+    found: Results = {
+        ('time', name, n): {'times': {row: times[row][k] for row in times}} | size.ask('report')
+        for k, (n, size) in enumerate(zip(numbers, sizes, strict=True))}
+    for size in sizes:
+        size.end()
     return found
 
 
-def measure(rounds: int, most: int) -> Results:
+def measure(turns: int, most: int) -> Results:
     """Measure all sizes up to `most`, in turn."""
+    chosen = {name: [n for n in case.sizes if n <= most] for name, case in CASES.items()}
     results: Results = {}
-    chosen = [(name, n) for name, case in CASES.items() for n in case.sizes if n <= most]
-    for _ in range(rounds):
-        for name, n in chosen:
-            results.setdefault(('time', name, n), []).append(ask('time', name, n))
-    for name, n in chosen:
-        if n >= LEAST:
-            results['memory', name, n] = [ask('memory', name, n)]
+    for name, numbers in chosen.items():
+        results |= times_of(name, numbers, turns)
+    for name, n in [(name, n) for name, numbers in chosen.items() for n in numbers if n >= LEAST]:
+        done = subprocess.run(command('memory', name, n), check=True, capture_output=True,
+                              text=True, env=os.environ | ONE_THREAD | OWN_PAGES)
+        results['memory', name, n] = json.loads(done.stdout.splitlines()[-1])
     return results
 
 
 def cost(results: Results, name: str, n: int, row: tuple[int, int]) -> float:
     """Return the median cost of a body and step [ns] of a row."""
-    key = f'{row[0]}/{row[1]}'
-    return median([t for one in results['time', name, n] for t in one['times'][key]])
-
-
-def figure(results: Results, what: str, name: str, n: int, key: str) -> float:
-    """Return the median of a figure over the rounds."""
-    return median(one[key] for one in results[what, name, n])
+    return median(results['time', name, n]['times'][f'{row[0]}/{row[1]}'])
 
 
 def sizes(results: Results, what: str, name: str) -> list[int]:
@@ -247,9 +284,9 @@ def cost_tables(results: Results) -> list[str]:
                                        for value in row), f'{max(row) / min(row):.2f}{limit}']))
         if name == 'bin':
             lines.append(line(['contacts a body', *(
-                f'{figure(results, "time", name, n, "contacts"):.2f}' for n in measured), '']))
+                f'{results["time", name, n]["contacts"]:.2f}' for n in measured), '']))
             lines.append(line(['velocity that a sweep changes at the end [m/s]', *(
-                f'{figure(results, "time", name, n, "residual"):.0e}' for n in measured), '']))
+                f'{results["time", name, n]["residual"]:.0e}' for n in measured), '']))
         tables.append('\n'.join(lines))
     return tables
 
@@ -257,9 +294,9 @@ def cost_tables(results: Results) -> list[str]:
 def shares(results: Results) -> tuple[list[int], list[float], list[float]]:
     """Return sizes with the bytes of a body and of a contact in a world that steps."""
     common = [n for n in sizes(results, 'memory', 'bin') if ('memory', 'apart', n) in results]
-    bodies = [figure(results, 'memory', 'apart', n, 'world') for n in common]
-    contacts = [(figure(results, 'memory', 'bin', n, 'world') - body)
-                / figure(results, 'memory', 'bin', n, 'contacts')
+    bodies = [results['memory', 'apart', n]['world'] for n in common]
+    contacts = [(results['memory', 'bin', n]['world'] - body)
+                / results['memory', 'bin', n]['contacts']
                 for n, body in zip(common, bodies, strict=True)]
     return common, bodies, contacts
 
@@ -268,15 +305,15 @@ def memory_table(results: Results) -> str:
     """Return the table of memory."""
     common, bodies, contacts = shares(results)
     lines = heading(['bytes', *common, 'at most'])
-    in_bin = [figure(results, 'memory', 'bin', n, 'world') for n in common]
-    count = figure(results, 'memory', 'bin', common[-1], 'contacts')
+    in_bin = [results['memory', 'bin', n]['world'] for n in common]
+    count = results['memory', 'bin', common[-1]]['contacts']
     lines.append(line([f'a body in the bin, with its {count:.1f} contacts',
                        *(f'{b:.0f}' for b in in_bin), f'{BODY + count * CONTACT:.0f}']))
     lines.append(line(['a body far apart', *(f'{b:.0f}' for b in bodies), BODY]))
     lines.append(line(['what a contact adds', *(f'{b:.0f}' for b in contacts), CONTACT]))
     for text, name, key, limit in (('a free body', 'free', 'world', BODY),
                                    ('the description of a body', 'bin', 'description', '')):
-        row = [f'{figure(results, "memory", name, n, key):.0f}'
+        row = [f'{results["memory", name, n][key]:.0f}'
                if ('memory', name, n) in results else '' for n in common]
         lines.append(line([text, *row, limit]))
     return '\n'.join(lines)
@@ -319,7 +356,7 @@ def draw(results: Results, path: Path) -> None:
 def main() -> int:
     """Measure, print, draw and write down."""
     parser = argparse.ArgumentParser(description=(__doc__ or '').strip().splitlines()[0])
-    parser.add_argument('--rounds', type=int, default=3, help='processes for each size, 3')
+    parser.add_argument('--turns', type=int, default=TURNS, help=f'pieces of a size, {TURNS}')
     parser.add_argument('--most', type=int, default=100_000, help='bodies at most')
     parser.add_argument('--chart', type=Path, help='a .png or .svg file to draw into')
     parser.add_argument('--output', type=Path, help='a Markdown file to write, besides')
@@ -328,13 +365,16 @@ def main() -> int:
     arguments = parser.parse_args()
     if arguments.run:
         what, name, n = arguments.run
-        print(json.dumps(WHATS[what](CASES[name], int(n))))
+        if what == 'time':
+            answer(CASES[name], int(n))
+        else:
+            print(json.dumps(memory_of(CASES[name], int(n))))
         return 0
     if arguments.most < LEAST:
         parser.error(f'argument --most: {arguments.most}, must be at least {LEAST}')
     where = machine()
     print(where, flush=True)
-    results = measure(arguments.rounds, arguments.most)
+    results = measure(arguments.turns, arguments.most)
     pages = [where, *cost_tables(results), memory_table(results)]
     print('', *pages[1:], sep='\n\n')
     if arguments.chart:
