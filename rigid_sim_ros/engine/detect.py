@@ -9,32 +9,37 @@ manifold of polyhedra that hardly moved relative to each other keeps its points,
 gaps are found anew.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.broad_phase import mark_moved, near_pairs
+from rigid_sim_ros.engine.kept import call
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part
 from rigid_sim_ros.engine.manifolds import (
-    CONTACTS, current, earlier, Manifolds, Memory, NEAR, PAIRS, RECYCLED, Scratch,
+    CONTACTS, current, earlier, Manifolds, Memory, NEAR, NO_SEARCH, PAIRS, RECYCLED, Scratch,
     SHORT_ROWS, WITNESSED)
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.narrow_phase.balls import touching_ball
 from rigid_sim_ros.engine.narrow_phase.boxes import box_box, UNSETTLED
-from rigid_sim_ros.engine.narrow_phase.collide import collide
+from rigid_sim_ros.engine.narrow_phase.collide import collide_by_search, on_plane
 from rigid_sim_ros.engine.pair_list import find_pairs, look_for_share, note_moved, take_shares
 from rigid_sim_ros.engine.placing import bound, place_bodies, place_shapes
 from rigid_sim_ros.engine.rotation import conjugate, multiply, quaternion
 from rigid_sim_ros.engine.shapes import BOX, HULL, PLANE, Shapes, SPHERE
 from rigid_sim_ros.engine.state import State
-from rigid_sim_ros.engine.witness import boxes_apart, remember, separates, worth_it
+from rigid_sim_ros.engine.witness import boxes_apart, remember, separates
 
 # A manifold keeps its points while these move by less than this part of the margin. 0: never; 0.2:
 # a box would slide on by 1 mm of 5 mm before its points follow. The gaps of kept points are exact
 # to second order.
 SLACK = 0.02
-ROWS = 7    # what a thread counts besides what is in `Memory.counters`: manifolds
+# What a thread counts besides what is in `Memory.counters`: manifolds, and pairs left out for want
+# of `search_pair`.
+ROWS, LEFT_OUT = 7, 6
 NONE = (0.0, 0.0, 0.0)
-AS_BEFORE = -2  # in place of the number of points: the pair is apart, and a witness says so
+# In place of the number of points: the pair is apart, and a witness says so; nobody knows, for
+# what would find out is not compiled.
+AS_BEFORE, UNKNOWN = -2, -3
 # The stages by their numbers: everything; what moved; the partners of what moved, by the first
 # thread and by the second (the number that follows), and taken in; the manifolds, in the same way,
 # and by one thread.
@@ -80,19 +85,24 @@ def detect(model: Model, state: State, shapes: Shapes, memory: Memory, margin: f
     the last step is then untouched, and the caller detects again with `grown(memory)`.
     """
     memory.ahead[:], memory.calm[0] = 0.5 * margin, margin
-    return detect_ahead(model, state, shapes, memory)
+    return detect_ahead(model, state, shapes, memory, 0, None)
 
 
 @kernel
-def detect_ahead(model: Model, state: State, shapes: Shapes, memory: Memory) -> bool:
+def detect_ahead(model: Model, state: State, shapes: Shapes, memory: Memory, to_search: int,
+                 box: Any) -> bool:
     """
     Do the same for margins that differ: that of a pair is the sum of two of `memory.ahead`.
 
-    What it exceeds `memory.calm` by is how far the pair may move in the step.
+    What it exceeds `memory.calm` by is how far the pair may move in the step. `to_search` is the
+    address of a kernel that calls `search_pair`, for a `box`, or 0 as long as there is none; what
+    has no box calls it here. Where one was needed the counter NO_SEARCH is 1 and the result False,
+    as where a buffer is too small.
     """
     memory.left[1, 0] = 0
     place_some(state, shapes, memory, 0, (0, shapes.kind.shape[0]), (0, state.x.shape[1]))
-    return find_pairs(model, state, shapes, memory) and find_all_manifolds(state, shapes, memory)
+    return find_pairs(model, state, shapes, memory) and find_all_manifolds(
+        state, shapes, memory, to_search, box)
 
 
 @kernel
@@ -107,12 +117,13 @@ def place_some(state: State, shapes: Shapes, memory: Memory, half: int, some: tu
 
 
 @kernel
-def detect_stage(stage: int, model: Model, state: State, shapes: Shapes, memory: Memory) -> bool:
+def detect_stage(stage: int, model: Model, state: State, shapes: Shapes, memory: Memory,
+                 to_search: int, box: Any) -> bool:
     """Do what `detect_ahead` does, or of that what several threads do one by one or each."""
     if stage == WHOLE:
-        return detect_ahead(model, state, shapes, memory)
+        return detect_ahead(model, state, shapes, memory, to_search, box)
     if stage == ALL:
-        return find_all_manifolds(state, shapes, memory)
+        return find_all_manifolds(state, shapes, memory, to_search, box)
     if stage == TAKE:
         return take_shares(model, shapes, memory)
     if stage == NOTE:
@@ -120,38 +131,43 @@ def detect_stage(stage: int, model: Model, state: State, shapes: Shapes, memory:
     elif stage < TAKE:
         look_for_share(model, shapes, memory, stage - LOOK)
     else:
-        find_share(state, shapes, memory, stage - FIND)
+        find_share(state, shapes, memory, stage - FIND, to_search, box)
     return True
 
 
 @kernel
-def find_all_manifolds(state: State, shapes: Shapes, memory: Memory) -> bool:
+def find_all_manifolds(state: State, shapes: Shapes, memory: Memory, to_search: int,
+                       box: Any) -> bool:
     """Find the manifolds of all pairs, and turn the page; return whether there was room."""
     before = current(memory)
     everything = Share(0, memory.pair_count[0], 0, before.shape_a.shape[0], before.count[1], 0)
     set_share(memory, 0, everything)
-    find_share(state, shapes, memory, 0)
+    find_share(state, shapes, memory, 0, to_search, box)
     memory.shares[1, :], memory.touching[1, :] = 0, 0
     memory.split[0] = memory.shares[0, ROWS] // 2
     return turn_page(memory, 0, memory.shares[0, ROWS])
 
 
 @kernel
-def find_share(state: State, shapes: Shapes, memory: Memory, thread: int) -> None:
+def find_share(state: State, shapes: Shapes, memory: Memory, thread: int, to_search: int,
+               box: Any) -> None:
     """Find the manifolds of the pairs that one of two threads was given."""
     now, before, share = earlier(memory), current(memory), get_share(memory, thread)
     if thread == 0:
-        find_manifolds(state, shapes, memory, memory.scratch, memory.near[0], now, before,
-                       share, memory.touching[0], memory.shares[0])
+        find_manifolds(state, shapes, memory, memory.scratch, memory.near[0], now, before, share,
+                       memory.touching[0], memory.shares[0], 0, to_search, box)
     else:
         find_manifolds(state, shapes, memory, memory.other_scratch, memory.near[1], now, before,
-                       share, memory.touching[1], memory.shares[1])
+                       share, memory.touching[1], memory.shares[1], 1, to_search, box)
 
 
 @kernel
 def turn_page(memory: Memory, first: int, rows: int) -> bool:
-    """Let the rows that were found be the current manifolds, if there was room for them."""
+    """Let the rows that were found be the current manifolds, if all are there and had room."""
     now = earlier(memory)
+    if memory.shares[0, LEFT_OUT] + memory.shares[1, LEFT_OUT] > 0:
+        memory.counters[NO_SEARCH] = 1
+        return False
     # The last row stays free: what comes after a full page was tried out in it.
     if rows >= now.shape_a.shape[0]:
         memory.counters[SHORT_ROWS] = rows + 1
@@ -166,7 +182,8 @@ def turn_page(memory: Memory, first: int, rows: int) -> bool:
 @kernel
 def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratch,
                    listing: IntArray, now: Manifolds, before: Manifolds, share: Share,
-                   touching: IntArray, found_so: IntArray) -> None:
+                   touching: IntArray, found_so: IntArray, thread: int, to_search: int,
+                   box: Any) -> None:
     """
     Go through the pairs and through the last step's rows, both sorted, side by side.
 
@@ -177,7 +194,7 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
     """
     back, step = share.backwards, 1 - 2 * share.backwards
     old_at, old_end = share.old, before.count[1] + (0 if back == 1 else before.count[0])
-    rows, near, settled, recycled, contacts = 0, 0, 0, 0, 0
+    rows, near, settled, recycled, contacts, left_out = 0, 0, 0, 0, 0, 0
     left, at, end, last = share.last - share.first, 0, 0, share.row + step * (share.room - 1)
     place = share.row
     touching[:] = 0
@@ -205,8 +222,9 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
             count = before.points[old]
             recycled += 1
         else:
-            count, n = _points_of(shapes, memory, scratch, k, a, b, margin)
+            count, n = _points_of(shapes, memory, scratch, k, a, b, margin, thread, to_search, box)
             settled += 1 if count == AS_BEFORE else 0
+            left_out += 1 if count == UNKNOWN else 0
             if count <= 0:
                 continue
             _write(state, memory.turn, now, row, i, j, count, n, scratch.points,
@@ -222,12 +240,12 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
             place += step
     found_so[PAIRS], found_so[WITNESSED] = near, settled
     found_so[RECYCLED], found_so[CONTACTS] = recycled, contacts
-    found_so[ROWS] = rows
+    found_so[ROWS], found_so[LEFT_OUT] = rows, left_out
 
 
 @part
 def _points_of(shapes: Shapes, memory: Memory, scratch: Scratch, k: int, a: int, b: int,
-               margin: float) -> tuple[int, Vector]:
+               margin: float, thread: int, to_search: int, box: Any) -> tuple[int, Vector]:
     """
     Find the points of pair k, of shapes a and b: return their number and the normal.
 
@@ -236,25 +254,56 @@ def _points_of(shapes: Shapes, memory: Memory, scratch: Scratch, k: int, a: int,
     work.
     """
     kind_a, kind_b = shapes.kind[a], shapes.kind[b]
-    count, n, witness = UNSETTLED, NONE, False
     if kind_a != HULL and kind_b != HULL and (kind_a == SPHERE or kind_b == SPHERE):
-        count, n = touching_ball(memory.pose, shapes.size, kind_a, kind_b, a, b, margin,
-                                 scratch.points, scratch.ids)
-    elif kind_a == BOX and kind_b == BOX:
+        return touching_ball(memory.pose, shapes.size, kind_a, kind_b, a, b, margin,
+                             scratch.points, scratch.ids)
+    if kind_a == PLANE or kind_b == PLANE:
+        return on_plane(memory.pose, shapes, a, b, kind_b == PLANE, margin, scratch)
+    count, n = UNSETTLED, NONE
+    if kind_a == BOX and kind_b == BOX:
         if boxes_apart(memory.pose, shapes.size, shapes.bound, a, b, memory.axis, k, margin):
             return AS_BEFORE, NONE
-        witness = True
-        count, n = box_box(memory.pose, shapes.size, a, b, margin,
-                           max(0.0, margin - memory.calm[0]), scratch.points, scratch.ids,
-                           scratch.polygon, scratch.labels, scratch.numbers)
+        # What may touch with a face is seen as a face, unless that tells nothing.
+        for way in (max(0.0, margin - memory.calm[0]), 0.0):
+            count, n = box_box(memory.pose, shapes.size, a, b, margin, way, scratch.points,
+                               scratch.ids, scratch.polygon, scratch.labels, scratch.numbers)
+            if count != UNSETTLED or way == 0.0:
+                break
     if count == UNSETTLED:
-        witness = witness or worth_it(shapes.kind, a, b)
-        if witness and separates(memory.pose, shapes, a, b, memory.axis, k, margin):
-            return AS_BEFORE, NONE
-        count, n = collide(memory.pose, shapes, a, b, margin, scratch)
-    if witness and (count == 0 or memory.axis[k, 3] != 0.0):
+        count = _search(shapes, memory, k, thread, to_search, box)
+        if count in (AS_BEFORE, UNKNOWN):
+            return count, NONE
+        n = scratch.normal[0], scratch.normal[1], scratch.normal[2]
+    if count == 0 or memory.axis[k, 3] != 0.0:
         remember(memory.pose, a, memory.axis, k, n if count == 0 else NONE)
     return count, n
+
+
+@part
+def _search(shapes: Shapes, memory: Memory, k: int, thread: int, to_search: int, box: Any) -> int:
+    """Do what `search_pair` does, by its address if there is a box; UNKNOWN if that is 0."""
+    if box is None:
+        return search_pair(2 * k + thread, shapes, memory)
+    return UNKNOWN if to_search == 0 else int(call(to_search, box, 2 * k + thread))
+
+
+@kernel
+def search_pair(number: int, shapes: Shapes, memory: Memory) -> int:
+    """
+    Find the points of two convex shapes by the searches that do so for any kinds.
+
+    2 k + thread is for pair k in the scratch of a thread, where the normal is left too. Returns
+    the number of points, or AS_BEFORE.
+    """
+    k = (number >> 1) & INDEX
+    scratch = memory.other_scratch if number & 1 == 1 else memory.scratch
+    a, b = memory.pair[k, 0] & INDEX, memory.pair[k, 1] & INDEX
+    margin = memory.ahead[a] + memory.ahead[b]
+    if separates(memory.pose, shapes, a, b, memory.axis, k, margin):
+        return AS_BEFORE
+    count, n = collide_by_search(memory.pose, shapes, a, b, margin, scratch)
+    scratch.normal[0], scratch.normal[1], scratch.normal[2] = n
+    return count
 
 
 @inlined

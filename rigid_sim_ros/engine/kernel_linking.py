@@ -126,15 +126,24 @@ def _names_in(module: Any) -> Any:
 
 
 def _below(libraries: Any) -> list[Any]:
-    """Return these libraries and all that parts among them call, each once."""
-    found: dict[Any, None] = {}
-    waiting = list(libraries)
-    while waiting:
-        library = waiting.pop()
-        if library not in found:
-            found[library] = None
-            waiting += library.below if isinstance(library, _Part) else []
-    return list(found)
+    """
+    Return these libraries and all that parts among them call, each once, callers first.
+
+    LLVM leaves out what nobody calls so far.
+    """
+    seen, found = set(), []
+
+    def visit(library: Any) -> None:
+        if library in seen:
+            return
+        seen.add(library)
+        for called in library.below if isinstance(library, _Part) else []:
+            visit(called)
+        found.append(library)
+
+    for library in libraries:
+        visit(library)
+    return found[::-1]
 
 
 def _module(library: Any) -> Any:

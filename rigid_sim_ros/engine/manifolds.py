@@ -68,6 +68,7 @@ class Scratch(NamedTuple):
     polygon: Array  # (2, CANDIDATES, 3)
     labels: IntArray  # (2, CANDIDATES, 2)
     numbers: Array  # (64,) small matrices
+    normal: Array  # (3,) where it is not returned
     corners: Array  # (EPA_CORNERS, 9) of A - B, A and B
     faces: Array  # (EPA_FACES, 4) normal and distance
     links: IntArray  # (EPA_FACES, 4) three corners, and whether the face is alive
@@ -105,7 +106,7 @@ class Memory(NamedTuple):
     fresh: IntArray
     other_tally: IntArray  # (s + 1,) room to count for a second thread, beside that of the grid
     axis: Array  # (p, 4) witness: a direction in the axes of A that separated the pair; 0: none
-    counters: IntArray  # (8,) see PAIRS .. SHORT_ROWS
+    counters: IntArray  # (8,) see PAIRS .. NO_SEARCH
     scratch: Scratch
     other_scratch: Scratch  # for a second thread
     left: IntArray  # (2, 8) first of all how many shapes of either half left their fat boxes
@@ -125,6 +126,7 @@ CONTACTS = 3  # points of all manifolds
 REBUILT = 4  # shapes that left their fat boxes
 SHORT_PAIRS = 5  # capacity that was missing: pairs
 SHORT_ROWS = 6  # and manifolds
+NO_SEARCH = 7  # 1 where a pair needed `search_pair`, which was not there yet
 
 
 # Fields that tell how things are in this step, and are not asked for those of the last one.
@@ -159,7 +161,7 @@ def _names(*shape: int) -> Any:
 def _scratch() -> Scratch:
     return Scratch(np.zeros((CANDIDATES, 4)), integers(CANDIDATES),
                    np.zeros((2, CANDIDATES, 3)), integers(2, CANDIDATES, 2), np.zeros(64),
-                   np.zeros((EPA_CORNERS, 9)),
+                   np.zeros(3), np.zeros((EPA_CORNERS, 9)),
                    np.zeros((EPA_FACES, 4)), integers(EPA_FACES, 4),
                    np.zeros((2, MAX_CORNERS, 3)), integers(EPA_FACES, 2))
 

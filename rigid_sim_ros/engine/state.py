@@ -14,7 +14,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array
 from rigid_sim_ros.engine.kept import contents, held
-from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part
+from rigid_sim_ros.engine.kernel import apart, in_python, INDEX, inlined, kernel
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.rotation import (
     angular_momentum, angular_velocity, multiply, quaternion, rotate)
@@ -64,7 +64,7 @@ def copy_into(target: State, source: State) -> None:
             target.q[k, i] = source.q[k, i]
 
 
-@part
+@apart
 def _unfinite(rows: Array) -> int:
     """Count the numbers that are not finite; as integers add up in any order, by vectors."""
     count = 0
@@ -138,7 +138,7 @@ def read_motion(box: Any) -> None:
             motion.orientation[i, k] = q_WB[k]
 
 
-@kernel
+@in_python
 def write_motion(model: Model, state: State, motion: BodyMotion, i: int) -> None:
     """Set the state of body i from its row of body-frame motion: undo `read_motion`."""
     q_WB = (motion.orientation[i, 0], motion.orientation[i, 1], motion.orientation[i, 2],

@@ -16,8 +16,8 @@ from rigid_sim_ros.engine.arrays import Array, IntArray, integers
 from rigid_sim_ros.engine.collisions import (
     collide_bodies, CollisionWork, make_collision_work, may_bounce)
 from rigid_sim_ros.engine.coloring import REGIONS
-from rigid_sim_ros.engine.compiling import compile_together
-from rigid_sim_ros.engine.detect import detect_stage, WHOLE
+from rigid_sim_ros.engine.compiling import compile_late, compile_together
+from rigid_sim_ros.engine.detect import detect_stage, search_pair, WHOLE
 from rigid_sim_ros.engine.forces import add_scene_forces
 from rigid_sim_ros.engine.free_flight import BLOCK_SIZE as FLIGHT_SIZE, fly
 from rigid_sim_ros.engine.integrate import begin_loads, end_loads
@@ -25,8 +25,9 @@ from rigid_sim_ros.engine.kept import call, held, Kept
 from rigid_sim_ros.engine.kernel import apart, INDEX, kernel
 from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.manifolds import (
-    current, current_manifolds, earlier, grown, Manifolds, Memory, rows_in_use)
+    current, current_manifolds, earlier, grown, Manifolds, Memory, NO_SEARCH, rows_in_use)
 from rigid_sim_ros.engine.model import Model
+from rigid_sim_ros.engine.narrow_phase.collide import BOXES, CAPSULES, CONVEX, FAMILY
 from rigid_sim_ros.engine.numbering import middle_of
 from rigid_sim_ros.engine.sequential import (
     do_stage, SequentialSettings, SequentialWork, solve_contacts, store_half)
@@ -132,8 +133,8 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
         if kept.compiled_for is not box:
             kinds = box.type, types.int64
             kept.addresses[:] = compile_together(
-                _advance_kept, kinds, _pieces(model, materials, settings, helper is not None),
-                _SHARED_OUT)
+                _advance_kept, kinds, *_pieces(model, shapes, materials, settings,
+                                               helper is not None), _SHARED_OUT)
             kept.compiled_for = box
         some = count - done if helper is None else min(count - done, _STEPS_WITHOUT_HELP)
         if helper is None or current_manifolds(memory).count[0] < ENOUGH:
@@ -145,6 +146,10 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
         if done == count:
             return memory, work
         if taken == some:
+            continue
+        if memory.counters[NO_SEARCH] != 0:
+            memory.counters[NO_SEARCH] = 0
+            kept.addresses[_TO_SEARCH] = compile_late(_search, box.type)
             continue
         memory = grown(memory)
         if memory.pages[0].shape_a.shape[0] > work.collision.rows.shape[0]:
@@ -173,12 +178,18 @@ _CUT = 8
 
 @kernel
 def _detect(box: Any, stage: int) -> int:
+    to_search = held(box, _ADDRESSES)[_TO_SEARCH]
     if stage == _CUT:
         choose_cut(held(box, _MODEL).inv_m, held(box, _STATE).x, held(box, _REST).asleep,
                    current(held(box, _MEMORY)), held(box, _WORK).solver.sides)
         return 1
     return int(detect_stage(stage, held(box, _MODEL), held(box, _STATE), held(box, _SHAPES),
-                            held(box, _MEMORY)))
+                            held(box, _MEMORY), to_search, box))
+
+
+@kernel
+def _search(box: Any, number: int) -> int:
+    return search_pair(number, held(box, _SHAPES), held(box, _MEMORY))
 
 
 @kernel
@@ -260,20 +271,30 @@ def _sleep(box: Any, when: int) -> int:
     return 0
 
 
-# What is compiled apart from the step, by place; the first two by a helper: they take as long
+# What is compiled apart from the step, by place; the first three by a helper: they take as long
 # as all others together.
-_TO_DETECT, _TO_STORE, _TO_COLLIDE, _TO_SOLVE, _TO_FORCES, _TO_SLEEP, _TO_SHARE = range(7)
-PIECES, _SHARED_OUT = 7, 2
+(_TO_DETECT, _TO_STORE, _TO_SEARCH, _TO_COLLIDE, _TO_SOLVE, _TO_FORCES, _TO_SLEEP,
+ _TO_SHARE) = range(8)
+PIECES, _SHARED_OUT = 8, 3
 ALWAYS = [_detect, _store]    # what every world has a helper compile
 
 
-def _pieces(model: Model, materials: Materials, settings: TimestepSettings,
-            helped: bool) -> list[Any]:
-    """Return what a world needs, None in the place of a piece that is never called."""
-    return [_detect, _store, _collide if (materials.restitution > 0.0).any() else None, _solve,
+def _pieces(model: Model, shapes: Shapes, materials: Materials, settings: TimestepSettings,
+            helped: bool) -> tuple[list[Any], set[int]]:
+    """
+    Return what a world needs, None in the place of a piece that is never called.
+
+    With the places of those that hardly ever are: two boxes need a search when nothing else tells
+    which way is out.
+    """
+    kinds = np.unique(shapes.kind)
+    families = FAMILY[np.ix_(kinds, kinds)]
+    searched = np.isin(families, (CAPSULES, CONVEX)).any()
+    return [_detect, _store, _search if searched or (families == BOXES).any() else None,
+            _collide if (materials.restitution > 0.0).any() else None, _solve,
             _add_forces if model.forces.kind.shape[0] > 0 else None,
             _sleep if settings.sleep_steps > 0 else None,
-            _share if helped else None]
+            _share if helped else None], set() if searched else {_TO_SEARCH}
 
 
 @apart

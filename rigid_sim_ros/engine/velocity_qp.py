@@ -75,7 +75,7 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
     for _ in range(count):
         look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, materials.restitution,
                    settings, work.shared.radius, shapes.body, memory, 0, shapes.body.shape[0])
-        while not detect_ahead(model, state, shapes, memory):
+        while not detect_ahead(model, state, shapes, memory, 0, None):
             memory = grown(memory)
         if len(memory.pages[0].shape_a) > len(work.shared.collision.rows):
             work.shared = make_timestep_work(model, shapes, memory)

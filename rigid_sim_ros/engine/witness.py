@@ -11,9 +11,9 @@ changes a manifold.
 """
 
 from rigid_sim_ros.engine.algebra import dot, origin, subtract, to_shape, to_world
-from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
+from rigid_sim_ros.engine.arrays import Array, Vector
 from rigid_sim_ros.engine.kernel import kernel
-from rigid_sim_ros.engine.shapes import HULL, PLANE, Shapes, SPHERE
+from rigid_sim_ros.engine.shapes import Shapes
 from rigid_sim_ros.engine.support import box_reach, reach
 
 # Of the size of the larger shape: what a witness has to separate above the margin. It covers what
@@ -55,10 +55,3 @@ def remember(pose: Array, a: int, axis: Array, k: int, n: Vector) -> None:
     d = to_shape(pose, a, n)
     axis[k, 0], axis[k, 1], axis[k, 2] = d
     axis[k, 3] = dot(n, n)
-
-
-@kernel
-def worth_it(kind: IntArray, a: int, b: int) -> bool:
-    """Return whether a witness is faster than the narrow phase: not for planes and spheres."""
-    return not (kind[a] == PLANE or kind[b] == PLANE or (kind[a] == SPHERE and kind[b] != HULL)
-                or (kind[b] == SPHERE and kind[a] != HULL))

@@ -68,10 +68,17 @@ from rigid_sim_ros.engine.kept import Kept
 kept = Kept(2)
 box = kept.box(kept.addresses, np.arange(5), 2.0)
 kept.addresses[:] = compiling.compile_together(
-    kernels.both, (box.type,), (kernels.add_up, kernels.count), 1)
+    kernels.both, (box.type,), (kernels.add_up, kernels.count), {may_wait}, 1)
+{late}
 print(kernels.both(box), sum(kernels.add_up.stats.cache_hits.values()))
 """
 RESULT = 100 * (0 + 1 + 2 + 3 + 4) + 5 + 2 + 1
+# What has to happen before a piece that may wait is called: whether it is there, and its address.
+LATE = """
+print(int(kept.addresses[0] == 0), end=' ')
+{happens}
+kept.addresses[0] = compiling.compile_late(kernels.add_up, box.type)
+"""
 # Let something happen to a helper when it is started.
 TO_A_HELPER = """
 start = compiling._start
@@ -89,10 +96,12 @@ def _started(tmp_path):
     """Give a function that starts a process with a new cache, whose start may be changed."""
     (tmp_path / 'kernels.py').write_text(KERNELS, encoding='utf-8')
 
-    def start(change='', before=''):
+    def start(change='', before='', late=None):
         path = os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
         return subprocess.Popen(
-            [sys.executable, '-c', RUN.format(before=before, change=change)],
+            [sys.executable, '-c', RUN.format(
+                before=before, change=change, may_wait={0} if late is not None else set(),
+                late='' if late is None else LATE.format(happens=late))],
             env=os.environ | {'NUMBA_CACHE_DIR': str(tmp_path / 'cache'), 'PYTHONPATH': path},
             stdout=subprocess.PIPE, text=True)
 
@@ -116,7 +125,8 @@ def test_what_a_helper_compiled_is_loaded(started):
     pytest.param("sys.executable = '/nowhere/python3'", id='no-such-python'),
     pytest.param('compiling.cores = lambda: 1', id='one-core'),
     pytest.param('compiling.os.access = lambda *_: False', id='read-only-cache'),
-    pytest.param(TO_A_HELPER.format(waits='', happens='helper.kill()'), id='killed-at-once'),
+    pytest.param(TO_A_HELPER.format(waits='', happens='helper.process.kill()'),
+                 id='killed-at-once'),
     pytest.param(TO_A_HELPER.format(waits='no', happens='compiling.PATIENCE = 0.1'), id='hangs'),
 ])
 def test_without_a_helper_that_gets_done_all_is_compiled_here(started, change):
@@ -140,8 +150,33 @@ def test_two_first_starts_at_the_same_time_do_not_disturb_each_other(started):
 
 
 @needs_helper
+@pytest.mark.parametrize(('happens', 'loaded'), [
+    pytest.param('', 1, id='asked for at once'),
+    pytest.param('compiling._behind[0].process.wait()', 1, id='long done'),
+    pytest.param('compiling._behind[0].process.kill()', 0, id='killed'),
+])
+def test_a_piece_that_may_wait_is_there_when_it_is_asked_for(started, happens, loaded):
+    assert result(started(late=happens)) == (1, RESULT, loaded)
+
+
+def test_a_piece_that_may_wait_is_there_at_once_where_nobody_goes_on_with_it(started):
+    assert result(started('compiling.cores = lambda: 1', late='')) == (0, RESULT, 0)
+    assert result(started('compiling._start = None', late='')) == (0, RESULT, 1)
+
+
+@needs_helper
+def test_who_may_not_wait_waits_for_a_helper_that_goes_on(started):
+    again = """
+compiling._start = None
+kept.addresses[:] = compiling.compile_together(
+    kernels.both, (box.type,), (kernels.add_up, kernels.count), set(), 1)
+"""
+    assert result(started(late=again)) == (1, RESULT, 1)
+
+
+@needs_helper
 def test_a_helper_ends_when_who_started_it_is_killed(started):
-    happens = 'print(helper.pid, flush=True); os.kill(os.getpid(), 9)'
+    happens = 'print(helper.process.pid, flush=True); os.kill(os.getpid(), 9)'
     process = started(TO_A_HELPER.format(waits='no', happens=happens))
     output, _ = process.communicate(timeout=120)
     assert process.returncode == -signal.SIGKILL

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros.engine import kernel as kernels
-from rigid_sim_ros.engine.kernel_linking import _names_in, SUPPORTED
+from rigid_sim_ros.engine.kernel_linking import _below, _names_in, _Part, SUPPORTED
 
 needs_parts = pytest.mark.skipif(not SUPPORTED, reason='this Numba compiles kernels by itself')
 
@@ -207,3 +207,42 @@ def test_of_the_module_of_a_kernel_the_cache_keeps_the_names_alone():
     assert [function.name for function in names.functions] == ['a$b']
     assert [variable.name for variable in names.global_variables] == ['d.0']
     assert 'ret ' not in str(names)
+
+
+def made(*below):
+    """Return a library that calls others."""
+    library = object.__new__(_Part)
+    library.below = below
+    return library
+
+
+def test_who_calls_is_linked_before_what_it_calls_and_each_once():
+    numbas = object()
+    low = made(numbas)
+    middle, other = made(low), made(low, numbas)
+    top = made(middle, other)
+    for libraries in ([top], [numbas, low, middle, other, top], [top, other, middle, low, numbas],
+                      [low, top], [other, numbas, top]):
+        order = _below(libraries)
+        assert sorted(map(id, order)) == sorted(map(id, (top, middle, other, low, numbas)))
+        for library in (top, middle, other, low):
+            assert all(order.index(library) < order.index(called) for called in library.below)
+
+
+@inlined
+def least(x, y, z):
+    return min(x, y, z)
+
+
+@part
+def least_twice(x):
+    return least(x, 2.0 * x, 3.0) + least(x, 1.0, 2.0)
+
+
+@kernel
+def least_of_all(x):
+    return least(x, 1.0, 2.0) + least_twice(x) + least(x, 5.0, 7.0)
+
+
+def test_what_several_parts_call_of_numbas_own_is_there():
+    assert least_of_all(4.0) == 1.0 + (3.0 + 1.0) + 4.0

@@ -8,6 +8,7 @@ from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
+from rigid_sim_ros.engine.kernel import in_python
 from rigid_sim_ros.engine.rotation import (
     angular_momentum, angular_velocity, exponential, from_matrix, logarithm, multiply, rotate,
     rotate_back, to_matrix, unit)
@@ -41,6 +42,15 @@ def test_multiply_is_one_rotation_after_the_other(a, b):
 def test_from_matrix_is_the_inverse_of_to_matrix(q):
     back = np.array(from_matrix(to_matrix(q)))
     assert min(abs(back - q).max(), abs(back + q).max()) < ROUNDING
+
+
+@given(QUATERNION, QUATERNION, VECTOR)
+def test_python_finds_the_same_bits_as_a_kernel(a, b, v):
+    for function, arguments in ((multiply, (a, b)), (rotate, (a, v)), (to_matrix, (a,)),
+                                (from_matrix, (to_matrix(a),)), (exponential, (v,))):
+        plain = in_python(function)
+        assert not hasattr(plain, 'py_func')
+        assert np.array(plain(*arguments)).tobytes() == np.array(function(*arguments)).tobytes()
 
 
 def test_quaternion_of_a_quarter_turn_about_z_turns_x_to_y():

@@ -44,32 +44,37 @@ def collide(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
                            scratch.labels, scratch.numbers)
         if count != UNSETTLED:
             return count, n
-        return convex_convex(pose, shapes, a, b, margin, scratch)
     if family in (PLANE_FIRST, PLANE_SECOND):
-        return _on_plane(pose, shapes, a, b, family == PLANE_SECOND, margin, scratch)
+        return on_plane(pose, shapes, a, b, family == PLANE_SECOND, margin, scratch)
     if family == BALL:
         return touching_ball(pose, shapes.size, shapes.kind[a], shapes.kind[b], a, b, margin,
                              points, ids)
-    if family == CAPSULES:
-        gap, n, p = capsule_capsule(pose, shapes.size, a, b)
-    elif family == NEVER:
+    if family == NEVER:
         return 0, (0.0, 0.0, 0.0)
-    else:
+    return collide_by_search(pose, shapes, a, b, margin, scratch)
+
+
+@kernel
+def collide_by_search(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
+                      scratch: Scratch) -> tuple[int, Vector]:
+    """Do the same for two capsules, or for any two convex shapes, none of them a plane."""
+    if FAMILY[shapes.kind[a], shapes.kind[b]] != CAPSULES:
         return convex_convex(pose, shapes, a, b, margin, scratch)
+    gap, n, p = capsule_capsule(pose, shapes.size, a, b)
     if gap >= margin:
         return 0, n
-    put(points, ids, 0, p, gap, 0)
+    put(scratch.points, scratch.ids, 0, p, gap, 0)
     return 1, n
 
 
 @kernel
-def _on_plane(pose: Array, shapes: Shapes, a: int, b: int, second: bool, margin: float,
-              scratch: Scratch) -> tuple[int, Vector]:
+def on_plane(pose: Array, shapes: Shapes, a: int, b: int, second: bool, margin: float,
+             scratch: Scratch) -> tuple[int, Vector]:
+    """Do the same for a plane, which may be the second of both, and another shape."""
     plane, s = (b, a) if second else (a, b)
     points = scratch.points
     count = plane_shape(pose, shapes.size, shapes.kind[s], plane, s, shapes.hulls, shapes.hull[s],
-                        margin,
-                        points, scratch.ids)
+                        margin, points, scratch.ids)
     n = (pose[plane, 5], pose[plane, 8], pose[plane, 11])
     if not second:
         return count, n

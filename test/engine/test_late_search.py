@@ -1,0 +1,92 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A world steps before the search for any two convex shapes is compiled, and waits if it must."""
+import numpy as np
+import pytest
+
+from rigid_sim_ros import World
+from rigid_sim_ros.engine import timestep
+from rigid_sim_ros.engine.manifolds import current_manifolds
+from rigid_sim_ros.engine.slots import ENOUGH
+
+GROUND = {'name': 'ground', 'fixed': True, 'shape': {'type': 'plane'}}
+BALL, BOX = {'type': 'sphere', 'radius': 0.2}, {'type': 'box', 'size': [0.4, 0.4, 0.4]}
+ROD = {'type': 'capsule', 'radius': 0.1, 'length': 0.6}
+# [m] Between the nearest corners of two boxes, along each axis: nearer than the margin.
+NEAR = 0.002
+
+
+def scene(*bodies):
+    return {'format': 1, 'world': {'contact': 'timestep', 'gravity': [0, 0, -9.81]}, 'bodies': [
+        GROUND, *({'name': f'b{k}', 'mass': 1.0, 'shape': shape, 'pose': {'position': place}}
+                  for k, (shape, place) in enumerate(bodies))]}
+
+
+def corner_to_corner():
+    """Return two boxes that fall, one of them turning, with nothing but two corners near."""
+    one = scene((BOX, (0, 0, 1)), (BOX, (0.4 + NEAR, 0.4 + NEAR, 1.4 + NEAR)))
+    one['bodies'][1]['twist'] = {'angular': [0.1, -0.1, 0]}
+    return one
+
+
+def crossed_rods():
+    """Return so many rods, each across another one, that two threads share them out."""
+    turned = {'orientation': [np.sqrt(0.5), 0, 0, np.sqrt(0.5)]}
+    across = {'orientation': [0, np.sqrt(0.5), 0, np.sqrt(0.5)]}
+    one = scene(*((ROD, (k % 20, k // 20, 0.1 + 0.2 * up))
+                  for k in range(ENOUGH // 2) for up in range(2)))
+    for k, body in enumerate(one['bodies'][1:]):
+        body['pose'] |= across if k % 2 else turned
+    return one
+
+
+def without_search(world, monkeypatch):
+    """Let a world forget where the search is; return what it was asked for from then on."""
+    asked, compile_late = [], timestep.compile_late
+
+    def counted(piece, box):
+        asked.append(piece.__name__)
+        return compile_late(piece, box)
+
+    monkeypatch.setattr(timestep, 'compile_late', counted)
+    world._contact._kept.addresses[timestep._TO_SEARCH] = 0
+    return asked
+
+
+@pytest.mark.parametrize(('bodies', 'searched'), [
+    ([(BALL, (0, 0, 1)), (BALL, (1, 0, 1))], 'never'),
+    ([(BALL, (0, 0, 1)), (BOX, (1, 0, 1))], 'hardly ever'),
+    ([(BALL, (0, 0, 1)), (ROD, (1, 0, 1))], 'always'),
+    ([(BALL, (0, 0, 1)), ({'type': 'cylinder', 'radius': 0.1, 'length': 0.2}, (1, 0, 1))],
+     'always'),
+])
+def test_the_shapes_of_a_world_say_whether_it_searches(bodies, searched):
+    world = World.from_dict(scene(*bodies))
+    s, settings = world._contact._setup, world._contact._settings
+    pieces, may_wait = timestep._pieces(s.model, s.shapes, s.materials, settings, False)
+    assert pieces[timestep._TO_SEARCH] == (None if searched == 'never' else timestep._search)
+    assert may_wait == (set() if searched == 'always' else {timestep._TO_SEARCH})
+
+
+def test_boxes_that_meet_with_corners_wait_for_the_search_and_come_to_the_same(monkeypatch):
+    known, other = (World.from_dict(corner_to_corner()) for _ in range(2))
+    known.step(20)
+    other.step(1)
+    asked = without_search(other, monkeypatch)
+    other.step(19)
+    assert asked == ['_search']
+    assert other.state_hash() == known.state_hash()
+
+
+@pytest.mark.parametrize('threads', [1, 2])
+def test_a_step_that_waited_is_the_same_step_on_two_threads(threads, monkeypatch):
+    known, other = (World.from_dict(crossed_rods()) for _ in range(2))
+    for world in (known, other):
+        world.threads = threads
+        world.step(3)
+    assert current_manifolds(other._contact._memory).count[0] >= ENOUGH
+    known.step(5)
+    asked = without_search(other, monkeypatch)
+    other.step(5)
+    assert asked == ['_search']
+    assert other.state_hash() == known.state_hash()
