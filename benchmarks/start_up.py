@@ -9,9 +9,9 @@ How long it takes from starting Python to the first step.
 Cold: with an empty cache, so that every kernel that the scene needs is compiled. Warm: with the
 cache of the run before. Python's bytecode is there either way, as after an installation. Each
 start is a process of its own. Its time ends with the first step; that of the processor, which
-tells more on a machine that does other things too, is that of the whole process, with what Python
-takes to end. `batch` is `rigid_sim batch`, which records one step, until it has ended; it has to
-say that it compiles when that takes.
+tells more on a machine that does other things too, is that of the whole process, with what it
+compiles while the world steps, and what Python takes to end. `batch` is `rigid_sim batch`, which
+records one step, until it has ended; it has to say that it compiles when that takes.
 """
 
 import argparse
@@ -64,6 +64,8 @@ import json, sys, time
 from rigid_sim_ros import World
 World.from_dict(json.loads(sys.argv[1])).step()
 print(time.monotonic())
+from rigid_sim_ros.engine.compiling import finish
+finish()
 """
 
 

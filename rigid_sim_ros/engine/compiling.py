@@ -71,6 +71,13 @@ def compile_late(piece: Any, box: Any) -> int:
         return _address(piece, (box, types.int64))
 
 
+def finish() -> None:
+    """Wait until no helper goes on with anything: the next process finds all in the cache."""
+    with _lock:
+        for helper in _behind:
+            helper.wait(len(helper.given))
+
+
 def begin(pieces: Sequence[Any], box: Any) -> None:
     """
     Let a helper compile some pieces from now on, for `compile_together` to wait for it.

@@ -152,7 +152,7 @@ def test_two_first_starts_at_the_same_time_do_not_disturb_each_other(started):
 @needs_helper
 @pytest.mark.parametrize(('happens', 'loaded'), [
     pytest.param('', 1, id='asked for at once'),
-    pytest.param('compiling._behind[0].process.wait()', 1, id='long done'),
+    pytest.param('compiling.finish()', 1, id='long done'),
     pytest.param('compiling._behind[0].process.kill()', 0, id='killed'),
 ])
 def test_a_piece_that_may_wait_is_there_when_it_is_asked_for(started, happens, loaded):

@@ -21,7 +21,7 @@ def detect_in_stages(scene: Scene, by_number: bool) -> None:
         memory.ahead[:], memory.calm[0] = 0.5 * scene.margin, scene.margin
 
         def detect(*stages, memory=memory):
-            return all(detect_stage(stage, scene.model, scene.state, scene.shapes, memory)
+            return all(detect_stage(stage, scene.model, scene.state, scene.shapes, memory, 0, None)
                        for stage in stages)
 
         def share(*stages, memory=memory):
