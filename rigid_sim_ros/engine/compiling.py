@@ -148,6 +148,8 @@ class Helper:
         self.process = process
         self.given: list[tuple[Any, Any]] = []      # pieces and the types of their arguments
         self.later: list[tuple[Any, Any]] = []      # those of them that nobody waits for
+        # Remembers what it has written: the types fill a third of a pipe that nobody reads yet.
+        self._pickler = pickle.Pickler(process.stdin)
         self._done = 0
         self._ended = False
         self._news = threading.Condition()
@@ -180,7 +182,7 @@ class Helper:
 
     def _send(self, work: Any) -> None:
         with suppress(OSError):     # it has ended already
-            pickle.dump(work, self.process.stdin)
+            self._pickler.dump(work)
             self.process.stdin.flush()
 
     def _listen(self) -> None:
@@ -221,9 +223,10 @@ def cores() -> int:
 
 def _read_work(pipe: Any, work: Any) -> None:
     """Pass on what is read, until the process that writes it ends."""
+    unpickler = pickle.Unpickler(pipe)
     try:
         while True:
-            work.put(pickle.load(pipe))
+            work.put(unpickler.load())
     except (EOFError, OSError, pickle.UnpicklingError):
         os._exit(1)
 
