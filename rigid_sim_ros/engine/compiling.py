@@ -76,6 +76,7 @@ def finish() -> None:
     with _lock:
         for helper in _behind:
             helper.wait(len(helper.given))
+            helper.stop()
 
 
 def begin(pieces: Sequence[Any], box: Any) -> None:
