@@ -75,8 +75,7 @@ def finish() -> None:
     """Wait until no helper goes on with anything: the next process finds all in the cache."""
     with _lock:
         for helper in _behind:
-            helper.wait(len(helper.given))
-            helper.stop()
+            helper.stop(PATIENCE)
 
 
 def begin(pieces: Sequence[Any], box: Any) -> None:
@@ -131,14 +130,17 @@ def _helped(missing: Sequence[Any], later: Sequence[Any], kinds: Any) -> Iterato
     helper.give(missing, kinds)
     awaited = len(helper.given)
     helper.give(later, kinds)
+    patience = 0.0
     try:
         yield
-        if helper.wait(awaited) and later:
+        if helper.wait(awaited):
             helper.go_on(later, kinds)
-            _behind.append(helper)
+            patience = PATIENCE
+            if later:
+                _behind.append(helper)
     finally:
         if helper not in _behind:
-            helper.stop()
+            helper.stop(patience)
 
 
 class Helper:
@@ -174,9 +176,11 @@ class Helper:
             self._news.wait_for(lambda: self._done >= count or self._ended, PATIENCE)
             return self._done >= count
 
-    def stop(self) -> None:
-        """End it, if it has not ended."""
-        self.process.kill()
+    def stop(self, patience: float) -> None:
+        """End it, if it does not end in so many seconds."""
+        with suppress(subprocess.TimeoutExpired):
+            self.process.wait(patience)
+        self.process.kill()     # does nothing once it has ended
         self.process.wait()
         with suppress(OSError):     # for what it was told and never read
             self.process.stdin.close()

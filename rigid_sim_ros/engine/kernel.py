@@ -126,10 +126,9 @@ def in_python(function: Function) -> Function:
     own: Any = getattr(function, 'py_func', function)
     called = {name: in_python(value) for name, value in own.__globals__.items()
               if name in own.__code__.co_names and hasattr(value, 'py_func')}
-    copy: Any = FunctionType(own.__code__, own.__globals__ | called, own.__name__,
-                             own.__defaults__, own.__closure__)
-    copy.__doc__ = own.__doc__
-    return copy
+    plain: Any = FunctionType(own.__code__, own.__globals__ | called, own.__name__,
+                              own.__defaults__, own.__closure__)
+    return plain
 
 
 def _for_kernels(compiled: Any) -> Any:

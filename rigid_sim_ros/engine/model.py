@@ -15,8 +15,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.inertia import check, MassProperties, principal_axes
-from rigid_sim_ros.engine.kernel import in_python
-from rigid_sim_ros.engine.rotation import from_matrix
+from rigid_sim_ros.engine.rotation_in_python import from_matrix
 
 WORLD = -1  # the frame index of W
 
@@ -64,12 +63,9 @@ class Frame(NamedTuple):
     q_BF: Array  # (4,) x, y, z, w
 
 
-_from_matrix = in_python(from_matrix)
-
-
 def _quaternion(R: Array) -> Array:
     x, y, z = R.tolist()
-    return np.array(_from_matrix((tuple(x), tuple(y), tuple(z))))
+    return np.array(from_matrix((tuple(x), tuple(y), tuple(z))))
 
 
 def _rotated(q: Array, v: Array) -> Array:

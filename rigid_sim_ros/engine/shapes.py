@@ -16,14 +16,12 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.hulls import bare_hulls, HullTable, make_hulls, Polyhedron
-from rigid_sim_ros.engine.kernel import in_python
 from rigid_sim_ros.engine.model import Model
-from rigid_sim_ros.engine.rotation import multiply, rotate
+from rigid_sim_ros.engine.rotation_in_python import multiply, rotate
 
 SPHERE, BOX, CAPSULE, CYLINDER, HULL, PLANE = range(6)
 KIND_NAMES = ('sphere', 'box', 'capsule', 'cylinder', 'hull', 'plane')
 ALL_GROUPS = -1  # every bit of a mask
-_multiply, _rotate = in_python(multiply), in_python(rotate)
 
 
 class Shape(NamedTuple):
@@ -141,7 +139,7 @@ def build_shapes(model: Model, shapes: Sequence[Shape],
         q_CB = tuple(model.q_CB[shape.body])
         offset = np.asarray(shape.p_BS) + _turned(shape.q_BS, centres[i])
         p_CS[i] = model.p_CB[shape.body] + _turned(q_CB, offset)
-        q_CS[i] = _multiply(q_CB, tuple(map(float, shape.q_BS)))  # type: ignore[arg-type]
+        q_CS[i] = multiply(q_CB, tuple(map(float, shape.q_BS)))  # type: ignore[arg-type]
         q_CS[i] /= np.linalg.norm(q_CS[i])
         bound[i] = _bound(shape.kind, size[i])
         if shape.kind == HULL:
@@ -166,7 +164,7 @@ def _column(shapes: Sequence[Shape], name: str) -> IntArray:
 
 
 def _turned(q: Sequence[float], v: Array) -> Array:
-    return np.array(_rotate(tuple(map(float, q)), tuple(map(float, v))))  # type: ignore[arg-type]
+    return np.array(rotate(tuple(map(float, q)), tuple(map(float, v))))  # type: ignore[arg-type]
 
 
 def _bound(kind: int, size: Array) -> float:

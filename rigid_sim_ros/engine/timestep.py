@@ -178,13 +178,12 @@ _CUT = 8
 
 @kernel
 def _detect(box: Any, stage: int) -> int:
-    to_search = held(box, _ADDRESSES)[_TO_SEARCH]
     if stage == _CUT:
         choose_cut(held(box, _MODEL).inv_m, held(box, _STATE).x, held(box, _REST).asleep,
                    current(held(box, _MEMORY)), held(box, _WORK).solver.sides)
         return 1
     return int(detect_stage(stage, held(box, _MODEL), held(box, _STATE), held(box, _SHAPES),
-                            held(box, _MEMORY), to_search, box))
+                            held(box, _MEMORY), held(box, _ADDRESSES)[_TO_SEARCH], box))
 
 
 @kernel

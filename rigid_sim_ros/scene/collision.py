@@ -8,15 +8,13 @@ from typing import Any
 import numpy as np
 
 from rigid_sim_ros.engine.hulls import Polyhedron
-from rigid_sim_ros.engine.kernel import in_python
-from rigid_sim_ros.engine.rotation import multiply, rotate
+from rigid_sim_ros.engine.rotation_in_python import multiply, rotate
 from rigid_sim_ros.engine.shapes import (
     ALL_GROUPS, BOX, CAPSULE, CYLINDER, HULL, Material, PLANE, Shape, SPHERE)
 from rigid_sim_ros.scene import schema
 from rigid_sim_ros.scene.errors import nearest, Report, shown
 
 # Groups are bits of a 64-bit number whose sign stays free.
-_multiply, _rotate = in_python(multiply), in_python(rotate)
 MAX_GROUPS = 62
 
 
@@ -113,9 +111,9 @@ def _plane(part: Any) -> Shape:
     x, y, z = (axis / np.linalg.norm(axis)).tolist()
     q = (0.0, 0.0, 0.0, 1.0) if n[2] == 1.0 else (x, y, z, 0.0)
     x, y, z = (n * part.offset).tolist()
-    origin = _rotate(part.pose.orientation, (x, y, z))
+    origin = rotate(part.pose.orientation, (x, y, z))
     position = tuple(np.add(part.pose.position, origin).tolist())
-    return Shape(0, PLANE, (0.0, 0.0, 0.0), position, _multiply(part.pose.orientation, q))
+    return Shape(0, PLANE, (0.0, 0.0, 0.0), position, multiply(part.pose.orientation, q))
 
 
 def _mesh(part: Any) -> Shape:

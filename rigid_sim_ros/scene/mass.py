@@ -15,12 +15,10 @@ import numpy as np
 
 from rigid_sim_ros.engine import inertia
 from rigid_sim_ros.engine.inertia import MassProperties
-from rigid_sim_ros.engine.kernel import in_python
-from rigid_sim_ros.engine.rotation import to_matrix
+from rigid_sim_ros.engine.rotation_in_python import to_matrix
 from rigid_sim_ros.scene import schema
 from rigid_sim_ros.scene.errors import dotted, either, Path
 
-_to_matrix = in_python(to_matrix)
 _MEND = 'must have mass, density or inertial'
 
 # Per kind of solid: its volume [m^3], and its mass properties at a given mass [kg] in its own
@@ -114,5 +112,5 @@ def _placed(part: schema.Shape, body: schema.Body, volume: float) -> MassPropert
         own = inertia.points(np.array(part.positions), np.array(part.masses))
     else:
         own = _SOLID[part.type](_mass(part, body, volume), part)
-    R_BS = np.array(_to_matrix(part.pose.orientation))
+    R_BS = np.array(to_matrix(part.pose.orientation))
     return inertia.placed(own, np.array(part.pose.position), R_BS)
