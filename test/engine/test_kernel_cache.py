@@ -3,8 +3,13 @@
 """Compiled kernels are found again exactly as long as nothing that they are made of changes."""
 
 import ast
+import os
 from pathlib import Path
+import shutil
+import subprocess
+import sys
 
+from bag.small_disk import make_read_only, mounted
 import pytest
 
 from rigid_sim_ros.engine import kernel_cache
@@ -60,3 +65,29 @@ def test_a_change_moves_the_cache_of_what_depends_on_it(engine, tmp_path, change
     (tmp_path / f'{changed}.py').open('a', encoding='utf-8').write('x = 1\n')
     after = engine()
     assert ''.join(name for name in 'abcd' if before[name] != after[name]) == affected
+
+
+# Prints how often a kernel was found in the cache, and compiled.
+FOUND = """
+from rigid_sim_ros.engine.rotation import unit
+assert __import__('rigid_sim_ros').__file__.startswith(PLACE)
+unit((0.0, 0.0, 0.0, 2.0))
+print(*(sum(counts.values()) for counts in (unit.stats.cache_hits, unit.stats.cache_misses)))
+"""
+
+
+def test_what_was_compiled_is_found_again_where_nobody_may_write_to_the_package(tmp_path):
+    with mounted(tmp_path / 'disk') as place:
+        shutil.copytree(ENGINE.parent, place / 'rigid_sim_ros',
+                        ignore=shutil.ignore_patterns('__pycache__'))
+        make_read_only(place)
+        with pytest.raises(OSError, match='Read-only'):
+            (place / 'rigid_sim_ros' / 'kernels').mkdir()
+        environment = os.environ | {'XDG_CACHE_HOME': str(tmp_path / 'home'),
+                                    'PYTHONPATH': str(place)}
+        environment.pop('NUMBA_CACHE_DIR', None)
+        for expected in ('0 1', '1 0'):
+            done = subprocess.run(
+                [sys.executable, '-c', FOUND.replace('PLACE', repr(str(place)))], cwd=tmp_path,
+                env=environment, capture_output=True, text=True, check=True)
+            assert done.stdout.split() == expected.split()
