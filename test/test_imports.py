@@ -3,6 +3,7 @@
 """Imports go one way: cli, nodes -> bag, codec, scene, world -> engine."""
 import ast
 from collections.abc import Iterator
+import os
 from pathlib import Path
 import subprocess
 import sys
@@ -116,9 +117,10 @@ def test_a_stage_of_the_step_imports_no_other_stage(path: Path) -> None:
         assert {engine_file(module) for module in imports_of(path)} & STAGES <= {own}
 
 
-def in_a_fresh_interpreter(code: str) -> subprocess.CompletedProcess[str]:
+def in_a_fresh_interpreter(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, '-c', code], capture_output=True, text=True, check=False, timeout=300)
+        [sys.executable, '-c', code], capture_output=True, text=True, check=False, timeout=300,
+        env=os.environ | environment)
 
 
 def test_a_world_steps_where_no_ros_is_installed() -> None:
@@ -149,17 +151,30 @@ def test_importing_the_package_does_not_wait_for_numba() -> None:
     assert result.stdout == 'set()\n'
 
 
-def test_a_world_steps_without_waiting_for_scipy_which_numba_finds_when_asked() -> None:
+def test_a_kernel_is_compiled_without_scipy_which_numba_finds_when_asked(tmp_path: Path) -> None:
     result = in_a_fresh_interpreter("""
 import sys
-from rigid_sim_ros import load_scene
-load_scene('t_handle').step()
-print('scipy.linalg' in sys.modules)
+from rigid_sim_ros.engine.rotation import unit
+unit((0.0, 0.0, 0.0, 2.0))
+print(sum(unit.stats.cache_misses.values()), 'scipy.linalg' in sys.modules)
 import numba
 import numpy as np
 print(numba.njit(lambda a: (a @ a)[0, 0])(2.0 * np.eye(2)), 'scipy.linalg' in sys.modules)
-""")
-    assert (result.stdout, result.stderr) == ('False\n4.0 True\n', '')
+""", NUMBA_CACHE_DIR=str(tmp_path))
+    assert (result.stdout, result.stderr) == ('1 False\n4.0 True\n', '')
+
+
+def test_a_world_whose_kernels_are_cached_steps_without_what_compiles_them(tmp_path: Path) -> None:
+    code = """
+import sys
+from rigid_sim_ros import load_scene
+load_scene('t_handle').step()
+print({'numba.np.linalg', 'rigid_sim_ros.engine.counted_loops'} <= set(sys.modules),
+      {'numba.np.linalg', 'rigid_sim_ros.engine.counted_loops'}.isdisjoint(sys.modules))
+"""
+    for expected in ('True False\n', 'False True\n'):
+        result = in_a_fresh_interpreter(code, NUMBA_CACHE_DIR=str(tmp_path))
+        assert (result.stdout, result.stderr) == (expected, '')
 
 
 def test_the_package_offers_what_the_contract_names() -> None:

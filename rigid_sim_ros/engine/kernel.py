@@ -8,14 +8,10 @@ from typing import Any, TypeVar
 
 import numba
 
-from rigid_sim_ros.engine.array_entries import find_entries_directly
-from rigid_sim_ros.engine.counted_loops import count_plainly
-from rigid_sim_ros.engine.kernel_cache import cache_folder
+from rigid_sim_ros.engine.compiler_setup import set_up_compiler
+from rigid_sim_ros.engine.kernel_cache import cache_folder, LateCache
 from rigid_sim_ros.engine.kernel_linking import (
     called_as_part, STAYS_APART, SUPPORTED, WholeCompiler, without_literals)
-from rigid_sim_ros.engine.numba_shortcuts import take_shortcuts
-from rigid_sim_ros.engine.numba_without_scipy import spare_scipy
-from rigid_sim_ros.engine.plain_values import see_through_tuples
 from rigid_sim_ros.engine.tuple_passing import pass_by_address
 
 Function = TypeVar('Function', bound=Callable[..., Any])
@@ -24,27 +20,19 @@ Function = TypeVar('Function', bound=Callable[..., Any])
 # stays what it is under this mask, and the tests go.
 INDEX = (1 << 40) - 1
 
-spare_scipy()
-take_shortcuts()
 pass_by_address()
-find_entries_directly()
-see_through_tuples()
-count_plainly()
+if not SUPPORTED:   # else WholeCompiler does, when there is something to compile
+    set_up_compiler()
 
 
 def _compiled(function: Function, **options: Any) -> Any:
-    config: Any = numba.config
     njit: Any = numba.njit
-    elsewhere = config.CACHE_DIR
     _name_apart(function)
     if SUPPORTED:
         options['pipeline_class'] = WholeCompiler
-    config.CACHE_DIR = str(cache_folder(function.__module__))
-    try:
-        return njit(cache=True, nogil=True, error_model='numpy', no_cfunc_wrapper=True,
-                    **options)(function)
-    finally:
-        config.CACHE_DIR = elsewhere
+    compiled = njit(nogil=True, error_model='numpy', no_cfunc_wrapper=True, **options)(function)
+    compiled._cache = LateCache(compiled, cache_folder(function.__module__))
+    return compiled
 
 
 def _name_apart(function: Any) -> None:

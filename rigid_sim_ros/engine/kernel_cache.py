@@ -18,14 +18,17 @@ import re
 import tempfile
 from typing import Any
 
-from numba.core import event
+import numba
+from numba.core import caching, compiler_lock, event
 
+_NumbasCache: Any = caching.FunctionCache
+_one_at_a_time: Any = compiler_lock.global_compiler_lock    # of the threads of this process
 _ENGINE = Path(__file__).parent
 _PACKAGE = __package__.rpartition('.')[0] + '.engine'
 # The import of a module of the engine: its name, and the names that come from it. To parse all
 # sources instead would take a fifth of a second at each start.
 _IMPORT = re.compile(
-    rf'^[ ]*from ({re.escape(_PACKAGE)}[\w.]*) import (\([^)]*\)|[^\n]*)', re.MULTILINE)
+    rf'\n *from ({re.escape(_PACKAGE)}[\w.]*) import (\([^)]*\)|[^\n]*)')
 
 
 def cache_folder(module: str) -> Path:
@@ -78,16 +81,60 @@ def _source(module: str) -> tuple[bytes, tuple[str, ...]]:
     """Return a digest of a module's source, and the modules of the engine that it imports."""
     text = _path(module).read_bytes()
     imports: list[str] = []
-    for parent, names in _IMPORT.findall(text.decode()):
+    for parent, names in _IMPORT.findall('\n' + text.decode()):
         submodules = [f'{parent}.{name}' for name in re.findall(r'\w+', names)]
-        imports += [name for name in (parent, *submodules) if _path(name).is_file()]
+        imports += [name for name in (parent, *submodules) if _is_module(name)]
     return hashlib.blake2b(text).digest(), tuple(imports)
+
+
+@cache
+def _is_module(name: str) -> bool:
+    return _path(name).is_file()
 
 
 def _path(module: str) -> Path:
     relative = module.removeprefix(_PACKAGE).replace('.', '/').lstrip('/')
     path = _ENGINE / relative
     return path / '__init__.py' if path.is_dir() else path.with_suffix('.py')
+
+
+class LateCache:
+    """
+    Stands where Numba's cache of a kernel will be, until somebody asks for that.
+
+    To make one Numba tries whether it may write to the folder. Of some 550 kernels Python calls
+    ten; the others would take a twelfth of a second at each start.
+    """
+
+    def __init__(self, kernel: Any, folder: Path) -> None:
+        self._kernel = kernel
+        self._folder = folder
+
+    def __getattr__(self, name: str) -> Any:
+        config: Any = numba.config
+        with _one_at_a_time:
+            elsewhere = config.CACHE_DIR
+            config.CACHE_DIR = str(self._folder)
+            try:
+                self._kernel._cache = _Cache(self._kernel.py_func)
+            finally:
+                config.CACHE_DIR = elsewhere
+        return getattr(self._kernel._cache, name)
+
+
+class _Cache(_NumbasCache):
+    """Numba's cache of a kernel, which reads machine code without what it takes to make some."""
+
+    def load_overload(self, kinds: Any, context: Any) -> Any:
+        """
+        Return the kernel for arguments of these types, or None.
+
+        Before, Numba would see to it that all types and functions that it can compile are known
+        and compile how references are counted, in a tenth of a second. Machine code of a kernel
+        needs none of this: it counts no references. To compile one Numba does it all the same.
+        """
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(kinds, context)
 
 
 class _NoCollector(event.Listener):

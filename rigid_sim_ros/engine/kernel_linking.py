@@ -19,6 +19,7 @@ from llvmlite import binding, ir
 from numba.core import cgutils, codegen, compiler, types
 from numba.core.typing.templates import make_concrete_template
 
+from rigid_sim_ros.engine.compiler_setup import set_up_compiler
 from rigid_sim_ros.engine.tuple_lifetimes import AFTER, TupleLifetimes
 
 _Library: Any = codegen.JITCodeLibrary
@@ -180,6 +181,7 @@ def _passes(known: Any) -> Any:
 class _Compiler(_NumbasCompiler):
 
     def __init__(self, *arguments: Any) -> None:
+        set_up_compiler()
         super().__init__(*arguments)
         self.state.flags = _QuickFlags(self.state.flags)
 
@@ -224,7 +226,6 @@ def called_as_part(compiled: Any) -> Any:
     more for each.
     """
     own = compiled._compiler
-    as_part = type(own)(own.py_func, own.targetdescr, own.targetoptions, own.locals, _PartCompiler)
     name = own.py_func.__name__
     parts: dict[Any, Any] = {}      # by the types of the arguments: key of the part, signature
 
@@ -232,6 +233,8 @@ def called_as_part(compiled: Any) -> Any:
         signature, folded = own.fold_argument_types(*without_literals(args, kws))
         arguments = tuple(folded)
         if arguments not in parts:
+            as_part = type(own)(own.py_func, own.targetdescr, own.targetoptions, own.locals,
+                                _PartCompiler)
             result = as_part.compile(arguments, None)
             key = object()
             _make_callable(compiled.targetctx, key, result)

@@ -46,8 +46,8 @@ def engine(tmp_path, monkeypatch):
         (tmp_path / f'{name}.py').write_text(text, encoding='utf-8')
 
     def forget():
-        kernel_cache._source.cache_clear()
-        kernel_cache._digest.cache_clear()
+        for known in (kernel_cache._is_module, kernel_cache._source, kernel_cache._digest):
+            known.cache_clear()
 
     forget()
 

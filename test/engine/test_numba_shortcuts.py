@@ -9,9 +9,9 @@ from numba.core.registry import cpu_target
 from numba.extending import overload
 import pytest
 
-from rigid_sim_ros.engine import kernel
+from rigid_sim_ros.engine.compiler_setup import set_up_compiler
 
-assert kernel   # with it Numba begins to remember
+set_up_compiler()
 
 
 def twice(x):

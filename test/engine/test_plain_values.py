@@ -6,9 +6,10 @@ from engine.own_kernels import of_the_engine
 from llvmlite import ir
 
 from rigid_sim_ros.engine import kernel as kernels
+from rigid_sim_ros.engine.compiler_setup import set_up_compiler
 
 kernel = of_the_engine(kernels.kernel)
-assert kernels      # with it parts are named as they were before
+set_up_compiler()   # with it parts are named as they were before
 
 
 @kernel
