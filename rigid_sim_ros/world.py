@@ -115,17 +115,16 @@ class World:
         ValueError when count is not a whole number >= 0; ArithmeticError when a body's motion has
         grown beyond all numbers, which a smaller step or softer forces mend.
         """
-        if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 0:
-            raise ValueError(f'step count {count!r}, must be a whole number >= 0')
+        left = count if type(count) is int and count >= 0 else _step_count(count)
         self._motion_is_current = False
-        done = 0
-        while done < count:
+        applied = self._applied
+        while left > 0:
             # Wrenches leave the book when their time is over, so that a step without any costs
             # nothing for them.
-            batch = self._applied.steps_until_one_ends(int(count) - done)
-            self._contact.advance(self._state, self._applied.room, batch)
-            self._applied.remove_finished()
-            done += batch
+            batch = applied.steps_until_one_ends(left)
+            self._contact.advance(self._state, applied.room, batch)
+            applied.remove_finished()
+            left -= batch
             self.step_index += batch
         broken = self._box.run(first_unfinite)
         if broken >= 0:
@@ -421,6 +420,13 @@ def _order(scene: Scene) -> IntArray:
     if (scene.contact, scene.solver) == ('timestep', 'sequential'):
         return order_by_place(scene.model, scene.state)
     return np.arange(len(scene.names))
+
+
+def _step_count(count: Any) -> int:
+    """Return a number of steps, or raise ValueError."""
+    if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 0:
+        raise ValueError(f'step count {count!r}, must be a whole number >= 0')
+    return int(count)
 
 
 def _some(names: Sequence[str]) -> str:

@@ -342,6 +342,14 @@ def test_the_hash_has_64_bits():
     assert 0 <= busy_world().state_hash() < 2 ** 64
 
 
+def test_a_step_count_may_be_one_of_numpys_integers():
+    world = make(plain())
+    for count in (np.int64(2), np.uint8(1), np.int32(0)):
+        world.step(count)
+    assert world.step_index == 3
+    assert type(world.step_index) is int
+
+
 def test_time_is_the_number_of_steps_times_the_step():
     world = make(plain(), step=1 / 240)
     world.step(240)

@@ -132,7 +132,7 @@ class Kept:
     def box(self, *values: Any) -> Any:
         """Return what a kernel gets in place of these arguments, for `contents` to open."""
         box = self._box
-        if box is None or not all(map(is_, box.values, values)):
+        if box is None or False in map(is_, box.values, values):
             self._box = box = _Box(*values)
         return box
 
