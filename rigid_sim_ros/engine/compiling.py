@@ -143,7 +143,7 @@ def _helped(missing: Sequence[Any], later: Sequence[Any], kinds: Any) -> Iterato
             helper.stop(patience)
 
 
-class Helper:
+class HelperProcess:
     """A process that compiles kernels into the cache, one after the other."""
 
     def __init__(self, process: Any) -> None:
@@ -212,7 +212,7 @@ def _start() -> Any:
         'NUMBA_CACHE_DIR': str(folder.parents[1])}
     try:
         # Python looks for modules where it starts first: there, as here.
-        return Helper(subprocess.Popen(
+        return HelperProcess(subprocess.Popen(
             [sys.executable, '-m', __name__], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL, cwd=_ROOT, env=environment))
     except OSError:
