@@ -151,6 +151,19 @@ def test_importing_the_package_does_not_wait_for_numba() -> None:
     assert result.stdout == 'set()\n'
 
 
+def test_a_world_steps_without_waiting_for_scipy_which_numba_finds_when_asked() -> None:
+    result = in_a_fresh_interpreter("""
+import sys
+from rigid_sim_ros import load_scene
+load_scene('t_handle').step()
+print('scipy.linalg' in sys.modules)
+import numba
+import numpy as np
+print(numba.njit(lambda a: (a @ a)[0, 0])(2.0 * np.eye(2)), 'scipy.linalg' in sys.modules)
+""")
+    assert (result.stdout, result.stderr) == ('False\n4.0 True\n', '')
+
+
 def test_a_kernel_is_compiled_without_scipy_which_numba_finds_when_asked(tmp_path: Path) -> None:
     result = in_a_fresh_interpreter("""
 import sys
@@ -169,8 +182,8 @@ def test_a_world_whose_kernels_are_cached_steps_without_what_compiles_them(tmp_p
 import sys
 from rigid_sim_ros import load_scene
 load_scene('t_handle').step()
-print({'numba.np.linalg', 'rigid_sim_ros.engine.counted_loops'} <= set(sys.modules),
-      {'numba.np.linalg', 'rigid_sim_ros.engine.counted_loops'}.isdisjoint(sys.modules))
+needed = {'numba.np.linalg', 'rigid_sim_ros.engine.counted_loops'}
+print(needed <= set(sys.modules), needed.isdisjoint(sys.modules))
 """
     for expected in ('True False\n', 'False True\n'):
         result = in_a_fresh_interpreter(code, NUMBA_CACHE_DIR=str(tmp_path))
