@@ -12,7 +12,7 @@ printed. Only stepping is timed, after whatever an engine prepares.
     python benchmarks/compare.py --python venv-of-drake/bin/python --output docs/performance.md
 
 An engine is run with the first of the Pythons that can import it: this one, then those given.
-Rapier is built by Cargo, once, which takes minutes.
+Runners in Rust are built by Cargo, once, which takes minutes.
 """
 
 import argparse
@@ -126,8 +126,8 @@ def _arguments() -> argparse.Namespace:
                         help='seconds of stepping after which a run ends, 60')
     parser.add_argument('--python', action='append', default=[],
                         help='another Python that may have engines; may be given again')
-    parser.add_argument('--target', type=Path, default=HERE / 'rapier' / 'target',
-                        help='where Rapier is built')
+    parser.add_argument('--target', type=Path, default=HERE / 'target',
+                        help='where Cargo builds')
     parser.add_argument('--no-quality', action='store_true', help='the comparison only')
     parser.add_argument('--output', type=Path, help='a Markdown file to write, besides')
     return parser.parse_args()

@@ -3,7 +3,6 @@
 """The engines that can be compared: how to see whether one is there, and how to run a scene."""
 
 from collections.abc import Sequence
-import functools
 import os
 from pathlib import Path
 import subprocess
@@ -19,20 +18,27 @@ class Engine(NamedTuple):
     """An engine and its runner."""
 
     name: str
-    module: str  # that Python imports; '' for Rapier, which Cargo builds
-    runner: str  # beside this file
+    runner: str  # beside this file: a program in Python, or a crate
     install: str  # how to get it
+    module: str = ''  # that the Python imports, and asks for its version
+    crate: str = ''  # that Cargo builds, with a feature of the runner's own
+    feature: str = ''
     arguments: tuple[str, ...] = ()
 
 
 OURS = 'rigid_sim_ros'
+CARGO, CLANG = 'install cargo, see rustup.rs', 'install cargo and apt install cmake libclang-dev'
 ENGINES = (
-    Engine(OURS, 'rigid_sim_ros', 'run_rigid_sim.py', 'pip install .', ('timestep',)),
-    Engine('Rapier', '', 'rapier', 'install cargo, see rustup.rs'),
-    Engine('MuJoCo', 'mujoco', 'run_mujoco.py', 'pip install mujoco'),
-    Engine('Bullet', 'pybullet', 'run_bullet.py', 'pip install pybullet'),
-    Engine('DART', 'dartpy', 'run_dart.py', 'pip install dartpy'),
-    Engine('Drake', 'pydrake', 'run_drake.py', 'pip install drake'),
+    Engine(OURS, 'run_rigid_sim.py', 'pip install .', 'rigid_sim_ros', arguments=('timestep',)),
+    Engine('Rapier', 'rapier', CARGO, crate='rapier3d-f64', feature='f64'),
+    Engine('Rapier f32', 'rapier', CARGO, crate='rapier3d', feature='f32'),
+    Engine('Box3D', 'box3d', CLANG, crate='box3d-sys', feature='f32'),
+    Engine('Jolt', 'jolt', CLANG, crate='joltc-sys', feature='f32'),
+    Engine('MuJoCo', 'run_mujoco.py', 'pip install mujoco', 'mujoco'),
+    Engine('Bullet', 'run_bullet.py', 'pip install pybullet', 'pybullet'),
+    Engine('ODE', 'run_ode.py', 'apt install libode8', 'ode_library'),
+    Engine('DART', 'run_dart.py', 'pip install dartpy', 'dartpy'),
+    Engine('Drake', 'run_drake.py', 'pip install drake', 'pydrake'),
 )
 
 
@@ -47,16 +53,16 @@ class Command(NamedTuple):
 _VERSION = """
 import importlib.metadata as m, {module}
 names = m.packages_distributions().get('{module}', ['{module}'])
-print(m.version(names[0]))
+print(getattr({module}, 'VERSION', None) or m.version(names[0]))
 """
 
 
 def find(engine: Engine, pythons: Sequence[str], target: Path) -> Command | None:
-    """Return how to run an engine; None if it is not there. Rapier is built in `target`."""
-    if not engine.module:
-        return _cargo(engine, str(target))
+    """Return how to run an engine; None if it is not there. Cargo builds below `target`."""
+    if engine.crate:
+        return _cargo(engine, target / engine.runner / engine.feature)
     for python in pythons:
-        asked = subprocess.run([python, '-c', _VERSION.format(module=engine.module)],
+        asked = subprocess.run([python, '-c', _VERSION.format(module=engine.module)], cwd=HERE,
                                capture_output=True, text=True, check=False)
         if asked.returncode == 0:
             return Command((python, str(HERE / engine.runner)), engine.arguments,
@@ -64,20 +70,26 @@ def find(engine: Engine, pythons: Sequence[str], target: Path) -> Command | None
     return None
 
 
-@functools.cache
-def _cargo(engine: Engine, target: str) -> Command | None:
-    """Build the runner of Rapier."""
-    folder = HERE / engine.runner
-    environment = os.environ | {'RUSTFLAGS': '-C target-cpu=native', 'CARGO_TARGET_DIR': target}
+# All for this processor, what is in Rust, C or C++; and Jolt without its profiler, with which its
+# crate would build it.
+_NATIVE = {'RUSTFLAGS': '-C target-cpu=native', 'CFLAGS': '-march=native',
+           'CXXFLAGS': '-march=native -UJPH_PROFILE_ENABLED'}
+
+
+def _cargo(engine: Engine, target: Path) -> Command | None:
+    """Build a runner in Rust."""
+    def cargo(*words: str, quiet: bool = False) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            ['cargo', *words, '--features', engine.feature], cwd=HERE / engine.runner,
+            env=os.environ | _NATIVE | {'CARGO_TARGET_DIR': str(target)}, check=False, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL if quiet else None)
+
     try:
-        built = subprocess.run(['cargo', 'build', '--release', '--quiet'], cwd=folder,
-                               env=environment, check=False)
-        tree = subprocess.run(['cargo', 'tree', '--depth', '1'], cwd=folder, env=environment,
-                              capture_output=True, text=True, check=False)
+        if cargo('build', '--release', '--quiet').returncode != 0:
+            return None
     except FileNotFoundError:
         return None
-    if built.returncode != 0:
-        return None
-    versions = [line.split()[2] for line in tree.stdout.splitlines() if 'rapier3d' in line]
-    return Command((str(Path(target) / 'release' / 'run_rapier'),), (),
-                   f'{versions[0].lstrip("v")}, f64' if versions else 'f64')
+    tree = cargo('tree', '--depth', '1', quiet=True).stdout.splitlines()
+    version = [words[2].lstrip('v') for words in map(str.split, tree) if engine.crate in words]
+    program = target / 'release' / f'run_{engine.runner}'
+    return Command((str(program),), engine.arguments, ', '.join([*version, engine.feature]))
