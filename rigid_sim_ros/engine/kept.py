@@ -8,7 +8,7 @@ A call from Python reads address, shape and strides of every array that it is gi
 and hands over where that is. The arrays stay the same: a kernel sees what Python writes to them.
 """
 
-from functools import cache
+from functools import cache, partial
 from hashlib import blake2b
 from operator import is_
 from typing import Any
@@ -43,14 +43,20 @@ class _BoxType(types.Type):
         self.slots = slots(content)
 
 
-_types: dict[bytes, _BoxType] = {}
+# Types of boxes, and how the parts of their arguments are found, by Numba's fingerprint of these.
+_types: dict[bytes, tuple[_BoxType, Any]] = {}
 
 
-def _type(values: tuple[Any, ...]) -> _BoxType:
-    """Return the type of a box; to find that of 120 arrays takes Numba a millisecond."""
+def _type(values: tuple[Any, ...]) -> tuple[_BoxType, Any]:
+    """
+    Return the type of a box, and how the parts of its arguments are found.
+
+    To find either for 120 arrays takes milliseconds.
+    """
     mark = compute_fingerprint(values)
     if mark not in _types:
-        _types[mark] = _BoxType(_typeof(values))
+        content = _typeof(values)
+        _types[mark] = _BoxType(content), _how(content)
     return _types[mark]
 
 
@@ -58,9 +64,9 @@ class _Box:
     """A tuple of arguments, and their parts in memory."""
 
     def __init__(self, *values: Any) -> None:
-        self.type = _type(values)
+        self.type, how = _type(values)
         self.values = values    # or the arrays might go away
-        self.slots: IntArray = np.array(_parts(values, self.type.content), dtype=np.int64)
+        self.slots: IntArray = np.array(_parts(values, how), dtype=np.int64)
         if self.slots.shape != (self.type.slots,):
             raise AssertionError(f'{len(self.slots)} parts for {self.type.slots} slots')
         self.address = self.slots.ctypes.data
@@ -83,30 +89,48 @@ class _Box:
         return compiled(self, *numbers)
 
 
-def _parts(value: Any, kind: Any, packed: bool = False) -> list[int]:
+def _parts(value: Any, how: Any) -> list[int]:
     """
     Return the parts of an argument as Numba passes them, each as 64 bits.
 
-    A kernel that did this for a world took longer to compile than to load all others. `packed`: an
-    array is passed by address and lengths.
+    A kernel that did this for a world took longer to compile than to load all others.
     """
-    if isinstance(value, tuple):
-        return [part for item, its in zip(value, kind, strict=True)
-                for part in _parts(item, its, passes_packed(kind, its))]
-    if isinstance(value, np.ndarray):
-        address = value.__array_interface__['data'][0]
-        if packed:
-            return [address, *value.shape]
-        fields = {
-            'meminfo': (0,), 'parent': (0,), 'nitems': (value.size,),
-            'itemsize': (value.itemsize,), 'data': (address,), 'shape': value.shape,
-            'strides': value.strides}
-        return [part for name in _fields(kind) for part in fields[name]]
+    if isinstance(how, tuple):
+        return [part for item, its in zip(value, how, strict=True) for part in _parts(item, its)]
+    found: list[int] = how(value)
+    return found
+
+
+def _how(kind: Any, packed: bool = False) -> Any:
+    """
+    Return how the parts of an argument are found: a function, or for a tuple one for each item.
+
+    `packed`: an array is passed by address and lengths.
+    """
+    if isinstance(kind, types.BaseTuple):
+        return tuple(_how(its, passes_packed(kind, its)) for its in kind)
+    if isinstance(kind, types.Array):
+        return _packed if packed else partial(_unpacked, _fields(kind))
     if kind == types.float64:
-        return [int(np.float64(value).view(np.int64))]
+        return lambda value: [int(np.float64(value).view(np.int64))]
     if kind == types.int64:
-        return [int(value)]
+        return lambda value: [int(value)]
     raise TypeError(f'a {kind} cannot be kept, only arrays and numbers of 64 bits')
+
+
+def _packed(array: Any) -> list[int]:
+    return [_address(array), *array.shape]
+
+
+def _unpacked(names: tuple[str, ...], array: Any) -> list[int]:
+    fields = {
+        'meminfo': (0,), 'parent': (0,), 'nitems': (array.size,), 'itemsize': (array.itemsize,),
+        'data': (_address(array),), 'shape': array.shape, 'strides': array.strides}
+    return [part for name in names for part in fields[name]]
+
+
+def _address(array: Any) -> int:
+    return int(array.__array_interface__['data'][0])
 
 
 @cache

@@ -3,6 +3,7 @@
 """Arguments that are kept from call to call are the same as arguments that are given anew."""
 
 import numpy as np
+import pytest
 
 from rigid_sim_ros.engine import kept as engine_kept
 from rigid_sim_ros.engine.integrate import make_work
@@ -69,6 +70,23 @@ def test_boxes_of_other_types_are_told_apart():
     flags, total = pair(3)
     assert add_up(Kept().box(work(3), SETTINGS, (flags.astype(np.int32), total)), 1.0) == 37
     assert add_up(Kept().box(work(3), SETTINGS, (flags, total)), 1.0) == 37
+
+
+@pytest.mark.parametrize('other', [np.float32(1.0), 1 + 2j])
+def test_what_has_no_64_bits_of_its_own_is_refused(other):
+    with pytest.raises(TypeError, match='cannot be kept, only arrays and numbers of 64 bits'):
+        Kept().box(work(3), (1, other))
+
+
+def test_arguments_of_one_type_are_each_taken_apart():
+    """How is found out once for a type: with other lengths, strides and places it still holds."""
+    kept = Kept()
+    for n in (3, 5, 4):
+        flags, total = np.ones(2 * n, dtype=np.int64)[::2], np.zeros(1)
+        assert not flags.flags.c_contiguous
+        flags[0] = n
+        assert add_up(kept.box(work(n), SETTINGS, (flags, total)), 1.0) == 25 + n * n + sum(
+            range(n + 1, 2 * n))
 
 
 def test_a_box_runs_kernels_of_its_type_with_numbers():
