@@ -30,6 +30,7 @@ _POINTER = ir.IntType(8).as_pointer()
 _intrinsic: Any = intrinsic
 _typeof: Any = numba.typeof
 _PrimitiveModel: Any = models.PrimitiveModel
+_Tuple: Any = types.BaseTuple
 
 
 class _BoxType(types.Type):
@@ -107,7 +108,7 @@ def _how(kind: Any, packed: bool = False) -> Any:
 
     `packed`: an array is passed by address and lengths.
     """
-    if isinstance(kind, types.BaseTuple):
+    if isinstance(kind, _Tuple):
         return tuple(_how(its, passes_packed(kind, its)) for its in kind)
     if isinstance(kind, types.Array):
         return _packed if packed else partial(_unpacked, _fields(kind))
