@@ -3,10 +3,11 @@
 
 //! Runs a scene in Jolt (float32, one thread, settings as they come).
 //!
-//! Its C interface has gravity along -y and no other, so what is x, y, z in a scene is x, -z, y
-//! here, of shapes too. Where gravity leans or is absent, bodies have none, and a force in each
-//! step. It computes a mass and its moments from a shape's density; the body without a shape that
-//! touches anything is the box with its moments. A ground is a wide box.
+//! Its C interface has gravity along -y and no other, so what is x, y, z in a scene is x, z, -y
+//! here, of boxes too. Where gravity leans or is absent, Jolt's does not act on the bodies, and a
+//! force does in each step. The interface takes mass and moments from a shape and its density: of
+//! a solid ball or box they are those of the scene, and the one body that is not solid, which
+//! touches nothing, gets the box that has its moments. A ground is a wide box.
 
 use joltc_sys::*;
 use runner::{Body, Motion, Scene};
