@@ -51,7 +51,9 @@ class Command(NamedTuple):
 
 
 _VERSION = """
-import importlib.metadata as m, {module}
+import importlib.metadata as m, sys
+sys.path.append({folder!r})
+import {module}
 names = m.packages_distributions().get('{module}', ['{module}'])
 print(getattr({module}, 'VERSION', None) or m.version(names[0]))
 """
@@ -60,10 +62,11 @@ print(getattr({module}, 'VERSION', None) or m.version(names[0]))
 def find(engine: Engine, pythons: Sequence[str], target: Path) -> Command | None:
     """Return how to run an engine; None if it is not there. Cargo builds below `target`."""
     if engine.crate:
-        return _cargo(engine, target / engine.runner / engine.feature)
+        return _cargo(engine, target.resolve() / engine.feature)
     for python in pythons:
-        asked = subprocess.run([python, '-c', _VERSION.format(module=engine.module)], cwd=HERE,
-                               capture_output=True, text=True, check=False)
+        asked = subprocess.run(
+            [python, '-c', _VERSION.format(module=engine.module, folder=str(HERE))],
+            capture_output=True, text=True, check=False)
         if asked.returncode == 0:
             return Command((python, str(HERE / engine.runner)), engine.arguments,
                            asked.stdout.strip())
@@ -80,9 +83,9 @@ def _cargo(engine: Engine, target: Path) -> Command | None:
     """Build a runner in Rust."""
     def cargo(*words: str, quiet: bool = False) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
-            ['cargo', *words, '--features', engine.feature], cwd=HERE / engine.runner,
-            env=os.environ | _NATIVE | {'CARGO_TARGET_DIR': str(target)}, check=False, text=True,
-            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL if quiet else None)
+            ['cargo', *words, '--package', f'run_{engine.runner}', '--features', engine.feature],
+            cwd=HERE, env=os.environ | _NATIVE | {'CARGO_TARGET_DIR': str(target)}, check=False,
+            text=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL if quiet else None)
 
     try:
         if cargo('build', '--release', '--quiet').returncode != 0:

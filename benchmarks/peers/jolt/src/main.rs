@@ -47,16 +47,6 @@ fn vector(v: &[f64; 3]) -> JPC_Vec3 {
     JPC_Vec3 { x, y, z, _w: z }
 }
 
-fn place(v: &[f64; 3]) -> JPC_RVec3 {
-    let JPC_Vec3 { x, y, z, _w } = vector(v);
-    JPC_RVec3 {
-        x: x.into(),
-        y: y.into(),
-        z: z.into(),
-        _w: z.into(),
-    }
-}
-
 /// Full lengths of a box as Jolt's half ones, along its own axes.
 unsafe fn box_shape(size: &[f64], density: f64) -> *mut JPC_Shape {
     let half = [size[0], size[2], size[1]].map(|side| (0.5 * side) as f32);
@@ -141,7 +131,7 @@ unsafe fn insert_body(interface: *mut JPC_BodyInterface, scene: &Scene, body: &B
     insert(
         interface,
         &JPC_BodyCreationSettings {
-            Position: place(&body.position),
+            Position: vector(&body.position),
             Rotation: JPC_Quat {
                 x: q[0],
                 y: q[2],
@@ -203,7 +193,7 @@ impl runner::World for World {
                 insert(
                     interface,
                     &JPC_BodyCreationSettings {
-                        Position: place(&[0.0, 0.0, -0.5 * deep]),
+                        Position: vector(&[0.0, 0.0, -0.5 * deep]),
                         ObjectLayer: FIXED,
                         MotionType: JPC_MOTION_TYPE_STATIC,
                         Shape: box_shape(&[2.0 * half, 2.0 * half, deep], 1.0),
