@@ -50,20 +50,27 @@ K_SPIN = 21  # K_TT02 and K_TT12: how a torque about n makes a pair slide
 INV_SPIN = 23  # 1 / K_TT22
 SPIN_LEVER = 24  # [m] torque about n per normal force
 SPIN = 25  # impulse about n of this substep [N m s]
+RESTING_SPIN = 26  # see RESTING
 # All blocks have these:
-SHOVE = 26  # impulse along n of the push that displaces [N s]; means nothing unless SHOVED
-NORMAL = 27  # n, world axes
-BASIS = 30  # a number from which t1 follows, see `make_basis`
-MU = 31  # friction coefficient
-SLIDE = 32  # 1 / a bound of the largest eigenvalue of the force part of K_TT
-FRICTION = 33  # impulses along t1, t2 of this substep [N s]
-TORSION = 35  # a part of the angular momentum that the pair gained by having moved [N m s]
-TOTAL_T = 38  # friction of the substeps before, along t1, t2 [N s]
-POINT = 40  # rows of the first point
-POINT_ROWS = 7
-# Of a point: TOTAL is the impulse of the substeps before, SPEED the normal velocity after its
-# last visit, of balls only where one overlaps.
-S, T, MASS, GAP, IMPULSE, TOTAL, SPEED = range(7)
+SHOVE = 27  # impulse along n of the push that displaces [N s]; means nothing unless SHOVED
+NORMAL = 28  # n, world axes
+BASIS = 31  # a number from which t1 follows, see `make_basis`
+MU = 32  # friction coefficient
+SLIDE = 33  # 1 / a bound of the largest eigenvalue of the force part of K_TT
+FRICTION = 34  # impulses along t1, t2 of this substep [N s]
+TORSION = 36  # a part of the angular momentum that the pair gained by having moved [N m s]
+TOTAL_T = 39  # friction of the substeps before, along t1, t2 [N s]
+RESTING_T = 41  # see RESTING
+SIZE = 43  # [m] of the smaller shape: all lengths that are tolerances are parts of it
+TURN_T = 44  # see TURN, along t1, t2
+POINT = 46  # rows of the first point
+POINT_ROWS = 9
+# Of a point: TOTAL is the impulse of the substeps before, SPEED the normal velocity after its last
+# visit, of balls only where one overlaps. RESTING is its impulse of the last substep while an
+# impact is solved, which has impulses of its own; afterwards, how fast the point still approaches
+# [m/s], where the visits to an impact came to their limit. TURN [m/s] is how much the geometry of the
+# contact alone changes the normal velocity in a step, see contact_prediction.py.
+S, T, MASS, GAP, IMPULSE, TOTAL, SPEED, RESTING, TURN = range(9)
 # A small block, of manifolds that have one point and do not resist rolling, ends with this:
 K_N = POINT + POINT_ROWS  # response along n, t1, t2 and about n to the normal impulse
 SMALL_ROWS = K_N + 4
@@ -78,7 +85,8 @@ BALLS_BEGIN, BALLS_END = SHOVE, POINT + POINT_ROWS
 K_NN = POINT + 4 * POINT_ROWS  # 00, 01, 02, 11, 12, 22
 K_TN = K_NN + 6  # by rows
 ROLL = K_TN + 9  # impulses about t1, t2 [N m s]
-ROLL_STEP = ROLL + 2  # 1 / a bound of the largest eigenvalue of the torque part of K_NN
+RESTING_ROLL = ROLL + 2  # see RESTING
+ROLL_STEP = RESTING_ROLL + 2  # 1 / a bound of the largest eigenvalue of the torque part of K_NN
 ROLL_LEVER = ROLL_STEP + 1  # [m] torque about t1, t2 per normal force
 ROWS = ROLL_LEVER + 1
 BLOCK_SIZE = ROWS * LANES
@@ -148,24 +156,31 @@ def normal_sum(b: Array, points: int) -> Eight:
 
 @part
 def begin_sums(b: Array, points: int) -> None:
-    """Let no substep have been yet."""
+    """
+    Let no substep have been yet.
+
+    The velocities with which a step begins have half of a substep's impulse of the step before,
+    see `begin_bodies`: that half is taken back.
+    """
     store_three(b, TORSION, (0.0, 0.0, 0.0))
-    store_two(b, TOTAL_T, (0.0, 0.0))
+    friction = load_two(b, FRICTION)
+    store_two(b, TOTAL_T, (-0.5 * friction[0], -0.5 * friction[1]))
     for p in range(4 if points > 1 else 1):
-        store(b, POINT + p * POINT_ROWS + TOTAL, 0.0)
+        point = POINT + p * POINT_ROWS
+        store(b, point + TOTAL, -0.5 * load(b, point + IMPULSE))
 
 
 @part
-def end_substep(b: Array, points: int) -> Three:
-    """Add the impulses of a substep to those of the step; return these along n, t1, t2 [N s]."""
-    slide_1, slide_2 = (load(b, TOTAL_T) + load(b, FRICTION),
-                        load(b, TOTAL_T + 1) + load(b, FRICTION + 1))
+def add_impulses(b: Array, points: int, share: float) -> Three:
+    """Add a share of a substep's impulses to those of the step; return these along n, t1, t2."""
+    slide_1, slide_2 = (load(b, TOTAL_T) + share * load(b, FRICTION),
+                        load(b, TOTAL_T + 1) + share * load(b, FRICTION + 1))
     store_two(b, TOTAL_T, (slide_1, slide_2))
-    along = load(b, POINT + TOTAL) + load(b, POINT + IMPULSE)
+    along = load(b, POINT + TOTAL) + share * load(b, POINT + IMPULSE)
     store(b, POINT + TOTAL, along)
     for p in range(1, 4 if points > 1 else 1):
         point = POINT + p * POINT_ROWS
-        total = load(b, point + TOTAL) + load(b, point + IMPULSE)
+        total = load(b, point + TOTAL) + share * load(b, point + IMPULSE)
         store(b, point + TOTAL, total)
         along = along + total
     return along, slide_1, slide_2
@@ -185,7 +200,7 @@ def drift_together(b: Array, points: int, shoved: bool, v: Three, h: float) -> N
     displaces momenta.
     """
     n, t1, t2 = axes(b)
-    along, slide_1, slide_2 = end_substep(b, points)
+    along, slide_1, slide_2 = add_impulses(b, points, 1.0)
     if shoved:
         along = along + load(b, SHOVE)
     F = combine(n, t1, t2, (h * along, h * slide_1, h * slide_2))
@@ -195,7 +210,7 @@ def drift_together(b: Array, points: int, shoved: bool, v: Three, h: float) -> N
 @part
 def gain_of(b: Array, acted: Three, moved: Three) -> Three:
     """
-    Return what L a pair gained by having `moved` before the last substep; see above.
+    Return what L a pair gained by having `moved` in all substeps; see above.
 
     `acted` are the impulses of all substeps along n, t1, t2.
     """
@@ -299,18 +314,18 @@ def make_basis(b: Array) -> None:
     store(b, FRICTION + 1, dot(friction, t2))
 
 
-# Gap at which a point counts half for the centre of its manifold [m]. Smaller: friction acts where
-# the bodies touch already; larger: in the middle of what is about to touch. The pressure would be
-# the better weight, but where it swings to and fro the centre would swing with it, and friction
-# would feed the motion.
+# Gap, of the size of the smaller shape, at which a point counts half for the centre of its manifold.
+# Smaller: friction acts where the bodies touch already; larger: in the middle of what is about to
+# touch. The pressure would be the better weight, but where it swings to and fro the centre would
+# swing with it, and friction would feed the motion.
 _NEAR = 1e-4
 
 
 @part
 def _weight(b: Array, point: int) -> Eight:
     """Return what a point counts for the centre of its manifold."""
-    gap = max(load(b, point + GAP), 0.0)
-    return _NEAR * _NEAR / (_NEAR * _NEAR + gap * gap)
+    gap, near = max(load(b, point + GAP), 0.0), _NEAR * load(b, SIZE)
+    return near * near / (near * near + gap * gap)
 
 
 @part

@@ -9,10 +9,11 @@ from rigid_sim_ros.engine.coloring import (
     lanes_of, numbers_of, PIECE, points_in, QUIET, QUIET_BALLS, SHOVED)
 from rigid_sim_ros.engine.contact_balls import prepare_balls, warm_balls
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, end_substep, FRICTION, friction_of, gain_of,
+    ABSENT, add_impulses, ARM_A, ARM_B, axes, begin_sums, combine, FRICTION, friction_of, gain_of,
     GAP, IMPULSE, J_A, J_B, LEVER_A, LEVER_B, load_three, load_two, Motion, MU, NORMAL,
-    normal_sum, POINT, POINT_ROWS, prepare_block, pushed, ROLL_LEVER, S, SHOVE,
-    smallest_gap, SPIN, SPIN_LEVER, store_three, T, Three, TORSION, TOTAL)
+    normal_sum, POINT, POINT_ROWS, prepare_block, pushed, RESTING, ROLL_LEVER, S, SHOVE,
+    SIZE, smallest_gap, SPIN, SPIN_LEVER, store_three, store_two, T, Three, TORSION, TOTAL, TURN,
+    TURN_T)
 from rigid_sim_ros.engine.contact_rules import SKIN
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.lanes import (
@@ -23,8 +24,8 @@ from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import displacement, gap_now
 from rigid_sim_ros.engine.slots import ACROSS, is_by_number, SECOND, Sides
 from rigid_sim_ros.engine.solver_bodies import (
-    HELD, INV_I, INV_M, SolverBodies, still_slot, STRIDE)
-from rigid_sim_ros.engine.vector import add, cross, dot
+    INV_I, INV_M, SolverBodies, still_slot, STRIDE, TOUCHED)
+from rigid_sim_ros.engine.vector import add
 
 # What is noted of a region: the deepest overlap [m], and how many manifolds touch, and how many of
 # them without an impulse to begin with.
@@ -159,6 +160,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, x: Array, shapes:
             fetch_block(blocks, block + 1)
         at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
         _copy_normal_and_friction(b, rows, manifolds, share)
+        _copy_sizes(b, rows, manifolds, shapes.bound)
         if balls:
             A, B = gather(bodies.motion, at_A), gather(bodies.motion, at_B)
             _copy_balls(b, rows, manifolds, shapes, materials, share)
@@ -169,7 +171,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, x: Array, shapes:
             _copy_inertia(b, A, B)
             _copy_points(b, rows, points, manifolds, share)
         least = smallest_gap(b, points)
-        touches = least < SKIN
+        touches = least < SKIN * load(b, SIZE)
         fresh[block] = count_of(both(touches, normal_sum(b, points) == 0.0))
         touching, new = touching + count_of(touches), new + fresh[block]
         deepest = max(deepest, largest_of(-least))
@@ -183,6 +185,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, x: Array, shapes:
         else:
             prepare_block(b, points, small, A[INV_M], B[INV_M])
             _warm_start(b, points, bodies.base, at_A, at_B, A[INV_M], B[INV_M])
+        begin_sums(b, points)
     notes[DEEPEST] = max(notes[DEEPEST], deepest)
     notes[TOUCHING] += touching
     notes[NEW] += new
@@ -232,6 +235,8 @@ def _copy_balls(b: Array, rows: IntArray, manifolds: Manifolds, shapes: Shapes,
     there = gather_integers(manifolds.points, rows) > 0.0
     store(b, POINT + GAP, select(there, gap, ABSENT))
     store(b, POINT + IMPULSE, select(there, share * impulse, 0.0))
+    store(b, POINT + TURN, 0.0)
+    store(b, POINT + RESTING, 0.0)
 
 
 @part
@@ -262,6 +267,16 @@ def _copy_normal_and_friction(b: Array, rows: IntArray, manifolds: Manifolds,
 
 
 @part
+def _copy_sizes(b: Array, rows: IntArray, manifolds: Manifolds, bound: Array) -> None:
+    """Write the size of the smaller shape, of which tolerances are parts."""
+    for i in range(LANES):
+        r = (rows[i] if rows[i] >= 0 else rows[0]) & INDEX
+        b[SIZE * LANES + i] = min(bound[manifolds.shape_a[r] & INDEX],
+                                  bound[manifolds.shape_b[r] & INDEX])
+    store_two(b, TURN_T, (0.0, 0.0))
+
+
+@part
 def _copy_points(b: Array, rows: IntArray, points: int, manifolds: Manifolds,
                  share: float) -> None:
     """Write the points of manifolds that are not of balls."""
@@ -287,6 +302,8 @@ def _copy_point(b: Array, p: int, n: Three, rows: IntArray, manifolds: Manifolds
                            select(there, r_A[2], 0.0) + half * n[2]))
     store(b, point + GAP, select(there, gap, ABSENT))
     store(b, point + IMPULSE, select(there, share * impulse, 0.0))
+    store(b, point + TURN, 0.0)
+    store(b, point + RESTING, 0.0)
 
 
 @kernel
@@ -354,9 +371,7 @@ def keep_impulses(region: int, blocks: Blocks, coloring: Coloring, manifolds: Ma
         n, t1, t2 = axes(b)
         zero = spread(0.0)
         points = points_in(blocks.kind[block])
-        if substeps == 1:
-            begin_sums(b, points)
-        acted, last = end_substep(b, points), load_two(b, FRICTION)
+        acted, last = add_impulses(b, points, 0.5), load_two(b, FRICTION)
         F = combine(n, t1, t2, (zero, substeps * last[0], substeps * last[1]))
         scatter_rows_3(manifolds.friction, rows, 3, 0, F)
         if not are_balls(blocks.kind[block]):
@@ -366,8 +381,9 @@ def keep_impulses(region: int, blocks: Blocks, coloring: Coloring, manifolds: Ma
             F = add(gather_rows_3(friction_impulse, rows, 3, 0), F)
         scatter_rows_3(friction_impulse, rows, 3, 0, F)
         _keep_normals(b, rows, points, manifolds.impulse, normal_impulse, substeps, adds)
-        _give_back(b, acted, bodies, blocks.at_A[lanes], blocks.at_B[lanes], h,
-                   blocks.left[block] & SHOVED != 0)
+        at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
+        if _mark_touched(b, points, acted, bodies, at_A, at_B, blocks.left[block] & SHOVED != 0):
+            _give_back(b, acted, bodies, at_A, at_B, h)
     return residual
 
 
@@ -394,7 +410,8 @@ def _keep_normals(b: Array, rows: IntArray, points: int, impulse: Array, normal_
     """Keep the normal impulses."""
     for p in range(POINTS if points > 1 else 1):
         point, first = POINT + p * POINT_ROWS, p * impulse.shape[1]
-        total = load(b, point + TOTAL)
+        # Where a contact ends, the half that was taken back may be more than what acted.
+        total = max(load(b, point + TOTAL), 0.0)
         if adds:
             (before,) = gather_rows_1(normal_impulse, rows, 1, first)
             total = before + total
@@ -404,34 +421,33 @@ def _keep_normals(b: Array, rows: IntArray, points: int, impulse: Array, normal_
 
 @part
 def _give_back(b: Array, acted: Three, bodies: SolverBodies, at_A: IntArray, at_B: IntArray,
-               h: float, shoved: bool) -> None:
-    """
-    Take half of the L that a pair gained from each of its bodies: the point follows both.
-
-    To the gain of the substeps comes that of the last push, which displaced momenta. Bodies that
-    press against each other are marked as held.
-    """
+               h: float) -> None:
+    """Take half of the L that a pair gained from each of its bodies: the point follows both."""
     A, B = gather(bodies.total, at_A), gather(bodies.total, at_B)
     gained = gain_of(b, acted, (h * (B[0] - A[0]), h * (B[1] - A[1]), h * (B[2] - A[2])))
-    if shoved:
-        shove = h * load(b, SHOVE)
-        A, B, n = gather(bodies.drifted, at_A), gather(bodies.drifted, at_B), load_three(b, NORMAL)
-        v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
-        gained = add(gained, cross((shove * n[0], shove * n[1], shove * n[2]), v))
     A, B = gather(bodies.motion, at_A), gather(bodies.motion, at_B)
-    pair = select(both(A[INV_M] > 0.0, B[INV_M] > 0.0), 1.0, 0.0)
-    held = select(acted[0] + dot(gained, gained) > 0.0, pair, 0.0)
-    if not any_of(held > 0.0):
-        return
-    half = (-0.5 * held * gained[0], -0.5 * held * gained[1], -0.5 * held * gained[2])
+    held = select(both(A[INV_M] > 0.0, B[INV_M] > 0.0), 0.5, 0.0)
+    half = (held * gained[0], held * gained[1], held * gained[2])
     scatter(bodies.motion, at_A,
-            (A[0], A[1], A[2], A[3] + half[0], A[4] + half[1], A[5] + half[2], A[6], A[7]))
+            (A[0], A[1], A[2], A[3] - half[0], A[4] - half[1], A[5] - half[2], A[6], A[7]))
     scatter(bodies.motion, at_B,
-            (B[0], B[1], B[2], B[3] + half[0], B[4] + half[1], B[5] + half[2], B[6], B[7]))
+            (B[0], B[1], B[2], B[3] - half[0], B[4] - half[1], B[5] - half[2], B[6], B[7]))
+
+
+@part
+def _mark_touched(b: Array, points: int, acted: Three, bodies: SolverBodies, at_A: IntArray,
+                  at_B: IntArray, shoved: bool) -> bool:
+    """Mark the bodies of the lanes in which anything acted; return whether there are any."""
+    acts = abs(acted[0]) + abs(acted[1]) + abs(acted[2]) + normal_sum(b, points)
+    if shoved:
+        acts = acts + load(b, SHOVE)
+    if not any_of(acts > 0.0):
+        return False
     # Nobody asks for the friction any more. Without a branch: whether a pair presses the processor
     # could only guess.
-    store(b, FRICTION, held)
+    store(b, FRICTION, select(acts > 0.0, 1.0, 0.0))
     for i in range(LANES):
-        presses = b[FRICTION * LANES + i]
+        acts_here = b[FRICTION * LANES + i]
         for at in (at_A[i] & INDEX, at_B[i] & INDEX):
-            bodies.drifted[at + HELD] = max(bodies.drifted[at + HELD], presses)
+            bodies.drifted[at + TOUCHED] = max(bodies.drifted[at + TOUCHED], acts_here)
+    return True

@@ -208,7 +208,7 @@ def _begin(box: Any, shapes: tuple[int, int], bodies: tuple[int, int]) -> None:
     """Find how far ahead some shapes look, and on which side of the cut some bodies are."""
     model, state, solver = held(box, _MODEL), held(box, _STATE), held(box, _WORK).solver
     take_sides(model.inv_m, state.x, held(box, _REST).asleep, bodies[0], bodies[1], solver.sides,
-               solver.bodies.slot)
+               solver.bodies.slot, solver.bodies.flies)
     look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L,
                held(box, _MATERIALS).restitution, held(box, _SETTINGS), held(box, _WORK).radius,
                held(box, _SHAPES).body, held(box, _MEMORY), shapes[0], shapes[1])
@@ -348,7 +348,8 @@ def _step(box: Any) -> bool:
     if sleeps:
         call(to[_TO_SLEEP], box, _TOUCHED)
         take_sides(model.inv_m, state.x, rest.asleep, 0, model.m.shape[0], work.solver.sides,
-                   work.solver.bodies.slot)
+                   work.solver.bodies.slot,
+                   work.solver.bodies.flies)
     elif loaded or work.plain[0] == 0:
         _sum_loads(box, to, work.loads, 0)
         work.plain[0] = 0 if loaded else 1

@@ -35,7 +35,7 @@ from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import gap_now
 from rigid_sim_ros.engine.slots import give_slots, mark_touching, take_sides
 from rigid_sim_ros.engine.solver_bodies import (
-    begin_push, drift_bodies, HELD, INV_M, kick_bodies, load_bodies,
+    begin_push, drift_bodies, TOUCHED, INV_M, kick_bodies, load_bodies,
     SECOND_END, SolverBodies, store_bodies, STRIDE)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.timestep import (
@@ -97,7 +97,7 @@ def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
         _move_gaps(manifolds, shared.collision.body)
     mark_touching(manifolds, shared.collision.waits, touching)
     take_sides(model.inv_m, state.x, work.awake, 0, len(model.m), shared.solver.sides,
-               bodies.slot)
+               bodies.slot, bodies.flies)
     give_slots(0, shared.solver.sides, touching, bodies)
     load_bodies(0, model.gravity, model.inv_m, model.inv_I_C, state, shared.loads, bodies)
     read_bodies(model, state, shared.loads.F, shared.loads.tau, work.bodies)
@@ -105,11 +105,12 @@ def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
     kick_bodies(0, bodies.used, bodies.motion, bodies.smooth, False, bodies.base, model.h)
     begin_push(0, bodies.used[SECOND_END], bodies.motion, bodies.drifted)
     impulses, pushes = _solve(model, manifolds, acted, settings, chosen, work)
-    drift_bodies(0, bodies.used, bodies.motion, bodies.drifted, True)
+    drift_bodies(0, bodies.used, bodies.motion, bodies.drifted, bodies.total, bodies.base, True)
+    bodies.base[:] = 0.0
     _give_back(work.contacts, chosen, impulses, pushes, model.h, bodies)
-    fly_free(model, state, shared.loads, bodies.slot, model.h, shared.block)
     store_bodies(0, 0, len(model.m), model.h, model.m, model.inv_m, model.inv_I_C, state, bodies,
-                 1)
+                 1, 0.0)
+    fly_free(model, state, shared.loads, bodies.flies, model.h, shared.block)
     # As in the symplectic method: half of the change of the loads, now at the new poses.
     sum_loads(model, state, wrenches, shared.later)
     kick(state, shared.later, 0.5 * model.h)
@@ -196,11 +197,11 @@ def _give_back(contacts: Contacts, chosen: IntArray, f: Array, pushes: Array, h:
     for c in range(chosen.shape[0]):
         k = chosen[c]
         slot_a, slot_b = solver.slot[contacts.body_a[k]], solver.slot[contacts.body_b[k]]
-        if slot_a == 0 or slot_b == 0:
-            continue
         at_a, at_b = slot_a * STRIDE, slot_b * STRIDE
         if max(f[3 * c], pushes[3 * c]) > 0.0:
-            solver.drifted[at_a + HELD] = solver.drifted[at_b + HELD] = 1.0
+            solver.drifted[at_a + TOUCHED] = solver.drifted[at_b + TOUCHED] = 1.0
+        if slot_a == 0 or slot_b == 0:
+            continue
         if pushes[3 * c] > 0.0:
             v = (solver.drifted[at_b] - solver.drifted[at_a],
                  solver.drifted[at_b + 1] - solver.drifted[at_a + 1],
