@@ -68,8 +68,8 @@ POINT_ROWS = 9
 # Of a point: TOTAL is the impulse of the substeps before, SPEED the normal velocity after its last
 # visit, of balls only where one overlaps. RESTING is its impulse of the last substep while an
 # impact is solved, which has impulses of its own; afterwards, how fast the point still approaches
-# [m/s], where the visits to an impact came to their limit. TURN [m/s] is how much the geometry of the
-# contact alone changes the normal velocity in a step, see contact_prediction.py.
+# [m/s], where the visits to an impact came to their limit. TURN [m/s] is how much the geometry of
+# the contact alone changes the normal velocity in a step, see contact_prediction.py.
 S, T, MASS, GAP, IMPULSE, TOTAL, SPEED, RESTING, TURN = range(9)
 # A small block, of manifolds that have one point and do not resist rolling, ends with this:
 K_N = POINT + POINT_ROWS  # response along n, t1, t2 and about n to the normal impulse
@@ -305,16 +305,22 @@ def prepare_block(b: Array, points: int, small: bool, inv_m_A: Eight, inv_m_B: E
 
 @part
 def make_basis(b: Array) -> None:
-    """Choose the tangents, see `axes`, and turn the friction in TORSION into its parts."""
+    """
+    Choose the tangents, see `axes`, and turn vectors into their parts.
+
+    The friction in TORSION, and what `_copy_turns` wrote from TOTAL_T on.
+    """
     z = load(b, NORMAL + 2)
     store(b, BASIS, -1.0 / (select(z >= 0.0, 1.0, -1.0) + z))
     _, t1, t2 = axes(b)
     friction = load_three(b, TORSION)
     store(b, FRICTION, dot(friction, t1))
     store(b, FRICTION + 1, dot(friction, t2))
+    turn = load_three(b, TOTAL_T)
+    store_two(b, TURN_T, (dot(turn, t1), dot(turn, t2)))
 
 
-# Gap, of the size of the smaller shape, at which a point counts half for the centre of its manifold.
+# Gap, of the size of the smaller shape, at which a point counts half for the centre of a manifold.
 # Smaller: friction acts where the bodies touch already; larger: in the middle of what is about to
 # touch. The pressure would be the better weight, but where it swings to and fro the centre would
 # swing with it, and friction would feed the motion.

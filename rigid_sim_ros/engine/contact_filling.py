@@ -12,8 +12,8 @@ from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, add_impulses, ARM_A, ARM_B, axes, begin_sums, combine, FRICTION, friction_of, gain_of,
     GAP, IMPULSE, J_A, J_B, LEVER_A, LEVER_B, load_three, load_two, Motion, MU, NORMAL,
     normal_sum, POINT, POINT_ROWS, prepare_block, pushed, RESTING, ROLL_LEVER, S, SHOVE,
-    SIZE, smallest_gap, SPIN, SPIN_LEVER, store_three, store_two, T, Three, TORSION, TOTAL, TURN,
-    TURN_T)
+    SIZE, smallest_gap, SPIN, SPIN_LEVER, store_three, T, Three, TORSION, TOTAL, TOTAL_T, TURN)
+from rigid_sim_ros.engine.contact_prediction import Prediction
 from rigid_sim_ros.engine.contact_rules import SKIN
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.lanes import (
@@ -141,8 +141,8 @@ def _fetch_body(at: int, balls: bool, bodies: SolverBodies) -> None:
 
 
 @part
-def fill_blocks(region: int, first: int, manifolds: Manifolds, x: Array, shapes: Shapes,
-                materials: Materials, shifts: Array, shifted: bool, share: float,
+def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Prediction, x: Array,
+                shapes: Shapes, materials: Materials, shifts: Array, shifted: bool, share: float,
                 bodies: SolverBodies, blocks: Blocks, fresh: IntArray, notes: Array) -> None:
     """
     Bring manifolds of a region into its blocks, from the `first` on, and note how they are.
@@ -167,7 +167,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, x: Array, shapes:
         else:
             A, B = gather(bodies.mass, at_A), gather(bodies.mass, at_B)
             _copy_shapes(b, rows, small, manifolds, shapes.material, materials)
-            _copy_places(b, rows, manifolds, x)
+            _copy_places(b, rows, manifolds, prediction, x)
             _copy_inertia(b, A, B)
             _copy_points(b, rows, points, manifolds, share)
         least = smallest_gap(b, points)
@@ -179,6 +179,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, x: Array, shapes:
             for i in range(LANES):
                 if rows[i] >= 0:
                     _shift_lane(manifolds, rows[i] & INDEX, shifts, b, i)
+        _copy_turns(b, rows, points, prediction)
         if balls:
             prepare_balls(b, A[INV_M], B[INV_M], A[INV_I], B[INV_I])
             warm_balls(b, bodies.base, at_A, at_B, A[INV_M], B[INV_M])
@@ -235,18 +236,19 @@ def _copy_balls(b: Array, rows: IntArray, manifolds: Manifolds, shapes: Shapes,
     there = gather_integers(manifolds.points, rows) > 0.0
     store(b, POINT + GAP, select(there, gap, ABSENT))
     store(b, POINT + IMPULSE, select(there, share * impulse, 0.0))
-    store(b, POINT + TURN, 0.0)
     store(b, POINT + RESTING, 0.0)
 
 
 @part
-def _copy_places(b: Array, rows: IntArray, manifolds: Manifolds, x: Array) -> None:
-    """Write x_A - x_B; of an empty lane something."""
+def _copy_places(b: Array, rows: IntArray, manifolds: Manifolds, prediction: Prediction,
+                 x: Array) -> None:
+    """Write x_A - x_B where the manifold was found; of an empty lane something."""
     for i in range(LANES):
         r = (rows[i] if rows[i] >= 0 else rows[0]) & INDEX
         body_a, body_b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         for k in range(3):
-            b[(ARM_B + k) * LANES + i] = x[k, body_a] - x[k, body_b]
+            moved = prediction.moved[r, k] if prediction.given[r] == 1 else 0.0
+            b[(ARM_B + k) * LANES + i] = x[k, body_a] - x[k, body_b] - moved
 
 
 @part
@@ -267,13 +269,29 @@ def _copy_normal_and_friction(b: Array, rows: IntArray, manifolds: Manifolds,
 
 
 @part
+def _copy_turns(b: Array, rows: IntArray, points: int, prediction: Prediction) -> None:
+    """
+    Write what the geometry of contacts does to their velocities in the step.
+
+    Along the tangents as a world vector, where `make_basis` looks for it.
+    """
+    for i in range(LANES):
+        r = rows[i] & INDEX
+        given = rows[i] >= 0 and prediction.given[r] == 1
+        for p in range(POINTS if points > 1 else 1):
+            turn = prediction.turn[p, r] if given else 0.0
+            b[(POINT + p * POINT_ROWS + TURN) * LANES + i] = turn
+        for k in range(3):
+            b[(TOTAL_T + k) * LANES + i] = prediction.turn_t[r, k] if given else 0.0
+
+
+@part
 def _copy_sizes(b: Array, rows: IntArray, manifolds: Manifolds, bound: Array) -> None:
     """Write the size of the smaller shape, of which tolerances are parts."""
     for i in range(LANES):
         r = (rows[i] if rows[i] >= 0 else rows[0]) & INDEX
         b[SIZE * LANES + i] = min(bound[manifolds.shape_a[r] & INDEX],
                                   bound[manifolds.shape_b[r] & INDEX])
-    store_two(b, TURN_T, (0.0, 0.0))
 
 
 @part
@@ -302,7 +320,6 @@ def _copy_point(b: Array, p: int, n: Three, rows: IntArray, manifolds: Manifolds
                            select(there, r_A[2], 0.0) + half * n[2]))
     store(b, point + GAP, select(there, gap, ABSENT))
     store(b, point + IMPULSE, select(there, share * impulse, 0.0))
-    store(b, point + TURN, 0.0)
     store(b, point + RESTING, 0.0)
 
 
@@ -343,8 +360,8 @@ def _warm_start(b: Array, points: int, warm: Array, at_A: IntArray, at_B: IntArr
 
 @part
 def keep_impulses(region: int, blocks: Blocks, coloring: Coloring, manifolds: Manifolds,
-                  bodies: SolverBodies, h: float, substeps: int, adds: bool, normal_impulse: Array,
-                  friction_impulse: Array) -> float:
+                  prediction: Prediction, bodies: SolverBodies, h: float, substeps: int,
+                  adds: bool, normal_impulse: Array, friction_impulse: Array) -> float:
     """
     Keep the impulses of a region, and give pairs back what L their motion cost.
 
@@ -383,7 +400,7 @@ def keep_impulses(region: int, blocks: Blocks, coloring: Coloring, manifolds: Ma
         _keep_normals(b, rows, points, manifolds.impulse, normal_impulse, substeps, adds)
         at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
         if _mark_touched(b, points, acted, bodies, at_A, at_B, blocks.left[block] & SHOVED != 0):
-            _give_back(b, acted, bodies, at_A, at_B, h)
+            _give_back(b, acted, rows, prediction, bodies, at_A, at_B, h)
     return residual
 
 
@@ -420,11 +437,17 @@ def _keep_normals(b: Array, rows: IntArray, points: int, impulse: Array, normal_
 
 
 @part
-def _give_back(b: Array, acted: Three, bodies: SolverBodies, at_A: IntArray, at_B: IntArray,
-               h: float) -> None:
+def _give_back(b: Array, acted: Three, rows: IntArray, prediction: Prediction,
+               bodies: SolverBodies, at_A: IntArray, at_B: IntArray, h: float) -> None:
     """Take half of the L that a pair gained from each of its bodies: the point follows both."""
     A, B = gather(bodies.total, at_A), gather(bodies.total, at_B)
-    gained = gain_of(b, acted, (h * (B[0] - A[0]), h * (B[1] - A[1]), h * (B[2] - A[2])))
+    # From where the manifold was found, which is where its levers are those of one point.
+    before = gather_rows_3(prediction.moved, rows, 3, 0)
+    given = gather_integers(prediction.given, rows)
+    moved = (select(given > 0.0, before[0], 0.0), select(given > 0.0, before[1], 0.0),
+             select(given > 0.0, before[2], 0.0))
+    gained = gain_of(b, acted, (h * (B[0] - A[0]) - moved[0], h * (B[1] - A[1]) - moved[1],
+                                h * (B[2] - A[2]) - moved[2]))
     A, B = gather(bodies.motion, at_A), gather(bodies.motion, at_B)
     held = select(both(A[INV_M] > 0.0, B[INV_M] > 0.0), 0.5, 0.0)
     half = (held * gained[0], held * gained[1], held * gained[2])

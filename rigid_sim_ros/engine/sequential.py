@@ -28,6 +28,7 @@ from rigid_sim_ros.engine.coloring import (
 from rigid_sim_ros.engine.contact_blocks import SIZE
 from rigid_sim_ros.engine.contact_filling import (
     choose_manifolds, classify, DEEPEST, fill_blocks, keep_impulses, NEW, place_lanes, TOUCHING)
+from rigid_sim_ros.engine.contact_prediction import Prediction
 from rigid_sim_ros.engine.contact_rules import SETTLED, Sweep
 from rigid_sim_ros.engine.contact_sweep import note_left, separate, visit_block
 from rigid_sim_ros.engine.free_flight import fly_free
@@ -189,8 +190,8 @@ def _find_impulses(to: int, box: Any, desk: IntArray, halved: bool) -> None:
 @part
 def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, shapes: Shapes,
              materials: Materials, round_shapes: IntArray, manifolds: Manifolds, acted: Manifolds,
-             waits: IntArray, touching: IntArray, shifts: Array, settings: SequentialSettings,
-             work: SequentialWork) -> None:
+             prediction: Prediction, waits: IntArray, touching: IntArray, shifts: Array,
+             settings: SequentialSettings, work: SequentialWork) -> None:
     """
     Do a stage in a region: 0 and 1, the halves, have bodies; 2, BETWEEN, has only contacts.
 
@@ -208,9 +209,10 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
     if stage == FILL:
         if region != BETWEEN:
             give_slots(region, work.sides, touching, bodies)
-            load_bodies(region, model.gravity, model.inv_m, model.inv_I_C, state, loads, bodies)
-        _fill(region, state.x, shapes, materials, round_shapes, manifolds, waits, shifts,
-              1.0 / settings.substeps, work)
+            load_bodies(region, model.h, model.gravity, model.inv_m, model.inv_I_C, state, loads,
+                        bodies)
+        _fill(region, state.x, shapes, materials, round_shapes, manifolds, prediction, waits,
+              shifts, 1.0 / settings.substeps, work)
     elif stage == APPROACH:
         if region != BETWEEN:
             begin_bodies(region, bodies.used, motion, bodies.smooth, alike, bodies.base, h)
@@ -237,9 +239,9 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
         meets = drift_blocks(region, blocks, bodies.drifted, h, slow, impacts)
         notes[WAITING], notes[SUBSTEP] = 1.0 if meets else 0.0, notes[SUBSTEP] + 1.0
     elif stage == KEEP:
-        notes[LARGEST] = keep_impulses(region, blocks, work.coloring, manifolds, bodies, h,
-                                       settings.substeps, work.shifted[0] == 1, acted.impulse,
-                                       acted.friction)
+        notes[LARGEST] = keep_impulses(
+            region, blocks, work.coloring, manifolds, prediction, bodies, h, settings.substeps,
+            work.shifted[0] == 1, acted.impulse, acted.friction)
 
 
 @kernel
@@ -265,8 +267,8 @@ def store_half(half: int, model: Model, state: State, substeps: int,
 
 @kernel
 def _fill(region: int, x: Array, shapes: Shapes, materials: Materials, round_shapes: IntArray,
-          manifolds: Manifolds, waits: IntArray, shifts: Array, share: float,
-          work: SequentialWork) -> None:
+          manifolds: Manifolds, prediction: Prediction, waits: IntArray, shifts: Array,
+          share: float, work: SequentialWork) -> None:
     """Bring the manifolds of a region into blocks."""
     shifted, sides = work.shifted[0] == 1, work.sides
     if region != BETWEEN:
@@ -281,8 +283,8 @@ def _fill(region: int, x: Array, shapes: Shapes, materials: Materials, round_sha
                              coloring)
         make_room(region, begin, end, colors, coloring, blocks)
         place_lanes(region, begin, end, block, manifolds, bodies, coloring, blocks)
-        fill_blocks(region, block, manifolds, x, shapes, materials, shifts, shifted, share,
-                    bodies, blocks, work.fresh, work.notes[region])
+        fill_blocks(region, block, manifolds, prediction, x, shapes, materials, shifts, shifted,
+                    share, bodies, blocks, work.fresh, work.notes[region])
     if region == BETWEEN:
         begin = first_block(blocks, region)
         mark_astride(begin * LANES, (begin + blocks.count[region]) * LANES, blocks.at_A,

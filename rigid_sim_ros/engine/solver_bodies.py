@@ -4,7 +4,7 @@
 The moving bodies that may touch something, as the sequential solver sees them.
 
 A body has a slot here for one step. Velocity v and angular momentum L are all that contacts
-change; the inverse inertia in world axes stays what it was at the start of the step, so that a
+change; the inverse inertia in world axes stays what it is in the middle of the step, so that a
 step is a linear problem, and the pose moves once, at its end. The first slot of a half (see
 slots.py) stands for every body that does not move: nothing that is added to it is ever different
 from 0.
@@ -45,6 +45,10 @@ FIRST_END, SECOND_BEGIN, SECOND_END, _USED = range(4)
 # the cache beyond the last one that it asked for. If another core writes there, it would have to
 # take every one of them back first, in each substep.
 _BETWEEN_HALVES = 64
+
+
+# [rad] What turns less in half of a step has the inertia of its start.
+SAME_ATTITUDE = 1e-6
 
 
 class SolverBodies(NamedTuple):
@@ -121,9 +125,13 @@ def still_slot(used: IntArray, region: int) -> int:
 
 
 @part
-def load_bodies(half: int, gravity: Array, inv_m: Array, inv_I_C: Array, state: State,
+def load_bodies(half: int, h: float, gravity: Array, inv_m: Array, inv_I_C: Array, state: State,
                 loads: Loads, bodies: SolverBodies) -> None:
-    """Write the rows and the motion of the bodies that have a slot in a half."""
+    """
+    Write the rows and the motion of the bodies that have a slot in a half.
+
+    Their inertia is that of the middle of a step of h [s].
+    """
     (first, last), mass, alike = slots_of(bodies.used, half), bodies.mass, bodies.alike[0] == 1
     for numbers in (bodies.motion, bodies.smooth, mass, bodies.drifted):
         _of_half(numbers, bodies.used, half)[:STRIDE] = 0.0
@@ -139,7 +147,8 @@ def load_bodies(half: int, gravity: Array, inv_m: Array, inv_I_C: Array, state: 
             bodies.motion[motion + k] = inv_m[i] * state.P[k, i]
             bodies.motion[motion + 3 + k] = state.L[k, i]
         mass[motion + INV_M] = inv_m[i]
-        _turn_inertia(mass, motion + J, column(inv_I_C, i), quaternion(state.q, i))
+        _turn_inertia(mass, motion + J, column(inv_I_C, i), quaternion(state.q, i),
+                      column(state.L, i), 0.5 * h)
         bodies.motion[motion + INV_M], bodies.motion[motion + INV_I] = inv_m[i], mass[motion + J]
         if not alike:
             _load_forces(bodies.smooth, motion, inv_m[i], column(loads.F, i),
@@ -154,13 +163,20 @@ def _load_forces(smooth: Array, line: int, inv_m: float, F: Vector, tau: Vector)
 
 
 @part
-def _turn_inertia(mass: Array, line: int, d: Vector, q: Quaternion) -> None:
-    """Write the inverse inertia, world axes; d along those of the body, and of a ball in all."""
+def _turn_inertia(mass: Array, line: int, d: Vector, q: Quaternion, L: Vector, t: float) -> None:
+    """
+    Write the inverse inertia after t [s], world axes.
+
+    d along those of the body, and of a ball in all.
+    """
     if d[0] == d[1] and d[1] == d[2]:
         for k in range(6):
             mass[line + k] = 0.0
         mass[line] = mass[line + 3] = mass[line + 5] = d[0]
         return
+    angle = t * max(d[0], max(d[1], d[2]))
+    if angle * angle * dot(L, L) > SAME_ATTITUDE * SAME_ATTITUDE:
+        q = turn_fast(q, L, d, t)
     R = to_matrix(q)
     for k in range(3):
         for j in range(k, 3):

@@ -17,6 +17,8 @@ from rigid_sim_ros.engine.collisions import (
     collide_bodies, CollisionWork, make_collision_work, may_bounce)
 from rigid_sim_ros.engine.coloring import REGIONS
 from rigid_sim_ros.engine.compiling import compile_late, compile_together
+from rigid_sim_ros.engine.contact_prediction import (
+    make_prediction, predict_contacts, Prediction)
 from rigid_sim_ros.engine.detect import detect_stage, search_pair, WHOLE
 from rigid_sim_ros.engine.forces import add_scene_forces
 from rigid_sim_ros.engine.free_flight import BLOCK_SIZE as FLIGHT_SIZE, fly
@@ -70,6 +72,7 @@ class TimestepWork(NamedTuple):
     block: Array
     radius: Array  # (n,) [m] how far the shapes of a body reach from its centre of mass
     round_shapes: IntArray  # (s,) 1: a ball about its centre of mass, or a body that never moves
+    prediction: Prediction
     collision: CollisionWork
     solver: SequentialWork
 
@@ -83,7 +86,9 @@ def make_timestep_work(model: Model, shapes: Shapes, memory: Memory) -> Timestep
             reach = float(np.linalg.norm(shapes.p_CS[s])) + shapes.bound[s]
             radius[shapes.body[s]] = max(radius[shapes.body[s]], reach)
     return TimestepWork(empty_loads(n), empty_loads(n), integers(1), np.zeros(FLIGHT_SIZE), radius,
-                        _round_shapes(model, shapes), make_collision_work(n, capacity),
+                        _round_shapes(model, shapes),
+                        make_prediction(n, shapes.body.shape[0], capacity),
+                        make_collision_work(n, capacity),
                         make_sequential_work(n, _middle(model, shapes.body), capacity))
 
 
@@ -215,6 +220,14 @@ def _begin(box: Any, shapes: tuple[int, int], bodies: tuple[int, int]) -> None:
 
 
 @kernel
+def _predict(box: Any, _: int) -> int:
+    memory, work = held(box, _MEMORY), held(box, _WORK)
+    return predict_contacts(
+        held(box, _MODEL), held(box, _STATE), work.loads, held(box, _SHAPES), current(memory),
+        memory.ahead, memory.calm[0], work.collision.waits, work.prediction, memory.scratch)
+
+
+@kernel
 def _collide(box: Any, _: int) -> int:
     model, memory, work = held(box, _MODEL), held(box, _MEMORY), held(box, _WORK)
     acted = earlier(memory)
@@ -229,7 +242,8 @@ def _solve(box: Any, number: int) -> int:
     memory, work = held(box, _MEMORY), held(box, _WORK)
     do_stage(number // REGIONS, number % REGIONS, held(box, _MODEL), held(box, _STATE), work.loads,
              held(box, _SHAPES), held(box, _MATERIALS), work.round_shapes, current(memory),
-             earlier(memory), work.collision.waits, memory.touching, work.collision.body,
+             earlier(memory), work.prediction, work.collision.waits, memory.touching,
+             work.collision.body,
              held(box, _SETTINGS).sequential, work.solver)
     return 0
 
@@ -272,9 +286,9 @@ def _sleep(box: Any, when: int) -> int:
 
 # What is compiled apart from the step, by place; the first three by a helper: they take as long
 # as all others together.
-(_TO_DETECT, _TO_STORE, _TO_SEARCH, _TO_COLLIDE, _TO_SOLVE, _TO_FORCES, _TO_SLEEP,
- _TO_SHARE) = range(8)
-PIECES, _SHARED_OUT = 8, 3
+(_TO_DETECT, _TO_STORE, _TO_PREDICT, _TO_SEARCH, _TO_COLLIDE, _TO_SOLVE, _TO_FORCES, _TO_SLEEP,
+ _TO_SHARE) = range(9)
+PIECES, _SHARED_OUT = 9, 4
 ALWAYS = [_detect, _store]    # what every world has a helper compile
 
 
@@ -289,7 +303,7 @@ def _pieces(model: Model, shapes: Shapes, materials: Materials, settings: Timest
     kinds = np.unique(shapes.kind)
     families = FAMILY[np.ix_(kinds, kinds)]
     searched = np.isin(families, (CAPSULES, CONVEX)).any()
-    return [_detect, _store, _search if searched or (families == BOXES).any() else None,
+    return [_detect, _store, _predict, _search if searched or (families == BOXES).any() else None,
             _collide if (materials.restitution > 0.0).any() else None, _solve,
             _add_forces if model.forces.kind.shape[0] > 0 else None,
             _sleep if settings.sleep_steps > 0 else None,
@@ -356,8 +370,10 @@ def _step(box: Any) -> bool:
     if sleeps or to[_TO_COLLIDE] != 0:
         # Of all others the solver writes them.
         clear_impulses(manifolds, acted.impulse, acted.friction)
+    left_out = call(to[_TO_PREDICT], box, 0)
     if to[_TO_COLLIDE] != 0:
         work.solver.shifted[0] = 1 if call(to[_TO_COLLIDE], box, 0) > 0 else 0
+    if to[_TO_COLLIDE] != 0 or left_out > 0:
         mark_touching(manifolds, work.collision.waits, memory.touching)
     work.solver.bodies.alike[0] = 0 if loaded else 1
     begin_slots(work.solver.sides, memory.touching, work.solver.bodies)

@@ -91,6 +91,7 @@ def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
     shared, bodies = work.shared, work.shared.solver.bodies
     clear_impulses(manifolds, acted.impulse, acted.friction)
     sum_loads(model, state, wrenches, shared.loads)
+    shared.collision.waits[:] = 0
     if collide_bodies(model.h, model.inv_m, model.inv_I_C, state, shared.loads.F, shapes,
                       materials, manifolds, settings.bounce_speed, acted.impulse,
                       acted.friction, shared.collision) > 0:
@@ -99,7 +100,7 @@ def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
     take_sides(model.inv_m, state.x, work.awake, 0, len(model.m), shared.solver.sides,
                bodies.slot, bodies.flies)
     give_slots(0, shared.solver.sides, touching, bodies)
-    load_bodies(0, model.gravity, model.inv_m, model.inv_I_C, state, shared.loads, bodies)
+    load_bodies(0, 0.0, model.gravity, model.inv_m, model.inv_I_C, state, shared.loads, bodies)
     read_bodies(model, state, shared.loads.F, shared.loads.tau, work.bodies)
     chosen = _chosen(model, state, shapes, materials, manifolds, work)
     kick_bodies(0, bodies.used, bodies.motion, bodies.smooth, False, bodies.base, model.h)
