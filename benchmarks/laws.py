@@ -20,6 +20,7 @@ import time
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test'))
 
 from laws.book import builder, judge, LAWS, scene
+from laws.cases import Case, CASES
 from laws.motion import Verdict
 from laws.scenes import with_model
 
@@ -68,6 +69,25 @@ def table(laws: list[str], models: list[str], seeds: range, substeps: int, jobs:
                    f'| {time.perf_counter() - start:.0f} | {listed} |')
 
 
+def cases(models: list[str], letters: str) -> Iterator[str]:
+    """Yield a line for each case and model: its figure, and what is allowed."""
+    yield '| | case | model | figure | allowed | of what | |'
+    yield '| --- | --- | --- | ---: | ---: | --- | --- |'
+    for case in CASES:
+        for model in case.models:
+            if model in models and case.letter in letters:
+                yield _case(case, model)
+
+
+def _case(case: Case, model: str) -> str:
+    try:
+        found = case.measure(model)
+    except Exception as error:
+        return f'| {case.letter} | {case.name} | {model} | | | {error} | BREACH |'
+    return (f'| {case.letter} | {case.name} | {model} | {found.figure:.3g} | {found.allowed:.2g} '
+            f"| {found.what} | {'BREACH' if found.breach else ''} |")
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__,
@@ -80,11 +100,17 @@ def main() -> None:
     parser.add_argument('--jobs', type=int, default=1, help='processes')
     parser.add_argument('--limit', type=float, default=float('inf'),
                         help='seconds for a law and model, after which the rest is left out')
+    parser.add_argument('--cases', nargs='?', const='ABCDEFGHI', metavar='LETTERS',
+                        help='run the cases, or those of some letters, in place of the laws')
     parser.add_argument('--show', action='store_true', help='print the scenes, run nothing')
     wanted = parser.parse_args()
     laws = wanted.law or list(LAWS)
     models = wanted.model or ['timestep', 'event', 'qp', 'penalty']
     seeds = range(wanted.seed, wanted.seed + wanted.scenes)
+    if wanted.cases:
+        for line in cases(models, wanted.cases):
+            print(line, flush=True)
+        return
     if wanted.show:
         for law in laws:
             for seed in seeds:

@@ -4,10 +4,10 @@
 
 import math
 
-from laws.motion import Build, look, masses, potential, Verdict, worst
+from laws.motion import Build, Look, look, Masses, masses, potential, Verdict, worst
 from laws.scenes import (
-    any_attitude, body, column, direction, draw_masses, draw_scales, draw_surface, fixed, G,
-    heap, matrix, plane, Scales, Scene, world)
+    any_attitude, body, direction, draw_masses, draw_scales, draw_surface, extent, fixed, G, heap,
+    matrix, plane, Scales, Scene, Spec, world)
 from laws.solids import box, cylinder, draw_solid, Generator, sphere
 import numpy as np
 
@@ -47,9 +47,10 @@ def judge_energy(scene: Scene, build: Build) -> Verdict:
     Compare the energy at each look with the least before it.
 
     What a lawful method may add, and no more:
-    - A second order method errs by third order within a step: a body that turns by w h in it may
-      gain (w h)^3 of its kinetic energy. (A first order one gains (w h)^2 each step, which adds up
-      to a share of w per radian turned, whatever the step.)
+    - A second order method errs by third order within a step: where the line of contact turns by a
+      in it, a body may gain a^3 of its kinetic energy. (A first order one gains a^2 each step,
+      which adds up to a share per radian turned, whatever the step.) The line turns as the bodies
+      do, w h, or as a body moves along the other, v h / size.
     - A velocity is known to g h: 1/2 m (g h)^2 for each body, once.
     - What lies in an overlap of depth d may be lifted out of it: m g d for each body.
     - Rounding: of the positions, m g |x| eps in each step; relative to the energy 1e-9.
@@ -69,8 +70,8 @@ def judge_energy(scene: Scene, build: Build) -> Verdict:
         run.step(every)
         now = look(of, run.motion())
         energy = now.kinetic.sum() + potential(spec, of, now)
-        turned = h * np.maximum(np.linalg.norm(now.w, axis=1), np.linalg.norm(before.w, axis=1))
-        allowed += every * float(np.maximum(now.kinetic, before.kinetic) @ turned ** 3)
+        allowed += every * float(np.maximum(now.kinetic, before.kinetic)
+                                 @ _turns(spec, of, before, now, every * h, h) ** 3)
         lifted = of.m.sum() * g * run.deepest()
         verdict = Verdict((energy - least) / scale,
                           1e-9 + (allowed + once + lifted) / scale, 'gain of energy, share')
@@ -80,6 +81,29 @@ def judge_energy(scene: Scene, build: Build) -> Verdict:
         if energy < least:
             least, allowed = energy, 0.0
     return worst_yet
+
+
+def _turns(spec: Spec, of: Masses, before: Look, now: Look, time: float, h: float) -> np.ndarray:
+    """
+    Return by how much [rad] the lines turn along which each body is touched, in a step.
+
+    What flies free, known by its momenta, only turns itself. What touches something is carried
+    around by what is heavier; what is lighter disturbs it by its own energy at most.
+    """
+    def most(vectors: np.ndarray, others: np.ndarray) -> np.ndarray:
+        return np.maximum(np.linalg.norm(vectors, axis=1), np.linalg.norm(others, axis=1))
+
+    fallen = of.m[:, None] * np.asarray(spec['world']['gravity']) * time
+    flies = ((np.abs(now.P - before.P - fallen).max(axis=1) <= 1e-9 * np.abs(now.P).max(axis=1))
+             & (np.abs(now.L - before.L).max(axis=1) <= 1e-9 * np.abs(now.L).max(axis=1)))
+    turns = most(now.w, before.w)
+    sizes = np.array([extent(one['shape']) if one.get('inertial') else math.inf
+                      for one in spec['bodies']])
+    touched = np.where(flies, 0.0, np.maximum(turns, most(now.v, before.v) / sizes))
+    heaviest = np.argsort(-of.m, kind='stable')
+    carried = np.empty(len(of.m))
+    carried[heaviest] = np.maximum.accumulate(touched[heaviest])
+    return h * np.where(flies, turns, carried)
 
 
 def draw_momentum(rng: Generator) -> Scene:
