@@ -40,7 +40,7 @@ class Posed:
         n = len(model.m)
         self._model = model
         self._size = sizes(model, shapes)
-        self._g = math.sqrt(float((model.gravity ** 2).sum()))
+        self._g = math.hypot(*model.gravity.tolist())
         self._at: IntArray = np.full(n, _NEVER)     # the step before which it was set last
         self._after: IntArray = np.zeros(n, dtype=np.int64)     # steps since the time before; 0
 

@@ -13,6 +13,8 @@ Each step calls `begin_kinematic`, then `move_kinematic` for parts that add up t
 `end_kinematic`. All go through `model.fixed` and touch nothing else.
 """
 
+import math
+
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array
@@ -100,7 +102,7 @@ def sizes(model: Model, shapes: Shapes) -> Array:
     size, endless = np.zeros(n), np.ones(n, dtype=bool)
     for s, i in enumerate(shapes.body):
         endless[i] = shapes.kind[s] == PLANE
-        reach = float(np.sqrt((shapes.p_CS[s] ** 2).sum())) + shapes.bound[s]
+        reach = math.hypot(*shapes.p_CS[s].tolist()) + shapes.bound[s]
         size[i] = max(size[i], reach)
     carried = size[(model.inv_m > 0.0) & ~endless]
     size[endless] = carried.max() if len(carried) > 0 else np.inf
@@ -124,7 +126,8 @@ def approach(model: Model, state: State, motion: BodyMotion, i: int, steps: int,
     for now, then in zip(state, before, strict=True):
         now[..., i] = then
     t = steps * model.h
-    farthest = float(np.sqrt((way ** 2).sum()) + np.sqrt((np.array(turn) ** 2).sum()) * size)
+    turns = math.hypot(*turn)
+    farthest = math.hypot(*way.tolist()) + (turns * size if turns > 0.0 else 0.0)
     if farthest > size * steps or farthest > fastest * t:
         return False
     state.V[:3, i], state.V[3:, i] = way / t, np.array(turn) / t

@@ -127,13 +127,15 @@ BODIES = {
         '4: bodies[0].shape.masses: 2 masses for 1 positions, must be as many'),
     'plane that moves': (
         '- {name: a, shape: {type: plane}}',
-        "2: bodies[0].shape.type: 'plane' has no end and no mass, the body must be fixed: true"),
+        "2: bodies[0].shape.type: 'plane' has no end and no mass, the body must be fixed: true "
+        'or kinematic: true'),
     'plane without direction': (
         '- {name: a, fixed: true, shape: {type: plane, normal: [0, 0, 0]}}',
         '2: bodies[0].shape.normal: [0, 0, 0] has no direction, must be such as [0, 0, 1]'),
     'fixed body with a twist': (
         '- {name: a, fixed: true, twist: {linear: [1, 0, 0]}}',
-        '2: bodies[0].twist: of a fixed body, must be 0'),
+        '2: bodies[0].twist: of a fixed body, must be 0, or the body kinematic: true in place of '
+        'fixed'),
     'unknown material': (
         f'- {{name: a, mass: 1, {BALL},\n   material: defualt}}',
         "3: bodies[0].material: 'defualt' is no material, did you mean 'default'?"),
