@@ -51,7 +51,8 @@ def test_a_belt_drags_a_crate_along_until_it_is_as_fast(model):
     assert world.linear_velocity[1, 1] == pytest.approx(
         0.3 * G * 0.2, rel=1e-3 if model != 'penalty' else 0.1)
     world.step(300)
-    assert world.linear_velocity[1] == pytest.approx([0, 1, 0], abs=5e-3)
+    # Springs still let it swing up and down.
+    assert world.linear_velocity[1, 1] == pytest.approx(1.0, abs=5e-3)
     # It slid back by v^2 / (2 mu g) on the belt.
     assert world.position[0, 1] - world.position[1, 1] == pytest.approx(
         1 / (0.6 * G), rel=1e-2 if model != 'penalty' else 0.1)
@@ -60,15 +61,17 @@ def test_a_belt_drags_a_crate_along_until_it_is_as_fast(model):
 @stiff_models
 @pytest.mark.parametrize('a', [3.0, -3.0])
 def test_a_lift_that_speeds_up_presses_with_the_force_that_this_takes(model, a):
-    world = world_of(model, floor(), crate())
+    world, pressed = world_of(model, floor(), crate()), 0.0
     world.step(50)
-    for k in range(100):
+    for k in range(200):
         world.set_twist('floor', (0, 0, a * 1e-3 * (k + 1)), REST)
         world.step()
-    assert world.linear_velocity[1, 2] == pytest.approx(0.1 * a, abs=1e-4)
-    # Soft contacts take a few steps to follow the first one.
-    assert world.contacts()['normal_force'].sum() == pytest.approx(2.0 * (G + a), rel=1e-2)
-    assert abs(world.position[1, 2] - world.position[0, 2] - 0.7) < 1e-4
+        pressed += world.contacts()['normal_force'].sum() * (1e-2 if k >= 100 else 0.0)
+    # Contacts at velocity level may let go for a step or two, which makes g h each.
+    assert world.linear_velocity[1, 2] == pytest.approx(0.2 * a, abs=2.5 * G * 1e-3)
+    assert pressed == pytest.approx(2.0 * (G + a), rel=5e-2)
+    # What is let go for n steps is apart by n^2 g h^2 / 2, and sinks in as little.
+    assert abs(world.position[1, 2] - world.position[0, 2] - 0.7) < 5e-4
 
 
 @every_model
@@ -113,12 +116,15 @@ def test_a_turntable_carries_what_friction_can_hold(model):
     world = world_of(model, table, rides('held', held), rides('slides', -slides), friction=mu)
     turn = round(2 * math.pi / w / 1e-3)
     world.step(turn)
-    # Back where it was after a turn, and that of a step is w h r = 1.3 mm; drift of first order
-    # in w h would be 2 pi w h / 2 of the radius.
-    assert world.position[1] == pytest.approx([held, 0, 0.1], abs=2.5e-3)
+    # Back where it was after a turn, but for the way of the last step, w h r = 1.3 mm. A method of
+    # first order goes along tangents: w^2 h^2 r / 2 farther out in a step, pi w h r in a turn, and
+    # friction that acts at the end of them doubles that.
+    outwards = 0.0 if model == 'event' else 2.0 * math.pi * w * 1e-3 * held
+    assert world.position[1] == pytest.approx([held, 0, 0.1], abs=2e-3 + outwards)
     assert np.hypot(*world.position[2, :2]) > 1.1 * slides
     # What friction holds moves at w x r: mu m g is not reached.
-    assert np.hypot(*world.linear_velocity[1, :2]) == pytest.approx(w * held, rel=1e-2)
+    assert np.hypot(*world.linear_velocity[1, :2]) == pytest.approx(
+        w * np.hypot(*world.position[1, :2]), rel=5e-3)
 
 
 @every_model
@@ -137,8 +143,8 @@ def test_a_piston_is_never_entered_and_never_slows_down(model, shape):
         gap = world.position[2, 0] - 0.2 - (world.position[1, 0] + 0.5)
         deepest = min(deepest, gap)
     assert world.position[1] == pytest.approx([0.5, 0, 0.5], abs=1e-12)
-    # v sqrt(m / k) is how far an impact compresses four springs; a step's way is 3 mm.
-    assert deepest > (-3.0 * math.sqrt(2.0 / 2e4) if model == 'penalty' else -3e-3)
+    # v sqrt(m / k) is how far an impact of both, 4 kg, compresses a spring; a step's way is 3 mm.
+    assert deepest > (-3.0 * math.sqrt(4.0 / 2e4) if model == 'penalty' else -3e-3)
     assert world.position[3, 0] > world.position[2, 0] > world.position[1, 0] + 0.65
 
 
