@@ -11,6 +11,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.beforehand import compile_beforehand
+from rigid_sim_ros.engine.hulls import HullError
 from rigid_sim_ros.engine.inertia import check, MassProperties
 from rigid_sim_ros.engine.kinematic import LASTS
 from rigid_sim_ros.engine.model import Body, build_model, Frame, Model
@@ -96,10 +97,9 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source) ->
             report(('bodies', i), _EXTREME)
     if problems:
         raise SceneError(problems)
-    try:
-        shapes = build_shapes(model, collision.shapes(spec), collision.ignored(spec))
-    except ValueError as error:
-        raise SceneError([source.problem(('bodies',), str(error))]) from None
+    shapes = _shapes(spec, model, report)
+    if problems or shapes is None:
+        raise SceneError(problems)
     materials = build_materials(collision.materials(spec), collision.overrides(spec))
     if spec.world.contact == 'penalty':
         try:
@@ -198,6 +198,18 @@ def _mass_properties(body: schema.Body, report: Report) -> MassProperties | None
         report((place,), str(error))
     else:
         return properties
+    return None
+
+
+def _shapes(spec: schema.Scene, model: Model, report: Report) -> Shapes | None:
+    """Return what can touch, None after a report of what cannot be built."""
+    solids, places = collision.shapes(spec, report)
+    try:
+        return build_shapes(model, solids, collision.ignored(spec))
+    except HullError as error:
+        report(places[error.index], str(error))
+    except ValueError as error:
+        report(('bodies',), str(error))
     return None
 
 
