@@ -21,19 +21,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import Array, IntArray, Quaternion, room, Vector
+from rigid_sim_ros.engine.arrays import Array, IntArray, room, Vector
 from rigid_sim_ros.engine.backtrack import meeting, place_ahead
 from rigid_sim_ros.engine.free_rotation import turn_fast
 from rigid_sim_ros.engine.kernel import INDEX, kernel
+from rigid_sim_ros.engine.kinematic import prescribed_spin
 from rigid_sim_ros.engine.loads import empty_loads, Loads
 from rigid_sim_ros.engine.manifolds import Manifolds, POINTS, rows_in_use, Scratch
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.narrow_phase.collide import collide
-from rigid_sim_ros.engine.rotation import quaternion, to_matrix
+from rigid_sim_ros.engine.rotation import angular_velocity, quaternion
 from rigid_sim_ros.engine.shapes import Shapes
-from rigid_sim_ros.engine.state import State
+from rigid_sim_ros.engine.state import body_velocity, State
 from rigid_sim_ros.engine.vector import (
-    add, add_scaled, column, cross, dot, row, scale, subtract, times)
+    add, add_scaled, column, cross, dot, row, scale, subtract)
 
 # Parts of the size of the smaller shape of a pair: what moves less in a step has the geometry of
 # its start; what is nearer touches; a point that gets farther on both bodies is another one.
@@ -121,39 +122,27 @@ def _closes(model: Model, state: State, loads: Loads, manifolds: Manifolds, r: i
 
 
 @kernel
-def _attitude(model: Model, state: State, i: int, t: float) -> Quaternion:
-    q = quaternion(state.q, i)
-    if model.inv_m[i] == 0.0 or t == 0.0:
-        return q
-    return turn_fast(q, column(state.L, i), column(model.inv_I_C, i), t)
-
-
-@kernel
 def _spin_after(model: Model, state: State, i: int, t: float) -> Vector:
     """Return the angular velocity of a body [rad/s] after t [s] without torque, world axes."""
-    R = to_matrix(_attitude(model, state, i, t))
-    L = column(state.L, i)
-    L_C = (R[0][0] * L[0] + R[1][0] * L[1] + R[2][0] * L[2],
-           R[0][1] * L[0] + R[1][1] * L[1] + R[2][1] * L[2],
-           R[0][2] * L[0] + R[1][2] * L[1] + R[2][2] * L[2])
-    w = times(L_C, column(model.inv_I_C, i))
-    return (dot(R[0], w), dot(R[1], w), dot(R[2], w))
+    q, L, inv_I = quaternion(state.q, i), column(state.L, i), column(model.inv_I_C, i)
+    if model.inv_m[i] > 0.0 and t > 0.0:
+        q = turn_fast(q, L, inv_I, t)
+    return add(prescribed_spin(state, i), angular_velocity(q, L, inv_I))
 
 
 @kernel
 def _velocity(model: Model, state: State, a: int, b: int, w_A: Vector, w_B: Vector, r_A: Vector,
               r_B: Vector) -> Vector:
     """Return the velocity of B relative to A at a point [m/s]."""
-    v = subtract(scale(model.inv_m[b], column(state.P, b)),
-                 scale(model.inv_m[a], column(state.P, a)))
+    v = subtract(body_velocity(model, state, b), body_velocity(model, state, a))
     return add(v, subtract(cross(w_B, r_B), cross(w_A, r_A)))
 
 
 @kernel
 def _way(model: Model, state: State, loads: Loads, i: int, t: float) -> Vector:
     """Return how far the centre of mass of a body moves in t [s]."""
-    return scale(t * model.inv_m[i],
-                 add_scaled(column(state.P, i), 0.5 * t, column(loads.F, i)))
+    return scale(t, add_scaled(body_velocity(model, state, i), 0.5 * t * model.inv_m[i],
+                               column(loads.F, i)))
 
 
 @kernel

@@ -10,6 +10,7 @@ from rigid_sim_ros.engine.contacts import Contacts, row, to_world, torque_in_wor
 from rigid_sim_ros.engine.free_flight import fly
 from rigid_sim_ros.engine.integrate import sum_loads, Work
 from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.kinematic import move_kinematic
 from rigid_sim_ros.engine.loads import kick, Loads
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.state import State
@@ -51,6 +52,7 @@ def move(model: Model, state: State, wrenches: Wrenches, contacts: Contacts, cho
     """
     kick(state, work.loads, 0.5 * t)
     fly(model, state, (0.0, 0.0, 0.0), t, np.int64(1), work.block)
+    move_kinematic(model, state, t)
     _carry_points(model, state, contacts, chosen, width, f, t, loads)
     kick(state, work.loads, 0.5 * t)
     sum_loads(model, state, wrenches, work.later)

@@ -93,7 +93,7 @@ def renumbered(model: Model, state: State, shapes: Shapes, order: IntArray,
 
 def _columns(field: Array, order: IntArray) -> Array:
     """Return the columns of bodies, side by side in memory."""
-    return np.ascontiguousarray(field[:, order])
+    return np.ascontiguousarray(field[..., order])
 
 
 def _model(model: Model, order: IntArray, row: IntArray) -> Model:

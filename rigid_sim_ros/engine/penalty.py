@@ -42,6 +42,7 @@ from rigid_sim_ros.engine.detect import detect
 from rigid_sim_ros.engine.free_flight import fly
 from rigid_sim_ros.engine.integrate import make_work, sum_loads, Work
 from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.kinematic import begin_kinematic, end_kinematic, move_kinematic
 from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.manifolds import current_manifolds, grown, Manifolds, Memory
 from rigid_sim_ros.engine.model import Model
@@ -316,6 +317,8 @@ def _record(manifolds: Manifolds, contacts: Contacts, forces: Array, t: float) -
 
 @kernel
 def _velocities(model: Model, state: State, bodies: Bodies) -> None:
+    # Whose twist is over stands still; in the second half of a step that is nobody.
+    begin_kinematic(model, state)
     for i in range(model.m.shape[0]):
         read_velocity(model, state, i, bodies)
 
@@ -326,6 +329,7 @@ def _drift(model: Model, state: State, wrenches: Wrenches, work: Work) -> None:
     sum_loads(model, state, wrenches, work.loads)
     kick(state, work.loads, 0.5 * model.h)
     fly(model, state, (0.0, 0.0, 0.0), model.h, np.int64(1), work.block)
+    move_kinematic(model, state, model.h)
 
 
 @kernel
@@ -335,6 +339,7 @@ def _last_kick(model: Model, state: State, wrenches: Wrenches, work: Work) -> No
     sum_loads(model, state, wrenches, work.later)
     kick(state, work.later, 0.5 * model.h)
     kick(state, work.loads, -0.5 * model.h)
+    end_kinematic(model, state)
     count_down(wrenches)
 
 

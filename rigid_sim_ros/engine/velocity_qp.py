@@ -27,6 +27,7 @@ from rigid_sim_ros.engine.detect import detect_ahead
 from rigid_sim_ros.engine.free_flight import fly_free
 from rigid_sim_ros.engine.integrate import sum_loads
 from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.kinematic import begin_kinematic, end_kinematic, move_kinematic
 from rigid_sim_ros.engine.loads import kick
 from rigid_sim_ros.engine.manifolds import (
     current_manifolds, earlier_manifolds, grown, Manifolds, Memory)
@@ -60,6 +61,7 @@ class QpWork:
         """Make room for a world whose manifolds live in `memory`."""
         self.shared: TimestepWork = make_timestep_work(model, shapes, memory)
         self.bodies: Bodies = make_bodies(len(model.m))
+        self.prescribed: Array = np.zeros((6, len(model.m)))
         self.awake: IntArray = np.zeros(len(model.m), dtype=np.int64)  # no body sleeps
         self.contacts: Contacts = make_contacts(16)
         self.report = QpReport()
@@ -73,14 +75,17 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
     What OSQP could not solve is applied as far as it came, and said in `work.report`.
     """
     for _ in range(count):
-        look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, materials.restitution,
-                   settings, work.shared.radius, shapes.body, memory, 0, shapes.body.shape[0])
+        begin_kinematic(model, state)
+        look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, state.V,
+                   materials.restitution, settings, work.shared.radius, shapes.body, memory, 0,
+                   shapes.body.shape[0])
         while not detect_ahead(model, state, shapes, memory, 0, None):
             memory = grown(memory)
         if len(memory.pages[0].shape_a) > len(work.shared.collision.rows):
             work.shared = make_timestep_work(model, shapes, memory)
         _step(model, state, wrenches, shapes, materials, current_manifolds(memory),
               earlier_manifolds(memory), memory.touching, settings, work)
+        end_kinematic(model, state)
         count_down(wrenches)
     return memory
 
@@ -97,8 +102,9 @@ def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
                       acted.friction, shared.collision) > 0:
         _move_gaps(manifolds, shared.collision.body)
     mark_touching(manifolds, shared.collision.waits, touching)
-    take_sides(model.inv_m, state.x, work.awake, 0, len(model.m), shared.solver.sides,
-               bodies.slot, bodies.flies)
+    # What moves by its twist has no slot: its velocity is in `work.bodies`.
+    take_sides(model.inv_m, work.prescribed, state.x, work.awake, 0, len(model.m),
+               shared.solver.sides, bodies.slot, bodies.flies)
     give_slots(0, shared.solver.sides, touching, bodies)
     load_bodies(0, 0.0, model.gravity, model.inv_m, model.inv_I_C, state, shared.loads, bodies)
     read_bodies(model, state, shared.loads.F, shared.loads.tau, work.bodies)
@@ -112,6 +118,7 @@ def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
     store_bodies(0, 0, len(model.m), model.h, model.m, model.inv_m, model.inv_I_C, state, bodies,
                  1, 0.0)
     fly_free(model, state, shared.loads, bodies.flies, model.h, shared.block)
+    move_kinematic(model, state, model.h)
     # As in the symplectic method: half of the change of the loads, now at the new poses.
     sum_loads(model, state, wrenches, shared.later)
     kick(state, shared.later, 0.5 * model.h)
