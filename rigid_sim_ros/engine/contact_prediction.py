@@ -17,12 +17,13 @@ advancement; see backtrack.py. What does not meet is left out: the distance alon
 the start would tell a body that passes an edge that it runs into it.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, room, Vector
-from rigid_sim_ros.engine.backtrack import meeting, place_ahead
+from rigid_sim_ros.engine.backtrack import approach_bound, pair_gap, place_ahead
 from rigid_sim_ros.engine.free_rotation import turn_fast
 from rigid_sim_ros.engine.kernel import INDEX, kernel
 from rigid_sim_ros.engine.kinematic import prescribed_spin
@@ -39,6 +40,9 @@ from rigid_sim_ros.engine.vector import (
 # Parts of the size of the smaller shape of a pair: what moves less in a step has the geometry of
 # its start; what is nearer touches; a point that gets farther on both bodies is another one.
 STILL, TOUCHING, JUMP = 1e-6, 1e-4, 0.25
+# Stages of conservative advancement: what touches for less than a stage, and not deeply, is missed.
+STAGES = 16
+TINY = 1e-300
 # cos 25 deg: a normal that turns farther in half of a step belongs to another feature.
 SAME_NORMAL = 0.9
 # Columns of `Prediction.old`: of the points that detection found.
@@ -93,8 +97,8 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
             _rewrite(model, state, prediction.still, shapes, manifolds, r, 0.5 * model.h, True,
                      ahead[a] + ahead[b], prediction, scratch)
         elif _closes(model, state, loads, manifolds, r):
-            t = meeting(model, state, loads, shapes, a, b, gap, row(manifolds.normal, r), model.h,
-                        prediction.pose, scratch)
+            t = _meeting(model, state, loads, shapes, a, b, gap, row(manifolds.normal, r),
+                         TOUCHING * size, prediction.pose, scratch)
             if t <= model.h:
                 _rewrite(model, state, loads, shapes, manifolds, r, t, False,
                          ahead[a] + ahead[b], prediction, scratch)
@@ -102,6 +106,32 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
                 waits[r] = 1
                 left_out += 1
     return left_out
+
+
+@kernel
+def _meeting(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b: int, gap: float,
+             n: Vector, touching: float, pose: Array, scratch: Scratch) -> float:
+    """
+    Return when [s] in the step two shapes first touch; inf: not at all.
+
+    By conservative advancement in few stages: to where `touching` is left between them, or at the
+    least a stage further, where an overlap is traced back along a straight line.
+    """
+    t = 0.0
+    for _ in range(STAGES):
+        back = (-n[0], -n[1], -n[2])
+        speed = (approach_bound(model, state, loads, shapes, a, n, model.h)
+                 + approach_bound(model, state, loads, shapes, b, back, model.h))
+        if not speed * (model.h - t) >= gap:
+            return math.inf
+        later = min(t + max(gap / speed, model.h / STAGES), model.h)
+        then, n = pair_gap(model, state, loads, shapes, a, b, later, pose, scratch)
+        if then <= touching:
+            return t + (later - t) * min((gap - 0.5 * touching) / max(gap - then, TINY), 1.0)
+        if later >= model.h:
+            break
+        t, gap = later, then
+    return math.inf
 
 
 @kernel
