@@ -116,6 +116,8 @@ def approach_bound(model: Model, state: State, loads: Loads, shapes: Shapes, s: 
     """Return a bound on how fast a point of shape s moves along n [m/s] until t [s]."""
     i = shapes.body[s]
     if model.inv_m[i] == 0.0:
+        if not is_carried(state, i):
+            return 0.0      # a plane reaches to infinity, and 0 times that is no number
         v, w = prescribed_velocity(state, i), prescribed_spin(state, i)
         return (n[0] * v[0] + n[1] * v[1] + n[2] * v[2]) + norm(w) * reach_of_turning(shapes, s)
     P, L = column(state.P, i), column(state.L, i)

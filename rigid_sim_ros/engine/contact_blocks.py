@@ -265,7 +265,7 @@ def prepare_block(b: Array, points: int, small: bool, inv_m_A: Eight, inv_m_B: E
     Work out frames, arms and responses of the eight manifolds of a block.
 
     Filled in before: NORMAL, x_A - x_B in ARM_B, J_A, J_B, MU, SPIN_LEVER, the friction impulse
-    as a world vector in TORSION, SPIN, and for each of four points GAP, IMPULSE and in S, T,
+    as a world vector in TORSION, SPIN, that against rolling as one from ROLL on, and for each of four points GAP, IMPULSE and in S, T,
     MASS where it is from the centre of mass of A [m], world axes. A point that is not there has
     the gap ABSENT, and so have all but the first in a block of one point.
     """
@@ -401,8 +401,9 @@ def _prepare_friction(b: Array, A: Six, B: Six) -> None:
 
 @part
 def _prepare_rolling(b: Array) -> None:
-    """Start without rolling resistance, with Gershgorin's bound for its steps."""
+    """Turn the impulse against rolling into its parts, with Gershgorin's bound for its steps."""
+    _, t1, t2 = axes(b)
+    roll = load_three(b, ROLL)
+    store_two(b, ROLL, (dot(roll, t1), dot(roll, t2)))
     k11, k12, k22 = load(b, K_NN + 3), load(b, K_NN + 4), load(b, K_NN + 5)
-    store(b, ROLL, 0.0)
-    store(b, ROLL + 1, 0.0)
     store(b, ROLL_STEP, inverse_of(max(k11, k22) + abs(k12)))

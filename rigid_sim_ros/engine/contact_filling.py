@@ -6,12 +6,14 @@ from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.bits import fetch
 from rigid_sim_ros.engine.coloring import (
     are_balls, BALLS, BETWEEN, Blocks, CACHED, Coloring, fetch_block, first_block, is_small,
-    lanes_of, numbers_of, PIECE, points_in, QUIET, QUIET_BALLS, SHOVED)
+    lanes_of, numbers_of, PIECE, points_in, QUIET, QUIET_BALLS, resists,
+    SHOVED)
 from rigid_sim_ros.engine.contact_balls import prepare_balls, warm_balls
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, add_impulses, ARM_A, ARM_B, axes, begin_sums, combine, FRICTION, friction_of, gain_of,
+    ABSENT, add_impulses, ARM_A, ARM_B, axes, combine, FRICTION, friction_of, gain_of,
     GAP, IMPULSE, J_A, J_B, LEVER_A, LEVER_B, load_three, load_two, Motion, MU, NORMAL,
-    normal_sum, POINT, POINT_ROWS, prepare_block, pushed, RESTING, ROLL_LEVER, S, SHOVE,
+    normal_sum, POINT, POINT_ROWS, prepare_block, pushed, RESTING, ROLL,
+    ROLL_LEVER, S, SHOVE,
     SIZE, smallest_gap, SPIN, SPIN_LEVER, store_three, T, Three, TORSION, TOTAL, TOTAL_T, TURN)
 from rigid_sim_ros.engine.contact_prediction import Prediction
 from rigid_sim_ros.engine.contact_rules import SKIN
@@ -170,7 +172,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
             _copy_shapes(b, rows, small, manifolds, shapes.material, materials)
             _copy_places(b, rows, manifolds, prediction, x)
             _copy_inertia(b, A, B)
-            _copy_points(b, rows, points, manifolds, share)
+            _copy_points(b, rows, points, small, manifolds, share)
         least = smallest_gap(b, points)
         touches = least < SKIN * load(b, SIZE)
         fresh[block] = count_of(both(touches, normal_sum(b, points) == 0.0))
@@ -186,8 +188,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
             warm_balls(b, bodies.base, at_A, at_B, A[INV_M], B[INV_M])
         else:
             prepare_block(b, points, small, A[INV_M], B[INV_M])
-            _warm_start(b, points, bodies.base, at_A, at_B, A[INV_M], B[INV_M])
-        begin_sums(b, points)
+            _warm_start(b, points, small, bodies.base, at_A, at_B, A[INV_M], B[INV_M])
     notes[DEEPEST] = max(notes[DEEPEST], deepest)
     notes[TOUCHING] += touching
     notes[NEW] += new
@@ -296,12 +297,15 @@ def _copy_sizes(b: Array, rows: IntArray, manifolds: Manifolds, bound: Array) ->
 
 
 @part
-def _copy_points(b: Array, rows: IntArray, points: int, manifolds: Manifolds,
+def _copy_points(b: Array, rows: IntArray, points: int, small: bool, manifolds: Manifolds,
                  share: float) -> None:
     """Write the points of manifolds that are not of balls."""
     n, present = load_three(b, NORMAL), gather_integers(manifolds.points, rows)
     (spin,) = gather_rows_1(manifolds.spin, rows, 1, 0)
     store(b, SPIN, share * spin)
+    if not small:
+        roll = gather_rows_3(manifolds.roll, rows, 3, 0)
+        store_three(b, ROLL, (share * roll[0], share * roll[1], share * roll[2]))
     for p in range(POINTS if points > 1 else 1):
         _copy_point(b, p, n, rows, manifolds, present, share)
 
@@ -337,7 +341,7 @@ def _shift_lane(manifolds: Manifolds, r: int, shifts: Array, b: Array, i: int) -
 
 
 @part
-def _warm_start(b: Array, points: int, warm: Array, at_A: IntArray, at_B: IntArray,
+def _warm_start(b: Array, points: int, small: bool, warm: Array, at_A: IntArray, at_B: IntArray,
                 inv_m_A: Eight, inv_m_B: Eight) -> None:
     """Let the impulses of a block act at the start of the first substep."""
     n, t1, t2 = axes(b)
@@ -349,6 +353,8 @@ def _warm_start(b: Array, points: int, warm: Array, at_A: IntArray, at_B: IntArr
         along = along + impulse
         about_1, about_2 = (about_1 + load(b, point + T) * impulse,
                             about_2 - load(b, point + S) * impulse)
+    if not small:
+        about_1, about_2 = about_1 + load(b, ROLL), about_2 + load(b, ROLL + 1)
     slide_1, slide_2, spin = friction_of(b)
     if not any_of(along + abs(slide_1) + abs(slide_2) + abs(spin) > 0.0):
         return
@@ -394,6 +400,9 @@ def keep_impulses(region: int, blocks: Blocks, coloring: Coloring, manifolds: Ma
         scatter_rows_3(manifolds.friction, rows, 3, 0, F)
         if not are_balls(blocks.kind[block]):
             _keep_spin(rows, substeps * load(b, SPIN), manifolds.spin)
+        if resists(blocks.kind[block]):
+            roll_1, roll_2 = substeps * load(b, ROLL), substeps * load(b, ROLL + 1)
+            scatter_rows_3(manifolds.roll, rows, 3, 0, combine(n, t1, t2, (zero, roll_1, roll_2)))
         F = combine(n, t1, t2, (zero, acted[1], acted[2]))
         if adds:
             F = add(gather_rows_3(friction_impulse, rows, 3, 0), F)

@@ -214,7 +214,8 @@ def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds
             slide = add(slide, subtract(u, row_from(prediction.old, old, _U)))
             known += 1
         else:
-            gap -= t * dot(n, u)
+            gap -= dot(n, add(subtract(way_B, way_A), scale(
+                t, subtract(cross(w_B, r_B), cross(w_A, r_A)))))
         manifolds.gap[p, r] = gap
         manifolds.impulse[p, r] = prediction.old[old, _IMPULSE] if old >= 0 else 0.0
         manifolds.feature[p, r] = scratch.ids[p]

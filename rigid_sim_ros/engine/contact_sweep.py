@@ -8,7 +8,7 @@ from rigid_sim_ros.engine.coloring import (
     UNSETTLED)
 from rigid_sim_ros.engine.contact_balls import drift_balls, separate_balls, visit_balls
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, axes, combine, drift_together, FRICTION, friction_of, GAP, IMPULSE,
+    ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, drift_together, FRICTION, friction_of, GAP, IMPULSE,
     INV_SPIN, INV_TT, J_A, J_B, K_N, K_NN, K_SPIN, K_TN, keep_friction, load_three, load_two, MASS,
     Motion, MU, NORMAL, normal_sum, POINT, POINT_ROWS, pushed, RESTING, RESTING_ROLL, RESTING_SPIN,
     RESTING_T, ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE, SIZE, SLIDE, smallest_gap, SPEED, SPIN,
@@ -65,9 +65,14 @@ def drift_block(blocks: Blocks, block: int, drifted: Array, h: float, tolerance:
 
 
 @part
-def approaches(blocks: Blocks, block: int, motion: Array, h: float, tolerance: float) -> bool:
-    """Return whether any pair of a block would get into each other within h [s] as it moves."""
+def begin_block(blocks: Blocks, block: int, motion: Array, h: float, tolerance: float) -> bool:
+    """
+    Begin the sums of a step.
+
+    Returns whether any pair would get into each other within h [s] faster than the tolerance [m/s].
+    """
     b, lanes, kind = numbers_of(blocks, block), lanes_of(block), blocks.kind[block]
+    begin_sums(b, points_in(kind))
     A, B = gather(motion, blocks.at_A[lanes]), gather(motion, blocks.at_B[lanes])
     if are_balls(kind):
         n = load_three(b, NORMAL)
@@ -229,7 +234,23 @@ def end_impact(blocks: Blocks, block: int, motion: Array) -> None:
         store(b, SPIN, load(b, RESTING_SPIN))
     if resists(kind):
         store_two(b, ROLL, load_two(b, RESTING_ROLL))
-    _note_approach(b, kind, motion, blocks.at_A[lanes_of(block)], blocks.at_B[lanes_of(block)])
+    excuse_approach(blocks, block, motion)
+
+
+@part
+def excuse_approach(blocks: Blocks, block: int, motion: Array) -> None:
+    """Let forces not stop how fast the points of a block approach, which is for an impact."""
+    lanes = lanes_of(block)
+    _note_approach(numbers_of(blocks, block), blocks.kind[block], motion, blocks.at_A[lanes],
+                   blocks.at_B[lanes])
+
+
+@part
+def forget_excuse(blocks: Blocks, block: int) -> None:
+    """End what `excuse_approach` began."""
+    b = numbers_of(blocks, block)
+    for p in range(4 if points_in(blocks.kind[block]) > 1 else 1):
+        store(b, POINT + p * POINT_ROWS + RESTING, 0.0)
 
 
 @part

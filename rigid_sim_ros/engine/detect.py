@@ -462,3 +462,7 @@ def _carry_over(now: Manifolds, before: Manifolds, row: int, old: int, count: in
     spin = before.spin[old] if old >= 0 else 0.0
     if now.spin[row] != spin:
         now.spin[row] = spin
+    for k in range(3):
+        roll = before.roll[old, k] if old >= 0 else 0.0
+        if now.roll[row, k] != roll:
+            now.roll[row, k] = roll

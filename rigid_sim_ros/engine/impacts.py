@@ -30,7 +30,7 @@ from rigid_sim_ros.engine.coloring import (
 from rigid_sim_ros.engine.contact_blocks import SIZE
 from rigid_sim_ros.engine.contact_rules import SETTLED_POINT, Sweep
 from rigid_sim_ros.engine.contact_sweep import (
-    approaches, begin_impact, drift_block, end_impact, visit_block)
+    begin_block, begin_impact, drift_block, end_impact, excuse_approach, forget_excuse, visit_block)
 from rigid_sim_ros.engine.kernel import apart, INDEX, kernel
 from rigid_sim_ros.engine.lanes import bits_of, LANES, load
 from rigid_sim_ros.engine.solver_bodies import most_slots, slots_of, STRIDE
@@ -70,7 +70,7 @@ def find_approaching(region: int, blocks: Blocks, motion: Array, h: float, toler
     """
     first, any_waits = first_block(blocks, region), False
     for block in range(first, first + blocks.count[region]):
-        meets = approaches(blocks, block, motion, h, tolerance)
+        meets = begin_block(blocks, block, motion, h, tolerance)
         work.waits[block], work.hit[block] = 1 if meets else 0, 0
         any_waits |= meets
     return any_waits
@@ -126,6 +126,22 @@ def visit_waiting(region: int, backwards: bool, blocks: Blocks, motion: Array, u
             work.waits[block] = 0
             _tell(region, blocks, block, used, work)
     return any_did
+
+
+@kernel
+def excuse_approaches(region: int, blocks: Blocks, motion: Array) -> None:
+    """Let forces not stop what approaches in a region."""
+    first = first_block(blocks, region)
+    for block in range(first, first + blocks.count[region]):
+        excuse_approach(blocks, block, motion)
+
+
+@kernel
+def forget_excuses(region: int, blocks: Blocks) -> None:
+    """End what `excuse_approaches` began."""
+    first = first_block(blocks, region)
+    for block in range(first, first + blocks.count[region]):
+        forget_excuse(blocks, block)
 
 
 @kernel

@@ -52,6 +52,7 @@ class Manifolds(NamedTuple):
     impulse: Array  # (4, c) [N s] normal impulses; those of the last step after detection
     friction: Array  # (c, 3) [N s] tangential impulse on B, world axes
     spin: Array  # (c,) [N m s] impulse about the normal on B
+    roll: Array  # (c, 3) [N m s] impulse against rolling on B, world axes
     # Of polyhedra only, which may keep their points. (c, 5) when the features were found:
     # orientation of B in A, 0 for other shapes, and the first gap [m]
     found_at: Array
@@ -149,7 +150,7 @@ def _empty_page(capacity: int) -> Manifolds:
     return Manifolds(
         integers(2), _names(c), _names(c), _names(c), _names(c), room(c, kind=np.int8), room(c, 3),
         room(*of_points, 3), room(*of_points, 3), room(*of_points), integers(*of_points),
-        room(*of_points), room(c, 3), room(c), room(c, 5), room(c, 3), room(c, POINTS, 3),
+        room(*of_points), room(c, 3), room(c), room(c, 3), room(c, 5), room(c, 3), room(c, POINTS, 3),
         room(c, POINTS, 3))
 
 

@@ -33,8 +33,8 @@ from rigid_sim_ros.engine.contact_rules import SETTLED, Sweep
 from rigid_sim_ros.engine.contact_sweep import note_left, separate, visit_block
 from rigid_sim_ros.engine.free_flight import fly_free
 from rigid_sim_ros.engine.impacts import (
-    drift_blocks, end_impacts, find_approaching, Impacts, make_impacts, pass_on, TURNS,
-    visit_waiting)
+    drift_blocks, end_impacts, excuse_approaches, find_approaching, forget_excuses, Impacts,
+    make_impacts, pass_on, TURNS, visit_waiting)
 from rigid_sim_ros.engine.kept import call
 from rigid_sim_ros.engine.kernel import apart, INDEX, kernel, part
 from rigid_sim_ros.engine.lanes import any_of, LANES, load
@@ -46,7 +46,7 @@ from rigid_sim_ros.engine.slots import give_slots, make_sides, shared_out, Sides
 from rigid_sim_ros.engine.solver_bodies import (
     begin_bodies, begin_push, begin_push_astride, begin_push_inside, drift_bodies, kick_bodies,
     load_bodies, make_bodies, mark_astride, SECOND_BEGIN, slots_of, SolverBodies, store_bodies,
-    STRIDE)
+    STRIDE, unkick_bodies)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.two_cores import side_by_side
 from rigid_sim_ros.engine.vector import norm
@@ -91,10 +91,11 @@ def make_work(n: int, middle: tuple[int, int], capacity: int) -> SequentialWork:
 
 
 # The stages of a region: fill its blocks; see what approaches as the step begins; let what waits
-# in an impact have a turn; kick and sweep forth; kick alone; sweep forth or back; kick, visit what
-# is new and sweep forth; sweep back what is not settled and push; drift; keep impulses.
-(FILL, APPROACH, IMPACT_BACK, IMPACT, KICK_AND_SWEEP, KICK, SWEEP, SWEEP_BACK, SETTLE_AND_SWEEP,
- RETURN, DRIFT, KEEP) = range(12)
+# in an impact have a turn; kick and sweep forth; kick alone, and take it back; sweep forth or back;
+# kick, visit what is new and sweep forth; sweep back what is not settled and push; drift; keep
+# impulses.
+(FILL, APPROACH, IMPACT_BACK, IMPACT, KICK_AND_SWEEP, KICK, UNKICK, SWEEP, SWEEP_BACK,
+ SETTLE_AND_SWEEP, RETURN, DRIFT, KEEP) = range(13)
 
 
 @part
@@ -111,16 +112,13 @@ def solve_contacts(to: int, to_store: int, box: Any, desk: IntArray, model: Mode
     # Whatever an earlier step had in regions that this one does not have.
     work.blocks.count[:], notes[:], work.impacts.listed[:] = 0, 0.0, 0
     _in_all(to, box, desk, halved, FILL)
+    if _is_mostly_new(notes):
+        _find_impulses(to, box, desk, halved)
     _in_all(to, box, desk, halved, APPROACH)
     for substep in range(substeps):
         if notes[0, WAITING] + notes[1, WAITING] + notes[2, WAITING] > 0.0:
             _solve_impacts(to, box, desk, halved, notes)
-        if substep > 0:
-            _in_all(to, box, desk, halved, KICK_AND_SWEEP)
-        elif _is_mostly_new(notes):
-            _find_impulses(to, box, desk, halved)
-        else:
-            _in_all(to, box, desk, halved, SETTLE_AND_SWEEP)
+        _in_all(to, box, desk, halved, SETTLE_AND_SWEEP if substep == 0 else KICK_AND_SWEEP)
         if halved:
             call(to, box, REGIONS * RETURN + BETWEEN)
         _in_halves(to, box, desk, halved, RETURN)
@@ -176,15 +174,16 @@ def _is_mostly_new(notes: Array) -> bool:
 
 @kernel
 def _find_impulses(to: int, box: Any, desk: IntArray, halved: bool) -> None:
-    """Let forces act in the first substep, and find impulses where most contacts are new."""
+    """Find the impulses to begin with where most contacts are new: those that bear the forces."""
     _in_all(to, box, desk, halved, KICK)
-    for k in range(FRESH_SWEEPS + 1):
+    for k in range(FRESH_SWEEPS):
         if k % 2 == 0:
             _in_all(to, box, desk, halved, SWEEP)
         else:
             if halved:
                 call(to, box, REGIONS * SWEEP_BACK + BETWEEN)
             _in_halves(to, box, desk, halved, SWEEP_BACK)
+    _in_all(to, box, desk, halved, UNKICK)
 
 
 @part
@@ -222,7 +221,15 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
     elif stage == IMPACT:
         notes[WAITING] = 1.0 if pass_on(region, blocks, motion, bodies.used, what, slow,
                                         impacts) else 0.0
-    elif stage in (KICK, KICK_AND_SWEEP, SETTLE_AND_SWEEP):
+    elif stage == KICK:
+        excuse_approaches(region, blocks, motion)
+        if region != BETWEEN:
+            kick_bodies(region, bodies.used, motion, bodies.smooth, alike, bodies.base, h)
+    elif stage == UNKICK:
+        forget_excuses(region, blocks)
+        if region != BETWEEN:
+            unkick_bodies(region, bodies.used, motion, bodies.smooth, alike, bodies.base, h)
+    elif stage in (KICK_AND_SWEEP, SETTLE_AND_SWEEP):
         end_impacts(region, blocks, motion, impacts)
         if region != BETWEEN:
             kick_bodies(region, bodies.used, motion, bodies.smooth, alike, bodies.base, h)
