@@ -80,8 +80,8 @@ def shared_out(sides: Sides, half: int) -> tuple[int, int]:
 
 
 @kernel
-def take_sides(inv_m: Array, V: Array, x: Array, asleep: IntArray, first: int, last: int, sides: Sides,
-               slot: IntArray) -> None:
+def take_sides(inv_m: Array, V: Array, x: Array, asleep: IntArray, first: int, last: int,
+               sides: Sides, slot: IntArray) -> None:
     """
     Note on which side the bodies from `first` to `last` are; what does not move loses its slot.
 
