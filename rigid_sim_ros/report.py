@@ -60,7 +60,8 @@ def _bodies(scene: Scene) -> Table:
         shape = ' + '.join(f'{count} x {text}' if count > 1 else text
                            for text, count in shapes.items()) or '-'
         table.add_row(
-            body.name, shape + (', fixed' if body.fixed else ', kinematic' if body.kinematic else ''),
+            body.name,
+            shape + (', fixed' if body.fixed else ', kinematic' if body.kinematic else ''),
             f'{properties.m:.6g}' if properties else '-',
             _numbers(properties.p_BC) if properties else '-',
             _numbers(scene.model.I_C[:, i]) if properties else '-',

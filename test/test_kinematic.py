@@ -181,7 +181,7 @@ def test_a_body_is_fixed_or_kinematic(keys, message):
 
 def test_a_fixed_body_refuses_a_twist_and_says_what_to_write():
     world = world_of('timestep', floor(fixed=True), crate())
-    with pytest.raises(ValueError, match="body 'floor' is fixed .* `kinematic: true`"):
+    with pytest.raises(ValueError, match=r"body 'floor' is fixed .* `kinematic: true`"):
         world.set_twist('floor', (0, 0, 1), REST)
 
 

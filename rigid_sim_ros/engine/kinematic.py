@@ -117,14 +117,12 @@ def approach(model: Model, state: State, motion: BodyMotion, i: int, steps: int,
     Returns False, with the body as it was, if that is no motion but a jump: if a point `size` [m]
     from the frame C would move farther than that in a step, or faster than `fastest` [m/s].
     """
-    before = State(*(field[..., i].copy() for field in state))
+    x, q, V = state.x[:, i].copy(), state.q[:, i].copy(), state.V[:, i].copy()
     write_motion(model, state, motion, i)
-    target = tuple(state.q[:, i].tolist())
-    way = state.x[:, i] - before.x
-    turn = in_python(logarithm)(in_python(multiply)(target, in_python(conjugate)(
-        tuple(before.q.tolist()))))
-    for now, then in zip(state, before, strict=True):
-        now[..., i] = then
+    way = state.x[:, i] - x
+    turn = in_python(logarithm)(in_python(multiply)(
+        tuple(state.q[:, i].tolist()), in_python(conjugate)(tuple(q.tolist()))))
+    state.x[:, i], state.q[:, i], state.V[:, i] = x, q, V
     t = steps * model.h
     turns = math.hypot(*turn)
     farthest = math.hypot(*way.tolist()) + (turns * size if turns > 0.0 else 0.0)

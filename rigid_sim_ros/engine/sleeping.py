@@ -6,8 +6,9 @@ Bodies that came to rest sleep: they stay where they are and cost the solver not
 Bodies that press against each other form an island, through any number of others but not through
 the fixed ones. It falls asleep when all its bodies have been slower than SLOW for as long as the
 scene says, and wakes as a whole when one of them gets a wrench, when the load on one changes, when
-somebody changes its pose or its velocity, when a kinematic or fixed body that it may touch moves,
-or when a body that is awake comes so near that it may touch in this step. All that decides is in `Rest`, part of the dynamic state of a world.
+somebody changes its pose or its velocity, when a body that nothing pushes moves and may touch it,
+or when a body that is awake comes so near that it may touch in this step. All that decides is in
+`Rest`, part of the dynamic state of a world.
 """
 
 from typing import NamedTuple

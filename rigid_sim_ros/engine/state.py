@@ -58,7 +58,8 @@ def empty_state(n: int) -> State:
 
 def copy_state(state: State) -> State:
     """Return an independent copy."""
-    return State(*(field.copy() for field in state))
+    return State(state.x.copy(), state.q.copy(), state.P.copy(), state.L.copy(), state.V.copy(),
+                 state.left.copy())
 
 
 @kernel

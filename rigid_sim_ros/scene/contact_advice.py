@@ -93,7 +93,8 @@ def _of_speeds(scene: Scene) -> Iterator[str]:
         way, half = (v + w * far) * h, 0.5 * float(thickness[own].min(initial=np.inf))
         if way <= half + 0.5 * thinnest:
             continue
-        others = _partners(shapes, n, int(own[0]), np.flatnonzero(half + 0.5 * thickness < way))
+        others = _partners(shapes, n, int(own[0]),
+                           np.flatnonzero(half + 0.5 * thickness < way))
         if len(others) == 0:
             continue
         s = others[np.argmin(thickness[others])]
@@ -102,8 +103,8 @@ def _of_speeds(scene: Scene) -> Iterator[str]:
         if told <= _MOST_LINES:
             yield (f"body '{body.name}' moves by {way:.3g} m in a step and may cross "
                    f"'{scene.names[shapes.body[s]]}', {thickness[s]:.3g} m thick, unseen; use a "
-                   f'step of at most {below(safe)} s, collision: {{continuous: true}}, or contact: '
-                   'event')
+                   f'step of at most {below(safe)} s, collision: {{continuous: true}}, or '
+                   'contact: event')
     if told > _MOST_LINES:
         yield f'{told - _MOST_LINES} more bodies may cross others unseen'
 
