@@ -70,7 +70,7 @@ class World:
         collision = scene.spec.collision
         self._contact = make_contact_model(scene.contact, Setup(
             self._model, shapes, scene.materials, scene.integrator, scene.orientation,
-            scene.solver, collision.continuous, collision.substeps, collision.sleep_after))
+            scene.solver, collision.substeps, collision.sleep_after))
         self._motion = empty_motion(len(self.names))
         self._box = Kept().box(self._model, self._state, self._motion)
         self._motion_is_current = False

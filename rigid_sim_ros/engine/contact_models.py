@@ -47,7 +47,6 @@ class Setup(NamedTuple):
     integrator: str  # for bodies that nothing touches
     orientation: str
     solver: str  # of the model `timestep`
-    continuous: bool
     substeps: int
     sleep_after: float  # [s] at rest, of the sequential solver; 0: nothing sleeps
 
@@ -194,7 +193,6 @@ class Timestep(_Touching):
         super().__init__(setup)
         self._settings = timestep.TimestepSettings(
             sequential=SequentialSettings(substeps=setup.substeps),
-            continuous=int(setup.continuous),
             sleep_steps=math.ceil(setup.sleep_after / setup.model.h))
         self._work = timestep.make_timestep_work(setup.model, setup.shapes, self._memory)
         self._rest = no_rest(len(setup.model.m))
@@ -257,7 +255,7 @@ class VelocityQp(_Touching):
     def __init__(self, setup: Setup) -> None:
         """Make room for no contacts yet."""
         super().__init__(setup)
-        self._settings = timestep.TimestepSettings(continuous=int(setup.continuous))
+        self._settings = timestep.TimestepSettings()
         self._work = velocity_qp.QpWork(setup.model, setup.shapes, self._memory)
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:

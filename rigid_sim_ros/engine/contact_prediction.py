@@ -72,13 +72,13 @@ def make_prediction(n: int, shapes: int, capacity: int) -> Prediction:
 
 @kernel
 def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
-                     manifolds: Manifolds, ahead: Array, margin: float, waits: IntArray,
+                     manifolds: Manifolds, ahead: Array, calm: Array, waits: IntArray,
                      prediction: Prediction, scratch: Scratch) -> int:
     """
     Bring the manifolds to the time in which they act; return how many are left out.
 
-    Those have waits (c,) of 1 afterwards, all others 0. ahead (s,) [m] is how far ahead shapes
-    look: half of the margin and what they move.
+    Those have waits (c,) of 1 afterwards, all others 0. ahead and calm (s,) [m] are how far ahead
+    shapes look, and how far they would at rest.
     """
     first, count = rows_in_use(manifolds)
     left_out = 0
@@ -88,7 +88,7 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
         a, b = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
         size = min(shapes.bound[a], shapes.bound[b])
         # How far they move, at most; or enough to look.
-        if ahead[a] + ahead[b] - margin < STILL * size:
+        if ahead[a] + ahead[b] - calm[a] - calm[b] < STILL * size:
             continue
         gap = manifolds.gap[0, r]
         for p in range(1, manifolds.points[r]):

@@ -84,7 +84,7 @@ def detect(model: Model, state: State, shapes: Shapes, memory: Memory, margin: f
     and feature by feature. Returns False when a buffer is too small: all that is carried over from
     the last step is then untouched, and the caller detects again with `grown(memory)`.
     """
-    memory.ahead[:], memory.calm[0] = 0.5 * margin, margin
+    memory.ahead[:] = memory.calm[:] = 0.5 * margin
     return detect_ahead(model, state, shapes, memory, 0, None)
 
 
@@ -94,7 +94,7 @@ def detect_ahead(model: Model, state: State, shapes: Shapes, memory: Memory, to_
     """
     Do the same for margins that differ: that of a pair is the sum of two of `memory.ahead`.
 
-    What it exceeds `memory.calm` by is how far the pair may move in the step. `to_search` is the
+    What it exceeds that of `memory.calm` by is how far the pair may move in the step. `to_search` is the
     address of a kernel that calls `search_pair`, for a `box`, or 0 as long as there is none; what
     has no box calls it here. Where one was needed the counter NO_SEARCH is 1 and the result False,
     as where a buffer is too small.
@@ -264,7 +264,7 @@ def _points_of(shapes: Shapes, memory: Memory, scratch: Scratch, k: int, a: int,
         if boxes_apart(memory.pose, shapes.size, shapes.bound, a, b, memory.axis, k, margin):
             return AS_BEFORE, NONE
         # What may touch with a face is seen as a face, unless that tells nothing.
-        for way in (max(0.0, margin - memory.calm[0]), 0.0):
+        for way in (max(0.0, margin - memory.calm[a] - memory.calm[b]), 0.0):
             count, n = box_box(memory.pose, shapes.size, a, b, margin, way, scratch.points,
                                scratch.ids, scratch.polygon, scratch.labels, scratch.numbers)
             if count != UNSETTLED or way == 0.0:

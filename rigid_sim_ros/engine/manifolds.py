@@ -97,7 +97,7 @@ class Memory(NamedTuple):
     pose: Array  # (s, 12) shape poses in the world: origin, rotation matrix by rows
     turn: Array  # (n, 9) rotation matrices C to W of the bodies, by rows
     ahead: Array  # (s,) how far ahead a shape looks [m]; the margin of a pair is the sum of two
-    calm: Array  # (1,) the margin of a pair at rest [m]
+    calm: Array  # (s,) how far ahead a shape looks that does not move [m]
     box: Array  # (s, 6) bounding boxes, lower and upper corner, as far ahead as the shape looks
     grid: Grid
     pair_count: IntArray  # (3,) -1 before the first step; see `forget_parted`
@@ -171,7 +171,7 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
     """Return the memory of a world before its first step."""
     s = shapes
     memory = Memory(
-        empty_pages(capacity), integers(1), unplaced(s), room(bodies, 9), room(s), room(1),
+        empty_pages(capacity), integers(1), unplaced(s), room(bodies, 9), room(s), room(s),
         room(s, 6), make_grid(s), integers(3), _names(2 * capacity, 2), _names(4, 4 * s, 2),
         integers(s + 1), room(2 * capacity, 4), integers(8), _scratch(), _scratch(),
         integers(2, 8), integers(2, NEAR), integers(2), integers(2, 8), integers(2, 6),

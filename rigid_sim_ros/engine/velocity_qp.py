@@ -77,7 +77,7 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
     for _ in range(count):
         begin_kinematic(model, state)
         look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, state.V,
-                   materials.restitution, settings, work.shared.radius, shapes.body, memory, 0,
+                   settings, work.shared.radius, work.shared.thickness, shapes.body, memory, 0,
                    shapes.body.shape[0])
         while not detect_ahead(model, state, shapes, memory, 0, None):
             memory = grown(memory)
