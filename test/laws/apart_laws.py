@@ -2,13 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """What must make no difference: bodies that are never touched, and seams of a flush floor."""
 
+from itertools import pairwise
 import math
+from typing import Any
 
-from laws.motion import Build, masses, Verdict, worst
+from laws.motion import Build, Verdict, worst
 from laws.scenes import (
-    any_attitude, between, body, direction, draw_attitude, draw_masses, draw_scales, draw_surface,
-    fixed, G, heap, matrix, plane, Scales, Scene, Spec, turn, world)
-from laws.solids import box, compound, draw_solid, Generator, sphere
+    any_attitude, between, body, direction, draw_masses, draw_scales, draw_surface, fixed, G, heap,
+    matrix, plane, product, Scales, Scene, Spec, turn, world)
+from laws.solids import box, capsule, cylinder, draw_solid, Generator, Solid, sphere
 import numpy as np
 
 
@@ -17,8 +19,8 @@ def draw_untouched(rng: Generator) -> Scene:
     scales = draw_scales(rng)
     if rng.random() < 0.3:
         return _two_heaps(rng, scales)
-    # All of them are in free fall together, or there is no gravity; `forth` is the way of the
-    # body that passes, `aside` the normal of a plane that parts it from the others.
+    # Without gravity; `forth` is the way of the body that passes, `aside` the normal of a plane
+    # that parts it from the others.
     aside = direction(rng) if rng.random() < 0.5 else np.eye(3)[rng.integers(3)]
     forth = np.cross(aside, direction(rng) if rng.random() < 0.5 else np.roll(aside, 1))
     forth /= np.linalg.norm(forth)
@@ -43,9 +45,8 @@ def draw_untouched(rng: Generator) -> Scene:
         along += other.radius * 1.01
         bodies.append(fixed(f'other{k}', other, place, q) if rng.random() < 0.5
                       else body(f'other{k}', other, masses_[1 + k], place, q))
-    gravity = (0.0, 0.0, 0.0)
     steps = min(600, math.ceil((along + passer.radius) / v / scales.h) + 2)
-    spec = world(bodies, scales.h, draw_surface(rng), gravity)
+    spec = world(bodies, scales.h, draw_surface(rng), gravity=(0, 0, 0))
     return Scene(spec, scales.size, steps, {'kind': 'passing', 'kept': 1})
 
 
@@ -53,7 +54,7 @@ def _aligned(rng: Generator, aside: np.ndarray) -> np.ndarray:
     """Draw an attitude; in half of the cases an axis of the body lies along `aside`."""
     if rng.random() < 0.5:
         return any_attitude(rng)
-    half = aside + (0.0, 0.0, 1.0)
+    half = np.add(aside, (0.0, 0.0, 1.0))
     if np.linalg.norm(half) < 1e-6:
         return np.array((1.0, 0.0, 0.0, 0.0))
     return turn(half, math.pi)
@@ -106,13 +107,12 @@ def draw_flush(rng: Generator) -> Scene:
     w = np.cross((0, 0, 1), forth) * v / height * rolls
     start = np.array((-1.0 * size, 0.0, height))
     surface = draw_surface(rng, restitution=0.0, friction=friction)
-    from laws.scenes import product
     slider = body('slider', solid, draw_masses(rng, 1)[0], start, product(yaw, q), v * forth, w)
     total = 3.0 * size + pieces * length
     # The first piece begins behind the start, and the last goes on for long.
     edges = [-3.0 * size, *(k * length for k in range(pieces)), pieces * length + 100.0 * size]
     tiles = [(box((b - a, width, deep)), (0.5 * (a + b), 0.0, -0.5 * deep))
-             for a, b in zip(edges[:-1], edges[1:], strict=True)]
+             for a, b in pairwise(edges)]
     if rng.random() < 0.7:
         floor = [fixed(f'tile{k}', *tile) for k, tile in enumerate(tiles)]
     else:
@@ -124,9 +124,8 @@ def draw_flush(rng: Generator) -> Scene:
                  {'whole': whole, 'v': v, 'kind': kind, 'friction': friction})
 
 
-def _slider(rng: Generator, kind: str, size: float):
+def _slider(rng: Generator, kind: str, size: float) -> tuple[Solid, np.ndarray, float, bool]:
     """Return a solid, its attitude, the height of its centre and whether it rolls along x."""
-    from laws.solids import capsule, cylinder
     level = np.array((0.0, 0.0, 0.0, 1.0))
     lying = turn((1, 0, 0), math.pi / 2)  # z of the body along y
     r = 0.5 * size
@@ -143,7 +142,7 @@ def _slider(rng: Generator, kind: str, size: float):
     return box(low), level, 0.5 * low[2], False
 
 
-def _compound_floor(tiles: list) -> Spec:
+def _compound_floor(tiles: list[Any]) -> Spec:
     """Return the tiles as one fixed body."""
     parts = [tile.shape | {'pose': {'position': [float(x) for x in place]}}
              for tile, place in tiles]

@@ -42,7 +42,7 @@ def _energy(spec: Spec, run: Run) -> float:
     return float(now.kinetic.sum() + potential(spec, of, now))
 
 
-# --- A: an inelastic impact rebounds --------------------------------------------------------------
+# --- A: an inelastic impact rebounds -------------------------------------------------------------
 
 
 def rebound(model: str, h: float = MS, substeps: int = 4, top: float = 1.0) -> Verdict:
@@ -57,7 +57,7 @@ def rebound(model: str, h: float = MS, substeps: int = 4, top: float = 1.0) -> V
     return Verdict(fastest, 0.02 * math.sqrt(G) + G * h, 'm/s upwards')
 
 
-# --- B: bodies that never touch -------------------------------------------------------------------
+# --- B: bodies that never touch ------------------------------------------------------------------
 
 
 def pass_by(model: str, solid: Solid, speed: float, attitude: Any = LEVEL) -> Verdict:
@@ -72,7 +72,7 @@ def pass_by(model: str, solid: Solid, speed: float, attitude: Any = LEVEL) -> Ve
                    'change of speed, m/s and rad/s')
 
 
-# --- C: seams -------------------------------------------------------------------------------------
+# --- C: seams ------------------------------------------------------------------------------------
 
 
 def seams(model: str, solid: Solid, attitude: Any, one: bool = False) -> Verdict:
@@ -94,7 +94,7 @@ def seams(model: str, solid: Solid, attitude: Any, one: bool = False) -> Verdict
     return worst([Verdict(lost, 2e-6, 'm/s lost'), Verdict(lift, G * MS ** 2, 'm of lift')])
 
 
-# --- D: a flat bounce makes spin ------------------------------------------------------------------
+# --- D: a flat bounce makes spin -----------------------------------------------------------------
 
 
 def flat_bounce(model: str, solid: Solid, restitution: float) -> Verdict:
@@ -120,7 +120,7 @@ def bouncing_energy(model: str) -> Verdict:
     return Verdict(most - 1.0, 1e-3, 'gain of energy, share')
 
 
-# --- E: what rolls or rocks gains energy ----------------------------------------------------------
+# --- E: what rolls or rocks gains energy ---------------------------------------------------------
 
 
 def rocking(model: str, h: float, seconds: float = 10.0) -> Verdict:
@@ -137,7 +137,7 @@ def rocking(model: str, h: float, seconds: float = 10.0) -> Verdict:
 
 
 def disk(model: str) -> Verdict:
-    """Let a disk roll on its rim at 20 degrees, its centre at rest, for a second (Euler's disk)."""
+    """Let a disk roll at 20 degrees for a second, its centre at rest (Euler's disk)."""
     r, t, a = 0.1, 0.001, math.radians(20.0)
     rate = math.sqrt(4 * G / r / math.sin(a))
     attitude = turn((1, 0, 0), a)
@@ -154,7 +154,7 @@ def disk(model: str) -> Verdict:
                    (rate * MS) ** 2 + 1000 * (rate * MS) ** 3, 'of energy, share')
 
 
-# --- F: small things never rest -------------------------------------------------------------------
+# --- F: small things never rest ------------------------------------------------------------------
 
 
 def small(model: str) -> Verdict:
@@ -173,7 +173,7 @@ def small(model: str) -> Verdict:
     return Verdict(fastest, 0.01 * math.sqrt(G * 1e-3), 'm/s after 4 s')
 
 
-# --- G: a fixed body that is moved ----------------------------------------------------------------
+# --- G: a fixed body that is moved ---------------------------------------------------------------
 
 
 def carried(model: str, velocity: tuple[float, float, float]) -> Verdict:
@@ -197,7 +197,7 @@ def carried(model: str, velocity: tuple[float, float, float]) -> Verdict:
     return Verdict(wrong, 2 * G * MS, 'm/s or m apart from the floor')
 
 
-# --- H: slow where it should not be ---------------------------------------------------------------
+# --- H: slow where it should not be --------------------------------------------------------------
 
 
 def _arch() -> Spec:
@@ -231,7 +231,7 @@ def overlapping() -> Spec:
                  MS, _surface())
 
 
-# --- I: heavy on light ----------------------------------------------------------------------------
+# --- I: heavy on light ---------------------------------------------------------------------------
 
 
 def heavy(model: str) -> Verdict:

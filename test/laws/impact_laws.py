@@ -4,10 +4,10 @@
 
 import math
 
-from laws.motion import Build, look, masses, Verdict, worst
+from laws.motion import Build, look, masses, Verdict
 from laws.scenes import (
-    any_attitude, body, direction, draw_masses, draw_scales, draw_surface, G, matrix, plane, Scales,
-    Scene, turn, world)
+    any_attitude, body, direction, draw_masses, draw_scales, draw_surface, G, matrix, plane,
+    Scales, Scene, turn, world)
 from laws.solids import draw_solid, flat_solid, Generator, Solid, sphere
 import numpy as np
 
@@ -53,8 +53,9 @@ def _hit(rng: Generator, scales: Scales, surface: dict[str, float]) -> Scene:
     else:
         n = direction(rng)
     point = top * n + off
-    # Slow enough to bend its way within three steps by less than 1 %: see judge_inelastic.
-    v = between_speeds(rng, scales)
+    # It crosses 0.01 % to 1 % of its size in a step, so that a side which it turns is still much
+    # as it was when the speeds are compared: see judge_inelastic.
+    v = float(scales.size / scales.h * 10 ** rng.uniform(-4, -2))
     n_W, point_W = matrix(q) @ n, matrix(q) @ point
     gap = scales.size * rng.uniform(0.01, 0.1)
     common = scales.speed * rng.normal(size=3) * rng.integers(0, 2)
@@ -69,11 +70,6 @@ def _hit(rng: Generator, scales: Scales, surface: dict[str, float]) -> Scene:
                   'ball': other.shape['type'] == 'sphere'})
 
 
-def between_speeds(rng: Generator, scales: Scales) -> float:
-    """Draw a speed at which a body crosses 0.01 % to 1 % of its size in a step."""
-    return float(scales.size / scales.h * 10 ** rng.uniform(-4, -2))
-
-
 def _half_widths(solid: Solid) -> np.ndarray:
     return np.array([solid.reach(e) for e in np.eye(3)[:2]])
 
@@ -83,9 +79,9 @@ def judge_inelastic(scene: Scene, build: Build) -> Verdict:
     Compare the speed of separation with that of the approach.
 
     In a column nothing may rise: what rises has got more than it lost. All of it ends at rest
-    whatever the masses, since every contact closes. Speeds are known to g h. A ball that hit a side
-    keeps to it; in up to three steps after it the side turns by w t, and the ball, which flies on
-    straight, leaves it with w^2 R t.
+    whatever the masses, since every contact closes. Speeds are known to g h. A ball that hit a
+    side keeps to it; in up to three steps after it the side turns by w t, and the ball, which
+    flies on straight, leaves it with w^2 R t.
     """
     approach, h = scene.facts['approach'], scene.h
     run = build(scene.spec)

@@ -3,7 +3,7 @@
 """What laws look at: poses and twists of a world that steps, its energy and its momenta."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 from laws.scenes import matrix, Spec
 import numpy as np
@@ -60,7 +60,7 @@ class Masses(NamedTuple):
 
     m: np.ndarray  # (n,) [kg]
     com: np.ndarray  # (n, 3) [m] in the body frames
-    I: np.ndarray  # (n, 3, 3) [kg m^2] about the centres of mass, body axes
+    inertia: np.ndarray  # (n, 3, 3) [kg m^2] about the centres of mass, body axes
 
 
 def masses(spec: Spec) -> Masses:
@@ -71,7 +71,7 @@ def masses(spec: Spec) -> Masses:
         if 'inertial' in one:
             xx, yy, zz, xy, xz, yz = one['inertial']['inertia']
             found.m[k], found.com[k] = one['inertial']['mass'], one['inertial']['com']
-            found.I[k] = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+            found.inertia[k] = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
     return found
 
 
@@ -93,7 +93,7 @@ def look(of: Masses, motion: np.ndarray) -> Look:
     arm = np.einsum('nij,nj->ni', R, of.com)
     v = motion[:, 7:10] + np.cross(w, arm)
     P = of.m[:, None] * v
-    L = np.einsum('nij,njk,nlk,nl->ni', R, of.I, R, w)
+    L = np.einsum('nij,njk,nlk,nl->ni', R, of.inertia, R, w)
     kinetic = 0.5 * ((P * v).sum(axis=1) + (L * w).sum(axis=1))
     return Look(motion[:, :3] + arm, v, w, P, L, kinetic)
 
@@ -122,6 +122,3 @@ def worst(verdicts: list[Verdict]) -> Verdict:
         found = one.figure / one.allowed if one.allowed > 0 else np.inf * (one.figure > 0)
         return found if found == found else np.inf
     return max(verdicts, key=ratio)
-
-
-Facts = dict[str, Any]

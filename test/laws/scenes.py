@@ -7,8 +7,9 @@ What all of them share: size, step, masses and surfaces over the ranges that the
 A law arranges bodies of these as it needs them; the same law and seed give the same scene.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 import math
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from laws.solids import draw_solid, Generator, Solid
@@ -33,7 +34,7 @@ class Scene(NamedTuple):
     spec: Spec  # as in a scene file
     size: float  # [m] of its bodies
     steps: int
-    facts: dict[str, Any] = {}  # what the law that drew it remembers
+    facts: Mapping[str, Any] = MappingProxyType({})  # what the law that drew it remembers
 
     @property
     def h(self) -> float:
@@ -93,7 +94,7 @@ def draw_surface(rng: Generator, restitution: float | None = None,
     return {'friction': friction, 'restitution': restitution}
 
 
-# --- attitudes: quaternions x, y, z, w ------------------------------------------------------------
+# --- attitudes: quaternions x, y, z, w -----------------------------------------------------------
 
 
 def product(p: Sequence[float], q: Sequence[float]) -> np.ndarray:
@@ -145,8 +146,8 @@ def body(name: str, solid: Solid, mass: float, position: Sequence[float],
          attitude: Sequence[float] = (0, 0, 0, 1), linear: Sequence[float] = (0, 0, 0),
          angular: Sequence[float] = (0, 0, 0), com: Sequence[float] | None = None) -> Spec:
     """Return a body that moves."""
-    I = mass * solid.inertia
-    inertia = [I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]]
+    moments = mass * solid.inertia
+    inertia = moments[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
     return {'name': name, 'shape': solid.shape,
             'inertial': {'mass': float(mass), 'com': _floats(solid.com if com is None else com),
                          'inertia': _floats(inertia)},
@@ -174,7 +175,7 @@ def world(bodies: list[Spec], h: float, surface: dict[str, float],
           gravity: Sequence[float] = (0.0, 0.0, -G)) -> Spec:
     """Return a scene of these bodies; with_model says which contact model runs it."""
     return {'format': 1, 'world': {'step': float(h), 'gravity': _floats(gravity)},
-            'materials': {'default': surface}, 'bodies': bodies}
+            'materials': {'default': surface | penalty_stiffness(bodies, h)}, 'bodies': bodies}
 
 
 MODELS = {'timestep': {'contact': 'timestep'}, 'event': {'contact': 'event'},
@@ -186,17 +187,13 @@ def with_model(spec: Spec, model: str, substeps: int = 4) -> Spec:
     found = spec | {'world': spec['world'] | MODELS[model]}
     if model == 'timestep':
         found['collision'] = spec.get('collision', {}) | {'substeps': substeps}
-    if model == 'penalty' and 'stiffness' not in spec['materials']['default']:
-        found['materials'] = {'default': spec['materials']['default']
-                              | penalty_stiffness(spec)}
     return found
 
 
-def penalty_stiffness(spec: Spec) -> dict[str, float]:
-    """Return springs that the step can follow."""
-    h = spec['world']['step']
+def penalty_stiffness(bodies: list[Spec], h: float) -> dict[str, float]:
+    """Return springs for the model `penalty` that the step can follow."""
     yields = 0.0  # [1/kg] the most that a point of a body yields
-    for one in spec['bodies']:
+    for one in bodies:
         if not one.get('fixed'):
             m, moments = one['inertial']['mass'], one['inertial']['inertia'][:3]
             yields = max(yields, 1 / m + extent(one['shape']) ** 2 / min(moments))
@@ -219,7 +216,7 @@ def extent(shape: Spec) -> float:
                for part in shape['compound'])
 
 
-# --- arrangements ---------------------------------------------------------------------------------
+# --- arrangements --------------------------------------------------------------------------------
 
 
 def column(rng: Generator, solids: Sequence[Solid], masses: Sequence[float], scales: Scales,

@@ -1,6 +1,6 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Solids of random shape: how a scene file writes them, what they weigh, and how far they reach."""
+"""Solids of random shape: how a scene file writes them, what they weigh, how far they reach."""
 
 from collections.abc import Callable, Sequence
 import math
