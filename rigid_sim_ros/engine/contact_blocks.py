@@ -156,55 +156,56 @@ def normal_sum(b: Array, points: int) -> Eight:
 
 @part
 def begin_sums(b: Array, points: int) -> None:
-    """
-    Let no substep have been yet.
-
-    The velocities with which a step begins have half of a substep's impulse of the step before,
-    see `begin_bodies`: that half is taken back.
-    """
+    """Let no substep have been yet."""
     store_three(b, TORSION, (0.0, 0.0, 0.0))
-    friction = load_two(b, FRICTION)
-    store_two(b, TOTAL_T, (-0.5 * friction[0], -0.5 * friction[1]))
+    store_two(b, TOTAL_T, (0.0, 0.0))
     for p in range(4 if points > 1 else 1):
-        point = POINT + p * POINT_ROWS
-        store(b, point + TOTAL, -0.5 * load(b, point + IMPULSE))
+        store(b, POINT + p * POINT_ROWS + TOTAL, 0.0)
 
 
 @part
-def add_impulses(b: Array, points: int, share: float) -> Three:
-    """Add a share of a substep's impulses to those of the step; return these along n, t1, t2."""
-    slide_1, slide_2 = (load(b, TOTAL_T) + share * load(b, FRICTION),
-                        load(b, TOTAL_T + 1) + share * load(b, FRICTION + 1))
-    store_two(b, TOTAL_T, (slide_1, slide_2))
+def total_of(b: Array, points: int, share: float) -> Three:
+    """Return the impulses of the substeps before and a share of this one's along n, t1, t2."""
     along = load(b, POINT + TOTAL) + share * load(b, POINT + IMPULSE)
-    store(b, POINT + TOTAL, along)
     for p in range(1, 4 if points > 1 else 1):
         point = POINT + p * POINT_ROWS
-        total = load(b, point + TOTAL) + share * load(b, point + IMPULSE)
-        store(b, point + TOTAL, total)
-        along = along + total
-    return along, slide_1, slide_2
+        along = along + (load(b, point + TOTAL) + share * load(b, point + IMPULSE))
+    return (along, load(b, TOTAL_T) + share * load(b, FRICTION),
+            load(b, TOTAL_T + 1) + share * load(b, FRICTION + 1))
+
+
+@part
+def end_substep(b: Array, points: int) -> None:
+    """Add the impulses of a substep to those of the step."""
+    store(b, TOTAL_T, load(b, TOTAL_T) + load(b, FRICTION))
+    store(b, TOTAL_T + 1, load(b, TOTAL_T + 1) + load(b, FRICTION + 1))
+    for p in range(4 if points > 1 else 1):
+        point = POINT + p * POINT_ROWS
+        store(b, point + TOTAL, load(b, point + TOTAL) + load(b, point + IMPULSE))
 
 
 @part
 def drift_together(b: Array, points: int, shoved: bool, v: Three, h: float) -> None:
     """
-    End a substep, after which B moved with the velocity v relative to A for h [s].
+    End a substep, in which B moved with the mean velocity v relative to A for h [s].
 
-    Impulses act where c was at the start of the step, while the pair has moved: with the
-    impulse F_i of a substep and the way d_j of its end, the pair gains the angular momentum
+    Impulses act where c was when the manifold was found, while the pair moves: with the impulse
+    F_i of a substep, half way through it, and the way d_i of it, the pair gains the angular
+    momentum
 
-        sum_i (sum_{j < i} d_j) x F_i = (sum_j d_j) x (sum_i F_i) + sum_j (sum_{i <= j} F_i) x d_j,
+        sum_i (sum_{j < i} d_j + d_i / 2) x F_i
+            = (sum_j d_j) x (sum_i F_i) + sum_j (sum_{i < j} F_i + F_j / 2) x d_j,
 
     the first part of which `gain_of` adds at the end, when both sums are known. The push, too,
     displaces momenta.
     """
     n, t1, t2 = axes(b)
-    along, slide_1, slide_2 = add_impulses(b, points, 1.0)
+    along, slide_1, slide_2 = total_of(b, points, 0.5)
     if shoved:
         along = along + load(b, SHOVE)
     F = combine(n, t1, t2, (h * along, h * slide_1, h * slide_2))
     store_three(b, TORSION, add(load_three(b, TORSION), cross(F, v)))
+    end_substep(b, points)
 
 
 @part

@@ -10,11 +10,11 @@ from rigid_sim_ros.engine.coloring import (
     SHOVED)
 from rigid_sim_ros.engine.contact_balls import prepare_balls, warm_balls
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, add_impulses, ARM_A, ARM_B, axes, combine, FRICTION, friction_of, gain_of,
+    ABSENT, ARM_A, ARM_B, axes, combine, FRICTION, friction_of, gain_of,
     GAP, IMPULSE, J_A, J_B, LEVER_A, LEVER_B, load_three, load_two, Motion, MU, NORMAL,
     normal_sum, POINT, POINT_ROWS, prepare_block, pushed, RESTING, ROLL,
     ROLL_LEVER, S, SHOVE,
-    SIZE, smallest_gap, SPIN, SPIN_LEVER, store_three, T, Three, TORSION, TOTAL, TOTAL_T, TURN)
+    SIZE, smallest_gap, SPIN, SPIN_LEVER, store_three, T, Three, TORSION, TOTAL, total_of, TOTAL_T, TURN)
 from rigid_sim_ros.engine.contact_prediction import Prediction
 from rigid_sim_ros.engine.contact_rules import SKIN
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
@@ -395,7 +395,7 @@ def keep_impulses(region: int, blocks: Blocks, coloring: Coloring, manifolds: Ma
         n, t1, t2 = axes(b)
         zero = spread(0.0)
         points = points_in(blocks.kind[block])
-        acted, last = add_impulses(b, points, 0.5), load_two(b, FRICTION)
+        acted, last = total_of(b, points, 0.0), load_two(b, FRICTION)
         F = combine(n, t1, t2, (zero, substeps * last[0], substeps * last[1]))
         scatter_rows_3(manifolds.friction, rows, 3, 0, F)
         if not are_balls(blocks.kind[block]):
@@ -437,8 +437,7 @@ def _keep_normals(b: Array, rows: IntArray, points: int, impulse: Array, normal_
     """Keep the normal impulses."""
     for p in range(POINTS if points > 1 else 1):
         point, first = POINT + p * POINT_ROWS, p * impulse.shape[1]
-        # Where a contact ends, the half that was taken back may be more than what acted.
-        total = max(load(b, point + TOTAL), 0.0)
+        total = load(b, point + TOTAL)
         if adds:
             (before,) = gather_rows_1(normal_impulse, rows, 1, first)
             total = before + total

@@ -30,7 +30,7 @@ class Sweep(NamedTuple):
 
     inv_h: float  # 1 / length of the substep [1/s]
     forces: bool  # of the forces of a substep; else of an impact, before they act
-    # How far the middle of the substep is from that of the step, as a part of the step: contacts
+    # How far the end of the substep is from the middle of the step, as a part of the step: contacts
     # have the geometry of the middle of the step, and TURN is how fast it changes.
     when: float
 
@@ -46,7 +46,7 @@ def least_speed(b: Array, point: int, what: Sweep) -> Eight:
     """
     Return the negative of the least normal velocity that is allowed at a point [m/s].
 
-    By which the gap closes just within the substep, as the geometry will be in its middle. What
+    By which the gap closes just within the substep, as the geometry will be at its end. What
     an impact has not stopped yet, forces do not stop either: the next substep would begin with
     that impulse.
     """

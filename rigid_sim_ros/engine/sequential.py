@@ -44,7 +44,7 @@ from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.slots import give_slots, make_sides, shared_out, Sides
 from rigid_sim_ros.engine.solver_bodies import (
-    begin_bodies, begin_push, begin_push_astride, begin_push_inside, drift_bodies, kick_bodies,
+    begin_push, begin_push_astride, begin_push_inside, drift_bodies, kick_bodies,
     load_bodies, make_bodies, mark_astride, SECOND_BEGIN, slots_of, SolverBodies, store_bodies,
     STRIDE, unkick_bodies)
 from rigid_sim_ros.engine.state import State
@@ -202,7 +202,7 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
     bodies, blocks, notes, impacts = work.bodies, work.blocks, work.notes[region], work.impacts
     motion, alike, h = bodies.motion, bodies.alike[0] == 1, model.h / settings.substeps
     what = Sweep(1.0 / h, stage not in (IMPACT_BACK, IMPACT),
-                 (notes[SUBSTEP] + 0.5) / settings.substeps - 0.5)
+                 (notes[SUBSTEP] + 1.0) / settings.substeps - 0.5)
     # What gravity does in a substep: below it an approach is the work of forces, not an impact.
     slow = h * norm((model.gravity[0], model.gravity[1], model.gravity[2]))
     if stage == FILL:
@@ -213,8 +213,6 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
         _fill(region, state.x, shapes, materials, round_shapes, manifolds, prediction, waits,
               shifts, 1.0 / settings.substeps, work)
     elif stage == APPROACH:
-        if region != BETWEEN:
-            begin_bodies(region, bodies.used, motion, bodies.smooth, alike, bodies.base, h)
         notes[WAITING] = 1.0 if find_approaching(region, blocks, motion, h, slow, impacts) else 0.0
     elif stage == IMPACT_BACK:
         visit_waiting(region, True, blocks, motion, bodies.used, what, slow, impacts)
@@ -241,8 +239,8 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
         _return(region, what, settings.push / h, work)
     if (stage == RETURN and region != BETWEEN) or stage == DRIFT:
         if region != BETWEEN:
-            drift_bodies(region, bodies.used, motion, bodies.drifted, bodies.total, bodies.base,
-                         notes[PUSHED] > 0.0)
+            drift_bodies(region, bodies.used, motion, bodies.drifted, bodies.total,
+                         bodies.smooth, alike, bodies.base, h, notes[PUSHED] > 0.0)
         meets = drift_blocks(region, blocks, bodies.drifted, h, slow, impacts)
         notes[WAITING], notes[SUBSTEP] = 1.0 if meets else 0.0, notes[SUBSTEP] + 1.0
     elif stage == KEEP:
@@ -269,7 +267,7 @@ def store_half(half: int, model: Model, state: State, substeps: int,
     """Write the bodies of a half back to the state, at the end of a step."""
     first, last = shared_out(work.sides, half)
     store_bodies(half, first, last, model.h, model.m, model.inv_m, model.inv_I_C, state,
-                 work.bodies, substeps, model.h / substeps)
+                 work.bodies, substeps)
 
 
 @kernel

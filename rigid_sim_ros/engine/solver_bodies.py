@@ -15,11 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers, Quaternion, room, Vector
-from rigid_sim_ros.engine.contact_blocks import load_three, Motion
+from rigid_sim_ros.engine.contact_blocks import load_three
 from rigid_sim_ros.engine.free_rotation import MAX_ANGLE, turn, turn_fast
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part, pasted
 from rigid_sim_ros.engine.lanes import (
-    any_of, gather, LANES, load, read_eight, select, spread, store, write_eight)
+    any_of, gather, LANES, load, read_eight, select, store, write_eight)
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.rotation import quaternion, to_matrix
 from rigid_sim_ros.engine.state import State
@@ -196,22 +196,6 @@ def _turn_inertia(mass: Array, line: int, d: Vector, q: Quaternion, L: Vector, t
 
 
 @kernel
-def begin_bodies(half: int, used: IntArray, motion: Array, smooth: Array, alike: bool, base: Array,
-                 h: float) -> None:
-    """
-    Go from the velocities at the start of a step to those half a substep of h [s] earlier.
-
-    The velocities of the substeps are those in their middles, as in a leapfrog method: half of
-    what forces and contacts did in the last substep of the step before was added at its end, to
-    be taken back here. What contacts bring from there is in `base`.
-    """
-    first, last = slots_of(used, half)
-    for slot in range(first + 1, last):
-        store(motion, slot, load(motion, slot) - 0.5 * (
-            h * load(smooth, first if alike else slot) + load(base, slot)))
-
-
-@kernel
 def kick_bodies(half: int, used: IntArray, motion: Array, smooth: Array, alike: bool, base: Array,
                 h: float) -> None:
     """
@@ -274,34 +258,36 @@ def begin_push_inside(first: int, last: int, astride: IntArray, motion: Array,
 
 @kernel
 def drift_bodies(half: int, used: IntArray, motion: Array, drifted: Array, total: Array,
-                 base: Array, pushed: bool) -> None:
+                 smooth: Array, alike: bool, base: Array, h: float, pushed: bool) -> None:
     """
-    End a substep: drift the bodies of a half by their motion and the push; nobody is touched yet.
+    End a substep: drift the bodies of a half; nobody is touched yet.
 
-    Where nobody was `pushed`, nobody asked for the push: what stands there is from before. What
-    contacts added in the substep is in `base` afterwards.
+    By the mean of the velocities before and after what forces and contacts did in the substep of
+    h [s], which is of second order, and by the push. Where nobody was `pushed`, nobody asked for
+    the push: what stands there is from before. What contacts added is in `base` afterwards.
     """
     first, last = slots_of(used, half)
     for slot in range(first + 1, last):
         now = load(motion, slot)
-        moved = now + load(drifted, slot) if pushed else now
+        added = now - load(base, slot)
+        moved = now - 0.5 * (h * load(smooth, first if alike else slot) + added)
+        if pushed:
+            moved = moved + load(drifted, slot)
         store(drifted, slot, moved)
         store(total, slot, load(total, slot) + moved)
-        store(base, slot, now - load(base, slot))
+        store(base, slot, added)
         drifted[slot * STRIDE + TOUCHED] = 0.0
 
 
 @part
 def store_bodies(half: int, first: int, last: int, h: float, m: Array, inv_m: Array,
-                 inv_I_C: Array, state: State, bodies: SolverBodies, substeps: int,
-                 h_end: float) -> None:
+                 inv_I_C: Array, state: State, bodies: SolverBodies, substeps: int) -> None:
     """
     Move bodies, eight at a time, from `first` to `last`, and write momenta and poses back.
 
     By number, as they lie in the state: two cores that write to the same lines of it would wait
-    for each other most of the time. `half` says whose scratch is used. Half of what forces do in
-    h_end [s], and of what `bodies.base` holds, is added to the momenta, see `begin_bodies`. Who
-    was not touched is left to fly.
+    for each other most of the time. `half` says whose scratch is used. Who was not touched is
+    left to fly.
     """
     i, b, at = first, _scratch_of(bodies, half), _places_of(bodies, half)
     while True:
@@ -319,13 +305,13 @@ def store_bodies(half: int, first: int, last: int, h: float, m: Array, inv_m: Ar
         if lanes == LANES and _body_at(bodies, at[LANES - 1]) == i - 1 == (
                 _body_at(bodies, at[0]) + LANES - 1):
             _read_eight(m, inv_m, inv_I_C, state, b, i - LANES)
-            _move(half, bodies, at, b, h, 1.0 / substeps, h_end)
+            _move(bodies, at, b, h, 1.0 / substeps)
             _write_eight(state, b, i - LANES)
         else:
             for lane in range(LANES):
                 at[lane] = at[min(lane, lanes - 1)]
                 _read_one(m, inv_m, inv_I_C, state, b, lane, _body_at(bodies, at[lane]))
-            _move(half, bodies, at, b, h, 1.0 / substeps, h_end)
+            _move(bodies, at, b, h, 1.0 / substeps)
             for lane in range(lanes):
                 _write_one(state, b, lane, _body_at(bodies, at[lane]))
 
@@ -398,20 +384,14 @@ def _places_of(bodies: SolverBodies, half: int) -> IntArray:
 
 
 @part
-def _move(half: int, bodies: SolverBodies, at: IntArray, b: Array, h: float, share: float,
-          h_end: float) -> None:
-    """
-    Move eight bodies by the mean of their velocities over the substeps, `share` of a step each.
-
-    Those are the velocities in the middles of the substeps: that is of second order.
-    """
+def _move(bodies: SolverBodies, at: IntArray, b: Array, h: float, share: float) -> None:
+    """Move eight bodies by the sum of their drifts, `share` of a step each."""
     v, now = gather(bodies.total, at), gather(bodies.motion, at)
-    more, forces = gather(bodies.base, at), _forces(half, bodies, at)
     x = load_three(b, _X)
     for k in range(3):
         store(b, _X + k, x[k] + (h * share) * v[k])
-        store(b, _P + k, load(b, _M) * (now[k] + 0.5 * (h_end * forces[k] + more[k])))
-        store(b, _L + k, now[3 + k] + 0.5 * (h_end * forces[3 + k] + more[3 + k]))
+        store(b, _P + k, load(b, _M) * now[k])
+        store(b, _L + k, now[3 + k])
     L = (share * v[3], share * v[4], share * v[5])
     inv_I = load_three(b, _INV_I)
     # Too fast for `turn`: below, one by one.
@@ -426,16 +406,6 @@ def _move(half: int, bodies: SolverBodies, at: IntArray, b: Array, h: float, sha
             store(b, _MEAN_L + k, L[k])
         store(b, _FAST, select(fast, 1.0, 0.0))
         _turn_fast_ones(b, h)
-
-
-@part
-def _forces(half: int, bodies: SolverBodies, at: IntArray) -> Motion:
-    """Return what acts on eight bodies that is no contact, as `bodies.smooth` has it."""
-    if bodies.alike[0] == 1:
-        line, none = slots_of(bodies.used, half)[0] * STRIDE, spread(0.0)
-        return (spread(bodies.smooth[line]), spread(bodies.smooth[line + 1]),
-                spread(bodies.smooth[line + 2]), none, none, none, none, none)
-    return gather(bodies.smooth, at)
 
 
 @kernel
