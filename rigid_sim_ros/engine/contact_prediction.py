@@ -38,8 +38,8 @@ from rigid_sim_ros.engine.vector import (
     add, add_scaled, column, cross, dot, row, scale, subtract)
 
 # Parts of the size of the smaller shape of a pair: what moves less in a step has the geometry of
-# its start; what is nearer touches; a point that gets farther on both bodies is another one.
-STILL, TOUCHING, JUMP = 1e-6, 1e-4, 0.25
+# its start; what is nearer than twice the skin touches; what comes nearer has met.
+STILL, TOUCHING, MET = 1e-6, 4e-5, 1e-8
 # Stages of conservative advancement: what touches for less than a stage, and not deeply, is missed.
 STAGES = 16
 TINY = 1e-300
@@ -98,7 +98,7 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
                      ahead[a] + ahead[b], prediction, scratch)
         elif _closes(model, state, loads, manifolds, r):
             t = _meeting(model, state, loads, shapes, a, b, gap, row(manifolds.normal, r),
-                         TOUCHING * size, prediction.pose, scratch)
+                         MET * size, prediction.pose, scratch)
             if t <= model.h:
                 _rewrite(model, state, loads, shapes, manifolds, r, t, False,
                          ahead[a] + ahead[b], prediction, scratch)
@@ -110,12 +110,12 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
 
 @kernel
 def _meeting(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b: int, gap: float,
-             n: Vector, touching: float, pose: Array, scratch: Scratch) -> float:
+             n: Vector, met: float, pose: Array, scratch: Scratch) -> float:
     """
     Return when [s] in the step two shapes first touch; inf: not at all.
 
-    By conservative advancement in few stages: to where `touching` is left between them, or at the
-    least a stage further, where an overlap is traced back along a straight line.
+    By conservative advancement in few stages, at the least a stage further, until no more than
+    `met` [m] is left between them; from there back along a straight line.
     """
     t = 0.0
     for _ in range(STAGES):
@@ -126,8 +126,8 @@ def _meeting(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b
             return math.inf
         later = min(t + max(gap / speed, model.h / STAGES), model.h)
         then, n = pair_gap(model, state, loads, shapes, a, b, later, pose, scratch)
-        if then <= touching:
-            return t + (later - t) * min((gap - 0.5 * touching) / max(gap - then, TINY), 1.0)
+        if then <= met:
+            return t + (later - t) * min(gap / max(gap - then, TINY), 1.0)
         if later >= model.h:
             break
         t, gap = later, then
