@@ -60,6 +60,7 @@ class Buffers(NamedTuple):
     number: Array  # (4,) see LEFT
     work: Work
     bodies: Bodies
+    then: Array  # (n, 6) velocities at the end of a span
     loads: Loads  # of the contacts
     still: Loads  # zeros
     pose: Array  # (s, 12)
@@ -91,6 +92,7 @@ def make_buffers(bodies: int, shapes: int) -> Buffers:
 
     c = 64
     return Buffers(whole(16), np.zeros(4), make_work(bodies), make_bodies(bodies),
+                   np.zeros((bodies, 6)),
                    empty_loads(bodies), empty_loads(bodies), unplaced(shapes),
                    make_contacts(c), whole(2, c), np.zeros((c, 6)), whole(c), whole(c),
                    whole(c, 3), make_room(4, 6), *_qp_room(48), whole(c, 2), np.zeros(c),

@@ -13,7 +13,7 @@ import numpy as np
 from rigid_sim_ros.engine.algebra import norm
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.backtrack import film, first_event, pairs_ahead
-from rigid_sim_ros.engine.contact_drift import contact_drift
+from rigid_sim_ros.engine.contact_ahead import carry_ahead, turn_bodies
 from rigid_sim_ros.engine.contact_qp import (
     coefficients, COMPLIANCE, ENOUGH, FEW_STEPS, GOAL, refine)
 from rigid_sim_ros.engine.contacts import (
@@ -64,25 +64,22 @@ def _choose(contacts: Contacts, bodies: Bodies, h: float, touching: float,
 
 @kernel
 def _rates(model: Model, shapes: Shapes, contacts: Contacts, bodies: Bodies, chosen: IntArray,
-           width: int, drift: Array, span: float, closing: float, push_out: float, u: Array,
+           width: int, u: Array, span: float, closing: float, push_out: float,
            b: Array) -> None:
     """
     Write b of a = A f + b: accelerations without contact forces, and what stops points.
 
-    a = 0 then means that the point has stopped when `span` [s] is over, so that neither a
-    velocity nor a gap that rounding left behind can grow from step to step: of the gap a part is
-    closed in `closing` [s]. u: scratch.
+    a = 0 then means that the point, with the rates u at the end of the span [s] but for the loads,
+    has stopped there, so that neither a velocity nor a gap that rounding left behind can grow from
+    step to step: of the gap a part is closed in `closing` [s].
     """
     for c in range(chosen.shape[0]):
         k, at = chosen[c], width * c
         read_rates(model, contacts, bodies.acceleration, k, width, b, at)
-        read_rates(model, contacts, bodies.velocity, k, width, u, at)
         gap = contacts.gap[k] - film(shapes, contacts.shape_a[k], contacts.shape_b[k])
         u[at] -= min(-CLOSING * gap / closing, push_out)
         for i in range(width):
             b[at + i] += u[at + i] / span
-        for i in range(3):
-            b[at + i] += drift[3 * c + i]
 
 
 @kernel
@@ -298,13 +295,14 @@ def _balance(model: Model, state: State, shapes: Shapes, memory: Memory, setting
     mu = w.mu[:m * columns].reshape((m, columns))
     A = w.A[:rows * rows].reshape((rows, rows))
     span = min(w.number[SPAN], w.number[LEFT])
-    contact_drift(model, state, w.still, shapes, contacts, w.bodies, chosen,
-                  max(span, 1e-3 * model.h), w.pose, memory.scratch, w.spare[0])
+    turn_bodies(model, state, w.work.loads.tau, span, w.bodies, w.then)
+    carry_ahead(model, state, w.still, shapes, contacts, w.bodies, w.then, chosen, width, span,
+                w.pose, memory.scratch, w.spare[0])
     # What is left of a step after a collision may be nothing: a gap of rounding over that is no
     # speed.
     closing = min(max(w.number[SPAN], CUT * model.h), model.h)
     _rates(model, shapes, contacts, w.bodies, chosen, width, w.spare[0], span, closing,
-           settings.push_out, w.spare[1], b)
+           settings.push_out, b)
     for c in range(m):
         read_coefficients(model, contacts, chosen[c], width, mu, c)
     couple(model, contacts, w.bodies, chosen, m, width, w.arm[:6 * rows].reshape((2, rows, 3)), A)
@@ -350,7 +348,7 @@ def _travel(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, memo
         for i in range(width):
             w.impulses[chosen[c], i] += t * f[width * c + i]
     _record(model, current(memory), w.contacts, w.impulses)
-    move(model, state, wrenches, w.contacts, chosen, width, f, w.loads, w.work, t)
+    move(model, state, wrenches, w.contacts, w.bodies, chosen, width, f, w.loads, w.work, until, t)
     w.number[LEFT] = left - t if which >= 0 or t < left else 0.0
     _next_span(model, t, which, w)
     return DONE
