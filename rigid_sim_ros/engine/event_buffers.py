@@ -69,6 +69,7 @@ class Buffers(NamedTuple):
     impulses: Array  # (c, 6) [N s, contact axes]
     elastic: IntArray  # (c,)
     chosen: IntArray  # (c,) points that get a force
+    depth: Array  # (c,) [m, < 0] to which these may go
     bounced: IntArray  # (p, 3) two bodies and how often they collided in this step
     room: Room  # for the largest block
     A: Array  # (r r,)
@@ -95,7 +96,7 @@ def make_buffers(bodies: int, shapes: int) -> Buffers:
                    np.zeros((bodies, 6)),
                    empty_loads(bodies), empty_loads(bodies), unplaced(shapes),
                    make_contacts(c), whole(2, c), np.zeros((c, 6)), whole(c), whole(c),
-                   whole(c, 3), make_room(4, 6), *_qp_room(48), whole(c, 2), np.zeros(c),
+                   np.zeros(c), whole(c, 3), make_room(4, 6), *_qp_room(48), whole(c, 2), np.zeros(c),
                    np.zeros((2, shapes)), whole(shapes))
 
 
@@ -109,7 +110,7 @@ def more_contacts(buffers: Buffers, points: int) -> Buffers:
     c = 2 * points
     return buffers._replace(contacts=make_contacts(c), impulses=np.zeros((c, 6)),
                             elastic=np.zeros(c, dtype=np.int64),
-                            chosen=np.zeros(c, dtype=np.int64))
+                            chosen=np.zeros(c, dtype=np.int64), depth=np.zeros(c))
 
 
 def more_rows(buffers: Buffers, rows: int) -> Buffers:

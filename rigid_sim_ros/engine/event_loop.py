@@ -127,19 +127,30 @@ def _remember(model: Model, contacts: Contacts, chosen: IntArray, width: int, f:
 
 
 @kernel
-def _allow(pairs: IntArray, count: int, contacts: Contacts, bodies: Bodies, chosen: IntArray,
-           span: float, overlap: float, allowed: Array) -> None:
+def _sink(contacts: Contacts, bodies: Bodies, chosen: IntArray, span: float, overlap: float,
+          depth: Array) -> None:
+    """
+    Write how deep [m, < 0] the points that get forces may go within the span.
+
+    Stopped over the span, not at once, a slow approach u_n gets |u_n| t / 2 deeper.
+    """
+    for c in range(chosen.shape[0]):
+        k = chosen[c]
+        u = to_contact(contacts, k, relative(bodies.velocity, contacts, k))
+        depth[c] = min(contacts.gap[k], 0.0) + 0.5 * min(u[0], 0.0) * span - overlap
+
+
+@kernel
+def _allow(pairs: IntArray, count: int, contacts: Contacts, chosen: IntArray, depth: Array,
+           allowed: Array) -> None:
     """Write how deep the pairs that get forces may go, 0 for the others; see `first_event`."""
     allowed[:count] = 0.0
     p = 0
     for c in range(chosen.shape[0]):
         k = chosen[c]
-        u = to_contact(contacts, k, relative(bodies.velocity, contacts, k))
-        # Stopped over the span, not at once, a slow approach u_n gets |u_n| t / 2 deeper.
-        depth = min(contacts.gap[k], 0.0) + 0.5 * min(u[0], 0.0) * span - overlap
         for _ in range(count):
             if pairs[p, 0] == contacts.shape_a[k] and pairs[p, 1] == contacts.shape_b[k]:
-                allowed[p] = min(allowed[p], depth)
+                allowed[p] = min(allowed[p], depth[c])
                 break
             p = (p + 1) % count
 
@@ -295,6 +306,7 @@ def _balance(model: Model, state: State, shapes: Shapes, memory: Memory, setting
     mu = w.mu[:m * columns].reshape((m, columns))
     A = w.A[:rows * rows].reshape((rows, rows))
     span = min(w.number[SPAN], w.number[LEFT])
+    _sink(contacts, w.bodies, chosen, span, settings.overlap, w.depth)
     turn_bodies(model, state, w.work.loads.tau, span, w.bodies, w.then)
     carry_ahead(model, state, w.still, shapes, contacts, w.bodies, w.then, chosen, width, span,
                 w.pose, memory.scratch, w.spare[0])
@@ -341,7 +353,7 @@ def _travel(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, memo
             w.count[NEEDED] = count
             sum_loads(model, state, wrenches, loads)
             return MORE_PAIRS
-        _allow(w.pairs, count, w.contacts, w.bodies, chosen, until, settings.overlap, w.allowed)
+        _allow(w.pairs, count, w.contacts, chosen, w.depth, w.allowed)
         t, which = first_event(model, state, loads, shapes, w.pairs, count, w.allowed,
                                settings.overlap, until, w.pose, memory.scratch)
     for c in range(m):
