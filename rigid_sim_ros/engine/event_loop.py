@@ -14,22 +14,24 @@ from rigid_sim_ros.engine.algebra import norm
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.backtrack import film, first_event, pairs_ahead
 from rigid_sim_ros.engine.contact_ahead import carry_ahead, turn_bodies
-from rigid_sim_ros.engine.contact_qp import (
-    coefficients, COMPLIANCE, ENOUGH, FEW_STEPS, GOAL, refine)
+from rigid_sim_ros.engine.contact_newton import FEW_STEPS, number_bodies, solve_rows
+from rigid_sim_ros.engine.contact_qp import COMPLIANCE, TOLERANCE
+from rigid_sim_ros.engine.contact_rows import (
+    apply_forces, Rows, sweep_rows, violation, write_rows)
 from rigid_sim_ros.engine.contacts import (
-    Bodies, Contacts, couple, gather, length, push_rows, read_bodies, read_coefficients,
-    read_rates, relative, row, row_count, to_contact, to_world, torque_in_world)
+    Bodies, Contacts, gather, length, push_rows, read_bodies, read_rates, relative, row, row_count,
+    to_contact, to_world, torque_in_world)
 from rigid_sim_ros.engine.detect import detect
 from rigid_sim_ros.engine.event_buffers import (
     BOUNCED, Buffers, Carried, CHOSEN, COLLISIONS, CUT_SHORT, DEEPEST, DONE, EVENTS, EventSettings,
     FRESH, KNOWN, LEFT, MEET, MORE_CONTACTS, MORE_FORCES, MORE_MANIFOLDS, MORE_MEMORY, MORE_PAIRS,
-    MORE_ROOM, MORE_ROWS, NEEDED, RESIDUAL, REST, SHOCK, SPAN, STAGE, STEPS, TRAVEL, UNSOLVED,
-    WIDTH)
+    MORE_ROOM, MORE_ROWS, NEEDED, PUSHED, RESIDUAL, REST, SPAN, STAGE, STEPS, TOUCHED, TRAVEL,
+    UNSOLVED, WIDTH)
 from rigid_sim_ros.engine.event_move import load, move
 from rigid_sim_ros.engine.impulse import collide_all, resting_speed, STILL
 from rigid_sim_ros.engine.integrate import sum_loads
 from rigid_sim_ros.engine.kernel import kernel
-from rigid_sim_ros.engine.loads import Loads
+from rigid_sim_ros.engine.loads import kick, Loads
 from rigid_sim_ros.engine.manifolds import current, Manifolds, Memory
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
@@ -43,6 +45,9 @@ CLOSING = 0.3
 # Of a step: no part in which forces stay constant is shorter.
 SHORTEST = 1.0 / 256.0
 CUT = 1.0 / 16.0  # of a step: gaps are not closed within less
+# Of the speed of a rebound that is too short to be one: no faster may a force lift what overlaps.
+LIFTING = 0.1
+PUSH_SWEEPS = 30  # over the points, for displacements: what they leave is for the next step
 
 
 @kernel
@@ -64,22 +69,76 @@ def _choose(contacts: Contacts, bodies: Bodies, h: float, touching: float,
 
 @kernel
 def _rates(model: Model, shapes: Shapes, contacts: Contacts, bodies: Bodies, chosen: IntArray,
-           width: int, u: Array, span: float, closing: float, push_out: float,
-           b: Array) -> None:
+           width: int, u: Array, span: float, closing: float, b: Array) -> bool:
     """
     Write b of a = A f + b: accelerations without contact forces, and what stops points.
 
     a = 0 then means that the point, with the rates u at the end of the span [s] but for the loads,
     has stopped there, so that neither a velocity nor a gap that rounding left behind can grow from
-    step to step: of the gap a part is closed in `closing` [s].
+    step to step: of the gap a part is closed in `closing` [s]. Returns whether a point overlaps so
+    much that this would give it a speed worth mentioning: that is left to `_push_apart`.
     """
+    deep = False
     for c in range(chosen.shape[0]):
         k, at = chosen[c], width * c
         read_rates(model, contacts, bodies.acceleration, k, width, b, at)
         gap = contacts.gap[k] - film(shapes, contacts.shape_a[k], contacts.shape_b[k])
-        u[at] -= min(-CLOSING * gap / closing, push_out)
+        wanted = -CLOSING * gap / closing
+        if wanted <= LIFTING * resting_speed(contacts, bodies, k, model.h):
+            u[at] -= wanted
+        else:
+            deep = True
         for i in range(width):
             b[at + i] += u[at + i] / span
+    return deep
+
+
+@kernel
+def _push_apart(model: Model, state: State, shapes: Shapes, settings: EventSettings, m: int,
+                span: float, closing: float, w: Buffers) -> None:
+    """
+    Add momenta that displace what overlaps, and are taken back when the span is over.
+
+    So nothing that comes apart gains a velocity, however deep it was. The momenta and what they
+    are at the bodies are left in `w.pushed`.
+    """
+    rows, width = w.rows, w.count[WIDTH]
+    contacts = w.contacts
+    violation(rows, m, width, rows.f)
+    for c in range(m):
+        k, at = w.chosen[c], width * c
+        depth = film(shapes, contacts.shape_a[k], contacts.shape_b[k]) - contacts.gap[k]
+        size = min(shapes.bound[contacts.shape_a[k]], shapes.bound[contacts.shape_b[k]])
+        wanted = min(CLOSING * depth / closing, settings.push_out * size / model.h)
+        if CLOSING * depth / closing <= LIFTING * resting_speed(contacts, w.bodies, k, model.h):
+            wanted = 0.0
+        for i in range(at, at + width):
+            rows.trial[i] = 0.0
+        # Not what leaves its overlap by itself.
+        w.newton.y[at] = -wanted + span * max(rows.a[at], 0.0)
+    for c in range(m):
+        rows.mu[c, 0], rows.mu[c, 1], rows.mu[c, 2] = 0.0, 0.0, 0.0
+        rows.b[width * c] = w.newton.y[width * c]
+    apply_forces(rows, m, width, rows.trial)
+    sweep_rows(rows, m, width, rows.trial, PUSH_SWEEPS, 0.0)
+    for j in range(model.m.shape[0]):
+        for i in range(3):
+            w.pushed.F[i, j], w.pushed.tau[i, j] = state.P[i, j], state.L[i, j]
+    for c in range(m):
+        push_rows(model, state, contacts, w.chosen[c], width, rows.trial, width * c)
+    for j in range(model.m.shape[0]):
+        for i in range(3):
+            w.pushed.F[i, j] = state.P[i, j] - w.pushed.F[i, j]
+            w.pushed.tau[i, j] = state.L[i, j] - w.pushed.tau[i, j]
+    w.count[PUSHED] = 1
+
+
+@kernel
+def _take_back(model: Model, state: State, w: Buffers) -> None:
+    """Take the momenta that only displaced."""
+    if w.count[PUSHED] == 1:
+        kick(state, w.pushed, -1.0)
+        w.count[PUSHED] = 0
 
 
 @kernel
@@ -275,6 +334,8 @@ def _collide(model: Model, state: State, settings: EventSettings, w: Buffers) ->
             w.elastic[i] = 0 if tired else 1
     limit = 200 + 50 * blocks
     quiet = max(STILL, 2.0 * settings.dip / min(w.number[SPAN], w.number[LEFT]))
+    if not _room_for(model, w, touching_points(settings, w)):
+        return MORE_ROWS
     done = collide_all(model, state, contacts, w.bodies, model.h, settings.touching, quiet,
                        w.count[WIDTH], w.elastic, limit, w.room, w.impulses)
     if done == 0:
@@ -287,50 +348,73 @@ def _collide(model: Model, state: State, settings: EventSettings, w: Buffers) ->
         if pushed:
             w.bounced[_bounce(contacts, k, w), 2] += 1
     read_bodies(model, state, w.work.loads.F, w.work.loads.tau, w.bodies)
-    return SHOCK if done < 0 else DONE
+    if done < 0:
+        _stop_together(model, state, settings, w)
+    return DONE
+
+
+@kernel
+def _room_for(model: Model, w: Buffers, m: int) -> bool:
+    """Number the bodies of the first m chosen points; return whether there is room for them."""
+    w.count[NEEDED] = w.count[WIDTH] * m
+    w.count[TOUCHED] = number_bodies(w.contacts, w.chosen[:m], model.inv_m, w.newton.slot)
+    return (w.count[NEEDED] <= w.rows.b.shape[0]
+            and 6 * w.count[TOUCHED] <= w.newton.p.shape[0])
 
 
 @kernel
 def _balance(model: Model, state: State, shapes: Shapes, memory: Memory, settings: EventSettings,
              carried: Carried, w: Buffers) -> int:
-    """Find the forces at the resting points; UNSOLVED where Newton's method does not."""
+    """Find the forces at the resting points."""
     contacts, width = w.contacts, w.count[WIDTH]
     m = _choose(contacts, w.bodies, model.h, settings.touching, w.chosen)
-    rows = width * m
-    w.count[CHOSEN], w.count[NEEDED] = m, rows
-    if rows > w.b.shape[0]:
+    w.count[CHOSEN] = m
+    if not _room_for(model, w, m):
         return MORE_ROWS
     if m == 0:
         return DONE
-    chosen, b, f, columns = w.chosen[:m], w.b[:rows], w.f[:rows], coefficients(width)
-    mu = w.mu[:m * columns].reshape((m, columns))
-    A = w.A[:rows * rows].reshape((rows, rows))
+    chosen, rows = w.chosen[:m], w.rows
     span = min(w.number[SPAN], w.number[LEFT])
     _sink(contacts, w.bodies, chosen, span, settings.overlap, w.depth)
     turn_bodies(model, state, w.work.loads.tau, span, w.bodies, w.then)
     carry_ahead(model, state, w.still, shapes, contacts, w.bodies, w.then, chosen, width, span,
-                w.pose, memory.scratch, w.spare[0])
+                w.pose, memory.scratch, rows.trial)
     # What is left of a step after a collision may be nothing: a gap of rounding over that is no
     # speed.
     closing = min(max(w.number[SPAN], CUT * model.h), model.h)
-    _rates(model, shapes, contacts, w.bodies, chosen, width, w.spare[0], span, closing,
-           settings.push_out, b)
-    for c in range(m):
-        read_coefficients(model, contacts, chosen[c], width, mu, c)
-    couple(model, contacts, w.bodies, chosen, m, width, w.arm[:6 * rows].reshape((2, rows, 3)), A)
-    size = 0.0
-    for i in range(rows):
-        A[i, i] += COMPLIANCE * A[i, i]
-        size = max(size, abs(b[i]))
-    steps = FEW_STEPS if _recall(model, contacts, chosen, width, carried, w.count[KNOWN],
-                                 f) else 0
-    M = w.M[:rows * rows].reshape((rows, rows))
-    worst, _ = refine(A, b, mu, f, GOAL * size, steps, w.spare[0, :rows], w.spare[1, :rows], M,
-                      w.spare[2, :rows])
-    if worst > ENOUGH * size:
-        return UNSOLVED
-    w.number[RESIDUAL] = max(w.number[RESIDUAL], worst / max(size, 1e-300))
+    deep = _rates(model, shapes, contacts, w.bodies, chosen, width, rows.trial, span, closing,
+                  rows.b)
+    write_rows(model, contacts, w.bodies, chosen, width, COMPLIANCE, rows)
+    known = _recall(model, contacts, chosen, width, carried, w.count[KNOWN], rows.f)
+    worst = solve_rows(rows, m, width, w.count[TOUCHED], FEW_STEPS if known else 0, w.newton)
+    w.number[RESIDUAL] = max(w.number[RESIDUAL], worst)
+    if worst > TOLERANCE:
+        w.count[UNSOLVED] += 1
+        for c in range(m):
+            read_rates(model, contacts, w.bodies.velocity, chosen[c], width, rows.trial, width * c)
+        _take_no_energy(rows, m, width, span)
+    if deep:
+        _push_apart(model, state, shapes, settings, m, span, closing, w)
     return DONE
+
+
+@kernel
+def _take_no_energy(rows: Rows, m: int, width: int, span: float) -> None:
+    """
+    Make forces that are no solution smaller where they would do work on the bodies.
+
+    It is span [s] times f . (u_0 + u_1) / 2 with the rates u_0 of the points now, in rows.trial,
+    and u_1 = span (A f + b) in the end.
+    """
+    violation(rows, m, width, rows.f)
+    before, gain = 0.0, 0.0
+    for i in range(width * m):
+        before += rows.f[i] * (rows.trial[i] + span * rows.b[i])
+        gain += rows.f[i] * span * (rows.a[i] - rows.b[i])
+    if before + gain > 0.0 and gain > 0.0:
+        share = max(-before / gain, 0.0)
+        for i in range(width * m):
+            rows.f[i] *= share
 
 
 @kernel
@@ -338,7 +422,7 @@ def _travel(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, memo
             settings: EventSettings, w: Buffers) -> int:
     """Let the forces act until the next pair meets, or the span is over."""
     m, width = w.count[CHOSEN], w.count[WIDTH]
-    chosen, f, loads = w.chosen[:m], w.f[:width * m], w.work.loads
+    chosen, f, loads = w.chosen[:m], w.rows.f[:width * m], w.work.loads
     left = w.number[LEFT]
     until = min(w.number[SPAN], left)
     load(model, w.contacts, chosen, width, f, w.loads, w.work)
@@ -353,6 +437,8 @@ def _travel(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, memo
             w.count[NEEDED] = count
             sum_loads(model, state, wrenches, loads)
             return MORE_PAIRS
+        if w.count[UNSOLVED] > 0:  # shorter spans would not help
+            w.depth[:m] = -np.inf
         _allow(w.pairs, count, w.contacts, chosen, w.depth, w.allowed)
         t, which = first_event(model, state, loads, shapes, w.pairs, count, w.allowed,
                                settings.overlap, until, w.pose, memory.scratch)
@@ -361,6 +447,7 @@ def _travel(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, memo
             w.impulses[chosen[c], i] += t * f[width * c + i]
     _record(model, current(memory), w.contacts, w.impulses)
     move(model, state, wrenches, w.contacts, w.bodies, chosen, width, f, w.loads, w.work, until, t)
+    _take_back(model, state, w)
     w.number[LEFT] = left - t if which >= 0 or t < left else 0.0
     _next_span(model, t, which, w)
     return DONE
@@ -396,10 +483,10 @@ def run(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, material
             why = _find(model, state, shapes, materials, memory, settings, w)
             if why != DONE:
                 return why
-            w.count[STAGE] = REST
             why = _collide(model, state, settings, w)
             if why != DONE:
                 return why
+            w.count[STAGE] = REST
         if w.count[STAGE] == REST:
             if w.contacts.count[0] > carried.feature.shape[0]:
                 w.count[NEEDED] = w.contacts.count[0]
@@ -412,7 +499,7 @@ def run(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, material
         why = _travel(model, state, wrenches, shapes, memory, settings, w)
         if why != DONE:
             return why
-        _remember(model, w.contacts, w.chosen[:m], width, w.f[:width * m], carried)
+        _remember(model, w.contacts, w.chosen[:m], width, w.rows.f[:width * m], carried)
         w.count[KNOWN] = m
         w.count[STAGE] = MEET
         if w.number[LEFT] == 0.0:
@@ -427,12 +514,13 @@ def _begin_step(model: Model, materials: Materials, w: Buffers) -> None:
     w.number[RESIDUAL], w.number[DEEPEST] = 0.0, 0.0
     w.count[FRESH] = 1
     w.count[EVENTS], w.count[COLLISIONS], w.count[CUT_SHORT], w.count[BOUNCED] = 0, 0, 0, 0
+    w.count[UNSOLVED] = 0
     w.count[WIDTH] = row_count(materials)
 
 
 @kernel
 def touching_points(settings: EventSettings, w: Buffers) -> int:
-    """Choose all points that touch, with their velocities in b, for a shock; return how many."""
+    """Choose all points that touch, for a shock; return how many."""
     m = 0
     for k in range(w.contacts.count[0]):
         if w.contacts.gap[k] <= settings.touching:
@@ -442,24 +530,24 @@ def touching_points(settings: EventSettings, w: Buffers) -> int:
 
 
 @kernel
-def shock_problem(model: Model, m: int, w: Buffers) -> None:
-    """Write A, mu and the velocities of the first m chosen points to b."""
-    width = w.count[WIDTH]
-    rows, columns = width * m, coefficients(width)
-    mu = w.mu[:m * columns].reshape((m, columns))
+def _stop_together(model: Model, state: State, settings: EventSettings, w: Buffers) -> None:
+    """End a shock that goes to and fro for ever: all points at once, with e = 0."""
+    m, width, rows = touching_points(settings, w), w.count[WIDTH], w.rows
+    touched = number_bodies(w.contacts, w.chosen[:m], model.inv_m, w.newton.slot)
+    write_rows(model, w.contacts, w.bodies, w.chosen[:m], width, COMPLIANCE, rows)
     for c in range(m):
-        read_rates(model, w.contacts, w.bodies.velocity, w.chosen[c], width, w.b, width * c)
-        read_coefficients(model, w.contacts, w.chosen[c], width, mu, c)
-    couple(model, w.contacts, w.bodies, w.chosen, m, width, w.arm[:6 * rows].reshape((2, rows, 3)),
-           w.A[:rows * rows].reshape((rows, rows)))
-
-
-@kernel
-def push_all(model: Model, state: State, m: int, J: Array, w: Buffers) -> None:
-    """Apply the impulses J, (wm,), at the first m chosen points, and look at the bodies again."""
-    width = w.count[WIDTH]
+        read_rates(model, w.contacts, w.bodies.velocity, w.chosen[c], width, rows.b, width * c)
+    for i in range(width * m):
+        rows.f[i] = 0.0
+    worst = solve_rows(rows, m, width, touched, 0, w.newton)
+    w.number[RESIDUAL] = max(w.number[RESIDUAL], worst)
+    if worst > TOLERANCE:
+        w.count[UNSOLVED] += 1
+        for i in range(width * m):
+            rows.trial[i] = rows.b[i]
+        _take_no_energy(rows, m, width, 1.0)
     for c in range(m):
-        push_rows(model, state, w.contacts, w.chosen[c], width, J, width * c)
+        push_rows(model, state, w.contacts, w.chosen[c], width, rows.f, width * c)
         for i in range(width):
-            w.impulses[w.chosen[c], i] += J[width * c + i]
+            w.impulses[w.chosen[c], i] += rows.f[width * c + i]
     read_bodies(model, state, w.work.loads.F, w.work.loads.tau, w.bodies)
