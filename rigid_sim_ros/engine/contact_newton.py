@@ -32,9 +32,6 @@ FEW_STEPS = 4
 # Steps of Newton's method after so many sweeps, and how often: sweeps find which points press and
 # which slide, Newton's method the forces.
 NEWTON_STEPS, SWEEPS, ROUNDS = 10, 20, 6
-# Multiplications [1] that the search may take, about 4 ms: what is not solved then is used as far
-# as it came, without a gain of energy.
-EFFORT = 4e6
 
 
 class Newton(NamedTuple):
@@ -46,13 +43,15 @@ class Newton(NamedTuple):
     local: Array  # (6, 13) C, D and x of one point
     E: Array  # (c, 6, 6)
     y: Array  # (r,)
+    last: IntArray  # (6 s,)
+    effort: Array  # (1,) multiplications so far in this step, about
 
 
 def make_newton(points: int, rows: int, touched: int, bodies: int) -> Newton:
     """Return room for so many points, rows, bodies that are touched, and bodies."""
     return Newton(np.zeros(bodies, dtype=np.int64), np.zeros(36 * touched * touched),
                   np.zeros(6 * touched), np.zeros((6, 13)), np.zeros((points, 6, 6)),
-                  np.zeros(rows))
+                  np.zeros(rows), np.zeros(6 * touched, dtype=np.int64), np.zeros(1))
 
 
 @kernel
@@ -98,7 +97,7 @@ def _write_stick(rows: Rows, n: int, p: int, width: int, s: Array) -> None:
 @kernel
 def _write_disk(rows: Rows, n: int, p: int, size: int, mu: float, width: int, f: Array,
                 s: Array) -> None:
-    """Write the equations of one disk: `size` rows from p on, of the point whose rows begin at n."""
+    """Write the equations of one disk: `size` rows from p on, of the point with the normal n."""
     q, stiff = p + size - 1, disk_stiffness(rows, n + p, size)
     w_x = f[n + p] - rows.a[n + p] / stiff
     w_y = f[n + q] - rows.a[n + q] / stiff if size == 2 else 0.0
@@ -147,9 +146,18 @@ def _solve_local(s: Array, width: int) -> bool:
 
 
 @kernel
-def _solve_linear(K: Array, x: Array) -> bool:
-    """Replace x by K^-1 x, destroying K, by elimination; return False if K is singular."""
+def _solve_linear(K: Array, x: Array, last: IntArray, effort: Array) -> bool:
+    """
+    Replace x by K^-1 x, destroying K, by elimination; return False if K is singular.
+
+    last, (n,), is scratch: the last entry of a row that is not 0. Bodies of which only neighbours
+    touch make a band. The multiplications are added to `effort`.
+    """
     size = x.shape[0]
+    for i in range(size):
+        last[i] = size - 1
+        while last[i] > 0 and K[i, last[i]] == 0.0:
+            last[i] -= 1
     for k in range(size):
         p = k
         for i in range(k + 1, size):
@@ -158,18 +166,23 @@ def _solve_linear(K: Array, x: Array) -> bool:
         if K[p, k] == 0.0:
             return False
         if p != k:
-            for j in range(k, size):
+            for j in range(k, max(last[k], last[p]) + 1):
                 K[k, j], K[p, j] = K[p, j], K[k, j]
             x[k], x[p] = x[p], x[k]
+            last[k], last[p] = last[p], last[k]
+        end = last[k] + 1
+        effort[0] += size - k
         for i in range(k + 1, size):
             if K[i, k] != 0.0:
                 factor = K[i, k] / K[k, k]
-                for j in range(k + 1, size):
+                last[i] = max(last[i], last[k])
+                for j in range(k + 1, end):
                     K[i, j] -= factor * K[k, j]
                 x[i] -= factor * x[k]
+                effort[0] += end - k
     for k in range(size - 1, -1, -1):
         total = x[k]
-        for j in range(k + 1, size):
+        for j in range(k + 1, last[k] + 1):
             total -= K[k, j] * x[j]
         x[k] = total / K[k, k]
     return True
@@ -220,7 +233,8 @@ def newton_step(rows: Rows, m: int, width: int, touched: int, f: Array, w: Newto
             for r in range(width):
                 w.E[c, q, r] = w.local[q, width + r]
         _add_point(rows, c, width, w.slot, w.E, w.y, K, p)
-    if not _solve_linear(K, p):
+    w.effort[0] += size * size + 1000 * m
+    if not _solve_linear(K, p, w.last, w.effort):
         return False
     for c in range(m):
         n = width * c
@@ -253,6 +267,7 @@ def refine_rows(rows: Rows, m: int, width: int, touched: int, goal: float, steps
         trial[i] = f[i]
     idle = 0
     for _ in range(steps):
+        w.effort[0] += 100.0 * count
         if best <= goal or idle > 5 or not newton_step(rows, m, width, touched, trial, w):
             break
         now = violation(rows, m, width, trial)
@@ -270,12 +285,13 @@ def refine_rows(rows: Rows, m: int, width: int, touched: int, goal: float, steps
 
 
 @kernel
-def solve_rows(rows: Rows, m: int, width: int, touched: int, steps: int, w: Newton) -> float:
+def solve_rows(rows: Rows, m: int, width: int, touched: int, steps: int, most: float,
+               w: Newton) -> float:
     """
     Find rows.f from what stands there; return the violation of the laws against max |b|.
 
     Newton's method, `steps` of it, and where that does not do sweeps of Gauss-Seidel and Newton's
-    method by turns, for EFFORT at most.
+    method by turns, until that took `most` multiplications.
     """
     size, count = 0.0, width * m
     for i in range(count):
@@ -285,14 +301,14 @@ def solve_rows(rows: Rows, m: int, width: int, touched: int, steps: int, w: Newt
     worst = refine_rows(rows, m, width, touched, GOAL * size, steps, w)
     if worst <= ENOUGH * size:
         return worst / size
-    effort, sweeps = 0.0, SWEEPS
+    sweeps, until = SWEEPS, w.effort[0] + most
     for turn in range(ROUNDS):
         violation(rows, m, width, rows.f)
         sweep_rows(rows, m, width, rows.f, sweeps, 0.1 * ENOUGH * size)
         worst = refine_rows(rows, m, width, touched, GOAL * size, NEWTON_STEPS, w)
-        effort += 60.0 * count * sweeps + NEWTON_STEPS * (72.0 * touched * touched * touched
-                                                          + 150.0 * count)
-        if worst <= ENOUGH * size or (turn > 1 and worst <= TOLERANCE * size) or effort > EFFORT:
+        w.effort[0] += 50.0 * count * sweeps
+        if (worst <= ENOUGH * size or (turn > 1 and worst <= TOLERANCE * size)
+                or w.effort[0] > until):
             break
         sweeps *= 3
     return worst / size

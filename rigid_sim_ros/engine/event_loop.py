@@ -47,6 +47,10 @@ SHORTEST = 1.0 / 256.0
 CUT = 1.0 / 16.0  # of a step: gaps are not closed within less
 # Of the speed of a rebound that is too short to be one: no faster may a force lift what overlaps.
 LIFTING = 0.1
+# Multiplications for each body, and for 20 at least, that a step may take, about 0.2 ms; what is
+# left of the step then runs without backtracking, and contact problems are used as far as they
+# came. In the same unit what an event takes, and for each pair that may meet.
+EFFORT, PER_EVENT, PER_PAIR = 2e5, 1e4, 5e3
 PUSH_SWEEPS = 30  # over the points, for displacements: what they leave is for the next step
 
 
@@ -332,15 +336,17 @@ def _collide(model: Model, state: State, settings: EventSettings, w: Buffers) ->
                 tired = True
         for i in range(contacts.first[k], contacts.first[k + 1]):
             w.elastic[i] = 0 if tired else 1
-    limit = 200 + 50 * blocks
+    limit = 50 + 10 * blocks
     quiet = max(STILL, 2.0 * settings.dip / min(w.number[SPAN], w.number[LEFT]))
     if not _room_for(model, w, touching_points(settings, w)):
         return MORE_ROWS
+    w.newton.effort[0] += PER_EVENT
     done = collide_all(model, state, contacts, w.bodies, model.h, settings.touching, quiet,
                        w.count[WIDTH], w.elastic, limit, w.room, w.impulses)
     if done == 0:
         return DONE
     w.count[COLLISIONS] += limit if done < 0 else done
+    w.newton.effort[0] += PER_PAIR * (limit if done < 0 else done)
     for k in range(blocks):
         pushed = False
         for i in range(contacts.first[k], contacts.first[k + 1]):
@@ -351,6 +357,12 @@ def _collide(model: Model, state: State, settings: EventSettings, w: Buffers) ->
     if done < 0:
         _stop_together(model, state, settings, w)
     return DONE
+
+
+@kernel
+def _effort_left(model: Model, w: Buffers) -> float:
+    """Return how many multiplications the rest of the step may take."""
+    return EFFORT * max(20, model.m.shape[0]) - w.newton.effort[0]
 
 
 @kernel
@@ -386,7 +398,8 @@ def _balance(model: Model, state: State, shapes: Shapes, memory: Memory, setting
                   rows.b)
     write_rows(model, contacts, w.bodies, chosen, width, COMPLIANCE, rows)
     known = _recall(model, contacts, chosen, width, carried, w.count[KNOWN], rows.f)
-    worst = solve_rows(rows, m, width, w.count[TOUCHED], FEW_STEPS if known else 0, w.newton)
+    worst = solve_rows(rows, m, width, w.count[TOUCHED], FEW_STEPS if known else 0,
+                       _effort_left(model, w), w.newton)
     w.number[RESIDUAL] = max(w.number[RESIDUAL], worst)
     if worst > TOLERANCE:
         w.count[UNSOLVED] += 1
@@ -427,16 +440,18 @@ def _travel(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, memo
     until = min(w.number[SPAN], left)
     load(model, w.contacts, chosen, width, f, w.loads, w.work)
     t, which = until, -1
-    if w.count[EVENTS] >= settings.max_events:
+    if w.count[EVENTS] >= settings.max_events or _effort_left(model, w) < 0.0:
         w.count[CUT_SHORT] = 1
         t = left
     else:
+        w.newton.effort[0] += PER_EVENT
         count = pairs_ahead(model, state, loads, shapes, until, w.pose, w.reach[0], w.reach[1],
                             w.sweep, w.pairs)
         if count > w.pairs.shape[0]:
             w.count[NEEDED] = count
             sum_loads(model, state, wrenches, loads)
             return MORE_PAIRS
+        w.newton.effort[0] += PER_PAIR * count
         if w.count[UNSOLVED] > 0:  # shorter spans would not help
             w.depth[:m] = -np.inf
         _allow(w.pairs, count, w.contacts, chosen, w.depth, w.allowed)
@@ -515,6 +530,7 @@ def _begin_step(model: Model, materials: Materials, w: Buffers) -> None:
     w.count[FRESH] = 1
     w.count[EVENTS], w.count[COLLISIONS], w.count[CUT_SHORT], w.count[BOUNCED] = 0, 0, 0, 0
     w.count[UNSOLVED] = 0
+    w.newton.effort[0] = 0.0
     w.count[WIDTH] = row_count(materials)
 
 
@@ -539,7 +555,7 @@ def _stop_together(model: Model, state: State, settings: EventSettings, w: Buffe
         read_rates(model, w.contacts, w.bodies.velocity, w.chosen[c], width, rows.b, width * c)
     for i in range(width * m):
         rows.f[i] = 0.0
-    worst = solve_rows(rows, m, width, touched, 0, w.newton)
+    worst = solve_rows(rows, m, width, touched, 0, _effort_left(model, w), w.newton)
     w.number[RESIDUAL] = max(w.number[RESIDUAL], worst)
     if worst > TOLERANCE:
         w.count[UNSOLVED] += 1
