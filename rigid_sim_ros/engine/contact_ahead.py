@@ -80,7 +80,7 @@ def carry_ahead(model: Model, state: State, still: Loads, shapes: Shapes, contac
         while after < chosen.shape[0] and contacts.manifold[chosen[after]] == contacts.manifold[k]:
             after += 1
         a, b = contacts.shape_a[k], contacts.shape_b[k]
-        size = min(shapes.bound[a], shapes.bound[b])
+        size = contacts.size[k]
         count, n = _meet(model, state, still, shapes, a, b, 0.5 * t, size, pose, scratch)
         for c in range(first, after):
             _to_middle(model, contacts, bodies, chosen[c], 0.5 * t)

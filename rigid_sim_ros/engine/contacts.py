@@ -56,6 +56,7 @@ class Contacts(NamedTuple):
     r_A: Array  # the point from the centre of mass of A, (c, 3) [m], world axes
     r_B: Array  # the same point from the centre of mass of B, (c, 3) [m], world axes
     gap: Array  # (c,) [m], < 0 is overlap
+    size: Array  # (c,) [m] of the smaller shape: tolerances are parts of it
     friction: Array  # (c,) coefficient
     restitution: Array  # (c,) coefficient
     spinning: Array  # (c,) [m] lever of the normal force against turning about the normal
@@ -79,12 +80,18 @@ def make_contacts(capacity: int) -> Contacts:
 
     return Contacts(whole(2), whole(c + 1), whole(), whole(), whole(), whole(), whole(), whole(),
                     np.zeros((c, 3, 3)), np.zeros((c, 3)), np.zeros((c, 3)), np.zeros(c),
-                    np.zeros(c), np.zeros(c), np.zeros(c), np.zeros(c))
+                    np.zeros(c), np.zeros(c), np.zeros(c), np.zeros(c), np.zeros(c))
 
 
 def make_bodies(n: int) -> Bodies:
     """Return room for n bodies."""
     return Bodies(np.zeros((n, 6)), np.zeros((n, 3, 3)), np.zeros((n, 6)))
+
+
+@kernel
+def smaller(shapes: Shapes, a: int, b: int) -> float:
+    """Return the size [m] of the smaller of two shapes: the radius about its middle."""
+    return min(shapes.bound[a], shapes.bound[b])
 
 
 @kernel
@@ -169,6 +176,7 @@ def _write_point(state: State, manifolds: Manifolds, shapes: Shapes, materials: 
         contacts.r_A[at, i] = manifolds.r_A[j, k, i] + 0.5 * apart
         contacts.r_B[at, i] = manifolds.r_B[j, k, i] - 0.5 * apart
     contacts.gap[at] = manifolds.gap[j, k]
+    contacts.size[at] = smaller(shapes, manifolds.shape_a[k], manifolds.shape_b[k])
     material_a = shapes.material[manifolds.shape_a[k]]
     material_b = shapes.material[manifolds.shape_b[k]]
     contacts.friction[at] = materials.friction[material_a, material_b]
@@ -216,6 +224,12 @@ def read_turning(model: Model, q: Quaternion, tau: Array, i: int, bodies: Bodies
         for j in range(3):
             angular += bodies.inv_I_W[i, k, j] * tau[j, i]
         bodies.acceleration[i, 3 + k] = angular
+
+
+@kernel
+def linear(rates: Array, i: int) -> Vector:
+    """Return the linear part of row i of rates (linear, angular)."""
+    return (rates[i, 0], rates[i, 1], rates[i, 2])
 
 
 @kernel

@@ -17,16 +17,16 @@ from rigid_sim_ros.engine.placing import unplaced
 
 
 class EventSettings(NamedTuple):
-    """What may be tuned; the defaults suit bodies of 1 cm to 10 m."""
+    """What may be tuned. Lengths are parts of the size of the smaller of two shapes."""
 
-    # [m] points with a smaller gap touch; far above rounding, far below anything seen
-    touching: float = 1e-8
-    # [m] by which touching pairs may sink in within a step before it is split
-    overlap: float = 1e-7
-    # [m] by which a slow approach may sink in while the forces stop it; what is faster is stopped
-    # by an impulse. 1e-5 is seen as bodies that dip in when they land, 1e-9: rounding collides.
-    dip: float = 2e-7
-    # Of the size of the smaller shape: by so much at most overlaps become less in a step
+    # Points with a smaller gap touch; far above rounding, far below anything seen
+    touching: float = 1e-7
+    # By which touching pairs may sink in within a step before it is split
+    overlap: float = 1e-6
+    # By which a slow approach may sink in while the forces stop it; what is faster is stopped by
+    # an impulse. 1e-4 is seen as bodies that dip in when they land, 1e-8: rounding collides.
+    dip: float = 2e-6
+    # By so much at most overlaps become less in a step
     push_out: float = 0.005
     # In a step; the rest of the step then runs without backtracking, and says so
     max_events: int = 300

@@ -21,7 +21,7 @@ from rigid_sim_ros.engine.contact_rows import (
 from rigid_sim_ros.engine.contacts import (
     Bodies, Contacts, gather, length, push_rows, read_bodies, read_rates, relative, row, row_count,
     to_contact, to_world, torque_in_world)
-from rigid_sim_ros.engine.detect import detect
+from rigid_sim_ros.engine.detect import detect_ahead
 from rigid_sim_ros.engine.event_buffers import (
     BOUNCED, Buffers, Carried, CHOSEN, COLLISIONS, CUT_SHORT, DEEPEST, DONE, EVENTS, EventSettings,
     FRESH, KNOWN, LEFT, MEET, MORE_CONTACTS, MORE_FORCES, MORE_MANIFOLDS, MORE_MEMORY, MORE_PAIRS,
@@ -61,10 +61,11 @@ def _choose(contacts: Contacts, bodies: Bodies, h: float, touching: float,
     m = 0
     for k in range(contacts.count[0]):
         slow = resting_speed(contacts, bodies, k, h)
-        if contacts.gap[k] > touching:
+        touch = touching * contacts.size[k]
+        if contacts.gap[k] > touch:
             u = to_contact(contacts, k, relative(bodies.velocity, contacts, k))
             # It rises to slow^2 / 2a = slow h / 4 with slow = a h / 2.
-            if contacts.gap[k] > touching + 0.25 * slow * h or u[0] < -slow:
+            if contacts.gap[k] > touch + 0.25 * slow * h or u[0] < -slow:
                 continue
         chosen[m] = k
         m += 1
@@ -112,8 +113,8 @@ def _push_apart(model: Model, state: State, shapes: Shapes, settings: EventSetti
     for c in range(m):
         k, at = w.chosen[c], width * c
         depth = film(shapes, contacts.shape_a[k], contacts.shape_b[k]) - contacts.gap[k]
-        size = min(shapes.bound[contacts.shape_a[k]], shapes.bound[contacts.shape_b[k]])
-        wanted = min(CLOSING * depth / closing, settings.push_out * size / model.h)
+        wanted = min(CLOSING * depth / closing,
+                     settings.push_out * contacts.size[k] / model.h)
         if CLOSING * depth / closing <= LIFTING * resting_speed(contacts, w.bodies, k, model.h):
             wanted = 0.0
         for i in range(at, at + width):
@@ -200,7 +201,8 @@ def _sink(contacts: Contacts, bodies: Bodies, chosen: IntArray, span: float, ove
     for c in range(chosen.shape[0]):
         k = chosen[c]
         u = to_contact(contacts, k, relative(bodies.velocity, contacts, k))
-        depth[c] = min(contacts.gap[k], 0.0) + 0.5 * min(u[0], 0.0) * span - overlap
+        depth[c] = (min(contacts.gap[k], 0.0) + 0.5 * min(u[0], 0.0) * span
+                    - overlap * contacts.size[k])
 
 
 @kernel
@@ -247,12 +249,22 @@ def _deepest(manifolds: Manifolds) -> float:
 
 
 @kernel
-def _most_pull(model: Model, loads: Loads) -> float:
-    """Return the largest acceleration [m/s^2] that a load gives a centre of mass."""
-    most = 0.0
-    for i in range(model.m.shape[0]):
-        most = max(most, model.inv_m[i] * norm((loads.F[0, i], loads.F[1, i], loads.F[2, i])))
-    return most
+def _look_near(model: Model, shapes: Shapes, settings: EventSettings, loads: Loads,
+               memory: Memory) -> None:
+    """
+    Let detection find what touches, or is as near as a rebound that is too short to be one.
+
+    A share of both shapes: that of a plane, which has no size, is its partner's.
+    """
+    h = model.h
+    for s in range(shapes.kind.shape[0]):
+        i, size = shapes.body[s], shapes.bound[s]
+        pull = model.inv_m[i] * norm((loads.F[0, i], loads.F[1, i], loads.F[2, i]))
+        if size == np.inf:
+            size = 0.0
+        memory.ahead[s] = 1.01 * (settings.touching * size
+                                  + 0.25 * h * (0.5 * h * pull + STILL * size / h))
+    memory.calm[0] = np.inf  # no pair is looked at farther ahead than it touches
 
 
 @kernel
@@ -269,21 +281,20 @@ def _forget_impulses(manifolds: Manifolds) -> None:
 def _find(model: Model, state: State, shapes: Shapes, materials: Materials, memory: Memory,
           settings: EventSettings, w: Buffers) -> int:
     """Find the points that touch, or are as near as a rebound that is too short to be one."""
-    slow = 0.5 * model.h * _most_pull(model, w.work.loads) + STILL
-    reach = settings.touching + 0.25 * model.h * slow
     manifolds = current(memory)
     for r in range(manifolds.count[0]):
         # Polyhedra that hardly moved would keep points that are right to second order: not enough
         # here.
         manifolds.found_at[r, 0] = np.inf
-    if not detect(model, state, shapes, memory, 1.01 * reach):
+    _look_near(model, shapes, settings, w.work.loads, memory)
+    if not detect_ahead(model, state, shapes, memory, 0, None):
         return MORE_MEMORY
     manifolds = current(memory)
     rows = manifolds.count[0]
     if rows > w.order.shape[1]:
         w.count[NEEDED] = rows
         return MORE_MANIFOLDS
-    found = gather(state, manifolds, shapes, materials, reach, w.order[0, :rows],
+    found = gather(state, manifolds, shapes, materials, np.inf, w.order[0, :rows],
                    w.order[1, :rows], w.contacts)
     if found > w.contacts.gap.shape[0]:
         w.count[NEEDED] = found
@@ -337,7 +348,7 @@ def _collide(model: Model, state: State, settings: EventSettings, w: Buffers) ->
         for i in range(contacts.first[k], contacts.first[k + 1]):
             w.elastic[i] = 0 if tired else 1
     limit = 50 + 10 * blocks
-    quiet = max(STILL, 2.0 * settings.dip / min(w.number[SPAN], w.number[LEFT]))
+    quiet = max(STILL / model.h, 2.0 * settings.dip / min(w.number[SPAN], w.number[LEFT]))
     if not _room_for(model, w, touching_points(settings, w)):
         return MORE_ROWS
     w.newton.effort[0] += PER_EVENT
@@ -539,7 +550,7 @@ def touching_points(settings: EventSettings, w: Buffers) -> int:
     """Choose all points that touch, for a shock; return how many."""
     m = 0
     for k in range(w.contacts.count[0]):
-        if w.contacts.gap[k] <= settings.touching:
+        if w.contacts.gap[k] <= settings.touching * w.contacts.size[k]:
             w.chosen[m] = k
             m += 1
     return m
