@@ -55,12 +55,13 @@ def _bodies(scene: Scene) -> Table:
                    ('centre of mass [m]', 'left'), ('principal moments [kg m^2]', 'left'),
                    ('frames', 'left'))
     for i, body in enumerate(scene.spec.bodies[:_MOST_ROWS]):
-        properties = mass.properties(body)
+        properties = None if body.kinematic else mass.properties(body)
         shapes = Counter(_shape(part) for _, part in body.parts())
         shape = ' + '.join(f'{count} x {text}' if count > 1 else text
                            for text, count in shapes.items()) or '-'
         table.add_row(
-            body.name, shape + (', fixed' if body.fixed else ''),
+            body.name,
+            shape + (', fixed' if body.fixed else ', kinematic' if body.kinematic else ''),
             f'{properties.m:.6g}' if properties else '-',
             _numbers(properties.p_BC) if properties else '-',
             _numbers(scene.model.I_C[:, i]) if properties else '-',

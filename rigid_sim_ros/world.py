@@ -22,7 +22,9 @@ from rigid_sim_ros.engine.model import WORLD
 from rigid_sim_ros.engine.numbering import order_by_place, renumbered
 from rigid_sim_ros.engine.state import (
     add_impulse, BodyMotion, copy_into, copy_state, empty_motion,
-    first_unfinite, kinetic_energy, read_motion, State, total_angular_momentum, write_motion)
+    first_unfinite, kinetic_energy, MOVING_FIELDS, read_motion, total_angular_momentum,
+    write_motion)
+from rigid_sim_ros.posed import FIELDS as POSED_FIELDS, Posed
 from rigid_sim_ros.scene import read_scene, Scene, scene_from_dict
 from rigid_sim_ros.snapshot import pack, unpack
 
@@ -64,6 +66,7 @@ class World:
         self._index = dict(zip(self.names, self._row.tolist(), strict=True))
         self._state = copy_state(self._start)
         self._applied = AppliedWrenches()
+        self._posed = Posed(self._model, shapes)
         collision = scene.spec.collision
         self._contact = make_contact_model(scene.contact, Setup(
             self._model, shapes, scene.materials, scene.integrator, scene.orientation,
@@ -298,31 +301,41 @@ class World:
         """
         Put the body frame of a body at a position [m] and an orientation x, y, z, w.
 
-        It keeps its twist. ValueError for an unknown body, numbers that are not finite or a
-        quaternion that is not of unit length.
+        It keeps its twist. A kinematic body without a twist, and a fixed one, moves there, and
+        carries what lies on it: until the end of the next step, and when poses follow each other
+        within 0.1 s, in as many steps as have passed since the last one. It is there at once if
+        that would be a jump, see posed.py. ValueError for an unknown body, numbers that are not
+        finite or a quaternion that is not of unit length.
         """
         body = self._body(name)
         p, q = _vector('position', position), _unit_quaternion(orientation)
         motion = self._current_motion()
         motion.position[body], motion.orientation[body] = p, q
-        write_motion(self._model, self._state, motion, body)
+        if self._model.inv_m[body] == 0.0:
+            self._posed.put(self._state, motion, body, self.step_index)
+        else:
+            write_motion(self._model, self._state, motion, body)
         self._motion_is_current = False
 
     def set_twist(self, name: str, linear: ArrayLike, angular: ArrayLike) -> None:
         """
         Give a body frame a velocity [m/s] of its origin and an angular velocity [rad/s].
 
-        Both in world axes. ValueError for an unknown body, a fixed one, or numbers that are not
-        finite.
+        Both in world axes. A kinematic body goes on with it until another one is set. ValueError
+        for an unknown body, a fixed one, or numbers that are not finite.
         """
         body = self._body(name)
         v, w = _vector('linear velocity', linear), _vector('angular velocity', angular)
-        if self._model.inv_m[body] == 0.0 and (v.any() or w.any()):
+        if self.scene.spec.bodies[self._order[body]].fixed and (v.any() or w.any()):
             raise ValueError(f"body '{name}' is fixed and cannot be given the twist "
-                             f'{v.tolist()}, {w.tolist()}: remove `fixed: true` from the scene')
+                             f'{v.tolist()}, {w.tolist()}: write `kinematic: true` in place of '
+                             '`fixed: true` in the scene')
         motion = self._current_motion()
         motion.linear[body], motion.angular[body] = v, w
-        write_motion(self._model, self._state, motion, body)
+        if self._model.inv_m[body] == 0.0:
+            self._posed.turn(self._state, motion, body)
+        else:
+            write_motion(self._model, self._state, motion, body)
         self._motion_is_current = False
 
     def _body(self, name: str) -> int:
@@ -367,7 +380,8 @@ class World:
 
     def _dynamic(self) -> dict[str, np.ndarray]:
         """Return every array that the next step depends on, by name."""
-        return {**self._state._asdict(), **self._applied.rows(),
+        moving = {name: getattr(self._state, name) for name in MOVING_FIELDS}
+        return {**moving, **self._posed.rows(self._state), **self._applied.rows(),
                 **self._contact.lasting()}
 
     def state_hash(self) -> int:
@@ -400,8 +414,10 @@ class World:
                              'another version; run the scene from its start')
         # First what may be refused, so that a refusal changes nothing.
         self._contact.recall({name: array for name, array in arrays.items()
-                              if name not in State._fields + FIELDS})
-        copy_into(self._state, State._make(arrays[field] for field in State._fields))
+                              if name not in MOVING_FIELDS + POSED_FIELDS + FIELDS})
+        copy_into(self._state, self._start._replace(**{name: arrays[name]
+                                                       for name in MOVING_FIELDS}))
+        self._posed.replace(self._state, arrays)
         self._applied.replace({name: arrays[name] for name in FIELDS}, meta['sources'])
         self.step_index = meta['step_index']
         self._motion_is_current = False
@@ -410,6 +426,7 @@ class World:
         """Return to the initial state, wrenches ended; time restarts at 0 unless kept."""
         copy_into(self._state, self._start)
         self._applied.clear()
+        self._posed.clear()
         self._contact.recall({})
         self._motion_is_current = False
         if not keep_time:

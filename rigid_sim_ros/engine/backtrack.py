@@ -22,6 +22,8 @@ from rigid_sim_ros.engine.broad_phase import may_collide
 from rigid_sim_ros.engine.contacts import column, quaternion, rotate, row, smaller
 from rigid_sim_ros.engine.free_rotation import turn_fast
 from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.kinematic import (
+    is_carried, pose_ahead, prescribed_spin, prescribed_velocity)
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Scratch
 from rigid_sim_ros.engine.model import Model
@@ -67,6 +69,8 @@ def place_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, s: int
              x[2] + ahead * (P[2] + 0.5 * t * F[2]))
         L = (L[0] + 0.5 * t * tau[0], L[1] + 0.5 * t * tau[1], L[2] + 0.5 * t * tau[2])
         q = turn_fast(q, L, column(model.inv_I_C, i), t)
+    else:
+        x, q = pose_ahead(state, i, t)
     r = rotate(q, row(shapes.p_CS, s))
     R = to_matrix(multiply(q, (shapes.q_CS[s, 0], shapes.q_CS[s, 1], shapes.q_CS[s, 2],
                                shapes.q_CS[s, 3])))
@@ -115,7 +119,8 @@ def _approach(model: Model, state: State, loads: Loads, shapes: Shapes, s: int, 
     """Return a bound on how fast a point of shape s moves along n [m/s] until t [s]."""
     i = shapes.body[s]
     if model.inv_m[i] == 0.0:
-        return 0.0
+        v, w = prescribed_velocity(state, i), prescribed_spin(state, i)
+        return (n[0] * v[0] + n[1] * v[1] + n[2] * v[2]) + norm(w) * reach_of_turning(shapes, s)
     P, L = column(state.P, i), column(state.L, i)
     F, tau = column(loads.F, i), column(loads.tau, i)
     now = model.inv_m[i] * (n[0] * P[0] + n[1] * P[1] + n[2] * P[2])
@@ -132,7 +137,10 @@ def motion_bound(model: Model, state: State, loads: Loads, shapes: Shapes, s: in
     """Return how far [m] any point of shape s can move within t [s], at most."""
     i = shapes.body[s]
     if model.inv_m[i] == 0.0:
-        return 0.0
+        if not is_carried(state, i):
+            return 0.0
+        return t * (norm(prescribed_velocity(state, i))
+                    + norm(prescribed_spin(state, i)) * reach_of_turning(shapes, s))
     speed = model.inv_m[i] * (norm(column(state.P, i)) + t * norm(column(loads.F, i)))
     spin = max(model.inv_I_C[0, i], model.inv_I_C[1, i], model.inv_I_C[2, i]) * (
         norm(column(state.L, i)) + t * norm(column(loads.tau, i)))

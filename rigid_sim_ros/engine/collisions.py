@@ -161,12 +161,13 @@ def _load(inv_m: Array, inv_I_C: Array, state: State, F: Array, i: int, line: Ar
     line[_INV_M] = inv_m[i]
     at = _J
     for k in range(3):
-        line[_V + k] = inv_m[i] * state.P[k, i]
+        line[_V + k] = inv_m[i] * state.P[k, i] + state.V[k, i]
         line[_A + k] = inv_m[i] * F[k, i]
         for j in range(k, 3):
             line[at] = dot(times(R[k], inv_I), R[j])
             at += 1
-    _put(line, _W, _turned(line, column(state.L, i)))
+    w = _turned(line, column(state.L, i))
+    _put(line, _W, add(w, (state.V[3, i], state.V[4, i], state.V[5, i])))
     for k in range(_DP, _COLUMNS):
         line[k] = 0.0
 

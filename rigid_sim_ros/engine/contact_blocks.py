@@ -30,7 +30,7 @@ from typing import TypeAlias
 from rigid_sim_ros.engine.arrays import Array
 from rigid_sim_ros.engine.kernel import part
 from rigid_sim_ros.engine.lanes import Eight, LANES, load, root, select, store
-from rigid_sim_ros.engine.vector import add, cross, dot, subtract
+from rigid_sim_ros.engine.vector import add, cross, dot, scale, subtract
 
 Two: TypeAlias = tuple[Eight, Eight]
 Three: TypeAlias = tuple[Eight, Eight, Eight]
@@ -343,9 +343,9 @@ def _place_centre(b: Array, count: int) -> None:
 def _response(b: Array, arm: int, inertia: int, inv_m: Eight) -> tuple[Six, Nine, Six]:
     """Return one body's part of K: the rows of K_NN, of K_TN and of K_TT."""
     n, t1, t2 = axes(b)
-    c_W = load_three(b, arm)
-    Jn, J1 = symmetric(b, inertia, n), symmetric(b, inertia, t1)
-    J2 = symmetric(b, inertia, t2)
+    c_W, turns = load_three(b, arm), select(inv_m > 0.0, 1.0, 0.0)
+    Jn, J1 = symmetric(b, inertia, scale(turns, n)), symmetric(b, inertia, scale(turns, t1))
+    J2 = symmetric(b, inertia, scale(turns, t2))
     j00, j01, j02 = dot(n, Jn), dot(n, J1), dot(n, J2)
     j11, j12, j22 = dot(t1, J1), dot(t1, J2), dot(t2, J2)
     cn, c1, c2 = dot(c_W, n), dot(c_W, t1), dot(c_W, t2)

@@ -23,7 +23,7 @@ from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import displacement, gap_now
 from rigid_sim_ros.engine.slots import ACROSS, is_by_number, SECOND, Sides
 from rigid_sim_ros.engine.solver_bodies import (
-    HELD, INV_I, INV_M, SolverBodies, still_slot, STRIDE)
+    HELD, INV_I, INV_M, is_carried, SolverBodies, still_slot, STRIDE)
 from rigid_sim_ros.engine.vector import add, cross, dot
 
 # What is noted of a region: the deepest overlap [m], and how many manifolds touch, and how many of
@@ -64,12 +64,12 @@ def choose_manifolds(region: int, manifolds: Manifolds, sides: Sides, waits: Int
 
 @kernel
 def classify(region: int, material: IntArray, materials: Materials, round_shapes: IntArray,
-             shifted: bool, manifolds: Manifolds, work: Coloring) -> None:
+             shifted: bool, manifolds: Manifolds, bodies: SolverBodies, work: Coloring) -> None:
     """
     Write the class of each manifold of a region.
 
     What collisions `shifted` since its normal was found is no pair of balls: its point is not on
-    the line of the centres.
+    the line of the centres. Nor is what has a body that moves by its twist.
     """
     for k in range(work.members[region]):
         r = work.member[region, k] & INDEX
@@ -78,7 +78,8 @@ def classify(region: int, material: IntArray, materials: Materials, round_shapes
         first, second = material[a] & INDEX, material[b] & INDEX
         rolling, spinning = materials.rolling[first, second], materials.spinning[first, second]
         balls = points == 1 and not shifted and round_shapes[a] + round_shapes[b] == 2 and (
-            spinning == 0.0)
+            spinning == 0.0) and not (is_carried(bodies, manifolds.body_a[r])
+                                      or is_carried(bodies, manifolds.body_b[r]))
         quiet = points == 1 and manifolds.impulse[0, r] == 0.0
         if rolling > 0.0:
             work.kind[region, k] = min(points - 1, 2) + 3

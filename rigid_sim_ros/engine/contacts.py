@@ -187,11 +187,11 @@ def _write_point(state: State, manifolds: Manifolds, shapes: Shapes, materials: 
 
 @kernel
 def read_velocity(model: Model, state: State, i: int, bodies: Bodies) -> None:
-    """Write v = P / M and w = I^-1 L of body i."""
+    """Write v and w of body i, prescribed ones too."""
     w = angular_velocity(quaternion(state.q, i), column(state.L, i), column(model.inv_I_C, i))
     for k in range(3):
-        bodies.velocity[i, k] = model.inv_m[i] * state.P[k, i]
-        bodies.velocity[i, 3 + k] = w[k]
+        bodies.velocity[i, k] = model.inv_m[i] * state.P[k, i] + state.V[k, i]
+        bodies.velocity[i, 3 + k] = w[k] + state.V[3 + k, i]
 
 
 @kernel

@@ -31,6 +31,7 @@ from rigid_sim_ros.engine.event_move import load, move
 from rigid_sim_ros.engine.impulse import collide_all, resting_speed, STILL
 from rigid_sim_ros.engine.integrate import sum_loads
 from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.kinematic import begin_kinematic, end_kinematic
 from rigid_sim_ros.engine.loads import kick, Loads
 from rigid_sim_ros.engine.manifolds import current, Manifolds, Memory
 from rigid_sim_ros.engine.model import Model
@@ -503,6 +504,7 @@ def run(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, material
     while w.count[STEPS] > 0:
         if w.count[STAGE] == MEET:
             if w.number[LEFT] == 0.0:
+                begin_kinematic(model, state)
                 _begin_step(model, materials, w)
             sum_loads(model, state, wrenches, w.work.loads)
             read_bodies(model, state, w.work.loads.F, w.work.loads.tau, w.bodies)
@@ -529,6 +531,7 @@ def run(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, material
         w.count[KNOWN] = m
         w.count[STAGE] = MEET
         if w.number[LEFT] == 0.0:
+            end_kinematic(model, state)
             count_down(wrenches)
             w.count[STEPS] -= 1
     return DONE

@@ -10,6 +10,7 @@ from rigid_sim_ros.engine.contacts import Bodies, Contacts, row, to_world, torqu
 from rigid_sim_ros.engine.free_flight import fly
 from rigid_sim_ros.engine.integrate import sum_loads, Work
 from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.kinematic import move_kinematic
 from rigid_sim_ros.engine.loads import kick, Loads
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.state import State
@@ -53,6 +54,7 @@ def move(model: Model, state: State, wrenches: Wrenches, contacts: Contacts, bod
     """
     kick(state, work.loads, 0.5 * t)
     fly(model, state, (0.0, 0.0, 0.0), t, np.int64(1), work.block)
+    move_kinematic(model, state, t)
     _meet_again(model, state, contacts, bodies, chosen, width, f, span, t)
     kick(state, work.loads, 0.5 * t)
     for j in range(model.m.shape[0]):  # what is left are the loads without contacts

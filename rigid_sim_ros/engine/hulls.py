@@ -41,6 +41,15 @@ class HullTable(NamedTuple):
     corners: IntArray  # rows of `vertices`, anticlockwise seen from outside
 
 
+class HullError(ValueError):
+    """What is wrong with a mesh, and which one it is."""
+
+    def __init__(self, index: int, message: str) -> None:
+        """Keep its place among the meshes."""
+        super().__init__(message)
+        self.index = index
+
+
 def bare_hulls() -> HullTable:
     """Return the table of a world without hulls: one unused row, so that no array is empty."""
     one = np.zeros(1, dtype=np.int64)
@@ -53,7 +62,7 @@ def make_hulls(hulls: Sequence[Polyhedron | None]) -> tuple[HullTable, IntArray,
     Return the table, the row of each hull (-1 for None), its centre and its half extents [m].
 
     The table's vertices are relative to the centre of the hull's bounding box. A mesh that occurs
-    twice is kept once. ValueError, with the number, for a mesh that is not convex, not closed or
+    twice is kept once. HullError, with the number, for a mesh that is not convex, not closed or
     flat.
     """
     rows = np.full(len(hulls), -1, dtype=np.int64)
@@ -70,7 +79,10 @@ def make_hulls(hulls: Sequence[Polyhedron | None]) -> tuple[HullTable, IntArray,
         triangles = np.ascontiguousarray(hull.triangles, dtype=np.int64)
         rows[i] = seen.setdefault(local.tobytes() + triangles.tobytes(), len(parts))
         if rows[i] == len(parts):
-            parts.append((local, *polygons(local, triangles)))
+            try:
+                parts.append((local, *polygons(local, triangles)))
+            except ValueError as error:
+                raise HullError(i, str(error)) from None
     return _table(parts), rows, centres, extents
 
 
@@ -99,7 +111,8 @@ def polygons(vertices: Array, triangles: IntArray) -> tuple[list[list[int]], Arr
     Merge the triangles of a closed convex mesh into faces.
 
     Their corners, outward unit normals and offsets [m] are returned. ValueError when a vertex lies
-    outside of a face by more than the flatness, or an edge is not shared by two triangles.
+    outside of a face by more than the flatness, an edge is not shared by two triangles, or all of
+    them lie in one plane.
     """
     size = float(np.abs(vertices).max())
     legs = vertices[triangles[:, 1:]] - vertices[triangles[:, :1]]
@@ -121,6 +134,11 @@ def polygons(vertices: Array, triangles: IntArray) -> tuple[list[list[int]], Arr
             raise ValueError(
                 f'the mesh is not convex: a vertex lies {excess:.3g} m outside of a face')
         face = _grow(int(seed), triangles, neighbour, offset - height < 1e3 * FLATNESS * size)
+        if len(face) == len(triangles):
+            raise ValueError(
+                f'the mesh is {offset - float(height.min()):.3g} m thick and {2.0 * size:.3g} m '
+                f'long, must be at least {1e3 * FLATNESS:g} of its length thick, or '
+                'collides: false')
         left -= face
         faces.append(_outline(face, triangles, neighbour))
         normals.append(normal)

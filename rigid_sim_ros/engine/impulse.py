@@ -79,9 +79,9 @@ def collide_all(model: Model, state: State, contacts: Contacts, bodies: Bodies, 
 
     Points with a gap of at most `touching` of their size touch. At most `quiet` [1/s] times it,
     and less than `resting_speed` with the step h [s], is left to the resting forces. width: rows
-    of a point; elastic, (c,) is 1 where a point may bounce back. The impulses on B, (c, 6) [N s, contact
-    axes], are added to `impulses`. Returns the number of collisions of pairs, or -1 if after
-    `limit` of them something still approaches.
+    of a point; elastic, (c,) is 1 where a point may bounce back. The impulses on B, (c, 6) [N s,
+    contact axes], are added to `impulses`. Returns the number of collisions of pairs, or -1 if
+    after `limit` of them something still approaches.
     """
     for count in range(limit + 1):
         block = -1

@@ -16,6 +16,7 @@ from rigid_sim_ros.engine.arrays import Array, Quaternion, Vector
 from rigid_sim_ros.engine.forces import add_gravity, add_scene_forces
 from rigid_sim_ros.engine.free_flight import BLOCK_SIZE, fly
 from rigid_sim_ros.engine.kernel import kernel, part
+from rigid_sim_ros.engine.kinematic import move_kinematic
 from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.rotation import (
@@ -133,6 +134,7 @@ def euler(model: Model, state: State, wrenches: Wrenches, orientation: int, work
     sum_loads(model, state, wrenches, work.loads)
     translate(model, state, model.h)
     turn_explicitly(model, state, orientation, model.h)
+    move_kinematic(model, state, model.h)
     kick(state, work.loads, model.h)
 
 
@@ -144,6 +146,7 @@ def semi_implicit(model: Model, state: State, wrenches: Wrenches, orientation: i
     kick(state, work.loads, model.h)
     translate(model, state, model.h)
     turn_explicitly(model, state, orientation, model.h)
+    move_kinematic(model, state, model.h)
 
 
 @kernel
@@ -161,6 +164,7 @@ def symplectic(model: Model, state: State, wrenches: Wrenches, orientation: int,
     kick(state, work.loads, 0.5 * model.h)
     # np.int64(1) and not 1: Numba would compile another copy for the literal.
     fly(model, state, (0.0, 0.0, 0.0), model.h, np.int64(1), work.block)
+    move_kinematic(model, state, model.h)
     kick(state, work.loads, 0.5 * model.h)
     # The momenta are now what constant loads would have made of them, right to first order: good
     # enough for loads that depend on velocities to keep the whole step at order 2.
@@ -176,7 +180,7 @@ def add_slope(model: Model, at: State, loads: Loads, weight: float, sum_of: Stat
         w = body_spin(model, at, i)
         dq = multiply((w[0], w[1], w[2], 0.0), quaternion(at.q, i))
         for k in range(3):
-            sum_of.x[k, i] += weight * (model.inv_m[i] * at.P[k, i])
+            sum_of.x[k, i] += weight * (model.inv_m[i] * at.P[k, i] + at.V[k, i])
             sum_of.P[k, i] += weight * loads.F[k, i]
             sum_of.L[k, i] += weight * loads.tau[k, i]
         for k in range(4):
@@ -208,7 +212,15 @@ def rk4(model: Model, state: State, wrenches: Wrenches, orientation: int, work: 
         add_slope(model, stage, work.loads, weight, slope)
         if ahead > 0.0:
             advance_stage(model, state, work.loads, ahead, stage)
+    # What moves by its twist does so exactly.
+    copy_into(stage, state)
+    move_kinematic(model, stage, h)
     copy_into(state, slope)
+    for i in model.fixed:
+        for k in range(3):
+            state.x[k, i] = stage.x[k, i]
+        for k in range(4):
+            state.q[k, i] = stage.q[k, i]
     normalise(model, state)
 
 
@@ -222,6 +234,7 @@ def advance_stage(model: Model, state: State, loads: Loads, ahead: float, stage:
              state.q[2, i] + ahead * 0.5 * dq[2], state.q[3, i] + ahead * 0.5 * dq[3])
         set_quaternion(stage.q, i, unit(q))
         for k in range(3):
-            stage.x[k, i] = state.x[k, i] + ahead * (model.inv_m[i] * stage.P[k, i])
+            stage.x[k, i] = state.x[k, i] + ahead * (
+                model.inv_m[i] * stage.P[k, i] + stage.V[k, i])
             stage.P[k, i] = state.P[k, i] + ahead * loads.F[k, i]
             stage.L[k, i] = state.L[k, i] + ahead * loads.tau[k, i]

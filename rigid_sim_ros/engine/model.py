@@ -34,13 +34,13 @@ class Model(NamedTuple):
 
     h: float  # the step [s]
     gravity: Array  # (3,) [m/s^2], world axes
-    m: Array  # masses, (n,) [kg]; 0 where a fixed body has none
-    inv_m: Array  # (n,) [1/kg]; 0 where the body is fixed
+    m: Array  # masses, (n,) [kg]; 0 where a body that nothing pushes has none
+    inv_m: Array  # (n,) [1/kg]; 0 where nothing pushes the body
     I_C: Array  # principal moments, (3, n) [kg m^2]
-    inv_I_C: Array  # (3, n) [1/(kg m^2)]; 0 where the body is fixed
+    inv_I_C: Array  # (3, n) [1/(kg m^2)]; 0 where nothing pushes the body
     p_CB: Array  # origin of B from C, (n, 3) [m], axes of C
     q_CB: Array  # axes of B to axes of C, (n, 4) x, y, z, w
-    fixed: IntArray  # indices of the fixed bodies
+    fixed: IntArray  # indices of the bodies that nothing pushes, kinematic ones too
     # (k,) the body of a frame; the first n frames are the frames B, in the order of the scene
     frame_body: IntArray
     p_CF: Array  # origins of the frames from C of their body, (k, 3) [m], axes of C
@@ -51,8 +51,8 @@ class Model(NamedTuple):
 class Body(NamedTuple):
     """How to make one body."""
 
-    mass_properties: MassProperties | None  # None: a fixed body without a mass
-    fixed: bool
+    mass_properties: MassProperties | None  # None: no mass, and C is B
+    fixed: bool  # or kinematic: nothing pushes it
 
 
 class Frame(NamedTuple):

@@ -91,9 +91,9 @@ def renumbered(model: Model, state: State, shapes: Shapes, order: IntArray,
             _shapes(shapes, order, row))
 
 
-def _columns(field: Array, order: IntArray) -> Array:
+def _columns(field: Any, order: IntArray) -> Any:
     """Return the columns of bodies, side by side in memory."""
-    return np.ascontiguousarray(field[:, order])
+    return np.ascontiguousarray(field[..., order])
 
 
 def _model(model: Model, order: IntArray, row: IntArray) -> Model:

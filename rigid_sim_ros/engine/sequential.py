@@ -262,7 +262,8 @@ def _fill(region: int, x: Array, shapes: Shapes, materials: Materials, round_sha
     shifted, sides = work.shifted[0] == 1, work.sides
     if region != BETWEEN:
         choose_manifolds(region, manifolds, sides, waits, work.coloring)
-    classify(region, shapes.material, materials, round_shapes, shifted, manifolds, work.coloring)
+    classify(region, shapes.material, materials, round_shapes, shifted, manifolds, work.bodies,
+             work.coloring)
     coloring, blocks, bodies = work.coloring, work.blocks, work.bodies
     begin_blocks(region, blocks)
     for begin in range(0, coloring.members[region], PIECE):

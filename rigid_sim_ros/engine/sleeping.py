@@ -6,8 +6,9 @@ Bodies that came to rest sleep: they stay where they are and cost the solver not
 Bodies that press against each other form an island, through any number of others but not through
 the fixed ones. It falls asleep when all its bodies have been slower than SLOW for as long as the
 scene says, and wakes as a whole when one of them gets a wrench, when the load on one changes, when
-somebody changes its pose or its velocity, or when a body that is awake comes so near that it may
-touch in this step. All that decides is in `Rest`, part of the dynamic state of a world.
+somebody changes its pose or its velocity, when a body that nothing pushes moves and may touch it,
+or when a body that is awake comes so near that it may touch in this step. All that decides is in
+`Rest`, part of the dynamic state of a world.
 """
 
 from typing import NamedTuple
@@ -16,6 +17,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.kernel import INDEX, kernel
+from rigid_sim_ros.engine.kinematic import is_carried
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Manifolds, rows_in_use
 from rigid_sim_ros.engine.state import State
@@ -64,8 +66,9 @@ def wake_disturbed(inv_m: Array, state: State, loads: Loads, manifolds: Manifold
             moved = moved or state.x[k, i] != rest.pose[k, i]
         for k in range(4):
             moved = moved or state.q[k, i] != rest.pose[3 + k, i]
+        moved = moved or is_carried(state, i)
         if inv_m[i] == 0.0:
-            # What lies on a fixed body that was moved loses its rest.
+            # What lies on a body that was moved, or is about to move, loses its rest.
             rest.island[i] = 1 if moved else 0
             woken = woken or moved
             continue
@@ -183,6 +186,11 @@ def fall_asleep(inv_m: Array, inv_I_C: Array, state: State, loads: Loads, radius
     begin, count = rows_in_use(manifolds)
     for r in range(begin, begin + count):
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+        # Nor is at rest what a body moves with its twist, however slowly.
+        if is_carried(state, a):
+            rest.steps[b] = 0
+        if is_carried(state, b):
+            rest.steps[a] = 0
         if inv_m[a] > 0.0 and inv_m[b] > 0.0 and _press(manifolds, r):
             a, b = _first(rest.island, a), _first(rest.island, b)
             rest.island[max(a, b)] = min(a, b)

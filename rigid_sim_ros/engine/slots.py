@@ -80,12 +80,13 @@ def shared_out(sides: Sides, half: int) -> tuple[int, int]:
 
 
 @kernel
-def take_sides(inv_m: Array, x: Array, asleep: IntArray, first: int, last: int, sides: Sides,
-               slot: IntArray) -> None:
+def take_sides(inv_m: Array, V: Array, x: Array, asleep: IntArray, first: int, last: int,
+               sides: Sides, slot: IntArray) -> None:
     """
     Note on which side the bodies from `first` to `last` are; what does not move loses its slot.
 
-    x (3, n) [m] are the centres of mass, asleep (n,) is 1 for what sleeps.
+    V (6, n) are the prescribed twists, x (3, n) [m] the centres of mass, asleep (n,) is 1 for what
+    sleeps.
     """
     cut = sides.cut
     halved, by_place, end = cut.halved[0] == 1, cut.by_place[0] == 1, cut.end[0]
@@ -93,6 +94,9 @@ def take_sides(inv_m: Array, x: Array, asleep: IntArray, first: int, last: int, 
     for i in range(first, last):
         beyond = halved & (x[axis, i] > end if by_place else i >= middle)
         moves = (inv_m[i] > 0.0) & (asleep[i] == 0)
+        if inv_m[i] == 0.0:
+            for k in range(6):
+                moves |= V[k, i] != 0.0
         sides.of_body[i] = (SECOND if beyond else FIRST) if moves else STILL
         if not moves:
             slot[i] = 0

@@ -119,6 +119,13 @@ def still_slot(used: IntArray, region: int) -> int:
     return used[SECOND_BEGIN] if region == 1 else 0
 
 
+@inlined
+def is_carried(bodies: SolverBodies, i: int) -> bool:
+    """Return whether body i has a slot and yet cannot be pushed: it moves by its twist."""
+    slot = bodies.slot[i & INDEX] & INDEX
+    return (slot > 0) & (bodies.motion[slot * STRIDE + INV_M] == 0.0)
+
+
 @part
 def load_bodies(half: int, gravity: Array, inv_m: Array, inv_I_C: Array, state: State,
                 loads: Loads, bodies: SolverBodies) -> None:
@@ -134,10 +141,13 @@ def load_bodies(half: int, gravity: Array, inv_m: Array, inv_I_C: Array, state: 
         i = bodies.body[slot] & INDEX
         motion = slot * STRIDE
         for k in range(3):
-            bodies.motion[motion + k] = inv_m[i] * state.P[k, i]
-            bodies.motion[motion + 3 + k] = state.L[k, i]
+            bodies.motion[motion + k] = inv_m[i] * state.P[k, i] + state.V[k, i]
+            bodies.motion[motion + 3 + k] = state.L[k, i] + state.V[3 + k, i]
         mass[motion + INV_M] = inv_m[i]
-        _turn_inertia(mass, motion + J, column(inv_I_C, i), quaternion(state.q, i))
+        # What moves by its twist has w in the place of L, and the matrix 1 in that of J: it turns,
+        # and no impulse changes that, see `_response`.
+        moments = column(inv_I_C, i) if inv_m[i] > 0.0 else (1.0, 1.0, 1.0)
+        _turn_inertia(mass, motion + J, moments, quaternion(state.q, i))
         bodies.motion[motion + INV_M], bodies.motion[motion + INV_I] = inv_m[i], mass[motion + J]
         if not alike:
             _load_forces(bodies.smooth, motion, inv_m[i], column(loads.F, i),
@@ -275,7 +285,7 @@ def store_bodies(half: int, first: int, last: int, h: float, m: Array, inv_m: Ar
     while True:
         lanes = 0
         while lanes < LANES and i < last:
-            if bodies.slot[i] > 0:
+            if bodies.slot[i] > 0 and inv_m[i] > 0.0:
                 at[lanes] = bodies.slot[i] * STRIDE
                 lanes += 1
             i += 1

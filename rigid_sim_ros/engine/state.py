@@ -5,14 +5,15 @@ What changes while a world moves.
 
 The state is that of the course: S = (x, R, P, L) (Parent, Rigid Body Dynamics, "Update State
 Vector"), with R as a unit quaternion. Momenta are the state, velocities follow: v = P / M, w =
-I^-1 L.
+I^-1 L. What nothing pushes has no momentum that could follow it: its twist V is prescribed. So v =
+P / M + V_v and w = I^-1 L + V_w hold for every body, with 1 / M = 0 or V = 0.
 """
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import Array
+from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.kept import contents, held
 from rigid_sim_ros.engine.kernel import apart, in_python, INDEX, inlined, kernel
 from rigid_sim_ros.engine.model import Model
@@ -29,6 +30,13 @@ class State(NamedTuple):
     q: Array  # q_WC, central principal axes to world axes, (4, n) x, y, z, w
     P: Array  # linear momenta, (3, n) [kg m/s], world axes
     L: Array  # angular momenta about the centres of mass, (3, n) [kg m^2/s], world axes
+    # twists of the frames C of fixed and kinematic bodies in this step, (6, n) v and w [m/s,
+    # rad/s], world axes; 0 for all others
+    V: Array
+    left: IntArray  # (n,) steps for which V still holds, see kinematic.py
+
+
+MOVING_FIELDS = ('x', 'q', 'P', 'L')     # of what can be pushed, the rest is of what cannot
 
 
 class BodyMotion(NamedTuple):
@@ -44,12 +52,14 @@ def empty_state(n: int) -> State:
     """Return a state of n bodies at rest at the origin."""
     q = np.zeros((4, n))
     q[3] = 1.0
-    return State(np.zeros((3, n)), q, np.zeros((3, n)), np.zeros((3, n)))
+    return State(np.zeros((3, n)), q, np.zeros((3, n)), np.zeros((3, n)), np.zeros((6, n)),
+                 np.zeros(n, dtype=np.int64))
 
 
 def copy_state(state: State) -> State:
     """Return an independent copy."""
-    return State(*(field.copy() for field in state))
+    return State(state.x.copy(), state.q.copy(), state.P.copy(), state.L.copy(), state.V.copy(),
+                 state.left.copy())
 
 
 @kernel
@@ -62,6 +72,9 @@ def copy_into(target: State, source: State) -> None:
             target.L[k, i] = source.L[k, i]
         for k in range(4):
             target.q[k, i] = source.q[k, i]
+        for k in range(6):
+            target.V[k, i] = source.V[k, i]
+        target.left[i] = source.left[i]
 
 
 @apart
@@ -104,14 +117,16 @@ def empty_motion(n: int) -> BodyMotion:
 
 @inlined
 def body_velocity(model: Model, state: State, i: int) -> tuple[float, float, float]:
-    """Return v = P / M [m/s] of the centre of mass of body i, world axes; 0 if it is fixed."""
-    return scale(model.inv_m[i], column(state.P, i))
+    """Return v = P / M + V_v [m/s] of the centre of mass of body i, world axes."""
+    return add((state.V[0, i], state.V[1, i], state.V[2, i]),
+               scale(model.inv_m[i], column(state.P, i)))
 
 
 @inlined
 def body_spin(model: Model, state: State, i: int) -> tuple[float, float, float]:
-    """Return w = R I^-1 R^T L [rad/s] of body i, world axes; 0 if it is fixed."""
-    return angular_velocity(quaternion(state.q, i), column(state.L, i), column(model.inv_I_C, i))
+    """Return w = R I^-1 R^T L + V_w [rad/s] of body i, world axes."""
+    return add((state.V[3, i], state.V[4, i], state.V[5, i]), angular_velocity(
+        quaternion(state.q, i), column(state.L, i), column(model.inv_I_C, i)))
 
 
 @kernel
@@ -150,10 +165,13 @@ def write_motion(model: Model, state: State, motion: BodyMotion, i: int) -> None
     set_column(state.x, i, subtract(row(motion.position, i), r))
     for k in range(4):
         state.q[k, i] = q[k]
+    v = subtract(row(motion.linear, i), cross(w, r))
     if model.inv_m[i] > 0.0:
-        v = subtract(row(motion.linear, i), cross(w, r))
         set_column(state.P, i, scale(model.m[i], v))
         set_column(state.L, i, angular_momentum(q, w, column(model.I_C, i)))
+    else:
+        for k in range(3):
+            state.V[k, i], state.V[3 + k, i] = v[k], w[k]
 
 
 @kernel

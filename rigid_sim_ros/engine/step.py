@@ -9,6 +9,7 @@ from rigid_sim_ros.engine.free_flight import fly
 from rigid_sim_ros.engine.integrate import euler, rk4, semi_implicit, symplectic
 from rigid_sim_ros.engine.kept import contents
 from rigid_sim_ros.engine.kernel import kernel
+from rigid_sim_ros.engine.kinematic import begin_kinematic, end_kinematic, move_kinematic
 from rigid_sim_ros.engine.wrenches import count_down
 
 
@@ -19,7 +20,9 @@ def _free_motion(integrate: Callable[..., None]) -> Any:
     def advance(box: Any, orientation: int, count: int) -> None:
         model, state, wrenches, work = contents(box)
         for _ in range(count):
+            begin_kinematic(model, state)
             integrate(model, state, wrenches, orientation, work)
+            end_kinematic(model, state)
             count_down(wrenches)
 
     return advance
@@ -31,9 +34,15 @@ def _free_motion_symplectic(box: Any, orientation: int, count: int) -> None:
     if model.forces.kind.shape[0] + wrenches.in_use[0] == 0:
         g = model.gravity
         fly(model, state, (g[0], g[1], g[2]), model.h, count, work.block)
+        for _ in range(count if model.fixed.shape[0] > 0 else 0):
+            begin_kinematic(model, state)
+            move_kinematic(model, state, model.h)
+            end_kinematic(model, state)
         return
     for _ in range(count):
+        begin_kinematic(model, state)
         symplectic(model, state, wrenches, orientation, work)
+        end_kinematic(model, state)
         count_down(wrenches)
 
 

@@ -23,6 +23,7 @@ from rigid_sim_ros.engine.free_flight import BLOCK_SIZE as FLIGHT_SIZE, fly
 from rigid_sim_ros.engine.integrate import begin_loads, end_loads
 from rigid_sim_ros.engine.kept import call, held, Kept
 from rigid_sim_ros.engine.kernel import apart, INDEX, kernel
+from rigid_sim_ros.engine.kinematic import begin_kinematic, end_kinematic, move_kinematic
 from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.manifolds import (
     current, current_manifolds, earlier, grown, Manifolds, Memory, NO_SEARCH, rows_in_use)
@@ -207,9 +208,9 @@ def _share(box: Any, stage: int) -> int:
 def _begin(box: Any, shapes: tuple[int, int], bodies: tuple[int, int]) -> None:
     """Find how far ahead some shapes look, and on which side of the cut some bodies are."""
     model, state, solver = held(box, _MODEL), held(box, _STATE), held(box, _WORK).solver
-    take_sides(model.inv_m, state.x, held(box, _REST).asleep, bodies[0], bodies[1], solver.sides,
-               solver.bodies.slot)
-    look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L,
+    take_sides(model.inv_m, state.V, state.x, held(box, _REST).asleep, bodies[0], bodies[1],
+               solver.sides, solver.bodies.slot)
+    look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, state.V,
                held(box, _MATERIALS).restitution, held(box, _SETTINGS), held(box, _WORK).radius,
                held(box, _SHAPES).body, held(box, _MEMORY), shapes[0], shapes[1])
 
@@ -324,6 +325,8 @@ def _step(box: Any) -> bool:
     to, desk = held(box, _ADDRESSES), held(box, _DESK)
     g, sleeps = model.gravity, settings.sleep_steps > 0
     loaded = model.forces.kind.shape[0] + wrenches.in_use[0] > 0
+    # What moves by its twist feels no gravity: the loads are not those of gravity alone.
+    loaded = begin_kinematic(model, state) or loaded
     if sleeps:
         _sum_loads(box, to, work.loads, 0)
         mark_pushed(wrenches, rest)
@@ -344,11 +347,12 @@ def _step(box: Any) -> bool:
     manifolds, acted = current(memory), earlier(memory)
     if manifolds.count[0] == 0 and not loaded and not sleeps:
         fly(model, state, (g[0], g[1], g[2]), model.h, np.int64(1), work.block)
+        end_kinematic(model, state)
         return True
     if sleeps:
         call(to[_TO_SLEEP], box, _TOUCHED)
-        take_sides(model.inv_m, state.x, rest.asleep, 0, model.m.shape[0], work.solver.sides,
-                   work.solver.bodies.slot)
+        take_sides(model.inv_m, state.V, state.x, rest.asleep, 0, model.m.shape[0],
+                   work.solver.sides, work.solver.bodies.slot)
     elif loaded or work.plain[0] == 0:
         _sum_loads(box, to, work.loads, 0)
         work.plain[0] = 0 if loaded else 1
@@ -362,6 +366,7 @@ def _step(box: Any) -> bool:
     begin_slots(work.solver.sides, memory.touching, work.solver.bodies)
     solve_contacts(to[_TO_SOLVE], to[_TO_STORE], box, desk, model, state, work.loads,
                    settings.sequential.substeps, work.block, work.solver)
+    move_kinematic(model, state, model.h)
     if loaded:
         # As in the symplectic method: half of the change of the loads, now at the new poses.
         _sum_loads(box, to, work.later, 1)
@@ -369,15 +374,16 @@ def _step(box: Any) -> bool:
         kick(state, work.loads, -0.5 * model.h)
     if sleeps:
         call(to[_TO_SLEEP], box, _AFTERWARDS)
+    end_kinematic(model, state)
     count_down(wrenches)
     cut.left[0] = max(cut.left[0] - 1, 0)
     return True
 
 
 @kernel
-def look_ahead(h: float, inv_m: Array, inv_I_C: Array, P: Array, L: Array, restitution: Array,
-               settings: TimestepSettings, radius: Array, body: IntArray, memory: Memory,
-               first: int, last: int) -> None:
+def look_ahead(h: float, inv_m: Array, inv_I_C: Array, P: Array, L: Array, V: Array,
+               restitution: Array, settings: TimestepSettings, radius: Array, body: IntArray,
+               memory: Memory, first: int, last: int) -> None:
     """
     Write how far ahead some shapes look for contacts [m]: half of the margin, and what they move.
 
@@ -388,9 +394,10 @@ def look_ahead(h: float, inv_m: Array, inv_I_C: Array, P: Array, L: Array, resti
     bounces = settings.continuous == 1 or may_bounce(restitution)
     for s in range(first, last):
         i = body[s] & INDEX
-        v = inv_m[i] * norm(column(P, i))
+        v = inv_m[i] * norm(column(P, i)) + norm((V[0, i], V[1, i], V[2, i]))
         # Not below |w|, which would need the attitude.
         w = max(inv_I_C[0, i], inv_I_C[1, i], inv_I_C[2, i]) * norm(column(L, i))
+        w += norm((V[3, i], V[4, i], V[5, i]))
         way = (v + w * radius[i]) * h
         most = way if bounces else min(way, _FAR * settings.margin)
         memory.ahead[s] = 0.5 * settings.margin + most

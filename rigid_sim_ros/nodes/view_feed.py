@@ -77,7 +77,7 @@ class Feed:
         try:
             scene = scene_from_text(message.data, 'scene')
             self._bodies = tuple(
-                body.name for body in scene.spec.bodies if not body.fixed)
+                body.name for body in scene.spec.bodies if body.is_pushed)
         except SceneError:
             self._bodies = ()       # the page says why
         self._inbox.applied = {}

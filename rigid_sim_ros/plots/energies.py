@@ -12,7 +12,7 @@ from rigid_sim_ros.bag.motion import Array, Motion
 from rigid_sim_ros.engine.forces import add_gravity, add_scene_forces
 from rigid_sim_ros.engine.loads import empty_loads
 from rigid_sim_ros.engine.model import Model
-from rigid_sim_ros.engine.state import State
+from rigid_sim_ros.engine.state import empty_state
 from rigid_sim_ros.scene import Scene
 
 
@@ -68,7 +68,9 @@ def _potential(scene: Scene, x: Array, q: Array, P: Array, L: Array,
         return None
     potential = np.empty(len(x))
     for k in range(len(x)):
-        state = State(*(np.ascontiguousarray(array[k].T) for array in (x, q, P, L)))
+        state = empty_state(x.shape[1])._replace(**{
+            name: np.ascontiguousarray(array[k].T)
+            for name, array in (('x', x), ('q', q), ('P', P), ('L', L))})
         loads = empty_loads(x.shape[1])
         potential[k] = (add_gravity(model, state, loads)
                         + add_scene_forces(model, state, loads))

@@ -12,6 +12,7 @@ from rigid_sim_ros.engine.forces import FORCES
 from rigid_sim_ros.engine.inertia import mesh_volume
 from rigid_sim_ros.engine.model import Model, WORLD
 from rigid_sim_ros.scene.build import Scene
+from rigid_sim_ros.scene.contact_advice import below, describe_contact
 from rigid_sim_ros.scene.overlap import describe_overlaps
 from rigid_sim_ros.scene.schema import Mesh
 
@@ -112,7 +113,8 @@ _RATES: dict[str, Callable[[_Row], Rates]] = {
 def advice(scene: Scene) -> list[str]:
     """Return a line, with what to do, for each thing in a scene that will not go well."""
     return [*_of_forces(scene), *_of_spin(scene), *_of_integrator(scene), *_of_contact(scene),
-            *_of_materials(scene), *_of_meshes(scene), *describe_overlaps(scene)]
+            *describe_contact(scene), *_of_materials(scene), *_of_meshes(scene),
+            *describe_overlaps(scene)]
 
 
 def _of_forces(scene: Scene) -> Iterator[str]:
@@ -132,7 +134,7 @@ def _of_forces(scene: Scene) -> Iterator[str]:
             what = f'takes a velocity away at {fastest:.3g} /s'
         effect = 'and will grow without bound' if fastest * h >= 2.0 else 'coarsely'
         yield (f'{kind} {ends}: {what}, which a step of {h:g} s follows {effect}; '
-               f'use a step of at most {_below(COARSE / fastest)} s or softer parameters'
+               f'use a step of at most {below(COARSE / fastest)} s or softer parameters'
                .replace('follows and will', 'does not follow: it will'))
 
 
@@ -148,7 +150,7 @@ def _of_spin(scene: Scene) -> Iterator[str]:
     for body in scene.spec.bodies:
         angle = math.hypot(*body.twist.angular) * scene.model.h
         if angle > FAST_TURN:
-            step = _below(FAST_TURN / angle * scene.model.h)
+            step = below(FAST_TURN / angle * scene.model.h)
             yield (f"body '{body.name}' turns by {angle:.2g} rad in a step; use a step of at most "
                    f'{step} s or integrator: symplectic')
 
@@ -190,9 +192,3 @@ def _of_meshes(scene: Scene) -> Iterator[str]:
                     yield (f"body '{body.name}' has a mesh of {volume:.3g} m^3 in a convex hull "
                            f'of {hull:.3g} m^3: it collides as the hull; use a compound of convex '
                            'meshes where that matters')
-
-
-def _below(step: float) -> str:
-    """Write a step with one digit, rounded down."""
-    digit = 10.0 ** math.floor(math.log10(step))
-    return f'{math.floor(step / digit * (1 + 1e-9)) * digit:.1g}'

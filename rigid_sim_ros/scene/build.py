@@ -11,7 +11,9 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.beforehand import compile_beforehand
+from rigid_sim_ros.engine.hulls import HullError
 from rigid_sim_ros.engine.inertia import check, MassProperties
+from rigid_sim_ros.engine.kinematic import LASTS
 from rigid_sim_ros.engine.model import Body, build_model, Frame, Model
 from rigid_sim_ros.engine.penalty import check_step
 from rigid_sim_ros.engine.shapes import build_materials, build_shapes, Materials, Shapes
@@ -84,7 +86,8 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source) ->
     if problems:
         raise SceneError(problems)
     with np.errstate(all='ignore'):  # What overflows is reported below, with its place.
-        model = build_model([Body(properties, body.fixed)
+        # What a kinematic body weighs says nothing about its motion, which is of its body frame.
+        model = build_model([Body(None if body.kinematic else properties, not body.is_pushed)
                              for properties, body in zip(masses, spec.bodies, strict=True)],
                             frames, forces, spec.world.step, spec.world.gravity)
         state = _initial_state(spec, model)
@@ -94,10 +97,9 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source) ->
             report(('bodies', i), _EXTREME)
     if problems:
         raise SceneError(problems)
-    try:
-        shapes = build_shapes(model, collision.shapes(spec), collision.ignored(spec))
-    except ValueError as error:
-        raise SceneError([source.problem(('bodies',), str(error))]) from None
+    shapes = _shapes(spec, model, report)
+    if problems or shapes is None:
+        raise SceneError(problems)
     materials = build_materials(collision.materials(spec), collision.overrides(spec))
     if spec.world.contact == 'penalty':
         try:
@@ -164,8 +166,12 @@ def _check_references(spec: schema.Scene, report: Report) -> None:
         if first.setdefault(body.name, i) != i:
             report(('bodies', i, 'name'), f'{shown(body.name)} is the name of bodies'
                    f'[{first[body.name]}] too, must be unique')
-        if body.fixed and any((*body.twist.linear, *body.twist.angular)):
-            report(('bodies', i, 'twist'), 'of a fixed body, must be 0')
+        if body.fixed and body.kinematic:
+            report(('bodies', i, 'kinematic'), 'stands beside fixed: true, must be one of them: a '
+                   'kinematic body moves by its twist')
+        elif body.fixed and any((*body.twist.linear, *body.twist.angular)):
+            report(('bodies', i, 'twist'), 'of a fixed body, must be 0, or the body kinematic: '
+                   'true in place of fixed')
         named = [((), body.material), *((path, part.material) for path, part in body.parts())]
         for path, material in named:
             if material is not None and material not in spec.all_materials:
@@ -195,6 +201,18 @@ def _mass_properties(body: schema.Body, report: Report) -> MassProperties | None
     return None
 
 
+def _shapes(spec: schema.Scene, model: Model, report: Report) -> Shapes | None:
+    """Return what can touch, None after a report of what cannot be built."""
+    solids, places = collision.shapes(spec, report)
+    try:
+        return build_shapes(model, solids, collision.ignored(spec))
+    except HullError as error:
+        report(places[error.index], str(error))
+    except ValueError as error:
+        report(('bodies',), str(error))
+    return None
+
+
 def _frame_names(spec: schema.Scene) -> dict[str, int]:
     """Return the index in the model of each frame: those of the bodies, then the named ones."""
     names = [body.name for body in spec.bodies]
@@ -212,4 +230,6 @@ def _initial_state(spec: schema.Scene, model: Model) -> State:
     state = empty_state(n)
     for i in range(n):
         write_motion(model, state, motion, i)
+        if spec.bodies[i].kinematic:
+            state.left[i] = LASTS
     return state

@@ -12,28 +12,38 @@ from rigid_sim_ros.engine.rotation_in_python import multiply, rotate
 from rigid_sim_ros.engine.shapes import (
     ALL_GROUPS, BOX, CAPSULE, CYLINDER, HULL, Material, PLANE, Shape, SPHERE)
 from rigid_sim_ros.scene import schema
-from rigid_sim_ros.scene.errors import nearest, Report, shown
+from rigid_sim_ros.scene.errors import nearest, Path, Report, shown
 
 # Groups are bits of a 64-bit number whose sign stays free.
 MAX_GROUPS = 62
 
 
-def shapes(scene: schema.Scene) -> list[Shape]:
-    """Return the solids of all bodies; those of bodies that collide with nothing are left out."""
+def shapes(scene: schema.Scene, report: Report) -> tuple[list[Shape], list[Path]]:
+    """
+    Return the solids of all bodies, and where each is written; report what cannot collide.
+
+    Those of bodies that collide with nothing are left out.
+    """
     bits = _group_bits(scene)
     materials = list(scene.all_materials)
-    found = []
+    found: list[Shape] = []
+    places: list[Path] = []
     for i, body in enumerate(scene.bodies):
         mask = ALL_GROUPS
         if body.collides_with is not None:
             mask = sum(bits[name] for name in dict.fromkeys(body.collides_with))
         group = sum(bits[name] for name in dict.fromkeys(body.groups))
-        for _, part in body.parts():
+        for path, part in body.parts():
             if body.collides and part.type in _SHAPES:
                 material = materials.index(part.material or body.material)
-                found.append(_SHAPES[part.type](part)._replace(
-                    body=i, material=material, group=group, mask=mask))
-    return found
+                try:
+                    shape = _SHAPES[part.type](part)
+                except ValueError as error:
+                    report(('bodies', i, *path), str(error))
+                    continue
+                found.append(shape._replace(body=i, material=material, group=group, mask=mask))
+                places.append(('bodies', i, *path))
+    return found, places
 
 
 def materials(scene: schema.Scene) -> list[Material]:
@@ -125,8 +135,8 @@ def _mesh(part: Any) -> Shape:
     try:
         hull = ConvexHull(points)
     except QhullError:
-        raise ValueError(f'a mesh of {len(points)} vertices is too flat for a convex hull, '
-                         'must have a volume') from None
+        raise ValueError(f'the mesh of {len(points)} vertices is too flat for a convex hull, '
+                         'must have a volume, or collides: false') from None
     corners, triangles = np.unique(hull.simplices, return_inverse=True)
     triangles = triangles.reshape(-1, 3)
     vertices = points[corners]

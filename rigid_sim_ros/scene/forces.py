@@ -63,8 +63,9 @@ def _frame_ends(force: schema.FrameForce, scene: schema.Scene, frame_names: Mapp
     if a == b:
         report(('b',), f'{shown(force.b)} is on the same body as a: {shown(force.a)}, '
                'must be on another')
-    elif all(end == WORLD or scene.bodies[end].fixed for end in (a, b)):
-        report(('a',), f'neither {shown(force.a)} nor {shown(force.b)} can move, one of them must')
+    elif all(end == WORLD or not scene.bodies[end].is_pushed for end in (a, b)):
+        report(('a',), f'neither {shown(force.a)} nor {shown(force.b)} can be pushed, '
+               'one of them must')
     return [(ends[0], ends[1])]
 
 
@@ -72,7 +73,7 @@ def _chosen(force: schema.BodyForce, scene: schema.Scene, least: int,
             report: Report) -> list[int]:
     """Return the bodies that can move and whose names match, in the order of the scene."""
     names = [body.name for body in scene.bodies]
-    chosen = {i for i, name in enumerate(names) if not scene.bodies[i].fixed
+    chosen = {i for i, name in enumerate(names) if scene.bodies[i].is_pushed
               and any(fnmatchcase(name, pattern) for pattern in force.bodies)}
     strangers = [(i, pattern) for i, pattern in enumerate(force.bodies)
                  if not any(fnmatchcase(name, pattern) for name in names)]

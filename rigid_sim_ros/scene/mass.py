@@ -45,8 +45,9 @@ def mistakes(body: schema.Body) -> Iterator[tuple[Path, str]]:
     parts = body.parts()
     planes = [path for path, part in parts if isinstance(part, schema.Plane)]
     for path in planes:
-        if not body.fixed:
-            yield (*path, 'type'), "'plane' has no end and no mass, the body must be fixed: true"
+        if body.is_pushed:
+            yield (*path, 'type'), ("'plane' has no end and no mass, the body must be fixed: true "
+                                    'or kinematic: true')
     for key in given[1:]:
         yield (key,), f'stands beside {given[0]}, must be one of mass, density or inertial'
     for path, part in parts:
@@ -61,16 +62,16 @@ def mistakes(body: schema.Body) -> Iterator[tuple[Path, str]]:
         yield (given[0],), f'stands beside the masses in {places}, must be one or the other'
     elif given and not parts and given != ['inertial']:
         yield (given[0],), 'needs a shape to distribute it, must have one, or inertial instead'
-    elif not given and not parts and not body.fixed:
+    elif not given and not parts and body.is_pushed:
         yield (), f'has neither shape nor mass, {_MEND}, or be fixed: true'
-    elif not given and without and (own or not body.fixed):
+    elif not given and without and (own or body.is_pushed):
         for path in without if own else [()]:
             yield path, f'has no mass, {_MEND if not own else "must have mass or density"}'
 
 
 def properties(body: schema.Body) -> MassProperties | None:
     """
-    Return the mass properties of a body without `mistakes`; None for a fixed one without a mass.
+    Return the mass properties of a body without `mistakes`; None for one without a mass.
 
     Raises ArithmeticError or ValueError when sizes are so extreme that the numbers leave the range
     of floats.

@@ -174,7 +174,7 @@ class Cylinder(Shape):
 
 
 class Plane(Shape):
-    """The half space below the plane normal . r = offset; a fixed body only."""
+    """The half space below the plane normal . r = offset; of a body that nothing pushes."""
 
     type: Literal['plane']
     normal: Annotated[Vector, Numbers('x y z')] = (0.0, 0.0, 1.0)
@@ -267,11 +267,18 @@ class Body(Spec):
     twist: Twist = Twist()
     frames: dict[Name, Pose] = {}
     fixed: Boolean = False
+    # It moves by its twist, and pushes without being pushed.
+    kinematic: Boolean = False
     # Who touches whom: two bodies collide when each collides with a group of the other.
     collides: Boolean = True
     groups: Annotated[tuple[str, ...], ListOf(Text(), 'names of groups')] = ('default',)
     # None: with every group.
     collides_with: Annotated[tuple[str, ...] | None, ListOf(Text(), 'names of groups')] = None
+
+    @property
+    def is_pushed(self) -> bool:
+        """Whether forces and contacts move the body."""
+        return not self.fixed and not self.kinematic
 
     def parts(self) -> list[tuple[Path, Shape]]:
         """Return the solids of the body, each with its place below the body."""
@@ -300,7 +307,7 @@ class Force(Spec):
 class BodyForce(Force):
     """A force on each of the chosen bodies, or on each pair of them."""
 
-    # Names, or patterns such as 'link_*'; what is fixed is left out.
+    # Names, or patterns such as 'link_*'; what nothing pushes is left out.
     bodies: Annotated[tuple[str, ...], ListOf(Text(), "names, as in ['crate', 'link_*']")] = ('*',)
 
 

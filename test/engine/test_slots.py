@@ -92,7 +92,8 @@ def test_slots_are_in_order_of_sides_and_bodies(seed, count, cut):
     touching = np.ones((2, BODIES), dtype=np.int8)
     bodies.slot[:], bodies.body[:] = 7, 7
     for some in (slice(60, BODIES), slice(0, 60)):
-        take_sides(inv_m, x, asleep, some.start, some.stop, sides, bodies.slot)
+        take_sides(inv_m, np.zeros((6, BODIES)), x, asleep, some.start, some.stop, sides,
+                   bodies.slot)
     mark_touching(manifolds_of(pairs), waits, touching)
     # Marks of either thread count.
     touching[1, ::3], touching[0, ::3] = touching[0, ::3], 0
@@ -133,7 +134,8 @@ def test_every_manifold_that_is_solved_is_in_one_region(seed, count, first, cut)
     manifolds, sides = manifolds_of(pairs, first), some_sides(80)
     manifolds.shape_a[first:first + count] = pairs[:, 0]
     sides.cut.halved[0], sides.cut.by_place[0] = cut != 'not at all', cut == 'by place'
-    take_sides(inv_m, x, asleep, 0, BODIES, sides, np.zeros(BODIES, dtype=np.int32))
+    take_sides(inv_m, np.zeros((6, BODIES)), x, asleep, 0, BODIES, sides,
+               np.zeros(BODIES, dtype=np.int32))
     coloring, regions = make_coloring(BODIES, first + count + 1), []
     for region in range(2 if cut != 'not at all' else 1):
         choose_manifolds(region, manifolds, sides, waits, coloring)

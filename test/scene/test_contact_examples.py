@@ -100,3 +100,19 @@ def test_the_script_writes_the_scenes_that_ship(tmp_path):
         # digits differ, by some 1.1e-16 of numbers up to 1.
         assert np.allclose([float(number) for number in LONG.findall(ours)],
                            [float(number) for number in LONG.findall(shipped)], rtol=0, atol=1e-15)
+
+
+def test_the_turntable_keeps_the_inner_crate_and_loses_the_outer_one():
+    world = load_scene('turntable')
+    names = world.names
+    world.step(2000)
+    # 2 rad/s for 2 s; a method of first order goes w^2 h r / 2 farther out in a second.
+    inner = world.position[names.index('inner')]
+    assert np.hypot(*inner[:2]) == pytest.approx(0.5, abs=5e-3)
+    turned = np.arctan2(inner[1], inner[0])
+    assert np.remainder(turned - 4.0 + np.pi, 2 * np.pi) - np.pi == pytest.approx(0.0, abs=0.02)
+    assert np.hypot(*world.position[names.index('outer'), :2]) > 1.1
+    # On the lift, which went up by 0.2 m; a ball of 0.15 m on it.
+    assert world.position[names.index('lift')] == pytest.approx([3, 0, 0.3], abs=1e-12)
+    assert world.position[names.index('ball'), 2] == pytest.approx(0.5, abs=1e-4)
+    assert world.linear_velocity[names.index('ball'), 2] == pytest.approx(0.1, abs=1e-3)

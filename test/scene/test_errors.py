@@ -127,13 +127,25 @@ BODIES = {
         '4: bodies[0].shape.masses: 2 masses for 1 positions, must be as many'),
     'plane that moves': (
         '- {name: a, shape: {type: plane}}',
-        "2: bodies[0].shape.type: 'plane' has no end and no mass, the body must be fixed: true"),
+        "2: bodies[0].shape.type: 'plane' has no end and no mass, the body must be fixed: true "
+        'or kinematic: true'),
     'plane without direction': (
         '- {name: a, fixed: true, shape: {type: plane, normal: [0, 0, 0]}}',
         '2: bodies[0].shape.normal: [0, 0, 0] has no direction, must be such as [0, 0, 1]'),
+    'mesh without thickness': (
+        '- {name: a, mass: 1, compound: [{type: sphere, radius: 1},\n'
+        '   {type: mesh, vertices: "0 0 0, 1 0 0, 0 1 0, 0 0 1.0e-10",\n'
+        '    faces: "0 2 1, 0 1 3, 0 3 2, 1 2 3"}]}',
+        '3: bodies[0].compound[1]: the mesh is 1e-10 m thick and 1 m long, must be at least 1e-06 '
+        'of its length thick, or collides: false'),
+    'kinematic and fixed': (
+        '- {name: a, fixed: true,\n   kinematic: true}',
+        '3: bodies[0].kinematic: stands beside fixed: true, must be one of them: a kinematic body '
+        'moves by its twist'),
     'fixed body with a twist': (
         '- {name: a, fixed: true, twist: {linear: [1, 0, 0]}}',
-        '2: bodies[0].twist: of a fixed body, must be 0'),
+        '2: bodies[0].twist: of a fixed body, must be 0, or the body kinematic: true in place of '
+        'fixed'),
     'unknown material': (
         f'- {{name: a, mass: 1, {BALL},\n   material: defualt}}',
         "3: bodies[0].material: 'defualt' is no material, did you mean 'default'?"),

@@ -119,6 +119,16 @@ def test_a_flat_mesh_is_refused_with_its_volume(refusal: Refusal) -> None:
     assert refusal(shape) == ': the mesh encloses 0 m^3, must be a volume'
 
 
+@pytest.mark.parametrize('height', [1e-7, 1e-9, 1e-12])
+def test_a_mesh_too_thin_for_a_contact_is_refused_with_its_size(
+        height: float, refusal: Refusal) -> None:
+    corners = ', '.join(f'{x} {y} {z}' for x in (0, 1) for y in (0, 1) for z in (0, height))
+    faces = '0 2 6, 0 6 4, 1 5 7, 1 7 3, 0 4 5, 0 5 1, 2 3 7, 2 7 6, 0 1 3, 0 3 2, 4 6 7, 4 7 5'
+    assert refusal(f'vertices: "{corners}", faces: "{faces}"') == (
+        f': the mesh is {height:.3g} m thick and 1 m long, must be at least 1e-06 of its length '
+        'thick, or collides: false')
+
+
 def test_a_face_without_its_vertex_is_refused(refusal: Refusal) -> None:
     shape = 'vertices: [[0, 0, 0], [1, 0, 0], [0, 1, 0]], faces: [[0, 1, 3]]'
     assert refusal(shape) == ': a face has the vertex 3, must be below 3'
