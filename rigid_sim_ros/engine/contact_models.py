@@ -309,12 +309,12 @@ class Event(_Touching):
         message = ''
         if done.unsolved:
             message = (f'{done.unsolved} contact problems were left with a residual of '
-                       f'{done.residual:.1e}, OSQP: {done.status}')
+                       f'{done.residual:.1e}')
         elif done.cut_short:
             message = f'more than {self._settings.max_events} collisions in one step'
         # Not only where the step began: the deepest of all times at which it was interrupted.
         return self._counts()._replace(deepest=done.deepest, residual=done.residual,
-                                       iterations=done.iterations, message=message)
+                                       message=message)
 
 
 class Penalty(_Touching):
