@@ -24,7 +24,7 @@ import math
 
 from rigid_sim_ros.engine.algebra import add_scaled, dot, norm, put, scale, subtract
 from rigid_sim_ros.engine.arrays import Array, Vector
-from rigid_sim_ros.engine.broad_phase import boxes_overlap
+from rigid_sim_ros.engine.grid import boxes_overlap
 from rigid_sim_ros.engine.kernel import INDEX, kernel
 from rigid_sim_ros.engine.manifold_rows import carry_over, find_row, pack_rows, take_point
 from rigid_sim_ros.engine.manifolds import (
