@@ -33,7 +33,7 @@ from rigid_sim_ros.engine.narrow_phase.boxes import face_manifold
 from rigid_sim_ros.engine.narrow_phase.convex import manifold_along
 from rigid_sim_ros.engine.narrow_phase.surface import (
     extent, face, face_count, height, is_faceted, way_out)
-from rigid_sim_ros.engine.shapes import BOX, PLANE, Shapes
+from rigid_sim_ros.engine.shapes import BOX, CYLINDER, PLANE, Shapes
 from rigid_sim_ros.engine.support import extreme, radius, reach
 
 # Of the smallest half extent of the three shapes that meet: a step between two pieces, or a gap,
@@ -199,24 +199,24 @@ def mend_seams(shapes: Shapes, memory: Memory, scratch: Scratch) -> None:
         _, m = _shapes_of(rows, k, side)
         if rows.points[k] <= 0:
             continue
-        points, nearest = rows.points[k], math.inf
-        kept = 0
+        points, nearest, standing = rows.points[k], math.inf, 0
         for p in range(points):
             nearest = min(nearest, rows.gap[p, k])
             x = _point(memory.pose, memory.turn, shapes, rows, k, side, p)
             if stands(memory.pose, shapes, rows, seams, m, k, side, x, _outward(rows, k, side)):
-                if kept < p:
-                    take_point(rows, k, p, kept)
-                kept += 1
-        if kept == points:
+                standing |= 1 << p
+        if standing == (1 << points) - 1:
             continue
-        lost += points
-        if kept == 0:
-            kept = _along_a_face(shapes, memory, scratch, rows, k, side, nearest)
-            if kept > 0:
-                old = find_row(before, rows.shape_a[k], rows.shape_b[k])
-                carry_over(rows, before, k, old, kept)
-        lost -= kept
+        kept = _along_a_face(shapes, memory, scratch, rows, k, side, nearest)
+        if kept > 0:
+            old = find_row(before, rows.shape_a[k], rows.shape_b[k])
+            carry_over(rows, before, k, old, kept)
+        else:
+            for p in range(points):
+                if standing >> p & 1 == 1:
+                    take_point(rows, k, p, kept)
+                    kept += 1
+        lost += points - kept
         # Its points are found anew in the next step, whatever becomes of them.
         for c in range(4):
             rows.found_at[k, c] = 0.0
@@ -250,8 +250,8 @@ def stands(pose: Array, shapes: Shapes, rows: Manifolds, seams: Seams, m: int, k
            p: Vector, n: Vector) -> bool:
     """Return whether S, of row k, has the normal n at p as a piece of all that M is near."""
     s, _ = _shapes_of(rows, k, side)
-    # What stands out over a face by what the narrow phase allows may go on doing so.
-    outside, x = max(height(pose, shapes, s, p), 0.0), p
+    # A corner that stands out over a face, by what the narrow phase allows, goes on doing so.
+    above, x = height(pose, shapes, s, p), p
     for _ in range(SLIDES):
         covered, at = False, _first(shapes, rows, seams, m, k, side)
         while at >= 0:
@@ -278,7 +278,9 @@ def stands(pose: Array, shapes: Shapes, rows: Manifolds, seams: Seams, m: int, k
             along = scale(1.0 / length, along)
             way = way_out(pose, shapes, t, x, along) + 2.0 * flush
             x, covered = add_scaled(x, way, along), True
-            if not height(pose, shapes, s, x) <= outside + ON_FACE * flush:
+            # A tangent leaves a circle by half of the square of its length over the radius.
+            bend = way * way / shapes.size[s, 0] if shapes.kind[s] == CYLINDER else 0.0
+            if not (abs(height(pose, shapes, s, x) - above) <= ON_FACE * flush + bend):
                 return False
         if not covered:
             return True
@@ -303,8 +305,9 @@ def _along_a_face(shapes: Shapes, memory: Memory, scratch: Scratch, rows: Manifo
     """
     Find the points of manifold k along the flat face of S that M leaves on the shortest way.
 
-    Of the faces where the contact stands, and none that M would have to enter S for: apart, with
-    a gap above the tolerance, it is on one side of S only. Returns how many points there are.
+    Of the faces that M reaches beyond, where the contact stands, and none that M would have to
+    enter S for: apart, with a gap above the tolerance, it is on one side of S only. Returns how
+    many points there are.
     """
     pose = memory.pose
     s, m = _shapes_of(rows, k, side)
@@ -316,7 +319,8 @@ def _along_a_face(shapes: Shapes, memory: Memory, scratch: Scratch, rows: Manifo
             n, offset = face(pose, shapes, s, f)
             d = -_reach(pose, shapes, m, scale(-1.0, n)) - offset
             # After the last one: less separation, or the same and a later number.
-            if (d < last or (d == last and f > done)) and d > deepest:
+            if ((d < last or (d == last and f > done)) and d > deepest
+                    and _reach(pose, shapes, m, n) > offset):
                 best, deepest = f, d
         if best < 0 or (gap > flush and deepest < -flush):
             return 0
