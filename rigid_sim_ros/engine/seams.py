@@ -31,6 +31,7 @@ from rigid_sim_ros.engine.manifolds import (
     CONTACTS, current, earlier, Manifolds, Memory, rows_in_use, Scratch, Seams)
 from rigid_sim_ros.engine.narrow_phase.boxes import face_manifold
 from rigid_sim_ros.engine.narrow_phase.convex import manifold_along
+from rigid_sim_ros.engine.narrow_phase.outline import face_normal_along
 from rigid_sim_ros.engine.narrow_phase.surface import (
     extent, face, face_count, height, is_faceted, way_out)
 from rigid_sim_ros.engine.shapes import BOX, CYLINDER, PLANE, Shapes
@@ -48,6 +49,8 @@ SAME = 1e-14
 SLIDES = 4
 # How many faces are tried.
 TRIALS = 4
+# How many times the overlap that was found may be that through another face.
+DEEPER = 16.0
 
 
 @kernel
@@ -163,6 +166,27 @@ def tolerance(shapes: Shapes, m: int, s: int, t: int) -> float:
 
 
 @kernel
+def _alike(n: Vector, m: Vector) -> bool:
+    d = subtract(n, m)
+    return dot(d, d) <= SAME
+
+
+@kernel
+def _push(pose: Array, shapes: Shapes, rows: Manifolds, j: int, side: int, n: Vector) -> Vector:
+    """
+    Return the direction in which T, of row j, pushes M.
+
+    Where that is n, which other edges in a row may have as well, the normal of the face of T that
+    looks along n.
+    """
+    n_T = _outward(rows, j, side)
+    if not _alike(n, n_T):
+        return n_T
+    t, _ = _shapes_of(rows, j, side)
+    return face_normal_along(pose, shapes, t, n)
+
+
+@kernel
 def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int, m: int) -> bool:
     """Return whether a third shape with another normal may hold a point of manifold k."""
     seams, pose = memory.seams, memory.pose
@@ -173,8 +197,8 @@ def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int,
         t, _ = _shapes_of(rows, j, other)
         if not _one_surface(shapes, m, s, t):
             break
-        d = subtract(n, _outward(rows, j, other))
-        if s != t and dot(d, d) > SAME and boxes_overlap(memory.box, s, t):
+        if (s != t and boxes_overlap(memory.box, s, t)
+                and not _alike(n, _push(pose, shapes, rows, j, other, n))):
             most = tolerance(shapes, m, s, t)
             for p in range(rows.points[k]):
                 x = _point(pose, memory.turn, shapes, rows, k, side, p)
@@ -259,10 +283,9 @@ def stands(pose: Array, shapes: Shapes, rows: Manifolds, seams: Seams, m: int, k
             t, _ = _shapes_of(rows, j, other)
             if not _one_surface(shapes, m, s, t):
                 break
-            n_T = _outward(rows, j, other)
+            n_T = _push(pose, shapes, rows, j, other, n)
             at = seams.link[other, j]
-            d = subtract(n, n_T)
-            if s == t or dot(d, d) <= SAME:
+            if s == t or _alike(n, n_T):
                 continue
             flush = tolerance(shapes, m, s, t)
             if (height(pose, shapes, t, x) > flush
@@ -293,8 +316,7 @@ def _has_normal(pose: Array, shapes: Shapes, t: int, p: Vector, n: Vector, most:
     hulls = shapes.hulls
     if shapes.kind[t] == PLANE:
         # It has one normal, +z of its frame.
-        d = (n[0] - pose[t, 5], n[1] - pose[t, 8], n[2] - pose[t, 11])
-        return dot(d, d) <= SAME
+        return _alike(n, (pose[t, 5], pose[t, 8], pose[t, 11]))
     return reach(pose, shapes.kind, shapes.size, hulls.first, hulls.count, hulls.vertices,
                  shapes.hull, t, n) - dot(n, p) <= most
 
@@ -305,8 +327,8 @@ def _along_a_face(shapes: Shapes, memory: Memory, scratch: Scratch, rows: Manifo
     """
     Find the points of manifold k along the flat face of S that M leaves on the shortest way.
 
-    Of the faces that M reaches beyond, where the contact stands, and none that M would have to
-    enter S for: apart, with a gap above the tolerance, it is on one side of S only. Returns how
+    Of the faces that M reaches beyond the first one where the contact stands, and none that makes
+    much more of an overlap than there is: `gap` is the least one of the manifold [m]. Returns how
     many points there are.
     """
     pose = memory.pose
@@ -322,7 +344,7 @@ def _along_a_face(shapes: Shapes, memory: Memory, scratch: Scratch, rows: Manifo
             if ((d < last or (d == last and f > done)) and d > deepest
                     and _reach(pose, shapes, m, n) > offset):
                 best, deepest = f, d
-        if best < 0 or (gap > flush and deepest < -flush):
+        if best < 0:
             return 0
         last, done = deepest, best
         n, _ = face(pose, shapes, s, best)
@@ -330,12 +352,15 @@ def _along_a_face(shapes: Shapes, memory: Memory, scratch: Scratch, rows: Manifo
         if deepest < margin:
             count = _points_along(pose, shapes, s, m, side, best, n, deepest, margin, flush,
                                   scratch)
-        kept = 0
+        if count == 0 and deepest >= -flush:
+            # M lies above that face, and not over it.
+            return 0
+        kept, limit = 0, DEEPER * min(gap, -flush)
         for p in range(count):
             x = (scratch.points[p, 0], scratch.points[p, 1], scratch.points[p, 2])
             d = scratch.points[p, 3]
             on_S = x if side == 0 else add_scaled(x, -d, n)
-            if stands(pose, shapes, rows, memory.seams, m, k, side, on_S, n):
+            if d >= limit and stands(pose, shapes, rows, memory.seams, m, k, side, on_S, n):
                 put(scratch.points, scratch.ids, kept, x, d, scratch.ids[p])
                 kept += 1
         if kept > 0:
