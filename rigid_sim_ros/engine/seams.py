@@ -327,11 +327,11 @@ def _along_a_face(shapes: Shapes, memory: Memory, scratch: Scratch, rows: Manifo
     """
     Find the points of manifold k along the flat face of S that M leaves on the shortest way.
 
-    Of the faces that M reaches beyond the first one where the contact stands, and none that makes
-    much more of an overlap than there is: `gap` is the least one of the manifold [m]. Returns how
-    many points there are.
+    Of the faces that M reaches beyond the first one where the contact stands, for S among what M
+    is near and for M among what S is near, and none that makes much more of an overlap than there
+    is: `gap` is the least one of the manifold [m]. Returns how many points there are.
     """
-    pose = memory.pose
+    pose, seams = memory.pose, memory.seams
     s, m = _shapes_of(rows, k, side)
     flush, last, done = tolerance(shapes, m, s, s), math.inf, -1
     margin = memory.ahead[s] + memory.ahead[m]
@@ -348,7 +348,7 @@ def _along_a_face(shapes: Shapes, memory: Memory, scratch: Scratch, rows: Manifo
             return 0
         last, done = deepest, best
         n, _ = face(pose, shapes, s, best)
-        count = 0
+        count, back = 0, scale(-1.0, n)
         if deepest < margin:
             count = _points_along(pose, shapes, s, m, side, best, n, deepest, margin, flush,
                                   scratch)
@@ -359,12 +359,15 @@ def _along_a_face(shapes: Shapes, memory: Memory, scratch: Scratch, rows: Manifo
         for p in range(count):
             x = (scratch.points[p, 0], scratch.points[p, 1], scratch.points[p, 2])
             d = scratch.points[p, 3]
+            # The point is on A, and so on M where that is A.
             on_S = x if side == 0 else add_scaled(x, -d, n)
-            if d >= limit and stands(pose, shapes, rows, memory.seams, m, k, side, on_S, n):
+            on_M = x if side == 1 else add_scaled(x, d, n)
+            if (d >= limit and stands(pose, shapes, rows, seams, m, k, side, on_S, n)
+                    and stands(pose, shapes, rows, seams, s, k, 1 - side, on_M, back)):
                 put(scratch.points, scratch.ids, kept, x, d, scratch.ids[p])
                 kept += 1
         if kept > 0:
-            _write(memory, shapes, rows, k, n if side == 0 else scale(-1.0, n), kept, scratch)
+            _write(memory, shapes, rows, k, n if side == 0 else back, kept, scratch)
             return kept
     return 0
 

@@ -73,7 +73,7 @@ def test_the_side_of_a_flush_tile_stops_nothing(ahead, depth):
 def test_a_box_that_is_sunk_into_a_plane_is_part_of_it():
     """A cube moves over the ground to the top of a box in it."""
     scene = Scene([(PLANE, (0.0, 0.0, 0.0), None), TILE, CUBE],
-                  [(place, UPRIGHT) for place in ((0, 0, 0), (0.25, 0, -0.2), (-0.501, 0, 0.4999))],
+                  [(place, UPRIGHT) for place in ((0, 0, 0), (0.25, 0, -0.2), (-0.501, 0, 0.49))],
                   [0, 1], margin=0.01)
     assert set(normals_on(scene, 2)) == {(0.0, 0.0, 1.0)}
 
@@ -150,11 +150,11 @@ def test_what_slides_over_flush_boxes_slides_on(contact, floor, shape, height):
     Over four seams it keeps its speed and its height.
 
     To a millimetre a second: a body that sinks by 1e-5 m is lifted by g h^2 = 1e-5 m in a step at
-    most. Heavy boxes lie as deep as each other to 1e-5 m too.
+    most. Heavy boxes lie as deep as each other to 1e-5 m too. A ball may spin as it likes.
     """
     world = sliding(contact, shape, [0.1, 0.05, height], floor())
     for _ in range(10):
         world.step(100)
         assert np.abs(world.linear_velocity[-1] - (2.0, 0.0, 0.0)).max() < 1e-3
-        assert np.abs(world.angular_velocity[-1]).max() < 1e-2
+        assert shape['type'] == 'sphere' or np.abs(world.angular_velocity[-1]).max() < 1e-2
         assert abs(world.position[-1, 2] - height) < 1e-4
