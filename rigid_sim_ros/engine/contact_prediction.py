@@ -28,6 +28,7 @@ from rigid_sim_ros.engine.free_rotation import turn_fast
 from rigid_sim_ros.engine.kernel import INDEX, kernel
 from rigid_sim_ros.engine.kinematic import prescribed_spin
 from rigid_sim_ros.engine.loads import empty_loads, Loads
+from rigid_sim_ros.engine.manifold_rows import is_mended
 from rigid_sim_ros.engine.manifolds import Manifolds, POINTS, rows_in_use, Scratch
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.narrow_phase.collide import collide
@@ -87,8 +88,9 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
         waits[r] = prediction.given[r] = 0
         a, b = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
         size = min(shapes.bound[a], shapes.bound[b])
-        # How far they move, at most; or enough to look.
-        if ahead[a] + ahead[b] - calm[a] - calm[b] < STILL * size:
+        # What is mended for what lies beside would, as a pair alone, be as it was before.
+        if (is_mended(manifolds, r)
+                or ahead[a] + ahead[b] - calm[a] - calm[b] < STILL * size):
             continue
         gap = manifolds.gap[0, r]
         for p in range(1, manifolds.points[r]):
