@@ -50,7 +50,8 @@ def visit_block(blocks: Blocks, block: int, motion: Array, what: Sweep) -> Eight
 
 
 @part
-def drift_block(blocks: Blocks, block: int, drifted: Array, h: float, tolerance: float) -> bool:
+def drift_block(blocks: Blocks, block: int, drifted: Array, h: float, what: Sweep,
+                tolerance: float) -> bool:
     """
     Move on the gaps of a block by the velocities with which its bodies drifted for h [s].
 
@@ -60,16 +61,17 @@ def drift_block(blocks: Blocks, block: int, drifted: Array, h: float, tolerance:
     at_A, at_B, shoved = blocks.at_A[lanes], blocks.at_B[lanes], blocks.left[block] & SHOVED != 0
     A, B = gather(drifted, at_A), gather(drifted, at_B)
     if are_balls(kind):
-        return any_of(drift_balls(b, A, B, h, shoved) < -tolerance)
-    return any_of(_drift(b, A, B, h, points_in(kind), shoved) < -tolerance)
+        return any_of(drift_balls(b, A, B, h, shoved, what) < -tolerance)
+    return any_of(_drift(b, A, B, h, points_in(kind), shoved, what) < -tolerance)
 
 
 @part
-def begin_block(blocks: Blocks, block: int, motion: Array, h: float, tolerance: float) -> bool:
+def begin_block(blocks: Blocks, block: int, motion: Array, what: Sweep,
+                tolerance: float) -> bool:
     """
     Begin the sums of a step.
 
-    Returns whether any pair would get into each other within h [s] faster than the tolerance [m/s].
+    Returns whether any pair would get into each other faster than the tolerance [m/s].
     """
     b, lanes, kind = numbers_of(blocks, block), lanes_of(block), blocks.kind[block]
     begin_sums(b, points_in(kind))
@@ -77,25 +79,25 @@ def begin_block(blocks: Blocks, block: int, motion: Array, h: float, tolerance: 
     if are_balls(kind):
         n = load_three(b, NORMAL)
         v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
-        return any_of(dot(v, n) + gap_of(b, POINT) / h < -tolerance)
+        return any_of(dot(v, n) + least_speed(b, POINT, what) < -tolerance)
     n, t1, t2 = axes(b)
     _, u, w = _relative(b, A, B)
-    return any_of(_least_of_points(b, dot(u, n), dot(w, t1), dot(w, t2), points_in(kind), h)
+    return any_of(_least_of_points(b, dot(u, n), dot(w, t1), dot(w, t2), points_in(kind), what)
                   < -tolerance)
 
 
 @part
 def _least_of_points(b: Array, along: Eight, about_1: Eight, about_2: Eight, points: int,
-                     h: float) -> Eight:
+                     what: Sweep) -> Eight:
     """Return the least of what the points may still close faster [m/s]; < 0: they do not stop."""
     if points == 1:
         # The point is c.
-        return along + gap_of(b, POINT) / h
+        return along + least_speed(b, POINT, what)
     least = spread(ABSENT)
     for p in range(4):
         point = POINT + p * POINT_ROWS
         least = min(least, along + load(b, point + T) * about_1 - load(b, point + S) * about_2
-                    + gap_of(b, point) / h)
+                    + least_speed(b, point, what))
     return least
 
 
@@ -344,7 +346,8 @@ def _twist(b: Array, A: Motion, B: Motion) -> tuple[Three, Three]:
 
 
 @part
-def _drift(b: Array, A: Motion, B: Motion, h: float, points: int, shoved: bool) -> Eight:
+def _drift(b: Array, A: Motion, B: Motion, h: float, points: int, shoved: bool,
+           what: Sweep) -> Eight:
     """Do what `drift_block` does; return what `_least_of_points` does."""
     n, t1, t2 = axes(b)
     v, u, w = _relative(b, A, B)
@@ -361,7 +364,7 @@ def _drift(b: Array, A: Motion, B: Motion, h: float, points: int, shoved: bool) 
             store(b, point + GAP, load(b, point + GAP) + (
                 nearer + load(b, point + T) * about_1 - load(b, point + S) * about_2))
             store(b, point + RESTING, 0.0)
-    return _least_of_points(b, dot(u, n), dot(w, t1), dot(w, t2), points, h)
+    return _least_of_points(b, dot(u, n), dot(w, t1), dot(w, t2), points, what)
 
 
 @part

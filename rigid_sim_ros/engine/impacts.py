@@ -61,7 +61,7 @@ def make_impacts(n: int, capacity: int) -> Impacts:
 
 
 @kernel
-def find_approaching(region: int, blocks: Blocks, motion: Array, h: float, tolerance: float,
+def find_approaching(region: int, blocks: Blocks, motion: Array, what: Sweep, tolerance: float,
                      work: Impacts) -> bool:
     """
     Let the blocks of a region wait in which something approaches; return whether any does.
@@ -70,19 +70,19 @@ def find_approaching(region: int, blocks: Blocks, motion: Array, h: float, toler
     """
     first, any_waits = first_block(blocks, region), False
     for block in range(first, first + blocks.count[region]):
-        meets = begin_block(blocks, block, motion, h, tolerance)
+        meets = begin_block(blocks, block, motion, what, tolerance)
         work.waits[block], work.hit[block] = 1 if meets else 0, 0
         any_waits |= meets
     return any_waits
 
 
 @kernel
-def drift_blocks(region: int, blocks: Blocks, drifted: Array, h: float, tolerance: float,
-                 work: Impacts) -> bool:
+def drift_blocks(region: int, blocks: Blocks, drifted: Array, h: float, what: Sweep,
+                 tolerance: float, work: Impacts) -> bool:
     """Do the same after the bodies have drifted for h [s], and move the gaps on."""
     first, any_waits = first_block(blocks, region), False
     for block in range(first, first + blocks.count[region]):
-        meets = drift_block(blocks, block, drifted, h, tolerance)
+        meets = drift_block(blocks, block, drifted, h, what, tolerance)
         work.waits[block] = 1 if meets else 0
         any_waits |= meets
     return any_waits

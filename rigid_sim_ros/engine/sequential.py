@@ -201,8 +201,10 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
     """
     bodies, blocks, notes, impacts = work.bodies, work.blocks, work.notes[region], work.impacts
     motion, alike, h = bodies.motion, bodies.alike[0] == 1, model.h / settings.substeps
-    what = Sweep(1.0 / h, stage not in (IMPACT_BACK, IMPACT),
-                 (notes[SUBSTEP] + 1.0) / settings.substeps - 0.5)
+    # An impact is at the start of a substep; forces hold contacts to their geometry at its end.
+    strikes = stage in (APPROACH, IMPACT_BACK, IMPACT)
+    ends = notes[SUBSTEP] + (0.0 if strikes else 1.0)
+    what = Sweep(1.0 / h, not strikes, ends / settings.substeps - 0.5)
     # What gravity does in a substep: below it an approach is the work of forces, not an impact.
     slow = h * norm((model.gravity[0], model.gravity[1], model.gravity[2]))
     if stage == FILL:
@@ -213,7 +215,7 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
         _fill(region, state.x, shapes, materials, round_shapes, manifolds, prediction, waits,
               shifts, 1.0 / settings.substeps, work)
     elif stage == APPROACH:
-        notes[WAITING] = 1.0 if find_approaching(region, blocks, motion, h, slow, impacts) else 0.0
+        notes[WAITING] = 1.0 if find_approaching(region, blocks, motion, what, slow, impacts) else 0.0
     elif stage == IMPACT_BACK:
         visit_waiting(region, True, blocks, motion, bodies.used, what, slow, impacts)
     elif stage == IMPACT:
@@ -241,7 +243,7 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
         if region != BETWEEN:
             drift_bodies(region, bodies.used, motion, bodies.drifted, bodies.total,
                          bodies.smooth, alike, bodies.base, h, notes[PUSHED] > 0.0)
-        meets = drift_blocks(region, blocks, bodies.drifted, h, slow, impacts)
+        meets = drift_blocks(region, blocks, bodies.drifted, h, what, slow, impacts)
         notes[WAITING], notes[SUBSTEP] = 1.0 if meets else 0.0, notes[SUBSTEP] + 1.0
     elif stage == KEEP:
         notes[LARGEST] = keep_impulses(
