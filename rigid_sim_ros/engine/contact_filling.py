@@ -166,7 +166,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
         _copy_sizes(b, rows, manifolds, shapes.bound)
         if balls:
             A, B = gather(bodies.motion, at_A), gather(bodies.motion, at_B)
-            _copy_balls(b, rows, manifolds, shapes, materials, share)
+            _copy_balls(b, rows, manifolds, prediction, shapes, materials, share)
         else:
             A, B = gather(bodies.mass, at_A), gather(bodies.mass, at_B)
             _copy_shapes(b, rows, small, manifolds, shapes.material, materials)
@@ -216,12 +216,12 @@ def _copy_shapes(b: Array, rows: IntArray, small: bool, manifolds: Manifolds,
 
 
 @part
-def _copy_balls(b: Array, rows: IntArray, manifolds: Manifolds, shapes: Shapes,
-                materials: Materials, share: float) -> None:
+def _copy_balls(b: Array, rows: IntArray, manifolds: Manifolds, prediction: Prediction,
+                shapes: Shapes, materials: Materials, share: float) -> None:
     """
     Write the friction of balls, their point, and how far it is from both middles.
 
-    It lies half way between the surfaces: the radius and half of the gap away. That of what does
+    It lies half way between the surfaces where they were found: the radius and half of the gap away. That of what does
     not move, which may be no ball, is multiplied by 0.
     """
     for i in range(LANES):
@@ -229,7 +229,7 @@ def _copy_balls(b: Array, rows: IntArray, manifolds: Manifolds, shapes: Shapes,
         r = (rows[i] if there else rows[0]) & INDEX
         one, other = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
         first, second = shapes.material[one] & INDEX, shapes.material[other] & INDEX
-        half = 0.5 * manifolds.gap[0, r]
+        half = 0.5 * (prediction.gap[r] if prediction.given[r] == 1 else manifolds.gap[0, r])
         b[MU * LANES + i] = materials.friction[first, second] if there else 0.0
         b[LEVER_A * LANES + i] = shapes.size[one, 0] + half if there else 0.0
         b[LEVER_B * LANES + i] = -(shapes.size[other, 0] + half) if there else 0.0

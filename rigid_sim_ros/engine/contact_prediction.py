@@ -59,6 +59,7 @@ class Prediction(NamedTuple):
     # (c, 3) [m] from the start of the step to where a manifold was found, how far the centre of
     # mass of B moved relative to that of A
     moved: Array
+    gap: Array  # (c,) [m] of the first point where a manifold was found
     pose: Array  # (s, 12) scratch, as in `Memory.pose`
     old: Array  # (POINTS, 6) scratch
     still: Loads  # of 0
@@ -67,7 +68,7 @@ class Prediction(NamedTuple):
 def make_prediction(n: int, shapes: int, capacity: int) -> Prediction:
     """Return buffers for n bodies."""
     return Prediction(room(capacity, kind=np.int8), room(POINTS, capacity), room(capacity, 3),
-                      room(capacity, 3), room(shapes, 12), np.zeros((POINTS, _OLD)),
+                      room(capacity, 3), room(capacity), room(shapes, 12), np.zeros((POINTS, _OLD)),
                       empty_loads(n))
 
 
@@ -228,7 +229,7 @@ def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds
         manifolds.normal[r, k] = n[k]
         prediction.moved[r, k] = way_B[k] - way_A[k]
         prediction.turn_t[r, k] = 2.0 * slide[k] / known if known > 0 else 0.0
-    manifolds.points[r] = count
+    manifolds.points[r], prediction.gap[r] = count, scratch.points[0, 3]
     prediction.given[r] = 1
 
 
