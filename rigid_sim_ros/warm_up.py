@@ -33,7 +33,7 @@ def warm_up(
     Returns early when `stopped` is set; compiling then goes on in a thread that ends with the
     process. Whatever fails raises here as it would have later.
     """
-    _run(lambda: _use(World(scene)), stopped or threading.Event(), stream or sys.stderr)
+    _run(lambda: use(World(scene)), stopped or threading.Event(), stream or sys.stderr)
 
 
 def announced(work: Callable[[], _T], stream: TextIO | None = None) -> _T:
@@ -60,7 +60,7 @@ def _run(work: Callable[[], _T], stopped: threading.Event, stream: TextIO) -> li
     return results
 
 
-def _use(world: World) -> None:
+def use(world: World) -> None:
     """Call each kernel once, in the ways a node calls them."""
     name = world.names[0]
     for duration in (None, 1.0):

@@ -8,7 +8,8 @@ import shutil
 import tempfile
 
 from bag.sessions import shared_session
-from hypothesis import given, settings, strategies as st
+from effort import examples
+from hypothesis import given, strategies as st
 import pytest
 
 from rigid_sim_ros.bag.errors import BagError
@@ -64,27 +65,27 @@ def check(storage: str, compression: str, suffix: str, damage, strict: bool) -> 
 
 
 @pytest.mark.parametrize('compression', ['none', 'zstd'])
-@settings(max_examples=40)
+@examples(40)
 @given(damage=damages)
 def test_no_change_of_an_mcap_file_goes_unnoticed(compression, damage) -> None:
     check('mcap', compression, '.mcap', damage, strict=True)
 
 
 @pytest.mark.parametrize('compression', ['none', 'zstd'])
-@settings(max_examples=20)
+@examples(20)
 @given(damage=damages)
 def test_a_changed_sqlite_file_is_read_or_refused(compression, damage) -> None:
     # SQLite has no checksums: what is changed within a message is for `verify` to find.
     check('sqlite3', compression, '.db3', damage, strict=False)
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(damage=damages)
 def test_changed_metadata_are_read_or_refused(damage) -> None:
     check('mcap', 'none', 'metadata.yaml', damage, strict=False)
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(content=st.binary(max_size=300), name=st.sampled_from(['bag_0.mcap', 'bag_0.db3']),
        begins=st.booleans())
 def test_any_bytes_are_read_or_refused(content, name, begins) -> None:

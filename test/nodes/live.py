@@ -12,7 +12,6 @@ import ctypes
 import os
 from pathlib import Path
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -20,6 +19,7 @@ import time
 from typing import Any
 import warnings
 
+from free import free_domain
 from rcl_interfaces.srv import SetParameters
 import rclpy
 from rclpy.experimental import EventsExecutor
@@ -38,24 +38,6 @@ SILENCE = 5.0
 DEEP = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
 
 ROOT = Path(__file__).parents[2]
-
-
-def free_domain() -> int:
-    """
-    Return a ROS domain in which no DDS participant listens.
-
-    The first participant of domain d takes UDP port 7410 + 250 d (DDSI-RTPS 2.5, 9.6.1.1).
-    Domains above 101 share their ports with outgoing connections of Linux.
-    """
-    for k in range(1, 101):
-        domain = 1 + (os.getpid() + k) % 101
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            try:
-                probe.bind(('', 7410 + 250 * domain))
-                return domain
-            except OSError:
-                continue
-    raise RuntimeError('every ROS domain from 1 to 101 is in use')
 
 
 class Process:
