@@ -59,7 +59,7 @@ _PANEL = 360        # px at the right that the controls cover
 _LEAST = 30         # px: smaller spots are edges, not bodies
 _HUE = 25           # degrees to either side that are still this colour
 _NARROW_HUE = 9     # the same where another colour is near
-_DARK = 70          # of 255, in each of red, green and blue
+_DARK = 125         # of 255, in each of red, green and blue: letters of few pixels
 _COLORLESS = 25     # of 255, between the strongest and the weakest of the three
 
 
@@ -136,7 +136,7 @@ class Page:
         return (away < within) & (pixels[..., 1] > 100) & (pixels[..., 2] > 40)
 
     def dark_pixels(self) -> int:
-        """Return how many pixels are nearly black, as letters are."""
+        """Return how many pixels are dark, as letters are."""
         picture = Image.open(io.BytesIO(self.page.screenshot())).convert('RGB')
         return int((np.asarray(picture)[:, :-_PANEL].max(axis=2) < _DARK).sum())
 
