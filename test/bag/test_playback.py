@@ -9,10 +9,10 @@ import shutil
 import sqlite3
 import tempfile
 
+from bag.damage import damages, spoil
 from bag.foreign import (
     BEST_EFFORT, LATCHED, LATCHED_TEXTS, LAYOUTS, mcap, rosbag2, texts)
 from bag.sessions import shared_session
-from bag.test_fuzz import damages, spoil
 from effort import examples
 from hypothesis import given, strategies as st
 import pytest

@@ -5,9 +5,9 @@
 import functools
 
 from effort import examples
+from halves import LENGTH, members, row, rows_and, SPEED
 from hypothesis import given, strategies as st
 import numpy as np
-from test_halves import LENGTH, members, row, rows_and, SPEED
 
 from rigid_sim_ros.engine.calming import (
     _tell, calm, make_calming, tell_of_sweep, visit_waiting)
