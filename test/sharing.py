@@ -23,10 +23,14 @@ _FIRST = ('viewer', 'nodes')
 
 
 def workers(config: pytest.Config) -> int:
-    """Return how many workers to start: none, that is this process, for files named one by one."""
+    """
+    Return how many workers to start: none, that is this process, for files named one by one.
+
+    Else one more than there are cores: tests of nodes and of the page wait more than they work.
+    """
     if all('.py' in argument for argument in config.args):
         return 0
-    return min(_MOST, len(os.sched_getaffinity(0)))
+    return min(_MOST, len(os.sched_getaffinity(0)) + 1)
 
 
 def group(items: Sequence[pytest.Item]) -> None:
@@ -58,7 +62,7 @@ def compile_for_all(config: pytest.Config) -> None:
     fails here fails in the tests too, which say more about it.
     """
     is_all = [Path(argument).resolve() for argument in config.args] == [ROOT]
-    if not is_all or not getattr(config.option, 'numprocesses', 0):
+    if not is_all or config.option.collectonly or not getattr(config.option, 'numprocesses', 0):
         return
     capture = config.pluginmanager.getplugin('capturemanager')
     with capture.global_and_fixture_disabled():
