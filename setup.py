@@ -77,7 +77,7 @@ setup(
         'ros': [*ROS_WHEELS, *VIEW],
         'test': [*EXPORT, *PLOT, *RENDER, *ROS_WHEELS, *VIEW, 'colcon-common-extensions',
                  'hypothesis', 'mcap-ros2-support', 'playwright>=1.40', 'pytest',
-                 'pytest-rerunfailures'],
+                 'pytest-rerunfailures', 'pytest-xdist>=3.7'],
         'view': VIEW,
         'lint': [
             'flake8',

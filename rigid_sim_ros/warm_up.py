@@ -15,7 +15,7 @@ from typing import TextIO, TypeVar
 from rigid_sim_ros.scene import Scene
 from rigid_sim_ros.world import World
 
-_QUIET = 3.0            # s: to load what was compiled takes less, also on a busy machine
+QUIET = 3.0            # s: to load what was compiled takes less, also on a busy machine
 _PERIOD = 1.0           # s between two updates on a terminal
 _LOOK = 0.1             # s between two looks at whether to stop
 _LOG_PERIOD = 5.0       # s between two lines in a log file
@@ -33,16 +33,16 @@ def warm_up(
     Returns early when `stopped` is set; compiling then goes on in a thread that ends with the
     process. Whatever fails raises here as it would have later.
     """
-    _run(lambda: _use(World(scene)), stopped or threading.Event(), stream or sys.stderr)
+    watched(lambda: use(World(scene)), stopped or threading.Event(), stream or sys.stderr)
 
 
 def announced(work: Callable[[], _T], stream: TextIO | None = None) -> _T:
     """Do something that may have to compile kernels first, say so while it takes; return it."""
-    return _run(work, threading.Event(), stream or sys.stderr)[0]
+    return watched(work, threading.Event(), stream or sys.stderr)[0]
 
 
-def _run(work: Callable[[], _T], stopped: threading.Event, stream: TextIO) -> list[_T]:
-    """Return a list with the result, an empty one if it was stopped."""
+def watched(work: Callable[[], _T], stopped: threading.Event, stream: TextIO) -> list[_T]:
+    """Do something as `announced` does; return a list of its result, empty if it was stopped."""
     results: list[_T] = []
     failures: list[BaseException] = []
 
@@ -60,7 +60,7 @@ def _run(work: Callable[[], _T], stopped: threading.Event, stream: TextIO) -> li
     return results
 
 
-def _use(world: World) -> None:
+def use(world: World) -> None:
     """Call each kernel once, in the ways a node calls them."""
     name = world.names[0]
     for duration in (None, 1.0):
@@ -84,7 +84,7 @@ def _announce(thread: threading.Thread, stopped: threading.Event, stream: TextIO
     start = monotonic()
     on_terminal = stream.isatty()
     period, end = (_PERIOD, '') if on_terminal else (_LOG_PERIOD, '\n')
-    update, announced = start + _QUIET, False
+    update, announced = start + QUIET, False
     while thread.is_alive() and not stopped.is_set():
         thread.join(_LOOK)
         if monotonic() >= update and thread.is_alive():

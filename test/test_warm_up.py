@@ -16,7 +16,7 @@ from rigid_sim_ros.bag.batch import Batch
 from rigid_sim_ros.warm_up import announced
 
 # The command, which announces what takes longer than 0.2 s.
-SOON = 'from rigid_sim_ros import cli, warm_up; warm_up._QUIET = 0.2; cli.main()'
+SOON = 'from rigid_sim_ros import cli, warm_up; warm_up.QUIET = 0.2; cli.main()'
 
 
 def test_what_is_done_at_once_is_not_worth_a_line() -> None:
@@ -26,7 +26,7 @@ def test_what_is_done_at_once_is_not_worth_a_line() -> None:
 
 
 def test_what_takes_long_is_announced_and_its_end_too(monkeypatch) -> None:
-    monkeypatch.setattr(warm_up, '_QUIET', 0.05)
+    monkeypatch.setattr(warm_up, 'QUIET', 0.05)
     stream = io.StringIO()
     announced(lambda: time.sleep(0.5), stream=stream)
     first, *_, last = stream.getvalue().splitlines()
@@ -44,7 +44,7 @@ def test_what_goes_wrong_is_raised_where_it_is_waited_for() -> None:
 def test_who_is_stopped_does_not_wait_on() -> None:
     stopped, go_on = threading.Event(), threading.Event()
     threading.Timer(0.1, stopped.set).start()
-    warm_up._run(lambda: go_on.wait(60.0), stopped, io.StringIO())
+    warm_up.watched(lambda: go_on.wait(60.0), stopped, io.StringIO())
     assert stopped.is_set()
     go_on.set()
 

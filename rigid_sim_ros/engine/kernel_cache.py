@@ -125,6 +125,11 @@ class LateCache:
 class _Cache(_NumbasCache):
     """Numba's cache of a kernel, which reads machine code without what it takes to make some."""
 
+    def __init__(self, function: Any) -> None:
+        """Make the cache of a function, whose name tells it from others of the same source."""
+        super().__init__(function)
+        self._qualname = function.__qualname__
+
     def load_overload(self, kinds: Any, context: Any) -> Any:
         """
         Return the kernel for arguments of these types, or None.
@@ -135,6 +140,17 @@ class _Cache(_NumbasCache):
         """
         with self._guard_against_spurious_io_errors():
             return self._load_overload(kinds, context)
+
+    def _index_key(self, kinds: Any, codegen: Any) -> Any:
+        """
+        Return what tells the entries of a kernel apart: types, processor and bytecode.
+
+        Numba adds what the function closes over, pickled, and a pickled kernel holds a number that
+        each process draws anew: no process would find what another one compiled. Here the name of
+        the function says what it closes over, and the folder what that is made of.
+        """
+        kinds, target, (code, _) = super()._index_key(kinds, codegen)
+        return kinds, target, code, self._qualname
 
 
 class _NoCollector(event.Listener):
