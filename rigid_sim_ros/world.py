@@ -25,6 +25,7 @@ from rigid_sim_ros.engine.state import (
     first_unfinite, kinetic_energy, read_motion, State, total_angular_momentum, write_motion)
 from rigid_sim_ros.scene import read_scene, Scene, scene_from_dict
 from rigid_sim_ros.snapshot import pack, unpack
+from rigid_sim_ros.snapshot_check import check, Sizes
 
 # A quaternion this near to unit length is normalised, one farther off is refused: rounding to
 # three digits passes, a typo does not.
@@ -64,6 +65,7 @@ class World:
         self._index = dict(zip(self.names, self._row.tolist(), strict=True))
         self._state = copy_state(self._start)
         self._applied = AppliedWrenches()
+        self._sizes = Sizes(len(self.names), len(self._model.frame_body), shapes.body)
         collision = scene.spec.collision
         self._contact = make_contact_model(scene.contact, Setup(
             self._model, shapes, scene.materials, scene.integrator, scene.orientation,
@@ -388,17 +390,20 @@ class World:
         """
         Continue from what `save` returned, bit for bit.
 
-        ValueError if it belongs to another scene or is damaged.
+        ValueError if it belongs to another scene, is damaged, or holds anything that no world of
+        this scene can be in; then this one stays as it is.
         """
         meta, arrays = unpack(data)
-        if meta['scene'] != self._fingerprint():
+        if meta.get('scene') != self._fingerprint():
             raise ValueError(
-                f"the snapshot of {meta['bodies']} bodies is of another scene than this one of "
-                f'{len(self.names)} ({_some(self.names)}): restore it into a world of its own')
+                f"the snapshot of {meta.get('bodies')!r:.20} bodies is of another scene than this "
+                f'one of {len(self.names)} ({_some(self.names)}): restore it into a world of its '
+                'own')
         if meta.get('order', '') != self._order_mark():
             raise ValueError('the snapshot numbers the bodies in another way: it was saved by '
                              'another version; run the scene from its start')
-        # First what may be refused, so that a refusal changes nothing.
+        check(meta, arrays, self._dynamic(), self._sizes, self.step_ns)
+        # First what may still be refused, so that a refusal changes nothing.
         self._contact.recall({name: array for name, array in arrays.items()
                               if name not in State._fields + FIELDS})
         copy_into(self._state, State._make(arrays[field] for field in State._fields))
