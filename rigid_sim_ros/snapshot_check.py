@@ -20,7 +20,7 @@ from rigid_sim_ros.engine.model import WORLD
 
 _MEND = 'it was changed, or saved by another version; run the scene from its start'
 
-# A quaternion in a snapshot is off unit length by rounding only; this is far more.
+# Quaternions and normals in a snapshot are off unit length by rounding only; this is far more.
 _UNIT_TOLERANCE = 1e-6
 # Steps that are counted down or up, at most: a 64-bit integer cannot overflow by one more step.
 _MANY = 2 ** 62
@@ -150,9 +150,10 @@ def _check_field(name: str, array: np.ndarray, kind: Any, field: Field, lengths:
                          f'stay within {field.low} .. {high}: {_MEND}')
 
 
-def _are_unit(arrays: Mapping[str, np.ndarray], sizes: Sizes) -> bool:
+def _are_unit(vectors: np.ndarray) -> bool:
+    """Return whether the columns are of unit length."""
     with np.errstate(over='ignore'):
-        return bool((np.abs((arrays['q'] ** 2).sum(axis=0) - 1.0) <= _UNIT_TOLERANCE).all())
+        return bool((np.abs((vectors ** 2).sum(axis=0) - 1.0) <= _UNIT_TOLERANCE).all())
 
 
 def _are_of_their_bodies(arrays: Mapping[str, np.ndarray], sizes: Sizes) -> bool:
@@ -169,7 +170,9 @@ def _are_sorted(arrays: Mapping[str, np.ndarray], sizes: Sizes) -> bool:
 # What holds between arrays: one that must be there for it, in words, and whether it does.
 _RELATIONS: Sequence[
     tuple[str, str, Callable[[Mapping[str, np.ndarray], Sizes], bool]]] = (
-    ('q', 'orientations are not of unit length', _are_unit),
+    ('q', 'orientations are not of unit length', lambda arrays, _: _are_unit(arrays['q'])),
+    ('manifold_normal', 'normals are not of unit length', lambda arrays, _: (
+        _are_unit(arrays['manifold_normal'].T) and _are_unit(arrays['manifold_normal_A'].T))),
     ('manifold_count', 'the manifolds are not as many as it says',
      lambda arrays, _: arrays['manifold_count'][0] == len(arrays['manifold_points'])),
     ('manifold_points', 'the points of the manifolds are not as many as they say',

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A snapshot may come from anybody: it is taken as a whole, or refused and nothing has changed."""
 
+import contextlib
 from functools import cache
 import json
 import struct
@@ -77,10 +78,9 @@ def check(model: str, data: bytes) -> bool:
         assert world.save() == expected.save()
         return False
     assert world.save() == data
-    try:
+    # Finite numbers may be so large that their sums are not.
+    with contextlib.suppress(ArithmeticError):
         world.step(3)
-    except ArithmeticError:
-        pass        # finite numbers may be so large that their sums are not
     return True
 
 
@@ -99,14 +99,14 @@ def test_a_world_takes_back_what_it_saved(model) -> None:
 
 
 @pytest.mark.parametrize('model', MODELS)
-@pytest.mark.parametrize('name', [name for name, field in TABLE.items() if field.high != 2**63 - 1
-                                  or field.low != -2**63])
+@pytest.mark.parametrize('name', TABLE)
 @pytest.mark.parametrize('value', [-2**31, -2, 1000, 2**30])
 def test_a_number_that_names_something_else_is_refused(model, name, value) -> None:
     arrays = unpack(saved_world(model))[1]
     field = TABLE[name]
-    if name in arrays and arrays[name].size and not (
-            field.low <= value and (isinstance(field.high, int) and value <= field.high)):
+    is_in_range = field.low <= value and isinstance(field.high, int) and value <= field.high
+    if name in arrays and arrays[name].size and arrays[name].dtype.kind == 'i' and (
+            not is_in_range):
         assert not check(model, changed(model, name, 0, np.clip(
             value, np.iinfo(arrays[name].dtype).min, np.iinfo(arrays[name].dtype).max)))
 
