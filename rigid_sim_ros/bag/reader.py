@@ -128,6 +128,21 @@ class BagReader:
                                f'{counts.total()}')
 
 
+def file_is_whole(path: Path, by_message: bool) -> bool:
+    """Return whether a file that is not compressed as a whole can be read to its end."""
+    storage: SqliteReader | McapScan | None = None
+    try:
+        storage = SqliteReader(path, by_message) if path.suffix == '.db3' else McapScan(path)
+        for _ in storage.messages():
+            pass
+    except BagError:
+        return False
+    finally:
+        if storage is not None:
+            storage.close()
+    return not (isinstance(storage, McapScan) and storage.faults)
+
+
 def free_space_error(error: OSError, path: Path) -> str:
     """Return one line about a disk that does not take more."""
     try:
