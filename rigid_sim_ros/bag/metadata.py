@@ -118,8 +118,6 @@ class _File(_Told):
 
 class _TopicMetadata(_Told):
     name: str
-    type: str
-    serialization_format: str
 
 
 class _Topic(_Told):

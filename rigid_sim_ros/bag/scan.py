@@ -280,4 +280,3 @@ class McapScan:
 def _lz4(data: bytes, size: int) -> bytes:
     raw = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
     return bytes(raw)
-

@@ -66,7 +66,7 @@ def contents(folder: Path) -> dict[str, object]:
             if path.is_file() else path.stat().st_mode for path in sorted(folder.rglob('*'))}
 
 
-# --- what is done to a copy of a good bag: each gets the bag and a folder outside of it -----------
+# --- what is done to a copy of a good bag: each gets the bag and a folder outside of it ----------
 
 def _first(bag: Path) -> Path:
     return sorted(path for path in bag.iterdir() if path.suffix in ('.mcap', '.db3'))[0]
@@ -158,8 +158,9 @@ def _huge_message(bag: Path, outside: Path) -> None:
     path.write_text(path.read_text().replace('"none"', '"message"'))
 
 
-ENDLESS = ('CREATE VIEW messages AS WITH RECURSIVE r(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM r) '
-           'SELECT i AS id, 1 AS topic_id, i AS timestamp, x\'00\' AS data FROM r')
+ENDLESS = (
+    'CREATE VIEW messages AS WITH RECURSIVE r(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM r) '
+    "SELECT i AS id, 1 AS topic_id, i AS timestamp, x'00' AS data FROM r")
 
 # By name: storage, compression, and the change.
 HARM: dict[str, tuple[str, str, Callable[[Path, Path], None]]] = {
@@ -211,6 +212,6 @@ def harmed(name: str, folder: Path) -> tuple[Path, Path]:
     shutil.copytree(shared_session(storage, compression), bag)
     outside.mkdir()
     for name in ('letter', 'super'):
-        (outside / name).write_bytes(b'somebody\'s words\0' * 500)
+        (outside / name).write_bytes(b"somebody's words\0" * 500)
     change(bag, outside)
     return bag, outside
