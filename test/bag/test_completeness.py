@@ -69,14 +69,19 @@ FORGERIES = {
 }
 
 
+def refused_or_differs(bag: Path) -> bool:
+    """Return whether `verify` does not let a bag pass."""
+    try:
+        return not verify(bag).holds
+    except BagError as error:
+        return str(error).isprintable()
+
+
 @pytest.mark.parametrize('recount', [False, True])
 @pytest.mark.parametrize('name', FORGERIES)
 def test_poses_that_are_wrong_are_found_however_they_are_called(tmp_path, name, recount) -> None:
-    bag = forge(shared_session(), tmp_path, change=far_away, recount=recount, **FORGERIES[name])
-    try:
-        assert not verify(bag).holds
-    except BagError as error:
-        assert str(error).isprintable()
+    assert refused_or_differs(forge(
+        shared_session(), tmp_path, change=far_away, recount=recount, **FORGERIES[name]))
 
 
 def test_what_is_written_anew_and_not_changed_holds(tmp_path) -> None:
@@ -201,14 +206,9 @@ def test_fuzzed_names_of_topics_in_sqlite_are_missed(place, bit, topic) -> None:
                              (bytes(name), topic))
             database.commit()
         database.close()
-        for command in (info, verify):
-            try:
-                found = command(bag)
-            except BagError as error:
-                assert str(error).isprintable()
-            else:
-                assert command is verify
-                assert not found.holds
+        with pytest.raises(BagError):
+            info(bag)
+        assert refused_or_differs(bag)
 
 
 def test_a_topic_of_somebody_else_is_noted_and_harms_nothing(tmp_path) -> None:

@@ -108,8 +108,9 @@ def test_every_input_is_recorded_with_its_step_and_arguments() -> None:
     found = {event.kind: event for event in events_of(shared_session())}
     wrench = found['set_pose']
     assert (wrench.step, wrench.arguments['position']) == (813, [4.0, 1.0, 0.5])
-    assert set(found) == {'apply_wrench', 'set_pose', 'cancel_wrenches', 'reset', 'pause',
-                          'set_twist', 'step', 'resume', 'speed', 'apply_impulse', 'written', 'end'}
+    assert set(found) == {
+        'apply_wrench', 'set_pose', 'cancel_wrenches', 'reset', 'pause', 'set_twist', 'step',
+        'resume', 'speed', 'apply_impulse', 'written', 'end'}
 
 
 def test_the_last_file_alone_leads_to_the_last_state() -> None:
