@@ -18,7 +18,7 @@ MODULES = sorted(
     path for path in ROOT.rglob('*.py') if not path.relative_to(ROOT).parts[0].startswith('_'))
 
 # What a part may import of the others, besides itself.
-WORLD = {'applied', 'snapshot', 'world'}
+WORLD = {'applied', 'snapshot', 'snapshot_check', 'world'}
 LOWER = WORLD | {'bag', 'codec', 'engine', 'scene'}
 MAY_IMPORT = {
     'cli': LOWER | {'bag_commands', 'nodes', 'options', 'plots', 'precompile', 'render',
