@@ -31,6 +31,7 @@ class Sizes(NamedTuple):
 
     bodies: int
     frames: int
+    fixed: int  # bodies that nothing pushes
     body_of_shape: IntArray  # (s,) the body of each shape
 
 
@@ -116,7 +117,7 @@ def check(meta: Mapping[str, Any], arrays: Mapping[str, np.ndarray],
         odd = sorted(arrays.keys() ^ present.keys())[0]
         raise ValueError(f'the snapshot {"lacks" if odd in present else "has"} an array '
                          f'{odd!r}: {_MEND}')
-    lengths = {'n': sizes.bodies}
+    lengths = {'n': sizes.bodies, 'z': sizes.fixed}
     ends = {'n': sizes.bodies, 'f': sizes.frames, 's': len(sizes.body_of_shape)}
     for name, array in arrays.items():
         _check_field(name, array, present[name].dtype, TABLE[name], lengths, ends)

@@ -68,7 +68,8 @@ class World:
         self._state = copy_state(self._start)
         self._applied = AppliedWrenches()
         self._posed = Posed(self._model, shapes)
-        self._sizes = Sizes(len(self.names), len(self._model.frame_body), shapes.body)
+        self._sizes = Sizes(len(self.names), len(self._model.frame_body),
+                            len(self._model.fixed), shapes.body)
         collision = scene.spec.collision
         self._contact = make_contact_model(scene.contact, Setup(
             self._model, shapes, scene.materials, scene.integrator, scene.orientation,
