@@ -56,7 +56,7 @@ SHOVE = 27  # impulse along n of the push that displaces [N s]; means nothing un
 NORMAL = 28  # n, world axes
 BASIS = 31  # a number from which t1 follows, see `make_basis`
 MU = 32  # friction coefficient
-SLIDE = 33  # 1 / a bound of the largest eigenvalue of the force part of K_TT
+SLIDE = 33  # 1 / the largest eigenvalue of the force part of K_TT
 FRICTION = 34  # impulses along t1, t2 of this substep [N s]
 TORSION = 36  # a part of the angular momentum that the pair gained by having moved [N m s]
 TOTAL_T = 39  # friction of the substeps before, along t1, t2 [N s]
@@ -86,7 +86,7 @@ K_NN = POINT + 4 * POINT_ROWS  # 00, 01, 02, 11, 12, 22
 K_TN = K_NN + 6  # by rows
 ROLL = K_TN + 9  # impulses about t1, t2 [N m s]
 RESTING_ROLL = ROLL + 2  # see RESTING
-ROLL_STEP = RESTING_ROLL + 2  # 1 / a bound of the largest eigenvalue of the torque part of K_NN
+ROLL_STEP = RESTING_ROLL + 2  # 1 / the largest eigenvalue of the torque part of K_NN
 ROLL_LEVER = ROLL_STEP + 1  # [m] torque about t1, t2 per normal force
 ROWS = ROLL_LEVER + 1
 BLOCK_SIZE = ROWS * LANES
@@ -396,15 +396,21 @@ def _prepare_friction(b: Array, A: Six, B: Six) -> None:
     store(b, INV_SPIN, inverse_of(A[5] + B[5]))
     store(b, K_SPIN, A[2] + B[2])
     store(b, K_SPIN + 1, A[4] + B[4])
-    # Gershgorin's bound of the largest eigenvalue.
-    store(b, SLIDE, inverse_of(max(k00, k11) + abs(k01)))
+    store(b, SLIDE, inverse_of(_largest_eigenvalue(k00, k01, k11)))
+
+
+@part
+def _largest_eigenvalue(k00: Eight, k01: Eight, k11: Eight) -> Eight:
+    """Return that of a symmetric matrix of two rows: it is the same for any pair of tangents."""
+    half = 0.5 * (k00 - k11)
+    return 0.5 * (k00 + k11) + root(half * half + k01 * k01)
 
 
 @part
 def _prepare_rolling(b: Array) -> None:
-    """Turn the impulse against rolling into its parts, with Gershgorin's bound for its steps."""
+    """Turn the impulse against rolling into its parts, and how long its steps may be."""
     _, t1, t2 = axes(b)
     roll = load_three(b, ROLL)
     store_two(b, ROLL, (dot(roll, t1), dot(roll, t2)))
     k11, k12, k22 = load(b, K_NN + 3), load(b, K_NN + 4), load(b, K_NN + 5)
-    store(b, ROLL_STEP, inverse_of(max(k11, k22) + abs(k12)))
+    store(b, ROLL_STEP, inverse_of(_largest_eigenvalue(k11, k12, k22)))
