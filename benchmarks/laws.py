@@ -23,7 +23,8 @@ import sys
 import time
 
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE.parent / 'test'), str(HERE / 'peers')]
+sys.path.insert(0, str(HERE / 'peers'))
+sys.path.insert(0, str(HERE.parent / 'test'))
 
 from laws.book import builder, judge, LAWS, scene
 from laws.cases import Case, CASES
