@@ -22,8 +22,8 @@ from pathlib import Path
 import sys
 import time
 
-HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE.parent / 'test'), str(HERE / 'peers')]
+sys.path.insert(0, str(Path(__file__).resolve().parent / 'peers'))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test'))
 
 from laws.book import builder, judge, LAWS, scene
 from laws.cases import Case, CASES

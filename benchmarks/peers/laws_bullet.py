@@ -1,6 +1,6 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes of the laws in Bullet (bodies in maximal coordinates), the other settings as they come."""
+"""Scenes of the laws in Bullet: bodies in maximal coordinates, other settings as they come."""
 
 import math
 from typing import Any

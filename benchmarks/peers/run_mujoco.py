@@ -39,14 +39,14 @@ def _model(scene: dict[str, Any]) -> mujoco.MjModel:
         x, y, z, w = body['orientation']
         size = body['size'] if body['shape'] == 'sphere' else [0.5 * s for s in body['size']]
         inside = (tag('freejoint') + tag('inertial', pos=(0, 0, 0), mass=body['mass'],
-                                           diaginertia=body['moments'])
+                                         diaginertia=body['moments'])
                   + tag('geom', type=body['shape'], size=size))
         bodies.append(tag('body', inside, pos=body['position'], quat=(w, x, y, z)))
     if scene['ground']:
         bodies.append(tag('geom', type='plane', size=(0, 0, 1)))
     return mujoco.MjModel.from_xml_string(tag('mujoco', ''.join([
         tag('option', integrator='implicitfast', timestep=scene['step'],
-             gravity=scene['gravity']),
+            gravity=scene['gravity']),
         tag('size', memory='2G'), tag('default', tag('geom', **contact_parameters(scene))),
         tag('worldbody', ''.join(bodies))])))
 
