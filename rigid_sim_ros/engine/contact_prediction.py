@@ -40,7 +40,7 @@ from rigid_sim_ros.engine.vector import (
 
 # Parts of the size of the smaller shape of a pair: what moves less in a step has the geometry of
 # its start; what is nearer than twice the skin touches; what comes nearer has met.
-STILL, TOUCHING, MET = 1e-6, 4e-5, 1e-8
+STILL, TOUCHING, MET = 1e-6, 4e-5, 1e-6
 # Stages of conservative advancement: what touches for less than a stage, and not deeply, is missed.
 STAGES = 16
 TINY = 1e-300
@@ -130,7 +130,8 @@ def _meeting(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b
         later = min(t + max(gap / speed, model.h / STAGES), model.h)
         then, n = pair_gap(model, state, loads, shapes, a, b, later, pose, scratch)
         if then <= met:
-            return t + (later - t) * min(gap / max(gap - then, TINY), 1.0)
+            # A little before, the direction between what is nearest is still the normal.
+            return t + (later - t) * max(gap - met, 0.0) / max(gap - then, TINY)
         if later >= model.h:
             break
         t, gap = later, then
