@@ -26,11 +26,11 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.engine.coloring import (
-    BETWEEN, Blocks, first_block, most_blocks, numbers_of, SHAKEN)
+    BETWEEN, Blocks, first_block, most_blocks, numbers_of)
 from rigid_sim_ros.engine.contact_blocks import SIZE
 from rigid_sim_ros.engine.contact_rules import SETTLED_POINT, Sweep
 from rigid_sim_ros.engine.contact_sweep import (
-    begin_block, begin_impact, drift_block, end_impact, excuse_approach, forget_excuse, visit_block)
+    begin_block, begin_impact, drift_block, end_impact, visit_block)
 from rigid_sim_ros.engine.kernel import apart, INDEX, kernel
 from rigid_sim_ros.engine.lanes import bits_of, LANES, load
 from rigid_sim_ros.engine.solver_bodies import most_slots, slots_of, STRIDE
@@ -47,7 +47,8 @@ class Impacts(NamedTuple):
     # body A and 2 lane + 1 of its B, with lanes counted over all blocks.
     first: IntArray  # (slots,) of 32 bits, where it begins
     further: IntArray  # (16 blocks,) of 32 bits, the place after a place
-    # (blocks,) of 8 bits, 1 for what approaches, or whose bodies changed since its last visit
+    # (2, blocks) of 16 bits, the bits of the lanes that approach, or whose bodies changed since
+    # their last visit; in either row those that one half told, as halves write side by side
     waits: IntArray
     hit: IntArray  # (blocks,) of 8 bits, 1 while a block has the impulses of an impact
 
@@ -56,7 +57,7 @@ def make_impacts(n: int, capacity: int) -> Impacts:
     """Return room for n bodies and `capacity` manifolds."""
     blocks = most_blocks(capacity)
     return Impacts(integers(2), room(most_slots(n), kind=np.int32),
-                   room(2 * LANES * blocks, kind=np.int32), room(blocks, kind=np.int8),
+                   room(2 * LANES * blocks, kind=np.int32), room(2, blocks, kind=np.int16),
                    room(blocks, kind=np.int8))
 
 
@@ -71,8 +72,8 @@ def find_approaching(region: int, blocks: Blocks, motion: Array, what: Sweep, to
     first, any_waits = first_block(blocks, region), False
     for block in range(first, first + blocks.count[region]):
         meets = begin_block(blocks, block, motion, what, tolerance)
-        work.waits[block], work.hit[block] = 1 if meets else 0, 0
-        any_waits |= meets
+        work.waits[0, block], work.waits[1, block], work.hit[block] = meets, 0, 0
+        any_waits |= meets != 0
     return any_waits
 
 
@@ -83,8 +84,8 @@ def drift_blocks(region: int, blocks: Blocks, drifted: Array, h: float, what: Sw
     first, any_waits = first_block(blocks, region), False
     for block in range(first, first + blocks.count[region]):
         meets = drift_block(blocks, block, drifted, h, what, tolerance)
-        work.waits[block] = 1 if meets else 0
-        any_waits |= meets
+        work.waits[0, block], work.waits[1, block] = meets, 0
+        any_waits |= meets != 0
     return any_waits
 
 
@@ -103,7 +104,7 @@ def pass_on(region: int, blocks: Blocks, motion: Array, used: IntArray, what: Sw
     visit_waiting(region, False, blocks, motion, used, what, tolerance, work)
     first, any_waits = first_block(blocks, region), False
     for block in range(first, first + blocks.count[region]):
-        any_waits |= work.waits[block] == 1
+        any_waits |= work.waits[0, block] | work.waits[1, block] != 0
     return any_waits
 
 
@@ -114,34 +115,28 @@ def visit_waiting(region: int, backwards: bool, blocks: Blocks, motion: Array, u
     first, count, any_did = first_block(blocks, region), blocks.count[region], False
     for j in range(count):
         block = first + (count - 1 - j if backwards else j) & INDEX
-        if work.waits[block] == 1:
+        bits = work.waits[0, block] | work.waits[1, block]
+        if bits != 0:
             any_did = True
-            if work.hit[block] == 0:
+            if work.hit[block] == 0 and not what.forces:
                 begin_impact(blocks, block)
                 work.hit[block] = 1
-            residual = visit_block(blocks, block, motion, what)
+            residual = visit_block(blocks, block, motion, what, bits)
             least = max(SETTLED_POINT * what.inv_h * load(numbers_of(blocks, block), SIZE),
                         tolerance)
-            blocks.left[block] = SHAKEN * bits_of(residual > least)
-            work.waits[block] = 0
-            _tell(region, blocks, block, used, work)
+            _tell(region, blocks, block, bits & bits_of(residual > least), used, work)
+            work.waits[0, block] = work.waits[1, block] = 0
     return any_did
 
 
 @kernel
-def excuse_approaches(region: int, blocks: Blocks, motion: Array) -> None:
-    """Let forces not stop what approaches in a region."""
-    first = first_block(blocks, region)
+def wait_fresh(region: int, blocks: Blocks, fresh: IntArray, work: Impacts) -> bool:
+    """Let the lanes wait that touch without an impulse to begin with; return whether any does."""
+    first, any_waits = first_block(blocks, region), False
     for block in range(first, first + blocks.count[region]):
-        excuse_approach(blocks, block, motion)
-
-
-@kernel
-def forget_excuses(region: int, blocks: Blocks) -> None:
-    """End what `excuse_approaches` began."""
-    first = first_block(blocks, region)
-    for block in range(first, first + blocks.count[region]):
-        forget_excuse(blocks, block)
+        work.waits[0, block], work.waits[1, block] = fresh[block], 0
+        any_waits |= fresh[block] != 0
+    return any_waits
 
 
 @kernel
@@ -155,22 +150,24 @@ def end_impacts(region: int, blocks: Blocks, motion: Array, work: Impacts) -> No
 
 
 @kernel
-def _tell(region: int, blocks: Blocks, block: int, used: IntArray, work: Impacts) -> None:
-    """Let all other blocks of whom the last visit to a block changed wait for theirs."""
-    if blocks.left[block] < SHAKEN:
+def _tell(region: int, blocks: Blocks, block: int, bits: int, used: IntArray,
+          work: Impacts) -> None:
+    """Let all other lanes with the bodies of these lanes of a block wait for their visits."""
+    if bits == 0:
         return
     for half in range(2):
         if (half == region or region == BETWEEN) and work.listed[half] == 0:
             _list_blocks(half, blocks, used, work)
             work.listed[half] = 1
+    row = 1 if region == 1 else 0
     for i in range(LANES):
-        if blocks.left[block] & SHAKEN << i != 0:
+        if bits & 1 << i != 0:
             for at in (blocks.at_A[block * LANES + i], blocks.at_B[block * LANES + i]):
                 place = work.first[(at & INDEX) // STRIDE]
                 while place >= 0:
-                    work.waits[(place & INDEX) // (2 * LANES)] = 1
+                    lane = (place & INDEX) // 2
+                    work.waits[row, lane // LANES] |= 1 << lane % LANES
                     place = work.further[place & INDEX]
-    work.waits[block] = 0
 
 
 @kernel
