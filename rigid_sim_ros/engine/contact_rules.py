@@ -59,8 +59,8 @@ def least_speed(b: Array, point: int, what: Sweep) -> Eight:
 @part
 def wanted_of(b: Array, point: int, rate: float) -> Eight:
     """Return the speed by which a point leaves its overlap too slowly, 0 without one [m/s]."""
-    overlap = min(-min(load(b, point + GAP), 0.0), DEEPEST_PUSH * load(b, SIZE))
-    push = rate * overlap
+    size, gap = load(b, SIZE), load(b, point + GAP)
+    push = rate * min(select(gap < -NEGLIGIBLE * size, -gap, 0.0), DEEPEST_PUSH * size)
     return max(push - max(load(b, point + SPEED), 0.0), 0.0)
 
 

@@ -210,64 +210,73 @@ def note_left(blocks: Blocks, block: int, residual: Eight, what: Sweep) -> None:
 
 
 @part
-def begin_impact(blocks: Blocks, block: int) -> None:
+def begin_impact(blocks: Blocks, block: int, bits: int) -> None:
     """
-    Set the impulses of a block aside, those with which its contacts bear forces.
+    Set the impulses of some lanes of a block aside, those with which contacts bear forces.
 
     An impact begins with none, and none of its own is there when it is over: what stopped bodies
     once must not act on them again in the next substep.
     """
-    b, kind = numbers_of(blocks, block), blocks.kind[block]
+    b, kind, mask = numbers_of(blocks, block), blocks.kind[block], lanes_in(bits)
     for p in range(4 if points_in(kind) > 1 else 1):
         point = POINT + p * POINT_ROWS
-        store(b, point + RESTING, load(b, point + IMPULSE))
-        store(b, point + IMPULSE, 0.0)
-    store_two(b, RESTING_T, load_two(b, FRICTION))
-    store_two(b, FRICTION, (0.0, 0.0))
+        _set_aside(b, point + IMPULSE, point + RESTING, mask)
+    for k in range(2):
+        _set_aside(b, FRICTION + k, RESTING_T + k, mask)
     if not are_balls(kind):
-        store(b, RESTING_SPIN, load(b, SPIN))
-        store(b, SPIN, 0.0)
-    if resists(kind):
-        store_two(b, RESTING_ROLL, load_two(b, ROLL))
-        store_two(b, ROLL, (0.0, 0.0))
+        _set_aside(b, SPIN, RESTING_SPIN, mask)
+    for k in range(2 if resists(kind) else 0):
+        _set_aside(b, ROLL + k, RESTING_ROLL + k, mask)
 
 
 @part
-def end_impact(blocks: Blocks, block: int, motion: Array) -> None:
+def _set_aside(b: Array, row: int, aside: int, mask: Mask) -> None:
+    store(b, aside, select(mask, load(b, row), load(b, aside)))
+    store(b, row, select(mask, 0.0, load(b, row)))
+
+
+@part
+def end_impact(blocks: Blocks, block: int, bits: int, motion: Array) -> None:
     """Count the impulses of an impact with those of the step, and put back what was set aside."""
-    b, kind = numbers_of(blocks, block), blocks.kind[block]
+    b, kind, mask = numbers_of(blocks, block), blocks.kind[block], lanes_in(bits)
     for p in range(4 if points_in(kind) > 1 else 1):
         point = POINT + p * POINT_ROWS
-        store(b, point + TOTAL, load(b, point + TOTAL) + load(b, point + IMPULSE))
-        store(b, point + IMPULSE, load(b, point + RESTING))
-    acted, before = load_two(b, FRICTION), load_two(b, TOTAL_T)
-    store_two(b, TOTAL_T, (before[0] + acted[0], before[1] + acted[1]))
-    store_two(b, FRICTION, load_two(b, RESTING_T))
+        _put_back(b, point + IMPULSE, point + RESTING, point + TOTAL, mask)
+    for k in range(2):
+        _put_back(b, FRICTION + k, RESTING_T + k, TOTAL_T + k, mask)
     if not are_balls(kind):
-        store(b, SPIN, load(b, RESTING_SPIN))
-    if resists(kind):
-        store_two(b, ROLL, load_two(b, RESTING_ROLL))
-    _note_approach(b, kind, motion, blocks.at_A[lanes_of(block)], blocks.at_B[lanes_of(block)])
+        store(b, SPIN, select(mask, load(b, RESTING_SPIN), load(b, SPIN)))
+    for k in range(2 if resists(kind) else 0):
+        store(b, ROLL + k, select(mask, load(b, RESTING_ROLL + k), load(b, ROLL + k)))
+    _note_approach(b, kind, motion, blocks.at_A[lanes_of(block)], blocks.at_B[lanes_of(block)],
+                   mask)
 
 
 @part
-def _note_approach(b: Array, kind: int, motion: Array, at_A: IntArray, at_B: IntArray) -> None:
+def _put_back(b: Array, row: int, aside: int, total: int, mask: Mask) -> None:
+    store(b, total, load(b, total) + select(mask, load(b, row), 0.0))
+    store(b, row, select(mask, load(b, aside), load(b, row)))
+
+
+@part
+def _note_approach(b: Array, kind: int, motion: Array, at_A: IntArray, at_B: IntArray,
+                   mask: Mask) -> None:
     """Write how fast the points still approach, in the place of what was set aside."""
     A, B = gather(motion, at_A), gather(motion, at_B)
     if are_balls(kind):
         along = dot((B[0] - A[0], B[1] - A[1], B[2] - A[2]), load_three(b, NORMAL))
-        store(b, POINT + RESTING, max(-along, 0.0))
+        store(b, POINT + RESTING, select(mask, max(-along, 0.0), 0.0))
         return
     n, t1, t2 = axes(b)
     _, u, w = _relative(b, A, B)
     along, about_1, about_2 = dot(u, n), dot(w, t1), dot(w, t2)
     if points_in(kind) == 1:
-        store(b, POINT + RESTING, max(-along, 0.0))
+        store(b, POINT + RESTING, select(mask, max(-along, 0.0), 0.0))
         return
     for p in range(4):
         point = POINT + p * POINT_ROWS
-        store(b, point + RESTING, max(-(along + load(b, point + T) * about_1
-                                        - load(b, point + S) * about_2), 0.0))
+        parts = along + load(b, point + T) * about_1 - load(b, point + S) * about_2
+        store(b, point + RESTING, select(mask, max(-parts, 0.0), 0.0))
 
 
 @part

@@ -50,7 +50,7 @@ class Impacts(NamedTuple):
     # (2, blocks) of 16 bits, the bits of the lanes that approach, or whose bodies changed since
     # their last visit; in either row those that one half told, as halves write side by side
     waits: IntArray
-    hit: IntArray  # (blocks,) of 8 bits, 1 while a block has the impulses of an impact
+    hit: IntArray  # (blocks,) of 16 bits, those of the lanes that have the impulses of an impact
 
 
 def make_impacts(n: int, capacity: int) -> Impacts:
@@ -58,7 +58,7 @@ def make_impacts(n: int, capacity: int) -> Impacts:
     blocks = most_blocks(capacity)
     return Impacts(integers(2), room(most_slots(n), kind=np.int32),
                    room(2 * LANES * blocks, kind=np.int32), room(2, blocks, kind=np.int16),
-                   room(blocks, kind=np.int8))
+                   room(blocks, kind=np.int16))
 
 
 @kernel
@@ -118,9 +118,9 @@ def visit_waiting(region: int, backwards: bool, blocks: Blocks, motion: Array, u
         bits = work.waits[0, block] | work.waits[1, block]
         if bits != 0:
             any_did = True
-            if work.hit[block] == 0 and not what.forces:
-                begin_impact(blocks, block)
-                work.hit[block] = 1
+            if bits & ~work.hit[block] != 0 and not what.forces:
+                begin_impact(blocks, block, bits & ~work.hit[block])
+                work.hit[block] |= bits
             residual = visit_block(blocks, block, motion, what, bits)
             least = max(SETTLED_POINT * what.inv_h * load(numbers_of(blocks, block), SIZE),
                         tolerance)
@@ -144,8 +144,8 @@ def end_impacts(region: int, blocks: Blocks, motion: Array, work: Impacts) -> No
     """Put back the impulses that bear forces, before the forces of a substep act."""
     first = first_block(blocks, region)
     for block in range(first, first + blocks.count[region]):
-        if work.hit[block] == 1:
-            end_impact(blocks, block, motion)
+        if work.hit[block] != 0:
+            end_impact(blocks, block, work.hit[block], motion)
             work.hit[block] = 0
 
 
