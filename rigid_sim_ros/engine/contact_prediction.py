@@ -38,9 +38,9 @@ from rigid_sim_ros.engine.vector import (
     add, add_scaled, column, cross, dot, row, scale, subtract)
 
 # Parts of the size of the smaller shape of a pair: what moves less in a step has the geometry of
-# its start; what is nearer touches; a point that gets farther on both bodies is another one.
-STILL, TOUCHING, JUMP = 1e-6, 1e-4, 0.25
-# Stages of conservative advancement: what touches for less than a stage, and not deeply, is missed.
+# its start; what is nearer touches.
+STILL, TOUCHING = 1e-6, 1e-4
+# Stages of conservative advancement: what touches for less than one, and not deeply, is missed.
 STAGES = 16
 TINY = 1e-300
 # cos 25 deg: a normal that turns farther in half of a step belongs to another feature.

@@ -8,11 +8,11 @@ from rigid_sim_ros.engine.coloring import (
     UNSETTLED)
 from rigid_sim_ros.engine.contact_balls import drift_balls, separate_balls, visit_balls
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, drift_together, FRICTION, friction_of, GAP, IMPULSE,
-    INV_SPIN, INV_TT, J_A, J_B, K_N, K_NN, K_SPIN, K_TN, keep_friction, load_three, load_two, MASS,
-    Motion, MU, NORMAL, normal_sum, POINT, POINT_ROWS, pushed, RESTING, RESTING_ROLL, RESTING_SPIN,
-    RESTING_T, ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE, SIZE, SLIDE, smallest_gap, SPEED, SPIN,
-    SPIN_LEVER, store_two, symmetric, T, Three, TOTAL, TOTAL_T, TURN_T)
+    ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, drift_together, FRICTION, friction_of, GAP,
+    IMPULSE, INV_SPIN, INV_TT, J_A, J_B, K_N, K_NN, K_SPIN, K_TN, keep_friction, load_three,
+    load_two, MASS, Motion, MU, NORMAL, normal_sum, POINT, POINT_ROWS, pushed, RESTING,
+    RESTING_ROLL, RESTING_SPIN, RESTING_T, ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE, SIZE, SLIDE,
+    smallest_gap, SPEED, SPIN, SPIN_LEVER, store_two, symmetric, T, Three, TOTAL, TOTAL_T, TURN_T)
 from rigid_sim_ros.engine.contact_rules import (
     gap_of, least_speed, NEGLIGIBLE, onto_circle, SETTLED, SETTLED_POINT, SKIN, Sweep, wanted_of)
 from rigid_sim_ros.engine.kernel import part
@@ -69,7 +69,8 @@ def begin_block(blocks: Blocks, block: int, motion: Array, h: float, tolerance: 
     """
     Begin the sums of a step.
 
-    Returns whether any pair would get into each other within h [s] faster than the tolerance [m/s].
+    Returns whether any pair would get into each other within h [s] faster than the tolerance
+    [m/s].
     """
     b, lanes, kind = numbers_of(blocks, block), lanes_of(block), blocks.kind[block]
     begin_sums(b, points_in(kind))

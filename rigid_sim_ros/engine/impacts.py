@@ -30,7 +30,8 @@ from rigid_sim_ros.engine.coloring import (
 from rigid_sim_ros.engine.contact_blocks import SIZE
 from rigid_sim_ros.engine.contact_rules import SETTLED_POINT, Sweep
 from rigid_sim_ros.engine.contact_sweep import (
-    begin_block, begin_impact, drift_block, end_impact, excuse_approach, forget_excuse, visit_block)
+    begin_block, begin_impact, drift_block, end_impact, excuse_approach, forget_excuse,
+    visit_block)
 from rigid_sim_ros.engine.kernel import apart, INDEX, kernel
 from rigid_sim_ros.engine.lanes import bits_of, LANES, load
 from rigid_sim_ros.engine.solver_bodies import most_slots, slots_of, STRIDE

@@ -91,9 +91,9 @@ def make_work(n: int, middle: tuple[int, int], capacity: int) -> SequentialWork:
 
 
 # The stages of a region: fill its blocks; see what approaches as the step begins; let what waits
-# in an impact have a turn; kick and sweep forth; kick alone, and take it back; sweep forth or back;
-# kick, visit what is new and sweep forth; sweep back what is not settled and push; drift; keep
-# impulses.
+# in an impact have a turn; kick and sweep forth; kick alone, and take it back; sweep forth or
+# back; kick, visit what is new and sweep forth; sweep back what is not settled and push; drift;
+# keep impulses.
 (FILL, APPROACH, IMPACT_BACK, IMPACT, KICK_AND_SWEEP, KICK, UNKICK, SWEEP, SWEEP_BACK,
  SETTLE_AND_SWEEP, RETURN, DRIFT, KEEP) = range(13)
 
