@@ -115,7 +115,7 @@ def reach_of_turning(shapes: Shapes, s: int) -> float:
 
 @kernel
 def approach_bound(model: Model, state: State, loads: Loads, shapes: Shapes, s: int, n: Vector,
-              t: float) -> float:
+                   t: float) -> float:
     """Return a bound on how fast a point of shape s moves along n [m/s] until t [s]."""
     i = shapes.body[s]
     if model.inv_m[i] == 0.0:

@@ -81,9 +81,9 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
     """
     Let all pairs with restitution bounce that touch within h [s] faster than `slowest` [m/s].
 
-    What waits already takes no part. F (3, n) are the forces [N]. Changes the state; the displacements and rotations are in
-    work.body afterwards. The impulses (4, c) and (c, 3) are what acted on B [N s]. Returns the
-    number of collisions.
+    What waits already takes no part. F (3, n) are the forces [N]. Changes the state; the
+    displacements and rotations are in work.body afterwards. The impulses (4, c) and (c, 3) are
+    what acted on B [N s]. Returns the number of collisions.
     """
     first_row, count = rows_in_use(manifolds)
     candidates = 0
@@ -224,8 +224,7 @@ def _time_of_touch(gap: float, v: float, a: float, h: float, slowest: float) -> 
 
 @kernel
 def _touch(h: float, x: Array, kind: IntArray, size: Array, manifolds: Manifolds, slowest: float,
-           r: int,
-           work: CollisionWork) -> float:
+           r: int, work: CollisionWork) -> float:
     """Return when the first point of a manifold touches [s] after the start of the step."""
     a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
     n = row(manifolds.normal, r)
@@ -282,8 +281,7 @@ def _touch_of_spheres(h: float, x: Array, size: Array, manifolds: Manifolds, r: 
 
 @kernel
 def _bounce(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, restitution: float,
-            mu: float,
-            r: int, tau: float, normal_impulse: Array, friction_impulse: Array,
+            mu: float, r: int, tau: float, normal_impulse: Array, friction_impulse: Array,
             work: CollisionWork) -> None:
     """Collide one pair at tau [s], by the law of Newton within the cone of Coulomb."""
     a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX

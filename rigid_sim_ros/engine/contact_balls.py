@@ -16,8 +16,8 @@ shapes. That takes a third of the work of other contacts and half of their memor
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, axes, combine, drift_together, FRICTION, GAP, IMPULSE, inverse_of, LEVER_A, LEVER_B,
-    load_three, load_two, make_basis, MASS, Motion, MU, NORMAL, POINT, RESTING, SHOVE, SIZE, SPEED, STICK,
-    store_two, Three, TURN_T, Two)
+    load_three, load_two, make_basis, MASS, Motion, MU, NORMAL, POINT, RESTING, SHOVE, SIZE, SPEED,
+    STICK, store_two, Three, TURN_T, Two)
 from rigid_sim_ros.engine.contact_rules import (
     least_speed, NEGLIGIBLE, onto_circle, Sweep, wanted_of)
 from rigid_sim_ros.engine.kernel import part

@@ -266,9 +266,10 @@ def prepare_block(b: Array, points: int, small: bool, inv_m_A: Eight, inv_m_B: E
     Work out frames, arms and responses of the eight manifolds of a block.
 
     Filled in before: NORMAL, x_A - x_B in ARM_B, J_A, J_B, MU, SPIN_LEVER, the friction impulse
-    as a world vector in TORSION, SPIN, that against rolling as one from ROLL on, and for each of four points GAP, IMPULSE and in S, T,
-    MASS where it is from the centre of mass of A [m], world axes. A point that is not there has
-    the gap ABSENT, and so have all but the first in a block of one point.
+    as a world vector in TORSION, SPIN, that against rolling as one from ROLL on, and for each of
+    four points GAP, IMPULSE and in S, T, MASS where it is from the centre of mass of A [m], world
+    axes. A point that is not there has the gap ABSENT, and so have all but the first in a block of
+    one point.
     """
     count = 4 if points > 1 else 1
     make_basis(b)

@@ -92,10 +92,10 @@ def detect_ahead(model: Model, state: State, shapes: Shapes, memory: Memory, to_
     """
     Do the same for margins that differ: that of a pair is the sum of two of `memory.ahead`.
 
-    What it exceeds that of `memory.calm` by is how far the pair may move in the step. `to_search` is the
-    address of a kernel that calls `search_pair`, for a `box`, or 0 as long as there is none; what
-    has no box calls it here. Where one was needed the counter NO_SEARCH is 1 and the result False,
-    as where a buffer is too small.
+    What it exceeds that of `memory.calm` by is how far the pair may move in the step. `to_search`
+    is the address of a kernel that calls `search_pair`, for a `box`, or 0 as long as there is
+    none; what has no box calls it here. Where one was needed the counter NO_SEARCH is 1 and the
+    result False, as where a buffer is too small.
     """
     memory.left[1, 0] = 0
     place_some(state, shapes, memory, 0, (0, shapes.kind.shape[0]), (0, state.x.shape[1]))

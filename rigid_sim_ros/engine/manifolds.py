@@ -165,8 +165,8 @@ def _empty_page(capacity: int) -> Manifolds:
     return Manifolds(
         integers(2), _names(c), _names(c), _names(c), _names(c), room(c, kind=np.int8), room(c, 3),
         room(*of_points, 3), room(*of_points, 3), room(*of_points), integers(*of_points),
-        room(*of_points), room(c, 3), room(c), room(c, 3), room(c, 5), room(c, 3), room(c, POINTS, 3),
-        room(c, POINTS, 3))
+        room(*of_points), room(c, 3), room(c), room(c, 3), room(c, 5), room(c, 3),
+        room(c, POINTS, 3), room(c, POINTS, 3))
 
 
 def _names(*shape: int) -> Any:

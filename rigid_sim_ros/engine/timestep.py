@@ -49,7 +49,6 @@ from rigid_sim_ros.engine.vector import column, norm
 from rigid_sim_ros.engine.wrenches import count_down, Wrenches
 
 
-
 class TimestepSettings(NamedTuple):
     """The parameters of the model."""
 
@@ -249,8 +248,7 @@ def _solve(box: Any, number: int) -> int:
     do_stage(number // REGIONS, number % REGIONS, held(box, _MODEL), held(box, _STATE), work.loads,
              held(box, _SHAPES), held(box, _MATERIALS), work.round_shapes, current(memory),
              earlier(memory), work.prediction, work.collision.waits, memory.touching,
-             work.collision.body,
-             held(box, _SETTINGS).sequential, work.solver)
+             work.collision.body, held(box, _SETTINGS).sequential, work.solver)
     return 0
 
 

@@ -40,8 +40,8 @@ from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import gap_now
 from rigid_sim_ros.engine.slots import give_slots, mark_touching, take_sides
 from rigid_sim_ros.engine.solver_bodies import (
-    begin_push, drift_bodies, TOUCHED, INV_M, kick_bodies, load_bodies,
-    SECOND_END, SolverBodies, store_bodies, STRIDE)
+    begin_push, drift_bodies, INV_M, kick_bodies, load_bodies, SECOND_END, SolverBodies,
+    store_bodies, STRIDE, TOUCHED)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.timestep import (
     clear_impulses, look_ahead, make_timestep_work, TimestepSettings, TimestepWork)
