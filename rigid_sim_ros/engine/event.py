@@ -18,6 +18,13 @@ come to rest:
 - Two bodies that collided more than `max_bounces` times in one step do so with e = 0 for its rest.
 - A point as high above the surface as such a rebound would rise rests too, once it is that slow:
   the force lets it sink to the surface.
+
+Rules that bound what a step may take, and what it may do then:
+
+- After `max_events`, or a budget of work, the rest of the step runs without backtracking.
+- Forces and impulses of a problem that is not solved by then are used as far as they came, smaller
+  where they would do work on the bodies, and the report says so.
+- What overlaps is displaced, by a share of the overlap in each step, and gains no velocity.
 """
 
 from typing import NamedTuple

@@ -3,9 +3,8 @@
 """
 The circle of the model `event`, compiled: it runs until the steps are done, or needs help.
 
-What needs help is a buffer that has to grow and a contact problem that only OSQP can solve. The
-kernel then returns the reason; Python does what is asked (event.py) and calls again, and it goes
-on from the stage at which it stopped.
+What needs help is a buffer that has to grow. The kernel then returns the reason; Python does what
+is asked (event.py) and calls again, and it goes on from the stage at which it stopped.
 """
 
 import numpy as np
@@ -379,7 +378,7 @@ def _effort_left(model: Model, w: Buffers) -> float:
 
 @kernel
 def _room_for(model: Model, w: Buffers, m: int) -> bool:
-    """Number the bodies of the first m chosen points; return whether there is room for them."""
+    """Return whether there is room for the first m chosen points, and number their bodies."""
     w.count[NEEDED] = w.count[WIDTH] * m
     w.count[TOUCHED] = number_bodies(w.contacts, w.chosen[:m], model.inv_m, w.newton.slot)
     return (w.count[NEEDED] <= w.rows.b.shape[0]
