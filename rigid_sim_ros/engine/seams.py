@@ -22,9 +22,8 @@ has none: what is nearest of the union always stands.
 
 import math
 
-from rigid_sim_ros.engine.algebra import add_scaled, dot, norm, put, scale, subtract
+from rigid_sim_ros.engine.algebra import add, add_scaled, dot, norm, put, scale, subtract
 from rigid_sim_ros.engine.arrays import Array, Vector
-from rigid_sim_ros.engine.grid import boxes_overlap
 from rigid_sim_ros.engine.kernel import INDEX, kernel
 from rigid_sim_ros.engine.manifold_rows import (
     carry_over, find_row, mark_mended, pack_rows, take_point)
@@ -192,21 +191,47 @@ def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int,
     """Return whether a third shape with another normal may hold a point of manifold k."""
     seams, pose = memory.seams, memory.pose
     side = 0 if rows.shape_a[k] == s else 1
-    n, at = _outward(rows, k, side), _first(shapes, rows, seams, m, k, side)
+    at = _first(shapes, rows, seams, m, k, side)
+    if seams.link[at & 1, at >> 1] < 0:
+        return False
+    n, most = _outward(rows, k, side), FLUSH * extent(shapes, s)
+    c = _centre(pose, memory.turn, shapes, s)
+    r = rows.r_A if side == 0 else rows.r_B
+    low = (r[0, k, 0], r[0, k, 1], r[0, k, 2])
+    high = low
+    for p in range(1, rows.points[k]):
+        low = (min(low[0], r[p, k, 0]), min(low[1], r[p, k, 1]), min(low[2], r[p, k, 2]))
+        high = (max(high[0], r[p, k, 0]), max(high[1], r[p, k, 1]), max(high[2], r[p, k, 2]))
+    low, high = add(c, low), add(c, high)
+    count, middle = rows.points[k], (0.0, 0.0, 0.0)
+    for p in range(count):
+        middle = add_scaled(middle, 1.0 / count, (r[p, k, 0], r[p, k, 1], r[p, k, 2]))
+    # A part of a face of S whose middle nothing covers goes on from all of its corners.
+    area = count > 2 and _alike(n, face_normal_along(pose, shapes, s, n))
+    if area:
+        low, high = add(c, middle), add(c, middle)
     while at >= 0:
         j, other = (at >> 1) & INDEX, at & 1
         t, _ = _shapes_of(rows, j, other)
         if not _one_surface(shapes, m, s, t):
             break
-        if (s != t and boxes_overlap(memory.box, s, t)
+        if (s != t and _reaches(memory.box, t, low, high, most)
                 and not _alike(n, _push(pose, shapes, rows, j, other, n))):
-            most = tolerance(shapes, m, s, t)
-            for p in range(rows.points[k]):
-                x = _point(pose, memory.turn, shapes, rows, k, side, p)
-                if height(pose, shapes, t, x) <= most:
+            flush = tolerance(shapes, m, s, t)
+            for p in range(1 if area else count):
+                x = add(c, middle if area else (r[p, k, 0], r[p, k, 1], r[p, k, 2]))
+                if height(pose, shapes, t, x) <= flush:
                     return True
         at = seams.link[other, j]
     return False
+
+
+@kernel
+def _reaches(box: Array, t: int, low: Vector, high: Vector, most: float) -> bool:
+    """Return whether the bounding box of T comes as near as this to another one."""
+    return bool((box[t, 0] <= high[0] + most) & (box[t, 3] >= low[0] - most)
+                & (box[t, 1] <= high[1] + most) & (box[t, 4] >= low[1] - most)
+                & (box[t, 2] <= high[2] + most) & (box[t, 5] >= low[2] - most))
 
 
 @kernel
@@ -228,7 +253,7 @@ def mend_seams(shapes: Shapes, memory: Memory, scratch: Scratch) -> None:
         for p in range(points):
             nearest = min(nearest, rows.gap[p, k])
             x = _point(memory.pose, memory.turn, shapes, rows, k, side, p)
-            if stands(memory.pose, shapes, rows, seams, m, k, side, x, _outward(rows, k, side)):
+            if stands(shapes, memory, rows, m, k, side, x, _outward(rows, k, side)):
                 standing |= 1 << p
         if standing == (1 << points) - 1:
             continue
@@ -270,10 +295,11 @@ def _keep_nearest(rows: Manifolds, seams: Seams, m: int) -> int:
 
 
 @kernel
-def stands(pose: Array, shapes: Shapes, rows: Manifolds, seams: Seams, m: int, k: int, side: int,
-           p: Vector, n: Vector) -> bool:
+def stands(shapes: Shapes, memory: Memory, rows: Manifolds, m: int, k: int, side: int, p: Vector,
+           n: Vector) -> bool:
     """Return whether S, of row k, has the normal n at p as a piece of all that M is near."""
     s, _ = _shapes_of(rows, k, side)
+    pose, seams, near = memory.pose, memory.seams, FLUSH * extent(shapes, s)
     # A corner that stands out over a face, by what the narrow phase allows, goes on doing so.
     above, x = height(pose, shapes, s, p), p
     for _ in range(SLIDES):
@@ -283,9 +309,11 @@ def stands(pose: Array, shapes: Shapes, rows: Manifolds, seams: Seams, m: int, k
             t, _ = _shapes_of(rows, j, other)
             if not _one_surface(shapes, m, s, t):
                 break
-            n_T = _push(pose, shapes, rows, j, other, n)
             at = seams.link[other, j]
-            if s == t or _alike(n, n_T):
+            if s == t or not _reaches(memory.box, t, x, x, near):
+                continue
+            n_T = _push(pose, shapes, rows, j, other, n)
+            if _alike(n, n_T):
                 continue
             flush = tolerance(shapes, m, s, t)
             if (height(pose, shapes, t, x) > flush
@@ -331,7 +359,7 @@ def _along_a_face(shapes: Shapes, memory: Memory, scratch: Scratch, rows: Manifo
     is near and for M among what S is near, and none that makes much more of an overlap than there
     is: `gap` is the least one of the manifold [m]. Returns how many points there are.
     """
-    pose, seams = memory.pose, memory.seams
+    pose = memory.pose
     s, m = _shapes_of(rows, k, side)
     flush, last, done = tolerance(shapes, m, s, s), math.inf, -1
     margin = memory.ahead[s] + memory.ahead[m]
@@ -362,8 +390,8 @@ def _along_a_face(shapes: Shapes, memory: Memory, scratch: Scratch, rows: Manifo
             # The point is on A, and so on M where that is A.
             on_S = x if side == 0 else add_scaled(x, -d, n)
             on_M = x if side == 1 else add_scaled(x, d, n)
-            if (d >= limit and stands(pose, shapes, rows, seams, m, k, side, on_S, n)
-                    and stands(pose, shapes, rows, seams, s, k, 1 - side, on_M, back)):
+            if (d >= limit and stands(shapes, memory, rows, m, k, side, on_S, n)
+                    and stands(shapes, memory, rows, s, k, 1 - side, on_M, back)):
                 put(scratch.points, scratch.ids, kept, x, d, scratch.ids[p])
                 kept += 1
         if kept > 0:
