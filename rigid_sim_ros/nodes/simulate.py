@@ -39,7 +39,7 @@ from rigid_sim_ros.nodes.services import Services
 from rigid_sim_ros.nodes.step_loop import StepLoop
 from rigid_sim_ros.scene.errors import SceneError
 from rigid_sim_ros.scene.overlap import describe_overlaps
-from rigid_sim_ros.signals import stop_on_signals
+from rigid_sim_ros.signals import Stop, stop_on_signals
 from rigid_sim_ros.warm_up import announced, warm_up
 from rigid_sim_ros.world import load_scene, World
 
@@ -216,7 +216,7 @@ def run(
     `--ros-args` on. Returns the exit code: 0 for a clean end, 1 if a recording broke off, 2 with
     one line on stderr for a bad parameter, scene or folder.
     """
-    stopped = threading.Event()
+    stopped = Stop()
     restore = stop_on_signals(stopped)
     try:
         start_ros(ros_args)

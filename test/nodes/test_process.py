@@ -32,7 +32,7 @@ def complaint(process):
     return line
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_the_node_cleanly(probe, tmp_path, scene, number):
     with running(tmp_path, scene, name=f'sim_{number}') as process:
         probe.some(MultiDOFJointState, f'/sim_{number}/state')
