@@ -17,6 +17,8 @@ import threading
 _SIGNALS = tuple(getattr(signal, name) for name in ('SIGINT', 'SIGTERM', 'SIGHUP')
                  if hasattr(signal, name))
 
+INTERRUPTED = 128 + signal.SIGINT    # the exit code after Ctrl-C, as a shell reports it
+
 
 class Stop(threading.Event):
     """Set when the program is to end; `signal` is the number of the signal that said so, or 0."""
