@@ -18,6 +18,7 @@ from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.options import (
     Commands, duration_option, examples, NodeCommand, record_option, scene_argument, Seconds, Size)
 from rigid_sim_ros.scene.errors import SceneError
+from rigid_sim_ros.signals import INTERRUPTED
 from rigid_sim_ros.viewer import is_installed, NEEDED
 
 # What a user can mend: wrong usage, a bad scene, a missing installation.
@@ -402,7 +403,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
     except BagError as error:
         fail(str(error))
     except click.Abort:
-        raise SystemExit(130) from None      # 128 + SIGINT, as a shell reports it
+        raise SystemExit(INTERRUPTED) from None
     raise SystemExit(code if isinstance(code, int) else 0)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rigid_sim_ros.applied import AppliedWrenches, FIELDS
+from rigid_sim_ros.bounds import check_change, check_position, check_twist
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.contact_models import (
     ContactReport, make_contact_model, Setup)
@@ -70,6 +71,7 @@ class World:
         self._posed = Posed(self._model, shapes)
         self._sizes = Sizes(len(self.names), len(self._model.frame_body),
                             len(self._model.fixed), shapes.body)
+        self._bounds = scene.spec.world.bounds
         collision = scene.spec.collision
         self._contact = make_contact_model(scene.contact, Setup(
             self._model, shapes, scene.materials, scene.integrator, scene.orientation,
@@ -260,11 +262,20 @@ class World:
         centre of mass. `duration` [s] of simulation time is rounded to whole steps; None is the
         next step only. Wrenches add up; one with a `source` first ends what the same source
         applied before. ValueError for an unknown body or frame, for numbers that are not finite
-        and for a duration below 0.
+        or, within a step, beyond the scene's bounds, and for a duration below 0.
         """
-        self._apply(self._body(name), self._frame(frame), _vector('force', force),
-                    _vector('torque', torque), None if point is None else _vector('point', point),
-                    self._steps(duration), source)
+        body, f, t = self._body(name), _vector('force', force), _vector('torque', torque)
+        self._check_change(body, self._model.h * f, self._model.h * t)
+        self._apply(body, self._frame(frame), f, t,
+                    None if point is None else _vector('point', point), self._steps(duration),
+                    source)
+
+    def _check_change(self, body: int, J: Array, K: Array) -> None:
+        """Raise ValueError for an impulse [N s] and an angular one [N m s] beyond all bounds."""
+        with np.errstate(over='ignore'):        # infinity is beyond them too
+            linear = J * self._model.inv_m[body]
+            angular = K * self._model.inv_I_C[:, body].max()
+        check_change(self._bounds, self.names[self._order[body]], linear, angular)
 
     def _apply(self, body: int, frame: int, force: Array, torque: Array, point: Array | None,
                steps: int, source: str | None) -> None:
@@ -292,6 +303,7 @@ class World:
         """
         body, f = self._body(name), self._frame(frame)
         J = _vector('impulse', impulse)
+        self._check_change(body, J, np.zeros(3))
         p_F = self._point(body, f, None if point is None else _vector('point', point))
         p_W = tuple(self._state.x[:, body])
         if p_F is not None:
@@ -308,10 +320,11 @@ class World:
         carries what lies on it: until the end of the next step, and when poses follow each other
         within 0.1 s, in as many steps as have passed since the last one. It is there at once if
         that would be a jump, see posed.py. ValueError for an unknown body, numbers that are not
-        finite or a quaternion that is not of unit length.
+        finite or beyond the scene's bounds, or a quaternion that is not of unit length.
         """
         body = self._body(name)
         p, q = _vector('position', position), _unit_quaternion(orientation)
+        check_position(self._bounds, name, p)
         motion = self._current_motion()
         motion.position[body], motion.orientation[body] = p, q
         if self._model.inv_m[body] == 0.0:
@@ -325,10 +338,11 @@ class World:
         Give a body frame a velocity [m/s] of its origin and an angular velocity [rad/s].
 
         Both in world axes. A kinematic body goes on with it until another one is set. ValueError
-        for an unknown body, a fixed one, or numbers that are not finite.
+        for an unknown body, a fixed one, or numbers not finite or beyond the scene's bounds.
         """
         body = self._body(name)
         v, w = _vector('linear velocity', linear), _vector('angular velocity', angular)
+        check_twist(self._bounds, name, v, w)
         if self.scene.spec.bodies[self._order[body]].fixed and (v.any() or w.any()):
             raise ValueError(f"body '{name}' is fixed and cannot be given the twist "
                              f'{v.tolist()}, {w.tolist()}: write `kinematic: true` in place of '

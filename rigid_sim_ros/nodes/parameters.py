@@ -65,7 +65,8 @@ _MEANINGS = {
     'bag_compression': Meaning(
         'Compression of the next recording.', True, constraints='none | zstd'),
     'bag_segment_duration': Meaning(
-        'Wall time in s after which a recording goes on in a new file; 0 is never.', True, 1e6),
+        'Wall time in s after which a recording goes on in a new file, 0.1 s or more; 0 is never.',
+        True, 1e6),
     'bag_segment_size': Meaning(
         'Size in MB after which a recording goes on in a new file; 0 is never.', True, 2**20),
 }
@@ -73,7 +74,7 @@ _QOS_MEANINGS = {
     'reliability': Meaning('Reliability of topic `{}`.', constraints='reliable | best_effort'),
     'durability': Meaning(
         'Durability of topic `{}`.', constraints='volatile | transient_local'),
-    'depth': Meaning('How many messages the queue of topic `{}` holds.', most=100_000),
+    'depth': Meaning('How many messages the queue of topic `{}` holds.', most=100_000, least=1),
 }
 
 

@@ -39,8 +39,8 @@ from rigid_sim_ros.nodes.services import Services
 from rigid_sim_ros.nodes.step_loop import StepLoop
 from rigid_sim_ros.scene.errors import SceneError
 from rigid_sim_ros.scene.overlap import describe_overlaps
-from rigid_sim_ros.signals import stop_on_signals
-from rigid_sim_ros.warm_up import announced, warm_up
+from rigid_sim_ros.signals import Stop, stop_on_signals
+from rigid_sim_ros.warm_up import Stopped, use, watched
 from rigid_sim_ros.world import load_scene, World
 
 NODE_NAME = 'rigid_sim'
@@ -56,7 +56,7 @@ class Simulation:
 
     def __init__(
         self, scene: str | None, duration: float | None, record: str | None,
-        moment: Moment | None, stopped: threading.Event,
+        moment: Moment | None, stopped: Stop,
     ) -> None:
         overrides = [] if scene is None else [Parameter('scene', value=scene)]
         if record is not None:
@@ -72,8 +72,7 @@ class Simulation:
         self._qos = profiles(self._parameters)
         if self._parameters['publish_tf']:
             tf_message()    # fails now, not after compiling
-        self._world = World(moment.scene) if moment is not None else announced(
-            lambda: load_scene(self._parameters['scene']))
+        self._world = watched(self._make_world, stopped)
         self._world.threads = self._parameters['threads']
         self._check_frame_id()
         self._queue = Queue()
@@ -83,14 +82,10 @@ class Simulation:
 
     def run(self) -> None:
         """Compile, connect, and simulate until the end; raise what went wrong in a thread."""
-        warm_up(self._world.scene, self._stopped)
-        if self._stopped.is_set():
-            return
+        for line in watched(self._prepare, self._stopped):
+            self._log.warning(line)
         if self._moment is not None:
             self._moment.apply(self._world)
-        else:
-            for line in describe_overlaps(self._world.scene):
-                self._log.warning(line)
         bodies = chosen_bodies(self._world.names, self._parameters['bodies'])
         if not bodies:
             self._log.warning(f'no body matches the parameter bodies {self._parameters["bodies"]}:'
@@ -118,6 +113,18 @@ class Simulation:
     def lost_a_recording(self) -> bool:
         """Whether a bag that was begun, or was to be from the start, is not whole."""
         return self._recording is not None and self._recording.has_failed
+
+    def _make_world(self) -> World:
+        if self._moment is not None:
+            return World(self._moment.scene)
+        return load_scene(self._parameters['scene'])
+
+    def _prepare(self) -> list[str]:
+        """Do all for which kernels are compiled; return what there is to say of the scene."""
+        world = World(self._world.scene)
+        world.threads = self._parameters['threads']
+        use(world)
+        return [] if self._moment is not None else [*describe_overlaps(self._world.scene)]
 
     def _create_recording(self) -> None:
         assert self._recording is not None
@@ -208,15 +215,16 @@ def run(
     moment: Moment | None = None, ros_args: Sequence[str] = (),
 ) -> int:
     """
-    Run the node until Ctrl-C, SIGTERM or, if given, `duration` s of simulation time.
+    Run the node until Ctrl-C, SIGTERM, SIGHUP or, if given, `duration` s of simulation time.
 
     scene is the path of a scene file or the name of an example; without it the parameter `scene`
     counts. record is the folder of a new bag. With a moment of a recorded session the node goes on
     from there, with the parameters of then but the pace. ros_args are ROS's own arguments, from
     `--ros-args` on. Returns the exit code: 0 for a clean end, 1 if a recording broke off, 2 with
-    one line on stderr for a bad parameter, scene or folder.
+    one line on stderr for a bad parameter, scene or folder, 128 and the number of the signal that
+    ended it before it simulated anything.
     """
-    stopped = threading.Event()
+    stopped = Stop()
     restore = stop_on_signals(stopped)
     try:
         start_ros(ros_args)
@@ -224,6 +232,9 @@ def run(
         simulation.run()
         simulation.node.destroy_node()
         return FAILED if simulation.lost_a_recording else DONE
+    except Stopped:
+        print('rigid_sim: stopped before the start: nothing was simulated', file=sys.stderr)
+        return stopped.exit_code
     except SceneError as error:
         return complain(error.summary)
     except (ParameterError, BagError, OSError) as error:

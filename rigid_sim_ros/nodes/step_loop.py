@@ -19,7 +19,7 @@ from rigid_sim_ros.nodes.diagnostics import Diagnostics
 from rigid_sim_ros.nodes.inputs import (
     Command, ENDED, Input, is_of_wrenches, ParameterInput, PoseInput, Queue, Refusals, TwistInput,
     WrenchesInput, WrenchInput)
-from rigid_sim_ros.nodes.pacing import MILLISECOND, Pacer
+from rigid_sim_ros.nodes.pacing import MILLISECOND, NEVER, Pacer
 from rigid_sim_ros.nodes.publishers import Publishers
 from rigid_sim_ros.nodes.recording import Recording
 from rigid_sim_ros.world import World
@@ -177,7 +177,9 @@ class StepLoop:
 
     def _interval(self, rate_name: str) -> int:
         rate = self._parameters[rate_name]
-        return max(1, round(_SECOND / (rate * self._world.step_ns))) if rate else 0
+        if not rate:
+            return 0
+        return max(1, round(min(_SECOND / rate / self._world.step_ns, NEVER)))
 
     def _publish_all(self) -> None:
         for _, publish in self._outputs:

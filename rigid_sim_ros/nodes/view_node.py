@@ -17,7 +17,7 @@ from rigid_sim_ros.nodes.process import (
     complain, DONE, ROS_ERRORS, ros_text, start_ros, Threads)
 from rigid_sim_ros.nodes.view_driver import RosDriver
 from rigid_sim_ros.nodes.view_feed import Feed, simulations
-from rigid_sim_ros.signals import stop_on_signals
+from rigid_sim_ros.signals import Stop, stop_on_signals
 from rigid_sim_ros.viewer.address import AddressError, open_page, PORT
 from rigid_sim_ros.viewer.bag import RATE
 from rigid_sim_ros.viewer.live import LivePage
@@ -87,7 +87,7 @@ def run(
     target is the name of its node, '' for the first that is found. host and port are where the
     page is opened; rate [Hz] is how often it follows. Returns the exit code.
     """
-    stopped = threading.Event()
+    stopped = Stop()
     restore = stop_on_signals(stopped)
     try:
         os.nice(_NICE)

@@ -132,6 +132,9 @@ def test_a_quaternion_with_the_rounding_of_float32_is_normalised(probe, world):
     ('crate/set_twist', twist(angular=[0.0, math.inf, 0.0]), 'not finite'),
     ('crate/set_twist', twist(frame_id='nowhere'), 'unknown frame'),
     ('ground/set_twist', twist(), 'impossible'),
+    ('crate/set_pose', pose(position=[0.0, 0.0, 1e308]), 'impossible'),
+    ('crate/set_twist', twist(linear=[1e308, 0.0, 0.0]), 'impossible'),
+    ('crate/set_twist', twist(angular=[0.0, 1e308, 0.0]), 'impossible'),
 ])
 def test_a_bad_pose_or_twist_is_refused_and_counted(probe, world, topic, message, reason):
     before = refused(probe, reason)

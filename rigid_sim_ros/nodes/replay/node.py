@@ -33,7 +33,7 @@ from rigid_sim_ros.nodes.replay.parameters import declare
 from rigid_sim_ros.nodes.replay.player import Player, Settings
 from rigid_sim_ros.nodes.replay.terminal import attend, Bar, Keyboard
 from rigid_sim_ros.scene.errors import nearest
-from rigid_sim_ros.signals import stop_on_signals
+from rigid_sim_ros.signals import Stop, stop_on_signals
 
 NODE_NAME = 'replay'
 SKIP = 5.0              # s that an arrow key moves
@@ -176,7 +176,7 @@ def run(bag: str | None = None, *, ros_args: Sequence[str] = (), **given: Any) -
     """
     overrides = {name: value for name, value in {'bag': bag, **given}.items()
                  if value is not None}
-    stopped = threading.Event()
+    stopped = Stop()
     restore = stop_on_signals(stopped)
     try:
         start_ros(ros_args)
