@@ -354,7 +354,7 @@ class World:
             return 1
         if not 0.0 <= duration < float('inf'):
             raise ValueError(f'duration {duration!r} s, must be finite and >= 0')
-        return min(round(duration / self._model.h), 2 ** 62)
+        return round(min(duration / self._model.h, 2.0 ** 62))
 
     # --- the state as a whole -----------------------------------------------------------------
 
@@ -444,7 +444,7 @@ def _vector(what: str, value: ArrayLike) -> Array:
     """Return three finite numbers, or raise ValueError."""
     try:
         vector = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f'{what} {value!r}, must be three numbers') from None
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise ValueError(f'{what} {vector.tolist()!r}, must be three finite numbers')
@@ -455,7 +455,7 @@ def _unit_quaternion(value: ArrayLike) -> Array:
     """Return a unit quaternion, or raise ValueError if the value is not near one."""
     try:
         q = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f'orientation {value!r}, must be four numbers x, y, z, w') from None
     length = float(np.sqrt((q * q).sum())) if q.shape == (4,) else float('nan')
     if not abs(length - 1.0) <= UNIT_TOLERANCE:

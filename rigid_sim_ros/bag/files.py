@@ -24,9 +24,9 @@ from rigid_sim_ros.bag.errors import BagError, Damaged
 SUFFIXES = ('.mcap', '.db3')
 ZSTD = '.zstd'
 
-# [bytes] What is compressed may grow to _LARGEST, or to _GROWTH times its size: a chunk is some
+# [bytes] What is compressed may grow to LARGEST, or to _GROWTH times its size: a chunk is some
 # MB, and states that repeat shrink to a tenth. A few kB that grow to a GB are meant to harm.
-_LARGEST = 64 << 20
+LARGEST = 64 << 20
 _GROWTH = 16
 # The same of a whole file, which takes room on the disk and not in memory.
 _FILE_GROWTH = 256
@@ -73,7 +73,7 @@ def is_bag_file(name: str) -> bool:
 
 def most_unpacked(packed: int) -> int:
     """Return how many bytes may come of so many compressed ones."""
-    return max(_LARGEST, _GROWTH * packed)
+    return max(LARGEST, _GROWTH * packed)
 
 
 class Unpacker:
@@ -109,7 +109,7 @@ def unpacked(file: Path) -> Iterator[Path]:
     with TemporaryDirectory(prefix='rigid_sim_ros_') as folder:
         plain = Path(folder, file.name.removesuffix(ZSTD))
         with open_regular(file) as packed, plain.open('xb') as target:
-            most = max(_LARGEST, _FILE_GROWTH * os.fstat(packed.fileno()).st_size)
+            most = max(LARGEST, _FILE_GROWTH * os.fstat(packed.fileno()).st_size)
             try:
                 with zstandard.ZstdDecompressor().stream_reader(
                         packed, read_across_frames=True) as pieces:

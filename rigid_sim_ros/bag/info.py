@@ -46,12 +46,12 @@ def info(path: str | os.PathLike[str]) -> Info:
     for topic, stamp, data in reader.messages():
         counts[topic] += 1
         first_ns, last_ns = min(first_ns, stamp), max(last_ns, stamp)
-        if session is None and topic.endswith('/bag/session'):
-            session = sessions.decode(decode.string(data))
+        if session is None and sessions.is_session(topic):
+            session = sessions.read(topic, data)
             own = {each.name: each.kind for each in session.topics if each.kind == kinds.EVENT}
         elif topic in own:
             event = events.decode(decode.string(data))
-            happened[event.kind] += 1
+            happened[event.kind] += event.kind != events.WRITTEN
             if event.kind == events.GAP:
                 gaps.append(_described(event))
     _check(reader)
@@ -60,7 +60,7 @@ def info(path: str | os.PathLike[str]) -> Info:
         {name: (kind, counts[name]) for name, kind in sorted(reader.types.items())},
         sum(counts.values()), first_ns if counts else 0, last_ns, len(reader.files),
         sum(file.stat().st_size for file in reader.files), str(custom.get('recovered', '')),
-        session, dict(happened), tuple(gaps),
+        session, dict(+happened), tuple(gaps),
         counts[f'{session.node}/bag/snapshot'] if session else 0, bool(happened[events.END]))
 
 

@@ -71,6 +71,11 @@ class BagReader:
             self._types.update(self._storage.topics.values())
         return self._types
 
+    @property
+    def may_have_lost(self) -> bool:
+        """Whether the bag was recovered, as far as its metadata tell."""
+        return self.metadata is None or 'recovered' in (self.metadata.get('custom_data') or {})
+
     def messages(self) -> Iterator[Message]:
         """
         Give every message in the order of recording.

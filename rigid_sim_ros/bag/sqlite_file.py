@@ -89,6 +89,11 @@ class SqliteFile:
         if self._pending_size >= _TRANSACTION:
             self.flush()
 
+    @property
+    def written(self) -> tuple[int, ...]:
+        """How many messages each topic has, those included that wait for a flush."""
+        return tuple(a + b for a, b in zip(self.counts, self._pending, strict=True))
+
     def flush(self) -> None:
         """Hand all that was written to the system, which keeps it when this process dies."""
         if not self._pending_first:
