@@ -63,6 +63,7 @@ setup(
         'numpy>=1.26',
         'osqp>=1.0',
         'pydantic>=2.5',
+        'pyyaml>=6.0',
         'rich>=13.0',
         'rosbags>=0.10.9',
         'ruamel.yaml>=0.17.21',

@@ -84,7 +84,7 @@ def run_verify(bag: str) -> int:
     if verdict.others:
         _say(f'note: not of the session, and not compared: {", ".join(verdict.others)}')
     _say(f'{bag}: the same to the bit: {verdict.messages} messages of {verdict.steps} '
-               f'steps, {verdict.seconds:g} s, {verdict.seconds / seconds:.0f} times real time')
+         f'steps, {verdict.seconds:g} s, {verdict.seconds / seconds:.0f} times real time')
     return 0
 
 
