@@ -46,13 +46,15 @@ def read(path: Path) -> Mesh:
         # From bytes, so that an OBJ file cannot make trimesh open the files it refers to.
         mesh = trimesh.load(BytesIO(_bytes_of(path)), file_type=path.suffix[1:].lower(),
                             force='mesh', skip_materials=True)
+        vertices = np.asarray(getattr(mesh, 'vertices', ()), dtype=np.float64).reshape(-1, 3)
+        faces = np.asarray(getattr(mesh, 'faces', ()), dtype=np.int64).reshape(-1, 3)
     except OSError as error:
         raise ValueError(f'{path} cannot be read: {error.strerror}') from None
     except Exception as error:  # Whatever a parser meets in a damaged file.
         kind = type(error).__name__
         raise ValueError(f'{path} is not a mesh that can be read ({kind})') from None
-    vertices = np.asarray(getattr(mesh, 'vertices', ()), dtype=np.float64).reshape(-1, 3)
-    faces = np.asarray(getattr(mesh, 'faces', ()), dtype=np.int64).reshape(-1, 3)
+    if len(faces) == 0:
+        raise ValueError(f'{path} has no triangles, must be a closed surface')
     return Mesh(vertices, faces)
 
 
