@@ -49,7 +49,8 @@ class Field(NamedTuple):
     high: int | str = 2 ** 63 - 1
 
 
-# z bodies that nothing pushes; r wrenches; c manifolds with p points, k of them polyhedra with m points; d forces, b bristles.
+# z bodies that nothing pushes; r wrenches; c manifolds with p points, k of them polyhedra with m
+# points; d forces, b bristles.
 TABLE: dict[str, Field] = {
     'x': Field((3, 'n')),
     'q': Field((4, 'n')),

@@ -8,6 +8,7 @@ takes half a minute or so, every other one a fraction of a second.
 """
 import atexit
 from collections.abc import Callable
+import contextlib
 import os
 import sys
 import threading
@@ -85,10 +86,9 @@ def watched(
 def _end(code: int) -> None:
     """End this process at once: LLVM aborts where it is taken down under a thread that uses it."""
     for stream in (sys.stdout, sys.stderr):
-        try:
+        # There may be none, or nobody who reads it.
+        with contextlib.suppress(AttributeError, OSError, ValueError):
             stream.flush()
-        except (AttributeError, OSError, ValueError):   # there is none, or nobody reads it
-            pass
     os._exit(code)
 
 

@@ -14,7 +14,8 @@ from rigid_sim_ros.engine.contact_blocks import (
     GAP, IMPULSE, J_A, J_B, LEVER_A, LEVER_B, load_three, load_two, Motion, MU, NORMAL,
     normal_sum, POINT, POINT_ROWS, prepare_block, pushed, RESTING, ROLL,
     ROLL_LEVER, S, SHOVE,
-    SIZE, smallest_gap, SPIN, SPIN_LEVER, store_three, T, Three, TORSION, TOTAL, total_of, TOTAL_T, TURN)
+    SIZE, smallest_gap, SPIN, SPIN_LEVER, store_three, T, Three, TORSION, TOTAL, total_of, TOTAL_T,
+    TURN)
 from rigid_sim_ros.engine.contact_prediction import Prediction
 from rigid_sim_ros.engine.contact_rules import SKIN
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
@@ -217,8 +218,8 @@ def _copy_balls(b: Array, rows: IntArray, manifolds: Manifolds, prediction: Pred
     """
     Write the friction of balls, their point, and how far it is from both middles.
 
-    It lies half way between the surfaces where they were found: the radius and half of the gap away. That of what does
-    not move, which may be no ball, is multiplied by 0.
+    It lies half way between the surfaces where they were found: the radius and half of the gap
+    away. That of what does not move, which may be no ball, is multiplied by 0.
     """
     for i in range(LANES):
         there = rows[i] >= 0

@@ -41,7 +41,7 @@ from rigid_sim_ros.engine.vector import (
 # Parts of the size of the smaller shape of a pair: what moves less in a step has the geometry of
 # its start; what is nearer than twice the skin touches; what comes nearer has met.
 STILL, TOUCHING, MET = 1e-6, 4e-5, 1e-6
-# Stages of conservative advancement: what touches for less than a stage, and not deeply, is missed.
+# Stages of conservative advancement: what touches for less than one, and not deeply, is missed.
 STAGES = 16
 TINY = 1e-300
 # cos 25 deg: a normal that turns farther in half of a step belongs to another feature.
@@ -68,7 +68,8 @@ class Prediction(NamedTuple):
 def make_prediction(n: int, shapes: int, capacity: int) -> Prediction:
     """Return buffers for n bodies."""
     return Prediction(room(capacity, kind=np.int8), room(POINTS, capacity), room(capacity, 3),
-                      room(capacity, 3), room(capacity), room(shapes, 12), np.zeros((POINTS, _OLD)),
+                      room(capacity, 3), room(capacity), room(shapes, 12),
+                      np.zeros((POINTS, _OLD)),
                       empty_loads(n))
 
 

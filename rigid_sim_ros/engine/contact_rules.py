@@ -30,8 +30,8 @@ class Sweep(NamedTuple):
 
     inv_h: float  # 1 / length of the substep [1/s]
     forces: bool  # of the forces of a substep; else of an impact, before they act
-    # How far the end of the substep is from the middle of the step, as a part of the step: contacts
-    # have the geometry of the middle of the step, and TURN is how fast it changes.
+    # How far the end of the substep is from the middle of the step, as a part of the step:
+    # contacts have the geometry of the middle of the step, and TURN is how fast it changes.
     when: float
 
 

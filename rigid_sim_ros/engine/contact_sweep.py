@@ -8,11 +8,12 @@ from rigid_sim_ros.engine.coloring import (
     SHOVED)
 from rigid_sim_ros.engine.contact_balls import drift_balls, separate_balls, visit_balls
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, drift_together, FRICTION, friction_of, GAP, IMPULSE,
+    ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, drift_together, FRICTION, friction_of, GAP,
+    IMPULSE,
     INV_SPIN, INV_TT, J_A, J_B, K_N, K_NN, K_SPIN, K_TN, keep_friction, load_three, load_two, MASS,
     Motion, MU, NORMAL, normal_sum, POINT, POINT_ROWS, pushed, RESTING, RESTING_ROLL, RESTING_SPIN,
     RESTING_T, ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE, SIZE, SLIDE, smallest_gap, SPEED, SPIN,
-    SPIN_LEVER, store_two, symmetric, T, Three, TOTAL, TOTAL_T, TURN_T)
+    SPIN_LEVER, symmetric, T, Three, TOTAL, TOTAL_T, TURN_T)
 from rigid_sim_ros.engine.contact_rules import (
     gap_of, least_speed, NEGLIGIBLE, onto_circle, SETTLED, SETTLED_POINT, SKIN, Sweep, wanted_of)
 from rigid_sim_ros.engine.kernel import part
@@ -29,8 +30,8 @@ def visit(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points: int, 
     """
     Read the bodies of a block, solve normals and then friction, write the bodies.
 
-    Only in the lanes of the mask. Friction comes last because the normal impulses bound it. Returns the largest change of a
-    velocity, lane by lane [m/s].
+    Only in the lanes of the mask. Friction comes last because the normal impulses bound it.
+    Returns the largest change of a velocity, lane by lane [m/s].
     """
     if points == 1 and not rolls:
         return _visit_small(b, motion, at_A, at_B, what, mask)

@@ -155,7 +155,7 @@ def carry_over(now: Manifolds, before: Manifolds, row: int, old: int, count: int
 
 @kernel
 def mark_mended(manifolds: Manifolds, row: int) -> None:
-    """Mark a manifold that is what it is for what lies beside: alone, its pair says another one."""
+    """Mark a manifold that is what it is for what lies beside: its pair alone says another."""
     for k in range(4):
         manifolds.found_at[row, k] = 0.0
     manifolds.found_at[row, 4] = -1.0

@@ -22,8 +22,8 @@ import numpy as np
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.engine.bits import fetch
 from rigid_sim_ros.engine.coloring import (
-    begin_blocks, BETWEEN, Blocks, CACHED, CHANGED, color_piece, Coloring, fetch_block, first_block,
-    make_blocks, make_coloring, make_room, most_blocks, OVERLAPPING, PIECE, REGIONS)
+    begin_blocks, BETWEEN, Blocks, CACHED, CHANGED, color_piece, Coloring, fetch_block,
+    first_block, make_blocks, make_coloring, make_room, most_blocks, OVERLAPPING, PIECE, REGIONS)
 from rigid_sim_ros.engine.contact_filling import (
     choose_manifolds, classify, DEEPEST, fill_blocks, keep_impulses, place_lanes)
 from rigid_sim_ros.engine.contact_prediction import Prediction
@@ -195,7 +195,8 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
         _fill(region, state.x, shapes, materials, round_shapes, manifolds, prediction, waits,
               shifts, 1.0 / settings.substeps, work)
     elif stage == APPROACH:
-        notes[WAITING] = 1.0 if find_approaching(region, blocks, motion, what, slow, impacts) else 0.0
+        notes[WAITING] = 1.0 if find_approaching(region, blocks, motion, what, slow,
+                                                 impacts) else 0.0
     elif stage in (IMPACT_BACK, SETTLE_BACK):
         visit_waiting(region, True, blocks, motion, bodies.used, what, least, impacts)
     elif stage in (IMPACT, SETTLE):

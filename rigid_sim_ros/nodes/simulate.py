@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from functools import partial
 import gc
 import sys
-import threading
 import traceback
 from typing import Any
 
