@@ -43,6 +43,8 @@ FLUSH = 1e-3
 # Of that tolerance: how exactly a point lies on a face. It tells an edge from a face at angles
 # above 1e-6 rad; rounding is far below.
 ON_FACE = 1e-6
+# cos 0.06 deg: axes that are parallel.
+PARALLEL = 1.0 - 5e-7
 # The square of the difference of two normals that are the same.
 SAME = 1e-14
 # How often a point slides out of what covers it: once for each wall of a corner, and once to see.
@@ -154,9 +156,27 @@ def _centre(pose: Array, turn: Array, shapes: Shapes, s: int) -> Vector:
 
 
 @kernel
-def _one_surface(shapes: Shapes, m: int, s: int, t: int) -> bool:
-    """Return whether M may move over both S and T: if it is fixed, only over one body."""
-    return bool(shapes.still[m] == 0 or shapes.body[s] == shapes.body[t])
+def _one_surface(pose: Array, shapes: Shapes, m: int, s: int, t: int) -> bool:
+    """
+    Return whether M may move over both S and T as over one surface.
+
+    If M is fixed, only if S and T are of one body. Of two bodies of which one moves, only where
+    they have a direction in common, as what lies flush has: in a heap that tumbles, pieces that
+    meet M in one place hold it each for itself.
+    """
+    if shapes.body[s] == shapes.body[t]:
+        return True
+    if shapes.still[m] == 1:
+        return False
+    if shapes.still[s] + shapes.still[t] == 2:
+        return True
+    for i in range(3):
+        for j in range(3):
+            together = (pose[s, 3 + i] * pose[t, 3 + j] + pose[s, 6 + i] * pose[t, 6 + j]
+                        + pose[s, 9 + i] * pose[t, 9 + j])
+            if abs(together) > PARALLEL:
+                return True
+    return False
 
 
 @kernel
@@ -213,8 +233,11 @@ def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int,
     while at >= 0:
         j, other = (at >> 1) & INDEX, at & 1
         t, _ = _shapes_of(rows, j, other)
-        if not _one_surface(shapes, m, s, t):
-            break
+        if not _one_surface(pose, shapes, m, s, t):
+            if shapes.still[m] == 1:
+                break       # those of one body lie side by side
+            at = seams.link[other, j]
+            continue
         if (s != t and _reaches(memory.box, t, low, high, most)
                 and not _alike(n, _push(pose, shapes, rows, j, other, n))):
             flush = tolerance(shapes, m, s, t)
@@ -307,8 +330,11 @@ def stands(shapes: Shapes, memory: Memory, rows: Manifolds, m: int, k: int, side
         while at >= 0:
             j, other = (at >> 1) & INDEX, at & 1
             t, _ = _shapes_of(rows, j, other)
-            if not _one_surface(shapes, m, s, t):
-                break
+            if not _one_surface(pose, shapes, m, s, t):
+                if shapes.still[m] == 1:
+                    break
+                at = seams.link[other, j]
+                continue
             at = seams.link[other, j]
             if s == t or not _reaches(memory.box, t, x, x, near):
                 continue
