@@ -121,7 +121,7 @@ def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
     kick_bodies(0, bodies.used, bodies.motion, bodies.smooth, False, bodies.base, model.h)
     begin_push(0, bodies.used[SECOND_END], bodies.motion, bodies.drifted)
     impulses, pushes = _solve(model, manifolds, acted, settings, chosen, work)
-    _end_impacts(state, model.inv_m, model.h, bodies)
+    _drift_by_the_end(state, model.inv_m, model.h, work.contacts, chosen, impulses, bodies)
     drift_bodies(0, bodies.used, bodies.motion, bodies.drifted, bodies.total, bodies.smooth,
                  False, bodies.base, model.h, True)
     _give_back(work.contacts, chosen, impulses, pushes, model.h, bodies)
@@ -215,11 +215,14 @@ def _ask_osqp(model: Model, contacts: Contacts, chosen: IntArray, rows: Rows,
 
 
 @kernel
-def _end_impacts(state: State, inv_m: Array, h: float, bodies: SolverBodies) -> None:
+def _drift_by_the_end(state: State, inv_m: Array, h: float, contacts: Contacts, chosen: IntArray,
+                      f: Array, bodies: SolverBodies) -> None:
     """
-    Let bodies that an impact stopped drift by the velocity after it, not by a mean.
+    Let some bodies drift by the velocity at the end of the step, not by a mean.
 
-    An impact changes a velocity by more than twice what the forces alone would in a step.
+    Those that an impact stopped: it changes a velocity by more than twice what the forces alone
+    would in a step. And those that press against another one that moves: their impulses act at the
+    start, so the pair keeps its angular momentum.
     """
     for slot in range(1, bodies.used[SECOND_END]):
         i, at = bodies.body[slot], slot * STRIDE
@@ -228,8 +231,20 @@ def _end_impacts(state: State, inv_m: Array, h: float, bodies: SolverBodies) -> 
             changed += (bodies.motion[at + k] - inv_m[i] * state.P[k, i]) ** 2
             pulled += (h * bodies.smooth[at + k]) ** 2
         if changed > 4.0 * pulled:
-            for k in range(INV_M):
-                bodies.base[at + k] = bodies.motion[at + k] + h * bodies.smooth[at + k]
+            _mark(slot, h, bodies)
+    for c in range(chosen.shape[0]):
+        slot_a = bodies.slot[contacts.body_a[chosen[c]]]
+        slot_b = bodies.slot[contacts.body_b[chosen[c]]]
+        if slot_a > 0 and slot_b > 0 and f[3 * c] > 0.0:
+            _mark(slot_a, h, bodies)
+            _mark(slot_b, h, bodies)
+
+
+@kernel
+def _mark(slot: int, h: float, bodies: SolverBodies) -> None:
+    at = slot * STRIDE
+    for k in range(INV_M):
+        bodies.base[at + k] = bodies.motion[at + k] + h * bodies.smooth[at + k]
 
 
 @kernel

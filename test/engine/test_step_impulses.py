@@ -35,6 +35,32 @@ def impulses_on_bodies(scene):
     return total
 
 
+def carried(scene):
+    """Return the normal impulses that the next step begins with, by bodies and feature [N s]."""
+    manifolds = scene.manifolds()
+    rows = slice_in_use(manifolds)
+    return {(manifolds.body_a[r], manifolds.body_b[r], manifolds.feature[p, r]):
+            manifolds.impulse[p, r]
+            for r in range(rows.start, rows.stop) for p in range(manifolds.points[r])}
+
+
+def half_that_ended(scene, before, substeps):
+    """
+    Return how much more than it is told points may have been given on each body [N s].
+
+    A step ends with half of what its last substep added, and the next one begins with taking that
+    back. Where a point ends meanwhile, less acts than was taken back; then nothing is told. With J0
+    of the substep before the step and Jn of the last one, that is at most
+
+        J0 / 2 - (sum of all + Jn / 2) <= J0 / 2,    and not above 0 but for Jn < J0 / 3.
+    """
+    most = np.zeros(len(scene.model.m))
+    for key, now in carried(scene).items():
+        if 3.0 * now < (early := before.get(key, 0.0)):
+            most[[key[0], key[1]]] += 0.5 * early / substeps
+    return most
+
+
 @pytest.mark.parametrize('restitution', [0.0, 0.5], ids=['dead', 'bouncing'])
 @pytest.mark.parametrize('substeps', [1, 2, 4])
 def test_the_impulses_of_every_step_are_what_changed_the_momenta(substeps, restitution):
@@ -45,16 +71,19 @@ def test_the_impulses_of_every_step_are_what_changed_the_momenta(substeps, resti
               box((0.2, 0.2, 0.1), 1.0, position=(0.9, 0.1, 0.22), velocity=(0.3, 0.0, -1.0))]
     scene = TimestepScene(things, Material(friction=0.4, restitution=restitution), 1 / 240,
                           settings=settings)
-    moves, largest = scene.model.inv_m > 0.0, 0.0
+    moves, largest, exact = scene.model.inv_m > 0.0, 0.0, 0
     for _ in range(240):
-        before = scene.state.P.T.copy()
+        before, early = scene.state.P.T.copy(), carried(scene)
         scene.step()
-        acted = impulses_on_bodies(scene)
+        acted, ended = impulses_on_bodies(scene), half_that_ended(scene, early, substeps)
         weight = np.outer(scene.model.m / 240, (0.0, 0.0, -G))
         largest = max(largest, np.abs(acted[moves]).max())
+        off = np.linalg.norm(scene.state.P.T - before - weight - acted, axis=1)
         # Rounding of momenta of up to 10 kg m/s, some ten times a substep.
-        assert scene.state.P.T[moves] == pytest.approx((before + weight + acted)[moves], abs=1e-12)
+        assert (off[moves] <= ended[moves] + 1e-12).all()
+        exact += np.count_nonzero(ended[moves] == 0.0)
     assert largest > 1.0    # N s: there were impacts
+    assert exact > 0.7 * 240 * 4
 
 
 @numba.njit
