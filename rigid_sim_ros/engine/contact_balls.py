@@ -19,7 +19,7 @@ from rigid_sim_ros.engine.contact_blocks import (
     load_three, load_two, make_basis, MASS, Motion, MU, NORMAL, POINT, RESTING, SHOVE, SIZE, SPEED,
     STICK, store_two, Three, TURN_T, Two)
 from rigid_sim_ros.engine.contact_rules import (
-    least_speed, NEGLIGIBLE, onto_circle, Sweep, wanted_of)
+    approach_of, is_open, least_speed, NEGLIGIBLE, onto_circle, Sweep, wanted_of)
 from rigid_sim_ros.engine.kernel import part
 from rigid_sim_ros.engine.lanes import (
     any_of, Eight, gather, load, Mask, scatter, select, spread, store)
@@ -125,10 +125,11 @@ def drift_balls(b: Array, A: Motion, B: Motion, h: float, shoved: bool, what: Sw
     """Move on the gaps by the velocities with which the bodies drifted; see contact_sweep.py."""
     n = load_three(b, NORMAL)
     v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
-    drift_together(b, 1, shoved, v, h)
-    store(b, POINT + GAP, load(b, POINT + GAP) + h * dot(v, n))
+    drift_together(b, 1, shoved, A, B, h)
+    was_open, speed = is_open(b, POINT), dot(v, n)
+    store(b, POINT + GAP, load(b, POINT + GAP) + h * speed)
     store(b, POINT + RESTING, 0.0)
-    return dot(v, n) + least_speed(b, POINT, what)
+    return approach_of(speed + least_speed(b, POINT, what), was_open)
 
 
 @part

@@ -38,9 +38,10 @@ from rigid_sim_ros.engine.state import body_velocity, State
 from rigid_sim_ros.engine.vector import (
     add, add_scaled, column, cross, dot, row, scale, subtract)
 
-# Parts of the size of the smaller shape of a pair: what moves less in a step has the geometry of
-# its start; what is nearer than twice the skin touches; what comes nearer has met.
-STILL, TOUCHING, MET = 1e-6, 4e-5, 1e-6
+# Parts of the size of the smaller shape of a pair: what moves less in a step meets nothing; what
+# moves less has the geometry of its start, which for a turn by a in a step is right to a^2 / 8; what
+# is nearer than twice the skin touches; what comes nearer has met.
+STILL, SLOW, TOUCHING, MET = 1e-6, 1e-4, 4e-5, 1e-6
 # Stages of conservative advancement: what touches for less than one, and not deeply, is missed.
 STAGES = 16
 TINY = 1e-300
@@ -98,8 +99,9 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
         for p in range(1, manifolds.points[r]):
             gap = min(gap, manifolds.gap[p, r])
         if gap <= TOUCHING * size:
-            _rewrite(model, state, prediction.still, shapes, manifolds, r, 0.5 * model.h, True,
-                     ahead[a] + ahead[b], prediction, scratch)
+            if ahead[a] + ahead[b] - calm[a] - calm[b] > SLOW * size:
+                _rewrite(model, state, prediction.still, shapes, manifolds, r, 0.5 * model.h,
+                         True, ahead[a] + ahead[b], prediction, scratch)
         elif _closes(model, state, loads, manifolds, r):
             t = _meeting(model, state, loads, shapes, a, b, gap, row(manifolds.normal, r),
                          MET * size, prediction.pose, scratch)
@@ -197,6 +199,8 @@ def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds
     count, n = collide(prediction.pose, shapes, a, b, margin, scratch)
     if count == 0 or dot(n, row(manifolds.normal, r)) < (SAME_NORMAL if touches else 0.0):
         return
+    if touches and not _same_features(manifolds, r, count, scratch.ids):
+        return      # others would begin without the impulses that bear the load
     old_count = _note_old(model, state, manifolds, r, prediction.old)
     w_A, w_B = _spin_after(model, state, i, t), _spin_after(model, state, j, t)
     way_A, way_B = _way(model, state, loads, i, t), _way(model, state, loads, j, t)
@@ -233,6 +237,20 @@ def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds
         prediction.turn_t[r, k] = 2.0 * slide[k] / known if known > 0 else 0.0
     manifolds.points[r], prediction.gap[r] = count, scratch.points[0, 3]
     prediction.given[r] = 1
+
+
+@kernel
+def _same_features(manifolds: Manifolds, r: int, count: int, ids: IntArray) -> bool:
+    """Return whether the points that were found are those of a manifold."""
+    if count != manifolds.points[r]:
+        return False
+    for p in range(count):
+        found = False
+        for q in range(count):
+            found |= manifolds.feature[q, r] == ids[p]
+        if not found:
+            return False
+    return True
 
 
 @kernel

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from rigid_sim_ros.engine.arrays import Array
 from rigid_sim_ros.engine.contact_blocks import GAP, RESTING, SIZE, SPEED, TURN
 from rigid_sim_ros.engine.kernel import part
-from rigid_sim_ros.engine.lanes import Eight, load, root, select
+from rigid_sim_ros.engine.lanes import Eight, load, Mask, root, select
 
 # Lengths that are tolerances, in parts of the size of the smaller shape of a pair.
 # Shapes this near to each other touch. Below it, velocities do not depend on the gap, nor does the
@@ -23,6 +23,12 @@ SETTLED, SETTLED_POINT = 1e-9, 1e-8
 # What is deeper than this is pushed apart as if it were so deep: more throws what starts inside
 # another.
 DEEPEST_PUSH = 1e-2
+
+
+# A contact that lasts approaches a little as long as its impulse does not bear all of the forces,
+# and has to learn that by itself. Something else hit its bodies where it approaches so many times
+# faster than what counts as an impact of what has just closed.
+LASTING = 16.0
 
 
 class Sweep(NamedTuple):
@@ -54,6 +60,18 @@ def least_speed(b: Array, point: int, what: Sweep) -> Eight:
     if what.forces:
         allowed = max(allowed, load(b, point + RESTING))
     return allowed + what.when * load(b, point + TURN)
+
+
+@part
+def approach_of(speed: Eight, was_open: Mask) -> Eight:
+    """Return how fast a point approaches, as what has just closed would with the same effect."""
+    return select(was_open, speed, (1.0 / LASTING) * speed)
+
+
+@part
+def is_open(b: Array, point: int) -> Mask:
+    """Return whether a point does not touch."""
+    return load(b, point + GAP) > SKIN * load(b, SIZE)
 
 
 @part

@@ -15,11 +15,12 @@ from rigid_sim_ros.engine.contact_blocks import (
     RESTING_T, ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE, SIZE, SLIDE, smallest_gap, SPEED, SPIN,
     SPIN_LEVER, symmetric, T, Three, TOTAL, TOTAL_T, TURN_T)
 from rigid_sim_ros.engine.contact_rules import (
-    gap_of, least_speed, NEGLIGIBLE, onto_circle, SETTLED, SETTLED_POINT, SKIN, Sweep, wanted_of)
+    approach_of, gap_of, is_open, least_speed, NEGLIGIBLE, onto_circle, SETTLED, SETTLED_POINT,
+    SKIN, Sweep, wanted_of)
 from rigid_sim_ros.engine.kernel import part
 from rigid_sim_ros.engine.lanes import (
-    any_of, bits_of, Eight, gather, lanes_in, largest_of, load, Mask, scatter, select, spread,
-    store)
+    any_of, bits_of, Eight, either, gather, lanes_in, largest_of, load, Mask, scatter, select,
+    spread, store)
 from rigid_sim_ros.engine.solver_bodies import INV_M
 from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, subtract
 
@@ -78,30 +79,27 @@ def begin_block(blocks: Blocks, block: int, motion: Array, what: Sweep,
     """
     b, lanes, kind = numbers_of(blocks, block), lanes_of(block), blocks.kind[block]
     begin_sums(b, points_in(kind))
+    new = normal_sum(b, points_in(kind)) == 0.0
     A, B = gather(motion, blocks.at_A[lanes]), gather(motion, blocks.at_B[lanes])
     if are_balls(kind):
         n = load_three(b, NORMAL)
         v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
-        return bits_of(dot(v, n) + least_speed(b, POINT, what) < -tolerance)
+        speed = dot(v, n) + least_speed(b, POINT, what)
+        return bits_of(approach_of(speed, either(new, is_open(b, POINT))) < -tolerance)
     n, t1, t2 = axes(b)
     _, u, w = _relative(b, A, B)
-    return bits_of(_least_of_points(b, dot(u, n), dot(w, t1), dot(w, t2), points_in(kind), what)
-                   < -tolerance)
+    along, about_1, about_2, least = dot(u, n), dot(w, t1), dot(w, t2), spread(ABSENT)
+    for p in range(4 if points_in(kind) > 1 else 1):
+        point = POINT + p * POINT_ROWS
+        speed = _point_speed(b, point, along, about_1, about_2) + least_speed(b, point, what)
+        least = min(least, approach_of(speed, either(new, is_open(b, point))))
+    return bits_of(least < -tolerance)
 
 
 @part
-def _least_of_points(b: Array, along: Eight, about_1: Eight, about_2: Eight, points: int,
-                     what: Sweep) -> Eight:
-    """Return the least of what the points may still close faster [m/s]; < 0: they do not stop."""
-    if points == 1:
-        # The point is c.
-        return along + least_speed(b, POINT, what)
-    least = spread(ABSENT)
-    for p in range(4):
-        point = POINT + p * POINT_ROWS
-        least = min(least, along + load(b, point + T) * about_1 - load(b, point + S) * about_2
-                    + least_speed(b, point, what))
-    return least
+def _point_speed(b: Array, point: int, along: Eight, about_1: Eight, about_2: Eight) -> Eight:
+    """Return the normal velocity of a point, given three parts of the twist at c."""
+    return along + load(b, point + T) * about_1 - load(b, point + S) * about_2
 
 
 @part
@@ -276,8 +274,8 @@ def _note_approach(b: Array, kind: int, motion: Array, at_A: IntArray, at_B: Int
         return
     for p in range(4):
         point = POINT + p * POINT_ROWS
-        parts = along + load(b, point + T) * about_1 - load(b, point + S) * about_2
-        store(b, point + RESTING, select(mask, max(-parts, 0.0), 0.0))
+        speed = _point_speed(b, point, along, about_1, about_2)
+        store(b, point + RESTING, select(mask, max(-speed, 0.0), 0.0))
 
 
 @part
@@ -353,23 +351,18 @@ def _twist(b: Array, A: Motion, B: Motion) -> tuple[Three, Three]:
 @part
 def _drift(b: Array, A: Motion, B: Motion, h: float, points: int, shoved: bool,
            what: Sweep) -> Eight:
-    """Do what `drift_block` does; return what `_least_of_points` does."""
+    """Do what `drift_block` does; return the fastest approach of each pair, below 0 [m/s]."""
     n, t1, t2 = axes(b)
-    v, u, w = _relative(b, A, B)
-    drift_together(b, points, shoved, v, h)
-    nearer = h * dot(u, n)
-    about_1, about_2 = h * dot(w, t1), h * dot(w, t2)
-    if points == 1:
-        # The point is c.
-        store(b, POINT + GAP, load(b, POINT + GAP) + nearer)
-        store(b, POINT + RESTING, 0.0)
-    else:
-        for p in range(4):
-            point = POINT + p * POINT_ROWS
-            store(b, point + GAP, load(b, point + GAP) + (
-                nearer + load(b, point + T) * about_1 - load(b, point + S) * about_2))
-            store(b, point + RESTING, 0.0)
-    return _least_of_points(b, dot(u, n), dot(w, t1), dot(w, t2), points, what)
+    _, u, w = _relative(b, A, B)
+    drift_together(b, points, shoved, A, B, h)
+    along, about_1, about_2, least = dot(u, n), dot(w, t1), dot(w, t2), spread(ABSENT)
+    for p in range(4 if points > 1 else 1):
+        point = POINT + p * POINT_ROWS
+        was_open, speed = is_open(b, point), _point_speed(b, point, along, about_1, about_2)
+        store(b, point + GAP, load(b, point + GAP) + h * speed)
+        store(b, point + RESTING, 0.0)
+        least = min(least, approach_of(speed + least_speed(b, point, what), was_open))
+    return least
 
 
 @part

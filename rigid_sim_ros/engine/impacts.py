@@ -131,11 +131,16 @@ def visit_waiting(region: int, backwards: bool, blocks: Blocks, motion: Array, u
 
 @kernel
 def wait_fresh(region: int, blocks: Blocks, fresh: IntArray, work: Impacts) -> bool:
-    """Let the lanes wait that touch without an impulse to begin with; return whether any does."""
+    """
+    Let the lanes wait that touch without an impulse to begin with; return whether any does.
+
+    But for those that are in an impact: what is on its way is not about to bear anything.
+    """
     first, any_waits = first_block(blocks, region), False
     for block in range(first, first + blocks.count[region]):
-        work.waits[0, block], work.waits[1, block] = fresh[block], 0
-        any_waits |= fresh[block] != 0
+        bits = fresh[block] & ~work.hit[block]
+        work.waits[0, block], work.waits[1, block] = bits, 0
+        any_waits |= bits != 0
     return any_waits
 
 

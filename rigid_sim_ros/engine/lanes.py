@@ -179,6 +179,16 @@ def both(_: Any, a: Any, b: Any) -> Any:
 
 
 @_intrinsic
+def either(_: Any, a: Any, b: Any) -> Any:
+    """Return where any of two masks holds."""
+
+    def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
+        return builder.or_(*args)
+
+    return _MASK(_MASK, _MASK), generate
+
+
+@_intrinsic
 def any_of(_: Any, mask: Any) -> Any:
     """Return whether a mask holds in any lane."""
 

@@ -162,7 +162,7 @@ def _visit_waiting(to: int, box: Any, desk: IntArray, halved: bool, stage: int, 
 # with: without them it sinks by 4 mm before its impulses have grown.
 FRESH_TURNS = 100
 # Of what gravity does in a substep: a change that is passed on when contacts are new.
-FRESH = 1e-2
+FRESH = 1e-4
 
 
 @part
@@ -203,11 +203,11 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
         notes[WAITING] = 1.0 if pass_on(region, blocks, motion, bodies.used, what, least,
                                         impacts) else 0.0
     elif stage in (KICK, KICK_AND_SWEEP):
+        if stage == KICK:
+            notes[WAITING] = 1.0 if wait_fresh(region, blocks, work.fresh, impacts) else 0.0
         end_impacts(region, blocks, motion, impacts)
         if region != BETWEEN:
             kick_bodies(region, bodies.used, motion, bodies.smooth, alike, bodies.base, h)
-        if stage == KICK:
-            notes[WAITING] = 1.0 if wait_fresh(region, blocks, work.fresh, impacts) else 0.0
     if stage in (KICK_AND_SWEEP, SWEEP):
         sweep(region, blocks, motion, what)
     elif stage == RETURN:
@@ -215,7 +215,7 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
     if (stage == RETURN and region != BETWEEN) or stage == DRIFT:
         if region != BETWEEN:
             drift_bodies(region, bodies.used, motion, bodies.drifted, bodies.total,
-                         bodies.smooth, alike, bodies.base, h, notes[PUSHED] > 0.0)
+                         bodies.smooth, alike, bodies.base, bodies.held, h, notes[PUSHED] > 0.0)
         meets = drift_blocks(region, blocks, bodies.drifted, h, what, slow, impacts)
         notes[WAITING], notes[SUBSTEP] = 1.0 if meets else 0.0, notes[SUBSTEP] + 1.0
     elif stage == KEEP:
