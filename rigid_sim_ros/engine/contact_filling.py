@@ -20,7 +20,7 @@ from rigid_sim_ros.engine.contact_prediction import Prediction
 from rigid_sim_ros.engine.contact_rules import SKIN
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.lanes import (
-    any_of, bits_of, both, Eight, gather, gather_integers, gather_rows_1, gather_rows_3,
+    any_of, bits_of, both, count_of, Eight, gather, gather_integers, gather_rows_1, gather_rows_3,
     LANES, largest_of, load, scatter, scatter_rows_1, scatter_rows_3, select, spread, store)
 from rigid_sim_ros.engine.manifolds import first_row, Manifolds, POINTS, rows_in_use
 from rigid_sim_ros.engine.shapes import Materials, Shapes
@@ -30,8 +30,9 @@ from rigid_sim_ros.engine.solver_bodies import (
     INV_I, INV_M, is_carried, SolverBodies, still_slot, STRIDE, TOUCHED)
 from rigid_sim_ros.engine.vector import add
 
-# What is noted of a region: the deepest overlap [m].
-DEEPEST = 0
+# What is noted of a region: the deepest overlap [m], and how many manifolds touch, and how many of
+# them without an impulse to begin with.
+DEEPEST, TOUCHING, NEW = range(3)
 
 
 @kernel
@@ -159,7 +160,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
     `share` is the part of a step that a substep is. fresh (blocks,) become the bits of the lanes
     that touch without an impulse to begin with.
     """
-    deepest = 0.0
+    deepest, touching, new = 0.0, 0, 0
     for block in range(first, first_block(blocks, region) + blocks.count[region]):
         lanes = lanes_of(block)
         b, rows = numbers_of(blocks, block), blocks.row[lanes]
@@ -182,6 +183,8 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
         least = smallest_gap(b, points)
         touches = least < SKIN * load(b, SIZE)
         fresh[block] = bits_of(both(touches, normal_sum(b, points) == 0.0))
+        touching = touching + count_of(touches)
+        new = new + count_of(both(touches, normal_sum(b, points) == 0.0))
         deepest = max(deepest, largest_of(-least))
         if shifted:
             for i in range(LANES):
@@ -195,6 +198,8 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
             prepare_block(b, points, small, A[INV_M], B[INV_M])
             _warm_start(b, points, small, bodies.base, at_A, at_B, A[INV_M], B[INV_M])
     notes[DEEPEST] = max(notes[DEEPEST], deepest)
+    notes[TOUCHING] += touching
+    notes[NEW] += new
 
 
 @part

@@ -19,7 +19,7 @@ from rigid_sim_ros.engine.contact_rules import (
     SKIN, Sweep, wanted_of)
 from rigid_sim_ros.engine.kernel import part
 from rigid_sim_ros.engine.lanes import (
-    any_of, bits_of, Eight, either, gather, lanes_in, largest_of, load, Mask, scatter, select,
+    any_of, bits_of, Eight, either, EVERY, gather, lanes_in, largest_of, load, Mask, scatter, select,
     spread, store)
 from rigid_sim_ros.engine.solver_bodies import INV_M
 from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, subtract
@@ -255,6 +255,22 @@ def end_impact(blocks: Blocks, block: int, bits: int, motion: Array) -> None:
 def _put_back(b: Array, row: int, aside: int, total: int, mask: Mask) -> None:
     store(b, total, load(b, total) + select(mask, load(b, row), 0.0))
     store(b, row, select(mask, load(b, aside), load(b, row)))
+
+
+@part
+def excuse_approach(blocks: Blocks, block: int, motion: Array) -> None:
+    """Let forces not stop how fast the points of a block approach, which is for an impact."""
+    lanes = lanes_of(block)
+    _note_approach(numbers_of(blocks, block), blocks.kind[block], motion, blocks.at_A[lanes],
+                   blocks.at_B[lanes], lanes_in(EVERY))
+
+
+@part
+def forget_excuse(blocks: Blocks, block: int) -> None:
+    """End what `excuse_approach` began."""
+    b = numbers_of(blocks, block)
+    for p in range(4 if points_in(blocks.kind[block]) > 1 else 1):
+        store(b, POINT + p * POINT_ROWS + RESTING, 0.0)
 
 
 @part

@@ -30,7 +30,8 @@ from rigid_sim_ros.engine.coloring import (
 from rigid_sim_ros.engine.contact_blocks import SIZE
 from rigid_sim_ros.engine.contact_rules import SETTLED_POINT, Sweep
 from rigid_sim_ros.engine.contact_sweep import (
-    begin_block, begin_impact, drift_block, end_impact, visit_block)
+    begin_block, begin_impact, drift_block, end_impact, excuse_approach, forget_excuse,
+    visit_block)
 from rigid_sim_ros.engine.kernel import apart, INDEX, kernel
 from rigid_sim_ros.engine.lanes import bits_of, LANES, load
 from rigid_sim_ros.engine.solver_bodies import most_slots, slots_of, STRIDE
@@ -118,7 +119,7 @@ def visit_waiting(region: int, backwards: bool, blocks: Blocks, motion: Array, u
         bits = work.waits[0, block] | work.waits[1, block]
         if bits != 0:
             any_did = True
-            if bits & ~work.hit[block] != 0 and not what.forces:
+            if bits & ~work.hit[block] != 0:
                 begin_impact(blocks, block, bits & ~work.hit[block])
                 work.hit[block] |= bits
             residual = visit_block(blocks, block, motion, what, bits)
@@ -130,18 +131,19 @@ def visit_waiting(region: int, backwards: bool, blocks: Blocks, motion: Array, u
 
 
 @kernel
-def wait_fresh(region: int, blocks: Blocks, fresh: IntArray, work: Impacts) -> bool:
-    """
-    Let the lanes wait that touch without an impulse to begin with; return whether any does.
-
-    But for those that are in an impact: what is on its way is not about to bear anything.
-    """
-    first, any_waits = first_block(blocks, region), False
+def excuse_approaches(region: int, blocks: Blocks, motion: Array) -> None:
+    """Let forces not stop what approaches in a region."""
+    first = first_block(blocks, region)
     for block in range(first, first + blocks.count[region]):
-        bits = fresh[block] & ~work.hit[block]
-        work.waits[0, block], work.waits[1, block] = bits, 0
-        any_waits |= bits != 0
-    return any_waits
+        excuse_approach(blocks, block, motion)
+
+
+@kernel
+def forget_excuses(region: int, blocks: Blocks) -> None:
+    """End what `excuse_approaches` began."""
+    first = first_block(blocks, region)
+    for block in range(first, first + blocks.count[region]):
+        forget_excuse(blocks, block)
 
 
 @kernel

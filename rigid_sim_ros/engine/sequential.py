@@ -23,19 +23,22 @@ from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.engine.bits import fetch
 from rigid_sim_ros.engine.coloring import (
     begin_blocks, BETWEEN, Blocks, CACHED, CHANGED, color_piece, Coloring, fetch_block,
-    first_block, make_blocks, make_coloring, make_room, most_blocks, OVERLAPPING, PIECE, REGIONS)
+    first_block, make_blocks, make_coloring, make_room, most_blocks, numbers_of, OVERLAPPING, PIECE,
+    REGIONS)
+from rigid_sim_ros.engine.contact_blocks import SIZE
 from rigid_sim_ros.engine.contact_filling import (
-    choose_manifolds, classify, DEEPEST, fill_blocks, keep_impulses, place_lanes)
+    choose_manifolds, classify, DEEPEST, fill_blocks, keep_impulses, NEW, place_lanes,
+    TOUCHING)
 from rigid_sim_ros.engine.contact_prediction import Prediction
-from rigid_sim_ros.engine.contact_rules import Sweep
+from rigid_sim_ros.engine.contact_rules import SETTLED, Sweep
 from rigid_sim_ros.engine.contact_sweep import note_left, separate, visit_block
 from rigid_sim_ros.engine.free_flight import fly_free
 from rigid_sim_ros.engine.impacts import (
-    drift_blocks, end_impacts, find_approaching, Impacts, make_impacts, pass_on, TURNS,
-    visit_waiting, wait_fresh)
+    drift_blocks, end_impacts, excuse_approaches, find_approaching, forget_excuses, Impacts,
+    make_impacts, pass_on, TURNS, visit_waiting)
 from rigid_sim_ros.engine.kept import call
 from rigid_sim_ros.engine.kernel import apart, INDEX, kernel, part
-from rigid_sim_ros.engine.lanes import EVERY, LANES
+from rigid_sim_ros.engine.lanes import any_of, EVERY, LANES, load
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Manifolds
 from rigid_sim_ros.engine.model import Model
@@ -44,7 +47,7 @@ from rigid_sim_ros.engine.slots import give_slots, make_sides, shared_out, Sides
 from rigid_sim_ros.engine.solver_bodies import (
     begin_push, begin_push_astride, begin_push_inside, drift_bodies, kick_bodies,
     load_bodies, make_bodies, mark_astride, SECOND_BEGIN, slots_of, SolverBodies, store_bodies,
-    STRIDE)
+    STRIDE, unkick_bodies)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.two_cores import side_by_side
 from rigid_sim_ros.engine.vector import norm
@@ -77,7 +80,7 @@ class SequentialWork(NamedTuple):
 
 # More that is noted of a region: the residual, whether anything was pushed in this substep, which
 # substep it is in, and whether anything waits for its part in an impact.
-LARGEST, PUSHED, SUBSTEP, WAITING = 1, 2, 3, 4
+LARGEST, PUSHED, SUBSTEP, WAITING = 3, 4, 5, 6
 
 
 def make_work(n: int, middle: tuple[int, int], capacity: int) -> SequentialWork:
@@ -89,10 +92,11 @@ def make_work(n: int, middle: tuple[int, int], capacity: int) -> SequentialWork:
 
 
 # The stages of a region: fill its blocks; see what approaches as the step begins; let what waits
-# in an impact have a turn; kick; let what is new, and whom that changes, have a turn; sweep forth;
-# sweep back what is not settled and push; drift; keep impulses.
-(FILL, APPROACH, IMPACT_BACK, IMPACT, KICK, SETTLE_BACK, SETTLE, SWEEP, KICK_AND_SWEEP, RETURN,
- DRIFT, KEEP) = range(12)
+# in an impact have a turn; kick and sweep forth; kick alone, and take it back; sweep forth or
+# back; kick, visit what is new and sweep forth; sweep back what is not settled and push; drift;
+# keep impulses.
+(FILL, APPROACH, IMPACT_BACK, IMPACT, KICK_AND_SWEEP, KICK, UNKICK, SWEEP, SWEEP_BACK,
+ SETTLE_AND_SWEEP, RETURN, DRIFT, KEEP) = range(13)
 
 
 @part
@@ -109,15 +113,13 @@ def solve_contacts(to: int, to_store: int, box: Any, desk: IntArray, model: Mode
     # Whatever an earlier step had in regions that this one does not have.
     work.blocks.count[:], notes[:], work.impacts.listed[:] = 0, 0.0, 0
     _in_all(to, box, desk, halved, FILL)
+    if _is_mostly_new(notes):
+        _find_impulses(to, box, desk, halved)
     _in_all(to, box, desk, halved, APPROACH)
     for substep in range(substeps):
-        _visit_waiting(to, box, desk, halved, IMPACT, TURNS, notes)
-        if substep == 0:
-            _in_all(to, box, desk, halved, KICK)
-            _visit_waiting(to, box, desk, halved, SETTLE, FRESH_TURNS, notes)
-            _in_all(to, box, desk, halved, SWEEP)
-        else:
-            _in_all(to, box, desk, halved, KICK_AND_SWEEP)
+        if notes[0, WAITING] + notes[1, WAITING] + notes[2, WAITING] > 0.0:
+            _solve_impacts(to, box, desk, halved, notes)
+        _in_all(to, box, desk, halved, SETTLE_AND_SWEEP if substep == 0 else KICK_AND_SWEEP)
         if halved:
             call(to, box, REGIONS * RETURN + BETWEEN)
         _in_halves(to, box, desk, halved, RETURN)
@@ -147,22 +149,42 @@ def _in_all(to: int, box: Any, desk: IntArray, halved: bool, stage: int) -> None
 
 
 @kernel
-def _visit_waiting(to: int, box: Any, desk: IntArray, halved: bool, stage: int, turns: int,
-                   notes: Array) -> None:
-    """Visit what waits, and what that reaches, until nothing does; the stage before goes back."""
-    for _ in range(turns):
+def _solve_impacts(to: int, box: Any, desk: IntArray, halved: bool, notes: Array) -> None:
+    """Visit what approaches, and what that reaches, until nothing waits."""
+    for _ in range(TURNS):
+        if halved:
+            call(to, box, REGIONS * IMPACT_BACK + BETWEEN)
+        _in_all(to, box, desk, halved, IMPACT)
         if notes[0, WAITING] + notes[1, WAITING] + notes[2, WAITING] == 0.0:
             break
-        if halved:
-            call(to, box, REGIONS * (stage - 1) + BETWEEN)
-        _in_all(to, box, desk, halved, stage)
 
 
-# Turns of what is new at the start of a step. As many as a scene of a stack of 20 needs to begin
-# with: without them it sinks by 4 mm before its impulses have grown.
-FRESH_TURNS = 100
-# Of what gravity does in a substep: a change that is passed on when contacts are new.
-FRESH = 1e-4
+# Visits to a block with new contacts. A box that is put down on a slope slips by 1e-7 m until its
+# pressure has moved to where friction wants it; with 6 visits before the first sweep by 1e-10 m.
+FRESH_VISITS = 6
+# Sweeps where half of all that touches is new, as at the start of a scene: without them a stack of
+# 20 sinks by 4 mm before its impulses have grown, and the shock moves it sideways.
+FRESH_SWEEPS = 100
+
+
+@kernel
+def _is_mostly_new(notes: Array) -> bool:
+    new = notes[0, NEW] + notes[1, NEW] + notes[2, NEW]
+    return bool(2.0 * new > notes[0, TOUCHING] + notes[1, TOUCHING] + notes[2, TOUCHING])
+
+
+@kernel
+def _find_impulses(to: int, box: Any, desk: IntArray, halved: bool) -> None:
+    """Find the impulses to begin with where most contacts are new: those that bear the forces."""
+    _in_all(to, box, desk, halved, KICK)
+    for k in range(FRESH_SWEEPS):
+        if k % 2 == 0:
+            _in_all(to, box, desk, halved, SWEEP)
+        else:
+            if halved:
+                call(to, box, REGIONS * SWEEP_BACK + BETWEEN)
+            _in_halves(to, box, desk, halved, SWEEP_BACK)
+    _in_all(to, box, desk, halved, UNKICK)
 
 
 @part
@@ -186,7 +208,6 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
     what = Sweep(1.0 / h, not strikes, ends / settings.substeps - 0.5)
     # What gravity does in a substep: below it an approach is the work of forces, not an impact.
     slow = h * norm((model.gravity[0], model.gravity[1], model.gravity[2]))
-    least = FRESH * slow if stage in (SETTLE_BACK, SETTLE) else slow
     if stage == FILL:
         if region != BETWEEN:
             give_slots(region, work.sides, touching, bodies)
@@ -197,19 +218,27 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
     elif stage == APPROACH:
         notes[WAITING] = 1.0 if find_approaching(region, blocks, motion, what, slow,
                                                  impacts) else 0.0
-    elif stage in (IMPACT_BACK, SETTLE_BACK):
-        visit_waiting(region, True, blocks, motion, bodies.used, what, least, impacts)
-    elif stage in (IMPACT, SETTLE):
-        notes[WAITING] = 1.0 if pass_on(region, blocks, motion, bodies.used, what, least,
+    elif stage == IMPACT_BACK:
+        visit_waiting(region, True, blocks, motion, bodies.used, what, slow, impacts)
+    elif stage == IMPACT:
+        notes[WAITING] = 1.0 if pass_on(region, blocks, motion, bodies.used, what, slow,
                                         impacts) else 0.0
-    elif stage in (KICK, KICK_AND_SWEEP):
-        if stage == KICK:
-            notes[WAITING] = 1.0 if wait_fresh(region, blocks, work.fresh, impacts) else 0.0
+    elif stage == KICK:
+        excuse_approaches(region, blocks, motion)
+        if region != BETWEEN:
+            kick_bodies(region, bodies.used, motion, bodies.smooth, alike, bodies.base, h)
+    elif stage == UNKICK:
+        forget_excuses(region, blocks)
+        if region != BETWEEN:
+            unkick_bodies(region, bodies.used, motion, bodies.smooth, alike, bodies.base, h)
+    elif stage in (KICK_AND_SWEEP, SETTLE_AND_SWEEP):
         end_impacts(region, blocks, motion, impacts)
         if region != BETWEEN:
             kick_bodies(region, bodies.used, motion, bodies.smooth, alike, bodies.base, h)
-    if stage in (KICK_AND_SWEEP, SWEEP):
-        sweep(region, blocks, motion, what)
+        if stage == SETTLE_AND_SWEEP:
+            settle(region, blocks, work.fresh, motion, what)
+    if stage in (KICK_AND_SWEEP, SETTLE_AND_SWEEP, SWEEP, SWEEP_BACK):
+        sweep(region, blocks, motion, what, stage == SWEEP_BACK)
     elif stage == RETURN:
         _return(region, what, settings.push / h, work)
     if (stage == RETURN and region != BETWEEN) or stage == DRIFT:
@@ -273,19 +302,31 @@ def _fill(region: int, x: Array, shapes: Shapes, materials: Materials, round_sha
 
 
 @part
-def sweep(region: int, blocks: Blocks, motion: Array, what: Sweep) -> None:
+def sweep(region: int, blocks: Blocks, motion: Array, what: Sweep, backwards: bool) -> None:
     """
     Visit every block of a region once, and note what is left to do.
 
-    The way back takes the opposite order, so that both make a nearly symmetric iteration: its
+    Backwards in the opposite order, so that two sweeps make a nearly symmetric iteration: its
     errors decay, while those of a one-sided one also rotate, and the warm start, an extrapolation,
     would make that a growing sway of a stack.
     """
     first, count = first_block(blocks, region), blocks.count[region]
-    for block in range(first, first + count):
+    for k in range(count):
+        block = first + (count - 1 - k if backwards else k)
         if count > CACHED:
-            fetch_block(blocks, block + 1)
+            fetch_block(blocks, block - 1 if backwards else block + 1)
         note_left(blocks, block, visit_block(blocks, block, motion, what, EVERY), what)
+
+
+@part
+def settle(region: int, blocks: Blocks, fresh: IntArray, motion: Array, what: Sweep) -> None:
+    """Visit the blocks of a region that have new contacts."""
+    first = first_block(blocks, region)
+    for block in range(first, first + blocks.count[region]):
+        least = SETTLED * what.inv_h * load(numbers_of(blocks, block), SIZE)
+        for _ in range(FRESH_VISITS if fresh[block] > 0 else 0):
+            if not any_of(visit_block(blocks, block, motion, what, fresh[block]) > least):
+                break
 
 
 @part

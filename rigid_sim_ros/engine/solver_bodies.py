@@ -215,6 +215,17 @@ def kick_bodies(half: int, used: IntArray, motion: Array, smooth: Array, alike: 
 
 
 @kernel
+def unkick_bodies(half: int, used: IntArray, motion: Array, smooth: Array, alike: bool,
+                  base: Array, h: float) -> None:
+    """Take back what `kick_bodies` did, but for what contacts do, which is in `base` again."""
+    first, last = slots_of(used, half)
+    for slot in range(first + 1, last):
+        kicked = load(base, slot)
+        store(base, slot, load(motion, slot) - kicked)
+        store(motion, slot, kicked - h * load(smooth, first if alike else slot))
+
+
+@kernel
 def begin_push(first: int, last: int, motion: Array, drifted: Array) -> None:
     """Let nobody be pushed yet in these slots, in place of the drift of the last substep."""
     for slot in range(first, last):
