@@ -206,6 +206,8 @@ def batch(scene: str, duration: float, output: str, **options: Any) -> int:
 @click.option('--topics', multiple=True, metavar='GLOB',
               help='Publish only the topics that match; may be given several times.')
 @click.option('--pause', 'paused', is_flag=True, default=None, help='Begin paused.')
+@click.option('--qos-profile-overrides-path', 'qos_path', metavar='FILE',
+              help='Other QoS than was recorded, in the YAML file of `ros2 bag play`.')
 def replay(bag: str | None, topics: tuple[str, ...], ros_args: list[str],
            **options: Any) -> int | None:
     """

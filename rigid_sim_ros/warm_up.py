@@ -8,6 +8,7 @@ takes half a minute or so, every other one a fraction of a second.
 """
 import atexit
 from collections.abc import Callable
+from contextlib import suppress
 import os
 import sys
 import threading
@@ -85,10 +86,8 @@ def watched(
 def _end(code: int) -> None:
     """End this process at once: LLVM aborts where it is taken down under a thread that uses it."""
     for stream in (sys.stdout, sys.stderr):
-        try:
+        with suppress(AttributeError, OSError, ValueError):     # none, or nobody reads it
             stream.flush()
-        except (AttributeError, OSError, ValueError):   # there is none, or nobody reads it
-            pass
     os._exit(code)
 
 

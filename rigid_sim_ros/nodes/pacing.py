@@ -25,8 +25,8 @@ _LEAST_TICK_NS = MILLISECOND
 # time, but shows them as a longer burst of steps at full speed.
 CATCH_UP_NS = 100 * MILLISECOND
 
-# 146 years, in ns or in steps: what has a longer period does not happen. Counts up to here fit into
-# 64 bits, while 1 / 5e-324 is beyond all numbers.
+# 146 years, in ns or in steps: what has a longer period does not happen. Counts up to here fit
+# into 64 bits, while 1 / 5e-324 is beyond all numbers.
 NEVER = 2 ** 62
 
 

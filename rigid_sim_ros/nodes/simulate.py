@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from functools import partial
 import gc
 import sys
-import threading
 import traceback
 from typing import Any
 
@@ -29,6 +28,7 @@ from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.moment import Moment
 from rigid_sim_ros.bag.writer import check_path
 from rigid_sim_ros.nodes.inputs import ParameterInput, Queue, Receiver, Refusals
+from rigid_sim_ros.nodes.neighbours import Neighbours
 from rigid_sim_ros.nodes.parameters import declare, is_live, mistake_in, ParameterError
 from rigid_sim_ros.nodes.process import (
     complain, DONE, FAILED, Parser, ROS_ERRORS, ros_text, start_ros, Threads)
@@ -100,6 +100,7 @@ class Simulation:
             dict(self._parameters), self._most_steps())
         self._subscribe(bodies)
         Services(self.node, self._queue, self._recording)
+        Neighbours(self.node, publishers.telling_names)
         self.node.add_on_set_parameters_callback(self._check_parameters)
         self.node.add_post_set_parameters_callback(self._hand_over_parameters)
         begin = '' if self._moment is None else f', from {self._world.time_ns / 1e9:.9g} s on'

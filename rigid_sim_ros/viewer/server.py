@@ -20,6 +20,7 @@ import websockets.asyncio.server
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
+from rigid_sim_ros.viewer.garbage import Handler, patient
 from rigid_sim_ros.viewer.waking import wake_in_the_loop
 
 LOCAL = '127.0.0.1'
@@ -197,16 +198,19 @@ def _guarded(gate: Gate, hover: Hover) -> Iterator[threading.Event]:
     serve = websockets.asyncio.server.serve
     is_guarded = threading.Event()
 
-    def guarded(*args: Any, process_request: Check, **options: Any) -> Any:
+    def guarded(handler: Handler, *args: Any, process_request: Check, **options: Any) -> Any:
 
         def check(connection: Any, request: Request) -> Any:
-            answer = gate.answer(request) or hover.answer(request)
-            if answer is not None:
-                return answer
-            return hover.extend(request, process_request(connection, request))
+            try:
+                answer = gate.answer(request) or hover.answer(request)
+                if answer is not None:
+                    return answer
+                return hover.extend(request, process_request(connection, request))
+            except (OSError, ValueError):       # an address or a path that is none
+                return _refusal()
 
         is_guarded.set()
-        return serve(*args, process_request=check, **options)
+        return serve(patient(handler), *args, process_request=check, **options)
 
     websockets.asyncio.server.serve = guarded   # type: ignore[assignment,misc]
     try:
