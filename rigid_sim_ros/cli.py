@@ -15,6 +15,7 @@ import click
 
 from rigid_sim_ros import __version__
 from rigid_sim_ros.bag.errors import BagError
+from rigid_sim_ros.environment import check_engine, EnvironmentProblem
 from rigid_sim_ros.options import (
     Commands, duration_option, examples, NodeCommand, record_option, scene_argument, Seconds, Size)
 from rigid_sim_ros.scene.errors import SceneError
@@ -43,6 +44,8 @@ def rigid_sim(ctx: click.Context) -> None:
     """
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())
+    else:
+        check_engine()
 
 
 @rigid_sim.command(cls=NodeCommand, epilog=examples(
@@ -384,7 +387,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
         fail(error.format_message())
     except SceneError as error:
         fail(error.summary)
-    except BagError as error:
+    except (BagError, EnvironmentProblem) as error:
         fail(str(error))
     except click.Abort:
         raise SystemExit(INTERRUPTED) from None

@@ -99,7 +99,7 @@ def run(
             view.node.destroy_node()
         finally:
             stop(server)
-    except AddressError as error:
+    except (AddressError, OSError) as error:
         return complain(str(error))
     except ROS_ERRORS as error:
         return complain(ros_text(error))
