@@ -15,7 +15,7 @@ from rigid_sim_ros.bag.info import Info, info
 from rigid_sim_ros.bag.recover import recover
 from rigid_sim_ros.bag.verify import verify
 from rigid_sim_ros.bag.writer import check_path
-from rigid_sim_ros.report import console
+from rigid_sim_ros.report import console, counted
 from rigid_sim_ros.warm_up import announced, warm_up
 from rigid_sim_ros.world import load_scene, World
 
@@ -105,7 +105,8 @@ def _session_lines(found: Info) -> list[str]:
     software = ', '.join(f'{name} {version}' for name, version in session.software.items())
     happened = ', '.join(f'{kind} {count}' for kind, count in sorted(found.happened.items()))
     return [
-        f'scene: {session.scene}, {len(session.bodies)} bodies, step {session.step_ns / 1e9:g} s',
+        f'scene: {session.scene}, {counted(len(session.bodies), "body", "bodies")}, '
+        f'step {session.step_ns / 1e9:g} s',
         f'software: {software}',
         f'events: {happened or "none"}',
         f'full states: {found.snapshots}',

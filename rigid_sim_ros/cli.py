@@ -58,7 +58,8 @@ def rigid_sim(ctx: click.Context) -> None:
 @duration_option
 @record_option
 @click.option('--view', 'is_viewed', is_flag=True,
-              help='Open a web page that shows and drives the simulation.')
+              help='Open a web page that shows and drives the simulation, which begins when '
+                   'somebody looks at it.')
 def run(scene: str | None, duration: float | None, record: str | None, is_viewed: bool,
         ros_args: list[str]) -> int | None:
     """
@@ -74,7 +75,7 @@ def run(scene: str | None, duration: float | None, record: str | None, is_viewed
         page = _import_node('run', 'view_process').viewing(ros_args)
     with page:
         result: int | None = simulate.run(
-            scene, duration=duration, record=record, ros_args=ros_args)
+            scene, duration=duration, record=record, paused=is_viewed, ros_args=ros_args)
     return result
 
 

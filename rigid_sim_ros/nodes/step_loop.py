@@ -56,7 +56,7 @@ class StepLoop:
         self._parameters = parameters
         self._steps_left = most_steps
         self._stopped = threading.Event()
-        self._paused = False
+        self._paused: bool = parameters['paused']
         self._broken = ''                       # why the world cannot be stepped any more
         self._moved = False                     # while paused: there is something new to publish
         # Of the last ~/wrenches message; a world that goes on from a bag may bring some along.
@@ -76,7 +76,7 @@ class StepLoop:
         """Step until `stop` is called or the last step is done."""
         try:
             if self._recording.is_made:
-                self._recording.begin()
+                self._start_recording()
             self._publish_all()
             now_ns = monotonic_ns()
             self._pacer.restart(now_ns)

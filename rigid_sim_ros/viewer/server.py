@@ -6,6 +6,7 @@ from contextlib import contextmanager, redirect_stdout
 import gzip
 from hashlib import sha256
 from hmac import compare_digest
+from html import escape
 from http import HTTPStatus
 from http.cookies import CookieError, SimpleCookie
 from importlib.resources import files
@@ -27,7 +28,7 @@ LOCAL = '127.0.0.1'
 _LOCAL_NAMES = frozenset({'localhost', LOCAL, '::1'})
 _TOKEN = 'token'
 # What is added to viser's page.
-_SCRIPTS = ('drawing.js', 'culling.js', 'hover.js')
+_SCRIPTS = ('drawing.js', 'culling.js', 'hover.js', 'title.js')
 
 Check = Callable[[Any, Request], Any]
 # Takes a page by its number, and a point of its picture from 0 to 1, from the left and the top.
@@ -142,6 +143,16 @@ class PageServer(viser.ViserServer):
     """viser's server with names under the mouse."""
 
     hover: Hover
+    _title: Any = None
+
+    def set_title(self, text: str) -> None:
+        """Name what the page shows, in the tab of the browser and above the panel."""
+        content = f'<span hidden data-rigid-sim-title="{escape(text)}"></span>'
+        if self._title is None:
+            self._title = self.gui.add_html(content)
+        elif self._title.content != content:
+            self._title.content = content
+        self.gui.set_panel_label(text)
 
     def request_share_url(self, verbose: bool = True) -> None:
         """Open no tunnel to the internet, whatever a page asks for."""

@@ -17,6 +17,8 @@ if find_spec('rclpy') is None or find_spec('viser') is None:
 from nodes.live import kept, PATIENCE, Process, ROOT
 import pytest
 from viewer.browsing import scene_file
+import viser
+from websockets.sync.client import connect
 
 from rigid_sim_ros.nodes.view_process import name_of
 
@@ -75,6 +77,11 @@ def test_a_run_with_a_page_ends_with_its_page(ros, tmp_path):
             r'the page is at (http://\S+)', (tmp_path / 'run/stdout').read_text('utf-8')))[1]
         with urlopen(address, timeout=60) as answer:
             assert answer.status == 200
+        wait_for(lambda: 'paused: ~/pause lets it go on' in process.stderr)
+        assert 'resumed' not in process.stderr      # nobody has looked yet
+        with connect(address.replace('http', 'ws'), subprotocols=[f'viser-v{viser.__version__}'],
+                     open_timeout=60):
+            wait_for(lambda: 'resumed at 0.000000000 s' in process.stderr)
         process.signal(signal.SIGINT)
         assert process.wait() == 0
     with pytest.raises(URLError, match='refused'):
