@@ -49,5 +49,5 @@ def _check(bounds: Bounds, body: str, verb: str, quantity: _Quantity, vector: Ar
     if not (abs(vector) <= bound).all():
         raise ValueError(
             f"body '{body}' {verb} the {quantity.text} {vector.tolist()} {quantity.unit}, must be "
-            f'within {bound:g} {quantity.unit}: `world: {{bounds: {{{quantity.bound}: ...}}}}` of '
-            'the scene changes that')
+            f'within {bound:g} {quantity.unit}, which '
+            f'`world: {{bounds: {{{quantity.bound}: ...}}}}` of the scene changes')

@@ -156,6 +156,24 @@ def check(scene: str) -> None:
     print_scene(console(), content)
 
 
+@rigid_sim.command('compile', epilog=examples(
+    'rigid_sim compile                      whatever a scene may need',
+    'rigid_sim compile tower my_scene.yaml'))
+@click.argument('scenes', nargs=-1, metavar='[SCENE ...]')
+def compile_kernels(scenes: tuple[str, ...]) -> None:
+    """
+    Compile the physics before they are needed: what each SCENE calls, or everything.
+
+    The first start on a machine compiles by itself; an image of a container, or a CI, does so in
+    advance. The kernels are kept below NUMBA_CACHE_DIR if that is set, else in the user's cache.
+    They are made for the processor on which this runs.
+    """
+    from rigid_sim_ros.precompile import precompile
+    from rigid_sim_ros.report import console
+
+    precompile(scenes, console())
+
+
 @rigid_sim.command(epilog=examples(
     'rigid_sim scenes',
     'rigid_sim run tumbling_cubesat'))

@@ -112,7 +112,7 @@ def _numbers(values: Iterable[float]) -> str:
 
 
 def counted(number: int, one: str, many: str) -> str:
-    """Return a number with the word for one or for more."""
+    """Return a number and what there are so many of."""
     return f'{number} {one if number == 1 else many}'
 
 

@@ -8,7 +8,7 @@ takes half a minute or so, every other one a fraction of a second.
 """
 import atexit
 from collections.abc import Callable
-from contextlib import suppress
+import contextlib
 import os
 import sys
 import threading
@@ -86,7 +86,8 @@ def watched(
 def _end(code: int) -> None:
     """End this process at once: LLVM aborts where it is taken down under a thread that uses it."""
     for stream in (sys.stdout, sys.stderr):
-        with suppress(AttributeError, OSError, ValueError):     # none, or nobody reads it
+        # There may be none, or nobody who reads it.
+        with contextlib.suppress(AttributeError, OSError, ValueError):
             stream.flush()
     os._exit(code)
 

@@ -28,6 +28,7 @@ from rigid_sim_ros.engine.state import (
 from rigid_sim_ros.posed import FIELDS as POSED_FIELDS, Posed
 from rigid_sim_ros.scene import read_scene, Scene, scene_from_dict
 from rigid_sim_ros.snapshot import pack, unpack
+from rigid_sim_ros.snapshot_check import check, Sizes
 
 # A quaternion this near to unit length is normalised, one farther off is refused: rounding to
 # three digits passes, a typo does not.
@@ -68,11 +69,13 @@ class World:
         self._state = copy_state(self._start)
         self._applied = AppliedWrenches()
         self._posed = Posed(self._model, shapes)
+        self._sizes = Sizes(len(self.names), len(self._model.frame_body),
+                            len(self._model.fixed), shapes.body)
         self._bounds = scene.spec.world.bounds
         collision = scene.spec.collision
         self._contact = make_contact_model(scene.contact, Setup(
             self._model, shapes, scene.materials, scene.integrator, scene.orientation,
-            scene.solver, collision.continuous, collision.substeps, collision.sleep_after))
+            scene.solver, collision.substeps, collision.sleep_after))
         self._motion = empty_motion(len(self.names))
         self._box = Kept().box(self._model, self._state, self._motion)
         self._motion_is_current = False
@@ -379,7 +382,7 @@ class World:
             return 1
         if not 0.0 <= duration < float('inf'):
             raise ValueError(f'duration {duration!r} s, must be finite and >= 0')
-        return min(round(duration / self._model.h), 2 ** 62)
+        return round(min(duration / self._model.h, 2.0 ** 62))
 
     # --- the state as a whole -----------------------------------------------------------------
 
@@ -416,17 +419,20 @@ class World:
         """
         Continue from what `save` returned, bit for bit.
 
-        ValueError if it belongs to another scene or is damaged.
+        ValueError if it belongs to another scene, is damaged, or holds anything that no world of
+        this scene can be in; then this one stays as it is.
         """
         meta, arrays = unpack(data)
-        if meta['scene'] != self._fingerprint():
+        if meta.get('scene') != self._fingerprint():
             raise ValueError(
-                f"the snapshot of {meta['bodies']} bodies is of another scene than this one of "
-                f'{len(self.names)} ({_some(self.names)}): restore it into a world of its own')
+                f"the snapshot of {meta.get('bodies')!r:.20} bodies is of another scene than this "
+                f'one of {len(self.names)} ({_some(self.names)}): restore it into a world of its '
+                'own')
         if meta.get('order', '') != self._order_mark():
             raise ValueError('the snapshot numbers the bodies in another way: it was saved by '
                              'another version; run the scene from its start')
-        # First what may be refused, so that a refusal changes nothing.
+        check(meta, arrays, self._dynamic(), self._sizes, self.step_ns)
+        # First what may still be refused, so that a refusal changes nothing.
         self._contact.recall({name: array for name, array in arrays.items()
                               if name not in MOVING_FIELDS + POSED_FIELDS + FIELDS})
         copy_into(self._state, self._start._replace(**{name: arrays[name]
@@ -470,7 +476,7 @@ def _vector(what: str, value: ArrayLike) -> Array:
     """Return three finite numbers, or raise ValueError."""
     try:
         vector = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f'{what} {value!r}, must be three numbers') from None
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise ValueError(f'{what} {vector.tolist()!r}, must be three finite numbers')
@@ -481,7 +487,7 @@ def _unit_quaternion(value: ArrayLike) -> Array:
     """Return a unit quaternion, or raise ValueError if the value is not near one."""
     try:
         q = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f'orientation {value!r}, must be four numbers x, y, z, w') from None
     length = float(np.sqrt((q * q).sum())) if q.shape == (4,) else float('nan')
     if not abs(length - 1.0) <= UNIT_TOLERANCE:

@@ -1,6 +1,6 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What nobody can mean, because it would end the simulation, is refused from the bound on."""
+"""What nobody can mean, as it would end the simulation, is refused; the scene says from where."""
 import numpy as np
 import pytest
 

@@ -8,9 +8,9 @@ the contacts move at u = A f + u*. They must not close more than their gaps, and
 
     u_n + max(gap, 0) / h >= 0,    f_n >= 0,    complementary;    |f_t| <= mu f_n against u_t.
 
-That is the problem of contact_qp.py with velocities in place of accelerations, and is solved there
-by OSQP and Newton's method. Overlaps are pushed apart by displacements of their own, as in the
-sequential solver, from the same problem without friction.
+That is the problem of contact_qp.py with velocities in place of accelerations, and is solved by
+the means of contact_newton.py; OSQP helps where they do not do. Overlaps are pushed apart by
+displacements of their own, as in the sequential solver, from the same problem without friction.
 """
 
 from typing import NamedTuple
@@ -19,7 +19,11 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.collisions import collide_bodies
-from rigid_sim_ros.engine.contact_qp import solve
+from rigid_sim_ros.engine.contact_newton import (
+    FEW_STEPS, make_newton, number_bodies, solve_rows)
+from rigid_sim_ros.engine.contact_qp import COMPLIANCE, Outcome, solve, TOLERANCE
+from rigid_sim_ros.engine.contact_rows import (
+    apply_forces, make_rows, Rows, sweep_rows, violation, write_rows)
 from rigid_sim_ros.engine.contacts import (
     Bodies, Contacts, couple, gather_all, make_bodies, make_contacts, read_bodies, relative,
     to_contact, to_world)
@@ -36,13 +40,18 @@ from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import gap_now
 from rigid_sim_ros.engine.slots import give_slots, mark_touching, take_sides
 from rigid_sim_ros.engine.solver_bodies import (
-    begin_push, drift_bodies, HELD, INV_M, kick_bodies, load_bodies,
-    SECOND_END, SolverBodies, store_bodies, STRIDE)
+    begin_push, drift_bodies, INV_M, kick_bodies, load_bodies, SECOND_END, SolverBodies,
+    store_bodies, STRIDE, TOUCHED)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.timestep import (
     clear_impulses, look_ahead, make_timestep_work, TimestepSettings, TimestepWork)
 from rigid_sim_ros.engine.vector import cross, row
 from rigid_sim_ros.engine.wrenches import count_down, Wrenches
+
+
+# Multiplications that a step may take; beyond it, and for more points, OSQP is not asked either.
+EFFORT, MOST_POINTS = 1e8, 16
+PUSH_SWEEPS = 300  # for displacements: what they leave is for the next step
 
 
 class QpReport(NamedTuple):
@@ -77,7 +86,7 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
     for _ in range(count):
         begin_kinematic(model, state)
         look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, state.V,
-                   materials.restitution, settings, work.shared.radius, shapes.body, memory, 0,
+                   settings, work.shared.radius, work.shared.thickness, shapes.body, memory, 0,
                    shapes.body.shape[0])
         while not detect_ahead(model, state, shapes, memory, 0, None):
             memory = grown(memory)
@@ -96,6 +105,7 @@ def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
     shared, bodies = work.shared, work.shared.solver.bodies
     clear_impulses(manifolds, acted.impulse, acted.friction)
     sum_loads(model, state, wrenches, shared.loads)
+    shared.collision.waits[:] = 0
     if collide_bodies(model.h, model.inv_m, model.inv_I_C, state, shared.loads.F, shapes,
                       materials, manifolds, settings.bounce_speed, acted.impulse,
                       acted.friction, shared.collision) > 0:
@@ -103,19 +113,21 @@ def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
     mark_touching(manifolds, shared.collision.waits, touching)
     # What moves by its twist has no slot: its velocity is in `work.bodies`.
     take_sides(model.inv_m, work.prescribed, state.x, work.awake, 0, len(model.m),
-               shared.solver.sides, bodies.slot)
+               shared.solver.sides, bodies.slot, bodies.flies)
     give_slots(0, shared.solver.sides, touching, bodies)
-    load_bodies(0, model.gravity, model.inv_m, model.inv_I_C, state, shared.loads, bodies)
+    load_bodies(0, 0.0, model.gravity, model.inv_m, model.inv_I_C, state, shared.loads, bodies)
     read_bodies(model, state, shared.loads.F, shared.loads.tau, work.bodies)
     chosen = _chosen(model, state, shapes, materials, manifolds, work)
     kick_bodies(0, bodies.used, bodies.motion, bodies.smooth, False, bodies.base, model.h)
     begin_push(0, bodies.used[SECOND_END], bodies.motion, bodies.drifted)
     impulses, pushes = _solve(model, manifolds, acted, settings, chosen, work)
-    drift_bodies(0, bodies.used, bodies.motion, bodies.drifted, True)
+    _end_impacts(state, model.inv_m, model.h, bodies)
+    drift_bodies(0, bodies.used, bodies.motion, bodies.drifted, bodies.total, bodies.smooth,
+                 False, bodies.base, model.h, True)
     _give_back(work.contacts, chosen, impulses, pushes, model.h, bodies)
-    fly_free(model, state, shared.loads, bodies.slot, model.h, shared.block)
     store_bodies(0, 0, len(model.m), model.h, model.m, model.inv_m, model.inv_I_C, state, bodies,
                  1)
+    fly_free(model, state, shared.loads, bodies.flies, model.h, shared.block)
     move_kinematic(model, state, model.h)
     # As in the symplectic method: half of the change of the loads, now at the new poses.
     sum_loads(model, state, wrenches, shared.later)
@@ -160,15 +172,19 @@ def _solve(model: Model, manifolds: Manifolds, acted: Manifolds, settings: Times
     if m == 0:
         manifolds.impulse[:, :count] = 0.0
         return np.zeros(0), np.zeros(0)
-    A = np.zeros((3 * m, 3 * m))
-    couple(model, contacts, work.bodies, chosen, m, 3, np.zeros((2, 3 * m, 3)), A)
-    b = np.zeros(3 * m)
-    _free_velocities(contacts, chosen, bodies, work.bodies, b)
+    rows = make_rows(m, 3 * m, len(model.m))
+    newton = make_newton(m, 3 * m, len(model.m), len(model.m))
+    write_rows(model, contacts, work.bodies, chosen, 3, COMPLIANCE, rows)
+    touched = number_bodies(contacts, chosen, model.inv_m, newton.slot)
+    _free_velocities(contacts, chosen, bodies, work.bodies, rows.b)
     gap = contacts.gap[chosen]
-    b[::3] += np.maximum(gap, 0.0) / model.h
-    start = np.zeros(3 * m)
-    _read_impulses(manifolds, contacts, chosen, start)
-    f, outcome = solve(A, b, contacts.friction[chosen], start)
+    rows.b[::3] += np.maximum(gap, 0.0) / model.h
+    _read_impulses(manifolds, contacts, chosen, rows.f)
+    worst = float(solve_rows(rows, m, 3, touched, FEW_STEPS, EFFORT, newton))
+    outcome = Outcome(worst, worst <= TOLERANCE, '', 0, 0)
+    if not outcome.solved and m <= MOST_POINTS:
+        rows.f[:], outcome = _ask_osqp(model, contacts, chosen, rows, work)
+    f = rows.f.copy()
     work.report = QpReport(outcome.residual, outcome.osqp_iterations, outcome.status,
                            outcome.solved)
     _push(contacts, chosen, f, bodies, bodies.motion)
@@ -176,20 +192,44 @@ def _solve(model: Model, manifolds: Manifolds, acted: Manifolds, settings: Times
     _write_impulses(manifolds, acted, contacts, chosen, f)
     push = settings.sequential.push / model.h
     wanted = np.minimum(-push * np.minimum(gap, 0.0), settings.sequential.push_speed)
+    violation(rows, m, 3, f)
     # Not what leaves its overlap by itself.
-    wanted -= np.maximum((A @ f + b)[::3], 0.0)
+    wanted -= np.maximum(rows.a[::3], 0.0)
     displaced = np.zeros(3 * m)
-    pressed = np.nonzero(wanted > 0.0)[0]
-    if len(pressed) > 0:
-        apart = np.zeros(3 * len(pressed))
-        apart[::3] = -wanted[pressed]
-        # Tangential rows that do nothing, as there is no friction.
-        block = np.eye(3 * len(pressed))
-        block[::3, ::3] = A[np.ix_(3 * pressed, 3 * pressed)]
-        pushes, _ = solve(block, apart, np.zeros(len(pressed)), np.zeros_like(apart))
-        displaced[3 * pressed] = pushes[::3]
+    if (wanted > 0.0).any():
+        rows.mu[:] = 0.0
+        rows.b[::3] = -wanted
+        apply_forces(rows, m, 3, displaced)
+        sweep_rows(rows, m, 3, displaced, PUSH_SWEEPS, 1e-9 * float(wanted.max()))
         _push(contacts, chosen, displaced, bodies, bodies.drifted)
     return f, displaced
+
+
+def _ask_osqp(model: Model, contacts: Contacts, chosen: IntArray, rows: Rows,
+              work: QpWork) -> tuple[Array, Outcome]:
+    """Return the impulses as OSQP finds them, where sweeps and Newton's method do not."""
+    m = len(chosen)
+    A = np.zeros((3 * m, 3 * m))
+    couple(model, contacts, work.bodies, chosen, m, 3, np.zeros((2, 3 * m, 3)), A)
+    return solve(A, rows.b, contacts.friction[chosen], rows.f)
+
+
+@kernel
+def _end_impacts(state: State, inv_m: Array, h: float, bodies: SolverBodies) -> None:
+    """
+    Let bodies that an impact stopped drift by the velocity after it, not by a mean.
+
+    An impact changes a velocity by more than twice what the forces alone would in a step.
+    """
+    for slot in range(1, bodies.used[SECOND_END]):
+        i, at = bodies.body[slot], slot * STRIDE
+        changed, pulled = 0.0, 0.0
+        for k in range(3):
+            changed += (bodies.motion[at + k] - inv_m[i] * state.P[k, i]) ** 2
+            pulled += (h * bodies.smooth[at + k]) ** 2
+        if changed > 4.0 * pulled:
+            for k in range(INV_M):
+                bodies.base[at + k] = bodies.motion[at + k] + h * bodies.smooth[at + k]
 
 
 @kernel
@@ -203,11 +243,11 @@ def _give_back(contacts: Contacts, chosen: IntArray, f: Array, pushes: Array, h:
     for c in range(chosen.shape[0]):
         k = chosen[c]
         slot_a, slot_b = solver.slot[contacts.body_a[k]], solver.slot[contacts.body_b[k]]
-        if slot_a == 0 or slot_b == 0:
-            continue
         at_a, at_b = slot_a * STRIDE, slot_b * STRIDE
         if max(f[3 * c], pushes[3 * c]) > 0.0:
-            solver.drifted[at_a + HELD] = solver.drifted[at_b + HELD] = 1.0
+            solver.drifted[at_a + TOUCHED] = solver.drifted[at_b + TOUCHED] = 1.0
+        if slot_a == 0 or slot_b == 0:
+            continue
         if pushes[3 * c] > 0.0:
             v = (solver.drifted[at_b] - solver.drifted[at_a],
                  solver.drifted[at_b + 1] - solver.drifted[at_a + 1],

@@ -110,7 +110,7 @@ class Collision(Spec):
 
     # Pairs of bodies that never touch.
     ignore: tuple[Annotated[tuple[str, str], NamePair()], ...] = ()
-    # Fast bodies are stopped at what they would pass through in a step.
+    # Without effect: fast bodies are always stopped at what they would pass through in a step.
     continuous: Boolean = False
     # Of the sequential solver: more are stiffer and slower.
     substeps: Annotated[int, Count(1, 64)] = 4

@@ -4,9 +4,10 @@
 
 import functools
 
-from hypothesis import given, settings, strategies as st
+from effort import examples
+from halves import LENGTH, members, row, rows_and, SPEED
+from hypothesis import given, strategies as st
 import numpy as np
-from test_halves import LENGTH, members, row, rows_and, SPEED
 
 from rigid_sim_ros.engine.calming import (
     _tell, calm, make_calming, tell_of_sweep, visit_waiting)
@@ -49,7 +50,7 @@ def places(bodies, blocks):
             for lane in range(block * LANES, (block + 1) * LANES)]
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(seed=st.integers(0, 2 ** 32 - 1), halved=st.booleans())
 def test_a_rough_change_is_told_to_all_other_blocks_of_whom_it_moved(seed, halved):
     rng = np.random.default_rng(seed)
@@ -102,7 +103,7 @@ def in_one_order(turns, blocks, bodies, work, what):
                 visit_waiting(region, backwards, blocks, bodies, what, work)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(seed=st.integers(0, 2 ** 32 - 1), share=st.sampled_from([0.003, 0.03, 0.3]),
        turns=st.sampled_from([1, 2, 50]))
 def test_halves_that_calm_apart_end_as_one_world_in_its_order(seed, share, turns):

@@ -35,7 +35,8 @@ def written(world, before, halves):
     n, state, model = COUNT + 1, State._make(field.copy() for field in before), world._model
     for half in range(halves):
         store_bodies(half, half * n // halves, (half + 1) * n // halves, model.h, model.m,
-                     model.inv_m, model.inv_I_C, state, world._contact._work.solver.bodies, 4)
+                     model.inv_m, model.inv_I_C, state, world._contact._work.solver.bodies, 4,
+                     model.h / 4)
     return state
 
 
@@ -53,8 +54,8 @@ def test_a_slot_that_stands_still_has_no_trace_of_whom_it_had_before(world, alik
                     bodies.base):
         numbers[:] = np.nan
     for half, still in enumerate((0, 5)):
-        load_bodies(half, model.gravity, model.inv_m, model.inv_I_C, State._make(before), loads,
-                    bodies)
+        load_bodies(half, model.h, model.gravity, model.inv_m, model.inv_I_C,
+                    State._make(before), loads, bodies)
         line = slice(still * STRIDE, (still + 1) * STRIDE)
         for numbers in (bodies.motion, bodies.mass, bodies.drifted, bodies.total, bodies.base):
             assert (numbers[line] == 0.0).all()

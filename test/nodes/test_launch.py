@@ -9,31 +9,13 @@ from unittest import SkipTest
 
 if find_spec('rclpy') is None:
     raise SkipTest('rclpy is not installed: pip install .[ros]')
-if find_spec('launch_ros') is None:
-    raise SkipTest('launch_ros is not installed: it is not among the ROS wheels, use ROS from apt')
 
 from ament_index_python import get_packages_with_prefixes
+from nodes.launching import LAUNCH    # skips this too where there is no launch
 from nodes.live import kept, Process, ROOT
 from nodes.scenes import crates
 import pytest
 from sensor_msgs.msg import MultiDOFJointState
-
-if 'rigid_sim_ros' not in get_packages_with_prefixes():
-    raise SkipTest('rigid_sim_ros is not in the ament index: colcon build, and source its setup')
-
-LAUNCH = """
-import sys
-from launch import LaunchService
-from launch.actions import IncludeLaunchDescription
-from launch.launch_description_sources import PythonLaunchDescriptionSource
-
-file, *arguments = sys.argv[1:]
-service = LaunchService()
-service.include_launch_description(IncludeLaunchDescription(
-    PythonLaunchDescriptionSource(file),
-    launch_arguments=[argument.split(':=') for argument in arguments]))
-sys.exit(service.run())
-"""
 
 
 def launch(folder, *arguments):
