@@ -119,6 +119,11 @@ def _wrong_value(node: Node, name: str, meaning: Meaning, error: Exception) -> s
             f'{meaning.most:g}')
 
 
+def given_names(node: Node) -> list[str]:
+    """Return the names of the parameters that the node was started with."""
+    return list(_overrides(node))
+
+
 def _overrides(node: Node) -> dict[str, Parameter]:
     # rclpy has no public list of the overrides before they are declared.
     overrides: dict[str, Parameter] = getattr(node, '_parameter_overrides', {})
@@ -132,6 +137,6 @@ def _sentence(text: str) -> str:
 def _warn_of_unknown(node: Node, known: Mapping[str, Any]) -> None:
     # A parameter file may serve several nodes, so a name that is not ours is no error.
     for name in _overrides(node):
-        if name not in known and not node.has_parameter(name):
+        if not (name in known or node.has_parameter(name) or name.startswith('qos_overrides.')):
             similar = [k for k in known if k.startswith('qos.') == name.startswith('qos.')]
             node.get_logger().warning(f'no parameter {name!r}: {nearest(name, similar)}')

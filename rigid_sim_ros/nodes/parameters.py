@@ -29,6 +29,7 @@ _MEANINGS = {
         '~/wrenches always cover all of them.'),
     'real_time_factor': Meaning(
         'Simulated seconds per second of wall time; 0 is as fast as possible.', True, 1e4),
+    'paused': Meaning('Whether to begin paused; ~/pause lets it go on.'),
     'threads': Meaning(
         'Threads that a step may use: a second one helps where contacts are many, and changes no '
         'result.', most=2, least=1),

@@ -28,6 +28,7 @@ from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.moment import Moment
 from rigid_sim_ros.bag.writer import check_path
 from rigid_sim_ros.nodes.inputs import ParameterInput, Queue, Receiver, Refusals
+from rigid_sim_ros.nodes.neighbours import Neighbours
 from rigid_sim_ros.nodes.parameters import declare, is_live, mistake_in, ParameterError
 from rigid_sim_ros.nodes.process import (
     complain, DONE, FAILED, Parser, ROS_ERRORS, ros_text, start_ros, Threads)
@@ -55,9 +56,10 @@ class Simulation:
 
     def __init__(
         self, scene: str | None, duration: float | None, record: str | None,
-        moment: Moment | None, stopped: Stop,
+        moment: Moment | None, paused: bool, stopped: Stop,
     ) -> None:
-        overrides = [] if scene is None else [Parameter('scene', value=scene)]
+        overrides = [Parameter('paused', value=True)] if paused else []
+        overrides += [] if scene is None else [Parameter('scene', value=scene)]
         if record is not None:
             check_path(record)      # fails now, not after compiling
             overrides += [Parameter('record', value=True), Parameter('bag_path', value=record)]
@@ -99,13 +101,15 @@ class Simulation:
             dict(self._parameters), self._most_steps())
         self._subscribe(bodies)
         Services(self.node, self._queue, self._recording)
+        Neighbours(self.node, publishers.telling_names)
         self.node.add_on_set_parameters_callback(self._check_parameters)
         self.node.add_post_set_parameters_callback(self._hand_over_parameters)
         begin = '' if self._moment is None else f', from {self._world.time_ns / 1e9:.9g} s on'
         self._log.info(
             f'simulating {self._parameters["scene"]}: {len(self._world.names)} '
             f'bod{"y" if len(self._world.names) == 1 else "ies"}, '
-            f'step {self._world.step_ns / 1e6:g} ms{begin}')
+            f'step {self._world.step_ns / 1e6:g} ms{begin}'
+            f'{", paused: ~/pause lets it go on" if self._parameters["paused"] else ""}')
         self._run_threads(loop, publishers)
 
     @property
@@ -204,21 +208,23 @@ def _recorded_parameters(moment: Moment | None) -> dict[str, Any]:
     """Return the parameters with which a session goes on, which others may override."""
     if moment is None:
         return {}
+    own = ('paused', 'record', 'real_time_factor')      # of each run
     kept = {name: value for name, value in moment.parameters.items()
-            if not name.startswith('bag_') and name not in ('record', 'real_time_factor')}
+            if not name.startswith('bag_') and name not in own}
     return {**kept, 'scene': moment.session.scene}
 
 
 def run(
     scene: str | None = None, *, duration: float | None = None, record: str | None = None,
-    moment: Moment | None = None, ros_args: Sequence[str] = (),
+    moment: Moment | None = None, paused: bool = False, ros_args: Sequence[str] = (),
 ) -> int:
     """
     Run the node until Ctrl-C, SIGTERM, SIGHUP or, if given, `duration` s of simulation time.
 
     scene is the path of a scene file or the name of an example; without it the parameter `scene`
     counts. record is the folder of a new bag. With a moment of a recorded session the node goes on
-    from there, with the parameters of then but the pace. ros_args are ROS's own arguments, from
+    from there, with the parameters of then but the pace. It begins paused if `paused` or the
+    parameter of this name says so. ros_args are ROS's own arguments, from
     `--ros-args` on. Returns the exit code: 0 for a clean end, 1 if a recording broke off, 2 with
     one line on stderr for a bad parameter, scene or folder, 128 and the number of the signal that
     ended it before it simulated anything.
@@ -227,7 +233,7 @@ def run(
     restore = stop_on_signals(stopped)
     try:
         start_ros(ros_args)
-        simulation = Simulation(scene, duration, record, moment, stopped)
+        simulation = Simulation(scene, duration, record, moment, paused, stopped)
         simulation.run()
         simulation.node.destroy_node()
         return FAILED if simulation.lost_a_recording else DONE

@@ -47,6 +47,30 @@ def test_the_launch_ends_with_the_node(ros, tmp_path, scene):
         assert process.wait() == 0
 
 
+def test_a_launch_that_includes_the_file_twice_goes_on_when_one_node_ends(probe, tmp_path, scene):
+    file = ROOT / 'launch' / 'simulate.launch.py'
+    parent = tmp_path / 'parent.launch.py'
+    parent.write_text(f"""
+from launch import LaunchDescription
+from launch.actions import IncludeLaunchDescription
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+
+
+def generate_launch_description():
+    return LaunchDescription([
+        IncludeLaunchDescription(
+            PythonLaunchDescriptionSource({str(file)!r}),
+            launch_arguments={{'scene': {scene!r}, **words}}.items())
+        for words in ({{'name': 'short', 'duration': '0.1'}},
+                      {{'name': 'long', 'duration': '600'}})])
+""", encoding='utf-8')
+    with kept(Process([sys.executable, '-c', LAUNCH, str(parent)], tmp_path)) as process:
+        out = tmp_path / 'stdout'
+        probe.wait_for(lambda: 'process has finished cleanly' in out.read_text(encoding='utf-8'))
+        probe.some(MultiDOFJointState, '/long/state')
+        assert process.is_running()
+
+
 @pytest.fixture
 def rviz(monkeypatch, tmp_path):
     """Put a program that writes down its arguments in the place of RViz."""

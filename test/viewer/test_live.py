@@ -50,6 +50,10 @@ def test_the_page_shows_each_body_once(page):
     page.wait_for(lambda: page.counts() == (1, 1, 1), 'three bodies')
 
 
+def test_the_title_names_node_and_scene(page):
+    page.wait_for(lambda: page.page.title() == '/rigid_sim: scene', 'the title')
+
+
 def test_everything_comes_from_this_machine(page, port):
     page.spot(GREEN)
     foreign = [url for url in page.requests
