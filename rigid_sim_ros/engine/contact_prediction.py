@@ -39,8 +39,8 @@ from rigid_sim_ros.engine.vector import (
     add, add_scaled, column, cross, dot, row, scale, subtract)
 
 # Parts of the size of the smaller shape of a pair: what moves less in a step meets nothing; what
-# moves less has the geometry of its start, which for a turn by a in a step is right to a^2 / 8; what
-# is nearer than twice the skin touches; what comes nearer has met.
+# moves less has the geometry of its start, which for a turn by a in a step is right to a^2 / 8;
+# what is nearer than twice the skin touches; what comes nearer has met.
 STILL, SLOW, TOUCHING, MET = 1e-6, 1e-4, 4e-5, 1e-6
 # Stages of conservative advancement: what touches for less than one, and not deeply, is missed.
 STAGES = 16

@@ -19,8 +19,8 @@ from rigid_sim_ros.engine.contact_rules import (
     SKIN, Sweep, wanted_of)
 from rigid_sim_ros.engine.kernel import part
 from rigid_sim_ros.engine.lanes import (
-    any_of, bits_of, Eight, either, EVERY, gather, lanes_in, largest_of, load, Mask, scatter, select,
-    spread, store)
+    any_of, bits_of, Eight, either, EVERY, gather, lanes_in, largest_of, load, Mask, scatter,
+    select, spread, store)
 from rigid_sim_ros.engine.solver_bodies import INV_M
 from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, subtract
 

@@ -125,8 +125,10 @@ def visit_waiting(region: int, backwards: bool, blocks: Blocks, motion: Array, u
             residual = visit_block(blocks, block, motion, what, bits)
             least = max(SETTLED_POINT * what.inv_h * load(numbers_of(blocks, block), SIZE),
                         tolerance)
-            _tell(region, blocks, block, bits & bits_of(residual > least), used, work)
-            work.waits[0, block] = work.waits[1, block] = 0
+            # It waits itself, too: friction and each of its points change what the others found.
+            changed = bits & bits_of(residual > least)
+            _tell(region, blocks, block, changed, used, work)
+            work.waits[0, block], work.waits[1, block] = changed, 0
     return any_did
 
 

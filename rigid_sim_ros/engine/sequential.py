@@ -23,8 +23,8 @@ from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.engine.bits import fetch
 from rigid_sim_ros.engine.coloring import (
     begin_blocks, BETWEEN, Blocks, CACHED, CHANGED, color_piece, Coloring, fetch_block,
-    first_block, make_blocks, make_coloring, make_room, most_blocks, numbers_of, OVERLAPPING, PIECE,
-    REGIONS)
+    first_block, make_blocks, make_coloring, make_room, most_blocks, numbers_of, OVERLAPPING,
+    PIECE, REGIONS)
 from rigid_sim_ros.engine.contact_blocks import SIZE
 from rigid_sim_ros.engine.contact_filling import (
     choose_manifolds, classify, DEEPEST, fill_blocks, keep_impulses, NEW, place_lanes,
