@@ -125,7 +125,7 @@ def drift_balls(b: Array, A: Motion, B: Motion, h: float, shoved: bool, what: Sw
     """Move on the gaps by the velocities with which the bodies drifted; see contact_sweep.py."""
     n = load_three(b, NORMAL)
     v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
-    drift_together(b, 1, shoved, A, B, h)
+    drift_together(b, 1, shoved, v, h)
     was_open, speed = is_open(b, POINT), dot(v, n)
     store(b, POINT + GAP, load(b, POINT + GAP) + h * speed)
     store(b, POINT + RESTING, 0.0)

@@ -93,9 +93,6 @@ BLOCK_SIZE = ROWS * LANES
 SMALL_SIZE = SMALL_ROWS * LANES
 BALLS_SIZE = (BALLS_END - BALLS_BEGIN) * LANES
 ABSENT = 1e30  # the gap of a point that is not there [m]
-# In `SolverBodies.drifted` after a substep: which part of a body's way in it was still to come, in
-# the mean, when contacts acted.
-TO_COME = 6
 
 
 @part
@@ -178,12 +175,6 @@ def total_of(b: Array, points: int, share: float) -> Three:
 
 
 @part
-def this_substep(b: Array, points: int) -> Three:
-    """Return the impulses of this substep along n, t1, t2."""
-    return normal_sum(b, points), load(b, FRICTION), load(b, FRICTION + 1)
-
-
-@part
 def end_substep(b: Array, points: int) -> None:
     """Add the impulses of a substep to those of the step."""
     store(b, TOTAL_T, load(b, TOTAL_T) + load(b, FRICTION))
@@ -194,32 +185,26 @@ def end_substep(b: Array, points: int) -> None:
 
 
 @part
-def drift_together(b: Array, points: int, shoved: bool, A: Motion, B: Motion, h: float) -> None:
+def drift_together(b: Array, points: int, shoved: bool, v: Three, h: float) -> None:
     """
-    End a substep of h [s], with A and B of `SolverBodies.drifted`.
+    End a substep, in which B moved with the mean velocity v relative to A for h [s].
 
     Impulses act where c was when the manifold was found, while the pair moves: with the impulse
-    F_i of a substep, the way d_i of a body in it, and its part k of that way that is still to come
-    when F_i acts (TO_COME), B gains the angular momentum
+    F_i of a substep, half way through it, and the way d_i of it, the pair gains the angular
+    momentum
 
-        sum_i (sum_{j < i} d_j + (1 - k) d_i) x F_i
-            = (sum_j d_j) x (sum_i F_i) + sum_j (sum_{i < j} F_i + k F_j) x d_j,
+        sum_i (sum_{j < i} d_j + d_i / 2) x F_i
+            = (sum_j d_j) x (sum_i F_i) + sum_j (sum_{i < j} F_i + F_j / 2) x d_j,
 
-    and A loses the same with its own ways. The first part `gain_of` adds at the end, when both
-    sums are known. The push, too, displaces momenta.
+    the first part of which `gain_of` adds at the end, when both sums are known. The push, too,
+    displaces momenta.
     """
     n, t1, t2 = axes(b)
-    along, slide_1, slide_2 = total_of(b, points, 0.0)
+    along, slide_1, slide_2 = total_of(b, points, 0.5)
     if shoved:
         along = along + load(b, SHOVE)
     F = combine(n, t1, t2, (h * along, h * slide_1, h * slide_2))
-    v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
-    gained = add(load_three(b, TORSION), cross(F, v))
-    along, slide_1, slide_2 = this_substep(b, points)
-    F = combine(n, t1, t2, (h * along, h * slide_1, h * slide_2))
-    k_A, k_B = A[TO_COME], B[TO_COME]
-    v = (k_B * B[0] - k_A * A[0], k_B * B[1] - k_A * A[1], k_B * B[2] - k_A * A[2])
-    store_three(b, TORSION, add(gained, cross(F, v)))
+    store_three(b, TORSION, add(load_three(b, TORSION), cross(F, v)))
     end_substep(b, points)
 
 

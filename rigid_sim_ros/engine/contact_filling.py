@@ -116,12 +116,6 @@ def place_lanes(region: int, begin: int, end: int, block: int, manifolds: Manifo
         blocks.row[to] = r
         blocks.at_A[to] = a * STRIDE if a > 0 else still
         blocks.at_B[to] = b * STRIDE if b > 0 else still
-        if a > 0 and b > 0:
-            presses = False
-            for p in range(manifolds.points[r]):
-                presses |= manifolds.impulse[p, r] > 0.0
-            if presses:
-                bodies.held[a] = bodies.held[b] = 1
         if many:
             balls = are_balls(work.kind[region, k])
             _fetch_sources(r, balls, manifolds)

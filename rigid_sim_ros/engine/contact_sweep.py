@@ -369,8 +369,8 @@ def _drift(b: Array, A: Motion, B: Motion, h: float, points: int, shoved: bool,
            what: Sweep) -> Eight:
     """Do what `drift_block` does; return the fastest approach of each pair, below 0 [m/s]."""
     n, t1, t2 = axes(b)
-    _, u, w = _relative(b, A, B)
-    drift_together(b, points, shoved, A, B, h)
+    v, u, w = _relative(b, A, B)
+    drift_together(b, points, shoved, v, h)
     along, about_1, about_2, least = dot(u, n), dot(w, t1), dot(w, t2), spread(ABSENT)
     for p in range(4 if points > 1 else 1):
         point = POINT + p * POINT_ROWS

@@ -244,7 +244,7 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
     if (stage == RETURN and region != BETWEEN) or stage == DRIFT:
         if region != BETWEEN:
             drift_bodies(region, bodies.used, motion, bodies.drifted, bodies.total,
-                         bodies.smooth, alike, bodies.base, bodies.held, h, notes[PUSHED] > 0.0)
+                         bodies.smooth, alike, bodies.base, h, notes[PUSHED] > 0.0)
         meets = drift_blocks(region, blocks, bodies.drifted, h, what, slow, impacts)
         notes[WAITING], notes[SUBSTEP] = 1.0 if meets else 0.0, notes[SUBSTEP] + 1.0
     elif stage == KEEP:

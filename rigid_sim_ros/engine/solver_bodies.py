@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers, Quaternion, room, Vector
-from rigid_sim_ros.engine.contact_blocks import load_three, TO_COME
+from rigid_sim_ros.engine.contact_blocks import load_three
 from rigid_sim_ros.engine.free_rotation import MAX_ANGLE, turn, turn_fast
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part, pasted
 from rigid_sim_ros.engine.lanes import (
@@ -32,7 +32,7 @@ STRIDE = 8
 INV_I = 7  # the first of J, which is that about all axes of a ball [1/(kg m^2)]
 INV_M = 6  # in `mass` as well, after the inverse inertia, world axes
 J = 0  # xx, xy, xz, yy, yz, zz
-# In `drifted` at the end of a step: whether a contact acted on a body. See TO_COME as well.
+# In `drifted` at the end of a step: whether a contact acted on a body.
 TOUCHED = 7
 # Rows of the scratch block in which eight bodies are moved: the state before and afterwards, what
 # is needed of the body, and the mean of L of those that are too fast for `turn`.
@@ -59,8 +59,6 @@ class SolverBodies(NamedTuple):
     body: IntArray  # (slots,) in a slot; -1 in those that stand still
     used: IntArray  # (3,), see FIRST_END
     astride: IntArray  # (slots,) of 8 bits, 1 for who has a contact with the other half
-    # (slots,) of 8 bits, 1 for who presses against another body that moves, by the step before
-    held: IntArray
     motion: Array  # flat, STRIDE for each slot, as all but the last two
     # With what the bodies moved in the last substep: `motion` and the motion that only displaces,
     # out of overlaps. While this is found it stands here alone, from `begin_push` on, and with
@@ -100,8 +98,7 @@ def make_bodies(n: int) -> SolverBodies:
 
     return SolverBodies(room(n, kind=np.int32), room(n, kind=np.int8),
                         room(slots, kind=np.int32), integers(_USED),
-                        room(slots, kind=np.int8), room(slots, kind=np.int8), numbers(),
-                        numbers(), numbers(), integers(1),
+                        room(slots, kind=np.int8), numbers(), numbers(), numbers(), integers(1),
                         numbers(), numbers(), numbers(), room(2 * _ROWS * LANES),
                         integers(2 * LANES))
 
@@ -147,7 +144,7 @@ def load_bodies(half: int, h: float, gravity: Array, inv_m: Array, inv_I_C: Arra
         _of_half(numbers, bodies.used, half)[:STRIDE] = 0.0
     _of_half(bodies.base, bodies.used, half)[:] = 0.0
     _of_half(bodies.total, bodies.used, half)[:] = 0.0
-    bodies.astride[first:last] = bodies.held[first:last] = 0
+    bodies.astride[first:last] = 0
     for k in range(3 if alike else 0):
         bodies.smooth[first * STRIDE + k] = gravity[k]
     for slot in range(first + 1, last):
@@ -259,39 +256,26 @@ def begin_push_inside(first: int, last: int, astride: IntArray, motion: Array,
             begin_push(slot, slot + 1, motion, drifted)
 
 
-@inlined
-def _is_pushed(drifted: Array, slot: int) -> bool:
-    at, way = slot * STRIDE & INDEX, 0.0
-    for k in range(6):
-        way += abs(drifted[at + k])
-    return way > 0.0
-
-
 @kernel
 def drift_bodies(half: int, used: IntArray, motion: Array, drifted: Array, total: Array,
-                 smooth: Array, alike: bool, base: Array, held: IntArray, h: float,
-                 pushed: bool) -> None:
+                 smooth: Array, alike: bool, base: Array, h: float, pushed: bool) -> None:
     """
     End a substep: drift the bodies of a half; nobody is touched yet.
 
     By the mean of the velocities before and after what forces and contacts did in the substep of
-    h [s], which is of second order, and by the push. Who is `held` by others that move drifts by
-    the velocity afterwards, and so does who is pushed: that damps, and what the sweeps left in a
-    stack would sway for ever without. Where nobody was `pushed`, nobody asked for the push: what
-    stands there is from before. What contacts added is in `base` afterwards.
+    h [s], which is of second order, and by the push. Where nobody was `pushed`, nobody asked for
+    the push: what stands there is from before. What contacts added is in `base` afterwards.
     """
     first, last = slots_of(used, half)
     for slot in range(first + 1, last):
         now = load(motion, slot)
-        mean = 0.0 if held[slot] == 1 or (pushed and _is_pushed(drifted, slot)) else 0.5
         added = now - load(base, slot)
-        moved = now - mean * (h * load(smooth, first if alike else slot) + added)
+        moved = now - 0.5 * (h * load(smooth, first if alike else slot) + added)
         if pushed:
             moved = moved + load(drifted, slot)
         store(drifted, slot, moved)
         store(total, slot, load(total, slot) + moved)
         store(base, slot, added)
-        drifted[slot * STRIDE + TO_COME] = 1.0 - mean
         drifted[slot * STRIDE + TOUCHED] = 0.0
 
 

@@ -123,7 +123,7 @@ def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
     impulses, pushes = _solve(model, manifolds, acted, settings, chosen, work)
     _drift_by_the_end(state, model.inv_m, model.h, work.contacts, chosen, impulses, bodies)
     drift_bodies(0, bodies.used, bodies.motion, bodies.drifted, bodies.total, bodies.smooth,
-                 False, bodies.base, bodies.held, model.h, True)
+                 False, bodies.base, model.h, True)
     _give_back(work.contacts, chosen, impulses, pushes, model.h, bodies)
     store_bodies(0, 0, len(model.m), model.h, model.m, model.inv_m, model.inv_I_C, state, bodies,
                  1)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros.engine.coloring import CHANGED, first_block, OVERLAPPING
-from rigid_sim_ros.engine.contact_blocks import BLOCK_SIZE, GAP, POINT, POINT_ROWS, SIZE, TO_COME
+from rigid_sim_ros.engine.contact_blocks import BLOCK_SIZE, GAP, POINT, POINT_ROWS, SIZE
 from rigid_sim_ros.engine.contact_rules import NEGLIGIBLE, SETTLED, Sweep
 from rigid_sim_ros.engine.contact_sweep import note_left
 from rigid_sim_ros.engine.lanes import LANES, load
@@ -121,19 +121,14 @@ def test_what_nobody_pushed_drifts_as_it_moves(pushed):
         u += drifted
     total, base, smooth = rng.normal(0.0, 1.0, (3, slots * STRIDE))
     sums, without, h = total.copy(), base.copy(), 0.1
-    # One is held by others that move; all are, in effect, that are pushed.
-    held = np.array([0, 0, 1, 0, 0], dtype=np.int8)
-    drift_bodies(0, used, motion, drifted, total, smooth, False, base, held, h, pushed)
-    means = np.where((held == 1) | pushed, 0.0, 0.5)
-    u -= np.repeat(means, STRIDE) * (h * smooth + (motion - without))
+    drift_bodies(0, used, motion, drifted, total, smooth, False, base, h, pushed)
+    u -= 0.5 * (h * smooth + (motion - without))
     # Nobody is touched yet, and the first slot stands still.
     moves = slice(STRIDE, None)
     assert (drifted[STRIDE + TOUCHED::STRIDE] == 0.0).all()
-    assert (drifted[STRIDE + TO_COME::STRIDE] == 1.0 - means[1:]).all()
     # Roundings of numbers of about 1.
     assert total[moves] == pytest.approx((sums + u)[moves], abs=1e-14)
-    for k in (TO_COME, TOUCHED):
-        drifted[k::STRIDE] = u[k::STRIDE]
+    drifted[TOUCHED::STRIDE] = u[TOUCHED::STRIDE]
     assert drifted[moves] == pytest.approx(u[moves], abs=1e-14)
     # What contacts added; a push only displaces.
     assert (base[moves] == (motion - without)[moves]).all()
