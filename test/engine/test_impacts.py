@@ -142,8 +142,9 @@ def test_halves_that_are_visited_apart_end_as_one_world_in_its_order(seed, share
         blocks, region) + blocks.count[region]) for region in range(REGIONS)]
     for _ in range(turns):
         visit_waiting(BETWEEN, True, blocks, bodies.motion, bodies.used, IMPACT, 0.0, work)
-        if not any([pass_on(region, blocks, bodies.motion, bodies.used, IMPACT, 0.0, work)
-                    for region in (*halves, BETWEEN)]):
+        wait = [pass_on(region, blocks, bodies.motion, bodies.used, IMPACT, 0.0, work)
+                for region in (*halves, BETWEEN)]
+        if not any(wait):
             ended = True
             break
     assert np.array_equal(bodies.motion, one.motion)
@@ -245,10 +246,11 @@ def test_the_impulse_of_an_impact_acts_once(thing, friction):
     assert acted.friction[0] == pytest.approx((-6.0 * friction, 0.0, 0.0), abs=1e-12)
     # What the next step begins with.
     assert (manifolds.impulse[:points, 0] == 0.0).all() and (manifolds.friction[0] == 0.0).all()
-    P = scene.state.P.copy()
+    P = scene.state.P[:, 1].copy()
     scene.step(3)
     # Rounding of 6 N s.
-    assert scene.state.P == pytest.approx(P, abs=1e-14) and abs(P[2, 1]) < 1e-14
+    assert scene.state.P[:, 1] == pytest.approx(P, abs=1e-14)
+    assert abs(P[2]) < 1e-14
 
 
 def test_a_box_that_lands_flat_and_slides_does_not_hop():

@@ -49,8 +49,8 @@ def half_that_ended(scene, before, substeps):
     Return how much more than it is told points may have been given on each body [N s].
 
     A step ends with half of what its last substep added, and the next one begins with taking that
-    back. Where a point ends meanwhile, less acts than was taken back; then nothing is told. With J0
-    of the substep before the step and Jn of the last one, that is at most
+    back. Where a point ends meanwhile, less acts than was taken back; then nothing is told. With
+    J0 of the substep before the step and Jn of the last one, that is at most
 
         J0 / 2 - (sum of all + Jn / 2) <= J0 / 2,    and not above 0 but for Jn < J0 / 3.
     """
