@@ -6,31 +6,47 @@ Which laws of mechanics each contact model breaks, on random scenes: `python ben
     python benchmarks/laws.py                           every law and model, 2000 scenes each
     python benchmarks/laws.py --law energy --model event --scenes 200
     python benchmarks/laws.py --law energy --seed 17 --scenes 1 --show    that scene, as JSON
-    python benchmarks/laws.py --cases                          the cases that once broke a law
+    python benchmarks/laws.py --cases                   the cases that once broke a law
+
+Other engines on the same scenes: `--model mujoco`, `--model bullet`, with a Python that has them
+(`pip install numpy mujoco pybullet`; it needs nothing of this package). What an engine cannot
+express is left out, and not counted among its scenes.
 """
 
 import argparse
 from collections.abc import Iterator
+from importlib import import_module
 import json
 from multiprocessing import get_context
 from pathlib import Path
 import sys
 import time
 
+sys.path.insert(0, str(Path(__file__).resolve().parent / 'peers'))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test'))
 
 from laws.book import builder, judge, LAWS, scene
 from laws.cases import Case, CASES
-from laws.motion import Verdict
+from laws.motion import Build, Verdict
 from laws.scenes import with_model
 
 WORST = 5  # seeds that are listed
+PEERS = ('mujoco', 'bullet')
 
 
-def run(law: str, model: str, seed: int, substeps: int) -> tuple[int, Verdict]:
+def engine(model: str, substeps: int) -> Build:
+    """Return how a scene gets into a contact model of ours, or into another engine."""
+    if model in PEERS:
+        return import_module(f'laws_{model}').Run
+    return builder(model, substeps)
+
+
+def run(law: str, model: str, seed: int, substeps: int) -> tuple[int, Verdict | None]:
     """Ask a law of one scene; what a scene raises is a breach that says so."""
     try:
-        return seed, judge(law, seed, builder(model, substeps))
+        return seed, judge(law, seed, engine(model, substeps))
+    except NotImplementedError:
+        return seed, None
     except Exception as error:
         return seed, Verdict(float('inf'), 0.0, f'{type(error).__name__}: {error}')
 
@@ -48,7 +64,7 @@ def table(laws: list[str], models: list[str], seeds: range, substeps: int, jobs:
     context = get_context('fork')
     for law in laws:
         for model in models:
-            if model not in LAWS[law].models:
+            if model not in LAWS[law].models and model not in PEERS:
                 continue
             start, found = time.process_time(), []
             tasks = ((law, model, seed, substeps) for seed in seeds)
@@ -60,6 +76,7 @@ def table(laws: list[str], models: list[str], seeds: range, substeps: int, jobs:
                     found.append(run(*task))
                     if time.process_time() - start > limit:
                         break
+            found = [one for one in found if one[1] is not None]
             broken = sorted((one for one in found if one[1].breach),
                             key=lambda one: -_excess(one[1]))
             listed = '; '.join(

@@ -19,7 +19,7 @@ import math
 from rigid_sim_ros.engine.algebra import norm
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.broad_phase import may_collide
-from rigid_sim_ros.engine.contacts import column, quaternion, rotate, row
+from rigid_sim_ros.engine.contacts import column, quaternion, rotate, row, smaller
 from rigid_sim_ros.engine.free_rotation import turn_fast
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.kinematic import (
@@ -33,16 +33,17 @@ from rigid_sim_ros.engine.rotation import multiply, to_matrix
 from rigid_sim_ros.engine.shapes import BOX, PLANE, Shapes, SPHERE
 from rigid_sim_ros.engine.state import State
 
-# The time of a meeting is known to this [s], or the gap at it to GAP [m], whichever comes first.
-TIME = 1e-12
-GAP = 1e-13
+# Of a step: the time of a meeting is known to this, or the gap at it to GAP, a part of the smaller
+# shape, whichever comes first.
+TIME = 1e-9
+GAP = 1e-12
 # Shapes that graze advance by at least this part of a step: a dent of less than that duration may
 # be missed.
 LEAST_ADVANCE = 1.0 / 1024.0
-# Shapes without a formula for their distance touch at this gap [m]: at 0 the iteration that finds
-# the distance has no direction left to take the normal from. 1e-12 would make the normal noisy;
-# 1e-9 is unseen.
-FILM = 1e-9
+# Of the smaller shape: those without a formula for their distance touch at this gap. At 0 the
+# iteration that finds the distance has no direction left to take the normal from. 1e-11 would make
+# the normal noisy; 1e-8 is unseen.
+FILM = 1e-8
 # Boxes nearer than this part of their size are measured along their separating axes.
 NEAR = 1e-2
 MAX_STEPS = 80  # of ITP; bisection would halve a second to 1e-12 s with 40
@@ -99,7 +100,9 @@ def pair_gap(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b
 @kernel
 def film(shapes: Shapes, a: int, b: int) -> float:
     """Return the gap [m] at which two shapes touch: FILM where an iteration finds it, else 0."""
-    return FILM if FAMILY[shapes.kind[a], shapes.kind[b]] == CONVEX else 0.0
+    if FAMILY[shapes.kind[a], shapes.kind[b]] == CONVEX:
+        return FILM * smaller(shapes, a, b)
+    return 0.0
 
 
 @kernel
@@ -219,14 +222,14 @@ def crossing(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b
     kappa_2 = 2, n_0 = 1.
     """
     y_low, y_high = gap_low - level, gap_high - level
-    width = high - low
-    steps = max(0.0, math.ceil(math.log2(max(width / TIME, 1.0)))) + 1.0
+    width, brief, fine = high - low, TIME * model.h, GAP * smaller(shapes, a, b)
+    steps = max(0.0, math.ceil(math.log2(max(width / brief, 1.0)))) + 1.0
     kappa = 0.2 / width
     for j in range(MAX_STEPS):
-        if high - low <= TIME or y_high >= -GAP:
+        if high - low <= brief or y_high >= -fine:
             break
         middle = 0.5 * (low + high)
-        radius = max(0.0, 0.5 * TIME * 2.0 ** (steps - j) - 0.5 * (high - low))
+        radius = max(0.0, 0.5 * brief * 2.0 ** (steps - j) - 0.5 * (high - low))
         # Interpolate, truncate towards the middle, project into the range that bisection
         # guarantees.
         falsi = (y_high * low - y_low * high) / (y_high - y_low)
@@ -283,7 +286,7 @@ def first_event(model: Model, state: State, loads: Loads, shapes: Shapes, pairs:
     allowed, (p,), is 0 for pairs that are apart. A pair that touches already has how deep [m, < 0]
     it may get during the step; it counts as an event when it ends the step deeper than that, and
     then from the time at which it got there. What is deeper already may not get deeper by more
-    than `overlap` [m]. `allowed` then holds what was allowed.
+    than `overlap` of the smaller shape. `allowed` then holds what was allowed.
     """
     best, which = until, -1
     for k in range(count):
@@ -292,7 +295,8 @@ def first_event(model: Model, state: State, loads: Loads, shapes: Shapes, pairs:
         level = allowed[k]
         if level < 0.0 or gap <= film(shapes, a, b):
             # The points of a manifold may miss the deepest one by rounding, or by UNSEEN.
-            level = min(level, gap - overlap, -overlap)
+            most = overlap * smaller(shapes, a, b)
+            level = min(level, gap - most, -most)
             allowed[k] = level
         if level == 0.0:
             t = meeting(model, state, loads, shapes, a, b, gap, n, best, pose, scratch)

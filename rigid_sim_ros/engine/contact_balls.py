@@ -19,10 +19,10 @@ from rigid_sim_ros.engine.contact_blocks import (
     load_three, load_two, make_basis, MASS, Motion, MU, NORMAL, POINT, RESTING, SHOVE, SIZE, SPEED,
     STICK, store_two, Three, TURN_T, Two)
 from rigid_sim_ros.engine.contact_rules import (
-    gap_of, least_speed, NEGLIGIBLE, onto_circle, Sweep, wanted_of)
+    approach_of, is_open, least_speed, NEGLIGIBLE, onto_circle, Sweep, wanted_of)
 from rigid_sim_ros.engine.kernel import part
 from rigid_sim_ros.engine.lanes import (
-    any_of, Eight, gather, load, scatter, select, spread, store)
+    any_of, Eight, gather, load, Mask, scatter, select, spread, store)
 from rigid_sim_ros.engine.solver_bodies import INV_I, INV_M
 from rigid_sim_ros.engine.vector import add_scaled, dot, scale, subtract
 
@@ -58,13 +58,15 @@ def warm_balls(b: Array, warm: Array, at_A: IntArray, at_B: IntArray, inv_m_A: E
 
 
 @part
-def visit_balls(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, what: Sweep) -> Eight:
+def visit_balls(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, what: Sweep,
+                mask: Mask) -> Eight:
     """Do what `visit` does: solve normals and then friction."""
     A, B = gather(motion, at_A), gather(motion, at_B)
     n, t1, t2 = axes(b)
     v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
     old_N, speed = load(b, POINT + IMPULSE), dot(v, n)
     pressure = max(old_N - load(b, POINT + MASS) * (speed + least_speed(b, POINT, what)), 0.0)
+    pressure = select(mask, pressure, old_N)
     old = load_two(b, FRICTION)
     if not any_of(pressure + old_N + abs(old[0]) + abs(old[1]) > 0.0):
         # Nothing presses, nor did anything before this visit.
@@ -79,6 +81,7 @@ def visit_balls(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, what: S
     turns = load_two(b, TURN_T)
     new = _friction(b, (dot(v, t1) + dot(m, t2) + what.when * turns[0],
                         dot(v, t2) - dot(m, t1) + what.when * turns[1]), pressure, old)
+    new = (select(mask, new[0], old[0]), select(mask, new[1], old[1]))
     store_two(b, FRICTION, new)
     change = (new[0] - old[0], new[1] - old[1])
 
@@ -118,14 +121,15 @@ def _pushed(motion: Motion, inv_m: Eight, lever: Eight, F: Three, turn: Three,
 
 
 @part
-def drift_balls(b: Array, A: Motion, B: Motion, h: float, shoved: bool) -> Eight:
+def drift_balls(b: Array, A: Motion, B: Motion, h: float, shoved: bool, what: Sweep) -> Eight:
     """Move on the gaps by the velocities with which the bodies drifted; see contact_sweep.py."""
     n = load_three(b, NORMAL)
     v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
-    drift_together(b, 1, shoved, v, h)
-    store(b, POINT + GAP, load(b, POINT + GAP) + h * dot(v, n))
+    drift_together(b, 1, shoved, A, B, h)
+    was_open, speed = is_open(b, POINT), dot(v, n)
+    store(b, POINT + GAP, load(b, POINT + GAP) + h * speed)
     store(b, POINT + RESTING, 0.0)
-    return dot(v, n) + gap_of(b, POINT) / h
+    return approach_of(speed + least_speed(b, POINT, what), was_open)
 
 
 @part

@@ -56,7 +56,7 @@ SHOVE = 27  # impulse along n of the push that displaces [N s]; means nothing un
 NORMAL = 28  # n, world axes
 BASIS = 31  # a number from which t1 follows, see `make_basis`
 MU = 32  # friction coefficient
-SLIDE = 33  # 1 / a bound of the largest eigenvalue of the force part of K_TT
+SLIDE = 33  # 1 / the largest eigenvalue of the force part of K_TT
 FRICTION = 34  # impulses along t1, t2 of this substep [N s]
 TORSION = 36  # a part of the angular momentum that the pair gained by having moved [N m s]
 TOTAL_T = 39  # friction of the substeps before, along t1, t2 [N s]
@@ -86,13 +86,16 @@ K_NN = POINT + 4 * POINT_ROWS  # 00, 01, 02, 11, 12, 22
 K_TN = K_NN + 6  # by rows
 ROLL = K_TN + 9  # impulses about t1, t2 [N m s]
 RESTING_ROLL = ROLL + 2  # see RESTING
-ROLL_STEP = RESTING_ROLL + 2  # 1 / a bound of the largest eigenvalue of the torque part of K_NN
+ROLL_STEP = RESTING_ROLL + 2  # 1 / the largest eigenvalue of the torque part of K_NN
 ROLL_LEVER = ROLL_STEP + 1  # [m] torque about t1, t2 per normal force
 ROWS = ROLL_LEVER + 1
 BLOCK_SIZE = ROWS * LANES
 SMALL_SIZE = SMALL_ROWS * LANES
 BALLS_SIZE = (BALLS_END - BALLS_BEGIN) * LANES
 ABSENT = 1e30  # the gap of a point that is not there [m]
+# In `SolverBodies.drifted` after a substep: which part of a body's way in it was still to come, in
+# the mean, when contacts acted.
+TO_COME = 6
 
 
 @part
@@ -156,55 +159,68 @@ def normal_sum(b: Array, points: int) -> Eight:
 
 @part
 def begin_sums(b: Array, points: int) -> None:
-    """
-    Let no substep have been yet.
-
-    The velocities with which a step begins have half of a substep's impulse of the step before,
-    see `begin_bodies`: that half is taken back.
-    """
+    """Let no substep have been yet."""
     store_three(b, TORSION, (0.0, 0.0, 0.0))
-    friction = load_two(b, FRICTION)
-    store_two(b, TOTAL_T, (-0.5 * friction[0], -0.5 * friction[1]))
+    store_two(b, TOTAL_T, (0.0, 0.0))
     for p in range(4 if points > 1 else 1):
-        point = POINT + p * POINT_ROWS
-        store(b, point + TOTAL, -0.5 * load(b, point + IMPULSE))
+        store(b, POINT + p * POINT_ROWS + TOTAL, 0.0)
 
 
 @part
-def add_impulses(b: Array, points: int, share: float) -> Three:
-    """Add a share of a substep's impulses to those of the step; return these along n, t1, t2."""
-    slide_1, slide_2 = (load(b, TOTAL_T) + share * load(b, FRICTION),
-                        load(b, TOTAL_T + 1) + share * load(b, FRICTION + 1))
-    store_two(b, TOTAL_T, (slide_1, slide_2))
+def total_of(b: Array, points: int, share: float) -> Three:
+    """Return the impulses of the substeps before and a share of this one's along n, t1, t2."""
     along = load(b, POINT + TOTAL) + share * load(b, POINT + IMPULSE)
-    store(b, POINT + TOTAL, along)
     for p in range(1, 4 if points > 1 else 1):
         point = POINT + p * POINT_ROWS
-        total = load(b, point + TOTAL) + share * load(b, point + IMPULSE)
-        store(b, point + TOTAL, total)
-        along = along + total
-    return along, slide_1, slide_2
+        along = along + (load(b, point + TOTAL) + share * load(b, point + IMPULSE))
+    return (along, load(b, TOTAL_T) + share * load(b, FRICTION),
+            load(b, TOTAL_T + 1) + share * load(b, FRICTION + 1))
 
 
 @part
-def drift_together(b: Array, points: int, shoved: bool, v: Three, h: float) -> None:
+def this_substep(b: Array, points: int) -> Three:
+    """Return the impulses of this substep along n, t1, t2."""
+    return normal_sum(b, points), load(b, FRICTION), load(b, FRICTION + 1)
+
+
+@part
+def end_substep(b: Array, points: int) -> None:
+    """Add the impulses of a substep to those of the step."""
+    store(b, TOTAL_T, load(b, TOTAL_T) + load(b, FRICTION))
+    store(b, TOTAL_T + 1, load(b, TOTAL_T + 1) + load(b, FRICTION + 1))
+    for p in range(4 if points > 1 else 1):
+        point = POINT + p * POINT_ROWS
+        store(b, point + TOTAL, load(b, point + TOTAL) + load(b, point + IMPULSE))
+
+
+@part
+def drift_together(b: Array, points: int, shoved: bool, A: Motion, B: Motion, h: float) -> None:
     """
-    End a substep, after which B moved with the velocity v relative to A for h [s].
+    End a substep of h [s], with A and B of `SolverBodies.drifted`.
 
-    Impulses act where c was at the start of the step, while the pair has moved: with the
-    impulse F_i of a substep and the way d_j of its end, the pair gains the angular momentum
+    Impulses act where c was when the manifold was found, while the pair moves: with the impulse
+    F_i of a substep, the way d_i of a body in it, and its part k of that way that is still to come
+    when F_i acts (TO_COME), B gains the angular momentum
 
-        sum_i (sum_{j < i} d_j) x F_i = (sum_j d_j) x (sum_i F_i) + sum_j (sum_{i <= j} F_i) x d_j,
+        sum_i (sum_{j < i} d_j + (1 - k) d_i) x F_i
+            = (sum_j d_j) x (sum_i F_i) + sum_j (sum_{i < j} F_i + k F_j) x d_j,
 
-    the first part of which `gain_of` adds at the end, when both sums are known. The push, too,
-    displaces momenta.
+    and A loses the same with its own ways. The first part `gain_of` adds at the end, when both
+    sums are known. The push, too, displaces momenta.
     """
     n, t1, t2 = axes(b)
-    along, slide_1, slide_2 = add_impulses(b, points, 1.0)
+    along, slide_1, slide_2 = total_of(b, points, 0.0)
     if shoved:
         along = along + load(b, SHOVE)
     F = combine(n, t1, t2, (h * along, h * slide_1, h * slide_2))
-    store_three(b, TORSION, add(load_three(b, TORSION), cross(F, v)))
+    v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
+    gained = add(load_three(b, TORSION), cross(F, v))
+    along, slide_1, slide_2 = this_substep(b, points)
+    F = combine(n, t1, t2, (h * along, h * slide_1, h * slide_2))
+    k_A, k_B = A[TO_COME], B[TO_COME]
+    v = (k_B * B[0] - k_A * A[0], k_B * B[1] - k_A * A[1], k_B * B[2] - k_A * A[2])
+    store_three(b, TORSION, add(gained, cross(F, v)))
+    end_substep(b, points)
 
 
 @part
@@ -396,15 +412,21 @@ def _prepare_friction(b: Array, A: Six, B: Six) -> None:
     store(b, INV_SPIN, inverse_of(A[5] + B[5]))
     store(b, K_SPIN, A[2] + B[2])
     store(b, K_SPIN + 1, A[4] + B[4])
-    # Gershgorin's bound of the largest eigenvalue.
-    store(b, SLIDE, inverse_of(max(k00, k11) + abs(k01)))
+    store(b, SLIDE, inverse_of(_largest_eigenvalue(k00, k01, k11)))
+
+
+@part
+def _largest_eigenvalue(k00: Eight, k01: Eight, k11: Eight) -> Eight:
+    """Return that of a symmetric matrix of two rows: it is the same for any pair of tangents."""
+    half = 0.5 * (k00 - k11)
+    return 0.5 * (k00 + k11) + root(half * half + k01 * k01)
 
 
 @part
 def _prepare_rolling(b: Array) -> None:
-    """Turn the impulse against rolling into its parts, with Gershgorin's bound for its steps."""
+    """Turn the impulse against rolling into its parts, and how long its steps may be."""
     _, t1, t2 = axes(b)
     roll = load_three(b, ROLL)
     store_two(b, ROLL, (dot(roll, t1), dot(roll, t2)))
     k11, k12, k22 = load(b, K_NN + 3), load(b, K_NN + 4), load(b, K_NN + 5)
-    store(b, ROLL_STEP, inverse_of(max(k11, k22) + abs(k12)))
+    store(b, ROLL_STEP, inverse_of(_largest_eigenvalue(k11, k12, k22)))

@@ -10,16 +10,17 @@ from rigid_sim_ros.engine.coloring import (
     SHOVED)
 from rigid_sim_ros.engine.contact_balls import prepare_balls, warm_balls
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, add_impulses, ARM_A, ARM_B, axes, combine, FRICTION, friction_of, gain_of,
+    ABSENT, ARM_A, ARM_B, axes, combine, FRICTION, friction_of, gain_of,
     GAP, IMPULSE, J_A, J_B, LEVER_A, LEVER_B, load_three, load_two, Motion, MU, NORMAL,
     normal_sum, POINT, POINT_ROWS, prepare_block, pushed, RESTING, ROLL,
     ROLL_LEVER, S, SHOVE,
-    SIZE, smallest_gap, SPIN, SPIN_LEVER, store_three, T, Three, TORSION, TOTAL, TOTAL_T, TURN)
+    SIZE, smallest_gap, SPIN, SPIN_LEVER, store_three, T, Three, TORSION, TOTAL, total_of, TOTAL_T,
+    TURN)
 from rigid_sim_ros.engine.contact_prediction import Prediction
 from rigid_sim_ros.engine.contact_rules import SKIN
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.lanes import (
-    any_of, both, count_of, Eight, gather, gather_integers, gather_rows_1, gather_rows_3,
+    any_of, bits_of, both, count_of, Eight, gather, gather_integers, gather_rows_1, gather_rows_3,
     LANES, largest_of, load, scatter, scatter_rows_1, scatter_rows_3, select, spread, store)
 from rigid_sim_ros.engine.manifolds import first_row, Manifolds, POINTS, rows_in_use
 from rigid_sim_ros.engine.shapes import Materials, Shapes
@@ -115,6 +116,12 @@ def place_lanes(region: int, begin: int, end: int, block: int, manifolds: Manifo
         blocks.row[to] = r
         blocks.at_A[to] = a * STRIDE if a > 0 else still
         blocks.at_B[to] = b * STRIDE if b > 0 else still
+        if a > 0 and b > 0:
+            presses = False
+            for p in range(manifolds.points[r]):
+                presses |= manifolds.impulse[p, r] > 0.0
+            if presses:
+                bodies.held[a] = bodies.held[b] = 1
         if many:
             balls = are_balls(work.kind[region, k])
             _fetch_sources(r, balls, manifolds)
@@ -150,8 +157,8 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
     """
     Bring manifolds of a region into its blocks, from the `first` on, and note how they are.
 
-    `share` is the part of a step that a substep is. fresh (blocks,) becomes the number of lanes
-    that touch without an impulse to begin with. See DEEPEST, TOUCHING and NEW for the notes.
+    `share` is the part of a step that a substep is. fresh (blocks,) become the bits of the lanes
+    that touch without an impulse to begin with.
     """
     deepest, touching, new = 0.0, 0, 0
     for block in range(first, first_block(blocks, region) + blocks.count[region]):
@@ -166,7 +173,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
         _copy_sizes(b, rows, manifolds, shapes.bound)
         if balls:
             A, B = gather(bodies.motion, at_A), gather(bodies.motion, at_B)
-            _copy_balls(b, rows, manifolds, shapes, materials, share)
+            _copy_balls(b, rows, manifolds, prediction, shapes, materials, share)
         else:
             A, B = gather(bodies.mass, at_A), gather(bodies.mass, at_B)
             _copy_shapes(b, rows, small, manifolds, shapes.material, materials)
@@ -175,8 +182,9 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
             _copy_points(b, rows, points, small, manifolds, share)
         least = smallest_gap(b, points)
         touches = least < SKIN * load(b, SIZE)
-        fresh[block] = count_of(both(touches, normal_sum(b, points) == 0.0))
-        touching, new = touching + count_of(touches), new + fresh[block]
+        fresh[block] = bits_of(both(touches, normal_sum(b, points) == 0.0))
+        touching = touching + count_of(touches)
+        new = new + count_of(both(touches, normal_sum(b, points) == 0.0))
         deepest = max(deepest, largest_of(-least))
         if shifted:
             for i in range(LANES):
@@ -216,20 +224,20 @@ def _copy_shapes(b: Array, rows: IntArray, small: bool, manifolds: Manifolds,
 
 
 @part
-def _copy_balls(b: Array, rows: IntArray, manifolds: Manifolds, shapes: Shapes,
-                materials: Materials, share: float) -> None:
+def _copy_balls(b: Array, rows: IntArray, manifolds: Manifolds, prediction: Prediction,
+                shapes: Shapes, materials: Materials, share: float) -> None:
     """
     Write the friction of balls, their point, and how far it is from both middles.
 
-    It lies half way between the surfaces: the radius and half of the gap away. That of what does
-    not move, which may be no ball, is multiplied by 0.
+    It lies half way between the surfaces where they were found: the radius and half of the gap
+    away. That of what does not move, which may be no ball, is multiplied by 0.
     """
     for i in range(LANES):
         there = rows[i] >= 0
         r = (rows[i] if there else rows[0]) & INDEX
         one, other = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
         first, second = shapes.material[one] & INDEX, shapes.material[other] & INDEX
-        half = 0.5 * manifolds.gap[0, r]
+        half = 0.5 * (prediction.gap[r] if prediction.given[r] == 1 else manifolds.gap[0, r])
         b[MU * LANES + i] = materials.friction[first, second] if there else 0.0
         b[LEVER_A * LANES + i] = shapes.size[one, 0] + half if there else 0.0
         b[LEVER_B * LANES + i] = -(shapes.size[other, 0] + half) if there else 0.0
@@ -395,7 +403,7 @@ def keep_impulses(region: int, blocks: Blocks, coloring: Coloring, manifolds: Ma
         n, t1, t2 = axes(b)
         zero = spread(0.0)
         points = points_in(blocks.kind[block])
-        acted, last = add_impulses(b, points, 0.5), load_two(b, FRICTION)
+        acted, last = total_of(b, points, 0.0), load_two(b, FRICTION)
         F = combine(n, t1, t2, (zero, substeps * last[0], substeps * last[1]))
         scatter_rows_3(manifolds.friction, rows, 3, 0, F)
         if not are_balls(blocks.kind[block]):
@@ -437,8 +445,7 @@ def _keep_normals(b: Array, rows: IntArray, points: int, impulse: Array, normal_
     """Keep the normal impulses."""
     for p in range(POINTS if points > 1 else 1):
         point, first = POINT + p * POINT_ROWS, p * impulse.shape[1]
-        # Where a contact ends, the half that was taken back may be more than what acted.
-        total = max(load(b, point + TOTAL), 0.0)
+        total = load(b, point + TOTAL)
         if adds:
             (before,) = gather_rows_1(normal_impulse, rows, 1, first)
             total = before + total

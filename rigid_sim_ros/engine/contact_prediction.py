@@ -28,6 +28,7 @@ from rigid_sim_ros.engine.free_rotation import turn_fast
 from rigid_sim_ros.engine.kernel import INDEX, kernel
 from rigid_sim_ros.engine.kinematic import prescribed_spin
 from rigid_sim_ros.engine.loads import empty_loads, Loads
+from rigid_sim_ros.engine.manifold_rows import is_mended
 from rigid_sim_ros.engine.manifolds import Manifolds, POINTS, rows_in_use, Scratch
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.narrow_phase.collide import collide
@@ -37,9 +38,10 @@ from rigid_sim_ros.engine.state import body_velocity, State
 from rigid_sim_ros.engine.vector import (
     add, add_scaled, column, cross, dot, row, scale, subtract)
 
-# Parts of the size of the smaller shape of a pair: what moves less in a step has the geometry of
-# its start; what is nearer touches.
-STILL, TOUCHING = 1e-6, 1e-4
+# Parts of the size of the smaller shape of a pair: what moves less in a step meets nothing; what
+# moves less has the geometry of its start, which for a turn by a in a step is right to a^2 / 8;
+# what is nearer than twice the skin touches; what comes nearer has met.
+STILL, SLOW, TOUCHING, MET = 1e-6, 1e-4, 4e-5, 1e-6
 # Stages of conservative advancement: what touches for less than one, and not deeply, is missed.
 STAGES = 16
 TINY = 1e-300
@@ -58,6 +60,7 @@ class Prediction(NamedTuple):
     # (c, 3) [m] from the start of the step to where a manifold was found, how far the centre of
     # mass of B moved relative to that of A
     moved: Array
+    gap: Array  # (c,) [m] of the first point where a manifold was found
     pose: Array  # (s, 12) scratch, as in `Memory.pose`
     old: Array  # (POINTS, 6) scratch
     still: Loads  # of 0
@@ -66,7 +69,8 @@ class Prediction(NamedTuple):
 def make_prediction(n: int, shapes: int, capacity: int) -> Prediction:
     """Return buffers for n bodies."""
     return Prediction(room(capacity, kind=np.int8), room(POINTS, capacity), room(capacity, 3),
-                      room(capacity, 3), room(shapes, 12), np.zeros((POINTS, _OLD)),
+                      room(capacity, 3), room(capacity), room(shapes, 12),
+                      np.zeros((POINTS, _OLD)),
                       empty_loads(n))
 
 
@@ -87,18 +91,20 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
         waits[r] = prediction.given[r] = 0
         a, b = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
         size = min(shapes.bound[a], shapes.bound[b])
-        # How far they move, at most; or enough to look.
-        if ahead[a] + ahead[b] - calm[a] - calm[b] < STILL * size:
+        # What is mended for what lies beside would, as a pair alone, be as it was before.
+        if (is_mended(manifolds, r)
+                or ahead[a] + ahead[b] - calm[a] - calm[b] < STILL * size):
             continue
         gap = manifolds.gap[0, r]
         for p in range(1, manifolds.points[r]):
             gap = min(gap, manifolds.gap[p, r])
         if gap <= TOUCHING * size:
-            _rewrite(model, state, prediction.still, shapes, manifolds, r, 0.5 * model.h, True,
-                     ahead[a] + ahead[b], prediction, scratch)
+            if ahead[a] + ahead[b] - calm[a] - calm[b] > SLOW * size:
+                _rewrite(model, state, prediction.still, shapes, manifolds, r, 0.5 * model.h,
+                         True, ahead[a] + ahead[b], prediction, scratch)
         elif _closes(model, state, loads, manifolds, r):
             t = _meeting(model, state, loads, shapes, a, b, gap, row(manifolds.normal, r),
-                         TOUCHING * size, prediction.pose, scratch)
+                         MET * size, prediction.pose, scratch)
             if t <= model.h:
                 _rewrite(model, state, loads, shapes, manifolds, r, t, False,
                          ahead[a] + ahead[b], prediction, scratch)
@@ -110,12 +116,12 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
 
 @kernel
 def _meeting(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b: int, gap: float,
-             n: Vector, touching: float, pose: Array, scratch: Scratch) -> float:
+             n: Vector, met: float, pose: Array, scratch: Scratch) -> float:
     """
     Return when [s] in the step two shapes first touch; inf: not at all.
 
-    By conservative advancement in few stages: to where `touching` is left between them, or at the
-    least a stage further, where an overlap is traced back along a straight line.
+    By conservative advancement in few stages, at the least a stage further, until no more than
+    `met` [m] is left between them; from there back along a straight line.
     """
     t = 0.0
     for _ in range(STAGES):
@@ -126,8 +132,9 @@ def _meeting(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b
             return math.inf
         later = min(t + max(gap / speed, model.h / STAGES), model.h)
         then, n = pair_gap(model, state, loads, shapes, a, b, later, pose, scratch)
-        if then <= touching:
-            return t + (later - t) * min((gap - 0.5 * touching) / max(gap - then, TINY), 1.0)
+        if then <= met:
+            # A little before, the direction between what is nearest is still the normal.
+            return t + (later - t) * max(gap - met, 0.0) / max(gap - then, TINY)
         if later >= model.h:
             break
         t, gap = later, then
@@ -192,6 +199,8 @@ def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds
     count, n = collide(prediction.pose, shapes, a, b, margin, scratch)
     if count == 0 or dot(n, row(manifolds.normal, r)) < (SAME_NORMAL if touches else 0.0):
         return
+    if touches and not _same_features(manifolds, r, count, scratch.ids):
+        return      # others would begin without the impulses that bear the load
     old_count = _note_old(model, state, manifolds, r, prediction.old)
     w_A, w_B = _spin_after(model, state, i, t), _spin_after(model, state, j, t)
     way_A, way_B = _way(model, state, loads, i, t), _way(model, state, loads, j, t)
@@ -226,11 +235,25 @@ def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds
         manifolds.normal[r, k] = n[k]
         prediction.moved[r, k] = way_B[k] - way_A[k]
         prediction.turn_t[r, k] = 2.0 * slide[k] / known if known > 0 else 0.0
-    manifolds.points[r] = count
+    manifolds.points[r], prediction.gap[r] = count, scratch.points[0, 3]
     prediction.given[r] = 1
     # Those that were found are no longer there, to be taken over by the next step.
     for k in range(5):
         manifolds.found_at[r, k] = 0.0
+
+
+@kernel
+def _same_features(manifolds: Manifolds, r: int, count: int, ids: IntArray) -> bool:
+    """Return whether the points that were found are those of a manifold."""
+    if count != manifolds.points[r]:
+        return False
+    for p in range(count):
+        found = False
+        for q in range(count):
+            found |= manifolds.feature[q, r] == ids[p]
+        if not found:
+            return False
+    return True
 
 
 @kernel

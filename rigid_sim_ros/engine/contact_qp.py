@@ -87,7 +87,7 @@ def coefficients(width: int) -> int:
 
 
 @kernel
-def _disk(d: int) -> tuple[int, int]:
+def disk(d: int) -> tuple[int, int]:
     """Return the first row of disk d of a point and how many it has: slip, spin, roll."""
     if d == 0:
         return 1, 2
@@ -118,7 +118,7 @@ def _violation(A: Array, b: Array, mu: Array, f: Array, a: Array) -> float:
         pressed = max(0.0, f[n] - a[n] / stiff)
         worst = max(worst, abs(f[n] - pressed) * stiff)
         for d in range(coefficients(width)):
-            first, size = _disk(d)
+            first, size = disk(d)
             x, y = n + first, n + first + size - 1
             stiff = _stiffness(A, x, size)
             w_x = f[x] - a[x] / stiff
@@ -202,7 +202,7 @@ def _newton_rows(A: Array, a: Array, mu: Array, f: Array, k: int, M: Array, x: A
         M[n, j] = A[n, j] / A[n, n]
     x[n] = -a[n] / A[n, n]
     for d in range(coefficients(width)):
-        first, size = _disk(d)
+        first, size = disk(d)
         _newton_disk(A, a, mu[k, d], f, n, n + first, size, M, x)
 
 
@@ -309,7 +309,7 @@ def _sweep(A: Array, b: Array, mu: Array, f: Array, count: int, a: Array) -> Non
             for i in range(rows):
                 a[i] += A[i, n] * (f[n] - before)
             for d in range(coefficients(width)):
-                first, size = _disk(d)
+                first, size = disk(d)
                 _sweep_disk(A, mu[k, d] * f[n], f, n + first, size, a)
 
 
@@ -344,7 +344,7 @@ def _pyramid(mu: Array, pull: Array) -> Any:
     parts = [np.zeros((m, 1, width))]
     parts[0][:, 0, 0] = 1.0
     for d in range(mu.shape[1]):
-        first, size = _disk(d)
+        first, size = disk(d)
         sides = np.zeros((m, SIDES if size == 2 else 2, width))
         if size == 2:
             angle = np.arctan2(pull[:, first + 1], pull[:, first])
@@ -376,8 +376,12 @@ def _osqp(A: Array, q: Array, C: Any, f: Array) -> tuple[Array, str, int]:
     size = max(float(np.abs(q).max()), 1e-300)
     solver = osqp.OSQP()
     count = C.shape[0]
-    solver.setup(sparse.csc_matrix(np.triu(A / per_force)), q / size, C, np.zeros(count),
-                 np.full(count, np.inf), **OSQP_SETTINGS)
+    try:
+        solver.setup(sparse.csc_matrix(np.triu(A / per_force)), q / size, C, np.zeros(count),
+                     np.full(count, np.inf), **OSQP_SETTINGS)
+    except osqp.OSQPException:
+        # A is positive semi-definite but for the rounding of numbers of very different sizes.
+        return np.zeros_like(f), 'problem non convex', 0
     solver.warm_start(x=f * (per_force / size))
     result = solver.solve(raise_error=False)
     found = np.asarray(result.x, dtype=np.float64) * (size / per_force)
@@ -431,7 +435,7 @@ def _slip(mu: Array, a: Array) -> Array:
     """Return s_n = sum of mu |a| over the disks of each point, from a (m, w)."""
     total = np.zeros(len(mu))
     for d in range(mu.shape[1]):
-        first, size = _disk(d)
+        first, size = disk(d)
         total += mu[:, d] * np.linalg.norm(a[:, first:first + size], axis=1)
     return total
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from rigid_sim_ros.engine.arrays import Array
 from rigid_sim_ros.engine.contact_blocks import GAP, RESTING, SIZE, SPEED, TURN
 from rigid_sim_ros.engine.kernel import part
-from rigid_sim_ros.engine.lanes import Eight, load, root, select
+from rigid_sim_ros.engine.lanes import Eight, load, Mask, root, select
 
 # Lengths that are tolerances, in parts of the size of the smaller shape of a pair.
 # Shapes this near to each other touch. Below it, velocities do not depend on the gap, nor does the
@@ -25,13 +25,19 @@ SETTLED, SETTLED_POINT = 1e-9, 1e-8
 DEEPEST_PUSH = 1e-2
 
 
+# A contact that lasts approaches a little as long as its impulse does not bear all of the forces,
+# and has to learn that by itself. Something else hit its bodies where it approaches so many times
+# faster than what counts as an impact of what has just closed.
+LASTING = 16.0
+
+
 class Sweep(NamedTuple):
     """What a visit is for."""
 
     inv_h: float  # 1 / length of the substep [1/s]
     forces: bool  # of the forces of a substep; else of an impact, before they act
-    # How far the middle of the substep is from that of the step, as a part of the step: contacts
-    # have the geometry of the middle of the step, and TURN is how fast it changes.
+    # How far the end of the substep is from the middle of the step, as a part of the step:
+    # contacts have the geometry of the middle of the step, and TURN is how fast it changes.
     when: float
 
 
@@ -46,7 +52,7 @@ def least_speed(b: Array, point: int, what: Sweep) -> Eight:
     """
     Return the negative of the least normal velocity that is allowed at a point [m/s].
 
-    By which the gap closes just within the substep, as the geometry will be in its middle. What
+    By which the gap closes just within the substep, as the geometry will be at its end. What
     an impact has not stopped yet, forces do not stop either: the next substep would begin with
     that impulse.
     """
@@ -57,10 +63,22 @@ def least_speed(b: Array, point: int, what: Sweep) -> Eight:
 
 
 @part
+def approach_of(speed: Eight, was_open: Mask) -> Eight:
+    """Return how fast a point approaches, as what has just closed would with the same effect."""
+    return select(was_open, speed, (1.0 / LASTING) * speed)
+
+
+@part
+def is_open(b: Array, point: int) -> Mask:
+    """Return whether a point does not touch."""
+    return load(b, point + GAP) > SKIN * load(b, SIZE)
+
+
+@part
 def wanted_of(b: Array, point: int, rate: float) -> Eight:
     """Return the speed by which a point leaves its overlap too slowly, 0 without one [m/s]."""
-    overlap = min(-min(load(b, point + GAP), 0.0), DEEPEST_PUSH * load(b, SIZE))
-    push = rate * overlap
+    size, gap = load(b, SIZE), load(b, point + GAP)
+    push = rate * min(select(gap < -NEGLIGIBLE * size, -gap, 0.0), DEEPEST_PUSH * size)
     return max(push - max(load(b, point + SPEED), 0.0), 0.0)
 
 

@@ -4,104 +4,107 @@
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.coloring import (
-    are_balls, Blocks, is_small, lanes_of, numbers_of, OVERLAPPING, points_in, resists, SHOVED,
-    UNSETTLED)
+    are_balls, Blocks, CHANGED, is_small, lanes_of, numbers_of, OVERLAPPING, points_in, resists,
+    SHOVED)
 from rigid_sim_ros.engine.contact_balls import drift_balls, separate_balls, visit_balls
 from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, drift_together, FRICTION, friction_of, GAP,
-    IMPULSE, INV_SPIN, INV_TT, J_A, J_B, K_N, K_NN, K_SPIN, K_TN, keep_friction, load_three,
-    load_two, MASS, Motion, MU, NORMAL, normal_sum, POINT, POINT_ROWS, pushed, RESTING,
-    RESTING_ROLL, RESTING_SPIN, RESTING_T, ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE, SIZE, SLIDE,
-    smallest_gap, SPEED, SPIN, SPIN_LEVER, store_two, symmetric, T, Three, TOTAL, TOTAL_T, TURN_T)
+    IMPULSE,
+    INV_SPIN, INV_TT, J_A, J_B, K_N, K_NN, K_SPIN, K_TN, keep_friction, load_three, load_two, MASS,
+    Motion, MU, NORMAL, normal_sum, POINT, POINT_ROWS, pushed, RESTING, RESTING_ROLL, RESTING_SPIN,
+    RESTING_T, ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE, SIZE, SLIDE, smallest_gap, SPEED, SPIN,
+    SPIN_LEVER, symmetric, T, Three, TOTAL, TOTAL_T, TURN_T)
 from rigid_sim_ros.engine.contact_rules import (
-    gap_of, least_speed, NEGLIGIBLE, onto_circle, SETTLED, SETTLED_POINT, SKIN, Sweep, wanted_of)
+    approach_of, gap_of, is_open, least_speed, NEGLIGIBLE, onto_circle, SETTLED, SETTLED_POINT,
+    SKIN, Sweep, wanted_of)
 from rigid_sim_ros.engine.kernel import part
 from rigid_sim_ros.engine.lanes import (
-    any_of, Eight, gather, largest_of, load, scatter, select, spread, store)
+    any_of, bits_of, Eight, either, EVERY, gather, lanes_in, largest_of, load, Mask, scatter,
+    select, spread, store)
 from rigid_sim_ros.engine.solver_bodies import INV_M
 from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, subtract
 
 
 @part
 def visit(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points: int, rolls: bool,
-          what: Sweep) -> Eight:
+          what: Sweep, mask: Mask) -> Eight:
     """
     Read the bodies of a block, solve normals and then friction, write the bodies.
 
-    Friction comes last because the normal impulses bound it. Returns the largest change of a
-    velocity, lane by lane [m/s].
+    Only in the lanes of the mask. Friction comes last because the normal impulses bound it.
+    Returns the largest change of a velocity, lane by lane [m/s].
     """
     if points == 1 and not rolls:
-        return _visit_small(b, motion, at_A, at_B, what)
-    return _visit_many(b, motion, at_A, at_B, points, rolls, what)
+        return _visit_small(b, motion, at_A, at_B, what, mask)
+    return _visit_many(b, motion, at_A, at_B, points, rolls, what, mask)
 
 
 @part
-def visit_block(blocks: Blocks, block: int, motion: Array, what: Sweep) -> Eight:
-    """Visit a block by its number; return what `visit` does."""
+def visit_block(blocks: Blocks, block: int, motion: Array, what: Sweep, bits: int) -> Eight:
+    """Visit the lanes of a block, by its number, whose bits are set; return what `visit` does."""
     b, lanes, kind = numbers_of(blocks, block), lanes_of(block), blocks.kind[block]
     at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
     if are_balls(kind):
-        residual = visit_balls(b, motion, at_A, at_B, what)
+        residual = visit_balls(b, motion, at_A, at_B, what, lanes_in(bits))
     else:
-        residual = visit(b, motion, at_A, at_B, points_in(kind), resists(kind), what)
+        residual = visit(b, motion, at_A, at_B, points_in(kind), resists(kind), what,
+                         lanes_in(bits))
     blocks.residual[block] = largest_of(residual)
     return residual
 
 
 @part
-def drift_block(blocks: Blocks, block: int, drifted: Array, h: float, tolerance: float) -> bool:
+def drift_block(blocks: Blocks, block: int, drifted: Array, h: float, what: Sweep,
+                tolerance: float) -> int:
     """
     Move on the gaps of a block by the velocities with which its bodies drifted for h [s].
 
-    Returns whether any of its pairs would go on into each other faster than the tolerance [m/s].
+    Returns the bits of the pairs that would go on into each other faster than the tolerance [m/s].
     """
     b, lanes, kind = numbers_of(blocks, block), lanes_of(block), blocks.kind[block]
     at_A, at_B, shoved = blocks.at_A[lanes], blocks.at_B[lanes], blocks.left[block] & SHOVED != 0
     A, B = gather(drifted, at_A), gather(drifted, at_B)
     if are_balls(kind):
-        return any_of(drift_balls(b, A, B, h, shoved) < -tolerance)
-    return any_of(_drift(b, A, B, h, points_in(kind), shoved) < -tolerance)
+        return bits_of(drift_balls(b, A, B, h, shoved, what) < -tolerance)
+    return bits_of(_drift(b, A, B, h, points_in(kind), shoved, what) < -tolerance)
 
 
 @part
-def begin_block(blocks: Blocks, block: int, motion: Array, h: float, tolerance: float) -> bool:
+def begin_block(blocks: Blocks, block: int, motion: Array, what: Sweep,
+                tolerance: float) -> int:
     """
     Begin the sums of a step.
 
-    Returns whether any pair would get into each other within h [s] faster than the tolerance
-    [m/s].
+    Returns the bits of the pairs that would get into each other faster than the tolerance [m/s].
     """
     b, lanes, kind = numbers_of(blocks, block), lanes_of(block), blocks.kind[block]
     begin_sums(b, points_in(kind))
+    new = normal_sum(b, points_in(kind)) == 0.0
     A, B = gather(motion, blocks.at_A[lanes]), gather(motion, blocks.at_B[lanes])
     if are_balls(kind):
         n = load_three(b, NORMAL)
         v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
-        return any_of(dot(v, n) + gap_of(b, POINT) / h < -tolerance)
+        speed = dot(v, n) + least_speed(b, POINT, what)
+        return bits_of(approach_of(speed, either(new, is_open(b, POINT))) < -tolerance)
     n, t1, t2 = axes(b)
     _, u, w = _relative(b, A, B)
-    return any_of(_least_of_points(b, dot(u, n), dot(w, t1), dot(w, t2), points_in(kind), h)
-                  < -tolerance)
-
-
-@part
-def _least_of_points(b: Array, along: Eight, about_1: Eight, about_2: Eight, points: int,
-                     h: float) -> Eight:
-    """Return the least of what the points may still close faster [m/s]; < 0: they do not stop."""
-    if points == 1:
-        # The point is c.
-        return along + gap_of(b, POINT) / h
-    least = spread(ABSENT)
-    for p in range(4):
+    along, about_1, about_2, least = dot(u, n), dot(w, t1), dot(w, t2), spread(ABSENT)
+    for p in range(4 if points_in(kind) > 1 else 1):
         point = POINT + p * POINT_ROWS
-        least = min(least, along + load(b, point + T) * about_1 - load(b, point + S) * about_2
-                    + gap_of(b, point) / h)
-    return least
+        speed = _point_speed(b, point, along, about_1, about_2) + least_speed(b, point, what)
+        least = min(least, approach_of(speed, either(new, is_open(b, point))))
+    return bits_of(least < -tolerance)
 
 
 @part
-def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, what: Sweep) -> Eight:
+def _point_speed(b: Array, point: int, along: Eight, about_1: Eight, about_2: Eight) -> Eight:
+    """Return the normal velocity of a point, given three parts of the twist at c."""
+    return along + load(b, point + T) * about_1 - load(b, point + S) * about_2
+
+
+@part
+def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, what: Sweep,
+                 mask: Mask) -> Eight:
     """
     Do all that `_visit_many` does, for manifolds of one point: their common point c.
 
@@ -113,7 +116,7 @@ def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, what: 
     old_N = load(b, POINT + IMPULSE)
     speed = dot(u, n)
     wanted = speed + least_speed(b, POINT, what)
-    pressure = max(old_N - load(b, POINT + MASS) * wanted, 0.0)
+    pressure = select(mask, max(old_N - load(b, POINT + MASS) * wanted, 0.0), old_N)
     old = friction_of(b)
     if not any_of(pressure + old_N + abs(old[0]) + abs(old[1]) + abs(old[2]) > 0.0):
         # Nothing presses, nor did anything before this visit.
@@ -127,7 +130,7 @@ def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, what: 
     twist = (dot(u, t1) + load(b, K_N + 1) * change_N + what.when * turn[0],
              dot(u, t2) + load(b, K_N + 2) * change_N + what.when * turn[1],
              dot(w, n) + load(b, K_N + 3) * change_N)
-    new = _friction(b, twist, pressure, old)
+    new = _within(mask, _friction(b, twist, pressure, old), old)
     keep_friction(b, new)
     change = subtract(new, old)
 
@@ -140,7 +143,7 @@ def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, what: 
 
 @part
 def _visit_many(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points: int, rolls: bool,
-                what: Sweep) -> Eight:
+                what: Sweep, mask: Mask) -> Eight:
     """
     Visit manifolds of several points, or that resist rolling.
 
@@ -153,12 +156,12 @@ def _visit_many(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points:
     zero = spread(0.0)
     wrench, residual = (zero, zero, zero), zero
     if rolls:
-        twist_N, wrench = _solve_rolling(b, twist_N, wrench, points)
+        twist_N, wrench = _solve_rolling(b, twist_N, wrench, points, mask)
     if points > 1:
-        twist_N, wrench = _solve_together(b, twist_N, wrench, what)
+        twist_N, wrench = _solve_together(b, twist_N, wrench, what, mask)
     for p in range(4 if points > 2 else points):
         twist_N, wrench, residual = _solve_point(b, POINT + p * POINT_ROWS, twist_N, wrench,
-                                                 residual, what)
+                                                 residual, what, mask)
     # What all points had together in common, and what each had alone.
     residual = max(residual, abs(wrench[0]))
     pressure = normal_sum(b, points)
@@ -172,6 +175,7 @@ def _visit_many(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points:
     new = _friction(b, (twist_T[0] + dot(first, wrench) + what.when * turn[0],
                         twist_T[1] + dot(second, wrench) + what.when * turn[1],
                         twist_T[2] + dot(third, wrench)), pressure, old)
+    new = _within(mask, new, old)
     keep_friction(b, new)
     change = subtract(new, old)
 
@@ -180,6 +184,13 @@ def _visit_many(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points:
     scatter(motion, at_A, pushed(A, A[INV_M], load_three(b, ARM_A), F, torque, -1.0))
     scatter(motion, at_B, pushed(B, B[INV_M], load_three(b, ARM_B), F, torque, 1.0))
     return (A[INV_M] + B[INV_M]) * max(residual, max(abs(change[0]), abs(change[1])))
+
+
+@part
+def _within(mask: Mask, new: Three, old: Three) -> Three:
+    """Return what is new in the lanes of a mask, elsewhere what was."""
+    return (select(mask, new[0], old[0]), select(mask, new[1], old[1]),
+            select(mask, new[2], old[2]))
 
 
 @part
@@ -193,49 +204,57 @@ def note_left(blocks: Blocks, block: int, residual: Eight, what: Sweep) -> None:
     size = load(b, SIZE)
     overlaps = any_of(smallest_gap(b, points) < -NEGLIGIBLE * size)
     settled = (SETTLED_POINT if points == 1 else SETTLED) * what.inv_h
-    blocks.left[block] = ((UNSETTLED if any_of(residual > settled * size) else 0)
-                          | (OVERLAPPING if overlaps else 0))
+    blocks.left[block] = ((OVERLAPPING if overlaps else 0)
+                          | CHANGED * bits_of(residual > settled * size))
 
 
 @part
-def begin_impact(blocks: Blocks, block: int) -> None:
+def begin_impact(blocks: Blocks, block: int, bits: int) -> None:
     """
-    Set the impulses of a block aside, those with which its contacts bear forces.
+    Set the impulses of some lanes of a block aside, those with which contacts bear forces.
 
     An impact begins with none, and none of its own is there when it is over: what stopped bodies
     once must not act on them again in the next substep.
     """
-    b, kind = numbers_of(blocks, block), blocks.kind[block]
+    b, kind, mask = numbers_of(blocks, block), blocks.kind[block], lanes_in(bits)
     for p in range(4 if points_in(kind) > 1 else 1):
         point = POINT + p * POINT_ROWS
-        store(b, point + RESTING, load(b, point + IMPULSE))
-        store(b, point + IMPULSE, 0.0)
-    store_two(b, RESTING_T, load_two(b, FRICTION))
-    store_two(b, FRICTION, (0.0, 0.0))
+        _set_aside(b, point + IMPULSE, point + RESTING, mask)
+    for k in range(2):
+        _set_aside(b, FRICTION + k, RESTING_T + k, mask)
     if not are_balls(kind):
-        store(b, RESTING_SPIN, load(b, SPIN))
-        store(b, SPIN, 0.0)
-    if resists(kind):
-        store_two(b, RESTING_ROLL, load_two(b, ROLL))
-        store_two(b, ROLL, (0.0, 0.0))
+        _set_aside(b, SPIN, RESTING_SPIN, mask)
+    for k in range(2 if resists(kind) else 0):
+        _set_aside(b, ROLL + k, RESTING_ROLL + k, mask)
 
 
 @part
-def end_impact(blocks: Blocks, block: int, motion: Array) -> None:
+def _set_aside(b: Array, row: int, aside: int, mask: Mask) -> None:
+    store(b, aside, select(mask, load(b, row), load(b, aside)))
+    store(b, row, select(mask, 0.0, load(b, row)))
+
+
+@part
+def end_impact(blocks: Blocks, block: int, bits: int, motion: Array) -> None:
     """Count the impulses of an impact with those of the step, and put back what was set aside."""
-    b, kind = numbers_of(blocks, block), blocks.kind[block]
+    b, kind, mask = numbers_of(blocks, block), blocks.kind[block], lanes_in(bits)
     for p in range(4 if points_in(kind) > 1 else 1):
         point = POINT + p * POINT_ROWS
-        store(b, point + TOTAL, load(b, point + TOTAL) + load(b, point + IMPULSE))
-        store(b, point + IMPULSE, load(b, point + RESTING))
-    acted, before = load_two(b, FRICTION), load_two(b, TOTAL_T)
-    store_two(b, TOTAL_T, (before[0] + acted[0], before[1] + acted[1]))
-    store_two(b, FRICTION, load_two(b, RESTING_T))
+        _put_back(b, point + IMPULSE, point + RESTING, point + TOTAL, mask)
+    for k in range(2):
+        _put_back(b, FRICTION + k, RESTING_T + k, TOTAL_T + k, mask)
     if not are_balls(kind):
-        store(b, SPIN, load(b, RESTING_SPIN))
-    if resists(kind):
-        store_two(b, ROLL, load_two(b, RESTING_ROLL))
-    excuse_approach(blocks, block, motion)
+        store(b, SPIN, select(mask, load(b, RESTING_SPIN), load(b, SPIN)))
+    for k in range(2 if resists(kind) else 0):
+        store(b, ROLL + k, select(mask, load(b, RESTING_ROLL + k), load(b, ROLL + k)))
+    _note_approach(b, kind, motion, blocks.at_A[lanes_of(block)], blocks.at_B[lanes_of(block)],
+                   mask)
+
+
+@part
+def _put_back(b: Array, row: int, aside: int, total: int, mask: Mask) -> None:
+    store(b, total, load(b, total) + select(mask, load(b, row), 0.0))
+    store(b, row, select(mask, load(b, aside), load(b, row)))
 
 
 @part
@@ -243,7 +262,7 @@ def excuse_approach(blocks: Blocks, block: int, motion: Array) -> None:
     """Let forces not stop how fast the points of a block approach, which is for an impact."""
     lanes = lanes_of(block)
     _note_approach(numbers_of(blocks, block), blocks.kind[block], motion, blocks.at_A[lanes],
-                   blocks.at_B[lanes])
+                   blocks.at_B[lanes], lanes_in(EVERY))
 
 
 @part
@@ -255,23 +274,24 @@ def forget_excuse(blocks: Blocks, block: int) -> None:
 
 
 @part
-def _note_approach(b: Array, kind: int, motion: Array, at_A: IntArray, at_B: IntArray) -> None:
+def _note_approach(b: Array, kind: int, motion: Array, at_A: IntArray, at_B: IntArray,
+                   mask: Mask) -> None:
     """Write how fast the points still approach, in the place of what was set aside."""
     A, B = gather(motion, at_A), gather(motion, at_B)
     if are_balls(kind):
         along = dot((B[0] - A[0], B[1] - A[1], B[2] - A[2]), load_three(b, NORMAL))
-        store(b, POINT + RESTING, max(-along, 0.0))
+        store(b, POINT + RESTING, select(mask, max(-along, 0.0), 0.0))
         return
     n, t1, t2 = axes(b)
     _, u, w = _relative(b, A, B)
     along, about_1, about_2 = dot(u, n), dot(w, t1), dot(w, t2)
     if points_in(kind) == 1:
-        store(b, POINT + RESTING, max(-along, 0.0))
+        store(b, POINT + RESTING, select(mask, max(-along, 0.0), 0.0))
         return
     for p in range(4):
         point = POINT + p * POINT_ROWS
-        store(b, point + RESTING, max(-(along + load(b, point + T) * about_1
-                                        - load(b, point + S) * about_2), 0.0))
+        speed = _point_speed(b, point, along, about_1, about_2)
+        store(b, point + RESTING, select(mask, max(-speed, 0.0), 0.0))
 
 
 @part
@@ -345,24 +365,20 @@ def _twist(b: Array, A: Motion, B: Motion) -> tuple[Three, Three]:
 
 
 @part
-def _drift(b: Array, A: Motion, B: Motion, h: float, points: int, shoved: bool) -> Eight:
-    """Do what `drift_block` does; return what `_least_of_points` does."""
+def _drift(b: Array, A: Motion, B: Motion, h: float, points: int, shoved: bool,
+           what: Sweep) -> Eight:
+    """Do what `drift_block` does; return the fastest approach of each pair, below 0 [m/s]."""
     n, t1, t2 = axes(b)
-    v, u, w = _relative(b, A, B)
-    drift_together(b, points, shoved, v, h)
-    nearer = h * dot(u, n)
-    about_1, about_2 = h * dot(w, t1), h * dot(w, t2)
-    if points == 1:
-        # The point is c.
-        store(b, POINT + GAP, load(b, POINT + GAP) + nearer)
-        store(b, POINT + RESTING, 0.0)
-    else:
-        for p in range(4):
-            point = POINT + p * POINT_ROWS
-            store(b, point + GAP, load(b, point + GAP) + (
-                nearer + load(b, point + T) * about_1 - load(b, point + S) * about_2))
-            store(b, point + RESTING, 0.0)
-    return _least_of_points(b, dot(u, n), dot(w, t1), dot(w, t2), points, h)
+    _, u, w = _relative(b, A, B)
+    drift_together(b, points, shoved, A, B, h)
+    along, about_1, about_2, least = dot(u, n), dot(w, t1), dot(w, t2), spread(ABSENT)
+    for p in range(4 if points > 1 else 1):
+        point = POINT + p * POINT_ROWS
+        was_open, speed = is_open(b, point), _point_speed(b, point, along, about_1, about_2)
+        store(b, point + GAP, load(b, point + GAP) + h * speed)
+        store(b, point + RESTING, 0.0)
+        least = min(least, approach_of(speed + least_speed(b, point, what), was_open))
+    return least
 
 
 @part
@@ -383,7 +399,8 @@ def _sum_of_points(b: Array, w0: Eight, w1: Eight, w2: Eight, w3: Eight) -> Thre
 
 
 @part
-def _solve_together(b: Array, twist: Three, wrench: Three, what: Sweep) -> tuple[Three, Three]:
+def _solve_together(b: Array, twist: Three, wrench: Three, what: Sweep,
+                    mask: Mask) -> tuple[Three, Three]:
     """
     Stop the approach of all points that are equally near, with the same impulse at each.
 
@@ -406,7 +423,7 @@ def _solve_together(b: Array, twist: Three, wrench: Three, what: Sweep) -> tuple
                       load(b, p3 + IMPULSE))
     smallest = min(min(select(w0 > 0.0, f0, ABSENT), select(w1 > 0.0, f1, ABSENT)),
                    min(select(w2 > 0.0, f2, ABSENT), select(w3 > 0.0, f3, ABSENT)))
-    change = max(change, -smallest)
+    change = select(mask, max(change, -smallest), 0.0)
     store(b, p0 + IMPULSE, f0 + w0 * change)
     store(b, p1 + IMPULSE, f1 + w1 * change)
     store(b, p2 + IMPULSE, f2 + w2 * change)
@@ -416,7 +433,7 @@ def _solve_together(b: Array, twist: Three, wrench: Three, what: Sweep) -> tuple
 
 @part
 def _solve_point(b: Array, point: int, twist: Three, wrench: Three, residual: Eight,
-                 what: Sweep) -> tuple[Three, Three, Eight]:
+                 what: Sweep, mask: Mask) -> tuple[Three, Three, Eight]:
     """
     Make the normal velocity of a point not less than what `least_speed` allows.
 
@@ -426,6 +443,7 @@ def _solve_point(b: Array, point: int, twist: Three, wrench: Three, residual: Ei
     response, impulse = symmetric(b, K_NN, g), load(b, point + IMPULSE)
     after = max(impulse - load(b, point + MASS) * (dot(g, twist) + least_speed(b, point, what)),
                 0.0)
+    after = select(mask, after, impulse)
     change = after - impulse
     store(b, point + IMPULSE, after)
     twist = add_scaled(twist, change, response)
@@ -458,15 +476,17 @@ def _separate_point(b: Array, point: int, twist: Three, wrench: Three,
 
 
 @part
-def _solve_rolling(b: Array, twist: Three, wrench: Three, points: int) -> tuple[Three, Three]:
+def _solve_rolling(b: Array, twist: Three, wrench: Three, points: int,
+                   mask: Mask) -> tuple[Three, Three]:
     """Stop the rolling as far as the normal impulses allow."""
     limit = load(b, ROLL_LEVER) * normal_sum(b, points)
     r1, r2, step = load(b, ROLL), load(b, ROLL + 1), load(b, ROLL_STEP)
     a1, a2 = r1 - step * twist[1], r2 - step * twist[2]
     scale = onto_circle(a1, a2, limit)
-    change = (spread(0.0), scale * a1 - r1, scale * a2 - r2)
-    store(b, ROLL, scale * a1)
-    store(b, ROLL + 1, scale * a2)
+    b1, b2 = select(mask, scale * a1, r1), select(mask, scale * a2, r2)
+    change = (spread(0.0), b1 - r1, b2 - r2)
+    store(b, ROLL, b1)
+    store(b, ROLL + 1, b2)
     return add(twist, symmetric(b, K_NN, change)), add(wrench, change)
 
 

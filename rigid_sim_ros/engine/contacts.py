@@ -24,7 +24,7 @@ import numpy as np
 
 from rigid_sim_ros.engine import rotation, vector
 from rigid_sim_ros.engine.algebra import cross, norm
-from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
+from rigid_sim_ros.engine.arrays import Array, IntArray, Quaternion, Vector
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.manifolds import Manifolds
 from rigid_sim_ros.engine.model import Model
@@ -56,6 +56,7 @@ class Contacts(NamedTuple):
     r_A: Array  # the point from the centre of mass of A, (c, 3) [m], world axes
     r_B: Array  # the same point from the centre of mass of B, (c, 3) [m], world axes
     gap: Array  # (c,) [m], < 0 is overlap
+    size: Array  # (c,) [m] of the smaller shape: tolerances are parts of it
     friction: Array  # (c,) coefficient
     restitution: Array  # (c,) coefficient
     spinning: Array  # (c,) [m] lever of the normal force against turning about the normal
@@ -67,7 +68,7 @@ class Bodies(NamedTuple):
 
     velocity: Array  # v and w, (n, 6) [m/s, rad/s]
     inv_I_W: Array  # (n, 3, 3) [1/(kg m^2)]
-    acceleration: Array  # of the free body, linear and angular, (n, 6) [m/s^2, rad/s^2]
+    acceleration: Array  # under the loads, linear and angular, (n, 6) [m/s^2, rad/s^2]
 
 
 def make_contacts(capacity: int) -> Contacts:
@@ -79,12 +80,18 @@ def make_contacts(capacity: int) -> Contacts:
 
     return Contacts(whole(2), whole(c + 1), whole(), whole(), whole(), whole(), whole(), whole(),
                     np.zeros((c, 3, 3)), np.zeros((c, 3)), np.zeros((c, 3)), np.zeros(c),
-                    np.zeros(c), np.zeros(c), np.zeros(c), np.zeros(c))
+                    np.zeros(c), np.zeros(c), np.zeros(c), np.zeros(c), np.zeros(c))
 
 
 def make_bodies(n: int) -> Bodies:
     """Return room for n bodies."""
     return Bodies(np.zeros((n, 6)), np.zeros((n, 3, 3)), np.zeros((n, 6)))
+
+
+@kernel
+def smaller(shapes: Shapes, a: int, b: int) -> float:
+    """Return the size [m] of the smaller of two shapes: the radius about its middle."""
+    return min(shapes.bound[a], shapes.bound[b])
 
 
 @kernel
@@ -169,6 +176,7 @@ def _write_point(state: State, manifolds: Manifolds, shapes: Shapes, materials: 
         contacts.r_A[at, i] = manifolds.r_A[j, k, i] + 0.5 * apart
         contacts.r_B[at, i] = manifolds.r_B[j, k, i] - 0.5 * apart
     contacts.gap[at] = manifolds.gap[j, k]
+    contacts.size[at] = smaller(shapes, manifolds.shape_a[k], manifolds.shape_b[k])
     material_a = shapes.material[manifolds.shape_a[k]]
     material_b = shapes.material[manifolds.shape_b[k]]
     contacts.friction[at] = materials.friction[material_a, material_b]
@@ -189,27 +197,39 @@ def read_velocity(model: Model, state: State, i: int, bodies: Bodies) -> None:
 @kernel
 def read_bodies(model: Model, state: State, F: Array, tau: Array, bodies: Bodies) -> None:
     """
-    Write velocities, inverse inertia tensors, and the accelerations under loads (3, n) [N, N m].
+    Write velocities, inverse inertia tensors, and what loads (3, n) [N, N m] do to them.
 
-    The angular acceleration is I^-1 (tau - w x L), from d/dt (I w) = tau.
+    The angular acceleration is I^-1 tau: without the part -I^-1 (w x L), which a body without
+    loads has too.
     """
     for i in range(model.m.shape[0]):
         read_velocity(model, state, i, bodies)
-        R = to_matrix(quaternion(state.q, i))
-        for j in range(3):
-            for k in range(3):
-                total = 0.0
-                for axis in range(3):
-                    total += R[j][axis] * model.inv_I_C[axis, i] * R[k][axis]
-                bodies.inv_I_W[i, j, k] = total
-        w = (bodies.velocity[i, 3], bodies.velocity[i, 4], bodies.velocity[i, 5])
-        swing = cross(w, column(state.L, i))
         for k in range(3):
             bodies.acceleration[i, k] = model.inv_m[i] * F[k, i]
-            angular = 0.0
-            for j in range(3):
-                angular += bodies.inv_I_W[i, k, j] * (tau[j, i] - swing[j])
-            bodies.acceleration[i, 3 + k] = angular
+        read_turning(model, quaternion(state.q, i), tau, i, bodies)
+
+
+@kernel
+def read_turning(model: Model, q: Quaternion, tau: Array, i: int, bodies: Bodies) -> None:
+    """Write the inverse inertia tensor of body i at the attitude q, and I^-1 tau."""
+    R = to_matrix(q)
+    for j in range(3):
+        for k in range(3):
+            total = 0.0
+            for axis in range(3):
+                total += R[j][axis] * model.inv_I_C[axis, i] * R[k][axis]
+            bodies.inv_I_W[i, j, k] = total
+    for k in range(3):
+        angular = 0.0
+        for j in range(3):
+            angular += bodies.inv_I_W[i, k, j] * tau[j, i]
+        bodies.acceleration[i, 3 + k] = angular
+
+
+@kernel
+def linear(rates: Array, i: int) -> Vector:
+    """Return the linear part of row i of rates (linear, angular)."""
+    return (rates[i, 0], rates[i, 1], rates[i, 2])
 
 
 @kernel

@@ -8,7 +8,7 @@ apply impulses, post-collision state, compute and apply constraint forces, next 
 Rigid Body Dynamics, "Simulation Algorithm"). The contact forces of the present state act on the
 way to the new one, so a step runs through that circle from the impulses on: impulses, forces, new
 state, backtrack, and again from the collision until the step is over. The circle itself is
-compiled (event_loop.py) and comes back here for memory, and for OSQP.
+compiled (event_loop.py) and comes back here for memory.
 
 Points of contact by the rate u_n of their gap: colliding below -resting_speed (impulse.py),
 separating above 0 where the force law leaves them alone, resting between. Rules that make bodies
@@ -18,20 +18,23 @@ come to rest:
 - Two bodies that collided more than `max_bounces` times in one step do so with e = 0 for its rest.
 - A point as high above the surface as such a rebound would rise rests too, once it is that slow:
   the force lets it sink to the surface.
+
+Rules that bound what a step may take, and what it may do then:
+
+- After `max_events`, or a budget of work, the rest of the step runs without backtracking.
+- Forces and impulses of a problem that is not solved by then are used as far as they came, smaller
+  where they would do work on the bodies, and the report says so.
+- What overlaps is displaced, by a share of the overlap in each step, and gains no velocity.
 """
 
 from typing import NamedTuple
 
-import numpy as np
-
-from rigid_sim_ros.engine.arrays import Array
-from rigid_sim_ros.engine.contact_qp import coefficients, Outcome, search, solve
 from rigid_sim_ros.engine.event_buffers import (
-    Buffers, Carried, CHOSEN, COLLISIONS, CUT_SHORT, DEEPEST, DONE, EVENTS, EventSettings, KNOWN,
-    LEFT, longer, make_buffers, MEET, MORE_CONTACTS, more_contacts, MORE_FORCES, MORE_MANIFOLDS,
-    more_manifolds, MORE_MEMORY, MORE_PAIRS, more_pairs, MORE_ROOM, MORE_ROWS, more_rows, NEEDED,
-    no_forces, RESIDUAL, SHOCK, STAGE, STEPS, TRAVEL, WIDTH)
-from rigid_sim_ros.engine.event_loop import push_all, run, shock_problem, touching_points
+    Carried, COLLISIONS, CUT_SHORT, DEEPEST, DONE, EVENTS, EventSettings, KNOWN, LEFT, longer,
+    make_buffers, MEET, MORE_CONTACTS, more_contacts, MORE_MANIFOLDS, more_manifolds, MORE_MEMORY,
+    MORE_PAIRS, more_pairs, MORE_ROOM, MORE_ROWS, more_rows, NEEDED, no_forces, RESIDUAL, STAGE,
+    STEPS, TOUCHED, UNSOLVED)
+from rigid_sim_ros.engine.event_loop import run
 from rigid_sim_ros.engine.impulse import make_room
 from rigid_sim_ros.engine.manifolds import grown, Memory
 from rigid_sim_ros.engine.model import Model
@@ -48,9 +51,7 @@ class EventReport(NamedTuple):
     collisions: int  # of pairs of bodies
     deepest: float  # [m] the deepest overlap that was met during the step, >= 0
     residual: float  # the largest, relative to the accelerations (contact_qp.residual)
-    iterations: int  # of OSQP
     unsolved: int  # problems of contact whose conditions could not be met to the tolerance
-    status: str  # OSQP's word on the last of them, or ''
     cut_short: bool  # more than `max_events`: part of the step ran without backtracking
 
 
@@ -61,7 +62,7 @@ class EventWork:
         """Make room for a world without contacts."""
         self.buffers = make_buffers(bodies, shapes)
         self.forces: Carried = no_forces()  # with room to spare: `known` rows are in use
-        self.report = EventReport(0, 0, 0, 0.0, 0.0, 0, 0, '', False)
+        self.report = EventReport(0, 0, 0, 0.0, 0.0, 0, False)
 
     @property
     def carried(self) -> Carried:
@@ -76,13 +77,10 @@ class EventWork:
 
 
 class _Help:
-    """What the kernel asks for; and what OSQP said in the latest step."""
+    """The memory that the kernel asks for."""
 
-    def __init__(self, model: Model, state: State, settings: EventSettings,
-                 memory: Memory, work: EventWork) -> None:
-        self.model, self.state, self.settings = model, state, settings
+    def __init__(self, memory: Memory, work: EventWork) -> None:
         self.memory, self.work = memory, work
-        self.step, self.residual, self.iterations, self.unsolved, self.status = -1, 0.0, 0, 0, ''
 
     def give(self, why: int) -> None:
         """Do what the kernel stopped for."""
@@ -96,68 +94,19 @@ class _Help:
         elif why == MORE_ROOM:
             work.buffers = work.buffers._replace(room=make_room(2 * needed, 6))
         elif why == MORE_ROWS:
-            work.buffers = more_rows(work.buffers, needed)
+            work.buffers = more_rows(work.buffers, needed, int(work.buffers.count[TOUCHED]))
         elif why == MORE_PAIRS:
             work.buffers = more_pairs(work.buffers, needed)
-        elif why == MORE_FORCES:
-            work.forces = Carried._make(longer(field, 2 * needed) for field in work.forces)
-        elif why == SHOCK:
-            self._stop_together()
         else:
-            self._search()
-
-    def _new_step(self) -> None:
-        """Forget what OSQP said of an earlier step."""
-        step = int(self.work.buffers.count[STEPS])
-        if step != self.step:
-            self.step, self.residual, self.iterations = step, 0.0, 0
-            self.unsolved, self.status = 0, ''
-
-    def _note(self, outcome: Outcome) -> None:
-        self._new_step()
-        self.residual = max(self.residual, outcome.residual)
-        self.iterations += outcome.osqp_iterations
-        if not outcome.solved:
-            self.unsolved += 1
-            self.status = outcome.status
-
-    def _search(self) -> None:
-        """Find the resting forces by OSQP, from those of the last step."""
-        w = self.work.buffers
-        m, rows = int(w.count[CHOSEN]), int(w.count[CHOSEN] * w.count[WIDTH])
-        f, outcome = search(w.A[:rows * rows].reshape(rows, rows), w.b[:rows],
-                            _coefficients(w, m), w.f[:rows].copy())
-        w.f[:rows] = f
-        w.count[STAGE] = TRAVEL
-        self._note(outcome)
-
-    def _stop_together(self) -> None:
-        """End a shock that goes to and fro for ever: all points at once, with e = 0."""
-        m = int(touching_points(self.settings, self.work.buffers))
-        rows = m * int(self.work.buffers.count[WIDTH])
-        if rows > len(self.work.buffers.b):
-            self.work.buffers = more_rows(self.work.buffers, rows)
-        w = self.work.buffers
-        shock_problem(self.model, m, w)
-        J, outcome = solve(w.A[:rows * rows].reshape(rows, rows), w.b[:rows],
-                           _coefficients(w, m), np.zeros(rows))
-        push_all(self.model, self.state, m, J, w)
-        self._note(outcome)
+            work.forces = Carried._make(longer(field, 2 * needed) for field in work.forces)
 
     def report(self) -> EventReport:
         """Return what the latest step did."""
         w = self.work.buffers
-        if self.step != 1:  # OSQP was asked in the last step when one was left
-            self.residual, self.iterations, self.unsolved, self.status = 0.0, 0, 0, ''
         return EventReport(int(w.contacts.count[0]), int(w.count[EVENTS]),
                            int(w.count[COLLISIONS]), float(w.number[DEEPEST]),
-                           max(self.residual, float(w.number[RESIDUAL])), self.iterations,
-                           self.unsolved, self.status, bool(w.count[CUT_SHORT]))
-
-
-def _coefficients(w: Buffers, m: int) -> Array:
-    columns = int(coefficients(w.count[WIDTH]))
-    return w.mu[:m * columns].reshape(m, columns)
+                           float(w.number[RESIDUAL]), int(w.count[UNSOLVED]),
+                           bool(w.count[CUT_SHORT]))
 
 
 def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
@@ -170,7 +119,7 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
     """
     if count <= 0:
         return memory
-    helper = _Help(model, state, settings, memory, work)
+    helper = _Help(memory, work)
     work.buffers.count[STEPS], work.buffers.count[STAGE] = count, MEET
     work.buffers.number[LEFT] = 0.0
     while (why := run(model, state, wrenches, shapes, materials, helper.memory, settings,

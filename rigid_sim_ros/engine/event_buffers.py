@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
+from rigid_sim_ros.engine.contact_newton import make_newton, Newton
+from rigid_sim_ros.engine.contact_rows import make_rows, Rows
 from rigid_sim_ros.engine.contacts import Bodies, Contacts, make_bodies, make_contacts
 from rigid_sim_ros.engine.impulse import make_room, Room
 from rigid_sim_ros.engine.integrate import make_work, Work
@@ -15,19 +17,19 @@ from rigid_sim_ros.engine.placing import unplaced
 
 
 class EventSettings(NamedTuple):
-    """What may be tuned; the defaults suit bodies of 1 cm to 10 m."""
+    """What may be tuned. Lengths are parts of the size of the smaller of two shapes."""
 
-    # [m] points with a smaller gap touch; far above rounding, far below anything seen
-    touching: float = 1e-8
-    # [m] by which touching pairs may sink in within a step before it is split
-    overlap: float = 1e-7
-    # [m] by which a slow approach may sink in while the forces stop it; what is faster is stopped
-    # by an impulse. 1e-5 is seen as bodies that dip in when they land, 1e-9: rounding collides.
-    dip: float = 2e-7
-    # [m/s] at most, with which bodies that overlap from the start come apart
-    push_out: float = 0.5
+    # Points with a smaller gap touch; far above rounding, far below anything seen
+    touching: float = 1e-7
+    # By which touching pairs may sink in within a step before it is split
+    overlap: float = 1e-6
+    # By which a slow approach may sink in while the forces stop it; what is faster is stopped by
+    # an impulse. 1e-4 is seen as bodies that dip in when they land, 1e-8: rounding collides.
+    dip: float = 2e-6
+    # By so much at most overlaps become less in a step
+    push_out: float = 0.005
     # In a step; the rest of the step then runs without backtracking, and says so
-    max_events: int = 2000
+    max_events: int = 300
     max_bounces: int = 32  # of two bodies in one step, before they collide with e = 0
 
 
@@ -42,13 +44,13 @@ class Carried(NamedTuple):
 
 
 # Why the kernel stops.
-(DONE, MORE_MEMORY, MORE_MANIFOLDS, MORE_CONTACTS, MORE_ROOM, MORE_ROWS, MORE_PAIRS, MORE_FORCES,
- SHOCK, UNSOLVED) = range(10)
+(DONE, MORE_MEMORY, MORE_MANIFOLDS, MORE_CONTACTS, MORE_ROOM, MORE_ROWS, MORE_PAIRS,
+ MORE_FORCES) = range(8)
 # At which stage it goes on.
 MEET, REST, TRAVEL = range(3)
 # Places in `Buffers.count`.
-(STEPS, STAGE, FRESH, EVENTS, COLLISIONS, CUT_SHORT, CHOSEN, WIDTH, KNOWN, BOUNCED,
- NEEDED) = range(11)
+(STEPS, STAGE, FRESH, EVENTS, COLLISIONS, CUT_SHORT, CHOSEN, WIDTH, KNOWN, BOUNCED, NEEDED,
+ TOUCHED, UNSOLVED, PUSHED) = range(14)
 # Places in `Buffers.number`.
 LEFT, SPAN, RESIDUAL, DEEPEST = range(4)
 
@@ -60,6 +62,7 @@ class Buffers(NamedTuple):
     number: Array  # (4,) see LEFT
     work: Work
     bodies: Bodies
+    then: Array  # (n, 6) velocities at the end of a span
     loads: Loads  # of the contacts
     still: Loads  # zeros
     pose: Array  # (s, 12)
@@ -68,15 +71,12 @@ class Buffers(NamedTuple):
     impulses: Array  # (c, 6) [N s, contact axes]
     elastic: IntArray  # (c,)
     chosen: IntArray  # (c,) points that get a force
+    depth: Array  # (c,) [m, < 0] to which these may go
     bounced: IntArray  # (p, 3) two bodies and how often they collided in this step
     room: Room  # for the largest block
-    A: Array  # (r r,)
-    M: Array  # (r r,)
-    arm: Array  # (2 r 3,)
-    mu: Array  # (r,)
-    b: Array  # (r,)
-    f: Array  # (r,)
-    spare: Array  # (3, r)
+    rows: Rows  # of the chosen points
+    newton: Newton
+    pushed: Loads  # momenta that only displace, for the time of a span
     pairs: IntArray  # (p, 2) that may meet
     allowed: Array  # (p,)
     reach: Array  # (2, s)
@@ -91,15 +91,12 @@ def make_buffers(bodies: int, shapes: int) -> Buffers:
 
     c = 64
     return Buffers(whole(16), np.zeros(4), make_work(bodies), make_bodies(bodies),
+                   np.zeros((bodies, 6)),
                    empty_loads(bodies), empty_loads(bodies), unplaced(shapes),
                    make_contacts(c), whole(2, c), np.zeros((c, 6)), whole(c), whole(c),
-                   whole(c, 3), make_room(4, 6), *_qp_room(48), whole(c, 2), np.zeros(c),
+                   np.zeros(c), whole(c, 3), make_room(4, 6), make_rows(16, 48, bodies),
+                   make_newton(16, 48, 4, bodies), empty_loads(bodies), whole(c, 2), np.zeros(c),
                    np.zeros((2, shapes)), whole(shapes))
-
-
-def _qp_room(rows: int) -> tuple[Array, Array, Array, Array, Array, Array, Array]:
-    return (np.zeros(rows * rows), np.zeros(rows * rows), np.zeros(6 * rows), np.zeros(rows),
-            np.zeros(rows), np.zeros(rows), np.zeros((3, rows)))
 
 
 def more_contacts(buffers: Buffers, points: int) -> Buffers:
@@ -107,13 +104,15 @@ def more_contacts(buffers: Buffers, points: int) -> Buffers:
     c = 2 * points
     return buffers._replace(contacts=make_contacts(c), impulses=np.zeros((c, 6)),
                             elastic=np.zeros(c, dtype=np.int64),
-                            chosen=np.zeros(c, dtype=np.int64))
+                            chosen=np.zeros(c, dtype=np.int64), depth=np.zeros(c))
 
 
-def more_rows(buffers: Buffers, rows: int) -> Buffers:
-    """Return buffers with room for a contact problem with twice as many rows."""
-    A, M, arm, mu, b, f, spare = _qp_room(2 * rows)
-    return buffers._replace(A=A, M=M, arm=arm, mu=mu, b=b, f=f, spare=spare)
+def more_rows(buffers: Buffers, rows: int, touched: int) -> Buffers:
+    """Return buffers with room for a problem with twice as many rows, of so many bodies."""
+    r, bodies = max(2 * rows, len(buffers.rows.b)), len(buffers.then)
+    s = max(touched + touched // 2, len(buffers.newton.p) // 6)
+    return buffers._replace(rows=make_rows(r // 3, r, bodies),
+                            newton=make_newton(r // 3, r, s, bodies))
 
 
 def more_pairs(buffers: Buffers, pairs: int) -> Buffers:

@@ -3,9 +3,8 @@
 """
 The circle of the model `event`, compiled: it runs until the steps are done, or needs help.
 
-What needs help is a buffer that has to grow and a contact problem that only OSQP can solve. The
-kernel then returns the reason; Python does what is asked (event.py) and calls again, and it goes
-on from the stage at which it stopped.
+What needs help is a buffer that has to grow. The kernel then returns the reason; Python does what
+is asked (event.py) and calls again, and it goes on from the stage at which it stopped.
 """
 
 import numpy as np
@@ -13,24 +12,26 @@ import numpy as np
 from rigid_sim_ros.engine.algebra import norm
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.backtrack import film, first_event, pairs_ahead
-from rigid_sim_ros.engine.contact_drift import contact_drift
-from rigid_sim_ros.engine.contact_qp import (
-    coefficients, COMPLIANCE, ENOUGH, FEW_STEPS, GOAL, refine)
+from rigid_sim_ros.engine.contact_ahead import carry_ahead, turn_bodies
+from rigid_sim_ros.engine.contact_newton import FEW_STEPS, number_bodies, solve_rows
+from rigid_sim_ros.engine.contact_qp import COMPLIANCE, TOLERANCE
+from rigid_sim_ros.engine.contact_rows import (
+    apply_forces, Rows, sweep_rows, violation, write_rows)
 from rigid_sim_ros.engine.contacts import (
-    Bodies, Contacts, couple, gather, length, push_rows, read_bodies, read_coefficients,
-    read_rates, relative, row, row_count, to_contact, to_world, torque_in_world)
-from rigid_sim_ros.engine.detect import detect
+    Bodies, Contacts, gather, length, push_rows, read_bodies, read_rates, relative, row, row_count,
+    to_contact, to_world, torque_in_world)
+from rigid_sim_ros.engine.detect import detect_ahead
 from rigid_sim_ros.engine.event_buffers import (
     BOUNCED, Buffers, Carried, CHOSEN, COLLISIONS, CUT_SHORT, DEEPEST, DONE, EVENTS, EventSettings,
     FRESH, KNOWN, LEFT, MEET, MORE_CONTACTS, MORE_FORCES, MORE_MANIFOLDS, MORE_MEMORY, MORE_PAIRS,
-    MORE_ROOM, MORE_ROWS, NEEDED, RESIDUAL, REST, SHOCK, SPAN, STAGE, STEPS, TRAVEL, UNSOLVED,
-    WIDTH)
+    MORE_ROOM, MORE_ROWS, NEEDED, PUSHED, RESIDUAL, REST, SPAN, STAGE, STEPS, TOUCHED, TRAVEL,
+    UNSOLVED, WIDTH)
 from rigid_sim_ros.engine.event_move import load, move
 from rigid_sim_ros.engine.impulse import collide_all, resting_speed, STILL
 from rigid_sim_ros.engine.integrate import sum_loads
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.kinematic import begin_kinematic, end_kinematic
-from rigid_sim_ros.engine.loads import Loads
+from rigid_sim_ros.engine.loads import kick, Loads
 from rigid_sim_ros.engine.manifolds import current, Manifolds, Memory
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
@@ -44,6 +45,13 @@ CLOSING = 0.3
 # Of a step: no part in which forces stay constant is shorter.
 SHORTEST = 1.0 / 256.0
 CUT = 1.0 / 16.0  # of a step: gaps are not closed within less
+# Of the speed of a rebound that is too short to be one: no faster may a force lift what overlaps.
+LIFTING = 0.1
+# Multiplications for each body, and for 20 at least, that a step may take, about 0.2 ms; what is
+# left of the step then runs without backtracking, and contact problems are used as far as they
+# came. In the same unit what an event takes, and for each pair that may meet.
+EFFORT, PER_EVENT, PER_PAIR = 2e5, 1e4, 5e3
+PUSH_SWEEPS = 30  # over the points, for displacements: what they leave is for the next step
 
 
 @kernel
@@ -53,10 +61,11 @@ def _choose(contacts: Contacts, bodies: Bodies, h: float, touching: float,
     m = 0
     for k in range(contacts.count[0]):
         slow = resting_speed(contacts, bodies, k, h)
-        if contacts.gap[k] > touching:
+        touch = touching * contacts.size[k]
+        if contacts.gap[k] > touch:
             u = to_contact(contacts, k, relative(bodies.velocity, contacts, k))
             # It rises to slow^2 / 2a = slow h / 4 with slow = a h / 2.
-            if contacts.gap[k] > touching + 0.25 * slow * h or u[0] < -slow:
+            if contacts.gap[k] > touch + 0.25 * slow * h or u[0] < -slow:
                 continue
         chosen[m] = k
         m += 1
@@ -65,25 +74,76 @@ def _choose(contacts: Contacts, bodies: Bodies, h: float, touching: float,
 
 @kernel
 def _rates(model: Model, shapes: Shapes, contacts: Contacts, bodies: Bodies, chosen: IntArray,
-           width: int, drift: Array, span: float, closing: float, push_out: float, u: Array,
-           b: Array) -> None:
+           width: int, u: Array, span: float, closing: float, b: Array) -> bool:
     """
     Write b of a = A f + b: accelerations without contact forces, and what stops points.
 
-    a = 0 then means that the point has stopped when `span` [s] is over, so that neither a
-    velocity nor a gap that rounding left behind can grow from step to step: of the gap a part is
-    closed in `closing` [s]. u: scratch.
+    a = 0 then means that the point, with the rates u at the end of the span [s] but for the loads,
+    has stopped there, so that neither a velocity nor a gap that rounding left behind can grow from
+    step to step: of the gap a part is closed in `closing` [s]. Returns whether a point overlaps so
+    much that this would give it a speed worth mentioning: that is left to `_push_apart`.
     """
+    deep = False
     for c in range(chosen.shape[0]):
         k, at = chosen[c], width * c
         read_rates(model, contacts, bodies.acceleration, k, width, b, at)
-        read_rates(model, contacts, bodies.velocity, k, width, u, at)
         gap = contacts.gap[k] - film(shapes, contacts.shape_a[k], contacts.shape_b[k])
-        u[at] -= min(-CLOSING * gap / closing, push_out)
+        wanted = -CLOSING * gap / closing
+        if wanted <= LIFTING * resting_speed(contacts, bodies, k, model.h):
+            u[at] -= wanted
+        else:
+            deep = True
         for i in range(width):
             b[at + i] += u[at + i] / span
+    return deep
+
+
+@kernel
+def _push_apart(model: Model, state: State, shapes: Shapes, settings: EventSettings, m: int,
+                span: float, closing: float, w: Buffers) -> None:
+    """
+    Add momenta that displace what overlaps, and are taken back when the span is over.
+
+    So nothing that comes apart gains a velocity, however deep it was. The momenta and what they
+    are at the bodies are left in `w.pushed`.
+    """
+    rows, width = w.rows, w.count[WIDTH]
+    contacts = w.contacts
+    violation(rows, m, width, rows.f)
+    for c in range(m):
+        k, at = w.chosen[c], width * c
+        depth = film(shapes, contacts.shape_a[k], contacts.shape_b[k]) - contacts.gap[k]
+        wanted = min(CLOSING * depth / closing,
+                     settings.push_out * contacts.size[k] / model.h)
+        if CLOSING * depth / closing <= LIFTING * resting_speed(contacts, w.bodies, k, model.h):
+            wanted = 0.0
+        for i in range(at, at + width):
+            rows.trial[i] = 0.0
+        # Not what leaves its overlap by itself.
+        w.newton.y[at] = -wanted + span * max(rows.a[at], 0.0)
+    for c in range(m):
+        rows.mu[c, 0], rows.mu[c, 1], rows.mu[c, 2] = 0.0, 0.0, 0.0
+        rows.b[width * c] = w.newton.y[width * c]
+    apply_forces(rows, m, width, rows.trial)
+    sweep_rows(rows, m, width, rows.trial, PUSH_SWEEPS, 0.0)
+    for j in range(model.m.shape[0]):
         for i in range(3):
-            b[at + i] += drift[3 * c + i]
+            w.pushed.F[i, j], w.pushed.tau[i, j] = state.P[i, j], state.L[i, j]
+    for c in range(m):
+        push_rows(model, state, contacts, w.chosen[c], width, rows.trial, width * c)
+    for j in range(model.m.shape[0]):
+        for i in range(3):
+            w.pushed.F[i, j] = state.P[i, j] - w.pushed.F[i, j]
+            w.pushed.tau[i, j] = state.L[i, j] - w.pushed.tau[i, j]
+    w.count[PUSHED] = 1
+
+
+@kernel
+def _take_back(model: Model, state: State, w: Buffers) -> None:
+    """Take the momenta that only displaced."""
+    if w.count[PUSHED] == 1:
+        kick(state, w.pushed, -1.0)
+        w.count[PUSHED] = 0
 
 
 @kernel
@@ -131,19 +191,31 @@ def _remember(model: Model, contacts: Contacts, chosen: IntArray, width: int, f:
 
 
 @kernel
-def _allow(pairs: IntArray, count: int, contacts: Contacts, bodies: Bodies, chosen: IntArray,
-           span: float, overlap: float, allowed: Array) -> None:
+def _sink(contacts: Contacts, bodies: Bodies, chosen: IntArray, span: float, overlap: float,
+          depth: Array) -> None:
+    """
+    Write how deep [m, < 0] the points that get forces may go within the span.
+
+    Stopped over the span, not at once, a slow approach u_n gets |u_n| t / 2 deeper.
+    """
+    for c in range(chosen.shape[0]):
+        k = chosen[c]
+        u = to_contact(contacts, k, relative(bodies.velocity, contacts, k))
+        depth[c] = (min(contacts.gap[k], 0.0) + 0.5 * min(u[0], 0.0) * span
+                    - overlap * contacts.size[k])
+
+
+@kernel
+def _allow(pairs: IntArray, count: int, contacts: Contacts, chosen: IntArray, depth: Array,
+           allowed: Array) -> None:
     """Write how deep the pairs that get forces may go, 0 for the others; see `first_event`."""
     allowed[:count] = 0.0
     p = 0
     for c in range(chosen.shape[0]):
         k = chosen[c]
-        u = to_contact(contacts, k, relative(bodies.velocity, contacts, k))
-        # Stopped over the span, not at once, a slow approach u_n gets |u_n| t / 2 deeper.
-        depth = min(contacts.gap[k], 0.0) + 0.5 * min(u[0], 0.0) * span - overlap
         for _ in range(count):
             if pairs[p, 0] == contacts.shape_a[k] and pairs[p, 1] == contacts.shape_b[k]:
-                allowed[p] = min(allowed[p], depth)
+                allowed[p] = min(allowed[p], depth[c])
                 break
             p = (p + 1) % count
 
@@ -177,12 +249,22 @@ def _deepest(manifolds: Manifolds) -> float:
 
 
 @kernel
-def _most_pull(model: Model, loads: Loads) -> float:
-    """Return the largest acceleration [m/s^2] that a load gives a centre of mass."""
-    most = 0.0
-    for i in range(model.m.shape[0]):
-        most = max(most, model.inv_m[i] * norm((loads.F[0, i], loads.F[1, i], loads.F[2, i])))
-    return most
+def _look_near(model: Model, shapes: Shapes, settings: EventSettings, loads: Loads,
+               memory: Memory) -> None:
+    """
+    Let detection find what touches, or is as near as a rebound that is too short to be one.
+
+    A share of both shapes: that of a plane, which has no size, is its partner's.
+    """
+    h = model.h
+    for s in range(shapes.kind.shape[0]):
+        i, size = shapes.body[s], shapes.bound[s]
+        pull = model.inv_m[i] * norm((loads.F[0, i], loads.F[1, i], loads.F[2, i]))
+        if size == np.inf:
+            size = 0.0
+        memory.ahead[s] = 1.01 * (settings.touching * size
+                                  + 0.25 * h * (0.5 * h * pull + STILL * size / h))
+    memory.calm[0] = np.inf  # no pair is looked at farther ahead than it touches
 
 
 @kernel
@@ -199,21 +281,20 @@ def _forget_impulses(manifolds: Manifolds) -> None:
 def _find(model: Model, state: State, shapes: Shapes, materials: Materials, memory: Memory,
           settings: EventSettings, w: Buffers) -> int:
     """Find the points that touch, or are as near as a rebound that is too short to be one."""
-    slow = 0.5 * model.h * _most_pull(model, w.work.loads) + STILL
-    reach = settings.touching + 0.25 * model.h * slow
     manifolds = current(memory)
     for r in range(manifolds.count[0]):
         # Polyhedra that hardly moved would keep points that are right to second order: not enough
         # here.
         manifolds.found_at[r, 0] = np.inf
-    if not detect(model, state, shapes, memory, 1.01 * reach):
+    _look_near(model, shapes, settings, w.work.loads, memory)
+    if not detect_ahead(model, state, shapes, memory, 0, None):
         return MORE_MEMORY
     manifolds = current(memory)
     rows = manifolds.count[0]
     if rows > w.order.shape[1]:
         w.count[NEEDED] = rows
         return MORE_MANIFOLDS
-    found = gather(state, manifolds, shapes, materials, reach, w.order[0, :rows],
+    found = gather(state, manifolds, shapes, materials, np.inf, w.order[0, :rows],
                    w.order[1, :rows], w.contacts)
     if found > w.contacts.gap.shape[0]:
         w.count[NEEDED] = found
@@ -266,13 +347,17 @@ def _collide(model: Model, state: State, settings: EventSettings, w: Buffers) ->
                 tired = True
         for i in range(contacts.first[k], contacts.first[k + 1]):
             w.elastic[i] = 0 if tired else 1
-    limit = 200 + 50 * blocks
-    quiet = max(STILL, 2.0 * settings.dip / min(w.number[SPAN], w.number[LEFT]))
+    limit = 50 + 10 * blocks
+    quiet = max(STILL / model.h, 2.0 * settings.dip / min(w.number[SPAN], w.number[LEFT]))
+    if not _room_for(model, w, touching_points(settings, w)):
+        return MORE_ROWS
+    w.newton.effort[0] += PER_EVENT
     done = collide_all(model, state, contacts, w.bodies, model.h, settings.touching, quiet,
                        w.count[WIDTH], w.elastic, limit, w.room, w.impulses)
     if done == 0:
         return DONE
     w.count[COLLISIONS] += limit if done < 0 else done
+    w.newton.effort[0] += PER_PAIR * (limit if done < 0 else done)
     for k in range(blocks):
         pushed = False
         for i in range(contacts.first[k], contacts.first[k + 1]):
@@ -280,48 +365,80 @@ def _collide(model: Model, state: State, settings: EventSettings, w: Buffers) ->
         if pushed:
             w.bounced[_bounce(contacts, k, w), 2] += 1
     read_bodies(model, state, w.work.loads.F, w.work.loads.tau, w.bodies)
-    return SHOCK if done < 0 else DONE
+    if done < 0:
+        _stop_together(model, state, settings, w)
+    return DONE
+
+
+@kernel
+def _effort_left(model: Model, w: Buffers) -> float:
+    """Return how many multiplications the rest of the step may take."""
+    return EFFORT * max(20, model.m.shape[0]) - w.newton.effort[0]
+
+
+@kernel
+def _room_for(model: Model, w: Buffers, m: int) -> bool:
+    """Return whether there is room for the first m chosen points, and number their bodies."""
+    w.count[NEEDED] = w.count[WIDTH] * m
+    w.count[TOUCHED] = number_bodies(w.contacts, w.chosen[:m], model.inv_m, w.newton.slot)
+    return (w.count[NEEDED] <= w.rows.b.shape[0]
+            and 6 * w.count[TOUCHED] <= w.newton.p.shape[0])
 
 
 @kernel
 def _balance(model: Model, state: State, shapes: Shapes, memory: Memory, settings: EventSettings,
              carried: Carried, w: Buffers) -> int:
-    """Find the forces at the resting points; UNSOLVED where Newton's method does not."""
+    """Find the forces at the resting points."""
     contacts, width = w.contacts, w.count[WIDTH]
     m = _choose(contacts, w.bodies, model.h, settings.touching, w.chosen)
-    rows = width * m
-    w.count[CHOSEN], w.count[NEEDED] = m, rows
-    if rows > w.b.shape[0]:
+    w.count[CHOSEN] = m
+    if not _room_for(model, w, m):
         return MORE_ROWS
     if m == 0:
         return DONE
-    chosen, b, f, columns = w.chosen[:m], w.b[:rows], w.f[:rows], coefficients(width)
-    mu = w.mu[:m * columns].reshape((m, columns))
-    A = w.A[:rows * rows].reshape((rows, rows))
+    chosen, rows = w.chosen[:m], w.rows
     span = min(w.number[SPAN], w.number[LEFT])
-    contact_drift(model, state, w.still, shapes, contacts, w.bodies, chosen,
-                  max(span, 1e-3 * model.h), w.pose, memory.scratch, w.spare[0])
+    _sink(contacts, w.bodies, chosen, span, settings.overlap, w.depth)
+    turn_bodies(model, state, w.work.loads.tau, span, w.bodies, w.then)
+    carry_ahead(model, state, w.still, shapes, contacts, w.bodies, w.then, chosen, width, span,
+                w.pose, memory.scratch, rows.trial)
     # What is left of a step after a collision may be nothing: a gap of rounding over that is no
     # speed.
     closing = min(max(w.number[SPAN], CUT * model.h), model.h)
-    _rates(model, shapes, contacts, w.bodies, chosen, width, w.spare[0], span, closing,
-           settings.push_out, w.spare[1], b)
-    for c in range(m):
-        read_coefficients(model, contacts, chosen[c], width, mu, c)
-    couple(model, contacts, w.bodies, chosen, m, width, w.arm[:6 * rows].reshape((2, rows, 3)), A)
-    size = 0.0
-    for i in range(rows):
-        A[i, i] += COMPLIANCE * A[i, i]
-        size = max(size, abs(b[i]))
-    steps = FEW_STEPS if _recall(model, contacts, chosen, width, carried, w.count[KNOWN],
-                                 f) else 0
-    M = w.M[:rows * rows].reshape((rows, rows))
-    worst, _ = refine(A, b, mu, f, GOAL * size, steps, w.spare[0, :rows], w.spare[1, :rows], M,
-                      w.spare[2, :rows])
-    if worst > ENOUGH * size:
-        return UNSOLVED
-    w.number[RESIDUAL] = max(w.number[RESIDUAL], worst / max(size, 1e-300))
+    deep = _rates(model, shapes, contacts, w.bodies, chosen, width, rows.trial, span, closing,
+                  rows.b)
+    write_rows(model, contacts, w.bodies, chosen, width, COMPLIANCE, rows)
+    known = _recall(model, contacts, chosen, width, carried, w.count[KNOWN], rows.f)
+    worst = solve_rows(rows, m, width, w.count[TOUCHED], FEW_STEPS if known else 0,
+                       _effort_left(model, w), w.newton)
+    w.number[RESIDUAL] = max(w.number[RESIDUAL], worst)
+    if worst > TOLERANCE:
+        w.count[UNSOLVED] += 1
+        for c in range(m):
+            read_rates(model, contacts, w.bodies.velocity, chosen[c], width, rows.trial, width * c)
+        _take_no_energy(rows, m, width, span)
+    if deep:
+        _push_apart(model, state, shapes, settings, m, span, closing, w)
     return DONE
+
+
+@kernel
+def _take_no_energy(rows: Rows, m: int, width: int, span: float) -> None:
+    """
+    Make forces that are no solution smaller where they would do work on the bodies.
+
+    It is span [s] times f . (u_0 + u_1) / 2 with the rates u_0 of the points now, in rows.trial,
+    and u_1 = span (A f + b) in the end.
+    """
+    violation(rows, m, width, rows.f)
+    before, gain = 0.0, 0.0
+    for i in range(width * m):
+        before += rows.f[i] * (rows.trial[i] + span * rows.b[i])
+        gain += rows.f[i] * span * (rows.a[i] - rows.b[i])
+    if before + gain > 0.0 and gain > 0.0:
+        share = max(-before / gain, 0.0)
+        for i in range(width * m):
+            rows.f[i] *= share
 
 
 @kernel
@@ -329,29 +446,34 @@ def _travel(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, memo
             settings: EventSettings, w: Buffers) -> int:
     """Let the forces act until the next pair meets, or the span is over."""
     m, width = w.count[CHOSEN], w.count[WIDTH]
-    chosen, f, loads = w.chosen[:m], w.f[:width * m], w.work.loads
+    chosen, f, loads = w.chosen[:m], w.rows.f[:width * m], w.work.loads
     left = w.number[LEFT]
     until = min(w.number[SPAN], left)
     load(model, w.contacts, chosen, width, f, w.loads, w.work)
     t, which = until, -1
-    if w.count[EVENTS] >= settings.max_events:
+    if w.count[EVENTS] >= settings.max_events or _effort_left(model, w) < 0.0:
         w.count[CUT_SHORT] = 1
         t = left
     else:
+        w.newton.effort[0] += PER_EVENT
         count = pairs_ahead(model, state, loads, shapes, until, w.pose, w.reach[0], w.reach[1],
                             w.sweep, w.pairs)
         if count > w.pairs.shape[0]:
             w.count[NEEDED] = count
             sum_loads(model, state, wrenches, loads)
             return MORE_PAIRS
-        _allow(w.pairs, count, w.contacts, w.bodies, chosen, until, settings.overlap, w.allowed)
+        w.newton.effort[0] += PER_PAIR * count
+        if w.count[UNSOLVED] > 0:  # shorter spans would not help
+            w.depth[:m] = -np.inf
+        _allow(w.pairs, count, w.contacts, chosen, w.depth, w.allowed)
         t, which = first_event(model, state, loads, shapes, w.pairs, count, w.allowed,
                                settings.overlap, until, w.pose, memory.scratch)
     for c in range(m):
         for i in range(width):
             w.impulses[chosen[c], i] += t * f[width * c + i]
     _record(model, current(memory), w.contacts, w.impulses)
-    move(model, state, wrenches, w.contacts, chosen, width, f, w.loads, w.work, t)
+    move(model, state, wrenches, w.contacts, w.bodies, chosen, width, f, w.loads, w.work, until, t)
+    _take_back(model, state, w)
     w.number[LEFT] = left - t if which >= 0 or t < left else 0.0
     _next_span(model, t, which, w)
     return DONE
@@ -388,10 +510,10 @@ def run(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, material
             why = _find(model, state, shapes, materials, memory, settings, w)
             if why != DONE:
                 return why
-            w.count[STAGE] = REST
             why = _collide(model, state, settings, w)
             if why != DONE:
                 return why
+            w.count[STAGE] = REST
         if w.count[STAGE] == REST:
             if w.contacts.count[0] > carried.feature.shape[0]:
                 w.count[NEEDED] = w.contacts.count[0]
@@ -404,7 +526,7 @@ def run(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, material
         why = _travel(model, state, wrenches, shapes, memory, settings, w)
         if why != DONE:
             return why
-        _remember(model, w.contacts, w.chosen[:m], width, w.f[:width * m], carried)
+        _remember(model, w.contacts, w.chosen[:m], width, w.rows.f[:width * m], carried)
         w.count[KNOWN] = m
         w.count[STAGE] = MEET
         if w.number[LEFT] == 0.0:
@@ -420,39 +542,41 @@ def _begin_step(model: Model, materials: Materials, w: Buffers) -> None:
     w.number[RESIDUAL], w.number[DEEPEST] = 0.0, 0.0
     w.count[FRESH] = 1
     w.count[EVENTS], w.count[COLLISIONS], w.count[CUT_SHORT], w.count[BOUNCED] = 0, 0, 0, 0
+    w.count[UNSOLVED] = 0
+    w.newton.effort[0] = 0.0
     w.count[WIDTH] = row_count(materials)
 
 
 @kernel
 def touching_points(settings: EventSettings, w: Buffers) -> int:
-    """Choose all points that touch, with their velocities in b, for a shock; return how many."""
+    """Choose all points that touch, for a shock; return how many."""
     m = 0
     for k in range(w.contacts.count[0]):
-        if w.contacts.gap[k] <= settings.touching:
+        if w.contacts.gap[k] <= settings.touching * w.contacts.size[k]:
             w.chosen[m] = k
             m += 1
     return m
 
 
 @kernel
-def shock_problem(model: Model, m: int, w: Buffers) -> None:
-    """Write A, mu and the velocities of the first m chosen points to b."""
-    width = w.count[WIDTH]
-    rows, columns = width * m, coefficients(width)
-    mu = w.mu[:m * columns].reshape((m, columns))
+def _stop_together(model: Model, state: State, settings: EventSettings, w: Buffers) -> None:
+    """End a shock that goes to and fro for ever: all points at once, with e = 0."""
+    m, width, rows = touching_points(settings, w), w.count[WIDTH], w.rows
+    touched = number_bodies(w.contacts, w.chosen[:m], model.inv_m, w.newton.slot)
+    write_rows(model, w.contacts, w.bodies, w.chosen[:m], width, COMPLIANCE, rows)
     for c in range(m):
-        read_rates(model, w.contacts, w.bodies.velocity, w.chosen[c], width, w.b, width * c)
-        read_coefficients(model, w.contacts, w.chosen[c], width, mu, c)
-    couple(model, w.contacts, w.bodies, w.chosen, m, width, w.arm[:6 * rows].reshape((2, rows, 3)),
-           w.A[:rows * rows].reshape((rows, rows)))
-
-
-@kernel
-def push_all(model: Model, state: State, m: int, J: Array, w: Buffers) -> None:
-    """Apply the impulses J, (wm,), at the first m chosen points, and look at the bodies again."""
-    width = w.count[WIDTH]
+        read_rates(model, w.contacts, w.bodies.velocity, w.chosen[c], width, rows.b, width * c)
+    for i in range(width * m):
+        rows.f[i] = 0.0
+    worst = solve_rows(rows, m, width, touched, 0, _effort_left(model, w), w.newton)
+    w.number[RESIDUAL] = max(w.number[RESIDUAL], worst)
+    if worst > TOLERANCE:
+        w.count[UNSOLVED] += 1
+        for i in range(width * m):
+            rows.trial[i] = rows.b[i]
+        _take_no_energy(rows, m, width, 1.0)
     for c in range(m):
-        push_rows(model, state, w.contacts, w.chosen[c], width, J, width * c)
+        push_rows(model, state, w.contacts, w.chosen[c], width, rows.f, width * c)
         for i in range(width):
-            w.impulses[w.chosen[c], i] += J[width * c + i]
+            w.impulses[w.chosen[c], i] += rows.f[width * c + i]
     read_bodies(model, state, w.work.loads.F, w.work.loads.tau, w.bodies)

@@ -6,7 +6,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.algebra import cross
 from rigid_sim_ros.engine.arrays import Array, IntArray
-from rigid_sim_ros.engine.contacts import Contacts, row, to_world, torque_in_world
+from rigid_sim_ros.engine.contacts import Bodies, Contacts, row, to_world, torque_in_world
 from rigid_sim_ros.engine.free_flight import fly
 from rigid_sim_ros.engine.integrate import sum_loads, Work
 from rigid_sim_ros.engine.kernel import kernel
@@ -43,33 +43,40 @@ def load(model: Model, contacts: Contacts, chosen: IntArray, width: int, f: Arra
 
 
 @kernel
-def move(model: Model, state: State, wrenches: Wrenches, contacts: Contacts, chosen: IntArray,
-         width: int, f: Array, loads: Loads, work: Work, t: float) -> None:
+def move(model: Model, state: State, wrenches: Wrenches, contacts: Contacts, bodies: Bodies,
+         chosen: IntArray, width: int, f: Array, loads: Loads, work: Work, span: float,
+         t: float) -> None:
     """
     Kick, drift, kick for t [s] like `integrate.symplectic`, with constant contact forces f.
 
-    Takes the loads that `load` wrote, and leaves those of f at the end in `loads`.
+    Takes the loads that `load` wrote, with levers of the middle of the span [s] as `bodies` would
+    move without forces.
     """
     kick(state, work.loads, 0.5 * t)
     fly(model, state, (0.0, 0.0, 0.0), t, np.int64(1), work.block)
     move_kinematic(model, state, t)
-    _carry_points(model, state, contacts, chosen, width, f, t, loads)
+    _meet_again(model, state, contacts, bodies, chosen, width, f, span, t)
     kick(state, work.loads, 0.5 * t)
+    for j in range(model.m.shape[0]):  # what is left are the loads without contacts
+        for i in range(3):
+            work.loads.F[i, j] -= loads.F[i, j]
+            work.loads.tau[i, j] -= loads.tau[i, j]
+    # As in `integrate.symplectic`: the momenta are known now to first order.
     sum_loads(model, state, wrenches, work.later)
     kick(state, work.later, 0.5 * t)
-    kick(state, loads, 0.5 * t)
     kick(state, work.loads, -0.5 * t)
 
 
 @kernel
-def _carry_points(model: Model, state: State, contacts: Contacts, chosen: IntArray, width: int,
-                  f: Array, t: float, loads: Loads) -> None:
+def _meet_again(model: Model, state: State, contacts: Contacts, bodies: Bodies, chosen: IntArray,
+                width: int, f: Array, span: float, t: float) -> None:
     """
-    Let the points of two free bodies go along with them, after a drift of t [s].
+    Let -F on A and F on B act at one point, after a drift of t [s].
 
-    -F on A and F on B keep the angular momentum only if they act at one point. Centres that
-    drifted by d_A and d_B with the old arms make it two points; both become p + s,
-    s = (w_A d_A + w_B d_B) / (w_A + w_B) with w = 1 / M, so a fixed body would keep its point.
+    The change t F of the momenta keeps the angular momentum of both if it acts at one place p with
+    the levers p - (x_0 + x_1) / 2. Those of `contacts` are from where the centres were expected to
+    be in the middle. Where these are off by d_A and d_B, p becomes p + s,
+    s = (w_A d_A + w_B d_B) / (w_A + w_B) with w = 1 / M.
     """
     for c in range(chosen.shape[0]):
         k, at = chosen[c], width * c
@@ -78,11 +85,15 @@ def _carry_points(model: Model, state: State, contacts: Contacts, chosen: IntArr
         if w_A == 0.0 or w_B == 0.0:
             continue
         F = to_world(contacts, k, (f[at], f[at + 1], f[at + 2]))
+        v = bodies.velocity
         # d_B - d_A; the momenta are still those of the drift.
-        apart = (t * (w_B * state.P[0, b] - w_A * state.P[0, a]),
-                 t * (w_B * state.P[1, b] - w_A * state.P[1, a]),
-                 t * (w_B * state.P[2, b] - w_A * state.P[2, a]))
+        apart = (0.5 * (t * (w_B * state.P[0, b] - w_A * state.P[0, a])
+                        - span * (v[b, 0] - v[a, 0])),
+                 0.5 * (t * (w_B * state.P[1, b] - w_A * state.P[1, a])
+                        - span * (v[b, 1] - v[a, 1])),
+                 0.5 * (t * (w_B * state.P[2, b] - w_A * state.P[2, a])
+                        - span * (v[b, 2] - v[a, 2])))
         turning = cross(apart, F)
         for i in range(3):
-            loads.tau[i, a] -= w_B / (w_A + w_B) * turning[i]  # s - d_A
-            loads.tau[i, b] -= w_A / (w_A + w_B) * turning[i]  # s - d_B, which is against `apart`
+            state.L[i, a] -= t * (w_B / (w_A + w_B) * turning[i])  # s - d_A
+            state.L[i, b] -= t * (w_A / (w_A + w_B) * turning[i])  # s - d_B, against `apart`

@@ -26,7 +26,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.engine.coloring import (
-    BETWEEN, Blocks, first_block, most_blocks, numbers_of, SHAKEN)
+    BETWEEN, Blocks, first_block, most_blocks, numbers_of)
 from rigid_sim_ros.engine.contact_blocks import SIZE
 from rigid_sim_ros.engine.contact_rules import SETTLED_POINT, Sweep
 from rigid_sim_ros.engine.contact_sweep import (
@@ -48,21 +48,22 @@ class Impacts(NamedTuple):
     # body A and 2 lane + 1 of its B, with lanes counted over all blocks.
     first: IntArray  # (slots,) of 32 bits, where it begins
     further: IntArray  # (16 blocks,) of 32 bits, the place after a place
-    # (blocks,) of 8 bits, 1 for what approaches, or whose bodies changed since its last visit
+    # (2, blocks) of 16 bits, the bits of the lanes that approach, or whose bodies changed since
+    # their last visit; in either row those that one half told, as halves write side by side
     waits: IntArray
-    hit: IntArray  # (blocks,) of 8 bits, 1 while a block has the impulses of an impact
+    hit: IntArray  # (blocks,) of 16 bits, those of the lanes that have the impulses of an impact
 
 
 def make_impacts(n: int, capacity: int) -> Impacts:
     """Return room for n bodies and `capacity` manifolds."""
     blocks = most_blocks(capacity)
     return Impacts(integers(2), room(most_slots(n), kind=np.int32),
-                   room(2 * LANES * blocks, kind=np.int32), room(blocks, kind=np.int8),
-                   room(blocks, kind=np.int8))
+                   room(2 * LANES * blocks, kind=np.int32), room(2, blocks, kind=np.int16),
+                   room(blocks, kind=np.int16))
 
 
 @kernel
-def find_approaching(region: int, blocks: Blocks, motion: Array, h: float, tolerance: float,
+def find_approaching(region: int, blocks: Blocks, motion: Array, what: Sweep, tolerance: float,
                      work: Impacts) -> bool:
     """
     Let the blocks of a region wait in which something approaches; return whether any does.
@@ -71,21 +72,21 @@ def find_approaching(region: int, blocks: Blocks, motion: Array, h: float, toler
     """
     first, any_waits = first_block(blocks, region), False
     for block in range(first, first + blocks.count[region]):
-        meets = begin_block(blocks, block, motion, h, tolerance)
-        work.waits[block], work.hit[block] = 1 if meets else 0, 0
-        any_waits |= meets
+        meets = begin_block(blocks, block, motion, what, tolerance)
+        work.waits[0, block], work.waits[1, block], work.hit[block] = meets, 0, 0
+        any_waits |= meets != 0
     return any_waits
 
 
 @kernel
-def drift_blocks(region: int, blocks: Blocks, drifted: Array, h: float, tolerance: float,
-                 work: Impacts) -> bool:
+def drift_blocks(region: int, blocks: Blocks, drifted: Array, h: float, what: Sweep,
+                 tolerance: float, work: Impacts) -> bool:
     """Do the same after the bodies have drifted for h [s], and move the gaps on."""
     first, any_waits = first_block(blocks, region), False
     for block in range(first, first + blocks.count[region]):
-        meets = drift_block(blocks, block, drifted, h, tolerance)
-        work.waits[block] = 1 if meets else 0
-        any_waits |= meets
+        meets = drift_block(blocks, block, drifted, h, what, tolerance)
+        work.waits[0, block], work.waits[1, block] = meets, 0
+        any_waits |= meets != 0
     return any_waits
 
 
@@ -104,7 +105,7 @@ def pass_on(region: int, blocks: Blocks, motion: Array, used: IntArray, what: Sw
     visit_waiting(region, False, blocks, motion, used, what, tolerance, work)
     first, any_waits = first_block(blocks, region), False
     for block in range(first, first + blocks.count[region]):
-        any_waits |= work.waits[block] == 1
+        any_waits |= work.waits[0, block] | work.waits[1, block] != 0
     return any_waits
 
 
@@ -115,17 +116,19 @@ def visit_waiting(region: int, backwards: bool, blocks: Blocks, motion: Array, u
     first, count, any_did = first_block(blocks, region), blocks.count[region], False
     for j in range(count):
         block = first + (count - 1 - j if backwards else j) & INDEX
-        if work.waits[block] == 1:
+        bits = work.waits[0, block] | work.waits[1, block]
+        if bits != 0:
             any_did = True
-            if work.hit[block] == 0:
-                begin_impact(blocks, block)
-                work.hit[block] = 1
-            residual = visit_block(blocks, block, motion, what)
+            if bits & ~work.hit[block] != 0:
+                begin_impact(blocks, block, bits & ~work.hit[block])
+                work.hit[block] |= bits
+            residual = visit_block(blocks, block, motion, what, bits)
             least = max(SETTLED_POINT * what.inv_h * load(numbers_of(blocks, block), SIZE),
                         tolerance)
-            blocks.left[block] = SHAKEN * bits_of(residual > least)
-            work.waits[block] = 0
-            _tell(region, blocks, block, used, work)
+            # It waits itself, too: friction and each of its points change what the others found.
+            changed = bits & bits_of(residual > least)
+            _tell(region, blocks, block, changed, used, work)
+            work.waits[0, block], work.waits[1, block] = changed, 0
     return any_did
 
 
@@ -150,28 +153,30 @@ def end_impacts(region: int, blocks: Blocks, motion: Array, work: Impacts) -> No
     """Put back the impulses that bear forces, before the forces of a substep act."""
     first = first_block(blocks, region)
     for block in range(first, first + blocks.count[region]):
-        if work.hit[block] == 1:
-            end_impact(blocks, block, motion)
+        if work.hit[block] != 0:
+            end_impact(blocks, block, work.hit[block], motion)
             work.hit[block] = 0
 
 
 @kernel
-def _tell(region: int, blocks: Blocks, block: int, used: IntArray, work: Impacts) -> None:
-    """Let all other blocks of whom the last visit to a block changed wait for theirs."""
-    if blocks.left[block] < SHAKEN:
+def _tell(region: int, blocks: Blocks, block: int, bits: int, used: IntArray,
+          work: Impacts) -> None:
+    """Let all other lanes with the bodies of these lanes of a block wait for their visits."""
+    if bits == 0:
         return
     for half in range(2):
         if (half == region or region == BETWEEN) and work.listed[half] == 0:
             _list_blocks(half, blocks, used, work)
             work.listed[half] = 1
+    row = 1 if region == 1 else 0
     for i in range(LANES):
-        if blocks.left[block] & SHAKEN << i != 0:
+        if bits & 1 << i != 0:
             for at in (blocks.at_A[block * LANES + i], blocks.at_B[block * LANES + i]):
                 place = work.first[(at & INDEX) // STRIDE]
                 while place >= 0:
-                    work.waits[(place & INDEX) // (2 * LANES)] = 1
+                    lane = (place & INDEX) // 2
+                    work.waits[row, lane // LANES] |= 1 << lane % LANES
                     place = work.further[place & INDEX]
-    work.waits[block] = 0
 
 
 @kernel

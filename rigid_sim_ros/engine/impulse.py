@@ -18,15 +18,15 @@ import numpy as np
 from rigid_sim_ros.engine.algebra import norm
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.contacts import (
-    Bodies, Contacts, couple, push_rows, read_coefficients, read_rates, read_velocity, relative,
-    to_contact)
+    Bodies, Contacts, couple, linear, push_rows, read_coefficients, read_rates, read_velocity,
+    relative, to_contact)
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.state import State
 
-# Approach slower than this [m/s] is rounding, not a collision; ten times more is still below every
-# tolerance here.
-STILL = 1e-10
+# Of the size of the smaller shape, in a step: an approach slower than this is rounding, not a
+# collision; ten times more is still below every tolerance here. 1e-10 m/s for 0.1 m and 1 ms.
+STILL = 1e-12
 # Sweeps over the points of one pair. A box on four corners takes about 50 to reach rounding.
 MAX_SWEEPS = 2000
 
@@ -43,11 +43,9 @@ def resting_speed(contacts: Contacts, bodies: Bodies, k: int, h: float) -> float
     """
     a = contacts.body_a[k]
     b = contacts.body_b[k]
-    pull_A = norm((bodies.acceleration[a, 0], bodies.acceleration[a, 1], bodies.acceleration[a,
-                                                                                             2]))
-    pull_B = norm((bodies.acceleration[b, 0], bodies.acceleration[b, 1], bodies.acceleration[b,
-                                                                                             2]))
-    return 0.5 * h * max(pull_A, pull_B) + STILL
+    pull_A = norm(linear(bodies.acceleration, a))
+    pull_B = norm(linear(bodies.acceleration, b))
+    return 0.5 * h * max(pull_A, pull_B) + STILL * contacts.size[k] / h
 
 
 class Room(NamedTuple):
@@ -79,21 +77,22 @@ def collide_all(model: Model, state: State, contacts: Contacts, bodies: Bodies, 
     """
     Apply impulses until no touching point approaches faster than it may at rest.
 
-    Points with a gap of at most `touching` [m] touch. At most `quiet` [m/s], and less than
-    `resting_speed` with the step h [s], is left to the resting forces. width: rows of a point;
-    elastic, (c,) is 1 where a point may bounce back. The impulses on B, (c, 6) [N s, contact
-    axes], are added to `impulses`. Returns the number of collisions of pairs, or -1 if after
-    `limit` of them something still approaches.
+    Points with a gap of at most `touching` of their size touch. At most `quiet` [1/s] times it,
+    and less than `resting_speed` with the step h [s], is left to the resting forces. width: rows
+    of a point; elastic, (c,) is 1 where a point may bounce back. The impulses on B, (c, 6) [N s,
+    contact axes], are added to `impulses`. Returns the number of collisions of pairs, or -1 if
+    after `limit` of them something still approaches.
     """
     for count in range(limit + 1):
         block = -1
         fastest = 0.0
         for k in range(contacts.count[1]):
             for i in range(contacts.first[k], contacts.first[k + 1]):
-                if contacts.gap[i] > touching:
+                if contacts.gap[i] > touching * contacts.size[i]:
                     continue
                 u = to_contact(contacts, i, relative(bodies.velocity, contacts, i))
-                if u[0] < fastest and u[0] < -min(resting_speed(contacts, bodies, i, h), quiet):
+                if u[0] < fastest and u[0] < -min(resting_speed(contacts, bodies, i, h),
+                                                  quiet * contacts.size[i]):
                     block, fastest = k, u[0]
         if block < 0:
             return count
@@ -110,7 +109,7 @@ def _collide_pair(model: Model, state: State, contacts: Contacts, bodies: Bodies
     first, after = contacts.first[block], contacts.first[block + 1]
     m = 0
     for i in range(first, after):
-        if contacts.gap[i] <= touching:
+        if contacts.gap[i] <= touching * contacts.size[i]:
             room.chosen[m] = i
             m += 1
     couple(model, contacts, bodies, room.chosen, m, width, room.arm, room.A)

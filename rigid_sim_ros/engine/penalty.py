@@ -36,22 +36,22 @@ import numpy as np
 from rigid_sim_ros.engine.algebra import cross
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.contacts import (
-    Bodies, Contacts, gather_all, make_bodies, make_contacts, quaternion, read_velocity, relative,
+    Bodies, Contacts, gather, make_bodies, make_contacts, quaternion, read_velocity, relative,
     rotate, row, to_contact, to_world)
-from rigid_sim_ros.engine.detect import detect
+from rigid_sim_ros.engine.detect import detect_ahead
 from rigid_sim_ros.engine.free_flight import fly
 from rigid_sim_ros.engine.integrate import make_work, sum_loads, Work
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.kinematic import begin_kinematic, end_kinematic, move_kinematic
 from rigid_sim_ros.engine.loads import empty_loads, kick, Loads
-from rigid_sim_ros.engine.manifolds import current_manifolds, grown, Manifolds, Memory
+from rigid_sim_ros.engine.manifolds import current, grown, Manifolds, Memory
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import CAPSULE, KIND_NAMES, Materials, Shapes, SPHERE
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.wrenches import count_down, Wrenches
 
-# Detection looks this far [m] ahead of the surfaces; only overlap gives a force, so it may be
-# tiny.
+# Of a shape's size: so far detection looks ahead of its surface; only overlap gives a force, so it
+# may be tiny.
 MARGIN = 1e-9
 # The bristle's stiffness over the spring's: 1 keeps one limit for the step; Mindlin's elastic
 # spheres have 0.7 to 1.
@@ -84,21 +84,72 @@ class Bristles(NamedTuple):
     stretch: Array  # (c, 3) [m] of B over A, axes of C of body A, with which they turn
 
 
+class Buffers(NamedTuple):
+    """Memory of the kernel, and where it stands; capacity c points."""
+
+    count: IntArray  # type: ignore[assignment]  # (5,) see STEPS
+    work: Work
+    bodies: Bodies
+    loads: Loads
+    order: IntArray  # (2, rows of the memory) for `gather`
+    contacts: Contacts
+    impulses: Array  # (c, 3) [N, contact axes] on B
+    stretch: Array  # (c, 3) [m, world axes]
+    bristles: Bristles  # (c,) of the end of the last step, or of the middle of this one
+
+
+# Places in `Buffers.count`.
+STEPS, STAGE, KNOWN, NEEDED = range(4)
+# Stages of a step, and why the kernel stops.
+BEGIN, END = range(2)
+DONE, MORE_MEMORY, MORE_MANIFOLDS, MORE_CONTACTS = range(4)
+
+
 class PenaltyWork:
-    """Scratch memory, and the bristles, which carry over from step to step."""
+    """The buffers of the kernel, and the bristles, which carry over from step to step."""
 
     def __init__(self, bodies: int) -> None:
         """Make room for a world without contacts."""
-        self.work: Work = make_work(bodies)
-        self.bodies: Bodies = make_bodies(bodies)
-        self.contacts: Contacts = make_contacts(64)
-        self.loads: Loads = empty_loads(bodies)
-        self.impulses: Array = np.zeros((64, 3))
-        self.bristles: Bristles = no_bristles()
+        c = 64
+        self.buffers = Buffers(np.zeros(5, dtype=np.int64), make_work(bodies), make_bodies(bodies),
+                               empty_loads(bodies), np.zeros((2, c), dtype=np.int64),
+                               make_contacts(c), np.zeros((c, 3)), np.zeros((c, 3)),
+                               _longer(no_bristles(), c))
+
+    @property
+    def bristles(self) -> Bristles:
+        """Return all that influences later steps, besides the state."""
+        known = int(self.buffers.count[KNOWN])
+        return Bristles._make(field[:known].copy() for field in self.buffers.bristles)
+
+    @bristles.setter
+    def bristles(self, kept: Bristles) -> None:
+        room = len(self.buffers.bristles.feature)
+        self.buffers = self.buffers._replace(bristles=_longer(kept, room))
+        self.buffers.count[KNOWN] = len(kept.feature)
 
     def lasting(self) -> Bristles:
         """Return all that influences later steps, besides the state."""
         return self.bristles
+
+    def give(self, why: int) -> None:
+        """Make the room that the kernel stopped for."""
+        w, c = self.buffers, 2 * int(self.buffers.count[NEEDED])
+        if why == MORE_MANIFOLDS:
+            self.buffers = w._replace(order=np.zeros((2, c), dtype=np.int64))
+        else:
+            self.buffers = w._replace(contacts=make_contacts(c), impulses=np.zeros((c, 3)),
+                                      stretch=np.zeros((c, 3)), bristles=_longer(w.bristles, c))
+
+
+def _longer(bristles: Bristles, rows: int) -> Bristles:
+    """Return bristles with room for so many rows, or as many as there are."""
+    found = []
+    for field in bristles:
+        room = np.zeros((max(rows, len(field)), *field.shape[1:]), dtype=field.dtype)
+        room[:len(field)] = field
+        found.append(room)
+    return Bristles._make(found)
 
 
 def no_bristles() -> Bristles:
@@ -166,9 +217,10 @@ def _rounded_down(value: float) -> float:
 
 
 @kernel
-def _recall(contacts: Contacts, state: State, bristles: Bristles, stretch: Array) -> None:
+def _recall(contacts: Contacts, state: State, bristles: Bristles, size: int,
+            stretch: Array) -> None:
     """Write the stretches of points that were there before, world axes, 0 for the others."""
-    at, size = 0, bristles.feature.shape[0]
+    at = 0
     for k in range(contacts.count[0]):
         for i in range(3):
             stretch[k, i] = 0.0
@@ -343,24 +395,65 @@ def _last_kick(model: Model, state: State, wrenches: Wrenches, work: Work) -> No
     count_down(wrenches)
 
 
+@kernel
 def _overlaps(model: Model, state: State, shapes: Shapes, materials: Materials, memory: Memory,
-              work: PenaltyWork) -> Memory:
-    """Find the points that overlap; return the memory, which may have grown."""
-    # Polyhedra that hardly moved would keep points that are right to second order: results would
-    # then depend on when these were found.
-    manifolds = current_manifolds(memory)
-    manifolds.found_at[:int(manifolds.count[0]), 0] = np.inf
-    while not detect(model, state, shapes, memory, MARGIN):
-        memory = grown(memory)
-    while True:
-        needed = gather_all(state, current_manifolds(memory), shapes, materials, 0.0,
-                            work.contacts)
-        if needed <= work.contacts.gap.shape[0]:
-            break
-        work.contacts = make_contacts(2 * needed)
-        work.impulses = np.zeros((2 * needed, 3))
-    _velocities(model, state, work.bodies)
-    return memory
+              w: Buffers) -> int:
+    """Find the points that overlap; return DONE, or what is needed first."""
+    manifolds = current(memory)
+    for r in range(manifolds.count[0]):
+        # Polyhedra that hardly moved would keep points that are right to second order: results
+        # would then depend on when these were found.
+        manifolds.found_at[r, 0] = np.inf
+    for s in range(shapes.bound.shape[0]):
+        memory.ahead[s] = MARGIN * shapes.bound[s] if shapes.bound[s] < np.inf else 0.0
+    memory.calm[0] = np.inf
+    if not detect_ahead(model, state, shapes, memory, 0, None):
+        return MORE_MEMORY
+    manifolds = current(memory)
+    rows = manifolds.count[0]
+    w.count[NEEDED] = rows
+    if rows > w.order.shape[1]:
+        return MORE_MANIFOLDS
+    found = gather(state, manifolds, shapes, materials, 0.0, w.order[0, :rows], w.order[1, :rows],
+                   w.contacts)
+    w.count[NEEDED] = max(found, w.count[KNOWN])
+    if w.count[NEEDED] > w.contacts.gap.shape[0]:
+        return MORE_CONTACTS
+    _velocities(model, state, w.bodies)
+    return DONE
+
+
+@kernel
+def _push(model: Model, state: State, shapes: Shapes, materials: Materials,
+          settings: PenaltySettings, t: float, w: Buffers) -> None:
+    """Kick by half a step of the forces of all points, after a slip of t [s]; keep bristles."""
+    _recall(w.contacts, state, w.bristles, w.count[KNOWN], w.stretch)
+    _forces(model, state, shapes, materials, settings, w.contacts, w.bodies, w.stretch, t, w.loads,
+            w.impulses)
+    _keep(w.contacts, state, w.stretch, w.bristles)
+    w.count[KNOWN] = w.contacts.count[0]
+    kick(state, w.loads, 0.5 * model.h)
+
+
+@kernel
+def run(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
+        memory: Memory, settings: PenaltySettings, w: Buffers) -> int:
+    """Step until no steps are left; return DONE, or what is needed first."""
+    while w.count[STEPS] > 0:
+        why = _overlaps(model, state, shapes, materials, memory, w)
+        if why != DONE:
+            return why
+        if w.count[STAGE] == BEGIN:
+            _push(model, state, shapes, materials, settings, 0.0, w)
+            _drift(model, state, wrenches, w.work)
+            w.count[STAGE] = END
+        else:
+            _push(model, state, shapes, materials, settings, model.h, w)
+            _last_kick(model, state, wrenches, w.work)
+            _record(current(memory), w.contacts, w.impulses, model.h)
+            w.count[STAGE] = BEGIN
+            w.count[STEPS] -= 1
+    return DONE
 
 
 def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
@@ -371,31 +464,11 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
     Kick, drift, kick: order 2 while the points stay the same. work.bristles together with the
     state is all that the next step depends on.
     """
-    for _ in range(count):
-        memory = _overlaps(model, state, shapes, materials, memory, work)
-        stretch = np.zeros((int(work.contacts.count[0]), 3))
-        _recall(work.contacts, state, work.bristles, stretch)
-        _forces(model, state, shapes, materials, settings, work.contacts, work.bodies, stretch,
-                0.0,
-                work.loads, work.impulses)
-        kick(state, work.loads, 0.5 * model.h)
-        bristles = _copy_of(work.contacts, state, stretch)
-        _drift(model, state, wrenches, work.work)
-        memory = _overlaps(model, state, shapes, materials, memory, work)
-        stretch = np.zeros((int(work.contacts.count[0]), 3))
-        _recall(work.contacts, state, bristles, stretch)
-        _forces(model, state, shapes, materials, settings, work.contacts, work.bodies, stretch,
-                model.h, work.loads, work.impulses)
-        work.bristles = _copy_of(work.contacts, state, stretch)
-        kick(state, work.loads, 0.5 * model.h)
-        _last_kick(model, state, wrenches, work.work)
-        _record(current_manifolds(memory), work.contacts, work.impulses, model.h)
+    work.buffers.count[STEPS] = count
+    while (why := run(model, state, wrenches, shapes, materials, memory, settings,
+                      work.buffers)) != DONE:
+        if why == MORE_MEMORY:
+            memory = grown(memory)
+        else:
+            work.give(why)
     return memory
-
-
-def _copy_of(contacts: Contacts, state: State, stretch: Array) -> Bristles:
-    count = int(contacts.count[0])
-    bristles = Bristles(np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64),
-                        np.zeros(count, dtype=np.int64), np.zeros((count, 3)))
-    _keep(contacts, state, stretch, bristles)
-    return bristles

@@ -22,12 +22,13 @@ import numpy as np
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.engine.bits import fetch
 from rigid_sim_ros.engine.coloring import (
-    begin_blocks, BETWEEN, Blocks, CACHED, color_piece, Coloring, fetch_block, first_block,
-    make_blocks, make_coloring, make_room, most_blocks, numbers_of, OVERLAPPING, PIECE, REGIONS,
-    UNSETTLED)
+    begin_blocks, BETWEEN, Blocks, CACHED, CHANGED, color_piece, Coloring, fetch_block,
+    first_block, make_blocks, make_coloring, make_room, most_blocks, numbers_of, OVERLAPPING,
+    PIECE, REGIONS)
 from rigid_sim_ros.engine.contact_blocks import SIZE
 from rigid_sim_ros.engine.contact_filling import (
-    choose_manifolds, classify, DEEPEST, fill_blocks, keep_impulses, NEW, place_lanes, TOUCHING)
+    choose_manifolds, classify, DEEPEST, fill_blocks, keep_impulses, NEW, place_lanes,
+    TOUCHING)
 from rigid_sim_ros.engine.contact_prediction import Prediction
 from rigid_sim_ros.engine.contact_rules import SETTLED, Sweep
 from rigid_sim_ros.engine.contact_sweep import note_left, separate, visit_block
@@ -37,14 +38,14 @@ from rigid_sim_ros.engine.impacts import (
     make_impacts, pass_on, TURNS, visit_waiting)
 from rigid_sim_ros.engine.kept import call
 from rigid_sim_ros.engine.kernel import apart, INDEX, kernel, part
-from rigid_sim_ros.engine.lanes import any_of, LANES, load
+from rigid_sim_ros.engine.lanes import any_of, EVERY, LANES, load
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Manifolds
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.slots import give_slots, make_sides, shared_out, Sides
 from rigid_sim_ros.engine.solver_bodies import (
-    begin_bodies, begin_push, begin_push_astride, begin_push_inside, drift_bodies, kick_bodies,
+    begin_push, begin_push_astride, begin_push_inside, drift_bodies, kick_bodies,
     load_bodies, make_bodies, mark_astride, SECOND_BEGIN, slots_of, SolverBodies, store_bodies,
     STRIDE, unkick_bodies)
 from rigid_sim_ros.engine.state import State
@@ -69,7 +70,7 @@ class SequentialWork(NamedTuple):
     sides: Sides
     coloring: Coloring
     blocks: Blocks
-    fresh: IntArray  # (blocks,) lanes that touch without an impulse to begin with
+    fresh: IntArray  # (blocks,) the bits of lanes that touch without an impulse to begin with
     impacts: Impacts
     shifted: IntArray  # (1,) 1 if collisions moved bodies since detection
     notes: Array  # (REGIONS, 8) see DEEPEST and LARGEST
@@ -201,8 +202,10 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
     """
     bodies, blocks, notes, impacts = work.bodies, work.blocks, work.notes[region], work.impacts
     motion, alike, h = bodies.motion, bodies.alike[0] == 1, model.h / settings.substeps
-    what = Sweep(1.0 / h, stage not in (IMPACT_BACK, IMPACT),
-                 (notes[SUBSTEP] + 0.5) / settings.substeps - 0.5)
+    # An impact is at the start of a substep; forces hold contacts to their geometry at its end.
+    strikes = stage in (APPROACH, IMPACT_BACK, IMPACT)
+    ends = notes[SUBSTEP] + (0.0 if strikes else 1.0)
+    what = Sweep(1.0 / h, not strikes, ends / settings.substeps - 0.5)
     # What gravity does in a substep: below it an approach is the work of forces, not an impact.
     slow = h * norm((model.gravity[0], model.gravity[1], model.gravity[2]))
     if stage == FILL:
@@ -213,9 +216,8 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
         _fill(region, state.x, shapes, materials, round_shapes, manifolds, prediction, waits,
               shifts, 1.0 / settings.substeps, work)
     elif stage == APPROACH:
-        if region != BETWEEN:
-            begin_bodies(region, bodies.used, motion, bodies.smooth, alike, bodies.base, h)
-        notes[WAITING] = 1.0 if find_approaching(region, blocks, motion, h, slow, impacts) else 0.0
+        notes[WAITING] = 1.0 if find_approaching(region, blocks, motion, what, slow,
+                                                 impacts) else 0.0
     elif stage == IMPACT_BACK:
         visit_waiting(region, True, blocks, motion, bodies.used, what, slow, impacts)
     elif stage == IMPACT:
@@ -241,9 +243,9 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
         _return(region, what, settings.push / h, work)
     if (stage == RETURN and region != BETWEEN) or stage == DRIFT:
         if region != BETWEEN:
-            drift_bodies(region, bodies.used, motion, bodies.drifted, bodies.total, bodies.base,
-                         notes[PUSHED] > 0.0)
-        meets = drift_blocks(region, blocks, bodies.drifted, h, slow, impacts)
+            drift_bodies(region, bodies.used, motion, bodies.drifted, bodies.total,
+                         bodies.smooth, alike, bodies.base, bodies.held, h, notes[PUSHED] > 0.0)
+        meets = drift_blocks(region, blocks, bodies.drifted, h, what, slow, impacts)
         notes[WAITING], notes[SUBSTEP] = 1.0 if meets else 0.0, notes[SUBSTEP] + 1.0
     elif stage == KEEP:
         notes[LARGEST] = keep_impulses(
@@ -269,7 +271,7 @@ def store_half(half: int, model: Model, state: State, substeps: int,
     """Write the bodies of a half back to the state, at the end of a step."""
     first, last = shared_out(work.sides, half)
     store_bodies(half, first, last, model.h, model.m, model.inv_m, model.inv_I_C, state,
-                 work.bodies, substeps, model.h / substeps)
+                 work.bodies, substeps)
 
 
 @kernel
@@ -313,7 +315,7 @@ def sweep(region: int, blocks: Blocks, motion: Array, what: Sweep, backwards: bo
         block = first + (count - 1 - k if backwards else k)
         if count > CACHED:
             fetch_block(blocks, block - 1 if backwards else block + 1)
-        note_left(blocks, block, visit_block(blocks, block, motion, what), what)
+        note_left(blocks, block, visit_block(blocks, block, motion, what, EVERY), what)
 
 
 @part
@@ -323,7 +325,7 @@ def settle(region: int, blocks: Blocks, fresh: IntArray, motion: Array, what: Sw
     for block in range(first, first + blocks.count[region]):
         least = SETTLED * what.inv_h * load(numbers_of(blocks, block), SIZE)
         for _ in range(FRESH_VISITS if fresh[block] > 0 else 0):
-            if not any_of(visit_block(blocks, block, motion, what) > least):
+            if not any_of(visit_block(blocks, block, motion, what, fresh[block]) > least):
                 break
 
 
@@ -342,8 +344,8 @@ def sweep_back(region: int, blocks: Blocks, bodies: SolverBodies, what: Sweep, r
         block = blocks.again[first + count - 1 - k & INDEX] & INDEX
         if many and k + 1 < count:
             fetch_block(blocks, blocks.again[first + count - 2 - k & INDEX])
-        if blocks.left[block] & UNSETTLED != 0:
-            visit_block(blocks, block, motion, what)
+        if blocks.left[block] >= CHANGED:
+            visit_block(blocks, block, motion, what, blocks.left[block] // CHANGED)
         if blocks.left[block] & OVERLAPPING != 0:
             if notes[region, PUSHED] == 0.0:
                 _begin_push(region, blocks, bodies, notes)

@@ -15,11 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers, Quaternion, room, Vector
-from rigid_sim_ros.engine.contact_blocks import load_three, Motion
+from rigid_sim_ros.engine.contact_blocks import load_three, TO_COME
 from rigid_sim_ros.engine.free_rotation import MAX_ANGLE, turn, turn_fast
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part, pasted
 from rigid_sim_ros.engine.lanes import (
-    any_of, gather, LANES, load, read_eight, select, spread, store, write_eight)
+    any_of, gather, LANES, load, read_eight, select, store, write_eight)
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.rotation import quaternion, to_matrix
 from rigid_sim_ros.engine.state import State
@@ -32,7 +32,7 @@ STRIDE = 8
 INV_I = 7  # the first of J, which is that about all axes of a ball [1/(kg m^2)]
 INV_M = 6  # in `mass` as well, after the inverse inertia, world axes
 J = 0  # xx, xy, xz, yy, yz, zz
-# In `drifted` at the end of a step: whether a contact acted on a body.
+# In `drifted` at the end of a step: whether a contact acted on a body. See TO_COME as well.
 TOUCHED = 7
 # Rows of the scratch block in which eight bodies are moved: the state before and afterwards, what
 # is needed of the body, and the mean of L of those that are too fast for `turn`.
@@ -59,6 +59,8 @@ class SolverBodies(NamedTuple):
     body: IntArray  # (slots,) in a slot; -1 in those that stand still
     used: IntArray  # (3,), see FIRST_END
     astride: IntArray  # (slots,) of 8 bits, 1 for who has a contact with the other half
+    # (slots,) of 8 bits, 1 for who presses against another body that moves, by the step before
+    held: IntArray
     motion: Array  # flat, STRIDE for each slot, as all but the last two
     # With what the bodies moved in the last substep: `motion` and the motion that only displaces,
     # out of overlaps. While this is found it stands here alone, from `begin_push` on, and with
@@ -98,7 +100,8 @@ def make_bodies(n: int) -> SolverBodies:
 
     return SolverBodies(room(n, kind=np.int32), room(n, kind=np.int8),
                         room(slots, kind=np.int32), integers(_USED),
-                        room(slots, kind=np.int8), numbers(), numbers(), numbers(), integers(1),
+                        room(slots, kind=np.int8), room(slots, kind=np.int8), numbers(),
+                        numbers(), numbers(), integers(1),
                         numbers(), numbers(), numbers(), room(2 * _ROWS * LANES),
                         integers(2 * LANES))
 
@@ -144,7 +147,7 @@ def load_bodies(half: int, h: float, gravity: Array, inv_m: Array, inv_I_C: Arra
         _of_half(numbers, bodies.used, half)[:STRIDE] = 0.0
     _of_half(bodies.base, bodies.used, half)[:] = 0.0
     _of_half(bodies.total, bodies.used, half)[:] = 0.0
-    bodies.astride[first:last] = 0
+    bodies.astride[first:last] = bodies.held[first:last] = 0
     for k in range(3 if alike else 0):
         bodies.smooth[first * STRIDE + k] = gravity[k]
     for slot in range(first + 1, last):
@@ -193,22 +196,6 @@ def _turn_inertia(mass: Array, line: int, d: Vector, q: Quaternion, L: Vector, t
             mass[line] = (R[k][0] * d[0] * R[j][0] + R[k][1] * d[1] * R[j][1]
                           + R[k][2] * d[2] * R[j][2])
             line += 1
-
-
-@kernel
-def begin_bodies(half: int, used: IntArray, motion: Array, smooth: Array, alike: bool, base: Array,
-                 h: float) -> None:
-    """
-    Go from the velocities at the start of a step to those half a substep of h [s] earlier.
-
-    The velocities of the substeps are those in their middles, as in a leapfrog method: half of
-    what forces and contacts did in the last substep of the step before was added at its end, to
-    be taken back here. What contacts bring from there is in `base`.
-    """
-    first, last = slots_of(used, half)
-    for slot in range(first + 1, last):
-        store(motion, slot, load(motion, slot) - 0.5 * (
-            h * load(smooth, first if alike else slot) + load(base, slot)))
 
 
 @kernel
@@ -272,36 +259,51 @@ def begin_push_inside(first: int, last: int, astride: IntArray, motion: Array,
             begin_push(slot, slot + 1, motion, drifted)
 
 
+@inlined
+def _is_pushed(drifted: Array, slot: int) -> bool:
+    at, way = slot * STRIDE & INDEX, 0.0
+    for k in range(6):
+        way += abs(drifted[at + k])
+    return way > 0.0
+
+
 @kernel
 def drift_bodies(half: int, used: IntArray, motion: Array, drifted: Array, total: Array,
-                 base: Array, pushed: bool) -> None:
+                 smooth: Array, alike: bool, base: Array, held: IntArray, h: float,
+                 pushed: bool) -> None:
     """
-    End a substep: drift the bodies of a half by their motion and the push; nobody is touched yet.
+    End a substep: drift the bodies of a half; nobody is touched yet.
 
-    Where nobody was `pushed`, nobody asked for the push: what stands there is from before. What
-    contacts added in the substep is in `base` afterwards.
+    By the mean of the velocities before and after what forces and contacts did in the substep of
+    h [s], which is of second order, and by the push. Who is `held` by others that move drifts by
+    the velocity afterwards, and so does who is pushed: that damps, and what the sweeps left in a
+    stack would sway for ever without. Where nobody was `pushed`, nobody asked for the push: what
+    stands there is from before. What contacts added is in `base` afterwards.
     """
     first, last = slots_of(used, half)
     for slot in range(first + 1, last):
         now = load(motion, slot)
-        moved = now + load(drifted, slot) if pushed else now
+        mean = 0.0 if held[slot] == 1 or (pushed and _is_pushed(drifted, slot)) else 0.5
+        added = now - load(base, slot)
+        moved = now - mean * (h * load(smooth, first if alike else slot) + added)
+        if pushed:
+            moved = moved + load(drifted, slot)
         store(drifted, slot, moved)
         store(total, slot, load(total, slot) + moved)
-        store(base, slot, now - load(base, slot))
+        store(base, slot, added)
+        drifted[slot * STRIDE + TO_COME] = 1.0 - mean
         drifted[slot * STRIDE + TOUCHED] = 0.0
 
 
 @part
 def store_bodies(half: int, first: int, last: int, h: float, m: Array, inv_m: Array,
-                 inv_I_C: Array, state: State, bodies: SolverBodies, substeps: int,
-                 h_end: float) -> None:
+                 inv_I_C: Array, state: State, bodies: SolverBodies, substeps: int) -> None:
     """
     Move bodies, eight at a time, from `first` to `last`, and write momenta and poses back.
 
     By number, as they lie in the state: two cores that write to the same lines of it would wait
-    for each other most of the time. `half` says whose scratch is used. Half of what forces do in
-    h_end [s], and of what `bodies.base` holds, is added to the momenta, see `begin_bodies`. Who
-    was not touched is left to fly.
+    for each other most of the time. `half` says whose scratch is used. Who was not touched is
+    left to fly.
     """
     i, b, at = first, _scratch_of(bodies, half), _places_of(bodies, half)
     while True:
@@ -319,13 +321,13 @@ def store_bodies(half: int, first: int, last: int, h: float, m: Array, inv_m: Ar
         if lanes == LANES and _body_at(bodies, at[LANES - 1]) == i - 1 == (
                 _body_at(bodies, at[0]) + LANES - 1):
             _read_eight(m, inv_m, inv_I_C, state, b, i - LANES)
-            _move(half, bodies, at, b, h, 1.0 / substeps, h_end)
+            _move(bodies, at, b, h, 1.0 / substeps)
             _write_eight(state, b, i - LANES)
         else:
             for lane in range(LANES):
                 at[lane] = at[min(lane, lanes - 1)]
                 _read_one(m, inv_m, inv_I_C, state, b, lane, _body_at(bodies, at[lane]))
-            _move(half, bodies, at, b, h, 1.0 / substeps, h_end)
+            _move(bodies, at, b, h, 1.0 / substeps)
             for lane in range(lanes):
                 _write_one(state, b, lane, _body_at(bodies, at[lane]))
 
@@ -398,20 +400,14 @@ def _places_of(bodies: SolverBodies, half: int) -> IntArray:
 
 
 @part
-def _move(half: int, bodies: SolverBodies, at: IntArray, b: Array, h: float, share: float,
-          h_end: float) -> None:
-    """
-    Move eight bodies by the mean of their velocities over the substeps, `share` of a step each.
-
-    Those are the velocities in the middles of the substeps: that is of second order.
-    """
+def _move(bodies: SolverBodies, at: IntArray, b: Array, h: float, share: float) -> None:
+    """Move eight bodies by the sum of their drifts, `share` of a step each."""
     v, now = gather(bodies.total, at), gather(bodies.motion, at)
-    more, forces = gather(bodies.base, at), _forces(half, bodies, at)
     x = load_three(b, _X)
     for k in range(3):
         store(b, _X + k, x[k] + (h * share) * v[k])
-        store(b, _P + k, load(b, _M) * (now[k] + 0.5 * (h_end * forces[k] + more[k])))
-        store(b, _L + k, now[3 + k] + 0.5 * (h_end * forces[3 + k] + more[3 + k]))
+        store(b, _P + k, load(b, _M) * now[k])
+        store(b, _L + k, now[3 + k])
     L = (share * v[3], share * v[4], share * v[5])
     inv_I = load_three(b, _INV_I)
     # Too fast for `turn`: below, one by one.
@@ -426,16 +422,6 @@ def _move(half: int, bodies: SolverBodies, at: IntArray, b: Array, h: float, sha
             store(b, _MEAN_L + k, L[k])
         store(b, _FAST, select(fast, 1.0, 0.0))
         _turn_fast_ones(b, h)
-
-
-@part
-def _forces(half: int, bodies: SolverBodies, at: IntArray) -> Motion:
-    """Return what acts on eight bodies that is no contact, as `bodies.smooth` has it."""
-    if bodies.alike[0] == 1:
-        line, none = slots_of(bodies.used, half)[0] * STRIDE, spread(0.0)
-        return (spread(bodies.smooth[line]), spread(bodies.smooth[line + 1]),
-                spread(bodies.smooth[line + 2]), none, none, none, none, none)
-    return gather(bodies.smooth, at)
 
 
 @kernel

@@ -8,9 +8,9 @@ the contacts move at u = A f + u*. They must not close more than their gaps, and
 
     u_n + max(gap, 0) / h >= 0,    f_n >= 0,    complementary;    |f_t| <= mu f_n against u_t.
 
-That is the problem of contact_qp.py with velocities in place of accelerations, and is solved there
-by OSQP and Newton's method. Overlaps are pushed apart by displacements of their own, as in the
-sequential solver, from the same problem without friction.
+That is the problem of contact_qp.py with velocities in place of accelerations, and is solved by
+the means of contact_newton.py; OSQP helps where they do not do. Overlaps are pushed apart by
+displacements of their own, as in the sequential solver, from the same problem without friction.
 """
 
 from typing import NamedTuple
@@ -19,7 +19,11 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.collisions import collide_bodies
-from rigid_sim_ros.engine.contact_qp import solve
+from rigid_sim_ros.engine.contact_newton import (
+    FEW_STEPS, make_newton, number_bodies, solve_rows)
+from rigid_sim_ros.engine.contact_qp import COMPLIANCE, Outcome, solve, TOLERANCE
+from rigid_sim_ros.engine.contact_rows import (
+    apply_forces, make_rows, Rows, sweep_rows, violation, write_rows)
 from rigid_sim_ros.engine.contacts import (
     Bodies, Contacts, couple, gather_all, make_bodies, make_contacts, read_bodies, relative,
     to_contact, to_world)
@@ -43,6 +47,11 @@ from rigid_sim_ros.engine.timestep import (
     clear_impulses, look_ahead, make_timestep_work, TimestepSettings, TimestepWork)
 from rigid_sim_ros.engine.vector import cross, row
 from rigid_sim_ros.engine.wrenches import count_down, Wrenches
+
+
+# Multiplications that a step may take; beyond it, and for more points, OSQP is not asked either.
+EFFORT, MOST_POINTS = 1e8, 16
+PUSH_SWEEPS = 300  # for displacements: what they leave is for the next step
 
 
 class QpReport(NamedTuple):
@@ -112,11 +121,12 @@ def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
     kick_bodies(0, bodies.used, bodies.motion, bodies.smooth, False, bodies.base, model.h)
     begin_push(0, bodies.used[SECOND_END], bodies.motion, bodies.drifted)
     impulses, pushes = _solve(model, manifolds, acted, settings, chosen, work)
-    drift_bodies(0, bodies.used, bodies.motion, bodies.drifted, bodies.total, bodies.base, True)
-    bodies.base[:] = 0.0
+    _drift_by_the_end(state, model.inv_m, model.h, work.contacts, chosen, impulses, bodies)
+    drift_bodies(0, bodies.used, bodies.motion, bodies.drifted, bodies.total, bodies.smooth,
+                 False, bodies.base, bodies.held, model.h, True)
     _give_back(work.contacts, chosen, impulses, pushes, model.h, bodies)
     store_bodies(0, 0, len(model.m), model.h, model.m, model.inv_m, model.inv_I_C, state, bodies,
-                 1, 0.0)
+                 1)
     fly_free(model, state, shared.loads, bodies.flies, model.h, shared.block)
     move_kinematic(model, state, model.h)
     # As in the symplectic method: half of the change of the loads, now at the new poses.
@@ -162,15 +172,19 @@ def _solve(model: Model, manifolds: Manifolds, acted: Manifolds, settings: Times
     if m == 0:
         manifolds.impulse[:, :count] = 0.0
         return np.zeros(0), np.zeros(0)
-    A = np.zeros((3 * m, 3 * m))
-    couple(model, contacts, work.bodies, chosen, m, 3, np.zeros((2, 3 * m, 3)), A)
-    b = np.zeros(3 * m)
-    _free_velocities(contacts, chosen, bodies, work.bodies, b)
+    rows = make_rows(m, 3 * m, len(model.m))
+    newton = make_newton(m, 3 * m, len(model.m), len(model.m))
+    write_rows(model, contacts, work.bodies, chosen, 3, COMPLIANCE, rows)
+    touched = number_bodies(contacts, chosen, model.inv_m, newton.slot)
+    _free_velocities(contacts, chosen, bodies, work.bodies, rows.b)
     gap = contacts.gap[chosen]
-    b[::3] += np.maximum(gap, 0.0) / model.h
-    start = np.zeros(3 * m)
-    _read_impulses(manifolds, contacts, chosen, start)
-    f, outcome = solve(A, b, contacts.friction[chosen], start)
+    rows.b[::3] += np.maximum(gap, 0.0) / model.h
+    _read_impulses(manifolds, contacts, chosen, rows.f)
+    worst = float(solve_rows(rows, m, 3, touched, FEW_STEPS, EFFORT, newton))
+    outcome = Outcome(worst, worst <= TOLERANCE, '', 0, 0)
+    if not outcome.solved and m <= MOST_POINTS:
+        rows.f[:], outcome = _ask_osqp(model, contacts, chosen, rows, work)
+    f = rows.f.copy()
     work.report = QpReport(outcome.residual, outcome.osqp_iterations, outcome.status,
                            outcome.solved)
     _push(contacts, chosen, f, bodies, bodies.motion)
@@ -178,20 +192,59 @@ def _solve(model: Model, manifolds: Manifolds, acted: Manifolds, settings: Times
     _write_impulses(manifolds, acted, contacts, chosen, f)
     push = settings.sequential.push / model.h
     wanted = np.minimum(-push * np.minimum(gap, 0.0), settings.sequential.push_speed)
+    violation(rows, m, 3, f)
     # Not what leaves its overlap by itself.
-    wanted -= np.maximum((A @ f + b)[::3], 0.0)
+    wanted -= np.maximum(rows.a[::3], 0.0)
     displaced = np.zeros(3 * m)
-    pressed = np.nonzero(wanted > 0.0)[0]
-    if len(pressed) > 0:
-        apart = np.zeros(3 * len(pressed))
-        apart[::3] = -wanted[pressed]
-        # Tangential rows that do nothing, as there is no friction.
-        block = np.eye(3 * len(pressed))
-        block[::3, ::3] = A[np.ix_(3 * pressed, 3 * pressed)]
-        pushes, _ = solve(block, apart, np.zeros(len(pressed)), np.zeros_like(apart))
-        displaced[3 * pressed] = pushes[::3]
+    if (wanted > 0.0).any():
+        rows.mu[:] = 0.0
+        rows.b[::3] = -wanted
+        apply_forces(rows, m, 3, displaced)
+        sweep_rows(rows, m, 3, displaced, PUSH_SWEEPS, 1e-9 * float(wanted.max()))
         _push(contacts, chosen, displaced, bodies, bodies.drifted)
     return f, displaced
+
+
+def _ask_osqp(model: Model, contacts: Contacts, chosen: IntArray, rows: Rows,
+              work: QpWork) -> tuple[Array, Outcome]:
+    """Return the impulses as OSQP finds them, where sweeps and Newton's method do not."""
+    m = len(chosen)
+    A = np.zeros((3 * m, 3 * m))
+    couple(model, contacts, work.bodies, chosen, m, 3, np.zeros((2, 3 * m, 3)), A)
+    return solve(A, rows.b, contacts.friction[chosen], rows.f)
+
+
+@kernel
+def _drift_by_the_end(state: State, inv_m: Array, h: float, contacts: Contacts, chosen: IntArray,
+                      f: Array, bodies: SolverBodies) -> None:
+    """
+    Let some bodies drift by the velocity at the end of the step, not by a mean.
+
+    Those that an impact stopped: it changes a velocity by more than twice what the forces alone
+    would in a step. And those that press against another one that moves: their impulses act at the
+    start, so the pair keeps its angular momentum.
+    """
+    for slot in range(1, bodies.used[SECOND_END]):
+        i, at = bodies.body[slot], slot * STRIDE
+        changed, pulled = 0.0, 0.0
+        for k in range(3):
+            changed += (bodies.motion[at + k] - inv_m[i] * state.P[k, i]) ** 2
+            pulled += (h * bodies.smooth[at + k]) ** 2
+        if changed > 4.0 * pulled:
+            _mark(slot, h, bodies)
+    for c in range(chosen.shape[0]):
+        slot_a = bodies.slot[contacts.body_a[chosen[c]]]
+        slot_b = bodies.slot[contacts.body_b[chosen[c]]]
+        if slot_a > 0 and slot_b > 0 and f[3 * c] > 0.0:
+            _mark(slot_a, h, bodies)
+            _mark(slot_b, h, bodies)
+
+
+@kernel
+def _mark(slot: int, h: float, bodies: SolverBodies) -> None:
+    at = slot * STRIDE
+    for k in range(INV_M):
+        bodies.base[at + k] = bodies.motion[at + k] + h * bodies.smooth[at + k]
 
 
 @kernel

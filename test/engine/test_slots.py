@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which bodies get a slot, and where a world is cut."""
 
-from hypothesis import given, settings, strategies as st
+from effort import examples
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
@@ -36,7 +37,7 @@ def some_sides(middle=BODIES // 2):
     return make_sides(BODIES, (middle, middle))
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(seed=st.integers(0, 2 ** 32 - 1), count=st.integers(ENOUGH, 2 * ENOUGH),
        first=st.integers(0, 9), axis=st.integers(0, 2), place=st.sampled_from([0.0, 1e5]))
 def test_a_plane_cuts_in_the_middle_of_the_manifolds(seed, count, first, axis, place):
@@ -76,7 +77,7 @@ def test_numbers_cut_while_halves_are_fair_and_few_manifolds_are_across(middle, 
     assert (sides.cut.halved[0], sides.cut.by_place[0]) == (1, by_place)
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(seed=st.integers(0, 2 ** 32 - 1), count=st.integers(0, 300),
        cut=st.sampled_from(['not at all', 'by number', 'by place']))
 def test_slots_are_in_order_of_sides_and_bodies(seed, count, cut):
@@ -118,7 +119,7 @@ def test_slots_are_in_order_of_sides_and_bodies(seed, count, cut):
     assert (bodies.slot[~touches] == 0).all()
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(seed=st.integers(0, 2 ** 32 - 1), count=st.integers(0, 300), first=st.integers(0, 9),
        cut=st.sampled_from(['not at all', 'by number', 'by place']))
 def test_every_manifold_that_is_solved_is_in_one_region(seed, count, first, cut):

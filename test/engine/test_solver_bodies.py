@@ -39,7 +39,7 @@ def written(world, before, halves):
         bodies.smooth[still * STRIDE:still * STRIDE + 3] = model.gravity
     for half in range(halves):
         store_bodies(half, half * n // halves, (half + 1) * n // halves, model.h, model.m,
-                     model.inv_m, model.inv_I_C, state, bodies, 4, model.h / 4)
+                     model.inv_m, model.inv_I_C, state, bodies, 4)
     return state
 
 

@@ -19,7 +19,7 @@ ASKED = [(name, model) for name in LAWS for model in SEEDS]
 TIMED = 'H'
 
 
-@pytest.mark.parametrize(('law', 'model'), ASKED, ids='-'.join)
+@pytest.mark.parametrize(('law', 'model'), ASKED)
 def test_law_holds_in_random_scenes(law, model):
     broken = {}
     for seed in range(SEEDS[model]):

@@ -194,6 +194,8 @@ def alike(transform: Callable[[Generator, Scene], Twin]) -> Callable[[Scene, Bui
             for run in runs:
                 run.step(every)
             base, other, *near = (run.motion() for run in runs)
+            if not np.isfinite(base).all():
+                return Verdict(math.inf, SOLVED, 'of the scene itself: not finite')
             other = twin.back(other)
             spread = max(spread, *(_apart(base, one, unit) for one in near))
             verdict = Verdict(_apart(base, other, unit), SOLVED + 10 * spread, found.what)
