@@ -237,6 +237,9 @@ def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds
         prediction.turn_t[r, k] = 2.0 * slide[k] / known if known > 0 else 0.0
     manifolds.points[r], prediction.gap[r] = count, scratch.points[0, 3]
     prediction.given[r] = 1
+    # Those that were found are no longer there, to be taken over by the next step.
+    for k in range(5):
+        manifolds.found_at[r, k] = 0.0
 
 
 @kernel
