@@ -18,21 +18,22 @@ MODULES = sorted(
     path for path in ROOT.rglob('*.py') if not path.relative_to(ROOT).parts[0].startswith('_'))
 
 # What a part may import of the others, besides itself.
-WORLD = {'applied', 'snapshot', 'snapshot_check', 'world'}
+WORLD = {'applied', 'bounds', 'posed', 'snapshot', 'snapshot_check', 'world'}
 LOWER = WORLD | {'bag', 'codec', 'engine', 'scene'}
 MAY_IMPORT = {
-    'cli': LOWER | {'bag_commands', 'nodes', 'options', 'plots', 'precompile', 'render',
-                    'report', 'viewer', 'warm_up'},
+    'cli': LOWER | {'bag_commands', 'environment', 'nodes', 'options', 'plots', 'precompile',
+                    'render', 'report', 'signals', 'viewer', 'warm_up'},
+    'environment': set(),
     'options': {'scene'},
     'bag_commands': LOWER | {'report', 'warm_up'},
     'plots': LOWER,
     'render': LOWER | {'plots'},
-    'nodes': LOWER | {'signals', 'viewer', 'warm_up'},
+    'nodes': LOWER | {'environment', 'signals', 'viewer', 'warm_up'},
     'viewer': LOWER | {'plots', 'signals'},
     'report': LOWER,
     'bag': LOWER,
     'precompile': WORLD | {'engine', 'scene', 'warm_up'},
-    'warm_up': WORLD | {'scene'},
+    'warm_up': WORLD | {'engine', 'scene', 'signals'},
     'codec': {'engine'},
     'signals': set(),
     'scene': {'engine'},

@@ -87,6 +87,7 @@ def test_every_rosdep_key_of_a_python_library_is_also_a_requirement_of_pip() -> 
     manifest = ElementTree.parse(SOURCE / 'package.xml')
     keys = [element.text or '' for element in manifest.iter('exec_depend')]
     libraries = {re.sub('^python3-|-pip$', '', key) for key in keys if key.startswith('python3-')}
+    libraries = {{'yaml': 'pyyaml'}.get(name, name) for name in libraries}
     required = {re.split('[<>=; ]', line)[0]
                 for line in distribution('rigid_sim_ros').requires or [] if 'extra' not in line}
     # What rosdep does not know, or on Ubuntu 24.04 not in the version needed; the README says so.

@@ -14,7 +14,21 @@ import pytest
 # Scenes a law. Those of `event` take up to a thousand times as long where many bodies meet, and
 # `qp` and `penalty` are asked by the benchmark.
 SEEDS = {'timestep': 12, 'event': 4}
-ASKED = [(name, model) for name in LAWS for model in SEEDS]
+# What does not hold in all of these scenes yet, and why; docs/contact.md tells how often.
+RATIOS = 'sweeps do not converge where masses differ by more than some hundred'
+ORDER = 'what the sweeps leave depends on their order, and vertices that meet on who is A'
+NOT_YET = {
+    ('inelastic', 'timestep'): RATIOS, ('weight', 'timestep'): RATIOS, ('weight', 'event'): RATIOS,
+    ('flush', 'timestep'): ORDER, ('turned', 'timestep'): ORDER, ('shifted', 'timestep'): ORDER,
+    ('mirrored', 'timestep'): ORDER, ('order', 'timestep'): ORDER,
+    ('untouched', 'event'): 'two heaps share the budget of a step'}
+ASKED = [pytest.param(name, model, marks=pytest.mark.xfail(
+    (name, model) in NOT_YET, reason=NOT_YET.get((name, model), ''), strict=True))
+    for name in LAWS for model in SEEDS]
+CASES_NOT_YET = {
+    ('C: a cube slides over flush boxes', 'timestep'): '8e-6 m/s of 2 m/s are lost',
+    ('C: a cube slides over a compound of boxes', 'timestep'): '8e-6 m/s of 2 m/s are lost',
+    ('I: 10 000 kg on 1 kg', 'timestep'): RATIOS}
 # What a case of these asks is a time, which no test does.
 TIMED = 'H'
 
@@ -31,7 +45,10 @@ def test_law_holds_in_random_scenes(law, model):
 
 @pytest.mark.parametrize(
     ('case', 'model'),
-    [(case, model) for case in CASES if case.letter not in TIMED for model in case.models],
+    [pytest.param(case, model, marks=pytest.mark.xfail(
+        (f'{case.letter}: {case.name}', model) in CASES_NOT_YET, strict=True,
+        reason=CASES_NOT_YET.get((f'{case.letter}: {case.name}', model), '')))
+     for case in CASES if case.letter not in TIMED for model in case.models],
     ids=lambda value: value if isinstance(value, str) else f'{value.letter}: {value.name}')
 def test_case_holds(case, model):
     verdict = case.measure(model)
