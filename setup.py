@@ -63,6 +63,7 @@ setup(
         'numpy>=1.26',
         'osqp>=1.0',
         'pydantic>=2.5',
+        'pyyaml>=6.0',
         'rich>=13.0',
         'rosbags>=0.10.9',
         'ruamel.yaml>=0.17.21',
@@ -77,7 +78,7 @@ setup(
         'ros': [*ROS_WHEELS, *VIEW],
         'test': [*EXPORT, *PLOT, *RENDER, *ROS_WHEELS, *VIEW, 'colcon-common-extensions',
                  'hypothesis', 'mcap-ros2-support', 'playwright>=1.40', 'pytest',
-                 'pytest-rerunfailures'],
+                 'pytest-rerunfailures', 'pytest-xdist>=3.7'],
         'view': VIEW,
         'lint': [
             'flake8',

@@ -20,8 +20,10 @@ saturation limits the rate at which the satellite turns to its attitude. For a s
 e = angle / 2, so each axis is a damped oscillator, I a'' + D a' + K / 2 a = 0: K and D follow from
 a natural frequency and critical damping.
 
+It ends once the satellite rests at its attitude, unless `hold` is true.
+
 Parameters, set with `--ros-args -p NAME:=VALUE`: sim, body, attitude, inertia, frequency,
-torque_limit, turn_rate.
+torque_limit, turn_rate, hold.
 """
 from collections.abc import Sequence
 import signal
@@ -66,8 +68,10 @@ class AttitudeController(Node):
         self._stiffness = 2.0 * frequency**2 * inertia
         self._wheels = self.create_publisher(WrenchStamped, f'{sim}/{self._body}/wrench', 10)
         self.create_subscription(MultiDOFJointState, f'{sim}/state', self._control, 10)
+        self._holds = self.declare_parameter('hold', False).value
         self._rests = False
-        self.get_logger().info(f'holding the attitude of {self._body} in {sim}')
+        self.is_done = False
+        self.get_logger().info(f'turning {self._body} in {sim}')
 
     def _control(self, state: MultiDOFJointState) -> None:
         if self._body not in state.joint_names:
@@ -83,8 +87,8 @@ class AttitudeController(Node):
         error = np.copysign(1.0, q_DB[3]) * q_DB[:3]
         rate = np.clip(self._stiffness / self._damping * error, -self._turn_rate, self._turn_rate)
         tau_B = np.clip(-self._damping * (w_WB_B + rate), -self._limit, self._limit)
-        self._send(tau_B)
         self._report(float(np.linalg.norm(w_WB_B)), float(np.linalg.norm(error)))
+        self._send(np.zeros(3) if self.is_done else tau_B)
 
     def _send(self, tau_B: _Array) -> None:
         message = WrenchStamped()
@@ -99,6 +103,7 @@ class AttitudeController(Node):
         if rests and not self._rests:
             self.get_logger().info('the attitude is reached and the tumbling has stopped')
         self._rests = rests
+        self.is_done = rests and not self._holds
         self.get_logger().info(f'{np.degrees(speed):7.3f} deg/s, {angle:7.2f} deg to go',
                                throttle_duration_sec=2.0)
 
@@ -121,7 +126,7 @@ def rotate(q: _Array, v: _Array) -> _Array:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the node until Ctrl-C."""
+    """Run the node until the satellite rests, or until Ctrl-C."""
     # An interrupt that is raised while rclpy takes a message ends in an error of its own; so
     # Ctrl-C is only noted, and heard between two messages.
     stopped = threading.Event()
@@ -132,7 +137,7 @@ def main(args: Sequence[str] | None = None) -> int:
     node = AttitudeController()
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    while not stopped.is_set():
+    while not (stopped.is_set() or node.is_done):
         executor.spin_once(timeout_sec=_LOOK)
     executor.shutdown()
     node.destroy_node()

@@ -7,8 +7,10 @@ Start the node `replay`.
     ros2 launch rigid_sim_ros replay.launch.py bag:=session rate:=0.5 loop:=true
 
 `ros2 launch rigid_sim_ros replay.launch.py --show-args` lists the arguments. When the node ends,
-so does the launch.
+so does the launch, unless another launch file includes this one, or `ends_launch` says otherwise.
 """
+from pathlib import Path
+import sys
 from typing import Any
 
 from launch import LaunchDescription  # type: ignore[attr-defined]
@@ -25,6 +27,8 @@ ARGUMENTS = {
     'topics': ('', 'names or patterns, separated by blanks; empty: all topics'),
     'pause': ('false', 'whether to begin paused'),
     'params_file': ('', 'ROS parameter file, see msg_config/replay.yaml; empty: the defaults'),
+    'ends_launch': ('', 'whether the launch ends with the node; empty: if this file was launched '
+                    'by itself, and not included by another'),
     'name': ('replay', 'name of the node'),
     'namespace': ('', 'namespace of the node'),
 }
@@ -54,5 +58,12 @@ def _node(context: Any) -> list[Node]:
         arguments=words,
         parameters=[given['params_file']] if given['params_file'] else [],
         output='screen',
-        on_exit=Shutdown(),
+        on_exit=_ending(given),
     )]
+
+
+def _ending(given: dict[str, str]) -> list[Shutdown]:
+    """Return what happens when the node ends."""
+    ends = given['ends_launch'].lower() in ('true', '1') if given['ends_launch'] else any(
+        Path(word).name == Path(__file__).name for word in sys.argv)
+    return [Shutdown()] if ends else []

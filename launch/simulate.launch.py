@@ -10,8 +10,12 @@ Start the node `simulate`.
 
 `ros2 launch rigid_sim_ros simulate.launch.py --show-args` lists the arguments. When the node ends,
 so does the launch, with RViz; when RViz is closed, the node goes on.
+
+Another launch file may include this one, more than once: with different names, and publish_clock
+false for all but one. Such a launch goes on when a node ends, unless `ends_launch` says otherwise.
 """
 from pathlib import Path
+import sys
 from typing import Any
 
 from ament_index_python import get_package_share_directory, get_packages_with_prefixes
@@ -27,6 +31,8 @@ ARGUMENTS = {
     'record': ('', 'record into this new folder; empty: what the parameters say'),
     'name': ('rigid_sim', 'name of the node, and so of its topics: two sims need two names'),
     'namespace': ('', 'namespace of the node'),
+    'ends_launch': ('', 'whether the launch ends with the node; empty: if this file was launched '
+                    'by itself, and not included by another'),
     'rviz': ('false', 'whether to open RViz too, with msg_config/rigid_sim.rviz'),
 }
 _MARKERS = '/rigid_sim/markers'     # as the RViz configuration has it
@@ -56,8 +62,15 @@ def _nodes(context: Any) -> list[Node]:
         arguments=words,
         parameters=[given['params_file']] if given['params_file'] else [],
         output='screen',
-        on_exit=Shutdown(),
+        on_exit=_ending(given),
     )]
+
+
+def _ending(given: dict[str, str]) -> list[Shutdown]:
+    """Return what happens when the node ends."""
+    ends = given['ends_launch'].lower() in ('true', '1') if given['ends_launch'] else any(
+        Path(word).name == Path(__file__).name for word in sys.argv)
+    return [Shutdown()] if ends else []
 
 
 def _rviz(given: dict[str, str]) -> Node:

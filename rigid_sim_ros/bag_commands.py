@@ -10,16 +10,22 @@ import click
 from rich.table import Table
 
 from rigid_sim_ros.bag.batch import Batch
+from rigid_sim_ros.bag.errors import printable
 from rigid_sim_ros.bag.export import default_output, export
 from rigid_sim_ros.bag.info import Info, info
 from rigid_sim_ros.bag.recover import recover
 from rigid_sim_ros.bag.verify import verify
 from rigid_sim_ros.bag.writer import check_path
-from rigid_sim_ros.report import console
+from rigid_sim_ros.report import console, counted
 from rigid_sim_ros.warm_up import announced, warm_up
 from rigid_sim_ros.world import load_scene, World
 
 _SECOND = 1e9
+
+
+def _say(text: str) -> None:
+    """Print a line that may quote what stands in a file."""
+    click.echo(printable(text))
 
 
 def run_batch(scene: str, duration: float, output: str, *, rate: float, hash_interval: int,
@@ -64,17 +70,21 @@ def run_verify(bag: str) -> int:
     verdict = verify(bag, prepare=prepare)
     seconds = time.monotonic() - begin - compiling
     if verdict.note:
-        click.echo(f'note: {verdict.note}')
+        _say(f'note: {verdict.note}')
     for fault in verdict.faults:
-        click.echo(f'{bag}: {fault}')
+        _say(f'{bag}: {fault}')
     if verdict.difference is not None:
-        click.echo(f'{bag} differs at {verdict.difference}')
+        _say(f'{bag} differs at {verdict.difference}')
     if not verdict.holds:
         return 1
     if verdict.gaps:
-        click.echo(f'note: {verdict.gaps} gaps, of which inputs are missing, were left out')
-    click.echo(f'{bag}: the same to the bit: {verdict.messages} messages of {verdict.steps} '
-               f'steps, {verdict.seconds:g} s, {verdict.seconds / seconds:.0f} times real time')
+        _say(f'note: {counted(verdict.gaps, "gap", "gaps")}, of which inputs are missing, and '
+             f'{counted(verdict.skipped, "message", "messages")} up to the next full state were '
+             'left out')
+    if verdict.others:
+        _say(f'note: not of the session, and not compared: {", ".join(verdict.others)}')
+    _say(f'{bag}: the same to the bit: {verdict.messages} messages of {verdict.steps} '
+         f'steps, {verdict.seconds:g} s, {verdict.seconds / seconds:.0f} times real time')
     return 0
 
 
@@ -84,28 +94,30 @@ def run_info(bag: str) -> int:
     out = console()
     out.print(f'{bag}: {found.messages} messages in '
               f'{(found.last_ns - found.first_ns) / _SECOND:.3f} s, '
-              f'{found.files} {"file" if found.files == 1 else "files"}, '
+              f'{counted(found.files, "file", "files")}, '
               f'{found.size / 1e6:.2f} MB', soft_wrap=True)
     for line in _session_lines(found):
-        out.print(line, soft_wrap=True)
+        out.print(printable(line), soft_wrap=True)
     table = Table('topic', 'type', box=None, header_style='bold')
     table.add_column('messages', justify='right')
     for name, (kind, count) in found.topics.items():
-        table.add_row(name, kind, str(count))
+        table.add_row(printable(name), printable(kind), str(count))
     out.print(table)
     return 0
 
 
 def _session_lines(found: Info) -> list[str]:
-    health = 'whole: every byte is what was written' + (
-        f'; recovered, {found.note}' if found.note else '')
+    # After a recovery what is there is whole, and something may be lost all the same.
+    health = f'recovered, {found.note}' if found.note else (
+        'whole: every byte is what was written')
     session = found.session
     if session is None:
         return ['no recording of rigid_sim_ros: it cannot be verified', f'health: {health}']
     software = ', '.join(f'{name} {version}' for name, version in session.software.items())
     happened = ', '.join(f'{kind} {count}' for kind, count in sorted(found.happened.items()))
     return [
-        f'scene: {session.scene}, {len(session.bodies)} bodies, step {session.step_ns / 1e9:g} s',
+        f'scene: {session.scene}, {counted(len(session.bodies), "body", "bodies")}, '
+        f'step {session.step_ns / 1e9:g} s',
         f'software: {software}',
         f'events: {happened or "none"}',
         f'full states: {found.snapshots}',
@@ -117,14 +129,16 @@ def _session_lines(found: Info) -> list[str]:
 def run_recover(bag: str) -> int:
     """Restore a bag and say what is kept and what is lost."""
     result = recover(bag)
-    kept = f'{result.messages} messages, {result.seconds:.3f} s, in {result.files} files'
+    kept = (f'{counted(result.messages, "message", "messages")}, {result.seconds:.3f} s, in '
+            f'{counted(result.files, "file", "files")}')
     if result.is_whole:
-        click.echo(f'{bag} is whole: {kept}')
+        _say(f'{bag} is whole: {kept}')
         return 0
-    click.echo(f'{bag}: kept {kept}; {result.loss}')
-    click.echo(f'written anew: {", ".join(result.rewritten)}')
+    _say(f'{bag}: kept {kept}; {result.loss}')
+    if result.rewritten:
+        _say(f'written anew: {", ".join(result.rewritten)}')
     for name in result.kept_aside:
-        click.echo(f'the damaged file is kept as {name}')
+        _say(f'the damaged file is kept as {name}')
     return 0
 
 
@@ -132,5 +146,5 @@ def run_export(bag: str, file_format: str, output: str | None) -> int:
     """Write the motion and the wrenches of a bag as tables."""
     path = Path(output) if output else default_output(Path(bag), file_format)
     for written, count in export(bag, file_format, path):
-        click.echo(f'{written}: {count} rows')
+        _say(f'{written}: {count} rows')
     return 0

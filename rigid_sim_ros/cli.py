@@ -15,9 +15,11 @@ import click
 
 from rigid_sim_ros import __version__
 from rigid_sim_ros.bag.errors import BagError
+from rigid_sim_ros.environment import check_engine, EnvironmentProblem
 from rigid_sim_ros.options import (
     Commands, duration_option, examples, NodeCommand, record_option, scene_argument, Seconds, Size)
 from rigid_sim_ros.scene.errors import SceneError
+from rigid_sim_ros.signals import INTERRUPTED
 from rigid_sim_ros.viewer import is_installed, NEEDED
 
 # What a user can mend: wrong usage, a bad scene, a missing installation.
@@ -42,6 +44,8 @@ def rigid_sim(ctx: click.Context) -> None:
     """
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())
+    else:
+        check_engine()
 
 
 @rigid_sim.command(cls=NodeCommand, epilog=examples(
@@ -54,7 +58,8 @@ def rigid_sim(ctx: click.Context) -> None:
 @duration_option
 @record_option
 @click.option('--view', 'is_viewed', is_flag=True,
-              help='Open a web page that shows and drives the simulation.')
+              help='Open a web page that shows and drives the simulation, which begins when '
+                   'somebody looks at it.')
 def run(scene: str | None, duration: float | None, record: str | None, is_viewed: bool,
         ros_args: list[str]) -> int | None:
     """
@@ -70,7 +75,7 @@ def run(scene: str | None, duration: float | None, record: str | None, is_viewed
         page = _import_node('run', 'view_process').viewing(ros_args)
     with page:
         result: int | None = simulate.run(
-            scene, duration=duration, record=record, ros_args=ros_args)
+            scene, duration=duration, record=record, paused=is_viewed, ros_args=ros_args)
     return result
 
 
@@ -151,6 +156,24 @@ def check(scene: str) -> None:
     print_scene(console(), content)
 
 
+@rigid_sim.command('compile', epilog=examples(
+    'rigid_sim compile                      whatever a scene may need',
+    'rigid_sim compile tower my_scene.yaml'))
+@click.argument('scenes', nargs=-1, metavar='[SCENE ...]')
+def compile_kernels(scenes: tuple[str, ...]) -> None:
+    """
+    Compile the physics before they are needed: what each SCENE calls, or everything.
+
+    The first start on a machine compiles by itself; an image of a container, or a CI, does so in
+    advance. The kernels are kept below NUMBA_CACHE_DIR if that is set, else in the user's cache.
+    They are made for the processor on which this runs.
+    """
+    from rigid_sim_ros.precompile import precompile
+    from rigid_sim_ros.report import console
+
+    precompile(scenes, console())
+
+
 @rigid_sim.command(epilog=examples(
     'rigid_sim scenes',
     'rigid_sim run tumbling_cubesat'))
@@ -205,6 +228,8 @@ def batch(scene: str, duration: float, output: str, **options: Any) -> int:
 @click.option('--topics', multiple=True, metavar='GLOB',
               help='Publish only the topics that match; may be given several times.')
 @click.option('--pause', 'paused', is_flag=True, default=None, help='Begin paused.')
+@click.option('--qos-profile-overrides-path', 'qos_path', metavar='FILE',
+              help='Other QoS than was recorded, in the YAML file of `ros2 bag play`.')
 def replay(bag: str | None, topics: tuple[str, ...], ros_args: list[str],
            **options: Any) -> int | None:
     """
@@ -381,10 +406,10 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
         fail(error.format_message())
     except SceneError as error:
         fail(error.summary)
-    except BagError as error:
+    except (BagError, EnvironmentProblem) as error:
         fail(str(error))
     except click.Abort:
-        raise SystemExit(130) from None      # 128 + SIGINT, as a shell reports it
+        raise SystemExit(INTERRUPTED) from None
     raise SystemExit(code if isinstance(code, int) else 0)
 
 

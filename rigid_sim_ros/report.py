@@ -38,8 +38,8 @@ def print_examples(out: Console) -> None:
 def print_scene(out: Console, scene: Scene) -> None:
     """Print what a scene holds, and what its author should know before a run."""
     world = scene.spec.world
-    out.print(f'{scene.name}: {_count(len(scene.names), "body", "bodies")}, '
-              f'{_count(len(scene.spec.forces), "force", "forces")}, step {world.step:g} s, '
+    out.print(f'{scene.name}: {counted(len(scene.names), "body", "bodies")}, '
+              f'{counted(len(scene.spec.forces), "force", "forces")}, step {world.step:g} s, '
               f'gravity {_numbers(world.gravity)} m/s^2')
     out.print(f'integrator {world.integrator}, orientation {world.orientation}, '
               f'contact {world.contact}')
@@ -111,7 +111,8 @@ def _numbers(values: Iterable[float]) -> str:
     return words[0] if len(words) == 1 else f'[{", ".join(words)}]'
 
 
-def _count(number: int, one: str, many: str) -> str:
+def counted(number: int, one: str, many: str) -> str:
+    """Return a number and what there are so many of."""
     return f'{number} {one if number == 1 else many}'
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Ctrl-C and SIGTERM as an event.
+Ctrl-C, SIGTERM and SIGHUP as an event.
 
 Python runs the handler of a signal in the main thread, between two of its instructions. Two things
 can go wrong there: a system that hands the signal to another thread does not wake a main thread
@@ -13,28 +13,51 @@ import signal
 import socket
 import threading
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+# A terminal that is closed sends SIGHUP; a system without terminals has none.
+_SIGNALS = tuple(getattr(signal, name) for name in ('SIGINT', 'SIGTERM', 'SIGHUP')
+                 if hasattr(signal, name))
+
+INTERRUPTED = 128 + signal.SIGINT    # the exit code after Ctrl-C, as a shell reports it
 
 
-def stop_on_signals(stopped: threading.Event) -> Callable[[], None]:
-    """Let SIGINT and SIGTERM set the event; return what restores the handlers."""
+class Stop(threading.Event):
+    """Set when the program is to end; `signal` is the number of the signal that said so, or 0."""
+
+    signal = 0
+
+    @property
+    def exit_code(self) -> int:
+        """What a shell expects of a program that a signal ended before it was done."""
+        return 128 + self.signal if self.signal else 0
+
+
+def stop_on_signals(stopped: Stop) -> Callable[[], None]:
+    """
+    Let SIGINT, SIGTERM and SIGHUP set the event; return what restores the handlers.
+
+    SIGHUP stays ignored where it was: `nohup` starts a program so.
+    """
     if threading.current_thread() is not threading.main_thread():
         return lambda: None         # only the main thread may set handlers
     heard, told = socket.socketpair()
     told.setblocking(False)
+    numbers = [number for number in _SIGNALS if not (
+        number not in (signal.SIGINT, signal.SIGTERM)
+        and signal.getsignal(number) == signal.SIG_IGN)]
 
     def watch() -> None:
         while number := heard.recv(1):      # nothing: the other end is closed
-            if number[0] in _SIGNALS:
+            if number[0] in numbers:
+                stopped.signal = stopped.signal or number[0]
                 stopped.set()
 
     watching = threading.Thread(target=watch, name='signals', daemon=True)
     watching.start()
     told_before = signal.set_wakeup_fd(told.fileno(), warn_on_full_buffer=False)
-    before = [signal.signal(number, lambda *_: None) for number in _SIGNALS]
+    before = [signal.signal(number, lambda *_: None) for number in numbers]
 
     def restore() -> None:
-        for number, handler in zip(_SIGNALS, before, strict=True):
+        for number, handler in zip(numbers, before, strict=True):
             signal.signal(number, handler)
         signal.set_wakeup_fd(told_before)
         told.close()

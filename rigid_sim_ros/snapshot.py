@@ -9,6 +9,8 @@ is rounded, and a part that is missing or changed is noticed.
 
 from collections.abc import Mapping
 import json
+from math import prod
+from operator import index
 import struct
 from typing import Any
 import zlib
@@ -17,6 +19,9 @@ import numpy as np
 
 _MAGIC = b'RSIMSNAP'
 _PREFIX = struct.Struct('<8sII')  # magic, bytes of the header, checksum of all that follows
+
+# The types of numbers that a world is made of, by their names in the header.
+_TYPES = {name: np.dtype(name) for name in ('<f8', '<i8', '<i4', '|i1')}
 
 
 def pack(meta: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> bytes:
@@ -36,7 +41,11 @@ def _checksum(header_size: int, body: bytes) -> int:
 
 
 def unpack(data: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Return what `pack` was given; ValueError when the bytes are not such a snapshot."""
+    """
+    Return what `pack` was given; ValueError when the bytes are not such a snapshot.
+
+    The arrays have the layout that the header tells of. What their numbers mean is not looked at.
+    """
     if len(data) < _PREFIX.size or data[:8] != _MAGIC:
         raise ValueError(f'{len(data)} bytes are not a snapshot of a world: use World.save()')
     _, header_size, checksum = _PREFIX.unpack_from(data)
@@ -44,12 +53,27 @@ def unpack(data: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     if _checksum(header_size, body) != checksum:
         raise ValueError(f'the snapshot of {len(data)} bytes is damaged: its checksum is '
                          f'{_checksum(header_size, body):08x}, must be {checksum:08x}')
-    header = json.loads(body[:header_size])
-    arrays = {}
+    try:
+        header = json.loads(body[:header_size])
+        meta, layout = dict(header['meta']), [
+            (str(name), _TYPES[dtype], tuple(map(index, shape)))
+            for name, dtype, shape in header['arrays']]
+    except (ValueError, TypeError, KeyError, RecursionError) as error:
+        raise ValueError('the header of the snapshot makes no sense '
+                         f'({type(error).__name__}): use World.save()') from None
+    arrays: dict[str, np.ndarray] = {}
     offset = header_size
-    for name, dtype, shape in header['arrays']:
-        count = int(np.prod(shape, dtype=np.int64))
-        array = np.frombuffer(body, dtype=dtype, count=count, offset=offset).reshape(shape)
+    for name, kind, shape in layout:
+        # In Python's integers, which do not overflow.
+        count = prod(shape)
+        if min(shape, default=0) < 0 or name in arrays or (
+                count * kind.itemsize > len(body) - offset):
+            raise ValueError(f'the snapshot of {len(data)} bytes holds no array {name!r} of shape '
+                             f'{shape} and type {kind}: use World.save()')
+        array = np.frombuffer(body, dtype=kind, count=count, offset=offset).reshape(shape)
         arrays[name] = array.astype(array.dtype.newbyteorder('='))
         offset += array.nbytes
-    return header['meta'], arrays
+    if offset != len(body):
+        raise ValueError(f'the snapshot holds {len(body) - offset} bytes that belong to no array: '
+                         'use World.save()')
+    return meta, arrays

@@ -6,43 +6,60 @@ Compile the physics kernels before they are needed, and say so while it takes.
 Numba compiles at the first call and keeps the result in a cache: the first start on a machine
 takes half a minute or so, every other one a fraction of a second.
 """
+import atexit
 from collections.abc import Callable
+import contextlib
+import os
 import sys
 import threading
 from time import monotonic
-from typing import TextIO, TypeVar
+from typing import Any, TextIO, TypeVar
 
+from numba.core import event
+
+from rigid_sim_ros.engine.compiling import WAITING
 from rigid_sim_ros.scene import Scene
+from rigid_sim_ros.signals import INTERRUPTED, Stop
 from rigid_sim_ros.world import World
 
-_QUIET = 3.0            # s: to load what was compiled takes less, also on a busy machine
+QUIET = 3.0             # s: to load what was compiled takes less, also on a busy machine
 _PERIOD = 1.0           # s between two updates on a terminal
 _LOOK = 0.1             # s between two looks at whether to stop
 _LOG_PERIOD = 5.0       # s between two lines in a log file
 _T = TypeVar('_T')
 
-_TEXT = 'compiling the physics kernels (first start only)'
+_TEXT = 'compiling the physics kernels'
+_HINT = ' (first start only)'
 
 
-def warm_up(
-    scene: Scene, stopped: threading.Event | None = None, stream: TextIO | None = None,
-) -> None:
+class Stopped(Exception):
+    """What was asked for was not done, because the program is to end."""
+
+
+def warm_up(scene: Scene, stopped: Stop | None = None, stream: TextIO | None = None) -> None:
     """
     Run everything that is done with a world on another one of the same scene.
 
-    Returns early when `stopped` is set; compiling then goes on in a thread that ends with the
-    process. Whatever fails raises here as it would have later.
+    Stopped, and soon, when `stopped` is set. Whatever fails raises here as it would have later.
     """
-    _run(lambda: _use(World(scene)), stopped or threading.Event(), stream or sys.stderr)
+    watched(lambda: use(World(scene)), stopped, stream)
 
 
 def announced(work: Callable[[], _T], stream: TextIO | None = None) -> _T:
     """Do something that may have to compile kernels first, say so while it takes; return it."""
-    return _run(work, threading.Event(), stream or sys.stderr)[0]
+    return watched(work, None, stream)
 
 
-def _run(work: Callable[[], _T], stopped: threading.Event, stream: TextIO) -> list[_T]:
-    """Return a list with the result, an empty one if it was stopped."""
+def watched(
+    work: Callable[[], _T], stopped: Stop | None, stream: TextIO | None = None,
+) -> _T:
+    """
+    Do something as `announced` does, until `stopped` is set; then raise Stopped.
+
+    The compiler cannot be interrupted. It goes on in a thread that ends with the process, and what
+    it has compiled until then is in the cache.
+    """
+    stopped = stopped or Stop()
     results: list[_T] = []
     failures: list[BaseException] = []
 
@@ -54,13 +71,28 @@ def _run(work: Callable[[], _T], stopped: threading.Event, stream: TextIO) -> li
 
     thread = threading.Thread(target=guarded, name='warm_up', daemon=True)
     thread.start()
-    _announce(thread, stopped, stream)
+    try:
+        _announce(thread, stopped, stream or sys.stderr)
+    finally:
+        if thread.is_alive():
+            atexit.register(_end, stopped.exit_code or INTERRUPTED)
+    if thread.is_alive():
+        raise Stopped
     if failures:
         raise failures[0]
-    return results
+    return results[0]
 
 
-def _use(world: World) -> None:
+def _end(code: int) -> None:
+    """End this process at once: LLVM aborts where it is taken down under a thread that uses it."""
+    for stream in (sys.stdout, sys.stderr):
+        # There may be none, or nobody who reads it.
+        with contextlib.suppress(AttributeError, OSError, ValueError):
+            stream.flush()
+    os._exit(code)
+
+
+def use(world: World) -> None:
     """Call each kernel once, in the ways a node calls them."""
     name = world.names[0]
     for duration in (None, 1.0):
@@ -74,24 +106,70 @@ def _use(world: World) -> None:
     world.potential_energy()
     world.total_momentum()
     world.total_angular_momentum()
+    world.contact_wrenches()
+    world.contact_report()
     world.set_pose(name, world.position[0], world.orientation[0])
     world.set_twist(name, world.linear_velocity[0], world.angular_velocity[0])
     world.state_hash()
+    world.restore(world.save())
     world.reset()
 
 
+class _Compiler(event.Listener):
+    """Knows whether this process compiles, or waits for a helper that does, and for how long."""
+
+    def __init__(self) -> None:
+        self._depth = 0
+        self._since = self._before = 0.0
+        for kind in ('numba:compile', WAITING):
+            register: Any = event.register
+            register(kind, self)
+
+    def begin(self) -> None:
+        """Count anew."""
+        self._since, self._before = monotonic(), 0.0
+
+    @property
+    def is_at_work(self) -> bool:
+        """Whether it compiles now."""
+        return self._depth > 0
+
+    @property
+    def seconds(self) -> float:
+        """How long it has compiled."""
+        return self._before + (monotonic() - self._since if self._depth else 0.0)
+
+    def on_start(self, event: Any) -> None:
+        """Note that something, or a part of it, is compiled."""
+        if self._depth == 0:
+            self._since = monotonic()
+        self._depth += 1
+
+    def on_end(self, event: Any) -> None:
+        """Note that it is compiled."""
+        self._depth -= 1
+        if self._depth == 0:
+            self._before += monotonic() - self._since
+
+
+_compiler = _Compiler()
+_hints = [_HINT]    # said once in a process
+
+
 def _announce(thread: threading.Thread, stopped: threading.Event, stream: TextIO) -> None:
-    start = monotonic()
     on_terminal = stream.isatty()
     period, end = (_PERIOD, '') if on_terminal else (_LOG_PERIOD, '\n')
-    update, announced = start + _QUIET, False
+    update, text = QUIET, ''
+    _compiler.begin()
     while thread.is_alive() and not stopped.is_set():
         thread.join(_LOOK)
-        if monotonic() >= update and thread.is_alive():
-            line = f'{_TEXT} ... {monotonic() - start:.0f} s'
+        seconds = _compiler.seconds
+        if _compiler.is_at_work and seconds >= update and thread.is_alive():
+            text = text or _TEXT + (_hints.pop() if _hints else '')
+            line = f'{text} ... {seconds:.0f} s'
             print(f'\r{line}' if on_terminal else line, end=end, file=stream, flush=True)
-            update, announced = monotonic() + period, True
-    if announced and on_terminal:
+            update = seconds + period
+    if text and on_terminal:
         print(file=stream)
-    if announced and not thread.is_alive():
-        print(f'{_TEXT} took {monotonic() - start:.1f} s', file=stream, flush=True)
+    if text and not thread.is_alive():
+        print(f'{_TEXT} took {_compiler.seconds:.1f} s', file=stream, flush=True)

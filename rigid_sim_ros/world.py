@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rigid_sim_ros.applied import AppliedWrenches, FIELDS
+from rigid_sim_ros.bounds import check_change, check_position, check_twist
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.contact_models import (
     ContactReport, make_contact_model, Setup)
@@ -27,6 +28,7 @@ from rigid_sim_ros.engine.state import (
 from rigid_sim_ros.posed import FIELDS as POSED_FIELDS, Posed
 from rigid_sim_ros.scene import read_scene, Scene, scene_from_dict
 from rigid_sim_ros.snapshot import pack, unpack
+from rigid_sim_ros.snapshot_check import check, Sizes
 
 # A quaternion this near to unit length is normalised, one farther off is refused: rounding to
 # three digits passes, a typo does not.
@@ -67,10 +69,13 @@ class World:
         self._state = copy_state(self._start)
         self._applied = AppliedWrenches()
         self._posed = Posed(self._model, shapes)
+        self._sizes = Sizes(len(self.names), len(self._model.frame_body),
+                            len(self._model.fixed), shapes.body)
+        self._bounds = scene.spec.world.bounds
         collision = scene.spec.collision
         self._contact = make_contact_model(scene.contact, Setup(
             self._model, shapes, scene.materials, scene.integrator, scene.orientation,
-            scene.solver, collision.continuous, collision.substeps, collision.sleep_after))
+            scene.solver, collision.substeps, collision.sleep_after))
         self._motion = empty_motion(len(self.names))
         self._box = Kept().box(self._model, self._state, self._motion)
         self._motion_is_current = False
@@ -257,11 +262,20 @@ class World:
         centre of mass. `duration` [s] of simulation time is rounded to whole steps; None is the
         next step only. Wrenches add up; one with a `source` first ends what the same source
         applied before. ValueError for an unknown body or frame, for numbers that are not finite
-        and for a duration below 0.
+        or, within a step, beyond the scene's bounds, and for a duration below 0.
         """
-        self._apply(self._body(name), self._frame(frame), _vector('force', force),
-                    _vector('torque', torque), None if point is None else _vector('point', point),
-                    self._steps(duration), source)
+        body, f, t = self._body(name), _vector('force', force), _vector('torque', torque)
+        self._check_change(body, self._model.h * f, self._model.h * t)
+        self._apply(body, self._frame(frame), f, t,
+                    None if point is None else _vector('point', point), self._steps(duration),
+                    source)
+
+    def _check_change(self, body: int, J: Array, K: Array) -> None:
+        """Raise ValueError for an impulse [N s] and an angular one [N m s] beyond all bounds."""
+        with np.errstate(over='ignore'):        # infinity is beyond them too
+            linear = J * self._model.inv_m[body]
+            angular = K * self._model.inv_I_C[:, body].max()
+        check_change(self._bounds, self.names[self._order[body]], linear, angular)
 
     def _apply(self, body: int, frame: int, force: Array, torque: Array, point: Array | None,
                steps: int, source: str | None) -> None:
@@ -289,6 +303,7 @@ class World:
         """
         body, f = self._body(name), self._frame(frame)
         J = _vector('impulse', impulse)
+        self._check_change(body, J, np.zeros(3))
         p_F = self._point(body, f, None if point is None else _vector('point', point))
         p_W = tuple(self._state.x[:, body])
         if p_F is not None:
@@ -305,10 +320,11 @@ class World:
         carries what lies on it: until the end of the next step, and when poses follow each other
         within 0.1 s, in as many steps as have passed since the last one. It is there at once if
         that would be a jump, see posed.py. ValueError for an unknown body, numbers that are not
-        finite or a quaternion that is not of unit length.
+        finite or beyond the scene's bounds, or a quaternion that is not of unit length.
         """
         body = self._body(name)
         p, q = _vector('position', position), _unit_quaternion(orientation)
+        check_position(self._bounds, name, p)
         motion = self._current_motion()
         motion.position[body], motion.orientation[body] = p, q
         if self._model.inv_m[body] == 0.0:
@@ -322,10 +338,11 @@ class World:
         Give a body frame a velocity [m/s] of its origin and an angular velocity [rad/s].
 
         Both in world axes. A kinematic body goes on with it until another one is set. ValueError
-        for an unknown body, a fixed one, or numbers that are not finite.
+        for an unknown body, a fixed one, or numbers not finite or beyond the scene's bounds.
         """
         body = self._body(name)
         v, w = _vector('linear velocity', linear), _vector('angular velocity', angular)
+        check_twist(self._bounds, name, v, w)
         if self.scene.spec.bodies[self._order[body]].fixed and (v.any() or w.any()):
             raise ValueError(f"body '{name}' is fixed and cannot be given the twist "
                              f'{v.tolist()}, {w.tolist()}: write `kinematic: true` in place of '
@@ -365,7 +382,7 @@ class World:
             return 1
         if not 0.0 <= duration < float('inf'):
             raise ValueError(f'duration {duration!r} s, must be finite and >= 0')
-        return min(round(duration / self._model.h), 2 ** 62)
+        return round(min(duration / self._model.h, 2.0 ** 62))
 
     # --- the state as a whole -----------------------------------------------------------------
 
@@ -402,17 +419,20 @@ class World:
         """
         Continue from what `save` returned, bit for bit.
 
-        ValueError if it belongs to another scene or is damaged.
+        ValueError if it belongs to another scene, is damaged, or holds anything that no world of
+        this scene can be in; then this one stays as it is.
         """
         meta, arrays = unpack(data)
-        if meta['scene'] != self._fingerprint():
+        if meta.get('scene') != self._fingerprint():
             raise ValueError(
-                f"the snapshot of {meta['bodies']} bodies is of another scene than this one of "
-                f'{len(self.names)} ({_some(self.names)}): restore it into a world of its own')
+                f"the snapshot of {meta.get('bodies')!r:.20} bodies is of another scene than this "
+                f'one of {len(self.names)} ({_some(self.names)}): restore it into a world of its '
+                'own')
         if meta.get('order', '') != self._order_mark():
             raise ValueError('the snapshot numbers the bodies in another way: it was saved by '
                              'another version; run the scene from its start')
-        # First what may be refused, so that a refusal changes nothing.
+        check(meta, arrays, self._dynamic(), self._sizes, self.step_ns)
+        # First what may still be refused, so that a refusal changes nothing.
         self._contact.recall({name: array for name, array in arrays.items()
                               if name not in MOVING_FIELDS + POSED_FIELDS + FIELDS})
         copy_into(self._state, self._start._replace(**{name: arrays[name]
@@ -456,7 +476,7 @@ def _vector(what: str, value: ArrayLike) -> Array:
     """Return three finite numbers, or raise ValueError."""
     try:
         vector = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f'{what} {value!r}, must be three numbers') from None
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise ValueError(f'{what} {vector.tolist()!r}, must be three finite numbers')
@@ -467,7 +487,7 @@ def _unit_quaternion(value: ArrayLike) -> Array:
     """Return a unit quaternion, or raise ValueError if the value is not near one."""
     try:
         q = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f'orientation {value!r}, must be four numbers x, y, z, w') from None
     length = float(np.sqrt((q * q).sum())) if q.shape == (4,) else float('nan')
     if not abs(length - 1.0) <= UNIT_TOLERANCE:

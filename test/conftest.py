@@ -2,28 +2,62 @@
 # SPDX-License-Identifier: Apache-2.0
 """What holds for all tests, and real nodes for those that ask for them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 import os
 from typing import Any
 
+import effort
 from hypothesis import settings
 import pytest
-
-# The first example of a property compiles kernels: it takes seconds, and says nothing of the code.
-settings.register_profile('rigid_sim_ros', deadline=None)
-# A change is judged by the same examples each time; elsewhere they are new ones.
-settings.register_profile('same_examples', deadline=None, derandomize=True)
-settings.load_profile(os.environ.get('HYPOTHESIS_PROFILE', 'rigid_sim_ros'))
+import sharing
 
 
-def pytest_collection_modifyitems(items: Sequence[pytest.Item]) -> None:
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Let the thorough form of some tests be asked for."""
+    parser.addoption('--long', action='store_true', help='Run what has a long form, in that form: '
+                     'properties with more examples, and tests that are marked so.')
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Choose the form of tests and of properties before their modules are imported."""
+    effort.choose(config.getoption('long'))
+    # The first example compiles kernels: it takes seconds, and says nothing of the code.
+    usual = effort.examples(settings().max_examples, deadline=None)
+    settings.register_profile('new_examples', usual)
+    # A change is judged by the same examples each time; elsewhere they are new ones.
+    settings.register_profile('same_examples', usual, derandomize=True)
+    settings.load_profile(os.environ.get('HYPOTHESIS_PROFILE', 'new_examples'))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """Start some workers, or none."""
+    return sharing.workers(config)
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Fill the cache of kernels before the workers start."""
+    if not hasattr(session.config, 'workerinput'):
+        sharing.compile_for_all(session.config)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(
+    config: pytest.Config, items: list[pytest.Item],
+) -> None:
     """
-    Run a test with real nodes once more when it waited in vain; the report lists it.
+    Share the tests out, and run one with real nodes once more when it waited in vain.
 
     On a machine whose processors belong to others too, one side of DDS may hear of the other half
     a second or more after the other heard of it; what is said meanwhile is lost, once in some
     thousand tests. What fails twice is wrong, and so is what came and was not as it should be.
     """
+    if effort.is_long():
+        others = [item for item in items if not sharing.has_long_form(item)]
+        config.hook.pytest_deselected(items=others)
+        items[:] = filter(sharing.has_long_form, items)
+    items.sort(key=sharing.place)
+    sharing.group(items)
     for item in items:
         if 'ros' in getattr(item, 'fixturenames', ()):
             item.add_marker(pytest.mark.flaky(reruns=1, only_rerun='AssertionError: waited '))

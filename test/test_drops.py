@@ -3,17 +3,20 @@
 """
 Every pair of shapes, dropped at random poses with every contact model.
 
-The model `timestep` drops every pair 100 times. The others take up to a thousand times as long:
-they drop every pair of free bodies one to four times, and on fixed bodies of the same kind only.
+The model `timestep` drops every pair 25 times, with `pytest --long` 100 times. The others take up
+to a thousand times as long: they drop every pair of free bodies one to four times, and on fixed
+bodies of the same kind only.
 """
 
 from itertools import combinations_with_replacement, product
 from typing import Any, NamedTuple
 
 from dropping import Drops, SHAPES
+from effort import either
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.long
 BATCH = 10  # steps between two looks
 LOOKS = 5  # that a drop has to be slow, to be at rest
 
@@ -29,12 +32,12 @@ class Model(NamedTuple):
 
 
 MODELS = {
-    'timestep': Model({'contact': 'timestep'}, 100, 1.3, True, only_at_rest=False),
+    'timestep': Model({'contact': 'timestep'}, either(25, 100), 1.3, True, only_at_rest=False),
     # A ball of 14 kg sinks in by 0.7 mm.
     'penalty': Model({'contact': 'penalty', 'step': 4e-4,
                       'surface': {'stiffness': 4e5, 'damping': 2.0}}, 1, 1.0),
     'qp': Model({'contact': 'timestep', 'solver': 'qp'}, 1, 0.6),
-    'event': Model({'contact': 'event'}, 4, 1.0),
+    'event': Model({'contact': 'event'}, either(2, 4), 1.0),
 }
 # None: on the ground alone.
 CASES = [(model, *case) for model, how in MODELS.items() for case in (

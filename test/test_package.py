@@ -11,6 +11,7 @@ import sys
 from typing import NamedTuple
 from xml.etree import ElementTree
 
+from free import free_domain
 import pytest
 
 import rigid_sim_ros
@@ -128,8 +129,6 @@ print(rigid_sim_ros.__file__, *[path.name for path in scenes])
 
 
 def test_the_node_that_colcon_built_runs_to_its_end(workspace: Workspace) -> None:
-    from nodes.live import free_domain
-
     domain = {'ROS_DOMAIN_ID': str(free_domain()), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
     result = workspace._replace(environment=workspace.environment | domain).run(
         str(workspace.prefix / 'lib/rigid_sim_ros/simulate'), 't_handle', '--duration', '0.5')

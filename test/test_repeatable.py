@@ -5,7 +5,8 @@
 from typing import Any
 
 from dropping import SHAPES
-from hypothesis import example, given, settings, strategies as st
+from effort import examples
+from hypothesis import example, given, strategies as st
 import numpy as np
 import pytest
 
@@ -43,7 +44,7 @@ def heap(model: str, kinds: list[str], seed: int, friction: float, restitution: 
 
 
 @every_model
-@settings(max_examples=10)
+@examples(10)
 @given(**SCENES)
 def test_the_same_scene_gives_the_same_hash_at_every_step(model, **scene):
     one, other = heap(model, **scene), heap(model, **scene)
@@ -54,7 +55,7 @@ def test_the_same_scene_gives_the_same_hash_at_every_step(model, **scene):
 
 
 @every_model
-@settings(max_examples=10)
+@examples(10)
 @given(**SCENES)
 def test_steps_at_once_give_the_hash_of_single_steps(model, **scene):
     one, other = heap(model, **scene), heap(model, **scene)
@@ -65,7 +66,7 @@ def test_steps_at_once_give_the_hash_of_single_steps(model, **scene):
 
 
 @every_model
-@settings(max_examples=10)
+@examples(10)
 # A friction impulse of -0.0.
 @example(kinds=['compound', 'box'], seed=0, friction=0.0, restitution=0.0, before=16)
 @given(**SCENES, before=st.integers(0, 25))
@@ -85,7 +86,7 @@ def test_a_world_restored_in_the_middle_of_contact_goes_on_bit_for_bit(model, be
 
 
 @every_model
-@settings(max_examples=6)
+@examples(6)
 @given(**SCENES)
 def test_a_world_that_was_reset_runs_like_a_new_one(model, **scene):
     world, fresh = heap(model, **scene), heap(model, **scene)

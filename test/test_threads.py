@@ -14,7 +14,8 @@ from rigid_sim_ros.engine.compiling import cores
 from rigid_sim_ros.engine.manifolds import current_manifolds, slice_in_use
 from rigid_sim_ros.snapshot import pack, unpack
 
-LONGEST = 60.0      # s until the helper must have done something
+# [s] until the helper must have done so much; on a busy machine it seldom has a core.
+LONGEST, SOME = 180.0, 50
 
 
 def crowd(kinds: list[str], restitution: float, **collision: Any) -> World:
@@ -46,12 +47,12 @@ def test_two_threads_give_the_hash_of_one_at_every_step(kinds, restitution, coll
     two.threads = 2
     helper, begun, steps = two._contact._helper, time.monotonic(), 0
     # The helper compiles its part first.
-    while steps < 80 or (helper.done < 500 and time.monotonic() - begun < LONGEST):
+    while steps < 60 or (helper.done < SOME and time.monotonic() - begun < LONGEST):
         one.step()
         two.step()
         steps += 1
         assert one.state_hash() == two.state_hash(), f'step {steps}'
-    assert helper.done >= 500
+    assert helper.done >= SOME
     # Who wakes up in a step helps with the next ones from their beginning: the rows of manifolds
     # then lie elsewhere in their page.
     rows = slice(0, 0)
@@ -143,20 +144,16 @@ def test_a_world_is_restored_with_its_halves(by_place):
         world.restore(saved)
 
 
-def test_a_world_saved_without_halves_is_restored_if_it_has_none():
-    for world, has_halves in ((load_scene('tower'), False), (crowd(['sphere'], 0.0), True)):
-        world.step(40)
-        meta, arrays = unpack(world.save())
-        before = pack(meta, {k: v for k, v in arrays.items() if not k.startswith('cut_')})
-        world.step(5)
-        after = world.state_hash()
-        if has_halves:
-            with pytest.raises(ValueError, match='in which halves'):
-                world.restore(before)
-        else:
-            world.restore(before)
-            world.step(5)
-        assert world.state_hash() == after
+def test_a_world_saved_without_halves_is_refused_and_nothing_changes():
+    world = crowd(['sphere'], 0.0)
+    world.step(40)
+    meta, arrays = unpack(world.save())
+    before = pack(meta, {k: v for k, v in arrays.items() if not k.startswith('cut_')})
+    world.step(5)
+    after = world.state_hash()
+    with pytest.raises(ValueError, match="lacks an array 'cut_"):
+        world.restore(before)
+    assert world.state_hash() == after
 
 
 def test_halves_stay_when_a_world_needs_more_room():

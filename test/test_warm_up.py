@@ -1,22 +1,27 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """Who waits for the compiler is told so."""
+import atexit
 import io
 import os
 from pathlib import Path
+import signal
 import subprocess
 import sys
 import threading
 import time
 
+import numba
+import numpy as np
 import pytest
 
 from rigid_sim_ros import load_scene, warm_up
 from rigid_sim_ros.bag.batch import Batch
-from rigid_sim_ros.warm_up import announced
+from rigid_sim_ros.signals import Stop
+from rigid_sim_ros.warm_up import announced, Stopped, watched
 
 # The command, which announces what takes longer than 0.2 s.
-SOON = 'from rigid_sim_ros import cli, warm_up; warm_up._QUIET = 0.2; cli.main()'
+SOON = 'from rigid_sim_ros import cli, warm_up; warm_up.QUIET = 0.2; cli.main()'
 
 
 def test_what_is_done_at_once_is_not_worth_a_line() -> None:
@@ -25,13 +30,31 @@ def test_what_is_done_at_once_is_not_worth_a_line() -> None:
     assert stream.getvalue() == ''
 
 
-def test_what_takes_long_is_announced_and_its_end_too(monkeypatch) -> None:
-    monkeypatch.setattr(warm_up, '_QUIET', 0.05)
+def compile_something() -> None:
+    @numba.njit
+    def kernel(x):
+        return np.sort(x)
+    kernel(np.zeros(3))
+
+
+def test_compiling_is_announced_and_its_end_too(monkeypatch) -> None:
+    monkeypatch.setattr(warm_up, 'QUIET', 0.01)
+    monkeypatch.setattr(warm_up, '_LOOK', 0.01)
+    monkeypatch.setattr(warm_up, '_hints', [' (first start only)'])
+    for first in ('compiling the physics kernels (first start only) ... ',
+                  'compiling the physics kernels ... '):
+        stream = io.StringIO()
+        announced(compile_something, stream=stream)
+        lines = stream.getvalue().splitlines()
+        assert lines[0].startswith(first)
+        assert ' took ' in lines[-1]
+
+
+def test_nothing_is_said_of_compiling_when_something_else_takes_long(monkeypatch) -> None:
+    monkeypatch.setattr(warm_up, 'QUIET', 0.01)
     stream = io.StringIO()
     announced(lambda: time.sleep(0.5), stream=stream)
-    first, *_, last = stream.getvalue().splitlines()
-    assert first.startswith('compiling the physics kernels (first start only) ... ')
-    assert ' took ' in last
+    assert stream.getvalue() == ''
 
 
 def test_what_goes_wrong_is_raised_where_it_is_waited_for() -> None:
@@ -41,11 +64,15 @@ def test_what_goes_wrong_is_raised_where_it_is_waited_for() -> None:
         announced(fail)
 
 
-def test_who_is_stopped_does_not_wait_on() -> None:
-    stopped, go_on = threading.Event(), threading.Event()
+def test_who_is_stopped_does_not_wait_on(monkeypatch) -> None:
+    at_exit: list[object] = []
+    monkeypatch.setattr(atexit, 'register', lambda *words: at_exit.append(words[1]))
+    stopped, go_on = Stop(), threading.Event()
+    stopped.signal = signal.SIGTERM
     threading.Timer(0.1, stopped.set).start()
-    warm_up._run(lambda: go_on.wait(60.0), stopped, io.StringIO())
-    assert stopped.is_set()
+    with pytest.raises(Stopped):
+        watched(lambda: go_on.wait(60.0), stopped, io.StringIO())
+    assert at_exit == [143]     # this process would end so, with a thread that compiles
     go_on.set()
 
 

@@ -4,7 +4,8 @@
 
 import math
 
-from hypothesis import given, settings, strategies as st
+from effort import examples
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
@@ -267,7 +268,7 @@ def busy_world() -> World:
     return world
 
 
-@settings(max_examples=20)
+@examples(20)
 @given(st.integers(0, 80), st.integers(0, 80))
 def test_a_restored_world_goes_on_bit_for_bit(before, after):
     world, other = busy_world(), busy_world()
@@ -291,7 +292,7 @@ def test_a_restored_source_is_still_replaced():
 
 
 @given(st.data())
-@settings(max_examples=50)
+@examples(50)
 def test_a_damaged_snapshot_is_refused(data):
     saved = bytearray(busy_world().save())
     i = data.draw(st.integers(0, len(saved) - 1))

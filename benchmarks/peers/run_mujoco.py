@@ -11,7 +11,7 @@ import numpy as np
 from runner import main, Running
 
 
-def _tag(name: str, inside: str = '', **attributes: Any) -> str:
+def tag(name: str, inside: str = '', /, **attributes: Any) -> str:
     """Return an XML element; numbers and sequences of numbers become text with all digits."""
     def text(value: Any) -> str:
         return value if isinstance(value, str) else ' '.join(
@@ -20,8 +20,8 @@ def _tag(name: str, inside: str = '', **attributes: Any) -> str:
     return f'<{name}{pairs}>{inside}</{name}>'
 
 
-def _contact(scene: dict[str, Any]) -> dict[str, Any]:
-    """Return the parameters of a contact."""
+def contact_parameters(scene: dict[str, Any]) -> dict[str, Any]:
+    """Return the parameters of a contact of this friction and restitution."""
     found = {'friction': (max(scene['friction'], 1e-6), 0, 0), 'condim': '3'}
     if scene['restitution'] > 0.0:
         # A contact is a damped oscillator whose half swing loses exp(-pi zeta / sqrt(1 - zeta^2)).
@@ -38,20 +38,20 @@ def _model(scene: dict[str, Any]) -> mujoco.MjModel:
     for body in scene['bodies']:
         x, y, z, w = body['orientation']
         size = body['size'] if body['shape'] == 'sphere' else [0.5 * s for s in body['size']]
-        inside = (_tag('freejoint') + _tag('inertial', pos=(0, 0, 0), mass=body['mass'],
-                                           diaginertia=body['moments'])
-                  + _tag('geom', type=body['shape'], size=size))
-        bodies.append(_tag('body', inside, pos=body['position'], quat=(w, x, y, z)))
+        inside = (tag('freejoint') + tag('inertial', pos=(0, 0, 0), mass=body['mass'],
+                                         diaginertia=body['moments'])
+                  + tag('geom', type=body['shape'], size=size))
+        bodies.append(tag('body', inside, pos=body['position'], quat=(w, x, y, z)))
     if scene['ground']:
-        bodies.append(_tag('geom', type='plane', size=(0, 0, 1)))
-    return mujoco.MjModel.from_xml_string(_tag('mujoco', ''.join([
-        _tag('option', integrator='implicitfast', timestep=scene['step'],
-             gravity=scene['gravity']),
-        _tag('size', memory='2G'), _tag('default', _tag('geom', **_contact(scene))),
-        _tag('worldbody', ''.join(bodies))])))
+        bodies.append(tag('geom', type='plane', size=(0, 0, 1)))
+    return mujoco.MjModel.from_xml_string(tag('mujoco', ''.join([
+        tag('option', integrator='implicitfast', timestep=scene['step'],
+            gravity=scene['gravity']),
+        tag('size', memory='2G'), tag('default', tag('geom', **contact_parameters(scene))),
+        tag('worldbody', ''.join(bodies))])))
 
 
-def _rotations(q: np.ndarray) -> np.ndarray:
+def rotations(q: np.ndarray) -> np.ndarray:
     """Return matrices, body to world, of quaternions w, x, y, z."""
     found = np.empty((len(q), 9))
     for row, quaternion in zip(found, q, strict=True):
@@ -65,11 +65,11 @@ def build(scene: dict[str, Any]) -> Running:
     data = mujoco.MjData(model)
     q, v = data.qpos.reshape(-1, 7), data.qvel.reshape(-1, 6)
     v[:, :3] = [body['linear'] for body in scene['bodies']]
-    v[:, 3:] = np.einsum('nji,nj->ni', _rotations(q[:, 3:]),
+    v[:, 3:] = np.einsum('nji,nj->ni', rotations(q[:, 3:]),
                          [body['angular'] for body in scene['bodies']])
 
     def motion() -> np.ndarray:
-        turn = np.einsum('nij,nj->ni', _rotations(q[:, 3:]), v[:, 3:])
+        turn = np.einsum('nij,nj->ni', rotations(q[:, 3:]), v[:, 3:])
         return np.hstack([q[:, :3], q[:, 4:], q[:, 3:4], v[:, :3], turn])
 
     def ground_force() -> float | None:

@@ -42,7 +42,7 @@ class Batch:
             output, world, topics, node=node, storage=storage, compression=compression,
             waits=True, clock=self._now, parameters={
                 'publish_rate': publish_rate, 'hash_interval': hash_interval,
-                'real_time_factor': 0.0, 'frame_id': 'world'}, **options)
+                'real_time_factor': 0.0, 'frame_id': 'world', 'bodies': ['*']}, **options)
         self._outputs = Outputs(world, topics, 'world')
         self.recorder.snapshot(world)
         self.publish()

@@ -3,8 +3,22 @@
 """What can be wrong with a bag."""
 
 
+def printable(text: str) -> str:
+    """
+    Return a text as it may be shown on a terminal.
+
+    What comes from a file may hold characters that move the cursor or turn the direction of
+    writing; they are shown as escapes.
+    """
+    return ''.join(c if c.isprintable() else c.encode('unicode_escape').decode() for c in text)
+
+
 class BagError(ValueError):
     """A bag that cannot be written, read or understood; the text says how to mend it."""
+
+    def __init__(self, text: str) -> None:
+        """Take the text, which may quote what stands in a file."""
+        super().__init__(printable(text))
 
 
 class Damaged(BagError):

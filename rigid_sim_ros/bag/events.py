@@ -32,7 +32,9 @@ PAUSE, RESUME, SINGLE_STEP, SPEED, END = 'pause', 'resume', 'step', 'speed', 'en
 PARAMETER = 'parameter'     # of the node, that was changed while it ran
 # A gap says what is missing before it; the next snapshot tells how the world goes on.
 GAP = 'gap'
-NOTES = frozenset({PAUSE, RESUME, SINGLE_STEP, SPEED, PARAMETER, END, GAP})
+# How many messages each topic had before it; the end of a recording tells that too.
+WRITTEN = 'written'
+NOTES = frozenset({PAUSE, RESUME, SINGLE_STEP, SPEED, PARAMETER, END, GAP, WRITTEN})
 
 # How the echo of a wrench names its frame: the world's may have another name outside.
 FRAME_ID = 'frame_id'
@@ -59,12 +61,38 @@ def decode(text: str) -> Event:
         raise BagError('was changed after it was recorded: its digest does not fit')
     try:
         event = Event(**json.loads(fields + '}'))
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, RecursionError) as error:
         raise BagError(f'is not of this version: {error}') from None
-    if event.kind not in INPUTS and event.kind not in NOTES:
+    if not isinstance(event.kind, str) or (event.kind not in INPUTS and event.kind not in NOTES):
         raise BagError(f'is of the unknown kind {event.kind!r}: verify with the version of '
                        'rigid_sim_ros that recorded it')
+    needed = _NEEDED.get(event.kind, {})
+    if not ((event.number is None or _is_count(event.number)) and _is_count(event.step)
+            and isinstance(event.arguments, dict)
+            and all(holds(event.arguments.get(name)) for name, holds in needed.items())):
+        raise BagError('makes no sense: its numbers or arguments are not such as are recorded')
     return event
+
+
+def _is_count(value: object) -> bool:
+    return type(value) is int and 0 <= value < 2 ** 63
+
+
+def _is_count_or_unknown(value: object) -> bool:
+    return value is None or _is_count(value)
+
+
+def _are_counts(value: object) -> bool:
+    return isinstance(value, dict) and all(_is_count(each) for each in value.values())
+
+
+# Arguments that a note must have; those of inputs are for the world to look at.
+_NEEDED: dict[str, dict[str, Callable[[object], bool]]] = {
+    END: {'state_hash': lambda value: type(value) is int, 'messages': _are_counts},
+    GAP: {'since_step': _is_count, 'messages': _is_count_or_unknown,
+          'events': _is_count_or_unknown},
+    WRITTEN: {'messages': _are_counts},
+}
 
 
 def apply(event: Event, world: World) -> None:

@@ -7,7 +7,7 @@ import os
 from typing import NamedTuple
 
 from rigid_sim_ros.bag import decode, events, session as sessions, topics as kinds
-from rigid_sim_ros.bag.errors import BagError, Damaged
+from rigid_sim_ros.bag.errors import Damaged
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.session import Session
 
@@ -46,34 +46,30 @@ def info(path: str | os.PathLike[str]) -> Info:
     for topic, stamp, data in reader.messages():
         counts[topic] += 1
         first_ns, last_ns = min(first_ns, stamp), max(last_ns, stamp)
-        if session is None and topic.endswith('/bag/session'):
-            session = sessions.decode(decode.string(data))
+        if session is None and sessions.is_session(topic):
+            session = sessions.read(topic, data)
             own = {each.name: each.kind for each in session.topics if each.kind == kinds.EVENT}
         elif topic in own:
             event = events.decode(decode.string(data))
-            happened[event.kind] += 1
+            happened[event.kind] += event.kind != events.WRITTEN
             if event.kind == events.GAP:
                 gaps.append(_described(event))
-    _check(reader, sum(counts.values()))
+    _check(reader)
     custom = (reader.metadata or {}).get('custom_data') or {}
     return Info(
         {name: (kind, counts[name]) for name, kind in sorted(reader.types.items())},
         sum(counts.values()), first_ns if counts else 0, last_ns, len(reader.files),
         sum(file.stat().st_size for file in reader.files), str(custom.get('recovered', '')),
-        session, dict(happened), tuple(gaps),
+        session, dict(+happened), tuple(gaps),
         counts[f'{session.node}/bag/snapshot'] if session else 0, bool(happened[events.END]))
 
 
-def _check(reader: BagReader, count: int) -> None:
+def _check(reader: BagReader) -> None:
     if reader.faults:
         more = len(reader.faults) - 1
         raise Damaged(f'{reader.path}: {reader.faults[0]}' + (
             f', and {more} more faults' if more else '')
             + f': `rigid_sim recover {reader.path}` keeps what is whole')
-    told = (reader.metadata or {}).get('message_count', count)
-    if told != count:
-        raise BagError(f'{reader.path}: metadata.yaml tells of {told} messages, the files hold '
-                       f'{count}: `rigid_sim recover {reader.path}` makes it anew')
 
 
 def _described(event: events.Event) -> str:

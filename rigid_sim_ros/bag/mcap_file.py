@@ -25,6 +25,7 @@ from mcap.records import (
 import zstandard
 
 from rigid_sim_ros import __version__
+from rigid_sim_ros.bag.files import LARGEST
 from rigid_sim_ros.bag.metadata import FileFacts, profiles_text
 from rigid_sim_ros.bag.topics import definition, Topic
 
@@ -65,7 +66,13 @@ class McapFile:
         self._first: int | None = None
         self._last = 0
         self._file = path.open('xb', buffering=0)
-        described = _bytes([*self._schema_records(), *self._channel_records()])
+        # A channel is described in the chunk in which it has its first message, as other writers
+        # have it and tools expect; and at the head of the file too, for a file that was cut off
+        # and whose first chunk is damaged.
+        schemas, channels = self._schema_records(), self._channel_records()
+        self._to_describe = {channel.id: channel for channel in channels}
+        self._schemas_to_describe = {schema.id: schema for schema in schemas}
+        described = _bytes([*schemas, *channels])
         self._described_size = len(described)
         try:
             self._put([MAGIC, _bytes([Header('ros2', f'rigid_sim_ros {__version__}')]), described])
@@ -86,6 +93,9 @@ class McapFile:
         index, position, stamp, pack = self._index, self._position, first_ns, MESSAGE.pack
         for channel, data in zip(channels, messages, strict=True):
             size = len(data)
+            if channel in self._to_describe:
+                parts.append(self._description(channel))
+                position += len(parts[-1])
             parts.append(pack(5, size + MESSAGE_FIELDS, channel, 0, stamp, stamp))
             parts.append(data)
             entry = index.get(channel)
@@ -104,6 +114,12 @@ class McapFile:
         self._position = position
         if position >= _CHUNK:
             self._end_chunk()
+
+    @property
+    def written(self) -> tuple[int, ...]:
+        """How many messages each topic has, those included that wait for a flush."""
+        return tuple(count + len(self._index.get(k, ())) // 2
+                     for k, count in enumerate(self.counts, start=1))
 
     def flush(self) -> None:
         """Hand all that was written to the system, which keeps it when this process dies."""
@@ -168,9 +184,12 @@ class McapFile:
         self._first, self._last = None, 0
 
     def _end_chunk(self) -> None:
-        data = [self._compress(b''.join(self._parts))] if self._compress else self._parts
+        # What grows beyond all measure no reader should trust, see files.py: ours does not.
+        packs = self._compress if self._position <= LARGEST else None
+        data = [packs(b''.join(self._parts))] if packs else self._parts
         data_size = sum(map(len, data))
-        head = self._chunk_head(data_size)
+        compression = 'zstd' if packs else ''
+        head = self._chunk_head(data_size, compression)
         chunk_size = len(head) + data_size
         parts, offsets, position = [head, *data], {}, self.size + chunk_size
         for channel, entry in self._index.items():
@@ -182,7 +201,7 @@ class McapFile:
         assert self._first is not None
         index = ChunkIndex(
             chunk_length=chunk_size, chunk_start_offset=self.size,
-            compression=self._compression, compressed_size=data_size,
+            compression=compression, compressed_size=data_size,
             message_end_time=self._last, message_start_time=self._first,
             message_index_length=position - self.size - chunk_size,
             message_index_offsets=offsets, uncompressed_size=self._position)
@@ -196,17 +215,13 @@ class McapFile:
         self.last_ns = self._last
         self._begin_chunk()
 
-    def _chunk_head(self, data_size: int) -> bytes:
+    def _chunk_head(self, data_size: int, compression: str) -> bytes:
         """Return the record of the chunk up to its data, which the library would copy twice."""
         assert self._first is not None
-        name = self._compression.encode()
+        name = compression.encode()
         rest = struct.pack(f'<QQQII{len(name)}sQ', self._first, self._last, self._position,
                            self._parts_crc, len(name), name, data_size)
         return struct.pack('<BQ', Opcode.CHUNK, len(rest) + data_size) + rest
-
-    @property
-    def _compression(self) -> str:
-        return 'zstd' if self._compress else ''
 
     def _put(self, parts: Sequence[bytes]) -> None:
         """Write pieces one after the other without joining them."""
@@ -224,11 +239,17 @@ class McapFile:
         for part in parts:
             self._crc = zlib.crc32(part, self._crc)
 
-    def _schema_records(self) -> list[McapRecord]:
+    def _schema_records(self) -> list[Schema]:
         return [Schema(id=k, name=name, encoding='ros2msg', data=definition(name)[0].encode())
                 for name, k in self._schemas.items()]
 
-    def _channel_records(self) -> list[McapRecord]:
+    def _description(self, number: int) -> bytes:
+        """Return the record of a channel that had no message yet, and of its type if need be."""
+        channel = self._to_describe.pop(number)
+        schema = self._schemas_to_describe.pop(channel.schema_id, None)
+        return _bytes([schema, channel] if schema else [channel])
+
+    def _channel_records(self) -> list[Channel]:
         return [Channel(id=k + 1, topic=topic.name, message_encoding='cdr',
                         metadata={'offered_qos_profiles': profiles_text(topic.latched),
                                   'topic_type_hash': definition(topic.type)[1]},

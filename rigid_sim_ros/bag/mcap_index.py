@@ -10,6 +10,7 @@ record to record without looking into them.
 
 from collections.abc import Iterator
 import io
+import os
 from pathlib import Path
 import struct
 from typing import NamedTuple
@@ -18,6 +19,7 @@ import zlib
 from mcap.opcode import Opcode
 
 from rigid_sim_ros.bag.errors import Damaged
+from rigid_sim_ros.bag.files import open_regular
 from rigid_sim_ros.bag.mcap_file import MAGIC
 from rigid_sim_ros.bag.scan import McapScan, Record
 
@@ -34,8 +36,7 @@ _STATISTICS = struct.Struct('<QHIIII')      # counts: messages, ..., chunks last
 # [bytes] What is looked at of a record: its head, and the head of a message or a chunk.
 _HEAD = _RECORD.size + max(_MESSAGE_HEAD.size, _CHUNK_TIMES.size)
 
-# [bytes] What claims to be larger is damaged: writers end chunks at some MB.
-_LARGEST_BLOCK = 1 << 30
+# [bytes] What claims to be larger is damaged.
 _LARGEST_DESCRIPTION = 16 << 20
 
 # [bytes] Messages outside of chunks are read in stretches of this size.
@@ -64,8 +65,8 @@ def read_index(path: Path) -> McapIndex:
     """Return the index of a file; Damaged where it has no end or no sense."""
     scan = McapScan(path)
     try:
-        with path.open('rb') as file:
-            size = path.stat().st_size
+        with open_regular(path) as file:
+            size = os.fstat(file.fileno()).st_size
             blocks = _summary(file, size, scan)
             if blocks is None:
                 blocks = _described(file, list(_skimmed(file, size, scan)), scan)
@@ -78,7 +79,7 @@ def read_index(path: Path) -> McapIndex:
 
 def read_block(file: io.BufferedReader, block: Block, scan: McapScan) -> bytes:
     """Return the records in a block, uncompressed; Damaged if they are not what was written."""
-    if block.length > _LARGEST_BLOCK:
+    if block.length > os.fstat(file.fileno()).st_size:
         raise Damaged(f'{scan.path.name}: the chunk at byte {block.offset} is damaged '
                       f'({block.length} bytes)')
     file.seek(block.offset)
@@ -200,7 +201,7 @@ def _described(file: io.BufferedReader, blocks: list[Block], scan: McapScan) -> 
            for block in blocks):
         return blocks
     return [block._replace(channels=frozenset(channel for channel, _, _ in scan.messages_in(
-        read_block(file, block, scan)))) for block in blocks]
+        read_block(file, block, scan), of_any_channel=True))) for block in blocks]
 
 
 def _longer(block: Block | None, start: int, stop: int, stamp: int, channel: int) -> Block:

@@ -6,14 +6,16 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 import json
 import os
-from pathlib import Path
-from typing import Any, NamedTuple
+from pathlib import Path, PurePath
+from typing import Annotated, Any, NamedTuple
 
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from rigid_sim_ros.bag.errors import BagError
+from rigid_sim_ros.bag.files import open_regular
 from rigid_sim_ros.bag.topics import definition, qos_profiles, Topic
+from rigid_sim_ros.scene import SceneError
+from rigid_sim_ros.scene.document import YamlSource
 
 NAME = 'metadata.yaml'
 _VERSION = 9
@@ -21,6 +23,7 @@ _ROOT = 'rosbag2_bagfile_information'
 
 # [bytes] Metadata of a thousand topics take 1 MB; more than this is something else.
 _MOST = 64 << 20
+_LONGEST_NAME = 255     # [bytes] of a file, on Linux
 
 
 class FileFacts(NamedTuple):
@@ -74,7 +77,8 @@ def write(folder: Path, metadata: Mapping[str, Any]) -> None:
     """Put metadata.yaml in place at once: it is the old one or the new one, and never a part."""
     text = _text(metadata).encode()
     part = folder / f'.{NAME}.part'
-    with part.open('wb') as file:
+    part.unlink(missing_ok=True)
+    with part.open('xb') as file:       # never through a link
         file.write(text)
         file.flush()
         os.fsync(file.fileno())
@@ -91,30 +95,87 @@ def sync_folder(folder: Path) -> None:
         os.close(handle)
 
 
+class _Told(BaseModel):
+    """A mapping of which only some keys matter to us."""
+
+    model_config = ConfigDict(extra='allow', strict=True)
+
+
+class _Time(_Told):
+    nanoseconds_since_epoch: int
+
+
+class _Duration(_Told):
+    nanoseconds: int
+
+
+class _File(_Told):
+    path: str
+    starting_time: _Time
+    duration: _Duration
+    message_count: Annotated[int, Field(ge=0)]
+
+
+class _TopicMetadata(_Told):
+    name: str
+
+
+class _Topic(_Told):
+    topic_metadata: _TopicMetadata
+    message_count: Annotated[int, Field(ge=0)]
+
+
+class _Metadata(_Told):
+    """What of rosbag2's metadata is used; what a version of the format does not have is None."""
+
+    relative_file_paths: list[str]
+    compression_mode: str | None = None
+    starting_time: _Time | None = None
+    duration: _Duration | None = None
+    message_count: Annotated[int, Field(ge=0)] | None = None
+    topics_with_message_count: list[_Topic] | None = None
+    files: list[_File] | None = None
+    custom_data: dict[str, str | int | float | bool | None] | None = None
+
+
 def read(folder: Path) -> dict[str, Any] | None:
     """Return the metadata of a bag, None if it has none; BagError when they are damaged."""
     path = folder / NAME
     try:
-        with path.open('rb') as file:
+        with open_regular(path) as file:
             data = file.read(_MOST + 1)
         if len(data) > _MOST:
-            raise BagError(f'{path}: {path.stat().st_size} bytes are too many for metadata')
-        found = YAML(typ='safe').load(data.decode())
-        metadata = found[_ROOT]
-        names = metadata['relative_file_paths']
-        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-            raise BagError(f'{path}: relative_file_paths is {names!r}, must be a list of names')
+            raise BagError(f'{path}: more than {_MOST} bytes are too many for metadata')
+        metadata = YamlSource(data.decode(), NAME).data[_ROOT]
+        _Metadata.model_validate(metadata)
+        _check_names(metadata['relative_file_paths'])
     except FileNotFoundError:
         return None
     except OSError as error:
         raise BagError(f'{path}: {error.strerror}') from None
-    except (YAMLError, UnicodeDecodeError, KeyError, TypeError, AttributeError, RecursionError,
-            BagError) as error:
+    except (SceneError, ValueError, KeyError, TypeError) as error:
         if isinstance(error, BagError):
             raise
-        raise BagError(f'{path} is damaged ({type(error).__name__}): `rigid_sim recover '
-                       f'{folder}` makes it anew') from None
+        raise BagError(f'{path} is damaged ({_reason(error)}): `rigid_sim recover {folder}` makes '
+                       'it anew') from None
     return dict(metadata)
+
+
+def _check_names(names: Sequence[str]) -> None:
+    """Raise ValueError unless these may be the names of files, each of another one."""
+    odd = [name for name in names if '\0' in name or not 0 < len(
+        PurePath(name).name.encode(errors='replace')) <= _LONGEST_NAME]
+    if odd or len({PurePath(name).name for name in names}) < len(names):
+        raise ValueError(f'relative_file_paths, {(odd or list(names))[0][:40]!r}')
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, ValidationError):
+        first = error.errors(include_url=False, include_input=False)[0]
+        return f'{".".join(map(str, first["loc"]))[:80]}, {first["msg"]}'
+    if isinstance(error, SceneError):
+        return error.problems[0].message[:200]
+    return f'{type(error).__name__}: {str(error)[:80]}'
 
 
 def _text(metadata: Mapping[str, Any]) -> str:

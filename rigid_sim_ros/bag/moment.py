@@ -62,8 +62,8 @@ def find(path: str | os.PathLike[str], seconds: float) -> Moment:
     for topic, _, data in reader.messages():
         if search is not None:
             search.take(topic, data)
-        elif topic.endswith('/bag/session'):
-            session = sessions.decode(decode.string(data))
+        elif sessions.is_session(topic):
+            session = sessions.read(topic, data)
             search = _Search(session, round(min(seconds * 1e9 / session.step_ns, _NEVER)))
         elif topic.endswith('/scene'):
             text = data

@@ -104,8 +104,8 @@ class _Gathering:
         self._states.setdefault(topic, []).append((t_ns, stamp, tuple(names), numbers))
 
     def text(self, topic: str, stamp: int, data: bytes) -> None:
-        if topic.endswith('/bag/session') and self._session is None:
-            self._session = sessions.decode(decode.string(data))
+        if sessions.is_session(topic) and self._session is None:
+            self._session = sessions.read(topic, data)
         elif topic.endswith('/scene'):
             self._scenes.setdefault(topic, decode.string(data))
 

@@ -12,14 +12,11 @@ from contextlib import closing, contextmanager
 from functools import partial
 from operator import itemgetter
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
-import zstandard
-
 from rigid_sim_ros.bag.errors import Damaged
+from rigid_sim_ros.bag.files import open_regular, unpacked, Unpacker, ZSTD
 from rigid_sim_ros.bag.mcap_index import Block, read_block, read_index
-from rigid_sim_ros.bag.reader import ZSTD
 from rigid_sim_ros.bag.scan import McapScan
 from rigid_sim_ros.bag.sqlite_index import SqliteIndex
 
@@ -31,9 +28,6 @@ _STAMP: Callable[[tuple[int, int, bytes]], int] = itemgetter(1)     # of (channe
 # order, so a block or two are enough; a file that was rearranged could make us hold all of it,
 # and is played out of order instead.
 _MOST_SORTED = 256 << 20
-
-# [bytes] A message that claims to grow beyond this is damaged.
-_LARGEST_MESSAGE = 1 << 30
 
 
 class RecordedTopic(NamedTuple):
@@ -145,7 +139,7 @@ class McapPlayback:
     @contextmanager
     def _reading(self) -> Iterator[Callable[[Block, Mapping[int, str]], list[Message]]]:
         """Give a function that returns the messages of some channels in a block."""
-        with self._path.open('rb') as file, closing(McapScan(self._path)) as scan:
+        with open_regular(self._path) as file, closing(McapScan(self._path)) as scan:
             scan.schemas, scan.topics = dict(self._scan.schemas), dict(self._scan.topics)
             unpack = _unpacker(self._path) if self._by_message else None
 
@@ -228,27 +222,18 @@ class PackedPlayback:
 
     @contextmanager
     def _plain(self) -> Iterator[PlayableFile]:
-        with TemporaryDirectory(prefix='rigid_sim_ros_') as folder:
-            plain = Path(folder, self._path.stem)
-            try:
-                with self._path.open('rb') as packed, plain.open('wb') as file:
-                    zstandard.ZstdDecompressor().copy_stream(packed, file)
-            except zstandard.ZstdError as error:
-                raise Damaged(f'{self._path.name} is damaged ({error})') from None
+        with unpacked(self._path) as plain:
             yield self._open(plain)
 
 
 def _unpacker(path: Path) -> Callable[[bytes], bytes]:
     """Return what unpacks the messages of a file; it belongs to one thread."""
-    decompress = zstandard.ZstdDecompressor().decompress
+    decompress = Unpacker()
 
     def unpack(data: bytes) -> bytes:
         try:
-            size = zstandard.frame_content_size(data)
-            if not 0 <= size <= _LARGEST_MESSAGE:
-                raise Damaged(f'{path.name} is damaged (a message of {size} bytes)')
             return decompress(data)
-        except zstandard.ZstdError as error:
+        except ValueError as error:
             raise Damaged(f'{path.name} is damaged ({error})') from None
 
     return unpack

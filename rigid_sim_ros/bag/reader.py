@@ -2,24 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Read a bag, our own or that of `ros2 bag record`, message by message."""
 
+from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import nullcontext
 import os
 from pathlib import Path, PurePath
 import shutil
-from tempfile import TemporaryDirectory
 from typing import Any, TypeAlias
-
-import zstandard
 
 from rigid_sim_ros.bag import metadata as metadata_file
 from rigid_sim_ros.bag.errors import BagError, Damaged
+from rigid_sim_ros.bag.files import bag_files, SUFFIXES, unpacked, Unpacker, ZSTD
 from rigid_sim_ros.bag.scan import McapScan
 from rigid_sim_ros.bag.sqlite_file import SqliteReader
-
-SUFFIXES = ('.mcap', '.db3')
-ZSTD = '.zstd'
-
 
 # A message as it was recorded: its topic, the time [ns], and the CDR.
 Message: TypeAlias = tuple[str, int, bytes]
@@ -41,13 +36,14 @@ class BagReader:
         self._storage: SqliteReader | McapScan | None = None
         self.metadata: dict[str, Any] | None = None
         self._mode = ''
-        if not self.path.exists():
+        if not os.path.exists(path):    # also for a name that is too long to exist
             raise BagError(f'{path} does not exist, must be the folder of a bag')
         if not self.path.is_dir():
             if self.path.suffix not in SUFFIXES:
                 raise BagError(f'{path} is no bag, must be a folder with metadata.yaml, or a file '
                                'that ends in .mcap or .db3')
-            self.files = [self.path]
+            # A link that the user names is followed; those within a bag are not.
+            self.files = [self.path.resolve()]
             return
         self.metadata = metadata_file.read(self.path)
         if self.metadata is None:
@@ -75,31 +71,44 @@ class BagReader:
             self._types.update(self._storage.topics.values())
         return self._types
 
+    @property
+    def may_have_lost(self) -> bool:
+        """Whether the bag was recovered, as far as its metadata tell."""
+        return self.metadata is None or 'recovered' in (self.metadata.get('custom_data') or {})
+
     def messages(self) -> Iterator[Message]:
         """
         Give every message in the order of recording.
 
         BagError where the bag cannot be read any further.
         """
+        counts: Counter[str] = Counter()
         try:
             for file in self.files:
-                yield from self._messages_of(file)
+                for message in self._messages_of(file):
+                    counts[message[0]] += 1
+                    yield message
         except OSError as error:
             raise BagError(f'{error.filename or self.path}: {error.strerror or error}') from None
+        self._check_counts(counts)
 
     def _messages_of(self, file: Path) -> Iterator[Message]:
-        with self._plain(file) as plain:
+        is_packed = self._mode == 'file' and file.suffix == ZSTD
+        with unpacked(file) if is_packed else nullcontext(file) as plain:
+            storage: SqliteReader | McapScan
+            decompress = None
             if plain.suffix == '.db3':
-                storage: SqliteReader | McapScan = SqliteReader(plain, self._mode == 'message')
-                decompress = None
+                storage = SqliteReader(plain, self._mode == 'message')
             else:
                 storage = McapScan(plain)
-                decompress = self._mode == 'message' and zstandard.ZstdDecompressor().decompress
+                decompress = Unpacker() if self._mode == 'message' else None
             try:
                 topics, self._storage = storage.topics, storage
                 for channel, stamp, data in storage.messages():
                     yield topics[channel][0], stamp, decompress(data) if decompress else data
-            except zstandard.ZstdError as error:
+            except ValueError as error:
+                if isinstance(error, BagError):
+                    raise
                 raise Damaged(f'{file.name} is damaged ({error})') from None
             finally:
                 storage.close()
@@ -107,27 +116,36 @@ class BagReader:
                 if isinstance(storage, McapScan):
                     self.faults += storage.faults
 
-    @contextmanager
-    def _plain(self, file: Path) -> Iterator[Path]:
-        """Give the file, uncompressed if it is compressed as a whole."""
-        if self._mode != 'file' or file.suffix != ZSTD:
-            yield file
-            return
-        with TemporaryDirectory() as folder:
-            plain = Path(folder, file.stem)
-            try:
-                with file.open('rb') as packed, plain.open('wb') as unpacked:
-                    zstandard.ZstdDecompressor().copy_stream(packed, unpacked)
-            except zstandard.ZstdError as error:
-                raise Damaged(f'{file.name} is damaged ({error})') from None
-            yield plain
+    def _check_counts(self, counts: Counter[str]) -> None:
+        """Note where the files do not hold what the metadata tell of."""
+        told: Counter[str] = Counter()
+        for each in (self.metadata or {}).get('topics_with_message_count') or ():
+            told[each['topic_metadata']['name']] += each['message_count']
+        total = (self.metadata or {}).get('message_count')
+        names = sorted(name for name in {*told, *counts} if told[name] != counts[name])
+        if told and names:
+            self.faults.append(
+                f'metadata.yaml tells of {told[names[0]]} messages on {names[0]}, the files hold '
+                f'{counts[names[0]]}' + (f', and {len(names) - 1} more topics differ' if names[1:]
+                                         else ''))
+        elif total not in (None, counts.total()):
+            self.faults.append(f'metadata.yaml tells of {total} messages, the files hold '
+                               f'{counts.total()}')
 
 
-def bag_files(folder: Path) -> list[Path]:
-    """Return the files in a folder that look as if they belonged to a bag, in their order."""
-    found = [path for path in folder.iterdir()
-             if path.suffix in SUFFIXES or path.name.endswith(tuple(s + ZSTD for s in SUFFIXES))]
-    return sorted(found, key=lambda path: (_number(path), path.name))
+def file_is_whole(path: Path, by_message: bool) -> bool:
+    """Return whether a file that is not compressed as a whole can be read to its end."""
+    storage: SqliteReader | McapScan | None = None
+    try:
+        storage = SqliteReader(path, by_message) if path.suffix == '.db3' else McapScan(path)
+        for _ in storage.messages():
+            pass
+    except BagError:
+        return False
+    finally:
+        if storage is not None:
+            storage.close()
+    return not (isinstance(storage, McapScan) and storage.faults)
 
 
 def free_space_error(error: OSError, path: Path) -> str:
@@ -137,12 +155,6 @@ def free_space_error(error: OSError, path: Path) -> str:
     except OSError:
         return f'{path}: {error.strerror or error}'
     return f'{path}: {error.strerror or error} ({left / 1e6:.1f} MB free)'
-
-
-def _number(path: Path) -> int:
-    """Return 12 for session_12.mcap; files are numbered as they were written."""
-    tail = path.name.split('.')[0].rpartition('_')[2]
-    return int(tail) if tail.isascii() and tail.isdecimal() else -1
 
 
 def _without_metadata(folder: Path) -> str:

@@ -192,8 +192,13 @@ class Recorder:
 
     def snapshot(self, world: RecordedWorld) -> None:
         """Record the complete state of the world."""
+        if self._gap is not None and self._has_room():
+            self._end_gap(world.step_index)
         if not self._admits(_ITEM, world.step_index, 1):
             return      # later: there is no room now
+        self._enter_snapshot(world)
+
+    def _enter_snapshot(self, world: RecordedWorld) -> None:
         data, stamp = world.save(), self._clock()
         self._enter(_ITEM + len(data), (
             self._write_snapshot, stamp, world.step_index, data, self._segment_is_full))
@@ -213,9 +218,10 @@ class Recorder:
         if self._closing or self.error:
             return
         step = world.step_index
+        # Whether there is room or not: it is the last of all.
         if self._gap is not None:
             self._end_gap(step)
-        # Whether there is room or not: it is the last of all.
+            self._enter_snapshot(world)
         self._enter(_ITEM, (self._write_event, self._clock(), Event(
             self._number, step, events.END, {'state_hash': world.state_hash()})))
         self._closing = True
@@ -250,21 +256,25 @@ class Recorder:
         """Return whether something may enter the queue; wait for that, or begin a gap."""
         if self.error or self._closing:
             return False
+        if self._gap is not None:
+            # All is lost until a snapshot says what came of it: so nothing is in the bag that
+            # nobody could simulate again.
+            self.wants_snapshot = self._has_room()
+            return False
         queued = self._put - self._taken
-        if self._gap is None:
-            if queued + size <= self._limit(share) or not queued:
-                return True
-            if not self.waits:
-                self._gap = _Gap(step)
-        # A gap ends when there is room for a while, and all that comes within it is lost: the
-        # snapshot behind it says what came of it.
+        if queued + size <= self._limit(share) or not queued:
+            return True
         if self.waits:
             self.wait_for_room()
-        elif queued > self._limit(1) // 2:
-            return False
-        if self._gap is not None:
-            self._end_gap(step)
-        return not self.error
+        else:
+            self._gap = _Gap(step)
+        return self._gap is None and not self.error
+
+    def _has_room(self) -> bool:
+        """Return whether the queue is half empty, so that a gap may end."""
+        if self.waits:
+            self.wait_for_room()
+        return self._put - self._taken <= self._limit(1) // 2 and not self.error
 
     def _end_gap(self, step: int) -> None:
         gap, self._gap = self._gap, None
@@ -316,6 +326,11 @@ class Recorder:
         if self._on_error is not None:
             self._on_error(self.error)
 
+    def _written(self) -> dict[str, int]:
+        """Return how many messages each topic has so far."""
+        return {topic.name: count for topic, count in zip(
+            self.topics, self._writer.counts, strict=True) if count}
+
     def _write(self, stamp: int, channels: Sequence[int], messages: Sequence[bytes]) -> None:
         self._writer.write(channels, stamp, messages)
         self._messages += len(messages)
@@ -331,6 +346,8 @@ class Recorder:
         self._write(stamp, channels, messages)
 
     def _write_event(self, stamp: int, event: Event) -> None:
+        if event.kind == events.END:
+            event = event._replace(arguments={**event.arguments, 'messages': self._written()})
         self._write(stamp, (self._event,), (encode_string(event.encode()),))
         if event.kind == 'reset':
             # It may have turned time back: the same number is then another step.
@@ -342,6 +359,9 @@ class Recorder:
                 self._writer.next_file()
             self._written_step = None
             self._write(stamp, (self._scene, self._session), self._head)
+            if self._messages > len(self._head):
+                self._write_event(stamp, Event(
+                    None, step, events.WRITTEN, {'messages': self._written()}))
         self._write_step(stamp, step)
         self._write(stamp, (self._snapshot,), (encode_bytes(data),))
 

@@ -8,8 +8,11 @@ whole ones, and every checksum on the way is looked at. That takes 1 us a messag
 readers of rosbags and mcap take 5 and 3 and stop at a file that has no end.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import closing
 import io
+import mmap
+import os
 from pathlib import Path
 import re
 import struct
@@ -21,16 +24,17 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, DataEnd, Footer, Header, Schema
-import zstandard
 
 from rigid_sim_ros.bag.errors import Damaged
+from rigid_sim_ros.bag.files import most_unpacked, open_regular, Unpacker
 from rigid_sim_ros.bag.mcap_file import MAGIC, MESSAGE, MESSAGE_FIELDS
 
 _RECORD = struct.Struct('<BQ')
 _CHUNK = struct.Struct('<QQQII')    # times, size and checksum of the contents; length of a name
 
-# [bytes] A chunk that claims to grow beyond this is damaged: writers end chunks at some MB.
-_LARGEST_CHUNK = 1 << 30
+# What looks like a chunk is looked into until this many times the size of the file was read: bytes
+# may be laid out so that everything looks like the beginning of a chunk.
+_SEARCHES = 4
 # How a chunk below 4 GB begins: opcode and length, two times, size, checksum, name of compression.
 _CHUNK_HEAD = re.compile(
     rb'(?=\x06.{4}\0{4}.{16}.{4}\0{4}.{4}(?:\0{4}|\x03\0{3}lz4|\x04\0{3}zstd))', re.DOTALL)
@@ -72,9 +76,13 @@ class McapScan:
         self.schemas: dict[int, Schema] = {}
         self.channels: dict[int, Channel] = {}
         self.topics: dict[int, tuple[str, str]] = {}    # channel: name and type
-        self._file = path.open('rb')
-        self._size = path.stat().st_size
+        self._file = open_regular(path)
+        self._size = os.fstat(self._file.fileno()).st_size
         self._crc = 0
+        self._decompress: dict[str, Callable[[bytes, int], bytes]] = {
+            '': lambda data, _: data, 'zstd': Unpacker(), 'lz4': _lz4}
+        self._searched = 0      # [bytes] of what looked like chunks
+        self._knows_all = False     # whether what is said of topics anywhere is known
         start = self._read(len(MAGIC))
         if start != MAGIC and must_begin:
             self.close()
@@ -122,15 +130,21 @@ class McapScan:
 
         The checksum over all data is lost by that.
         """
-        self._file.seek(offset)
-        rest = self._file.read()
-        for match in _CHUNK_HEAD.finditer(rest):
-            start = match.start()
-            length, = struct.unpack_from('<Q', rest, start + 1)
-            payload = rest[start + _RECORD.size:start + _RECORD.size + length]
-            if len(payload) == length and self._is_whole(payload):
-                self._file.seek(offset + start)
-                return True
+        if offset >= self._size:
+            return False
+        with mmap.mmap(self._file.fileno(), 0, access=mmap.ACCESS_READ) as raw:
+            for match in _CHUNK_HEAD.finditer(raw, offset):
+                start = match.start()
+                length, = struct.unpack_from('<Q', raw, start + 1)
+                if length > self._size - start - _RECORD.size:
+                    continue
+                self._searched += length
+                if self._searched > _SEARCHES * self._size:
+                    return False
+                begin = start + _RECORD.size
+                if self._is_whole(raw[begin:begin + length]):
+                    self._file.seek(start)
+                    return True
         return False
 
     def _is_whole(self, payload: bytes) -> bool:
@@ -171,7 +185,8 @@ class McapScan:
             if stop > end or opcode == 0:
                 raise Damaged(f'{self.path.name}: a chunk is damaged')
             if opcode == 5:     # Opcode.MESSAGE
-                if length < MESSAGE_FIELDS or not (of_any_channel or channel in topics):
+                if length < MESSAGE_FIELDS or not (
+                        channel in topics or of_any_channel or self._learn(channel)):
                     raise Damaged(f'{self.path.name}: a message in a chunk is damaged')
                 found.append((channel, stamp, raw[position + 31:stop]))
             else:
@@ -189,13 +204,12 @@ class McapScan:
             compression = payload[_CHUNK.size:position].decode()
             length, = struct.unpack_from('<Q', payload, position)
             data = payload[position + 8:position + 8 + length]
-            if len(data) != length or size > _LARGEST_CHUNK:
-                raise ValueError(f'{len(data)} of {length} bytes')
-            raw = _DECOMPRESS[compression](data, size)
+            if len(data) != length or (compression and size > most_unpacked(length)):
+                raise ValueError(f'{len(data)} of {length} bytes, to become {size}')
+            raw = self._decompress[compression](data, size)
             if len(raw) != size:
                 raise ValueError(f'{len(raw)} of {size} bytes')
-        except (KeyError, ValueError, struct.error, RuntimeError, EOFError, MemoryError,
-                zstandard.ZstdError) as error:
+        except (KeyError, ValueError, struct.error, RuntimeError, EOFError, MemoryError) as error:
             raise Damaged(f'{where} is damaged ({error})') from None
         fits = zlib.crc32(raw) == crc
         if crc and not fits:
@@ -214,6 +228,24 @@ class McapScan:
             known = self.schemas.get(channel.schema_id)
             self.channels[channel.id] = channel
             self.topics[channel.id] = channel.topic, known.name if known else ''
+
+    def _learn(self, channel: int) -> bool:
+        """
+        Look for a channel that is described later, and return whether there is one.
+
+        Writers describe channels first; tools that cut and join files may leave that to the index.
+        """
+        if not self._knows_all:
+            self._knows_all = True
+            with closing(McapScan(self.path)) as scan:
+                for record in scan.records():
+                    if record.opcode == Opcode.CHUNK:
+                        scan.messages_in(scan.content(record).raw, of_any_channel=True)
+                    else:
+                        scan.describe(record)
+            for k in scan.topics.keys() - self.topics.keys():
+                self.channels[k], self.topics[k] = scan.channels[k], scan.topics[k]
+        return channel in self.topics
 
     def _read(self, length: int) -> bytes:
         data = self._file.read(length)
@@ -245,15 +277,6 @@ class McapScan:
                                'was written (their checksum does not fit)')
 
 
-def _zstd(data: bytes, size: int) -> bytes:
-    if zstandard.frame_content_size(data) not in (-1, size):
-        raise ValueError('another size than the chunk has')
-    return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
-
-
 def _lz4(data: bytes, size: int) -> bytes:
     raw = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
     return bytes(raw)
-
-
-_DECOMPRESS = {'': lambda data, _: data, 'zstd': _zstd, 'lz4': _lz4}

@@ -3,6 +3,7 @@
 """What a bag says of its session: who recorded it, with what, and what is on which topic."""
 
 from collections.abc import Mapping, Sequence
+import hashlib
 import json
 import platform
 from typing import Any, NamedTuple
@@ -11,11 +12,14 @@ import numba
 import numpy as np
 
 from rigid_sim_ros import __version__
+from rigid_sim_ros.bag.decode import string
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.topics import Topic
 
 # Grows when a bag of before cannot be verified any more.
-FORMAT = 1
+FORMAT = 2
+
+_NAME = '/bag/session'      # how the topic ends
 
 
 class Session(NamedTuple):
@@ -35,7 +39,8 @@ class Session(NamedTuple):
         """Return the session as JSON."""
         fields = self._asdict()
         fields['topics'] = [topic._asdict() for topic in self.topics]
-        return json.dumps(fields, default=str)
+        text = json.dumps(fields, default=str)
+        return f'{text[:-1]}, "digest": "{_digest(text)}"}}'
 
     @property
     def by_name(self) -> dict[str, Topic]:
@@ -53,20 +58,52 @@ def new_session(node: str, scene: str, bodies: Sequence[str], step_ns: int, fram
                    dict(parameters), tuple(topics))
 
 
+def is_session(topic: str) -> bool:
+    """Return whether a topic of a bag tells of a session."""
+    return topic.endswith(_NAME)
+
+
+def read(topic: str, data: bytes) -> Session:
+    """Return the session of a message; BagError if it is none that this version knows."""
+    session = decode(string(data))
+    if topic != session.node + _NAME:
+        raise BagError(f'the session on {topic} is that of another node, {session.node!r}')
+    return session
+
+
 def decode(text: str) -> Session:
     """Return the session of some JSON; BagError if it is none that this version knows."""
     try:
         fields = json.loads(text)
         if fields['format'] != FORMAT:
-            raise BagError(f'the bag has format {fields["format"]!r}, must be {FORMAT}: read it '
-                           'with the version of rigid_sim_ros that recorded it')
+            raise BagError(f'the bag has format {fields["format"]!r:.40}, must be {FORMAT}: read '
+                           'it with the version of rigid_sim_ros that recorded it')
+        body, _, _ = text.rpartition(', "digest": "')
+        if fields.pop('digest') != _digest(body + '}'):
+            raise BagError('the description of the session was changed after it was recorded')
         fields['topics'] = tuple(Topic(**topic) for topic in fields['topics'])
         fields['bodies'] = tuple(fields['bodies'])
         session = Session(**fields)
-        if not isinstance(session.step_ns, int) or session.step_ns < 1:
-            raise ValueError(f'step_ns {session.step_ns!r}')
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        _check(session)
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
         if isinstance(error, BagError):
             raise
         raise BagError(f'the description of the session is damaged ({error})') from None
     return session
+
+
+def _check(session: Session) -> None:
+    """Raise ValueError unless all fields are of their types."""
+    if type(session.step_ns) is not int or not 0 < session.step_ns < 2 ** 63:
+        raise ValueError(f'step_ns {session.step_ns!r}')
+    texts = [session.node, session.scene, session.frame_id, *session.bodies,
+             *(text for topic in session.topics for text in topic[:-1])]
+    if not all(isinstance(text, str) for text in texts):
+        raise ValueError('a name is no text')
+    for what in (session.software, session.parameters):
+        if not isinstance(what, dict):
+            raise ValueError(f'{what!r:.40} is no mapping')
+
+
+def _digest(text: str) -> str:
+    return hashlib.blake2b(text.encode(), digest_size=8).hexdigest()

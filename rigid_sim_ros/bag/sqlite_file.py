@@ -15,6 +15,7 @@ import sqlite3
 import zstandard
 
 from rigid_sim_ros.bag.errors import BagError, Damaged
+from rigid_sim_ros.bag.files import open_regular, Unpacker
 from rigid_sim_ros.bag.metadata import FileFacts, profiles_text
 from rigid_sim_ros.bag.topics import definition, Topic
 
@@ -34,6 +35,9 @@ CREATE INDEX timestamp_idx ON messages (timestamp ASC);
 INSERT INTO schema(schema_version, ros_distro) VALUES (4, 'jazzy');
 """
 _INSERT = 'INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)'
+
+# What SQLite keeps beside a file that is open, and would obey when it opens the file again.
+COMPANIONS = ('-journal', '-wal', '-shm')
 
 # [bytes] A transaction ends when it has grown to this, or with a flush.
 _TRANSACTION = 1 << 20
@@ -84,6 +88,11 @@ class SqliteFile:
         self._pending_size += sum(len(data) for _, _, data in rows)
         if self._pending_size >= _TRANSACTION:
             self.flush()
+
+    @property
+    def written(self) -> tuple[int, ...]:
+        """How many messages each topic has, those included that wait for a flush."""
+        return tuple(a + b for a, b in zip(self.counts, self._pending, strict=True))
 
     def flush(self) -> None:
         """Hand all that was written to the system, which keeps it when this process dies."""
@@ -153,19 +162,42 @@ class SqliteFile:
         self._pending_first = self._pending_last = self._pending_size = 0
 
 
+def open_database(path: Path) -> sqlite3.Connection:
+    """
+    Open a SQLite file to be read, and nothing but the file: no journal, no other database.
+
+    Damaged if it is none, or holds more than plain tables: a view, a trigger or a column that is
+    computed would be a program of whoever wrote the file. Errors of `open_regular`.
+    """
+    open_regular(path).close()
+    try:
+        database = sqlite3.connect(f'{path.absolute().as_uri()}?mode=ro&immutable=1', uri=True)
+        database.text_factory = bytes
+        for kind, name, text in database.execute('SELECT type, name, sql FROM sqlite_master'):
+            # Parentheses inside of those around the columns are an expression, or what it takes
+            # to compute one. Indices that SQLite makes itself have no text.
+            if kind not in (b'table', b'index') or not isinstance(text or b'', bytes) or (
+                    (text or b'').count(b'(') > 1
+                    or (text or b'').upper().startswith(b'CREATE VIRTUAL')):
+                database.close()
+                raise Damaged(f'{path.name} is damaged ({_said(name)} is no plain table)')
+    except (sqlite3.Error, MemoryError) as error:
+        raise Damaged(f'{path.name} is damaged ({error})') from None
+    return database
+
+
 class SqliteReader:
     """One SQLite file of a bag, to be read."""
 
     def __init__(self, path: Path, compressed: bool) -> None:
         """Open the file and read its topics; BagError if it is none, or damaged."""
         self.path = path
-        self._decompress = zstandard.ZstdDecompressor().decompress if compressed else None
-        if path.with_name(path.name + '-journal').exists():
-            raise Damaged(f'{path.name} was not closed')
+        self._decompress = Unpacker() if compressed else None
+        for companion in COMPANIONS:
+            if os.path.lexists(path.with_name(path.name + companion)):
+                raise Damaged(f'{path.name} was not closed')
+        self._database = open_database(path)
         try:
-            self._database = sqlite3.connect(
-                f'{path.absolute().as_uri()}?mode=ro&immutable=1', uri=True)
-            self._database.text_factory = bytes
             verdict = self._database.execute('PRAGMA quick_check(1)').fetchone()[0]
             if verdict != b'ok':
                 raise Damaged(f'{path.name} is damaged ({_said(verdict)})')
@@ -173,6 +205,7 @@ class SqliteReader:
             self.topics = {int(k): (name.decode(), kind.decode()) for k, name, kind in rows}
         except (sqlite3.Error, UnicodeDecodeError, TypeError, ValueError, AttributeError,
                 OverflowError, MemoryError) as error:
+            self._database.close()
             if isinstance(error, BagError):
                 raise
             raise Damaged(f'{path.name} is damaged ({error})') from None
@@ -186,7 +219,9 @@ class SqliteReader:
                         type(data) is not bytes):
                     raise Damaged(f'{self.path.name} is damaged (a message of topic {channel!r})')
                 yield channel, stamp, self._decompress(data) if self._decompress else data
-        except (sqlite3.Error, zstandard.ZstdError, OverflowError, MemoryError) as error:
+        except (sqlite3.Error, ValueError, OverflowError, MemoryError) as error:
+            if isinstance(error, BagError):
+                raise
             raise Damaged(f'{self.path.name} is damaged ({error})') from None
 
     def close(self) -> None:

@@ -11,7 +11,7 @@ import sqlite3
 from typing import Any, NamedTuple
 
 from rigid_sim_ros.bag.errors import Damaged
-from rigid_sim_ros.bag.sqlite_file import SqliteReader
+from rigid_sim_ros.bag.sqlite_file import open_database, SqliteReader
 
 _ROWS = 500     # that are fetched at a time
 # Columns of the table `topics`; what older schemas do not have is empty.
@@ -96,9 +96,7 @@ class SqliteIndex:
 
     def _query(self, text: str, values: tuple[object, ...] = ()) -> Iterator[tuple[Any, ...]]:
         try:
-            with closing(sqlite3.connect(
-                    f'{self.path.absolute().as_uri()}?mode=ro&immutable=1', uri=True)) as database:
-                database.text_factory = bytes
+            with closing(open_database(self.path)) as database:
                 yield from database.execute(text, values)
         except (sqlite3.Error, OverflowError, MemoryError) as error:
             raise Damaged(f'{self.path.name} is damaged ({error})') from None

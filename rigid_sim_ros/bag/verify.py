@@ -8,8 +8,8 @@ was, so each message that follows is one that the world can make again; events a
 as they come. What differs by a bit differs.
 """
 
-from collections import deque
-from collections.abc import Callable, Iterable
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Mapping
 import contextlib
 import os
 from typing import Any, NamedTuple
@@ -18,6 +18,7 @@ import numpy as np
 
 from rigid_sim_ros import __version__
 from rigid_sim_ros.bag import decode, events, session as sessions, topics as kinds
+from rigid_sim_ros.bag.completeness import Tally, wrong_topics
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.events import Event
 from rigid_sim_ros.bag.outputs import Outputs
@@ -60,6 +61,8 @@ class Verdict(NamedTuple):
     steps: int                  # simulated
     seconds: float              # of simulation time in these
     gaps: int                   # stretches of which inputs are missing, and which were left out
+    skipped: int                # messages after such, up to the next full state
+    others: tuple[str, ...]     # topics that are not of the session
     note: str                   # how this software differs from the one that recorded, or ''
 
     @property
@@ -85,10 +88,12 @@ def verify(path: str | os.PathLike[str], progress: Callable[[int], None] | None 
     world, which it returns.
     """
     reader = BagReader(path)
-    run = Resimulation(prepare)
+    run = Resimulation(prepare, may_have_lost=reader.may_have_lost,
+                       is_part=reader.metadata is None)
     difference = None
     try:
         run.take_all(reader.messages(), progress)
+        run.finish(reader.types)
     except _Found as found:
         difference = found.difference
     except BagError as error:
@@ -97,16 +102,26 @@ def verify(path: str | os.PathLike[str], progress: Callable[[int], None] | None 
         # A checksum has already told that bytes were changed; this is how it shows.
         difference = Difference(run.step, '', str(error))
     return Verdict(difference, tuple(reader.faults), run.compared, run.steps,
-                   run.steps * run.step_ns / 1e9, run.gaps, run.note)
+                   run.steps * run.step_ns / 1e9, run.gaps, run.skipped, tuple(sorted(run.others)),
+                   run.note)
 
 
 class Resimulation:
     """A world that goes through the messages of a session, one after another."""
 
-    def __init__(
-            self, prepare: Callable[[Callable[[], World]], World] | None = None) -> None:
-        """Begin with nothing: scene, session and snapshot come first in the bag."""
+    def __init__(self, prepare: Callable[[Callable[[], World]], World] | None = None, *,
+                 may_have_lost: bool = False, is_part: bool = False) -> None:
+        """
+        Begin with nothing: scene, session and snapshot come first in the bag.
+
+        It `may_have_lost` what nobody counted, if it was recovered; `is_part`: it may be a file
+        that others came before.
+        """
+        self._is_part = is_part
         self._prepare = prepare
+        self._may_have_lost = may_have_lost
+        self.skipped = 0
+        self.others: set[str] = set()
         self.compared = 0
         self.steps = 0
         self.gaps = 0
@@ -118,10 +133,13 @@ class Resimulation:
         self._outputs: Outputs
         self._topics: dict[str, Topic] = {}
         self._handlers: dict[str, Callable[[str, int, bytes], None]] = {}
+        self._seen: Counter[str] = Counter()
         self._expected: dict[str, bytes] = {}   # what the topics say as the world is now
         self._echoes: dict[str, deque[bytes]] = {}
         self._number: int | None = 0            # of the next event, None if nobody knows
         self._is_lost = False                   # inputs are missing: wait for a snapshot
+        self._may_skip = False                  # what comes before that
+        self._tally: Tally | None = None
         self._stepped_at = 0                    # [ns] when ~/bag/step came last
         self._ended = False
 
@@ -133,8 +151,9 @@ class Resimulation:
     def take_all(self, messages: Iterable[Message],
                  progress: Callable[[int], None] | None = None) -> None:
         """Go through the messages and compare; raises _Found at the first difference."""
-        expected, handlers = self._expected, self._handlers
+        expected, handlers, seen = self._expected, self._handlers, self._seen
         for topic, stamp, data in messages:
+            seen[topic] += 1
             # Most messages end here: the world, as it is now, says the same.
             if expected.get(topic) == data:
                 self.compared += 1
@@ -146,12 +165,18 @@ class Resimulation:
                     progress(stamp)
             elif self._world is None:
                 self._begin(topic, data)
-        self._finish()
+            elif topic not in self._topics:
+                self._take_other(topic)
 
-    def _finish(self) -> None:
-        if self._world is None:
+    def finish(self, types: Mapping[str, str]) -> None:
+        """Compare what there is as a whole; `types` are those of the topics in the files."""
+        if self._tally is None:
             raise BagError('this is no recording of rigid_sim_ros: it holds no scene with its '
                            'state, and only such can be verified')
+        if wrong := self._tally.finish(types):
+            self._found(wrong)
+        if not self.compared:
+            self._found('there is nothing that could be compared')
         if not self._ended and not self._is_lost:
             self.note = 'the recording was cut off' + (f'; {self.note}' if self.note else '')
 
@@ -160,9 +185,18 @@ class Resimulation:
     def _begin(self, name: str, data: bytes) -> None:
         if name.endswith('/scene'):
             self._scene_text = data
-        elif name.endswith('/bag/session') and self._scene_text is not None:
-            self._session = sessions.decode(decode.string(data))
+        elif sessions.is_session(name) and self._scene_text is not None:
+            self._session = sessions.read(name, data)
             self._make_world(self._session)
+            self._tally = Tally(self._session, self._seen)
+            if wrong := wrong_topics(self._session, self._known_world().names):
+                self._found(wrong)
+
+    def _take_other(self, topic: str) -> None:
+        assert self._session is not None
+        if topic.startswith(f'{self._session.node}/'):
+            self._found(f'there is a message on {topic}, which the session does not list')
+        self.others.add(topic)
 
     def _make_world(self, session: Session) -> None:
         assert self._scene_text is not None
@@ -177,9 +211,8 @@ class Resimulation:
             self._outputs = Outputs(world, session.topics, session.frame_id)
         except SceneError as error:
             raise BagError(f'the scene in the bag cannot be used: {error.summary}') from None
-        except KeyError as error:
-            raise BagError(f'the session has a topic of body {error}, which the scene has '
-                           'not') from None
+        except (KeyError, UnicodeEncodeError) as error:
+            raise BagError(f'the session has a topic or a name that cannot be ({error})') from None
         self._world = world
         self.step_ns = world.step_ns
         self._topics = session.by_name
@@ -248,6 +281,10 @@ class Resimulation:
         if event.kind == events.GAP:
             self._take_gap(event)
             return
+        if event.kind in (events.WRITTEN, events.END):
+            self._compare_counts(event)
+        if event.kind == events.WRITTEN:
+            return
         if self._number is not None and event.number != self._number:
             self._found(f'the event {self._number} is missing: {event.number} follows')
         self._number = (event.number or 0) + 1
@@ -257,18 +294,40 @@ class Resimulation:
         self._go_to(event.step, stamp)
         self._apply(event)
 
+    def _compare_counts(self, event: Event) -> None:
+        assert self._tally is not None
+        if self._is_part and event.kind == events.WRITTEN:
+            self._is_part, self._number = False, None
+            self._tally.lose()
+        if missing := self._tally.mark(event.arguments['messages']):
+            self._found(missing)
+
     def _take_gap(self, event: Event) -> None:
+        lost = event.arguments['events']
+        is_known = lost is not None and event.number is not None
+        if not is_known and not self._may_have_lost:
+            self._found('something is missing of which nobody knows how much, in a bag that was '
+                        'not recovered')
+        if is_known and self._number is not None and event.number != self._number + lost:
+            self._found(f'a gap of {lost} events ends with the event {event.number}, and begins '
+                        f'with {self._number}')
+        if not is_known:
+            assert self._tally is not None
+            self._tally.lose()
         self._number = event.number
+        for queue in self._echoes.values():
+            queue.clear()
         # With no inputs missing the world is known all the same.
-        if event.arguments['events'] != 0:
+        if lost != 0:
             self.gaps += 1
-            self._is_lost = True
+            self._is_lost, self._may_skip = True, not is_known
             self._expected.clear()
-            for queue in self._echoes.values():
-                queue.clear()
-        else:
-            for queue in self._echoes.values():
-                queue.clear()
+
+    def _skip(self) -> None:
+        """Leave a message out that comes after a gap and before the next full state."""
+        if not self._may_skip:
+            self._found('a message comes before the full state that it follows from')
+        self.skipped += 1
 
     def _apply(self, event: Event) -> None:
         world = self._known_world()
@@ -294,6 +353,7 @@ class Resimulation:
     def _take_echo(self, topic: str, stamp: int, data: bytes) -> None:
         waiting = self._echoes[self._topics[topic].body]
         if self._is_lost:
+            self._skip()
             return
         self.compared += 1
         if not waiting:
@@ -306,6 +366,7 @@ class Resimulation:
 
     def _take_state(self, topic: str, stamp: int, data: bytes) -> None:
         if self._is_lost:
+            self._skip()
             return
         self._expected.update(self._outputs.encode(self._topics[topic].kind))
         self.compared += 1

@@ -90,6 +90,14 @@ class BagWriter:
         """How many files there are so far."""
         return len(self._done) + (self._file is not None)
 
+    @property
+    def counts(self) -> list[int]:
+        """How many messages each topic has so far."""
+        files = [facts.counts for facts in self._done]
+        if self._file is not None:
+            files.append(self._file.written)
+        return [sum(column) for column in zip(*files, strict=True)]
+
     def write(self, channels: Iterable[int], stamp: int, messages: Sequence[bytes]) -> None:
         """
         Append messages, one a channel (topic k is channel k + 1), that were sent at a time [ns].

@@ -122,8 +122,8 @@ def _prescribed_turning(state: State, shapes: Shapes, s: int) -> float:
 
 
 @kernel
-def _approach(model: Model, state: State, loads: Loads, shapes: Shapes, s: int, n: Vector,
-              t: float) -> float:
+def approach_bound(model: Model, state: State, loads: Loads, shapes: Shapes, s: int, n: Vector,
+                   t: float) -> float:
     """Return a bound on how fast a point of shape s moves along n [m/s] until t [s]."""
     i = shapes.body[s]
     if model.inv_m[i] == 0.0:
@@ -265,8 +265,8 @@ def meeting(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b:
     gap -= level
     while True:
         back = (-n[0], -n[1], -n[2])
-        speed = (_approach(model, state, loads, shapes, a, n, until)
-                 + _approach(model, state, loads, shapes, b, back, until))
+        speed = (approach_bound(model, state, loads, shapes, a, n, until)
+                 + approach_bound(model, state, loads, shapes, b, back, until))
         if speed * (until - t) < gap:
             return math.inf
         later = min(t + max(gap / speed, least), until)

@@ -34,9 +34,9 @@ TOGETHER = 1e-7
 # Rounds of collisions in a step. A row of k touching bodies takes about k; what is left after the
 # last round is stopped without a bounce by the contact solver.
 ROUNDS = 200
-# Visits to the points and the friction of one collision. Four corners of a falling box agree to
-# 1e-6 after 30.
-VISITS = 30
+# Visits to the points and the friction of one collision, at most, and the part of the impulse by
+# which one of them may still change it.
+VISITS, CONVERGED = 100, 1e-12
 
 
 # Columns of `CollisionWork.body`.
@@ -81,18 +81,17 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
     """
     Let all pairs with restitution bounce that touch within h [s] faster than `slowest` [m/s].
 
-    F (3, n) are the forces [N]. Changes the state; the displacements and rotations are in
-    work.body afterwards. The impulses (4, c) and (c, 3) are what acted on B [N s]. Returns the
-    number of collisions.
+    What waits already takes no part. F (3, n) are the forces [N]. Changes the state; the
+    displacements and rotations are in work.body afterwards. The impulses (4, c) and (c, 3) are
+    what acted on B [N s]. Returns the number of collisions.
     """
     first_row, count = rows_in_use(manifolds)
-    work.waits[first_row:first_row + count] = 0
     candidates = 0
     for k in range(count if may_bounce(materials.restitution) else 0):
         r = (first_row + k) & INDEX
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if _restitution(shapes, materials, manifolds.shape_a[r], manifolds.shape_b[r]) > 0.0 and (
-                inv_m[a] + inv_m[b] > 0.0):
+                inv_m[a] + inv_m[b] > 0.0) and work.waits[r] == 0:
             work.rows[candidates] = r
             candidates += 1
     for k in range(count if candidates > 0 else 0):
@@ -225,8 +224,7 @@ def _time_of_touch(gap: float, v: float, a: float, h: float, slowest: float) -> 
 
 @kernel
 def _touch(h: float, x: Array, kind: IntArray, size: Array, manifolds: Manifolds, slowest: float,
-           r: int,
-           work: CollisionWork) -> float:
+           r: int, work: CollisionWork) -> float:
     """Return when the first point of a manifold touches [s] after the start of the step."""
     a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
     n = row(manifolds.normal, r)
@@ -283,8 +281,7 @@ def _touch_of_spheres(h: float, x: Array, size: Array, manifolds: Manifolds, r: 
 
 @kernel
 def _bounce(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, restitution: float,
-            mu: float,
-            r: int, tau: float, normal_impulse: Array, friction_impulse: Array,
+            mu: float, r: int, tau: float, normal_impulse: Array, friction_impulse: Array,
             work: CollisionWork) -> None:
     """Collide one pair at tau [s], by the law of Newton within the cone of Coulomb."""
     a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
@@ -354,12 +351,24 @@ def _response(line: Array, r: Vector, e: Vector) -> float:
 
 
 @kernel
+def _change_at(line: Array, r: Vector) -> Vector:
+    """Return how much a collision has changed the velocity at a point of a body so far."""
+    return add(scale(line[_INV_M], _get(line, _DP)), cross(_turned(line, _get(line, _DL)), r))
+
+
+@kernel
+def _relative(A: Array, B: Array, r_A: Vector, d: Vector, dv: Vector) -> Vector:
+    """Return the velocity of B relative to A at a point; `dv` is what forces add until then."""
+    return add(dv, subtract(_velocity_at(B, subtract(r_A, d)), _velocity_at(A, r_A)))
+
+
+@kernel
 def _visit_point(A: Array, B: Array, n: Vector, d: Vector, dv: Vector, p: int,
                  work: CollisionWork) -> None:
     """Bring one point to its target by an impulse >= 0."""
     r_A = row(work.point, p)
     r_B = subtract(r_A, d)
-    u = add(dv, subtract(_velocity_at(B, r_B), _velocity_at(A, r_A)))
+    u = _relative(A, B, r_A, d, dv)
     k = _response(A, r_A, n) + _response(B, r_B, n)
     after = max(0.0, work.impulse[p] + (work.target[p] - dot(n, u)) / k)
     change = after - work.impulse[p]
@@ -369,34 +378,118 @@ def _visit_point(A: Array, B: Array, n: Vector, d: Vector, dv: Vector, p: int,
 
 
 @kernel
-def _impulses(A: Array, B: Array, n: Vector, d: Vector, dv: Vector, mu: float, points: int,
-              work: CollisionWork) -> Vector:
-    """Find and apply the impulses of one collision; return that of friction."""
-    J = (0.0, 0.0, 0.0)
+def _visit_together(A: Array, B: Array, n: Vector, d: Vector, dv: Vector, points: int,
+                    work: CollisionWork) -> None:
+    """
+    Bring the points to their targets, on the average, by the same impulse at each.
+
+    Before each is visited alone: so what lies symmetrically stays so.
+    """
+    count, c, missing = 0, (0.0, 0.0, 0.0), 0.0
+    for p in range(points):
+        if work.target[p] < NEVER:
+            count += 1
+            c = add(c, row(work.point, p))
+            missing += work.target[p] - dot(n, _relative(A, B, row(work.point, p), d, dv))
+    if count < 2:
+        return
+    r_A = scale(1.0 / count, c)
+    r_B = subtract(r_A, d)
+    J = max(0.0, missing / count / (_response(A, r_A, n) + _response(B, r_B, n)))
+    _push(A, r_A, scale(-J, n))
+    _push(B, r_B, scale(J, n))
+    for p in range(points):
+        if work.target[p] < NEVER:
+            work.impulse[p] = J / count
+
+
+@kernel
+def _normal_impulses(A: Array, B: Array, n: Vector, d: Vector, dv: Vector, points: int,
+                     work: CollisionWork) -> tuple[float, Vector]:
+    """Bring the points to their targets; return the sum of their impulses and its centre."""
+    pressure, c = 0.0, (0.0, 0.0, 0.0)
     for _ in range(VISITS):
-        pressure = 0.0
-        c = (0.0, 0.0, 0.0)
+        before, pressure, c = pressure, 0.0, (0.0, 0.0, 0.0)
         for p in range(points):
             if work.target[p] < NEVER:
                 _visit_point(A, B, n, d, dv, p, work)
                 pressure += work.impulse[p]
                 c = add_scaled(c, work.impulse[p], row(work.point, p))
-        if pressure == 0.0 or (mu == 0.0 and points == 1):
+        if abs(pressure - before) <= CONVERGED * pressure:
             break
-        r_A = scale(1.0 / pressure, c)
-        r_B = subtract(r_A, d)
-        u = add(dv, subtract(_velocity_at(B, r_B), _velocity_at(A, r_A)))
+    return pressure, scale(1.0 / pressure, c) if pressure > 0.0 else c
+
+
+@kernel
+def _impulses(A: Array, B: Array, n: Vector, d: Vector, dv: Vector, mu: float, points: int,
+              work: CollisionWork) -> Vector:
+    """
+    Find and apply the impulses of one collision; return that of friction.
+
+    First those of the normals alone. Friction then acts at one point that stays, the centre of
+    their pressure: at one that moved between visits its parts would leave a couple.
+    """
+    _visit_together(A, B, n, d, dv, points, work)
+    pressure, c = _normal_impulses(A, B, n, d, dv, points, work)
+    J = (0.0, 0.0, 0.0)
+    if pressure > 0.0 and mu > 0.0:
+        J = _friction(A, B, n, d, dv, mu, c, pressure, points, work)
+    return _within_energy(A, B, n, d, dv, c, J, points, work)
+
+
+@kernel
+def _friction(A: Array, B: Array, n: Vector, d: Vector, dv: Vector, mu: float, c: Vector,
+              pressure: float, points: int, work: CollisionWork) -> Vector:
+    """Stop the sliding at c within the cone of Coulomb, and keep the points at their targets."""
+    J = (0.0, 0.0, 0.0)
+    for _ in range(VISITS):
+        u = _relative(A, B, c, d, dv)
         u = add_scaled(u, -dot(n, u), n)
         speed = norm(u)
-        if speed == 0.0 or mu == 0.0:
-            continue
+        if speed == 0.0:
+            break
         e = scale(1.0 / speed, u)
-        wanted = add_scaled(J, -speed / (_response(A, r_A, e) + _response(B, r_B, e)), e)
+        k = _response(A, c, e) + _response(B, subtract(c, d), e)
+        wanted = add_scaled(J, -speed / k, e)
         size = norm(wanted)
         if size > mu * pressure:
             wanted = scale(mu * pressure / size, wanted)
         change = subtract(wanted, J)
-        _push(A, r_A, scale(-1.0, change))
-        _push(B, r_B, change)
+        _push(A, c, scale(-1.0, change))
+        _push(B, subtract(c, d), change)
         J = wanted
+        pressure, _ = _normal_impulses(A, B, n, d, dv, points, work)
+        if norm(change) <= CONVERGED * norm(J):
+            break
     return J
+
+
+@kernel
+def _within_energy(A: Array, B: Array, n: Vector, d: Vector, dv: Vector, c: Vector, J: Vector,
+                   points: int, work: CollisionWork) -> Vector:
+    """
+    Reduce the impulses of a collision to where they do no work; return what is left of J.
+
+    Impulses f that change the velocities of their points from u to u + K f do the work f . u + f .
+    K f / 2. Newton's law of restitution with friction may make it positive (Kane, A dynamics
+    puzzle, Stanford Mechanics Alumni Club Newsletter 1984); s f with s = -2 f . u / f . K f does
+    none.
+    """
+    changed = dot(J, subtract(_change_at(B, subtract(c, d)), _change_at(A, c)))
+    after = dot(J, _relative(A, B, c, d, dv))
+    for p in range(points):
+        r, f = row(work.point, p), work.impulse[p]
+        changed += f * dot(n, subtract(_change_at(B, subtract(r, d)), _change_at(A, r)))
+        after += f * dot(n, _relative(A, B, r, d, dv))
+    if after - 0.5 * changed <= 0.0:
+        return J
+    less = 2.0 * (changed - after) / changed - 1.0
+    for p in range(points):
+        change = scale(less * work.impulse[p], n)
+        _push(A, row(work.point, p), scale(-1.0, change))
+        _push(B, subtract(row(work.point, p), d), change)
+        work.impulse[p] *= 1.0 + less
+    change = scale(less, J)
+    _push(A, c, scale(-1.0, change))
+    _push(B, subtract(c, d), change)
+    return add(J, change)

@@ -41,10 +41,9 @@ PIECE = 2048
 # them asks for each ahead of time. Other processors than those of AMD do so by themselves, and are
 # held up: by 8 % of a step of 10 000 spheres on an Intel Xeon.
 CACHED = 512 if get_host_cpu_name().startswith('znver') else 1 << 40
-# What a sweep leaves to do in a block: something that its visit changed, an overlap; that it was
-# pushed since the last substep; and the bits of all lanes, the first of which is given here, that
-# were changed so roughly that others must hear of it.
-UNSETTLED, OVERLAPPING, SHOVED, SHAKEN = 1, 2, 4, 8
+# What a visit leaves to do in a block: an overlap; that it was pushed since the last substep; and
+# the bits of the lanes that it changed, the first of which is given here.
+OVERLAPPING, SHOVED, CHANGED = 1, 2, 4
 # The regions of a world: the halves, the first of which has all if there is no second, and what is
 # across.
 REGIONS, BETWEEN = 3, 2
@@ -77,7 +76,7 @@ class Blocks(NamedTuple):
     end: IntArray  # (REGIONS,) where the last one of a region ends in `numbers`
     kind: IntArray  # (b,) class
     start: IntArray  # (b,) where its row 0 is in `numbers`, or would be
-    left: IntArray  # (b,) of 16 bits, see UNSETTLED, OVERLAPPING, SHOVED and SHAKEN
+    left: IntArray  # (b,) of 16 bits, see OVERLAPPING, SHOVED and CHANGED
     residual: Array  # (b,) largest change of velocity that the last visit made [m/s]
     again: IntArray  # (b,) of 32 bits, those of a region with something left, from its first on
     numbers: Array  # flat, the rows of contact_blocks.py

@@ -29,12 +29,15 @@ import threading
 from typing import Any
 
 from numba import types
+from numba.core import event
 
 from rigid_sim_ros.engine.kernel_cache import base_folder
 from rigid_sim_ros.engine.kernel_linking import SUPPORTED
 
 # [s] How long a helper is waited for once this process has done its part: it needs a few.
 PATIENCE = 120.0
+# The kind of Numba's events that tell that this process waits for a helper.
+WAITING = 'rigid_sim_ros:waiting'
 _ROOT = Path(__file__).parents[2]
 _DONE = b'\6'   # what a helper writes for every piece
 _lock = threading.Lock()
@@ -178,7 +181,8 @@ class HelperProcess:
 
     def wait(self, count: int) -> bool:
         """Wait until it has compiled so many pieces, and return whether it has."""
-        with self._news:
+        trigger: Any = event.trigger_event
+        with trigger(WAITING), self._news:
             self._news.wait_for(lambda: self._done >= count or self._ended, PATIENCE)
             return self._done >= count
 

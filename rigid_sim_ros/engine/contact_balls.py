@@ -16,12 +16,13 @@ shapes. That takes a third of the work of other contacts and half of their memor
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, axes, combine, drift_together, FRICTION, GAP, IMPULSE, inverse_of, LEVER_A, LEVER_B,
-    load_three, load_two, make_basis, MASS, Motion, MU, NORMAL, POINT, SHOVE, SPEED, STICK,
-    store_two, Three, Two)
-from rigid_sim_ros.engine.contact_rules import gap_of, NEGLIGIBLE, onto_circle, wanted_of
+    load_three, load_two, make_basis, MASS, Motion, MU, NORMAL, POINT, RESTING, SHOVE, SIZE, SPEED,
+    STICK, store_two, Three, TURN_T, Two)
+from rigid_sim_ros.engine.contact_rules import (
+    approach_of, is_open, least_speed, NEGLIGIBLE, onto_circle, Sweep, wanted_of)
 from rigid_sim_ros.engine.kernel import part
 from rigid_sim_ros.engine.lanes import (
-    any_of, Eight, gather, load, scatter, select, spread, store)
+    any_of, Eight, gather, load, Mask, scatter, select, spread, store)
 from rigid_sim_ros.engine.solver_bodies import INV_I, INV_M
 from rigid_sim_ros.engine.vector import add_scaled, dot, scale, subtract
 
@@ -57,13 +58,15 @@ def warm_balls(b: Array, warm: Array, at_A: IntArray, at_B: IntArray, inv_m_A: E
 
 
 @part
-def visit_balls(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h: float) -> Eight:
+def visit_balls(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, what: Sweep,
+                mask: Mask) -> Eight:
     """Do what `visit` does: solve normals and then friction."""
     A, B = gather(motion, at_A), gather(motion, at_B)
     n, t1, t2 = axes(b)
     v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
     old_N, speed = load(b, POINT + IMPULSE), dot(v, n)
-    pressure = max(old_N - load(b, POINT + MASS) * (speed + gap_of(b, POINT) * inv_h), 0.0)
+    pressure = max(old_N - load(b, POINT + MASS) * (speed + least_speed(b, POINT, what)), 0.0)
+    pressure = select(mask, pressure, old_N)
     old = load_two(b, FRICTION)
     if not any_of(pressure + old_N + abs(old[0]) + abs(old[1]) > 0.0):
         # Nothing presses, nor did anything before this visit.
@@ -75,7 +78,10 @@ def visit_balls(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h: 
 
     w_A, w_B = scale(A[INV_I], (A[3], A[4], A[5])), scale(B[INV_I], (B[3], B[4], B[5]))
     m = subtract(scale(load(b, LEVER_B), w_B), scale(load(b, LEVER_A), w_A))
-    new = _friction(b, (dot(v, t1) + dot(m, t2), dot(v, t2) - dot(m, t1)), pressure, old)
+    turns = load_two(b, TURN_T)
+    new = _friction(b, (dot(v, t1) + dot(m, t2) + what.when * turns[0],
+                        dot(v, t2) - dot(m, t1) + what.when * turns[1]), pressure, old)
+    new = (select(mask, new[0], old[0]), select(mask, new[1], old[1]))
     store_two(b, FRICTION, new)
     change = (new[0] - old[0], new[1] - old[1])
 
@@ -89,7 +95,7 @@ def visit_balls(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h: 
 @part
 def _keep_speed(b: Array, speed: Eight) -> None:
     """Write the normal velocity if anybody will ask for it, see `wanted_of`."""
-    if any_of(load(b, POINT + GAP) < -NEGLIGIBLE):
+    if any_of(load(b, POINT + GAP) < -NEGLIGIBLE * load(b, SIZE)):
         store(b, POINT + SPEED, speed)
 
 
@@ -115,22 +121,22 @@ def _pushed(motion: Motion, inv_m: Eight, lever: Eight, F: Three, turn: Three,
 
 
 @part
-def drift_balls(b: Array, drifted: Array, at_A: IntArray, at_B: IntArray, h: float,
-                shoved: bool) -> None:
-    """Move on the gaps by the velocities with which the bodies drifted for h [s]; see `visit`."""
-    A, B = gather(drifted, at_A), gather(drifted, at_B)
+def drift_balls(b: Array, A: Motion, B: Motion, h: float, shoved: bool, what: Sweep) -> Eight:
+    """Move on the gaps by the velocities with which the bodies drifted; see contact_sweep.py."""
     n = load_three(b, NORMAL)
     v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
     drift_together(b, 1, shoved, v, h)
-    store(b, POINT + GAP, load(b, POINT + GAP) + h * dot(v, n))
+    was_open, speed = is_open(b, POINT), dot(v, n)
+    store(b, POINT + GAP, load(b, POINT + GAP) + h * speed)
+    store(b, POINT + RESTING, 0.0)
+    return approach_of(speed + least_speed(b, POINT, what), was_open)
 
 
 @part
-def separate_balls(b: Array, push: Array, at_A: IntArray, at_B: IntArray, rate: float,
-                   speed: float) -> None:
+def separate_balls(b: Array, push: Array, at_A: IntArray, at_B: IntArray, rate: float) -> None:
     """Do what `separate` does: push along the line of centres, which turns nobody."""
     A, B, n = gather(push, at_A), gather(push, at_B), load_three(b, NORMAL)
-    wanted = wanted_of(b, POINT, rate, speed)
+    wanted = wanted_of(b, POINT, rate)
     parting = dot((B[0] - A[0], B[1] - A[1], B[2] - A[2]), n)
     shove = max(load(b, POINT + MASS) * (wanted - parting), 0.0)
     shove = select(wanted > 0.0, shove, 0.0)

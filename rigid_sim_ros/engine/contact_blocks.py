@@ -50,20 +50,27 @@ K_SPIN = 21  # K_TT02 and K_TT12: how a torque about n makes a pair slide
 INV_SPIN = 23  # 1 / K_TT22
 SPIN_LEVER = 24  # [m] torque about n per normal force
 SPIN = 25  # impulse about n of this substep [N m s]
+RESTING_SPIN = 26  # see RESTING
 # All blocks have these:
-SHOVE = 26  # impulse along n of the push that displaces [N s]; means nothing unless SHOVED
-NORMAL = 27  # n, world axes
-BASIS = 30  # a number from which t1 follows, see `make_basis`
-MU = 31  # friction coefficient
-SLIDE = 32  # 1 / a bound of the largest eigenvalue of the force part of K_TT
-FRICTION = 33  # impulses along t1, t2 of this substep [N s]
-TORSION = 35  # a part of the angular momentum that the pair gained by having moved [N m s]
-TOTAL_T = 38  # friction of the substeps before, along t1, t2 [N s]
-POINT = 40  # rows of the first point
-POINT_ROWS = 7
-# Of a point: TOTAL is the impulse of the substeps before, SPEED the normal velocity after its
-# last visit, of balls only where one overlaps.
-S, T, MASS, GAP, IMPULSE, TOTAL, SPEED = range(7)
+SHOVE = 27  # impulse along n of the push that displaces [N s]; means nothing unless SHOVED
+NORMAL = 28  # n, world axes
+BASIS = 31  # a number from which t1 follows, see `make_basis`
+MU = 32  # friction coefficient
+SLIDE = 33  # 1 / the largest eigenvalue of the force part of K_TT
+FRICTION = 34  # impulses along t1, t2 of this substep [N s]
+TORSION = 36  # a part of the angular momentum that the pair gained by having moved [N m s]
+TOTAL_T = 39  # friction of the substeps before, along t1, t2 [N s]
+RESTING_T = 41  # see RESTING
+SIZE = 43  # [m] of the smaller shape: all lengths that are tolerances are parts of it
+TURN_T = 44  # see TURN, along t1, t2
+POINT = 46  # rows of the first point
+POINT_ROWS = 9
+# Of a point: TOTAL is the impulse of the substeps before, SPEED the normal velocity after its last
+# visit, of balls only where one overlaps. RESTING is its impulse of the last substep while an
+# impact is solved, which has impulses of its own; afterwards, how fast the point still approaches
+# [m/s], where the visits to an impact came to their limit. TURN [m/s] is how much the geometry of
+# the contact alone changes the normal velocity in a step, see contact_prediction.py.
+S, T, MASS, GAP, IMPULSE, TOTAL, SPEED, RESTING, TURN = range(9)
 # A small block, of manifolds that have one point and do not resist rolling, ends with this:
 K_N = POINT + POINT_ROWS  # response along n, t1, t2 and about n to the normal impulse
 SMALL_ROWS = K_N + 4
@@ -78,7 +85,8 @@ BALLS_BEGIN, BALLS_END = SHOVE, POINT + POINT_ROWS
 K_NN = POINT + 4 * POINT_ROWS  # 00, 01, 02, 11, 12, 22
 K_TN = K_NN + 6  # by rows
 ROLL = K_TN + 9  # impulses about t1, t2 [N m s]
-ROLL_STEP = ROLL + 2  # 1 / a bound of the largest eigenvalue of the torque part of K_NN
+RESTING_ROLL = ROLL + 2  # see RESTING
+ROLL_STEP = RESTING_ROLL + 2  # 1 / the largest eigenvalue of the torque part of K_NN
 ROLL_LEVER = ROLL_STEP + 1  # [m] torque about t1, t2 per normal force
 ROWS = ROLL_LEVER + 1
 BLOCK_SIZE = ROWS * LANES
@@ -156,46 +164,54 @@ def begin_sums(b: Array, points: int) -> None:
 
 
 @part
-def end_substep(b: Array, points: int) -> Three:
-    """Add the impulses of a substep to those of the step; return these along n, t1, t2 [N s]."""
-    slide_1, slide_2 = (load(b, TOTAL_T) + load(b, FRICTION),
-                        load(b, TOTAL_T + 1) + load(b, FRICTION + 1))
-    store_two(b, TOTAL_T, (slide_1, slide_2))
-    along = load(b, POINT + TOTAL) + load(b, POINT + IMPULSE)
-    store(b, POINT + TOTAL, along)
+def total_of(b: Array, points: int, share: float) -> Three:
+    """Return the impulses of the substeps before and a share of this one's along n, t1, t2."""
+    along = load(b, POINT + TOTAL) + share * load(b, POINT + IMPULSE)
     for p in range(1, 4 if points > 1 else 1):
         point = POINT + p * POINT_ROWS
-        total = load(b, point + TOTAL) + load(b, point + IMPULSE)
-        store(b, point + TOTAL, total)
-        along = along + total
-    return along, slide_1, slide_2
+        along = along + (load(b, point + TOTAL) + share * load(b, point + IMPULSE))
+    return (along, load(b, TOTAL_T) + share * load(b, FRICTION),
+            load(b, TOTAL_T + 1) + share * load(b, FRICTION + 1))
+
+
+@part
+def end_substep(b: Array, points: int) -> None:
+    """Add the impulses of a substep to those of the step."""
+    store(b, TOTAL_T, load(b, TOTAL_T) + load(b, FRICTION))
+    store(b, TOTAL_T + 1, load(b, TOTAL_T + 1) + load(b, FRICTION + 1))
+    for p in range(4 if points > 1 else 1):
+        point = POINT + p * POINT_ROWS
+        store(b, point + TOTAL, load(b, point + TOTAL) + load(b, point + IMPULSE))
 
 
 @part
 def drift_together(b: Array, points: int, shoved: bool, v: Three, h: float) -> None:
     """
-    End a substep, after which B moved with the velocity v relative to A for h [s].
+    End a substep, in which B moved with the mean velocity v relative to A for h [s].
 
-    Impulses act where c was at the start of the step, while the pair has moved: with the
-    impulse F_i of a substep and the way d_j of its end, the pair gains the angular momentum
+    Impulses act where c was when the manifold was found, while the pair moves: with the impulse
+    F_i of a substep, half way through it, and the way d_i of it, the pair gains the angular
+    momentum
 
-        sum_i (sum_{j < i} d_j) x F_i = (sum_j d_j) x (sum_i F_i) + sum_j (sum_{i <= j} F_i) x d_j,
+        sum_i (sum_{j < i} d_j + d_i / 2) x F_i
+            = (sum_j d_j) x (sum_i F_i) + sum_j (sum_{i < j} F_i + F_j / 2) x d_j,
 
     the first part of which `gain_of` adds at the end, when both sums are known. The push, too,
     displaces momenta.
     """
     n, t1, t2 = axes(b)
-    along, slide_1, slide_2 = end_substep(b, points)
+    along, slide_1, slide_2 = total_of(b, points, 0.5)
     if shoved:
         along = along + load(b, SHOVE)
     F = combine(n, t1, t2, (h * along, h * slide_1, h * slide_2))
     store_three(b, TORSION, add(load_three(b, TORSION), cross(F, v)))
+    end_substep(b, points)
 
 
 @part
 def gain_of(b: Array, acted: Three, moved: Three) -> Three:
     """
-    Return what L a pair gained by having `moved` before the last substep; see above.
+    Return what L a pair gained by having `moved` in all substeps; see above.
 
     `acted` are the impulses of all substeps along n, t1, t2.
     """
@@ -250,9 +266,10 @@ def prepare_block(b: Array, points: int, small: bool, inv_m_A: Eight, inv_m_B: E
     Work out frames, arms and responses of the eight manifolds of a block.
 
     Filled in before: NORMAL, x_A - x_B in ARM_B, J_A, J_B, MU, SPIN_LEVER, the friction impulse
-    as a world vector in TORSION, SPIN, and for each of four points GAP, IMPULSE and in S, T,
-    MASS where it is from the centre of mass of A [m], world axes. A point that is not there has
-    the gap ABSENT, and so have all but the first in a block of one point.
+    as a world vector in TORSION, SPIN, that against rolling as one from ROLL on, and for each of
+    four points GAP, IMPULSE and in S, T, MASS where it is from the centre of mass of A [m], world
+    axes. A point that is not there has the gap ABSENT, and so have all but the first in a block of
+    one point.
     """
     count = 4 if points > 1 else 1
     make_basis(b)
@@ -290,27 +307,33 @@ def prepare_block(b: Array, points: int, small: bool, inv_m_A: Eight, inv_m_B: E
 
 @part
 def make_basis(b: Array) -> None:
-    """Choose the tangents, see `axes`, and turn the friction in TORSION into its parts."""
+    """
+    Choose the tangents, see `axes`, and turn vectors into their parts.
+
+    The friction in TORSION, and what `_copy_turns` wrote from TOTAL_T on.
+    """
     z = load(b, NORMAL + 2)
     store(b, BASIS, -1.0 / (select(z >= 0.0, 1.0, -1.0) + z))
     _, t1, t2 = axes(b)
     friction = load_three(b, TORSION)
     store(b, FRICTION, dot(friction, t1))
     store(b, FRICTION + 1, dot(friction, t2))
+    turn = load_three(b, TOTAL_T)
+    store_two(b, TURN_T, (dot(turn, t1), dot(turn, t2)))
 
 
-# Gap at which a point counts half for the centre of its manifold [m]. Smaller: friction acts where
-# the bodies touch already; larger: in the middle of what is about to touch. The pressure would be
-# the better weight, but where it swings to and fro the centre would swing with it, and friction
-# would feed the motion.
+# Gap, of the size of the smaller shape, at which a point counts half for the centre of a manifold.
+# Smaller: friction acts where the bodies touch already; larger: in the middle of what is about to
+# touch. The pressure would be the better weight, but where it swings to and fro the centre would
+# swing with it, and friction would feed the motion.
 _NEAR = 1e-4
 
 
 @part
 def _weight(b: Array, point: int) -> Eight:
     """Return what a point counts for the centre of its manifold."""
-    gap = max(load(b, point + GAP), 0.0)
-    return _NEAR * _NEAR / (_NEAR * _NEAR + gap * gap)
+    gap, near = max(load(b, point + GAP), 0.0), _NEAR * load(b, SIZE)
+    return near * near / (near * near + gap * gap)
 
 
 @part
@@ -374,14 +397,21 @@ def _prepare_friction(b: Array, A: Six, B: Six) -> None:
     store(b, INV_SPIN, inverse_of(A[5] + B[5]))
     store(b, K_SPIN, A[2] + B[2])
     store(b, K_SPIN + 1, A[4] + B[4])
-    # Gershgorin's bound of the largest eigenvalue.
-    store(b, SLIDE, inverse_of(max(k00, k11) + abs(k01)))
+    store(b, SLIDE, inverse_of(_largest_eigenvalue(k00, k01, k11)))
+
+
+@part
+def _largest_eigenvalue(k00: Eight, k01: Eight, k11: Eight) -> Eight:
+    """Return that of a symmetric matrix of two rows: it is the same for any pair of tangents."""
+    half = 0.5 * (k00 - k11)
+    return 0.5 * (k00 + k11) + root(half * half + k01 * k01)
 
 
 @part
 def _prepare_rolling(b: Array) -> None:
-    """Start without rolling resistance, with Gershgorin's bound for its steps."""
+    """Turn the impulse against rolling into its parts, and how long its steps may be."""
+    _, t1, t2 = axes(b)
+    roll = load_three(b, ROLL)
+    store_two(b, ROLL, (dot(roll, t1), dot(roll, t2)))
     k11, k12, k22 = load(b, K_NN + 3), load(b, K_NN + 4), load(b, K_NN + 5)
-    store(b, ROLL, 0.0)
-    store(b, ROLL + 1, 0.0)
-    store(b, ROLL_STEP, inverse_of(max(k11, k22) + abs(k12)))
+    store(b, ROLL_STEP, inverse_of(_largest_eigenvalue(k11, k12, k22)))

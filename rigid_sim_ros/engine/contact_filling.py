@@ -6,25 +6,29 @@ from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.bits import fetch
 from rigid_sim_ros.engine.coloring import (
     are_balls, BALLS, BETWEEN, Blocks, CACHED, Coloring, fetch_block, first_block, is_small,
-    lanes_of, numbers_of, PIECE, points_in, QUIET, QUIET_BALLS, SHOVED)
+    lanes_of, numbers_of, PIECE, points_in, QUIET, QUIET_BALLS, resists,
+    SHOVED)
 from rigid_sim_ros.engine.contact_balls import prepare_balls, warm_balls
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, end_substep, FRICTION, friction_of, gain_of,
+    ABSENT, ARM_A, ARM_B, axes, combine, FRICTION, friction_of, gain_of,
     GAP, IMPULSE, J_A, J_B, LEVER_A, LEVER_B, load_three, load_two, Motion, MU, NORMAL,
-    normal_sum, POINT, POINT_ROWS, prepare_block, pushed, ROLL_LEVER, S, SHOVE,
-    smallest_gap, SPIN, SPIN_LEVER, store_three, T, Three, TORSION, TOTAL)
+    normal_sum, POINT, POINT_ROWS, prepare_block, pushed, RESTING, ROLL,
+    ROLL_LEVER, S, SHOVE,
+    SIZE, smallest_gap, SPIN, SPIN_LEVER, store_three, T, Three, TORSION, TOTAL, total_of, TOTAL_T,
+    TURN)
+from rigid_sim_ros.engine.contact_prediction import Prediction
 from rigid_sim_ros.engine.contact_rules import SKIN
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.lanes import (
-    any_of, both, count_of, Eight, gather, gather_integers, gather_rows_1, gather_rows_3,
+    any_of, bits_of, both, count_of, Eight, gather, gather_integers, gather_rows_1, gather_rows_3,
     LANES, largest_of, load, scatter, scatter_rows_1, scatter_rows_3, select, spread, store)
 from rigid_sim_ros.engine.manifolds import first_row, Manifolds, POINTS, rows_in_use
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import displacement, gap_now
 from rigid_sim_ros.engine.slots import ACROSS, is_by_number, SECOND, Sides
 from rigid_sim_ros.engine.solver_bodies import (
-    HELD, INV_I, INV_M, is_carried, SolverBodies, still_slot, STRIDE)
-from rigid_sim_ros.engine.vector import add, cross, dot
+    INV_I, INV_M, is_carried, SolverBodies, still_slot, STRIDE, TOUCHED)
+from rigid_sim_ros.engine.vector import add
 
 # What is noted of a region: the deepest overlap [m], and how many manifolds touch, and how many of
 # them without an impulse to begin with.
@@ -141,14 +145,14 @@ def _fetch_body(at: int, balls: bool, bodies: SolverBodies) -> None:
 
 
 @part
-def fill_blocks(region: int, first: int, manifolds: Manifolds, x: Array, shapes: Shapes,
-                materials: Materials, shifts: Array, shifted: bool, share: float,
+def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Prediction, x: Array,
+                shapes: Shapes, materials: Materials, shifts: Array, shifted: bool, share: float,
                 bodies: SolverBodies, blocks: Blocks, fresh: IntArray, notes: Array) -> None:
     """
     Bring manifolds of a region into its blocks, from the `first` on, and note how they are.
 
-    `share` is the part of a step that a substep is. fresh (blocks,) becomes the number of lanes
-    that touch without an impulse to begin with. See DEEPEST, TOUCHING and NEW for the notes.
+    `share` is the part of a step that a substep is. fresh (blocks,) become the bits of the lanes
+    that touch without an impulse to begin with.
     """
     deepest, touching, new = 0.0, 0, 0
     for block in range(first, first_block(blocks, region) + blocks.count[region]):
@@ -160,30 +164,33 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, x: Array, shapes:
             fetch_block(blocks, block + 1)
         at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
         _copy_normal_and_friction(b, rows, manifolds, share)
+        _copy_sizes(b, rows, manifolds, shapes.bound)
         if balls:
             A, B = gather(bodies.motion, at_A), gather(bodies.motion, at_B)
-            _copy_balls(b, rows, manifolds, shapes, materials, share)
+            _copy_balls(b, rows, manifolds, prediction, shapes, materials, share)
         else:
             A, B = gather(bodies.mass, at_A), gather(bodies.mass, at_B)
             _copy_shapes(b, rows, small, manifolds, shapes.material, materials)
-            _copy_places(b, rows, manifolds, x)
+            _copy_places(b, rows, manifolds, prediction, x)
             _copy_inertia(b, A, B)
-            _copy_points(b, rows, points, manifolds, share)
+            _copy_points(b, rows, points, small, manifolds, share)
         least = smallest_gap(b, points)
-        touches = least < SKIN
-        fresh[block] = count_of(both(touches, normal_sum(b, points) == 0.0))
-        touching, new = touching + count_of(touches), new + fresh[block]
+        touches = least < SKIN * load(b, SIZE)
+        fresh[block] = bits_of(both(touches, normal_sum(b, points) == 0.0))
+        touching = touching + count_of(touches)
+        new = new + count_of(both(touches, normal_sum(b, points) == 0.0))
         deepest = max(deepest, largest_of(-least))
         if shifted:
             for i in range(LANES):
                 if rows[i] >= 0:
                     _shift_lane(manifolds, rows[i] & INDEX, shifts, b, i)
+        _copy_turns(b, rows, points, prediction)
         if balls:
             prepare_balls(b, A[INV_M], B[INV_M], A[INV_I], B[INV_I])
             warm_balls(b, bodies.base, at_A, at_B, A[INV_M], B[INV_M])
         else:
             prepare_block(b, points, small, A[INV_M], B[INV_M])
-            _warm_start(b, points, bodies.base, at_A, at_B, A[INV_M], B[INV_M])
+            _warm_start(b, points, small, bodies.base, at_A, at_B, A[INV_M], B[INV_M])
     notes[DEEPEST] = max(notes[DEEPEST], deepest)
     notes[TOUCHING] += touching
     notes[NEW] += new
@@ -211,20 +218,20 @@ def _copy_shapes(b: Array, rows: IntArray, small: bool, manifolds: Manifolds,
 
 
 @part
-def _copy_balls(b: Array, rows: IntArray, manifolds: Manifolds, shapes: Shapes,
-                materials: Materials, share: float) -> None:
+def _copy_balls(b: Array, rows: IntArray, manifolds: Manifolds, prediction: Prediction,
+                shapes: Shapes, materials: Materials, share: float) -> None:
     """
     Write the friction of balls, their point, and how far it is from both middles.
 
-    It lies half way between the surfaces: the radius and half of the gap away. That of what does
-    not move, which may be no ball, is multiplied by 0.
+    It lies half way between the surfaces where they were found: the radius and half of the gap
+    away. That of what does not move, which may be no ball, is multiplied by 0.
     """
     for i in range(LANES):
         there = rows[i] >= 0
         r = (rows[i] if there else rows[0]) & INDEX
         one, other = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
         first, second = shapes.material[one] & INDEX, shapes.material[other] & INDEX
-        half = 0.5 * manifolds.gap[0, r]
+        half = 0.5 * (prediction.gap[r] if prediction.given[r] == 1 else manifolds.gap[0, r])
         b[MU * LANES + i] = materials.friction[first, second] if there else 0.0
         b[LEVER_A * LANES + i] = shapes.size[one, 0] + half if there else 0.0
         b[LEVER_B * LANES + i] = -(shapes.size[other, 0] + half) if there else 0.0
@@ -233,16 +240,19 @@ def _copy_balls(b: Array, rows: IntArray, manifolds: Manifolds, shapes: Shapes,
     there = gather_integers(manifolds.points, rows) > 0.0
     store(b, POINT + GAP, select(there, gap, ABSENT))
     store(b, POINT + IMPULSE, select(there, share * impulse, 0.0))
+    store(b, POINT + RESTING, 0.0)
 
 
 @part
-def _copy_places(b: Array, rows: IntArray, manifolds: Manifolds, x: Array) -> None:
-    """Write x_A - x_B; of an empty lane something."""
+def _copy_places(b: Array, rows: IntArray, manifolds: Manifolds, prediction: Prediction,
+                 x: Array) -> None:
+    """Write x_A - x_B where the manifold was found; of an empty lane something."""
     for i in range(LANES):
         r = (rows[i] if rows[i] >= 0 else rows[0]) & INDEX
         body_a, body_b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         for k in range(3):
-            b[(ARM_B + k) * LANES + i] = x[k, body_a] - x[k, body_b]
+            moved = prediction.moved[r, k] if prediction.given[r] == 1 else 0.0
+            b[(ARM_B + k) * LANES + i] = x[k, body_a] - x[k, body_b] - moved
 
 
 @part
@@ -263,12 +273,41 @@ def _copy_normal_and_friction(b: Array, rows: IntArray, manifolds: Manifolds,
 
 
 @part
-def _copy_points(b: Array, rows: IntArray, points: int, manifolds: Manifolds,
+def _copy_turns(b: Array, rows: IntArray, points: int, prediction: Prediction) -> None:
+    """
+    Write what the geometry of contacts does to their velocities in the step.
+
+    Along the tangents as a world vector, where `make_basis` looks for it.
+    """
+    for i in range(LANES):
+        r = rows[i] & INDEX
+        given = rows[i] >= 0 and prediction.given[r] == 1
+        for p in range(POINTS if points > 1 else 1):
+            turn = prediction.turn[p, r] if given else 0.0
+            b[(POINT + p * POINT_ROWS + TURN) * LANES + i] = turn
+        for k in range(3):
+            b[(TOTAL_T + k) * LANES + i] = prediction.turn_t[r, k] if given else 0.0
+
+
+@part
+def _copy_sizes(b: Array, rows: IntArray, manifolds: Manifolds, bound: Array) -> None:
+    """Write the size of the smaller shape, of which tolerances are parts."""
+    for i in range(LANES):
+        r = (rows[i] if rows[i] >= 0 else rows[0]) & INDEX
+        b[SIZE * LANES + i] = min(bound[manifolds.shape_a[r] & INDEX],
+                                  bound[manifolds.shape_b[r] & INDEX])
+
+
+@part
+def _copy_points(b: Array, rows: IntArray, points: int, small: bool, manifolds: Manifolds,
                  share: float) -> None:
     """Write the points of manifolds that are not of balls."""
     n, present = load_three(b, NORMAL), gather_integers(manifolds.points, rows)
     (spin,) = gather_rows_1(manifolds.spin, rows, 1, 0)
     store(b, SPIN, share * spin)
+    if not small:
+        roll = gather_rows_3(manifolds.roll, rows, 3, 0)
+        store_three(b, ROLL, (share * roll[0], share * roll[1], share * roll[2]))
     for p in range(POINTS if points > 1 else 1):
         _copy_point(b, p, n, rows, manifolds, present, share)
 
@@ -288,6 +327,7 @@ def _copy_point(b: Array, p: int, n: Three, rows: IntArray, manifolds: Manifolds
                            select(there, r_A[2], 0.0) + half * n[2]))
     store(b, point + GAP, select(there, gap, ABSENT))
     store(b, point + IMPULSE, select(there, share * impulse, 0.0))
+    store(b, point + RESTING, 0.0)
 
 
 @kernel
@@ -303,7 +343,7 @@ def _shift_lane(manifolds: Manifolds, r: int, shifts: Array, b: Array, i: int) -
 
 
 @part
-def _warm_start(b: Array, points: int, warm: Array, at_A: IntArray, at_B: IntArray,
+def _warm_start(b: Array, points: int, small: bool, warm: Array, at_A: IntArray, at_B: IntArray,
                 inv_m_A: Eight, inv_m_B: Eight) -> None:
     """Let the impulses of a block act at the start of the first substep."""
     n, t1, t2 = axes(b)
@@ -315,6 +355,8 @@ def _warm_start(b: Array, points: int, warm: Array, at_A: IntArray, at_B: IntArr
         along = along + impulse
         about_1, about_2 = (about_1 + load(b, point + T) * impulse,
                             about_2 - load(b, point + S) * impulse)
+    if not small:
+        about_1, about_2 = about_1 + load(b, ROLL), about_2 + load(b, ROLL + 1)
     slide_1, slide_2, spin = friction_of(b)
     if not any_of(along + abs(slide_1) + abs(slide_2) + abs(spin) > 0.0):
         return
@@ -327,8 +369,8 @@ def _warm_start(b: Array, points: int, warm: Array, at_A: IntArray, at_B: IntArr
 
 @part
 def keep_impulses(region: int, blocks: Blocks, coloring: Coloring, manifolds: Manifolds,
-                  bodies: SolverBodies, h: float, substeps: int, adds: bool, normal_impulse: Array,
-                  friction_impulse: Array) -> float:
+                  prediction: Prediction, bodies: SolverBodies, h: float, substeps: int,
+                  adds: bool, normal_impulse: Array, friction_impulse: Array) -> float:
     """
     Keep the impulses of a region, and give pairs back what L their motion cost.
 
@@ -355,20 +397,22 @@ def keep_impulses(region: int, blocks: Blocks, coloring: Coloring, manifolds: Ma
         n, t1, t2 = axes(b)
         zero = spread(0.0)
         points = points_in(blocks.kind[block])
-        if substeps == 1:
-            begin_sums(b, points)
-        acted, last = end_substep(b, points), load_two(b, FRICTION)
+        acted, last = total_of(b, points, 0.0), load_two(b, FRICTION)
         F = combine(n, t1, t2, (zero, substeps * last[0], substeps * last[1]))
         scatter_rows_3(manifolds.friction, rows, 3, 0, F)
         if not are_balls(blocks.kind[block]):
             _keep_spin(rows, substeps * load(b, SPIN), manifolds.spin)
+        if resists(blocks.kind[block]):
+            roll_1, roll_2 = substeps * load(b, ROLL), substeps * load(b, ROLL + 1)
+            scatter_rows_3(manifolds.roll, rows, 3, 0, combine(n, t1, t2, (zero, roll_1, roll_2)))
         F = combine(n, t1, t2, (zero, acted[1], acted[2]))
         if adds:
             F = add(gather_rows_3(friction_impulse, rows, 3, 0), F)
         scatter_rows_3(friction_impulse, rows, 3, 0, F)
         _keep_normals(b, rows, points, manifolds.impulse, normal_impulse, substeps, adds)
-        _give_back(b, acted, bodies, blocks.at_A[lanes], blocks.at_B[lanes], h,
-                   blocks.left[block] & SHOVED != 0)
+        at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
+        if _mark_touched(b, points, acted, bodies, at_A, at_B, blocks.left[block] & SHOVED != 0):
+            _give_back(b, acted, rows, prediction, bodies, at_A, at_B, h)
     return residual
 
 
@@ -404,35 +448,40 @@ def _keep_normals(b: Array, rows: IntArray, points: int, impulse: Array, normal_
 
 
 @part
-def _give_back(b: Array, acted: Three, bodies: SolverBodies, at_A: IntArray, at_B: IntArray,
-               h: float, shoved: bool) -> None:
-    """
-    Take half of the L that a pair gained from each of its bodies: the point follows both.
-
-    To the gain of the substeps comes that of the last push, which displaced momenta. Bodies that
-    press against each other are marked as held.
-    """
+def _give_back(b: Array, acted: Three, rows: IntArray, prediction: Prediction,
+               bodies: SolverBodies, at_A: IntArray, at_B: IntArray, h: float) -> None:
+    """Take half of the L that a pair gained from each of its bodies: the point follows both."""
     A, B = gather(bodies.total, at_A), gather(bodies.total, at_B)
-    gained = gain_of(b, acted, (h * (B[0] - A[0]), h * (B[1] - A[1]), h * (B[2] - A[2])))
-    if shoved:
-        shove = h * load(b, SHOVE)
-        A, B, n = gather(bodies.drifted, at_A), gather(bodies.drifted, at_B), load_three(b, NORMAL)
-        v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
-        gained = add(gained, cross((shove * n[0], shove * n[1], shove * n[2]), v))
+    # From where the manifold was found, which is where its levers are those of one point.
+    before = gather_rows_3(prediction.moved, rows, 3, 0)
+    given = gather_integers(prediction.given, rows)
+    moved = (select(given > 0.0, before[0], 0.0), select(given > 0.0, before[1], 0.0),
+             select(given > 0.0, before[2], 0.0))
+    gained = gain_of(b, acted, (h * (B[0] - A[0]) - moved[0], h * (B[1] - A[1]) - moved[1],
+                                h * (B[2] - A[2]) - moved[2]))
     A, B = gather(bodies.motion, at_A), gather(bodies.motion, at_B)
-    pair = select(both(A[INV_M] > 0.0, B[INV_M] > 0.0), 1.0, 0.0)
-    held = select(acted[0] + dot(gained, gained) > 0.0, pair, 0.0)
-    if not any_of(held > 0.0):
-        return
-    half = (-0.5 * held * gained[0], -0.5 * held * gained[1], -0.5 * held * gained[2])
+    held = select(both(A[INV_M] > 0.0, B[INV_M] > 0.0), 0.5, 0.0)
+    half = (held * gained[0], held * gained[1], held * gained[2])
     scatter(bodies.motion, at_A,
-            (A[0], A[1], A[2], A[3] + half[0], A[4] + half[1], A[5] + half[2], A[6], A[7]))
+            (A[0], A[1], A[2], A[3] - half[0], A[4] - half[1], A[5] - half[2], A[6], A[7]))
     scatter(bodies.motion, at_B,
-            (B[0], B[1], B[2], B[3] + half[0], B[4] + half[1], B[5] + half[2], B[6], B[7]))
+            (B[0], B[1], B[2], B[3] - half[0], B[4] - half[1], B[5] - half[2], B[6], B[7]))
+
+
+@part
+def _mark_touched(b: Array, points: int, acted: Three, bodies: SolverBodies, at_A: IntArray,
+                  at_B: IntArray, shoved: bool) -> bool:
+    """Mark the bodies of the lanes in which anything acted; return whether there are any."""
+    acts = abs(acted[0]) + abs(acted[1]) + abs(acted[2]) + normal_sum(b, points)
+    if shoved:
+        acts = acts + load(b, SHOVE)
+    if not any_of(acts > 0.0):
+        return False
     # Nobody asks for the friction any more. Without a branch: whether a pair presses the processor
     # could only guess.
-    store(b, FRICTION, held)
+    store(b, FRICTION, select(acts > 0.0, 1.0, 0.0))
     for i in range(LANES):
-        presses = b[FRICTION * LANES + i]
+        acts_here = b[FRICTION * LANES + i]
         for at in (at_A[i] & INDEX, at_B[i] & INDEX):
-            bodies.drifted[at + HELD] = max(bodies.drifted[at + HELD], presses)
+            bodies.drifted[at + TOUCHED] = max(bodies.drifted[at + TOUCHED], acts_here)
+    return True

@@ -26,7 +26,7 @@ from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.sequential import SequentialSettings
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.sleeping import no_rest
-from rigid_sim_ros.engine.slots import Cut, ENOUGH
+from rigid_sim_ros.engine.slots import Cut
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.step import FREE_MOTION
 from rigid_sim_ros.engine.two_cores import Helper
@@ -47,7 +47,6 @@ class Setup(NamedTuple):
     integrator: str  # for bodies that nothing touches
     orientation: str
     solver: str  # of the model `timestep`
-    continuous: bool
     substeps: int
     sleep_after: float  # [s] at rest, of the sequential solver; 0: nothing sleeps
 
@@ -171,17 +170,6 @@ class _Touching(_OneThread):
                              int(counters[CONTACTS]), float(max(0.0, -gaps.min(initial=0.0))))
 
 
-def _cut(arrays: Mapping[str, np.ndarray]) -> Cut | None:
-    """Return how a saved world is cut; None for the beginning, and for one that is not cut yet."""
-    if 'cut_halved' in arrays:
-        saved: Cut = _unnamed('cut', Cut, arrays)
-        return saved
-    if arrays and arrays['manifold_count'][0] >= ENOUGH:
-        raise ValueError('the snapshot does not say in which halves its bodies are solved: it was '
-                         'saved by another version; run the scene from its start')
-    return None
-
-
 # Of `Rest`, what influences later steps.
 _REST = ('steps', 'asleep', 'pose', 'load')
 
@@ -194,7 +182,6 @@ class Timestep(_Touching):
         super().__init__(setup)
         self._settings = timestep.TimestepSettings(
             sequential=SequentialSettings(substeps=setup.substeps),
-            continuous=int(setup.continuous),
             sleep_steps=math.ceil(setup.sleep_after / setup.model.h))
         self._work = timestep.make_timestep_work(setup.model, setup.shapes, self._memory)
         self._rest = no_rest(len(setup.model.m))
@@ -217,12 +204,11 @@ class Timestep(_Touching):
 
     def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Go back to manifolds that `lasting` returned."""
-        cut = _cut(arrays)
         super().recall(arrays)
         self._work = timestep.make_timestep_work(
             self._setup.model, self._setup.shapes, self._memory)
-        if cut:
-            timestep.with_cut(self._work, cut)
+        if arrays:
+            timestep.with_cut(self._work, _unnamed('cut', Cut, arrays))
         self._rest = no_rest(len(self._setup.model.m))
         for name in _REST if arrays and self._settings.sleep_steps > 0 else ():
             getattr(self._rest, name)[...] = arrays[f'rest_{name}']
@@ -257,7 +243,7 @@ class VelocityQp(_Touching):
     def __init__(self, setup: Setup) -> None:
         """Make room for no contacts yet."""
         super().__init__(setup)
-        self._settings = timestep.TimestepSettings(continuous=int(setup.continuous))
+        self._settings = timestep.TimestepSettings()
         self._work = velocity_qp.QpWork(setup.model, setup.shapes, self._memory)
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:

@@ -376,8 +376,12 @@ def _osqp(A: Array, q: Array, C: Any, f: Array) -> tuple[Array, str, int]:
     size = max(float(np.abs(q).max()), 1e-300)
     solver = osqp.OSQP()
     count = C.shape[0]
-    solver.setup(sparse.csc_matrix(np.triu(A / per_force)), q / size, C, np.zeros(count),
-                 np.full(count, np.inf), **OSQP_SETTINGS)
+    try:
+        solver.setup(sparse.csc_matrix(np.triu(A / per_force)), q / size, C, np.zeros(count),
+                     np.full(count, np.inf), **OSQP_SETTINGS)
+    except osqp.OSQPException:
+        # A is positive semi-definite but for the rounding of numbers of very different sizes.
+        return np.zeros_like(f), 'problem non convex', 0
     solver.warm_start(x=f * (per_force / size))
     result = solver.solve(raise_error=False)
     found = np.asarray(result.x, dtype=np.float64) * (size / per_force)

@@ -4,68 +4,107 @@
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.coloring import (
-    are_balls, Blocks, is_small, lanes_of, numbers_of, OVERLAPPING, points_in, resists, SHAKEN,
-    SHOVED, UNSETTLED)
+    are_balls, Blocks, CHANGED, is_small, lanes_of, numbers_of, OVERLAPPING, points_in, resists,
+    SHOVED)
 from rigid_sim_ros.engine.contact_balls import drift_balls, separate_balls, visit_balls
 from rigid_sim_ros.engine.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, drift_together, friction_of, GAP, IMPULSE,
-    INV_SPIN, INV_TT, J_A, J_B, K_N, K_NN, K_SPIN, K_TN, keep_friction, load_three, MASS, Motion,
-    MU, NORMAL, normal_sum, POINT, POINT_ROWS, pushed, ROLL, ROLL_LEVER, ROLL_STEP, S,
-    SHOVE, SLIDE, smallest_gap, SPEED, SPIN_LEVER, symmetric, T, Three)
+    ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, drift_together, FRICTION, friction_of, GAP,
+    IMPULSE,
+    INV_SPIN, INV_TT, J_A, J_B, K_N, K_NN, K_SPIN, K_TN, keep_friction, load_three, load_two, MASS,
+    Motion, MU, NORMAL, normal_sum, POINT, POINT_ROWS, pushed, RESTING, RESTING_ROLL, RESTING_SPIN,
+    RESTING_T, ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE, SIZE, SLIDE, smallest_gap, SPEED, SPIN,
+    SPIN_LEVER, symmetric, T, Three, TOTAL, TOTAL_T, TURN_T)
 from rigid_sim_ros.engine.contact_rules import (
-    gap_of, NEGLIGIBLE, onto_circle, SKIN, Sweep, wanted_of)
+    approach_of, gap_of, is_open, least_speed, NEGLIGIBLE, onto_circle, SETTLED, SETTLED_POINT,
+    SKIN, Sweep, wanted_of)
 from rigid_sim_ros.engine.kernel import part
 from rigid_sim_ros.engine.lanes import (
-    any_of, bits_of, Eight, gather, largest_of, load, scatter, select, spread, store)
+    any_of, bits_of, Eight, either, EVERY, gather, lanes_in, largest_of, load, Mask, scatter,
+    select, spread, store)
 from rigid_sim_ros.engine.solver_bodies import INV_M
 from rigid_sim_ros.engine.vector import add, add_scaled, cross, dot, subtract
 
 
-# [m/s] a visit that changes velocities less has nothing left to do in this substep. Nothing stands
-# upright on a single point, so that a small error could tilt it; and a heap of thousands of balls
-# never stops to roll a little.
-SETTLED, SETTLED_POINT = 1e-6, 1e-5
-# [m/s] a change that others must hear of before the substep ends, see calming.py
-ROUGH = 0.2
-
-
 @part
 def visit(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points: int, rolls: bool,
-          inv_h: float) -> Eight:
+          what: Sweep, mask: Mask) -> Eight:
     """
     Read the bodies of a block, solve normals and then friction, write the bodies.
 
-    Friction comes last because the normal impulses bound it. Returns the largest change of a
-    velocity, lane by lane [m/s].
+    Only in the lanes of the mask. Friction comes last because the normal impulses bound it.
+    Returns the largest change of a velocity, lane by lane [m/s].
     """
     if points == 1 and not rolls:
-        return _visit_small(b, motion, at_A, at_B, inv_h)
-    return _visit_many(b, motion, at_A, at_B, points, rolls, inv_h)
+        return _visit_small(b, motion, at_A, at_B, what, mask)
+    return _visit_many(b, motion, at_A, at_B, points, rolls, what, mask)
 
 
 @part
-def visit_block(blocks: Blocks, block: int, motion: Array, drifted: Array, what: Sweep) -> Eight:
-    """Visit a block by its number; return what `visit` does."""
+def visit_block(blocks: Blocks, block: int, motion: Array, what: Sweep, bits: int) -> Eight:
+    """Visit the lanes of a block, by its number, whose bits are set; return what `visit` does."""
     b, lanes, kind = numbers_of(blocks, block), lanes_of(block), blocks.kind[block]
     at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
-    drifts, shoved = what.drift > 0.0, blocks.left[block] & SHOVED != 0
-    if drifts and what.begins:
-        begin_sums(b, points_in(kind))
     if are_balls(kind):
-        if drifts:
-            drift_balls(b, drifted, at_A, at_B, what.drift, shoved)
-        residual = visit_balls(b, motion, at_A, at_B, what.inv_h)
+        residual = visit_balls(b, motion, at_A, at_B, what, lanes_in(bits))
     else:
-        if drifts:
-            _drift(b, gather(drifted, at_A), gather(drifted, at_B), what.drift, points_in(kind),
-                   shoved)
-        residual = visit(b, motion, at_A, at_B, points_in(kind), resists(kind), what.inv_h)
+        residual = visit(b, motion, at_A, at_B, points_in(kind), resists(kind), what,
+                         lanes_in(bits))
     blocks.residual[block] = largest_of(residual)
     return residual
 
 
 @part
-def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h: float) -> Eight:
+def drift_block(blocks: Blocks, block: int, drifted: Array, h: float, what: Sweep,
+                tolerance: float) -> int:
+    """
+    Move on the gaps of a block by the velocities with which its bodies drifted for h [s].
+
+    Returns the bits of the pairs that would go on into each other faster than the tolerance [m/s].
+    """
+    b, lanes, kind = numbers_of(blocks, block), lanes_of(block), blocks.kind[block]
+    at_A, at_B, shoved = blocks.at_A[lanes], blocks.at_B[lanes], blocks.left[block] & SHOVED != 0
+    A, B = gather(drifted, at_A), gather(drifted, at_B)
+    if are_balls(kind):
+        return bits_of(drift_balls(b, A, B, h, shoved, what) < -tolerance)
+    return bits_of(_drift(b, A, B, h, points_in(kind), shoved, what) < -tolerance)
+
+
+@part
+def begin_block(blocks: Blocks, block: int, motion: Array, what: Sweep,
+                tolerance: float) -> int:
+    """
+    Begin the sums of a step.
+
+    Returns the bits of the pairs that would get into each other faster than the tolerance [m/s].
+    """
+    b, lanes, kind = numbers_of(blocks, block), lanes_of(block), blocks.kind[block]
+    begin_sums(b, points_in(kind))
+    new = normal_sum(b, points_in(kind)) == 0.0
+    A, B = gather(motion, blocks.at_A[lanes]), gather(motion, blocks.at_B[lanes])
+    if are_balls(kind):
+        n = load_three(b, NORMAL)
+        v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
+        speed = dot(v, n) + least_speed(b, POINT, what)
+        return bits_of(approach_of(speed, either(new, is_open(b, POINT))) < -tolerance)
+    n, t1, t2 = axes(b)
+    _, u, w = _relative(b, A, B)
+    along, about_1, about_2, least = dot(u, n), dot(w, t1), dot(w, t2), spread(ABSENT)
+    for p in range(4 if points_in(kind) > 1 else 1):
+        point = POINT + p * POINT_ROWS
+        speed = _point_speed(b, point, along, about_1, about_2) + least_speed(b, point, what)
+        least = min(least, approach_of(speed, either(new, is_open(b, point))))
+    return bits_of(least < -tolerance)
+
+
+@part
+def _point_speed(b: Array, point: int, along: Eight, about_1: Eight, about_2: Eight) -> Eight:
+    """Return the normal velocity of a point, given three parts of the twist at c."""
+    return along + load(b, point + T) * about_1 - load(b, point + S) * about_2
+
+
+@part
+def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, what: Sweep,
+                 mask: Mask) -> Eight:
     """
     Do all that `_visit_many` does, for manifolds of one point: their common point c.
 
@@ -76,8 +115,8 @@ def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h:
     _, u, w = _relative(b, A, B)
     old_N = load(b, POINT + IMPULSE)
     speed = dot(u, n)
-    wanted = speed + gap_of(b, POINT) * inv_h
-    pressure = max(old_N - load(b, POINT + MASS) * wanted, 0.0)
+    wanted = speed + least_speed(b, POINT, what)
+    pressure = select(mask, max(old_N - load(b, POINT + MASS) * wanted, 0.0), old_N)
     old = friction_of(b)
     if not any_of(pressure + old_N + abs(old[0]) + abs(old[1]) + abs(old[2]) > 0.0):
         # Nothing presses, nor did anything before this visit.
@@ -87,9 +126,11 @@ def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h:
     store(b, POINT + IMPULSE, pressure)
     store(b, POINT + SPEED, speed + load(b, K_N) * change_N)
 
-    twist = (dot(u, t1) + load(b, K_N + 1) * change_N, dot(u, t2) + load(b, K_N + 2) * change_N,
+    turn = load_two(b, TURN_T)
+    twist = (dot(u, t1) + load(b, K_N + 1) * change_N + what.when * turn[0],
+             dot(u, t2) + load(b, K_N + 2) * change_N + what.when * turn[1],
              dot(w, n) + load(b, K_N + 3) * change_N)
-    new = _friction(b, twist, pressure, old)
+    new = _within(mask, _friction(b, twist, pressure, old), old)
     keep_friction(b, new)
     change = subtract(new, old)
 
@@ -102,7 +143,7 @@ def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, inv_h:
 
 @part
 def _visit_many(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points: int, rolls: bool,
-                inv_h: float) -> Eight:
+                what: Sweep, mask: Mask) -> Eight:
     """
     Visit manifolds of several points, or that resist rolling.
 
@@ -115,12 +156,14 @@ def _visit_many(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points:
     zero = spread(0.0)
     wrench, residual = (zero, zero, zero), zero
     if rolls:
-        twist_N, wrench = _solve_rolling(b, twist_N, wrench, points)
+        twist_N, wrench = _solve_rolling(b, twist_N, wrench, points, mask)
     if points > 1:
-        twist_N, wrench = _solve_together(b, twist_N, wrench, inv_h)
+        twist_N, wrench = _solve_together(b, twist_N, wrench, what, mask)
     for p in range(4 if points > 2 else points):
         twist_N, wrench, residual = _solve_point(b, POINT + p * POINT_ROWS, twist_N, wrench,
-                                                 residual, inv_h)
+                                                 residual, what, mask)
+    # What all points had together in common, and what each had alone.
+    residual = max(residual, abs(wrench[0]))
     pressure = normal_sum(b, points)
     old = friction_of(b)
     if not any_of(residual + pressure + abs(old[0]) + abs(old[1]) + abs(old[2])
@@ -128,8 +171,11 @@ def _visit_many(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points:
         # Nothing presses, nor did anything before this visit.
         return spread(0.0)
     first, second, third = load_three(b, K_TN), load_three(b, K_TN + 3), load_three(b, K_TN + 6)
-    new = _friction(b, add(twist_T, (dot(first, wrench), dot(second, wrench), dot(third, wrench))),
-                    pressure, old)
+    turn = load_two(b, TURN_T)
+    new = _friction(b, (twist_T[0] + dot(first, wrench) + what.when * turn[0],
+                        twist_T[1] + dot(second, wrench) + what.when * turn[1],
+                        twist_T[2] + dot(third, wrench)), pressure, old)
+    new = _within(mask, new, old)
     keep_friction(b, new)
     change = subtract(new, old)
 
@@ -141,41 +187,135 @@ def _visit_many(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points:
 
 
 @part
-def note_left(blocks: Blocks, block: int, residual: Eight) -> None:
+def _within(mask: Mask, new: Three, old: Three) -> Three:
+    """Return what is new in the lanes of a mask, elsewhere what was."""
+    return (select(mask, new[0], old[0]), select(mask, new[1], old[1]),
+            select(mask, new[2], old[2]))
+
+
+@part
+def note_left(blocks: Blocks, block: int, residual: Eight, what: Sweep) -> None:
     """
     Note what a visit, which returned `residual`, leaves to do in a block.
 
     On the way back no other is looked at.
     """
     b, points = numbers_of(blocks, block), points_in(blocks.kind[block])
-    overlaps = any_of(smallest_gap(b, points) < -NEGLIGIBLE)
-    settled = not any_of(residual > (SETTLED_POINT if points == 1 else SETTLED))
-    blocks.left[block] = ((0 if settled else UNSETTLED) | (OVERLAPPING if overlaps else 0)
-                          | SHAKEN * bits_of(residual > ROUGH))
+    size = load(b, SIZE)
+    overlaps = any_of(smallest_gap(b, points) < -NEGLIGIBLE * size)
+    settled = (SETTLED_POINT if points == 1 else SETTLED) * what.inv_h
+    blocks.left[block] = ((OVERLAPPING if overlaps else 0)
+                          | CHANGED * bits_of(residual > settled * size))
 
 
 @part
-def separate(blocks: Blocks, block: int, push: Array, rate: float, speed: float) -> None:
+def begin_impact(blocks: Blocks, block: int, bits: int) -> None:
+    """
+    Set the impulses of some lanes of a block aside, those with which contacts bear forces.
+
+    An impact begins with none, and none of its own is there when it is over: what stopped bodies
+    once must not act on them again in the next substep.
+    """
+    b, kind, mask = numbers_of(blocks, block), blocks.kind[block], lanes_in(bits)
+    for p in range(4 if points_in(kind) > 1 else 1):
+        point = POINT + p * POINT_ROWS
+        _set_aside(b, point + IMPULSE, point + RESTING, mask)
+    for k in range(2):
+        _set_aside(b, FRICTION + k, RESTING_T + k, mask)
+    if not are_balls(kind):
+        _set_aside(b, SPIN, RESTING_SPIN, mask)
+    for k in range(2 if resists(kind) else 0):
+        _set_aside(b, ROLL + k, RESTING_ROLL + k, mask)
+
+
+@part
+def _set_aside(b: Array, row: int, aside: int, mask: Mask) -> None:
+    store(b, aside, select(mask, load(b, row), load(b, aside)))
+    store(b, row, select(mask, 0.0, load(b, row)))
+
+
+@part
+def end_impact(blocks: Blocks, block: int, bits: int, motion: Array) -> None:
+    """Count the impulses of an impact with those of the step, and put back what was set aside."""
+    b, kind, mask = numbers_of(blocks, block), blocks.kind[block], lanes_in(bits)
+    for p in range(4 if points_in(kind) > 1 else 1):
+        point = POINT + p * POINT_ROWS
+        _put_back(b, point + IMPULSE, point + RESTING, point + TOTAL, mask)
+    for k in range(2):
+        _put_back(b, FRICTION + k, RESTING_T + k, TOTAL_T + k, mask)
+    if not are_balls(kind):
+        store(b, SPIN, select(mask, load(b, RESTING_SPIN), load(b, SPIN)))
+    for k in range(2 if resists(kind) else 0):
+        store(b, ROLL + k, select(mask, load(b, RESTING_ROLL + k), load(b, ROLL + k)))
+    _note_approach(b, kind, motion, blocks.at_A[lanes_of(block)], blocks.at_B[lanes_of(block)],
+                   mask)
+
+
+@part
+def _put_back(b: Array, row: int, aside: int, total: int, mask: Mask) -> None:
+    store(b, total, load(b, total) + select(mask, load(b, row), 0.0))
+    store(b, row, select(mask, load(b, aside), load(b, row)))
+
+
+@part
+def excuse_approach(blocks: Blocks, block: int, motion: Array) -> None:
+    """Let forces not stop how fast the points of a block approach, which is for an impact."""
+    lanes = lanes_of(block)
+    _note_approach(numbers_of(blocks, block), blocks.kind[block], motion, blocks.at_A[lanes],
+                   blocks.at_B[lanes], lanes_in(EVERY))
+
+
+@part
+def forget_excuse(blocks: Blocks, block: int) -> None:
+    """End what `excuse_approach` began."""
+    b = numbers_of(blocks, block)
+    for p in range(4 if points_in(blocks.kind[block]) > 1 else 1):
+        store(b, POINT + p * POINT_ROWS + RESTING, 0.0)
+
+
+@part
+def _note_approach(b: Array, kind: int, motion: Array, at_A: IntArray, at_B: IntArray,
+                   mask: Mask) -> None:
+    """Write how fast the points still approach, in the place of what was set aside."""
+    A, B = gather(motion, at_A), gather(motion, at_B)
+    if are_balls(kind):
+        along = dot((B[0] - A[0], B[1] - A[1], B[2] - A[2]), load_three(b, NORMAL))
+        store(b, POINT + RESTING, select(mask, max(-along, 0.0), 0.0))
+        return
+    n, t1, t2 = axes(b)
+    _, u, w = _relative(b, A, B)
+    along, about_1, about_2 = dot(u, n), dot(w, t1), dot(w, t2)
+    if points_in(kind) == 1:
+        store(b, POINT + RESTING, select(mask, max(-along, 0.0), 0.0))
+        return
+    for p in range(4):
+        point = POINT + p * POINT_ROWS
+        speed = _point_speed(b, point, along, about_1, about_2)
+        store(b, point + RESTING, select(mask, max(-speed, 0.0), 0.0))
+
+
+@part
+def separate(blocks: Blocks, block: int, push: Array, rate: float) -> None:
     """
     Push the overlaps of a block apart by velocities that last for one substep only.
 
     They displace and are forgotten, so that the push feeds neither energy nor the warm start.
-    `rate` [1/s] is the part of an overlap that goes per second, but not faster than `speed` [m/s].
+    `rate` [1/s] is the part of an overlap that goes per second.
     """
     b, lanes, kind = numbers_of(blocks, block), lanes_of(block), blocks.kind[block]
     at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
     blocks.left[block] |= SHOVED
     if are_balls(kind):
-        separate_balls(b, push, at_A, at_B, rate, speed)
+        separate_balls(b, push, at_A, at_B, rate)
     elif is_small(kind):
-        _separate_small(b, push, at_A, at_B, rate, speed)
+        _separate_small(b, push, at_A, at_B, rate)
     else:
-        _separate_many(b, push, at_A, at_B, points_in(kind), rate, speed)
+        _separate_many(b, push, at_A, at_B, points_in(kind), rate)
 
 
 @part
 def _separate_many(b: Array, push: Array, at_A: IntArray, at_B: IntArray, points: int,
-                   rate: float, speed: float) -> None:
+                   rate: float) -> None:
     """Push several points, or one that resists rolling."""
     A, B = gather(push, at_A), gather(push, at_B)
     n, t1, t2 = axes(b)
@@ -183,9 +323,9 @@ def _separate_many(b: Array, push: Array, at_A: IntArray, at_B: IntArray, points
     zero = spread(0.0)
     wrench = (zero, zero, zero)
     if points > 1:
-        twist, wrench = _separate_together(b, twist, wrench, rate, speed)
+        twist, wrench = _separate_together(b, twist, wrench, rate)
     for p in range(4 if points > 2 else points):
-        twist, wrench = _separate_point(b, POINT + p * POINT_ROWS, twist, wrench, rate, speed)
+        twist, wrench = _separate_point(b, POINT + p * POINT_ROWS, twist, wrench, rate)
     store(b, SHOVE, wrench[0])
     F = combine(n, t1, t2, (wrench[0], zero, zero))
     torque = combine(n, t1, t2, (zero, wrench[1], wrench[2]))
@@ -194,12 +334,11 @@ def _separate_many(b: Array, push: Array, at_A: IntArray, at_B: IntArray, points
 
 
 @part
-def _separate_small(b: Array, push: Array, at_A: IntArray, at_B: IntArray, rate: float,
-                    speed: float) -> None:
+def _separate_small(b: Array, push: Array, at_A: IntArray, at_B: IntArray, rate: float) -> None:
     """Do the same for manifolds of one point: their common point c."""
     A, B, n = gather(push, at_A), gather(push, at_B), load_three(b, NORMAL)
     _, u, _ = _relative(b, A, B)
-    wanted = wanted_of(b, POINT, rate, speed)
+    wanted = wanted_of(b, POINT, rate)
     shove = max(load(b, POINT + MASS) * (wanted - dot(u, n)), 0.0)
     shove = select(wanted > 0.0, shove, 0.0)
     store(b, SHOVE, shove)
@@ -226,21 +365,20 @@ def _twist(b: Array, A: Motion, B: Motion) -> tuple[Three, Three]:
 
 
 @part
-def _drift(b: Array, A: Motion, B: Motion, h: float, points: int, shoved: bool) -> None:
-    """Move on the gaps by the velocities with which the bodies drifted for h [s]."""
+def _drift(b: Array, A: Motion, B: Motion, h: float, points: int, shoved: bool,
+           what: Sweep) -> Eight:
+    """Do what `drift_block` does; return the fastest approach of each pair, below 0 [m/s]."""
     n, t1, t2 = axes(b)
     v, u, w = _relative(b, A, B)
     drift_together(b, points, shoved, v, h)
-    nearer = h * dot(u, n)
-    if points == 1:
-        # The point is c.
-        store(b, POINT + GAP, load(b, POINT + GAP) + nearer)
-        return
-    about_1, about_2 = h * dot(w, t1), h * dot(w, t2)
-    for p in range(4):
+    along, about_1, about_2, least = dot(u, n), dot(w, t1), dot(w, t2), spread(ABSENT)
+    for p in range(4 if points > 1 else 1):
         point = POINT + p * POINT_ROWS
-        store(b, point + GAP, load(b, point + GAP) + (
-            nearer + load(b, point + T) * about_1 - load(b, point + S) * about_2))
+        was_open, speed = is_open(b, point), _point_speed(b, point, along, about_1, about_2)
+        store(b, point + GAP, load(b, point + GAP) + h * speed)
+        store(b, point + RESTING, 0.0)
+        least = min(least, approach_of(speed + least_speed(b, point, what), was_open))
+    return least
 
 
 @part
@@ -261,7 +399,8 @@ def _sum_of_points(b: Array, w0: Eight, w1: Eight, w2: Eight, w3: Eight) -> Thre
 
 
 @part
-def _solve_together(b: Array, twist: Three, wrench: Three, inv_h: float) -> tuple[Three, Three]:
+def _solve_together(b: Array, twist: Three, wrench: Three, what: Sweep,
+                    mask: Mask) -> tuple[Three, Three]:
     """
     Stop the approach of all points that are equally near, with the same impulse at each.
 
@@ -270,20 +409,21 @@ def _solve_together(b: Array, twist: Three, wrench: Three, inv_h: float) -> tupl
     """
     p0, p1, p2, p3 = POINT, POINT + POINT_ROWS, POINT + 2 * POINT_ROWS, POINT + 3 * POINT_ROWS
     d0, d1, d2, d3 = gap_of(b, p0), gap_of(b, p1), gap_of(b, p2), gap_of(b, p3)
-    nearest = min(min(d0, d1), min(d2, d3)) + SKIN
+    nearest = min(min(d0, d1), min(d2, d3)) + SKIN * load(b, SIZE)
     w0, w1 = select(d0 < nearest, 1.0, 0.0), select(d1 < nearest, 1.0, 0.0)
     w2, w3 = select(d2 < nearest, 1.0, 0.0), select(d3 < nearest, 1.0, 0.0)
     g = _sum_of_points(b, w0, w1, w2, w3)
-    gap = w0 * d0 + w1 * d1 + w2 * d2 + w3 * d3
+    least = (w0 * least_speed(b, p0, what) + w1 * least_speed(b, p1, what)
+             + w2 * least_speed(b, p2, what) + w3 * least_speed(b, p3, what))
     response = symmetric(b, K_NN, g)
     k = dot(g, response)
-    change = select(k > 0.0, -(dot(g, twist) + inv_h * gap) / k, 0.0)
+    change = select(k > 0.0, -(dot(g, twist) + least) / k, 0.0)
     # No impulse may fall below 0.
     f0, f1, f2, f3 = (load(b, p0 + IMPULSE), load(b, p1 + IMPULSE), load(b, p2 + IMPULSE),
                       load(b, p3 + IMPULSE))
-    least = min(min(select(w0 > 0.0, f0, ABSENT), select(w1 > 0.0, f1, ABSENT)),
-                min(select(w2 > 0.0, f2, ABSENT), select(w3 > 0.0, f3, ABSENT)))
-    change = max(change, -least)
+    smallest = min(min(select(w0 > 0.0, f0, ABSENT), select(w1 > 0.0, f1, ABSENT)),
+                   min(select(w2 > 0.0, f2, ABSENT), select(w3 > 0.0, f3, ABSENT)))
+    change = select(mask, max(change, -smallest), 0.0)
     store(b, p0 + IMPULSE, f0 + w0 * change)
     store(b, p1 + IMPULSE, f1 + w1 * change)
     store(b, p2 + IMPULSE, f2 + w2 * change)
@@ -293,15 +433,17 @@ def _solve_together(b: Array, twist: Three, wrench: Three, inv_h: float) -> tupl
 
 @part
 def _solve_point(b: Array, point: int, twist: Three, wrench: Three, residual: Eight,
-                 inv_h: float) -> tuple[Three, Three, Eight]:
+                 what: Sweep, mask: Mask) -> tuple[Three, Three, Eight]:
     """
-    Make the normal velocity of a point not less than -(gap - SKIN) / h, nor less than 0.
+    Make the normal velocity of a point not less than what `least_speed` allows.
 
     By an impulse that stays >= 0.
     """
     g = _column(b, point)
     response, impulse = symmetric(b, K_NN, g), load(b, point + IMPULSE)
-    after = max(impulse - load(b, point + MASS) * (dot(g, twist) + gap_of(b, point) * inv_h), 0.0)
+    after = max(impulse - load(b, point + MASS) * (dot(g, twist) + least_speed(b, point, what)),
+                0.0)
+    after = select(mask, after, impulse)
     change = after - impulse
     store(b, point + IMPULSE, after)
     twist = add_scaled(twist, change, response)
@@ -310,12 +452,11 @@ def _solve_point(b: Array, point: int, twist: Three, wrench: Three, residual: Ei
 
 
 @part
-def _separate_together(b: Array, twist: Three, wrench: Three, rate: float,
-                       speed: float) -> tuple[Three, Three]:
+def _separate_together(b: Array, twist: Three, wrench: Three, rate: float) -> tuple[Three, Three]:
     """Push all points that overlap with the same impulse, as `_solve_together` stops them."""
     p0, p1, p2, p3 = POINT, POINT + POINT_ROWS, POINT + 2 * POINT_ROWS, POINT + 3 * POINT_ROWS
-    u0, u1 = wanted_of(b, p0, rate, speed), wanted_of(b, p1, rate, speed)
-    u2, u3 = wanted_of(b, p2, rate, speed), wanted_of(b, p3, rate, speed)
+    u0, u1 = wanted_of(b, p0, rate), wanted_of(b, p1, rate)
+    u2, u3 = wanted_of(b, p2, rate), wanted_of(b, p3, rate)
     g = _sum_of_points(b, select(u0 > 0.0, 1.0, 0.0), select(u1 > 0.0, 1.0, 0.0),
                        select(u2 > 0.0, 1.0, 0.0), select(u3 > 0.0, 1.0, 0.0))
     response = symmetric(b, K_NN, g)
@@ -325,25 +466,27 @@ def _separate_together(b: Array, twist: Three, wrench: Three, rate: float,
 
 
 @part
-def _separate_point(b: Array, point: int, twist: Three, wrench: Three, rate: float,
-                    speed: float) -> tuple[Three, Three]:
+def _separate_point(b: Array, point: int, twist: Three, wrench: Three,
+                    rate: float) -> tuple[Three, Three]:
     """Push one point out of its overlap."""
-    g, wanted = _column(b, point), wanted_of(b, point, rate, speed)
+    g, wanted = _column(b, point), wanted_of(b, point, rate)
     change = max(load(b, point + MASS) * (wanted - dot(g, twist)), 0.0)
     change = select(wanted > 0.0, change, 0.0)
     return add_scaled(twist, change, symmetric(b, K_NN, g)), add_scaled(wrench, change, g)
 
 
 @part
-def _solve_rolling(b: Array, twist: Three, wrench: Three, points: int) -> tuple[Three, Three]:
+def _solve_rolling(b: Array, twist: Three, wrench: Three, points: int,
+                   mask: Mask) -> tuple[Three, Three]:
     """Stop the rolling as far as the normal impulses allow."""
     limit = load(b, ROLL_LEVER) * normal_sum(b, points)
     r1, r2, step = load(b, ROLL), load(b, ROLL + 1), load(b, ROLL_STEP)
     a1, a2 = r1 - step * twist[1], r2 - step * twist[2]
     scale = onto_circle(a1, a2, limit)
-    change = (spread(0.0), scale * a1 - r1, scale * a2 - r2)
-    store(b, ROLL, scale * a1)
-    store(b, ROLL + 1, scale * a2)
+    b1, b2 = select(mask, scale * a1, r1), select(mask, scale * a2, r2)
+    change = (spread(0.0), b1 - r1, b2 - r2)
+    store(b, ROLL, b1)
+    store(b, ROLL + 1, b2)
     return add(twist, symmetric(b, K_NN, change)), add(wrench, change)
 
 

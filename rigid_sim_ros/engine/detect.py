@@ -11,10 +11,11 @@ gaps are found anew.
 
 from typing import Any, NamedTuple
 
-from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
+from rigid_sim_ros.engine.arrays import IntArray, Vector
 from rigid_sim_ros.engine.broad_phase import mark_moved, near_pairs
 from rigid_sim_ros.engine.kept import call
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part
+from rigid_sim_ros.engine.manifold_rows import are_flat, carry_over, recycle, write_row
 from rigid_sim_ros.engine.manifolds import (
     CONTACTS, current, earlier, Manifolds, Memory, NEAR, NO_SEARCH, PAIRS, RECYCLED, Scratch,
     SHORT_ROWS, WITNESSED)
@@ -24,15 +25,11 @@ from rigid_sim_ros.engine.narrow_phase.boxes import box_box, UNSETTLED
 from rigid_sim_ros.engine.narrow_phase.collide import collide_by_search, on_plane
 from rigid_sim_ros.engine.pair_list import find_pairs, look_for_share, note_moved, take_shares
 from rigid_sim_ros.engine.placing import bound, place_bodies, place_shapes
-from rigid_sim_ros.engine.rotation import conjugate, multiply, quaternion
+from rigid_sim_ros.engine.seams import find_seams, mend_seams
 from rigid_sim_ros.engine.shapes import BOX, HULL, PLANE, Shapes, SPHERE
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.witness import boxes_apart, remember, separates
 
-# A manifold keeps its points while these move by less than this part of the margin. 0: never; 0.2:
-# a box would slide on by 1 mm of 5 mm before its points follow. The gaps of kept points are exact
-# to second order.
-SLACK = 0.02
 # What a thread counts besides what is in `Memory.counters`: manifolds, and pairs left out for want
 # of `search_pair`.
 ROWS, LEFT_OUT = 7, 6
@@ -40,10 +37,11 @@ NONE = (0.0, 0.0, 0.0)
 # In place of the number of points: the pair is apart, and a witness says so; nobody knows, for
 # what would find out is not compiled.
 AS_BEFORE, UNKNOWN = -2, -3
+ALL_SEAMS = -1  # in place of a pair
 # The stages by their numbers: everything; what moved; the partners of what moved, by the first
 # thread and by the second (the number that follows), and taken in; the manifolds, in the same way,
-# and by one thread.
-WHOLE, NOTE, LOOK, TAKE, FIND, ALL = 0, 1, 2, 4, 5, 7
+# and by one thread; their seams.
+WHOLE, NOTE, LOOK, TAKE, FIND, ALL, SEAMS = 0, 1, 2, 4, 5, 7, 9
 
 
 class Share(NamedTuple):
@@ -84,7 +82,7 @@ def detect(model: Model, state: State, shapes: Shapes, memory: Memory, margin: f
     and feature by feature. Returns False when a buffer is too small: all that is carried over from
     the last step is then untouched, and the caller detects again with `grown(memory)`.
     """
-    memory.ahead[:], memory.calm[0] = 0.5 * margin, margin
+    memory.ahead[:] = memory.calm[:] = 0.5 * margin
     return detect_ahead(model, state, shapes, memory, 0, None)
 
 
@@ -94,10 +92,10 @@ def detect_ahead(model: Model, state: State, shapes: Shapes, memory: Memory, to_
     """
     Do the same for margins that differ: that of a pair is the sum of two of `memory.ahead`.
 
-    What it exceeds `memory.calm` by is how far the pair may move in the step. `to_search` is the
-    address of a kernel that calls `search_pair`, for a `box`, or 0 as long as there is none; what
-    has no box calls it here. Where one was needed the counter NO_SEARCH is 1 and the result False,
-    as where a buffer is too small.
+    What it exceeds that of `memory.calm` by is how far the pair may move in the step. `to_search`
+    is the address of a kernel that calls `search_pair`, for a `box`, or 0 as long as there is
+    none; what has no box calls it here. Where one was needed the counter NO_SEARCH is 1 and the
+    result False, as where a buffer is too small.
     """
     memory.left[1, 0] = 0
     place_some(state, shapes, memory, 0, (0, shapes.kind.shape[0]), (0, state.x.shape[1]))
@@ -126,6 +124,8 @@ def detect_stage(stage: int, model: Model, state: State, shapes: Shapes, memory:
         return find_all_manifolds(state, shapes, memory, to_search, box)
     if stage == TAKE:
         return take_shares(model, shapes, memory)
+    if stage == SEAMS:
+        return settle_seams(shapes, memory, to_search, box)
     if stage == NOTE:
         note_moved(shapes, memory)
     elif stage < TAKE:
@@ -138,14 +138,35 @@ def detect_stage(stage: int, model: Model, state: State, shapes: Shapes, memory:
 @kernel
 def find_all_manifolds(state: State, shapes: Shapes, memory: Memory, to_search: int,
                        box: Any) -> bool:
-    """Find the manifolds of all pairs, and turn the page; return whether there was room."""
+    """Find the manifolds of all pairs, and turn the page; return whether all was there for it."""
     before = current(memory)
     everything = Share(0, memory.pair_count[0], 0, before.shape_a.shape[0], before.count[1], 0)
     set_share(memory, 0, everything)
     find_share(state, shapes, memory, 0, to_search, box)
     memory.shares[1, :], memory.touching[1, :] = 0, 0
     memory.split[0] = memory.shares[0, ROWS] // 2
-    return turn_page(memory, 0, memory.shares[0, ROWS])
+    return (turn_page(memory, 0, memory.shares[0, ROWS])
+            and settle_seams(shapes, memory, to_search, box))
+
+
+@kernel
+def settle_seams(shapes: Shapes, memory: Memory, to_search: int, box: Any) -> bool:
+    """
+    Take off the latest manifolds what is none beside other shapes; see seams.py.
+
+    False where `search_pair` was needed and is not there yet: the page is then turned back.
+    """
+    if not find_seams(shapes, memory):
+        return True
+    if box is None:
+        mend_seams(shapes, memory, memory.scratch)
+        return True
+    if to_search == 0:
+        memory.counters[NO_SEARCH] = 1
+        memory.page[0] = 1 - memory.page[0]
+        return False
+    call(to_search, box, ALL_SEAMS)
+    return True
 
 
 @kernel
@@ -216,7 +237,7 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
         known = old_at != old_end and before.shape_a[old] == a and before.shape_b[old] == b
         row = (place - back) & INDEX
         i, j = shapes.body[a] & INDEX, shapes.body[b] & INDEX
-        if known and _flat(shapes.kind, a, b) and _recycle(
+        if known and are_flat(shapes.kind, a, b) and recycle(
                 state, memory.turn, now, before, row, old, i, j, margin,
                 min(shapes.bound[a], shapes.bound[b])):
             count = before.points[old]
@@ -227,9 +248,9 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
             left_out += 1 if count == UNKNOWN else 0
             if count <= 0:
                 continue
-            _write(state, memory.turn, now, row, i, j, count, n, scratch.points,
-                   scratch.ids, _flat(shapes.kind, a, b))
-        _carry_over(now, before, row, old if known else -1, count)
+            write_row(state, memory.turn, now, row, i, j, count, n, scratch.points,
+                      scratch.ids, are_flat(shapes.kind, a, b))
+        carry_over(now, before, row, old if known else -1, count)
         now.shape_a[row], now.shape_b[row] = a, b
         now.body_a[row], now.body_b[row] = i, j
         touching[i] = touching[j] = 1
@@ -264,7 +285,7 @@ def _points_of(shapes: Shapes, memory: Memory, scratch: Scratch, k: int, a: int,
         if boxes_apart(memory.pose, shapes.size, shapes.bound, a, b, memory.axis, k, margin):
             return AS_BEFORE, NONE
         # What may touch with a face is seen as a face, unless that tells nothing.
-        for way in (max(0.0, margin - memory.calm[0]), 0.0):
+        for way in (max(0.0, margin - memory.calm[a] - memory.calm[b]), 0.0):
             count, n = box_box(memory.pose, shapes.size, a, b, margin, way, scratch.points,
                                scratch.ids, scratch.polygon, scratch.labels, scratch.numbers)
             if count != UNSETTLED or way == 0.0:
@@ -293,8 +314,12 @@ def search_pair(number: int, shapes: Shapes, memory: Memory) -> int:
     Find the points of two convex shapes by the searches that do so for any kinds.
 
     2 k + thread is for pair k in the scratch of a thread, where the normal is left too. Returns
-    the number of points, or AS_BEFORE.
+    the number of points, or AS_BEFORE. ALL_SEAMS, in place of such a number, mends the seams of
+    all manifolds: it needs the same searches.
     """
+    if number == ALL_SEAMS:
+        mend_seams(shapes, memory, memory.scratch)
+        return 0
     k = (number >> 1) & INDEX
     scratch = memory.other_scratch if number & 1 == 1 else memory.scratch
     a, b = memory.pair[k, 0] & INDEX, memory.pair[k, 1] & INDEX
@@ -328,137 +353,3 @@ def _seek(before: Manifolds, old: int, end: int, back: int, key: int) -> int:
             break
         old += step
     return old
-
-
-@inlined
-def _flat(kind: IntArray, a: int, b: int) -> bool:
-    """Return whether both are polyhedra, whose points stay the same while they move."""
-    return ((kind[a] == BOX or kind[a] == HULL or kind[a] == PLANE)
-            and (kind[b] == BOX or kind[b] == HULL or kind[b] == PLANE))
-
-
-@kernel
-def _turned(R: Array, i: int, v: Vector) -> Vector:
-    return (R[i, 0] * v[0] + R[i, 1] * v[1] + R[i, 2] * v[2],
-            R[i, 3] * v[0] + R[i, 4] * v[1] + R[i, 5] * v[2],
-            R[i, 6] * v[0] + R[i, 7] * v[1] + R[i, 8] * v[2])
-
-
-@kernel
-def _turned_back(R: Array, i: int, v: Vector) -> Vector:
-    return (R[i, 0] * v[0] + R[i, 3] * v[1] + R[i, 6] * v[2],
-            R[i, 1] * v[0] + R[i, 4] * v[1] + R[i, 7] * v[2],
-            R[i, 2] * v[0] + R[i, 5] * v[1] + R[i, 8] * v[2])
-
-
-@part
-def _recycle(state: State, turn: Array, now: Manifolds, before: Manifolds, row: int, old: int,
-             i: int, j: int, margin: float, reach: float) -> bool:
-    """
-    Take over the points of a manifold unless they moved too far; find their gaps anew.
-
-    The normal and the points on A turn with A, those on B with B. The gap along the turned normal
-    differs from the true one by the square of the angle and of the slip since the points were
-    found. The margin may have been larger then: what is farther away now is no manifold, or
-    results would depend on how long a pair stays in the list.
-    """
-    slack, near = SLACK * margin, False
-    q = multiply(conjugate(quaternion(state.q, i)), quaternion(state.q, j))
-    turned = 0.0
-    for k in range(4):
-        turned += (q[k] - before.found_at[old, k]) ** 2
-    # |q - q'| is half of the angle between two near orientations.
-    if 4.0 * turned * reach * reach > slack * slack:
-        return False
-    n = _turned(turn, i,
-                (before.normal_A[old, 0], before.normal_A[old, 1], before.normal_A[old, 2]))
-    dx = state.x[0, j] - state.x[0, i]
-    dy = state.x[1, j] - state.x[1, i]
-    dz = state.x[2, j] - state.x[2, i]
-    for p in range(before.points[old]):
-        A = _turned(turn, i,
-                    (before.p_A_C[old, p, 0], before.p_A_C[old, p, 1], before.p_A_C[old, p, 2]))
-        B = _turned(turn, j,
-                    (before.p_B_C[old, p, 0], before.p_B_C[old, p, 1], before.p_B_C[old, p, 2]))
-        ex, ey, ez = dx + B[0] - A[0], dy + B[1] - A[1], dz + B[2] - A[2]
-        gap = ex * n[0] + ey * n[1] + ez * n[2]
-        slip = (ex - gap * n[0]) ** 2 + (ey - gap * n[1]) ** 2 + (ez - gap * n[2]) ** 2
-        if slip > slack * slack or (p == 0 and abs(gap - before.found_at[old, 4]) > slack):
-            return False
-        near = near or gap < margin
-        now.gap[p, row] = gap
-        now.feature[p, row] = before.feature[p, old]
-        for k in range(3):
-            now.r_A[p, row, k] = A[k]
-            now.r_B[p, row, k] = B[k]
-            now.p_A_C[row, p, k] = before.p_A_C[old, p, k]
-            now.p_B_C[row, p, k] = before.p_B_C[old, p, k]
-    if not near:
-        return False
-    for k in range(3):
-        now.normal[row, k] = n[k]
-        now.normal_A[row, k] = before.normal_A[old, k]
-    for k in range(5):
-        now.found_at[row, k] = before.found_at[old, k]
-    return True
-
-
-@part
-def _write(state: State, turn: Array, now: Manifolds, row: int, i: int, j: int, count: int,
-           n: Vector, points: Array, ids: IntArray, lasts: bool) -> None:
-    """
-    Write the points that the narrow phase found, as arms from both centres of mass.
-
-    A manifold that `lasts` may keep its points in the next steps, and has them in axes that turn
-    with the bodies too; one that does not has the orientation 0, and leaves no trace in memory
-    that only the others use.
-    """
-    if lasts:
-        q = multiply(conjugate(quaternion(state.q, i)), quaternion(state.q, j))
-        n_A = _turned_back(turn, i, n)
-        for k in range(3):
-            now.normal_A[row, k] = n_A[k]
-        for k in range(4):
-            now.found_at[row, k] = q[k]
-        now.found_at[row, 4] = points[0, 3]
-    else:
-        for k in range(4):
-            if now.found_at[row, k] != 0.0:
-                now.found_at[row, k] = 0.0
-    for p in range(count):
-        gap = points[p, 3]
-        A = (points[p, 0] - state.x[0, i], points[p, 1] - state.x[1, i],
-             points[p, 2] - state.x[2, i])
-        B = (points[p, 0] + gap * n[0] - state.x[0, j], points[p, 1] + gap * n[1] - state.x[1, j],
-             points[p, 2] + gap * n[2] - state.x[2, j])
-        now.gap[p, row] = gap
-        # That of a ball is 0.
-        if now.feature[p, row] != ids[p]:
-            now.feature[p, row] = ids[p]
-        for k in range(3):
-            now.r_A[p, row, k] = A[k]
-            now.r_B[p, row, k] = B[k]
-        if lasts:
-            A_C, B_C = _turned_back(turn, i, A), _turned_back(turn, j, B)
-            for k in range(3):
-                now.p_A_C[row, p, k] = A_C[k]
-                now.p_B_C[row, p, k] = B_C[k]
-    for k in range(3):
-        now.normal[row, k] = n[k]
-
-
-@part
-def _carry_over(now: Manifolds, before: Manifolds, row: int, old: int, count: int) -> None:
-    """Start from the impulses of the last step where the same features touch, from 0 elsewhere."""
-    for p in range(count):
-        now.impulse[p, row] = 0.0
-        if old >= 0:
-            for r in range(before.points[old]):
-                if before.feature[r, old] == now.feature[p, row]:
-                    now.impulse[p, row] = before.impulse[r, old]
-    for k in range(3):
-        now.friction[row, k] = before.friction[old, k] if old >= 0 else 0.0
-    # Most have no resistance to spinning: theirs stays 0, in memory that nobody writes to.
-    spin = before.spin[old] if old >= 0 else 0.0
-    if now.spin[row] != spin:
-        now.spin[row] = spin

@@ -45,10 +45,10 @@ def fly(model: Model, state: State, gravity: tuple[float, float, float], h: floa
 
 
 @kernel
-def fly_free(model: Model, state: State, loads: Loads, slot: IntArray, h: float,
+def fly_free(model: Model, state: State, loads: Loads, flies: IntArray, h: float,
              block: Array) -> None:
     """
-    Advance the bodies without a slot (n,) of the sequential solver by a step of h [s].
+    Advance the bodies with a 1 in flies (n,) by a step of h [s].
 
     Kick, drift, kick, as in the method `symplectic`.
     """
@@ -56,21 +56,21 @@ def fly_free(model: Model, state: State, loads: Loads, slot: IntArray, h: float,
     for first in range(0, n, LANES):
         last, free = min(first + LANES, n), False
         for i in range(first, last):
-            free = free or (slot[i] == 0 and model.inv_m[i] > 0.0)
+            free = free or flies[i] == 1
         if free:
-            _kick_free(state, loads, slot, 0.5 * h, first, last)
+            _kick_free(state, loads, flies, 0.5 * h, first, last)
             _fly_some(model, state, (0.0, 0.0, 0.0), h, np.int64(1), first, last - first, block)
             for i in range(first, last):
-                if slot[i] == 0:
+                if flies[i] == 1:
                     _store(model, state, h, np.int64(1), i - first, i, block)
-            _kick_free(state, loads, slot, 0.5 * h, first, last)
+            _kick_free(state, loads, flies, 0.5 * h, first, last)
 
 
 @kernel
-def _kick_free(state: State, loads: Loads, slot: IntArray, h: float, first: int,
+def _kick_free(state: State, loads: Loads, flies: IntArray, h: float, first: int,
                last: int) -> None:
     for i in range(first, last):
-        if slot[i] == 0:
+        if flies[i] == 1:
             kick_some(state, loads, h, i, i + 1)
 
 

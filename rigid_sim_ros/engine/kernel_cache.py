@@ -7,14 +7,26 @@ Numba looks at one source file when it decides whether a cached kernel is still 
 call each other across files. The folder of a module's cache therefore carries a digest of its
 source and of all that it imports: a change compiles anew what depends on it and nothing else, and
 a package that lies in a read-only place finds its cache again.
+
+What is read from a cache is run: whoever can write to its folder can do what this user can. So the
+folder must belong to this user alone; and a file is read only if its digest fits, for a damaged
+one could be anything.
 """
 
+import atexit
+import contextlib
 from functools import cache
 import gc
+import grp
 import hashlib
+import logging
 import os
 from pathlib import Path
+import pickle
+import pwd
 import re
+import shutil
+import stat
 import tempfile
 from typing import Any
 
@@ -22,8 +34,12 @@ import numba
 from numba.core import caching, compiler_lock, event
 
 _NumbasCache: Any = caching.FunctionCache
+_NumbasFiles: Any = caching.IndexDataCacheFile
 _one_at_a_time: Any = compiler_lock.global_compiler_lock    # of the threads of this process
+_logger = logging.getLogger(__name__)
 _ENGINE = Path(__file__).parent
+_DIGEST = 16        # bytes
+_BELOW = Path('rigid_sim_ros', 'kernels')
 _PACKAGE = __package__.rpartition('.')[0] + '.engine'
 # The import of a module of the engine: its name, and the names that come from it. To parse all
 # sources instead would take a fifth of a second at each start.
@@ -35,8 +51,8 @@ def cache_folder(module: str) -> Path:
     """
     Return the folder in which compiled kernels of a module, given by its full name, are kept.
 
-    It lies below NUMBA_CACHE_DIR when that is set, else below the user's cache folder, else (a
-    user without a home that can be written to) below the system's temporary folder.
+    It lies below NUMBA_CACHE_DIR when that is set, else below the user's cache folder; if neither
+    is a folder that this user alone can write to, in a temporary one, for this process only.
     """
     short = module.removeprefix(f'{_PACKAGE}.')
     return base_folder() / f'{short}-{_digest(module)}'
@@ -45,19 +61,54 @@ def cache_folder(module: str) -> Path:
 @cache
 def base_folder() -> Path:
     """Return the folder below which all compiled kernels are kept."""
-    bases = [Path(os.environ['NUMBA_CACHE_DIR'])] if os.environ.get('NUMBA_CACHE_DIR') else []
     home = os.environ.get('XDG_CACHE_HOME') or os.path.join(os.path.expanduser('~'), '.cache')
-    bases += [Path(home), Path(tempfile.gettempdir()) / f'user-{os.getuid()}']
-    folders = [base / 'rigid_sim_ros' / 'kernels' for base in bases]
-    return next((folder for folder in folders if _writable(folder)), folders[-1])
-
-
-def _writable(folder: Path) -> bool:
+    bases = [Path(base) for base in (os.environ.get('NUMBA_CACHE_DIR'), home) if base]
+    for base in bases:
+        if _is_private(base):
+            return base / _BELOW
+    tried = ', '.join(str(base / _BELOW) for base in bases)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        fresh = Path(tempfile.mkdtemp(prefix='rigid_sim_ros_'))
+    except OSError:
+        _logger.warning('compiled kernels are not kept: no folder can be written to; set '
+                        'NUMBA_CACHE_DIR to one that belongs to you alone')
+        return bases[0] / _BELOW
+    atexit.register(shutil.rmtree, fresh, ignore_errors=True)
+    _logger.warning('compiled kernels are kept for this run only, %s cannot be written to or may '
+                    'be written to by others: set NUMBA_CACHE_DIR to a folder that belongs to you '
+                    'alone', tried)
+    (fresh / _BELOW).mkdir(parents=True)
+    return fresh / _BELOW
+
+
+def _is_private(base: Path) -> bool:
+    """Return whether the folder of kernels below a folder is there, and this user's alone."""
+    folder = base / _BELOW
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        facts = folder.stat()
+        above = [path.stat() for path in (folder.parent, base)]
     except OSError:
         return False
-    return os.access(folder, os.W_OK)
+    # In a folder that is sticky, as /tmp is, nobody can replace what is another's.
+    return (facts.st_uid == os.geteuid() and not _others_may_write(facts)
+            and os.access(folder, os.W_OK | os.X_OK)
+            and all(each.st_uid in (0, os.geteuid()) and (
+                each.st_mode & stat.S_ISVTX or not _others_may_write(each)) for each in above))
+
+
+def _others_may_write(facts: os.stat_result) -> bool:
+    by_group = bool(facts.st_mode & stat.S_IWGRP) and not _is_own_group(facts.st_gid)
+    return by_group or bool(facts.st_mode & stat.S_IWOTH)
+
+
+def _is_own_group(group: int) -> bool:
+    """Return whether a group is that of this user and nobody else, as many systems give one."""
+    try:
+        name, entry = pwd.getpwuid(os.geteuid()).pw_name, grp.getgrgid(group)
+    except KeyError:
+        return False
+    return entry.gr_name == name and set(entry.gr_mem) <= {name}
 
 
 @cache
@@ -117,13 +168,68 @@ class LateCache:
             config.CACHE_DIR = str(self._folder)
             try:
                 self._kernel._cache = _Cache(self._kernel.py_func)
+            except (OSError, RuntimeError):     # no folder: then nothing is kept
+                null: Any = caching.NullCache
+                self._kernel._cache = null()
             finally:
                 config.CACHE_DIR = elsewhere
         return getattr(self._kernel._cache, name)
 
 
+class _Files(_NumbasFiles):
+    """The files of a kernel's cache, each with a digest of its bytes before them."""
+
+    _index_path: str
+
+    def _load_index(self) -> Any:
+        try:
+            version, stamp, overloads = _unpickled(self._index_path)
+        except OSError:
+            return {}
+        is_fresh = (version, stamp) == (self._version, self._source_stamp)
+        return overloads if is_fresh else {}
+
+    def _save_index(self, overloads: Any) -> None:
+        self._write(self._index_path, (self._version, self._source_stamp, overloads))
+
+    def _load_data(self, name: str) -> Any:
+        return _unpickled(self._data_path(name))
+
+    def _save_data(self, name: str, data: Any) -> None:
+        self._write(self._data_path(name), data)
+
+    def _write(self, path: str, content: Any) -> None:
+        data = self._dump(content)
+        with self._open_for_write(path) as file:
+            file.write(_digest_of(data) + data)
+
+
+def _unpickled(path: str) -> Any:
+    """Return what a file holds; OSError if it cannot be read or is not what was written."""
+    raw = Path(path).read_bytes()
+    if raw[:_DIGEST] != _digest_of(raw[_DIGEST:]):
+        raise OSError(f'{path} is damaged')
+    return pickle.loads(raw[_DIGEST:])
+
+
+def _digest_of(data: bytes) -> bytes:
+    return hashlib.blake2b(data, digest_size=_DIGEST).digest()
+
+
 class _Cache(_NumbasCache):
     """Numba's cache of a kernel, which reads machine code without what it takes to make some."""
+
+    def __init__(self, function: Any) -> None:
+        """Make the cache of a function, whose name tells it from others of the same source."""
+        super().__init__(function)
+        self._qualname = function.__qualname__
+        self._cache_file: Any = _Files(self._cache_path, self._impl.filename_base,
+                                       self._impl.locator.get_source_stamp())
+
+    def save_overload(self, kinds: Any, data: Any) -> None:
+        """Keep a compiled kernel, unless the disk takes no more."""
+        with contextlib.suppress(OSError):
+            super().save_overload(kinds, data)
 
     def load_overload(self, kinds: Any, context: Any) -> Any:
         """
@@ -135,6 +241,17 @@ class _Cache(_NumbasCache):
         """
         with self._guard_against_spurious_io_errors():
             return self._load_overload(kinds, context)
+
+    def _index_key(self, kinds: Any, codegen: Any) -> Any:
+        """
+        Return what tells the entries of a kernel apart: types, processor and bytecode.
+
+        Numba adds what the function closes over, pickled, and a pickled kernel holds a number that
+        each process draws anew: no process would find what another one compiled. Here the name of
+        the function says what it closes over, and the folder what that is made of.
+        """
+        kinds, target, (code, _) = super()._index_key(kinds, codegen)
+        return kinds, target, code, self._qualname
 
 
 class _NoCollector(event.Listener):

@@ -33,6 +33,7 @@ from numba.extending import intrinsic, lower_builtin, lower_cast, models, regist
 from rigid_sim_ros.engine.tuple_passing import ADDRESS
 
 LANES = 8
+EVERY = (1 << LANES) - 1    # the bits of all lanes
 # In kernels only: to Python and its checkers they are just something.
 Eight: TypeAlias = Any
 Mask: TypeAlias = Any
@@ -173,6 +174,16 @@ def both(_: Any, a: Any, b: Any) -> Any:
 
     def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
         return builder.and_(*args)
+
+    return _MASK(_MASK, _MASK), generate
+
+
+@_intrinsic
+def either(_: Any, a: Any, b: Any) -> Any:
+    """Return where any of two masks holds."""
+
+    def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
+        return builder.or_(*args)
 
     return _MASK(_MASK, _MASK), generate
 
@@ -371,6 +382,16 @@ def bits_of(_: Any, mask: Any) -> Any:
         return builder.zext(builder.bitcast(args[0], ir.IntType(LANES)), _INT)
 
     return types.int64(_MASK), generate
+
+
+@_intrinsic
+def lanes_in(_: Any, bits: Any) -> Any:
+    """Return a mask that holds in lane k where bit k of an integer is set."""
+
+    def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
+        return builder.bitcast(builder.trunc(args[0], ir.IntType(LANES)), _BITS)
+
+    return _MASK(types.int64), generate
 
 
 @_intrinsic

@@ -52,6 +52,7 @@ class Manifolds(NamedTuple):
     impulse: Array  # (4, c) [N s] normal impulses; those of the last step after detection
     friction: Array  # (c, 3) [N s] tangential impulse on B, world axes
     spin: Array  # (c,) [N m s] impulse about the normal on B
+    roll: Array  # (c, 3) [N m s] impulse against rolling on B, world axes
     # Of polyhedra only, which may keep their points. (c, 5) when the features were found:
     # orientation of B in A, 0 for other shapes, and the first gap [m]
     found_at: Array
@@ -76,6 +77,20 @@ class Scratch(NamedTuple):
     edges: IntArray  # (EPA_FACES, 2) the horizon
 
 
+class Seams(NamedTuple):
+    """
+    Which manifolds have a shape in common, chained in the order of the rows; see seams.py.
+
+    A code 2 k + side is row k seen from one of its shapes: side 0 from B, side 1 from A.
+    """
+
+    head: IntArray  # (s,) first code of a shape, -1 for none
+    link: IntArray  # (2, c) of a side and a row: the code that follows, -1 for none
+    back: IntArray  # (2, c) the code before
+    suspect: IntArray  # (2 c,) codes of manifolds with a point where a third shape is
+    count: IntArray  # type: ignore[assignment]  # (1,) how many of these there are
+
+
 CANDIDATES = 96
 NEAR = 64
 EPA_CORNERS = 160
@@ -96,7 +111,7 @@ class Memory(NamedTuple):
     pose: Array  # (s, 12) shape poses in the world: origin, rotation matrix by rows
     turn: Array  # (n, 9) rotation matrices C to W of the bodies, by rows
     ahead: Array  # (s,) how far ahead a shape looks [m]; the margin of a pair is the sum of two
-    calm: Array  # (1,) the margin of a pair at rest [m]
+    calm: Array  # (s,) how far ahead a shape looks that does not move [m]
     box: Array  # (s, 6) bounding boxes, lower and upper corner, as far ahead as the shape looks
     grid: Grid
     pair_count: IntArray  # (3,) -1 before the first step; see `forget_parted`
@@ -116,6 +131,7 @@ class Memory(NamedTuple):
     ranges: IntArray  # (2, 6) the `Share` of either thread
     split: IntArray  # (1,) how many of the latest manifolds the first thread begins from
     touching: IntArray  # (2, n) of 8 bits, 1 for a body of a manifold that either thread found
+    seams: Seams
 
 
 # Rows of `Memory.counters`, of the latest step.
@@ -149,8 +165,8 @@ def _empty_page(capacity: int) -> Manifolds:
     return Manifolds(
         integers(2), _names(c), _names(c), _names(c), _names(c), room(c, kind=np.int8), room(c, 3),
         room(*of_points, 3), room(*of_points, 3), room(*of_points), integers(*of_points),
-        room(*of_points), room(c, 3), room(c), room(c, 5), room(c, 3), room(c, POINTS, 3),
-        room(c, POINTS, 3))
+        room(*of_points), room(c, 3), room(c), room(c, 3), room(c, 5), room(c, 3),
+        room(c, POINTS, 3), room(c, POINTS, 3))
 
 
 def _names(*shape: int) -> Any:
@@ -166,15 +182,20 @@ def _scratch() -> Scratch:
                    np.zeros((2, MAX_CORNERS, 3)), integers(EPA_FACES, 2))
 
 
+def _seams(shapes: int, capacity: int) -> Seams:
+    return Seams(integers(shapes), integers(2, capacity), integers(2, capacity),
+                 integers(2 * capacity), integers(1))
+
+
 def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
     """Return the memory of a world before its first step."""
     s = shapes
     memory = Memory(
-        empty_pages(capacity), integers(1), unplaced(s), room(bodies, 9), room(s), room(1),
+        empty_pages(capacity), integers(1), unplaced(s), room(bodies, 9), room(s), room(s),
         room(s, 6), make_grid(s), integers(3), _names(2 * capacity, 2), _names(4, 4 * s, 2),
         integers(s + 1), room(2 * capacity, 4), integers(8), _scratch(), _scratch(),
         integers(2, 8), integers(2, NEAR), integers(2), integers(2, 8), integers(2, 6),
-        integers(1), room(2, bodies, kind=np.int8))
+        integers(1), room(2, bodies, kind=np.int8), _seams(s, capacity))
     forget_pairs(memory)
     return memory
 
@@ -243,6 +264,8 @@ def grown(memory: Memory) -> Memory:
     if (rows := int(memory.counters[SHORT_ROWS])) > pages[0].shape_a.shape[0]:
         pages = empty_pages(_doubled(pages[0].shape_a.shape[0], rows))
         _copy(current_manifolds(memory), pages[int(memory.page[0])])
+        memory = memory._replace(seams=_seams(memory.seams.head.shape[0],
+                                              pages[0].shape_a.shape[0]))
     if (pairs := int(memory.counters[SHORT_PAIRS])) > pair.shape[0]:
         # Those that were there are lost.
         capacity = _doubled(pair.shape[0], pairs)

@@ -21,32 +21,36 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.engine.bits import fetch
-from rigid_sim_ros.engine.calming import (
-    calm, Calming, CALMING_TURNS, make_calming, tell_of_sweep, visit_waiting)
 from rigid_sim_ros.engine.coloring import (
-    begin_blocks, BETWEEN, Blocks, CACHED, color_piece, Coloring, fetch_block, first_block,
-    make_blocks, make_coloring, make_room, most_blocks, OVERLAPPING, PIECE, REGIONS, SHAKEN,
-    UNSETTLED)
+    begin_blocks, BETWEEN, Blocks, CACHED, CHANGED, color_piece, Coloring, fetch_block,
+    first_block, make_blocks, make_coloring, make_room, most_blocks, numbers_of, OVERLAPPING,
+    PIECE, REGIONS)
+from rigid_sim_ros.engine.contact_blocks import SIZE
 from rigid_sim_ros.engine.contact_filling import (
-    choose_manifolds, classify, DEEPEST, fill_blocks, keep_impulses, NEW, place_lanes, TOUCHING)
-from rigid_sim_ros.engine.contact_rules import Sweep
-from rigid_sim_ros.engine.contact_sweep import (
-    note_left, separate, SETTLED, visit_block)
+    choose_manifolds, classify, DEEPEST, fill_blocks, keep_impulses, NEW, place_lanes,
+    TOUCHING)
+from rigid_sim_ros.engine.contact_prediction import Prediction
+from rigid_sim_ros.engine.contact_rules import SETTLED, Sweep
+from rigid_sim_ros.engine.contact_sweep import note_left, separate, visit_block
 from rigid_sim_ros.engine.free_flight import fly_free
+from rigid_sim_ros.engine.impacts import (
+    drift_blocks, end_impacts, excuse_approaches, find_approaching, forget_excuses, Impacts,
+    make_impacts, pass_on, TURNS, visit_waiting)
 from rigid_sim_ros.engine.kept import call
 from rigid_sim_ros.engine.kernel import apart, INDEX, kernel, part
-from rigid_sim_ros.engine.lanes import any_of, LANES
+from rigid_sim_ros.engine.lanes import any_of, EVERY, LANES, load
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Manifolds
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.slots import give_slots, make_sides, shared_out, Sides
 from rigid_sim_ros.engine.solver_bodies import (
-    begin_push, begin_push_astride, begin_push_inside, drift_and_kick, drift_bodies, FIRST_FREE,
-    kick_bodies, load_bodies, make_bodies, mark_astride, SECOND_BEGIN, SECOND_FREE, slots_of,
-    SolverBodies, store_bodies, STRIDE)
+    begin_push, begin_push_astride, begin_push_inside, drift_bodies, kick_bodies,
+    load_bodies, make_bodies, mark_astride, SECOND_BEGIN, slots_of, SolverBodies, store_bodies,
+    STRIDE, unkick_bodies)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.two_cores import side_by_side
+from rigid_sim_ros.engine.vector import norm
 
 
 class SequentialSettings(NamedTuple):
@@ -66,34 +70,33 @@ class SequentialWork(NamedTuple):
     sides: Sides
     coloring: Coloring
     blocks: Blocks
-    fresh: IntArray  # (blocks,) lanes that touch without an impulse to begin with
-    calming: Calming
+    fresh: IntArray  # (blocks,) the bits of lanes that touch without an impulse to begin with
+    impacts: Impacts
     shifted: IntArray  # (1,) 1 if collisions moved bodies since detection
-    notes: Array  # (REGIONS, 8) see DEEPEST and ROUGH
+    notes: Array  # (REGIONS, 8) see DEEPEST and LARGEST
     residual: Array  # (1,) [m/s] largest change of a contact's velocity in the last sweep
     overlap: Array  # (1,) [m] deepest
 
 
-# More that is noted of a region: whether the last sweep changed anything roughly, the residual,
-# whether anything was pushed in this substep, for how long its contacts have moved in this step
-# [s], and whether anything may wait since an impact.
-ROUGH, LARGEST, PUSHED, MOVED, WAITING = 3, 4, 5, 6, 7
+# More that is noted of a region: the residual, whether anything was pushed in this substep, which
+# substep it is in, and whether anything waits for its part in an impact.
+LARGEST, PUSHED, SUBSTEP, WAITING = 3, 4, 5, 6
 
 
 def make_work(n: int, middle: tuple[int, int], capacity: int) -> SequentialWork:
     """Return buffers for n bodies and `capacity` manifolds; for `middle` see `make_sides`."""
     return SequentialWork(make_bodies(n), make_sides(n, middle), make_coloring(n, capacity),
                           make_blocks(capacity), integers(most_blocks(capacity)),
-                          make_calming(n, capacity), np.zeros(1, dtype=np.int64),
+                          make_impacts(n, capacity), np.zeros(1, dtype=np.int64),
                           room(REGIONS, 8), np.zeros(1), np.zeros(1))
 
 
-# The stages of a region: fill its blocks; let forces act in the first substep; that, impulses for
-# new contacts and a sweep forth; sweep forth or back before any body has moved; sweep forth after
-# bodies have moved; let what waits after an impact have a turn; end a substep; end it and
-# begin the next one; end the last one and keep impulses; write bodies back.
-(FILL, START, BEGIN, SWEEP, SWEEP_BACK, MOVED_SWEEP, CALM_BACK, CALM, RETURN, NEXT,
- KEEP) = range(11)
+# The stages of a region: fill its blocks; see what approaches as the step begins; let what waits
+# in an impact have a turn; kick and sweep forth; kick alone, and take it back; sweep forth or
+# back; kick, visit what is new and sweep forth; sweep back what is not settled and push; drift;
+# keep impulses.
+(FILL, APPROACH, IMPACT_BACK, IMPACT, KICK_AND_SWEEP, KICK, UNKICK, SWEEP, SWEEP_BACK,
+ SETTLE_AND_SWEEP, RETURN, DRIFT, KEEP) = range(13)
 
 
 @part
@@ -104,32 +107,27 @@ def solve_contacts(to: int, to_store: int, box: Any, desk: IntArray, model: Mode
 
     `flight` is scratch for `fly_free`. `to` is the address of a kernel that calls `do_stage` with
     REGIONS * stage + region, `to_store` that of one that calls `store_half`. What is across waits
-    for both halves, so a substep has one meeting, and more after an impact: forth in both halves,
-    then across and back across, and back in both halves.
+    for both halves.
     """
-    bodies, notes, halved = work.bodies, work.notes, work.sides.cut.halved[0] == 1
+    notes, halved = work.notes, work.sides.cut.halved[0] == 1
     # Whatever an earlier step had in regions that this one does not have.
-    work.blocks.count[:], notes[:], work.calming.listed[:] = 0, 0.0, 0
+    work.blocks.count[:], notes[:], work.impacts.listed[:] = 0, 0.0, 0
     _in_all(to, box, desk, halved, FILL)
-    if bodies.used[FIRST_FREE] + bodies.used[SECOND_FREE] > 0:
-        fly_free(model, state, loads, bodies.slot, model.h, flight)
-    first = SWEEP if _is_mostly_new(notes) else BEGIN
-    if first == SWEEP:
+    if _is_mostly_new(notes):
         _find_impulses(to, box, desk, halved)
-    _in_halves(to, box, desk, halved, first)
+    _in_all(to, box, desk, halved, APPROACH)
     for substep in range(substeps):
-        if halved:
-            call(to, box, REGIONS * (first if substep == 0 else MOVED_SWEEP) + BETWEEN)
-        if notes[0, ROUGH] + notes[1, ROUGH] + notes[2, ROUGH] > 0.0:
-            _calm(to, box, desk, halved, notes)
+        if notes[0, WAITING] + notes[1, WAITING] + notes[2, WAITING] > 0.0:
+            _solve_impacts(to, box, desk, halved, notes)
+        _in_all(to, box, desk, halved, SETTLE_AND_SWEEP if substep == 0 else KICK_AND_SWEEP)
         if halved:
             call(to, box, REGIONS * RETURN + BETWEEN)
-        if substep + 1 < substeps:
-            _in_halves(to, box, desk, halved, NEXT)
-    _in_halves(to, box, desk, halved, KEEP)
-    if halved:
-        call(to, box, REGIONS * KEEP + BETWEEN)
+        _in_halves(to, box, desk, halved, RETURN)
+        if halved:
+            call(to, box, REGIONS * DRIFT + BETWEEN)
+    _in_all(to, box, desk, halved, KEEP)
     _in_halves(to_store, box, desk, halved, 0)
+    fly_free(model, state, loads, work.bodies.flies, model.h, flight)
     work.overlap[0] = max(notes[0, DEEPEST], max(notes[1, DEEPEST], notes[2, DEEPEST]))
     work.residual[0] = max(notes[0, LARGEST], max(notes[1, LARGEST], notes[2, LARGEST]))
 
@@ -151,12 +149,12 @@ def _in_all(to: int, box: Any, desk: IntArray, halved: bool, stage: int) -> None
 
 
 @kernel
-def _calm(to: int, box: Any, desk: IntArray, halved: bool, notes: Array) -> None:
-    """Visit what a rough change reached, until there is no more."""
-    for _ in range(CALMING_TURNS):
+def _solve_impacts(to: int, box: Any, desk: IntArray, halved: bool, notes: Array) -> None:
+    """Visit what approaches, and what that reaches, until nothing waits."""
+    for _ in range(TURNS):
         if halved:
-            call(to, box, REGIONS * CALM_BACK + BETWEEN)
-        _in_all(to, box, desk, halved, CALM)
+            call(to, box, REGIONS * IMPACT_BACK + BETWEEN)
+        _in_all(to, box, desk, halved, IMPACT)
         if notes[0, WAITING] + notes[1, WAITING] + notes[2, WAITING] == 0.0:
             break
 
@@ -177,8 +175,8 @@ def _is_mostly_new(notes: Array) -> bool:
 
 @kernel
 def _find_impulses(to: int, box: Any, desk: IntArray, halved: bool) -> None:
-    """Let forces act in the first substep, and find impulses where most contacts are new."""
-    _in_halves(to, box, desk, halved, START)
+    """Find the impulses to begin with where most contacts are new: those that bear the forces."""
+    _in_all(to, box, desk, halved, KICK)
     for k in range(FRESH_SWEEPS):
         if k % 2 == 0:
             _in_all(to, box, desk, halved, SWEEP)
@@ -186,13 +184,14 @@ def _find_impulses(to: int, box: Any, desk: IntArray, halved: bool) -> None:
             if halved:
                 call(to, box, REGIONS * SWEEP_BACK + BETWEEN)
             _in_halves(to, box, desk, halved, SWEEP_BACK)
+    _in_all(to, box, desk, halved, UNKICK)
 
 
 @part
 def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, shapes: Shapes,
              materials: Materials, round_shapes: IntArray, manifolds: Manifolds, acted: Manifolds,
-             waits: IntArray, touching: IntArray, shifts: Array, settings: SequentialSettings,
-             work: SequentialWork) -> None:
+             prediction: Prediction, waits: IntArray, touching: IntArray, shifts: Array,
+             settings: SequentialSettings, work: SequentialWork) -> None:
     """
     Do a stage in a region: 0 and 1, the halves, have bodies; 2, BETWEEN, has only contacts.
 
@@ -201,48 +200,69 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
     takes no part; touching (2, n) are 1 for the bodies of others. round_shapes (s,) are 1 for what
     may be in a block of balls. `shifts` are what collisions moved.
     """
-    bodies, blocks, notes = work.bodies, work.blocks, work.notes[region]
+    bodies, blocks, notes, impacts = work.bodies, work.blocks, work.notes[region], work.impacts
     motion, alike, h = bodies.motion, bodies.alike[0] == 1, model.h / settings.substeps
-    at_rest = Sweep(1.0 / h, 0.0, False)
+    # An impact is at the start of a substep; forces hold contacts to their geometry at its end.
+    strikes = stage in (APPROACH, IMPACT_BACK, IMPACT)
+    ends = notes[SUBSTEP] + (0.0 if strikes else 1.0)
+    what = Sweep(1.0 / h, not strikes, ends / settings.substeps - 0.5)
+    # What gravity does in a substep: below it an approach is the work of forces, not an impact.
+    slow = h * norm((model.gravity[0], model.gravity[1], model.gravity[2]))
     if stage == FILL:
         if region != BETWEEN:
             give_slots(region, work.sides, touching, bodies)
-            load_bodies(region, model.gravity, model.inv_m, model.inv_I_C, state, loads, bodies)
-        _fill(region, state.x, shapes, materials, round_shapes, manifolds, waits, shifts,
-              1.0 / settings.substeps, work)
-    if stage in (RETURN, NEXT) or (stage == KEEP and region != BETWEEN):
-        notes[PUSHED] = 0.0
-        if region == 1:
-            _fetch_astride(blocks, bodies, work.notes[BETWEEN, PUSHED] > 0.0)
-        if work.notes[BETWEEN, PUSHED] > 0.0:
-            _begin_push(region, blocks, bodies, work.notes)
-        sweep_back(region, blocks, bodies, at_rest, settings.push / h, settings.push_speed,
-                   work.notes)
-    pushed = notes[PUSHED] > 0.0
-    if stage in (START, BEGIN) and region != BETWEEN:
-        kick_bodies(region, bodies.used, motion, bodies.smooth, alike, bodies.base, h)
-    elif stage == NEXT:
-        drift_and_kick(region, bodies.used, motion, bodies.drifted, bodies.total,
-                       notes[MOVED] == 0.0, pushed, bodies.smooth, alike, bodies.base, h)
-    elif stage == KEEP and region != BETWEEN:
-        drift_bodies(region, bodies.used, motion, bodies.drifted, pushed)
-    if stage == BEGIN:
-        settle(region, blocks, work.fresh, motion, at_rest)
-    if stage in (BEGIN, SWEEP, SWEEP_BACK, MOVED_SWEEP, NEXT):
-        drift = h if stage in (MOVED_SWEEP, NEXT) else 0.0
-        sweep(region, blocks, motion, bodies.drifted, Sweep(1.0 / h, drift, notes[MOVED] == 0.0),
-              stage == SWEEP_BACK, notes)
-        notes[MOVED] += drift
-        if stage != SWEEP_BACK:
-            tell_of_sweep(region, notes[ROUGH] > 0.0, blocks, bodies, work.calming)
-    elif stage == CALM_BACK:
-        visit_waiting(region, True, blocks, bodies, at_rest, work.calming)
-    elif stage == CALM:
-        notes[WAITING] = 1.0 if calm(region, blocks, bodies, at_rest, work.calming) else 0.0
-    if stage == KEEP:
-        notes[LARGEST] = keep_impulses(region, blocks, work.coloring, manifolds, bodies, h,
-                                       settings.substeps, work.shifted[0] == 1, acted.impulse,
-                                       acted.friction)
+            load_bodies(region, model.h, model.gravity, model.inv_m, model.inv_I_C, state, loads,
+                        bodies)
+        _fill(region, state.x, shapes, materials, round_shapes, manifolds, prediction, waits,
+              shifts, 1.0 / settings.substeps, work)
+    elif stage == APPROACH:
+        notes[WAITING] = 1.0 if find_approaching(region, blocks, motion, what, slow,
+                                                 impacts) else 0.0
+    elif stage == IMPACT_BACK:
+        visit_waiting(region, True, blocks, motion, bodies.used, what, slow, impacts)
+    elif stage == IMPACT:
+        notes[WAITING] = 1.0 if pass_on(region, blocks, motion, bodies.used, what, slow,
+                                        impacts) else 0.0
+    elif stage == KICK:
+        excuse_approaches(region, blocks, motion)
+        if region != BETWEEN:
+            kick_bodies(region, bodies.used, motion, bodies.smooth, alike, bodies.base, h)
+    elif stage == UNKICK:
+        forget_excuses(region, blocks)
+        if region != BETWEEN:
+            unkick_bodies(region, bodies.used, motion, bodies.smooth, alike, bodies.base, h)
+    elif stage in (KICK_AND_SWEEP, SETTLE_AND_SWEEP):
+        end_impacts(region, blocks, motion, impacts)
+        if region != BETWEEN:
+            kick_bodies(region, bodies.used, motion, bodies.smooth, alike, bodies.base, h)
+        if stage == SETTLE_AND_SWEEP:
+            settle(region, blocks, work.fresh, motion, what)
+    if stage in (KICK_AND_SWEEP, SETTLE_AND_SWEEP, SWEEP, SWEEP_BACK):
+        sweep(region, blocks, motion, what, stage == SWEEP_BACK)
+    elif stage == RETURN:
+        _return(region, what, settings.push / h, work)
+    if (stage == RETURN and region != BETWEEN) or stage == DRIFT:
+        if region != BETWEEN:
+            drift_bodies(region, bodies.used, motion, bodies.drifted, bodies.total,
+                         bodies.smooth, alike, bodies.base, h, notes[PUSHED] > 0.0)
+        meets = drift_blocks(region, blocks, bodies.drifted, h, what, slow, impacts)
+        notes[WAITING], notes[SUBSTEP] = 1.0 if meets else 0.0, notes[SUBSTEP] + 1.0
+    elif stage == KEEP:
+        notes[LARGEST] = keep_impulses(
+            region, blocks, work.coloring, manifolds, prediction, bodies, h, settings.substeps,
+            work.shifted[0] == 1, acted.impulse, acted.friction)
+
+
+@kernel
+def _return(region: int, what: Sweep, rate: float, work: SequentialWork) -> None:
+    """End the sweeps of a substep on the way back, and push overlaps apart."""
+    bodies, blocks, notes = work.bodies, work.blocks, work.notes
+    notes[region, PUSHED] = 0.0
+    if region == 1:
+        _fetch_astride(blocks, bodies, notes[BETWEEN, PUSHED] > 0.0)
+    if notes[BETWEEN, PUSHED] > 0.0:
+        _begin_push(region, blocks, bodies, notes)
+    sweep_back(region, blocks, bodies, what, rate, notes)
 
 
 @part
@@ -256,8 +276,8 @@ def store_half(half: int, model: Model, state: State, substeps: int,
 
 @kernel
 def _fill(region: int, x: Array, shapes: Shapes, materials: Materials, round_shapes: IntArray,
-          manifolds: Manifolds, waits: IntArray, shifts: Array, share: float,
-          work: SequentialWork) -> None:
+          manifolds: Manifolds, prediction: Prediction, waits: IntArray, shifts: Array,
+          share: float, work: SequentialWork) -> None:
     """Bring the manifolds of a region into blocks."""
     shifted, sides = work.shifted[0] == 1, work.sides
     if region != BETWEEN:
@@ -273,8 +293,8 @@ def _fill(region: int, x: Array, shapes: Shapes, materials: Materials, round_sha
                              coloring)
         make_room(region, begin, end, colors, coloring, blocks)
         place_lanes(region, begin, end, block, manifolds, bodies, coloring, blocks)
-        fill_blocks(region, block, manifolds, x, shapes, materials, shifts, shifted, share,
-                    bodies, blocks, work.fresh, work.notes[region])
+        fill_blocks(region, block, manifolds, prediction, x, shapes, materials, shifts, shifted,
+                    share, bodies, blocks, work.fresh, work.notes[region])
     if region == BETWEEN:
         begin = first_block(blocks, region)
         mark_astride(begin * LANES, (begin + blocks.count[region]) * LANES, blocks.at_A,
@@ -282,24 +302,20 @@ def _fill(region: int, x: Array, shapes: Shapes, materials: Materials, round_sha
 
 
 @part
-def sweep(region: int, blocks: Blocks, motion: Array, drifted: Array, what: Sweep,
-          backwards: bool, notes: Array) -> None:
+def sweep(region: int, blocks: Blocks, motion: Array, what: Sweep, backwards: bool) -> None:
     """
-    Visit every block of a region once, and note whether any visit changed something roughly.
+    Visit every block of a region once, and note what is left to do.
 
     Backwards in the opposite order, so that two sweeps make a nearly symmetric iteration: its
     errors decay, while those of a one-sided one also rotate, and the warm start, an extrapolation,
     would make that a growing sway of a stack.
     """
     first, count = first_block(blocks, region), blocks.count[region]
-    notes[ROUGH] = 0.0
     for k in range(count):
         block = first + (count - 1 - k if backwards else k)
         if count > CACHED:
             fetch_block(blocks, block - 1 if backwards else block + 1)
-        note_left(blocks, block, visit_block(blocks, block, motion, drifted, what))
-        if blocks.left[block] >= SHAKEN:
-            notes[ROUGH] = 1.0
+        note_left(blocks, block, visit_block(blocks, block, motion, what, EVERY), what)
 
 
 @part
@@ -307,14 +323,15 @@ def settle(region: int, blocks: Blocks, fresh: IntArray, motion: Array, what: Sw
     """Visit the blocks of a region that have new contacts."""
     first = first_block(blocks, region)
     for block in range(first, first + blocks.count[region]):
+        least = SETTLED * what.inv_h * load(numbers_of(blocks, block), SIZE)
         for _ in range(FRESH_VISITS if fresh[block] > 0 else 0):
-            if not any_of(visit_block(blocks, block, motion, motion, what) > SETTLED):
+            if not any_of(visit_block(blocks, block, motion, what, fresh[block]) > least):
                 break
 
 
 @part
 def sweep_back(region: int, blocks: Blocks, bodies: SolverBodies, what: Sweep, rate: float,
-               speed: float, notes: Array) -> None:
+               notes: Array) -> None:
     """
     End a substep: visit what is not settled, in the opposite order, and push overlaps apart.
 
@@ -327,12 +344,12 @@ def sweep_back(region: int, blocks: Blocks, bodies: SolverBodies, what: Sweep, r
         block = blocks.again[first + count - 1 - k & INDEX] & INDEX
         if many and k + 1 < count:
             fetch_block(blocks, blocks.again[first + count - 2 - k & INDEX])
-        if blocks.left[block] & UNSETTLED != 0:
-            visit_block(blocks, block, motion, motion, what)
+        if blocks.left[block] >= CHANGED:
+            visit_block(blocks, block, motion, what, blocks.left[block] // CHANGED)
         if blocks.left[block] & OVERLAPPING != 0:
             if notes[region, PUSHED] == 0.0:
                 _begin_push(region, blocks, bodies, notes)
-            separate(blocks, block, bodies.drifted, rate, speed)
+            separate(blocks, block, bodies.drifted, rate)
 
 
 @kernel

@@ -13,7 +13,8 @@ from typing import Any
 
 from rigid_sim_ros.engine.arrays import IntArray
 from rigid_sim_ros.engine.detect import (
-    ALL, FIND, get_share, LOOK, NOTE, place_some, ROWS, set_share, Share, TAKE, turn_page)
+    ALL, FIND, get_share, LOOK, NOTE, place_some, ROWS, SEAMS, set_share, Share,
+    TAKE, turn_page)
 from rigid_sim_ros.engine.kept import call
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.manifolds import (
@@ -52,7 +53,9 @@ def detect_side_by_side(to: int, to_share: int, box: Any, desk: IntArray, left: 
     side_by_side(desk, to, box, FIND, FIND + 1)
     if call(to_share, box, FIT) == 0:
         return call(to, box, ALL)
-    return call(to_share, box, JOIN)
+    if call(to_share, box, JOIN) == 0:
+        return 0
+    return call(to, box, SEAMS)
 
 
 @kernel

@@ -24,7 +24,7 @@ from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.engine.kernel import apart, INDEX, inlined, kernel, part
 from rigid_sim_ros.engine.manifolds import Manifolds, rows_in_use
 from rigid_sim_ros.engine.solver_bodies import (
-    FIRST_END, FIRST_FREE, SECOND_BEGIN, SECOND_END, SECOND_FREE, slots_between, SolverBodies)
+    FIRST_END, SECOND_BEGIN, SECOND_END, slots_between, SolverBodies)
 
 # Manifolds from which on a world is cut: with fewer, what is across is too large a share.
 ENOUGH = 512
@@ -81,7 +81,7 @@ def shared_out(sides: Sides, half: int) -> tuple[int, int]:
 
 @kernel
 def take_sides(inv_m: Array, V: Array, x: Array, asleep: IntArray, first: int, last: int,
-               sides: Sides, slot: IntArray) -> None:
+               sides: Sides, slot: IntArray, flies: IntArray) -> None:
     """
     Note on which side the bodies from `first` to `last` are; what does not move loses its slot.
 
@@ -99,7 +99,7 @@ def take_sides(inv_m: Array, V: Array, x: Array, asleep: IntArray, first: int, l
                 moves |= V[k, i] != 0.0
         sides.of_body[i] = (SECOND if beyond else FIRST) if moves else STILL
         if not moves:
-            slot[i] = 0
+            slot[i] = flies[i] = 0
 
 
 @kernel
@@ -143,7 +143,6 @@ def give_slots(half: int, sides: Sides, touching: IntArray, bodies: SolverBodies
         _give(half, first, last, sides, touching, bodies)
     if sides.cut.halved[0] == 0:
         bodies.used[SECOND_BEGIN] = bodies.used[SECOND_END] = bodies.used[FIRST_END]
-        bodies.used[SECOND_FREE] = 0
 
 
 @kernel
@@ -157,16 +156,15 @@ def _give(half: int, first: int, last: int, sides: Sides, touching: IntArray,
     """
     begin, side = bodies.used[SECOND_BEGIN] if half == 1 else 0, SECOND if half == 1 else FIRST
     bodies.body[begin] = -1
-    slot, free = begin + 1, 0
+    slot = begin + 1
     for i in range(first, last):
         is_here = sides.of_body[i] == side
         touches = is_here & (touching[0, i] | touching[1, i] == 1)
         bodies.slot[i] = slot if touches else 0 if is_here else bodies.slot[i]
+        bodies.flies[i] = 1 if is_here & (not touches) else 0 if is_here else bodies.flies[i]
         bodies.body[slot & INDEX] = i
         slot += 1 if touches else 0
-        free += 1 if is_here & (not touches) else 0
     bodies.used[SECOND_END if half == 1 else FIRST_END] = slot
-    bodies.used[SECOND_FREE if half == 1 else FIRST_FREE] = free
 
 
 @apart

@@ -4,7 +4,7 @@
 The moving bodies that may touch something, as the sequential solver sees them.
 
 A body has a slot here for one step. Velocity v and angular momentum L are all that contacts
-change; the inverse inertia in world axes stays what it was at the start of the step, so that a
+change; the inverse inertia in world axes stays what it is in the middle of the step, so that a
 step is a linear problem, and the pose moves once, at its end. The first slot of a half (see
 slots.py) stands for every body that does not move: nothing that is added to it is ever different
 from 0.
@@ -19,11 +19,11 @@ from rigid_sim_ros.engine.contact_blocks import load_three
 from rigid_sim_ros.engine.free_rotation import MAX_ANGLE, turn, turn_fast
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part, pasted
 from rigid_sim_ros.engine.lanes import (
-    any_of, both, Eight, gather, LANES, load, read_eight, select, spread, store, write_eight)
+    any_of, gather, LANES, load, read_eight, select, store, write_eight)
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.rotation import quaternion, to_matrix
 from rigid_sim_ros.engine.state import State
-from rigid_sim_ros.engine.vector import add, column, dot
+from rigid_sim_ros.engine.vector import column, dot
 
 # Numbers of a body in `motion`: v [m/s], L [kg m^2/s], world axes, and two that stay as they are:
 # what a contact of balls needs besides. So a body fills one line of the cache, and whatever all
@@ -32,28 +32,32 @@ STRIDE = 8
 INV_I = 7  # the first of J, which is that about all axes of a ball [1/(kg m^2)]
 INV_M = 6  # in `mass` as well, after the inverse inertia, world axes
 J = 0  # xx, xy, xz, yy, yz, zz
-# In `drifted` at the end of a step: whether a body is pressed against one that moves.
-HELD = 7
+# In `drifted` at the end of a step: whether a contact acted on a body.
+TOUCHED = 7
 # Rows of the scratch block in which eight bodies are moved: the state before and afterwards, what
 # is needed of the body, and the mean of L of those that are too fast for `turn`.
 _X, _Q, _P, _L, _INV_I, _M, _INV_M, _MEAN_L, _FAST, _ROWS = 0, 3, 7, 10, 13, 16, 17, 18, 21, 22
 
 
-# Of `used`: where the slots of the first half end; where those of the second one begin and end;
-# and how many bodies of either half move without a slot.
-FIRST_END, SECOND_BEGIN, SECOND_END, FIRST_FREE, SECOND_FREE, _USED = range(6)
+# Of `used`: where the slots of the first half end; where those of the second one begin and end.
+FIRST_END, SECOND_BEGIN, SECOND_END, _USED = range(4)
 # Empty slots between the halves. A core that goes from slot to slot is sent some thirty lines of
 # the cache beyond the last one that it asked for. If another core writes there, it would have to
 # take every one of them back first, in each substep.
 _BETWEEN_HALVES = 64
 
 
+# [rad] What turns less in half of a step has the inertia of its start.
+SAME_ATTITUDE = 1e-6
+
+
 class SolverBodies(NamedTuple):
     """Slots for up to n bodies and, in each half, the one that stands still."""
 
     slot: IntArray  # (n,) of a body, 0 if it does not take part
+    flies: IntArray  # (n,) of 8 bits, 1 for what moves and is touched by nothing
     body: IntArray  # (slots,) in a slot; -1 in those that stand still
-    used: IntArray  # (5,), see FIRST_END
+    used: IntArray  # (3,), see FIRST_END
     astride: IntArray  # (slots,) of 8 bits, 1 for who has a contact with the other half
     motion: Array  # flat, STRIDE for each slot, as all but the last two
     # With what the bodies moved in the last substep: `motion` and the motion that only displaces,
@@ -64,10 +68,10 @@ class SolverBodies(NamedTuple):
     # there is, it stands in the slots that stand still, and nowhere else
     smooth: Array
     alike: IntArray  # (1,) 1 where that is so
-    # `motion` of this substep without contacts; before the first one what contacts add to it, from
-    # the step before
+    # `motion` of this substep without contacts; between two substeps what contacts added in the
+    # one before, which they add to the next one to begin with
     base: Array
-    total: Array  # sums of `drifted` over the substeps before the last one, 0 if there are none
+    total: Array  # sums of `drifted` over the substeps
     mass: Array  # see J and INV_M
     lanes: Array  # flat scratch for each half, as the next one
     at: IntArray
@@ -92,7 +96,8 @@ def make_bodies(n: int) -> SolverBodies:
     def numbers() -> Any:
         return room(slots * STRIDE)
 
-    return SolverBodies(room(n, kind=np.int32), room(slots, kind=np.int32), integers(_USED),
+    return SolverBodies(room(n, kind=np.int32), room(n, kind=np.int8),
+                        room(slots, kind=np.int32), integers(_USED),
                         room(slots, kind=np.int8), numbers(), numbers(), numbers(), integers(1),
                         numbers(), numbers(), numbers(), room(2 * _ROWS * LANES),
                         integers(2 * LANES))
@@ -127,13 +132,18 @@ def is_carried(bodies: SolverBodies, i: int) -> bool:
 
 
 @part
-def load_bodies(half: int, gravity: Array, inv_m: Array, inv_I_C: Array, state: State,
+def load_bodies(half: int, h: float, gravity: Array, inv_m: Array, inv_I_C: Array, state: State,
                 loads: Loads, bodies: SolverBodies) -> None:
-    """Write the rows and the motion of the bodies that have a slot in a half."""
+    """
+    Write the rows and the motion of the bodies that have a slot in a half.
+
+    Their inertia is that of the middle of a step of h [s].
+    """
     (first, last), mass, alike = slots_of(bodies.used, half), bodies.mass, bodies.alike[0] == 1
-    for numbers in (bodies.motion, bodies.smooth, mass, bodies.drifted, bodies.total):
+    for numbers in (bodies.motion, bodies.smooth, mass, bodies.drifted):
         _of_half(numbers, bodies.used, half)[:STRIDE] = 0.0
     _of_half(bodies.base, bodies.used, half)[:] = 0.0
+    _of_half(bodies.total, bodies.used, half)[:] = 0.0
     bodies.astride[first:last] = 0
     for k in range(3 if alike else 0):
         bodies.smooth[first * STRIDE + k] = gravity[k]
@@ -147,7 +157,8 @@ def load_bodies(half: int, gravity: Array, inv_m: Array, inv_I_C: Array, state: 
         # What moves by its twist has w in the place of L, and the matrix 1 in that of J: it turns,
         # and no impulse changes that, see `_response`.
         moments = column(inv_I_C, i) if inv_m[i] > 0.0 else (1.0, 1.0, 1.0)
-        _turn_inertia(mass, motion + J, moments, quaternion(state.q, i))
+        _turn_inertia(mass, motion + J, moments, quaternion(state.q, i), column(state.L, i),
+                      0.5 * h)
         bodies.motion[motion + INV_M], bodies.motion[motion + INV_I] = inv_m[i], mass[motion + J]
         if not alike:
             _load_forces(bodies.smooth, motion, inv_m[i], column(loads.F, i),
@@ -162,13 +173,20 @@ def _load_forces(smooth: Array, line: int, inv_m: float, F: Vector, tau: Vector)
 
 
 @part
-def _turn_inertia(mass: Array, line: int, d: Vector, q: Quaternion) -> None:
-    """Write the inverse inertia, world axes; d along those of the body, and of a ball in all."""
+def _turn_inertia(mass: Array, line: int, d: Vector, q: Quaternion, L: Vector, t: float) -> None:
+    """
+    Write the inverse inertia after t [s], world axes.
+
+    d along those of the body, and of a ball in all.
+    """
     if d[0] == d[1] and d[1] == d[2]:
         for k in range(6):
             mass[line + k] = 0.0
         mass[line] = mass[line + 3] = mass[line + 5] = d[0]
         return
+    angle = t * max(d[0], max(d[1], d[2]))
+    if angle * angle * dot(L, L) > SAME_ATTITUDE * SAME_ATTITUDE:
+        q = turn_fast(q, L, d, t)
     R = to_matrix(q)
     for k in range(3):
         for j in range(k, 3):
@@ -181,15 +199,27 @@ def _turn_inertia(mass: Array, line: int, d: Vector, q: Quaternion) -> None:
 def kick_bodies(half: int, used: IntArray, motion: Array, smooth: Array, alike: bool, base: Array,
                 h: float) -> None:
     """
-    Begin the first substep: forces act for h [s], and contacts as they did in the step before.
+    Begin a substep: forces act for h [s], and contacts as they did in the substep before.
 
-    What contacts bring from there is in `base`, and afterwards `motion` without it.
+    That is a warm start of every contact at once, without a pass over contacts: what they added is
+    in `base`, and afterwards `motion` without it.
     """
     first, last = slots_of(used, half)
     for slot in range(first + 1, last):
         kicked = load(motion, slot) + h * load(smooth, first if alike else slot)
         store(motion, slot, kicked + load(base, slot))
         store(base, slot, kicked)
+
+
+@kernel
+def unkick_bodies(half: int, used: IntArray, motion: Array, smooth: Array, alike: bool,
+                  base: Array, h: float) -> None:
+    """Take back what `kick_bodies` did, but for what contacts do, which is in `base` again."""
+    first, last = slots_of(used, half)
+    for slot in range(first + 1, last):
+        kicked = load(base, slot)
+        store(base, slot, load(motion, slot) - kicked)
+        store(motion, slot, kicked - h * load(smooth, first if alike else slot))
 
 
 @kernel
@@ -226,50 +256,27 @@ def begin_push_inside(first: int, last: int, astride: IntArray, motion: Array,
             begin_push(slot, slot + 1, motion, drifted)
 
 
-@part
-def _drift_body(slot: int, motion: Array, drifted: Array, pushed: bool) -> Eight:
-    """
-    Add the motion of this substep to the push; return both.
-
-    Where nobody was `pushed`, nobody asked for the push: what stands there is from before.
-    """
-    v = load(motion, slot)
-    if pushed:
-        v = v + load(drifted, slot)
-    store(drifted, slot, v)
-    return v
-
-
 @kernel
-def drift_bodies(half: int, used: IntArray, motion: Array, drifted: Array, pushed: bool) -> None:
-    """End the last substep: drift all bodies of a half, of which nobody is held so far."""
-    first, last = slots_of(used, half)
-    for slot in range(first + 1, last):
-        _drift_body(slot, motion, drifted, pushed)
-        drifted[slot * STRIDE + HELD] = 0.0
-
-
-@kernel
-def drift_and_kick(half: int, used: IntArray, motion: Array, drifted: Array, total: Array,
-                   begins: bool, pushed: bool, smooth: Array, alike: bool, base: Array,
-                   h: float) -> None:
+def drift_bodies(half: int, used: IntArray, motion: Array, drifted: Array, total: Array,
+                 smooth: Array, alike: bool, base: Array, h: float, pushed: bool) -> None:
     """
-    End a substep and begin the next one: forces act for h [s], and contacts as they did in this.
+    End a substep: drift the bodies of a half; nobody is touched yet.
 
-    That is a warm start of every contact at once, without a pass over contacts: what they added is
-    what differs from `base`. The substep that `begins` a step finds what is left of the one before
-    in `total`.
+    By the mean of the velocities before and after what forces and contacts did in the substep of
+    h [s], which is of second order, and by the push. Where nobody was `pushed`, nobody asked for
+    the push: what stands there is from before. What contacts added is in `base` afterwards.
     """
     first, last = slots_of(used, half)
     for slot in range(first + 1, last):
-        v = _drift_body(slot, motion, drifted, pushed)
-        if not begins:
-            v = v + load(total, slot)
-        store(total, slot, v)
         now = load(motion, slot)
-        kicked = now + h * load(smooth, first if alike else slot)
-        store(motion, slot, kicked + (now - load(base, slot)))
-        store(base, slot, kicked)
+        added = now - load(base, slot)
+        moved = now - 0.5 * (h * load(smooth, first if alike else slot) + added)
+        if pushed:
+            moved = moved + load(drifted, slot)
+        store(drifted, slot, moved)
+        store(total, slot, load(total, slot) + moved)
+        store(base, slot, added)
+        drifted[slot * STRIDE + TOUCHED] = 0.0
 
 
 @part
@@ -279,14 +286,18 @@ def store_bodies(half: int, first: int, last: int, h: float, m: Array, inv_m: Ar
     Move bodies, eight at a time, from `first` to `last`, and write momenta and poses back.
 
     By number, as they lie in the state: two cores that write to the same lines of it would wait
-    for each other most of the time. `half` says whose scratch is used.
+    for each other most of the time. `half` says whose scratch is used. Who was not touched is
+    left to fly.
     """
     i, b, at = first, _scratch_of(bodies, half), _places_of(bodies, half)
     while True:
         lanes = 0
         while lanes < LANES and i < last:
-            if bodies.slot[i] > 0 and inv_m[i] > 0.0:
-                at[lanes] = bodies.slot[i] * STRIDE
+            slot = bodies.slot[i] if inv_m[i] > 0.0 else 0
+            if slot > 0 and bodies.drifted[slot * STRIDE + TOUCHED] == 0.0:
+                bodies.flies[i] = 1
+            elif slot > 0:
+                at[lanes] = slot * STRIDE
                 lanes += 1
             i += 1
         if lanes == 0:
@@ -294,13 +305,13 @@ def store_bodies(half: int, first: int, last: int, h: float, m: Array, inv_m: Ar
         if lanes == LANES and _body_at(bodies, at[LANES - 1]) == i - 1 == (
                 _body_at(bodies, at[0]) + LANES - 1):
             _read_eight(m, inv_m, inv_I_C, state, b, i - LANES)
-            _move(half, bodies, at, b, h, 1.0 / substeps)
+            _move(bodies, at, b, h, 1.0 / substeps)
             _write_eight(state, b, i - LANES)
         else:
             for lane in range(LANES):
                 at[lane] = at[min(lane, lanes - 1)]
                 _read_one(m, inv_m, inv_I_C, state, b, lane, _body_at(bodies, at[lane]))
-            _move(half, bodies, at, b, h, 1.0 / substeps)
+            _move(bodies, at, b, h, 1.0 / substeps)
             for lane in range(lanes):
                 _write_one(state, b, lane, _body_at(bodies, at[lane]))
 
@@ -373,35 +384,15 @@ def _places_of(bodies: SolverBodies, half: int) -> IntArray:
 
 
 @part
-def _move(half: int, bodies: SolverBodies, at: IntArray, b: Array, h: float,
-          share: float) -> None:
-    """
-    Move eight bodies by the mean of their velocities over the substeps, `share` of a step each.
-
-    The velocities are those at the ends of the substeps, which is of first order: a constant
-    acceleration a displaces by a h^2 share / 2 too much. That much is taken back from a body whose
-    velocity changed smoothly. It is not when the change is an impact, more than twice what the
-    forces alone would make in a step, nor against a body that moves, where it would change L of
-    the pair.
-    """
-    before, last = gather(bodies.total, at), gather(bodies.drifted, at)
-    v, now = add(before[:3], last[:3]), gather(bodies.motion, at)
-    inv_m, P, L = load(b, _INV_M), load_three(b, _P), load_three(b, _L)
-    dv = (now[0] - inv_m * P[0], now[1] - inv_m * P[1], now[2] - inv_m * P[2])
-    dL = (now[3] - L[0], now[4] - L[1], now[5] - L[2])
-    a = _acceleration(half, bodies, at)
-    smooth = both(dot(dv, dv) <= 4.0 * h * h * dot(a, a), last[HELD] == 0.0)
-    back = select(smooth, -0.5 * share, 0.0)
+def _move(bodies: SolverBodies, at: IntArray, b: Array, h: float, share: float) -> None:
+    """Move eight bodies by the sum of their drifts, `share` of a step each."""
+    v, now = gather(bodies.total, at), gather(bodies.motion, at)
     x = load_three(b, _X)
-    for k, moved in enumerate((x[0] + h * (share * v[0] + back * dv[0]),
-                               x[1] + h * (share * v[1] + back * dv[1]),
-                               x[2] + h * (share * v[2] + back * dv[2]))):
-        store(b, _X + k, moved)
+    for k in range(3):
+        store(b, _X + k, x[k] + (h * share) * v[k])
         store(b, _P + k, load(b, _M) * now[k])
         store(b, _L + k, now[3 + k])
-    turning = add(before[3:6], last[3:6])
-    L = (share * turning[0] + back * dL[0], share * turning[1] + back * dL[1],
-         share * turning[2] + back * dL[2])
+    L = (share * v[3], share * v[4], share * v[5])
     inv_I = load_three(b, _INV_I)
     # Too fast for `turn`: below, one by one.
     bound = h * max(inv_I[0], max(inv_I[1], inv_I[2]))
@@ -415,17 +406,6 @@ def _move(half: int, bodies: SolverBodies, at: IntArray, b: Array, h: float,
             store(b, _MEAN_L + k, L[k])
         store(b, _FAST, select(fast, 1.0, 0.0))
         _turn_fast_ones(b, h)
-
-
-@part
-def _acceleration(half: int, bodies: SolverBodies, at: IntArray) -> tuple[Eight, Eight, Eight]:
-    """Return what eight bodies feel that is no contact [m/s^2]."""
-    if bodies.alike[0] == 1:
-        line = slots_of(bodies.used, half)[0] * STRIDE
-        return (spread(bodies.smooth[line]), spread(bodies.smooth[line + 1]),
-                spread(bodies.smooth[line + 2]))
-    forces = gather(bodies.smooth, at)
-    return (forces[0], forces[1], forces[2])
 
 
 @kernel

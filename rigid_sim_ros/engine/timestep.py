@@ -14,9 +14,11 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers
 from rigid_sim_ros.engine.collisions import (
-    collide_bodies, CollisionWork, make_collision_work, may_bounce)
+    collide_bodies, CollisionWork, make_collision_work)
 from rigid_sim_ros.engine.coloring import REGIONS
 from rigid_sim_ros.engine.compiling import compile_late, compile_together
+from rigid_sim_ros.engine.contact_prediction import (
+    make_prediction, predict_contacts, Prediction)
 from rigid_sim_ros.engine.detect import detect_stage, search_pair, WHOLE
 from rigid_sim_ros.engine.forces import add_scene_forces
 from rigid_sim_ros.engine.free_flight import BLOCK_SIZE as FLIGHT_SIZE, fly
@@ -33,7 +35,8 @@ from rigid_sim_ros.engine.numbering import middle_of
 from rigid_sim_ros.engine.sequential import (
     do_stage, SequentialSettings, SequentialWork, solve_contacts, store_half)
 from rigid_sim_ros.engine.sequential import make_work as make_sequential_work
-from rigid_sim_ros.engine.shapes import Materials, PLANE, Shapes
+from rigid_sim_ros.engine.shapes import (
+    CAPSULE, CYLINDER, Materials, PLANE, Shapes, SPHERE)
 from rigid_sim_ros.engine.shared_detection import (
     detect_side_by_side, in_half, PLACE, REFRESH, share_stage)
 from rigid_sim_ros.engine.sleeping import (
@@ -46,18 +49,13 @@ from rigid_sim_ros.engine.vector import column, norm
 from rigid_sim_ros.engine.wrenches import count_down, Wrenches
 
 
-# How many margins further ahead a fast body looks, at most: more finds pairs in vain.
-_FAR = 1.9
-
-
 class TimestepSettings(NamedTuple):
     """The parameters of the model."""
 
     sequential: SequentialSettings = SequentialSettings()
-    # [m] contacts are found this far ahead: less misses some, more costs time
-    margin: float = 0.005
-    # 1: as far ahead as the fastest body gets in a step, so that none passes a wall
-    continuous: int = 0
+    # contacts are found this far ahead, as a part of the half thickness of what may move: less
+    # misses some, more costs time
+    margin: float = 0.01
     bounce_speed: float = 1e-3  # [m/s] what approaches slower does not bounce
     sleep_steps: int = 0  # what has been at rest for so many steps sleeps; 0: nothing does
 
@@ -70,7 +68,9 @@ class TimestepWork(NamedTuple):
     plain: IntArray  # (1,) 1 if the loads are those of gravity alone, as in most steps
     block: Array
     radius: Array  # (n,) [m] how far the shapes of a body reach from its centre of mass
+    thickness: Array  # (s,) [m] half of the least that a shape measures across; of a plane 0
     round_shapes: IntArray  # (s,) 1: a ball about its centre of mass, or a body that never moves
+    prediction: Prediction
     collision: CollisionWork
     solver: SequentialWork
 
@@ -84,7 +84,9 @@ def make_timestep_work(model: Model, shapes: Shapes, memory: Memory) -> Timestep
             reach = float(np.linalg.norm(shapes.p_CS[s])) + shapes.bound[s]
             radius[shapes.body[s]] = max(radius[shapes.body[s]], reach)
     return TimestepWork(empty_loads(n), empty_loads(n), integers(1), np.zeros(FLIGHT_SIZE), radius,
-                        _round_shapes(model, shapes), make_collision_work(n, capacity),
+                        _thickness(shapes), _round_shapes(model, shapes),
+                        make_prediction(n, shapes.body.shape[0], capacity),
+                        make_collision_work(n, capacity),
                         make_sequential_work(n, _middle(model, shapes.body), capacity))
 
 
@@ -93,6 +95,13 @@ def with_cut(work: TimestepWork, cut: Cut) -> TimestepWork:
     for there, field in zip(work.solver.sides.cut, cut, strict=True):
         there[:] = field
     return work
+
+
+def _thickness(shapes: Shapes) -> Array:
+    kind, size = shapes.kind, shapes.size
+    least = np.where((kind == SPHERE) | (kind == CAPSULE), size[:, 0], size.min(axis=1))
+    least = np.where(kind == CYLINDER, size[:, :2].min(axis=1), least)
+    return np.where(kind == PLANE, 0.0, least)
 
 
 def _round_shapes(model: Model, shapes: Shapes) -> IntArray:
@@ -209,10 +218,18 @@ def _begin(box: Any, shapes: tuple[int, int], bodies: tuple[int, int]) -> None:
     """Find how far ahead some shapes look, and on which side of the cut some bodies are."""
     model, state, solver = held(box, _MODEL), held(box, _STATE), held(box, _WORK).solver
     take_sides(model.inv_m, state.V, state.x, held(box, _REST).asleep, bodies[0], bodies[1],
-               solver.sides, solver.bodies.slot)
+               solver.sides, solver.bodies.slot, solver.bodies.flies)
     look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, state.V,
-               held(box, _MATERIALS).restitution, held(box, _SETTINGS), held(box, _WORK).radius,
+               held(box, _SETTINGS), held(box, _WORK).radius, held(box, _WORK).thickness,
                held(box, _SHAPES).body, held(box, _MEMORY), shapes[0], shapes[1])
+
+
+@kernel
+def _predict(box: Any, _: int) -> int:
+    memory, work = held(box, _MEMORY), held(box, _WORK)
+    return predict_contacts(
+        held(box, _MODEL), held(box, _STATE), work.loads, held(box, _SHAPES), current(memory),
+        memory.ahead, memory.calm, work.collision.waits, work.prediction, memory.scratch)
 
 
 @kernel
@@ -230,8 +247,8 @@ def _solve(box: Any, number: int) -> int:
     memory, work = held(box, _MEMORY), held(box, _WORK)
     do_stage(number // REGIONS, number % REGIONS, held(box, _MODEL), held(box, _STATE), work.loads,
              held(box, _SHAPES), held(box, _MATERIALS), work.round_shapes, current(memory),
-             earlier(memory), work.collision.waits, memory.touching, work.collision.body,
-             held(box, _SETTINGS).sequential, work.solver)
+             earlier(memory), work.prediction, work.collision.waits, memory.touching,
+             work.collision.body, held(box, _SETTINGS).sequential, work.solver)
     return 0
 
 
@@ -273,9 +290,9 @@ def _sleep(box: Any, when: int) -> int:
 
 # What is compiled apart from the step, by place; the first three by a helper: they take as long
 # as all others together.
-(_TO_DETECT, _TO_STORE, _TO_SEARCH, _TO_COLLIDE, _TO_SOLVE, _TO_FORCES, _TO_SLEEP,
- _TO_SHARE) = range(8)
-PIECES, _SHARED_OUT = 8, 3
+(_TO_DETECT, _TO_STORE, _TO_PREDICT, _TO_SEARCH, _TO_COLLIDE, _TO_SOLVE, _TO_FORCES, _TO_SLEEP,
+ _TO_SHARE) = range(9)
+PIECES, _SHARED_OUT = 9, 4
 ALWAYS = [_detect, _store]    # what every world has a helper compile
 
 
@@ -290,7 +307,7 @@ def _pieces(model: Model, shapes: Shapes, materials: Materials, settings: Timest
     kinds = np.unique(shapes.kind)
     families = FAMILY[np.ix_(kinds, kinds)]
     searched = np.isin(families, (CAPSULES, CONVEX)).any()
-    return [_detect, _store, _search if searched or (families == BOXES).any() else None,
+    return [_detect, _store, _predict, _search if searched or (families == BOXES).any() else None,
             _collide if (materials.restitution > 0.0).any() else None, _solve,
             _add_forces if model.forces.kind.shape[0] > 0 else None,
             _sleep if settings.sleep_steps > 0 else None,
@@ -352,15 +369,17 @@ def _step(box: Any) -> bool:
     if sleeps:
         call(to[_TO_SLEEP], box, _TOUCHED)
         take_sides(model.inv_m, state.V, state.x, rest.asleep, 0, model.m.shape[0],
-                   work.solver.sides, work.solver.bodies.slot)
+                   work.solver.sides, work.solver.bodies.slot, work.solver.bodies.flies)
     elif loaded or work.plain[0] == 0:
         _sum_loads(box, to, work.loads, 0)
         work.plain[0] = 0 if loaded else 1
     if sleeps or to[_TO_COLLIDE] != 0:
         # Of all others the solver writes them.
         clear_impulses(manifolds, acted.impulse, acted.friction)
+    left_out = call(to[_TO_PREDICT], box, 0)
     if to[_TO_COLLIDE] != 0:
         work.solver.shifted[0] = 1 if call(to[_TO_COLLIDE], box, 0) > 0 else 0
+    if to[_TO_COLLIDE] != 0 or left_out > 0:
         mark_touching(manifolds, work.collision.waits, memory.touching)
     work.solver.bodies.alike[0] = 0 if loaded else 1
     begin_slots(work.solver.sides, memory.touching, work.solver.bodies)
@@ -382,16 +401,14 @@ def _step(box: Any) -> bool:
 
 @kernel
 def look_ahead(h: float, inv_m: Array, inv_I_C: Array, P: Array, L: Array, V: Array,
-               restitution: Array, settings: TimestepSettings, radius: Array, body: IntArray,
+               settings: TimestepSettings, radius: Array, thickness: Array, body: IntArray,
                memory: Memory, first: int, last: int) -> None:
     """
-    Write how far ahead some shapes look for contacts [m]: half of the margin, and what they move.
+    Write how far ahead some shapes look for contacts [m]: a margin, and as far as they move.
 
-    What bounces must be seen before it touches; what does not may be seen late, at the price of an
-    overlap, unless `continuous` is set.
+    So nothing passes what is thinner than its way in a step, or is met late. thickness (s,) [m] is
+    half of the least that a shape measures across.
     """
-    memory.calm[0] = settings.margin
-    bounces = settings.continuous == 1 or may_bounce(restitution)
     for s in range(first, last):
         i = body[s] & INDEX
         v = inv_m[i] * norm(column(P, i)) + norm((V[0, i], V[1, i], V[2, i]))
@@ -399,8 +416,8 @@ def look_ahead(h: float, inv_m: Array, inv_I_C: Array, P: Array, L: Array, V: Ar
         w = max(inv_I_C[0, i], inv_I_C[1, i], inv_I_C[2, i]) * norm(column(L, i))
         w += norm((V[3, i], V[4, i], V[5, i]))
         way = (v + w * radius[i]) * h
-        most = way if bounces else min(way, _FAR * settings.margin)
-        memory.ahead[s] = 0.5 * settings.margin + most
+        memory.calm[s] = settings.margin * thickness[s] if inv_m[i] > 0.0 else 0.0
+        memory.ahead[s] = memory.calm[s] + way
 
 
 @kernel

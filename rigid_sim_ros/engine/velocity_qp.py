@@ -40,8 +40,8 @@ from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import gap_now
 from rigid_sim_ros.engine.slots import give_slots, mark_touching, take_sides
 from rigid_sim_ros.engine.solver_bodies import (
-    begin_push, drift_bodies, HELD, INV_M, kick_bodies, load_bodies,
-    SECOND_END, SolverBodies, store_bodies, STRIDE)
+    begin_push, drift_bodies, INV_M, kick_bodies, load_bodies, SECOND_END, SolverBodies,
+    store_bodies, STRIDE, TOUCHED)
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.timestep import (
     clear_impulses, look_ahead, make_timestep_work, TimestepSettings, TimestepWork)
@@ -86,7 +86,7 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
     for _ in range(count):
         begin_kinematic(model, state)
         look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, state.V,
-                   materials.restitution, settings, work.shared.radius, shapes.body, memory, 0,
+                   settings, work.shared.radius, work.shared.thickness, shapes.body, memory, 0,
                    shapes.body.shape[0])
         while not detect_ahead(model, state, shapes, memory, 0, None):
             memory = grown(memory)
@@ -105,6 +105,7 @@ def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
     shared, bodies = work.shared, work.shared.solver.bodies
     clear_impulses(manifolds, acted.impulse, acted.friction)
     sum_loads(model, state, wrenches, shared.loads)
+    shared.collision.waits[:] = 0
     if collide_bodies(model.h, model.inv_m, model.inv_I_C, state, shared.loads.F, shapes,
                       materials, manifolds, settings.bounce_speed, acted.impulse,
                       acted.friction, shared.collision) > 0:
@@ -112,19 +113,21 @@ def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
     mark_touching(manifolds, shared.collision.waits, touching)
     # What moves by its twist has no slot: its velocity is in `work.bodies`.
     take_sides(model.inv_m, work.prescribed, state.x, work.awake, 0, len(model.m),
-               shared.solver.sides, bodies.slot)
+               shared.solver.sides, bodies.slot, bodies.flies)
     give_slots(0, shared.solver.sides, touching, bodies)
-    load_bodies(0, model.gravity, model.inv_m, model.inv_I_C, state, shared.loads, bodies)
+    load_bodies(0, 0.0, model.gravity, model.inv_m, model.inv_I_C, state, shared.loads, bodies)
     read_bodies(model, state, shared.loads.F, shared.loads.tau, work.bodies)
     chosen = _chosen(model, state, shapes, materials, manifolds, work)
     kick_bodies(0, bodies.used, bodies.motion, bodies.smooth, False, bodies.base, model.h)
     begin_push(0, bodies.used[SECOND_END], bodies.motion, bodies.drifted)
     impulses, pushes = _solve(model, manifolds, acted, settings, chosen, work)
-    drift_bodies(0, bodies.used, bodies.motion, bodies.drifted, True)
+    _drift_by_the_end(state, model.inv_m, model.h, work.contacts, chosen, impulses, bodies)
+    drift_bodies(0, bodies.used, bodies.motion, bodies.drifted, bodies.total, bodies.smooth,
+                 False, bodies.base, model.h, True)
     _give_back(work.contacts, chosen, impulses, pushes, model.h, bodies)
-    fly_free(model, state, shared.loads, bodies.slot, model.h, shared.block)
     store_bodies(0, 0, len(model.m), model.h, model.m, model.inv_m, model.inv_I_C, state, bodies,
                  1)
+    fly_free(model, state, shared.loads, bodies.flies, model.h, shared.block)
     move_kinematic(model, state, model.h)
     # As in the symplectic method: half of the change of the loads, now at the new poses.
     sum_loads(model, state, wrenches, shared.later)
@@ -212,6 +215,39 @@ def _ask_osqp(model: Model, contacts: Contacts, chosen: IntArray, rows: Rows,
 
 
 @kernel
+def _drift_by_the_end(state: State, inv_m: Array, h: float, contacts: Contacts, chosen: IntArray,
+                      f: Array, bodies: SolverBodies) -> None:
+    """
+    Let some bodies drift by the velocity at the end of the step, not by a mean.
+
+    Those that an impact stopped: it changes a velocity by more than twice what the forces alone
+    would in a step. And those that press against another one that moves: their impulses act at the
+    start, so the pair keeps its angular momentum.
+    """
+    for slot in range(1, bodies.used[SECOND_END]):
+        i, at = bodies.body[slot], slot * STRIDE
+        changed, pulled = 0.0, 0.0
+        for k in range(3):
+            changed += (bodies.motion[at + k] - inv_m[i] * state.P[k, i]) ** 2
+            pulled += (h * bodies.smooth[at + k]) ** 2
+        if changed > 4.0 * pulled:
+            _mark(slot, h, bodies)
+    for c in range(chosen.shape[0]):
+        slot_a = bodies.slot[contacts.body_a[chosen[c]]]
+        slot_b = bodies.slot[contacts.body_b[chosen[c]]]
+        if slot_a > 0 and slot_b > 0 and f[3 * c] > 0.0:
+            _mark(slot_a, h, bodies)
+            _mark(slot_b, h, bodies)
+
+
+@kernel
+def _mark(slot: int, h: float, bodies: SolverBodies) -> None:
+    at = slot * STRIDE
+    for k in range(INV_M):
+        bodies.base[at + k] = bodies.motion[at + k] + h * bodies.smooth[at + k]
+
+
+@kernel
 def _give_back(contacts: Contacts, chosen: IntArray, f: Array, pushes: Array, h: float,
                solver: SolverBodies) -> None:
     """
@@ -222,11 +258,11 @@ def _give_back(contacts: Contacts, chosen: IntArray, f: Array, pushes: Array, h:
     for c in range(chosen.shape[0]):
         k = chosen[c]
         slot_a, slot_b = solver.slot[contacts.body_a[k]], solver.slot[contacts.body_b[k]]
-        if slot_a == 0 or slot_b == 0:
-            continue
         at_a, at_b = slot_a * STRIDE, slot_b * STRIDE
         if max(f[3 * c], pushes[3 * c]) > 0.0:
-            solver.drifted[at_a + HELD] = solver.drifted[at_b + HELD] = 1.0
+            solver.drifted[at_a + TOUCHED] = solver.drifted[at_b + TOUCHED] = 1.0
+        if slot_a == 0 or slot_b == 0:
+            continue
         if pushes[3 * c] > 0.0:
             v = (solver.drifted[at_b] - solver.drifted[at_a],
                  solver.drifted[at_b + 1] - solver.drifted[at_a + 1],

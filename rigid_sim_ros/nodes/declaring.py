@@ -1,13 +1,15 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of a node, with defaults from a file in msg_config and a meaning for each."""
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
 from importlib.resources import files
 from typing import Any, NamedTuple
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from ruamel.yaml import YAML
 
 from rigid_sim_ros.scene.errors import nearest
@@ -46,6 +48,10 @@ def declare_all(
     Raise ParameterError for an override of the wrong type or out of its range.
     """
     _warn_of_unknown(node, defaults)
+    as_floats = partial(_with_floats, [n for n, v in defaults.items() if isinstance(v, float)])
+    overrides = _overrides(node)
+    overrides.update({p.name: p for p in as_floats(list(overrides.values()))})
+    node.add_pre_set_parameters_callback(as_floats)
     return {name: _declare(node, name, default, meaning(name))
             for name, default in defaults.items()}
 
@@ -60,6 +66,13 @@ def _declare(node: Node, name: str, default: Any, meaning: Meaning) -> Any:
     if value != value:
         raise ParameterError(f'parameter {name}: {NOT_A_NUMBER}')
     return value
+
+
+def _with_floats(floating: Collection[str], parameters: list[Parameter]) -> list[Parameter]:
+    """Return parameters of which those that are floating-point numbers may be written as `50`."""
+    return [Parameter(p.name, value=float(p.value))
+            if p.name in floating and p.type_ is Parameter.Type.INTEGER else p
+            for p in parameters]
 
 
 def _flatten(tree: Mapping[str, Any], prefix: str = '') -> Sequence[tuple[str, Any]]:
@@ -91,7 +104,7 @@ def _wrong_type(name: str, default: Any, error: Exception) -> str:
     mend = {
         bool: 'must be true or false',
         int: 'must be a whole number',
-        float: f'must be a number with a decimal point, such as {default}',
+        float: f'must be a number, such as {default}',
         str: "must be text; in quotes if it looks like a number: '\"7\"'",
         list: "must be a list of texts, such as ['*']",
     }[type(default)]
@@ -106,9 +119,14 @@ def _wrong_value(node: Node, name: str, meaning: Meaning, error: Exception) -> s
             f'{meaning.most:g}')
 
 
-def _overrides(node: Node) -> Mapping[str, Any]:
+def given_names(node: Node) -> list[str]:
+    """Return the names of the parameters that the node was started with."""
+    return list(_overrides(node))
+
+
+def _overrides(node: Node) -> dict[str, Parameter]:
     # rclpy has no public list of the overrides before they are declared.
-    overrides: Mapping[str, Any] = getattr(node, '_parameter_overrides', {})
+    overrides: dict[str, Parameter] = getattr(node, '_parameter_overrides', {})
     return overrides
 
 
@@ -119,6 +137,6 @@ def _sentence(text: str) -> str:
 def _warn_of_unknown(node: Node, known: Mapping[str, Any]) -> None:
     # A parameter file may serve several nodes, so a name that is not ours is no error.
     for name in _overrides(node):
-        if name not in known and not node.has_parameter(name):
+        if not (name in known or node.has_parameter(name) or name.startswith('qos_overrides.')):
             similar = [k for k in known if k.startswith('qos.') == name.startswith('qos.')]
             node.get_logger().warning(f'no parameter {name!r}: {nearest(name, similar)}')

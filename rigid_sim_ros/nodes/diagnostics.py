@@ -45,6 +45,7 @@ class Diagnostics:
         self._thread_ns = thread_ns
         self._steps = self._pacer.steps
         self._overruns = self._pacer.overruns
+        self._dropped_ns = self._pacer.dropped_ns
         self._refused = sum(self._refusals.counts().values())
         self._messages, self._cost_ns = self._publishers.messages, self._publishers.cost_ns
         self._recorded = self._publishers.recorded
@@ -102,8 +103,9 @@ class Diagnostics:
             text = (f'{clocks} publishers on /clock: set publish_clock to false for all '
                     'simulations but one')
             return self._status('pace', _WARN, text, values)
-        if overruns:
-            text = f'cannot keep the pace: {overruns} overruns lately'
+        # A step that is late is made up for; the pace is not held where that is not possible.
+        if given_up := pacer.dropped_ns - self._dropped_ns:
+            text = f'cannot keep the pace: {given_up / _SECOND:.3f} s given up lately'
             return self._status('pace', _WARN, text, values)
         return self._status('pace', _OK, 'paused' if paused else 'running', values)
 

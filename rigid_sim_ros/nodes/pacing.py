@@ -25,6 +25,10 @@ _LEAST_TICK_NS = MILLISECOND
 # time, but shows them as a longer burst of steps at full speed.
 CATCH_UP_NS = 100 * MILLISECOND
 
+# 146 years, in ns or in steps: what has a longer period does not happen. Counts up to here fit
+# into 64 bits, while 1 / 5e-324 is beyond all numbers.
+NEVER = 2 ** 62
+
 
 class Lateness(NamedTuple):
     """How late the steps of one call to `start` were."""
@@ -50,7 +54,7 @@ class Pacer:
             period_ns = self._step_ns / factor
             self._group = max(1, int(_LEAST_TICK_NS // period_ns))
             # Whole nanoseconds: the pace is off by less than 1e-6, as a crystal is.
-            self.tick_ns = max(1, round(self._group * period_ns))
+            self.tick_ns = max(1, round(min(self._group * period_ns, NEVER)))
             self._most_ticks = max(1, CATCH_UP_NS // self.tick_ns)
         self.restart(now_ns)
 

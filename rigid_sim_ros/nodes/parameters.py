@@ -29,6 +29,7 @@ _MEANINGS = {
         '~/wrenches always cover all of them.'),
     'real_time_factor': Meaning(
         'Simulated seconds per second of wall time; 0 is as fast as possible.', True, 1e4),
+    'paused': Meaning('Whether to begin paused; ~/pause lets it go on.'),
     'threads': Meaning(
         'Threads that a step may use: a second one helps where contacts are many, and changes no '
         'result.', most=2, least=1),
@@ -65,7 +66,8 @@ _MEANINGS = {
     'bag_compression': Meaning(
         'Compression of the next recording.', True, constraints='none | zstd'),
     'bag_segment_duration': Meaning(
-        'Wall time in s after which a recording goes on in a new file; 0 is never.', True, 1e6),
+        'Wall time in s after which a recording goes on in a new file, 0.1 s or more; 0 is never.',
+        True, 1e6),
     'bag_segment_size': Meaning(
         'Size in MB after which a recording goes on in a new file; 0 is never.', True, 2**20),
 }
@@ -73,7 +75,7 @@ _QOS_MEANINGS = {
     'reliability': Meaning('Reliability of topic `{}`.', constraints='reliable | best_effort'),
     'durability': Meaning(
         'Durability of topic `{}`.', constraints='volatile | transient_local'),
-    'depth': Meaning('How many messages the queue of topic `{}` holds.', most=100_000),
+    'depth': Meaning('How many messages the queue of topic `{}` holds.', most=100_000, least=1),
 }
 
 

@@ -12,6 +12,8 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.signals import SignalHandlerOptions
 
+from rigid_sim_ros.environment import check_node, has_place_for_logs
+
 DONE, FAILED, USAGE = 0, 1, 2
 _SPIN_PERIOD = 0.2      # s between two looks at whether to end
 
@@ -28,10 +30,18 @@ class Parser(argparse.ArgumentParser):
 
 
 def start_ros(ros_args: Sequence[str]) -> None:
-    """Start ROS and leave the signals alone; one of ROS_ERRORS for a wrong argument."""
+    """
+    Start ROS and leave the signals alone.
+
+    One of ROS_ERRORS for a wrong argument, EnvironmentProblem for what the system does not allow.
+    """
+    check_node()
+    words = list(ros_args)
+    if not has_place_for_logs():
+        words += ['--ros-args', '--disable-external-lib-logs']
     # rcl logs what it raises as well: one line about a wrong argument is enough.
     set_logger_level('rcl', LoggingSeverity.FATAL)
-    rclpy.init(args=list(ros_args), signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)
     set_logger_level('rcl', LoggingSeverity.UNSET)
 
 

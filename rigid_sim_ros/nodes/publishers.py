@@ -184,7 +184,13 @@ class Publishers:
 
     def clock_publishers(self) -> int:
         """Return how many publishers /clock has; more than one tears time to and fro."""
-        return self._node.count_publishers('/clock') if self._clock else 0
+        return sum(self._node.count_publishers(t.name) for t in self._clock.topics) if (
+            self._clock) else 0
+
+    def telling_names(self) -> list[str]:
+        """Return topics that one simulation alone publishes: one that all have, and the clock."""
+        return [topic.name for outlet in (self._state, self._clock) if outlet
+                for topic in outlet.topics]
 
     def flush(self, seconds: float) -> None:
         """Wait until reliable subscribers have what was sent, at most this long."""

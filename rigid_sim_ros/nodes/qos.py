@@ -24,7 +24,7 @@ def profiles(parameters: Mapping[str, Any]) -> dict[str, QoSProfile]:
     """
     Return the profile of every topic that has `qos.` parameters, by the topic's short name.
 
-    Raise ParameterError where a policy has a name that ROS does not know, or a queue no place.
+    Raise ParameterError where a policy has a name that ROS does not know.
     """
     topics = sorted({name.split('.')[1] for name in parameters if name.startswith('qos.')})
     return {topic: _profile(parameters, topic) for topic in topics}
@@ -32,8 +32,6 @@ def profiles(parameters: Mapping[str, Any]) -> dict[str, QoSProfile]:
 
 def _profile(parameters: Mapping[str, Any], topic: str) -> QoSProfile:
     depth = parameters[f'qos.{topic}.depth']
-    if depth < 1:
-        raise ParameterError(f'parameter qos.{topic}.depth: {depth}, must be at least 1')
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
         depth=depth,

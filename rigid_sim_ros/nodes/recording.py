@@ -24,6 +24,7 @@ NOT_RECORDING = 'not recording'
 _MEGABYTE = 1_000_000
 _PATIENCE_S = 60.0      # with a disk that does not answer, when a recording ends
 _NEVER_S, _NEVER_BYTES = 1e9, 1 << 62      # no new file by this measure
+_LEAST_SEGMENT_S = 0.1  # shorter files would hold hardly more than their own description
 
 
 class Recording:
@@ -61,7 +62,7 @@ class Recording:
             self._path(), self._world, self._publishers.topics, node=self._name,
             frame_id=given['frame_id'], parameters=given, storage=given['bag_storage'],
             compression=given['bag_compression'], waits=given['real_time_factor'] == 0.0,
-            on_error=self._fail, segment_s=seconds or _NEVER_S,
+            on_error=self._fail, segment_s=max(seconds, _LEAST_SEGMENT_S) if seconds else _NEVER_S,
             segment_bytes=megabytes * _MEGABYTE or _NEVER_BYTES)
 
     def finish(self) -> tuple[bool, str]:

@@ -6,11 +6,16 @@ from concurrent.futures import Future
 from typing import Any
 
 from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_srvs.srv import SetBool, Trigger
 
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.nodes.inputs import Command, ENDED, Queue
 from rigid_sim_ros.nodes.recording import Recording
+
+# Of requests that wait and of answers on their way. By ROS's default it is 10: what a client asks
+# beyond that before it is answered would be lost.
+_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 
 
 class Services:
@@ -20,11 +25,14 @@ class Services:
         self._queue = queue
         self._recording = recording
         self._log = node.get_logger()
-        node.create_service(SetBool, '~/pause', self._pause)
-        node.create_service(Trigger, '~/step', self._trigger('step'))
-        node.create_service(Trigger, '~/reset', self._trigger('reset'))
-        node.create_service(Trigger, '~/start_recording', self._start_recording)
-        node.create_service(Trigger, '~/stop_recording', self._stop_recording)
+        for service, name, callback in (
+            (SetBool, 'pause', self._pause),
+            (Trigger, 'step', self._trigger('step')),
+            (Trigger, 'reset', self._trigger('reset')),
+            (Trigger, 'start_recording', self._start_recording),
+            (Trigger, 'stop_recording', self._stop_recording),
+        ):
+            node.create_service(service, f'~/{name}', callback, qos_profile=_QOS)
 
     def _pause(self, request: Any, response: Any) -> Any:
         return self._do('pause' if request.data else 'resume', response)

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from functools import partial
 import gc
 import sys
-import threading
 import traceback
 from typing import Any
 
@@ -29,6 +28,7 @@ from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.moment import Moment
 from rigid_sim_ros.bag.writer import check_path
 from rigid_sim_ros.nodes.inputs import ParameterInput, Queue, Receiver, Refusals
+from rigid_sim_ros.nodes.neighbours import Neighbours
 from rigid_sim_ros.nodes.parameters import declare, is_live, mistake_in, ParameterError
 from rigid_sim_ros.nodes.process import (
     complain, DONE, FAILED, Parser, ROS_ERRORS, ros_text, start_ros, Threads)
@@ -39,8 +39,8 @@ from rigid_sim_ros.nodes.services import Services
 from rigid_sim_ros.nodes.step_loop import StepLoop
 from rigid_sim_ros.scene.errors import SceneError
 from rigid_sim_ros.scene.overlap import describe_overlaps
-from rigid_sim_ros.signals import stop_on_signals
-from rigid_sim_ros.warm_up import announced, warm_up
+from rigid_sim_ros.signals import Stop, stop_on_signals
+from rigid_sim_ros.warm_up import Stopped, use, watched
 from rigid_sim_ros.world import load_scene, World
 
 NODE_NAME = 'rigid_sim'
@@ -56,9 +56,10 @@ class Simulation:
 
     def __init__(
         self, scene: str | None, duration: float | None, record: str | None,
-        moment: Moment | None, stopped: threading.Event,
+        moment: Moment | None, paused: bool, stopped: Stop,
     ) -> None:
-        overrides = [] if scene is None else [Parameter('scene', value=scene)]
+        overrides = [Parameter('paused', value=True)] if paused else []
+        overrides += [] if scene is None else [Parameter('scene', value=scene)]
         if record is not None:
             check_path(record)      # fails now, not after compiling
             overrides += [Parameter('record', value=True), Parameter('bag_path', value=record)]
@@ -72,8 +73,7 @@ class Simulation:
         self._qos = profiles(self._parameters)
         if self._parameters['publish_tf']:
             tf_message()    # fails now, not after compiling
-        self._world = World(moment.scene) if moment is not None else announced(
-            lambda: load_scene(self._parameters['scene']))
+        self._world = watched(self._make_world, stopped)
         self._world.threads = self._parameters['threads']
         self._check_frame_id()
         self._queue = Queue()
@@ -83,14 +83,10 @@ class Simulation:
 
     def run(self) -> None:
         """Compile, connect, and simulate until the end; raise what went wrong in a thread."""
-        warm_up(self._world.scene, self._stopped)
-        if self._stopped.is_set():
-            return
+        for line in watched(self._prepare, self._stopped):
+            self._log.warning(line)
         if self._moment is not None:
             self._moment.apply(self._world)
-        else:
-            for line in describe_overlaps(self._world.scene):
-                self._log.warning(line)
         bodies = chosen_bodies(self._world.names, self._parameters['bodies'])
         if not bodies:
             self._log.warning(f'no body matches the parameter bodies {self._parameters["bodies"]}:'
@@ -105,19 +101,33 @@ class Simulation:
             dict(self._parameters), self._most_steps())
         self._subscribe(bodies)
         Services(self.node, self._queue, self._recording)
+        Neighbours(self.node, publishers.telling_names)
         self.node.add_on_set_parameters_callback(self._check_parameters)
         self.node.add_post_set_parameters_callback(self._hand_over_parameters)
         begin = '' if self._moment is None else f', from {self._world.time_ns / 1e9:.9g} s on'
         self._log.info(
             f'simulating {self._parameters["scene"]}: {len(self._world.names)} '
             f'bod{"y" if len(self._world.names) == 1 else "ies"}, '
-            f'step {self._world.step_ns / 1e6:g} ms{begin}')
+            f'step {self._world.step_ns / 1e6:g} ms{begin}'
+            f'{", paused: ~/pause lets it go on" if self._parameters["paused"] else ""}')
         self._run_threads(loop, publishers)
 
     @property
     def lost_a_recording(self) -> bool:
         """Whether a bag that was begun, or was to be from the start, is not whole."""
         return self._recording is not None and self._recording.has_failed
+
+    def _make_world(self) -> World:
+        if self._moment is not None:
+            return World(self._moment.scene)
+        return load_scene(self._parameters['scene'])
+
+    def _prepare(self) -> list[str]:
+        """Do all for which kernels are compiled; return what there is to say of the scene."""
+        world = World(self._world.scene)
+        world.threads = self._parameters['threads']
+        use(world)
+        return [] if self._moment is not None else [*describe_overlaps(self._world.scene)]
 
     def _create_recording(self) -> None:
         assert self._recording is not None
@@ -198,32 +208,38 @@ def _recorded_parameters(moment: Moment | None) -> dict[str, Any]:
     """Return the parameters with which a session goes on, which others may override."""
     if moment is None:
         return {}
+    own = ('paused', 'record', 'real_time_factor')      # of each run
     kept = {name: value for name, value in moment.parameters.items()
-            if not name.startswith('bag_') and name not in ('record', 'real_time_factor')}
+            if not name.startswith('bag_') and name not in own}
     return {**kept, 'scene': moment.session.scene}
 
 
 def run(
     scene: str | None = None, *, duration: float | None = None, record: str | None = None,
-    moment: Moment | None = None, ros_args: Sequence[str] = (),
+    moment: Moment | None = None, paused: bool = False, ros_args: Sequence[str] = (),
 ) -> int:
     """
-    Run the node until Ctrl-C, SIGTERM or, if given, `duration` s of simulation time.
+    Run the node until Ctrl-C, SIGTERM, SIGHUP or, if given, `duration` s of simulation time.
 
     scene is the path of a scene file or the name of an example; without it the parameter `scene`
     counts. record is the folder of a new bag. With a moment of a recorded session the node goes on
-    from there, with the parameters of then but the pace. ros_args are ROS's own arguments, from
+    from there, with the parameters of then but the pace. It begins paused if `paused` or the
+    parameter of this name says so. ros_args are ROS's own arguments, from
     `--ros-args` on. Returns the exit code: 0 for a clean end, 1 if a recording broke off, 2 with
-    one line on stderr for a bad parameter, scene or folder.
+    one line on stderr for a bad parameter, scene or folder, 128 and the number of the signal that
+    ended it before it simulated anything.
     """
-    stopped = threading.Event()
+    stopped = Stop()
     restore = stop_on_signals(stopped)
     try:
         start_ros(ros_args)
-        simulation = Simulation(scene, duration, record, moment, stopped)
+        simulation = Simulation(scene, duration, record, moment, paused, stopped)
         simulation.run()
         simulation.node.destroy_node()
         return FAILED if simulation.lost_a_recording else DONE
+    except Stopped:
+        print('rigid_sim: stopped before the start: nothing was simulated', file=sys.stderr)
+        return stopped.exit_code
     except SceneError as error:
         return complain(error.summary)
     except (ParameterError, BagError, OSError) as error:

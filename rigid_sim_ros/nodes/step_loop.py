@@ -19,7 +19,7 @@ from rigid_sim_ros.nodes.diagnostics import Diagnostics
 from rigid_sim_ros.nodes.inputs import (
     Command, ENDED, Input, is_of_wrenches, ParameterInput, PoseInput, Queue, Refusals, TwistInput,
     WrenchesInput, WrenchInput)
-from rigid_sim_ros.nodes.pacing import MILLISECOND, Pacer
+from rigid_sim_ros.nodes.pacing import MILLISECOND, NEVER, Pacer
 from rigid_sim_ros.nodes.publishers import Publishers
 from rigid_sim_ros.nodes.recording import Recording
 from rigid_sim_ros.world import World
@@ -56,7 +56,7 @@ class StepLoop:
         self._parameters = parameters
         self._steps_left = most_steps
         self._stopped = threading.Event()
-        self._paused = False
+        self._paused: bool = parameters['paused']
         self._broken = ''                       # why the world cannot be stepped any more
         self._moved = False                     # while paused: there is something new to publish
         # Of the last ~/wrenches message; a world that goes on from a bag may bring some along.
@@ -76,7 +76,7 @@ class StepLoop:
         """Step until `stop` is called or the last step is done."""
         try:
             if self._recording.is_made:
-                self._recording.begin()
+                self._start_recording()
             self._publish_all()
             now_ns = monotonic_ns()
             self._pacer.restart(now_ns)
@@ -177,11 +177,20 @@ class StepLoop:
 
     def _interval(self, rate_name: str) -> int:
         rate = self._parameters[rate_name]
-        return max(1, round(_SECOND / (rate * self._world.step_ns))) if rate else 0
+        if not rate:
+            return 0
+        return max(1, round(min(_SECOND / rate / self._world.step_ns, NEVER)))
 
     def _publish_all(self) -> None:
         for _, publish in self._outputs:
             publish()
+        self._publishers.send_waiting()
+
+    def _publish_rest(self) -> None:
+        """Publish what was not published at this step: a pause shows the state of its moment."""
+        for interval, publish in self._outputs:
+            if self._world.step_index % interval:
+                publish()
         self._publishers.send_waiting()
 
     def _publish_clock(self) -> None:
@@ -226,6 +235,7 @@ class StepLoop:
 
     def _apply_parameter(self, item: ParameterInput) -> None:
         self._parameters[item.name] = item.value
+        self._log.info(f'parameter {item.name}: {item.value}')
         self._recording.note_parameter(item.name, item.value)
         if item.name == 'real_time_factor':
             self._pacer.set_factor(item.value, monotonic_ns())
@@ -253,8 +263,9 @@ class StepLoop:
         said = 'already paused' if self._paused else 'paused'
         if not self._paused:
             self._note(events.PAUSE)
+            self._publish_rest()
         self._paused = True
-        return True, f'{said} at {self._time()}'
+        return self._told(f'{said} at {self._time()}')
 
     def _resume(self) -> tuple[bool, str]:
         if self._broken:
@@ -264,7 +275,7 @@ class StepLoop:
             self._note(events.RESUME)
             self._pacer.restart(monotonic_ns())
         self._paused = False
-        return True, f'{said} at {self._time()}'
+        return self._told(f'{said} at {self._time()}')
 
     def _single_step(self) -> tuple[bool, str]:
         if not self._paused:
@@ -284,7 +295,12 @@ class StepLoop:
         self._broken = ''
         self._pacer.restart(monotonic_ns())
         self._publish_all()
-        return True, f'reset at {self._time()}'
+        return self._told(f'reset at {self._time()}')
+
+    def _told(self, text: str) -> tuple[bool, str]:
+        """Return an answer that the log has too: everybody else wonders who paused."""
+        self._log.info(text)
+        return True, text
 
     def _start_recording(self) -> tuple[bool, str]:
         answer = self._recording.begin()

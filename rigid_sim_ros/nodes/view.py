@@ -26,6 +26,8 @@ def main(args: Sequence[str] | None = None) -> int:
                         help='play this bag, instead of a simulation')
     parser.add_argument('--node', default='', metavar='NAME',
                         help='node of the simulation; without it the first that is found')
+    parser.add_argument('--begin', action='store_true',
+                        help='let a simulation that is paused begin once somebody looks')
     parser.add_argument('--host', default=LOCAL, metavar='ADDRESS',
                         help=f'where to open the page; default {LOCAL}: for this machine only')
     parser.add_argument('--port', type=int, default=PORT, metavar='PORT',
@@ -47,7 +49,7 @@ def main(args: Sequence[str] | None = None) -> int:
         except (AddressError, BagError) as error:
             return complain(str(error))
     return run(options.node, host=options.host, port=options.port, rate=options.rate,
-               ros_args=words)
+               begins=options.begin, ros_args=words)
 
 
 if __name__ == '__main__':

@@ -111,6 +111,7 @@ class Feed:
                 values = {pair.key: pair.value for pair in status.values}
                 reports[part] = Report(int.from_bytes(status.level, 'little'), status.message,
                                        values)
+                self._inbox.scene_name = status.hardware_id
         if reports:
             self._inbox.reports = reports
             self._inbox.reported += 1

@@ -17,7 +17,7 @@ from rigid_sim_ros.nodes.process import (
     complain, DONE, ROS_ERRORS, ros_text, start_ros, Threads)
 from rigid_sim_ros.nodes.view_driver import RosDriver
 from rigid_sim_ros.nodes.view_feed import Feed, simulations
-from rigid_sim_ros.signals import stop_on_signals
+from rigid_sim_ros.signals import Stop, stop_on_signals
 from rigid_sim_ros.viewer.address import AddressError, open_page, PORT
 from rigid_sim_ros.viewer.bag import RATE
 from rigid_sim_ros.viewer.live import LivePage
@@ -26,6 +26,7 @@ from rigid_sim_ros.viewer.simulation import Inbox
 
 NODE_NAME = 'rigid_sim_view'
 _NICE = 5       # levels by which the page gives way to a simulation on the same processors
+_PATIENCE = 5.0     # s until an answer that has not come is asked for again
 _LOOK = 0.25    # s between two looks for a simulation
 _LOOKING = 'Looking for a simulation: start one with `rigid_sim run`.'
 
@@ -40,7 +41,7 @@ class View:
         self._threads = Threads(stopped)
         self._log = self.node.get_logger()
 
-    def run(self, target: str, rate: float) -> None:
+    def run(self, target: str, rate: float, begins: bool = False) -> None:
         """Show a simulation, or the first that is found, until the end."""
         executor = EventsExecutor()
         executor.add_node(self.node)
@@ -51,7 +52,7 @@ class View:
             target = target or self._find()
             looking.remove()
             if target:
-                self._show(target, rate)
+                self._show(target, rate, begins)
         finally:
             self._stopped.set()
             executor.wake()
@@ -59,12 +60,32 @@ class View:
             executor.shutdown()
         self._threads.raise_failure()
 
-    def _show(self, target: str, rate: float) -> None:
+    def _show(self, target: str, rate: float, begins: bool) -> None:
         self._log.info(f'showing {target}')
         inbox = Inbox()
         feed = Feed(self.node, target, inbox)
-        page = LivePage(self._server, inbox, RosDriver(self.node, target, feed.listen))
+        driver = RosDriver(self.node, target, feed.listen)
+        page = LivePage(self._server, inbox, driver)
+        if begins:
+            self._log.info(f'{target} begins when the page is opened')
+            threading.Thread(target=self._begin, args=(driver,), daemon=True).start()
         page.run(self._stopped, rate)
+
+    def _begin(self, driver: RosDriver) -> None:
+        """Wait for the first who looks, and for a simulation that can be told to go on."""
+        opened, has_begun = threading.Event(), threading.Event()
+        self._server.on_client_connect(lambda _: opened.set())
+
+        def hear(text: str, success: bool) -> None:
+            if success:
+                has_begun.set()
+
+        while not self._stopped.wait(_LOOK):
+            if has_begun.is_set():
+                return
+            if opened.is_set():
+                driver.pause(False, hear)
+                has_begun.wait(_PATIENCE)
 
     def _find(self) -> str:
         """Wait for a simulation and return its name, '' at the end."""
@@ -79,15 +100,16 @@ class View:
 
 def run(
     target: str = '', *, host: str = LOCAL, port: int = PORT, rate: float = RATE,
-    ros_args: Sequence[str] = (),
+    begins: bool = False, ros_args: Sequence[str] = (),
 ) -> int:
     """
     Show a simulation until Ctrl-C or SIGTERM.
 
     target is the name of its node, '' for the first that is found. host and port are where the
-    page is opened; rate [Hz] is how often it follows. Returns the exit code.
+    page is opened; rate [Hz] is how often it follows. With `begins` a paused simulation goes on as
+    soon as somebody looks. Returns the exit code.
     """
-    stopped = threading.Event()
+    stopped = Stop()
     restore = stop_on_signals(stopped)
     try:
         os.nice(_NICE)
@@ -95,11 +117,11 @@ def run(
         server, _ = open_page(host, port)
         try:
             view = View(server, stopped)
-            view.run(target, rate)
+            view.run(target, rate, begins)
             view.node.destroy_node()
         finally:
             stop(server)
-    except AddressError as error:
+    except (AddressError, OSError) as error:
         return complain(str(error))
     except ROS_ERRORS as error:
         return complain(ros_text(error))

@@ -27,10 +27,11 @@ def name_of(ros_args: Sequence[str]) -> str:
 
 @contextmanager
 def viewing(ros_args: Sequence[str]) -> Iterator[None]:
-    """Show in a page what the node does that is run in the block."""
+    """Show in a page what the node does that is run in the block; the first page lets it begin."""
     # In this process the page would take the interpreter away from the step thread.
     page = subprocess.Popen(
-        [sys.executable, '-m', 'rigid_sim_ros.nodes.view', '--node', name_of(ros_args)])
+        [sys.executable, '-m', 'rigid_sim_ros.nodes.view', '--begin', '--node',
+         name_of(ros_args)])
     try:
         yield
     finally:

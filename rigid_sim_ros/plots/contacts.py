@@ -39,7 +39,7 @@ def simulate_contacts(bag: str | os.PathLike[str], scene: Scene, end: float) -> 
             if not run.take(handlers[topic], data) or run.now > end:
                 break
         elif not handlers and topic.endswith('/bag/session'):
-            session = sessions.decode(decode.string(data))
+            session = sessions.read(topic, data)
             handlers = {each.name: each.kind for each in session.topics if each.kind in _USED}
     return run.contacts()
 

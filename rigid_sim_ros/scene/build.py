@@ -5,6 +5,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 import json
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,8 @@ from rigid_sim_ros.scene.errors import (
     below, nearest, Path as Place, Problem, Report, SceneError, shown,
 )
 from rigid_sim_ros.scene.forces import force_table
+
+_logger = logging.getLogger(__name__)
 
 _EXTREME = 'mass, size or speed leave the range of numbers, must be less extreme'
 
@@ -91,16 +94,18 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source) ->
                              for properties, body in zip(masses, spec.bodies, strict=True)],
                             frames, forces, spec.world.step, spec.world.gravity)
         state = _initial_state(spec, model)
-    for i in range(len(spec.bodies)):
-        numbers = (model.inv_m, model.inv_I_C, *state)
-        if not all(np.isfinite(field[..., i]).all() for field in numbers):
-            report(('bodies', i), _EXTREME)
+    numbers = np.vstack([np.atleast_2d(field) for field in (model.inv_m, model.inv_I_C, *state)])
+    for i in np.flatnonzero(~np.isfinite(numbers).all(axis=0)).tolist():
+        report(('bodies', i), _EXTREME)
     if problems:
         raise SceneError(problems)
     shapes = _shapes(spec, model, report)
     if problems or shapes is None:
         raise SceneError(problems)
     materials = build_materials(collision.materials(spec), collision.overrides(spec))
+    if not all(np.isfinite(field).all() for field in materials):
+        raise SceneError([source.problem(('materials',), 'numbers of two materials together '
+                                         'leave the range of numbers, must be less extreme')])
     if spec.world.contact == 'penalty':
         try:
             check_step(model, shapes, materials)
@@ -151,7 +156,11 @@ def _surface(part: schema.Mesh, folder: Path | None) -> mesh.Mesh:
         raise ValueError(f'{shown(part.file)} is not beside the scene, must be vertices '
                          'and faces in it')
     else:
-        surface = mesh.read(folder / part.file)
+        path = folder / part.file
+        # In the working directory a program looks for its own files.
+        if folder != Path() and not path.resolve().is_relative_to(folder.resolve()):
+            _logger.warning('the mesh %s lies outside of the folder of the scene', path)
+        surface = mesh.read(path)
     return surface._replace(vertices=surface.vertices * part.scale)
 
 

@@ -77,7 +77,7 @@ def _of_speeds(scene: Scene) -> Iterator[str]:
     From where they touch, the middle of one passes that of the other after half of both widths:
     an overlap that is first seen then is left on the far side.
     """
-    if scene.contact == 'event' or scene.spec.collision.continuous:
+    if scene.contact != 'penalty':
         return
     shapes, n, h = scene.shapes, len(scene.names), scene.model.h
     thickness = _thickness(shapes)
@@ -103,8 +103,7 @@ def _of_speeds(scene: Scene) -> Iterator[str]:
         if told <= _MOST_LINES:
             yield (f"body '{body.name}' moves by {way:.3g} m in a step and may cross "
                    f"'{scene.names[shapes.body[s]]}', {thickness[s]:.3g} m thick, unseen; use a "
-                   f'step of at most {below(safe)} s, collision: {{continuous: true}}, or '
-                   'contact: event')
+                   f'step of at most {below(safe)} s, or contact: timestep')
     if told > _MOST_LINES:
         yield f'{told - _MOST_LINES} more bodies may cross others unseen'
 

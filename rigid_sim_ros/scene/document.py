@@ -12,15 +12,17 @@ from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 import numpy as np
-from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
-from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from rigid_sim_ros.scene.errors import dotted, Path, Problem, SceneError, shown
+from rigid_sim_ros.scene.yaml_tree import compose, MAPPING, SCALAR, SEQUENCE
 
-# Largest number of values in a scene once its aliases are written out. A thousand bodies have 3e4;
-# a "billion laughs" file of 1 kB has 1e9 and would fill the memory.
+# Largest number of values in a scene once its aliases are written out, where these are more than
+# twice what stands there. A thousand bodies have 3e4; a "billion laughs" file of 1 kB has 1e9 and
+# would fill the memory.
 MAX_VALUES = 2_000_000
+# Largest number of values in Python data, which has no text that it could be compared with.
+_MOST_DATA = 20_000_000
 # Deepest nesting. A scene needs 8; a thousand open brackets would exhaust the interpreter's stack.
 MAX_DEPTH = 40
 
@@ -55,7 +57,7 @@ class DictSource:
         self._count += 1
         if len(path) > MAX_DEPTH:
             raise SceneError([self.problem(path[:8], _TOO_DEEP)])
-        if self._count > MAX_VALUES:
+        if self._count > _MOST_DATA:
             raise SceneError([self.problem(path[:8], _TOO_MANY)])
         if isinstance(value, Mapping):
             for key in value:
@@ -80,19 +82,19 @@ class YamlSource:
 
     def problem(self, path: Path, message: str) -> Problem:
         """Return a problem that names the key and the line where it stands or should stand."""
-        node: Node | None = self._root
+        node: Any = self._root
         line = _line(self._root)
         for step in path:
-            if isinstance(node, MappingNode):
+            if isinstance(node, MAPPING):
                 node, line = _entry(node, step) or (None, line)
-            elif isinstance(node, SequenceNode) and step in range(len(node.value)):
+            elif isinstance(node, SEQUENCE) and step in range(len(node.value)):
                 node = node.value[step]
                 line = _line(node)
             else:
                 break
         return Problem(message, dotted(path), self._file, line)
 
-    def _value(self, node: Node, path: Path) -> tuple[Any, int]:
+    def _value(self, node: Any, path: Path) -> tuple[Any, int]:
         """
         Return the data of a node, and how many values it is with all aliases written out.
 
@@ -106,20 +108,20 @@ class YamlSource:
             raise self._error(node, path[:8], _TOO_DEEP)
         self._open.add(id(node))
         data, count = self._read(node, path)
-        if count > MAX_VALUES:
+        if count > max(MAX_VALUES, 2 * len(self._known)):
             raise self._error(node, path, _TOO_MANY)
         self._open.remove(id(node))
         self._known[id(node)] = data, count
         return data, count
 
-    def _read(self, node: Node, path: Path) -> tuple[Any, int]:
+    def _read(self, node: Any, path: Path) -> tuple[Any, int]:
         tag = _tag(node)
-        if isinstance(node, MappingNode) and tag == 'map':
+        if isinstance(node, MAPPING) and tag == 'map':
             return self._mapping(node, path)
-        if isinstance(node, SequenceNode) and tag == 'seq':
+        if isinstance(node, SEQUENCE) and tag == 'seq':
             items = [self._value(item, (*path, i)) for i, item in enumerate(node.value)]
             return [data for data, _ in items], 1 + sum(count for _, count in items)
-        if isinstance(node, ScalarNode) and tag in _SCALARS:
+        if isinstance(node, SCALAR) and tag in _SCALARS:
             try:
                 return _SCALARS[tag](node.value), 1
             except (KeyError, ValueError):
@@ -127,7 +129,7 @@ class YamlSource:
                 raise self._error(node, path, problem) from None
         raise self._error(node, path, f'tag {shown(tag)}, must be plain data: remove the tag')
 
-    def _mapping(self, node: MappingNode, path: Path) -> tuple[dict[str, Any], int]:
+    def _mapping(self, node: Any, path: Path) -> tuple[dict[str, Any], int]:
         own: dict[str, Any] = {}
         merged: dict[str, Any] = {}
         lines: dict[str, int] = {}
@@ -135,7 +137,7 @@ class YamlSource:
         for key_node, value_node in node.value:
             key = key_node.value
             if _tag(key_node) not in ('str', 'merge'):
-                shape = key if isinstance(key_node, ScalarNode) else 'of several values'
+                shape = key if isinstance(key_node, SCALAR) else 'of several values'
                 raise self._error(key_node, path, f'key {shape}, must be text')
             if key in lines:
                 raise self._error(key_node, (*path, key), 'the key appears twice, first in line '
@@ -151,17 +153,15 @@ class YamlSource:
                 raise self._error(key_node, (*path, key), 'must name one mapping: <<: *name')
         return {**merged, **own}, total
 
-    def _error(self, node: Node, path: Path, message: str) -> SceneError:
+    def _error(self, node: Any, path: Path, message: str) -> SceneError:
         return SceneError([Problem(message, dotted(path), self._file, _line(node))])
 
 
-def _compose(text: str, file: str) -> Node:
+def _compose(text: str, file: str) -> Any:
     """Return the tree of the only document in the text."""
     line = 1
     try:
-        yaml = YAML(typ='safe', pure=True)
-        yaml.composer.warn_double_anchors = False
-        root = yaml.compose(text)
+        root = compose(text)
         if root is not None:
             return root
         message = 'the scene is empty, must have bodies'
@@ -177,22 +177,22 @@ def _compose(text: str, file: str) -> Node:
     raise SceneError([Problem(message, '', file, line)])
 
 
-def _entry(node: MappingNode, key: str | int) -> tuple[Node, int] | None:
+def _entry(node: Any, key: str | int) -> tuple[Any, int] | None:
     """Return the value of a key and the key's line, in the mapping or in what it merges."""
     for key_node, value_node in node.value:
         if key_node.value == key:
             return value_node, _line(key_node)
     for key_node, value_node in node.value:
-        if _tag(key_node) == 'merge' and isinstance(value_node, MappingNode):
+        if _tag(key_node) == 'merge' and isinstance(value_node, MAPPING):
             return _entry(value_node, key)
     return None
 
 
-def _tag(node: Node) -> str:
+def _tag(node: Any) -> str:
     return str(node.tag).removeprefix('tag:yaml.org,2002:')
 
 
-def _line(node: Node) -> int:
+def _line(node: Any) -> int:
     return int(node.start_mark.line) + 1
 
 

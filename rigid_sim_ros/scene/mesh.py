@@ -2,8 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Triangle meshes: read from a file, and refused unless they enclose a volume."""
 
+import errno
 from io import BytesIO
+import os
 from pathlib import Path
+import stat
 from typing import NamedTuple
 
 import numpy as np
@@ -41,16 +44,29 @@ def read(path: Path) -> Mesh:
         raise ValueError(f'{shown(path.name)}, must be an OBJ or STL file')
     try:
         # From bytes, so that an OBJ file cannot make trimesh open the files it refers to.
-        mesh = trimesh.load(BytesIO(path.read_bytes()), file_type=path.suffix[1:].lower(),
+        mesh = trimesh.load(BytesIO(_bytes_of(path)), file_type=path.suffix[1:].lower(),
                             force='mesh', skip_materials=True)
+        vertices = np.asarray(getattr(mesh, 'vertices', ()), dtype=np.float64).reshape(-1, 3)
+        faces = np.asarray(getattr(mesh, 'faces', ()), dtype=np.int64).reshape(-1, 3)
     except OSError as error:
         raise ValueError(f'{path} cannot be read: {error.strerror}') from None
     except Exception as error:  # Whatever a parser meets in a damaged file.
         kind = type(error).__name__
         raise ValueError(f'{path} is not a mesh that can be read ({kind})') from None
-    vertices = np.asarray(getattr(mesh, 'vertices', ()), dtype=np.float64).reshape(-1, 3)
-    faces = np.asarray(getattr(mesh, 'faces', ()), dtype=np.int64).reshape(-1, 3)
+    if len(faces) == 0:
+        raise ValueError(f'{path} has no triangles, must be a closed surface')
     return Mesh(vertices, faces)
+
+
+def _bytes_of(path: Path) -> bytes:
+    """Return the bytes of a regular file; OSError where it is none, so that nothing waits."""
+    # Without O_NONBLOCK a pipe would wait for somebody to write into it.
+    with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), 'rb') as file:
+        facts = os.fstat(file.fileno())
+        if not stat.S_ISREG(facts.st_mode):
+            raise OSError(errno.EINVAL, 'not a regular file', str(path))
+        # What claims to be empty, as files of /proc do, may have no end.
+        return file.read(facts.st_size)
 
 
 def closed(mesh: Mesh) -> Mesh:

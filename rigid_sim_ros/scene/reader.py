@@ -8,6 +8,7 @@ from pathlib import Path
 import re
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
@@ -16,6 +17,7 @@ from rigid_sim_ros.scene.build import build, Scene
 from rigid_sim_ros.scene.document import DictSource, Source, YamlSource
 from rigid_sim_ros.scene.errors import either, nearest, Path as Place, Problem, SceneError, shown
 from rigid_sim_ros.scene.values import place
+from rigid_sim_ros.scene.yaml_tree import collector_paused
 
 
 def read_scene(path_or_name: str | os.PathLike[str]) -> Scene:
@@ -33,7 +35,8 @@ def read_scene(path_or_name: str | os.PathLike[str]) -> Scene:
     except UnicodeDecodeError as error:
         message = f'byte {error.start} is not UTF-8, must be a text file'
         raise SceneError([Problem(message, '', str(path))]) from None
-    return _read(YamlSource(text, str(path)), path.stem, path.parent)
+    with collector_paused():
+        return _read(YamlSource(text, str(path)), path.stem, path.parent)
 
 
 def scene_from_text(text: str, name: str = 'scene') -> Scene:
@@ -42,7 +45,8 @@ def scene_from_text(text: str, name: str = 'scene') -> Scene:
 
     Raises SceneError, with `name` in the place of the file.
     """
-    return _read(YamlSource(text, name), name, None)
+    with collector_paused():
+        return _read(YamlSource(text, name), name, None)
 
 
 def scene_from_dict(data: Mapping[str, Any], name: str = 'scene') -> Scene:
@@ -51,11 +55,14 @@ def scene_from_dict(data: Mapping[str, Any], name: str = 'scene') -> Scene:
 
     Mesh files are looked for in the working directory. Raises SceneError without file and line.
     """
-    return _read(DictSource(data), name, Path())
+    with collector_paused():
+        return _read(DictSource(data), name, Path())
 
 
 def _read(source: Source, name: str, folder: Path | None) -> Scene:
-    return build(_validated(source), name, folder, source)
+    # What leaves the range of numbers is reported as a problem of the scene, with its place.
+    with np.errstate(all='ignore'):
+        return build(_validated(source), name, folder, source)
 
 
 def _validated(source: Source) -> schema.Scene:

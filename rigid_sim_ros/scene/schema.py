@@ -58,6 +58,14 @@ class Spec(BaseModel):
         return data
 
 
+class Bounds(Spec):
+    """What a body may be told, as the largest value of a component: beyond it nobody means it."""
+
+    position: Annotated[float, Quantity('m', above=0.0, most=1e100)] = 1e9
+    linear: Annotated[float, Quantity('m/s', above=0.0, most=1e100)] = 1e6
+    angular: Annotated[float, Quantity('rad/s', above=0.0, most=1e100)] = 1e5
+
+
 class World(Spec):
     """What holds for the whole scene."""
 
@@ -68,6 +76,7 @@ class World(Spec):
     orientation: Annotated[str, Choice(ORIENTATIONS)] = 'quaternion'
     contact: Annotated[str, Choice(CONTACTS)] = 'timestep'
     solver: Annotated[str, Choice(SOLVERS)] = 'sequential'
+    bounds: Bounds = Bounds()
 
 
 class Surface(Spec):
@@ -101,7 +110,7 @@ class Collision(Spec):
 
     # Pairs of bodies that never touch.
     ignore: tuple[Annotated[tuple[str, str], NamePair()], ...] = ()
-    # Fast bodies are stopped at what they would pass through in a step.
+    # Without effect: fast bodies are always stopped at what they would pass through in a step.
     continuous: Boolean = False
     # Of the sequential solver: more are stiffer and slower.
     substeps: Annotated[int, Count(1, 64)] = 4

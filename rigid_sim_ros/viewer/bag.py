@@ -3,7 +3,7 @@
 """Show a bag in the page, without ROS."""
 import threading
 
-from rigid_sim_ros.signals import stop_on_signals
+from rigid_sim_ros.signals import Stop, stop_on_signals
 from rigid_sim_ros.viewer.address import open_page, PORT
 from rigid_sim_ros.viewer.recording import Recording
 from rigid_sim_ros.viewer.server import LOCAL, stop
@@ -36,7 +36,7 @@ def show_bag(path: str, stopped: threading.Event, *, host: str = LOCAL, port: in
 
 def run(path: str, *, host: str = LOCAL, port: int = PORT, rate: float = RATE) -> int:
     """Show a bag until Ctrl-C or SIGTERM; return the exit code. Errors as for `show_bag`."""
-    stopped = threading.Event()
+    stopped = Stop()
     restore = stop_on_signals(stopped)
     try:
         show_bag(path, stopped, host=host, port=port, rate=rate)

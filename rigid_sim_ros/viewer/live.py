@@ -77,6 +77,7 @@ class LivePage:
                 self._follow(self._motion, now)
             if self._inbox.reported != self._reported:
                 self._reported = self._inbox.reported
+                self._server.set_title(f'{self._inbox.node}: {self._inbox.scene_name}')
                 self._report(now)
             if now >= self._status_due:
                 self._status_due = now + _STATUS_PERIOD

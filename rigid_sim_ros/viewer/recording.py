@@ -112,7 +112,7 @@ class Recording:
             elif topic.endswith(_SCENE) and not self._scene_text:
                 self._take_scene(topic, data)
             elif topic.endswith(_SESSION) and self.session is None:
-                self.session = sessions.decode(decode.string(data))
+                self.session = sessions.read(topic, data)
             elif topic.endswith(_EVENT):
                 self._take_event(data)
             elif topic.endswith(_WRENCH):

@@ -6,6 +6,7 @@ from contextlib import contextmanager, redirect_stdout
 import gzip
 from hashlib import sha256
 from hmac import compare_digest
+from html import escape
 from http import HTTPStatus
 from http.cookies import CookieError, SimpleCookie
 from importlib.resources import files
@@ -20,13 +21,14 @@ import websockets.asyncio.server
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
+from rigid_sim_ros.viewer.garbage import Handler, patient
 from rigid_sim_ros.viewer.waking import wake_in_the_loop
 
 LOCAL = '127.0.0.1'
 _LOCAL_NAMES = frozenset({'localhost', LOCAL, '::1'})
 _TOKEN = 'token'
 # What is added to viser's page.
-_SCRIPTS = ('drawing.js', 'culling.js', 'hover.js')
+_SCRIPTS = ('drawing.js', 'culling.js', 'hover.js', 'title.js')
 
 Check = Callable[[Any, Request], Any]
 # Takes a page by its number, and a point of its picture from 0 to 1, from the left and the top.
@@ -141,6 +143,16 @@ class PageServer(viser.ViserServer):
     """viser's server with names under the mouse."""
 
     hover: Hover
+    _title: Any = None
+
+    def set_title(self, text: str) -> None:
+        """Name what the page shows, in the tab of the browser and above the panel."""
+        content = f'<span hidden data-rigid-sim-title="{escape(text)}"></span>'
+        if self._title is None:
+            self._title = self.gui.add_html(content)
+        elif self._title.content != content:
+            self._title.content = content
+        self.gui.set_panel_label(text)
 
     def request_share_url(self, verbose: bool = True) -> None:
         """Open no tunnel to the internet, whatever a page asks for."""
@@ -197,16 +209,19 @@ def _guarded(gate: Gate, hover: Hover) -> Iterator[threading.Event]:
     serve = websockets.asyncio.server.serve
     is_guarded = threading.Event()
 
-    def guarded(*args: Any, process_request: Check, **options: Any) -> Any:
+    def guarded(handler: Handler, *args: Any, process_request: Check, **options: Any) -> Any:
 
         def check(connection: Any, request: Request) -> Any:
-            answer = gate.answer(request) or hover.answer(request)
-            if answer is not None:
-                return answer
-            return hover.extend(request, process_request(connection, request))
+            try:
+                answer = gate.answer(request) or hover.answer(request)
+                if answer is not None:
+                    return answer
+                return hover.extend(request, process_request(connection, request))
+            except (OSError, ValueError):       # an address or a path that is none
+                return _refusal()
 
         is_guarded.set()
-        return serve(*args, process_request=check, **options)
+        return serve(patient(handler), *args, process_request=check, **options)
 
     websockets.asyncio.server.serve = guarded   # type: ignore[assignment,misc]
     try:

@@ -49,6 +49,7 @@ class Inbox:
     def __init__(self) -> None:
         self.node = ''                              # fully qualified, '' while none was found
         self.scene = ''                             # YAML
+        self.scene_name = ''                        # as the reports have it
         self.state = b''                            # CDR of ~/state
         self.state_at = 0.0                         # [s] steady time of its arrival
         self.contacts = b''                         # CDR of ~/markers

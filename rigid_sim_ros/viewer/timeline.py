@@ -4,6 +4,7 @@
 import multiprocessing
 from multiprocessing.connection import Connection
 import os
+from pathlib import Path
 import threading
 import time
 from typing import Any
@@ -57,6 +58,7 @@ class BagPage:
         self._overlays = Overlays(server, self._stage)
         show.attach(self._stage, self._overlays)
         self._mark()
+        server.set_title(Path(recording.path).resolve().name)
 
     def run(self, stopped: threading.Event, rate: float) -> None:
         """Play until the event is set, at most `rate` pictures a second."""

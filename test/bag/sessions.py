@@ -3,6 +3,7 @@
 """Sessions that the tests record, and bags that they change."""
 
 import atexit
+from collections import Counter
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -19,7 +20,7 @@ from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.recorder import Recorder
 from rigid_sim_ros.bag.session import Session
 from rigid_sim_ros.bag.topics import Topic
-from rigid_sim_ros.codec import encode_wrench
+from rigid_sim_ros.codec import encode_string, encode_wrench
 from rigid_sim_ros.world import World
 
 NODE = '/rigid_sim'
@@ -125,6 +126,43 @@ def rewrite(bag: Path, folder: Path, change: Callable[[Topic, bytes], bytes | No
             file.write((index[name] + 1,), stamp, (new,))
     write(changed, build(topics, [file.close()], 'mcap'))
     return changed
+
+
+def forge(
+    bag: Path, folder: Path, *, change: Callable[[Topic, bytes], bytes | None] | None = None,
+    relabel: Callable[[Topic], Topic] = lambda topic: topic,
+    describe: Callable[[Session], Session] = lambda session: session, recount: bool = False,
+) -> Path:
+    """
+    Write a bag anew as somebody who knows the format would, all digests and checksums right.
+
+    `change` messages, `relabel` topics in the file, `describe` the session in another way, and
+    `recount` the messages, so that the events that tell their number fit what is there.
+    """
+    known = {topic.name: topic for topic in _topics_of(bag)}
+    labels = {name: relabel(topic) for name, topic in known.items()}
+    topics = list({topic.name: topic for topic in labels.values()}.values())
+    forged = folder / 'forged'
+    forged.mkdir()
+    file = McapFile(forged / 'forged_0.mcap', topics, compressed=False)
+    index = {topic.name: k for k, topic in enumerate(topics)}
+    counts: Counter[str] = Counter()
+    for name, stamp, data in BagReader(bag).messages():
+        new = change(known[name], data) if change else data
+        if new is None:
+            continue
+        if known[name].kind == kinds.SESSION:
+            new = encode_string(describe(sessions.decode(decode.string(new))).encode())
+        elif known[name].kind == kinds.EVENT and recount:
+            event = events.decode(decode.string(new))
+            if event.kind in (events.WRITTEN, events.END):
+                new = encode_string(event._replace(
+                    arguments={**event.arguments, 'messages': dict(counts)}).encode())
+        label = labels[name].name
+        counts[label] += 1
+        file.write((index[label] + 1,), stamp, (new,))
+    write(forged, build(topics, [file.close()], 'mcap'))
+    return forged
 
 
 def _topics_of(bag: Path) -> list[Topic]:

@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whatever becomes of a bag's bytes: one line and exit code 2, never a traceback or a hang."""
 
-from collections.abc import Callable
 from pathlib import Path
 import shutil
 import tempfile
 
+from bag.damage import damages, spoil
 from bag.sessions import shared_session
-from hypothesis import given, settings, strategies as st
+from effort import examples
+from hypothesis import given, strategies as st
 import pytest
 
 from rigid_sim_ros.bag.errors import BagError
@@ -17,33 +18,6 @@ from rigid_sim_ros.bag.recover import recover
 from rigid_sim_ros.bag.verify import verify
 
 # What happens to a file, at a place from 0 to 1.
-DAMAGES: dict[str, Callable[[bytearray, int, int], None]] = {
-    'truncated': lambda raw, at, _: raw.__delitem__(slice(at, None)),
-    'zeroed': lambda raw, at, size: raw.__setitem__(
-        slice(at, at + size), bytes(len(raw[at:at + size]))),
-    'flipped': lambda raw, at, size: raw.__setitem__(at, raw[at] ^ (1 << size % 8)),
-    'a hole': lambda raw, at, size: raw.__delitem__(slice(at, at + size)),
-    'doubled': lambda raw, at, size: raw.__setitem__(slice(at, at), raw[at:at + size]),
-    'garbage': lambda raw, at, size: raw.__setitem__(
-        slice(at, at + size), bytes((k * 197 + at) % 256 for k in range(size))),
-}
-
-damages = st.tuples(st.sampled_from(sorted(DAMAGES)), st.floats(0, 1, exclude_max=True),
-                    st.integers(1, 300), st.integers(0, 10))
-
-
-def spoil(bag: Path, suffix: str, damage: tuple[str, float, int, int]) -> bool:
-    """Damage one file of a bag; return whether that changed anything."""
-    kind, place, size, which = damage
-    files = sorted(bag.glob(f'*{suffix}'))
-    path = files[which % len(files)]
-    raw = bytearray(path.read_bytes())
-    before = bytes(raw)
-    # Half of the places lie near the ends, where index and header are.
-    at = int(place * len(raw)) if size % 2 else int((place - 0.5) * 4000) % len(raw)
-    DAMAGES[kind](raw, at, size)
-    path.write_bytes(raw)
-    return bytes(raw) != before
 
 
 def check(storage: str, compression: str, suffix: str, damage, strict: bool) -> None:
@@ -64,27 +38,27 @@ def check(storage: str, compression: str, suffix: str, damage, strict: bool) -> 
 
 
 @pytest.mark.parametrize('compression', ['none', 'zstd'])
-@settings(max_examples=40)
+@examples(40)
 @given(damage=damages)
 def test_no_change_of_an_mcap_file_goes_unnoticed(compression, damage) -> None:
     check('mcap', compression, '.mcap', damage, strict=True)
 
 
 @pytest.mark.parametrize('compression', ['none', 'zstd'])
-@settings(max_examples=20)
+@examples(20)
 @given(damage=damages)
 def test_a_changed_sqlite_file_is_read_or_refused(compression, damage) -> None:
     # SQLite has no checksums: what is changed within a message is for `verify` to find.
     check('sqlite3', compression, '.db3', damage, strict=False)
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(damage=damages)
 def test_changed_metadata_are_read_or_refused(damage) -> None:
     check('mcap', 'none', 'metadata.yaml', damage, strict=False)
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(content=st.binary(max_size=300), name=st.sampled_from(['bag_0.mcap', 'bag_0.db3']),
        begins=st.booleans())
 def test_any_bytes_are_read_or_refused(content, name, begins) -> None:

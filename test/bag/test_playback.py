@@ -9,11 +9,12 @@ import shutil
 import sqlite3
 import tempfile
 
+from bag.damage import damages, spoil
 from bag.foreign import (
     BEST_EFFORT, LATCHED, LATCHED_TEXTS, LAYOUTS, mcap, rosbag2, texts)
 from bag.sessions import shared_session
-from bag.test_fuzz import damages, spoil
-from hypothesis import given, settings, strategies as st
+from effort import examples
+from hypothesis import given, strategies as st
 import pytest
 from ruamel.yaml import YAML
 
@@ -53,7 +54,7 @@ def test_a_recording_is_played_as_it_was_recorded(storage: str, mode: str) -> No
     assert played(PlayableBag(path)) == in_order(path)
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(start=st.floats(0, 1), chosen=st.sets(st.sampled_from(
     ['/rigid_sim/state', '/rigid_sim/ball/pose', '/clock', '/rigid_sim/bag/event']), min_size=1),
     storage=st.sampled_from(['mcap', 'sqlite3']))
@@ -65,7 +66,7 @@ def test_reading_may_begin_anywhere_with_any_topics(start, chosen, storage) -> N
         each for each in in_order(path) if each[0] >= start_ns and each[1] in chosen]
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(at=st.floats(0, 1), storage=st.sampled_from(['mcap', 'sqlite3']))
 def test_what_is_latched_is_the_last_of_each_latched_topic(at, storage) -> None:
     path = shared_session(storage)
@@ -81,7 +82,7 @@ stamps = st.lists(
     min_size=1, max_size=60)
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(drawn=stamps, until=st.integers(0, 61), layout=st.sampled_from(sorted(LAYOUTS)),
        depth=st.integers(1, 4))
 def test_messages_and_latched_ones_are_right_whatever_the_order_in_the_file(
@@ -227,20 +228,20 @@ def check(storage: str, mode: str, suffix: str, damage, strict: bool) -> None:
 
 
 @pytest.mark.parametrize('mode', ['none', 'zstd'])
-@settings(max_examples=60)
+@examples(60)
 @given(damage=damages)
 def test_no_change_of_an_mcap_file_is_played(mode, damage) -> None:
     check('mcap', mode, '.mcap', damage, strict=True)
 
 
 @pytest.mark.parametrize('mode', ['none', 'zstd'])
-@settings(max_examples=25)
+@examples(25)
 @given(damage=damages)
 def test_a_changed_sqlite_file_is_played_or_refused(mode, damage) -> None:
     check('sqlite3', mode, '.db3', damage, strict=False)
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(damage=damages)
 def test_with_changed_metadata_a_bag_is_played_or_refused(damage) -> None:
     check('mcap', 'none', 'metadata.yaml', damage, strict=False)

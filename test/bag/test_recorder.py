@@ -108,8 +108,9 @@ def test_every_input_is_recorded_with_its_step_and_arguments() -> None:
     found = {event.kind: event for event in events_of(shared_session())}
     wrench = found['set_pose']
     assert (wrench.step, wrench.arguments['position']) == (813, [4.0, 1.0, 0.5])
-    assert set(found) == {'apply_wrench', 'set_pose', 'cancel_wrenches', 'reset', 'pause',
-                          'set_twist', 'step', 'resume', 'speed', 'apply_impulse', 'end'}
+    assert set(found) == {
+        'apply_wrench', 'set_pose', 'cancel_wrenches', 'reset', 'pause', 'set_twist', 'step',
+        'resume', 'speed', 'apply_impulse', 'written', 'end'}
 
 
 def test_the_last_file_alone_leads_to_the_last_state() -> None:
@@ -193,10 +194,12 @@ def test_a_disk_that_stands_still_makes_a_gap_that_is_marked(
     assert (lost.lost_events > 0) == (events > 0)
     disk.release()
     recorder.wait_for_room()
-    fill_queue(recorder, the_world)     # ends the gap
+    fill_queue(recorder, the_world)     # is lost as well, until a snapshot ends the gap
     assert recorder.wants_snapshot
-    recorder.wait_for_room()
+    assert recorder.is_in_gap
     recorder.snapshot(the_world)
+    assert not recorder.is_in_gap
+    lost = recorder.status()
     recorder.close(the_world)
     gap = next(event for event in events_of(tmp_path / 'bag') if event.kind == 'gap')
     assert gap.arguments['messages'] == lost.lost_messages

@@ -7,7 +7,8 @@ from pathlib import Path
 import shutil
 
 from bag.sessions import events_of, lasting_folder, session, shared_session, world
-from hypothesis import given, HealthCheck, settings, strategies as st
+from effort import examples
+from hypothesis import given, HealthCheck, strategies as st
 from mcap.opcode import Opcode
 import pytest
 from rosbags.highlevel import AnyReader
@@ -100,7 +101,7 @@ def test_metadata_that_are_damaged_are_made_anew(tmp_path, storage, text) -> Non
     assert info(bag) == expected
 
 
-@settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(15, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(share=st.floats(0, 1))
 def test_a_file_that_breaks_off_keeps_all_whole_chunks(tmp_path, share) -> None:
     bag = copy(shared_session(), tmp_path)

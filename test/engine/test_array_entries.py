@@ -3,7 +3,7 @@
 """Kernels read and write the entries of arrays that NumPy would."""
 
 from engine.own_kernels import of_the_engine
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numba.np import arrayobj
 import numpy as np
@@ -48,7 +48,6 @@ def indices():
 
 
 @pytest.mark.parametrize('kind', DTYPES)
-@settings(deadline=None)
 @given(at=indices())
 def test_numbers_are_read_where_numpy_reads_them(kind, at):
     a, b, c = arrays(kind)
@@ -58,7 +57,6 @@ def test_numbers_are_read_where_numpy_reads_them(kind, at):
 
 
 @pytest.mark.parametrize('kind', DTYPES)
-@settings(deadline=None)
 @given(at=indices(), value=st.integers(0, 100))
 def test_numbers_are_written_where_numpy_writes_them(kind, at, value):
     i, j, k = at[0], at[1], abs(at[2]) % SHAPE[2]

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The broad phase finds what brute force finds, however shapes move, and applies the filters."""
 
+from effort import examples
 from engine.detecting import PLANE_SHAPE, Scene, UPRIGHT
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 import numpy as np
 
 from rigid_sim_ros.engine.broad_phase import near_pairs
@@ -54,7 +55,7 @@ def test_near_pairs_are_those_whose_boxes_overlap(seed, first, count):
     assert near[-1] == -7
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(seed=st.integers(0, 2**32 - 1), spread=st.floats(0.0, 3.0), octaves=st.floats(0.0, 6.0))
 def test_pairs_are_those_of_brute_force_while_everything_moves(seed, spread, octaves):
     rng = np.random.default_rng(seed)

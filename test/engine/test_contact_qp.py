@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Contact forces against statics, against their conditions, and with a solver that fails."""
 
-from hypothesis import given, settings, strategies as st
+from effort import examples
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
@@ -47,7 +48,7 @@ def test_friction_at_its_limit_pulls_against_the_slip_without_lifting(slip):
     assert np.abs(a[::3]).max() < 1e-6  # not mu |a_t|, which the convex problem alone would give
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(st.integers(0, 2 ** 32 - 1), st.integers(1, 6))
 def test_random_problems_meet_the_conditions(seed, points):
     rng = np.random.default_rng(seed)

@@ -3,7 +3,7 @@
 """Kernels go through the numbers that Python goes through."""
 
 from engine.own_kernels import of_the_engine
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -75,7 +75,6 @@ def same(function, *arguments):
     np.testing.assert_array_equal(ours, pythons)
 
 
-@settings(deadline=None)
 @given(small, small, st.sampled_from((-3, -2, -1, 1, 2, 3)), st.booleans())
 @example(0, 0, 1, True)
 @example(-2, 6, 1, False)

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Detection from step to step: what is carried over, and what must not matter."""
 
+from effort import examples
 from engine.detecting import CONVEX, grid, PLANE_SHAPE, Scene, UPRIGHT
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
@@ -76,7 +77,7 @@ def test_a_body_of_several_shapes_has_a_manifold_for_each():
     assert [row['pair'] for row in scene.rows()] == [(0, 1), (0, 2)]
 
 
-@settings(max_examples=10, deadline=None)
+@examples(10)
 @given(seed=st.integers(0, 2**32 - 1), length=st.sampled_from([1e-5, 1e-3, 3e-2]))
 def test_forgetting_the_fat_boxes_and_pairs_changes_nothing(seed, length):
     scene, rng = mixed(seed)
@@ -164,7 +165,7 @@ def test_a_box_at_rest_keeps_its_points_and_updates_their_gaps():
     assert row['gap'] == pytest.approx(-1.05e-4, abs=1e-15)
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(angle=st.floats(0, 1e-4), direction=st.integers(0, 2**32 - 1))
 def test_gaps_of_kept_points_are_exact_to_second_order(angle, direction):
     axis = np.random.default_rng(direction).normal(size=3)

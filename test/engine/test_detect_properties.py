@@ -4,8 +4,9 @@
 
 from itertools import combinations, combinations_with_replacement
 
+from effort import examples
 from engine.detecting import CONVEX, grid, PLANE_SHAPE, random_pose, Scene, UPRIGHT
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
@@ -41,7 +42,7 @@ def rows_by_pair(scene):
     return {row['pair']: row for row in scene.rows()}
 
 
-@settings(max_examples=150)
+@examples(150)
 @given(names=st.sampled_from(PAIRS), seed=SEEDS)
 def test_exchanged_shapes_have_the_opposite_normal_and_the_same_depth(names, seed):
     rng = np.random.default_rng(seed)
@@ -70,7 +71,7 @@ def test_exchanged_shapes_have_the_opposite_normal_and_the_same_depth(names, see
     assert parted.distance(0, 1)[0] > -1e-3
 
 
-@settings(max_examples=150)
+@examples(150)
 @given(names=st.sampled_from(PAIRS), seed=SEEDS)
 def test_a_manifold_moves_with_its_shapes(names, seed):
     rng = np.random.default_rng(seed)
@@ -89,7 +90,7 @@ def test_a_manifold_moves_with_its_shapes(names, seed):
         assert row['gap'].min() == pytest.approx(twin['gap'].min(), abs=near)
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(seed=SEEDS)
 def test_a_heap_on_a_plane_has_the_same_contacts_wherever_it_lies(seed):
     rng = np.random.default_rng(seed)
@@ -110,7 +111,7 @@ def test_a_heap_on_a_plane_has_the_same_contacts_wherever_it_lies(seed):
         assert here[pair]['gap'].min() == pytest.approx(there[pair]['gap'].min(), abs=ROUNDING)
 
 
-@settings(max_examples=100)
+@examples(100)
 @given(data=st.data(), n=st.integers(2, 6))
 def test_two_shapes_meet_when_each_mask_has_a_group_of_the_other(data, n):
     bits = st.lists(st.integers(0, 7), min_size=n, max_size=n)
@@ -127,7 +128,7 @@ def test_two_shapes_meet_when_each_mask_has_a_group_of_the_other(data, n):
     assert [row['pair'] for row in scene.rows()] == expected
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(data=st.data(), n=st.integers(2, 5))
 def test_the_filters_of_a_scene_let_those_meet_that_they_name(data, n):
     names = st.sets(st.sampled_from(['red', 'green', 'blue']), min_size=1)

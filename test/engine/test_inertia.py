@@ -4,7 +4,8 @@
 
 import math
 
-from hypothesis import given, settings, strategies as st
+from effort import examples
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
@@ -160,7 +161,7 @@ def test_a_flat_plate_is_physical():
     inertia.check(MassProperties(1.0, np.zeros(3), np.diag([1.0, 2.0, 3.0])))
 
 
-@settings(max_examples=50)
+@examples(50)
 @given(LENGTH, LENGTH, LENGTH, st.floats(1e-3, 1e4))
 def test_every_solid_passes_its_own_check(a, b, c, m):
     for solid in (inertia.sphere(m, a), inertia.box(m, (a, b, c)), inertia.cylinder(m, a, b),

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Integrators against solutions in closed form, and against their orders."""
 
-from hypothesis import given, settings, strategies as st
+from effort import examples
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
@@ -25,7 +26,7 @@ def make(integrator='symplectic', *, step=1e-3, gravity=(0, 0, 0), forces=(), bo
         'bodies': bodies or [body()], 'forces': list(forces)})
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(st.floats(1e-4, 0.5), st.integers(1, 50), st.tuples(*[st.floats(-20.0, 20.0)] * 3))
 def test_flight_under_gravity_is_exact_at_any_step(step, count, gravity):
     v, x = np.array([3.0, -1.0, 8.0]), np.array([0.5, 1.0, 2.0])
@@ -39,7 +40,7 @@ def test_flight_under_gravity_is_exact_at_any_step(step, count, gravity):
     assert np.allclose(world.linear_velocity[0], v + g * t, rtol=0.0, atol=rounding + 1e-13)
 
 
-@settings(max_examples=20)
+@examples(20)
 @given(st.floats(1e-3, 0.5), st.integers(1, 50))
 def test_flight_under_a_constant_wrench_is_exact_at_any_step(step, count):
     world = make(step=step)

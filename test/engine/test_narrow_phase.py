@@ -4,8 +4,9 @@
 
 from itertools import product
 
+from effort import examples
 from engine.detecting import CONVEX, cube_mesh, PLANE_SHAPE, random_pose, Scene, UPRIGHT
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 from scipy.optimize import minimize
@@ -86,7 +87,7 @@ def test_distance_is_that_of_a_slow_search(names):
         assert gap - 1e-2 < slow < gap + 1e-9
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(names=st.sampled_from(PAIRS), seed=st.integers(0, 2**32 - 1))
 def test_the_normal_separates_by_the_distance(names, seed):
     scene = two(names, np.random.default_rng(seed))
@@ -100,7 +101,7 @@ def test_the_normal_separates_by_the_distance(names, seed):
     assert abs(scene.distance(0, 1)[0]) < max(close, 1e-12)
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(names=st.sampled_from(PAIRS), seed=st.integers(0, 2**32 - 1))
 def test_distance_is_the_same_with_the_shapes_exchanged(names, seed):
     scene = two(names, np.random.default_rng(seed))
@@ -108,7 +109,7 @@ def test_distance_is_the_same_with_the_shapes_exchanged(names, seed):
     assert gap == pytest.approx(back, abs=tolerance(names))
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(names=st.sampled_from(PAIRS), seed=st.integers(0, 2**32 - 1))
 def test_distance_is_the_same_after_a_rigid_motion_of_both(names, seed):
     rng = np.random.default_rng(seed)
@@ -140,7 +141,7 @@ def test_distance_from_a_plane_is_the_height_of_the_lowest_point(name):
         assert normal == pytest.approx(-n, abs=1e-15)
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(names=st.sampled_from(PAIRS), seed=st.integers(0, 2**32 - 1))
 def test_a_manifold_exists_exactly_when_shapes_are_nearer_than_the_margin(names, seed):
     rng = np.random.default_rng(seed)
@@ -158,7 +159,7 @@ def test_a_manifold_exists_exactly_when_shapes_are_nearer_than_the_margin(names,
             assert row['gap'].min() == pytest.approx(gap, abs=1e-3)
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(names=st.sampled_from(PAIRS), seed=st.integers(0, 2**32 - 1))
 def test_points_on_a_and_b_differ_by_the_gap_along_the_normal(names, seed):
     scene = two(names, np.random.default_rng(seed), 0.8)

@@ -14,6 +14,7 @@ from rigid_sim_ros.engine.coloring import (
 from rigid_sim_ros.engine.contact_blocks import (
     ARM_A, ARM_B, BALLS_BEGIN, BALLS_SIZE, BASIS, BLOCK_SIZE, FRICTION, IMPULSE, INV_SPIN, INV_TT,
     J_A, J_B, K_NN, K_SPIN, K_TN, NORMAL, POINT, POINT_ROWS, S, SPIN, T)
+from rigid_sim_ros.engine.contact_rules import Sweep
 from rigid_sim_ros.engine.contact_sweep import visit
 from rigid_sim_ros.engine.lanes import LANES, store
 from rigid_sim_ros.engine.shapes import BOX, Material
@@ -129,9 +130,9 @@ def read_wrench(rows, lane):
 
 
 @numba.njit
-def visit_four_points(block, motion, blocks, inv_h, changes):
+def visit_four_points(block, motion, blocks, what, changes):
     store(changes, 0, visit(block, motion, blocks.at_A[:LANES], blocks.at_B[:LANES], 3, False,
-                            inv_h))
+                            what))
 
 
 def response(rows, lane):
@@ -162,7 +163,7 @@ def test_the_response_of_a_manifold_is_that_of_its_bodies():
     twist = {lane: read_twist(rows, lane, blocks, bodies) for lane in lanes}
     wrench = {lane: read_wrench(rows, lane) for lane in lanes}
     changes = np.zeros(LANES)
-    visit_four_points(block, bodies.motion, blocks, 960.0, changes)
+    visit_four_points(block, bodies.motion, blocks, Sweep(960.0, True, 0.0), changes)
     assert (changes[lanes] > 1e-6).all()    # m/s
     for lane in lanes:
         added = read_wrench(rows, lane) - wrench[lane]

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Detection in the stages of two threads finds what detection by one finds."""
 
+from effort import examples
 from engine.detecting import CONVEX, grid, PLANE_SHAPE, Scene
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 import numpy as np
 
 from rigid_sim_ros.engine.detect import ALL, detect_stage, FIND, LOOK, NOTE, ROWS, TAKE
@@ -18,7 +19,7 @@ def detect_in_stages(scene: Scene, by_number: bool) -> None:
     middle = _middle(scene.model, scene.shapes.body)
     while True:
         memory = scene.memory
-        memory.ahead[:], memory.calm[0] = 0.5 * scene.margin, scene.margin
+        memory.ahead[:] = memory.calm[:] = 0.5 * scene.margin
 
         def detect(*stages, memory=memory):
             return all(detect_stage(stage, scene.model, scene.state, scene.shapes, memory, 0, None)
@@ -35,7 +36,7 @@ def detect_in_stages(scene: Scene, by_number: bool) -> None:
         scene.memory = grown(memory)
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(kinds=st.lists(st.sampled_from(sorted(CONVEX)), min_size=1, max_size=3),
        count=st.integers(0, 60), spacing=st.floats(0.45, 0.8), seed=st.integers(0, 2 ** 32 - 1),
        by_number=st.booleans())

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which bodies get a slot, and where a world is cut."""
 
-from hypothesis import given, settings, strategies as st
+from effort import examples
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
@@ -12,8 +13,7 @@ from rigid_sim_ros.engine.manifolds import empty_pages
 from rigid_sim_ros.engine.slots import (
     _BINS, begin_slots, choose_cut, ENOUGH, FIRST, give_slots, make_sides, mark_touching, SECOND,
     STILL, take_sides)
-from rigid_sim_ros.engine.solver_bodies import (
-    FIRST_FREE, make_bodies, most_slots, SECOND_FREE, slots_between, slots_of)
+from rigid_sim_ros.engine.solver_bodies import make_bodies, most_slots, slots_between, slots_of
 
 BODIES = 200
 
@@ -37,7 +37,7 @@ def some_sides(middle=BODIES // 2):
     return make_sides(BODIES, (middle, middle))
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(seed=st.integers(0, 2 ** 32 - 1), count=st.integers(ENOUGH, 2 * ENOUGH),
        first=st.integers(0, 9), axis=st.integers(0, 2), place=st.sampled_from([0.0, 1e5]))
 def test_a_plane_cuts_in_the_middle_of_the_manifolds(seed, count, first, axis, place):
@@ -77,7 +77,7 @@ def test_numbers_cut_while_halves_are_fair_and_few_manifolds_are_across(middle, 
     assert (sides.cut.halved[0], sides.cut.by_place[0]) == (1, by_place)
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(seed=st.integers(0, 2 ** 32 - 1), count=st.integers(0, 300),
        cut=st.sampled_from(['not at all', 'by number', 'by place']))
 def test_slots_are_in_order_of_sides_and_bodies(seed, count, cut):
@@ -90,10 +90,10 @@ def test_slots_are_in_order_of_sides_and_bodies(seed, count, cut):
     sides.cut.axis[0], sides.cut.end[0] = 1, 0.1
     # What an earlier step left.
     touching = np.ones((2, BODIES), dtype=np.int8)
-    bodies.slot[:], bodies.body[:] = 7, 7
+    bodies.slot[:], bodies.body[:], bodies.flies[:] = 7, 7, 7
     for some in (slice(60, BODIES), slice(0, 60)):
         take_sides(inv_m, np.zeros((6, BODIES)), x, asleep, some.start, some.stop, sides,
-                   bodies.slot)
+                   bodies.slot, bodies.flies)
     mark_touching(manifolds_of(pairs), waits, touching)
     # Marks of either thread count.
     touching[1, ::3], touching[0, ::3] = touching[0, ::3], 0
@@ -110,18 +110,16 @@ def test_slots_are_in_order_of_sides_and_bodies(seed, count, cut):
         last = 1 + middle if cut == 'by number' else slots_of(bodies.used, 0)[1]
         assert begin == last + slots_between(BODIES) > last
         assert end <= most_slots(BODIES) == len(bodies.body)
-    free = 0
     for half in range(2 if cut != 'not at all' else 1):
         first, last = slots_of(bodies.used, half)
         expected = np.flatnonzero(touches & (there == (half == 1)))
         assert bodies.body[first:last].tolist() == [-1, *expected]
         assert bodies.slot[expected].tolist() == list(range(first + 1, last))
-        free += bodies.used[SECOND_FREE if half == 1 else FIRST_FREE]
-    assert free == np.count_nonzero(moves & ~touches)
+    assert np.array_equal(bodies.flies, moves & ~touches)
     assert (bodies.slot[~touches] == 0).all()
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(seed=st.integers(0, 2 ** 32 - 1), count=st.integers(0, 300), first=st.integers(0, 9),
        cut=st.sampled_from(['not at all', 'by number', 'by place']))
 def test_every_manifold_that_is_solved_is_in_one_region(seed, count, first, cut):
@@ -135,7 +133,7 @@ def test_every_manifold_that_is_solved_is_in_one_region(seed, count, first, cut)
     manifolds.shape_a[first:first + count] = pairs[:, 0]
     sides.cut.halved[0], sides.cut.by_place[0] = cut != 'not at all', cut == 'by place'
     take_sides(inv_m, np.zeros((6, BODIES)), x, asleep, 0, BODIES, sides,
-               np.zeros(BODIES, dtype=np.int32))
+               *np.zeros((2, BODIES), dtype=np.int32))
     coloring, regions = make_coloring(BODIES, first + count + 1), []
     for region in range(2 if cut != 'not at all' else 1):
         choose_manifolds(region, manifolds, sides, waits, coloring)

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Witnesses settle pairs that are apart, and change nothing."""
 
+from effort import examples
 from engine.detecting import CONVEX, grid, Scene, UPRIGHT
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 import numpy as np
 
 from rigid_sim_ros.engine.manifolds import lasting, PAIRS, WITNESSED
@@ -31,7 +32,7 @@ def test_a_witness_lets_go_when_the_shapes_meet():
     assert scene.detect().count[0] == 1
 
 
-@settings(max_examples=10, deadline=None)
+@examples(10)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_manifolds_are_the_same_with_and_without_witnesses(seed):
     rng = np.random.default_rng(seed)

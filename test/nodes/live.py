@@ -12,7 +12,6 @@ import ctypes
 import os
 from pathlib import Path
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -20,6 +19,7 @@ import time
 from typing import Any
 import warnings
 
+from free import free_domain
 from rcl_interfaces.srv import SetParameters
 import rclpy
 from rclpy.experimental import EventsExecutor
@@ -38,24 +38,6 @@ SILENCE = 5.0
 DEEP = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
 
 ROOT = Path(__file__).parents[2]
-
-
-def free_domain() -> int:
-    """
-    Return a ROS domain in which no DDS participant listens.
-
-    The first participant of domain d takes UDP port 7410 + 250 d (DDSI-RTPS 2.5, 9.6.1.1).
-    Domains above 101 share their ports with outgoing connections of Linux.
-    """
-    for k in range(1, 101):
-        domain = 1 + (os.getpid() + k) % 101
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            try:
-                probe.bind(('', 7410 + 250 * domain))
-                return domain
-            except OSError:
-                continue
-    raise RuntimeError('every ROS domain from 1 to 101 is in use')
 
 
 class Process:
@@ -153,6 +135,9 @@ class Probe:
         self._stopped = False
         self._publishers: dict[str, Any] = {}
         self._received: dict[str, list[Any]] = {}
+        self._clients: dict[str, Any] = {}
+        # Which processes ran when a service answered: as long as it is these, it knows its client.
+        self._answered_by: dict[str, list[Process]] = {}
         self._thread = threading.Thread(target=self._spin, daemon=True)
         self._thread.start()
 
@@ -234,32 +219,33 @@ class Probe:
 
     def call(self, service_type: type, name: str, request: Any) -> Any:
         """Call a service and return its response."""
-        client = self.node.create_client(service_type, name)
-        try:
-            self.wait_for(client.service_is_ready, f'service {name}')
-            # The service may learn of this client a moment later than the client of the service.
-            # Its answers wait for that, but for 0.1 s only, and are then lost: on a busy machine
-            # half a second is not always enough either, so the question is asked again, aloud.
+        if name not in self._clients:
+            self._clients[name] = self.node.create_client(service_type, name)
+        client = self._clients[name]
+        self.wait_for(client.service_is_ready, f'service {name}')
+        # The service may learn of this client a moment later than the client of the service. Its
+        # answers wait for that, but for 0.1 s only, and are then lost: on a busy machine half a
+        # second is not always enough either, so the question is asked again, aloud.
+        if self._answered_by.get(name) != _RUNNING:
             time.sleep(0.5)
-            answer: list[Any] = []
-            asked: list[float] = []
+        answer: list[Any] = []
+        asked: list[float] = []
 
-            def ask() -> None:
-                if asked:
-                    warnings.warn(f'no answer of {name}, asked again', stacklevel=2)
-                asked.append(time.monotonic())
-                client.call_async(request).add_done_callback(
-                    lambda done: answer.append(done.result()))
+        def ask() -> None:
+            if asked:
+                warnings.warn(f'no answer of {name}, asked again', stacklevel=2)
+            asked.append(time.monotonic())
+            client.call_async(request).add_done_callback(
+                lambda done: answer.append(done.result()))
 
-            def answered() -> list[Any]:
-                if not asked or (not answer and time.monotonic() > asked[-1] + LOST):
-                    ask()
-                return answer
+        def answered() -> list[Any]:
+            if not asked or (not answer and time.monotonic() > asked[-1] + LOST):
+                ask()
+            return answer
 
-            self.wait_for(answered, f'an answer of {name}')
-            return answer[0]
-        finally:
-            self.node.destroy_client(client)
+        self.wait_for(answered, f'an answer of {name}')
+        self._answered_by[name] = list(_RUNNING)
+        return answer[0]
 
     def trigger(self, name: str) -> Any:
         return self.call(Trigger, name, Trigger.Request())

@@ -5,6 +5,8 @@ from importlib.util import find_spec
 import math
 import os
 import pty
+import re
+import signal
 import sys
 from unittest import SkipTest
 
@@ -12,7 +14,7 @@ if find_spec('rclpy') is None:
     raise SkipTest('rclpy is not installed: pip install .[ros]')
 
 from geometry_msgs.msg import Twist, WrenchStamped
-from nodes.live import kept, Process, running
+from nodes.live import kept, Process, ROOT, running
 import pytest
 from sensor_msgs.msg import MultiDOFJointState
 
@@ -43,7 +45,8 @@ def test_the_attitude_controller_stops_the_cubesat_with_torques_only(probe, sim,
     with probe.listening(MultiDOFJointState, '/rigid_sim/state') as states, probe.listening(
             WrenchStamped, '/rigid_sim/cubesat/applied_wrench') as echoes:
         with example(tmp_path, 'attitude_controller') as controller:
-            probe.wait_for(lambda: 'the tumbling has stopped' in controller.stderr)
+            assert controller.wait() == 0
+            assert 'the tumbling has stopped' in controller.stderr
             resting = states[-1]
         wrenches = [echo.wrench for echo in echoes]
     linear, angular = speeds(resting)
@@ -75,7 +78,8 @@ runpy.run_path('examples/attitude_controller.py', run_name='__main__')
 
 
 def test_ctrl_c_ends_the_attitude_controller_also_in_the_midst_of_a_message(sim, tmp_path):
-    with kept(Process([sys.executable, '-c', INTERRUPTED], tmp_path)) as controller:
+    command = [sys.executable, '-c', INTERRUPTED, '--ros-args', '-p', 'hold:=true']
+    with kept(Process(command, tmp_path)) as controller:
         assert controller.wait() == 0
 
 
@@ -103,3 +107,13 @@ def test_a_key_pushes_the_body(probe, sim, tmp_path):
         assert pusher.wait() == 0
     os.close(ours)
     os.close(its)
+
+
+def test_the_publisher_of_the_readme_pushes_and_ends_with_ctrl_c(probe, sim, tmp_path):
+    code, = re.findall(r'^```python\n(import rclpy\n.*?)^```$',
+                       (ROOT / 'README.md').read_text(encoding='utf-8'), re.MULTILINE | re.DOTALL)
+    with kept(Process([sys.executable, '-c', code], tmp_path)) as pusher:
+        echo, = probe.some(WrenchStamped, '/rigid_sim/cubesat/applied_wrench')
+        assert echo.wrench.torque.z == 1e-4
+        pusher.signal(signal.SIGINT)
+        assert pusher.wait() == 0

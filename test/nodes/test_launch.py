@@ -9,31 +9,13 @@ from unittest import SkipTest
 
 if find_spec('rclpy') is None:
     raise SkipTest('rclpy is not installed: pip install .[ros]')
-if find_spec('launch_ros') is None:
-    raise SkipTest('launch_ros is not installed: it is not among the ROS wheels, use ROS from apt')
 
 from ament_index_python import get_packages_with_prefixes
+from nodes.launching import LAUNCH    # skips this too where there is no launch
 from nodes.live import kept, Process, ROOT
 from nodes.scenes import crates
 import pytest
 from sensor_msgs.msg import MultiDOFJointState
-
-if 'rigid_sim_ros' not in get_packages_with_prefixes():
-    raise SkipTest('rigid_sim_ros is not in the ament index: colcon build, and source its setup')
-
-LAUNCH = """
-import sys
-from launch import LaunchService
-from launch.actions import IncludeLaunchDescription
-from launch.launch_description_sources import PythonLaunchDescriptionSource
-
-file, *arguments = sys.argv[1:]
-service = LaunchService()
-service.include_launch_description(IncludeLaunchDescription(
-    PythonLaunchDescriptionSource(file),
-    launch_arguments=[argument.split(':=') for argument in arguments]))
-sys.exit(service.run())
-"""
 
 
 def launch(folder, *arguments):
@@ -63,6 +45,30 @@ def test_the_parameter_file_is_an_argument(probe, tmp_path, scene):
 def test_the_launch_ends_with_the_node(ros, tmp_path, scene):
     with launch(tmp_path, f'scene:={scene}', 'duration:=0.1') as process:
         assert process.wait() == 0
+
+
+def test_a_launch_that_includes_the_file_twice_goes_on_when_one_node_ends(probe, tmp_path, scene):
+    file = ROOT / 'launch' / 'simulate.launch.py'
+    parent = tmp_path / 'parent.launch.py'
+    parent.write_text(f"""
+from launch import LaunchDescription
+from launch.actions import IncludeLaunchDescription
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+
+
+def generate_launch_description():
+    return LaunchDescription([
+        IncludeLaunchDescription(
+            PythonLaunchDescriptionSource({str(file)!r}),
+            launch_arguments={{'scene': {scene!r}, **words}}.items())
+        for words in ({{'name': 'short', 'duration': '0.1'}},
+                      {{'name': 'long', 'duration': '600'}})])
+""", encoding='utf-8')
+    with kept(Process([sys.executable, '-c', LAUNCH, str(parent)], tmp_path)) as process:
+        out = tmp_path / 'stdout'
+        probe.wait_for(lambda: 'process has finished cleanly' in out.read_text(encoding='utf-8'))
+        probe.some(MultiDOFJointState, '/long/state')
+        assert process.is_running()
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ from importlib.util import find_spec
 import re
 import signal
 import sys
+import time
 from unittest import SkipTest
 
 if find_spec('rclpy') is None:
@@ -32,13 +33,29 @@ def complaint(process):
     return line
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_the_node_cleanly(probe, tmp_path, scene, number):
     with running(tmp_path, scene, name=f'sim_{number}') as process:
         probe.some(MultiDOFJointState, f'/sim_{number}/state')
         process.signal(number)
         assert process.wait() == 0
         assert [line for line in process.stderr.splitlines() if not HEALTHY.match(line)] == []
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_node_while_it_compiles(ros, tmp_path, monkeypatch, scene, number):
+    cache = tmp_path / 'cache'
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(cache))
+    process = simulate(tmp_path, scene)
+    # The first kernels are in the cache, and the last ones are not for a good while.
+    while len(kept_kernels := [*cache.rglob('*.nbc')]) < 3:
+        assert process.is_running(), process.stderr
+        time.sleep(0.01)
+    process.signal(number)
+    assert process.wait() == 128 + number       # as a shell reports it
+    said = [line for line in process.stderr.splitlines() if not HEALTHY.match(line)]
+    assert said == ['rigid_sim: stopped before the start: nothing was simulated']
+    assert all(kernel.exists() for kernel in kept_kernels)
 
 
 def test_a_signal_to_any_thread_ends_the_node(probe, tmp_path, scene):
@@ -101,7 +118,7 @@ def test_a_missing_scene_is_one_line_and_code_2(ros, tmp_path):
 @pytest.mark.parametrize('parameters, expected', [
     ({'real_time_factor': -1.0}, 'real_time_factor'),
     ({'threads': 3}, 'threads'),
-    ({'publish_rate': 100}, 'decimal point'),
+    ({'publish_rate': 'often'}, 'must be a number'),
     ({'publish_clock': 'perhaps'}, 'true or false'),
     ({'frame_id': 'crate'}, "'crate' is a frame of the scene"),
     ({'frame_id': '""'}, 'must not be empty'),

@@ -79,6 +79,33 @@ def test_topics_have_the_qos_with_which_they_were_recorded(probe, tmp_path) -> N
             assert info.qos_profile.durability == durability
 
 
+@pytest.mark.parametrize('by_file', [True, False])
+def test_a_user_overrides_the_qos(probe, tmp_path, by_file) -> None:
+    bag = mcap(tmp_path / 'a.mcap', texts('/chatter', 100, SECOND))
+    words, given = [], {'qos_overrides./chatter.publisher.reliability': 'best_effort',
+                        'qos_overrides./chatter.publisher.deadline': SECOND}
+    if by_file:
+        file = tmp_path / 'qos.yaml'
+        file.write_text('/chatter: {reliability: best_effort, deadline: {sec: 1, nsec: 0}}',
+                        encoding='utf-8')
+        words, given = ['--qos-profile-overrides-path', str(file)], {}
+    with replaying(tmp_path, bag, *words, **given) as process:
+        info, = probe.wait_for(
+            lambda: probe.node.get_publishers_info_by_topic('/chatter'), 'the publisher')
+        assert info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+        assert info.qos_profile.deadline.nanoseconds == SECOND
+        probe.wait_for(lambda: 'waiting for subscribers, ' in process.stderr)
+        assert 'no parameter' not in process.stderr
+
+
+def test_the_clock_can_be_remapped(probe, tmp_path) -> None:
+    bag = mcap(tmp_path / 'a.mcap', texts('/chatter', 100, SECOND))
+    with replaying(tmp_path, bag, remaps=['/clock:=/bag_clock']):
+        first, *_, last = probe.some(Clock, '/bag_clock', 3)
+        assert nanoseconds(last.clock) > nanoseconds(first.clock)
+        assert probe.node.count_publishers('/clock') == 0
+
+
 def test_a_start_in_the_middle_publishes_what_was_latched_before(probe, tmp_path) -> None:
     latched = [(SECOND + k, '/map', encode_string(f'map {k}')) for k in (0, 100, 10 * SECOND)]
     bag = rosbag2(tmp_path / 'bag', sorted(latched + texts('/chatter', 100, SECOND // 10)),

@@ -9,9 +9,9 @@ if find_spec('rclpy') is None:
     raise SkipTest('rclpy is not installed: pip install .[ros]')
 
 from bag.foreign import mcap, texts
+from nodes.launching import LAUNCH    # skips this too where there is no launch
 from nodes.live import kept, Process, ROOT
 from nodes.replays import hearing, texts_of
-from nodes.test_launch import LAUNCH    # skips this too where there is no launch
 from std_msgs.msg import String
 
 SECOND = 10 ** 9

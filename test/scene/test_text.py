@@ -4,7 +4,8 @@
 
 from typing import Any
 
-from hypothesis import given, HealthCheck, settings, strategies as st
+from effort import examples
+from hypothesis import given, HealthCheck, strategies as st
 import numpy as np
 import pytest
 
@@ -12,7 +13,7 @@ from rigid_sim_ros.engine.forces import FORCES
 from rigid_sim_ros.scene import (
     example_names, read_scene, Scene, scene_from_dict, scene_from_text, SceneError)
 
-RUN = settings(max_examples=150, deadline=None, derandomize=True,
+RUN = examples(50, deadline=None, derandomize=True,
                suppress_health_check=[HealthCheck.too_slow])
 
 numbers = st.floats(-100, 100)

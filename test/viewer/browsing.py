@@ -4,7 +4,6 @@
 from collections.abc import Callable
 import io
 from pathlib import Path
-import socket
 import sys
 import time
 from typing import Any
@@ -47,12 +46,20 @@ bodies:
     color: [0, 0.8, 0]
 """
 RED, GREEN, MAGENTA = 0, 120, 300
-_SIZE = 1000, 600   # px
+_SIZE = 700, 400    # px
+# The processor draws: a picture of 1000 x 600 pixels takes 0.25 s of its time, one of 700 x 400
+# with half as many pixels in a row 0.05 s. And each picture waits a little for the next one.
+_COARSE = '/?fixedDpr=0.5'
+_FEW_PICTURES = """
+  const draw = window.requestAnimationFrame.bind(window);
+  window.requestAnimationFrame = (callback) => setTimeout(() => draw(callback), 150);
+  window.cancelAnimationFrame = clearTimeout;
+"""
 _PANEL = 360        # px at the right that the controls cover
 _LEAST = 30         # px: smaller spots are edges, not bodies
 _HUE = 25           # degrees to either side that are still this colour
 _NARROW_HUE = 9     # the same where another colour is near
-_DARK = 70          # of 255, in each of red, green and blue
+_DARK = 125         # of 255, in each of red, green and blue: letters of few pixels
 _COLORLESS = 25     # of 255, between the strongest and the weakest of the three
 
 
@@ -64,13 +71,6 @@ def scene_file(folder: Path, text: str = SCENE) -> Path:
     return path
 
 
-def free_port() -> int:
-    """Return a port that nobody uses."""
-    with socket.socket() as probe:
-        probe.bind(('127.0.0.1', 0))
-        return int(probe.getsockname()[1])
-
-
 def view(folder: Path, *words: str) -> Process:
     """Start `rigid_sim view`."""
     return Process([sys.executable, '-m', 'rigid_sim_ros', 'view', *words], folder)
@@ -79,14 +79,20 @@ def view(folder: Path, *words: str) -> Process:
 class Page:
     """One page in the browser."""
 
-    def __init__(self, browser: Any, address: str, size: tuple[int, int] = _SIZE) -> None:
+    def __init__(
+        self, browser: Any, address: str, size: tuple[int, int] = _SIZE, *,
+        draws_all: bool = False,
+    ) -> None:
+        """Open an address; `draws_all`: as many pictures as there is time for."""
         # In a context of its own: nothing is shared with another page.
         self.page = browser.new_page(viewport=dict(zip(('width', 'height'), size, strict=True)))
+        if not draws_all:
+            self.page.add_init_script(_FEW_PICTURES)
         self.page.set_default_timeout(1000 * PATIENCE)
         self.requests: list[str] = []
         self.home: tuple[float, float] | None = None    # px: the box, as the scene begins
         self.page.on('request', lambda request: self.requests.append(request.url))
-        self._open(address)
+        self._open(address + _COARSE)
 
     def _open(self, address: str) -> None:
         def is_open() -> bool:
@@ -130,7 +136,7 @@ class Page:
         return (away < within) & (pixels[..., 1] > 100) & (pixels[..., 2] > 40)
 
     def dark_pixels(self) -> int:
-        """Return how many pixels are nearly black, as letters are."""
+        """Return how many pixels are dark, as letters are."""
         picture = Image.open(io.BytesIO(self.page.screenshot())).convert('RGB')
         return int((np.asarray(picture)[:, :-_PANEL].max(axis=2) < _DARK).sum())
 

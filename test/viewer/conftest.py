@@ -6,10 +6,11 @@ from pathlib import Path
 import shutil
 from typing import Any
 
+from free import free_port
 import pytest
 
 
-@pytest.fixture(scope='module')
+@pytest.fixture(scope='session')
 def browser() -> Iterator[Any]:
     """Start Chromium without a window and without a graphics card."""
     program = shutil.which('chromium')
@@ -46,8 +47,6 @@ def sim(probe: Any, folder: Path) -> Iterator[Any]:
 @pytest.fixture(scope='module')
 def port() -> int:
     """Give the port of the page."""
-    from viewer.browsing import free_port
-
     return free_port()
 
 

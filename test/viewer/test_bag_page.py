@@ -12,9 +12,10 @@ if find_spec('rclpy') is None or find_spec('viser') is None:
     raise SkipTest('rclpy or viser is not installed: pip install .[ros]')
 
 from bag.sessions import messages_of, rewrite
+from free import free_port
 from nodes.live import kept
 import pytest
-from viewer.browsing import free_port, Page, RED, scene_file, view
+from viewer.browsing import Page, RED, scene_file, view
 
 from rigid_sim_ros.bag import topics as kinds
 from rigid_sim_ros.bag.batch import Batch

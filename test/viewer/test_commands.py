@@ -16,7 +16,7 @@ if find_spec('rclpy') is None or find_spec('viser') is None:
 
 from nodes.live import kept, PATIENCE, Process, ROOT
 import pytest
-from viewer.browsing import scene_file
+from viewer.browsing import Page, scene_file
 
 from rigid_sim_ros.nodes.view_process import name_of
 
@@ -68,13 +68,18 @@ def test_without_viser_one_line_says_what_to_install(start):
     assert said.startswith('rigid_sim: the page needs viser: `pip install')
 
 
-def test_a_run_with_a_page_ends_with_its_page(ros, tmp_path):
+def test_a_run_begins_with_its_page_and_ends_it(ros, browser, tmp_path):
     command = [sys.executable, '-m', 'rigid_sim_ros', 'run', str(scene_file(tmp_path)), '--view']
     with kept(Process(command, tmp_path / 'run')) as process:
         address = wait_for(lambda: re.search(
             r'the page is at (http://\S+)', (tmp_path / 'run/stdout').read_text('utf-8')))[1]
         with urlopen(address, timeout=60) as answer:
             assert answer.status == 200
+        wait_for(lambda: 'paused: ~/pause lets it go on' in process.stderr)
+        assert 'resumed' not in process.stderr      # nobody has looked yet
+        page = Page(browser, address, (700, 400))
+        wait_for(lambda: 'resumed at 0.000000000 s' in process.stderr)
+        page.close()
         process.signal(signal.SIGINT)
         assert process.wait() == 0
     with pytest.raises(URLError, match='refused'):

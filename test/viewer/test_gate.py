@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Who may reach the page: real requests to a real server."""
 from collections.abc import Iterator
+import contextlib
 import gzip
 import http.client
 from importlib.util import find_spec
@@ -11,9 +12,10 @@ from unittest import SkipTest
 if find_spec('viser') is None:
     raise SkipTest('viser is not installed: pip install .[view]')
 
+import msgspec
 import pytest
 import viser
-from websockets.exceptions import InvalidStatus
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from rigid_sim_ros.viewer.address import AddressError, open_page
@@ -132,6 +134,45 @@ def test_another_site_cannot_open_a_websocket_to_a_local_page(local: int) -> Non
 def test_a_local_page_answers_to_no_foreign_name(local: int) -> None:
     # a name of somebody else's domain that leads to 127.0.0.1
     assert get(local, Host=f'elsewhere.example:{local}')[0] == 403
+
+
+def status_of(port: int, request: bytes) -> int:
+    """Return the status that answers a request as it is."""
+    with socket.create_connection(('127.0.0.1', port), timeout=60) as connection:
+        connection.sendall(request)
+        return int(connection.makefile('rb').readline().split()[1])
+
+
+@pytest.mark.parametrize('target, host, more', [
+    (b'/', b'[', b''),
+    (b'/', b'127.0.0.1:port]', b''),
+    (b'/', b'127.0.0.1', b'Origin: http://[\r\n'),
+    (b'http://[', b'127.0.0.1', b''),
+    (b'/%00', b'127.0.0.1', b''),
+    (b'/' + 5000 * b'a', b'127.0.0.1', b''),
+    (b'/hover?page=[&x=%ff&y=1', b'[::', b''),
+    (b'/\xff', b'\xff', b'Cookie: \xff\r\n'),
+])
+def test_a_malformed_request_is_refused(guarded: int, local: int, target, host, more) -> None:
+    request = b'GET ' + target + b' HTTP/1.1\r\nHost: ' + host + b'\r\n' + more + b'\r\n'
+    assert status_of(local, request) in (400, 403, 404)
+    assert status_of(guarded, request) in (400, 403)
+
+
+@pytest.mark.parametrize('frame', [
+    b'', b'\xc1', 'text', msgspec.msgpack.encode([]), msgspec.msgpack.encode({}),
+    msgspec.msgpack.encode({'type': 'Nonsense'}),
+    msgspec.msgpack.encode({'type': 'GuiUpdateMessage', 'uuid': 7, 'updates': 7}),
+])
+def test_a_frame_of_garbage_leaves_no_traceback(local: int, frame, capfd, caplog) -> None:
+    with connect(f'ws://127.0.0.1:{local}', subprotocols=[PROTOCOL], open_timeout=60) as page:
+        page.send(frame)
+        with contextlib.suppress(ConnectionClosed, TimeoutError):
+            for _ in range(100):        # what the page sends, until it has read the frame
+                page.recv(timeout=1.0)
+    assert get(local)[0] == 200
+    assert 'Traceback' not in capfd.readouterr().err
+    assert [record for record in caplog.records if record.exc_info] == []
 
 
 def test_a_page_is_open_on_this_machine_only_by_default() -> None:

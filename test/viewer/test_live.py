@@ -11,6 +11,8 @@ from unittest import SkipTest
 if find_spec('rclpy') is None or find_spec('viser') is None:
     raise SkipTest('rclpy or viser is not installed: pip install .[ros]')
 
+from effort import either
+from free import free_port
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Vector3, WrenchStamped
 from nodes.live import kept, Process, running
 import numpy as np
@@ -18,7 +20,7 @@ import pytest
 from rcl_interfaces.srv import GetParameters
 from sensor_msgs.msg import MultiDOFJointState
 from viewer.browsing import (
-    free_port, GREEN, MAGENTA, OTHER_SCENE, Page, RED, scene_file, view)
+    GREEN, MAGENTA, OTHER_SCENE, Page, RED, scene_file, view)
 
 from rigid_sim_ros.bag.batch import Batch
 from rigid_sim_ros.bag.info import info
@@ -46,6 +48,10 @@ def set_pace(probe, factor):
 
 def test_the_page_shows_each_body_once(page):
     page.wait_for(lambda: page.counts() == (1, 1, 1), 'three bodies')
+
+
+def test_the_title_names_node_and_scene(page):
+    page.wait_for(lambda: page.page.title() == '/rigid_sim: scene', 'the title')
 
 
 def test_everything_comes_from_this_machine(page, port):
@@ -83,10 +89,10 @@ def test_the_name_goes_when_the_body_leaves_the_mouse(page, probe):
     page.wait_for(lambda: page.hovered() == '', 'the name to go')
 
 
-def test_five_viewers_see_the_bodies_move(viewer, browser, port, probe):
+@pytest.mark.long
+def test_several_viewers_see_the_bodies_move(viewer, browser, port, probe):
     probe.pause(False)
-    address = f'http://127.0.0.1:{port}/?fixedDpr=0.5'      # the processor draws all of them
-    pages = [Page(browser, address, (700, 400)) for _ in range(5)]
+    pages = [Page(browser, f'http://127.0.0.1:{port}') for _ in range(either(3, 5))]
     for page in pages:
         page.wait_for(lambda page=page: page.counts() == (1, 1, 1), 'three bodies')
     heights = [[] for _ in pages]

@@ -8,22 +8,23 @@ from unittest import SkipTest
 if find_spec('rclpy') is None or find_spec('viser') is None:
     raise SkipTest('rclpy or viser is not installed: pip install .[ros]')
 
+from free import free_port
 from geometry_msgs.msg import Twist, TwistStamped, Vector3, Wrench, WrenchStamped
 from nodes.live import kept, running
 import pytest
 from sensor_msgs.msg import MultiDOFJointState
-from viewer.browsing import free_port, MAGENTA, Page, scene_file, view
+from viewer.browsing import MAGENTA, Page, scene_file, view
 
 # Hues of the overlays in the light of the page, in degrees.
 VELOCITY, WRENCH, CONTACT, SPRING, Z_AXIS = 202, 35, 305, 164, 240
 RIGHT = 2
 # px: less is the edge of something else.
-SOME, NONE = 25, 5
+SOME, NONE = 12, 4
 # How light lines of the ground are, and shadows on it, of 255; what is between is lines' edges in
 # a shadow.
 LINES, SHADOW = (180, 235), (100, 174)
-# px: the lines are some 30 000 in the picture, the shadow of a box or of three bodies 1200.
-MANY = 500
+# px: the lines are some 20 000 in the picture, the shadow of a box or of three bodies 400.
+MANY = 150
 
 RESTING = """
 format: 1

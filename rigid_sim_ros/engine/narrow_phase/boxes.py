@@ -142,8 +142,34 @@ def box_box(pose: Array, size: Array, a: int, b: int, margin: float, way: float,
                        m)
     if count == 0:
         return UNSETTLED, n
+    return _reduced(size, a, b, n, count, points, ids), n
+
+
+@kernel
+def face_manifold(pose: Array, size: Array, a: int, b: int, which: int, n: Vector, margin: float,
+                  points: Array, ids: IntArray, polygon: Array, labels: IntArray,
+                  m: Array) -> int:
+    """
+    Find the manifold of two boxes along face `which` of one of them, whatever separates them best.
+
+    `which` as of `separation`, but for edges; n is its unit normal from A to B. Returns the number
+    of points.
+    """
+    separation(pose, size, a, b, math.inf, 0.0, m)
+    if which < 3:
+        count = _faces(pose, size, a, b, which, n, margin, False, points, ids, polygon, labels, m)
+    else:
+        count = _faces(pose, size, b, a, which - 3, n, margin, True, points, ids, polygon, labels,
+                       m)
+    return _reduced(size, a, b, n, count, points, ids)
+
+
+@kernel
+def _reduced(size: Array, a: int, b: int, n: Vector, count: int, points: Array,
+             ids: IntArray) -> int:
+    """Keep four of the points at most; return how many."""
     small = min(min(size[a, 0], size[a, 1], size[a, 2]), min(size[b, 0], size[b, 1], size[b, 2]))
-    return reduce_to_four(points, ids, count, n, small), n
+    return reduce_to_four(points, ids, count, n, small)
 
 
 @kernel

@@ -201,12 +201,24 @@ def convex_convex(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
     gap, n, p = distance(pose, shapes, a, b, margin, scratch)
     if gap >= margin:
         return 0, n
+    return manifold_along(pose, shapes, a, b, n, gap, p, margin, scratch), n
+
+
+@kernel
+def manifold_along(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, gap: float, p: Vector,
+                   margin: float, scratch: Scratch) -> int:
+    """
+    Find the points whose gap along the normal n, from A to B, is below the margin [m].
+
+    p is a point on A with the least gap that is known, infinite for none. Returns the number of
+    points, at most 4.
+    """
     points, ids, faces = scratch.points, scratch.ids, scratch.outline
     kind, size, hulls, hull = shapes.kind, shapes.size, shapes.hulls, shapes.hull
+    small = min(shapes.bound[a], shapes.bound[b])
     corners_a, name_a = outline(pose, size, kind[a], a, hulls, hull[a], n, faces[0])
     corners_b, name_b = outline(pose, size, kind[b], b, hulls, hull[b], (-n[0], -n[1], -n[2]),
                                 faces[1])
-    small = min(shapes.bound[a], shapes.bound[b])
     count = 0
     if corners_a >= 3 and corners_b >= 2:
         count = _clip_faces(faces[0], corners_a, faces[1], corners_b, n, margin, small, False,
@@ -226,7 +238,7 @@ def convex_convex(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
     if deepest > gap + MISSED * small:
         put(points, ids, count, p, gap, WITNESS)
         count += 1
-    return reduce_to_four(points, ids, count, n, small), n
+    return reduce_to_four(points, ids, count, n, small)
 
 
 @kernel

@@ -15,6 +15,9 @@ PREFERENCE = 1e-3
 # Of the size: a point deeper than all that were chosen by more than this takes the place of the
 # one nearest to it, so that nothing sinks in unseen.
 UNSEEN = 1e-6
+# Of the size: a point that is so much farther from touching than the deepest one carries nothing
+# soon. More lets the upper corners of what is as small as it looks ahead span the manifold.
+FAR = 0.5
 
 
 @kernel
@@ -25,6 +28,8 @@ def reduce_to_four(points: Array, ids: IntArray, count: int, normal: Vector, siz
     A deep point, the one farthest from it, the one that spans the largest triangle with
     these, and the one that adds most to that triangle. `size` [m] is that of the smaller shape.
     """
+    if count > 4:
+        count = _drop_far(points, ids, count, size)
     if count <= 4:
         return count
     first = 0
@@ -56,6 +61,21 @@ def reduce_to_four(points: Array, ids: IntArray, count: int, normal: Vector, siz
         if gain > best * (1.0 + PREFERENCE):
             fourth, best = k, gain
     return _keep_deepest(points, ids, count, first, second, third, fourth, size)
+
+
+@kernel
+def _drop_far(points: Array, ids: IntArray, count: int, size: float) -> int:
+    """Keep the candidates, in their order, that are not far from touching; return how many."""
+    deepest, kept = points[0, 3], 0
+    for k in range(1, count):
+        deepest = min(deepest, points[k, 3])
+    for k in range(count):
+        if points[k, 3] <= deepest + FAR * size:
+            for i in range(4):
+                points[kept, i] = points[k, i]
+            ids[kept] = ids[k]
+            kept += 1
+    return kept
 
 
 @kernel

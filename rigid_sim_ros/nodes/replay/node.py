@@ -25,15 +25,17 @@ from rclpy.utilities import remove_ros_args
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.playback import PlayableBag
 from rigid_sim_ros.nodes.declaring import ParameterError
+from rigid_sim_ros.nodes.neighbours import Neighbours
 from rigid_sim_ros.nodes.process import (
     complain, DONE, FAILED, Parser, ROS_ERRORS, ros_text, start_ros, Threads)
 from rigid_sim_ros.nodes.replay.controls import Controls
 from rigid_sim_ros.nodes.replay.outputs import Outputs
 from rigid_sim_ros.nodes.replay.parameters import declare
 from rigid_sim_ros.nodes.replay.player import Player, Settings
+from rigid_sim_ros.nodes.replay.qos import read_overrides
 from rigid_sim_ros.nodes.replay.terminal import attend, Bar, Keyboard
 from rigid_sim_ros.scene.errors import nearest
-from rigid_sim_ros.signals import stop_on_signals
+from rigid_sim_ros.signals import Stop, stop_on_signals
 
 NODE_NAME = 'replay'
 SKIP = 5.0              # s that an arrow key moves
@@ -73,6 +75,7 @@ class Replay:
         self._player = Player(
             self._bag, self._outputs, _settings(self._bag, parameters), self._log)
         self._controls = Controls(self.node, self._player)
+        Neighbours(self.node, self._outputs.topics)
         self._wait: float = parameters['subscriber_timeout']
         self._tell(parameters)
 
@@ -111,11 +114,15 @@ class Replay:
     def _await_subscribers(self) -> None:
         """Wait until those who listen have found the publishers: what comes before is lost."""
         begun = changed = time.monotonic()
-        found = 0
+        found, is_told = 0, False
         while not self._stopped.wait(_LOOK):
             now, count = time.monotonic(), self._outputs.subscriptions()
             if count != found:
                 found, changed = count, now
+            if not (found or is_told) and now - begun > _LEAST_WAIT:
+                is_told = True
+                self._log.info(f'waiting for subscribers, {self._wait:g} s at most: the parameter '
+                               'subscriber_timeout')
             if now - begun >= self._wait or (
                     found and now - begun > _LEAST_WAIT and now - changed > _QUIET):
                 return
@@ -165,20 +172,25 @@ def _settings(bag: PlayableBag, parameters: Mapping[str, Any]) -> Settings:
         parameters['loop'], parameters['clock_rate'], parameters['paused'])
 
 
-def run(bag: str | None = None, *, ros_args: Sequence[str] = (), **given: Any) -> int:
+def run(
+    bag: str | None = None, *, qos_path: str | None = None, ros_args: Sequence[str] = (),
+    **given: Any,
+) -> int:
     """
     Replay a bag until its end, or until Ctrl-C or SIGTERM.
 
     What is not given, or None, is as the parameters of ROS say; `given` are `topics`, `start`,
-    `duration`, `paused`, `rate` and `loop`. ros_args are ROS's own arguments, from `--ros-args`
-    on. Returns the exit code: 0 for a clean end, 2 with one line on stderr for a bad parameter or
-    a bag that cannot be read.
+    `duration`, `paused`, `rate` and `loop`. qos_path is a file with the QoS of topics that differs
+    from the recorded one, as `ros2 bag play` reads it. ros_args are ROS's own arguments, from
+    `--ros-args` on. Returns the exit code: 0 for a clean end, 2 with one line on stderr for a bad
+    parameter or a bag that cannot be read.
     """
     overrides = {name: value for name, value in {'bag': bag, **given}.items()
                  if value is not None}
-    stopped = threading.Event()
+    stopped = Stop()
     restore = stop_on_signals(stopped)
     try:
+        overrides.update(read_overrides(qos_path) if qos_path else {})
         start_ros(ros_args)
         replay = Replay(overrides, stopped)
         replay.run()
@@ -209,6 +221,8 @@ def main(args: Sequence[str] | None = None) -> int:
                         help='publish only topics that match; may be given several times')
     parser.add_argument('--pause', action='store_true', default=None, dest='paused',
                         help='begin paused')
+    parser.add_argument('--qos-profile-overrides-path', metavar='FILE', dest='qos_path',
+                        help='YAML file with other QoS than was recorded')
     try:
         own_words = remove_ros_args(words)[1:]
     except ROS_ERRORS as error:

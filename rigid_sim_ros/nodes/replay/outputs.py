@@ -20,7 +20,7 @@ from rigid_sim_ros.bag.playable_files import Message, RecordedTopic
 from rigid_sim_ros.bag.playback import PlayableBag
 from rigid_sim_ros.codec import encode_clock
 from rigid_sim_ros.nodes.delivery import await_delivery
-from rigid_sim_ros.nodes.replay.qos import CLOCK_QOS, profile
+from rigid_sim_ros.nodes.replay.qos import CLOCK_QOS, make_publisher, profile
 
 CLOCK = '/clock'
 _TYPE = re.compile(r'([a-z][a-z0-9_]*)/(?:msg/)?([A-Z][A-Za-z0-9_]*)')
@@ -108,7 +108,7 @@ class Outputs:
         A bag that holds a clock has messages with times that fit to that one.
         """
         if self._clock is None and not self._bag_has_clock:
-            self._clock = self._node.create_publisher(Clock, CLOCK, CLOCK_QOS)
+            self._clock = make_publisher(self._node, Clock, CLOCK, CLOCK_QOS)
         return self._clock is not None
 
     def publish_clock(self, t_ns: int) -> None:
@@ -123,6 +123,10 @@ class Outputs:
     def flush(self, seconds: float) -> None:
         """Wait until reliable subscribers have what was sent, at most this long."""
         await_delivery(self._publishers(), seconds)
+
+    def topics(self) -> list[str]:
+        """Return the full names of the topics that are published."""
+        return [publisher.topic_name for publisher in self._publishers()]
 
     def _publishers(self) -> Iterator[Publisher]:
         for output in self._outputs.values():
@@ -154,7 +158,7 @@ class Outputs:
         if message is None:
             return f'{topic.type} is not installed'
         try:
-            publisher = self._node.create_publisher(message, topic.name, profile(qos))
+            publisher = make_publisher(self._node, message, topic.name, profile(qos))
         except InvalidTopicNameException:
             return 'that is no name of a ROS topic'
         if reason := self._mismatch(publisher, topic):

@@ -1,13 +1,25 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The QoS of publishers that stand in for those that were recorded."""
+"""The QoS of publishers that stand in for those that were recorded, and what overrides it."""
+
+from pathlib import Path
+from typing import Any
 
 from rclpy.duration import Duration
+from rclpy.exceptions import InvalidParameterTypeException
+from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import (
-    DurabilityPolicy, HistoryPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy)
+    DurabilityPolicy, HistoryPolicy, LivelinessPolicy, QoSPolicyKind, QoSProfile,
+    ReliabilityPolicy)
+from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
+from ruamel.yaml import YAML, YAMLError
 
 from rigid_sim_ros.bag.offered_qos import (
     AUTOMATIC, BEST_EFFORT, MANUAL_BY_TOPIC, OfferedQos, RELIABLE, TRANSIENT_LOCAL, VOLATILE)
+
+from rigid_sim_ros.nodes.declaring import given_names, ParameterError
+from rigid_sim_ros.scene.errors import nearest
 
 # What is not known is as ROS does it by default.
 _RELIABILITY = {
@@ -51,3 +63,63 @@ def profile(qos: OfferedQos) -> QoSProfile:
 
 def _duration(span_ns: int | None) -> Duration:
     return Duration(nanoseconds=span_ns or 0)       # 0: not limited
+
+
+# The policies that a user may override, by their names in parameters and in files.
+_POLICIES = {
+    kind.name.lower(): kind for kind in QoSPolicyKind if kind is not QoSPolicyKind.INVALID}
+_SPANS = ('deadline', 'lifespan', 'liveliness_lease_duration')
+_PREFIX = 'qos_overrides'
+
+
+def make_publisher(node: Node, message: type, name: str, qos: QoSProfile) -> Publisher:
+    """
+    Make a publisher with a profile that parameters of the node may override.
+
+    They are ROS's `qos_overrides.TOPIC.publisher.POLICY`. ParameterError for a value that no
+    publisher can have.
+    """
+    begin = f'{_PREFIX}.{node.resolve_topic_name(name)}.publisher.'
+    kinds = [_POLICIES[word] for given in given_names(node) if given.startswith(begin)
+             if (word := given.removeprefix(begin)) in _POLICIES]
+    try:
+        return node.create_publisher(
+            message, name, qos, qos_overriding_options=QoSOverridingOptions(kinds))
+    except (InvalidQosOverridesError, InvalidParameterTypeException, RuntimeError,
+            ValueError) as error:
+        raise ParameterError(f'parameter {begin}*: {error}') from None
+
+
+def read_overrides(path: str) -> dict[str, Any]:
+    """
+    Return what a file for `ros2 bag play --qos-profile-overrides-path` says, as parameters.
+
+    It holds a mapping for each topic. ParameterError where it does not.
+    """
+    try:
+        content = YAML(typ='safe', pure=True).load(Path(path).read_text(encoding='utf-8'))
+    except (OSError, UnicodeDecodeError, YAMLError) as error:
+        raise ParameterError(f'{path}: {error}') from None
+    parameters = {}
+    for topic, policies in _mapping(path, content).items():
+        for name, value in _mapping(f'{path}: {topic}', policies).items():
+            if name not in _POLICIES:
+                raise ParameterError(f'{path}: {topic}: no policy {name!r}: '
+                                     f'{nearest(str(name), list(_POLICIES))}')
+            parameters[f'{_PREFIX}.{topic}.publisher.{name}'] = (
+                _nanoseconds(f'{path}: {topic}: {name}', value) if name in _SPANS else value)
+    return parameters
+
+
+def _mapping(where: str, value: Any) -> dict[Any, Any]:
+    if not isinstance(value, dict):
+        raise ParameterError(f'{where}: {value!r}, must be a mapping')
+    return value
+
+
+def _nanoseconds(where: str, value: Any) -> int:
+    parts = _mapping(where, value)
+    try:
+        return int(parts.get('sec', 0)) * 1_000_000_000 + int(parts.get('nsec', 0))
+    except (TypeError, ValueError):
+        raise ParameterError(f'{where}: {value!r}, must be {{sec: ..., nsec: ...}}') from None

@@ -1,0 +1,105 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Whether all that a session published is in its bag, and nothing else.
+
+That what is there is right does not say that nothing was taken out. The session lists the topics;
+what each must carry follows from its type, and which bodies have topics from a parameter. At the
+start of each file and at the end of the recording an event tells how many messages each topic had
+by then. So a message, a topic or a file that was taken out is missed.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from fnmatch import fnmatchcase
+
+from rigid_sim_ros.bag import topics as kinds
+from rigid_sim_ros.bag.session import Session
+
+# Types that a node has on topics of certain kinds only.
+_KINDS: dict[str, set[str]] = {}
+for _kind in (kinds.CLOCK, kinds.POSE, kinds.TWIST, kinds.STATE, kinds.TRANSFORMS,
+              kinds.STATE_HASH, kinds.STEP, kinds.SNAPSHOT):
+    _KINDS.setdefault(kinds.TYPES[_kind], set()).add(_kind)
+
+# Kinds with a topic for each body, all of which are published together.
+_OF_BODIES = (kinds.POSE, kinds.TWIST)
+
+
+def chosen(names: Iterable[str], patterns: Iterable[str]) -> list[str]:
+    """Return the names that a pattern matches."""
+    patterns = list(patterns)
+    return [name for name in names if any(fnmatchcase(name, p) for p in patterns)]
+
+
+def wrong_topics(session: Session, names: Sequence[str]) -> str:
+    """Return what is wrong with the topics that a session lists, '' if nothing is."""
+    for topic in session.topics:
+        if topic.kind not in _KINDS.get(topic.type, {topic.kind}) or (
+                topic.kind and topic.type != kinds.TYPES.get(topic.kind)):
+            return (f'the session lists {topic.name} of the type {topic.type} as {topic.kind!r}, '
+                    'which it cannot be')
+        if topic.kind in (*_OF_BODIES, kinds.APPLIED_WRENCH) and topic.body not in names:
+            return f'the session lists {topic.name} of the body {topic.body!r}, which there is not'
+    if len(session.by_name) < len(session.topics):
+        return 'the session lists a topic twice'
+    listed = Counter((topic.kind, topic.body) for topic in session.topics)
+    for own in kinds.own_topics(session.node):
+        if own not in session.topics or listed[own.kind, ''] != 1:
+            return f'the session does not list {own.name} as it must be'
+    patterns = session.parameters.get('bodies')
+    for name in chosen(names, map(str, patterns)) if isinstance(patterns, list) else ():
+        for kind in _OF_BODIES:
+            if listed[kind, name] != 1:
+                return f'the session does not list the {kind} of body {name!r}, as it must'
+    return ''
+
+
+class Tally:
+    """Compares how many messages there are with how many there must be."""
+
+    def __init__(self, session: Session, seen: Counter[str]) -> None:
+        """Take the counts of the messages by topic, which whoever reads them keeps."""
+        self._seen = seen
+        self._session = session
+        self._is_sure = True        # nothing was lost that nobody counted, since the last mark
+        self._was_sure = True       # nor before
+
+    def lose(self) -> None:
+        """Note that something is missing of which nobody knows how much."""
+        self._is_sure = self._was_sure = False
+
+    def mark(self, told: Mapping[str, int]) -> str:
+        """
+        Compare with what an event tells that was written before it.
+
+        Returns what is missing, '' if nothing is.
+        """
+        event, = (t.name for t in self._session.topics if t.kind == kinds.EVENT)
+        # The event itself is read already, and was not written then.
+        seen = self._seen - Counter({event: 1})
+        if not self._is_sure:
+            self._seen.clear()
+            self._seen.update({**told, event: told.get(event, 0) + 1})
+            self._is_sure = True
+            return ''
+        for name in sorted({*seen, *told}):
+            if name in self._session.by_name and seen[name] != told.get(name, 0):
+                return (f'{told.get(name, 0)} messages on {name} were recorded so far, and '
+                        f'{seen[name]} are there')
+        return ''
+
+    def finish(self, types: Mapping[str, str]) -> str:
+        """Return what does not fit at the end, '' if all does; `types` are those in the files."""
+        for topic in self._session.topics:
+            if self._seen[topic.name] and types.get(topic.name) != topic.type:
+                return (f'{topic.name} is of the type {types.get(topic.name)!r}, in the list of '
+                        f'the session of {topic.type}')
+        for kind in _OF_BODIES if self._was_sure else ():
+            counts = {topic.name: self._seen[topic.name] for topic in self._session.topics
+                      if topic.kind == kind}
+            least = min(counts, key=lambda name: counts[name], default='')
+            if counts and counts[least] < max(counts.values()):
+                return (f'{max(counts.values())} messages tell the {kind} of other bodies, and '
+                        f'{counts[least]} are on {least}')
+        return ''

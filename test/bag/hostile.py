@@ -1,0 +1,217 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Bags that somebody made to do harm, and what may not become of whoever reads them."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+import os
+from pathlib import Path
+import shutil
+import signal
+import sqlite3
+import struct
+from typing import Any
+
+from bag.sessions import shared_session
+import zstandard
+
+from rigid_sim_ros.bag.export import export
+from rigid_sim_ros.bag.info import info
+from rigid_sim_ros.bag.moment import find
+from rigid_sim_ros.bag.motion import read_motion
+from rigid_sim_ros.bag.playback import PlayableBag
+from rigid_sim_ros.bag.recover import recover
+from rigid_sim_ros.bag.verify import verify
+
+# [s] No command may take longer over a bag that is refused.
+LONGEST = 5
+
+
+def _play(bag: Path) -> None:
+    played = PlayableBag(bag)
+    played.latched(played.last_ns, set(played.topics))
+    for _ in played.messages(0, set(played.topics)):
+        pass
+
+
+COMMANDS: dict[str, Callable[[Path], Any]] = {
+    'info': info, 'verify': verify, 'resume': lambda bag: find(bag, 0.5), 'plot': read_motion,
+    'export': lambda bag: export(bag, 'csv', bag.parent / f'{bag.name}.csv'), 'replay': _play,
+    'recover': recover,
+}
+
+
+@contextmanager
+def limited_time(seconds: int = LONGEST) -> Iterator[None]:
+    """Raise an AssertionError in what takes longer; that a machine stands still is no matter."""
+    def too_long(*_: object) -> None:
+        raise AssertionError(f'took more than {seconds} s of processor time')
+
+    before = signal.signal(signal.SIGVTALRM, too_long)
+    beside = signal.signal(signal.SIGALRM, too_long)
+    signal.setitimer(signal.ITIMER_VIRTUAL, seconds)
+    signal.alarm(12 * seconds)      # what waits for ever takes no time
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+        signal.alarm(0)
+        signal.signal(signal.SIGVTALRM, before)
+        signal.signal(signal.SIGALRM, beside)
+
+
+def contents(folder: Path) -> dict[str, object]:
+    """Return all files below a folder with their bytes, links with where they lead."""
+    return {str(path): os.readlink(path) if path.is_symlink() else path.read_bytes()
+            if path.is_file() else path.stat().st_mode for path in sorted(folder.rglob('*'))}
+
+
+# --- what is done to a copy of a good bag: each gets the bag and a folder outside of it ----------
+
+def _first(bag: Path) -> Path:
+    return sorted(path for path in bag.iterdir() if path.suffix in ('.mcap', '.db3'))[0]
+
+
+def _linked(name: str, target: str) -> Callable[[Path, Path], None]:
+    def change(bag: Path, outside: Path) -> None:
+        path = _first(bag) if name == 'first' else bag / name
+        path.unlink(missing_ok=True)
+        path.symlink_to(target if target.startswith('/') else outside / target)
+    return change
+
+
+def _pipe(name: str) -> Callable[[Path, Path], None]:
+    def change(bag: Path, outside: Path) -> None:
+        path = _first(bag) if name == 'first' else bag / name
+        path.unlink(missing_ok=True)
+        os.mkfifo(path)
+    return change
+
+
+def _folder(bag: Path, outside: Path) -> None:
+    path = _first(bag)
+    path.unlink()
+    path.mkdir()
+
+
+def _hard_link(bag: Path, outside: Path) -> None:
+    os.link(outside / 'letter', bag / '.reserve')
+
+
+def _super_journal(bag: Path, outside: Path) -> None:
+    """Plant a journal that names a file which SQLite removes when it has used the journal."""
+    path = _first(bag)
+    base, victim = path.with_name('x'), outside / 'super'
+    with sqlite3.connect(base) as database:
+        database.execute('CREATE TABLE t(x)')
+        database.commit()
+        database.execute('PRAGMA journal_mode = PERSIST')
+        database.execute('PRAGMA cache_size = 1')
+    base.unlink()
+    name = str(victim).encode()
+    magic = b'\xd9\xd5\x05\xf9\x20\xa1\x63\xd7'
+    head = magic + struct.pack('>IIIII', 0, 1, os.path.getsize(path) // 4096, 512, 4096)
+    tail = struct.pack('>I', 4096) + name + struct.pack(
+        '>II', len(name), sum(name) & 0xffffffff) + magic
+    path.with_name(path.name + '-journal').write_bytes(head.ljust(512, b'\0') + tail)
+
+
+def _metadata(change: Callable[[str], str]) -> Callable[[Path, Path], None]:
+    def apply(bag: Path, outside: Path) -> None:
+        path = bag / 'metadata.yaml'
+        path.write_text(change(path.read_text()))
+    return apply
+
+
+def _bomb(text: str) -> str:
+    levels = ['a0: &a0 [x, x, x, x, x, x, x, x, x, x]'] + [
+        f'a{k}: &a{k} [{", ".join([f"*a{k - 1}"] * 10)}]' for k in range(1, 12)]
+    return '\n'.join(levels) + '\n' + text
+
+
+def _merge_bomb(text: str) -> str:
+    levels = ['a0: &a0 {x: 1}'] + [
+        f'a{k}: &a{k} {{<<: [{", ".join([f"*a{k - 1}"] * 10)}], y{k}: 1}}' for k in range(1, 12)]
+    return '\n'.join(levels) + '\n' + text
+
+
+def _sqlite(*statements: str) -> Callable[[Path, Path], None]:
+    def change(bag: Path, outside: Path) -> None:
+        with sqlite3.connect(_first(bag)) as database:
+            for statement in statements:
+                database.execute(statement)
+            database.commit()
+        database.close()
+    return change
+
+
+def _huge_message(bag: Path, outside: Path) -> None:
+    """Put a message of some kB that grows to 3 GB into a bag with messages compressed by zstd."""
+    pieces = zstandard.ZstdCompressor(level=3).compressobj(size=3 << 30)
+    zeros = bytes(1 << 24)
+    data = b''.join(pieces.compress(zeros) for _ in range(192)) + pieces.flush()
+    with sqlite3.connect(_first(bag)) as database:
+        database.execute('UPDATE messages SET data = ? WHERE id = 5', (data,))
+        database.commit()
+    database.close()
+    path = bag / 'metadata.yaml'
+    path.write_text(path.read_text().replace('"none"', '"message"'))
+
+
+ENDLESS = (
+    'CREATE VIEW messages AS WITH RECURSIVE r(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM r) '
+    "SELECT i AS id, 1 AS topic_id, i AS timestamp, x'00' AS data FROM r")
+
+# By name: storage, compression, and the change.
+HARM: dict[str, tuple[str, str, Callable[[Path, Path], None]]] = {
+    'reserve is a link': ('mcap', 'none', _linked('.reserve', 'letter')),
+    'reserve is a pipe': ('mcap', 'none', _pipe('.reserve')),
+    'reserve is a hard link': ('mcap', 'none', _hard_link),
+    'metadata part is a link': ('mcap', 'none', _linked('.metadata.yaml.part', 'letter')),
+    'metadata is a link': ('mcap', 'none', _linked('metadata.yaml', 'letter')),
+    'metadata is a pipe': ('mcap', 'none', _pipe('metadata.yaml')),
+    'metadata is a device': ('mcap', 'none', _linked('metadata.yaml', '/dev/zero')),
+    'file is a link': ('mcap', 'none', _linked('first', 'letter')),
+    'file is a device': ('mcap', 'none', _linked('first', '/dev/zero')),
+    'file is a pipe': ('mcap', 'none', _pipe('first')),
+    'file is a folder': ('mcap', 'none', _folder),
+    'sqlite file is a link': ('sqlite3', 'none', _linked('first', 'letter')),
+    'sqlite file is a device': ('sqlite3', 'none', _linked('first', '/dev/zero')),
+    'sqlite file is a pipe': ('sqlite3', 'none', _pipe('first')),
+    'part is a link': ('mcap', 'none', _linked('session_0.mcap.part', 'letter')),
+    'a journal names a file': ('sqlite3', 'none', _super_journal),
+    'endless view': ('sqlite3', 'none', _sqlite('DROP TABLE messages', ENDLESS)),
+    'computed column': ('sqlite3', 'none', _sqlite(
+        'ALTER TABLE messages ADD COLUMN z AS (zeroblob(999999999))')),
+    'constraint that computes': ('sqlite3', 'none', _sqlite(
+        'DROP TABLE topics', 'CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT CHECK('
+        'length(zeroblob(999999999)) > 0), type TEXT)')),
+    'huge message': ('sqlite3', 'zstd', _huge_message),
+    'aliases': ('mcap', 'none', _metadata(_bomb)),
+    'aliases that are merged': ('mcap', 'none', _metadata(_merge_bomb)),
+    'nested metadata': ('mcap', 'none', _metadata(lambda text: 'a: ' + '[' * 5000 + text)),
+    'long name': ('mcap', 'none', _metadata(
+        lambda text: text.replace('session_0.mcap', 'x' * 5000))),
+    'custom data': ('mcap', 'none', _metadata(
+        lambda text: text.replace('custom_data: {}', 'custom_data: [1, [2]]'))),
+    'other custom data': ('mcap', 'none', _metadata(
+        lambda text: text.replace('custom_data: {}', 'custom_data: {recovered: {a: [1]}}'))),
+    'name with control characters': ('mcap', 'none', _metadata(
+        lambda text: text.replace('session_0.mcap', r'\\u001b[2Jx.mcap'))),
+    'counts': ('mcap', 'none', _metadata(lambda text: text.replace(
+        '"message_count": ', '"message_count": -'))),
+    'mode': ('mcap', 'none', _metadata(lambda text: text.replace(
+        'compression_mode: ""', 'compression_mode: {a: [1, 2]}'))),
+}
+
+
+def harmed(name: str, folder: Path) -> tuple[Path, Path]:
+    """Return a bag that does harm, and a folder outside of it with somebody's files."""
+    storage, compression, change = HARM[name]
+    bag, outside = folder / 'session', folder / 'outside'
+    shutil.copytree(shared_session(storage, compression), bag)
+    outside.mkdir()
+    for name in ('letter', 'super'):
+        (outside / name).write_bytes(b"somebody's words\0" * 500)
+    change(bag, outside)
+    return bag, outside

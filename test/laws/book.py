@@ -1,0 +1,81 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The laws, each with how its scenes are drawn and judged, and with the models that it binds."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from laws import apart_laws, energy_laws, impact_laws, rest_laws, twin_laws
+from laws.motion import Build, Ours, Run, Verdict
+from laws.scenes import Scene, Spec, with_model
+from laws.solids import Generator
+import numpy as np
+
+RIGID = ('timestep', 'event', 'qp')
+# What is soft by its definition is not asked where the law is of rigid impacts and rest.
+ALL = (*RIGID, 'penalty')
+
+
+class Law(NamedTuple):
+    """A law of mechanics that is asked of random scenes."""
+
+    name: str
+    says: str
+    draw: Callable[[Generator], Scene]
+    judge: Callable[[Scene, Build], Verdict]
+    models: tuple[str, ...] = RIGID
+
+
+LAWS = {law.name: law for law in (
+    Law('energy', 'energy never grows without work',
+        energy_laws.draw_energy, energy_laws.judge_energy, RIGID),
+    Law('inelastic', 'nothing inelastic separates faster than 2 % of its approach',
+        impact_laws.draw_inelastic, impact_laws.judge_inelastic),
+    Law('momentum', 'forces between bodies keep P and L',
+        energy_laws.draw_momentum, energy_laws.judge_momentum, ALL),
+    Law('untouched', 'bodies that never touch are those of a world without the other',
+        apart_laws.draw_untouched, apart_laws.judge_untouched, ALL),
+    Law('flush', 'a floor of flush pieces is a floor',
+        apart_laws.draw_flush, apart_laws.judge_flush),
+    Law('symmetric', 'what starts symmetric stays so',
+        impact_laws.draw_symmetric, impact_laws.judge_symmetric, ALL),
+    Law('turned', 'a turned scene moves alike',
+        twin_laws.draw_pair, twin_laws.alike(twin_laws.turned), ALL),
+    Law('shifted', 'a shifted scene moves alike',
+        twin_laws.draw_pair, twin_laws.alike(twin_laws.shifted), ALL),
+    Law('mirrored', 'a mirrored scene moves alike',
+        twin_laws.draw_pair, twin_laws.alike(twin_laws.mirrored), ALL),
+    Law('scaled', 'a scaled scene moves alike',
+        twin_laws.draw_pair, twin_laws.alike(twin_laws.scaled), ALL),
+    Law('order', 'order and names of bodies change nothing',
+        twin_laws.draw_pair, twin_laws.alike(twin_laws.reordered), ALL),
+    Law('weight', 'the force on the ground is the weight at rest',
+        rest_laws.draw_weight, rest_laws.judge_weight),
+    Law('rolling', 'rolling keeps energy',
+        energy_laws.draw_rolling, energy_laws.judge_rolling),
+    Law('limit', 'half the step is half the distance to the limit',
+        rest_laws.draw_limit, rest_laws.judge_limit),
+    Law('decided', 'every model agrees on what slides or falls',
+        rest_laws.draw_decided, rest_laws.judge_decided))}
+
+
+def scene(law: str, seed: int) -> Scene:
+    """Return the scene of a law and a seed."""
+    return LAWS[law].draw(np.random.default_rng([*law.encode(), seed]))
+
+
+def builder(model: str, substeps: int = 4) -> Build:
+    """Return how a scene gets into this package with a contact model."""
+    def build(spec: Spec) -> Run:
+        return Ours(with_model(spec, model, substeps))
+    return build
+
+
+def judge(law: str, seed: int, build: Build) -> Verdict:
+    """Ask a law of the scene of a seed."""
+    found = scene(law, seed)
+    try:
+        with np.errstate(all='ignore'):
+            return LAWS[law].judge(found, build)
+    except ArithmeticError as error:
+        return Verdict(np.inf, 0.0, str(error))

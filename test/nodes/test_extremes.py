@@ -1,0 +1,69 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Every value that a parameter may have works, and every call of a service is answered."""
+from importlib.util import find_spec
+import time
+from unittest import SkipTest
+
+if find_spec('rclpy') is None:
+    raise SkipTest('rclpy is not installed: pip install .[ros]')
+
+from nodes.live import PATIENCE, running
+from nodes.scenes import crates
+import pytest
+from rcl_interfaces.srv import DescribeParameters
+from rclpy.qos import QoSProfile
+from std_srvs.srv import Trigger
+
+SMALLEST = 5e-324       # the smallest number above 0
+FLOOD = 300
+
+
+@pytest.fixture(scope='module')
+def sim(probe, tmp_path_factory):
+    folder = tmp_path_factory.mktemp('sim')
+    with running(folder, str(crates(folder)), publish_rate=50, real_time_factor=1) as process:
+        yield process
+
+
+def range_of(probe, name):
+    described = probe.call(DescribeParameters, '/rigid_sim/describe_parameters',
+                           DescribeParameters.Request(names=[name])).descriptors[0]
+    found, = described.floating_point_range
+    return found
+
+
+@pytest.mark.parametrize('name', [
+    'real_time_factor', 'publish_rate', 'clock_rate', 'marker_rate', 'diagnostics_rate',
+    'wrench_timeout', 'bag_segment_duration'])
+def test_the_node_lives_with_every_value_of_a_range(probe, sim, name):
+    allowed = range_of(probe, name)
+    for value in (SMALLEST, allowed.to_value, allowed.from_value, 1):
+        answer = probe.set_parameter(name, value)
+        assert answer.successful, answer.reason
+        assert probe.pause(True).success        # the step thread has taken the value, and lives
+        assert probe.trigger('/rigid_sim/step').success
+        assert probe.pause(False).success
+
+
+def test_the_node_starts_with_tiny_numbers(probe, tmp_path):
+    # ROS reads numbers below 2.2e-308 as text.
+    with running(tmp_path, str(crates(tmp_path)), name='slow', real_time_factor=1e-307,
+                 publish_rate=1e-307, diagnostics_rate=1e-307):
+        assert probe.pause(True, '/slow').success
+        assert probe.trigger('/slow/step').success
+
+
+def test_a_flood_of_calls_is_answered_to_the_last(probe, sim):
+    client = probe.node.create_client(
+        Trigger, '/rigid_sim/step', qos_profile=QoSProfile(depth=2 * FLOOD))
+    try:
+        probe.wait_for(client.service_is_ready)
+        time.sleep(0.5)         # the service may learn of the client a moment later
+        futures = [client.call_async(Trigger.Request()) for _ in range(FLOOD)]
+        end = time.monotonic() + PATIENCE / 3
+        while not all(future.done() for future in futures) and time.monotonic() < end:
+            time.sleep(0.1)
+        assert sum(future.done() for future in futures) == FLOOD
+    finally:
+        probe.node.destroy_client(client)

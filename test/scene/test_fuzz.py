@@ -1,0 +1,100 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Whatever numbers a scene holds: it is read, or refused with one line for each problem."""
+
+import copy
+import os
+from typing import Any
+import warnings
+
+from budget import examples
+from hypothesis import given, settings, strategies as st
+import pytest
+
+from rigid_sim_ros import World
+from rigid_sim_ros.scene import read_scene, SceneError
+
+SHAPES: list[dict[str, Any]] = [
+    {'type': 'sphere', 'radius': 0.5}, {'type': 'box', 'size': [1, 1, 1]},
+    {'type': 'capsule', 'radius': 0.3, 'length': 1.0},
+    {'type': 'cylinder', 'radius': 0.3, 'length': 1.0},
+    {'type': 'points', 'positions': [[0, 0, 0], [1, 0, 0], [0, 1, 0]], 'masses': [1, 2, 3]},
+    {'type': 'mesh', 'vertices': [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]],
+     'faces': [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]}]
+EXTREMES = st.sampled_from([
+    0.0, -0.0, 5e-324, 1e-300, -1e-300, 1e-200, 1e-150, 1e16, 1e30, 1e150, 1e200, 1e300, -1e300,
+    1.7e308, 10 ** 400])
+
+
+def places(data: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """Return where there are numbers in some data."""
+    items = data.items() if isinstance(data, dict) else (
+        enumerate(data) if isinstance(data, list) else ())
+    found = [place for key, value in items for place in places(value, (*path, key))]
+    return [path] if isinstance(data, (int, float)) else found
+
+
+def put(data: Any, path: tuple[Any, ...], value: object) -> None:
+    for key in path[:-1]:
+        data = data[key]
+    data[path[-1]] = value
+
+
+@settings(max_examples=examples(200))
+@given(data=st.data())
+def test_fuzzed_numbers_are_read_or_refused(data) -> None:
+    kinds = data.draw(st.lists(st.sampled_from(SHAPES), min_size=1, max_size=3))
+    bodies = [{'name': f'b{i}', 'shape': copy.deepcopy(shape),
+               'pose': {'position': [i, 0, 0], 'orientation': [0, 0, 0, 1]},
+               'twist': {'linear': [0, 0, 0], 'angular': [0, 0, 1]},
+               **({} if shape['type'] == 'points' else {
+                   data.draw(st.sampled_from(['mass', 'density'])): 1.0})}
+              for i, shape in enumerate(kinds)]
+    scene = {
+        'world': {'step': 0.001, 'gravity': [0, 0, -9.81], 'contact': data.draw(
+            st.sampled_from(['none', 'penalty', 'event', 'timestep']))},
+        'materials': {'default': {'friction': 0.5, 'restitution': 0.1, 'stiffness': 1e5}},
+        'bodies': bodies,
+        'forces': [{'type': 'wind', 'velocity': [3, 0, 0], 'drag': 0.5},
+                   {'type': 'spring', 'a': 'b0', 'b': 'world', 'anchor': [0, 0, 3],
+                    'stiffness': 50, 'damping': 1, 'rest_length': 1}]}
+    for _ in range(data.draw(st.integers(1, 3))):
+        put(scene, data.draw(st.sampled_from(places(scene))), data.draw(EXTREMES))
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        try:
+            World.from_dict({'format': 1, **scene})
+        except SceneError as error:
+            assert all('\n' not in str(problem) for problem in error.problems)
+
+
+@pytest.mark.parametrize('kind', ['pipe', 'device', 'folder', 'endless'])
+def test_a_mesh_that_is_no_regular_file_is_refused_at_once(tmp_path, kind) -> None:
+    path = tmp_path / 'part.obj'
+    if kind == 'pipe':
+        os.mkfifo(path)
+    elif kind == 'folder':
+        path.mkdir()
+    else:
+        path.symlink_to('/dev/zero' if kind == 'device' else '/proc/self/pagemap')
+    scene = tmp_path / 'scene.yaml'
+    scene.write_text('format: 1\nbodies:\n  - {name: part, density: 1.0, shape: {type: mesh, '
+                     'file: part.obj}}\n')
+    with pytest.raises(SceneError, match=r'part\.obj|no triangles'):
+        read_scene(scene)
+
+
+def test_a_mesh_outside_of_the_folder_is_told_of(tmp_path, caplog) -> None:
+    (tmp_path / 'inner').mkdir()
+    corners = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+    (tmp_path / 'part.obj').write_text(''.join(
+        [f'v {x} {y} {z}\n' for x, y, z in corners]
+        + ['f 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n']))
+    for place, told in (('../part.obj', True), ('part.obj', False)):
+        caplog.clear()
+        folder = tmp_path / 'inner' if told else tmp_path
+        (folder / 'scene.yaml').write_text(
+            'format: 1\nbodies:\n  - {name: part, density: 1.0, shape: {type: mesh, '
+            f'file: {place}}}}}\n')
+        read_scene(folder / 'scene.yaml')
+        assert ('outside' in caplog.text) == told

@@ -1,0 +1,69 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+How the tests are shared out among processes, the workers of pytest-xdist.
+
+A file stays in one worker, so that what its tests share is made once. All tests in a browser stay
+in one worker too and share the browser. Each worker that starts ROS has a domain of its own.
+"""
+
+from collections.abc import Sequence
+import os
+from pathlib import Path
+import subprocess
+import sys
+
+import pytest
+
+ROOT = Path(__file__).parent
+# Workers at most: each takes half a gigabyte of memory, and there are not that many long files.
+_MOST = 4
+# What takes longest begins first; it waits more than it works, so that others get on beside it.
+_FIRST = ('viewer', 'nodes')
+
+
+def workers(config: pytest.Config) -> int:
+    """
+    Return how many workers to start: none, that is this process, for files named one by one.
+
+    Else one more than there are cores: tests of nodes and of the page wait more than they work.
+    """
+    if all('.py' in argument for argument in config.args):
+        return 0
+    return min(_MOST, len(os.sched_getaffinity(0)) + 1)
+
+
+def group(items: Sequence[pytest.Item]) -> None:
+    """Say which tests stay together."""
+    for item in items:
+        if item.get_closest_marker('xdist_group') is None:
+            in_browser = 'browser' in getattr(item, 'fixturenames', ())
+            name = 'browser' if in_browser else item.path.relative_to(ROOT).as_posix()
+            item.add_marker(pytest.mark.xdist_group(name))
+
+
+def has_long_form(item: pytest.Item) -> bool:
+    """Return whether a test is a property, or marked as one that can do more."""
+    is_property = hasattr(getattr(item, 'obj', None), 'hypothesis')
+    return is_property or item.get_closest_marker('long') is not None
+
+
+def place(item: pytest.Item) -> int:
+    """Return how early a test has its turn, 0 for the first ones."""
+    folder = item.path.relative_to(ROOT).parts[0]
+    return _FIRST.index(folder) if folder in _FIRST else len(_FIRST)
+
+
+def compile_for_all(config: pytest.Config) -> None:
+    """
+    Compile what all tests need, once, before the workers begin with the whole suite.
+
+    Each of them, and each process that they start, would find nothing and compile the same. What
+    fails here fails in the tests too, which say more about it.
+    """
+    is_all = [Path(argument).resolve() for argument in config.args] == [ROOT]
+    if not is_all or config.option.collectonly or not getattr(config.option, 'numprocesses', 0):
+        return
+    capture = config.pluginmanager.getplugin('capturemanager')
+    with capture.global_and_fixture_disabled():
+        subprocess.run([sys.executable, '-m', 'rigid_sim_ros', 'compile'], check=False)
