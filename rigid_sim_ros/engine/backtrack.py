@@ -114,15 +114,21 @@ def reach_of_turning(shapes: Shapes, s: int) -> float:
 
 
 @kernel
+def _prescribed_turning(state: State, shapes: Shapes, s: int) -> float:
+    """Return how fast [m/s] a prescribed spin moves the surface of shape s, at most."""
+    spin = norm(prescribed_spin(state, shapes.body[s]))
+    # A plane that stands still reaches infinitely far: 0 times that is no number.
+    return spin * reach_of_turning(shapes, s) if spin > 0.0 else 0.0
+
+
+@kernel
 def approach_bound(model: Model, state: State, loads: Loads, shapes: Shapes, s: int, n: Vector,
                    t: float) -> float:
     """Return a bound on how fast a point of shape s moves along n [m/s] until t [s]."""
     i = shapes.body[s]
     if model.inv_m[i] == 0.0:
-        if not is_carried(state, i):
-            return 0.0      # a plane reaches to infinity, and 0 times that is no number
-        v, w = prescribed_velocity(state, i), prescribed_spin(state, i)
-        return (n[0] * v[0] + n[1] * v[1] + n[2] * v[2]) + norm(w) * reach_of_turning(shapes, s)
+        v = prescribed_velocity(state, i)
+        return n[0] * v[0] + n[1] * v[1] + n[2] * v[2] + _prescribed_turning(state, shapes, s)
     P, L = column(state.P, i), column(state.L, i)
     F, tau = column(loads.F, i), column(loads.tau, i)
     now = model.inv_m[i] * (n[0] * P[0] + n[1] * P[1] + n[2] * P[2])
@@ -141,8 +147,7 @@ def motion_bound(model: Model, state: State, loads: Loads, shapes: Shapes, s: in
     if model.inv_m[i] == 0.0:
         if not is_carried(state, i):
             return 0.0
-        return t * (norm(prescribed_velocity(state, i))
-                    + norm(prescribed_spin(state, i)) * reach_of_turning(shapes, s))
+        return t * (norm(prescribed_velocity(state, i)) + _prescribed_turning(state, shapes, s))
     speed = model.inv_m[i] * (norm(column(state.P, i)) + t * norm(column(loads.F, i)))
     spin = max(model.inv_I_C[0, i], model.inv_I_C[1, i], model.inv_I_C[2, i]) * (
         norm(column(state.L, i)) + t * norm(column(loads.tau, i)))

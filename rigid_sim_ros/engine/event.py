@@ -8,7 +8,7 @@ apply impulses, post-collision state, compute and apply constraint forces, next 
 Rigid Body Dynamics, "Simulation Algorithm"). The contact forces of the present state act on the
 way to the new one, so a step runs through that circle from the impulses on: impulses, forces, new
 state, backtrack, and again from the collision until the step is over. The circle itself is
-compiled (event_loop.py) and comes back here for memory.
+compiled (event_loop.py) and comes back here for memory, and for OSQP.
 
 Points of contact by the rate u_n of their gap: colliding below -resting_speed (impulse.py),
 separating above 0 where the force law leaves them alone, resting between. Rules that make bodies
@@ -29,11 +29,15 @@ Rules that bound what a step may take, and what it may do then:
 
 from typing import NamedTuple
 
+import numpy as np
+
+from rigid_sim_ros.engine.contact_qp import coefficients, search, soften
+from rigid_sim_ros.engine.contacts import couple
 from rigid_sim_ros.engine.event_buffers import (
-    Carried, COLLISIONS, CUT_SHORT, DEEPEST, DONE, EVENTS, EventSettings, KNOWN, LEFT, longer,
-    make_buffers, MEET, MORE_CONTACTS, more_contacts, MORE_MANIFOLDS, more_manifolds, MORE_MEMORY,
-    MORE_PAIRS, more_pairs, MORE_ROOM, MORE_ROWS, more_rows, NEEDED, no_forces, RESIDUAL, STAGE,
-    STEPS, TOUCHED, UNSOLVED)
+    Carried, CHOSEN, COLLISIONS, CUT_SHORT, DEEPEST, DONE, EVENTS, EventSettings, KNOWN, LEFT,
+    longer, make_buffers, MEET, MORE_CONTACTS, more_contacts, MORE_MANIFOLDS, more_manifolds,
+    MORE_MEMORY, MORE_PAIRS, more_pairs, MORE_ROOM, MORE_ROWS, more_rows, NEEDED, no_forces,
+    RESIDUAL, STAGE, STEPS, STUCK, TOUCHED, UNSOLVED, WIDTH, WORST)
 from rigid_sim_ros.engine.event_loop import run
 from rigid_sim_ros.engine.impulse import make_room
 from rigid_sim_ros.engine.manifolds import grown, Memory
@@ -77,10 +81,10 @@ class EventWork:
 
 
 class _Help:
-    """The memory that the kernel asks for."""
+    """What the kernel asks for."""
 
-    def __init__(self, memory: Memory, work: EventWork) -> None:
-        self.memory, self.work = memory, work
+    def __init__(self, model: Model, memory: Memory, work: EventWork) -> None:
+        self.model, self.memory, self.work = model, memory, work
 
     def give(self, why: int) -> None:
         """Do what the kernel stopped for."""
@@ -97,8 +101,23 @@ class _Help:
             work.buffers = more_rows(work.buffers, needed, int(work.buffers.count[TOUCHED]))
         elif why == MORE_PAIRS:
             work.buffers = more_pairs(work.buffers, needed)
+        elif why == STUCK:
+            self._search()
         else:
             work.forces = Carried._make(longer(field, 2 * needed) for field in work.forces)
+
+    def _search(self) -> None:
+        """Find the resting forces by OSQP, from those that were found."""
+        w = self.work.buffers
+        m, width = int(w.count[CHOSEN]), int(w.count[WIDTH])
+        rows = width * m
+        A = np.zeros((rows, rows))
+        couple(self.model, w.contacts, w.bodies, w.chosen, m, width, np.zeros((2, rows, 3)), A)
+        mu = np.ascontiguousarray(w.rows.mu[:m, :coefficients(width)])
+        f, outcome = search(soften(A), w.rows.b[:rows], mu, w.rows.f[:rows].copy())
+        if outcome.residual < w.number[WORST]:
+            w.rows.f[:rows] = f
+            w.number[WORST] = outcome.residual
 
     def report(self) -> EventReport:
         """Return what the latest step did."""
@@ -119,7 +138,7 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
     """
     if count <= 0:
         return memory
-    helper = _Help(memory, work)
+    helper = _Help(model, memory, work)
     work.buffers.count[STEPS], work.buffers.count[STAGE] = count, MEET
     work.buffers.number[LEFT] = 0.0
     while (why := run(model, state, wrenches, shapes, materials, helper.memory, settings,

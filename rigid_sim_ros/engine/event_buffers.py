@@ -45,21 +45,21 @@ class Carried(NamedTuple):
 
 # Why the kernel stops.
 (DONE, MORE_MEMORY, MORE_MANIFOLDS, MORE_CONTACTS, MORE_ROOM, MORE_ROWS, MORE_PAIRS,
- MORE_FORCES) = range(8)
+ MORE_FORCES, STUCK) = range(9)
 # At which stage it goes on.
-MEET, REST, TRAVEL = range(3)
+MEET, REST, SETTLE, TRAVEL = range(4)
 # Places in `Buffers.count`.
 (STEPS, STAGE, FRESH, EVENTS, COLLISIONS, CUT_SHORT, CHOSEN, WIDTH, KNOWN, BOUNCED, NEEDED,
- TOUCHED, UNSOLVED, PUSHED) = range(14)
+ TOUCHED, UNSOLVED, PUSHED, DEEP) = range(15)
 # Places in `Buffers.number`.
-LEFT, SPAN, RESIDUAL, DEEPEST = range(4)
+LEFT, SPAN, RESIDUAL, DEEPEST, WORST = range(5)
 
 
 class Buffers(NamedTuple):
     """Scratch memory of the kernel, and where it stands; capacities c points, r rows, p pairs."""
 
     count: IntArray  # type: ignore[assignment]  # (16,) see STEPS
-    number: Array  # (4,) see LEFT
+    number: Array  # (5,) see LEFT
     work: Work
     bodies: Bodies
     then: Array  # (n, 6) velocities at the end of a span
@@ -90,7 +90,7 @@ def make_buffers(bodies: int, shapes: int) -> Buffers:
         return np.zeros(shape, dtype=np.int64)
 
     c = 64
-    return Buffers(whole(16), np.zeros(4), make_work(bodies), make_bodies(bodies),
+    return Buffers(whole(16), np.zeros(5), make_work(bodies), make_bodies(bodies),
                    np.zeros((bodies, 6)),
                    empty_loads(bodies), empty_loads(bodies), unplaced(shapes),
                    make_contacts(c), whole(2, c), np.zeros((c, 6)), whole(c), whole(c),

@@ -3,8 +3,9 @@
 """
 The circle of the model `event`, compiled: it runs until the steps are done, or needs help.
 
-What needs help is a buffer that has to grow. The kernel then returns the reason; Python does what
-is asked (event.py) and calls again, and it goes on from the stage at which it stopped.
+What needs help is a buffer that has to grow, and a small contact problem that only OSQP can solve.
+The kernel then returns the reason; Python does what is asked (event.py) and calls again, and it
+goes on from the stage at which it stopped.
 """
 
 import numpy as np
@@ -22,10 +23,10 @@ from rigid_sim_ros.engine.contacts import (
     to_contact, to_world, torque_in_world)
 from rigid_sim_ros.engine.detect import detect_ahead
 from rigid_sim_ros.engine.event_buffers import (
-    BOUNCED, Buffers, Carried, CHOSEN, COLLISIONS, CUT_SHORT, DEEPEST, DONE, EVENTS, EventSettings,
-    FRESH, KNOWN, LEFT, MEET, MORE_CONTACTS, MORE_FORCES, MORE_MANIFOLDS, MORE_MEMORY, MORE_PAIRS,
-    MORE_ROOM, MORE_ROWS, NEEDED, PUSHED, RESIDUAL, REST, SPAN, STAGE, STEPS, TOUCHED, TRAVEL,
-    UNSOLVED, WIDTH)
+    BOUNCED, Buffers, Carried, CHOSEN, COLLISIONS, CUT_SHORT, DEEP, DEEPEST, DONE, EVENTS,
+    EventSettings, FRESH, KNOWN, LEFT, MEET, MORE_CONTACTS, MORE_FORCES, MORE_MANIFOLDS,
+    MORE_MEMORY, MORE_PAIRS, MORE_ROOM, MORE_ROWS, NEEDED, PUSHED, RESIDUAL, REST, SETTLE, SPAN,
+    STAGE, STEPS, STUCK, TOUCHED, TRAVEL, UNSOLVED, WIDTH, WORST)
 from rigid_sim_ros.engine.event_move import load, move
 from rigid_sim_ros.engine.impulse import collide_all, resting_speed, STILL
 from rigid_sim_ros.engine.integrate import sum_loads
@@ -51,6 +52,12 @@ LIFTING = 0.1
 # left of the step then runs without backtracking, and contact problems are used as far as they
 # came. In the same unit what an event takes, and for each pair that may meet.
 EFFORT, PER_EVENT, PER_PAIR = 2e5, 1e4, 5e3
+# Forces that violate the laws by more than this part of the accelerations are not looked at for
+# how deep bodies get under them.
+ROUGH = 1e-4
+# Points of a problem that OSQP is asked for where sweeps and Newton's method do not do; for more
+# it takes too long.
+FOR_OSQP = 8
 PUSH_SWEEPS = 30  # over the points, for displacements: what they leave is for the next step
 
 
@@ -390,6 +397,10 @@ def _balance(model: Model, state: State, shapes: Shapes, memory: Memory, setting
              carried: Carried, w: Buffers) -> int:
     """Find the forces at the resting points."""
     contacts, width = w.contacts, w.count[WIDTH]
+    if w.count[EVENTS] >= settings.max_events or _effort_left(model, w) < 0.0:
+        # The forces are to last for the rest of the step, and are found for that.
+        w.count[CUT_SHORT] = 1
+        w.number[SPAN] = w.number[LEFT]
     m = _choose(contacts, w.bodies, model.h, settings.touching, w.chosen)
     w.count[CHOSEN] = m
     if not _room_for(model, w, m):
@@ -405,21 +416,34 @@ def _balance(model: Model, state: State, shapes: Shapes, memory: Memory, setting
     # What is left of a step after a collision may be nothing: a gap of rounding over that is no
     # speed.
     closing = min(max(w.number[SPAN], CUT * model.h), model.h)
-    deep = _rates(model, shapes, contacts, w.bodies, chosen, width, rows.trial, span, closing,
-                  rows.b)
+    w.count[DEEP] = 0
+    if _rates(model, shapes, contacts, w.bodies, chosen, width, rows.trial, span, closing, rows.b):
+        w.count[DEEP] = 1
     write_rows(model, contacts, w.bodies, chosen, width, COMPLIANCE, rows)
     known = _recall(model, contacts, chosen, width, carried, w.count[KNOWN], rows.f)
-    worst = solve_rows(rows, m, width, w.count[TOUCHED], FEW_STEPS if known else 0,
-                       _effort_left(model, w), w.newton)
-    w.number[RESIDUAL] = max(w.number[RESIDUAL], worst)
-    if worst > TOLERANCE:
+    w.number[WORST] = solve_rows(rows, m, width, w.count[TOUCHED], FEW_STEPS if known else 0,
+                                 _effort_left(model, w), w.newton)
+    return STUCK if w.number[WORST] > TOLERANCE and m <= FOR_OSQP else DONE
+
+
+@kernel
+def _settle(model: Model, state: State, settings: EventSettings, shapes: Shapes,
+            w: Buffers) -> None:
+    """See to it that the forces that were found do no work, and that overlaps end."""
+    m, width, rows = w.count[CHOSEN], w.count[WIDTH], w.rows
+    if m == 0:
+        return
+    span = min(w.number[SPAN], w.number[LEFT])
+    w.number[RESIDUAL] = max(w.number[RESIDUAL], w.number[WORST])
+    if w.number[WORST] > TOLERANCE:
         w.count[UNSOLVED] += 1
         for c in range(m):
-            read_rates(model, contacts, w.bodies.velocity, chosen[c], width, rows.trial, width * c)
+            read_rates(model, w.contacts, w.bodies.velocity, w.chosen[c], width, rows.trial,
+                       width * c)
         _take_no_energy(rows, m, width, span)
-    if deep:
+    if w.count[DEEP] == 1:
+        closing = min(max(w.number[SPAN], CUT * model.h), model.h)
         _push_apart(model, state, shapes, settings, m, span, closing, w)
-    return DONE
 
 
 @kernel
@@ -451,10 +475,7 @@ def _travel(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, memo
     until = min(w.number[SPAN], left)
     load(model, w.contacts, chosen, width, f, w.loads, w.work)
     t, which = until, -1
-    if w.count[EVENTS] >= settings.max_events or _effort_left(model, w) < 0.0:
-        w.count[CUT_SHORT] = 1
-        t = left
-    else:
+    if w.count[CUT_SHORT] == 0:
         w.newton.effort[0] += PER_EVENT
         count = pairs_ahead(model, state, loads, shapes, until, w.pose, w.reach[0], w.reach[1],
                             w.sweep, w.pairs)
@@ -463,7 +484,7 @@ def _travel(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, memo
             sum_loads(model, state, wrenches, loads)
             return MORE_PAIRS
         w.newton.effort[0] += PER_PAIR * count
-        if w.count[UNSOLVED] > 0:  # shorter spans would not help
+        if w.number[RESIDUAL] > ROUGH:  # shorter spans would not help
             w.depth[:m] = -np.inf
         _allow(w.pairs, count, w.contacts, chosen, w.depth, w.allowed)
         t, which = first_event(model, state, loads, shapes, w.pairs, count, w.allowed,
@@ -519,8 +540,12 @@ def run(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, material
                 w.count[NEEDED] = w.contacts.count[0]
                 return MORE_FORCES
             why = _balance(model, state, shapes, memory, settings, carried, w)
+            if why == DONE or why == STUCK:
+                w.count[STAGE] = SETTLE
             if why != DONE:
                 return why
+        if w.count[STAGE] == SETTLE:
+            _settle(model, state, settings, shapes, w)
             w.count[STAGE] = TRAVEL
         m, width = w.count[CHOSEN], w.count[WIDTH]
         why = _travel(model, state, wrenches, shapes, memory, settings, w)
