@@ -540,7 +540,7 @@ def run(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, material
                 w.count[NEEDED] = w.contacts.count[0]
                 return MORE_FORCES
             why = _balance(model, state, shapes, memory, settings, carried, w)
-            if why == DONE or why == STUCK:
+            if why in (DONE, STUCK):
                 w.count[STAGE] = SETTLE
             if why != DONE:
                 return why
