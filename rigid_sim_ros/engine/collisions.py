@@ -19,7 +19,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, room, Vector
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel
-from rigid_sim_ros.engine.manifolds import Manifolds, POINTS, rows_in_use
+from rigid_sim_ros.engine.manifolds import ACTS, LEFT_OUT, Manifolds, POINTS, rows_in_use
 from rigid_sim_ros.engine.rotation import (
     exponential, multiply, quaternion, set_quaternion, to_matrix, unit)
 from rigid_sim_ros.engine.shapes import Materials, Shapes, SPHERE
@@ -48,7 +48,8 @@ class CollisionWork(NamedTuple):
 
     rows: IntArray  # (c,) of 32 bits, manifolds that may bounce
     time: Array  # (c,) when they touch [s] after the start of the step
-    # (c,) of 8 bits; 1: approaches too fast to be at rest, but will not touch in this step
+    # (c,) of 8 bits, ACTS, DORMANT, or LEFT_OUT: approaches too fast to be at rest, but will not
+    # touch in this step
     waits: IntArray
     first: Array  # (n,) the earliest of a body's times
     body: Array  # (n, 28) v, w, F / m, inverse inertia in world axes, 1 / m, new momenta, shifts
@@ -91,7 +92,7 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
         r = (first_row + k) & INDEX
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if _restitution(shapes, materials, manifolds.shape_a[r], manifolds.shape_b[r]) > 0.0 and (
-                inv_m[a] + inv_m[b] > 0.0) and work.waits[r] == 0:
+                inv_m[a] + inv_m[b] > 0.0) and work.waits[r] == ACTS:
             work.rows[candidates] = r
             candidates += 1
     for k in range(count if candidates > 0 else 0):
@@ -243,7 +244,7 @@ def _touch(h: float, x: Array, kind: IntArray, size: Array, manifolds: Manifolds
     both = kind[manifolds.shape_a[r]] == SPHERE and kind[manifolds.shape_b[r]] == SPHERE
     if both and earliest <= h:
         earliest, _ = _touch_of_spheres(h, x, size, manifolds, r, earliest, work.body)
-    work.waits[r] = 1 if earliest > NEVER and not slow else 0
+    work.waits[r] = LEFT_OUT if earliest > NEVER and not slow else ACTS
     return earliest
 
 

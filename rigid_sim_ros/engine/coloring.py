@@ -23,7 +23,7 @@ from rigid_sim_ros.engine.bits import fetch, lowest_zero
 from rigid_sim_ros.engine.contact_blocks import (
     BALLS_BEGIN, BALLS_SIZE, BLOCK_SIZE, SMALL_SIZE)
 from rigid_sim_ros.engine.kernel import INDEX, inlined, kernel, part, pasted
-from rigid_sim_ros.engine.lanes import LANES
+from rigid_sim_ros.engine.lanes import EVERY, LANES
 from rigid_sim_ros.engine.solver_bodies import most_slots
 
 # Classes of manifolds. 0, 1, 2: up to one, two, four points; 3, 4, 5: the same, and they resist
@@ -77,6 +77,7 @@ class Blocks(NamedTuple):
     kind: IntArray  # (b,) class
     start: IntArray  # (b,) where its row 0 is in `numbers`, or would be
     left: IntArray  # (b,) of 16 bits, see OVERLAPPING, SHOVED and CHANGED
+    dormant: IntArray  # (b,) of 16 bits, the bits of the lanes of DORMANT manifolds
     residual: Array  # (b,) largest change of velocity that the last visit made [m/s]
     again: IntArray  # (b,) of 32 bits, those of a region with something left, from its first on
     numbers: Array  # flat, the rows of contact_blocks.py
@@ -101,7 +102,8 @@ def make_blocks(capacity: int) -> Blocks:
         return room(b * LANES, kind=np.int32)
 
     return Blocks(integers(REGIONS), integers(REGIONS), integers(b), integers(b),
-                  room(b, kind=np.int16), room(b), room(b, kind=np.int32),
+                  room(b, kind=np.int16), room(b, kind=np.int16), room(b),
+                  room(b, kind=np.int32),
                   room((b + 1) * BLOCK_SIZE),
                   lanes(), lanes(), lanes())
 
@@ -173,6 +175,12 @@ def lanes_of(block: int) -> slice:
     """Return where the lanes of a block are among all lanes."""
     first = block * LANES & INDEX
     return slice(first, first + LANES)
+
+
+@inlined
+def awake_in(blocks: Blocks, block: int) -> int:
+    """Return the bits of the lanes of a block that take part."""
+    return EVERY & ~blocks.dormant[block]
 
 
 @inlined

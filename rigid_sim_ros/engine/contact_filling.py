@@ -21,8 +21,8 @@ from rigid_sim_ros.engine.contact_rules import SKIN
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.lanes import (
     any_of, bits_of, both, count_of, Eight, gather, gather_integers, gather_rows_1, gather_rows_3,
-    LANES, largest_of, load, scatter, scatter_rows_1, scatter_rows_3, select, spread, store)
-from rigid_sim_ros.engine.manifolds import first_row, Manifolds, POINTS, rows_in_use
+    LANES, largest_of, load, Mask, scatter, scatter_rows_1, scatter_rows_3, select, spread, store)
+from rigid_sim_ros.engine.manifolds import DORMANT, first_row, LEFT_OUT, Manifolds, POINTS, rows_in_use
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import displacement, gap_now
 from rigid_sim_ros.engine.slots import ACROSS, is_by_number, SECOND, Sides
@@ -39,11 +39,11 @@ DEEPEST, TOUCHING, NEW = range(3)
 def choose_manifolds(region: int, manifolds: Manifolds, sides: Sides, waits: IntArray,
                      work: Coloring) -> None:
     """
-    List the manifolds of a half that are solved: neither wait, nor have two bodies at rest.
+    List the manifolds of a half that are solved: neither left out, nor of two bodies at rest.
 
     With those of the first half also those across. Where numbers cut, the manifolds of the second
     half are those from its first shape on, and whatever else has a body there is across. waits
-    (c,) is 1 for a manifold that is left out.
+    (c,) tells which take part.
     """
     found, across, wanted, side = 0, 0, region + 1, sides.of_body
     begin, count = rows_in_use(manifolds)
@@ -53,7 +53,7 @@ def choose_manifolds(region: int, manifolds: Manifolds, sides: Sides, waits: Int
         begin, end = (middle, end) if region == 1 else (begin, middle)
     for row in range(begin, end):
         r = row & INDEX
-        if waits[r] == 0:
+        if waits[r] != LEFT_OUT:
             at = side[manifolds.body_a[r] & INDEX] | side[manifolds.body_b[r] & INDEX]
             if at == wanted:
                 work.member[region, found] = r
@@ -146,8 +146,9 @@ def _fetch_body(at: int, balls: bool, bodies: SolverBodies) -> None:
 
 @part
 def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Prediction, x: Array,
-                shapes: Shapes, materials: Materials, shifts: Array, shifted: bool, share: float,
-                bodies: SolverBodies, blocks: Blocks, fresh: IntArray, notes: Array) -> None:
+                waits: IntArray, shapes: Shapes, materials: Materials, shifts: Array, shifted: bool,
+                share: float, bodies: SolverBodies, blocks: Blocks, fresh: IntArray,
+                notes: Array) -> None:
     """
     Bring manifolds of a region into its blocks, from the `first` on, and note how they are.
 
@@ -165,6 +166,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
         at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
         _copy_normal_and_friction(b, rows, manifolds, share)
         _copy_sizes(b, rows, manifolds, shapes.bound)
+        blocks.dormant[block] = _dormant_lanes(rows, waits)
         if balls:
             A, B = gather(bodies.motion, at_A), gather(bodies.motion, at_B)
             _copy_balls(b, rows, manifolds, prediction, shapes, materials, share)
@@ -173,7 +175,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
             _copy_shapes(b, rows, small, manifolds, shapes.material, materials)
             _copy_places(b, rows, manifolds, prediction, x)
             _copy_inertia(b, A, B)
-            _copy_points(b, rows, points, small, manifolds, share)
+            _copy_points(b, rows, points, small, manifolds, prediction, share)
         least = smallest_gap(b, points)
         touches = least < SKIN * load(b, SIZE)
         fresh[block] = bits_of(both(touches, normal_sum(b, points) == 0.0))
@@ -194,6 +196,16 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
     notes[DEEPEST] = max(notes[DEEPEST], deepest)
     notes[TOUCHING] += touching
     notes[NEW] += new
+
+
+@part
+def _dormant_lanes(rows: IntArray, waits: IntArray) -> int:
+    """Return the bits of the lanes that take no part before an impact reaches them."""
+    bits = 0
+    for i in range(LANES):
+        if rows[i] >= 0 and waits[rows[i] & INDEX] == DORMANT:
+            bits |= 1 << i
+    return bits
 
 
 @part
@@ -231,7 +243,7 @@ def _copy_balls(b: Array, rows: IntArray, manifolds: Manifolds, prediction: Pred
         r = (rows[i] if there else rows[0]) & INDEX
         one, other = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
         first, second = shapes.material[one] & INDEX, shapes.material[other] & INDEX
-        half = 0.5 * (prediction.gap[r] if prediction.given[r] == 1 else manifolds.gap[0, r])
+        half = 0.5 * (prediction.gap[0, r] if prediction.given[r] == 1 else manifolds.gap[0, r])
         b[MU * LANES + i] = materials.friction[first, second] if there else 0.0
         b[LEVER_A * LANES + i] = shapes.size[one, 0] + half if there else 0.0
         b[LEVER_B * LANES + i] = -(shapes.size[other, 0] + half) if there else 0.0
@@ -300,28 +312,34 @@ def _copy_sizes(b: Array, rows: IntArray, manifolds: Manifolds, bound: Array) ->
 
 @part
 def _copy_points(b: Array, rows: IntArray, points: int, small: bool, manifolds: Manifolds,
-                 share: float) -> None:
+                 prediction: Prediction, share: float) -> None:
     """Write the points of manifolds that are not of balls."""
     n, present = load_three(b, NORMAL), gather_integers(manifolds.points, rows)
+    given = gather_integers(prediction.given, rows) > 0.0
     (spin,) = gather_rows_1(manifolds.spin, rows, 1, 0)
     store(b, SPIN, share * spin)
     if not small:
         roll = gather_rows_3(manifolds.roll, rows, 3, 0)
         store_three(b, ROLL, (share * roll[0], share * roll[1], share * roll[2]))
     for p in range(POINTS if points > 1 else 1):
-        _copy_point(b, p, n, rows, manifolds, present, share)
+        _copy_point(b, p, n, rows, manifolds, prediction, present, given, share)
 
 
 @part
-def _copy_point(b: Array, p: int, n: Three, rows: IntArray, manifolds: Manifolds, present: Eight,
-                share: float) -> None:
-    """Write one point, half way between the surfaces; where there is none it is far away."""
+def _copy_point(b: Array, p: int, n: Three, rows: IntArray, manifolds: Manifolds,
+                prediction: Prediction, present: Eight, given: Mask, share: float) -> None:
+    """
+    Write one point, half way between the surfaces where these were found.
+
+    Where there is none it is far away.
+    """
     first = p * manifolds.gap.shape[1]
     r_A = gather_rows_3(manifolds.r_A, rows, 3, 3 * first)
     (gap,) = gather_rows_1(manifolds.gap, rows, 1, first)
+    (then,) = gather_rows_1(prediction.gap, rows, 1, first)
     (impulse,) = gather_rows_1(manifolds.impulse, rows, 1, first)
     there, point = present > p, POINT + p * POINT_ROWS
-    half = select(there, 0.5 * gap, 0.0)
+    half = select(there, 0.5 * select(given, then, gap), 0.0)
     store_three(b, point, (select(there, r_A[0], 0.0) + half * n[0],
                            select(there, r_A[1], 0.0) + half * n[1],
                            select(there, r_A[2], 0.0) + half * n[2]))

@@ -13,8 +13,9 @@ points of the middle of the step, and the rate at which the geometry alone chang
 (the second part of d'' in Meyer, Rigid Body Dynamics, "Resting Contact"), which makes the step of
 second order. Contacts that do not touch yet act in this step only if the pair meets within it on
 its way; then they get the normal and the points of that moment. That is found by conservative
-advancement; see backtrack.py. What does not meet is left out: the distance along the normal of
-the start would tell a body that passes an edge that it runs into it.
+advancement; see backtrack.py. What does not meet is dormant: the distance along the normal of the
+start would tell a body that passes an edge that it runs into it. It wakes when an impact in this
+step changes the way of one of its bodies; see impacts.py.
 """
 
 import math
@@ -29,7 +30,8 @@ from rigid_sim_ros.engine.kernel import INDEX, kernel
 from rigid_sim_ros.engine.kinematic import prescribed_spin
 from rigid_sim_ros.engine.loads import empty_loads, Loads
 from rigid_sim_ros.engine.manifold_rows import is_mended
-from rigid_sim_ros.engine.manifolds import Manifolds, POINTS, rows_in_use, Scratch
+from rigid_sim_ros.engine.manifolds import (
+    ACTS, DORMANT, forget_impulses, Manifolds, POINTS, rows_in_use, Scratch)
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.narrow_phase.collide import collide
 from rigid_sim_ros.engine.rotation import angular_velocity, quaternion
@@ -60,7 +62,7 @@ class Prediction(NamedTuple):
     # (c, 3) [m] from the start of the step to where a manifold was found, how far the centre of
     # mass of B moved relative to that of A
     moved: Array
-    gap: Array  # (c,) [m] of the first point where a manifold was found
+    gap: Array  # (POINTS, c) [m] of each point where a manifold was found
     pose: Array  # (s, 12) scratch, as in `Memory.pose`
     old: Array  # (POINTS, 6) scratch
     still: Loads  # of 0
@@ -69,7 +71,7 @@ class Prediction(NamedTuple):
 def make_prediction(n: int, shapes: int, capacity: int) -> Prediction:
     """Return buffers for n bodies."""
     return Prediction(room(capacity, kind=np.int8), room(POINTS, capacity), room(capacity, 3),
-                      room(capacity, 3), room(capacity), room(shapes, 12),
+                      room(capacity, 3), room(POINTS, capacity), room(shapes, 12),
                       np.zeros((POINTS, _OLD)),
                       empty_loads(n))
 
@@ -77,18 +79,17 @@ def make_prediction(n: int, shapes: int, capacity: int) -> Prediction:
 @kernel
 def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
                      manifolds: Manifolds, ahead: Array, calm: Array, waits: IntArray,
-                     prediction: Prediction, scratch: Scratch) -> int:
+                     prediction: Prediction, scratch: Scratch) -> None:
     """
-    Bring the manifolds to the time in which they act; return how many are left out.
+    Bring the manifolds to the time in which they act.
 
-    Those have waits (c,) of 1 afterwards, all others 0. ahead and calm (s,) [m] are how far ahead
+    waits (c,) becomes DORMANT where a pair does not meet as it moves, elsewhere ACTS. ahead and calm (s,) [m] are how far ahead
     shapes look, and how far they would at rest.
     """
     first, count = rows_in_use(manifolds)
-    left_out = 0
     for k in range(count):
         r = (first + k) & INDEX
-        waits[r] = prediction.given[r] = 0
+        waits[r], prediction.given[r] = ACTS, 0
         a, b = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
         size = min(shapes.bound[a], shapes.bound[b])
         # What is mended for what lies beside would, as a pair alone, be as it was before.
@@ -109,9 +110,8 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
                 _rewrite(model, state, loads, shapes, manifolds, r, t, False,
                          ahead[a] + ahead[b], prediction, scratch)
             else:
-                waits[r] = 1
-                left_out += 1
-    return left_out
+                waits[r] = DORMANT
+                forget_impulses(manifolds, r)
 
 
 @kernel
@@ -225,7 +225,7 @@ def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds
         else:
             gap -= dot(n, add(subtract(way_B, way_A), scale(
                 t, subtract(cross(w_B, r_B), cross(w_A, r_A)))))
-        manifolds.gap[p, r] = gap
+        manifolds.gap[p, r], prediction.gap[p, r] = gap, scratch.points[p, 3]
         manifolds.impulse[p, r] = prediction.old[old, _IMPULSE] if old >= 0 else 0.0
         manifolds.feature[p, r] = scratch.ids[p]
         prediction.turn[p, r] = turn
@@ -235,8 +235,7 @@ def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds
         manifolds.normal[r, k] = n[k]
         prediction.moved[r, k] = way_B[k] - way_A[k]
         prediction.turn_t[r, k] = 2.0 * slide[k] / known if known > 0 else 0.0
-    manifolds.points[r], prediction.gap[r] = count, scratch.points[0, 3]
-    prediction.given[r] = 1
+    manifolds.points[r], prediction.given[r] = count, 1
     # Those that were found are no longer there, to be taken over by the next step.
     for k in range(5):
         manifolds.found_at[r, k] = 0.0

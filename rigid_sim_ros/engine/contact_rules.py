@@ -22,7 +22,7 @@ NEGLIGIBLE = 1e-6
 SETTLED, SETTLED_POINT = 1e-9, 1e-8
 # What is deeper than this is pushed apart as if it were so deep: more throws what starts inside
 # another.
-DEEPEST_PUSH = 1e-2
+DEEPEST_PUSH = 0.1
 
 
 # A contact that lasts approaches a little as long as its impulse does not bear all of the forces,

@@ -4,7 +4,7 @@
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.coloring import (
-    are_balls, Blocks, CHANGED, is_small, lanes_of, numbers_of, OVERLAPPING, points_in, resists,
+    are_balls, awake_in, Blocks, CHANGED, is_small, lanes_of, numbers_of, OVERLAPPING, points_in, resists,
     SHOVED)
 from rigid_sim_ros.engine.contact_balls import drift_balls, separate_balls, visit_balls
 from rigid_sim_ros.engine.contact_blocks import (
@@ -65,8 +65,20 @@ def drift_block(blocks: Blocks, block: int, drifted: Array, h: float, what: Swee
     at_A, at_B, shoved = blocks.at_A[lanes], blocks.at_B[lanes], blocks.left[block] & SHOVED != 0
     A, B = gather(drifted, at_A), gather(drifted, at_B)
     if are_balls(kind):
-        return bits_of(drift_balls(b, A, B, h, shoved, what) < -tolerance)
-    return bits_of(_drift(b, A, B, h, points_in(kind), shoved, what) < -tolerance)
+        meets = bits_of(drift_balls(b, A, B, h, shoved, what) < -tolerance)
+    else:
+        meets = bits_of(_drift(b, A, B, h, points_in(kind), shoved, what) < -tolerance)
+    if blocks.dormant[block] != 0:
+        _keep_apart(b, points_in(kind), lanes_in(blocks.dormant[block]))
+    return meets & awake_in(blocks, block)
+
+
+@part
+def _keep_apart(b: Array, points: int, mask: Mask) -> None:
+    """Let no gap of some lanes be below 0: as long as they pass each other, nothing overlaps."""
+    for p in range(4 if points > 1 else 1):
+        gap = POINT + p * POINT_ROWS + GAP
+        store(b, gap, select(mask, max(load(b, gap), 0.0), load(b, gap)))
 
 
 @part
@@ -85,7 +97,8 @@ def begin_block(blocks: Blocks, block: int, motion: Array, what: Sweep,
         n = load_three(b, NORMAL)
         v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
         speed = dot(v, n) + least_speed(b, POINT, what)
-        return bits_of(approach_of(speed, either(new, is_open(b, POINT))) < -tolerance)
+        approach = approach_of(speed, either(new, is_open(b, POINT)))
+        return bits_of(approach < -tolerance) & awake_in(blocks, block)
     n, t1, t2 = axes(b)
     _, u, w = _relative(b, A, B)
     along, about_1, about_2, least = dot(u, n), dot(w, t1), dot(w, t2), spread(ABSENT)
@@ -93,7 +106,7 @@ def begin_block(blocks: Blocks, block: int, motion: Array, what: Sweep,
         point = POINT + p * POINT_ROWS
         speed = _point_speed(b, point, along, about_1, about_2) + least_speed(b, point, what)
         least = min(least, approach_of(speed, either(new, is_open(b, point))))
-    return bits_of(least < -tolerance)
+    return bits_of(least < -tolerance) & awake_in(blocks, block)
 
 
 @part

@@ -18,6 +18,8 @@ A visit that changes velocities lets the other manifolds of the same bodies wait
 that waits is visited in turns, against the order of the sweep and along it: across, in both
 halves, in both halves again, across. So the halves have two visits at a time to themselves, and
 two cores may pay them: no body of one half is touched by a contact of the other.
+
+A pair that would not have met as it moved is dormant, and wakes when it is told to wait.
 """
 
 from typing import NamedTuple
@@ -119,6 +121,7 @@ def visit_waiting(region: int, backwards: bool, blocks: Blocks, motion: Array, u
         bits = work.waits[0, block] | work.waits[1, block]
         if bits != 0:
             any_did = True
+            blocks.dormant[block] &= ~bits
             if bits & ~work.hit[block] != 0:
                 begin_impact(blocks, block, bits & ~work.hit[block])
                 work.hit[block] |= bits

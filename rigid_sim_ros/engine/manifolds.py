@@ -27,6 +27,9 @@ from rigid_sim_ros.engine.kernel import INDEX, kernel
 from rigid_sim_ros.engine.placing import unplaced
 
 POINTS = 4  # of a manifold, at most
+# Whether a manifold takes part in a step: it does; it does not; or it begins to when an impact
+# changes the velocity of one of its bodies.
+ACTS, LEFT_OUT, DORMANT = range(3)
 
 
 class Manifolds(NamedTuple):
@@ -361,3 +364,13 @@ def with_lasting(memory: Memory, arrays: Sequence[Array | IntArray]) -> Memory:
             rows[used] = values
     forget_pairs(memory)
     return memory
+
+
+@kernel
+def forget_impulses(manifolds: Manifolds, r: int) -> None:
+    """Let a manifold begin with no impulses."""
+    manifolds.spin[r] = 0.0
+    for p in range(manifolds.points[r]):
+        manifolds.impulse[p, r] = 0.0
+    for k in range(3):
+        manifolds.friction[r, k] = manifolds.roll[r, k] = 0.0

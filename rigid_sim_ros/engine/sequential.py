@@ -22,7 +22,7 @@ import numpy as np
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.engine.bits import fetch
 from rigid_sim_ros.engine.coloring import (
-    begin_blocks, BETWEEN, Blocks, CACHED, CHANGED, color_piece, Coloring, fetch_block,
+    awake_in, begin_blocks, BETWEEN, Blocks, CACHED, CHANGED, color_piece, Coloring, fetch_block,
     first_block, make_blocks, make_coloring, make_room, most_blocks, numbers_of, OVERLAPPING,
     PIECE, REGIONS)
 from rigid_sim_ros.engine.contact_blocks import SIZE
@@ -38,7 +38,7 @@ from rigid_sim_ros.engine.impacts import (
     make_impacts, pass_on, TURNS, visit_waiting)
 from rigid_sim_ros.engine.kept import call
 from rigid_sim_ros.engine.kernel import apart, INDEX, kernel, part
-from rigid_sim_ros.engine.lanes import any_of, EVERY, LANES, load
+from rigid_sim_ros.engine.lanes import any_of, LANES, load
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Manifolds
 from rigid_sim_ros.engine.model import Model
@@ -196,9 +196,9 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
     Do a stage in a region: 0 and 1, the halves, have bodies; 2, BETWEEN, has only contacts.
 
     Impulses of the manifolds are those to begin with, and afterwards those of this step; those of
-    the whole step are added to what collisions wrote to `acted`. A manifold with waits (c,) of 1
-    takes no part; touching (2, n) are 1 for the bodies of others. round_shapes (s,) are 1 for what
-    may be in a block of balls. `shifts` are what collisions moved.
+    the whole step are added to what collisions wrote to `acted`. waits (c,) tell which manifolds
+    take part; touching (2, n) are 1 for their bodies. round_shapes (s,) are 1 for what may be in
+    a block of balls. `shifts` are what collisions moved.
     """
     bodies, blocks, notes, impacts = work.bodies, work.blocks, work.notes[region], work.impacts
     motion, alike, h = bodies.motion, bodies.alike[0] == 1, model.h / settings.substeps
@@ -293,8 +293,8 @@ def _fill(region: int, x: Array, shapes: Shapes, materials: Materials, round_sha
                              coloring)
         make_room(region, begin, end, colors, coloring, blocks)
         place_lanes(region, begin, end, block, manifolds, bodies, coloring, blocks)
-        fill_blocks(region, block, manifolds, prediction, x, shapes, materials, shifts, shifted,
-                    share, bodies, blocks, work.fresh, work.notes[region])
+        fill_blocks(region, block, manifolds, prediction, x, waits, shapes, materials, shifts,
+                    shifted, share, bodies, blocks, work.fresh, work.notes[region])
     if region == BETWEEN:
         begin = first_block(blocks, region)
         mark_astride(begin * LANES, (begin + blocks.count[region]) * LANES, blocks.at_A,
@@ -315,7 +315,8 @@ def sweep(region: int, blocks: Blocks, motion: Array, what: Sweep, backwards: bo
         block = first + (count - 1 - k if backwards else k)
         if count > CACHED:
             fetch_block(blocks, block - 1 if backwards else block + 1)
-        note_left(blocks, block, visit_block(blocks, block, motion, what, EVERY), what)
+        note_left(blocks, block, visit_block(blocks, block, motion, what, awake_in(blocks, block)),
+                  what)
 
 
 @part

@@ -22,7 +22,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.engine.kernel import apart, INDEX, inlined, kernel, part
-from rigid_sim_ros.engine.manifolds import Manifolds, rows_in_use
+from rigid_sim_ros.engine.manifolds import LEFT_OUT, Manifolds, rows_in_use
 from rigid_sim_ros.engine.solver_bodies import (
     FIRST_END, SECOND_BEGIN, SECOND_END, slots_between, SolverBodies)
 
@@ -104,12 +104,12 @@ def take_sides(inv_m: Array, V: Array, x: Array, asleep: IntArray, first: int, l
 
 @kernel
 def mark_touching(manifolds: Manifolds, waits: IntArray, touching: IntArray) -> None:
-    """Mark in touching (2, n) the bodies of all manifolds but for those with waits (c,) of 1."""
+    """Mark in touching (2, n) the bodies of all manifolds but for those left out by waits (c,)."""
     first, count = rows_in_use(manifolds)
     touching[:] = 0
     for k in range(count):
         r = (first + k) & INDEX
-        if waits[r] == 0:
+        if waits[r] != LEFT_OUT:
             touching[0, manifolds.body_a[r] & INDEX] = 1
             touching[0, manifolds.body_b[r] & INDEX] = 1
 

@@ -227,9 +227,10 @@ def _begin(box: Any, shapes: tuple[int, int], bodies: tuple[int, int]) -> None:
 @kernel
 def _predict(box: Any, _: int) -> int:
     memory, work = held(box, _MEMORY), held(box, _WORK)
-    return predict_contacts(
+    predict_contacts(
         held(box, _MODEL), held(box, _STATE), work.loads, held(box, _SHAPES), current(memory),
         memory.ahead, memory.calm, work.collision.waits, work.prediction, memory.scratch)
+    return 0
 
 
 @kernel
@@ -376,10 +377,9 @@ def _step(box: Any) -> bool:
     if sleeps or to[_TO_COLLIDE] != 0:
         # Of all others the solver writes them.
         clear_impulses(manifolds, acted.impulse, acted.friction)
-    left_out = call(to[_TO_PREDICT], box, 0)
+    call(to[_TO_PREDICT], box, 0)
     if to[_TO_COLLIDE] != 0:
         work.solver.shifted[0] = 1 if call(to[_TO_COLLIDE], box, 0) > 0 else 0
-    if to[_TO_COLLIDE] != 0 or left_out > 0:
         mark_touching(manifolds, work.collision.waits, memory.touching)
     work.solver.bodies.alike[0] = 0 if loaded else 1
     begin_slots(work.solver.sides, memory.touching, work.solver.bodies)

@@ -16,7 +16,7 @@ from rigid_sim_ros.engine.contact_blocks import (
     J_A, J_B, K_NN, K_SPIN, K_TN, NORMAL, POINT, POINT_ROWS, S, SPIN, T)
 from rigid_sim_ros.engine.contact_rules import Sweep
 from rigid_sim_ros.engine.contact_sweep import visit
-from rigid_sim_ros.engine.lanes import LANES, store
+from rigid_sim_ros.engine.lanes import EVERY, LANES, lanes_in, store
 from rigid_sim_ros.engine.shapes import BOX, Material
 from rigid_sim_ros.engine.solver_bodies import STRIDE
 from rigid_sim_ros.engine.state import copy_state
@@ -132,7 +132,7 @@ def read_wrench(rows, lane):
 @numba.njit
 def visit_four_points(block, motion, blocks, what, changes):
     store(changes, 0, visit(block, motion, blocks.at_A[:LANES], blocks.at_B[:LANES], 3, False,
-                            what))
+                            what, lanes_in(EVERY)))
 
 
 def response(rows, lane):

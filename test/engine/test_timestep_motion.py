@@ -59,7 +59,8 @@ def test_what_will_not_touch_in_a_step_flies_as_if_nothing_were_near():
         assert same_bits(scene.state.q[:, 1], alone.state.q[:, 1])
         assert same_bits(scene.state.x[:, 1], alone.state.x[:, 1])
         near += scene.manifolds().count[0]
-    assert near > 0 and scene.v[2, 1] > -2.0
+    # The ground pushes, at a corner: by e = 0.5 the corner turns back, not all of the body.
+    assert near > 0 and scene.v[2, 1] > alone.v[2, 1] + 1.0
 
 
 def test_bounces_end_in_rest():

@@ -51,16 +51,15 @@ def overlaps(scene, steps: int) -> np.ndarray:
     return deepest
 
 
-def test_666_balls_overlap_by_less_than_a_fifth_of_a_step_of_the_fastest():
-    # They fall at 8 m/s at most, 33 mm in a step. What is not about to meet when a step begins,
-    # and is sent against a neighbour within it, is stopped in the next one.
-    assert overlaps(falling_balls(H), 1200).max() < 0.2 * 8.0 * H
+def test_666_balls_hardly_overlap():
+    # They fall at 8 m/s at most, 33 mm in a step; the best other engine lets them overlap by 2.9 mm.
+    assert overlaps(falling_balls(H), 1200).max() < 2.9e-3
 
 
 def test_a_pile_of_1000_boxes_is_rigid():
     depths = overlaps(falling_boxes(H), 1200)
-    # As other engines are measured, at every 96th step; they reach 16 to 53 mm.
-    assert depths[::96].max() < 0.015
+    # As other engines are measured, at every 96th step; they reach 13 to 53 mm.
+    assert depths[::96].max() < 0.013
     # Which corner of a tumbling box hits first in a single step is chance. It is never deeper than
     # a step of the fastest, at 8 m/s on top of each other: 33 mm.
     assert depths.max() < 8.0 * H

@@ -25,6 +25,8 @@ def lines(*bodies: dict[str, Any], step: float = 1e-3, collision: Any = None,
     """Return what is said of these bodies above the ground."""
     return list(describe_contact(scene_from_dict({
         'world': {'step': step, **world}, 'bodies': [GROUND, *bodies],
+        # Soft enough for the penalty model to be stable in steps of this length.
+        'materials': {'default': {'stiffness': 1e3}},
         'collision': collision or {}})))
 
 

@@ -90,7 +90,7 @@ def test_the_token_opens_the_page_and_the_websocket(guarded: int) -> None:
 
 
 def test_the_page_brings_scripts_of_its_own(local: int) -> None:
-    names = 'drawing', 'culling', 'hover'
+    names = 'drawing', 'culling', 'hover', 'title'
     tags = ''.join(f'<script src="{name}.js"></script>' for name in names).encode() + b'</body>'
     for encoding, unpack in (('identity', bytes), ('gzip', gzip.decompress)):
         status, content, headers = get(local, **{'Accept-Encoding': encoding})

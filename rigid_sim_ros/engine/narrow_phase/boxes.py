@@ -22,6 +22,9 @@ from rigid_sim_ros.engine.narrow_phase.reduce import reduce_to_four
 # from step to step; the gap is wrong by as much at most (0.2 mm for a box of 20 cm), and only
 # where both axes are near.
 PREFERENCE = 2e-3
+# And edges, a single point, by this fraction of an overlap of faces, which several points bear: at
+# a small tilt either axis may be the shallower one, and impulses are not handed from one to others.
+PREFERENCE_IN_OVERLAP = 0.1
 # Corners that stand out over the other box's face by less than this fraction of its half extent
 # count as lying on it: boxes of equal size on top of each other meet corner to corner.
 OVERHANG = 1e-4
@@ -74,7 +77,9 @@ def separation(pose: Array, size: Array, a: int, b: int, limit: float, way: floa
     face, best = face_a, best_a
     if best_b > best_a + preference:
         face, best = face_b, best_b
-    if best_edge > max(best_a, best_b) + preference + way or best_edge > limit:
+    largest = max(best_a, best_b)
+    better = largest + preference + way + PREFERENCE_IN_OVERLAP * max(-largest, 0.0)
+    if best_edge > better or best_edge > limit:
         return best_edge, edge
     return best, face
 
