@@ -78,6 +78,7 @@ class Blocks(NamedTuple):
     start: IntArray  # (b,) where its row 0 is in `numbers`, or would be
     left: IntArray  # (b,) of 16 bits, see OVERLAPPING, SHOVED and CHANGED
     dormant: IntArray  # (b,) of 16 bits, the bits of the lanes of DORMANT manifolds
+    direct: IntArray  # (b,) of 16 bits, of the lanes that are solved directly
     residual: Array  # (b,) largest change of velocity that the last visit made [m/s]
     again: IntArray  # (b,) of 32 bits, those of a region with something left, from its first on
     numbers: Array  # flat, the rows of contact_blocks.py
@@ -102,7 +103,7 @@ def make_blocks(capacity: int) -> Blocks:
         return room(b * LANES, kind=np.int32)
 
     return Blocks(integers(REGIONS), integers(REGIONS), integers(b), integers(b),
-                  room(b, kind=np.int16), room(b, kind=np.int16), room(b),
+                  room(b, kind=np.int16), room(b, kind=np.int16), room(b, kind=np.int16), room(b),
                   room(b, kind=np.int32),
                   room((b + 1) * BLOCK_SIZE),
                   lanes(), lanes(), lanes())
@@ -179,8 +180,8 @@ def lanes_of(block: int) -> slice:
 
 @inlined
 def awake_in(blocks: Blocks, block: int) -> int:
-    """Return the bits of the lanes of a block that take part."""
-    return EVERY & ~blocks.dormant[block]
+    """Return the bits of the lanes of a block that sweeps visit."""
+    return EVERY & ~(blocks.dormant[block] | blocks.direct[block])
 
 
 @inlined

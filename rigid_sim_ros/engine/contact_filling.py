@@ -11,7 +11,7 @@ from rigid_sim_ros.engine.coloring import (
 from rigid_sim_ros.engine.contact_balls import prepare_balls, warm_balls
 from rigid_sim_ros.engine.contact_blocks import (
     ABSENT, ARM_A, ARM_B, axes, combine, FRICTION, friction_of, gain_of,
-    GAP, IMPULSE, J_A, J_B, LEVER_A, LEVER_B, load_three, load_two, Motion, MU, NORMAL,
+    GAP, IMPULSE, inverse_of, J_A, J_B, LEVER_A, LEVER_B, load_three, load_two, Motion, MU, NORMAL,
     normal_sum, POINT, POINT_ROWS, prepare_block, pushed, RESTING, ROLL,
     ROLL_LEVER, S, SHOVE,
     SIZE, smallest_gap, SPIN, SPIN_LEVER, store_three, T, Three, TORSION, TOTAL, total_of, TOTAL_T,
@@ -28,7 +28,7 @@ from rigid_sim_ros.engine.shifts import displacement, gap_now
 from rigid_sim_ros.engine.slots import ACROSS, is_by_number, SECOND, Sides
 from rigid_sim_ros.engine.solver_bodies import (
     INV_I, INV_M, is_carried, SolverBodies, still_slot, STRIDE, TOUCHED)
-from rigid_sim_ros.engine.vector import add
+from rigid_sim_ros.engine.vector import add, scale
 
 # What is noted of a region: the deepest overlap [m], and how many manifolds touch, and how many of
 # them without an impulse to begin with.
@@ -166,7 +166,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
         at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
         _copy_normal_and_friction(b, rows, manifolds, share)
         _copy_sizes(b, rows, manifolds, shapes.bound)
-        blocks.dormant[block] = _dormant_lanes(rows, waits)
+        blocks.dormant[block], blocks.direct[block] = _dormant_lanes(rows, waits), 0
         if balls:
             A, B = gather(bodies.motion, at_A), gather(bodies.motion, at_B)
             _copy_balls(b, rows, manifolds, prediction, shapes, materials, share)
@@ -468,7 +468,11 @@ def _keep_normals(b: Array, rows: IntArray, points: int, impulse: Array, normal_
 @part
 def _give_back(b: Array, acted: Three, rows: IntArray, prediction: Prediction,
                bodies: SolverBodies, at_A: IntArray, at_B: IntArray, h: float) -> None:
-    """Take half of the L that a pair gained from each of its bodies: the point follows both."""
+    """
+    Take the L that a pair gained from its bodies, each the part that the other is of their masses.
+
+    Beside a heavy body a light one keeps its own: what that gained may turn it fast.
+    """
     A, B = gather(bodies.total, at_A), gather(bodies.total, at_B)
     # From where the manifold was found, which is where its levers are those of one point.
     before = gather_rows_3(prediction.moved, rows, 3, 0)
@@ -478,12 +482,14 @@ def _give_back(b: Array, acted: Three, rows: IntArray, prediction: Prediction,
     gained = gain_of(b, acted, (h * (B[0] - A[0]) - moved[0], h * (B[1] - A[1]) - moved[1],
                                 h * (B[2] - A[2]) - moved[2]))
     A, B = gather(bodies.motion, at_A), gather(bodies.motion, at_B)
-    held = select(both(A[INV_M] > 0.0, B[INV_M] > 0.0), 0.5, 0.0)
-    half = (held * gained[0], held * gained[1], held * gained[2])
+    whole = inverse_of(A[INV_M] + B[INV_M])
+    # Of what is fixed or moves by its twist the inverse mass is 0: then neither gives anything.
+    gained = scale(select(both(A[INV_M] > 0.0, B[INV_M] > 0.0), whole, 0.0), gained)
+    on_A, on_B = scale(B[INV_M], gained), scale(A[INV_M], gained)
     scatter(bodies.motion, at_A,
-            (A[0], A[1], A[2], A[3] - half[0], A[4] - half[1], A[5] - half[2], A[6], A[7]))
+            (A[0], A[1], A[2], A[3] - on_A[0], A[4] - on_A[1], A[5] - on_A[2], A[6], A[7]))
     scatter(bodies.motion, at_B,
-            (B[0], B[1], B[2], B[3] - half[0], B[4] - half[1], B[5] - half[2], B[6], B[7]))
+            (B[0], B[1], B[2], B[3] - on_B[0], B[4] - on_B[1], B[5] - on_B[2], B[6], B[7]))
 
 
 @part

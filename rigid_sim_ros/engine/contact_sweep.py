@@ -4,7 +4,7 @@
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.coloring import (
-    are_balls, awake_in, Blocks, CHANGED, is_small, lanes_of, numbers_of, OVERLAPPING, points_in, resists,
+    are_balls, Blocks, CHANGED, is_small, lanes_of, numbers_of, OVERLAPPING, points_in, resists,
     SHOVED)
 from rigid_sim_ros.engine.contact_balls import drift_balls, separate_balls, visit_balls
 from rigid_sim_ros.engine.contact_blocks import (
@@ -70,7 +70,7 @@ def drift_block(blocks: Blocks, block: int, drifted: Array, h: float, what: Swee
         meets = bits_of(_drift(b, A, B, h, points_in(kind), shoved, what) < -tolerance)
     if blocks.dormant[block] != 0:
         _keep_apart(b, points_in(kind), lanes_in(blocks.dormant[block]))
-    return meets & awake_in(blocks, block)
+    return meets & ~blocks.dormant[block]
 
 
 @part
@@ -98,7 +98,7 @@ def begin_block(blocks: Blocks, block: int, motion: Array, what: Sweep,
         v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
         speed = dot(v, n) + least_speed(b, POINT, what)
         approach = approach_of(speed, either(new, is_open(b, POINT)))
-        return bits_of(approach < -tolerance) & awake_in(blocks, block)
+        return bits_of(approach < -tolerance) & ~blocks.dormant[block]
     n, t1, t2 = axes(b)
     _, u, w = _relative(b, A, B)
     along, about_1, about_2, least = dot(u, n), dot(w, t1), dot(w, t2), spread(ABSENT)
@@ -106,7 +106,7 @@ def begin_block(blocks: Blocks, block: int, motion: Array, what: Sweep,
         point = POINT + p * POINT_ROWS
         speed = _point_speed(b, point, along, about_1, about_2) + least_speed(b, point, what)
         least = min(least, approach_of(speed, either(new, is_open(b, point))))
-    return bits_of(least < -tolerance) & awake_in(blocks, block)
+    return bits_of(least < -tolerance) & ~blocks.dormant[block]
 
 
 @part

@@ -33,6 +33,8 @@ from rigid_sim_ros.engine.contact_prediction import Prediction
 from rigid_sim_ros.engine.contact_rules import SETTLED, Sweep
 from rigid_sim_ros.engine.contact_sweep import note_left, separate, visit_block
 from rigid_sim_ros.engine.free_flight import fly_free
+from rigid_sim_ros.engine.direct_islands import find_islands
+from rigid_sim_ros.engine.direct_solve import Direct, solve_islands
 from rigid_sim_ros.engine.impacts import (
     drift_blocks, end_impacts, excuse_approaches, find_approaching, forget_excuses, Impacts,
     make_impacts, pass_on, TURNS, visit_waiting)
@@ -100,26 +102,29 @@ def make_work(n: int, middle: tuple[int, int], capacity: int) -> SequentialWork:
 
 
 @part
-def solve_contacts(to: int, to_store: int, box: Any, desk: IntArray, model: Model, state: State,
-                   loads: Loads, substeps: int, flight: Array, work: SequentialWork) -> None:
+def solve_contacts(to: int, to_store: int, to_direct: int, box: Any, desk: IntArray, model: Model,
+                   state: State, loads: Loads, substeps: int, flight: Array,
+                   work: SequentialWork) -> None:
     """
     Advance all bodies by one step, those with a slot in `work.bodies` with contacts.
 
     `flight` is scratch for `fly_free`. `to` is the address of a kernel that calls `do_stage` with
-    REGIONS * stage + region, `to_store` that of one that calls `store_half`. What is across waits
-    for both halves.
+    REGIONS * stage + region, `to_store` that of one that calls `store_half`, `to_direct` that of one
+    that calls `do_direct_stage`, or 0. What is across waits for both halves.
     """
     notes, halved = work.notes, work.sides.cut.halved[0] == 1
     # Whatever an earlier step had in regions that this one does not have.
     work.blocks.count[:], notes[:], work.impacts.listed[:] = 0, 0.0, 0
     _in_all(to, box, desk, halved, FILL)
+    _directly(to_direct, box, LIST)
     if _is_mostly_new(notes):
-        _find_impulses(to, box, desk, halved)
+        _find_impulses(to, to_direct, box, desk, halved)
     _in_all(to, box, desk, halved, APPROACH)
     for substep in range(substeps):
         if notes[0, WAITING] + notes[1, WAITING] + notes[2, WAITING] > 0.0:
-            _solve_impacts(to, box, desk, halved, notes)
+            _solve_impacts(to, to_direct, box, desk, halved, notes)
         _in_all(to, box, desk, halved, SETTLE_AND_SWEEP if substep == 0 else KICK_AND_SWEEP)
+        _directly(to_direct, box, BEAR)
         if halved:
             call(to, box, REGIONS * RETURN + BETWEEN)
         _in_halves(to, box, desk, halved, RETURN)
@@ -130,6 +135,34 @@ def solve_contacts(to: int, to_store: int, box: Any, desk: IntArray, model: Mode
     fly_free(model, state, loads, work.bodies.flies, model.h, flight)
     work.overlap[0] = max(notes[0, DEEPEST], max(notes[1, DEEPEST], notes[2, DEEPEST]))
     work.residual[0] = max(notes[0, LARGEST], max(notes[1, LARGEST], notes[2, LARGEST]))
+
+
+# The stages of what is solved directly: find it; solve an impact; find what bears the forces.
+LIST, STRIKE, BEAR = range(3)
+
+
+@kernel
+def _directly(to: int, box: Any, stage: int) -> None:
+    if to != 0:
+        call(to, box, stage)
+
+
+@kernel
+def do_direct_stage(stage: int, h: float, substeps: int, work: SequentialWork,
+                    direct: Direct) -> None:
+    """Do a stage for the islands that are solved directly, in steps of h [s]."""
+    if stage == LIST:
+        find_islands(work.blocks, work.bodies, direct.islands)
+    else:
+        what = _sweep_of(stage == BEAR, work.notes[0, SUBSTEP], h / substeps, substeps)
+        solve_islands(work.blocks, work.bodies, what, work.impacts, direct)
+
+
+@kernel
+def _sweep_of(forces: bool, substep: float, h: float, substeps: int) -> Sweep:
+    """Return what visits of a substep of h [s] are for."""
+    # An impact is at the start of a substep; forces hold contacts to their geometry at its end.
+    return Sweep(1.0 / h, forces, (substep + (1.0 if forces else 0.0)) / substeps - 0.5)
 
 
 @apart
@@ -149,9 +182,10 @@ def _in_all(to: int, box: Any, desk: IntArray, halved: bool, stage: int) -> None
 
 
 @kernel
-def _solve_impacts(to: int, box: Any, desk: IntArray, halved: bool, notes: Array) -> None:
+def _solve_impacts(to: int, to_direct: int, box: Any, desk: IntArray, halved: bool, notes: Array) -> None:
     """Visit what approaches, and what that reaches, until nothing waits."""
     for _ in range(TURNS):
+        _directly(to_direct, box, STRIKE)
         if halved:
             call(to, box, REGIONS * IMPACT_BACK + BETWEEN)
         _in_all(to, box, desk, halved, IMPACT)
@@ -174,9 +208,10 @@ def _is_mostly_new(notes: Array) -> bool:
 
 
 @kernel
-def _find_impulses(to: int, box: Any, desk: IntArray, halved: bool) -> None:
+def _find_impulses(to: int, to_direct: int, box: Any, desk: IntArray, halved: bool) -> None:
     """Find the impulses to begin with where most contacts are new: those that bear the forces."""
     _in_all(to, box, desk, halved, KICK)
+    _directly(to_direct, box, BEAR)
     for k in range(FRESH_SWEEPS):
         if k % 2 == 0:
             _in_all(to, box, desk, halved, SWEEP)
@@ -202,10 +237,8 @@ def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, 
     """
     bodies, blocks, notes, impacts = work.bodies, work.blocks, work.notes[region], work.impacts
     motion, alike, h = bodies.motion, bodies.alike[0] == 1, model.h / settings.substeps
-    # An impact is at the start of a substep; forces hold contacts to their geometry at its end.
-    strikes = stage in (APPROACH, IMPACT_BACK, IMPACT)
-    ends = notes[SUBSTEP] + (0.0 if strikes else 1.0)
-    what = Sweep(1.0 / h, not strikes, ends / settings.substeps - 0.5)
+    what = _sweep_of(stage not in (APPROACH, IMPACT_BACK, IMPACT), notes[SUBSTEP], h,
+                     settings.substeps)
     # What gravity does in a substep: below it an approach is the work of forces, not an impact.
     slow = h * norm((model.gravity[0], model.gravity[1], model.gravity[2]))
     if stage == FILL:
@@ -326,7 +359,8 @@ def settle(region: int, blocks: Blocks, fresh: IntArray, motion: Array, what: Sw
     for block in range(first, first + blocks.count[region]):
         least = SETTLED * what.inv_h * load(numbers_of(blocks, block), SIZE)
         for _ in range(FRESH_VISITS if fresh[block] > 0 else 0):
-            if not any_of(visit_block(blocks, block, motion, what, fresh[block]) > least):
+            bits = fresh[block] & awake_in(blocks, block)
+            if not any_of(visit_block(blocks, block, motion, what, bits) > least):
                 break
 
 

@@ -20,6 +20,8 @@ from rigid_sim_ros.engine.compiling import compile_late, compile_together
 from rigid_sim_ros.engine.contact_prediction import (
     make_prediction, predict_contacts, Prediction)
 from rigid_sim_ros.engine.detect import detect_stage, search_pair, WHOLE
+from rigid_sim_ros.engine.direct_islands import differ
+from rigid_sim_ros.engine.direct_solve import Direct, make_direct
 from rigid_sim_ros.engine.forces import add_scene_forces
 from rigid_sim_ros.engine.free_flight import BLOCK_SIZE as FLIGHT_SIZE, fly
 from rigid_sim_ros.engine.integrate import begin_loads, end_loads
@@ -33,7 +35,7 @@ from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.narrow_phase.collide import BOXES, CAPSULES, CONVEX, FAMILY
 from rigid_sim_ros.engine.numbering import middle_of
 from rigid_sim_ros.engine.sequential import (
-    do_stage, SequentialSettings, SequentialWork, solve_contacts, store_half)
+    do_direct_stage, do_stage, SequentialSettings, SequentialWork, solve_contacts, store_half)
 from rigid_sim_ros.engine.sequential import make_work as make_sequential_work
 from rigid_sim_ros.engine.shapes import (
     CAPSULE, CYLINDER, Materials, PLANE, Shapes, SPHERE)
@@ -73,6 +75,7 @@ class TimestepWork(NamedTuple):
     prediction: Prediction
     collision: CollisionWork
     solver: SequentialWork
+    direct: Direct
 
 
 def make_timestep_work(model: Model, shapes: Shapes, memory: Memory) -> TimestepWork:
@@ -87,7 +90,8 @@ def make_timestep_work(model: Model, shapes: Shapes, memory: Memory) -> Timestep
                         _thickness(shapes), _round_shapes(model, shapes),
                         make_prediction(n, shapes.body.shape[0], capacity),
                         make_collision_work(n, capacity),
-                        make_sequential_work(n, _middle(model, shapes.body), capacity))
+                        make_sequential_work(n, _middle(model, shapes.body), capacity),
+                        make_direct(n, capacity))
 
 
 def with_cut(work: TimestepWork, cut: Cut) -> TimestepWork:
@@ -254,6 +258,14 @@ def _solve(box: Any, number: int) -> int:
 
 
 @kernel
+def _solve_directly(box: Any, stage: int) -> int:
+    work = held(box, _WORK)
+    do_direct_stage(stage, held(box, _MODEL).h, held(box, _SETTINGS).sequential.substeps,
+                    work.solver, work.direct)
+    return 0
+
+
+@kernel
 def _store(box: Any, half: int) -> int:
     store_half(half, held(box, _MODEL), held(box, _STATE),
                held(box, _SETTINGS).sequential.substeps, held(box, _WORK).solver)
@@ -292,8 +304,8 @@ def _sleep(box: Any, when: int) -> int:
 # What is compiled apart from the step, by place; the first three by a helper: they take as long
 # as all others together.
 (_TO_DETECT, _TO_STORE, _TO_PREDICT, _TO_SEARCH, _TO_COLLIDE, _TO_SOLVE, _TO_FORCES, _TO_SLEEP,
- _TO_SHARE) = range(9)
-PIECES, _SHARED_OUT = 9, 4
+ _TO_SHARE, _TO_DIRECT) = range(10)
+PIECES, _SHARED_OUT = 10, 4
 ALWAYS = [_detect, _store]    # what every world has a helper compile
 
 
@@ -312,7 +324,7 @@ def _pieces(model: Model, shapes: Shapes, materials: Materials, settings: Timest
             _collide if (materials.restitution > 0.0).any() else None, _solve,
             _add_forces if model.forces.kind.shape[0] > 0 else None,
             _sleep if settings.sleep_steps > 0 else None,
-            _share if helped else None], set() if searched else {_TO_SEARCH}
+            _share if helped else None, _solve_directly if differ(model.inv_m) else None], set() if searched else {_TO_SEARCH}
 
 
 @apart
@@ -383,8 +395,8 @@ def _step(box: Any) -> bool:
         mark_touching(manifolds, work.collision.waits, memory.touching)
     work.solver.bodies.alike[0] = 0 if loaded else 1
     begin_slots(work.solver.sides, memory.touching, work.solver.bodies)
-    solve_contacts(to[_TO_SOLVE], to[_TO_STORE], box, desk, model, state, work.loads,
-                   settings.sequential.substeps, work.block, work.solver)
+    solve_contacts(to[_TO_SOLVE], to[_TO_STORE], to[_TO_DIRECT], box, desk, model, state,
+                   work.loads, settings.sequential.substeps, work.block, work.solver)
     move_kinematic(model, state, model.h)
     if loaded:
         # As in the symplectic method: half of the change of the loads, now at the new poses.
