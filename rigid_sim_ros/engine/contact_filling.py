@@ -21,7 +21,7 @@ from rigid_sim_ros.engine.contact_rules import SKIN
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.lanes import (
     any_of, bits_of, both, count_of, Eight, gather, gather_integers, gather_rows_1, gather_rows_3,
-    LANES, largest_of, load, Mask, scatter, scatter_rows_1, scatter_rows_3, select, spread, store)
+    LANES, lanes_in, largest_of, load, Mask, scatter, scatter_rows_1, scatter_rows_3, select, spread, store)
 from rigid_sim_ros.engine.manifolds import DORMANT, first_row, LEFT_OUT, Manifolds, POINTS, rows_in_use
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import displacement, gap_now
@@ -167,6 +167,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
         _copy_normal_and_friction(b, rows, manifolds, share)
         _copy_sizes(b, rows, manifolds, shapes.bound)
         blocks.dormant[block], blocks.direct[block] = _dormant_lanes(rows, waits), 0
+        blocks.held[block] = 0
         if balls:
             A, B = gather(bodies.motion, at_A), gather(bodies.motion, at_B)
             _copy_balls(b, rows, manifolds, prediction, shapes, materials, share)
@@ -430,7 +431,8 @@ def keep_impulses(region: int, blocks: Blocks, coloring: Coloring, manifolds: Ma
         _keep_normals(b, rows, points, manifolds.impulse, normal_impulse, substeps, adds)
         at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
         if _mark_touched(b, points, acted, bodies, at_A, at_B, blocks.left[block] & SHOVED != 0):
-            _give_back(b, acted, rows, prediction, bodies, at_A, at_B, h)
+            _give_back(b, acted, rows, prediction, bodies, at_A, at_B, h,
+                       lanes_in(blocks.held[block]))
     return residual
 
 
@@ -467,11 +469,13 @@ def _keep_normals(b: Array, rows: IntArray, points: int, impulse: Array, normal_
 
 @part
 def _give_back(b: Array, acted: Three, rows: IntArray, prediction: Prediction,
-               bodies: SolverBodies, at_A: IntArray, at_B: IntArray, h: float) -> None:
+               bodies: SolverBodies, at_A: IntArray, at_B: IntArray, h: float,
+               held: Mask) -> None:
     """
-    Take the L that a pair gained from its bodies, each the part that the other is of their masses.
+    Take the L that a pair gained from its bodies, in parts as the squares of their masses.
 
-    Beside a heavy body a light one keeps its own: what that gained may turn it fast.
+    But not where the pair is held: the L of that is nothing that stays, and what a light body under
+    a heavy one gets turns it out of the load.
     """
     A, B = gather(bodies.total, at_A), gather(bodies.total, at_B)
     # From where the manifold was found, which is where its levers are those of one point.
@@ -482,10 +486,12 @@ def _give_back(b: Array, acted: Three, rows: IntArray, prediction: Prediction,
     gained = gain_of(b, acted, (h * (B[0] - A[0]) - moved[0], h * (B[1] - A[1]) - moved[1],
                                 h * (B[2] - A[2]) - moved[2]))
     A, B = gather(bodies.motion, at_A), gather(bodies.motion, at_B)
-    whole = inverse_of(A[INV_M] + B[INV_M])
+    whole = inverse_of(A[INV_M] * A[INV_M] + B[INV_M] * B[INV_M])
     # Of what is fixed or moves by its twist the inverse mass is 0: then neither gives anything.
     gained = scale(select(both(A[INV_M] > 0.0, B[INV_M] > 0.0), whole, 0.0), gained)
-    on_A, on_B = scale(B[INV_M], gained), scale(A[INV_M], gained)
+    gained = scale(select(held, 0.0, 1.0), gained)
+    on_A = scale(B[INV_M] * B[INV_M], gained)
+    on_B = scale(A[INV_M] * A[INV_M], gained)
     scatter(bodies.motion, at_A,
             (A[0], A[1], A[2], A[3] - on_A[0], A[4] - on_A[1], A[5] - on_A[2], A[6], A[7]))
     scatter(bodies.motion, at_B,

@@ -34,6 +34,7 @@ class Islands(NamedTuple):
     parent: IntArray  # (slots,) of 32 bits, a slot of the same island, its own at the root
     bodies: IntArray  # (slots,) of 32 bits, at the root: how many bodies there are
     manifolds: IntArray  # (slots,) of 32 bits, at the root: how many manifolds; then the next place
+    held: IntArray  # (slots,) of 8 bits, at the root: 1 if something fixed is in contact with it
     heaviest: Array  # (slots,) [kg^-1] at the root: the inverse mass of the heaviest body
     lightest: Array  # (slots,) [kg^-1] at the root: of the lightest one
     begin: IntArray  # (islands + 1,) of 32 bits, where the lanes of an island begin in `lane`
@@ -48,8 +49,8 @@ def make_islands(n: int, capacity: int) -> Islands:
         found: IntArray = room(count, kind=np.int32)
         return found
 
-    return Islands(integers(1), numbers(slots), numbers(slots), numbers(slots), room(slots),
-                   room(slots), numbers(slots + 1), numbers(capacity))
+    return Islands(integers(1), numbers(slots), numbers(slots), numbers(slots),
+                   room(slots, kind=np.int8), room(slots), room(slots), numbers(slots + 1), numbers(capacity))
 
 
 def differ(inv_m: Array) -> bool:
@@ -72,10 +73,13 @@ def find_islands(blocks: Blocks, bodies: SolverBodies, islands: Islands) -> None
     for region in range(REGIONS):
         first = first_block(blocks, region)
         for block in range(first, first + blocks.count[region]):
-            blocks.direct[block] = 0
+            blocks.direct[block] = blocks.held[block] = 0
             for lane in range(block * LANES, (block + 1) * LANES):
                 if blocks.row[lane] >= 0:
-                    islands.manifolds[_island(blocks, bodies, islands, lane)] += 1
+                    root, (a, b) = _island(blocks, bodies, islands, lane), _slots(blocks, lane)
+                    islands.manifolds[root] += 1
+                    if not (_moves(bodies, a) and _moves(bodies, b)):
+                        islands.held[root] = 1
     _number(bodies, islands)
     for region in range(REGIONS):
         first = first_block(blocks, region)
@@ -104,7 +108,7 @@ def _begin(bodies: SolverBodies, islands: Islands) -> None:
         first, last = slots_of(bodies.used, half)
         for slot in range(first, last):
             islands.parent[slot] = slot
-            islands.bodies[slot] = islands.manifolds[slot] = 0
+            islands.bodies[slot] = islands.manifolds[slot] = islands.held[slot] = 0
             islands.heaviest[slot], islands.lightest[slot] = np.inf, 0.0
 
 
@@ -173,6 +177,7 @@ def _list_lane(blocks: Blocks, bodies: SolverBodies, islands: Islands, block: in
     if place >= 0:
         islands.lane[place & INDEX], islands.manifolds[root] = lane, place + 1
         blocks.direct[block] |= 1 << i
+        blocks.held[block] |= islands.held[root] << i
 
 
 @kernel

@@ -44,7 +44,6 @@ GOAL = 1e-11
 ROUNDS, STEPS, TRIALS = 50, 20, 60
 # The slope at the end of a search, as a part of that at its begin.
 FLAT = 0.1
-ROUNDED = 1e-6
 # A violation that changes by less than this part of it in a round stays: normals that are not quite
 # in one plane, all of which press.
 STUCK = 1e-3
@@ -161,10 +160,10 @@ def _minimize(count: int, moving: int, goal: float, work: Direct) -> int:
     """Find p with F = 0, up to a rate of `goal` [m/s]; return how many steps that took."""
     _write_F(count, moving, work)
     left, steps = _largest_rate(count, work), 0
-    rounded = ROUNDED * left
-    while left > goal and steps < STEPS and _newton_step(count, moving, work):
+    while left > 0.0 and steps < STEPS and _newton_step(count, moving, work):
         before, left, steps = left, _largest_rate(count, work), steps + 1
-        if left < rounded and left > 0.5 * before:
+        # Below the goal as long as it gains anything: what is left turns a light body under load.
+        if left < goal and left > 0.5 * before:
             break
     return steps
 
