@@ -21,8 +21,10 @@ from rigid_sim_ros.engine.contact_rules import SKIN
 from rigid_sim_ros.engine.kernel import INDEX, kernel, part
 from rigid_sim_ros.engine.lanes import (
     any_of, bits_of, both, count_of, Eight, gather, gather_integers, gather_rows_1, gather_rows_3,
-    LANES, lanes_in, largest_of, load, Mask, scatter, scatter_rows_1, scatter_rows_3, select, spread, store)
-from rigid_sim_ros.engine.manifolds import DORMANT, first_row, LEFT_OUT, Manifolds, POINTS, rows_in_use
+    LANES, lanes_in, largest_of, load, Mask, scatter, scatter_rows_1, scatter_rows_3, select,
+    spread, store)
+from rigid_sim_ros.engine.manifolds import (
+    DORMANT, first_row, LEFT_OUT, Manifolds, POINTS, rows_in_use)
 from rigid_sim_ros.engine.shapes import Materials, Shapes
 from rigid_sim_ros.engine.shifts import displacement, gap_now
 from rigid_sim_ros.engine.slots import ACROSS, is_by_number, SECOND, Sides
@@ -146,9 +148,9 @@ def _fetch_body(at: int, balls: bool, bodies: SolverBodies) -> None:
 
 @part
 def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Prediction, x: Array,
-                waits: IntArray, shapes: Shapes, materials: Materials, shifts: Array, shifted: bool,
-                share: float, bodies: SolverBodies, blocks: Blocks, fresh: IntArray,
-                notes: Array) -> None:
+                waits: IntArray, shapes: Shapes, materials: Materials, shifts: Array,
+                shifted: bool, share: float, bodies: SolverBodies, blocks: Blocks,
+                fresh: IntArray, notes: Array) -> None:
     """
     Bring manifolds of a region into its blocks, from the `first` on, and note how they are.
 
@@ -474,8 +476,8 @@ def _give_back(b: Array, acted: Three, rows: IntArray, prediction: Prediction,
     """
     Take the L that a pair gained from its bodies, in parts as the squares of their masses.
 
-    But not where the pair is held: the L of that is nothing that stays, and what a light body under
-    a heavy one gets turns it out of the load.
+    But not where the pair is held: the L of that is nothing that stays, and what a light body
+    under a heavy one gets turns it out of the load.
     """
     A, B = gather(bodies.total, at_A), gather(bodies.total, at_B)
     # From where the manifold was found, which is where its levers are those of one point.

@@ -25,6 +25,7 @@ from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.contact_qp import coefficients, disk, ENOUGH, GOAL, TOLERANCE
 from rigid_sim_ros.engine.contact_rows import disk_stiffness, Rows, sweep_rows, violation
 from rigid_sim_ros.engine.contacts import Contacts
+from rigid_sim_ros.engine.elimination import solve_linear
 from rigid_sim_ros.engine.kernel import kernel
 
 # While the division of the points lasts, 1 or 2 are enough.
@@ -146,49 +147,6 @@ def _solve_local(s: Array, width: int) -> bool:
 
 
 @kernel
-def _solve_linear(K: Array, x: Array, last: IntArray, effort: Array) -> bool:
-    """
-    Replace x by K^-1 x, destroying K, by elimination; return False if K is singular.
-
-    last, (n,), is scratch: the last entry of a row that is not 0. Bodies of which only neighbours
-    touch make a band. The multiplications are added to `effort`.
-    """
-    size = x.shape[0]
-    for i in range(size):
-        last[i] = size - 1
-        while last[i] > 0 and K[i, last[i]] == 0.0:
-            last[i] -= 1
-    for k in range(size):
-        p = k
-        for i in range(k + 1, size):
-            if abs(K[i, k]) > abs(K[p, k]):
-                p = i
-        if K[p, k] == 0.0:
-            return False
-        if p != k:
-            for j in range(k, max(last[k], last[p]) + 1):
-                K[k, j], K[p, j] = K[p, j], K[k, j]
-            x[k], x[p] = x[p], x[k]
-            last[k], last[p] = last[p], last[k]
-        end = last[k] + 1
-        effort[0] += size - k
-        for i in range(k + 1, size):
-            if K[i, k] != 0.0:
-                factor = K[i, k] / K[k, k]
-                last[i] = max(last[i], last[k])
-                for j in range(k + 1, end):
-                    K[i, j] -= factor * K[k, j]
-                x[i] -= factor * x[k]
-                effort[0] += end - k
-    for k in range(size - 1, -1, -1):
-        total = x[k]
-        for j in range(k + 1, last[k] + 1):
-            total -= K[k, j] * x[j]
-        x[k] = total / K[k, k]
-    return True
-
-
-@kernel
 def _add_point(rows: Rows, c: int, width: int, slot: IntArray, E: Array, y: Array, K: Array,
                p: Array) -> None:
     """Add G' E W' of point c to K, and G' y to p."""
@@ -234,7 +192,7 @@ def newton_step(rows: Rows, m: int, width: int, touched: int, f: Array, w: Newto
                 w.E[c, q, r] = w.local[q, width + r]
         _add_point(rows, c, width, w.slot, w.E, w.y, K, p)
     w.effort[0] += size * size + 1000 * m
-    if not _solve_linear(K, p, w.last, w.effort):
+    if not solve_linear(K, p, w.last, w.effort):
         return False
     for c in range(m):
         n = width * c

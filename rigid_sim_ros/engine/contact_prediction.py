@@ -83,8 +83,8 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
     """
     Bring the manifolds to the time in which they act.
 
-    waits (c,) becomes DORMANT where a pair does not meet as it moves, elsewhere ACTS. ahead and calm (s,) [m] are how far ahead
-    shapes look, and how far they would at rest.
+    waits (c,) becomes DORMANT where a pair does not meet as it moves, elsewhere ACTS. ahead and
+    calm (s,) [m] are how far ahead shapes look, and how far they would at rest.
     """
     first, count = rows_in_use(manifolds)
     for k in range(count):

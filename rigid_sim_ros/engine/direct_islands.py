@@ -30,10 +30,10 @@ MOST_BODIES, MOST_MANIFOLDS = 16, 48
 class Islands(NamedTuple):
     """Room for the islands of n bodies and c manifolds that are solved directly."""
 
-    count: IntArray  # (1,) how many there are
+    count: IntArray  # type: ignore[assignment]  # (1,) how many there are
     parent: IntArray  # (slots,) of 32 bits, a slot of the same island, its own at the root
     bodies: IntArray  # (slots,) of 32 bits, at the root: how many bodies there are
-    manifolds: IntArray  # (slots,) of 32 bits, at the root: how many manifolds; then the next place
+    manifolds: IntArray  # (slots,) of 32 bits, at the root: manifolds, then the next place
     held: IntArray  # (slots,) of 8 bits, at the root: 1 if something fixed is in contact with it
     heaviest: Array  # (slots,) [kg^-1] at the root: the inverse mass of the heaviest body
     lightest: Array  # (slots,) [kg^-1] at the root: of the lightest one
@@ -50,7 +50,8 @@ def make_islands(n: int, capacity: int) -> Islands:
         return found
 
     return Islands(integers(1), numbers(slots), numbers(slots), numbers(slots),
-                   room(slots, kind=np.int8), room(slots), room(slots), numbers(slots + 1), numbers(capacity))
+                   room(slots, kind=np.int8), room(slots), room(slots), numbers(slots + 1),
+                   numbers(capacity))
 
 
 def differ(inv_m: Array) -> bool:

@@ -21,11 +21,11 @@ import numpy as np
 from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.coloring import are_balls, Blocks, numbers_of, points_in, resists
 from rigid_sim_ros.engine.contact_blocks import (
-    ARM_A, ARM_B, axes, FRICTION, GAP, ABSENT, IMPULSE, J_A, J_B, LEVER_A, LEVER_B, MU, NORMAL,
+    ABSENT, ARM_A, ARM_B, axes, FRICTION, GAP, IMPULSE, J_A, J_B, LEVER_A, LEVER_B, MU, NORMAL,
     POINT, POINT_ROWS, RESTING, ROLL, ROLL_LEVER, S, SIZE, SPEED, SPIN, SPIN_LEVER, store_three, T,
     TOTAL, TOTAL_T, TURN_T)
 from rigid_sim_ros.engine.contact_rules import least_speed, Sweep
-from rigid_sim_ros.engine.direct_islands import MOST_BODIES, MOST_MANIFOLDS
+from rigid_sim_ros.engine.direct_islands import MOST_MANIFOLDS
 from rigid_sim_ros.engine.kernel import INDEX, kernel
 from rigid_sim_ros.engine.lanes import LANES, store
 from rigid_sim_ros.engine.solver_bodies import INV_I, INV_M, SolverBodies, STRIDE
@@ -60,7 +60,8 @@ def make_direct_rows(slots: int) -> DirectRows:
     return DirectRows(np.zeros((c, 2), dtype=np.int64), np.zeros(2 * c, dtype=np.int64),
                       np.full(slots, -1), np.zeros(each, dtype=np.int64), np.zeros((*each, 12)),
                       np.zeros((*each, 12)), np.zeros(each), np.zeros(each), np.zeros(each),
-                      np.zeros(each), np.zeros((2 * c, 7)), np.zeros((c, 3)), np.zeros(c), np.zeros(13 * LANES))
+                      np.zeros(each), np.zeros((2 * c, 7)), np.zeros((c, 3)), np.zeros(c),
+                      np.zeros(13 * LANES))
 
 
 @kernel

@@ -10,12 +10,13 @@ disk of radius r across it. So p solves
 
     F(p) = p - G' (P(f_0 - a(p) / R) - f_0) = 0,
 
-which is where the gradient of a convex function vanishes (Castro, Permenter, Han, An unconstrained
-convex formulation of compliant contact, IEEE Trans. Robotics 39 (2023), with other cones): Newton's
-method with a search along its direction gets there from anywhere. Two things are then brought up to
-date, and it begins again until nothing changes: f_0, so that nothing of the compliance is left (the
-method of multipliers: Rockafellar, SIAM J. Control Optim. 12 (1974)); and the radii r, the friction
-coefficients times the normal impulses (Haslinger, Math. Methods Appl. Sci. 5 (1983)).
+which is where the gradient of a convex function vanishes (Castro, Permenter, Han, An
+unconstrained convex formulation of compliant contact, IEEE Trans. Robotics 39 (2023), with other
+cones): Newton's method with a search along its direction gets there from anywhere. Two things are
+then brought up to date, and it begins again until nothing changes: f_0, so that nothing of the
+compliance is left (the method of multipliers: Rockafellar, SIAM J. Control Optim. 12 (1974)); and
+the radii r, the friction coefficients times the normal impulses (Haslinger, Math. Methods Appl.
+Sci. 5 (1983)).
 """
 
 from typing import NamedTuple
@@ -24,12 +25,12 @@ import numpy as np
 
 from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.coloring import Blocks
-from rigid_sim_ros.engine.contact_newton import _solve_linear
 from rigid_sim_ros.engine.contact_rules import Sweep
 from rigid_sim_ros.engine.direct_islands import (
     Islands, make_islands, MOST_BODIES, MOST_MANIFOLDS, stop_waiting)
 from rigid_sim_ros.engine.direct_rows import (
     ABOUT, DirectRows, make_direct_rows, read_island, ROLLS, SLIDE, WIDTH, write_island)
+from rigid_sim_ros.engine.elimination import solve_linear
 from rigid_sim_ros.engine.impacts import Impacts
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.solver_bodies import most_slots, SolverBodies
@@ -37,15 +38,15 @@ from rigid_sim_ros.engine.solver_bodies import most_slots, SolverBodies
 # R in parts of the diagonal of A = W G'. Smaller: less is left for the next round, and rounding
 # of p, 1e-16 / COMPLIANCE, for more steps of this one.
 COMPLIANCE = 1e-8
-# A rate this near to its law is right, in sizes of a shape per substep: a hundredth of what SETTLED
-# is to sweeps.
+# A rate this near to its law is right, in sizes of a shape per substep: a hundredth of what
+# SETTLED is to sweeps.
 GOAL = 1e-11
 # At most so many rounds, steps of Newton's method in one, and trials along the direction of one.
 ROUNDS, STEPS, TRIALS = 50, 20, 60
 # The slope at the end of a search, as a part of that at its begin.
 FLAT = 0.1
-# A violation that changes by less than this part of it in a round stays: normals that are not quite
-# in one plane, all of which press.
+# A violation that changes by less than this part of it in a round stays: four corners that are not
+# quite in one plane, all of which press.
 STUCK = 1e-3
 
 
@@ -66,7 +67,6 @@ class Direct(NamedTuple):
     E: Array  # (9, 9) the derivative of P / R of one manifold
     wish: Array  # (2,) f_0 - a / R of a disk
     effort: Array  # (1,)
-    worst: Array  # (2,) violation of last solve, rounds
 
 
 def make_direct(n: int, capacity: int) -> Direct:
@@ -76,13 +76,13 @@ def make_direct(n: int, capacity: int) -> Direct:
                   np.zeros((c, WIDTH)), np.zeros((c, 3)), np.zeros(6 * b), np.zeros((c, WIDTH)),
                   np.zeros(6 * b), np.zeros(6 * b),
                   np.zeros(6 * b), np.zeros(36 * b * b), np.zeros(6 * b, dtype=np.int64),
-                  np.zeros((WIDTH, WIDTH)), np.zeros(2), np.zeros(1), np.zeros(4))
+                  np.zeros((WIDTH, WIDTH)), np.zeros(2), np.zeros(1))
 
 
 @kernel
 def solve_islands(blocks: Blocks, bodies: SolverBodies, what: Sweep, impacts: Impacts,
                   work: Direct) -> None:
-    """Find the impulses of forces of all islands; of an impact of those in which anything waits."""
+    """Find the impulses of all islands; those of an impact only where anything waits."""
     islands = work.islands
     for island in range(islands.count[0]):
         if not what.forces and not stop_waiting(blocks, islands, island, impacts):
@@ -103,12 +103,10 @@ def _solve(count: int, moving: int, inv_h: float, work: Direct) -> None:
     for c in range(count):
         goal = min(goal, GOAL * inv_h * rows.size[c])
     best = last = np.inf
-    for turn in range(ROUNDS):
+    for _ in range(ROUNDS):
         _begin_round(count, work)
         steps = _minimize(count, moving, 0.1 * goal, work)
         worst = _violation(count, work)
-        work.worst[2] = max(work.worst[2], turn + 1)
-        work.worst[3] += steps
         if worst < best:
             best = worst
             _keep(count, moving, work)
@@ -116,8 +114,6 @@ def _solve(count: int, moving: int, inv_h: float, work: Direct) -> None:
         if best <= goal or steps == 0 or stuck:
             break
     _take(count, moving, work)
-    if best > goal:
-        work.worst[0], work.worst[1] = max(work.worst[0], best), work.worst[1] + 1.0
 
 
 @kernel
@@ -180,7 +176,7 @@ def _newton_step(count: int, moving: int, work: Direct) -> bool:
             K[i, j] = 1.0 if i == j else 0.0
     for c in range(count):
         _add_manifold(c, K, work)
-    if not _solve_linear(K, step, work.last, work.effort):
+    if not solve_linear(K, step, work.last, work.effort):
         return False
     slope = _slope(moving, work)
     if not slope < 0.0:

@@ -32,9 +32,9 @@ from rigid_sim_ros.engine.contact_filling import (
 from rigid_sim_ros.engine.contact_prediction import Prediction
 from rigid_sim_ros.engine.contact_rules import SETTLED, Sweep
 from rigid_sim_ros.engine.contact_sweep import note_left, separate, visit_block
-from rigid_sim_ros.engine.free_flight import fly_free
 from rigid_sim_ros.engine.direct_islands import find_islands
 from rigid_sim_ros.engine.direct_solve import Direct, solve_islands
+from rigid_sim_ros.engine.free_flight import fly_free
 from rigid_sim_ros.engine.impacts import (
     drift_blocks, end_impacts, excuse_approaches, find_approaching, forget_excuses, Impacts,
     make_impacts, pass_on, TURNS, visit_waiting)
@@ -109,8 +109,8 @@ def solve_contacts(to: int, to_store: int, to_direct: int, box: Any, desk: IntAr
     Advance all bodies by one step, those with a slot in `work.bodies` with contacts.
 
     `flight` is scratch for `fly_free`. `to` is the address of a kernel that calls `do_stage` with
-    REGIONS * stage + region, `to_store` that of one that calls `store_half`, `to_direct` that of one
-    that calls `do_direct_stage`, or 0. What is across waits for both halves.
+    REGIONS * stage + region, `to_store` that of one that calls `store_half`, `to_direct` that of
+    one that calls `do_direct_stage`, or 0. What is across waits for both halves.
     """
     notes, halved = work.notes, work.sides.cut.halved[0] == 1
     # Whatever an earlier step had in regions that this one does not have.
@@ -182,7 +182,8 @@ def _in_all(to: int, box: Any, desk: IntArray, halved: bool, stage: int) -> None
 
 
 @kernel
-def _solve_impacts(to: int, to_direct: int, box: Any, desk: IntArray, halved: bool, notes: Array) -> None:
+def _solve_impacts(to: int, to_direct: int, box: Any, desk: IntArray, halved: bool,
+                   notes: Array) -> None:
     """Visit what approaches, and what that reaches, until nothing waits."""
     for _ in range(TURNS):
         _directly(to_direct, box, STRIKE)

@@ -324,7 +324,9 @@ def _pieces(model: Model, shapes: Shapes, materials: Materials, settings: Timest
             _collide if (materials.restitution > 0.0).any() else None, _solve,
             _add_forces if model.forces.kind.shape[0] > 0 else None,
             _sleep if settings.sleep_steps > 0 else None,
-            _share if helped else None, _solve_directly if differ(model.inv_m) else None], set() if searched else {_TO_SEARCH}
+            _share if helped else None,
+            _solve_directly if differ(model.inv_m) else None,
+            ], set() if searched else {_TO_SEARCH}
 
 
 @apart

@@ -52,7 +52,7 @@ def overlaps(scene, steps: int) -> np.ndarray:
 
 
 def test_666_balls_hardly_overlap():
-    # They fall at 8 m/s at most, 33 mm in a step; the best other engine lets them overlap by 2.9 mm.
+    # They fall at 8 m/s at most, 33 mm in a step; in the best other engine they overlap by 2.9 mm.
     assert overlaps(falling_balls(H), 1200).max() < 2.9e-3
 
 

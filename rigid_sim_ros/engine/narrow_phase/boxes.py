@@ -23,7 +23,7 @@ from rigid_sim_ros.engine.narrow_phase.reduce import reduce_to_four
 # where both axes are near.
 PREFERENCE = 2e-3
 # And edges, a single point, by this fraction of an overlap of faces, which several points bear: at
-# a small tilt either axis may be the shallower one, and impulses are not handed from one to others.
+# a small tilt either may be the shallower axis, and impulses are not handed from one to the other.
 PREFERENCE_IN_OVERLAP = 0.1
 # Corners that stand out over the other box's face by less than this fraction of its half extent
 # count as lying on it: boxes of equal size on top of each other meet corner to corner.
