@@ -22,7 +22,7 @@ from rigid_sim_ros.engine.lanes import LANES
 from rigid_sim_ros.engine.solver_bodies import INV_M, most_slots, slots_of, SolverBodies, STRIDE
 
 # Masses that differ more are for the direct solution.
-RATIO = 100.0
+RATIO = 30.0
 # Of an island: more bodies or manifolds are swept, whatever their masses.
 MOST_BODIES, MOST_MANIFOLDS = 16, 48
 
