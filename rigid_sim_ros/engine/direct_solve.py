@@ -38,11 +38,10 @@ from rigid_sim_ros.engine.solver_bodies import most_slots, SolverBodies
 # R in parts of the diagonal of A = W G'. Smaller: less is left for the next round, and rounding
 # of p, 1e-16 / COMPLIANCE, for more steps of this one.
 COMPLIANCE = 1e-8
-# A rate this near to its law is right, in sizes of a shape per substep: a hundredth of what
-# SETTLED is to sweeps.
-GOAL = 1e-11
+# A rate this near to its law is right, in sizes of a shape per substep: what SETTLED is to sweeps.
+GOAL = 1e-9
 # At most so many rounds, steps of Newton's method in one, and trials along the direction of one.
-ROUNDS, STEPS, TRIALS = 50, 20, 60
+ROUNDS, STEPS, TRIALS = 15, 20, 60
 # The slope at the end of a search, as a part of that at its begin.
 FLAT = 0.1
 # A violation that changes by less than this part of it in a round stays: four corners that are not
