@@ -3,11 +3,10 @@
 """
 How the tests are shared out among processes, the workers of pytest-xdist.
 
-A file stays in one worker, so that what its tests share is made once. All tests in a browser stay
-in one worker too and share the browser. Each worker that starts ROS has a domain of its own.
+A file stays in one worker (`--dist=loadfile`), so that what its tests share is made once. Each
+worker that starts ROS has a domain of its own, and each that opens pages a browser.
 """
 
-from collections.abc import Sequence
 import os
 from pathlib import Path
 import subprocess
@@ -31,15 +30,6 @@ def workers(config: pytest.Config) -> int:
     if all('.py' in argument for argument in config.args):
         return 0
     return min(_MOST, len(os.sched_getaffinity(0)) + 1)
-
-
-def group(items: Sequence[pytest.Item]) -> None:
-    """Say which tests stay together."""
-    for item in items:
-        if item.get_closest_marker('xdist_group') is None:
-            in_browser = 'browser' in getattr(item, 'fixturenames', ())
-            name = 'browser' if in_browser else item.path.relative_to(ROOT).as_posix()
-            item.add_marker(pytest.mark.xdist_group(name))
 
 
 def has_long_form(item: pytest.Item) -> bool:
