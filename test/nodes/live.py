@@ -145,6 +145,8 @@ class Probe:
         self._stopped = True
         self._executor.wake()
         self._thread.join(PATIENCE)
+        # As long as the executor knows it, the node and its subscriptions stay in the domain.
+        self._executor.shutdown()
         self.node.destroy_node()
 
     def _spin(self) -> None:
