@@ -55,9 +55,18 @@ _FEW_PICTURES = """
   window.requestAnimationFrame = (callback) => setTimeout(() => draw(callback), 150);
   window.cancelAnimationFrame = clearTimeout;
 """
+# What the page hears of as of something typed: its framework overrides the setter of the element.
+_REPLACE = """(element, text) => {
+  const setter = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set;
+  element.focus();
+  setter.call(element, text);
+  element.dispatchEvent(new Event('input', {bubbles: true}));
+}"""
 _PANEL = 360        # px at the right that the controls cover
 _LEAST = 30         # px: smaller spots are edges, not bodies
-_HUE = 25           # degrees to either side that are still this colour
+_HUE = 30           # degrees to either side that are still this colour, in light and in shade
+_SAME = 10          # pictures in a row in which what rests is in the same place
+_STILL = 0.5        # px by which it may seem to move
 _NARROW_HUE = 9     # the same where another colour is near
 _DARK = 125         # of 255, in each of red, green and blue: letters of few pixels
 _COLORLESS = 25     # of 255, between the strongest and the weakest of the three
@@ -150,8 +159,24 @@ class Page:
 
     def spot(self, hue: int) -> tuple[float, float]:
         """Wait for the only spot of a colour and return its middle."""
-        self.wait_for(lambda: len(self.spots(hue)) == 1, f'one spot of hue {hue}')
-        return self.spots(hue)[0]
+        def only() -> list[tuple[float, float]]:
+            found = self.spots(hue)
+            return found if len(found) == 1 else []
+
+        middle: tuple[float, float] = self.wait_for(only, f'one spot of hue {hue}')[0]
+        return middle
+
+    def resting_spot(self, hue: int) -> tuple[float, float]:
+        """Wait until the only spot of a colour stays where it is and return its middle."""
+        seen: list[tuple[float, float]] = []
+
+        def rests() -> bool:
+            seen.append(self.spot(hue))
+            last = np.array(seen[-_SAME:])
+            return len(last) == _SAME and float(np.ptp(last, axis=0).max()) < _STILL
+
+        self.wait_for(rests, f'the spot of hue {hue} to stay where it is')
+        return seen[-1]
 
     def counts(self) -> tuple[int, int, int]:
         """Return how many red, green and magenta bodies are in view."""
@@ -194,6 +219,15 @@ class Page:
         self._send()
         field.fill(f'{number:g}')
         field.press('Enter')
+
+    def replace_text(self, field: Any, text: str) -> None:
+        """
+        Put a text in place of what a field holds, in one step.
+
+        `fill` of Playwright selects first and types then: what the page itself puts into the field
+        in between is not selected, and stays.
+        """
+        field.evaluate(_REPLACE, text)
 
     def _send(self) -> None:
         # All inputs of viser's page share one timer: of what is done within 50 ms the first is
