@@ -101,7 +101,7 @@ def simulate(
         text = str(value).lower() if isinstance(value, bool) else str(value)
         ros += ['-p', f'{key}:={text}']
     return Process(
-        [sys.executable, '-m', 'rigid_sim_ros.nodes.simulate', scene, *words, *ros], log,
+        [sys.executable, '-m', 'rigid_sim_ros.programs', 'simulate', scene, *words, *ros], log,
         cwd=folder)
 
 
@@ -267,8 +267,8 @@ def start_ros() -> None:
     os.environ['ROS_DOMAIN_ID'] = str(free_domain())
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     # The kernels compile at their first use, which takes longer than any patience below.
-    subprocess.run([sys.executable, '-m', 'rigid_sim_ros.nodes.simulate', '--duration', '0.001'],
-                   cwd=ROOT, check=True)
+    subprocess.run([sys.executable, '-m', 'rigid_sim_ros.programs', 'simulate', '--duration',
+                    '0.001'], cwd=ROOT, check=True)
     rclpy.init()
 
 

@@ -36,8 +36,8 @@ def replay(
     for key, value in parameters.items():
         text = str(value).lower() if isinstance(value, bool) else str(value)
         ros += ['-p', f'{key}:={text}']
-    return Process([sys.executable, '-m', 'rigid_sim_ros.nodes.replay.node', str(bag), *words,
-                    *ros], folder / 'process')
+    return Process([sys.executable, '-m', 'rigid_sim_ros.programs', 'replay', str(bag),
+                    *words, *ros], folder / 'process')
 
 
 @contextmanager

@@ -137,7 +137,7 @@ def test_a_bad_parameter_is_one_line_and_code_2(ros, tmp_path, scene, parameters
     ['--ros-args', '--params-file', '/nowhere/p.yaml'],
 ])
 def test_wrong_usage_is_one_line_and_code_2(ros, tmp_path, words):
-    command = [sys.executable, '-m', 'rigid_sim_ros.nodes.simulate', *words]
+    command = [sys.executable, '-m', 'rigid_sim_ros.programs', 'simulate', *words]
     assert complaint(Process(command, tmp_path)).startswith('rigid_sim: ')
 
 

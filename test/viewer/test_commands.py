@@ -38,7 +38,7 @@ def test_the_page_of_a_run_knows_the_name_of_its_node(ros_args, name):
     assert name_of(ros_args) == name
 
 
-@pytest.mark.parametrize('program', ['rigid_sim_ros', 'rigid_sim_ros.nodes.view'])
+@pytest.mark.parametrize('program', ['rigid_sim_ros', 'rigid_sim_ros.programs'])
 @pytest.mark.parametrize(('words', 'said'), [
     (['no_such_bag'], 'no_such_bag does not exist'),
     (['--host', '192.0.2.1'], 'must be an address of this machine'),
@@ -47,8 +47,7 @@ def test_the_page_of_a_run_knows_the_name_of_its_node(ros_args, name):
     (['--no-such-option'], '--no-such-option'),
 ])
 def test_what_cannot_be_done_is_one_line(program, words, said):
-    command = [program, 'view'] if program == 'rigid_sim_ros' else [program]
-    result = run(*command, *words)
+    result = run(program, 'view', *words)
     assert result.returncode == 2
     assert said in result.stderr
     assert len(result.stderr.splitlines()) == 1
