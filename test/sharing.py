@@ -17,19 +17,20 @@ import pytest
 ROOT = Path(__file__).parent
 # Workers at most: each takes half a gigabyte of memory, and there are not that many long files.
 _MOST = 4
-# What takes longest begins first; it waits more than it works, so that others get on beside it.
-_FIRST = ('viewer', 'nodes')
+# What is told apart so that files of all kinds run side by side: browsers draw, nodes mostly wait,
+# and the others calculate.
+_KINDS = ('viewer', 'nodes')
 
 
 def workers(config: pytest.Config) -> int:
     """
     Return how many workers to start: none, that is this process, for files named one by one.
 
-    Else one more than there are cores: tests of nodes and of the page wait more than they work.
+    Else two more than there are cores: tests of nodes wait more than they work.
     """
     if all('.py' in argument for argument in config.args):
         return 0
-    return min(_MOST, len(os.sched_getaffinity(0)) + 1)
+    return min(_MOST, len(os.sched_getaffinity(0)) + 2)
 
 
 def has_long_form(item: pytest.Item) -> bool:
@@ -38,10 +39,17 @@ def has_long_form(item: pytest.Item) -> bool:
     return is_property or item.get_closest_marker('long') is not None
 
 
-def place(item: pytest.Item) -> int:
-    """Return how early a test has its turn, 0 for the first ones."""
-    folder = item.path.relative_to(ROOT).parts[0]
-    return _FIRST.index(folder) if folder in _FIRST else len(_FIRST)
+def mix(items: list[pytest.Item]) -> None:
+    """Sort files so that those of each kind come one after the other in turn."""
+    counts: dict[int, int] = {}
+    turns: dict[Path, tuple[int, int]] = {}
+    for item in items:
+        if item.path not in turns:
+            folder = item.path.relative_to(ROOT).parts[0]
+            kind = _KINDS.index(folder) if folder in _KINDS else len(_KINDS)
+            turns[item.path] = counts.get(kind, 0), kind
+            counts[kind] = turns[item.path][0] + 1
+    items.sort(key=lambda item: turns[item.path])
 
 
 def compile_for_all(config: pytest.Config) -> None:
