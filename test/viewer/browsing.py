@@ -4,7 +4,6 @@
 from collections.abc import Callable
 import io
 from pathlib import Path
-import sys
 import time
 from typing import Any
 
@@ -52,7 +51,7 @@ _SIZE = 700, 400    # px
 _COARSE = '/?fixedDpr=0.5'
 _FEW_PICTURES = """
   const draw = window.requestAnimationFrame.bind(window);
-  window.requestAnimationFrame = (callback) => setTimeout(() => draw(callback), 150);
+  window.requestAnimationFrame = (callback) => setTimeout(() => draw(callback), 350);
   window.cancelAnimationFrame = clearTimeout;
 """
 # What the page hears of as of something typed: its framework overrides the setter of the element.
@@ -65,6 +64,7 @@ _REPLACE = """(element, text) => {
 _PANEL = 360        # px at the right that the controls cover
 _LEAST = 30         # px: smaller spots are edges, not bodies
 _HUE = 30           # degrees to either side that are still this colour, in light and in shade
+_LOOK = 200         # ms between two looks at a condition: each may need a picture
 _SAME = 10          # pictures in a row in which what rests is in the same place
 _STILL = 0.5        # px by which it may seem to move
 _NARROW_HUE = 9     # the same where another colour is near
@@ -82,7 +82,7 @@ def scene_file(folder: Path, text: str = SCENE) -> Path:
 
 def view(folder: Path, *words: str) -> Process:
     """Start `rigid_sim view`."""
-    return Process([sys.executable, '-m', 'rigid_sim_ros', 'view', *words], folder)
+    return Process(['rigid_sim', 'view', *words], folder, is_forked=True)
 
 
 class Page:
@@ -123,7 +123,7 @@ class Page:
         end = time.monotonic() + PATIENCE
         while not (value := condition()):
             assert time.monotonic() < end, f'waited {PATIENCE} s for {what}'
-            self.page.wait_for_timeout(100)
+            self.page.wait_for_timeout(_LOOK)
         return value
 
     def spots(self, hue: int) -> list[tuple[float, float]]:
