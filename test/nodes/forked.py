@@ -70,6 +70,6 @@ def _run(words: Sequence[str], out: Path, err: Path, cwd: Path,
     os.environ.update(environment)
     name, *rest = words
     sys.argv = [name, *rest]
-    # What holds a daemon of multiprocessing back from processes of its own.
+    # A daemon may not start processes, and the page of a bag verifies it in one.
     multiprocessing.current_process()._config['daemon'] = False
     start(name)
