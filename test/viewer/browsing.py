@@ -118,12 +118,16 @@ class Page:
     def close(self) -> None:
         self.page.close()
 
-    def wait_for(self, condition: Callable[[], Any], what: str) -> Any:
-        """Wait until the condition is true and return its value; the page lives on meanwhile."""
+    def wait_for(self, condition: Callable[[], Any], what: str, look: int = _LOOK) -> Any:
+        """
+        Wait until the condition is true and return its value; the page lives on meanwhile.
+
+        `look` [ms] is how long it does so between two looks.
+        """
         end = time.monotonic() + PATIENCE
         while not (value := condition()):
             assert time.monotonic() < end, f'waited {PATIENCE} s for {what}'
-            self.page.wait_for_timeout(_LOOK)
+            self.page.wait_for_timeout(look)
         return value
 
     def spots(self, hue: int) -> list[tuple[float, float]]:

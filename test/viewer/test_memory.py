@@ -61,7 +61,7 @@ def draw(page: Page, told: Told, pictures: int) -> None:
         told.turn()
         return bool(page.page.evaluate(_PICTURES) >= end)
 
-    page.wait_for(is_drawn, f'{pictures} pictures')
+    page.wait_for(is_drawn, f'{pictures} pictures', look=50)
 
 
 def held(page: Page) -> Counter[str]:
