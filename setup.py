@@ -13,9 +13,9 @@ HERE = Path(__file__).resolve().parent    # --symlink-install runs a link to thi
 # where `ros2 run` looks, and wrong on everybody's PATH. colcon and bloom run `setup.py install` or
 # `develop`, and setup.cfg sends the scripts there; pip builds a wheel, whose scripts go to bin/.
 ROS_EXECUTABLES = [
-    'replay = rigid_sim_ros.nodes.replay.node:main',
-    'simulate = rigid_sim_ros.nodes.simulate:main',
-    'view = rigid_sim_ros.nodes.view:main',
+    'replay = rigid_sim_ros.programs:replay',
+    'simulate = rigid_sim_ros.programs:simulate',
+    'view = rigid_sim_ros.programs:view',
 ]
 FOR_ROS = bool({'develop', 'install'} & set(sys.argv))
 
@@ -97,7 +97,7 @@ setup(
     },
     entry_points={
         'console_scripts': [
-            'rigid_sim = rigid_sim_ros.cli:main',
+            'rigid_sim = rigid_sim_ros.programs:rigid_sim',
             *(ROS_EXECUTABLES if FOR_ROS else []),
         ],
     },

@@ -185,7 +185,8 @@ def start_time(scene: Path) -> float:
     executor = EventsExecutor()
     executor.add_node(node)
     begun = time.monotonic()
-    process = subprocess.Popen([sys.executable, '-m', 'rigid_sim_ros.nodes.simulate', str(scene)])
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'rigid_sim_ros.programs', 'simulate', str(scene)])
     while not received and process.poll() is None:
         executor.spin_once(timeout_sec=0.1)
     taken = time.monotonic() - begun

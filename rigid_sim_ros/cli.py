@@ -19,7 +19,7 @@ from rigid_sim_ros.environment import check_engine, EnvironmentProblem
 from rigid_sim_ros.options import (
     Commands, duration_option, examples, NodeCommand, record_option, scene_argument, Seconds, Size)
 from rigid_sim_ros.scene.errors import SceneError
-from rigid_sim_ros.signals import INTERRUPTED
+from rigid_sim_ros.signals import ended_by_ctrl_c, INTERRUPTED
 from rigid_sim_ros.viewer import is_installed, NEEDED
 
 # What a user can mend: wrong usage, a bad scene, a missing installation.
@@ -121,7 +121,8 @@ def _check_viewer() -> None:
 def _import_node(command: str, name: str) -> Any:
     """Return a module of `nodes`; a ClickException where no ROS is installed."""
     try:
-        return import_module(f'rigid_sim_ros.nodes.{name}')
+        with ended_by_ctrl_c():
+            return import_module(f'rigid_sim_ros.nodes.{name}')
     except ImportError as error:
         if (error.name or '').startswith('rigid_sim_ros'):
             raise

@@ -8,7 +8,9 @@ can go wrong there: a system that hands the signal to another thread does not wa
 that waits, and an event that the main thread is just waiting for cannot be set by itself. So the
 handlers do nothing, and a thread that hears of signals through a socket sets the event.
 """
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+import os
 import signal
 import socket
 import threading
@@ -65,3 +67,22 @@ def stop_on_signals(stopped: Stop) -> Callable[[], None]:
         heard.close()
 
     return restore
+
+
+@contextmanager
+def ended_by_ctrl_c() -> Iterator[None]:
+    """
+    Let Ctrl-C end this process at once in the block, which does nothing but import.
+
+    KeyboardInterrupt would not always come out of an import: Python calls functions of its own
+    meanwhile whose exceptions it prints and ignores. A handler that somebody has set stays.
+    """
+    if threading.current_thread() is not threading.main_thread() or (
+            signal.getsignal(signal.SIGINT) is not signal.default_int_handler):
+        yield
+        return
+    signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -56,8 +56,7 @@ def pytest_collection_modifyitems(
         others = [item for item in items if not sharing.has_long_form(item)]
         config.hook.pytest_deselected(items=others)
         items[:] = filter(sharing.has_long_form, items)
-    items.sort(key=sharing.place)
-    sharing.group(items)
+    sharing.mix(items)
     for item in items:
         if 'ros' in getattr(item, 'fixturenames', ()):
             item.add_marker(pytest.mark.flaky(reruns=1, only_rerun='AssertionError: waited '))

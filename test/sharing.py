@@ -3,11 +3,10 @@
 """
 How the tests are shared out among processes, the workers of pytest-xdist.
 
-A file stays in one worker, so that what its tests share is made once. All tests in a browser stay
-in one worker too and share the browser. Each worker that starts ROS has a domain of its own.
+A file stays in one worker (`--dist=loadfile`), so that what its tests share is made once. Each
+worker that starts ROS has a domain of its own, and each that opens pages a browser.
 """
 
-from collections.abc import Sequence
 import os
 from pathlib import Path
 import subprocess
@@ -18,28 +17,20 @@ import pytest
 ROOT = Path(__file__).parent
 # Workers at most: each takes half a gigabyte of memory, and there are not that many long files.
 _MOST = 4
-# What takes longest begins first; it waits more than it works, so that others get on beside it.
-_FIRST = ('viewer', 'nodes')
+# What is told apart so that files of all kinds run side by side: browsers draw, nodes mostly wait,
+# and the others calculate.
+_KINDS = ('viewer', 'nodes')
 
 
 def workers(config: pytest.Config) -> int:
     """
     Return how many workers to start: none, that is this process, for files named one by one.
 
-    Else one more than there are cores: tests of nodes and of the page wait more than they work.
+    Else two more than there are cores: tests of nodes wait more than they work.
     """
     if all('.py' in argument for argument in config.args):
         return 0
-    return min(_MOST, len(os.sched_getaffinity(0)) + 1)
-
-
-def group(items: Sequence[pytest.Item]) -> None:
-    """Say which tests stay together."""
-    for item in items:
-        if item.get_closest_marker('xdist_group') is None:
-            in_browser = 'browser' in getattr(item, 'fixturenames', ())
-            name = 'browser' if in_browser else item.path.relative_to(ROOT).as_posix()
-            item.add_marker(pytest.mark.xdist_group(name))
+    return min(_MOST, len(os.sched_getaffinity(0)) + 2)
 
 
 def has_long_form(item: pytest.Item) -> bool:
@@ -48,10 +39,17 @@ def has_long_form(item: pytest.Item) -> bool:
     return is_property or item.get_closest_marker('long') is not None
 
 
-def place(item: pytest.Item) -> int:
-    """Return how early a test has its turn, 0 for the first ones."""
-    folder = item.path.relative_to(ROOT).parts[0]
-    return _FIRST.index(folder) if folder in _FIRST else len(_FIRST)
+def mix(items: list[pytest.Item]) -> None:
+    """Sort files so that those of each kind come one after the other in turn."""
+    counts: dict[int, int] = {}
+    turns: dict[Path, tuple[int, int]] = {}
+    for item in items:
+        if item.path not in turns:
+            folder = item.path.relative_to(ROOT).parts[0]
+            kind = _KINDS.index(folder) if folder in _KINDS else len(_KINDS)
+            turns[item.path] = counts.get(kind, 0), kind
+            counts[kind] = turns[item.path][0] + 1
+    items.sort(key=lambda item: turns[item.path])
 
 
 def compile_for_all(config: pytest.Config) -> None:

@@ -24,6 +24,7 @@ MAY_IMPORT = {
     'cli': LOWER | {'bag_commands', 'environment', 'nodes', 'options', 'plots', 'precompile',
                     'render', 'report', 'signals', 'viewer', 'warm_up'},
     'environment': set(),
+    'programs': {'signals'},
     'options': {'scene'},
     'bag_commands': LOWER | {'report', 'warm_up'},
     'plots': LOWER,

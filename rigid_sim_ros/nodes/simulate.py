@@ -274,7 +274,3 @@ def main(args: Sequence[str] | None = None) -> int:
     if options.duration is not None and not 0.0 < options.duration < float('inf'):
         parser.error(f'argument --duration: {options.duration} s, must be > 0 and finite')
     return run(options.scene, duration=options.duration, record=options.record, ros_args=words)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

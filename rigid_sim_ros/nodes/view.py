@@ -50,7 +50,3 @@ def main(args: Sequence[str] | None = None) -> int:
             return complain(str(error))
     return run(options.node, host=options.host, port=options.port, rate=options.rate,
                begins=options.begin, ros_args=words)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

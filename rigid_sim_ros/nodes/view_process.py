@@ -30,7 +30,7 @@ def viewing(ros_args: Sequence[str]) -> Iterator[None]:
     """Show in a page what the node does that is run in the block; the first page lets it begin."""
     # In this process the page would take the interpreter away from the step thread.
     page = subprocess.Popen(
-        [sys.executable, '-m', 'rigid_sim_ros.nodes.view', '--begin', '--node',
+        [sys.executable, '-m', 'rigid_sim_ros.programs', 'view', '--begin', '--node',
          name_of(ros_args)])
     try:
         yield

@@ -20,6 +20,7 @@ from typing import Any
 import warnings
 
 from free import free_domain
+from nodes.forked import Fork
 from rcl_interfaces.srv import SetParameters
 import rclpy
 from rclpy.experimental import EventsExecutor
@@ -38,6 +39,7 @@ SILENCE = 5.0
 DEEP = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
 
 ROOT = Path(__file__).parents[2]
+PROGRAMS = [sys.executable, '-m', 'rigid_sim_ros.programs']
 
 
 class Process:
@@ -45,13 +47,18 @@ class Process:
 
     def __init__(
         self, command: Sequence[str], folder: Path, stdin: int = subprocess.DEVNULL,
-        cwd: Path = ROOT,
+        cwd: Path = ROOT, *, is_forked: bool = False,
     ) -> None:
+        """Start a command, or fork the program of the package that its first word names."""
         folder.mkdir(parents=True, exist_ok=True)
         self._out, self._err = folder / 'stdout', folder / 'stderr'
+        self._process: subprocess.Popen[bytes] | Fork
         with self._out.open('wb') as out, self._err.open('wb') as err:
-            self._process = subprocess.Popen(
-                command, stdin=stdin, stdout=out, stderr=err, cwd=cwd)
+            if is_forked:
+                self._process = Fork(command, self._out, self._err, cwd)
+            else:
+                self._process = subprocess.Popen(
+                    command, stdin=stdin, stdout=out, stderr=err, cwd=cwd)
 
     @property
     def stderr(self) -> str:
@@ -82,7 +89,7 @@ class Process:
             self.signal(signal.SIGINT)
             try:
                 self._process.wait(PATIENCE)
-            except subprocess.TimeoutExpired:
+            except (subprocess.TimeoutExpired, TimeoutError):
                 self._process.kill()
                 self._process.wait()
 
@@ -93,16 +100,20 @@ _RUNNING: list[Process] = []
 
 def simulate(
     log: Path, scene: str, *, name: str = 'rigid_sim', words: Sequence[str] = (),
-    folder: Path = ROOT, **parameters: Any,
+    folder: Path = ROOT, is_forked: bool = True, **parameters: Any,
 ) -> Process:
-    """Start the node in a folder, with a scene file or name, further words, and parameters."""
+    """
+    Start the node in a folder, with a scene file or name, further words, and parameters.
+
+    If it is not forked, it starts as for a user and imports all that it needs.
+    """
     ros = ['--ros-args', '-r', f'__node:={name}']
     for key, value in parameters.items():
         text = str(value).lower() if isinstance(value, bool) else str(value)
         ros += ['-p', f'{key}:={text}']
-    return Process(
-        [sys.executable, '-m', 'rigid_sim_ros.nodes.simulate', scene, *words, *ros], log,
-        cwd=folder)
+    start = [] if is_forked else PROGRAMS
+    return Process([*start, 'simulate', scene, *words, *ros], log, cwd=folder,
+                   is_forked=is_forked)
 
 
 @contextmanager
@@ -145,6 +156,8 @@ class Probe:
         self._stopped = True
         self._executor.wake()
         self._thread.join(PATIENCE)
+        # As long as the executor knows it, the node and its subscriptions stay in the domain.
+        self._executor.shutdown()
         self.node.destroy_node()
 
     def _spin(self) -> None:
@@ -265,8 +278,7 @@ def start_ros() -> None:
     os.environ['ROS_DOMAIN_ID'] = str(free_domain())
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     # The kernels compile at their first use, which takes longer than any patience below.
-    subprocess.run([sys.executable, '-m', 'rigid_sim_ros.nodes.simulate', '--duration', '0.001'],
-                   cwd=ROOT, check=True)
+    subprocess.run([*PROGRAMS, 'simulate', '--duration', '0.001'], cwd=ROOT, check=True)
     rclpy.init()
 
 

@@ -5,7 +5,6 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-import sys
 from typing import Any
 
 from nodes.live import DEEP, kept, PATIENCE, Probe, Process
@@ -36,8 +35,7 @@ def replay(
     for key, value in parameters.items():
         text = str(value).lower() if isinstance(value, bool) else str(value)
         ros += ['-p', f'{key}:={text}']
-    return Process([sys.executable, '-m', 'rigid_sim_ros.nodes.replay.node', str(bag), *words,
-                    *ros], folder / 'process')
+    return Process(['replay', str(bag), *words, *ros], folder / 'process', is_forked=True)
 
 
 @contextmanager

@@ -40,9 +40,14 @@ def pace(probe):
 def test_the_real_time_factor_follows_its_parameter(probe, sim):
     for factor in (0.2, 3.0):
         assert probe.set_parameter('real_time_factor', factor).successful
-        values = pace(probe)
-        assert float(values['real-time factor wanted']) == factor
-        assert factor / 2 < float(values['real-time factor']) < factor * 1.5
+
+        def follows(factor: float = factor) -> bool:
+            """On a machine that has no time for the node, it does so later."""
+            values = pace(probe)
+            assert float(values['real-time factor wanted']) == factor
+            return factor / 2 < float(values['real-time factor']) < factor * 1.5
+
+        probe.wait_for(follows, f'a pace of about {factor}')
 
 
 def test_factor_0_is_as_fast_as_possible(probe, sim):

@@ -35,7 +35,7 @@ def complaint(process):
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_the_node_cleanly(probe, tmp_path, scene, number):
-    with running(tmp_path, scene, name=f'sim_{number}') as process:
+    with running(tmp_path, scene, name=f'sim_{number}', is_forked=False) as process:
         probe.some(MultiDOFJointState, f'/sim_{number}/state')
         process.signal(number)
         assert process.wait() == 0
@@ -46,7 +46,7 @@ def test_a_signal_ends_the_node_cleanly(probe, tmp_path, scene, number):
 def test_a_signal_ends_the_node_while_it_compiles(ros, tmp_path, monkeypatch, scene, number):
     cache = tmp_path / 'cache'
     monkeypatch.setenv('NUMBA_CACHE_DIR', str(cache))
-    process = simulate(tmp_path, scene)
+    process = simulate(tmp_path, scene, is_forked=False)
     # The first kernels are in the cache, and the last ones are not for a good while.
     while len(kept_kernels := [*cache.rglob('*.nbc')]) < 3:
         assert process.is_running(), process.stderr
@@ -59,14 +59,14 @@ def test_a_signal_ends_the_node_while_it_compiles(ros, tmp_path, monkeypatch, sc
 
 
 def test_a_signal_to_any_thread_ends_the_node(probe, tmp_path, scene):
-    with running(tmp_path, scene, name='sim_thread') as process:
+    with running(tmp_path, scene, name='sim_thread', is_forked=False) as process:
         probe.some(MultiDOFJointState, '/sim_thread/state')
         process.signal_other_thread(signal.SIGINT)
         assert process.wait() == 0
 
 
 def test_a_signal_ends_the_node_while_it_is_paused(probe, tmp_path, scene):
-    with running(tmp_path, scene) as process:
+    with running(tmp_path, scene, is_forked=False) as process:
         probe.pause(True)
         process.signal(signal.SIGTERM)
         assert process.wait() == 0
@@ -84,7 +84,7 @@ def test_a_signal_ends_the_node_between_long_steps(probe, tmp_path):
 
 
 def test_the_node_ends_after_its_duration(tmp_path, scene):
-    process = simulate(tmp_path, scene, words=['--duration', '0.2'])
+    process = simulate(tmp_path, scene, words=['--duration', '0.2'], is_forked=False)
     assert process.wait() == 0
 
 
@@ -137,16 +137,16 @@ def test_a_bad_parameter_is_one_line_and_code_2(ros, tmp_path, scene, parameters
     ['--ros-args', '--params-file', '/nowhere/p.yaml'],
 ])
 def test_wrong_usage_is_one_line_and_code_2(ros, tmp_path, words):
-    command = [sys.executable, '-m', 'rigid_sim_ros.nodes.simulate', *words]
-    assert complaint(Process(command, tmp_path)).startswith('rigid_sim: ')
+    process = Process(['simulate', *words], tmp_path, is_forked=True)
+    assert complaint(process).startswith('rigid_sim: ')
 
 
 @pytest.mark.parametrize('words', [
     ['--bogus'], ['-p', 'nonsense'], ['--params-file', '/nowhere/p.yaml'],
 ])
 def test_a_wrong_argument_of_ros_to_the_command_is_one_line_and_code_2(ros, tmp_path, words):
-    command = [sys.executable, '-m', 'rigid_sim_ros', 'run', '--ros-args', *words]
-    assert complaint(Process(command, tmp_path)).startswith('rigid_sim: ')
+    process = Process(['rigid_sim', 'run', '--ros-args', *words], tmp_path, is_forked=True)
+    assert complaint(process).startswith('rigid_sim: ')
 
 
 def test_the_command_runs_the_node(probe, tmp_path, scene):

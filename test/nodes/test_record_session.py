@@ -126,7 +126,7 @@ def test_it_comes_out_again_to_the_bit(session):
 def test_everything_that_happened_is_in_it(session):
     assert {event.kind for event in events_of(session)} == {
         'apply_wrench', 'cancel_wrenches', 'set_pose', 'set_twist', 'reset', 'pause', 'resume',
-        'step', 'speed', 'parameter', 'end'}
+        'step', 'speed', 'parameter', 'written', 'end'}
 
 
 def test_it_lies_in_several_files_and_has_no_gap(session):

@@ -66,7 +66,7 @@ def chatter(tmp_path):
 ])
 def test_wrong_usage_is_one_line_and_code_2(ros, tmp_path, chatter, words, expected) -> None:
     words = [str(chatter) if word == 'A' else word for word in words]
-    process = Process([*COMMAND, *words], tmp_path / 'process')
+    process = Process(['rigid_sim', 'replay', *words], tmp_path / 'process', is_forked=True)
     line = complaint(process)
     assert expected in line
     assert process.stderr.splitlines() == [line]

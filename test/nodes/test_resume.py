@@ -107,9 +107,9 @@ def test_the_clock_goes_on_and_new_wrenches_take_the_place_of_the_old(probe, ses
 
 def test_parameters_are_those_of_the_session_unless_others_are_given(ros, session, tmp_path):
     first, second = tmp_path / 'first', tmp_path / 'second'
-    command = [sys.executable, '-m', 'rigid_sim_ros.nodes.simulate', 't_handle', '--duration',
-               '0.3', '--record', str(first), '--ros-args', '-p', 'frame_id:=map', '-p',
-               'publish_rate:=50.0', '-p', 'real_time_factor:=0.0']
+    command = [sys.executable, '-m', 'rigid_sim_ros.programs', 'simulate', 't_handle',
+               '--duration', '0.3', '--record', str(first), '--ros-args', '-p', 'frame_id:=map',
+               '-p', 'publish_rate:=50.0', '-p', 'real_time_factor:=0.0']
     with kept(Process(command, tmp_path / 'log')) as process:
         assert process.wait() == 0
     command = [sys.executable, '-m', 'rigid_sim_ros', 'resume', str(first), '--at', '0.2',

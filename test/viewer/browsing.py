@@ -4,7 +4,6 @@
 from collections.abc import Callable
 import io
 from pathlib import Path
-import sys
 import time
 from typing import Any
 
@@ -52,12 +51,22 @@ _SIZE = 700, 400    # px
 _COARSE = '/?fixedDpr=0.5'
 _FEW_PICTURES = """
   const draw = window.requestAnimationFrame.bind(window);
-  window.requestAnimationFrame = (callback) => setTimeout(() => draw(callback), 150);
+  window.requestAnimationFrame = (callback) => setTimeout(() => draw(callback), 350);
   window.cancelAnimationFrame = clearTimeout;
 """
+# What the page hears of as of something typed: its framework overrides the setter of the element.
+_REPLACE = """(element, text) => {
+  const setter = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set;
+  element.focus();
+  setter.call(element, text);
+  element.dispatchEvent(new Event('input', {bubbles: true}));
+}"""
 _PANEL = 360        # px at the right that the controls cover
 _LEAST = 30         # px: smaller spots are edges, not bodies
-_HUE = 25           # degrees to either side that are still this colour
+_HUE = 30           # degrees to either side that are still this colour, in light and in shade
+_LOOK = 200         # ms between two looks at a condition: each may need a picture
+_SAME = 10          # pictures in a row in which what rests is in the same place
+_STILL = 0.5        # px by which it may seem to move
 _NARROW_HUE = 9     # the same where another colour is near
 _DARK = 125         # of 255, in each of red, green and blue: letters of few pixels
 _COLORLESS = 25     # of 255, between the strongest and the weakest of the three
@@ -73,7 +82,7 @@ def scene_file(folder: Path, text: str = SCENE) -> Path:
 
 def view(folder: Path, *words: str) -> Process:
     """Start `rigid_sim view`."""
-    return Process([sys.executable, '-m', 'rigid_sim_ros', 'view', *words], folder)
+    return Process(['rigid_sim', 'view', *words], folder, is_forked=True)
 
 
 class Page:
@@ -109,12 +118,16 @@ class Page:
     def close(self) -> None:
         self.page.close()
 
-    def wait_for(self, condition: Callable[[], Any], what: str) -> Any:
-        """Wait until the condition is true and return its value; the page lives on meanwhile."""
+    def wait_for(self, condition: Callable[[], Any], what: str, look: int = _LOOK) -> Any:
+        """
+        Wait until the condition is true and return its value; the page lives on meanwhile.
+
+        `look` [ms] is how long it does so between two looks.
+        """
         end = time.monotonic() + PATIENCE
         while not (value := condition()):
             assert time.monotonic() < end, f'waited {PATIENCE} s for {what}'
-            self.page.wait_for_timeout(100)
+            self.page.wait_for_timeout(look)
         return value
 
     def spots(self, hue: int) -> list[tuple[float, float]]:
@@ -150,8 +163,24 @@ class Page:
 
     def spot(self, hue: int) -> tuple[float, float]:
         """Wait for the only spot of a colour and return its middle."""
-        self.wait_for(lambda: len(self.spots(hue)) == 1, f'one spot of hue {hue}')
-        return self.spots(hue)[0]
+        def only() -> list[tuple[float, float]]:
+            found = self.spots(hue)
+            return found if len(found) == 1 else []
+
+        middle: tuple[float, float] = self.wait_for(only, f'one spot of hue {hue}')[0]
+        return middle
+
+    def resting_spot(self, hue: int) -> tuple[float, float]:
+        """Wait until the only spot of a colour stays where it is and return its middle."""
+        seen: list[tuple[float, float]] = []
+
+        def rests() -> bool:
+            seen.append(self.spot(hue))
+            last = np.array(seen[-_SAME:])
+            return len(last) == _SAME and float(np.ptp(last, axis=0).max()) < _STILL
+
+        self.wait_for(rests, f'the spot of hue {hue} to stay where it is')
+        return seen[-1]
 
     def counts(self) -> tuple[int, int, int]:
         """Return how many red, green and magenta bodies are in view."""
@@ -194,6 +223,15 @@ class Page:
         self._send()
         field.fill(f'{number:g}')
         field.press('Enter')
+
+    def replace_text(self, field: Any, text: str) -> None:
+        """
+        Put a text in place of what a field holds, in one step.
+
+        `fill` of Playwright selects first and types then: what the page itself puts into the field
+        in between is not selected, and stays.
+        """
+        field.evaluate(_REPLACE, text)
 
     def _send(self) -> None:
         # All inputs of viser's page share one timer: of what is done within 50 ms the first is

@@ -21,11 +21,6 @@ from viewer.browsing import Page, scene_file
 from rigid_sim_ros.nodes.view_process import name_of
 
 
-def run(*words):
-    return subprocess.run([sys.executable, '-m', *words], capture_output=True, text=True,
-                          cwd=ROOT, check=False, timeout=300)
-
-
 @pytest.mark.parametrize(('ros_args', 'name'), [
     ([], '/rigid_sim'),
     (['--ros-args', '-r', '__node:=lab'], '/lab'),
@@ -38,7 +33,7 @@ def test_the_page_of_a_run_knows_the_name_of_its_node(ros_args, name):
     assert name_of(ros_args) == name
 
 
-@pytest.mark.parametrize('program', ['rigid_sim_ros', 'rigid_sim_ros.nodes.view'])
+@pytest.mark.parametrize('program', [['rigid_sim', 'view'], ['view']])
 @pytest.mark.parametrize(('words', 'said'), [
     (['no_such_bag'], 'no_such_bag does not exist'),
     (['--host', '192.0.2.1'], 'must be an address of this machine'),
@@ -46,12 +41,11 @@ def test_the_page_of_a_run_knows_the_name_of_its_node(ros_args, name):
     (['--rate', '0'], 'must be > 0'),
     (['--no-such-option'], '--no-such-option'),
 ])
-def test_what_cannot_be_done_is_one_line(program, words, said):
-    command = [program, 'view'] if program == 'rigid_sim_ros' else [program]
-    result = run(*command, *words)
-    assert result.returncode == 2
-    assert said in result.stderr
-    assert len(result.stderr.splitlines()) == 1
+def test_what_cannot_be_done_is_one_line(tmp_path, program, words, said):
+    process = Process([*program, *words], tmp_path, is_forked=True)
+    assert process.wait() == 2
+    assert said in process.stderr
+    assert len(process.stderr.splitlines()) == 1
 
 
 @pytest.mark.parametrize('start', [

@@ -44,7 +44,7 @@ def told(server: PageServer) -> Told:
 @pytest.fixture(scope='module')
 def page(told: Told, server: PageServer, browser: Any) -> Iterator[Page]:
     """Give the page with all that can be switched on, and the charts in view."""
-    page = Page(browser, f'http://127.0.0.1:{server.get_port()}', draws_all=True)
+    page = Page(browser, f'http://127.0.0.1:{server.get_port()}', (500, 300), draws_all=True)
     for overlay in OVERLAYS:
         page.switch(overlay)
     page.click_on(page.page.get_by_role('tab', name='Charts'))
@@ -61,7 +61,7 @@ def draw(page: Page, told: Told, pictures: int) -> None:
         told.turn()
         return bool(page.page.evaluate(_PICTURES) >= end)
 
-    page.wait_for(is_drawn, f'{pictures} pictures')
+    page.wait_for(is_drawn, f'{pictures} pictures', look=50)
 
 
 def held(page: Page) -> Counter[str]:

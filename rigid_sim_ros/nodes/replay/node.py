@@ -229,7 +229,3 @@ def main(args: Sequence[str] | None = None) -> int:
         return complain(ros_text(error))
     options = vars(parser.parse_args(own_words))
     return run(options.pop('bag'), ros_args=words, **options)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

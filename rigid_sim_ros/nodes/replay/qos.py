@@ -13,6 +13,7 @@ from rclpy.qos import (
     DurabilityPolicy, HistoryPolicy, LivelinessPolicy, QoSPolicyKind, QoSProfile,
     ReliabilityPolicy)
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
+from rclpy.validate_topic_name import validate_topic_name
 from ruamel.yaml import YAML, YAMLError
 
 from rigid_sim_ros.bag.offered_qos import (
@@ -77,8 +78,9 @@ def make_publisher(node: Node, message: type, name: str, qos: QoSProfile) -> Pub
     Make a publisher with a profile that parameters of the node may override.
 
     They are ROS's `qos_overrides.TOPIC.publisher.POLICY`. ParameterError for a value that no
-    publisher can have.
+    publisher can have, InvalidTopicNameException for a name that no topic can have.
     """
+    validate_topic_name(name)
     begin = f'{_PREFIX}.{node.resolve_topic_name(name)}.publisher.'
     kinds = [_POLICIES[word] for given in given_names(node) if given.startswith(begin)
              if (word := given.removeprefix(begin)) in _POLICIES]
