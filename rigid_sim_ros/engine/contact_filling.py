@@ -339,7 +339,8 @@ def _copy_point(b: Array, p: int, n: Three, rows: IntArray, manifolds: Manifolds
     first = p * manifolds.gap.shape[1]
     r_A = gather_rows_3(manifolds.r_A, rows, 3, 3 * first)
     (gap,) = gather_rows_1(manifolds.gap, rows, 1, first)
-    (then,) = gather_rows_1(prediction.gap, rows, 1, first)
+    # There may be more room for predictions than for manifolds.
+    (then,) = gather_rows_1(prediction.gap, rows, 1, p * prediction.gap.shape[1])
     (impulse,) = gather_rows_1(manifolds.impulse, rows, 1, first)
     there, point = present > p, POINT + p * POINT_ROWS
     half = select(there, 0.5 * select(given, then, gap), 0.0)
