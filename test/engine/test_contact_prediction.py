@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros.engine.inertia import MassProperties
-from rigid_sim_ros.engine.manifolds import slice_in_use
+from rigid_sim_ros.engine.manifolds import ACTS, DORMANT, slice_in_use
 from rigid_sim_ros.engine.rotation_in_python import rotate
 from rigid_sim_ros.engine.shapes import Material
 
@@ -17,7 +17,7 @@ NO_GRAVITY = (0.0, 0.0, 0.0)
 
 @pytest.mark.parametrize('beside, stops', [(0.002, False), (-0.004, True)],
                          ids=['passes', 'meets'])
-def test_what_passes_an_edge_within_a_step_is_left_out(beside, stops):
+def test_what_passes_an_edge_within_a_step_is_dormant(beside, stops):
     # The nearest way between the cubes is across their edges, and along it they close by 0.1 m.
     start = np.array((0.6 + beside, 0.0, 0.62))
     fixed = box((1.0, 1.0, 1.0), 1.0)._replace(mass=None)
@@ -26,13 +26,28 @@ def test_what_passes_an_edge_within_a_step_is_left_out(beside, stops):
     scene.step()
     rows = slice_in_use(scene.manifolds())
     assert rows.stop - rows.start == 1
-    assert scene.work.collision.waits[rows].tolist() == [0 if stops else 1]
+    assert scene.work.collision.waits[rows].tolist() == [ACTS if stops else DORMANT]
     if stops:
         assert scene.v[2, 1] > -9.9
     else:
         assert scene.v[:, 1].tolist() == [0.0, 0.0, -10.0]
         assert scene.state.x[:, 1] == pytest.approx(start - (0.0, 0.0, 0.1), abs=1e-15)
         assert (scene.state.L[:, 1] == 0.0).all()
+
+
+def test_what_an_impact_sends_against_a_neighbour_stops_there_within_the_step():
+    # The second ball is at rest, 1 mm from the wall: nothing meets as it moves but the first two.
+    r, h = 0.1, 0.01
+    balls = [ball(r, 1.0, position=(x, 0.0, 0.0), velocity=(v, 0.0, 0.0))
+             for x, v in ((-0.25, 10.0), (0.0, 0.0))]
+    wall = box((0.2, 1.0, 1.0), 1.0, position=(r + 0.001 + 0.1, 0.0, 0.0))._replace(mass=None)
+    scene = TimestepScene([wall, *balls], Material(friction=0.0), h, NO_GRAVITY)
+    scene.step()
+    rows = slice_in_use(scene.manifolds())
+    assert sorted(scene.work.collision.waits[rows].tolist()) == [ACTS, DORMANT]
+    # Both would move on by up to 5 m/s for 5 ms, 25 mm.
+    assert scene.state.x[0, 2] == pytest.approx(0.001, abs=1e-4)
+    assert scene.v[0, 1:] == pytest.approx([0.0, 0.0], abs=0.2)
 
 
 def test_what_meets_within_a_step_has_the_normal_of_that_moment():

@@ -15,8 +15,8 @@ from rigid_sim_ros.engine.shapes import BOX, CAPSULE, CYLINDER, HULL, SPHERE
 
 PAIRS = list(product(CONVEX, CONVEX))
 # Polyhedra, spheres and capsules are exact to rounding. For a cylinder the search ends when it
-# gains less than 1e-10 of the size, 1 m here.
-EXACT, ROUND = 1e-13, 1e-9
+# gains less than 1e-10 of the size, 1 m here; a few dozen such gains may be left.
+EXACT, ROUND = 1e-13, 5e-9
 
 
 def tolerance(names):
@@ -154,9 +154,11 @@ def test_a_manifold_exists_exactly_when_shapes_are_nearer_than_the_margin(names,
     for row in rows:
         assert np.linalg.norm(row['normal']) == pytest.approx(1.0, abs=1e-14)
         # The deepest point shows the depth: to the preference for faces of a box, 2e-3 of 0.2 m,
-        # and what a corner may stand out or a rim be cut, 1e-3 of the size.
+        # and what a corner may stand out or a rim be cut, 1e-3 of the size. Edges of two boxes
+        # have to be better by a tenth of the depth of their faces.
         if gap < 0.0:
-            assert row['gap'].min() == pytest.approx(gap, abs=1e-3)
+            deepest = gap / 0.9 if names == ('box', 'box') else gap
+            assert deepest - 1e-3 < row['gap'].min() < gap + 1e-3
 
 
 @examples(200)
