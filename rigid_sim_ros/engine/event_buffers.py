@@ -63,6 +63,7 @@ class Buffers(NamedTuple):
     work: Work
     bodies: Bodies
     then: Array  # (n, 6) velocities at the end of a span
+    assumed: Array  # (n, 3) accelerations for which the levers are right
     loads: Loads  # of the contacts
     still: Loads  # zeros
     pose: Array  # (s, 12)
@@ -91,7 +92,7 @@ def make_buffers(bodies: int, shapes: int) -> Buffers:
 
     c = 64
     return Buffers(whole(16), np.zeros(5), make_work(bodies), make_bodies(bodies),
-                   np.zeros((bodies, 6)),
+                   np.zeros((bodies, 6)), np.zeros((bodies, 3)),
                    empty_loads(bodies), empty_loads(bodies), unplaced(shapes),
                    make_contacts(c), whole(2, c), np.zeros((c, 6)), whole(c), whole(c),
                    np.zeros(c), whole(c, 3), make_room(4, 6), make_rows(16, 48, bodies),

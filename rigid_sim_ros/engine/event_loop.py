@@ -27,7 +27,7 @@ from rigid_sim_ros.engine.event_buffers import (
     EventSettings, FRESH, KNOWN, LEFT, MEET, MORE_CONTACTS, MORE_FORCES, MORE_MANIFOLDS,
     MORE_MEMORY, MORE_PAIRS, MORE_ROOM, MORE_ROWS, NEEDED, PUSHED, RESIDUAL, REST, SETTLE, SPAN,
     STAGE, STEPS, STUCK, TOUCHED, TRAVEL, UNSOLVED, WIDTH, WORST)
-from rigid_sim_ros.engine.event_move import load, move
+from rigid_sim_ros.engine.event_move import load, move, shift_levers
 from rigid_sim_ros.engine.impulse import collide_all, resting_speed, STILL
 from rigid_sim_ros.engine.integrate import sum_loads
 from rigid_sim_ros.engine.kernel import kernel
@@ -58,6 +58,7 @@ ROUGH = 1e-4
 # Points of a problem that OSQP is asked for where sweeps and Newton's method do not do; for more
 # it takes too long.
 FOR_OSQP = 8
+LEVERS = 3  # times that forces are found again for the levers that follow from them
 PUSH_SWEEPS = 30  # over the points, for displacements: what they leave is for the next step
 
 
@@ -423,7 +424,32 @@ def _balance(model: Model, state: State, shapes: Shapes, memory: Memory, setting
     known = _recall(model, contacts, chosen, width, carried, w.count[KNOWN], rows.f)
     w.number[WORST] = solve_rows(rows, m, width, w.count[TOUCHED], FEW_STEPS if known else 0,
                                  _effort_left(model, w), w.newton)
+    _lever_again(model, m, span, w)
     return STUCK if w.number[WORST] > TOLERANCE and m <= FOR_OSQP else DONE
+
+
+@kernel
+def _lever_again(model: Model, m: int, span: float, w: Buffers) -> None:
+    """
+    Find the forces again with the levers that bodies have which move under them.
+
+    Both forces of a pair act at one point only with the levers of where the centres really are
+    in the middle of the span. A shift after the forces are known would be a torque that nothing
+    balances: below a load of R times its weight a light body would turn by R times as much.
+    """
+    rows, width = w.rows, w.count[WIDTH]
+    for c in range(m):
+        for side in range(2):
+            for i in range(3):
+                w.assumed[rows.body[c, side], i] = 0.0
+    for _ in range(LEVERS):
+        apply_forces(rows, m, width, rows.f)
+        shifted = shift_levers(model, w.contacts, w.bodies, w.chosen[:m], rows.z, span, w.assumed)
+        if not shifted:
+            return
+        write_rows(model, w.contacts, w.bodies, w.chosen[:m], width, COMPLIANCE, rows)
+        w.number[WORST] = solve_rows(rows, m, width, w.count[TOUCHED], FEW_STEPS,
+                                     _effort_left(model, w), w.newton)
 
 
 @kernel
@@ -493,7 +519,8 @@ def _travel(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, memo
         for i in range(width):
             w.impulses[chosen[c], i] += t * f[width * c + i]
     _record(model, current(memory), w.contacts, w.impulses)
-    move(model, state, wrenches, w.contacts, w.bodies, chosen, width, f, w.loads, w.work, until, t)
+    move(model, state, wrenches, w.contacts, w.bodies, chosen, width, f, w.loads, w.work,
+         w.assumed, until, t)
     _take_back(model, state, w)
     w.number[LEFT] = left - t if which >= 0 or t < left else 0.0
     _next_span(model, t, which, w)

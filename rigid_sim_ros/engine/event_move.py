@@ -16,6 +16,10 @@ from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.wrenches import Wrenches
 
+# Of the smaller shape: levers that move by less are as they were. A shift of that turns a body
+# under a load of R times its weight by less than R 1e-14 g / size in the square of a second.
+ROUNDING = 1e-14
+
 
 @kernel
 def load(model: Model, contacts: Contacts, chosen: IntArray, width: int, f: Array, loads: Loads,
@@ -44,18 +48,18 @@ def load(model: Model, contacts: Contacts, chosen: IntArray, width: int, f: Arra
 
 @kernel
 def move(model: Model, state: State, wrenches: Wrenches, contacts: Contacts, bodies: Bodies,
-         chosen: IntArray, width: int, f: Array, loads: Loads, work: Work, span: float,
-         t: float) -> None:
+         chosen: IntArray, width: int, f: Array, loads: Loads, work: Work, assumed: Array,
+         span: float, t: float) -> None:
     """
     Kick, drift, kick for t [s] like `integrate.symplectic`, with constant contact forces f.
 
-    Takes the loads that `load` wrote, with levers of the middle of the span [s] as `bodies` would
-    move without forces.
+    Takes the loads that `load` wrote, with levers of the middle of the span [s] as `bodies` move
+    with the accelerations `assumed`, (n, 3).
     """
     kick(state, work.loads, 0.5 * t)
     fly(model, state, (0.0, 0.0, 0.0), t, np.int64(1), work.block)
     move_kinematic(model, state, t)
-    _meet_again(model, state, contacts, bodies, chosen, width, f, span, t)
+    _meet_again(model, state, contacts, bodies, chosen, width, f, assumed, span, t)
     kick(state, work.loads, 0.5 * t)
     for j in range(model.m.shape[0]):  # what is left are the loads without contacts
         for i in range(3):
@@ -68,15 +72,46 @@ def move(model: Model, state: State, wrenches: Wrenches, contacts: Contacts, bod
 
 
 @kernel
+def shift_levers(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArray, z: Array,
+                 span: float, assumed: Array) -> bool:
+    """
+    Bring levers to where the centres are in the middle of the span [s] under contact forces.
+
+    z, (n, 6), are the accelerations by these alone; `assumed`, (n, 3), those for which the levers
+    are right so far, and then those that bodies have. A body that begins with v is, with kick,
+    drift, kick, at x + span / 2 (v + a span / 2) in the middle of its way. Returns whether any
+    lever moved by more than rounding.
+    """
+    shifted = False
+    for k in chosen:
+        a, b = contacts.body_a[k], contacts.body_b[k]
+        w_A, w_B = model.inv_m[a], model.inv_m[b]
+        if w_A == 0.0 or w_B == 0.0:
+            continue
+        for i in range(3):
+            now = bodies.acceleration[b, i] + z[b, i] - bodies.acceleration[a, i] - z[a, i]
+            apart = 0.25 * span * span * (now - (assumed[b, i] - assumed[a, i]))
+            contacts.r_A[k, i] += w_B / (w_A + w_B) * apart
+            contacts.r_B[k, i] -= w_A / (w_A + w_B) * apart
+            shifted = shifted or abs(apart) > ROUNDING * contacts.size[k]
+    for k in chosen:
+        for side in range(2):
+            j = contacts.body_a[k] if side == 0 else contacts.body_b[k]
+            for i in range(3):
+                assumed[j, i] = bodies.acceleration[j, i] + z[j, i]
+    return shifted
+
+
+@kernel
 def _meet_again(model: Model, state: State, contacts: Contacts, bodies: Bodies, chosen: IntArray,
-                width: int, f: Array, span: float, t: float) -> None:
+                width: int, f: Array, assumed: Array, span: float, t: float) -> None:
     """
     Let -F on A and F on B act at one point, after a drift of t [s].
 
     The change t F of the momenta keeps the angular momentum of both if it acts at one place p with
     the levers p - (x_0 + x_1) / 2. Those of `contacts` are from where the centres were expected to
-    be in the middle. Where these are off by d_A and d_B, p becomes p + s,
-    s = (w_A d_A + w_B d_B) / (w_A + w_B) with w = 1 / M.
+    be in the middle; they are elsewhere where the way ends before the span. Where these are off by
+    d_A and d_B, p becomes p + s, s = (w_A d_A + w_B d_B) / (w_A + w_B) with w = 1 / M.
     """
     for c in range(chosen.shape[0]):
         k, at = chosen[c], width * c
@@ -85,15 +120,21 @@ def _meet_again(model: Model, state: State, contacts: Contacts, bodies: Bodies, 
         if w_A == 0.0 or w_B == 0.0:
             continue
         F = to_world(contacts, k, (f[at], f[at + 1], f[at + 2]))
-        v = bodies.velocity
         # d_B - d_A; the momenta are still those of the drift.
-        apart = (0.5 * (t * (w_B * state.P[0, b] - w_A * state.P[0, a])
-                        - span * (v[b, 0] - v[a, 0])),
-                 0.5 * (t * (w_B * state.P[1, b] - w_A * state.P[1, a])
-                        - span * (v[b, 1] - v[a, 1])),
-                 0.5 * (t * (w_B * state.P[2, b] - w_A * state.P[2, a])
-                        - span * (v[b, 2] - v[a, 2])))
+        apart = (_off(model, state, bodies, assumed, a, b, 0, span, t),
+                 _off(model, state, bodies, assumed, a, b, 1, span, t),
+                 _off(model, state, bodies, assumed, a, b, 2, span, t))
         turning = cross(apart, F)
         for i in range(3):
             state.L[i, a] -= t * (w_B / (w_A + w_B) * turning[i])  # s - d_A
             state.L[i, b] -= t * (w_A / (w_A + w_B) * turning[i])  # s - d_B, against `apart`
+
+
+@kernel
+def _off(model: Model, state: State, bodies: Bodies, assumed: Array, a: int, b: int, i: int,
+         span: float, t: float) -> float:
+    """Return how much farther [m] B is from A in the middle of the way than expected, axis i."""
+    moved = t * (model.inv_m[b] * state.P[i, b] - model.inv_m[a] * state.P[i, a])
+    expected = span * (bodies.velocity[b, i] - bodies.velocity[a, i]
+                       + 0.5 * span * (assumed[b, i] - assumed[a, i]))
+    return 0.5 * (moved - expected)
