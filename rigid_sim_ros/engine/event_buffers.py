@@ -76,6 +76,7 @@ class Buffers(NamedTuple):
     bounced: IntArray  # (p, 3) two bodies and how often they collided in this step
     room: Room  # for the largest block
     rows: Rows  # of the chosen points
+    eased: Array  # (r,) rates that the compliance had and that were taken back
     newton: Newton
     pushed: Loads  # momenta that only displace, for the time of a span
     pairs: IntArray  # (p, 2) that may meet
@@ -96,7 +97,7 @@ def make_buffers(bodies: int, shapes: int) -> Buffers:
                    empty_loads(bodies), empty_loads(bodies), unplaced(shapes),
                    make_contacts(c), whole(2, c), np.zeros((c, 6)), whole(c), whole(c),
                    np.zeros(c), whole(c, 3), make_room(4, 6), make_rows(16, 48, bodies),
-                   make_newton(16, 48, 4, bodies), empty_loads(bodies), whole(c, 2), np.zeros(c),
+                   np.zeros(48), make_newton(16, 48, 4, bodies), empty_loads(bodies), whole(c, 2), np.zeros(c),
                    np.zeros((2, shapes)), whole(shapes))
 
 
@@ -112,7 +113,7 @@ def more_rows(buffers: Buffers, rows: int, touched: int) -> Buffers:
     """Return buffers with room for a problem with twice as many rows, of so many bodies."""
     r, bodies = max(2 * rows, len(buffers.rows.b)), len(buffers.then)
     s = max(touched + touched // 2, len(buffers.newton.p) // 6)
-    return buffers._replace(rows=make_rows(r // 3, r, bodies),
+    return buffers._replace(rows=make_rows(r // 3, r, bodies), eased=np.zeros(r),
                             newton=make_newton(r // 3, r, s, bodies))
 
 

@@ -58,7 +58,7 @@ ROUGH = 1e-4
 # Points of a problem that OSQP is asked for where sweeps and Newton's method do not do; for more
 # it takes too long.
 FOR_OSQP = 8
-LEVERS = 3  # times that forces are found again for the levers that follow from them
+AGAIN = 10  # times at most that forces are found again for what follows from them
 PUSH_SWEEPS = 30  # over the points, for displacements: what they leave is for the next step
 
 
@@ -424,30 +424,48 @@ def _balance(model: Model, state: State, shapes: Shapes, memory: Memory, setting
     known = _recall(model, contacts, chosen, width, carried, w.count[KNOWN], rows.f)
     w.number[WORST] = solve_rows(rows, m, width, w.count[TOUCHED], FEW_STEPS if known else 0,
                                  _effort_left(model, w), w.newton)
-    _lever_again(model, m, span, w)
+    _solve_again(model, m, span, w)
     return STUCK if w.number[WORST] > TOLERANCE and m <= FOR_OSQP else DONE
 
 
 @kernel
-def _lever_again(model: Model, m: int, span: float, w: Buffers) -> None:
+def _solve_again(model: Model, m: int, span: float, w: Buffers) -> None:
     """
-    Find the forces again with the levers that bodies have which move under them.
+    Find the forces again for what follows from them, as long as that changes them.
 
-    Both forces of a pair act at one point only with the levers of where the centres really are
+    Levers: both forces of a pair act at one point only with those of where the centres really are
     in the middle of the span. A shift after the forces are known would be a torque that nothing
     balances: below a load of R times its weight a light body would turn by R times as much.
+
+    Compliance: points give way with give f, COMPLIANCE R g below such a load. Where that is more
+    than TOLERANCE it is taken back from b, which leaves give (f - f') with the forces f' of the
+    time before (the proximal point algorithm: Rockafellar, Monotone operators and the proximal
+    point algorithm, SIAM J. Control Optim. 14 (1976)).
     """
     rows, width = w.rows, w.count[WIDTH]
     for c in range(m):
         for side in range(2):
             for i in range(3):
                 w.assumed[rows.body[c, side], i] = 0.0
-    for _ in range(LEVERS):
+    size = 0.0
+    for i in range(width * m):
+        w.eased[i] = 0.0
+        size = max(size, abs(rows.b[i]))
+    for _ in range(AGAIN):
         apply_forces(rows, m, width, rows.f)
         shifted = shift_levers(model, w.contacts, w.bodies, w.chosen[:m], rows.z, span, w.assumed)
-        if not shifted:
+        yields = 0.0
+        for i in range(width * m):
+            yields = max(yields, abs(rows.give[i] * rows.f[i] - w.eased[i]))
+        if not shifted and yields <= TOLERANCE * size:
             return
-        write_rows(model, w.contacts, w.bodies, w.chosen[:m], width, COMPLIANCE, rows)
+        if shifted:
+            write_rows(model, w.contacts, w.bodies, w.chosen[:m], width, COMPLIANCE, rows)
+        if yields > TOLERANCE * size:
+            for i in range(width * m):
+                now = rows.give[i] * rows.f[i]
+                rows.b[i] -= now - w.eased[i]
+                w.eased[i] = now
         w.number[WORST] = solve_rows(rows, m, width, w.count[TOUCHED], FEW_STEPS,
                                      _effort_left(model, w), w.newton)
 
