@@ -422,52 +422,61 @@ def _balance(model: Model, state: State, shapes: Shapes, memory: Memory, setting
         w.count[DEEP] = 1
     write_rows(model, contacts, w.bodies, chosen, width, COMPLIANCE, rows)
     known = _recall(model, contacts, chosen, width, carried, w.count[KNOWN], rows.f)
-    w.number[WORST] = solve_rows(rows, m, width, w.count[TOUCHED], FEW_STEPS if known else 0,
-                                 _effort_left(model, w), w.newton)
-    _solve_again(model, m, span, w)
+    _solve_with_levers(model, m, FEW_STEPS if known else 0, span, w)
     return STUCK if w.number[WORST] > TOLERANCE and m <= FOR_OSQP else DONE
 
 
 @kernel
-def _solve_again(model: Model, m: int, span: float, w: Buffers) -> None:
+def _solve(model: Model, m: int, width: int, steps: int, w: Buffers) -> None:
     """
-    Find the forces again for what follows from them, as long as that changes them.
+    Find the forces of the first m points from what stands there, whatever they have to carry.
 
-    Levers: both forces of a pair act at one point only with those of where the centres really are
-    in the middle of the span. A shift after the forces are known would be a torque that nothing
+    Points give way with give f, COMPLIANCE R g below a load of R times a body's weight. Where that
+    is more than TOLERANCE it is taken back from b, which leaves give (f - f') with the forces f'
+    of the time before (the proximal point algorithm: Rockafellar, Monotone operators and the
+    proximal point algorithm, SIAM J. Control Optim. 14 (1976)).
+    """
+    rows, size = w.rows, 0.0
+    for i in range(width * m):
+        size = max(size, abs(rows.b[i]))
+    w.number[WORST] = solve_rows(rows, m, width, w.count[TOUCHED], steps, _effort_left(model, w),
+                                 w.newton)
+    for _ in range(AGAIN):
+        yields = 0.0
+        for i in range(width * m):
+            yields = max(yields, abs(rows.give[i] * rows.f[i] - w.eased[i]))
+        if yields <= TOLERANCE * size:
+            return
+        for i in range(width * m):
+            now = rows.give[i] * rows.f[i]
+            rows.b[i] -= now - w.eased[i]
+            w.eased[i] = now
+        w.number[WORST] = solve_rows(rows, m, width, w.count[TOUCHED], FEW_STEPS,
+                                     _effort_left(model, w), w.newton)
+
+
+@kernel
+def _solve_with_levers(model: Model, m: int, steps: int, span: float, w: Buffers) -> None:
+    """
+    Find the forces with the levers that bodies have which move under them.
+
+    Both forces of a pair act at one point only with the levers of where the centres really are in
+    the middle of the span. A shift after the forces are known would be a torque that nothing
     balances: below a load of R times its weight a light body would turn by R times as much.
-
-    Compliance: points give way with give f, COMPLIANCE R g below such a load. Where that is more
-    than TOLERANCE it is taken back from b, which leaves give (f - f') with the forces f' of the
-    time before (the proximal point algorithm: Rockafellar, Monotone operators and the proximal
-    point algorithm, SIAM J. Control Optim. 14 (1976)).
     """
     rows, width = w.rows, w.count[WIDTH]
     for c in range(m):
         for side in range(2):
             for i in range(3):
                 w.assumed[rows.body[c, side], i] = 0.0
-    size = 0.0
-    for i in range(width * m):
-        w.eased[i] = 0.0
-        size = max(size, abs(rows.b[i]))
+    w.eased[:width * m] = 0.0
+    _solve(model, m, width, steps, w)
     for _ in range(AGAIN):
         apply_forces(rows, m, width, rows.f)
-        shifted = shift_levers(model, w.contacts, w.bodies, w.chosen[:m], rows.z, span, w.assumed)
-        yields = 0.0
-        for i in range(width * m):
-            yields = max(yields, abs(rows.give[i] * rows.f[i] - w.eased[i]))
-        if not shifted and yields <= TOLERANCE * size:
+        if not shift_levers(model, w.contacts, w.bodies, w.chosen[:m], rows.z, span, w.assumed):
             return
-        if shifted:
-            write_rows(model, w.contacts, w.bodies, w.chosen[:m], width, COMPLIANCE, rows)
-        if yields > TOLERANCE * size:
-            for i in range(width * m):
-                now = rows.give[i] * rows.f[i]
-                rows.b[i] -= now - w.eased[i]
-                w.eased[i] = now
-        w.number[WORST] = solve_rows(rows, m, width, w.count[TOUCHED], FEW_STEPS,
-                                     _effort_left(model, w), w.newton)
+        write_rows(model, w.contacts, w.bodies, w.chosen[:m], width, COMPLIANCE, rows)
+        _solve(model, m, width, FEW_STEPS, w)
 
 
 @kernel
@@ -632,15 +641,15 @@ def touching_points(settings: EventSettings, w: Buffers) -> int:
 def _stop_together(model: Model, state: State, settings: EventSettings, w: Buffers) -> None:
     """End a shock that goes to and fro for ever: all points at once, with e = 0."""
     m, width, rows = touching_points(settings, w), w.count[WIDTH], w.rows
-    touched = number_bodies(w.contacts, w.chosen[:m], model.inv_m, w.newton.slot)
+    w.count[TOUCHED] = number_bodies(w.contacts, w.chosen[:m], model.inv_m, w.newton.slot)
     write_rows(model, w.contacts, w.bodies, w.chosen[:m], width, COMPLIANCE, rows)
     for c in range(m):
         read_rates(model, w.contacts, w.bodies.velocity, w.chosen[c], width, rows.b, width * c)
     for i in range(width * m):
-        rows.f[i] = 0.0
-    worst = solve_rows(rows, m, width, touched, 0, _effort_left(model, w), w.newton)
-    w.number[RESIDUAL] = max(w.number[RESIDUAL], worst)
-    if worst > TOLERANCE:
+        rows.f[i], w.eased[i] = 0.0, 0.0
+    _solve(model, m, width, 0, w)
+    w.number[RESIDUAL] = max(w.number[RESIDUAL], w.number[WORST])
+    if w.number[WORST] > TOLERANCE:
         w.count[UNSOLVED] += 1
         for i in range(width * m):
             rows.trial[i] = rows.b[i]
