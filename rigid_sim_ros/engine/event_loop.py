@@ -546,8 +546,10 @@ def _travel(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, memo
         for i in range(width):
             w.impulses[chosen[c], i] += t * f[width * c + i]
     _record(model, current(memory), w.contacts, w.impulses)
-    move(model, state, wrenches, w.contacts, w.bodies, chosen, width, f, w.loads, w.work,
-         w.assumed, until, t)
+    if w.count[PUSHED] == 0:
+        w.rows.trial[:width * m] = 0.0
+    move(model, state, wrenches, w.contacts, w.bodies, chosen, width, f, w.rows.trial, w.loads,
+         w.work, w.assumed, until, t)
     _take_back(model, state, w)
     w.number[LEFT] = left - t if which >= 0 or t < left else 0.0
     _next_span(model, t, which, w)

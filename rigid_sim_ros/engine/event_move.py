@@ -48,18 +48,19 @@ def load(model: Model, contacts: Contacts, chosen: IntArray, width: int, f: Arra
 
 @kernel
 def move(model: Model, state: State, wrenches: Wrenches, contacts: Contacts, bodies: Bodies,
-         chosen: IntArray, width: int, f: Array, loads: Loads, work: Work, assumed: Array,
-         span: float, t: float) -> None:
+         chosen: IntArray, width: int, f: Array, J: Array, loads: Loads, work: Work,
+         assumed: Array, span: float, t: float) -> None:
     """
     Kick, drift, kick for t [s] like `integrate.symplectic`, with constant contact forces f.
 
     Takes the loads that `load` wrote, with levers of the middle of the span [s] as `bodies` move
-    with the accelerations `assumed`, (n, 3).
+    with the accelerations `assumed`, (n, 3). J, (wm,) [N s, contact axes], are impulses that the
+    momenta hold for this way only.
     """
     kick(state, work.loads, 0.5 * t)
     fly(model, state, (0.0, 0.0, 0.0), t, np.int64(1), work.block)
     move_kinematic(model, state, t)
-    _meet_again(model, state, contacts, bodies, chosen, width, f, assumed, span, t)
+    _meet_again(model, state, contacts, bodies, chosen, width, f, J, assumed, span, t)
     kick(state, work.loads, 0.5 * t)
     for j in range(model.m.shape[0]):  # what is left are the loads without contacts
         for i in range(3):
@@ -104,14 +105,15 @@ def shift_levers(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntAr
 
 @kernel
 def _meet_again(model: Model, state: State, contacts: Contacts, bodies: Bodies, chosen: IntArray,
-                width: int, f: Array, assumed: Array, span: float, t: float) -> None:
+                width: int, f: Array, J: Array, assumed: Array, span: float, t: float) -> None:
     """
     Let -F on A and F on B act at one point, after a drift of t [s].
 
     The change t F of the momenta keeps the angular momentum of both if it acts at one place p with
     the levers p - (x_0 + x_1) / 2. Those of `contacts` are from where the centres were expected to
     be in the middle; they are elsewhere where the way ends before the span. Where these are off by
-    d_A and d_B, p becomes p + s, s = (w_A d_A + w_B d_B) / (w_A + w_B) with w = 1 / M.
+    d_A and d_B, p becomes p + s, s = (w_A d_A + w_B d_B) / (w_A + w_B) with w = 1 / M. An impulse
+    J that is taken back at the end is then one at centres that went on by x_1 - x_0.
     """
     for c in range(chosen.shape[0]):
         k, at = chosen[c], width * c
@@ -120,14 +122,19 @@ def _meet_again(model: Model, state: State, contacts: Contacts, bodies: Bodies, 
         if w_A == 0.0 or w_B == 0.0:
             continue
         F = to_world(contacts, k, (f[at], f[at + 1], f[at + 2]))
+        push = to_world(contacts, k, (J[at], J[at + 1], J[at + 2]))
         # d_B - d_A; the momenta are still those of the drift.
-        apart = (_off(model, state, bodies, assumed, a, b, 0, span, t),
-                 _off(model, state, bodies, assumed, a, b, 1, span, t),
-                 _off(model, state, bodies, assumed, a, b, 2, span, t))
-        turning = cross(apart, F)
+        off = (_off(model, state, bodies, assumed, a, b, 0, span, t),
+               _off(model, state, bodies, assumed, a, b, 1, span, t),
+               _off(model, state, bodies, assumed, a, b, 2, span, t))
+        apart = (w_B * state.P[0, b] - w_A * state.P[0, a],
+                 w_B * state.P[1, b] - w_A * state.P[1, a],
+                 w_B * state.P[2, b] - w_A * state.P[2, a])
+        turning, back = cross(off, F), cross(apart, push)
         for i in range(3):
-            state.L[i, a] -= t * (w_B / (w_A + w_B) * turning[i])  # s - d_A
-            state.L[i, b] -= t * (w_A / (w_A + w_B) * turning[i])  # s - d_B, against `apart`
+            both = t * (turning[i] - back[i])
+            state.L[i, a] -= w_B / (w_A + w_B) * both  # s - d_A
+            state.L[i, b] -= w_A / (w_A + w_B) * both  # s - d_B, against `off`
 
 
 @kernel
