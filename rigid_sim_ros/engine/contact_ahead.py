@@ -46,15 +46,15 @@ SAME = 1e-14
 
 
 @kernel
-def turn_bodies(model: Model, state: State, tau: Array, t: float, bodies: Bodies,
+def turn_bodies(model: Model, state: State, tau: Array, t: float, some: IntArray, bodies: Bodies,
                 then: Array) -> None:
     """
-    Bring the inertia tensors to the middle of a span t [s] of free rotation.
+    Bring the inertia tensors of some bodies to the middle of a span t [s] of free rotation.
 
     And the angular accelerations under tau, (3, n) [N m]; `then`, (n, 6), becomes the velocities
     v and w of the free bodies at its end.
     """
-    for i in range(model.m.shape[0]):
+    for i in some:
         q, L, inv_I = quaternion(state.q, i), column(state.L, i), column(model.inv_I_C, i)
         for k in range(6):
             then[i, k] = bodies.velocity[i, k]

@@ -34,8 +34,8 @@ import numpy as np
 from rigid_sim_ros.engine.contact_qp import coefficients, search, soften
 from rigid_sim_ros.engine.contacts import couple
 from rigid_sim_ros.engine.event_buffers import (
-    Carried, CHOSEN, COLLISIONS, CUT_SHORT, DEEPEST, DONE, EVENTS, EventSettings, KNOWN, LEFT,
-    longer, make_buffers, MEET, MORE_CONTACTS, more_contacts, MORE_MANIFOLDS, more_manifolds,
+    BEGIN, Carried, CHOSEN, COLLISIONS, CUT_SHORT, DEEPEST, DONE, EVENTS, EventSettings, KNOWN,
+    make_buffers, MORE_CONTACTS, more_contacts, more_forces, MORE_MANIFOLDS, more_manifolds,
     MORE_MEMORY, MORE_PAIRS, more_pairs, MORE_ROOM, MORE_ROWS, more_rows, NEEDED, no_forces,
     RESIDUAL, STAGE, STEPS, STUCK, TOUCHED, UNSOLVED, WIDTH, WORST)
 from rigid_sim_ros.engine.event_loop import run
@@ -104,7 +104,9 @@ class _Help:
         elif why == STUCK:
             self._search()
         else:
-            work.forces = Carried._make(longer(field, 2 * needed) for field in work.forces)
+            work.forces = more_forces(work.forces, needed)
+            before = more_forces(work.buffers.forces_before, needed)
+            work.buffers = work.buffers._replace(forces_before=before)
 
     def _search(self) -> None:
         """Find the resting forces by OSQP, from those that were found."""
@@ -139,8 +141,7 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
     if count <= 0:
         return memory
     helper = _Help(model, memory, work)
-    work.buffers.count[STEPS], work.buffers.count[STAGE] = count, MEET
-    work.buffers.number[LEFT] = 0.0
+    work.buffers.count[STEPS], work.buffers.count[STAGE] = count, BEGIN
     while (why := run(model, state, wrenches, shapes, materials, helper.memory, settings,
                       work.forces, work.buffers)) != DONE:
         helper.give(why)

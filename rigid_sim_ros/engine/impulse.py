@@ -73,9 +73,11 @@ def make_room(m: int, width: int) -> Room:
 @kernel
 def collide_all(model: Model, state: State, contacts: Contacts, bodies: Bodies, h: float,
                 touching: float, quiet: float, width: int, elastic: IntArray, limit: int,
-                room: Room, impulses: Array) -> int:
+                first: int, last: int, room: Room, impulses: Array) -> int:
     """
     Apply impulses until no touching point approaches faster than it may at rest.
+
+    Of the blocks from `first` to before `last`.
 
     Points with a gap of at most `touching` of their size touch. At most `quiet` [1/s] times it,
     and less than `resting_speed` with the step h [s], is left to the resting forces. width: rows
@@ -86,7 +88,7 @@ def collide_all(model: Model, state: State, contacts: Contacts, bodies: Bodies, 
     for count in range(limit + 1):
         block = -1
         fastest = 0.0
-        for k in range(contacts.count[1]):
+        for k in range(first, last):
             for i in range(contacts.first[k], contacts.first[k + 1]):
                 if contacts.gap[i] > touching * contacts.size[i]:
                     continue
