@@ -6,7 +6,7 @@ from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.backtrack import film
 from rigid_sim_ros.engine.contact_ahead import carry_ahead, turn_bodies
 from rigid_sim_ros.engine.contact_newton import FEW_STEPS, number_bodies, solve_rows
-from rigid_sim_ros.engine.contact_qp import COMPLIANCE, TOLERANCE
+from rigid_sim_ros.engine.contact_qp import COMPLIANCE, ENOUGH, TOLERANCE
 from rigid_sim_ros.engine.contact_rows import (
     apply_forces, Rows, sweep_rows, violation, write_rows)
 from rigid_sim_ros.engine.contacts import (
@@ -30,13 +30,16 @@ CLOSING = 0.3
 CUT = 1.0 / 16.0  # of a step: gaps are not closed within less
 # Of the speed of a rebound that is too short to be one: no faster may a force lift what overlaps.
 LIFTING = 0.1
-# Multiplications for each body of a group, and for 20 at least, that a step may take, about 0.2 ms;
-# what is left of the step then runs without backtracking, and contact problems are used as far as
-# they came.
+# Multiplications for each body of a group, and for 20 at least, that a step may take, about 0.2
+# ms; what is left of the step then runs without backtracking, and contact problems are used as far
+# as they came.
 EFFORT = 2e5
 # Points of a problem that OSQP is asked for where sweeps and Newton's method do not do; for more
 # it takes too long.
 FOR_OSQP = 8
+# Of the accelerations: by so much points may give way to their forces. 1e-6 of g sinks in by 3e-6
+# g h^2.
+YIELDS = 1e-6
 AGAIN = 10  # times at most that forces are found again for what follows from them
 PUSH_SWEEPS = 30  # over the points, for displacements: what they leave is for the next step
 
@@ -44,7 +47,7 @@ PUSH_SWEEPS = 30  # over the points, for displacements: what they leave is for t
 @kernel
 def _choose(contacts: Contacts, bodies: Bodies, first: int, last: int, h: float, touching: float,
             chosen: IntArray) -> int:
-    """Write which points from `first` on get a force: what touches, and slow ones that nearly do."""
+    """Write which of some points get a force: what touches, and slow ones that nearly do."""
     m = 0
     for k in range(first, last):
         slow = resting_speed(contacts, bodies, k, h)
@@ -231,19 +234,20 @@ def solve(g: int, m: int, width: int, steps: int, w: Buffers) -> None:
     Find the forces of the first m points from what stands there, whatever they have to carry.
 
     Points give way with give f, COMPLIANCE R g below a load of R times a body's weight. Where that
-    is more than TOLERANCE it is taken back from b, which leaves give (f - f') with the forces f'
+    is more than YIELDS it is taken back from b, which leaves give (f - f') with the forces f'
     of the time before (the proximal point algorithm: Rockafellar, Monotone operators and the
     proximal point algorithm, SIAM J. Control Optim. 14 (1976)).
     """
     rows, size = w.rows, 0.0
     for i in range(width * m):
         size = max(size, abs(rows.b[i]))
-    w.number[WORST] = solve_rows(rows, m, width, w.count[TOUCHED], steps, effort_left(w, g), w.newton)
+    w.number[WORST] = solve_rows(rows, m, width, w.count[TOUCHED], steps, effort_left(w, g),
+                                 w.newton)
     for _ in range(AGAIN):
         yields = 0.0
         for i in range(width * m):
             yields = max(yields, abs(rows.give[i] * rows.f[i] - w.eased[i]))
-        if yields <= TOLERANCE * size:
+        if yields <= YIELDS * size:
             return
         for i in range(width * m):
             now = rows.give[i] * rows.f[i]
@@ -268,10 +272,14 @@ def _solve_with_levers(model: Model, g: int, m: int, steps: int, span: float, w:
             for i in range(3):
                 w.assumed[rows.body[c, side], i] = 0.0
     w.eased[:width * m] = 0.0
+    goal = 0.0
+    for i in range(width * m):
+        goal = max(goal, 0.1 * ENOUGH * abs(rows.b[i]))
     solve(g, m, width, steps, w)
     for _ in range(AGAIN):
         apply_forces(rows, m, width, rows.f)
-        if not shift_levers(model, w.contacts, w.bodies, w.chosen[:m], rows.z, span, w.assumed):
+        if not shift_levers(model, w.contacts, w.bodies, w.chosen[:m], width, rows, span, goal,
+                            w.assumed):
             return
         write_rows(model, w.contacts, w.bodies, w.chosen[:m], width, COMPLIANCE, rows)
         solve(g, m, width, FEW_STEPS, w)

@@ -190,7 +190,7 @@ def _group_of(g: Groups, shapes: Shapes, pairs: IntArray, k: int) -> int:
 
 
 @kernel
-def may_go(model: Model, state: State, loads: Loads, shapes: Shapes, k: int, t: float, pose: Array,
+def may_go(model: Model, state: State, loads: Loads, shapes: Shapes, k: int, t: float,
            g: Groups) -> bool:
     """
     Enlarge the spheres of group k by how far its shapes may move within t [s] under the loads.
@@ -200,7 +200,6 @@ def may_go(model: Model, state: State, loads: Loads, shapes: Shapes, k: int, t: 
     within = True
     for at in range(g.first_shape[k], g.first_shape[k + 1]):
         s = g.shape[at]
-        place_ahead(model, state, loads, shapes, s, 0.0, pose)
         way = motion_bound(model, state, loads, shapes, s, t)
         g.radius[s] = shapes.bound[s] + way
         if g.moved[s] + way > g.far[s]:

@@ -121,7 +121,6 @@ def _meet(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
     """Find what touches now, in all groups."""
     sum_loads(model, state, wrenches, w.work.loads)
     read_bodies(model, state, w.work.loads.F, w.work.loads.tau, w.bodies)
-    look_near(model, shapes, settings, w.work.loads, memory)
     why = find(model, state, shapes, materials, memory, settings, w)
     if why != DONE:
         return why
@@ -224,7 +223,7 @@ def _may_go(model: Model, state: State, shapes: Shapes, w: Buffers) -> bool:
     for g in range(w.count[GROUPS]):
         if groups.left[g] > 0.0 and groups.short[g] == 0:
             until = min(groups.span[g], groups.left[g])
-            within &= may_go(model, state, w.work.loads, shapes, g, until, w.pose, groups)
+            within &= may_go(model, state, w.work.loads, shapes, g, until, groups)
     return within
 
 
@@ -238,7 +237,7 @@ def _look_ahead(model: Model, state: State, shapes: Shapes, memory: Memory,
     if groups.short[g] == 1:
         return
     first, last = contacts.first[groups.block[g]], contacts.first[groups.block[g + 1]]
-    count = near_pairs(shapes, g, w.pose, groups, w.pairs)
+    count = near_pairs(shapes, g, memory.pose, groups, w.pairs)
     groups.effort[g] += PER_EVENT + PER_PAIR * count
     if groups.residual[g] > ROUGH:  # shorter spans would not help
         w.sunk[first:last] = -np.inf

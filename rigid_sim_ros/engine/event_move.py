@@ -4,6 +4,7 @@
 
 from rigid_sim_ros.engine.algebra import cross
 from rigid_sim_ros.engine.arrays import Array, IntArray
+from rigid_sim_ros.engine.contact_rows import Rows
 from rigid_sim_ros.engine.contacts import Bodies, Contacts, row, to_world, torque_in_world
 from rigid_sim_ros.engine.event_groups import Groups
 from rigid_sim_ros.engine.free_flight import drift
@@ -14,10 +15,6 @@ from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.state import State
 from rigid_sim_ros.engine.wrenches import Wrenches
-
-# Of the smaller shape: levers that move by less are as they were. A shift of that turns a body
-# under a load of R times its weight by less than R 1e-14 g / size in the square of a second.
-ROUNDING = 1e-14
 
 
 @kernel
@@ -84,28 +81,30 @@ def _kick(state: State, loads: Loads, times: Array, share: float) -> None:
 
 
 @kernel
-def shift_levers(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArray, z: Array,
-                 span: float, assumed: Array) -> bool:
+def shift_levers(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArray, width: int,
+                 rows: Rows, span: float, goal: float, assumed: Array) -> bool:
     """
     Bring levers to where the centres are in the middle of the span [s] under contact forces.
 
-    z, (n, 6), are the accelerations by these alone; `assumed`, (n, 3), those for which the levers
-    are right so far, and then those that bodies have. A body that begins with v is, with kick,
-    drift, kick, at x + span / 2 (v + a span / 2) in the middle of its way. Returns whether any
-    lever moved by more than rounding.
+    rows.z are the accelerations by these alone; `assumed`, (n, 3), those for which the levers are
+    right so far, and then those that bodies have. A body that begins with v is, with kick, drift,
+    kick, at x + span / 2 (v + a span / 2) in the middle of its way. Returns whether a lever moved
+    so far that the forces on it change a rate by more than `goal` [m/s^2].
     """
-    shifted = False
-    for k in chosen:
+    shifted, z = False, rows.z
+    for c in range(chosen.shape[0]):
+        k, row_n = chosen[c], width * c
         a, b = contacts.body_a[k], contacts.body_b[k]
         w_A, w_B = model.inv_m[a], model.inv_m[b]
         if w_A == 0.0 or w_B == 0.0:
             continue
+        strong = rows.stiff[row_n] * rows.f[row_n] / contacts.size[k]
         for i in range(3):
             now = bodies.acceleration[b, i] + z[b, i] - bodies.acceleration[a, i] - z[a, i]
             apart = 0.25 * span * span * (now - (assumed[b, i] - assumed[a, i]))
             contacts.r_A[k, i] += w_B / (w_A + w_B) * apart
             contacts.r_B[k, i] -= w_A / (w_A + w_B) * apart
-            shifted = shifted or abs(apart) > ROUNDING * contacts.size[k]
+            shifted = shifted or abs(apart) * strong > goal
     for k in chosen:
         for side in range(2):
             j = contacts.body_a[k] if side == 0 else contacts.body_b[k]

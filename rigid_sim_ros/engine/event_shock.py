@@ -32,7 +32,7 @@ PER_EVENT, PER_PAIR = 1e4, 5e3
 
 @kernel
 def look_near(model: Model, shapes: Shapes, settings: EventSettings, loads: Loads,
-               memory: Memory) -> None:
+              memory: Memory) -> None:
     """
     Let detection find what touches, or is as near as a rebound that is too short to be one.
 
@@ -51,7 +51,7 @@ def look_near(model: Model, shapes: Shapes, settings: EventSettings, loads: Load
 
 @kernel
 def find(model: Model, state: State, shapes: Shapes, materials: Materials, memory: Memory,
-          settings: EventSettings, w: Buffers) -> int:
+         settings: EventSettings, w: Buffers) -> int:
     """Find the points that touch, or are as near as a rebound that is too short to be one."""
     manifolds = current(memory)
     for r in range(manifolds.count[0]):
