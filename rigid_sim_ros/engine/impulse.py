@@ -73,8 +73,8 @@ def make_room(m: int, width: int) -> Room:
     rows = width * m
     return Room(np.zeros(m, dtype=np.int64), np.zeros((rows, rows)), np.zeros((2, rows, 3)),
                 np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros((m, 3)), np.zeros(m),
-                np.zeros(m), np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros((rows, rows)),
-                np.zeros((rows, rows)))
+                np.zeros(m), np.zeros(rows), np.zeros(rows), np.zeros(rows),
+                np.zeros((rows, rows)), np.zeros((rows, rows)))
 
 
 @kernel
@@ -194,7 +194,8 @@ def _solve(room: Room, e: Array, m: int, width: int) -> None:
 
     Sweeps leave the load on redundant points with those that they came to first, and how friction
     turns a body then depends on the order of its points. So Newton's method goes on from there
-    for points that give way a little, and share the impulse (contact_qp.COMPLIANCE).
+    for points that give way a little, and share the impulse (contact_qp.COMPLIANCE), and sweeps
+    take what they gave way, 1e-8 of it.
     """
     rows, size = width * m, 0.0
     for i in range(rows):
@@ -212,15 +213,18 @@ def _solve(room: Room, e: Array, m: int, width: int) -> None:
             A[i, j] = room.A[i, j] * (1.0 + COMPLIANCE if i == j else 1.0)
     refine(A, b, room.mu[:m], room.J[:rows], GOAL * size, NEWTON_STEPS, room.u[:rows],
            room.trial[:rows], room.K[:rows, :rows], room.x[:rows])
+    _sweep(room.A, room.u0, room.mu, e, room.J, room.u, m, width)
 
 
 @kernel
 def _sweep(A: Array, u0: Array, mu: Array, e: Array, J: Array, u: Array, m: int,
            width: int) -> None:
-    """Sweep over the points (projected Gauss-Seidel) until the impulses move no more."""
+    """Sweep over the points (projected Gauss-Seidel), from J, until that moves no more."""
     scale = 0.0
     for i in range(width * m):
         u[i] = u0[i]
+        for j in range(width * m):
+            u[i] += A[i, j] * J[j]
         scale = max(scale, abs(u0[i]))
     for _ in range(MAX_SWEEPS):
         moved = 0.0
