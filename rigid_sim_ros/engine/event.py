@@ -7,8 +7,9 @@ Contact model `event`: the classic algorithm, event by event.
 apply impulses, post-collision state, compute and apply constraint forces, next state" (Meyer,
 Rigid Body Dynamics, "Simulation Algorithm"). The contact forces of the present state act on the
 way to the new one, so a step runs through that circle from the impulses on: impulses, forces, new
-state, backtrack, and again from the collision until the step is over. The circle itself is
-compiled (event_loop.py) and comes back here for memory, and for OSQP.
+state, backtrack, and again from the collision until the step is over. Each group of bodies that
+may meet within the step (event_groups.py) goes through it by itself. The circle is compiled
+(event_loop.py) and comes back here for memory, and for OSQP.
 
 Points of contact by the rate u_n of their gap: colliding below -resting_speed (impulse.py),
 separating above 0 where the force law leaves them alone, resting between. Rules that make bodies
@@ -21,7 +22,8 @@ come to rest:
 
 Rules that bound what a step may take, and what it may do then:
 
-- After `max_events`, or a budget of work, the rest of the step runs without backtracking.
+- After `max_events` of a group, or a budget of work, the rest of its step runs without
+  backtracking.
 - Forces and impulses of a problem that is not solved by then are used as far as they came, smaller
   where they would do work on the bodies, and the report says so.
 - What overlaps is displaced, by a share of the overlap in each step, and gains no velocity.

@@ -84,7 +84,7 @@ def collide_all(model: Model, state: State, contacts: Contacts, bodies: Bodies, 
     """
     Apply impulses until no touching point approaches faster than it may at rest.
 
-    Of the blocks from `first` to before `last`.
+    Of the points in the blocks from `first` to `last` - 1.
 
     Points with a gap of at most `touching` of their size touch. At most `quiet` [1/s] times it,
     and less than `resting_speed` with the step h [s], is left to the resting forces. width: rows
