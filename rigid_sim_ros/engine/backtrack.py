@@ -68,7 +68,8 @@ def place_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, s: int
         x = (x[0] + ahead * (P[0] + 0.5 * t * F[0]), x[1] + ahead * (P[1] + 0.5 * t * F[1]),
              x[2] + ahead * (P[2] + 0.5 * t * F[2]))
         L = (L[0] + 0.5 * t * tau[0], L[1] + 0.5 * t * tau[1], L[2] + 0.5 * t * tau[2])
-        q = turn_fast(q, L, column(model.inv_I_C, i), t)
+        if t != 0.0:
+            q = turn_fast(q, L, column(model.inv_I_C, i), t)
     else:
         x, q = pose_ahead(state, i, t)
     r = rotate(q, row(shapes.p_CS, s))
@@ -168,8 +169,16 @@ def pairs_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, t: flo
     for s in range(count):
         place_ahead(model, state, loads, shapes, s, 0.0, pose)
         radius[s] = shapes.bound[s] + motion_bound(model, state, loads, shapes, s, t)
-        low[s] = pose[s, 0] - radius[s]
+    return pairs_near(model, shapes, pose, radius, low, order, pairs)
+
+
+@kernel
+def pairs_near(model: Model, shapes: Shapes, pose: Array, radius: Array, low: Array,
+               order: IntArray, pairs: IntArray) -> int:
+    """Do the same for poses and spheres of the given radii [m]; low and order are scratch."""
+    count = shapes.body.shape[0]
     for s in range(count):
+        low[s] = pose[s, 0] - radius[s]
         at = s
         while at > 0 and low[order[at - 1]] > low[s]:
             order[at] = order[at - 1]
@@ -183,8 +192,8 @@ def pairs_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, t: flo
             if low[other] > pose[s, 0] + radius[s]:
                 break
             a, b = min(s, other), max(s, other)
-            if (_near(shapes, pose, radius, a, b) and _near(shapes, pose, radius, b, a)
-                    and may_collide(shapes, model.m.shape[0], a, b)):
+            if (near(shapes, pose, radius, a, b) and may_collide(
+                    shapes, model.m.shape[0], a, b)):
                 if found < pairs.shape[0]:
                     pairs[found, 0], pairs[found, 1] = a, b
                 found += 1
@@ -204,6 +213,12 @@ def _sort(pairs: IntArray, count: int) -> None:
             pairs[at, 0], pairs[at, 1] = pairs[at - 1, 0], pairs[at - 1, 1]
             at -= 1
         pairs[at, 0], pairs[at, 1] = a, b
+
+
+@kernel
+def near(shapes: Shapes, pose: Array, radius: Array, a: int, b: int) -> bool:
+    """Return whether the spheres around two shapes, or a sphere and a half space, may meet."""
+    return _near(shapes, pose, radius, a, b) and _near(shapes, pose, radius, b, a)
 
 
 @kernel

@@ -28,8 +28,10 @@ from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Scratch
 from rigid_sim_ros.engine.model import Model
 from rigid_sim_ros.engine.narrow_phase.collide import collide
+from rigid_sim_ros.engine.narrow_phase.outline import face_normal_along
+from rigid_sim_ros.engine.narrow_phase.surface import is_faceted
 from rigid_sim_ros.engine.rotation import angular_velocity
-from rigid_sim_ros.engine.shapes import Shapes
+from rigid_sim_ros.engine.shapes import PLANE, Shapes
 from rigid_sim_ros.engine.state import State
 
 # cos 25 deg: a normal that turns farther in one step has jumped to another feature, and says
@@ -39,18 +41,20 @@ SAME_NORMAL = 0.9
 # too, as the lowest point of a rim does from one side to the other when a disk falls flat. 2 would
 # take the jump for a motion, and a force that stops it throws the disk up.
 JUMP = 0.5
+# The square of the difference of two normals that are the same.
+SAME = 1e-14
 
 
 @kernel
-def turn_bodies(model: Model, state: State, tau: Array, t: float, bodies: Bodies,
+def turn_bodies(model: Model, state: State, tau: Array, t: float, some: IntArray, bodies: Bodies,
                 then: Array) -> None:
     """
-    Bring the inertia tensors to the middle of a span t [s] of free rotation.
+    Bring the inertia tensors of some bodies to the middle of a span t [s] of free rotation.
 
     And the angular accelerations under tau, (3, n) [N m]; `then`, (n, 6), becomes the velocities
     v and w of the free bodies at its end.
     """
-    for i in range(model.m.shape[0]):
+    for i in some:
         q, L, inv_I = quaternion(state.q, i), column(state.L, i), column(model.inv_I_C, i)
         for k in range(6):
             then[i, k] = bodies.velocity[i, k]
@@ -81,14 +85,18 @@ def carry_ahead(model: Model, state: State, still: Loads, shapes: Shapes, contac
             after += 1
         a, b = contacts.shape_a[k], contacts.shape_b[k]
         size = contacts.size[k]
-        count, n = _meet(model, state, still, shapes, a, b, 0.5 * t, size, pose, scratch)
+        place_ahead(model, state, still, shapes, a, 0.0, pose)
+        place_ahead(model, state, still, shapes, b, 0.0, pose)
+        e = contacts.axes
+        on_face = _on_face(pose, shapes, a, b, (e[k, 0, 0], e[k, 0, 1], e[k, 0, 2]))
+        count, n = _meet(model, state, still, shapes, a, b, 0.5 * t, size, on_face, pose, scratch)
         for c in range(first, after):
             _to_middle(model, contacts, bodies, chosen[c], 0.5 * t)
             p = _same_point(contacts, chosen[c], count, n, scratch)
             if p >= 0:
                 _move_point(state, contacts, bodies, chosen[c], 0.5 * t, n, scratch.points, p,
                             JUMP * size)
-        count, n = _meet(model, state, still, shapes, a, b, t, size, pose, scratch)
+        count, n = _meet(model, state, still, shapes, a, b, t, size, on_face, pose, scratch)
         for c in range(first, after):
             at = width * c
             read_rates(model, contacts, then, chosen[c], width, u, at)
@@ -104,10 +112,31 @@ def carry_ahead(model: Model, state: State, still: Loads, shapes: Shapes, contac
 
 @kernel
 def _meet(model: Model, state: State, still: Loads, shapes: Shapes, a: int, b: int, t: float,
-          margin: float, pose: Array, scratch: Scratch) -> tuple[int, Vector]:
+          margin: float, on_face: bool, pose: Array, scratch: Scratch) -> tuple[int, Vector]:
+    """
+    Return how many points two shapes have after t [s], and their normal.
+
+    None where they met on a face, and do not any more: what is beside the face, another piece of
+    the same floor or nothing, the next step sees.
+    """
     place_ahead(model, state, still, shapes, a, t, pose)
     place_ahead(model, state, still, shapes, b, t, pose)
-    return collide(pose, shapes, a, b, margin, scratch)
+    count, n = collide(pose, shapes, a, b, margin, scratch)
+    return 0 if on_face and not _on_face(pose, shapes, a, b, n) else count, n
+
+
+@kernel
+def _on_face(pose: Array, shapes: Shapes, a: int, b: int, n: Vector) -> bool:
+    """Return whether n, from A to B, is the normal of a flat face of A, or the other way of B."""
+    for s in (a, b):
+        if shapes.kind[s] == PLANE:
+            return True
+        if is_faceted(shapes.kind[s]):
+            out = n if s == a else (-n[0], -n[1], -n[2])
+            apart = subtract(out, face_normal_along(pose, shapes, s, out))
+            if dot(apart, apart) <= SAME:
+                return True
+    return False
 
 
 @kernel

@@ -126,10 +126,17 @@ def gather(state: State, manifolds: Manifolds, shapes: Shapes, materials: Materi
     call again with room. key, order: scratch, a number for each manifold in use.
     """
     n = state.x.shape[1]
-    rows = manifolds.count[0]
-    for k in range(rows):
+    for k in range(manifolds.count[0]):
         a, b = manifolds.body_a[k], manifolds.body_b[k]
         key[k] = min(a, b) * n + max(a, b)
+    return gather_by_key(state, manifolds, shapes, materials, reach, key, order, contacts)
+
+
+@kernel
+def gather_by_key(state: State, manifolds: Manifolds, shapes: Shapes, materials: Materials,
+                  reach: float, key: IntArray, order: IntArray, contacts: Contacts) -> int:
+    """Do the same in the order of keys >= 0 of pairs of bodies; others are left out."""
+    for k in range(manifolds.count[0]):
         # By insertion: the rows are nearly in order, and within a block their order remains.
         at = k
         while at > 0 and key[order[at - 1]] > key[k]:
@@ -139,7 +146,7 @@ def gather(state: State, manifolds: Manifolds, shapes: Shapes, materials: Materi
     capacity = contacts.gap.shape[0]
     total, blocks, last = 0, 0, np.int64(-1)
     for k in order:
-        for j in range(manifolds.points[k]):
+        for j in range(manifolds.points[k] if key[k] >= 0 else 0):
             if manifolds.gap[j, k] > reach:
                 continue
             if total < capacity:
@@ -203,10 +210,16 @@ def read_bodies(model: Model, state: State, F: Array, tau: Array, bodies: Bodies
     loads has too.
     """
     for i in range(model.m.shape[0]):
-        read_velocity(model, state, i, bodies)
-        for k in range(3):
-            bodies.acceleration[i, k] = model.inv_m[i] * F[k, i]
-        read_turning(model, quaternion(state.q, i), tau, i, bodies)
+        read_body(model, state, F, tau, i, bodies)
+
+
+@kernel
+def read_body(model: Model, state: State, F: Array, tau: Array, i: int, bodies: Bodies) -> None:
+    """Do the same for body i."""
+    read_velocity(model, state, i, bodies)
+    for k in range(3):
+        bodies.acceleration[i, k] = model.inv_m[i] * F[k, i]
+    read_turning(model, quaternion(state.q, i), tau, i, bodies)
 
 
 @kernel

@@ -7,8 +7,9 @@ Contact model `event`: the classic algorithm, event by event.
 apply impulses, post-collision state, compute and apply constraint forces, next state" (Meyer,
 Rigid Body Dynamics, "Simulation Algorithm"). The contact forces of the present state act on the
 way to the new one, so a step runs through that circle from the impulses on: impulses, forces, new
-state, backtrack, and again from the collision until the step is over. The circle itself is
-compiled (event_loop.py) and comes back here for memory, and for OSQP.
+state, backtrack, and again from the collision until the step is over. Each group of bodies that
+may meet within the step (event_groups.py) goes through it by itself. The circle is compiled
+(event_loop.py) and comes back here for memory, and for OSQP.
 
 Points of contact by the rate u_n of their gap: colliding below -resting_speed (impulse.py),
 separating above 0 where the force law leaves them alone, resting between. Rules that make bodies
@@ -21,7 +22,8 @@ come to rest:
 
 Rules that bound what a step may take, and what it may do then:
 
-- After `max_events`, or a budget of work, the rest of the step runs without backtracking.
+- After `max_events` of a group, or a budget of work, the rest of its step runs without
+  backtracking.
 - Forces and impulses of a problem that is not solved by then are used as far as they came, smaller
   where they would do work on the bodies, and the report says so.
 - What overlaps is displaced, by a share of the overlap in each step, and gains no velocity.
@@ -34,8 +36,8 @@ import numpy as np
 from rigid_sim_ros.engine.contact_qp import coefficients, search, soften
 from rigid_sim_ros.engine.contacts import couple
 from rigid_sim_ros.engine.event_buffers import (
-    Carried, CHOSEN, COLLISIONS, CUT_SHORT, DEEPEST, DONE, EVENTS, EventSettings, KNOWN, LEFT,
-    longer, make_buffers, MEET, MORE_CONTACTS, more_contacts, MORE_MANIFOLDS, more_manifolds,
+    BEGIN, Carried, CHOSEN, COLLISIONS, CUT_SHORT, DEEPEST, DONE, EVENTS, EventSettings, KNOWN,
+    make_buffers, MORE_CONTACTS, more_contacts, more_forces, MORE_MANIFOLDS, more_manifolds,
     MORE_MEMORY, MORE_PAIRS, more_pairs, MORE_ROOM, MORE_ROWS, more_rows, NEEDED, no_forces,
     RESIDUAL, STAGE, STEPS, STUCK, TOUCHED, UNSOLVED, WIDTH, WORST)
 from rigid_sim_ros.engine.event_loop import run
@@ -104,7 +106,9 @@ class _Help:
         elif why == STUCK:
             self._search()
         else:
-            work.forces = Carried._make(longer(field, 2 * needed) for field in work.forces)
+            work.forces = more_forces(work.forces, needed)
+            before = more_forces(work.buffers.forces_before, needed)
+            work.buffers = work.buffers._replace(forces_before=before)
 
     def _search(self) -> None:
         """Find the resting forces by OSQP, from those that were found."""
@@ -139,8 +143,7 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
     if count <= 0:
         return memory
     helper = _Help(model, memory, work)
-    work.buffers.count[STEPS], work.buffers.count[STAGE] = count, MEET
-    work.buffers.number[LEFT] = 0.0
+    work.buffers.count[STEPS], work.buffers.count[STAGE] = count, BEGIN
     while (why := run(model, state, wrenches, shapes, materials, helper.memory, settings,
                       work.forces, work.buffers)) != DONE:
         helper.give(why)

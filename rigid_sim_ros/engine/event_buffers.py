@@ -10,10 +10,12 @@ from rigid_sim_ros.engine.arrays import Array, IntArray
 from rigid_sim_ros.engine.contact_newton import make_newton, Newton
 from rigid_sim_ros.engine.contact_rows import make_rows, Rows
 from rigid_sim_ros.engine.contacts import Bodies, Contacts, make_bodies, make_contacts
+from rigid_sim_ros.engine.event_groups import Groups, make_groups
 from rigid_sim_ros.engine.impulse import make_room, Room
 from rigid_sim_ros.engine.integrate import make_work, Work
 from rigid_sim_ros.engine.loads import empty_loads, Loads
 from rigid_sim_ros.engine.placing import unplaced
+from rigid_sim_ros.engine.state import empty_state, State
 
 
 class EventSettings(NamedTuple):
@@ -47,40 +49,49 @@ class Carried(NamedTuple):
 (DONE, MORE_MEMORY, MORE_MANIFOLDS, MORE_CONTACTS, MORE_ROOM, MORE_ROWS, MORE_PAIRS,
  MORE_FORCES, STUCK) = range(9)
 # At which stage it goes on.
-MEET, REST, SETTLE, TRAVEL = range(4)
+BEGIN, GROUP, MEET, SHOCK, REST, SETTLE, TRAVEL = range(7)
 # Places in `Buffers.count`.
 (STEPS, STAGE, FRESH, EVENTS, COLLISIONS, CUT_SHORT, CHOSEN, WIDTH, KNOWN, BOUNCED, NEEDED,
- TOUCHED, UNSOLVED, PUSHED, DEEP) = range(15)
+ TOUCHED, UNSOLVED, DEEP, GROUPS, NOW, TRIES, KNOWN_BEFORE) = range(18)
 # Places in `Buffers.number`.
-LEFT, SPAN, RESIDUAL, DEEPEST, WORST = range(5)
+RESIDUAL, DEEPEST, WORST = range(3)
 
 
 class Buffers(NamedTuple):
     """Scratch memory of the kernel, and where it stands; capacities c points, r rows, p pairs."""
 
-    count: IntArray  # type: ignore[assignment]  # (16,) see STEPS
-    number: Array  # (5,) see LEFT
+    count: IntArray  # type: ignore[assignment]  # (18,) see STEPS
+    number: Array  # (3,) see RESIDUAL
     work: Work
     bodies: Bodies
     then: Array  # (n, 6) velocities at the end of a span
+    assumed: Array  # (n, 3) accelerations for which the levers are right
     loads: Loads  # of the contacts
     still: Loads  # zeros
     pose: Array  # (s, 12)
     contacts: Contacts
     order: IntArray  # (2, rows of the memory) for `gather`
     impulses: Array  # (c, 6) [N s, contact axes]
+    force: Array  # (c, 6) [N, contact axes]
+    push: Array  # (c, 6) [N s, contact axes] that only displaces
+    held: IntArray  # (c,) 1: a point that got a force
+    sunk: Array  # (c,) [m, < 0] how deep it may go
+    match: IntArray  # (c,) the same point among the forces of the last step, or -1
     elastic: IntArray  # (c,)
     chosen: IntArray  # (c,) points that get a force
     depth: Array  # (c,) [m, < 0] to which these may go
     bounced: IntArray  # (p, 3) two bodies and how often they collided in this step
     room: Room  # for the largest block
     rows: Rows  # of the chosen points
+    eased: Array  # (r,) rates that the compliance had and that were taken back
     newton: Newton
     pushed: Loads  # momenta that only displace, for the time of a span
     pairs: IntArray  # (p, 2) that may meet
     allowed: Array  # (p,)
-    reach: Array  # (2, s)
-    sweep: IntArray  # (s,)
+    groups: Groups
+    times: Array  # (n,) [s] how long each body moves now
+    before: State  # at the start of the step
+    forces_before: Carried
 
 
 def make_buffers(bodies: int, shapes: int) -> Buffers:
@@ -90,19 +101,25 @@ def make_buffers(bodies: int, shapes: int) -> Buffers:
         return np.zeros(shape, dtype=np.int64)
 
     c = 64
-    return Buffers(whole(16), np.zeros(5), make_work(bodies), make_bodies(bodies),
-                   np.zeros((bodies, 6)),
+    return Buffers(whole(18), np.zeros(3), make_work(bodies), make_bodies(bodies),
+                   np.zeros((bodies, 6)), np.zeros((bodies, 3)),
                    empty_loads(bodies), empty_loads(bodies), unplaced(shapes),
-                   make_contacts(c), whole(2, c), np.zeros((c, 6)), whole(c), whole(c),
-                   np.zeros(c), whole(c, 3), make_room(4, 6), make_rows(16, 48, bodies),
+                   make_contacts(c), whole(2, c), np.zeros((c, 6)), np.zeros((c, 6)),
+                   np.zeros((c, 6)), whole(c), np.zeros(c), whole(c), whole(c), whole(c),
+                   np.zeros(c),
+                   whole(c, 3), make_room(4, 6), make_rows(16, 48, bodies), np.zeros(48),
                    make_newton(16, 48, 4, bodies), empty_loads(bodies), whole(c, 2), np.zeros(c),
-                   np.zeros((2, shapes)), whole(shapes))
+                   make_groups(bodies, shapes, c), np.zeros(bodies), empty_state(bodies),
+                   no_forces())
 
 
 def more_contacts(buffers: Buffers, points: int) -> Buffers:
     """Return buffers with room for twice as many points."""
     c = 2 * points
     return buffers._replace(contacts=make_contacts(c), impulses=np.zeros((c, 6)),
+                            force=np.zeros((c, 6)), push=np.zeros((c, 6)),
+                            held=np.zeros(c, dtype=np.int64), sunk=np.zeros(c),
+                            match=np.zeros(c, dtype=np.int64),
                             elastic=np.zeros(c, dtype=np.int64),
                             chosen=np.zeros(c, dtype=np.int64), depth=np.zeros(c))
 
@@ -111,14 +128,20 @@ def more_rows(buffers: Buffers, rows: int, touched: int) -> Buffers:
     """Return buffers with room for a problem with twice as many rows, of so many bodies."""
     r, bodies = max(2 * rows, len(buffers.rows.b)), len(buffers.then)
     s = max(touched + touched // 2, len(buffers.newton.p) // 6)
-    return buffers._replace(rows=make_rows(r // 3, r, bodies),
+    return buffers._replace(rows=make_rows(r // 3, r, bodies), eased=np.zeros(r),
                             newton=make_newton(r // 3, r, s, bodies))
 
 
 def more_pairs(buffers: Buffers, pairs: int) -> Buffers:
     """Return buffers with room for twice as many pairs that may meet."""
-    return buffers._replace(pairs=np.zeros((2 * pairs, 2), dtype=np.int64),
-                            allowed=np.zeros(2 * pairs))
+    room = np.zeros((2 * pairs, 2), dtype=np.int64)
+    return buffers._replace(pairs=room, allowed=np.zeros(2 * pairs),
+                            groups=buffers.groups._replace(pair=room.copy()))
+
+
+def more_forces(forces: Carried, points: int) -> Carried:
+    """Return the forces with room for twice as many points."""
+    return Carried._make(longer(field, 2 * points) for field in forces)
 
 
 def no_forces() -> Carried:

@@ -67,6 +67,22 @@ def fly_free(model: Model, state: State, loads: Loads, flies: IntArray, h: float
 
 
 @kernel
+def drift(model: Model, state: State, times: Array, block: Array) -> None:
+    """Let each body fly without forces for a time of its own, (n,) [s]; 0: it stays."""
+    n = model.m.shape[0]
+    for first in range(0, n, LANES):
+        last, alike = min(first + LANES, n), True
+        for i in range(first, last):
+            alike = alike and times[i] == times[first]
+        lanes = last - first if alike else 1
+        for i in range(first, last, lanes):
+            if times[i] > 0.0:
+                _fly_some(model, state, (0.0, 0.0, 0.0), times[i], np.int64(1), i, lanes, block)
+                for lane in range(lanes):
+                    _store(model, state, times[i], np.int64(1), lane, i + lane, block)
+
+
+@kernel
 def _kick_free(state: State, loads: Loads, flies: IntArray, h: float, first: int,
                last: int) -> None:
     for i in range(first, last):

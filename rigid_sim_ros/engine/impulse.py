@@ -17,6 +17,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.algebra import norm
 from rigid_sim_ros.engine.arrays import Array, IntArray
+from rigid_sim_ros.engine.contact_qp import COMPLIANCE, GOAL, NEWTON_STEPS, refine
 from rigid_sim_ros.engine.contacts import (
     Bodies, Contacts, couple, linear, push_rows, read_coefficients, read_rates, read_velocity,
     relative, to_contact)
@@ -60,6 +61,11 @@ class Room(NamedTuple):
     mu: Array  # (m, 3)
     e: Array  # (m,)
     plastic: Array  # (m,) zeros
+    b: Array  # (wm,) rates that are wanted to be 0
+    trial: Array  # (wm,)
+    x: Array  # (wm,)
+    M: Array  # (wm, wm) A with a small compliance
+    K: Array  # (wm, wm)
 
 
 def make_room(m: int, width: int) -> Room:
@@ -67,15 +73,18 @@ def make_room(m: int, width: int) -> Room:
     rows = width * m
     return Room(np.zeros(m, dtype=np.int64), np.zeros((rows, rows)), np.zeros((2, rows, 3)),
                 np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros((m, 3)), np.zeros(m),
-                np.zeros(m))
+                np.zeros(m), np.zeros(rows), np.zeros(rows), np.zeros(rows),
+                np.zeros((rows, rows)), np.zeros((rows, rows)))
 
 
 @kernel
 def collide_all(model: Model, state: State, contacts: Contacts, bodies: Bodies, h: float,
                 touching: float, quiet: float, width: int, elastic: IntArray, limit: int,
-                room: Room, impulses: Array) -> int:
+                first: int, last: int, room: Room, impulses: Array) -> int:
     """
     Apply impulses until no touching point approaches faster than it may at rest.
+
+    Of the points in the blocks from `first` to `last` - 1.
 
     Points with a gap of at most `touching` of their size touch. At most `quiet` [1/s] times it,
     and less than `resting_speed` with the step h [s], is left to the resting forces. width: rows
@@ -86,7 +95,7 @@ def collide_all(model: Model, state: State, contacts: Contacts, bodies: Bodies, 
     for count in range(limit + 1):
         block = -1
         fastest = 0.0
-        for k in range(contacts.count[1]):
+        for k in range(first, last):
             for i in range(contacts.first[k], contacts.first[k + 1]):
                 if contacts.gap[i] > touching * contacts.size[i]:
                     continue
@@ -120,7 +129,7 @@ def _collide_pair(model: Model, state: State, contacts: Contacts, bodies: Bodies
         rebound = -contacts.restitution[i] * room.u0[width * j]
         bounces = elastic[i] == 1 and rebound > resting_speed(contacts, bodies, i, h)
         room.e[j] = contacts.restitution[i] if bounces else 0.0
-    _impact(room.A, room.u0, room.mu, room.e, room.plastic, room.J, room.u, m, width)
+    _impact(room, m, width)
     for j in range(m):
         i = room.chosen[j]
         push_rows(model, state, contacts, i, width, room.J, width * j)
@@ -145,23 +154,23 @@ def impact(A: Array, u0: Array, mu: Array, e: Array, J: Array) -> None:
     energy, is at most (1 - e^2) / 2 J_0 . u0 <= 0, because the plastic impulse J_0 leaves
     J_0 . (u0 + A J_0) <= 0.
     """
-    m = len(e)
-    coefficients = np.zeros((m, 3))
-    coefficients[:, :mu.reshape(m, -1).shape[1]] = mu.reshape(m, -1)
-    _impact(A, u0, coefficients, e, np.zeros_like(e), J, np.zeros_like(u0), m, len(u0) // m)
+    m, rows = len(e), len(u0)
+    room = make_room(m, rows // m)
+    room.A[:], room.u0[:], room.e[:] = A, u0, e
+    room.mu[:, :mu.reshape(m, -1).shape[1]] = mu.reshape(m, -1)
+    _impact(room, m, rows // m)
+    J[:] = room.J
 
 
 @kernel
-def _impact(A: Array, u0: Array, mu: Array, e: Array, plastic: Array, J: Array, u: Array, m: int,
-            width: int) -> None:
-    rows = width * m
-    for i in range(rows):
-        J[i] = 0.0
-    _sweep(A, u0, mu, e, J, u, m, width)
+def _impact(room: Room, m: int, width: int) -> None:
+    """Write room.J as `impact` does, from A, u0, mu and e of the room."""
+    rows, A, J, u0 = width * m, room.A, room.J, room.u0
+    _solve(room, room.e, m, width)
     least = 2.0
     for j in range(m):
-        if 0.0 < e[j] < least:
-            least = e[j]
+        if 0.0 < room.e[j] < least:
+            least = room.e[j]
     if least == 2.0:
         return
     change, scale = 0.0, 0.0
@@ -173,20 +182,49 @@ def _impact(A: Array, u0: Array, mu: Array, e: Array, plastic: Array, J: Array, 
         scale += abs(J[i] * u0[i])
     # An elastic collision without friction has a change of 0, up to rounding.
     if change > 1e-12 * scale:
-        for i in range(rows):
-            J[i] = 0.0
-        _sweep(A, u0, mu, plastic, J, u, m, width)
+        _solve(room, room.plastic, m, width)
         for i in range(rows):
             J[i] *= 1.0 + least
 
 
 @kernel
+def _solve(room: Room, e: Array, m: int, width: int) -> None:
+    """
+    Find the impulses for these coefficients of restitution.
+
+    Sweeps leave the load on redundant points with those that they came to first, and how friction
+    turns a body then depends on the order of its points. So Newton's method goes on from there
+    for points that give way a little, and share the impulse (contact_qp.COMPLIANCE), and sweeps
+    take what they gave way, 1e-8 of it.
+    """
+    rows, size = width * m, 0.0
+    for i in range(rows):
+        room.J[i] = 0.0
+    _sweep(room.A, room.u0, room.mu, e, room.J, room.u, m, width)
+    if m == 1:
+        return
+    A, b = room.M[:rows, :rows], room.b[:rows]
+    for i in range(rows):
+        b[i] = room.u0[i]
+        if i % width == 0:
+            b[i] += e[i // width] * min(b[i], 0.0)
+        size = max(size, abs(b[i]))
+        for j in range(rows):
+            A[i, j] = room.A[i, j] * (1.0 + COMPLIANCE if i == j else 1.0)
+    refine(A, b, room.mu[:m], room.J[:rows], GOAL * size, NEWTON_STEPS, room.u[:rows],
+           room.trial[:rows], room.K[:rows, :rows], room.x[:rows])
+    _sweep(room.A, room.u0, room.mu, e, room.J, room.u, m, width)
+
+
+@kernel
 def _sweep(A: Array, u0: Array, mu: Array, e: Array, J: Array, u: Array, m: int,
            width: int) -> None:
-    """Sweep over the points (projected Gauss-Seidel) until the impulses move no more."""
+    """Sweep over the points (projected Gauss-Seidel), from J, until that moves no more."""
     scale = 0.0
     for i in range(width * m):
         u[i] = u0[i]
+        for j in range(width * m):
+            u[i] += A[i, j] * J[j]
         scale = max(scale, abs(u0[i]))
     for _ in range(MAX_SWEEPS):
         moved = 0.0

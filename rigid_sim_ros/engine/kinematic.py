@@ -64,11 +64,17 @@ def begin_kinematic(model: Model, state: State) -> bool:
 def move_kinematic(model: Model, state: State, t: float) -> None:
     """Move every body by its prescribed twist for t [s]: x += t v, q = exp(t w) q."""
     for i in model.fixed:
-        if is_carried(state, i):
-            for k in range(3):
-                state.x[k, i] += t * state.V[k, i]
-            turn = exponential(scale(t, prescribed_spin(state, i)))
-            set_quaternion(state.q, i, unit(multiply(turn, quaternion(state.q, i))))
+        carry(state, i, t)
+
+
+@inlined
+def carry(state: State, i: int, t: float) -> None:
+    """Move a body by its prescribed twist, if it has one, for t [s]."""
+    if is_carried(state, i):
+        for k in range(3):
+            state.x[k, i] += t * state.V[k, i]
+        turn = exponential(scale(t, prescribed_spin(state, i)))
+        set_quaternion(state.q, i, unit(multiply(turn, quaternion(state.q, i))))
 
 
 @apart
