@@ -35,21 +35,6 @@ def test_what_passes_an_edge_within_a_step_is_dormant(beside, stops):
         assert (scene.state.L[:, 1] == 0.0).all()
 
 
-def test_what_an_impact_sends_against_a_neighbour_stops_there_within_the_step():
-    # The second ball is at rest, 1 mm from the wall: nothing meets as it moves but the first two.
-    r, h = 0.1, 0.01
-    balls = [ball(r, 1.0, position=(x, 0.0, 0.0), velocity=(v, 0.0, 0.0))
-             for x, v in ((-0.25, 10.0), (0.0, 0.0))]
-    wall = box((0.2, 1.0, 1.0), 1.0, position=(r + 0.001 + 0.1, 0.0, 0.0))._replace(mass=None)
-    scene = TimestepScene([wall, *balls], Material(friction=0.0), h, NO_GRAVITY)
-    scene.step()
-    rows = slice_in_use(scene.manifolds())
-    assert sorted(scene.work.collision.waits[rows].tolist()) == [ACTS, DORMANT]
-    # Both would move on by up to 5 m/s for 5 ms, 25 mm.
-    assert scene.state.x[0, 2] == pytest.approx(0.001, abs=1e-4)
-    assert scene.v[0, 1:] == pytest.approx([0.0, 0.0], abs=0.2)
-
-
 def test_what_meets_within_a_step_has_the_normal_of_that_moment():
     big, small = ball(0.5, 1.0)._replace(mass=None), ball(0.1, 1.0)
     start, v, h = np.array((0.35, 0.1, 0.55)), np.array((0.0, 0.0, -10.0)), 0.02
