@@ -39,7 +39,7 @@ def test_a_heavy_body_rests_on_a_light_one(masses):
 
 @pytest.mark.parametrize('m', [1.0, 1e3])
 def test_a_heavy_body_that_falls_on_a_light_one_stays_there(m):
-    """Inelastic: nobody has any velocity afterwards, as two bodies on the ground cannot pass on."""
+    """Inelastic: afterwards nothing moves, as what rests on the ground cannot give way."""
     low = box((0.1,) * 3, 1e-2, position=(0, 0, 0.05))
     high = box((0.1,) * 3, m, position=(0, 0, 0.35))
     scene = TimestepScene([ground(), low, high], Material(), H)
