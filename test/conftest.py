@@ -4,6 +4,7 @@
 
 from collections.abc import Iterator
 import os
+import signal
 from typing import Any
 
 import effort
@@ -21,6 +22,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Choose the form of tests and of properties before their modules are imported."""
     effort.choose(config.getoption('long'))
+    # Under nohup it is ignored, and so it would be by all programs that tests start.
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
     # The first example compiles kernels: it takes seconds, and says nothing of the code.
     usual = effort.examples(settings().max_examples, deadline=None)
     settings.register_profile('new_examples', usual)

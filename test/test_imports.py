@@ -44,7 +44,7 @@ MAY_IMPORT = {
 # The stages of a step. What one needs from another comes to it as arrays; only the modules that
 # are a sequence of stages know several: step, timestep, event, penalty, detect and backtrack,
 # which looks for the first of many meetings with the same means as detection.
-STAGES = {'broad_phase', 'collisions', 'contact_qp', 'impulse', 'integrate', 'narrow_phase',
+STAGES = {'broad_phase', 'collisions', 'impulse', 'integrate', 'narrow_phase',
           'sequential', 'witness'}
 # SciPy comes with OSQP, whose matrices are those of scipy.sparse; llvmlite with Numba, whose
 # vectors are LLVM's.

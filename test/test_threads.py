@@ -158,7 +158,7 @@ def test_a_world_saved_without_halves_is_refused_and_nothing_changes():
 
 def test_halves_stay_when_a_world_needs_more_room():
     # Balls that the walls push together: the number of manifolds grows.
-    places = np.stack(np.indices((8, 8, 7)), -1).reshape(-1, 3) - (3.5, 3.5, -0.6)
+    places = np.stack(np.indices((8, 8, 10)), -1).reshape(-1, 3) - (3.5, 3.5, -0.6)
     walls = [{'name': f'wall{k}', 'fixed': True,
               'shape': {'type': 'plane', 'normal': normal, 'offset': offset}}
              for k, (normal, offset) in enumerate([

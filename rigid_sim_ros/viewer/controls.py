@@ -58,7 +58,9 @@ class PacePanel:
         if pace is not None and now - self._turned_at > _PATIENCE:
             self.show_paused(pace.message == 'paused')
         if pace is not None and now - self._sped_at > _PATIENCE:
-            self._show_speed(pace.values.get('real-time factor wanted', ''))
+            # In the loop, where no report comes between what a page sets and `_set_speed`.
+            self._server.get_event_loop().call_soon_threadsafe(
+                self._show_speed, pace.values.get('real-time factor wanted', ''), now)
         text = 'not recording'
         is_recording = False
         if recording is not None:
@@ -89,7 +91,9 @@ class PacePanel:
 
         self._driver.pause(paused, said)
 
-    def _show_speed(self, wanted: str) -> None:
+    def _show_speed(self, wanted: str, now: float) -> None:
+        if now - self._sped_at <= _PATIENCE:
+            return
         is_unlimited = wanted == 'unlimited'
         put(self._unlimited, is_unlimited)
         if wanted and not is_unlimited:

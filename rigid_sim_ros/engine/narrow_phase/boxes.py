@@ -17,10 +17,11 @@ from rigid_sim_ros.engine.arrays import Array, IntArray, Vector
 from rigid_sim_ros.engine.kernel import kernel
 from rigid_sim_ros.engine.narrow_phase.reduce import reduce_to_four
 
-# An axis has to separate better by this fraction of the smallest half extent to be preferred: A's
-# faces come before B's and those before edges. It keeps the features of a resting box the same
-# from step to step; the gap is wrong by as much at most (0.2 mm for a box of 20 cm), and only
-# where both axes are near.
+# An axis has to separate better by this fraction of the smallest half extent to be preferred: the
+# faces of the larger box come before those of the smaller one and those before edges, A's first
+# where both are as large. So it does not matter which of two boxes is A, and the features of a
+# resting box are the same from step to step; the gap is wrong by as much at most (0.2 mm for a box
+# of 20 cm), and only where both axes are near.
 PREFERENCE = 2e-3
 # And edges, a single point, by this fraction of an overlap of faces, which several points bear: at
 # a small tilt either may be the shallower axis, and impulses are not handed from one to the other.
@@ -32,6 +33,11 @@ OVERHANG = 1e-4
 PARALLEL = 1e-8
 _C, _ABS, _T = 0, 9, 18  # places in `numbers`: A_i . B_j, their magnitudes, t in axes of A
 UNSETTLED = -1
+
+
+@kernel
+def _volume(size: Array, s: int) -> float:
+    return size[s, 0] * size[s, 1] * size[s, 2]
 
 
 @kernel
@@ -74,9 +80,9 @@ def separation(pose: Array, size: Array, a: int, b: int, limit: float, way: floa
     edge, best_edge = _edge_separation(size, a, b, limit, m)
     preference = PREFERENCE * min(min(size[a, 0], size[a, 1], size[a, 2]),
                                   min(size[b, 0], size[b, 1], size[b, 2]))
-    face, best = face_a, best_a
-    if best_b > best_a + preference:
-        face, best = face_b, best_b
+    first_b = _volume(size, b) > _volume(size, a)
+    chosen_b = best_b >= best_a - preference if first_b else best_b > best_a + preference
+    face, best = (face_b, best_b) if chosen_b else (face_a, best_a)
     largest = max(best_a, best_b)
     better = largest + preference + way + PREFERENCE_IN_OVERLAP * max(-largest, 0.0)
     if best_edge > better or best_edge > limit:
