@@ -83,6 +83,17 @@ def test_a_spring_damps_only_along_its_line():
     assert np.allclose(F[0], [0.0, 0.0, -3.0], atol=1e-9)
 
 
+def test_a_spring_damps_the_velocity_that_turning_gives_its_end():
+    handle = {'handle': {'position': [0.5, 0, 0]}}
+    spring = {'type': 'spring', 'a': 'a/handle', 'b': 'world', 'anchor': [0.5, 2.0, 0.0],
+              'stiffness': 0.0, 'damping': 3.0}
+    F, tau = loads(make([spring], [ball(angular=(0.0, 0.0, 4.0), frames=handle)],
+                        integrator='euler'))
+    # w x r = (0, 2, 0) m/s, towards the anchor: F = -3 * 2 N along y, with a lever of 0.5 m.
+    assert np.allclose(F[0], [0.0, -6.0, 0.0], atol=1e-9)
+    assert np.allclose(tau[0], [0.0, 0.0, -3.0], atol=1e-9)
+
+
 def test_a_spring_of_no_length_exerts_nothing():
     spring = {'type': 'spring', 'a': 'a', 'b': 'world', 'stiffness': 7.0, 'rest_length': 1.0}
     F, _ = loads(make([spring], [ball()], integrator='euler'))
