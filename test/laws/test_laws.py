@@ -20,9 +20,6 @@ NOT_YET = {('flush', 'timestep'): ORDER, ('mirrored', 'timestep'): ORDER}
 ASKED = [pytest.param(name, model, marks=pytest.mark.xfail(
     (name, model) in NOT_YET, reason=NOT_YET.get((name, model), ''), strict=True))
     for name in LAWS for model in SEEDS]
-CASES_NOT_YET = {
-    ('C: a cube slides over flush boxes', 'timestep'): '8e-6 m/s of 2 m/s are lost',
-    ('C: a cube slides over a compound of boxes', 'timestep'): '8e-6 m/s of 2 m/s are lost'}
 # What a case of these asks is a time, which no test does.
 TIMED = 'H'
 
@@ -39,10 +36,7 @@ def test_law_holds_in_random_scenes(law, model):
 
 @pytest.mark.parametrize(
     ('case', 'model'),
-    [pytest.param(case, model, marks=pytest.mark.xfail(
-        (f'{case.letter}: {case.name}', model) in CASES_NOT_YET, strict=True,
-        reason=CASES_NOT_YET.get((f'{case.letter}: {case.name}', model), '')))
-     for case in CASES if case.letter not in TIMED for model in case.models],
+    [(case, model) for case in CASES if case.letter not in TIMED for model in case.models],
     ids=lambda value: value if isinstance(value, str) else f'{value.letter}: {value.name}')
 def test_case_holds(case, model):
     verdict = case.measure(model)
