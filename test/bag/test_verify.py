@@ -34,8 +34,8 @@ def test_a_recording_that_begins_later_comes_out_again(tmp_path) -> None:
 
 # Every byte of the numbers would do; these are the first, one in the middle, and the last.
 @pytest.mark.parametrize('kind, body', [
-    (kinds.POSE, 'crate'), (kinds.TWIST, 'crate'), (kinds.STATE, None), (kinds.STATE_HASH, ''),
-    (kinds.CLOCK, '')])
+    (kinds.POSE, 'crate'), (kinds.POSE, 'ball'), (kinds.TWIST, 'crate'), (kinds.TWIST, 'ball'),
+    (kinds.STATE, None), (kinds.STATE_HASH, ''), (kinds.CLOCK, '')])
 @pytest.mark.parametrize('offset', [-1, -8, -4])
 def test_one_changed_byte_is_found_with_step_and_body(tmp_path, kind, body, offset) -> None:
     seen = []
