@@ -142,9 +142,10 @@ def film(path, *words):
         return frames, float(stream.average_rate), stream.codec_context.name
 
 
-def test_a_film_has_its_pictures_and_they_move(tmp_path):
+def test_a_film_has_its_pictures_and_they_move(tmp_path, capsys):
     frames, rate, codec = film(tmp_path / 'a.mp4', '--fps', 10, *CAMERA)
     assert (len(frames), rate, codec) == (21, 10.0, 'h264')
+    assert '21 pictures' in ''.join(capsys.readouterr())
     assert frames[0].shape == (240, 320, 3)
     places = [middle(mask(frame, RED))[0] for frame in frames]
     expected = [seen_at([-1 + V * k / 10, 0, 1])[0] for k in range(21)]
