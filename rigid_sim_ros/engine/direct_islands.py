@@ -20,6 +20,7 @@ from rigid_sim_ros.engine.impacts import Impacts
 from rigid_sim_ros.engine.kernel import INDEX, kernel
 from rigid_sim_ros.engine.lanes import LANES
 from rigid_sim_ros.engine.solver_bodies import INV_M, most_slots, slots_of, SolverBodies, STRIDE
+from rigid_sim_ros.engine.union_find import first_of, unite
 
 # Masses that differ more are for the direct solution.
 RATIO = 30.0
@@ -69,7 +70,7 @@ def find_islands(blocks: Blocks, bodies: SolverBodies, islands: Islands) -> None
         for lane in range(first, first + blocks.count[region] * LANES):
             a, b = _slots(blocks, lane)
             if blocks.row[lane] >= 0 and _moves(bodies, a) and _moves(bodies, b):
-                _unite(islands, a, b)
+                unite(islands.parent, a, b)
     _weigh(bodies, islands)
     for region in range(REGIONS):
         first = first_block(blocks, region)
@@ -114,31 +115,13 @@ def _begin(bodies: SolverBodies, islands: Islands) -> None:
 
 
 @kernel
-def _root(islands: Islands, slot: int) -> int:
-    """Return the root of a slot's island, and lead there at once from now on."""
-    root = slot
-    while islands.parent[root] != root:
-        root = islands.parent[root] & INDEX
-    while islands.parent[slot] != root:
-        islands.parent[slot], slot = root, islands.parent[slot] & INDEX
-    return root
-
-
-@kernel
-def _unite(islands: Islands, a: int, b: int) -> None:
-    """Let two slots be of one island, whose root is the first of its slots."""
-    a, b = _root(islands, a), _root(islands, b)
-    islands.parent[max(a, b)] = min(a, b)
-
-
-@kernel
 def _weigh(bodies: SolverBodies, islands: Islands) -> None:
     """Count the bodies of the islands, and find their lightest and heaviest."""
     for half in range(2):
         first, last = slots_of(bodies.used, half)
         for slot in range(first, last):
             if _moves(bodies, slot):
-                root, inv_m = _root(islands, slot), bodies.motion[slot * STRIDE + INV_M]
+                root, inv_m = first_of(islands.parent, slot), bodies.motion[slot * STRIDE + INV_M]
                 islands.bodies[root] += 1
                 islands.heaviest[root] = min(islands.heaviest[root], inv_m)
                 islands.lightest[root] = max(islands.lightest[root], inv_m)
@@ -148,7 +131,7 @@ def _weigh(bodies: SolverBodies, islands: Islands) -> None:
 def _island(blocks: Blocks, bodies: SolverBodies, islands: Islands, lane: int) -> int:
     """Return the root of the island that a lane is in."""
     a, b = _slots(blocks, lane)
-    return _root(islands, a if _moves(bodies, a) else b)
+    return first_of(islands.parent, a if _moves(bodies, a) else b)
 
 
 @kernel

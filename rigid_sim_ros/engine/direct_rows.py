@@ -51,7 +51,7 @@ class DirectRows(NamedTuple):
     inverse: Array  # (b, 7) [1/kg], [1/(kg m^2)] inverse mass and inertia, six numbers, of bodies
     limit: Array  # (c, 3) of friction, about the normal and against rolling, per normal force
     size: Array  # (c,) [m] of the smaller shape
-    scratch: Array  # (13 * 8,) n, t1, t2 and what else the lanes of a block are asked for
+    scratch: Array  # (10 * 8,) n, t1, t2 and the least speed of a point, of all lanes of a block
 
 
 def make_direct_rows(slots: int) -> DirectRows:
@@ -61,7 +61,7 @@ def make_direct_rows(slots: int) -> DirectRows:
                       np.full(slots, -1), np.zeros(each, dtype=np.int64), np.zeros((*each, 12)),
                       np.zeros((*each, 12)), np.zeros(each), np.zeros(each), np.zeros(each),
                       np.zeros(each), np.zeros((2 * c, 7)), np.zeros((c, 3)), np.zeros(c),
-                      np.zeros(13 * LANES))
+                      np.zeros(10 * LANES))
 
 
 @kernel

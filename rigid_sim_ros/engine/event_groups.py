@@ -25,6 +25,7 @@ from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.model import Model, WORLD
 from rigid_sim_ros.engine.shapes import Shapes
 from rigid_sim_ros.engine.state import State
+from rigid_sim_ros.engine.union_find import first_of, unite
 
 # How far shapes may move, as a multiple of what their speed and loads make of it at the start, and
 # in parts of their size. More makes larger groups, less makes more steps begin anew.
@@ -122,26 +123,16 @@ def find_groups(model: Model, state: State, shapes: Shapes, pose: Array, pairs: 
                 g.of[i] = count
                 count += 1
             else:
-                g.of[i] = g.of[_root(g.root, i)]
+                g.of[i] = g.of[first_of(g.root, i)]
     _list(g, count, shapes, pairs, found)
     return count, found
-
-
-@kernel
-def _root(root: IntArray, i: int) -> int:
-    """Return the first body of the set that body i belongs to."""
-    while root[i] != i:
-        root[i] = root[root[i]]
-        i = root[i]
-    return i
 
 
 @kernel
 def _join(model: Model, state: State, root: IntArray, a: int, b: int) -> None:
     """Let two bodies that move be of one set."""
     if _moves(model, state, a) and _moves(model, state, b):
-        a, b = _root(root, a), _root(root, b)
-        root[max(a, b)] = min(a, b)
+        unite(root, a, b)
 
 
 @kernel

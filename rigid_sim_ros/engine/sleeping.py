@@ -21,6 +21,7 @@ from rigid_sim_ros.engine.kinematic import is_carried
 from rigid_sim_ros.engine.loads import Loads
 from rigid_sim_ros.engine.manifolds import Manifolds, rows_in_use
 from rigid_sim_ros.engine.state import State
+from rigid_sim_ros.engine.union_find import first_of, unite
 from rigid_sim_ros.engine.vector import column, norm
 from rigid_sim_ros.engine.wrenches import Wrenches
 
@@ -159,15 +160,6 @@ def _speed(inv_m: Array, inv_I_C: Array, state: State, radius: Array, i: int) ->
 
 
 @kernel
-def _first(island: IntArray, i: int) -> int:
-    """Return the first body of the island of body i."""
-    while island[i] != i:
-        island[i] = island[island[i]]
-        i = island[i]
-    return i
-
-
-@kernel
 def fall_asleep(inv_m: Array, inv_I_C: Array, state: State, loads: Loads, radius: Array,
                 manifolds: Manifolds, needed: int, rest: Rest) -> None:
     """Hold what sleeps in place; let the islands sleep that were at rest for `needed` steps."""
@@ -192,14 +184,13 @@ def fall_asleep(inv_m: Array, inv_I_C: Array, state: State, loads: Loads, radius
         if is_carried(state, b):
             rest.steps[a] = 0
         if inv_m[a] > 0.0 and inv_m[b] > 0.0 and _press(manifolds, r):
-            a, b = _first(rest.island, a), _first(rest.island, b)
-            rest.island[max(a, b)] = min(a, b)
+            unite(rest.island, a, b)
     for i in range(n):
         # The most restless body of an island decides: its count moves to the first one.
-        first = _first(rest.island, i)
+        first = first_of(rest.island, i)
         rest.steps[first] = min(rest.steps[first], rest.steps[i])
     for i in range(n):
-        first = _first(rest.island, i)
+        first = first_of(rest.island, i)
         rest.steps[i] = rest.steps[first]
         if rest.asleep[i] == 0 and inv_m[i] > 0.0 and rest.steps[i] >= needed:
             rest.asleep[i] = 1
