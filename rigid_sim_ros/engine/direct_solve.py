@@ -106,7 +106,8 @@ def _solve(count: int, moving: int, inv_h: float, work: Direct) -> None:
         _begin_round(count, work)
         steps = _minimize(count, moving, 0.1 * goal, work)
         worst = _violation(count, work)
-        if worst < best:
+        # Of the first round in any case: else those of another island would be taken.
+        if worst < best or best == np.inf:
             best = worst
             _keep(count, moving, work)
         stuck, last = abs(worst - last) < STUCK * worst, worst
