@@ -27,14 +27,14 @@ from typing import NamedTuple
 from numba import njit
 import numpy as np
 
-from rigid_sim_ros.engine.broad_phase import balls_overlap, mark_moved, refresh
-from rigid_sim_ros.engine.forces import WIDTH
-from rigid_sim_ros.engine.grid import boxes_overlap, fill_grid
-from rigid_sim_ros.engine.inertia import sphere
-from rigid_sim_ros.engine.manifolds import empty_memory
-from rigid_sim_ros.engine.model import Body, build_model, ForceTable
-from rigid_sim_ros.engine.pair_list import forget_parted, update_pairs
-from rigid_sim_ros.engine.shapes import build_shapes, Shape, SPHERE
+from rigid_sim_ros.engine.detection.broad_phase import balls_overlap, mark_moved, refresh
+from rigid_sim_ros.engine.detection.grid import boxes_overlap, fill_grid
+from rigid_sim_ros.engine.detection.manifolds import empty_memory
+from rigid_sim_ros.engine.detection.pair_list import forget_parted, update_pairs
+from rigid_sim_ros.engine.dynamics.forces import WIDTH
+from rigid_sim_ros.engine.model.inertia import sphere
+from rigid_sim_ros.engine.model.model import Body, build_model, ForceTable
+from rigid_sim_ros.engine.model.shapes import build_shapes, Shape, SPHERE
 
 H = 1 / 240
 COUNTS = (100, 300, 1000, 3000, 10_000, 30_000)

@@ -52,7 +52,7 @@ import time; marks = [('', time.perf_counter())]
 def mark(name): marks.append((name, time.perf_counter()))
 import numpy; mark('numpy')
 import numba; mark('numba')
-import rigid_sim_ros.engine.contact_models; mark('the engine')
+import rigid_sim_ros.engine.steps.contact_models; mark('the engine')
 import rigid_sim_ros.scene.reader, rigid_sim_ros.world; mark('scenes and world')
 import json, sys
 world = rigid_sim_ros.world.World.from_dict(json.loads(sys.argv[1])); mark('building')
@@ -64,7 +64,7 @@ import json, sys, time
 from rigid_sim_ros import World
 World.from_dict(json.loads(sys.argv[1])).step()
 print(time.monotonic())
-from rigid_sim_ros.engine.compiling import finish
+from rigid_sim_ros.kernels.separate import finish
 finish()
 """
 

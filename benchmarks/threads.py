@@ -37,8 +37,8 @@ from run_rigid_sim import world as peers_world
 from scenes import pile, spheres
 
 from rigid_sim_ros import World
-from rigid_sim_ros.engine.compiling import cores
-from rigid_sim_ros.engine.two_cores import _read, _write, make_desk
+from rigid_sim_ros.kernels.second_core import _read, _write, make_desk
+from rigid_sim_ros.kernels.separate import cores
 
 WANTED = 1.6
 # Steps, and those before them that do not count: after a change of worlds the caches hold another

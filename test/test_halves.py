@@ -6,7 +6,7 @@ from halves import LENGTH, members, RADIUS, row, ROWS, rows_and, SPEED
 import numpy as np
 import pytest
 
-from rigid_sim_ros.engine.coloring import BETWEEN
+from rigid_sim_ros.engine.solver.coloring import BETWEEN
 
 
 def test_an_impact_reaches_the_end_of_a_row_within_its_step():

@@ -1,6 +1,6 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Imports go one way: cli, nodes -> bag, codec, scene, world -> engine."""
+"""Imports go one way: cli, nodes -> bag -> messages, world -> scene -> engine -> kernels."""
 import ast
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
@@ -18,34 +18,28 @@ MODULES = sorted(
     path for path in ROOT.rglob('*.py') if not path.relative_to(ROOT).parts[0].startswith('_'))
 
 # What a part may import of the others, besides itself.
-WORLD = {'applied', 'bounds', 'posed', 'snapshot', 'snapshot_check', 'world'}
-LOWER = WORLD | {'bag', 'codec', 'engine', 'scene'}
+PHYSICS = {'engine', 'kernels'}
+LOWER = PHYSICS | {'bag', 'messages', 'scene', 'world'}
 MAY_IMPORT = {
-    'cli': LOWER | {'bag_commands', 'environment', 'nodes', 'options', 'plots', 'precompile',
-                    'render', 'report', 'signals', 'viewer', 'warm_up'},
+    'cli': LOWER | {'environment', 'nodes', 'plots', 'render', 'signals', 'viewer', 'warm_up'},
     'environment': set(),
     'programs': {'signals'},
-    'options': {'scene'},
-    'bag_commands': LOWER | {'report', 'warm_up'},
     'plots': LOWER,
     'render': LOWER | {'plots'},
     'nodes': LOWER | {'environment', 'signals', 'viewer', 'warm_up'},
     'viewer': LOWER | {'plots', 'signals'},
-    'report': LOWER,
     'bag': LOWER,
-    'precompile': WORLD | {'engine', 'scene', 'warm_up'},
-    'warm_up': WORLD | {'engine', 'scene', 'signals'},
-    'codec': {'engine'},
+    'warm_up': PHYSICS | {'scene', 'signals', 'world'},
+    'messages': PHYSICS | {'bag'},
     'signals': set(),
-    'scene': {'engine'},
-    **dict.fromkeys(WORLD, WORLD | {'engine', 'scene'}),
-    'engine': set(),
+    'scene': PHYSICS,
+    'world': PHYSICS | {'scene'},
+    'engine': {'kernels'},
+    'kernels': set(),
 }
-# The stages of a step. What one needs from another comes to it as arrays; only the modules that
-# are a sequence of stages know several: step, timestep, event, penalty, detect and backtrack,
-# which looks for the first of many meetings with the same means as detection.
-STAGES = {'broad_phase', 'collisions', 'impulse', 'integrate', 'narrow_phase',
-          'sequential', 'witness'}
+# The rooms of the engine; each imports of those that stand after it.
+ROOMS = ('steps', 'events', 'solver', 'constraints', 'contact', 'detection', 'dynamics', 'state',
+         'model', 'maths')
 # SciPy comes with OSQP, whose matrices are those of scipy.sparse; llvmlite with Numba, whose
 # vectors are LLVM's.
 ENGINE_LIBRARIES = {'llvmlite', 'numba', 'numpy', 'osqp', 'scipy'}
@@ -78,7 +72,7 @@ def _imports_of(path: Path) -> Iterator[str]:
 
 
 def part_of(module: str) -> str:
-    """Return the part that a module lies in: `engine` for rigid_sim_ros.engine.step."""
+    """Return the part that a module lies in: `engine` for rigid_sim_ros.engine.steps.free."""
     return [*module.split('.'), ''][1]
 
 
@@ -87,12 +81,12 @@ def is_ros(module: str) -> bool:
     return top.startswith(ROS_LIBRARIES) or top.endswith(('_msgs', '_srvs'))
 
 
-def engine_file(module: str) -> str:
-    """Return the file or folder of the engine that an import names: `forces`, or '' for none."""
-    return [*module.split('.'), '', ''][2] if module.startswith('rigid_sim_ros.engine') else ''
+def room_of(module: str) -> str:
+    """Return the room of the engine that a module lies in: `steps`, or '' for none."""
+    return [*module.split('.'), '', ''][2] if module.startswith('rigid_sim_ros.engine.') else ''
 
 
-ENGINE = [path for path in MODULES if part_of(name_of(path)) == 'engine']
+ENGINE = [path for path in MODULES if part_of(name_of(path)) in PHYSICS]
 
 
 def test_imports_go_towards_the_engine() -> None:
@@ -116,14 +110,16 @@ def test_the_engine_needs_no_more_than_numpy_numba_and_osqp() -> None:
                       - known for path in ENGINE}) == {}
 
 
-def test_a_stage_of_the_step_imports_no_other_stage() -> None:
-    wrong = {}
+def test_a_room_of_the_engine_imports_what_stands_after_it() -> None:
+    wrong, rooms = {}, set()
     for path in ENGINE:
-        own = engine_file(name_of(path))
-        if own in STAGES:
-            wrong[own] = {engine_file(module) for module in imports_of(path)} & STAGES - {own}
+        name, room = name_of(path), room_of(name_of(path))
+        if room:
+            rooms.add(room)
+            before = ROOMS[:ROOMS.index(room)]
+            wrong[name] = {module for module in imports_of(path) if room_of(module) in before}
     assert offenders(wrong) == {}
-    assert set(wrong) == STAGES
+    assert rooms == set(ROOMS)
 
 
 def offenders(wrong: Mapping[str, Iterable[str]]) -> dict[str, list[str]]:
@@ -181,7 +177,7 @@ print(numba.njit(lambda a: (a @ a)[0, 0])(2.0 * np.eye(2)), 'scipy.linalg' in sy
 def test_a_kernel_is_compiled_without_scipy_which_numba_finds_when_asked(tmp_path: Path) -> None:
     result = in_a_fresh_interpreter("""
 import sys
-from rigid_sim_ros.engine.rotation import unit
+from rigid_sim_ros.engine.maths.rotation import unit
 unit((0.0, 0.0, 0.0, 2.0))
 print(sum(unit.stats.cache_misses.values()), 'scipy.linalg' in sys.modules)
 import numba
@@ -196,7 +192,7 @@ def test_a_world_whose_kernels_are_cached_steps_without_what_compiles_them(tmp_p
 import sys
 from rigid_sim_ros import load_scene
 load_scene('t_handle').step()
-needed = {'numba.np.linalg', 'rigid_sim_ros.engine.counted_loops'}
+needed = {'numba.np.linalg', 'rigid_sim_ros.kernels.counted_loops'}
 print(needed <= set(sys.modules), needed.isdisjoint(sys.modules))
 """
     for expected in ('True False\n', 'False True\n'):

@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from rigid_sim_ros import cli
-from rigid_sim_ros.engine.forces import FORCES
+from rigid_sim_ros.engine.dynamics.forces import FORCES
 from rigid_sim_ros.scene import scene_from_text
 from rigid_sim_ros.scene.advice import advice
 

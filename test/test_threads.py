@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros import load_scene, World
-from rigid_sim_ros.engine.compiling import cores
-from rigid_sim_ros.engine.manifolds import current_manifolds, slice_in_use
-from rigid_sim_ros.snapshot import pack, unpack
+from rigid_sim_ros.engine.detection.manifolds import current_manifolds, slice_in_use
+from rigid_sim_ros.kernels.separate import cores
+from rigid_sim_ros.world.snapshot import pack, unpack
 
 # [s] until the helper must have done so much; on a busy machine it seldom has a core.
 LONGEST, SOME = 180.0, 50

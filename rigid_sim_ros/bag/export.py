@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from rigid_sim_ros.bag import decode, topics as kinds
+from rigid_sim_ros.bag import topics as kinds
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.reader import BagReader
+from rigid_sim_ros.messages import decode
 
 FORMATS = ('csv', 'parquet')
 _AXES = 'xyz'

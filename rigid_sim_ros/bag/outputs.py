@@ -8,7 +8,7 @@ import numpy as np
 
 from rigid_sim_ros.bag import topics as kinds
 from rigid_sim_ros.bag.topics import Topic
-from rigid_sim_ros.codec import (
+from rigid_sim_ros.messages.codec import (
     encode_clock, encode_uint64, PoseEncoder, StateEncoder, TransformsEncoder, TwistEncoder)
 from rigid_sim_ros.world import World
 

@@ -33,7 +33,7 @@ from rigid_sim_ros.bag.reader import free_space_error
 from rigid_sim_ros.bag.session import new_session
 from rigid_sim_ros.bag.topics import own_topics, Topic
 from rigid_sim_ros.bag.writer import BagWriter
-from rigid_sim_ros.codec import encode_bytes, encode_string, encode_uint64
+from rigid_sim_ros.messages.codec import encode_bytes, encode_string, encode_uint64
 
 # [s] What was published longer ago than this, and the time a write takes, is out of the process.
 # A kill may lose 1 s; four chunks a second compress and seek well enough.

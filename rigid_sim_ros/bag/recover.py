@@ -31,7 +31,7 @@ from typing import Any, NamedTuple
 from mcap.opcode import Opcode
 import zstandard
 
-from rigid_sim_ros.bag import decode, events, metadata as metadata_file, topics as kinds
+from rigid_sim_ros.bag import events, metadata as metadata_file, topics as kinds
 from rigid_sim_ros.bag.errors import BagError, Damaged
 from rigid_sim_ros.bag.events import Event
 from rigid_sim_ros.bag.files import (
@@ -43,7 +43,8 @@ from rigid_sim_ros.bag.scan import McapScan
 from rigid_sim_ros.bag.sqlite_file import COMPANIONS, open_database, SqliteFile
 from rigid_sim_ros.bag.topics import Topic
 from rigid_sim_ros.bag.writer import RESERVE
-from rigid_sim_ros.codec import encode_string
+from rigid_sim_ros.messages import decode
+from rigid_sim_ros.messages.codec import encode_string
 
 _PART = '.part'
 _DAMAGED = '.damaged'

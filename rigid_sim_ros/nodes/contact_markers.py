@@ -10,7 +10,7 @@ as a whole one is the force that carries its weight.
 import numpy as np
 import numpy.typing as npt
 
-from rigid_sim_ros.codec import Marker, PointMarkersEncoder
+from rigid_sim_ros.messages.codec import Marker, PointMarkersEncoder
 from rigid_sim_ros.nodes.markers import Deletes
 from rigid_sim_ros.world import World
 

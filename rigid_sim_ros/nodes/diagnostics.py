@@ -10,7 +10,7 @@ of the window since the last message.
 """
 from math import ceil
 
-from rigid_sim_ros.codec import Status
+from rigid_sim_ros.messages.codec import Status
 from rigid_sim_ros.nodes.inputs import Refusals
 from rigid_sim_ros.nodes.pacing import Lateness, Pacer
 from rigid_sim_ros.nodes.publishers import Publishers

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from rigid_sim_ros.codec import Marker, MarkersEncoder
+from rigid_sim_ros.messages.codec import Marker, MarkersEncoder
 from rigid_sim_ros.scene.appearance import body_color
 from rigid_sim_ros.scene.build import Scene
 

@@ -27,7 +27,7 @@ from visualization_msgs.msg import MarkerArray
 from rigid_sim_ros.bag import topics as kinds
 from rigid_sim_ros.bag.recorder import Recorder
 from rigid_sim_ros.bag.topics import Topic
-from rigid_sim_ros.codec import (
+from rigid_sim_ros.messages.codec import (
     encode_clock, encode_diagnostics, encode_string, encode_uint64, encode_wrench, PoseEncoder,
     StateEncoder, Status, TransformsEncoder, TwistEncoder)
 from rigid_sim_ros.nodes.contact_markers import ContactMarkers

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.forces import FORCES
-from rigid_sim_ros.engine.inertia import mesh_volume
-from rigid_sim_ros.engine.model import Model, WORLD
+from rigid_sim_ros.engine.dynamics.forces import FORCES
+from rigid_sim_ros.engine.model.inertia import mesh_volume
+from rigid_sim_ros.engine.model.model import Model, WORLD
 from rigid_sim_ros.scene.build import Scene
 from rigid_sim_ros.scene.contact_advice import below, describe_contact
 from rigid_sim_ros.scene.overlap import describe_overlaps

@@ -10,20 +10,19 @@ from pathlib import Path
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import Array, IntArray
-from rigid_sim_ros.engine.beforehand import compile_beforehand
-from rigid_sim_ros.engine.hulls import HullError
-from rigid_sim_ros.engine.inertia import check, MassProperties
-from rigid_sim_ros.engine.kinematic import LASTS
-from rigid_sim_ros.engine.model import Body, build_model, Frame, Model
-from rigid_sim_ros.engine.penalty import check_step
-from rigid_sim_ros.engine.shapes import build_materials, build_shapes, Materials, Shapes
-from rigid_sim_ros.engine.state import BodyMotion, empty_state, State, write_motion
+from rigid_sim_ros.engine.dynamics.kinematic import LASTS
+from rigid_sim_ros.engine.model.hulls import HullError
+from rigid_sim_ros.engine.model.inertia import check, MassProperties
+from rigid_sim_ros.engine.model.model import Body, build_model, Frame, Model
+from rigid_sim_ros.engine.model.shapes import build_materials, build_shapes, Materials, Shapes
+from rigid_sim_ros.engine.state.state import BodyMotion, empty_state, State, write_motion
+from rigid_sim_ros.engine.steps.penalty import check_step
+from rigid_sim_ros.engine.steps.precompile import compile_beforehand
+from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.scene import collision, mass, mesh, schema
 from rigid_sim_ros.scene.document import Source
 from rigid_sim_ros.scene.errors import (
-    below, nearest, Path as Place, Problem, Report, SceneError, shown,
-)
+    below, nearest, Path as Place, Problem, Report, SceneError, shown)
 from rigid_sim_ros.scene.forces import force_table
 
 _logger = logging.getLogger(__name__)

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from rigid_sim_ros.engine.hulls import Polyhedron
-from rigid_sim_ros.engine.rotation_in_python import multiply, rotate
-from rigid_sim_ros.engine.shapes import (
+from rigid_sim_ros.engine.maths.rotation_in_python import multiply, rotate
+from rigid_sim_ros.engine.model.hulls import Polyhedron
+from rigid_sim_ros.engine.model.shapes import (
     ALL_GROUPS, BOX, CAPSULE, CYLINDER, HULL, Material, PLANE, Shape, SPHERE)
 from rigid_sim_ros.scene import schema
 from rigid_sim_ros.scene.errors import nearest, Path, Report, shown

@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import Array, IntArray
-from rigid_sim_ros.engine.shapes import CAPSULE, CYLINDER, PLANE, Shapes, SPHERE
+from rigid_sim_ros.engine.model.shapes import CAPSULE, CYLINDER, PLANE, Shapes, SPHERE
+from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.scene.build import Scene
 
 # A body that is heavier than what it lies on by more than this sinks in: a solver that goes from

@@ -8,8 +8,8 @@ from itertools import combinations
 
 import numpy as np
 
-from rigid_sim_ros.engine.forces import FORCES, WIDTH
-from rigid_sim_ros.engine.model import ForceTable, WORLD
+from rigid_sim_ros.engine.dynamics.forces import FORCES, WIDTH
+from rigid_sim_ros.engine.model.model import ForceTable, WORLD
 from rigid_sim_ros.scene import schema
 from rigid_sim_ros.scene.errors import below, nearest, Report, shown
 

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from rigid_sim_ros.engine import inertia
-from rigid_sim_ros.engine.inertia import MassProperties
-from rigid_sim_ros.engine.rotation_in_python import to_matrix
+from rigid_sim_ros.engine.maths.rotation_in_python import to_matrix
+from rigid_sim_ros.engine.model import inertia
+from rigid_sim_ros.engine.model.inertia import MassProperties
 from rigid_sim_ros.scene import schema
 from rigid_sim_ros.scene.errors import dotted, either, Path
 

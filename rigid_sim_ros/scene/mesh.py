@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.arrays import Array, IntArray
-from rigid_sim_ros.engine.inertia import mesh_volume
+from rigid_sim_ros.engine.model.inertia import mesh_volume
+from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.scene.errors import shown
 
 # What is read; the file says which by its name.

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.detect import detect
-from rigid_sim_ros.engine.manifolds import current_manifolds, empty_memory, grown
-from rigid_sim_ros.engine.state import copy_state
+from rigid_sim_ros.engine.detection.detect import detect
+from rigid_sim_ros.engine.detection.manifolds import current_manifolds, empty_memory, grown
+from rigid_sim_ros.engine.state.state import copy_state
 from rigid_sim_ros.scene.build import Scene
 
 # Of the size of the smaller shape: an overlap below this is rounding in the file, or what contact

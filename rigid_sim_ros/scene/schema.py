@@ -15,14 +15,13 @@ from pydantic import (
     model_validator, Tag, ValidationInfo,
 )
 
-from rigid_sim_ros.engine.forces import ForceKind, FORCES, Parameter
-from rigid_sim_ros.engine.integrate import ORIENTATIONS
-from rigid_sim_ros.engine.step import FREE_MOTION
+from rigid_sim_ros.engine.dynamics.forces import ForceKind, FORCES, Parameter
+from rigid_sim_ros.engine.dynamics.integrate import ORIENTATIONS
+from rigid_sim_ros.engine.steps.free import FREE_MOTION
 from rigid_sim_ros.scene.errors import Path
 from rigid_sim_ros.scene.values import (
     Choice, Color, Count, Density, Flag, Format, index, Length, ListOf, Mass, Name, NamePair,
-    Numbers, Quantity, Quaternion, refuse, Rows, Scale, Text, Vector,
-)
+    Numbers, Quantity, Quaternion, refuse, Rows, Scale, Text, Vector)
 
 INTEGRATORS = tuple(FREE_MOTION)
 CONTACTS = ('none', 'penalty', 'event', 'timestep')

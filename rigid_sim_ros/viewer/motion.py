@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from rigid_sim_ros.bag.decode import multi_dof_state
 from rigid_sim_ros.bag.errors import Damaged
+from rigid_sim_ros.messages.decode import multi_dof_state
 
 Array = npt.NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 
 from rigid_sim_ros.bag.playable_files import Message
 from rigid_sim_ros.bag.topics import typestore
-from rigid_sim_ros.codec import encode_string
+from rigid_sim_ros.messages.codec import encode_string
 
 STRING = 'std_msgs/msg/String'
 _FOREVER = QosTime(9223372036, 854775807)

@@ -11,7 +11,7 @@ import shutil
 import tempfile
 from typing import Any
 
-from rigid_sim_ros.bag import decode, events, session as sessions, topics as kinds
+from rigid_sim_ros.bag import events, session as sessions, topics as kinds
 from rigid_sim_ros.bag.batch import Batch
 from rigid_sim_ros.bag.mcap_file import McapFile
 from rigid_sim_ros.bag.metadata import build, write
@@ -20,7 +20,8 @@ from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.recorder import Recorder
 from rigid_sim_ros.bag.session import Session
 from rigid_sim_ros.bag.topics import Topic
-from rigid_sim_ros.codec import encode_string, encode_wrench
+from rigid_sim_ros.messages import decode
+from rigid_sim_ros.messages.codec import encode_string, encode_wrench
 from rigid_sim_ros.world import World
 
 NODE = '/rigid_sim'

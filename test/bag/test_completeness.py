@@ -22,7 +22,7 @@ from rigid_sim_ros.bag.recover import recover
 from rigid_sim_ros.bag.session import Session
 from rigid_sim_ros.bag.topics import Topic
 from rigid_sim_ros.bag.verify import verify
-from rigid_sim_ros.codec import encode_string
+from rigid_sim_ros.messages.codec import encode_string
 
 POSE = f'{NODE}/crate/pose'
 

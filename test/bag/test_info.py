@@ -13,7 +13,7 @@ from rigid_sim_ros.bag import topics as kinds
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.info import info
 from rigid_sim_ros.bag.topics import typestore
-from rigid_sim_ros.codec import encode_string
+from rigid_sim_ros.messages.codec import encode_string
 
 
 def test_topics_counts_duration_and_scene_are_told() -> None:

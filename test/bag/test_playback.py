@@ -22,7 +22,7 @@ from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.playable_files import Message
 from rigid_sim_ros.bag.playback import PlayableBag
 from rigid_sim_ros.bag.reader import BagReader
-from rigid_sim_ros.codec import encode_string
+from rigid_sim_ros.messages.codec import encode_string
 
 SECOND = 10 ** 9
 STORAGES = [(storage, mode) for storage in ('mcap', 'sqlite3') for mode in ('none', 'zstd')]

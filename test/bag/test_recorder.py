@@ -18,7 +18,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from rigid_sim_ros import __version__
-from rigid_sim_ros.bag import decode, mcap_file, recorder as recorder_module, topics as kinds
+from rigid_sim_ros.bag import mcap_file, recorder as recorder_module, topics as kinds
 from rigid_sim_ros.bag.batch import Batch
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.mcap_file import McapFile
@@ -27,6 +27,7 @@ from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.recorder import Recorder
 from rigid_sim_ros.bag.verify import verify
 from rigid_sim_ros.bag.writer import BagWriter
+from rigid_sim_ros.messages import decode
 from rigid_sim_ros.world import World
 
 KINDS = list(product(('mcap', 'sqlite3'), ('none', 'zstd')))

@@ -6,17 +6,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rigid_sim_ros.engine.detect import detect
-from rigid_sim_ros.engine.forces import WIDTH
-from rigid_sim_ros.engine.hulls import Polyhedron
-from rigid_sim_ros.engine.inertia import MassProperties
-from rigid_sim_ros.engine.manifolds import current_manifolds, empty_memory, grown
-from rigid_sim_ros.engine.model import Body, build_model, ForceTable
-from rigid_sim_ros.engine.narrow_phase.signed_distance import signed_distance
-from rigid_sim_ros.engine.placing import place_bodies, place_shapes
-from rigid_sim_ros.engine.shapes import (
+from rigid_sim_ros.engine.detection.detect import detect
+from rigid_sim_ros.engine.detection.manifolds import current_manifolds, empty_memory, grown
+from rigid_sim_ros.engine.detection.narrow_phase.signed_distance import signed_distance
+from rigid_sim_ros.engine.detection.transform_update import place_bodies, place_shapes
+from rigid_sim_ros.engine.dynamics.forces import WIDTH
+from rigid_sim_ros.engine.model.hulls import Polyhedron
+from rigid_sim_ros.engine.model.inertia import MassProperties
+from rigid_sim_ros.engine.model.model import Body, build_model, ForceTable
+from rigid_sim_ros.engine.model.shapes import (
     BOX, build_shapes, CAPSULE, CYLINDER, HULL, PLANE, Shape, SPHERE)
-from rigid_sim_ros.engine.state import empty_state
+from rigid_sim_ros.engine.state.state import empty_state
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 PLANE_SHAPE = (PLANE, (0.0, 0.0, 0.0), None)

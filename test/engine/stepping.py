@@ -5,12 +5,12 @@
 from engine.touching import _Scene, ball, box, G, ground
 import numpy as np
 
-from rigid_sim_ros.engine.manifolds import (
+from rigid_sim_ros.engine.detection.manifolds import (
     earlier_manifolds, empty_memory, lasting, with_lasting)
-from rigid_sim_ros.engine.shapes import Material
-from rigid_sim_ros.engine.sleeping import no_rest
-from rigid_sim_ros.engine.state import copy_state
-from rigid_sim_ros.engine.timestep import advance, make_timestep_work, TimestepSettings
+from rigid_sim_ros.engine.model.shapes import Material
+from rigid_sim_ros.engine.solver.sleeping import no_rest
+from rigid_sim_ros.engine.state.state import copy_state
+from rigid_sim_ros.engine.steps.timestep import advance, make_timestep_work, TimestepSettings
 
 
 class TimestepScene(_Scene):

@@ -8,18 +8,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine import event, inertia, penalty
-from rigid_sim_ros.engine.event_buffers import Carried, EventSettings
-from rigid_sim_ros.engine.forces import WIDTH
-from rigid_sim_ros.engine.inertia import MassProperties
-from rigid_sim_ros.engine.manifolds import current_manifolds, empty_memory
-from rigid_sim_ros.engine.model import Body, build_model, ForceTable
-from rigid_sim_ros.engine.shapes import (
+from rigid_sim_ros.engine.detection.manifolds import current_manifolds, empty_memory
+from rigid_sim_ros.engine.dynamics.forces import WIDTH
+from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches
+from rigid_sim_ros.engine.events.buffers import Carried, EventSettings
+from rigid_sim_ros.engine.model import inertia
+from rigid_sim_ros.engine.model.inertia import MassProperties
+from rigid_sim_ros.engine.model.model import Body, build_model, ForceTable
+from rigid_sim_ros.engine.model.shapes import (
     BOX, build_materials, build_shapes, PLANE, Shape, SPHERE)
-from rigid_sim_ros.engine.state import (
-    copy_state, empty_motion, empty_state, kinetic_energy, total_angular_momentum,
-    write_motion)
-from rigid_sim_ros.engine.wrenches import no_wrenches
+from rigid_sim_ros.engine.state.state import (
+    copy_state, empty_motion, empty_state, kinetic_energy, total_angular_momentum, write_motion)
+from rigid_sim_ros.engine.steps import event, penalty
 
 G = 9.81
 

@@ -21,7 +21,7 @@ from sensor_msgs.msg import MultiDOFJointState
 from std_msgs.msg import String
 
 from rigid_sim_ros.bag.playable_files import Message
-from rigid_sim_ros.codec import encode_clock, encode_string
+from rigid_sim_ros.messages.codec import encode_clock, encode_string
 
 SECOND = 10 ** 9
 FAST = ('--rate', '20')

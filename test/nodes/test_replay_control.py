@@ -18,7 +18,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import MultiDOFJointState
 from std_msgs.msg import Float64, String
 
-from rigid_sim_ros.codec import encode_string
+from rigid_sim_ros.messages.codec import encode_string
 
 SECOND = 10 ** 9
 

@@ -25,7 +25,7 @@ from nodes.replays import hearing, replay, texts_of
 import pytest
 from std_msgs.msg import String
 
-from rigid_sim_ros.codec import encode_string
+from rigid_sim_ros.messages.codec import encode_string
 
 SECOND = 10 ** 9
 QOS = 'qos_overrides./chatter.publisher'

@@ -7,10 +7,11 @@ from bag import sessions
 import numpy as np
 import pytest
 
-from rigid_sim_ros.bag import decode, topics as kinds
+from rigid_sim_ros.bag import topics as kinds
 from rigid_sim_ros.bag.batch import Batch
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.motion import Clock, read_motion
+from rigid_sim_ros.messages import decode
 from rigid_sim_ros.plots.command import choose_bodies, choose_rows, make_diagram
 from rigid_sim_ros.plots.contacts import simulate_contacts
 from rigid_sim_ros.plots.diagram import Line, Panel, thinned

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rigid_sim_ros.engine.forces import FORCES
-from rigid_sim_ros.engine.kept import Kept
-from rigid_sim_ros.engine.model import WORLD
-from rigid_sim_ros.engine.state import empty_motion, read_motion
+from rigid_sim_ros.engine.dynamics.forces import FORCES
+from rigid_sim_ros.engine.model.model import WORLD
+from rigid_sim_ros.engine.state.state import empty_motion, read_motion
+from rigid_sim_ros.kernels.argument_pack import Kept
 from rigid_sim_ros.scene import read_scene, Scene, scene_from_dict, scene_from_text
 
 Read = Callable[[str], Scene]

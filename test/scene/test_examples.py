@@ -10,9 +10,8 @@ import pytest
 from scipy.special import ellipk
 
 from rigid_sim_ros import load_scene, World
-from rigid_sim_ros.engine.arrays import Array
-from rigid_sim_ros.scene import (
-    DEFAULT_SCENE, describe, example_names, read_scene, SceneError)
+from rigid_sim_ros.kernels.arrays import Array
+from rigid_sim_ros.scene import DEFAULT_SCENE, describe, example_names, read_scene, SceneError
 
 
 def axis(world: World, body_axis: tuple[float, float, float]) -> Array:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rigid_sim_ros.engine.arrays import Array
-from rigid_sim_ros.engine.inertia import MassProperties
+from rigid_sim_ros.engine.model.inertia import MassProperties
+from rigid_sim_ros.kernels.arrays import Array
 from rigid_sim_ros.scene import mass, schema
 
 

@@ -9,7 +9,7 @@ from hypothesis import given, HealthCheck, strategies as st
 import numpy as np
 import pytest
 
-from rigid_sim_ros.engine.forces import FORCES
+from rigid_sim_ros.engine.dynamics.forces import FORCES
 from rigid_sim_ros.scene import (
     example_names, read_scene, Scene, scene_from_dict, scene_from_text, SceneError)
 

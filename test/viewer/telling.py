@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from viewer.browsing import SCENE
 
-from rigid_sim_ros.codec import Marker, MarkersEncoder, StateEncoder
+from rigid_sim_ros.messages.codec import Marker, MarkersEncoder, StateEncoder
 from rigid_sim_ros.scene.reader import scene_from_text
 from rigid_sim_ros.viewer.live import LivePage
 from rigid_sim_ros.viewer.server import PageServer

@@ -13,8 +13,8 @@ import pytest
 
 from rigid_sim_ros.bag import topics as kinds
 from rigid_sim_ros.bag.batch import Batch
-from rigid_sim_ros.bag.decode import multi_dof_state
 from rigid_sim_ros.bag.errors import BagError
+from rigid_sim_ros.messages.decode import multi_dof_state
 from rigid_sim_ros.viewer import recording as module
 from rigid_sim_ros.viewer.recording import Recording
 from rigid_sim_ros.world import World

@@ -14,7 +14,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 import trimesh
 
-from rigid_sim_ros.codec import StateEncoder
+from rigid_sim_ros.messages.codec import StateEncoder
 from rigid_sim_ros.scene import read_scene, scene_from_dict
 from rigid_sim_ros.viewer.motion import MotionDecoder
 from rigid_sim_ros.viewer.shapes import Shapes

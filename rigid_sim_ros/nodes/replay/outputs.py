@@ -18,7 +18,7 @@ from rosgraph_msgs.msg import Clock
 from rigid_sim_ros.bag.offered_qos import OfferedQos
 from rigid_sim_ros.bag.playable_files import Message, RecordedTopic
 from rigid_sim_ros.bag.playback import PlayableBag
-from rigid_sim_ros.codec import encode_clock
+from rigid_sim_ros.messages.codec import encode_clock
 from rigid_sim_ros.nodes.delivery import await_delivery
 from rigid_sim_ros.nodes.replay.qos import CLOCK_QOS, make_publisher, profile
 

@@ -1,0 +1,276 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Contacts as they will be in the middle of the time in which they act.
+
+Detection finds contacts at the start of a step. There the lever of what rolls or rocks is of first
+order: a step that holds the velocity there to 0 leaves the surface by w^2 r h^2 / 2, and closing
+that gap would lift the body for nothing. So contacts that touch and move get the normal and the
+points of the middle of the step, and the rate at which the geometry alone changes their velocity,
+
+    u(t) = u(h / 2) + (t - h / 2) du/dt,    h du/dt = 2 (u(h / 2) - u(0)) at unchanged P and L,
+
+(the second part of d'' in Meyer, Rigid Body Dynamics, "Resting Contact"), which makes the step of
+second order. Contacts that do not touch yet act in this step only if the pair meets within it on
+its way; then they get the normal and the points of that moment. That is found by conservative
+advancement; see backtrack.py. What does not meet is dormant: the distance along the normal of the
+start would tell a body that passes an edge that it runs into it. It wakes when an impact in this
+step changes the way of one of its bodies; see impacts.py.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.detection.backtrack import approach_bound, pair_gap, place_ahead
+from rigid_sim_ros.engine.detection.manifold_rows import is_mended
+from rigid_sim_ros.engine.detection.manifolds import (
+    ACTS, DORMANT, forget_impulses, Manifolds, POINTS, rows_in_use, Scratch)
+from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
+from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
+from rigid_sim_ros.engine.dynamics.kinematic import prescribed_spin
+from rigid_sim_ros.engine.dynamics.loads import empty_loads, Loads
+from rigid_sim_ros.engine.maths.rotation import angular_velocity, quaternion
+from rigid_sim_ros.engine.maths.vector import (
+    add, add_scaled, column, cross, dot, row, scale, subtract)
+from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.model.shapes import Shapes
+from rigid_sim_ros.engine.state.state import body_velocity, State
+from rigid_sim_ros.kernels.arrays import Array, IntArray, room, Vector
+from rigid_sim_ros.kernels.kernel import INDEX, kernel
+
+# Parts of the size of the smaller shape of a pair: what moves less in a step meets nothing; what
+# moves less has the geometry of its start, which for a turn by a in a step is right to a^2 / 8;
+# what is nearer than twice the skin touches; what comes nearer has met.
+STILL, SLOW, TOUCHING, MET = 1e-6, 1e-4, 4e-5, 1e-6
+# Stages of conservative advancement: what touches for less than one, and not deeply, is missed.
+STAGES = 16
+TINY = 1e-300
+# cos 25 deg: a normal that turns farther in half of a step belongs to another feature.
+SAME_NORMAL = 0.9
+# Columns of `Prediction.old`: of the points that detection found.
+_GAP, _IMPULSE, _ALONG, _U, _OLD = 0, 1, 2, 3, 6
+
+
+class Prediction(NamedTuple):
+    """Buffers for c manifolds, s shapes; rows are those of the manifolds."""
+
+    given: IntArray  # (c,) of 8 bits, 1 where the next ones hold something
+    turn: Array  # (POINTS, c) [m/s] what geometry adds to the normal velocity of a point in a step
+    turn_t: Array  # (c, 3) [m/s] and to the sliding velocity, world axes
+    # (c, 3) [m] from the start of the step to where a manifold was found, how far the centre of
+    # mass of B moved relative to that of A
+    moved: Array
+    gap: Array  # (POINTS, c) [m] of each point where a manifold was found
+    pose: Array  # (s, 12) scratch, as in `Memory.pose`
+    old: Array  # (POINTS, 6) scratch
+    still: Loads  # of 0
+
+
+def make_prediction(n: int, shapes: int, capacity: int) -> Prediction:
+    """Return buffers for n bodies."""
+    return Prediction(room(capacity, kind=np.int8), room(POINTS, capacity), room(capacity, 3),
+                      room(capacity, 3), room(POINTS, capacity), room(shapes, 12),
+                      np.zeros((POINTS, _OLD)),
+                      empty_loads(n))
+
+
+@kernel
+def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
+                     manifolds: Manifolds, ahead: Array, calm: Array, waits: IntArray,
+                     prediction: Prediction, scratch: Scratch) -> None:
+    """
+    Bring the manifolds to the time in which they act.
+
+    waits (c,) becomes DORMANT where a pair does not meet as it moves, elsewhere ACTS. ahead and
+    calm (s,) [m] are how far ahead shapes look, and how far they would at rest.
+    """
+    first, count = rows_in_use(manifolds)
+    for k in range(count):
+        r = (first + k) & INDEX
+        waits[r], prediction.given[r] = ACTS, 0
+        a, b = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
+        size = min(shapes.bound[a], shapes.bound[b])
+        # What is mended for what lies beside would, as a pair alone, be as it was before.
+        if (is_mended(manifolds, r)
+                or ahead[a] + ahead[b] - calm[a] - calm[b] < STILL * size):
+            continue
+        gap = manifolds.gap[0, r]
+        for p in range(1, manifolds.points[r]):
+            gap = min(gap, manifolds.gap[p, r])
+        if gap <= TOUCHING * size:
+            if ahead[a] + ahead[b] - calm[a] - calm[b] > SLOW * size:
+                _rewrite(model, state, prediction.still, shapes, manifolds, r, 0.5 * model.h,
+                         True, ahead[a] + ahead[b], prediction, scratch)
+        elif _closes(model, state, loads, manifolds, r):
+            t = _meeting(model, state, loads, shapes, a, b, gap, row(manifolds.normal, r),
+                         MET * size, prediction.pose, scratch)
+            if t <= model.h:
+                _rewrite(model, state, loads, shapes, manifolds, r, t, False,
+                         ahead[a] + ahead[b], prediction, scratch)
+            else:
+                waits[r] = DORMANT
+                forget_impulses(manifolds, r)
+
+
+@kernel
+def _meeting(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b: int, gap: float,
+             n: Vector, met: float, pose: Array, scratch: Scratch) -> float:
+    """
+    Return when [s] in the step two shapes first touch; inf: not at all.
+
+    By conservative advancement in few stages, at the least a stage further, until no more than
+    `met` [m] is left between them; from there back along a straight line.
+    """
+    t = 0.0
+    for _ in range(STAGES):
+        back = (-n[0], -n[1], -n[2])
+        speed = (approach_bound(model, state, loads, shapes, a, n, model.h)
+                 + approach_bound(model, state, loads, shapes, b, back, model.h))
+        if not speed * (model.h - t) >= gap:
+            return math.inf
+        later = min(t + max(gap / speed, model.h / STAGES), model.h)
+        then, n = pair_gap(model, state, loads, shapes, a, b, later, pose, scratch)
+        if then <= met:
+            # A little before, the direction between what is nearest is still the normal.
+            return t + (later - t) * max(gap - met, 0.0) / max(gap - then, TINY)
+        if later >= model.h:
+            break
+        t, gap = later, then
+    return math.inf
+
+
+@kernel
+def _closes(model: Model, state: State, loads: Loads, manifolds: Manifolds, r: int) -> bool:
+    """Return whether any gap would close within the step if the normal and the lever stayed."""
+    a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+    n = row(manifolds.normal, r)
+    later = 0.5 * model.h
+    pull = later * (model.inv_m[b] * dot(n, column(loads.F, b))
+                    - model.inv_m[a] * dot(n, column(loads.F, a)))
+    w_A, w_B = _spin_after(model, state, a, 0.0), _spin_after(model, state, b, 0.0)
+    for p in range(manifolds.points[r]):
+        u = _velocity(model, state, a, b, w_A, w_B, row(manifolds.r_A[p], r),
+                      row(manifolds.r_B[p], r))
+        if manifolds.gap[p, r] + model.h * (dot(n, u) + pull) <= 0.0:
+            return True
+    return False
+
+
+@kernel
+def _spin_after(model: Model, state: State, i: int, t: float) -> Vector:
+    """Return the angular velocity of a body [rad/s] after t [s] without torque, world axes."""
+    q, L, inv_I = quaternion(state.q, i), column(state.L, i), column(model.inv_I_C, i)
+    if model.inv_m[i] > 0.0 and t > 0.0:
+        q = turn_fast(q, L, inv_I, t)
+    return add(prescribed_spin(state, i), angular_velocity(q, L, inv_I))
+
+
+@kernel
+def _velocity(model: Model, state: State, a: int, b: int, w_A: Vector, w_B: Vector, r_A: Vector,
+              r_B: Vector) -> Vector:
+    """Return the velocity of B relative to A at a point [m/s]."""
+    v = subtract(body_velocity(model, state, b), body_velocity(model, state, a))
+    return add(v, subtract(cross(w_B, r_B), cross(w_A, r_A)))
+
+
+@kernel
+def _way(model: Model, state: State, loads: Loads, i: int, t: float) -> Vector:
+    """Return how far the centre of mass of a body moves in t [s]."""
+    return scale(t, add_scaled(body_velocity(model, state, i), 0.5 * t * model.inv_m[i],
+                               column(loads.F, i)))
+
+
+@kernel
+def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds: Manifolds,
+             r: int, t: float, touches: bool, margin: float, prediction: Prediction,
+             scratch: Scratch) -> None:
+    """
+    Give a manifold the normal and the points of t [s] after the start of the step.
+
+    Its gaps stay those of the start: of points that touch already as they were found there, of
+    others by going back along the path.
+    """
+    a, b = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
+    i, j = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+    place_ahead(model, state, loads, shapes, a, t, prediction.pose)
+    place_ahead(model, state, loads, shapes, b, t, prediction.pose)
+    count, n = collide(prediction.pose, shapes, a, b, margin, scratch)
+    if count == 0 or dot(n, row(manifolds.normal, r)) < (SAME_NORMAL if touches else 0.0):
+        return
+    if touches and not _same_features(manifolds, r, count, scratch.ids):
+        return      # others would begin without the impulses that bear the load
+    old_count = _note_old(model, state, manifolds, r, prediction.old)
+    w_A, w_B = _spin_after(model, state, i, t), _spin_after(model, state, j, t)
+    way_A, way_B = _way(model, state, loads, i, t), _way(model, state, loads, j, t)
+    x_A, x_B = add(column(state.x, i), way_A), add(column(state.x, j), way_B)
+    slide, known = (0.0, 0.0, 0.0), 0
+    features = (manifolds.feature[0, r], manifolds.feature[1, r], manifolds.feature[2, r],
+                manifolds.feature[3, r])
+    for p in range(count):
+        gap, old = scratch.points[p, 3], -1
+        at = (scratch.points[p, 0], scratch.points[p, 1], scratch.points[p, 2])
+        r_A, r_B = subtract(at, x_A), subtract(add_scaled(at, gap, n), x_B)
+        u = _velocity(model, state, i, j, w_A, w_B, r_A, r_B)
+        for q in range(old_count):
+            if features[q] == scratch.ids[p]:
+                old = q
+        turn = 0.0
+        if touches and old >= 0:
+            gap = prediction.old[old, _GAP]
+            turn = 2.0 * (dot(n, u) - prediction.old[old, _ALONG])
+            slide = add(slide, subtract(u, row_from(prediction.old, old, _U)))
+            known += 1
+        else:
+            gap -= dot(n, add(subtract(way_B, way_A), scale(
+                t, subtract(cross(w_B, r_B), cross(w_A, r_A)))))
+        manifolds.gap[p, r], prediction.gap[p, r] = gap, scratch.points[p, 3]
+        manifolds.impulse[p, r] = prediction.old[old, _IMPULSE] if old >= 0 else 0.0
+        manifolds.feature[p, r] = scratch.ids[p]
+        prediction.turn[p, r] = turn
+        for k in range(3):
+            manifolds.r_A[p, r, k], manifolds.r_B[p, r, k] = r_A[k], r_B[k]
+    for k in range(3):
+        manifolds.normal[r, k] = n[k]
+        prediction.moved[r, k] = way_B[k] - way_A[k]
+        prediction.turn_t[r, k] = 2.0 * slide[k] / known if known > 0 else 0.0
+    manifolds.points[r], prediction.given[r] = count, 1
+    # Those that were found are no longer there, to be taken over by the next step.
+    for k in range(5):
+        manifolds.found_at[r, k] = 0.0
+
+
+@kernel
+def _same_features(manifolds: Manifolds, r: int, count: int, ids: IntArray) -> bool:
+    """Return whether the points that were found are those of a manifold."""
+    if count != manifolds.points[r]:
+        return False
+    for p in range(count):
+        found = False
+        for q in range(count):
+            found |= manifolds.feature[q, r] == ids[p]
+        if not found:
+            return False
+    return True
+
+
+@kernel
+def row_from(values: Array, i: int, k: int) -> Vector:
+    """Return three numbers of a row, from column k on."""
+    return (values[i, k], values[i, k + 1], values[i, k + 2])
+
+
+@kernel
+def _note_old(model: Model, state: State, manifolds: Manifolds, r: int, old: Array) -> int:
+    """Write what `_rewrite` asks for of the points that were found; return how many these are."""
+    a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+    w_A, w_B = _spin_after(model, state, a, 0.0), _spin_after(model, state, b, 0.0)
+    for p in range(manifolds.points[r]):
+        u = _velocity(model, state, a, b, w_A, w_B, row(manifolds.r_A[p], r),
+                      row(manifolds.r_B[p], r))
+        old[p, _GAP], old[p, _IMPULSE] = manifolds.gap[p, r], manifolds.impulse[p, r]
+        old[p, _ALONG] = dot(row(manifolds.normal, r), u)
+        for k in range(3):
+            old[p, _U + k] = u[k]
+    return manifolds.points[r]

@@ -1,0 +1,89 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a visit of the sequential solver demands of a point, whatever block it is in."""
+
+from typing import NamedTuple
+
+from rigid_sim_ros.engine.constraints.contact_blocks import GAP, RESTING, SIZE, SPEED, TURN
+from rigid_sim_ros.kernels.arrays import Array
+from rigid_sim_ros.kernels.eight import Eight, load, Mask, root, select
+from rigid_sim_ros.kernels.kernel import part
+
+# Lengths that are tolerances, in parts of the size of the smaller shape of a pair.
+# Shapes this near to each other touch. Below it, velocities do not depend on the gap, nor does the
+# push before there is an overlap: in between nothing can oscillate. 0: a stack of five rocks for
+# ever by micrometres that grow; larger: contacts rest this far apart.
+SKIN = 2e-5
+# An overlap that is not pushed apart.
+NEGLIGIBLE = 1e-6
+# A visit that changes a velocity by less than what moves a shape by this part of its size in a
+# substep has nothing left to do there. Nothing stands upright on a single point, so that a small
+# error could tilt it; and a heap of thousands of balls never stops to roll a little.
+SETTLED, SETTLED_POINT = 1e-9, 1e-8
+# What is deeper than this is pushed apart as if it were so deep: more throws what starts inside
+# another.
+DEEPEST_PUSH = 0.1
+
+
+# A contact that lasts approaches a little as long as its impulse does not bear all of the forces,
+# and has to learn that by itself. Something else hit its bodies where it approaches so many times
+# faster than what counts as an impact of what has just closed.
+LASTING = 16.0
+
+
+class Sweep(NamedTuple):
+    """What a visit is for."""
+
+    inv_h: float  # 1 / length of the substep [1/s]
+    forces: bool  # of the forces of a substep; else of an impact, before they act
+    # How far the end of the substep is from the middle of the step, as a part of the step:
+    # contacts have the geometry of the middle of the step, and TURN is how fast it changes.
+    when: float
+
+
+@part
+def gap_of(b: Array, point: int) -> Eight:
+    """Return how far a point is from touching [m]."""
+    return max(load(b, point + GAP) - SKIN * load(b, SIZE), 0.0)
+
+
+@part
+def least_speed(b: Array, point: int, what: Sweep) -> Eight:
+    """
+    Return the negative of the least normal velocity that is allowed at a point [m/s].
+
+    By which the gap closes just within the substep, as the geometry will be at its end. What
+    an impact has not stopped yet, forces do not stop either: the next substep would begin with
+    that impulse.
+    """
+    allowed = gap_of(b, point) * what.inv_h
+    if what.forces:
+        allowed = max(allowed, load(b, point + RESTING))
+    return allowed + what.when * load(b, point + TURN)
+
+
+@part
+def approach_of(speed: Eight, was_open: Mask) -> Eight:
+    """Return how fast a point approaches, as what has just closed would with the same effect."""
+    return select(was_open, speed, (1.0 / LASTING) * speed)
+
+
+@part
+def is_open(b: Array, point: int) -> Mask:
+    """Return whether a point does not touch."""
+    return load(b, point + GAP) > SKIN * load(b, SIZE)
+
+
+@part
+def wanted_of(b: Array, point: int, rate: float) -> Eight:
+    """Return the speed by which a point leaves its overlap too slowly, 0 without one [m/s]."""
+    size, gap = load(b, SIZE), load(b, point + GAP)
+    push = rate * min(select(gap < -NEGLIGIBLE * size, -gap, 0.0), DEEPEST_PUSH * size)
+    return max(push - max(load(b, point + SPEED), 0.0), 0.0)
+
+
+@part
+def onto_circle(x: Eight, y: Eight, radius: Eight) -> Eight:
+    """Return the factor that brings (x, y) back to a circle from outside."""
+    square = x * x + y * y
+    return select(square > radius * radius, radius / root(square), 1.0)

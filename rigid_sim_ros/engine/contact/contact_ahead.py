@@ -1,0 +1,216 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Where contacts will be in the middle and at the end of a span of time [s].
+
+The second derivative of a gap, d'' = N . (p_a'' - p_b'') + 2 N' . (p_a' - p_b') (Meyer, Rigid Body
+Dynamics, "Resting Contact"), has a part from accelerations and a part from velocities: the normal
+turns, the points are carried around by the rotations, and on round bodies other points come to
+touch. Both parts are taken here from the points that detection finds on the way of the bodies
+under no force, so they hold for every pair of shapes:
+
+- Forces act with the levers and along the axes of the middle of the span. What is done by a force
+  f there is f . G_m (v_0 + v_1) / 2 a second, with the rate G v of a point, and where
+  G_0 v_0 = G_1 v_1 = 0 that is of second order in the span: what rolls keeps its energy to second
+  order. With the levers of the start it would be of first order.
+- What a force has to stop is the velocity of the point at the end of the span: G_1 v with the
+  angular velocity that the free body will have there, which holds the gyroscopic part too.
+"""
+
+from rigid_sim_ros.engine.contact.contacts import (
+    Bodies, Contacts, read_rates, read_turning, tangents, to_contact)
+from rigid_sim_ros.engine.detection.backtrack import place_ahead
+from rigid_sim_ros.engine.detection.manifolds import Scratch
+from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
+from rigid_sim_ros.engine.detection.narrow_phase.outline import face_normal_along
+from rigid_sim_ros.engine.detection.narrow_phase.surface import is_faceted
+from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
+from rigid_sim_ros.engine.dynamics.loads import Loads
+from rigid_sim_ros.engine.maths.algebra import column, cross, dot, norm, quaternion, row, subtract
+from rigid_sim_ros.engine.maths.rotation import angular_velocity
+from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.model.shapes import PLANE, Shapes
+from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
+from rigid_sim_ros.kernels.kernel import kernel
+
+# cos 25 deg: a normal that turns farther in one step has jumped to another feature, and says
+# nothing.
+SAME_NORMAL = 0.9
+# Of the size of the smaller shape: a point that gets farther on both bodies in the time has jumped
+# too, as the lowest point of a rim does from one side to the other when a disk falls flat. 2 would
+# take the jump for a motion, and a force that stops it throws the disk up.
+JUMP = 0.5
+# The square of the difference of two normals that are the same.
+SAME = 1e-14
+
+
+@kernel
+def turn_bodies(model: Model, state: State, tau: Array, t: float, some: IntArray, bodies: Bodies,
+                then: Array) -> None:
+    """
+    Bring the inertia tensors of some bodies to the middle of a span t [s] of free rotation.
+
+    And the angular accelerations under tau, (3, n) [N m]; `then`, (n, 6), becomes the velocities
+    v and w of the free bodies at its end.
+    """
+    for i in some:
+        q, L, inv_I = quaternion(state.q, i), column(state.L, i), column(model.inv_I_C, i)
+        for k in range(6):
+            then[i, k] = bodies.velocity[i, k]
+        if model.inv_m[i] == 0.0:
+            continue
+        read_turning(model, turn_fast(q, L, inv_I, 0.5 * t), tau, i, bodies)
+        w = angular_velocity(turn_fast(q, L, inv_I, t), L, inv_I)
+        for k in range(3):
+            then[i, 3 + k] = w[k]
+
+
+@kernel
+def carry_ahead(model: Model, state: State, still: Loads, shapes: Shapes, contacts: Contacts,
+                bodies: Bodies, then: Array, chosen: IntArray, width: int, t: float, pose: Array,
+                scratch: Scratch, u: Array) -> None:
+    """
+    Bring the chosen points to the middle of a span t [s]; write their rates u, (wm,), at its end.
+
+    still: loads of 0; then, (n, 6): the velocities at the end. A point that is not found there is
+    taken as it was before, an error of first order in t which the next step sees as a velocity and
+    takes back.
+    """
+    first = 0
+    while first < chosen.shape[0]:
+        k = chosen[first]
+        after = first + 1
+        while after < chosen.shape[0] and contacts.manifold[chosen[after]] == contacts.manifold[k]:
+            after += 1
+        a, b = contacts.shape_a[k], contacts.shape_b[k]
+        size = contacts.size[k]
+        place_ahead(model, state, still, shapes, a, 0.0, pose)
+        place_ahead(model, state, still, shapes, b, 0.0, pose)
+        e = contacts.axes
+        on_face = _on_face(pose, shapes, a, b, (e[k, 0, 0], e[k, 0, 1], e[k, 0, 2]))
+        count, n = _meet(model, state, still, shapes, a, b, 0.5 * t, size, on_face, pose, scratch)
+        for c in range(first, after):
+            _to_middle(model, contacts, bodies, chosen[c], 0.5 * t)
+            p = _same_point(contacts, chosen[c], count, n, scratch)
+            if p >= 0:
+                _move_point(state, contacts, bodies, chosen[c], 0.5 * t, n, scratch.points, p,
+                            JUMP * size)
+        count, n = _meet(model, state, still, shapes, a, b, t, size, on_face, pose, scratch)
+        for c in range(first, after):
+            at = width * c
+            read_rates(model, contacts, then, chosen[c], width, u, at)
+            p = _same_point(contacts, chosen[c], count, n, scratch)
+            if p >= 0:
+                v, jump = _velocity(state, contacts, bodies, then, chosen[c], t, n,
+                                    scratch.points, p)
+                if jump < JUMP * size:
+                    _, u[at + 1], u[at + 2] = to_contact(contacts, chosen[c], v)
+                    u[at] = dot(n, v)
+        first = after
+
+
+@kernel
+def _meet(model: Model, state: State, still: Loads, shapes: Shapes, a: int, b: int, t: float,
+          margin: float, on_face: bool, pose: Array, scratch: Scratch) -> tuple[int, Vector]:
+    """
+    Return how many points two shapes have after t [s], and their normal.
+
+    None where they met on a face, and do not any more: what is beside the face, another piece of
+    the same floor or nothing, the next step sees.
+    """
+    place_ahead(model, state, still, shapes, a, t, pose)
+    place_ahead(model, state, still, shapes, b, t, pose)
+    count, n = collide(pose, shapes, a, b, margin, scratch)
+    return 0 if on_face and not _on_face(pose, shapes, a, b, n) else count, n
+
+
+@kernel
+def _on_face(pose: Array, shapes: Shapes, a: int, b: int, n: Vector) -> bool:
+    """Return whether n, from A to B, is the normal of a flat face of A, or the other way of B."""
+    for s in (a, b):
+        if shapes.kind[s] == PLANE:
+            return True
+        if is_faceted(shapes.kind[s]):
+            out = n if s == a else (-n[0], -n[1], -n[2])
+            apart = subtract(out, face_normal_along(pose, shapes, s, out))
+            if dot(apart, apart) <= SAME:
+                return True
+    return False
+
+
+@kernel
+def _same_point(contacts: Contacts, k: int, count: int, n: Vector, scratch: Scratch) -> int:
+    """Return which of the points that were found is point k, or -1."""
+    e = contacts.axes
+    if dot(n, (e[k, 0, 0], e[k, 0, 1], e[k, 0, 2])) > SAME_NORMAL:
+        for p in range(count):
+            if scratch.ids[p] == contacts.feature[k]:
+                return p
+    return -1
+
+
+@kernel
+def _common(points: Array, p: int, n: Vector) -> Vector:
+    """Return the place halfway between the surfaces."""
+    half = 0.5 * points[p, 3]
+    return (points[p, 0] + half * n[0], points[p, 1] + half * n[1], points[p, 2] + half * n[2])
+
+
+@kernel
+def _ahead(state: State, bodies: Bodies, i: int, t: float) -> Vector:
+    """Return where the centre of mass of body i is after t [s]."""
+    return (state.x[0, i] + t * bodies.velocity[i, 0], state.x[1, i] + t * bodies.velocity[i, 1],
+            state.x[2, i] + t * bodies.velocity[i, 2])
+
+
+@kernel
+def _to_middle(model: Model, contacts: Contacts, bodies: Bodies, k: int, t: float) -> None:
+    """
+    Let point k go along with its two bodies for t [s].
+
+    It moves by s = (w_A d_A + w_B d_B) / (w_A + w_B) with w = 1 / M where the centres move by d,
+    so a body on a fixed one keeps its lever.
+    """
+    a, b = contacts.body_a[k], contacts.body_b[k]
+    w_A, w_B = model.inv_m[a], model.inv_m[b]
+    for i in range(3):
+        apart = t * (bodies.velocity[b, i] - bodies.velocity[a, i])
+        contacts.r_A[k, i] += w_B / (w_A + w_B) * apart
+        contacts.r_B[k, i] -= w_A / (w_A + w_B) * apart
+
+
+@kernel
+def _move_point(state: State, contacts: Contacts, bodies: Bodies, k: int, t: float, n: Vector,
+                points: Array, p: int, jump: float) -> None:
+    """Write the axes and levers of point k after t [s], unless it jumped [m]."""
+    at = _common(points, p, n)
+    r_A = subtract(at, _ahead(state, bodies, contacts.body_a[k], t))
+    r_B = subtract(at, _ahead(state, bodies, contacts.body_b[k], t))
+    if min(norm(subtract(r_A, row(contacts.r_A, k))),
+           norm(subtract(r_B, row(contacts.r_B, k)))) >= jump:
+        return
+    t1, t2 = tangents(n)
+    for i in range(3):
+        contacts.axes[k, 0, i], contacts.axes[k, 1, i], contacts.axes[k, 2, i] = n[i], t1[i], t2[i]
+        contacts.r_A[k, i], contacts.r_B[k, i] = r_A[i], r_B[i]
+
+
+@kernel
+def _velocity(state: State, contacts: Contacts, bodies: Bodies, then: Array, k: int, t: float,
+              n: Vector, points: Array, p: int) -> tuple[Vector, float]:
+    """
+    Return the velocity of B relative to A at point p after t [s], with the rates `then`.
+
+    And how far [m] the point has moved from where it was, seen from the body on which it is less.
+    """
+    a, b = contacts.body_a[k], contacts.body_b[k]
+    at = _common(points, p, n)
+    r_A = subtract(at, _ahead(state, bodies, a, t))
+    r_B = subtract(at, _ahead(state, bodies, b, t))
+    at_A = cross((then[a, 3], then[a, 4], then[a, 5]), r_A)
+    at_B = cross((then[b, 3], then[b, 4], then[b, 5]), r_B)
+    on_A = norm(subtract(r_A, row(contacts.r_A, k)))
+    on_B = norm(subtract(r_B, row(contacts.r_B, k)))
+    return (then[b, 0] - then[a, 0] + at_B[0] - at_A[0], then[b, 1] - then[a, 1] + at_B[1]
+            - at_A[1], then[b, 2] - then[a, 2] + at_B[2] - at_A[2]), min(on_A, on_B)

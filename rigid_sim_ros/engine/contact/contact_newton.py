@@ -1,0 +1,272 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Newton's method for the rows of contact_rows.py, in the momenta of the bodies.
+
+The conditions f = P(f - a / A_ii), in the case that holds at f (open, sticking, sliding: Alart,
+Curnier, A mixed formulation for frictional contact problems, Comput. Methods Appl. Mech. Eng. 92
+(1991)), are for each point
+
+    C df + D G dz = x,    so df = y - E G dz    with E = C^-1 D, y = C^-1 x,
+
+and with dz = M^-1 dp, dp = G' df, the change of the momenta dp of the bodies solves
+
+    (1 + G' E W') dp = G' y.
+
+E is of the size of 1 / compliance where a point presses, so one step leaves 1e-8 of the violation
+that rounding of the whole would leave 1e-16 of; the next step takes that.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.contact.contact_qp import coefficients, disk, ENOUGH, GOAL, TOLERANCE
+from rigid_sim_ros.engine.contact.contact_rows import disk_stiffness, Rows, sweep_rows, violation
+from rigid_sim_ros.engine.contact.contacts import Contacts
+from rigid_sim_ros.engine.maths.elimination import solve_linear
+from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.kernels.kernel import kernel
+
+# While the division of the points lasts, 1 or 2 are enough.
+FEW_STEPS = 4
+# Steps of Newton's method after so many sweeps, and how often: sweeps find which points press and
+# which slide, Newton's method the forces.
+NEWTON_STEPS, SWEEPS, ROUNDS = 10, 20, 6
+
+
+class Newton(NamedTuple):
+    """Scratch memory for s bodies that are touched."""
+
+    slot: IntArray  # (n,) the place of a body, -1: not touched
+    K: Array  # (36 s s,)
+    p: Array  # (6 s,)
+    local: Array  # (6, 13) C, D and x of one point
+    E: Array  # (c, 6, 6)
+    y: Array  # (r,)
+    last: IntArray  # (6 s,)
+    effort: Array  # (1,) multiplications so far in this step, about
+
+
+def make_newton(points: int, rows: int, touched: int, bodies: int) -> Newton:
+    """Return room for so many points, rows, bodies that are touched, and bodies."""
+    return Newton(np.zeros(bodies, dtype=np.int64), np.zeros(36 * touched * touched),
+                  np.zeros(6 * touched), np.zeros((6, 13)), np.zeros((points, 6, 6)),
+                  np.zeros(rows), np.zeros(6 * touched, dtype=np.int64), np.zeros(1))
+
+
+@kernel
+def number_bodies(contacts: Contacts, chosen: IntArray, inv_m: Array, slot: IntArray) -> int:
+    """Give the bodies of the chosen points that can move their places; return how many."""
+    for k in chosen:
+        slot[contacts.body_a[k]] = slot[contacts.body_b[k]] = -1
+    count = 0
+    for k in chosen:
+        for side in range(2):
+            body = contacts.body_a[k] if side == 0 else contacts.body_b[k]
+            if slot[body] < 0 and inv_m[body] > 0.0:
+                slot[body] = count
+                count += 1
+    return count
+
+
+@kernel
+def _write_case(rows: Rows, c: int, width: int, f: Array, s: Array) -> None:
+    """Write C, D and x of point c to s[:, :w], s[:, w:2w], s[:, 2w]."""
+    n, a, last = width * c, rows.a, 2 * width
+    for p in range(width):
+        for q in range(last + 1):
+            s[p, q] = 0.0
+    if f[n] - a[n] / rows.stiff[n] <= 0.0:
+        for p in range(width):
+            s[p, p], s[p, last] = 1.0, -f[n + p]
+        return
+    _write_stick(rows, n, 0, width, s)
+    for d in range(coefficients(width)):
+        first, size = disk(d)
+        _write_disk(rows, n, first, size, rows.mu[c, d], width, f, s)
+
+
+@kernel
+def _write_stick(rows: Rows, n: int, p: int, width: int, s: Array) -> None:
+    i = n + p
+    s[p, p] = rows.give[i] / rows.stiff[i]
+    s[p, width + p] = 1.0 / rows.stiff[i]
+    s[p, 2 * width] = -rows.a[i] / rows.stiff[i]
+
+
+@kernel
+def _write_disk(rows: Rows, n: int, p: int, size: int, mu: float, width: int, f: Array,
+                s: Array) -> None:
+    """Write the equations of one disk: `size` rows from p on, of the point with the normal n."""
+    q, stiff = p + size - 1, disk_stiffness(rows, n + p, size)
+    w_x = f[n + p] - rows.a[n + p] / stiff
+    w_y = f[n + q] - rows.a[n + q] / stiff if size == 2 else 0.0
+    long, limit = np.sqrt(w_x * w_x + w_y * w_y), mu * max(0.0, f[n])
+    if long <= limit:
+        _write_stick(rows, n, p, width, s)
+        if size == 2:
+            _write_stick(rows, n, q, width, s)
+        return
+    # d(limit e) = mu e df_n + limit / |w| (1 - e e') (df_t - da_t / stiff)
+    bend = limit / long
+    for i in range(size):
+        e_i = (w_x if i == 0 else w_y) / long
+        s[p + i, 0] -= mu * e_i
+        s[p + i, p + i] += 1.0
+        s[p + i, 2 * width] = limit * e_i - f[n + p + i]
+        for j in range(size):
+            e_j = (w_x if j == 0 else w_y) / long
+            along = bend * ((1.0 if i == j else 0.0) - e_i * e_j) if size == 2 else 0.0
+            s[p + i, p + j] -= along * (1.0 - rows.give[n + p + j] / stiff)
+            s[p + i, width + p + j] += along / stiff
+
+
+@kernel
+def _solve_local(s: Array, width: int) -> bool:
+    """Replace D and x by C^-1 D and C^-1 x."""
+    columns = 2 * width + 1
+    for k in range(width):
+        p = k
+        for i in range(k + 1, width):
+            if abs(s[i, k]) > abs(s[p, k]):
+                p = i
+        if s[p, k] == 0.0:
+            return False
+        for j in range(k, columns):
+            s[k, j], s[p, j] = s[p, j], s[k, j]
+        for i in range(width):
+            if i != k and s[i, k] != 0.0:
+                factor = s[i, k] / s[k, k]
+                for j in range(k, columns):
+                    s[i, j] -= factor * s[k, j]
+    for k in range(width):
+        for j in range(width, columns):
+            s[k, j] /= s[k, k]
+    return True
+
+
+@kernel
+def _add_point(rows: Rows, c: int, width: int, slot: IntArray, E: Array, y: Array, K: Array,
+               p: Array) -> None:
+    """Add G' E W' of point c to K, and G' y to p."""
+    n = width * c
+    for side in range(2):
+        to = slot[rows.body[c, side]]
+        if to < 0:
+            continue
+        for j in range(6):
+            i = 6 * to + j
+            for q in range(width):
+                p[i] += rows.G[n + q, 6 * side + j] * y[n + q]
+            for r in range(width):
+                weight = 0.0
+                for q in range(width):
+                    weight += rows.G[n + q, 6 * side + j] * E[c, q, r]
+                if weight == 0.0:
+                    continue
+                for other in range(2):
+                    at = slot[rows.body[c, other]]
+                    if at >= 0:
+                        for k in range(6):
+                            K[i, 6 * at + k] += weight * rows.W[n + r, 6 * other + k]
+
+
+@kernel
+def newton_step(rows: Rows, m: int, width: int, touched: int, f: Array, w: Newton) -> bool:
+    """Take one step from f, in place; rows.a has to be that of f. False: it is not possible."""
+    size = 6 * touched
+    K, p = w.K[:size * size].reshape((size, size)), w.p[:size]
+    for i in range(size):
+        p[i] = 0.0
+        for j in range(size):
+            K[i, j] = 0.0
+        K[i, i] = 1.0
+    for c in range(m):
+        _write_case(rows, c, width, f, w.local)
+        if not _solve_local(w.local, width):
+            return False
+        for q in range(width):
+            w.y[width * c + q] = w.local[q, 2 * width]
+            for r in range(width):
+                w.E[c, q, r] = w.local[q, width + r]
+        _add_point(rows, c, width, w.slot, w.E, w.y, K, p)
+    w.effort[0] += size * size + 1000 * m
+    if not solve_linear(K, p, w.last, w.effort):
+        return False
+    for c in range(m):
+        n = width * c
+        for q in range(width):
+            f[n + q] += w.y[n + q]
+        for r in range(width):
+            moved = 0.0
+            for side in range(2):
+                at = w.slot[rows.body[c, side]]
+                if at >= 0:
+                    for k in range(6):
+                        moved += rows.W[n + r, 6 * side + k] * p[6 * at + k]
+            for q in range(width):
+                f[n + q] -= w.E[c, q, r] * moved
+    return True
+
+
+@kernel
+def refine_rows(rows: Rows, m: int, width: int, touched: int, goal: float, steps: int,
+                w: Newton) -> float:
+    """
+    Improve rows.f, in place, by Newton's method; return its violation [unit of b].
+
+    It ends at a violation of `goal`, after `steps`, or when it gains nothing any more.
+    """
+    count = width * m
+    f, trial = rows.f, rows.trial
+    best = violation(rows, m, width, f)
+    for i in range(count):
+        trial[i] = f[i]
+    idle = 0
+    for _ in range(steps):
+        w.effort[0] += 100.0 * count
+        if best <= goal or idle > 5 or not newton_step(rows, m, width, touched, trial, w):
+            break
+        now = violation(rows, m, width, trial)
+        if not now < np.inf:
+            break
+        idle += 1
+        if now < best:
+            # A gain worth another try; small ones, at rounding, let the counter run.
+            if now < 0.5 * best:
+                idle = 0
+            best = now
+            for i in range(count):
+                f[i] = trial[i]
+    return best
+
+
+@kernel
+def solve_rows(rows: Rows, m: int, width: int, touched: int, steps: int, most: float,
+               w: Newton) -> float:
+    """
+    Find rows.f from what stands there; return the violation of the laws against max |b|.
+
+    Newton's method, `steps` of it, and where that does not do sweeps of Gauss-Seidel and Newton's
+    method by turns, until that took `most` multiplications.
+    """
+    size, count = 0.0, width * m
+    for i in range(count):
+        size = max(size, abs(rows.b[i]))
+    if size == 0.0:
+        size = 1e-300
+    worst = refine_rows(rows, m, width, touched, GOAL * size, steps, w)
+    if worst <= ENOUGH * size:
+        return worst / size
+    sweeps, until = SWEEPS, w.effort[0] + most
+    for turn in range(ROUNDS):
+        violation(rows, m, width, rows.f)
+        sweep_rows(rows, m, width, rows.f, sweeps, 0.1 * ENOUGH * size)
+        worst = refine_rows(rows, m, width, touched, GOAL * size, NEWTON_STEPS, w)
+        w.effort[0] += 50.0 * count * sweeps
+        if (worst <= ENOUGH * size or (turn > 1 and worst <= TOLERANCE * size)
+                or w.effort[0] > until):
+            break
+        sweeps *= 3
+    return worst / size

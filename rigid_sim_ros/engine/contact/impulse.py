@@ -1,0 +1,280 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Impulses of colliding bodies.
+
+A collision changes velocities in no time: N . (v_a - v_b) becomes -e times what it was (Meyer,
+Rigid Body Dynamics, "Impulse"), and the tangential impulse obeys Coulomb's law, |J_t| <= mu J_n,
+against the slip that is left. All points of one pair of bodies are solved together, so that a box
+that lands flat stays flat; pairs are solved one after the other, the one that approaches fastest
+first, until nothing approaches: that is how a shock travels through a row of touching balls
+(Newton's cradle), which no simultaneous rule reproduces.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.contact.contact_qp import COMPLIANCE, GOAL, NEWTON_STEPS, refine
+from rigid_sim_ros.engine.contact.contacts import (
+    Bodies, Contacts, couple, linear, push_rows, read_coefficients, read_rates, read_velocity,
+    relative, to_contact)
+from rigid_sim_ros.engine.maths.algebra import norm
+from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.kernels.kernel import kernel
+
+# Of the size of the smaller shape, in a step: an approach slower than this is rounding, not a
+# collision; ten times more is still below every tolerance here. 1e-10 m/s for 0.1 m and 1 ms.
+STILL = 1e-12
+# Sweeps over the points of one pair. A box on four corners takes about 50 to reach rounding.
+MAX_SWEEPS = 2000
+
+
+@kernel
+def resting_speed(contacts: Contacts, bodies: Bodies, k: int, h: float) -> float:
+    """
+    Return the speed [m/s] along the normal below which point k rests.
+
+    A body thrown up with v falls back after 2 v / a, with a the larger free acceleration of the
+    two bodies. What falls back within a step h is no bounce: this ends the infinitely many bounces
+    in finite time of every ball with e < 1 (Zeno) once they are shorter than a step. Without a
+    load there is no such threshold.
+    """
+    a = contacts.body_a[k]
+    b = contacts.body_b[k]
+    pull_A = norm(linear(bodies.acceleration, a))
+    pull_B = norm(linear(bodies.acceleration, b))
+    return 0.5 * h * max(pull_A, pull_B) + STILL * contacts.size[k] / h
+
+
+class Room(NamedTuple):
+    """Scratch memory for the points of one pair: m points, w rows each."""
+
+    chosen: IntArray  # (m,)
+    A: Array  # (wm, wm)
+    arm: Array  # (2, wm, 3)
+    u0: Array  # (wm,)
+    u: Array  # (wm,)
+    J: Array  # (wm,)
+    mu: Array  # (m, 3)
+    e: Array  # (m,)
+    plastic: Array  # (m,) zeros
+    b: Array  # (wm,) rates that are wanted to be 0
+    trial: Array  # (wm,)
+    x: Array  # (wm,)
+    M: Array  # (wm, wm) A with a small compliance
+    K: Array  # (wm, wm)
+
+
+def make_room(m: int, width: int) -> Room:
+    """Return room for pairs of bodies with m points at most."""
+    rows = width * m
+    return Room(np.zeros(m, dtype=np.int64), np.zeros((rows, rows)), np.zeros((2, rows, 3)),
+                np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros((m, 3)), np.zeros(m),
+                np.zeros(m), np.zeros(rows), np.zeros(rows), np.zeros(rows),
+                np.zeros((rows, rows)), np.zeros((rows, rows)))
+
+
+@kernel
+def collide_all(model: Model, state: State, contacts: Contacts, bodies: Bodies, h: float,
+                touching: float, quiet: float, width: int, elastic: IntArray, limit: int,
+                first: int, last: int, room: Room, impulses: Array) -> int:
+    """
+    Apply impulses until no touching point approaches faster than it may at rest.
+
+    Of the points in the blocks from `first` to `last` - 1.
+
+    Points with a gap of at most `touching` of their size touch. At most `quiet` [1/s] times it,
+    and less than `resting_speed` with the step h [s], is left to the resting forces. width: rows
+    of a point; elastic, (c,) is 1 where a point may bounce back. The impulses on B, (c, 6) [N s,
+    contact axes], are added to `impulses`. Returns the number of collisions of pairs, or -1 if
+    after `limit` of them something still approaches.
+    """
+    for count in range(limit + 1):
+        block = -1
+        fastest = 0.0
+        for k in range(first, last):
+            for i in range(contacts.first[k], contacts.first[k + 1]):
+                if contacts.gap[i] > touching * contacts.size[i]:
+                    continue
+                u = to_contact(contacts, i, relative(bodies.velocity, contacts, i))
+                if u[0] < fastest and u[0] < -min(resting_speed(contacts, bodies, i, h),
+                                                  quiet * contacts.size[i]):
+                    block, fastest = k, u[0]
+        if block < 0:
+            return count
+        if count < limit:
+            _collide_pair(model, state, contacts, bodies, h, touching, width, elastic, block,
+                          room, impulses)
+    return -1
+
+
+@kernel
+def _collide_pair(model: Model, state: State, contacts: Contacts, bodies: Bodies, h: float,
+                  touching: float, width: int, elastic: IntArray, block: int, room: Room,
+                  impulses: Array) -> None:
+    first, after = contacts.first[block], contacts.first[block + 1]
+    m = 0
+    for i in range(first, after):
+        if contacts.gap[i] <= touching * contacts.size[i]:
+            room.chosen[m] = i
+            m += 1
+    couple(model, contacts, bodies, room.chosen, m, width, room.arm, room.A)
+    for j in range(m):
+        i = room.chosen[j]
+        read_rates(model, contacts, bodies.velocity, i, width, room.u0, width * j)
+        read_coefficients(model, contacts, i, width, room.mu, j)
+        rebound = -contacts.restitution[i] * room.u0[width * j]
+        bounces = elastic[i] == 1 and rebound > resting_speed(contacts, bodies, i, h)
+        room.e[j] = contacts.restitution[i] if bounces else 0.0
+    _impact(room, m, width)
+    for j in range(m):
+        i = room.chosen[j]
+        push_rows(model, state, contacts, i, width, room.J, width * j)
+        for k in range(width):
+            impulses[i, k] += room.J[width * j + k]
+    read_velocity(model, state, contacts.body_a[first], bodies)
+    read_velocity(model, state, contacts.body_b[first], bodies)
+
+
+def impact(A: Array, u0: Array, mu: Array, e: Array, J: Array) -> None:
+    """
+    Write the impulses J, (3m,) [N s], of m points of one pair of bodies; triples (n, t1, t2).
+
+    A, (3m, 3m) [1/kg], gives the change of velocity A J; u0 [m/s] is the velocity of B relative
+    to A before; mu and e, (m,), are the coefficients of friction and restitution. With rows for
+    spinning and rolling, 6 a point, mu is (m, 3): see `contacts`. Points that
+    approach get u_n >= -e u_n0 and the others u_n >= 0, with J_n >= 0, and equality where J_n > 0.
+
+    Newton's restitution together with friction can create energy where A couples normal and
+    tangent (Kane, Levinson, Dynamics, 1985). Where that happens the impulse is (1 + e) times the
+    one for e = 0 instead, with the smallest e > 0. For that one J . (u0 + u1) / 2, the change of
+    energy, is at most (1 - e^2) / 2 J_0 . u0 <= 0, because the plastic impulse J_0 leaves
+    J_0 . (u0 + A J_0) <= 0.
+    """
+    m, rows = len(e), len(u0)
+    room = make_room(m, rows // m)
+    room.A[:], room.u0[:], room.e[:] = A, u0, e
+    room.mu[:, :mu.reshape(m, -1).shape[1]] = mu.reshape(m, -1)
+    _impact(room, m, rows // m)
+    J[:] = room.J
+
+
+@kernel
+def _impact(room: Room, m: int, width: int) -> None:
+    """Write room.J as `impact` does, from A, u0, mu and e of the room."""
+    rows, A, J, u0 = width * m, room.A, room.J, room.u0
+    _solve(room, room.e, m, width)
+    least = 2.0
+    for j in range(m):
+        if 0.0 < room.e[j] < least:
+            least = room.e[j]
+    if least == 2.0:
+        return
+    change, scale = 0.0, 0.0
+    for i in range(rows):
+        gain = 0.0
+        for j in range(rows):
+            gain += A[i, j] * J[j]
+        change += J[i] * (u0[i] + 0.5 * gain)
+        scale += abs(J[i] * u0[i])
+    # An elastic collision without friction has a change of 0, up to rounding.
+    if change > 1e-12 * scale:
+        _solve(room, room.plastic, m, width)
+        for i in range(rows):
+            J[i] *= 1.0 + least
+
+
+@kernel
+def _solve(room: Room, e: Array, m: int, width: int) -> None:
+    """
+    Find the impulses for these coefficients of restitution.
+
+    Sweeps leave the load on redundant points with those that they came to first, and how friction
+    turns a body then depends on the order of its points. So Newton's method goes on from there
+    for points that give way a little, and share the impulse (contact_qp.COMPLIANCE), and sweeps
+    take what they gave way, 1e-8 of it.
+    """
+    rows, size = width * m, 0.0
+    for i in range(rows):
+        room.J[i] = 0.0
+    _sweep(room.A, room.u0, room.mu, e, room.J, room.u, m, width)
+    if m == 1:
+        return
+    A, b = room.M[:rows, :rows], room.b[:rows]
+    for i in range(rows):
+        b[i] = room.u0[i]
+        if i % width == 0:
+            b[i] += e[i // width] * min(b[i], 0.0)
+        size = max(size, abs(b[i]))
+        for j in range(rows):
+            A[i, j] = room.A[i, j] * (1.0 + COMPLIANCE if i == j else 1.0)
+    refine(A, b, room.mu[:m], room.J[:rows], GOAL * size, NEWTON_STEPS, room.u[:rows],
+           room.trial[:rows], room.K[:rows, :rows], room.x[:rows])
+    _sweep(room.A, room.u0, room.mu, e, room.J, room.u, m, width)
+
+
+@kernel
+def _sweep(A: Array, u0: Array, mu: Array, e: Array, J: Array, u: Array, m: int,
+           width: int) -> None:
+    """Sweep over the points (projected Gauss-Seidel), from J, until that moves no more."""
+    scale = 0.0
+    for i in range(width * m):
+        u[i] = u0[i]
+        for j in range(width * m):
+            u[i] += A[i, j] * J[j]
+        scale = max(scale, abs(u0[i]))
+    for _ in range(MAX_SWEEPS):
+        moved = 0.0
+        for j in range(m):
+            n = width * j
+            wanted = -e[j] * min(u0[n], 0.0)
+            before = J[n]
+            J[n] = max(0.0, J[n] - (u[n] - wanted) / A[n, n])
+            step = J[n] - before
+            moved = max(moved, abs(step) * A[n, n])
+            for i in range(width * m):
+                u[i] += A[i, n] * step
+            moved = max(moved, _rub(A, u, mu[j, 0] * J[n], n + 1, n + 2, J, width * m))
+            if width == 6:
+                moved = max(moved, _stop_spin(A, u, mu[j, 1] * J[n], n + 3, J, width * m))
+                moved = max(moved, _rub(A, u, mu[j, 2] * J[n], n + 4, n + 5, J, width * m))
+        if moved <= 1e-16 * scale:
+            return
+
+
+@kernel
+def _stop_spin(A: Array, u: Array, limit: float, s: int, J: Array, rows: int) -> float:
+    """Update the impulse of row s: it stops the spin, or opposes it in full."""
+    before = J[s]
+    J[s] = min(max(before - u[s] / A[s, s], -limit), limit)
+    step = J[s] - before
+    for i in range(rows):
+        u[i] += A[i, s] * step
+    return abs(step) * A[s, s]
+
+
+@kernel
+def _rub(A: Array, u: Array, limit: float, x: int, y: int, J: Array, rows: int) -> float:
+    """Update the impulses of rows x, y: they stop the slip, or oppose it in full."""
+    old_x, old_y = J[x], J[y]
+    if limit == 0.0:
+        J[x], J[y] = 0.0, 0.0
+    else:
+        determinant = A[x, x] * A[y, y] - A[x, y] * A[y, x]
+        new_x = old_x - (A[y, y] * u[x] - A[x, y] * u[y]) / determinant
+        new_y = old_y - (A[x, x] * u[y] - A[y, x] * u[x]) / determinant
+        if new_x * new_x + new_y * new_y > limit * limit:
+            # The largest eigenvalue bounds the step: below 2 / it the projection converges.
+            largest = max(A[x, x], A[y, y]) + abs(A[x, y])
+            new_x, new_y = old_x - u[x] / largest, old_y - u[y] / largest
+            size = np.sqrt(new_x * new_x + new_y * new_y)
+            if size > limit:
+                new_x, new_y = new_x * limit / size, new_y * limit / size
+        J[x], J[y] = new_x, new_y
+    step_x, step_y = J[x] - old_x, J[y] - old_y
+    for i in range(rows):
+        u[i] += A[i, x] * step_x + A[i, y] * step_y
+    return max(abs(step_x) * A[x, x], abs(step_y) * A[y, y])

@@ -1,0 +1,356 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Detection: from the state to the manifolds of all shapes that are near each other.
+
+Poses, bounding boxes, pairs of boxes that overlap, and for each pair its manifold. Whatever is
+kept from the step before saves time only, with one exception that is part of the manifolds: a
+manifold of polyhedra that hardly moved relative to each other keeps its points, and only their
+gaps are found anew.
+"""
+
+from typing import Any, NamedTuple
+
+from rigid_sim_ros.engine.detection.broad_phase import mark_moved, near_pairs
+from rigid_sim_ros.engine.detection.manifold_rows import are_flat, carry_over, recycle, write_row
+from rigid_sim_ros.engine.detection.manifolds import (
+    CONTACTS, current, earlier, Manifolds, Memory, NEAR, NO_SEARCH, PAIRS, RECYCLED, Scratch,
+    SHORT_ROWS, WITNESSED)
+from rigid_sim_ros.engine.detection.narrow_phase.balls import touching_ball
+from rigid_sim_ros.engine.detection.narrow_phase.boxes import box_box, UNSETTLED
+from rigid_sim_ros.engine.detection.narrow_phase.collide import collide_by_search, on_plane
+from rigid_sim_ros.engine.detection.pair_list import (
+    find_pairs, look_for_share, note_moved, take_shares)
+from rigid_sim_ros.engine.detection.seams import find_seams, mend_seams
+from rigid_sim_ros.engine.detection.transform_update import bound, place_bodies, place_shapes
+from rigid_sim_ros.engine.detection.witness import boxes_apart, remember, separates
+from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.model.shapes import BOX, HULL, PLANE, Shapes, SPHERE
+from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.kernels.argument_pack import call
+from rigid_sim_ros.kernels.arrays import IntArray, Vector
+from rigid_sim_ros.kernels.kernel import INDEX, inlined, kernel, part
+
+# What a thread counts besides what is in `Memory.counters`: manifolds, and pairs left out for want
+# of `search_pair`.
+ROWS, LEFT_OUT = 7, 6
+NONE = (0.0, 0.0, 0.0)
+# In place of the number of points: the pair is apart, and a witness says so; nobody knows, for
+# what would find out is not compiled.
+AS_BEFORE, UNKNOWN = -2, -3
+ALL_SEAMS = -1  # in place of a pair
+# The stages by their numbers: everything; what moved; the partners of what moved, by the first
+# thread and by the second (the number that follows), and taken in; the manifolds, in the same way,
+# and by one thread; their seams.
+WHOLE, NOTE, LOOK, TAKE, FIND, ALL, SEAMS = 0, 1, 2, 4, 5, 7, 9
+
+
+class Share(NamedTuple):
+    """
+    What one thread looks through, and where it writes.
+
+    Backwards it goes from the last pair to the first, and its rows end before `row`.
+    """
+
+    first: int  # of the pairs
+    last: int  # and the one after
+    row: int  # the first row to write
+    room: int  # how many rows it may write, at least one; the last is for what comes after it too
+    old: int  # the rows of the last step that are of these pairs begin here, or end before
+    backwards: int  # 0 or 1
+
+
+@part
+def get_share(memory: Memory, thread: int) -> Share:
+    """Return what a thread was given."""
+    of = memory.ranges[thread]
+    return Share(of[0], of[1], of[2], of[3], of[4], of[5])
+
+
+@part
+def set_share(memory: Memory, thread: int, share: Share) -> None:
+    """Give a thread its share."""
+    for k, value in enumerate(share):
+        memory.ranges[thread, k] = value
+
+
+@kernel
+def detect(model: Model, state: State, shapes: Shapes, memory: Memory, margin: float) -> bool:
+    """
+    Find the manifolds of all pairs with a gap below the margin [m].
+
+    `current(memory)` then returns them; impulses of the last step are carried over, pair by pair
+    and feature by feature. Returns False when a buffer is too small: all that is carried over from
+    the last step is then untouched, and the caller detects again with `grown(memory)`.
+    """
+    memory.ahead[:] = memory.calm[:] = 0.5 * margin
+    return detect_ahead(model, state, shapes, memory, 0, None)
+
+
+@kernel
+def detect_ahead(model: Model, state: State, shapes: Shapes, memory: Memory, to_search: int,
+                 box: Any) -> bool:
+    """
+    Do the same for margins that differ: that of a pair is the sum of two of `memory.ahead`.
+
+    What it exceeds that of `memory.calm` by is how far the pair may move in the step. `to_search`
+    is the address of a kernel that calls `search_pair`, for a `box`, or 0 as long as there is
+    none; what has no box calls it here. Where one was needed the counter NO_SEARCH is 1 and the
+    result False, as where a buffer is too small.
+    """
+    memory.left[1, 0] = 0
+    place_some(state, shapes, memory, 0, (0, shapes.kind.shape[0]), (0, state.x.shape[1]))
+    return find_pairs(model, state, shapes, memory) and find_all_manifolds(
+        state, shapes, memory, to_search, box)
+
+
+@kernel
+def place_some(state: State, shapes: Shapes, memory: Memory, half: int, some: tuple[int, int],
+               bodies: tuple[int, int]) -> None:
+    """Find where `some` shapes are, of these bodies, and which of them left their fat boxes."""
+    place_bodies(state, shapes.turning, memory.turn, bodies[0], bodies[1])
+    place_shapes(state, shapes, memory.turn, memory.pose, some[0], some[1])
+    bound(shapes.kind, shapes.size, memory.pose, memory.ahead, memory.box, some[0], some[1])
+    memory.left[half, 0] = mark_moved(shapes.kind, memory.pose, memory.box,
+                                      memory.pair_count[0] < 0, memory.grid, some[0], some[1])
+
+
+@kernel
+def detect_stage(stage: int, model: Model, state: State, shapes: Shapes, memory: Memory,
+                 to_search: int, box: Any) -> bool:
+    """Do what `detect_ahead` does, or of that what several threads do one by one or each."""
+    if stage == WHOLE:
+        return detect_ahead(model, state, shapes, memory, to_search, box)
+    if stage == ALL:
+        return find_all_manifolds(state, shapes, memory, to_search, box)
+    if stage == TAKE:
+        return take_shares(model, shapes, memory)
+    if stage == SEAMS:
+        return settle_seams(shapes, memory, to_search, box)
+    if stage == NOTE:
+        note_moved(shapes, memory)
+    elif stage < TAKE:
+        look_for_share(model, shapes, memory, stage - LOOK)
+    else:
+        find_share(state, shapes, memory, stage - FIND, to_search, box)
+    return True
+
+
+@kernel
+def find_all_manifolds(state: State, shapes: Shapes, memory: Memory, to_search: int,
+                       box: Any) -> bool:
+    """Find the manifolds of all pairs, and turn the page; return whether all was there for it."""
+    before = current(memory)
+    everything = Share(0, memory.pair_count[0], 0, before.shape_a.shape[0], before.count[1], 0)
+    set_share(memory, 0, everything)
+    find_share(state, shapes, memory, 0, to_search, box)
+    memory.shares[1, :], memory.touching[1, :] = 0, 0
+    memory.split[0] = memory.shares[0, ROWS] // 2
+    return (turn_page(memory, 0, memory.shares[0, ROWS])
+            and settle_seams(shapes, memory, to_search, box))
+
+
+@kernel
+def settle_seams(shapes: Shapes, memory: Memory, to_search: int, box: Any) -> bool:
+    """
+    Take off the latest manifolds what is none beside other shapes; see seams.py.
+
+    False where `search_pair` was needed and is not there yet: the page is then turned back.
+    """
+    if not find_seams(shapes, memory):
+        return True
+    if box is None:
+        mend_seams(shapes, memory, memory.scratch)
+        return True
+    if to_search == 0:
+        memory.counters[NO_SEARCH] = 1
+        memory.page[0] = 1 - memory.page[0]
+        return False
+    call(to_search, box, ALL_SEAMS)
+    return True
+
+
+@kernel
+def find_share(state: State, shapes: Shapes, memory: Memory, thread: int, to_search: int,
+               box: Any) -> None:
+    """Find the manifolds of the pairs that one of two threads was given."""
+    now, before, share = earlier(memory), current(memory), get_share(memory, thread)
+    if thread == 0:
+        find_manifolds(state, shapes, memory, memory.scratch, memory.near[0], now, before, share,
+                       memory.touching[0], memory.shares[0], 0, to_search, box)
+    else:
+        find_manifolds(state, shapes, memory, memory.other_scratch, memory.near[1], now, before,
+                       share, memory.touching[1], memory.shares[1], 1, to_search, box)
+
+
+@kernel
+def turn_page(memory: Memory, first: int, rows: int) -> bool:
+    """Let the rows that were found be the current manifolds, if all are there and had room."""
+    now = earlier(memory)
+    if memory.shares[0, LEFT_OUT] + memory.shares[1, LEFT_OUT] > 0:
+        memory.counters[NO_SEARCH] = 1
+        return False
+    # The last row stays free: what comes after a full page was tried out in it.
+    if rows >= now.shape_a.shape[0]:
+        memory.counters[SHORT_ROWS] = rows + 1
+        return False
+    for k in (PAIRS, WITNESSED, RECYCLED, CONTACTS):
+        memory.counters[k] = memory.shares[0, k] + memory.shares[1, k]
+    now.count[0], now.count[1] = rows, first
+    memory.page[0] = 1 - memory.page[0]
+    return True
+
+
+@kernel
+def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratch,
+                   listing: IntArray, now: Manifolds, before: Manifolds, share: Share,
+                   touching: IntArray, found_so: IntArray, thread: int, to_search: int,
+                   box: Any) -> None:
+    """
+    Go through the pairs and through the last step's rows, both sorted, side by side.
+
+    Backwards a row is found by the place after it, so that every place is 0 or more. Which of the
+    pairs are near is listed first, some pairs at a time, in `listing` (NEAR,).
+    touching (n,) becomes 1 for the bodies of what is found, and 0 for others; found_so (8,) what
+    `turn_page` counts, and in ROWS how many rows would have been needed.
+    """
+    back, step = share.backwards, 1 - 2 * share.backwards
+    old_at, old_end = share.old, before.count[1] + (0 if back == 1 else before.count[0])
+    rows, near, settled, recycled, contacts, left_out = 0, 0, 0, 0, 0, 0
+    left, at, end, last = share.last - share.first, 0, 0, share.row + step * (share.room - 1)
+    place = share.row
+    touching[:] = 0
+    while left > 0 or at != end:
+        if at == end:
+            some = min(left, NEAR)
+            first = share.first + left - some if back == 1 else share.last - left
+            listed = near_pairs(shapes.kind, memory.pair, memory.box, first,
+                                first + some, listing)
+            at, end = (listed, 0) if back == 1 else (0, listed)
+            left, near = left - some, near + listed
+            continue
+        k = listing[(at - back) & INDEX] & INDEX
+        at += step
+        a, b = memory.pair[k, 0] & INDEX, memory.pair[k, 1] & INDEX
+        margin = memory.ahead[a] + memory.ahead[b]
+        old_at = _seek(before, old_at, old_end, back, _key(a, b))
+        old = (old_at - back) & INDEX
+        known = old_at != old_end and before.shape_a[old] == a and before.shape_b[old] == b
+        row = (place - back) & INDEX
+        i, j = shapes.body[a] & INDEX, shapes.body[b] & INDEX
+        if known and are_flat(shapes.kind, a, b) and recycle(
+                state, memory.turn, now, before, row, old, i, j, margin,
+                min(shapes.bound[a], shapes.bound[b])):
+            count = before.points[old]
+            recycled += 1
+        else:
+            count, n = _points_of(shapes, memory, scratch, k, a, b, margin, thread, to_search, box)
+            settled += 1 if count == AS_BEFORE else 0
+            left_out += 1 if count == UNKNOWN else 0
+            if count <= 0:
+                continue
+            write_row(state, memory.turn, now, row, i, j, count, n, scratch.points,
+                      scratch.ids, are_flat(shapes.kind, a, b))
+        carry_over(now, before, row, old if known else -1, count)
+        now.shape_a[row], now.shape_b[row] = a, b
+        now.body_a[row], now.body_b[row] = i, j
+        touching[i] = touching[j] = 1
+        now.points[row] = count
+        contacts += count
+        rows += 1
+        if place != last:
+            place += step
+    found_so[PAIRS], found_so[WITNESSED] = near, settled
+    found_so[RECYCLED], found_so[CONTACTS] = recycled, contacts
+    found_so[ROWS], found_so[LEFT_OUT] = rows, left_out
+
+
+@part
+def _points_of(shapes: Shapes, memory: Memory, scratch: Scratch, k: int, a: int, b: int,
+               margin: float, thread: int, to_search: int, box: Any) -> tuple[int, Vector]:
+    """
+    Find the points of pair k, of shapes a and b: return their number and the normal.
+
+    AS_BEFORE for a pair that the plane which separated it before still separates. The two most
+    frequent families get just the arrays they need: to hand over all tables takes as long as their
+    work.
+    """
+    kind_a, kind_b = shapes.kind[a], shapes.kind[b]
+    if kind_a != HULL and kind_b != HULL and (kind_a == SPHERE or kind_b == SPHERE):
+        return touching_ball(memory.pose, shapes.size, kind_a, kind_b, a, b, margin,
+                             scratch.points, scratch.ids)
+    if kind_a == PLANE or kind_b == PLANE:
+        return on_plane(memory.pose, shapes, a, b, kind_b == PLANE, margin, scratch)
+    count, n = UNSETTLED, NONE
+    if kind_a == BOX and kind_b == BOX:
+        if boxes_apart(memory.pose, shapes.size, shapes.bound, a, b, memory.axis, k, margin):
+            return AS_BEFORE, NONE
+        # What may touch with a face is seen as a face, unless that tells nothing.
+        for way in (max(0.0, margin - memory.calm[a] - memory.calm[b]), 0.0):
+            count, n = box_box(memory.pose, shapes.size, a, b, margin, way, scratch.points,
+                               scratch.ids, scratch.polygon, scratch.labels, scratch.numbers)
+            if count != UNSETTLED or way == 0.0:
+                break
+    if count == UNSETTLED:
+        count = _search(shapes, memory, k, thread, to_search, box)
+        if count in (AS_BEFORE, UNKNOWN):
+            return count, NONE
+        n = scratch.normal[0], scratch.normal[1], scratch.normal[2]
+    if count == 0 or memory.axis[k, 3] != 0.0:
+        remember(memory.pose, a, memory.axis, k, n if count == 0 else NONE)
+    return count, n
+
+
+@part
+def _search(shapes: Shapes, memory: Memory, k: int, thread: int, to_search: int, box: Any) -> int:
+    """Do what `search_pair` does, by its address if there is a box; UNKNOWN if that is 0."""
+    if box is None:
+        return search_pair(2 * k + thread, shapes, memory)
+    return UNKNOWN if to_search == 0 else int(call(to_search, box, 2 * k + thread))
+
+
+@kernel
+def search_pair(number: int, shapes: Shapes, memory: Memory) -> int:
+    """
+    Find the points of two convex shapes by the searches that do so for any kinds.
+
+    2 k + thread is for pair k in the scratch of a thread, where the normal is left too. Returns
+    the number of points, or AS_BEFORE. ALL_SEAMS, in place of such a number, mends the seams of
+    all manifolds: it needs the same searches.
+    """
+    if number == ALL_SEAMS:
+        mend_seams(shapes, memory, memory.scratch)
+        return 0
+    k = (number >> 1) & INDEX
+    scratch = memory.other_scratch if number & 1 == 1 else memory.scratch
+    a, b = memory.pair[k, 0] & INDEX, memory.pair[k, 1] & INDEX
+    margin = memory.ahead[a] + memory.ahead[b]
+    if separates(memory.pose, shapes, a, b, memory.axis, k, margin):
+        return AS_BEFORE
+    count, n = collide_by_search(memory.pose, shapes, a, b, margin, scratch)
+    scratch.normal[0], scratch.normal[1], scratch.normal[2] = n
+    return count
+
+
+@inlined
+def _key(a: int, b: int) -> int:
+    """Return a number by which pairs are in order."""
+    return (a << 32) | b
+
+
+@part
+def _seek(before: Manifolds, old: int, end: int, back: int, key: int) -> int:
+    """
+    Return the first row from `old` on that does not come before a pair.
+
+    With `back`, 1 and not 0, in the other direction, and then it is the row before what is
+    returned.
+    """
+    # The bits of -1 turn the order around.
+    turn, step = -back, 1 - 2 * back
+    while old != end:
+        row = (old - back) & INDEX
+        if _key(before.shape_a[row], before.shape_b[row]) ^ turn >= key ^ turn:
+            break
+        old += step
+    return old

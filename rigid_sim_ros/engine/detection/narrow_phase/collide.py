@@ -1,0 +1,86 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The manifold of any two shapes: a table says which family of pairs they belong to."""
+
+import numpy as np
+
+from rigid_sim_ros.engine.detection.manifolds import Scratch
+from rigid_sim_ros.engine.detection.narrow_phase.balls import capsule_capsule, touching_ball
+from rigid_sim_ros.engine.detection.narrow_phase.boxes import box_box, UNSETTLED
+from rigid_sim_ros.engine.detection.narrow_phase.convex import convex_convex
+from rigid_sim_ros.engine.detection.narrow_phase.planes import plane_shape
+from rigid_sim_ros.engine.detection.narrow_phase.reduce import put
+from rigid_sim_ros.engine.maths.algebra import add_scaled
+from rigid_sim_ros.engine.model.shapes import BOX, CAPSULE, CYLINDER, PLANE, Shapes, SPHERE
+from rigid_sim_ros.kernels.arrays import Array, Vector
+from rigid_sim_ros.kernels.kernel import kernel
+
+# The families of pairs.
+BALL, CAPSULES, BOXES, PLANE_FIRST, PLANE_SECOND, CONVEX, NEVER = range(7)
+
+_FAMILIES = {
+    (CAPSULE, CAPSULE): CAPSULES, (BOX, BOX): BOXES, (PLANE, PLANE): NEVER,
+    **{(PLANE, other): PLANE_FIRST for other in range(PLANE)},
+    **{(other, PLANE): PLANE_SECOND for other in range(PLANE)},
+    **{(SPHERE, other): BALL for other in (SPHERE, BOX, CAPSULE, CYLINDER, PLANE)},
+    **{(other, SPHERE): BALL for other in (BOX, CAPSULE, CYLINDER, PLANE)},
+}
+FAMILY = np.array([[_FAMILIES.get((a, b), CONVEX) for b in range(6)] for a in range(6)])
+
+
+@kernel
+def collide(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
+            scratch: Scratch) -> tuple[int, Vector]:
+    """
+    Find the points of shapes a and b that are nearer than the margin [m].
+
+    Returns their number, at most 4, and the unit normal from A to B, world axes. The points are
+    left in `scratch.points` (on A, with the gap) and `scratch.ids`. With 0 points the normal is a
+    direction that separates the shapes by more than the margin, or 0 where none is known.
+    """
+    family = FAMILY[shapes.kind[a], shapes.kind[b]]
+    points, ids = scratch.points, scratch.ids
+    if family == BOXES:
+        count, n = box_box(pose, shapes.size, a, b, margin, 0.0, points, ids, scratch.polygon,
+                           scratch.labels, scratch.numbers)
+        if count != UNSETTLED:
+            return count, n
+    if family in (PLANE_FIRST, PLANE_SECOND):
+        return on_plane(pose, shapes, a, b, family == PLANE_SECOND, margin, scratch)
+    if family == BALL:
+        return touching_ball(pose, shapes.size, shapes.kind[a], shapes.kind[b], a, b, margin,
+                             points, ids)
+    if family == NEVER:
+        return 0, (0.0, 0.0, 0.0)
+    return collide_by_search(pose, shapes, a, b, margin, scratch)
+
+
+@kernel
+def collide_by_search(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
+                      scratch: Scratch) -> tuple[int, Vector]:
+    """Do the same for two capsules, or for any two convex shapes, none of them a plane."""
+    if FAMILY[shapes.kind[a], shapes.kind[b]] != CAPSULES:
+        return convex_convex(pose, shapes, a, b, margin, scratch)
+    gap, n, p = capsule_capsule(pose, shapes.size, a, b)
+    if gap >= margin:
+        return 0, n
+    put(scratch.points, scratch.ids, 0, p, gap, 0)
+    return 1, n
+
+
+@kernel
+def on_plane(pose: Array, shapes: Shapes, a: int, b: int, second: bool, margin: float,
+             scratch: Scratch) -> tuple[int, Vector]:
+    """Do the same for a plane, which may be the second of both, and another shape."""
+    plane, s = (b, a) if second else (a, b)
+    points = scratch.points
+    count = plane_shape(pose, shapes.size, shapes.kind[s], plane, s, shapes.hulls, shapes.hull[s],
+                        margin, points, scratch.ids)
+    n = (pose[plane, 5], pose[plane, 8], pose[plane, 11])
+    if not second:
+        return count, n
+    for k in range(count):
+        gap = points[k, 3]
+        p = add_scaled((points[k, 0], points[k, 1], points[k, 2]), gap, n)
+        put(points, scratch.ids, k, p, gap, scratch.ids[k])
+    return count, (-n[0], -n[1], -n[2])

@@ -1,0 +1,367 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Any two convex shapes: the distance of their cores, then their faces clipped against each other.
+
+The search for the distance gives the normal and one pair of nearest points. Shapes that lie flat
+on each other need more points: the face of B that looks at A is clipped to the sides of A's, along
+the normal, and what is nearer than the margin is kept.
+"""
+
+import math
+
+from rigid_sim_ros.engine.detection.manifolds import CANDIDATES, EPA_CORNERS, Scratch
+from rigid_sim_ros.engine.detection.narrow_phase.balls import crossing_normal
+from rigid_sim_ros.engine.detection.narrow_phase.epa import epa
+from rigid_sim_ros.engine.detection.narrow_phase.gjk import find_corner, gjk
+from rigid_sim_ros.engine.detection.narrow_phase.outline import face_normal_along, outline
+from rigid_sim_ros.engine.detection.narrow_phase.reduce import put, reduce_to_four
+from rigid_sim_ros.engine.detection.support import radius
+from rigid_sim_ros.engine.maths.algebra import (
+    add_scaled, cross, dot, norm, perpendicular, scale, subtract)
+from rigid_sim_ros.engine.maths.pose import origin
+from rigid_sim_ros.engine.model.shapes import CYLINDER, Shapes
+from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
+from rigid_sim_ros.kernels.kernel import kernel
+
+# A face tilted from the contact plane by more than the angle with this cosine is not clipped.
+TILTED = 0.2
+# What stands out over a face by less than this fraction of the shapes' size counts as lying on it.
+OVERHANG = 1e-5
+# The nearest points are added when the clipped ones miss them by this fraction of the size. What
+# the manifold misses can sink in unseen: 1e-3 let rims sink in by a tenth of a millimetre.
+MISSED = 1e-7
+# Of the size: where the search for a distance is less certain than this, the depth is looked for
+# instead.
+UNSURE = 1e-9
+# Of the size: hardly apart, or hardly overlapping, the direction found is that of a difference of
+# nearly equal numbers, and the normals of the faces that meet are tried beside it.
+CLOSE = 1e-3
+NUDGE = 1e-5  # [rad] to find second derivatives by differences; rounding asks for no smaller one
+ROOM = EPA_CORNERS - 1  # a row of the corners that no simplex uses
+WITNESS = 1 << 40  # the feature of the nearest points
+
+
+@kernel
+def distance(pose: Array, shapes: Shapes, a: int, b: int, limit: float,
+             scratch: Scratch) -> tuple[float, Vector, Vector]:
+    """
+    Return the gap [m], the unit normal from A to B and the nearest point on A, world axes.
+
+    A gap above `limit` [m] is a lower bound only, and its point is the origin of A.
+    """
+    kind, size, hulls, hull = shapes.kind, shapes.size, shapes.hulls, shapes.hull
+    r = radius(kind, size, a) + radius(kind, size, b)
+    c, weight = scratch.corners, scratch.numbers
+    count, v = gjk(pose, kind, size, hulls.first, hulls.count, hulls.vertices, hull, a, b,
+                   limit + r, c, weight)
+    d = norm(v)
+    n = scale(-1.0 / d, v) if d > 0.0 else (0.0, 0.0, 1.0)
+    p = (0.0, 0.0, 0.0)
+    apart = count < 4 and d > 0.0
+    if apart and d - r > limit:
+        return d - r, n, origin(pose, a)
+    small = min(shapes.bound[a], shapes.bound[b])
+    round_one = kind[a] == CYLINDER or kind[b] == CYLINDER
+    if apart and (round_one or d < CLOSE * small):
+        # Round shapes may leave the search in the middle, and hardly apart all have no direction.
+        apart = d - separation(pose, shapes, a, b, n, c) < UNSURE * small
+    if apart:
+        for k in range(count):
+            p = add_scaled(p, weight[k], (c[k, 3], c[k, 4], c[k, 5]))
+    else:
+        d, n, p = _overlap(pose, shapes, a, b, n, count, small, scratch)
+        if d == math.inf:
+            # Flat cores that cross, such as the segments of two capsules.
+            d, p = 0.0, origin(pose, a)
+            n = crossing_normal((pose[a, 5], pose[a, 8], pose[a, 11]),
+                                (pose[b, 5], pose[b, 8], pose[b, 11]))
+    if abs(d) < CLOSE * small:
+        d, n, p = _try_faces(pose, shapes, a, b, d, n, p, c)
+    if round_one:
+        d, n, p = _polish(pose, shapes, a, b, d, n, p, c)
+    return d - r, n, add_scaled(p, radius(kind, size, a), n)
+
+
+@kernel
+def _overlap(pose: Array, shapes: Shapes, a: int, b: int, last: Vector, count: int, small: float,
+             scratch: Scratch) -> tuple[float, Vector, Vector]:
+    """
+    Return the signed distance of cores that overlap, the normal and the nearest point on A.
+
+    The search starts from the simplex that the search for a distance ended with. At a slight
+    overlap that is nearly flat, and rounding may then end the search anywhere: if the direction
+    found does not separate by what the face says, it starts again from four corners far apart, and
+    the direction `last` in which the cores looked apart is tried. A distance of inf says that the
+    difference of the cores has no volume.
+    """
+    kind, size, hulls, hull = shapes.kind, shapes.size, shapes.hulls, shapes.hull
+    c = scratch.corners
+    depth, n, p = epa(pose, kind, size, hulls.first, hulls.count, hulls.vertices, hull, a, b,
+                      count, c, scratch.faces, scratch.links, scratch.edges)
+    if depth == -math.inf:
+        return math.inf, n, p
+    d = separation(pose, shapes, a, b, n, c)
+    if abs(d + depth) > UNSURE * small:
+        depth, m, q = epa(pose, kind, size, hulls.first, hulls.count, hulls.vertices, hull, a, b,
+                          0, c, scratch.faces, scratch.links, scratch.edges)
+        if depth > -math.inf:
+            s = separation(pose, shapes, a, b, m, c)
+            if s > d:
+                d, n, p = s, m, q
+        s = separation(pose, shapes, a, b, last, c)
+        if s > d:
+            d, n, p = s, last, (c[ROOM, 3], c[ROOM, 4], c[ROOM, 5])
+    return d, n, p
+
+
+@kernel
+def _try_faces(pose: Array, shapes: Shapes, a: int, b: int, d: float, n: Vector, p: Vector,
+               c: Array) -> tuple[float, Vector, Vector]:
+    """
+    Return distance, normal and point on A for the better of n and the faces that look along it.
+
+    The distance is the largest s(m) of all directions m, so what separates more is nearer to it.
+    """
+    best = separation(pose, shapes, a, b, n, c)
+    m = face_normal_along(pose, shapes, a, n)
+    s = separation(pose, shapes, a, b, m, c)
+    if s > best:
+        # The corner of B is what touches A's face.
+        best, n = s, m
+        p = add_scaled((c[ROOM, 6], c[ROOM, 7], c[ROOM, 8]), -s, m)
+        d = s
+    m = scale(-1.0, face_normal_along(pose, shapes, b, scale(-1.0, n)))
+    s = separation(pose, shapes, a, b, m, c)
+    if s > best:
+        d, n, p = s, m, (c[ROOM, 3], c[ROOM, 4], c[ROOM, 5])
+    return d, n, p
+
+
+@kernel
+def separation(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, c: Array) -> float:
+    """Return s(n) [m]: how far the direction n separates the cores, -max n . (a - b)."""
+    hulls = shapes.hulls
+    return -dot(n, find_corner(pose, shapes.kind, shapes.size, hulls.first, hulls.count,
+                               hulls.vertices, shapes.hull, a, b, n, c, ROOM))
+
+
+@kernel
+def _slope(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, t: Vector, u: Vector, x: float,
+           y: float, c: Array) -> tuple[float, float]:
+    """Return the gradient of -s(m / |m|) times |m| at m = n + x t + y u, along t and u."""
+    hulls = shapes.hulls
+    m = add_scaled(add_scaled(n, x, t), y, u)
+    w = find_corner(pose, shapes.kind, shapes.size, hulls.first, hulls.count, hulls.vertices,
+                    shapes.hull, a, b, m, c, ROOM)
+    # max m . w has the gradient w; the rest is that of 1 / |m|.
+    level = dot(m, w) / dot(m, m)
+    return dot(t, w) - level * x, dot(u, w) - level * y
+
+
+@kernel
+def _polish(pose: Array, shapes: Shapes, a: int, b: int, d: float, n: Vector, p: Vector,
+            c: Array) -> tuple[float, Vector, Vector]:
+    """
+    Improve the direction of largest separation by Newton's method, where a shape is round.
+
+    The searches end with an error of the direction of about 1e-6, which is one of 1e-11 in the
+    distance. A step counts only if the separation grows; at a kink of s(n), on a flat face, none
+    does.
+    """
+    best = separation(pose, shapes, a, b, n, c)
+    for _ in range(3):
+        t = perpendicular(n)
+        u = cross(n, t)
+        g, h = _slope(pose, shapes, a, b, n, t, u, 0.0, 0.0, c)
+        gx, hx = _slope(pose, shapes, a, b, n, t, u, NUDGE, 0.0, c)
+        gy, hy = _slope(pose, shapes, a, b, n, t, u, 0.0, NUDGE, c)
+        gx, hx, gy, hy = (gx - g) / NUDGE, (hx - h) / NUDGE, (gy - g) / NUDGE, (hy - h) / NUDGE
+        determinant = gx * hy - gy * hx
+        x, y = (gy * h - hy * g) / determinant, (hx * g - gx * h) / determinant
+        if not x * x + y * y < 1e-4:
+            break
+        m = add_scaled(add_scaled(n, x, t), y, u)
+        m = scale(1.0 / norm(m), m)
+        s = separation(pose, shapes, a, b, m, c)
+        if not s > best:
+            break
+        best, n = s, m
+        # One of the two farthest points may be any of a face or a line: the other one is meant.
+        on_a = (c[ROOM, 3], c[ROOM, 4], c[ROOM, 5])
+        on_b = add_scaled((c[ROOM, 6], c[ROOM, 7], c[ROOM, 8]), -s, m)
+        to_a, to_b = subtract(on_a, p), subtract(on_b, p)
+        p = on_a if dot(to_a, to_a) < dot(to_b, to_b) else on_b
+    return best, n, p
+
+
+@kernel
+def convex_convex(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
+                  scratch: Scratch) -> tuple[int, Vector]:
+    """Find the manifold: return the number of points, at most 4, and the normal from A to B."""
+    gap, n, p = distance(pose, shapes, a, b, margin, scratch)
+    if gap >= margin:
+        return 0, n
+    return manifold_along(pose, shapes, a, b, n, gap, p, margin, scratch), n
+
+
+@kernel
+def manifold_along(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, gap: float, p: Vector,
+                   margin: float, scratch: Scratch) -> int:
+    """
+    Find the points whose gap along the normal n, from A to B, is below the margin [m].
+
+    p is a point on A with the least gap that is known, infinite for none. Returns the number of
+    points, at most 4.
+    """
+    points, ids, faces = scratch.points, scratch.ids, scratch.outline
+    kind, size, hulls, hull = shapes.kind, shapes.size, shapes.hulls, shapes.hull
+    small = min(shapes.bound[a], shapes.bound[b])
+    corners_a, name_a = outline(pose, size, kind[a], a, hulls, hull[a], n, faces[0])
+    corners_b, name_b = outline(pose, size, kind[b], b, hulls, hull[b], (-n[0], -n[1], -n[2]),
+                                faces[1])
+    count = 0
+    if corners_a >= 3 and corners_b >= 2:
+        count = _clip_faces(faces[0], corners_a, faces[1], corners_b, n, margin, small, False,
+                            points,
+                            ids, scratch.polygon, scratch.labels)
+    elif corners_b >= 3 and corners_a == 2:
+        count = _clip_faces(faces[1], corners_b, faces[0], corners_a, n, margin, small, True,
+                            points,
+                            ids, scratch.polygon, scratch.labels)
+    elif corners_a == 2 and corners_b == 2:
+        count = _side_by_side(faces[0], faces[1], n, margin, points, ids)
+    name = (64 * name_a + name_b) * 4096
+    deepest = math.inf
+    for k in range(count):
+        ids[k] += name
+        deepest = min(deepest, points[k, 3])
+    if deepest > gap + MISSED * small:
+        put(points, ids, count, p, gap, WITNESS)
+        count += 1
+    return reduce_to_four(points, ids, count, n, small)
+
+
+@kernel
+def _face_normal(face: Array, corners: int) -> Vector:
+    """Return the unit normal of a polygon (Newell): corners may nearly lie on a line."""
+    n = (0.0, 0.0, 0.0)
+    p = (face[0, 0], face[0, 1], face[0, 2])
+    for k in range(1, corners - 1):
+        n = add_scaled(n, 1.0, cross((face[k, 0] - p[0], face[k, 1] - p[1], face[k, 2] - p[2]),
+                                     (face[k + 1, 0] - p[0], face[k + 1, 1] - p[1],
+                                      face[k + 1, 2] - p[2])))
+    return scale(1.0 / norm(n), n)
+
+
+@kernel
+def _clip_faces(reference: Array, sides: int, incident: Array, corners: int, n: Vector,
+                margin: float,
+                small: float, swapped: bool, points: Array, ids: IntArray, polygon: Array,
+                labels: IntArray) -> int:
+    """
+    Clip the incident face, or line, to the sides of the reference face, seen along the normal.
+
+    `swapped` says that the reference face is B's. Labels as for boxes: the edges before and after
+    a corner, the incident face's own from 0, the sides of the reference face from 32.
+    """
+    m = _face_normal(reference, sides)
+    slope = dot(m, n)
+    if abs(slope) < TILTED:
+        return 0
+    page, left = 0, corners
+    for k in range(corners):
+        for i in range(3):
+            polygon[0, k, i] = incident[k, i]
+        labels[0, k, 0] = k - 1 if k > 0 else corners - 1
+        labels[0, k, 1] = k
+    for side in range(sides):
+        e = side + 1 if side + 1 < sides else 0
+        start = (reference[side, 0], reference[side, 1], reference[side, 2])
+        along = subtract((reference[e, 0], reference[e, 1], reference[e, 2]), start)
+        # Outwards, in the plane of contact.
+        outward = cross(along, n)
+        if slope < 0.0:
+            outward = (-outward[0], -outward[1], -outward[2])
+        length = norm(outward)
+        if length > 0.0:
+            page, left = _cut(polygon, labels, page, left, start, scale(1.0 / length, outward),
+                              OVERHANG * small, 32 + side)
+    count = 0
+    p = (reference[0, 0], reference[0, 1], reference[0, 2])
+    for k in range(left):
+        q = (polygon[page, k, 0], polygon[page, k, 1], polygon[page, k, 2])
+        # The gap along the normal: from A's plane up to the corner, or from the corner up to B's.
+        gap = dot(subtract(q, p), m) / slope
+        if swapped:
+            gap = -gap
+        if gap < margin and count < CANDIDATES - 1:
+            put(points, ids, count, q if swapped else add_scaled(q, -gap, n), gap,
+                64 * labels[page, k, 0] + labels[page, k, 1])
+            count += 1
+    return count
+
+
+@kernel
+def _cut(polygon: Array, labels: IntArray, page: int, corners: int, start: Vector, outward: Vector,
+         overhang: float, label: int) -> tuple[int, int]:
+    """Cut off what lies beyond a side; return the page of the result and its corners."""
+    other, kept = 1 - page, 0
+    last = corners if corners > 2 else corners - 1  # a line has no way back
+    for k in range(corners):
+        e = k + 1 if k + 1 < corners else 0
+        here = _height(polygon, page, k, start, outward)
+        there = _height(polygon, page, e, start, outward)
+        inside = here <= overhang
+        if inside and kept < CANDIDATES:
+            for i in range(3):
+                polygon[other, kept, i] = polygon[page, k, i]
+            labels[other, kept, 0] = labels[page, k, 0]
+            labels[other, kept, 1] = labels[page, k, 1]
+            kept += 1
+        if k < last and inside != (there <= overhang) and kept < CANDIDATES:
+            part = min(max(here / (here - there), 0.0), 1.0)
+            for i in range(3):
+                polygon[other, kept, i] = (polygon[page, k, i]
+                                           + part * (polygon[page, e, i] - polygon[page, k, i]))
+            labels[other, kept, 0] = labels[page, k, 1] if inside else label
+            labels[other, kept, 1] = label if inside else labels[page, k, 1]
+            kept += 1
+    return other, kept
+
+
+@kernel
+def _height(polygon: Array, page: int, k: int, start: Vector, outward: Vector) -> float:
+    return ((polygon[page, k, 0] - start[0]) * outward[0]
+            + (polygon[page, k, 1] - start[1]) * outward[1]
+            + (polygon[page, k, 2] - start[2]) * outward[2])
+
+
+@kernel
+def _side_by_side(line_a: Array, line_b: Array, n: Vector, margin: float, points: Array,
+                  ids: IntArray) -> int:
+    """Find the two ends of what two nearly parallel lines have side by side; 0 if they cross."""
+    p = (line_a[0, 0], line_a[0, 1], line_a[0, 2])
+    q = (line_b[0, 0], line_b[0, 1], line_b[0, 2])
+    u = subtract((line_a[1, 0], line_a[1, 1], line_a[1, 2]), p)
+    v = subtract((line_b[1, 0], line_b[1, 1], line_b[1, 2]), q)
+    uu, uv = dot(u, u), dot(u, v)
+    # Beyond 0.05 rad the ends of the longer line are too far off to matter.
+    w = cross(u, v)
+    if dot(w, w) > 2.5e-3 * uu * dot(v, v):
+        return 0
+    at_start = dot(subtract(q, p), u) / uu
+    at_end = at_start + uv / uu
+    low, high = max(0.0, min(at_start, at_end)), min(1.0, max(at_start, at_end))
+    if low >= high:
+        return 0
+    count = 0
+    for k in range(2):
+        x = low if k == 0 else high
+        y = (x - at_start) / (at_end - at_start)
+        on_a = add_scaled(p, x, u)
+        gap = dot(subtract(add_scaled(q, y, v), on_a), n)
+        if gap < margin:
+            put(points, ids, count, on_a, gap, k)
+            count += 1
+    return count

@@ -1,0 +1,133 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Choose the four points of a manifold that carry it best."""
+
+import math
+
+from rigid_sim_ros.engine.maths.algebra import cross, dot
+from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
+from rigid_sim_ros.kernels.kernel import kernel
+
+# A point has to be deeper, or farther out, by this fraction to be preferred to an earlier one:
+# rounding must not change the choice from step to step. 0 makes it flicker; 0.1 would leave out
+# real corners.
+PREFERENCE = 1e-3
+# Of the size: a point deeper than all that were chosen by more than this takes the place of the
+# one nearest to it, so that nothing sinks in unseen.
+UNSEEN = 1e-6
+# Of the size: a point that is so much farther from touching than the deepest one carries nothing
+# soon. More lets the upper corners of what is as small as it looks ahead span the manifold.
+FAR = 0.5
+
+
+@kernel
+def reduce_to_four(points: Array, ids: IntArray, count: int, normal: Vector, size: float) -> int:
+    """
+    Keep at most four of `count` candidates, in their order, and return how many.
+
+    A deep point, the one farthest from it, the one that spans the largest triangle with
+    these, and the one that adds most to that triangle. `size` [m] is that of the smaller shape.
+    """
+    if count > 4:
+        count = _drop_far(points, ids, count, size)
+    if count <= 4:
+        return count
+    first = 0
+    for k in range(1, count):
+        if points[k, 3] < points[first, 3] - PREFERENCE * size:
+            first = k
+    second, best = -1, 0.0
+    for k in range(count):
+        d = _between(points, first, k)
+        length = dot(d, d)
+        if length > best * (1.0 + PREFERENCE):
+            second, best = k, length
+    if second < 0:
+        return _keep_deepest(points, ids, count, first, first, first, first, size)
+    third, best, side = -1, PREFERENCE * PREFERENCE * best, 1.0
+    for k in range(count):
+        area = _area(points, first, second, k, normal)
+        if abs(area) > best * (1.0 + PREFERENCE):
+            third, best = k, abs(area)
+            side = 1.0 if area > 0.0 else -1.0
+    if third < 0:
+        return _keep_deepest(points, ids, count, first, second, second, second, size)
+    fourth, best = third, PREFERENCE * best
+    for k in range(count):
+        # What lies outside of an edge of the triangle has the other sign there.
+        gain = -min(side * _area(points, first, second, k, normal),
+                    side * _area(points, second, third, k, normal),
+                    side * _area(points, third, first, k, normal))
+        if gain > best * (1.0 + PREFERENCE):
+            fourth, best = k, gain
+    return _keep_deepest(points, ids, count, first, second, third, fourth, size)
+
+
+@kernel
+def _drop_far(points: Array, ids: IntArray, count: int, size: float) -> int:
+    """Keep the candidates, in their order, that are not far from touching; return how many."""
+    deepest, kept = points[0, 3], 0
+    for k in range(1, count):
+        deepest = min(deepest, points[k, 3])
+    for k in range(count):
+        if points[k, 3] <= deepest + FAR * size:
+            for i in range(4):
+                points[kept, i] = points[k, i]
+            ids[kept] = ids[k]
+            kept += 1
+    return kept
+
+
+@kernel
+def _keep_deepest(points: Array, ids: IntArray, count: int, a: int, b: int, c: int, d: int,
+                  size: float) -> int:
+    """Keep four points, one of them replaced where the deepest of all is not among them."""
+    deepest = 0
+    for k in range(1, count):
+        if points[k, 3] < points[deepest, 3]:
+            deepest = k
+    seen = min(min(points[a, 3], points[b, 3]), min(points[c, 3], points[d, 3]))
+    if points[deepest, 3] >= seen - UNSEEN * size:
+        return _keep(points, ids, a, b, c, d)
+    near, where = math.inf, 0
+    for k in range(4):
+        one = a if k == 0 else b if k == 1 else c if k == 2 else d
+        e = _between(points, one, deepest)
+        if dot(e, e) < near:
+            near, where = dot(e, e), k
+    return _keep(points, ids, deepest if where == 0 else a, deepest if where == 1 else b,
+                 deepest if where == 2 else c, deepest if where == 3 else d)
+
+
+@kernel
+def _between(points: Array, i: int, j: int) -> Vector:
+    return (points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2])
+
+
+@kernel
+def _area(points: Array, i: int, j: int, k: int, normal: Vector) -> float:
+    """Return twice the area of a triangle, positive if it runs anticlockwise about the normal."""
+    return dot(cross(_between(points, i, j), _between(points, i, k)), normal)
+
+
+@kernel
+def _keep(points: Array, ids: IntArray, a: int, b: int, c: int, d: int) -> int:
+    """Move the chosen candidates to the front without changing their order."""
+    kept = 0
+    for k in range(max(max(a, b), max(c, d)) + 1):
+        if k in (a, b, c, d):
+            for i in range(4):
+                points[kept, i] = points[k, i]
+            ids[kept] = ids[k]
+            kept += 1
+    return kept
+
+
+@kernel
+def put(points: Array, ids: IntArray, k: int, p: Vector, gap: float, feature: int) -> None:
+    """Write candidate k of a manifold: the point on A [m, world axes], gap [m], feature."""
+    points[k, 0] = p[0]
+    points[k, 1] = p[1]
+    points[k, 2] = p[2]
+    points[k, 3] = gap
+    ids[k] = feature

@@ -1,0 +1,152 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Detection by two threads; what it finds is what `detect_ahead` finds.
+
+Either places half of the shapes, and looks through those pairs that took half of the effort in
+the last step. The first goes through its pairs from the last to the first, and writes its rows
+from the middle of the page to its start; the second writes from there on. So the rows of both lie
+side by side, however many each of them finds. Where the room was too small one thread begins anew.
+"""
+
+from typing import Any
+
+from rigid_sim_ros.engine.detection.detect import (
+    ALL, FIND, get_share, LOOK, NOTE, place_some, ROWS, SEAMS, set_share, Share, TAKE, turn_page)
+from rigid_sim_ros.engine.detection.manifolds import (
+    current, first_row, Memory, PAIRS, REBUILT, RECYCLED, rows_in_use, WITNESSED)
+from rigid_sim_ros.engine.detection.pair_list import refresh_some
+from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.model.shapes import Shapes
+from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.kernels.argument_pack import call
+from rigid_sim_ros.kernels.arrays import IntArray
+from rigid_sim_ros.kernels.kernel import INDEX, kernel, part
+from rigid_sim_ros.kernels.second_core import side_by_side
+
+# The stages that one thread alone does not have, by their numbers; of those in halves the number
+# of the first half.
+SHARE_OUT, FIT, JOIN, PLACE, _, REFRESH = range(6)
+# What a manifold takes more than a pair that a witness settles.
+_OF_RECYCLED, _OF_NEW = 2, 14
+
+
+@part
+def detect_side_by_side(to: int, to_share: int, box: Any, desk: IntArray, left: IntArray,
+                        counters: IntArray) -> int:
+    """
+    Do what `detect_ahead` does.
+
+    `to` and `to_share` are the addresses of kernels that call `detect_stage` and `share_stage`;
+    left and counters those of the memory.
+    """
+    side_by_side(desk, to_share, box, PLACE, PLACE + 1)
+    if left[0, 0] + left[1, 0] > 0:
+        side_by_side(desk, to_share, box, REFRESH, REFRESH + 1)
+    call(to, box, NOTE)
+    if counters[REBUILT] > 0:
+        side_by_side(desk, to, box, LOOK, LOOK + 1)
+        if call(to, box, TAKE) == 0:
+            return 0
+    call(to_share, box, SHARE_OUT)
+    side_by_side(desk, to, box, FIND, FIND + 1)
+    if call(to_share, box, FIT) == 0:
+        return call(to, box, ALL)
+    if call(to_share, box, JOIN) == 0:
+        return 0
+    return call(to, box, SEAMS)
+
+
+@kernel
+def share_stage(stage: int, model: Model, state: State, shapes: Shapes, memory: Memory,
+                first: tuple[int, int], by_number: bool) -> bool:
+    """
+    Do a stage; `first` are the first body of the second half, and its first shape.
+
+    Pairs are shared out in these halves as well, `by_number`, where the solver has them; else by
+    what they took in the last step.
+    """
+    half = 1 if stage == PLACE + 1 or stage == REFRESH + 1 else 0
+    some, bodies = in_half(half, first, state, shapes)
+    if stage == SHARE_OUT:
+        _share_out(memory, by_number, first[1])
+    elif stage == FIT:
+        return _fit(memory)
+    elif stage == JOIN:
+        return _join(memory)
+    elif stage < REFRESH:
+        place_some(state, shapes, memory, half, some, bodies)
+    else:
+        refresh_some(model, state, shapes, memory, half, some)
+    return True
+
+
+@kernel
+def in_half(half: int, first: tuple[int, int], state: State,
+            shapes: Shapes) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Return the first shape of a half and the one after its last, and the same of bodies."""
+    body, shape = first
+    if half == 1:
+        return (shape, shapes.kind.shape[0]), (body, state.x.shape[1])
+    return (0, shape), (0, body)
+
+
+@kernel
+def _share_out(memory: Memory, by_number: bool, shape: int) -> None:
+    """Give either thread its pairs, and room for what it finds."""
+    before, pairs, room = current(memory), memory.pair_count[0], memory.pages[0].shape_a.shape[0]
+    first, count = rows_in_use(before)
+    split = first_row(before, shape) - first if by_number else min(memory.split[0], count)
+    cut, old = pairs, first + split
+    if by_number:
+        cut = _first_pair(memory.pair, pairs, shape, 0)
+    elif split < count:
+        cut = _first_pair(memory.pair, pairs, before.shape_a[old], before.shape_b[old])
+    # To each the same part of the room as of the rows, and one at least.
+    middle = min(max(room * split // max(count, 1), 1), room - 1)
+    set_share(memory, 0, Share(0, cut, middle, middle, old, 1))
+    set_share(memory, 1, Share(cut, pairs, middle, room - middle, old, 0))
+
+
+@kernel
+def _first_pair(pair: IntArray, pairs: int, a: int, b: int) -> int:
+    """Return the first pair that does not come before (a, b)."""
+    low, high = 0, pairs
+    while low < high:
+        middle = (low + high) // 2 & INDEX
+        if pair[middle, 0] < a or (pair[middle, 0] == a and pair[middle, 1] < b):
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@kernel
+def _fit(memory: Memory) -> bool:
+    """Return whether both threads had enough room, and a row to spare (see `turn_page`)."""
+    return bool(memory.shares[0, ROWS] < get_share(memory, 0).room
+                and memory.shares[1, ROWS] < get_share(memory, 1).room)
+
+
+@kernel
+def _join(memory: Memory) -> bool:
+    """Turn the page to the rows of both threads, which lie side by side."""
+    found, more = memory.shares[0, ROWS], memory.shares[1, ROWS]
+    memory.split[0] = _fair_split(memory.shares[0], memory.shares[1])
+    return turn_page(memory, get_share(memory, 0).row - found, found + more)
+
+
+@kernel
+def _fair_split(first: IntArray, second: IntArray) -> int:
+    """Return how many manifolds of this step took half of its effort, as far as one can tell."""
+    one, other = _effort(first), _effort(second)
+    if one > other:
+        return first[ROWS] - first[ROWS] * (one - other) // (2 * one)
+    return first[ROWS] + second[ROWS] * (other - one) // max(2 * other, 1)
+
+
+@kernel
+def _effort(found: IntArray) -> int:
+    """Return how long a thread was busy, about, in units of a pair that a witness settles."""
+    anew = found[PAIRS] - found[WITNESSED] - found[RECYCLED]
+    return found[PAIRS] + _OF_RECYCLED * found[RECYCLED] + _OF_NEW * anew

@@ -1,0 +1,470 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Seams: pieces that lie flush are one surface, and what moves over it meets no edges in between.
+
+A pair of convex shapes knows nothing of what lies beside either. Of the union of several shapes a
+point p on the surface of S has the normal n only if n is a proximal normal of every one of them
+that holds p: the cone of proximal normals of a union is the intersection of the cones of its
+pieces (Clarke et al., Nonsmooth Analysis and Control Theory, 1998, chapter 1). Of a convex piece
+T that holds p this means n . x <= n . p for all x in T. A floor of tiles has only the normals of
+the floor in its seams; a roof has those between its slopes; the face of a tile that another tile
+covers has none.
+
+For each shape M that moves, the points of its manifolds are tested against the other shapes that
+M is near. Where S and T make an inner corner, or S is a wall on T, p is a corner of both, and the
+point that is meant lies a little beside it: p slides on the face of S, out of what covers it, in
+the direction in which T pushes M. If there is still surface of S, the contact stands. If it ends
+within the tolerance, S and T are flush there, and the contact is none. Then the pair gets points
+along that face of S through which M leaves it on the shortest way and where the contact stands, or
+has none: what is nearest of the union always stands.
+"""
+
+import math
+
+from rigid_sim_ros.engine.detection.manifold_rows import (
+    carry_over, find_row, mark_mended, pack_rows, take_point)
+from rigid_sim_ros.engine.detection.manifolds import (
+    CONTACTS, current, earlier, Manifolds, Memory, rows_in_use, Scratch, Seams)
+from rigid_sim_ros.engine.detection.narrow_phase.boxes import face_manifold
+from rigid_sim_ros.engine.detection.narrow_phase.convex import manifold_along
+from rigid_sim_ros.engine.detection.narrow_phase.outline import face_normal_along
+from rigid_sim_ros.engine.detection.narrow_phase.reduce import put
+from rigid_sim_ros.engine.detection.narrow_phase.surface import (
+    extent, face, face_count, height, is_faceted, way_out)
+from rigid_sim_ros.engine.detection.support import extreme, radius, reach
+from rigid_sim_ros.engine.maths.algebra import add, add_scaled, dot, norm, scale, subtract
+from rigid_sim_ros.engine.model.shapes import BOX, CYLINDER, PLANE, Shapes
+from rigid_sim_ros.kernels.arrays import Array, Vector
+from rigid_sim_ros.kernels.kernel import INDEX, kernel
+
+# Of the smallest half extent of the three shapes that meet: a step between two pieces, or a gap,
+# that is less is none.
+FLUSH = 1e-3
+# Of that tolerance: how exactly a point lies on a face. It tells an edge from a face at angles
+# above 1e-6 rad; rounding is far below.
+ON_FACE = 1e-6
+# cos 0.06 deg: axes that are parallel.
+PARALLEL = 1.0 - 5e-7
+# The square of the difference of two normals that are the same.
+SAME = 1e-14
+# How often a point slides out of what covers it: once for each wall of a corner, and once to see.
+SLIDES = 4
+# How many faces are tried.
+TRIALS = 4
+# How many times the overlap that was found may be that through another face.
+DEEPER = 16.0
+
+
+@kernel
+def find_seams(shapes: Shapes, memory: Memory) -> bool:
+    """
+    List the manifolds that have a point where a third shape is; return whether there are any.
+
+    A code in `suspect` is 2 k + side for row k; side 0: its shape A may be a piece of a surface
+    that shape B moves over, side 1: the other way round.
+    """
+    rows, seams = current(memory), memory.seams
+    first, count = rows_in_use(rows)
+    if not _link(shapes, rows, first, count, seams):
+        return False
+    found = 0
+    for k in range(first, first + count):
+        for side in range(2):
+            s, m = _shapes_of(rows, k & INDEX, side)
+            if is_faceted(shapes.kind[s]) and _is_suspect(shapes, memory, rows, k & INDEX, s, m):
+                seams.suspect[found] = 2 * k + side
+                found += 1
+    seams.count[0] = found
+    return found > 0
+
+
+@kernel
+def _link(shapes: Shapes, rows: Manifolds, first: int, count: int, seams: Seams) -> bool:
+    """Chain the manifolds of each shape, in order; return whether there is anything to look at."""
+    faceted = False
+    for s in range(shapes.kind.shape[0]):
+        seams.head[s] = -1
+        faceted = faceted or is_faceted(shapes.kind[s])
+    if not faceted:
+        return False
+    for k in range(first + count - 1, first - 1, -1):
+        for side in range(2):
+            _, m = _shapes_of(rows, k, side)
+            after = seams.head[m]
+            seams.link[side, k], seams.back[side, k] = after, -1
+            if after >= 0:
+                seams.back[after & 1, after >> 1] = 2 * k + side
+            seams.head[m] = 2 * k + side
+    return True
+
+
+@kernel
+def _first(shapes: Shapes, rows: Manifolds, seams: Seams, m: int, k: int, side: int) -> int:
+    """
+    Return the first code of shape M, which row k is one of, that may be of the same surface.
+
+    Of a fixed M those of the same body, which lie side by side.
+    """
+    if shapes.still[m] == 0:
+        return int(seams.head[m])
+    s, _ = _shapes_of(rows, k, side)
+    at = 2 * k + side
+    while True:
+        before = seams.back[at & 1, at >> 1]
+        if before < 0:
+            return at
+        t, _ = _shapes_of(rows, before >> 1, before & 1)
+        if shapes.body[t] != shapes.body[s]:
+            return at
+        at = before
+
+
+@kernel
+def _shapes_of(rows: Manifolds, k: int, side: int) -> tuple[int, int]:
+    """Return the shapes S and M of a manifold: A and B, the other way round with side 1."""
+    a, b = rows.shape_a[k], rows.shape_b[k]
+    return (a & INDEX, b & INDEX) if side == 0 else (b & INDEX, a & INDEX)
+
+
+@kernel
+def _outward(rows: Manifolds, k: int, side: int) -> Vector:
+    """Return the normal from S to M."""
+    sign = 1.0 if side == 0 else -1.0
+    return (sign * rows.normal[k, 0], sign * rows.normal[k, 1], sign * rows.normal[k, 2])
+
+
+@kernel
+def _point(pose: Array, turn: Array, shapes: Shapes, rows: Manifolds, k: int, side: int,
+           p: int) -> Vector:
+    """Return point p of manifold k on S [m, world axes]."""
+    s, _ = _shapes_of(rows, k, side)
+    c = _centre(pose, turn, shapes, s)
+    r = rows.r_A if side == 0 else rows.r_B
+    return (c[0] + r[p, k, 0], c[1] + r[p, k, 1], c[2] + r[p, k, 2])
+
+
+@kernel
+def _centre(pose: Array, turn: Array, shapes: Shapes, s: int) -> Vector:
+    """Return the centre of mass of the body that carries shape s [m, world axes]."""
+    p, R, i = (pose[s, 0], pose[s, 1], pose[s, 2]), turn, shapes.body[s]
+    if shapes.ball[s] == 1:
+        return p
+    x, y, z = shapes.p_CS[s, 0], shapes.p_CS[s, 1], shapes.p_CS[s, 2]
+    return (p[0] - (R[i, 0] * x + R[i, 1] * y + R[i, 2] * z),
+            p[1] - (R[i, 3] * x + R[i, 4] * y + R[i, 5] * z),
+            p[2] - (R[i, 6] * x + R[i, 7] * y + R[i, 8] * z))
+
+
+@kernel
+def _one_surface(pose: Array, shapes: Shapes, m: int, s: int, t: int) -> bool:
+    """
+    Return whether M may move over both S and T as over one surface.
+
+    If M is fixed, only if S and T are of one body. Of two bodies of which one moves, only where
+    they have a direction in common, as what lies flush has: in a heap that tumbles, pieces that
+    meet M in one place hold it each for itself.
+    """
+    if shapes.body[s] == shapes.body[t]:
+        return True
+    if shapes.still[m] == 1:
+        return False
+    if shapes.still[s] + shapes.still[t] == 2:
+        return True
+    for i in range(3):
+        for j in range(3):
+            together = (pose[s, 3 + i] * pose[t, 3 + j] + pose[s, 6 + i] * pose[t, 6 + j]
+                        + pose[s, 9 + i] * pose[t, 9 + j])
+            if abs(together) > PARALLEL:
+                return True
+    return False
+
+
+@kernel
+def tolerance(shapes: Shapes, m: int, s: int, t: int) -> float:
+    """Return how far two pieces may stand out over each other and be flush [m]."""
+    return FLUSH * min(extent(shapes, m), extent(shapes, s), extent(shapes, t))
+
+
+@kernel
+def _alike(n: Vector, m: Vector) -> bool:
+    d = subtract(n, m)
+    return dot(d, d) <= SAME
+
+
+@kernel
+def _push(pose: Array, shapes: Shapes, rows: Manifolds, j: int, side: int, n: Vector) -> Vector:
+    """
+    Return the direction in which T, of row j, pushes M.
+
+    Where that is n, which other edges in a row may have as well, the normal of the face of T that
+    looks along n.
+    """
+    n_T = _outward(rows, j, side)
+    if not _alike(n, n_T):
+        return n_T
+    t, _ = _shapes_of(rows, j, side)
+    return face_normal_along(pose, shapes, t, n)
+
+
+@kernel
+def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int, m: int) -> bool:
+    """Return whether a third shape with another normal may hold a point of manifold k."""
+    seams, pose = memory.seams, memory.pose
+    side = 0 if rows.shape_a[k] == s else 1
+    at = _first(shapes, rows, seams, m, k, side)
+    if seams.link[at & 1, at >> 1] < 0:
+        return False
+    n, most = _outward(rows, k, side), FLUSH * extent(shapes, s)
+    c = _centre(pose, memory.turn, shapes, s)
+    r = rows.r_A if side == 0 else rows.r_B
+    low = (r[0, k, 0], r[0, k, 1], r[0, k, 2])
+    high = low
+    for p in range(1, rows.points[k]):
+        low = (min(low[0], r[p, k, 0]), min(low[1], r[p, k, 1]), min(low[2], r[p, k, 2]))
+        high = (max(high[0], r[p, k, 0]), max(high[1], r[p, k, 1]), max(high[2], r[p, k, 2]))
+    low, high = add(c, low), add(c, high)
+    count, middle = rows.points[k], (0.0, 0.0, 0.0)
+    for p in range(count):
+        middle = add_scaled(middle, 1.0 / count, (r[p, k, 0], r[p, k, 1], r[p, k, 2]))
+    # A part of a face of S whose middle nothing covers goes on from all of its corners.
+    area = count > 2 and _alike(n, face_normal_along(pose, shapes, s, n))
+    if area:
+        low, high = add(c, middle), add(c, middle)
+    while at >= 0:
+        j, other = (at >> 1) & INDEX, at & 1
+        t, _ = _shapes_of(rows, j, other)
+        if not _one_surface(pose, shapes, m, s, t):
+            if shapes.still[m] == 1:
+                break       # those of one body lie side by side
+            at = seams.link[other, j]
+            continue
+        if (s != t and _reaches(memory.box, t, low, high, most)
+                and not _alike(n, _push(pose, shapes, rows, j, other, n))):
+            flush = tolerance(shapes, m, s, t)
+            for p in range(1 if area else count):
+                x = add(c, middle if area else (r[p, k, 0], r[p, k, 1], r[p, k, 2]))
+                if height(pose, shapes, t, x) <= flush:
+                    return True
+        at = seams.link[other, j]
+    return False
+
+
+@kernel
+def _reaches(box: Array, t: int, low: Vector, high: Vector, most: float) -> bool:
+    """Return whether the bounding box of T comes as near as this to another one."""
+    return bool((box[t, 0] <= high[0] + most) & (box[t, 3] >= low[0] - most)
+                & (box[t, 1] <= high[1] + most) & (box[t, 4] >= low[1] - most)
+                & (box[t, 2] <= high[2] + most) & (box[t, 5] >= low[2] - most))
+
+
+@kernel
+def mend_seams(shapes: Shapes, memory: Memory, scratch: Scratch) -> None:
+    """
+    Take contacts that are none off the manifolds that `find_seams` listed, and mend these.
+
+    A shape that is left with no manifold keeps its nearest one: what holds a body stays.
+    """
+    rows, seams, before = current(memory), memory.seams, earlier(memory)
+    lost = 0
+    for i in range(seams.count[0]):
+        code = seams.suspect[i]
+        k, side = (code >> 1) & INDEX, code & 1
+        _, m = _shapes_of(rows, k, side)
+        if rows.points[k] <= 0:
+            continue
+        points, nearest, standing = rows.points[k], math.inf, 0
+        for p in range(points):
+            nearest = min(nearest, rows.gap[p, k])
+            x = _point(memory.pose, memory.turn, shapes, rows, k, side, p)
+            if stands(shapes, memory, rows, m, k, side, x, _outward(rows, k, side)):
+                standing |= 1 << p
+        if standing == (1 << points) - 1:
+            continue
+        kept = _along_a_face(shapes, memory, scratch, rows, k, side, nearest)
+        if kept > 0:
+            old = find_row(before, rows.shape_a[k], rows.shape_b[k])
+            carry_over(rows, before, k, old, kept)
+        else:
+            for p in range(points):
+                if standing >> p & 1 == 1:
+                    take_point(rows, k, p, kept)
+                    kept += 1
+        lost += points - kept
+        # Its points are found anew in the next step, whatever becomes of them.
+        mark_mended(rows, k)
+        rows.points[k] = kept if kept > 0 else -points
+        if kept == 0:
+            lost -= _keep_nearest(rows, seams, m)
+    memory.counters[CONTACTS] -= lost
+    pack_rows(rows)
+
+
+@kernel
+def _keep_nearest(rows: Manifolds, seams: Seams, m: int) -> int:
+    """Give shape M back its nearest manifold if it has none left; return how many points."""
+    at, best, nearest = seams.head[m], -1, math.inf
+    while at >= 0:
+        k = (at >> 1) & INDEX
+        if rows.points[k] > 0:
+            return 0
+        for p in range(-rows.points[k]):
+            if rows.gap[p, k] < nearest:
+                best, nearest = k, rows.gap[p, k]
+        at = seams.link[at & 1, k]
+    if best < 0:
+        return 0
+    rows.points[best] = -rows.points[best]
+    return int(rows.points[best])
+
+
+@kernel
+def stands(shapes: Shapes, memory: Memory, rows: Manifolds, m: int, k: int, side: int, p: Vector,
+           n: Vector) -> bool:
+    """Return whether S, of row k, has the normal n at p as a piece of all that M is near."""
+    s, _ = _shapes_of(rows, k, side)
+    pose, seams, near = memory.pose, memory.seams, FLUSH * extent(shapes, s)
+    # A corner that stands out over a face, by what the narrow phase allows, goes on doing so.
+    above, x = height(pose, shapes, s, p), p
+    for _ in range(SLIDES):
+        covered, at = False, _first(shapes, rows, seams, m, k, side)
+        while at >= 0:
+            j, other = (at >> 1) & INDEX, at & 1
+            t, _ = _shapes_of(rows, j, other)
+            if not _one_surface(pose, shapes, m, s, t):
+                if shapes.still[m] == 1:
+                    break
+                at = seams.link[other, j]
+                continue
+            at = seams.link[other, j]
+            if s == t or not _reaches(memory.box, t, x, x, near):
+                continue
+            n_T = _push(pose, shapes, rows, j, other, n)
+            if _alike(n, n_T):
+                continue
+            flush = tolerance(shapes, m, s, t)
+            if (height(pose, shapes, t, x) > flush
+                    or _has_normal(pose, shapes, t, x, n, ON_FACE * flush)):
+                continue
+            # The way along the face of S in which T pushes M.
+            along = add_scaled(n_T, -dot(n, n_T), n)
+            length = norm(along)
+            if length < ON_FACE:
+                if dot(n, n_T) > 0.0:
+                    continue
+                return False
+            along = scale(1.0 / length, along)
+            way = way_out(pose, shapes, t, x, along) + 2.0 * flush
+            x, covered = add_scaled(x, way, along), True
+            # A tangent leaves a circle by half of the square of its length over the radius.
+            bend = way * way / shapes.size[s, 0] if shapes.kind[s] == CYLINDER else 0.0
+            if not (abs(height(pose, shapes, s, x) - above) <= ON_FACE * flush + bend):
+                return False
+        if not covered:
+            return True
+    return False
+
+
+@kernel
+def _has_normal(pose: Array, shapes: Shapes, t: int, p: Vector, n: Vector, most: float) -> bool:
+    """Return whether no point of T is farther in the direction n than p, which it holds."""
+    hulls = shapes.hulls
+    if shapes.kind[t] == PLANE:
+        # It has one normal, +z of its frame.
+        return _alike(n, (pose[t, 5], pose[t, 8], pose[t, 11]))
+    return reach(pose, shapes.kind, shapes.size, hulls.first, hulls.count, hulls.vertices,
+                 shapes.hull, t, n) - dot(n, p) <= most
+
+
+@kernel
+def _along_a_face(shapes: Shapes, memory: Memory, scratch: Scratch, rows: Manifolds, k: int,
+                  side: int, gap: float) -> int:
+    """
+    Find the points of manifold k along the flat face of S that M leaves on the shortest way.
+
+    Of the faces that M reaches beyond the first one where the contact stands, for S among what M
+    is near and for M among what S is near, and none that makes much more of an overlap than there
+    is: `gap` is the least one of the manifold [m]. Returns how many points there are.
+    """
+    pose = memory.pose
+    s, m = _shapes_of(rows, k, side)
+    flush, last, done = tolerance(shapes, m, s, s), math.inf, -1
+    margin = memory.ahead[s] + memory.ahead[m]
+    for _ in range(TRIALS):
+        best, deepest = -1, -math.inf
+        for f in range(face_count(shapes, s)):
+            n, offset = face(pose, shapes, s, f)
+            d = -_reach(pose, shapes, m, scale(-1.0, n)) - offset
+            # After the last one: less separation, or the same and a later number.
+            if ((d < last or (d == last and f > done)) and d > deepest
+                    and _reach(pose, shapes, m, n) > offset):
+                best, deepest = f, d
+        if best < 0:
+            return 0
+        last, done = deepest, best
+        n, _ = face(pose, shapes, s, best)
+        count, back = 0, scale(-1.0, n)
+        if deepest < margin:
+            count = _points_along(pose, shapes, s, m, side, best, n, deepest, margin, flush,
+                                  scratch)
+        if count == 0 and deepest >= -flush:
+            # M lies above that face, and not over it.
+            return 0
+        kept, limit = 0, DEEPER * min(gap, -flush)
+        for p in range(count):
+            x = (scratch.points[p, 0], scratch.points[p, 1], scratch.points[p, 2])
+            d = scratch.points[p, 3]
+            # The point is on A, and so on M where that is A.
+            on_S = x if side == 0 else add_scaled(x, -d, n)
+            on_M = x if side == 1 else add_scaled(x, d, n)
+            if (d >= limit and stands(shapes, memory, rows, m, k, side, on_S, n)
+                    and stands(shapes, memory, rows, s, k, 1 - side, on_M, back)):
+                put(scratch.points, scratch.ids, kept, x, d, scratch.ids[p])
+                kept += 1
+        if kept > 0:
+            _write(memory, shapes, rows, k, n if side == 0 else back, kept, scratch)
+            return kept
+    return 0
+
+
+@kernel
+def _reach(pose: Array, shapes: Shapes, s: int, n: Vector) -> float:
+    hulls = shapes.hulls
+    return reach(pose, shapes.kind, shapes.size, hulls.first, hulls.count, hulls.vertices,
+                 shapes.hull, s, n)
+
+
+@kernel
+def _points_along(pose: Array, shapes: Shapes, s: int, m: int, side: int, f: int, n: Vector,
+                  gap: float, margin: float, flush: float, scratch: Scratch) -> int:
+    """Find the points of S and M along the normal n of face f of S; return their number."""
+    a, b = (s, m) if side == 0 else (m, s)
+    n_AB = n if side == 0 else scale(-1.0, n)
+    if shapes.kind[a] == BOX and shapes.kind[b] == BOX:
+        return face_manifold(pose, shapes.size, a, b, f // 2 if side == 0 else 3 + f // 2, n_AB,
+                             margin, scratch.points, scratch.ids, scratch.polygon, scratch.labels,
+                             scratch.numbers)
+    hulls, down = shapes.hulls, scale(-1.0, n)
+    q = add_scaled(extreme(pose, shapes.kind, shapes.size, hulls.first, hulls.count,
+                           hulls.vertices, shapes.hull, m, down),
+                   radius(shapes.kind, shapes.size, m), down)
+    on_S = add_scaled(q, -gap, n)
+    nearest = gap if height(pose, shapes, s, on_S) <= flush else math.inf
+    return manifold_along(pose, shapes, a, b, n_AB, nearest, on_S if side == 0 else q, margin,
+                          scratch)
+
+
+@kernel
+def _write(memory: Memory, shapes: Shapes, rows: Manifolds, k: int, n: Vector, count: int,
+           scratch: Scratch) -> None:
+    """Write the points in `scratch` to row k, with the normal n from A to B."""
+    A = _centre(memory.pose, memory.turn, shapes, rows.shape_a[k] & INDEX)
+    B = _centre(memory.pose, memory.turn, shapes, rows.shape_b[k] & INDEX)
+    for p in range(count):
+        gap = scratch.points[p, 3]
+        rows.gap[p, k], rows.feature[p, k] = gap, scratch.ids[p]
+        for c in range(3):
+            rows.r_A[p, k, c] = scratch.points[p, c] - A[c]
+            rows.r_B[p, k, c] = scratch.points[p, c] + gap * n[c] - B[c]
+    for c in range(3):
+        rows.normal[k, c] = n[c]

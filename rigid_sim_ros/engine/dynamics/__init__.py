@@ -1,0 +1,3 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Forces and torques, and motion under them without contact."""

@@ -1,0 +1,163 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The settings of the model `event`, and the memory of its compiled part."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.contact.contact_newton import make_newton, Newton
+from rigid_sim_ros.engine.contact.contact_rows import make_rows, Rows
+from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts, make_bodies, make_contacts
+from rigid_sim_ros.engine.contact.impulse import make_room, Room
+from rigid_sim_ros.engine.detection.transform_update import unplaced
+from rigid_sim_ros.engine.dynamics.integrate import make_work, Work
+from rigid_sim_ros.engine.dynamics.loads import empty_loads, Loads
+from rigid_sim_ros.engine.events.groups import Groups, make_groups
+from rigid_sim_ros.engine.state.state import empty_state, State
+from rigid_sim_ros.kernels.arrays import Array, IntArray
+
+
+class EventSettings(NamedTuple):
+    """What may be tuned. Lengths are parts of the size of the smaller of two shapes."""
+
+    # Points with a smaller gap touch; far above rounding, far below anything seen
+    touching: float = 1e-7
+    # By which touching pairs may sink in within a step before it is split
+    overlap: float = 1e-6
+    # By which a slow approach may sink in while the forces stop it; what is faster is stopped by
+    # an impulse. 1e-4 is seen as bodies that dip in when they land, 1e-8: rounding collides.
+    dip: float = 2e-6
+    # By so much at most overlaps become less in a step
+    push_out: float = 0.005
+    # In a step; the rest of the step then runs without backtracking, and says so
+    max_events: int = 300
+    max_bounces: int = 32  # of two bodies in one step, before they collide with e = 0
+
+
+class Carried(NamedTuple):
+    """The forces of the last step, from which the next solution starts."""
+
+    shape_a: IntArray  # (c,)
+    shape_b: IntArray  # (c,)
+    feature: IntArray  # (c,)
+    force: Array  # (c, 3) [N] on B, world axes
+    torque: Array  # (c, 3) [N m] on B, world axes, against spinning and rolling
+
+
+# Why the kernel stops.
+(DONE, MORE_MEMORY, MORE_MANIFOLDS, MORE_CONTACTS, MORE_ROOM, MORE_ROWS, MORE_PAIRS,
+ MORE_FORCES, STUCK) = range(9)
+# At which stage it goes on.
+BEGIN, GROUP, MEET, SHOCK, REST, SETTLE, TRAVEL = range(7)
+# Places in `Buffers.count`.
+(STEPS, STAGE, FRESH, EVENTS, COLLISIONS, CUT_SHORT, CHOSEN, WIDTH, KNOWN, BOUNCED, NEEDED,
+ TOUCHED, UNSOLVED, DEEP, GROUPS, NOW, TRIES, KNOWN_BEFORE) = range(18)
+# Places in `Buffers.number`.
+RESIDUAL, DEEPEST, WORST = range(3)
+
+
+class Buffers(NamedTuple):
+    """Scratch memory of the kernel, and where it stands; capacities c points, r rows, p pairs."""
+
+    count: IntArray  # type: ignore[assignment]  # (18,) see STEPS
+    number: Array  # (3,) see RESIDUAL
+    work: Work
+    bodies: Bodies
+    then: Array  # (n, 6) velocities at the end of a span
+    assumed: Array  # (n, 3) accelerations for which the levers are right
+    loads: Loads  # of the contacts
+    still: Loads  # zeros
+    pose: Array  # (s, 12)
+    contacts: Contacts
+    order: IntArray  # (2, rows of the memory) for `gather`
+    impulses: Array  # (c, 6) [N s, contact axes]
+    force: Array  # (c, 6) [N, contact axes]
+    push: Array  # (c, 6) [N s, contact axes] that only displaces
+    held: IntArray  # (c,) 1: a point that got a force
+    sunk: Array  # (c,) [m, < 0] how deep it may go
+    match: IntArray  # (c,) the same point among the forces of the last step, or -1
+    elastic: IntArray  # (c,)
+    chosen: IntArray  # (c,) points that get a force
+    depth: Array  # (c,) [m, < 0] to which these may go
+    bounced: IntArray  # (p, 3) two bodies and how often they collided in this step
+    room: Room  # for the largest block
+    rows: Rows  # of the chosen points
+    eased: Array  # (r,) rates that the compliance had and that were taken back
+    newton: Newton
+    pushed: Loads  # momenta that only displace, for the time of a span
+    pairs: IntArray  # (p, 2) that may meet
+    allowed: Array  # (p,)
+    groups: Groups
+    times: Array  # (n,) [s] how long each body moves now
+    before: State  # at the start of the step
+    forces_before: Carried
+
+
+def make_buffers(bodies: int, shapes: int) -> Buffers:
+    """Make room for a world without contacts."""
+
+    def whole(*shape: int) -> IntArray:
+        return np.zeros(shape, dtype=np.int64)
+
+    c = 64
+    return Buffers(whole(18), np.zeros(3), make_work(bodies), make_bodies(bodies),
+                   np.zeros((bodies, 6)), np.zeros((bodies, 3)),
+                   empty_loads(bodies), empty_loads(bodies), unplaced(shapes),
+                   make_contacts(c), whole(2, c), np.zeros((c, 6)), np.zeros((c, 6)),
+                   np.zeros((c, 6)), whole(c), np.zeros(c), whole(c), whole(c), whole(c),
+                   np.zeros(c),
+                   whole(c, 3), make_room(4, 6), make_rows(16, 48, bodies), np.zeros(48),
+                   make_newton(16, 48, 4, bodies), empty_loads(bodies), whole(c, 2), np.zeros(c),
+                   make_groups(bodies, shapes, c), np.zeros(bodies), empty_state(bodies),
+                   no_forces())
+
+
+def more_contacts(buffers: Buffers, points: int) -> Buffers:
+    """Return buffers with room for twice as many points."""
+    c = 2 * points
+    return buffers._replace(contacts=make_contacts(c), impulses=np.zeros((c, 6)),
+                            force=np.zeros((c, 6)), push=np.zeros((c, 6)),
+                            held=np.zeros(c, dtype=np.int64), sunk=np.zeros(c),
+                            match=np.zeros(c, dtype=np.int64),
+                            elastic=np.zeros(c, dtype=np.int64),
+                            chosen=np.zeros(c, dtype=np.int64), depth=np.zeros(c))
+
+
+def more_rows(buffers: Buffers, rows: int, touched: int) -> Buffers:
+    """Return buffers with room for a problem with twice as many rows, of so many bodies."""
+    r, bodies = max(2 * rows, len(buffers.rows.b)), len(buffers.then)
+    s = max(touched + touched // 2, len(buffers.newton.p) // 6)
+    return buffers._replace(rows=make_rows(r // 3, r, bodies), eased=np.zeros(r),
+                            newton=make_newton(r // 3, r, s, bodies))
+
+
+def more_pairs(buffers: Buffers, pairs: int) -> Buffers:
+    """Return buffers with room for twice as many pairs that may meet."""
+    room = np.zeros((2 * pairs, 2), dtype=np.int64)
+    return buffers._replace(pairs=room, allowed=np.zeros(2 * pairs),
+                            groups=buffers.groups._replace(pair=room.copy()))
+
+
+def more_forces(forces: Carried, points: int) -> Carried:
+    """Return the forces with room for twice as many points."""
+    return Carried._make(longer(field, 2 * points) for field in forces)
+
+
+def no_forces() -> Carried:
+    """Return what is carried over where nothing touched."""
+    none = np.zeros(0, dtype=np.int64)
+    return Carried(none, none, none, np.zeros((0, 3)), np.zeros((0, 3)))
+
+
+def more_manifolds(buffers: Buffers, rows: int) -> Buffers:
+    """Return buffers for twice as many manifolds, or pairs of bodies that collided."""
+    return buffers._replace(order=np.zeros((2, 2 * rows), dtype=np.int64),
+                            bounced=longer(buffers.bounced, 2 * rows))
+
+
+def longer(array: Array | IntArray, rows: int) -> Any:
+    """Return the array with room for `rows` rows, if that is more than it has."""
+    longer_one = np.zeros((max(rows, len(array)), *array.shape[1:]), dtype=array.dtype)
+    longer_one[:len(array)] = array
+    return longer_one

@@ -1,0 +1,378 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The forces at the resting points of a group, for the time until its next event."""
+
+from rigid_sim_ros.engine.contact.contact_ahead import carry_ahead, turn_bodies
+from rigid_sim_ros.engine.contact.contact_newton import FEW_STEPS, number_bodies, solve_rows
+from rigid_sim_ros.engine.contact.contact_qp import COMPLIANCE, ENOUGH, TOLERANCE
+from rigid_sim_ros.engine.contact.contact_rows import (
+    apply_forces, Rows, sweep_rows, violation, write_rows)
+from rigid_sim_ros.engine.contact.contacts import (
+    Bodies, Contacts, length, push_rows, read_rates, relative, to_contact, to_world,
+    torque_in_world)
+from rigid_sim_ros.engine.contact.impulse import resting_speed
+from rigid_sim_ros.engine.detection.backtrack import film
+from rigid_sim_ros.engine.detection.manifolds import Memory
+from rigid_sim_ros.engine.events.buffers import (
+    Buffers, Carried, CHOSEN, DEEP, DONE, EventSettings, KNOWN, MORE_ROWS, NEEDED, STUCK, TOUCHED,
+    UNSOLVED, WIDTH, WORST)
+from rigid_sim_ros.engine.events.groups import Groups
+from rigid_sim_ros.engine.events.move import load, shift_levers
+from rigid_sim_ros.engine.maths.algebra import row
+from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.model.shapes import Shapes
+from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.kernels.kernel import kernel
+
+# A gap left at rest is closed at this rate per step. The gap and its rate then shrink with the
+# factors 0.6 and 0.25 a step without swinging; above 0.34 they would swing.
+CLOSING = 0.3
+CUT = 1.0 / 16.0  # of a step: gaps are not closed within less
+# Of the speed of a rebound that is too short to be one: no faster may a force lift what overlaps.
+LIFTING = 0.1
+# Multiplications for each body of a group, and for 20 at least, that a step may take, about 0.2
+# ms; what is left of the step then runs without backtracking, and contact problems are used as far
+# as they came.
+EFFORT = 2e5
+# Points of a problem that OSQP is asked for where sweeps and Newton's method do not do; for more
+# it takes too long.
+FOR_OSQP = 8
+# Of the accelerations: by so much points may give way to their forces. 1e-6 of g sinks in by 3e-6
+# g h^2.
+YIELDS = 1e-6
+AGAIN = 10  # times at most that forces are found again for what follows from them
+PUSH_SWEEPS = 30  # over the points, for displacements: what they leave is for the next step
+
+
+@kernel
+def _choose(contacts: Contacts, bodies: Bodies, first: int, last: int, h: float, touching: float,
+            chosen: IntArray) -> int:
+    """Write which of some points get a force: what touches, and slow ones that nearly do."""
+    m = 0
+    for k in range(first, last):
+        slow = resting_speed(contacts, bodies, k, h)
+        touch = touching * contacts.size[k]
+        if contacts.gap[k] > touch:
+            u = to_contact(contacts, k, relative(bodies.velocity, contacts, k))
+            # It rises to slow^2 / 2a = slow h / 4 with slow = a h / 2.
+            if contacts.gap[k] > touch + 0.25 * slow * h or u[0] < -slow:
+                continue
+        chosen[m] = k
+        m += 1
+    return m
+
+
+@kernel
+def _rates(model: Model, shapes: Shapes, contacts: Contacts, bodies: Bodies, chosen: IntArray,
+           width: int, u: Array, span: float, closing: float, b: Array) -> bool:
+    """
+    Write b of a = A f + b: accelerations without contact forces, and what stops points.
+
+    a = 0 then means that the point, with the rates u at the end of the span [s] but for the loads,
+    has stopped there, so that neither a velocity nor a gap that rounding left behind can grow from
+    step to step: of the gap a part is closed in `closing` [s]. Returns whether a point overlaps so
+    much that this would give it a speed worth mentioning: that is left to `_push_apart`.
+    """
+    deep = False
+    for c in range(chosen.shape[0]):
+        k, at = chosen[c], width * c
+        read_rates(model, contacts, bodies.acceleration, k, width, b, at)
+        gap = contacts.gap[k] - film(shapes, contacts.shape_a[k], contacts.shape_b[k])
+        wanted = -CLOSING * gap / closing
+        if wanted <= LIFTING * resting_speed(contacts, bodies, k, model.h):
+            u[at] -= wanted
+        else:
+            deep = True
+        for i in range(width):
+            b[at + i] += u[at + i] / span
+    return deep
+
+
+@kernel
+def _push_apart(model: Model, state: State, shapes: Shapes, settings: EventSettings, m: int,
+                g: int, span: float, closing: float, w: Buffers) -> None:
+    """
+    Add momenta that displace what overlaps, and are taken back when the span is over.
+
+    So nothing that comes apart gains a velocity, however deep it was. The momenta are left in
+    `w.push`, and what they are at the bodies in `w.pushed`.
+    """
+    rows, width = w.rows, w.count[WIDTH]
+    contacts = w.contacts
+    violation(rows, m, width, rows.f)
+    for c in range(m):
+        k, at = w.chosen[c], width * c
+        depth = film(shapes, contacts.shape_a[k], contacts.shape_b[k]) - contacts.gap[k]
+        wanted = min(CLOSING * depth / closing,
+                     settings.push_out * contacts.size[k] / model.h)
+        if CLOSING * depth / closing <= LIFTING * resting_speed(contacts, w.bodies, k, model.h):
+            wanted = 0.0
+        for i in range(at, at + width):
+            rows.trial[i] = 0.0
+        # Not what leaves its overlap by itself.
+        w.newton.y[at] = -wanted + span * max(rows.a[at], 0.0)
+    for c in range(m):
+        rows.mu[c, 0], rows.mu[c, 1], rows.mu[c, 2] = 0.0, 0.0, 0.0
+        rows.b[width * c] = w.newton.y[width * c]
+    apply_forces(rows, m, width, rows.trial)
+    sweep_rows(rows, m, width, rows.trial, PUSH_SWEEPS, 0.0)
+    members = w.groups.body[w.groups.first[g]:w.groups.first[g + 1]]
+    for j in members:
+        for i in range(3):
+            w.pushed.F[i, j], w.pushed.tau[i, j] = state.P[i, j], state.L[i, j]
+    for c in range(m):
+        push_rows(model, state, contacts, w.chosen[c], width, rows.trial, width * c)
+        for i in range(width):
+            w.push[w.chosen[c], i] = rows.trial[width * c + i]
+    for j in members:
+        for i in range(3):
+            w.pushed.F[i, j] = state.P[i, j] - w.pushed.F[i, j]
+            w.pushed.tau[i, j] = state.L[i, j] - w.pushed.tau[i, j]
+
+
+@kernel
+def match_forces(contacts: Contacts, carried: Carried, known: int, match: IntArray) -> None:
+    """Write for each point which of the forces of the last step was there, -1: none."""
+    at = 0
+    for k in range(contacts.count[0]):
+        match[k] = -1
+        for tried in range(known):
+            # Both are in nearly the same order, so the search mostly ends at once.
+            i = (at + tried) % known
+            if (carried.shape_a[i] == contacts.shape_a[k]
+                    and carried.shape_b[i] == contacts.shape_b[k]
+                    and carried.feature[i] == contacts.feature[k]):
+                match[k], at = i, i + 1
+                break
+
+
+@kernel
+def _recall(model: Model, contacts: Contacts, chosen: IntArray, width: int, carried: Carried,
+            match: IntArray, f: Array) -> bool:
+    """
+    Write the forces of the last step at the points that were there already, 0 at the others.
+
+    Returns whether any was.
+    """
+    f[:width * chosen.shape[0]] = 0.0
+    found = False
+    for c in range(chosen.shape[0]):
+        k, to = chosen[c], width * c
+        i = match[k]
+        if i < 0:
+            continue
+        f[to], f[to + 1], f[to + 2] = to_contact(contacts, k, row(carried.force, i))
+        if width == 6:
+            tau = to_contact(contacts, k, row(carried.torque, i))
+            arm = length(model, contacts, k)
+            f[to + 3], f[to + 4], f[to + 5] = tau[0] / arm, tau[1] / arm, tau[2] / arm
+        found = True
+    return found
+
+
+@kernel
+def remember(model: Model, shapes: Shapes, w: Buffers, carried: Carried) -> None:
+    """Carry over the forces of the groups that moved, and keep those of the others."""
+    contacts, g, width, kept = w.contacts, w.groups, w.count[WIDTH], 0
+    for k in range(w.count[KNOWN]):
+        of = max(g.of[shapes.body[carried.shape_a[k]]], g.of[shapes.body[carried.shape_b[k]]])
+        if of >= 0 and g.way[of] == 0.0:
+            carried.shape_a[kept], carried.shape_b[kept] = carried.shape_a[k], carried.shape_b[k]
+            carried.feature[kept] = carried.feature[k]
+            for i in range(3):
+                carried.force[kept, i] = carried.force[k, i]
+                carried.torque[kept, i] = carried.torque[k, i]
+            kept += 1
+    for k in range(contacts.count[0]):
+        if w.held[k] == 0:
+            continue
+        carried.shape_a[kept], carried.shape_b[kept] = contacts.shape_a[k], contacts.shape_b[k]
+        carried.feature[kept] = contacts.feature[k]
+        F = to_world(contacts, k, (w.force[k, 0], w.force[k, 1], w.force[k, 2]))
+        tau = torque_in_world(model, contacts, k, width, w.force[k], 0)
+        for i in range(3):
+            carried.force[kept, i] = F[i]
+            carried.torque[kept, i] = tau[i]
+        kept += 1
+    w.count[KNOWN] = kept
+
+
+@kernel
+def _sink(contacts: Contacts, bodies: Bodies, chosen: IntArray, span: float, overlap: float,
+          depth: Array) -> None:
+    """
+    Write how deep [m, < 0] the points that get forces may go within the span.
+
+    Stopped over the span, not at once, a slow approach u_n gets |u_n| t / 2 deeper.
+    """
+    for c in range(chosen.shape[0]):
+        k = chosen[c]
+        u = to_contact(contacts, k, relative(bodies.velocity, contacts, k))
+        depth[c] = (min(contacts.gap[k], 0.0) + 0.5 * min(u[0], 0.0) * span
+                    - overlap * contacts.size[k])
+
+
+@kernel
+def effort_left(w: Buffers, g: int) -> float:
+    """Return how many multiplications the rest of the step of a group may take."""
+    bodies = w.groups.first[g + 1] - w.groups.first[g]
+    return EFFORT * max(20, bodies) - w.newton.effort[0]
+
+
+@kernel
+def room_for(model: Model, w: Buffers, m: int) -> bool:
+    """Return whether there is room for the first m chosen points, and number their bodies."""
+    w.count[NEEDED] = w.count[WIDTH] * m
+    w.count[TOUCHED] = number_bodies(w.contacts, w.chosen[:m], model.inv_m, w.newton.slot)
+    return (w.count[NEEDED] <= w.rows.b.shape[0]
+            and 6 * w.count[TOUCHED] <= w.newton.p.shape[0])
+
+
+@kernel
+def solve(g: int, m: int, width: int, steps: int, w: Buffers) -> None:
+    """
+    Find the forces of the first m points from what stands there, whatever they have to carry.
+
+    Points give way with give f, COMPLIANCE R g below a load of R times a body's weight. Where that
+    is more than YIELDS it is taken back from b, which leaves give (f - f') with the forces f'
+    of the time before (the proximal point algorithm: Rockafellar, Monotone operators and the
+    proximal point algorithm, SIAM J. Control Optim. 14 (1976)).
+    """
+    rows, size = w.rows, 0.0
+    for i in range(width * m):
+        size = max(size, abs(rows.b[i]))
+    w.number[WORST] = solve_rows(rows, m, width, w.count[TOUCHED], steps, effort_left(w, g),
+                                 w.newton)
+    for _ in range(AGAIN):
+        yields = 0.0
+        for i in range(width * m):
+            yields = max(yields, abs(rows.give[i] * rows.f[i] - w.eased[i]))
+        if yields <= YIELDS * size:
+            return
+        for i in range(width * m):
+            now = rows.give[i] * rows.f[i]
+            rows.b[i] -= now - w.eased[i]
+            w.eased[i] = now
+        w.number[WORST] = solve_rows(rows, m, width, w.count[TOUCHED], FEW_STEPS,
+                                     effort_left(w, g), w.newton)
+
+
+@kernel
+def _solve_with_levers(model: Model, g: int, m: int, steps: int, span: float, w: Buffers) -> None:
+    """
+    Find the forces with the levers that bodies have which move under them.
+
+    Both forces of a pair act at one point only with the levers of where the centres really are in
+    the middle of the span. A shift after the forces are known would be a torque that nothing
+    balances: below a load of R times its weight a light body would turn by R times as much.
+    """
+    rows, width = w.rows, w.count[WIDTH]
+    for c in range(m):
+        for side in range(2):
+            for i in range(3):
+                w.assumed[rows.body[c, side], i] = 0.0
+    w.eased[:width * m] = 0.0
+    goal = 0.0
+    for i in range(width * m):
+        goal = max(goal, 0.1 * ENOUGH * abs(rows.b[i]))
+    solve(g, m, width, steps, w)
+    for _ in range(AGAIN):
+        apply_forces(rows, m, width, rows.f)
+        if not shift_levers(model, w.contacts, w.bodies, w.chosen[:m], width, rows, span, goal,
+                            w.assumed):
+            return
+        write_rows(model, w.contacts, w.bodies, w.chosen[:m], width, COMPLIANCE, rows)
+        solve(g, m, width, FEW_STEPS, w)
+
+
+@kernel
+def balance(model: Model, state: State, shapes: Shapes, memory: Memory, settings: EventSettings,
+            carried: Carried, g: int, w: Buffers) -> int:
+    """Find the forces at the resting points of a group."""
+    contacts, width, groups = w.contacts, w.count[WIDTH], w.groups
+    w.newton.effort[0] = groups.effort[g]
+    if groups.events[g] >= settings.max_events or effort_left(w, g) < 0.0:
+        # The forces are to last for the rest of the step, and are found for that.
+        groups.short[g], groups.span[g] = 1, groups.left[g]
+    first, last = contacts.first[groups.block[g]], contacts.first[groups.block[g + 1]]
+    m = _choose(contacts, w.bodies, first, last, model.h, settings.touching, w.chosen)
+    w.count[CHOSEN], w.count[DEEP] = m, 0
+    if not room_for(model, w, m):
+        return MORE_ROWS
+    if m == 0:
+        return DONE
+    chosen, rows = w.chosen[:m], w.rows
+    span = min(groups.span[g], groups.left[g])
+    _sink(contacts, w.bodies, chosen, span, settings.overlap, w.depth)
+    turn_bodies(model, state, w.work.loads.tau, span,
+                groups.body[groups.first[g]:groups.first[g + 1]], w.bodies, w.then)
+    carry_ahead(model, state, w.still, shapes, contacts, w.bodies, w.then, chosen, width, span,
+                w.pose, memory.scratch, rows.trial)
+    if _rates(model, shapes, contacts, w.bodies, chosen, width, rows.trial, span,
+              _closing(model, groups, g), rows.b):
+        w.count[DEEP] = 1
+    write_rows(model, contacts, w.bodies, chosen, width, COMPLIANCE, rows)
+    known = _recall(model, contacts, chosen, width, carried, w.match, rows.f)
+    _solve_with_levers(model, g, m, FEW_STEPS if known else 0, span, w)
+    groups.effort[g] = w.newton.effort[0]
+    return STUCK if w.number[WORST] > TOLERANCE and m <= FOR_OSQP else DONE
+
+
+@kernel
+def _closing(model: Model, groups: Groups, g: int) -> float:
+    """
+    Return the time [s] in which gaps of a group are closed in part.
+
+    What is left of a step after a collision may be nothing: a gap of rounding over that is no
+    speed.
+    """
+    return min(max(groups.span[g], CUT * model.h), model.h)
+
+
+@kernel
+def settle(model: Model, state: State, settings: EventSettings, shapes: Shapes, g: int,
+           w: Buffers) -> None:
+    """
+    See to it that the forces that were found do no work, and that overlaps end.
+
+    The forces are then left in `w.force`, and what they are at the bodies in `w.loads`.
+    """
+    m, width, rows, groups = w.count[CHOSEN], w.count[WIDTH], w.rows, w.groups
+    if m == 0:
+        return
+    span = min(groups.span[g], groups.left[g])
+    groups.residual[g] = max(groups.residual[g], w.number[WORST])
+    if w.number[WORST] > TOLERANCE:
+        w.count[UNSOLVED] += 1
+        for c in range(m):
+            read_rates(model, w.contacts, w.bodies.velocity, w.chosen[c], width, rows.trial,
+                       width * c)
+        take_no_energy(rows, m, width, span)
+    for c in range(m):
+        k = w.chosen[c]
+        w.held[k], w.sunk[k] = 1, w.depth[c]
+        for i in range(width):
+            w.force[k, i] = rows.f[width * c + i]
+    load(model, w.contacts, w.chosen[:m], width, w.force, w.loads)
+    if w.count[DEEP] == 1:
+        _push_apart(model, state, shapes, settings, m, g, span, _closing(model, groups, g), w)
+
+
+@kernel
+def take_no_energy(rows: Rows, m: int, width: int, span: float) -> None:
+    """
+    Make forces that are no solution smaller where they would do work on the bodies.
+
+    It is span [s] times f . (u_0 + u_1) / 2 with the rates u_0 of the points now, in rows.trial,
+    and u_1 = span (A f + b) in the end.
+    """
+    violation(rows, m, width, rows.f)
+    before, gain = 0.0, 0.0
+    for i in range(width * m):
+        before += rows.f[i] * (rows.trial[i] + span * rows.b[i])
+        gain += rows.f[i] * span * (rows.a[i] - rows.b[i])
+    if before + gain > 0.0 and gain > 0.0:
+        share = max(-before / gain, 0.0)
+        for i in range(width * m):
+            rows.f[i] *= share

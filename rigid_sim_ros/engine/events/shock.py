@@ -1,0 +1,246 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What touches now in the model `event`, and the impulses of what collides."""
+
+import numpy as np
+
+from rigid_sim_ros.engine.contact.contact_newton import number_bodies
+from rigid_sim_ros.engine.contact.contact_qp import COMPLIANCE, TOLERANCE
+from rigid_sim_ros.engine.contact.contact_rows import write_rows
+from rigid_sim_ros.engine.contact.contacts import (
+    Contacts, gather_by_key, length, push_rows, read_body, read_rates, to_world)
+from rigid_sim_ros.engine.contact.impulse import collide_all, STILL
+from rigid_sim_ros.engine.detection.detect import detect_ahead
+from rigid_sim_ros.engine.detection.manifolds import current, Manifolds, Memory
+from rigid_sim_ros.engine.dynamics.loads import Loads
+from rigid_sim_ros.engine.events.buffers import (
+    BOUNCED, Buffers, COLLISIONS, DEEPEST, DONE, EventSettings, FRESH, GROUPS, MORE_CONTACTS,
+    MORE_MANIFOLDS, MORE_MEMORY, MORE_ROOM, MORE_ROWS, NEEDED, TOUCHED, UNSOLVED, WIDTH, WORST)
+from rigid_sim_ros.engine.events.forces import room_for, solve, take_no_energy
+from rigid_sim_ros.engine.events.groups import Groups
+from rigid_sim_ros.engine.maths.algebra import norm
+from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.model.shapes import Materials, Shapes
+from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.kernels.kernel import kernel
+
+# In multiplications, see event_forces.EFFORT: what an event takes, and for each pair that may
+# meet, or that collides.
+PER_EVENT, PER_PAIR = 1e4, 5e3
+
+
+@kernel
+def look_near(model: Model, shapes: Shapes, settings: EventSettings, loads: Loads,
+              memory: Memory) -> None:
+    """
+    Let detection find what touches, or is as near as a rebound that is too short to be one.
+
+    A share of both shapes: that of a plane, which has no size, is its partner's.
+    """
+    h = model.h
+    for s in range(shapes.kind.shape[0]):
+        i, size = shapes.body[s], shapes.bound[s]
+        pull = model.inv_m[i] * norm((loads.F[0, i], loads.F[1, i], loads.F[2, i]))
+        if size == np.inf:
+            size = 0.0
+        memory.ahead[s] = 1.01 * (settings.touching * size
+                                  + 0.25 * h * (0.5 * h * pull + STILL * size / h))
+    memory.calm[0] = np.inf  # no pair is looked at farther ahead than it touches
+
+
+@kernel
+def find(model: Model, state: State, shapes: Shapes, materials: Materials, memory: Memory,
+         settings: EventSettings, w: Buffers) -> int:
+    """Find the points that touch, or are as near as a rebound that is too short to be one."""
+    manifolds = current(memory)
+    for r in range(manifolds.count[0]):
+        # Polyhedra that hardly moved would keep points that are right to second order: not enough
+        # here.
+        manifolds.found_at[r, 0] = np.inf
+    if not detect_ahead(model, state, shapes, memory, 0, None):
+        return MORE_MEMORY
+    manifolds = current(memory)
+    rows = manifolds.count[0]
+    if rows > w.order.shape[1]:
+        w.count[NEEDED] = rows
+        return MORE_MANIFOLDS
+    _sort_by_group(manifolds, w.groups, state.x.shape[1], w.order[0])
+    found = gather_by_key(state, manifolds, shapes, materials, np.inf, w.order[0, :rows],
+                          w.order[1, :rows], w.contacts)
+    if found > w.contacts.gap.shape[0]:
+        w.count[NEEDED] = found
+        return MORE_CONTACTS
+    _list_blocks(w)
+    largest = 0
+    for k in range(w.contacts.count[1]):
+        largest = max(largest, w.contacts.first[k + 1] - w.contacts.first[k])
+    w.count[NEEDED] = largest
+    if largest > w.room.chosen.shape[0]:
+        return MORE_ROOM
+    w.count[NEEDED] = w.count[BOUNCED] + w.contacts.count[1]
+    if w.count[NEEDED] > w.bounced.shape[0]:
+        return MORE_MANIFOLDS
+    if w.count[FRESH] == 1:
+        _forget_impulses(manifolds)
+        w.count[FRESH] = 0
+    w.number[DEEPEST] = max(w.number[DEEPEST], _deepest(manifolds))
+    return DONE
+
+
+@kernel
+def _sort_by_group(manifolds: Manifolds, groups: Groups, n: int, key: IntArray) -> None:
+    """Write keys that sort manifolds by group and pair of bodies; -1: of two groups, or none."""
+    for k in range(manifolds.count[0]):
+        a, b = manifolds.body_a[k], manifolds.body_b[k]
+        g = max(groups.of[a], groups.of[b])
+        key[k] = -1
+        if groups.of[a] in (g, -1) and groups.of[b] in (g, -1) and g >= 0:
+            key[k] = (g * n + min(a, b)) * n + max(a, b)
+
+
+@kernel
+def _list_blocks(w: Buffers) -> None:
+    """Write which blocks of contacts belong to each group."""
+    contacts, groups, k = w.contacts, w.groups, 0
+    for g in range(w.count[GROUPS]):
+        groups.block[g] = k
+        while k < contacts.count[1]:
+            at = contacts.first[k]
+            if max(groups.of[contacts.body_a[at]], groups.of[contacts.body_b[at]]) != g:
+                break
+            k += 1
+        groups.block[g + 1] = k
+
+
+@kernel
+def _forget_impulses(manifolds: Manifolds) -> None:
+    for r in range(manifolds.count[0]):
+        manifolds.spin[r] = 0.0
+        for j in range(manifolds.points[r]):
+            manifolds.impulse[j, r] = 0.0
+        for i in range(3):
+            manifolds.friction[r, i] = 0.0
+
+
+@kernel
+def _deepest(manifolds: Manifolds) -> float:
+    deepest = 0.0
+    for r in range(manifolds.count[0]):
+        for j in range(manifolds.points[r]):
+            deepest = max(deepest, -manifolds.gap[j, r])
+    return deepest
+
+
+@kernel
+def _bounce(contacts: Contacts, k: int, w: Buffers) -> int:
+    """Return the row of `bounced` that belongs to the bodies of block k, after adding it."""
+    a, b = contacts.body_a[contacts.first[k]], contacts.body_b[contacts.first[k]]
+    for i in range(w.count[BOUNCED]):
+        if w.bounced[i, 0] == a and w.bounced[i, 1] == b:
+            return i
+    i = w.count[BOUNCED]
+    w.bounced[i, 0], w.bounced[i, 1], w.bounced[i, 2] = a, b, 0
+    w.count[BOUNCED] += 1
+    return i
+
+
+@kernel
+def shock(model: Model, state: State, settings: EventSettings, g: int, w: Buffers) -> int:
+    """Apply the impulses of all that collides now in a group."""
+    contacts, groups = w.contacts, w.groups
+    first, last = groups.block[g], groups.block[g + 1]
+    if first == last:
+        return DONE
+    w.newton.effort[0] = groups.effort[g] + PER_EVENT
+    for k in range(first, last):
+        tired = False
+        for i in range(w.count[BOUNCED]):
+            at = contacts.first[k]
+            if (w.bounced[i, 0] == contacts.body_a[at] and w.bounced[i, 1] == contacts.body_b[at]
+                    and w.bounced[i, 2] >= settings.max_bounces):
+                tired = True
+        for i in range(contacts.first[k], contacts.first[k + 1]):
+            w.elastic[i] = 0 if tired else 1
+    limit = 50 + 10 * (last - first)
+    quiet = max(STILL / model.h, 2.0 * settings.dip / min(groups.span[g], groups.left[g]))
+    if not room_for(model, w, _touching_points(settings, g, w)):
+        return MORE_ROWS
+    done = collide_all(model, state, contacts, w.bodies, model.h, settings.touching, quiet,
+                       w.count[WIDTH], w.elastic, limit, first, last, w.room, w.impulses)
+    if done != 0:
+        w.count[COLLISIONS] += limit if done < 0 else done
+        w.newton.effort[0] += PER_PAIR * (limit if done < 0 else done)
+        for k in range(first, last):
+            pushed = False
+            for i in range(contacts.first[k], contacts.first[k + 1]):
+                pushed = pushed or w.impulses[i, 0] != 0.0
+            if pushed:
+                w.bounced[_bounce(contacts, k, w), 2] += 1
+        if done < 0:
+            _read_group(model, state, g, w)
+            _stop_together(model, state, settings, g, w)
+        _read_group(model, state, g, w)
+    groups.effort[g] = w.newton.effort[0]
+    return DONE
+
+
+@kernel
+def _read_group(model: Model, state: State, g: int, w: Buffers) -> None:
+    """Read the bodies of a group again."""
+    for at in range(w.groups.first[g], w.groups.first[g + 1]):
+        read_body(model, state, w.work.loads.F, w.work.loads.tau, w.groups.body[at], w.bodies)
+
+
+@kernel
+def _touching_points(settings: EventSettings, g: int, w: Buffers) -> int:
+    """Choose all points of a group that touch, for a shock; return how many."""
+    m, contacts, block = 0, w.contacts, w.groups.block
+    for k in range(contacts.first[block[g]], contacts.first[block[g + 1]]):
+        if contacts.gap[k] <= settings.touching * contacts.size[k]:
+            w.chosen[m] = k
+            m += 1
+    return m
+
+
+@kernel
+def _stop_together(model: Model, state: State, settings: EventSettings, g: int,
+                   w: Buffers) -> None:
+    """End a shock that goes to and fro for ever: all points at once, with e = 0."""
+    m, width, rows = _touching_points(settings, g, w), w.count[WIDTH], w.rows
+    w.count[TOUCHED] = number_bodies(w.contacts, w.chosen[:m], model.inv_m, w.newton.slot)
+    write_rows(model, w.contacts, w.bodies, w.chosen[:m], width, COMPLIANCE, rows)
+    for c in range(m):
+        read_rates(model, w.contacts, w.bodies.velocity, w.chosen[c], width, rows.b, width * c)
+    for i in range(width * m):
+        rows.f[i], w.eased[i] = 0.0, 0.0
+    solve(g, m, width, 0, w)
+    w.groups.residual[g] = max(w.groups.residual[g], w.number[WORST])
+    if w.number[WORST] > TOLERANCE:
+        w.count[UNSOLVED] += 1
+        for i in range(width * m):
+            rows.trial[i] = rows.b[i]
+        take_no_energy(rows, m, width, 1.0)
+    for c in range(m):
+        push_rows(model, state, w.contacts, w.chosen[c], width, rows.f, width * c)
+        for i in range(width):
+            w.impulses[w.chosen[c], i] += rows.f[width * c + i]
+
+
+@kernel
+def record(model: Model, manifolds: Manifolds, contacts: Contacts, impulses: Array) -> None:
+    """Add impulses, (c, 6) [N s, contact axes], to those of the manifolds."""
+    r = 0
+    for k in range(contacts.count[0]):
+        a, b = contacts.shape_a[k], contacts.shape_b[k]
+        for _ in range(manifolds.count[0]):
+            if manifolds.shape_a[r] == a and manifolds.shape_b[r] == b:
+                break
+            r = (r + 1) % manifolds.count[0]
+        for j in range(manifolds.points[r]):
+            if manifolds.feature[j, r] == contacts.feature[k]:
+                manifolds.impulse[j, r] += impulses[k, 0]
+        rubbing = to_world(contacts, k, (0.0, impulses[k, 1], impulses[k, 2]))
+        for i in range(3):
+            manifolds.friction[r, i] += rubbing[i]
+        manifolds.spin[r] += length(model, contacts, k) * impulses[k, 3]

@@ -1,0 +1,49 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Gaussian elimination with partial pivoting, for the small systems of few bodies."""
+
+from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.kernels.kernel import kernel
+
+
+@kernel
+def solve_linear(K: Array, x: Array, last: IntArray, effort: Array) -> bool:
+    """
+    Replace x by K^-1 x, destroying K, by elimination; return False if K is singular.
+
+    last, (n,), is scratch: the last entry of a row that is not 0. Bodies of which only neighbours
+    touch make a band. The multiplications are added to `effort`.
+    """
+    size = x.shape[0]
+    for i in range(size):
+        last[i] = size - 1
+        while last[i] > 0 and K[i, last[i]] == 0.0:
+            last[i] -= 1
+    for k in range(size):
+        p = k
+        for i in range(k + 1, size):
+            if abs(K[i, k]) > abs(K[p, k]):
+                p = i
+        if K[p, k] == 0.0:
+            return False
+        if p != k:
+            for j in range(k, max(last[k], last[p]) + 1):
+                K[k, j], K[p, j] = K[p, j], K[k, j]
+            x[k], x[p] = x[p], x[k]
+            last[k], last[p] = last[p], last[k]
+        end = last[k] + 1
+        effort[0] += size - k
+        for i in range(k + 1, size):
+            if K[i, k] != 0.0:
+                factor = K[i, k] / K[k, k]
+                last[i] = max(last[i], last[k])
+                for j in range(k + 1, end):
+                    K[i, j] -= factor * K[k, j]
+                x[i] -= factor * x[k]
+                effort[0] += end - k
+    for k in range(size - 1, -1, -1):
+        total = x[k]
+        for j in range(k + 1, last[k] + 1):
+            total -= K[k, j] * x[j]
+        x[k] = total / K[k, k]
+    return True

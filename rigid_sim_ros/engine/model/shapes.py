@@ -1,0 +1,197 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The shapes of the bodies, for detection.
+
+A body has any number of convex shapes; several make a compound. The frame S of a shape is fixed in
+its body: a box, capsule, cylinder or sphere has its centre at the origin, capsule and cylinder
+have their axis along z, and a plane is z = 0 with the normal +z. The origin of a hull is the
+middle of its bounding box.
+"""
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.maths.rotation_in_python import multiply, rotate
+from rigid_sim_ros.engine.model.hulls import bare_hulls, HullTable, make_hulls, Polyhedron
+from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.kernels.kernel import kernel
+
+SPHERE, BOX, CAPSULE, CYLINDER, HULL, PLANE = range(6)
+KIND_NAMES = ('sphere', 'box', 'capsule', 'cylinder', 'hull', 'plane')
+ALL_GROUPS = -1  # every bit of a mask
+
+
+class Shape(NamedTuple):
+    """How to make one shape; its pose is given in the frame B of its body."""
+
+    body: int
+    kind: int  # SPHERE .. PLANE
+    size: tuple[float, float, float]  # as in `Shapes`; a hull's is found from its vertices
+    p_BS: Sequence[float] = (0.0, 0.0, 0.0)  # [m]
+    q_BS: Sequence[float] = (0.0, 0.0, 0.0, 1.0)  # x, y, z, w
+    material: int = 0
+    group: int = 1  # bits of the groups that the shape belongs to
+    mask: int = ALL_GROUPS  # bits of the groups that it collides with; 0: none, the body opts out
+    hull: Polyhedron | None = None
+
+
+class Shapes(NamedTuple):
+    """The shapes of a world, s of them, a row each."""
+
+    body: IntArray  # (s,) the body that carries the shape
+    kind: IntArray  # (s,) SPHERE .. PLANE
+    size: Array  # (s, 3) [m] sphere: r; box, hull: half extents; capsule, cylinder: r, half length
+    p_CS: Array  # (s, 3) [m] origin of S from C of its body, axes of C
+    q_CS: Array  # (s, 4) axes of S to axes of C, x, y, z, w
+    aligned: IntArray  # (s,) 1 where q_CS is no rotation, so that S has the axes of C
+    ball: IntArray  # (s,) 1 for a sphere about C: nobody asks how it is turned
+    turning: IntArray  # (n,) 0 for a body that carries nothing but such balls
+    bound: Array  # (s,) [m] radius of a sphere around the origin of S that holds the shape
+    material: IntArray  # (s,) row of the `Materials`
+    group: IntArray  # (s,) bits
+    mask: IntArray  # (s,) bits; two shapes collide when each mask has a bit of the other's group
+    still: IntArray  # (s,) 1 for a shape of a fixed body: two of those never make a pair
+    ignored: IntArray  # sorted keys a * n + b, a < b, of bodies that never collide
+    hulls: HullTable  # vertices and faces of the hulls
+    hull: IntArray  # (s,) row of the hull table, -1 for the other kinds
+
+
+class Material(NamedTuple):
+    """How a surface behaves."""
+
+    friction: float = 0.5  # Coulomb's coefficient
+    restitution: float = 0.0  # Newton's: 0 stays, 1 bounces without loss
+    rolling: float = 0.0  # [m] lever of the normal force against rolling
+    spinning: float = 0.0  # [m] lever against turning about the normal
+    stiffness: float = 1e5  # [N/m] of the penalty model, at each contact point
+    damping: float = 0.5  # [s/m] of the penalty model: force k d (1 + damping d')
+
+
+class Materials(NamedTuple):
+    """
+    What two materials give together: k x k symmetric tables.
+
+    Friction is the geometric mean, restitution and the levers against rolling and spinning are the
+    larger of the two. Two stiffnesses act as springs in series, and the damping is the one that
+    such springs have together: each weighted with the other's stiffness, because the softer one
+    moves more.
+    """
+
+    friction: Array
+    restitution: Array
+    rolling: Array  # [m]
+    spinning: Array  # [m]
+    stiffness: Array  # [N/m]
+    damping: Array  # [s/m]
+
+
+def build_materials(materials: Sequence[Material],
+                    overrides: Iterable[tuple[int, int, Material]] = ()) -> Materials:
+    """
+    Return the tables of combined values; `overrides` gives pairs (i, j) values of their own.
+
+    ValueError, with the value, for a restitution outside [0, 1] or a number below 0.
+    """
+    overrides = list(overrides)
+    for material in [*materials, *(line[2] for line in overrides)]:
+        _check_material(material)
+    table = np.array([tuple(material) for material in materials]).T
+    friction, restitution, rolling, spinning, stiffness, damping = table[:, :, None]
+    series = stiffness * stiffness.T / (stiffness + stiffness.T)
+    shared = (damping * stiffness.T + damping.T * stiffness) / (stiffness + stiffness.T)
+    combined = Materials(np.sqrt(friction * friction.T), np.maximum(restitution, restitution.T),
+                         np.maximum(rolling, rolling.T), np.maximum(spinning, spinning.T),
+                         series, shared)
+    for i, j, material in overrides:
+        for field, value in zip(combined, material, strict=True):
+            field[i, j] = field[j, i] = value
+    return combined
+
+
+def _check_material(material: Material) -> None:
+    for name, value in material._asdict().items():
+        if not (value >= 0.0 and np.isfinite(value)):
+            raise ValueError(f'{name} {value!r}, must be a number >= 0')
+    if material.restitution > 1.0:
+        raise ValueError(f'restitution {material.restitution!r}, must be from 0 to 1')
+    if material.stiffness == 0.0:
+        raise ValueError('stiffness 0.0 N/m, must be > 0')
+
+
+def build_shapes(model: Model, shapes: Sequence[Shape],
+                 ignored: Iterable[tuple[int, int]] = ()) -> Shapes:
+    """
+    Return the table of all shapes, for bodies of `model`, with pairs of bodies to ignore.
+
+    ValueError, with the number, for a size that is not > 0, a plane on a body that moves, and a
+    hull without volume.
+    """
+    s, n = len(shapes), len(model.m)
+    hulls, rows, centres, extents = make_hulls([shape.hull for shape in shapes])
+    size, p_CS, q_CS = np.zeros((s, 3)), np.zeros((s, 3)), np.zeros((s, 4))
+    bound = np.zeros(s)
+    for i, shape in enumerate(shapes):
+        size[i] = extents[i] if shape.kind == HULL else shape.size
+        _check_shape(model, i, shape, size[i])
+        q_CB = tuple(model.q_CB[shape.body])
+        offset = np.asarray(shape.p_BS) + _turned(shape.q_BS, centres[i])
+        p_CS[i] = model.p_CB[shape.body] + _turned(q_CB, offset)
+        q_CS[i] = multiply(q_CB, tuple(map(float, shape.q_BS)))  # type: ignore[arg-type]
+        q_CS[i] /= np.linalg.norm(q_CS[i])
+        bound[i] = _bound(shape.kind, size[i])
+        if shape.kind == HULL:
+            first, count = hulls.first[rows[i]], hulls.count[rows[i]]
+            bound[i] = np.linalg.norm(hulls.vertices[first:first + count], axis=1).max()
+    keys = sorted({min(a, b) * n + max(a, b) for a, b in ignored})
+    still = [model.inv_m[shape.body] == 0.0 for shape in shapes]
+    body, kind = _column(shapes, 'body'), _column(shapes, 'kind')
+    ball = ((kind == SPHERE) & (p_CS == 0.0).all(axis=1)).astype(np.int64)
+    turning = np.zeros(n, dtype=np.int64)
+    turning[body[ball == 0]] = 1
+    return Shapes(body, kind, size, p_CS, q_CS,
+                  (np.abs(q_CS[:, :3]).max(axis=1, initial=0.0) == 0.0).astype(np.int64), ball,
+                  turning, bound,
+                  _column(shapes, 'material'), _column(shapes, 'group'), _column(shapes, 'mask'),
+                  np.array(still, dtype=np.int64), np.array(keys, dtype=np.int64),
+                  hulls if hulls.first.shape[0] else bare_hulls(), rows)
+
+
+def _column(shapes: Sequence[Shape], name: str) -> IntArray:
+    return np.array([getattr(shape, name) for shape in shapes], dtype=np.int64)
+
+
+def _turned(q: Sequence[float], v: Array) -> Array:
+    return np.array(rotate(tuple(map(float, q)), tuple(map(float, v))))  # type: ignore[arg-type]
+
+
+def _bound(kind: int, size: Array) -> float:
+    if kind == PLANE:
+        return float('inf')
+    r, half = size[0], size[1]
+    bounds = {SPHERE: r, CAPSULE: r + half, CYLINDER: np.hypot(r, half)}
+    return float(bounds.get(kind, np.linalg.norm(size)))
+
+
+# How many entries of `size` a kind uses.
+_SIZES = {SPHERE: 1, BOX: 3, CAPSULE: 2, CYLINDER: 2, HULL: 3, PLANE: 0}
+
+
+def _check_shape(model: Model, i: int, shape: Shape, size: Array) -> None:
+    name = f'shape {i} ({KIND_NAMES[shape.kind]}) of body {shape.body}'
+    if shape.kind == HULL and shape.hull is None:
+        raise ValueError(f'{name}: no vertices')
+    for entry in size[:_SIZES[shape.kind]]:
+        if not (entry > 0.0 and np.isfinite(entry)):
+            raise ValueError(f'{name}: size {float(entry)!r} m, must be > 0')
+    if shape.kind == PLANE and model.inv_m[shape.body] != 0.0:
+        raise ValueError(f'{name}: only a fixed body may carry a plane')
+
+
+@kernel
+def smaller(shapes: Shapes, a: int, b: int) -> float:
+    """Return the size [m] of the smaller of two shapes: the radius about its middle."""
+    return min(shapes.bound[a], shapes.bound[b])

@@ -1,0 +1,532 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""One visit of the sequential solver to eight manifolds; see contact_blocks.py."""
+
+from rigid_sim_ros.engine.constraints.contact_blocks import (
+    ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, drift_together, FRICTION, friction_of, GAP,
+    IMPULSE, INV_SPIN, INV_TT, J_A, J_B, K_N, K_NN, K_SPIN, K_TN, keep_friction, load_three,
+    load_two, MASS, Motion, MU, NORMAL, normal_sum, POINT, POINT_ROWS, pushed, RESTING,
+    RESTING_ROLL, RESTING_SPIN, RESTING_T, ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE, SIZE, SLIDE,
+    smallest_gap, SPEED, SPIN, SPIN_LEVER, symmetric, T, Three, TOTAL, TOTAL_T, TURN_T)
+from rigid_sim_ros.engine.constraints.contact_rules import (
+    approach_of, gap_of, is_open, least_speed, NEGLIGIBLE, onto_circle, SETTLED, SETTLED_POINT,
+    SKIN, Sweep, wanted_of)
+from rigid_sim_ros.engine.maths.vector import add, add_scaled, cross, dot, subtract
+from rigid_sim_ros.engine.solver.coloring import (
+    are_balls, Blocks, CHANGED, is_small, lanes_of, numbers_of, OVERLAPPING, points_in, resists,
+    SHOVED)
+from rigid_sim_ros.engine.solver.solver_bodies import INV_M
+from rigid_sim_ros.engine.solver.sphere_sweep import drift_balls, separate_balls, visit_balls
+from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.kernels.eight import (
+    any_of, bits_of, Eight, either, EVERY, gather, lanes_in, largest_of, load, Mask, scatter,
+    select, spread, store)
+from rigid_sim_ros.kernels.kernel import part
+
+
+@part
+def visit(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points: int, rolls: bool,
+          what: Sweep, mask: Mask) -> Eight:
+    """
+    Read the bodies of a block, solve normals and then friction, write the bodies.
+
+    Only in the lanes of the mask. Friction comes last because the normal impulses bound it.
+    Returns the largest change of a velocity, lane by lane [m/s].
+    """
+    if points == 1 and not rolls:
+        return _visit_small(b, motion, at_A, at_B, what, mask)
+    return _visit_many(b, motion, at_A, at_B, points, rolls, what, mask)
+
+
+@part
+def visit_block(blocks: Blocks, block: int, motion: Array, what: Sweep, bits: int) -> Eight:
+    """Visit the lanes of a block, by its number, whose bits are set; return what `visit` does."""
+    b, lanes, kind = numbers_of(blocks, block), lanes_of(block), blocks.kind[block]
+    at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
+    if are_balls(kind):
+        residual = visit_balls(b, motion, at_A, at_B, what, lanes_in(bits))
+    else:
+        residual = visit(b, motion, at_A, at_B, points_in(kind), resists(kind), what,
+                         lanes_in(bits))
+    blocks.residual[block] = largest_of(residual)
+    return residual
+
+
+@part
+def drift_block(blocks: Blocks, block: int, drifted: Array, h: float, what: Sweep,
+                tolerance: float) -> int:
+    """
+    Move on the gaps of a block by the velocities with which its bodies drifted for h [s].
+
+    Returns the bits of the pairs that would go on into each other faster than the tolerance [m/s].
+    """
+    b, lanes, kind = numbers_of(blocks, block), lanes_of(block), blocks.kind[block]
+    at_A, at_B, shoved = blocks.at_A[lanes], blocks.at_B[lanes], blocks.left[block] & SHOVED != 0
+    A, B = gather(drifted, at_A), gather(drifted, at_B)
+    if are_balls(kind):
+        meets = bits_of(drift_balls(b, A, B, h, shoved, what) < -tolerance)
+    else:
+        meets = bits_of(_drift(b, A, B, h, points_in(kind), shoved, what) < -tolerance)
+    if blocks.dormant[block] != 0:
+        _keep_apart(b, points_in(kind), lanes_in(blocks.dormant[block]))
+    return meets & ~blocks.dormant[block]
+
+
+@part
+def _keep_apart(b: Array, points: int, mask: Mask) -> None:
+    """Let no gap of some lanes be below 0: as long as they pass each other, nothing overlaps."""
+    for p in range(4 if points > 1 else 1):
+        gap = POINT + p * POINT_ROWS + GAP
+        store(b, gap, select(mask, max(load(b, gap), 0.0), load(b, gap)))
+
+
+@part
+def begin_block(blocks: Blocks, block: int, motion: Array, what: Sweep,
+                tolerance: float) -> int:
+    """
+    Begin the sums of a step.
+
+    Returns the bits of the pairs that would get into each other faster than the tolerance [m/s].
+    """
+    b, lanes, kind = numbers_of(blocks, block), lanes_of(block), blocks.kind[block]
+    begin_sums(b, points_in(kind))
+    new = normal_sum(b, points_in(kind)) == 0.0
+    A, B = gather(motion, blocks.at_A[lanes]), gather(motion, blocks.at_B[lanes])
+    if are_balls(kind):
+        n = load_three(b, NORMAL)
+        v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
+        speed = dot(v, n) + least_speed(b, POINT, what)
+        approach = approach_of(speed, either(new, is_open(b, POINT)))
+        return bits_of(approach < -tolerance) & ~blocks.dormant[block]
+    n, t1, t2 = axes(b)
+    _, u, w = _relative(b, A, B)
+    along, about_1, about_2, least = dot(u, n), dot(w, t1), dot(w, t2), spread(ABSENT)
+    for p in range(4 if points_in(kind) > 1 else 1):
+        point = POINT + p * POINT_ROWS
+        speed = _point_speed(b, point, along, about_1, about_2) + least_speed(b, point, what)
+        least = min(least, approach_of(speed, either(new, is_open(b, point))))
+    return bits_of(least < -tolerance) & ~blocks.dormant[block]
+
+
+@part
+def _point_speed(b: Array, point: int, along: Eight, about_1: Eight, about_2: Eight) -> Eight:
+    """Return the normal velocity of a point, given three parts of the twist at c."""
+    return along + load(b, point + T) * about_1 - load(b, point + S) * about_2
+
+
+@part
+def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, what: Sweep,
+                 mask: Mask) -> Eight:
+    """
+    Do all that `_visit_many` does, for manifolds of one point: their common point c.
+
+    There the direction of the normal impulse is (1, 0, 0), and six rows of the response suffice.
+    """
+    A, B = gather(motion, at_A), gather(motion, at_B)
+    n, t1, t2 = axes(b)
+    _, u, w = _relative(b, A, B)
+    old_N = load(b, POINT + IMPULSE)
+    speed = dot(u, n)
+    wanted = speed + least_speed(b, POINT, what)
+    pressure = select(mask, max(old_N - load(b, POINT + MASS) * wanted, 0.0), old_N)
+    old = friction_of(b)
+    if not any_of(pressure + old_N + abs(old[0]) + abs(old[1]) + abs(old[2]) > 0.0):
+        # Nothing presses, nor did anything before this visit.
+        store(b, POINT + SPEED, speed)
+        return spread(0.0)
+    change_N = pressure - old_N
+    store(b, POINT + IMPULSE, pressure)
+    store(b, POINT + SPEED, speed + load(b, K_N) * change_N)
+
+    turn = load_two(b, TURN_T)
+    twist = (dot(u, t1) + load(b, K_N + 1) * change_N + what.when * turn[0],
+             dot(u, t2) + load(b, K_N + 2) * change_N + what.when * turn[1],
+             dot(w, n) + load(b, K_N + 3) * change_N)
+    new = _within(mask, _friction(b, twist, pressure, old), old)
+    keep_friction(b, new)
+    change = subtract(new, old)
+
+    F = combine(n, t1, t2, (change_N, change[0], change[1]))
+    torque = (change[2] * n[0], change[2] * n[1], change[2] * n[2])
+    scatter(motion, at_A, pushed(A, A[INV_M], load_three(b, ARM_A), F, torque, -1.0))
+    scatter(motion, at_B, pushed(B, B[INV_M], load_three(b, ARM_B), F, torque, 1.0))
+    return (A[INV_M] + B[INV_M]) * max(abs(change_N), max(abs(change[0]), abs(change[1])))
+
+
+@part
+def _visit_many(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points: int, rolls: bool,
+                what: Sweep, mask: Mask) -> Eight:
+    """
+    Visit manifolds of several points, or that resist rolling.
+
+    The twist of B relative to A at c, in the triples N and T, stands for the motion of both bodies
+    until the end; the wrench is what this visit added to the impulses.
+    """
+    A, B = gather(motion, at_A), gather(motion, at_B)
+    n, t1, t2 = axes(b)
+    twist_N, twist_T = _twist(b, A, B)
+    zero = spread(0.0)
+    wrench, residual = (zero, zero, zero), zero
+    if rolls:
+        twist_N, wrench = _solve_rolling(b, twist_N, wrench, points, mask)
+    if points > 1:
+        twist_N, wrench = _solve_together(b, twist_N, wrench, what, mask)
+    for p in range(4 if points > 2 else points):
+        twist_N, wrench, residual = _solve_point(b, POINT + p * POINT_ROWS, twist_N, wrench,
+                                                 residual, what, mask)
+    # What all points had together in common, and what each had alone.
+    residual = max(residual, abs(wrench[0]))
+    pressure = normal_sum(b, points)
+    old = friction_of(b)
+    if not any_of(residual + pressure + abs(old[0]) + abs(old[1]) + abs(old[2])
+                  + abs(load(b, ROLL)) + abs(load(b, ROLL + 1)) > 0.0):
+        # Nothing presses, nor did anything before this visit.
+        return spread(0.0)
+    first, second, third = load_three(b, K_TN), load_three(b, K_TN + 3), load_three(b, K_TN + 6)
+    turn = load_two(b, TURN_T)
+    new = _friction(b, (twist_T[0] + dot(first, wrench) + what.when * turn[0],
+                        twist_T[1] + dot(second, wrench) + what.when * turn[1],
+                        twist_T[2] + dot(third, wrench)), pressure, old)
+    new = _within(mask, new, old)
+    keep_friction(b, new)
+    change = subtract(new, old)
+
+    F = combine(n, t1, t2, (wrench[0], change[0], change[1]))
+    torque = combine(n, t1, t2, (change[2], wrench[1], wrench[2]))
+    scatter(motion, at_A, pushed(A, A[INV_M], load_three(b, ARM_A), F, torque, -1.0))
+    scatter(motion, at_B, pushed(B, B[INV_M], load_three(b, ARM_B), F, torque, 1.0))
+    return (A[INV_M] + B[INV_M]) * max(residual, max(abs(change[0]), abs(change[1])))
+
+
+@part
+def _within(mask: Mask, new: Three, old: Three) -> Three:
+    """Return what is new in the lanes of a mask, elsewhere what was."""
+    return (select(mask, new[0], old[0]), select(mask, new[1], old[1]),
+            select(mask, new[2], old[2]))
+
+
+@part
+def note_left(blocks: Blocks, block: int, residual: Eight, what: Sweep) -> None:
+    """
+    Note what a visit, which returned `residual`, leaves to do in a block.
+
+    On the way back no other is looked at.
+    """
+    b, points = numbers_of(blocks, block), points_in(blocks.kind[block])
+    size = load(b, SIZE)
+    overlaps = any_of(smallest_gap(b, points) < -NEGLIGIBLE * size)
+    settled = (SETTLED_POINT if points == 1 else SETTLED) * what.inv_h
+    blocks.left[block] = ((OVERLAPPING if overlaps else 0)
+                          | CHANGED * bits_of(residual > settled * size))
+
+
+@part
+def begin_impact(blocks: Blocks, block: int, bits: int) -> None:
+    """
+    Set the impulses of some lanes of a block aside, those with which contacts bear forces.
+
+    An impact begins with none, and none of its own is there when it is over: what stopped bodies
+    once must not act on them again in the next substep.
+    """
+    b, kind, mask = numbers_of(blocks, block), blocks.kind[block], lanes_in(bits)
+    for p in range(4 if points_in(kind) > 1 else 1):
+        point = POINT + p * POINT_ROWS
+        _set_aside(b, point + IMPULSE, point + RESTING, mask)
+    for k in range(2):
+        _set_aside(b, FRICTION + k, RESTING_T + k, mask)
+    if not are_balls(kind):
+        _set_aside(b, SPIN, RESTING_SPIN, mask)
+    for k in range(2 if resists(kind) else 0):
+        _set_aside(b, ROLL + k, RESTING_ROLL + k, mask)
+
+
+@part
+def _set_aside(b: Array, row: int, aside: int, mask: Mask) -> None:
+    store(b, aside, select(mask, load(b, row), load(b, aside)))
+    store(b, row, select(mask, 0.0, load(b, row)))
+
+
+@part
+def end_impact(blocks: Blocks, block: int, bits: int, motion: Array) -> None:
+    """Count the impulses of an impact with those of the step, and put back what was set aside."""
+    b, kind, mask = numbers_of(blocks, block), blocks.kind[block], lanes_in(bits)
+    for p in range(4 if points_in(kind) > 1 else 1):
+        point = POINT + p * POINT_ROWS
+        _put_back(b, point + IMPULSE, point + RESTING, point + TOTAL, mask)
+    for k in range(2):
+        _put_back(b, FRICTION + k, RESTING_T + k, TOTAL_T + k, mask)
+    if not are_balls(kind):
+        store(b, SPIN, select(mask, load(b, RESTING_SPIN), load(b, SPIN)))
+    for k in range(2 if resists(kind) else 0):
+        store(b, ROLL + k, select(mask, load(b, RESTING_ROLL + k), load(b, ROLL + k)))
+    _note_approach(b, kind, motion, blocks.at_A[lanes_of(block)], blocks.at_B[lanes_of(block)],
+                   mask)
+
+
+@part
+def _put_back(b: Array, row: int, aside: int, total: int, mask: Mask) -> None:
+    store(b, total, load(b, total) + select(mask, load(b, row), 0.0))
+    store(b, row, select(mask, load(b, aside), load(b, row)))
+
+
+@part
+def excuse_approach(blocks: Blocks, block: int, motion: Array) -> None:
+    """Let forces not stop how fast the points of a block approach, which is for an impact."""
+    lanes = lanes_of(block)
+    _note_approach(numbers_of(blocks, block), blocks.kind[block], motion, blocks.at_A[lanes],
+                   blocks.at_B[lanes], lanes_in(EVERY))
+
+
+@part
+def forget_excuse(blocks: Blocks, block: int) -> None:
+    """End what `excuse_approach` began."""
+    b = numbers_of(blocks, block)
+    for p in range(4 if points_in(blocks.kind[block]) > 1 else 1):
+        store(b, POINT + p * POINT_ROWS + RESTING, 0.0)
+
+
+@part
+def _note_approach(b: Array, kind: int, motion: Array, at_A: IntArray, at_B: IntArray,
+                   mask: Mask) -> None:
+    """Write how fast the points still approach, in the place of what was set aside."""
+    A, B = gather(motion, at_A), gather(motion, at_B)
+    if are_balls(kind):
+        along = dot((B[0] - A[0], B[1] - A[1], B[2] - A[2]), load_three(b, NORMAL))
+        store(b, POINT + RESTING, select(mask, max(-along, 0.0), 0.0))
+        return
+    n, t1, t2 = axes(b)
+    _, u, w = _relative(b, A, B)
+    along, about_1, about_2 = dot(u, n), dot(w, t1), dot(w, t2)
+    if points_in(kind) == 1:
+        store(b, POINT + RESTING, select(mask, max(-along, 0.0), 0.0))
+        return
+    for p in range(4):
+        point = POINT + p * POINT_ROWS
+        speed = _point_speed(b, point, along, about_1, about_2)
+        store(b, point + RESTING, select(mask, max(-speed, 0.0), 0.0))
+
+
+@part
+def separate(blocks: Blocks, block: int, push: Array, rate: float) -> None:
+    """
+    Push the overlaps of a block apart by velocities that last for one substep only.
+
+    They displace and are forgotten, so that the push feeds neither energy nor the warm start.
+    `rate` [1/s] is the part of an overlap that goes per second.
+    """
+    b, lanes, kind = numbers_of(blocks, block), lanes_of(block), blocks.kind[block]
+    at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
+    blocks.left[block] |= SHOVED
+    if are_balls(kind):
+        separate_balls(b, push, at_A, at_B, rate)
+    elif is_small(kind):
+        _separate_small(b, push, at_A, at_B, rate)
+    else:
+        _separate_many(b, push, at_A, at_B, points_in(kind), rate)
+
+
+@part
+def _separate_many(b: Array, push: Array, at_A: IntArray, at_B: IntArray, points: int,
+                   rate: float) -> None:
+    """Push several points, or one that resists rolling."""
+    A, B = gather(push, at_A), gather(push, at_B)
+    n, t1, t2 = axes(b)
+    twist, _ = _twist(b, A, B)
+    zero = spread(0.0)
+    wrench = (zero, zero, zero)
+    if points > 1:
+        twist, wrench = _separate_together(b, twist, wrench, rate)
+    for p in range(4 if points > 2 else points):
+        twist, wrench = _separate_point(b, POINT + p * POINT_ROWS, twist, wrench, rate)
+    store(b, SHOVE, wrench[0])
+    F = combine(n, t1, t2, (wrench[0], zero, zero))
+    torque = combine(n, t1, t2, (zero, wrench[1], wrench[2]))
+    scatter(push, at_A, pushed(A, A[INV_M], load_three(b, ARM_A), F, torque, -1.0))
+    scatter(push, at_B, pushed(B, B[INV_M], load_three(b, ARM_B), F, torque, 1.0))
+
+
+@part
+def _separate_small(b: Array, push: Array, at_A: IntArray, at_B: IntArray, rate: float) -> None:
+    """Do the same for manifolds of one point: their common point c."""
+    A, B, n = gather(push, at_A), gather(push, at_B), load_three(b, NORMAL)
+    _, u, _ = _relative(b, A, B)
+    wanted = wanted_of(b, POINT, rate)
+    shove = max(load(b, POINT + MASS) * (wanted - dot(u, n)), 0.0)
+    shove = select(wanted > 0.0, shove, 0.0)
+    store(b, SHOVE, shove)
+    F, none = (shove * n[0], shove * n[1], shove * n[2]), (0.0 * shove, 0.0 * shove, 0.0 * shove)
+    scatter(push, at_A, pushed(A, A[INV_M], load_three(b, ARM_A), F, none, -1.0))
+    scatter(push, at_B, pushed(B, B[INV_M], load_three(b, ARM_B), F, none, 1.0))
+
+
+@part
+def _relative(b: Array, A: Motion, B: Motion) -> tuple[Three, Three, Three]:
+    """Return v_B - v_A, the relative velocity at c and the relative spin, in W."""
+    w_A, w_B = symmetric(b, J_A, (A[3], A[4], A[5])), symmetric(b, J_B, (B[3], B[4], B[5]))
+    v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
+    at_c = subtract(add(v, cross(w_B, load_three(b, ARM_B))), cross(w_A, load_three(b, ARM_A)))
+    return v, at_c, subtract(w_B, w_A)
+
+
+@part
+def _twist(b: Array, A: Motion, B: Motion) -> tuple[Three, Three]:
+    """Return the twist of B relative to A at c, as the triples N and T."""
+    n, t1, t2 = axes(b)
+    _, u, w = _relative(b, A, B)
+    return (dot(u, n), dot(w, t1), dot(w, t2)), (dot(u, t1), dot(u, t2), dot(w, n))
+
+
+@part
+def _drift(b: Array, A: Motion, B: Motion, h: float, points: int, shoved: bool,
+           what: Sweep) -> Eight:
+    """Do what `drift_block` does; return the fastest approach of each pair, below 0 [m/s]."""
+    n, t1, t2 = axes(b)
+    v, u, w = _relative(b, A, B)
+    drift_together(b, points, shoved, v, h)
+    along, about_1, about_2, least = dot(u, n), dot(w, t1), dot(w, t2), spread(ABSENT)
+    for p in range(4 if points > 1 else 1):
+        point = POINT + p * POINT_ROWS
+        was_open, speed = is_open(b, point), _point_speed(b, point, along, about_1, about_2)
+        store(b, point + GAP, load(b, point + GAP) + h * speed)
+        store(b, point + RESTING, 0.0)
+        least = min(least, approach_of(speed + least_speed(b, point, what), was_open))
+    return least
+
+
+@part
+def _column(b: Array, point: int) -> Three:
+    """Return the column g of a point: its normal impulse as a wrench N."""
+    return (spread(1.0), load(b, point + T), -load(b, point + S))
+
+
+@part
+def _sum_of_points(b: Array, w0: Eight, w1: Eight, w2: Eight, w3: Eight) -> Three:
+    """Return the sum of the columns g of the points, each times its weight."""
+    p0, p1, p2, p3 = POINT, POINT + POINT_ROWS, POINT + 2 * POINT_ROWS, POINT + 3 * POINT_ROWS
+    return (w0 + w1 + w2 + w3,
+            w0 * load(b, p0 + T) + w1 * load(b, p1 + T) + w2 * load(b, p2 + T)
+            + w3 * load(b, p3 + T),
+            -(w0 * load(b, p0 + S) + w1 * load(b, p1 + S) + w2 * load(b, p2 + S)
+              + w3 * load(b, p3 + S)))
+
+
+@part
+def _solve_together(b: Array, twist: Three, wrench: Three, what: Sweep,
+                    mask: Mask) -> tuple[Three, Three]:
+    """
+    Stop the approach of all points that are equally near, with the same impulse at each.
+
+    A step along the sum of their directions, before each is visited alone: it treats them alike,
+    so that what lies symmetrically stays so, and it carries weight through a stack faster.
+    """
+    p0, p1, p2, p3 = POINT, POINT + POINT_ROWS, POINT + 2 * POINT_ROWS, POINT + 3 * POINT_ROWS
+    d0, d1, d2, d3 = gap_of(b, p0), gap_of(b, p1), gap_of(b, p2), gap_of(b, p3)
+    nearest = min(min(d0, d1), min(d2, d3)) + SKIN * load(b, SIZE)
+    w0, w1 = select(d0 < nearest, 1.0, 0.0), select(d1 < nearest, 1.0, 0.0)
+    w2, w3 = select(d2 < nearest, 1.0, 0.0), select(d3 < nearest, 1.0, 0.0)
+    g = _sum_of_points(b, w0, w1, w2, w3)
+    least = (w0 * least_speed(b, p0, what) + w1 * least_speed(b, p1, what)
+             + w2 * least_speed(b, p2, what) + w3 * least_speed(b, p3, what))
+    response = symmetric(b, K_NN, g)
+    k = dot(g, response)
+    change = select(k > 0.0, -(dot(g, twist) + least) / k, 0.0)
+    # No impulse may fall below 0.
+    f0, f1, f2, f3 = (load(b, p0 + IMPULSE), load(b, p1 + IMPULSE), load(b, p2 + IMPULSE),
+                      load(b, p3 + IMPULSE))
+    smallest = min(min(select(w0 > 0.0, f0, ABSENT), select(w1 > 0.0, f1, ABSENT)),
+                   min(select(w2 > 0.0, f2, ABSENT), select(w3 > 0.0, f3, ABSENT)))
+    change = select(mask, max(change, -smallest), 0.0)
+    store(b, p0 + IMPULSE, f0 + w0 * change)
+    store(b, p1 + IMPULSE, f1 + w1 * change)
+    store(b, p2 + IMPULSE, f2 + w2 * change)
+    store(b, p3 + IMPULSE, f3 + w3 * change)
+    return add_scaled(twist, change, response), add_scaled(wrench, change, g)
+
+
+@part
+def _solve_point(b: Array, point: int, twist: Three, wrench: Three, residual: Eight,
+                 what: Sweep, mask: Mask) -> tuple[Three, Three, Eight]:
+    """
+    Make the normal velocity of a point not less than what `least_speed` allows.
+
+    By an impulse that stays >= 0.
+    """
+    g = _column(b, point)
+    response, impulse = symmetric(b, K_NN, g), load(b, point + IMPULSE)
+    after = max(impulse - load(b, point + MASS) * (dot(g, twist) + least_speed(b, point, what)),
+                0.0)
+    after = select(mask, after, impulse)
+    change = after - impulse
+    store(b, point + IMPULSE, after)
+    twist = add_scaled(twist, change, response)
+    store(b, point + SPEED, dot(g, twist))
+    return twist, add_scaled(wrench, change, g), max(residual, abs(change))
+
+
+@part
+def _separate_together(b: Array, twist: Three, wrench: Three, rate: float) -> tuple[Three, Three]:
+    """Push all points that overlap with the same impulse, as `_solve_together` stops them."""
+    p0, p1, p2, p3 = POINT, POINT + POINT_ROWS, POINT + 2 * POINT_ROWS, POINT + 3 * POINT_ROWS
+    u0, u1 = wanted_of(b, p0, rate), wanted_of(b, p1, rate)
+    u2, u3 = wanted_of(b, p2, rate), wanted_of(b, p3, rate)
+    g = _sum_of_points(b, select(u0 > 0.0, 1.0, 0.0), select(u1 > 0.0, 1.0, 0.0),
+                       select(u2 > 0.0, 1.0, 0.0), select(u3 > 0.0, 1.0, 0.0))
+    response = symmetric(b, K_NN, g)
+    k = dot(g, response)
+    change = max(select(k > 0.0, (u0 + u1 + u2 + u3 - dot(g, twist)) / k, 0.0), 0.0)
+    return add_scaled(twist, change, response), add_scaled(wrench, change, g)
+
+
+@part
+def _separate_point(b: Array, point: int, twist: Three, wrench: Three,
+                    rate: float) -> tuple[Three, Three]:
+    """Push one point out of its overlap."""
+    g, wanted = _column(b, point), wanted_of(b, point, rate)
+    change = max(load(b, point + MASS) * (wanted - dot(g, twist)), 0.0)
+    change = select(wanted > 0.0, change, 0.0)
+    return add_scaled(twist, change, symmetric(b, K_NN, g)), add_scaled(wrench, change, g)
+
+
+@part
+def _solve_rolling(b: Array, twist: Three, wrench: Three, points: int,
+                   mask: Mask) -> tuple[Three, Three]:
+    """Stop the rolling as far as the normal impulses allow."""
+    limit = load(b, ROLL_LEVER) * normal_sum(b, points)
+    r1, r2, step = load(b, ROLL), load(b, ROLL + 1), load(b, ROLL_STEP)
+    a1, a2 = r1 - step * twist[1], r2 - step * twist[2]
+    scale = onto_circle(a1, a2, limit)
+    b1, b2 = select(mask, scale * a1, r1), select(mask, scale * a2, r2)
+    change = (spread(0.0), b1 - r1, b2 - r2)
+    store(b, ROLL, b1)
+    store(b, ROLL + 1, b2)
+    return add(twist, symmetric(b, K_NN, change)), add(wrench, change)
+
+
+@part
+def _friction(b: Array, twist: Three, pressure: Eight, old: Three) -> Three:
+    """
+    Stop the sliding and the spinning at c within Coulomb's cone.
+
+    Returns the impulses along t1, t2 and about n; `twist` is T with the old ones. Inside the cone
+    the impulse that stops both directions at once. On the cone the impulse must oppose the
+    velocity that is left, while K need not be isotropic: there the step is a multiple of the
+    velocity, short enough to converge.
+    """
+    most = load(b, SPIN_LEVER) * pressure
+    spin = min(max(old[2] - load(b, INV_SPIN) * twist[2], -most), most)
+    u1 = twist[0] + load(b, K_SPIN) * (spin - old[2])
+    u2 = twist[1] + load(b, K_SPIN + 1) * (spin - old[2])
+    limit = load(b, MU) * pressure
+    inv00, inv01, inv11 = load(b, INV_TT), load(b, INV_TT + 1), load(b, INV_TT + 2)
+    stick1, stick2 = old[0] - inv00 * u1 - inv01 * u2, old[1] - inv01 * u1 - inv11 * u2
+    sticks = stick1 * stick1 + stick2 * stick2 <= limit * limit
+    # What nothing presses has no friction.
+    new1, new2 = select(sticks, stick1, 0.0), select(sticks, stick2, 0.0)
+    slides = select(sticks, 0.0, limit) > 0.0
+    if any_of(slides):
+        slide = load(b, SLIDE)
+        slide1, slide2 = old[0] - slide * u1, old[1] - slide * u2
+        scale = onto_circle(slide1, slide2, limit)
+        new1 = select(slides, scale * slide1, new1)
+        new2 = select(slides, scale * slide2, new2)
+    return (new1, new2, spin)

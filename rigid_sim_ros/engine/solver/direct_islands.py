@@ -1,0 +1,183 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Small islands of very different masses, which the sequential solver does not sweep.
+
+A sweep carries an impulse from one contact to the next, and a light body between heavy ones hands
+on about twice its mass over theirs of what is missing: with a thousandth of their mass thousands
+of sweeps are needed, and until then what lies on it sinks. So the bodies and manifolds that hang
+together are found, and where their masses differ by more than RATIO and they are few, their
+impulses are found all at once; see direct_solve.py. No other manifold has a body of theirs.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.maths.union_find import first_of, unite
+from rigid_sim_ros.engine.solver.coloring import Blocks, first_block, REGIONS
+from rigid_sim_ros.engine.solver.impacts import Impacts
+from rigid_sim_ros.engine.solver.solver_bodies import (
+    INV_M, most_slots, slots_of, SolverBodies, STRIDE)
+from rigid_sim_ros.kernels.arrays import Array, IntArray, integers, room
+from rigid_sim_ros.kernels.eight import LANES
+from rigid_sim_ros.kernels.kernel import INDEX, kernel
+
+# Masses that differ more are for the direct solution.
+RATIO = 30.0
+# Of an island: more bodies or manifolds are swept, whatever their masses.
+MOST_BODIES, MOST_MANIFOLDS = 16, 48
+
+
+class Islands(NamedTuple):
+    """Room for the islands of n bodies and c manifolds that are solved directly."""
+
+    count: IntArray  # type: ignore[assignment]  # (1,) how many there are
+    parent: IntArray  # (slots,) of 32 bits, a slot of the same island, its own at the root
+    bodies: IntArray  # (slots,) of 32 bits, at the root: how many bodies there are
+    manifolds: IntArray  # (slots,) of 32 bits, at the root: manifolds, then the next place
+    held: IntArray  # (slots,) of 8 bits, at the root: 1 if something fixed is in contact with it
+    heaviest: Array  # (slots,) [kg^-1] at the root: the inverse mass of the heaviest body
+    lightest: Array  # (slots,) [kg^-1] at the root: of the lightest one
+    begin: IntArray  # (islands + 1,) of 32 bits, where the lanes of an island begin in `lane`
+    lane: IntArray  # (c,) of 32 bits, lanes, counted over all blocks, island by island
+
+
+def make_islands(n: int, capacity: int) -> Islands:
+    """Return room for n bodies and `capacity` manifolds."""
+    slots = most_slots(n)
+
+    def numbers(count: int) -> IntArray:
+        found: IntArray = room(count, kind=np.int32)
+        return found
+
+    return Islands(integers(1), numbers(slots), numbers(slots), numbers(slots),
+                   room(slots, kind=np.int8), room(slots), room(slots), numbers(slots + 1),
+                   numbers(capacity))
+
+
+def differ(inv_m: Array) -> bool:
+    """Return whether masses differ by more than RATIO; inv_m (n,) [1/kg], 0 for what is fixed."""
+    moving = inv_m[inv_m > 0.0]
+    return len(moving) > 0 and bool(moving.max() > RATIO * moving.min())
+
+
+@kernel
+def find_islands(blocks: Blocks, bodies: SolverBodies, islands: Islands) -> None:
+    """Find the islands that are solved directly, and mark their lanes in the blocks."""
+    _begin(bodies, islands)
+    for region in range(REGIONS):
+        first = first_block(blocks, region) * LANES
+        for lane in range(first, first + blocks.count[region] * LANES):
+            a, b = _slots(blocks, lane)
+            if blocks.row[lane] >= 0 and _moves(bodies, a) and _moves(bodies, b):
+                unite(islands.parent, a, b)
+    _weigh(bodies, islands)
+    for region in range(REGIONS):
+        first = first_block(blocks, region)
+        for block in range(first, first + blocks.count[region]):
+            blocks.direct[block] = blocks.held[block] = 0
+            for lane in range(block * LANES, (block + 1) * LANES):
+                if blocks.row[lane] >= 0:
+                    root, (a, b) = _island(blocks, bodies, islands, lane), _slots(blocks, lane)
+                    islands.manifolds[root] += 1
+                    if not (_moves(bodies, a) and _moves(bodies, b)):
+                        islands.held[root] = 1
+    _number(bodies, islands)
+    for region in range(REGIONS):
+        first = first_block(blocks, region)
+        for block in range(first, first + blocks.count[region]):
+            for i in range(LANES):
+                if blocks.row[block * LANES + i] >= 0:
+                    _list_lane(blocks, bodies, islands, block, i)
+
+
+@kernel
+def _slots(blocks: Blocks, lane: int) -> tuple[int, int]:
+    """Return the slots of both bodies of a lane."""
+    return (blocks.at_A[lane] & INDEX) // STRIDE, (blocks.at_B[lane] & INDEX) // STRIDE
+
+
+@kernel
+def _moves(bodies: SolverBodies, slot: int) -> bool:
+    return bool(bodies.motion[slot * STRIDE + INV_M] > 0.0)
+
+
+@kernel
+def _begin(bodies: SolverBodies, islands: Islands) -> None:
+    """Let every slot be an island of its own."""
+    islands.count[0] = 0
+    for half in range(2):
+        first, last = slots_of(bodies.used, half)
+        for slot in range(first, last):
+            islands.parent[slot] = slot
+            islands.bodies[slot] = islands.manifolds[slot] = islands.held[slot] = 0
+            islands.heaviest[slot], islands.lightest[slot] = np.inf, 0.0
+
+
+@kernel
+def _weigh(bodies: SolverBodies, islands: Islands) -> None:
+    """Count the bodies of the islands, and find their lightest and heaviest."""
+    for half in range(2):
+        first, last = slots_of(bodies.used, half)
+        for slot in range(first, last):
+            if _moves(bodies, slot):
+                root, inv_m = first_of(islands.parent, slot), bodies.motion[slot * STRIDE + INV_M]
+                islands.bodies[root] += 1
+                islands.heaviest[root] = min(islands.heaviest[root], inv_m)
+                islands.lightest[root] = max(islands.lightest[root], inv_m)
+
+
+@kernel
+def _island(blocks: Blocks, bodies: SolverBodies, islands: Islands, lane: int) -> int:
+    """Return the root of the island that a lane is in."""
+    a, b = _slots(blocks, lane)
+    return first_of(islands.parent, a if _moves(bodies, a) else b)
+
+
+@kernel
+def _number(bodies: SolverBodies, islands: Islands) -> None:
+    """Choose the islands, in the order of their roots, and where each has its lanes."""
+    count = islands.begin[0] = 0
+    for half in range(2):
+        first, last = slots_of(bodies.used, half)
+        for slot in range(first, last):
+            manifolds = islands.manifolds[slot]
+            islands.manifolds[slot] = -1
+            if (0 < manifolds <= MOST_MANIFOLDS and islands.bodies[slot] <= MOST_BODIES
+                    and islands.lightest[slot] > RATIO * islands.heaviest[slot]):
+                islands.manifolds[slot] = islands.begin[count]
+                islands.begin[count + 1] = islands.begin[count] + manifolds
+                count += 1
+    islands.count[0] = count
+
+
+@kernel
+def _list_lane(blocks: Blocks, bodies: SolverBodies, islands: Islands, block: int,
+               i: int) -> None:
+    """List lane i of a block, if it is in an island that was chosen."""
+    lane = block * LANES + i
+    root = _island(blocks, bodies, islands, lane)
+    place = islands.manifolds[root]
+    if place >= 0:
+        islands.lane[place & INDEX], islands.manifolds[root] = lane, place + 1
+        blocks.direct[block] |= 1 << i
+        blocks.held[block] |= islands.held[root] << i
+
+
+@kernel
+def stop_waiting(blocks: Blocks, islands: Islands, island: int, impacts: Impacts) -> bool:
+    """Let the lanes of an island wait and sleep no more; return whether any waited."""
+    waited = False
+    for k in range(islands.begin[island], islands.begin[island + 1]):
+        lane = islands.lane[k] & INDEX
+        block, bit = lane // LANES, 1 << lane % LANES
+        waited |= (impacts.waits[0, block] | impacts.waits[1, block]) & bit != 0
+    if waited:
+        for k in range(islands.begin[island], islands.begin[island + 1]):
+            lane = islands.lane[k] & INDEX
+            block, bit = lane // LANES, 1 << lane % LANES
+            impacts.waits[0, block] &= ~bit
+            impacts.waits[1, block] &= ~bit
+            blocks.dormant[block] &= ~bit
+    return waited

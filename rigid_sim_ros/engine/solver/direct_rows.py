@@ -1,0 +1,269 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The rows of an island that is solved directly, read from its blocks and written back.
+
+A manifold has up to nine impulses f, about its common point c: four along the normal, at its
+points; friction along t1, t2; about n; against rolling about t1, t2. The last three are divided by
+the size of the smaller shape, so that all are in N s. With the twists of both bodies, the rate of
+row i is
+
+    a_i = G_i (v, w) + least,     G_i (1, 12),
+
+and an impulse f_i adds G_i' f_i to the momenta of the bodies, W_i = G_i M^-1 of which are rates
+again. The sequential solver has the same rows, in other words; see contact_blocks.py.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.constraints.contact_blocks import (
+    ABSENT, ARM_A, ARM_B, axes, FRICTION, GAP, IMPULSE, J_A, J_B, LEVER_A, LEVER_B, MU, NORMAL,
+    POINT, POINT_ROWS, RESTING, ROLL, ROLL_LEVER, S, SIZE, SPEED, SPIN, SPIN_LEVER, store_three,
+    T, TOTAL, TOTAL_T, TURN_T)
+from rigid_sim_ros.engine.constraints.contact_rules import least_speed, Sweep
+from rigid_sim_ros.engine.maths.vector import cross, dot
+from rigid_sim_ros.engine.solver.coloring import are_balls, Blocks, numbers_of, points_in, resists
+from rigid_sim_ros.engine.solver.direct_islands import MOST_MANIFOLDS
+from rigid_sim_ros.engine.solver.solver_bodies import INV_I, INV_M, SolverBodies, STRIDE
+from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
+from rigid_sim_ros.kernels.eight import LANES, store
+from rigid_sim_ros.kernels.kernel import INDEX, kernel
+
+# Rows of a manifold: four normal impulses, friction, about the normal, against rolling.
+WIDTH, SLIDE, ABOUT, ROLLS = 9, 4, 6, 7
+
+
+class DirectRows(NamedTuple):
+    """Room for one island: c manifolds, b bodies."""
+
+    body: IntArray  # (c, 2) places of A and B among the bodies, -1: does not move
+    slot: IntArray  # (b,) of the bodies
+    place: IntArray  # (slots,) of a slot among the bodies, -1 for none
+    there: IntArray  # (c, 9) 1 for a row that there is
+    G: Array  # (c, 9, 12)
+    W: Array  # (c, 9, 12)
+    stiff: Array  # (c, 9) [1/kg] diagonal of A
+    rate: Array  # (c, 9) [m/s] a at the impulses to begin with
+    f: Array  # (c, 9) [N s] the impulses
+    start: Array  # (c, 9) [N s] those to begin with
+    inverse: Array  # (b, 7) [1/kg], [1/(kg m^2)] inverse mass and inertia, six numbers, of bodies
+    limit: Array  # (c, 3) of friction, about the normal and against rolling, per normal force
+    size: Array  # (c,) [m] of the smaller shape
+    scratch: Array  # (10 * 8,) n, t1, t2 and the least speed of a point, of all lanes of a block
+
+
+def make_direct_rows(slots: int) -> DirectRows:
+    """Return room for the largest island."""
+    c, each = MOST_MANIFOLDS, (MOST_MANIFOLDS, WIDTH)
+    return DirectRows(np.zeros((c, 2), dtype=np.int64), np.zeros(2 * c, dtype=np.int64),
+                      np.full(slots, -1), np.zeros(each, dtype=np.int64), np.zeros((*each, 12)),
+                      np.zeros((*each, 12)), np.zeros(each), np.zeros(each), np.zeros(each),
+                      np.zeros(each), np.zeros((2 * c, 7)), np.zeros((c, 3)), np.zeros(c),
+                      np.zeros(10 * LANES))
+
+
+@kernel
+def read_island(blocks: Blocks, bodies: SolverBodies, lanes: IntArray, what: Sweep,
+                rows: DirectRows) -> tuple[int, int]:
+    """
+    Read the manifolds of some lanes that are not dormant; return their number and the bodies'.
+
+    `lanes` are changed: those that were read come first. An impact begins without impulses, forces
+    with those that the bodies have moved by.
+    """
+    count = moving = 0
+    for k in range(lanes.shape[0]):
+        lane = lanes[k] & INDEX
+        if blocks.dormant[lane // LANES] & 1 << lane % LANES != 0:
+            continue
+        lanes[k], lanes[count] = lanes[count], lane
+        for side in range(2):
+            at = (blocks.at_A[lane] if side == 0 else blocks.at_B[lane]) & INDEX
+            slot = at // STRIDE
+            if bodies.motion[at + INV_M] > 0.0 and rows.place[slot] < 0:
+                rows.place[slot], rows.slot[moving] = moving, slot
+                _write_inverse(blocks, bodies, lane, side, moving, rows)
+                moving += 1
+            rows.body[count, side] = rows.place[slot]
+        _read_manifold(blocks, bodies, lane, count, what, rows)
+        count += 1
+    for k in range(moving):
+        rows.place[rows.slot[k]] = -1
+    return count, moving
+
+
+@kernel
+def _write_inverse(blocks: Blocks, bodies: SolverBodies, lane: int, side: int, k: int,
+                   rows: DirectRows) -> None:
+    """Write the inverse mass and inertia of body A or B of a lane as those of body k."""
+    block, i = lane // LANES, lane % LANES
+    b, at = numbers_of(blocks, block), blocks.at_A[lane] if side == 0 else blocks.at_B[lane]
+    rows.inverse[k, 0] = bodies.motion[at + INV_M]
+    for j in range(6):
+        if are_balls(blocks.kind[block]):
+            inv_I = bodies.motion[at + INV_I] if j == 0 or j == 3 or j == 5 else 0.0
+        else:
+            inv_I = b[((J_A if side == 0 else J_B) + j) * LANES + i]
+        rows.inverse[k, 1 + j] = inv_I
+
+
+@kernel
+def _read_manifold(blocks: Blocks, bodies: SolverBodies, lane: int, c: int, what: Sweep,
+                   rows: DirectRows) -> None:
+    """Write the rows of a lane as those of manifold c."""
+    block, i = lane // LANES, lane % LANES
+    b, kind, aside = numbers_of(blocks, block), blocks.kind[block], rows.scratch
+    balls, rolls = are_balls(kind), resists(kind)
+    _write_axes(b, aside)
+    n, t1, t2 = _three(aside, 0, i), _three(aside, 3, i), _three(aside, 6, i)
+    rows.size[c] = _number(b, SIZE, i)
+    rows.limit[c, 0] = _number(b, MU, i)
+    rows.limit[c, 1] = 0.0 if balls else _number(b, SPIN_LEVER, i) / rows.size[c]
+    rows.limit[c, 2] = _number(b, ROLL_LEVER, i) / rows.size[c] if rolls else 0.0
+    for r in range(WIDTH):
+        rows.there[c, r] = 0
+    for p in range(4 if points_in(kind) > 1 else 1):
+        point = POINT + p * POINT_ROWS
+        if _number(b, point + GAP, i) < ABSENT:
+            s = 0.0 if balls else _number(b, point + S, i)
+            t = 0.0 if balls else _number(b, point + T, i)
+            at = (s * t1[0] + t * t2[0], s * t1[1] + t * t2[1], s * t1[2] + t * t2[2])
+            rows.f[c, p] = _number(b, point + IMPULSE, i)
+            _write_least(b, point, what, aside)
+            _write_row(blocks, bodies, lane, c, p, n, cross(at, n), rows, _number(aside, 9, i))
+    if rows.limit[c, 0] > 0.0:
+        for k in range(2):
+            rows.f[c, SLIDE + k] = _number(b, FRICTION + k, i)
+            _write_row(blocks, bodies, lane, c, SLIDE + k, t1 if k == 0 else t2, (0.0, 0.0, 0.0),
+                       rows, what.when * _number(b, TURN_T + k, i))
+    if rows.limit[c, 1] > 0.0:
+        rows.f[c, ABOUT] = _number(b, SPIN, i) / rows.size[c]
+        _write_turning_row(blocks, bodies, lane, c, ABOUT, n, rows)
+    if rows.limit[c, 2] > 0.0:
+        for k in range(2):
+            rows.f[c, ROLLS + k] = _number(b, ROLL + k, i) / rows.size[c]
+            _write_turning_row(blocks, bodies, lane, c, ROLLS + k, t1 if k == 0 else t2, rows)
+    # One number for both rows of a disk, so that its direction is not bent.
+    for r in (SLIDE, ROLLS):
+        rows.stiff[c, r] = rows.stiff[c, r + 1] = max(rows.stiff[c, r], rows.stiff[c, r + 1])
+    for r in range(WIDTH):
+        if not what.forces or rows.there[c, r] == 0:
+            rows.f[c, r] = 0.0
+        rows.start[c, r] = rows.f[c, r]
+
+
+@kernel
+def _number(b: Array, row: int, i: int) -> float:
+    """Return lane i of a row."""
+    return b[row * LANES + i]
+
+
+@kernel
+def _three(b: Array, row: int, i: int) -> Vector:
+    """Return lane i of three rows."""
+    return (_number(b, row, i), _number(b, row + 1, i), _number(b, row + 2, i))
+
+
+@kernel
+def _write_axes(b: Array, aside: Array) -> None:
+    n, t1, t2 = axes(b)
+    store_three(aside, 0, n)
+    store_three(aside, 3, t1)
+    store_three(aside, 6, t2)
+
+
+@kernel
+def _write_least(b: Array, point: int, what: Sweep, aside: Array) -> None:
+    store(aside, 9, least_speed(b, point, what))
+
+
+@kernel
+def _write_turning_row(blocks: Blocks, bodies: SolverBodies, lane: int, c: int, r: int,
+                       axis: Vector, rows: DirectRows) -> None:
+    """Write the row of a torque about an axis, for 1 N s of an impulse at the size's lever."""
+    size = rows.size[c]
+    turn = (size * axis[0], size * axis[1], size * axis[2])
+    _write_row(blocks, bodies, lane, c, r, (0.0, 0.0, 0.0), turn, rows, 0.0)
+
+
+@kernel
+def _write_row(blocks: Blocks, bodies: SolverBodies, lane: int, c: int, r: int, force: Vector,
+               torque: Vector, rows: DirectRows, least: float) -> None:
+    """Write the row of an impulse at c and one that turns, on B; on A acts the opposite."""
+    block, i = lane // LANES, lane % LANES
+    b, balls = numbers_of(blocks, block), are_balls(blocks.kind[block])
+    n = _three(b, NORMAL, i)
+    rows.there[c, r], rows.rate[c, r], rows.stiff[c, r] = 1, least, 0.0
+    for side in range(2):
+        at = (blocks.at_A[lane] if side == 0 else blocks.at_B[lane]) & INDEX
+        sign, first, inv_m = 2.0 * side - 1.0, 6 * side, bodies.motion[at + INV_M]
+        if balls:
+            lever = _number(b, LEVER_A if side == 0 else LEVER_B, i)
+            arm = (lever * n[0], lever * n[1], lever * n[2])
+        else:
+            arm = _three(b, ARM_A if side == 0 else ARM_B, i)
+        on = cross(arm, force)
+        turn = (sign * (on[0] + torque[0]), sign * (on[1] + torque[1]),
+                sign * (on[2] + torque[2]))
+        if balls:
+            inv_I = bodies.motion[at + INV_I]
+            w = (inv_I * turn[0], inv_I * turn[1], inv_I * turn[2])
+        else:
+            w = _turned(b, J_A if side == 0 else J_B, i, turn)
+        L = (bodies.motion[at + 3], bodies.motion[at + 4], bodies.motion[at + 5])
+        rows.rate[c, r] += dot(w, L)
+        for k in range(3):
+            rows.G[c, r, first + k], rows.G[c, r, first + 3 + k] = sign * force[k], turn[k]
+            rows.W[c, r, first + k] = sign * inv_m * force[k]
+            rows.W[c, r, first + 3 + k] = w[k] if inv_m > 0.0 else 0.0
+            rows.rate[c, r] += sign * force[k] * bodies.motion[at + k]
+            rows.stiff[c, r] += (rows.W[c, r, first + k] * rows.G[c, r, first + k]
+                                 + rows.W[c, r, first + 3 + k] * rows.G[c, r, first + 3 + k])
+
+
+@kernel
+def _turned(b: Array, row: int, i: int, v: Vector) -> Vector:
+    """Return the product of lane i of a symmetric matrix in six rows with v."""
+    xx, xy, xz = _three(b, row, i)
+    yy, yz, zz = _three(b, row + 3, i)
+    return (xx * v[0] + xy * v[1] + xz * v[2], xy * v[0] + yy * v[1] + yz * v[2],
+            xz * v[0] + yz * v[1] + zz * v[2])
+
+
+@kernel
+def write_island(blocks: Blocks, bodies: SolverBodies, lanes: IntArray, count: int, moving: int,
+                 p: Array, what: Sweep, rows: DirectRows) -> None:
+    """
+    Write the impulses of `count` lanes back, and add p (6 moving,), momenta, to the bodies.
+
+    Those of an impact go to the sums of the step, and nothing approaches any more.
+    """
+    for k in range(moving):
+        at = rows.slot[k] * STRIDE
+        for j in range(3):
+            bodies.motion[at + j] += bodies.motion[at + INV_M] * p[6 * k + j]
+            bodies.motion[at + 3 + j] += p[6 * k + 3 + j]
+    for c in range(count):
+        lane = lanes[c] & INDEX
+        block, i = lane // LANES, lane % LANES
+        b = numbers_of(blocks, block)
+        for r in range(4):
+            if rows.there[c, r] != 0:
+                o = (POINT + r * POINT_ROWS) * LANES + i
+                if what.forces:
+                    b[o + IMPULSE * LANES] = rows.f[c, r]
+                else:
+                    b[o + TOTAL * LANES] += rows.f[c, r]
+                    b[o + RESTING * LANES] = 0.0
+                b[o + SPEED * LANES] = 0.0
+        for k in range(2 if rows.there[c, SLIDE] != 0 else 0):
+            if what.forces:
+                b[(FRICTION + k) * LANES + i] = rows.f[c, SLIDE + k]
+            else:
+                b[(TOTAL_T + k) * LANES + i] += rows.f[c, SLIDE + k]
+        if what.forces and rows.there[c, ABOUT] != 0:
+            b[SPIN * LANES + i] = rows.size[c] * rows.f[c, ABOUT]
+        for k in range(2 if what.forces and rows.there[c, ROLLS] != 0 else 0):
+            b[(ROLL + k) * LANES + i] = rows.size[c] * rows.f[c, ROLLS + k]

@@ -1,0 +1,217 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Bodies that came to rest sleep: they stay where they are and cost the solver nothing.
+
+Bodies that press against each other form an island, through any number of others but not through
+the fixed ones. It falls asleep when all its bodies have been slower than SLOW for as long as the
+scene says, and wakes as a whole when one of them gets a wrench, when the load on one changes, when
+somebody changes its pose or its velocity, when a body that nothing pushes moves and may touch it,
+or when a body that is awake comes so near that it may touch in this step. All that decides is in
+`Rest`, part of the dynamic state of a world.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.detection.manifolds import Manifolds, rows_in_use
+from rigid_sim_ros.engine.dynamics.kinematic import is_carried
+from rigid_sim_ros.engine.dynamics.loads import Loads
+from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
+from rigid_sim_ros.engine.maths.union_find import first_of, unite
+from rigid_sim_ros.engine.maths.vector import column, norm
+from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.kernels.kernel import INDEX, kernel
+
+# [m/s] a body is at rest when its centre and the farthest point of its surface are slower.
+SLOW = 0.01
+# Part of a body's weight by which its load may change without waking it.
+STEADY = 1e-3
+# [m] an awake body wakes what it comes this near to, beyond what it moves in a step.
+NEAR = 1e-4
+
+
+class Rest(NamedTuple):
+    """How long the n bodies have been at rest, and how those lie that sleep."""
+
+    steps: IntArray  # (n,) at rest without a break
+    asleep: IntArray  # (n,) 1 for a body that sleeps
+    pose: Array  # (7, n) x and q of all bodies after the latest step
+    load: Array  # (6, n) force [N] and torque [N m] when a body fell asleep
+    island: IntArray  # (n,) scratch: the first body of the island
+
+
+def no_rest(n: int) -> Rest:
+    """Return that of n bodies before the first step."""
+    return Rest(np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64), np.zeros((7, n)),
+                np.zeros((6, n)), np.zeros(n, dtype=np.int64))
+
+
+@kernel
+def mark_pushed(wrenches: Wrenches, rest: Rest) -> None:
+    """Let bodies that a wrench acts on begin to rest anew; -1 for `wake_disturbed` to see it."""
+    for r in range(wrenches.in_use[0]):
+        rest.steps[wrenches.body[r]] = -1
+
+
+@kernel
+def wake_disturbed(inv_m: Array, state: State, loads: Loads, manifolds: Manifolds,
+                   rest: Rest) -> None:
+    """Wake the islands in which a body was pushed, moved or loaded otherwise than before."""
+    woken = False
+    for i in range(inv_m.shape[0]):
+        moved = False
+        for k in range(3):
+            moved = moved or state.x[k, i] != rest.pose[k, i]
+        for k in range(4):
+            moved = moved or state.q[k, i] != rest.pose[3 + k, i]
+        moved = moved or is_carried(state, i)
+        if inv_m[i] == 0.0:
+            # What lies on a body that was moved, or is about to move, loses its rest.
+            rest.island[i] = 1 if moved else 0
+            woken = woken or moved
+            continue
+        rest.island[i] = 0
+        if rest.asleep[i] == 0:
+            continue
+        weight = 0.0
+        for k in range(3):
+            moved = moved or state.P[k, i] != 0.0 or state.L[k, i] != 0.0
+            weight = max(weight, abs(rest.load[k, i]))
+        for k in range(3):
+            moved = moved or abs(loads.F[k, i] - rest.load[k, i]) > STEADY * weight
+            moved = moved or loads.tau[k, i] != rest.load[3 + k, i]
+        if moved:
+            rest.asleep[i], rest.steps[i], woken = 0, 0, True
+    for i in range(inv_m.shape[0]):
+        if rest.steps[i] < 0:
+            rest.steps[i] = 0
+            if rest.asleep[i] == 1:
+                rest.asleep[i], woken = 0, True
+    first, count = rows_in_use(manifolds)
+    for r in range(first, first + count if woken else first):
+        a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+        if inv_m[a] == 0.0 and rest.island[a] == 1:
+            _wake(rest, b)
+        if inv_m[b] == 0.0 and rest.island[b] == 1:
+            _wake(rest, a)
+    if woken:
+        _wake_neighbours(inv_m, manifolds, rest)
+
+
+@kernel
+def wake_touched(h: float, inv_m: Array, inv_I_C: Array, state: State, radius: Array,
+                 manifolds: Manifolds, rest: Rest) -> None:
+    """Wake the islands that an awake body may touch within h [s]."""
+    woken = False
+    first, count = rows_in_use(manifolds)
+    for r in range(first, first + count):
+        a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+        if rest.asleep[a] == rest.asleep[b] or inv_m[a] == 0.0 or inv_m[b] == 0.0:
+            continue
+        awake = b if rest.asleep[a] == 1 else a
+        reach = NEAR + _speed(inv_m, inv_I_C, state, radius, awake) * h
+        for p in range(manifolds.points[r]):
+            if manifolds.gap[p, r] < reach:
+                _wake(rest, a)
+                _wake(rest, b)
+                woken = True
+    if woken:
+        _wake_neighbours(inv_m, manifolds, rest)
+
+
+@kernel
+def _wake(rest: Rest, i: int) -> None:
+    if rest.asleep[i] == 1:
+        rest.asleep[i], rest.steps[i] = 0, 0
+
+
+@kernel
+def _wake_neighbours(inv_m: Array, manifolds: Manifolds, rest: Rest) -> None:
+    """Wake whatever presses against an awake body, until nothing does."""
+    first, count = rows_in_use(manifolds)
+    again = True
+    while again:
+        again = False
+        for r in range(first, first + count):
+            a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+            if (rest.asleep[a] != rest.asleep[b] and inv_m[a] > 0.0 and inv_m[b] > 0.0
+                    and _press(manifolds, r)):
+                _wake(rest, a)
+                _wake(rest, b)
+                again = True
+
+
+@kernel
+def _press(manifolds: Manifolds, r: int) -> bool:
+    for p in range(manifolds.points[r]):
+        if manifolds.impulse[p, r] > 0.0:
+            return True
+    return False
+
+
+@kernel
+def _speed(inv_m: Array, inv_I_C: Array, state: State, radius: Array, i: int) -> float:
+    """Return a bound of the speed of any point of a body [m/s]."""
+    spin = max(inv_I_C[0, i], inv_I_C[1, i], inv_I_C[2, i]) * norm(column(state.L, i))
+    return inv_m[i] * norm(column(state.P, i)) + radius[i] * spin
+
+
+@kernel
+def fall_asleep(inv_m: Array, inv_I_C: Array, state: State, loads: Loads, radius: Array,
+                manifolds: Manifolds, needed: int, rest: Rest) -> None:
+    """Hold what sleeps in place; let the islands sleep that were at rest for `needed` steps."""
+    n = inv_m.shape[0]
+    for i in range(n):
+        rest.island[i] = i
+        if rest.asleep[i] == 1:
+            for k in range(3):
+                state.x[k, i] = rest.pose[k, i]
+                state.P[k, i] = state.L[k, i] = 0.0
+            for k in range(4):
+                state.q[k, i] = rest.pose[3 + k, i]
+        elif inv_m[i] > 0.0:
+            slow = _speed(inv_m, inv_I_C, state, radius, i) < SLOW
+            rest.steps[i] = rest.steps[i] + 1 if slow else 0
+    begin, count = rows_in_use(manifolds)
+    for r in range(begin, begin + count):
+        a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+        # Nor is at rest what a body moves with its twist, however slowly.
+        if is_carried(state, a):
+            rest.steps[b] = 0
+        if is_carried(state, b):
+            rest.steps[a] = 0
+        if inv_m[a] > 0.0 and inv_m[b] > 0.0 and _press(manifolds, r):
+            unite(rest.island, a, b)
+    for i in range(n):
+        # The most restless body of an island decides: its count moves to the first one.
+        first = first_of(rest.island, i)
+        rest.steps[first] = min(rest.steps[first], rest.steps[i])
+    for i in range(n):
+        first = first_of(rest.island, i)
+        rest.steps[i] = rest.steps[first]
+        if rest.asleep[i] == 0 and inv_m[i] > 0.0 and rest.steps[i] >= needed:
+            rest.asleep[i] = 1
+            for k in range(3):
+                state.P[k, i] = state.L[k, i] = 0.0
+                rest.load[k, i], rest.load[3 + k, i] = loads.F[k, i], loads.tau[k, i]
+        for k in range(3):
+            rest.pose[k, i] = state.x[k, i]
+        for k in range(4):
+            rest.pose[3 + k, i] = state.q[k, i]
+
+
+@kernel
+def keep_pressing(manifolds: Manifolds, slot: IntArray, rest: Rest, normal_impulse: Array,
+                  friction_impulse: Array) -> None:
+    """Report for what sleeps the impulses with which it fell asleep."""
+    first, count = rows_in_use(manifolds)
+    for r in range(first, first + count):
+        a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+        if rest.asleep[a] + rest.asleep[b] > 0 and slot[a] == 0 and slot[b] == 0:
+            for p in range(manifolds.points[r]):
+                normal_impulse[p, r] = manifolds.impulse[p, r]
+            for k in range(3):
+                friction_impulse[r, k] = manifolds.friction[r, k]

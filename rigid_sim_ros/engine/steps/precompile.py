@@ -1,0 +1,38 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Compiling begins while the first world is still being built."""
+
+from functools import cache
+
+import numpy as np
+
+from rigid_sim_ros.engine.detection.manifolds import empty_memory
+from rigid_sim_ros.engine.dynamics.forces import WIDTH
+from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches
+from rigid_sim_ros.engine.model.model import build_model, ForceTable
+from rigid_sim_ros.engine.model.shapes import build_materials, build_shapes, Material
+from rigid_sim_ros.engine.solver.sleeping import no_rest
+from rigid_sim_ros.engine.state.state import empty_state
+from rigid_sim_ros.engine.steps import timestep
+from rigid_sim_ros.kernels.argument_pack import Kept
+from rigid_sim_ros.kernels.separate import begin
+
+
+@cache
+def compile_beforehand() -> None:
+    """
+    Let a helper begin with what every world of the model `timestep` needs, if it is not cached.
+
+    Once in a process.
+
+    Kernels are compiled for the types of their arguments, and those of a world without bodies are
+    the same as of any other.
+    """
+    none = np.zeros(0, dtype=np.int64)
+    model = build_model([], [], ForceTable(none, none, none, np.zeros((0, WIDTH))), 0.001,
+                        (0.0, 0.0, 0.0))
+    shapes, memory, kept = build_shapes(model, []), empty_memory(0, 0), Kept(timestep.PIECES)
+    begin(timestep.ALWAYS, timestep.boxed(
+        kept, model, empty_state(0), no_wrenches(), shapes, build_materials([Material()]), memory,
+        timestep.TimestepSettings(), timestep.make_timestep_work(model, shapes, memory),
+        no_rest(0)).type)

@@ -1,0 +1,345 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The reference solver of the model `timestep`: all contacts of a step at once, for small scenes.
+
+With the velocities v* that the forces alone would give the bodies, the impulses f of a step h make
+the contacts move at u = A f + u*. They must not close more than their gaps, and obey Coulomb:
+
+    u_n + max(gap, 0) / h >= 0,    f_n >= 0,    complementary;    |f_t| <= mu f_n against u_t.
+
+That is the problem of contact_qp.py with velocities in place of accelerations, and is solved by
+the means of contact_newton.py; OSQP helps where they do not do. Overlaps are pushed apart by
+displacements of their own, as in the sequential solver, from the same problem without friction.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.contact.collisions import collide_bodies
+from rigid_sim_ros.engine.contact.contact_newton import (
+    FEW_STEPS, make_newton, number_bodies, solve_rows)
+from rigid_sim_ros.engine.contact.contact_qp import COMPLIANCE, Outcome, solve, TOLERANCE
+from rigid_sim_ros.engine.contact.contact_rows import (
+    apply_forces, make_rows, Rows, sweep_rows, violation, write_rows)
+from rigid_sim_ros.engine.contact.contacts import (
+    Bodies, Contacts, couple, gather_all, make_bodies, make_contacts, read_bodies, relative,
+    to_contact, to_world)
+from rigid_sim_ros.engine.contact.impact_offsets import gap_now
+from rigid_sim_ros.engine.detection.detect import detect_ahead
+from rigid_sim_ros.engine.detection.manifolds import (
+    current_manifolds, earlier_manifolds, grown, Manifolds, Memory)
+from rigid_sim_ros.engine.dynamics.free_flight import fly_free
+from rigid_sim_ros.engine.dynamics.integrate import sum_loads
+from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic, move_kinematic
+from rigid_sim_ros.engine.dynamics.loads import kick
+from rigid_sim_ros.engine.dynamics.wrenches import count_down, Wrenches
+from rigid_sim_ros.engine.maths.vector import cross, row
+from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.model.shapes import Materials, Shapes
+from rigid_sim_ros.engine.solver.partition import give_slots, mark_touching, take_sides
+from rigid_sim_ros.engine.solver.solver_bodies import (
+    begin_push, drift_bodies, INV_M, kick_bodies, load_bodies, SECOND_END, SolverBodies,
+    store_bodies, STRIDE, TOUCHED)
+from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.engine.steps.timestep import (
+    clear_impulses, look_ahead, make_timestep_work, TimestepSettings, TimestepWork)
+from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
+from rigid_sim_ros.kernels.kernel import kernel
+
+
+# Multiplications that a step may take; beyond it, and for more points, OSQP is not asked either.
+EFFORT, MOST_POINTS = 1e8, 16
+PUSH_SWEEPS = 300  # for displacements: what they leave is for the next step
+
+
+class QpReport(NamedTuple):
+    """How the latest step was solved."""
+
+    residual: float = 0.0  # violation of the conditions, relative to the largest |u*|
+    iterations: int = 0  # of OSQP
+    status: str = ''  # what OSQP said
+    solved: bool = True
+
+
+class QpWork:
+    """Buffers, and the report of the latest step."""
+
+    def __init__(self, model: Model, shapes: Shapes, memory: Memory) -> None:
+        """Make room for a world whose manifolds live in `memory`."""
+        self.shared: TimestepWork = make_timestep_work(model, shapes, memory)
+        self.bodies: Bodies = make_bodies(len(model.m))
+        self.prescribed: Array = np.zeros((6, len(model.m)))
+        self.awake: IntArray = np.zeros(len(model.m), dtype=np.int64)  # no body sleeps
+        self.contacts: Contacts = make_contacts(16)
+        self.report = QpReport()
+
+
+def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
+            memory: Memory, settings: TimestepSettings, work: QpWork, count: int) -> Memory:
+    """
+    Advance the state by `count` steps; return the memory, which may have grown.
+
+    What OSQP could not solve is applied as far as it came, and said in `work.report`.
+    """
+    for _ in range(count):
+        begin_kinematic(model, state)
+        look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, state.V,
+                   settings, work.shared.radius, work.shared.thickness, shapes.body, memory, 0,
+                   shapes.body.shape[0])
+        while not detect_ahead(model, state, shapes, memory, 0, None):
+            memory = grown(memory)
+        if len(memory.pages[0].shape_a) > len(work.shared.collision.rows):
+            work.shared = make_timestep_work(model, shapes, memory)
+        _step(model, state, wrenches, shapes, materials, current_manifolds(memory),
+              earlier_manifolds(memory), memory.touching, settings, work)
+        end_kinematic(model, state)
+        count_down(wrenches)
+    return memory
+
+
+def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
+          manifolds: Manifolds, acted: Manifolds, touching: IntArray, settings: TimestepSettings,
+          work: QpWork) -> None:
+    shared, bodies = work.shared, work.shared.solver.bodies
+    clear_impulses(manifolds, acted.impulse, acted.friction)
+    sum_loads(model, state, wrenches, shared.loads)
+    shared.collision.waits[:] = 0
+    if collide_bodies(model.h, model.inv_m, model.inv_I_C, state, shared.loads.F, shapes,
+                      materials, manifolds, settings.bounce_speed, acted.impulse,
+                      acted.friction, shared.collision) > 0:
+        _move_gaps(manifolds, shared.collision.body)
+    mark_touching(manifolds, shared.collision.waits, touching)
+    # What moves by its twist has no slot: its velocity is in `work.bodies`.
+    take_sides(model.inv_m, work.prescribed, state.x, work.awake, 0, len(model.m),
+               shared.solver.sides, bodies.slot, bodies.flies)
+    give_slots(0, shared.solver.sides, touching, bodies)
+    load_bodies(0, 0.0, model.gravity, model.inv_m, model.inv_I_C, state, shared.loads, bodies)
+    read_bodies(model, state, shared.loads.F, shared.loads.tau, work.bodies)
+    chosen = _chosen(model, state, shapes, materials, manifolds, work)
+    kick_bodies(0, bodies.used, bodies.motion, bodies.smooth, False, bodies.base, model.h)
+    begin_push(0, bodies.used[SECOND_END], bodies.motion, bodies.drifted)
+    impulses, pushes = _solve(model, manifolds, acted, settings, chosen, work)
+    _drift_by_the_end(state, model.inv_m, model.h, work.contacts, chosen, impulses, bodies)
+    drift_bodies(0, bodies.used, bodies.motion, bodies.drifted, bodies.total, bodies.smooth,
+                 False, bodies.base, model.h, True)
+    _give_back(work.contacts, chosen, impulses, pushes, model.h, bodies)
+    store_bodies(0, 0, len(model.m), model.h, model.m, model.inv_m, model.inv_I_C, state, bodies,
+                 1)
+    fly_free(model, state, shared.loads, bodies.flies, model.h, shared.block)
+    move_kinematic(model, state, model.h)
+    # As in the symplectic method: half of the change of the loads, now at the new poses.
+    sum_loads(model, state, wrenches, shared.later)
+    kick(state, shared.later, 0.5 * model.h)
+    kick(state, shared.loads, -0.5 * model.h)
+
+
+@kernel
+def _move_gaps(manifolds: Manifolds, moved: Array) -> None:
+    """Bring the gaps to where collisions moved the bodies."""
+    for r in range(manifolds.count[0]):
+        for p in range(manifolds.points[r]):
+            manifolds.gap[p, r] = gap_now(manifolds, moved, r, p)
+
+
+def _chosen(model: Model, state: State, shapes: Shapes, materials: Materials,
+            manifolds: Manifolds, work: QpWork) -> IntArray:
+    """Write the points to `work.contacts` and return those that the solver looks at."""
+    while True:
+        found = gather_all(state, manifolds, shapes, materials, float('inf'), work.contacts)
+        if found <= len(work.contacts.gap):
+            break
+        work.contacts = make_contacts(2 * found)
+    contacts = work.contacts
+    rows = contacts.manifold[:found]
+    moves = model.inv_m[contacts.body_a[:found]] + model.inv_m[contacts.body_b[:found]] > 0.0
+    return np.nonzero(moves & (work.shared.collision.waits[rows] == 0))[0]
+
+
+def _solve(model: Model, manifolds: Manifolds, acted: Manifolds, settings: TimestepSettings,
+           chosen: IntArray, work: QpWork) -> tuple[Array, Array]:
+    """
+    Find the impulses of the chosen points, and let the bodies feel them.
+
+    Returns them, and those that only displace, (3m,) triples in the axes n, t1, t2.
+    """
+    contacts, bodies, m = work.contacts, work.shared.solver.bodies, len(chosen)
+    count = int(manifolds.count[0])
+    manifolds.friction[:count] = 0.0
+    manifolds.spin[:count] = 0.0
+    work.report = QpReport()
+    if m == 0:
+        manifolds.impulse[:, :count] = 0.0
+        return np.zeros(0), np.zeros(0)
+    rows = make_rows(m, 3 * m, len(model.m))
+    newton = make_newton(m, 3 * m, len(model.m), len(model.m))
+    write_rows(model, contacts, work.bodies, chosen, 3, COMPLIANCE, rows)
+    touched = number_bodies(contacts, chosen, model.inv_m, newton.slot)
+    _free_velocities(contacts, chosen, bodies, work.bodies, rows.b)
+    gap = contacts.gap[chosen]
+    rows.b[::3] += np.maximum(gap, 0.0) / model.h
+    _read_impulses(manifolds, contacts, chosen, rows.f)
+    worst = float(solve_rows(rows, m, 3, touched, FEW_STEPS, EFFORT, newton))
+    outcome = Outcome(worst, worst <= TOLERANCE, '', 0, 0)
+    if not outcome.solved and m <= MOST_POINTS:
+        rows.f[:], outcome = _ask_osqp(model, contacts, chosen, rows, work)
+    f = rows.f.copy()
+    work.report = QpReport(outcome.residual, outcome.osqp_iterations, outcome.status,
+                           outcome.solved)
+    _push(contacts, chosen, f, bodies, bodies.motion)
+    manifolds.impulse[:, :count] = 0.0
+    _write_impulses(manifolds, acted, contacts, chosen, f)
+    push = settings.sequential.push / model.h
+    wanted = np.minimum(-push * np.minimum(gap, 0.0), settings.sequential.push_speed)
+    violation(rows, m, 3, f)
+    # Not what leaves its overlap by itself.
+    wanted -= np.maximum(rows.a[::3], 0.0)
+    displaced = np.zeros(3 * m)
+    if (wanted > 0.0).any():
+        rows.mu[:] = 0.0
+        rows.b[::3] = -wanted
+        apply_forces(rows, m, 3, displaced)
+        sweep_rows(rows, m, 3, displaced, PUSH_SWEEPS, 1e-9 * float(wanted.max()))
+        _push(contacts, chosen, displaced, bodies, bodies.drifted)
+    return f, displaced
+
+
+def _ask_osqp(model: Model, contacts: Contacts, chosen: IntArray, rows: Rows,
+              work: QpWork) -> tuple[Array, Outcome]:
+    """Return the impulses as OSQP finds them, where sweeps and Newton's method do not."""
+    m = len(chosen)
+    A = np.zeros((3 * m, 3 * m))
+    couple(model, contacts, work.bodies, chosen, m, 3, np.zeros((2, 3 * m, 3)), A)
+    return solve(A, rows.b, contacts.friction[chosen], rows.f)
+
+
+@kernel
+def _drift_by_the_end(state: State, inv_m: Array, h: float, contacts: Contacts, chosen: IntArray,
+                      f: Array, bodies: SolverBodies) -> None:
+    """
+    Let some bodies drift by the velocity at the end of the step, not by a mean.
+
+    Those that an impact stopped: it changes a velocity by more than twice what the forces alone
+    would in a step. And those that press against another one that moves: their impulses act at the
+    start, so the pair keeps its angular momentum.
+    """
+    for slot in range(1, bodies.used[SECOND_END]):
+        i, at = bodies.body[slot], slot * STRIDE
+        changed, pulled = 0.0, 0.0
+        for k in range(3):
+            changed += (bodies.motion[at + k] - inv_m[i] * state.P[k, i]) ** 2
+            pulled += (h * bodies.smooth[at + k]) ** 2
+        if changed > 4.0 * pulled:
+            _mark(slot, h, bodies)
+    for c in range(chosen.shape[0]):
+        slot_a = bodies.slot[contacts.body_a[chosen[c]]]
+        slot_b = bodies.slot[contacts.body_b[chosen[c]]]
+        if slot_a > 0 and slot_b > 0 and f[3 * c] > 0.0:
+            _mark(slot_a, h, bodies)
+            _mark(slot_b, h, bodies)
+
+
+@kernel
+def _mark(slot: int, h: float, bodies: SolverBodies) -> None:
+    at = slot * STRIDE
+    for k in range(INV_M):
+        bodies.base[at + k] = bodies.motion[at + k] + h * bodies.smooth[at + k]
+
+
+@kernel
+def _give_back(contacts: Contacts, chosen: IntArray, f: Array, pushes: Array, h: float,
+               solver: SolverBodies) -> None:
+    """
+    Take half of the L that a pair gained when a push displaced its momenta from each body.
+
+    Bodies that press against each other are marked as held.
+    """
+    for c in range(chosen.shape[0]):
+        k = chosen[c]
+        slot_a, slot_b = solver.slot[contacts.body_a[k]], solver.slot[contacts.body_b[k]]
+        at_a, at_b = slot_a * STRIDE, slot_b * STRIDE
+        if max(f[3 * c], pushes[3 * c]) > 0.0:
+            solver.drifted[at_a + TOUCHED] = solver.drifted[at_b + TOUCHED] = 1.0
+        if slot_a == 0 or slot_b == 0:
+            continue
+        if pushes[3 * c] > 0.0:
+            v = (solver.drifted[at_b] - solver.drifted[at_a],
+                 solver.drifted[at_b + 1] - solver.drifted[at_a + 1],
+                 solver.drifted[at_b + 2] - solver.drifted[at_a + 2])
+            gained = cross(to_world(contacts, k, (h * pushes[3 * c], 0.0, 0.0)), v)
+            for i in range(3):
+                solver.motion[at_a + 3 + i] -= 0.5 * gained[i]
+                solver.motion[at_b + 3 + i] -= 0.5 * gained[i]
+
+
+@kernel
+def _free_velocities(contacts: Contacts, chosen: IntArray, solver: SolverBodies, bodies: Bodies,
+                     b: Array) -> None:
+    """Write u* of the chosen points in the axes n, t1, t2; changes `bodies.velocity` to v*."""
+    for slot in range(1, solver.used[SECOND_END]):
+        i, at = solver.body[slot], slot * STRIDE
+        for k in range(3):
+            bodies.velocity[i, k] = solver.motion[at + k]
+            w = 0.0
+            for j in range(3):
+                w += bodies.inv_I_W[i, k, j] * solver.motion[at + 3 + j]
+            bodies.velocity[i, 3 + k] = w
+    for c in range(chosen.shape[0]):
+        u = to_contact(contacts, chosen[c], relative(bodies.velocity, contacts, chosen[c]))
+        b[3 * c], b[3 * c + 1], b[3 * c + 2] = u
+
+
+@kernel
+def _push(contacts: Contacts, chosen: IntArray, f: Array, solver: SolverBodies,
+          motion: Array) -> None:
+    """Add the impulses, triples in the axes n, t1, t2, to the motion of the bodies."""
+    for c in range(chosen.shape[0]):
+        k = chosen[c]
+        J = to_world(contacts, k, (f[3 * c], f[3 * c + 1], f[3 * c + 2]))
+        slot_a, slot_b = solver.slot[contacts.body_a[k]], solver.slot[contacts.body_b[k]]
+        _push_slot(slot_a, -1.0, row(contacts.r_A, k), J, solver.mass, motion)
+        _push_slot(slot_b, 1.0, row(contacts.r_B, k), J, solver.mass, motion)
+
+
+@kernel
+def _push_slot(slot: int, sign: float, r: Vector, J: Vector, mass: Array, motion: Array) -> None:
+    if slot > 0:
+        turn, at = cross(r, J), slot * STRIDE
+        inv_m = mass[at + INV_M]
+        for i in range(3):
+            motion[at + i] += sign * inv_m * J[i]
+            motion[at + 3 + i] += sign * turn[i]
+
+
+@kernel
+def _point_of(manifolds: Manifolds, r: int, feature: int) -> int:
+    """Return which point of a manifold has this feature."""
+    for p in range(manifolds.points[r]):
+        if manifolds.feature[p, r] == feature:
+            return p
+    return 0
+
+
+@kernel
+def _read_impulses(manifolds: Manifolds, contacts: Contacts, chosen: IntArray, f: Array) -> None:
+    """Write the normal impulses of the last step, to begin with."""
+    for c in range(chosen.shape[0]):
+        r = contacts.manifold[chosen[c]]
+        p = _point_of(manifolds, r, contacts.feature[chosen[c]])
+        f[3 * c] = manifolds.impulse[p, r]
+
+
+@kernel
+def _write_impulses(manifolds: Manifolds, acted: Manifolds, contacts: Contacts, chosen: IntArray,
+                    f: Array) -> None:
+    """Keep the impulses of this step, and add them to those of its collisions."""
+    for c in range(chosen.shape[0]):
+        r = contacts.manifold[chosen[c]]
+        p = _point_of(manifolds, r, contacts.feature[chosen[c]])
+        manifolds.impulse[p, r] = f[3 * c]
+        acted.impulse[p, r] += f[3 * c]
+        tangential = to_world(contacts, chosen[c], (0.0, f[3 * c + 1], f[3 * c + 2]))
+        for k in range(3):
+            manifolds.friction[r, k] += tangential[k]
+            acted.friction[r, k] += tangential[k]

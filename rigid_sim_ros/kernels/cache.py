@@ -1,0 +1,284 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Where compiled kernels are kept.
+
+Numba looks at one source file when it decides whether a cached kernel is still valid, while ours
+call each other across files. The folder of a module's cache therefore carries a digest of its
+source and of all that it imports: a change compiles anew what depends on it and nothing else, and
+a package that lies in a read-only place finds its cache again.
+
+What is read from a cache is run: whoever can write to its folder can do what this user can. So the
+folder must belong to this user alone; and a file is read only if its digest fits, for a damaged
+one could be anything.
+"""
+
+import atexit
+import contextlib
+from functools import cache
+import gc
+import grp
+import hashlib
+import logging
+import os
+from pathlib import Path
+import pickle
+import pwd
+import re
+import shutil
+import stat
+import tempfile
+from typing import Any
+
+import numba
+from numba.core import caching, compiler_lock, event
+
+_NumbasCache: Any = caching.FunctionCache
+_NumbasFiles: Any = caching.IndexDataCacheFile
+_one_at_a_time: Any = compiler_lock.global_compiler_lock    # of the threads of this process
+_logger = logging.getLogger(__name__)
+_ROOT = Path(__file__).parents[1]       # of the package
+_DIGEST = 16        # bytes
+_BELOW = Path('rigid_sim_ros', 'kernels')
+_PACKAGE = __package__.rpartition('.')[0]
+# The import of a module of the package: its name, and the names that come from it. To parse all
+# sources instead would take a fifth of a second at each start.
+_IMPORT = re.compile(
+    rf'\n *from ({re.escape(_PACKAGE)}[\w.]*) import (\([^)]*\)|[^\n]*)')
+
+
+def cache_folder(module: str) -> Path:
+    """
+    Return the folder in which compiled kernels of a module, given by its full name, are kept.
+
+    It lies below NUMBA_CACHE_DIR when that is set, else below the user's cache folder; if neither
+    is a folder that this user alone can write to, in a temporary one, for this process only.
+    """
+    short = module.removeprefix(f'{_PACKAGE}.')
+    return base_folder() / f'{short}-{_digest(module)}'
+
+
+@cache
+def base_folder() -> Path:
+    """Return the folder below which all compiled kernels are kept."""
+    home = os.environ.get('XDG_CACHE_HOME') or os.path.join(os.path.expanduser('~'), '.cache')
+    bases = [Path(base) for base in (os.environ.get('NUMBA_CACHE_DIR'), home) if base]
+    for base in bases:
+        if _is_private(base):
+            return base / _BELOW
+    tried = ', '.join(str(base / _BELOW) for base in bases)
+    try:
+        fresh = Path(tempfile.mkdtemp(prefix='rigid_sim_ros_'))
+    except OSError:
+        _logger.warning('compiled kernels are not kept: no folder can be written to; set '
+                        'NUMBA_CACHE_DIR to one that belongs to you alone')
+        return bases[0] / _BELOW
+    atexit.register(shutil.rmtree, fresh, ignore_errors=True)
+    _logger.warning('compiled kernels are kept for this run only, %s cannot be written to or may '
+                    'be written to by others: set NUMBA_CACHE_DIR to a folder that belongs to you '
+                    'alone', tried)
+    (fresh / _BELOW).mkdir(parents=True)
+    return fresh / _BELOW
+
+
+def _is_private(base: Path) -> bool:
+    """Return whether the folder of kernels below a folder is there, and this user's alone."""
+    folder = base / _BELOW
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        facts = folder.stat()
+        above = [path.stat() for path in (folder.parent, base)]
+    except OSError:
+        return False
+    # In a folder that is sticky, as /tmp is, nobody can replace what is another's.
+    return (facts.st_uid == os.geteuid() and not _others_may_write(facts)
+            and os.access(folder, os.W_OK | os.X_OK)
+            and all(each.st_uid in (0, os.geteuid()) and (
+                each.st_mode & stat.S_ISVTX or not _others_may_write(each)) for each in above))
+
+
+def _others_may_write(facts: os.stat_result) -> bool:
+    by_group = bool(facts.st_mode & stat.S_IWGRP) and not _is_own_group(facts.st_gid)
+    return by_group or bool(facts.st_mode & stat.S_IWOTH)
+
+
+def _is_own_group(group: int) -> bool:
+    """Return whether a group is that of this user and nobody else, as many systems give one."""
+    try:
+        name, entry = pwd.getpwuid(os.geteuid()).pw_name, grp.getgrgid(group)
+    except KeyError:
+        return False
+    return entry.gr_name == name and set(entry.gr_mem) <= {name}
+
+
+@cache
+def _digest(module: str) -> str:
+    """Return a name for the present state of all sources that a module is made of."""
+    needed: dict[str, bytes] = {}
+    waiting = [module]
+    while waiting:
+        name = waiting.pop()
+        if name not in needed:
+            needed[name], imports = _source(name)
+            waiting += imports
+    digest = hashlib.blake2b(digest_size=8)
+    for name in sorted(needed):
+        digest.update(name.encode() + b'\0' + needed[name])
+    return digest.hexdigest()
+
+
+@cache
+def _source(module: str) -> tuple[bytes, tuple[str, ...]]:
+    """Return a digest of a module's source, and the modules of the package that it imports."""
+    text = _path(module).read_bytes()
+    imports: list[str] = []
+    for parent, names in _IMPORT.findall('\n' + text.decode()):
+        submodules = [f'{parent}.{name}' for name in re.findall(r'\w+', names)]
+        imports += [name for name in (parent, *submodules) if _is_module(name)]
+    return hashlib.blake2b(text).digest(), tuple(imports)
+
+
+@cache
+def _is_module(name: str) -> bool:
+    return _path(name).is_file()
+
+
+def _path(module: str) -> Path:
+    relative = module.removeprefix(_PACKAGE).replace('.', '/').lstrip('/')
+    path = _ROOT / relative
+    return path / '__init__.py' if path.is_dir() else path.with_suffix('.py')
+
+
+class LateCache:
+    """
+    Stands where Numba's cache of a kernel will be, until somebody asks for that.
+
+    To make one Numba tries whether it may write to the folder. Of some 550 kernels Python calls
+    ten; the others would take a twelfth of a second at each start.
+    """
+
+    def __init__(self, kernel: Any, folder: Path) -> None:
+        self._kernel = kernel
+        self._folder = folder
+
+    def __getattr__(self, name: str) -> Any:
+        config: Any = numba.config
+        with _one_at_a_time:
+            elsewhere = config.CACHE_DIR
+            config.CACHE_DIR = str(self._folder)
+            try:
+                self._kernel._cache = _Cache(self._kernel.py_func)
+            except (OSError, RuntimeError):     # no folder: then nothing is kept
+                null: Any = caching.NullCache
+                self._kernel._cache = null()
+            finally:
+                config.CACHE_DIR = elsewhere
+        return getattr(self._kernel._cache, name)
+
+
+class _Files(_NumbasFiles):
+    """The files of a kernel's cache, each with a digest of its bytes before them."""
+
+    _index_path: str
+
+    def _load_index(self) -> Any:
+        try:
+            version, stamp, overloads = _unpickled(self._index_path)
+        except OSError:
+            return {}
+        is_fresh = (version, stamp) == (self._version, self._source_stamp)
+        return overloads if is_fresh else {}
+
+    def _save_index(self, overloads: Any) -> None:
+        self._write(self._index_path, (self._version, self._source_stamp, overloads))
+
+    def _load_data(self, name: str) -> Any:
+        return _unpickled(self._data_path(name))
+
+    def _save_data(self, name: str, data: Any) -> None:
+        self._write(self._data_path(name), data)
+
+    def _write(self, path: str, content: Any) -> None:
+        data = self._dump(content)
+        with self._open_for_write(path) as file:
+            file.write(_digest_of(data) + data)
+
+
+def _unpickled(path: str) -> Any:
+    """Return what a file holds; OSError if it cannot be read or is not what was written."""
+    raw = Path(path).read_bytes()
+    if raw[:_DIGEST] != _digest_of(raw[_DIGEST:]):
+        raise OSError(f'{path} is damaged')
+    return pickle.loads(raw[_DIGEST:])
+
+
+def _digest_of(data: bytes) -> bytes:
+    return hashlib.blake2b(data, digest_size=_DIGEST).digest()
+
+
+class _Cache(_NumbasCache):
+    """Numba's cache of a kernel, which reads machine code without what it takes to make some."""
+
+    def __init__(self, function: Any) -> None:
+        """Make the cache of a function, whose name tells it from others of the same source."""
+        super().__init__(function)
+        self._qualname = function.__qualname__
+        self._cache_file: Any = _Files(self._cache_path, self._impl.filename_base,
+                                       self._impl.locator.get_source_stamp())
+
+    def save_overload(self, kinds: Any, data: Any) -> None:
+        """Keep a compiled kernel, unless the disk takes no more."""
+        with contextlib.suppress(OSError):
+            super().save_overload(kinds, data)
+
+    def load_overload(self, kinds: Any, context: Any) -> Any:
+        """
+        Return the kernel for arguments of these types, or None.
+
+        Before, Numba would see to it that all types and functions that it can compile are known
+        and compile how references are counted, in a tenth of a second. Machine code of a kernel
+        needs none of this: it counts no references. To compile one Numba does it all the same.
+        """
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(kinds, context)
+
+    def _index_key(self, kinds: Any, codegen: Any) -> Any:
+        """
+        Return what tells the entries of a kernel apart: types, processor and bytecode.
+
+        Numba adds what the function closes over, pickled, and a pickled kernel holds a number that
+        each process draws anew: no process would find what another one compiled. Here the name of
+        the function says what it closes over, and the folder what that is made of.
+        """
+        kinds, target, (code, _) = super()._index_key(kinds, codegen)
+        return kinds, target, code, self._qualname
+
+
+class _NoCollector(event.Listener):
+    """
+    Keep Python's collector of cycles from running while Numba compiles.
+
+    The compiler makes millions of objects and keeps most of them: to look through them again and
+    again was an eighth of the time to compile.
+    """
+
+    def __init__(self) -> None:
+        self._depth = 0
+        self._was_on = False
+
+    def on_start(self, event: Any) -> None:
+        """Switch the collector off when the first of several nested compilations begins."""
+        if self._depth == 0:
+            self._was_on = gc.isenabled()
+            gc.disable()
+        self._depth += 1
+
+    def on_end(self, event: Any) -> None:
+        """Switch it on again after the last."""
+        self._depth -= 1
+        if self._depth == 0 and self._was_on:
+            gc.enable()
+
+
+_register: Any = event.register
+_register('numba:compile', _NoCollector())

@@ -1,0 +1,160 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The command line: what it prints, where, and with which exit code."""
+from collections.abc import Callable
+from pathlib import Path
+import subprocess
+import sys
+from types import SimpleNamespace
+
+from first_start import besides_compiling
+import pytest
+
+import rigid_sim_ros
+from rigid_sim_ros import cli
+from rigid_sim_ros.cli.options import split_ros_args
+
+Run = Callable[..., SimpleNamespace]
+
+PENDULUM = """
+format: 1
+world: {step: 0.002, integrator: rk4}
+bodies:
+  - name: bob
+    shape: {type: sphere, radius: 0.05}
+    mass: 0.5
+    pose: {position: [0, 0, 1]}
+forces:
+  - {type: spring, a: bob, b: world, anchor: [0, 0, 2], stiffness: 40, rest_length: 1}
+"""
+
+
+@pytest.fixture
+def run(capsys) -> Run:
+    """Run the command line in this process."""
+    def call(*args: str) -> SimpleNamespace:
+        with pytest.raises(SystemExit) as leaving:
+            cli.main(args)
+        out, err = capsys.readouterr()
+        return SimpleNamespace(code=leaving.value.code, out=out, err=besides_compiling(err))
+    return call
+
+
+@pytest.fixture
+def scene(tmp_path) -> Callable[[str], str]:
+    """Write a scene to a file and return its path."""
+    def write(text: str) -> str:
+        path = tmp_path / 'scene.yaml'
+        path.write_text(text)
+        return str(path)
+    return write
+
+
+def fails_in_one_line(result: SimpleNamespace, *words: str) -> None:
+    """Check exit code 2, nothing on stdout, and one line on stderr that holds every word."""
+    assert (result.code, result.out) == (2, '')
+    assert result.err.startswith('rigid_sim: ')
+    assert result.err.count('\n') == 1
+    assert [word for word in words if word not in result.err] == []
+
+
+def test_without_arguments_the_help_is_shown(run: Run) -> None:
+    result = run()
+    assert (result.code, result.err) == (0, '')
+    assert 'rigid_sim run t_handle --duration 10' in result.out
+
+
+@pytest.mark.parametrize('command', [None, *cli.rigid_sim.commands])
+def test_every_help_text_has_examples(run: Run, command: str | None) -> None:
+    result = run(*([command] if command else []), '--help')
+    assert (result.code, result.err) == (0, '')
+    assert 'Examples:\n  ' in result.out
+
+
+def test_an_unknown_command_names_the_nearest(run: Run) -> None:
+    fails_in_one_line(run('chek', 't_handle'), "'chek'", "did you mean 'check'?")
+
+
+def test_an_unknown_option_names_the_nearest(run: Run) -> None:
+    fails_in_one_line(run('run', '--duraton', '3'), '--duraton', '--duration')
+
+
+def test_a_missing_scene_is_a_usage_error(run: Run) -> None:
+    fails_in_one_line(run('check'), 'SCENE', 'rigid_sim check --help')
+
+
+@pytest.mark.parametrize('duration', ['0', '-1', 'nan', 'inf', 'soon'])
+def test_a_duration_must_be_positive_and_finite(run: Run, duration: str) -> None:
+    fails_in_one_line(run('run', f'--duration={duration}'), '--duration', duration)
+
+
+def test_an_unknown_scene_names_the_nearest_example(run: Run) -> None:
+    fails_in_one_line(run('check', 't_handel'), 't_handel', 't_handle')
+
+
+def test_a_scene_with_a_mistake_is_reported_with_line_key_and_value(run: Run, scene) -> None:
+    path = scene(PENDULUM.replace('mass: 0.5', 'mass: -0.5'))
+    fails_in_one_line(run('check', path), f'{path}:7', 'bodies[0].mass', '-0.5')
+
+
+def test_several_mistakes_are_listed_and_summed_up_in_one_line(run: Run, scene) -> None:
+    path = scene(PENDULUM.replace('0.002', '0').replace('stiffness: 40', 'stiffness: stiff'))
+    result = run('check', path)
+    assert [line.split(': ')[1] for line in result.out.splitlines()] == [
+        'world.step', 'forces[0].stiffness']
+    assert result.code == 2
+    assert result.err.count('\n') == 1
+    assert 'world.step' in result.err
+
+
+def test_check_shows_mass_inertia_forces_and_step(run: Run, scene) -> None:
+    result = run('check', scene(PENDULUM))
+    assert (result.code, result.err) == (0, '')
+    # 2/5 m r^2 = 0.4 * 0.5 kg * (0.05 m)^2
+    words = ('bob', 'sphere r 0.05', '0.5', '[0.0005, 0.0005, 0.0005]', 'spring', 'stiffness 40',
+             'step 0.002 s', 'rk4', '[0, 0, -9.81] m/s^2')
+    assert [word for word in words if word not in result.out] == []
+    assert 'warning' not in result.out
+
+
+def test_check_warns_of_a_spring_too_stiff_for_the_step(run: Run, scene) -> None:
+    result = run('check', scene(PENDULUM.replace('stiffness: 40', 'stiffness: 4.0e+7')))
+    assert result.code == 0
+    assert 'warning: spring between bob and world' in result.out
+
+
+def test_scenes_lists_every_example_with_a_description(run: Run) -> None:
+    result = run('scenes')
+    folder = Path(rigid_sim_ros.__file__).parent / 'example_scenes'
+    names = {path.stem for path in folder.glob('*.yaml')}
+    lines = {line.split()[0]: line.split()[1:] for line in result.out.splitlines() if line.strip()}
+    assert (result.code, result.err) == (0, '')
+    assert names <= set(lines)
+    assert [name for name in names if len(lines[name]) < 3] == []
+
+
+def test_ros_arguments_are_told_from_our_own() -> None:
+    own, ros = split_ros_args(
+        ['a', '--ros-args', '-p', 'x:=1', '--', '--duration', '3', '--ros-args', '-r', 'b:=c'])
+    assert own == ['a', '--duration', '3']
+    assert ros == ['--ros-args', '-p', 'x:=1', '--', '--ros-args', '-r', 'b:=c']
+
+
+def test_run_without_ros_names_both_ways_to_install_it() -> None:
+    result = subprocess.run(
+        [sys.executable, '-c', """
+import sys
+sys.modules['rclpy'] = None
+from rigid_sim_ros.cli import main
+main(['run', 't_handle', '--duration', '1'])
+"""], capture_output=True, text=True, check=False, timeout=120)
+    fails_in_one_line(
+        SimpleNamespace(code=result.returncode, out=result.stdout, err=result.stderr),
+        "pip install '.[ros]'", 'source /opt/ros/jazzy/setup.bash')
+
+
+def test_the_module_is_the_same_command() -> None:
+    result = subprocess.run(
+        [sys.executable, '-m', 'rigid_sim_ros', '--version'], capture_output=True, text=True,
+        check=True, timeout=60)
+    assert result.stdout.startswith('rigid_sim ')

@@ -1,0 +1,71 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Times of meeting against formulas."""
+
+import math
+
+from engine.touching import ball, box, EventScene, G, ground, Thing
+import numpy as np
+import pytest
+
+from rigid_sim_ros.engine.detection.backtrack import first_event, pairs_ahead
+from rigid_sim_ros.engine.dynamics.integrate import sum_loads
+from rigid_sim_ros.engine.dynamics.loads import empty_loads
+from rigid_sim_ros.engine.model.shapes import BOX, Material
+
+
+def next_event(things, until, gravity=(0, 0, -G)):
+    scene = EventScene(things, Material(), gravity=gravity)
+    loads = empty_loads(len(things))
+    sum_loads(scene.model, scene.state, scene.wrenches, loads)
+    pose = np.zeros((len(things), 12))
+    pairs = np.zeros((100, 2), dtype=np.int64)
+    reach, order = np.zeros((2, len(things))), np.zeros(len(things), dtype=np.int64)
+    count = pairs_ahead(scene.model, scene.state, loads, scene.shapes, until, pose, *reach, order,
+                        pairs)
+    t, which = first_event(scene.model, scene.state, loads, scene.shapes, pairs, count,
+                           np.zeros(100),
+                           1e-7, until, pose, scene.memory.scratch)
+    return t, (tuple(pairs[which]) if which >= 0 else None)
+
+
+def test_a_ball_falls_for_the_square_root_of_twice_the_height_over_g():
+    t, pair = next_event([ground(), ball(0.1, 1.0, position=(0, 0, 0.1 + 0.7))], 1.0)
+    assert pair == (0, 1)
+    assert t == pytest.approx(math.sqrt(2.0 * 0.7 / G), abs=2e-12)  # TIME, and rounding
+
+
+def test_a_turning_bar_touches_when_its_corner_has_come_down():
+    # The lowest corner is a = 0.5 m and b = 0.05 m from the middle: 0.3 = a sin + b cos.
+    a, b, w = 0.5, 0.05, 2.0
+    bar = box((2.0 * a, 0.4, 2.0 * b), 1.0, position=(0, 0, 0.3), spin=(0, w, 0))
+    t, _ = next_event([ground(), bar], 1.0, gravity=(0, 0, 0))
+    angle = math.asin(0.3 / math.hypot(a, b)) - math.atan2(b, a)
+    assert t == pytest.approx(angle / w, abs=1e-11)
+
+
+def test_the_earliest_of_all_pairs_counts():
+    things = [ground(), ball(0.1, 1.0, position=(0, 0, 1.0)), ball(0.1, 1.0, position=(2, 0, 0.5)),
+              ball(0.1, 1.0, position=(4, 0, 0.9))]
+    assert next_event(things, 1.0) == (pytest.approx(math.sqrt(0.8 / G), abs=2e-12), (0, 2))
+
+
+def test_a_thin_wall_is_met_however_fast_one_is():
+    wall = Thing(BOX, (0.005, 1.0, 1.0))
+    t, _ = next_event([wall, ball(0.01, 1.0, position=(-1.0, 0, 0), velocity=(2000.0, 0, 0))], 0.1,
+                      gravity=(0, 0, 0))
+    assert t == pytest.approx((1.0 - 0.015) / 2000.0, abs=2e-12)
+
+
+def test_two_thin_spinning_plates_do_not_slip_through_each_other():
+    one = box((1.0, 1.0, 0.002), 1.0, spin=(0, 0, 30.0))
+    other = box((1.0, 1.0, 0.002), 1.0, position=(0, 0, 2.0), velocity=(0, 0, -100.0),
+                spin=(0, 0, -50.0))
+    t, _ = next_event([one, other], 0.05, gravity=(0, 0, 0))
+    assert t == pytest.approx((2.0 - 0.002) / 100.0, abs=1e-11)
+
+
+def test_who_passes_by_does_not_meet():
+    still = ball(0.1, 1.0)
+    by = ball(0.1, 1.0, position=(-1.0, 0, 0.2 + 1e-9), velocity=(10.0, 0, 0))
+    assert next_event([still, by], 0.5, gravity=(0, 0, 0)) == (0.5, None)

@@ -1,0 +1,308 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Signed distances against an independent search, and manifolds of shapes at rest."""
+
+from itertools import product
+
+from effort import examples
+from engine.detecting import CONVEX, cube_mesh, PLANE_SHAPE, random_pose, Scene, UPRIGHT
+from hypothesis import given, strategies as st
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from rigid_sim_ros.engine.model.shapes import BOX, CAPSULE, CYLINDER, HULL, SPHERE
+
+PAIRS = list(product(CONVEX, CONVEX))
+# Polyhedra, spheres and capsules are exact to rounding. For a cylinder the search ends when it
+# gains less than 1e-10 of the size, 1 m here; a few dozen such gains may be left.
+EXACT, ROUND = 1e-13, 5e-9
+
+
+def tolerance(names):
+    return ROUND if 'cylinder' in names else EXACT
+
+
+def reach(kind, size, vertices, R, x, d):
+    """Return max d . p over a shape, written down from what the shape is."""
+    e = R.T @ d
+    if kind == SPHERE:
+        farthest = size[0] * np.linalg.norm(e)
+    elif kind == BOX:
+        farthest = np.abs(e) @ size
+    elif kind == CAPSULE:
+        farthest = size[1] * abs(e[2]) + size[0] * np.linalg.norm(e)
+    elif kind == CYLINDER:
+        farthest = size[1] * abs(e[2]) + size[0] * np.hypot(e[0], e[1])
+    else:
+        farthest = (vertices @ e).max()
+    return farthest + d @ x
+
+
+def rotation(q):
+    x, y, z, w = q
+    return np.eye(3) + 2 * np.array([[-y * y - z * z, x * y - w * z, x * z + w * y],
+                                     [x * y + w * z, -x * x - z * z, y * z - w * x],
+                                     [x * z - w * y, y * z + w * x, -x * x - y * y]])
+
+
+def separation_along(scene, n):
+    """Return how far n separates the first two shapes; below 0: the way to part them."""
+    total = 0.0
+    for i, d in ((0, n), (1, -n)):
+        s = scene.shapes
+        vertices = s.hulls.vertices[s.hulls.first[s.hull[i]]:][:s.hulls.count[s.hull[i]]]
+        total += reach(s.kind[i], s.size[i], vertices, rotation(scene.state.q[:, i]),
+                       scene.state.x[:, i], d)
+    return -total
+
+
+def slow_distance(scene, rng):
+    """Return the largest separation along any direction, by a simplex search from many starts."""
+    def cost(d):
+        length = np.linalg.norm(d)
+        return -separation_along(scene, d / length) if length > 0.0 else np.inf
+
+    starts = rng.normal(size=(200, 3))
+    best = sorted(starts, key=cost)[:6]
+    return -min(minimize(cost, start, method='Nelder-Mead',
+                         options={'xatol': 1e-8, 'fatol': 1e-13, 'maxiter': 1000}).fun
+                for start in best)
+
+
+def two(names, rng, reach_of=1.2):
+    return Scene([CONVEX[name] for name in names],
+                 [((0, 0, 0), rng.normal(size=4)), random_pose(rng, reach_of)])
+
+
+@pytest.mark.parametrize('names', PAIRS, ids='-'.join)
+def test_distance_is_that_of_a_slow_search(names):
+    rng = np.random.default_rng(3)
+    for _ in range(4):
+        scene = two(names, rng)
+        gap = scene.distance(0, 1)[0]
+        # Whatever direction the search finds, none separates by more; it may itself stop short of
+        # a kink of s(n), where the best direction often lies.
+        slow = slow_distance(scene, rng)
+        assert gap - 1e-2 < slow < gap + 1e-9
+
+
+@examples(150)
+@given(names=st.sampled_from(PAIRS), seed=st.integers(0, 2**32 - 1))
+def test_the_normal_separates_by_the_distance(names, seed):
+    scene = two(names, np.random.default_rng(seed))
+    gap, n, p, q = scene.distance(0, 1)
+    close = tolerance(names)
+    assert np.linalg.norm(n) == pytest.approx(1.0, abs=1e-15)
+    assert separation_along(scene, n) == pytest.approx(gap, abs=close)
+    assert (q - p) @ n == pytest.approx(gap, abs=1e-15)
+    # From A to B: B moved along n by -gap just touches.
+    scene.state.x[:, 1] -= gap * n
+    assert abs(scene.distance(0, 1)[0]) < max(close, 1e-12)
+
+
+@examples(150)
+@given(names=st.sampled_from(PAIRS), seed=st.integers(0, 2**32 - 1))
+def test_distance_is_the_same_with_the_shapes_exchanged(names, seed):
+    scene = two(names, np.random.default_rng(seed))
+    gap, back = scene.distance(0, 1)[0], scene.distance(1, 0)[0]
+    assert gap == pytest.approx(back, abs=tolerance(names))
+
+
+@examples(100)
+@given(names=st.sampled_from(PAIRS), seed=st.integers(0, 2**32 - 1))
+def test_distance_is_the_same_after_a_rigid_motion_of_both(names, seed):
+    rng = np.random.default_rng(seed)
+    scene = two(names, rng)
+    gap = scene.distance(0, 1)[0]
+    shift, turn = rng.normal(size=3), rng.normal(size=4)
+    turn /= np.linalg.norm(turn)
+    for i in range(2):
+        x, q = scene.state.x[:, i].copy(), scene.state.q[:, i].copy()
+        vector = turn[3] * q[:3] + q[3] * turn[:3] + np.cross(turn[:3], q[:3])
+        q = np.append(vector, turn[3] * q[3] - turn[:3] @ q[:3])
+        scene.put(i, rotation(turn) @ x + shift, q)
+    # The poses themselves are rounded: 1e-16 of a few metres.
+    assert scene.distance(0, 1)[0] == pytest.approx(gap, abs=max(tolerance(names), 1e-12))
+
+
+@pytest.mark.parametrize('name', CONVEX)
+def test_distance_from_a_plane_is_the_height_of_the_lowest_point(name):
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        scene = Scene([CONVEX[name], PLANE_SHAPE],
+                      [random_pose(rng, 2.0), ((0.1, 0.2, -1.0), rng.normal(size=4))], fixed=[1])
+        n = rotation(scene.state.q[:, 1])[:, 2]
+        s, x = scene.shapes, scene.state.x
+        vertices = s.hulls.vertices
+        lowest = -reach(s.kind[0], s.size[0], vertices, rotation(scene.state.q[:, 0]), x[:, 0], -n)
+        gap, normal, _, _ = scene.distance(0, 1)
+        assert gap == pytest.approx(lowest - n @ x[:, 1], abs=1e-14)
+        assert normal == pytest.approx(-n, abs=1e-15)
+
+
+@examples(200)
+@given(names=st.sampled_from(PAIRS), seed=st.integers(0, 2**32 - 1))
+def test_a_manifold_exists_exactly_when_shapes_are_nearer_than_the_margin(names, seed):
+    rng = np.random.default_rng(seed)
+    scene = two(names, rng, 1.0)
+    scene.margin = 0.05
+    gap = scene.distance(0, 1)[0]
+    rows = scene.rows()
+    if abs(gap - scene.margin) > 1e-4:
+        assert len(rows) == (1 if gap < scene.margin else 0)
+    for row in rows:
+        assert np.linalg.norm(row['normal']) == pytest.approx(1.0, abs=1e-14)
+        # The deepest point shows the depth: to the preference for faces of a box, 2e-3 of 0.2 m,
+        # and what a corner may stand out or a rim be cut, 1e-3 of the size. Edges of two boxes
+        # have to be better by a tenth of the depth of their faces.
+        if gap < 0.0:
+            deepest = gap / 0.9 if names == ('box', 'box') else gap
+            assert deepest - 1e-3 < row['gap'].min() < gap + 1e-3
+
+
+@examples(200)
+@given(names=st.sampled_from(PAIRS), seed=st.integers(0, 2**32 - 1))
+def test_points_on_a_and_b_differ_by_the_gap_along_the_normal(names, seed):
+    scene = two(names, np.random.default_rng(seed), 0.8)
+    x = scene.state.x
+    for row in scene.rows():
+        for k, gap in enumerate(row['gap']):
+            apart = x[:, 1] + row['r_B'][k] - x[:, 0] - row['r_A'][k]
+            assert apart == pytest.approx(gap * row['normal'], abs=1e-14)
+            # Only what may keep its points has them in axes that turn with the bodies too.
+            for i, name in enumerate(('A', 'B') if row['p_A_C'].any() else ()):
+                in_C = rotation(scene.state.q[:, i]) @ row[f'p_{name}_C'][k]
+                assert in_C == pytest.approx(row[f'r_{name}'][k], abs=1e-14)
+
+
+CLOSE_PAIRS = [(CONVEX[a], CONVEX[b]) for a, b in PAIRS] + [
+    ((BOX, (0.3, 0.3, 0.002), None), (CYLINDER, (0.3, 0.03, 0.0), None)),
+    (CONVEX['box'], (CYLINDER, (0.3, 0.03, 0.0), None)),
+    ((BOX, (0.3, 0.3, 0.002), None), CONVEX['hull']),
+    ((CYLINDER, (0.3, 0.03, 0.0), None), (CYLINDER, (0.3, 0.03, 0.0), None))]
+
+
+def touching(shapes, rng, how):
+    """Return a scene, a position of B in which the shapes touch, and the normal there."""
+    scene = Scene(shapes, [((0, 0, 0), UPRIGHT), ((0, 0, 1), UPRIGHT)])
+    direction, turn = np.append(0.05 * rng.normal(size=2), 1.0), rng.normal(size=4)
+    if how == 0:
+        scene.put(0, (0, 0, 0), rng.normal(size=4))
+        direction = rng.normal(size=3)
+    elif how == 1:  # nearly flat on each other
+        turn = np.append(rng.normal(size=3) * 10.0 ** rng.uniform(-8, -1), 1.0)
+    x = 2.0 * direction / np.linalg.norm(direction)
+    for _ in range(20):
+        scene.put(1, x, turn)
+        gap, n, _, _ = scene.distance(0, 1)
+        x = x - (gap - 1e-2) * n
+    gap, n, _, _ = scene.distance(0, 1)
+    return scene, x - gap * n, n, turn
+
+
+@pytest.mark.parametrize('how', [0, 1])
+@pytest.mark.parametrize('shapes', CLOSE_PAIRS)
+def test_the_gap_of_shapes_that_hardly_touch_is_how_far_they_were_moved(shapes, how):
+    rng = np.random.default_rng(3)
+    for _ in range(40):
+        scene, x, n, turn = touching(shapes, rng, how)
+        for moved in (-1e-3, -1e-5, -1e-7, -1e-9, 0.0, 1e-12, 1e-9, 1e-7):
+            scene.put(1, x + moved * n, turn)
+            gap = scene.distance(0, 1)[0]
+            # The shortest way out may be another than back, and corners that met may pass each
+            # other. 2e-8: thin boxes at nearly no distance, 1e-7 of their size.
+            assert moved - 2e-8 < gap < abs(moved) + 2e-8
+
+
+@pytest.mark.parametrize('how', [0, 1])
+@pytest.mark.parametrize('shapes', CLOSE_PAIRS)
+def test_the_deepest_point_of_a_manifold_is_as_deep_as_the_shapes(shapes, how):
+    rng = np.random.default_rng(4)
+    for _ in range(40):
+        scene, x, n, turn = touching(shapes, rng, how)
+        for moved in (-1e-7, 0.0, 1e-7):
+            scene.put(1, x + moved * n, turn)
+            rows = scene.rows()
+            assert len(rows) == 1
+            # OVERHANG, 1e-5 of shapes of 0.5 m that lean on an edge.
+            assert rows[0]['gap'].min() == pytest.approx(scene.distance(0, 1)[0], abs=4e-6)
+
+
+LYING = (0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5))  # the axis z turned to x
+# How a shape rests: its height and orientation, and how many points carry it.
+RESTING = {
+    'box': (CONVEX['box'], 0.4, UPRIGHT, 4),
+    'cylinder upright': (CONVEX['cylinder'], 0.25, UPRIGHT, 4),
+    'cylinder lying': (CONVEX['cylinder'], 0.3, LYING, 2),
+    'capsule lying': (CONVEX['capsule'], 0.2, LYING, 2),
+    'hull': ((HULL, (0.0, 0.0, 0.0), cube_mesh(0.3)), 0.3, UPRIGHT, 4),
+    'sphere': (CONVEX['sphere'], 0.3, UPRIGHT, 1),
+}
+GROUNDS = {
+    'plane': (PLANE_SHAPE, 0.0), 'box': ((BOX, (5.0, 5.0, 0.5), None), 0.5),
+    'cylinder': ((CYLINDER, (3.0, 0.5, 0.0), None), 0.5),
+    'hull': ((HULL, (0.0, 0.0, 0.0), cube_mesh(2.0)), 2.0),
+}
+
+
+@pytest.mark.parametrize('ground', GROUNDS)
+@pytest.mark.parametrize('name', RESTING)
+def test_a_shape_at_rest_is_carried_around_its_centre_and_keeps_its_features(name, ground):
+    shape, height, orientation, points = RESTING[name]
+    floor, top = GROUNDS[ground]
+    scene = Scene([floor, shape], [((0, 0, 0), UPRIGHT), ((0.1, 0.2, top + height), orientation)],
+                  fixed=[0])
+    rng = np.random.default_rng(0)
+    features = None
+    for _ in range(20):
+        # As a body at rest moves: a micrometre, and 1e-6 rad.
+        scene.put(1, (0.1, 0.2, top + height - 1e-5) + 1e-6 * rng.normal(size=3),
+                  np.asarray(orientation) + 1e-6 * rng.normal(size=4))
+        (row,) = scene.rows()
+        assert row['normal'] == pytest.approx([0, 0, 1], abs=1e-5)
+        assert len(row['gap']) == points
+        assert row['gap'] == pytest.approx(-1e-5, abs=2e-5)
+        if points >= 3:
+            flat = row['r_B'][:, :2]
+            assert (flat.min(axis=0) < 0).all() and (flat.max(axis=0) > 0).all()
+        assert features is None or np.array_equal(features, row['feature'])
+        features = row['feature']
+
+
+def test_boxes_of_one_size_meet_corner_to_corner_with_four_features():
+    cube = (BOX, (0.5, 0.5, 0.5), None)
+    scene = Scene([cube, cube], [((0, 0, 0), UPRIGHT), ((0, 0, 1), UPRIGHT)])
+    rng = np.random.default_rng(0)
+    seen = set()
+    for _ in range(20):
+        scene.put(1, (0, 0, 0.9999) + 1e-6 * rng.normal(size=3), (0, 0, 1e-6 * rng.normal(), 1))
+        (row,) = scene.rows()
+        seen.add(tuple(row['feature']))
+        assert len(row['gap']) == 4
+    assert len(seen) == 1
+
+
+def test_crossed_edges_meet_in_one_point():
+    cube = (BOX, (0.5, 0.5, 0.5), None)
+    up = (0.0, 0.0, 1.0)
+    # Each stands on an edge; the upper one is turned by 90 deg about the vertical.
+    lower = (np.sin(np.pi / 8), 0.0, 0.0, np.cos(np.pi / 8))
+    upper = (0.0, np.sin(np.pi / 8), 0.0, np.cos(np.pi / 8))
+    scene = Scene([cube, cube], [((0, 0, 0), lower), ((0, 0, np.sqrt(2.0) - 0.01), upper)])
+    (row,) = scene.rows()
+    assert row['normal'] == pytest.approx(up, abs=1e-12)
+    assert row['gap'] == pytest.approx([-0.01], abs=1e-12)
+    assert row['r_A'][0] == pytest.approx([0, 0, np.sqrt(0.5)], abs=1e-12)
+
+
+@pytest.mark.parametrize('tilt', [0.02, 0.1, 0.5])
+def test_a_tilted_cylinder_touches_with_the_lowest_point_of_its_rim(tilt):
+    height = 0.25 * np.cos(tilt) + 0.3 * np.sin(tilt)
+    for ground, (floor, top) in GROUNDS.items():
+        scene = Scene([floor, CONVEX['cylinder']],
+                      [((0, 0, 0), UPRIGHT),
+                       ((0, 0, top + height - 1e-4), (np.sin(tilt / 2), 0, 0, np.cos(tilt / 2)))],
+                      fixed=[0])
+        (row,) = scene.rows()
+        assert row['gap'].min() == pytest.approx(-1e-4, abs=1e-9), ground

@@ -1,0 +1,82 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Detection in the stages of two threads finds what detection by one finds."""
+
+from effort import examples
+from engine.detecting import CONVEX, grid, PLANE_SHAPE, Scene
+from hypothesis import given, strategies as st
+import numpy as np
+
+from rigid_sim_ros.engine.detection.detect import ALL, detect_stage, FIND, LOOK, NOTE, ROWS, TAKE
+from rigid_sim_ros.engine.detection.manifolds import grown, lasting, PAIRS, RECYCLED, WITNESSED
+from rigid_sim_ros.engine.detection.parallel_detection import (
+    _effort, _fair_split, FIT, JOIN, PLACE, REFRESH, SHARE_OUT, share_stage)
+from rigid_sim_ros.engine.steps.timestep import _middle
+
+
+def detect_in_stages(scene: Scene, by_number: bool) -> None:
+    """Do what `Scene.detect` does, stage by stage, the second half of each one first."""
+    middle = _middle(scene.model, scene.shapes.body)
+    while True:
+        memory = scene.memory
+        memory.ahead[:] = memory.calm[:] = 0.5 * scene.margin
+
+        def detect(*stages, memory=memory):
+            return all(detect_stage(stage, scene.model, scene.state, scene.shapes, memory, 0, None)
+                       for stage in stages)
+
+        def share(*stages, memory=memory):
+            return all(share_stage(stage, scene.model, scene.state, scene.shapes, memory, middle,
+                                   by_number) for stage in stages)
+
+        share(PLACE + 1, PLACE, REFRESH + 1, REFRESH)
+        if detect(NOTE, LOOK + 1, LOOK, TAKE) and share(SHARE_OUT) and detect(FIND + 1, FIND) and (
+                share(JOIN) if share(FIT) else detect(ALL)):
+            return
+        scene.memory = grown(memory)
+
+
+@examples(25)
+@given(kinds=st.lists(st.sampled_from(sorted(CONVEX)), min_size=1, max_size=3),
+       count=st.integers(0, 60), spacing=st.floats(0.45, 0.8), seed=st.integers(0, 2 ** 32 - 1),
+       by_number=st.booleans())
+def test_stages_find_the_same_manifolds_as_one_thread(kinds, count, spacing, seed, by_number):
+    rng = np.random.default_rng(seed)
+    shapes = [CONVEX[kinds[k % len(kinds)]] for k in range(count)]
+    poses = grid(shapes, spacing, rng, tilt=0.2)
+    one, other = (Scene([*shapes, PLANE_SHAPE], [*poses, ((0, 0, 0), (0, 0, 0, 1))],
+                        fixed=[count]) for _ in range(2))
+    for step in range(6):
+        one.detect()
+        detect_in_stages(other, by_number)
+        for a, b in zip(lasting(one.memory), lasting(other.memory), strict=True):
+            assert a.tobytes() == b.tobytes()
+        assert np.array_equal(one.memory.counters[[0, 3]], other.memory.counters[[0, 3]])
+        # Who touches something is the same, whichever thread found it.
+        assert np.array_equal(one.memory.touching.any(axis=0), other.memory.touching.any(axis=0))
+        # From nearly at rest to a jump, which takes all pairs apart.
+        move = 10.0 ** (step - 5) * rng.normal(size=(3, count))
+        for scene in (one, other):
+            scene.state.x[:, :count] += move
+
+
+def found(pairs, witnessed, recycled, rows):
+    counts = np.zeros(8, dtype=np.int64)
+    counts[[PAIRS, WITNESSED, RECYCLED, ROWS]] = pairs, witnessed, recycled, rows
+    return counts
+
+
+@given(pairs=st.lists(st.integers(0, 10_000), min_size=2, max_size=2),
+       parts=st.lists(st.floats(0.0, 1.0), min_size=6, max_size=6))
+def test_the_split_parts_the_effort_where_the_rows_of_a_half_take_the_same(pairs, parts):
+    halves = [found(n, int(n * w * r), int(n * (1.0 - w) * r), int(n * rows))
+              for n, (w, r, rows) in zip(pairs, (parts[:3], parts[3:]), strict=True)]
+    split, (first, second) = _fair_split(*halves), (half[ROWS] for half in halves)
+    assert 0 <= split <= first + second
+    effort = [_effort(half) for half in halves]
+    # Effort up to the split, were it spread evenly in each half; a row more or less is rounding.
+    before = (effort[0] * split / first if split < first else
+              effort[0] + (effort[1] * (split - first) / second if second else 0))
+    if first and second:
+        a_row = max(effort[0] / first, effort[1] / second)
+        assert abs(before - sum(effort) / 2) <= a_row + 1

@@ -1,0 +1,160 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Seams: a floor of flush pieces is a floor, and what is no floor stays what it is."""
+
+from engine.detecting import Scene, UPRIGHT
+from engine.flush_floors import Floor
+import numpy as np
+import pytest
+
+from rigid_sim_ros import World
+from rigid_sim_ros.engine.detection.narrow_phase.boxes import PREFERENCE
+from rigid_sim_ros.engine.model.shapes import BOX, PLANE, SPHERE
+
+CUBE = (BOX, (0.5, 0.5, 0.5), None)
+TILE = (BOX, (0.25, 1.0, 0.2), None)
+
+
+@pytest.mark.parametrize('block', range(8))
+def test_a_floor_of_flush_pieces_has_the_contacts_of_a_floor(block):
+    """
+    Bodies of any kind and size, from 1 mm to 100 m, are laid on random seams.
+
+    The normals of a floor are those of its surface, but for what two boxes may prefer of each
+    other's faces: an angle of `PREFERENCE` half extents over the half diagonal of a tile, twice
+    that with the other box's. The least gap is that on one piece, to what corners stand out over
+    faces, 1e-4 of the size, times the slope of an octahedron.
+    """
+    for seed in range(100 * block, 100 * block + 100):
+        floor = Floor(seed)
+        tilt, gap = floor.contacts(floor.tiles)
+        tilt_of_one, gap_of_one = floor.contacts(floor.whole)
+        assert tilt <= tilt_of_one + 2.0 * PREFERENCE, seed
+        assert abs(gap - gap_of_one) <= 1e-4 * floor.size, seed
+
+
+def normals_on(scene, body):
+    """Return the normals on a body, rounded, of all manifolds."""
+    return sorted(tuple(np.round(row['normal'] if row['pair'][1] == body else -row['normal'], 9)
+                        + 0.0) for row in scene.rows())
+
+
+def floor_of_two(*more, body=CUBE, at=(-0.6, 0.0, 0.5), turned=UPRIGHT):
+    """Return a body on a long tile that ends at x = 0, with what lies beyond or on it."""
+    shapes = [(BOX, (1.0, 1.0, 0.2), None), *(shape for shape, _ in more), body]
+    poses = [((-1.0, 0.0, -0.2), UPRIGHT), *((place, UPRIGHT) for _, place in more), (at, turned)]
+    return Scene(shapes, poses, range(len(shapes) - 1), margin=0.01)
+
+
+# What a cube whose face is 1 mm before x = 0 meets there: a wall beside the tile or on it, a step
+# of 1 cm, and one of 2 mm, more than the tolerance of 1e-3 half extents of the tile.
+REAL = [((BOX, (0.25, 1.0, 1.0), None), (0.25, 0.0, 0.0)),
+        ((BOX, (0.25, 1.0, 1.0), None), (0.25, 0.0, 1.0)),
+        ((BOX, (0.25, 1.0, 0.2), None), (0.25, 0.0, -0.19)),
+        ((BOX, (0.25, 1.0, 0.2), None), (0.25, 0.0, -0.198))]
+
+
+@pytest.mark.parametrize('obstacle', REAL)
+@pytest.mark.parametrize('depth', [0.0, 1e-5, 1e-3])
+def test_a_wall_and_a_step_still_stop_a_cube(obstacle, depth):
+    """The cube lies on the floor, or has sunk into it; the wall pushes back, the floor up."""
+    scene = floor_of_two(obstacle, at=(-0.501, 0.0, 0.5 - depth))
+    assert normals_on(scene, 2) == [(-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
+
+
+@pytest.mark.parametrize('depth', [0.0, 1e-5, 1e-3])
+@pytest.mark.parametrize('ahead', [0.001, -1e-7, -1e-5])
+def test_the_side_of_a_flush_tile_stops_nothing(ahead, depth):
+    """Before the seam, and just beyond it, there is only the floor."""
+    scene = floor_of_two((TILE, (0.25, 0.0, -0.2)), at=(-0.5 - ahead, 0.0, 0.5 - depth))
+    assert set(normals_on(scene, 2)) == {(0.0, 0.0, 1.0)}
+
+
+def test_a_box_that_is_sunk_into_a_plane_is_part_of_it():
+    """A cube moves over the ground to the top of a box in it."""
+    scene = Scene([(PLANE, (0.0, 0.0, 0.0), None), TILE, CUBE],
+                  [(place, UPRIGHT) for place in ((0, 0, 0), (0.25, 0, -0.2), (-0.501, 0, 0.49))],
+                  [0, 1], margin=0.01)
+    assert set(normals_on(scene, 2)) == {(0.0, 0.0, 1.0)}
+
+
+def test_a_tilted_cube_in_a_corner_is_held_by_the_wall_and_the_floor():
+    """Only its lower edge is near both."""
+    scene = floor_of_two(REAL[0], at=(-0.5 * np.sqrt(2.0) - 1e-6, 0.0, 0.5 * np.sqrt(2.0)),
+                         turned=(0.0, np.sin(np.pi / 8), 0.0, np.cos(np.pi / 8)))
+    # Its left edge and its right one are 1.4 m apart: the wall meets the right one.
+    assert {(-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)} == set(normals_on(scene, 2))
+
+
+def test_a_ball_in_a_valley_keeps_both_contacts():
+    """Two boxes, turned by 30 degrees either way, meet in an edge under it."""
+    tilt = np.pi / 12
+    left, right = (0, np.sin(tilt), 0, np.cos(tilt)), (0, -np.sin(tilt), 0, np.cos(tilt))
+    half, c, s = 1.0, np.cos(2 * tilt), np.sin(2 * tilt)
+    scene = Scene([(BOX, (half, 1.0, 0.2), None), (BOX, (half, 1.0, 0.2), None),
+                   (SPHERE, (0.3, 0, 0), None)],
+                  [((-half * c - 0.2 * s, 0, half * s - 0.2 * c), left),
+                   ((half * c + 0.2 * s, 0, half * s - 0.2 * c), right),
+                   ((0, 0, 0.3 / c), UPRIGHT)], [0, 1], margin=0.01)
+    assert normals_on(scene, 2) == [(round(-s, 9), 0, round(c, 9)), (round(s, 9), 0, round(c, 9))]
+
+
+def test_a_ball_on_the_edge_that_two_tiles_share_leans_outwards():
+    """Outside of both, beside the corner that they have in common, the normal points to it."""
+    scene = Scene([(BOX, (1.0, 0.5, 0.2), None), (BOX, (1.0, 0.5, 0.2), None),
+                   (SPHERE, (0.3, 0, 0), None)],
+                  [((-1.0, -0.5, -0.2), UPRIGHT), ((-1.0, 0.5, -0.2), UPRIGHT),
+                   ((0.18, 0.0, 0.24), UPRIGHT)], [0, 1], margin=0.01)
+    assert set(normals_on(scene, 2)) == {(0.6, 0.0, 0.8)}
+
+
+def sliding(contact, shape, place, floor):
+    """Return a body that slides over the seams of a floor at 2 m/s, without friction."""
+    return World.from_dict({
+        'format': 1, 'world': {'contact': contact},
+        'materials': {'default': {'friction': 0.0}},
+        'bodies': [*floor, {'name': 'body', 'mass': 1.0, 'shape': shape,
+                            'pose': {'position': place}, 'twist': {'linear': [2.0, 0.0, 0.0]}}]})
+
+
+def separate(fixed=True, mass=1e4):
+    """Return six flush boxes 0.5 m long."""
+    kind = {'fixed': True} if fixed else {'mass': mass}
+    return [{'name': f'tile{k}', **kind, 'shape': {'type': 'box', 'size': [0.5, 2.0, 0.4]},
+             'pose': {'position': [0.5 * k, 0.0, -0.2]}} for k in range(6)]
+
+
+def compound():
+    """Return the same as one body."""
+    parts = [{'type': 'box', 'size': [0.5, 2.0, 0.4],
+              'pose': {'position': [0.5 * k, 0.0, -0.2]}} for k in range(6)]
+    return [{'name': 'floor', 'fixed': True, 'shape': {'compound': parts}}]
+
+
+def dynamic():
+    """Return heavy boxes that lie on the ground side by side."""
+    ground = {'name': 'ground', 'fixed': True, 'shape': {'type': 'plane', 'offset': -0.4}}
+    return [ground, *separate(fixed=False)]
+
+
+SLIDING = [({'type': 'box', 'size': [0.6, 0.6, 0.6]}, 0.3),
+           ({'type': 'sphere', 'radius': 0.2}, 0.2),
+           ({'type': 'cylinder', 'radius': 0.2, 'length': 0.4}, 0.2)]
+
+
+@pytest.mark.parametrize('contact', ['timestep', 'event'])
+@pytest.mark.parametrize('floor', [separate, compound, dynamic])
+@pytest.mark.parametrize('shape, height', SLIDING, ids=['box', 'sphere', 'cylinder'])
+def test_what_slides_over_flush_boxes_slides_on(contact, floor, shape, height):
+    """
+    Over four seams it keeps its speed and its height.
+
+    To a millimetre a second: a body that sinks by 1e-5 m is lifted by g h^2 = 1e-5 m in a step at
+    most. Heavy boxes lie as deep as each other to 1e-5 m too. A ball may spin as it likes.
+    """
+    world = sliding(contact, shape, [0.1, 0.05, height], floor())
+    for _ in range(10):
+        world.step(100)
+        assert np.abs(world.linear_velocity[-1] - (2.0, 0.0, 0.0)).max() < 1e-3
+        assert shape['type'] == 'sphere' or np.abs(world.angular_velocity[-1]).max() < 1e-2
+        assert abs(world.position[-1, 2] - height) < 1e-4

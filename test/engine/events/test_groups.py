@@ -1,0 +1,77 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Bodies that cannot meet within a step go through it by themselves, in the model `event`."""
+
+from engine.touching import ball, box, EventScene, ground
+import numpy as np
+import pytest
+
+from rigid_sim_ros.engine.events.buffers import GROUPS, TRIES
+from rigid_sim_ros.engine.model.shapes import Material
+
+R = 0.1
+
+
+def heap(x: float) -> list:
+    """Return bodies that fall on each other at x."""
+    rng = np.random.default_rng(3)
+    return [box((0.2, 0.15, 0.1), 1.0, position=(x + rng.uniform(-0.05, 0.05), 0.03 * k,
+                                                 0.1 + 0.2 * k), spin=rng.normal(size=3))
+            for k in range(4)]
+
+
+def test_a_heap_far_away_changes_no_bit():
+    material = Material(friction=0.5, restitution=0.4)
+    alone = EventScene([*heap(0.0), ground()], material)
+    both = EventScene([*heap(0.0), *heap(0.0 + 50.0), ground()], material)
+    events = 0
+    for _ in range(400):
+        alone.step()
+        both.step()
+        events += alone.work.report.events
+        for field in ('x', 'q', 'P', 'L'):
+            mine, other = getattr(alone.state, field), getattr(both.state, field)
+            assert (mine[:, :4] == other[:, :4]).all()
+    assert events > 20
+
+
+def test_a_floor_joins_no_groups():
+    scene = EventScene([ground(), *(ball(R, 1.0, position=(x, 0, R)) for x in (0.0, 1.0, 2.0)),
+                        ball(R, 1.0, position=(2.0, 0, 3.01 * R))], Material())
+    scene.step()
+    # The two that are on top of each other are one.
+    assert scene.work.buffers.count[GROUPS] == 3
+
+
+def test_a_step_in_which_a_body_gets_farther_than_thought_begins_anew():
+    heavy, light = 1000.0, 1.0
+    # Within a step of 10 ms the heavy ball goes 0.1 m, hits the light one after 2 ms, and that
+    # gets twice as far as it in the rest: 0.16 m, to a third ball 0.1 m away.
+    things = [ball(R, heavy, position=(0, 0, 0), velocity=(10.0, 0, 0)),
+              ball(R, light, position=(2 * R + 0.02, 0, 0)),
+              ball(R, heavy, position=(4 * R + 0.12, 0, 0))]
+    scene = EventScene(things, Material(restitution=1.0), h=0.01, gravity=(0, 0, 0))
+    P, energy = scene.state.P.sum(axis=1), scene.energy()
+    scene.step()
+    assert scene.work.buffers.count[TRIES] > 0
+    expected = on_a_line([0.0, 2 * R + 0.02, 4 * R + 0.12], [10.0, 0.0, 0.0],
+                         [heavy, light, heavy], 0.01)
+    assert scene.v[0] == pytest.approx(expected, rel=1e-10)  # meetings are known to 1e-12 s
+    assert scene.state.P.sum(axis=1) == pytest.approx(P, rel=1e-14)
+    assert scene.energy() == pytest.approx(energy, rel=1e-13)
+
+
+def on_a_line(x, v, m, t) -> list[float]:
+    """Return the velocities of elastic balls on a line after t, shock by shock."""
+    while True:
+        first, which = t, -1
+        for k in range(len(x) - 1):
+            closing, gap = v[k] - v[k + 1], x[k + 1] - x[k] - 2 * R
+            if closing > 0.0 and gap / closing < first:
+                first, which = gap / closing, k
+        x, t = [a + first * b for a, b in zip(x, v, strict=True)], t - first
+        if which < 0:
+            return v
+        k, total = which, m[which] + m[which + 1]
+        mean = (m[k] * v[k] + m[k + 1] * v[k + 1]) / total
+        v = [*v[:k], 2 * mean - v[k], 2 * mean - v[k + 1], *v[k + 2:]]

@@ -1,0 +1,107 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Small islands of very different masses, which are solved directly, against formulas."""
+
+from engine.stepping import TimestepScene
+from engine.touching import ball, box, G, ground
+import numpy as np
+import pytest
+
+from rigid_sim_ros.engine.model.shapes import Material
+from rigid_sim_ros.engine.solver.direct_islands import MOST_BODIES, RATIO
+
+H = 1 / 240
+
+
+def column(masses, *, friction=0.5, size=0.1):
+    """Return cubes on top of each other, at rest on the ground."""
+    boxes = [box((size,) * 3, m, position=(0, 0, (k + 0.5) * size))
+             for k, m in enumerate(masses)]
+    return TimestepScene([ground(), *boxes], Material(friction=friction), H)
+
+
+def chosen(scene):
+    """Return how many islands were solved directly in the last step."""
+    return int(scene.work.direct.islands.count[0])
+
+
+@pytest.mark.parametrize('masses', [
+    (1e-3, 1e4), (1.0, 1e4), (1e4, 1e-3, 1e4), (1e-3, 1e3, 1e-2, 1e4, 1e-3)])
+def test_a_heavy_body_rests_on_a_light_one(masses):
+    scene = column(masses)
+    start = scene.state.x.copy()
+    scene.step(240)
+    assert chosen(scene) == 1
+    # 1e-11 sizes a substep are within what is solved for; there are 960 of them.
+    assert np.abs(scene.state.x - start).max() < 1e-9
+    assert scene.ground_force() == pytest.approx(sum(masses) * G, rel=1e-9)
+
+
+@pytest.mark.parametrize('m', [1.0, 1e3])
+def test_a_heavy_body_that_falls_on_a_light_one_stays_there(m):
+    """Inelastic: afterwards nothing moves, as what rests on the ground cannot give way."""
+    low = box((0.1,) * 3, 1e-2, position=(0, 0, 0.05))
+    high = box((0.1,) * 3, m, position=(0, 0, 0.35))
+    scene = TimestepScene([ground(), low, high], Material(), H)
+    fastest = 0.0
+    for _ in range(240):
+        scene.step()
+        if scene.v[2, 2] > -1e-3:
+            fastest = max(fastest, np.abs(scene.v).max())
+    # What a substep of gravity gives at most.
+    assert fastest < G * H / 4
+    assert scene.state.x[2, 1:] == pytest.approx([0.05, 0.15], abs=1e-5)
+
+
+def test_a_light_ball_is_thrown_no_faster_than_the_heavy_one_that_hits_it():
+    """
+    Two free balls, inelastic, along their line of centres: v' = (m v) / (m + M) for both.
+
+    And then nothing else acts: P is what it was.
+    """
+    light, heavy = (ball(0.1, 1e-2, position=(0, 0, 0)),
+                    ball(0.1, 1e2, position=(-0.5, 0, 0), velocity=(3.0, 0, 0)))
+    scene = TimestepScene([light, heavy], Material(), H, gravity=(0.0, 0.0, 0.0))
+    scene.step(120)
+    common = 3.0 * 1e2 / (1e2 + 1e-2)
+    # Momenta are sums of 300 kg m/s, rounded.
+    assert scene.v[0] == pytest.approx([common, common], rel=1e-10)
+    assert scene.state.P[0].sum() == pytest.approx(300.0, rel=1e-14)
+
+
+@pytest.mark.parametrize('pull', [0.9, 1.1])
+def test_a_light_plate_under_a_heavy_one_holds_it_as_coulomb_says(pull):
+    """Gravity is tilted: it slides by (pull - 1) mu g t^2 / 2 once that is above 0."""
+    plates = [box((0.4, 0.4, 0.05), m, position=(0, 0, 0.025 + 0.05 * k))
+              for k, m in enumerate((1e-2, 1e3))]
+    scene = TimestepScene([ground(), *plates], Material(friction=0.4), H,
+                          gravity=(pull * 0.4 * G, 0.0, -G))
+    scene.step(120)
+    assert chosen(scene) == 1
+    # Sliding begins with the first substep, a part of 1 / 480 of the time.
+    way = max(pull - 1.0, 0.0) * 0.4 * G * 0.5 ** 2 / 2
+    assert scene.state.x[0, 2] == pytest.approx(way, rel=2 / 480, abs=1e-9)
+
+
+def test_what_is_alike_or_too_much_is_swept():
+    alike = column((1.0, 0.5 * RATIO))
+    alike.step(2)
+    assert alike.work.direct.islands.count[0] == 0
+    many = column((1e-2, *[10.0] * MOST_BODIES), size=0.2)
+    many.step(2)
+    assert chosen(many) == 0
+
+
+def test_islands_are_solved_one_by_one():
+    """Two columns far from each other do what each does alone, to the bit."""
+    def both(*where):
+        boxes = [box((0.1,) * 3, m, position=(x, 0, z), spin=(0.0, 0.3, 0.1))
+                 for x in where for m, z in ((0.01, 0.06), (5.0, 0.17))]
+        scene = TimestepScene([ground(), *boxes], Material(friction=0.3), H)
+        scene.step(60)
+        return scene
+
+    alone, two = both(0.0), both(0.0, 7.0)
+    assert chosen(two) == 2
+    assert np.array_equal(two.state.x[:, 1:3], alone.state.x[:, 1:3])
+    assert np.array_equal(two.state.L[:, 1:3], alone.state.L[:, 1:3])

@@ -1,0 +1,95 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Compiling begins with the scene: what a helper begins with is what the first step waits for."""
+import json
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from rigid_sim_ros.engine.steps.timestep import ALWAYS
+from rigid_sim_ros.kernels.cache import cache_folder
+from rigid_sim_ros.kernels.linking import SUPPORTED
+from rigid_sim_ros.kernels.separate import cores
+
+# Tells what is begun for which box, in place of beginning with it, and which box a step needs.
+TOLD = """
+import json
+from rigid_sim_ros.engine.steps import precompile, timestep
+begun = []
+precompile.begin = lambda pieces, box: begun.append(([p.__name__ for p in pieces], box.name))
+from rigid_sim_ros.world import World
+for world in (World.from_dict(scene) for scene in {scenes}):
+    world.step()
+print(json.dumps([begun, world._contact._kept.compiled_for.type.name
+                  if begun else type(world._contact).__name__]))
+"""
+BALL = {'name': 'ball', 'shape': {'type': 'sphere', 'radius': 0.1}, 'mass': 1.0}
+OTHER = BALL | {'name': 'other', 'pose': {'position': [0, 0, 0.15]}}
+GROUND = {'name': 'ground', 'shape': {'type': 'plane'}, 'fixed': True}
+
+
+def scene(contact, *bodies, **more):
+    return {'format': 1, 'world': {'contact': contact}, 'bodies': bodies, **more}
+
+
+def told(*scenes):
+    """Return what a process with these worlds has begun with, and what it needed."""
+    done = subprocess.run([sys.executable, '-c', TOLD.format(scenes=repr(scenes))],
+                          capture_output=True, text=True, check=True)
+    return json.loads(done.stdout)
+
+
+@pytest.mark.parametrize('one', [
+    scene('timestep', BALL, OTHER),
+    scene('timestep', BALL, GROUND, collision={'sleep_after': 1.0, 'substeps': 2},
+          materials={'default': {'restitution': 0.5, 'rolling': 0.01}},
+          forces=[{'type': 'spring', 'a': 'ball', 'anchor': [0, 0, 1], 'stiffness': 4,
+                   'rest_length': 0.8}]),
+], ids=['two balls', 'with all that is optional'])
+def test_a_helper_begins_with_the_types_that_the_first_step_has(one):
+    begun, needed = told(one, scene('timestep', BALL, OTHER))
+    assert begun == [[['_detect', '_store'], needed]]     # and once only
+
+
+@pytest.mark.parametrize('other', [scene('none', BALL, GROUND), scene('timestep', BALL)])
+def test_nothing_is_begun_where_nothing_can_touch(other):
+    assert told(other) == [[], 'FreeMotion']
+
+
+def cache_without(folder, names):
+    """Fill a cache with what this machine has compiled, but for some kernels of `timestep`."""
+    kernels = folder / 'rigid_sim_ros' / 'kernels'
+    for module in [name for name in sys.modules if name.startswith('rigid_sim_ros.engine.')]:
+        if cache_folder(module).is_dir():
+            shutil.copytree(cache_folder(module), kernels / cache_folder(module).name,
+                            ignore=shutil.ignore_patterns(
+                                '*.tmp.*', *(f'timestep.{name}-*' for name in names)))
+
+
+@pytest.mark.skipif(not SUPPORTED or cores() < 2, reason='there is no helper')
+def test_what_was_begun_is_waited_for_and_nothing_is_begun_twice(tmp_path):
+    code = """
+from rigid_sim_ros.kernels import separate
+separate.PATIENCE = 900.0     # on a busy machine the helper hardly gets on
+started, start = [], separate._start
+def counted(*arguments):
+    started.append(start(*arguments))
+    return started[-1]
+separate._start = counted
+from rigid_sim_ros.world import World
+world = World.from_dict(SCENE)
+assert len(started) == 1 and separate._begun == started
+world.step()
+from rigid_sim_ros.engine.steps.timestep import ALWAYS
+print(len(started), len(separate._begun), started[0].process.returncode,
+      *(sum(piece.stats.cache_hits.values()) for piece in ALWAYS))
+"""
+    cache_without(tmp_path, [piece.__name__ for piece in ALWAYS])
+    done = subprocess.run(
+        [sys.executable, '-c', code.replace('SCENE', repr(scene('timestep', BALL, OTHER)))],
+        env=os.environ | {'NUMBA_CACHE_DIR': str(tmp_path)}, capture_output=True, text=True,
+        check=True)
+    assert done.stdout.split() == ['1', '0', '0', '1', '1']

@@ -1,0 +1,13 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Kernels that a test writes itself."""
+
+from rigid_sim_ros.kernels import kernel as kernels
+
+
+def of_the_engine(decorate):
+    """Let a function of a test be compiled and cached as one of the engine."""
+    def decorated(function):
+        function.__module__ = kernels.__name__
+        return decorate(function)
+    return decorated

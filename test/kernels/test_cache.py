@@ -1,0 +1,176 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled kernels are found again exactly as long as nothing that they are made of changes."""
+
+import ast
+import os
+from pathlib import Path
+import pickle
+import shutil
+import subprocess
+import sys
+
+from bag.small_disk import make_read_only, mounted
+import pytest
+
+from rigid_sim_ros.kernels import cache
+
+ROOT = Path(cache.__file__).parents[1]
+PACKAGE = 'rigid_sim_ros'
+MODULES = sorted(
+    f'{PACKAGE}.' + '.'.join(path.relative_to(ROOT).with_suffix('').parts)
+    for part in ('engine', 'kernels') for path in (ROOT / part).rglob('*.py')
+    if path.name != '__init__.py')
+
+
+def imported(module):
+    """Return the modules of the package that a module imports, as Python's parser reads it."""
+    tree = ast.parse(cache._path(module).read_text(encoding='utf-8'))
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or '').startswith(PACKAGE):
+            names = [node.module, *(f'{node.module}.{alias.name}' for alias in node.names)]
+            found |= {name for name in names if cache._path(name).is_file()}
+    return found
+
+
+def test_all_imports_of_a_module_are_seen():
+    assert {module: set(cache._source(module)[1]) for module in MODULES} == {
+        module: imported(module) for module in MODULES}
+
+
+@pytest.fixture
+def engine(tmp_path, monkeypatch):
+    """Give a folder with three modules in place of the engine; `a` imports `b`, and `b` `c`."""
+    monkeypatch.setattr(cache, '_ROOT', tmp_path)
+    for name, text in {'a': f'from {PACKAGE}.b import (\n    f)\n',
+                       'b': f'from {PACKAGE} import c\n', 'c': '', 'd': ''}.items():
+        (tmp_path / f'{name}.py').write_text(text, encoding='utf-8')
+
+    def forget():
+        for known in (cache._is_module, cache._source, cache._digest):
+            known.cache_clear()
+
+    forget()
+
+    def folders():
+        forget()
+        return {name: cache.cache_folder(f'{PACKAGE}.{name}').name for name in 'abcd'}
+
+    yield folders
+    forget()
+
+
+@pytest.mark.parametrize('changed, affected', [('a', 'a'), ('b', 'ab'), ('c', 'abc'), ('d', 'd')])
+def test_a_change_moves_the_cache_of_what_depends_on_it(engine, tmp_path, changed, affected):
+    before = engine()
+    (tmp_path / f'{changed}.py').open('a', encoding='utf-8').write('x = 1\n')
+    after = engine()
+    assert ''.join(name for name in 'abcd' if before[name] != after[name]) == affected
+
+
+# Prints how often a kernel was found in the cache, and compiled.
+FOUND = """
+from rigid_sim_ros.engine.maths.rotation import unit
+assert __import__('rigid_sim_ros').__file__.startswith(PLACE)
+unit((0.0, 0.0, 0.0, 2.0))
+print(*(sum(counts.values()) for counts in (unit.stats.cache_hits, unit.stats.cache_misses)))
+"""
+
+
+def test_what_was_compiled_is_found_again_where_nobody_may_write_to_the_package(tmp_path):
+    with mounted(tmp_path / 'disk') as place:
+        shutil.copytree(ROOT, place / 'rigid_sim_ros',
+                        ignore=shutil.ignore_patterns('__pycache__'))
+        make_read_only(place)
+        with pytest.raises(OSError, match='Read-only'):
+            (place / 'rigid_sim_ros' / 'new').mkdir()
+        environment = os.environ | {'XDG_CACHE_HOME': str(tmp_path / 'home'),
+                                    'PYTHONPATH': str(place)}
+        environment.pop('NUMBA_CACHE_DIR', None)
+        for expected in ('0 1', '1 0'):
+            done = subprocess.run(
+                [sys.executable, '-c', FOUND.replace('PLACE', repr(str(place)))], cwd=tmp_path,
+                env=environment, capture_output=True, text=True, check=True)
+            assert done.stdout.split() == expected.split()
+
+
+def found(home, check=True, **environment):
+    """Return how often a kernel was found and compiled in a new process, and what it said."""
+    program = FOUND.replace("assert __import__('rigid_sim_ros').__file__.startswith(PLACE)\n", '')
+    variables = os.environ | {'XDG_CACHE_HOME': str(home), **environment}
+    if 'NUMBA_CACHE_DIR' not in environment:
+        variables.pop('NUMBA_CACHE_DIR', None)
+    done = subprocess.run([sys.executable, '-c', program], env=variables, capture_output=True,
+                          text=True, check=check)
+    return done.stdout.split(), done.stderr
+
+
+class Harm:
+    """Writes a file when it is read as a pickle."""
+
+    def __init__(self, trace):
+        self.trace = trace
+
+    def __reduce__(self):
+        return os.mkdir, (str(self.trace),)
+
+
+DAMAGES = {
+    'empty': lambda raw: b'',
+    'truncated': lambda raw: raw[:len(raw) // 2],
+    'without its beginning': lambda raw: raw[20:],
+    'flipped at its end': lambda raw: raw[:-1] + bytes([raw[-1] ^ 1]),
+    'flipped in the middle': lambda raw: (
+        raw[:len(raw) // 2] + bytes([raw[len(raw) // 2] ^ 4]) + raw[len(raw) // 2 + 1:]),
+    'zeros': lambda raw: bytes(len(raw)),
+}
+
+
+@pytest.mark.parametrize('suffix', ['.nbi', '.nbc'])
+def test_a_damaged_file_is_compiled_anew(tmp_path, suffix):
+    assert found(tmp_path)[0] == ['0', '1']
+    for damage in DAMAGES.values():
+        path, = (path for path in tmp_path.rglob(f'*{suffix}') if '.unit-' in path.name)
+        path.write_bytes(damage(path.read_bytes()))
+        assert found(tmp_path) == (['0', '1'], '')
+    assert found(tmp_path) == (['1', '0'], '')
+
+
+@pytest.mark.parametrize('suffix', ['.nbi', '.nbc'])
+@pytest.mark.parametrize('which', ['kernels', 'rigid_sim_ros', '.'])
+def test_a_folder_that_others_may_write_to_is_not_used(tmp_path, suffix, which):
+    found(tmp_path / 'home')
+    trace = tmp_path / 'trace'
+    for path in (tmp_path / 'home').rglob(f'*{suffix}'):
+        harm = pickle.dumps(Harm(trace))
+        path.write_bytes(cache._digest_of(harm) + harm)
+    # What was planted would be run where the folder is trusted: otherwise this test says nothing.
+    folder = tmp_path / 'home' / {'kernels': 'rigid_sim_ros/kernels'}.get(which, which)
+    before = folder.stat().st_mode
+    folder.chmod(0o777)
+    counts, said = found(tmp_path / 'home')
+    assert counts == ['0', '1']
+    assert 'set NUMBA_CACHE_DIR' in said
+    assert len(said.splitlines()) == 1
+    assert not trace.exists()
+    folder.chmod(before)
+    found(tmp_path / 'home', check=False)
+    assert trace.exists()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason='only root may give a folder away')
+def test_a_folder_of_another_user_is_not_used(tmp_path):
+    (tmp_path / 'rigid_sim_ros' / 'kernels').mkdir(parents=True)
+    os.chown(tmp_path / 'rigid_sim_ros' / 'kernels', 12345, 12345)
+    counts, said = found(tmp_path)
+    assert counts == ['0', '1']
+    assert 'set NUMBA_CACHE_DIR' in said
+    assert list((tmp_path / 'rigid_sim_ros' / 'kernels').iterdir()) == []
+
+
+def test_nothing_is_left_of_a_folder_for_one_run(tmp_path):
+    (tmp_path / 'tmp').mkdir()
+    (tmp_path / 'home').write_text('no folder')
+    assert found(tmp_path / 'home', TMPDIR=str(tmp_path / 'tmp'))[0] == ['0', '1']
+    assert list((tmp_path / 'tmp').iterdir()) == []

@@ -1,0 +1,189 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A snapshot may come from anybody: it is taken as a whole, or refused and nothing has changed."""
+
+import contextlib
+from functools import cache
+import json
+import struct
+from typing import Any
+import zlib
+
+from budget import examples
+from hypothesis import given, settings, strategies as st
+import numpy as np
+import pytest
+
+from rigid_sim_ros import World
+from rigid_sim_ros.world.snapshot import pack, unpack
+from rigid_sim_ros.world.snapshot_check import TABLE
+
+MODELS: dict[str, dict[str, Any]] = {
+    'none': {'contact': 'none'},
+    'timestep': {'contact': 'timestep'},
+    'qp': {'contact': 'timestep', 'solver': 'qp'},
+    'event': {'contact': 'event'},
+    'penalty': {'contact': 'penalty'},
+}
+
+
+def scene(model: str) -> dict[str, Any]:
+    """Return bodies of several shapes that touch, with wrenches' frames."""
+    return {
+        'format': 1, 'world': {'step': 0.0005, **MODELS[model]},
+        'bodies': [
+            {'name': 'ground', 'fixed': True, 'shape': {'type': 'plane'}},
+            {'name': 'crate', 'mass': 2.0, 'shape': {'type': 'box', 'size': [1, 1, 1]},
+             'pose': {'position': [0, 0, 0.5]},
+             'frames': {'handle': {'position': [0.5, 0, 0]}}},
+            {'name': 'lid', 'mass': 1.0, 'shape': {'type': 'box', 'size': [0.8, 0.8, 0.2]},
+             'pose': {'position': [0.1, 0, 1.1]}},
+            {'name': 'ball', 'mass': 1.0, 'shape': {'type': 'sphere', 'radius': 0.2},
+             'pose': {'position': [0, 0, 1.4]}},
+        ]}
+
+
+def busy(model: str) -> World:
+    """Return a world in contact, with wrenches in effect."""
+    world = World.from_dict(scene(model))
+    world.apply_wrench('crate', (1, 2, 3), frame='crate/handle', duration=1.0, source='hand')
+    world.apply_wrench('ball', (0, 0, 1), frame='crate', point=(0.1, 0, 0), duration=2.0)
+    world.step(15)
+    return world
+
+
+@cache
+def saved_world(model: str) -> bytes:
+    """Return the same as bytes."""
+    return busy(model).save()
+
+
+@cache
+def shared_world(model: str) -> World:
+    """Return a world that the tests restore, and that is nowhere else used."""
+    return busy(model)
+
+
+def check(model: str, data: bytes) -> bool:
+    """Restore and go on, or be refused and go on as if nothing had been; return whether taken."""
+    world, expected = shared_world(model), busy(model)
+    world.restore(expected.save())
+    try:
+        world.restore(data)
+    except ValueError as error:
+        assert '\n' not in str(error)
+        assert world.save() == expected.save()
+        expected.step(3)
+        world.step(3)
+        assert world.save() == expected.save()
+        return False
+    assert world.save() == data
+    # Finite numbers may be so large that their sums are not.
+    with contextlib.suppress(ArithmeticError):
+        world.step(3)
+    return True
+
+
+def changed(model: str, name: str, place: int, value: float) -> bytes:
+    """Return a snapshot with one number of an array changed, and a checksum that fits."""
+    meta, arrays = unpack(saved_world(model))
+    array = arrays[name].copy()
+    array.flat[place % array.size] = value
+    return pack(meta, arrays | {name: array})
+
+
+@pytest.mark.parametrize('model', MODELS)
+def test_a_world_takes_back_what_it_saved(model) -> None:
+    assert check(model, saved_world(model))
+    assert set(unpack(saved_world(model))[1]) <= TABLE.keys()
+
+
+@pytest.mark.parametrize('model', MODELS)
+@pytest.mark.parametrize('name', TABLE)
+@pytest.mark.parametrize('value', [-2**31, -2, 1000, 2**30])
+def test_a_number_that_names_something_else_is_refused(model, name, value) -> None:
+    arrays = unpack(saved_world(model))[1]
+    field = TABLE[name]
+    is_in_range = field.low <= value and isinstance(field.high, int) and value <= field.high
+    if name in arrays and arrays[name].size and arrays[name].dtype.kind == 'i' and (
+            not is_in_range):
+        assert not check(model, changed(model, name, 0, np.clip(
+            value, np.iinfo(arrays[name].dtype).min, np.iinfo(arrays[name].dtype).max)))
+
+
+@pytest.mark.parametrize('model', MODELS)
+@pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf])
+def test_a_number_that_is_not_finite_is_refused(model, value) -> None:
+    for name, array in unpack(saved_world(model))[1].items():
+        if array.dtype.kind == 'f' and array.size:
+            assert not check(model, changed(model, name, 3, value)), name
+
+
+@pytest.mark.parametrize('meta', [
+    {'step_index': -1}, {'step_index': 2 ** 63}, {'step_index': 2 ** 200}, {'step_index': 1.5},
+    {'step_index': None}, {'step_index': True}, {'step_index': '7'}, {'sources': None},
+    {'sources': []}, {'sources': ['hand']}, {'sources': ['hand', 1]}, {'sources': 'hands'},
+    {'scene': None}, {'order': 7}, {'bodies': ['x' * 10000]}])
+def test_facts_that_make_no_sense_are_refused(meta) -> None:
+    facts, arrays = unpack(saved_world('timestep'))
+    new = {**facts, **meta}
+    if 'bodies' in meta:
+        new['scene'] = 'another'
+    assert not check('timestep', pack(new, arrays))
+
+
+SHAPES = st.lists(st.integers(-1, 5), max_size=3).map(tuple)
+KINDS = st.sampled_from(['<f8', '<i8', '<i4', '|i1'])
+NUMBERS = st.one_of(st.floats(), st.integers(-2 ** 63, 2 ** 63 - 1).map(float),
+                    st.sampled_from([0.0, -1.0, 1.0, 2.0, 5.0, 1e308, -1e308, 5e-324, 1e200]))
+
+
+@pytest.mark.parametrize('model', MODELS)
+@settings(max_examples=examples(60))
+@given(data=st.data())
+def test_fuzzed_arrays_are_taken_or_refused(model, data) -> None:
+    meta, arrays = unpack(saved_world(model))
+    for _ in range(data.draw(st.integers(1, 3))):
+        name = data.draw(st.sampled_from(sorted(arrays)))
+        how = data.draw(st.sampled_from(['value', 'values', 'length', 'shape', 'kind', 'gone']))
+        array = arrays[name].copy()
+        with np.errstate(all='ignore'):
+            if how == 'value' and array.size:
+                array.flat[data.draw(st.integers(0, array.size - 1))] = np.array(
+                    data.draw(NUMBERS)).astype(array.dtype)
+            elif how == 'values':
+                array[...] = np.array(data.draw(NUMBERS)).astype(array.dtype)
+            elif how == 'length' and array.ndim:
+                array = np.resize(array, (data.draw(st.integers(0, 9)), *array.shape[1:]))
+            elif how == 'shape':
+                array = np.zeros([max(0, length) for length in data.draw(SHAPES)], array.dtype)
+            elif how == 'kind':
+                array = array.astype(data.draw(KINDS))
+        if how == 'gone':
+            arrays.pop(name)
+        else:
+            arrays[name] = array
+        if not arrays:
+            break
+    check(model, pack(meta, arrays))
+
+
+HEADERS = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(
+        st.sampled_from(['meta', 'arrays', 'scene', 'x']), inner, max_size=3), max_leaves=12)
+
+
+ODD_KINDS = st.sampled_from(['|O', '<U9', '<M8[ns]', '<f2', '|V100000', 'x', 7, None])
+LAYOUTS = st.builds(
+    lambda shape, kind, name: {'meta': {}, 'arrays': [[name, kind, list(shape)]]},
+    SHAPES | st.just((2 ** 62, 4)) | st.just((2 ** 70,)), KINDS | ODD_KINDS, st.text(max_size=3))
+
+
+@settings(max_examples=examples(60))
+@given(header=HEADERS | LAYOUTS, rest=st.binary(max_size=40))
+def test_fuzzed_headers_are_refused(header, rest) -> None:
+    text = json.dumps(header).encode()
+    data = struct.pack('<8sII', b'RSIMSNAP', len(text), zlib.crc32(text + rest, len(text)))
+    with pytest.raises(ValueError, match='snapshot'):
+        shared_world('none').restore(data + text + rest)
