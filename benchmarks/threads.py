@@ -38,7 +38,7 @@ from scenes import pile, spheres
 
 from rigid_sim_ros import World
 from rigid_sim_ros.kernels.second_core import _read, _write, make_desk
-from rigid_sim_ros.kernels.separate import cores
+from rigid_sim_ros.kernels.helper_process import cores
 
 WANTED = 1.6
 # Steps, and those before them that do not count: after a change of worlds the caches hold another

@@ -17,7 +17,7 @@ from typing import Any, TextIO, TypeVar
 
 from numba.core import event
 
-from rigid_sim_ros.kernels.separate import WAITING
+from rigid_sim_ros.kernels.helper_process import WAITING
 from rigid_sim_ros.scene import Scene
 from rigid_sim_ros.signals import INTERRUPTED, Stop
 from rigid_sim_ros.world import World

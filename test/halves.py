@@ -42,5 +42,5 @@ def rows_and(across: list[dict[str, Any]], speed: float) -> World:
 
 def members(world: World) -> np.ndarray:
     """Return how many contacts either half has, and how many are across."""
-    found: np.ndarray = world._contact._work.solver.coloring.members
+    found: np.ndarray = world._contact._arguments.work.solver.coloring.members
     return found

@@ -11,7 +11,7 @@ import pytest
 
 from rigid_sim_ros import load_scene, World
 from rigid_sim_ros.engine.detection.manifolds import current_manifolds, slice_in_use
-from rigid_sim_ros.kernels.separate import cores
+from rigid_sim_ros.kernels.helper_process import cores
 from rigid_sim_ros.world.snapshot import pack, unpack
 
 # [s] until the helper must have done so much; on a busy machine it seldom has a core.
@@ -78,7 +78,7 @@ def test_a_world_that_is_no_longer_cut_forgets_its_halves():
         'contact': 'timestep', 'step': 1 / 240, 'gravity': [0, 0, 0]}}
     world = World.from_dict(scene)
     world.step(3)
-    assert world._contact._work.solver.blocks.count.all()
+    assert world._contact._arguments.work.solver.blocks.count.all()
     for k in range(100, len(balls)):
         world.set_pose(f'b{k}', (10.0 * k, 0, 0), (0, 0, 0, 1))
     fresh = World.from_dict(scene)
@@ -87,12 +87,12 @@ def test_a_world_that_is_no_longer_cut_forgets_its_halves():
     for halves in (2, 1):
         world.step()
         fresh.step()
-        assert world._contact._work.solver.sides.cut.halved[0] == halves - 1
+        assert world._contact._arguments.work.solver.sides.cut.halved[0] == halves - 1
         assert world.state_hash() == fresh.state_hash()
         assert world._contact.report() == fresh._contact.report()
     # What is left there would be visited when an impact is calmed.
-    assert world._contact._work.solver.blocks.count.tolist()[1:] == [0, 0]
-    assert not world._contact._work.solver.notes[1:].any()
+    assert world._contact._arguments.work.solver.blocks.count.tolist()[1:] == [0, 0]
+    assert not world._contact._arguments.work.solver.notes[1:].any()
 
 
 def mixed(world: World) -> World:
@@ -106,7 +106,7 @@ def mixed(world: World) -> World:
 
 def cut_by_place(world: World) -> bool | None:
     """Return whether a plane cuts a world, and not the numbers of the bodies; None: nothing."""
-    cut = world._contact._work.solver.sides.cut
+    cut = world._contact._arguments.work.solver.sides.cut
     return bool(cut.by_place[0]) if cut.halved[0] == 1 else None
 
 
@@ -123,8 +123,8 @@ def test_bodies_that_have_mixed_are_cut_by_a_plane(sleep_after):
         two.step()
         assert one.state_hash() == two.state_hash()
     # Neither half has all of them.
-    assert min(one._contact._work.solver.blocks.count[:2]) > 0.3 * max(
-        one._contact._work.solver.blocks.count[:2])
+    assert min(one._contact._arguments.work.solver.blocks.count[:2]) > 0.3 * max(
+        one._contact._arguments.work.solver.blocks.count[:2])
 
 
 @pytest.mark.parametrize('by_place', [False, True])
@@ -173,11 +173,11 @@ def test_halves_stay_when_a_world_needs_more_room():
     contact, grown_when_halved = world._contact, 0
     for _ in range(400):
         rows = len(contact._memory.pages[0].shape_a)
-        left = int(contact._work.solver.sides.cut.left[0])
+        left = int(contact._arguments.work.solver.sides.cut.left[0])
         world.step()
         if left > 0:
             # As if nothing had happened: who is restored may have the room already.
-            assert contact._work.solver.sides.cut.left[0] == left - 1
+            assert contact._arguments.work.solver.sides.cut.left[0] == left - 1
             grown_when_halved += len(contact._memory.pages[0].shape_a) > rows
     assert grown_when_halved > 0
 

@@ -12,7 +12,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from rigid_sim_ros.engine.steps.contact_models import CONTACT_MODELS
 from rigid_sim_ros.engine.steps.free import FREE_MOTION
-from rigid_sim_ros.kernels.separate import cores, finish
+from rigid_sim_ros.kernels.helper_process import cores
+from rigid_sim_ros.kernels.separate import finish
 from rigid_sim_ros.scene import read_scene, Scene, scene_from_dict
 from rigid_sim_ros.scene.overlap import initial_overlaps
 from rigid_sim_ros.warm_up import use

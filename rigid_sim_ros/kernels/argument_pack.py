@@ -4,8 +4,10 @@
 Arguments of a kernel that are the same objects from call to call, taken apart once.
 
 A call from Python reads address, shape and strides of every array that it is given, 0.25 us each:
-30 us for the 120 arrays of a world, whose step may take 4. `Kept` writes what was read to memory
-and hands over where that is. The arrays stay the same: a kernel sees what Python writes to them.
+30 us for the 120 arrays of a world, whose step may take 4. An `ArgumentPack` writes what was read
+to memory and hands over where that is. A kernel reads the arguments as attributes of the pack, as
+it would those of the NamedTuple that the pack was made of. The arrays stay the same: a kernel sees
+what Python writes to them.
 """
 
 from functools import cache, partial
@@ -17,77 +19,97 @@ from llvmlite import ir
 import numba
 from numba import types
 from numba._dispatcher import compute_fingerprint
-from numba.core import cgutils
 from numba.core.registry import cpu_target
+from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.extending import (
-    intrinsic, models, NativeValue, register_model, typeof_impl, unbox)
+    lower_getattr_generic, models, NativeValue, register_model, typeof_impl, unbox)
 import numpy as np
 
 from rigid_sim_ros.kernels.arrays import IntArray
 from rigid_sim_ros.kernels.tuple_passing import nobody_writes, passes_packed, read, slots
 
 _POINTER = ir.IntType(8).as_pointer()
-_intrinsic: Any = intrinsic
 _typeof: Any = numba.typeof
 _PrimitiveModel: Any = models.PrimitiveModel
 _Tuple: Any = types.BaseTuple
+_Template: Any = AttributeTemplate
+_getattr: Any = lower_getattr_generic
 
 
-class _BoxType(types.Type):
-    """Where a tuple of arguments lies in memory."""
+class PackType(types.Type):
+    """Where the fields of a NamedTuple of arguments lie in memory."""
 
     def __init__(self, content: Any) -> None:
         self.content = content
         # It becomes part of the names of functions; that of the tuple fills pages.
         digest = blake2b(str(content).encode(), digest_size=16).hexdigest()
-        super().__init__(name=f'Box{digest}')
-        self.slots = slots(content)
+        super().__init__(name=f'ArgumentPack{digest}')
+        # Of each field its first slot, its type, and whether it is a packed array.
+        self.fields: dict[str, tuple[int, Any, bool]] = {}
+        self.slots = 0
+        for name, kind in zip(content.fields, content, strict=True):
+            is_packed = passes_packed(content, kind)
+            self.fields[name] = self.slots, kind, is_packed
+            self.slots += slots(kind, is_packed)
 
 
-# Types of boxes, and how the parts of their arguments are found, by Numba's fingerprint of these.
-_types: dict[bytes, tuple[_BoxType, Any]] = {}
+# Types of packs, and how the parts of their arguments are found, by Numba's fingerprint of these.
+_types: dict[bytes, tuple[PackType, Any]] = {}
 
 
-def _type(values: tuple[Any, ...]) -> tuple[_BoxType, Any]:
+def _type(arguments: Any) -> tuple[PackType, Any]:
     """
-    Return the type of a box, and how the parts of its arguments are found.
+    Return the type of a pack, and how the parts of its arguments are found.
 
     To find either for 120 arrays takes milliseconds.
     """
-    mark = compute_fingerprint(values)
+    mark = compute_fingerprint(arguments)
     if mark not in _types:
-        content = _typeof(values)
-        _types[mark] = _BoxType(content), _how(content)
+        content = _typeof(arguments)
+        _types[mark] = PackType(content), _how(content)
     return _types[mark]
 
 
-class _Box:
-    """A tuple of arguments, and their parts in memory."""
+class ArgumentPack:
+    """
+    A NamedTuple of arguments, and their parts in memory.
 
-    def __init__(self, *values: Any) -> None:
-        self.type, how = _type(values)
-        self.values = values    # or the arrays might go away
-        self.slots: IntArray = np.array(_parts(values, how), dtype=np.int64)
+    TypeError for arguments other than arrays, numbers of 64 bits and tuples of these.
+    """
+
+    def __init__(self, arguments: Any) -> None:
+        """Take the arguments apart."""
+        self.type, how = _type(arguments)
+        self.arguments = arguments      # or the arrays might go away
+        self.slots: IntArray = np.array(_parts(arguments, how), dtype=np.int64)
         if self.slots.shape != (self.type.slots,):
             raise AssertionError(f'{len(self.slots)} parts for {self.type.slots} slots')
         self.address = self.slots.ctypes.data
+        self.is_linked = False      # what kernels of this pack call is there, see separate.py
         self._compiled: dict[Any, Any] = {}
 
     def __reduce__(self) -> Any:
         """Copy the arguments, and take the copies apart."""
-        return _Box, self.values
+        return ArgumentPack, (self.arguments,)
 
     def run(self, kernel: Any, *numbers: int) -> Any:
         """
-        Return what a kernel returns for this box and some ints.
+        Return what a kernel returns for this pack and some ints.
 
-        Called as usual it would ask Python for the type of the box each time: 1.5 us.
+        Called as usual it would ask Python for the type of the pack each time: 1.5 us.
         """
         compiled = self._compiled.get(kernel)
         if compiled is None:
             compiled = kernel.compile((self.type, *(types.int64 for _ in numbers)))
             self._compiled[kernel] = compiled
         return compiled(self, *numbers)
+
+
+def packed(arguments: Any, before: ArgumentPack | None) -> ArgumentPack:
+    """Return a pack of these arguments: the one of before, if it holds the same objects."""
+    if before is None or False in map(is_, before.arguments, arguments):
+        return ArgumentPack(arguments)
+    return before
 
 
 def _parts(value: Any, how: Any) -> list[int]:
@@ -116,7 +138,7 @@ def _how(kind: Any, packed: bool = False) -> Any:
         return lambda value: [int(np.float64(value).view(np.int64))]
     if kind == types.int64:
         return lambda value: [int(value)]
-    raise TypeError(f'a {kind} cannot be kept, only arrays and numbers of 64 bits')
+    raise TypeError(f'a {kind} cannot be packed, only arrays and numbers of 64 bits')
 
 
 def _packed(array: Any) -> list[int]:
@@ -141,28 +163,7 @@ def _fields(kind: Any) -> tuple[str, ...]:
     return tuple(model._fields)
 
 
-class Kept:
-    """The arguments of the latest call, and the addresses of what it calls with the same ones."""
-
-    def __init__(self, pieces: int = 0) -> None:
-        """Begin with none, and room for the addresses of kernels (see `separate.py`)."""
-        self.addresses: IntArray = np.zeros(pieces, dtype=np.int64)
-        self.compiled_for: Any = None   # the box that these kernels take
-        self._box: Any = None
-
-    def __reduce__(self) -> Any:
-        """Let a copy begin with none: what lies in memory, and where, is of this process."""
-        return Kept, (len(self.addresses),)
-
-    def box(self, *values: Any) -> Any:
-        """Return what a kernel gets in place of these arguments, for `contents` to open."""
-        box = self._box
-        if box is None or False in map(is_, box.values, values):
-            self._box = box = _Box(*values)
-        return box
-
-
-class _BoxModel(_PrimitiveModel):
+class _PackModel(_PrimitiveModel):
 
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, _POINTER)
@@ -172,52 +173,30 @@ class _BoxModel(_PrimitiveModel):
         return nobody_writes(value, self._fe_type.slots)
 
 
-register_model(_BoxType)(_BoxModel)
-typeof_impl.register(_Box)(lambda box, context: box.type)
+register_model(PackType)(_PackModel)
+typeof_impl.register(ArgumentPack)(lambda pack, context: pack.type)
 
 
-def _unbox(kind: Any, box: Any, c: Any) -> Any:
-    address = c.pyapi.object_getattr_string(box, 'address')
+def _unbox(kind: Any, pack: Any, c: Any) -> Any:
+    address = c.pyapi.object_getattr_string(pack, 'address')
     pointer = c.pyapi.long_as_voidptr(address)
     c.pyapi.decref(address)
     return NativeValue(pointer)
 
 
-unbox(_BoxType)(_unbox)
+unbox(PackType)(_unbox)
 
 
-@_intrinsic
-def contents(context: Any, box: Any) -> Any:
-    """Return the tuple of arguments that a box holds."""
-    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return read(builder, arguments[0], 0, box.content)
-    return box.content(box), build
+@infer_getattr
+class _Attributes(_Template):
+    key = PackType
+
+    def generic_resolve(self, pack: Any, name: str) -> Any:
+        """Return the type of an attribute, None if there is none of this name."""
+        return pack.fields[name][1] if name in pack.fields else None
 
 
-@_intrinsic
-def held(context: Any, box: Any, index: Any) -> Any:
-    """Return one of the arguments that a box holds, by an index that is a constant."""
-    if not isinstance(index, types.IntegerLiteral):
-        return None     # Numba asks again with the constant
-    before, kind = box.content.types[:index.literal_value], box.content[index.literal_value]
-
-    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return read(builder, arguments[0], sum(map(slots, before)), kind)
-    return kind(box, index), build
-
-
-@_intrinsic
-def call(context: Any, address: Any, box: Any, number: Any) -> Any:
-    """Return what a kernel at an address returns, which takes a box and an int: an int."""
-    kinds = box, types.int64
-
-    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        convention = context.call_conv
-        kind = convention.get_function_type(types.int64, kinds)
-        callee = builder.inttoptr(arguments[0], kind.as_pointer())
-        status, value = convention.call_function(
-            builder, callee, types.int64, kinds, arguments[1:])
-        with cgutils.if_unlikely(builder, status.is_error):
-            convention.return_status_propagate(builder, status)
-        return value
-    return types.int64(address, *kinds), build
+@_getattr(PackType)
+def _attribute(context: Any, builder: Any, kind: Any, pack: Any, name: str) -> Any:
+    first, member, is_packed = kind.fields[name]
+    return read(builder, pack, first, member, is_packed)

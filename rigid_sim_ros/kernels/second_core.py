@@ -3,13 +3,13 @@
 """
 A second thread that takes over one of two halves of a stage.
 
-Who steps the world puts a piece of work on a desk: the address of a kernel, its box and a number.
-Then it does the other half itself. What nobody has taken meanwhile it takes back, so that nothing
-waits for a thread that sleeps or has ended, and the results are those of one thread: both halves
-are done, whoever does them. What was taken is waited for: kernels raise no errors.
+Who steps the world puts a piece of work in a job slot: the address of a kernel, its argument pack
+and a number. Then it does the other half itself. What nobody has taken meanwhile it takes back, so
+that nothing waits for a thread that sleeps or has ended, and the results are those of one thread:
+both halves are done, whoever does them. What was taken is waited for: kernels raise no errors.
 
-The second thread looks at the desk all the time while the world is stepped, for a wake-up takes
-longer than most stages, and sleeps when there was nothing to do for a millisecond.
+The second thread looks at the job slot all the time while the world is stepped, for a wake-up
+takes longer than most stages, and sleeps when there was nothing to do for a millisecond.
 """
 
 import platform
@@ -22,56 +22,56 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from rigid_sim_ros.kernels.argument_pack import call
 from rigid_sim_ros.kernels.arrays import IntArray, integers
 from rigid_sim_ros.kernels.bits import place
 from rigid_sim_ros.kernels.kernel import apart, kernel
+from rigid_sim_ros.kernels.separate import call_at
 
-# Places on a desk. In one line of the cache, which goes from core to core as a whole: how the work
+# Places in a job slot. In one cache line, which goes from core to core as a whole: how the work
 # stands, and what it is. In lines of their own, for one thread writes what the other one reads:
 # whether somebody looks, whether there will be more, and how much was taken.
-_STATE, _ADDRESS, _BOX, _NUMBER, _PRESENT, _AWAITED, _TAKEN_SO_FAR, _SIZE = (
+_STATE, _ADDRESS, _PACK, _NUMBER, _PRESENT, _AWAITED, _TAKEN_SO_FAR, _SIZE = (
     0, 1, 2, 3, 8, 16, 24, 32)
 _FREE, _OFFERED, _TAKEN, _DONE = range(4)
-# Looks at an empty desk before the helper sleeps: about a millisecond.
+# Looks at an empty job slot before the helper sleeps: about a millisecond.
 PATIENCE = 100_000
 _INTEGER = ir.IntType(64)
 _PAUSES = platform.machine() in ('x86_64', 'AMD64')
 _intrinsic: Any = intrinsic
 
 
-def make_desk() -> IntArray:
-    """Return an empty desk at which nobody looks."""
+def make_job() -> IntArray:
+    """Return an empty job slot at which nobody looks."""
     return integers(_SIZE)
 
 
 @_intrinsic
-def _read(context: Any, desk: Any, at: Any) -> Any:
+def _read(context: Any, job: Any, at: Any) -> Any:
     """Return an entry, and see all that was written before it was."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         entry = place(builder, arguments)
         return builder.load_atomic(entry, 'acquire', 8)
-    return types.int64(desk, types.int64), build
+    return types.int64(job, types.int64), build
 
 
 @_intrinsic
-def _write(context: Any, desk: Any, at: Any, value: Any) -> Any:
+def _write(context: Any, job: Any, at: Any, value: Any) -> Any:
     """Write an entry, after all that was written before."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         entry = place(builder, arguments)
         builder.store_atomic(arguments[2], entry, 'release', 8)
         return context.get_dummy_value()
-    return types.void(desk, types.int64, types.int64), build
+    return types.void(job, types.int64, types.int64), build
 
 
 @_intrinsic
-def _replace(context: Any, desk: Any, at: Any, old: Any, new: Any) -> Any:
+def _replace(context: Any, job: Any, at: Any, old: Any, new: Any) -> Any:
     """Write `new` where `old` stands; return whether it stood there."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         entry = place(builder, arguments)
         both = builder.cmpxchg(entry, arguments[2], arguments[3], 'acq_rel', 'acquire')
         return builder.extract_value(both, 1)
-    return types.boolean(desk, types.int64, types.int64, types.int64), build
+    return types.boolean(job, types.int64, types.int64, types.int64), build
 
 
 @_intrinsic
@@ -86,101 +86,101 @@ def _pause(context: Any) -> Any:
 
 
 @_intrinsic
-def _address_of(context: Any, box: Any) -> Any:
-    """Return where a box lies, as a number."""
+def _address_of(context: Any, pack: Any) -> Any:
+    """Return where a pack lies, as a number."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.ptrtoint(arguments[0], _INTEGER)
-    return types.int64(box), build
+    return types.int64(pack), build
 
 
 @_intrinsic
-def _box_at(context: Any, address: Any) -> Any:
-    """Return a box of any kind from a number."""
+def _pack_at(context: Any, address: Any) -> Any:
+    """Return a pack of any kind from a number."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.inttoptr(arguments[0], ir.IntType(8).as_pointer())
     return types.voidptr(types.int64), build
 
 
 @kernel
-def is_helped(desk: IntArray) -> bool:
-    """Return whether somebody looks at a desk."""
-    return _read(desk, _PRESENT) == 1
+def is_helped(job: IntArray) -> bool:
+    """Return whether somebody looks at a job slot."""
+    return _read(job, _PRESENT) == 1
 
 
 @apart
-def side_by_side(desk: IntArray, address: int, box: Any, here: int, there: int) -> None:
+def side_by_side(job: IntArray, address: int, pack: Any, here: int, there: int) -> None:
     """Call a kernel with two numbers: here and, if somebody helps, in another thread."""
-    if not is_helped(desk):
-        call(address, box, here)
-        call(address, box, there)
+    if not is_helped(job):
+        call_at(address, pack, here)
+        call_at(address, pack, there)
         return
-    desk[_ADDRESS], desk[_BOX], desk[_NUMBER] = address, _address_of(box), there
-    _write(desk, _STATE, _OFFERED)
-    call(address, box, here)
+    job[_ADDRESS], job[_PACK], job[_NUMBER] = address, _address_of(pack), there
+    _write(job, _STATE, _OFFERED)
+    call_at(address, pack, here)
     # First by a look, which does not take the line from the other core.
-    if _read(desk, _STATE) == _OFFERED and _replace(desk, _STATE, _OFFERED, _FREE):
-        call(address, box, there)
+    if _read(job, _STATE) == _OFFERED and _replace(job, _STATE, _OFFERED, _FREE):
+        call_at(address, pack, there)
         return
-    while _read(desk, _STATE) != _DONE:
+    while _read(job, _STATE) != _DONE:
         _pause()
 
 
 @kernel
-def _assist(desk: IntArray, patience: int) -> None:
+def _assist(job: IntArray, patience: int) -> None:
     """Take what is offered, until nothing was for a while and nothing is to come."""
     idle = 0
-    _write(desk, _PRESENT, 1)
+    _write(job, _PRESENT, 1)
     while idle < patience:
-        if _read(desk, _STATE) == _OFFERED and _replace(desk, _STATE, _OFFERED, _TAKEN):
-            call(desk[_ADDRESS], _box_at(desk[_BOX]), desk[_NUMBER])
-            desk[_TAKEN_SO_FAR] += 1
-            _write(desk, _STATE, _DONE)
+        if _read(job, _STATE) == _OFFERED and _replace(job, _STATE, _OFFERED, _TAKEN):
+            call_at(job[_ADDRESS], _pack_at(job[_PACK]), job[_NUMBER])
+            job[_TAKEN_SO_FAR] += 1
+            _write(job, _STATE, _DONE)
             idle = 0
         else:
             _pause()
-            idle = 0 if _read(desk, _AWAITED) == 1 else idle + 1
-    _write(desk, _PRESENT, 0)
+            idle = 0 if _read(job, _AWAITED) == 1 else idle + 1
+    _write(job, _PRESENT, 0)
 
 
 class Helper:
-    """A thread that works at a desk, until the helper is no longer needed."""
+    """A thread that works on what is in a job slot, until the helper is no longer needed."""
 
     def __init__(self) -> None:
         """Start it; it sleeps until it is woken."""
-        self.desk = make_desk()
+        self.job = make_job()
         self._wanted = threading.Event()
         ended = threading.Event()
-        threading.Thread(target=_work, args=(self.desk, self._wanted, ended), daemon=True,
+        threading.Thread(target=_work, args=(self.job, self._wanted, ended), daemon=True,
                          name='helper').start()
-        weakref.finalize(self, _end, self.desk, self._wanted, ended)
+        weakref.finalize(self, _end, self.job, self._wanted, ended)
 
     @property
     def done(self) -> int:
         """How many halves it has taken over."""
-        return int(self.desk[_TAKEN_SO_FAR])
+        return int(self.job[_TAKEN_SO_FAR])
 
     def __enter__(self) -> 'Helper':
-        """Let it look at the desk until the end of the block, and a while longer."""
-        if self.desk[_PRESENT] == 0:
+        """Let it look at the job slot until the end of the block, and a while longer."""
+        if self.job[_PRESENT] == 0:
             self._wanted.set()
-        self.desk[_AWAITED] = 1
+        self.job[_AWAITED] = 1
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.desk[_AWAITED] = 0
+        self.job[_AWAITED] = 0
 
 
-def _work(desk: IntArray, wanted: threading.Event, ended: threading.Event) -> None:
+def _work(job: IntArray, wanted: threading.Event, ended: threading.Event) -> None:
     while not ended.is_set():
         wanted.wait()
         wanted.clear()
-        _assist(desk, PATIENCE)
+        _assist(job, PATIENCE)
         # Who came while the helper turned away believed that it was there.
-        while desk[_AWAITED] == 1:
-            _assist(desk, PATIENCE)
+        while job[_AWAITED] == 1:
+            _assist(job, PATIENCE)
 
 
-def _end(desk: IntArray, wanted: threading.Event, ended: threading.Event) -> None:
-    desk[_AWAITED] = 0
+def _end(job: IntArray, wanted: threading.Event, ended: threading.Event) -> None:
+    job[_AWAITED] = 0
     ended.set()
     wanted.set()

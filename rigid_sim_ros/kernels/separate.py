@@ -1,115 +1,196 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Kernels that one kernel calls by address, so that two processes can compile them.
+Kernels that other kernels call by address, so that two processes can compile them.
 
-To compile the kernels of a step takes half a minute, and Numba uses one core. So the step's kernel
-calls its largest pieces through pointers, once a step each. Before the first step, and as soon as
-a scene is built, a helper, a process of its own, compiles these into the cache while this process
+To compile the kernels of a step takes half a minute, and Numba uses one core. So the largest
+pieces of a step are compiled apart: each is called, with the step's argument pack and a number,
+through a place in memory that holds its address. Before the first step, and as soon as a scene is
+built, a helper, a process of its own, compiles some of them into the cache while this process
 compiles the rest, which then loads what it finds there. Nothing rests on the helper: what the
 cache does not hold when it ends, however it ends, is compiled here.
 
 A piece that a world hardly ever calls need not be there when it begins to step: the helper goes on
 with it, and a world that calls it sooner waits.
-
-The helper ends with its work or with this process, whichever comes first: it reads from a pipe
-whose other end closes when this process ends, however that ends.
 """
 
-from collections.abc import Collection, Iterator, Sequence
-from contextlib import contextmanager, suppress
-from importlib import import_module
-import os
-from pathlib import Path
-import pickle
-from queue import SimpleQueue
-import subprocess
-import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 import threading
-from typing import Any
+from typing import Any, NamedTuple
 
+from llvmlite import ir
 from numba import types
-from numba.core import event
+from numba.core import cgutils
+from numba.core.typing.templates import make_concrete_template
+from numba.extending import intrinsic
 
-from rigid_sim_ros.kernels.cache import base_folder
-from rigid_sim_ros.kernels.linking import SUPPORTED
+from rigid_sim_ros.kernels import helper_process
+from rigid_sim_ros.kernels.argument_pack import ArgumentPack, PackType
+from rigid_sim_ros.kernels.helper_process import HelperProcess
+from rigid_sim_ros.kernels.kernel import Function, kernel
+from rigid_sim_ros.kernels.linking import without_literals
+from rigid_sim_ros.kernels.symbols import declare
 
-# [s] How long a helper is waited for once this process has done its part: it needs a few.
-PATIENCE = 120.0
-# The kind of Numba's events that tell that this process waits for a helper.
-WAITING = 'rigid_sim_ros:waiting'
-_ROOT = Path(__file__).parents[2]
-_DONE = b'\6'   # what a helper writes for every piece
+_INTEGER = ir.IntType(64)
+_intrinsic: Any = intrinsic
+_template: Any = make_concrete_template
 _lock = threading.Lock()
-_begun: list[Any] = []      # a helper that nobody has waited for yet
-_behind: list[Any] = []     # helpers with pieces that worlds step without
+_begun: list[HelperProcess] = []      # a helper that nobody has waited for yet
+_behind: list[HelperProcess] = []     # helpers with pieces that worlds step without
 
 
-def compile_together(caller: Any, arguments: Sequence[Any], pieces: Sequence[Any],
-                     may_wait: Collection[int], shared_out: int) -> list[int]:
+def by_address(function: Function) -> Function:
     """
-    Compile a kernel, or find it in the cache, and those that it calls; return their addresses.
+    Compile like `kernel` what other kernels call by its address.
 
-    `arguments` are the types of those of the caller; each of the pieces takes the first of them, a
-    box, and an int, and returns an int. A piece that is None is none, at address 0. The first
-    `shared_out` pieces are for a helper. Those of them at the places in `may_wait` have the
-    address 0 as long as a helper goes on with them; `compile_late` then gives it.
+    It takes an argument pack and an int, and returns an int. Before a kernel that calls it runs,
+    `link` has to be called for the pack.
     """
-    kinds = arguments[0], types.int64
-    with _lock:
-        missing = {place: piece for place, piece in enumerate(pieces[:shared_out])
-                   if piece and not _is_cached(piece, kinds) and not _who_goes_on(piece, kinds)}
-        later = [missing.pop(place) for place in may_wait if place in missing]
-        with _helped([*missing.values()], later, kinds):
-            _compile(caller, tuple(arguments))
-            for piece in filter(None, pieces[shared_out:]):
-                _compile(piece, kinds)
-        return [0 if piece is None or (place in may_wait and _who_goes_on(piece, kinds))
-                else _address(piece, kinds) for place, piece in enumerate(pieces)]
+    compiled: Any = kernel(function)
+    keys: dict[Any, Any] = {}       # of the calls, by the types of the arguments
+
+    def get_call_template(args: Any, kws: Any) -> Any:
+        signature, folded = compiled._compiler.fold_argument_types(*without_literals(args, kws))
+        arguments = tuple(folded)
+        if arguments not in keys:
+            keys[arguments] = object()
+            compiled.targetctx.insert_func_defn(
+                [(_call_of(compiled), keys[arguments], arguments)])
+        template = _template(f'CallTemplate({function.__name__})', key=keys[arguments],
+                             signatures=[types.int64(*arguments)])
+        return template, signature, arguments, {}
+
+    compiled.get_call_template = get_call_template
+    compiled.get_overload = lambda arguments: keys[tuple(arguments)]
+    return compiled
 
 
-def compile_late(piece: Any, box: Any) -> int:
-    """Return the address of a piece that `compile_together` did not wait for."""
+def symbol_of(piece: Any, pack: PackType) -> str:
+    """Return the name of the place that holds the address of a piece."""
+    return f'{piece.py_func.__module__}.{piece.py_func.__qualname__}.{pack.name}'
+
+
+def _load_address(builder: Any, piece: Any, pack: PackType) -> Any:
+    symbol = symbol_of(piece, pack)
+    declare(symbol)
+    if symbol not in builder.module.globals:
+        ir.GlobalVariable(builder.module, _INTEGER, symbol)
+    return builder.load(builder.module.globals[symbol])
+
+
+def _call_of(piece: Any) -> Any:
+    def call(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        address = _load_address(builder, piece, signature.args[0])
+        return _called(context, builder, address, signature.args, arguments)
+    return call
+
+
+def _called(context: Any, builder: Any, address: Any, kinds: Any, arguments: Any) -> Any:
+    """Return what the function at an address returns, an int."""
+    convention = context.call_conv
+    callee = builder.inttoptr(address, convention.get_function_type(
+        types.int64, kinds).as_pointer())
+    status, value = convention.call_function(builder, callee, types.int64, kinds, arguments)
+    with cgutils.if_unlikely(builder, status.is_error):
+        convention.return_status_propagate(builder, status)
+    return value
+
+
+@_intrinsic
+def address_of(context: Any, piece: Any, pack: Any) -> Any:
+    """Return the address of a separate piece for a pack, 0 if it is not there yet."""
+    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return _load_address(builder, piece.dispatcher, pack)
+    return types.int64(piece, pack), build
+
+
+@_intrinsic
+def call_at(context: Any, address: Any, pack: Any, number: Any) -> Any:
+    """Return what the piece at an address returns for a pack and a number: an int."""
+    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return _called(context, builder, arguments[0], signature.args[1:], arguments[1:])
+    return types.int64(address, pack, types.int64), build
+
+
+class Pieces(NamedTuple):
+    """The separate pieces that the kernels of a step call."""
+
+    here: Sequence[Any]  # compiled by this process
+    helped: Sequence[Any]  # by a helper, meanwhile
+    late: Sequence[Any] = ()  # by a helper, and nobody waits for them
+    unused: Sequence[Any] = ()  # never called in this world
+
+    def symbols(self, pack: PackType) -> list[str]:
+        """Return the names of the places that hold their addresses."""
+        return [symbol_of(piece, pack) for pieces in self for piece in pieces]
+
+
+def link(caller: Any, pack: ArgumentPack, pieces: Pieces) -> None:
+    """
+    Compile a kernel of a pack and an int, or find it in the cache, and the pieces that it calls.
+
+    `late` pieces are not there as long as a helper goes on with them; see `link_late`.
+    """
+    kinds = pack.type, types.int64
+    symbols = pieces.symbols(pack.type)
+    for symbol in symbols:
+        declare(symbol)
     with _lock:
-        return _address(piece, (box, types.int64))
+        missing, later = ([piece for piece in some if not _is_cached(piece, kinds)
+                           and not _who_goes_on(piece, kinds)]
+                          for some in (pieces.helped, pieces.late))
+        with _helped(missing, later, kinds, symbols):
+            for one in (caller, *pieces.here):
+                _compile(one, kinds)
+        for piece in (*pieces.here, *pieces.helped, *pieces.late):
+            if piece not in pieces.late or not _who_goes_on(piece, kinds):
+                _link(piece, kinds)
+    pack.is_linked = True
+
+
+def link_late(piece: Any, pack: ArgumentPack) -> None:
+    """Wait for a piece that `link` did not wait for."""
+    with _lock:
+        _link(piece, (pack.type, types.int64))
 
 
 def finish() -> None:
     """Wait until no helper goes on with anything: the next process finds all in the cache."""
     with _lock:
         for helper in _behind:
-            helper.stop(PATIENCE)
+            helper.stop(helper_process.PATIENCE)
 
 
-def begin(pieces: Sequence[Any], box: Any) -> None:
-    """
-    Let a helper compile some pieces from now on, for `compile_together` to wait for it.
-
-    `box` is the type of their first argument, as there. What is in the cache needs no helper.
-    """
-    kinds = box, types.int64
+def begin(pieces: Pieces, pack: ArgumentPack) -> None:
+    """Let a helper begin with its pieces now, for `link` to wait for it."""
+    kinds = pack.type, types.int64
     with _lock:
-        missing = [piece for piece in pieces if not _is_cached(piece, kinds)]
-        if missing and not _begun and (helper := _start()) is not None:
-            helper.give(missing, kinds)
+        missing = [piece for piece in pieces.helped if not _is_cached(piece, kinds)]
+        if missing and not _begun and (helper := helper_process.start()) is not None:
+            helper.give(missing, kinds, pieces.symbols(pack.type))
             _begun.append(helper)
 
 
-def _compile(kernel: Any, arguments: Any) -> None:
+def _compile(one: Any, kinds: Any) -> None:
     """Compile a kernel, or load it, unless it is there: Numba takes 12 us to see that it is."""
-    if arguments not in kernel.overloads:
-        kernel.compile(arguments)
+    if kinds not in one.overloads:
+        one.compile(kinds)
 
 
-def _address(piece: Any, arguments: Any) -> int:
-    for helper in _who_goes_on(piece, arguments):
+def _link(piece: Any, kinds: Any) -> None:
+    """Write the address of a piece to its place."""
+    for helper in _who_goes_on(piece, kinds):
         helper.wait(len(helper.given))
-    _compile(piece, arguments)
-    compiled = piece.overloads[arguments]
-    address: int = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
+    _compile(piece, kinds)
+    compiled = piece.overloads[kinds]
+    unliteral: Any = types.unliteral
+    if unliteral(compiled.signature.return_type) != types.int64:
+        raise AssertionError(f'{piece.__name__} returns {compiled.signature.return_type}, no int')
+    address = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
     if address == 0:
         raise AssertionError(f'{piece.__name__} has no machine code')
-    return address
+    declare(symbol_of(piece, kinds[0])).value = address
 
 
 def _who_goes_on(piece: Any, kinds: Any) -> list[Any]:
@@ -130,132 +211,24 @@ def _is_cached(piece: Any, arguments: Any) -> bool:
 
 
 @contextmanager
-def _helped(missing: Sequence[Any], later: Sequence[Any], kinds: Any) -> Iterator[None]:
+def _helped(missing: Sequence[Any], later: Sequence[Any], kinds: Any,
+            symbols: Sequence[str]) -> Iterator[None]:
     """Let a helper compile some kernels meanwhile; wait for it in the end, but not for `later`."""
-    helper = _begun.pop() if _begun else _start() if missing or later else None
+    helper = _begun.pop() if _begun else helper_process.start() if missing or later else None
     if helper is None:
         yield
         return
-    helper.give(missing, kinds)
+    helper.give(missing, kinds, symbols)
     awaited = len(helper.given)
-    helper.give(later, kinds)
+    helper.give(later, kinds, symbols)
     patience = 0.0
     try:
         yield
         if helper.wait(awaited):
             helper.go_on(later, kinds)
-            patience = PATIENCE
+            patience = helper_process.PATIENCE
             if later:
                 _behind.append(helper)
     finally:
         if helper not in _behind:
             helper.stop(patience)
-
-
-class HelperProcess:
-    """A process that compiles kernels into the cache, one after the other."""
-
-    def __init__(self, process: Any) -> None:
-        """Take a process that runs `main`."""
-        self.process = process
-        self.given: list[tuple[Any, Any]] = []      # pieces and the types of their arguments
-        self.later: list[tuple[Any, Any]] = []      # those of them that nobody waits for
-        # Remembers what it has written: the types fill a third of a pipe that nobody reads yet.
-        self._pickler = pickle.Pickler(process.stdin)
-        self._done = 0
-        self._ended = False
-        self._news = threading.Condition()
-        threading.Thread(target=self._listen, daemon=True).start()
-
-    def give(self, pieces: Sequence[Any], kinds: Any) -> None:
-        """Let it compile pieces, unless it was told to before."""
-        for piece in pieces:
-            if (piece, kinds) not in self.given:
-                self.given.append((piece, kinds))
-                self._send((piece.py_func.__module__, piece.py_func.__name__, kinds))
-
-    def go_on(self, pieces: Sequence[Any], kinds: Any) -> None:
-        """Let it do what nobody waits for, and end."""
-        self.later = [(piece, kinds) for piece in pieces]
-        self._send(None)
-
-    def wait(self, count: int) -> bool:
-        """Wait until it has compiled so many pieces, and return whether it has."""
-        trigger: Any = event.trigger_event
-        with trigger(WAITING), self._news:
-            self._news.wait_for(lambda: self._done >= count or self._ended, PATIENCE)
-            return self._done >= count
-
-    def stop(self, patience: float) -> None:
-        """End it, if it does not end in so many seconds."""
-        with suppress(subprocess.TimeoutExpired):
-            self.process.wait(patience)
-        self.process.kill()     # does nothing once it has ended
-        self.process.wait()
-        with suppress(OSError):     # for what it was told and never read
-            self.process.stdin.close()
-
-    def _send(self, work: Any) -> None:
-        with suppress(OSError):     # it has ended already
-            self._pickler.dump(work)
-            self.process.stdin.flush()
-
-    def _listen(self) -> None:
-        with self.process.stdout as pipe:
-            while said := pipe.read(1):
-                with self._news:
-                    self._done += said == _DONE
-                    self._news.notify_all()
-        with self._news:
-            self._ended = True
-            self._news.notify_all()
-
-
-def _start() -> Any:
-    """Return a helper; None where there can be none."""
-    folder = base_folder()
-    if not SUPPORTED or cores() < 2 or not os.access(folder, os.W_OK) or (
-            'python' not in Path(sys.executable or '').name):
-        return None
-    environment = os.environ | {
-        'PYTHONPATH': os.pathsep.join(entry or os.getcwd() for entry in sys.path),
-        'NUMBA_CACHE_DIR': str(folder.parents[1])}
-    try:
-        # Python looks for modules where it starts first: there, as here.
-        return HelperProcess(subprocess.Popen(
-            [sys.executable, '-m', __name__], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL, cwd=_ROOT, env=environment))
-    except OSError:
-        return None
-
-
-def cores() -> int:
-    """Return how many cores this process may use."""
-    if hasattr(os, 'sched_getaffinity'):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
-def _read_work(pipe: Any, work: Any) -> None:
-    """Pass on what is read, until the process that writes it ends."""
-    unpickler = pickle.Unpickler(pipe)
-    try:
-        while True:
-            work.put(unpickler.load())
-    except (EOFError, OSError, pickle.UnpicklingError):
-        os._exit(1)
-
-
-def main() -> None:
-    """Compile what is read from a pipe."""
-    work: SimpleQueue[Any] = SimpleQueue()
-    threading.Thread(target=_read_work, args=(sys.stdin.buffer, work), daemon=True).start()
-    while (one := work.get()) is not None:
-        module, name, kinds = one
-        getattr(import_module(module), name).compile(kinds)
-        os.write(1, _DONE)
-    os._exit(0)     # or Python would wait for the pipe
-
-
-if __name__ == '__main__':
-    main()

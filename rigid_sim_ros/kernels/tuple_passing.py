@@ -147,9 +147,9 @@ def _flat(nested: Any) -> Iterator[Any]:
         yield nested
 
 
-def slots(kind: Any) -> int:
-    """Return how many slots a value takes in memory."""
-    return len(_parts(kind))
+def slots(kind: Any, packed: bool = False) -> int:
+    """Return how many slots a value takes in memory; `packed`: an array in a tuple of ours."""
+    return len(_parts(kind, packed))
 
 
 def _slot(builder: Any, start: Any, at: int, part: Any = None) -> Any:

@@ -17,9 +17,9 @@ from rigid_sim_ros.engine.state.body_order import order_by_place, renumbered
 from rigid_sim_ros.engine.state.frames import point_on_frame, vector_on_frame
 from rigid_sim_ros.engine.state.state import (
     add_impulse, BodyMotion, copy_into, copy_state, empty_motion, first_unfinite, kinetic_energy,
-    MOVING_FIELDS, read_motion, total_angular_momentum, write_motion)
+    MotionArguments, MOVING_FIELDS, read_motion, total_angular_momentum, write_motion)
 from rigid_sim_ros.engine.steps.contact_models import ContactReport, make_contact_model, Setup
-from rigid_sim_ros.kernels.argument_pack import Kept
+from rigid_sim_ros.kernels.argument_pack import ArgumentPack
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.scene import read_scene, Scene, scene_from_dict
 from rigid_sim_ros.world.applied_wrenches import AppliedWrenches, FIELDS
@@ -75,7 +75,7 @@ class World:
             self._model, shapes, scene.materials, scene.integrator, scene.orientation,
             scene.solver, collision.substeps, collision.sleep_after))
         self._motion = empty_motion(len(self.names))
-        self._box = Kept().box(self._model, self._state, self._motion)
+        self._pack = ArgumentPack(MotionArguments(self._model, self._state, self._motion))
         self._motion_is_current = False
         self._threads = 1
 
@@ -133,7 +133,7 @@ class World:
             applied.remove_finished()
             left -= batch
             self.step_index += batch
-        broken = self._box.run(first_unfinite)
+        broken = self._pack.run(first_unfinite)
         if broken >= 0:
             raise ArithmeticError(
                 f"body '{self.names[self._order[broken]]}': its motion is no longer finite at "
@@ -144,7 +144,7 @@ class World:
 
     def _current_motion(self) -> BodyMotion:
         if not self._motion_is_current:
-            self._box.run(read_motion)
+            self._pack.run(read_motion)
             self._motion_is_current = True
         return self._motion
 

@@ -8,9 +8,9 @@ import numpy as np
 from rigid_sim_ros.engine.detection.manifolds import (
     earlier_manifolds, empty_memory, lasting, with_lasting)
 from rigid_sim_ros.engine.model.shapes import Material
-from rigid_sim_ros.engine.solver.sleeping import no_rest
+from rigid_sim_ros.engine.solver.arguments import make_arguments, TimestepSettings
 from rigid_sim_ros.engine.state.state import copy_state
-from rigid_sim_ros.engine.steps.timestep import advance, make_timestep_work, TimestepSettings
+from rigid_sim_ros.engine.steps.timestep import advance
 
 
 class TimestepScene(_Scene):
@@ -20,13 +20,25 @@ class TimestepScene(_Scene):
                  settings=None):
         super().__init__(things, material, h, gravity)
         self.settings = settings or TimestepSettings()
-        self.work = make_timestep_work(self.model, self.shapes, self.memory)
-        self.rest = no_rest(len(self.model.m))
+        self.arguments, self.pack = self._begin(), None
+
+    def _begin(self):
+        return make_arguments(self.model, self.state, self.wrenches, self.shapes, self.materials,
+                              self.memory, self.settings)
+
+    @property
+    def work(self):
+        """Return the buffers of the solver."""
+        return self.arguments.work
+
+    @property
+    def rest(self):
+        """Return who sleeps."""
+        return self.arguments.rest
 
     def step(self, count=1) -> None:
-        self.memory, self.work = advance(self.model, self.state, self.wrenches, self.shapes,
-                                         self.materials, self.memory, self.settings, self.work,
-                                         self.rest, count)
+        self.arguments, self.pack = advance(self.arguments, count, self.pack)
+        self.memory = self.arguments.memory
 
     def twin(self) -> 'TimestepScene':
         """Return a scene that continues from the state and from the manifolds only."""
@@ -35,7 +47,7 @@ class TimestepScene(_Scene):
         other.state = copy_state(self.state)
         count = len(self.shapes.body)
         other.memory = with_lasting(empty_memory(len(self.model.m), count), lasting(self.memory))
-        other.work = make_timestep_work(other.model, other.shapes, other.memory)
+        other.arguments, other.pack = other._begin(), None
         return other
 
     def ground_force(self) -> float:

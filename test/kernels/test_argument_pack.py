@@ -1,17 +1,31 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Arguments that are kept from call to call are the same as arguments that are given anew."""
+"""Arguments in a pack are the same as arguments that are given anew."""
+
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
 from rigid_sim_ros.engine.dynamics.integrate import make_work
-from rigid_sim_ros.engine.steps.timestep import TimestepSettings
-from rigid_sim_ros.kernels import argument_pack as engine_kept
-from rigid_sim_ros.kernels.argument_pack import contents, Kept
+from rigid_sim_ros.engine.solver.arguments import TimestepSettings
+from rigid_sim_ros.kernels import argument_pack
+from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
 from rigid_sim_ros.kernels.kernel import kernel
 
 SETTINGS = TimestepSettings(bounce_speed=2.5, sleep_steps=10)
+
+
+class Arguments(NamedTuple):
+    """What the kernels here are given."""
+
+    scratch: Any
+    settings: Any
+    flags: Any
+    total: Any
+
+
+Arguments.__module__ = argument_pack.__name__   # it is passed like those of the engine
 
 
 def work(n):
@@ -21,78 +35,94 @@ def work(n):
     return made
 
 
-def add_up(box, weight):
-    scratch, settings, (flags, total) = contents(box)
-    total[0] = settings.bounce_speed * settings.sleep_steps
-    for i in range(scratch.loads.F.shape[1]):
-        total[0] += weight * scratch.loads.F[1, i] * flags[i]
-    return total[0]
+def add_up(c, weight):
+    c.total[0] = c.settings.bounce_speed * c.settings.sleep_steps
+    for i in range(c.scratch.loads.F.shape[1]):
+        c.total[0] += weight * c.scratch.loads.F[1, i] * c.flags[i]
+    return c.total[0]
 
 
-def double(box):
-    _, _, (_, total) = contents(box)
-    return 2 * total[0]
+def double(c):
+    return 2 * c.total[0]
 
 
-add_up.__module__ = double.__module__ = engine_kept.__name__    # whose place in the cache they get
+# They get its place in the cache.
+add_up.__module__ = double.__module__ = argument_pack.__name__
 add_up, double = kernel(add_up), kernel(double)
+
+
+def of_the_pack(function):
+    function.__module__ = argument_pack.__name__
+    return kernel(function)
 
 
 def pair(n):
     return np.ones(n, dtype=np.int64), np.zeros(1)
 
 
-def test_a_kernel_finds_numbers_arrays_and_tuples_in_a_box():
-    arrays = pair(3)
-    assert add_up(Kept().box(work(3), SETTINGS, arrays), 2.0) == 25 + 2.0 * (3 + 4 + 5)
-    assert arrays[1][0] == 49
+def pack(n, settings=SETTINGS, flags=None, total=None):
+    flags, total = pair(n) if flags is None else (flags, total)
+    return ArgumentPack(Arguments(work(n), settings, flags, total))
+
+
+def test_a_kernel_reads_numbers_arrays_and_tuples_as_attributes():
+    flags, total = pair(3)
+    assert add_up(pack(3, SETTINGS, flags, total), 2.0) == 25 + 2.0 * (3 + 4 + 5)
+    assert total[0] == 49
+
+
+def test_an_attribute_that_is_not_there_is_named():
+    wrong = of_the_pack(lambda c: c.nowhere[0])
+    with pytest.raises(Exception, match='nowhere'):
+        wrong(pack(3))
 
 
 def test_what_python_writes_to_an_array_the_next_call_sees():
-    scratch, arrays, kept = work(3), pair(3), Kept()
-    add_up(kept.box(scratch, SETTINGS, arrays), 2.0)
-    scratch.loads.F[1] = 1.0
-    arrays[0][0] = 0
-    assert add_up(kept.box(scratch, SETTINGS, arrays), 2.0) == 25 + 2.0 * 2
+    arguments = Arguments(work(3), SETTINGS, *pair(3))
+    once = ArgumentPack(arguments)
+    add_up(once, 2.0)
+    arguments.scratch.loads.F[1] = 1.0
+    arguments.flags[0] = 0
+    assert add_up(once, 2.0) == 25 + 2.0 * 2
 
 
 def test_the_same_objects_are_taken_apart_once_and_others_anew():
-    first, second, arrays, kept = work(3), work(4), pair(4), Kept()
-    box = kept.box(first, SETTINGS, arrays)
-    assert kept.box(first, SETTINGS, arrays) is box
-    assert add_up(kept.box(second, SETTINGS, arrays), 1.0) == 25 + (4 + 5 + 6 + 7)
-    assert add_up(kept.box(first, SETTINGS, arrays), 1.0) == 25 + (3 + 4 + 5)
+    first, second, arrays = work(3), work(4), pair(4)
+    before = packed(Arguments(first, SETTINGS, *arrays), None)
+    assert packed(Arguments(first, SETTINGS, *arrays), before) is before
+    assert add_up(packed(Arguments(second, SETTINGS, *arrays), before), 1.0) == 25 + (
+        4 + 5 + 6 + 7)
+    assert add_up(packed(Arguments(first, SETTINGS, *arrays), before), 1.0) == 25 + (3 + 4 + 5)
     faster = SETTINGS._replace(bounce_speed=3.0)
-    assert add_up(kept.box(first, faster, arrays), 1.0) == 30 + (3 + 4 + 5)
+    assert add_up(packed(Arguments(first, faster, *arrays), before), 1.0) == 30 + (3 + 4 + 5)
 
 
-def test_boxes_of_other_types_are_told_apart():
+def test_packs_of_other_types_are_told_apart():
     flags, total = pair(3)
-    assert add_up(Kept().box(work(3), SETTINGS, (flags.astype(np.int32), total)), 1.0) == 37
-    assert add_up(Kept().box(work(3), SETTINGS, (flags, total)), 1.0) == 37
+    assert add_up(pack(3, SETTINGS, flags.astype(np.int32), total), 1.0) == 37
+    assert add_up(pack(3, SETTINGS, flags, total), 1.0) == 37
 
 
 @pytest.mark.parametrize('other', [np.float32(1.0), 1 + 2j])
 def test_what_has_no_64_bits_of_its_own_is_refused(other):
-    with pytest.raises(TypeError, match='cannot be kept, only arrays and numbers of 64 bits'):
-        Kept().box(work(3), (1, other))
+    with pytest.raises(TypeError, match='cannot be packed, only arrays and numbers of 64 bits'):
+        ArgumentPack(Arguments(work(3), (1, other), *pair(3)))
 
 
 def test_arguments_of_one_type_are_each_taken_apart():
     """How is found out once for a type: with other lengths, strides and places it still holds."""
-    kept = Kept()
     for n in (3, 5, 4):
         flags, total = np.ones(2 * n, dtype=np.int64)[::2], np.zeros(1)
         assert not flags.flags.c_contiguous
         flags[0] = n
-        assert add_up(kept.box(work(n), SETTINGS, (flags, total)), 1.0) == 25 + n * n + sum(
+        assert add_up(pack(n, SETTINGS, flags, total), 1.0) == 25 + n * n + sum(
             range(n + 1, 2 * n))
 
 
-def test_a_box_runs_kernels_of_its_type_with_numbers():
+def test_a_pack_runs_kernels_of_its_type_with_numbers():
     for kind, weight in ((np.int64, 2), (np.int32, 3), (np.int64, 4)):
         flags, total = pair(3)
-        box = Kept().box(work(3), SETTINGS, (flags.astype(kind), total))
+        one = pack(3, SETTINGS, flags.astype(kind), total)
         for _ in range(2):
-            assert box.run(add_up, weight) == 25 + weight * (3 + 4 + 5)
-            assert box.run(double) == 2 * (25 + weight * (3 + 4 + 5))
+            assert one.run(add_up, weight) == 25 + weight * (3 + 4 + 5)
+            assert one.run(double) == 2 * (25 + weight * (3 + 4 + 5))

@@ -10,8 +10,8 @@ import time
 
 import pytest
 
+from rigid_sim_ros.kernels.helper_process import cores
 from rigid_sim_ros.kernels.linking import SUPPORTED
-from rigid_sim_ros.kernels.separate import cores
 
 needs_helper = pytest.mark.skipif(
     not SUPPORTED or cores() < 2, reason='no helper is started on this machine')
@@ -20,35 +20,42 @@ needs_helper = pytest.mark.skipif(
 KERNELS = """
 import os
 import time
+from typing import Any, NamedTuple
 
-from rigid_sim_ros.kernels.argument_pack import call, held
 from rigid_sim_ros.kernels.kernel import kernel
+from rigid_sim_ros.kernels.separate import by_address
 
 
-def of_the_engine(function):
-    function.__module__ = 'rigid_sim_ros.kernels.argument_pack'
-    compiled = kernel(function)
-    function.__module__ = __name__
-    return compiled
+class Arguments(NamedTuple):
+    values: Any
+    number: float
 
 
-@of_the_engine
-def add_up(box, weight):
-    values, total = held(box, 1), 0
-    for i in range(values.shape[0]):
-        total += values[i]
+def of_the_engine(decorator):
+    def decorated(function):
+        function.__module__ = 'rigid_sim_ros.kernels.argument_pack'
+        compiled = decorator(function)
+        function.__module__ = __name__
+        return compiled
+    return decorated
+
+
+@of_the_engine(by_address)
+def add_up(c, weight):
+    total = 0
+    for i in range(c.values.shape[0]):
+        total += c.values[i]
     return weight * total
 
 
-@of_the_engine
-def count(box, more):
-    return held(box, 1).shape[0] + int(held(box, 2)) + more
+@of_the_engine(by_address)
+def count(c, more):
+    return c.values.shape[0] + int(c.number) + more
 
 
-@of_the_engine
-def both(box):
-    to = held(box, 0)
-    return call(to[0], box, 100) + call(to[1], box, 1)
+@of_the_engine(kernel)
+def both(c, weight):
+    return add_up(c, weight) + count(c, 1)
 
 
 if 'HELPER_WAITS' in os.environ and os.environ['HELPER_WAITS'] != str(os.getpid()):
@@ -62,32 +69,32 @@ import numpy as np
 os.environ['HELPER_WAITS'] = str(os.getpid())
 import kernels
 os.environ.pop('HELPER_WAITS')
-from rigid_sim_ros.kernels import separate
-from rigid_sim_ros.kernels.argument_pack import Kept
+from rigid_sim_ros.kernels import helper_process, separate
+from rigid_sim_ros.kernels.argument_pack import ArgumentPack
+from rigid_sim_ros.kernels.symbols import declare
 {change}
-kept = Kept(2)
-box = kept.box(kept.addresses, np.arange(5), 2.0)
-kept.addresses[:] = separate.compile_together(
-    kernels.both, (box.type,), (kernels.add_up, kernels.count), {may_wait}, 1)
+pack = ArgumentPack(kernels.Arguments(np.arange(5), 2.0))
+pieces = separate.Pieces([kernels.count], {helped})
+separate.link(kernels.both, pack, pieces)
 {late}
-print(kernels.both(box), sum(kernels.add_up.stats.cache_hits.values()))
+print(pack.run(kernels.both, 100), sum(kernels.add_up.stats.cache_hits.values()))
 """
 RESULT = 100 * (0 + 1 + 2 + 3 + 4) + 5 + 2 + 1
 # What has to happen before a piece that may wait is called: whether it is there, and its address.
 LATE = """
-print(int(kept.addresses[0] == 0), end=' ')
+print(int(declare(separate.symbol_of(kernels.add_up, pack.type)).value == 0), end=' ')
 {happens}
-kept.addresses[0] = separate.compile_late(kernels.add_up, box.type)
+separate.link_late(kernels.add_up, pack)
 """
 # Let something happen to a helper when it is started.
 TO_A_HELPER = """
-start = separate._start
+start = helper_process.start
 def changed(*arguments):
     os.environ['HELPER_WAITS'] = '{waits}'
     helper = start(*arguments)
     {happens}
     return helper
-separate._start = changed
+helper_process.start = changed
 """
 
 
@@ -100,7 +107,8 @@ def _started(tmp_path):
         path = os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
         return subprocess.Popen(
             [sys.executable, '-c', RUN.format(
-                before=before, change=change, may_wait={0} if late is not None else set(),
+                before=before, change=change,
+                helped='[kernels.add_up]' if late is None else '[], [kernels.add_up]',
                 late='' if late is None else LATE.format(happens=late))],
             env=os.environ | {'NUMBA_CACHE_DIR': str(tmp_path / 'cache'), 'PYTHONPATH': path},
             stdout=subprocess.PIPE, text=True)
@@ -123,11 +131,12 @@ def test_what_a_helper_compiled_is_loaded(started):
 @pytest.mark.parametrize('change', [
     pytest.param("sys.executable = ''", id='no-python'),
     pytest.param("sys.executable = '/nowhere/python3'", id='no-such-python'),
-    pytest.param('separate.cores = lambda: 1', id='one-core'),
-    pytest.param('separate.os.access = lambda *_: False', id='read-only-cache'),
+    pytest.param('helper_process.cores = lambda: 1', id='one-core'),
+    pytest.param('helper_process.os.access = lambda *_: False', id='read-only-cache'),
     pytest.param(TO_A_HELPER.format(waits='', happens='helper.process.kill()'),
                  id='killed-at-once'),
-    pytest.param(TO_A_HELPER.format(waits='no', happens='separate.PATIENCE = 0.1'), id='hangs'),
+    pytest.param(TO_A_HELPER.format(waits='no', happens='helper_process.PATIENCE = 0.1'),
+                 id='hangs'),
 ])
 def test_without_a_helper_that_gets_done_all_is_compiled_here(started, change):
     assert result(started(change)) == (RESULT, 0)
@@ -141,7 +150,7 @@ def test_a_numba_that_cannot_link_parts_calls_pieces_too(started):
 
 def test_a_second_start_finds_all_in_the_cache_and_starts_no_helper(started):
     result(started())
-    assert result(started('separate._start = None')) == (RESULT, 1)
+    assert result(started('helper_process.start = None')) == (RESULT, 1)
 
 
 def test_two_first_starts_at_the_same_time_do_not_disturb_each_other(started):
@@ -160,16 +169,15 @@ def test_a_piece_that_may_wait_is_there_when_it_is_asked_for(started, happens, l
 
 
 def test_a_piece_that_may_wait_is_there_at_once_where_nobody_goes_on_with_it(started):
-    assert result(started('separate.cores = lambda: 1', late='')) == (0, RESULT, 0)
-    assert result(started('separate._start = None', late='')) == (0, RESULT, 1)
+    assert result(started('helper_process.cores = lambda: 1', late='')) == (0, RESULT, 0)
+    assert result(started('helper_process.start = None', late='')) == (0, RESULT, 1)
 
 
 @needs_helper
 def test_who_may_not_wait_waits_for_a_helper_that_goes_on(started):
     again = """
-separate._start = None
-kept.addresses[:] = separate.compile_together(
-    kernels.both, (box.type,), (kernels.add_up, kernels.count), set(), 1)
+helper_process.start = None
+separate.link(kernels.both, pack, separate.Pieces([kernels.count], [kernels.add_up]))
 """
     assert result(started(late=again)) == (1, RESULT, 1)
 

@@ -9,7 +9,7 @@ manifold of polyhedra that hardly moved relative to each other keeps its points,
 gaps are found anew.
 """
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from rigid_sim_ros.engine.detection.broad_phase import mark_moved, near_pairs
 from rigid_sim_ros.engine.detection.manifold_rows import are_flat, carry_over, recycle, write_row
@@ -27,12 +27,12 @@ from rigid_sim_ros.engine.detection.witness import boxes_apart, remember, separa
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import BOX, HULL, PLANE, Shapes, SPHERE
 from rigid_sim_ros.engine.state.state import State
-from rigid_sim_ros.kernels.argument_pack import call
 from rigid_sim_ros.kernels.arrays import IntArray, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, inlined, kernel, part
+from rigid_sim_ros.kernels.separate import address_of, by_address
 
 # What a thread counts besides what is in `Memory.counters`: manifolds, and pairs left out for want
-# of `search_pair`.
+# of `search`.
 ROWS, LEFT_OUT = 7, 6
 NONE = (0.0, 0.0, 0.0)
 # In place of the number of points: the pair is apart, and a witness says so; nobody knows, for
@@ -60,6 +60,26 @@ class Share(NamedTuple):
     backwards: int  # 0 or 1
 
 
+class Arguments(Protocol):
+    """What the separate pieces of detection read of the arguments of a step."""
+
+    @property
+    def model(self) -> Model:
+        """Return the masses."""
+
+    @property
+    def state(self) -> State:
+        """Return the positions."""
+
+    @property
+    def shapes(self) -> Shapes:
+        """Return the shapes."""
+
+    @property
+    def memory(self) -> Memory:
+        """Return what is detected, and what is kept from the last step."""
+
+
 @part
 def get_share(memory: Memory, thread: int) -> Share:
     """Return what a thread was given."""
@@ -84,24 +104,23 @@ def detect(model: Model, state: State, shapes: Shapes, memory: Memory, margin: f
     the last step is then untouched, and the caller detects again with `grown(memory)`.
     """
     memory.ahead[:] = memory.calm[:] = 0.5 * margin
-    return detect_ahead(model, state, shapes, memory, 0, None)
+    return detect_ahead(model, state, shapes, memory, None)
 
 
 @kernel
-def detect_ahead(model: Model, state: State, shapes: Shapes, memory: Memory, to_search: int,
-                 box: Any) -> bool:
+def detect_ahead(model: Model, state: State, shapes: Shapes, memory: Memory, c: Any) -> bool:
     """
     Do the same for margins that differ: that of a pair is the sum of two of `memory.ahead`.
 
-    What it exceeds that of `memory.calm` by is how far the pair may move in the step. `to_search`
-    is the address of a kernel that calls `search_pair`, for a `box`, or 0 as long as there is
-    none; what has no box calls it here. Where one was needed the counter NO_SEARCH is 1 and the
-    result False, as where a buffer is too small.
+    What it exceeds that of `memory.calm` by is how far the pair may move in the step. `c` are the
+    arguments of the step, by which `search` is called, which may not be compiled yet; what has
+    none, and None here, calls `search_pair`. Where one was needed that is not there the counter
+    NO_SEARCH is 1 and the result False, as where a buffer is too small.
     """
     memory.left[1, 0] = 0
     place_some(state, shapes, memory, 0, (0, shapes.kind.shape[0]), (0, state.x.shape[1]))
     return find_pairs(model, state, shapes, memory) and find_all_manifolds(
-        state, shapes, memory, to_search, box)
+        state, shapes, memory, c)
 
 
 @kernel
@@ -117,70 +136,80 @@ def place_some(state: State, shapes: Shapes, memory: Memory, half: int, some: tu
 
 @kernel
 def detect_stage(stage: int, model: Model, state: State, shapes: Shapes, memory: Memory,
-                 to_search: int, box: Any) -> bool:
+                 c: Any) -> bool:
     """Do what `detect_ahead` does, or of that what several threads do one by one or each."""
     if stage == WHOLE:
-        return detect_ahead(model, state, shapes, memory, to_search, box)
+        return detect_ahead(model, state, shapes, memory, c)
     if stage == ALL:
-        return find_all_manifolds(state, shapes, memory, to_search, box)
+        return find_all_manifolds(state, shapes, memory, c)
     if stage == TAKE:
         return take_shares(model, shapes, memory)
     if stage == SEAMS:
-        return settle_seams(shapes, memory, to_search, box)
+        return settle_seams(shapes, memory, c)
     if stage == NOTE:
         note_moved(shapes, memory)
     elif stage < TAKE:
         look_for_share(model, shapes, memory, stage - LOOK)
     else:
-        find_share(state, shapes, memory, stage - FIND, to_search, box)
+        find_share(state, shapes, memory, stage - FIND, c)
     return True
 
 
+@by_address
+def detect_part(c: Arguments, stage: int) -> int:
+    """Do a stage of detection, see `detect_stage`; return 1 if all was there for it, else 0."""
+    return int(detect_stage(stage, c.model, c.state, c.shapes, c.memory, c))
+
+
+@by_address
+def search(c: Arguments, number: int) -> int:
+    """Do what `search_pair` does."""
+    return search_pair(number, c.shapes, c.memory)
+
+
 @kernel
-def find_all_manifolds(state: State, shapes: Shapes, memory: Memory, to_search: int,
-                       box: Any) -> bool:
+def find_all_manifolds(state: State, shapes: Shapes, memory: Memory, c: Any) -> bool:
     """Find the manifolds of all pairs, and turn the page; return whether all was there for it."""
     before = current(memory)
     everything = Share(0, memory.pair_count[0], 0, before.shape_a.shape[0], before.count[1], 0)
     set_share(memory, 0, everything)
-    find_share(state, shapes, memory, 0, to_search, box)
+    find_share(state, shapes, memory, 0, c)
     memory.shares[1, :], memory.touching[1, :] = 0, 0
     memory.split[0] = memory.shares[0, ROWS] // 2
     return (turn_page(memory, 0, memory.shares[0, ROWS])
-            and settle_seams(shapes, memory, to_search, box))
+            and settle_seams(shapes, memory, c))
 
 
 @kernel
-def settle_seams(shapes: Shapes, memory: Memory, to_search: int, box: Any) -> bool:
+def settle_seams(shapes: Shapes, memory: Memory, c: Any) -> bool:
     """
     Take off the latest manifolds what is none beside other shapes; see seams.py.
 
-    False where `search_pair` was needed and is not there yet: the page is then turned back.
+    False where `search` was needed and is not there yet: the page is then turned back.
     """
     if not find_seams(shapes, memory):
         return True
-    if box is None:
+    if c is None:
         mend_seams(shapes, memory, memory.scratch)
         return True
-    if to_search == 0:
+    if address_of(search, c) == 0:
         memory.counters[NO_SEARCH] = 1
         memory.page[0] = 1 - memory.page[0]
         return False
-    call(to_search, box, ALL_SEAMS)
+    search(c, ALL_SEAMS)
     return True
 
 
 @kernel
-def find_share(state: State, shapes: Shapes, memory: Memory, thread: int, to_search: int,
-               box: Any) -> None:
+def find_share(state: State, shapes: Shapes, memory: Memory, thread: int, c: Any) -> None:
     """Find the manifolds of the pairs that one of two threads was given."""
     now, before, share = earlier(memory), current(memory), get_share(memory, thread)
     if thread == 0:
         find_manifolds(state, shapes, memory, memory.scratch, memory.near[0], now, before, share,
-                       memory.touching[0], memory.shares[0], 0, to_search, box)
+                       memory.touching[0], memory.shares[0], 0, c)
     else:
         find_manifolds(state, shapes, memory, memory.other_scratch, memory.near[1], now, before,
-                       share, memory.touching[1], memory.shares[1], 1, to_search, box)
+                       share, memory.touching[1], memory.shares[1], 1, c)
 
 
 @kernel
@@ -204,8 +233,7 @@ def turn_page(memory: Memory, first: int, rows: int) -> bool:
 @kernel
 def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratch,
                    listing: IntArray, now: Manifolds, before: Manifolds, share: Share,
-                   touching: IntArray, found_so: IntArray, thread: int, to_search: int,
-                   box: Any) -> None:
+                   touching: IntArray, found_so: IntArray, thread: int, c: Any) -> None:
     """
     Go through the pairs and through the last step's rows, both sorted, side by side.
 
@@ -244,7 +272,7 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
             count = before.points[old]
             recycled += 1
         else:
-            count, n = _points_of(shapes, memory, scratch, k, a, b, margin, thread, to_search, box)
+            count, n = _points_of(shapes, memory, scratch, k, a, b, margin, thread, c)
             settled += 1 if count == AS_BEFORE else 0
             left_out += 1 if count == UNKNOWN else 0
             if count <= 0:
@@ -267,7 +295,7 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
 
 @part
 def _points_of(shapes: Shapes, memory: Memory, scratch: Scratch, k: int, a: int, b: int,
-               margin: float, thread: int, to_search: int, box: Any) -> tuple[int, Vector]:
+               margin: float, thread: int, c: Any) -> tuple[int, Vector]:
     """
     Find the points of pair k, of shapes a and b: return their number and the normal.
 
@@ -292,7 +320,7 @@ def _points_of(shapes: Shapes, memory: Memory, scratch: Scratch, k: int, a: int,
             if count != UNSETTLED or way == 0.0:
                 break
     if count == UNSETTLED:
-        count = _search(shapes, memory, k, thread, to_search, box)
+        count = _search(shapes, memory, k, thread, c)
         if count in (AS_BEFORE, UNKNOWN):
             return count, NONE
         n = scratch.normal[0], scratch.normal[1], scratch.normal[2]
@@ -302,11 +330,11 @@ def _points_of(shapes: Shapes, memory: Memory, scratch: Scratch, k: int, a: int,
 
 
 @part
-def _search(shapes: Shapes, memory: Memory, k: int, thread: int, to_search: int, box: Any) -> int:
-    """Do what `search_pair` does, by its address if there is a box; UNKNOWN if that is 0."""
-    if box is None:
+def _search(shapes: Shapes, memory: Memory, k: int, thread: int, c: Any) -> int:
+    """Do what `search_pair` does; UNKNOWN if `search` is not compiled yet."""
+    if c is None:
         return search_pair(2 * k + thread, shapes, memory)
-    return UNKNOWN if to_search == 0 else int(call(to_search, box, 2 * k + thread))
+    return UNKNOWN if address_of(search, c) == 0 else search(c, 2 * k + thread)
 
 
 @kernel

@@ -229,3 +229,14 @@ def _move_row(manifolds: Manifolds, source: int, target: int) -> None:
             manifolds.r_B[p, target, k] = manifolds.r_B[p, source, k]
             manifolds.p_A_C[target, p, k] = manifolds.p_A_C[source, p, k]
             manifolds.p_B_C[target, p, k] = manifolds.p_B_C[source, p, k]
+
+
+@kernel
+def clear_impulses(manifolds: Manifolds, normal_impulse: Array, friction_impulse: Array) -> None:
+    """Forget the impulses of the last step, as far as this one has points."""
+    first, count = rows_in_use(manifolds)
+    friction_impulse[first:first + count] = 0.0
+    for k in range(count):
+        r = (first + k) & INDEX
+        for p in range(manifolds.points[r]):
+            normal_impulse[p, r] = 0.0

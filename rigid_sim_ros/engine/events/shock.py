@@ -58,7 +58,7 @@ def find(model: Model, state: State, shapes: Shapes, materials: Materials, memor
         # Polyhedra that hardly moved would keep points that are right to second order: not enough
         # here.
         manifolds.found_at[r, 0] = np.inf
-    if not detect_ahead(model, state, shapes, memory, 0, None):
+    if not detect_ahead(model, state, shapes, memory, None):
         return MORE_MEMORY
     manifolds = current(memory)
     rows = manifolds.count[0]

@@ -15,81 +15,37 @@ push, an error obeys
 which is unstable for b > e. A stack of ten has e = 0.01 a substep, so it would sway for ever.
 """
 
-from typing import Any, NamedTuple
-
-import numpy as np
-
 from rigid_sim_ros.engine.constraints.contact_blocks import SIZE
-from rigid_sim_ros.engine.constraints.contact_prediction import Prediction
 from rigid_sim_ros.engine.constraints.contact_rules import SETTLED, Sweep
-from rigid_sim_ros.engine.detection.manifolds import Manifolds
+from rigid_sim_ros.engine.detection.manifolds import current, earlier
 from rigid_sim_ros.engine.dynamics.free_flight import fly_free
-from rigid_sim_ros.engine.dynamics.loads import Loads
 from rigid_sim_ros.engine.maths.vector import norm
-from rigid_sim_ros.engine.model.model import Model
-from rigid_sim_ros.engine.model.shapes import Materials, Shapes
+from rigid_sim_ros.engine.solver.arguments import Arguments, SequentialWork
 from rigid_sim_ros.engine.solver.coloring import (
-    awake_in, begin_blocks, BETWEEN, Blocks, CACHED, CHANGED, color_piece, Coloring, fetch_block,
-    first_block, make_blocks, make_coloring, make_room, most_blocks, numbers_of, OVERLAPPING,
-    PIECE, REGIONS)
+    awake_in, begin_blocks, BETWEEN, Blocks, CACHED, CHANGED, color_piece, fetch_block,
+    first_block, make_room, numbers_of, OVERLAPPING, PIECE, REGIONS)
 from rigid_sim_ros.engine.solver.contact_filling import (
     choose_manifolds, classify, DEEPEST, fill_blocks, keep_impulses, NEW, place_lanes, TOUCHING)
 from rigid_sim_ros.engine.solver.contact_sweep import note_left, separate, visit_block
 from rigid_sim_ros.engine.solver.direct_islands import find_islands
-from rigid_sim_ros.engine.solver.direct_solve import Direct, solve_islands
+from rigid_sim_ros.engine.solver.direct_solve import solve_islands
 from rigid_sim_ros.engine.solver.impacts import (
-    drift_blocks, end_impacts, excuse_approaches, find_approaching, forget_excuses, Impacts,
-    make_impacts, pass_on, TURNS, visit_waiting)
-from rigid_sim_ros.engine.solver.partition import give_slots, make_sides, shared_out, Sides
+    drift_blocks, end_impacts, excuse_approaches, find_approaching, forget_excuses, pass_on,
+    TURNS, visit_waiting)
+from rigid_sim_ros.engine.solver.partition import give_slots, shared_out
 from rigid_sim_ros.engine.solver.solver_bodies import (
     begin_push, begin_push_astride, begin_push_inside, drift_bodies, kick_bodies, load_bodies,
-    make_bodies, mark_astride, SECOND_BEGIN, slots_of, SolverBodies, store_bodies, STRIDE,
-    unkick_bodies)
-from rigid_sim_ros.engine.state.state import State
-from rigid_sim_ros.kernels.argument_pack import call
-from rigid_sim_ros.kernels.arrays import Array, IntArray, integers, room
+    mark_astride, SECOND_BEGIN, slots_of, SolverBodies, store_bodies, STRIDE, unkick_bodies)
+from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.bits import fetch
 from rigid_sim_ros.kernels.eight import any_of, LANES, load
 from rigid_sim_ros.kernels.kernel import apart, INDEX, kernel, part
 from rigid_sim_ros.kernels.second_core import side_by_side
-
-
-class SequentialSettings(NamedTuple):
-    """Numbers that trade accuracy for time and softness for speed."""
-
-    substeps: int = 4  # more: stiffer and slower; an overlap under load shrinks with the square
-    # part of an overlap that a substep pushes out; above 0.5 neighbours overshoot
-    push: float = 0.2
-    # [m/s] at most, out of an overlap; more throws what starts inside another
-    push_speed: float = 3.0
-
-
-class SequentialWork(NamedTuple):
-    """Buffers for one step: nothing here outlives it but what is reported."""
-
-    bodies: SolverBodies
-    sides: Sides
-    coloring: Coloring
-    blocks: Blocks
-    fresh: IntArray  # (blocks,) the bits of lanes that touch without an impulse to begin with
-    impacts: Impacts
-    shifted: IntArray  # (1,) 1 if collisions moved bodies since detection
-    notes: Array  # (REGIONS, 8) see DEEPEST and LARGEST
-    residual: Array  # (1,) [m/s] largest change of a contact's velocity in the last sweep
-    overlap: Array  # (1,) [m] deepest
-
+from rigid_sim_ros.kernels.separate import address_of, by_address
 
 # More that is noted of a region: the residual, whether anything was pushed in this substep, which
 # substep it is in, and whether anything waits for its part in an impact.
 LARGEST, PUSHED, SUBSTEP, WAITING = 3, 4, 5, 6
-
-
-def make_work(n: int, middle: tuple[int, int], capacity: int) -> SequentialWork:
-    """Return buffers for n bodies and `capacity` manifolds; for `middle` see `make_sides`."""
-    return SequentialWork(make_bodies(n), make_sides(n, middle), make_coloring(n, capacity),
-                          make_blocks(capacity), integers(most_blocks(capacity)),
-                          make_impacts(n, capacity), np.zeros(1, dtype=np.int64),
-                          room(REGIONS, 8), np.zeros(1), np.zeros(1))
 
 
 # The stages of a region: fill its blocks; see what approaches as the step begins; let what waits
@@ -101,39 +57,92 @@ def make_work(n: int, middle: tuple[int, int], capacity: int) -> SequentialWork:
 
 
 @part
-def solve_contacts(to: int, to_store: int, to_direct: int, box: Any, desk: IntArray, model: Model,
-                   state: State, loads: Loads, substeps: int, flight: Array,
-                   work: SequentialWork) -> None:
+def solve_contacts(c: Arguments) -> None:
     """
-    Advance all bodies by one step, those with a slot in `work.bodies` with contacts.
+    Advance all bodies by one step, those with a slot in `c.work.solver.bodies` with contacts.
 
-    `flight` is scratch for `fly_free`. `to` is the address of a kernel that calls `do_stage` with
-    REGIONS * stage + region, `to_store` that of one that calls `store_half`, `to_direct` that of
-    one that calls `do_direct_stage`, or 0. What is across waits for both halves.
+    Both halves of the bodies are solved side by side; what is across waits for both.
     """
-    notes, halved = work.notes, work.sides.cut.halved[0] == 1
+    work, substeps = c.work.solver, c.settings.sequential.substeps
+    notes = work.notes
     # Whatever an earlier step had in regions that this one does not have.
     work.blocks.count[:], notes[:], work.impacts.listed[:] = 0, 0.0, 0
-    _in_all(to, box, desk, halved, FILL)
-    _directly(to_direct, box, LIST)
+    _in_all(c, FILL)
+    _solve_directly(c, LIST)
     if _is_mostly_new(notes):
-        _find_impulses(to, to_direct, box, desk, halved)
-    _in_all(to, box, desk, halved, APPROACH)
+        _find_impulses(c)
+    _in_all(c, APPROACH)
     for substep in range(substeps):
-        if notes[0, WAITING] + notes[1, WAITING] + notes[2, WAITING] > 0.0:
-            _solve_impacts(to, to_direct, box, desk, halved, notes)
-        _in_all(to, box, desk, halved, SETTLE_AND_SWEEP if substep == 0 else KICK_AND_SWEEP)
-        _directly(to_direct, box, BEAR)
-        if halved:
-            call(to, box, REGIONS * RETURN + BETWEEN)
-        _in_halves(to, box, desk, halved, RETURN)
-        if halved:
-            call(to, box, REGIONS * DRIFT + BETWEEN)
-    _in_all(to, box, desk, halved, KEEP)
-    _in_halves(to_store, box, desk, halved, 0)
-    fly_free(model, state, loads, work.bodies.flies, model.h, flight)
+        if _wait(notes):
+            _solve_impacts(c)
+        _in_all(c, SETTLE_AND_SWEEP if substep == 0 else KICK_AND_SWEEP)
+        _solve_directly(c, BEAR)
+        _in_all_back(c, RETURN)
+        _across(c, DRIFT)
+    _in_all(c, KEEP)
+    _store(c)
+    fly_free(c.model, c.state, c.work.loads, work.bodies.flies, c.model.h, c.work.block)
     work.overlap[0] = max(notes[0, DEEPEST], max(notes[1, DEEPEST], notes[2, DEEPEST]))
     work.residual[0] = max(notes[0, LARGEST], max(notes[1, LARGEST], notes[2, LARGEST]))
+
+
+@kernel
+def _is_halved(c: Arguments) -> bool:
+    return c.work.solver.sides.cut.halved[0] == 1
+
+
+@apart
+def _in_halves(c: Arguments, stage: int) -> None:
+    if _is_halved(c):
+        side_by_side(c.job, address_of(solve_part, c), c, REGIONS * stage, REGIONS * stage + 1)
+    else:
+        solve_part(c, REGIONS * stage)
+
+
+@kernel
+def _across(c: Arguments, stage: int) -> None:
+    if _is_halved(c):
+        solve_part(c, REGIONS * stage + BETWEEN)
+
+
+@kernel
+def _in_all(c: Arguments, stage: int) -> None:
+    """Do a stage in both halves, and then across."""
+    _in_halves(c, stage)
+    _across(c, stage)
+
+
+@kernel
+def _in_all_back(c: Arguments, stage: int) -> None:
+    """Do a stage across, and then in both halves."""
+    _across(c, stage)
+    _in_halves(c, stage)
+
+
+@kernel
+def _store(c: Arguments) -> None:
+    """Write the bodies back to the state."""
+    if _is_halved(c):
+        side_by_side(c.job, address_of(store_part, c), c, 0, 1)
+    else:
+        store_part(c, 0)
+
+
+@kernel
+def _wait(notes: Array) -> bool:
+    """Return whether anything waits for its part in an impact."""
+    return bool(notes[0, WAITING] + notes[1, WAITING] + notes[2, WAITING] > 0.0)
+
+
+@kernel
+def _solve_impacts(c: Arguments) -> None:
+    """Visit what approaches, and what that reaches, until nothing waits."""
+    for _ in range(TURNS):
+        _solve_directly(c, STRIKE)
+        _across(c, IMPACT_BACK)
+        _in_all(c, IMPACT)
+        if not _wait(c.work.solver.notes):
+            break
 
 
 # The stages of what is solved directly: find it; solve an impact; find what bears the forces.
@@ -141,20 +150,21 @@ LIST, STRIKE, BEAR = range(3)
 
 
 @kernel
-def _directly(to: int, box: Any, stage: int) -> None:
-    if to != 0:
-        call(to, box, stage)
+def _solve_directly(c: Arguments, stage: int) -> None:
+    if c.uses.directly == 1:
+        solve_directly(c, stage)
 
 
-@kernel
-def do_direct_stage(stage: int, h: float, substeps: int, work: SequentialWork,
-                    direct: Direct) -> None:
-    """Do a stage for the islands that are solved directly, in steps of h [s]."""
+@by_address
+def solve_directly(c: Arguments, stage: int) -> int:
+    """Do a stage for the islands that are solved directly."""
+    work, substeps = c.work.solver, c.settings.sequential.substeps
     if stage == LIST:
-        find_islands(work.blocks, work.bodies, direct.islands)
+        find_islands(work.blocks, work.bodies, c.work.direct.islands)
     else:
-        what = _sweep_of(stage == BEAR, work.notes[0, SUBSTEP], h / substeps, substeps)
-        solve_islands(work.blocks, work.bodies, what, work.impacts, direct)
+        what = _sweep_of(stage == BEAR, work.notes[0, SUBSTEP], c.model.h / substeps, substeps)
+        solve_islands(work.blocks, work.bodies, what, work.impacts, c.work.direct)
+    return 0
 
 
 @kernel
@@ -162,35 +172,6 @@ def _sweep_of(forces: bool, substep: float, h: float, substeps: int) -> Sweep:
     """Return what visits of a substep of h [s] are for."""
     # An impact is at the start of a substep; forces hold contacts to their geometry at its end.
     return Sweep(1.0 / h, forces, (substep + (1.0 if forces else 0.0)) / substeps - 0.5)
-
-
-@apart
-def _in_halves(to: int, box: Any, desk: IntArray, halved: bool, stage: int) -> None:
-    if halved:
-        side_by_side(desk, to, box, REGIONS * stage, REGIONS * stage + 1)
-    else:
-        call(to, box, REGIONS * stage)
-
-
-@kernel
-def _in_all(to: int, box: Any, desk: IntArray, halved: bool, stage: int) -> None:
-    """Do a stage in both halves, and then across."""
-    _in_halves(to, box, desk, halved, stage)
-    if halved:
-        call(to, box, REGIONS * stage + BETWEEN)
-
-
-@kernel
-def _solve_impacts(to: int, to_direct: int, box: Any, desk: IntArray, halved: bool,
-                   notes: Array) -> None:
-    """Visit what approaches, and what that reaches, until nothing waits."""
-    for _ in range(TURNS):
-        _directly(to_direct, box, STRIKE)
-        if halved:
-            call(to, box, REGIONS * IMPACT_BACK + BETWEEN)
-        _in_all(to, box, desk, halved, IMPACT)
-        if notes[0, WAITING] + notes[1, WAITING] + notes[2, WAITING] == 0.0:
-            break
 
 
 # Visits to a block with new contacts. A box that is put down on a slope slips by 1e-7 m until its
@@ -208,82 +189,95 @@ def _is_mostly_new(notes: Array) -> bool:
 
 
 @kernel
-def _find_impulses(to: int, to_direct: int, box: Any, desk: IntArray, halved: bool) -> None:
+def _find_impulses(c: Arguments) -> None:
     """Find the impulses to begin with where most contacts are new: those that bear the forces."""
-    _in_all(to, box, desk, halved, KICK)
-    _directly(to_direct, box, BEAR)
+    _in_all(c, KICK)
+    _solve_directly(c, BEAR)
     for k in range(FRESH_SWEEPS):
         if k % 2 == 0:
-            _in_all(to, box, desk, halved, SWEEP)
+            _in_all(c, SWEEP)
         else:
-            if halved:
-                call(to, box, REGIONS * SWEEP_BACK + BETWEEN)
-            _in_halves(to, box, desk, halved, SWEEP_BACK)
-    _in_all(to, box, desk, halved, UNKICK)
+            _in_all_back(c, SWEEP_BACK)
+    _in_all(c, UNKICK)
 
 
-@part
-def do_stage(stage: int, region: int, model: Model, state: State, loads: Loads, shapes: Shapes,
-             materials: Materials, round_shapes: IntArray, manifolds: Manifolds, acted: Manifolds,
-             prediction: Prediction, waits: IntArray, touching: IntArray, shifts: Array,
-             settings: SequentialSettings, work: SequentialWork) -> None:
+@by_address
+def solve_part(c: Arguments, number: int) -> int:
     """
-    Do a stage in a region: 0 and 1, the halves, have bodies; 2, BETWEEN, has only contacts.
+    Do a stage in a region, by the number REGIONS * stage + region.
 
-    Impulses of the manifolds are those to begin with, and afterwards those of this step; those of
-    the whole step are added to what collisions wrote to `acted`. waits (c,) tell which manifolds
-    take part; touching (2, n) are 1 for their bodies. round_shapes (s,) are 1 for what may be in
-    a block of balls. `shifts` are what collisions moved.
+    0 and 1, the halves, have bodies; 2, BETWEEN, has only contacts. Impulses of the manifolds are
+    those to begin with, and afterwards those of this step; those of the whole step are added to
+    what collisions wrote.
     """
+    stage, region = number // REGIONS, number % REGIONS
+    work, h = c.work.solver, c.model.h / c.settings.sequential.substeps
     bodies, blocks, notes, impacts = work.bodies, work.blocks, work.notes[region], work.impacts
-    motion, alike, h = bodies.motion, bodies.alike[0] == 1, model.h / settings.substeps
+    motion = bodies.motion
     what = _sweep_of(stage not in (APPROACH, IMPACT_BACK, IMPACT), notes[SUBSTEP], h,
-                     settings.substeps)
+                     c.settings.sequential.substeps)
     # What gravity does in a substep: below it an approach is the work of forces, not an impact.
-    slow = h * norm((model.gravity[0], model.gravity[1], model.gravity[2]))
+    slow = h * norm((c.model.gravity[0], c.model.gravity[1], c.model.gravity[2]))
     if stage == FILL:
-        if region != BETWEEN:
-            give_slots(region, work.sides, touching, bodies)
-            load_bodies(region, model.h, model.gravity, model.inv_m, model.inv_I_C, state, loads,
-                        bodies)
-        _fill(region, state.x, shapes, materials, round_shapes, manifolds, prediction, waits,
-              shifts, 1.0 / settings.substeps, work)
+        _fill(c, region)
     elif stage == APPROACH:
-        notes[WAITING] = 1.0 if find_approaching(region, blocks, motion, what, slow,
-                                                 impacts) else 0.0
+        waits = find_approaching(region, blocks, motion, what, slow, impacts)
+        notes[WAITING] = 1.0 if waits else 0.0
     elif stage == IMPACT_BACK:
         visit_waiting(region, True, blocks, motion, bodies.used, what, slow, impacts)
     elif stage == IMPACT:
-        notes[WAITING] = 1.0 if pass_on(region, blocks, motion, bodies.used, what, slow,
-                                        impacts) else 0.0
+        waits = pass_on(region, blocks, motion, bodies.used, what, slow, impacts)
+        notes[WAITING] = 1.0 if waits else 0.0
     elif stage == KICK:
         excuse_approaches(region, blocks, motion)
-        if region != BETWEEN:
-            kick_bodies(region, bodies.used, motion, bodies.smooth, alike, bodies.base, h)
+        _kick(region, bodies, h)
     elif stage == UNKICK:
         forget_excuses(region, blocks)
-        if region != BETWEEN:
-            unkick_bodies(region, bodies.used, motion, bodies.smooth, alike, bodies.base, h)
+        _unkick(region, bodies, h)
     elif stage in (KICK_AND_SWEEP, SETTLE_AND_SWEEP):
         end_impacts(region, blocks, motion, impacts)
-        if region != BETWEEN:
-            kick_bodies(region, bodies.used, motion, bodies.smooth, alike, bodies.base, h)
+        _kick(region, bodies, h)
         if stage == SETTLE_AND_SWEEP:
             settle(region, blocks, work.fresh, motion, what)
     if stage in (KICK_AND_SWEEP, SETTLE_AND_SWEEP, SWEEP, SWEEP_BACK):
         sweep(region, blocks, motion, what, stage == SWEEP_BACK)
     elif stage == RETURN:
-        _return(region, what, settings.push / h, work)
+        _return(region, what, c.settings.sequential.push / h, work)
     if (stage == RETURN and region != BETWEEN) or stage == DRIFT:
-        if region != BETWEEN:
-            drift_bodies(region, bodies.used, motion, bodies.drifted, bodies.total,
-                         bodies.smooth, alike, bodies.base, h, notes[PUSHED] > 0.0)
-        meets = drift_blocks(region, blocks, bodies.drifted, h, what, slow, impacts)
-        notes[WAITING], notes[SUBSTEP] = 1.0 if meets else 0.0, notes[SUBSTEP] + 1.0
+        _drift(region, what, slow, h, work)
     elif stage == KEEP:
+        manifolds, acted = current(c.memory), earlier(c.memory)
         notes[LARGEST] = keep_impulses(
-            region, blocks, work.coloring, manifolds, prediction, bodies, h, settings.substeps,
-            work.shifted[0] == 1, acted.impulse, acted.friction)
+            region, blocks, work.coloring, manifolds, c.work.prediction, bodies, h,
+            c.settings.sequential.substeps, work.shifted[0] == 1, acted.impulse, acted.friction)
+    return 0
+
+
+@kernel
+def _kick(region: int, bodies: SolverBodies, h: float) -> None:
+    """Let forces act on the bodies of a region for a substep of h [s]."""
+    if region != BETWEEN:
+        kick_bodies(region, bodies.used, bodies.motion, bodies.smooth, bodies.alike[0] == 1,
+                    bodies.base, h)
+
+
+@kernel
+def _unkick(region: int, bodies: SolverBodies, h: float) -> None:
+    """Take back what `_kick` did."""
+    if region != BETWEEN:
+        unkick_bodies(region, bodies.used, bodies.motion, bodies.smooth, bodies.alike[0] == 1,
+                      bodies.base, h)
+
+
+@kernel
+def _drift(region: int, what: Sweep, slow: float, h: float, work: SequentialWork) -> None:
+    """Move the bodies of a region for a substep of h [s], and see what meets."""
+    bodies, notes = work.bodies, work.notes[region]
+    if region != BETWEEN:
+        drift_bodies(region, bodies.used, bodies.motion, bodies.drifted, bodies.total,
+                     bodies.smooth, bodies.alike[0] == 1, bodies.base, h, notes[PUSHED] > 0.0)
+    meets = drift_blocks(region, work.blocks, bodies.drifted, h, what, slow, work.impacts)
+    notes[WAITING], notes[SUBSTEP] = 1.0 if meets else 0.0, notes[SUBSTEP] + 1.0
 
 
 @kernel
@@ -298,25 +292,28 @@ def _return(region: int, what: Sweep, rate: float, work: SequentialWork) -> None
     sweep_back(region, blocks, bodies, what, rate, notes)
 
 
-@part
-def store_half(half: int, model: Model, state: State, substeps: int,
-               work: SequentialWork) -> None:
+@by_address
+def store_part(c: Arguments, half: int) -> int:
     """Write the bodies of a half back to the state, at the end of a step."""
+    model, work = c.model, c.work.solver
     first, last = shared_out(work.sides, half)
-    store_bodies(half, first, last, model.h, model.m, model.inv_m, model.inv_I_C, state,
-                 work.bodies, substeps)
+    store_bodies(half, first, last, model.h, model.m, model.inv_m, model.inv_I_C, c.state,
+                 work.bodies, c.settings.sequential.substeps)
+    return 0
 
 
 @kernel
-def _fill(region: int, x: Array, shapes: Shapes, materials: Materials, round_shapes: IntArray,
-          manifolds: Manifolds, prediction: Prediction, waits: IntArray, shifts: Array,
-          share: float, work: SequentialWork) -> None:
-    """Bring the manifolds of a region into blocks."""
-    shifted, sides = work.shifted[0] == 1, work.sides
+def _fill(c: Arguments, region: int) -> None:
+    """Bring the bodies and the manifolds of a region into blocks."""
+    model, state, work, sides = c.model, c.state, c.work.solver, c.work.solver.sides
+    manifolds, waits, shifted = current(c.memory), c.work.collision.waits, work.shifted[0] == 1
     if region != BETWEEN:
+        give_slots(region, sides, c.memory.touching, work.bodies)
+        load_bodies(region, model.h, model.gravity, model.inv_m, model.inv_I_C, state,
+                    c.work.loads, work.bodies)
         choose_manifolds(region, manifolds, sides, waits, work.coloring)
-    classify(region, shapes.material, materials, round_shapes, shifted, manifolds, work.bodies,
-             work.coloring)
+    classify(region, c.shapes.material, c.materials, c.work.round_shapes, shifted, manifolds,
+             work.bodies, work.coloring)
     coloring, blocks, bodies = work.coloring, work.blocks, work.bodies
     begin_blocks(region, blocks)
     for begin in range(0, coloring.members[region], PIECE):
@@ -326,8 +323,10 @@ def _fill(region: int, x: Array, shapes: Shapes, materials: Materials, round_sha
                              coloring)
         make_room(region, begin, end, colors, coloring, blocks)
         place_lanes(region, begin, end, block, manifolds, bodies, coloring, blocks)
-        fill_blocks(region, block, manifolds, prediction, x, waits, shapes, materials, shifts,
-                    shifted, share, bodies, blocks, work.fresh, work.notes[region])
+        fill_blocks(region, block, manifolds, c.work.prediction, state.x, waits, c.shapes,
+                    c.materials, c.work.collision.body, shifted,
+                    1.0 / c.settings.sequential.substeps, bodies, blocks, work.fresh,
+                    work.notes[region])
     if region == BETWEEN:
         begin = first_block(blocks, region)
         mark_astride(begin * LANES, (begin + blocks.count[region]) * LANES, blocks.at_A,

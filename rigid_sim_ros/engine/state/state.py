@@ -9,7 +9,7 @@ I^-1 L. What nothing pushes has no momentum that could follow it: its twist V is
 P / M + V_v and w = I^-1 L + V_w hold for every body, with 1 / M = 0 or V = 0.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from rigid_sim_ros.engine.maths.rotation import (
 from rigid_sim_ros.engine.maths.vector import (
     add, add_scaled, column, cross, row, scale, set_column, subtract)
 from rigid_sim_ros.engine.model.model import Model
-from rigid_sim_ros.kernels.argument_pack import contents, held
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import apart, in_python, INDEX, inlined, kernel
 
@@ -46,6 +45,14 @@ class BodyMotion(NamedTuple):
     orientation: Array  # q_WB, (n, 4) x, y, z, w
     linear: Array  # velocity of the origin of B, (n, 3) [m/s], world axes
     angular: Array  # (n, 3) [rad/s], world axes
+
+
+class MotionArguments(NamedTuple):
+    """What the kernels that read the motion of all bodies are given."""
+
+    model: Model
+    state: State
+    motion: BodyMotion
 
 
 def empty_state(n: int) -> State:
@@ -89,13 +96,9 @@ def _unfinite(rows: Array) -> int:
 
 
 @kernel
-def first_unfinite(box: Any) -> int:
-    """
-    Return the first body whose motion is not finite, -1 if all are.
-
-    The box holds a model, its state, and the motion of its body frames.
-    """
-    state = held(box, 1)
+def first_unfinite(c: MotionArguments) -> int:
+    """Return the first body whose motion is not finite, -1 if all are."""
+    state = c.state
     if _unfinite(state.x) + _unfinite(state.q) + _unfinite(state.P) + _unfinite(state.L) == 0:
         return -1
     for i in range(state.x.shape[1]):
@@ -130,13 +133,13 @@ def body_spin(model: Model, state: State, i: int) -> tuple[float, float, float]:
 
 
 @kernel
-def read_motion(box: Any) -> None:
+def read_motion(c: MotionArguments) -> None:
     """
-    Write the motion of the body frames: in a box, the model, the state, and where to write it.
+    Write the motion of the body frames.
 
     p_WB = x + R p_CB, q_WB = q_WC q_CB, v_B = v + w x (p_WB - x).
     """
-    model, state, motion = contents(box)
+    model, state, motion = c.model, c.state, c.motion
     for i in range(model.m.shape[0]):
         q = quaternion(state.q, i)
         r = rotate(q, row(model.p_CB, i))

@@ -17,20 +17,20 @@ from rigid_sim_ros.engine.detection.manifolds import (
     CONTACTS, current_manifolds, earlier_manifolds, empty_memory, lasting, Manifolds, Memory,
     PAIRS, POINTS, slice_in_use, with_lasting, WITNESSED)
 from rigid_sim_ros.engine.dynamics.integrate import make_work, ORIENTATIONS
-from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
+from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches, Wrenches
 from rigid_sim_ros.engine.events.buffers import Carried, EventSettings, no_forces
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
+from rigid_sim_ros.engine.solver.arguments import (
+    Arguments, make_arguments, SequentialSettings, TimestepSettings, with_cut)
 from rigid_sim_ros.engine.solver.partition import Cut
-from rigid_sim_ros.engine.solver.sequential import SequentialSettings
-from rigid_sim_ros.engine.solver.sleeping import no_rest
-from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.engine.state.state import empty_state, State
 from rigid_sim_ros.engine.steps import event, penalty, qp, timestep
-from rigid_sim_ros.engine.steps.free import FREE_MOTION
-from rigid_sim_ros.kernels.argument_pack import Kept
+from rigid_sim_ros.engine.steps.free import FREE_MOTION, FreeArguments
+from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
 from rigid_sim_ros.kernels.arrays import Array
-from rigid_sim_ros.kernels.second_core import Helper
-from rigid_sim_ros.kernels.separate import cores
+from rigid_sim_ros.kernels.helper_process import cores
+from rigid_sim_ros.kernels.second_core import Helper, make_job
 
 CONTACT = np.dtype([
     ('body_a', np.int64), ('body_b', np.int64), ('point', np.float64, 3),
@@ -102,12 +102,12 @@ class FreeMotion(_OneThread):
         self._advance = FREE_MOTION[setup.integrator]
         self._orientation = ORIENTATIONS.index(setup.orientation)
         self._work = make_work(len(setup.model.m))
-        self._kept = Kept()
+        self._pack: ArgumentPack | None = None
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
         """Advance the state."""
-        box = self._kept.box(self._model, state, wrenches, self._work)
-        box.run(self._advance, self._orientation, count)
+        self._pack = packed(FreeArguments(self._model, state, wrenches, self._work), self._pack)
+        self._pack.run(self._advance, self._orientation, count)
 
     def lasting(self) -> dict[str, np.ndarray]:
         """Return nothing: the state is all there is."""
@@ -180,46 +180,53 @@ class Timestep(_Touching):
     def __init__(self, setup: Setup) -> None:
         """Make room for no contacts yet."""
         super().__init__(setup)
-        self._settings = timestep.TimestepSettings(
+        self._settings = TimestepSettings(
             sequential=SequentialSettings(substeps=setup.substeps),
             sleep_steps=math.ceil(setup.sleep_after / setup.model.h))
-        self._work = timestep.make_timestep_work(setup.model, setup.shapes, self._memory)
-        self._rest = no_rest(len(setup.model.m))
-        self._kept = Kept(timestep.PIECES)
+        self._arguments = self._begin()
+        self._pack: ArgumentPack | None = None
         self._helper: Helper | None = None
         self._has_stepped = False
+
+    def _begin(self) -> Arguments:
+        s = self._setup
+        n = len(s.model.m)
+        return make_arguments(s.model, empty_state(n), no_wrenches(), s.shapes, s.materials,
+                              self._memory, self._settings)
 
     def use_threads(self, count: int) -> None:
         """Let a second thread help where contacts are many, if there is a core for it."""
         helped = count > 1 and cores() > 1
         if helped != (self._helper is not None):
             self._helper = Helper() if helped else None
+            job = make_job() if self._helper is None else self._helper.job
+            self._arguments = self._arguments._replace(job=job)
 
     def lasting(self) -> dict[str, np.ndarray]:
         """Return the manifolds, the cut, and who rests where if bodies may sleep."""
-        arrays = super().lasting() | _named('cut', self._work.solver.sides.cut)
+        c = self._arguments
+        arrays = super().lasting() | _named('cut', c.work.solver.sides.cut)
         if self._settings.sleep_steps > 0:
-            arrays |= {f'rest_{name}': getattr(self._rest, name).copy() for name in _REST}
+            arrays |= {f'rest_{name}': getattr(c.rest, name).copy() for name in _REST}
         return arrays
 
     def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Go back to manifolds that `lasting` returned."""
         super().recall(arrays)
-        self._work = timestep.make_timestep_work(
-            self._setup.model, self._setup.shapes, self._memory)
+        c = self._begin()._replace(job=self._arguments.job)
         if arrays:
-            timestep.with_cut(self._work, _unnamed('cut', Cut, arrays))
-        self._rest = no_rest(len(self._setup.model.m))
+            with_cut(c.work, _unnamed('cut', Cut, arrays))
         for name in _REST if arrays and self._settings.sleep_steps > 0 else ():
-            getattr(self._rest, name)[...] = arrays[f'rest_{name}']
-        self._has_stepped = False
+            getattr(c.rest, name)[...] = arrays[f'rest_{name}']
+        self._arguments, self._has_stepped = c, False
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
         """Advance the state."""
-        s = self._setup
-        self._memory, self._work = timestep.advance(
-            s.model, state, wrenches, s.shapes, s.materials, self._memory, self._settings,
-            self._work, self._rest, count, self._kept, self._helper)
+        c = self._arguments
+        if c.state is not state or c.wrenches is not wrenches:
+            c = c._replace(state=state, wrenches=wrenches)
+        self._arguments, self._pack = timestep.advance(c, count, self._pack, self._helper)
+        self._memory = self._arguments.memory
         self._has_stepped = self._has_stepped or count > 0
 
     def contacts(self, state: State) -> np.ndarray:
@@ -232,9 +239,10 @@ class Timestep(_Touching):
 
     def report(self) -> ContactReport:
         """Return the counts, and the largest change of a contact's velocity in the last sweep."""
-        return self._counts()._replace(residual=float(self._work.solver.residual[0]),
+        c = self._arguments
+        return self._counts()._replace(residual=float(c.work.solver.residual[0]),
                                        iterations=self._settings.sequential.substeps,
-                                       asleep=int(self._rest.asleep.sum()))
+                                       asleep=int(c.rest.asleep.sum()))
 
 
 class VelocityQp(_Touching):
@@ -243,7 +251,7 @@ class VelocityQp(_Touching):
     def __init__(self, setup: Setup) -> None:
         """Make room for no contacts yet."""
         super().__init__(setup)
-        self._settings = timestep.TimestepSettings()
+        self._settings = TimestepSettings()
         self._work = qp.QpWork(setup.model, setup.shapes, self._memory)
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:

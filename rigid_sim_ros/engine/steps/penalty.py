@@ -407,7 +407,7 @@ def _overlaps(model: Model, state: State, shapes: Shapes, materials: Materials, 
     for s in range(shapes.bound.shape[0]):
         memory.ahead[s] = MARGIN * shapes.bound[s] if shapes.bound[s] < np.inf else 0.0
     memory.calm[0] = np.inf
-    if not detect_ahead(model, state, shapes, memory, 0, None):
+    if not detect_ahead(model, state, shapes, memory, None):
         return MORE_MEMORY
     manifolds = current(memory)
     rows = manifolds.count[0]

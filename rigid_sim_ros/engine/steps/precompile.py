@@ -11,10 +11,10 @@ from rigid_sim_ros.engine.dynamics.forces import WIDTH
 from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches
 from rigid_sim_ros.engine.model.model import build_model, ForceTable
 from rigid_sim_ros.engine.model.shapes import build_materials, build_shapes, Material
-from rigid_sim_ros.engine.solver.sleeping import no_rest
+from rigid_sim_ros.engine.solver.arguments import make_arguments, TimestepSettings
 from rigid_sim_ros.engine.state.state import empty_state
-from rigid_sim_ros.engine.steps import timestep
-from rigid_sim_ros.kernels.argument_pack import Kept
+from rigid_sim_ros.engine.steps.timestep import pieces_of
+from rigid_sim_ros.kernels.argument_pack import ArgumentPack
 from rigid_sim_ros.kernels.separate import begin
 
 
@@ -31,8 +31,6 @@ def compile_beforehand() -> None:
     none = np.zeros(0, dtype=np.int64)
     model = build_model([], [], ForceTable(none, none, none, np.zeros((0, WIDTH))), 0.001,
                         (0.0, 0.0, 0.0))
-    shapes, memory, kept = build_shapes(model, []), empty_memory(0, 0), Kept(timestep.PIECES)
-    begin(timestep.ALWAYS, timestep.boxed(
-        kept, model, empty_state(0), no_wrenches(), shapes, build_materials([Material()]), memory,
-        timestep.TimestepSettings(), timestep.make_timestep_work(model, shapes, memory),
-        no_rest(0)).type)
+    c = make_arguments(model, empty_state(0), no_wrenches(), build_shapes(model, []),
+                       build_materials([Material()]), empty_memory(0, 0), TimestepSettings())
+    begin(pieces_of(c, helped=False), ArgumentPack(c))

@@ -28,6 +28,8 @@ from rigid_sim_ros.engine.contact.contacts import (
     to_contact, to_world)
 from rigid_sim_ros.engine.contact.impact_offsets import gap_now
 from rigid_sim_ros.engine.detection.detect import detect_ahead
+from rigid_sim_ros.engine.detection.look_ahead import look_ahead
+from rigid_sim_ros.engine.detection.manifold_rows import clear_impulses
 from rigid_sim_ros.engine.detection.manifolds import (
     current_manifolds, earlier_manifolds, grown, Manifolds, Memory)
 from rigid_sim_ros.engine.dynamics.free_flight import fly_free
@@ -38,13 +40,13 @@ from rigid_sim_ros.engine.dynamics.wrenches import count_down, Wrenches
 from rigid_sim_ros.engine.maths.vector import cross, row
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
+from rigid_sim_ros.engine.solver.arguments import (
+    make_timestep_work, TimestepSettings, TimestepWork)
 from rigid_sim_ros.engine.solver.partition import give_slots, mark_touching, take_sides
 from rigid_sim_ros.engine.solver.solver_bodies import (
     begin_push, drift_bodies, INV_M, kick_bodies, load_bodies, SECOND_END, SolverBodies,
     store_bodies, STRIDE, TOUCHED)
 from rigid_sim_ros.engine.state.state import State
-from rigid_sim_ros.engine.steps.timestep import (
-    clear_impulses, look_ahead, make_timestep_work, TimestepSettings, TimestepWork)
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import kernel
 
@@ -86,9 +88,9 @@ def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, mate
     for _ in range(count):
         begin_kinematic(model, state)
         look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, state.V,
-                   settings, work.shared.radius, work.shared.thickness, shapes.body, memory, 0,
-                   shapes.body.shape[0])
-        while not detect_ahead(model, state, shapes, memory, 0, None):
+                   settings.margin, work.shared.radius, work.shared.thickness, shapes.body,
+                   memory, 0, shapes.body.shape[0])
+        while not detect_ahead(model, state, shapes, memory, None):
             memory = grown(memory)
         if len(memory.pages[0].shape_a) > len(work.shared.collision.rows):
             work.shared = make_timestep_work(model, shapes, memory)

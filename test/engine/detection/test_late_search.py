@@ -5,9 +5,12 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros import World
+from rigid_sim_ros.engine.detection.detect import search
 from rigid_sim_ros.engine.detection.manifolds import current_manifolds
 from rigid_sim_ros.engine.solver.partition import ENOUGH
 from rigid_sim_ros.engine.steps import timestep
+from rigid_sim_ros.kernels.separate import symbol_of
+from rigid_sim_ros.kernels.symbols import declare
 
 GROUND = {'name': 'ground', 'fixed': True, 'shape': {'type': 'plane'}}
 BALL, BOX = {'type': 'sphere', 'radius': 0.2}, {'type': 'box', 'size': [0.4, 0.4, 0.4]}
@@ -62,21 +65,24 @@ def crossed_rods():
 @pytest.fixture(name='asked')
 def _asked(monkeypatch):
     """Let worlds begin without a search; return the list of what they ask for."""
-    asked, compile_late = [], timestep.compile_late
-    compile_together = timestep.compile_together
+    asked, link, link_late = [], timestep.link, timestep.link_late
 
-    def without(*arguments):
-        found = compile_together(*arguments)
-        found[timestep._TO_SEARCH] = 0
-        return found
+    def without(caller, pack, pieces):
+        link(caller, pack, pieces)
+        take_away(pack)
 
-    def counted(piece, box):
+    def counted(piece, pack):
         asked.append(piece.__name__)
-        return compile_late(piece, box)
+        link_late(piece, pack)
 
-    monkeypatch.setattr(timestep, 'compile_together', without)
-    monkeypatch.setattr(timestep, 'compile_late', counted)
+    monkeypatch.setattr(timestep, 'link', without)
+    monkeypatch.setattr(timestep, 'link_late', counted)
     return asked
+
+
+def take_away(pack):
+    """Let the search be as if it were not compiled yet."""
+    declare(symbol_of(search, pack.type)).value = 0
 
 
 @pytest.mark.parametrize(('bodies', 'searched'), [
@@ -88,16 +94,15 @@ def _asked(monkeypatch):
 ])
 def test_the_shapes_of_a_world_say_whether_it_searches(bodies, searched):
     world = World.from_dict(scene(*bodies))
-    s, settings = world._contact._setup, world._contact._settings
-    pieces, may_wait = timestep._pieces(s.model, s.shapes, s.materials, settings, False)
-    assert pieces[timestep._TO_SEARCH] == (None if searched == 'never' else timestep._search)
-    assert may_wait == (set() if searched == 'always' else {timestep._TO_SEARCH})
+    pieces = timestep.pieces_of(world._contact._arguments, helped=False)
+    where = {'never': pieces.unused, 'hardly ever': pieces.late, 'always': pieces.helped}
+    assert [name for name, some in where.items() if search in some] == [searched]
 
 
 def test_boxes_that_meet_with_corners_wait_for_the_search_and_come_to_the_same(asked, request):
     world = World.from_dict(corner_to_corner())
     world.step(20)
-    assert set(asked) == {'_search'}
+    assert set(asked) == {'search'}
     request.getfixturevalue('monkeypatch').undo()
     known = World.from_dict(corner_to_corner())
     known.step(20)
@@ -120,7 +125,7 @@ def test_a_step_that_waited_is_the_same_step_on_two_threads(threads, asked):
     assert current_manifolds(other._contact._memory).count[0] >= ENOUGH
     known.step(5)
     asked.clear()
-    other._contact._kept.addresses[timestep._TO_SEARCH] = 0
+    take_away(other._contact._pack)
     other.step(5)
-    assert asked == ['_search']
+    assert asked == ['search']
     assert other.state_hash() == known.state_hash()

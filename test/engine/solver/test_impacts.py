@@ -100,7 +100,7 @@ def impact():
     world = rows_and(across, SPEED)
     world.step(3)
     assert members(world)[BETWEEN] == 16
-    return world._contact._work.solver
+    return world._contact._arguments.work.solver
 
 
 # Of an impact in the middle of a step of four substeps of 1 / 960 s.

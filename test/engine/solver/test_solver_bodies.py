@@ -25,7 +25,7 @@ def world(request):
             {'name': 'ground', 'fixed': True, 'shape': {'type': 'plane'}}]})
     before = [field.copy() for field in world._state]
     world.step()
-    slots = world._contact._work.solver.bodies.slot[:COUNT]
+    slots = world._contact._arguments.work.solver.bodies.slot[:COUNT]
     assert np.flatnonzero(slots == 0).tolist() == list(request.param)
     return world, before
 
@@ -33,7 +33,7 @@ def world(request):
 def written(world, before, halves):
     """Return what is written back of a world's last step, to the state before."""
     n, state, model = COUNT + 1, State._make(field.copy() for field in before), world._model
-    bodies = world._contact._work.solver.bodies
+    bodies = world._contact._arguments.work.solver.bodies
     # As in a world of two halves: gravity stands in the slots that stand still.
     for still in (0, bodies.used[SECOND_BEGIN]):
         bodies.smooth[still * STRIDE:still * STRIDE + 3] = model.gravity
@@ -69,7 +69,7 @@ def test_a_slot_that_stands_still_has_no_trace_of_whom_it_had_before(world, alik
 def test_bodies_that_lie_otherwise_are_written_the_same(world):
     world, before = world
     one, two = written(world, before, 1), written(world, before, 2)
-    touching = world._contact._work.solver.bodies.slot > 0
+    touching = world._contact._arguments.work.solver.bodies.slot > 0
     for name, whole, parts in zip(one._fields, one, two, strict=True):
         assert whole.tobytes() == parts.tobytes(), name
         # The last step wrote the same, with as many substeps.

@@ -9,21 +9,23 @@ import sys
 
 import pytest
 
-from rigid_sim_ros.engine.steps.timestep import ALWAYS
 from rigid_sim_ros.kernels.cache import cache_folder
+from rigid_sim_ros.kernels.helper_process import cores
 from rigid_sim_ros.kernels.linking import SUPPORTED
-from rigid_sim_ros.kernels.separate import cores
 
-# Tells what is begun for which box, in place of beginning with it, and which box a step needs.
+# What a helper compiles for every world of the model.
+HELPED = ['detect_part', 'store_part', 'predict_part']
+# Tells what is begun for which arguments, in place of beginning with it, and which a step has.
 TOLD = """
 import json
-from rigid_sim_ros.engine.steps import precompile, timestep
+from rigid_sim_ros.engine.steps import precompile
 begun = []
-precompile.begin = lambda pieces, box: begun.append(([p.__name__ for p in pieces], box.name))
+precompile.begin = lambda pieces, pack: begun.append(
+    ([piece.__name__ for piece in pieces.helped], pack.type.name))
 from rigid_sim_ros.world import World
 for world in (World.from_dict(scene) for scene in {scenes}):
     world.step()
-print(json.dumps([begun, world._contact._kept.compiled_for.type.name
+print(json.dumps([begun, world._contact._pack.type.name
                   if begun else type(world._contact).__name__]))
 """
 BALL = {'name': 'ball', 'shape': {'type': 'sphere', 'radius': 0.1}, 'mass': 1.0}
@@ -51,7 +53,7 @@ def told(*scenes):
 ], ids=['two balls', 'with all that is optional'])
 def test_a_helper_begins_with_the_types_that_the_first_step_has(one):
     begun, needed = told(one, scene('timestep', BALL, OTHER))
-    assert begun == [[['_detect', '_store'], needed]]     # and once only
+    assert begun == [[HELPED, needed]]     # and once only
 
 
 @pytest.mark.parametrize('other', [scene('none', BALL, GROUND), scene('timestep', BALL)])
@@ -66,30 +68,31 @@ def cache_without(folder, names):
         if cache_folder(module).is_dir():
             shutil.copytree(cache_folder(module), kernels / cache_folder(module).name,
                             ignore=shutil.ignore_patterns(
-                                '*.tmp.*', *(f'timestep.{name}-*' for name in names)))
+                                '*.tmp.*', *(f'*.{name}-*' for name in names)))
 
 
 @pytest.mark.skipif(not SUPPORTED or cores() < 2, reason='there is no helper')
 def test_what_was_begun_is_waited_for_and_nothing_is_begun_twice(tmp_path):
     code = """
-from rigid_sim_ros.kernels import separate
-separate.PATIENCE = 900.0     # on a busy machine the helper hardly gets on
-started, start = [], separate._start
+from rigid_sim_ros.kernels import helper_process, separate
+helper_process.PATIENCE = 900.0     # on a busy machine the helper hardly gets on
+started, start = [], helper_process.start
 def counted(*arguments):
     started.append(start(*arguments))
     return started[-1]
-separate._start = counted
+helper_process.start = counted
 from rigid_sim_ros.world import World
 world = World.from_dict(SCENE)
 assert len(started) == 1 and separate._begun == started
 world.step()
-from rigid_sim_ros.engine.steps.timestep import ALWAYS
+from rigid_sim_ros.engine.steps.timestep import pieces_of
+pieces = pieces_of(world._contact._arguments, helped=False)
 print(len(started), len(separate._begun), started[0].process.returncode,
-      *(sum(piece.stats.cache_hits.values()) for piece in ALWAYS))
+      *(sum(piece.stats.cache_hits.values()) for piece in pieces.helped))
 """
-    cache_without(tmp_path, [piece.__name__ for piece in ALWAYS])
+    cache_without(tmp_path, HELPED)
     done = subprocess.run(
         [sys.executable, '-c', code.replace('SCENE', repr(scene('timestep', BALL, OTHER)))],
         env=os.environ | {'NUMBA_CACHE_DIR': str(tmp_path)}, capture_output=True, text=True,
         check=True)
-    assert done.stdout.split() == ['1', '0', '0', '1', '1']
+    assert done.stdout.split() == ['1', '0', '0', '1', '1', '1']

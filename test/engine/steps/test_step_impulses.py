@@ -13,13 +13,12 @@ from rigid_sim_ros.engine.constraints.contact_blocks import (
 from rigid_sim_ros.engine.constraints.contact_rules import NEGLIGIBLE, SETTLED, Sweep
 from rigid_sim_ros.engine.detection.manifolds import earlier_manifolds, slice_in_use
 from rigid_sim_ros.engine.model.shapes import Material
+from rigid_sim_ros.engine.solver.arguments import SequentialSettings, TimestepSettings
 from rigid_sim_ros.engine.solver.coloring import CHANGED, first_block, OVERLAPPING
 from rigid_sim_ros.engine.solver.contact_sweep import note_left
-from rigid_sim_ros.engine.solver.sequential import SequentialSettings
 from rigid_sim_ros.engine.solver.solver_bodies import (
     begin_push, begin_push_astride, begin_push_inside, drift_bodies, INV_M, kick_bodies,
     mark_astride, STRIDE, TOUCHED, unkick_bodies)
-from rigid_sim_ros.engine.steps.timestep import TimestepSettings
 from rigid_sim_ros.kernels.eight import LANES, load
 
 

@@ -9,20 +9,20 @@ import numpy as np
 
 from rigid_sim_ros.engine.detection.detect import ALL, detect_stage, FIND, LOOK, NOTE, ROWS, TAKE
 from rigid_sim_ros.engine.detection.manifolds import grown, lasting, PAIRS, RECYCLED, WITNESSED
-from rigid_sim_ros.engine.detection.parallel_detection import (
+from rigid_sim_ros.engine.solver.arguments import middle_of_shapes
+from rigid_sim_ros.engine.solver.parallel_detection import (
     _effort, _fair_split, FIT, JOIN, PLACE, REFRESH, SHARE_OUT, share_stage)
-from rigid_sim_ros.engine.steps.timestep import _middle
 
 
 def detect_in_stages(scene: Scene, by_number: bool) -> None:
     """Do what `Scene.detect` does, stage by stage, the second half of each one first."""
-    middle = _middle(scene.model, scene.shapes.body)
+    middle = middle_of_shapes(scene.model, scene.shapes.body)
     while True:
         memory = scene.memory
         memory.ahead[:] = memory.calm[:] = 0.5 * scene.margin
 
         def detect(*stages, memory=memory):
-            return all(detect_stage(stage, scene.model, scene.state, scene.shapes, memory, 0, None)
+            return all(detect_stage(stage, scene.model, scene.state, scene.shapes, memory, None)
                        for stage in stages)
 
         def share(*stages, memory=memory):

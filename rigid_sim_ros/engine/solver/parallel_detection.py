@@ -9,20 +9,22 @@ from the middle of the page to its start; the second writes from there on. So th
 side by side, however many each of them finds. Where the room was too small one thread begins anew.
 """
 
-from typing import Any
-
 from rigid_sim_ros.engine.detection.detect import (
-    ALL, FIND, get_share, LOOK, NOTE, place_some, ROWS, SEAMS, set_share, Share, TAKE, turn_page)
+    ALL, detect_part, FIND, get_share, LOOK, NOTE, place_some, ROWS, SEAMS, set_share, Share, TAKE,
+    turn_page)
+from rigid_sim_ros.engine.detection.look_ahead import look_ahead
 from rigid_sim_ros.engine.detection.manifolds import (
     current, first_row, Memory, PAIRS, REBUILT, RECYCLED, rows_in_use, WITNESSED)
 from rigid_sim_ros.engine.detection.pair_list import refresh_some
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Shapes
+from rigid_sim_ros.engine.solver.arguments import Arguments
+from rigid_sim_ros.engine.solver.partition import is_by_number, take_sides
 from rigid_sim_ros.engine.state.state import State
-from rigid_sim_ros.kernels.argument_pack import call
 from rigid_sim_ros.kernels.arrays import IntArray
 from rigid_sim_ros.kernels.kernel import INDEX, kernel, part
 from rigid_sim_ros.kernels.second_core import side_by_side
+from rigid_sim_ros.kernels.separate import address_of, by_address
 
 # The stages that one thread alone does not have, by their numbers; of those in halves the number
 # of the first half.
@@ -32,29 +34,47 @@ _OF_RECYCLED, _OF_NEW = 2, 14
 
 
 @part
-def detect_side_by_side(to: int, to_share: int, box: Any, desk: IntArray, left: IntArray,
-                        counters: IntArray) -> int:
-    """
-    Do what `detect_ahead` does.
-
-    `to` and `to_share` are the addresses of kernels that call `detect_stage` and `share_stage`;
-    left and counters those of the memory.
-    """
-    side_by_side(desk, to_share, box, PLACE, PLACE + 1)
-    if left[0, 0] + left[1, 0] > 0:
-        side_by_side(desk, to_share, box, REFRESH, REFRESH + 1)
-    call(to, box, NOTE)
-    if counters[REBUILT] > 0:
-        side_by_side(desk, to, box, LOOK, LOOK + 1)
-        if call(to, box, TAKE) == 0:
+def detect_in_parallel(c: Arguments) -> int:
+    """Do what `detect_ahead` does; return 1 if all was there for it, else 0."""
+    memory, job = c.memory, c.job
+    alone, shared = address_of(detect_part, c), address_of(share_part, c)
+    side_by_side(job, shared, c, PLACE, PLACE + 1)
+    if memory.left[0, 0] + memory.left[1, 0] > 0:
+        side_by_side(job, shared, c, REFRESH, REFRESH + 1)
+    detect_part(c, NOTE)
+    if memory.counters[REBUILT] > 0:
+        side_by_side(job, alone, c, LOOK, LOOK + 1)
+        if detect_part(c, TAKE) == 0:
             return 0
-    call(to_share, box, SHARE_OUT)
-    side_by_side(desk, to, box, FIND, FIND + 1)
-    if call(to_share, box, FIT) == 0:
-        return call(to, box, ALL)
-    if call(to_share, box, JOIN) == 0:
+    share_part(c, SHARE_OUT)
+    side_by_side(job, alone, c, FIND, FIND + 1)
+    if share_part(c, FIT) == 0:
+        return detect_part(c, ALL)
+    if share_part(c, JOIN) == 0:
         return 0
-    return call(to, box, SEAMS)
+    return detect_part(c, SEAMS)
+
+
+@by_address
+def share_part(c: Arguments, stage: int) -> int:
+    """Do a stage that one thread alone does not have; return 1 if there was room, else 0."""
+    sides = c.work.solver.sides
+    first = sides.middle[0], sides.middle[1]
+    if PLACE <= stage < REFRESH:
+        some, bodies = in_half(stage - PLACE, first, c.state, c.shapes)
+        look_ahead_of(c, some, bodies)
+    return int(share_stage(stage, c.model, c.state, c.shapes, c.memory, first,
+                           is_by_number(sides.cut)))
+
+
+@kernel
+def look_ahead_of(c: Arguments, shapes: tuple[int, int], bodies: tuple[int, int]) -> None:
+    """Find how far ahead some shapes look, and on which side of the cut some bodies are."""
+    model, state, solver = c.model, c.state, c.work.solver
+    take_sides(model.inv_m, state.V, state.x, c.rest.asleep, bodies[0], bodies[1], solver.sides,
+               solver.bodies.slot, solver.bodies.flies)
+    look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, state.V, c.settings.margin,
+               c.work.radius, c.work.thickness, c.shapes.body, c.memory, shapes[0], shapes[1])
 
 
 @kernel
