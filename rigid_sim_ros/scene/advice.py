@@ -11,6 +11,7 @@ import numpy as np
 from rigid_sim_ros.engine.dynamics.forces import FORCES
 from rigid_sim_ros.engine.model.inertia import mesh_volume
 from rigid_sim_ros.engine.model.model import Model, WORLD
+from rigid_sim_ros.engine.model.shapes import can_meet
 from rigid_sim_ros.scene.build import Scene
 from rigid_sim_ros.scene.contact_advice import below, describe_contact
 from rigid_sim_ros.scene.overlap import describe_overlaps
@@ -162,8 +163,7 @@ def _of_integrator(scene: Scene) -> Iterator[str]:
 
 
 def _of_contact(scene: Scene) -> Iterator[str]:
-    can_touch = len(scene.shapes.body) > 1 and bool((scene.shapes.still == 0).any())
-    if scene.contact != 'none' and can_touch and scene.integrator != 'symplectic':
+    if scene.contact != 'none' and can_meet(scene.shapes) and scene.integrator != 'symplectic':
         yield (f'integrator {scene.integrator} runs worlds without contact only: with contact: '
                f'{scene.contact} bodies fly by the symplectic one; write contact: none, or '
                'integrator: symplectic')

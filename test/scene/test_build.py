@@ -11,8 +11,8 @@ import pytest
 
 from rigid_sim_ros.engine.dynamics.forces import FORCES
 from rigid_sim_ros.engine.model.model import WORLD
-from rigid_sim_ros.engine.state.state import empty_motion, read_motion
-from rigid_sim_ros.kernels.argument_pack import Kept
+from rigid_sim_ros.engine.state.state import empty_motion, MotionArguments, read_motion
+from rigid_sim_ros.kernels.argument_pack import ArgumentPack
 from rigid_sim_ros.scene import read_scene, Scene, scene_from_dict, scene_from_text
 
 Read = Callable[[str], Scene]
@@ -83,7 +83,7 @@ bodies:
   twist: {linear: [4, 5, 6], angular: [0.7, 0.8, 0.9]}
 """)
     motion = empty_motion(1)
-    Kept().box(scene.model, scene.state, motion).run(read_motion)
+    ArgumentPack(MotionArguments(scene.model, scene.state, motion)).run(read_motion)
     # Rounding: a few products of numbers below 10, each to 1.1e-16 of its size.
     assert motion.position[0] == pytest.approx([1, 2, 3], abs=1e-14)
     assert motion.linear[0] == pytest.approx([4, 5, 6], abs=1e-14)

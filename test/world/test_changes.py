@@ -128,7 +128,7 @@ def test_a_snapshot_with_changes_that_cannot_be_is_refused_and_changes_nothing(c
     world.step(10)
     meta, arrays = unpack(world.save())
     before = world.save()
-    with pytest.raises(ValueError):     # noqa: PT011
+    with pytest.raises(ValueError):
         world.restore(pack({**meta, 'changes': changes}, arrays))
     assert world.save() == before
 

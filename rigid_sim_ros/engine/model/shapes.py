@@ -195,3 +195,8 @@ def _check_shape(model: Model, i: int, shape: Shape, size: Array) -> None:
 def smaller(shapes: Shapes, a: int, b: int) -> float:
     """Return the size [m] of the smaller of two shapes: the radius about its middle."""
     return min(shapes.bound[a], shapes.bound[b])
+
+
+def can_meet(shapes: Shapes) -> bool:
+    """Return whether there are two shapes of which one moves."""
+    return len(shapes.body) > 1 and bool((shapes.still == 0).any())

@@ -13,7 +13,8 @@ from rigid_sim_ros.engine.dynamics.free_flight import BLOCK_SIZE as FLIGHT_SIZE
 from rigid_sim_ros.engine.dynamics.loads import empty_loads, Loads
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.model.model import Model
-from rigid_sim_ros.engine.model.shapes import CAPSULE, CYLINDER, Materials, PLANE, Shapes, SPHERE
+from rigid_sim_ros.engine.model.shapes import (
+    can_meet, CAPSULE, CYLINDER, Materials, PLANE, Shapes, SPHERE)
 from rigid_sim_ros.engine.solver.coloring import (
     Blocks, Coloring, make_blocks, make_coloring, most_blocks, REGIONS)
 from rigid_sim_ros.engine.solver.direct_islands import differ
@@ -143,6 +144,7 @@ def middle_of_shapes(model: Model, body: IntArray) -> tuple[int, int]:
 class Uses(NamedTuple):
     """Which stages a world needs, 1 or 0."""
 
+    contacts: int  # there are two shapes that could meet
     bounces: int  # something has a restitution
     directly: int  # masses differ so much that small islands are solved directly
 
@@ -167,7 +169,8 @@ def make_arguments(model: Model, state: State, wrenches: Wrenches, shapes: Shape
                    materials: Materials, memory: Memory,
                    settings: TimestepSettings) -> Arguments:
     """Return the arguments of a world with buffers of their own; nobody helps, nobody sleeps."""
-    uses = Uses(int((materials.restitution > 0.0).any()), int(differ(model.inv_m)))
+    uses = Uses(int(can_meet(shapes)), int((materials.restitution > 0.0).any()),
+                int(differ(model.inv_m)))
     return Arguments(model, state, wrenches, shapes, materials, memory, settings,
                      make_timestep_work(model, shapes, memory), no_rest(len(model.m)), uses,
                      make_job())

@@ -20,7 +20,7 @@ from rigid_sim_ros.engine.dynamics.integrate import make_work, ORIENTATIONS
 from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches, Wrenches
 from rigid_sim_ros.engine.events.buffers import Carried, EventSettings, no_forces
 from rigid_sim_ros.engine.model.model import Model
-from rigid_sim_ros.engine.model.shapes import Materials, Shapes
+from rigid_sim_ros.engine.model.shapes import can_meet, Materials, Shapes
 from rigid_sim_ros.engine.solver.arguments import (
     Arguments, make_arguments, SequentialSettings, TimestepSettings, with_cut)
 from rigid_sim_ros.engine.solver.partition import Cut
@@ -383,11 +383,10 @@ def make_contact_model(name: str, setup: Setup) -> ContactModel:
     """
     Return the contact model of this name.
 
-    A world in which nothing can meet anything gets free motion, whatever was asked for: it is the
-    same physics, and the integrator that was chosen runs it.
+    Where nothing can meet anything every model moves bodies by the method `symplectic`; another
+    integrator, which only free motion has, is a choice of that.
     """
-    moving = np.count_nonzero(setup.shapes.still == 0)
-    if len(setup.shapes.body) < 2 or moving == 0:
+    if setup.integrator != 'symplectic' and not can_meet(setup.shapes):
         name = 'none'
     solver = setup.solver if name == 'timestep' else ''
     contact_model: ContactModel = CONTACT_MODELS[name, solver](setup)

@@ -7,6 +7,8 @@ A step detects contacts once, lets what bounces bounce, and leaves touching bodi
 bodies that touch nothing fly as if there were no contacts at all, by the symplectic method.
 """
 
+from typing import Any
+
 import numpy as np
 
 from rigid_sim_ros.engine.constraints.contact_prediction import predict_contacts
@@ -49,7 +51,7 @@ def step(c: Arguments) -> bool:
     if not detect(c):
         return False
     if is_free_flight(c):
-        fly_all(c)
+        fly_all(c, np.int64(1))
     else:
         wake_touched_islands(c)
         predict(c)
@@ -67,6 +69,25 @@ def advance_steps(c: Arguments, count: int) -> int:
     for done in range(count):
         if not step(c):
             return done
+    return count
+
+
+@kernel
+def advance_alone(c: Arguments, count: int) -> int:
+    """Take steps of a world in which nothing can meet anything: kick, drift, kick."""
+    model, state, loads = c.model, c.state, c.work.loads
+    if model.forces.kind.shape[0] + c.wrenches.in_use[0] + model.fixed.shape[0] == 0:
+        fly_all(c, count)
+        return count
+    for _ in range(count):
+        begin_step(c)
+        apply_forces(c)
+        kick(state, loads, 0.5 * model.h)
+        fly(model, state, (0.0, 0.0, 0.0), model.h, np.int64(1), c.work.block)
+        move_kinematic(model, state, model.h)
+        kick(state, loads, 0.5 * model.h)
+        apply_later_forces(c)
+        end_step(c)
     return count
 
 
@@ -180,10 +201,10 @@ def is_free_flight(c: Arguments) -> bool:
 
 
 @kernel
-def fly_all(c: Arguments) -> None:
-    """Move all bodies as if there were no contacts."""
+def fly_all(c: Arguments, count: Any) -> None:
+    """Move all bodies for some steps as if there were no contacts."""
     g = c.model.gravity
-    fly(c.model, c.state, (g[0], g[1], g[2]), c.model.h, np.int64(1), c.work.block)
+    fly(c.model, c.state, (g[0], g[1], g[2]), c.model.h, count, c.work.block)
 
 
 @kernel
@@ -257,6 +278,12 @@ def advance(c: Arguments, count: int, pack: ArgumentPack | None = None,
     that is returned is for the next call. A helper, whose job slot is that of the arguments, takes
     over halves of what many contacts need; the results are the same bits.
     """
+    if c.uses.contacts == 0:
+        pack = packed(c, pack)
+        if not pack.is_linked:
+            link(advance_alone, pack, pieces_alone(c))
+        pack.run(advance_alone, count)
+        return c, pack
     done = 0
     while True:
         pack = packed(c, pack)
@@ -278,6 +305,12 @@ def advance(c: Arguments, count: int, pack: ArgumentPack | None = None,
             link_late(search, pack)
         else:
             c = with_memory(c, grown(c.memory))
+
+
+def pieces_alone(c: Arguments) -> Pieces:
+    """Return the pieces that are compiled apart of a step in which nothing can meet anything."""
+    has_forces = c.model.forces.kind.shape[0] > 0
+    return Pieces([add_forces] if has_forces else [], [], [], [] if has_forces else [add_forces])
 
 
 def pieces_of(c: Arguments, helped: bool) -> Pieces:

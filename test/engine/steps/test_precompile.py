@@ -56,9 +56,10 @@ def test_a_helper_begins_with_the_types_that_the_first_step_has(one):
     assert begun == [[HELPED, needed]]     # and once only
 
 
-@pytest.mark.parametrize('other', [scene('none', BALL, GROUND), scene('timestep', BALL)])
-def test_nothing_is_begun_where_nothing_can_touch(other):
-    assert told(other) == [[], 'FreeMotion']
+@pytest.mark.parametrize(('other', 'model'), [
+    (scene('none', BALL, GROUND), 'FreeMotion'), (scene('timestep', BALL), 'Timestep')])
+def test_nothing_is_begun_where_nothing_can_touch(other, model):
+    assert told(other) == [[], model]
 
 
 def cache_without(folder, names):
