@@ -9,10 +9,11 @@ from typing import Any
 
 from rigid_sim_ros.bag import topics as kinds
 from rigid_sim_ros.bag.errors import BagError
-from rigid_sim_ros.bag.events import apply, Event
+from rigid_sim_ros.bag.events import INPUTS
 from rigid_sim_ros.bag.outputs import Outputs, state_topics
 from rigid_sim_ros.bag.recorder import Recorder, Status
 from rigid_sim_ros.world import World
+from rigid_sim_ros.world.commands import Command
 
 # What msg_config/default.yaml sets for the node.
 PUBLISH_RATE = 100.0    # [Hz] of simulation time
@@ -24,7 +25,7 @@ class Batch:
     """
     A world whose steps are recorded at the pace of its own clock.
 
-    For programs: `tell` the world between two calls of `run` what shall happen to it.
+    For programs: what is done to the world between two calls of `run` is recorded.
     """
 
     def __init__(self, world: World, output: str | os.PathLike[str], *,
@@ -43,8 +44,10 @@ class Batch:
             waits=True, clock=self._now, parameters={
                 'publish_rate': publish_rate, 'hash_interval': hash_interval,
                 'real_time_factor': 0.0, 'frame_id': 'world', 'bodies': ['*']}, **options)
+        self._topics = topics
         self._outputs = Outputs(world, topics, 'world')
         self.recorder.snapshot(world)
+        world.observe(self._note)
         self.publish()
 
     def _now(self) -> int:
@@ -57,9 +60,15 @@ class Batch:
         The notes of events.py, such as 'pause', are recorded and do nothing. ValueError, and
         nothing is recorded, if the world refuses.
         """
-        event = Event(0, self.world.step_index, kind, arguments)
-        apply(event, self.world)
-        self.recorder.event(event.step, kind, **arguments)
+        if kind in INPUTS:
+            self.world.apply(Command(kind, arguments))
+        else:
+            self.recorder.event(self.world.step_index, kind, **arguments)
+
+    def _note(self, step: int, command: Command) -> None:
+        self.recorder.event(step, command.kind, **command.arguments)
+        if command.kind in ('add', 'remove'):
+            self._outputs = Outputs(self.world, self._topics, 'world')
 
     def publish(self) -> None:
         """Record what the node would publish now."""
@@ -88,6 +97,7 @@ class Batch:
 
     def close(self) -> Status:
         """End the bag; BagError if it could not be written to its end."""
+        self.world.forget(self._note)
         self.recorder.close(self.world)
         if self.recorder.error:
             raise BagError(self.recorder.error)

@@ -32,14 +32,20 @@ def chosen(names: Iterable[str], patterns: Iterable[str]) -> list[str]:
     return [name for name in names if any(fnmatchcase(name, p) for p in patterns)]
 
 
-def wrong_topics(session: Session, names: Sequence[str]) -> str:
-    """Return what is wrong with the topics that a session lists, '' if nothing is."""
+def wrong_topics(session: Session, names: Sequence[str], is_part: bool) -> str:
+    """
+    Return what is wrong with the topics that a session lists, '' if nothing is.
+
+    `names` are those of the bodies that there are when the session begins, or later in a part of
+    it: then some may have gone that had topics, and some have come that have none.
+    """
     for topic in session.topics:
         if topic.kind not in _KINDS.get(topic.type, {topic.kind}) or (
                 topic.kind and topic.type != kinds.TYPES.get(topic.kind)):
             return (f'the session lists {topic.name} of the type {topic.type} as {topic.kind!r}, '
                     'which it cannot be')
-        if topic.kind in (*_OF_BODIES, kinds.APPLIED_WRENCH) and topic.body not in names:
+        if topic.kind in (*_OF_BODIES, kinds.APPLIED_WRENCH) and not is_part and (
+                topic.body not in names):
             return f'the session lists {topic.name} of the body {topic.body!r}, which there is not'
     if len(session.by_name) < len(session.topics):
         return 'the session lists a topic twice'
@@ -48,7 +54,9 @@ def wrong_topics(session: Session, names: Sequence[str]) -> str:
         if own not in session.topics or listed[own.kind, ''] != 1:
             return f'the session does not list {own.name} as it must be'
     patterns = session.parameters.get('bodies')
-    for name in chosen(names, map(str, patterns)) if isinstance(patterns, list) else ():
+    if not isinstance(patterns, list) or is_part:
+        return ''
+    for name in chosen(names, map(str, patterns)):
         for kind in _OF_BODIES:
             if listed[kind, name] != 1:
                 return f'the session does not list the {kind} of body {name!r}, as it must'
@@ -64,6 +72,7 @@ class Tally:
         self._session = session
         self._is_sure = True        # nothing was lost that nobody counted, since the last mark
         self._was_sure = True       # nor before
+        self.gone: set[str] = set()     # bodies that were removed, which say no more
 
     def lose(self) -> None:
         """Note that something is missing of which nobody knows how much."""
@@ -97,7 +106,7 @@ class Tally:
                         f'the session of {topic.type}')
         for kind in _OF_BODIES if self._was_sure else ():
             counts = {topic.name: self._seen[topic.name] for topic in self._session.topics
-                      if topic.kind == kind}
+                      if topic.kind == kind and topic.body not in self.gone}
             least = min(counts, key=lambda name: counts[name], default='')
             if counts and counts[least] < max(counts.values()):
                 return (f'{max(counts.values())} messages tell the {kind} of other bodies, and '

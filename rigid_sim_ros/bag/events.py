@@ -17,16 +17,10 @@ import numpy as np
 
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.world import World
+from rigid_sim_ros.world.commands import Command, KINDS
 
-# Events that act on the world are calls of its methods, with their arguments by name.
-INPUTS: dict[str, Callable[..., None]] = {
-    'apply_wrench': World.apply_wrench,
-    'cancel_wrenches': World.cancel_wrenches,
-    'apply_impulse': World.apply_impulse,
-    'set_pose': World.set_pose,
-    'set_twist': World.set_twist,
-    'reset': World.reset,
-}
+# Events that act on the world are commands, see world/commands.py.
+INPUTS = KINDS
 # Events that tell of the session and leave the world as it is.
 PAUSE, RESUME, SINGLE_STEP, SPEED, END = 'pause', 'resume', 'step', 'speed', 'end'
 PARAMETER = 'parameter'     # of the node, that was changed while it ran
@@ -35,9 +29,6 @@ GAP = 'gap'
 # How many messages each topic had before it; the end of a recording tells that too.
 WRITTEN = 'written'
 NOTES = frozenset({PAUSE, RESUME, SINGLE_STEP, SPEED, PARAMETER, END, GAP, WRITTEN})
-
-# How the echo of a wrench names its frame: the world's may have another name outside.
-FRAME_ID = 'frame_id'
 
 
 class Event(NamedTuple):
@@ -97,9 +88,8 @@ _NEEDED: dict[str, dict[str, Callable[[object], bool]]] = {
 
 def apply(event: Event, world: World) -> None:
     """Do to a world again what an event says; nothing for a note."""
-    method = INPUTS.get(event.kind)
-    if method is not None:
-        method(world, **{key: value for key, value in event.arguments.items() if key != FRAME_ID})
+    if event.kind in INPUTS:
+        world.apply(Command(event.kind, event.arguments))
 
 
 def _digest(fields: str) -> str:

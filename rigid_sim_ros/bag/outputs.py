@@ -29,8 +29,9 @@ class Outputs:
     """Encodes what is said on the topics of a world, whichever of them there are."""
 
     def __init__(self, world: World, topics: Sequence[Topic], frame_id: str) -> None:
-        """Prepare messages for these topics; a body that does not exist is a ValueError."""
+        """Prepare messages for these topics; those of bodies that are not there are silent."""
         index = {name: k for k, name in enumerate(world.names)}
+        topics = [topic for topic in topics if not topic.body or topic.body in index]
         self._world = world
         self._names = {kind: [topic.name for topic in topics if topic.kind == kind]
                        for kind in kinds.TYPES}

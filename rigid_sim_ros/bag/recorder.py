@@ -62,7 +62,7 @@ class RecordedWorld(Protocol):
     """What of a World a recorder looks at."""
 
     @property
-    def scene(self) -> Any: ...
+    def origin(self) -> Any: ...
     @property
     def names(self) -> list[str]: ...
     @property
@@ -129,9 +129,9 @@ class Recorder:
         self.error = ''
         self._channels = {topic.name: k + 1 for k, topic in enumerate(self.topics)}
         self._scene, self._session, self._snapshot, self._step, self._event = range(1, 6)
-        session = new_session(node, world.scene.name, world.names, world.step_ns, frame_id,
+        session = new_session(node, world.origin.name, world.origin.names, world.step_ns, frame_id,
                               parameters or {}, self.topics)
-        self._head = encode_string(world.scene.text), encode_string(session.encode())
+        self._head = encode_string(world.origin.text), encode_string(session.encode())
         self._clock = clock or _steady_clock()
         self._on_error = on_error
         self._queue: deque[tuple[Any, ...]] = deque()

@@ -29,6 +29,7 @@ from rigid_sim_ros.messages import decode
 from rigid_sim_ros.messages.codec import encode_wrench
 from rigid_sim_ros.scene import scene_from_text, SceneError
 from rigid_sim_ros.world import World
+from rigid_sim_ros.world.commands import FRAME_ID
 
 # [steps/s] No world is stepped faster: a step number that grew by more, in the time that the
 # messages say passed, was changed, and is not worth years of simulation.
@@ -143,6 +144,7 @@ class Resimulation:
         self._tally: Tally | None = None
         self._stepped_at = 0                    # [ns] when ~/bag/step came last
         self._ended = False
+        self._knows_topics = False
 
     @property
     def step(self) -> int:
@@ -190,8 +192,6 @@ class Resimulation:
             self._session = sessions.read(name, data)
             self._make_world(self._session)
             self._tally = Tally(self._session, self._seen)
-            if wrong := wrong_topics(self._session, self._known_world().names):
-                self._found(wrong)
 
     def _take_other(self, topic: str) -> None:
         assert self._session is not None
@@ -209,7 +209,6 @@ class Resimulation:
             world = self._prepare(make) if self._prepare is not None else make()
             if tuple(world.names) != session.bodies or world.step_ns != session.step_ns:
                 raise BagError('the scene and the session in the bag do not fit together')
-            self._outputs = Outputs(world, session.topics, session.frame_id)
         except SceneError as error:
             raise BagError(f'the scene in the bag cannot be used: {error.summary}') from None
         except (KeyError, UnicodeEncodeError) as error:
@@ -264,6 +263,18 @@ class Resimulation:
             self._snapshot_differs(world, saved)
         self._is_lost = False
         self._expected.clear()
+        self._know_bodies()
+        if not self._knows_topics:
+            assert self._session is not None
+            self._knows_topics = True
+            if wrong := wrong_topics(self._session, world.names, self._is_part):
+                self._found(wrong)
+
+    def _know_bodies(self) -> None:
+        """Encode the topics of the bodies that there are now."""
+        assert self._session is not None
+        self._outputs = Outputs(self._known_world(), self._session.topics,
+                                self._session.frame_id)
 
     def _snapshot_differs(self, world: World, saved: bytes) -> None:
         recorded = np.hstack([world.position, world.orientation, world.linear_velocity,
@@ -336,13 +347,17 @@ class Resimulation:
             events.apply(event, world)
         except (ValueError, TypeError) as error:
             self._found(f'the event {event.number}, {event.kind}, is refused: {error}')
+        if event.kind in ('add', 'remove'):
+            self._know_bodies()
+            assert self._tally is not None
+            self._tally.gone.add(str(event.arguments.get('name', '')))
         if event.kind == 'apply_wrench':
             given = event.arguments
             session = self._session
             assert session is not None
             if given['name'] in self._echoes:
                 self._echoes[given['name']].append(encode_wrench(
-                    world.time_ns, given.get(events.FRAME_ID) or session.frame_id,
+                    world.time_ns, given.get(FRAME_ID) or session.frame_id,
                     given.get('force', (0.0, 0.0, 0.0)), given.get('torque', (0.0, 0.0, 0.0))))
         elif event.kind == events.END:
             self._ended = True

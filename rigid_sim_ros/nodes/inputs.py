@@ -15,9 +15,9 @@ import threading
 import time
 from typing import Any, NamedTuple
 
-# A quaternion this far from unit length is a mistake (not a number or two lost in float32, whose
-# rounding leaves 1e-7), and is refused. Nearer ones are normalised.
-_UNIT_TOLERANCE = 1e-3
+from rigid_sim_ros.scene.values import UNIT_TOLERANCE
+from rigid_sim_ros.world.commands import Command, FRAME_ID
+
 _LOG_PERIOD = 5.0   # s of wall time between two log lines for the same reason
 
 # How the sources of wrenches from ~/wrenches begin.
@@ -29,37 +29,10 @@ ENDED = False, 'the simulation has ended'
 Vector = tuple[float, float, float]
 
 
-class WrenchInput(NamedTuple):
-    """A wrench on one body, of one source."""
-
-    source: str         # replaces what the same source applied before
-    body: str
-    frame: str          # as World.apply_wrench takes it
-    frame_id: str       # as the message had it: the echo repeats it
-    force: Vector       # N
-    torque: Vector      # Nm
-
-
-class WrenchesInput(NamedTuple):
+class Wrenches(NamedTuple):
     """Wrenches on several bodies that act from the same step and replace the ones before."""
 
-    wrenches: tuple[WrenchInput, ...]
-
-
-class PoseInput(NamedTuple):
-    """A new pose of a body, which keeps its twist."""
-
-    body: str
-    position: Vector                                # m
-    orientation: tuple[float, float, float, float]  # x, y, z, w
-
-
-class TwistInput(NamedTuple):
-    """A new twist of a body."""
-
-    body: str
-    linear: Vector      # m/s
-    angular: Vector     # rad/s
+    commands: tuple[Command, ...]
 
 
 class ParameterInput(NamedTuple):
@@ -69,14 +42,14 @@ class ParameterInput(NamedTuple):
     value: Any
 
 
-class Command(NamedTuple):
+class Request(NamedTuple):
     """A service call: the step thread sets the answer, a pair of success and text."""
 
     name: str           # pause, resume, step, reset, start_recording, stop_recording
     answer: 'Future[tuple[bool, str]]'
 
 
-Input = WrenchInput | WrenchesInput | PoseInput | TwistInput | ParameterInput | Command
+Input = Command | Wrenches | ParameterInput | Request
 
 
 class Refusals:
@@ -187,7 +160,7 @@ class Receiver:
             if wrench is None:
                 return
             wrenches.append(wrench)
-        self._put(WrenchesInput(tuple(wrenches)))
+        self._put(Wrenches(tuple(wrenches)))
 
     def set_pose(self, body: str, message: Any) -> None:
         """Take a geometry_msgs/PoseStamped that moves a body."""
@@ -200,11 +173,12 @@ class Receiver:
         if not self._is_finite((*position, *orientation), topic):
             return
         norm = math.hypot(*orientation)
-        if abs(norm - 1.0) > _UNIT_TOLERANCE:
+        if abs(norm - 1.0) > UNIT_TOLERANCE:
             self._refuse('quaternion', f'{topic}: orientation {list(orientation)} has length '
                          f'{norm:.6g}, must be 1: x, y, z, w with w last')
             return
-        self._put(PoseInput(body, position, orientation))
+        self._put(Command('set_pose', {'name': body, 'position': position,
+                                       'orientation': orientation}))
 
     def set_twist(self, body: str, message: Any) -> None:
         """Take a geometry_msgs/TwistStamped that sets a body's velocity."""
@@ -212,15 +186,18 @@ class Receiver:
         linear, angular = _vector(message.twist.linear), _vector(message.twist.angular)
         if (self._is_known(message.header.frame_id, self._world, topic)
                 and self._is_finite((*linear, *angular), topic)):
-            self._put(TwistInput(body, linear, angular))
+            self._put(Command('set_twist', {'name': body, 'linear': linear,
+                                            'angular': angular}))
 
     def _wrench(
         self, source: str, body: str, frame_id: str, message: Any, topic: str,
-    ) -> WrenchInput | None:
+    ) -> Command | None:
         force, torque = _vector(message.force), _vector(message.torque)
         if not self._is_finite((*force, *torque), topic):
             return None
-        return WrenchInput(source, body, self._frames[frame_id], frame_id, force, torque)
+        return Command('apply_wrench', {
+            'name': body, 'force': force, 'torque': torque, 'frame': self._frames[frame_id],
+            'source': source, FRAME_ID: frame_id})
 
     def _is_known(self, frame_id: str, known: Mapping[str, str], topic: str) -> bool:
         if frame_id in known:

@@ -15,7 +15,6 @@ from rclpy.node import Node
 
 from rigid_sim_ros.bag import events
 from rigid_sim_ros.bag.errors import BagError
-from rigid_sim_ros.bag.events import Event
 from rigid_sim_ros.bag.recorder import Recorder, Status
 from rigid_sim_ros.nodes.publishers import Publishers
 from rigid_sim_ros.world import World
@@ -44,6 +43,7 @@ class Recording:
         self._latest: Recorder | None = None    # the last that was begun
         self._was_in_gap = False
         self._begun_s = self._ended_s = 0.0     # on the steady clock
+        world.observe(lambda step, command: self.note(step, command.kind, **command.arguments))
 
     # --- the executor's thread, or the main one before the others begin ----------------------
 
@@ -128,12 +128,6 @@ class Recording:
         if recorder.is_in_gap != self._was_in_gap:
             self._was_in_gap = recorder.is_in_gap
             self._log_gap(recorder.status())
-
-    def tell(self, kind: str, **arguments: Any) -> None:
-        """Do something to the world, and record that; ValueError if the world refuses."""
-        step = self._world.step_index
-        events.apply(Event(0, step, kind, arguments), self._world)
-        self.note(step, kind, **arguments)
 
     def note(self, step: int, kind: str, **arguments: Any) -> None:
         """Record what leaves the world as it is, or was done to it at a step."""

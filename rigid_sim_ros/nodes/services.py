@@ -10,7 +10,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_srvs.srv import SetBool, Trigger
 
 from rigid_sim_ros.bag.errors import BagError
-from rigid_sim_ros.nodes.inputs import Command, ENDED, Queue
+from rigid_sim_ros.nodes.inputs import ENDED, Queue, Request
 from rigid_sim_ros.nodes.recording import Recording
 
 # Of requests that wait and of answers on their way. By ROS's default it is 10: what a client asks
@@ -62,7 +62,7 @@ class Services:
         # The step thread looks at its queue between batches of steps and answers what is left in
         # it when it ends: the executor waits for one batch, and never for ever.
         answer: Future[tuple[bool, str]] = Future()
-        if self._queue.put(Command(command, answer)):
+        if self._queue.put(Request(command, answer)):
             response.success, response.message = answer.result()
         else:
             response.success, response.message = ENDED

@@ -17,12 +17,12 @@ from rclpy.node import Node
 from rigid_sim_ros.bag import events
 from rigid_sim_ros.nodes.diagnostics import Diagnostics
 from rigid_sim_ros.nodes.inputs import (
-    Command, ENDED, Input, is_of_wrenches, ParameterInput, PoseInput, Queue, Refusals, TwistInput,
-    WrenchesInput, WrenchInput)
+    ENDED, Input, is_of_wrenches, ParameterInput, Queue, Refusals, Request, Wrenches)
 from rigid_sim_ros.nodes.pacing import MILLISECOND, NEVER, Pacer
 from rigid_sim_ros.nodes.publishers import Publishers
 from rigid_sim_ros.nodes.recording import Recording
 from rigid_sim_ros.world import World
+from rigid_sim_ros.world.commands import Command, FRAME_ID
 
 _SECOND = 1_000_000_000
 
@@ -85,7 +85,7 @@ class StepLoop:
                 self._turn()
         finally:
             self._stopped.set()
-            self._refuse_commands()
+            self._refuse_requests()
             try:
                 self._publishers.send_waiting()
             finally:
@@ -205,33 +205,33 @@ class StepLoop:
     def _publish_hash(self) -> None:
         self._publishers.publish_hash(self._world.state_hash())
 
-    def _apply_wrench(self, item: WrenchInput) -> None:
-        timeout = self._parameters['wrench_timeout']
-        # At least one step, which is what the world does without a duration.
-        duration = timeout if timeout * _SECOND >= self._world.step_ns else None
-        if self._try(item.source, 'apply_wrench', name=item.body, force=item.force,
-                     torque=item.torque, frame=item.frame, duration=duration, source=item.source,
-                     frame_id=item.frame_id):
+    def _apply(self, command: Command) -> None:
+        """Do to the world what a message asks for; what it cannot do is refused as any other."""
+        given = dict(command.arguments)
+        if command.kind == 'apply_wrench':
+            timeout = self._parameters['wrench_timeout']
+            # At least one step, which is what the world does without a duration.
+            given['duration'] = timeout if timeout * _SECOND >= self._world.step_ns else None
+        try:
+            self._world.apply(Command(command.kind, given))
+        except ValueError as error:
+            topic = given.get('source') or f'{given["name"]}/{command.kind}'
+            self._refusals.refuse('impossible', f'{topic}: {error}')
+            return
+        if command.kind == 'apply_wrench':
             self._diagnostics.accepted += 1
             self._publishers.publish_applied_wrench(
-                item.body, self._world.time_ns, item.frame_id, item.force, item.torque)
+                given['name'], self._world.time_ns, given[FRAME_ID], given['force'],
+                given['torque'])
+        else:
+            self._moved = True
 
-    def _apply_wrenches(self, item: WrenchesInput) -> None:
+    def _apply_wrenches(self, item: Wrenches) -> None:
         for source in self._sources:
-            self._recording.tell('cancel_wrenches', source=source)
-        self._sources = dict.fromkeys(wrench.source for wrench in item.wrenches)
-        for wrench in item.wrenches:
-            self._apply_wrench(wrench)
-
-    def _apply_pose(self, item: PoseInput) -> None:
-        self._moved |= self._try(
-            f'{item.body}/set_pose', 'set_pose', name=item.body, position=item.position,
-            orientation=item.orientation)
-
-    def _apply_twist(self, item: TwistInput) -> None:
-        self._moved |= self._try(
-            f'{item.body}/set_twist', 'set_twist', name=item.body, linear=item.linear,
-            angular=item.angular)
+            self._world.cancel_wrenches(source)
+        self._sources = dict.fromkeys(one.arguments['source'] for one in item.commands)
+        for one in item.commands:
+            self._apply(one)
 
     def _apply_parameter(self, item: ParameterInput) -> None:
         self._parameters[item.name] = item.value
@@ -241,23 +241,14 @@ class StepLoop:
             self._pacer.set_factor(item.value, monotonic_ns())
         self._schedule()
 
-    def _apply_command(self, item: Command) -> None:
+    def _answer(self, item: Request) -> None:
         try:
             self._publishers.send_waiting()     # what came before is sent before the answer
-            answer = _COMMANDS[item.name](self)
+            answer = _ANSWERS[item.name](self)
         except Exception:
             item.answer.set_result(ENDED)       # or who asked would wait for ever
             raise
         item.answer.set_result(answer)
-
-    def _try(self, topic: str, kind: str, **arguments: Any) -> bool:
-        """Tell the world something; what it cannot do is refused as any other bad message."""
-        try:
-            self._recording.tell(kind, **arguments)
-        except ValueError as error:
-            self._refusals.refuse('impossible', f'{topic}: {error}')
-            return False
-        return True
 
     def _pause(self) -> tuple[bool, str]:
         said = 'already paused' if self._paused else 'paused'
@@ -290,7 +281,7 @@ class StepLoop:
         return True, f'stepped to {self._time()}'
 
     def _reset(self) -> tuple[bool, str]:
-        self._recording.tell('reset', keep_time=not self._parameters['reset_time'])
+        self._world.reset(keep_time=not self._parameters['reset_time'])
         self._sources = {}
         self._broken = ''
         self._pacer.restart(monotonic_ns())
@@ -317,21 +308,19 @@ class StepLoop:
     def _time(self) -> str:
         return f'{self._world.time_ns / _SECOND:.9f} s'
 
-    def _refuse_commands(self) -> None:
+    def _refuse_requests(self) -> None:
         for item in self._queue.close():
-            if isinstance(item, Command):
+            if isinstance(item, Request):
                 item.answer.set_result(ENDED)
 
 
 _APPLY: dict[type[Input], Callable[[StepLoop, Any], None]] = {
-    Command: StepLoop._apply_command,
+    Command: StepLoop._apply,
     ParameterInput: StepLoop._apply_parameter,
-    PoseInput: StepLoop._apply_pose,
-    TwistInput: StepLoop._apply_twist,
-    WrenchInput: StepLoop._apply_wrench,
-    WrenchesInput: StepLoop._apply_wrenches,
+    Request: StepLoop._answer,
+    Wrenches: StepLoop._apply_wrenches,
 }
-_COMMANDS: dict[str, Callable[[StepLoop], tuple[bool, str]]] = {
+_ANSWERS: dict[str, Callable[[StepLoop], tuple[bool, str]]] = {
     'pause': StepLoop._pause,
     'resume': StepLoop._resume,
     'step': StepLoop._single_step,

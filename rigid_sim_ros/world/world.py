@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """World: the object that a Python user holds."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 import hashlib
 import os
 from typing import Any
@@ -10,27 +10,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rigid_sim_ros.engine.dynamics.forces import add_gravity, add_scene_forces
-from rigid_sim_ros.engine.dynamics.loads import empty_loads
 from rigid_sim_ros.engine.model.model import WORLD
 from rigid_sim_ros.engine.state.body_order import order_by_place, renumbered
 from rigid_sim_ros.engine.state.frames import point_on_frame, vector_on_frame
 from rigid_sim_ros.engine.state.state import (
-    add_impulse, BodyMotion, copy_into, copy_state, empty_motion, first_unfinite, kinetic_energy,
-    MotionArguments, MOVING_FIELDS, read_motion, total_angular_momentum, write_motion)
-from rigid_sim_ros.engine.steps.contact_models import ContactReport, make_contact_model, Setup
+    add_impulse, copy_into, copy_state, empty_motion, first_unfinite, MotionArguments,
+    MOVING_FIELDS, write_motion)
+from rigid_sim_ros.engine.steps.contact_models import make_contact_model, Setup
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.scene import read_scene, Scene, scene_from_dict
 from rigid_sim_ros.world.applied_wrenches import AppliedWrenches, FIELDS
 from rigid_sim_ros.world.bounds import check_change, check_position, check_twist
+from rigid_sim_ros.world.changes import (
+    changed, checked, moved, Numbering, order_after, places_between, wake)
+from rigid_sim_ros.world.commands import Command, KINDS, Observer
 from rigid_sim_ros.world.posed import FIELDS as POSED_FIELDS, Posed
+from rigid_sim_ros.world.readings import Readings
 from rigid_sim_ros.world.snapshot import pack, unpack
 from rigid_sim_ros.world.snapshot_check import check, Sizes
-
-# A quaternion this near to unit length is normalised, one farther off is refused: rounding to
-# three digits passes, a typo does not.
-UNIT_TOLERANCE = 1e-3
+from rigid_sim_ros.world.values import some, step_count, unit_quaternion, vector
 
 
 def load_scene(scene: str | os.PathLike[str]) -> 'World':
@@ -42,7 +41,7 @@ def load_scene(scene: str | os.PathLike[str]) -> 'World':
     return World(read_scene(scene))
 
 
-class World:
+class World(Readings):
     """
     A world of rigid bodies that advances in fixed steps.
 
@@ -53,31 +52,44 @@ class World:
 
     def __init__(self, scene: Scene) -> None:
         """Put every body where the scene says."""
+        self._origin = scene
+        self._changes: list[list[Any]] = []     # bodies that came and went since, see `add`
+        self._observers: list[Observer] = []
+        self._command: Command | None = None    # that is being applied
+        self._threads = 1
+        self.step_index = 0
+        self._set_up(scene, _order(scene))
+
+    def _set_up(self, scene: Scene, order: IntArray) -> None:
+        """Hold the bodies of a scene from now on, in this order, as at their beginning."""
         self.scene = scene
         self.names: list[str] = list(scene.names)
         self.frame_names: dict[str, int] = dict(scene.frame_names)
-        self.step_index = 0
         self.step_ns: int = scene.step_ns
         # Which body is in a row of the engine's arrays, and the row of a body.
-        self._order: IntArray = _order(scene)
+        self._order: IntArray = order
         self._row: IntArray = np.argsort(self._order)
-        self._model, self._start, shapes = renumbered(scene.model, scene.state, scene.shapes,
-                                                      self._order, self._row)
+        self._model, self._start, self._shapes = renumbered(scene.model, scene.state, scene.shapes,
+                                                            self._order, self._row)
         self._index = dict(zip(self.names, self._row.tolist(), strict=True))
         self._state = copy_state(self._start)
         self._applied = AppliedWrenches()
-        self._posed = Posed(self._model, shapes)
+        self._posed = Posed(self._model, self._shapes)
         self._sizes = Sizes(len(self.names), len(self._model.frame_body),
-                            len(self._model.fixed), shapes.body)
+                            len(self._model.fixed), self._shapes.body)
         self._bounds = scene.spec.world.bounds
         collision = scene.spec.collision
         self._contact = make_contact_model(scene.contact, Setup(
-            self._model, shapes, scene.materials, scene.integrator, scene.orientation,
+            self._model, self._shapes, scene.materials, scene.integrator, scene.orientation,
             scene.solver, collision.substeps, collision.sleep_after))
+        self._contact.use_threads(self._threads)
         self._motion = empty_motion(len(self.names))
         self._pack = ArgumentPack(MotionArguments(self._model, self._state, self._motion))
         self._motion_is_current = False
-        self._threads = 1
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy has: nobody observes it."""
+        return {**self.__dict__, '_observers': []}
 
     @classmethod
     def from_dict(cls, scene: Mapping[str, Any]) -> 'World':
@@ -122,7 +134,7 @@ class World:
         grown beyond all numbers, which a smaller step or softer forces mend.
         """
         # The usual case first: to ask for each type that is allowed takes 0.07 us more.
-        left = count if type(count) is int and count >= 0 else _step_count(count)
+        left = count if type(count) is int and count >= 0 else step_count(count)
         self._motion_is_current = False
         applied = self._applied
         while left > 0:
@@ -140,110 +152,36 @@ class World:
                 f'step {self.step_index}; use a step smaller than {self._model.h:g} s or softer '
                 'forces')
 
-    # --- motion -------------------------------------------------------------------------------
+    # --- commands -----------------------------------------------------------------------------
 
-    def _current_motion(self) -> BodyMotion:
-        if not self._motion_is_current:
-            self._pack.run(read_motion)
-            self._motion_is_current = True
-        return self._motion
-
-    def _by_body(self, columns: Array) -> Array:
-        """Return a row for each body, in the order of `names`."""
-        return np.take(columns.T, self._row, axis=0)
-
-    @property
-    def position(self) -> Array:
-        """Origins of the body frames, (n, 3) [m], world axes."""
-        return self._current_motion().position[self._row]
-
-    @property
-    def orientation(self) -> Array:
-        """Orientations of the body frames, (n, 4) x, y, z, w, body to world."""
-        return self._current_motion().orientation[self._row]
-
-    @property
-    def linear_velocity(self) -> Array:
-        """Velocities of the origins of the body frames, (n, 3) [m/s], world axes."""
-        return self._current_motion().linear[self._row]
-
-    @property
-    def angular_velocity(self) -> Array:
-        """Angular velocities, (n, 3) [rad/s], world axes."""
-        return self._current_motion().angular[self._row]
-
-    @property
-    def linear_momentum(self) -> Array:
-        """Linear momenta P = M v, (n, 3) [kg m/s], world axes."""
-        return self._by_body(self._state.P)
-
-    @property
-    def angular_momentum(self) -> Array:
-        """Angular momenta L = I w about the centres of mass, (n, 3) [kg m^2/s], world axes."""
-        return self._by_body(self._state.L)
-
-    @property
-    def center_of_mass(self) -> Array:
-        """Centres of mass, (n, 3) [m], world axes."""
-        return self._by_body(self._state.x)
-
-    @property
-    def mass(self) -> Array:
-        """Masses, (n,) [kg]; 0 for a fixed body that was given none."""
-        return self._model.m[self._row]
-
-    def kinetic_energy(self) -> float:
-        """Return the kinetic energy of all bodies [J]."""
-        return float(kinetic_energy(self._model, self._state))
-
-    def potential_energy(self) -> float:
-        """Return the potential energy of gravity and of the scene's forces [J]."""
-        loads = empty_loads(len(self.names))
-        return float(add_gravity(self._model, self._state, loads)
-                     + add_scene_forces(self._model, self._state, loads))
-
-    def total_momentum(self) -> Array:
-        """Return the linear momentum of all bodies, (3,) [kg m/s]."""
-        return np.asarray(self._state.P.sum(axis=1))
-
-    def total_angular_momentum(self) -> Array:
-        """Return the angular momentum of all bodies about the world origin, (3,) [kg m^2/s]."""
-        return np.array(total_angular_momentum(self._state))
-
-    # --- contacts -----------------------------------------------------------------------------
-
-    def contacts(self) -> np.ndarray:
+    def apply(self, command: Command) -> None:
         """
-        Return the contact points of the latest step as a structured array.
+        Do what a command says; ValueError, and nothing is done, where the method would refuse it.
 
-        Its fields are body_a and body_b (indices into `names`), point [m], normal (unit vector
-        from a to b), gap [m] (below 0: overlap), normal_force [N] and friction_force (3) [N on b],
-        all in world axes. Forces are means over the step. A point without a force is near, but
-        does not touch.
+        TypeError for arguments that the method does not have.
         """
-        rows = self._contact.contacts(self._state)
-        for body in ('body_a', 'body_b'):
-            rows[body] = self._order[rows[body]]
-        return rows
+        if command.kind not in KINDS:
+            raise ValueError(f'{command.kind!r} is no command, must be one of: '
+                             f'{", ".join(sorted(KINDS))}')
+        self._command = command
+        try:
+            getattr(self, command.kind)(**command.given)
+        finally:
+            self._command = None
 
-    def contact_wrenches(self) -> Array:
-        """
-        Return force [N] and torque [N m] of the contacts on each body, (n, 6), world axes.
+    def observe(self, observer: Observer) -> None:
+        """Call an observer after each command that was done, also by a call of its method."""
+        self._observers.append(observer)
 
-        The torques are about the centres of mass.
-        """
-        rows = self.contacts()
-        force = rows['normal_force'][:, None] * rows['normal'] + rows['friction_force']
-        wrenches, x = np.zeros((len(self.names), 6)), self.center_of_mass
-        for sign, body in ((-1.0, rows['body_a']), (1.0, rows['body_b'])):
-            arm = rows['point'] - x[body]
-            np.add.at(wrenches, body, sign * np.concatenate(
-                [force, np.cross(arm, force)], axis=1))
-        return wrenches
+    def forget(self, observer: Observer) -> None:
+        """Call an observer no more."""
+        self._observers.remove(observer)
 
-    def contact_report(self) -> ContactReport:
-        """Return counts of pairs and contacts, the deepest overlap and the solver's residual."""
-        return self._contact.report()
+    def _tell(self, kind: str, step: int | None = None, **arguments: Any) -> None:
+        """Tell the observers of a command that was done, at this step unless another is given."""
+        for observer in self._observers:
+            observer(self.step_index if step is None else step,
+                     self._command or Command(kind, arguments))
 
     # --- inputs -------------------------------------------------------------------------------
 
@@ -262,11 +200,13 @@ class World:
         applied before. ValueError for an unknown body or frame, for numbers that are not finite
         or, within a step, beyond the scene's bounds, and for a duration below 0.
         """
-        body, f, t = self._body(name), _vector('force', force), _vector('torque', torque)
+        body, f, t = self._body(name), vector('force', force), vector('torque', torque)
         self._check_change(body, self._model.h * f, self._model.h * t)
         self._apply(body, self._frame(frame), f, t,
-                    None if point is None else _vector('point', point), self._steps(duration),
+                    None if point is None else vector('point', point), self._steps(duration),
                     source)
+        self._tell('apply_wrench', name=name, force=f, torque=t, frame=frame, point=point,
+                   duration=duration, source=source)
 
     def _check_change(self, body: int, J: Array, K: Array) -> None:
         """Raise ValueError for an impulse [N s] and an angular one [N m s] beyond all bounds."""
@@ -286,6 +226,7 @@ class World:
     def cancel_wrenches(self, source: str) -> None:
         """End what a source applied."""
         self._applied.remove(source)
+        self._tell('cancel_wrenches', source=source)
 
     @property
     def wrench_sources(self) -> list[str]:
@@ -300,15 +241,16 @@ class World:
         It acts at `point`, with the same rules as a wrench's. ValueError as for `apply_wrench`.
         """
         body, f = self._body(name), self._frame(frame)
-        J = _vector('impulse', impulse)
+        J = vector('impulse', impulse)
         self._check_change(body, J, np.zeros(3))
-        p_F = self._point(body, f, None if point is None else _vector('point', point))
+        p_F = self._point(body, f, None if point is None else vector('point', point))
         p_W = tuple(self._state.x[:, body])
         if p_F is not None:
             p_W, _ = point_on_frame(self._model, self._state, f, tuple(p_F))
         J_W = vector_on_frame(self._model, self._state, f, tuple(J))
         add_impulse(self._model, self._state, body, p_W, J_W)
         self._motion_is_current = False
+        self._tell('apply_impulse', name=name, impulse=J, point=point, frame=frame)
 
     def set_pose(self, name: str, position: ArrayLike, orientation: ArrayLike) -> None:
         """
@@ -321,7 +263,7 @@ class World:
         finite or beyond the scene's bounds, or a quaternion that is not of unit length.
         """
         body = self._body(name)
-        p, q = _vector('position', position), _unit_quaternion(orientation)
+        p, q = vector('position', position), unit_quaternion(orientation)
         check_position(self._bounds, name, p)
         motion = self._current_motion()
         motion.position[body], motion.orientation[body] = p, q
@@ -330,6 +272,7 @@ class World:
         else:
             write_motion(self._model, self._state, motion, body)
         self._motion_is_current = False
+        self._tell('set_pose', name=name, position=p, orientation=q)
 
     def set_twist(self, name: str, linear: ArrayLike, angular: ArrayLike) -> None:
         """
@@ -339,7 +282,7 @@ class World:
         for an unknown body, a fixed one, or numbers not finite or beyond the scene's bounds.
         """
         body = self._body(name)
-        v, w = _vector('linear velocity', linear), _vector('angular velocity', angular)
+        v, w = vector('linear velocity', linear), vector('angular velocity', angular)
         check_twist(self._bounds, name, v, w)
         if self.scene.spec.bodies[self._order[body]].fixed and (v.any() or w.any()):
             raise ValueError(f"body '{name}' is fixed and cannot be given the twist "
@@ -352,13 +295,14 @@ class World:
         else:
             write_motion(self._model, self._state, motion, body)
         self._motion_is_current = False
+        self._tell('set_twist', name=name, linear=v, angular=w)
 
     def _body(self, name: str) -> int:
         try:
             return self._index[name]
         except (KeyError, TypeError):
             raise ValueError(f'body {name!r} does not exist, must be one of: '
-                             f'{_some(self.names)}') from None
+                             f'{some(self.names)}') from None
 
     def _frame(self, frame: str) -> int:
         if frame in ('world', ''):
@@ -367,7 +311,7 @@ class World:
             return self.frame_names[frame]
         except (KeyError, TypeError):
             raise ValueError(f"frame {frame!r} does not exist, must be 'world' or one of: "
-                             f'{_some(list(self.frame_names))}') from None
+                             f'{some(list(self.frame_names))}') from None
 
     def _point(self, body: int, frame: int, point: Array | None) -> Array | None:
         """Return where in a frame a force acts; None is the centre of mass."""
@@ -385,7 +329,7 @@ class World:
     # --- the state as a whole -----------------------------------------------------------------
 
     def _fingerprint(self) -> str:
-        return hashlib.blake2b(self.scene.text.encode(), digest_size=8).hexdigest()
+        return hashlib.blake2b(self._origin.text.encode(), digest_size=8).hexdigest()
 
     def _order_mark(self) -> str:
         """Return what tells orders of the bodies apart, nothing for that of the scene."""
@@ -407,10 +351,16 @@ class World:
         return int.from_bytes(digest.digest(), 'little')
 
     def save(self) -> bytes:
-        """Return the complete dynamic state, for `restore` in a world of the same scene."""
+        """
+        Return the complete dynamic state, for `restore` in a world of the same scene.
+
+        With it the bodies that came and went: the other world needs none of them.
+        """
         meta = {'scene': self._fingerprint(), 'bodies': len(self.names),
                 'step_index': self.step_index, 'sources': self._applied.sources,
                 'order': self._order_mark()}
+        if self._changes:
+            meta['changes'] = self._changes
         return pack(meta, self._dynamic())
 
     def restore(self, data: bytes) -> None:
@@ -424,31 +374,111 @@ class World:
         if meta.get('scene') != self._fingerprint():
             raise ValueError(
                 f"the snapshot of {meta.get('bodies')!r:.20} bodies is of another scene than this "
-                f'one of {len(self.names)} ({_some(self.names)}): restore it into a world of its '
+                f'one of {len(self.names)} ({some(self.names)}): restore it into a world of its '
                 'own')
+        if (changes := meta.get('changes', [])) != self._changes:
+            other = World(self._origin)
+            other._change(checked(changes))
+            other.restore(data)
+            self._become(other)
+            return
         if meta.get('order', '') != self._order_mark():
             raise ValueError('the snapshot numbers the bodies in another way: it was saved by '
                              'another version; run the scene from its start')
         check(meta, arrays, self._dynamic(), self._sizes, self.step_ns)
+        self._take(arrays, meta['sources'])
+        self.step_index = meta['step_index']
+
+    # --- bodies that come and go --------------------------------------------------------------
+
+    @property
+    def origin(self) -> Scene:
+        """The scene that the world began with; `scene` has the bodies that it has now."""
+        return self._origin
+
+    def add(self, part: Mapping[str, Any]) -> None:
+        """
+        Let a body come before the next step, given as one of `bodies` in a scene.
+
+        It begins with the pose and the twist that are given. All others go on as if nothing had
+        happened. SceneError, a ValueError, if the body is wrong or its name is taken; then the
+        world stays as it is.
+        """
+        self._change([*self._changes, ['add', part]])
+        # As it can be read anywhere: with its meshes in it, and all defaults.
+        own = self.scene.spec.bodies[-1].model_dump(mode='json', exclude_none=True)
+        self._changes[-1] = ['add', own]
+        self._command = None
+        self._tell('add', part=own)
+
+    def remove(self, name: str) -> None:
+        """
+        Let a body go before the next step.
+
+        With it go wrenches that act on it or in its frames, forces of the scene that name it, and
+        its contacts; what lay on it wakes. ValueError for an unknown body, and for the last one.
+        """
+        self._body(name)
+        self._change([*self._changes, ['remove', name]])
+        self._tell('remove', name=name)
+
+    def _change(self, changes: list[list[Any]]) -> None:
+        """Hold the bodies that there are after some changes of the origin."""
+        scene = self._scene_after(changes)
+        arrays, sources, step = self._dynamic(), self._applied.sources, self.step_index
+        arrays = {name: array.copy() for name, array in arrays.items()}
+        before = self._numbering()
+        order = order_after(scene.names, before.bodies)
+        for name in set(self.names) - set(scene.names):
+            wake(arrays, self._index[name])
+        self._set_up(scene, order)
+        fresh = self._dynamic()
+        found, left = moved(arrays, fresh, places_between(before, self._numbering()))
+        self._take({name: found.get(name, array) for name, array in fresh.items()},
+                   [source for source, stays in zip(sources, left, strict=True) if stays])
+        self._changes, self.step_index = changes, step
+
+    def _become(self, other: 'World') -> None:
+        """Be another world from now on; who observes this one goes on observing it."""
+        threads = self._threads
+        self.__dict__.update({name: value for name, value in other.__dict__.items()
+                              if name not in ('_observers', '_command')})
+        self.threads = threads
+
+    def _scene_after(self, changes: list[list[Any]]) -> Scene:
+        spec = self._origin.spec.model_dump(exclude_none=True)
+        return scene_from_dict(changed(spec, changes), self._origin.name)
+
+    def _numbering(self) -> Numbering:
+        return Numbering([self.names[i] for i in self._order], self._shapes.body,
+                         self.frame_names, self._model.fixed)
+
+    def _take(self, arrays: Mapping[str, np.ndarray], sources: list[str]) -> None:
+        """Go on from the arrays of a snapshot that fit."""
         # First what may still be refused, so that a refusal changes nothing.
         self._contact.recall({name: array for name, array in arrays.items()
                               if name not in MOVING_FIELDS + POSED_FIELDS + FIELDS})
         copy_into(self._state, self._start._replace(**{name: arrays[name]
                                                        for name in MOVING_FIELDS}))
         self._posed.replace(self._state, arrays)
-        self._applied.replace({name: arrays[name] for name in FIELDS}, meta['sources'])
-        self.step_index = meta['step_index']
+        self._applied.replace({name: arrays[name] for name in FIELDS}, sources)
         self._motion_is_current = False
 
     def reset(self, keep_time: bool = False) -> None:
-        """Return to the initial state, wrenches ended; time restarts at 0 unless kept."""
+        """
+        Put every body where it began and end all wrenches; time restarts at 0 unless kept.
+
+        A body that was added begins as it was added.
+        """
         copy_into(self._state, self._start)
         self._applied.clear()
         self._posed.clear()
         self._contact.recall({})
         self._motion_is_current = False
+        step = self.step_index
         if not keep_time:
             self.step_index = 0
+        self._tell('reset', step, keep_time=keep_time)
 
 
 def _order(scene: Scene) -> IntArray:
@@ -456,38 +486,3 @@ def _order(scene: Scene) -> IntArray:
     if (scene.contact, scene.solver) == ('timestep', 'sequential'):
         return order_by_place(scene.model, scene.state)
     return np.arange(len(scene.names))
-
-
-def _step_count(count: Any) -> int:
-    """Return a number of steps, or raise ValueError."""
-    if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 0:
-        raise ValueError(f'step count {count!r}, must be a whole number >= 0')
-    return int(count)
-
-
-def _some(names: Sequence[str]) -> str:
-    """Return the names for a message, the first few if they are many."""
-    return ', '.join(names[:8]) + (f', ... ({len(names)} in all)' if len(names) > 8 else '')
-
-
-def _vector(what: str, value: ArrayLike) -> Array:
-    """Return three finite numbers, or raise ValueError."""
-    try:
-        vector = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        raise ValueError(f'{what} {value!r}, must be three numbers') from None
-    if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise ValueError(f'{what} {vector.tolist()!r}, must be three finite numbers')
-    return vector
-
-
-def _unit_quaternion(value: ArrayLike) -> Array:
-    """Return a unit quaternion, or raise ValueError if the value is not near one."""
-    try:
-        q = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        raise ValueError(f'orientation {value!r}, must be four numbers x, y, z, w') from None
-    length = float(np.sqrt((q * q).sum())) if q.shape == (4,) else float('nan')
-    if not abs(length - 1.0) <= UNIT_TOLERANCE:
-        raise ValueError(f'orientation {q.tolist()!r}, must be x, y, z, w of length 1')
-    return q / length

@@ -139,7 +139,7 @@ def test_a_disk_that_stands_still_makes_a_gap_that_is_logged_and_shown(
         publishers.publish_state(world)
         recording.turn()
     assert recording.status().lost_messages > 0
-    recording.tell('reset')
+    world.reset()
     stands_still.set()
     recorder = recording._recorder
     for _ in range(3):
