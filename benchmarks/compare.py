@@ -7,7 +7,8 @@ Prints what the contact models reach of what is wanted (contact_quality.py), the
 of peers/scenes.py a row for each engine that is installed: steps a second, the ratio of that to
 ours, and figures of quality. Each engine runs in a process of its own, on one thread, with sleep
 off; runs of the engines take turns (A B C A B C), and medians and the spread of the speed are
-printed. Only stepping is timed, after whatever an engine prepares.
+printed. Only stepping is timed, after whatever an engine prepares. The file that is written has
+the same figures in three tables: one of speeds and two of quality, a column for each scene.
 
     python benchmarks/compare.py --python venv-of-drake/bin/python --output docs/performance.md
 
@@ -17,6 +18,7 @@ Runners in Rust are built by Cargo, once, which takes minutes.
 
 import argparse
 import json
+import math
 import os
 from pathlib import Path
 from statistics import median
@@ -31,6 +33,9 @@ from figures import figures
 import numpy as np
 from page import heading, line, machine, write
 from scenes import SCENES
+
+
+_A_TABLE = 5    # scenes
 
 
 class Run(NamedTuple):
@@ -71,22 +76,29 @@ def _short(value: float) -> str:
     return f'{value:.1e}' if value and (abs(value) < 0.01 or abs(value) >= 1e4) else f'{value:.3g}'
 
 
-def _row(name: str, runs: list[Run], ours: float, columns: list[str]) -> list[str]:
-    speeds, share = [one.speed for one in runs], min(one.share for one in runs)
-    speed = median(speeds)
-    spread = f'{100 * (max(speeds) - min(speeds)) / speed:.0f} %'
-    note = '' if share == 1.0 else f' (first {100 * share:.0f} %)'
-    cells = [name, f'{speed:.4g}{note}', spread if len(speeds) > 1 else 'one run',
-             f'{speed / ours:.3g}' if ours and share == 1.0 else '']
-    for key in columns:
-        values = [one.figures[key] for one in runs if key in one.figures]
-        cells.append(_short(median(values)) if values else '')
-    return cells
+class Result(NamedTuple):
+    """What an engine makes of a scene: medians over its runs."""
+
+    speed: float  # steps a second; 0: it failed
+    spread: float  # (largest - smallest) / median of the speeds; NaN of one run
+    share: float  # of the scene's steps that were done within the limit
+    figures: dict[str, float]
+    failure: str = ''
 
 
-def table(scene: dict[str, Any], commands: dict[str, Command], repeats: int,
-          limit: float) -> list[str]:
-    """Run a scene in all engines, in turn; return the lines of a table."""
+def _result(runs: list[Run], failure: str) -> Result:
+    if failure:
+        return Result(0.0, 0.0, 0.0, {}, failure)
+    found = [one.speed for one in runs]
+    keys = dict.fromkeys(key for one in runs for key in one.figures)
+    spread = (max(found) - min(found)) / median(found) if len(found) > 1 else math.nan
+    return Result(median(found), spread, min(one.share for one in runs), {
+        key: median(one.figures[key] for one in runs if key in one.figures) for key in keys})
+
+
+def results(scene: dict[str, Any], commands: dict[str, Command], repeats: int,
+            limit: float) -> dict[str, Result]:
+    """Run a scene in all engines, in turn; return what came of it, by engine."""
     runs: dict[str, list[Run]] = {name: [] for name in commands}
     failed: dict[str, str] = {}
     with tempfile.TemporaryDirectory() as folder:
@@ -98,18 +110,83 @@ def table(scene: dict[str, Any], commands: dict[str, Command], repeats: int,
                     failed[name] = one
                 else:
                     runs[name].append(one)
-    columns = list(dict.fromkeys(key for of_engine in runs.values() for one in of_engine
-                                 for key in one.figures))
-    lines = heading([scene['name'], 'steps/s', 'spread', 'to ours', *columns])
+    return {name: _result(runs[name], failed.get(name, '')) for name in commands}
+
+
+def _ratio(found: dict[str, Result], name: str) -> float:
+    """Return our speed over that of another engine, 0 where one of them did not finish."""
     # Parts of a scene cannot be compared: its beginning is often the easy part.
-    whole = [one.speed for one in runs.get(OURS, []) if one.share == 1.0]
-    ours = median(whole) if whole else 0.0
-    for name, of_engine in runs.items():
-        if name in failed:
-            lines.append(line([name, f'failed: {failed[name]}', *[''] * (2 + len(columns))]))
+    ours, other = found.get(OURS), found[name]
+    return ours.speed / other.speed if ours and ours.share == other.share == 1.0 else 0.0
+
+
+def _spread(spread: float) -> str:
+    return 'one run' if math.isnan(spread) else f'{100 * spread:.0f} %'
+
+
+def _speed(one: Result) -> str:
+    if one.failure:
+        return 'failed'
+    return f'{one.speed:.4g}' + ('' if one.share == 1.0 else f' (first {100 * one.share:.0f} %)')
+
+
+def _columns(found: dict[str, Result]) -> list[str]:
+    return list(dict.fromkeys(key for one in found.values() for key in one.figures))
+
+
+def _figures(one: Result, columns: list[str]) -> list[str]:
+    return [_short(one.figures[key]) if key in one.figures else '' for key in columns]
+
+
+def table(title: str, found: dict[str, Result]) -> list[str]:
+    """Return the lines of a table of one scene."""
+    columns = _columns(found)
+    lines = heading([title, 'steps/s', 'spread', 'to ours', *columns])
+    for name, one in found.items():
+        if one.failure:
+            lines.append(line([name, f'failed: {one.failure}', *[''] * (2 + len(columns))]))
         else:
-            lines.append(line(_row(name, of_engine, ours, columns)))
+            ratio = _ratio(found, name)
+            lines.append(line([name, _speed(one), _spread(one.spread),
+                               f'{1 / ratio:.3g}' if ratio else '', *_figures(one, columns)]))
     return lines
+
+
+def _ratios(everything: dict[str, dict[str, Result]], title: str, chosen: list[str]) -> str:
+    """Return a line of our speed over the fastest of some engines, scene by scene."""
+    cells = []
+    for found in everything.values():
+        ratios = [ratio for name in chosen if name in found and (ratio := _ratio(found, name))]
+        cells.append(f'{min(ratios):.3g}' if ratios else '')
+    return line([title, *cells])
+
+
+def speeds(everything: dict[str, dict[str, Result]], engines: list[str]) -> list[str]:
+    """Return the lines of a table of speeds: a row for each engine, a column for each scene."""
+    lines = heading(['steps/s', *everything])
+    lines += [line([name, *(_speed(found[name]) for found in everything.values())])
+              for name in engines]
+    spreads = [max(one.spread for one in found.values()) for found in everything.values()]
+    return [*lines, line(['largest spread', *map(_spread, spreads)]),
+            _ratios(everything, 'ratio to Rapier', ['Rapier']),
+            _ratios(everything, 'ratio to the fastest other', [
+                name for name in engines if name != OURS])]
+
+
+def quality(everything: dict[str, dict[str, Result]], engines: list[str]) -> list[list[str]]:
+    """Return tables of the figures of quality: a column for each scene, five to a table."""
+    judged = {name: found for name, found in everything.items() if _columns(found)}
+    pages, names = [], list(judged)
+    for first in range(0, len(names), _A_TABLE):
+        some = names[first:first + _A_TABLE]
+        lines = heading(['', *(f'{name}: ' + ' / '.join(_columns(judged[name])) for name in some)])
+        for engine in engines:
+            cells = [_figures(judged[name][engine], _columns(judged[name])) for name in some]
+            lines.append(line([engine, *(' / '.join(value or '-' for value in values)
+                                         if any(values) else ''
+                                         for values in cells)]))
+        pages.append(lines)
+    return pages
 
 
 def missing(engine: Engine) -> str:
@@ -150,11 +227,15 @@ def main() -> None:
     print(pages[0], flush=True)
 
     def say(lines: list[str]) -> None:
-        pages.append('\n'.join(lines))
         print('', *lines, sep='\n', flush=True)
 
+    def note(lines: list[str]) -> None:
+        pages.append('\n'.join(lines))
+
     if not arguments.no_quality:
-        say(contact_quality.table())
+        cases = contact_quality.table()
+        say(cases)
+        note(cases)
     commands: dict[str, Command] = {}
     said = []
     for engine in ENGINES:
@@ -166,8 +247,15 @@ def main() -> None:
                 commands[engine.name] = found
                 said.append(f'{engine.name} {found.version}')
     say(['; '.join(said) + '.'])
+    note(['; '.join(said) + '.'])
+    everything = {}
     for name in scenes:
-        say(table(SCENES[name](), commands, arguments.repeats, arguments.limit))
+        scene = SCENES[name]()
+        found = results(scene, commands, arguments.repeats, arguments.limit)
+        everything[scene['name']] = found
+        say(table(scene['name'], found))
+    for lines in [speeds(everything, list(commands)), *quality(everything, list(commands))]:
+        note(lines)
     if arguments.output:
         write(arguments.output, pages)
 

@@ -268,27 +268,32 @@ def sizes(results: Results, what: str, name: str) -> list[int]:
     return [n for found, case, n in results if (found, case) == (what, name)]
 
 
-def cost_tables(results: Results) -> list[str]:
-    """Return the tables of costs, one for each kind of scene."""
-    tables = []
+def cost_table(results: Results) -> str:
+    """Return the table of costs: a column for each size, lines for each kind of scene."""
+    columns = sorted({n for name in CASES for n in sizes(results, 'time', name)})
+    lines = heading(['ns a body and step', *columns, 'largest / smallest'])
     for name, case in CASES.items():
         measured = sizes(results, 'time', name)
-        lines = heading([f'{case.name}, ns a body and step', *measured, 'largest / smallest'])
+
+        def across(title: str, cells: dict[int, str], last: str = '') -> str:
+            return line([title, *(cells.get(n, '') for n in columns), last])
+
         for after, count in case.rows():
-            row = [cost(results, name, n, (after, count)) for n in measured]
-            text = 'one step a call' if count == 1 else f'{count} steps a call'
+            row = {n: cost(results, name, n, (after, count)) for n in measured}
+            text = f'{case.name}, ' + ('1 step' if count == 1 else f'{count} steps') + ' a call'
             if name == 'bin':
                 text += f', after {after / 240:.0f} s'
             limit = f' (at most {FLAT})' if after == case.after[-1] else ', still settling'
-            lines.append(line([text, *(f'{value:.3g}' if value < 100 else f'{value:.0f}'
-                                       for value in row), f'{max(row) / min(row):.2f}{limit}']))
+            lines.append(across(text, {n: f'{value:.3g}' if value < 100 else f'{value:.0f}'
+                                       for n, value in row.items()},
+                                f'{max(row.values()) / min(row.values()):.2f}{limit}'))
         if name == 'bin':
-            lines.append(line(['contacts a body', *(
-                f'{results["time", name, n]["contacts"]:.2f}' for n in measured), '']))
-            lines.append(line(['velocity that a sweep changes at the end [m/s]', *(
-                f'{results["time", name, n]["residual"]:.0e}' for n in measured), '']))
-        tables.append('\n'.join(lines))
-    return tables
+            found = {n: results['time', name, n] for n in measured}
+            lines.append(across('contacts a body', {
+                n: f'{one["contacts"]:.2f}' for n, one in found.items()}))
+            lines.append(across('velocity that a sweep changes at the end [m/s]', {
+                n: f'{one["residual"]:.0e}' for n, one in found.items()}))
+    return '\n'.join(lines)
 
 
 def shares(results: Results) -> tuple[list[int], list[float], list[float]]:
@@ -375,7 +380,7 @@ def main() -> int:
     where = machine()
     print(where, flush=True)
     results = measure(arguments.turns, arguments.most)
-    pages = [where, *cost_tables(results), memory_table(results)]
+    pages = [where, cost_table(results), memory_table(results)]
     print('', *pages[1:], sep='\n\n')
     if arguments.chart:
         draw(results, arguments.chart)

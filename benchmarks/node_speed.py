@@ -215,27 +215,24 @@ def shares_table(runs: list[Run]) -> str:
 
 
 def pace_table(runs: list[Run]) -> str:
-    """Return how well the nodes keep their pace, and what a loop does that only sleeps."""
+    """
+    Return how well the nodes keep their pace, and what a loop does that only sleeps.
+
+    The last columns are the time from a wrench to the twist that shows it.
+    """
     lines = heading(['bodies', 'real-time factor', 'overruns', 'late: median [us]', '99 % [us]',
                      'worst [ms]', 'a loop that sleeps: 99 % [us]', 'worst [ms]',
-                     'work between steps: 99 % [us]', 'worst [ms]'])
+                     'work between steps: 99 % [us]', 'worst [ms]',
+                     'wrench to twist: median [ms]', '99 % [ms]', 'worst [ms]', 'wrenches',
+                     'lost'])
     for one in runs:
         late, idle, work = one.report['late'], one.idle, one.report['work']
+        latency = quantiles(one.latency) if one.latency else [float('nan')] * 3
         lines.append(line([
             one.name, f'{one.report["rate"]:.4f}', one.report['overruns'], f'{late[0] / 1e3:.0f}',
             f'{late[1] / 1e3:.0f}', f'{late[2] / 1e6:.2f}', f'{idle[1] / 1e3:.0f}',
-            f'{idle[2] / 1e6:.2f}', f'{work[1] / 1e3:.0f}', f'{work[2] / 1e6:.2f}']))
-    return '\n'.join(lines)
-
-
-def latency_table(runs: list[Run]) -> str:
-    """Return how long it takes from a wrench to the twist that shows it."""
-    lines = heading(['bodies', 'wrench to twist: median [ms]', '99 % [ms]', 'worst [ms]',
-                     'wrenches', 'lost'])
-    for one in runs:
-        latency = quantiles(one.latency) if one.latency else [float('nan')] * 3
-        lines.append(line([one.name, *(f'{ns / 1e6:.1f}' for ns in latency), len(one.latency),
-                           one.lost]))
+            f'{idle[2] / 1e6:.2f}', f'{work[1] / 1e3:.0f}', f'{work[2] / 1e6:.2f}',
+            *(f'{ns / 1e6:.1f}' for ns in latency), len(one.latency), one.lost]))
     return '\n'.join(lines)
 
 
@@ -270,7 +267,6 @@ def main() -> int:
         runs.append(run(Path(folder), most, 'bytes', True, options.seconds))
     rclpy.try_shutdown()
     pages += [f'{options.seconds} s each. {WANTED}', shares_table(runs), pace_table(runs),
-              latency_table(runs),
               f'From starting the process of a node with 100 bodies to its first pose: '
               f'{median(starts):.2f} s ({min(starts):.2f} to {max(starts):.2f}, {len(starts)} '
               'starts).']

@@ -111,9 +111,9 @@ def cold_and_warm(below: Path, repeats: int) -> list[str]:
     words = ['-m', 'rigid_sim_ros', 'batch', str(path), '--duration', '0.001', '--output']
     text, cold = _row(f'{name}, `batch`', words, folder, repeats)
     said = [part for part in cold.errors.replace('\r', '\n').splitlines() if 'compiling' in part]
-    return [*lines, text, line(['wanted, at most', COLD, '', WARM, '']), '',
-            f'`batch` said while it compiled: `{said[-1].strip()}`.' if said else
-            '`batch` did not say that it compiles.']
+    print(f'  batch said: {said[-1].strip()}' if said else
+          '  batch did not say that it compiles', file=sys.stderr, flush=True)
+    return [*lines, text, line(['wanted, at most', COLD, '', WARM, ''])]
 
 
 def _row(name: str, words: list[str], folder: Path, repeats: int) -> tuple[str, Start]:

@@ -90,11 +90,11 @@ def test_every_rosdep_key_of_a_python_library_is_also_a_requirement_of_pip() -> 
     libraries = {{'yaml': 'pyyaml'}.get(name, name) for name in libraries}
     required = {re.split('[<>=; ]', line)[0]
                 for line in distribution('rigid_sim_ros').requires or [] if 'extra' not in line}
-    # What rosdep does not know, or on Ubuntu 24.04 not in the version needed; the README says so.
-    readme = (SOURCE / 'README.md').read_text(encoding='utf-8')
+    # What rosdep does not know, or on Ubuntu 24.04 not in the version needed.
+    page = (SOURCE / 'docs' / 'install.md').read_text(encoding='utf-8')
     unknown = required - libraries
     assert unknown == {'llvmlite', 'lz4', 'mcap', 'osqp', 'pydantic', 'zstandard'}
-    line, = (line for line in readme.splitlines() if line.startswith('pip install osqp'))
+    line, = (line for line in page.splitlines() if line.startswith('pip install osqp'))
     assert all(name in line for name in unknown)
     assert libraries <= required
 

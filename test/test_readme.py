@@ -1,23 +1,44 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the README shows is what happens."""
+"""What the README and the pages in docs/ show is what happens."""
 from pathlib import Path
 import re
+import shlex
 import subprocess
 import sys
 
 import pytest
+import yaml
 
 from rigid_sim_ros import cli
 from rigid_sim_ros.engine.dynamics.forces import FORCES
-from rigid_sim_ros.scene import scene_from_text
+from rigid_sim_ros.scene import scene_from_text, schema
 from rigid_sim_ros.scene.advice import advice
 
-TEXT = (Path(__file__).parent.parent / 'README.md').read_text(encoding='utf-8')
-BLOCKS = re.findall(r'^```(\w+)\n(.*?)^```$', TEXT, re.MULTILINE | re.DOTALL)
-PYTHON = [code for language, code in BLOCKS if language == 'python' and 'rclpy' not in code]
-CONSOLE = dict(re.match(r'\$ (.*?)\n(.*)', code, re.DOTALL).groups()
-               for language, code in BLOCKS if language == 'console')
+ROOT = Path(__file__).parent.parent
+PAGES = [ROOT / 'README.md', *sorted((ROOT / 'docs').glob('*.md'))]
+TEXTS = {page.name: page.read_text(encoding='utf-8') for page in PAGES}
+MOST_LINES = {'README.md': 150, 'performance.md': 200}
+
+
+def blocks(page: str, language: str) -> list[str]:
+    """Return what stands in fences of a language."""
+    return re.findall(rf'^```{language}\n(.*?)^```$', TEXTS[page], re.MULTILINE | re.DOTALL)
+
+
+# Programs, but for those of nodes, which test/nodes/test_examples.py runs.
+PYTHON = [(page, code) for page in TEXTS for code in blocks(page, 'python') if 'rclpy' not in code]
+SCENES = [(page, text) for page in TEXTS for text in blocks(page, 'yaml')]
+COMMANDS = [words for page in TEXTS for code in blocks(page, 'bash') for line in code.splitlines()
+            if (words := shlex.split(line, comments=True))[:1] == ['rigid_sim']]
+LINKS = [(page, link) for page, text in TEXTS.items()
+         for link in re.findall(r'\]\((?!http)(.*?)\)', text)]
+# A command in scenes.md, and what it prints.
+OUTPUTS = dict(re.findall(r'^```bash\n(rigid_sim [^\n]*)\n```\n\n```text\n(.*?)^```$',
+                          TEXTS['scenes.md'], re.MULTILINE | re.DOTALL))
+SPECS = (schema.World, schema.Bounds, schema.Body, schema.Inertial, schema.Material,
+         schema.Collision, schema.Sphere, schema.Box, schema.Capsule, schema.Cylinder,
+         schema.Plane, schema.Mesh, schema.Points, schema.Compound)
 
 
 def trimmed(text: str) -> list[str]:
@@ -25,34 +46,85 @@ def trimmed(text: str) -> list[str]:
     return [line.rstrip() for line in text.strip('\n').splitlines() if line.strip()]
 
 
+def anchors(page: Path) -> set[str]:
+    """Return what the headings of a page are called in links."""
+    titles = re.findall('^#+ (.*)$', page.read_text(encoding='utf-8'), re.MULTILINE)
+    return {re.sub(r'[^\w -]', '', title.lower()).replace(' ', '-') for title in titles}
+
+
+@pytest.mark.parametrize('page', MOST_LINES)
+def test_a_first_page_is_short(page: str) -> None:
+    assert len(TEXTS[page].splitlines()) <= MOST_LINES[page]
+
+
 @pytest.mark.parametrize('command', ['rigid_sim scenes', 'rigid_sim check spring_pendulum'])
 def test_the_output_of_a_command_is_the_one_shown(command: str, capsys) -> None:
     with pytest.raises(SystemExit):
         cli.main(command.split()[1:])
-    assert trimmed(capsys.readouterr().out) == trimmed(CONSOLE[command])
+    assert trimmed(capsys.readouterr().out) == trimmed(OUTPUTS[command])
 
 
-@pytest.mark.parametrize('code', PYTHON, ids=range(len(PYTHON)))
-def test_the_python_of_the_readme_runs(code: str) -> None:
-    result = subprocess.run(
-        [sys.executable, '-c', code], capture_output=True, text=True, check=False, timeout=300)
+@pytest.mark.parametrize('words', COMMANDS, ids=' '.join)
+def test_the_options_of_a_command_that_is_shown_exist(words: list[str], capsys) -> None:
+    own = words[:words.index('--ros-args')] if '--ros-args' in words else words
+    with pytest.raises(SystemExit) as ended:
+        cli.main([own[1], '--help'])
+    assert ended.value.code == 0
+    known = re.findall(r'^ +(--[\w-]+)', capsys.readouterr().out, re.MULTILINE)
+    assert {word for word in own if word.startswith('--')} <= set(known)
+
+
+def test_a_mistake_in_a_scene_is_reported_as_shown(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path('my_scene.yaml').write_text(
+        'bodies:\n  - name: crate\n    shape: {type: sphere, radius: 1}\n    mass: -2.0\n',
+        encoding='utf-8')
+    with pytest.raises(SystemExit):
+        cli.main(['check', 'my_scene.yaml'])
+    assert capsys.readouterr().err in blocks('scenes.md', 'text')
+
+
+@pytest.mark.parametrize(('page', 'code'), PYTHON, ids=[page for page, _ in PYTHON])
+def test_the_python_that_is_shown_runs(page: str, code: str, tmp_path) -> None:
+    result = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True,
+                            check=False, timeout=300, cwd=tmp_path)
     assert (result.returncode, result.stderr) == (0, '')
-    shown = [text for language, text in BLOCKS if language == 'text']
-    assert result.stdout in ['', *shown]
+    assert result.stdout in ['', *blocks(page, 'text')]
 
 
-def test_the_scene_of_the_readme_loads_without_a_warning() -> None:
-    scene, = (text for language, text in BLOCKS if language == 'yaml')
-    assert advice(scene_from_text(scene)) == []
+@pytest.mark.parametrize(('page', 'text'), SCENES, ids=[page for page, _ in SCENES])
+def test_a_scene_that_is_shown_loads_without_a_warning(page: str, text: str) -> None:
+    assert advice(scene_from_text(text)) == []
 
 
 @pytest.mark.parametrize('kind', FORCES)
-def test_every_force_and_its_keys_stand_in_the_readme(kind: str) -> None:
-    row, = re.findall(rf'^\| `{kind}` \|.*$', TEXT, re.MULTILINE)
+def test_every_force_and_its_keys_stand_in_the_reference(kind: str) -> None:
+    row, = re.findall(rf'^\| `{kind}` \|.*$', TEXTS['scenes.md'], re.MULTILINE)
     keys = {parameter.name for parameter in FORCES[kind].parameters}
     assert keys <= set(re.findall('`(.*?)`', row))
 
 
-@pytest.mark.parametrize('link', re.findall(r'\]\((?!#|http)(.*?)\)', TEXT))
-def test_a_link_of_the_readme_leads_somewhere(link: str) -> None:
-    assert (Path(__file__).parent.parent / link).exists()
+@pytest.mark.parametrize('spec', SPECS, ids=lambda spec: spec.__name__)
+def test_every_key_of_a_scene_stands_in_the_reference(spec: type[schema.Spec]) -> None:
+    assert set(spec.model_fields) <= set(re.findall('`(.*?)`', TEXTS['scenes.md']))
+
+
+def test_every_parameter_of_the_node_stands_in_the_reference_with_its_default() -> None:
+    file = yaml.safe_load((ROOT / 'msg_config/default.yaml').read_text(encoding='utf-8'))
+    defaults = {name: value for name, value in file['/**']['ros__parameters'].items()
+                if name != 'qos'}
+    shown = {}
+    for names, values in re.findall(r'^\| (`\w+`(?:, `\w+`)*) \| (.*?) \| x? ?\|',
+                                    TEXTS['node.md'], re.MULTILINE):
+        pairs = [values] if '[' in values else values.split(', ')
+        shown |= dict(zip(re.findall(r'\w+', names), map(yaml.safe_load, pairs), strict=True))
+    assert shown == defaults
+
+
+@pytest.mark.parametrize(('page', 'link'), LINKS, ids=[' '.join(link) for link in LINKS])
+def test_a_link_leads_somewhere(page: str, link: str) -> None:
+    path, _, anchor = link.partition('#')
+    folder = ROOT if page == 'README.md' else ROOT / 'docs'
+    target = folder / path if path else folder / page
+    assert target.exists()
+    assert not anchor or anchor in anchors(target)

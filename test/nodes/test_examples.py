@@ -1,6 +1,6 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The examples drive a simulation from processes of their own, as the README tells users to."""
+"""The examples drive a simulation from processes of their own, as the documents tell users to."""
 from importlib.util import find_spec
 import math
 import os
@@ -109,9 +109,10 @@ def test_a_key_pushes_the_body(probe, sim, tmp_path):
     os.close(its)
 
 
-def test_the_publisher_of_the_readme_pushes_and_ends_with_ctrl_c(probe, sim, tmp_path):
+def test_the_publisher_of_the_docs_pushes_and_ends_with_ctrl_c(probe, sim, tmp_path):
     code, = re.findall(r'^```python\n(import rclpy\n.*?)^```$',
-                       (ROOT / 'README.md').read_text(encoding='utf-8'), re.MULTILINE | re.DOTALL)
+                       (ROOT / 'docs/node.md').read_text(encoding='utf-8'),
+                       re.MULTILINE | re.DOTALL)
     with kept(Process([sys.executable, '-c', code], tmp_path)) as pusher:
         echo, = probe.some(WrenchStamped, '/rigid_sim/cubesat/applied_wrench')
         assert echo.wrench.torque.z == 1e-4
