@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
+from rigid_sim_ros.engine.contact.penalty_force import check_step
 from rigid_sim_ros.engine.dynamics.kinematic import LASTS
 from rigid_sim_ros.engine.model.hulls import HullError
 from rigid_sim_ros.engine.model.inertia import check, MassProperties
 from rigid_sim_ros.engine.model.model import Body, build_model, Frame, Model
 from rigid_sim_ros.engine.model.shapes import build_materials, build_shapes, Materials, Shapes
 from rigid_sim_ros.engine.state.state import BodyMotion, empty_state, State, write_motion
-from rigid_sim_ros.engine.steps.penalty import check_step
 from rigid_sim_ros.engine.steps.precompile import compile_beforehand
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.scene import collision, mass, mesh, schema

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rigid_sim_ros.engine.contact.penalty_force import PenaltySettings
 from rigid_sim_ros.engine.detection.manifolds import current_manifolds, empty_memory
 from rigid_sim_ros.engine.dynamics.forces import WIDTH
 from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches
@@ -115,7 +116,7 @@ class PenaltyScene(_Scene):
 
     def __init__(self, things, material, h=1e-3, gravity=(0.0, 0.0, -G)):
         super().__init__(things, material, h, gravity)
-        self.settings = penalty.PenaltySettings()
+        self.settings = PenaltySettings()
         self.work = penalty.PenaltyWork(len(things))
 
     def step(self, count=1) -> None:

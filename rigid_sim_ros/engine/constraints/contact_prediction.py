@@ -31,11 +31,12 @@ from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
 from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
 from rigid_sim_ros.engine.dynamics.kinematic import prescribed_spin
 from rigid_sim_ros.engine.dynamics.loads import empty_loads, Loads
-from rigid_sim_ros.engine.maths.rotation import angular_velocity, quaternion
+from rigid_sim_ros.engine.maths.rotation import quaternion
 from rigid_sim_ros.engine.maths.vector import (
     add, add_scaled, column, cross, dot, row, scale, subtract)
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Shapes
+from rigid_sim_ros.engine.state.rates import angular_velocity
 from rigid_sim_ros.engine.state.state import body_velocity, State
 from rigid_sim_ros.kernels.arrays import Array, IntArray, room, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, kernel

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rigid_sim_ros.engine.contact.classify import classify, COLLIDING
 from rigid_sim_ros.engine.contact.impact_offsets import gap_now, SHIFT
 from rigid_sim_ros.engine.detection.manifolds import ACTS, LEFT_OUT, Manifolds, POINTS, rows_in_use
 from rigid_sim_ros.engine.maths.rotation import (
@@ -24,6 +25,7 @@ from rigid_sim_ros.engine.maths.rotation import (
 from rigid_sim_ros.engine.maths.vector import (
     add, add_scaled, add_to_column, column, cross, dot, norm, row, scale, subtract, times)
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes, SPHERE
+from rigid_sim_ros.engine.state.rates import velocity_at
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray, room, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, inlined, kernel
@@ -200,7 +202,7 @@ def _store(inv_I_C: Array, state: State, i: int, tau: float, line: Array) -> Non
 
 @kernel
 def _velocity_at(line: Array, r: Vector) -> Vector:
-    return add(_get(line, _V), cross(_get(line, _W), r))
+    return velocity_at(_get(line, _V), _get(line, _W), r)
 
 
 @kernel
@@ -212,7 +214,7 @@ def _time_of_touch(gap: float, v: float, a: float, h: float, slowest: float) -> 
     NEVER if it is fast but later than h.
     """
     if gap <= 0.0:
-        return 0.0 if -v > slowest else NEVER
+        return 0.0 if classify(v, slowest) == COLLIDING else NEVER
     square = v * v - 2.0 * a * gap
     if square <= slowest * slowest:
         return NEVER

@@ -27,9 +27,9 @@ from rigid_sim_ros.engine.detection.narrow_phase.surface import is_faceted
 from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
 from rigid_sim_ros.engine.dynamics.loads import Loads
 from rigid_sim_ros.engine.maths.algebra import column, cross, dot, norm, quaternion, row, subtract
-from rigid_sim_ros.engine.maths.rotation import angular_velocity
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import PLANE, Shapes
+from rigid_sim_ros.engine.state.rates import angular_velocity
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import kernel

@@ -21,9 +21,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.contact.contact_qp import coefficients, disk, ENOUGH, GOAL, TOLERANCE
 from rigid_sim_ros.engine.contact.contact_rows import disk_stiffness, Rows, sweep_rows, violation
 from rigid_sim_ros.engine.contact.contacts import Contacts
+from rigid_sim_ros.engine.contact.coulomb import coefficients, disk, ENOUGH, GOAL, TOLERANCE
 from rigid_sim_ros.engine.maths.elimination import solve_linear
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel

@@ -1,11 +1,11 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The problem of contact_qp.py with the rows of contact in place of the matrix that they make.
+The problem of resting_qp.py with the rows of contact in place of the matrix that they make.
 
 At m points of w rows each, a = A f + b with A = G M^-1 G' + R: row i of G, (12,), turns the
 velocities v, w of the two bodies of its point into the rate of that row, row i of W is what a unit
-force there does to them, M^-1 G_i', and R is a small compliance (contact_qp.COMPLIANCE). A has
+force there does to them, M^-1 G_i', and R is a small compliance (coulomb.COMPLIANCE). A has
 (w m)^2 numbers, G and W 24 w m: a sweep over 250 points takes 50 us, and a step of Newton's method
 a system with 6 equations for each body that is touched, not with w for each point.
 """
@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.contact.contact_qp import coefficients, disk
 from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts, length, read_coefficients
+from rigid_sim_ros.engine.contact.coulomb import coefficients, disk
 from rigid_sim_ros.engine.maths.algebra import cross, row
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.kernels.arrays import Array, IntArray

@@ -23,11 +23,11 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.detection.manifolds import Manifolds
-from rigid_sim_ros.engine.maths.algebra import (
-    angular_velocity, column, cross, norm, quaternion, row)
-from rigid_sim_ros.engine.maths.rotation import to_matrix
+from rigid_sim_ros.engine.dynamics.loads import Loads
+from rigid_sim_ros.engine.maths.algebra import column, cross, norm, quaternion, row
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes, smaller
+from rigid_sim_ros.engine.state.rates import inverse_inertia, spin_of
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Quaternion, Vector
 from rigid_sim_ros.kernels.kernel import kernel
@@ -181,7 +181,7 @@ def _write_point(state: State, manifolds: Manifolds, shapes: Shapes, materials: 
 @kernel
 def read_velocity(model: Model, state: State, i: int, bodies: Bodies) -> None:
     """Write v and w of body i, prescribed ones too."""
-    w = angular_velocity(quaternion(state.q, i), column(state.L, i), column(model.inv_I_C, i))
+    w = spin_of(quaternion(state.q, i), column(state.L, i), column(model.inv_I_C, i))
     for k in range(3):
         bodies.velocity[i, k] = model.inv_m[i] * state.P[k, i] + state.V[k, i]
         bodies.velocity[i, 3 + k] = w[k] + state.V[3 + k, i]
@@ -211,13 +211,10 @@ def read_body(model: Model, state: State, F: Array, tau: Array, i: int, bodies: 
 @kernel
 def read_turning(model: Model, q: Quaternion, tau: Array, i: int, bodies: Bodies) -> None:
     """Write the inverse inertia tensor of body i at the attitude q, and I^-1 tau."""
-    R = to_matrix(q)
+    inv_I = inverse_inertia(q, column(model.inv_I_C, i))
     for j in range(3):
         for k in range(3):
-            total = 0.0
-            for axis in range(3):
-                total += R[j][axis] * model.inv_I_C[axis, i] * R[k][axis]
-            bodies.inv_I_W[i, j, k] = total
+            bodies.inv_I_W[i, j, k] = inv_I[j][k]
     for k in range(3):
         angular = 0.0
         for j in range(3):
@@ -304,72 +301,6 @@ def read_coefficients(model: Model, contacts: Contacts, k: int, width: int, mu: 
 
 
 @kernel
-def couple(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArray, m: int, width: int,
-           arm: Array, A: Array) -> None:
-    """
-    Write A, (wm, wm) [1/kg]: rates of motion at the first m chosen points per force at them.
-
-    A_ij = sum over the bodies that i and j share of s_i s_j (e_i . e_j / M + (r_i x e_i) . I^-1
-    (r_j x e_j)) with s = 1 for B and -1 for A (Meyer, Rigid Body Dynamics, "Resting Contact": d''
-    = A f + b). width: rows of a point, 3 or 6; a row that turns has l e_i in place of r_i x e_i,
-    and no first term. arm: scratch, (2, wm, 3).
-    """
-    for i in range(m):
-        for p in range(width):
-            axis = p if p < 3 else p - 3
-            e = (contacts.axes[chosen[i], axis, 0], contacts.axes[chosen[i], axis, 1],
-                 contacts.axes[chosen[i], axis, 2])
-            if p < 3:
-                on_A = cross(row(contacts.r_A, chosen[i]), e)
-                on_B = cross(row(contacts.r_B, chosen[i]), e)
-            else:
-                turn = length(model, contacts, chosen[i])
-                on_A = (turn * e[0], turn * e[1], turn * e[2])
-                on_B = on_A
-            for k in range(3):
-                arm[0, width * i + p, k] = -on_A[k]
-                arm[1, width * i + p, k] = on_B[k]
-    for i in range(width * m):
-        for j in range(width * m):
-            A[i, j] = 0.0
-    for i in range(m):
-        for side_i in range(2):
-            body = contacts.body_a[chosen[i]] if side_i == 0 else contacts.body_b[chosen[i]]
-            if model.inv_m[body] == 0.0:
-                continue
-            for j in range(i + 1):
-                for side_j in range(2):
-                    other = contacts.body_b[chosen[j]]
-                    if side_j == 0:
-                        other = contacts.body_a[chosen[j]]
-                    if other == body:
-                        sign = 1.0 if side_i == side_j else -1.0
-                        _add_block(contacts, chosen, i, j, width, sign * model.inv_m[body],
-                                   arm, side_i, side_j, bodies.inv_I_W, body, A)
-    for i in range(width * m):
-        for j in range(i):
-            A[j, i] = A[i, j]
-
-
-@kernel
-def _add_block(contacts: Contacts, chosen: IntArray, i: int, j: int, width: int, inv_m: float,
-               arm: Array, side_i: int, side_j: int, inv_I_W: Array, body: int, A: Array) -> None:
-    for p in range(width):
-        for q in range(width):
-            if i == j and q > p:
-                continue
-            total = 0.0
-            for k in range(3):
-                if p < 3 and q < 3:
-                    total += (inv_m * contacts.axes[chosen[i], p, k]
-                              * contacts.axes[chosen[j], q, k])
-                for c in range(3):
-                    total += (arm[side_i, width * i + p, k] * inv_I_W[body, k, c]
-                              * arm[side_j, width * j + q, c])
-            A[width * i + p, width * j + q] += total
-
-
-@kernel
 def torque_in_world(model: Model, contacts: Contacts, k: int, width: int, f: Array,
                     at: int) -> Vector:
     """Return the torque on B [N m, world axes] of the rows of point k that begin at f[at]."""
@@ -377,6 +308,25 @@ def torque_in_world(model: Model, contacts: Contacts, k: int, width: int, f: Arr
         return (0.0, 0.0, 0.0)
     arm = length(model, contacts, k)
     return to_world(contacts, k, (arm * f[at + 3], arm * f[at + 4], arm * f[at + 5]))
+
+
+@kernel
+def add_contact_load(inv_m: Array, contacts: Contacts, k: int, F: Vector, tau: Vector,
+                     loads: Loads) -> None:
+    """
+    Add what a force F [N] at point k and a torque tau [N m] on B do to both bodies.
+
+    World axes; on A they act with the other sign (Meyer, "Resting Contact").
+    """
+    a, b = contacts.body_a[k], contacts.body_b[k]
+    on_A, on_B = cross(row(contacts.r_A, k), F), cross(row(contacts.r_B, k), F)
+    for i in range(3):
+        if inv_m[a] > 0.0:
+            loads.F[i, a] -= F[i]
+            loads.tau[i, a] -= on_A[i] + tau[i]
+        if inv_m[b] > 0.0:
+            loads.F[i, b] += F[i]
+            loads.tau[i, b] += on_B[i] + tau[i]
 
 
 @kernel

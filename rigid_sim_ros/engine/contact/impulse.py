@@ -15,38 +15,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.contact.contact_qp import COMPLIANCE, GOAL, NEWTON_STEPS, refine
+from rigid_sim_ros.engine.contact.classify import classify, COLLIDING, resting_speed
 from rigid_sim_ros.engine.contact.contacts import (
-    Bodies, Contacts, couple, linear, push_rows, read_coefficients, read_rates, read_velocity,
-    relative, to_contact)
-from rigid_sim_ros.engine.maths.algebra import norm
+    Bodies, Contacts, push_rows, read_coefficients, read_rates, read_velocity, relative,
+    to_contact)
+from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, GOAL, NEWTON_STEPS, refine
+from rigid_sim_ros.engine.contact.resting_qp import effective_mass
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
-# Of the size of the smaller shape, in a step: an approach slower than this is rounding, not a
-# collision; ten times more is still below every tolerance here. 1e-10 m/s for 0.1 m and 1 ms.
-STILL = 1e-12
 # Sweeps over the points of one pair. A box on four corners takes about 50 to reach rounding.
 MAX_SWEEPS = 2000
-
-
-@kernel
-def resting_speed(contacts: Contacts, bodies: Bodies, k: int, h: float) -> float:
-    """
-    Return the speed [m/s] along the normal below which point k rests.
-
-    A body thrown up with v falls back after 2 v / a, with a the larger free acceleration of the
-    two bodies. What falls back within a step h is no bounce: this ends the infinitely many bounces
-    in finite time of every ball with e < 1 (Zeno) once they are shorter than a step. Without a
-    load there is no such threshold.
-    """
-    a = contacts.body_a[k]
-    b = contacts.body_b[k]
-    pull_A = norm(linear(bodies.acceleration, a))
-    pull_B = norm(linear(bodies.acceleration, b))
-    return 0.5 * h * max(pull_A, pull_B) + STILL * contacts.size[k] / h
 
 
 class Room(NamedTuple):
@@ -100,8 +81,8 @@ def collide_all(model: Model, state: State, contacts: Contacts, bodies: Bodies, 
                 if contacts.gap[i] > touching * contacts.size[i]:
                     continue
                 u = to_contact(contacts, i, relative(bodies.velocity, contacts, i))
-                if u[0] < fastest and u[0] < -min(resting_speed(contacts, bodies, i, h),
-                                                  quiet * contacts.size[i]):
+                slow = min(resting_speed(contacts, bodies, i, h), quiet * contacts.size[i])
+                if u[0] < fastest and classify(u[0], slow) == COLLIDING:
                     block, fastest = k, u[0]
         if block < 0:
             return count
@@ -121,7 +102,7 @@ def _collide_pair(model: Model, state: State, contacts: Contacts, bodies: Bodies
         if contacts.gap[i] <= touching * contacts.size[i]:
             room.chosen[m] = i
             m += 1
-    couple(model, contacts, bodies, room.chosen, m, width, room.arm, room.A)
+    effective_mass(model, contacts, bodies, room.chosen, m, width, room.arm, room.A)
     for j in range(m):
         i = room.chosen[j]
         read_rates(model, contacts, bodies.velocity, i, width, room.u0, width * j)
@@ -194,7 +175,7 @@ def _solve(room: Room, e: Array, m: int, width: int) -> None:
 
     Sweeps leave the load on redundant points with those that they came to first, and how friction
     turns a body then depends on the order of its points. So Newton's method goes on from there
-    for points that give way a little, and share the impulse (contact_qp.COMPLIANCE), and sweeps
+    for points that give way a little, and share the impulse (coulomb.COMPLIANCE), and sweeps
     take what they gave way, 1e-8 of it.
     """
     rows, size = width * m, 0.0

@@ -24,9 +24,9 @@ so these turn exactly.
 
 import math
 
-from rigid_sim_ros.engine.maths.rotation import (
-    angular_velocity, exponential, multiply, rotate_back, unit)
+from rigid_sim_ros.engine.maths.rotation import exponential, multiply, rotate_back, unit
 from rigid_sim_ros.engine.maths.vector import add, add_scaled, cross, norm, subtract, times
+from rigid_sim_ros.engine.state.rates import angular_velocity
 from rigid_sim_ros.kernels.arrays import Quaternion, Vector
 from rigid_sim_ros.kernels.kernel import inlined, kernel
 

@@ -21,6 +21,7 @@ from rigid_sim_ros.engine.maths.rotation import (
     exponential, from_matrix, multiply, quaternion, set_quaternion, to_matrix, unit)
 from rigid_sim_ros.engine.maths.vector import add_scaled, cross, dot, norm, scale
 from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.state.rates import axis_rate, quaternion_rate
 from rigid_sim_ros.engine.state.state import body_spin, copy_into, empty_state, State
 from rigid_sim_ros.kernels.arrays import Array, Quaternion, Vector
 from rigid_sim_ros.kernels.kernel import kernel, part
@@ -81,9 +82,8 @@ def translate(model: Model, state: State, h: float) -> None:
 @kernel
 def turn_quaternion(q: Quaternion, w: Vector, h: float) -> Quaternion:
     """Return q + h w q / 2, normalised (Meyer, "Using Quaternions")."""
-    dq = multiply((w[0], w[1], w[2], 0.0), q)
-    return unit((q[0] + 0.5 * h * dq[0], q[1] + 0.5 * h * dq[1], q[2] + 0.5 * h * dq[2],
-                 q[3] + 0.5 * h * dq[3]))
+    dq = quaternion_rate(q, w)
+    return unit((q[0] + h * dq[0], q[1] + h * dq[1], q[2] + h * dq[2], q[3] + h * dq[3]))
 
 
 @kernel
@@ -96,8 +96,8 @@ def turn_matrix(q: Quaternion, w: Vector, h: float) -> Quaternion:
     rows = to_matrix(q)
     a = (rows[0][0], rows[1][0], rows[2][0])
     b = (rows[0][1], rows[1][1], rows[2][1])
-    a = add_scaled(a, h, cross(w, a))
-    b = add_scaled(b, h, cross(w, b))
+    a = add_scaled(a, h, axis_rate(a, w))
+    b = add_scaled(b, h, axis_rate(b, w))
     a = scale(1.0 / norm(a), a)
     b = add_scaled(b, -dot(a, b), a)
     b = scale(1.0 / norm(b), b)
@@ -178,13 +178,13 @@ def add_slope(model: Model, at: State, loads: Loads, weight: float, sum_of: Stat
     """Add weight * d/dt (x, q, P, L) at a state to a sum; dq/dt = w q / 2."""
     for i in range(at.x.shape[1]):
         w = body_spin(model, at, i)
-        dq = multiply((w[0], w[1], w[2], 0.0), quaternion(at.q, i))
+        dq = quaternion_rate(quaternion(at.q, i), w)
         for k in range(3):
             sum_of.x[k, i] += weight * (model.inv_m[i] * at.P[k, i] + at.V[k, i])
             sum_of.P[k, i] += weight * loads.F[k, i]
             sum_of.L[k, i] += weight * loads.tau[k, i]
         for k in range(4):
-            sum_of.q[k, i] += weight * 0.5 * dq[k]
+            sum_of.q[k, i] += weight * dq[k]
 
 
 @kernel
@@ -229,9 +229,9 @@ def advance_stage(model: Model, state: State, loads: Loads, ahead: float, stage:
     """Replace the stage by state + ahead * (slope at the stage)."""
     for i in range(state.x.shape[1]):
         w = body_spin(model, stage, i)
-        dq = multiply((w[0], w[1], w[2], 0.0), quaternion(stage.q, i))
-        q = (state.q[0, i] + ahead * 0.5 * dq[0], state.q[1, i] + ahead * 0.5 * dq[1],
-             state.q[2, i] + ahead * 0.5 * dq[2], state.q[3, i] + ahead * 0.5 * dq[3])
+        dq = quaternion_rate(quaternion(stage.q, i), w)
+        q = (state.q[0, i] + ahead * dq[0], state.q[1, i] + ahead * dq[1],
+             state.q[2, i] + ahead * dq[2], state.q[3, i] + ahead * dq[3])
         set_quaternion(stage.q, i, unit(q))
         for k in range(3):
             stage.x[k, i] = state.x[k, i] + ahead * (

@@ -2,15 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The forces at the resting points of a group, for the time until its next event."""
 
+from rigid_sim_ros.engine.contact.classify import classify, COLLIDING, resting_speed
 from rigid_sim_ros.engine.contact.contact_ahead import carry_ahead, turn_bodies
 from rigid_sim_ros.engine.contact.contact_newton import FEW_STEPS, number_bodies, solve_rows
-from rigid_sim_ros.engine.contact.contact_qp import COMPLIANCE, ENOUGH, TOLERANCE
 from rigid_sim_ros.engine.contact.contact_rows import (
     apply_forces, Rows, sweep_rows, violation, write_rows)
 from rigid_sim_ros.engine.contact.contacts import (
     Bodies, Contacts, length, push_rows, read_rates, relative, to_contact, to_world,
     torque_in_world)
-from rigid_sim_ros.engine.contact.impulse import resting_speed
+from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, ENOUGH, TOLERANCE
+from rigid_sim_ros.engine.contact.resting_qp import CLOSING, LIFTING, resting_rates
 from rigid_sim_ros.engine.detection.backtrack import film
 from rigid_sim_ros.engine.detection.manifolds import Memory
 from rigid_sim_ros.engine.events.buffers import (
@@ -25,12 +26,7 @@ from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
-# A gap left at rest is closed at this rate per step. The gap and its rate then shrink with the
-# factors 0.6 and 0.25 a step without swinging; above 0.34 they would swing.
-CLOSING = 0.3
 CUT = 1.0 / 16.0  # of a step: gaps are not closed within less
-# Of the speed of a rebound that is too short to be one: no faster may a force lift what overlaps.
-LIFTING = 0.1
 # Multiplications for each body of a group, and for 20 at least, that a step may take, about 0.2
 # ms; what is left of the step then runs without backtracking, and contact problems are used as far
 # as they came.
@@ -56,37 +52,12 @@ def _choose(contacts: Contacts, bodies: Bodies, first: int, last: int, h: float,
         if contacts.gap[k] > touch:
             u = to_contact(contacts, k, relative(bodies.velocity, contacts, k))
             # It rises to slow^2 / 2a = slow h / 4 with slow = a h / 2.
-            if contacts.gap[k] > touch + 0.25 * slow * h or u[0] < -slow:
+            if (contacts.gap[k] > touch + 0.25 * slow * h
+                    or classify(u[0], slow) == COLLIDING):
                 continue
         chosen[m] = k
         m += 1
     return m
-
-
-@kernel
-def _rates(model: Model, shapes: Shapes, contacts: Contacts, bodies: Bodies, chosen: IntArray,
-           width: int, u: Array, span: float, closing: float, b: Array) -> bool:
-    """
-    Write b of a = A f + b: accelerations without contact forces, and what stops points.
-
-    a = 0 then means that the point, with the rates u at the end of the span [s] but for the loads,
-    has stopped there, so that neither a velocity nor a gap that rounding left behind can grow from
-    step to step: of the gap a part is closed in `closing` [s]. Returns whether a point overlaps so
-    much that this would give it a speed worth mentioning: that is left to `_push_apart`.
-    """
-    deep = False
-    for c in range(chosen.shape[0]):
-        k, at = chosen[c], width * c
-        read_rates(model, contacts, bodies.acceleration, k, width, b, at)
-        gap = contacts.gap[k] - film(shapes, contacts.shape_a[k], contacts.shape_b[k])
-        wanted = -CLOSING * gap / closing
-        if wanted <= LIFTING * resting_speed(contacts, bodies, k, model.h):
-            u[at] -= wanted
-        else:
-            deep = True
-        for i in range(width):
-            b[at + i] += u[at + i] / span
-    return deep
 
 
 @kernel
@@ -309,8 +280,8 @@ def balance(model: Model, state: State, shapes: Shapes, memory: Memory, settings
                 groups.body[groups.first[g]:groups.first[g + 1]], w.bodies, w.then)
     carry_ahead(model, state, w.still, shapes, contacts, w.bodies, w.then, chosen, width, span,
                 w.pose, memory.scratch, rows.trial)
-    if _rates(model, shapes, contacts, w.bodies, chosen, width, rows.trial, span,
-              _closing(model, groups, g), rows.b):
+    if resting_rates(model, shapes, contacts, w.bodies, chosen, width, rows.trial, span,
+                     _closing(model, groups, g), rows.b):
         w.count[DEEP] = 1
     write_rows(model, contacts, w.bodies, chosen, width, COMPLIANCE, rows)
     known = _recall(model, contacts, chosen, width, carried, w.match, rows.f)

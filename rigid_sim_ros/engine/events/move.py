@@ -3,14 +3,15 @@
 """The way of the model `event` to the next state, under contact forces that stay constant."""
 
 from rigid_sim_ros.engine.contact.contact_rows import Rows
-from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts, to_world, torque_in_world
+from rigid_sim_ros.engine.contact.contacts import (
+    add_contact_load, Bodies, Contacts, to_world, torque_in_world)
 from rigid_sim_ros.engine.dynamics.free_flight import drift
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads, Work
 from rigid_sim_ros.engine.dynamics.kinematic import carry
 from rigid_sim_ros.engine.dynamics.loads import Loads
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.events.groups import Groups
-from rigid_sim_ros.engine.maths.algebra import cross, row
+from rigid_sim_ros.engine.maths.algebra import cross
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray
@@ -24,15 +25,7 @@ def load(model: Model, contacts: Contacts, chosen: IntArray, width: int, force: 
     for k in chosen:
         F = to_world(contacts, k, (force[k, 0], force[k, 1], force[k, 2]))
         tau = torque_in_world(model, contacts, k, width, force[k], 0)
-        a, b = contacts.body_a[k], contacts.body_b[k]
-        on_A, on_B = cross(row(contacts.r_A, k), F), cross(row(contacts.r_B, k), F)
-        for i in range(3):
-            if model.inv_m[a] > 0.0:
-                loads.F[i, a] -= F[i]
-                loads.tau[i, a] -= on_A[i] + tau[i]
-            if model.inv_m[b] > 0.0:
-                loads.F[i, b] += F[i]
-                loads.tau[i, b] += on_B[i] + tau[i]
+        add_contact_load(model.inv_m, contacts, k, F, tau, loads)
 
 
 @kernel

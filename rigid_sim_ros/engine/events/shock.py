@@ -4,12 +4,13 @@
 
 import numpy as np
 
+from rigid_sim_ros.engine.contact.classify import STILL
 from rigid_sim_ros.engine.contact.contact_newton import number_bodies
-from rigid_sim_ros.engine.contact.contact_qp import COMPLIANCE, TOLERANCE
 from rigid_sim_ros.engine.contact.contact_rows import write_rows
 from rigid_sim_ros.engine.contact.contacts import (
     Contacts, gather_by_key, length, push_rows, read_body, read_rates, to_world)
-from rigid_sim_ros.engine.contact.impulse import collide_all, STILL
+from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, TOLERANCE
+from rigid_sim_ros.engine.contact.impulse import collide_all
 from rigid_sim_ros.engine.detection.detect import detect_ahead
 from rigid_sim_ros.engine.detection.manifolds import current, Manifolds, Memory
 from rigid_sim_ros.engine.dynamics.loads import Loads

@@ -25,7 +25,6 @@ row = kernel(vector.row.py_func)  # type: ignore[attr-defined]
 column = kernel(vector.column.py_func)  # type: ignore[attr-defined]
 quaternion = kernel(rotation.quaternion.py_func)  # type: ignore[attr-defined]
 rotate = kernel(rotation.rotate.py_func)  # type: ignore[attr-defined]
-angular_velocity = kernel(rotation.angular_velocity.py_func)  # type: ignore[attr-defined]
 
 
 @kernel

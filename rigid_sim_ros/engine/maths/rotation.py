@@ -8,7 +8,7 @@ A quaternion q_AB turns the axes of B into those of A: v_A = q_AB v_B q_AB*.
 
 import math
 
-from rigid_sim_ros.engine.maths.vector import cross, times
+from rigid_sim_ros.engine.maths.vector import cross
 from rigid_sim_ros.kernels.arrays import Array, Quaternion, Vector
 from rigid_sim_ros.kernels.kernel import inlined, kernel
 
@@ -51,24 +51,6 @@ def rotate(q: Quaternion, v: Vector) -> Vector:
 def rotate_back(q: Quaternion, v: Vector) -> Vector:
     """Return q* v q: the vector v_A in the axes of B for q = q_AB."""
     return rotate(conjugate(q), v)
-
-
-@inlined
-def angular_velocity(q_WC: Quaternion, L: Vector, inv_I: Vector) -> Vector:
-    """
-    Return w = R I^-1 R^T L [rad/s, world axes].
-
-    L is the angular momentum about the centre of mass [kg m^2/s, world axes], inv_I the
-    reciprocals of the principal moments [1/(kg m^2)] (Meyer, Rigid Body Dynamics, "Angular
-    Momentum", "Inertia Tensor").
-    """
-    return rotate(q_WC, times(inv_I, rotate_back(q_WC, L)))
-
-
-@inlined
-def angular_momentum(q_WC: Quaternion, w: Vector, moments: Vector) -> Vector:
-    """Return L = R I R^T w [kg m^2/s, world axes], the inverse of `angular_velocity`."""
-    return rotate(q_WC, times(moments, rotate_back(q_WC, w)))
 
 
 @kernel

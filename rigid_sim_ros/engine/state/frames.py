@@ -3,8 +3,9 @@
 """Where the frames of a model are, and how they move."""
 
 from rigid_sim_ros.engine.maths.rotation import multiply, quaternion, rotate
-from rigid_sim_ros.engine.maths.vector import add, column, cross, row, subtract
+from rigid_sim_ros.engine.maths.vector import add, column, row, subtract
 from rigid_sim_ros.engine.model.model import Model, WORLD
+from rigid_sim_ros.engine.state.rates import velocity_at
 from rigid_sim_ros.engine.state.state import body_spin, body_velocity, State
 from rigid_sim_ros.kernels.arrays import Quaternion, Vector
 from rigid_sim_ros.kernels.kernel import kernel
@@ -35,7 +36,8 @@ def point_on_frame(model: Model, state: State, frame: int, p_F: Vector) -> tuple
         return p, (0.0, 0.0, 0.0)
     body = model.frame_body[frame]
     r = subtract(p, column(state.x, body))
-    return p, add(body_velocity(model, state, body), cross(body_spin(model, state, body), r))
+    return p, velocity_at(body_velocity(model, state, body),
+                          body_spin(model, state, body), r)
 
 
 @kernel

@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.maths.rotation import (
-    angular_momentum, angular_velocity, multiply, quaternion, rotate)
+from rigid_sim_ros.engine.maths.rotation import multiply, quaternion, rotate
 from rigid_sim_ros.engine.maths.vector import (
     add, add_scaled, column, cross, row, scale, set_column, subtract)
 from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.state.rates import angular_momentum, angular_velocity, velocity_at
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import apart, in_python, INDEX, inlined, kernel
 
@@ -145,7 +145,7 @@ def read_motion(c: MotionArguments) -> None:
         r = rotate(q, row(model.p_CB, i))
         w = body_spin(model, state, i)
         p = add(column(state.x, i), r)
-        v = add(body_velocity(model, state, i), cross(w, r))
+        v = velocity_at(body_velocity(model, state, i), w, r)
         q_CB = (model.q_CB[i, 0], model.q_CB[i, 1], model.q_CB[i, 2], model.q_CB[i, 3])
         q_WB = multiply(q, q_CB)
         for k in range(3):

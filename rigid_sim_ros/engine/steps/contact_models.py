@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from rigid_sim_ros.engine.contact.penalty_force import PenaltySettings
 from rigid_sim_ros.engine.detection.manifolds import (
     CONTACTS, current_manifolds, earlier_manifolds, empty_memory, lasting, Manifolds, Memory,
     PAIRS, POINTS, slice_in_use, with_lasting, WITNESSED)
@@ -319,7 +320,7 @@ class Penalty(_Touching):
     def __init__(self, setup: Setup) -> None:
         """Make room for no contacts yet."""
         super().__init__(setup)
-        self._settings = penalty.PenaltySettings()
+        self._settings = PenaltySettings()
         self._work = penalty.PenaltyWork(len(setup.model.m))
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:

@@ -33,9 +33,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.contact.contact_qp import coefficients, search, soften
-from rigid_sim_ros.engine.contact.contacts import couple
+from rigid_sim_ros.engine.contact.coulomb import coefficients
 from rigid_sim_ros.engine.contact.impulse import make_room
+from rigid_sim_ros.engine.contact.resting_qp import effective_mass, search, soften
 from rigid_sim_ros.engine.detection.manifolds import grown, Memory
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.events.buffers import (
@@ -56,7 +56,7 @@ class EventReport(NamedTuple):
     events: int  # times at which the step was interrupted
     collisions: int  # of pairs of bodies
     deepest: float  # [m] the deepest overlap that was met during the step, >= 0
-    residual: float  # the largest, relative to the accelerations (contact_qp.residual)
+    residual: float  # the largest, relative to the accelerations (coulomb.residual)
     unsolved: int  # problems of contact whose conditions could not be met to the tolerance
     cut_short: bool  # more than `max_events`: part of the step ran without backtracking
 
@@ -116,7 +116,8 @@ class _Help:
         m, width = int(w.count[CHOSEN]), int(w.count[WIDTH])
         rows = width * m
         A = np.zeros((rows, rows))
-        couple(self.model, w.contacts, w.bodies, w.chosen, m, width, np.zeros((2, rows, 3)), A)
+        effective_mass(self.model, w.contacts, w.bodies, w.chosen, m, width,
+                       np.zeros((2, rows, 3)), A)
         mu = np.ascontiguousarray(w.rows.mu[:m, :coefficients(width)])
         f, outcome = search(soften(A), w.rows.b[:rows], mu, w.rows.f[:rows].copy())
         if outcome.residual < w.number[WORST]:

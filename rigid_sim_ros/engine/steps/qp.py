@@ -8,7 +8,7 @@ the contacts move at u = A f + u*. They must not close more than their gaps, and
 
     u_n + max(gap, 0) / h >= 0,    f_n >= 0,    complementary;    |f_t| <= mu f_n against u_t.
 
-That is the problem of contact_qp.py with velocities in place of accelerations, and is solved by
+That is the problem of resting_qp.py with velocities in place of accelerations, and is solved by
 the means of contact_newton.py; OSQP helps where they do not do. Overlaps are pushed apart by
 displacements of their own, as in the sequential solver, from the same problem without friction.
 """
@@ -20,13 +20,14 @@ import numpy as np
 from rigid_sim_ros.engine.contact.collisions import collide_bodies
 from rigid_sim_ros.engine.contact.contact_newton import (
     FEW_STEPS, make_newton, number_bodies, solve_rows)
-from rigid_sim_ros.engine.contact.contact_qp import COMPLIANCE, Outcome, solve, TOLERANCE
 from rigid_sim_ros.engine.contact.contact_rows import (
     apply_forces, make_rows, Rows, sweep_rows, violation, write_rows)
 from rigid_sim_ros.engine.contact.contacts import (
-    Bodies, Contacts, couple, gather_all, make_bodies, make_contacts, read_bodies, relative,
-    to_contact, to_world)
+    Bodies, Contacts, gather_all, make_bodies, make_contacts, read_bodies, relative, to_contact,
+    to_world)
+from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, TOLERANCE
 from rigid_sim_ros.engine.contact.impact_offsets import gap_now
+from rigid_sim_ros.engine.contact.resting_qp import effective_mass, Outcome, solve
 from rigid_sim_ros.engine.detection.detect import detect_ahead
 from rigid_sim_ros.engine.detection.look_ahead import look_ahead
 from rigid_sim_ros.engine.detection.manifold_rows import clear_impulses
@@ -212,7 +213,7 @@ def _ask_osqp(model: Model, contacts: Contacts, chosen: IntArray, rows: Rows,
     """Return the impulses as OSQP finds them, where sweeps and Newton's method do not."""
     m = len(chosen)
     A = np.zeros((3 * m, 3 * m))
-    couple(model, contacts, work.bodies, chosen, m, 3, np.zeros((2, 3 * m, 3)), A)
+    effective_mass(model, contacts, work.bodies, chosen, m, 3, np.zeros((2, 3 * m, 3)), A)
     return solve(A, rows.b, contacts.friction[chosen], rows.f)
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros.engine.maths.rotation import (
-    angular_momentum, angular_velocity, exponential, from_matrix, logarithm, multiply, rotate,
-    rotate_back, to_matrix, unit)
+    exponential, from_matrix, logarithm, multiply, rotate, rotate_back, to_matrix, unit)
+from rigid_sim_ros.engine.state.rates import angular_momentum, angular_velocity
 from rigid_sim_ros.kernels.kernel import in_python
 
 COMPONENT = st.floats(-1.0, 1.0)

@@ -8,8 +8,8 @@ from engine.touching import about_y, ball, box, G, ground, PenaltyScene, same_bi
 import numpy as np
 import pytest
 
+from rigid_sim_ros.engine.contact.penalty_force import check_step, stable_step, stiffness_for_depth
 from rigid_sim_ros.engine.model.shapes import Material
-from rigid_sim_ros.engine.steps.penalty import check_step, stable_step, stiffness_for_depth
 
 SLOPE = math.radians(20.0)
 DOWNHILL = np.array([math.cos(SLOPE), 0.0, -math.sin(SLOPE)])

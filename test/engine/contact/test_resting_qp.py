@@ -7,8 +7,9 @@ from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
-from rigid_sim_ros.engine.contact import contact_qp
-from rigid_sim_ros.engine.contact.contact_qp import COMPLIANCE, residual, solve, TOLERANCE
+from rigid_sim_ros.engine.contact import resting_qp
+from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, residual, TOLERANCE
+from rigid_sim_ros.engine.contact.resting_qp import solve
 
 G = 9.81
 CORNERS = [(x, y, -0.5) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
@@ -77,18 +78,18 @@ def test_the_same_bits_twice():
 
 def test_osqp_alone_finds_how_a_cube_slides(monkeypatch):
     # Without the term s of the program it would lift the cube by mu |a_t|: 0.2 * 4 m/s^2.
-    monkeypatch.setattr(contact_qp, 'NEWTON_STEPS', 0)
-    monkeypatch.setattr(contact_qp, 'SWEEPS', 0)
-    monkeypatch.setattr(contact_qp, 'LAST_SWEEPS', (0,))
+    monkeypatch.setattr(resting_qp, 'NEWTON_STEPS', 0)
+    monkeypatch.setattr(resting_qp, 'SWEEPS', 0)
+    monkeypatch.setattr(resting_qp, 'LAST_SWEEPS', (0,))
     A, b, mu = cube_on_slope(0.6, 0.2)
     f, _ = solve(A, b, mu, np.zeros(12))
     assert np.abs((A @ f + b)[::3]).max() < 1e-3
 
 
 def test_osqp_alone_keeps_a_torque_within_its_cone(monkeypatch):
-    monkeypatch.setattr(contact_qp, 'NEWTON_STEPS', 0)
-    monkeypatch.setattr(contact_qp, 'SWEEPS', 0)
-    monkeypatch.setattr(contact_qp, 'LAST_SWEEPS', (0,))
+    monkeypatch.setattr(resting_qp, 'NEWTON_STEPS', 0)
+    monkeypatch.setattr(resting_qp, 'SWEEPS', 0)
+    monkeypatch.setattr(resting_qp, 'LAST_SWEEPS', (0,))
     A = np.diag([1.0, 3.5, 3.5, 2.5, 2.5, 2.5])
     f, _ = solve(A, np.array([-G, 0, 0, 50.0, 30.0, 40.0]), np.array([[0.3, 0.02, 0.05]]),
                  np.zeros(6))
@@ -97,11 +98,11 @@ def test_osqp_alone_keeps_a_torque_within_its_cone(monkeypatch):
 
 
 def test_what_osqp_could_not_solve_is_said(monkeypatch):
-    monkeypatch.setattr(contact_qp, 'ROUNDS', 1)
-    monkeypatch.setattr(contact_qp, 'NEWTON_STEPS', 0)
-    monkeypatch.setattr(contact_qp, 'SWEEPS', 0)
-    monkeypatch.setattr(contact_qp, 'LAST_SWEEPS', (0,))
-    monkeypatch.setitem(contact_qp.OSQP_SETTINGS, 'max_iter', 1)
+    monkeypatch.setattr(resting_qp, 'ROUNDS', 1)
+    monkeypatch.setattr(resting_qp, 'NEWTON_STEPS', 0)
+    monkeypatch.setattr(resting_qp, 'SWEEPS', 0)
+    monkeypatch.setattr(resting_qp, 'LAST_SWEEPS', (0,))
+    monkeypatch.setitem(resting_qp.OSQP_SETTINGS, 'max_iter', 1)
     A, b, mu = cube_on_slope(0.6, 0.2)
     _, outcome = solve(A, b, mu, np.zeros(12))
     assert not outcome.solved

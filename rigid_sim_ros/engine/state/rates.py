@@ -1,0 +1,73 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What follows from momenta and attitude: velocities, rates of change, and inertia in world axes.
+
+Meyer, Rigid Body Dynamics: "Angular Momentum", "Inertia Tensor", "Orientation".
+"""
+
+from rigid_sim_ros.engine.maths import algebra
+from rigid_sim_ros.engine.maths.rotation import (
+    Matrix, multiply, rotate, rotate_back, to_matrix)
+from rigid_sim_ros.engine.maths.vector import add, cross, times
+from rigid_sim_ros.kernels.arrays import Quaternion, Vector
+from rigid_sim_ros.kernels.kernel import inlined, kernel
+
+
+@inlined
+def angular_velocity(q_WC: Quaternion, L: Vector, inv_I: Vector) -> Vector:
+    """
+    Return w = R I^-1 R^T L [rad/s, world axes].
+
+    L is the angular momentum about the centre of mass [kg m^2/s, world axes], inv_I the
+    reciprocals of the principal moments [1/(kg m^2)] (Meyer, Rigid Body Dynamics, "Angular
+    Momentum", "Inertia Tensor").
+    """
+    return rotate(q_WC, times(inv_I, rotate_back(q_WC, L)))
+
+
+@inlined
+def angular_momentum(q_WC: Quaternion, w: Vector, moments: Vector) -> Vector:
+    """Return L = R I R^T w [kg m^2/s, world axes], the inverse of `angular_velocity`."""
+    return rotate(q_WC, times(moments, rotate_back(q_WC, w)))
+
+
+# The same as a real call, for code that branches; see algebra.py.
+spin_of = kernel(angular_velocity.py_func)  # type: ignore[attr-defined]
+
+
+@kernel
+def inverse_inertia(q_WC: Quaternion, inv_I: Vector) -> Matrix:
+    """
+    Return R I^-1 R^T by rows [1/(kg m^2)], world axes.
+
+    inv_I are the reciprocals of the principal moments.
+    """
+    R = to_matrix(q_WC)
+    return (_row(R, 0, inv_I), _row(R, 1, inv_I), _row(R, 2, inv_I))
+
+
+@kernel
+def _row(R: Matrix, j: int, inv_I: Vector) -> Vector:
+    r = R[j]
+    scaled = (r[0] * inv_I[0], r[1] * inv_I[1], r[2] * inv_I[2])
+    return (algebra.dot(scaled, R[0]), algebra.dot(scaled, R[1]), algebra.dot(scaled, R[2]))
+
+
+@inlined
+def velocity_at(v: Vector, w: Vector, r: Vector) -> Vector:
+    """Return v + w x r [m/s]: the velocity of a point r [m] from the centre of mass."""
+    return add(v, cross(w, r))
+
+
+@inlined
+def quaternion_rate(q: Quaternion, w: Vector) -> Quaternion:
+    """Return dq/dt = (w, 0) q / 2 [1/s] for the angular velocity w [rad/s, world axes]."""
+    dq = multiply((w[0], w[1], w[2], 0.0), q)
+    return (0.5 * dq[0], 0.5 * dq[1], 0.5 * dq[2], 0.5 * dq[3])
+
+
+@inlined
+def axis_rate(axis: Vector, w: Vector) -> Vector:
+    """Return w x a [1/s], a column of dR/dt = w* R for a column a of R."""
+    return cross(w, axis)
