@@ -1,6 +1,6 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The table of docs/architecture.md says where each formula of the lectures is, and it is there."""
+"""The table of docs/architecture.md says where each formula of the lectures is; it is there."""
 import ast
 from pathlib import Path
 import re

@@ -13,15 +13,15 @@ from rigid_sim_ros.messages.codec import (
 from rigid_sim_ros.world import World
 
 
-def state_topics(node: str, names: Iterable[str], clock: str = '/clock') -> list[Topic]:
+def state_topics(node: str, names: Iterable[str]) -> list[Topic]:
     """Return the topics of a simulation that show its motion."""
     names = list(names)
     return [
-        kinds.topic(kinds.CLOCK, clock),
-        *(kinds.topic(kinds.POSE, f'{node}/{name}/pose', name) for name in names),
-        *(kinds.topic(kinds.TWIST, f'{node}/{name}/twist', name) for name in names),
-        kinds.topic(kinds.STATE, f'{node}/state'),
-        kinds.topic(kinds.STATE_HASH, f'{node}/state_hash'),
+        kinds.published(kinds.CLOCK, node),
+        *(kinds.published(kind, node, name) for kind in (kinds.POSE, kinds.TWIST)
+          for name in names),
+        kinds.published(kinds.STATE, node),
+        kinds.published(kinds.STATE_HASH, node),
     ]
 
 

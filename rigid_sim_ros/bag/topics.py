@@ -8,37 +8,28 @@ from typing import Any, NamedTuple
 from rosbags.typesys import get_typestore, Stores
 
 from rigid_sim_ros.bag.errors import BagError
+from rigid_sim_ros.messages.topics import (
+    APPLIED_WRENCH, CLOCK, POSE, PUBLISHED, SCENE, STATE, STATE_HASH, topic_name, TRANSFORMS,
+    TWIST)
 
-# What a topic carries. `verify` compares these; a kind that is not here is recorded all the same.
-CLOCK = 'clock'
-POSE = 'pose'
-TWIST = 'twist'
-STATE = 'state'
-TRANSFORMS = 'tf'
-APPLIED_WRENCH = 'applied_wrench'
-STATE_HASH = 'state_hash'
-SCENE = 'scene'
+__all__ = ['APPLIED_WRENCH', 'CLOCK', 'EVENT', 'POSE', 'SCENE', 'SESSION', 'SNAPSHOT', 'STATE',
+           'STATE_HASH', 'STEP', 'TRANSFORMS', 'TWIST', 'TYPES', 'Topic', 'definition',
+           'own_topics', 'published', 'qos_profiles', 'topic', 'typestore']
+
 # What a recording adds by itself, below BAG.
 STEP = 'step'
 EVENT = 'event'
 SNAPSHOT = 'snapshot'
 SESSION = 'session'
 
+# What `verify` compares, by what a topic carries. Other kinds are recorded all the same.
 TYPES = {
-    CLOCK: 'rosgraph_msgs/msg/Clock',
-    POSE: 'geometry_msgs/msg/PoseStamped',
-    TWIST: 'geometry_msgs/msg/TwistStamped',
-    STATE: 'sensor_msgs/msg/MultiDOFJointState',
-    TRANSFORMS: 'tf2_msgs/msg/TFMessage',
-    APPLIED_WRENCH: 'geometry_msgs/msg/WrenchStamped',
-    STATE_HASH: 'std_msgs/msg/UInt64',
-    SCENE: 'std_msgs/msg/String',
+    **{kind: published.type for kind, published in PUBLISHED.items() if published.is_made_again},
     STEP: 'std_msgs/msg/UInt64',
     EVENT: 'std_msgs/msg/String',
     SNAPSHOT: 'std_msgs/msg/UInt8MultiArray',
     SESSION: 'std_msgs/msg/String',
 }
-
 
 _FOREVER = {'sec': 9223372036, 'nsec': 854775807}     # as ROS writes it: 2^63 - 1 ns
 
@@ -58,9 +49,14 @@ def topic(kind: str, name: str, body: str = '', *, latched: bool = False) -> Top
     return Topic(name, TYPES[kind], kind, body, latched)
 
 
+def published(kind: str, node: str, body: str = '') -> Topic:
+    """Return a topic that a node publishes."""
+    return topic(kind, topic_name(kind, node, body), body)
+
+
 def own_topics(node: str) -> tuple[Topic, ...]:
     """Return the topics that a recording of a node adds, the scene first."""
-    return (topic(SCENE, f'{node}/scene', latched=True),
+    return (topic(SCENE, topic_name(SCENE, node), latched=True),
             topic(SESSION, f'{node}/bag/session', latched=True),
             topic(SNAPSHOT, f'{node}/bag/snapshot', latched=True),
             topic(STEP, f'{node}/bag/step'),

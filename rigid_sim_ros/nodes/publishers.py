@@ -9,24 +9,19 @@ which a recording gets the same bytes. What has a topic for each body is sent la
 """
 from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
+from importlib import import_module
 from math import inf
 from time import perf_counter_ns
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 import numpy as np
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
-from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import MultiDOFJointState
-from std_msgs.msg import String, UInt64
-from visualization_msgs.msg import MarkerArray
 
-from rigid_sim_ros.bag import topics as kinds
 from rigid_sim_ros.bag.recorder import Recorder
 from rigid_sim_ros.bag.topics import Topic
+from rigid_sim_ros.messages import topics as kinds
 from rigid_sim_ros.messages.codec import (
     encode_clock, encode_diagnostics, encode_string, encode_uint64, encode_wrench, PoseEncoder,
     StateEncoder, Status, TransformsEncoder, TwistEncoder)
@@ -78,24 +73,20 @@ class Publishers:
         self._bodies = np.array(bodies, dtype=np.intp)
         self._has_all = len(bodies) == len(world.names)
 
-        self._pose = self._create(PoseStamped, 'pose', names)
-        self._twist = self._create(TwistStamped, 'twist', names)
+        self._pose = self._create(kinds.POSE, names)
+        self._twist = self._create(kinds.TWIST, names)
         self._applied_wrench = {
-            name: self._create(WrenchStamped, 'applied_wrench', [name]) for name in names}
-        self._contact_wrench = (
-            self._create(WrenchStamped, 'contact_wrench', names)
-            if parameters['publish_contact_wrench'] else None)
-        self._state = self._create(MultiDOFJointState, 'state')
-        self._scene = self._create(String, 'scene')
-        self._state_hash = self._create(UInt64, 'state_hash')
-        self._diagnostics = self._create(DiagnosticArray, 'diagnostics', prefix='/')
-        self._clock = (
-            self._create(Clock, 'clock', prefix='/') if parameters['publish_clock'] else None)
-        self._tf = self._create(tf_message(), 'tf', prefix='/') if parameters['publish_tf'] else (
-            None)
-        self._markers = (
-            self._create(MarkerArray, 'markers', messages=2) if parameters['publish_markers']
-            else None)
+            name: self._create(kinds.APPLIED_WRENCH, [name]) for name in names}
+        self._contact_wrench = (self._create(kinds.CONTACT_WRENCH, names)
+                                if parameters['publish_contact_wrench'] else None)
+        self._state = self._create(kinds.STATE)
+        self._scene = self._create(kinds.SCENE)
+        self._state_hash = self._create(kinds.STATE_HASH)
+        self._diagnostics = self._create(kinds.DIAGNOSTICS)
+        self._clock = self._create(kinds.CLOCK) if parameters['publish_clock'] else None
+        self._tf = self._create(kinds.TRANSFORMS) if parameters['publish_tf'] else None
+        self._markers = (self._create(kinds.MARKERS, messages=2)
+                         if parameters['publish_markers'] else None)
 
         self._poses = PoseEncoder(self._frame_id, len(names))
         self._twists = TwistEncoder(self._frame_id, len(names))
@@ -211,21 +202,16 @@ class Publishers:
                 if topic.kind != kinds.SCENE]
         self._recorder = recorder
 
-    def _create(
-        self, message: type, kind: str, bodies: Sequence[str] | None = None, *,
-        prefix: str = '~/', messages: int = 1,
-    ) -> _Outlet:
-        """Create a publisher, or one for each body; `messages` go out through it at a time."""
-        names = [f'{prefix}{kind}'] if bodies is None else [
-            f'{prefix}{body}/{kind}' for body in bodies]
-        publishers = [
-            self._node.create_publisher(message, name, self._qos[kind]) for name in names]
+    def _create(self, kind: str, bodies: Sequence[str] = ('',), *, messages: int = 1) -> _Outlet:
+        """Create a publisher for each body; `messages` go out through it at a time."""
+        message_type = kinds.PUBLISHED[kind].type
+        publishers = [self._node.create_publisher(
+            _message_class(message_type), kinds.topic_name(kind, body=body), self._qos[kind])
+            for body in bodies]
         self._all += publishers
-        message_type = f'{message.__module__.partition(".")[0]}/msg/{message.__name__}'
-        known = kind if kind in kinds.TYPES else ''
-        owners = [''] if bodies is None else bodies
+        known = kind if kinds.PUBLISHED[kind].is_made_again else ''
         topics = [Topic(publisher.topic_name, message_type, known, body)
-                  for publisher, body in zip(publishers, owners, strict=True)]
+                  for publisher, body in zip(publishers, bodies, strict=True)]
         outlet = _Outlet(publishers * messages, topics * messages)
         self._outlets.append(outlet)
         return outlet
@@ -249,13 +235,18 @@ class Publishers:
             self.recording_ns += perf_counter_ns() - start_ns
 
 
-def tf_message() -> type:
-    """Return tf2_msgs/TFMessage; raise ParameterError where it is not installed."""
+def _message_class(message_type: str) -> type:
+    """Return the class of a message type, 'package/msg/Type'; ImportError if there is none."""
+    package, _, name = message_type.split('/')
+    found: type = getattr(import_module(f'{package}.msg'), name)
+    return found
+
+
+def check_tf() -> None:
+    """Raise ParameterError where tf2_msgs is not installed."""
     try:
-        from tf2_msgs.msg import TFMessage
+        _message_class(kinds.PUBLISHED[kinds.TRANSFORMS].type)
     except ImportError as error:
         raise ParameterError(
             f'parameter publish_tf: the package tf2_msgs is not installed ({error}): install it '
             '(apt install ros-jazzy-tf2-msgs) or set publish_tf to false') from None
-    message: type = TFMessage
-    return message

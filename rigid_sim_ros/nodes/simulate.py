@@ -32,7 +32,7 @@ from rigid_sim_ros.nodes.neighbours import Neighbours
 from rigid_sim_ros.nodes.parameters import declare, is_live, mistake_in, ParameterError
 from rigid_sim_ros.nodes.process import (
     complain, DONE, FAILED, Parser, ROS_ERRORS, ros_text, start_ros, Threads)
-from rigid_sim_ros.nodes.publishers import chosen_bodies, Publishers, tf_message
+from rigid_sim_ros.nodes.publishers import check_tf, chosen_bodies, Publishers
 from rigid_sim_ros.nodes.qos import profiles
 from rigid_sim_ros.nodes.recording import Recording
 from rigid_sim_ros.nodes.services import Services
@@ -72,7 +72,7 @@ class Simulation:
         self._parameters = declare(self.node, _recorded_parameters(moment))
         self._qos = profiles(self._parameters)
         if self._parameters['publish_tf']:
-            tf_message()    # fails now, not after compiling
+            check_tf()      # fails now, not after compiling
         self._world = watched(self._make_world, stopped)
         self._world.threads = self._parameters['threads']
         self._check_frame_id()
