@@ -18,18 +18,18 @@ import numba
 from numba import types
 from numba._dispatcher import compute_fingerprint
 from numba.core import cgutils
-from numba.core.registry import cpu_target
-from numba.extending import (
-    intrinsic, models, NativeValue, register_model, typeof_impl, unbox)
+from numba.core.datamodel.models import PrimitiveModel
+from numba.core.pythonapi import NativeValue
 import numpy as np
 
 from rigid_sim_ros.kernels.arrays import IntArray
+from rigid_sim_ros.kernels.numba_target import (
+    intrinsic, models, register_model, register_unboxing)
 from rigid_sim_ros.kernels.tuple_passing import nobody_writes, passes_packed, read, slots
 
 _POINTER = ir.IntType(8).as_pointer()
-_intrinsic: Any = intrinsic
 _typeof: Any = numba.typeof
-_PrimitiveModel: Any = models.PrimitiveModel
+_PrimitiveModel: Any = PrimitiveModel
 _Tuple: Any = types.BaseTuple
 
 
@@ -72,6 +72,10 @@ class _Box:
             raise AssertionError(f'{len(self.slots)} parts for {self.type.slots} slots')
         self.address = self.slots.ctypes.data
         self._compiled: dict[Any, Any] = {}
+
+    @property
+    def _numba_type_(self) -> _BoxType:
+        return self.type
 
     def __reduce__(self) -> Any:
         """Copy the arguments, and take the copies apart."""
@@ -137,8 +141,7 @@ def _address(array: Any) -> int:
 @cache
 def _fields(kind: Any) -> tuple[str, ...]:
     """Return the names of the parts of an array, in the order in which Numba passes them."""
-    model: Any = cpu_target.target_context.data_model_manager[kind]
-    return tuple(model._fields)
+    return tuple(models[kind]._fields)
 
 
 class Kept:
@@ -172,10 +175,6 @@ class _BoxModel(_PrimitiveModel):
         return nobody_writes(value, self._fe_type.slots)
 
 
-register_model(_BoxType)(_BoxModel)
-typeof_impl.register(_Box)(lambda box, context: box.type)
-
-
 def _unbox(kind: Any, box: Any, c: Any) -> Any:
     address = c.pyapi.object_getattr_string(box, 'address')
     pointer = c.pyapi.long_as_voidptr(address)
@@ -183,10 +182,11 @@ def _unbox(kind: Any, box: Any, c: Any) -> Any:
     return NativeValue(pointer)
 
 
-unbox(_BoxType)(_unbox)
+register_model(_BoxType, _BoxModel)
+register_unboxing(_BoxType, _unbox)
 
 
-@_intrinsic
+@intrinsic
 def contents(context: Any, box: Any) -> Any:
     """Return the tuple of arguments that a box holds."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -194,7 +194,7 @@ def contents(context: Any, box: Any) -> Any:
     return box.content(box), build
 
 
-@_intrinsic
+@intrinsic
 def held(context: Any, box: Any, index: Any) -> Any:
     """Return one of the arguments that a box holds, by an index that is a constant."""
     if not isinstance(index, types.IntegerLiteral):
@@ -206,7 +206,7 @@ def held(context: Any, box: Any, index: Any) -> Any:
     return kind(box, index), build
 
 
-@_intrinsic
+@intrinsic
 def call(context: Any, address: Any, box: Any, number: Any) -> Any:
     """Return what a kernel at an address returns, which takes a box and an int: an int."""
     kinds = box, types.int64

@@ -20,12 +20,12 @@ import weakref
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.extending import intrinsic
 
 from rigid_sim_ros.kernels.argument_pack import call
 from rigid_sim_ros.kernels.arrays import IntArray, integers
 from rigid_sim_ros.kernels.bits import place
 from rigid_sim_ros.kernels.kernel import apart, kernel
+from rigid_sim_ros.kernels.numba_target import intrinsic
 
 # Places on a desk. In one line of the cache, which goes from core to core as a whole: how the work
 # stands, and what it is. In lines of their own, for one thread writes what the other one reads:
@@ -37,7 +37,6 @@ _FREE, _OFFERED, _TAKEN, _DONE = range(4)
 PATIENCE = 100_000
 _INTEGER = ir.IntType(64)
 _PAUSES = platform.machine() in ('x86_64', 'AMD64')
-_intrinsic: Any = intrinsic
 
 
 def make_desk() -> IntArray:
@@ -45,7 +44,7 @@ def make_desk() -> IntArray:
     return integers(_SIZE)
 
 
-@_intrinsic
+@intrinsic
 def _read(context: Any, desk: Any, at: Any) -> Any:
     """Return an entry, and see all that was written before it was."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -54,7 +53,7 @@ def _read(context: Any, desk: Any, at: Any) -> Any:
     return types.int64(desk, types.int64), build
 
 
-@_intrinsic
+@intrinsic
 def _write(context: Any, desk: Any, at: Any, value: Any) -> Any:
     """Write an entry, after all that was written before."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -64,7 +63,7 @@ def _write(context: Any, desk: Any, at: Any, value: Any) -> Any:
     return types.void(desk, types.int64, types.int64), build
 
 
-@_intrinsic
+@intrinsic
 def _replace(context: Any, desk: Any, at: Any, old: Any, new: Any) -> Any:
     """Write `new` where `old` stands; return whether it stood there."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -74,7 +73,7 @@ def _replace(context: Any, desk: Any, at: Any, old: Any, new: Any) -> Any:
     return types.boolean(desk, types.int64, types.int64, types.int64), build
 
 
-@_intrinsic
+@intrinsic
 def _pause(context: Any) -> Any:
     """Tell the processor that this is a loop that waits."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -85,7 +84,7 @@ def _pause(context: Any) -> Any:
     return types.void(), build
 
 
-@_intrinsic
+@intrinsic
 def _address_of(context: Any, box: Any) -> Any:
     """Return where a box lies, as a number."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -93,7 +92,7 @@ def _address_of(context: Any, box: Any) -> Any:
     return types.int64(box), build
 
 
-@_intrinsic
+@intrinsic
 def _box_at(context: Any, address: Any) -> Any:
     """Return a box of any kind from a number."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:

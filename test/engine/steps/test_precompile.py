@@ -11,7 +11,7 @@ import pytest
 
 from rigid_sim_ros.engine.steps.timestep import ALWAYS
 from rigid_sim_ros.kernels.cache import cache_folder
-from rigid_sim_ros.kernels.linking import SUPPORTED
+from rigid_sim_ros.kernels.numba_target import SUPPORTED
 from rigid_sim_ros.kernels.separate import cores
 
 # Tells what is begun for which box, in place of beginning with it, and which box a step needs.
