@@ -59,7 +59,7 @@ setup(
         'llvmlite>=0.42',
         'lz4>=4.0',
         'mcap>=1.1',
-        'numba>=0.59',
+        'numba>=0.59,<0.69',
         'numpy>=1.26',
         'osqp>=1.0',
         'pydantic>=2.5',

@@ -17,7 +17,7 @@ from typing import Any, TextIO, TypeVar
 
 from numba.core import event
 
-from rigid_sim_ros.kernels.helper_process import WAITING
+from rigid_sim_ros.kernels import helper_process
 from rigid_sim_ros.scene import Scene
 from rigid_sim_ros.signals import INTERRUPTED, Stop
 from rigid_sim_ros.world import World
@@ -70,12 +70,13 @@ def watched(
             failures.append(error)
 
     thread = threading.Thread(target=guarded, name='warm_up', daemon=True)
-    thread.start()
-    try:
-        _announce(thread, stopped, stream or sys.stderr)
-    finally:
-        if thread.is_alive():
-            atexit.register(_end, stopped.exit_code or INTERRUPTED)
+    with _Compiler() as compiler:
+        thread.start()
+        try:
+            _announce(thread, compiler, stopped, stream or sys.stderr)
+        finally:
+            if thread.is_alive():
+                atexit.register(_end, stopped.exit_code or INTERRUPTED)
     if thread.is_alive():
         raise Stopped
     if failures:
@@ -121,13 +122,18 @@ class _Compiler(event.Listener):
     def __init__(self) -> None:
         self._depth = 0
         self._since = self._before = 0.0
-        for kind in ('numba:compile', WAITING):
-            register: Any = event.register
-            register(kind, self)
 
-    def begin(self) -> None:
-        """Count anew."""
-        self._since, self._before = monotonic(), 0.0
+    def __enter__(self) -> '_Compiler':
+        """Listen until the end of the block."""
+        register: Any = event.register
+        register('numba:compile', self)
+        helper_process.waiting.append(self._tell)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        unregister: Any = event.unregister
+        unregister('numba:compile', self)
+        helper_process.waiting.remove(self._tell)
 
     @property
     def is_at_work(self) -> bool:
@@ -141,30 +147,36 @@ class _Compiler(event.Listener):
 
     def on_start(self, event: Any) -> None:
         """Note that something, or a part of it, is compiled."""
-        if self._depth == 0:
-            self._since = monotonic()
-        self._depth += 1
+        self._tell(True)
 
     def on_end(self, event: Any) -> None:
         """Note that it is compiled."""
-        self._depth -= 1
-        if self._depth == 0:
-            self._before += monotonic() - self._since
+        self._tell(False)
+
+    def _tell(self, begins: bool) -> None:
+        if begins:
+            if self._depth == 0:
+                self._since = monotonic()
+            self._depth += 1
+        elif self._depth > 0:   # else it began before somebody listened
+            self._depth -= 1
+            if self._depth == 0:
+                self._before += monotonic() - self._since
 
 
-_compiler = _Compiler()
 _hints = [_HINT]    # said once in a process
 
 
-def _announce(thread: threading.Thread, stopped: threading.Event, stream: TextIO) -> None:
+def _announce(
+    thread: threading.Thread, compiler: _Compiler, stopped: threading.Event, stream: TextIO,
+) -> None:
     on_terminal = stream.isatty()
     period, end = (_PERIOD, '') if on_terminal else (_LOG_PERIOD, '\n')
     update, text = QUIET, ''
-    _compiler.begin()
     while thread.is_alive() and not stopped.is_set():
         thread.join(_LOOK)
-        seconds = _compiler.seconds
-        if _compiler.is_at_work and seconds >= update and thread.is_alive():
+        seconds = compiler.seconds
+        if compiler.is_at_work and seconds >= update and thread.is_alive():
             text = text or _TEXT + (_hints.pop() if _hints else '')
             line = f'{text} ... {seconds:.0f} s'
             print(f'\r{line}' if on_terminal else line, end=end, file=stream, flush=True)
@@ -172,4 +184,4 @@ def _announce(thread: threading.Thread, stopped: threading.Event, stream: TextIO
     if text and on_terminal:
         print(file=stream)
     if text and not thread.is_alive():
-        print(f'{_TEXT} took {_compiler.seconds:.1f} s', file=stream, flush=True)
+        print(f'{_TEXT} took {compiler.seconds:.1f} s', file=stream, flush=True)

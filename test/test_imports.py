@@ -174,28 +174,14 @@ print(numba.njit(lambda a: (a @ a)[0, 0])(2.0 * np.eye(2)), 'scipy.linalg' in sy
     assert (result.stdout, result.stderr) == ('False\n4.0 True\n', '')
 
 
-def test_a_kernel_is_compiled_without_scipy_which_numba_finds_when_asked(tmp_path: Path) -> None:
-    result = in_a_fresh_interpreter("""
-import sys
-from rigid_sim_ros.engine.maths.rotation import unit
-unit((0.0, 0.0, 0.0, 2.0))
-print(sum(unit.stats.cache_misses.values()), 'scipy.linalg' in sys.modules)
-import numba
-import numpy as np
-print(numba.njit(lambda a: (a @ a)[0, 0])(2.0 * np.eye(2)), 'scipy.linalg' in sys.modules)
-""", NUMBA_CACHE_DIR=str(tmp_path))
-    assert (result.stdout, result.stderr) == ('1 False\n4.0 True\n', '')
-
-
 def test_a_world_whose_kernels_are_cached_steps_without_what_compiles_them(tmp_path: Path) -> None:
     code = """
 import sys
 from rigid_sim_ros import load_scene
 load_scene('t_handle').step()
-needed = {'numba.np.linalg', 'rigid_sim_ros.kernels.counted_loops'}
-print(needed <= set(sys.modules), needed.isdisjoint(sys.modules))
+print('numba.np.linalg' in sys.modules)
 """
-    for expected in ('True False\n', 'False True\n'):
+    for expected in ('True\n', 'False\n'):
         result = in_a_fresh_interpreter(code, NUMBA_CACHE_DIR=str(tmp_path))
         assert (result.stdout, result.stderr) == (expected, '')
 

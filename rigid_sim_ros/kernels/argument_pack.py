@@ -19,21 +19,21 @@ from llvmlite import ir
 import numba
 from numba import types
 from numba._dispatcher import compute_fingerprint
-from numba.core.registry import cpu_target
-from numba.core.typing.templates import AttributeTemplate, infer_getattr
-from numba.extending import (
-    lower_getattr_generic, models, NativeValue, register_model, typeof_impl, unbox)
+from numba.core.datamodel.models import PrimitiveModel
+from numba.core.pythonapi import NativeValue
+from numba.core.typing.templates import AttributeTemplate
 import numpy as np
 
 from rigid_sim_ros.kernels.arrays import IntArray
+from rigid_sim_ros.kernels.numba_target import (
+    lowerings, models, register_model, register_unboxing, typings)
 from rigid_sim_ros.kernels.tuple_passing import nobody_writes, passes_packed, read, slots
 
 _POINTER = ir.IntType(8).as_pointer()
 _typeof: Any = numba.typeof
-_PrimitiveModel: Any = models.PrimitiveModel
+_PrimitiveModel: Any = PrimitiveModel
 _Tuple: Any = types.BaseTuple
 _Template: Any = AttributeTemplate
-_getattr: Any = lower_getattr_generic
 
 
 class PackType(types.Type):
@@ -87,6 +87,10 @@ class ArgumentPack:
         self.address = self.slots.ctypes.data
         self.is_linked = False      # what kernels of this pack call is there, see separate.py
         self._compiled: dict[Any, Any] = {}
+
+    @property
+    def _numba_type_(self) -> PackType:
+        return self.type
 
     def __reduce__(self) -> Any:
         """Copy the arguments, and take the copies apart."""
@@ -159,8 +163,7 @@ def _address(array: Any) -> int:
 @cache
 def _fields(kind: Any) -> tuple[str, ...]:
     """Return the names of the parts of an array, in the order in which Numba passes them."""
-    model: Any = cpu_target.target_context.data_model_manager[kind]
-    return tuple(model._fields)
+    return tuple(models[kind]._fields)
 
 
 class _PackModel(_PrimitiveModel):
@@ -173,10 +176,6 @@ class _PackModel(_PrimitiveModel):
         return nobody_writes(value, self._fe_type.slots)
 
 
-register_model(PackType)(_PackModel)
-typeof_impl.register(ArgumentPack)(lambda pack, context: pack.type)
-
-
 def _unbox(kind: Any, pack: Any, c: Any) -> Any:
     address = c.pyapi.object_getattr_string(pack, 'address')
     pointer = c.pyapi.long_as_voidptr(address)
@@ -184,10 +183,6 @@ def _unbox(kind: Any, pack: Any, c: Any) -> Any:
     return NativeValue(pointer)
 
 
-unbox(PackType)(_unbox)
-
-
-@infer_getattr
 class _Attributes(_Template):
     key = PackType
 
@@ -196,7 +191,12 @@ class _Attributes(_Template):
         return pack.fields[name][1] if name in pack.fields else None
 
 
-@_getattr(PackType)
 def _attribute(context: Any, builder: Any, kind: Any, pack: Any, name: str) -> Any:
     first, member, is_packed = kind.fields[name]
     return read(builder, pack, first, member, is_packed)
+
+
+register_model(PackType, _PackModel)
+register_unboxing(PackType, _unbox)
+typings.register_attr(_Attributes)
+lowerings.lower_getattr_generic(PackType)(_attribute)

@@ -6,11 +6,10 @@ from typing import Any
 
 from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic
 
+from rigid_sim_ros.kernels.numba_target import intrinsic
 from rigid_sim_ros.kernels.tuple_passing import ADDRESS
 
-_intrinsic: Any = intrinsic
 _BYTES = ir.IntType(8).as_pointer()
 
 
@@ -19,7 +18,7 @@ def place(builder: Any, arguments: Any) -> Any:
     return builder.gep(builder.extract_value(arguments[0], ADDRESS), [arguments[1]])
 
 
-@_intrinsic
+@intrinsic
 def lowest_zero(_: Any, mask: Any) -> Any:
     """
     Return the place of the lowest bit of a mask that is 0, or 64 without one.
@@ -33,7 +32,7 @@ def lowest_zero(_: Any, mask: Any) -> Any:
     return types.int64(types.int64), generate
 
 
-@_intrinsic
+@intrinsic
 def fetch(_: Any, numbers: Any, at: Any) -> Any:
     """Ask for the line of the cache where a number stands, to be read or written soon."""
 

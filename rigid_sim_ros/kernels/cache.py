@@ -16,7 +16,6 @@ one could be anything.
 import atexit
 import contextlib
 from functools import cache
-import gc
 import grp
 import hashlib
 import logging
@@ -31,7 +30,7 @@ import tempfile
 from typing import Any
 
 import numba
-from numba.core import caching, compiler_lock, event
+from numba.core import caching, compiler_lock
 
 _NumbasCache: Any = caching.FunctionCache
 _NumbasFiles: Any = caching.IndexDataCacheFile
@@ -252,33 +251,3 @@ class _Cache(_NumbasCache):
         """
         kinds, target, (code, _) = super()._index_key(kinds, codegen)
         return kinds, target, code, self._qualname
-
-
-class _NoCollector(event.Listener):
-    """
-    Keep Python's collector of cycles from running while Numba compiles.
-
-    The compiler makes millions of objects and keeps most of them: to look through them again and
-    again was an eighth of the time to compile.
-    """
-
-    def __init__(self) -> None:
-        self._depth = 0
-        self._was_on = False
-
-    def on_start(self, event: Any) -> None:
-        """Switch the collector off when the first of several nested compilations begins."""
-        if self._depth == 0:
-            self._was_on = gc.isenabled()
-            gc.disable()
-        self._depth += 1
-
-    def on_end(self, event: Any) -> None:
-        """Switch it on again after the last."""
-        self._depth -= 1
-        if self._depth == 0 and self._was_on:
-            gc.enable()
-
-
-_register: Any = event.register
-_register('numba:compile', _NoCollector())

@@ -26,10 +26,11 @@ from typing import Any, TypeAlias
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
+from numba.core.datamodel import models
 from numba.core.typeconv import Conversion
-from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin, lower_cast, models, register_model
+from numba.core.typing.templates import AbstractTemplate, signature
 
+from rigid_sim_ros.kernels.numba_target import intrinsic, lowerings, register_model, typings
 from rigid_sim_ros.kernels.tuple_passing import ADDRESS
 
 LANES = 8
@@ -42,10 +43,6 @@ _VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 _BITS = ir.VectorType(ir.IntType(1), LANES)
 _INT = ir.IntType(64)
 _ALIGN = 8      # bytes: arrays may begin anywhere
-
-
-def _intrinsic(build: Callable[..., Any]) -> Any:
-    return intrinsic(build)
 
 
 class EightType(types.Type):
@@ -69,21 +66,23 @@ class MaskType(types.Type):
 _LANES, _MASK = EightType(), MaskType()
 
 
-@register_model(EightType)
 class _EightModel(models.PrimitiveModel):
 
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, _VECTOR)  # type: ignore[no-untyped-call]
 
 
-@register_model(MaskType)
 class _MaskModel(models.PrimitiveModel):
 
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, _BITS)  # type: ignore[no-untyped-call]
 
 
-@lower_cast(types.Number, EightType)
+register_model(EightType, _EightModel)
+register_model(MaskType, _MaskModel)
+
+
+@lowerings.lower_cast(types.Number, EightType)
 def _spread(context: Any, builder: ir.IRBuilder, kind: Any, _: Any, value: ir.Value) -> ir.Value:
     """Return a number in all lanes."""
     number = context.cast(builder, value, kind, types.float64)
@@ -96,7 +95,7 @@ def _spread(context: Any, builder: ir.IRBuilder, kind: Any, _: Any, value: ir.Va
 def _operator(function: Any, result: Any, count: int, emit: Callable[..., ir.Value]) -> None:
     """Let a function of Python work on lanes: `emit` makes its instruction."""
 
-    @infer_global(function)
+    @typings.register_global(function)
     class _Template(AbstractTemplate):
 
         def generic(self, args: Any, kws: Any) -> Any:
@@ -105,7 +104,7 @@ def _operator(function: Any, result: Any, count: int, emit: Callable[..., ir.Val
                 return signature(result, *[_LANES] * count)
             return None
 
-    @lower_builtin(function, *[EightType] * count)
+    @lowerings.lower(function, *[EightType] * count)
     def _lower(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
         return emit(builder, *args)
 
@@ -138,7 +137,7 @@ _operator(min, _LANES, 2, lambda builder, a, b: builder.select(
     builder.fcmp_ordered('<', a, b), a, b))
 
 
-@_intrinsic
+@intrinsic
 def spread(_: Any, number: Any) -> Any:
     """Return a number in all lanes."""
 
@@ -148,7 +147,7 @@ def spread(_: Any, number: Any) -> Any:
     return _LANES(_LANES), generate
 
 
-@_intrinsic
+@intrinsic
 def root(_: Any, a: Any) -> Any:
     """Return the square root of each lane."""
 
@@ -158,7 +157,7 @@ def root(_: Any, a: Any) -> Any:
     return _LANES(_LANES), generate
 
 
-@_intrinsic
+@intrinsic
 def select(_: Any, mask: Any, a: Any, b: Any) -> Any:
     """Return a where the mask holds, else b; both may be numbers."""
 
@@ -168,7 +167,7 @@ def select(_: Any, mask: Any, a: Any, b: Any) -> Any:
     return _LANES(_MASK, _LANES, _LANES), generate
 
 
-@_intrinsic
+@intrinsic
 def both(_: Any, a: Any, b: Any) -> Any:
     """Return where two masks hold."""
 
@@ -178,7 +177,7 @@ def both(_: Any, a: Any, b: Any) -> Any:
     return _MASK(_MASK, _MASK), generate
 
 
-@_intrinsic
+@intrinsic
 def either(_: Any, a: Any, b: Any) -> Any:
     """Return where any of two masks holds."""
 
@@ -188,7 +187,7 @@ def either(_: Any, a: Any, b: Any) -> Any:
     return _MASK(_MASK, _MASK), generate
 
 
-@_intrinsic
+@intrinsic
 def any_of(_: Any, mask: Any) -> Any:
     """Return whether a mask holds in any lane."""
 
@@ -201,7 +200,7 @@ def any_of(_: Any, mask: Any) -> Any:
 
 # --- rows and records --------------------------------------------------------------------------
 
-@_intrinsic
+@intrinsic
 def load(_: Any, b: Any, row: Any) -> Any:
     """Return a row of a flat array of rows of eight numbers."""
 
@@ -211,7 +210,7 @@ def load(_: Any, b: Any, row: Any) -> Any:
     return _LANES(b, types.int64), generate
 
 
-@_intrinsic
+@intrinsic
 def store(_: Any, b: Any, row: Any, lanes: Any) -> Any:
     """Write a row of a flat array of rows of eight numbers."""
 
@@ -222,7 +221,7 @@ def store(_: Any, b: Any, row: Any, lanes: Any) -> Any:
     return types.void(b, types.int64, _LANES), generate
 
 
-@_intrinsic
+@intrinsic
 def read_eight(_: Any, array: Any, first: Any) -> Any:
     """Return eight numbers of an array that lie side by side, whichever is the first."""
 
@@ -233,7 +232,7 @@ def read_eight(_: Any, array: Any, first: Any) -> Any:
     return _LANES(array, types.int64), generate
 
 
-@_intrinsic
+@intrinsic
 def write_eight(_: Any, array: Any, first: Any, lanes: Any) -> Any:
     """Write eight numbers of an array that lie side by side, whichever is the first."""
 
@@ -245,7 +244,7 @@ def write_eight(_: Any, array: Any, first: Any, lanes: Any) -> Any:
     return types.void(array, types.int64, _LANES), generate
 
 
-@_intrinsic
+@intrinsic
 def gather(_: Any, records: Any, at: Any) -> Any:
     """Return the eight numbers of the records that begin at `at` (8,), each in eight lanes."""
 
@@ -256,7 +255,7 @@ def gather(_: Any, records: Any, at: Any) -> Any:
     return types.UniTuple(_LANES, LANES)(records, at), generate
 
 
-@_intrinsic
+@intrinsic
 def scatter(_: Any, records: Any, at: Any, numbers: Any) -> Any:
     """Write records of eight numbers, given as up to eight lanes; what is not given becomes 0."""
     count = len(numbers)
@@ -274,7 +273,7 @@ def scatter(_: Any, records: Any, at: Any, numbers: Any) -> Any:
 
 def _rows_gatherer(numbers: int, load_row: Callable[..., ir.Value]) -> Any:
 
-    @_intrinsic
+    @intrinsic
     def gatherer(_: Any, array: Any, rows: Any, width: Any, first: Any) -> Any:
 
         def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
@@ -328,7 +327,7 @@ gather_rows_3 = _rows_gatherer(3, _three_numbers)
 
 def _rows_scatterer(numbers: int) -> Any:
 
-    @_intrinsic
+    @intrinsic
     def scatterer(_: Any, array: Any, rows: Any, width: Any, first: Any, lanes: Any) -> Any:
 
         def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
@@ -356,7 +355,7 @@ def _rows_scatterer(numbers: int) -> Any:
 scatter_rows_1, scatter_rows_3 = _rows_scatterer(1), _rows_scatterer(3)
 
 
-@_intrinsic
+@intrinsic
 def gather_integers(_: Any, array: Any, rows: Any) -> Any:
     """Return the integers that stand in the rows (8,) of an array, 0 for a row below 0."""
 
@@ -374,7 +373,7 @@ def gather_integers(_: Any, array: Any, rows: Any) -> Any:
     return _LANES(array, rows), generate
 
 
-@_intrinsic
+@intrinsic
 def bits_of(_: Any, mask: Any) -> Any:
     """Return an integer whose bit k is set where a mask holds in lane k."""
 
@@ -384,7 +383,7 @@ def bits_of(_: Any, mask: Any) -> Any:
     return types.int64(_MASK), generate
 
 
-@_intrinsic
+@intrinsic
 def lanes_in(_: Any, bits: Any) -> Any:
     """Return a mask that holds in lane k where bit k of an integer is set."""
 
@@ -394,7 +393,7 @@ def lanes_in(_: Any, bits: Any) -> Any:
     return _MASK(types.int64), generate
 
 
-@_intrinsic
+@intrinsic
 def count_of(_: Any, mask: Any) -> Any:
     """Return in how many lanes a mask holds."""
 
@@ -405,7 +404,7 @@ def count_of(_: Any, mask: Any) -> Any:
     return types.int64(_MASK), generate
 
 
-@_intrinsic
+@intrinsic
 def largest_of(_: Any, lanes: Any) -> Any:
     """Return the largest number of all lanes."""
 

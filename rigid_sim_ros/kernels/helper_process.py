@@ -7,7 +7,7 @@ Numba uses one core. The helper ends with its work or with this process, whichev
 reads from a pipe whose other end closes when this process ends, however that ends.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from importlib import import_module
 import os
@@ -19,16 +19,14 @@ import sys
 import threading
 from typing import Any
 
-from numba.core import event
-
 from rigid_sim_ros.kernels.cache import base_folder
-from rigid_sim_ros.kernels.linking import SUPPORTED
+from rigid_sim_ros.kernels.numba_target import SUPPORTED
 from rigid_sim_ros.kernels.symbols import declare
 
 # [s] How long a helper is waited for once this process has done its part: it needs a few.
 PATIENCE = 120.0
-# The kind of Numba's events that tell that this process waits for a helper.
-WAITING = 'rigid_sim_ros:waiting'
+# Called with True when this process begins to wait for a helper, and with False when it ends to.
+waiting: list[Callable[[bool], None]] = []
 _ROOT = Path(__file__).parents[2]
 _DONE = b'\6'   # what a helper writes for every kernel
 
@@ -62,10 +60,13 @@ class HelperProcess:
 
     def wait(self, count: int) -> bool:
         """Wait until it has compiled so many pieces, and return whether it has."""
-        trigger: Any = event.trigger_event
-        with trigger(WAITING), self._news:
-            self._news.wait_for(lambda: self._done >= count or self._ended, PATIENCE)
-            return self._done >= count
+        _tell_that_it_waits(True)
+        try:
+            with self._news:
+                self._news.wait_for(lambda: self._done >= count or self._ended, PATIENCE)
+                return self._done >= count
+        finally:
+            _tell_that_it_waits(False)
 
     def stop(self, patience: float) -> None:
         """End it, if it does not end in so many seconds."""
@@ -90,6 +91,11 @@ class HelperProcess:
         with self._news:
             self._ended = True
             self._news.notify_all()
+
+
+def _tell_that_it_waits(begins: bool) -> None:
+    for tell in tuple(waiting):
+        tell(begins)
 
 
 def start() -> HelperProcess | None:

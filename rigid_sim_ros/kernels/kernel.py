@@ -9,10 +9,8 @@ from typing import Any, TypeVar
 import numba
 
 from rigid_sim_ros.kernels.cache import cache_folder, LateCache
-from rigid_sim_ros.kernels.compiler_setup import set_up_compiler
-from rigid_sim_ros.kernels.linking import (
-    called_as_part, STAYS_APART, SUPPORTED, WholeCompiler, without_literals)
-from rigid_sim_ros.kernels.tuple_passing import pass_by_address
+from rigid_sim_ros.kernels.linking import Kernel, STAYS_APART, without_literals
+from rigid_sim_ros.kernels.numba_target import SUPPORTED
 
 Function = TypeVar('Function', bound=Callable[..., Any])
 
@@ -20,17 +18,13 @@ Function = TypeVar('Function', bound=Callable[..., Any])
 # stays what it is under this mask, and the tests go.
 INDEX = (1 << 40) - 1
 
-pass_by_address()
-if not SUPPORTED:   # else WholeCompiler does, when there is something to compile
-    set_up_compiler()
-
 
 def _compiled(function: Function, **options: Any) -> Any:
-    njit: Any = numba.njit
     _name_apart(function)
-    if SUPPORTED:
-        options['pipeline_class'] = WholeCompiler
-    compiled = njit(nogil=True, error_model='numpy', no_cfunc_wrapper=True, **options)(function)
+    options |= {'nogil': True, 'error_model': 'numpy', 'no_cfunc_wrapper': True}
+    njit: Any = numba.njit
+    compiled: Any = (Kernel(function, options={'nopython': True, **options}) if SUPPORTED
+                     else njit(**options)(function))
     compiled._cache = LateCache(compiled, cache_folder(function.__module__))
     return compiled
 
@@ -120,8 +114,7 @@ def in_python(function: Function) -> Function:
 
 
 def _for_kernels(compiled: Any) -> Any:
-    if SUPPORTED:
-        return called_as_part(compiled)
-    template = compiled.get_call_template
-    compiled.get_call_template = lambda args, kws: template(*without_literals(args, kws))
+    if not SUPPORTED:
+        template = compiled.get_call_template
+        compiled.get_call_template = lambda args, kws: template(*without_literals(args, kws))
     return compiled

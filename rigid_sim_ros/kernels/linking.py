@@ -10,31 +10,26 @@ for kernels that call it, it is a module of LLVM's that is optimised function by
 only waits to be linked. As a `_Whole`, for Python, it is linked with all parts below it, optimised
 at once, translated and cached. That halves the time to compile, with the same results and speed.
 
-Where Numba lacks one of the names that this takes, kernels are compiled as Numba does by itself.
+With a Numba that is not supported kernels are compiled as Numba does by itself.
 """
 
+from collections import defaultdict
 from typing import Any
 
 from llvmlite import binding, ir
-from numba.core import cgutils, codegen, compiler, types
+from numba.core import codegen, compiler, typed_passes, types, untyped_passes
 from numba.core.typing.templates import make_concrete_template
 
-from rigid_sim_ros.kernels.compiler_setup import set_up_compiler
-from rigid_sim_ros.kernels.tuple_lifetimes import AFTER, TupleLifetimes
+from rigid_sim_ros.kernels.numba_target import OwnDispatcher
+from rigid_sim_ros.kernels.tuple_passing import refuse_kept_tuples
 
 _Library: Any = codegen.JITCodeLibrary
-_Flags: Any = compiler.Flags
-_NumbasCompiler: Any = compiler.Compiler
+_NumbasCompiler: Any = compiler.CompilerBase
+_typed: Any = typed_passes
+_untyped: Any = untyped_passes
 
 # What says of a function that a call of it stays a call.
 STAYS_APART = 'stays_apart'
-# Whether this Numba has what is overridden and called here.
-SUPPORTED = (
-    all(hasattr(_Library, name) for name in (
-        '_ensure_finalized', '_finalize_dynamic_globals', '_get_module_for_linking',
-        '_raise_if_finalized', 'add_ir_module', 'add_linking_library', 'enable_object_caching',
-        'finalize', 'get_pointer_to_function', 'serialize_using_object_code'))
-    and all(name in _Flags.options for name in ('no_compile', 'no_cpython_wrapper')))
 
 
 class _Part(_Library):
@@ -44,7 +39,6 @@ class _Part(_Library):
         super().__init__(*arguments)
         self.below: dict[Any, None] = {}    # what it calls, in a fixed order
         self.stays_apart = False            # it is called where LLVM would put it in place
-        self.succeeds = True                # it returns no error
 
     def add_linking_library(self, library: Any) -> None:
         library._ensure_finalized()
@@ -54,7 +48,6 @@ class _Part(_Library):
         for function in module.functions if self.stays_apart else ():
             if not function.is_declaration:
                 function.attributes.add('noinline')
-        self.succeeds = self.succeeds and not any(map(_may_fail, module.functions))
         super().add_ir_module(module)
 
     def finalize(self) -> None:
@@ -75,16 +68,6 @@ class _Part(_Library):
 
     def get_pointer_to_function(self, name: str) -> int:
         return 0
-
-
-def _may_fail(function: Any) -> bool:
-    """Return whether a function may return another number than 0, which says that all is well."""
-    ends = [block.terminator for block in function.blocks]
-    return any(end.opname == 'ret' and not _is_success(end.operands) for end in ends)
-
-
-def _is_success(returned: Any) -> bool:
-    return all(isinstance(one, ir.Constant) and one.constant == 0 for one in returned)
 
 
 class _Whole(_Library):
@@ -152,50 +135,48 @@ def _module(library: Any) -> Any:
             else library._get_module_for_linking())
 
 
-class _QuickFlags(_Flags):
-    """Options that are told apart a million times while a scene's kernels are compiled."""
+class _Inference(_typed.NopythonTypeInference):
 
-    _DEFAULTS = _Flags().values()
-    _HASH = hash(_Flags())  # of the names alone
-
-    def values(self) -> dict[str, Any]:
-        return {**self._DEFAULTS, **self._values}
-
-    def __hash__(self) -> int:
-        return self._HASH
+    def run_pass(self, state: Any) -> bool:
+        super().run_pass(state)
+        refuse_kept_tuples(state.func_ir, state.typemap)
+        return True
 
 
-# Passes for what kernels do not have: closures, arrays that an expression makes, and references
-# that end with the life of a variable.
-_NEEDLESS = ('inline_closure_likes', 'nopython_rewrites', 'ir_legalization')
+# What is done to a kernel, in order. Numba has more passes: for closures, arrays that an
+# expression makes, loops over tuples, and references that end with the life of a variable.
+_PASSES = tuple(kind() for kind in (
+    _untyped.TranslateByteCode, _untyped.FixupArgs, _untyped.IRProcessing,
+    _untyped.RewriteSemanticConstants, _untyped.DeadBranchPrune, _untyped.GenericRewrites,
+    _untyped.RewriteDynamicRaises, _untyped.InlineInlinables, _untyped.DeadBranchPrune,
+    _untyped.ReconstructSSA, _untyped.DeadBranchPrune,
+    _Inference, _typed.PreLowerStripPhis, _typed.InlineOverloads,
+    _typed.NoPythonSupportedFeatureValidation, _typed.NativeLowering, _typed.NoPythonBackend))
 
 
-def _passes(known: Any) -> Any:
-    """Return what takes the place of a pass."""
-    name = getattr(known[0], '_name', '')
-    if name in _NEEDLESS:
-        return ()
-    return (known, (TupleLifetimes, 'lifetimes of tuples')) if name == AFTER else (known,)
+class _Pipeline:
+    """Does to a kernel what it takes; Numba's own would look passes up in a registry."""
+
+    pipeline_name = 'kernel'
+
+    def __init__(self) -> None:
+        self.exec_times: Any = {}
+
+    def run(self, state: Any) -> None:
+        for one in _PASSES:
+            one.analysis = defaultdict(set)
+            one.run_initialization(state)
+            one.run_pass(state)
+            one.run_finalizer(state)
 
 
 class _Compiler(_NumbasCompiler):
-
-    def __init__(self, *arguments: Any) -> None:
-        set_up_compiler()
-        super().__init__(*arguments)
-        self.state.flags = _QuickFlags(self.state.flags)
 
     def _library(self, kind: Any) -> Any:
         return kind(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
 
     def define_pipelines(self) -> Any:
-        pipelines = super().define_pipelines()
-        for pipeline in pipelines:
-            # Between two passes Numba looks for variables that a pass left behind, which takes as
-            # long as the passes themselves.
-            pipeline._ENFORCING = False
-            pipeline.passes = [one for known in pipeline.passes for one in _passes(known)]
-        return pipelines
+        return [_Pipeline()]
 
 
 class _PartCompiler(_Compiler):
@@ -208,70 +189,47 @@ class _PartCompiler(_Compiler):
         return super().define_pipelines()
 
 
-class WholeCompiler(_Compiler):
-    """Numba's compiler for a kernel that Python calls."""
+class _WholeCompiler(_Compiler):
 
     def define_pipelines(self) -> Any:
-        """Return Numba's own passes, with a library that links parts."""
         self.state.library = self._library(_Whole)
         self.state.library.enable_object_caching()
         return super().define_pipelines()
 
 
-def called_as_part(compiled: Any) -> Any:
+class Kernel(OwnDispatcher):
     """
-    Let kernels that call this one, compiled with `WholeCompiler`, take its parts; return it.
+    A kernel that Python calls as a whole, and kernels as a part.
 
     Numbers that a caller writes are numbers of a type, not constants: Numba would compile once
     more for each.
     """
-    own = compiled._compiler
-    name = own.py_func.__name__
-    parts: dict[Any, Any] = {}      # by the types of the arguments: key of the part, signature
 
-    def get_call_template(args: Any, kws: Any) -> Any:
+    def __init__(self, function: Any, kinds: Any = None, options: Any = None) -> None:
+        """Take a function, types of its variables, if any, and the options of `numba.njit`."""
+        super().__init__(function, kinds or {}, options or {}, _WholeCompiler)
+        self._parts: dict[Any, Any] = {}    # by the types of the arguments: key, signature
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Return what tells a kernel that calls this one what it returns; compile it as a part."""
+        own = self._compiler
         signature, folded = own.fold_argument_types(*without_literals(args, kws))
         arguments = tuple(folded)
-        if arguments not in parts:
+        if arguments not in self._parts:
             as_part = type(own)(own.py_func, own.targetdescr, own.targetoptions, own.locals,
                                 _PartCompiler)
             result = as_part.compile(arguments, None)
             key = object()
-            _make_callable(compiled.targetctx, key, result)
-            parts[arguments] = key, result.signature
+            self.targetctx.insert_user_function(key, result.fndesc, [result.library])
+            self._parts[arguments] = key, result.signature
+        name = own.py_func.__name__
         template = make_concrete_template(f'CallTemplate({name})', key=name,
-                                          signatures=[parts[arguments][1]])
+                                          signatures=[self._parts[arguments][1]])
         return template, signature, arguments, {}
 
-    compiled.get_call_template = get_call_template
-    compiled.get_overload = lambda arguments: parts[tuple(arguments)][0]
-    return compiled
-
-
-def _make_callable(context: Any, key: Any, result: Any) -> None:
-    """
-    Let kernels call a part that was compiled.
-
-    After a call Numba looks whether the part failed, and hands an error on: 25 instructions in
-    three blocks. Of what cannot fail nobody needs to ask.
-    """
-    part = result.fndesc
-    if not getattr(result.library, 'succeeds', False) or isinstance(part.restype, types.Optional):
-        context.insert_user_function(key, part, [result.library])
-        return
-
-    def call(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        convention = context.call_conv
-        function = context.declare_function(builder.module, part)
-        room = cgutils.alloca_once(builder, convention.get_return_type(part.restype).pointee)
-        given = convention._get_arg_packer(part.argtypes).as_arguments(builder, arguments)
-        error = convention._get_excinfo_argument(builder.function)
-        builder.call(function, [room, error, *given])
-        return context.get_returned_value(builder, part.restype, builder.load(room))
-
-    implementation: Any = call
-    implementation.libs = (result.library,)
-    context.insert_func_defn([(implementation, key, part.argtypes)])
+    def get_overload(self, signature: Any) -> Any:
+        """Return by what a kernel that calls this one finds its part."""
+        return self._parts[tuple(signature)][0]
 
 
 def without_literals(args: Any, kws: Any) -> Any:

@@ -20,11 +20,11 @@ import weakref
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.extending import intrinsic
 
 from rigid_sim_ros.kernels.arrays import IntArray, integers
 from rigid_sim_ros.kernels.bits import place
 from rigid_sim_ros.kernels.kernel import apart, kernel
+from rigid_sim_ros.kernels.numba_target import intrinsic
 from rigid_sim_ros.kernels.separate import call_at
 
 # Places in a job slot. In one cache line, which goes from core to core as a whole: how the work
@@ -37,7 +37,6 @@ _FREE, _OFFERED, _TAKEN, _DONE = range(4)
 PATIENCE = 100_000
 _INTEGER = ir.IntType(64)
 _PAUSES = platform.machine() in ('x86_64', 'AMD64')
-_intrinsic: Any = intrinsic
 
 
 def make_job() -> IntArray:
@@ -45,7 +44,7 @@ def make_job() -> IntArray:
     return integers(_SIZE)
 
 
-@_intrinsic
+@intrinsic
 def _read(context: Any, job: Any, at: Any) -> Any:
     """Return an entry, and see all that was written before it was."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -54,7 +53,7 @@ def _read(context: Any, job: Any, at: Any) -> Any:
     return types.int64(job, types.int64), build
 
 
-@_intrinsic
+@intrinsic
 def _write(context: Any, job: Any, at: Any, value: Any) -> Any:
     """Write an entry, after all that was written before."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -64,7 +63,7 @@ def _write(context: Any, job: Any, at: Any, value: Any) -> Any:
     return types.void(job, types.int64, types.int64), build
 
 
-@_intrinsic
+@intrinsic
 def _replace(context: Any, job: Any, at: Any, old: Any, new: Any) -> Any:
     """Write `new` where `old` stands; return whether it stood there."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -74,7 +73,7 @@ def _replace(context: Any, job: Any, at: Any, old: Any, new: Any) -> Any:
     return types.boolean(job, types.int64, types.int64, types.int64), build
 
 
-@_intrinsic
+@intrinsic
 def _pause(context: Any) -> Any:
     """Tell the processor that this is a loop that waits."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -85,7 +84,7 @@ def _pause(context: Any) -> Any:
     return types.void(), build
 
 
-@_intrinsic
+@intrinsic
 def _address_of(context: Any, pack: Any) -> Any:
     """Return where a pack lies, as a number."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -93,7 +92,7 @@ def _address_of(context: Any, pack: Any) -> Any:
     return types.int64(pack), build
 
 
-@_intrinsic
+@intrinsic
 def _pack_at(context: Any, address: Any) -> Any:
     """Return a pack of any kind from a number."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:

@@ -23,17 +23,16 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.core.typing.templates import make_concrete_template
-from numba.extending import intrinsic
 
 from rigid_sim_ros.kernels import helper_process
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, PackType
 from rigid_sim_ros.kernels.helper_process import HelperProcess
 from rigid_sim_ros.kernels.kernel import Function, kernel
 from rigid_sim_ros.kernels.linking import without_literals
+from rigid_sim_ros.kernels.numba_target import intrinsic
 from rigid_sim_ros.kernels.symbols import declare
 
 _INTEGER = ir.IntType(64)
-_intrinsic: Any = intrinsic
 _template: Any = make_concrete_template
 _lock = threading.Lock()
 _begun: list[HelperProcess] = []      # a helper that nobody has waited for yet
@@ -97,7 +96,7 @@ def _called(context: Any, builder: Any, address: Any, kinds: Any, arguments: Any
     return value
 
 
-@_intrinsic
+@intrinsic
 def address_of(context: Any, piece: Any, pack: Any) -> Any:
     """Return the address of a separate piece for a pack, 0 if it is not there yet."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -105,7 +104,7 @@ def address_of(context: Any, piece: Any, pack: Any) -> Any:
     return types.int64(piece, pack), build
 
 
-@_intrinsic
+@intrinsic
 def call_at(context: Any, address: Any, pack: Any, number: Any) -> Any:
     """Return what the piece at an address returns for a pack and a number: an int."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:

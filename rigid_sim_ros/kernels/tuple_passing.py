@@ -11,34 +11,41 @@ had to read. Nobody writes to a tuple, so that a name and an argument may be the
 In memory each number takes a slot. Of an array there are its address and its lengths: kernels
 count no references, and of an array without gaps the rest follows from its type and lengths. A
 tuple in a tuple lies inside it.
+
+Each line of a kernel that makes a tuple, by its constructor or by a call, has room for one. A loop
+that makes one each time around may use it until it comes there again. What lasts from one time
+around to the next meets, where the loop begins, what came before it: in the form in which Numba
+names each value once, that is a choice between both (a phi) at its head. So a kernel is refused
+that has one there which is a tuple in memory.
+
+With a Numba that is not supported tuples stay values.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from llvmlite import ir
-from numba import extending, types
-from numba.core import base
-from numba.core.datamodel import default_manager, models
+from numba import types
+from numba.core import analysis, errors, ir as numba_ir
+from numba.core.datamodel import models as numba_models
 from numba.cpython import tupleobj
+
+from rigid_sim_ros.kernels.numba_target import lowerings, models, register_model, SUPPORTED
 
 SLOT = 8        # bytes: no number is larger
 _PACKAGE = __name__.partition('.')[0] + '.'
-_models: Any = models
+_models: Any = numba_models
 _types: Any = types
-_context: Any = base.BaseContext
 _tuples: Any = tupleobj
-_extending: Any = extending
+_analysis: Any = analysis
+_errors: Any = errors
+_ir: Any = numba_ir
 # The members of an array, by place.
 _OWNER, _PARENT, _COUNT, _ITEM_SIZE, ADDRESS, LENGTHS, _STRIDES = range(7)
 _INTEGER = ir.IntType(8 * SLOT)
 _PLACE = ir.IntType(8).as_pointer()
 # The second has two names, of which an LLVM knows one.
 _UNCHANGED = 'noalias', 'captures(none)', 'nocapture'
-# Whether this Numba has what is called and overridden here; else tuples stay values.
-SUPPORTED = (
-    all(hasattr(tupleobj, name) for name in ('namedtuple_getattr', 'static_getitem_tuple'))
-    and hasattr(base.BaseContext, 'make_tuple') and hasattr(default_manager, '_handlers'))
 
 
 def is_packed(kind: Any) -> bool:
@@ -129,7 +136,7 @@ def _in_a_slot(part: Any) -> Any:
 
 def _parts(kind: Any, packed: bool = False) -> list[Any]:
     """Return LLVM's types of the slots of a value; `packed`: an array in a tuple of ours."""
-    model = default_manager[kind]
+    model = models[kind]
     if packed and is_packed(kind):
         return [model.get_value_type().elements[ADDRESS], *kind.ndim * [_INTEGER]]
     if isinstance(model, _InMemory):
@@ -159,7 +166,7 @@ def _slot(builder: Any, start: Any, at: int, part: Any = None) -> Any:
 
 def read(builder: Any, start: Any, first: int, kind: Any, packed: bool = False) -> Any:
     """Return the value whose slots begin with the `first` after an address."""
-    model = default_manager[kind]
+    model = models[kind]
     if isinstance(model, _InMemory):
         return _slot(builder, start, first)
     if isinstance(kind, _types.BaseTuple):
@@ -188,7 +195,7 @@ def _unflattened(model: Any, builder: Any, found: list[Any]) -> Any:
 
 
 def _write(builder: Any, start: Any, first: int, kind: Any, value: Any, packed: bool) -> None:
-    model = default_manager[kind]
+    model = models[kind]
     if isinstance(model, _InMemory):
         place = _slot(builder, start, first, model.get_data_type())
         builder.store(model.as_data(builder, value), place)
@@ -232,12 +239,12 @@ def _put_together(builder: Any, kind: Any, model: Any, address: Any, *lengths: A
 
 def passes_packed(kind: Any, member: Any) -> bool:
     """Return whether a tuple of this type holds a member by address and lengths."""
-    return isinstance(default_manager[kind], _InMemory) and is_packed(member)
+    return isinstance(models[kind], _InMemory) and is_packed(member)
 
 
 def is_in_memory(kind: Any) -> bool:
     """Return whether a value of this type is, or has in it, the address of a tuple."""
-    return isinstance(default_manager[kind], _InMemory) or (
+    return isinstance(models[kind], _InMemory) or (
         isinstance(kind, _types.BaseTuple) and any(map(is_in_memory, kind)))
 
 
@@ -254,33 +261,6 @@ class _OfTuples(_models.UniTupleModel):
         return self.from_data(builder, value)
 
 
-def pass_by_address() -> None:
-    """
-    Hold the NamedTuples of this package so from now on; for others nothing changes.
-
-    What is compiled to return an array of such a tuple to Python returns it without its owner. A
-    line of a kernel that makes such a tuple has room for one: `tuple_lifetimes.py` sees to it that
-    none is asked for after the next was made.
-    """
-    if not SUPPORTED:
-        return
-    named, uniform = types.NamedTuple, _types.NamedUniTuple
-    for kind in named, uniform:
-        _register(kind, _is_ours, _InMemory)
-        _read_members(kind)
-    for kind in types.UniTuple, uniform:
-        _register(kind, lambda own: not _is_ours(own) and is_in_memory(own.dtype), _OfTuples)
-    others = _context.make_tuple
-
-    def make_tuple(self: Any, builder: Any, kind: Any, values: Sequence[Any]) -> Any:
-        model = default_manager[kind]
-        if isinstance(model, _InMemory):
-            return model.made(builder, values)
-        return others(self, builder, kind, values)
-
-    _context.make_tuple = make_tuple
-
-
 def _is_ours(kind: Any) -> bool:
     return (isinstance(kind, _types.BaseNamedTuple)
             and kind.instance_class.__module__.startswith(_PACKAGE) and _has_arrays(kind))
@@ -292,28 +272,56 @@ def _has_arrays(kind: Any) -> bool:
 
 
 def _register(kind: Any, concerns: Callable[[Any], bool], ours: Any) -> None:
-    others = default_manager._handlers[kind]
-
-    def model(manager: Any, own: Any) -> Any:
-        return (ours if concerns(own) else others)(manager, own)
-
-    default_manager.register(kind, model)
+    others = models._handlers[kind]
+    register_model(kind, lambda manager, own: (ours if concerns(own) else others)(manager, own))
 
 
 def _read_members(kind: Any) -> None:
     """Let kernels read members of a tuple, by name and by a constant index."""
     def attribute(context: Any, builder: Any, own: Any, value: Any, name: str) -> Any:
-        model = default_manager[own]
+        model = models[own]
         if isinstance(model, _InMemory):
             return model.member(builder, value, own.fields.index(name))
         return _tuples.namedtuple_getattr(context, builder, own, value, name)
 
     def item(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         (own, _), (value, index) = signature.args, arguments
-        model = default_manager[own]
+        model = models[own]
         if isinstance(model, _InMemory) and -len(own) <= index < len(own):
             return model.member(builder, value, index % len(own))
         return _tuples.static_getitem_tuple(context, builder, signature, arguments)
 
-    _extending.lower_getattr_generic(kind)(attribute)
-    _extending.lower_builtin('static_getitem', kind, types.IntegerLiteral)(item)
+    lowerings.lower_getattr_generic(kind)(attribute)
+    lowerings.lower('static_getitem', kind, types.IntegerLiteral)(item)
+
+
+def refuse_kept_tuples(code: Any, kinds: Any) -> None:
+    """
+    Raise UnsupportedError for a kernel that keeps a tuple for the next time around a loop.
+
+    `code` is Numba's form of it, in which each variable is assigned once, `kinds` their types.
+    """
+    chosen = {label: names for label, block in code.blocks.items()
+              if (names := _chosen(block, kinds))}
+    if not chosen:
+        return
+    loops = _analysis.compute_cfg_from_blocks(code.blocks).loops().values()
+    for label in {loop.header for loop in loops} & set(chosen):
+        raise _errors.UnsupportedError(
+            f'{chosen[label][0]} is a tuple with arrays, kept for the next time around a loop, '
+            f'which makes it anew in the same place: keep its arrays', loc=code.blocks[label].loc)
+
+
+def _chosen(block: Any, kinds: Any) -> list[str]:
+    """Return the names of the tuples in memory that are one of several."""
+    return [one.target.name for one in block.find_insts(_ir.Assign)
+            if getattr(one.value, 'op', '') == 'phi' and is_in_memory(kinds[one.target.name])]
+
+
+# What returns an array of such a tuple to Python returns it without its owner.
+if SUPPORTED:
+    for _kind in types.NamedTuple, _types.NamedUniTuple:
+        _register(_kind, _is_ours, _InMemory)
+        _read_members(_kind)
+    for _kind in types.UniTuple, _types.NamedUniTuple:
+        _register(_kind, lambda own: not _is_ours(own) and is_in_memory(own.dtype), _OfTuples)

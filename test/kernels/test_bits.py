@@ -3,18 +3,21 @@
 """Instructions of the processor do what they say, and asking for memory does nothing else."""
 
 from hypothesis import example, given, strategies as st
-import numba
+from kernels.own_kernels import of_the_engine
 import numpy as np
 
+from rigid_sim_ros.kernels import bits
 from rigid_sim_ros.kernels.bits import fetch, lowest_zero
 
+kernel = of_the_engine(module=bits)
 
-@numba.njit
+
+@kernel
 def place_of_zero(mask):
     return lowest_zero(mask)
 
 
-@numba.njit
+@kernel
 def ask(numbers, at):
     fetch(numbers, at)
 

@@ -2,19 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """Eight numbers at once against NumPy, which does the same one by one: to the last bit."""
 
-import numba
+from kernels.own_kernels import of_the_engine
 import numpy as np
 import pytest
 
+from rigid_sim_ros.kernels import eight
 from rigid_sim_ros.kernels.eight import (
     any_of, bits_of, both, count_of, gather, gather_integers, gather_rows_1, gather_rows_3, LANES,
     largest_of, load, root, scatter, scatter_rows_1, scatter_rows_3, select, spread, store,
     write_eight)
 
+kernel = of_the_engine(module=eight)
 ROWS = np.array([3, -1, 0, 7, -1, 2, 9, 5])
 
 
-@numba.njit
+@kernel
 def calculate(b):
     x, y = load(b, 0), load(b, 1)
     store(b, 2, x + y)
@@ -34,7 +36,7 @@ def calculate(b):
     store(b, 14, x)
 
 
-@numba.njit
+@kernel
 def look(b, limit):
     x = load(b, 0)
     return any_of(x > limit), count_of(x > limit), bits_of(x > limit), largest_of(x)
@@ -68,7 +70,7 @@ def test_lanes_hear_of_each_other_in_questions_only(numbers):
         assert look(numbers, 4.0) == (True, 1, 1 << lane, 5.0)
 
 
-@numba.njit
+@kernel
 def put_eight(array, first, b):
     write_eight(array, first, load(b, 1))
 
@@ -82,7 +84,7 @@ def test_eight_numbers_are_written_anywhere(numbers, first):
     assert matrix.tobytes() == wanted.tobytes()
 
 
-@numba.njit
+@kernel
 def turn_over(b, records, at):
     numbers = gather(records, at)
     for k in range(LANES):
@@ -102,7 +104,7 @@ def test_records_become_rows_and_back(numbers):
     assert records[untouched].tolist() == before[untouched].tolist()
 
 
-@numba.njit
+@kernel
 def pick(b, three, eight, integers, rows):
     x, y, z = gather_rows_3(three, rows, 3, 0)
     p, q, r = gather_rows_3(eight, rows, 8, 4)
@@ -122,7 +124,7 @@ def test_rows_of_tables_are_found_and_missing_ones_are_0(numbers):
         assert row.tolist() == [column[r] if r >= 0 else 0.0 for r in ROWS]
 
 
-@numba.njit
+@kernel
 def put(b, one, three, rows):
     x, y, z = load(b, 0), load(b, 1), load(b, 2)
     scatter_rows_1(one, rows, 1, 0, (x,))

@@ -3,19 +3,15 @@
 """Kernels that kernels call get no machine code of their own, and everything still runs."""
 
 import math
-import os
-import subprocess
-import sys
 
 from kernels.own_kernels import of_the_engine
 from llvmlite import binding
-import numba
-from numba.core.base import BaseContext
 import numpy as np
 import pytest
 
 from rigid_sim_ros.kernels import kernel as kernels
-from rigid_sim_ros.kernels.linking import _below, _names_in, _Part, SUPPORTED
+from rigid_sim_ros.kernels.linking import _below, _names_in, _Part
+from rigid_sim_ros.kernels.numba_target import SUPPORTED
 
 needs_parts = pytest.mark.skipif(not SUPPORTED, reason='this Numba compiles kernels by itself')
 
@@ -129,71 +125,6 @@ def test_an_error_of_a_part_reaches_python(x, i, error):
     with pytest.raises((ValueError, IndexError), match=error):
         what_may_fail(x, i, values)
     assert values[0] == 1.0     # what came before was done
-
-
-@needs_parts
-def test_what_cannot_fail_is_not_asked_for_errors(monkeypatch):
-    asked, insert = [], BaseContext.insert_user_function
-    monkeypatch.setattr(
-        BaseContext, 'insert_user_function', lambda self, key, described, libraries=():
-        asked.append(described.qualname) or insert(self, key, described, libraries))
-
-    @kernel
-    def half(x):
-        return x / 2.0
-
-    @kernel
-    def quarters(values):
-        for i in range(values.shape[0]):
-            values[i] = half(half(values[i])) + root(values[i])
-
-    values = np.array([4.0, 16.0])
-    quarters(values)
-    assert values.tolist() == [3.0, 8.0]
-    assert not [name for name in asked if name.endswith('.half')]
-
-
-@numba.njit
-def of_a_user(x):
-    return shorter(x, x, 1.0)
-
-
-def test_a_function_that_numba_compiles_may_call_kernels():
-    assert of_a_user(1.0) == math.sqrt(2.0)
-
-
-FALL = """
-import sys
-from rigid_sim_ros.kernels import linking
-linking.SUPPORTED = linking.SUPPORTED and sys.argv[1] == 'parts'
-from rigid_sim_ros import World
-world = World.from_dict({'format': 1, 'bodies': [
-    {'name': 'ball', 'shape': {'type': 'sphere', 'radius': 0.1}, 'mass': 1.0,
-     'twist': {'angular': [1, 2, 3]}}]})
-world.step(10)
-print(world.state_hash())
-"""
-
-
-def test_a_numba_that_cannot_link_parts_computes_the_same(tmp_path):
-    results = [subprocess.run(
-        [sys.executable, '-c', FALL, how], capture_output=True, text=True, check=True,
-        env=os.environ | {'NUMBA_CACHE_DIR': str(tmp_path / how)}).stdout
-        for how in ('parts', 'by itself')]
-    assert int(results[0]) == int(results[1])
-
-
-def test_a_second_process_finds_what_python_calls_in_the_cache(tmp_path):
-    environment = os.environ | {'NUMBA_CACHE_DIR': str(tmp_path)}
-
-    def files():
-        subprocess.run([sys.executable, '-c', FALL, 'parts'], env=environment, check=True,
-                       capture_output=True)
-        return {path: path.stat().st_mtime_ns for path in tmp_path.rglob('*.nb[ic]')}
-
-    first = files()
-    assert first
-    assert files() == first
 
 
 def test_of_the_module_of_a_kernel_the_cache_keeps_the_names_alone():

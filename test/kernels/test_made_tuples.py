@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros.kernels import kernel as kernels
-from rigid_sim_ros.kernels.linking import SUPPORTED
-from rigid_sim_ros.kernels.tuple_passing import SUPPORTED as HELD
+from rigid_sim_ros.kernels.numba_target import SUPPORTED
 
-pytestmark = pytest.mark.skipif(not HELD, reason='this Numba holds tuples as values')
+pytestmark = pytest.mark.skipif(not SUPPORTED, reason='this Numba holds tuples as values')
 
 
 apart, kernel = map(of_the_engine, (kernels.apart, kernels.kernel))
@@ -134,7 +133,6 @@ def keeps_one(whole, count):
     return total
 
 
-@pytest.mark.skipif(not SUPPORTED, reason='this Numba compiles kernels by itself')
 def test_a_loop_that_keeps_a_tuple_for_the_next_time_is_refused():
     with pytest.raises(errors.UnsupportedError, match=r'before.* kept for the next time around'):
         keeps_one(book(), 3)

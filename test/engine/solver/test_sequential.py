@@ -4,7 +4,7 @@
 
 from engine.stepping import pyramid, TimestepScene, tower
 from engine.touching import about_y, ball, box, ground, Thing
-import numba
+from kernels.own_kernels import of_the_engine
 import numpy as np
 import pytest
 
@@ -13,6 +13,7 @@ from rigid_sim_ros.engine.constraints.contact_blocks import (
     J_A, J_B, K_NN, K_SPIN, K_TN, NORMAL, POINT, POINT_ROWS, S, SPIN, T)
 from rigid_sim_ros.engine.constraints.contact_rules import Sweep
 from rigid_sim_ros.engine.model.shapes import BOX, Material
+from rigid_sim_ros.engine.solver import contact_sweep
 from rigid_sim_ros.engine.solver.coloring import (
     BALLS, begin_blocks, BETWEEN, color_piece, COLORS, first_block, make_blocks, make_coloring,
     make_room, PIECE, QUIET, QUIET_BALLS, REGIONS)
@@ -129,7 +130,7 @@ def read_wrench(rows, lane):
     return np.concatenate((N, rows[FRICTION:FRICTION + 2, lane], rows[SPIN, lane:lane + 1]))
 
 
-@numba.njit
+@of_the_engine(module=contact_sweep)
 def visit_four_points(block, motion, blocks, what, changes):
     store(changes, 0, visit(block, motion, blocks.at_A[:LANES], blocks.at_B[:LANES], 3, False,
                             what, lanes_in(EVERY)))

@@ -11,7 +11,7 @@ import pytest
 
 from rigid_sim_ros.kernels.cache import cache_folder
 from rigid_sim_ros.kernels.helper_process import cores
-from rigid_sim_ros.kernels.linking import SUPPORTED
+from rigid_sim_ros.kernels.numba_target import SUPPORTED
 
 # What a helper compiles for every world of the model.
 HELPED = ['detect_part', 'store_part', 'predict_part']

@@ -4,7 +4,7 @@
 
 from engine.stepping import pyramid, TimestepScene
 from engine.touching import ball, box, G, ground
-import numba
+from kernels.own_kernels import of_the_engine
 import numpy as np
 import pytest
 
@@ -13,6 +13,7 @@ from rigid_sim_ros.engine.constraints.contact_blocks import (
 from rigid_sim_ros.engine.constraints.contact_rules import NEGLIGIBLE, SETTLED, Sweep
 from rigid_sim_ros.engine.detection.manifolds import earlier_manifolds, slice_in_use
 from rigid_sim_ros.engine.model.shapes import Material
+from rigid_sim_ros.engine.solver import contact_sweep
 from rigid_sim_ros.engine.solver.arguments import SequentialSettings, TimestepSettings
 from rigid_sim_ros.engine.solver.coloring import CHANGED, first_block, OVERLAPPING
 from rigid_sim_ros.engine.solver.contact_sweep import note_left
@@ -58,7 +59,7 @@ def test_the_impulses_of_every_step_are_what_changed_the_momenta(substeps, resti
     assert largest > 1.0    # N s: there were impacts
 
 
-@numba.njit
+@of_the_engine(module=contact_sweep)
 def note(blocks, block, residual, what):
     note_left(blocks, block, load(residual, 0), what)
 
