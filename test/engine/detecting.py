@@ -13,9 +13,9 @@ from rigid_sim_ros.engine.detection.transform_update import place_bodies, place_
 from rigid_sim_ros.engine.dynamics.forces import WIDTH
 from rigid_sim_ros.engine.model.hulls import Polyhedron
 from rigid_sim_ros.engine.model.inertia import MassProperties
+from rigid_sim_ros.engine.model.kinds.table import BOX, CAPSULE, CYLINDER, HULL, PLANE, SPHERE
 from rigid_sim_ros.engine.model.model import Body, build_model, ForceTable
-from rigid_sim_ros.engine.model.shapes import (
-    BOX, build_shapes, CAPSULE, CYLINDER, HULL, PLANE, Shape, SPHERE)
+from rigid_sim_ros.engine.model.shapes import build_shapes, Shape
 from rigid_sim_ros.engine.state.state import empty_state
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)

@@ -6,7 +6,7 @@ from engine.detecting import CONVEX, Scene
 import numpy as np
 
 from rigid_sim_ros.engine.maths.rotation_in_python import multiply
-from rigid_sim_ros.engine.model.shapes import BOX, CAPSULE, CYLINDER, SPHERE
+from rigid_sim_ros.engine.model.kinds.table import BOX, CAPSULE, CYLINDER, SPHERE
 
 UP = np.array([0.0, 0.0, 1.0])
 

@@ -10,7 +10,7 @@ import pytest
 
 from rigid_sim_ros.engine.detection.manifolds import (
     CONTACTS, empty_memory, forget_pairs, lasting, RECYCLED, with_lasting)
-from rigid_sim_ros.engine.model.shapes import BOX
+from rigid_sim_ros.engine.model.kinds.table import BOX
 
 CUBE = (BOX, (0.5, 0.5, 0.5), None)
 

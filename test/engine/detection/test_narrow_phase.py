@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from rigid_sim_ros.engine.model.shapes import BOX, CAPSULE, CYLINDER, HULL, SPHERE
+from rigid_sim_ros.engine.model.kinds.table import BOX, CAPSULE, CYLINDER, HULL, SPHERE
 
 PAIRS = list(product(CONVEX, CONVEX))
 # Polyhedra, spheres and capsules are exact to rounding. For a cylinder the search ends when it

@@ -8,7 +8,7 @@ from hypothesis import given, strategies as st
 import numpy as np
 
 from rigid_sim_ros.engine.detection.manifolds import lasting, PAIRS, WITNESSED
-from rigid_sim_ros.engine.model.shapes import BOX
+from rigid_sim_ros.engine.model.kinds.table import BOX
 
 CUBE = (BOX, (0.5, 0.5, 0.5), None)
 

@@ -9,23 +9,33 @@ from rigid_sim_ros.engine.detection.narrow_phase.balls import capsule_capsule, t
 from rigid_sim_ros.engine.detection.narrow_phase.boxes import box_box, UNSETTLED
 from rigid_sim_ros.engine.detection.narrow_phase.convex import convex_convex
 from rigid_sim_ros.engine.detection.narrow_phase.planes import plane_shape
-from rigid_sim_ros.engine.detection.narrow_phase.reduce import put
 from rigid_sim_ros.engine.maths.algebra import add_scaled
-from rigid_sim_ros.engine.model.shapes import BOX, CAPSULE, CYLINDER, PLANE, Shapes, SPHERE
+from rigid_sim_ros.engine.model.kinds.points import put
+from rigid_sim_ros.engine.model.kinds.table import BOX, CAPSULE, KINDS
+from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.kernels.arrays import Array, Vector
 from rigid_sim_ros.kernels.kernel import kernel
 
 # The families of pairs.
 BALL, CAPSULES, BOXES, PLANE_FIRST, PLANE_SECOND, CONVEX, NEVER = range(7)
 
-_FAMILIES = {
-    (CAPSULE, CAPSULE): CAPSULES, (BOX, BOX): BOXES, (PLANE, PLANE): NEVER,
-    **{(PLANE, other): PLANE_FIRST for other in range(PLANE)},
-    **{(other, PLANE): PLANE_SECOND for other in range(PLANE)},
-    **{(SPHERE, other): BALL for other in (SPHERE, BOX, CAPSULE, CYLINDER, PLANE)},
-    **{(other, SPHERE): BALL for other in (BOX, CAPSULE, CYLINDER, PLANE)},
-}
-FAMILY = np.array([[_FAMILIES.get((a, b), CONVEX) for b in range(6)] for a in range(6)])
+# Pairs of kinds with a method of their own.
+_OWN = {(CAPSULE, CAPSULE): CAPSULES, (BOX, BOX): BOXES}
+
+
+def _family(a: int, b: int) -> int:
+    """Return the family of a pair of kinds: the most exact method that both have."""
+    first, second = KINDS[a], KINDS[b]
+    if first.is_unbounded and second.is_unbounded:
+        return NEVER
+    if (first.is_ball and second.from_point) or (second.is_ball and first.from_point):
+        return BALL
+    if first.is_unbounded or second.is_unbounded:
+        return PLANE_FIRST if first.is_unbounded else PLANE_SECOND
+    return _OWN.get((a, b), CONVEX)
+
+
+FAMILY = np.array([[_family(a, b) for b in range(len(KINDS))] for a in range(len(KINDS))])
 
 
 @kernel
@@ -74,8 +84,7 @@ def on_plane(pose: Array, shapes: Shapes, a: int, b: int, second: bool, margin: 
     """Do the same for a plane, which may be the second of both, and another shape."""
     plane, s = (b, a) if second else (a, b)
     points = scratch.points
-    count = plane_shape(pose, shapes.size, shapes.kind[s], plane, s, shapes.hulls, shapes.hull[s],
-                        margin, points, scratch.ids)
+    count = plane_shape(pose, shapes, plane, s, margin, points, scratch.ids)
     n = (pose[plane, 5], pose[plane, 8], pose[plane, 11])
     if not second:
         return count, n
