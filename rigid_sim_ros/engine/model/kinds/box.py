@@ -12,6 +12,7 @@ from rigid_sim_ros.engine.maths.algebra import clamp, dot, norm, scale, subtract
 from rigid_sim_ros.engine.maths.pose import axis, origin, point_to_world, to_shape
 from rigid_sim_ros.engine.model.hulls import HullTable
 from rigid_sim_ros.engine.model.inertia import about_origin, MassProperties
+from rigid_sim_ros.engine.model.kinds.drawing import Form, scaled, Surface
 from rigid_sim_ros.engine.model.kinds.kind import Kind, Size
 from rigid_sim_ros.engine.model.kinds.points import put, write_corner
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
@@ -154,6 +155,14 @@ def _size(part: Any) -> Size:
     return part.size[0] / 2, part.size[1] / 2, part.size[2] / 2
 
 
+def _unit_cube(rings: int, sides: int) -> Surface:
+    """Return the surface of a cube of the edge 1 m."""
+    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4],
+                      [1, 5, 7, 3]])
+    return Surface(corners, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]))
+
+
 KIND = Kind(
     name='box', type='box', size=_size, sizes=3,
     volume=lambda part: box_volume(part.size),
@@ -161,6 +170,9 @@ KIND = Kind(
     summary=lambda part: ' x '.join(f'{length:g}' for length in part.size),
     bounding_radius=lambda size: float(np.linalg.norm(size)), half_width=min,
     is_flat=True, is_faceted=True,
+    forms=lambda part: [Form('box', part.size)],
+    surface=lambda part, sides: scaled(_unit_cube(0, 0), part.size),
+    units={'box': _unit_cube},
     reach_along=reach_of_box, extreme=_extreme, from_point=_from_point, height=_height,
     way_out=_way_out, face_count=_face_count, face=_face, face_along=_face_along,
     outline=_outline, on_plane=_on_plane)

@@ -6,6 +6,7 @@ A capsule: all points within a radius of a segment along z, whose middle is the 
 `size` is the radius and half of the length of the segment, without the caps [m].
 """
 
+from collections.abc import Sequence
 import math
 from typing import Any
 
@@ -14,6 +15,7 @@ from rigid_sim_ros.engine.maths.pose import axis, origin, point_to_world, to_sha
 from rigid_sim_ros.engine.model.hulls import HullTable
 from rigid_sim_ros.engine.model.inertia import about_origin, MassProperties
 from rigid_sim_ros.engine.model.kinds.cylinder import cylinder_volume
+from rigid_sim_ros.engine.model.kinds.drawing import arc, Form, revolved, Surface
 from rigid_sim_ros.engine.model.kinds.kind import Kind, Size
 from rigid_sim_ros.engine.model.kinds.points import put_near_plane, write_corner
 from rigid_sim_ros.engine.model.kinds.sphere import sphere_volume
@@ -116,6 +118,29 @@ def _size(part: Any) -> Size:
     return part.radius, part.length / 2, 0.0
 
 
+def _forms(part: Any) -> Sequence[Form]:
+    width, end = 2 * part.radius, 0.5 * part.length
+    half_turn = (1.0, 0.0, 0.0, 0.0)  # about x
+    return [Form('tube', (width, width, part.length)), Form('dome', (width,) * 3, (0.0, 0.0, end)),
+            Form('dome', (width,) * 3, (0.0, 0.0, -end), half_turn)]
+
+
+def _surface(part: Any, sides: int) -> Surface:
+    r, end, quarter = part.radius, 0.5 * part.length, math.pi / 2
+    lower, upper = arc(sides // 4, r, -quarter, 0.0, -end), arc(sides // 4, r, 0.0, quarter, end)
+    return revolved([*lower, *upper], sides)
+
+
+def _unit_dome(rings: int, sides: int) -> Surface:
+    """Return the upper half of a ball of the diameter 1 m, open below."""
+    return revolved(arc(rings // 2, 0.5, 0.0, math.pi / 2), sides)
+
+
+def _unit_tube(rings: int, sides: int) -> Surface:
+    """Return a cylinder of diameter and length 1 m without its caps."""
+    return revolved([(0.5, -0.5), (0.5, 0.5)], sides)
+
+
 KIND = Kind(
     name='capsule', type='capsule', size=_size, sizes=2,
     volume=lambda part: capsule_volume(part.radius, part.length),
@@ -123,5 +148,6 @@ KIND = Kind(
     summary=lambda part: f'r {part.radius:g} l {part.length:g}',
     bounding_radius=lambda size: size[0] + size[1], half_width=lambda size: size[0],
     is_rounded=True, most_points=2,
+    forms=_forms, surface=_surface, units={'dome': _unit_dome, 'tube': _unit_tube},
     reach_along=_reach_along, extreme=_extreme, from_point=_from_point, height=_height,
     way_out=_way_out, outline=_outline, on_plane=_on_plane)

@@ -11,6 +11,7 @@ from rigid_sim_ros.engine.maths.algebra import add_scaled, clamp, dot, scale
 from rigid_sim_ros.engine.maths.pose import axis, origin, point_to_world, to_shape
 from rigid_sim_ros.engine.model.hulls import HullTable
 from rigid_sim_ros.engine.model.inertia import about_origin, MassProperties
+from rigid_sim_ros.engine.model.kinds.drawing import Form, revolved, scaled, Surface
 from rigid_sim_ros.engine.model.kinds.kind import Kind, Size
 from rigid_sim_ros.engine.model.kinds.points import put_near_plane, write_corner
 from rigid_sim_ros.engine.model.kinds.rim import down_the_rim, put_rim, rim_corners
@@ -133,6 +134,15 @@ def _size(part: Any) -> Size:
     return part.radius, part.length / 2, 0.0
 
 
+def _unit_cylinder(rings: int, sides: int) -> Surface:
+    """Return the surface of a cylinder of diameter and length 1 m."""
+    return revolved([(0.0, -0.5), (0.5, -0.5), (0.5, 0.5), (0.0, 0.5)], sides)
+
+
+def _scale(part: Any) -> Size:
+    return 2 * part.radius, 2 * part.radius, part.length
+
+
 KIND = Kind(
     name='cylinder', type='cylinder', size=_size, sizes=2,
     volume=lambda part: cylinder_volume(part.radius, part.length),
@@ -141,6 +151,9 @@ KIND = Kind(
     bounding_radius=lambda size: float(np.hypot(size[0], size[1])),
     half_width=lambda size: min(size[0], size[1]),
     is_faceted=True, is_curved=True, has_disc=True,
+    forms=lambda part: [Form('cylinder', _scale(part))],
+    surface=lambda part, sides: scaled(_unit_cylinder(0, sides), _scale(part)),
+    units={'cylinder': _unit_cylinder},
     reach_along=_reach_along, extreme=_extreme, from_point=_from_point, height=_height,
     way_out=_way_out, face_count=_face_count, face=_face, face_along=_face_along,
     outline=_outline, on_plane=_on_plane)

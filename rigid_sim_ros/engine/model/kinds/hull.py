@@ -15,6 +15,7 @@ from rigid_sim_ros.engine.maths.pose import point_to_world, to_shape, to_world
 from rigid_sim_ros.engine.model.hulls import HullTable
 from rigid_sim_ros.engine.model.inertia import mesh, mesh_volume
 from rigid_sim_ros.engine.model.kinds.box import reach_of_box
+from rigid_sim_ros.engine.model.kinds.drawing import Surface
 from rigid_sim_ros.engine.model.kinds.kind import Kind, Size
 from rigid_sim_ros.engine.model.kinds.points import put_near_plane, write_corner
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
@@ -125,6 +126,7 @@ KIND = Kind(
     summary=lambda part: f'of {len(part.faces or ())} triangles',
     bounding_radius=lambda size: float(np.linalg.norm(size)), half_width=min,
     is_flat=True, is_faceted=True,
+    surface=lambda part, sides: Surface(np.array(part.vertices), np.array(part.faces)),
     reach_along=reach_of_box, extreme=_extreme, height=_height, way_out=_way_out,
     face_count=_face_count, face=_face, face_along=_face_along, outline=_outline,
     on_plane=_on_plane)

@@ -8,13 +8,14 @@ The frame S of a shape has its origin where the file of the kind says. `size` is
 file (`schema.Sphere` and its like) is called a part here; its attributes are the keys of the file.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 import math
 from typing import Any, TypeAlias
 
 from rigid_sim_ros.engine.model.hulls import HullTable
 from rigid_sim_ros.engine.model.inertia import MassProperties
+from rigid_sim_ros.engine.model.kinds.drawing import Form, Surface
 from rigid_sim_ros.kernels.arrays import Array, Vector
 from rigid_sim_ros.kernels.kernel import kernel
 
@@ -82,6 +83,14 @@ class Kind:
     is_curved: bool = False  # the surface around `extreme` is curved: a search ends near it only
     has_disc: bool = False  # a flat face is a disc of the radius `size[0]`
     most_points: int = 4  # of a manifold with a plane
+
+    # Of a part: the forms that it is drawn with, none for what is drawn with its own surface; and
+    # that surface, with so many sides around, None for what has no end. `units` are the forms that
+    # this kind brings along: their surfaces, with so many rings from pole to pole and sides.
+    forms: Callable[[Any], Sequence[Form]] = lambda part: ()
+    surface: Callable[[Any, int], Surface] | None = None
+    units: Mapping[str, Callable[[int, int], Surface]] = field(default_factory=dict)
+    has_octants: bool = False  # every other octant is darker in films: one sees it roll
 
     # (size, s, x, y, z): how far [m] it reaches from the origin of S against, and along, an axis
     # of the world, which has the components x, y, z in S.

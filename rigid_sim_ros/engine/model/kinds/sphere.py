@@ -8,6 +8,7 @@ from typing import Any
 from rigid_sim_ros.engine.maths.algebra import norm, scale
 from rigid_sim_ros.engine.model.hulls import HullTable
 from rigid_sim_ros.engine.model.inertia import about_origin, MassProperties
+from rigid_sim_ros.engine.model.kinds.drawing import arc, Form, revolved, scaled, Surface
 from rigid_sim_ros.engine.model.kinds.kind import Kind, Size
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import kernel
@@ -56,6 +57,11 @@ def _size(part: Any) -> Size:
     return part.radius, 0.0, 0.0
 
 
+def unit_ball(rings: int, sides: int) -> Surface:
+    """Return the surface of a ball of the diameter 1 m."""
+    return revolved(arc(rings, 0.5, -math.pi / 2, math.pi / 2), sides)
+
+
 KIND = Kind(
     name='sphere', type='sphere', size=_size, sizes=1,
     volume=lambda part: sphere_volume(part.radius),
@@ -63,5 +69,8 @@ KIND = Kind(
     summary=lambda part: f'r {part.radius:g}',
     bounding_radius=lambda size: size[0], half_width=lambda size: size[0],
     is_ball=True, is_rounded=True, most_points=1,
+    forms=lambda part: [Form('sphere', (2 * part.radius,) * 3)],
+    surface=lambda part, sides: scaled(unit_ball(sides // 2, sides), (2 * part.radius,) * 3),
+    units={'sphere': unit_ball}, has_octants=True,
     reach_along=_reach_along, extreme=_extreme, from_point=_from_point, height=_height,
     way_out=_way_out)

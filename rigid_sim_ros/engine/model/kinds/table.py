@@ -17,6 +17,7 @@ KINDS: tuple[Kind, ...] = (
     sphere.KIND, box.KIND, capsule.KIND, cylinder.KIND, hull.KIND, plane.KIND)
 SPHERE, BOX, CAPSULE, CYLINDER, HULL, PLANE = range(6)
 BY_TYPE = {kind.type: number for number, kind in enumerate(KINDS)}  # as a scene file calls it
+UNIT_SURFACES = {name: unit for kind in KINDS for name, unit in kind.units.items()}
 
 
 def _compiled(name: str, source: str, functions: dict[str, Any], decorator: Any) -> Any:
