@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from rigid_sim_ros.engine.model.kinds.table import BOX, CAPSULE, CYLINDER, HULL, SPHERE
+from rigid_sim_ros.engine.model.kinds.table import (
+    BOX, CAPSULE, CONE, CYLINDER, ELLIPSOID, HULL, SPHERE)
 
 PAIRS = list(product(CONVEX, CONVEX))
 # Polyhedra, spheres and capsules are exact to rounding. For a cylinder the search ends when it
@@ -34,6 +35,10 @@ def reach(kind, size, vertices, R, x, d):
         farthest = size[1] * abs(e[2]) + size[0] * np.linalg.norm(e)
     elif kind == CYLINDER:
         farthest = size[1] * abs(e[2]) + size[0] * np.hypot(e[0], e[1])
+    elif kind == CONE:
+        farthest = max(size[1] * e[2], size[0] * np.hypot(e[0], e[1]) - size[1] * e[2])
+    elif kind == ELLIPSOID:
+        farthest = np.linalg.norm(e * size)
     else:
         farthest = (vertices @ e).max()
     return farthest + d @ x

@@ -8,19 +8,20 @@ from rigid_sim_ros.engine.detection.manifolds import Scratch
 from rigid_sim_ros.engine.detection.narrow_phase.balls import capsule_capsule, touching_ball
 from rigid_sim_ros.engine.detection.narrow_phase.boxes import box_box, UNSETTLED
 from rigid_sim_ros.engine.detection.narrow_phase.convex import convex_convex
+from rigid_sim_ros.engine.detection.narrow_phase.ellipsoids import ellipsoid_ellipsoid
 from rigid_sim_ros.engine.detection.narrow_phase.planes import plane_shape
 from rigid_sim_ros.engine.maths.algebra import add_scaled
 from rigid_sim_ros.engine.model.kinds.points import put
-from rigid_sim_ros.engine.model.kinds.table import BOX, CAPSULE, KINDS
+from rigid_sim_ros.engine.model.kinds.table import BOX, CAPSULE, ELLIPSOID, KINDS
 from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.kernels.arrays import Array, Vector
 from rigid_sim_ros.kernels.kernel import kernel
 
 # The families of pairs.
-BALL, CAPSULES, BOXES, PLANE_FIRST, PLANE_SECOND, CONVEX, NEVER = range(7)
+BALL, CAPSULES, BOXES, PLANE_FIRST, PLANE_SECOND, CONVEX, NEVER, ELLIPSOIDS = range(8)
 
 # Pairs of kinds with a method of their own.
-_OWN = {(CAPSULE, CAPSULE): CAPSULES, (BOX, BOX): BOXES}
+_OWN = {(CAPSULE, CAPSULE): CAPSULES, (BOX, BOX): BOXES, (ELLIPSOID, ELLIPSOID): ELLIPSOIDS}
 
 
 def _family(a: int, b: int) -> int:
@@ -68,10 +69,14 @@ def collide(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
 @kernel
 def collide_by_search(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
                       scratch: Scratch) -> tuple[int, Vector]:
-    """Do the same for two capsules, or for any two convex shapes, none of them a plane."""
-    if FAMILY[shapes.kind[a], shapes.kind[b]] != CAPSULES:
+    """Do the same for any two convex shapes, neither of them a plane nor both of them boxes."""
+    family = FAMILY[shapes.kind[a], shapes.kind[b]]
+    if family == CAPSULES:
+        gap, n, p = capsule_capsule(pose, shapes.size, a, b)
+    elif family == ELLIPSOIDS:
+        gap, n, p = ellipsoid_ellipsoid(pose, shapes.size, a, b)
+    else:
         return convex_convex(pose, shapes, a, b, margin, scratch)
-    gap, n, p = capsule_capsule(pose, shapes.size, a, b)
     if gap >= margin:
         return 0, n
     put(scratch.points, scratch.ids, 0, p, gap, 0)

@@ -9,13 +9,15 @@ A new kind is a file that ends in a `KIND`, and a line here.
 import inspect
 from typing import Any
 
-from rigid_sim_ros.engine.model.kinds import box, capsule, cylinder, hull, plane, sphere
+from rigid_sim_ros.engine.model.kinds import (
+    box, capsule, cone, cylinder, ellipsoid, hull, plane, sphere)
 from rigid_sim_ros.engine.model.kinds.kind import Kind
 from rigid_sim_ros.kernels.kernel import inlined, kernel
 
 KINDS: tuple[Kind, ...] = (
-    sphere.KIND, box.KIND, capsule.KIND, cylinder.KIND, hull.KIND, plane.KIND)
-SPHERE, BOX, CAPSULE, CYLINDER, HULL, PLANE = range(6)
+    sphere.KIND, box.KIND, capsule.KIND, cylinder.KIND, hull.KIND, plane.KIND, cone.KIND,
+    ellipsoid.KIND)
+SPHERE, BOX, CAPSULE, CYLINDER, HULL, PLANE, CONE, ELLIPSOID = range(len(KINDS))
 BY_TYPE = {kind.type: number for number, kind in enumerate(KINDS)}  # as a scene file calls it
 UNIT_SURFACES = {name: unit for kind in KINDS for name, unit in kind.units.items()}
 
