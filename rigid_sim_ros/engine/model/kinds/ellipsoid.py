@@ -150,7 +150,7 @@ KIND = Kind(
     mass_properties=lambda m, part: ellipsoid(m, part.radii),
     summary=lambda part: ' x '.join(f'{radius:g}' for radius in part.radii),
     bounding_radius=max, half_width=min,
-    is_curved=True, most_points=1,
+    is_curved=True, is_smooth=True, most_points=1,
     forms=lambda part: [Form('sphere', _scale(part))], surface=_surface, has_octants=True,
     reach_along=_reach_along, extreme=_extreme, from_point=_from_point, height=_height,
     way_out=_way_out, on_plane=_on_plane)

@@ -81,6 +81,7 @@ class Kind:
     is_flat: bool = False  # all of its surface is flat: points of contact stay where they are
     is_faceted: bool = False  # it has flat faces with edges around them
     is_curved: bool = False  # the surface around `extreme` is curved: a search ends near it only
+    is_smooth: bool = False  # that surface is curved in all directions, without an edge
     has_disc: bool = False  # a flat face is a disc of the radius `size[0]`
     most_points: int = 4  # of a manifold with a plane
 

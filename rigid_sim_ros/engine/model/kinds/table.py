@@ -65,7 +65,7 @@ def _chosen(role: str) -> Any:
 
 is_ball, is_rounded = _which('is_ball'), _which('is_rounded')
 is_unbounded, is_flat, is_faceted = _which('is_unbounded'), _which('is_flat'), _which('is_faceted')
-is_curved, has_disc = _which('is_curved'), _which('has_disc')
+is_curved, is_smooth, has_disc = _which('is_curved'), _which('is_smooth'), _which('has_disc')
 
 reach_along, extreme, from_point = (_chosen('reach_along'), _chosen('extreme'),
                                     _chosen('from_point'))
