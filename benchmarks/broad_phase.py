@@ -32,9 +32,10 @@ from rigid_sim_ros.engine.detection.grid import boxes_overlap, fill_grid
 from rigid_sim_ros.engine.detection.manifolds import empty_memory
 from rigid_sim_ros.engine.detection.pair_list import forget_parted, update_pairs
 from rigid_sim_ros.engine.dynamics.forces import WIDTH
-from rigid_sim_ros.engine.model.inertia import sphere
+from rigid_sim_ros.engine.model.kinds.sphere import sphere
+from rigid_sim_ros.engine.model.kinds.table import SPHERE
 from rigid_sim_ros.engine.model.model import Body, build_model, ForceTable
-from rigid_sim_ros.engine.model.shapes import build_shapes, Shape, SPHERE
+from rigid_sim_ros.engine.model.shapes import build_shapes, Shape
 
 H = 1 / 240
 COUNTS = (100, 300, 1000, 3000, 10_000, 30_000)

@@ -38,7 +38,8 @@ OUTPUTS = dict(re.findall(r'^```bash\n(rigid_sim [^\n]*)\n```\n\n```text\n(.*?)^
                           TEXTS['scenes.md'], re.MULTILINE | re.DOTALL))
 SPECS = (schema.World, schema.Bounds, schema.Body, schema.Inertial, schema.Material,
          schema.Collision, schema.Sphere, schema.Box, schema.Capsule, schema.Cylinder,
-         schema.Plane, schema.Mesh, schema.Points, schema.Compound)
+         schema.Cone, schema.Ellipsoid, schema.Plane, schema.Mesh, schema.Points,
+         schema.Compound)
 
 
 def trimmed(text: str) -> list[str]:

@@ -10,6 +10,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from rigid_sim_ros.engine.model.kinds.table import BY_TYPE, KINDS
 from rigid_sim_ros.scene import describe, example_names, mass, schema
 from rigid_sim_ros.scene.advice import advice
 from rigid_sim_ros.scene.build import Scene
@@ -91,19 +92,9 @@ def _forces(forces: Sequence[schema.Force]) -> Table:
 
 def _shape(part: schema.Shape) -> str:
     """Write a solid in a few words."""
-    kind = str(getattr(part, 'type', ''))
-    match part:
-        case schema.Sphere():
-            return f'{kind} r {part.radius:g}'
-        case schema.Box():
-            return f'{kind} {" x ".join(f"{length:g}" for length in part.size)}'
-        case schema.Capsule() | schema.Cylinder():
-            return f'{kind} r {part.radius:g} l {part.length:g}'
-        case schema.Mesh():
-            return f'{kind} of {len(part.faces or ())} triangles'
-        case schema.Points():
-            return f'{len(part.masses)} {kind}'
-    return kind
+    if isinstance(part, schema.Points):
+        return f'{len(part.masses)} {part.type}'
+    return f'{part.type} {KINDS[BY_TYPE[part.type]].summary(part)}'.rstrip()
 
 
 def _numbers(values: Iterable[float]) -> str:

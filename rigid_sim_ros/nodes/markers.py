@@ -6,13 +6,16 @@ The shapes of a scene as markers for RViz and Foxglove.
 The namespace of a marker is the name of its body; the ids count the solids a body is drawn with.
 A marker stays until it is deleted: that happens once, when the simulation ends.
 """
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from rigid_sim_ros.engine.model.kinds.drawing import Surface
+from rigid_sim_ros.engine.model.kinds.table import BY_TYPE, KINDS, UNIT_SURFACES
 from rigid_sim_ros.messages.codec import Marker, MarkersEncoder
+from rigid_sim_ros.scene import schema
 from rigid_sim_ros.scene.appearance import body_color
 from rigid_sim_ros.scene.build import Scene
 
@@ -21,6 +24,10 @@ _Array = npt.NDArray[np.float64]
 # visualization_msgs/Marker
 _CUBE, _SPHERE, _CYLINDER, _SPHERE_LIST, _TRIANGLE_LIST = 1, 2, 3, 7, 11
 _DELETE = 2
+# The markers of the forms that have one; a ball in the place of a dome is the same from outside.
+_TYPES = {'box': _CUBE, 'sphere': _SPHERE, 'dome': _SPHERE, 'cylinder': _CYLINDER,
+          'tube': _CYLINDER}
+_SIDES = 32                 # around a form that is drawn as triangles
 
 _PLANE_EDGE = 20.0          # m, of the piece of a plane that is drawn
 _PLANE_THICKNESS = 1e-3     # m; a cube without thickness is drawn with wrong shading
@@ -34,8 +41,8 @@ class _Solid(NamedTuple):
 
     type: int
     scale: tuple[float, float, float]
-    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    orientation: tuple[float, float, float, float] = _UNTURNED
+    position: Sequence[float] = (0.0, 0.0, 0.0)
+    orientation: Sequence[float] = _UNTURNED
     points: Sequence[Sequence[float]] = ()
 
 
@@ -49,7 +56,7 @@ class SceneMarkers:
             color = body_color(scene.spec, index)
             solids = [
                 (part.pose, solid)
-                for _, part in body.parts() for solid in _SOLIDS[part.type](part)]
+                for _, part in body.parts() for solid in _solids(part)]
             for number, (pose, solid) in enumerate(solids):
                 markers.append(Marker(
                     body.name, number, solid.type, solid.scale, color, solid.points))
@@ -97,22 +104,28 @@ class Deletes:
         return self._encoder.encode(t_ns, *self._poses)
 
 
-def _sphere(shape: Any) -> Iterable[_Solid]:
-    yield _Solid(_SPHERE, (2 * shape.radius,) * 3)
+def _solids(part: Any) -> Iterable[_Solid]:
+    """Return the markers of a part; what is no form that has one is drawn as triangles."""
+    if isinstance(part, schema.Plane):
+        yield from _plane(part)
+    elif isinstance(part, schema.Points):
+        yield from _points(part)
+    else:
+        kind = KINDS[BY_TYPE[part.type]]
+        for form in kind.forms(part):
+            if form.name in _TYPES:
+                yield _Solid(_TYPES[form.name], form.scale, form.position)
+            else:
+                surface = UNIT_SURFACES[form.name](_SIDES // 2, _SIDES)
+                yield _triangles(surface, form.scale)._replace(
+                    position=form.position, orientation=form.orientation)
+        if not kind.forms(part) and kind.surface is not None:
+            yield _triangles(kind.surface(part, _SIDES), (1.0, 1.0, 1.0))
 
 
-def _box(shape: Any) -> Iterable[_Solid]:
-    yield _Solid(_CUBE, shape.size)
-
-
-def _cylinder(shape: Any) -> Iterable[_Solid]:
-    yield _Solid(_CYLINDER, (2 * shape.radius, 2 * shape.radius, shape.length))
-
-
-def _capsule(shape: Any) -> Iterable[_Solid]:
-    yield from _cylinder(shape)
-    for end in (0.5, -0.5):
-        yield _Solid(_SPHERE, (2 * shape.radius,) * 3, (0.0, 0.0, end * shape.length))
+def _triangles(surface: Surface, scale: tuple[float, float, float]) -> _Solid:
+    return _Solid(_TRIANGLE_LIST, scale,
+                  points=surface.vertices[surface.faces.ravel()].tolist())
 
 
 def _plane(shape: Any) -> Iterable[_Solid]:
@@ -131,22 +144,6 @@ def _points(shape: Any) -> Iterable[_Solid]:
     extent = float(np.ptp(np.array(shape.positions), axis=0).max())
     diameter = max(_PARTICLE_SHARE * extent, _LEAST_PARTICLE)
     yield _Solid(_SPHERE_LIST, (diameter,) * 3, points=shape.positions)
-
-
-def _mesh(shape: Any) -> Iterable[_Solid]:
-    corners = np.array(shape.vertices)[np.array(shape.faces).ravel()]
-    yield _Solid(_TRIANGLE_LIST, shape.scale, points=corners.tolist())
-
-
-_SOLIDS: dict[str, Callable[[Any], Iterable[_Solid]]] = {
-    'box': _box,
-    'capsule': _capsule,
-    'cylinder': _cylinder,
-    'mesh': _mesh,
-    'plane': _plane,
-    'points': _points,
-    'sphere': _sphere,
-}
 
 
 def _rotate(q: _Array, v: _Array) -> _Array:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The bodies of a scene as triangles that move."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ import pyvista
 from scipy.spatial.transform import Rotation
 
 from rigid_sim_ros.bag.motion import Array
+from rigid_sim_ros.engine.model.kinds.table import BY_TYPE, KINDS
 from rigid_sim_ros.scene import Scene, schema
 from rigid_sim_ros.scene.appearance import body_color
 
@@ -40,10 +41,9 @@ class Bodies:
     def __init__(self, scene: Scene) -> None:
         bodies = scene.spec.bodies
         corners = _COARSE if len(bodies) > _MANY else _FINE
-        pieces = [(index, _colored(_MAKERS[part.type](part, corners), part,
-                                   body_color(scene.spec, index)))
-                  for index, body in enumerate(bodies)
-                  for _, part in body.parts() if part.type in _MAKERS]
+        pieces = [(index, _colored(piece, part, body_color(scene.spec, index)))
+                  for index, body in enumerate(bodies) for _, part in body.parts()
+                  if (piece := _solid(part, corners)) is not None]
         self.mesh = pyvista.PolyData()
         self._owner = np.repeat([index for index, _ in pieces],
                                 [piece.n_points for _, piece in pieces]).astype(int)
@@ -78,8 +78,8 @@ def extents(scene: Scene) -> Array:
     found = np.zeros(len(scene.spec.bodies))
     for index, body in enumerate(scene.spec.bodies):
         for _, part in body.parts():
-            if part.type in _MAKERS:
-                piece = _MAKERS[part.type](part, _COARSE)
+            piece = _solid(part, _COARSE)
+            if piece is not None:
                 _place(piece, part.pose)
                 found[index] = max(found[index], np.linalg.norm(piece.points, axis=1).max())
     return found
@@ -113,52 +113,29 @@ def _finished(surface: Any, crease: float = _CREASE) -> Any:
     return surface
 
 
-def _sphere(shape: Any, corners: int) -> Any:
-    ball = _finished(pyvista.Sphere(radius=shape.radius, theta_resolution=corners,
-                                    phi_resolution=corners // 2 + 1), 180.0)
-    x, y, z = ball.cell_centers().points.T
-    ball.cell_data['shade'] = np.where((x > 0) ^ (y > 0) ^ (z > 0), 1.0, _SHADE)
-    return ball
+def _solid(part: Any, corners: int) -> Any:
+    """Return a part as triangles in its own frame; None for one without an end."""
+    if isinstance(part, schema.Points):
+        return _points(part)
+    kind = KINDS[BY_TYPE[part.type]]
+    if kind.surface is None:
+        return None
+    surface = kind.surface(part, corners)
+    table = np.insert(surface.faces, 0, 3, axis=1)
+    piece = _finished(pyvista.PolyData(surface.vertices.astype('f4'), table.ravel()),
+                      180.0 if kind.has_octants else _CREASE)
+    if kind.has_octants:
+        x, y, z = piece.cell_centers().points.T
+        piece.cell_data['shade'] = np.where((x > 0) ^ (y > 0) ^ (z > 0), 1.0, _SHADE)
+    return piece
 
 
-def _box(shape: Any, corners: int) -> Any:
-    x, y, z = (0.5 * length for length in shape.size)
-    return _finished(pyvista.Box((-x, x, -y, y, -z, z)))
-
-
-def _cylinder(shape: Any, corners: int) -> Any:
-    return _finished(pyvista.Cylinder(
-        direction=(0, 0, 1), radius=shape.radius, height=shape.length, resolution=corners))
-
-
-def _capsule(shape: Any, corners: int) -> Any:
-    return _finished(pyvista.Capsule(
-        direction=(0, 0, 1), radius=shape.radius, cylinder_length=shape.length,
-        resolution=corners))
-
-
-def _mesh(shape: Any, corners: int) -> Any:
-    faces = np.array(shape.faces)
-    table = np.hstack([np.full((len(faces), 1), 3), faces])
-    return _finished(pyvista.PolyData(np.array(shape.vertices, dtype='f4'), table.ravel()))
-
-
-def _points(shape: Any, corners: int) -> Any:
+def _points(shape: schema.Points) -> Any:
     positions = np.array(shape.positions)
     diameter = max(_PARTICLE_SHARE * float(np.ptp(positions, axis=0).max()), _LEAST_PARTICLE)
     balls = [pyvista.Sphere(radius=diameter / 2, center=p, theta_resolution=16, phi_resolution=9)
              for p in positions]
     return _finished(pyvista.merge(balls, merge_points=False), 180.0)
-
-
-_MAKERS: dict[str, Callable[[Any, int], Any]] = {
-    'box': _box,
-    'capsule': _capsule,
-    'cylinder': _cylinder,
-    'mesh': _mesh,
-    'points': _points,
-    'sphere': _sphere,
-}
 
 
 def planes(scene: Scene) -> Iterable[Plane]:

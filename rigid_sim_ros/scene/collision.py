@@ -2,15 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What of a scene can touch: its solids as shapes of the engine, its materials, its filters."""
 
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
 from rigid_sim_ros.engine.maths.rotation_in_python import multiply, rotate
 from rigid_sim_ros.engine.model.hulls import Polyhedron
-from rigid_sim_ros.engine.model.shapes import (
-    ALL_GROUPS, BOX, CAPSULE, CYLINDER, HULL, Material, PLANE, Shape, SPHERE)
+from rigid_sim_ros.engine.model.kinds.table import BY_TYPE, KINDS
+from rigid_sim_ros.engine.model.shapes import ALL_GROUPS, Material, Shape
 from rigid_sim_ros.scene import schema
 from rigid_sim_ros.scene.errors import nearest, Path, Report, shown
 
@@ -34,10 +33,10 @@ def shapes(scene: schema.Scene, report: Report) -> tuple[list[Shape], list[Path]
             mask = sum(bits[name] for name in dict.fromkeys(body.collides_with))
         group = sum(bits[name] for name in dict.fromkeys(body.groups))
         for path, part in body.parts():
-            if body.collides and part.type in _SHAPES:
+            if body.collides and part.type in BY_TYPE:
                 material = materials.index(part.material or body.material)
                 try:
-                    shape = _SHAPES[part.type](part)
+                    shape = _shape(part)
                 except ValueError as error:
                     report(('bodies', i, *path), str(error))
                     continue
@@ -107,11 +106,15 @@ def _material(line: schema.Surface) -> Material:
                     line.damping)
 
 
-def _shape(part: schema.Shape, kind: int, size: tuple[float, float, float]) -> Shape:
-    return Shape(0, kind, size, part.pose.position, part.pose.orientation)
+def _shape(part: schema.Shape) -> Shape:
+    kind = BY_TYPE[part.type]
+    shape = Shape(0, kind, KINDS[kind].size(part), part.pose.position, part.pose.orientation)
+    if isinstance(part, schema.Plane):
+        return _placed(shape, part)
+    return shape._replace(hull=_hull(part)) if isinstance(part, schema.Mesh) else shape
 
 
-def _plane(part: Any) -> Shape:
+def _placed(shape: Shape, part: schema.Plane) -> Shape:
     """Return the plane normal . r = offset, whose shape frame has z along the normal."""
     n = np.array(part.normal) / np.linalg.norm(part.normal)
     # Half way between z and n lies the axis of a half turn from one to the other; beside -z, any.
@@ -123,10 +126,10 @@ def _plane(part: Any) -> Shape:
     x, y, z = (n * part.offset).tolist()
     origin = rotate(part.pose.orientation, (x, y, z))
     position = tuple(np.add(part.pose.position, origin).tolist())
-    return Shape(0, PLANE, (0.0, 0.0, 0.0), position, multiply(part.pose.orientation, q))
+    return shape._replace(p_BS=position, q_BS=multiply(part.pose.orientation, q))
 
 
-def _mesh(part: Any) -> Shape:
+def _hull(part: schema.Mesh) -> Polyhedron:
     """Return the convex hull of a mesh."""
     # SciPy: 0.6 s that a scene without a mesh does not wait for.
     from scipy.spatial import ConvexHull, QhullError
@@ -144,15 +147,4 @@ def _mesh(part: Any) -> Shape:
     a, b, c = np.moveaxis(vertices[triangles], 1, 0)
     inward = np.einsum('ti,ti->t', np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
     triangles[inward] = triangles[inward][:, ::-1]
-    polyhedron = Polyhedron(vertices, triangles.astype(np.int64))
-    return _shape(part, HULL, (0.0, 0.0, 0.0))._replace(hull=polyhedron)
-
-
-_SHAPES: dict[str, Callable[[Any], Shape]] = {
-    'sphere': lambda s: _shape(s, SPHERE, (s.radius, 0.0, 0.0)),
-    'box': lambda s: _shape(s, BOX, (s.size[0] / 2, s.size[1] / 2, s.size[2] / 2)),
-    'capsule': lambda s: _shape(s, CAPSULE, (s.radius, s.length / 2, 0.0)),
-    'cylinder': lambda s: _shape(s, CYLINDER, (s.radius, s.length / 2, 0.0)),
-    'plane': _plane,
-    'mesh': _mesh,
-}
+    return Polyhedron(vertices, triangles.astype(np.int64))

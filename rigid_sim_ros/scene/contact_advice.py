@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from rigid_sim_ros.engine.model.shapes import CAPSULE, CYLINDER, PLANE, Shapes, SPHERE
+from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.scene.build import Scene
 
@@ -87,7 +87,7 @@ def _of_speeds(scene: Scene) -> Iterator[str]:
         v, w = math.hypot(*body.twist.linear), math.hypot(*body.twist.angular)
         if v + w == 0.0:
             continue
-        own = np.flatnonzero((shapes.body == i) & (shapes.kind != PLANE))
+        own = np.flatnonzero((shapes.body == i) & np.isfinite(shapes.bound))
         far = max((float(np.linalg.norm(shapes.p_CS[s]) + shapes.bound[s]) for s in own),
                   default=0.0)
         way, half = (v + w * far) * h, 0.5 * float(thickness[own].min(initial=np.inf))
@@ -120,11 +120,7 @@ def _partners(shapes: Shapes, n: int, s: int, others: IntArray) -> IntArray:
 
 def _thickness(shapes: Shapes) -> Array:
     """Return the least width of each shape [m]; infinite for a plane, which has no other side."""
-    r, half = shapes.size[:, 0], shapes.size[:, 1]
-    round_ones = np.isin(shapes.kind, (SPHERE, CAPSULE))
-    least = np.where(round_ones, r, shapes.size.min(axis=1))
-    least = np.where(shapes.kind == CYLINDER, np.minimum(r, half), least)
-    return np.asarray(np.where(shapes.kind == PLANE, np.inf, 2.0 * least))
+    return np.asarray(2.0 * shapes.half_width)
 
 
 def below(step: float) -> str:

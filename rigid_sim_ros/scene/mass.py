@@ -8,35 +8,18 @@ Each part of a body gets its mass from one place: its own `mass` or `density`, i
 of that.
 """
 
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
 from rigid_sim_ros.engine.maths.rotation_in_python import to_matrix
 from rigid_sim_ros.engine.model import inertia
 from rigid_sim_ros.engine.model.inertia import MassProperties
+from rigid_sim_ros.engine.model.kinds.table import BY_TYPE, KINDS
 from rigid_sim_ros.scene import schema
 from rigid_sim_ros.scene.errors import dotted, either, Path
 
 _MEND = 'must have mass, density or inertial'
-
-# Per kind of solid: its volume [m^3], and its mass properties at a given mass [kg] in its own
-# frame.
-_VOLUME: dict[str, Callable[[Any], float]] = {
-    'sphere': lambda s: inertia.sphere_volume(s.radius),
-    'box': lambda s: inertia.box_volume(s.size),
-    'capsule': lambda s: inertia.capsule_volume(s.radius, s.length),
-    'cylinder': lambda s: inertia.cylinder_volume(s.radius, s.length),
-    'mesh': lambda s: inertia.mesh_volume(s.vertices, s.faces),
-}
-_SOLID: dict[str, Callable[[float, Any], MassProperties]] = {
-    'sphere': lambda m, s: inertia.sphere(m, s.radius),
-    'box': lambda m, s: inertia.box(m, s.size),
-    'capsule': lambda m, s: inertia.capsule(m, s.radius, s.length),
-    'cylinder': lambda m, s: inertia.cylinder(m, s.radius, s.length),
-    'mesh': lambda m, s: inertia.mesh(m, s.vertices, s.faces),
-}
 
 
 def mistakes(body: schema.Body) -> Iterator[tuple[Path, str]]:
@@ -93,7 +76,9 @@ def _has_own(part: schema.Shape) -> bool:
 
 
 def _volume(part: schema.Shape) -> float:
-    return _VOLUME[part.type](part)
+    volume = KINDS[BY_TYPE[part.type]].volume
+    assert volume is not None, 'what has no volume is reported by mistakes()'
+    return volume(part)
 
 
 def _mass(part: schema.Shape, body: schema.Body, volume: float) -> float:
@@ -112,6 +97,8 @@ def _placed(part: schema.Shape, body: schema.Body, volume: float) -> MassPropert
     if isinstance(part, schema.Points):
         own = inertia.points(np.array(part.positions), np.array(part.masses))
     else:
-        own = _SOLID[part.type](_mass(part, body, volume), part)
+        solid = KINDS[BY_TYPE[part.type]].mass_properties
+        assert solid is not None, 'what has no mass is left out by properties()'
+        own = solid(_mass(part, body, volume), part)
     R_BS = np.array(to_matrix(part.pose.orientation))
     return inertia.placed(own, np.array(part.pose.position), R_BS)

@@ -181,6 +181,21 @@ class Cylinder(Shape):
     length: Length
 
 
+class Cone(Shape):
+    """A cone about z, of its full height; the origin is half way between base and apex."""
+
+    type: Literal['cone']
+    radius: Length
+    length: Length
+
+
+class Ellipsoid(Shape):
+    """An ellipsoid about the origin, given by its radii along the axes."""
+
+    type: Literal['ellipsoid']
+    radii: Annotated[Vector, Numbers('x y z', Quantity('m', above=0.0))]
+
+
 class Plane(Shape):
     """The half space below the plane normal . r = offset; of a body that nothing pushes."""
 
@@ -246,6 +261,7 @@ def _kind(data: Any) -> str:
 _Solid: TypeAlias = (
     Annotated[Sphere, Tag('<sphere>')] | Annotated[Box, Tag('<box>')]
     | Annotated[Capsule, Tag('<capsule>')] | Annotated[Cylinder, Tag('<cylinder>')]
+    | Annotated[Cone, Tag('<cone>')] | Annotated[Ellipsoid, Tag('<ellipsoid>')]
     | Annotated[Plane, Tag('<plane>')] | Annotated[Mesh, Tag('<mesh>')]
     | Annotated[Points, Tag('<points>')])
 Part: TypeAlias = Annotated[_Solid, Discriminator(_kind)]

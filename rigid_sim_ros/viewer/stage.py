@@ -8,11 +8,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 import viser
 
+from rigid_sim_ros.engine.model.kinds.drawing import Surface
 from rigid_sim_ros.scene import Scene
 from rigid_sim_ros.viewer.motion import Array, Motion
 from rigid_sim_ros.viewer.picking import first_hit, is_near, line_of_sight
 from rigid_sim_ros.viewer.server import PageServer
-from rigid_sim_ros.viewer.shapes import Plane, Shapes, Solid, Surface
+from rigid_sim_ros.viewer.shapes import Plane, Shapes, Solid
 
 _SHADOW = 0.35      # how dark shadows are on the ground
 _LENGTHLESS = 1.0   # m: the size of a scene of planes alone

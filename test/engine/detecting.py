@@ -13,9 +13,10 @@ from rigid_sim_ros.engine.detection.transform_update import place_bodies, place_
 from rigid_sim_ros.engine.dynamics.forces import WIDTH
 from rigid_sim_ros.engine.model.hulls import Polyhedron
 from rigid_sim_ros.engine.model.inertia import MassProperties
+from rigid_sim_ros.engine.model.kinds.table import (
+    BOX, CAPSULE, CONE, CYLINDER, ELLIPSOID, HULL, PLANE, SPHERE)
 from rigid_sim_ros.engine.model.model import Body, build_model, ForceTable
-from rigid_sim_ros.engine.model.shapes import (
-    BOX, build_shapes, CAPSULE, CYLINDER, HULL, PLANE, Shape, SPHERE)
+from rigid_sim_ros.engine.model.shapes import build_shapes, Shape
 from rigid_sim_ros.engine.state.state import empty_state
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
@@ -47,6 +48,8 @@ CONVEX = {
     'capsule': (CAPSULE, (0.2, 0.3, 0.0), None),
     'cylinder': (CYLINDER, (0.3, 0.25, 0.0), None),
     'hull': (HULL, (0.0, 0.0, 0.0), octahedron(0.4, 0.35, 0.3)),
+    'cone': (CONE, (0.3, 0.25, 0.0), None),
+    'ellipsoid': (ELLIPSOID, (0.2, 0.3, 0.4), None),
 }
 
 

@@ -6,7 +6,8 @@ from engine.detecting import CONVEX, Scene
 import numpy as np
 
 from rigid_sim_ros.engine.maths.rotation_in_python import multiply
-from rigid_sim_ros.engine.model.shapes import BOX, CAPSULE, CYLINDER, SPHERE
+from rigid_sim_ros.engine.model.kinds.table import (
+    BOX, CAPSULE, CONE, CYLINDER, ELLIPSOID, SPHERE)
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -58,6 +59,10 @@ def lowest(shape, q):
         return size[0] + abs(down[2]) * size[1]
     if kind == CYLINDER:
         return abs(down[2]) * size[1] + size[0] * np.hypot(down[0], down[1])
+    if kind == CONE:
+        return max(down[2] * size[1], size[0] * np.hypot(down[0], down[1]) - down[2] * size[1])
+    if kind == ELLIPSOID:
+        return float(np.linalg.norm(down * size))
     return float((hull.vertices @ down).max())
 
 

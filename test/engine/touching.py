@@ -13,11 +13,12 @@ from rigid_sim_ros.engine.detection.manifolds import current_manifolds, empty_me
 from rigid_sim_ros.engine.dynamics.forces import WIDTH
 from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches
 from rigid_sim_ros.engine.events.buffers import Carried, EventSettings
-from rigid_sim_ros.engine.model import inertia
 from rigid_sim_ros.engine.model.inertia import MassProperties
+from rigid_sim_ros.engine.model.kinds.box import box as box_mass
+from rigid_sim_ros.engine.model.kinds.sphere import sphere
+from rigid_sim_ros.engine.model.kinds.table import BOX, PLANE, SPHERE
 from rigid_sim_ros.engine.model.model import Body, build_model, ForceTable
-from rigid_sim_ros.engine.model.shapes import (
-    BOX, build_materials, build_shapes, PLANE, Shape, SPHERE)
+from rigid_sim_ros.engine.model.shapes import build_materials, build_shapes, Shape
 from rigid_sim_ros.engine.state.state import (
     copy_state, empty_motion, empty_state, kinetic_energy, total_angular_momentum, write_motion)
 from rigid_sim_ros.engine.steps import event, penalty
@@ -42,11 +43,11 @@ def ground(orientation=(0.0, 0.0, 0.0, 1.0)) -> Thing:
 
 
 def ball(radius, mass, **motion) -> Thing:
-    return Thing(SPHERE, (radius, 0.0, 0.0), inertia.sphere(mass, radius), **motion)
+    return Thing(SPHERE, (radius, 0.0, 0.0), sphere(mass, radius), **motion)
 
 
 def box(size, mass, **motion) -> Thing:
-    return Thing(BOX, tuple(0.5 * side for side in size), inertia.box(mass, size), **motion)
+    return Thing(BOX, tuple(0.5 * side for side in size), box_mass(mass, size), **motion)
 
 
 def about_y(angle) -> tuple[float, float, float, float]:

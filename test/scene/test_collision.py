@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros.engine.maths.rotation import rotate
-from rigid_sim_ros.engine.model.shapes import BOX, HULL, PLANE, SPHERE
+from rigid_sim_ros.engine.model.kinds.table import BOX, HULL, PLANE, SPHERE
 from rigid_sim_ros.scene import scene_from_dict, scene_from_text, SceneError
 
 CUBE = ('0 0 0, 1 0 0, 1 1 0, 0 1 0, 0 0 1, 1 0 1, 1 1 1, 0 1 1',

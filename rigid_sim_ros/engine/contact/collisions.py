@@ -24,7 +24,8 @@ from rigid_sim_ros.engine.maths.rotation import (
     exponential, multiply, quaternion, set_quaternion, to_matrix, unit)
 from rigid_sim_ros.engine.maths.vector import (
     add, add_scaled, add_to_column, column, cross, dot, norm, row, scale, subtract, times)
-from rigid_sim_ros.engine.model.shapes import Materials, Shapes, SPHERE
+from rigid_sim_ros.engine.model.kinds.table import is_ball
+from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.engine.state.rates import velocity_at
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray, room, Vector
@@ -243,7 +244,7 @@ def _touch(h: float, x: Array, kind: IntArray, size: Array, manifolds: Manifolds
         time = _time_of_touch(gap, dot(n, v), acceleration, h, slowest)
         slow = slow or time == NEVER
         earliest = min(earliest, time)
-    both = kind[manifolds.shape_a[r]] == SPHERE and kind[manifolds.shape_b[r]] == SPHERE
+    both = is_ball(kind[manifolds.shape_a[r]]) and is_ball(kind[manifolds.shape_b[r]])
     if both and earliest <= h:
         earliest, _ = _touch_of_spheres(h, x, size, manifolds, r, earliest, work.body)
     work.waits[r] = LEFT_OUT if earliest > NEVER and not slow else ACTS
@@ -291,7 +292,7 @@ def _bounce(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, restitu
     A, B = work.body[a], work.body[b]
     n = row(manifolds.normal, r)
     acceleration = subtract(_get(B, _A), _get(A, _A))
-    spheres = kind[manifolds.shape_a[r]] == SPHERE and kind[manifolds.shape_b[r]] == SPHERE
+    spheres = is_ball(kind[manifolds.shape_a[r]]) and is_ball(kind[manifolds.shape_b[r]])
     o_A = (0.0, 0.0, 0.0)
     if spheres:
         radius = size[manifolds.shape_a[r], 0]
@@ -305,9 +306,9 @@ def _bounce(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, restitu
     # Until tau the point of contact moves with the ball, else with the body that moves, else with
     # both.
     follows_B = 0.5
-    if kind[manifolds.shape_b[r]] == SPHERE or A[_INV_M] == 0.0:
+    if is_ball(kind[manifolds.shape_b[r]]) or A[_INV_M] == 0.0:
         follows_B = 1.0
-    elif kind[manifolds.shape_a[r]] == SPHERE or B[_INV_M] == 0.0:
+    elif is_ball(kind[manifolds.shape_a[r]]) or B[_INV_M] == 0.0:
         follows_B = 0.0
     for p in range(manifolds.points[r]):
         r_A, r_B = row(manifolds.r_A[p], r), add(row(manifolds.r_B[p], r), d)

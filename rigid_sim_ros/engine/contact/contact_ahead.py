@@ -22,13 +22,13 @@ from rigid_sim_ros.engine.contact.contacts import (
 from rigid_sim_ros.engine.detection.backtrack import place_ahead
 from rigid_sim_ros.engine.detection.manifolds import Scratch
 from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
-from rigid_sim_ros.engine.detection.narrow_phase.outline import face_normal_along
-from rigid_sim_ros.engine.detection.narrow_phase.surface import is_faceted
+from rigid_sim_ros.engine.detection.narrow_phase.surface import face_normal_along
 from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
 from rigid_sim_ros.engine.dynamics.loads import Loads
 from rigid_sim_ros.engine.maths.algebra import column, cross, dot, norm, quaternion, row, subtract
+from rigid_sim_ros.engine.model.kinds.table import is_faceted, is_unbounded
 from rigid_sim_ros.engine.model.model import Model
-from rigid_sim_ros.engine.model.shapes import PLANE, Shapes
+from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.engine.state.rates import angular_velocity
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
@@ -129,7 +129,7 @@ def _meet(model: Model, state: State, still: Loads, shapes: Shapes, a: int, b: i
 def _on_face(pose: Array, shapes: Shapes, a: int, b: int, n: Vector) -> bool:
     """Return whether n, from A to B, is the normal of a flat face of A, or the other way of B."""
     for s in (a, b):
-        if shapes.kind[s] == PLANE:
+        if is_unbounded(shapes.kind[s]):
             return True
         if is_faceted(shapes.kind[s]):
             out = n if s == a else (-n[0], -n[1], -n[2])

@@ -37,8 +37,9 @@ from rigid_sim_ros.engine.contact.contacts import (
     add_contact_load, Bodies, Contacts, relative, to_contact, to_world)
 from rigid_sim_ros.engine.dynamics.loads import Loads
 from rigid_sim_ros.engine.maths.algebra import cross, quaternion, rotate, row
+from rigid_sim_ros.engine.model.kinds.table import KINDS
 from rigid_sim_ros.engine.model.model import Model
-from rigid_sim_ros.engine.model.shapes import CAPSULE, KIND_NAMES, Materials, Shapes, SPHERE
+from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, Vector
 from rigid_sim_ros.kernels.kernel import kernel
@@ -84,7 +85,7 @@ def stable_step(model: Model, shapes: Shapes, materials: Materials) -> tuple[flo
     reach = np.linalg.norm(shapes.p_CS, axis=1) + np.where(np.isfinite(shapes.bound),
                                                            shapes.bound, 0.0)
     give = model.inv_m[i] + reach ** 2 * model.inv_I_C[:, i].max(axis=0)
-    points = np.select([shapes.kind == SPHERE, shapes.kind == CAPSULE], [1, 2], 4)
+    points = np.array([KINDS[kind].most_points for kind in shapes.kind])
     best, pair = 0.0, (-1, -1)
     # The partner that gives way most, for each material: what is left is shapes times materials.
     for material in np.unique(shapes.material):
@@ -109,8 +110,8 @@ def check_step(model: Model, shapes: Shapes, materials: Materials) -> None:
     k = float(materials.stiffness[shapes.material[a], shapes.material[b]])
     raise ValueError(
         f'step {model.h:g} s is unstable for the contact stiffness {k:g} N/m between shape {a} '
-        f'({KIND_NAMES[shapes.kind[a]]}) of body {shapes.body[a]} and shape {b} '
-        f'({KIND_NAMES[shapes.kind[b]]}) of body {shapes.body[b]}: use a step of at most '
+        f'({KINDS[shapes.kind[a]].name}) of body {shapes.body[a]} and shape {b} '
+        f'({KINDS[shapes.kind[b]].name}) of body {shapes.body[b]}: use a step of at most '
         f'{_rounded_down(longest):g} s, or a stiffness of at most '
         f'{_rounded_down(k * (longest / model.h) ** 2):g} N/m for the pair')
 

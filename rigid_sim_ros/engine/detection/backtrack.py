@@ -18,7 +18,7 @@ import math
 
 from rigid_sim_ros.engine.detection.broad_phase import may_collide
 from rigid_sim_ros.engine.detection.manifolds import Scratch
-from rigid_sim_ros.engine.detection.narrow_phase.collide import collide, CONVEX, FAMILY
+from rigid_sim_ros.engine.detection.narrow_phase.collide import BOXES, collide, CONVEX, FAMILY
 from rigid_sim_ros.engine.detection.narrow_phase.signed_distance import signed_distance
 from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
 from rigid_sim_ros.engine.dynamics.kinematic import (
@@ -26,8 +26,9 @@ from rigid_sim_ros.engine.dynamics.kinematic import (
 from rigid_sim_ros.engine.dynamics.loads import Loads
 from rigid_sim_ros.engine.maths.algebra import column, norm, quaternion, rotate, row
 from rigid_sim_ros.engine.maths.rotation import multiply, to_matrix
+from rigid_sim_ros.engine.model.kinds.table import is_ball, is_unbounded
 from rigid_sim_ros.engine.model.model import Model
-from rigid_sim_ros.engine.model.shapes import BOX, PLANE, Shapes, smaller, SPHERE
+from rigid_sim_ros.engine.model.shapes import Shapes, smaller
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import kernel
@@ -87,7 +88,7 @@ def pair_gap(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b
     place_ahead(model, state, loads, shapes, a, t, pose)
     place_ahead(model, state, loads, shapes, b, t, pose)
     gap, n, _, _ = signed_distance(pose, shapes, a, b, scratch)
-    if shapes.kind[a] == BOX and shapes.kind[b] == BOX and gap < NEAR * shapes.bound[a]:
+    if FAMILY[shapes.kind[a], shapes.kind[b]] == BOXES and gap < NEAR * shapes.bound[a]:
         # The distance of thin boxes is 0 to rounding while the overlap is slight; separating axes
         # see it.
         count, axis = collide(pose, shapes, a, b, NEAR * shapes.bound[a], scratch)
@@ -110,7 +111,7 @@ def reach_of_turning(shapes: Shapes, s: int) -> float:
     """Return how far [m] from the centre of mass turning moves the surface of shape s."""
     offset = norm(row(shapes.p_CS, s))
     # A sphere around the centre of mass looks the same however it turns.
-    return offset if shapes.kind[s] == SPHERE else offset + shapes.bound[s]
+    return offset if is_ball(shapes.kind[s]) else offset + shapes.bound[s]
 
 
 @kernel
@@ -224,7 +225,7 @@ def near(shapes: Shapes, pose: Array, radius: Array, a: int, b: int) -> bool:
 def _near(shapes: Shapes, pose: Array, radius: Array, a: int, b: int) -> bool:
     """Return whether the sphere around b may reach the sphere or the half space of a."""
     d = (pose[b, 0] - pose[a, 0], pose[b, 1] - pose[a, 1], pose[b, 2] - pose[a, 2])
-    if shapes.kind[a] == PLANE:
+    if is_unbounded(shapes.kind[a]):
         return d[0] * pose[a, 5] + d[1] * pose[a, 8] + d[2] * pose[a, 11] <= radius[b]
     return norm(d) <= radius[a] + radius[b]
 

@@ -18,7 +18,8 @@ import math
 from rigid_sim_ros.engine.detection.grid import (
     boxes_overlap, column_key, find_cell, Grid, inverse_size, levels_in_use, shapes_on, WIDE)
 from rigid_sim_ros.engine.detection.manifolds import NEAR
-from rigid_sim_ros.engine.model.shapes import PLANE, Shapes, SPHERE
+from rigid_sim_ros.engine.model.kinds.table import is_ball, is_unbounded
+from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import apart, INDEX, kernel, part
 
@@ -65,7 +66,7 @@ def near_pairs(kind: IntArray, pair: IntArray, box: Array, first: int, last: int
     count = 0
     for k in range(first, last):
         a, b = pair[k, 0] & INDEX, pair[k, 1] & INDEX
-        spheres = (kind[a] == SPHERE) & (kind[b] == SPHERE)
+        spheres = is_ball(kind[a]) & is_ball(kind[b])
         near[count] = k
         count += 1 if boxes_overlap(box, a, b) & ((not spheres) | balls_overlap(box, a, b)) else 0
     return count
@@ -91,7 +92,7 @@ def mark_moved(kind: IntArray, pose: Array, box: Array, all_of_them: bool, grid:
         room, little = _room(kind, pose, box, fat, s), _USED * _side(box, s)
         # What is not a number has no room either.
         stays = room >= 0.0 and not all_of_them
-        moved[s] = 0 if stays and (room >= little or kind[s] == PLANE) else 1
+        moved[s] = 0 if stays and (room >= little or is_unbounded(kind[s])) else 1
         count += 0 if stays else 1
     return count
 
@@ -111,14 +112,14 @@ def refresh(kind: IntArray, body: IntArray, pose: Array, box: Array, inv_m: Arra
             count += 1
             i = body[s] & INDEX
             _fatten(kind, pose, box, h * inv_m[i], P, i, grid.fat, s)
-            find_cell(grid.fat, grid.cells, s, kind[s] != PLANE)
+            find_cell(grid.fat, grid.cells, s, not is_unbounded(kind[s]))
     return count
 
 
 @part
 def _room(kind: IntArray, pose: Array, box: Array, fat: Array, s: int) -> float:
     """Return how much room a fat box has around a shape [m], below 0 if it does not hold it."""
-    if kind[s] == PLANE:
+    if is_unbounded(kind[s]):
         n, offset = _plane(pose, s)
         same = (fat[s, 0] == n[0] and fat[s, 1] == n[1] and fat[s, 2] == n[2]
                 and fat[s, 3] == offset)
@@ -132,7 +133,7 @@ def _room(kind: IntArray, pose: Array, box: Array, fat: Array, s: int) -> float:
 def _fatten(kind: IntArray, pose: Array, box: Array, way: float, P: Array, i: int, fat: Array,
             s: int) -> None:
     """Make a fat box; `way` times P is how far body i flies in a step [m]."""
-    if kind[s] == PLANE:
+    if is_unbounded(kind[s]):
         n, offset = _plane(pose, s)
         fat[s, 0], fat[s, 1], fat[s, 2], fat[s, 3] = n[0], n[1], n[2], offset
         return
@@ -162,14 +163,14 @@ def can_meet(kind: IntArray, size: Array, fat: Array, ahead: Array, a: int, b: i
 
     Those of two spheres must come near enough; a plane takes up all below it and some above.
     """
-    if kind[a] == PLANE or kind[b] == PLANE:
-        p, s = (a, b) if kind[a] == PLANE else (b, a)
+    if is_unbounded(kind[a]) or is_unbounded(kind[b]):
+        p, s = (a, b) if is_unbounded(kind[a]) else (b, a)
         lowest = -fat[p, 3]
         for k in range(3):
             n = fat[p, k]
             lowest += n * (fat[s, k] if n > 0.0 else fat[s, 3 + k])
         return lowest <= ahead[p]
-    spheres = (kind[a] == SPHERE) & (kind[b] == SPHERE)
+    spheres = is_ball(kind[a]) & is_ball(kind[b])
     return boxes_overlap(fat, a, b) & ((not spheres) | _spheres_can_meet(size, fat, a, b))
 
 

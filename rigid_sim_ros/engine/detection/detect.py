@@ -18,14 +18,15 @@ from rigid_sim_ros.engine.detection.manifolds import (
     SHORT_ROWS, WITNESSED)
 from rigid_sim_ros.engine.detection.narrow_phase.balls import touching_ball
 from rigid_sim_ros.engine.detection.narrow_phase.boxes import box_box, UNSETTLED
-from rigid_sim_ros.engine.detection.narrow_phase.collide import collide_by_search, on_plane
+from rigid_sim_ros.engine.detection.narrow_phase.collide import (
+    BALL, BOXES, collide_by_search, FAMILY, on_plane, PLANE_FIRST, PLANE_SECOND)
 from rigid_sim_ros.engine.detection.pair_list import (
     find_pairs, look_for_share, note_moved, take_shares)
 from rigid_sim_ros.engine.detection.seams import find_seams, mend_seams
 from rigid_sim_ros.engine.detection.transform_update import bound, place_bodies, place_shapes
 from rigid_sim_ros.engine.detection.witness import boxes_apart, remember, separates
 from rigid_sim_ros.engine.model.model import Model
-from rigid_sim_ros.engine.model.shapes import BOX, HULL, PLANE, Shapes, SPHERE
+from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import IntArray, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, inlined, kernel, part
@@ -303,14 +304,15 @@ def _points_of(shapes: Shapes, memory: Memory, scratch: Scratch, k: int, a: int,
     frequent families get just the arrays they need: to hand over all tables takes as long as their
     work.
     """
-    kind_a, kind_b = shapes.kind[a], shapes.kind[b]
-    if kind_a != HULL and kind_b != HULL and (kind_a == SPHERE or kind_b == SPHERE):
+    kind_a, kind_b = shapes.kind[a] & INDEX, shapes.kind[b] & INDEX
+    family = FAMILY[kind_a, kind_b]
+    if family == BALL:
         return touching_ball(memory.pose, shapes.size, kind_a, kind_b, a, b, margin,
                              scratch.points, scratch.ids)
-    if kind_a == PLANE or kind_b == PLANE:
-        return on_plane(memory.pose, shapes, a, b, kind_b == PLANE, margin, scratch)
+    if family in (PLANE_FIRST, PLANE_SECOND):
+        return on_plane(memory.pose, shapes, a, b, family == PLANE_SECOND, margin, scratch)
     count, n = UNSETTLED, NONE
-    if kind_a == BOX and kind_b == BOX:
+    if family == BOXES:
         if boxes_apart(memory.pose, shapes.size, shapes.bound, a, b, memory.axis, k, margin):
             return AS_BEFORE, NONE
         # What may touch with a face is seen as a face, unless that tells nothing.

@@ -4,7 +4,7 @@
 
 from rigid_sim_ros.engine.detection.manifolds import Manifolds, rows_in_use
 from rigid_sim_ros.engine.maths.rotation import conjugate, multiply, quaternion
-from rigid_sim_ros.engine.model.shapes import BOX, HULL, PLANE
+from rigid_sim_ros.engine.model.kinds.table import is_flat
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, inlined, kernel, part
@@ -18,8 +18,7 @@ SLACK = 0.02
 @inlined
 def are_flat(kind: IntArray, a: int, b: int) -> bool:
     """Return whether both are polyhedra, whose points stay the same while they move."""
-    return ((kind[a] == BOX or kind[a] == HULL or kind[a] == PLANE)
-            and (kind[b] == BOX or kind[b] == HULL or kind[b] == PLANE))
+    return is_flat(kind[a]) and is_flat(kind[b])
 
 
 @kernel

@@ -10,8 +10,9 @@ come out are sorted and merged with those that there are, whose witnesses move a
 from rigid_sim_ros.engine.detection.broad_phase import can_meet, look_around, refresh
 from rigid_sim_ros.engine.detection.grid import fill_grid, Grid
 from rigid_sim_ros.engine.detection.manifolds import Memory, REBUILT, SHORT_PAIRS
+from rigid_sim_ros.engine.model.kinds.table import is_ball, is_unbounded
 from rigid_sim_ros.engine.model.model import Model
-from rigid_sim_ros.engine.model.shapes import PLANE, Shapes, SPHERE
+from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import apart, INDEX, inlined, kernel
@@ -162,7 +163,7 @@ def _is_before(a: int, b: int, c: int, d: int) -> bool:
 def _have_witnesses(kind: IntArray) -> bool:
     """Return whether any pair of shapes may have a witness: see `worth_it`."""
     for s in range(kind.shape[0]):
-        if kind[s] != SPHERE and kind[s] != PLANE:
+        if not is_ball(kind[s]) and not is_unbounded(kind[s]):
             return True
     return False
 

@@ -27,14 +27,15 @@ from rigid_sim_ros.engine.detection.manifold_rows import (
 from rigid_sim_ros.engine.detection.manifolds import (
     CONTACTS, current, earlier, Manifolds, Memory, rows_in_use, Scratch, Seams)
 from rigid_sim_ros.engine.detection.narrow_phase.boxes import face_manifold
+from rigid_sim_ros.engine.detection.narrow_phase.collide import BOXES, FAMILY
 from rigid_sim_ros.engine.detection.narrow_phase.convex import manifold_along
-from rigid_sim_ros.engine.detection.narrow_phase.outline import face_normal_along
-from rigid_sim_ros.engine.detection.narrow_phase.reduce import put
 from rigid_sim_ros.engine.detection.narrow_phase.surface import (
-    extent, face, face_count, height, is_faceted, way_out)
+    face, face_count, face_normal_along, height, way_out)
 from rigid_sim_ros.engine.detection.support import extreme, radius, reach
 from rigid_sim_ros.engine.maths.algebra import add, add_scaled, dot, norm, scale, subtract
-from rigid_sim_ros.engine.model.shapes import BOX, CYLINDER, PLANE, Shapes
+from rigid_sim_ros.engine.model.kinds.points import put
+from rigid_sim_ros.engine.model.kinds.table import has_disc, is_faceted, is_unbounded
+from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.kernels.arrays import Array, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
@@ -183,7 +184,7 @@ def _one_surface(pose: Array, shapes: Shapes, m: int, s: int, t: int) -> bool:
 @kernel
 def tolerance(shapes: Shapes, m: int, s: int, t: int) -> float:
     """Return how far two pieces may stand out over each other and be flush [m]."""
-    return FLUSH * min(extent(shapes, m), extent(shapes, s), extent(shapes, t))
+    return FLUSH * min(shapes.half_width[m], shapes.half_width[s], shapes.half_width[t])
 
 
 @kernel
@@ -215,7 +216,7 @@ def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int,
     at = _first(shapes, rows, seams, m, k, side)
     if seams.link[at & 1, at >> 1] < 0:
         return False
-    n, most = _outward(rows, k, side), FLUSH * extent(shapes, s)
+    n, most = _outward(rows, k, side), FLUSH * shapes.half_width[s]
     c = _centre(pose, memory.turn, shapes, s)
     r = rows.r_A if side == 0 else rows.r_B
     low = (r[0, k, 0], r[0, k, 1], r[0, k, 2])
@@ -323,7 +324,7 @@ def stands(shapes: Shapes, memory: Memory, rows: Manifolds, m: int, k: int, side
            n: Vector) -> bool:
     """Return whether S, of row k, has the normal n at p as a piece of all that M is near."""
     s, _ = _shapes_of(rows, k, side)
-    pose, seams, near = memory.pose, memory.seams, FLUSH * extent(shapes, s)
+    pose, seams, near = memory.pose, memory.seams, FLUSH * shapes.half_width[s]
     # A corner that stands out over a face, by what the narrow phase allows, goes on doing so.
     above, x = height(pose, shapes, s, p), p
     for _ in range(SLIDES):
@@ -357,7 +358,7 @@ def stands(shapes: Shapes, memory: Memory, rows: Manifolds, m: int, k: int, side
             way = way_out(pose, shapes, t, x, along) + 2.0 * flush
             x, covered = add_scaled(x, way, along), True
             # A tangent leaves a circle by half of the square of its length over the radius.
-            bend = way * way / shapes.size[s, 0] if shapes.kind[s] == CYLINDER else 0.0
+            bend = way * way / shapes.size[s, 0] if has_disc(shapes.kind[s]) else 0.0
             if not (abs(height(pose, shapes, s, x) - above) <= ON_FACE * flush + bend):
                 return False
         if not covered:
@@ -369,7 +370,7 @@ def stands(shapes: Shapes, memory: Memory, rows: Manifolds, m: int, k: int, side
 def _has_normal(pose: Array, shapes: Shapes, t: int, p: Vector, n: Vector, most: float) -> bool:
     """Return whether no point of T is farther in the direction n than p, which it holds."""
     hulls = shapes.hulls
-    if shapes.kind[t] == PLANE:
+    if is_unbounded(shapes.kind[t]):
         # It has one normal, +z of its frame.
         return _alike(n, (pose[t, 5], pose[t, 8], pose[t, 11]))
     return reach(pose, shapes.kind, shapes.size, hulls.first, hulls.count, hulls.vertices,
@@ -440,7 +441,7 @@ def _points_along(pose: Array, shapes: Shapes, s: int, m: int, side: int, f: int
     """Find the points of S and M along the normal n of face f of S; return their number."""
     a, b = (s, m) if side == 0 else (m, s)
     n_AB = n if side == 0 else scale(-1.0, n)
-    if shapes.kind[a] == BOX and shapes.kind[b] == BOX:
+    if FAMILY[shapes.kind[a], shapes.kind[b]] == BOXES:
         return face_manifold(pose, shapes.size, a, b, f // 2 if side == 0 else 3 + f // 2, n_AB,
                              margin, scratch.points, scratch.ids, scratch.polygon, scratch.labels,
                              scratch.numbers)

@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the shapes are: their poses in the world, and boxes around them."""
 
-import math
-
 import numpy as np
 
 from rigid_sim_ros.engine.maths.rotation import quaternion, to_matrix
-from rigid_sim_ros.engine.model.shapes import BOX, CAPSULE, CYLINDER, HULL, PLANE, Shapes, SPHERE
+from rigid_sim_ros.engine.model.kinds.table import reach_along
+from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
@@ -71,19 +70,7 @@ def bound(kind: IntArray, size: Array, pose: Array, ahead: Array, box: Array, fi
     for s in range(first, last):
         for k in range(3):
             x, y, z = pose[s, 3 + 3 * k], pose[s, 4 + 3 * k], pose[s, 5 + 3 * k]
-            reach = math.inf
-            if kind[s] == BOX or kind[s] == HULL:
-                reach = abs(x) * size[s, 0] + abs(y) * size[s, 1] + abs(z) * size[s, 2]
-            elif kind[s] == SPHERE:
-                reach = size[s, 0]
-            elif kind[s] == CAPSULE:
-                reach = abs(z) * size[s, 1] + size[s, 0]
-            elif kind[s] == CYLINDER:
-                # A disc at right angles to its axis reaches r sin(angle) along k.
-                reach = abs(z) * size[s, 1] + size[s, 0] * math.sqrt(max(0.0, 1.0 - z * z))
-            elif kind[s] == PLANE:
-                reach = math.inf
+            down, up = reach_along(kind[s], size, s, x, y, z)
             # One part in 1e12 more, so that rounding never makes the box too small.
-            reach = reach * (1.0 + 1e-12) + ahead[s]
-            box[s, k] = pose[s, k] - reach
-            box[s, 3 + k] = pose[s, k] + reach
+            box[s, k] = pose[s, k] - (down * (1.0 + 1e-12) + ahead[s])
+            box[s, 3 + k] = pose[s, k] + (up * (1.0 + 1e-12) + ahead[s])

@@ -20,8 +20,9 @@ import numpy as np
 from rigid_sim_ros.engine.maths.rotation import (
     conjugate, exponential, logarithm, multiply, quaternion, set_quaternion, unit)
 from rigid_sim_ros.engine.maths.vector import scale
+from rigid_sim_ros.engine.model.kinds.table import KINDS
 from rigid_sim_ros.engine.model.model import Model
-from rigid_sim_ros.engine.model.shapes import PLANE, Shapes
+from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.engine.state.state import BodyMotion, State, write_motion
 from rigid_sim_ros.kernels.arrays import Array
 from rigid_sim_ros.kernels.kernel import apart, in_python, inlined, kernel
@@ -107,7 +108,7 @@ def sizes(model: Model, shapes: Shapes) -> Array:
     n = len(model.m)
     size, endless = np.zeros(n), np.ones(n, dtype=bool)
     for s, i in enumerate(shapes.body):
-        endless[i] = shapes.kind[s] == PLANE
+        endless[i] = KINDS[shapes.kind[s]].is_unbounded
         reach = math.hypot(*shapes.p_CS[s].tolist()) + shapes.bound[s]
         size[i] = max(size[i], reach)
     carried = size[(model.inv_m > 0.0) & ~endless]

@@ -1,7 +1,7 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Mass, centre of mass and inertia of bodies.
+Mass, centre of mass and inertia of bodies; those of each kind of shape are in its own file.
 
 An inertia tensor here is I = integral of (|r|^2 1 - r r^T) dm (Parent, Rigid Body Dynamics,
 "Inertia Tensor"), so its off-diagonal entries are I_xy = -integral of x y dm, the sign that URDF
@@ -29,68 +29,9 @@ class MassProperties(NamedTuple):
     I_BC_B: Array  # inertia tensor about C, (3, 3) [kg m^2], body axes
 
 
-def _about_origin(m: float, moments: Sequence[float]) -> MassProperties:
+def about_origin(m: float, moments: Sequence[float]) -> MassProperties:
+    """Return the mass properties of what has its centre of mass and its axes in its frame."""
     return MassProperties(m, np.zeros(3), np.diag(np.asarray(moments, dtype=np.float64)))
-
-
-def sphere_volume(radius: float) -> float:
-    """Return the volume [m^3] of a ball of this radius [m]."""
-    return 4.0 / 3.0 * math.pi * radius ** 3
-
-
-def box_volume(size: Sequence[float]) -> float:
-    """Return the volume [m^3] of a cuboid with these full edge lengths [m]."""
-    return float(size[0] * size[1] * size[2])
-
-
-def cylinder_volume(radius: float, length: float) -> float:
-    """Return the volume [m^3] of a cylinder of this radius and length [m]."""
-    return math.pi * radius ** 2 * length
-
-
-def capsule_volume(radius: float, length: float) -> float:
-    """Return the volume [m^3] of a capsule; length [m] without the caps."""
-    return cylinder_volume(radius, length) + sphere_volume(radius)
-
-
-def sphere(m: float, radius: float) -> MassProperties:
-    """Return the mass properties of a homogeneous ball, I = 2/5 m r^2."""
-    return _about_origin(m, [0.4 * m * radius ** 2] * 3)
-
-
-def box(m: float, size: Sequence[float]) -> MassProperties:
-    """
-    Return the mass properties of a homogeneous cuboid with full edge lengths a, b, c [m].
-
-    I = m / 12 diag(b^2 + c^2, a^2 + c^2, a^2 + b^2) (Parent, Rigid Body Dynamics, "Inertia Tensor
-    for a Cuboid").
-    """
-    a, b, c = size
-    return _about_origin(m, [
-        m / 12.0 * (b * b + c * c), m / 12.0 * (a * a + c * c), m / 12.0 * (a * a + b * b)])
-
-
-def cylinder(m: float, radius: float, length: float) -> MassProperties:
-    """Return the mass properties of a homogeneous cylinder about the z axis."""
-    across = m * (3.0 * radius ** 2 + length ** 2) / 12.0
-    return _about_origin(m, [across, across, 0.5 * m * radius ** 2])
-
-
-def capsule(m: float, radius: float, length: float) -> MassProperties:
-    """
-    Return the mass properties of a homogeneous capsule about the z axis.
-
-    length [m] is that of the cylinder, without the caps. A half ball of mass m_h has its centre of
-    mass 3/8 r from the flat face and the moment 2/5 m_h r^2 about any axis through the centre of
-    that face; the parallel axes theorem moves it to the middle of the capsule.
-    """
-    volume = capsule_volume(radius, length)
-    m_cylinder = m * cylinder_volume(radius, length) / volume
-    m_caps = m * sphere_volume(radius) / volume
-    across = (m_cylinder * (3.0 * radius ** 2 + length ** 2) / 12.0
-              + m_caps * (0.4 * radius ** 2 + length ** 2 / 4.0 + 3.0 / 8.0 * radius * length))
-    along = 0.5 * m_cylinder * radius ** 2 + 0.4 * m_caps * radius ** 2
-    return _about_origin(m, [across, across, along])
 
 
 def points(positions: Array, masses: Array) -> MassProperties:

@@ -4,9 +4,7 @@
 The shapes of the bodies, for detection.
 
 A body has any number of convex shapes; several make a compound. The frame S of a shape is fixed in
-its body: a box, capsule, cylinder or sphere has its centre at the origin, capsule and cylinder
-have their axis along z, and a plane is z = 0 with the normal +z. The origin of a hull is the
-middle of its bounding box.
+its body. What the kinds of shapes are, and where the origin of S is in them, stands in `kinds/`.
 """
 
 from collections.abc import Iterable, Sequence
@@ -16,12 +14,11 @@ import numpy as np
 
 from rigid_sim_ros.engine.maths.rotation_in_python import multiply, rotate
 from rigid_sim_ros.engine.model.hulls import bare_hulls, HullTable, make_hulls, Polyhedron
+from rigid_sim_ros.engine.model.kinds.table import HULL, KINDS
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
-SPHERE, BOX, CAPSULE, CYLINDER, HULL, PLANE = range(6)
-KIND_NAMES = ('sphere', 'box', 'capsule', 'cylinder', 'hull', 'plane')
 ALL_GROUPS = -1  # every bit of a mask
 
 
@@ -29,7 +26,7 @@ class Shape(NamedTuple):
     """How to make one shape; its pose is given in the frame B of its body."""
 
     body: int
-    kind: int  # SPHERE .. PLANE
+    kind: int  # its row in `KINDS`
     size: tuple[float, float, float]  # as in `Shapes`; a hull's is found from its vertices
     p_BS: Sequence[float] = (0.0, 0.0, 0.0)  # [m]
     q_BS: Sequence[float] = (0.0, 0.0, 0.0, 1.0)  # x, y, z, w
@@ -43,14 +40,15 @@ class Shapes(NamedTuple):
     """The shapes of a world, s of them, a row each."""
 
     body: IntArray  # (s,) the body that carries the shape
-    kind: IntArray  # (s,) SPHERE .. PLANE
-    size: Array  # (s, 3) [m] sphere: r; box, hull: half extents; capsule, cylinder: r, half length
+    kind: IntArray  # (s,) row in `KINDS`
+    size: Array  # (s, 3) [m] see the file of the kind
     p_CS: Array  # (s, 3) [m] origin of S from C of its body, axes of C
     q_CS: Array  # (s, 4) axes of S to axes of C, x, y, z, w
     aligned: IntArray  # (s,) 1 where q_CS is no rotation, so that S has the axes of C
     ball: IntArray  # (s,) 1 for a sphere about C: nobody asks how it is turned
     turning: IntArray  # (n,) 0 for a body that carries nothing but such balls
     bound: Array  # (s,) [m] radius of a sphere around the origin of S that holds the shape
+    half_width: Array  # (s,) [m] half of the least that the shape measures across; of a plane inf
     material: IntArray  # (s,) row of the `Materials`
     group: IntArray  # (s,) bits
     mask: IntArray  # (s,) bits; two shapes collide when each mask has a bit of the other's group
@@ -133,28 +131,30 @@ def build_shapes(model: Model, shapes: Sequence[Shape],
     s, n = len(shapes), len(model.m)
     hulls, rows, centres, extents = make_hulls([shape.hull for shape in shapes])
     size, p_CS, q_CS = np.zeros((s, 3)), np.zeros((s, 3)), np.zeros((s, 4))
-    bound = np.zeros(s)
+    bound, half_width = np.zeros(s), np.zeros(s)
     for i, shape in enumerate(shapes):
-        size[i] = extents[i] if shape.kind == HULL else shape.size
+        size[i] = shape.size if shape.hull is None else extents[i]
         _check_shape(model, i, shape, size[i])
         q_CB = tuple(model.q_CB[shape.body])
         offset = np.asarray(shape.p_BS) + _turned(shape.q_BS, centres[i])
         p_CS[i] = model.p_CB[shape.body] + _turned(q_CB, offset)
         q_CS[i] = multiply(q_CB, tuple(map(float, shape.q_BS)))  # type: ignore[arg-type]
         q_CS[i] /= np.linalg.norm(q_CS[i])
-        bound[i] = _bound(shape.kind, size[i])
-        if shape.kind == HULL:
+        bound[i] = KINDS[shape.kind].bounding_radius(size[i])
+        half_width[i] = KINDS[shape.kind].half_width(size[i])
+        if rows[i] >= 0:
             first, count = hulls.first[rows[i]], hulls.count[rows[i]]
             bound[i] = np.linalg.norm(hulls.vertices[first:first + count], axis=1).max()
     keys = sorted({min(a, b) * n + max(a, b) for a, b in ignored})
     still = [model.inv_m[shape.body] == 0.0 for shape in shapes]
     body, kind = _column(shapes, 'body'), _column(shapes, 'kind')
-    ball = ((kind == SPHERE) & (p_CS == 0.0).all(axis=1)).astype(np.int64)
+    is_ball = np.array([KINDS[shape.kind].is_ball for shape in shapes], dtype=bool)
+    ball = (is_ball & (p_CS == 0.0).all(axis=1)).astype(np.int64)
     turning = np.zeros(n, dtype=np.int64)
     turning[body[ball == 0]] = 1
     return Shapes(body, kind, size, p_CS, q_CS,
                   (np.abs(q_CS[:, :3]).max(axis=1, initial=0.0) == 0.0).astype(np.int64), ball,
-                  turning, bound,
+                  turning, bound, half_width,
                   _column(shapes, 'material'), _column(shapes, 'group'), _column(shapes, 'mask'),
                   np.array(still, dtype=np.int64), np.array(keys, dtype=np.int64),
                   hulls if hulls.first.shape[0] else bare_hulls(), rows)
@@ -168,26 +168,15 @@ def _turned(q: Sequence[float], v: Array) -> Array:
     return np.array(rotate(tuple(map(float, q)), tuple(map(float, v))))  # type: ignore[arg-type]
 
 
-def _bound(kind: int, size: Array) -> float:
-    if kind == PLANE:
-        return float('inf')
-    r, half = size[0], size[1]
-    bounds = {SPHERE: r, CAPSULE: r + half, CYLINDER: np.hypot(r, half)}
-    return float(bounds.get(kind, np.linalg.norm(size)))
-
-
-# How many entries of `size` a kind uses.
-_SIZES = {SPHERE: 1, BOX: 3, CAPSULE: 2, CYLINDER: 2, HULL: 3, PLANE: 0}
-
-
 def _check_shape(model: Model, i: int, shape: Shape, size: Array) -> None:
-    name = f'shape {i} ({KIND_NAMES[shape.kind]}) of body {shape.body}'
+    kind = KINDS[shape.kind]
+    name = f'shape {i} ({kind.name}) of body {shape.body}'
     if shape.kind == HULL and shape.hull is None:
         raise ValueError(f'{name}: no vertices')
-    for entry in size[:_SIZES[shape.kind]]:
+    for entry in size[:kind.sizes]:
         if not (entry > 0.0 and np.isfinite(entry)):
             raise ValueError(f'{name}: size {float(entry)!r} m, must be > 0')
-    if shape.kind == PLANE and model.inv_m[shape.body] != 0.0:
+    if kind.is_unbounded and model.inv_m[shape.body] != 0.0:
         raise ValueError(f'{name}: only a fixed body may carry a plane')
 
 

@@ -13,8 +13,7 @@ from rigid_sim_ros.engine.dynamics.free_flight import BLOCK_SIZE as FLIGHT_SIZE
 from rigid_sim_ros.engine.dynamics.loads import empty_loads, Loads
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.model.model import Model
-from rigid_sim_ros.engine.model.shapes import (
-    can_meet, CAPSULE, CYLINDER, Materials, PLANE, Shapes, SPHERE)
+from rigid_sim_ros.engine.model.shapes import can_meet, Materials, Shapes
 from rigid_sim_ros.engine.solver.coloring import (
     Blocks, Coloring, make_blocks, make_coloring, most_blocks, REGIONS)
 from rigid_sim_ros.engine.solver.direct_islands import differ
@@ -95,7 +94,7 @@ def make_timestep_work(model: Model, shapes: Shapes, memory: Memory) -> Timestep
     n, capacity = model.m.shape[0], memory.pages[0].shape_a.shape[0]
     radius = np.zeros(n)
     for s in range(shapes.body.shape[0]):
-        if shapes.kind[s] != PLANE:
+        if np.isfinite(shapes.bound[s]):
             reach = float(np.linalg.norm(shapes.p_CS[s])) + shapes.bound[s]
             radius[shapes.body[s]] = max(radius[shapes.body[s]], reach)
     return TimestepWork(empty_loads(n), empty_loads(n), integers(1), integers(1),
@@ -115,10 +114,7 @@ def with_cut(work: TimestepWork, cut: Cut) -> TimestepWork:
 
 
 def _thickness(shapes: Shapes) -> Array:
-    kind, size = shapes.kind, shapes.size
-    least = np.where((kind == SPHERE) | (kind == CAPSULE), size[:, 0], size.min(axis=1))
-    least = np.where(kind == CYLINDER, size[:, :2].min(axis=1), least)
-    return np.where(kind == PLANE, 0.0, least)
+    return np.where(np.isfinite(shapes.half_width), shapes.half_width, 0.0)
 
 
 def _round_shapes(model: Model, shapes: Shapes) -> IntArray:

@@ -11,7 +11,8 @@ import pytest
 from rigid_sim_ros.engine.detection.backtrack import first_event, pairs_ahead
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.dynamics.loads import empty_loads
-from rigid_sim_ros.engine.model.shapes import BOX, Material
+from rigid_sim_ros.engine.model.kinds.table import BOX
+from rigid_sim_ros.engine.model.shapes import Material
 
 
 def next_event(things, until, gravity=(0, 0, -G)):

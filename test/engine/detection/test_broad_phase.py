@@ -9,7 +9,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.detection.broad_phase import near_pairs
 from rigid_sim_ros.engine.detection.manifolds import NEAR, PAIRS, REBUILT
-from rigid_sim_ros.engine.model.shapes import BOX, SPHERE
+from rigid_sim_ros.engine.model.kinds.table import BOX, SPHERE
 
 BALL = (SPHERE, (0.5, 0.0, 0.0), None)
 TOUCHING = [((0, 0, 0), UPRIGHT), ((0.9, 0, 0), UPRIGHT)]

@@ -10,7 +10,7 @@ import pytest
 
 from rigid_sim_ros.engine.detection.manifolds import (
     CONTACTS, empty_memory, forget_pairs, lasting, RECYCLED, with_lasting)
-from rigid_sim_ros.engine.model.shapes import BOX
+from rigid_sim_ros.engine.model.kinds.table import BOX
 
 CUBE = (BOX, (0.5, 0.5, 0.5), None)
 
@@ -21,7 +21,7 @@ def on_a_plane(z=0.5 - 1e-4, q=UPRIGHT):
 
 def mixed(seed, n=27, spacing=0.7):
     rng = np.random.default_rng(seed)
-    kinds = [PLANE_SHAPE, *(list(CONVEX.values())[k % 5] for k in range(n))]
+    kinds = [PLANE_SHAPE, *(list(CONVEX.values())[k % len(CONVEX)] for k in range(n))]
     poses = [((0, 0, 0), UPRIGHT), *grid(kinds[1:], spacing, rng, tilt=0.5)]
     return Scene(kinds, poses, fixed=[0]), rng
 

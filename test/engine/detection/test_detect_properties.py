@@ -35,7 +35,7 @@ def motion(rng):
 
 
 def tolerance(names):
-    return SEARCH if 'cylinder' in names else ROUNDING
+    return SEARCH if set(names) & {'cylinder', 'cone', 'ellipsoid'} else ROUNDING
 
 
 def rows_by_pair(scene):

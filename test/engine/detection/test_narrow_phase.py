@@ -11,16 +11,18 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from rigid_sim_ros.engine.model.shapes import BOX, CAPSULE, CYLINDER, HULL, SPHERE
+from rigid_sim_ros.engine.model.kinds.table import (
+    BOX, CAPSULE, CONE, CYLINDER, ELLIPSOID, HULL, SPHERE)
 
 PAIRS = list(product(CONVEX, CONVEX))
-# Polyhedra, spheres and capsules are exact to rounding. For a cylinder the search ends when it
-# gains less than 1e-10 of the size, 1 m here; a few dozen such gains may be left.
+# Polyhedra, spheres and capsules are exact to rounding. For a cylinder or a cone the search ends
+# when it gains less than 1e-10 of the size, 1 m here; a few dozen such gains may be left. That of
+# an ellipsoid and what has edges ends at 1e-12.
 EXACT, ROUND = 1e-13, 5e-9
 
 
 def tolerance(names):
-    return ROUND if 'cylinder' in names else EXACT
+    return ROUND if set(names) & {'cylinder', 'cone', 'ellipsoid'} else EXACT
 
 
 def reach(kind, size, vertices, R, x, d):
@@ -34,6 +36,10 @@ def reach(kind, size, vertices, R, x, d):
         farthest = size[1] * abs(e[2]) + size[0] * np.linalg.norm(e)
     elif kind == CYLINDER:
         farthest = size[1] * abs(e[2]) + size[0] * np.hypot(e[0], e[1])
+    elif kind == CONE:
+        farthest = max(size[1] * e[2], size[0] * np.hypot(e[0], e[1]) - size[1] * e[2])
+    elif kind == ELLIPSOID:
+        farthest = np.linalg.norm(e * size)
     else:
         farthest = (vertices @ e).max()
     return farthest + d @ x
@@ -230,11 +236,20 @@ def test_the_deepest_point_of_a_manifold_is_as_deep_as_the_shapes(shapes, how):
 
 
 LYING = (0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5))  # the axis z turned to x
+# A cone of the radius 0.3 m and the height 0.5 m: the sine of the angle between axis and mantle,
+# and its cosine. On its mantle the axis falls towards the apex by that angle, and the middle of
+# the axis is 0.25 m from the apex, so 0.25 m times the sine above the ground.
+MANTLE = 0.3 / np.hypot(0.3, 0.5), 0.5 / np.hypot(0.3, 0.5)
+_TURN = 0.5 * (np.pi / 2 + np.arcsin(MANTLE[0]))
+CONE_LYING = (0.0, np.sin(_TURN), 0.0, np.cos(_TURN))
 # How a shape rests: its height and orientation, and how many points carry it.
 RESTING = {
     'box': (CONVEX['box'], 0.4, UPRIGHT, 4),
     'cylinder upright': (CONVEX['cylinder'], 0.25, UPRIGHT, 4),
     'cylinder lying': (CONVEX['cylinder'], 0.3, LYING, 2),
+    'cone upright': (CONVEX['cone'], 0.25, UPRIGHT, 4),
+    'cone lying': (CONVEX['cone'], 0.25 * MANTLE[0], CONE_LYING, 2),
+    'ellipsoid': (CONVEX['ellipsoid'], 0.4, UPRIGHT, 1),
     'capsule lying': (CONVEX['capsule'], 0.2, LYING, 2),
     'hull': ((HULL, (0.0, 0.0, 0.0), cube_mesh(0.3)), 0.3, UPRIGHT, 4),
     'sphere': (CONVEX['sphere'], 0.3, UPRIGHT, 1),

@@ -10,7 +10,7 @@ import pytest
 from rigid_sim_ros.engine.detection.manifolds import REBUILT
 from rigid_sim_ros.engine.detection.pair_list import (
     look_for_share, note_moved, sort_new, take_in, update_alone)
-from rigid_sim_ros.engine.model.shapes import BOX, SPHERE
+from rigid_sim_ros.engine.model.kinds.table import BOX, SPHERE
 
 SHAPES = 12
 BALL, CUBE = (SPHERE, (0.5, 0.0, 0.0), None), (BOX, (0.5, 0.5, 0.5), None)

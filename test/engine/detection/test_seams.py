@@ -9,7 +9,7 @@ import pytest
 
 from rigid_sim_ros import World
 from rigid_sim_ros.engine.detection.narrow_phase.boxes import PREFERENCE
-from rigid_sim_ros.engine.model.shapes import BOX, PLANE, SPHERE
+from rigid_sim_ros.engine.model.kinds.table import BOX, PLANE, SPHERE
 
 CUBE = (BOX, (0.5, 0.5, 0.5), None)
 TILE = (BOX, (0.25, 1.0, 0.2), None)

@@ -8,7 +8,7 @@ from hypothesis import given, strategies as st
 import numpy as np
 
 from rigid_sim_ros.engine.detection.manifolds import lasting, PAIRS, WITNESSED
-from rigid_sim_ros.engine.model.shapes import BOX
+from rigid_sim_ros.engine.model.kinds.table import BOX
 
 CUBE = (BOX, (0.5, 0.5, 0.5), None)
 
@@ -36,7 +36,7 @@ def test_a_witness_lets_go_when_the_shapes_meet():
 @given(seed=st.integers(0, 2**32 - 1))
 def test_manifolds_are_the_same_with_and_without_witnesses(seed):
     rng = np.random.default_rng(seed)
-    kinds = [list(CONVEX.values())[k % 5] for k in range(27)]
+    kinds = [list(CONVEX.values())[k % len(CONVEX)] for k in range(27)]
     scene = Scene(kinds, grid(kinds, 0.75, rng, tilt=0.7))
     forgetful = Scene(kinds, [(scene.state.x[:, i], scene.state.q[:, i]) for i in range(27)])
     forgetful.state.q[:] = scene.state.q

@@ -11,6 +11,10 @@ import pytest
 
 from rigid_sim_ros.engine.model import inertia
 from rigid_sim_ros.engine.model.inertia import MassProperties
+from rigid_sim_ros.engine.model.kinds.box import box
+from rigid_sim_ros.engine.model.kinds.capsule import capsule
+from rigid_sim_ros.engine.model.kinds.cylinder import cylinder
+from rigid_sim_ros.engine.model.kinds.sphere import sphere
 
 LENGTH = st.floats(0.01, 10.0)
 
@@ -40,12 +44,12 @@ def sampled_tensor(inside, half: np.ndarray, m: float, cells: int = 120) -> np.n
 
 
 def test_a_sphere_has_two_fifths_m_r_squared():
-    solid = inertia.sphere(3.0, 0.5)
+    solid = sphere(3.0, 0.5)
     assert np.allclose(solid.I_BC_B, 0.4 * 3.0 * 0.25 * np.eye(3), rtol=1e-15)
 
 
 def test_a_cuboid_has_the_moments_of_the_lecture():
-    solid = inertia.box(12.0, (1.0, 2.0, 3.0))
+    solid = box(12.0, (1.0, 2.0, 3.0))
     assert np.allclose(np.diag(solid.I_BC_B), [13.0, 10.0, 5.0], rtol=1e-15)
 
 
@@ -62,14 +66,14 @@ def test_cylinder_and_capsule_match_a_sampled_body(length, radius):
     # 1 / 120 of the radius, much of which cancels.
     half = np.array([radius, radius, length / 2])
     assert np.allclose(sampled_tensor(in_cylinder, half, 2.0),
-                       inertia.cylinder(2.0, radius, length).I_BC_B, rtol=5e-3, atol=1e-3)
+                       cylinder(2.0, radius, length).I_BC_B, rtol=5e-3, atol=1e-3)
     half = np.array([radius, radius, length / 2 + radius])
     assert np.allclose(sampled_tensor(in_capsule, half, 2.0),
-                       inertia.capsule(2.0, radius, length).I_BC_B, rtol=5e-3, atol=1e-3)
+                       capsule(2.0, radius, length).I_BC_B, rtol=5e-3, atol=1e-3)
 
 
 def test_a_capsule_without_a_cylinder_is_a_sphere():
-    assert np.allclose(inertia.capsule(2.0, 0.3, 0.0).I_BC_B, inertia.sphere(2.0, 0.3).I_BC_B,
+    assert np.allclose(capsule(2.0, 0.3, 0.0).I_BC_B, sphere(2.0, 0.3).I_BC_B,
                        rtol=1e-14)
 
 
@@ -78,7 +82,7 @@ def test_a_mesh_of_a_cuboid_is_a_cuboid_wherever_it_lies(a, b, c, away):
     vertices, triangles = box_mesh((a, b, c))
     solid = inertia.mesh(7.0, vertices + away, triangles)
     # Vertices at 100 m lose their last 1e-14 m; a side of 1 cm is then known to 1e-12 of itself.
-    assert np.allclose(solid.I_BC_B, inertia.box(7.0, (a, b, c)).I_BC_B, rtol=1e-9,
+    assert np.allclose(solid.I_BC_B, box(7.0, (a, b, c)).I_BC_B, rtol=1e-9,
                        atol=1e-11 * 7.0 * max(a, b, c) ** 2)
     assert np.allclose(solid.p_BC, away, atol=1e-11)
 
@@ -164,6 +168,6 @@ def test_a_flat_plate_is_physical():
 @examples(50)
 @given(LENGTH, LENGTH, LENGTH, st.floats(1e-3, 1e4))
 def test_every_solid_passes_its_own_check(a, b, c, m):
-    for solid in (inertia.sphere(m, a), inertia.box(m, (a, b, c)), inertia.cylinder(m, a, b),
-                  inertia.capsule(m, a, b)):
+    for solid in (sphere(m, a), box(m, (a, b, c)), cylinder(m, a, b),
+                  capsule(m, a, b)):
         inertia.check(solid)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros.engine.model.hulls import polygons, Polyhedron
-from rigid_sim_ros.engine.model.shapes import (
-    BOX, build_materials, build_shapes, CYLINDER, HULL, Material, PLANE, Shape, SPHERE)
+from rigid_sim_ros.engine.model.kinds.table import BOX, CYLINDER, HULL, PLANE, SPHERE
+from rigid_sim_ros.engine.model.shapes import build_materials, build_shapes, Material, Shape
 
 
 def test_friction_combines_as_the_geometric_mean_and_restitution_as_the_larger():

@@ -12,7 +12,8 @@ from rigid_sim_ros.engine.constraints.contact_blocks import (
     ARM_A, ARM_B, BALLS_BEGIN, BALLS_SIZE, BASIS, BLOCK_SIZE, FRICTION, IMPULSE, INV_SPIN, INV_TT,
     J_A, J_B, K_NN, K_SPIN, K_TN, NORMAL, POINT, POINT_ROWS, S, SPIN, T)
 from rigid_sim_ros.engine.constraints.contact_rules import Sweep
-from rigid_sim_ros.engine.model.shapes import BOX, Material
+from rigid_sim_ros.engine.model.kinds.table import BOX
+from rigid_sim_ros.engine.model.shapes import Material
 from rigid_sim_ros.engine.solver import contact_sweep
 from rigid_sim_ros.engine.solver.coloring import (
     BALLS, begin_blocks, BETWEEN, color_piece, COLORS, first_block, make_blocks, make_coloring,

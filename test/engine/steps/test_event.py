@@ -8,7 +8,8 @@ from engine.touching import about_y, ball, box, EventScene, G, ground, same_bits
 import numpy as np
 import pytest
 
-from rigid_sim_ros.engine.model.shapes import BOX, Material
+from rigid_sim_ros.engine.model.kinds.table import BOX
+from rigid_sim_ros.engine.model.shapes import Material
 
 SLOPE = math.radians(20.0)
 DOWNHILL = np.array([math.cos(SLOPE), 0.0, -math.sin(SLOPE)])

@@ -7,85 +7,20 @@ A sphere is a point with a radius, a capsule a segment with a radius. The gap be
 a shape is the signed distance of its centre from the shape, less the radius.
 """
 
-import math
-
-from rigid_sim_ros.engine.detection.narrow_phase.reduce import put
 from rigid_sim_ros.engine.maths.algebra import (
     add_scaled, clamp, dot, norm, perpendicular, scale, subtract)
 from rigid_sim_ros.engine.maths.pose import axis, origin, point_to_shape, point_to_world, to_world
-from rigid_sim_ros.engine.model.shapes import BOX, CAPSULE, CYLINDER, PLANE, SPHERE
+from rigid_sim_ros.engine.model.kinds.points import put
+from rigid_sim_ros.engine.model.kinds.table import from_point, is_ball
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import kernel, part
-
-
-@kernel
-def point_from_box(h: Vector, p: Vector) -> tuple[float, Vector, Vector]:
-    """
-    Return the signed distance [m] of p from a box, the outward normal and the foot of p.
-
-    All in the frame of the box; h are the half extents [m]. Inside, the nearest face counts.
-    """
-    q = (clamp(p[0], -h[0], h[0]), clamp(p[1], -h[1], h[1]), clamp(p[2], -h[2], h[2]))
-    d = subtract(p, q)
-    distance = norm(d)
-    if distance > 0.0:
-        return distance, scale(1.0 / distance, d), q
-    x, y, z = abs(p[0]) - h[0], abs(p[1]) - h[1], abs(p[2]) - h[2]
-    if x >= y and x >= z:
-        s = 1.0 if p[0] >= 0.0 else -1.0
-        return x, (s, 0.0, 0.0), (s * h[0], p[1], p[2])
-    if y >= z:
-        s = 1.0 if p[1] >= 0.0 else -1.0
-        return y, (0.0, s, 0.0), (p[0], s * h[1], p[2])
-    s = 1.0 if p[2] >= 0.0 else -1.0
-    return z, (0.0, 0.0, s), (p[0], p[1], s * h[2])
-
-
-@kernel
-def point_from_cylinder(r: float, half: float, p: Vector) -> tuple[float, Vector, Vector]:
-    """Return the same for a cylinder of radius r and half length `half` [m] along z."""
-    rho = math.sqrt(p[0] * p[0] + p[1] * p[1])
-    # On the axis every direction is as near as another; x is taken.
-    ex, ey = (p[0] / rho, p[1] / rho) if rho > 0.0 else (1.0, 0.0)
-    up = 1.0 if p[2] >= 0.0 else -1.0
-    side, cap = rho - r, abs(p[2]) - half
-    if side <= 0.0 and cap <= 0.0:
-        if side >= cap:
-            return side, (ex, ey, 0.0), (r * ex, r * ey, p[2])
-        return cap, (0.0, 0.0, up), (p[0], p[1], up * half)
-    x, z = max(side, 0.0), max(cap, 0.0)
-    distance = math.sqrt(x * x + z * z)
-    foot = min(rho, r)
-    return (distance, (x / distance * ex, x / distance * ey, z / distance * up),
-            (foot * ex, foot * ey, clamp(p[2], -half, half)))
-
-
-@kernel
-def point_from_capsule(r: float, half: float, p: Vector) -> tuple[float, Vector, Vector]:
-    """Return the same for a capsule of radius r and half length `half` [m] along z."""
-    q = (0.0, 0.0, clamp(p[2], -half, half))
-    d = subtract(p, q)
-    length = norm(d)
-    n = scale(1.0 / length, d) if length > 0.0 else (1.0, 0.0, 0.0)
-    return length - r, n, add_scaled(q, r, n)
 
 
 @part
 def point_from_shape(pose: Array, size: Array, kind: int, s: int,
                      p_W: Vector) -> tuple[float, Vector, Vector]:
     """Return the signed distance [m] of a point from shape s, its normal and foot, world axes."""
-    p = point_to_shape(pose, s, p_W)
-    if kind == PLANE:
-        result = (p[2], (0.0, 0.0, 1.0), (p[0], p[1], 0.0))
-    elif kind == BOX:
-        result = point_from_box((size[s, 0], size[s, 1], size[s, 2]), p)
-    elif kind == CYLINDER:
-        result = point_from_cylinder(size[s, 0], size[s, 1], p)
-    elif kind == CAPSULE:
-        result = point_from_capsule(size[s, 0], size[s, 1], p)
-    else:
-        # A sphere is a capsule without length.
-        result = point_from_capsule(size[s, 0], 0.0, p)
+    result = from_point(kind, size, s, point_to_shape(pose, s, p_W))
     return result[0], to_world(pose, s, result[1]), point_to_world(pose, s, result[2])
 
 
@@ -123,10 +58,10 @@ def sphere_sphere(pose: Array, size: Array, a: int, b: int) -> tuple[float, Vect
 @part
 def ball_gap(pose: Array, size: Array, kind_a: int, kind_b: int, a: int,
              b: int) -> tuple[float, Vector, Vector]:
-    """Return the same for a sphere and any shape but a hull, in either order."""
-    if kind_a == SPHERE and kind_b == SPHERE:
+    """Return the same for a sphere and a shape that has `from_point`, in either order."""
+    if is_ball(kind_a) and is_ball(kind_b):
         gap, n, p = sphere_sphere(pose, size, a, b)
-    elif kind_a == SPHERE:
+    elif is_ball(kind_a):
         gap, n, p = sphere_shape(pose, size, kind_b, a, b)
     else:
         gap, n, p = shape_sphere(pose, size, kind_a, a, b)

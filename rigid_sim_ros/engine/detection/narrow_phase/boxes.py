@@ -11,9 +11,10 @@ cross product of two edges; if they overlap the largest of these 15 numbers is m
 
 import math
 
-from rigid_sim_ros.engine.detection.narrow_phase.reduce import put, reduce_to_four
+from rigid_sim_ros.engine.detection.narrow_phase.reduce import reduce_to_four
 from rigid_sim_ros.engine.maths.algebra import add, add_scaled, dot, scale, subtract
 from rigid_sim_ros.engine.maths.pose import axis, origin
+from rigid_sim_ros.engine.model.kinds.points import put
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import kernel
 

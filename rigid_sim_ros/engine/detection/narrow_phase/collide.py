@@ -8,24 +8,35 @@ from rigid_sim_ros.engine.detection.manifolds import Scratch
 from rigid_sim_ros.engine.detection.narrow_phase.balls import capsule_capsule, touching_ball
 from rigid_sim_ros.engine.detection.narrow_phase.boxes import box_box, UNSETTLED
 from rigid_sim_ros.engine.detection.narrow_phase.convex import convex_convex
+from rigid_sim_ros.engine.detection.narrow_phase.ellipsoids import ellipsoid_ellipsoid
 from rigid_sim_ros.engine.detection.narrow_phase.planes import plane_shape
-from rigid_sim_ros.engine.detection.narrow_phase.reduce import put
 from rigid_sim_ros.engine.maths.algebra import add_scaled
-from rigid_sim_ros.engine.model.shapes import BOX, CAPSULE, CYLINDER, PLANE, Shapes, SPHERE
+from rigid_sim_ros.engine.model.kinds.points import put
+from rigid_sim_ros.engine.model.kinds.table import BOX, CAPSULE, ELLIPSOID, KINDS
+from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.kernels.arrays import Array, Vector
 from rigid_sim_ros.kernels.kernel import kernel
 
 # The families of pairs.
-BALL, CAPSULES, BOXES, PLANE_FIRST, PLANE_SECOND, CONVEX, NEVER = range(7)
+BALL, CAPSULES, BOXES, PLANE_FIRST, PLANE_SECOND, CONVEX, NEVER, ELLIPSOIDS = range(8)
 
-_FAMILIES = {
-    (CAPSULE, CAPSULE): CAPSULES, (BOX, BOX): BOXES, (PLANE, PLANE): NEVER,
-    **{(PLANE, other): PLANE_FIRST for other in range(PLANE)},
-    **{(other, PLANE): PLANE_SECOND for other in range(PLANE)},
-    **{(SPHERE, other): BALL for other in (SPHERE, BOX, CAPSULE, CYLINDER, PLANE)},
-    **{(other, SPHERE): BALL for other in (BOX, CAPSULE, CYLINDER, PLANE)},
-}
-FAMILY = np.array([[_FAMILIES.get((a, b), CONVEX) for b in range(6)] for a in range(6)])
+# Pairs of kinds with a method of their own.
+_OWN = {(CAPSULE, CAPSULE): CAPSULES, (BOX, BOX): BOXES, (ELLIPSOID, ELLIPSOID): ELLIPSOIDS}
+
+
+def _family(a: int, b: int) -> int:
+    """Return the family of a pair of kinds: the most exact method that both have."""
+    first, second = KINDS[a], KINDS[b]
+    if first.is_unbounded and second.is_unbounded:
+        return NEVER
+    if (first.is_ball and second.from_point) or (second.is_ball and first.from_point):
+        return BALL
+    if first.is_unbounded or second.is_unbounded:
+        return PLANE_FIRST if first.is_unbounded else PLANE_SECOND
+    return _OWN.get((a, b), CONVEX)
+
+
+FAMILY = np.array([[_family(a, b) for b in range(len(KINDS))] for a in range(len(KINDS))])
 
 
 @kernel
@@ -58,10 +69,14 @@ def collide(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
 @kernel
 def collide_by_search(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
                       scratch: Scratch) -> tuple[int, Vector]:
-    """Do the same for two capsules, or for any two convex shapes, none of them a plane."""
-    if FAMILY[shapes.kind[a], shapes.kind[b]] != CAPSULES:
+    """Do the same for any two convex shapes, neither of them a plane nor both of them boxes."""
+    family = FAMILY[shapes.kind[a], shapes.kind[b]]
+    if family == CAPSULES:
+        gap, n, p = capsule_capsule(pose, shapes.size, a, b)
+    elif family == ELLIPSOIDS:
+        gap, n, p = ellipsoid_ellipsoid(pose, shapes.size, a, b)
+    else:
         return convex_convex(pose, shapes, a, b, margin, scratch)
-    gap, n, p = capsule_capsule(pose, shapes.size, a, b)
     if gap >= margin:
         return 0, n
     put(scratch.points, scratch.ids, 0, p, gap, 0)
@@ -74,8 +89,7 @@ def on_plane(pose: Array, shapes: Shapes, a: int, b: int, second: bool, margin: 
     """Do the same for a plane, which may be the second of both, and another shape."""
     plane, s = (b, a) if second else (a, b)
     points = scratch.points
-    count = plane_shape(pose, shapes.size, shapes.kind[s], plane, s, shapes.hulls, shapes.hull[s],
-                        margin, points, scratch.ids)
+    count = plane_shape(pose, shapes, plane, s, margin, points, scratch.ids)
     n = (pose[plane, 5], pose[plane, 8], pose[plane, 11])
     if not second:
         return count, n

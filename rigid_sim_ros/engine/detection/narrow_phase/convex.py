@@ -14,13 +14,15 @@ from rigid_sim_ros.engine.detection.manifolds import CANDIDATES, EPA_CORNERS, Sc
 from rigid_sim_ros.engine.detection.narrow_phase.balls import crossing_normal
 from rigid_sim_ros.engine.detection.narrow_phase.epa import epa
 from rigid_sim_ros.engine.detection.narrow_phase.gjk import find_corner, gjk
-from rigid_sim_ros.engine.detection.narrow_phase.outline import face_normal_along, outline
-from rigid_sim_ros.engine.detection.narrow_phase.reduce import put, reduce_to_four
+from rigid_sim_ros.engine.detection.narrow_phase.reduce import reduce_to_four
+from rigid_sim_ros.engine.detection.narrow_phase.surface import face_normal_along
 from rigid_sim_ros.engine.detection.support import radius
 from rigid_sim_ros.engine.maths.algebra import (
     add_scaled, cross, dot, norm, perpendicular, scale, subtract)
 from rigid_sim_ros.engine.maths.pose import origin
-from rigid_sim_ros.engine.model.shapes import CYLINDER, Shapes
+from rigid_sim_ros.engine.model.kinds.points import put
+from rigid_sim_ros.engine.model.kinds.table import is_curved, outline
+from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import kernel
 
@@ -62,7 +64,7 @@ def distance(pose: Array, shapes: Shapes, a: int, b: int, limit: float,
     if apart and d - r > limit:
         return d - r, n, origin(pose, a)
     small = min(shapes.bound[a], shapes.bound[b])
-    round_one = kind[a] == CYLINDER or kind[b] == CYLINDER
+    round_one = is_curved(kind[a]) or is_curved(kind[b])
     if apart and (round_one or d < CLOSE * small):
         # Round shapes may leave the search in the middle, and hardly apart all have no direction.
         apart = d - separation(pose, shapes, a, b, n, c) < UNSURE * small
@@ -217,8 +219,8 @@ def manifold_along(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, gap: 
     points, ids, faces = scratch.points, scratch.ids, scratch.outline
     kind, size, hulls, hull = shapes.kind, shapes.size, shapes.hulls, shapes.hull
     small = min(shapes.bound[a], shapes.bound[b])
-    corners_a, name_a = outline(pose, size, kind[a], a, hulls, hull[a], n, faces[0])
-    corners_b, name_b = outline(pose, size, kind[b], b, hulls, hull[b], (-n[0], -n[1], -n[2]),
+    corners_a, name_a = outline(kind[a], pose, size, a, hulls, hull[a], n, faces[0])
+    corners_b, name_b = outline(kind[b], pose, size, b, hulls, hull[b], (-n[0], -n[1], -n[2]),
                                 faces[1])
     count = 0
     if corners_a >= 3 and corners_b >= 2:

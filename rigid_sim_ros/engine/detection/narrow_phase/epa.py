@@ -15,15 +15,16 @@ import math
 from rigid_sim_ros.engine.detection.manifolds import EPA_CORNERS, EPA_FACES
 from rigid_sim_ros.engine.detection.narrow_phase.gjk import corner, find_corner
 from rigid_sim_ros.engine.maths.algebra import cross, dot, norm, perpendicular, scale, subtract
-from rigid_sim_ros.engine.model.shapes import CYLINDER
+from rigid_sim_ros.engine.model.kinds.table import is_curved, is_smooth
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import kernel
 
-# Of the size of the shapes: what a further corner has to gain, between polyhedra and with a
-# cylinder. On a round surface the faces get smaller without end; below 1e-12 their normals are
-# noise.
+# Of the size of the shapes: what a further corner has to gain, between polyhedra and with a curved
+# surface. On that the faces get smaller without end; below 1e-12 their normals are noise. An edge
+# on a smooth surface, where the result is not improved afterwards, asks for the best there is.
 FLAT_GAIN = 1e-13
 ROUND_GAIN = 1e-10
+SMOOTH_GAIN = 1e-12
 ALIVE, SEEN = 1, 2  # states of a face; 0: removed
 FLAT = 1e-9  # of the size: below it corners do not span a solid
 
@@ -179,7 +180,9 @@ def epa(pose: Array, kind: IntArray, size: Array, first: IntArray, count: IntArr
     _face(c, faces, links, 2, i, 3, j)
     _face(c, faces, links, 3, 0, j, 3)
     used, corners, nearest = 4, 4, 0
-    gain = ROUND_GAIN if kind[a] == CYLINDER or kind[b] == CYLINDER else FLAT_GAIN
+    gain = ROUND_GAIN if is_curved(kind[a]) or is_curved(kind[b]) else FLAT_GAIN
+    if is_smooth(kind[a]) or is_smooth(kind[b]):
+        gain = SMOOTH_GAIN
     while True:
         nearest = -1
         for f in range(used):

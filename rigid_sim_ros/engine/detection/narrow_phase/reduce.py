@@ -121,13 +121,3 @@ def _keep(points: Array, ids: IntArray, a: int, b: int, c: int, d: int) -> int:
             ids[kept] = ids[k]
             kept += 1
     return kept
-
-
-@kernel
-def put(points: Array, ids: IntArray, k: int, p: Vector, gap: float, feature: int) -> None:
-    """Write candidate k of a manifold: the point on A [m, world axes], gap [m], feature."""
-    points[k, 0] = p[0]
-    points[k, 1] = p[1]
-    points[k, 2] = p[2]
-    points[k, 3] = gap
-    ids[k] = feature

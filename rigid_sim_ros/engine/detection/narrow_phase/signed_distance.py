@@ -7,8 +7,9 @@ import math
 from rigid_sim_ros.engine.detection.manifolds import Scratch
 from rigid_sim_ros.engine.detection.narrow_phase.balls import ball_gap, capsule_capsule
 from rigid_sim_ros.engine.detection.narrow_phase.collide import (
-    BALL, CAPSULES, FAMILY, NEVER, PLANE_FIRST, PLANE_SECOND)
+    BALL, CAPSULES, ELLIPSOIDS, FAMILY, NEVER, PLANE_FIRST, PLANE_SECOND)
 from rigid_sim_ros.engine.detection.narrow_phase.convex import distance
+from rigid_sim_ros.engine.detection.narrow_phase.ellipsoids import ellipsoid_ellipsoid
 from rigid_sim_ros.engine.detection.support import extreme, radius
 from rigid_sim_ros.engine.maths.algebra import add_scaled, dot, scale, subtract
 from rigid_sim_ros.engine.maths.pose import axis, origin
@@ -34,6 +35,8 @@ def signed_distance(pose: Array, shapes: Shapes, a: int, b: int,
         gap, n, p = ball_gap(pose, shapes.size, shapes.kind[a], shapes.kind[b], a, b)
     elif family == CAPSULES:
         gap, n, p = capsule_capsule(pose, shapes.size, a, b)
+    elif family == ELLIPSOIDS:
+        gap, n, p = ellipsoid_ellipsoid(pose, shapes.size, a, b)
     elif family == NEVER:
         gap, n, p = math.inf, (0.0, 0.0, 1.0), origin(pose, a)
     else:
