@@ -43,6 +43,8 @@ SHAPES: dict[str, dict[str, Any]] = {
     'box': {'type': 'box', 'size': [0.3, 0.2, 0.24]},
     'capsule': {'type': 'capsule', 'radius': 0.1, 'length': 0.25},
     'cylinder': {'type': 'cylinder', 'radius': 0.14, 'length': 0.22},
+    'cone': {'type': 'cone', 'radius': 0.16, 'length': 0.26},
+    'ellipsoid': {'type': 'ellipsoid', 'radii': [0.1, 0.14, 0.19]},
     'mesh': {'type': 'mesh', 'vertices': VERTICES.tolist(), 'faces': FACES.tolist()},
     'compound': {'compound': [
         {'type': 'box', 'size': [0.3, 0.1, 0.1], 'pose': {'position': [0.0, 0.0, 0.18]}},
@@ -58,14 +60,16 @@ class Solid(NamedTuple):
 
     points: np.ndarray  # (k, 3) [m] in the body frame
     ball: float  # [m] radius of a ball around each point
-    disc: float  # [m] radius of a disc around each point, normal to z of the body frame
+    disc: float | np.ndarray  # [m] radius of a disc around each point, or these (k,), normal to z
     directions: np.ndarray  # (d, 3) in the body frame: normals of faces
     edges: np.ndarray  # (e, 3) directions of edges
+    radii: np.ndarray = np.zeros(3)  # [m] of an ellipsoid around each point
 
     def support(self, e: np.ndarray) -> np.ndarray:
         """Return max e . p over the solid for directions (..., 3) in the body frame."""
-        return ((e @ self.points.T).max(axis=-1) + self.ball * np.linalg.norm(e, axis=-1)
-                + self.disc * np.hypot(e[..., 0], e[..., 1]))
+        discs = self.disc * np.hypot(e[..., 0], e[..., 1])[..., None]
+        return ((e @ self.points.T + discs).max(axis=-1) + self.ball * np.linalg.norm(e, axis=-1)
+                + np.linalg.norm(e * self.radii, axis=-1))
 
 
 _AXES = np.eye(3)
@@ -96,11 +100,15 @@ def _solid(part: dict[str, Any]) -> Solid:
         return Solid(offset[None], part['radius'], 0.0, _NONE, _NONE)
     if part['type'] == 'box':
         return Solid(offset + _box_corners(part['size']), 0.0, 0.0, _AXES, _AXES)
+    if part['type'] == 'ellipsoid':
+        return Solid(offset[None], 0.0, 0.0, _NONE, _NONE, np.asarray(part['radii']))
     if part['type'] == 'mesh':
         return Solid(offset + VERTICES, 0.0, 0.0, _mesh_normals(), _mesh_edges())
     ends = offset + part['length'] * _ENDS
     if part['type'] == 'capsule':
         return Solid(ends, part['radius'], 0.0, _NONE, _AXES[2:])
+    if part['type'] == 'cone':
+        return Solid(ends, 0.0, np.array([part['radius'], 0.0]), _AXES[2:], _AXES[2:])
     return Solid(ends, 0.0, part['radius'], _AXES[2:], _AXES[2:])
 
 

@@ -208,6 +208,10 @@ def extent(shape: Spec) -> float:
         return float(shape['radius'])
     if shape['type'] == 'box':
         return 0.5 * float(np.linalg.norm(shape['size']))
+    if shape['type'] == 'ellipsoid':
+        return float(max(shape['radii']))
+    if shape['type'] == 'cone':  # from its centre of mass
+        return max(math.hypot(shape['radius'], 0.25 * shape['length']), 0.75 * shape['length'])
     if shape['type'] in ('cylinder', 'capsule'):
         return float(shape['radius'] + 0.5 * shape['length'])
     if shape['type'] == 'mesh':

@@ -20,16 +20,22 @@ class Solid(NamedTuple):
     inertia: np.ndarray  # (3, 3) [m^2] about the centre of mass, of 1 kg
     corners: np.ndarray  # (k, 3) [m]: the solid is the hull of these ...
     rounding: float = 0.0  # ... with a ball of this radius [m] around each
-    disc: float = 0.0  # ... or a disc of this radius [m], normal to z
+    disc: float | np.ndarray = 0.0  # ... or a disc of this radius [m], or these (k,), normal to z
+    radii: np.ndarray | None = None  # ... or it is an ellipsoid of these radii (3,) [m]
 
     def reach(self, n: np.ndarray) -> float:
         """Return max n . p over the solid for a unit vector n in the body frame."""
-        return float((self.corners @ n).max() + self.rounding + self.disc * math.hypot(n[0], n[1]))
+        if self.radii is not None:
+            return float(np.linalg.norm(self.radii * n))
+        discs = self.disc * math.hypot(n[0], n[1])
+        return float((self.corners @ n + discs).max() + self.rounding)
 
     @property
     def radius(self) -> float:
         """Return a bound of the distance of its points from the origin."""
-        return float(np.linalg.norm(self.corners, axis=1).max() + self.rounding + self.disc)
+        if self.radii is not None:
+            return float(self.radii.max())
+        return float((np.linalg.norm(self.corners, axis=1) + self.disc).max() + self.rounding)
 
 
 def sphere(radius: float) -> Solid:
@@ -64,6 +70,24 @@ def capsule(radius: float, length: float) -> Solid:
     along = (rod * radius ** 2 / 2 + ball * 0.4 * radius ** 2) / (rod + ball)
     return Solid({'type': 'capsule', 'radius': radius, 'length': length}, math.pi * (rod + ball),
                  np.zeros(3), np.diag([across, across, along]), _ends(length), rounding=radius)
+
+
+def cone(radius: float, length: float) -> Solid:
+    """Return a cone about z, whose frame is in its centre of mass."""
+    com = np.array((0.0, 0.0, -0.25 * length))  # from half height
+    across = 0.15 * radius ** 2 + 0.0375 * length ** 2
+    shape = {'type': 'cone', 'radius': radius, 'length': length,
+             'pose': {'position': (-com).tolist()}}
+    return Solid(shape, math.pi * radius ** 2 * length / 3, np.zeros(3),
+                 np.diag([across, across, 0.3 * radius ** 2]), _ends(length) - com,
+                 disc=np.array((radius, 0.0)))
+
+
+def ellipsoid(radii: Sequence[float]) -> Solid:
+    """Return an ellipsoid."""
+    a = np.asarray(radii, dtype=float)
+    return Solid({'type': 'ellipsoid', 'radii': a.tolist()}, float(4 / 3 * math.pi * a.prod()),
+                 np.zeros(3), np.diag((a @ a - a * a) / 5), np.zeros((1, 3)), radii=a)
 
 
 def _ends(length: float) -> np.ndarray:
@@ -139,6 +163,17 @@ def draw_capsule(rng: Generator, size: float) -> Solid:
     return capsule(0.5 * size * 10 ** rng.uniform(-0.7, -0.1), size * 10 ** rng.uniform(-0.7, 0.0))
 
 
+def draw_cone(rng: Generator, size: float) -> Solid:
+    """Draw a flat or a pointed cone."""
+    return cone(0.5 * size * 10 ** rng.uniform(-0.7, 0.0), size * 10 ** rng.uniform(-0.7, 0.0))
+
+
+def draw_ellipsoid(rng: Generator, size: float) -> Solid:
+    """Draw an ellipsoid, one of two of them with an axis of symmetry."""
+    radii = 0.5 * size * 10 ** rng.uniform(-0.7, 0.0, 3)
+    return ellipsoid(radii[[0, 0, 2]] if rng.random() < 0.5 else radii)
+
+
 def draw_polyhedron(rng: Generator, size: float) -> Solid:
     """Draw a stretched tetrahedron, octahedron or wedge."""
     vertices, faces = POLYHEDRA[rng.integers(len(POLYHEDRA))]
@@ -157,7 +192,8 @@ def draw_compound(rng: Generator, size: float) -> Solid:
 
 DRAW: dict[str, Callable[[Generator, float], Solid]] = {
     'sphere': draw_sphere, 'box': draw_box, 'cylinder': draw_cylinder, 'capsule': draw_capsule,
-    'mesh': draw_polyhedron, 'compound': draw_compound}
+    'mesh': draw_polyhedron, 'compound': draw_compound, 'cone': draw_cone,
+    'ellipsoid': draw_ellipsoid}
 # Those with a flat side below and above.
 FLAT = ('box', 'cylinder')
 

@@ -148,7 +148,7 @@ KIND = Kind(
     name='ellipsoid', type='ellipsoid', size=_size, sizes=3,
     volume=lambda part: ellipsoid_volume(part.radii),
     mass_properties=lambda m, part: ellipsoid(m, part.radii),
-    summary=lambda part: ' x '.join(f'{radius:g}' for radius in part.radii),
+    summary=lambda part: 'radii ' + ' x '.join(f'{radius:g}' for radius in part.radii),
     bounding_radius=max, half_width=min,
     is_curved=True, is_smooth=True, most_points=1,
     forms=lambda part: [Form('sphere', _scale(part))], surface=_surface, has_octants=True,
