@@ -1,0 +1,223 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The impulses that keep bodies in their joints: in the position, and in the velocity.
+
+SHAKE finds the joint impulses at the start of a step with which the free motion of the bodies ends
+where the joints hold. They change the momenta, and the poses follow from these: a correction of
+the poses alone would be of first order in the step. RATTLE takes from the momenta at the end what
+would tear the joints apart. Both together are of second order and symplectic (Andersen, Rattle,
+J. Comp. Phys. 52 (1983); Hairer, Lubich, Wanner, Geometric Numerical Integration, section VII.1).
+"""
+
+import math
+
+from rigid_sim_ros.engine.dynamics.free_rotation import MAX_ANGLE, turn, turn_fast
+from rigid_sim_ros.engine.joints.articulated import (
+    add_momenta, axis_part, gather_momenta, solve, write_momenta)
+from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork, PAST
+from rigid_sim_ros.engine.joints.kinematics import joint_error
+from rigid_sim_ros.engine.maths.rotation import multiply, quaternion, set_quaternion, unit
+from rigid_sim_ros.engine.maths.spatial import set_six, Six, six
+from rigid_sim_ros.engine.maths.vector import add_scaled, column, cross, row, set_column
+from rigid_sim_ros.engine.model.joints import JointTable, NONE
+from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.kernels.arrays import Quaternion, Vector
+from rigid_sim_ros.kernels.kernel import inlined, kernel
+
+# [m] and [rad] Joints are closed to this. Rounding leaves some 1e-15 of each metre from the
+# origin; ten times more would show in energies after a minute, ten times less cost one more round.
+TOLERANCE = 1e-13
+# Rounds until a step is taken in halves. Each leaves h |w| of the error: usually one is enough.
+MOST_ROUNDS = 8
+_ZERO = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@inlined
+def drifted(q: Quaternion, L: Vector, inv_I: Vector, h: float) -> Quaternion:
+    """Return the attitude of a free body after h [s], at any speed."""
+    # |I^-1 l| <= max(I^-1) |L|
+    bound = max(inv_I[0], inv_I[1], inv_I[2]) * h
+    if bound * bound * (L[0] * L[0] + L[1] * L[1] + L[2] * L[2]) <= MAX_ANGLE * MAX_ANGLE:
+        return turn(q, L, inv_I, h)
+    return turn_fast(q, L, inv_I, h)
+
+
+@kernel
+def keep_poses(table: JointTable, state: State, work: JointWork) -> None:
+    """Note where the bodies are."""
+    for i in range(table.body.shape[0]):
+        body = table.body[i]
+        for k in range(3):
+            work.x[i, k] = state.x[k, body]
+        for k in range(4):
+            work.q[i, k] = state.q[k, body]
+
+
+@kernel
+def drift_from(model: Model, table: JointTable, state: State, work: JointWork, h: float) -> None:
+    """Move the bodies from the noted poses by h [s] of free motion with their momenta."""
+    for i in range(table.body.shape[0]):
+        body = table.body[i]
+        set_column(state.x, body, add_scaled(row(work.x, i), h * model.inv_m[body],
+                                             column(state.P, body)))
+        q = (work.q[i, 0], work.q[i, 1], work.q[i, 2], work.q[i, 3])
+        set_quaternion(state.q, body, drifted(q, column(state.L, body),
+                                              column(model.inv_I_C, body), h))
+
+
+@kernel
+def shift_poses(table: JointTable, state: State, work: JointWork, h: float) -> None:
+    """Move the bodies on by h [s] of the motions V, which are so small that their order is 1."""
+    for i in range(table.body.shape[0]):
+        body, V = table.body[i], six(work.V, i)
+        w = (V[3], V[4], V[5])
+        r = cross(w, row(work.com, i))
+        set_column(state.x, body, add_scaled(column(state.x, body), h, (
+            V[0] + r[0], V[1] + r[1], V[2] + r[2])))
+        half = 0.5 * h
+        set_quaternion(state.q, body, unit(multiply(
+            (half * w[0], half * w[1], half * w[2], 1.0), quaternion(state.q, body))))
+
+
+@kernel
+def measure(table: JointTable, state: State, work: JointWork) -> float:
+    """Write how the joints of the tree are off; return the largest number among these."""
+    worst = 0.0
+    for i in range(table.body.shape[0]):
+        j = table.joint[i]
+        if j == NONE:
+            continue
+        e = joint_error(table, state, j)
+        # The motions that the joint allows do not count.
+        for k in range(table.first_axis[i], table.first_axis[i + 1]):
+            if work.locked[k] == 0:
+                e = _without_axis(table, work, k, e)
+        for n in range(6):
+            work.error[i, n] = table.sense[i] * e[n]
+            # A comparison with what is not a number is false: it has to be caught as well.
+            worst = worst if abs(e[n]) <= worst else abs(e[n])
+    return worst
+
+
+@inlined
+def _without_axis(table: JointTable, work: JointWork, k: int, e: Six) -> Six:
+    s = row(work.s, k)
+    a = axis_part(table, work, k, e)
+    if table.translates[k] == 1:
+        return (e[0] - a * s[0], e[1] - a * s[1], e[2] - a * s[2], e[3], e[4], e[5])
+    return (e[0], e[1], e[2], e[3] - a * s[0], e[4] - a * s[1], e[5] - a * s[2])
+
+
+@kernel
+def expect(table: JointTable, motion: JointMotion, work: JointWork, h: float) -> None:
+    """
+    Write the relative motions c that the joints will need, as the steps before needed them.
+
+    c / h is a smooth function of time: a parabola through three values leaves an error of the
+    order h^5 in the pose at the end of the step.
+    """
+    known, past = motion.known[0], motion.curvature
+    for i in range(table.body.shape[0]):
+        for n in range(6):
+            c = 0.0
+            if known >= 3:
+                c = 3.0 * (past[0, i, n] - past[1, i, n]) + past[2, i, n]
+            elif known == 2:
+                c = 2.0 * past[0, i, n] - past[1, i, n]
+            elif known == 1:
+                c = past[0, i, n]
+            work.curved[i, n] = c
+            work.c[i, n] = h * c
+
+
+@kernel
+def remember(table: JointTable, motion: JointMotion, work: JointWork) -> None:
+    """Note the relative motions that were needed."""
+    past = motion.curvature
+    for i in range(table.body.shape[0]):
+        for n in range(6):
+            past[2, i, n] = past[1, i, n]
+            past[1, i, n] = past[0, i, n]
+            past[0, i, n] = work.curved[i, n]
+    motion.known[0] = min(motion.known[0] + 1, PAST)
+
+
+@kernel
+def largest_turn(table: JointTable, work: JointWork, h: float) -> float:
+    """Return the largest angle by which a body turns in h [s], about [rad]."""
+    fastest = 0.0
+    for i in range(table.body.shape[0]):
+        V = six(work.V, i)
+        fastest = max(fastest, V[3] * V[3] + V[4] * V[4] + V[5] * V[5])
+    return h * math.sqrt(fastest)
+
+
+@kernel
+def shake(model: Model, table: JointTable, state: State, motion: JointMotion, work: JointWork,
+          h: float) -> bool:
+    """
+    Advance the poses by h [s] so that the joints hold, with the joint impulses that this takes.
+
+    The momenta are those after the first kick; place and factor are of the present poses. Returns
+    False, with poses and momenta spoiled, if the motion is not resolved by such a step.
+    """
+    rows = table.body.shape[0]
+    gather_momenta(table, state, work)
+    expect(table, motion, work, h)
+    solve(table, work, 0, rows, True)
+    for k in range(work.rate.shape[0]):
+        motion.rate[k] = work.rate[k]
+    write_momenta(model, table, state, work)
+    keep_poses(table, state, work)
+    turning = largest_turn(table, work, h)
+    before = math.inf
+    for _ in range(MOST_ROUNDS):
+        drift_from(model, table, state, work, h)
+        worst = measure(table, state, work)
+        if worst <= TOLERANCE:
+            remember(table, motion, work)
+            return True
+        # Also for what is not a number.
+        if not worst <= 0.5 * before:
+            return False
+        before = worst
+        correct(model, table, state, motion, work, h)
+        # What a round leaves is known before it is measured; the factor 4 is for long arms.
+        if worst * (4.0 * turning + worst) <= TOLERANCE:
+            shift_poses(table, state, work, h)
+            remember(table, motion, work)
+            return True
+    return False
+
+
+@kernel
+def correct(model: Model, table: JointTable, state: State, motion: JointMotion, work: JointWork,
+            h: float) -> None:
+    """Change the momenta by joint impulses that take the errors back, to first order."""
+    for i in range(table.body.shape[0]):
+        e = six(work.error, i)
+        set_six(work.F, i, _ZERO)
+        set_six(work.c, i, (-e[0] / h, -e[1] / h, -e[2] / h, -e[3] / h, -e[4] / h, -e[5] / h))
+        for n in range(6):
+            work.curved[i, n] -= e[n] / (h * h)
+    for k in range(work.tau.shape[0]):
+        work.tau[k], work.given[k] = 0.0, 0.0
+    solve(table, work, 0, table.body.shape[0], False)
+    for k in range(work.rate.shape[0]):
+        motion.rate[k] += work.rate[k]
+    add_momenta(model, table, state, work)
+
+
+@kernel
+def rattle(model: Model, table: JointTable, state: State, motion: JointMotion,
+           work: JointWork) -> None:
+    """Take from the momenta what would tear the joints apart; place and factor are given."""
+    gather_momenta(table, state, work)
+    for i in range(table.body.shape[0]):
+        set_six(work.c, i, _ZERO)
+    solve(table, work, 0, table.body.shape[0], True)
+    for k in range(work.rate.shape[0]):
+        motion.rate[k] = work.rate[k]
+    write_momenta(model, table, state, work)
