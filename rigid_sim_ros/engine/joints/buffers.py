@@ -37,6 +37,7 @@ class JointMotion(NamedTuple):
     # (3, r, 6) latest first: the relative motion (c / h) that the joint conditions needed at the
     # start of a step so that they held at its end
     curvature: Array
+    strain: Array       # (3, c) likewise of the conditions that close loops
     known: IntArray     # (2,) how many of these are known, and steps since a step was halved
     parts: IntArray     # (1,) in how many parts a step is taken at present, a power of 2
     held: IntArray      # (k,) 1: stuck by dry friction
@@ -44,6 +45,61 @@ class JointMotion(NamedTuple):
     drives: Drives
     effort: Array       # (k,) of drive and spring, mean over the latest step
     wrench: Array       # (j, 6) force and moment on the child in its frame K, likewise
+
+
+class LoopWork(NamedTuple):
+    """Scratch memory for c conditions beside those of the tree, in g articulations."""
+
+    direction: Array    # (c, 6) the row on the motion of B against A
+    held_a: Array       # (c, 3) where A is held [m]
+    held_b: Array       # (c, 3)
+    answer: Array       # (c, most rows of an articulation, 6) M~^-1 C^T
+    answer_rate: Array  # (c, most axes of an articulation) the same along the axes
+    S: Array            # (c, most conditions of an articulation) C M~^-1 C^T, then its factor
+    scale: Array        # (c,) of the factor
+    order: IntArray     # (c,)
+    rank: IntArray      # (g,)
+    wanted: Array       # (c,) C V
+    missing: Array      # (c,)
+    impulse: Array      # (c,) of one correction
+    total: Array        # (c,) of all in a step
+    off: Array          # (c,) how far the condition is from being kept [m or rad]
+    curved: Array       # (c,) wanted / h of the present step
+
+
+class LawWork(NamedTuple):
+    """
+    What acts along each axis (k,), in half a step, as impulses over the rate v at its end.
+
+    a - b v, and clamp(u - g v, -E, E) of a drive, and dry friction up to F; see `laws.py`.
+    """
+
+    a: Array
+    b: Array
+    u: Array
+    g: Array
+    E: Array
+    F: Array
+    low: Array      # the rate must not be below this
+    high: Array     # nor above this
+    fast: Array     # beyond which the drive does not accelerate, in both senses
+    brakes: IntArray    # (k,) 1: there it holds the joint back
+    begin: Array    # the straight piece that the rate is on goes from here
+    end: Array      # to here
+    theta: Array    # the part of damping that acts in the second half of a step
+    before: Array   # position at the start of the step
+    target: Array   # position that a locked axis is to have at the end of the step
+    bound: IntArray     # (k,) -1 or 1: at its lower or upper limit at the end of the step
+    approach: Array     # rate with which it would have passed it
+    back: Array         # rate with which it comes back from there
+    astray: Array       # way from there of a locked axis
+    half_rate: Array    # rate between the two halves of a step
+    half_effort: Array  # impulse of drive and spring in the first half of the step
+    effort: Array       # and in the whole step
+    tau: Array          # what `JointWork.tau` and `given` hold for the pieces
+    given: Array
+    held: IntArray      # what `JointMotion` had of these at the start of the step
+    held_at: Array
 
 
 class JointWork(NamedTuple):
@@ -70,7 +126,9 @@ class JointWork(NamedTuple):
     curved: Array   # (r, 6) c / h of the present step
     x: Array        # (r, 3) poses at the start of the substep
     q: Array        # (r, 4)
-    wrench: Array   # (r, 6) impulse through the joint of a row on its body
+    unresolved: IntArray    # (1,) parts of steps, too long for their motion, since the start
+    loop: LoopWork
+    law: LawWork
 
 
 def make_joint_work(table: JointTable) -> JointWork:
@@ -80,7 +138,23 @@ def make_joint_work(table: JointTable) -> JointWork:
     return JointWork(
         z((r, 3)), z((r, 3)), z((r, 3)), z((r, 6)), z((r, SIZE)), z((k, 3)), z((k, 6)), z(k),
         z(k), z(k), z(k, dtype=np.int64), z(k), z(k), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)),
-        z((r, 6)), z((r, 6)), z((r, 3)), z((r, 4)), z((r, 6)))
+        z((r, 6)), z((r, 6)), z((r, 3)), z((r, 4)), z(1, dtype=np.int64), _loop_work(table), _law_work(k))
+
+
+def _loop_work(table: JointTable) -> LoopWork:
+    c, z = len(table.condition_joint), np.zeros
+    rows, conditions = np.diff(table.first_row), np.diff(table.first_condition)
+    axes = np.diff(table.first_axis[table.first_row])
+    most = [int(counts.max(initial=0)) for counts in (rows, axes, conditions)]
+    return LoopWork(
+        z((c, 6)), z((c, 3)), z((c, 3)), z((c, most[0], 6)), z((c, most[1])), z((c, most[2])),
+        z(c), z(c, dtype=np.int64), z(len(rows), dtype=np.int64), *(z(c) for _ in range(6)))
+
+
+def _law_work(k: int) -> LawWork:
+    whole = ('brakes', 'bound', 'held')
+    return LawWork(**{name: np.zeros(k, dtype=np.int64 if name in whole else np.float64)
+                      for name in LawWork._fields})
 
 
 def no_drives(table: JointTable) -> Drives:
@@ -94,6 +168,7 @@ def joints_at_rest(table: JointTable, drives: Drives) -> JointMotion:
     """Return the state of joints at position and velocity 0, with nothing known of the past."""
     j, k, r = len(table.kind), len(table.translates), len(table.body)
     return JointMotion(
-        np.zeros(j), np.zeros(k), np.zeros((PAST, r, 6)), np.zeros(2, dtype=np.int64),
+        np.zeros(j), np.zeros(k), np.zeros((PAST, r, 6)),
+        np.zeros((PAST, len(table.condition_joint))), np.zeros(2, dtype=np.int64),
         np.ones(1, dtype=np.int64), np.zeros(k, dtype=np.int64), np.zeros(k), drives, np.zeros(k),
         np.zeros((j, 6)))

@@ -14,11 +14,13 @@ import math
 
 from rigid_sim_ros.engine.dynamics.free_rotation import MAX_ANGLE, turn, turn_fast
 from rigid_sim_ros.engine.joints.articulated import (
-    add_momenta, axis_part, gather_momenta, solve, write_momenta)
+    add_momenta, along, axis_part, gather_momenta, solve, write_momenta)
 from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork, PAST
-from rigid_sim_ros.engine.joints.kinematics import joint_error
+from rigid_sim_ros.engine.joints.kinematics import joint_error, joint_position
+from rigid_sim_ros.engine.joints.loops import close, measure_conditions
+from rigid_sim_ros.engine.joints.settle import solve_motions
 from rigid_sim_ros.engine.maths.rotation import multiply, quaternion, set_quaternion, unit
-from rigid_sim_ros.engine.maths.spatial import set_six, Six, six
+from rigid_sim_ros.engine.maths.spatial import minus, set_six, Six, six
 from rigid_sim_ros.engine.maths.vector import add_scaled, column, cross, row, set_column
 from rigid_sim_ros.engine.model.joints import JointTable, NONE
 from rigid_sim_ros.engine.model.model import Model
@@ -82,18 +84,21 @@ def shift_poses(table: JointTable, state: State, work: JointWork, h: float) -> N
 
 
 @kernel
-def measure(table: JointTable, state: State, work: JointWork) -> float:
-    """Write how the joints of the tree are off; return the largest number among these."""
-    worst = 0.0
+def measure(table: JointTable, state: State, motion: JointMotion, work: JointWork) -> float:
+    """Write how the joints are off; return the largest number among these."""
+    worst = measure_conditions(table, state, motion, work)
     for i in range(table.body.shape[0]):
         j = table.joint[i]
         if j == NONE:
             continue
         e = joint_error(table, state, j)
-        # The motions that the joint allows do not count.
+        # The motions that the joint allows do not count, unless it is locked at a position.
         for k in range(table.first_axis[i], table.first_axis[i + 1]):
-            if work.locked[k] == 0:
-                e = _without_axis(table, work, k, e)
+            e = _without_axis(table, work, k, e)
+            if work.locked[k] == 1:
+                target = work.law.target[k]
+                work.law.astray[k] = joint_position(table, state, j, target) - target
+                worst = max(worst, abs(work.law.astray[k]))
         for n in range(6):
             work.error[i, n] = table.sense[i] * e[n]
             # A comparison with what is not a number is false: it has to be caught as well.
@@ -111,36 +116,42 @@ def _without_axis(table: JointTable, work: JointWork, k: int, e: Six) -> Six:
 
 
 @kernel
-def expect(table: JointTable, motion: JointMotion, work: JointWork, h: float) -> None:
+def expect(table: JointTable, motion: JointMotion, work: JointWork) -> None:
     """
-    Write the relative motions c that the joints will need, as the steps before needed them.
+    Write the relative motions c / h that the joints will need, as the steps before needed them.
 
     c / h is a smooth function of time: a parabola through three values leaves an error of the
     order h^5 in the pose at the end of the step.
     """
-    known, past = motion.known[0], motion.curvature
+    known = motion.known[0]
+    w0, w1, w2 = 0.0, 0.0, 0.0
+    if known >= 3:
+        w0, w1, w2 = 3.0, -3.0, 1.0
+    elif known == 2:
+        w0, w1 = 2.0, -1.0
+    elif known == 1:
+        w0 = 1.0
+    past, strain = motion.curvature, motion.strain
     for i in range(table.body.shape[0]):
         for n in range(6):
-            c = 0.0
-            if known >= 3:
-                c = 3.0 * (past[0, i, n] - past[1, i, n]) + past[2, i, n]
-            elif known == 2:
-                c = 2.0 * past[0, i, n] - past[1, i, n]
-            elif known == 1:
-                c = past[0, i, n]
-            work.curved[i, n] = c
-            work.c[i, n] = h * c
+            work.curved[i, n] = w0 * past[0, i, n] + w1 * past[1, i, n] + w2 * past[2, i, n]
+    for m in range(strain.shape[1]):
+        work.loop.curved[m] = w0 * strain[0, m] + w1 * strain[1, m] + w2 * strain[2, m]
 
 
 @kernel
 def remember(table: JointTable, motion: JointMotion, work: JointWork) -> None:
     """Note the relative motions that were needed."""
-    past = motion.curvature
+    past, strain = motion.curvature, motion.strain
     for i in range(table.body.shape[0]):
         for n in range(6):
             past[2, i, n] = past[1, i, n]
             past[1, i, n] = past[0, i, n]
             past[0, i, n] = work.curved[i, n]
+    for m in range(strain.shape[1]):
+        strain[2, m] = strain[1, m]
+        strain[1, m] = strain[0, m]
+        strain[0, m] = work.loop.curved[m]
     motion.known[0] = min(motion.known[0] + 1, PAST)
 
 
@@ -163,19 +174,16 @@ def shake(model: Model, table: JointTable, state: State, motion: JointMotion, wo
     The momenta are those after the first kick; place and factor are of the present poses. Returns
     False, with poses and momenta spoiled, if the motion is not resolved by such a step.
     """
-    rows = table.body.shape[0]
-    gather_momenta(table, state, work)
-    expect(table, motion, work, h)
-    solve(table, work, 0, rows, True)
+    solve_motions(model, table, state, motion, work, h, True)
     for k in range(work.rate.shape[0]):
-        motion.rate[k] = work.rate[k]
+        work.law.half_rate[k] = work.rate[k]
     write_momenta(model, table, state, work)
     keep_poses(table, state, work)
     turning = largest_turn(table, work, h)
     before = math.inf
     for _ in range(MOST_ROUNDS):
         drift_from(model, table, state, work, h)
-        worst = measure(table, state, work)
+        worst = measure(table, state, motion, work)
         if worst <= TOLERANCE:
             remember(table, motion, work)
             return True
@@ -183,7 +191,9 @@ def shake(model: Model, table: JointTable, state: State, motion: JointMotion, wo
         if not worst <= 0.5 * before:
             return False
         before = worst
-        correct(model, table, state, motion, work, h)
+        correct(model, table, state, work, h)
+        for k in range(work.rate.shape[0]):
+            work.law.half_rate[k] += work.rate[k]
         # What a round leaves is known before it is measured; the factor 4 is for long arms.
         if worst * (4.0 * turning + worst) <= TOLERANCE:
             shift_poses(table, state, work, h)
@@ -193,31 +203,37 @@ def shake(model: Model, table: JointTable, state: State, motion: JointMotion, wo
 
 
 @kernel
-def correct(model: Model, table: JointTable, state: State, motion: JointMotion, work: JointWork,
-            h: float) -> None:
+def correct(model: Model, table: JointTable, state: State, work: JointWork, h: float) -> None:
     """Change the momenta by joint impulses that take the errors back, to first order."""
     for i in range(table.body.shape[0]):
         e = six(work.error, i)
         set_six(work.F, i, _ZERO)
-        set_six(work.c, i, (-e[0] / h, -e[1] / h, -e[2] / h, -e[3] / h, -e[4] / h, -e[5] / h))
+        c = (-e[0] / h, -e[1] / h, -e[2] / h, -e[3] / h, -e[4] / h, -e[5] / h)
         for n in range(6):
             work.curved[i, n] -= e[n] / (h * h)
+        for k in range(table.first_axis[i], table.first_axis[i + 1]):
+            if work.locked[k] == 1:
+                c = minus(c, work.law.astray[k] / h, along(table, work, k))
+        set_six(work.c, i, c)
     for k in range(work.tau.shape[0]):
         work.tau[k], work.given[k] = 0.0, 0.0
+    for m in range(work.loop.wanted.shape[0]):
+        work.loop.wanted[m] = -work.loop.off[m] / h
+        work.loop.curved[m] -= work.loop.off[m] / (h * h)
     solve(table, work, 0, table.body.shape[0], False)
-    for k in range(work.rate.shape[0]):
-        motion.rate[k] += work.rate[k]
+    close(model, table, state, work, False)
     add_momenta(model, table, state, work)
 
 
 @kernel
-def rattle(model: Model, table: JointTable, state: State, motion: JointMotion,
-           work: JointWork) -> None:
-    """Take from the momenta what would tear the joints apart; place and factor are given."""
-    gather_momenta(table, state, work)
-    for i in range(table.body.shape[0]):
-        set_six(work.c, i, _ZERO)
-    solve(table, work, 0, table.body.shape[0], True)
+def rattle(model: Model, table: JointTable, state: State, motion: JointMotion, work: JointWork,
+           h: float) -> None:
+    """
+    Take from the momenta what would tear the joints apart; place and factor are given.
+
+    With what acts along the axes in the second half of a step of h [s].
+    """
+    solve_motions(model, table, state, motion, work, h, False)
     for k in range(work.rate.shape[0]):
         motion.rate[k] = work.rate[k]
     write_momenta(model, table, state, work)

@@ -113,8 +113,10 @@ class JointTable(NamedTuple):
     translates: IntArray        # (k,) 1 or 0: rotates
     axis_body: IntArray         # (k,) in which it is fixed, WORLD for the world
     axis: Array                 # (k, 3) unit, axes of C of that body
+    axis_joint: IntArray        # (k,) the joint that it belongs to, NONE: of a body that floats
     laws: Laws
     has_laws: IntArray          # (k,) 1 if any force or bound acts along it
+    lawful: int                 # how many of these there are
     # --- conditions that close loops and couple joints, a row for each, by articulation
     condition_joint: IntArray   # (c,)
     condition_place: IntArray   # (c,) which condition of the joint; MIMIC: a coupling
@@ -293,9 +295,11 @@ def build_joints(joints: Sequence[Joint], moves: Sequence[bool]) -> JointTable:
         np.array([row[4] for row in rows], dtype=np.float64), _integers(first_axis),
         _integers(forest.row_of), _integers([axis[0] for axis in axes]),
         _integers([axis[1] for axis in axes]), _rows([axis[2] for axis in axes], 3),
+        _integers([row[2] for r, row in enumerate(rows)
+                   for _ in range(first_axis[r + 1] - first_axis[r])]),
         Laws._make(np.array([law[k] for law in laws], dtype=np.float64)
                    for k in range(len(Laws._fields))),
-        _integers(driven),
+        _integers(driven), sum(driven),
         _integers([c[0] for c in conditions]), _integers([c[1] for c in conditions]),
         _integers([c[2] for c in conditions]).reshape(-1, 2), _rows(
             [np.array(c[3]) for c in conditions], 2),

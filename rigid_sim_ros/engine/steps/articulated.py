@@ -9,10 +9,10 @@ from rigid_sim_ros.engine.dynamics.integrate import sum_loads, Work
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic, move_kinematic
 from rigid_sim_ros.engine.dynamics.loads import kick
 from rigid_sim_ros.engine.dynamics.wrenches import count_down, Wrenches
-from rigid_sim_ros.engine.joints.articulated import factor
-from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
-from rigid_sim_ros.engine.joints.kinematics import place_joints
-from rigid_sim_ros.engine.joints.shake import rattle, shake
+from rigid_sim_ros.engine.joints.buffers import EFFORT, JointMotion, JointWork, LASTS
+from rigid_sim_ros.engine.joints.posture import read_positions
+from rigid_sim_ros.engine.joints.settle import prepare
+from rigid_sim_ros.engine.joints.shake import expect, rattle, shake
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import copy_into, State
@@ -29,15 +29,29 @@ PATIENCE = 16
 
 @kernel
 def advance(box: Any, count: int) -> None:
-    """Take some steps; the box holds all that `articulated_step` needs."""
+    """Take some steps; the box holds what `_step` takes."""
     model, state, wrenches, work, table, motion, scratch, times, start = contents(box)
-    place_joints(model, table, state, scratch)
-    factor(model, table, scratch, 0, table.body.shape[0])
+    prepare(model, table, state, scratch)
     for _ in range(count):
         begin_kinematic(model, state)
         _step(model, state, wrenches, work, table, motion, scratch, times, start)
         end_kinematic(model, state)
         count_down(wrenches)
+        end_commands(motion)
+    read_positions(table, state, motion)
+
+
+@kernel
+def end_commands(motion: JointMotion) -> None:
+    """Let one step pass for the commands of drives; a drive whose time is over exerts nothing."""
+    drives = motion.drives
+    for k in range(drives.mode.shape[0]):
+        if drives.steps_left[k] > 0:
+            drives.steps_left[k] -= 1
+            if drives.steps_left[k] == 0:
+                drives.mode[k] = EFFORT
+                drives.stiffness[k], drives.damping[k], drives.effort[k] = 0.0, 0.0, 0.0
+                drives.steps_left[k] = LASTS
 
 
 @kernel
@@ -50,15 +64,23 @@ def _step(model: Model, state: State, wrenches: Wrenches, work: Work, table: Joi
         if motion.known[1] >= PATIENCE:
             size *= 2
             motion.known[1] = 0
+    for k in range(motion.effort.shape[0]):
+        motion.effort[k] = 0.0
     while done < MOST_PARTS:
         copy_into(start, state)
+        for k in range(motion.held.shape[0]):
+            scratch.law.held[k], scratch.law.held_at[k] = motion.held[k], motion.held_at[k]
         h = model.h * size / MOST_PARTS
-        if substep(model, state, wrenches, work, table, motion, scratch, times, h) or size == 1:
+        if substep(model, state, wrenches, work, table, motion, scratch, times, start, h,
+                   size == 1):
             done += size
+            for k in range(motion.effort.shape[0]):
+                motion.effort[k] += scratch.law.effort[k] / model.h
         else:
             copy_into(state, start)
-            place_joints(model, table, state, scratch)
-            factor(model, table, scratch, 0, table.body.shape[0])
+            for k in range(motion.held.shape[0]):
+                motion.held[k], motion.held_at[k] = scratch.law.held[k], scratch.law.held_at[k]
+            prepare(model, table, state, scratch)
             motion.known[0], motion.known[1] = 0, 0
             size //= 2
     motion.parts[0] = MOST_PARTS // size
@@ -66,29 +88,56 @@ def _step(model: Model, state: State, wrenches: Wrenches, work: Work, table: Joi
 
 @kernel
 def substep(model: Model, state: State, wrenches: Wrenches, work: Work, table: JointTable,
-            motion: JointMotion, scratch: JointWork, times: Array, h: float) -> bool:
+            motion: JointMotion, scratch: JointWork, times: Array, start: State,
+            h: float, last: bool) -> bool:
     """
     Kick, drift, kick, with the impulses of the joints: order 2.
 
-    place and factor are of the present poses, and then of the new ones. Returns False, with the
-    state spoiled, if h [s] is too long to resolve the motion.
+    `prepare` has been called for the present poses, and is then for the new ones. Returns False,
+    with the state spoiled, if h [s] is too long to resolve the motion; the last resort is to go
+    on with what there is.
     """
     sum_loads(model, state, wrenches, work.loads)
     kick(state, work.loads, 0.5 * h)
+    expect(table, motion, scratch)
     for i in range(times.shape[0]):
         times[i] = h if table.row_of_body[i] < 0 else 0.0
     drift(model, state, times, work.block)
     move_kinematic(model, state, h)
     if not shake(model, table, state, motion, scratch, h):
-        return False
-    place_joints(model, table, state, scratch)
-    factor(model, table, scratch, 0, table.body.shape[0])
+        if not last:
+            return False
+        scratch.unresolved[0] += 1
+    follow_positions(table, state, motion, scratch, h)
+    prepare(model, table, state, scratch)
+    if model.forces.kind.shape[0] + wrenches.in_use[0] == 0:
+        kick(state, work.loads, 0.5 * h)
+        rattle(model, table, state, motion, scratch, h)
+        return True
+    # Loads that depend on velocities want these as they will be at the end.
+    copy_into(start, state)
     kick(state, work.loads, 0.5 * h)
-    if model.forces.kind.shape[0] + wrenches.in_use[0] > 0:
-        # Loads that depend on velocities want these as they will be.
-        rattle(model, table, state, motion, scratch)
-        kick(state, work.loads, -0.5 * h)
-        sum_loads(model, state, wrenches, work.later)
-        kick(state, work.later, 0.5 * h)
-    rattle(model, table, state, motion, scratch)
+    rattle(model, table, state, motion, scratch, h)
+    sum_loads(model, state, wrenches, work.later)
+    copy_into(state, start)
+    kick(state, work.later, 0.5 * h)
+    rattle(model, table, state, motion, scratch, h)
     return True
+
+
+@kernel
+def follow_positions(table: JointTable, state: State, motion: JointMotion, scratch: JointWork,
+                     h: float) -> None:
+    """
+    Keep count of the turns of joints, and of all positions where anything depends on them.
+
+    The way of half a step is far less than half a turn off: `read_positions` takes the value
+    itself from the poses.
+    """
+    if table.lawful + table.condition_joint.shape[0] > 0:
+        read_positions(table, state, motion)
+        return
+    for k in range(table.axis_joint.shape[0]):
+        j = table.axis_joint[k]
+        if j >= 0:
+            motion.position[j] += h * scratch.law.half_rate[k]
