@@ -8,11 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.joints.buffers import Drives, EFFORT, no_drives, POSITION, VELOCITY
+from rigid_sim_ros.engine.joints.assembly import assemble, set_rates
+from rigid_sim_ros.engine.joints.buffers import (
+    Drives, EFFORT, joints_at_rest, make_joint_work, no_drives, POSITION, VELOCITY)
+from rigid_sim_ros.engine.joints.kinematics import forbidden_error, joint_distance
 from rigid_sim_ros.engine.maths.rotation_in_python import from_matrix, multiply, rotate
 from rigid_sim_ros.engine.model import joints as engine
 from rigid_sim_ros.engine.model.joints import build_joints, JointTable, Laws, LoopError, Mimic
 from rigid_sim_ros.engine.model.model import Model, WORLD
+from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array
 from rigid_sim_ros.scene import schema
 from rigid_sim_ros.scene.errors import below, nearest, Report, shown
@@ -32,6 +36,9 @@ _TYPES_OF_KEY = {
 _PARALLEL = 1e-6
 # [m] How far apart the ends of a distance joint must be, at least, to have a direction.
 _NEAR = 1e-9
+
+# [m or rad] What is written with six digits is closed; joints take the rest away.
+CLOSED = 1e-5
 
 _Pose = tuple[tuple[float, float, float], tuple[float, float, float, float]]
 
@@ -261,3 +268,42 @@ def _inverse(pose: _Pose) -> _Pose:
     q = (-pose[1][0], -pose[1][1], -pose[1][2], pose[1][3])
     x, y, z = rotate(q, pose[0])
     return (-x, -y, -z), q
+
+
+def put_together(spec: schema.Scene, model: Model, state: State, joints: SceneJoints,
+                 report: Report) -> None:
+    """
+    Move the bodies of the first state to where the positions of the joints want them.
+
+    Reports joints whose two frames do not meet where the bodies are written, or after the others
+    have moved to their positions.
+    """
+    table, named = joints.table, spec.joints or ()
+    for i, joint in enumerate(named):
+        gap = _gap(table, state, i)
+        # A joint that closes a loop need not be closed where the others are at 0.
+        if table.row_of_joint[i] != engine.NONE and gap > CLOSED:
+            report(('joints', i), f'its frames in {shown(joint.parent)} and {shown(joint.child)} '
+                   f'are {gap:.3g} m or rad apart where these bodies are written, must meet at '
+                   'position 0: leave child_pose out, or move a body')
+            return
+    motion = joints_at_rest(table, joints.drives)
+    work = make_joint_work(table)
+    motion.position[:] = joints.position
+    gap = assemble(model, table, state, motion, work, joints.position,
+                   np.zeros(len(table.translates), dtype=np.int64))
+    if not gap <= CLOSED:
+        worst = max(range(len(named)), key=lambda i: _gap(table, state, i))
+        report(('joints', worst), f'does not close: its frames stay {gap:.3g} m or rad apart, '
+               'must meet where the other joints are at their positions')
+        return
+    set_rates(model, table, state, motion, work, joints.velocity)
+
+
+def _gap(table: JointTable, state: State, j: int) -> float:
+    """Return how far a joint is from being closed [m or rad]."""
+    if table.kind[j] == engine.FREE:
+        return 0.0
+    if table.kind[j] == engine.DISTANCE:
+        return abs(joint_distance(table, state, j)[0] - float(table.length[j]))
+    return float(np.abs(forbidden_error(table, state, j)).max())

@@ -24,6 +24,7 @@ from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.scene import read_scene, Scene, scene_from_dict
 from rigid_sim_ros.world.applied_wrenches import AppliedWrenches, FIELDS
 from rigid_sim_ros.world.bounds import check_change, check_position, check_twist
+from rigid_sim_ros.world.joints import WithJoints
 from rigid_sim_ros.world.posed import FIELDS as POSED_FIELDS, Posed
 from rigid_sim_ros.world.snapshot import pack, unpack
 from rigid_sim_ros.world.snapshot_check import check, Sizes
@@ -42,7 +43,7 @@ def load_scene(scene: str | os.PathLike[str]) -> 'World':
     return World(read_scene(scene))
 
 
-class World:
+class World(WithJoints):
     """
     A world of rigid bodies that advances in fixed steps.
 
@@ -73,11 +74,12 @@ class World:
         collision = scene.spec.collision
         self._contact = make_contact_model(scene.contact, Setup(
             self._model, shapes, scene.materials, scene.integrator, scene.orientation,
-            scene.solver, collision.substeps, collision.sleep_after))
+            scene.solver, collision.substeps, collision.sleep_after, self._joint_setup()))
         self._motion = empty_motion(len(self.names))
         self._box = Kept().box(self._model, self._state, self._motion)
         self._motion_is_current = False
         self._threads = 1
+        self._begin_joints()
 
     @classmethod
     def from_dict(cls, scene: Mapping[str, Any]) -> 'World':
@@ -193,14 +195,14 @@ class World:
         return self._model.m[self._row]
 
     def kinetic_energy(self) -> float:
-        """Return the kinetic energy of all bodies [J]."""
-        return float(kinetic_energy(self._model, self._state))
+        """Return the kinetic energy of all bodies, and of what turns in joints [J]."""
+        return float(kinetic_energy(self._model, self._state)) + self._armature_energy()
 
     def potential_energy(self) -> float:
-        """Return the potential energy of gravity and of the scene's forces [J]."""
+        """Return the potential energy of gravity, of the scene's forces and of springs [J]."""
         loads = empty_loads(len(self.names))
         return float(add_gravity(self._model, self._state, loads)
-                     + add_scene_forces(self._model, self._state, loads))
+                     + add_scene_forces(self._model, self._state, loads)) + self._spring_energy()
 
     def total_momentum(self) -> Array:
         """Return the linear momentum of all bodies, (3,) [kg m/s]."""
@@ -308,6 +310,7 @@ class World:
             p_W, _ = point_on_frame(self._model, self._state, f, tuple(p_F))
         J_W = vector_on_frame(self._model, self._state, f, tuple(J))
         add_impulse(self._model, self._state, body, p_W, J_W)
+        self._pass_on(body)
         self._motion_is_current = False
 
     def set_pose(self, name: str, position: ArrayLike, orientation: ArrayLike) -> None:
@@ -323,10 +326,12 @@ class World:
         body = self._body(name)
         p, q = _vector('position', position), _unit_quaternion(orientation)
         check_position(self._bounds, name, p)
+        self._check_is_not_held(body)
         motion = self._current_motion()
         motion.position[body], motion.orientation[body] = p, q
         if self._model.inv_m[body] == 0.0:
             self._posed.put(self._state, motion, body, self.step_index)
+            self._follow(body)
         else:
             write_motion(self._model, self._state, motion, body)
         self._motion_is_current = False
@@ -351,6 +356,7 @@ class World:
             self._posed.turn(self._state, motion, body)
         else:
             write_motion(self._model, self._state, motion, body)
+        self._pass_on(body)
         self._motion_is_current = False
 
     def _body(self, name: str) -> int:
@@ -446,6 +452,7 @@ class World:
         self._applied.clear()
         self._posed.clear()
         self._contact.recall({})
+        self._begin_joints()
         self._motion_is_current = False
         if not keep_time:
             self.step_index = 0

@@ -10,7 +10,7 @@ from rigid_sim_ros.engine.maths.rotation import (
 from rigid_sim_ros.engine.maths.spatial import Six
 from rigid_sim_ros.engine.maths.vector import add, column, cross, dot, row, scale, subtract
 from rigid_sim_ros.engine.model.joints import (
-    DISTANCE, FIXED, JointTable, NONE, PLANAR, PRISMATIC, REVOLUTE, SPHERICAL, UNIVERSAL)
+    DISTANCE, FIXED, JointTable, NONE, PLANAR, PRISMATIC, REVOLUTE, UNIVERSAL)
 from rigid_sim_ros.engine.model.model import Model, WORLD
 from rigid_sim_ros.engine.state.state import body_spin, body_velocity, State
 from rigid_sim_ros.kernels.arrays import Array, Quaternion, Vector
@@ -126,6 +126,21 @@ def joint_error(table: JointTable, state: State, j: int) -> Six:
 
 
 @kernel
+def forbidden_error(table: JointTable, state: State, j: int) -> Six:
+    """Return `joint_error` without what the kind leaves free, in the axes of K of A."""
+    kind = table.kind[j]
+    e = joint_error(table, state, j)
+    _, q_A = joint_side(state, table.body_a[j], table.p_A, table.q_A, j)
+    d = rotate_back(q_A, (e[0], e[1], e[2]))
+    if kind == PRISMATIC:
+        d = (d[0], d[1], 0.0)
+    elif kind == PLANAR:
+        d = (0.0, 0.0, d[2])
+    t = rotate_back(q_A, (e[3], e[4], e[5]))
+    return (d[0], d[1], d[2], t[0], t[1], t[2])
+
+
+@kernel
 def joint_distance(table: JointTable, state: State, j: int) -> tuple[float, Vector]:
     """Return the distance of the two ends of joint j [m], and the unit vector from A to B."""
     p_A, _ = joint_side(state, table.body_a[j], table.p_A, table.q_A, j)
@@ -177,9 +192,3 @@ def joint_position(table: JointTable, state: State, j: int, near: float) -> floa
 def has_one_coordinate(kind: int) -> bool:
     """Return whether `joint_position` has a meaning for a kind."""
     return kind == REVOLUTE or kind == PRISMATIC or kind == DISTANCE
-
-
-@kernel
-def is_ball(kind: int) -> bool:
-    """Return whether a joint leaves all rotations free."""
-    return kind == SPHERICAL

@@ -205,6 +205,15 @@ def shake(model: Model, table: JointTable, state: State, motion: JointMotion, wo
 @kernel
 def correct(model: Model, table: JointTable, state: State, work: JointWork, h: float) -> None:
     """Change the momenta by joint impulses that take the errors back, to first order."""
+    ask_back(table, work, h)
+    solve(table, work, 0, table.body.shape[0], False)
+    close(model, table, state, work, False)
+    add_momenta(model, table, state, work)
+
+
+@kernel
+def ask_back(table: JointTable, work: JointWork, h: float) -> None:
+    """Ask for the relative motions that take the errors back in h [s]."""
     for i in range(table.body.shape[0]):
         e = six(work.error, i)
         set_six(work.F, i, _ZERO)
@@ -220,9 +229,6 @@ def correct(model: Model, table: JointTable, state: State, work: JointWork, h: f
     for m in range(work.loop.wanted.shape[0]):
         work.loop.wanted[m] = -work.loop.off[m] / h
         work.loop.curved[m] -= work.loop.off[m] / (h * h)
-    solve(table, work, 0, table.body.shape[0], False)
-    close(model, table, state, work, False)
-    add_momenta(model, table, state, work)
 
 
 @kernel

@@ -27,6 +27,7 @@ from rigid_sim_ros.engine.solver.sleeping import no_rest
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.engine.steps import event, penalty, qp, timestep
 from rigid_sim_ros.engine.steps.free import FREE_MOTION
+from rigid_sim_ros.engine.steps.jointed_motion import JointedMotion, JointSetup
 from rigid_sim_ros.kernels.argument_pack import Kept
 from rigid_sim_ros.kernels.arrays import Array
 from rigid_sim_ros.kernels.second_core import Helper
@@ -49,6 +50,7 @@ class Setup(NamedTuple):
     solver: str  # of the model `timestep`
     substeps: int
     sleep_after: float  # [s] at rest, of the sequential solver; 0: nothing sleeps
+    joints: JointSetup | None = None
 
 
 class ContactReport(NamedTuple):
@@ -119,6 +121,22 @@ class FreeMotion(_OneThread):
     def report(self) -> ContactReport:
         """Return zeros."""
         return ContactReport()
+
+    def contacts(self, state: State) -> np.ndarray:
+        """Return no rows."""
+        return np.zeros(0, dtype=CONTACT)
+
+
+class Jointed(_OneThread, JointedMotion):
+    """No contacts, but joints between the bodies."""
+
+    def report(self) -> ContactReport:
+        """Return what could not be done."""
+        message = ''
+        if self.unresolved:
+            message = (f'{self.unresolved} parts of steps were too long for the motion of joints: '
+                       'use a smaller step')
+        return ContactReport(message=message)
 
     def contacts(self, state: State) -> np.ndarray:
         """Return no rows."""
@@ -378,6 +396,8 @@ def make_contact_model(name: str, setup: Setup) -> ContactModel:
     A world in which nothing can meet anything gets free motion, whatever was asked for: it is the
     same physics, and the integrator that was chosen runs it.
     """
+    if setup.joints is not None:
+        return Jointed(setup.model, setup.joints)
     moving = np.count_nonzero(setup.shapes.still == 0)
     if len(setup.shapes.body) < 2 or moving == 0:
         name = 'none'
