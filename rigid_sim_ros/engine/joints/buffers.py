@@ -56,6 +56,7 @@ class LoopWork(NamedTuple):
     answer: Array       # (c, most rows of an articulation, 6) M~^-1 C^T
     answer_rate: Array  # (c, most axes of an articulation) the same along the axes
     S: Array            # (c, most conditions of an articulation) C M~^-1 C^T, then its factor
+    free: Array         # (c,) the diagonal of S if the bodies were free
     scale: Array        # (c,) of the factor
     order: IntArray     # (c,)
     rank: IntArray      # (g,)
@@ -148,7 +149,7 @@ def _loop_work(table: JointTable) -> LoopWork:
     most = [int(counts.max(initial=0)) for counts in (rows, axes, conditions)]
     return LoopWork(
         z((c, 6)), z((c, 3)), z((c, 3)), z((c, most[0], 6)), z((c, most[1])), z((c, most[2])),
-        z(c), z(c, dtype=np.int64), z(len(rows), dtype=np.int64), *(z(c) for _ in range(6)))
+        z(c), z(c), z(c, dtype=np.int64), z(len(rows), dtype=np.int64), *(z(c) for _ in range(6)))
 
 
 def _law_work(k: int) -> LawWork:

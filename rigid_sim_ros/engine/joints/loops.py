@@ -17,7 +17,8 @@ from rigid_sim_ros.engine.joints.articulated import solve
 from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
 from rigid_sim_ros.engine.joints.kinematics import (
     axis_x, axis_z, joint_distance, joint_error, joint_position, joint_side)
-from rigid_sim_ros.engine.maths.cholesky import factor_semidefinite, solve_semidefinite
+from rigid_sim_ros.engine.maths.cholesky import CUT_OFF, factor_semidefinite, solve_semidefinite
+from rigid_sim_ros.engine.maths.rotation import angular_velocity, quaternion
 from rigid_sim_ros.engine.maths.spatial import (
     add_six, force_about, minus, motion_at, product, set_six, Six, six)
 from rigid_sim_ros.engine.maths.vector import add, column, cross, dot, row, scale, subtract
@@ -66,7 +67,7 @@ def _end(table: JointTable, work: JointWork, m: int, body: int, side: int) -> Ve
 
 
 @kernel
-def place_conditions(table: JointTable, state: State, work: JointWork) -> None:
+def place_conditions(model: Model, table: JointTable, state: State, work: JointWork) -> None:
     """Write the rows of all conditions and where they hold, at the present poses."""
     for m in range(table.condition_joint.shape[0]):
         if table.condition_place[m] == MIMIC:
@@ -79,6 +80,22 @@ def place_conditions(table: JointTable, state: State, work: JointWork) -> None:
             work.loop.held_b[m, k] = p_B[k]
             # A slides under B: both are held where B is, but at the two ends of a distance.
             work.loop.held_a[m, k] = p_A[k] if table.kind[j] == DISTANCE else p_B[k]
+        work.loop.free[m] = 0.0
+        for side in range(2):
+            body = table.body_a[j] if side == 0 else table.body_b[j]
+            if body != WORLD and model.inv_m[body] > 0.0:
+                p = row(work.loop.held_a, m) if side == 0 else row(work.loop.held_b, m)
+                work.loop.free[m] += _free_answer(model, state, body, p,
+                                                  six(work.loop.direction, m))
+
+
+@inlined
+def _free_answer(model: Model, state: State, body: int, p: Vector, C: Six) -> float:
+    """Return C M^-1 C^T of a free body that is held at p [m]: how a joint could let it move."""
+    f = (C[0], C[1], C[2])
+    n = add((C[3], C[4], C[5]), cross(subtract(p, column(state.x, body)), f))
+    w = angular_velocity(quaternion(state.q, body), n, column(model.inv_I_C, body))
+    return model.inv_m[body] * dot(f, f) + dot(n, w)
 
 
 @kernel
@@ -153,6 +170,9 @@ def factor_conditions(table: JointTable, work: JointWork) -> None:
                 work.loop.answer_rate[m, k - start] = work.rate[k]
             for n in range(first, last):
                 work.loop.S[m, n - first] = _rate_of(table, work, n)
+            if work.loop.S[m, m - first] <= CUT_OFF * work.loop.free[m]:
+                work.loop.S[m, m - first] = 0.0     # the tree itself forbids this motion
+        _clear(table, work, begin, end)
         work.loop.rank[g] = factor_semidefinite(work.loop.S[first:last], last - first,
                                            work.loop.scale[first:last], work.loop.order[first:last])
 

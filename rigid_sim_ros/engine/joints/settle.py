@@ -30,7 +30,7 @@ def prepare(model: Model, table: JointTable, state: State, work: JointWork) -> N
         for k in range(work.locked.shape[0]):
             work.locked[k], work.extra[k] = 0, table.laws.armature[k]
     if table.condition_joint.shape[0] > 0:
-        place_conditions(table, state, work)
+        place_conditions(model, table, state, work)
     factor_all(model, table, work)
 
 
