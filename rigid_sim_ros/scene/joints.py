@@ -11,7 +11,7 @@ import numpy as np
 from rigid_sim_ros.engine.joints.assembly import assemble, set_rates
 from rigid_sim_ros.engine.joints.buffers import (
     Drives, EFFORT, joints_at_rest, make_joint_work, no_drives, POSITION, VELOCITY)
-from rigid_sim_ros.engine.joints.kinematics import forbidden_error, joint_distance
+from rigid_sim_ros.engine.joints.kinematics import joint_distance, joint_error
 from rigid_sim_ros.engine.maths.rotation_in_python import from_matrix, multiply, rotate
 from rigid_sim_ros.engine.model import joints as engine
 from rigid_sim_ros.engine.model.joints import build_joints, JointTable, Laws, LoopError, Mimic
@@ -49,6 +49,8 @@ class SceneJoints(NamedTuple):
     table: JointTable
     position: Array     # (j,) at the start [rad] or [m]
     velocity: Array     # (k,) along the axes at the start, NaN: as the bodies' twists have it
+    # (j, 4) x, y, z, w: axes of K, whose z axis is that of the joint, to those of the joint frame
+    q_JK: Array
     drives: Drives
 
 
@@ -167,7 +169,8 @@ def build_scene_joints(spec: schema.Scene, model: Model, report: Report) -> Scen
             set_drive(drives, k, joint.drive, joint.drive.mode, (
                 float(position[i]) if joint.drive.position is None else joint.drive.position),
                 joint.drive.velocity, joint.drive.effort)
-    return SceneJoints(table, position, velocity, drives)
+    turned = np.array([_axes(joint) for joint in joints], dtype=np.float64)
+    return SceneJoints(table, position, velocity, turned, drives)
 
 
 def set_drive(drives: Drives, k: int, drive: schema.JointDrive, mode: str, position: float,
@@ -192,8 +195,10 @@ def _start(joint: schema.Joint, joints: Sequence[schema.Joint],
 def _joint(spec: schema.Scene, model: Model, joint: schema.Joint, index: Mapping[str, int],
            by_name: Mapping[str, int], here: Report) -> engine.Joint | None:
     a, b = index[joint.parent], index[joint.child]
-    q_JK = _axes(joint, here)
+    q_JK = _axes(joint)
     if q_JK is None:
+        here(('axis2',), f'{list(joint.axis2 or ())} is not at right angles to the axis '
+             f'{list(joint.axis)}, must be')
         return None
     p_PJ, q_PJ = joint.pose.position, joint.pose.orientation
     poses = [_pose(spec, body) for body in (a, b)]
@@ -225,16 +230,14 @@ def _laws(joint: schema.Joint) -> Laws:
                 math.inf if limits.effort is None else limits.effort)
 
 
-def _axes(joint: schema.Joint, here: Report) -> tuple[float, float, float, float] | None:
-    """Return q_JK: the frame K of the engine has the axis of the joint as its z axis."""
+def _axes(joint: schema.Joint) -> tuple[float, float, float, float] | None:
+    """Return q_JK, see `SceneJoints`; None if the second axis is not at right angles."""
     z = np.array(joint.axis) / math.hypot(*joint.axis)
     near = np.eye(3)[int(np.argmin(np.abs(z)))] if joint.axis2 is None else np.array(joint.axis2)
     x = near / math.hypot(*near.tolist())
     x = x - (x @ z) * z
     size = math.hypot(*x.tolist())
     if joint.axis2 is not None and size < 1.0 - _PARALLEL:
-        here(('axis2',), f'{list(joint.axis2)} is not at right angles to the axis '
-             f'{list(joint.axis)}, must be')
         return None
     x = x / size
     y = np.cross(z, x)
@@ -280,7 +283,7 @@ def put_together(spec: schema.Scene, model: Model, state: State, joints: SceneJo
     """
     table, named = joints.table, spec.joints or ()
     for i, joint in enumerate(named):
-        gap = _gap(table, state, i)
+        gap = gap_of(table, state, i)
         # A joint that closes a loop need not be closed where the others are at 0.
         if table.row_of_joint[i] != engine.NONE and gap > CLOSED:
             report(('joints', i), f'its frames in {shown(joint.parent)} and {shown(joint.child)} '
@@ -293,17 +296,17 @@ def put_together(spec: schema.Scene, model: Model, state: State, joints: SceneJo
     gap = assemble(model, table, state, motion, work, joints.position,
                    np.zeros(len(table.translates), dtype=np.int64))
     if not gap <= CLOSED:
-        worst = max(range(len(named)), key=lambda i: _gap(table, state, i))
+        worst = max(range(len(named)), key=lambda i: gap_of(table, state, i))
         report(('joints', worst), f'does not close: its frames stay {gap:.3g} m or rad apart, '
                'must meet where the other joints are at their positions')
         return
     set_rates(model, table, state, motion, work, joints.velocity)
 
 
-def _gap(table: JointTable, state: State, j: int) -> float:
+def gap_of(table: JointTable, state: State, j: int) -> float:
     """Return how far a joint is from being closed [m or rad]."""
     if table.kind[j] == engine.FREE:
         return 0.0
     if table.kind[j] == engine.DISTANCE:
         return abs(joint_distance(table, state, j)[0] - float(table.length[j]))
-    return float(np.abs(forbidden_error(table, state, j)).max())
+    return float(np.abs(joint_error(table, state, j)).max())

@@ -8,6 +8,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.joints.buffers import JointMotion, LASTS
 from rigid_sim_ros.engine.joints.kinematics import joint_coordinates
+from rigid_sim_ros.engine.maths.rotation_in_python import rotate
 from rigid_sim_ros.engine.model.joints import NONE
 from rigid_sim_ros.engine.steps.jointed_motion import JointedMotion, JointSetup
 from rigid_sim_ros.kernels.arrays import Array
@@ -105,7 +106,10 @@ class WithJoints:
         step. ValueError for an unknown joint.
         """
         joints, j = self._known_joint(name)
-        return joints.motion.wrench[j].copy()
+        assert self.scene.joints is not None
+        x, y, z, w = self.scene.joints.q_JK[j].tolist()
+        f, n = joints.motion.wrench[j].reshape(2, 3).tolist()
+        return np.array([*rotate((x, y, z, w), tuple(f)), *rotate((x, y, z, w), tuple(n))])
 
     def set_joint_command(self, name: str, mode: str | None = None,
                           position: float | None = None, velocity: float | None = None,

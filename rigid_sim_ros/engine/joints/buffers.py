@@ -127,6 +127,7 @@ class JointWork(NamedTuple):
     curved: Array   # (r, 6) c / h of the present step
     x: Array        # (r, 3) poses at the start of the substep
     q: Array        # (r, 4)
+    before: Array   # (r, 6) momenta before the joints act
     unresolved: IntArray    # (1,) parts of steps, too long for their motion, since the start
     loop: LoopWork
     law: LawWork
@@ -139,7 +140,7 @@ def make_joint_work(table: JointTable) -> JointWork:
     return JointWork(
         z((r, 3)), z((r, 3)), z((r, 3)), z((r, 6)), z((r, SIZE)), z((k, 3)), z((k, 6)), z(k),
         z(k), z(k), z(k, dtype=np.int64), z(k), z(k), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)),
-        z((r, 6)), z((r, 6)), z((r, 3)), z((r, 4)), z(1, dtype=np.int64), _loop_work(table), _law_work(k))
+        z((r, 6)), z((r, 6)), z((r, 3)), z((r, 4)), z((r, 6)), z(1, dtype=np.int64), _loop_work(table), _law_work(k))
 
 
 def _loop_work(table: JointTable) -> LoopWork:

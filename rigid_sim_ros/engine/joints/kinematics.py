@@ -103,14 +103,18 @@ def joint_error(table: JointTable, state: State, j: int) -> Six:
     """
     Return how B is off from where joint j allows it to be, as small motion at K, world axes.
 
-    Translation [m] and rotation [rad] of B against A. What the kind leaves free has no meaning:
-    parts along the axes of motion are to be ignored.
+    Translation [m] and rotation [rad] of B against A, without what the joint leaves free.
     """
     kind = table.kind[j]
     p_A, q_A = joint_side(state, table.body_a[j], table.p_A, table.q_A, j)
     p_B, q_B = joint_side(state, table.body_b[j], table.p_B, table.q_B, j)
     d = subtract(p_B, p_A)
     turn = (0.0, 0.0, 0.0)
+    if kind == PRISMATIC or kind == PLANAR:
+        # By the axes as they are now: a long way along an axis of some time before is off by far.
+        z = axis_z(q_A)
+        way = scale(dot(d, z), z)
+        d = subtract(d, way) if kind == PRISMATIC else way
     if kind == REVOLUTE or kind == PLANAR:
         turn = cross(axis_z(q_A), axis_z(q_B))
     elif kind == FIXED or kind == PRISMATIC:
@@ -123,21 +127,6 @@ def joint_error(table: JointTable, state: State, j: int) -> Six:
         # d(a . b) = t . (b x a) for a small turn t of B.
         turn = scale(dot(a, b) / dot(n, n), n)
     return (d[0], d[1], d[2], turn[0], turn[1], turn[2])
-
-
-@kernel
-def forbidden_error(table: JointTable, state: State, j: int) -> Six:
-    """Return `joint_error` without what the kind leaves free, in the axes of K of A."""
-    kind = table.kind[j]
-    e = joint_error(table, state, j)
-    _, q_A = joint_side(state, table.body_a[j], table.p_A, table.q_A, j)
-    d = rotate_back(q_A, (e[0], e[1], e[2]))
-    if kind == PRISMATIC:
-        d = (d[0], d[1], 0.0)
-    elif kind == PLANAR:
-        d = (0.0, 0.0, d[2])
-    t = rotate_back(q_A, (e[3], e[4], e[5]))
-    return (d[0], d[1], d[2], t[0], t[1], t[2])
 
 
 @kernel

@@ -98,6 +98,12 @@ def _free_answer(model: Model, state: State, body: int, p: Vector, C: Six) -> fl
     return model.inv_m[body] * dot(f, f) + dot(n, w)
 
 
+@inlined
+def impulse_of(work: JointWork, m: int) -> Six:
+    """Return all that condition m has done to B since its total was 0, where it holds it."""
+    return minus(_ZERO, -work.loop.total[m], six(work.loop.direction, m))
+
+
 @kernel
 def _push(table: JointTable, work: JointWork, m: int, size: float) -> None:
     """Add the impulse of condition m of this size to F and tau."""

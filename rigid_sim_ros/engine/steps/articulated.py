@@ -11,6 +11,7 @@ from rigid_sim_ros.engine.dynamics.loads import kick
 from rigid_sim_ros.engine.dynamics.wrenches import count_down, Wrenches
 from rigid_sim_ros.engine.joints.buffers import EFFORT, JointMotion, JointWork, LASTS
 from rigid_sim_ros.engine.joints.posture import read_positions
+from rigid_sim_ros.engine.joints.reactions import add_wrenches_of_joints, note_momenta
 from rigid_sim_ros.engine.joints.settle import prepare
 from rigid_sim_ros.engine.joints.shake import expect, rattle, shake
 from rigid_sim_ros.engine.model.joints import JointTable
@@ -32,9 +33,10 @@ def advance(box: Any, count: int) -> None:
     """Take some steps; the box holds what `_step` takes."""
     model, state, wrenches, work, table, motion, scratch, times, start = contents(box)
     prepare(model, table, state, scratch)
-    for _ in range(count):
+    for n in range(count):
         begin_kinematic(model, state)
-        _step(model, state, wrenches, work, table, motion, scratch, times, start)
+        # Wrenches are of the latest step only: nobody sees those of the others.
+        _step(model, state, wrenches, work, table, motion, scratch, times, start, n == count - 1)
         end_kinematic(model, state)
         count_down(wrenches)
         end_commands(motion)
@@ -56,8 +58,9 @@ def end_commands(motion: JointMotion) -> None:
 
 @kernel
 def _step(model: Model, state: State, wrenches: Wrenches, work: Work, table: JointTable,
-          motion: JointMotion, scratch: JointWork, times: Array, start: State) -> None:
-    """Take a step, in as many parts as it needs."""
+          motion: JointMotion, scratch: JointWork, times: Array, start: State,
+          record: bool) -> None:
+    """Take a step, in as many parts as it needs; record the wrenches through the joints."""
     done, size = 0, MOST_PARTS // motion.parts[0]
     if motion.parts[0] > 1:
         motion.known[1] += 1
@@ -66,13 +69,14 @@ def _step(model: Model, state: State, wrenches: Wrenches, work: Work, table: Joi
             motion.known[1] = 0
     for k in range(motion.effort.shape[0]):
         motion.effort[k] = 0.0
+    motion.wrench[:] = 0.0
     while done < MOST_PARTS:
         copy_into(start, state)
         for k in range(motion.held.shape[0]):
             scratch.law.held[k], scratch.law.held_at[k] = motion.held[k], motion.held_at[k]
         h = model.h * size / MOST_PARTS
         if substep(model, state, wrenches, work, table, motion, scratch, times, start, h,
-                   size == 1):
+                   size == 1, record):
             done += size
             for k in range(motion.effort.shape[0]):
                 motion.effort[k] += scratch.law.effort[k] / model.h
@@ -89,7 +93,7 @@ def _step(model: Model, state: State, wrenches: Wrenches, work: Work, table: Joi
 @kernel
 def substep(model: Model, state: State, wrenches: Wrenches, work: Work, table: JointTable,
             motion: JointMotion, scratch: JointWork, times: Array, start: State,
-            h: float, last: bool) -> bool:
+            h: float, last: bool, record: bool) -> bool:
     """
     Kick, drift, kick, with the impulses of the joints: order 2.
 
@@ -104,15 +108,19 @@ def substep(model: Model, state: State, wrenches: Wrenches, work: Work, table: J
         times[i] = h if table.row_of_body[i] < 0 else 0.0
     drift(model, state, times, work.block)
     move_kinematic(model, state, h)
+    if record:
+        note_momenta(table, state, scratch)
     if not shake(model, table, state, motion, scratch, h):
         if not last:
             return False
         scratch.unresolved[0] += 1
+    if record:
+        add_wrenches_of_joints(table, state, motion, scratch, model.h, True)
     follow_positions(table, state, motion, scratch, h)
     prepare(model, table, state, scratch)
     if model.forces.kind.shape[0] + wrenches.in_use[0] == 0:
         kick(state, work.loads, 0.5 * h)
-        rattle(model, table, state, motion, scratch, h)
+        finish(model, state, table, motion, scratch, h, record)
         return True
     # Loads that depend on velocities want these as they will be at the end.
     copy_into(start, state)
@@ -121,8 +129,19 @@ def substep(model: Model, state: State, wrenches: Wrenches, work: Work, table: J
     sum_loads(model, state, wrenches, work.later)
     copy_into(state, start)
     kick(state, work.later, 0.5 * h)
-    rattle(model, table, state, motion, scratch, h)
+    finish(model, state, table, motion, scratch, h, record)
     return True
+
+
+@kernel
+def finish(model: Model, state: State, table: JointTable, motion: JointMotion,
+           scratch: JointWork, h: float, record: bool) -> None:
+    """Let the joints act in the second half of a step of h [s]."""
+    if record:
+        note_momenta(table, state, scratch)
+    rattle(model, table, state, motion, scratch, h)
+    if record:
+        add_wrenches_of_joints(table, state, motion, scratch, model.h, False)
 
 
 @kernel
