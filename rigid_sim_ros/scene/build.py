@@ -118,7 +118,8 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source) ->
             raise SceneError([source.problem(('world', 'step'), str(error))]) from None
     return Scene(name, spec, to_text(spec), model, state, shapes, materials,
                  tuple(body.name for body in spec.bodies), frame_names, joints,
-                 spec.world.integrator, spec.world.orientation, spec.world.contact, spec.world.solver)
+                 spec.world.integrator, spec.world.orientation, spec.world.contact,
+                 spec.world.solver)
 
 
 def to_text(spec: schema.Scene) -> str:

@@ -215,8 +215,9 @@ def _joint(spec: schema.Scene, model: Model, joint: schema.Joint, index: Mapping
         return None
     p_A, q_A = _combined(_body_frame(model, a), (p_PJ, multiply(q_PJ, q_JK)))
     p_B, q_B = _combined(_body_frame(model, b), (p_DJ, multiply(q_DJ, q_JK)))
-    mimic = joint.mimic and Mimic(by_name[joint.mimic.joint], joint.mimic.multiplier,
-                                  joint.mimic.offset)
+    mimic = None
+    if joint.mimic is not None:
+        mimic = Mimic(by_name[joint.mimic.joint], joint.mimic.multiplier, joint.mimic.offset)
     return engine.Joint(_KINDS[joint.type], a, b, np.array(p_A), np.array(q_A), np.array(p_B),
                         np.array(q_B), length, _laws(joint), joint.drive is not None, mimic)
 

@@ -127,8 +127,8 @@ class WithJoints:
         drive = (self.scene.spec.joints or ())[j].drive
         k = self._axis_of(j)
         if drive is None or k == NONE:
-            raise ValueError(f"joint '{name}' has no drive: write `drive: {{mode: effort}}` in the "
-                             'scene')
+            raise ValueError(f"joint '{name}' has no drive: write `drive: {{mode: effort}}` in "
+                             'the scene')
         mode = drive.mode if mode is None else mode
         if mode not in MODES:
             raise ValueError(f'mode {mode!r}, must be one of: {", ".join(MODES)}')

@@ -110,6 +110,8 @@ PANDA_LINKS = (
      (1.9640e-3, 4.3540e-3, 5.4330e-3, 1.0900e-4, -1.1580e-3, 3.4100e-4)),
     (0.735522, (1.0517e-2, -4.252e-3, 6.1597e-2),
      (1.2516e-2, 1.0027e-2, 4.8150e-3, -4.2800e-4, -1.1960e-3, -7.4100e-4)))
+# The hand that a fixed joint holds at its flange, turned by -45 degrees (franka_description).
+PANDA_HAND = (0.73, (-0.01, 0.0, 0.03), (0.001, 0.0025, 0.0017, 0.0, 0.0, 0.0))
 PANDA_FRAMES = ((0.0, 0.333, 0.0), (0.0, 0.0, -math.pi / 2), (0.0, 0.316, math.pi / 2),
                 (0.0825, 0.0, math.pi / 2), (-0.0825, 0.384, -math.pi / 2),
                 (0.0, 0.0, math.pi / 2), (0.088, 0.0, math.pi / 2))
@@ -127,8 +129,7 @@ class Arm:
         self.turns = [Rotation.from_rotvec([alpha, 0, 0]).as_matrix() for _, _, alpha in frames]
         self.m = np.array([link[0] for link in links])
         self.com = [np.array(link[1]) for link in links]
-        self.I = [np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-                  for xx, yy, zz, xy, xz, yz in (link[2] for link in links)]
+        self.inertia = [tensor(link[2]) for link in links]
 
     def poses(self, q):
         """Return rotation matrices and origins of the links."""
@@ -157,7 +158,7 @@ class Arm:
             w, before = w + axes[i] * v[i], p
             c = R @ self.com[i]
             acceleration = a + np.cross(dw, c) + np.cross(w, np.cross(w, c))
-            inertia = R @ self.I[i] @ R.T
+            inertia = R @ self.inertia[i] @ R.T
             turning = np.zeros((3, n))
             turning[:, :i + 1] = axes[:i + 1].T
             moving = np.zeros((3, n))
@@ -180,11 +181,32 @@ class Arm:
         return done.y[:n].T
 
 
-PANDA = Arm(PANDA_FRAMES, PANDA_LINKS)
+def tensor(values):
+    """Return the matrix of an inertia in the order of a scene."""
+    xx, yy, zz, xy, xz, yz = values
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def together(parts):
+    """Return mass, centre and inertia of parts (m, com, inertia) that are one body."""
+    m = sum(part[0] for part in parts)
+    com = sum(part[0] * np.array(part[1]) for part in parts) / m
+    total = np.zeros((3, 3))
+    for mass, centre, inertia in parts:
+        d = np.array(centre) - com
+        total += tensor(inertia) + mass * (d @ d * np.eye(3) - np.outer(d, d))
+    return m, tuple(com), tuple(total[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])
+
+
+FLANGE = Rotation.from_euler('z', -45, degrees=True)
+_HELD = FLANGE.as_matrix() @ tensor(PANDA_HAND[2]) @ FLANGE.as_matrix().T
+PANDA = Arm(PANDA_FRAMES, (*PANDA_LINKS[:6], together([PANDA_LINKS[6], (
+    PANDA_HAND[0], PANDA_TIP + FLANGE.apply(PANDA_HAND[1]),
+    _HELD[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])])))
 
 
 def panda(h=1e-3, **more):
-    """Return the world of a Panda that stands on the world."""
+    """Return the world of a Panda that stands on the world, with its hand."""
     poses = PANDA.poses(np.zeros(7))
     bodies = [body(f'link{i}', *PANDA_LINKS[i], p, Rotation.from_matrix(R).as_quat())
               for i, (R, p) in enumerate(poses)]
@@ -195,6 +217,10 @@ def panda(h=1e-3, **more):
         one['pose'] = {'position': list(offset),
                        'orientation': list(Rotation.from_matrix(turn).as_quat())}
         joints.append(one | {'position': PANDA_START[i]})
+    R, p = poses[6]
+    turned = Rotation.from_matrix(R) * FLANGE
+    bodies.append(body('hand', *PANDA_HAND, (p + R @ PANDA_TIP).tolist(), turned.as_quat()))
+    joints.append(joint('flange', 'link6', 'hand', 'fixed', PANDA_TIP))
     return world(bodies, joints, h)
 
 
@@ -250,7 +276,7 @@ def four_bar_motion(times):
     Lagrange's equations of crank and coupler as a chain and the rocker, with multipliers of the
     closed loop, whose second derivative is 0: the loop stays closed to the integrator's accuracy.
     """
-    lengths, I = (CRANK, COUPLER, ROCKER), [rod(x, x, 0.02)[0] for x in (CRANK, COUPLER, ROCKER)]
+    lengths, about = (CRANK, COUPLER, ROCKER), [rod(x, x, 0.02)[0] for x in (CRANK, COUPLER, ROCKER)]
     C = np.array([[CRANK / 2, 0, 0], [CRANK, COUPLER / 2, 0], [0, 0, ROCKER / 2]])
     m = np.array(lengths)
     K = (C * m[:, None]).T @ C
@@ -262,7 +288,7 @@ def four_bar_motion(times):
         d = q[:, None] - q[None, :]
         J = np.array([-signed * np.cos(q), signed * np.sin(q)])
         drift = np.array([(signed * np.sin(q) * w * w).sum(), (signed * np.cos(q) * w * w).sum()])
-        A = np.block([[K * np.cos(d) + np.diag(I), J.T], [J, np.zeros((2, 2))]])
+        A = np.block([[K * np.cos(d) + np.diag(about), J.T], [J, np.zeros((2, 2))]])
         bias = (K * np.sin(d)) @ (w * w) + weight * np.sin(q)
         return np.r_[w, np.linalg.solve(A, np.r_[-bias, -drift])[:3]]
 

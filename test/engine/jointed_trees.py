@@ -51,9 +51,7 @@ def _random_joint(rng, name, kind, ends, bodies):
     if kind in ('revolute', 'continuous', 'prismatic'):
         one |= {'position': rng.normal(0, 0.5), 'velocity': rng.normal(0, 1.5)}
     else:       # the velocity of these comes from the twist of the body
-        moved = next(b for b in bodies if b['name'] in ends and b['name'] != 'body0' or b[
-            'name'] in ends and 'world' in ends)
-        moved['twist'] = {'linear': rng.normal(0, 0.5, 3).tolist(),
+        bodies[-1]['twist'] = {'linear': rng.normal(0, 0.5, 3).tolist(),
                           'angular': rng.normal(0, 1.5, 3).tolist()}
     return one
 

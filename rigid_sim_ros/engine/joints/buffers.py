@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What changes of joints while a world moves, and the scratch memory of a step."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -140,7 +140,8 @@ def make_joint_work(table: JointTable) -> JointWork:
     return JointWork(
         z((r, 3)), z((r, 3)), z((r, 3)), z((r, 6)), z((r, SIZE)), z((k, 3)), z((k, 6)), z(k),
         z(k), z(k), z(k, dtype=np.int64), z(k), z(k), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)),
-        z((r, 6)), z((r, 6)), z((r, 3)), z((r, 4)), z((r, 6)), z(1, dtype=np.int64), _loop_work(table), _law_work(k))
+        z((r, 6)), z((r, 6)), z((r, 3)), z((r, 4)), z((r, 6)), z(1, dtype=np.int64),
+        _loop_work(table), _law_work(k))
 
 
 def _loop_work(table: JointTable) -> LoopWork:
@@ -155,15 +156,16 @@ def _loop_work(table: JointTable) -> LoopWork:
 
 def _law_work(k: int) -> LawWork:
     whole = ('brakes', 'bound', 'held')
-    return LawWork(**{name: np.zeros(k, dtype=np.int64 if name in whole else np.float64)
-                      for name in LawWork._fields})
+    arrays: list[Any] = [np.zeros(k, dtype=np.int64 if name in whole else np.float64)
+                         for name in LawWork._fields]
+    return LawWork._make(arrays)
 
 
 def no_drives(table: JointTable) -> Drives:
     """Return drives that exert nothing."""
     k = len(table.translates)
-    return Drives(np.zeros(k, dtype=np.int64), *(np.zeros(k) for _ in range(5)),
-                  np.full(k, LASTS, dtype=np.int64))
+    return Drives(np.zeros(k, dtype=np.int64), np.zeros(k), np.zeros(k), np.zeros(k), np.zeros(k),
+                  np.zeros(k), np.full(k, LASTS, dtype=np.int64))
 
 
 def joints_at_rest(table: JointTable, drives: Drives) -> JointMotion:

@@ -110,14 +110,14 @@ def joint_error(table: JointTable, state: State, j: int) -> Six:
     p_B, q_B = joint_side(state, table.body_b[j], table.p_B, table.q_B, j)
     d = subtract(p_B, p_A)
     turn = (0.0, 0.0, 0.0)
-    if kind == PRISMATIC or kind == PLANAR:
+    if kind in (PRISMATIC, PLANAR):
         # By the axes as they are now: a long way along an axis of some time before is off by far.
         z = axis_z(q_A)
         way = scale(dot(d, z), z)
         d = subtract(d, way) if kind == PRISMATIC else way
-    if kind == REVOLUTE or kind == PLANAR:
+    if kind in (REVOLUTE, PLANAR):
         turn = cross(axis_z(q_A), axis_z(q_B))
-    elif kind == FIXED or kind == PRISMATIC:
+    elif kind in (FIXED, PRISMATIC):
         q = multiply(conjugate(q_A), q_B)
         s = 2.0 if q[3] >= 0.0 else -2.0
         turn = rotate(q_A, (s * q[0], s * q[1], s * q[2]))
@@ -153,7 +153,7 @@ def joint_coordinates(table: JointTable, state: State, j: int) -> tuple[Vector, 
     q = multiply(conjugate(q_A), q_B)
     if table.kind[j] == UNIVERSAL:
         return d, (2.0 * math.atan2(q[0], q[3]), 0.0, 2.0 * math.atan2(q[2], q[3]))
-    if table.kind[j] == REVOLUTE or table.kind[j] == PLANAR:
+    if table.kind[j] in (REVOLUTE, PLANAR):
         return d, (0.0, 0.0, 2.0 * math.atan2(q[2], q[3]))
     return d, logarithm(q)
 
@@ -168,7 +168,7 @@ def joint_position(table: JointTable, state: State, j: int, near: float) -> floa
     kind = table.kind[j]
     if kind == DISTANCE:
         return joint_distance(table, state, j)[0]
-    if kind != REVOLUTE and kind != PRISMATIC:
+    if kind not in (REVOLUTE, PRISMATIC):
         return 0.0
     d, turn = joint_coordinates(table, state, j)
     if kind == PRISMATIC:
@@ -180,4 +180,4 @@ def joint_position(table: JointTable, state: State, j: int, near: float) -> floa
 @kernel
 def has_one_coordinate(kind: int) -> bool:
     """Return whether `joint_position` has a meaning for a kind."""
-    return kind == REVOLUTE or kind == PRISMATIC or kind == DISTANCE
+    return kind in (REVOLUTE, PRISMATIC, DISTANCE)

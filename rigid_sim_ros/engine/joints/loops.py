@@ -179,8 +179,9 @@ def factor_conditions(table: JointTable, work: JointWork) -> None:
             if work.loop.S[m, m - first] <= CUT_OFF * work.loop.free[m]:
                 work.loop.S[m, m - first] = 0.0     # the tree itself forbids this motion
         _clear(table, work, begin, end)
-        work.loop.rank[g] = factor_semidefinite(work.loop.S[first:last], last - first,
-                                           work.loop.scale[first:last], work.loop.order[first:last])
+        work.loop.rank[g] = factor_semidefinite(
+            work.loop.S[first:last], last - first, work.loop.scale[first:last],
+            work.loop.order[first:last])
 
 
 @kernel

@@ -1,6 +1,6 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The motions of all articulations with what acts in their joints: one linear problem, or a few."""
+"""The motions of all articulations with what acts in their joints: one linear problem or more."""
 
 from rigid_sim_ros.engine.joints.articulated import factor, gather_momenta, lock, solve
 from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork

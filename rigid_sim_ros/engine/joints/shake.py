@@ -14,7 +14,7 @@ import math
 
 from rigid_sim_ros.engine.dynamics.free_rotation import MAX_ANGLE, turn, turn_fast
 from rigid_sim_ros.engine.joints.articulated import (
-    add_momenta, along, axis_part, gather_momenta, solve, write_momenta)
+    add_momenta, along, axis_part, solve, write_momenta)
 from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork, PAST
 from rigid_sim_ros.engine.joints.kinematics import joint_error, joint_position
 from rigid_sim_ros.engine.joints.loops import close, measure_conditions

@@ -1,6 +1,6 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cholesky's factor of a matrix that is only semidefinite, with pivots and a cut-off of the rank."""
+"""Cholesky's factor of a matrix that is only semidefinite, with pivots and a rank cut-off."""
 
 import math
 

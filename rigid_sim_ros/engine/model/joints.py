@@ -44,22 +44,36 @@ _CONDITIONS = {FIXED: 6, REVOLUTE: 5, PRISMATIC: 5, SPHERICAL: 3, UNIVERSAL: 4, 
 
 class Laws(NamedTuple):
     """
-    Forces and bounds along the axes of motion.
+    Forces and bounds along the axes of motion of one joint.
 
-    Of the table as arrays (k,), and of one joint as numbers; units are those of a rotation, for a
-    translation read m for rad and N for N m.
+    Units are those of a rotation; for a translation read m for rad and N for N m.
     """
 
-    armature: Array | float = 0.0       # reflected inertia of the motor [kg m^2]
-    damping: Array | float = 0.0        # [N m s/rad]
-    friction: Array | float = 0.0       # dry [N m]
-    stiffness: Array | float = 0.0      # of the spring [N m/rad]
-    rest: Array | float = 0.0           # position without a force of the spring [rad]
-    lower: Array | float = -NO_LIMIT    # bounds of the position [rad]
-    upper: Array | float = NO_LIMIT
-    restitution: Array | float = 0.0    # at these bounds
-    velocity: Array | float = NO_LIMIT  # up to which a drive accelerates [rad/s]
-    effort: Array | float = NO_LIMIT    # of a drive [N m]
+    armature: float = 0.0       # reflected inertia of the motor [kg m^2]
+    damping: float = 0.0        # [N m s/rad]
+    friction: float = 0.0       # dry [N m]
+    stiffness: float = 0.0      # of the spring [N m/rad]
+    rest: float = 0.0           # position without a force of the spring [rad]
+    lower: float = -NO_LIMIT    # bounds of the position [rad]
+    upper: float = NO_LIMIT
+    restitution: float = 0.0    # at these bounds
+    velocity: float = NO_LIMIT  # up to which a drive accelerates [rad/s]
+    effort: float = NO_LIMIT    # of a drive [N m]
+
+
+class LawTable(NamedTuple):
+    """`Laws` of all axes, each (k,)."""
+
+    armature: Array
+    damping: Array
+    friction: Array
+    stiffness: Array
+    rest: Array
+    lower: Array
+    upper: Array
+    restitution: Array
+    velocity: Array
+    effort: Array
 
 
 class Mimic(NamedTuple):
@@ -114,7 +128,7 @@ class JointTable(NamedTuple):
     axis_body: IntArray         # (k,) in which it is fixed, WORLD for the world
     axis: Array                 # (k, 3) unit, axes of C of that body
     axis_joint: IntArray        # (k,) the joint that it belongs to, NONE: of a body that floats
-    laws: Laws
+    laws: LawTable
     has_laws: IntArray          # (k,) 1 if any force or bound acts along it
     lawful: int                 # how many of these there are
     # --- conditions that close loops and couple joints, a row for each, by articulation
@@ -135,6 +149,25 @@ def has_laws(joint: Joint) -> bool:
     return joint.has_drive or joint.mimic is not None or joint.laws != Laws()
 
 
+class _Row(NamedTuple):
+    """A body of the forest, see `JointTable`."""
+
+    body: int
+    parent: int
+    joint: int
+    base: int
+    sense: float
+
+
+class _Condition(NamedTuple):
+    """A condition beside the tree, see `JointTable`."""
+
+    joint: int
+    place: int
+    axes: tuple[int, int]
+    coupling: tuple[float, float]
+
+
 class _Forest:
     """The rows, while they are being found."""
 
@@ -148,7 +181,7 @@ class _Forest:
                     has_laws(joint) or j in mimicked):
                 raise LoopError(j)
         self.groups = self._groups(n)
-        self.rows: list[tuple[int, int, int, int, float]] = []
+        self.rows: list[_Row] = []
         self.row_of = [NONE] * n
         self._hang()
 
@@ -214,7 +247,7 @@ class _Forest:
             for i in sorted(members, key=lambda i: (i in children, i)):
                 if self.row_of[i] == NONE:
                     self.row_of[i] = len(self.rows)
-                    self.rows.append((i, NONE, NONE, WORLD, 1.0))
+                    self.rows.append(_Row(i, NONE, NONE, WORLD, 1.0))
                     self._descend_all(self.row_of[i], i, at)
             self.first_row.append(len(self.rows))
 
@@ -224,15 +257,15 @@ class _Forest:
         while stack:
             row, j = stack.pop()
             joint = self.joints[j]
-            on = self.rows[row][0] if row != NONE else len(self.moves)
+            on = self.rows[row].body if row != NONE else len(self.moves)
             forward = self.node(joint.body_a) == on
             body = joint.body_b if forward else joint.body_a
             other = joint.body_a if forward else joint.body_b
             if self.row_of[body] != NONE:
                 continue
             self.row_of[body] = len(self.rows)
-            self.rows.append((body, row, j, WORLD if row != NONE else other,
-                              1.0 if forward else -1.0))
+            self.rows.append(_Row(body, row, j, WORLD if row != NONE else other,
+                                  1.0 if forward else -1.0))
             stack += [(self.row_of[body], k) for k in reversed(at[body]) if k != j and self._other(
                 k, body) != len(self.moves)]
 
@@ -271,19 +304,20 @@ def build_joints(joints: Sequence[Joint], moves: Sequence[bool]) -> JointTable:
     rows = forest.rows
     row_of_joint = [NONE] * len(joints)
     for r, row in enumerate(rows):
-        if row[2] != NONE:
-            row_of_joint[row[2]] = r
-    first_axis, axes = [0], []
+        if row.joint != NONE:
+            row_of_joint[row.joint] = r
+    first_axis, axes, axis_joint = [0], [], []
     laws: list[Laws] = []
-    for _, _, j, _, _ in rows:
-        joint = joints[j] if j != NONE else None
+    for row in rows:
+        joint = joints[row.joint] if row.joint != NONE else None
         motions = _FLOATING if joint is None else _MOTIONS[joint.kind]
         axes += [_axis(joint, motion) for motion in motions]
+        axis_joint += [row.joint] * len(motions)
         laws += [Laws() if joint is None else joint.laws] * len(motions)
         first_axis.append(len(axes))
-    driven = [j != NONE and (joints[j].has_drive or joints[j].laws != Laws()) for _, _, j, _, _
-              in rows for _ in (_FLOATING if j == NONE else _MOTIONS[joints[j].kind])]
+    driven = [j != NONE and (joints[j].has_drive or joints[j].laws != Laws()) for j in axis_joint]
     conditions, first_condition = _conditions(joints, forest, row_of_joint, first_axis)
+    coupled = np.array([c.axes for c in conditions], dtype=np.int64).reshape(-1, 2)
     return JointTable(
         _integers([joint.kind for joint in joints]),
         _integers([joint.body_a for joint in joints]),
@@ -291,40 +325,38 @@ def build_joints(joints: Sequence[Joint], moves: Sequence[bool]) -> JointTable:
         _rows([joint.p_A for joint in joints], 3), _rows([joint.q_A for joint in joints], 4),
         _rows([joint.p_B for joint in joints], 3), _rows([joint.q_B for joint in joints], 4),
         np.array([joint.length for joint in joints], dtype=np.float64), _integers(row_of_joint),
-        *(_integers([row[k] for row in rows]) for k in range(4)),
-        np.array([row[4] for row in rows], dtype=np.float64), _integers(first_axis),
+        _integers([row.body for row in rows]), _integers([row.parent for row in rows]),
+        _integers([row.joint for row in rows]), _integers([row.base for row in rows]),
+        np.array([row.sense for row in rows], dtype=np.float64), _integers(first_axis),
         _integers(forest.row_of), _integers([axis[0] for axis in axes]),
         _integers([axis[1] for axis in axes]), _rows([axis[2] for axis in axes], 3),
-        _integers([row[2] for r, row in enumerate(rows)
-                   for _ in range(first_axis[r + 1] - first_axis[r])]),
-        Laws._make(np.array([law[k] for law in laws], dtype=np.float64)
-                   for k in range(len(Laws._fields))),
+        _integers(axis_joint),
+        LawTable._make(np.array([law[k] for law in laws], dtype=np.float64)
+                       for k in range(len(Laws._fields))),
         _integers(driven), sum(driven),
-        _integers([c[0] for c in conditions]), _integers([c[1] for c in conditions]),
-        _integers([c[2] for c in conditions]).reshape(-1, 2), _rows(
-            [np.array(c[3]) for c in conditions], 2),
+        _integers([c.joint for c in conditions]), _integers([c.place for c in conditions]),
+        coupled, _rows([np.array(c.coupling) for c in conditions], 2),
         _integers(forest.first_row), _integers(first_condition))
 
 
 def _conditions(joints: Sequence[Joint], forest: _Forest, row_of_joint: Sequence[int],
-                first_axis: Sequence[int]) -> tuple[list[tuple[int, int, tuple[int, int],
-                                                               tuple[float, float]]], list[int]]:
+                first_axis: Sequence[int]) -> tuple[list[_Condition], list[int]]:
     """Return the conditions beside the tree, sorted by articulation, and where each begins."""
-    found: list[tuple[int, int, tuple[int, int], tuple[float, float]]] = []
+    found: list[_Condition] = []
     first = [0]
-    groups = [forest.groups[forest.rows[r][0]] for r in forest.first_row[:-1]]
+    groups = [forest.groups[forest.rows[r].body] for r in forest.first_row[:-1]]
     for group in groups:
         for j, joint in enumerate(joints):
             moving = [body for body in (joint.body_a, joint.body_b) if forest.node(body) == body]
             if not moving or forest.groups[moving[0]] != group:
                 continue
             if not forest.in_forest[j] and joint.kind != FREE:
-                found += [(j, place, (NONE, NONE), (0.0, 0.0))
+                found += [_Condition(j, place, (NONE, NONE), (0.0, 0.0))
                           for place in range(_CONDITIONS[joint.kind])]
             if joint.mimic is not None:
                 own, other = (first_axis[row_of_joint[k]] for k in (j, joint.mimic.joint))
-                found.append((j, MIMIC, (own, other),
-                              (joint.mimic.multiplier, joint.mimic.offset)))
+                found.append(_Condition(j, MIMIC, (own, other),
+                                        (joint.mimic.multiplier, joint.mimic.offset)))
         first.append(len(found))
     return found, first
 
@@ -341,7 +373,7 @@ def _axis(joint: Joint | None, motion: tuple[int, tuple[float, float, float], in
     return translates, body, np.array(turned)
 
 
-def _integers(numbers: Sequence[int | bool] | Sequence[tuple[int, int]]) -> IntArray:
+def _integers(numbers: Sequence[int]) -> IntArray:
     return np.array(numbers, dtype=np.int64)
 
 
