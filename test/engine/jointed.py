@@ -276,7 +276,8 @@ def four_bar_motion(times):
     Lagrange's equations of crank and coupler as a chain and the rocker, with multipliers of the
     closed loop, whose second derivative is 0: the loop stays closed to the integrator's accuracy.
     """
-    lengths, about = (CRANK, COUPLER, ROCKER), [rod(x, x, 0.02)[0] for x in (CRANK, COUPLER, ROCKER)]
+    lengths = (CRANK, COUPLER, ROCKER)
+    about = [rod(length, length, 0.02)[0] for length in lengths]
     C = np.array([[CRANK / 2, 0, 0], [CRANK, COUPLER / 2, 0], [0, 0, ROCKER / 2]])
     m = np.array(lengths)
     K = (C * m[:, None]).T @ C

@@ -8,6 +8,8 @@ from engine.jointed import body, scene
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from rigid_sim_ros.scene.joints import gap_of
+
 TYPES = ('revolute', 'continuous', 'prismatic', 'spherical', 'universal', 'planar', 'fixed')
 
 
@@ -52,7 +54,7 @@ def _random_joint(rng, name, kind, ends, bodies):
         one |= {'position': rng.normal(0, 0.5), 'velocity': rng.normal(0, 1.5)}
     else:       # the velocity of these comes from the twist of the body
         bodies[-1]['twist'] = {'linear': rng.normal(0, 0.5, 3).tolist(),
-                          'angular': rng.normal(0, 1.5, 3).tolist()}
+                               'angular': rng.normal(0, 1.5, 3).tolist()}
     return one
 
 
@@ -132,6 +134,5 @@ def scaled(spec, factor):
 
 def gaps(world):
     """Return the largest gap of a joint of a world [m or rad], by the engine's own measure."""
-    from rigid_sim_ros.scene.joints import gap_of
     table = world.scene.joints.table
     return max(gap_of(table, world._state, j) for j in range(len(table.kind)))
