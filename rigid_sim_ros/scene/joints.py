@@ -150,7 +150,7 @@ def build_scene_joints(spec: schema.Scene, model: Model, report: Report) -> Scen
             return None
         made.append(one)
     try:
-        table = build_joints(made, [body.is_pushed for body in spec.bodies])
+        table = build_joints(made, np.where(model.inv_m > 0.0, model.m, 0.0).tolist())
     except LoopError as error:
         report(('joints', error.joint), 'closes a loop and has forces along its axis, must have '
                'none: let a joint without forces close the loop')

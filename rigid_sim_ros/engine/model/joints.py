@@ -171,9 +171,10 @@ class _Condition(NamedTuple):
 class _Forest:
     """The rows, while they are being found."""
 
-    def __init__(self, joints: Sequence[Joint], moves: Sequence[bool]) -> None:
-        self.joints, self.moves = joints, moves
-        n = len(moves)
+    def __init__(self, joints: Sequence[Joint], mass: Sequence[float]) -> None:
+        self.joints, self.mass = joints, mass
+        self.moves = [m > 0.0 for m in mass]
+        n = len(mass)
         self.in_forest = self._spanning(n)
         mimicked = {joint.mimic.joint for joint in joints if joint.mimic is not None}
         for j, joint in enumerate(joints):
@@ -243,8 +244,9 @@ class _Forest:
                 end = joint.body_b if self.node(joint.body_a) == world else joint.body_a
                 if self.groups[end] == group and self.row_of[end] == NONE:
                     self._descend(NONE, j, at)
-            # What hangs on nothing: from a body that is nobody's child, if there is one.
-            for i in sorted(members, key=lambda i: (i in children, i)):
+            # What hangs on nothing: from a body that is nobody's child, the heaviest of these. The
+            # order in a file should not say which.
+            for i in sorted(members, key=lambda i: (i in children, -self.mass[i], i)):
                 if self.row_of[i] == NONE:
                     self.row_of[i] = len(self.rows)
                     self.rows.append(_Row(i, NONE, NONE, WORLD, 1.0))
@@ -294,13 +296,13 @@ def _first(first: list[int], i: int) -> int:
     return i
 
 
-def build_joints(joints: Sequence[Joint], moves: Sequence[bool]) -> JointTable:
+def build_joints(joints: Sequence[Joint], mass: Sequence[float]) -> JointTable:
     """
-    Return the table of these joints; moves (n,) says which bodies can be pushed.
+    Return the table of these joints; mass (n,) [kg] is 0 for what cannot be pushed.
 
     LoopError if forces act on a joint that closes a loop.
     """
-    forest = _Forest(joints, moves)
+    forest = _Forest(joints, mass)
     rows = forest.rows
     row_of_joint = [NONE] * len(joints)
     for r, row in enumerate(rows):
