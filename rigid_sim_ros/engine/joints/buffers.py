@@ -127,6 +127,8 @@ class JointWork(NamedTuple):
     curved: Array   # (r, 6) c / h of the present step
     x: Array        # (r, 3) poses at the start of the substep
     q: Array        # (r, 4)
+    answer: Array   # (r, SIZE) of a body to a force, with the motion of what it hangs on
+    felt: Array     # (k,) inertia that the axes feel, with that of their armatures
     before: Array   # (r, 6) momenta before the joints act
     unresolved: IntArray    # (1,) parts of steps, too long for their motion, since the start
     loop: LoopWork
@@ -140,7 +142,7 @@ def make_joint_work(table: JointTable) -> JointWork:
     return JointWork(
         z((r, 3)), z((r, 3)), z((r, 3)), z((r, 6)), z((r, SIZE)), z((k, 3)), z((k, 6)), z(k),
         z(k), z(k), z(k, dtype=np.int64), z(k), z(k), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)),
-        z((r, 6)), z((r, 6)), z((r, 3)), z((r, 4)), z((r, 6)), z(1, dtype=np.int64),
+        z((r, 6)), z((r, 6)), z((r, 3)), z((r, 4)), z((r, SIZE)), z(k), z((r, 6)), z(1, dtype=np.int64),
         _loop_work(table), _law_work(k))
 
 

@@ -15,17 +15,16 @@ The two halves of a step are chosen so that each force is of second order, and n
 for a step. A spring acts with the mean of its forces at both ends of the step (the trapezoidal
 rule; Newmark's with beta = 1/4, which is stable for any stiffness). Of a damper the part 1 - theta
 acts in the first half with the rate at the start, theta in the second half with the rate at the
-end: theta = 1/2 is the trapezoidal rule, and theta = 1 - 1/z for z = h d / (inertia about the
-axis) > 2 keeps a joint that is damped faster than a step from swinging to the other side.
+end: theta = 1/2 is the trapezoidal rule, and theta = 1 - 1/z for z = h d / (inertia that
+the axis feels) > 2 keeps a joint that is damped faster than a step from swinging to the other side.
 """
 
 import math
 
 from rigid_sim_ros.engine.joints.articulated import axis_part
 from rigid_sim_ros.engine.joints.buffers import EFFORT, JointMotion, JointWork
-from rigid_sim_ros.engine.maths.spatial import (
-    load, minus, Six, six, times_motion, times_rotation, times_translation)
-from rigid_sim_ros.engine.maths.vector import row
+from rigid_sim_ros.engine.joints.effective_inertia import effective_inertias
+from rigid_sim_ros.engine.maths.spatial import load, minus, Six, six, times_motion
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.kernels.kernel import inlined, kernel
 
@@ -37,30 +36,26 @@ _KINKS = 7      # ends of pieces that an axis may have
 
 @kernel
 def begin_laws(table: JointTable, motion: JointMotion, work: JointWork, h: float) -> None:
-    """Write what acts in the first half of a step of h [s]; A is of the present poses."""
+    """Write what acts in the first half of a step of h [s]; `prepare` is of the present poses."""
     law, laws, drives = work.law, table.laws, motion.drives
-    for i in range(table.body.shape[0]):
-        A = load(work.A, i)
-        for k in range(table.first_axis[i], table.first_axis[i + 1]):
-            if table.has_laws[k] == 0:
-                continue
-            s = row(work.s, k)
-            U = times_translation(A, s) if table.translates[k] == 1 else times_rotation(A, s)
-            inertia = axis_part(table, work, k, U) + laws.armature[k]
-            q, v = motion.position[table.axis_joint[k]], motion.rate[k]
-            z = h * (laws.damping[k] + drives.damping[k]) / inertia
-            law.theta[k] = 0.5 if z <= 2.0 else 1.0 - 1.0 / z
-            first = (1.0 - law.theta[k]) * h
-            law.before[k], law.bound[k] = q, 0
-            law.a[k] = (laws.armature[k] * v - first * laws.damping[k] * v
-                        - 0.5 * h * laws.stiffness[k] * (q - laws.rest[k]))
-            law.b[k] = laws.armature[k] + 0.25 * h * h * laws.stiffness[k]
-            law.u[k] = (0.5 * h * (drives.effort[k] + drives.stiffness[k] * (
-                drives.position[k] - q)) + first * drives.damping[k] * (drives.velocity[k] - v))
-            law.g[k] = 0.25 * h * h * drives.stiffness[k]
-            law.low[k], law.high[k] = (laws.lower[k] - q) / h, (laws.upper[k] - q) / h
-            _bound_forces(table, motion, work, k, h)
-            _begin_on(work, k, v, motion.held[k] == 1)
+    effective_inertias(table, work)
+    for k in range(table.translates.shape[0]):
+        if table.has_laws[k] == 0:
+            continue
+        q, v = motion.position[table.axis_joint[k]], motion.rate[k]
+        z = h * (laws.damping[k] + drives.damping[k]) / work.felt[k]
+        law.theta[k] = 0.5 if z <= 2.0 else 1.0 - 1.0 / z
+        first = (1.0 - law.theta[k]) * h
+        law.before[k], law.bound[k] = q, 0
+        law.a[k] = (laws.armature[k] * v - first * laws.damping[k] * v
+                    - 0.5 * h * laws.stiffness[k] * (q - laws.rest[k]))
+        law.b[k] = laws.armature[k] + 0.25 * h * h * laws.stiffness[k]
+        law.u[k] = (0.5 * h * (drives.effort[k] + drives.stiffness[k] * (
+            drives.position[k] - q)) + first * drives.damping[k] * (drives.velocity[k] - v))
+        law.g[k] = 0.25 * h * h * drives.stiffness[k]
+        law.low[k], law.high[k] = (laws.lower[k] - q) / h, (laws.upper[k] - q) / h
+        _bound_forces(table, motion, work, k, h)
+        _begin_on(work, k, v, motion.held[k] == 1)
 
 
 @kernel

@@ -25,13 +25,32 @@ _STEPS_AT_REST = 2.0
 @kernel
 def prepare(model: Model, table: JointTable, state: State, work: JointWork) -> None:
     """Write all that the present poses say, and the factors with every axis free."""
+    place(model, table, state, work)
+    _free_axes(table, work)
+    factor_all(model, table, work)
+
+
+@kernel
+def prepare_step(model: Model, table: JointTable, state: State, work: JointWork) -> None:
+    """Write what a step needs of it: where anything acts along axes, it factors by itself."""
+    place(model, table, state, work)
+    if table.lawful == 0:
+        factor_all(model, table, work)
+
+
+@kernel
+def place(model: Model, table: JointTable, state: State, work: JointWork) -> None:
+    """Write where everything is at the present poses."""
     place_joints(model, table, state, work)
+    if table.condition_joint.shape[0] > 0:
+        place_conditions(model, table, state, work)
+
+
+@kernel
+def _free_axes(table: JointTable, work: JointWork) -> None:
     if table.lawful > 0:
         for k in range(work.locked.shape[0]):
             work.locked[k], work.extra[k] = 0, table.laws.armature[k]
-    if table.condition_joint.shape[0] > 0:
-        place_conditions(model, table, state, work)
-    factor_all(model, table, work)
 
 
 @kernel
@@ -56,6 +75,9 @@ def solve_motions(model: Model, table: JointTable, state: State, motion: JointMo
         _solve(model, table, state, work, ahead)
         return
     if first:
+        # The inertias that the axes feel are those of free axes, whatever was before.
+        _free_axes(table, work)
+        factor(model, table, work, 0, table.body.shape[0])
         begin_laws(table, motion, work, h)
     else:
         end_laws(table, motion, work, h)

@@ -133,8 +133,12 @@ def expect(table: JointTable, motion: JointMotion, work: JointWork) -> None:
         w0 = 1.0
     past, strain = motion.curvature, motion.strain
     for i in range(table.body.shape[0]):
-        for n in range(6):
-            work.curved[i, n] = w0 * past[0, i, n] + w1 * past[1, i, n] + w2 * past[2, i, n]
+        c = minus(_ZERO, -w0, six(past[0], i))
+        c = minus(minus(c, -w1, six(past[1], i)), -w2, six(past[2], i))
+        # Along its axes a joint needs nothing: what were there would grow, as nothing holds it.
+        for k in range(table.first_axis[i], table.first_axis[i + 1]):
+            c = _without_axis(table, work, k, c)
+        set_six(work.curved, i, c)
     for m in range(strain.shape[1]):
         work.loop.curved[m] = w0 * strain[0, m] + w1 * strain[1, m] + w2 * strain[2, m]
 

@@ -120,6 +120,23 @@ def without(A: Inertia, U: Six, inv_D: float) -> Inertia:
 
 
 @inlined
+def plus_products(A: Inertia, s: Six, a: Six, c: float, d: float) -> Inertia:
+    """Return A + c (s a^T + a s^T) + d s s^T."""
+    # Half of the last product in each of the first two.
+    t0, t1, t2 = c * a[0] + 0.5 * d * s[0], c * a[1] + 0.5 * d * s[1], c * a[2] + 0.5 * d * s[2]
+    t3, t4, t5 = c * a[3] + 0.5 * d * s[3], c * a[4] + 0.5 * d * s[4], c * a[5] + 0.5 * d * s[5]
+    return (A[0] + 2.0 * t0 * s[0], A[1] + t0 * s[1] + s[0] * t1, A[2] + t0 * s[2] + s[0] * t2,
+            A[3] + 2.0 * t1 * s[1], A[4] + t1 * s[2] + s[1] * t2, A[5] + 2.0 * t2 * s[2],
+            A[6] + t0 * s[3] + s[0] * t3, A[7] + t0 * s[4] + s[0] * t4,
+            A[8] + t0 * s[5] + s[0] * t5, A[9] + t1 * s[3] + s[1] * t3,
+            A[10] + t1 * s[4] + s[1] * t4, A[11] + t1 * s[5] + s[1] * t5,
+            A[12] + t2 * s[3] + s[2] * t3, A[13] + t2 * s[4] + s[2] * t4,
+            A[14] + t2 * s[5] + s[2] * t5,
+            A[15] + 2.0 * t3 * s[3], A[16] + t3 * s[4] + s[3] * t4, A[17] + t3 * s[5] + s[3] * t5,
+            A[18] + 2.0 * t4 * s[4], A[19] + t4 * s[5] + s[4] * t5, A[20] + 2.0 * t5 * s[5])
+
+
+@inlined
 def about_other_point(A: Inertia, r: Vector) -> Inertia:
     """
     Return X^T A X: the inertia A about the point p, as it is about the point p - r.

@@ -12,7 +12,7 @@ from rigid_sim_ros.engine.dynamics.wrenches import count_down, Wrenches
 from rigid_sim_ros.engine.joints.buffers import EFFORT, JointMotion, JointWork, LASTS
 from rigid_sim_ros.engine.joints.posture import read_positions
 from rigid_sim_ros.engine.joints.reactions import add_wrenches_of_joints, note_momenta
-from rigid_sim_ros.engine.joints.settle import prepare
+from rigid_sim_ros.engine.joints.settle import prepare_step
 from rigid_sim_ros.engine.joints.shake import expect, rattle, shake
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.engine.model.model import Model
@@ -32,7 +32,7 @@ PATIENCE = 16
 def advance(box: Any, count: int) -> None:
     """Take some steps; the box holds what `_step` takes."""
     model, state, wrenches, work, table, motion, scratch, times, start = contents(box)
-    prepare(model, table, state, scratch)
+    prepare_step(model, table, state, scratch)
     for n in range(count):
         begin_kinematic(model, state)
         # Wrenches are of the latest step only: nobody sees those of the others.
@@ -84,7 +84,7 @@ def _step(model: Model, state: State, wrenches: Wrenches, work: Work, table: Joi
             copy_into(state, start)
             for k in range(motion.held.shape[0]):
                 motion.held[k], motion.held_at[k] = scratch.law.held[k], scratch.law.held_at[k]
-            prepare(model, table, state, scratch)
+            prepare_step(model, table, state, scratch)
             motion.known[0], motion.known[1] = 0, 0
             size //= 2
     motion.parts[0] = MOST_PARTS // size
@@ -97,7 +97,7 @@ def substep(model: Model, state: State, wrenches: Wrenches, work: Work, table: J
     """
     Kick, drift, kick, with the impulses of the joints: order 2.
 
-    `prepare` has been called for the present poses, and is then for the new ones. Returns False,
+    `prepare_step` has been called for the present poses, and is then for the new ones. Returns False,
     with the state spoiled, if h [s] is too long to resolve the motion; the last resort is to go
     on with what there is.
     """
@@ -117,7 +117,7 @@ def substep(model: Model, state: State, wrenches: Wrenches, work: Work, table: J
     if record:
         add_wrenches_of_joints(table, state, motion, scratch, model.h, True)
     follow_positions(table, state, motion, scratch, h)
-    prepare(model, table, state, scratch)
+    prepare_step(model, table, state, scratch)
     if model.forces.kind.shape[0] + wrenches.in_use[0] == 0:
         kick(state, work.loads, 0.5 * h)
         finish(model, state, table, motion, scratch, h, record)

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from rigid_sim_ros import World
 from rigid_sim_ros.engine.joints.articulated import response
 from rigid_sim_ros.engine.joints.buffers import make_joint_work
+from rigid_sim_ros.engine.joints.effective_inertia import effective_inertias
 from rigid_sim_ros.engine.joints.settle import prepare
 from rigid_sim_ros.engine.model.joints import NONE
 
@@ -82,3 +83,16 @@ def test_responses_are_reciprocal():
     response(model, table, work, 0, rows, 6, tuple(F[1]))
     here = F[0] @ work.V[2]
     assert here == pytest.approx(there, rel=1e-10)
+
+
+@pytest.mark.parametrize('on_world', [True, False])
+def test_an_axis_feels_the_inertia_of_the_inverse_mass_matrix(on_world):
+    world = World.from_dict(random_tree(np.random.default_rng(5), 8, on_world=on_world))
+    model, state, table = world._model, world._state, world.scene.joints.table
+    work = make_joint_work(table)
+    prepare(model, table, state, work)
+    effective_inertias(table, work)
+    S = motions_of_axes(table, work)
+    mass_matrix = S.T @ inertia_at_points(model, state, table, work) @ S
+    wanted = 1.0 / np.diag(np.linalg.inv(mass_matrix))
+    np.testing.assert_allclose(work.felt, wanted, rtol=1e-9)
