@@ -43,7 +43,6 @@ def assemble(model: Model, table: JointTable, state: State, motion: JointMotion,
         motion.position[j] = position[j]
     gap = math.inf
     for _ in range(_ROUNDS):
-        read_positions(table, state, motion)
         _prepare(model, table, state, work, position, given)
         gap = measure(table, state, motion, work)
         if gap <= TOLERANCE or not gap < math.inf:
@@ -53,6 +52,8 @@ def assemble(model: Model, table: JointTable, state: State, motion: JointMotion,
         solve(table, work, 0, table.body.shape[0], False)
         close(model, table, state, work, False)
         shift_poses(table, state, work, 1.0)
+        read_positions(table, state, motion)
+        pose_forest(table, state, motion.position, work)
     _momenta_for_spins(model, table, state)
     motion.known[0], motion.parts[0] = 0, 1
     for k in range(motion.held.shape[0]):

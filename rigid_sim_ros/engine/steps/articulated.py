@@ -10,11 +10,12 @@ from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinemat
 from rigid_sim_ros.engine.dynamics.loads import kick
 from rigid_sim_ros.engine.dynamics.wrenches import count_down, Wrenches
 from rigid_sim_ros.engine.joints.buffers import EFFORT, JointMotion, JointWork, LASTS
+from rigid_sim_ros.engine.joints.kinematics import has_one_coordinate
 from rigid_sim_ros.engine.joints.posture import read_positions
 from rigid_sim_ros.engine.joints.reactions import add_wrenches_of_joints, note_momenta
 from rigid_sim_ros.engine.joints.settle import prepare_step
 from rigid_sim_ros.engine.joints.shake import expect, rattle, shake
-from rigid_sim_ros.engine.model.joints import JointTable
+from rigid_sim_ros.engine.model.joints import JointTable, NONE
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import copy_into, State
 from rigid_sim_ros.kernels.argument_pack import contents
@@ -158,5 +159,5 @@ def follow_positions(table: JointTable, state: State, motion: JointMotion, scrat
         return
     for k in range(table.axis_joint.shape[0]):
         j = table.axis_joint[k]
-        if j >= 0:
+        if j != NONE and has_one_coordinate(table.kind[j]):
             motion.position[j] += h * scratch.law.half_rate[k]
