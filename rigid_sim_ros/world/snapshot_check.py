@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.detection.manifolds import POINTS
+from rigid_sim_ros.engine.joints.buffers import PAST
 from rigid_sim_ros.engine.model.model import WORLD
 from rigid_sim_ros.kernels.arrays import IntArray
 
@@ -106,8 +107,8 @@ TABLE: dict[str, Field] = {
     'bristle_stretch': Field(('b', 3)),
     'joint_position': Field(('J',)),
     'joint_rate': Field(('K',)),
-    'joint_curvature': Field((3, 'R', 6)),
-    'joint_strain': Field((3, 'C')),
+    'joint_curvature': Field((PAST, 'R', 6)),
+    'joint_strain': Field((PAST, 'C')),
     'joint_known': Field((2,), 0, 64),
     'joint_parts': Field((1,), 1, 64),
     'joint_held': Field(('K',), 0, 1),

@@ -74,16 +74,20 @@ def factor(model: Model, table: JointTable, work: JointWork, first: int, last: i
 
 
 @kernel
-def solve(table: JointTable, work: JointWork, first: int, last: int, whole: bool) -> None:
+def solve(table: JointTable, work: JointWork, first: int, last: int, whole: bool,
+          asked: bool) -> None:
     """
     Write the motions V and the rates of the rows from first to last, which are whole trees.
 
     F, c, tau and the rates of locked axes are given; F becomes what the bodies bear with all that
     hangs on them. `whole`: V are motions, on a base that may move; else changes of motions.
+    `asked`: c is not 0.
     """
     for back in range(last - first):
         i = last - 1 - back
-        h = minus(six(work.F, i), 1.0, times_motion(load(work.A, i), six(work.c, i)))
+        h = six(work.F, i)
+        if asked:
+            h = minus(h, 1.0, times_motion(load(work.A, i), six(work.c, i)))
         for n in range(table.first_axis[i + 1] - table.first_axis[i]):
             k = table.first_axis[i + 1] - 1 - n
             if work.locked[k] == 1:
@@ -107,7 +111,9 @@ def solve(table: JointTable, work: JointWork, first: int, last: int, whole: bool
                 rate = work.rate[k] - work.inv_D[k] * product(six(work.U, k), V)
                 V = minus(V, -rate, along(table, work, k))
             work.rate[k] = rate
-        set_six(work.V, i, minus(V, -1.0, six(work.c, i)))
+        if asked:
+            V = minus(V, -1.0, six(work.c, i))
+        set_six(work.V, i, V)
 
 
 @kernel
@@ -177,4 +183,4 @@ def response(model: Model, table: JointTable, work: JointWork, first: int, last:
         for k in range(table.first_axis[r], table.first_axis[r + 1]):
             work.tau[k], work.given[k] = 0.0, 0.0
     set_six(work.F, i, F)
-    solve(table, work, first, last, False)
+    solve(table, work, first, last, False, False)

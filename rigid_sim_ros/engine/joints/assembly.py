@@ -49,7 +49,7 @@ def assemble(model: Model, table: JointTable, state: State, motion: JointMotion,
             break
         # A change in a time of 1 s is the way itself.
         ask_back(table, work, max(1.0, gap / _STRIDE))
-        solve(table, work, 0, table.body.shape[0], False)
+        solve(table, work, 0, table.body.shape[0], False, True)
         close(model, table, state, work, False)
         shift_poses(table, state, work, 1.0)
         read_positions(table, state, motion)
@@ -125,7 +125,7 @@ def project(model: Model, table: JointTable, state: State, motion: JointMotion, 
     for m in range(work.loop.wanted.shape[0]):
         work.loop.wanted[m] = 0.0
     lock(table, work, 0, table.body.shape[0])
-    solve(table, work, 0, table.body.shape[0], True)
+    solve(table, work, 0, table.body.shape[0], True, True)
     close(model, table, state, work, True)
     write_momenta(model, table, state, work)
     for k in range(wanted.shape[0]):

@@ -6,12 +6,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rigid_sim_ros.engine.dynamics.free_flight import BLOCK_SIZE
 from rigid_sim_ros.engine.maths.spatial import SIZE
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 
 EFFORT, VELOCITY, POSITION = range(3)       # modes of a drive
-PAST = 3        # steps whose curvature is remembered
+PAST = 4        # steps whose curvature is remembered
 
 
 class Drives(NamedTuple):
@@ -34,10 +35,10 @@ class JointMotion(NamedTuple):
 
     position: Array     # (j,) [rad] or [m], whole turns counted; of a joint with one coordinate
     rate: Array         # (k,) velocities along the axes [rad/s] or [m/s]
-    # (3, r, 6) latest first: the relative motion (c / h) that the joint conditions needed at the
-    # start of a step so that they held at its end
+    # (PAST, r, 6) latest first: the relative motion (c / h) that the joint conditions needed at
+    # the start of a step so that they held at its end
     curvature: Array
-    strain: Array       # (3, c) likewise of the conditions that close loops
+    strain: Array       # (PAST, c) likewise of the conditions that close loops
     known: IntArray     # (2,) how many of these are known, and steps since a step was halved
     parts: IntArray     # (1,) in how many parts a step is taken at present, a power of 2
     held: IntArray      # (k,) 1: stuck by dry friction
@@ -130,6 +131,7 @@ class JointWork(NamedTuple):
     answer: Array   # (r, SIZE) of a body to a force, with the motion of what it hangs on
     felt: Array     # (k,) inertia that the axes feel, with that of their armatures
     before: Array   # (r, 6) momenta before the joints act
+    block: Array    # for `drift_from`
     unresolved: IntArray    # (1,) parts of steps, too long for their motion, since the start
     loop: LoopWork
     law: LawWork
@@ -142,8 +144,8 @@ def make_joint_work(table: JointTable) -> JointWork:
     return JointWork(
         z((r, 3)), z((r, 3)), z((r, 3)), z((r, 6)), z((r, SIZE)), z((k, 3)), z((k, 6)), z(k),
         z(k), z(k), z(k, dtype=np.int64), z(k), z(k), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)),
-        z((r, 6)), z((r, 6)), z((r, 3)), z((r, 4)), z((r, SIZE)), z(k), z((r, 6)), z(1, dtype=np.int64),
-        _loop_work(table), _law_work(k))
+        z((r, 6)), z((r, 6)), z((r, 3)), z((r, 4)), z((r, SIZE)), z(k), z((r, 6)), z(BLOCK_SIZE),
+        z(1, dtype=np.int64), _loop_work(table), _law_work(k))
 
 
 def _loop_work(table: JointTable) -> LoopWork:

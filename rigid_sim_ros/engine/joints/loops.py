@@ -169,7 +169,7 @@ def factor_conditions(table: JointTable, work: JointWork) -> None:
         for m in range(first, last):
             _clear(table, work, begin, end)
             _push(table, work, m, 1.0)
-            solve(table, work, begin, end, False)
+            solve(table, work, begin, end, False, False)
             for r in range(begin, end):
                 set_six(work.loop.answer[m], r - begin, six(work.V, r))
             for k in range(start, stop):

@@ -8,6 +8,7 @@ from rigid_sim_ros.engine.joints.kinematics import place_joints
 from rigid_sim_ros.engine.joints.laws import (
     begin_laws, end_laws, next_piece, note_efforts, reaction_of)
 from rigid_sim_ros.engine.joints.loops import close, factor_conditions, place_conditions
+from rigid_sim_ros.engine.maths.spatial import minus, set_six, six
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import State
@@ -94,13 +95,14 @@ def solve_motions(model: Model, table: JointTable, state: State, motion: JointMo
 @kernel
 def _solve(model: Model, table: JointTable, state: State, work: JointWork, ahead: float) -> None:
     """Solve with the relative motions c = ahead * curved."""
-    for i in range(table.body.shape[0]):
-        for n in range(6):
-            work.c[i, n] = ahead * work.curved[i, n]
+    asked = ahead > 0.0 or table.lawful > 0
+    if asked:
+        for i in range(table.body.shape[0]):
+            set_six(work.c, i, minus((0.0, 0.0, 0.0, 0.0, 0.0, 0.0), -ahead, six(work.curved, i)))
     gather_momenta(table, state, work)
     if table.lawful > 0:
         lock(table, work, 0, table.body.shape[0])
-    solve(table, work, 0, table.body.shape[0], True)
+    solve(table, work, 0, table.body.shape[0], True, asked)
     if table.condition_joint.shape[0] > 0:
         for m in range(work.loop.wanted.shape[0]):
             work.loop.wanted[m] = ahead * work.loop.curved[m]

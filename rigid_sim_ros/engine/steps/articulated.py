@@ -98,9 +98,9 @@ def substep(model: Model, state: State, wrenches: Wrenches, work: Work, table: J
     """
     Kick, drift, kick, with the impulses of the joints: order 2.
 
-    `prepare_step` has been called for the present poses, and is then for the new ones. Returns False,
-    with the state spoiled, if h [s] is too long to resolve the motion; the last resort is to go
-    on with what there is.
+    `prepare_step` has been called for the present poses, and is then for the new ones. Returns
+    False, with the state spoiled, if h [s] is too long to resolve the motion; the last resort is
+    to go on with what there is.
     """
     sum_loads(model, state, wrenches, work.loads)
     kick(state, work.loads, 0.5 * h)

@@ -87,7 +87,7 @@ def test_the_order_of_bodies_and_joints_does_not_matter(seed):
     rng = np.random.default_rng(seed)
     spec = random_tree(rng, on_world=seed % 2 == 0)
     one, other = run(spec), run(shuffled(rng, spec))
-    # The same equations in another order; 1e-13 a step in the poses, which 0.1 s does not let grow.
+    # The same equations in another order; 1e-13 a step in the poses, which do not grow in 0.1 s.
     np.testing.assert_allclose(positions(other), positions(one), rtol=0, atol=1e-10)
 
 
