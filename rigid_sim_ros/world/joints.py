@@ -6,18 +6,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rigid_sim_ros.engine.joints.buffers import JointMotion, LASTS
+from rigid_sim_ros.engine.joints.buffers import LASTS
+from rigid_sim_ros.engine.joints.carrying import articulation_of, carry_along, hangs_on_something
 from rigid_sim_ros.engine.joints.kinematics import joint_coordinates
 from rigid_sim_ros.engine.maths.rotation_in_python import rotate
 from rigid_sim_ros.engine.model.joints import NONE
+from rigid_sim_ros.engine.state.state import copy_state, write_motion
 from rigid_sim_ros.engine.steps.jointed_motion import JointedMotion, JointSetup
 from rigid_sim_ros.kernels.arrays import Array
 from rigid_sim_ros.scene import Scene
-from rigid_sim_ros.scene.joints import CLOSED, MODES, set_drive
+from rigid_sim_ros.scene.joints import CLOSED, gap_of, MODES, set_drive
 
 if TYPE_CHECKING:
     from rigid_sim_ros.engine.model.model import Model
-    from rigid_sim_ros.engine.state.state import State
+    from rigid_sim_ros.engine.state.state import BodyMotion, State
 
 
 class WithJoints:
@@ -222,16 +224,34 @@ class WithJoints:
         if self._joints is not None and self._joints.table.row_of_body[body] != NONE:
             self._joints.project(self._state)
 
-    def _check_is_not_held(self, body: int) -> None:
-        """Raise ValueError for a body that joints hold: its pose is theirs."""
-        if self._joints is not None and self._joints.table.row_of_body[body] != NONE:
-            raise ValueError(f"body '{self.names[body]}' is held by joints: use set_joint_state")
+    def _check_can_be_put(self, body: int) -> None:
+        """Raise ValueError for a body that joints hold to the world: its pose is theirs."""
+        if self._joints is None:
+            return
+        g = articulation_of(self._joints.table, body)
+        if g != NONE and hangs_on_something(self._joints.table, g):
+            raise ValueError(f"body '{self.names[body]}' is held to the world by joints: use "
+                             'set_joint_state')
+
+    def _put(self, body: int, motion: 'BodyMotion') -> None:
+        """Give a body its row of motion; what hangs together with it goes along."""
+        if self._joints is None or self._joints.table.row_of_body[body] == NONE:
+            write_motion(self._model, self._state, motion, body)
+            return
+        before = copy_state(self._state)
+        write_motion(self._model, self._state, motion, body)
+        carry_along(self._model, self._joints.table, self._state, before, body)
+        self._joints.project(self._state)
 
     def _follow(self, body: int) -> None:
         """Let all that hangs on a body that nothing pushes be where that is put at once."""
-        if self._joints is None or body not in self._joints.table.base:
+        if self._joints is None:
             return
-        motion: JointMotion = self._joints.motion
+        table, motion = self._joints.table, self._joints.motion
+        on = np.flatnonzero((table.body_a == body) | (table.body_b == body))
+        # It may as well move there in the next step, and carry them.
+        if max((gap_of(table, self._state, j) for j in on), default=0.0) <= CLOSED:
+            return
         self._joints.assemble(self._state, motion.position.copy(),
                               np.zeros(len(motion.rate), dtype=np.int64), motion.rate.copy())
 

@@ -326,14 +326,14 @@ class World(WithJoints):
         body = self._body(name)
         p, q = _vector('position', position), _unit_quaternion(orientation)
         check_position(self._bounds, name, p)
-        self._check_is_not_held(body)
+        self._check_can_be_put(body)
         motion = self._current_motion()
         motion.position[body], motion.orientation[body] = p, q
         if self._model.inv_m[body] == 0.0:
             self._posed.put(self._state, motion, body, self.step_index)
             self._follow(body)
         else:
-            write_motion(self._model, self._state, motion, body)
+            self._put(body, motion)
         self._motion_is_current = False
 
     def set_twist(self, name: str, linear: ArrayLike, angular: ArrayLike) -> None:

@@ -112,7 +112,7 @@ def test_a_state_that_a_loop_cannot_reach_changes_nothing():
     (lambda one: one.set_joint_command('joint0', effort=1.0, duration=-1.0),
      'duration -1.0 s, must be finite and >= 0'),
     (lambda one: one.set_pose('link0', [0, 0, 0], [0, 0, 0, 1]),
-     "body 'link0' is held by joints: use set_joint_state"),
+     "body 'link0' is held to the world by joints: use set_joint_state"),
 ])
 def test_a_wrong_call_says_what_is_wrong_and_changes_nothing(call, message):
     one = hanging(2, angle=0.5, **DRIVEN)
@@ -217,3 +217,48 @@ def test_coordinates_of_a_joint_with_several_axes_are_told_by_its_name():
     assert one.joint_position[0] == 0.0
     np.testing.assert_allclose(one.joint_coordinates('socket'),
                                [0, 0, 0, 2e-4, 3e-4, 1e-3], rtol=0, atol=2e-6)
+
+
+def robot():
+    """Return a body with two arms that hang on nothing."""
+    arm = rod(0.3, 0.5, 0.02)
+    return world(
+        [body('trunk', 2.0, position=(0, 0, 1), twist={
+            'linear': [0.3, 0, 0.1], 'angular': [0, 0.5, 0]}),
+         body('left', 0.3, (0, 0, -0.25), arm, (0, 0.2, 1)),
+         body('right', 0.3, (0, 0, -0.25), arm, (0, -0.2, 1))],
+        [joint(name, 'trunk', name, position=(0, y, 0), axis=(0, 1, 0), velocity=v)
+         for name, y, v in (('left', 0.2, 1.0), ('right', -0.2, -2.0))])
+
+
+def test_what_hangs_on_nothing_moves_as_one_when_a_body_of_it_is_put_elsewhere():
+    one = robot()
+    rates, velocity = one.joint_velocity, one.linear_velocity[1]
+    turned = [math.sin(0.4), 0, 0, math.cos(0.4)]
+    one.set_pose('left', [3.0, 2.0, 1.0], turned)
+    assert gaps(one) < 1e-12
+    np.testing.assert_allclose(one.position[1], [3, 2, 1], atol=1e-14)
+    np.testing.assert_allclose(one.orientation[1], turned, atol=1e-14)
+    # It keeps its twist, and the joints their velocities.
+    np.testing.assert_allclose(one.linear_velocity[1], velocity, atol=1e-12)
+    np.testing.assert_allclose(one.joint_velocity, rates, atol=1e-12)
+
+
+def test_a_twist_of_one_body_is_what_joints_leave_of_it():
+    one = robot()
+    one.set_twist('trunk', [1.0, 0, 0], [0, 0, 0])
+    assert np.abs(one.joint_velocity).max() > 0.0
+    one.step(50)
+    assert gaps(one) < 1e-12
+
+
+def test_a_free_joint_holds_nothing_and_tells_where_its_child_is():
+    bodies = [body('ball', position=(1, 0, 0), twist={'linear': [0, 1.0, 0],
+                                                      'angular': [0, 0, 0]})]
+    free = world(bodies, [joint('view', 'world', 'ball', 'free', axis=(0, 0, 1))],
+                 gravity=(0, 0, 0))
+    free.step(500)
+    # The frame of the child is where that of the parent is at the start: at the origin.
+    np.testing.assert_allclose(free.joint_coordinates('view')[:3], [0, 0.5, 0], atol=1e-12)
+    np.testing.assert_allclose(free.position[0], [1, 0.5, 0], atol=1e-12)
+    assert free.joint_position[0] == 0.0

@@ -10,10 +10,11 @@ times the error.
 import math
 
 from engine.jointed import (
-    energy, G, hanging, PANDA, panda, PANDA_START, PANDA_TIP, planar_links, planar_tip, point_of,
-    rod, together)
+    body, energy, G, hanging, joint, PANDA, panda, PANDA_START, PANDA_TIP, planar_links,
+    planar_tip, point_of, rod, together, world)
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 # Rounding of some 1e-15 a metre, and the 1e-13 to which joints are closed.
 CLOSED = 1e-12
@@ -107,12 +108,31 @@ def test_anchors_stay_together_in_every_step(make):
     spec = world.scene.spec
     for _ in range(300):
         world.step()
-        for joint in spec.joints:
-            here = point_of(world, joint.child)
-            there = np.array(joint.pose.position)
-            if joint.parent != 'world':
-                there = point_of(world, joint.parent, joint.pose.position)
+        for held in spec.joints:
+            here = point_of(world, held.child)
+            there = np.array(held.pose.position)
+            if held.parent != 'world':
+                there = point_of(world, held.parent, held.pose.position)
             assert np.abs(here - there).max() < CLOSED
+
+
+def test_forces_that_depend_on_velocities_are_of_second_order_too():
+    # A pendulum in air that resists its centre of mass with c v, to an accuracy of 1e-12.
+    inertia, drag = 1 / 3 + 0.02 ** 2 / 4, 0.8
+
+    def rates(t, y):
+        return [y[1], (-0.5 * G * math.sin(y[0]) - drag * 0.25 * y[1]) / inertia]
+
+    end = solve_ivp(rates, (0, 1), [1.2, 0.0], method='DOP853', rtol=1e-12, atol=1e-13).y[0, -1]
+    off = []
+    for h in (2e-3, 1e-3):
+        one = world([body('bar', 1.0, (0, 0, -0.5), rod(1, 1, 0.02))],
+                    [joint('pin', 'world', 'bar') | {'position': 1.2}], h,
+                    forces=[{'type': 'wind', 'drag': drag}])
+        one.step(round(1.0 / h))
+        off.append(one.joint_position[0] - end)
+    assert abs(off[1]) < 1e-5
+    assert off[0] / off[1] == pytest.approx(4.0, rel=2e-2)
 
 
 def test_turns_are_counted():
