@@ -248,7 +248,7 @@ class WithJoints:
         if self._joints is None:
             return
         table, motion = self._joints.table, self._joints.motion
-        on = np.flatnonzero((table.body_a == body) | (table.body_b == body))
+        on = np.flatnonzero((table.body_a == body) | (table.body_b == body)).tolist()
         # It may as well move there in the next step, and carry them.
         if max((gap_of(table, self._state, j) for j in on), default=0.0) <= CLOSED:
             return
