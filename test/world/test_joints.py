@@ -262,3 +262,13 @@ def test_a_free_joint_holds_nothing_and_tells_where_its_child_is():
     np.testing.assert_allclose(free.joint_coordinates('view')[:3], [0, 0.5, 0], atol=1e-12)
     np.testing.assert_allclose(free.position[0], [1, 0.5, 0], atol=1e-12)
     assert free.joint_position[0] == 0.0
+
+
+def test_the_wrench_on_a_child_that_holds_its_parent_is_the_weight_of_that():
+    # The file has the joint from the arm to the wall, and the arm hangs on the wall.
+    wall = {'name': 'wall', 'fixed': True}
+    one = world([wall, body('arm', 2.0, position=(1, 0, 0))], [
+        {'name': 'bolt', 'type': 'fixed', 'parent': 'arm', 'child': 'wall',
+         'pose': {'position': [-1, 0, 0]}}])
+    one.step(5)
+    np.testing.assert_allclose(one.joint_wrench('bolt'), [0, 0, -19.62, 0, 19.62, 0], atol=1e-9)
