@@ -53,7 +53,8 @@ def begin_laws(table: JointTable, motion: JointMotion, work: JointWork, h: float
         law.u[k] = (0.5 * h * (drives.effort[k] + drives.stiffness[k] * (
             drives.position[k] - q)) + first * drives.damping[k] * (drives.velocity[k] - v))
         law.g[k] = 0.25 * h * h * drives.stiffness[k]
-        law.low[k], law.high[k] = (laws.lower[k] - q) / h, (laws.upper[k] - q) / h
+        law.low[k] = (laws.lower[k] - q) / h - law.bend[k]
+        law.high[k] = (laws.upper[k] - q) / h - law.bend[k]
         _bound_forces(table, motion, work, k, h)
         _begin_on(work, k, v, motion.held[k] == 1)
 

@@ -31,9 +31,9 @@ from rigid_sim_ros.kernels.kernel import inlined, kernel
 # origin; ten times more would show in energies after a minute, ten times less cost one more round.
 TOLERANCE = 1e-13
 # A round leaves a part of the error that is proportional to the angle of the fastest body in the
-# step: 0.1 to 0.6 times that was seen. So a last round need not be measured that is known to leave
-# less than _UNSEEN [m or rad].
-_LEFT, _UNSEEN = 2.0, 3e-13
+# step: 0.1 to 0.6 times that was seen, more where the fastest body is the lightest by far. So a
+# last round need not be measured that is known to leave less than _UNSEEN [m or rad].
+_LEFT, _UNSEEN = 4.0, 2e-13
 # Rounds until a step is taken in halves. Each leaves h |w| of the error: usually one is enough.
 MOST_ROUNDS = 8
 _ZERO = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -171,23 +171,22 @@ def shake(model: Model, table: JointTable, state: State, motion: JointMotion, wo
     write_momenta(model, table, state, work)
     keep_poses(table, state, work)
     turning = largest_turn(table, work, h)
-    before = math.inf
+    before, left = math.inf, _LEFT * turning
     for _ in range(MOST_ROUNDS):
         drift_from(model, state, table.body, work.x, work.q, h, work.block)
         worst = measure(table, state, motion, work)
         if worst <= TOLERANCE:
-            remember(table, motion, work)
             return True
         # Also for what is not a number.
         if not worst <= 0.5 * before:
             return False
+        left = max(left, worst / before)
         before = worst
         correct(model, table, state, work, h)
         for k in range(work.rate.shape[0]):
             work.law.half_rate[k] += work.rate[k]
-        if worst * (_LEFT * turning + worst) <= _UNSEEN:
+        if worst * (left + worst) <= _UNSEEN:
             shift_poses(table, state, work, h)
-            remember(table, motion, work)
             return True
     return False
 
@@ -232,3 +231,37 @@ def rattle(model: Model, table: JointTable, state: State, motion: JointMotion, w
     for k in range(work.rate.shape[0]):
         motion.rate[k] = work.rate[k]
     write_momenta(model, table, state, work)
+
+
+@kernel
+def passes_limits(table: JointTable, state: State, motion: JointMotion, work: JointWork,
+                  h: float) -> bool:
+    """
+    Return whether a joint that is free has passed its limit, and note what its rate did not say.
+
+    A position goes its rate times h [s], and a little more or less where its parent turns.
+    """
+    law, found = work.law, False
+    for k in range(table.has_laws.shape[0]):
+        if table.has_laws[k] == 0 or work.locked[k] == 1:
+            continue
+        q = joint_position(table, state, table.axis_joint[k], law.before[k])
+        if not table.laws.lower[k] - TOLERANCE <= q <= table.laws.upper[k] + TOLERANCE:
+            law.bend[k] = (q - law.before[k]) / h - law.half_rate[k]
+            found = True
+    return found
+
+
+@kernel
+def take_back(table: JointTable, state: State, motion: JointMotion, work: JointWork) -> None:
+    """Put the bodies back to where they were, with the momenta before the joints acted."""
+    for i in range(table.body.shape[0]):
+        body = table.body[i]
+        for k in range(3):
+            state.x[k, body] = work.x[i, k]
+            state.P[k, body] = work.before[i, k]
+            state.L[k, body] = work.before[i, 3 + k]
+        for k in range(4):
+            state.q[k, body] = work.q[i, k]
+    for k in range(motion.held.shape[0]):
+        motion.held[k], motion.held_at[k] = work.law.held[k], work.law.held_at[k]

@@ -14,7 +14,8 @@ from rigid_sim_ros.engine.joints.kinematics import has_one_coordinate
 from rigid_sim_ros.engine.joints.posture import read_positions
 from rigid_sim_ros.engine.joints.reactions import add_wrenches_of_joints, note_momenta
 from rigid_sim_ros.engine.joints.settle import prepare_step
-from rigid_sim_ros.engine.joints.shake import expect, rattle, shake
+from rigid_sim_ros.engine.joints.shake import (
+    expect, passes_limits, rattle, remember, shake, take_back)
 from rigid_sim_ros.engine.model.joints import JointTable, NONE
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import copy_into, State
@@ -25,6 +26,9 @@ from rigid_sim_ros.kernels.kernel import kernel
 # A step that does not resolve the motion is taken in halves, again and again, up to this many
 # parts; smaller ones would mean that something else is wrong, and the step is left as it is.
 MOST_PARTS = 64
+# A joint that passes its limit in spite of its rate is locked there, and the step is done again:
+# once as a rule, and once more for each joint that then does.
+MOST_TRIES = 8
 # Steps until half as many parts are tried once more.
 PATIENCE = 16
 
@@ -104,17 +108,15 @@ def substep(model: Model, state: State, wrenches: Wrenches, work: Work, table: J
     """
     sum_loads(model, state, wrenches, work.loads)
     kick(state, work.loads, 0.5 * h)
-    expect(table, motion, scratch)
     for i in range(times.shape[0]):
         times[i] = h if table.row_of_body[i] < 0 else 0.0
     drift(model, state, times, work.block)
     move_kinematic(model, state, h)
-    if record:
-        note_momenta(table, state, scratch)
-    if not shake(model, table, state, motion, scratch, h):
+    if not _shake_within_limits(model, state, table, motion, scratch, h):
         if not last:
             return False
         scratch.unresolved[0] += 1
+    remember(table, motion, scratch)
     if record:
         add_wrenches_of_joints(table, state, motion, scratch, model.h, True)
     follow_positions(table, state, motion, scratch, h)
@@ -131,6 +133,26 @@ def substep(model: Model, state: State, wrenches: Wrenches, work: Work, table: J
     copy_into(state, start)
     kick(state, work.later, 0.5 * h)
     finish(model, state, table, motion, scratch, h, record)
+    return True
+
+
+@kernel
+def _shake_within_limits(model: Model, state: State, table: JointTable, motion: JointMotion,
+                         scratch: JointWork, h: float) -> bool:
+    """Let the joints act in the first half of a step of h [s], so that none passes its limits."""
+    for k in range(scratch.law.bend.shape[0]):
+        scratch.law.bend[k] = 0.0
+    note_momenta(table, state, scratch)
+    for _ in range(MOST_TRIES):
+        expect(table, motion, scratch)
+        if not shake(model, table, state, motion, scratch, h):
+            return False
+        if table.lawful == 0 or not passes_limits(table, state, motion, scratch, h):
+            break
+        take_back(table, state, motion, scratch)
+        note_momenta(table, state, scratch)
+    else:
+        return False
     return True
 
 
