@@ -85,6 +85,7 @@ class LawWork(NamedTuple):
     low: Array      # the rate must not be below this
     high: Array     # nor above this
     bend: Array     # way of the position in a step less h v, over h: what the rate does not say
+    stick: Array    # where dry friction holds: the rate with which the position stays
     fast: Array     # beyond which the drive does not accelerate, in both senses
     brakes: IntArray    # (k,) 1: there it holds the joint back
     begin: Array    # the straight piece that the rate is on goes from here

@@ -55,6 +55,7 @@ def begin_laws(table: JointTable, motion: JointMotion, work: JointWork, h: float
         law.g[k] = 0.25 * h * h * drives.stiffness[k]
         law.low[k] = (laws.lower[k] - q) / h - law.bend[k]
         law.high[k] = (laws.upper[k] - q) / h - law.bend[k]
+        law.stick[k] = -law.bend[k]
         _bound_forces(table, motion, work, k, h)
         _begin_on(work, k, v, motion.held[k] == 1)
 
@@ -74,7 +75,7 @@ def end_laws(table: JointTable, motion: JointMotion, work: JointWork, h: float) 
         law.u[k] = (0.5 * h * (drives.effort[k] + drives.stiffness[k] * (
             drives.position[k] - mean)) + second * drives.damping[k] * drives.velocity[k])
         law.g[k] = second * drives.damping[k]
-        law.low[k], law.high[k] = -math.inf, math.inf
+        law.low[k], law.high[k], law.stick[k] = -math.inf, math.inf, 0.0
         if law.bound[k] < 0:
             law.low[k] = law.back[k]
         elif law.bound[k] > 0:
@@ -103,7 +104,7 @@ def _kink(work: JointWork, k: int, n: int) -> float:
     if n == 1:
         return law.high[k]
     if n == 2:
-        return 0.0 if law.F[k] > 0.0 else math.inf
+        return law.stick[k] if law.F[k] > 0.0 else math.inf
     if n == 3:
         return law.fast[k]
     if n == 4:
@@ -134,7 +135,7 @@ def _impulse(work: JointWork, k: int, v: float, side: int) -> float:
     if v > law.high[k] or (v == law.high[k] and side > 0):
         return -math.inf
     friction = law.F[k]
-    if v > 0.0 or (v == 0.0 and side > 0):
+    if v > law.stick[k] or (v == law.stick[k] and side > 0):
         friction = -friction
     return law.a[k] - law.b[k] * v + friction + drive_impulse(work, k, v, side)
 
@@ -176,8 +177,8 @@ def _stop_at(work: JointWork, k: int, v: float) -> None:
 def _begin_on(work: JointWork, k: int, v: float, held: bool) -> None:
     """Put axis k on the piece of a rate v that is near to the one that will come out."""
     law = work.law
-    if held and law.low[k] <= 0.0 <= law.high[k]:
-        _stop_at(work, k, 0.0)
+    if held and law.low[k] <= law.stick[k] <= law.high[k]:
+        _stop_at(work, k, law.stick[k])
     elif v <= law.low[k]:
         law.approach[k] = v
         _stop_at(work, k, law.low[k])
@@ -248,8 +249,8 @@ def note_efforts(table: JointTable, motion: JointMotion, work: JointWork, h: flo
                 continue
             v = work.rate[k]
             drive = drive_impulse(work, k, v, 0)
-            if work.locked[k] == 1 and v != 0.0 and abs(v) == law.fast[k]:
-                friction = law.F[k] if v < 0.0 else -law.F[k]
+            if work.locked[k] == 1 and v != law.stick[k] and abs(v) == law.fast[k]:
+                friction = law.F[k] if v < law.stick[k] else -law.F[k]
                 drive = reaction_of(table, work, i, k) - law.a[k] + law.b[k] * v - friction
             way = h * v if first else motion.position[table.axis_joint[k]] - law.before[k]
             stretch = law.before[k] + 0.5 * way - laws.rest[k]

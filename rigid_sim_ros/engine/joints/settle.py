@@ -160,7 +160,7 @@ def _aim(table: JointTable, motion: JointMotion, work: JointWork, h: float) -> N
             law.bound[k], law.target[k] = -1, table.laws.lower[k]
         elif v == law.high[k]:
             law.bound[k], law.target[k] = 1, table.laws.upper[k]
-        elif v == 0.0:
+        elif v == law.stick[k]:
             if not was_held:
                 motion.held_at[k] = law.before[k]
             motion.held[k], law.target[k] = 1, motion.held_at[k]

@@ -34,6 +34,8 @@ TOLERANCE = 1e-13
 # step: 0.1 to 0.6 times that was seen, more where the fastest body is the lightest by far. So a
 # last round need not be measured that is known to leave less than _UNSEEN [m or rad].
 _LEFT, _UNSEEN = 4.0, 2e-13
+# [rad/s or m/s] and as a part: less than this beyond its piece a rate is on it.
+_PIECE_SLACK = 1e-9
 # Rounds until a step is taken in halves. Each leaves h |w| of the error: usually one is enough.
 MOST_ROUNDS = 8
 _ZERO = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -211,6 +213,7 @@ def ask_back(table: JointTable, work: JointWork, h: float) -> None:
         for k in range(table.first_axis[i], table.first_axis[i + 1]):
             if work.locked[k] == 1:
                 c = minus(c, work.law.astray[k] / h, along(table, work, k))
+                work.law.bend[k] += work.law.astray[k] / h
         set_six(work.c, i, c)
     for k in range(work.tau.shape[0]):
         work.tau[k], work.given[k] = 0.0, 0.0
@@ -234,12 +237,14 @@ def rattle(model: Model, table: JointTable, state: State, motion: JointMotion, w
 
 
 @kernel
-def passes_limits(table: JointTable, state: State, motion: JointMotion, work: JointWork,
-                  h: float) -> bool:
+def leaves_pieces(table: JointTable, state: State, work: JointWork, h: float,
+                  strict: bool) -> bool:
     """
     Return whether a joint that is free has passed its limit, and note what its rate did not say.
 
     A position goes its rate times h [s], and a little more or less where its parent turns.
+    strict: also whether a rate has left its piece, which was chosen by the expected c: after a
+    shock they are not those that were needed in the end.
     """
     law, found = work.law, False
     for k in range(table.has_laws.shape[0]):
@@ -249,6 +254,9 @@ def passes_limits(table: JointTable, state: State, motion: JointMotion, work: Jo
         if not table.laws.lower[k] - TOLERANCE <= q <= table.laws.upper[k] + TOLERANCE:
             law.bend[k] = (q - law.before[k]) / h - law.half_rate[k]
             found = True
+        v = law.half_rate[k]
+        slack = _PIECE_SLACK * (1.0 + abs(v))
+        found = found or (strict and not law.begin[k] - slack <= v <= law.end[k] + slack)
     return found
 
 

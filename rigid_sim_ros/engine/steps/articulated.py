@@ -15,7 +15,7 @@ from rigid_sim_ros.engine.joints.posture import read_positions
 from rigid_sim_ros.engine.joints.reactions import add_wrenches_of_joints, note_momenta
 from rigid_sim_ros.engine.joints.settle import prepare_step
 from rigid_sim_ros.engine.joints.shake import (
-    expect, passes_limits, rattle, remember, shake, take_back)
+    expect, leaves_pieces, rattle, remember, shake, take_back)
 from rigid_sim_ros.engine.model.joints import JointTable, NONE
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import copy_into, State
@@ -143,12 +143,13 @@ def _shake_within_limits(model: Model, state: State, table: JointTable, motion: 
     for k in range(scratch.law.bend.shape[0]):
         scratch.law.bend[k] = 0.0
     note_momenta(table, state, scratch)
-    for _ in range(MOST_TRIES):
-        expect(table, motion, scratch)
+    expect(table, motion, scratch)
+    for n in range(MOST_TRIES):
         if not shake(model, table, state, motion, scratch, h):
             return False
-        if table.lawful == 0 or not passes_limits(table, state, motion, scratch, h):
+        if table.lawful == 0 or not leaves_pieces(table, state, scratch, h, n == 0):
             break
+        # What the joints need is known now: the pieces are chosen by that.
         take_back(table, state, motion, scratch)
         note_momenta(table, state, scratch)
     else:
