@@ -21,7 +21,7 @@ from rigid_sim_ros.engine.joints.loops import close, measure_conditions
 from rigid_sim_ros.engine.joints.settle import solve_motions
 from rigid_sim_ros.engine.maths.rotation import multiply, quaternion, set_quaternion, unit
 from rigid_sim_ros.engine.maths.spatial import minus, set_six, Six, six
-from rigid_sim_ros.engine.maths.vector import add_scaled, column, cross, row, set_column
+from rigid_sim_ros.engine.maths.vector import add_scaled, column, cross, norm, row, set_column
 from rigid_sim_ros.engine.model.joints import JointTable, NONE
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import State
@@ -34,6 +34,7 @@ TOLERANCE = 1e-13
 # step: 0.1 to 0.6 times that was seen, more where the fastest body is the lightest by far. So a
 # last round need not be measured that is known to leave less than _UNSEEN [m or rad].
 _LEFT, _UNSEEN = 4.0, 2e-13
+_SHORTEST = 1e-3    # [m] a lever counts as this much longer, so that none is 0
 # [rad/s or m/s] and as a part: less than this beyond its piece a rate is on it.
 _PIECE_SLACK = 1e-9
 # Rounds until a step is taken in halves. Each leaves h |w| of the error: usually one is enough.
@@ -150,12 +151,22 @@ def remember(table: JointTable, motion: JointMotion, work: JointWork) -> None:
 
 @kernel
 def largest_turn(table: JointTable, work: JointWork, h: float) -> float:
-    """Return the largest angle by which a body turns in h [s], about [rad]."""
-    fastest = 0.0
+    """
+    Return by how much the geometry changes in h [s], at most and about.
+
+    By the largest angle of a body [rad], and the longest way along an axis over the levers of its
+    body.
+    """
+    fastest, longest = 0.0, 0.0
     for i in range(table.body.shape[0]):
         V = six(work.V, i)
         fastest = max(fastest, V[3] * V[3] + V[4] * V[4] + V[5] * V[5])
-    return h * math.sqrt(fastest)
+        if table.joint[i] != NONE:
+            for k in range(table.first_axis[i], table.first_axis[i + 1]):
+                if table.translates[k] == 1:
+                    levers = norm(row(work.arm, i)) + norm(row(work.com, i))
+                    longest = max(longest, abs(work.rate[k]) / (levers + _SHORTEST))
+    return h * (math.sqrt(fastest) + longest)
 
 
 @kernel
