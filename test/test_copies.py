@@ -17,6 +17,10 @@ WORLDS = {
     'touching': {'format': 1, 'bodies': [
         *(BALL | {'name': f'b{k}', 'pose': {'position': [0.01 * k, 0, 0.1 + 0.199 * k]}}
           for k in range(3)), {'name': 'ground', 'shape': {'type': 'plane'}, 'fixed': True}]},
+    'jointed': {'format': 1, 'world': {'contact': 'none'}, 'bodies': [
+        BALL | {'name': 'bob', 'pose': {'position': [1, 0, 0]}}], 'joints': [
+        {'name': 'pin', 'type': 'revolute', 'parent': 'world', 'child': 'bob', 'axis': [0, 1, 0],
+         'damping': 0.1}]},
     'free': {'format': 1, 'world': {'contact': 'none'}, 'bodies': [
         BALL | {'name': 'b', 'twist': {'angular': [1, 2, 3]}}]},
 }

@@ -38,8 +38,8 @@ MAY_IMPORT = {
     'kernels': set(),
 }
 # The rooms of the engine; each imports of those that stand after it.
-ROOMS = ('steps', 'events', 'solver', 'constraints', 'contact', 'detection', 'dynamics', 'state',
-         'model', 'maths')
+ROOMS = ('steps', 'events', 'solver', 'constraints', 'joints', 'contact', 'detection', 'dynamics',
+         'state', 'model', 'maths')
 # SciPy comes with OSQP, whose matrices are those of scipy.sparse; llvmlite with Numba, whose
 # vectors are LLVM's.
 ENGINE_LIBRARIES = {'llvmlite', 'numba', 'numpy', 'osqp', 'scipy'}

@@ -24,6 +24,7 @@ from rigid_sim_ros.scene.document import Source
 from rigid_sim_ros.scene.errors import (
     below, nearest, Path as Place, Problem, Report, SceneError, shown)
 from rigid_sim_ros.scene.forces import force_table
+from rigid_sim_ros.scene.joints import build_scene_joints, check_joints, put_together, SceneJoints
 
 _logger = logging.getLogger(__name__)
 
@@ -43,6 +44,7 @@ class Scene:
     materials: Materials
     names: tuple[str, ...]  # of the bodies
     frame_names: Mapping[str, int]  # 'crate', 'crate/handle': the frame's index in the model
+    joints: SceneJoints | None
 
     # How the engine is to run it, in the words of the file.
     integrator: str
@@ -80,6 +82,7 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source) ->
     spec = spec.model_copy(update={'bodies': tuple(bodies)})
     _check_references(spec, report)
     collision.check(spec, report)
+    check_joints(spec, report)
     frame_names = _frame_names(spec)
     frames = [Frame(i, np.array(pose.position), np.array(pose.orientation))
               for i, body in enumerate(spec.bodies) for pose in body.frames.values()]
@@ -98,6 +101,9 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source) ->
         report(('bodies', i), _EXTREME)
     if problems:
         raise SceneError(problems)
+    joints = build_scene_joints(spec, model, report)
+    if joints is not None:
+        put_together(spec, model, state, joints, report)
     shapes = _shapes(spec, model, report)
     if problems or shapes is None:
         raise SceneError(problems)
@@ -111,8 +117,9 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source) ->
         except ValueError as error:
             raise SceneError([source.problem(('world', 'step'), str(error))]) from None
     return Scene(name, spec, to_text(spec), model, state, shapes, materials,
-                 tuple(body.name for body in spec.bodies), frame_names, spec.world.integrator,
-                 spec.world.orientation, spec.world.contact, spec.world.solver)
+                 tuple(body.name for body in spec.bodies), frame_names, joints,
+                 spec.world.integrator, spec.world.orientation, spec.world.contact,
+                 spec.world.solver)
 
 
 def to_text(spec: schema.Scene) -> str:

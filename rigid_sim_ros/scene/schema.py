@@ -25,6 +25,9 @@ from rigid_sim_ros.scene.values import (
 
 INTEGRATORS = tuple(FREE_MOTION)
 CONTACTS = ('none', 'penalty', 'event', 'timestep')
+JOINTS = ('fixed', 'revolute', 'continuous', 'prismatic', 'spherical', 'universal', 'planar',
+          'distance', 'free')
+DRIVES = ('effort', 'velocity', 'position')
 SOLVERS = ('sequential', 'qp')
 
 Position: TypeAlias = Annotated[Vector, Numbers('x y z', Quantity('m'))]
@@ -369,6 +372,84 @@ _ANY_FORCE: Any = Union[tuple(  # noqa: UP007, the members are known at run time
     Annotated[cls, Tag(f'<{name}>')] for name, cls in _FORCE_CLASSES.items())]
 
 
+# Of a rotation; along an axis of translation read m for rad and N for N m.
+_Coordinate: TypeAlias = Annotated[float, Quantity('rad or m')]
+_Rate: TypeAlias = Annotated[float, Quantity('rad/s or m/s')]
+_Effort: TypeAlias = Annotated[float, Quantity('N m or N')]
+_Stiffness: TypeAlias = Annotated[float, Quantity('N m/rad or N/m', least=0.0)]
+_JointDamping: TypeAlias = Annotated[float, Quantity('N m s/rad or N s/m', least=0.0)]
+
+
+class JointLimits(Spec):
+    """How far a joint goes, and what its drive can do."""
+
+    lower: _Coordinate | None = None
+    upper: _Coordinate | None = None
+    restitution: Annotated[float, Quantity(least=0.0, most=1.0)] = 0.0
+    velocity: Annotated[float, Quantity('rad/s or m/s', above=0.0)] | None = None
+    effort: Annotated[float, Quantity('N m or N', least=0.0)] | None = None
+
+
+class JointSpring(Spec):
+    """A linear spring along the axis."""
+
+    stiffness: _Stiffness
+    rest: _Coordinate = 0.0
+
+
+class JointDrive(Spec):
+    """A motor and its controller: the mode that it starts in, its gains, and its first goal."""
+
+    mode: Annotated[str, Choice(DRIVES)]
+    gain: _JointDamping | None = None   # of the mode `velocity`
+    stiffness: _Stiffness | None = None     # of the mode `position`, with the damping
+    damping: _JointDamping = 0.0
+    position: _Coordinate | None = None     # None: the position at the start
+    velocity: _Rate = 0.0
+    effort: _Effort = 0.0
+
+
+class JointMimic(Spec):
+    """Position = multiplier * position of another joint + offset; both feel it."""
+
+    joint: Annotated[str, Text()]
+    multiplier: Annotated[float, Quantity()] = 1.0
+    offset: _Coordinate = 0.0
+
+
+class Joint(Spec):
+    """What holds a child to a parent, but for some motions."""
+
+    name: Name
+    type: Annotated[str, Choice(JOINTS)]
+    parent: Annotated[str, Text()]      # a body, or world
+    child: Annotated[str, Text()]
+    pose: Pose = Pose()     # of the joint frame in the parent
+    child_pose: Pose | None = None      # in the child; None: where it is at position 0
+    axis: Annotated[Vector, Numbers('x y z')] = (0.0, 0.0, 1.0)     # in the joint frame
+    # Of a universal joint, fixed in the child; None: any at right angles to the axis.
+    axis2: Annotated[Vector, Numbers('x y z')] | None = None
+    position: _Coordinate | None = None     # at the start; None: 0
+    velocity: _Rate | None = None   # None: as the bodies' twists have it
+    limits: JointLimits = JointLimits()
+    damping: _JointDamping = 0.0
+    friction: Annotated[float, Quantity('N m or N', least=0.0)] = 0.0
+    armature: Annotated[float, Quantity('kg m^2 or kg', least=0.0)] = 0.0
+    spring: JointSpring | None = None
+    drive: JointDrive | None = None
+    mimic: JointMimic | None = None
+    # Whether parent and child touch each other.
+    collides: Boolean = False
+
+    @model_validator(mode='after')
+    def _has_direction(self) -> 'Joint':
+        for key in ('axis', 'axis2'):
+            axis = getattr(self, key)
+            if axis is not None and not any(axis):
+                raise refuse('[0, 0, 0] has no direction, must be such as [0, 0, 1]', key)
+        return self
+
+
 class Scene(Spec):
     """A whole scene file."""
 
@@ -379,6 +460,8 @@ class Scene(Spec):
     collision: Collision = Collision()
     bodies: Annotated[tuple[Body, ...], _NOT_EMPTY]
     forces: tuple[Annotated[_ANY_FORCE, Discriminator(_kind)], ...] = ()
+    # None, and not an empty list: a scene without joints has the text that it always had.
+    joints: tuple[Joint, ...] | None = None
 
     @property
     def all_materials(self) -> dict[str, Material]:

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.detection.manifolds import POINTS
+from rigid_sim_ros.engine.joints.buffers import PAST
 from rigid_sim_ros.engine.model.model import WORLD
 from rigid_sim_ros.kernels.arrays import IntArray
 
@@ -50,7 +51,7 @@ class Field(NamedTuple):
 
 
 # z bodies that nothing pushes; r wrenches; c manifolds with p points, k of them polyhedra with m
-# points; d forces, b bristles.
+# points; d forces, b bristles; J joints that hold R bodies with K axes, C conditions of loops.
 TABLE: dict[str, Field] = {
     'x': Field((3, 'n')),
     'q': Field((4, 'n')),
@@ -104,6 +105,23 @@ TABLE: dict[str, Field] = {
     'bristle_shape_b': Field(('b',), 0, 's'),
     'bristle_feature': Field(('b',)),
     'bristle_stretch': Field(('b', 3)),
+    'joint_position': Field(('J',)),
+    'joint_rate': Field(('K',)),
+    'joint_curvature': Field((PAST, 'R', 6)),
+    'joint_strain': Field((PAST, 'C')),
+    'joint_known': Field((2,), 0, 64),
+    'joint_parts': Field((1,), 1, 64),
+    'joint_held': Field(('K',), 0, 1),
+    'joint_held_at': Field(('K',)),
+    'joint_effort': Field(('K',)),
+    'joint_wrench': Field(('J', 6)),
+    'joint_drive_mode': Field(('K',), 0, 2),
+    'joint_drive_stiffness': Field(('K',)),
+    'joint_drive_damping': Field(('K',)),
+    'joint_drive_position': Field(('K',)),
+    'joint_drive_velocity': Field(('K',)),
+    'joint_drive_effort': Field(('K',)),
+    'joint_drive_steps_left': Field(('K',), -1, _MANY),
 }
 
 
@@ -119,6 +137,11 @@ def check(meta: Mapping[str, Any], arrays: Mapping[str, np.ndarray],
         raise ValueError(f'the snapshot {"lacks" if odd in present else "has"} an array '
                          f'{odd!r}: {_MEND}')
     lengths = {'n': sizes.bodies, 'z': sizes.fixed}
+    # Joints never change in number: the arrays of any time have the lengths of these.
+    for name in present:
+        if name.startswith('joint_'):
+            lengths |= {axis: length for axis, length in zip(
+                TABLE[name].axes, present[name].shape, strict=True) if isinstance(axis, str)}
     ends = {'n': sizes.bodies, 'f': sizes.frames, 's': len(sizes.body_of_shape)}
     for name, array in arrays.items():
         _check_field(name, array, present[name].dtype, TABLE[name], lengths, ends)
@@ -178,6 +201,8 @@ def _are_sorted(arrays: Mapping[str, np.ndarray], sizes: Sizes) -> bool:
 _RELATIONS: Sequence[
     tuple[str, str, Callable[[Mapping[str, np.ndarray], Sizes], bool]]] = (
     ('q', 'orientations are not of unit length', lambda arrays, _: _are_unit(arrays['q'])),
+    ('joint_parts', 'a step is not in halves of halves', lambda arrays, _: (
+        64 % int(arrays['joint_parts'][0]) == 0)),
     ('manifold_normal', 'normals are not of unit length', lambda arrays, _: (
         _are_unit(arrays['manifold_normal'].T) and _are_unit(arrays['manifold_normal_A'].T))),
     ('manifold_count', 'the manifolds are not as many as it says',

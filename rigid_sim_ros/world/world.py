@@ -25,8 +25,8 @@ from rigid_sim_ros.world.bounds import check_change, check_position, check_twist
 from rigid_sim_ros.world.changes import (
     changed, checked, moved, Numbering, order_after, places_between, wake)
 from rigid_sim_ros.world.commands import Command, KINDS, Observer
+from rigid_sim_ros.world.joints import WithJoints
 from rigid_sim_ros.world.posed import FIELDS as POSED_FIELDS, Posed
-from rigid_sim_ros.world.readings import Readings
 from rigid_sim_ros.world.snapshot import pack, unpack
 from rigid_sim_ros.world.snapshot_check import check, Sizes
 from rigid_sim_ros.world.values import some, step_count, unit_quaternion, vector
@@ -41,7 +41,7 @@ def load_scene(scene: str | os.PathLike[str]) -> 'World':
     return World(read_scene(scene))
 
 
-class World(Readings):
+class World(WithJoints):
     """
     A world of rigid bodies that advances in fixed steps.
 
@@ -81,11 +81,12 @@ class World(Readings):
         collision = scene.spec.collision
         self._contact = make_contact_model(scene.contact, Setup(
             self._model, self._shapes, scene.materials, scene.integrator, scene.orientation,
-            scene.solver, collision.substeps, collision.sleep_after))
+            scene.solver, collision.substeps, collision.sleep_after, self._joint_setup()))
         self._contact.use_threads(self._threads)
         self._motion = empty_motion(len(self.names))
         self._pack = ArgumentPack(MotionArguments(self._model, self._state, self._motion))
         self._motion_is_current = False
+        self._begin_joints()
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy has: nobody observes it."""
@@ -249,6 +250,7 @@ class World(Readings):
             p_W, _ = point_on_frame(self._model, self._state, f, tuple(p_F))
         J_W = vector_on_frame(self._model, self._state, f, tuple(J))
         add_impulse(self._model, self._state, body, p_W, J_W)
+        self._pass_on(body)
         self._motion_is_current = False
         self._tell('apply_impulse', name=name, impulse=J, point=point, frame=frame)
 
@@ -265,12 +267,14 @@ class World(Readings):
         body = self._body(name)
         p, q = vector('position', position), unit_quaternion(orientation)
         check_position(self._bounds, name, p)
+        self._check_can_be_put(body)
         motion = self._current_motion()
         motion.position[body], motion.orientation[body] = p, q
         if self._model.inv_m[body] == 0.0:
             self._posed.put(self._state, motion, body, self.step_index)
+            self._follow(body)
         else:
-            write_motion(self._model, self._state, motion, body)
+            self._put(body, motion)
         self._motion_is_current = False
         self._tell('set_pose', name=name, position=p, orientation=q)
 
@@ -294,6 +298,7 @@ class World(Readings):
             self._posed.turn(self._state, motion, body)
         else:
             write_motion(self._model, self._state, motion, body)
+        self._pass_on(body)
         self._motion_is_current = False
         self._tell('set_twist', name=name, linear=v, angular=w)
 
@@ -474,6 +479,7 @@ class World(Readings):
         self._applied.clear()
         self._posed.clear()
         self._contact.recall({})
+        self._begin_joints()
         self._motion_is_current = False
         step = self.step_index
         if not keep_time:

@@ -17,7 +17,7 @@ from rigid_sim_ros.engine.maths.vector import column
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray
-from rigid_sim_ros.kernels.kernel import apart, kernel
+from rigid_sim_ros.kernels.kernel import apart, inlined, kernel
 
 # Bodies of a block: their numbers fill one vector register of 512 bits, or two of 256.
 LANES = 8
@@ -80,6 +80,45 @@ def drift(model: Model, state: State, times: Array, block: Array) -> None:
                 _fly_some(model, state, (0.0, 0.0, 0.0), times[i], np.int64(1), i, lanes, block)
                 for lane in range(lanes):
                     _store(model, state, times[i], np.int64(1), lane, i + lane, block)
+
+
+@kernel
+def drift_from(model: Model, state: State, bodies: IntArray, x: Array, q: Array, h: float,
+               block: Array) -> None:
+    """
+    Put bodies (r,) to where they are h [s] of free flight after the poses x (r, 3), q (r, 4).
+
+    Their momenta are those of the state, and stay.
+    """
+    for first in range(0, bodies.shape[0], LANES):
+        lanes = min(LANES, bodies.shape[0] - first)
+        for i in range(lanes):
+            body, r = bodies[first + i], first + i
+            for k in range(4):
+                block[(_Q + k) * LANES + i] = q[r, k]
+            block[_INV_M * LANES + i] = model.inv_m[body]
+            for k in range(3):
+                block[(_L + k) * LANES + i] = state.L[k, body]
+                block[(_INV_I + k) * LANES + i] = model.inv_I_C[k, body]
+                block[(_X + k) * LANES + i] = x[r, k]
+                block[(_P + k) * LANES + i] = state.P[k, body]
+                block[(_KICK + k) * LANES + i] = 0.0
+        _fly_block(block, h, np.int64(1))
+        for i in range(lanes):
+            body, r = bodies[first + i], first + i
+            if _is_fast(model, state, h, body):
+                set_quaternion(state.q, body, (q[r, 0], q[r, 1], q[r, 2], q[r, 3]))
+            _store(model, state, h, np.int64(1), i, body, block)
+
+
+@inlined
+def _is_fast(model: Model, state: State, h: float, body: int) -> bool:
+    """Return whether a body is, or may be, too fast for `turn` in h [s]."""
+    L, inv_I = column(state.L, body), column(model.inv_I_C, body)
+    # |I^-1 l| <= max(I^-1) |L|: never below the angle that it bounds.
+    bound = max(inv_I[0], inv_I[1], inv_I[2]) * h
+    return bound * bound * (
+        L[0] * L[0] + L[1] * L[1] + L[2] * L[2]) > MAX_ANGLE * MAX_ANGLE
 
 
 @kernel

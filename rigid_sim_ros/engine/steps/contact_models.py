@@ -28,6 +28,7 @@ from rigid_sim_ros.engine.solver.partition import Cut
 from rigid_sim_ros.engine.state.state import empty_state, State
 from rigid_sim_ros.engine.steps import event, penalty, qp, timestep
 from rigid_sim_ros.engine.steps.free import FREE_MOTION, FreeArguments
+from rigid_sim_ros.engine.steps.jointed_motion import JointedMotion, JointSetup
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
 from rigid_sim_ros.kernels.arrays import Array
 from rigid_sim_ros.kernels.helper_process import cores
@@ -50,6 +51,7 @@ class Setup(NamedTuple):
     solver: str  # of the model `timestep`
     substeps: int
     sleep_after: float  # [s] at rest, of the sequential solver; 0: nothing sleeps
+    joints: JointSetup | None = None
 
 
 class ContactReport(NamedTuple):
@@ -120,6 +122,22 @@ class FreeMotion(_OneThread):
     def report(self) -> ContactReport:
         """Return zeros."""
         return ContactReport()
+
+    def contacts(self, state: State) -> np.ndarray:
+        """Return no rows."""
+        return np.zeros(0, dtype=CONTACT)
+
+
+class Jointed(_OneThread, JointedMotion):
+    """No contacts, but joints between the bodies."""
+
+    def report(self) -> ContactReport:
+        """Return what could not be done."""
+        message = ''
+        if self.unresolved:
+            message = (f'{self.unresolved} parts of steps were too long for the motion of joints: '
+                       'use a smaller step')
+        return ContactReport(message=message)
 
     def contacts(self, state: State) -> np.ndarray:
         """Return no rows."""
@@ -387,6 +405,8 @@ def make_contact_model(name: str, setup: Setup) -> ContactModel:
     Where nothing can meet anything every model moves bodies by the method `symplectic`; another
     integrator, which only free motion has, is a choice of that.
     """
+    if setup.joints is not None:
+        return Jointed(setup.model, setup.joints)
     if setup.integrator != 'symplectic' and not can_meet(setup.shapes):
         name = 'none'
     solver = setup.solver if name == 'timestep' else ''

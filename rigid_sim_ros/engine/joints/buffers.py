@@ -1,0 +1,184 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What changes of joints while a world moves, and the scratch memory of a step."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.dynamics.free_flight import BLOCK_SIZE
+from rigid_sim_ros.engine.maths.spatial import SIZE
+from rigid_sim_ros.engine.model.joints import JointTable
+from rigid_sim_ros.kernels.arrays import Array, IntArray
+
+EFFORT, VELOCITY, POSITION = range(3)       # modes of a drive
+PAST = 4        # steps whose curvature is remembered
+
+
+class Drives(NamedTuple):
+    """What the drives are told, along each axis (k,); translations in m and N."""
+
+    mode: IntArray          # EFFORT, VELOCITY or POSITION
+    stiffness: Array        # [N m/rad] 0 but in the mode POSITION
+    damping: Array          # [N m s/rad] 0 in the mode EFFORT
+    position: Array         # wanted [rad]
+    velocity: Array         # wanted [rad/s]
+    effort: Array           # constant [N m]
+    steps_left: IntArray    # for which the command holds; LASTS until another one is given
+
+
+LASTS = -1
+
+
+class JointMotion(NamedTuple):
+    """The dynamic state of joints beside that of their bodies, and what the latest step did."""
+
+    position: Array     # (j,) [rad] or [m], whole turns counted; of a joint with one coordinate
+    rate: Array         # (k,) velocities along the axes [rad/s] or [m/s]
+    # (PAST, r, 6) latest first: the relative motion (c / h) that the joint conditions needed at
+    # the start of a step so that they held at its end
+    curvature: Array
+    strain: Array       # (PAST, c) likewise of the conditions that close loops
+    known: IntArray     # (2,) how many of these are known, and steps since a step was halved
+    parts: IntArray     # (1,) in how many parts a step is taken at present, a power of 2
+    held: IntArray      # (k,) 1: stuck by dry friction
+    held_at: Array      # (k,) position where it stuck
+    drives: Drives
+    effort: Array       # (k,) of drive and spring, mean over the latest step
+    wrench: Array       # (j, 6) force and moment on the child in its frame K, likewise
+
+
+class LoopWork(NamedTuple):
+    """Scratch memory for c conditions beside those of the tree, in g articulations."""
+
+    direction: Array    # (c, 6) the row on the motion of B against A
+    held_a: Array       # (c, 3) where A is held [m]
+    held_b: Array       # (c, 3)
+    answer: Array       # (c, most rows of an articulation, 6) M~^-1 C^T
+    answer_rate: Array  # (c, most axes of an articulation) the same along the axes
+    S: Array            # (c, most conditions of an articulation) C M~^-1 C^T, then its factor
+    free: Array         # (c,) the diagonal of S if the bodies were free
+    scale: Array        # (c,) of the factor
+    order: IntArray     # (c,)
+    rank: IntArray      # (g,)
+    wanted: Array       # (c,) C V
+    missing: Array      # (c,)
+    impulse: Array      # (c,) of one correction
+    total: Array        # (c,) of all in a step
+    off: Array          # (c,) how far the condition is from being kept [m or rad]
+    curved: Array       # (c,) wanted / h of the present step
+
+
+class LawWork(NamedTuple):
+    """
+    What acts along each axis (k,), in half a step, as impulses over the rate v at its end.
+
+    a - b v, and clamp(u - g v, -E, E) of a drive, and dry friction up to F; see `laws.py`.
+    """
+
+    a: Array
+    b: Array
+    u: Array
+    g: Array
+    E: Array
+    F: Array
+    low: Array      # the rate must not be below this
+    high: Array     # nor above this
+    bend: Array     # way of the position in a step less h v, over h: what the rate does not say
+    stick: Array    # where dry friction holds: the rate with which the position stays
+    fast: Array     # beyond which the drive does not accelerate, in both senses
+    brakes: IntArray    # (k,) 1: there it holds the joint back
+    begin: Array    # the straight piece that the rate is on goes from here
+    end: Array      # to here
+    theta: Array    # the part of damping that acts in the second half of a step
+    before: Array   # position at the start of the step
+    target: Array   # position that a locked axis is to have at the end of the step
+    bound: IntArray     # (k,) -1 or 1: at its lower or upper limit at the end of the step
+    approach: Array     # rate with which it would have passed it
+    back: Array         # rate with which it comes back from there
+    astray: Array       # way from there of a locked axis
+    half_rate: Array    # rate between the two halves of a step
+    half_effort: Array  # impulse of drive and spring in the first half of the step
+    effort: Array       # and in the whole step
+    tau: Array          # what `JointWork.tau` and `given` hold for the pieces
+    given: Array
+    held: IntArray      # what `JointMotion` had of these at the start of the step
+    held_at: Array
+
+
+class JointWork(NamedTuple):
+    """Scratch memory; vectors in world axes, motions and forces about the reference points."""
+
+    p: Array        # (r, 3) reference points: the frame K of the child
+    arm: Array      # (r, 3) from the reference point of the parent
+    com: Array      # (r, 3) from the reference point to the centre of mass
+    I_W: Array      # (r, 6) inertia about the centre of mass, upper triangle
+    A: Array        # (r, SIZE) articulated inertia
+    s: Array        # (k, 3) the axes
+    U: Array        # (k, 6) A s
+    inv_D: Array    # (k,) 1 / (s . U + extra); 0 for an axis that is locked
+    extra: Array    # (k,) what armature and implicit forces add
+    tau: Array      # (k,) impulse along the axis
+    locked: IntArray    # (k,) 1: the rate is given
+    given: Array    # (k,) that rate
+    rate: Array     # (k,) rate that a solution gives
+    F: Array        # (r, 6) impulses on the bodies, then what the subtrees hand down
+    c: Array        # (r, 6) relative motion that is asked for beside that along the axes
+    V: Array        # (r, 6) motion of the bodies
+    base: Array     # (r, 6) motion of what a row hangs on, at its reference point
+    error: Array    # (r, 6) of the joints' conditions
+    curved: Array   # (r, 6) c / h of the present step
+    x: Array        # (r, 3) poses at the start of the substep
+    q: Array        # (r, 4)
+    answer: Array   # (r, SIZE) of a body to a force, with the motion of what it hangs on
+    felt: Array     # (k,) inertia that the axes feel, with that of their armatures
+    before: Array   # (r, 6) momenta before the joints act
+    block: Array    # for `drift_from`
+    unresolved: IntArray    # (1,) parts of steps, too long for their motion, since the start
+    loop: LoopWork
+    law: LawWork
+
+
+def make_joint_work(table: JointTable) -> JointWork:
+    """Return scratch memory for the joints of a table."""
+    r, k = len(table.body), len(table.translates)
+    z = np.zeros
+    return JointWork(
+        z((r, 3)), z((r, 3)), z((r, 3)), z((r, 6)), z((r, SIZE)), z((k, 3)), z((k, 6)), z(k),
+        z(k), z(k), z(k, dtype=np.int64), z(k), z(k), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)),
+        z((r, 6)), z((r, 6)), z((r, 3)), z((r, 4)), z((r, SIZE)), z(k), z((r, 6)), z(BLOCK_SIZE),
+        z(1, dtype=np.int64), _loop_work(table), _law_work(k))
+
+
+def _loop_work(table: JointTable) -> LoopWork:
+    c, z = len(table.condition_joint), np.zeros
+    rows, conditions = np.diff(table.first_row), np.diff(table.first_condition)
+    axes = np.diff(table.first_axis[table.first_row])
+    most = [int(counts.max(initial=0)) for counts in (rows, axes, conditions)]
+    return LoopWork(
+        z((c, 6)), z((c, 3)), z((c, 3)), z((c, most[0], 6)), z((c, most[1])), z((c, most[2])),
+        z(c), z(c), z(c, dtype=np.int64), z(len(rows), dtype=np.int64), *(z(c) for _ in range(6)))
+
+
+def _law_work(k: int) -> LawWork:
+    whole = ('brakes', 'bound', 'held')
+    arrays: list[Any] = [np.zeros(k, dtype=np.int64 if name in whole else np.float64)
+                         for name in LawWork._fields]
+    return LawWork._make(arrays)
+
+
+def no_drives(table: JointTable) -> Drives:
+    """Return drives that exert nothing."""
+    k = len(table.translates)
+    return Drives(np.zeros(k, dtype=np.int64), np.zeros(k), np.zeros(k), np.zeros(k), np.zeros(k),
+                  np.zeros(k), np.full(k, LASTS, dtype=np.int64))
+
+
+def joints_at_rest(table: JointTable, drives: Drives) -> JointMotion:
+    """Return the state of joints at position and velocity 0, with nothing known of the past."""
+    j, k, r = len(table.kind), len(table.translates), len(table.body)
+    return JointMotion(
+        np.zeros(j), np.zeros(k), np.zeros((PAST, r, 6)),
+        np.zeros((PAST, len(table.condition_joint))), np.zeros(2, dtype=np.int64),
+        np.ones(1, dtype=np.int64), np.zeros(k, dtype=np.int64), np.zeros(k), drives, np.zeros(k),
+        np.zeros((j, 6)))

@@ -1,0 +1,260 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Forces and bounds along the axes of joints, as parts of the solution.
+
+In each half of a step what acts along an axis is an impulse over the rate v at the end of that
+half: piecewise straight, and nowhere rising. It falls with the gains of dampers, drives and
+springs, which are implicit; it is flat where a drive gives all it can; and it is vertical where a
+bound lets v not pass, at v = 0 where dry friction sticks, and at the speed up to which a drive
+accelerates. Each axis is on one of these pieces. On a straight one the slope enters the factor and
+the axis is free; on a vertical one v is given, the axis is locked, and the impulse follows. After
+a solution every axis that left its piece goes on to the next one, until none has to.
+
+The two halves of a step are chosen so that each force is of second order, and no gain is too large
+for a step. A spring acts with the mean of its forces at both ends of the step (the trapezoidal
+rule; Newmark's with beta = 1/4, which is stable for any stiffness). Of a damper the part 1 - theta
+acts in the first half with the rate at the start, theta in the second half with the rate at the
+end: theta = 1/2 is the trapezoidal rule, and theta = 1 - 1/z for z = h d / (inertia that the axis
+feels) > 2 keeps a joint that is damped faster than a step from swinging to the other side.
+"""
+
+import math
+
+from rigid_sim_ros.engine.joints.articulated import axis_part
+from rigid_sim_ros.engine.joints.buffers import EFFORT, JointMotion, JointWork
+from rigid_sim_ros.engine.joints.effective_inertia import effective_inertias
+from rigid_sim_ros.engine.maths.spatial import load, minus, Six, six, times_motion
+from rigid_sim_ros.engine.model.joints import JointTable
+from rigid_sim_ros.kernels.kernel import inlined, kernel
+
+# An axis leaves its piece when impulse or rate are beyond its end by more than this part of them:
+# rounding alone must not let it go back and forth.
+_SLACK = 1e-12
+_KINKS = 7      # ends of pieces that an axis may have
+
+
+@kernel
+def begin_laws(table: JointTable, motion: JointMotion, work: JointWork, h: float) -> None:
+    """Write what acts in the first half of a step of h [s]; `prepare` is of the present poses."""
+    law, laws, drives = work.law, table.laws, motion.drives
+    effective_inertias(table, work)
+    for k in range(table.translates.shape[0]):
+        if table.has_laws[k] == 0:
+            continue
+        q, v = motion.position[table.axis_joint[k]], motion.rate[k]
+        z = h * (laws.damping[k] + drives.damping[k]) / work.felt[k]
+        law.theta[k] = 0.5 if z <= 2.0 else 1.0 - 1.0 / z
+        first = (1.0 - law.theta[k]) * h
+        law.before[k], law.bound[k] = q, 0
+        law.a[k] = (laws.armature[k] * v - first * laws.damping[k] * v
+                    - 0.5 * h * laws.stiffness[k] * (q - laws.rest[k]))
+        law.b[k] = laws.armature[k] + 0.25 * h * h * laws.stiffness[k]
+        law.u[k] = (0.5 * h * (drives.effort[k] + drives.stiffness[k] * (
+            drives.position[k] - q)) + first * drives.damping[k] * (drives.velocity[k] - v))
+        law.g[k] = 0.25 * h * h * drives.stiffness[k]
+        law.low[k] = (laws.lower[k] - q) / h - law.bend[k]
+        law.high[k] = (laws.upper[k] - q) / h - law.bend[k]
+        law.stick[k] = -law.bend[k]
+        _bound_forces(table, motion, work, k, h)
+        _begin_on(work, k, v, motion.held[k] == 1)
+
+
+@kernel
+def end_laws(table: JointTable, motion: JointMotion, work: JointWork, h: float) -> None:
+    """Write what acts in the second half of a step of h [s]; positions are those at its end."""
+    law, laws, drives = work.law, table.laws, motion.drives
+    for k in range(table.translates.shape[0]):
+        if table.has_laws[k] == 0:
+            continue
+        q, v = motion.position[table.axis_joint[k]], law.half_rate[k]
+        mean = 0.5 * (law.before[k] + q)
+        second = law.theta[k] * h
+        law.a[k] = laws.armature[k] * v - 0.5 * h * laws.stiffness[k] * (mean - laws.rest[k])
+        law.b[k] = laws.armature[k] + second * laws.damping[k]
+        law.u[k] = (0.5 * h * (drives.effort[k] + drives.stiffness[k] * (
+            drives.position[k] - mean)) + second * drives.damping[k] * drives.velocity[k])
+        law.g[k] = second * drives.damping[k]
+        law.low[k], law.high[k], law.stick[k] = -math.inf, math.inf, 0.0
+        if law.bound[k] < 0:
+            law.low[k] = law.back[k]
+        elif law.bound[k] > 0:
+            law.high[k] = law.back[k]
+        _bound_forces(table, motion, work, k, h)
+        _begin_on(work, k, v, motion.held[k] == 1)
+
+
+@inlined
+def _bound_forces(table: JointTable, motion: JointMotion, work: JointWork, k: int,
+                  h: float) -> None:
+    """Write what friction and drive give in half a step, at most."""
+    law, laws = work.law, table.laws
+    law.F[k], law.E[k] = 0.5 * h * laws.friction[k], 0.5 * h * laws.effort[k]
+    has_drive = abs(law.u[k]) + law.g[k] > 0.0
+    law.fast[k] = laws.velocity[k] if has_drive else math.inf
+    law.brakes[k] = 0 if motion.drives.mode[k] == EFFORT else 1
+
+
+@kernel
+def _kink(work: JointWork, k: int, n: int) -> float:
+    """Return the rate where one of the pieces of axis k ends; infinite if there is none."""
+    law = work.law
+    if n == 0:
+        return law.low[k]
+    if n == 1:
+        return law.high[k]
+    if n == 2:
+        return law.stick[k] if law.F[k] > 0.0 else math.inf
+    if n == 3:
+        return law.fast[k]
+    if n == 4:
+        return -law.fast[k]
+    if law.g[k] == 0.0 or law.E[k] == math.inf:
+        return math.inf
+    return (law.u[k] + (law.E[k] if n == 5 else -law.E[k])) / law.g[k]
+
+
+@kernel
+def drive_impulse(work: JointWork, k: int, v: float, side: int) -> float:
+    """Return what the drive of axis k exerts at a rate v, coming from above it (1) or below."""
+    law = work.law
+    given = min(max(law.u[k] - law.g[k] * v, -law.E[k]), law.E[k])
+    if v > law.fast[k] or (v == law.fast[k] and side > 0):
+        return min(given, -law.E[k] if law.brakes[k] == 1 else 0.0)
+    if v < -law.fast[k] or (v == -law.fast[k] and side < 0):
+        return max(given, law.E[k] if law.brakes[k] == 1 else 0.0)
+    return given
+
+
+@kernel
+def _impulse(work: JointWork, k: int, v: float, side: int) -> float:
+    """Return all that acts along axis k at a rate v, coming from above it (1) or below (-1)."""
+    law = work.law
+    if v < law.low[k] or (v == law.low[k] and side < 0):
+        return math.inf
+    if v > law.high[k] or (v == law.high[k] and side > 0):
+        return -math.inf
+    friction = law.F[k]
+    if v > law.stick[k] or (v == law.stick[k] and side > 0):
+        friction = -friction
+    return law.a[k] - law.b[k] * v + friction + drive_impulse(work, k, v, side)
+
+
+@kernel
+def _go_to(work: JointWork, k: int, v: float, side: int) -> None:
+    """Put axis k on the straight piece that begins at the rate v and goes up (1) or down (-1)."""
+    law = work.law
+    low, high = -math.inf, math.inf
+    for n in range(_KINKS):
+        kink = _kink(work, k, n)
+        if kink > v or (kink == v and side < 0):
+            high = min(high, kink)
+        elif kink < v or (kink == v and side > 0):
+            low = max(low, kink)
+    law.begin[k], law.end[k] = low, high
+    work.locked[k] = 0
+    # A rate in the middle of the piece says whether the drive gives all it can.
+    middle = 0.5 * (low + high)
+    if low == -math.inf:
+        middle = 0.0 if high == math.inf else high - 1.0
+    elif high == math.inf:
+        middle = low + 1.0
+    raw = law.u[k] - law.g[k] * middle
+    full = abs(raw) > law.E[k] or abs(middle) > law.fast[k]
+    slope = law.b[k] + (0.0 if full else law.g[k])
+    work.extra[k] = slope
+    work.tau[k] = _impulse(work, k, middle, side) + slope * middle
+
+
+@kernel
+def _stop_at(work: JointWork, k: int, v: float) -> None:
+    """Lock axis k at the rate v, where its law is vertical."""
+    work.locked[k], work.given[k] = 1, v
+    work.law.begin[k], work.law.end[k] = v, v
+
+
+@kernel
+def _begin_on(work: JointWork, k: int, v: float, held: bool) -> None:
+    """Put axis k on the piece of a rate v that is near to the one that will come out."""
+    law = work.law
+    if held and law.low[k] <= law.stick[k] <= law.high[k]:
+        _stop_at(work, k, law.stick[k])
+    elif v <= law.low[k]:
+        law.approach[k] = v
+        _stop_at(work, k, law.low[k])
+    elif v >= law.high[k]:
+        law.approach[k] = v
+        _stop_at(work, k, law.high[k])
+    elif abs(v) >= law.fast[k]:
+        _stop_at(work, k, law.fast[k] if v > 0.0 else -law.fast[k])
+    else:
+        _go_to(work, k, v, 1)
+
+
+@kernel
+def next_piece(work: JointWork, k: int, reaction: float) -> bool:
+    """
+    Put axis k on another piece if the solution has left its own; return whether it has.
+
+    reaction is the impulse along a locked axis that the solution needs.
+    """
+    law, v = work.law, work.rate[k]
+    if work.locked[k] == 1:
+        v = work.given[k]
+        slack = _SLACK * abs(reaction)
+        if reaction > _impulse(work, k, v, -1) + slack:
+            _go_to(work, k, v, -1)
+            return True
+        if reaction < _impulse(work, k, v, 1) - slack:
+            _go_to(work, k, v, 1)
+            return True
+        return False
+    slack = _SLACK * abs(v)
+    if v < law.begin[k] - slack:
+        _cross(work, k, law.begin[k], -1)
+        return True
+    if v > law.end[k] + slack:
+        _cross(work, k, law.end[k], 1)
+        return True
+    return False
+
+
+@inlined
+def _cross(work: JointWork, k: int, kink: float, side: int) -> None:
+    """Go on from a straight piece over its end: to a lock, or to the next straight piece."""
+    law = work.law
+    if kink == law.low[k] or kink == law.high[k]:
+        law.approach[k] = work.rate[k]
+    if _impulse(work, k, kink, -1) > _impulse(work, k, kink, 1):
+        _stop_at(work, k, kink)
+    else:
+        _go_to(work, k, kink, side)
+
+
+@kernel
+def reaction_of(table: JointTable, work: JointWork, i: int, k: int) -> float:
+    """Return the impulse along axis k of row i after `solve`: s . (A V - F)."""
+    F: Six = minus(times_motion(load(work.A, i), six(work.V, i)), 1.0, six(work.F, i))
+    return axis_part(table, work, k, F)
+
+
+@kernel
+def note_efforts(table: JointTable, motion: JointMotion, work: JointWork, h: float,
+                 first: bool) -> None:
+    """Write what drive and spring have exerted until the first or second half is over [N m s]."""
+    law, laws = work.law, table.laws
+    for i in range(table.body.shape[0]):
+        for k in range(table.first_axis[i], table.first_axis[i + 1]):
+            if table.has_laws[k] == 0:
+                continue
+            v = work.rate[k]
+            drive = drive_impulse(work, k, v, 0)
+            if work.locked[k] == 1 and v != law.stick[k] and abs(v) == law.fast[k]:
+                friction = law.F[k] if v < law.stick[k] else -law.F[k]
+                drive = reaction_of(table, work, i, k) - law.a[k] + law.b[k] * v - friction
+            way = h * v if first else motion.position[table.axis_joint[k]] - law.before[k]
+            stretch = law.before[k] + 0.5 * way - laws.rest[k]
+            impulse = drive - 0.5 * h * laws.stiffness[k] * stretch
+            if first:
+                law.half_effort[k] = impulse
+            law.effort[k] = impulse + (0.0 if first else law.half_effort[k])

@@ -1,0 +1,170 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The motions of all articulations with what acts in their joints: one linear problem or more."""
+
+from rigid_sim_ros.engine.joints.articulated import factor, gather_momenta, lock, solve
+from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
+from rigid_sim_ros.engine.joints.kinematics import place_joints
+from rigid_sim_ros.engine.joints.laws import (
+    begin_laws, end_laws, next_piece, note_efforts, reaction_of)
+from rigid_sim_ros.engine.joints.loops import close, factor_conditions, place_conditions
+from rigid_sim_ros.engine.maths.spatial import minus, set_six, six
+from rigid_sim_ros.engine.model.joints import JointTable
+from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.kernels.kernel import kernel
+
+# All axes that left their pieces go on at once, in so many rounds; from then on one in a round,
+# which ends for certain (Murty, Note on a Bard-type scheme for solving the complementarity
+# problem, Opsearch 11 (1974)), and as many as this are never needed.
+_TOGETHER, _ROUNDS = 20, 200
+# A joint that meets its limit with no more than what the forces of this many steps give to it
+# stays there: it would come back with ever smaller bounces.
+_STEPS_AT_REST = 2.0
+
+
+@kernel
+def prepare(model: Model, table: JointTable, state: State, work: JointWork) -> None:
+    """Write all that the present poses say, and the factors with every axis free."""
+    place(model, table, state, work)
+    _free_axes(table, work)
+    factor_all(model, table, work)
+
+
+@kernel
+def prepare_step(model: Model, table: JointTable, state: State, work: JointWork) -> None:
+    """Write what a step needs of it: where anything acts along axes, it factors by itself."""
+    place(model, table, state, work)
+    if table.lawful == 0:
+        factor_all(model, table, work)
+
+
+@kernel
+def place(model: Model, table: JointTable, state: State, work: JointWork) -> None:
+    """Write where everything is at the present poses."""
+    place_joints(model, table, state, work)
+    if table.condition_joint.shape[0] > 0:
+        place_conditions(model, table, state, work)
+
+
+@kernel
+def _free_axes(table: JointTable, work: JointWork) -> None:
+    if table.lawful > 0:
+        for k in range(work.locked.shape[0]):
+            work.locked[k], work.extra[k] = 0, table.laws.armature[k]
+
+
+@kernel
+def factor_all(model: Model, table: JointTable, work: JointWork) -> None:
+    """Write the factors of the trees, and of what closes loops in them."""
+    factor(model, table, work, 0, table.body.shape[0])
+    if table.condition_joint.shape[0] > 0:
+        factor_conditions(table, work)
+
+
+@kernel
+def solve_motions(model: Model, table: JointTable, state: State, motion: JointMotion,
+                  work: JointWork, h: float, first: bool) -> None:
+    """
+    Write the motions that follow from the momenta, the joints and what acts along their axes.
+
+    In the first half of a step of h [s] the joints ask for the relative motions that `expect`
+    found, in the second for none.
+    """
+    ahead = h if first else 0.0
+    if table.lawful == 0:
+        _solve(model, table, state, work, ahead)
+        return
+    if first:
+        # The inertias that the axes feel are those of free axes, whatever was before.
+        _free_axes(table, work)
+        factor(model, table, work, 0, table.body.shape[0])
+        begin_laws(table, motion, work, h)
+    else:
+        end_laws(table, motion, work, h)
+    for n in range(_ROUNDS):
+        _factor_pieces(model, table, work)
+        _solve(model, table, state, work, ahead)
+        if not _leave_pieces(table, work, n >= _TOGETHER):
+            break
+    note_efforts(table, motion, work, h, first)
+    if first:
+        _aim(table, motion, work, h)
+
+
+@kernel
+def _solve(model: Model, table: JointTable, state: State, work: JointWork, ahead: float) -> None:
+    """Solve with the relative motions c = ahead * curved."""
+    asked = ahead > 0.0 or table.lawful > 0
+    if asked:
+        for i in range(table.body.shape[0]):
+            set_six(work.c, i, minus((0.0, 0.0, 0.0, 0.0, 0.0, 0.0), -ahead, six(work.curved, i)))
+    gather_momenta(table, state, work)
+    if table.lawful > 0:
+        lock(table, work, 0, table.body.shape[0])
+    solve(table, work, 0, table.body.shape[0], True, asked)
+    if table.condition_joint.shape[0] > 0:
+        for m in range(work.loop.wanted.shape[0]):
+            work.loop.wanted[m] = ahead * work.loop.curved[m]
+        close(model, table, state, work, True)
+
+
+@kernel
+def _factor_pieces(model: Model, table: JointTable, work: JointWork) -> None:
+    """Write the factors with each axis on its piece; loops use tau and given for their own."""
+    law = work.law
+    for k in range(work.tau.shape[0]):
+        law.tau[k], law.given[k] = work.tau[k], work.given[k]
+    factor_all(model, table, work)
+    for k in range(work.tau.shape[0]):
+        work.tau[k], work.given[k] = law.tau[k], law.given[k]
+
+
+@kernel
+def _leave_pieces(table: JointTable, work: JointWork, one: bool) -> bool:
+    """Let the axes go on whose solution is beyond their piece, or only one; return whether any."""
+    left = False
+    for i in range(table.body.shape[0]):
+        for k in range(table.first_axis[i], table.first_axis[i + 1]):
+            if table.has_laws[k] == 1:
+                reaction = reaction_of(table, work, i, k) if work.locked[k] == 1 else 0.0
+                left = next_piece(work, k, reaction) or left
+                if left and one:
+                    return True
+    return left
+
+
+@kernel
+def _rebound(table: JointTable, motion: JointMotion, work: JointWork, k: int) -> float:
+    """Return the rate with which axis k comes back from its limit."""
+    approach = work.law.approach[k]
+    pushed = abs(approach - motion.rate[k])
+    if abs(approach) <= 2.0 * _STEPS_AT_REST * pushed:
+        return 0.0
+    return -table.laws.restitution[k] * approach
+
+
+@kernel
+def _aim(table: JointTable, motion: JointMotion, work: JointWork, h: float) -> None:
+    """Note at which positions the locked axes have to end."""
+    law = work.law
+    for k in range(table.has_laws.shape[0]):
+        if table.has_laws[k] == 0:
+            continue
+        was_held = motion.held[k] == 1
+        motion.held[k] = 0
+        if work.locked[k] == 0:
+            continue
+        v = work.given[k]
+        if v == law.low[k]:
+            law.bound[k], law.target[k] = -1, table.laws.lower[k]
+        elif v == law.high[k]:
+            law.bound[k], law.target[k] = 1, table.laws.upper[k]
+        elif v == law.stick[k]:
+            if not was_held:
+                motion.held_at[k] = law.before[k]
+            motion.held[k], law.target[k] = 1, motion.held_at[k]
+        else:
+            law.target[k] = law.before[k] + h * v
+        if law.bound[k] != 0:
+            law.back[k] = _rebound(table, motion, work, k)

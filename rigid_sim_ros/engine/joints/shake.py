@@ -1,0 +1,286 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The impulses that keep bodies in their joints: in the position, and in the velocity.
+
+SHAKE finds the joint impulses at the start of a step with which the free motion of the bodies ends
+where the joints hold. They change the momenta, and the poses follow from these: a correction of
+the poses alone would be of first order in the step. RATTLE takes from the momenta at the end what
+would tear the joints apart. Both together are of second order and symplectic (Andersen, Rattle,
+J. Comp. Phys. 52 (1983); Hairer, Lubich, Wanner, Geometric Numerical Integration, section VII.1).
+"""
+
+import math
+
+from rigid_sim_ros.engine.dynamics.free_flight import drift_from
+from rigid_sim_ros.engine.joints.articulated import (
+    add_momenta, along, axis_part, solve, write_momenta)
+from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork, PAST
+from rigid_sim_ros.engine.joints.kinematics import joint_error, joint_position
+from rigid_sim_ros.engine.joints.loops import close, measure_conditions
+from rigid_sim_ros.engine.joints.settle import solve_motions
+from rigid_sim_ros.engine.maths.rotation import multiply, quaternion, set_quaternion, unit
+from rigid_sim_ros.engine.maths.spatial import minus, set_six, Six, six
+from rigid_sim_ros.engine.maths.vector import add_scaled, column, cross, norm, row, set_column
+from rigid_sim_ros.engine.model.joints import JointTable, NONE
+from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.kernels.kernel import inlined, kernel
+
+# [m] and [rad] Joints are closed to this. Rounding leaves some 1e-15 of each metre from the
+# origin; ten times more would show in energies after a minute, ten times less cost one more round.
+TOLERANCE = 1e-13
+# A round leaves a part of the error that is proportional to the angle of the fastest body in the
+# step: 0.1 to 0.6 times that was seen, more where the fastest body is the lightest by far. So a
+# last round need not be measured that is known to leave less than _UNSEEN [m or rad].
+_LEFT, _UNSEEN = 4.0, 2e-13
+_SHORTEST = 1e-3    # [m] a lever counts as this much longer, so that none is 0
+# [rad/s or m/s] and as a part: less than this beyond its piece a rate is on it.
+_PIECE_SLACK = 1e-9
+# Rounds until a step is taken in halves. Each leaves h |w| of the error: usually one is enough.
+MOST_ROUNDS = 8
+_ZERO = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@kernel
+def keep_poses(table: JointTable, state: State, work: JointWork) -> None:
+    """Note where the bodies are."""
+    for i in range(table.body.shape[0]):
+        body = table.body[i]
+        for k in range(3):
+            work.x[i, k] = state.x[k, body]
+        for k in range(4):
+            work.q[i, k] = state.q[k, body]
+
+
+@kernel
+def shift_poses(table: JointTable, state: State, work: JointWork, h: float) -> None:
+    """Move the bodies on by h [s] of the motions V, which are so small that their order is 1."""
+    for i in range(table.body.shape[0]):
+        body, V = table.body[i], six(work.V, i)
+        w = (V[3], V[4], V[5])
+        r = cross(w, row(work.com, i))
+        set_column(state.x, body, add_scaled(column(state.x, body), h, (
+            V[0] + r[0], V[1] + r[1], V[2] + r[2])))
+        half = 0.5 * h
+        set_quaternion(state.q, body, unit(multiply(
+            (half * w[0], half * w[1], half * w[2], 1.0), quaternion(state.q, body))))
+
+
+@kernel
+def measure(table: JointTable, state: State, motion: JointMotion, work: JointWork) -> float:
+    """Write how the joints are off; return the largest number among these."""
+    worst = measure_conditions(table, state, motion, work)
+    for i in range(table.body.shape[0]):
+        j = table.joint[i]
+        if j == NONE:
+            continue
+        e = joint_error(table, state, j)
+        # The motions that the joint allows do not count, unless it is locked at a position.
+        for k in range(table.first_axis[i], table.first_axis[i + 1]):
+            e = _without_axis(table, work, k, e)
+            if work.locked[k] == 1:
+                target = work.law.target[k]
+                work.law.astray[k] = joint_position(table, state, j, target) - target
+                worst = max(worst, abs(work.law.astray[k]))
+        for n in range(6):
+            work.error[i, n] = table.sense[i] * e[n]
+            # A comparison with what is not a number is false: it has to be caught as well.
+            worst = worst if abs(e[n]) <= worst else abs(e[n])
+    return worst
+
+
+@inlined
+def _without_axis(table: JointTable, work: JointWork, k: int, e: Six) -> Six:
+    s = row(work.s, k)
+    a = axis_part(table, work, k, e)
+    if table.translates[k] == 1:
+        return (e[0] - a * s[0], e[1] - a * s[1], e[2] - a * s[2], e[3], e[4], e[5])
+    return (e[0], e[1], e[2], e[3] - a * s[0], e[4] - a * s[1], e[5] - a * s[2])
+
+
+@kernel
+def expect(table: JointTable, motion: JointMotion, work: JointWork) -> None:
+    """
+    Write the relative motions c / h that the joints will need, as the steps before needed them.
+
+    c / h is a smooth function of time: a cubic through four values leaves an error of the order
+    h^6 in the pose at the end of the step.
+    """
+    known = motion.known[0]
+    w0, w1, w2, w3 = 0.0, 0.0, 0.0, 0.0
+    if known >= 4:
+        w0, w1, w2, w3 = 4.0, -6.0, 4.0, -1.0
+    elif known == 3:
+        w0, w1, w2 = 3.0, -3.0, 1.0
+    elif known == 2:
+        w0, w1 = 2.0, -1.0
+    elif known == 1:
+        w0 = 1.0
+    past, strain = motion.curvature, motion.strain
+    for i in range(table.body.shape[0]):
+        c = minus(_ZERO, -w0, six(past[0], i))
+        c = minus(minus(c, -w1, six(past[1], i)), -w2, six(past[2], i))
+        c = minus(c, -w3, six(past[3], i))
+        # Along its axes a joint needs nothing: what were there would grow, as nothing holds it.
+        for k in range(table.first_axis[i], table.first_axis[i + 1]):
+            c = _without_axis(table, work, k, c)
+        set_six(work.curved, i, c)
+    for m in range(strain.shape[1]):
+        work.loop.curved[m] = (w0 * strain[0, m] + w1 * strain[1, m] + w2 * strain[2, m]
+                               + w3 * strain[3, m])
+
+
+@kernel
+def remember(table: JointTable, motion: JointMotion, work: JointWork) -> None:
+    """Note the relative motions that were needed."""
+    past, strain = motion.curvature, motion.strain
+    for i in range(table.body.shape[0]):
+        for n in range(6):
+            past[3, i, n] = past[2, i, n]
+            past[2, i, n] = past[1, i, n]
+            past[1, i, n] = past[0, i, n]
+            past[0, i, n] = work.curved[i, n]
+    for m in range(strain.shape[1]):
+        strain[3, m] = strain[2, m]
+        strain[2, m] = strain[1, m]
+        strain[1, m] = strain[0, m]
+        strain[0, m] = work.loop.curved[m]
+    motion.known[0] = min(motion.known[0] + 1, PAST)
+
+
+@kernel
+def largest_turn(table: JointTable, work: JointWork, h: float) -> float:
+    """
+    Return by how much the geometry changes in h [s], at most and about.
+
+    By the largest angle of a body [rad], and the longest way along an axis over the levers of its
+    body.
+    """
+    fastest, longest = 0.0, 0.0
+    for i in range(table.body.shape[0]):
+        V = six(work.V, i)
+        fastest = max(fastest, V[3] * V[3] + V[4] * V[4] + V[5] * V[5])
+        if table.joint[i] != NONE:
+            for k in range(table.first_axis[i], table.first_axis[i + 1]):
+                if table.translates[k] == 1:
+                    levers = norm(row(work.arm, i)) + norm(row(work.com, i))
+                    longest = max(longest, abs(work.rate[k]) / (levers + _SHORTEST))
+    return h * (math.sqrt(fastest) + longest)
+
+
+@kernel
+def shake(model: Model, table: JointTable, state: State, motion: JointMotion, work: JointWork,
+          h: float) -> bool:
+    """
+    Advance the poses by h [s] so that the joints hold, with the joint impulses that this takes.
+
+    The momenta are those after the first kick; place and factor are of the present poses. Returns
+    False, with poses and momenta spoiled, if the motion is not resolved by such a step.
+    """
+    solve_motions(model, table, state, motion, work, h, True)
+    for k in range(work.rate.shape[0]):
+        work.law.half_rate[k] = work.rate[k]
+    write_momenta(model, table, state, work)
+    keep_poses(table, state, work)
+    turning = largest_turn(table, work, h)
+    before, left = math.inf, _LEFT * turning
+    for _ in range(MOST_ROUNDS):
+        drift_from(model, state, table.body, work.x, work.q, h, work.block)
+        worst = measure(table, state, motion, work)
+        if worst <= TOLERANCE:
+            return True
+        # Also for what is not a number.
+        if not worst <= 0.5 * before:
+            return False
+        left = max(left, worst / before)
+        before = worst
+        correct(model, table, state, work, h)
+        for k in range(work.rate.shape[0]):
+            work.law.half_rate[k] += work.rate[k]
+        if worst * (left + worst) <= _UNSEEN:
+            shift_poses(table, state, work, h)
+            return True
+    return False
+
+
+@kernel
+def correct(model: Model, table: JointTable, state: State, work: JointWork, h: float) -> None:
+    """Change the momenta by joint impulses that take the errors back, to first order."""
+    ask_back(table, work, h)
+    solve(table, work, 0, table.body.shape[0], False, True)
+    close(model, table, state, work, False)
+    add_momenta(model, table, state, work)
+
+
+@kernel
+def ask_back(table: JointTable, work: JointWork, h: float) -> None:
+    """Ask for the relative motions that take the errors back in h [s]."""
+    rate = 1.0 / h
+    for i in range(table.body.shape[0]):
+        set_six(work.F, i, _ZERO)
+        c = minus(_ZERO, rate, six(work.error, i))
+        set_six(work.curved, i, minus(six(work.curved, i), -rate, c))
+        for k in range(table.first_axis[i], table.first_axis[i + 1]):
+            if work.locked[k] == 1:
+                c = minus(c, work.law.astray[k] / h, along(table, work, k))
+                work.law.bend[k] += work.law.astray[k] / h
+        set_six(work.c, i, c)
+    for k in range(work.tau.shape[0]):
+        work.tau[k], work.given[k] = 0.0, 0.0
+    for m in range(work.loop.wanted.shape[0]):
+        work.loop.wanted[m] = -work.loop.off[m] / h
+        work.loop.curved[m] -= work.loop.off[m] / (h * h)
+
+
+@kernel
+def rattle(model: Model, table: JointTable, state: State, motion: JointMotion, work: JointWork,
+           h: float) -> None:
+    """
+    Take from the momenta what would tear the joints apart; place and factor are given.
+
+    With what acts along the axes in the second half of a step of h [s].
+    """
+    solve_motions(model, table, state, motion, work, h, False)
+    for k in range(work.rate.shape[0]):
+        motion.rate[k] = work.rate[k]
+    write_momenta(model, table, state, work)
+
+
+@kernel
+def leaves_pieces(table: JointTable, state: State, work: JointWork, h: float,
+                  strict: bool) -> bool:
+    """
+    Return whether a joint that is free has passed its limit, and note what its rate did not say.
+
+    A position goes its rate times h [s], and a little more or less where its parent turns.
+    strict: also whether a rate has left its piece, which was chosen by the expected c: after a
+    shock they are not those that were needed in the end.
+    """
+    law, found = work.law, False
+    for k in range(table.has_laws.shape[0]):
+        if table.has_laws[k] == 0 or work.locked[k] == 1:
+            continue
+        q = joint_position(table, state, table.axis_joint[k], law.before[k])
+        if not table.laws.lower[k] - TOLERANCE <= q <= table.laws.upper[k] + TOLERANCE:
+            law.bend[k] = (q - law.before[k]) / h - law.half_rate[k]
+            found = True
+        v = law.half_rate[k]
+        slack = _PIECE_SLACK * (1.0 + abs(v))
+        found = found or (strict and not law.begin[k] - slack <= v <= law.end[k] + slack)
+    return found
+
+
+@kernel
+def take_back(table: JointTable, state: State, motion: JointMotion, work: JointWork) -> None:
+    """Put the bodies back to where they were, with the momenta before the joints acted."""
+    for i in range(table.body.shape[0]):
+        body = table.body[i]
+        for k in range(3):
+            state.x[k, body] = work.x[i, k]
+            state.P[k, body] = work.before[i, k]
+            state.L[k, body] = work.before[i, 3 + k]
+        for k in range(4):
+            state.q[k, body] = work.q[i, k]
+    for k in range(motion.held.shape[0]):
+        motion.held[k], motion.held_at[k] = work.law.held[k], work.law.held_at[k]

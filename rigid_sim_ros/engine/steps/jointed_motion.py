@@ -1,0 +1,109 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The model of bodies that joints hold and that pass through each other."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.dynamics.integrate import make_work
+from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
+from rigid_sim_ros.engine.joints.assembly import assemble, project, set_rates
+from rigid_sim_ros.engine.joints.buffers import (
+    Drives, JointMotion, joints_at_rest, make_joint_work)
+from rigid_sim_ros.engine.joints.posture import read_positions, read_rates
+from rigid_sim_ros.engine.joints.settle import prepare
+from rigid_sim_ros.engine.model.joints import JointTable
+from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.state.state import empty_state, State
+from rigid_sim_ros.engine.steps.articulated import advance, JointedArguments
+from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
+from rigid_sim_ros.kernels.arrays import Array, IntArray
+
+
+class JointSetup(NamedTuple):
+    """The joints of a world, and what is theirs at its start."""
+
+    table: JointTable
+    position: Array     # (j,) [rad or m]
+    drives: Drives
+
+
+class JointedMotion:
+    """Motion of bodies that joints hold; the dynamic state of the joints is here."""
+
+    def __init__(self, model: Model, setup: JointSetup) -> None:
+        """Put the joints where they are at the start; their bodies are there already."""
+        self.table, self._model, self._setup = setup.table, model, setup
+        n = len(model.m)
+        self._scratch = make_joint_work(setup.table)
+        self._work, self._times, self._start = make_work(n), np.zeros(n), empty_state(n)
+        self._pack: ArgumentPack | None = None
+        self.motion = self._fresh()
+        self._is_new = True
+
+    def _fresh(self) -> JointMotion:
+        drives = Drives._make(array.copy() for array in self._setup.drives)
+        motion = joints_at_rest(self.table, drives)
+        motion.position[:] = self._setup.position
+        return motion
+
+    def read(self, state: State) -> JointMotion:
+        """Return the motion of the joints; at the start it is that of the bodies."""
+        if self._is_new:
+            prepare(self._model, self.table, state, self._scratch)
+            read_rates(self._model, self.table, state, self._scratch, self.motion.rate)
+            read_positions(self.table, state, self.motion)
+            self._is_new = False
+        return self.motion
+
+    def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
+        """Advance the state by some steps, and count wrenches and commands down."""
+        motion = self.read(state)
+        self._pack = packed(JointedArguments(
+            self._model, state, wrenches, self._work, self.table, motion, self._scratch,
+            self._times, self._start), self._pack)
+        self._pack.run(advance, count)
+
+    def assemble(self, state: State, position: Array, given: IntArray, rate: Array) -> float:
+        """
+        Put the bodies where coordinates (j,) and rates (k,) say; return the gap of loops.
+
+        Axes with a 1 in given (k,) keep their coordinate; a rate that is not a number is that of
+        the bodies as far as the joints allow it.
+        """
+        gap = float(assemble(self._model, self.table, state, self.motion, self._scratch, position,
+                             given))
+        set_rates(self._model, self.table, state, self.motion, self._scratch, rate)
+        self._is_new = False
+        return gap
+
+    def project(self, state: State) -> None:
+        """Let the joints answer to momenta that the bodies were given."""
+        self.read(state)
+        prepare(self._model, self.table, state, self._scratch)
+        project(self._model, self.table, state, self.motion, self._scratch,
+                np.full(len(self.motion.rate), np.nan))
+
+    def lasting(self) -> dict[str, np.ndarray]:
+        """Return all that influences later steps besides the state, and the latest wrenches."""
+        fields = {name: array for name, array in self.motion._asdict().items()
+                  if name != 'drives'}
+        fields |= {f'drive_{name}': array for name, array in self.motion.drives._asdict().items()}
+        return {f'joint_{name}': array.copy() for name, array in fields.items()}
+
+    def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Go back to what `lasting` returned; nothing at all is the beginning."""
+        self.motion = self._fresh()
+        self._is_new = not arrays
+        for name, array in self.motion._asdict().items() if arrays else ():
+            if name != 'drives':
+                array[...] = arrays[f'joint_{name}']
+        for name, array in self.motion.drives._asdict().items() if arrays else ():
+            array[...] = arrays[f'joint_drive_{name}']
+
+    @property
+    def unresolved(self) -> int:
+        """How many parts of steps were too long for the motion, since the beginning."""
+        return int(self._scratch.unresolved[0])

@@ -1,0 +1,280 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a world offers of its joints."""
+
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+
+from rigid_sim_ros.engine.joints.buffers import LASTS
+from rigid_sim_ros.engine.joints.carrying import articulation_of, carry_along, hangs_on_something
+from rigid_sim_ros.engine.joints.kinematics import joint_coordinates
+from rigid_sim_ros.engine.maths.rotation_in_python import rotate
+from rigid_sim_ros.engine.model.joints import NONE
+from rigid_sim_ros.engine.state.state import copy_state, write_motion
+from rigid_sim_ros.engine.steps.jointed_motion import JointedMotion, JointSetup
+from rigid_sim_ros.kernels.arrays import Array
+from rigid_sim_ros.scene import Scene
+from rigid_sim_ros.scene.joints import CLOSED, gap_of, MODES, set_drive
+from rigid_sim_ros.world.readings import Readings
+
+if TYPE_CHECKING:
+    from rigid_sim_ros.engine.state.state import BodyMotion
+
+
+class WithJoints(Readings):
+    """
+    The part of `World` that is about joints.
+
+    A joint has the quantities of its scene: positions, velocities and efforts are of the child
+    relative to the parent, about or along +axis. Those of joints with several axes, or none, are
+    0 in the arrays; `joint_coordinates` has all.
+    """
+
+    scene: Scene
+    _joints: JointedMotion | None
+
+    def _joint_setup(self) -> JointSetup | None:
+        joints = self.scene.joints
+        if joints is None:
+            return None
+        return JointSetup(joints.table, joints.position, joints.drives)
+
+    def _begin_joints(self) -> None:
+        """Take over the joints of the contact model, and read how they move at the start."""
+        contact = getattr(self, '_contact', None)
+        self._joints = contact if isinstance(contact, JointedMotion) else None
+        if self._joints is not None:
+            self._joints.read(self._state)
+
+    @property
+    def joint_names(self) -> list[str]:
+        """The names of the joints, in the order of the scene."""
+        return [joint.name for joint in self.scene.spec.joints or ()]
+
+    @property
+    def joint_position(self) -> Array:
+        """Positions, (j,) [rad] or [m], with all turns; of a distance its length."""
+        return np.zeros(0) if self._joints is None else self._joints.motion.position.copy()
+
+    @property
+    def joint_velocity(self) -> Array:
+        """Velocities, (j,) [rad/s] or [m/s]."""
+        return self._by_joint('rate')
+
+    @property
+    def joint_effort(self) -> Array:
+        """Efforts of drive and spring, (j,) [N m] or [N], means over the latest step."""
+        return self._by_joint('effort')
+
+    def _by_joint(self, field: str) -> Array:
+        """Return the numbers of the axes (k,) as those of joints with one axis, (j,)."""
+        if self._joints is None:
+            return np.zeros(0)
+        along: Array = getattr(self._joints.motion, field)
+        return np.array([along[k] if k != NONE else 0.0 for k in map(
+            self._axis_of, range(len(self._joints.table.kind)))])
+
+    def _axis_of(self, j: int) -> int:
+        """Return the only axis of a joint, NONE if it has several, or none that is solved for."""
+        assert self._joints is not None
+        table = self._joints.table
+        r = int(table.row_of_joint[j])
+        if r == NONE or table.first_axis[r + 1] - table.first_axis[r] != 1:
+            return NONE
+        return int(table.first_axis[r])
+
+    def joint_coordinates(self, name: str) -> Array:
+        """
+        Return the pose of the child's joint frame in that of the parent, (6,) [m, rad].
+
+        The z axis of both is that of the joint. A position, then a rotation vector, or for a
+        universal joint the angle about z, 0, and the one about the second axis, as x. ValueError
+        for an unknown joint.
+        """
+        joints, j = self._known_joint(name)
+        p, turn = joint_coordinates(joints.table, self._state, j)
+        return np.array([*p, *turn])
+
+    def joint_wrench(self, name: str) -> Array:
+        """
+        Return force [N] and moment [N m] through a joint on its child, (6,).
+
+        About the origin of the joint frame of the child and in its axes, mean over the latest
+        step. ValueError for an unknown joint.
+        """
+        joints, j = self._known_joint(name)
+        assert self.scene.joints is not None
+        x, y, z, w = self.scene.joints.q_JK[j].tolist()
+        f, n = joints.motion.wrench[j].reshape(2, 3).tolist()
+        return np.array([*rotate((x, y, z, w), tuple(f)), *rotate((x, y, z, w), tuple(n))])
+
+    def set_joint_command(self, name: str, mode: str | None = None,
+                          position: float | None = None, velocity: float | None = None,
+                          effort: float | None = None, duration: float | None = None) -> None:
+        """
+        Tell the drive of a joint what to do from the next step on.
+
+        mode is 'effort', 'velocity' or 'position'; None: the mode of the scene. position [rad or
+        m] and velocity [rad/s or m/s] are what it is to reach, effort [N m or N] what it exerts
+        in any case; what is not given is 0, a position the present one. After `duration` [s] of
+        simulation time, in whole steps, the drive lets go; None: it never does. ValueError for an
+        unknown joint, one without the gains that the mode needs, or numbers that are not finite.
+        """
+        joints, j = self._known_joint(name)
+        drive = (self.scene.spec.joints or ())[j].drive
+        k = self._axis_of(j)
+        if drive is None or k == NONE:
+            raise ValueError(f"joint '{name}' has no drive: write `drive: {{mode: effort}}` in "
+                             'the scene')
+        mode = drive.mode if mode is None else mode
+        if mode not in MODES:
+            raise ValueError(f'mode {mode!r}, must be one of: {", ".join(MODES)}')
+        needed = {'velocity': 'gain', 'position': 'stiffness'}.get(mode)
+        if needed is not None and getattr(drive, needed) is None:
+            raise ValueError(f"joint '{name}' has no {needed} for the mode {mode!r}: write it in "
+                             'the drive in the scene')
+        goals = [_finite(what, value, default) for what, value, default in (
+            ('position', position, float(joints.motion.position[j])), ('velocity', velocity, 0.0),
+            ('effort', effort, 0.0))]
+        steps = LASTS if duration is None else self._steps(duration)
+        if steps != 0:
+            set_drive(joints.motion.drives, k, drive, mode, *goals)
+            joints.motion.drives.steps_left[k] = steps
+        self._tell('set_joint_command', name=name, mode=mode, position=goals[0],
+                   velocity=goals[1], effort=goals[2], duration=duration)
+
+    def _steps(self, duration: float | None) -> int:
+        """Return a duration in steps."""
+        raise NotImplementedError
+
+    def _tell(self, kind: str, step: int | None = None, **arguments: Any) -> None:
+        """Tell the observers of a command that was done."""
+        raise NotImplementedError
+
+    def set_joint_state(self, name: str, position: float, velocity: float = 0.0) -> None:
+        """
+        Put a joint with one axis at a position [rad or m] and a velocity [rad/s or m/s].
+
+        What hangs on it moves with it; where it is part of a loop the other joints of the loop
+        follow. The other joints keep their positions and velocities. ValueError for an unknown
+        joint, one with several axes, numbers that are not finite or beyond the joint's limits, or
+        a loop that cannot close there; then nothing has changed.
+        """
+        joints, j = self._known_joint(name)
+        k = self._axis_of(j)
+        if k == NONE:
+            raise ValueError(f"joint '{name}' has not one axis of its own, must be a revolute, "
+                             'continuous or prismatic one that closes no loop')
+        p, v = _finite('position', position, 0.0), _finite('velocity', velocity, 0.0)
+        laws = joints.table.laws
+        if not laws.lower[k] <= p <= laws.upper[k]:
+            raise ValueError(f"position {p:g} of joint '{name}', must be within its limits "
+                             f'{laws.lower[k]:g} .. {laws.upper[k]:g}')
+        before = self._kept()
+        positions, rates = joints.motion.position.copy(), joints.motion.rate.copy()
+        given = np.zeros(len(rates), dtype=np.int64)
+        positions[j], rates[k], given[k] = p, v, 1
+        in_loop = len(joints.table.condition_joint) > 0
+        if in_loop:
+            rates[np.arange(len(rates)) != k] = np.nan
+        gap = joints.assemble(self._state, positions, given, rates)
+        if not gap <= CLOSED:
+            self._take_back(before)
+            raise ValueError(f"position {p:g} of joint '{name}': its loop cannot close there, "
+                             f'{gap:.3g} m or rad are left; must be one that it can reach')
+        self._motion_is_current = False
+        self._tell('set_joint_state', name=name, position=p, velocity=v)
+
+    def _kept(self) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        assert self._joints is not None
+        motion = self._joints.motion
+        return ([array.copy() for array in self._state],
+                [array.copy() for array in (*motion[:-3], *motion[-2:])])
+
+    def _take_back(self, kept: tuple[list[np.ndarray], list[np.ndarray]]) -> None:
+        assert self._joints is not None
+        motion = self._joints.motion
+        for array, old in zip(self._state, kept[0], strict=True):
+            array[...] = old
+        for array, old in zip((*motion[:-3], *motion[-2:]), kept[1], strict=True):
+            array[...] = old
+
+    def _known_joint(self, name: str) -> tuple[JointedMotion, int]:
+        names = self.joint_names
+        if self._joints is None or name not in names:
+            some = ', '.join(names[:8]) + (f', ... ({len(names)} in all)' if len(names) > 8
+                                           else '') or 'none, the scene has no joints'
+            raise ValueError(f'joint {name!r} does not exist, must be one of: {some}')
+        return self._joints, names.index(name)
+
+    def kinetic_energy(self) -> float:
+        """Return the kinetic energy of all bodies, and of what turns in joints [J]."""
+        return super().kinetic_energy() + self._armature_energy()
+
+    def potential_energy(self) -> float:
+        """Return the potential energy of gravity, of the scene's forces and of springs [J]."""
+        return super().potential_energy() + self._spring_energy()
+
+    def _armature_energy(self) -> float:
+        """Return the kinetic energy of what turns with the axes and is no body [J]."""
+        if self._joints is None:
+            return 0.0
+        motion = self._joints.motion
+        return float((0.5 * self._joints.table.laws.armature * motion.rate ** 2).sum())
+
+    def _spring_energy(self) -> float:
+        if self._joints is None:
+            return 0.0
+        table = self._joints.table
+        stretch = self._joints.motion.position[np.maximum(table.axis_joint, 0)] - table.laws.rest
+        return float((0.5 * table.laws.stiffness * stretch ** 2).sum())
+
+    def _pass_on(self, body: int) -> None:
+        """Let joints answer to a change of the momenta of a body."""
+        if self._joints is not None and self._joints.table.row_of_body[body] != NONE:
+            self._joints.project(self._state)
+
+    def _check_can_be_put(self, body: int) -> None:
+        """Raise ValueError for a body that joints hold to the world: its pose is theirs."""
+        if self._joints is None:
+            return
+        g = articulation_of(self._joints.table, body)
+        if g != NONE and hangs_on_something(self._joints.table, g):
+            raise ValueError(f"body '{self.names[body]}' is held to the world by joints: use "
+                             'set_joint_state')
+
+    def _put(self, body: int, motion: 'BodyMotion') -> None:
+        """Give a body its row of motion; what hangs together with it goes along."""
+        if self._joints is None or self._joints.table.row_of_body[body] == NONE:
+            write_motion(self._model, self._state, motion, body)
+            return
+        before = copy_state(self._state)
+        write_motion(self._model, self._state, motion, body)
+        carry_along(self._model, self._joints.table, self._state, before, body)
+        self._joints.project(self._state)
+
+    def _follow(self, body: int) -> None:
+        """Let all that hangs on a body that nothing pushes be where that is put at once."""
+        if self._joints is None:
+            return
+        table, motion = self._joints.table, self._joints.motion
+        on = np.flatnonzero((table.body_a == body) | (table.body_b == body)).tolist()
+        # It may as well move there in the next step, and carry them.
+        if max((gap_of(table, self._state, j) for j in on), default=0.0) <= CLOSED:
+            return
+        self._joints.assemble(self._state, motion.position.copy(),
+                              np.zeros(len(motion.rate), dtype=np.int64), motion.rate.copy())
+
+
+def _finite(what: str, value: float | None, default: float) -> float:
+    """Return a finite number, or raise ValueError."""
+    if value is None:
+        return default
+    try:
+        number = float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f'{what} {value!r}, must be a number') from None
+    if not np.isfinite(number):
+        raise ValueError(f'{what} {value!r}, must be finite')
+    return number

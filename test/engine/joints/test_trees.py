@@ -1,0 +1,146 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Trees of joints against the same motion in minimal coordinates, at steps of 1 ms.
+
+The method is of second order, so the bounds are what it leaves there; four times the step has 16
+times the error.
+"""
+
+import math
+
+from engine.jointed import (
+    body, energy, G, hanging, joint, PANDA, panda, PANDA_START, PANDA_TIP, planar_links,
+    planar_tip, point_of, rod, together, world)
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+# Rounding of some 1e-15 a metre, and the 1e-13 to which joints are closed.
+CLOSED = 1e-12
+
+
+def times(end, every=0.02):
+    return np.round(np.arange(0.0, end + 1e-9, every), 6)
+
+
+def largest_error(world, truth, tip, every=0.02):
+    """Return the largest error of the tip at the times of the truth, and of the energy."""
+    steps = round(every / (world.step_ns * 1e-9))
+    error, off, before = 0.0, 0.0, energy(world)
+    for point in truth[1:]:
+        world.step(steps)
+        error = max(error, float(np.linalg.norm(tip(world) - point)))
+        off = max(off, abs(energy(world) - before))
+    return error, off
+
+
+def test_a_pendulum_keeps_time_and_energy_for_a_minute():
+    # A rod of 1 m about its end, L = (m l^2 / 3 + m r^2 / 4) / (m l / 2).
+    length = (1 / 3 + 0.02 ** 2 / 4) / 0.5
+    a = planar_links([length], [1.0], [length], [0.0], [math.pi / 2], times(60.0))
+    error, off = largest_error(hanging(1), planar_tip(a, [1.0]),
+                               lambda world: point_of(world, 'link0', (0, 0, -1)))
+    assert error < 6e-4
+    # Of the largest kinetic energy, m g l / 2.
+    assert off < 1e-5 * G / 2
+
+
+def test_a_pendulum_errs_16_times_as_much_at_four_times_the_step():
+    length = (1 / 3 + 0.02 ** 2 / 4) / 0.5
+    a = planar_links([length], [1.0], [length], [0.0], [math.pi / 2], times(2.0))
+    fine, coarse = (largest_error(hanging(1, h=h), planar_tip(a, [1.0]),
+                                  lambda world: point_of(world, 'link0', (0, 0, -1)))[0]
+                    for h in (1e-3, 4e-3))
+    # Terms of the fourth order are 1e-4 of those of the second at most here.
+    assert coarse / fine == pytest.approx(16.0, rel=1e-2)
+
+
+def double_pendulum(h):
+    inertia = rod(1.0, 1.0, 0.02)[0]
+    a = planar_links([1, 1], [1, 1], [0.5, 0.5], [inertia] * 2, [math.pi / 2] * 2, times(2.0))
+    return largest_error(hanging(2, h=h), planar_tip(a, [1.0, 1.0]),
+                         lambda world: point_of(world, 'link1', (0, 0, -1)))
+
+
+def test_a_double_pendulum_is_where_lagrange_has_it():
+    error, _ = double_pendulum(1e-3)
+    assert error < 6e-5
+
+
+def test_a_released_panda_is_where_its_mass_matrix_has_it():
+    end = times(0.5)
+    found = [PANDA.poses(q)[-1] for q in PANDA.motion(np.array(PANDA_START), end)]
+    truth = [p + R @ PANDA_TIP for R, p in found]
+    error, _ = largest_error(panda(), truth, lambda world: point_of(world, 'link6', PANDA_TIP))
+    assert error < 1e-4
+
+
+def chain(h, end):
+    """Return the largest error of the tip of 50 rods of 0.1 kg with 10 kg at their end."""
+    last = together([(0.1, (0, 0, -0.05), rod(0.1, 0.1, 0.01)),
+                     (10.0, (0, 0, -0.1), (10 * 0.01 / 6,) * 3 + (0.0,) * 3)])
+    masses, coms = [0.1] * 49 + [last[0]], [0.05] * 49 + [-last[1][2]]
+    about = [rod(0.1, 0.1, 0.01)[0]] * 49 + [last[2][0]]
+    a = planar_links([0.1] * 50, masses, coms, about, [math.pi / 2] * 50, times(end), rtol=1e-10)
+    return largest_error(hanging(50, 0.1, 0.1, 0.01, end=10.0, h=h), planar_tip(a, [0.1] * 50),
+                         lambda world: point_of(world, 'link49', (0, 0, -0.1)))
+
+
+def test_a_chain_carries_a_hundred_times_its_links():
+    error, off = chain(1e-3, 2.0)
+    # At the end 1.8e-5 m, 2.3e-5 m as the weight passes below.
+    assert error < 2.5e-5
+    # Of 10 kg and half of 5 kg that fall from 0 to 5 m: 613 J.
+    assert off < 4e-6 * 613
+
+
+def test_a_chain_stands_at_a_step_that_does_not_resolve_its_whip():
+    error, _ = chain(4e-3, 2.0)
+    # 16 times that of 1 ms, less where a step was taken in halves.
+    assert error < 16 * 2.5e-5
+
+
+@pytest.mark.parametrize('make', [lambda: hanging(3), panda, lambda: hanging(
+    20, 0.1, 0.1, 0.01, end=10.0)], ids=['pendulum', 'panda', 'chain'])
+def test_anchors_stay_together_in_every_step(make):
+    world = make()
+    spec = world.scene.spec
+    for _ in range(300):
+        world.step()
+        for held in spec.joints:
+            here = point_of(world, held.child)
+            there = np.array(held.pose.position)
+            if held.parent != 'world':
+                there = point_of(world, held.parent, held.pose.position)
+            assert np.abs(here - there).max() < CLOSED
+
+
+def test_forces_that_depend_on_velocities_are_of_second_order_too():
+    # A pendulum in air that resists its centre of mass with c v, to an accuracy of 1e-12.
+    inertia, drag = 1 / 3 + 0.02 ** 2 / 4, 0.8
+
+    def rates(t, y):
+        return [y[1], (-0.5 * G * math.sin(y[0]) - drag * 0.25 * y[1]) / inertia]
+
+    end = solve_ivp(rates, (0, 1), [1.2, 0.0], method='DOP853', rtol=1e-12, atol=1e-13).y[0, -1]
+    off = []
+    for h in (2e-3, 1e-3):
+        one = world([body('bar', 1.0, (0, 0, -0.5), rod(1, 1, 0.02))],
+                    [joint('pin', 'world', 'bar') | {'position': 1.2}], h,
+                    forces=[{'type': 'wind', 'drag': drag}])
+        one.step(round(1.0 / h))
+        off.append(one.joint_position[0] - end)
+    assert abs(off[1]) < 1e-5
+    assert off[0] / off[1] == pytest.approx(4.0, rel=2e-2)
+
+
+def test_turns_are_counted():
+    world = hanging(1, angle=0.0, velocity=10.0)
+    world.step(3000)
+    # Enough energy to go over the top, w^2 > 4 g / L: it goes round.
+    assert world.joint_position[0] > 4 * math.pi
+    before = world.joint_position[0]
+    world.step(1)
+    assert world.joint_position[0] - before == pytest.approx(
+        1e-3 * world.joint_velocity[0], rel=1e-2)
