@@ -330,7 +330,8 @@ def _cases() -> Iterator[Case]:
                             turn((0, 1, 0), math.pi / 2 + math.atan2(0.1, 0.2))),
                            ('ellipsoid', egg, turn((0, 1, 0), math.pi / 2)),
                            ('spheroid', ellipsoid((0.2, 0.2, 0.1)), LEVEL)):
-        yield Case('F', f'a {name} rests', lambda model, solid=solid, q=q: resting(model, solid, q))
+        yield Case('F', f'a {name} rests',
+                   lambda model, solid=solid, q=q: resting(model, solid, q))
     yield Case('F', 'cubes of 1 to 5 mm come to rest', small)
     for v, words in (((0.0, 0.0, -1.0), 'down'), ((0.0, 0.0, 1.0), 'up'),
                      ((1.0, 0.0, 0.0), 'sideways')):
