@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from laws.book import builder
 from laws.motion import look, masses, Ours, potential, Run, Verdict, worst
 from laws.scenes import any_attitude, body, fixed, G, matrix, plane, Spec, turn, world
-from laws.solids import box, capsule, compound, cylinder, Solid, sphere
+from laws.solids import box, capsule, compound, cone, cylinder, ellipsoid, Solid, sphere
 import numpy as np
 
 MS = 1e-3
@@ -154,6 +154,52 @@ def disk(model: str) -> Verdict:
                    (rate * MS) ** 2 + 1000 * (rate * MS) ** 3, 'of energy, share')
 
 
+def rocking_ellipsoid(model: str) -> Verdict:
+    """Let an ellipsoid rock for 10 s about its position of rest; its energy stays."""
+    solid, q = ellipsoid((0.1, 0.15, 0.2)), turn((0, 1, 0), math.pi / 2 + 0.3)
+    height = solid.reach(matrix(q).T @ -UP)
+    spec = world([body('b', solid, 1.0, (0, 0, height), q), plane()], MS, _surface(friction=1.0))
+    run, bottom = builder(model)(spec), G * 0.1
+    start = _energy(spec, run) - bottom
+    run.step(10_000)
+    # It turns by at most sqrt(2 g (height - 0.1) / ((0.1^2 + 0.2^2) / 5 + 0.1^2)) = 3.5 rad/s.
+    allowed = (3.5 * MS) ** 2 + 10_000 * (3.5 * MS) ** 3
+    return Verdict(abs((_energy(spec, run) - bottom) / start - 1.0), allowed, 'of energy, share')
+
+
+def rolling_cone(model: str, radius: float, length: float) -> Verdict:
+    """Let a cone roll on its mantle around its apex for 5 s; the energy stays, and the apex."""
+    solid, half = cone(radius, length), math.atan2(radius, length)
+    q = turn((0, 1, 0), math.pi / 2 + half)
+    apex = np.array((0.0, 0.0, 0.75 * length))  # from the centre of mass, in the body
+    R, rate = matrix(q), 1.5
+    place = -R @ apex
+    # The line of contact turns about the vertical through the apex at `rate`.
+    w = -rate / math.tan(half) * np.array((math.copysign(1.0, R[0, 2]), 0.0, 0.0))
+    spec = world([body('b', solid, 1.0, place, q, np.cross(w, place), w), plane()], MS,
+                 _surface(friction=1.0))
+    run = builder(model)(spec)
+    bottom = G * place[2]
+    start = _energy(spec, run) - bottom
+    run.step(5000)
+    now, turns = run.motion()[0], float(np.linalg.norm(w)) * MS
+    slipped = float(np.linalg.norm(now[:3] + matrix(now[3:7]) @ apex)) / length
+    return worst([Verdict(abs((_energy(spec, run) - bottom) / start - 1.0),
+                          turns ** 2 + 5000 * turns ** 3, 'of energy, share'),
+                  Verdict(slipped, 5000 * turns ** 3, 'of its length that the apex moved')])
+
+
+def resting(model: str, solid: Solid, attitude: Any = LEVEL) -> Verdict:
+    """Put a body on the ground where it rests; it stays for 2 s."""
+    height = solid.reach(matrix(attitude).T @ -UP)
+    spec = world([body('b', solid, 1.0, (0, 0, height), attitude), plane()], MS, _surface())
+    run = builder(model)(spec)
+    start = run.motion()[0]
+    run.step(2000)
+    return Verdict(float(np.abs(run.motion()[0] - start).max()), G * MS ** 2,
+                   'm, m/s or rad/s, of a body at rest')
+
+
 # --- F: small things never rest ------------------------------------------------------------------
 
 
@@ -274,6 +320,18 @@ def _cases() -> Iterator[Case]:
     yield Case('E', 'a ball rocks, 1 ms, 60 s', lambda model: rocking(model, MS, 60.0))
     yield Case('E', 'a ball rocks, 1/240 s, 10 s', lambda model: rocking(model, 1 / 240))
     yield Case('E', "Euler's disk at 20 degrees, 1 s", disk)
+    yield Case('E', 'an ellipsoid rocks, 1 ms, 10 s', rocking_ellipsoid)
+    for radius, length in ((0.1, 0.2), (0.1, 0.35), (0.2, 0.15)):
+        yield Case('E', f'a cone of {radius:g} m and {length:g} m rolls around its apex, 5 s',
+                   lambda model, r=radius, h=length: rolling_cone(model, r, h))
+    egg = ellipsoid((0.1, 0.15, 0.2))
+    for name, solid, q in (('cone on its base', cone(0.1, 0.2), LEVEL),
+                           ('cone on its mantle', cone(0.1, 0.2),
+                            turn((0, 1, 0), math.pi / 2 + math.atan2(0.1, 0.2))),
+                           ('ellipsoid', egg, turn((0, 1, 0), math.pi / 2)),
+                           ('spheroid', ellipsoid((0.2, 0.2, 0.1)), LEVEL)):
+        yield Case('F', f'a {name} rests',
+                   lambda model, solid=solid, q=q: resting(model, solid, q))
     yield Case('F', 'cubes of 1 to 5 mm come to rest', small)
     for v, words in (((0.0, 0.0, -1.0), 'down'), ((0.0, 0.0, 1.0), 'up'),
                      ((1.0, 0.0, 0.0), 'sideways')):

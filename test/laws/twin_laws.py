@@ -113,9 +113,9 @@ def mirrored(rng: Generator, scene: Scene) -> Twin:
 
 
 # Powers of the length's factor by key of a scene.
-_POWERS = {'position': 1.0, 'radius': 1.0, 'length': 1.0, 'size': 1.0, 'vertices': 1.0, 'com': 1.0,
-           'mass': 3.0, 'inertia': 5.0, 'linear': 0.5, 'angular': -0.5, 'step': 0.5,
-           'stiffness': 3.0, 'damping': -0.5}
+_POWERS = {'position': 1.0, 'radius': 1.0, 'length': 1.0, 'size': 1.0, 'radii': 1.0,
+           'vertices': 1.0, 'com': 1.0, 'mass': 3.0, 'inertia': 5.0, 'linear': 0.5,
+           'angular': -0.5, 'step': 0.5, 'stiffness': 3.0, 'damping': -0.5}
 
 
 def _scaled(value: Any, factor: float, key: str = '') -> Any:

@@ -34,8 +34,17 @@ SOLIDS = {
     'box': {'type': 'box', 'size': [0.1, 0.2, 0.3]},
     'capsule': {'type': 'capsule', 'radius': 0.1, 'length': 0.5},
     'cylinder': {'type': 'cylinder', 'radius': 0.15, 'length': 0.4},
+    'cone': {'type': 'cone', 'radius': 0.15, 'length': 0.4},
+    'ellipsoid': {'type': 'ellipsoid', 'radii': [0.1, 0.2, 0.3]},
     'mesh': TETRAHEDRON,
 }
+
+
+# [m] Poses are doubles, and vertices as the scene holds them.
+ROUNDING = 1e-9
+# What no marker has is drawn as triangles: of 32 sides of a circle of 0.15 m the middle is
+# 0.15 (1 - cos(pi / 32)) inside.
+NEAR = {'cone': 8e-4}
 
 
 def unit(q):
@@ -103,6 +112,9 @@ def support_of_shape(shape):
         'box': lambda: np.abs(d) @ shape['size'] / 2,
         'capsule': lambda: shape['radius'] + np.abs(d[:, 2]) * shape['length'] / 2,
         'cylinder': lambda: shape['radius'] * beside + np.abs(d[:, 2]) * shape['length'] / 2,
+        'cone': lambda: np.maximum(d[:, 2] * shape['length'] / 2,
+                                   shape['radius'] * beside - d[:, 2] * shape['length'] / 2),
+        'ellipsoid': lambda: np.linalg.norm(d * shape['radii'], axis=1),
         'mesh': lambda: (d @ (np.array(shape['vertices']) * shape['scale']).T).max(axis=1),
     }[shape['type']]()
     return DIRECTIONS @ origin + own
@@ -111,8 +123,8 @@ def support_of_shape(shape):
 @pytest.mark.parametrize('kind', SOLIDS)
 def test_the_markers_of_a_shape_cover_it_and_no_more(kind):
     markers = markers_of(world_of(solid('thing', **SOLIDS[kind])))
-    # Poses are doubles, and vertices as the scene holds them: rounding alone.
-    assert support_of_markers(markers) == pytest.approx(support_of_shape(SOLIDS[kind]), abs=1e-9)
+    assert support_of_markers(markers) == pytest.approx(
+        support_of_shape(SOLIDS[kind]), abs=NEAR.get(kind, ROUNDING))
 
 
 @pytest.mark.parametrize('kind', SOLIDS)
@@ -123,7 +135,7 @@ def test_the_markers_of_a_compound_are_those_of_its_parts(kind):
     del body['mass']
     markers = markers_of(world_of({**body, 'compound': parts}))
     assert support_of_markers(markers[1:]) == pytest.approx(
-        support_of_shape(SOLIDS[kind]), abs=1e-9)
+        support_of_shape(SOLIDS[kind]), abs=NEAR.get(kind, ROUNDING))
     assert triple(markers[0].pose.position) == pytest.approx(np.array(BODY['position']))
 
 
@@ -132,8 +144,14 @@ def test_a_capsule_is_a_cylinder_with_a_ball_at_each_end():
         CYLINDER: 1, SPHERE: 2}
 
 
-def test_the_triangles_of_a_mesh_are_seen_from_outside():
-    marker, = markers_of(world_of(solid('tetrahedron', **TETRAHEDRON)))
+def test_an_ellipsoid_is_a_ball_with_three_diameters():
+    marker, = markers_of(world_of(solid('e', **SOLIDS['ellipsoid'])))
+    assert (marker.type, triple(marker.scale)) == (SPHERE, pytest.approx([0.2, 0.4, 0.6]))
+
+
+@pytest.mark.parametrize('kind', ['mesh', 'cone'])
+def test_the_triangles_of_a_solid_are_seen_from_outside(kind):
+    marker, = markers_of(world_of(solid('thing', **SOLIDS[kind])))
     corners = np.array([triple(p) for p in marker.points]).reshape(-1, 3, 3)
     middle = corners.mean(axis=(0, 1))
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

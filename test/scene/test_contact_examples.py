@@ -116,3 +116,17 @@ def test_the_turntable_keeps_the_inner_crate_and_loses_the_outer_one():
     assert world.position[names.index('lift')] == pytest.approx([3, 0, 0.3], abs=1e-12)
     assert world.position[names.index('ball'), 2] == pytest.approx(0.5, abs=1e-4)
     assert world.linear_velocity[names.index('ball'), 2] == pytest.approx(0.1, abs=1e-3)
+
+
+def test_the_rattleback_turns_back_and_its_twin_does_not():
+    world = load_scene('rattleback')
+    against, along, cone = (world.names.index(name) for name in ('against', 'along', 'cone'))
+    standing = world.names.index('standing')
+    start = world.position
+    world.step(10_000)
+    spin = world.angular_velocity
+    assert spin[against, 2] > 4.0
+    assert spin[along, 2] > 4.5
+    # 1.5 rad/s / tan of the angle between axis and mantle, tan 0.5.
+    assert np.linalg.norm(spin[cone]) == pytest.approx(3.0, abs=1e-5)
+    assert world.position[standing] == pytest.approx(start[standing], abs=1e-9)

@@ -72,8 +72,11 @@ BODIES = {
         "2: bodies[0].shape.type: 'boxx', did you mean 'box'?"),
     'shape without a type': (
         '- {name: a, mass: 1, shape: {radius: 1}}',
-        '2: bodies[0].shape: has no type, must be sphere, box, capsule, cylinder, plane, mesh, '
-        'points or compound'),
+        '2: bodies[0].shape: has no type, must be sphere, box, capsule, cylinder, cone, '
+        'ellipsoid, plane, mesh, points or compound'),
+    'radii of an ellipsoid': (
+        '- {name: a, mass: 1, shape: {type: ellipsoid, radii: [1, 0, 1]}}',
+        '2: bodies[0].shape.radii[1]: 0 m, must be > 0'),
     'shape that is no mapping': (
         '- {name: a, mass: 1, shape: sphere}',
         "2: bodies[0].shape: 'sphere', must be a mapping with a type"),

@@ -18,6 +18,8 @@ SHAPES: list[dict[str, Any]] = [
     {'type': 'sphere', 'radius': 0.5}, {'type': 'box', 'size': [1, 1, 1]},
     {'type': 'capsule', 'radius': 0.3, 'length': 1.0},
     {'type': 'cylinder', 'radius': 0.3, 'length': 1.0},
+    {'type': 'cone', 'radius': 0.3, 'length': 1.0},
+    {'type': 'ellipsoid', 'radii': [0.3, 0.4, 0.5]},
     {'type': 'points', 'positions': [[0, 0, 0], [1, 0, 0], [0, 1, 0]], 'masses': [1, 2, 3]},
     {'type': 'mesh', 'vertices': [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]],
      'faces': [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]}]

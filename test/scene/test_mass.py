@@ -31,10 +31,15 @@ SPHERE = {'type': 'sphere', 'radius': 2.0}
 BOX = {'type': 'box', 'size': [1.0, 2.0, 3.0]}
 ROD = {'type': 'cylinder', 'radius': 0.1, 'length': 1.0}
 
+CONE = {'type': 'cone', 'radius': 1.0, 'length': 2.0}
+EGG = {'type': 'ellipsoid', 'radii': [1.0, 2.0, 3.0]}
+
 # Kind of shape: its keys, its volume and its moments at mass 1, all from the textbook.
 SOLIDS = {
     'sphere': (SPHERE, 32 / 3 * math.pi, [1.6, 1.6, 1.6]),
     'box': (BOX, 6.0, [13 / 12, 10 / 12, 5 / 12]),
+    'cone': (CONE, 2 / 3 * math.pi, [0.3, 0.3, 0.3]),
+    'ellipsoid': (EGG, 8 * math.pi, [2.6, 2.0, 1.0]),
     'cylinder': (ROD, 0.01 * math.pi, [1.03 / 12, 1.03 / 12, 0.005]),
 }
 
@@ -62,6 +67,12 @@ def test_a_capsule_is_a_cylinder_and_two_halves_of_a_ball() -> None:
     got = properties(shape={'type': 'capsule', 'radius': 1, 'length': 2}, density=1.0)
     assert got.m == pytest.approx(10 / 3 * math.pi, rel=1e-15)
     assert got.I_BC_B[2, 2] == pytest.approx(math.pi + 8 / 15 * math.pi, rel=1e-15)
+
+
+def test_the_centre_of_a_cone_is_a_quarter_of_its_height_above_the_base() -> None:
+    turned = {**CONE, 'pose': {'position': [1, 2, 3], 'orientation': [1, 0, 0, 0]}}
+    # Turned over, its apex is at z = 2 and its base at z = 4.
+    assert properties(shape=turned, mass=1.0).p_BC == pytest.approx([1.0, 2.0, 3.5], abs=1e-15)
 
 
 def test_explicit_properties_keep_their_order_and_place() -> None:

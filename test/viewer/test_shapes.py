@@ -40,6 +40,8 @@ def drawn(shape, **body):
     ({'type': 'box', 'size': [1, 2, 3]}, [-0.5, -1, -1.5], [0.5, 1, 1.5]),
     ({'type': 'cylinder', 'radius': 0.5, 'length': 2}, [-0.5, -0.5, -1], [0.5, 0.5, 1]),
     ({'type': 'capsule', 'radius': 0.5, 'length': 2}, [-0.5, -0.5, -1.5], [0.5, 0.5, 1.5]),
+    ({'type': 'cone', 'radius': 0.5, 'length': 2}, [-0.5, -0.5, -1], [0.5, 0.5, 1]),
+    ({'type': 'ellipsoid', 'radii': [1, 2, 3]}, [-1, -2, -3], [1, 2, 3]),
     ({'type': 'mesh', **TETRAHEDRON, 'scale': [2, 1, 1]}, [0, 0, 0], [2, 1, 1]),
 ], ids=lambda value: value.get('type') if isinstance(value, dict) else '')
 def test_a_shape_is_as_large_as_the_scene_says(shape, low, high):
@@ -51,6 +53,8 @@ def test_a_shape_is_as_large_as_the_scene_says(shape, low, high):
     ({'type': 'sphere', 'radius': 0.5}, 4 / 3 * np.pi * 0.5 ** 3),
     ({'type': 'cylinder', 'radius': 0.5, 'length': 2}, np.pi * 0.5 ** 2 * 2),
     ({'type': 'capsule', 'radius': 0.5, 'length': 2}, np.pi * 0.5 ** 2 * (2 + 4 / 3 * 0.5)),
+    ({'type': 'cone', 'radius': 0.5, 'length': 2}, np.pi * 0.5 ** 2 * 2 / 3),
+    ({'type': 'ellipsoid', 'radii': [1, 2, 3]}, 8 * np.pi),
     ({'type': 'mesh', **TETRAHEDRON}, 1 / 6),
     ({'type': 'mesh', **TETRAHEDRON, 'scale': [1, 1, 3]}, 1 / 2),
 ], ids=lambda value: value.get('type') if isinstance(value, dict) else '')

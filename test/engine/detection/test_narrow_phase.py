@@ -236,11 +236,11 @@ def test_the_deepest_point_of_a_manifold_is_as_deep_as_the_shapes(shapes, how):
 
 
 LYING = (0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5))  # the axis z turned to x
-# A cone of the radius 0.3 m and the height 0.5 m: the sine of the angle between axis and mantle,
-# and its cosine. On its mantle the axis falls towards the apex by that angle, and the middle of
-# the axis is 0.25 m from the apex, so 0.25 m times the sine above the ground.
-MANTLE = 0.3 / np.hypot(0.3, 0.5), 0.5 / np.hypot(0.3, 0.5)
-_TURN = 0.5 * (np.pi / 2 + np.arcsin(MANTLE[0]))
+# Of a cone of the radius 0.3 m and the height 0.5 m the sine of the angle between axis and mantle.
+# On its mantle the axis falls towards the apex by that angle, and the middle of the axis is 0.25 m
+# from the apex, so 0.25 m times the sine above the ground.
+MANTLE = 0.3 / np.hypot(0.3, 0.5)
+_TURN = 0.5 * (np.pi / 2 + np.arcsin(MANTLE))
 CONE_LYING = (0.0, np.sin(_TURN), 0.0, np.cos(_TURN))
 # How a shape rests: its height and orientation, and how many points carry it.
 RESTING = {
@@ -248,7 +248,7 @@ RESTING = {
     'cylinder upright': (CONVEX['cylinder'], 0.25, UPRIGHT, 4),
     'cylinder lying': (CONVEX['cylinder'], 0.3, LYING, 2),
     'cone upright': (CONVEX['cone'], 0.25, UPRIGHT, 4),
-    'cone lying': (CONVEX['cone'], 0.25 * MANTLE[0], CONE_LYING, 2),
+    'cone lying': (CONVEX['cone'], 0.25 * MANTLE, CONE_LYING, 2),
     'ellipsoid': (CONVEX['ellipsoid'], 0.4, UPRIGHT, 1),
     'capsule lying': (CONVEX['capsule'], 0.2, LYING, 2),
     'hull': ((HULL, (0.0, 0.0, 0.0), cube_mesh(0.3)), 0.3, UPRIGHT, 4),

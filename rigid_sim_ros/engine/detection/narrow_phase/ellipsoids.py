@@ -5,13 +5,11 @@ Two ellipsoids: their common normal, by Newton's method on their support functio
 
 A direction n separates A and B by s(n) = n . d - h_A(n) - h_B(n), with d from the middle of A to
 that of B and h the support functions. The signed distance is the largest s: apart it is the
-distance, in an overlap minus the depth. The points of A and B farthest along n and -n differ by
-the gradient of -s, w = p_A + p_B - d, which is parallel to n at the common normal. On the sphere
-of directions -s has the second derivatives
+distance, in an overlap minus the depth. The gradient of -s is w = p_A + p_B - d, with the support
+points p of n and the middles as their origins; at the common normal it is parallel to n. On the
+sphere of directions -s has the second derivatives
 
-    t . (H_A + H_B) t + s,    t . H t = ((t . M t) - (t . p)^2) / h,    M = R diag(a^2) R^T,
-
-with the support point p of n.
+    t . (H_A + H_B) t + s,    t . H t = ((t . M t) - (t . p)^2) / h,    M = R diag(a^2) R^T.
 """
 
 import math

@@ -73,12 +73,13 @@ def _from_point(size: Array, s: int, p: Vector) -> tuple[float, Vector, Vector]:
     # On the axis every direction is as near as another; x is taken.
     ex, ey = (p[0] / rho, p[1] / rho) if rho > 0.0 else (1.0, 0.0)
     side, below = out * rho + up * (p[2] - half), -half - p[2]
-    if rho <= r and below > 0.0 or below <= 0.0 and side <= 0.0 and below > side:
+    inside = side <= 0.0 and below <= 0.0
+    if (rho <= r and below > 0.0) or (inside and below > side):
         return below, (0.0, 0.0, -1.0), (p[0], p[1], -half)
     # Along the mantle from the rim to the apex.
     slant = r / up
     way = out * (p[2] + half) - up * (rho - r)
-    if 0.0 <= way <= slant or side <= 0.0 and below <= 0.0:
+    if inside or 0.0 <= way <= slant:
         return side, (out * ex, out * ey, up), (
             p[0] - side * out * ex, p[1] - side * out * ey, p[2] - side * up)
     edge, z = (r, -half) if way < 0.0 else (0.0, half)

@@ -26,7 +26,11 @@ def ellipsoid_volume(radii: Sequence[float]) -> float:
 
 
 def ellipsoid(m: float, radii: Sequence[float]) -> MassProperties:
-    """Return the mass properties of a homogeneous ellipsoid, I_xx = m / 5 (b^2 + c^2) etc."""
+    """
+    Return the mass properties of a homogeneous ellipsoid.
+
+    I = m / 5 diag(b^2 + c^2, a^2 + c^2, a^2 + b^2) for the radii a, b, c [m].
+    """
     a, b, c = radii
     return about_origin(m, [0.2 * m * (b * b + c * c), 0.2 * m * (a * a + c * c),
                             0.2 * m * (a * a + b * b)])
