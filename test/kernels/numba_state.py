@@ -20,7 +20,8 @@ import weakref
 # Python notes how it pickles.
 SHARED = '_code', '_typecache', '_struct_proxy_cache', '_the_max_label', '__slotnames__'
 LIBRARIES = 'numba', 'llvmlite'
-_ADDRESS = re.compile(r' at 0x[0-9a-fA-F]+|B\d+v\d+|\d{9,}')     # of an object; number of a function
+# Of an object, and the number of a function.
+_ADDRESS = re.compile(r' at 0x[0-9a-fA-F]+|B\d+v\d+|\d{9,}')
 _PLAIN = str, bytes, int, float, complex, bool, type(None)
 _WEAK = weakref.WeakKeyDictionary, weakref.WeakValueDictionary, weakref.WeakSet
 _PROXIES = weakref.ProxyTypes   # which nobody can ask anything once their object is gone
