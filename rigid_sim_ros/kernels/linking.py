@@ -8,7 +8,8 @@ each is optimised once more inside of everything that calls it, directly or not.
 kernels of a scene with contacts Python calls seven. So a kernel has two forms here. As a `_Part`,
 for kernels that call it, it is a module of LLVM's that is optimised function by function and then
 only waits to be linked. As a `_Whole`, for Python, it is linked with all parts below it, optimised
-at once, translated and cached. That halves the time to compile, with the same results and speed.
+at once, translated and cached. From an empty cache the first step of the scene `tower` takes 62 s
+so in one process, and 200 s as Numba does it by itself, with the same results and speed.
 
 With a Numba that is not supported kernels are compiled as Numba does by itself.
 """

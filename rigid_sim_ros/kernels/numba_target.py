@@ -136,7 +136,8 @@ class _OwnFunction(types.Function):
 
         Of `a * b` Numba tries one template after the other until one fits the types of a and b,
         for every product in a program anew: twenty thousand times for the kernels of a scene, of
-        which two hundred differ.
+        which two hundred differ. That was 5 of 40 s of the processor for the first start of the
+        scene `tower`, half of it in each of two processes.
         """
         if kws:
             return super().get_call_type(context, args, kws)

@@ -6,7 +6,8 @@ How kernels hold and hand on a NamedTuple of the engine that has arrays: by its 
 To Numba such a tuple is one value of all its numbers, and an array of k dimensions is 5 + 2 k of
 them. It copies the value at every name that it gets and passes number by number. The buffers of a
 step are some hundred arrays that go through a dozen kernels: to copy them was half of what LLVM
-had to read. Nobody writes to a tuple, so that a name and an argument may be the address of one.
+had to read, and 27 of 69 s of the processor for the first start of the scene `tower`. Nobody
+writes to a tuple, so that a name and an argument may be the address of one.
 
 In memory each number takes a slot. Of an array there are its address and its lengths: kernels
 count no references, and of an array without gaps the rest follows from its type and lengths. A

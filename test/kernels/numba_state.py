@@ -20,9 +20,11 @@ import weakref
 # Python notes how it pickles.
 SHARED = '_code', '_typecache', '_struct_proxy_cache', '_the_max_label', '__slotnames__'
 LIBRARIES = 'numba', 'llvmlite'
-_ADDRESS = re.compile(' at 0x[0-9a-fA-F]+|B[0-9]+v[0-9]+')     # of an object; number of a function
+# Of an object, and the number of a function.
+_ADDRESS = re.compile(r' at 0x[0-9a-fA-F]+|B\d+v\d+|\d{9,}')
 _PLAIN = str, bytes, int, float, complex, bool, type(None)
 _WEAK = weakref.WeakKeyDictionary, weakref.WeakValueDictionary, weakref.WeakSet
+_PROXIES = weakref.ProxyTypes   # which nobody can ask anything once their object is gone
 
 
 def modules():
@@ -57,6 +59,8 @@ class Walk:
 
     def describe(self, value, depth=4):
         """Return a value in words, without what lies behind objects in it."""
+        if type(value) in _PROXIES:
+            return 'proxy'
         if isinstance(value, _PLAIN):
             return _word(value)
         if isinstance(value, types.FunctionType):
@@ -81,7 +85,7 @@ class Walk:
     def _parts(self, name, value, depth=3):
         """Return what an attribute holds that may have attributes itself, each with its path."""
         yield name, value
-        if depth == 0 or isinstance(value, _WEAK):
+        if depth == 0 or type(value) in _PROXIES or isinstance(value, _WEAK):
             return
         within = []
         if isinstance(value, (Mapping, types.MappingProxyType)):
@@ -118,7 +122,7 @@ def _attributes_of(owner):
 
 def _is_open(value):
     """Return whether the attributes of a value are looked at: those of objects of theirs."""
-    if isinstance(value, types.ModuleType):
-        return False    # each is walked by its own name
+    if type(value) in _PROXIES or isinstance(value, types.ModuleType):
+        return False    # each module is walked by its own name
     of = value if isinstance(value, (type, types.FunctionType)) else type(value)
     return _is_theirs(getattr(of, '__module__', None) or '')

@@ -41,7 +41,7 @@ def instructions():
     array, compiled = numpy.ones((4, 4)), numba.njit(foreign)
     compiled(array, Pair(1.0, array[1]), 3)
     (text,) = compiled.inspect_llvm().values()
-    return re.sub(r'B\d+v\d+|v\d+B\d+|0x[0-9a-f]+|\[\d+ x i8\]', '', text)
+    return re.sub(r'B\d+v\d+|v\d+B\d+|0x[0-9a-f]+|\d{9,}|\[\d+ x i8\]', '', text)
 """
 # All that this package does to its own kernels; and the collector of cycles is as it was.
 OURS = """
@@ -55,12 +55,14 @@ assert (gc.isenabled(), gc.get_threshold()) == collector
 """
 # A process tells which modules it has, the instructions before and after, and what there is.
 TELL = """
-import importlib, json
+import gc, importlib, json
 before = instructions()
 {between}
 for name in {names}:
     importlib.import_module(name)
-print(json.dumps([modules(), before, instructions(), Walk(sorted(modules())).lines]))
+after = instructions()
+gc.collect()
+print(json.dumps([modules(), before, after, Walk(sorted(modules())).lines]))
 """
 # What nobody must do to Numba, and where it shows.
 BREACHES = {
