@@ -64,7 +64,7 @@ def shared_world(model: str) -> World:
     return busy(model)
 
 
-def check(model: str, data: bytes) -> bool:
+def check(model: str, data: bytes, steps: int = 3) -> bool:
     """Restore and go on, or be refused and go on as if nothing had been; return whether taken."""
     world, expected = shared_world(model), busy(model)
     world.restore(expected.save())
@@ -80,7 +80,7 @@ def check(model: str, data: bytes) -> bool:
     assert world.save() == data
     # Finite numbers may be so large that their sums are not.
     with contextlib.suppress(ArithmeticError):
-        world.step(3)
+        world.step(steps)
     return True
 
 
@@ -165,7 +165,8 @@ def test_fuzzed_arrays_are_taken_or_refused(model, data) -> None:
             arrays[name] = array
         if not arrays:
             break
-    check(model, pack(meta, arrays))
+    # A step of the model `event` from numbers beyond all bounds of a scene may take minutes.
+    check(model, pack(meta, arrays), steps=0 if model == 'event' else 3)
 
 
 HEADERS = st.recursive(
