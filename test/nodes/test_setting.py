@@ -172,7 +172,10 @@ def test_a_pause_shows_its_moment_and_a_step_the_next(probe, world):
     try:
         with probe.listening(MultiDOFJointState, '/rigid_sim/state') as states:
             for _ in range(3):
+                before = len(states)
                 assert probe.pause(False).success
+                # Else the pause may fall on the step that was shown last.
+                probe.wait_for(lambda before=before: len(states) > before)
                 paused = probe.pause(True).message
                 stepped = probe.trigger('/rigid_sim/step').message
                 last = [time_in(paused), time_in(stepped)]
