@@ -17,8 +17,7 @@ from rigid_sim_ros.engine.detection.detect import detect_part, search, WHOLE
 from rigid_sim_ros.engine.detection.manifold_rows import clear_impulses
 from rigid_sim_ros.engine.detection.manifolds import (
     current, current_manifolds, earlier, grown, NO_SEARCH)
-from rigid_sim_ros.engine.detection.narrow_phase.collide import (
-    BOXES, CAPSULES, CONVEX, ELLIPSOIDS, FAMILY)
+from rigid_sim_ros.engine.detection.narrow_phase.collide import BOXES, FAMILY, SEARCHED
 from rigid_sim_ros.engine.dynamics.forces import add_scene_forces
 from rigid_sim_ros.engine.dynamics.free_flight import fly
 from rigid_sim_ros.engine.dynamics.integrate import begin_loads, end_loads
@@ -322,7 +321,7 @@ def pieces_of(c: Arguments, helped: bool) -> Pieces:
     """
     kinds = np.unique(c.shapes.kind)
     families = FAMILY[np.ix_(kinds, kinds)]
-    searches = np.isin(families, (CAPSULES, CONVEX, ELLIPSOIDS)).any()
+    searches = np.isin(families, SEARCHED).any()
     may_search = (families == BOXES).any() and not searches
     optional = {add_forces: c.model.forces.kind.shape[0] > 0, collide: c.uses.bounces == 1,
                 share_part: helped, solve_directly: c.uses.directly == 1,

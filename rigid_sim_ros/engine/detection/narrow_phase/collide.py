@@ -23,6 +23,11 @@ BALL, CAPSULES, BOXES, PLANE_FIRST, PLANE_SECOND, CONVEX, NEVER, ELLIPSOIDS = ra
 # Pairs of kinds with a method of their own.
 _OWN = {(CAPSULE, CAPSULE): CAPSULES, (BOX, BOX): BOXES, (ELLIPSOID, ELLIPSOID): ELLIPSOIDS}
 
+# Of these, the families that meet in one point and have a formula or an iteration for it.
+ONE_POINT = (CAPSULES, ELLIPSOIDS)
+# The families that `collide_by_search` is for.
+SEARCHED = (*ONE_POINT, CONVEX)
+
 
 def _family(a: int, b: int) -> int:
     """Return the family of a pair of kinds: the most exact method that both have."""
@@ -67,16 +72,22 @@ def collide(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
 
 
 @kernel
+def nearest_point(family: int, pose: Array, size: Array, a: int,
+                  b: int) -> tuple[float, Vector, Vector]:
+    """Return the signed distance [m] of a pair of ONE_POINT, the normal and the point on A."""
+    if family == CAPSULES:
+        return capsule_capsule(pose, size, a, b)
+    return ellipsoid_ellipsoid(pose, size, a, b)
+
+
+@kernel
 def collide_by_search(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
                       scratch: Scratch) -> tuple[int, Vector]:
     """Do the same for any two convex shapes, neither of them a plane nor both of them boxes."""
     family = FAMILY[shapes.kind[a], shapes.kind[b]]
-    if family == CAPSULES:
-        gap, n, p = capsule_capsule(pose, shapes.size, a, b)
-    elif family == ELLIPSOIDS:
-        gap, n, p = ellipsoid_ellipsoid(pose, shapes.size, a, b)
-    else:
+    if family not in ONE_POINT:
         return convex_convex(pose, shapes, a, b, margin, scratch)
+    gap, n, p = nearest_point(family, pose, shapes.size, a, b)
     if gap >= margin:
         return 0, n
     put(scratch.points, scratch.ids, 0, p, gap, 0)

@@ -5,11 +5,10 @@
 import math
 
 from rigid_sim_ros.engine.detection.manifolds import Scratch
-from rigid_sim_ros.engine.detection.narrow_phase.balls import ball_gap, capsule_capsule
+from rigid_sim_ros.engine.detection.narrow_phase.balls import ball_gap
 from rigid_sim_ros.engine.detection.narrow_phase.collide import (
-    BALL, CAPSULES, ELLIPSOIDS, FAMILY, NEVER, PLANE_FIRST, PLANE_SECOND)
+    BALL, FAMILY, nearest_point, NEVER, ONE_POINT, PLANE_FIRST, PLANE_SECOND)
 from rigid_sim_ros.engine.detection.narrow_phase.convex import distance
-from rigid_sim_ros.engine.detection.narrow_phase.ellipsoids import ellipsoid_ellipsoid
 from rigid_sim_ros.engine.detection.support import extreme, radius
 from rigid_sim_ros.engine.maths.algebra import add_scaled, dot, scale, subtract
 from rigid_sim_ros.engine.maths.pose import axis, origin
@@ -33,10 +32,8 @@ def signed_distance(pose: Array, shapes: Shapes, a: int, b: int,
         gap, n, p = _plane(pose, shapes, a, b, family == PLANE_SECOND)
     elif family == BALL:
         gap, n, p = ball_gap(pose, shapes.size, shapes.kind[a], shapes.kind[b], a, b)
-    elif family == CAPSULES:
-        gap, n, p = capsule_capsule(pose, shapes.size, a, b)
-    elif family == ELLIPSOIDS:
-        gap, n, p = ellipsoid_ellipsoid(pose, shapes.size, a, b)
+    elif family in ONE_POINT:
+        gap, n, p = nearest_point(family, pose, shapes.size, a, b)
     elif family == NEVER:
         gap, n, p = math.inf, (0.0, 0.0, 1.0), origin(pose, a)
     else:
