@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a world offers of its joints."""
 
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,13 +16,14 @@ from rigid_sim_ros.engine.steps.jointed_motion import JointedMotion, JointSetup
 from rigid_sim_ros.kernels.arrays import Array
 from rigid_sim_ros.scene import Scene
 from rigid_sim_ros.scene.joints import CLOSED, gap_of, MODES, set_drive
-from rigid_sim_ros.world.readings import Readings
+from rigid_sim_ros.world.commands import Commanded
+from rigid_sim_ros.world.values import duration_in_steps, finite, some
 
 if TYPE_CHECKING:
     from rigid_sim_ros.engine.state.state import BodyMotion
 
 
-class WithJoints(Readings):
+class WithJoints(Commanded):
     """
     The part of `World` that is about joints.
 
@@ -134,23 +135,15 @@ class WithJoints(Readings):
         if needed is not None and getattr(drive, needed) is None:
             raise ValueError(f"joint '{name}' has no {needed} for the mode {mode!r}: write it in "
                              'the drive in the scene')
-        goals = [_finite(what, value, default) for what, value, default in (
+        goals = [finite(what, value, default) for what, value, default in (
             ('position', position, float(joints.motion.position[j])), ('velocity', velocity, 0.0),
             ('effort', effort, 0.0))]
-        steps = LASTS if duration is None else self._steps(duration)
+        steps = LASTS if duration is None else duration_in_steps(duration, self._model.h)
         if steps != 0:
             set_drive(joints.motion.drives, k, drive, mode, *goals)
             joints.motion.drives.steps_left[k] = steps
         self._tell('set_joint_command', name=name, mode=mode, position=goals[0],
                    velocity=goals[1], effort=goals[2], duration=duration)
-
-    def _steps(self, duration: float | None) -> int:
-        """Return a duration in steps."""
-        raise NotImplementedError
-
-    def _tell(self, kind: str, step: int | None = None, **arguments: Any) -> None:
-        """Tell the observers of a command that was done."""
-        raise NotImplementedError
 
     def set_joint_state(self, name: str, position: float, velocity: float = 0.0) -> None:
         """
@@ -166,7 +159,7 @@ class WithJoints(Readings):
         if k == NONE:
             raise ValueError(f"joint '{name}' has not one axis of its own, must be a revolute, "
                              'continuous or prismatic one that closes no loop')
-        p, v = _finite('position', position, 0.0), _finite('velocity', velocity, 0.0)
+        p, v = finite('position', position, 0.0), finite('velocity', velocity, 0.0)
         laws = joints.table.laws
         if not laws.lower[k] <= p <= laws.upper[k]:
             raise ValueError(f"position {p:g} of joint '{name}', must be within its limits "
@@ -203,9 +196,8 @@ class WithJoints(Readings):
     def _known_joint(self, name: str) -> tuple[JointedMotion, int]:
         names = self.joint_names
         if self._joints is None or name not in names:
-            some = ', '.join(names[:8]) + (f', ... ({len(names)} in all)' if len(names) > 8
-                                           else '') or 'none, the scene has no joints'
-            raise ValueError(f'joint {name!r} does not exist, must be one of: {some}')
+            raise ValueError(f'joint {name!r} does not exist, must be one of: '
+                             f'{some(names) or "none, the scene has no joints"}')
         return self._joints, names.index(name)
 
     def kinetic_energy(self) -> float:
@@ -265,16 +257,3 @@ class WithJoints(Readings):
             return
         self._joints.assemble(self._state, motion.position.copy(),
                               np.zeros(len(motion.rate), dtype=np.int64), motion.rate.copy())
-
-
-def _finite(what: str, value: float | None, default: float) -> float:
-    """Return a finite number, or raise ValueError."""
-    if value is None:
-        return default
-    try:
-        number = float(value)
-    except (TypeError, ValueError, OverflowError):
-        raise ValueError(f'{what} {value!r}, must be a number') from None
-    if not np.isfinite(number):
-        raise ValueError(f'{what} {value!r}, must be finite')
-    return number
