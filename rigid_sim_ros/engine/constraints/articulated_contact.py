@@ -1,0 +1,354 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The impulses at the points of contact in half a step of bodies that joints hold.
+
+A step is kick, drift, kick. In the first half the impulses let no gap become negative by the drift
+and stop what would slip in it; in the second half they stop the rates at the new poses, or send
+points back that bounce. So what rests has no velocity at the end of a step, and moves nowhere in
+it. The points of an island are solved for together (articulated_rows.py). What acts along the axes
+of joints is piecewise straight (laws.py): impulses that put an axis on another piece are found
+again with the answer of that.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.constraints.articulated_rows import (
+    make_system, push_apart, read_row_rates, solve_system, System, write_system, write_velocities)
+from rigid_sim_ros.engine.contact.carried_forces import (
+    Carried, keep_force, longer, match_forces, no_forces, recall_forces)
+from rigid_sim_ros.engine.contact.classify import resting_speed
+from rigid_sim_ros.engine.contact.contacts import (
+    Bodies, Contacts, make_bodies, make_contacts, push_rows, read_bodies, read_velocity)
+from rigid_sim_ros.engine.dynamics.loads import Loads
+from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
+from rigid_sim_ros.engine.joints.settle import find_motions
+from rigid_sim_ros.engine.joints.shake import expect
+from rigid_sim_ros.engine.maths.union_find import first_of, unite
+from rigid_sim_ros.engine.model.joints import JointTable
+from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.kernels.kernel import kernel
+
+# Times at most that impulses are found for pieces of the axes that follow from them.
+MOST_PIECES = 6
+# Of the size of a shape: points that are nearer take part in the second half of a step.
+NEAR = 1e-6
+# In a step, overlaps are displaced by this part of themselves, and at most this fast [m/s].
+PUSH, PUSH_SPEED = 0.2, 1.0
+# Times the speed that the loads give in half a step: slower approaches do not bounce.
+REBOUNDS = 2.0
+# Places in `Pressing.count`: points taken part, islands, forces carried over from the step before
+# and between the halves of this one, rows of a point, and what there has to be room for.
+POINTS_IN_USE, ISLANDS, KNOWN, HALF_KNOWN, WIDTH, NEEDED = range(6)
+
+
+class Pressing(NamedTuple):
+    """Scratch memory for c points of contact, and the impulses that are carried over."""
+
+    count: IntArray  # type: ignore[assignment]  # (6,) see POINTS_IN_USE
+    contacts: Contacts
+    order: IntArray  # (2, rows of the memory) for `gather`
+    bodies: Bodies
+    match: IntArray  # (c,) the same point among impulses that were found before, or -1
+    chosen: IntArray  # (c,) points by islands
+    first: IntArray  # (c + 1,) of the points of an island
+    parent: IntArray  # (n,) sets of bodies that hang together
+    label: IntArray  # (n,) island of such a set
+    impulse: Array  # (c, 6) [N s, contact axes] of half a step
+    pushed: Array  # (c, 6) [N s, contact axes] that only displace
+    bounce: Array  # (c,) [m/s] with which a point comes apart at the end of the step
+    row: Array  # (6 c,) scratch
+    system: System
+    carried: Carried  # of the second half of the step before, (c,)
+    half: Carried  # of the first half of this one
+    half_bounce: Array  # (c,) of its points
+    locked: IntArray  # (k,) pieces for which impulses were found
+    extra: Array  # (k,)
+
+
+def make_pressing(table: JointTable, bodies: int, points: int, manifolds: int,
+                  rows: int) -> Pressing:
+    """Return room for so many bodies, points, manifolds, and rows of an island."""
+
+    def whole(*shape: int) -> IntArray:
+        return np.zeros(shape, dtype=np.int64)
+
+    c, axes = points, len(table.translates)
+    carried, half = (Carried._make(longer(field, c) for field in no_forces()) for _ in range(2))
+    return Pressing(whole(6), make_contacts(c), whole(2, manifolds), make_bodies(bodies), whole(c),
+                    whole(c), whole(c + 1), whole(bodies), whole(bodies), np.zeros((c, 6)),
+                    np.zeros((c, 6)), np.zeros(c), np.zeros(6 * c),
+                    make_system(rows, table, bodies), carried, half, np.zeros(c), whole(axes),
+                    np.zeros(axes))
+
+
+@kernel
+def choose_points(model: Model, table: JointTable, first: bool, w: Pressing) -> int:
+    """
+    Sort the points that take part by islands; return the rows of the largest.
+
+    In the first half of a step all do; in the second what pressed in the first, or touches.
+    """
+    contacts, parent = w.contacts, w.parent
+    if first:
+        match_forces(contacts, w.carried, w.count[KNOWN], w.match)
+    else:
+        match_forces(contacts, w.half, w.count[HALF_KNOWN], w.match)
+    _unite_bodies(model, table, contacts, parent)
+    w.label[:] = -1
+    islands, found = 0, 0
+    for k in range(contacts.count[0]):
+        root = _island(model, contacts, k, parent)
+        if root < 0 or not (first or _presses(contacts, k, w)):
+            w.bounce[k] = -1.0      # does not take part
+            continue
+        w.bounce[k] = 0.0
+        if w.label[root] < 0:
+            w.label[root] = islands
+            w.first[islands] = 0
+            islands += 1
+        w.first[w.label[root]] += 1
+        found += 1
+    start, largest = 0, 0
+    for n in range(islands):
+        largest = max(largest, w.first[n])
+        start, w.first[n] = start + w.first[n], start
+    for k in range(contacts.count[0]):
+        if w.bounce[k] == 0.0:
+            n = w.label[_island(model, contacts, k, parent)]
+            w.chosen[w.first[n]] = k
+            w.first[n] += 1
+    for n in range(islands, 0, -1):     # each is now where the next one begins
+        w.first[n] = w.first[n - 1]
+    w.first[0] = 0
+    w.count[ISLANDS], w.count[POINTS_IN_USE] = islands, found
+    return w.count[WIDTH] * largest
+
+
+@kernel
+def _unite_bodies(model: Model, table: JointTable, contacts: Contacts, parent: IntArray) -> None:
+    """Write which bodies hang together by joints and points of contact."""
+    for i in range(parent.shape[0]):
+        parent[i] = i
+    for g in range(table.first_row.shape[0] - 1):
+        for r in range(table.first_row[g] + 1, table.first_row[g + 1]):
+            unite(parent, table.body[table.first_row[g]], table.body[r])
+    for k in range(contacts.count[0]):
+        a, b = contacts.body_a[k], contacts.body_b[k]
+        if model.inv_m[a] > 0.0 and model.inv_m[b] > 0.0:
+            unite(parent, a, b)
+
+
+@kernel
+def _island(model: Model, contacts: Contacts, k: int, parent: IntArray) -> int:
+    """Return the first body of the set that point k belongs to, -1 if neither body can move."""
+    for body in (contacts.body_a[k], contacts.body_b[k]):
+        if model.inv_m[body] > 0.0:
+            return first_of(parent, body)
+    return -1
+
+
+@kernel
+def _presses(contacts: Contacts, k: int, w: Pressing) -> bool:
+    """Return whether a point takes part in the second half of a step."""
+    if contacts.gap[k] <= NEAR * contacts.size[k]:
+        return True
+    i = w.match[k]
+    if i < 0:
+        return False
+    pressed = 0.0
+    for j in range(3):
+        pressed += w.half.force[i, j] * contacts.axes[k, 0, j]
+    return pressed > 0.0
+
+
+@kernel
+def press(model: Model, state: State, table: JointTable, motion: JointMotion, work: JointWork,
+          loads: Loads, h: float, first: bool, w: Pressing) -> None:
+    """
+    Give the bodies the impulses of the chosen points in one half of a step of h [s].
+
+    The momenta are those after the kick of that half, by the loads; joints have not answered yet.
+    In the first half impulses that only displace are added, which `take_back_pushes` takes.
+    """
+    if w.count[POINTS_IN_USE] == 0:
+        return
+    if first:
+        work.law.bend[:] = 0.0
+        expect(table, motion, work)
+    chosen, width = w.chosen[:w.count[POINTS_IN_USE]], w.count[WIDTH]
+    read_bodies(model, state, loads.F, loads.tau, w.bodies)
+    _begin_with(model, state, chosen, width, first, w)
+    for n in range(MOST_PIECES):
+        find_motions(model, table, state, motion, work, h, first)
+        if n > 0 and (table.lawful == 0 or _are_same_pieces(work, w)):
+            break
+        for k in range(w.locked.shape[0]):
+            w.locked[k], w.extra[k] = work.locked[k], work.extra[k]
+        for i in range(model.m.shape[0]):
+            read_velocity(model, state, i, w.bodies)
+        write_velocities(table, work, 0, table.body.shape[0], w.bodies.velocity)
+        for island in range(w.count[ISLANDS]):
+            _press_island(model, state, table, work, w.chosen[w.first[island]:w.first[island + 1]],
+                          h, first, n == 0, w)
+    if first:
+        for k in chosen:
+            push_rows(model, state, w.contacts, k, width, w.pushed[k], 0)
+
+
+@kernel
+def _begin_with(model: Model, state: State, chosen: IntArray, width: int, first: bool,
+                w: Pressing) -> None:
+    """Give the bodies the impulses that were found before, to begin with."""
+    recall_forces(model, w.contacts, chosen, width, w.carried if first else w.half, w.match, w.row)
+    for c in range(chosen.shape[0]):
+        k = chosen[c]
+        for i in range(width):
+            w.impulse[k, i] = w.row[width * c + i]
+            w.pushed[k, i] = 0.0
+        w.bounce[k] = 0.0 if first or w.match[k] < 0 else w.half_bounce[w.match[k]]
+        push_rows(model, state, w.contacts, k, width, w.impulse[k], 0)
+
+
+@kernel
+def _are_same_pieces(work: JointWork, w: Pressing) -> bool:
+    """Return whether all axes are on the pieces for which the impulses were found."""
+    for k in range(w.locked.shape[0]):
+        if w.locked[k] != work.locked[k] or w.extra[k] != work.extra[k]:
+            return False
+    return True
+
+
+@kernel
+def _press_island(model: Model, state: State, table: JointTable, work: JointWork,
+                  chosen: IntArray, h: float, first: bool, is_new: bool, w: Pressing) -> None:
+    """Find the impulses of an island for the present pieces, and give them to the bodies."""
+    contacts, system, width, m = w.contacts, w.system, w.count[WIDTH], chosen.shape[0]
+    rows, r = system.rows, width * m
+    write_system(model, table, work, contacts, w.bodies, chosen, width, system)
+    A = system.A[:r * r].reshape((r, r))
+    read_row_rates(rows, m, width, w.bodies.velocity, rows.b)
+    for c in range(m):
+        for i in range(width):
+            rows.f[width * c + i] = w.impulse[chosen[c], i]
+    known = False
+    for i in range(r):
+        known = known or rows.f[i] != 0.0
+        rows.b[i] += rows.give[i] * rows.f[i]
+        for j in range(r):
+            rows.b[i] -= A[i, j] * rows.f[j]
+    _aim(contacts, chosen, width, h, first, w)
+    solve_system(system, m, width, not known)
+    for c in range(m):
+        k = chosen[c]
+        for i in range(width):
+            now = rows.f[width * c + i]
+            w.row[i], w.impulse[k, i] = now - w.impulse[k, i], now
+        push_rows(model, state, contacts, k, width, w.row, 0)
+    if first:
+        _displace(contacts, chosen, width, h, w)
+
+
+@kernel
+def _aim(contacts: Contacts, chosen: IntArray, width: int, h: float, first: bool,
+         w: Pressing) -> None:
+    """Change what the rates b would be without impulses by what they are to become."""
+    b = w.system.rows.b
+    for c in range(chosen.shape[0]):
+        k, n = chosen[c], width * c
+        if not first:
+            b[n] -= w.bounce[k]
+            continue
+        gap, rate = contacts.gap[k], b[n]
+        least = REBOUNDS * resting_speed(contacts, w.bodies, k, h)
+        w.bounce[k] = 0.0
+        if rate < -least and gap + h * rate < 0.0:
+            w.bounce[k] = -contacts.restitution[k] * rate
+        b[n] += max(gap, 0.0) / h
+
+
+@kernel
+def _displace(contacts: Contacts, chosen: IntArray, width: int, h: float, w: Pressing) -> None:
+    """Write impulses that displace what overlaps, and does not come apart by itself."""
+    rows, r, any_wanted = w.system.rows, width * chosen.shape[0], False
+    A = w.system.A[:r * r].reshape((r, r))
+    for i in range(r):
+        rate = rows.b[i]
+        for j in range(r):
+            rate += A[i, j] * rows.f[j]
+        w.row[i] = rate
+    for c in range(chosen.shape[0]):
+        depth = max(-contacts.gap[chosen[c]], 0.0)
+        wanted = min(PUSH * depth / h, PUSH_SPEED)
+        rate = max(w.row[width * c], 0.0)
+        any_wanted = any_wanted or wanted > rate
+        for i in range(width):
+            rows.b[width * c + i] = 0.0
+        rows.b[width * c] = rate - wanted
+    if any_wanted:
+        push_apart(w.system, chosen.shape[0], width, w.row)
+    for c in range(chosen.shape[0]):
+        for i in range(width):
+            w.pushed[chosen[c], i] = w.row[width * c + i] if any_wanted else 0.0
+
+
+@kernel
+def take_back_pushes(model: Model, state: State, before: State, w: Pressing) -> None:
+    """
+    Take back the impulses that displaced, where the points are now.
+
+    The levers are to one point for both bodies again, so that the pair keeps its momenta.
+    """
+    contacts = w.contacts
+    for k in w.chosen[:w.count[POINTS_IN_USE]]:
+        if w.pushed[k, 0] == 0.0:
+            continue
+        a, b = contacts.body_a[k], contacts.body_b[k]
+        for i in range(3):
+            apart = 0.5 * (state.x[i, b] - before.x[i, b] - state.x[i, a] + before.x[i, a])
+            contacts.r_A[k, i] += apart
+            contacts.r_B[k, i] -= apart
+        for i in range(w.count[WIDTH]):
+            w.row[i] = -w.pushed[k, i]
+        push_rows(model, state, contacts, k, w.count[WIDTH], w.row, 0)
+
+
+@kernel
+def keep_impulses(model: Model, first: bool, w: Pressing) -> None:
+    """Carry the impulses over to the other half of the step, or to the next step."""
+    carried, kept = w.half if first else w.carried, w.count[POINTS_IN_USE]
+    for c in range(kept):
+        k = w.chosen[c]
+        keep_force(model, w.contacts, k, w.count[WIDTH], w.impulse[k], carried, c)
+        if first:
+            w.half_bounce[c] = w.bounce[k]
+    w.count[HALF_KNOWN if first else KNOWN] = kept
+
+
+def more_points(w: Pressing, table: JointTable, points: int) -> Pressing:
+    """Return scratch memory with room for twice as many points, and what is carried over."""
+    fresh = make_pressing(table, len(w.parent), 2 * points, w.order.shape[1], len(w.system.x))
+    return fresh._replace(
+        count=w.count, carried=_longer(w.carried, 2 * points), half=_longer(w.half, 2 * points),
+        half_bounce=longer(w.half_bounce, 2 * points))
+
+
+def with_carried(w: Pressing, table: JointTable, carried: Carried) -> Pressing:
+    """Return scratch memory that begins with these impulses of the step before."""
+    known = len(carried.feature)
+    w = more_points(w, table, known) if known > len(w.chosen) else w
+    w.count[KNOWN] = known
+    return w._replace(carried=_longer(carried, len(w.chosen)))
+
+
+def carried_over(w: Pressing) -> Carried:
+    """Return the impulses of the latest step from which the next one begins."""
+    return Carried._make(field[:w.count[KNOWN]].copy() for field in w.carried)
+
+
+def _longer(carried: Carried, points: int) -> Carried:
+    return Carried._make(longer(field, points) for field in carried)
