@@ -41,6 +41,8 @@ NEAR = 1e-6
 PUSH, PUSH_SPEED = 0.2, 1.0
 # Times the speed that the loads give in half a step: slower approaches do not bounce.
 REBOUNDS = 2.0
+# Shares of bounces that are tried so that these give no energy.
+CHORDS = 4
 # Places in `Pressing.count`: points taken part, islands, forces carried over from the step before
 # and between the halves of this one, rows of a point, and what there has to be room for.
 POINTS_IN_USE, ISLANDS, KNOWN, HALF_KNOWN, WIDTH, NEEDED = range(6)
@@ -61,11 +63,14 @@ class Pressing(NamedTuple):
     impulse: Array  # (c, 6) [N s, contact axes] of half a step
     pushed: Array  # (c, 6) [N s, contact axes] that only displace
     bounce: Array  # (c,) [m/s] with which a point comes apart at the end of the step
+    work: Array  # (c,) [J] that the impulses of a half did
+    free: Array  # (6 c,) [m/s] rates of the rows of an island without impulses
     row: Array  # (6 c,) scratch
     system: System
     carried: Carried  # of the second half of the step before, (c,)
     half: Carried  # of the first half of this one
     half_bounce: Array  # (c,) of its points
+    half_work: Array  # (c,)
     locked: IntArray  # (k,) pieces for which impulses were found
     extra: Array  # (k,)
 
@@ -81,8 +86,10 @@ def make_pressing(table: JointTable, bodies: int, points: int, manifolds: int,
     carried, half = (Carried._make(longer(field, c) for field in no_forces()) for _ in range(2))
     return Pressing(whole(6), make_contacts(c), whole(2, manifolds), make_bodies(bodies), whole(c),
                     whole(c), whole(c + 1), whole(bodies), whole(bodies), np.zeros((c, 6)),
-                    np.zeros((c, 6)), np.zeros(c), np.zeros(6 * c),
-                    make_system(rows, table, bodies), carried, half, np.zeros(c), whole(axes),
+                    np.zeros((c, 6)), np.zeros(c), np.zeros(c), np.zeros(6 * c),
+                    np.zeros(6 * c),
+                    make_system(rows, table, bodies), carried, half, np.zeros(c), np.zeros(c),
+                    whole(axes),
                     np.zeros(axes))
 
 
@@ -241,8 +248,13 @@ def _press_island(model: Model, state: State, table: JointTable, work: JointWork
         rows.b[i] += rows.give[i] * rows.f[i]
         for j in range(r):
             rows.b[i] -= A[i, j] * rows.f[j]
-    _aim(contacts, chosen, width, h, first, w)
-    solve_system(system, m, width, not known)
+        w.free[i] = rows.b[i]
+    if first:
+        _aim(contacts, chosen, width, h, w)
+        solve_system(system, m, width, not known)
+        _note_work(chosen, width, w)
+    else:
+        _rebound(chosen, width, not known, w)
     for c in range(m):
         k = chosen[c]
         for i in range(width):
@@ -254,21 +266,84 @@ def _press_island(model: Model, state: State, table: JointTable, work: JointWork
 
 
 @kernel
-def _aim(contacts: Contacts, chosen: IntArray, width: int, h: float, first: bool,
-         w: Pressing) -> None:
-    """Change what the rates b would be without impulses by what they are to become."""
+def _aim(contacts: Contacts, chosen: IntArray, width: int, h: float, w: Pressing) -> None:
+    """Add to the rates b what lets gaps close within the step; note which points are to bounce."""
     b = w.system.rows.b
     for c in range(chosen.shape[0]):
         k, n = chosen[c], width * c
-        if not first:
-            b[n] -= w.bounce[k]
-            continue
         gap, rate = contacts.gap[k], b[n]
         least = REBOUNDS * resting_speed(contacts, w.bodies, k, h)
         w.bounce[k] = 0.0
         if rate < -least and gap + h * rate < 0.0:
             w.bounce[k] = -contacts.restitution[k] * rate
         b[n] += max(gap, 0.0) / h
+
+
+@kernel
+def _note_work(chosen: IntArray, width: int, w: Pressing) -> float:
+    """
+    Write the work of the impulses at each point of an island; return that of all.
+
+    It is f . (u_0 + u_1) / 2 with the rates u_0 without them and u_1 = u_0 + A f with them.
+    """
+    rows, r, total = w.system.rows, width * chosen.shape[0], 0.0
+    A = w.system.A[:r * r].reshape((r, r))
+    for c in range(chosen.shape[0]):
+        w.work[chosen[c]] = 0.0
+        for i in range(width * c, width * c + width):
+            mean = w.free[i]
+            for j in range(r):
+                mean += 0.5 * A[i, j] * rows.f[j]
+            w.work[chosen[c]] += mean * rows.f[i]
+        total += w.work[chosen[c]]
+    return total
+
+
+@kernel
+def _rebound(chosen: IntArray, width: int, is_new: bool, w: Pressing) -> None:
+    """
+    Find the impulses of an island in the second half, so that bounces give no energy.
+
+    Each point is to come apart with its share of the rate with which it came, which several
+    impacts at once, with friction, may only do with more energy than there was (Stronge, Rigid
+    body collisions with friction, Proc. R. Soc. A 431 (1990)). All bounces of the island are then
+    smaller by one factor. The work is a convex function of that: the chord from a factor that
+    takes energy to one that gives it meets 0 before it does.
+    """
+    lost, any_bounce = 0.0, False
+    for k in chosen:
+        any_bounce = any_bounce or w.bounce[k] > 0.0
+        if w.match[k] >= 0:
+            lost += w.half_work[w.match[k]]
+    high = _solve_rebound(chosen, width, 1.0, is_new, w) + lost
+    if high <= 0.0 or not any_bounce:
+        return
+    upper, lower = 1.0, 0.0
+    low = _solve_rebound(chosen, width, 0.0, False, w) + lost
+    for _ in range(CHORDS):
+        if low >= 0.0:
+            break
+        share = lower - low * (upper - lower) / (high - low)
+        now = _solve_rebound(chosen, width, share, False, w) + lost
+        if now <= 0.0:
+            lower, low = share, now
+        else:
+            upper, high = share, now
+    if upper < 1.0 and low < 0.0:       # the latest one may be on the other side
+        _solve_rebound(chosen, width, lower, False, w)
+
+
+@kernel
+def _solve_rebound(chosen: IntArray, width: int, share: float, is_new: bool,
+                   w: Pressing) -> float:
+    """Find the impulses with this share of all bounces; return their work."""
+    rows, m = w.system.rows, chosen.shape[0]
+    for i in range(width * m):
+        rows.b[i] = w.free[i]
+    for c in range(m):
+        rows.b[width * c] -= share * w.bounce[chosen[c]]
+    solve_system(w.system, m, width, is_new)
+    return _note_work(chosen, width, w)
 
 
 @kernel
@@ -325,7 +400,7 @@ def keep_impulses(model: Model, first: bool, w: Pressing) -> None:
         k = w.chosen[c]
         keep_force(model, w.contacts, k, w.count[WIDTH], w.impulse[k], carried, c)
         if first:
-            w.half_bounce[c] = w.bounce[k]
+            w.half_bounce[c], w.half_work[c] = w.bounce[k], w.work[k]
     w.count[HALF_KNOWN if first else KNOWN] = kept
 
 
@@ -334,7 +409,8 @@ def more_points(w: Pressing, table: JointTable, points: int) -> Pressing:
     fresh = make_pressing(table, len(w.parent), 2 * points, w.order.shape[1], len(w.system.x))
     return fresh._replace(
         count=w.count, carried=_longer(w.carried, 2 * points), half=_longer(w.half, 2 * points),
-        half_bounce=longer(w.half_bounce, 2 * points))
+        half_bounce=longer(w.half_bounce, 2 * points),
+        half_work=longer(w.half_work, 2 * points))
 
 
 def with_carried(w: Pressing, table: JointTable, carried: Carried) -> Pressing:
