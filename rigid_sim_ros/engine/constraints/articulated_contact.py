@@ -251,7 +251,8 @@ def _press_island(model: Model, state: State, table: JointTable, work: JointWork
         w.free[i] = rows.b[i]
     if first:
         _aim(contacts, chosen, width, h, w)
-        solve_system(system, m, width, not known)
+        if solve_system(system, m, width, not known) > 0.0:
+            _take_no_energy(chosen, width, w)
         _note_work(chosen, width, w)
     else:
         _rebound(chosen, width, not known, w)
@@ -329,8 +330,29 @@ def _rebound(chosen: IntArray, width: int, is_new: bool, w: Pressing) -> None:
             lower, low = share, now
         else:
             upper, high = share, now
-    if upper < 1.0 and low < 0.0:       # the latest one may be on the other side
-        _solve_rebound(chosen, width, lower, False, w)
+    _solve_rebound(chosen, width, lower, False, w)      # the latest one may be on the other side
+    if low > 0.0:
+        _take_no_energy(chosen, width, w)
+
+
+@kernel
+def _take_no_energy(chosen: IntArray, width: int, w: Pressing) -> None:
+    """
+    Make impulses that are no solution smaller where they would give energy.
+
+    Their work is s f . u_0 + s^2 f . A f / 2 when they are s times what they are. A solution takes
+    f . A f / 2 at least. Bodies that are wedged in may find none.
+    """
+    rows, r, linear, gain = w.system.rows, width * chosen.shape[0], 0.0, 0.0
+    A = w.system.A[:r * r].reshape((r, r))
+    for i in range(r):
+        linear += rows.f[i] * w.free[i]
+        for j in range(r):
+            gain += 0.5 * rows.f[i] * A[i, j] * rows.f[j]
+    if linear + gain > 0.0:
+        share = max(-linear / gain, 0.0) if gain > 0.0 else 0.0
+        for i in range(r):
+            rows.f[i] *= share
 
 
 @kernel
@@ -357,7 +379,8 @@ def _displace(contacts: Contacts, chosen: IntArray, width: int, h: float, w: Pre
             rate += A[i, j] * rows.f[j]
         w.row[i] = rate
     for c in range(chosen.shape[0]):
-        depth = max(-contacts.gap[chosen[c]], 0.0)
+        moves = rows.stiff[width * c] > 0.0
+        depth = max(-contacts.gap[chosen[c]], 0.0) if moves else 0.0
         wanted = min(PUSH * depth / h, PUSH_SPEED)
         rate = max(w.row[width * c], 0.0)
         any_wanted = any_wanted or wanted > rate

@@ -17,7 +17,8 @@ import numpy as np
 from rigid_sim_ros.engine.contact.contact_rows import make_rows, Rows, SIDES, write_rows
 from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts
 from rigid_sim_ros.engine.contact.coulomb import (
-    coefficients, COMPLIANCE, ENOUGH, GOAL, NEWTON_STEPS, refine, sweep_in_place)
+    coefficients, COMPLIANCE, ENOUGH, GOAL, NEWTON_STEPS, refine, sweep_in_place,
+    TOLERANCE)
 from rigid_sim_ros.engine.joints.articulated import solve
 from rigid_sim_ros.engine.joints.buffers import JointWork
 from rigid_sim_ros.engine.joints.loops import answer_within_loops, ask_nothing
@@ -28,13 +29,18 @@ from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
-# A point gives way by COMPLIANCE of what its row feels; where joints let it move nowhere, by this
-# part of what it would feel without them.
-_HELD = 1e-4
+# A row that moves less than this part of what it would without joints does not move: it is
+# rounding.
+_HELD = 1e-8
+# Of what a row moves without joints: by this much more it gives way to impulses that displace. Joints
+# that nearly forbid a way, or wedge two bodies, would ask for any impulse.
+_WEDGED = 0.2
 # Newton's method for a matrix of more rows takes longer than sweeps that do as much.
 MOST_FOR_NEWTON = 240
 # Sweeps before each run of Newton's method, and runs at most.
 SWEEPS, ROUNDS = 30, 8
+# Sweeps, from no impulses at all, where that finds no solution.
+MANY_SWEEPS = 200
 
 
 class System(NamedTuple):
@@ -86,8 +92,27 @@ def write_system(model: Model, table: JointTable, work: JointWork, contacts: Con
                     A[j, i] = total
             for side in range(2):
                 _clear(table, system, rows.body[c, side])
-            give = COMPLIANCE * A[i, i] + _HELD * rows.give[i]
-            A[i, i] += give
+            _ease(rows, A, i)
+
+
+@kernel
+def _ease(rows: Rows, A: Array, i: int) -> None:
+    """
+    Let row i give way; where joints do not let it move at all, let it be without effect.
+
+    rows.stiff, 1/m of the point without joints, is then 0.
+    """
+    free = rows.stiff[i] - rows.give[i]
+    rows.give[i] = COMPLIANCE * A[i, i]
+    if A[i, i] <= _HELD * free:
+        rows.stiff[i] = rows.give[i] = 0.0
+        for k in range(SIDES):
+            rows.G[i, k] = 0.0
+        for j in range(A.shape[0]):
+            A[j, i] = 0.0
+        A[i, i] = max(free, 1e-300)
+    else:
+        A[i, i] += rows.give[i]
 
 
 @kernel
@@ -166,7 +191,7 @@ def read_row_rates(rows: Rows, m: int, width: int, velocity: Array, u: Array) ->
 @kernel
 def solve_system(system: System, m: int, width: int, is_new: bool) -> float:
     """
-    Find the impulses f of m points from what stands there; return the violation, [unit of b].
+    Find the impulses f of m points from what stands there; return the violation, 0 if none.
 
     Newton's method finds which points press and slide from where it begins, or does not; sweeps
     bring it nearer.
@@ -189,9 +214,14 @@ def solve_system(system: System, m: int, width: int, is_new: bool) -> float:
             worst, _ = refine(A, b, mu, f, GOAL * size, steps, a, trial, M, x)
         if worst <= ENOUGH * size:
             break
+    if not worst <= TOLERANCE * size:
+        # What Newton's method leaves may be of any size where A is nearly singular.
+        f[:] = 0.0
+        sweep_in_place(A, b, mu, f, MANY_SWEEPS, a)
+        worst, _ = refine(A, b, mu, f, GOAL * size, 0, a, trial, M, x)
     if size > 0.0:
         system.residual[0] = max(system.residual[0], worst / size)
-    return worst
+    return worst if worst > ENOUGH * size else 0.0
 
 
 @kernel
@@ -204,9 +234,16 @@ def _write_coefficients(system: System, m: int, kinds: int) -> None:
 
 @kernel
 def push_apart(system: System, m: int, width: int, displaced: Array) -> None:
-    """Write impulses along the normals, (r,), with which the points get the rates -b [m/s]."""
+    """
+    Write impulses along the normals, (r,), with which the points get the rates -b [m/s].
+
+    A is spoiled.
+    """
     r, rows, kinds = width * m, system.rows, coefficients(width)
+    A = system.A[:r * r].reshape((r, r))
+    for i in range(r):
+        A[i, i] += _WEDGED * rows.stiff[i]
     displaced[:r] = 0.0
     system.mu[:kinds * m] = 0.0
-    sweep_in_place(system.A[:r * r].reshape((r, r)), rows.b[:r],
+    sweep_in_place(A, rows.b[:r],
                    system.mu[:kinds * m].reshape((m, kinds)), displaced[:r], SWEEPS, rows.a[:r])

@@ -116,7 +116,8 @@ def _seek(c: JointedTimestep, first: bool) -> int:
         # Polyhedra that hardly moved would keep points that are right to second order: a world
         # that was restored would find others.
         manifolds.found_at[r, 0] = np.inf
-    look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, state.V, MARGIN, c.radius,
+    # At the end of a part only what touches is asked for.
+    look_ahead(model.h if first else 0.0, model.inv_m, model.inv_I_C, state.P, state.L, state.V, MARGIN, c.radius,
                c.thickness, shapes.body, memory, 0, shapes.body.shape[0])
     if not detect_ahead(model, state, shapes, memory, None):
         return MORE_MEMORY
@@ -153,6 +154,11 @@ def _take_first_half(c: JointedTimestep) -> None:
             c.place[SIZE] //= 2
             return      # what touches is still the same
         scratch.unresolved[0] += 1
+        if c.pressing.count[POINTS_IN_USE] > 0:
+            # What joints hold is wedged in somewhere: this part goes on as if it were not.
+            halve(model, state, table, motion, scratch, c.start)
+            c.pressing.count[POINTS_IN_USE] = 0
+            return
     remember(table, motion, scratch)
     add_wrenches_of_joints(table, state, motion, scratch, model.h, True)
     take_back_pushes(model, state, c.start, c.pressing)
