@@ -16,19 +16,24 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.constraints.articulated_rows import (
-    make_system, push_apart, read_row_rates, solve_system, System, write_system, write_velocities)
+    answer_to_impulses, make_system, push_apart, read_row_rates, solve_system, System,
+    write_system, write_velocities)
 from rigid_sim_ros.engine.contact.carried_forces import (
     Carried, keep_force, longer, match_forces, no_forces, recall_forces)
 from rigid_sim_ros.engine.contact.classify import resting_speed
 from rigid_sim_ros.engine.contact.contacts import (
-    Bodies, Contacts, make_bodies, make_contacts, push_rows, read_bodies, read_velocity)
-from rigid_sim_ros.engine.dynamics.loads import Loads
+    add_contact_load, Bodies, Contacts, make_bodies, make_contacts, push_rows, read_bodies,
+    read_velocity, to_world)
+from rigid_sim_ros.engine.dynamics.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
 from rigid_sim_ros.engine.joints.settle import find_motions
 from rigid_sim_ros.engine.joints.shake import expect
+from rigid_sim_ros.engine.maths.rotation import quaternion
 from rigid_sim_ros.engine.maths.union_find import first_of, unite
+from rigid_sim_ros.engine.maths.vector import column, norm
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.state.rates import spin_of
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
@@ -39,6 +44,8 @@ MOST_PIECES = 6
 NEAR = 1e-6
 # In a step, overlaps are displaced by this part of themselves, and at most this fast [m/s].
 PUSH, PUSH_SPEED = 0.2, 1.0
+# [rad] No body turns farther in a step by being displaced.
+MOST_TURN = 0.02
 # Times the speed that the loads give in half a step: slower approaches do not bounce.
 REBOUNDS = 2.0
 # Shares of bounces that are tried so that these give no energy.
@@ -62,6 +69,7 @@ class Pressing(NamedTuple):
     label: IntArray  # (n,) island of such a set
     impulse: Array  # (c, 6) [N s, contact axes] of half a step
     pushed: Array  # (c, 6) [N s, contact axes] that only displace
+    displacing: Loads  # [N s, N m s] what these make of the momenta of the bodies
     bounce: Array  # (c,) [m/s] with which a point comes apart at the end of the step
     work: Array  # (c,) [J] that the impulses of a half did
     free: Array  # (6 c,) [m/s] rates of the rows of an island without impulses
@@ -86,7 +94,8 @@ def make_pressing(table: JointTable, bodies: int, points: int, manifolds: int,
     carried, half = (Carried._make(longer(field, c) for field in no_forces()) for _ in range(2))
     return Pressing(whole(6), make_contacts(c), whole(2, manifolds), make_bodies(bodies), whole(c),
                     whole(c), whole(c + 1), whole(bodies), whole(bodies), np.zeros((c, 6)),
-                    np.zeros((c, 6)), np.zeros(c), np.zeros(c), np.zeros(6 * c),
+                    np.zeros((c, 6)), empty_loads(bodies), np.zeros(c), np.zeros(c),
+                    np.zeros(6 * c),
                     np.zeros(6 * c),
                     make_system(rows, table, bodies), carried, half, np.zeros(c), np.zeros(c),
                     whole(axes),
@@ -180,7 +189,7 @@ def press(model: Model, state: State, table: JointTable, motion: JointMotion, wo
     Give the bodies the impulses of the chosen points in one half of a step of h [s].
 
     The momenta are those after the kick of that half, by the loads; joints have not answered yet.
-    In the first half impulses that only displace are added, which `take_back_pushes` takes.
+    In the first half momenta that only displace are added, which `take_back_displacing` takes.
     """
     if w.count[POINTS_IN_USE] == 0:
         return
@@ -203,8 +212,7 @@ def press(model: Model, state: State, table: JointTable, motion: JointMotion, wo
             _press_island(model, state, table, work, w.chosen[w.first[island]:w.first[island + 1]],
                           h, first, n == 0, w)
     if first:
-        for k in chosen:
-            push_rows(model, state, w.contacts, k, width, w.pushed[k], 0)
+        _add_displacing(model, state, table, work, h, w)
 
 
 @kernel
@@ -292,7 +300,7 @@ def _note_work(chosen: IntArray, width: int, w: Pressing) -> float:
     for c in range(chosen.shape[0]):
         w.work[chosen[c]] = 0.0
         for i in range(width * c, width * c + width):
-            mean = w.free[i]
+            mean = w.free[i] - 0.5 * rows.give[i] * rows.f[i]
             for j in range(r):
                 mean += 0.5 * A[i, j] * rows.f[j]
             w.work[chosen[c]] += mean * rows.f[i]
@@ -347,6 +355,7 @@ def _take_no_energy(chosen: IntArray, width: int, w: Pressing) -> None:
     A = w.system.A[:r * r].reshape((r, r))
     for i in range(r):
         linear += rows.f[i] * w.free[i]
+        gain -= 0.5 * rows.give[i] * rows.f[i] * rows.f[i]
         for j in range(r):
             gain += 0.5 * rows.f[i] * A[i, j] * rows.f[j]
     if linear + gain > 0.0:
@@ -395,24 +404,41 @@ def _displace(contacts: Contacts, chosen: IntArray, width: int, h: float, w: Pre
 
 
 @kernel
-def take_back_pushes(model: Model, state: State, before: State, w: Pressing) -> None:
+def _add_displacing(model: Model, state: State, table: JointTable, work: JointWork, h: float,
+                    w: Pressing) -> None:
     """
-    Take back the impulses that displaced, where the points are now.
+    Add the momenta with which bodies move as the impulses that displace let them.
 
-    The levers are to one point for both bodies again, so that the pair keeps its momenta.
+    They are those of the answer of the joints, and less if a body would turn by too much.
     """
-    contacts = w.contacts
+    loads, contacts, fastest, is_any = w.displacing, w.contacts, 0.0, False
+    loads.F[:], loads.tau[:] = 0.0, 0.0
     for k in w.chosen[:w.count[POINTS_IN_USE]]:
-        if w.pushed[k, 0] == 0.0:
-            continue
-        a, b = contacts.body_a[k], contacts.body_b[k]
-        for i in range(3):
-            apart = 0.5 * (state.x[i, b] - before.x[i, b] - state.x[i, a] + before.x[i, a])
-            contacts.r_A[k, i] += apart
-            contacts.r_B[k, i] -= apart
-        for i in range(w.count[WIDTH]):
-            w.row[i] = -w.pushed[k, i]
-        push_rows(model, state, contacts, k, w.count[WIDTH], w.row, 0)
+        if w.pushed[k, 0] > 0.0:
+            is_any = True
+            add_contact_load(model.inv_m, contacts, k, to_world(
+                contacts, k, (w.pushed[k, 0], 0.0, 0.0)), (0.0, 0.0, 0.0), loads)
+    if not is_any:
+        return
+    for g in range(table.first_row.shape[0] - 1):
+        answer_to_impulses(model, table, work, g, loads)
+    for i in range(model.m.shape[0]):
+        if model.inv_m[i] > 0.0:
+            v = spin_of(quaternion(state.q, i), column(loads.tau, i), column(model.inv_I_C, i))
+            fastest = max(fastest, norm(v))
+    share = min(1.0, MOST_TURN / (h * fastest)) if fastest > 0.0 else 1.0
+    for i in range(model.m.shape[0]):
+        for k in range(3):
+            loads.F[k, i] *= share
+            loads.tau[k, i] *= share
+    kick(state, loads, 1.0)
+
+
+@kernel
+def take_back_displacing(state: State, w: Pressing) -> None:
+    """Take back the momenta that displaced."""
+    if w.count[POINTS_IN_USE] > 0:
+        kick(state, w.displacing, -1.0)
 
 
 @kernel

@@ -17,13 +17,13 @@ import numpy as np
 from rigid_sim_ros.engine.contact.contact_rows import make_rows, Rows, SIDES, write_rows
 from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts
 from rigid_sim_ros.engine.contact.coulomb import (
-    coefficients, COMPLIANCE, ENOUGH, GOAL, NEWTON_STEPS, refine, sweep_in_place,
-    TOLERANCE)
-from rigid_sim_ros.engine.joints.articulated import solve
+    coefficients, COMPLIANCE, ENOUGH, GOAL, NEWTON_STEPS, refine, sweep_in_place)
+from rigid_sim_ros.engine.dynamics.loads import Loads
+from rigid_sim_ros.engine.joints.articulated import momenta_of, solve
 from rigid_sim_ros.engine.joints.buffers import JointWork
 from rigid_sim_ros.engine.joints.loops import answer_within_loops, ask_nothing
-from rigid_sim_ros.engine.maths.spatial import add_six, six
-from rigid_sim_ros.engine.maths.vector import cross, row
+from rigid_sim_ros.engine.maths.spatial import add_six, set_six, six
+from rigid_sim_ros.engine.maths.vector import add, column, cross, row, set_column
 from rigid_sim_ros.engine.model.joints import JointTable, NONE
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.kernels.arrays import Array, IntArray
@@ -35,6 +35,10 @@ _HELD = 1e-8
 # Of what a row moves without joints: by this much more it gives way to impulses that displace. Joints
 # that nearly forbid a way, or wedge two bodies, would ask for any impulse.
 _WEDGED = 0.2
+# Of what a row moves without joints: by this much it gives way while a solution is looked for, and
+# so often at most that is taken back, until it is this part of the rates, while it gets less by
+# this factor.
+EASE, MOST_TAKEN_BACK, YIELDS, CONTRACTS = 1e-5, 20, 1e-10, 0.7
 # Newton's method for a matrix of more rows takes longer than sweeps that do as much.
 MOST_FOR_NEWTON = 240
 # Sweeps before each run of Newton's method, and runs at most.
@@ -50,6 +54,7 @@ class System(NamedTuple):
     A: Array  # (r r,) [1/kg], the matrix of an island by rows
     M: Array  # (r r,) scratch
     x: Array  # (r,) scratch
+    center: Array  # (r,) impulses for which points do not give way
     mu: Array  # (r,) the coefficients of an island by points
     articulation: IntArray  # (n,) of a body, NONE: joints do not hold it
     residual: Array  # (1,) the largest violation of a step, relative to the largest rate
@@ -61,7 +66,7 @@ def make_system(rows: int, table: JointTable, bodies: int) -> System:
     for g in range(len(table.first_row) - 1):
         articulation[table.body[table.first_row[g]:table.first_row[g + 1]]] = g
     return System(make_rows(rows // 3, rows, bodies), np.zeros(rows * rows),
-                  np.zeros(rows * rows), np.zeros(rows), np.zeros(rows), articulation,
+                  np.zeros(rows * rows), np.zeros(rows), np.zeros(rows), np.zeros(rows), articulation,
                   np.zeros(1))
 
 
@@ -103,7 +108,7 @@ def _ease(rows: Rows, A: Array, i: int) -> None:
     rows.stiff, 1/m of the point without joints, is then 0.
     """
     free = rows.stiff[i] - rows.give[i]
-    rows.give[i] = COMPLIANCE * A[i, i]
+    rows.give[i] = EASE * free
     if A[i, i] <= _HELD * free:
         rows.stiff[i] = rows.give[i] = 0.0
         for k in range(SIDES):
@@ -165,6 +170,24 @@ def _move(table: JointTable, work: JointWork, g: int, z: Array) -> None:
 
 
 @kernel
+def answer_to_impulses(model: Model, table: JointTable, work: JointWork, g: int,
+                       loads: Loads) -> None:
+    """Put the momenta of the answer of articulation g in the place of impulses on its bodies."""
+    begin, end = table.first_row[g], table.first_row[g + 1]
+    ask_nothing(table, work, begin, end)
+    for r in range(begin, end):
+        P, L = column(loads.F, table.body[r]), column(loads.tau, table.body[r])
+        n = add(L, cross(row(work.com, r), P))
+        set_six(work.F, r, (P[0], P[1], P[2], n[0], n[1], n[2]))
+    solve(table, work, begin, end, False, False)
+    answer_within_loops(table, work, g)
+    for r in range(begin, end):
+        P, L = momenta_of(model, table, work, r)
+        set_column(loads.F, table.body[r], P)
+        set_column(loads.tau, table.body[r], L)
+
+
+@kernel
 def write_velocities(table: JointTable, work: JointWork, begin: int, end: int,
                      velocity: Array) -> None:
     """Write v of the centre of mass and w of the bodies of some rows to velocity, (n, 6)."""
@@ -193,6 +216,37 @@ def solve_system(system: System, m: int, width: int, is_new: bool) -> float:
     """
     Find the impulses f of m points from what stands there; return the violation, 0 if none.
 
+    Points give way by `give` f. That is taken back from b, which leaves give (f - f') with the
+    impulses f' of the time before (the proximal point algorithm: Rockafellar, Monotone operators
+    and the proximal point algorithm, SIAM J. Control Optim. 14 (1976)), as long as it gets less:
+    between bodies that are wedged in it does not.
+    """
+    r, rows, size = width * m, system.rows, 0.0
+    for i in range(r):
+        size = max(size, abs(rows.b[i]))
+        system.center[i] = 0.0
+    worst, before = _improve(system, m, width, is_new, size), np.inf
+    for _ in range(MOST_TAKEN_BACK):
+        yields = 0.0
+        for i in range(r):
+            yields = max(yields, abs(rows.give[i] * (rows.f[i] - system.center[i])))
+        if not YIELDS * size < yields <= CONTRACTS * before:
+            break
+        before = yields
+        for i in range(r):
+            rows.b[i] -= rows.give[i] * (rows.f[i] - system.center[i])
+            system.center[i] = rows.f[i]
+        worst = _improve(system, m, width, False, size)
+    if size > 0.0:
+        system.residual[0] = max(system.residual[0], worst / size)
+    return worst if worst > ENOUGH * size else 0.0
+
+
+@kernel
+def _improve(system: System, m: int, width: int, is_new: bool, size: float) -> float:
+    """
+    Find the impulses f of m points that give way; return the violation, where `size` is max |b|.
+
     Newton's method finds which points press and slide from where it begins, or does not; sweeps
     bring it nearer.
     """
@@ -202,9 +256,6 @@ def solve_system(system: System, m: int, width: int, is_new: bool) -> float:
     b, f, a, trial, x = rows.b[:r], rows.f[:r], rows.a[:r], rows.trial[:r], system.x[:r]
     _write_coefficients(system, m, kinds)
     mu = system.mu[:kinds * m].reshape((m, kinds))
-    size = 0.0
-    for i in range(r):
-        size = max(size, abs(b[i]))
     worst = np.inf
     for n in range(ROUNDS):
         if n > 0 or is_new or r > MOST_FOR_NEWTON:
@@ -213,15 +264,12 @@ def solve_system(system: System, m: int, width: int, is_new: bool) -> float:
             steps = NEWTON_STEPS if r <= MOST_FOR_NEWTON else 0
             worst, _ = refine(A, b, mu, f, GOAL * size, steps, a, trial, M, x)
         if worst <= ENOUGH * size:
-            break
-    if not worst <= TOLERANCE * size:
-        # What Newton's method leaves may be of any size where A is nearly singular.
-        f[:] = 0.0
-        sweep_in_place(A, b, mu, f, MANY_SWEEPS, a)
-        worst, _ = refine(A, b, mu, f, GOAL * size, 0, a, trial, M, x)
-    if size > 0.0:
-        system.residual[0] = max(system.residual[0], worst / size)
-    return worst if worst > ENOUGH * size else 0.0
+            return worst
+    # What Newton's method leaves may be of any size where A is nearly singular.
+    f[:] = 0.0
+    sweep_in_place(A, b, mu, f, MANY_SWEEPS, a)
+    worst, _ = refine(A, b, mu, f, GOAL * size, 0, a, trial, M, x)
+    return worst
 
 
 @kernel

@@ -14,7 +14,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.constraints.articulated_contact import (
     choose_points, keep_impulses, more_points, NEEDED, POINTS_IN_USE, press, Pressing,
-    take_back_pushes, WIDTH)
+    take_back_displacing, WIDTH)
 from rigid_sim_ros.engine.constraints.articulated_rows import make_system
 from rigid_sim_ros.engine.contact.carried_forces import recall_forces
 from rigid_sim_ros.engine.contact.contacts import gather
@@ -161,7 +161,7 @@ def _take_first_half(c: JointedTimestep) -> None:
             return
     remember(table, motion, scratch)
     add_wrenches_of_joints(table, state, motion, scratch, model.h, True)
-    take_back_pushes(model, state, c.start, c.pressing)
+    take_back_displacing(state, c.pressing)
     keep_impulses(model, True, c.pressing)
     follow_positions(table, state, motion, scratch, h)
     prepare_step(model, table, state, scratch)
