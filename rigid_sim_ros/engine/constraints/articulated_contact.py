@@ -22,7 +22,7 @@ from rigid_sim_ros.engine.contact.carried_forces import (
     Carried, keep_force, longer, match_forces, no_forces, recall_forces)
 from rigid_sim_ros.engine.contact.classify import resting_speed
 from rigid_sim_ros.engine.contact.contacts import (
-    add_contact_load, Bodies, Contacts, make_bodies, make_contacts, push_rows, read_bodies,
+    add_contact_load, Bodies, Contacts, make_bodies, make_contacts, push_rows, read_bodies, read_rates,
     read_velocity, to_world)
 from rigid_sim_ros.engine.dynamics.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
@@ -40,6 +40,11 @@ from rigid_sim_ros.kernels.kernel import kernel
 
 # Times at most that impulses are found for pieces of the axes that follow from them.
 MOST_PIECES = 6
+# Times at most that impulses are halved which give energy.
+MOST_HALVINGS = 12
+# [m/s] Impulses that would give a body this velocity are of bodies that are wedged in: they are not
+# carried over, as rounding alone would make them grow.
+FASTEST = 1e5
 # Of the size of a shape: points that are nearer take part in the second half of a step.
 NEAR = 1e-6
 # In a step, overlaps are displaced by this part of themselves, and at most this fast [m/s].
@@ -199,20 +204,80 @@ def press(model: Model, state: State, table: JointTable, motion: JointMotion, wo
     chosen, width = w.chosen[:w.count[POINTS_IN_USE]], w.count[WIDTH]
     read_bodies(model, state, loads.F, loads.tau, w.bodies)
     _begin_with(model, state, chosen, width, first, w)
+    known = False
     for n in range(MOST_PIECES):
-        find_motions(model, table, state, motion, work, h, first)
-        if n > 0 and (table.lawful == 0 or _are_same_pieces(work, w)):
+        _find_velocities(model, state, table, motion, work, h, first, w)
+        known = n > 0 and (table.lawful == 0 or _are_same_pieces(work, w))
+        if known:
             break
         for k in range(w.locked.shape[0]):
             w.locked[k], w.extra[k] = work.locked[k], work.extra[k]
-        for i in range(model.m.shape[0]):
-            read_velocity(model, state, i, w.bodies)
-        write_velocities(table, work, 0, table.body.shape[0], w.bodies.velocity)
         for island in range(w.count[ISLANDS]):
             _press_island(model, state, table, work, w.chosen[w.first[island]:w.first[island + 1]],
-                          h, first, n == 0, w)
+                          h, first, w)
+    if not known:
+        _lessen(model, state, table, motion, work, h, first, w)
     if first:
         _add_displacing(model, state, table, work, h, w)
+
+
+@kernel
+def _find_velocities(model: Model, state: State, table: JointTable, motion: JointMotion,
+                     work: JointWork, h: float, first: bool, w: Pressing) -> None:
+    """Write the velocities of all bodies as the joints let them move with their momenta."""
+    find_motions(model, table, state, motion, work, h, first)
+    for i in range(model.m.shape[0]):
+        read_velocity(model, state, i, w.bodies)
+    write_velocities(table, work, 0, table.body.shape[0], w.bodies.velocity)
+
+
+@kernel
+def _lessen(model: Model, state: State, table: JointTable, motion: JointMotion, work: JointWork,
+            h: float, first: bool, w: Pressing) -> None:
+    """
+    Make impulses smaller that are for other pieces of the axes than come from them.
+
+    As long as they give energy; pieces that follow from none of the impulses tried are rare.
+    """
+    _push_all(model, state, -1.0, w)
+    _find_velocities(model, state, table, motion, work, h, first, w)
+    _read_all_rates(model, w, w.free)
+    share = 1.0
+    for _ in range(MOST_HALVINGS):
+        _push_all(model, state, share, w)
+        _find_velocities(model, state, table, motion, work, h, first, w)
+        _read_all_rates(model, w, w.row)
+        given, width = 0.0, w.count[WIDTH]
+        for c in range(w.count[POINTS_IN_USE]):
+            for i in range(width):
+                mean = 0.5 * (w.free[width * c + i] + w.row[width * c + i])
+                given += share * w.impulse[w.chosen[c], i] * mean
+        if given <= 0.0:
+            break
+        _push_all(model, state, -share, w)
+        share = 0.5 * share
+    else:
+        share = 0.0
+    for k in w.chosen[:w.count[POINTS_IN_USE]]:
+        for i in range(6):
+            w.impulse[k, i] *= share
+
+
+@kernel
+def _push_all(model: Model, state: State, share: float, w: Pressing) -> None:
+    """Give the bodies a share of the impulses."""
+    for k in w.chosen[:w.count[POINTS_IN_USE]]:
+        for i in range(w.count[WIDTH]):
+            w.row[i] = share * w.impulse[k, i]
+        push_rows(model, state, w.contacts, k, w.count[WIDTH], w.row, 0)
+
+
+@kernel
+def _read_all_rates(model: Model, w: Pressing, u: Array) -> None:
+    """Write the rates of all rows of the chosen points."""
+    for c in range(w.count[POINTS_IN_USE]):
+        read_rates(model, w.contacts, w.bodies.velocity, w.chosen[c], w.count[WIDTH], u,
+                   w.count[WIDTH] * c)
 
 
 @kernel
@@ -222,8 +287,10 @@ def _begin_with(model: Model, state: State, chosen: IntArray, width: int, first:
     recall_forces(model, w.contacts, chosen, width, w.carried if first else w.half, w.match, w.row)
     for c in range(chosen.shape[0]):
         k = chosen[c]
+        is_sane = (abs(w.row[width * c]) * max(
+            model.inv_m[w.contacts.body_a[k]], model.inv_m[w.contacts.body_b[k]]) <= FASTEST)
         for i in range(width):
-            w.impulse[k, i] = w.row[width * c + i]
+            w.impulse[k, i] = w.row[width * c + i] if is_sane else 0.0
             w.pushed[k, i] = 0.0
         w.bounce[k] = 0.0 if first or w.match[k] < 0 else w.half_bounce[w.match[k]]
         push_rows(model, state, w.contacts, k, width, w.impulse[k], 0)
@@ -240,7 +307,7 @@ def _are_same_pieces(work: JointWork, w: Pressing) -> bool:
 
 @kernel
 def _press_island(model: Model, state: State, table: JointTable, work: JointWork,
-                  chosen: IntArray, h: float, first: bool, is_new: bool, w: Pressing) -> None:
+                  chosen: IntArray, h: float, first: bool, w: Pressing) -> None:
     """Find the impulses of an island for the present pieces, and give them to the bodies."""
     contacts, system, width, m = w.contacts, w.system, w.count[WIDTH], chosen.shape[0]
     rows, r = system.rows, width * m
