@@ -22,8 +22,8 @@ from rigid_sim_ros.engine.contact.carried_forces import (
     Carried, keep_force, longer, match_forces, no_forces, recall_forces)
 from rigid_sim_ros.engine.contact.classify import resting_speed
 from rigid_sim_ros.engine.contact.contacts import (
-    add_contact_load, Bodies, Contacts, make_bodies, make_contacts, push_rows, read_bodies, read_rates,
-    read_velocity, to_world)
+    add_contact_load, Bodies, Contacts, make_bodies, make_contacts, push_rows, read_bodies,
+    read_rates, read_velocity, to_world)
 from rigid_sim_ros.engine.dynamics.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
 from rigid_sim_ros.engine.joints.settle import find_motions
@@ -42,8 +42,8 @@ from rigid_sim_ros.kernels.kernel import kernel
 MOST_PIECES = 6
 # Times at most that impulses are halved which give energy.
 MOST_HALVINGS = 12
-# [m/s] Impulses that would give a body this velocity are of bodies that are wedged in: they are not
-# carried over, as rounding alone would make them grow.
+# [m/s] Impulses that would give a body this velocity are of bodies that are wedged in. They are
+# not carried over, as rounding alone would make them grow.
 FASTEST = 1e5
 # Of the size of a shape: points that are nearer take part in the second half of a step.
 NEAR = 1e-6

@@ -32,8 +32,8 @@ from rigid_sim_ros.kernels.kernel import kernel
 # A row that moves less than this part of what it would without joints does not move: it is
 # rounding.
 _HELD = 1e-8
-# Of what a row moves without joints: by this much more it gives way to impulses that displace. Joints
-# that nearly forbid a way, or wedge two bodies, would ask for any impulse.
+# Of what a row moves without joints: by this much more it gives way to impulses that displace.
+# Joints that nearly forbid a way, or wedge two bodies, would ask for any impulse.
 _WEDGED = 0.2
 # Of what a row moves without joints: by this much it gives way while a solution is looked for, and
 # so often at most that is taken back, until it is this part of the rates, while it gets less by
@@ -66,8 +66,8 @@ def make_system(rows: int, table: JointTable, bodies: int) -> System:
     for g in range(len(table.first_row) - 1):
         articulation[table.body[table.first_row[g]:table.first_row[g + 1]]] = g
     return System(make_rows(rows // 3, rows, bodies), np.zeros(rows * rows),
-                  np.zeros(rows * rows), np.zeros(rows), np.zeros(rows), np.zeros(rows), articulation,
-                  np.zeros(1))
+                  np.zeros(rows * rows), np.zeros(rows), np.zeros(rows), np.zeros(rows),
+                  articulation, np.zeros(1))
 
 
 @kernel

@@ -117,7 +117,8 @@ def _seek(c: JointedTimestep, first: bool) -> int:
         # that was restored would find others.
         manifolds.found_at[r, 0] = np.inf
     # At the end of a part only what touches is asked for.
-    look_ahead(model.h if first else 0.0, model.inv_m, model.inv_I_C, state.P, state.L, state.V, MARGIN, c.radius,
+    h = model.h if first else 0.0
+    look_ahead(h, model.inv_m, model.inv_I_C, state.P, state.L, state.V, MARGIN, c.radius,
                c.thickness, shapes.body, memory, 0, shapes.body.shape[0])
     if not detect_ahead(model, state, shapes, memory, None):
         return MORE_MEMORY
