@@ -40,6 +40,8 @@ from rigid_sim_ros.kernels.kernel import kernel
 
 # Times at most that impulses are found for pieces of the axes that follow from them.
 MOST_PIECES = 6
+# Of the rates without impulses: less than this does not put an axis on another piece.
+STEADY = 1e-9
 # Times at most that impulses are halved which give energy.
 MOST_HALVINGS = 12
 # [m/s] Impulses that would give a body this velocity are of bodies that are wedged in. They are
@@ -201,20 +203,24 @@ def press(model: Model, state: State, table: JointTable, motion: JointMotion, wo
     if first:
         work.law.bend[:] = 0.0
         expect(table, motion, work)
-    chosen, width = w.chosen[:w.count[POINTS_IN_USE]], w.count[WIDTH]
     read_bodies(model, state, loads.F, loads.tau, w.bodies)
-    _begin_with(model, state, chosen, width, first, w)
+    _begin_with(model, state, w.chosen[:w.count[POINTS_IN_USE]], w.count[WIDTH], first, w)
     known = False
     for n in range(MOST_PIECES):
         _find_velocities(model, state, table, motion, work, h, first, w)
-        known = n > 0 and (table.lawful == 0 or _are_same_pieces(work, w))
+        known = n > 0 and _are_same_pieces(work, w)
         if known:
             break
         for k in range(w.locked.shape[0]):
             w.locked[k], w.extra[k] = work.locked[k], work.extra[k]
+        changed = False
         for island in range(w.count[ISLANDS]):
-            _press_island(model, state, table, work, w.chosen[w.first[island]:w.first[island + 1]],
-                          h, first, w)
+            chosen = w.chosen[w.first[island]:w.first[island + 1]]
+            if _press_island(model, state, table, work, chosen, h, first, w):
+                changed = True
+        known = table.lawful == 0 or not changed
+        if known:
+            break
     if not known:
         _lessen(model, state, table, motion, work, h, first, w)
     if first:
@@ -307,8 +313,12 @@ def _are_same_pieces(work: JointWork, w: Pressing) -> bool:
 
 @kernel
 def _press_island(model: Model, state: State, table: JointTable, work: JointWork,
-                  chosen: IntArray, h: float, first: bool, w: Pressing) -> None:
-    """Find the impulses of an island for the present pieces, and give them to the bodies."""
+                  chosen: IntArray, h: float, first: bool, w: Pressing) -> bool:
+    """
+    Find the impulses of an island for the present pieces, and give them to the bodies.
+
+    Returns whether they are others than before.
+    """
     contacts, system, width, m = w.contacts, w.system, w.count[WIDTH], chosen.shape[0]
     rows, r = system.rows, width * m
     write_system(model, table, work, contacts, w.bodies, chosen, width, system)
@@ -317,13 +327,14 @@ def _press_island(model: Model, state: State, table: JointTable, work: JointWork
     for c in range(m):
         for i in range(width):
             rows.f[width * c + i] = w.impulse[chosen[c], i]
-    known = False
+    known, changed, size = False, 0.0, 0.0
     for i in range(r):
         known = known or rows.f[i] != 0.0
         rows.b[i] += rows.give[i] * rows.f[i]
         for j in range(r):
             rows.b[i] -= A[i, j] * rows.f[j]
         w.free[i] = rows.b[i]
+        size = max(size, abs(rows.b[i]))
     if first:
         _aim(contacts, chosen, width, h, w)
         if solve_system(system, m, width, not known) > 0.0:
@@ -336,9 +347,11 @@ def _press_island(model: Model, state: State, table: JointTable, work: JointWork
         for i in range(width):
             now = rows.f[width * c + i]
             w.row[i], w.impulse[k, i] = now - w.impulse[k, i], now
+            changed = max(changed, abs(w.row[i]) * A[width * c + i, width * c + i])
         push_rows(model, state, contacts, k, width, w.row, 0)
     if first:
         _displace(contacts, chosen, width, h, w)
+    return changed > STEADY * size
 
 
 @kernel

@@ -216,10 +216,10 @@ def solve_system(system: System, m: int, width: int, is_new: bool) -> float:
     """
     Find the impulses f of m points from what stands there; return the violation, 0 if none.
 
-    Points give way by `give` f. That is taken back from b, which leaves give (f - f') with the
-    impulses f' of the time before (the proximal point algorithm: Rockafellar, Monotone operators
-    and the proximal point algorithm, SIAM J. Control Optim. 14 (1976)), as long as it gets less:
-    between bodies that are wedged in it does not.
+    Points give way by give (f - f') with the impulses f' of the time before, first none (the
+    proximal point algorithm: Rockafellar, Monotone operators and the proximal point algorithm,
+    SIAM J. Control Optim. 14 (1976)). That is repeated as long as it gets less: between bodies
+    that are wedged in it does not.
     """
     r, rows, size = width * m, system.rows, 0.0
     for i in range(r):
