@@ -5,12 +5,12 @@ Drive the rover with velocity commands, through the motors of its wheels.
 
     rigid_sim run rover                   # in one terminal
     python examples/drive_rover.py        # in another
-    ros2 topic pub --rate 10 /cmd_vel geometry_msgs/msg/Twist "{linear: {x: 0.5}, angular: {z: 0.4}}"
+    ros2 topic pub -r 10 /cmd_vel geometry_msgs/msg/Twist "{linear: {x: 0.5}, angular: {z: 0.4}}"
 
-Each geometry_msgs/Twist on the topic `cmd_vel` becomes the rates of the wheels on either side: v / r
-less or more w b / 2 r, where r is the radius of a wheel and b how far apart the sides are. Wheels
-that do not steer skid sideways as they turn the rover, so it turns slower than b says; `slip` is by
-how much.
+Each geometry_msgs/Twist on the topic `cmd_vel` becomes the rates of the wheels on either side:
+v / r less or more w b / 2 r, where r is the radius of a wheel and b how far apart the sides are.
+Wheels that do not steer skid sideways as they turn the rover, so it turns slower than b says;
+`slip` is by how much.
 
 Parameters, set with `--ros-args -p NAME:=VALUE`: sim, radius [m], track [m], slip.
 """

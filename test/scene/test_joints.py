@@ -148,8 +148,8 @@ def test_a_loop_that_cannot_close_is_a_mistake():
 def test_a_joint_beside_contacts_that_do_not_see_it_is_a_mistake():
     text = BODIES.replace('contact: none', 'contact: event')
     assert mistakes(SHOULDER, text=text) == [
-        "world.contact: 'event' with the solver 'sequential' beside joints, must be none, or timestep "
-        'with the solver sequential']
+        "world.contact: 'event' with the solver 'sequential' beside joints, must be none, or "
+        'timestep with the solver sequential']
 
 
 def test_a_follower_begins_where_the_joint_that_it_mimics_has_it():
