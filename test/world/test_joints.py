@@ -9,7 +9,7 @@ from engine.jointed_trees import gaps
 import numpy as np
 import pytest
 
-from rigid_sim_ros import World
+from rigid_sim_ros import load_scene, World
 
 DRIVEN = {'drive': {'mode': 'position', 'stiffness': 50.0, 'damping': 5.0, 'gain': 3.0},
           'friction': 0.02, 'damping': 0.1, 'limits': {'lower': -2.0, 'upper': 2.0, 'effort': 9.0}}
@@ -272,3 +272,27 @@ def test_the_wrench_on_a_child_that_holds_its_parent_is_the_weight_of_that():
          'pose': {'position': [-1, 0, 0]}}])
     one.step(5)
     np.testing.assert_allclose(one.joint_wrench('bolt'), [0, 0, -19.62, 0, 19.62, 0], atol=1e-9)
+
+
+def test_a_body_comes_and_goes_beside_a_robot_that_touches_things():
+    """The gripper goes on with the bits of a world that never had the guest: it is far away."""
+    one, other = load_scene('gripper'), load_scene('gripper')
+    one.step(100)
+    other.step(100)
+    one.add({'name': 'guest', 'mass': 1.0, 'shape': {'type': 'sphere', 'radius': 0.1},
+             'pose': {'position': [5.0, 0.0, 2.0]}})
+    saved = one.save()
+    for world in (one, other):
+        world.set_joint_command('lift', position=0.1)
+        world.step(400)
+    kept = [one.names.index(name) for name in other.names]
+    np.testing.assert_array_equal(one.position[kept], other.position)
+    np.testing.assert_array_equal(one.joint_position, other.joint_position)
+    one.remove('guest')
+    one.step(100)
+    other.step(100)
+    assert one.position.tobytes() == other.position.tobytes()
+    one.restore(saved)
+    assert 'guest' in one.names
+    with pytest.raises(ValueError, match="'left_finger' is no body"):
+        one.remove('left_finger')
