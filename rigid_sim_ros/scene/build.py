@@ -3,7 +3,7 @@
 """A checked description of a scene becomes the model and the state that the engine runs."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 import json
 import logging
 from pathlib import Path
@@ -51,6 +51,10 @@ class Scene:
     orientation: str
     contact: str
     solver: str
+
+    # URDF of each model that has one, by its name, as ~/MODEL/robot_description publishes it. It
+    # follows from `text`: `verify` reads it again from there.
+    descriptions: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def step_ns(self) -> int:
