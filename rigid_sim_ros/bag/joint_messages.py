@@ -26,7 +26,7 @@ class JointMessages:
         self._groups[kinds.ALL_JOINT_STATES, ''] = whole
         self._encoders = {key: JointStateEncoder(group.names)
                           for key, group in self._groups.items()}
-        self._index = {key: np.array(group.index, int) for key, group in self._groups.items()}
+        self._index = {key: np.array(group.places, int) for key, group in self._groups.items()}
 
     def owners(self, kind: str) -> list[str]:
         """Return the models or joints that have a topic of a kind; '' is the node itself."""

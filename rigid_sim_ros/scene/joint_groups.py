@@ -16,7 +16,7 @@ class JointGroup(NamedTuple):
 
     model: str                  # '': those that are of the scene and of no model
     names: tuple[str, ...]      # as the model has them: without MODEL/
-    index: tuple[int, ...]      # in the joints of the scene
+    places: tuple[int, ...]     # in the joints of the scene
 
 
 def model_of(joint: str) -> str:
@@ -53,4 +53,4 @@ def all_joints(groups: Sequence[JointGroup]) -> JointGroup:
         return groups[0]
     return JointGroup('', tuple(full_name(group.model, name) for group in groups
                                 for name in group.names),
-                      tuple(j for group in groups for j in group.index))
+                      tuple(j for group in groups for j in group.places))
