@@ -15,6 +15,9 @@ With a Numba that is not supported kernels are compiled as Numba does by itself.
 """
 
 from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+import gc
 from typing import Any
 
 from llvmlite import binding, ir
@@ -171,7 +174,39 @@ class _Pipeline:
             one.run_finalizer(state)
 
 
+# New objects after which Python's collector of cycles looks at them, 700 by itself: it stays on
+# for other threads, but hardly ever runs while kernels are compiled.
+_SELDOM = 10_000_000, 10, 10
+
+
+@contextmanager
+def _few_collections() -> Iterator[None]:
+    """
+    Let the collector of cycles run hardly ever until the end of the block.
+
+    The compiler makes millions of objects and keeps most of them: to look through them again and
+    again takes 1 s of 20 s of the first start of the scene `tower` on a calm machine, and 3 of 30
+    s where others use the memory too.
+    """
+    usual = gc.get_threshold()
+    if not 0 < usual[0] < _SELDOM[0]:   # it is off, or seldom already
+        yield
+        return
+    gc.set_threshold(*_SELDOM)
+    try:
+        yield
+    finally:
+        if gc.get_threshold() == _SELDOM:   # nobody else has changed it
+            gc.set_threshold(*usual)
+
+
 class _Compiler(_NumbasCompiler):
+
+    def compile_extra(self, function: Any) -> Any:
+        # Only a process that compiles needs it.
+        from rigid_sim_ros.kernels import array_entries     # noqa: F401
+        with _few_collections():
+            return super().compile_extra(function)
 
     def _library(self, kind: Any) -> Any:
         return kind(self.state.targetctx.codegen(), self.state.func_id.func_qualname)

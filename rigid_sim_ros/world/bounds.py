@@ -5,11 +5,18 @@ What a body may be told: numbers so large that they end the simulation are refus
 
 A position, a velocity or an angular velocity that is set lies within the bounds of the scene. A
 wrench or a drive changes the velocities within a step, and an impulse at once, by no more than
-these.
+these. What forces make of these in time may be more; a snapshot is refused only where it is far
+more.
 """
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
+import numpy as np
+
+from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.state.frames import point_on_frame, vector_on_frame
+from rigid_sim_ros.engine.state.state import MOVING_FIELDS, State
 from rigid_sim_ros.kernels.arrays import Array
 from rigid_sim_ros.scene.schema import Bounds
 
@@ -22,6 +29,8 @@ class _Quantity(NamedTuple):
     bound: str      # its key in `world: {bounds: {}}`
 
 
+# Times the bounds: no snapshot of a world that runs holds more.
+_FAR = 1e6
 _POSITION = _Quantity('position', 'm', 'position')
 _LINEAR = _Quantity('linear velocity', 'm/s', 'linear')
 _ANGULAR = _Quantity('angular velocity', 'rad/s', 'angular')
@@ -76,3 +85,45 @@ def _check(bounds: Bounds, body: str, verb: str, quantity: _Quantity, vector: Ar
             f"body '{body}' {verb} the {quantity.text} {vector.tolist()} {quantity.unit}, must be "
             f'within {bound:g} {quantity.unit}, which '
             f'`world: {{bounds: {{{quantity.bound}: ...}}}}` of the scene changes')
+
+
+def changes_of_twist(model: Model, state: State, body: int, frame: int, p_F: Array | None,
+                     J_F: Array, K_F: Array) -> tuple[Array, Array]:
+    """
+    Return the changes of v [m/s] and w [rad/s] by an impulse J [N s] and an angular one K [N m s].
+
+    Both in the axes of a frame, J at the point p_F [m] of it, None: at the centre of mass. The
+    latter change is with the largest of the body's inverse moments of inertia.
+    """
+    J = np.array(vector_on_frame(model, state, frame, tuple(J_F)))
+    K = np.array(vector_on_frame(model, state, frame, tuple(K_F)))
+    with np.errstate(over='ignore', invalid='ignore'):      # which is beyond all bounds too
+        if p_F is not None:
+            p, _ = point_on_frame(model, state, frame, tuple(p_F))
+            K += np.cross(np.array(p) - state.x[:, body], J)
+        return J * model.inv_m[body], K * model.inv_I_C[:, body].max()
+
+
+def check_reach(bounds: Bounds, model: Model, like: State,
+                arrays: Mapping[str, np.ndarray]) -> None:
+    """Raise ValueError for motion or wrenches in a snapshot that are far beyond the bounds."""
+    state = like._replace(**{name: arrays[name] for name in MOVING_FIELDS})
+    with np.errstate(over='ignore', invalid='ignore'):
+        # |w| = |I^-1 L| is at most the largest of 1/I times |L|.
+        reached = [(_POSITION, state.x), (_LINEAR, state.P * model.inv_m),
+                   (_ANGULAR, state.L * model.inv_I_C.max(axis=0))]
+        for r in range(len(arrays['body'])):
+            p_F = arrays['point'][r] if arrays['at_point'][r] == 1 else None
+            v, w = changes_of_twist(
+                model, state, int(arrays['body'][r]), int(arrays['frame'][r]), p_F,
+                model.h * arrays['force'][r], model.h * arrays['torque'][r])
+            reached += [(_LINEAR, v), (_ANGULAR, w)]
+        if 'V' in arrays:
+            reached += [(_LINEAR, arrays['V'][:3]), (_ANGULAR, arrays['V'][3:])]
+        for quantity, values in reached:
+            bound = _FAR * getattr(bounds, quantity.bound)
+            if not (abs(values) <= bound).all():
+                raise ValueError(
+                    f'the snapshot holds or makes a {quantity.text} of {abs(values).max():g} '
+                    f'{quantity.unit}, must be within {bound:g}: it was changed; run the scene '
+                    'from its start')

@@ -5,6 +5,8 @@
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
+from rigid_sim_ros.world.readings import Readings
+
 # Names of the methods of World that change it.
 KINDS = frozenset({'add', 'apply_impulse', 'apply_wrench', 'cancel_wrenches',
                    'follow_trajectory', 'remove', 'reset', 'set_joint_command',
@@ -28,3 +30,51 @@ class Command(NamedTuple):
 
 # Takes World.step_index as it was before a command, and the command.
 Observer = Callable[[int, Command], None]
+
+# Attributes of a world that are not its state: who observes it, and what is being done to it.
+OWN = ('_observers', '_command')
+
+
+class Commanded(Readings):
+    """The part of World that does commands, and tells who observes them."""
+
+    step_index: int
+    _observers: list[Observer]
+    _command: Command | None    # that is being applied
+
+    def _begin_commands(self) -> None:
+        self._observers = []
+        self._command = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy has: nobody observes it."""
+        return {**self.__dict__, '_observers': []}
+
+    def apply(self, command: Command) -> None:
+        """
+        Do what a command says; ValueError, and nothing is done, where the method would refuse it.
+
+        TypeError for arguments that the method does not have.
+        """
+        if command.kind not in KINDS:
+            raise ValueError(f'{command.kind!r} is no command, must be one of: '
+                             f'{", ".join(sorted(KINDS))}')
+        self._command = command
+        try:
+            getattr(self, command.kind)(**command.given)
+        finally:
+            self._command = None
+
+    def observe(self, observer: Observer) -> None:
+        """Call an observer after each command that was done, also by a call of its method."""
+        self._observers.append(observer)
+
+    def forget(self, observer: Observer) -> None:
+        """Call an observer no more."""
+        self._observers.remove(observer)
+
+    def _tell(self, kind: str, step: int | None = None, **arguments: Any) -> None:
+        """Tell the observers of a command that was done, at this step unless another is given."""
+        for observer in self._observers:
+            observer(self.step_index if step is None else step,
+                     self._command or Command(kind, arguments))

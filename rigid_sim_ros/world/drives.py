@@ -17,9 +17,10 @@ from rigid_sim_ros.scene.joint_groups import model_of
 from rigid_sim_ros.scene.joints import MODES, set_drive
 from rigid_sim_ros.scene.schema import JointDrive
 from rigid_sim_ros.world.bounds import check_joint, check_joint_change
-from rigid_sim_ros.world.joints import finite, WithJoints
+from rigid_sim_ros.world.joints import WithJoints
 from rigid_sim_ros.world.trajectories import (
     extremes, FIELDS as PATH_FIELDS, pieces, start_of, Trajectories, Waypoints)
+from rigid_sim_ros.world.values import duration_in_steps, finite
 
 _TURN = 2.0 * math.pi
 # [rad/s or m/s] What a planner leaves of a velocity of 0 in single precision.
@@ -41,7 +42,6 @@ class _Goal(NamedTuple):
 class WithDrives(WithJoints):
     """The part of `World` that tells drives what to do."""
 
-    step_index: int
     step_ns: int
     _paths: Trajectories
 
@@ -103,7 +103,7 @@ class WithDrives(WithJoints):
         return _Goal(j, k, drive, mode, p, v, e)
 
     def _follow_goals(self, goals: Sequence[_Goal], duration: float | None) -> None:
-        steps = LASTS if duration is None else self._steps(duration)
+        steps = LASTS if duration is None else duration_in_steps(duration, self._model.h)
         if steps == 0 or self._joints is None:
             return
         drives = self._joints.motion.drives

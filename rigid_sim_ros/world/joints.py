@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a world offers of its joints."""
 
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,12 +17,14 @@ from rigid_sim_ros.scene import Scene
 from rigid_sim_ros.scene.joints import CLOSED, gap_of
 from rigid_sim_ros.scene.schema import Bounds
 from rigid_sim_ros.world.bounds import check_joint
-from rigid_sim_ros.world.readings import Readings
+from rigid_sim_ros.world.commands import Commanded
+from rigid_sim_ros.world.values import finite, some
 
 if TYPE_CHECKING:
     from rigid_sim_ros.engine.state.state import BodyMotion
 
-class WithJoints(Readings):
+
+class WithJoints(Commanded):
     """
     The part of `World` that is about joints.
 
@@ -32,8 +34,8 @@ class WithJoints(Readings):
     """
 
     scene: Scene
-    _joints: JointedMotion | None
     _bounds: Bounds
+    _joints: JointedMotion | None
 
     def _joint_setup(self) -> JointSetup | None:
         joints = self.scene.joints
@@ -110,14 +112,6 @@ class WithJoints(Readings):
         f, n = joints.motion.wrench[j].reshape(2, 3).tolist()
         return np.array([*rotate((x, y, z, w), tuple(f)), *rotate((x, y, z, w), tuple(n))])
 
-    def _steps(self, duration: float | None) -> int:
-        """Return a duration in steps."""
-        raise NotImplementedError
-
-    def _tell(self, kind: str, step: int | None = None, **arguments: Any) -> None:
-        """Tell the observers of a command that was done."""
-        raise NotImplementedError
-
     def set_joint_state(self, name: str, position: float, velocity: float = 0.0) -> None:
         """
         Put a joint with one axis at a position [rad or m] and a velocity [rad/s or m/s].
@@ -170,9 +164,8 @@ class WithJoints(Readings):
     def _known_joint(self, name: str) -> tuple[JointedMotion, int]:
         names = self.joint_names
         if self._joints is None or name not in names:
-            some = ', '.join(names[:8]) + (f', ... ({len(names)} in all)' if len(names) > 8
-                                           else '') or 'none, the scene has no joints'
-            raise ValueError(f'joint {name!r} does not exist, must be one of: {some}')
+            raise ValueError(f'joint {name!r} does not exist, must be one of: '
+                             f'{some(names) or "none, the scene has no joints"}')
         return self._joints, names.index(name)
 
     def kinetic_energy(self) -> float:
@@ -232,16 +225,3 @@ class WithJoints(Readings):
             return
         self._joints.assemble(self._state, motion.position.copy(),
                               np.zeros(len(motion.rate), dtype=np.int64), motion.rate.copy())
-
-
-def finite(what: str, value: float | None, default: float) -> float:
-    """Return a finite number, or raise ValueError."""
-    if value is None:
-        return default
-    try:
-        number = float(value)
-    except (TypeError, ValueError, OverflowError):
-        raise ValueError(f'{what} {value!r}, must be a number') from None
-    if not np.isfinite(number):
-        raise ValueError(f'{what} {value!r}, must be finite')
-    return number

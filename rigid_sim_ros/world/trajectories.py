@@ -18,6 +18,7 @@ from rigid_sim_ros.kernels.arrays import Array, IntArray
 
 _SECOND = 1_000_000_000
 _ORDER = 5
+_POWERS = np.arange(1.0, _ORDER + 1)
 # What a point may lack is not a number.
 _NOT_GIVEN = np.nan
 # [ns] Far beyond any simulation, and twice as much is still a 64-bit integer.
@@ -143,10 +144,10 @@ class Trajectories:
         self._begin: IntArray = begin               # [ns] of simulation time
         self._coefficient: Array = coefficient      # (r, 6) of the powers of time [s]
         # The joints that follow a curve, (j,), their present rows, and where those end.
-        self.joints: IntArray
-        self._now: IntArray
-        self.joints, self._now = np.unique(joint, return_index=True)
-        self._end: IntArray = np.append(self._now[1:], len(joint))[:len(self._now)]
+        joints, now = np.unique(joint, return_index=True)
+        self.joints: IntArray = joints
+        self._now: IntArray = now
+        self._end: IntArray = np.append(now[1:], len(joint))[:len(now)]
 
 
 def pieces(points: Waypoints, j: int, start_ns: int, now_ns: int, position: float,
@@ -191,7 +192,7 @@ def extremes(begins: Sequence[int], coefficients: Sequence[Array]) -> tuple[Arra
         for T, c in zip(lasting, coefficients, strict=True):
             s = np.linspace(0.0, T, 9)
             positions.append(np.polynomial.polynomial.polyval(s, c))
-            velocities.append(np.polynomial.polynomial.polyval(s, c[1:] * np.arange(1, _ORDER + 1)))
+            velocities.append(np.polynomial.polynomial.polyval(s, c[1:] * _POWERS))
     return np.concatenate(positions), np.concatenate(velocities)
 
 

@@ -24,6 +24,26 @@ def some(names: Sequence[str]) -> str:
     return ', '.join(names[:8]) + (f', ... ({len(names)} in all)' if len(names) > 8 else '')
 
 
+def duration_in_steps(duration: Any, h: float) -> int:
+    """Return a duration [s] in whole steps of h [s], or raise ValueError."""
+    if not 0.0 <= duration < float('inf'):
+        raise ValueError(f'duration {duration!r} s, must be finite and >= 0')
+    return round(min(duration / h, 2.0 ** 62))
+
+
+def finite(what: str, value: Any, default: float) -> float:
+    """Return a finite number, the default for None, or raise ValueError."""
+    if value is None:
+        return default
+    try:
+        number = float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f'{what} {value!r}, must be a number') from None
+    if not np.isfinite(number):
+        raise ValueError(f'{what} {value!r}, must be finite')
+    return number
+
+
 def vector(what: str, value: ArrayLike) -> Array:
     """Return three finite numbers, or raise ValueError."""
     try:

@@ -21,16 +21,18 @@ from rigid_sim_ros.kernels.argument_pack import ArgumentPack
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.scene import read_scene, Scene, scene_from_dict
 from rigid_sim_ros.world.applied_wrenches import AppliedWrenches, FIELDS
-from rigid_sim_ros.world.bounds import check_change, check_position, check_twist
+from rigid_sim_ros.world.bounds import (
+    changes_of_twist, check_change, check_position, check_reach, check_twist)
 from rigid_sim_ros.world.changes import (
     changed, checked, moved, Numbering, order_after, places_between, wake)
-from rigid_sim_ros.world.commands import Command, KINDS, Observer
+from rigid_sim_ros.world.commands import OWN
 from rigid_sim_ros.world.drives import WithDrives
 from rigid_sim_ros.world.posed import FIELDS as POSED_FIELDS, Posed
 from rigid_sim_ros.world.snapshot import pack, unpack
 from rigid_sim_ros.world.snapshot_check import check, Sizes
 from rigid_sim_ros.world.trajectories import FIELDS as PATH_FIELDS
-from rigid_sim_ros.world.values import some, step_count, unit_quaternion, vector
+from rigid_sim_ros.world.values import (
+    duration_in_steps, some, step_count, unit_quaternion, vector)
 
 
 def load_scene(scene: str | os.PathLike[str]) -> 'World':
@@ -55,8 +57,7 @@ class World(WithDrives):
         """Put every body where the scene says."""
         self._origin = scene
         self._changes: list[list[Any]] = []     # bodies that came and went since, see `add`
-        self._observers: list[Observer] = []
-        self._command: Command | None = None    # that is being applied
+        self._begin_commands()
         self._threads = 1
         self.step_index = 0
         self._set_up(scene, _order(scene))
@@ -88,10 +89,6 @@ class World(WithDrives):
         self._pack = ArgumentPack(MotionArguments(self._model, self._state, self._motion))
         self._motion_is_current = False
         self._begin_joints()
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return what a copy has: nobody observes it."""
-        return {**self.__dict__, '_observers': []}
 
     @classmethod
     def from_dict(cls, scene: Mapping[str, Any]) -> 'World':
@@ -154,37 +151,6 @@ class World(WithDrives):
                 f'step {self.step_index}; use a step smaller than {self._model.h:g} s or softer '
                 'forces')
 
-    # --- commands -----------------------------------------------------------------------------
-
-    def apply(self, command: Command) -> None:
-        """
-        Do what a command says; ValueError, and nothing is done, where the method would refuse it.
-
-        TypeError for arguments that the method does not have.
-        """
-        if command.kind not in KINDS:
-            raise ValueError(f'{command.kind!r} is no command, must be one of: '
-                             f'{", ".join(sorted(KINDS))}')
-        self._command = command
-        try:
-            getattr(self, command.kind)(**command.given)
-        finally:
-            self._command = None
-
-    def observe(self, observer: Observer) -> None:
-        """Call an observer after each command that was done, also by a call of its method."""
-        self._observers.append(observer)
-
-    def forget(self, observer: Observer) -> None:
-        """Call an observer no more."""
-        self._observers.remove(observer)
-
-    def _tell(self, kind: str, step: int | None = None, **arguments: Any) -> None:
-        """Tell the observers of a command that was done, at this step unless another is given."""
-        for observer in self._observers:
-            observer(self.step_index if step is None else step,
-                     self._command or Command(kind, arguments))
-
     # --- inputs -------------------------------------------------------------------------------
 
     def apply_wrench(self, name: str, force: ArrayLike = (0.0, 0.0, 0.0),
@@ -202,28 +168,27 @@ class World(WithDrives):
         applied before. ValueError for an unknown body or frame, for numbers that are not finite
         or, within a step, beyond the scene's bounds, and for a duration below 0.
         """
-        body, f, t = self._body(name), vector('force', force), vector('torque', torque)
-        self._check_change(body, self._model.h * f, self._model.h * t)
-        self._apply(body, self._frame(frame), f, t,
-                    None if point is None else vector('point', point), self._steps(duration),
-                    source)
+        body, F, f, t = (self._body(name), self._frame(frame), vector('force', force),
+                         vector('torque', torque))
+        p_F = self._point(body, F, point)
+        self._check_change(body, F, p_F, self._model.h * f, self._model.h * t)
+        self._apply(body, F, f, t, p_F, 1 if duration is None else duration_in_steps(
+            duration, self._model.h), source)
         self._tell('apply_wrench', name=name, force=f, torque=t, frame=frame, point=point,
                    duration=duration, source=source)
 
-    def _check_change(self, body: int, J: Array, K: Array) -> None:
-        """Raise ValueError for an impulse [N s] and an angular one [N m s] beyond all bounds."""
-        with np.errstate(over='ignore'):        # infinity is beyond them too
-            linear = J * self._model.inv_m[body]
-            angular = K * self._model.inv_I_C[:, body].max()
-        check_change(self._bounds, self.names[self._order[body]], linear, angular)
+    def _check_change(self, body: int, frame: int, p_F: Array | None, J_F: Array,
+                      K_F: Array) -> None:
+        """Raise ValueError for an impulse [N s], angular [N m s], of too much effect."""
+        check_change(self._bounds, self.names[self._order[body]], *changes_of_twist(
+            self._model, self._state, body, frame, p_F, J_F, K_F))
 
     def _apply(self, body: int, frame: int, force: Array, torque: Array, point: Array | None,
                steps: int, source: str | None) -> None:
         if source is not None:
             self._applied.remove(source)
         if steps > 0:
-            self._applied.add(source or '', body, frame, self._point(body, frame, point), force,
-                              torque, steps)
+            self._applied.add(source or '', body, frame, point, force, torque, steps)
 
     def cancel_wrenches(self, source: str) -> None:
         """End what a source applied."""
@@ -244,8 +209,8 @@ class World(WithDrives):
         """
         body, f = self._body(name), self._frame(frame)
         J = vector('impulse', impulse)
-        self._check_change(body, J, np.zeros(3))
-        p_F = self._point(body, f, None if point is None else vector('point', point))
+        p_F = self._point(body, f, point)
+        self._check_change(body, f, p_F, J, np.zeros(3))
         p_W = tuple(self._state.x[:, body])
         if p_F is not None:
             p_W, _ = point_on_frame(self._model, self._state, f, tuple(p_F))
@@ -319,18 +284,12 @@ class World(WithDrives):
             raise ValueError(f"frame {frame!r} does not exist, must be 'world' or one of: "
                              f'{some(list(self.frame_names))}') from None
 
-    def _point(self, body: int, frame: int, point: Array | None) -> Array | None:
+    def _point(self, body: int, frame: int, point: ArrayLike | None) -> Array | None:
         """Return where in a frame a force acts; None is the centre of mass."""
-        if point is None and frame != WORLD and self._model.frame_body[frame] == body:
-            return np.zeros(3)
-        return point
-
-    def _steps(self, duration: float | None) -> int:
-        if duration is None:
-            return 1
-        if not 0.0 <= duration < float('inf'):
-            raise ValueError(f'duration {duration!r} s, must be finite and >= 0')
-        return round(min(duration / self._model.h, 2.0 ** 62))
+        if point is not None:
+            return vector('point', point)
+        own = frame != WORLD and self._model.frame_body[frame] == body
+        return np.zeros(3) if own else None
 
     # --- the state as a whole -----------------------------------------------------------------
 
@@ -392,6 +351,7 @@ class World(WithDrives):
             raise ValueError('the snapshot numbers the bodies in another way: it was saved by '
                              'another version; run the scene from its start')
         check(meta, arrays, self._dynamic(), self._sizes, self.step_ns)
+        check_reach(self._bounds, self._model, self._start, arrays)
         self._take(arrays, meta['sources'])
         self.step_index = meta['step_index']
 
@@ -448,7 +408,7 @@ class World(WithDrives):
         """Be another world from now on; who observes this one goes on observing it."""
         threads = self._threads
         self.__dict__.update({name: value for name, value in other.__dict__.items()
-                              if name not in ('_observers', '_command')})
+                              if name not in OWN})
         self.threads = threads
 
     def _scene_after(self, changes: list[list[Any]]) -> Scene:

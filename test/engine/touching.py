@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rigid_sim_ros.engine.contact.carried_forces import Carried
 from rigid_sim_ros.engine.contact.penalty_force import PenaltySettings
 from rigid_sim_ros.engine.detection.manifolds import current_manifolds, empty_memory
 from rigid_sim_ros.engine.dynamics.forces import WIDTH
 from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches
-from rigid_sim_ros.engine.events.buffers import Carried, EventSettings
+from rigid_sim_ros.engine.events.buffers import EventSettings
 from rigid_sim_ros.engine.model.inertia import MassProperties
 from rigid_sim_ros.engine.model.kinds.box import box as box_mass
 from rigid_sim_ros.engine.model.kinds.sphere import sphere

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros import World
+from rigid_sim_ros.world.snapshot import pack, unpack
 
 HUGE, NOTHING, UPRIGHT = (1e308, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
 
@@ -44,3 +45,24 @@ def test_a_wrench_is_measured_by_what_it_does_in_a_step():
     world.apply_wrench('crate', (12.0, 0.0, 0.0))       # 12 N * 0.5 s / 2 kg = 3 m/s
     with pytest.raises(ValueError, match='must be within 3 m/s'):
         world.apply_wrench('crate', (12.1, 0.0, 0.0))
+
+
+@pytest.mark.parametrize('kind', ['apply_wrench', 'apply_impulse'])
+def test_the_lever_of_a_force_counts(kind):
+    world = world_of(step=1.0, bounds={'angular': 30.0})
+    # I = m a^2 / 6 = 1/3 kg m^2; 1 N s at a lever of 10 m gives 30 rad/s.
+    getattr(world, kind)('crate', (0.0, 1.0, 0.0), point=(10.0, 0.0, 0.0))
+    with pytest.raises(ValueError, match='must be within 30 rad/s'):
+        getattr(world, kind)('crate', (0.0, 1.0, 0.0), point=(10.2, 0.0, 0.0))
+
+
+@pytest.mark.parametrize('field, value', [
+    ('x', 1e16), ('P', 1e14), ('L', 1e12), ('force', 1e17), ('torque', 1e15), ('point', 1e15)])
+def test_a_snapshot_of_what_no_world_reaches_is_refused(field, value):
+    world = world_of()
+    world.apply_wrench('crate', (0.0, 1.0, 0.0), point=(0.1, 0.0, 0.0), duration=1.0)
+    meta, arrays = unpack(world.save())
+    world.restore(pack(meta, arrays))
+    arrays[field] = np.full_like(arrays[field], value)
+    with pytest.raises(ValueError, match='must be within'):
+        world.restore(pack(meta, arrays))

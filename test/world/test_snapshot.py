@@ -165,8 +165,7 @@ def test_fuzzed_arrays_are_taken_or_refused(model, data) -> None:
             arrays[name] = array
         if not arrays:
             break
-    # A step of the model `event` from numbers beyond all bounds of a scene may take minutes.
-    check(model, pack(meta, arrays), steps=0 if model == 'event' else 3)
+    check(model, pack(meta, arrays), steps=3)
 
 
 HEADERS = st.recursive(

@@ -150,6 +150,23 @@ def semi_implicit(model: Model, state: State, wrenches: Wrenches, orientation: i
 
 
 @kernel
+def kick_drift_kick(model: Model, state: State, loads: Loads, block: Array) -> None:
+    """Advance by h under constant loads; `block` is scratch memory of `fly`."""
+    kick(state, loads, 0.5 * model.h)
+    # np.int64(1) and not 1: Numba would compile another copy for the literal.
+    fly(model, state, (0.0, 0.0, 0.0), model.h, np.int64(1), block)
+    move_kinematic(model, state, model.h)
+    kick(state, loads, 0.5 * model.h)
+
+
+@kernel
+def kick_by_change(state: State, loads: Loads, later: Loads, h: float) -> None:
+    """Put the loads at the new poses in the place of those before, in the second half of h."""
+    kick(state, later, 0.5 * h)
+    kick(state, loads, -0.5 * h)
+
+
+@kernel
 def symplectic(model: Model, state: State, wrenches: Wrenches, orientation: int,
                work: Work) -> None:
     """
@@ -161,16 +178,11 @@ def symplectic(model: Model, state: State, wrenches: Wrenches, orientation: int,
     Wanner, Geometric Numerical Integration, sections I.1.4 and VII.5); exact for constant forces.
     """
     sum_loads(model, state, wrenches, work.loads)
-    kick(state, work.loads, 0.5 * model.h)
-    # np.int64(1) and not 1: Numba would compile another copy for the literal.
-    fly(model, state, (0.0, 0.0, 0.0), model.h, np.int64(1), work.block)
-    move_kinematic(model, state, model.h)
-    kick(state, work.loads, 0.5 * model.h)
+    kick_drift_kick(model, state, work.loads, work.block)
     # The momenta are now what constant loads would have made of them, right to first order: good
     # enough for loads that depend on velocities to keep the whole step at order 2.
     sum_loads(model, state, wrenches, work.later)
-    kick(state, work.later, 0.5 * model.h)
-    kick(state, work.loads, -0.5 * model.h)
+    kick_by_change(state, work.loads, work.later, model.h)
 
 
 @kernel

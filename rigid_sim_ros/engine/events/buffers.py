@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The settings of the model `event`, and the memory of its compiled part."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from rigid_sim_ros.engine.contact.carried_forces import Carried, longer, no_forces
 from rigid_sim_ros.engine.contact.contact_newton import make_newton, Newton
 from rigid_sim_ros.engine.contact.contact_rows import make_rows, Rows
 from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts, make_bodies, make_contacts
@@ -33,16 +34,6 @@ class EventSettings(NamedTuple):
     # In a step; the rest of the step then runs without backtracking, and says so
     max_events: int = 300
     max_bounces: int = 32  # of two bodies in one step, before they collide with e = 0
-
-
-class Carried(NamedTuple):
-    """The forces of the last step, from which the next solution starts."""
-
-    shape_a: IntArray  # (c,)
-    shape_b: IntArray  # (c,)
-    feature: IntArray  # (c,)
-    force: Array  # (c, 3) [N] on B, world axes
-    torque: Array  # (c, 3) [N m] on B, world axes, against spinning and rolling
 
 
 # Why the kernel stops.
@@ -139,25 +130,7 @@ def more_pairs(buffers: Buffers, pairs: int) -> Buffers:
                             groups=buffers.groups._replace(pair=room.copy()))
 
 
-def more_forces(forces: Carried, points: int) -> Carried:
-    """Return the forces with room for twice as many points."""
-    return Carried._make(longer(field, 2 * points) for field in forces)
-
-
-def no_forces() -> Carried:
-    """Return what is carried over where nothing touched."""
-    none = np.zeros(0, dtype=np.int64)
-    return Carried(none, none, none, np.zeros((0, 3)), np.zeros((0, 3)))
-
-
 def more_manifolds(buffers: Buffers, rows: int) -> Buffers:
     """Return buffers for twice as many manifolds, or pairs of bodies that collided."""
     return buffers._replace(order=np.zeros((2, 2 * rows), dtype=np.int64),
                             bounced=longer(buffers.bounced, 2 * rows))
-
-
-def longer(array: Array | IntArray, rows: int) -> Any:
-    """Return the array with room for `rows` rows, if that is more than it has."""
-    longer_one = np.zeros((max(rows, len(array)), *array.shape[1:]), dtype=array.dtype)
-    longer_one[:len(array)] = array
-    return longer_one

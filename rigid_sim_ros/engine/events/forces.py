@@ -2,24 +2,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """The forces at the resting points of a group, for the time until its next event."""
 
+from rigid_sim_ros.engine.contact.carried_forces import (
+    Carried, copy_force, keep_force, recall_forces)
 from rigid_sim_ros.engine.contact.classify import classify, COLLIDING, resting_speed
 from rigid_sim_ros.engine.contact.contact_ahead import carry_ahead, turn_bodies
 from rigid_sim_ros.engine.contact.contact_newton import FEW_STEPS, number_bodies, solve_rows
 from rigid_sim_ros.engine.contact.contact_rows import (
     apply_forces, Rows, sweep_rows, violation, write_rows)
 from rigid_sim_ros.engine.contact.contacts import (
-    Bodies, Contacts, length, push_rows, read_rates, relative, to_contact, to_world,
-    torque_in_world)
+    Bodies, Contacts, push_rows, read_rates, relative, to_contact)
 from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, ENOUGH, TOLERANCE
 from rigid_sim_ros.engine.contact.resting_qp import CLOSING, LIFTING, resting_rates
 from rigid_sim_ros.engine.detection.backtrack import film
 from rigid_sim_ros.engine.detection.manifolds import Memory
 from rigid_sim_ros.engine.events.buffers import (
-    Buffers, Carried, CHOSEN, DEEP, DONE, EventSettings, KNOWN, MORE_ROWS, NEEDED, STUCK, TOUCHED,
+    Buffers, CHOSEN, DEEP, DONE, EventSettings, KNOWN, MORE_ROWS, NEEDED, STUCK, TOUCHED,
     UNSOLVED, WIDTH, WORST)
 from rigid_sim_ros.engine.events.groups import Groups
 from rigid_sim_ros.engine.events.move import load, shift_levers
-from rigid_sim_ros.engine.maths.algebra import row
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.engine.state.state import State
@@ -103,68 +103,18 @@ def _push_apart(model: Model, state: State, shapes: Shapes, settings: EventSetti
 
 
 @kernel
-def match_forces(contacts: Contacts, carried: Carried, known: int, match: IntArray) -> None:
-    """Write for each point which of the forces of the last step was there, -1: none."""
-    at = 0
-    for k in range(contacts.count[0]):
-        match[k] = -1
-        for tried in range(known):
-            # Both are in nearly the same order, so the search mostly ends at once.
-            i = (at + tried) % known
-            if (carried.shape_a[i] == contacts.shape_a[k]
-                    and carried.shape_b[i] == contacts.shape_b[k]
-                    and carried.feature[i] == contacts.feature[k]):
-                match[k], at = i, i + 1
-                break
-
-
-@kernel
-def _recall(model: Model, contacts: Contacts, chosen: IntArray, width: int, carried: Carried,
-            match: IntArray, f: Array) -> bool:
-    """
-    Write the forces of the last step at the points that were there already, 0 at the others.
-
-    Returns whether any was.
-    """
-    f[:width * chosen.shape[0]] = 0.0
-    found = False
-    for c in range(chosen.shape[0]):
-        k, to = chosen[c], width * c
-        i = match[k]
-        if i < 0:
-            continue
-        f[to], f[to + 1], f[to + 2] = to_contact(contacts, k, row(carried.force, i))
-        if width == 6:
-            tau = to_contact(contacts, k, row(carried.torque, i))
-            arm = length(model, contacts, k)
-            f[to + 3], f[to + 4], f[to + 5] = tau[0] / arm, tau[1] / arm, tau[2] / arm
-        found = True
-    return found
-
-
-@kernel
 def remember(model: Model, shapes: Shapes, w: Buffers, carried: Carried) -> None:
     """Carry over the forces of the groups that moved, and keep those of the others."""
     contacts, g, width, kept = w.contacts, w.groups, w.count[WIDTH], 0
     for k in range(w.count[KNOWN]):
         of = max(g.of[shapes.body[carried.shape_a[k]]], g.of[shapes.body[carried.shape_b[k]]])
         if of >= 0 and g.way[of] == 0.0:
-            carried.shape_a[kept], carried.shape_b[kept] = carried.shape_a[k], carried.shape_b[k]
-            carried.feature[kept] = carried.feature[k]
-            for i in range(3):
-                carried.force[kept, i] = carried.force[k, i]
-                carried.torque[kept, i] = carried.torque[k, i]
+            copy_force(carried, kept, carried, k)
             kept += 1
     for k in range(contacts.count[0]):
         if w.held[k] == 0:
             continue
-        carried.shape_a[kept], carried.shape_b[kept] = contacts.shape_a[k], contacts.shape_b[k]
-        carried.feature[kept] = contacts.feature[k]
-        F = to_world(contacts, k, (w.force[k, 0], w.force[k, 1], w.force[k, 2]))
-        tau = torque_in_world(model, contacts, k, width, w.force[k], 0)
-        for i in range(3):
-            carried.force[kept, i] = F[i]
-            carried.torque[kept, i] = tau[i]
+        keep_force(model, contacts, k, width, w.force[k], carried, kept)
         kept += 1
     w.count[KNOWN] = kept
 
@@ -284,7 +234,7 @@ def balance(model: Model, state: State, shapes: Shapes, memory: Memory, settings
                      _closing(model, groups, g), rows.b):
         w.count[DEEP] = 1
     write_rows(model, contacts, w.bodies, chosen, width, COMPLIANCE, rows)
-    known = _recall(model, contacts, chosen, width, carried, w.match, rows.f)
+    known = recall_forces(model, contacts, chosen, width, carried, w.match, rows.f)
     _solve_with_levers(model, g, m, FEW_STEPS if known else 0, span, w)
     groups.effort[g] = w.newton.effort[0]
     return STUCK if w.number[WORST] > TOLERANCE and m <= FOR_OSQP else DONE

@@ -13,6 +13,7 @@ goes on from the stage, and the group, at which it stopped.
 
 import numpy as np
 
+from rigid_sim_ros.engine.contact.carried_forces import Carried, copy_forces, match_forces
 from rigid_sim_ros.engine.contact.contacts import Contacts, read_bodies, row_count
 from rigid_sim_ros.engine.detection.backtrack import first_event
 from rigid_sim_ros.engine.detection.manifolds import current, Memory
@@ -20,10 +21,10 @@ from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic
 from rigid_sim_ros.engine.dynamics.wrenches import count_down, Wrenches
 from rigid_sim_ros.engine.events.buffers import (
-    BEGIN, BOUNCED, Buffers, Carried, COLLISIONS, CUT_SHORT, DEEPEST, DONE, EVENTS, EventSettings,
-    FRESH, GROUP, GROUPS, KNOWN, KNOWN_BEFORE, MEET, MORE_FORCES, MORE_PAIRS, NEEDED, NOW,
-    RESIDUAL, REST, SETTLE, SHOCK, STAGE, STEPS, STUCK, TRAVEL, TRIES, UNSOLVED, WIDTH)
-from rigid_sim_ros.engine.events.forces import balance, match_forces, remember, settle
+    BEGIN, BOUNCED, Buffers, COLLISIONS, CUT_SHORT, DEEPEST, DONE, EVENTS, EventSettings, FRESH,
+    GROUP, GROUPS, KNOWN, KNOWN_BEFORE, MEET, MORE_FORCES, MORE_PAIRS, NEEDED, NOW, RESIDUAL,
+    REST, SETTLE, SHOCK, STAGE, STEPS, STUCK, TRAVEL, TRIES, UNSOLVED, WIDTH)
+from rigid_sim_ros.engine.events.forces import balance, remember, settle
 from rigid_sim_ros.engine.events.groups import find_groups, may_go, near_pairs, note_way, reach_out
 from rigid_sim_ros.engine.events.move import move
 from rigid_sim_ros.engine.events.shock import find, look_near, PER_EVENT, PER_PAIR, record, shock
@@ -75,20 +76,11 @@ def _begin(model: Model, state: State, materials: Materials, carried: Carried,
         return MORE_FORCES
     begin_kinematic(model, state)
     copy_into(w.before, state)
-    _copy(w.forces_before, carried, known)
+    copy_forces(w.forces_before, carried, known)
     w.count[KNOWN_BEFORE], w.count[TRIES] = known, 0
     w.count[WIDTH] = row_count(materials)
     w.count[STAGE] = GROUP
     return DONE
-
-
-@kernel
-def _copy(to: Carried, forces: Carried, count: int) -> None:
-    for k in range(count):
-        to.shape_a[k], to.shape_b[k] = forces.shape_a[k], forces.shape_b[k]
-        to.feature[k] = forces.feature[k]
-        for i in range(3):
-            to.force[k, i], to.torque[k, i] = forces.force[k, i], forces.torque[k, i]
 
 
 @kernel
@@ -185,7 +177,7 @@ def _travel(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, memo
             loads.tau[i, j] += w.loads.tau[i, j]
     if not _may_go(model, state, shapes, w):
         copy_into(state, w.before)
-        _copy(carried, w.forces_before, w.count[KNOWN_BEFORE])
+        copy_forces(carried, w.forces_before, w.count[KNOWN_BEFORE])
         w.count[KNOWN] = w.count[KNOWN_BEFORE]
         w.count[TRIES] += 1
         w.count[STAGE] = GROUP

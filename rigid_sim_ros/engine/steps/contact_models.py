@@ -13,13 +13,14 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from rigid_sim_ros.engine.contact.carried_forces import Carried, no_forces
 from rigid_sim_ros.engine.contact.penalty_force import PenaltySettings
 from rigid_sim_ros.engine.detection.manifolds import (
     CONTACTS, current_manifolds, earlier_manifolds, empty_memory, lasting, Manifolds, Memory,
     PAIRS, POINTS, slice_in_use, with_lasting, WITNESSED)
 from rigid_sim_ros.engine.dynamics.integrate import make_work, ORIENTATIONS
 from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches, Wrenches
-from rigid_sim_ros.engine.events.buffers import Carried, EventSettings, no_forces
+from rigid_sim_ros.engine.events.buffers import EventSettings
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import can_meet, Materials, Shapes
 from rigid_sim_ros.engine.solver.arguments import (

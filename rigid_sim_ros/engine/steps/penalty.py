@@ -16,7 +16,7 @@ from rigid_sim_ros.engine.contact.penalty_force import penalty_forces, PenaltySe
 from rigid_sim_ros.engine.detection.detect import detect_ahead
 from rigid_sim_ros.engine.detection.manifolds import current, grown, Manifolds, Memory
 from rigid_sim_ros.engine.dynamics.free_flight import fly
-from rigid_sim_ros.engine.dynamics.integrate import make_work, sum_loads, Work
+from rigid_sim_ros.engine.dynamics.integrate import kick_by_change, make_work, sum_loads, Work
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic, move_kinematic
 from rigid_sim_ros.engine.dynamics.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.dynamics.wrenches import count_down, Wrenches
@@ -189,8 +189,7 @@ def _last_kick(model: Model, state: State, wrenches: Wrenches, work: Work) -> No
     """Kick by the other half, with the loads at the new pose; see `integrate.symplectic`."""
     kick(state, work.loads, 0.5 * model.h)
     sum_loads(model, state, wrenches, work.later)
-    kick(state, work.later, 0.5 * model.h)
-    kick(state, work.loads, -0.5 * model.h)
+    kick_by_change(state, work.loads, work.later, model.h)
     end_kinematic(model, state)
     count_down(wrenches)
 

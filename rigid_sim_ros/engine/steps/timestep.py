@@ -20,9 +20,10 @@ from rigid_sim_ros.engine.detection.manifolds import (
 from rigid_sim_ros.engine.detection.narrow_phase.collide import BOXES, FAMILY, SEARCHED
 from rigid_sim_ros.engine.dynamics.forces import add_scene_forces
 from rigid_sim_ros.engine.dynamics.free_flight import fly
-from rigid_sim_ros.engine.dynamics.integrate import begin_loads, end_loads
+from rigid_sim_ros.engine.dynamics.integrate import (
+    begin_loads, end_loads, kick_by_change, kick_drift_kick)
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic, move_kinematic
-from rigid_sim_ros.engine.dynamics.loads import kick, Loads
+from rigid_sim_ros.engine.dynamics.loads import Loads
 from rigid_sim_ros.engine.dynamics.wrenches import count_down
 from rigid_sim_ros.engine.solver.arguments import Arguments, with_memory
 from rigid_sim_ros.engine.solver.parallel_detection import (
@@ -75,17 +76,14 @@ def advance_steps(c: Arguments, count: int) -> int:
 @kernel
 def advance_alone(c: Arguments, count: int) -> int:
     """Take steps of a world in which nothing can meet anything: kick, drift, kick."""
-    model, state, loads = c.model, c.state, c.work.loads
+    model, state = c.model, c.state
     if model.forces.kind.shape[0] + c.wrenches.in_use[0] + model.fixed.shape[0] == 0:
         fly_all(c, count)
         return count
     for _ in range(count):
         begin_step(c)
         apply_forces(c)
-        kick(state, loads, 0.5 * model.h)
-        fly(model, state, (0.0, 0.0, 0.0), model.h, np.int64(1), c.work.block)
-        move_kinematic(model, state, model.h)
-        kick(state, loads, 0.5 * model.h)
+        kick_drift_kick(model, state, c.work.loads, c.work.block)
         apply_later_forces(c)
         end_step(c)
     return count
@@ -256,8 +254,7 @@ def apply_later_forces(c: Arguments) -> None:
     """Kick by half of the change of the loads, as in the symplectic method: at the new poses."""
     if c.work.loaded[0] == 1:
         sum_loads(c, c.work.later, 1)
-        kick(c.state, c.work.later, 0.5 * c.model.h)
-        kick(c.state, c.work.loads, -0.5 * c.model.h)
+        kick_by_change(c.state, c.work.loads, c.work.later, c.model.h)
 
 
 @kernel
