@@ -248,7 +248,7 @@ class Publishers:
         """Create a publisher for each body; `messages` go out through it at a time."""
         message_type = kinds.PUBLISHED[kind].type
         publishers = [self._node.create_publisher(
-            _message_class(message_type), kinds.topic_name(kind, body=body), self._qos[kind])
+            message_class(message_type), kinds.topic_name(kind, body=body), self._qos[kind])
             for body in bodies]
         self._all += publishers
         known = kind if kinds.PUBLISHED[kind].is_made_again else ''
@@ -282,7 +282,7 @@ class Publishers:
             self.recording_ns += perf_counter_ns() - start_ns
 
 
-def _message_class(message_type: str) -> type:
+def message_class(message_type: str) -> type:
     """Return the class of a message type, 'package/msg/Type'; ImportError if there is none."""
     package, _, name = message_type.split('/')
     found: type = getattr(import_module(f'{package}.msg'), name)
@@ -292,7 +292,7 @@ def _message_class(message_type: str) -> type:
 def check_tf() -> None:
     """Raise ParameterError where tf2_msgs is not installed."""
     try:
-        _message_class(kinds.PUBLISHED[kinds.TRANSFORMS].type)
+        message_class(kinds.PUBLISHED[kinds.TRANSFORMS].type)
     except ImportError as error:
         raise ParameterError(
             f'parameter publish_tf: the package tf2_msgs is not installed ({error}): install it '

@@ -3,7 +3,7 @@
 """A checked description of a scene becomes the model and the state that the engine runs."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 import json
 import logging
 from pathlib import Path
@@ -52,9 +52,10 @@ class Scene:
     contact: str
     solver: str
 
-    # URDF of each model that has one, by its name, as ~/MODEL/robot_description publishes it. It
-    # follows from `text`: `verify` reads it again from there.
-    descriptions: Mapping[str, str] = field(default_factory=dict)
+    @property
+    def descriptions(self) -> Mapping[str, str]:
+        """Return the URDF of each model that has one, for ~/MODEL/robot_description."""
+        return self.spec.descriptions or {}
 
     @property
     def step_ns(self) -> int:

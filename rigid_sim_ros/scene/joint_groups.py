@@ -7,9 +7,6 @@ from typing import NamedTuple
 
 from rigid_sim_ros.scene import schema
 
-# Types of joints that have one coordinate, as sensor_msgs/JointState needs it.
-ONE_AXIS = ('revolute', 'continuous', 'prismatic')
-
 
 class JointGroup(NamedTuple):
     """The joints with one coordinate of a model."""
@@ -34,7 +31,7 @@ def joint_groups(joints: Sequence[schema.Joint] | None) -> list[JointGroup]:
     """Return the groups, in the order of their first joints."""
     found: dict[str, list[int]] = {}
     for j, joint in enumerate(joints or ()):
-        if joint.type in ONE_AXIS:
+        if joint.type in schema.ONE_AXIS:
             found.setdefault(model_of(joint.name), []).append(j)
     named = joints or ()
     return [JointGroup(model, tuple(named[j].name.removeprefix(f'{model}/') if model else

@@ -72,6 +72,13 @@ class Trajectories:
     A piece holds until the next one of its joint begins; the last one is constant.
     """
 
+    joints: IntArray        # that follow a curve, (j,)
+    _now: IntArray          # (j,) their present rows
+    _end: IntArray          # (j,) where their rows end
+    _joint: IntArray        # (r,)
+    _begin: IntArray        # (r,) [ns] of simulation time
+    _coefficient: Array     # (r, 6) of the powers of time since then [s]
+
     def __init__(self) -> None:
         """Begin with none."""
         self.clear()
@@ -140,14 +147,9 @@ class Trajectories:
 
     def _hold(self, joint: IntArray, begin: IntArray, coefficient: Array) -> None:
         """Keep these rows, of which the first of each joint is the present one."""
-        self._joint: IntArray = joint
-        self._begin: IntArray = begin               # [ns] of simulation time
-        self._coefficient: Array = coefficient      # (r, 6) of the powers of time [s]
-        # The joints that follow a curve, (j,), their present rows, and where those end.
-        joints, now = np.unique(joint, return_index=True)
-        self.joints: IntArray = joints
-        self._now: IntArray = now
-        self._end: IntArray = np.append(now[1:], len(joint))[:len(now)]
+        self._joint, self._begin, self._coefficient = joint, begin, coefficient
+        self.joints, self._now = np.unique(joint, return_index=True)
+        self._end = np.append(self._now[1:], len(joint))[:len(self._now)]
 
 
 def pieces(points: Waypoints, j: int, start_ns: int, now_ns: int, position: float,
