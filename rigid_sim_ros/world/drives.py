@@ -74,6 +74,9 @@ class WithDrives(WithJoints):
         commands are by the names of the joints: what `set_joint_command` takes besides them, as
         in {'shoulder': {'mode': 'position', 'position': 0.5}}.
         """
+        if not isinstance(commands, Mapping) or not all(
+                isinstance(told, Mapping) for told in commands.values()):
+            raise ValueError(f'commands {commands!r:.80}, must be a mapping of joints to mappings')
         goals = [self._goal(name, **told) for name, told in commands.items()]
         self._follow_goals(goals, duration)
         self._tell('set_joint_commands', commands={
@@ -157,7 +160,7 @@ class WithDrives(WithJoints):
             set_drive(motion.drives, k, drive, 'position', float(motion.position[j]),
                       float(motion.rate[k]), 0.0)
             motion.drives.steps_left[k] = LASTS
-        self._tell('follow_trajectory', names=list(names), times=points.times / 1e9,
+        self._tell('follow_trajectory', names=list(names), times=points.seconds,
                    positions=points.positions, velocities=points.velocities,
                    accelerations=points.accelerations, start=start)
 
@@ -238,10 +241,11 @@ class WithDrives(WithJoints):
         if self._joints is None:
             return
         joint, begin, _ = (arrays[name] for name in PATH_FIELDS)
-        drives = (self.scene.spec.joints or ())
-        if any(drives[j].drive is None or self._axis_of(j) == NONE for j in set(joint.tolist())):
-            raise ValueError('the snapshot has trajectories of joints without drives: it was '
-                             'changed, or saved by another version')
+        drives = [one.drive for one in self.scene.spec.joints or ()]
+        if any((drive := drives[j]) is None or drive.stiffness is None or self._axis_of(j) == NONE
+               for j in set(joint.tolist())):
+            raise ValueError('the snapshot has trajectories of joints whose drives cannot lead '
+                             'them: it was changed, or saved by another version')
         if (np.diff(joint) < 0).any() or (np.diff(begin)[np.diff(joint) == 0] <= 0).any():
             raise ValueError('the snapshot has trajectories that are not sorted: it was changed, '
                              'or saved by another version')

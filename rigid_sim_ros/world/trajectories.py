@@ -46,6 +46,7 @@ class Waypoints:
             raise ValueError(f'{p} times, must be one for each of 1 to {_MOST_POINTS} points')
         if not (np.isfinite(seconds).all() and seconds[0] >= 0.0 and seconds[-1] < 1e9):
             raise ValueError(f'times {seconds.tolist()}, must be finite numbers from 0 to 1e9 s')
+        self.seconds = seconds
         self.times: IntArray = np.round(seconds * _SECOND).astype(np.int64)     # [ns]
         late = np.flatnonzero(np.diff(self.times) <= 0)
         if len(late):
