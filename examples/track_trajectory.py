@@ -82,8 +82,8 @@ class Tracker(Node):
         """
         Return how far a joint is from its start at a time, and both derivatives.
 
-        a / 2 (1 - cos(w t)) sin(w t): at rest at both ends, out and back once a period, every other
-        joint the other way.
+        a / 2 (1 - cos(w t)) sin(w t): at rest at both ends, to one side and to the other, and
+        every other joint the other way.
         """
         t = min(t, self._period)
         w = 2.0 * math.pi / self._period
