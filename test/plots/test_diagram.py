@@ -297,8 +297,8 @@ def test_joints_are_drawn_as_they_were_published_turning_and_sliding_apart(tmp_p
     diagram, notes = make_diagram(str(tmp_path / 'bag'), (), quantities, 0.0, 0.495)
     assert notes == []
     panels = {(panel.title, panel.unit): panel.lines for panel in diagram.panels}
-    for k, (title, units) in enumerate(
-            (('position', ('rad', 'm')), ('velocity', ('rad/s', 'm/s')), ('effort', ('N m', 'N')))):
+    units_of = {'position': ('rad', 'm'), 'velocity': ('rad/s', 'm/s'), 'effort': ('N m', 'N')}
+    for k, (title, units) in enumerate(units_of.items()):
         for j, name in enumerate(('arm/turn', 'arm/slide')):
             line, = panels[f'Joint {title}', units[j]]
             assert line.label == name
