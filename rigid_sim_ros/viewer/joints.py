@@ -18,7 +18,7 @@ import viser
 from rigid_sim_ros.bag.errors import Damaged
 from rigid_sim_ros.messages.decode import joint_state
 from rigid_sim_ros.scene import Scene, schema
-from rigid_sim_ros.scene.joint_groups import full_name, joint_groups
+from rigid_sim_ros.scene.joint_groups import full_name, joint_groups, JointGroup
 from rigid_sim_ros.viewer.charts import Chart, Charts
 from rigid_sim_ros.viewer.controls import notify
 from rigid_sim_ros.viewer.inputs import put, write
@@ -50,7 +50,7 @@ class JointPanel:
     def __init__(self, server: viser.ViserServer, driver: Driver, tab: Any,
                  is_paused: Callable[[], bool]) -> None:
         """Fill the tab; what is in it follows from the scene."""
-        self._server, self._driver, self._tab = server, driver, tab
+        self._server, self._driver = server, driver
         self._is_paused = is_paused
         self._joints: dict[str, schema.Joint] = {}
         self._sliders: dict[str, Any] = {}
@@ -59,14 +59,14 @@ class JointPanel:
         self._wanted: dict[str, float] = {}
         self._figures: dict[str, _Figures] = {}
         self._heard: dict[str, bytes] = {}
-        self._charted_at = 0.0
+        self._charted, self._charted_at = _NONE, 0.0
         self._t_ns = 0
         self._asking = asyncio.Lock()
         with tab:
             self._status = server.gui.add_markdown('')
+            self._place = server.gui.add_folder('positions [rad or m]')
             self._chosen = server.gui.add_dropdown('chart of', (_NONE,), initial_value=_NONE)
             self._charts = Charts(server.gui, _CHARTS)
-        self._chosen.on_update(lambda _: self._charts.clear())
 
     def attach(self, scene: Scene) -> None:
         """Offer the joints of a scene."""
@@ -74,7 +74,7 @@ class JointPanel:
             handle.remove()
         self._sliders, self._folders = {}, []
         self._figures, self._heard = {}, {}
-        self._charts.clear()
+        self._charted = _NONE
         named = scene.spec.joints or ()
         groups = joint_groups(scene.spec.joints)
         self._joints = {full_name(group.model, name): named[j] for group in groups
@@ -85,16 +85,18 @@ class JointPanel:
         left = len(names) - _MOST_SLIDERS
         write(self._status, 'the scene has no joints with a position' if not names else (
             f'sliders for the first {_MOST_SLIDERS} joints of {len(names)}' if left > 0 else ''))
-        with self._tab:
-            for group in groups:
-                self._add_group(group.model, [full_name(group.model, n) for n in group.names])
+        for group in groups:
+            self._add_group(group, is_alone=len(groups) == 1)
 
-    def _add_group(self, model: str, names: list[str]) -> None:
-        folder = self._server.gui.add_folder(model or 'joints')
-        self._folders.append(folder)
+    def _add_group(self, group: JointGroup, *, is_alone: bool) -> None:
+        folder = self._place
+        if not is_alone:
+            with self._place:
+                folder = self._server.gui.add_folder(group.model or 'without a model')
+            self._folders.append(folder)
         with folder:
-            for name in names[:_MOST_SLIDERS - len(self._sliders)]:
-                self._add_slider(name)
+            for name in group.names[:_MOST_SLIDERS - len(self._sliders)]:
+                self._add_slider(full_name(group.model, name))
 
     def _add_slider(self, name: str) -> None:
         low, high = reach(self._joints[name])
@@ -150,7 +152,11 @@ class JointPanel:
                 self._heard[model] = data
                 self._read(model, data)
                 is_new = True
-        figures = self._figures.get(self._chosen.value)
+        chosen = self._chosen.value
+        if chosen != self._charted:     # here, and not in the thread of the one who chooses
+            self._charted = chosen
+            self._charts.clear()
+        figures = self._figures.get(chosen)
         if is_new and figures is not None:
             self._charts.add(1e-9 * self._t_ns, {
                 chart.title: [number] for chart, number in zip(_CHARTS, figures, strict=True)})
