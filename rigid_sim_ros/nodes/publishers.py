@@ -219,9 +219,9 @@ class Publishers:
             self._clock) else 0
 
     def telling_names(self) -> list[str]:
-        """Return topics that one simulation alone publishes: one that all have, and the clock."""
-        return [topic.name for outlet in (self._state, self._clock) if outlet
-                for topic in outlet.topics]
+        """Return topics that one node alone publishes: one that all have, clock, joint states."""
+        return [topic.name for outlet in (self._state, self._clock, self._all_joint_states)
+                if outlet for topic in outlet.topics]
 
     def flush(self, seconds: float) -> None:
         """Wait until reliable subscribers have what was sent, at most this long."""

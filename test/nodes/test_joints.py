@@ -18,6 +18,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from nodes.jointed import DESCRIPTION, jointed, PERIOD
 from nodes.live import DEEP, nanoseconds, running
+from nodes.replays import hearing, LATE, of_topic, replaying, texts_of
 from nodes.scenes import world_of
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -25,6 +26,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from rigid_sim_ros.bag.batch import Batch
 from rigid_sim_ros.bag.verify import verify
 
 ARM = '/rigid_sim/arm'
@@ -257,3 +259,18 @@ def test_a_session_in_which_joints_were_told_is_verified(probe, sim, tmp_path):
     verdict = verify(tmp_path / 'bag')
     assert verdict.holds, str(verdict.difference)
     assert not verdict.others
+
+
+def test_a_replay_says_of_joints_what_was_recorded(probe, scene, tmp_path):
+    world = world_of(scene)
+    batch = Batch(world, tmp_path / 'bag', node='/lab')
+    batch.run(200)
+    batch.close()
+    recorded = [data for _, data in of_topic(tmp_path / 'bag', '/lab/arm/joint_states')]
+    with hearing(probe, JointState, '/lab/arm/joint_states') as heard, \
+            hearing(probe, String, '/lab/arm/robot_description', LATE) as descriptions, \
+            replaying(tmp_path, tmp_path / 'bag', '--loop'):
+        probe.wait_for(lambda: set(recorded) <= set(heard), 'all joint states')
+        probe.wait_for(lambda: descriptions, 'the description')
+    assert set(heard) == set(recorded)
+    assert texts_of(descriptions[:1]) == [DESCRIPTION]
