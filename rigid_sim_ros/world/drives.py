@@ -44,9 +44,10 @@ class WithDrives(WithJoints):
 
     step_ns: int
     _paths: Trajectories
+    _leads: bool        # whether there may be any: `step` asks before each step
 
     def _begin_joints(self) -> None:
-        self._paths = Trajectories()
+        self._paths, self._leads = Trajectories(), False
         super()._begin_joints()
 
     def set_joint_command(self, name: str, mode: str | None = None,
@@ -160,6 +161,7 @@ class WithDrives(WithJoints):
             set_drive(motion.drives, k, drive, 'position', float(motion.position[j]),
                       float(motion.rate[k]), 0.0)
             motion.drives.steps_left[k] = LASTS
+        self._leads = True
         self._tell('follow_trajectory', names=list(names), times=points.seconds,
                    positions=points.positions, velocities=points.velocities,
                    accelerations=points.accelerations, start=start)
@@ -223,7 +225,8 @@ class WithDrives(WithJoints):
 
         Returns for how many steps all drives keep their goals, `left` at most.
         """
-        if self._paths.are_empty:
+        self._leads = not self._paths.are_empty
+        if not self._leads:
             return left
         assert self._joints is not None
         joints, position, velocity = self._paths.at((self.step_index + 1) * self.step_ns)
@@ -250,3 +253,4 @@ class WithDrives(WithJoints):
             raise ValueError('the snapshot has trajectories that are not sorted: it was changed, '
                              'or saved by another version')
         self._paths.replace(arrays)
+        self._leads = True

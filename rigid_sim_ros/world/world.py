@@ -139,7 +139,9 @@ class World(WithDrives):
         while left > 0:
             # Wrenches leave the book when their time is over, so that a step without any costs
             # nothing for them.
-            batch = self._lead(applied.steps_until_one_ends(left))
+            batch = applied.steps_until_one_ends(left)
+            if self._leads:
+                batch = self._lead(batch)
             self._contact.advance(self._state, applied.room, batch)
             applied.remove_finished()
             left -= batch
