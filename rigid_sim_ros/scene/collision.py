@@ -3,6 +3,7 @@
 """What of a scene can touch: its solids as shapes of the engine, its materials, its filters."""
 
 from collections.abc import Iterator
+from itertools import combinations, product
 
 import numpy as np
 
@@ -60,10 +61,34 @@ def overrides(scene: schema.Scene) -> Iterator[tuple[int, int, Material]]:
 
 def ignored(scene: schema.Scene) -> Iterator[tuple[int, int]]:
     """Yield the pairs of bodies that never touch."""
-    names = [body.name for body in scene.bodies]
-    for a, b in scene.collision.ignore:
+    names = {body.name: i for i, body in enumerate(scene.bodies)}
+    for a, b in (*scene.collision.ignore, *_jointed(scene)):
         if a in names and b in names:
-            yield names.index(a), names.index(b)
+            yield names[a], names[b]
+
+
+def _jointed(scene: schema.Scene) -> Iterator[tuple[str, str]]:
+    """
+    Yield the pairs of bodies that joints join.
+
+    Bodies that fixed joints hold together are one for this: a link and what is welded to its
+    parent are as near each other as the link and its parent.
+    """
+    joints = [joint for joint in scene.joints or () if not joint.collides]
+    whole: dict[str, list[str]] = {}    # the bodies that are one with each
+    for joint in joints:
+        for name in (joint.parent, joint.child):
+            whole.setdefault(name, [name])
+        if joint.type == 'fixed' and 'world' not in (joint.parent, joint.child):
+            one = whole[joint.parent] + [name for name in whole[joint.child]
+                                         if name not in whole[joint.parent]]
+            for name in one:
+                whole[name] = one
+    for one in {id(one): one for one in whole.values()}.values():
+        yield from combinations(one, 2)
+    for joint in joints:
+        if joint.type != 'fixed' and 'world' not in (joint.parent, joint.child):
+            yield from product(whole[joint.parent], whole[joint.child])
 
 
 def check(scene: schema.Scene, report: Report) -> None:

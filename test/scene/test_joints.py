@@ -145,10 +145,11 @@ def test_a_loop_that_cannot_close_is_a_mistake():
     assert found[0].startswith('joints[2]: does not close: its frames stay ')
 
 
-def test_a_joint_beside_contacts_is_a_mistake_so_far():
-    text = BODIES.replace('contact: none', 'contact: timestep')
+def test_a_joint_beside_contacts_that_do_not_see_it_is_a_mistake():
+    text = BODIES.replace('contact: none', 'contact: event')
     assert mistakes(SHOULDER, text=text) == [
-        "world.contact: 'timestep' beside joints, must be none: contacts do not see joints yet"]
+        "world.contact: 'event' with the solver 'sequential' beside joints, must be none, or "
+        'timestep with the solver sequential']
 
 
 def test_a_follower_begins_where_the_joint_that_it_mimics_has_it():

@@ -243,11 +243,12 @@ def sweep(A: Array, b: Array, mu: Array, f: Array, count: int) -> None:
 
     It cannot end in a cycle as Newton's method can, but only creeps where points are redundant.
     """
-    _sweep(A, b, mu, f, count, np.empty_like(b))
+    sweep_in_place(A, b, mu, f, count, np.empty_like(b))
 
 
 @kernel
-def _sweep(A: Array, b: Array, mu: Array, f: Array, count: int, a: Array) -> None:
+def sweep_in_place(A: Array, b: Array, mu: Array, f: Array, count: int, a: Array) -> None:
+    """Do the same as `sweep`; a, (rows,), is scratch."""
     _violation(A, b, mu, f, a)
     rows = b.shape[0]
     width = rows // mu.shape[0]

@@ -15,6 +15,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.contact.carried_forces import Carried, copy_forces, match_forces
 from rigid_sim_ros.engine.contact.contacts import Contacts, read_bodies, row_count
+from rigid_sim_ros.engine.contact.recorded_impulses import record
 from rigid_sim_ros.engine.detection.backtrack import first_event
 from rigid_sim_ros.engine.detection.manifolds import current, Memory
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
@@ -27,7 +28,7 @@ from rigid_sim_ros.engine.events.buffers import (
 from rigid_sim_ros.engine.events.forces import balance, remember, settle
 from rigid_sim_ros.engine.events.groups import find_groups, may_go, near_pairs, note_way, reach_out
 from rigid_sim_ros.engine.events.move import move
-from rigid_sim_ros.engine.events.shock import find, look_near, PER_EVENT, PER_PAIR, record, shock
+from rigid_sim_ros.engine.events.shock import find, look_near, PER_EVENT, PER_PAIR, shock
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.engine.state.state import copy_into, State

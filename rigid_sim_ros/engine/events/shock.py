@@ -8,9 +8,10 @@ from rigid_sim_ros.engine.contact.classify import STILL
 from rigid_sim_ros.engine.contact.contact_newton import number_bodies
 from rigid_sim_ros.engine.contact.contact_rows import write_rows
 from rigid_sim_ros.engine.contact.contacts import (
-    Contacts, gather_by_key, length, push_rows, read_body, read_rates, to_world)
+    Contacts, gather_by_key, push_rows, read_body, read_rates)
 from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, TOLERANCE
 from rigid_sim_ros.engine.contact.impulse import collide_all
+from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses
 from rigid_sim_ros.engine.detection.detect import detect_ahead
 from rigid_sim_ros.engine.detection.manifolds import current, Manifolds, Memory
 from rigid_sim_ros.engine.dynamics.loads import Loads
@@ -23,7 +24,7 @@ from rigid_sim_ros.engine.maths.algebra import norm
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.engine.state.state import State
-from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.kernels.arrays import IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
 # In multiplications, see event_forces.EFFORT: what an event takes, and for each pair that may
@@ -83,7 +84,7 @@ def find(model: Model, state: State, shapes: Shapes, materials: Materials, memor
     if w.count[NEEDED] > w.bounced.shape[0]:
         return MORE_MANIFOLDS
     if w.count[FRESH] == 1:
-        _forget_impulses(manifolds)
+        forget_impulses(manifolds)
         w.count[FRESH] = 0
     w.number[DEEPEST] = max(w.number[DEEPEST], _deepest(manifolds))
     return DONE
@@ -112,16 +113,6 @@ def _list_blocks(w: Buffers) -> None:
                 break
             k += 1
         groups.block[g + 1] = k
-
-
-@kernel
-def _forget_impulses(manifolds: Manifolds) -> None:
-    for r in range(manifolds.count[0]):
-        manifolds.spin[r] = 0.0
-        for j in range(manifolds.points[r]):
-            manifolds.impulse[j, r] = 0.0
-        for i in range(3):
-            manifolds.friction[r, i] = 0.0
 
 
 @kernel
@@ -226,22 +217,3 @@ def _stop_together(model: Model, state: State, settings: EventSettings, g: int,
         push_rows(model, state, w.contacts, w.chosen[c], width, rows.f, width * c)
         for i in range(width):
             w.impulses[w.chosen[c], i] += rows.f[width * c + i]
-
-
-@kernel
-def record(model: Model, manifolds: Manifolds, contacts: Contacts, impulses: Array) -> None:
-    """Add impulses, (c, 6) [N s, contact axes], to those of the manifolds."""
-    r = 0
-    for k in range(contacts.count[0]):
-        a, b = contacts.shape_a[k], contacts.shape_b[k]
-        for _ in range(manifolds.count[0]):
-            if manifolds.shape_a[r] == a and manifolds.shape_b[r] == b:
-                break
-            r = (r + 1) % manifolds.count[0]
-        for j in range(manifolds.points[r]):
-            if manifolds.feature[j, r] == contacts.feature[k]:
-                manifolds.impulse[j, r] += impulses[k, 0]
-        rubbing = to_world(contacts, k, (0.0, impulses[k, 1], impulses[k, 2]))
-        for i in range(3):
-            manifolds.friction[r, i] += rubbing[i]
-        manifolds.spin[r] += length(model, contacts, k) * impulses[k, 3]

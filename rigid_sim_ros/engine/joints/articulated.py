@@ -166,21 +166,3 @@ def add_momenta(model: Model, table: JointTable, state: State, work: JointWork) 
         P, L = momenta_of(model, table, work, i)
         add_to_column(state.P, table.body[i], P)
         add_to_column(state.L, table.body[i], L)
-
-
-@kernel
-def response(model: Model, table: JointTable, work: JointWork, first: int, last: int, i: int,
-             F: Six) -> None:
-    """
-    Write to V how the rows of an articulation answer to the impulse F on row i: M~^-1 J^T.
-
-    F is about the reference point of the row; `factor` has been called. The motions keep to all
-    joints of the tree: joints that close loops are not looked at, nor is the motion of the base.
-    """
-    for r in range(first, last):
-        set_six(work.F, r, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-        set_six(work.c, r, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-        for k in range(table.first_axis[r], table.first_axis[r + 1]):
-            work.tau[k], work.given[k] = 0.0, 0.0
-    set_six(work.F, i, F)
-    solve(table, work, first, last, False, False)

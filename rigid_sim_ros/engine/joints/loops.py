@@ -168,7 +168,7 @@ def factor_conditions(table: JointTable, work: JointWork) -> None:
         begin, end = table.first_row[g], table.first_row[g + 1]
         start, stop = table.first_axis[begin], table.first_axis[end]
         for m in range(first, last):
-            _clear(table, work, begin, end)
+            ask_nothing(table, work, begin, end)
             _push(table, work, m, 1.0)
             solve(table, work, begin, end, False, False)
             for r in range(begin, end):
@@ -179,14 +179,14 @@ def factor_conditions(table: JointTable, work: JointWork) -> None:
                 work.loop.S[m, n - first] = _rate_of(table, work, n)
             if work.loop.S[m, m - first] <= CUT_OFF * work.loop.free[m]:
                 work.loop.S[m, m - first] = 0.0     # the tree itself forbids this motion
-        _clear(table, work, begin, end)
+        ask_nothing(table, work, begin, end)
         work.loop.rank[g] = factor_semidefinite(
             work.loop.S[first:last], last - first, work.loop.scale[first:last],
             work.loop.order[first:last])
 
 
 @kernel
-def _clear(table: JointTable, work: JointWork, begin: int, end: int) -> None:
+def ask_nothing(table: JointTable, work: JointWork, begin: int, end: int) -> None:
     """Ask for nothing."""
     for r in range(begin, end):
         set_six(work.F, r, _ZERO)
@@ -205,24 +205,40 @@ def close(model: Model, table: JointTable, state: State, work: JointWork, whole:
     """
     for g in range(table.first_row.shape[0] - 1):
         first, last = table.first_condition[g], table.first_condition[g + 1]
-        if first == last:
-            continue
         for m in range(first, last):
             work.loop.missing[m] = work.loop.wanted[m] - _rate_of(table, work, m)
             if whole:
                 work.loop.missing[m] -= _base_rate(model, table, state, work, m)
-        solve_semidefinite(work.loop.S[first:last], work.loop.rank[g], last - first,
-                           work.loop.scale[first:last], work.loop.order[first:last],
-                           work.loop.missing[first:last], work.loop.impulse[first:last])
-        begin, end = table.first_row[g], table.first_row[g + 1]
-        start, stop = table.first_axis[begin], table.first_axis[end]
-        for m in range(first, last):
-            size = work.loop.impulse[m]
-            work.loop.total[m] += size
-            for r in range(begin, end):
-                add_six(work.V, r, minus(_ZERO, -size, six(work.loop.answer[m], r - begin)))
-            for k in range(start, stop):
-                work.rate[k] += size * work.loop.answer_rate[m, k - start]
+        if last > first:
+            _close_by_missing(table, work, g)
+            for m in range(first, last):
+                work.loop.total[m] += work.loop.impulse[m]
+
+
+@kernel
+def answer_within_loops(table: JointTable, work: JointWork, g: int) -> None:
+    """Change the answer V of the tree of articulation g to that of its loops as well."""
+    for m in range(table.first_condition[g], table.first_condition[g + 1]):
+        work.loop.missing[m] = -_rate_of(table, work, m)
+    if table.first_condition[g + 1] > table.first_condition[g]:
+        _close_by_missing(table, work, g)
+
+
+@kernel
+def _close_by_missing(table: JointTable, work: JointWork, g: int) -> None:
+    """Change V and the rates of articulation g by what is missing; write the impulses of this."""
+    first, last = table.first_condition[g], table.first_condition[g + 1]
+    solve_semidefinite(work.loop.S[first:last], work.loop.rank[g], last - first,
+                       work.loop.scale[first:last], work.loop.order[first:last],
+                       work.loop.missing[first:last], work.loop.impulse[first:last])
+    begin, end = table.first_row[g], table.first_row[g + 1]
+    start, stop = table.first_axis[begin], table.first_axis[end]
+    for m in range(first, last):
+        size = work.loop.impulse[m]
+        for r in range(begin, end):
+            add_six(work.V, r, minus(_ZERO, -size, six(work.loop.answer[m], r - begin)))
+        for k in range(start, stop):
+            work.rate[k] += size * work.loop.answer_rate[m, k - start]
 
 
 @kernel

@@ -65,6 +65,17 @@ def factor_all(model: Model, table: JointTable, work: JointWork) -> None:
 @kernel
 def solve_motions(model: Model, table: JointTable, state: State, motion: JointMotion,
                   work: JointWork, h: float, first: bool) -> None:
+    """Do what `find_motions` does, and note efforts and what locked axes are to reach."""
+    find_motions(model, table, state, motion, work, h, first)
+    if table.lawful > 0:
+        note_efforts(table, motion, work, h, first)
+        if first:
+            _aim(table, motion, work, h)
+
+
+@kernel
+def find_motions(model: Model, table: JointTable, state: State, motion: JointMotion,
+                 work: JointWork, h: float, first: bool) -> None:
     """
     Write the motions that follow from the momenta, the joints and what acts along their axes.
 
@@ -87,9 +98,6 @@ def solve_motions(model: Model, table: JointTable, state: State, motion: JointMo
         _solve(model, table, state, work, ahead)
         if not _leave_pieces(table, work, n >= _TOGETHER):
             break
-    note_efforts(table, motion, work, h, first)
-    if first:
-        _aim(table, motion, work, h)
 
 
 @kernel

@@ -92,13 +92,8 @@ class TimestepWork(NamedTuple):
 def make_timestep_work(model: Model, shapes: Shapes, memory: Memory) -> TimestepWork:
     """Return buffers for a world whose manifolds live in `memory`."""
     n, capacity = model.m.shape[0], memory.pages[0].shape_a.shape[0]
-    radius = np.zeros(n)
-    for s in range(shapes.body.shape[0]):
-        if np.isfinite(shapes.bound[s]):
-            reach = float(np.linalg.norm(shapes.p_CS[s])) + shapes.bound[s]
-            radius[shapes.body[s]] = max(radius[shapes.body[s]], reach)
     return TimestepWork(empty_loads(n), empty_loads(n), integers(1), integers(1),
-                        np.zeros(FLIGHT_SIZE), radius, _thickness(shapes),
+                        np.zeros(FLIGHT_SIZE), radii(shapes, n), thicknesses(shapes),
                         _round_shapes(model, shapes),
                         make_prediction(n, shapes.body.shape[0], capacity),
                         make_collision_work(n, capacity),
@@ -113,7 +108,18 @@ def with_cut(work: TimestepWork, cut: Cut) -> TimestepWork:
     return work
 
 
-def _thickness(shapes: Shapes) -> Array:
+def radii(shapes: Shapes, bodies: int) -> Array:
+    """Return how far the shapes of each body reach from its centre of mass, (n,) [m]."""
+    radius = np.zeros(bodies)
+    for s in range(shapes.body.shape[0]):
+        if np.isfinite(shapes.bound[s]):
+            reach = float(np.linalg.norm(shapes.p_CS[s])) + shapes.bound[s]
+            radius[shapes.body[s]] = max(radius[shapes.body[s]], reach)
+    return radius
+
+
+def thicknesses(shapes: Shapes) -> Array:
+    """Return half of the least that each shape measures across, (s,) [m]; of a plane 0."""
     return np.where(np.isfinite(shapes.half_width), shapes.half_width, 0.0)
 
 

@@ -80,33 +80,65 @@ def _step(model: Model, state: State, wrenches: Wrenches, work: Work, table: Joi
           motion: JointMotion, scratch: JointWork, times: Array, start: State,
           record: bool) -> None:
     """Take a step, in as many parts as it needs; record the wrenches through the joints."""
-    done, size = 0, MOST_PARTS // motion.parts[0]
+    done, size = 0, next_size(motion)
+    begin_efforts(motion)
+    while done < MOST_PARTS:
+        copy_into(start, state)
+        keep_held(motion, scratch)
+        h = model.h * size / MOST_PARTS
+        if substep(model, state, wrenches, work, table, motion, scratch, times, start, h,
+                   size == 1, record):
+            done += size
+            note_part(motion, scratch, model.h)
+        else:
+            halve(model, state, table, motion, scratch, start)
+            size //= 2
+    motion.parts[0] = MOST_PARTS // size
+
+
+@kernel
+def next_size(motion: JointMotion) -> int:
+    """Return the size of the parts of a step, in MOST_PARTS; now and then larger."""
+    size = MOST_PARTS // motion.parts[0]
     if motion.parts[0] > 1:
         motion.known[1] += 1
         if motion.known[1] >= PATIENCE:
             size *= 2
             motion.known[1] = 0
+    return size
+
+
+@kernel
+def begin_efforts(motion: JointMotion) -> None:
+    """Begin the means over a step."""
     for k in range(motion.effort.shape[0]):
         motion.effort[k] = 0.0
     motion.wrench[:] = 0.0
-    while done < MOST_PARTS:
-        copy_into(start, state)
-        for k in range(motion.held.shape[0]):
-            scratch.law.held[k], scratch.law.held_at[k] = motion.held[k], motion.held_at[k]
-        h = model.h * size / MOST_PARTS
-        if substep(model, state, wrenches, work, table, motion, scratch, times, start, h,
-                   size == 1, record):
-            done += size
-            for k in range(motion.effort.shape[0]):
-                motion.effort[k] += scratch.law.effort[k] / model.h
-        else:
-            copy_into(state, start)
-            for k in range(motion.held.shape[0]):
-                motion.held[k], motion.held_at[k] = scratch.law.held[k], scratch.law.held_at[k]
-            prepare_step(model, table, state, scratch)
-            motion.known[0], motion.known[1] = 0, 0
-            size //= 2
-    motion.parts[0] = MOST_PARTS // size
+
+
+@kernel
+def keep_held(motion: JointMotion, scratch: JointWork) -> None:
+    """Note which joints stick, and where, at the start of a part of a step."""
+    for k in range(motion.held.shape[0]):
+        scratch.law.held[k], scratch.law.held_at[k] = motion.held[k], motion.held_at[k]
+
+
+@kernel
+def note_part(motion: JointMotion, scratch: JointWork, h: float) -> None:
+    """Add what drives and springs did in a part of a step to the means over the step h [s]."""
+    for k in range(motion.effort.shape[0]):
+        motion.effort[k] += scratch.law.effort[k] / h
+
+
+@kernel
+def halve(model: Model, state: State, table: JointTable, motion: JointMotion, scratch: JointWork,
+          start: State) -> None:
+    """Go back to the start of a part of a step, to take it in halves."""
+    copy_into(state, start)
+    for k in range(motion.held.shape[0]):
+        motion.held[k], motion.held_at[k] = scratch.law.held[k], scratch.law.held_at[k]
+    prepare_step(model, table, state, scratch)
+    motion.known[0], motion.known[1] = 0, 0
 
 
 @kernel
@@ -126,7 +158,7 @@ def substep(model: Model, state: State, wrenches: Wrenches, work: Work, table: J
         times[i] = h if table.row_of_body[i] < 0 else 0.0
     drift(model, state, times, work.block)
     move_kinematic(model, state, h)
-    if not _shake_within_limits(model, state, table, motion, scratch, h):
+    if not shake_within_limits(model, state, table, motion, scratch, h):
         if not last:
             return False
         scratch.unresolved[0] += 1
@@ -151,8 +183,8 @@ def substep(model: Model, state: State, wrenches: Wrenches, work: Work, table: J
 
 
 @kernel
-def _shake_within_limits(model: Model, state: State, table: JointTable, motion: JointMotion,
-                         scratch: JointWork, h: float) -> bool:
+def shake_within_limits(model: Model, state: State, table: JointTable, motion: JointMotion,
+                        scratch: JointWork, h: float) -> bool:
     """Let the joints act in the first half of a step of h [s], so that none passes its limits."""
     for k in range(scratch.law.bend.shape[0]):
         scratch.law.bend[k] = 0.0

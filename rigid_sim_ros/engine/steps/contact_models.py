@@ -13,7 +13,10 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from rigid_sim_ros.engine.constraints.articulated_contact import (
+    carried_over, make_pressing, Pressing, WIDTH, with_carried)
 from rigid_sim_ros.engine.contact.carried_forces import Carried, no_forces
+from rigid_sim_ros.engine.contact.contacts import row_count
 from rigid_sim_ros.engine.contact.penalty_force import PenaltySettings
 from rigid_sim_ros.engine.detection.manifolds import (
     CONTACTS, current_manifolds, earlier_manifolds, empty_memory, lasting, Manifolds, Memory,
@@ -24,10 +27,10 @@ from rigid_sim_ros.engine.events.buffers import EventSettings
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import can_meet, Materials, Shapes
 from rigid_sim_ros.engine.solver.arguments import (
-    Arguments, make_arguments, SequentialSettings, TimestepSettings, with_cut)
+    Arguments, make_arguments, radii, SequentialSettings, thicknesses, TimestepSettings, with_cut)
 from rigid_sim_ros.engine.solver.partition import Cut
 from rigid_sim_ros.engine.state.state import empty_state, State
-from rigid_sim_ros.engine.steps import event, penalty, qp, timestep
+from rigid_sim_ros.engine.steps import event, jointed_timestep, penalty, qp, timestep
 from rigid_sim_ros.engine.steps.free import FREE_MOTION, FreeArguments
 from rigid_sim_ros.engine.steps.jointed_motion import JointedMotion, JointSetup
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
@@ -363,6 +366,55 @@ class Penalty(_Touching):
         return self._counts()
 
 
+class JointedTouching(_Touching, JointedMotion):
+    """Velocity level, all impulses of an island at once; joints answer to them."""
+
+    def __init__(self, setup: Setup, joints: JointSetup) -> None:
+        """Make room for no contacts yet."""
+        _Touching.__init__(self, setup)
+        JointedMotion.__init__(self, setup.model, joints)
+        shapes, n = setup.shapes, len(setup.model.m)
+        self._arguments = jointed_timestep.JointedTimestep(
+            setup.model, empty_state(n), no_wrenches(), self._work, self.table, self.motion,
+            self._scratch, self._times, self._start, shapes, setup.materials, self._memory,
+            radii(shapes, n), thicknesses(shapes), self._no_pressing(),
+            np.zeros(4, dtype=np.int64))
+
+    def _no_pressing(self) -> Pressing:
+        s = self._setup
+        pressing = make_pressing(self.table, len(s.model.m), 64, 64, 48)
+        pressing.count[WIDTH] = row_count(s.materials)
+        return pressing
+
+    def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
+        """Advance the state, and count wrenches and commands down."""
+        c = self._arguments._replace(state=state, wrenches=wrenches, motion=self.read(state),
+                                     memory=self._memory)
+        self._arguments, self._pack = jointed_timestep.advance(c, count, self._pack)
+        self._memory = self._arguments.memory
+
+    def lasting(self) -> dict[str, np.ndarray]:
+        """Return the manifolds, the impulses from which the next step begins, and the joints."""
+        carried = carried_over(self._arguments.pressing)
+        return (_Touching.lasting(self) | _named('carried', carried)
+                | JointedMotion.lasting(self))
+
+    def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Go back to what `lasting` returned; nothing at all is the beginning."""
+        _Touching.recall(self, arrays)
+        JointedMotion.recall(self, arrays)
+        pressing = self._no_pressing()
+        if arrays:
+            pressing = with_carried(pressing, self.table, _unnamed('carried', Carried, arrays))
+        self._arguments = self._arguments._replace(pressing=pressing)
+
+    def report(self) -> ContactReport:
+        """Return the counts, how well contact was solved, and what could not be done."""
+        message = Jointed.report(self).message  # type: ignore[arg-type]
+        return self._counts()._replace(
+            residual=float(self._arguments.pressing.system.residual[0]), message=message)
+
+
 def _rows(setup: Setup, state: State, manifolds: Manifolds, normal: Array,
           friction: Array) -> np.ndarray:
     """
@@ -407,7 +459,9 @@ def make_contact_model(name: str, setup: Setup) -> ContactModel:
     integrator, which only free motion has, is a choice of that.
     """
     if setup.joints is not None:
-        return Jointed(setup.model, setup.joints)
+        touches = name != 'none' and can_meet(setup.shapes)
+        return (JointedTouching(setup, setup.joints) if touches
+                else Jointed(setup.model, setup.joints))
     if setup.integrator != 'symplectic' and not can_meet(setup.shapes):
         name = 'none'
     solver = setup.solver if name == 'timestep' else ''

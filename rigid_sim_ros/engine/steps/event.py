@@ -41,9 +41,9 @@ from rigid_sim_ros.engine.detection.manifolds import grown, Memory
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.events.buffers import (
     BEGIN, CHOSEN, COLLISIONS, CUT_SHORT, DEEPEST, DONE, EVENTS, EventSettings, KNOWN,
-    make_buffers, MORE_CONTACTS, more_contacts, more_manifolds, MORE_MANIFOLDS, MORE_MEMORY,
-    more_pairs, MORE_PAIRS, MORE_ROOM, MORE_ROWS, more_rows, NEEDED, RESIDUAL, STAGE, STEPS,
-    STUCK, TOUCHED, UNSOLVED, WIDTH, WORST)
+    make_buffers, MORE_CONTACTS, more_contacts, MORE_MANIFOLDS, more_manifolds, MORE_MEMORY,
+    MORE_PAIRS, more_pairs, MORE_ROOM, MORE_ROWS, more_rows, NEEDED, RESIDUAL, STAGE, STEPS, STUCK,
+    TOUCHED, UNSOLVED, WIDTH, WORST)
 from rigid_sim_ros.engine.events.loop import run
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes

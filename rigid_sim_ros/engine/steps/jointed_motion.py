@@ -35,18 +35,18 @@ class JointedMotion:
 
     def __init__(self, model: Model, setup: JointSetup) -> None:
         """Put the joints where they are at the start; their bodies are there already."""
-        self.table, self._model, self._setup = setup.table, model, setup
+        self.table, self._model, self._joints = setup.table, model, setup
         n = len(model.m)
         self._scratch = make_joint_work(setup.table)
         self._work, self._times, self._start = make_work(n), np.zeros(n), empty_state(n)
         self._pack: ArgumentPack | None = None
-        self.motion = self._fresh()
+        self.motion = self._at_rest()
         self._is_new = True
 
-    def _fresh(self) -> JointMotion:
-        drives = Drives._make(array.copy() for array in self._setup.drives)
+    def _at_rest(self) -> JointMotion:
+        drives = Drives._make(array.copy() for array in self._joints.drives)
         motion = joints_at_rest(self.table, drives)
-        motion.position[:] = self._setup.position
+        motion.position[:] = self._joints.position
         return motion
 
     def read(self, state: State) -> JointMotion:
@@ -95,7 +95,7 @@ class JointedMotion:
 
     def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Go back to what `lasting` returned; nothing at all is the beginning."""
-        self.motion = self._fresh()
+        self.motion = self._at_rest()
         self._is_new = not arrays
         for name, array in self.motion._asdict().items() if arrays else ():
             if name != 'drives':

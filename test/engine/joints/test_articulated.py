@@ -8,7 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rigid_sim_ros import World
-from rigid_sim_ros.engine.joints.articulated import response
+from rigid_sim_ros.engine.constraints.articulated_rows import answer_to_impulses
+from rigid_sim_ros.engine.dynamics.loads import empty_loads
 from rigid_sim_ros.engine.joints.buffers import make_joint_work
 from rigid_sim_ros.engine.joints.effective_inertia import effective_inertias
 from rigid_sim_ros.engine.joints.settle import prepare
@@ -17,6 +18,15 @@ from rigid_sim_ros.engine.model.joints import NONE
 
 def cross_matrix(r):
     return np.array([[0, -r[2], r[1]], [r[2], 0, -r[0]], [-r[1], r[0], 0]])
+
+
+def answer(model, table, work, i, F):
+    """Return how all rows answer to the impulse F on row i, (r, 6), about reference points."""
+    loads, body = empty_loads(len(model.m)), table.body[i]
+    loads.F[:, body] = F[:3]
+    loads.tau[:, body] = F[3:] - np.cross(work.com[i], F[:3])
+    answer_to_impulses(model, table, work, 0, loads)
+    return work.V.copy()
 
 
 def inertia_at_points(model, state, table, work):
@@ -63,10 +73,10 @@ def test_an_articulation_answers_to_an_impulse_as_the_dense_equations_do(seed, o
     for i in range(rows):
         F = np.zeros(6 * rows)
         F[6 * i:6 * i + 6] = rng.normal(0, 1, 6)
-        response(model, table, work, 0, rows, i, tuple(F[6 * i:6 * i + 6]))
+        V = answer(model, table, work, i, F[6 * i:6 * i + 6])
         wanted = inverse @ F
         # Both lose digits by the condition of S^T M S, some 1e4.
-        np.testing.assert_allclose(work.V.ravel(), wanted, rtol=0,
+        np.testing.assert_allclose(V.ravel(), wanted, rtol=0,
                                    atol=1e-10 * np.abs(wanted).max())
 
 
@@ -76,12 +86,9 @@ def test_responses_are_reciprocal():
     model, state, table = world._model, world._state, world.scene.joints.table
     work = make_joint_work(table)
     prepare(model, table, state, work)
-    rows = len(table.body)
     F = np.random.default_rng(4).normal(0, 1, (2, 6))
-    response(model, table, work, 0, rows, 2, tuple(F[0]))
-    there = F[1] @ work.V[6]
-    response(model, table, work, 0, rows, 6, tuple(F[1]))
-    here = F[0] @ work.V[2]
+    there = F[1] @ answer(model, table, work, 2, F[0])[6]
+    here = F[0] @ answer(model, table, work, 6, F[1])[2]
     assert here == pytest.approx(there, rel=1e-10)
 
 

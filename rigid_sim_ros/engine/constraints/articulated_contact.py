@@ -1,0 +1,559 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The impulses at the points of contact in half a step of bodies that joints hold.
+
+A step is kick, drift, kick. In the first half the impulses let no gap become negative by the drift
+and stop what would slip in it; in the second half they stop the rates at the new poses, or send
+points back that bounce. So what rests has no velocity at the end of a step, and moves nowhere in
+it. The points of an island are solved for together (articulated_rows.py). What acts along the axes
+of joints is piecewise straight (laws.py): impulses that put an axis on another piece are found
+again with the answer of that.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.constraints.articulated_rows import (
+    answer_to_impulses, make_system, push_apart, read_row_rates, solve_system, System,
+    write_system, write_velocities)
+from rigid_sim_ros.engine.contact.carried_forces import (
+    Carried, keep_force, longer, match_forces, no_forces, recall_forces)
+from rigid_sim_ros.engine.contact.classify import resting_speed
+from rigid_sim_ros.engine.contact.contacts import (
+    add_contact_load, Bodies, Contacts, make_bodies, make_contacts, push_rows, read_bodies,
+    read_rates, read_velocity, to_world)
+from rigid_sim_ros.engine.dynamics.loads import empty_loads, kick, Loads
+from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
+from rigid_sim_ros.engine.joints.settle import find_motions
+from rigid_sim_ros.engine.joints.shake import expect
+from rigid_sim_ros.engine.maths.rotation import quaternion
+from rigid_sim_ros.engine.maths.union_find import first_of, unite
+from rigid_sim_ros.engine.maths.vector import column, norm
+from rigid_sim_ros.engine.model.joints import JointTable
+from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.state.rates import spin_of
+from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.kernels.kernel import kernel
+
+# Times at most that impulses are found for pieces of the axes that follow from them.
+MOST_PIECES = 6
+# Of the rates without impulses: less than this does not put an axis on another piece.
+STEADY = 1e-9
+# Times at most that impulses are halved which give energy.
+MOST_HALVINGS = 12
+# [m/s] Impulses that would give a body this velocity are of bodies that are wedged in. They are
+# not carried over, as rounding alone would make them grow.
+FASTEST = 1e5
+# Of the size of a shape: points that are nearer take part in the second half of a step.
+NEAR = 1e-6
+# In a step, overlaps are displaced by this part of themselves, and at most this fast [m/s].
+PUSH, PUSH_SPEED = 0.2, 1.0
+# [rad] No body turns farther in a step by being displaced.
+MOST_TURN = 0.02
+# Times the speed that the loads give in half a step: slower approaches do not bounce.
+REBOUNDS = 2.0
+# Shares of bounces that are tried so that these give no energy.
+CHORDS = 4
+# Places in `Pressing.count`: points taken part, islands, forces carried over from the step before
+# and between the halves of this one, rows of a point, and what there has to be room for.
+POINTS_IN_USE, ISLANDS, KNOWN, HALF_KNOWN, WIDTH, NEEDED = range(6)
+
+
+class Pressing(NamedTuple):
+    """Scratch memory for c points of contact, and the impulses that are carried over."""
+
+    count: IntArray  # type: ignore[assignment]  # (6,) see POINTS_IN_USE
+    contacts: Contacts
+    order: IntArray  # (2, rows of the memory) for `gather`
+    bodies: Bodies
+    match: IntArray  # (c,) the same point among impulses that were found before, or -1
+    chosen: IntArray  # (c,) points by islands
+    first: IntArray  # (c + 1,) of the points of an island
+    parent: IntArray  # (n,) sets of bodies that hang together
+    label: IntArray  # (n,) island of such a set
+    impulse: Array  # (c, 6) [N s, contact axes] of half a step
+    pushed: Array  # (c, 6) [N s, contact axes] that only displace
+    displacing: Loads  # [N s, N m s] what these make of the momenta of the bodies
+    bounce: Array  # (c,) [m/s] with which a point comes apart at the end of the step
+    work: Array  # (c,) [J] that the impulses of a half did
+    free: Array  # (6 c,) [m/s] rates of the rows of an island without impulses
+    row: Array  # (6 c,) scratch
+    system: System
+    carried: Carried  # of the second half of the step before, (c,)
+    half: Carried  # of the first half of this one
+    half_bounce: Array  # (c,) of its points
+    half_work: Array  # (c,)
+    locked: IntArray  # (k,) pieces for which impulses were found
+    extra: Array  # (k,)
+
+
+def make_pressing(table: JointTable, bodies: int, points: int, manifolds: int,
+                  rows: int) -> Pressing:
+    """Return room for so many bodies, points, manifolds, and rows of an island."""
+
+    def whole(*shape: int) -> IntArray:
+        return np.zeros(shape, dtype=np.int64)
+
+    c, axes = points, len(table.translates)
+    carried, half = (Carried._make(longer(field, c) for field in no_forces()) for _ in range(2))
+    return Pressing(whole(6), make_contacts(c), whole(2, manifolds), make_bodies(bodies), whole(c),
+                    whole(c), whole(c + 1), whole(bodies), whole(bodies), np.zeros((c, 6)),
+                    np.zeros((c, 6)), empty_loads(bodies), np.zeros(c), np.zeros(c),
+                    np.zeros(6 * c),
+                    np.zeros(6 * c),
+                    make_system(rows, table, bodies), carried, half, np.zeros(c), np.zeros(c),
+                    whole(axes),
+                    np.zeros(axes))
+
+
+@kernel
+def choose_points(model: Model, table: JointTable, first: bool, w: Pressing) -> int:
+    """
+    Sort the points that take part by islands; return the rows of the largest.
+
+    In the first half of a step all do; in the second what pressed in the first, or touches.
+    """
+    contacts, parent = w.contacts, w.parent
+    if first:
+        match_forces(contacts, w.carried, w.count[KNOWN], w.match)
+    else:
+        match_forces(contacts, w.half, w.count[HALF_KNOWN], w.match)
+    _unite_bodies(model, table, contacts, parent)
+    w.label[:] = -1
+    islands, found = 0, 0
+    for k in range(contacts.count[0]):
+        root = _island(model, contacts, k, parent)
+        if root < 0 or not (first or _presses(contacts, k, w)):
+            w.bounce[k] = -1.0      # does not take part
+            continue
+        w.bounce[k] = 0.0
+        if w.label[root] < 0:
+            w.label[root] = islands
+            w.first[islands] = 0
+            islands += 1
+        w.first[w.label[root]] += 1
+        found += 1
+    start, largest = 0, 0
+    for n in range(islands):
+        largest = max(largest, w.first[n])
+        start, w.first[n] = start + w.first[n], start
+    for k in range(contacts.count[0]):
+        if w.bounce[k] == 0.0:
+            n = w.label[_island(model, contacts, k, parent)]
+            w.chosen[w.first[n]] = k
+            w.first[n] += 1
+    for n in range(islands, 0, -1):     # each is now where the next one begins
+        w.first[n] = w.first[n - 1]
+    w.first[0] = 0
+    w.count[ISLANDS], w.count[POINTS_IN_USE] = islands, found
+    return w.count[WIDTH] * largest
+
+
+@kernel
+def _unite_bodies(model: Model, table: JointTable, contacts: Contacts, parent: IntArray) -> None:
+    """Write which bodies hang together by joints and points of contact."""
+    for i in range(parent.shape[0]):
+        parent[i] = i
+    for g in range(table.first_row.shape[0] - 1):
+        for r in range(table.first_row[g] + 1, table.first_row[g + 1]):
+            unite(parent, table.body[table.first_row[g]], table.body[r])
+    for k in range(contacts.count[0]):
+        a, b = contacts.body_a[k], contacts.body_b[k]
+        if model.inv_m[a] > 0.0 and model.inv_m[b] > 0.0:
+            unite(parent, a, b)
+
+
+@kernel
+def _island(model: Model, contacts: Contacts, k: int, parent: IntArray) -> int:
+    """Return the first body of the set that point k belongs to, -1 if neither body can move."""
+    for body in (contacts.body_a[k], contacts.body_b[k]):
+        if model.inv_m[body] > 0.0:
+            return first_of(parent, body)
+    return -1
+
+
+@kernel
+def _presses(contacts: Contacts, k: int, w: Pressing) -> bool:
+    """Return whether a point takes part in the second half of a step."""
+    if contacts.gap[k] <= NEAR * contacts.size[k]:
+        return True
+    i = w.match[k]
+    if i < 0:
+        return False
+    pressed = 0.0
+    for j in range(3):
+        pressed += w.half.force[i, j] * contacts.axes[k, 0, j]
+    return pressed > 0.0
+
+
+@kernel
+def press(model: Model, state: State, table: JointTable, motion: JointMotion, work: JointWork,
+          loads: Loads, h: float, first: bool, w: Pressing) -> None:
+    """
+    Give the bodies the impulses of the chosen points in one half of a step of h [s].
+
+    The momenta are those after the kick of that half, by the loads; joints have not answered yet.
+    In the first half momenta that only displace are added, which `take_back_displacing` takes.
+    """
+    if w.count[POINTS_IN_USE] == 0:
+        return
+    if first:
+        work.law.bend[:] = 0.0
+        expect(table, motion, work)
+    read_bodies(model, state, loads.F, loads.tau, w.bodies)
+    _begin_with(model, state, w.chosen[:w.count[POINTS_IN_USE]], w.count[WIDTH], first, w)
+    known = False
+    for n in range(MOST_PIECES):
+        _find_velocities(model, state, table, motion, work, h, first, w)
+        known = n > 0 and _are_same_pieces(work, w)
+        if known:
+            break
+        for k in range(w.locked.shape[0]):
+            w.locked[k], w.extra[k] = work.locked[k], work.extra[k]
+        changed = False
+        for island in range(w.count[ISLANDS]):
+            chosen = w.chosen[w.first[island]:w.first[island + 1]]
+            if _press_island(model, state, table, work, chosen, h, first, w):
+                changed = True
+        known = table.lawful == 0 or not changed
+        if known:
+            break
+    if not known:
+        _lessen(model, state, table, motion, work, h, first, w)
+    if first:
+        _add_displacing(model, state, table, work, h, w)
+
+
+@kernel
+def _find_velocities(model: Model, state: State, table: JointTable, motion: JointMotion,
+                     work: JointWork, h: float, first: bool, w: Pressing) -> None:
+    """Write the velocities of all bodies as the joints let them move with their momenta."""
+    find_motions(model, table, state, motion, work, h, first)
+    for i in range(model.m.shape[0]):
+        read_velocity(model, state, i, w.bodies)
+    write_velocities(table, work, 0, table.body.shape[0], w.bodies.velocity)
+
+
+@kernel
+def _lessen(model: Model, state: State, table: JointTable, motion: JointMotion, work: JointWork,
+            h: float, first: bool, w: Pressing) -> None:
+    """
+    Make impulses smaller that are for other pieces of the axes than come from them.
+
+    As long as they give energy; pieces that follow from none of the impulses tried are rare.
+    """
+    _push_all(model, state, -1.0, w)
+    _find_velocities(model, state, table, motion, work, h, first, w)
+    _read_all_rates(model, w, w.free)
+    share = 1.0
+    for _ in range(MOST_HALVINGS):
+        _push_all(model, state, share, w)
+        _find_velocities(model, state, table, motion, work, h, first, w)
+        _read_all_rates(model, w, w.row)
+        given, width = 0.0, w.count[WIDTH]
+        for c in range(w.count[POINTS_IN_USE]):
+            for i in range(width):
+                mean = 0.5 * (w.free[width * c + i] + w.row[width * c + i])
+                given += share * w.impulse[w.chosen[c], i] * mean
+        if given <= 0.0:
+            break
+        _push_all(model, state, -share, w)
+        share = 0.5 * share
+    else:
+        share = 0.0
+    for k in w.chosen[:w.count[POINTS_IN_USE]]:
+        for i in range(6):
+            w.impulse[k, i] *= share
+
+
+@kernel
+def _push_all(model: Model, state: State, share: float, w: Pressing) -> None:
+    """Give the bodies a share of the impulses."""
+    for k in w.chosen[:w.count[POINTS_IN_USE]]:
+        for i in range(w.count[WIDTH]):
+            w.row[i] = share * w.impulse[k, i]
+        push_rows(model, state, w.contacts, k, w.count[WIDTH], w.row, 0)
+
+
+@kernel
+def _read_all_rates(model: Model, w: Pressing, u: Array) -> None:
+    """Write the rates of all rows of the chosen points."""
+    for c in range(w.count[POINTS_IN_USE]):
+        read_rates(model, w.contacts, w.bodies.velocity, w.chosen[c], w.count[WIDTH], u,
+                   w.count[WIDTH] * c)
+
+
+@kernel
+def _begin_with(model: Model, state: State, chosen: IntArray, width: int, first: bool,
+                w: Pressing) -> None:
+    """Give the bodies the impulses that were found before, to begin with."""
+    recall_forces(model, w.contacts, chosen, width, w.carried if first else w.half, w.match, w.row)
+    for c in range(chosen.shape[0]):
+        k = chosen[c]
+        is_sane = (abs(w.row[width * c]) * max(
+            model.inv_m[w.contacts.body_a[k]], model.inv_m[w.contacts.body_b[k]]) <= FASTEST)
+        for i in range(width):
+            w.impulse[k, i] = w.row[width * c + i] if is_sane else 0.0
+            w.pushed[k, i] = 0.0
+        w.bounce[k] = 0.0 if first or w.match[k] < 0 else w.half_bounce[w.match[k]]
+        push_rows(model, state, w.contacts, k, width, w.impulse[k], 0)
+
+
+@kernel
+def _are_same_pieces(work: JointWork, w: Pressing) -> bool:
+    """Return whether all axes are on the pieces for which the impulses were found."""
+    for k in range(w.locked.shape[0]):
+        if w.locked[k] != work.locked[k] or w.extra[k] != work.extra[k]:
+            return False
+    return True
+
+
+@kernel
+def _press_island(model: Model, state: State, table: JointTable, work: JointWork,
+                  chosen: IntArray, h: float, first: bool, w: Pressing) -> bool:
+    """
+    Find the impulses of an island for the present pieces, and give them to the bodies.
+
+    Returns whether they are others than before.
+    """
+    contacts, system, width, m = w.contacts, w.system, w.count[WIDTH], chosen.shape[0]
+    rows, r = system.rows, width * m
+    write_system(model, table, work, contacts, w.bodies, chosen, width, system)
+    A = system.A[:r * r].reshape((r, r))
+    read_row_rates(rows, m, width, w.bodies.velocity, rows.b)
+    for c in range(m):
+        for i in range(width):
+            rows.f[width * c + i] = w.impulse[chosen[c], i]
+    known, changed, size = False, 0.0, 0.0
+    for i in range(r):
+        known = known or rows.f[i] != 0.0
+        rows.b[i] += rows.give[i] * rows.f[i]
+        for j in range(r):
+            rows.b[i] -= A[i, j] * rows.f[j]
+        w.free[i] = rows.b[i]
+        size = max(size, abs(rows.b[i]))
+    if first:
+        _aim(contacts, chosen, width, h, w)
+        if solve_system(system, m, width, not known) > 0.0:
+            _take_no_energy(chosen, width, w)
+        _note_work(chosen, width, w)
+    else:
+        _rebound(chosen, width, not known, w)
+    for c in range(m):
+        k = chosen[c]
+        for i in range(width):
+            now = rows.f[width * c + i]
+            w.row[i], w.impulse[k, i] = now - w.impulse[k, i], now
+            changed = max(changed, abs(w.row[i]) * A[width * c + i, width * c + i])
+        push_rows(model, state, contacts, k, width, w.row, 0)
+    if first:
+        _displace(contacts, chosen, width, h, w)
+    return changed > STEADY * size
+
+
+@kernel
+def _aim(contacts: Contacts, chosen: IntArray, width: int, h: float, w: Pressing) -> None:
+    """Add to the rates b what lets gaps close within the step; note which points are to bounce."""
+    b = w.system.rows.b
+    for c in range(chosen.shape[0]):
+        k, n = chosen[c], width * c
+        gap, rate = contacts.gap[k], b[n]
+        least = REBOUNDS * resting_speed(contacts, w.bodies, k, h)
+        w.bounce[k] = 0.0
+        if rate < -least and gap + h * rate < 0.0:
+            w.bounce[k] = -contacts.restitution[k] * rate
+        b[n] += max(gap, 0.0) / h
+
+
+@kernel
+def _note_work(chosen: IntArray, width: int, w: Pressing) -> float:
+    """
+    Write the work of the impulses at each point of an island; return that of all.
+
+    It is f . (u_0 + u_1) / 2 with the rates u_0 without them and u_1 = u_0 + A f with them.
+    """
+    rows, r, total = w.system.rows, width * chosen.shape[0], 0.0
+    A = w.system.A[:r * r].reshape((r, r))
+    for c in range(chosen.shape[0]):
+        w.work[chosen[c]] = 0.0
+        for i in range(width * c, width * c + width):
+            mean = w.free[i] - 0.5 * rows.give[i] * rows.f[i]
+            for j in range(r):
+                mean += 0.5 * A[i, j] * rows.f[j]
+            w.work[chosen[c]] += mean * rows.f[i]
+        total += w.work[chosen[c]]
+    return total
+
+
+@kernel
+def _rebound(chosen: IntArray, width: int, is_new: bool, w: Pressing) -> None:
+    """
+    Find the impulses of an island in the second half, so that bounces give no energy.
+
+    Each point is to come apart with its share of the rate with which it came, which several
+    impacts at once, with friction, may only do with more energy than there was (Stronge, Rigid
+    body collisions with friction, Proc. R. Soc. A 431 (1990)). All bounces of the island are then
+    smaller by one factor. The work is a convex function of that: the chord from a factor that
+    takes energy to one that gives it meets 0 before it does.
+    """
+    lost, any_bounce = 0.0, False
+    for k in chosen:
+        any_bounce = any_bounce or w.bounce[k] > 0.0
+        if w.match[k] >= 0:
+            lost += w.half_work[w.match[k]]
+    high = _solve_rebound(chosen, width, 1.0, is_new, w) + lost
+    if high <= 0.0 or not any_bounce:
+        return
+    upper, lower = 1.0, 0.0
+    low = _solve_rebound(chosen, width, 0.0, False, w) + lost
+    for _ in range(CHORDS):
+        if low >= 0.0:
+            break
+        share = lower - low * (upper - lower) / (high - low)
+        now = _solve_rebound(chosen, width, share, False, w) + lost
+        if now <= 0.0:
+            lower, low = share, now
+        else:
+            upper, high = share, now
+    _solve_rebound(chosen, width, lower, False, w)      # the latest one may be on the other side
+    if low > 0.0:
+        _take_no_energy(chosen, width, w)
+
+
+@kernel
+def _take_no_energy(chosen: IntArray, width: int, w: Pressing) -> None:
+    """
+    Make impulses that are no solution smaller where they would give energy.
+
+    Their work is s f . u_0 + s^2 f . A f / 2 when they are s times what they are. A solution takes
+    f . A f / 2 at least. Bodies that are wedged in may find none.
+    """
+    rows, r, linear, gain = w.system.rows, width * chosen.shape[0], 0.0, 0.0
+    A = w.system.A[:r * r].reshape((r, r))
+    for i in range(r):
+        linear += rows.f[i] * w.free[i]
+        gain -= 0.5 * rows.give[i] * rows.f[i] * rows.f[i]
+        for j in range(r):
+            gain += 0.5 * rows.f[i] * A[i, j] * rows.f[j]
+    if linear + gain > 0.0:
+        share = max(-linear / gain, 0.0) if gain > 0.0 else 0.0
+        for i in range(r):
+            rows.f[i] *= share
+
+
+@kernel
+def _solve_rebound(chosen: IntArray, width: int, share: float, is_new: bool,
+                   w: Pressing) -> float:
+    """Find the impulses with this share of all bounces; return their work."""
+    rows, m = w.system.rows, chosen.shape[0]
+    for i in range(width * m):
+        rows.b[i] = w.free[i]
+    for c in range(m):
+        rows.b[width * c] -= share * w.bounce[chosen[c]]
+    solve_system(w.system, m, width, is_new)
+    return _note_work(chosen, width, w)
+
+
+@kernel
+def _displace(contacts: Contacts, chosen: IntArray, width: int, h: float, w: Pressing) -> None:
+    """Write impulses that displace what overlaps, and does not come apart by itself."""
+    rows, r, any_wanted = w.system.rows, width * chosen.shape[0], False
+    A = w.system.A[:r * r].reshape((r, r))
+    for i in range(r):
+        rate = rows.b[i]
+        for j in range(r):
+            rate += A[i, j] * rows.f[j]
+        w.row[i] = rate
+    for c in range(chosen.shape[0]):
+        moves = rows.stiff[width * c] > 0.0
+        depth = max(-contacts.gap[chosen[c]], 0.0) if moves else 0.0
+        wanted = min(PUSH * depth / h, PUSH_SPEED)
+        rate = max(w.row[width * c], 0.0)
+        any_wanted = any_wanted or wanted > rate
+        for i in range(width):
+            rows.b[width * c + i] = 0.0
+        rows.b[width * c] = rate - wanted
+    if any_wanted:
+        push_apart(w.system, chosen.shape[0], width, w.row)
+    for c in range(chosen.shape[0]):
+        for i in range(width):
+            w.pushed[chosen[c], i] = w.row[width * c + i] if any_wanted else 0.0
+
+
+@kernel
+def _add_displacing(model: Model, state: State, table: JointTable, work: JointWork, h: float,
+                    w: Pressing) -> None:
+    """
+    Add the momenta with which bodies move as the impulses that displace let them.
+
+    They are those of the answer of the joints, and less if a body would turn by too much.
+    """
+    loads, contacts, fastest, is_any = w.displacing, w.contacts, 0.0, False
+    loads.F[:], loads.tau[:] = 0.0, 0.0
+    for k in w.chosen[:w.count[POINTS_IN_USE]]:
+        if w.pushed[k, 0] > 0.0:
+            is_any = True
+            add_contact_load(model.inv_m, contacts, k, to_world(
+                contacts, k, (w.pushed[k, 0], 0.0, 0.0)), (0.0, 0.0, 0.0), loads)
+    if not is_any:
+        return
+    for g in range(table.first_row.shape[0] - 1):
+        answer_to_impulses(model, table, work, g, loads)
+    for i in range(model.m.shape[0]):
+        if model.inv_m[i] > 0.0:
+            v = spin_of(quaternion(state.q, i), column(loads.tau, i), column(model.inv_I_C, i))
+            fastest = max(fastest, norm(v))
+    share = min(1.0, MOST_TURN / (h * fastest)) if fastest > 0.0 else 1.0
+    for i in range(model.m.shape[0]):
+        for k in range(3):
+            loads.F[k, i] *= share
+            loads.tau[k, i] *= share
+    kick(state, loads, 1.0)
+
+
+@kernel
+def take_back_displacing(state: State, w: Pressing) -> None:
+    """Take back the momenta that displaced."""
+    if w.count[POINTS_IN_USE] > 0:
+        kick(state, w.displacing, -1.0)
+
+
+@kernel
+def keep_impulses(model: Model, first: bool, w: Pressing) -> None:
+    """Carry the impulses over to the other half of the step, or to the next step."""
+    carried, kept = w.half if first else w.carried, w.count[POINTS_IN_USE]
+    for c in range(kept):
+        k = w.chosen[c]
+        keep_force(model, w.contacts, k, w.count[WIDTH], w.impulse[k], carried, c)
+        if first:
+            w.half_bounce[c], w.half_work[c] = w.bounce[k], w.work[k]
+    w.count[HALF_KNOWN if first else KNOWN] = kept
+
+
+def more_points(w: Pressing, table: JointTable, points: int) -> Pressing:
+    """Return scratch memory with room for twice as many points, and what is carried over."""
+    fresh = make_pressing(table, len(w.parent), 2 * points, w.order.shape[1], len(w.system.x))
+    return fresh._replace(
+        count=w.count, carried=_longer(w.carried, 2 * points), half=_longer(w.half, 2 * points),
+        half_bounce=longer(w.half_bounce, 2 * points),
+        half_work=longer(w.half_work, 2 * points))
+
+
+def with_carried(w: Pressing, table: JointTable, carried: Carried) -> Pressing:
+    """Return scratch memory that begins with these impulses of the step before."""
+    known = len(carried.feature)
+    w = more_points(w, table, known) if known > len(w.chosen) else w
+    w.count[KNOWN] = known
+    return w._replace(carried=_longer(carried, len(w.chosen)))
+
+
+def carried_over(w: Pressing) -> Carried:
+    """Return the impulses of the latest step from which the next one begins."""
+    return Carried._make(field[:w.count[KNOWN]].copy() for field in w.carried)
+
+
+def _longer(carried: Carried, points: int) -> Carried:
+    return Carried._make(longer(field, points) for field in carried)
