@@ -11,7 +11,7 @@ import numpy as np
 
 from rigid_sim_ros.bag import topics as kinds
 from rigid_sim_ros.bag.errors import BagError
-from rigid_sim_ros.bag.motion import joint_prefix, owner_of
+from rigid_sim_ros.bag.motion import joint_prefix
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.session import is_session
 from rigid_sim_ros.messages import decode
@@ -78,7 +78,7 @@ def _fill(reader: BagReader, motion: '_Table', wrenches: '_Table', joints: '_Tab
             motion.add([at] * len(names), [t_ns / 1e9] * len(names), names, numbers=numbers)
         elif kind == kinds.TYPES[kinds.APPLIED_WRENCH] and topic.endswith('/applied_wrench'):
             t_ns, frame, numbers = decode.wrench(data)
-            wrenches.add([at], [t_ns / 1e9], [owner_of(topic, node)], [frame], numbers=numbers)
+            wrenches.add([at], [t_ns / 1e9], [topic.split('/')[-2]], [frame], numbers=numbers)
         elif kind == kinds.TYPES[kinds.JOINT_STATES]:
             prefix = joint_prefix(topic, node)
             if prefix is not None:

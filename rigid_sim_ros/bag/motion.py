@@ -63,14 +63,6 @@ def joint_prefix(topic: str, node: str | None) -> str | None:
     return f'{model}/' if model else ''
 
 
-def owner_of(topic: str, node: str | None) -> str:
-    """Return whose topic NODE/BODY/LAST is; without a known node a name of one part."""
-    before = topic.rpartition('/')[0]
-    if node is not None and before.startswith(f'{node}/'):
-        return before.removeprefix(f'{node}/')
-    return before.rpartition('/')[2]
-
-
 class Clock:
     """
     Time that goes on where that of a simulation is set back by a reset.
@@ -152,8 +144,7 @@ class _Gathering:
     def wrench(self, topic: str, stamp: int, data: bytes) -> None:
         if topic.endswith('/contact_wrench'):
             t_ns, _, numbers = decode.wrench(data)
-            body = owner_of(topic, self._node)
-            self._wrenches.setdefault(body, []).append((t_ns, stamp, numbers[0]))
+            self._wrenches.setdefault(topic.split('/')[-2], []).append((t_ns, stamp, numbers[0]))
 
     def joints(self, topic: str, stamp: int, data: bytes) -> None:
         prefix = joint_prefix(topic, self._node)

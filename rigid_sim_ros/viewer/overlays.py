@@ -5,11 +5,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from rosbags.serde import SerdeError
-from scipy.spatial.transform import Rotation
 import viser
 
 from rigid_sim_ros.bag.topics import typestore
-from rigid_sim_ros.viewer.frames import frames_of
 from rigid_sim_ros.viewer.grip import Grip, held_point, Masses
 from rigid_sim_ros.viewer.motion import Array, Motion
 from rigid_sim_ros.viewer.simulation import Applied
@@ -68,7 +66,6 @@ class Overlays:
         self._stage = stage
         self._masses = Masses(stage.scene)
         self._index = {name: k for k, name in enumerate(stage.scene.names)}
-        self._frames = frames_of(stage.scene)
         self._wanted: dict[str, bool] = {}
         self._shown: frozenset[str] = frozenset()
         self._arrows = {kind: Arrows(scene, f'/arrows/{kind}', size, color)
@@ -131,16 +128,36 @@ class Overlays:
             if body not in self._index or not -_FORGET < age < _FORGET:
                 continue
             k = self._index[body]
-            frame = self._frames.get(wrench.frame)
-            force, start = np.array(wrench.force), self._masses.centre(k, motion)
-            if frame is not None:
-                turn = rotation[frame.body] * Rotation.from_quat(frame.orientation)
-                force = turn.apply(force)
-                if frame.body == k:
-                    start = motion.position[k] + rotation[k].apply(frame.position)
+            owner = wrench.frame.partition('/')[0]
+            force = np.array(wrench.force)
+            if owner in self._index:
+                force = rotation[self._index[owner]].apply(self._in_body(wrench.frame, force))
+            start = self._masses.centre(k, motion)
+            if owner == body:
+                start = motion.position[k] + rotation[k].apply(self._origin(wrench.frame))
             starts.append(start)
             ends.append(start + shortened(self._per_newton * force, self._longest))
         self._arrows[WRENCHES].show(np.reshape(starts, (-1, 3)), np.reshape(ends, (-1, 3)))
+
+    def _frame(self, name: str) -> tuple[Array, Array] | None:
+        """Return place and attitude of a named frame in its body, None for the body itself."""
+        body, _, frame = name.partition('/')
+        frames = self._stage.scene.spec.bodies[self._index[body]].frames
+        if frame not in frames:
+            return None
+        return np.array(frames[frame].position), np.array(frames[frame].orientation)
+
+    def _in_body(self, name: str, force: Array) -> Array:
+        frame = self._frame(name)
+        if frame is None:
+            return force
+        q = frame[1]
+        t = 2.0 * np.cross(q[:3], force)
+        return np.asarray(force + q[3] * t + np.cross(q[:3], t))
+
+    def _origin(self, name: str) -> Array:
+        frame = self._frame(name)
+        return np.zeros(3) if frame is None else frame[0]
 
     def show_contacts(self, lines: Array) -> None:
         """Draw the contact forces: lines (k, 2, 3) [m]."""

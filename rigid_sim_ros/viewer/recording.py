@@ -16,7 +16,6 @@ import numpy.typing as npt
 from rigid_sim_ros.bag import events, session as sessions
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.motion import Clock
-from rigid_sim_ros.bag.motion import owner_of
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.session import Session
 from rigid_sim_ros.messages import decode
@@ -165,7 +164,7 @@ class Recording:
     def _take_wrench(self, topic: str, data: bytes) -> None:
         t_ns, frame, numbers = decode.wrench(data)
         fx, fy, fz, tx, ty, tz = numbers[0].tolist()
-        body = owner_of(topic, self._node or None)
+        body = topic.removesuffix(_WRENCH).rpartition('/')[2]
         self._wrenches.setdefault(body, []).append(
             (self._now, Applied(t_ns, frame, (fx, fy, fz), (tx, ty, tz))))
 

@@ -6,7 +6,6 @@ from scipy.spatial.transform import Rotation
 import viser
 
 from rigid_sim_ros.scene import Scene
-from rigid_sim_ros.viewer.frames import frames_of
 from rigid_sim_ros.viewer.motion import Array, Motion
 from rigid_sim_ros.viewer.stage import Stage
 
@@ -67,14 +66,15 @@ class Springs:
 
 def spring_ends(scene: Scene) -> tuple[Ends, Ends]:
     """Return both ends of all springs, in the order of the scene."""
-    frames = frames_of(scene)
+    index = {name: k for k, name in enumerate(scene.names)}
 
-    def resolve(name: str, point: Array) -> tuple[int, Array]:
-        frame = frames.get(name)
-        if frame is None:
-            return _WORLD, point
-        turn = Rotation.from_quat(frame.orientation)
-        return frame.body, frame.position + turn.apply(point)
+    def resolve(frame: str, point: Array) -> tuple[int, Array]:
+        body, _, name = frame.partition('/')
+        k = index.get(body, _WORLD)
+        if name:
+            pose = scene.spec.bodies[k].frames[name]
+            point = pose.position + Rotation.from_quat(pose.orientation).apply(point)
+        return k, point
 
     springs = [force for force in scene.spec.forces if force.type in _TYPES]
     a = [resolve(force.a, np.zeros(3)) for force in springs]

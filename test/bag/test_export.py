@@ -12,7 +12,6 @@ from rigid_sim_ros.bag import topics as kinds
 from rigid_sim_ros.bag.batch import Batch
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.export import export, JOINTS, MOTION
-from rigid_sim_ros.bag.motion import owner_of
 from rigid_sim_ros.bag.topics import typestore
 
 READ = {'csv': csv.read_csv, 'parquet': parquet.read_table}
@@ -95,8 +94,3 @@ def test_joint_states_go_to_a_file_of_their_own(tmp_path) -> None:
     assert table['joint'].to_pylist() == ['arm/turn', 'pivot'] * 2
     assert table['position [rad or m]'].to_pylist()[2:] == world.joint_position.tolist()
     assert table['velocity [rad/s or m/s]'].to_pylist()[2:] == world.joint_velocity.tolist()
-
-
-def test_a_wrench_on_a_link_of_a_model_is_told_with_the_whole_name(tmp_path) -> None:
-    assert owner_of('/lab/sim/arm/link1/applied_wrench', '/lab/sim') == 'arm/link1'
-    assert owner_of('/other/crate/applied_wrench', None) == 'crate'
