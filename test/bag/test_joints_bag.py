@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from rigid_sim_ros import World
+from rigid_sim_ros import load_scene, World
 from rigid_sim_ros.bag.batch import Batch
 from rigid_sim_ros.bag.moment import find
 from rigid_sim_ros.bag.reader import BagReader
@@ -99,6 +99,18 @@ def test_a_node_could_go_on_in_the_midst_of_a_trajectory(bag):
     assert not world._paths.are_empty
     world.step(100)
     assert world.state_hash() == whole.state_hash()
+
+
+def test_a_trajectory_of_joints_that_carry_by_contact_is_verified(tmp_path):
+    world = load_scene('gripper')
+    batch = Batch(world, tmp_path / 'bag')
+    batch.run(50)
+    before = world.joint_position[0]
+    world.follow_trajectory(['lift'], [0.1], [[before + 0.01]], [[0.0]])
+    batch.run(150)
+    batch.close()
+    assert world.joint_position[0] > before + 0.005
+    assert verify(tmp_path / 'bag').holds
 
 
 def test_the_description_of_a_model_is_recorded_once_and_verified(tmp_path):
