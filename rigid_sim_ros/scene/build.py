@@ -71,7 +71,7 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source) ->
     says where in the file a mistake stands.
     """
     if (spec.world.contact, spec.world.solver) == ('timestep', 'sequential') and (
-            len(spec.bodies) > 1):
+            len(spec.bodies) > 1) and not spec.joints:
         compile_beforehand()
     problems: list[Problem] = []
 

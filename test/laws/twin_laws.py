@@ -109,6 +109,12 @@ def mirrored(rng: Generator, scene: Scene) -> Twin:
 
     spec = _each(scene.spec, change)
     spec['world']['gravity'] = (_IMAGE * spec['world']['gravity']).tolist()
+    for joint in spec.get('joints', ()):
+        joint['pose']['position'] = (_IMAGE * joint['pose']['position']).tolist()
+        if 'axis' in joint:
+            # Positions about an axis stay what they are if it is mirrored as axial vectors are.
+            along = joint['type'] == 'prismatic'
+            joint['axis'] = ((_IMAGE if along else -_IMAGE) * joint['axis']).tolist()
     return Twin(spec, lambda m: m * _MOTION)
 
 
@@ -139,14 +145,36 @@ def scaled(rng: Generator, scene: Scene) -> Twin:
                if 1e-3 <= scene.size * 4.0 ** k <= 1e2 and 1e-4 <= scene.h * 2.0 ** k <= 1 / 60]
     s = float(rng.choice(factors)) if factors else 1.0
     powers = np.repeat([1.0, 0.0, 0.5, -0.5], [3, 4, 3, 3])
-    return Twin(_scaled(scene.spec, s), lambda m: m / s ** powers)
+    spec = _scaled({key: part for key, part in scene.spec.items() if key != 'joints'}, s)
+    if 'joints' in scene.spec:
+        spec['joints'] = [_scaled_joint(joint, s) for joint in scene.spec['joints']]
+    return Twin(spec, lambda m: m / s ** powers)
+
+
+def _scaled_joint(joint: Spec, s: float) -> Spec:
+    """Scale a joint; what acts about an axis has a length more than what acts along one."""
+    along = joint['type'] == 'prismatic'
+    found = copy.deepcopy(joint)
+    found['pose']['position'] = (s * np.asarray(joint['pose']['position'])).tolist()
+    for key, power in (('damping', 2.5 if along else 4.5), ('friction', 3.0 if along else 4.0)):
+        if key in joint:
+            found[key] = joint[key] * s ** power
+    if along and 'limits' in joint:
+        found['limits'] = {key: s * value for key, value in joint['limits'].items()}
+    return found
 
 
 def reordered(rng: Generator, scene: Scene) -> Twin:
     """Write the bodies in another order, under other names."""
     spec = copy.deepcopy(scene.spec)
     order = rng.permutation(len(spec['bodies']))
-    spec['bodies'] = [spec['bodies'][k] | {'name': f'n{rng.integers(1 << 40)}_{k}'} for k in order]
+    names = [f'n{rng.integers(1 << 40)}_{k}' for k in order]
+    pairs = list(zip(order.tolist(), names, strict=True))
+    spec['bodies'] = [spec['bodies'][k] | {'name': name} for k, name in pairs]
+    if 'joints' in spec:
+        new = {scene.spec['bodies'][k]['name']: name for k, name in pairs}
+        spec['joints'] = [joint | {end: new[joint[end]] for end in ('parent', 'child')}
+                          for joint in spec['joints']]
     return Twin(spec, lambda m: m[np.argsort(order)])
 
 
@@ -168,7 +196,8 @@ def _neighbour(rng: Generator, scene: Scene) -> Spec:
     speed = math.sqrt(9.81 * scene.size)
     for one in found['bodies']:
         if not one.get('fixed'):
-            pose, twist = one['pose'], one['twist']
+            pose = one['pose']
+            twist = one.setdefault('twist', {'linear': [0.0] * 3, 'angular': [0.0] * 3})
             pose['position'] = (pose['position'] + NEAR * scene.size * rng.normal(size=3)).tolist()
             little = np.append(0.5 * NEAR * rng.normal(size=3), 1.0)
             pose['orientation'] = product(little, pose['orientation']).tolist()

@@ -44,13 +44,13 @@ MOST_PIECES = 6
 STEADY = 1e-9
 # Times at most that impulses are halved which give energy.
 MOST_HALVINGS = 12
-# [m/s] Impulses that would give a body this velocity are of bodies that are wedged in. They are
-# not carried over, as rounding alone would make them grow.
-FASTEST = 1e5
+# Impulses that would move a body by so many sizes in a step are of bodies that are wedged in. They
+# are not carried over, as rounding alone would make them grow.
+FASTEST = 1e3
 # Of the size of a shape: points that are nearer take part in the second half of a step.
 NEAR = 1e-6
-# In a step, overlaps are displaced by this part of themselves, and at most this fast [m/s].
-PUSH, PUSH_SPEED = 0.2, 1.0
+# In a step, overlaps are displaced by this part of themselves, at most by this part of the size.
+PUSH, MOST_PUSH = 0.2, 0.003
 # [rad] No body turns farther in a step by being displaced.
 MOST_TURN = 0.02
 # Times the speed that the loads give in half a step: slower approaches do not bounce.
@@ -294,7 +294,8 @@ def _begin_with(model: Model, state: State, chosen: IntArray, width: int, first:
     for c in range(chosen.shape[0]):
         k = chosen[c]
         is_sane = (abs(w.row[width * c]) * max(
-            model.inv_m[w.contacts.body_a[k]], model.inv_m[w.contacts.body_b[k]]) <= FASTEST)
+            model.inv_m[w.contacts.body_a[k]], model.inv_m[w.contacts.body_b[k]])
+            <= FASTEST * w.contacts.size[k] / model.h)
         for i in range(width):
             w.impulse[k, i] = w.row[width * c + i] if is_sane else 0.0
             w.pushed[k, i] = 0.0
@@ -470,7 +471,7 @@ def _displace(contacts: Contacts, chosen: IntArray, width: int, h: float, w: Pre
     for c in range(chosen.shape[0]):
         moves = rows.stiff[width * c] > 0.0
         depth = max(-contacts.gap[chosen[c]], 0.0) if moves else 0.0
-        wanted = min(PUSH * depth / h, PUSH_SPEED)
+        wanted = min(PUSH * depth, MOST_PUSH * contacts.size[chosen[c]]) / h
         rate = max(w.row[width * c], 0.0)
         any_wanted = any_wanted or wanted > rate
         for i in range(width):
