@@ -10,7 +10,7 @@ from typing import Any
 from rigid_sim_ros.bag import topics as kinds
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.events import INPUTS
-from rigid_sim_ros.bag.outputs import Outputs, state_topics
+from rigid_sim_ros.bag.outputs import joint_topics, Outputs, state_topics
 from rigid_sim_ros.bag.recorder import Recorder, Status
 from rigid_sim_ros.world import World
 from rigid_sim_ros.world.commands import Command
@@ -38,7 +38,7 @@ class Batch:
         self._hash_interval = hash_interval
         self._ticks = 0         # steps taken, which a reset does not set back
         self._start_ns = time.time_ns()
-        topics = state_topics(node, world.names)
+        topics = [*state_topics(node, world.names), *joint_topics(node, world)]
         self.recorder = Recorder(
             output, world, topics, node=node, storage=storage, compression=compression,
             waits=True, clock=self._now, parameters={
@@ -48,6 +48,7 @@ class Batch:
         self._outputs = Outputs(world, topics, 'world')
         self.recorder.snapshot(world)
         world.observe(self._note)
+        self._record(kinds.ROBOT_DESCRIPTION)
         self.publish()
 
     def _now(self) -> int:
@@ -74,7 +75,7 @@ class Batch:
         """Record what the node would publish now."""
         index = self.world.step_index
         if index % self._publish_interval == 0:
-            self._record(kinds.CLOCK, kinds.POSE, kinds.TWIST, kinds.STATE)
+            self._record(kinds.CLOCK, kinds.POSE, kinds.TWIST, kinds.STATE, kinds.JOINT_STATES)
         if self._hash_interval and index % self._hash_interval == 0:
             self._record(kinds.STATE_HASH)
 
@@ -105,6 +106,7 @@ class Batch:
 
     def _record(self, *chosen: str) -> None:
         pairs = [pair for kind in chosen for pair in self._outputs.encode(kind)]
-        self.recorder.publish(
-            self.world.step_index, [self.recorder.channel(name) for name, _ in pairs],
-            [data for _, data in pairs])
+        if pairs:
+            self.recorder.publish(
+                self.world.step_index, [self.recorder.channel(name) for name, _ in pairs],
+                [data for _, data in pairs])

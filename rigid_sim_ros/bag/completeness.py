@@ -14,12 +14,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
 
 from rigid_sim_ros.bag import topics as kinds
+from rigid_sim_ros.bag.joint_messages import JointMessages
 from rigid_sim_ros.bag.session import Session
 
 # Types that a node has on topics of certain kinds only.
 _KINDS: dict[str, set[str]] = {}
 for _kind in (kinds.CLOCK, kinds.POSE, kinds.TWIST, kinds.STATE, kinds.TRANSFORMS,
-              kinds.STATE_HASH, kinds.STEP, kinds.SNAPSHOT):
+              kinds.STATE_HASH, kinds.STEP, kinds.SNAPSHOT, kinds.JOINT_STATES,
+              kinds.ALL_JOINT_STATES):
     _KINDS.setdefault(kinds.TYPES[_kind], set()).add(_kind)
 
 # Kinds with a topic for each body, all of which are published together.
@@ -32,12 +34,14 @@ def chosen(names: Iterable[str], patterns: Iterable[str]) -> list[str]:
     return [name for name in names if any(fnmatchcase(name, p) for p in patterns)]
 
 
-def wrong_topics(session: Session, names: Sequence[str], is_part: bool) -> str:
+def wrong_topics(session: Session, names: Sequence[str], is_part: bool,
+                 joints: JointMessages) -> str:
     """
     Return what is wrong with the topics that a session lists, '' if nothing is.
 
     `names` are those of the bodies that there are when the session begins, or later in a part of
-    it: then some may have gone that had topics, and some have come that have none.
+    it: then some may have gone that had topics, and some have come that have none. `joints` are
+    those of the same world.
     """
     for topic in session.topics:
         if topic.kind not in _KINDS.get(topic.type, {topic.kind}) or (
@@ -47,12 +51,17 @@ def wrong_topics(session: Session, names: Sequence[str], is_part: bool) -> str:
         if topic.kind in (*_OF_BODIES, kinds.APPLIED_WRENCH) and not is_part and (
                 topic.body not in names):
             return f'the session lists {topic.name} of the body {topic.body!r}, which there is not'
+        if topic.kind in kinds.OF_JOINTS and topic.body not in joints.owners(topic.kind):
+            return f'the session lists {topic.name} of {topic.body!r}, which there is not'
     if len(session.by_name) < len(session.topics):
         return 'the session lists a topic twice'
     listed = Counter((topic.kind, topic.body) for topic in session.topics)
     for own in kinds.own_topics(session.node):
         if own not in session.topics or listed[own.kind, ''] != 1:
             return f'the session does not list {own.name} as it must be'
+    for model in joints.models:
+        if listed[kinds.JOINT_STATES, model] != 1:
+            return f'the session does not list the joint states of {model!r}, as it must'
     patterns = session.parameters.get('bodies')
     if not isinstance(patterns, list) or is_part:
         return ''

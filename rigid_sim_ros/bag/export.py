@@ -1,6 +1,6 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Motion and wrenches of a bag as tables, CSV or Parquet, through pyarrow."""
+"""Motion, wrenches and joint states of a bag as tables, CSV or Parquet, through pyarrow."""
 
 from collections.abc import Sequence
 import os
@@ -11,7 +11,9 @@ import numpy as np
 
 from rigid_sim_ros.bag import topics as kinds
 from rigid_sim_ros.bag.errors import BagError
+from rigid_sim_ros.bag.motion import joint_prefix
 from rigid_sim_ros.bag.reader import BagReader
+from rigid_sim_ros.bag.session import is_session
 from rigid_sim_ros.messages import decode
 
 FORMATS = ('csv', 'parquet')
@@ -23,6 +25,8 @@ MOTION = (*_TIMES, 'body', *(f'position {a} [m]' for a in _AXES),
           *(f'angular velocity {a} [rad/s]' for a in _AXES))
 WRENCHES = (*_TIMES, 'body', 'frame', *(f'force {a} [N]' for a in _AXES),
             *(f'torque {a} [N m]' for a in _AXES))
+JOINTS = (*_TIMES, 'joint', 'position [rad or m]', 'velocity [rad/s or m/s]',
+          'effort [N m or N]')
 
 # Rows that are gathered before they are written: some 20 MB.
 _ROWS = 1 << 17
@@ -30,7 +34,7 @@ _ROWS = 1 << 17
 
 def export(bag: str | os.PathLike[str], file_format: str, output: Path) -> list[tuple[Path, int]]:
     """
-    Write the motion of all bodies to a file, and accepted wrenches to one beside it.
+    Write the motion of all bodies to a file, accepted wrenches and joint states to such beside it.
 
     Returns the files and how many rows each has. BagError if the bag cannot be read, holds no
     motion, or a file exists already.
@@ -40,25 +44,28 @@ def export(bag: str | os.PathLike[str], file_format: str, output: Path) -> list[
     except ImportError:
         raise BagError("export needs pyarrow: `pip install 'rigid_sim_ros[export]'`, or `pip "
                        'install pyarrow`') from None
-    beside = output.with_name(f'{output.stem}_wrenches{output.suffix}')
-    for path in (output, beside):
+    beside = [output.with_name(f'{output.stem}_{what}{output.suffix}')
+              for what in ('wrenches', 'joints')]
+    for path in (output, *beside):
         if path.exists():
             raise BagError(f'{path} exists already: choose another --output, or remove it')
     motion = _Table(output, file_format, MOTION)
-    wrenches = _Table(beside, file_format, WRENCHES)
+    wrenches = _Table(beside[0], file_format, WRENCHES)
+    joints = _Table(beside[1], file_format, JOINTS)
     try:
-        _fill(BagReader(bag), motion, wrenches)
+        _fill(BagReader(bag), motion, wrenches, joints)
         if not motion.count and not motion.rows:
             raise BagError(f'{bag} holds no motion: no topic is of the type '
                            f'{kinds.TYPES[kinds.STATE]}')
-        written = [(table.path, table.close()) for table in (motion, wrenches)]
+        written = [(table.path, table.close()) for table in (motion, wrenches, joints)]
     except OSError as error:
         raise BagError(f'{error.filename or output}: {error.strerror or error}') from None
     return [(path, count) for path, count in written if count]
 
 
-def _fill(reader: BagReader, motion: '_Table', wrenches: '_Table') -> None:
+def _fill(reader: BagReader, motion: '_Table', wrenches: '_Table', joints: '_Table') -> None:
     first_ns: int | None = None
+    node: str | None = None     # of a session of ours
     types: dict[str, str] = {}
     for topic, stamp, data in reader.messages():
         first_ns = stamp if first_ns is None else first_ns
@@ -72,6 +79,14 @@ def _fill(reader: BagReader, motion: '_Table', wrenches: '_Table') -> None:
         elif kind == kinds.TYPES[kinds.APPLIED_WRENCH] and topic.endswith('/applied_wrench'):
             t_ns, frame, numbers = decode.wrench(data)
             wrenches.add([at], [t_ns / 1e9], [topic.split('/')[-2]], [frame], numbers=numbers)
+        elif kind == kinds.TYPES[kinds.JOINT_STATES]:
+            prefix = joint_prefix(topic, node)
+            if prefix is not None:
+                t_ns, _, names, numbers = decode.joint_state(data)
+                joints.add([at] * len(names), [t_ns / 1e9] * len(names),
+                           [prefix + name for name in names], numbers=numbers)
+        elif node is None and is_session(topic):
+            node = topic.removesuffix('/bag/session')
     if reader.faults:
         raise BagError(f'{reader.path}: {reader.faults[0]}: `rigid_sim recover {reader.path}` '
                        'keeps what is whole')

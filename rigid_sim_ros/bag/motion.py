@@ -44,7 +44,23 @@ class Motion(NamedTuple):
     scene: Scene | None         # None: a bag without one
     session: Session | None     # None: not recorded by rigid_sim_ros
     wrenches: dict[str, tuple[Array, Array]]    # of contact by body: (k,) [s], (k, 6) [N, N m]
+    # Of joints by name: times (k,) [s], and position, velocity and effort (k, 3) [rad or m ...].
+    joints: dict[str, tuple[Array, Array]]
     notes: list[str]            # what is not as one may expect
+
+
+def joint_prefix(topic: str, node: str | None) -> str | None:
+    """
+    Return what stands before the names of joints on a topic, None for one that is left out.
+
+    Of a session of the node it is their model; /joint_states says there what others say. Of any
+    other bag it is what stands before joint_states, so that robots are told apart.
+    """
+    before, _, last = topic.rpartition('/')
+    if last != 'joint_states' or (node is not None and not f'{before}/'.startswith(f'{node}/')):
+        return None
+    model = before.removeprefix(node or '').strip('/')
+    return f'{model}/' if model else ''
 
 
 class Clock:
@@ -95,6 +111,7 @@ class _Gathering:
         self._states: dict[str, list[tuple[int, int, tuple[str, ...], Array]]] = {}
         self._singles: dict[str, list[tuple[int, int, slice, Array]]] = {}
         self._wrenches: dict[str, list[tuple[int, int, Array]]] = {}
+        self._joints: dict[str, list[tuple[int, int, list[str], Array]]] = {}
         self._scenes: dict[str, str] = {}
         self._session: Session | None = None
 
@@ -129,6 +146,17 @@ class _Gathering:
             t_ns, _, numbers = decode.wrench(data)
             self._wrenches.setdefault(topic.split('/')[-2], []).append((t_ns, stamp, numbers[0]))
 
+    def joints(self, topic: str, stamp: int, data: bytes) -> None:
+        prefix = joint_prefix(topic, self._node)
+        if prefix is not None:
+            t_ns, _, names, numbers = decode.joint_state(data)
+            self._joints.setdefault(topic, []).append(
+                (t_ns, stamp, [prefix + name for name in names], numbers))
+
+    @property
+    def _node(self) -> str | None:
+        return None if self._session is None else self._session.node
+
     def _add(self, topic: str, suffix: str, stamp: int, message: Any, columns: slice,
              numbers: Array) -> None:
         name = topic.removesuffix(f'/{suffix}').strip('/')
@@ -160,7 +188,21 @@ class _Gathering:
             clock.starts_at_date, scene, self._session, {
                 body: (np.array([t_ns - start for t_ns in _stamps(rows)]) / 1e9,
                        np.array([row[2] for row in rows]))
-                for body, rows in self._wrenches.items()}, notes)
+                for body, rows in self._wrenches.items()}, self._joint_series(), notes)
+
+    def _joint_series(self) -> dict[str, tuple[Array, Array]]:
+        """Return the series of each joint; a clock that is set back goes on, as for bodies."""
+        series: dict[str, tuple[list[float], list[Array]]] = {}
+        for rows in self._joints.values():
+            clock = Clock()
+            for t_ns, (_, _, names, numbers) in zip(_stamps(rows), rows, strict=True):
+                at, _ = clock.seconds(t_ns)
+                for name, row in zip(names, numbers, strict=True):
+                    times, values = series.setdefault(name, ([], []))
+                    times.append(at)
+                    values.append(row)
+        return {name: (np.array(times), np.array(values))
+                for name, (times, values) in series.items()}
 
     def _state_topic(self, notes: list[str]) -> str:
         topics = list(self._states)
@@ -189,6 +231,7 @@ _TAKE = {
     kinds.TYPES[kinds.POSE]: _Gathering.pose,
     kinds.TYPES[kinds.TWIST]: _Gathering.twist,
     kinds.TYPES[kinds.APPLIED_WRENCH]: _Gathering.wrench,
+    kinds.TYPES[kinds.JOINT_STATES]: _Gathering.joints,
     _ODOMETRY: _Gathering.odometry,
 }
 

@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a world says at a step, as the bytes on its topics: for `batch`, which records it first."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 
 from rigid_sim_ros.bag import topics as kinds
+from rigid_sim_ros.bag.joint_messages import JointMessages
 from rigid_sim_ros.bag.topics import Topic
 from rigid_sim_ros.messages.codec import (
     encode_clock, encode_uint64, PoseEncoder, StateEncoder, TransformsEncoder, TwistEncoder)
@@ -14,7 +16,7 @@ from rigid_sim_ros.world import World
 
 
 def state_topics(node: str, names: Iterable[str]) -> list[Topic]:
-    """Return the topics of a simulation that show its motion."""
+    """Return the topics of a simulation that show the motion of bodies."""
     names = list(names)
     return [
         kinds.published(kinds.CLOCK, node),
@@ -25,13 +27,22 @@ def state_topics(node: str, names: Iterable[str]) -> list[Topic]:
     ]
 
 
+def joint_topics(node: str, world: World) -> list[Topic]:
+    """Return the topics of a simulation that show the motion of joints, and their models."""
+    joints = JointMessages(world)
+    return [kinds.published(kind, node, model)
+            for kind in (kinds.JOINT_STATES, kinds.ROBOT_DESCRIPTION)
+            for model in joints.owners(kind)]
+
+
 class Outputs:
     """Encodes what is said on the topics of a world, whichever of them there are."""
 
     def __init__(self, world: World, topics: Sequence[Topic], frame_id: str) -> None:
         """Prepare messages for these topics; those of bodies that are not there are silent."""
         index = {name: k for k, name in enumerate(world.names)}
-        topics = [topic for topic in topics if not topic.body or topic.body in index]
+        topics = [topic for topic in topics
+                  if topic.kind not in kinds.OF_BODIES or topic.body in index]
         self._world = world
         self._names = {kind: [topic.name for topic in topics if topic.kind == kind]
                        for kind in kinds.TYPES}
@@ -42,7 +53,10 @@ class Outputs:
         self._twists = TwistEncoder(frame_id, len(twists))
         self._state = StateEncoder(frame_id, world.names)
         self._transforms = TransformsEncoder(frame_id, world.names)
-        self._encode = {
+        joints = JointMessages(world)
+        self._encode: dict[str, Callable[[], list[bytes]]] = {
+            **{kind: partial(joints.encode, kind, [t.body for t in topics if t.kind == kind])
+               for kind in kinds.OF_JOINTS},
             kinds.CLOCK: self._clock, kinds.POSE: self._pose, kinds.TWIST: self._twist,
             kinds.STATE: self._whole_state, kinds.TRANSFORMS: self._transform,
             kinds.STATE_HASH: self._hash}

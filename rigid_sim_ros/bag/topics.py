@@ -9,11 +9,12 @@ from rosbags.typesys import get_typestore, Stores
 
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.messages.topics import (
-    APPLIED_WRENCH, CLOCK, POSE, PUBLISHED, SCENE, STATE, STATE_HASH, topic_name, TRANSFORMS,
-    TWIST)
+    ALL_JOINT_STATES, APPLIED_WRENCH, CLOCK, JOINT_STATES, JOINT_WRENCH, POSE, PUBLISHED,
+    ROBOT_DESCRIPTION, SCENE, STATE, STATE_HASH, topic_name, TRANSFORMS, TWIST)
 
-__all__ = ['APPLIED_WRENCH', 'CLOCK', 'EVENT', 'POSE', 'SCENE', 'SESSION', 'SNAPSHOT', 'STATE',
-           'STATE_HASH', 'STEP', 'TRANSFORMS', 'TWIST', 'TYPES', 'Topic', 'definition',
+__all__ = ['ALL_JOINT_STATES', 'APPLIED_WRENCH', 'CLOCK', 'EVENT', 'JOINT_STATES', 'JOINT_WRENCH',
+           'OF_BODIES', 'OF_JOINTS', 'POSE', 'ROBOT_DESCRIPTION', 'SCENE', 'SESSION', 'SNAPSHOT',
+           'STATE', 'STATE_HASH', 'STEP', 'TRANSFORMS', 'TWIST', 'TYPES', 'Topic', 'definition',
            'own_topics', 'published', 'qos_profiles', 'topic', 'typestore']
 
 # What a recording adds by itself, below BAG.
@@ -31,6 +32,10 @@ TYPES = {
     SESSION: 'std_msgs/msg/String',
 }
 
+# Kinds with a topic for each body, and such with one for each model or joint.
+OF_BODIES = (POSE, TWIST, APPLIED_WRENCH)
+OF_JOINTS = (JOINT_STATES, ALL_JOINT_STATES, JOINT_WRENCH, ROBOT_DESCRIPTION)
+
 _FOREVER = {'sec': 9223372036, 'nsec': 854775807}     # as ROS writes it: 2^63 - 1 ns
 
 
@@ -40,7 +45,7 @@ class Topic(NamedTuple):
     name: str           # absolute
     type: str           # as in TYPES
     kind: str = ''      # what it carries, see above; '' for anything else
-    body: str = ''      # whose pose, twist or wrench it is
+    body: str = ''      # whose pose, twist or wrench it is; a model or a joint for OF_JOINTS
     latched: bool = False
 
 
@@ -51,7 +56,7 @@ def topic(kind: str, name: str, body: str = '', *, latched: bool = False) -> Top
 
 def published(kind: str, node: str, body: str = '') -> Topic:
     """Return a topic that a node publishes."""
-    return topic(kind, topic_name(kind, node, body), body)
+    return topic(kind, topic_name(kind, node, body), body, latched=kind == ROBOT_DESCRIPTION)
 
 
 def own_topics(node: str) -> tuple[Topic, ...]:

@@ -21,6 +21,7 @@ from rigid_sim_ros.bag import events, session as sessions, topics as kinds
 from rigid_sim_ros.bag.completeness import Tally, wrong_topics
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.events import Event
+from rigid_sim_ros.bag.joint_messages import JointMessages
 from rigid_sim_ros.bag.outputs import Outputs
 from rigid_sim_ros.bag.reader import BagReader, Message
 from rigid_sim_ros.bag.session import Session
@@ -38,7 +39,7 @@ _SLACK = 100_000        # steps, for clocks that stand still
 
 # Comparable kinds that are made of the state alone.
 _STATES = frozenset({kinds.CLOCK, kinds.POSE, kinds.TWIST, kinds.STATE, kinds.TRANSFORMS,
-                     kinds.STATE_HASH})
+                     kinds.STATE_HASH, *kinds.OF_JOINTS})
 
 
 class Difference(NamedTuple):
@@ -267,7 +268,8 @@ class Resimulation:
         if not self._knows_topics:
             assert self._session is not None
             self._knows_topics = True
-            if wrong := wrong_topics(self._session, world.names, self._is_part):
+            if wrong := wrong_topics(self._session, world.names, self._is_part,
+                                     JointMessages(world)):
                 self._found(wrong)
 
     def _know_bodies(self) -> None:
@@ -415,22 +417,25 @@ class Resimulation:
     def _differs(self, name: str, recorded: bytes) -> None:
         topic = self._topics[name]
         body, text = _compare(topic, recorded, self._expected[name], self._known_world().names)
-        self._found(f'{topic.name} differs{text}', topic.body or body)
+        self._found(f'{topic.name} differs{text}',
+                    topic.body or body if topic.kind not in kinds.OF_JOINTS else '')
 
 
 def _compare(topic: Topic, recorded: bytes, again: bytes, names: list[str]) -> tuple[str, str]:
     """Return the body whose numbers differ most, and by how much."""
     if topic.kind == kinds.STATE_HASH and len(recorded) == len(again):
         return '', f': {decode.uint64(recorded):#x} recorded, {decode.uint64(again):#x} now'
+    is_of_joints = topic.kind in (kinds.JOINT_STATES, kinds.ALL_JOINT_STATES)
     try:
-        tables = [_numbers(topic, typestore().deserialize_cdr(data, topic.type))
-                  for data in (recorded, again)]
+        messages = [typestore().deserialize_cdr(data, topic.type) for data in (recorded, again)]
+        tables = [_numbers(topic, message) for message in messages]
+        names = list(messages[1].name) if is_of_joints else names
     except Exception:       # bytes that were changed can break anything that reads them
         tables = []
     if len(tables) == 2 and tables[0].shape == tables[1].shape and tables[0].size:
-        body, text = _largest(names if len(tables[0]) > 1 else [topic.body], *tables)
+        name, text = _largest(names if len(tables[0]) > 1 else [topic.body], *tables)
         if text:
-            return body, text
+            return ('', f' at joint {name!r}{text}') if is_of_joints else (name, text)
     shorter = min(len(recorded), len(again))
     first = next((k for k in range(shorter) if recorded[k] != again[k]), shorter)
     return '', f' in byte {first} of {len(recorded)}, where no number of the motion stands'
@@ -442,8 +447,10 @@ def _numbers(topic: Topic, message: Any) -> np.ndarray:
         return np.array([_pose(message.pose.position, message.pose.orientation)])
     if topic.kind == kinds.TWIST:
         return np.array([_vectors(message.twist.linear, message.twist.angular)])
-    if topic.kind == kinds.APPLIED_WRENCH:
+    if topic.kind in (kinds.APPLIED_WRENCH, kinds.JOINT_WRENCH):
         return np.array([_vectors(message.wrench.force, message.wrench.torque)])
+    if topic.kind in (kinds.JOINT_STATES, kinds.ALL_JOINT_STATES):
+        return np.column_stack([message.position, message.velocity, message.effort])
     if topic.kind == kinds.TRANSFORMS:
         return np.array([_pose(each.transform.translation, each.transform.rotation)
                          for each in message.transforms])

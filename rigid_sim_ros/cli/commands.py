@@ -342,15 +342,18 @@ def export(bag: str, file_format: str, output: str | None) -> int:
               help='A picture, .png or .svg, or a page to zoom into, .html.')
 @click.option('--bodies', metavar='GLOB', multiple=True,
               help='Names or patterns, may be repeated. Default: the bodies that are not fixed.')
+@click.option('--joints', metavar='GLOB', multiple=True,
+              help='Names or patterns, may be repeated. Default: all joints.')
 @click.option('--quantity', 'quantities', metavar='NAME', multiple=True,
               help='position, path, velocity, angular_velocity, energy, momentum, '
-                   'angular_momentum, contact_force or gap; may be repeated. Default: all.')
+                   'angular_momentum, contact_force, gap, joint_position, joint_velocity or '
+                   'joint_effort; may be repeated. Default: all.')
 @click.option('--start', type=Seconds(may_be_zero=True), metavar='SECONDS', default=0.0,
               help='Leave out so much at the beginning.')
 @click.option('--duration', type=Seconds(), metavar='SECONDS', help='Show no more than this.')
 def plot(bag: str, output: str, **options: Any) -> int:
     """
-    Draw trajectories, velocities, energy, momentum and contacts of BAG.
+    Draw trajectories, velocities, energy, momentum, contacts and joints of BAG.
 
     BAG is the folder of any ROS 2 bag: one without a scene shows poses and twists. Contact forces
     and gaps come from simulating the session again with its recorded inputs.

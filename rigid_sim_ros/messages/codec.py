@@ -191,6 +191,33 @@ class StateEncoder:
         return self._data.tobytes()
 
 
+class JointStateEncoder:
+    """sensor_msgs/JointState: names, positions, velocities and efforts of some joints."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        writer, count = _Writer(), len(names)
+        stamp = writer.header('')   # joint quantities have no frame
+        writer.number('I', count)
+        for name in names:
+            writer.string(name)
+        columns = []
+        for _ in range(3):
+            writer.number('I', count)
+            columns.append(writer.doubles(count))
+        self._data = writer.array()
+        self._stamp = _view(self._data, stamp, _STAMP, (1,))
+        self._columns = [_view(self._data, offset, '<f8', (count,)) for offset in columns]
+
+    def encode(
+        self, t_ns: int, position: _Floats, velocity: _Floats, effort: _Floats,
+    ) -> bytes:
+        """Encode the state of the joints, each (j,): rad, rad/s and N m, or m, m/s and N."""
+        self._stamp[:] = divmod(t_ns, _SECOND)
+        for column, values in zip(self._columns, (position, velocity, effort), strict=True):
+            column[:] = values
+        return self._data.tobytes()
+
+
 class _Scattered:
     """Stamps and poses at any places of one message, whose strings shift what follows them."""
 

@@ -64,6 +64,26 @@ def multi_dof_state(data: bytes) -> tuple[int, str, list[str], npt.NDArray[np.fl
     return t_ns, frame, names, numbers
 
 
+def joint_state(data: bytes) -> tuple[int, str, list[str], npt.NDArray[np.float64]]:
+    """
+    Return time [ns], frame, names and numbers of a sensor_msgs/JointState.
+
+    The numbers are a row for each name: position, velocity, effort; nan where it has none.
+    """
+    walk = _Walk(data)
+    t_ns, frame = walk.header()
+    names = [walk.string() for _ in range(walk.uint32())]
+    numbers = np.full((len(names), 3), np.nan)
+    for column in range(3):
+        count = walk.uint32()
+        if count not in (0, len(names)):
+            raise Damaged(f'a state of {len(names)} joints has {count} positions, velocities or '
+                          'efforts')
+        if count:
+            numbers[:, column] = walk.doubles(count)
+    return t_ns, frame, names, numbers
+
+
 def wrench(data: bytes) -> tuple[int, str, npt.NDArray[np.float64]]:
     """Return time [ns], frame, and force and torque as (1, 6), of a WrenchStamped."""
     walk = _Walk(data)

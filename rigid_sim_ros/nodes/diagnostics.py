@@ -29,6 +29,7 @@ class Diagnostics:
         recording: Recording,
     ) -> None:
         self.accepted = 0       # wrenches, from the start
+        self.accepted_of_joints = 0     # messages to joints, likewise
         self.period_ns: float = _SECOND
         self._name = name
         self._world = world
@@ -113,7 +114,9 @@ class Diagnostics:
         counts = self._refusals.counts()
         refused = sum(counts.values())
         new = refused - self._refused
-        values: dict[str, object] = {'wrenches accepted': self.accepted, 'refused': refused}
+        values: dict[str, object] = {
+            'wrenches accepted': self.accepted,
+            'joint messages accepted': self.accepted_of_joints, 'refused': refused}
         for reason in sorted(counts):
             values[f'refused: {reason}'] = counts[reason]
         if new:

@@ -35,6 +35,13 @@ class Wrenches(NamedTuple):
     commands: tuple[Command, ...]
 
 
+class JointInput(NamedTuple):
+    """What one message tells joints: all of it acts from the same step."""
+
+    topic: str
+    commands: tuple[Command, ...]
+
+
 class ParameterInput(NamedTuple):
     """A parameter that was set while the node runs."""
 
@@ -49,7 +56,7 @@ class Request(NamedTuple):
     answer: 'Future[tuple[bool, str]]'
 
 
-Input = Command | Wrenches | ParameterInput | Request
+Input = Command | JointInput | ParameterInput | Request | Wrenches
 
 
 class Refusals:

@@ -49,6 +49,10 @@ _MEANINGS = {
     'wrench_timeout': Meaning(
         'Simulation time in s, rounded to whole steps, for which a wrench holds unless a message '
         'on its topic replaces it; 0 is one step.', True, 1e6),
+    'command_timeout': Meaning(
+        'Simulation time in s, rounded to whole steps, for which a joint follows a command on '
+        '~/MODEL/joint_commands unless another one replaces it; then its drive lets go. 0 is one '
+        'step.', True, 1e6),
     'reset_time': Meaning(
         'Whether ~/reset also sets the simulation time, and with it /clock, back to 0.', True),
     'publish_clock': Meaning('Whether to publish the simulation time on /clock.'),
@@ -57,6 +61,11 @@ _MEANINGS = {
         'Whether to publish the shapes, contact points and contact forces on ~/markers.'),
     'publish_contact_wrench': Meaning(
         'Whether to publish the net contact wrench on each body, about its centre of mass.'),
+    'publish_joint_states': Meaning(
+        'Whether to publish the states of all joints on /joint_states too.'),
+    'joint_wrenches': Meaning(
+        'Names or glob patterns that choose which joints publish the wrench through them, on '
+        '~/MODEL/JOINT/wrench.'),
     'record': Meaning('Whether to record from the start; ~/start_recording does so later.'),
     'bag_path': Meaning(
         'Folder of the next recording, which must not exist yet; empty is NODE_DATE-TIME in the '

@@ -19,6 +19,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
+from rigid_sim_ros.bag.joint_messages import JointMessages
 from rigid_sim_ros.bag.recorder import Recorder
 from rigid_sim_ros.bag.topics import Topic
 from rigid_sim_ros.messages import topics as kinds
@@ -37,6 +38,21 @@ def chosen_bodies(names: Sequence[str], patterns: Iterable[str]) -> list[int]:
     """Return the indices of the bodies that a pattern matches, in the order of the scene."""
     patterns = list(patterns)
     return [k for k, name in enumerate(names) if any(fnmatchcase(name, p) for p in patterns)]
+
+
+def chosen_joints(world: World, patterns: Iterable[str]) -> list[str]:
+    """
+    Return the joints that a pattern matches, which are to have a topic for their wrench.
+
+    ParameterError for one whose topic is that of a body, on which the node hears wrenches.
+    """
+    chosen = [world.joint_names[k] for k in chosen_bodies(world.joint_names, patterns)]
+    for name in chosen:
+        if name in world.names:
+            raise ParameterError(
+                f'parameter joint_wrenches: the joint {name!r} has the name of a body, whose '
+                f'wrenches arrive on ~/{name}/wrench: give one of them another name')
+    return chosen
 
 
 class _Outlet:
@@ -88,6 +104,14 @@ class Publishers:
         self._markers = (self._create(kinds.MARKERS, messages=2)
                          if parameters['publish_markers'] else None)
 
+        self._joints = JointMessages(world)
+        self._joint_states = self._create_of_joints(kinds.JOINT_STATES)
+        self._all_joint_states = (self._create_of_joints(kinds.ALL_JOINT_STATES)
+                                  if parameters['publish_joint_states'] else None)
+        self._joint_wrenches = self._create_of_joints(
+            kinds.JOINT_WRENCH, chosen_joints(world, parameters['joint_wrenches']))
+        self._descriptions = self._create_of_joints(kinds.ROBOT_DESCRIPTION)
+
         self._poses = PoseEncoder(self._frame_id, len(names))
         self._twists = TwistEncoder(self._frame_id, len(names))
         self._states = StateEncoder(self._frame_id, world.names)
@@ -96,8 +120,9 @@ class Publishers:
         self._contact_markers = ContactMarkers(self._frame_id, world) if self._markers else None
 
     def publish_scene(self, text: str) -> None:
-        """Publish the scene in effect; late subscribers get it too."""
+        """Publish the scene in effect and its models; late subscribers get them too."""
         self._send(self._scene, [encode_string(text)])
+        self._send(self._descriptions, self._encode_joints(self._descriptions))
 
     def publish_state(self, world: World) -> None:
         """
@@ -121,7 +146,22 @@ class Publishers:
                 for wrench in wrenches])
         if self._tf:
             self._send(self._tf, [self._transforms.encode(t_ns, p, q)])
+        self._publish_joints()
         self.cost_ns += perf_counter_ns() - start_ns
+
+    def _publish_joints(self) -> None:
+        """Publish the states of the joints, which controllers wait for, and their wrenches."""
+        if not self._joint_states.topics:
+            return
+        for outlet in (self._joint_states, self._all_joint_states):
+            if outlet:
+                self._send(outlet, self._encode_joints(outlet))
+        self._send_later(self._joint_wrenches, self._encode_joints(self._joint_wrenches))
+
+    def _encode_joints(self, outlet: _Outlet) -> list[bytes]:
+        if not outlet.topics:
+            return []
+        return self._joints.encode(outlet.topics[0].kind, [t.body for t in outlet.topics])
 
     def send_waiting(self, until_ns: float = inf) -> bool:
         """
@@ -179,9 +219,9 @@ class Publishers:
             self._clock) else 0
 
     def telling_names(self) -> list[str]:
-        """Return topics that one simulation alone publishes: one that all have, and the clock."""
-        return [topic.name for outlet in (self._state, self._clock) if outlet
-                for topic in outlet.topics]
+        """Return topics that one node alone publishes: one that all have, clock, joint states."""
+        return [topic.name for outlet in (self._state, self._clock, self._all_joint_states)
+                if outlet for topic in outlet.topics]
 
     def flush(self, seconds: float) -> None:
         """Wait until reliable subscribers have what was sent, at most this long."""
@@ -201,20 +241,27 @@ class Publishers:
                 recorder.channel(topic.name) for topic in outlet.topics
                 if topic.kind != kinds.SCENE]
         self._recorder = recorder
+        # They were published when the node started: a bag has them as it begins.
+        self._note(self._descriptions, self._encode_joints(self._descriptions))
 
     def _create(self, kind: str, bodies: Sequence[str] = ('',), *, messages: int = 1) -> _Outlet:
         """Create a publisher for each body; `messages` go out through it at a time."""
         message_type = kinds.PUBLISHED[kind].type
         publishers = [self._node.create_publisher(
-            _message_class(message_type), kinds.topic_name(kind, body=body), self._qos[kind])
+            message_class(message_type), kinds.topic_name(kind, body=body), self._qos[kind])
             for body in bodies]
         self._all += publishers
         known = kind if kinds.PUBLISHED[kind].is_made_again else ''
-        topics = [Topic(publisher.topic_name, message_type, known, body)
+        topics = [Topic(publisher.topic_name, message_type, known, body,
+                        kind == kinds.ROBOT_DESCRIPTION)
                   for publisher, body in zip(publishers, bodies, strict=True)]
         outlet = _Outlet(publishers * messages, topics * messages)
         self._outlets.append(outlet)
         return outlet
+
+    def _create_of_joints(self, kind: str, owners: Sequence[str] | None = None) -> _Outlet:
+        """Create a publisher for each model or joint that has something to say."""
+        return self._create(kind, self._joints.owners(kind) if owners is None else owners)
 
     def _send(self, outlet: _Outlet, messages: Sequence[bytes]) -> None:
         for handle, data in zip(outlet.handles, messages, strict=True):
@@ -235,7 +282,7 @@ class Publishers:
             self.recording_ns += perf_counter_ns() - start_ns
 
 
-def _message_class(message_type: str) -> type:
+def message_class(message_type: str) -> type:
     """Return the class of a message type, 'package/msg/Type'; ImportError if there is none."""
     package, _, name = message_type.split('/')
     found: type = getattr(import_module(f'{package}.msg'), name)
@@ -245,7 +292,7 @@ def _message_class(message_type: str) -> type:
 def check_tf() -> None:
     """Raise ParameterError where tf2_msgs is not installed."""
     try:
-        _message_class(kinds.PUBLISHED[kinds.TRANSFORMS].type)
+        message_class(kinds.PUBLISHED[kinds.TRANSFORMS].type)
     except ImportError as error:
         raise ParameterError(
             f'parameter publish_tf: the package tf2_msgs is not installed ({error}): install it '

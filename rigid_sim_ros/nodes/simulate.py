@@ -8,31 +8,32 @@ owns the world and steps it. The callbacks hand over what arrives through a queu
 
 The node never waits for its own /clock: it paces itself on the steady wall clock.
 """
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 import gc
 import sys
 import traceback
 from typing import Any
 
-from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from rcl_interfaces.msg import SetParametersResult
 import rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.utilities import remove_ros_args
-from sensor_msgs.msg import MultiDOFJointState
 
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.moment import Moment
 from rigid_sim_ros.bag.writer import check_path
+from rigid_sim_ros.messages import topics
 from rigid_sim_ros.nodes.inputs import ParameterInput, Queue, Receiver, Refusals
+from rigid_sim_ros.nodes.joint_inputs import JointReceiver
 from rigid_sim_ros.nodes.neighbours import Neighbours
 from rigid_sim_ros.nodes.parameters import declare, is_live, mistake_in, ParameterError
 from rigid_sim_ros.nodes.process import (
     complain, DONE, FAILED, Parser, ROS_ERRORS, ros_text, start_ros, Threads)
-from rigid_sim_ros.nodes.publishers import check_tf, chosen_bodies, Publishers
+from rigid_sim_ros.nodes.publishers import (
+    check_tf, chosen_bodies, message_class, Publishers)
 from rigid_sim_ros.nodes.qos import profiles
 from rigid_sim_ros.nodes.recording import Recording
 from rigid_sim_ros.nodes.services import Services
@@ -165,16 +166,24 @@ class Simulation:
         receiver = Receiver(
             self._queue, self._refusals, self._world.names, self._world.frame_names,
             self._parameters['frame_id'])
-        for name in (self._world.names[k] for k in bodies):
-            for message, kind, callback in (
-                (WrenchStamped, 'wrench', receiver.wrench),
-                (PoseStamped, 'set_pose', receiver.set_pose),
-                (TwistStamped, 'set_twist', receiver.set_twist),
-            ):
-                self.node.create_subscription(
-                    message, f'~/{name}/{kind}', partial(callback, name), self._qos[kind])
+        joints = JointReceiver(self._queue, self._refusals, self._world.scene.spec.joints)
+        names = [self._world.names[k] for k in bodies]
+        for kind, callback, owners in (
+            (topics.WRENCH, receiver.wrench, names),
+            (topics.SET_POSE, receiver.set_pose, names),
+            (topics.SET_TWIST, receiver.set_twist, names),
+            (topics.JOINT_COMMANDS, joints.commands, joints.models),
+            (topics.JOINT_TRAJECTORY, joints.trajectory, joints.models),
+            (topics.SET_JOINT_STATES, joints.states, joints.models),
+        ):
+            for owner in owners:
+                self._listen(kind, partial(callback, owner), owner)
+        self._listen(topics.WRENCHES, receiver.wrenches)
+
+    def _listen(self, kind: str, callback: Callable[[Any], None], owner: str = '') -> None:
         self.node.create_subscription(
-            MultiDOFJointState, '~/wrenches', receiver.wrenches, self._qos['wrenches'])
+            message_class(topics.HEARD[kind].type), topics.topic_name(kind, body=owner), callback,
+            self._qos[kind])
 
     def _check_frame_id(self) -> None:
         frame_id = self._parameters['frame_id']

@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rigid_sim_ros.bag import events
 from rigid_sim_ros.nodes.diagnostics import Diagnostics
 from rigid_sim_ros.nodes.inputs import (
-    ENDED, Input, is_of_wrenches, ParameterInput, Queue, Refusals, Request, Wrenches)
+    ENDED, Input, is_of_wrenches, JointInput, ParameterInput, Queue, Refusals, Request, Wrenches)
 from rigid_sim_ros.nodes.pacing import MILLISECOND, NEVER, Pacer
 from rigid_sim_ros.nodes.publishers import Publishers
 from rigid_sim_ros.nodes.recording import Recording
@@ -209,9 +209,7 @@ class StepLoop:
         """Do to the world what a message asks for; what it cannot do is refused as any other."""
         given = dict(command.arguments)
         if command.kind == 'apply_wrench':
-            timeout = self._parameters['wrench_timeout']
-            # At least one step, which is what the world does without a duration.
-            given['duration'] = timeout if timeout * _SECOND >= self._world.step_ns else None
+            given['duration'] = self._held_for('wrench_timeout')
         try:
             self._world.apply(Command(command.kind, given))
         except ValueError as error:
@@ -232,6 +230,23 @@ class StepLoop:
         self._sources = dict.fromkeys(one.arguments['source'] for one in item.commands)
         for one in item.commands:
             self._apply(one)
+
+    def _apply_to_joints(self, item: JointInput) -> None:
+        try:
+            for one in item.commands:
+                given = dict(one.arguments)
+                if one.kind == 'set_joint_commands':
+                    given['duration'] = self._held_for('command_timeout')
+                self._world.apply(Command(one.kind, given))
+                self._moved |= one.kind == 'set_joint_state'
+        except ValueError as error:
+            self._refusals.refuse('impossible', f'{item.topic}: {error}')
+            return
+        self._diagnostics.accepted_of_joints += 1
+
+    def _held_for(self, parameter: str) -> float:
+        """Return for how long [s] a message holds: at least one step."""
+        return max(self._parameters[parameter], self._world.step_ns / _SECOND)
 
     def _apply_parameter(self, item: ParameterInput) -> None:
         self._parameters[item.name] = item.value
@@ -316,6 +331,7 @@ class StepLoop:
 
 _APPLY: dict[type[Input], Callable[[StepLoop, Any], None]] = {
     Command: StepLoop._apply,
+    JointInput: StepLoop._apply_to_joints,
     ParameterInput: StepLoop._apply_parameter,
     Request: StepLoop._answer,
     Wrenches: StepLoop._apply_wrenches,

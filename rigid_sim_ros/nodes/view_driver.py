@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 import time
 from typing import Any
 
+from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point, Pose, PoseStamped, Vector3, Wrench
 from geometry_msgs.msg import Quaternion as QuaternionMessage
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
@@ -12,12 +13,18 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from sensor_msgs.msg import MultiDOFJointState
+from sensor_msgs.msg import JointState, MultiDOFJointState
 from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from rigid_sim_ros.messages.topics import (
+    JOINT_TRAJECTORY, SET_JOINT_STATES, SET_POSE, topic_name)
+from rigid_sim_ros.scene.joint_groups import model_of
 from rigid_sim_ros.viewer.simulation import Answer, BodyWrench, Quaternion, Vector
 
 _MATCHING = 2.0     # s at most until a new publisher or client has found its counterpart
+# [ns] of simulation time in which a joint goes where its slider is: the slider moves on as fast.
+_LEAD_NS = 200_000_000
 _PARAMETER, _REPLAY_PARAMETER = 'real_time_factor', 'rate'
 
 
@@ -32,7 +39,7 @@ class RosDriver:
         # and what several pages do to several bodies acts from the same step.
         self._wrenches = node.create_publisher(MultiDOFJointState, f'{target}/wrenches', 10)
         self._clients: dict[str, Client] = {}
-        self._poses: dict[str, Publisher] = {}
+        self._publishers: dict[str, Publisher] = {}
 
     def pause(self, paused: bool, answer: Answer) -> None:
         """Pause or go on."""
@@ -59,21 +66,26 @@ class RosDriver:
         self, body: str, position: Vector, orientation: Quaternion, answer: Answer,
     ) -> None:
         """Publish on ~/BODY/set_pose."""
-        if body not in self._poses:
-            self._poses[body] = self._node.create_publisher(
-                PoseStamped, f'{self._target}/{body}/set_pose', 10)
-        publisher = self._poses[body]
-        end = time.monotonic() + _MATCHING
-        while not publisher.get_subscription_count():
-            if time.monotonic() > end:
-                answer(f'nobody listens to {self._target}/{body}/set_pose', False)
-                return
-            time.sleep(0.02)
         x, y, z = position
         qx, qy, qz, qw = orientation
-        publisher.publish(PoseStamped(pose=Pose(
-            position=Point(x=x, y=y, z=z), orientation=QuaternionMessage(x=qx, y=qy, z=qz, w=qw))))
-        answer(f'{body} is put to [{x:g}, {y:g}, {z:g}] m', True)
+        self._publish(topic_name(SET_POSE, self._target, body), PoseStamped(pose=Pose(
+            position=Point(x=x, y=y, z=z), orientation=QuaternionMessage(x=qx, y=qy, z=qz, w=qw))),
+            f'{body} is put to [{x:g}, {y:g}, {z:g}] m', answer)
+
+    def lead_joint(self, joint: str, position: float, answer: Answer) -> None:
+        """Publish a trajectory of one point on ~/MODEL/joint_trajectory."""
+        model = model_of(joint)
+        self._publish(topic_name(JOINT_TRAJECTORY, self._target, model), JointTrajectory(
+            joint_names=[joint.removeprefix(f'{model}/')], points=[JointTrajectoryPoint(
+                positions=[position], time_from_start=Duration(nanosec=_LEAD_NS))]),
+            f'{joint} goes to {position:g}', answer)
+
+    def put_joint(self, joint: str, position: float, answer: Answer) -> None:
+        """Publish on ~/MODEL/set_joint_states."""
+        model = model_of(joint)
+        self._publish(topic_name(SET_JOINT_STATES, self._target, model), JointState(
+            name=[joint.removeprefix(f'{model}/')], position=[position]),
+            f'{joint} is put to {position:g}', answer)
 
     def apply(self, wrenches: Sequence[BodyWrench]) -> None:
         """Publish on ~/wrenches."""
@@ -81,6 +93,20 @@ class RosDriver:
             joint_names=[wrench.body for wrench in wrenches],
             wrench=[Wrench(force=_vector(wrench.force), torque=_vector(wrench.torque))
                     for wrench in wrenches]))
+
+    def _publish(self, topic: str, message: Any, done: str, answer: Answer) -> None:
+        """Publish a message once somebody listens, and say what is done, or that nobody does."""
+        if topic not in self._publishers:
+            self._publishers[topic] = self._node.create_publisher(type(message), topic, 10)
+        publisher = self._publishers[topic]
+        end = time.monotonic() + _MATCHING
+        while not publisher.get_subscription_count():
+            if time.monotonic() > end:
+                answer(f'nobody listens to {topic}', False)
+                return
+            time.sleep(0.02)
+        publisher.publish(message)
+        answer(done, True)
 
     def _owner(self) -> str:
         """Return the node that publishes the states: the simulation, or a replay of it."""

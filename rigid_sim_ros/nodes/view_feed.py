@@ -1,7 +1,7 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """What the page hears of a simulation: the subscriptions."""
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 import time
 from typing import Any
@@ -11,11 +11,13 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
-from sensor_msgs.msg import MultiDOFJointState
+from sensor_msgs.msg import JointState, MultiDOFJointState
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
+from rigid_sim_ros.messages.topics import JOINT_STATES, topic_name
 from rigid_sim_ros.scene import scene_from_text, SceneError
+from rigid_sim_ros.scene.joint_groups import joint_groups
 from rigid_sim_ros.viewer.overlays import CONTACTS, WRENCHES
 from rigid_sim_ros.viewer.simulation import Applied, Inbox, Report
 
@@ -50,6 +52,7 @@ class Feed:
         self._extra: dict[str, list[Subscription]] = {}
         self._wanted: set[str] = set()
         self._bodies: tuple[str, ...] = ()
+        self._joints: dict[str, Subscription] = {}      # by model
         inbox.node = target
         node.create_subscription(String, f'{target}/scene', self._take_scene, _LATCHED)
         node.create_subscription(
@@ -78,12 +81,28 @@ class Feed:
             scene = scene_from_text(message.data, 'scene')
             self._bodies = tuple(
                 body.name for body in scene.spec.bodies if body.is_pushed)
+            models = [group.model for group in joint_groups(scene.spec.joints)]
         except SceneError:
-            self._bodies = ()       # the page says why
+            self._bodies, models = (), []       # the page says why
+        self._hear_joints(models)
         self._inbox.applied = {}
         self._inbox.scene = message.data
         if WRENCHES in self._wanted:
             self.listen(WRENCHES, True)
+
+    def _hear_joints(self, models: Sequence[str]) -> None:
+        """Subscribe to the joint states of these models, and of no others."""
+        self._inbox.joints = {}
+        for model in [model for model in self._joints if model not in models]:
+            self._node.destroy_subscription(self._joints.pop(model))
+        for model in models:
+            if model not in self._joints:
+                self._joints[model] = self._node.create_subscription(
+                    JointState, topic_name(JOINT_STATES, self._target, model),
+                    partial(self._take_joints, model), _LATEST, raw=True)
+
+    def _take_joints(self, model: str, data: bytes) -> None:
+        self._inbox.joints[model] = data
 
     def _take_state(self, data: bytes) -> None:
         self._inbox.state = data

@@ -12,11 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from rigid_sim_ros.bag.errors import BagError
-from rigid_sim_ros.bag.motion import Motion, read_motion
+from rigid_sim_ros.bag.motion import Array, Motion, read_motion
 from rigid_sim_ros.plots.contacts import simulate_contacts
 from rigid_sim_ros.plots.diagram import Diagram
 from rigid_sim_ros.plots.energies import energies
-from rigid_sim_ros.plots.panels import OF_CONTACT, OF_SCENE, QUANTITIES, Shown
+from rigid_sim_ros.plots.panels import OF_CONTACT, OF_JOINTS, OF_SCENE, QUANTITIES, Shown
 from rigid_sim_ros.scene.errors import nearest
 
 # What writes a kind of file: its module in this package, its function, and the library it needs.
@@ -27,8 +27,9 @@ _WRITERS = {
 }
 
 
-def run_plot(bag: str, output: str, *, bodies: Sequence[str] = (), quantities: Sequence[str] = (),
-             start: float = 0.0, duration: float | None = None) -> int:
+def run_plot(bag: str, output: str, *, bodies: Sequence[str] = (), joints: Sequence[str] = (),
+             quantities: Sequence[str] = (), start: float = 0.0,
+             duration: float | None = None) -> int:
     """Draw what a bag holds into a file and say what was drawn."""
     path = Path(output)
     if path.suffix.lower() not in _WRITERS:
@@ -39,7 +40,7 @@ def run_plot(bag: str, output: str, *, bodies: Sequence[str] = (), quantities: S
     except ImportError as error:
         raise BagError(f"plot needs {library}: `pip install 'rigid_sim_ros[plot]'`, or `pip "
                        f'install {library}` ({error})') from None
-    diagram, notes = make_diagram(bag, bodies, quantities, start, duration)
+    diagram, notes = make_diagram(bag, bodies, quantities, start, duration, joints)
     try:
         write(diagram, path)
     except OSError as error:
@@ -52,13 +53,15 @@ def run_plot(bag: str, output: str, *, bodies: Sequence[str] = (), quantities: S
 
 
 def make_diagram(bag: str, patterns: Sequence[str], quantities: Sequence[str], start: float,
-                 duration: float | None) -> tuple[Diagram, list[str]]:
+                 duration: float | None, joints: Sequence[str] = ()) -> tuple[
+                     Diagram, list[str]]:
     """Return what is to be drawn, and notes about what cannot be."""
-    wanted = list(dict.fromkeys(quantities)) or list(QUANTITIES)
-    for name in wanted:
+    for name in quantities:
         if name not in QUANTITIES:
             raise BagError(f'--quantity {name}: {nearest(name, QUANTITIES)}')
     motion = read_motion(bag)
+    wanted = list(dict.fromkeys(quantities)) or [
+        name for name in QUANTITIES if motion.joints or name not in OF_JOINTS]
     bodies = choose_bodies(motion, patterns)
     rows = choose_rows(motion, start, duration)
     missing: dict[str, str] = {}
@@ -66,7 +69,8 @@ def make_diagram(bag: str, patterns: Sequence[str], quantities: Sequence[str], s
         [motion.names[k] for k in bodies], motion.time[rows],
         [k - rows.start for k in motion.resets if rows.start < k < rows.stop],
         motion.position[rows][:, bodies], motion.linear_velocity[rows][:, bodies],
-        motion.angular_velocity[rows][:, bodies], None, {}, {})
+        motion.angular_velocity[rows][:, bodies], None, {}, {},
+        choose_joints(motion, joints, motion.time[rows]), _slides(motion))
     if set(wanted) & set(OF_SCENE):
         shown = _with_energies(shown, motion, rows, bodies, missing)
     if set(wanted) & set(OF_CONTACT):
@@ -104,6 +108,27 @@ def choose_bodies(motion: Motion, patterns: Sequence[str]) -> npt.NDArray[np.int
                            "pattern such as 'block_*'")
     return np.array([k for k, name in enumerate(names)
                      if any(fnmatchcase(name, pattern) for pattern in patterns)], dtype=np.intp)
+
+
+def choose_joints(motion: Motion, patterns: Sequence[str],
+                  time: Array) -> dict[str, tuple[Array, Array]]:
+    """Return the series of the joints that a pattern matches, of all without one, in a span."""
+    for pattern in patterns:
+        if not any(fnmatchcase(name, pattern) for name in motion.joints):
+            some = ', '.join(list(motion.joints)[:8]) or 'none, the bag tells of no joints'
+            raise BagError(f'--joints {pattern!r} matches no joint, must be one of {some}')
+    found = {}
+    for name, (at, values) in motion.joints.items():
+        if not patterns or any(fnmatchcase(name, pattern) for pattern in patterns):
+            inside = (at >= time[0]) & (at <= time[-1])
+            found[name] = (at[inside], values[inside])
+    return found
+
+
+def _slides(motion: Motion) -> frozenset[str]:
+    """Return the joints whose position is a length, as far as the scene tells."""
+    joints = motion.scene.spec.joints if motion.scene else None
+    return frozenset(joint.name for joint in joints or () if joint.type == 'prismatic')
 
 
 def choose_rows(motion: Motion, start: float, duration: float | None) -> slice:

@@ -32,6 +32,9 @@ class Shown(NamedTuple):
     energies: Energies | None
     forces: dict[str, tuple[Array, Array]]      # of contact, by body: [s], [N]
     gaps: dict[str, tuple[Array, Array]]        # by body: [s], [m]
+    # By joint: [s], (k, 3) position, velocity, effort; and which of them slide.
+    joints: dict[str, tuple[Array, Array]]
+    slides: frozenset[str]
 
 
 def _position(shown: Shown) -> list[Panel]:
@@ -99,11 +102,22 @@ def _angular_momentum(shown: Shown) -> list[Panel]:
 
 
 def _contact_force(shown: Shown) -> list[Panel]:
-    return _scalars(shown, 'Net contact force', 'N', shown.forces, 1.0, 1e-9)
+    return _scalars(shown.names, 'Net contact force', 'N', shown.forces, 1.0, 1e-9)
 
 
 def _gap(shown: Shown) -> list[Panel]:
-    return _scalars(shown, 'Smallest gap (below 0: overlap)', 'mm', shown.gaps, 1e3, 1e-6)
+    return _scalars(shown.names, 'Smallest gap (below 0: overlap)', 'mm', shown.gaps, 1e3, 1e-6)
+
+
+def _of_joints(column: int, title: str, units: tuple[str, str], floor: float) -> Callable[
+        [Shown], list[Panel]]:
+    """Return what makes the panels of a number of joints, of those that slide apart."""
+    def panels(shown: Shown) -> list[Panel]:
+        return [panel for slides, unit in enumerate(units)
+                for panel in _scalars(list(shown.joints), title, unit, {
+                    name: (time, values[:, column]) for name, (time, values) in
+                    shown.joints.items() if (name in shown.slides) == bool(slides)}, 1.0, floor)]
+    return panels
 
 
 QUANTITIES: dict[str, Callable[[Shown], list[Panel]]] = {
@@ -116,9 +130,13 @@ QUANTITIES: dict[str, Callable[[Shown], list[Panel]]] = {
     'angular_momentum': _angular_momentum,
     'contact_force': _contact_force,
     'gap': _gap,
+    'joint_position': _of_joints(0, 'Joint position', ('rad', 'm'), 1e-6),
+    'joint_velocity': _of_joints(1, 'Joint velocity', ('rad/s', 'm/s'), 1e-6),
+    'joint_effort': _of_joints(2, 'Joint effort', ('N m', 'N'), 1e-9),
 }
 OF_SCENE = ('energy', 'momentum', 'angular_momentum')
 OF_CONTACT = ('contact_force', 'gap')
+OF_JOINTS = ('joint_position', 'joint_velocity', 'joint_effort')
 
 
 def _scale(shown: Shown) -> float:
@@ -173,19 +191,19 @@ def _thinned_pair(time: Array, low: Array, high: Array) -> tuple[Array, Array, A
     return at, below, np.interp(at, time, high)
 
 
-def _scalars(shown: Shown, title: str, unit: str, series: dict[str, tuple[Array, Array]],
+def _scalars(owners: list[str], title: str, unit: str, series: dict[str, tuple[Array, Array]],
              factor: float, floor: float) -> list[Panel]:
-    """Return the panel of a number that each body has at times of its own."""
+    """Return the panel of a number that bodies, or joints, have at times of their own."""
     series = {name: (time, values) for name, (time, values) in series.items()
               if np.isfinite(values).any()}
     if not series:
         return []
-    if len(shown.names) > _MANY:
+    if len(owners) > _MANY:
         times = next(iter(series.values()))[0]
         same = [values for time, values in series.values() if np.array_equal(time, times)]
         return [_crowd(title, unit, times, factor * np.array(same).T, floor)]
     return [Panel(title, unit, [
-        Line(name, *thinned(time, factor * values), COLORS[shown.names.index(name)])
+        Line(name, *thinned(time, factor * values), COLORS[owners.index(name)])
         for name, (time, values) in series.items()], floor=floor)]
 
 

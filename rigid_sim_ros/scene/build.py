@@ -53,6 +53,11 @@ class Scene:
     solver: str
 
     @property
+    def descriptions(self) -> Mapping[str, str]:
+        """Return the URDF of each model that has one, for ~/MODEL/robot_description."""
+        return self.spec.descriptions or {}
+
+    @property
     def step_ns(self) -> int:
         """Return what the clock advances by in a step [ns]; physics use the step as it is."""
         return round(self.spec.world.step * 1e9)

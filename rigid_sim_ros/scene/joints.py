@@ -26,7 +26,7 @@ _KINDS = {'fixed': engine.FIXED, 'revolute': engine.REVOLUTE, 'continuous': engi
           'universal': engine.UNIVERSAL, 'planar': engine.PLANAR, 'distance': engine.DISTANCE,
           'free': engine.FREE}
 MODES = {'effort': EFFORT, 'velocity': VELOCITY, 'position': POSITION}
-_ONE_AXIS = ('revolute', 'continuous', 'prismatic')
+_ONE_AXIS = schema.ONE_AXIS
 # Keys that have a meaning for some types only, and these types.
 _TYPES_OF_KEY = {
     'axis2': ('universal',), 'limits': _ONE_AXIS, 'friction': _ONE_AXIS, 'spring': _ONE_AXIS,

@@ -21,12 +21,14 @@ from rigid_sim_ros.engine.steps.free import FREE_MOTION
 from rigid_sim_ros.scene.errors import Path
 from rigid_sim_ros.scene.values import (
     Choice, Color, Count, Density, Flag, Format, index, Length, ListOf, Mass, Name, NamePair,
-    Numbers, Quantity, Quaternion, refuse, Rows, Scale, Text, Vector)
+    Numbers, PartName, Quantity, Quaternion, refuse, Rows, Scale, Text, Vector)
 
 INTEGRATORS = tuple(FREE_MOTION)
 CONTACTS = ('none', 'penalty', 'event', 'timestep')
 JOINTS = ('fixed', 'revolute', 'continuous', 'prismatic', 'spherical', 'universal', 'planar',
           'distance', 'free')
+# Of these a joint has a position, limits, a drive.
+ONE_AXIS = ('revolute', 'continuous', 'prismatic')
 DRIVES = ('effort', 'velocity', 'position')
 SOLVERS = ('sequential', 'qp')
 
@@ -280,7 +282,7 @@ class Compound(Spec):
 class Body(Spec):
     """One rigid body."""
 
-    name: Name
+    name: PartName
     shape: Annotated[_Solid | Annotated[Compound, Tag('<compound>')],
                      Discriminator(_kind)] | None = None
     # Short for shape: {compound: [...]}.
@@ -420,7 +422,7 @@ class JointMimic(Spec):
 class Joint(Spec):
     """What holds a child to a parent, but for some motions."""
 
-    name: Name
+    name: PartName
     type: Annotated[str, Choice(JOINTS)]
     parent: Annotated[str, Text()]      # a body, or world
     child: Annotated[str, Text()]
@@ -460,6 +462,8 @@ class Scene(Spec):
     collision: Collision = Collision()
     bodies: Annotated[tuple[Body, ...], _NOT_EMPTY]
     forces: tuple[Annotated[_ANY_FORCE, Discriminator(_kind)], ...] = ()
+    # URDF of models, by their names, for those who show them; the simulation does without.
+    descriptions: dict[Name, Annotated[str, Text()]] | None = None
     # None, and not an empty list: a scene without joints has the text that it always had.
     joints: tuple[Joint, ...] | None = None
 

@@ -13,6 +13,7 @@ from rigid_sim_ros.viewer.charts import Charts
 from rigid_sim_ros.viewer.controls import BodyPanel, PacePanel
 from rigid_sim_ros.viewer.grip import grip, Hands
 from rigid_sim_ros.viewer.inputs import write
+from rigid_sim_ros.viewer.joints import JointPanel
 from rigid_sim_ros.viewer.motion import Motion, MotionDecoder
 from rigid_sim_ros.viewer.overlays import contact_lines, Overlays
 from rigid_sim_ros.viewer.server import PageServer
@@ -52,6 +53,8 @@ class LivePage:
             self._body = BodyPanel(server, driver)
         with tabs.add_tab('Show'):
             self._show = ShowPanel(server, _OVERLAYS, self._switch)
+        self._joints = JointPanel(server, driver, tabs.add_tab('Joints'),
+                                  lambda: self._pace.is_paused)
         with tabs.add_tab('Charts'):
             self._charts = Charts(server.gui, _CHARTS)
         inbox.heard_state = self._react
@@ -79,9 +82,11 @@ class LivePage:
                 self._reported = self._inbox.reported
                 self._server.set_title(f'{self._inbox.node}: {self._inbox.scene_name}')
                 self._report(now)
+            self._joints.hear(self._inbox.joints, now)
             if now >= self._status_due:
                 self._status_due = now + _STATUS_PERIOD
                 self._say(now)
+                self._joints.show(now)
 
     def _build(self, text: str) -> None:
         """Show another scene."""
@@ -102,6 +107,7 @@ class LivePage:
         self._decoder = MotionDecoder(scene.names)
         self._show.attach(stage, self._overlays)
         self._body.attach(scene.names, self._hands)
+        self._joints.attach(scene)
         for batch in stage.batches:
             if stage.is_moving(batch):
                 self._make_touchable(batch)

@@ -56,6 +56,7 @@ class Inbox:
         self.reports: Mapping[str, Report] = {}     # by part: pace, physics, ...
         self.reported = 0                           # how many there were
         self.reported_at = 0.0                      # [s] when the last came
+        self.joints: dict[str, bytes] = {}          # CDR of the joint states, by model
         self.applied: dict[str, Applied] = {}       # the last on each body
         self.heard_state: Callable[[bytes], None] | None = None
 
@@ -79,6 +80,12 @@ class Driver(Protocol):
     def set_pose(self, body: str, position: Vector, orientation: Quaternion,
                  answer: Answer) -> None:
         """Put a body somewhere."""
+
+    def lead_joint(self, joint: str, position: float, answer: Answer) -> None:
+        """Let the drive of a joint bring it to a position [rad or m], and hold it there."""
+
+    def put_joint(self, joint: str, position: float, answer: Answer) -> None:
+        """Put a joint at a position [rad or m], at rest."""
 
     def apply(self, wrenches: Sequence[BodyWrench]) -> None:
         """Apply these in the place of those before."""

@@ -101,7 +101,7 @@ class BagPage:
         table = recording.table(rows)
         series = Series(
             list(scene.names), recording.times[rows], table[..., :3], table[..., 3:7],
-            table[..., 7:10], table[..., 10:], [], False, scene, None, {}, [])
+            table[..., 7:10], table[..., 10:], [], False, scene, None, {}, {}, [])
         sums = energies(series, scene, slice(None), np.arange(len(scene.names)))
         kinetic = sums.linear + sums.rotational
         potential = np.zeros_like(kinetic) if sums.potential is None else sums.potential

@@ -4,8 +4,9 @@
 What a body may be told: numbers so large that they end the simulation are refused before.
 
 A position, a velocity or an angular velocity that is set lies within the bounds of the scene. A
-wrench changes the velocities within a step, and an impulse at once, by no more than these. What
-forces make of these in time may be more; a snapshot is refused only where it is far more.
+wrench or a drive changes the velocities within a step, and an impulse at once, by no more than
+these. What forces make of these in time may be more; a snapshot is refused only where it is far
+more.
 """
 
 from collections.abc import Mapping
@@ -50,6 +51,30 @@ def check_change(bounds: Bounds, body: str, linear: Array, angular: Array) -> No
     """Raise ValueError for a change of the velocities [m/s], [rad/s] that is beyond the bound."""
     _check(bounds, body, 'would change by', _LINEAR, linear)
     _check(bounds, body, 'would change by', _ANGULAR, angular)
+
+
+def check_joint(bounds: Bounds, joint: str, is_slide: bool, position: float,
+                velocity: float) -> None:
+    """Raise ValueError for a position [rad or m] or a velocity [rad/s or m/s] beyond the bound."""
+    for what, value, quantity in (('position', position, _POSITION),
+                                  ('velocity', velocity, _LINEAR if is_slide else _ANGULAR)):
+        bound: float = getattr(bounds, quantity.bound)
+        if not abs(value) <= bound:
+            raise ValueError(
+                f"joint '{joint}' is given the {what} {value:g}, must be within {bound:g}, which "
+                f'`world: {{bounds: {{{quantity.bound}: ...}}}}` of the scene changes')
+
+
+def check_joint_change(bounds: Bounds, joint: str, is_slide: bool, change: float) -> None:
+    """Raise ValueError for a change of a joint's velocity [rad/s or m/s] beyond the bound."""
+    quantity = _LINEAR if is_slide else _ANGULAR
+    bound: float = getattr(bounds, quantity.bound)
+    if not change <= bound:
+        raise ValueError(
+            f"joint '{joint}' would change its velocity by {change:g} {quantity.unit} in a step, "
+            f'must be within {bound:g} {quantity.unit}, which `world: {{bounds: '
+            f'{{{quantity.bound}: ...}}}}` of the scene changes; `limits: {{effort: ...}}` of the '
+            'joint bounds what its drive exerts')
 
 
 def _check(bounds: Bounds, body: str, verb: str, quantity: _Quantity, vector: Array) -> None:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rigid_sim_ros.engine.joints.buffers import LASTS
 from rigid_sim_ros.engine.joints.carrying import articulation_of, carry_along, hangs_on_something
 from rigid_sim_ros.engine.joints.kinematics import joint_coordinates
 from rigid_sim_ros.engine.maths.rotation_in_python import rotate
@@ -15,9 +14,11 @@ from rigid_sim_ros.engine.state.state import copy_state, write_motion
 from rigid_sim_ros.engine.steps.jointed_motion import JointedMotion, JointSetup
 from rigid_sim_ros.kernels.arrays import Array
 from rigid_sim_ros.scene import Scene
-from rigid_sim_ros.scene.joints import CLOSED, gap_of, MODES, set_drive
+from rigid_sim_ros.scene.joints import CLOSED, gap_of
+from rigid_sim_ros.scene.schema import Bounds
+from rigid_sim_ros.world.bounds import check_joint
 from rigid_sim_ros.world.commands import Commanded
-from rigid_sim_ros.world.values import duration_in_steps, finite, some
+from rigid_sim_ros.world.values import finite, some
 
 if TYPE_CHECKING:
     from rigid_sim_ros.engine.state.state import BodyMotion
@@ -33,6 +34,7 @@ class WithJoints(Commanded):
     """
 
     scene: Scene
+    _bounds: Bounds
     _joints: JointedMotion | None
 
     def _joint_setup(self) -> JointSetup | None:
@@ -110,41 +112,6 @@ class WithJoints(Commanded):
         f, n = joints.motion.wrench[j].reshape(2, 3).tolist()
         return np.array([*rotate((x, y, z, w), tuple(f)), *rotate((x, y, z, w), tuple(n))])
 
-    def set_joint_command(self, name: str, mode: str | None = None,
-                          position: float | None = None, velocity: float | None = None,
-                          effort: float | None = None, duration: float | None = None) -> None:
-        """
-        Tell the drive of a joint what to do from the next step on.
-
-        mode is 'effort', 'velocity' or 'position'; None: the mode of the scene. position [rad or
-        m] and velocity [rad/s or m/s] are what it is to reach, effort [N m or N] what it exerts
-        in any case; what is not given is 0, a position the present one. After `duration` [s] of
-        simulation time, in whole steps, the drive lets go; None: it never does. ValueError for an
-        unknown joint, one without the gains that the mode needs, or numbers that are not finite.
-        """
-        joints, j = self._known_joint(name)
-        drive = (self.scene.spec.joints or ())[j].drive
-        k = self._axis_of(j)
-        if drive is None or k == NONE:
-            raise ValueError(f"joint '{name}' has no drive: write `drive: {{mode: effort}}` in "
-                             'the scene')
-        mode = drive.mode if mode is None else mode
-        if mode not in MODES:
-            raise ValueError(f'mode {mode!r}, must be one of: {", ".join(MODES)}')
-        needed = {'velocity': 'gain', 'position': 'stiffness'}.get(mode)
-        if needed is not None and getattr(drive, needed) is None:
-            raise ValueError(f"joint '{name}' has no {needed} for the mode {mode!r}: write it in "
-                             'the drive in the scene')
-        goals = [finite(what, value, default) for what, value, default in (
-            ('position', position, float(joints.motion.position[j])), ('velocity', velocity, 0.0),
-            ('effort', effort, 0.0))]
-        steps = LASTS if duration is None else duration_in_steps(duration, self._model.h)
-        if steps != 0:
-            set_drive(joints.motion.drives, k, drive, mode, *goals)
-            joints.motion.drives.steps_left[k] = steps
-        self._tell('set_joint_command', name=name, mode=mode, position=goals[0],
-                   velocity=goals[1], effort=goals[2], duration=duration)
-
     def set_joint_state(self, name: str, position: float, velocity: float = 0.0) -> None:
         """
         Put a joint with one axis at a position [rad or m] and a velocity [rad/s or m/s].
@@ -160,6 +127,7 @@ class WithJoints(Commanded):
             raise ValueError(f"joint '{name}' has not one axis of its own, must be a revolute, "
                              'continuous or prismatic one that closes no loop')
         p, v = finite('position', position, 0.0), finite('velocity', velocity, 0.0)
+        check_joint(self._bounds, name, bool(joints.table.translates[k]), p, v)
         laws = joints.table.laws
         if not laws.lower[k] <= p <= laws.upper[k]:
             raise ValueError(f"position {p:g} of joint '{name}', must be within its limits "

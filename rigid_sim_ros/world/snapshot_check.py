@@ -42,7 +42,7 @@ class Field(NamedTuple):
 
     A letter as an axis is a length: 'n' that of the bodies, any other the same in all arrays that
     name it. The range of integers is inclusive; a letter as the upper end is a number of which
-    one less is the last place: 'n' bodies, 'f' frames, 's' shapes.
+    one less is the last place: 'n' bodies, 'f' frames, 's' shapes, 'j' joints.
     """
 
     axes: tuple[int | str, ...]
@@ -51,7 +51,8 @@ class Field(NamedTuple):
 
 
 # z bodies that nothing pushes; r wrenches; c manifolds with p points, k of them polyhedra with m
-# points; d forces, b bristles; J joints that hold R bodies with K axes, C conditions of loops.
+# points; d forces, b bristles; J joints that hold R bodies with K axes, C conditions of loops; t
+# pieces of trajectories.
 TABLE: dict[str, Field] = {
     'x': Field((3, 'n')),
     'q': Field((4, 'n')),
@@ -122,6 +123,9 @@ TABLE: dict[str, Field] = {
     'joint_drive_velocity': Field(('K',)),
     'joint_drive_effort': Field(('K',)),
     'joint_drive_steps_left': Field(('K',), -1, _MANY),
+    'path_joint': Field(('t',), 0, 'j'),
+    'path_begin': Field(('t',), 0, _MANY),
+    'path_coefficient': Field(('t', 6)),
 }
 
 
@@ -142,7 +146,8 @@ def check(meta: Mapping[str, Any], arrays: Mapping[str, np.ndarray],
         if name.startswith('joint_'):
             lengths |= {axis: length for axis, length in zip(
                 TABLE[name].axes, present[name].shape, strict=True) if isinstance(axis, str)}
-    ends = {'n': sizes.bodies, 'f': sizes.frames, 's': len(sizes.body_of_shape)}
+    ends = {'n': sizes.bodies, 'f': sizes.frames, 's': len(sizes.body_of_shape),
+            'j': lengths.get('J', 0)}
     for name, array in arrays.items():
         _check_field(name, array, present[name].dtype, TABLE[name], lengths, ends)
     for holds, what in ((holds, what) for needed, what, holds in _RELATIONS

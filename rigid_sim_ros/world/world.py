@@ -26,10 +26,11 @@ from rigid_sim_ros.world.bounds import (
 from rigid_sim_ros.world.changes import (
     changed, checked, moved, Numbering, order_after, places_between, wake)
 from rigid_sim_ros.world.commands import OWN
-from rigid_sim_ros.world.joints import WithJoints
+from rigid_sim_ros.world.drives import WithDrives
 from rigid_sim_ros.world.posed import FIELDS as POSED_FIELDS, Posed
 from rigid_sim_ros.world.snapshot import pack, unpack
 from rigid_sim_ros.world.snapshot_check import check, Sizes
+from rigid_sim_ros.world.trajectories import FIELDS as PATH_FIELDS
 from rigid_sim_ros.world.values import (
     duration_in_steps, some, step_count, unit_quaternion, vector)
 
@@ -43,7 +44,7 @@ def load_scene(scene: str | os.PathLike[str]) -> 'World':
     return World(read_scene(scene))
 
 
-class World(WithJoints):
+class World(WithDrives):
     """
     A world of rigid bodies that advances in fixed steps.
 
@@ -139,6 +140,8 @@ class World(WithJoints):
             # Wrenches leave the book when their time is over, so that a step without any costs
             # nothing for them.
             batch = applied.steps_until_one_ends(left)
+            if self._leads:
+                batch = self._lead(batch)
             self._contact.advance(self._state, applied.room, batch)
             applied.remove_finished()
             left -= batch
@@ -305,7 +308,7 @@ class World(WithJoints):
         """Return every array that the next step depends on, by name."""
         moving = {name: getattr(self._state, name) for name in MOVING_FIELDS}
         return {**moving, **self._posed.rows(self._state), **self._applied.rows(),
-                **self._contact.lasting()}
+                **self._contact.lasting(), **self._path_rows()}
 
     def state_hash(self) -> int:
         """Return 64 bits that identify the complete dynamic state, time included."""
@@ -421,8 +424,9 @@ class World(WithJoints):
     def _take(self, arrays: Mapping[str, np.ndarray], sources: list[str]) -> None:
         """Go on from the arrays of a snapshot that fit."""
         # First what may still be refused, so that a refusal changes nothing.
+        self._take_paths(arrays)
         self._contact.recall({name: array for name, array in arrays.items()
-                              if name not in MOVING_FIELDS + POSED_FIELDS + FIELDS})
+                              if name not in MOVING_FIELDS + POSED_FIELDS + FIELDS + PATH_FIELDS})
         copy_into(self._state, self._start._replace(**{name: arrays[name]
                                                        for name in MOVING_FIELDS}))
         self._posed.replace(self._state, arrays)

@@ -7,9 +7,11 @@ import numpy as np
 from pyarrow import csv, parquet
 import pytest
 
+from rigid_sim_ros import World
 from rigid_sim_ros.bag import topics as kinds
+from rigid_sim_ros.bag.batch import Batch
 from rigid_sim_ros.bag.errors import BagError
-from rigid_sim_ros.bag.export import export, MOTION
+from rigid_sim_ros.bag.export import export, JOINTS, MOTION
 from rigid_sim_ros.bag.topics import typestore
 
 READ = {'csv': csv.read_csv, 'parquet': parquet.read_table}
@@ -72,3 +74,23 @@ def test_a_file_that_exists_is_not_overwritten(tmp_path, name) -> None:
 def test_a_folder_that_does_not_exist_is_an_error(tmp_path) -> None:
     with pytest.raises(BagError, match='No such file'):
         export(shared_session(), 'csv', tmp_path / 'nowhere' / 'motion.csv')
+
+
+def test_joint_states_go_to_a_file_of_their_own(tmp_path) -> None:
+    world = World.from_dict({
+        'world': {'contact': 'none'},
+        'bodies': [{'name': name, 'mass': 1.0, 'shape': {'type': 'sphere', 'radius': 0.1}}
+                   for name in ('arm/rod', 'bob')],
+        'joints': [{'name': f'{model}{name}', 'type': 'continuous', 'parent': 'world',
+                    'child': child, 'axis': [0, 1, 0], 'pose': {'position': [0.3, 0, 0]}}
+                   for model, name, child in (('arm/', 'turn', 'arm/rod'), ('', 'pivot', 'bob'))]})
+    batch = Batch(world, tmp_path / 'bag')
+    batch.run(10)
+    batch.close()
+    beside = tmp_path / 'motion_joints.csv'
+    assert (beside, 4) in export(tmp_path / 'bag', 'csv', tmp_path / 'motion.csv')
+    table = csv.read_csv(beside)
+    assert tuple(table.column_names) == JOINTS
+    assert table['joint'].to_pylist() == ['arm/turn', 'pivot'] * 2
+    assert table['position [rad or m]'].to_pylist()[2:] == world.joint_position.tolist()
+    assert table['velocity [rad/s or m/s]'].to_pylist()[2:] == world.joint_velocity.tolist()

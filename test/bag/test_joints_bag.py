@@ -1,11 +1,19 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """A session with joints: what their drives were told is recorded, and simulated again."""
+import math
+
+import numpy as np
 import pytest
 
-from rigid_sim_ros import World
+from rigid_sim_ros import load_scene, World
 from rigid_sim_ros.bag.batch import Batch
+from rigid_sim_ros.bag.moment import find
+from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.verify import verify
+from rigid_sim_ros.messages import decode
+from rigid_sim_ros.messages.codec import JointStateEncoder
+from rigid_sim_ros.world.commands import Command
 
 DRIVE = {'mode': 'position', 'stiffness': 50.0, 'damping': 3.0}
 
@@ -27,12 +35,18 @@ ARM = {
 
 @pytest.fixture(name='bag')
 def _bag(tmp_path):
-    """Give a session: a drive is told to move, a joint is put, a body comes and goes."""
+    """
+    Give a session of all that joints are told, with a body that comes and goes.
+
+    A drive is told to move, a joint is put, and a trajectory is under way from 0.4 s on.
+    """
     world = World.from_dict(ARM)
     batch = Batch(world, tmp_path / 'bag', segment_s=0.3)
     batch.run(200)
     world.set_joint_command('shoulder', mode='position', position=0.2, duration=0.25)
-    batch.run(300)
+    batch.run(200)
+    world.follow_trajectory(['shoulder'], [0.2, 0.4], [[0.3], [0.5]], [[math.nan], [0.0]])
+    batch.run(100)
     world.set_joint_state('elbow', 0.7)
     batch.run(200)
     world.add(link('guest', 5.0))
@@ -49,9 +63,80 @@ def test_a_session_with_joints_verifies(bag):
     assert verdict.steps == 900
 
 
-def test_a_session_without_what_a_drive_was_told_does_not(bag, monkeypatch):
-    monkeypatch.setattr(World, 'set_joint_command', lambda *_, **__: None)
-    assert not verify(bag).holds
+@pytest.mark.parametrize('command', ['set_joint_command', 'follow_trajectory', 'set_joint_state'])
+def test_a_session_without_what_a_joint_was_told_does_not(bag, monkeypatch, command):
+    monkeypatch.setattr(World, command, lambda *_, **__: None)
+    verdict = verify(bag)
+    assert not verdict.holds
+    assert verdict.difference.text
+
+
+def test_a_joint_state_that_is_another_is_named(bag, monkeypatch):
+    honest = JointStateEncoder.encode
+
+    def encode(self, t_ns, position, velocity, effort):
+        change = np.array([1.0, 0.0]) * (t_ns == 500_000_000)
+        return honest(self, t_ns, position, velocity, effort + change)
+    monkeypatch.setattr(JointStateEncoder, 'encode', encode)
+    difference = verify(bag).difference
+    assert difference.step == 500
+    assert "/rigid_sim/joint_states differs at joint 'shoulder' by 1:" in str(difference)
+
+
+def test_a_session_that_lists_no_joint_states_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr('rigid_sim_ros.bag.batch.joint_topics', lambda *_: [])
+    batch = Batch(World.from_dict(ARM), tmp_path / 'bag')
+    batch.run(10)
+    batch.close()
+    assert 'does not list the joint states' in str(verify(tmp_path / 'bag').difference)
+
+
+def test_a_node_could_go_on_in_the_midst_of_a_trajectory(bag):
+    moment, end = find(bag, 0.55), find(bag, 0.65)      # nothing is told in between
+    world, whole = World(moment.scene), World(end.scene)
+    moment.apply(world)
+    end.apply(whole)
+    assert not world._paths.are_empty
+    world.step(100)
+    assert world.state_hash() == whole.state_hash()
+
+
+def test_a_trajectory_of_joints_that_carry_by_contact_is_verified(tmp_path):
+    world = load_scene('gripper')
+    batch = Batch(world, tmp_path / 'bag')
+    batch.run(50)
+    before = world.joint_position[0]
+    world.follow_trajectory(['lift'], [0.1], [[before + 0.01]], [[0.0]])
+    batch.run(150)
+    batch.close()
+    assert world.joint_position[0] > before + 0.005
+    assert verify(tmp_path / 'bag').holds
+
+
+def test_the_description_of_a_model_is_recorded_once_and_verified(tmp_path):
+    batch = Batch(World.from_dict({**ARM, 'descriptions': {'arm': '<robot/>'}}), tmp_path / 'bag')
+    batch.run(200)
+    batch.close()
+    said = [decode.string(data) for topic, _, data in BagReader(tmp_path / 'bag').messages()
+            if topic == '/rigid_sim/arm/robot_description']
+    assert said == ['<robot/>']
+    assert verify(tmp_path / 'bag').holds
+
+
+@pytest.mark.parametrize('kind, arguments', [
+    ('set_joint_commands', {'commands': 7}), ('set_joint_commands', {'commands': {'elbow': 7}}),
+    ('set_joint_commands', {'commands': {'shoulder': {'speed': 1.0}}}),
+    ('follow_trajectory', {'names': 7, 'times': [1.0], 'positions': [[1.0]]}),
+    ('follow_trajectory', {'names': [['shoulder']], 'times': [1.0], 'positions': [[1.0]]}),
+    ('follow_trajectory', {'names': ['shoulder'], 'times': 'soon', 'positions': {}}),
+    ('follow_trajectory', {'names': ['shoulder'], 'times': [1.0], 'positions': [[1.0]],
+                           'start': 'now'})])
+def test_an_event_that_tells_joints_nonsense_is_refused(kind, arguments):
+    world = World.from_dict(ARM)
+    before = world.save()
+    with pytest.raises((ValueError, TypeError)):
+        world.apply(Command(kind, arguments))
+    assert world.save() == before
 
 
 def test_a_body_that_a_joint_holds_cannot_go():
@@ -60,3 +145,29 @@ def test_a_body_that_a_joint_holds_cannot_go():
     with pytest.raises(ValueError, match='joints'):
         world.remove('lower')
     assert world.save() == before
+
+
+def test_the_velocity_of_a_joint_that_closes_a_loop_is_not_told(tmp_path):
+    bars = [{'name': name, 'mass': 1.0, 'shape': {'type': 'box', 'size': [0.1, 0.1, 0.5]},
+             'pose': {'position': [x, 0.0, z], 'orientation': q}}
+            for name, x, z, q in (('left', 0.0, 0.25, [0, 0, 0, 1]),
+                                  ('top', 0.25, 0.5, [0, math.sqrt(0.5), 0, math.sqrt(0.5)]),
+                                  ('right', 0.5, 0.25, [0, 0, 0, 1]))]
+
+    def hinge(name, parent, child, x, z):
+        return {'name': name, 'type': 'revolute', 'parent': parent, 'child': child,
+                'axis': [0, 1, 0], 'pose': {'position': [x, 0, z]}}
+    world = World.from_dict({
+        'world': {'contact': 'none'}, 'bodies': bars,
+        'joints': [hinge('a', 'world', 'left', 0, 0), hinge('b', 'left', 'top', 0, 0.25),
+                   hinge('d', 'world', 'right', 0.5, 0), hinge('c', 'right', 'top', 0, 0.25)]})
+    batch = Batch(world, tmp_path / 'bag')
+    batch.run(100)
+    batch.close()
+    data = [data for topic, _, data in BagReader(tmp_path / 'bag').messages()
+            if topic == '/rigid_sim/joint_states'][-1]
+    _, _, names, numbers = decode.joint_state(data)
+    closing = [name for name, row in zip(names, numbers, strict=True) if np.isnan(row[1])]
+    assert len(closing) == 1
+    assert not np.isnan(np.delete(numbers, 1, axis=1)).any()
+    assert verify(tmp_path / 'bag').holds

@@ -21,14 +21,16 @@ from geometry_msgs.msg import (
     WrenchStamped)
 from hypothesis import given, HealthCheck, settings, strategies as st
 import numpy as np
+import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.typesys import get_typestore, Stores
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import MultiDOFJointState
+from sensor_msgs.msg import JointState, MultiDOFJointState
 from std_msgs.msg import ColorRGBA, Header, String, UInt64
 from visualization_msgs.msg import Marker, MarkerArray
 
-from rigid_sim_ros.messages import codec
+from rigid_sim_ros.bag.errors import Damaged
+from rigid_sim_ros.messages import codec, decode
 
 TYPESTORE = get_typestore(Stores.ROS2_JAZZY)
 
@@ -122,6 +124,31 @@ def test_the_state_is_what_rclpy_writes(t_ns, frame_id, names, seed):
             for a, b in zip(p, q, strict=True)],
         twist=[Twist(linear=vector(a), angular=vector(b)) for a, b in zip(v, w, strict=True)],
     ), 'sensor_msgs/msg/MultiDOFJointState')
+
+
+@many
+@given(times, st.lists(texts, min_size=1, max_size=5), seeds)   # nobody publishes none
+def test_the_state_of_joints_is_what_rclpy_writes_and_is_read_back(t_ns, names, seed):
+    columns = values(seed, 3, len(names))
+    ours = codec.JointStateEncoder(names).encode(t_ns, *columns)
+    position, velocity, effort = columns.tolist()
+    check(ours, JointState(header=header(t_ns, ''), name=names, position=position,
+                           velocity=velocity, effort=effort), 'sensor_msgs/msg/JointState')
+    at, frame, found, numbers = decode.joint_state(ours)
+    assert (at, frame, found) == (t_ns, '', names)
+    assert numbers.T.tolist() == columns.tolist()
+
+
+def test_a_state_of_joints_may_lack_columns_and_not_rows():
+    def written(**columns):
+        return serialize_message(JointState(name=['a', 'b'], **columns))
+    numbers = decode.joint_state(written(velocity=[1.0, 2.0]))[3]
+    assert numbers[:, 1].tolist() == [1.0, 2.0]
+    assert np.isnan(numbers[:, [0, 2]]).all()
+    whole = written(position=[1.0, 2.0])
+    for data in (written(position=[1.0]), whole[:-9], b'', b'\x00\x01\x00\x00' + b'\xff' * 40):
+        with pytest.raises(Damaged):
+            decode.joint_state(data)
 
 
 def test_an_encoder_keeps_nothing_of_the_call_before():

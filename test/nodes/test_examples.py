@@ -118,3 +118,14 @@ def test_the_publisher_of_the_docs_pushes_and_ends_with_ctrl_c(probe, sim, tmp_p
         assert echo.wrench.torque.z == 1e-4
         pusher.signal(signal.SIGINT)
         assert pusher.wait() == 0
+
+
+def test_the_arm_follows_the_trajectory_of_the_tracker(probe, tmp_path):
+    words = ('track_trajectory', '--ros-args', '-p', 'sim:=/arm_sim')
+    with running(tmp_path / 'sim', 'arm', name='arm_sim', real_time_factor=5.0,
+                 publish_rate=50.0, publish_clock=False), example(tmp_path, *words) as tracker:
+        assert tracker.wait() == 0
+        found, = re.findall(r'followed within ([0-9.]+) rad', tracker.stderr)
+    # It lags by I a / k and sags by gravity / k: I a stays below 3 N m and gravity below 16 N m, k
+    # is 2e4 N m/rad, 4e3 below the elbow; and a goal is met within a step, 0.5 rad/s * 1 ms.
+    assert float(found) < 3.0 / 4e3 + 16.0 / 2e4 + 5e-4

@@ -276,3 +276,35 @@ def test_rounding_does_not_fill_a_panel():
     x = np.linspace(0, 1, 10)
     low, high = Panel('Energy', 'J', [Line('total', x, 5.0 + 1e-15 * x, '#000000')]).limits()
     assert high - low == pytest.approx(0.02)     # 2 * 2e-3 of 5
+
+
+def test_joints_are_drawn_as_they_were_published_turning_and_sliding_apart(tmp_path):
+    link = {'mass': 1.0, 'shape': {'type': 'sphere', 'radius': 0.1}}
+    world = World.from_dict({
+        'world': {'contact': 'none'},
+        'bodies': [{'name': 'arm/rod', **link}, {'name': 'arm/sled', **link}],
+        'joints': [{'name': 'arm/turn', 'type': 'continuous', 'parent': 'world',
+                    'child': 'arm/rod', 'axis': [0, 1, 0], 'pose': {'position': [0.3, 0, 0]}},
+                   {'name': 'arm/slide', 'type': 'prismatic', 'parent': 'arm/rod',
+                    'child': 'arm/sled', 'spring': {'stiffness': 50.0}}]})
+    batch = Batch(world, tmp_path / 'bag')
+    said = []
+    for _ in range(50):
+        said.append(np.stack([world.joint_position, world.joint_velocity, world.joint_effort]))
+        batch.run(10)
+    batch.close()
+    quantities = ['joint_position', 'joint_velocity', 'joint_effort']
+    diagram, notes = make_diagram(str(tmp_path / 'bag'), (), quantities, 0.0, 0.495)
+    assert notes == []
+    panels = {(panel.title, panel.unit): panel.lines for panel in diagram.panels}
+    units_of = {'position': ('rad', 'm'), 'velocity': ('rad/s', 'm/s'), 'effort': ('N m', 'N')}
+    for k, (title, units) in enumerate(units_of.items()):
+        for j, name in enumerate(('arm/turn', 'arm/slide')):
+            line, = panels[f'Joint {title}', units[j]]
+            assert line.label == name
+            assert line.y.tolist() == [numbers[k, j] for numbers in said]
+    assert len({line.color for lines in panels.values() for line in lines}) == 2
+    chosen, _ = make_diagram(str(tmp_path / 'bag'), (), quantities[:1], 0.0, None, ['*slide'])
+    assert [panel.unit for panel in chosen.panels] == ['m']
+    with pytest.raises(BagError, match='matches no joint, must be one of arm/turn, arm/slide'):
+        make_diagram(str(tmp_path / 'bag'), (), (), 0.0, None, ['wheel'])

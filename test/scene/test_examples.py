@@ -151,3 +151,44 @@ def test_the_drone_that_is_held_rests_where_its_leash_balances_the_wind() -> Non
     # The slowest motion dies as exp(-1.5 t): 0.15 m * exp(-22) is 4e-11 m.
     assert world.position[0] == pytest.approx([5.67e-3 * 3 / 0.112, 0, 1], abs=1e-9)
     assert abs(world.orientation[0, 3]) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_the_double_pendulum_keeps_its_energy() -> None:
+    world = load_scene('double_pendulum')
+    start = world.kinetic_energy() + world.potential_energy()
+    assert start == pytest.approx(24.6466, abs=5e-5)
+    lowest = 0.0
+    for _ in range(100):
+        world.step(100)
+        lowest = min(lowest, world.joint_position[1])
+        assert abs(world.kinetic_energy() + world.potential_energy() - start) < 1e-2
+    assert lowest < -2.0 * math.pi      # the lower rod goes round, and its turns are counted
+
+
+def test_the_rocker_of_the_four_bar_turns_back_where_the_law_of_cosines_says() -> None:
+    world = load_scene('four_bar')
+    turns = []
+    for _ in range(4300):       # two turns of the crank
+        world.step()
+        turns.append(84.1407 + math.degrees(world.joint_position[2]))
+    # Near its ends the rocker stands still but for a step: they are missed by less than a
+    # ten-thousandth of its angular acceleration, 30 rad/s^2, times the step squared.
+    assert min(turns) == pytest.approx(36.8699, abs=1e-3)
+    assert max(turns) == pytest.approx(101.5370, abs=1e-3)
+    assert world.joint_velocity[0] == pytest.approx(3.0, abs=0.05)     # held by its drive
+
+
+def test_the_arm_reaches_where_the_published_distances_say() -> None:
+    world = load_scene('arm')
+    # Denavit and Hartenberg's parameters (Craig's form) of the source: a, d, alpha.
+    links = [(0, 0.333, 0), (0, 0, -90), (0, 0.316, 90), (0.0825, 0, 90), (-0.0825, 0.384, -90),
+             (0, 0, 90), (0.088, 0, 90)]
+    T = np.eye(4)
+    for q, (a, d, alpha) in zip(world.joint_position, links, strict=True):
+        c, s = math.cos(q), math.sin(q)
+        ca, sa = math.cos(math.radians(alpha)), math.sin(math.radians(alpha))
+        T = T @ np.array([[c, -s, 0, a], [s * ca, c * ca, -sa, -d * sa],
+                          [s * sa, c * sa, ca, d * ca], [0, 0, 0, 1]])
+    # Orientations are written with nine digits, and the arm is a metre long.
+    assert world.position[world.names.index('arm/link7')] == pytest.approx(T[:3, 3], abs=1e-8)
+    assert float(world.scene.model.m.sum()) == pytest.approx(16.08, abs=1e-9)
