@@ -14,7 +14,6 @@ Wheels that do not steer skid sideways as they turn the rover, so it turns slowe
 
 Parameters, set with `--ros-args -p NAME:=VALUE`: sim, radius [m], track [m], slip.
 """
-from collections.abc import Sequence
 import sys
 
 from geometry_msgs.msg import Twist
@@ -47,7 +46,7 @@ class DriveRover(Node):
             name=[*LEFT, *RIGHT], velocity=[rates[0]] * len(LEFT) + [rates[1]] * len(RIGHT)))
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main(arguments: list[str] | None = None) -> None:
     """Run the node until it is interrupted."""
     rclpy.init(args=arguments)
     node = DriveRover()

@@ -65,7 +65,7 @@ def test_momenta_of_what_meets_in_free_space_stay():
 
 
 # Scenes whose twin differs by more than ten times what neighbours do, up to forty times. Joints
-# close to a tolerance in metres, so a twin of another size may take a step in other parts, or stick
+# close to a tolerance in metres, so a twin of another size may take a step in other parts or stick
 # a step later; and which of two shapes is A decides what a vertex meets.
 KNOWN = {mirrored: {0}, reordered: {7}, scaled: {7, 9, 17, 20}}
 

