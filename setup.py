@@ -56,6 +56,7 @@ setup(
     zip_safe=False,
     install_requires=[
         'click>=8.1',
+        'defusedxml>=0.7.1',
         'llvmlite>=0.42',
         'lz4>=4.0',
         'mcap>=1.1',

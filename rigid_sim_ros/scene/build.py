@@ -52,18 +52,22 @@ class Scene:
     contact: str
     solver: str
 
+    # What was ignored in the files of models, a line each; no part of the text.
+    notes: tuple[str, ...] = ()
+
     @property
     def step_ns(self) -> int:
         """Return what the clock advances by in a step [ns]; physics use the step as it is."""
         return round(self.spec.world.step * 1e9)
 
 
-def build(spec: schema.Scene, name: str, folder: Path | None, source: Source) -> Scene:
+def build(spec: schema.Scene, name: str, folder: Path | None, source: Source,
+          notes: tuple[str, ...] = ()) -> Scene:
     """
     Return the scene; raises SceneError with all that is wrong beyond a single value.
 
     Mesh files are looked for in `folder`; None: the scene must hold its meshes itself. `source`
-    says where in the file a mistake stands.
+    says where in the file a mistake stands. `notes` are kept as they are.
     """
     if (spec.world.contact, spec.world.solver) == ('timestep', 'sequential') and (
             len(spec.bodies) > 1):
@@ -119,7 +123,7 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source) ->
     return Scene(name, spec, to_text(spec), model, state, shapes, materials,
                  tuple(body.name for body in spec.bodies), frame_names, joints,
                  spec.world.integrator, spec.world.orientation, spec.world.contact,
-                 spec.world.solver)
+                 spec.world.solver, notes)
 
 
 def to_text(spec: schema.Scene) -> str:
@@ -231,7 +235,7 @@ def _shapes(spec: schema.Scene, model: Model, report: Report) -> Shapes | None:
 def _frame_names(spec: schema.Scene) -> dict[str, int]:
     """Return the index in the model of each frame: those of the bodies, then the named ones."""
     names = [body.name for body in spec.bodies]
-    names += [f'{body.name}/{frame}' for body in spec.bodies for frame in body.frames]
+    names += [name for body in spec.bodies for name, _ in body.named_frames()]
     return {name: index for index, name in enumerate(names)}
 
 

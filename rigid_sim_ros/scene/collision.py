@@ -10,6 +10,7 @@ from rigid_sim_ros.engine.maths.rotation_in_python import multiply, rotate
 from rigid_sim_ros.engine.model.hulls import Polyhedron
 from rigid_sim_ros.engine.model.kinds.table import BY_TYPE, KINDS
 from rigid_sim_ros.engine.model.shapes import ALL_GROUPS, Material, Shape
+from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.scene import schema
 from rigid_sim_ros.scene.errors import nearest, Path, Report, shown
 
@@ -131,10 +132,18 @@ def _placed(shape: Shape, part: schema.Plane) -> Shape:
 
 def _hull(part: schema.Mesh) -> Polyhedron:
     """Return the convex hull of a mesh."""
+    return Polyhedron(*convex_hull(np.array(part.vertices)))
+
+
+def convex_hull(points: Array) -> tuple[Array, IntArray]:
+    """
+    Return vertices (v, 3) and triangles (t, 3), anticlockwise from outside, of a convex hull.
+
+    Raises ValueError for points (n, 3) that lie in a plane.
+    """
     # SciPy: 0.6 s that a scene without a mesh does not wait for.
     from scipy.spatial import ConvexHull, QhullError
 
-    points = np.array(part.vertices)
     try:
         hull = ConvexHull(points)
     except QhullError:
@@ -147,4 +156,4 @@ def _hull(part: schema.Mesh) -> Polyhedron:
     a, b, c = np.moveaxis(vertices[triangles], 1, 0)
     inward = np.einsum('ti,ti->t', np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
     triangles[inward] = triangles[inward][:, ::-1]
-    return Polyhedron(vertices, triangles.astype(np.int64))
+    return vertices, triangles.astype(np.int64)

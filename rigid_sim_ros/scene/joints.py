@@ -26,7 +26,7 @@ _KINDS = {'fixed': engine.FIXED, 'revolute': engine.REVOLUTE, 'continuous': engi
           'universal': engine.UNIVERSAL, 'planar': engine.PLANAR, 'distance': engine.DISTANCE,
           'free': engine.FREE}
 MODES = {'effort': EFFORT, 'velocity': VELOCITY, 'position': POSITION}
-_ONE_AXIS = ('revolute', 'continuous', 'prismatic')
+_ONE_AXIS = schema.ONE_AXIS
 # Keys that have a meaning for some types only, and these types.
 _TYPES_OF_KEY = {
     'axis2': ('universal',), 'limits': _ONE_AXIS, 'friction': _ONE_AXIS, 'spring': _ONE_AXIS,
@@ -108,7 +108,7 @@ def _check_limits(joint: schema.Joint, here: Report) -> None:
              'revolute')
     elif lower is not None and upper is not None and lower > upper:
         here(('limits', 'lower'), f'{lower:g} is above upper {upper:g}, must be below it')
-    elif joint.type in _ONE_AXIS:
+    elif joint.type in _ONE_AXIS and (joint.position is not None or joint.mimic is None):
         position = joint.position or 0.0
         if (lower is not None and position < lower) or (upper is not None and position > upper):
             here(('position',), f'{position:g} is beyond the limits, must be within '

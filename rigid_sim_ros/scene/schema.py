@@ -7,6 +7,7 @@ Each class holds what the user wrote, checked by itself; what needs two places o
 (a body and its material, a force and its frames) is checked in build.py.
 """
 
+from collections.abc import Iterator
 import math
 from typing import Annotated, Any, Literal, TypeAlias, Union
 
@@ -21,12 +22,14 @@ from rigid_sim_ros.engine.steps.free import FREE_MOTION
 from rigid_sim_ros.scene.errors import Path
 from rigid_sim_ros.scene.values import (
     Choice, Color, Count, Density, Flag, Format, index, Length, ListOf, Mass, Name, NamePair,
-    Numbers, Quantity, Quaternion, refuse, Rows, Scale, Text, Vector)
+    Numbers, PartName, Quantity, Quaternion, refuse, Rows, Scale, Text, Vector)
 
 INTEGRATORS = tuple(FREE_MOTION)
 CONTACTS = ('none', 'penalty', 'event', 'timestep')
 JOINTS = ('fixed', 'revolute', 'continuous', 'prismatic', 'spherical', 'universal', 'planar',
           'distance', 'free')
+# Of these a joint has a position, limits, a drive.
+ONE_AXIS = ('revolute', 'continuous', 'prismatic')
 DRIVES = ('effort', 'velocity', 'position')
 SOLVERS = ('sequential', 'qp')
 
@@ -280,7 +283,7 @@ class Compound(Spec):
 class Body(Spec):
     """One rigid body."""
 
-    name: Name
+    name: PartName
     shape: Annotated[_Solid | Annotated[Compound, Tag('<compound>')],
                      Discriminator(_kind)] | None = None
     # Short for shape: {compound: [...]}.
@@ -292,7 +295,8 @@ class Body(Spec):
     color: Annotated[tuple[float, ...], Color()] | None = None
     pose: Pose = Pose()
     twist: Twist = Twist()
-    frames: dict[Name, Pose] = {}
+    # A name with a slash is the whole name of a frame, another one stands behind the body's.
+    frames: dict[PartName, Pose] = {}
     fixed: Boolean = False
     # It moves by its twist, and pushes without being pushed.
     kinematic: Boolean = False
@@ -301,6 +305,11 @@ class Body(Spec):
     groups: Annotated[tuple[str, ...], ListOf(Text(), 'names of groups')] = ('default',)
     # None: with every group.
     collides_with: Annotated[tuple[str, ...] | None, ListOf(Text(), 'names of groups')] = None
+
+    def named_frames(self) -> Iterator[tuple[str, Pose]]:
+        """Yield the frames of the body, each with its whole name: BODY/FRAME or MODEL/FRAME."""
+        for name, pose in self.frames.items():
+            yield (name if '/' in name else f'{self.name}/{name}'), pose
 
     @property
     def is_pushed(self) -> bool:
@@ -420,7 +429,7 @@ class JointMimic(Spec):
 class Joint(Spec):
     """What holds a child to a parent, but for some motions."""
 
-    name: Name
+    name: PartName
     type: Annotated[str, Choice(JOINTS)]
     parent: Annotated[str, Text()]      # a body, or world
     child: Annotated[str, Text()]
@@ -450,6 +459,26 @@ class Joint(Spec):
         return self
 
 
+class ModelFile(Spec):
+    """A robot or another model from a file of its own, which becomes bodies and joints."""
+
+    name: Name
+    file: Annotated[str, Text()]
+    srdf: Annotated[str, Text()] | None = None
+    pose: Pose = Pose()
+    # None: as the file has it.
+    fixed_base: Boolean | None = None
+    # Positions at the start, by the names in the file.
+    joints: dict[str, _Coordinate] = {}
+    # Drives of the joints whose names match; the others are of the mode effort.
+    drives: dict[str, JointDrive] = {}
+    # Folders, by the names that package:// and model:// have for them.
+    packages: dict[str, Annotated[str, Text()]] = {}
+    # Whether moments of inertia that no body has are raised to what a body may have.
+    mend_inertia: Boolean = False
+    material: Annotated[str, Text()] = 'default'
+
+
 class Scene(Spec):
     """A whole scene file."""
 
@@ -458,10 +487,20 @@ class Scene(Spec):
     materials: dict[Name, Material] = {}
     material_pairs: tuple[MaterialPair, ...] = ()
     collision: Collision = Collision()
-    bodies: Annotated[tuple[Body, ...], _NOT_EMPTY]
+    bodies: tuple[Body, ...] = ()
     forces: tuple[Annotated[_ANY_FORCE, Discriminator(_kind)], ...] = ()
     # None, and not an empty list: a scene without joints has the text that it always had.
     joints: tuple[Joint, ...] | None = None
+    # Of a scene in a file; in one that is read they have become bodies and joints.
+    models: tuple[ModelFile, ...] | None = None
+
+    @model_validator(mode='after')
+    def _has_bodies(self) -> 'Scene':
+        if not self.bodies and not self.models:
+            raise refuse('is empty, must have at least one entry'
+                         if 'bodies' in self.model_fields_set else
+                         'is missing, must be given', 'bodies')
+        return self
 
     @property
     def all_materials(self) -> dict[str, Material]:

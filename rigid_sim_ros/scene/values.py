@@ -160,6 +160,7 @@ class Flag(_Check):
         raise refuse(f'{shown(value)}, must be true or false')
 
 
+@dataclass(frozen=True)
 class NameToken(_Check):
     """
     A name that can be a part of a ROS topic name.
@@ -170,8 +171,16 @@ class NameToken(_Check):
     body lie one level deeper: body `state` has `~/state/pose` beside the node's `~/state`.
     """
 
+    # Whether it may be several tokens with slashes between them, as those of a model's parts are.
+    is_path: bool = False
+
     def __call__(self, value: Any) -> str:
         """Return the name."""
+        if self.is_path and isinstance(value, str) and '/' in value:
+            for token in value.split('/')[:MAX_NAME]:
+                NameToken()(token if token != 'world' else 'base')
+            if len(value) <= MAX_NAME:
+                return value
         if not isinstance(value, str) or not re.fullmatch('[A-Za-z_][A-Za-z0-9_]*', value):
             raise refuse(f'{shown(value)}, must be a ROS name: letters, digits and underscores, '
                          f'beginning with a letter{_mended(value)}')
@@ -309,3 +318,5 @@ Density: TypeAlias = Annotated[float, Quantity('kg/m^3', above=0.0)]
 Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = Annotated[tuple[float, float, float, float], UnitQuaternion()]
 Name: TypeAlias = Annotated[str, NameToken()]
+# Of a body, a joint or a frame: MODEL/LINK is one of a model.
+PartName: TypeAlias = Annotated[str, NameToken(is_path=True)]

@@ -1,0 +1,346 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A description becomes bodies and joints, as a user would write them in a scene.
+
+A link with a mass is a body. One without cannot be: it becomes a frame of the body that fixed
+joints hold it on, and its shapes are that body's.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+import re
+from typing import Any
+
+from rigid_sim_ros.models.description import Joint, Link, Model, Shape
+from rigid_sim_ros.models.findings import Finding, Findings, Place
+from rigid_sim_ros.models.inertia import mended
+from rigid_sim_ros.models.poses import combined, IDENTITY, inverse, Pose
+
+_ONE_AXIS = ('revolute', 'continuous', 'prismatic')
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What a scene says of a model beside its file."""
+
+    name: str
+    pose: Pose = IDENTITY
+    fixed_base: bool | None = None      # None: as the file has it
+    joints: Mapping[str, float] = field(default_factory=dict)   # positions at the start
+    drives: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)   # by joint
+    mend_inertia: bool = False
+    material: str = 'default'
+
+
+@dataclass
+class Parts:
+    """Bodies, joints and pairs of bodies that never touch, in the words of a scene."""
+
+    bodies: list[dict[str, Any]] = field(default_factory=list)
+    joints: list[dict[str, Any]] = field(default_factory=list)
+    ignore: list[list[str]] = field(default_factory=list)
+    # Where each body and joint stands in the file.
+    body_places: list[Place] = field(default_factory=list)
+    joint_places: list[Place] = field(default_factory=list)
+    notes: list[Finding] = field(default_factory=list)
+
+
+# Gives the keys of a mesh in a scene for a shape that is one; ValueError where it cannot.
+MeshReader = Callable[[Shape], dict[str, Any]]
+
+
+def make_parts(model: Model, wish: Wish, mesh: MeshReader) -> Parts:
+    """Return what a model is in a scene; raises ModelError with all that cannot be."""
+    return _Maker(model, wish, mesh).made()
+
+
+class _Maker:
+    def __init__(self, model: Model, wish: Wish, mesh: MeshReader) -> None:
+        self._model, self._wish, self._mesh = model, wish, mesh
+        self._findings = Findings()
+        self._guests: dict[str, list[Link]] = {}
+        self._links = {link.name: link for link in model.links}
+        self._names = self._ros_names()
+        self._fixed = self._fixed_links()
+        self._host = self._hosts()
+
+    def made(self) -> Parts:
+        self._findings.stop()
+        parts = Parts()
+        shapes = self._shapes()
+        for link in self._model.links:
+            if self._host[link.name] == link.name:
+                parts.bodies.append(self._body(link, shapes.get(link.name, [])))
+                parts.body_places.append(link.place)
+        for joint in self._model.joints:
+            parent = self._host.get(joint.parent, '')
+            if joint.type == 'fixed' and parent == self._host[joint.child]:
+                continue    # it holds a frame on the body
+            parts.joints.append(self._joint(joint))
+            parts.joint_places.append(joint.place)
+        parts.ignore = self._ignored(set(shapes))
+        self._findings.stop()
+        parts.notes = [*self._model.notes, *self._findings.notes]
+        return parts
+
+    # --- names ------------------------------------------------------------------------------
+
+    def _ros_names(self) -> dict[tuple[str, str], str]:
+        """Return the names in the scene by kind and name in the file; note those that differ."""
+        names: dict[tuple[str, str], str] = {}
+        changed: list[str] = []
+        for kind, things in (('link', [*self._model.links, *self._model.frames]),
+                             ('joint', self._model.joints)):
+            taken: dict[str, str] = {}
+            for thing in things:
+                legal = ros_name(thing.name)
+                if legal != thing.name:
+                    changed.append(f'{thing.name[:60]!r} is {legal}')
+                if taken.setdefault(legal, thing.name) != thing.name or (
+                        (kind, thing.name) in names):
+                    self._findings.error(thing.place, f'has the name {legal!r} of another '
+                                         f'{kind}, as ROS writes it; must have a name of its own')
+                names[kind, thing.name] = f'{self._wish.name}/{legal}'
+        if changed:
+            self._findings.note(self._model.place, 'names are written as ROS allows them: '
+                                f'{", ".join(changed[:6])}'
+                                f'{f" and {len(changed) - 6} more" if len(changed) > 6 else ""}')
+        return names
+
+    # --- which links are bodies -------------------------------------------------------------
+
+    def _fixed_links(self) -> set[str]:
+        """Return the links that the world holds."""
+        wanted = self._wish.fixed_base
+        if wanted is None:
+            wanted = self._model.is_fixed_by_default
+        held = {joint.child for joint in self._model.joints}
+        return {link.name for link in self._model.links
+                if link.is_fixed or (wanted and link.name not in held)}
+
+    def _hosts(self) -> dict[str, str]:
+        """Return for each link the one whose body it belongs to: itself for most."""
+        host = {link.name: link.name for link in self._model.links
+                if link.inertia is not None or link.name in self._fixed}
+        children: dict[str, list[str]] = {}
+        parents: dict[str, list[str]] = {}
+        for joint in self._model.joints:
+            if joint.type == 'fixed' and joint.parent:
+                children.setdefault(joint.parent, []).append(joint.child)
+                parents.setdefault(joint.child, []).append(joint.parent)
+        # Towards the base first: a tool frame belongs to the hand. Only what has no mass there,
+        # as a base_footprint has none, belongs to what hangs on it.
+        down, up = deque(host), deque(host)
+        while down or up:
+            link, ways = (down.popleft(), children) if down else (up.popleft(), parents)
+            for neighbour in ways.get(link, ()):
+                if neighbour not in host:
+                    host[neighbour] = host[link]
+                    down.append(neighbour)
+                    up.append(neighbour)
+        held = {joint.child: joint for joint in self._model.joints}
+        for link in self._model.links:
+            if link.name not in host:
+                by = held.get(link.name)
+                how = (f'hangs on the {by.type} joint {by.name!r}' if by is not None
+                       else 'is the base of a model that is free')
+                mend = 'must have an <inertial>, or be held by a fixed joint'
+                if by is None:
+                    mend = 'must have an <inertial>, or fixed_base: true in the scene'
+                self._findings.error(link.place, f'has no mass and {how}: {mend}')
+                host[link.name] = link.name
+        return host
+
+    def _in_host(self, link: str) -> Pose:
+        """Return the pose of a link in the body that it belongs to."""
+        host = self._host[link]
+        if host == link:
+            return IDENTITY
+        return combined(inverse(self._links[host].pose), self._links[link].pose)
+
+    # --- bodies -----------------------------------------------------------------------------
+
+    def _shapes(self) -> dict[str, list[dict[str, Any]]]:
+        """Return the solids of each body that has some."""
+        found: dict[str, list[dict[str, Any]]] = {}
+        for link in self._model.links:
+            host = self._host[link.name]
+            for shape in link.collisions:
+                pose = combined(self._in_host(link.name), shape.pose)
+                try:
+                    values = (self._mesh(shape) if shape.type == 'mesh'
+                              else {'type': shape.type, **shape.values})
+                except ValueError as error:
+                    self._findings.error(shape.place, str(error))
+                    continue
+                if shape.type == 'plane' and host not in self._fixed:
+                    self._findings.error(shape.place, 'is a plane on a link that moves, must be a '
+                                         'box, or the link fixed')
+                found.setdefault(host, []).append({**values, 'pose': _written(pose)})
+        return found
+
+    def _body(self, link: Link, shapes: list[dict[str, Any]]) -> dict[str, Any]:
+        body: dict[str, Any] = {
+            'name': self._names['link', link.name],
+            'pose': _written(combined(self._wish.pose, link.pose)),
+            'material': self._wish.material}
+        if link.name in self._fixed:
+            body['fixed'] = True
+        if link.inertia is not None:
+            mass, com, tensor, place = link.inertia
+            try:
+                moments, how = mended(mass, tensor, is_allowed=self._wish.mend_inertia)
+            except ValueError as error:
+                self._findings.error(place, str(error))
+            else:
+                body['inertial'] = {'mass': mass, 'com': list(com), 'inertia': list(moments)}
+                if how:
+                    self._findings.note(place, how)
+        if len(shapes) == 1:
+            body['shape'] = shapes[0]
+        elif shapes:
+            body['shape'] = {'type': 'compound', 'compound': shapes}
+        color = next((shape.color for shape in (*link.visuals, *link.collisions)
+                      if shape.color is not None), None)
+        if color is not None:
+            body['color'] = list(color)
+        frames = {name: _written(pose) for name, pose in self._frames(link.name)}
+        if frames:
+            body['frames'] = frames
+        return body
+
+    def _frames(self, host: str) -> Iterator[tuple[str, Pose]]:
+        """Yield the frames of a body: links without a mass, and frames of the file."""
+        for link in self._by_host().get(host, ()):
+            if link.name != host:
+                yield self._names['link', link.name], self._in_host(link.name)
+        for frame in self._model.frames:
+            if self._host.get(frame.link) == host:
+                yield (self._names['link', frame.name],
+                       combined(self._in_host(frame.link), frame.pose))
+
+    def _by_host(self) -> dict[str, list[Link]]:
+        if not self._guests:
+            for link in self._model.links:
+                self._guests.setdefault(self._host[link.name], []).append(link)
+        return self._guests
+
+    # --- joints -----------------------------------------------------------------------------
+
+    def _joint(self, joint: Joint) -> dict[str, Any]:
+        wish = self._wish
+        pose = combined(self._in_host(joint.parent), joint.pose) if joint.parent else (
+            combined(wish.pose, joint.pose))
+        made: dict[str, Any] = {
+            'name': self._names['joint', joint.name], 'type': joint.type,
+            'parent': self._body_name(joint.parent), 'child': self._body_name(joint.child),
+            'pose': _written(pose), 'axis': list(joint.axis)}
+        if joint.axis2 is not None:
+            made['axis2'] = list(joint.axis2)
+        if joint.collides:
+            made['collides'] = True
+        if joint.type in _ONE_AXIS:
+            self._add_laws(joint, made)
+        elif joint.damping:
+            made['damping'] = joint.damping
+        return made
+
+    def _body_name(self, link: str) -> str:
+        return self._names['link', self._host[link]] if link else 'world'
+
+    def _add_laws(self, joint: Joint, made: dict[str, Any]) -> None:
+        """Add what acts along the axis, and where the joint is at the start."""
+        limits = {key: value for key in ('lower', 'upper', 'velocity', 'effort')
+                  if (value := getattr(joint, key)) is not None}
+        if limits.get('velocity') == 0.0:
+            self._findings.ignore(joint.place, 'a velocity limit of 0')
+            del limits['velocity']
+        if limits:
+            made['limits'] = limits
+        for key in ('damping', 'friction', 'armature'):
+            if getattr(joint, key):
+                made[key] = getattr(joint, key)
+        if joint.stiffness:
+            made['spring'] = {'stiffness': joint.stiffness, 'rest': joint.rest}
+        position = self._wish.joints.get(joint.name)
+        if joint.mimic is not None:
+            self._add_mimic(joint, made)
+        else:
+            drive = self._wish.drives.get(joint.name, joint.drive)
+            made['drive'] = dict(drive or {'mode': 'effort'})
+            if position is None and not _within(joint, 0.0):
+                position = joint.lower if (joint.lower or 0.0) > 0.0 else joint.upper
+                self._findings.ignore(joint.place, 'position 0 at the start', 'it is beyond the '
+                                      'limits of this joint, which starts at the nearer one; '
+                                      '`joints` of the model says another')
+        if position is not None:
+            made['position'] = position
+
+    def _add_mimic(self, joint: Joint, made: dict[str, Any]) -> None:
+        assert joint.mimic is not None
+        other, multiplier, offset = joint.mimic
+        if ('joint', other) not in self._names:
+            self._findings.error(joint.place, f'mimics {other[:60]!r}, must be a joint of the model')
+            return
+        made['mimic'] = {'joint': self._names['joint', other], 'multiplier': multiplier,
+                         'offset': offset}
+
+    # --- what does not collide --------------------------------------------------------------
+
+    def _ignored(self, solid: set[str]) -> list[list[str]]:
+        """
+        Return the pairs of bodies that never touch.
+
+        Parent and child of a joint do not, and what fixed joints hold together is one part here:
+        a flange on a link overlaps the next link as that link does. To these come the pairs that
+        the file names.
+        """
+        group = {name: name for name in self._links}
+
+        def root(name: str) -> str:
+            while group[name] != name:
+                group[name] = group[group[name]]
+                name = group[name]
+            return name
+
+        for joint in self._model.joints:
+            if joint.type == 'fixed' and joint.parent:
+                group[root(joint.child)] = root(joint.parent)
+        members: dict[str, list[str]] = {}
+        for link in self._model.links:
+            if link.name in solid:
+                members.setdefault(root(link.name), []).append(link.name)
+        touching = {(one, one) for one in members}
+        touching |= {(root(joint.parent), root(joint.child)) for joint in self._model.joints
+                     if joint.parent and not joint.collides}
+        pairs = {(a, b) for one, other in touching
+                 for a in members.get(one, ()) for b in members.get(other, ())}
+        pairs |= {(self._host[a], self._host[b]) for a, b in self._model.ignored_pairs}
+        order = {link.name: i for i, link in enumerate(self._model.links)}
+        kept = {(a, b) if order[a] < order[b] else (b, a) for a, b in pairs
+                if a != b and a in solid and b in solid
+                and not (a in self._fixed and b in self._fixed)}
+        return [[self._names['link', a], self._names['link', b]]
+                for a, b in sorted(kept, key=lambda pair: (order[pair[0]], order[pair[1]]))]
+
+
+def ros_name(name: str) -> str:
+    """Return a name of tokens as ROS allows them, from one that a file may have."""
+    tokens = []
+    for token in name.replace('::', '/').split('/'):
+        legal = re.sub('_+', '_', re.sub('[^A-Za-z0-9_]', '_', token)) if (
+            re.search('[^A-Za-z0-9_]|__', token)) else token
+        tokens.append(f'_{legal}'.replace('__', '_') if legal[:1].isdigit() or not legal
+                      else legal)
+    return '/'.join(tokens)
+
+
+def _within(joint: Joint, position: float) -> bool:
+    return ((joint.lower is None or position >= joint.lower)
+            and (joint.upper is None or position <= joint.upper))
+
+
+def _written(pose: Pose) -> dict[str, Any]:
+    return {'position': list(pose.position), 'orientation': list(pose.orientation)}

@@ -1,0 +1,54 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Read a model: which reader a file is for is what its name ends with."""
+
+from collections.abc import Callable, Mapping
+import os
+from pathlib import Path
+
+from rigid_sim_ros.models.description import Model
+from rigid_sim_ros.models.files import Folders
+from rigid_sim_ros.models.findings import Finding, ModelError
+from rigid_sim_ros.models.srdf import read_srdf
+from rigid_sim_ros.models.urdf import read_urdf
+from rigid_sim_ros.models.xml_tree import contents
+
+
+def read_model(path: Path, packages: Mapping[str, Path] | None = None,
+               srdf: Path | None = None) -> Model:
+    """
+    Return the description of the model in a file.
+
+    `packages` are folders by the names that package:// and model:// have for them. `srdf` is a
+    file with pairs that do not collide; None: the one of the same name beside the model, if there
+    is one. Raises ModelError with file and line of all that is wrong.
+    """
+    reader = _READERS.get(ending(path))
+    if reader is None:
+        raise ModelError([Finding(f'is no model, must end with {", ".join(ENDINGS)}', '',
+                                  str(path))])
+    # As it is written, and absolute: links that a workspace is made of stay as they are.
+    folder = Path(os.path.abspath(path)).parent
+    model = reader(path, Folders(folder, dict(packages or {})))
+    if srdf is None:
+        beside = path.with_suffix('.srdf')
+        srdf = beside if beside.is_file() else None
+    if srdf is not None:
+        read_srdf(srdf, model)
+    return model
+
+
+def ending(path: str | os.PathLike[str]) -> str:
+    """Return the ending that says what a file is, in lower case, '' for that of no model."""
+    suffix = os.path.splitext(os.fspath(path))[1].lower()
+    return suffix if suffix in _READERS else ''
+
+
+def _urdf(path: Path, folders: Folders) -> Model:
+    return read_urdf(contents(path), path, folders)
+
+
+_READERS: dict[str, Callable[[Path, Folders], Model]] = {
+    '.urdf': _urdf,
+}
+ENDINGS = tuple(_READERS)

@@ -1,0 +1,205 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The models of a scene become bodies and joints of it: nothing behind this knows of models."""
+
+from collections.abc import Iterator
+from fnmatch import fnmatchcase
+import logging
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rigid_sim_ros.engine.model.inertia import mesh_volume
+from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.models.description import Model, Shape
+from rigid_sim_ros.models.findings import Finding, ModelError
+from rigid_sim_ros.models.parts import make_parts, Parts, ros_name, Wish
+from rigid_sim_ros.models.poses import Pose
+from rigid_sim_ros.models.read import ending, read_model
+from rigid_sim_ros.scene import mesh, schema
+from rigid_sim_ros.scene.collision import convex_hull
+from rigid_sim_ros.scene.document import Source
+from rigid_sim_ros.scene.errors import below, dotted, nearest, Path as Place, Problem, Report
+from rigid_sim_ros.scene.errors import SceneError, shown
+
+_logger = logging.getLogger(__name__)
+
+# Part of its convex hull that a collision mesh may leave empty without a word.
+_HOLLOW = 0.01
+
+
+class Expansion:
+    """
+    The bodies and joints of a scene's models, as a source of their own.
+
+    Mistakes in them are told with the place in the model's file.
+    """
+
+    def __init__(self, spec: schema.Scene, folder: Path | None, source: Source,
+                 *, is_alone: bool) -> None:
+        """Read all models of a scene; raises SceneError with what is wrong in them."""
+        self.notes: list[str] = []
+        self.world: dict[str, Any] = {}
+        self._parts: list[Parts] = []
+        self._first_body = len(spec.bodies)
+        self._first_joint = len(spec.joints or ())
+        self._behind = source
+        problems: list[Problem] = []
+
+        def report(path: Place, message: str) -> None:
+            problems.append(source.problem(path, message))
+
+        for i, entry in enumerate(spec.models or ()):
+            try:
+                self._add(entry, folder, below(('models', i), report), is_alone=is_alone)
+            except ModelError as error:
+                problems += [Problem(*finding) for finding in error.findings]
+        if problems:
+            raise SceneError(problems)
+        self.data: dict[str, Any] = {
+            'bodies': [body for parts in self._parts for body in parts.bodies],
+            'joints': [joint for parts in self._parts for joint in parts.joints],
+            'collision': {'ignore': [pair for parts in self._parts for pair in parts.ignore]}}
+
+    def _add(self, entry: schema.ModelFile, folder: Path | None, report: Report, *,
+             is_alone: bool) -> None:
+        if folder is None:
+            report(('file',), f'{shown(entry.file)} is not beside the scene, must be bodies and '
+                   'joints in it')
+            return
+        if not ending(entry.file):
+            # The reader's own words, at this place in the scene.
+            try:
+                read_model(Path(entry.file))
+            except ModelError as error:
+                report(('file',), f'{shown(entry.file)} {error.findings[0].message}')
+            return
+        model = read_model(
+            folder / entry.file,
+            {name: folder / path for name, path in entry.packages.items()},
+            None if entry.srdf is None else folder / entry.srdf)
+        wish = _wish(entry, model, report)
+        meshes = _Meshes()
+        parts = make_parts(model, wish, meshes.read)
+        self._parts.append(parts)
+        if is_alone:
+            self.world = dict(model.world)
+        elif model.world:
+            parts.notes.append(Finding(f'its {" and ".join(model.world)} are ignored: those of the '
+                                       'scene hold', '', model.place.file, model.place.line))
+        self.notes += [str(note) for note in parts.notes]
+        if meshes.hollow:
+            self.notes.append(f'{model.place.file}: these meshes are not convex, or not closed, '
+                              'and collide as their convex hulls: '
+                              f'{", ".join(dict.fromkeys(meshes.hollow))}')
+
+    def merged(self, spec: schema.Scene, made: schema.Scene) -> schema.Scene:
+        """Return the scene with the bodies and joints of its models, and without models."""
+        collision = spec.collision.model_copy(update={
+            'ignore': (*spec.collision.ignore, *made.collision.ignore)})
+        world = spec.world.model_copy(update=self.world)
+        joints = (*(spec.joints or ()), *(made.joints or ()))
+        return spec.model_copy(update={
+            'world': world, 'bodies': (*spec.bodies, *made.bodies), 'collision': collision,
+            'joints': joints if joints or spec.joints is not None else None, 'models': None})
+
+    def problem(self, path: Place, message: str) -> Problem:
+        """Return a problem of the bodies and joints of the models alone."""
+        first = self._first_body if path[:1] == ('bodies',) else self._first_joint
+        moved = (path[0], path[1] + first, *path[2:]) if (
+            len(path) > 1 and isinstance(path[1], int)) else path
+        return self.in_scene().problem(moved, message)
+
+    def in_scene(self) -> 'MergedSource':
+        """Return what names a place in the scene with its models."""
+        return MergedSource(self._behind, self._first_body, self._first_joint, self._parts)
+
+
+class MergedSource:
+    """Where the bodies and joints of a scene with models come from."""
+
+    def __init__(self, behind: Source, first_body: int, first_joint: int,
+                 parts: list[Parts]) -> None:
+        """Keep the places."""
+        self.data = behind.data
+        self._behind = behind
+        self._lists = {
+            'bodies': (first_body, [(place, body['name']) for part in parts for place, body in zip(
+                part.body_places, part.bodies, strict=True)]),
+            'joints': (first_joint, [(place, one['name']) for part in parts for place, one in zip(
+                part.joint_places, part.joints, strict=True)])}
+
+    def problem(self, path: Place, message: str) -> Problem:
+        """Return a problem with its place in the scene or in the file of a model."""
+        first, made = self._lists.get(str(path[0]) if path else '', (0, []))
+        if len(path) > 1 and isinstance(path[1], int) and first <= path[1] < first + len(made):
+            place, name = made[path[1] - first]
+            key = f'{name}: {dotted(path[2:])}' if len(path) > 2 else name
+            return Problem(message, key, place.file, place.line)
+        return self._behind.problem(path, message)
+
+
+def alone(path: Path) -> dict[str, Any]:
+    """Return the scene of a model that is given where a scene is asked for."""
+    name = ros_name(path.name.partition('.')[0]).replace('/', '_') or 'model'
+    return {'world': {'contact': 'none'}, 'models': [
+        {'name': 'model' if name in ('world', '_') else name, 'file': path.name}]}
+
+
+def _wish(entry: schema.ModelFile, model: Model, report: Report) -> Wish:
+    """Return what the scene says of a model; report joints that it has not."""
+    names = [joint.name for joint in model.joints if joint.type in schema.ONE_AXIS]
+    for name in entry.joints:
+        if name not in names:
+            report(('joints', name), f'is no joint of the model with one axis, '
+                   f'{nearest(name, names)}')
+    drives = {}
+    for pattern, drive in entry.drives.items():
+        matching = fnmatch_all(names, pattern)
+        if not matching:
+            report(('drives', pattern), 'matches no joint of the model with one axis, '
+                   f'{nearest(pattern, names)}')
+        drives.update(dict.fromkeys(matching, drive.model_dump(exclude_none=True)))
+    return Wish(entry.name, Pose(entry.pose.position, entry.pose.orientation), entry.fixed_base,
+                entry.joints, drives, entry.mend_inertia, entry.material)
+
+
+def fnmatch_all(names: list[str], pattern: str) -> list[str]:
+    """Return the names that match a pattern."""
+    return [name for name in names if fnmatchcase(name, pattern)]
+
+
+class _Meshes:
+    """Reads the collision meshes of a model, each once."""
+
+    def __init__(self) -> None:
+        self._hulls: dict[tuple[Any, ...], tuple[Array, IntArray]] = {}
+        self.hollow: list[str] = []     # those that leave a part of their hull empty
+
+    def read(self, shape: Shape) -> dict[str, Any]:
+        """Return the convex hull of a mesh in the words of a scene; ValueError if it has none."""
+        if shape.mesh is None:
+            vertices, faces = convex_hull(np.asarray(shape.points, dtype=np.float64))
+        else:
+            if tuple(shape.mesh) not in self._hulls:
+                self._hulls[tuple(shape.mesh)] = self._hull(*shape.mesh)
+            vertices, faces = self._hulls[tuple(shape.mesh)]
+        return {'type': 'mesh', 'vertices': vertices.tolist(), 'faces': faces.tolist()}
+
+    def _hull(self, path: Path, scale: tuple[float, float, float]) -> tuple[Array, IntArray]:
+        surface = mesh.read(path)
+        points = surface.vertices * scale
+        if not np.isfinite(points).all():
+            raise ValueError(f'{path} has a vertex that is not finite, must be numbers')
+        hull = convex_hull(points)
+        volume = abs(mesh_volume(points, surface.faces))
+        if volume < (1.0 - _HOLLOW) * mesh_volume(*hull):
+            self.hollow.append(path.name)
+        return hull
+
+
+def model_names(spec: schema.Scene) -> Iterator[str]:
+    """Yield what stands before the first slash of the names of bodies and joints."""
+    names = [body.name for body in spec.bodies] + [joint.name for joint in spec.joints or ()]
+    yield from dict.fromkeys(name.partition('/')[0] for name in names if '/' in name)
