@@ -63,6 +63,7 @@ setup(
         'numba>=0.59,<0.69',
         'numpy>=1.26',
         'osqp>=1.0',
+        'pycollada>=0.7',
         'pydantic>=2.5',
         'pyyaml>=6.0',
         'rich>=13.0',

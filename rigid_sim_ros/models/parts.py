@@ -3,19 +3,20 @@
 """
 A description becomes bodies and joints, as a user would write them in a scene.
 
-A link with a mass is a body. One without cannot be: it becomes a frame of the body that fixed
-joints hold it on, and its shapes are that body's.
+A link with a mass is a body. One without cannot be, nor one with moments of inertia that no body
+has, such as a camera that is written as a point: it becomes a frame of the body that fixed joints
+hold it on. Its shapes are that body's, and so is its mass: what moves, moves as the file says.
 """
 
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 import re
 from typing import Any
 
 from rigid_sim_ros.models.description import Joint, Link, Model, Shape
 from rigid_sim_ros.models.findings import Finding, Findings, Place
-from rigid_sim_ros.models.inertia import mended
+from rigid_sim_ros.models.inertia import mended, mistake, together
 from rigid_sim_ros.models.poses import combined, IDENTITY, inverse, Pose
 
 _ONE_AXIS = ('revolute', 'continuous', 'prismatic')
@@ -123,35 +124,52 @@ class _Maker:
     def _hosts(self) -> dict[str, str]:
         """Return for each link the one whose body it belongs to: itself for most."""
         host = {link.name: link.name for link in self._model.links
-                if link.inertia is not None or link.name in self._fixed}
+                if link.name in self._fixed or (link.inertia is not None and not mistake(
+                    link.inertia.mass, link.inertia.tensor))}
         children: dict[str, list[str]] = {}
         parents: dict[str, list[str]] = {}
         for joint in self._model.joints:
             if joint.type == 'fixed' and joint.parent:
                 children.setdefault(joint.parent, []).append(joint.child)
                 parents.setdefault(joint.child, []).append(joint.parent)
-        # Towards the base first: a tool frame belongs to the hand. Only what has no mass there,
-        # as a base_footprint has none, belongs to what hangs on it.
-        down, up = deque(host), deque(host)
-        while down or up:
-            link, ways = (down.popleft(), children) if down else (up.popleft(), parents)
-            for neighbour in ways.get(link, ()):
-                if neighbour not in host:
-                    host[neighbour] = host[link]
-                    down.append(neighbour)
-                    up.append(neighbour)
-        held = {joint.child: joint for joint in self._model.joints}
+
+        def spread(start: Iterable[str]) -> None:
+            # Towards the base first: a tool frame belongs to the hand. Only what has no mass
+            # there, as a base_footprint has none, belongs to what hangs on it.
+            start = list(start)
+            down, up = deque(start), deque(start)
+            while down or up:
+                link, ways = (down.popleft(), children) if down else (up.popleft(), parents)
+                for neighbour in ways.get(link, ()):
+                    if neighbour not in host:
+                        host[neighbour] = host[link]
+                        down.append(neighbour)
+                        up.append(neighbour)
+
+        spread(host)
+        for link in self._model.links:
+            # Several that are impossible may be possible together.
+            if link.name not in host and link.inertia is not None:
+                host[link.name] = link.name
+                spread([link.name])
         for link in self._model.links:
             if link.name not in host:
-                by = held.get(link.name)
-                how = (f'hangs on the {by.type} joint {by.name!r}' if by is not None
-                       else 'is the base of a model that is free')
-                mend = 'must have an <inertial>, or be held by a fixed joint'
-                if by is None:
-                    mend = 'must have an <inertial>, or fixed_base: true in the scene'
-                self._findings.error(link.place, f'has no mass and {how}: {mend}')
+                self._report_massless(link)
                 host[link.name] = link.name
         return host
+
+    def _report_massless(self, link: Link) -> None:
+        by = next((joint for joint in self._model.joints if joint.child == link.name), None)
+        if by is None:
+            self._findings.error(link.place, 'has no mass and is the base of a model that is free: '
+                                 'must have an <inertial>, or fixed_base: true in the scene')
+        elif by.type == 'fixed':
+            self._findings.error(link.place, f'has no mass, and neither has what the fixed joint '
+                                 f'{by.name!r} holds it on: one of them must have an <inertial>')
+        else:
+            self._findings.error(link.place, f'has no mass and hangs on the {by.type} joint '
+                                 f'{by.name!r}: must have an <inertial>, or be held by a fixed '
+                                 'joint')
 
     def _in_host(self, link: str) -> Pose:
         """Return the pose of a link in the body that it belongs to."""
@@ -188,16 +206,7 @@ class _Maker:
             'material': self._wish.material}
         if link.name in self._fixed:
             body['fixed'] = True
-        if link.inertia is not None:
-            mass, com, tensor, place = link.inertia
-            try:
-                moments, how = mended(mass, tensor, is_allowed=self._wish.mend_inertia)
-            except ValueError as error:
-                self._findings.error(place, str(error))
-            else:
-                body['inertial'] = {'mass': mass, 'com': list(com), 'inertia': list(moments)}
-                if how:
-                    self._findings.note(place, how)
+        self._add_inertia(link, body)
         if len(shapes) == 1:
             body['shape'] = shapes[0]
         elif shapes:
@@ -210,6 +219,35 @@ class _Maker:
         if frames:
             body['frames'] = frames
         return body
+
+    def _add_inertia(self, host: Link, body: dict[str, Any]) -> None:
+        """Add the mass properties of a body: those of its link, and of links that are part of it."""
+        weighing = [(self._in_host(link.name), link.inertia)
+                    for link in self._by_host().get(host.name, ()) if link.inertia is not None]
+        if not weighing:
+            return
+        for link in self._by_host()[host.name]:
+            if link is not host and link.inertia is not None:
+                self._findings.note(link.inertia.place, 'has moments that no body has, and is '
+                                    f'taken as a part of {host.name!r}, which a fixed joint holds '
+                                    'it on')
+        inertia = weighing[0][1] if len(weighing) == 1 and weighing[0][0] == IDENTITY else (
+            together(weighing))
+        place = inertia.place if host.inertia is None else host.inertia.place
+        try:
+            moments, how = mended(inertia.mass, inertia.tensor,
+                                  is_allowed=self._wish.mend_inertia)
+        except ValueError as error:
+            if host.name in self._fixed:
+                self._findings.ignore(place, 'the mass of a base that never moves',
+                                      'its moments are such as no body has')
+            else:
+                self._findings.error(place, str(error))
+            return
+        body['inertial'] = {'mass': inertia.mass, 'com': list(inertia.com),
+                            'inertia': list(moments)}
+        if how:
+            self._findings.note(place, how)
 
     def _frames(self, host: str) -> Iterator[tuple[str, Pose]]:
         """Yield the frames of a body: links without a mass, and frames of the file."""

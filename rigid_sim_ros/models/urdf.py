@@ -91,10 +91,7 @@ class _Reader:
         m = attribute(mass, 'value', findings, least=0.0)
         moments = [attribute(inertia, key, findings, 0.0 if key[1] != key[2] else None)
                    for key in _MOMENTS]
-        if m == 0.0:
-            if any(moments):
-                findings.error(element, 'has a mass of 0 and yet moments of inertia, must have '
-                               'both or none')
+        if m == 0.0 and not any(moments):
             return None
         pose = self._origin(element)
         a, b, c, d, e, f = turned_tensor(pose.orientation, moments)

@@ -135,18 +135,20 @@ def _hull(part: schema.Mesh) -> Polyhedron:
     return Polyhedron(*convex_hull(np.array(part.vertices)))
 
 
-def convex_hull(points: Array) -> tuple[Array, IntArray]:
+def convex_hull(points: Array, tolerance: float = 0.0) -> tuple[Array, IntArray]:
     """
     Return vertices (v, 3) and triangles (t, 3), anticlockwise from outside, of a convex hull.
 
-    Raises ValueError for points (n, 3) that lie in a plane.
+    No point (n, 3) lies farther outside than the tolerance [m]: with one above 0 many points are
+    left out. Raises ValueError for points in a plane.
     """
     # SciPy: 0.6 s that a scene without a mesh does not wait for.
     from scipy.spatial import ConvexHull, QhullError
 
     try:
-        hull = ConvexHull(points)
-    except QhullError:
+        # Qhull's option W: it adds no point that is nearer to the hull so far.
+        hull = ConvexHull(points, qhull_options=f'W{tolerance!r}' if tolerance else None)
+    except (QhullError, ValueError):
         raise ValueError(f'the mesh of {len(points)} vertices is too flat for a convex hull, '
                          'must have a volume, or collides: false') from None
     corners, triangles = np.unique(hull.simplices, return_inverse=True)

@@ -27,6 +27,11 @@ _logger = logging.getLogger(__name__)
 
 # Part of its convex hull that a collision mesh may leave empty without a word.
 _HOLLOW = 0.01
+# Corners of a convex hull that stay as they are. Contacts of hulls with thousands take time, which
+# scanned or finely meshed shapes have: those lose corners ...
+MOST_CORNERS = 256
+# ... that stand out by less than this part of the largest extent: 0.4 mm of a link of 0.2 m.
+COARSE = 2e-3
 
 
 class Expansion:
@@ -93,6 +98,10 @@ class Expansion:
             self.notes.append(f'{model.place.file}: these meshes are not convex, or not closed, '
                               'and collide as their convex hulls: '
                               f'{", ".join(dict.fromkeys(meshes.hollow))}')
+        if meshes.coarsest > 0.0:
+            self.notes.append(f'{model.place.file}: convex hulls with more than {MOST_CORNERS} '
+                              f'corners are made simpler, by {1e3 * meshes.coarsest:.2g} mm at '
+                              'most')
 
     def merged(self, spec: schema.Scene, made: schema.Scene) -> schema.Scene:
         """Return the scene with the bodies and joints of its models, and without models."""
@@ -176,11 +185,12 @@ class _Meshes:
     def __init__(self) -> None:
         self._hulls: dict[tuple[Any, ...], tuple[Array, IntArray]] = {}
         self.hollow: list[str] = []     # those that leave a part of their hull empty
+        self.coarsest = 0.0     # [m] by which hulls are smaller than those of the files
 
     def read(self, shape: Shape) -> dict[str, Any]:
         """Return the convex hull of a mesh in the words of a scene; ValueError if it has none."""
         if shape.mesh is None:
-            vertices, faces = convex_hull(np.asarray(shape.points, dtype=np.float64))
+            vertices, faces = self._few(np.asarray(shape.points, dtype=np.float64))
         else:
             if tuple(shape.mesh) not in self._hulls:
                 self._hulls[tuple(shape.mesh)] = self._hull(*shape.mesh)
@@ -192,10 +202,19 @@ class _Meshes:
         points = surface.vertices * scale
         if not np.isfinite(points).all():
             raise ValueError(f'{path} has a vertex that is not finite, must be numbers')
-        hull = convex_hull(points)
+        hull = self._few(points)
         volume = abs(mesh_volume(points, surface.faces))
         if volume < (1.0 - _HOLLOW) * mesh_volume(*hull):
             self.hollow.append(path.name)
+        return hull
+
+    def _few(self, points: Array) -> tuple[Array, IntArray]:
+        """Return a convex hull, with fewer corners where it has very many."""
+        hull = convex_hull(points)
+        if len(hull[0]) > MOST_CORNERS:
+            tolerance = COARSE * float(np.ptp(hull[0], axis=0).max())
+            self.coarsest = max(self.coarsest, tolerance)
+            return convex_hull(hull[0], tolerance)
         return hull
 
 
