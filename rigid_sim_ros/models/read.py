@@ -9,6 +9,7 @@ from pathlib import Path
 from rigid_sim_ros.models.description import Model
 from rigid_sim_ros.models.files import Folders
 from rigid_sim_ros.models.findings import Finding, ModelError
+from rigid_sim_ros.models.sdf import read_sdf
 from rigid_sim_ros.models.srdf import read_srdf
 from rigid_sim_ros.models.urdf import read_urdf
 from rigid_sim_ros.models.xml_tree import contents
@@ -44,11 +45,16 @@ def ending(path: str | os.PathLike[str]) -> str:
     return suffix if suffix in _READERS else ''
 
 
+def _sdf(path: Path, folders: Folders) -> Model:
+    return read_sdf(contents(path), path, folders)
+
+
 def _urdf(path: Path, folders: Folders) -> Model:
     return read_urdf(contents(path), path, folders)
 
 
 _READERS: dict[str, Callable[[Path, Folders], Model]] = {
     '.urdf': _urdf,
+    '.sdf': _sdf,
 }
 ENDINGS = tuple(_READERS)
