@@ -13,6 +13,7 @@ from rigid_sim_ros.bag import topics as kinds
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.messages import decode
+from rigid_sim_ros.messages.topics import body_of
 
 FORMATS = ('csv', 'parquet')
 _AXES = 'xyz'
@@ -60,6 +61,7 @@ def export(bag: str | os.PathLike[str], file_format: str, output: Path) -> list[
 def _fill(reader: BagReader, motion: '_Table', wrenches: '_Table') -> None:
     first_ns: int | None = None
     types: dict[str, str] = {}
+    names: list[str] = []
     for topic, stamp, data in reader.messages():
         first_ns = stamp if first_ns is None else first_ns
         if topic not in types:
@@ -71,7 +73,8 @@ def _fill(reader: BagReader, motion: '_Table', wrenches: '_Table') -> None:
             motion.add([at] * len(names), [t_ns / 1e9] * len(names), names, numbers=numbers)
         elif kind == kinds.TYPES[kinds.APPLIED_WRENCH] and topic.endswith('/applied_wrench'):
             t_ns, frame, numbers = decode.wrench(data)
-            wrenches.add([at], [t_ns / 1e9], [topic.split('/')[-2]], [frame], numbers=numbers)
+            wrenches.add([at], [t_ns / 1e9], [body_of(topic, names)], [frame],
+                         numbers=numbers)
     if reader.faults:
         raise BagError(f'{reader.path}: {reader.faults[0]}: `rigid_sim recover {reader.path}` '
                        'keeps what is whole')

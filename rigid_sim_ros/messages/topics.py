@@ -8,6 +8,7 @@ made of the world alone. The quality of service of a topic is a parameter, `qos.
 msg_config/default.yaml.
 """
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 # What follows from the world alone.
@@ -47,6 +48,13 @@ PUBLISHED = {
     DIAGNOSTICS: Published('diagnostic_msgs/msg/DiagnosticArray', '/diagnostics', False),
     MARKERS: Published('visualization_msgs/msg/MarkerArray', '~/markers', False),
 }
+
+
+def body_of(topic: str, names: Collection[str]) -> str:
+    """Return the body that a topic such as /lab/crate/pose is of: the longest name that fits."""
+    above = topic.rpartition('/')[0]
+    fitting = [name for name in names if above.endswith(f'/{name}')]
+    return max(fitting, key=len, default=above.rpartition('/')[2])
 
 
 def topic_name(kind: str, node: str = '~', body: str = '') -> str:

@@ -32,11 +32,11 @@ class Shape(NamedTuple):
     """
     A solid in the frame of its link.
 
-    `values` are the keys of this type of shape in a scene, but for a mesh, which is a file or
-    points whose convex hull is meant.
+    `kind` and `values` are the type and the keys of a shape in a scene, but for a mesh, which is a
+    file or points whose convex hull is meant.
     """
 
-    type: str
+    kind: str
     values: Mapping[str, Any]
     pose: Pose
     place: Place
@@ -77,10 +77,10 @@ class Mimic(NamedTuple):
 
 @dataclass
 class Joint:
-    """What holds a child to a parent; types are those of a scene."""
+    """What holds a child to a parent; kinds are the types of a scene."""
 
     name: str
-    type: str
+    kind: str
     parent: str     # a link, or '' for the world
     child: str
     pose: Pose      # of the joint frame, in the parent

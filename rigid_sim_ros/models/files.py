@@ -31,7 +31,7 @@ class Folders:
     packages: Mapping[str, Path] = field(default_factory=dict)
 
     def find(self, uri: str, place: Place, findings: Findings) -> Path | None:
-        """Return the file that a URI or a path names; report one that is not there, or not ours."""
+        """Return the file that a URI or a path names; report one that is not there or not ours."""
         shown = repr(uri if len(uri) < 100 else f'{uri[:96]}...')
         if '\0' in uri or not uri.strip():
             findings.error(place, f'file {shown}, must be the name of a file')

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import re
 from typing import Any
 
-from rigid_sim_ros.models.description import Joint, Link, Model, Shape
+from rigid_sim_ros.models.description import Frame, Joint, Link, Model, Shape
 from rigid_sim_ros.models.findings import Finding, Findings, Place
 from rigid_sim_ros.models.inertia import mended, mistake, together
 from rigid_sim_ros.models.poses import combined, IDENTITY, inverse, Pose
@@ -58,6 +58,8 @@ def make_parts(model: Model, wish: Wish, mesh: MeshReader) -> Parts:
 
 
 class _Maker:
+    """Makes the parts of one model."""
+
     def __init__(self, model: Model, wish: Wish, mesh: MeshReader) -> None:
         self._model, self._wish, self._mesh = model, wish, mesh
         self._findings = Findings()
@@ -66,6 +68,7 @@ class _Maker:
         self._names = self._ros_names()
         self._fixed = self._fixed_links()
         self._host = self._hosts()
+        self._has_loops = self._closes_loops()
 
     def made(self) -> Parts:
         self._findings.stop()
@@ -77,7 +80,7 @@ class _Maker:
                 parts.body_places.append(link.place)
         for joint in self._model.joints:
             parent = self._host.get(joint.parent, '')
-            if joint.type == 'fixed' and parent == self._host[joint.child]:
+            if joint.kind == 'fixed' and parent == self._host[joint.child]:
                 continue    # it holds a frame on the body
             parts.joints.append(self._joint(joint))
             parts.joint_places.append(joint.place)
@@ -92,8 +95,10 @@ class _Maker:
         """Return the names in the scene by kind and name in the file; note those that differ."""
         names: dict[tuple[str, str], str] = {}
         changed: list[str] = []
-        for kind, things in (('link', [*self._model.links, *self._model.frames]),
-                             ('joint', self._model.joints)):
+        kinds: tuple[tuple[str, list[Link | Frame | Joint]], ...] = (
+            ('link', [*self._model.links, *self._model.frames]),
+            ('joint', [*self._model.joints]))
+        for kind, things in kinds:
             taken: dict[str, str] = {}
             for thing in things:
                 legal = ros_name(thing.name)
@@ -102,7 +107,7 @@ class _Maker:
                 if taken.setdefault(legal, thing.name) != thing.name or (
                         (kind, thing.name) in names):
                     self._findings.error(thing.place, f'has the name {legal!r} of another '
-                                         f'{kind}, as ROS writes it; must have a name of its own')
+                                         f'{kind}, as ROS writes it; must have one of its own')
                 names[kind, thing.name] = f'{self._wish.name}/{legal}'
         if changed:
             self._findings.note(self._model.place, 'names are written as ROS allows them: '
@@ -129,7 +134,7 @@ class _Maker:
         children: dict[str, list[str]] = {}
         parents: dict[str, list[str]] = {}
         for joint in self._model.joints:
-            if joint.type == 'fixed' and joint.parent:
+            if joint.kind == 'fixed' and joint.parent:
                 children.setdefault(joint.parent, []).append(joint.child)
                 parents.setdefault(joint.child, []).append(joint.parent)
 
@@ -161,13 +166,13 @@ class _Maker:
     def _report_massless(self, link: Link) -> None:
         by = next((joint for joint in self._model.joints if joint.child == link.name), None)
         if by is None:
-            self._findings.error(link.place, 'has no mass and is the base of a model that is free: '
+            self._findings.error(link.place, 'has no mass and is the base of a free model: '
                                  'must have an <inertial>, or fixed_base: true in the scene')
-        elif by.type == 'fixed':
+        elif by.kind == 'fixed':
             self._findings.error(link.place, f'has no mass, and neither has what the fixed joint '
                                  f'{by.name!r} holds it on: one of them must have an <inertial>')
         else:
-            self._findings.error(link.place, f'has no mass and hangs on the {by.type} joint '
+            self._findings.error(link.place, f'has no mass and hangs on the {by.kind} joint '
                                  f'{by.name!r}: must have an <inertial>, or be held by a fixed '
                                  'joint')
 
@@ -177,6 +182,12 @@ class _Maker:
         if host == link:
             return IDENTITY
         return combined(inverse(self._links[host].pose), self._links[link].pose)
+
+    def _closes_loops(self) -> bool:
+        """Return whether joints close loops, whose passive joints must stay without forces."""
+        ways = Groups(['', *self._links])
+        return not all(ways.join(joint.parent if joint.parent and joint.parent not in self._fixed
+                                 else '', joint.child) for joint in self._model.joints)
 
     # --- bodies -----------------------------------------------------------------------------
 
@@ -188,12 +199,12 @@ class _Maker:
             for shape in link.collisions:
                 pose = combined(self._in_host(link.name), shape.pose)
                 try:
-                    values = (self._mesh(shape) if shape.type == 'mesh'
-                              else {'type': shape.type, **shape.values})
+                    values = (self._mesh(shape) if shape.kind == 'mesh'
+                              else {'type': shape.kind, **shape.values})
                 except ValueError as error:
                     self._findings.error(shape.place, str(error))
                     continue
-                if shape.type == 'plane' and host not in self._fixed:
+                if shape.kind == 'plane' and host not in self._fixed:
                     self._findings.error(shape.place, 'is a plane on a link that moves, must be a '
                                          'box, or the link fixed')
                 found.setdefault(host, []).append({**values, 'pose': _written(pose)})
@@ -221,7 +232,7 @@ class _Maker:
         return body
 
     def _add_inertia(self, host: Link, body: dict[str, Any]) -> None:
-        """Add the mass properties of a body: those of its link, and of links that are part of it."""
+        """Add the mass properties of a body: of its link, and of links that are parts of it."""
         weighing = [(self._in_host(link.name), link.inertia)
                     for link in self._by_host().get(host.name, ()) if link.inertia is not None]
         if not weighing:
@@ -272,14 +283,14 @@ class _Maker:
         pose = combined(self._in_host(joint.parent), joint.pose) if joint.parent else (
             combined(wish.pose, joint.pose))
         made: dict[str, Any] = {
-            'name': self._names['joint', joint.name], 'type': joint.type,
+            'name': self._names['joint', joint.name], 'type': joint.kind,
             'parent': self._body_name(joint.parent), 'child': self._body_name(joint.child),
             'pose': _written(pose), 'axis': list(joint.axis)}
         if joint.axis2 is not None:
             made['axis2'] = list(joint.axis2)
         if joint.collides:
             made['collides'] = True
-        if joint.type in _ONE_AXIS:
+        if joint.kind in _ONE_AXIS:
             self._add_laws(joint, made)
         elif joint.damping:
             made['damping'] = joint.damping
@@ -307,7 +318,10 @@ class _Maker:
             self._add_mimic(joint, made)
         else:
             drive = self._wish.drives.get(joint.name, joint.drive)
-            made['drive'] = dict(drive or {'mode': 'effort'})
+            if drive is not None:
+                made['drive'] = dict(drive)
+            elif not self._has_loops:
+                made['drive'] = {'mode': 'effort'}
             if position is None and not _within(joint, 0.0):
                 position = joint.lower if (joint.lower or 0.0) > 0.0 else joint.upper
                 self._findings.ignore(joint.place, 'position 0 at the start', 'it is beyond the '
@@ -320,7 +334,8 @@ class _Maker:
         assert joint.mimic is not None
         other, multiplier, offset = joint.mimic
         if ('joint', other) not in self._names:
-            self._findings.error(joint.place, f'mimics {other[:60]!r}, must be a joint of the model')
+            self._findings.error(joint.place, f'mimics {other[:60]!r}, must be a joint of the '
+                                 'model')
             return
         made['mimic'] = {'joint': self._names['joint', other], 'multiplier': multiplier,
                          'offset': offset}
@@ -335,24 +350,17 @@ class _Maker:
         a flange on a link overlaps the next link as that link does. To these come the pairs that
         the file names.
         """
-        group = {name: name for name in self._links}
-
-        def root(name: str) -> str:
-            while group[name] != name:
-                group[name] = group[group[name]]
-                name = group[name]
-            return name
-
+        rigid = Groups(self._links)
         for joint in self._model.joints:
-            if joint.type == 'fixed' and joint.parent:
-                group[root(joint.child)] = root(joint.parent)
+            if joint.kind == 'fixed' and joint.parent:
+                rigid.join(joint.parent, joint.child)
         members: dict[str, list[str]] = {}
         for link in self._model.links:
             if link.name in solid:
-                members.setdefault(root(link.name), []).append(link.name)
+                members.setdefault(rigid.root(link.name), []).append(link.name)
         touching = {(one, one) for one in members}
-        touching |= {(root(joint.parent), root(joint.child)) for joint in self._model.joints
-                     if joint.parent and not joint.collides}
+        touching |= {(rigid.root(joint.parent), rigid.root(joint.child))
+                     for joint in self._model.joints if joint.parent and not joint.collides}
         pairs = {(a, b) for one, other in touching
                  for a in members.get(one, ()) for b in members.get(other, ())}
         pairs |= {(self._host[a], self._host[b]) for a, b in self._model.ignored_pairs}
@@ -362,6 +370,28 @@ class _Maker:
                 and not (a in self._fixed and b in self._fixed)}
         return [[self._names['link', a], self._names['link', b]]
                 for a, b in sorted(kept, key=lambda pair: (order[pair[0]], order[pair[1]]))]
+
+
+class Groups:
+    """Names that belong together, by and by."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        """Begin with each by itself."""
+        self._above = {name: name for name in names}
+
+    def root(self, name: str) -> str:
+        """Return the name that stands for a group."""
+        above = self._above
+        while above[name] != name:
+            above[name] = above[above[name]]
+            name = above[name]
+        return name
+
+    def join(self, a: str, b: str) -> bool:
+        """Let two groups be one; whether they were two."""
+        a, b = self.root(a), self.root(b)
+        self._above[b] = a
+        return a != b
 
 
 def ros_name(name: str) -> str:

@@ -52,7 +52,7 @@ def from_rpy(roll: float, pitch: float, yaw: float) -> Quaternion:
 
 def from_columns(x: Vector, y: Vector, z: Vector) -> Quaternion:
     """Return the attitude whose matrix has these columns."""
-    return _unit(from_matrix(tuple(zip(x, y, z, strict=True))))
+    return _unit(from_matrix(((x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2]))))
 
 
 def turned_tensor(orientation: Quaternion, tensor: Sequence[float]) -> tuple[float, ...]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from rigid_sim_ros.models.description import Model
 from rigid_sim_ros.models.files import Folders
 from rigid_sim_ros.models.findings import Finding, ModelError
+from rigid_sim_ros.models.mjcf import read_mjcf
 from rigid_sim_ros.models.sdf import read_sdf
 from rigid_sim_ros.models.srdf import read_srdf
 from rigid_sim_ros.models.urdf import read_urdf
@@ -49,6 +50,10 @@ def _sdf(path: Path, folders: Folders) -> Model:
     return read_sdf(contents(path), path, folders)
 
 
+def _mjcf(path: Path, folders: Folders) -> Model:
+    return read_mjcf(contents(path), path, folders)
+
+
 def _urdf(path: Path, folders: Folders) -> Model:
     return read_urdf(contents(path), path, folders)
 
@@ -56,5 +61,7 @@ def _urdf(path: Path, folders: Folders) -> Model:
 _READERS: dict[str, Callable[[Path, Folders], Model]] = {
     '.urdf': _urdf,
     '.sdf': _sdf,
+    '.xml': _mjcf,
+    '.mjcf': _mjcf,
 }
 ENDINGS = tuple(_READERS)

@@ -66,7 +66,7 @@ def _only_model(root: Element, findings: Findings) -> Element:
         return ModelError([Finding(message, '', root.file, root.line)])
 
     if root.tag != 'sdf':
-        raise stop(f'<{root.tag[:40]}> is no model, the first element of an SDF file must be <sdf>')
+        raise stop(f'<{root.tag[:40]}> is no model, the first element must be <sdf>')
     version = root.attributes.get('version', '')
     try:
         is_old = not float(version) >= _OLDEST and version not in ('1.10', '1.11', '1.12', '1.13')
@@ -75,7 +75,7 @@ def _only_model(root: Element, findings: Findings) -> Element:
     if is_old:
         raise stop(f'version {version[:20]!r} of SDF, must be {_OLDEST} or later: `gz sdf -p` '
                    'writes a newer one')
-    models = list(root.all('model'))
+    models = list(root.each('model'))
     if len(models) != 1 or root.find('world') is not None:
         raise stop(f'has {len(models)} models{" and a world" if root.find("world") else ""}, must '
                    'have one model')
@@ -83,6 +83,8 @@ def _only_model(root: Element, findings: Findings) -> Element:
 
 
 class _Reader:
+    """Reads elements, and keeps what is wrong with them."""
+
     def __init__(self, findings: Findings) -> None:
         self._findings = findings
         self._graph = FrameGraph(findings)
@@ -107,7 +109,7 @@ class _Reader:
             return
         if scope.level == 0:
             self._outermost, _ = self._pose(element)
-        for link in element.all('link'):
+        for link in element.each('link'):
             self._link(link, scope, model)
         for child in element.children:
             if child.tag == 'frame':
@@ -123,7 +125,7 @@ class _Reader:
                 self._nested(child, child, scope, model)
             elif child.tag == 'include':
                 self._include(child, scope, model)
-        first = next(element.all('link'), None)
+        first = next(element.each('link'), None)
         canonical = element.attributes.get('canonical_link') or (first.name if first else '')
         if canonical:
             self._graph.canonical[f'{scope.prefix}{MODEL}'] = f'{scope.prefix}{canonical}'
@@ -178,7 +180,7 @@ class _Reader:
             attempt = Findings()
             config = scope.folders.find(f'{uri}/{name}', element, attempt)
             if config is not None:
-                named = [one.text.strip() for one in read(config).all('sdf')]
+                named = [one.text.strip() for one in read(config).each('sdf')]
                 uri = f'{uri}/{named[-1]}' if named else f'{uri}/model.sdf'
                 return scope.folders.find(uri, element, self._findings)
         return scope.folders.find(f'{uri}/model.sdf', element, self._findings)
@@ -203,7 +205,7 @@ class _Reader:
         if not self._flag(element, 'self_collide', default=scope.touches_itself):
             self._alone.add(name)
         for tag, shapes in (('collision', link.collisions), ('visual', link.visuals)):
-            for one in element.all(tag):
+            for one in element.each(tag):
                 own, frame = self._pose(one)
                 if frame:
                     findings.error(one, 'relative_to is not known for a shape here, must be left '

@@ -10,7 +10,7 @@ model, link, joint and frame has a pose relative to another one; names are whole
 
 from typing import NamedTuple
 
-from rigid_sim_ros.models.findings import Findings
+from rigid_sim_ros.models.findings import Findings, Place
 from rigid_sim_ros.models.poses import combined, IDENTITY, inverse, Pose
 from rigid_sim_ros.models.xml_tree import Element
 
@@ -61,7 +61,7 @@ class FrameGraph:
         return name if name in self._nodes else (
             f'{name}::{MODEL}' if f'{name}::{MODEL}' in self._nodes else name)
 
-    def pose(self, name: str, element: Element) -> Pose:
+    def pose(self, name: str, element: Place) -> Pose:
         """Return the pose of a frame in the outermost model."""
         chain: list[str] = []
         seen: set[str] = set()
@@ -83,7 +83,7 @@ class FrameGraph:
             self._poses[step] = pose
         return pose
 
-    def _within(self, name: str, model: str, element: Element) -> Pose:
+    def _within(self, name: str, model: str, element: Place) -> Pose:
         """Return the pose of a frame in the model that it belongs to."""
         pose, at, seen = IDENTITY, self._known(name), {name}
         while at != model:
@@ -97,7 +97,7 @@ class FrameGraph:
             seen.add(at)
         return pose
 
-    def link(self, name: str, element: Element) -> str:
+    def link(self, name: str, element: Place) -> str:
         """Return the link that a frame is fixed to, '' after a report of one that is on none."""
         seen: set[str] = set()
         while name != WORLD:

@@ -28,7 +28,7 @@ def read_laws(joint: Joint, element: Element, prefix: str,
               axis_of: Callable[[Element], Vector | None], findings: Findings) -> None:
     """Write the axes and the laws of a joint; `axis_of` gives a direction in the joint frame."""
     axes = [axis for tag in ('axis', 'axis2') if (axis := element.find(tag)) is not None]
-    needed = {'fixed': 0, 'spherical': 0, 'universal': 2}.get(joint.type, 1)
+    needed = {'fixed': 0, 'spherical': 0, 'universal': 2}.get(joint.kind, 1)
     if len(axes) < needed:
         findings.error(element, f'has {len(axes)} axes, a {element.attributes.get("type")} joint '
                        f'must have {needed}')
@@ -38,7 +38,7 @@ def read_laws(joint: Joint, element: Element, prefix: str,
     if needed == 0:
         return
     joint.axis = axis_of(axes[0]) or joint.axis
-    if joint.type == 'universal':
+    if joint.kind == 'universal':
         joint.axis2 = axis_of(axes[1])
         if joint.axis2 is not None and abs(_cosine(joint.axis, joint.axis2)) > _SQUARE:
             findings.error(axes[1], 'is not at right angles to the first axis, must be')
@@ -82,7 +82,7 @@ def _limits(joint: Joint, axis: Element, findings: Findings) -> None:
     if lower > upper:
         findings.error(limit, f'lower {lower:g} is above upper {upper:g}, must be below it: swap '
                        'them')
-    if joint.type != 'continuous':
+    if joint.kind != 'continuous':
         joint.lower = lower if lower > -_NO_BOUND else None
         joint.upper = upper if upper < _NO_BOUND else None
     # Below 0 SDF means that there is none.

@@ -17,7 +17,7 @@ def read_srdf(path: Path, model: Model) -> None:
     links = {link.name for link in model.links}
     if root.tag != 'robot':
         findings.error(root, 'is no robot, the first element must be <robot>')
-    for element in root.all('disable_collisions'):
+    for element in root.each('disable_collisions'):
         pair = [element.attributes.get(key, '') for key in ('link1', 'link2')]
         for name in pair:
             if name not in links:

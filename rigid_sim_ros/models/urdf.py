@@ -6,12 +6,12 @@ import math
 from pathlib import Path
 
 from rigid_sim_ros.models.description import (
-    Frame, Inertia, Joint, Link, MeshFile, Mimic, Model, Shape)
+    Inertia, Joint, Link, MeshFile, Mimic, Model, Shape)
 from rigid_sim_ros.models.files import Folders
 from rigid_sim_ros.models.findings import Finding, Findings, ModelError
+from rigid_sim_ros.models.poses import combined, from_rpy, IDENTITY, Pose, turned_tensor
 from rigid_sim_ros.models.values import (
     attribute, check_attributes, check_children, mend, several, vector)
-from rigid_sim_ros.models.poses import combined, from_rpy, IDENTITY, Pose, turned_tensor
 from rigid_sim_ros.models.xml_tree import Element, parse
 
 # Elements of a robot that say nothing of how it moves, or say it to another simulator.
@@ -36,8 +36,8 @@ def read_urdf(data: bytes, path: Path, folders: Folders) -> Model:
         raise ModelError([Finding(f'<{root.tag[:40]}> is no robot, the first element of a URDF '
                                   'file must be <robot>', '', root.file, root.line)])
     reader = _Reader(folders, findings)
-    links = [reader.link(element) for element in root.all('link')]
-    joints = [reader.joint(element) for element in root.all('joint')]
+    links = [reader.link(element) for element in root.each('link')]
+    joints = [reader.joint(element) for element in root.each('joint')]
     for child in root.children:
         if child.tag.startswith('xacro:'):
             findings.error(child, 'stands in a file that is not expanded, must go through xacro: '
@@ -53,12 +53,14 @@ def read_urdf(data: bytes, path: Path, folders: Folders) -> Model:
     base = _place_links(links, joints, root, findings)
     findings.stop()
     # A model that hangs on nothing by a joint of its own stands where it is put.
-    floats = any(joint.type == 'free' and joint.parent == base for joint in joints)
+    floats = any(joint.kind == 'free' and joint.parent == base for joint in joints)
     return Model(root.name or path.stem, links, joints, [], root, not floats,
                  notes=findings.notes)
 
 
 class _Reader:
+    """Reads elements, and keeps what is wrong with them."""
+
     def __init__(self, folders: Folders, findings: Findings) -> None:
         self._folders, self._findings = folders, findings
 
@@ -67,13 +69,13 @@ class _Reader:
         check_children(element, _LINK, _LINK_IGNORED, findings, is_physics=True)
         if not element.name:
             findings.error(element, 'has no name, must have one')
-        found = list(element.all('inertial'))
+        found = list(element.each('inertial'))
         if len(found) > 1:
             findings.error(found[1], 'is there twice, must be there once')
         link = Link(element.name, element, self._inertia(found[0]) if found else None)
-        link.collisions = [shape for one in element.all('collision')
+        link.collisions = [shape for one in element.each('collision')
                            if (shape := self._shape(one, is_physics=True)) is not None]
-        link.visuals = [shape for one in element.all('visual')
+        link.visuals = [shape for one in element.each('visual')
                         if (shape := self._shape(one, is_physics=False)) is not None]
         return link
 
@@ -167,7 +169,7 @@ class _Reader:
         color = material.find('color')
         root = element.parent.parent if element.parent is not None else None
         if color is None and root is not None:
-            named = [one.find('color') for one in root.all('material')
+            named = [one.find('color') for one in root.each('material')
                      if one.name == material.name]
             color = next((one for one in named if one is not None), None)
         if color is None:
@@ -180,7 +182,7 @@ class _Reader:
         findings = self._findings
         check_children(element, _JOINT, _JOINT_IGNORED, findings, is_physics=True)
         for tag in _JOINT:
-            if len(list(element.all(tag))) > 1:
+            if len(list(element.each(tag))) > 1:
                 findings.error(element, f'has <{tag}> twice, must have it once')
         if not element.name:
             findings.error(element, 'has no name, must have one')
@@ -193,11 +195,11 @@ class _Reader:
             if end is None or not end.attributes.get('link'):
                 findings.error(element, f'has no <{tag} link=...>, must have one')
             ends.append('' if end is None else end.attributes.get('link', ''))
-        joint = Joint(element.name, _TYPES.get(kind, 'fixed'), *ends, self._origin(element),
-                      element)
-        if joint.type in (*_ONE_AXIS, 'planar'):
+        joint = Joint(element.name, _TYPES.get(kind, 'fixed'), ends[0], ends[1],
+                      self._origin(element), element)
+        if joint.kind in (*_ONE_AXIS, 'planar'):
             joint.axis = self._axis(element)
-        if joint.type in _ONE_AXIS:
+        if joint.kind in _ONE_AXIS:
             self._limits(joint, element)
             self._dynamics(joint, element)
             joint.mimic = self._mimic(element)
@@ -213,10 +215,10 @@ class _Reader:
     def _limits(self, joint: Joint, element: Element) -> None:
         """Read how far and how fast the joint goes."""
         findings, limit = self._findings, element.find('limit')
-        is_bounded = joint.type != 'continuous'
+        is_bounded = joint.kind != 'continuous'
         if limit is None:
             if is_bounded:
-                findings.error(element, f'has no <limit>, a {joint.type} joint must have one with '
+                findings.error(element, f'has no <limit>, a {joint.kind} joint must have one with '
                                'lower, upper, effort and velocity')
             return
         check_attributes(limit, ('lower', 'upper', 'effort', 'velocity'), (
@@ -226,8 +228,8 @@ class _Reader:
             joint.lower = attribute(limit, 'lower', findings, 0.0)
             joint.upper = attribute(limit, 'upper', findings, 0.0)
             if joint.lower > joint.upper:
-                findings.error(limit, f'lower {joint.lower:g} is above upper {joint.upper:g}, must '
-                               'be below it: swap them')
+                findings.error(limit, f'lower {joint.lower:g} is above upper {joint.upper:g}, '
+                               'must be below it: swap them')
         if 'effort' in limit.attributes:
             joint.effort = attribute(limit, 'effort', findings, least=0.0)
         if 'velocity' in limit.attributes:
@@ -264,8 +266,8 @@ def _place_links(links: list[Link], joints: list[Joint], root: Element,
                 findings.error(joint.place, f'{name[:60]!r} is no link, '
                                f'{mend(name, tuple(by_name)[:12])}')
         if held.setdefault(joint.child, joint) is not joint:
-            findings.error(joint.place, f'{joint.child!r} is the child of {held[joint.child].name!r}'
-                           ' too, in URDF a link must have one parent')
+            findings.error(joint.place, f'{joint.child!r} is the child of '
+                           f'{held[joint.child].name!r} too, in URDF a link must have one parent')
     if len(by_name) != len(links):
         seen: set[str] = set()
         for link in links:

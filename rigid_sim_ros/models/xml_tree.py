@@ -55,9 +55,9 @@ class Element:
 
     def find(self, tag: str) -> 'Element | None':
         """Return the first child of a tag."""
-        return next(self.all(tag), None)
+        return next(self.each(tag), None)
 
-    def all(self, tag: str) -> Iterator['Element']:
+    def each(self, tag: str) -> Iterator['Element']:
         """Return the children of a tag."""
         return (child for child in self.children if child.tag == tag)
 
@@ -112,6 +112,8 @@ def parse(data: bytes, file: str) -> Element:
 
 
 class _Builder(ContentHandler):
+    """Builds the tree."""
+
     def __init__(self, file: str) -> None:
         super().__init__()
         self._file = file
@@ -125,11 +127,11 @@ class _Builder(ContentHandler):
         line = None if self._locator is None else self._locator.getLineNumber()
         return int(line or 1)
 
-    def setDocumentLocator(self, locator: Locator) -> None:  # noqa: N802, SAX has named it
+    def setDocumentLocator(self, locator: Locator) -> None:
         """Keep what knows the line."""
         self._locator = locator
 
-    def startElement(self, name: str, attrs: AttributesImpl) -> None:  # noqa: N802
+    def startElement(self, name: str, attrs: AttributesImpl) -> None:
         """Open an element."""
         self._count += 1
         for number, most, what in ((self._count, MAX_ELEMENTS, 'elements'),
@@ -145,7 +147,7 @@ class _Builder(ContentHandler):
             parent.children.append(element)
         self._open.append(element)
 
-    def endElement(self, name: str) -> None:  # noqa: N802
+    def endElement(self, name: str) -> None:
         """Close the element."""
         self._open.pop()
 

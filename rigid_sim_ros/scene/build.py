@@ -181,16 +181,26 @@ def _rows(array: Array | IntArray) -> tuple[tuple[float | int, ...], ...]:
 def _check_references(spec: schema.Scene, report: Report) -> None:
     """Report what does not fit together although each value is right by itself."""
     first: dict[str, int] = {}
+    names = {body.name for body in spec.bodies}
     for i, body in enumerate(spec.bodies):
         if first.setdefault(body.name, i) != i:
             report(('bodies', i, 'name'), f'{shown(body.name)} is the name of bodies'
                    f'[{first[body.name]}] too, must be unique')
+        above = body.name.partition('/')[0]
+        if above != body.name and above in first:
+            report(('bodies', i, 'name'), f'{shown(body.name)} begins with the name of bodies'
+                   f'[{first[above]}], must begin with another one')
         if body.fixed and body.kinematic:
             report(('bodies', i, 'kinematic'), 'stands beside fixed: true, must be one of them: a '
                    'kinematic body moves by its twist')
         elif body.fixed and any((*body.twist.linear, *body.twist.angular)):
             report(('bodies', i, 'twist'), 'of a fixed body, must be 0, or the body kinematic: '
                    'true in place of fixed')
+        for key, (name, _) in zip(body.frames, body.named_frames(), strict=True):
+            if name in names:
+                report(('bodies', i, 'frames', key), f'{shown(name)} is the name of a body or of '
+                       'another frame, must be unique')
+            names.add(name)
         named = [((), body.material), *((path, part.material) for path, part in body.parts())]
         for path, material in named:
             if material is not None and material not in spec.all_materials:

@@ -2,9 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The models of a scene become bodies and joints of it: nothing behind this knows of models."""
 
-from collections.abc import Iterator
 from fnmatch import fnmatchcase
-import logging
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +18,8 @@ from rigid_sim_ros.models.read import ending, read_model
 from rigid_sim_ros.scene import mesh, schema
 from rigid_sim_ros.scene.collision import convex_hull
 from rigid_sim_ros.scene.document import Source
-from rigid_sim_ros.scene.errors import below, dotted, nearest, Path as Place, Problem, Report
-from rigid_sim_ros.scene.errors import SceneError, shown
-
-_logger = logging.getLogger(__name__)
+from rigid_sim_ros.scene.errors import (
+    below, dotted, nearest, Path as Place, Problem, Report, SceneError, shown)
 
 # Part of its convex hull that a collision mesh may leave empty without a word.
 _HOLLOW = 0.01
@@ -56,16 +52,22 @@ class Expansion:
             problems.append(source.problem(path, message))
 
         for i, entry in enumerate(spec.models or ()):
-            try:
-                self._add(entry, folder, below(('models', i), report), is_alone=is_alone)
-            except ModelError as error:
-                problems += [Problem(*finding) for finding in error.findings]
+            problems += self._tried(entry, folder, below(('models', i), report), is_alone)
         if problems:
             raise SceneError(problems)
         self.data: dict[str, Any] = {
             'bodies': [body for parts in self._parts for body in parts.bodies],
             'joints': [joint for parts in self._parts for joint in parts.joints],
             'collision': {'ignore': [pair for parts in self._parts for pair in parts.ignore]}}
+
+    def _tried(self, entry: schema.ModelFile, folder: Path | None, report: Report,
+               is_alone: bool) -> list[Problem]:
+        """Add a model, or return what is wrong in its file."""
+        try:
+            self._add(entry, folder, report, is_alone=is_alone)
+        except ModelError as error:
+            return [Problem(*finding) for finding in error.findings]
+        return []
 
     def _add(self, entry: schema.ModelFile, folder: Path | None, report: Report, *,
              is_alone: bool) -> None:
@@ -91,8 +93,8 @@ class Expansion:
         if is_alone:
             self.world = dict(model.world)
         elif model.world:
-            parts.notes.append(Finding(f'its {" and ".join(model.world)} are ignored: those of the '
-                                       'scene hold', '', model.place.file, model.place.line))
+            parts.notes.append(Finding(f'its {" and ".join(model.world)} are ignored: those of '
+                                       'the scene hold', '', model.place.file, model.place.line))
         self.notes += [str(note) for note in parts.notes]
         if meshes.hollow:
             self.notes.append(f'{model.place.file}: these meshes are not convex, or not closed, '
@@ -158,7 +160,7 @@ def alone(path: Path) -> dict[str, Any]:
 
 def _wish(entry: schema.ModelFile, model: Model, report: Report) -> Wish:
     """Return what the scene says of a model; report joints that it has not."""
-    names = [joint.name for joint in model.joints if joint.type in schema.ONE_AXIS]
+    names = [joint.name for joint in model.joints if joint.kind in schema.ONE_AXIS]
     for name in entry.joints:
         if name not in names:
             report(('joints', name), f'is no joint of the model with one axis, '
@@ -203,8 +205,8 @@ class _Meshes:
         if not np.isfinite(points).all():
             raise ValueError(f'{path} has a vertex that is not finite, must be numbers')
         hull = self._few(points)
-        volume = abs(mesh_volume(points, surface.faces))
-        if volume < (1.0 - _HOLLOW) * mesh_volume(*hull):
+        volume = abs(mesh_volume(points, np.asarray(surface.faces)))
+        if volume < (1.0 - _HOLLOW) * mesh_volume(hull[0], np.asarray(hull[1])):
             self.hollow.append(path.name)
         return hull
 
@@ -216,9 +218,3 @@ class _Meshes:
             self.coarsest = max(self.coarsest, tolerance)
             return convex_hull(hull[0], tolerance)
         return hull
-
-
-def model_names(spec: schema.Scene) -> Iterator[str]:
-    """Yield what stands before the first slash of the names of bodies and joints."""
-    names = [body.name for body in spec.bodies] + [joint.name for joint in spec.joints or ()]
-    yield from dict.fromkeys(name.partition('/')[0] for name in names if '/' in name)

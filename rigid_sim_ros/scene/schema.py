@@ -502,6 +502,13 @@ class Scene(Spec):
                          'is missing, must be given', 'bodies')
         return self
 
+    def all_frames(self) -> dict[str, tuple[int, Pose]]:
+        """Return bodies and named frames by their whole names: which body, and where on it."""
+        frames = {body.name: (i, Pose()) for i, body in enumerate(self.bodies)}
+        for i, body in enumerate(self.bodies):
+            frames.update((name, (i, pose)) for name, pose in body.named_frames())
+        return frames
+
     @property
     def all_materials(self) -> dict[str, Material]:
         """Return the materials by name, with the default one even where the file has none."""
