@@ -26,6 +26,8 @@ ROS_WHEELS = [
 ]
 
 EXPORT = ['pyarrow>=14']    # 100 MB, and only `rigid_sim export` needs it
+MJCF = ['mujoco>=3.2']
+XACRO = ['xacro>=2.0']
 PLOT = ['matplotlib>=3.8', 'plotly>=5.15']
 RENDER = ['av>=12.0', 'pillow>=10.1', 'pyvista>=0.44', 'vtk>=9.4']      # VTK unpacks to 600 MB
 
@@ -75,13 +77,16 @@ setup(
     ],
     extras_require={
         'export': EXPORT,
+        'mjcf': MJCF,
         'plot': PLOT,
         'render': RENDER,
         'ros': [*ROS_WHEELS, *VIEW],
-        'test': [*EXPORT, *PLOT, *RENDER, *ROS_WHEELS, *VIEW, 'colcon-common-extensions',
+        'test': [*EXPORT, *MJCF, *PLOT, *RENDER, *ROS_WHEELS, *VIEW, *XACRO,
+                 'colcon-common-extensions',
                  'hypothesis', 'mcap-ros2-support', 'playwright>=1.40', 'pytest',
                  'pytest-rerunfailures', 'pytest-xdist>=3.7'],
         'view': VIEW,
+        'xacro': XACRO,
         'lint': [
             'flake8',
             'flake8-blind-except',

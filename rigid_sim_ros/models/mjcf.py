@@ -179,10 +179,7 @@ class _Reader:
         kinds = [self._mj.mjtJoint(int(m.jnt_type[row])).name[6:].lower() for row in rows]
         if kinds == [_FREE]:
             return []
-        on_world = self._is_welded(int(m.body_parentid[b]))
-        if on_world:
-            body = combined(self._body_poses()[int(m.body_parentid[b])], body)
-        outer = '' if on_world else parent
+        outer = '' if int(m.body_parentid[b]) == _WORLD else parent
         at = combined(body, Pose(_vector(m.jnt_pos[rows[0]]), IDENTITY.orientation))
         joint = Joint(self._name('jnt', rows[0]), 'fixed', outer, name, at, place)
         if kinds == [_BALL]:
@@ -249,7 +246,7 @@ class _Reader:
         anchor = data[0:3] if kind == 'connect' else data[3:6]
         at = combined(poses[a if kind == 'connect' else b],
                       Pose(_vector(anchor), IDENTITY.orientation))
-        parent = '' if self._is_welded(outer) else self._name('body', outer)
+        parent = '' if outer == _WORLD else self._name('body', outer)
         pose = at if not parent else combined(inverse(poses[outer]), at)
         return Joint(name, 'spherical' if kind == 'connect' else 'fixed', parent,
                      self._name('body', inner), pose, place)

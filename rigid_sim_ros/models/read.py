@@ -13,25 +13,29 @@ from rigid_sim_ros.models.mjcf import read_mjcf
 from rigid_sim_ros.models.sdf import read_sdf
 from rigid_sim_ros.models.srdf import read_srdf
 from rigid_sim_ros.models.urdf import read_urdf
+from rigid_sim_ros.models.xacro_file import expanded
 from rigid_sim_ros.models.xml_tree import contents
 
 
 def read_model(path: Path, packages: Mapping[str, Path] | None = None,
-               srdf: Path | None = None) -> Model:
+               srdf: Path | None = None, arguments: Mapping[str, str] | None = None) -> Model:
     """
     Return the description of the model in a file.
 
     `packages` are folders by the names that package:// and model:// have for them. `srdf` is a
     file with pairs that do not collide; None: the one of the same name beside the model, if there
-    is one. Raises ModelError with file and line of all that is wrong.
+    is one. `arguments` are those of a xacro file. Raises ModelError with file and line of all that
+    is wrong.
     """
-    reader = _READERS.get(ending(path))
-    if reader is None:
+    kind = ending(path)
+    if not kind:
         raise ModelError([Finding(f'is no model, must end with {", ".join(ENDINGS)}', '',
                                   str(path))])
     # As it is written, and absolute: links that a workspace is made of stay as they are.
     folder = Path(os.path.abspath(path)).parent
-    model = reader(path, Folders(folder, dict(packages or {})))
+    folders = Folders(folder, dict(packages or {}))
+    data = expanded(path, arguments or {}) if kind == _XACRO else contents(path)
+    model = _READERS[kind](data, path, folders)
     if srdf is None:
         beside = path.with_suffix('.srdf')
         srdf = beside if beside.is_file() else None
@@ -46,22 +50,8 @@ def ending(path: str | os.PathLike[str]) -> str:
     return suffix if suffix in _READERS else ''
 
 
-def _sdf(path: Path, folders: Folders) -> Model:
-    return read_sdf(contents(path), path, folders)
-
-
-def _mjcf(path: Path, folders: Folders) -> Model:
-    return read_mjcf(contents(path), path, folders)
-
-
-def _urdf(path: Path, folders: Folders) -> Model:
-    return read_urdf(contents(path), path, folders)
-
-
-_READERS: dict[str, Callable[[Path, Folders], Model]] = {
-    '.urdf': _urdf,
-    '.sdf': _sdf,
-    '.xml': _mjcf,
-    '.mjcf': _mjcf,
-}
+_XACRO = '.xacro'
+_READERS: dict[str, Callable[[bytes, Path, Folders], Model]] = {
+    '.urdf': read_urdf, _XACRO: read_urdf, '.sdf': read_sdf, '.xml': read_mjcf,
+    '.mjcf': read_mjcf}
 ENDINGS = tuple(_READERS)

@@ -113,9 +113,9 @@ _RATES: dict[str, Callable[[_Row], Rates]] = {
 
 def advice(scene: Scene) -> list[str]:
     """Return a line, with what to do, for each thing in a scene that will not go well."""
-    return [*scene.notes, *_of_forces(scene), *_of_spin(scene), *_of_integrator(scene),
-            *_of_contact(scene), *describe_contact(scene), *_of_materials(scene),
-            *_of_meshes(scene), *describe_overlaps(scene)]
+    return [*_of_forces(scene), *_of_spin(scene), *_of_integrator(scene), *_of_contact(scene),
+            *describe_contact(scene), *_of_materials(scene), *_of_meshes(scene),
+            *describe_overlaps(scene)]
 
 
 def _of_forces(scene: Scene) -> Iterator[str]:

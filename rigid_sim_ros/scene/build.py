@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import json
 import logging
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -128,8 +129,17 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source,
 
 def to_text(spec: schema.Scene) -> str:
     """Return a scene as YAML, a body to a line, each number so that it reads back the same."""
+    return _yaml(spec.model_dump(exclude_none=True))
+
+
+def as_written(spec: schema.Scene) -> str:
+    """Return a scene as a user would write it: `to_text` without what has its default anyway."""
+    return _yaml({'format': 1, **spec.model_dump(exclude_none=True, exclude_defaults=True)})
+
+
+def _yaml(data: Mapping[str, Any]) -> str:
     lines: list[str] = []
-    for key, value in spec.model_dump(exclude_none=True).items():
+    for key, value in data.items():
         if isinstance(value, tuple) and value:
             lines += [f'{key}:', *(f'- {json.dumps(item)}' for item in value)]
         else:

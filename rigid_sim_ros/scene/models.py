@@ -85,7 +85,7 @@ class Expansion:
         model = read_model(
             folder / entry.file,
             {name: folder / path for name, path in entry.packages.items()},
-            None if entry.srdf is None else folder / entry.srdf)
+            None if entry.srdf is None else folder / entry.srdf, entry.arguments)
         wish = _wish(entry, model, report)
         meshes = _Meshes()
         parts = make_parts(model, wish, meshes.read)

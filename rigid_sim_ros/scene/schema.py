@@ -474,6 +474,8 @@ class ModelFile(Spec):
     drives: dict[str, JointDrive] = {}
     # Folders, by the names that package:// and model:// have for them.
     packages: dict[str, Annotated[str, Text()]] = {}
+    # Of a xacro file.
+    arguments: dict[str, Annotated[str, Text()]] = {}
     # Whether moments of inertia that no body has are raised to what a body may have.
     mend_inertia: Boolean = False
     material: Annotated[str, Text()] = 'default'
