@@ -245,14 +245,12 @@ class _Maker:
         inertia = weighing[0][1] if len(weighing) == 1 and weighing[0][0] == IDENTITY else (
             together(weighing))
         place = inertia.place if host.inertia is None else host.inertia.place
+        # What never moves needs no moments, and yet has a mass.
+        may_be_mended = self._wish.mend_inertia or host.name in self._fixed
         try:
-            moments, how = mended(inertia.mass, inertia.tensor,
-                                  is_allowed=self._wish.mend_inertia)
+            moments, how = mended(inertia.mass, inertia.tensor, is_allowed=may_be_mended)
         except ValueError as error:
-            if host.name in self._fixed:
-                self._findings.ignore(place, 'the mass of a base that never moves',
-                                      'its moments are such as no body has')
-            else:
+            if inertia.mass > 0.0 or host.name not in self._fixed:
                 self._findings.error(place, str(error))
             return
         body['inertial'] = {'mass': inertia.mass, 'com': list(inertia.com),
