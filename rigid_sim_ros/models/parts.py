@@ -11,6 +11,7 @@ hold it on. Its shapes are that body's, and so is its mass: what moves, moves as
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+import math
 import re
 from typing import Any
 
@@ -69,6 +70,7 @@ class _Maker:
         self._fixed = self._fixed_links()
         self._host = self._hosts()
         self._has_loops = self._closes_loops()
+        self._bounds = self._joint_bounds()
 
     def made(self) -> Parts:
         self._findings.stop()
@@ -294,13 +296,45 @@ class _Maker:
             made['damping'] = joint.damping
         return made
 
+    def _joint_bounds(self) -> dict[str, tuple[float | None, float | None]]:
+        """
+        Return the bounds of each joint.
+
+        Those of a joint that follows another one are bounds of that one: two bounds that are met
+        together would be the same condition twice, and nothing would tell the forces of both.
+        """
+        bounds = {joint.name: (joint.lower, joint.upper) for joint in self._model.joints}
+        kinds = {joint.name: joint.kind for joint in self._model.joints}
+        followers = {joint.name for joint in self._model.joints if joint.mimic is not None}
+        for joint in self._model.joints:
+            if joint.mimic is None or joint.mimic.joint in followers or not (
+                    joint.mimic.multiplier) or kinds.get(joint.mimic.joint) not in (
+                    'revolute', 'prismatic'):
+                continue
+            leader, multiplier, offset = joint.mimic
+            ends = [None if bound is None else (bound - offset) / multiplier
+                    for bound in bounds[joint.name]]
+            low, high = ends if multiplier > 0.0 else reversed(ends)
+            own_low, own_high = bounds[leader]
+            lows = [bound for bound in (low, own_low) if bound is not None]
+            highs = [bound for bound in (high, own_high) if bound is not None]
+            both = max(lows, default=None), min(highs, default=None)
+            if both[0] is not None and both[1] is not None and both[0] > both[1]:
+                self._findings.error(joint.place, f'has limits beyond those of {leader!r}, which '
+                                     'it mimics: no position is within both, must be one')
+                continue
+            bounds[leader], bounds[joint.name] = both, (None, None)
+        return bounds
+
     def _body_name(self, link: str) -> str:
         return self._names['link', self._host[link]] if link else 'world'
 
     def _add_laws(self, joint: Joint, made: dict[str, Any]) -> None:
         """Add what acts along the axis, and where the joint is at the start."""
-        limits = {key: value for key in ('lower', 'upper', 'velocity', 'effort')
-                  if (value := getattr(joint, key)) is not None}
+        lower, upper = self._bounds[joint.name]
+        limits = {key: value for key, value in (
+            ('lower', lower), ('upper', upper), ('velocity', joint.velocity),
+            ('effort', joint.effort)) if value is not None}
         if limits.get('velocity') == 0.0:
             self._findings.ignore(joint.place, 'a velocity limit of 0')
             del limits['velocity']
@@ -320,8 +354,9 @@ class _Maker:
                 made['drive'] = dict(drive)
             elif not self._has_loops:
                 made['drive'] = {'mode': 'effort'}
-            if position is None and not _within(joint, 0.0):
-                position = joint.lower if (joint.lower or 0.0) > 0.0 else joint.upper
+            if position is None and not (-math.inf if lower is None else lower) <= 0.0 <= (
+                    math.inf if upper is None else upper):
+                position = lower if (lower or 0.0) > 0.0 else upper
                 self._findings.ignore(joint.place, 'position 0 at the start', 'it is beyond the '
                                       'limits of this joint, which starts at the nearer one; '
                                       '`joints` of the model says another')
@@ -401,11 +436,6 @@ def ros_name(name: str) -> str:
         tokens.append(f'_{legal}'.replace('__', '_') if legal[:1].isdigit() or not legal
                       else legal)
     return '/'.join(tokens)
-
-
-def _within(joint: Joint, position: float) -> bool:
-    return ((joint.lower is None or position >= joint.lower)
-            and (joint.upper is None or position <= joint.upper))
 
 
 def _written(pose: Pose) -> dict[str, Any]:
