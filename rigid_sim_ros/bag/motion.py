@@ -159,8 +159,9 @@ class _Gathering:
             names, np.array([at for at, _ in times]), table[..., :3], table[..., 3:7],
             table[..., 7:10], table[..., 10:], [k for k, (_, back) in enumerate(times) if back],
             clock.starts_at_date, scene, self._session, {
-                body_of(topic, names): (np.array([t_ns - start for t_ns in _stamps(rows)]) / 1e9,
-                       np.array([row[2] for row in rows]))
+                body_of(topic, names): (
+                    np.array([t_ns - start for t_ns in _stamps(rows)]) / 1e9,
+                    np.array([row[2] for row in rows]))
                 for topic, rows in self._wrenches.items()}, notes)
 
     def _state_topic(self, notes: list[str]) -> str:

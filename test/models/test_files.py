@@ -42,7 +42,7 @@ def test_nothing_is_read_outside_of_the_folders(tmp_path, uri) -> None:
 def test_the_package_around_a_model_is_known_by_its_name(tmp_path) -> None:
     mesh = write(tmp_path, 'arm_description/meshes/x.stl', '')
     folders = Folders(tmp_path / 'arm_description/urdf')
-    assert 'package \'arm_description\' is not found' in str(
+    assert "package 'arm_description' is not found" in str(
         found(folders, 'package://arm_description/meshes/x.stl'))
     write(tmp_path, 'arm_description/package.xml', '')
     assert found(folders, 'package://arm_description/meshes/x.stl') == mesh

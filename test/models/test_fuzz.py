@@ -19,9 +19,10 @@ NESTED = sdf(link('base') + '<frame name="f"><pose>0 0 1 0 0 0</pose></frame><mo
              'type="universal"><parent>base</parent><child>hand::palm</child><axis><xyz>0 0 1'
              '</xyz></axis><axis2><xyz>1 0 0</xyz></axis2></joint>')
 TEXTS = {'urdf': (URDF, MIMIC, CAMERA), 'sdf': (ARM, NESTED)}
-WORDS = ('', '0', '-1', '1e308', 'nan', 'inf', '-inf', '1e-320', '99999999999999999999', 'base', 'rod',
-         'world', '__model__', '::', 'a::b', '/', 'x/y', '..', '%00', '\u00e9', '\U0001f600', 'true',
-         '0 0 0', '1 2 3 4', 'package://', 'model://x', 'file:///dev/zero', 'fixed', 'floating',
+WORDS = ('', '0', '-1', '1e308', 'nan', 'inf', '-inf', '1e-320', '99999999999999999999', 'base',
+         'rod', 'world', '__model__', '::', 'a::b', '/', 'x/y', '..', '%00', '\u00e9',
+         '\U0001f600', 'true', '0 0 0', '1 2 3 4', 'package://', 'model://x', 'file:///dev/zero',
+         'fixed', 'floating',
          'planar', 'prismatic', 'continuous', 'ball', 'x' * 300, '&amp;', '&lt;', '2' * 400)
 
 
@@ -33,9 +34,7 @@ def mutated(text: str, rng: random.Random) -> str:
             found = list(re.finditer('"([^"]*)"', text))
         elif kind == 1:     # another text of an element
             found = list(re.finditer('>([^<>]+)<', text))
-        elif kind == 2:     # an element goes, with its content
-            found = list(re.finditer(r'(<(\w+)[^>]*?(?:/>|>[^<]*</\2>))', text))
-        elif kind == 3:     # an element is there twice
+        elif kind in (2, 3):    # an element goes, with its content, or is there twice
             found = list(re.finditer(r'(<(\w+)[^>]*?(?:/>|>[^<]*</\2>))', text))
         elif kind == 4:     # another name of an element or an attribute
             found = list(re.finditer(r'<(\w+)|\s(\w+)=', text))

@@ -79,9 +79,9 @@ def test_removing_a_body_takes_the_forces_on_its_frames_along() -> None:
 
 
 @pytest.mark.parametrize(('old', 'new', 'words'), [
-    ('file: pendulum.urdf\n    pose', 'file: nobody.urdf\n    pose', 'nobody.urdf: cannot be read'),
+    ('file: pendulum.urdf\n    pose', 'file: nobody.urdf\n    pose', 'urdf: cannot be read'),
     ('file: pendulum.urdf\n    pose', 'file: pendulum.txt\n    pose', 'must end with .urdf'),
-    ('{hinge: 0.2}', '{hing: 0.2}', "8: models[0].joints.hing: is no joint of the model"),
+    ('{hinge: 0.2}', '{hing: 0.2}', '8: models[0].joints.hing: is no joint of the model'),
     ('{hinge: 0.2}', '{hinge: 7}', 'pendulum.urdf:7: left/hinge: position: 7 is beyond'),
     ("'hin*'", "'knee*'", 'matches no joint of the model'),
     ('name: left', 'name: ball', 'begins with the name of bodies[0]'),
@@ -142,7 +142,7 @@ def test_check_shows_a_model(path) -> None:
 def test_a_xacro_file_is_expanded_with_its_arguments(path) -> None:
     text = URDF.replace('<robot name="pendulum">', '<robot name="pendulum" '
                         'xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="m" '
-                        'default="2"/>').replace('value="1"', "value=\"${$(arg m) * 2}\"")
+                        'default="2"/>').replace('value="1"', 'value="${$(arg m) * 2}"')
     model = write(path.parent, 'pendulum.urdf.xacro', text)
     assert load_scene(model).scene.spec.bodies[1].inertial.mass == 4.0
     path.write_text('world: {contact: none}\nmodels: [{name: a, file: pendulum.urdf.xacro, '

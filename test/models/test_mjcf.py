@@ -53,7 +53,7 @@ def test_masses_and_frames_are_those_of_mujoco(tmp_path) -> None:
     world = world_of(path, joints={'shoulder': 0.3, 'elbow': -0.4})
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
-    data.qpos[:2] = model.qpos0[:2] + [0.3, -0.4]
+    data.qpos[:2] = model.qpos0[:2] + np.array([0.3, -0.4])
     mujoco.mj_kinematics(model, data)
     np.testing.assert_allclose(world.position, data.xpos[1:], atol=1e-15)
     total = sum(body.inertial.mass for body in world.scene.spec.bodies)

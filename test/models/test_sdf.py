@@ -62,7 +62,8 @@ def test_a_model_is_free_unless_it_says_otherwise(tmp_path) -> None:
 
 
 def test_a_model_in_a_model_has_names_and_frames_of_its_own(tmp_path) -> None:
-    inner = f'<model name="hand"><pose relative_to="wrist">1 0 0 0 0 0</pose>{link("palm")}</model>'
+    inner = (f'<model name="hand"><pose relative_to="wrist">1 0 0 0 0 0</pose>{link("palm")}'
+             '</model>')
     joint = ('<joint name="hold" type="continuous"><parent>base</parent><child>hand::palm</child>'
              '<axis/></joint>')
     frame = '<frame name="wrist"><pose>0 2 0 0 0 0</pose></frame>'
@@ -150,5 +151,5 @@ def test_a_mistake_is_named_with_its_line_and_mend(tmp_path, content, words) -> 
 
 def test_an_old_version_is_refused_with_the_way_to_a_new_one(tmp_path) -> None:
     path = write(tmp_path, 'm.sdf', sdf(link('a'), '1.4'))
-    with pytest.raises(SceneError, match="version '1.4' of SDF, must be 1.6 or later"):
+    with pytest.raises(SceneError, match=r"version '1\.4' of SDF, must be 1\.6 or later"):
         read_scene(path)

@@ -77,12 +77,11 @@ def test_a_model_alone_is_a_scene(tmp_path) -> None:
     assert world.scene.contact == 'none'
 
 
-MIMIC = URDF.replace('</robot>', """
-  <link name="other">{0}</link>
+MIMIC = URDF.replace('</robot>', f"""
+  <link name="other">{INERTIAL.format(I=1 / 12, J=2e-4)}</link>
   <joint name="second" type="revolute"><parent link="base"/><child link="other"/>
     <axis xyz="0 1 0"/><limit lower="-2" upper="1" effort="1" velocity="1"/>
-    <mimic joint="hinge" multiplier="-2" offset="0.1"/></joint></robot>""".format(
-        INERTIAL.format(I=1 / 12, J=2e-4)))
+    <mimic joint="hinge" multiplier="-2" offset="0.1"/></joint></robot>""")
 
 
 def test_a_joint_that_mimics_follows_and_bounds_the_other(tmp_path) -> None:
@@ -103,8 +102,8 @@ def test_position_0_beyond_the_limits_is_replaced_by_the_nearer_bound(tmp_path) 
 
 
 def test_what_has_no_effect_is_told_in_one_line_for_each_kind(tmp_path) -> None:
-    text = URDF.replace('</robot>', '<gazebo/>\n<gazebo reference="rod"/>\n<transmission name="t"/>'
-                        '</robot>')
+    text = URDF.replace('</robot>', '<gazebo/>\n<gazebo reference="rod"/>\n'
+                        '<transmission name="t"/></robot>')
     path = write(tmp_path, 'pendulum.urdf', text)
     assert list(read_scene(path).notes) == [
         f'{path}:12: <gazebo> is ignored: it is for Gazebo (here and at 1 more places)',
@@ -116,7 +115,7 @@ def test_what_has_no_effect_is_told_in_one_line_for_each_kind(tmp_path) -> None:
     ('lower="-3" upper="3"', 'lower="3" upper="-3"', 9, 'lower 3 is above upper -3'),
     ('<mass value="1"/>', '<mass value="-1"/>', 3, "value '-1', must be >= 0"),
     ('<mass value="1"/>', '<mass value="heavy"/>', 3, "value 'heavy', must be a number"),
-    ('<mass value="1"/>', '<mas value="1"/>', 3, "is not known in <inertial>, did you mean 'mass'"),
+    ('<mass value="1"/>', '<mas value="1"/>', 3, "not known in <inertial>, did you mean 'mass'"),
     ('effort="10"', 'efort="10"', 9, "'efort' is not known, did you mean 'effort'?"),
     ('radius="0.02"', 'radius="0"', 4, "radius '0', must be > 0"),
     ('<cylinder radius="0.02" length="1"/>', '<mesh filename="no.stl"/>', 4,
@@ -130,7 +129,7 @@ def test_what_has_no_effect_is_told_in_one_line_for_each_kind(tmp_path) -> None:
     ('xyz="0 1 0"', 'xyz="0 1"', 8, 'must be 3 numbers with spaces'),
     ('xyz="0 1 0"', 'xyz="0 nan 0"', 8, "xyz 'nan', must be finite"),
     (f'ixx="{1 / 12}"', 'ixx="9"', 3, 'inertia violates the triangle inequality'),
-    ('type="fixed"', 'type="continuous"', 6, "has no mass and hangs on the continuous joint 'hold'"),
+    ('type="fixed"', 'type="continuous"', 6, "no mass and hangs on the continuous joint 'hold'"),
     ('<link name="base"/>', '<xacro:x/><link name="base"/>', 2, 'must go through xacro'),
     ('<robot name="pendulum">', '<!DOCTYPE x [<!ENTITY e "e">]><robot>', 1, 'must have none'),
     ('</robot>', '', 13, 'not XML: no element found')])
@@ -152,8 +151,9 @@ def test_all_mistakes_are_told_at_once(tmp_path) -> None:
     assert len(error.value.problems) == 2
 
 
-CAMERA = URDF.replace('<link name="tool"/>', '<link name="tool"><inertial><mass value="0.5"/>'
-                      '<inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>')
+CAMERA = URDF.replace(
+    '<link name="tool"/>', '<link name="tool"><inertial><mass value="0.5"/>'
+    '<inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>')
 
 
 def test_a_point_with_a_mass_is_a_part_of_the_body_that_it_is_fixed_to(tmp_path) -> None:
@@ -194,7 +194,8 @@ def test_an_srdf_file_beside_the_model_names_pairs_that_do_not_touch(tmp_path) -
     path = write(tmp_path, 'chain.urdf', f'<robot name="c">{links}{joint.format("b", "a")}'
                  f'{joint.format("c", "b")}</robot>')
     assert len(read_scene(path).spec.collision.ignore) == 2
-    srdf = write(tmp_path, 'chain.srdf', '<robot><disable_collisions link1="a" link2="c"/></robot>')
+    srdf = write(tmp_path, 'chain.srdf',
+                 '<robot><disable_collisions link1="a" link2="c"/></robot>')
     assert ('chain/a', 'chain/c') in read_scene(path).spec.collision.ignore
     srdf.write_text('<robot><disable_collisions link1="a" link2="d"/></robot>')
     with pytest.raises(SceneError, match=r"chain.srdf:1: .*'d' is no link"):
