@@ -319,11 +319,13 @@ class _Maker:
             lows = [bound for bound in (low, own_low) if bound is not None]
             highs = [bound for bound in (high, own_high) if bound is not None]
             both = max(lows, default=None), min(highs, default=None)
-            if both[0] is not None and both[1] is not None and both[0] > both[1]:
-                self._findings.error(joint.place, f'has limits beyond those of {leader!r}, which '
-                                     'it mimics: no position is within both, must be one')
+            bounds[joint.name] = None, None
+            if both[0] is not None and both[1] is not None and both[0] >= both[1] and (
+                    own_low != own_high):
+                self._findings.note(joint.place, f'its limits are ignored: they leave {leader!r}, '
+                                    'which it mimics, no way to go')
                 continue
-            bounds[leader], bounds[joint.name] = both, (None, None)
+            bounds[leader] = both
         return bounds
 
     def _body_name(self, link: str) -> str:

@@ -25,7 +25,7 @@ from rigid_sim_ros.world.bounds import check_change, check_position, check_twist
 from rigid_sim_ros.world.changes import (
     changed, checked, moved, Numbering, order_after, places_between, wake)
 from rigid_sim_ros.world.commands import Command, KINDS, Observer
-from rigid_sim_ros.world.joints import WithJoints
+from rigid_sim_ros.world.model_dynamics import WithModels
 from rigid_sim_ros.world.posed import FIELDS as POSED_FIELDS, Posed
 from rigid_sim_ros.world.snapshot import pack, unpack
 from rigid_sim_ros.world.snapshot_check import check, Sizes
@@ -41,7 +41,7 @@ def load_scene(scene: str | os.PathLike[str]) -> 'World':
     return World(read_scene(scene))
 
 
-class World(WithJoints):
+class World(WithModels):
     """
     A world of rigid bodies that advances in fixed steps.
 
