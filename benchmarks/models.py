@@ -1,7 +1,7 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Real robot files beside Pinocchio: degrees of freedom, total mass, and where all frames are.
+Real robot files beside Pinocchio: degrees of freedom, masses, frames, and the equations of motion.
 
     pip install pin example-robot-data            # Pinocchio and the files; BSD-2 and others
     python benchmarks/models.py                   # ten robots
@@ -10,9 +10,11 @@ Real robot files beside Pinocchio: degrees of freedom, total mass, and where all
 
 Each robot is put at random joint positions within its limits, three times, as a scene's `models`
 entry; the poses of its links and frames are those of the World that results. Largest differences
-are printed; for those above 1e-9 m or rad, 1e-9 of the mass, or another number of degrees of
-freedom the exit code is 1. A robot whose file holds masses that no body can have is read with
-`mend_inertia`, which the table says; one that cannot be read at all is named with the reason.
+are printed, and those of the mass matrix, a Jacobian and the inverse dynamics at random
+velocities, as parts of their largest numbers. For differences above 1e-9, or another number of
+degrees of freedom, the exit code is 1; matrices of a mended robot are its own. A robot whose file
+holds masses that no body can have is read with `mend_inertia`, which the table says; one that
+cannot be read at all is named with the reason.
 """
 
 import argparse
@@ -104,9 +106,38 @@ def difference(pin, peer, world, prefix, wanted):
     return far, turned, count
 
 
+def dynamics(pin, peer, model, world, wanted, rng):
+    """Return how far mass matrix, Jacobian and inverse dynamics are off, and the velocities."""
+    joints = [joint for joint in world.scene.spec.joints if joint.type in ONE_AXIS]
+    names = {f'robot/{ros_name(joint.name)}': joint.name for joint in model.joints}
+    rows = [peer.joints[peer.getJointId(names[joint.name])].idx_v for joint in joints]
+    data, q = peer.createData(), in_pinocchio(pin, peer, wanted)
+    M = np.triu(pin.crba(peer, data, q))
+    M = (M + np.triu(M, 1).T)[np.ix_(rows, rows)]
+    frame = max((one for one in peer.frames if one.type == pin.FrameType.BODY),
+                key=lambda one: one.parentJoint).name
+    J = pin.computeFrameJacobian(peer, data, q, peer.getFrameId(frame),
+                                 pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)[:, rows]
+    moving = world.scene.spec.model_dump(exclude_none=True)
+    for joint in moving['joints']:
+        if joint['type'] in ONE_AXIS:   # every coordinate by itself
+            joint |= {'velocity': float(rng.normal()), 'position': wanted[names[joint['name']]]}
+            for key in ('mimic', 'limits'):
+                joint.pop(key, None)
+    moving = World.from_dict(moving)
+    v, a = np.zeros(peer.nv), rng.normal(size=peer.nv)
+    v[rows] = [rate for rate, joint in zip(moving.joint_velocity, world.scene.spec.joints,
+                                           strict=True) if joint.type in ONE_AXIS]
+    efforts = pin.rnea(peer, data, q, v, a)[rows]
+    return [float(np.abs(mine - theirs).max() / np.abs(theirs).max()) if theirs.size else 0.0
+            for mine, theirs in (
+                (world.mass_matrix('robot'), M),
+                (world.jacobian('robot', f'robot/{ros_name(frame)}'), J),
+                (moving.inverse_dynamics('robot', a[rows]), efforts))]
+
+
 def compare(pin, path):
     """Return the row of a robot, and whether it is as Pinocchio has it."""
-    start = time.perf_counter()
     model = read_model(path)
     axes = sum(AXES.get(joint.kind, 1) for joint in model.joints)
     peer = pin.buildModelFromUrdf(str(path))
@@ -131,9 +162,12 @@ def compare(pin, path):
     wanted = sum(inertia.mass for inertia in peer.inertias)
     off = abs(mass - wanted) / max(wanted, 1e-30)
     followers = sum(joint.mimic is not None for joint in model.joints)
-    good = axes == peer.nv and max(far, turned, off) <= TOLERANCE
+    errors = dynamics(pin, peer, model, world, all_positions(model, free), rng)
+    good = axes == peer.nv and max(far, turned, off) <= TOLERANCE and (
+        mended or max(errors) <= TOLERANCE)
     return (f'{path.stem:34} {len(world.names):6} {count:6} {axes:4} {peer.nv:4} {followers:5} '
-            f'{mass:10.4f} {off:8.1e} {far:9.1e} {turned:9.1e} {spent:6.2f}  {mended}'), good
+            f'{mass:10.4f} {off:8.1e} {far:9.1e} {turned:9.1e} {errors[0]:8.1e} {errors[1]:8.1e} '
+            f'{errors[2]:8.1e} {spent:6.2f}  {mended}'), good
 
 
 def main():
@@ -148,7 +182,8 @@ def main():
     files = options.files or (sorted(folder.rglob('*.urdf')) if options.all
                               else [folder / name for name in TEN])
     print(f'{"robot":34} {"bodies":>6} {"frames":>6} {"axes":>4} {"nv":>4} {"mimic":>5} '
-          f'{"mass [kg]":>10} {"off":>8} {"far [m]":>9} {"turned":>9} {"s":>6}')
+          f'{"mass [kg]":>10} {"off":>8} {"far [m]":>9} {"turned":>9} {"M":>8} {"J":>8} '
+          f'{"rnea":>8} {"s":>6}')
     wrong = 0
     for path in files:
         try:
