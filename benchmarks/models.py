@@ -108,7 +108,9 @@ def difference(pin, peer, world, prefix, wanted):
 
 def dynamics(pin, peer, model, world, wanted, rng):
     """Return how far mass matrix, Jacobian and inverse dynamics are off, and the velocities."""
-    joints = [joint for joint in world.scene.spec.joints if joint.type in ONE_AXIS]
+    joints = [joint for joint in world.scene.spec.joints or () if joint.type in ONE_AXIS]
+    if not joints:
+        return [0.0, 0.0, 0.0]
     names = {f'robot/{ros_name(joint.name)}': joint.name for joint in model.joints}
     rows = [peer.joints[peer.getJointId(names[joint.name])].idx_v for joint in joints]
     data, q = peer.createData(), in_pinocchio(pin, peer, wanted)
@@ -129,7 +131,7 @@ def dynamics(pin, peer, model, world, wanted, rng):
     v[rows] = [rate for rate, joint in zip(moving.joint_velocity, world.scene.spec.joints,
                                            strict=True) if joint.type in ONE_AXIS]
     efforts = pin.rnea(peer, data, q, v, a)[rows]
-    return [float(np.abs(mine - theirs).max() / np.abs(theirs).max()) if theirs.size else 0.0
+    return [float(np.abs(mine - theirs).max() / np.abs(theirs).max()) if theirs.any() else 0.0
             for mine, theirs in (
                 (world.mass_matrix('robot'), M),
                 (world.jacobian('robot', f'robot/{ros_name(frame)}'), J),
