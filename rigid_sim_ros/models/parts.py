@@ -32,6 +32,7 @@ class Wish:
     fixed_base: bool | None = None      # None: as the file has it
     joints: Mapping[str, float] = field(default_factory=dict)   # positions at the start
     drives: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)   # by joint
+    unlimited: frozenset[str] = frozenset()     # joints whose bounds are left out
     mend_inertia: bool = False
     material: str = 'default'
 
@@ -303,7 +304,8 @@ class _Maker:
         Those of a joint that follows another one are bounds of that one: two bounds that are met
         together would be the same condition twice, and nothing would tell the forces of both.
         """
-        bounds = {joint.name: (joint.lower, joint.upper) for joint in self._model.joints}
+        bounds = {joint.name: (None, None) if joint.name in self._wish.unlimited
+                  else (joint.lower, joint.upper) for joint in self._model.joints}
         kinds = {joint.name: joint.kind for joint in self._model.joints}
         followers = {joint.name for joint in self._model.joints if joint.mimic is not None}
         for joint in self._model.joints:

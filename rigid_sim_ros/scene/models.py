@@ -172,8 +172,15 @@ def _wish(entry: schema.ModelFile, model: Model, report: Report) -> Wish:
             report(('drives', pattern), 'matches no joint of the model with one axis, '
                    f'{nearest(pattern, names)}')
         drives.update(dict.fromkeys(matching, drive.model_dump(exclude_none=True)))
+    unlimited: set[str] = set()
+    for i, pattern in enumerate(entry.unlimited):
+        matching = fnmatch_all(names, pattern)
+        if not matching:
+            report(('unlimited', i), f'{shown(pattern)} matches no joint of the model with one '
+                   f'axis, {nearest(pattern, names)}')
+        unlimited.update(matching)
     return Wish(entry.name, Pose(entry.pose.position, entry.pose.orientation), entry.fixed_base,
-                entry.joints, drives, entry.mend_inertia, entry.material)
+                entry.joints, drives, frozenset(unlimited), entry.mend_inertia, entry.material)
 
 
 def fnmatch_all(names: list[str], pattern: str) -> list[str]:

@@ -472,6 +472,8 @@ class ModelFile(Spec):
     joints: dict[str, _Coordinate] = {}
     # Drives of the joints whose names match; the others are of the mode effort.
     drives: dict[str, JointDrive] = {}
+    # Joints, by patterns, whose bounds in the file are left out.
+    unlimited: Annotated[tuple[str, ...], ListOf(Text(), 'names or patterns of joints')] = ()
     # Folders, by the names that package:// and model:// have for them.
     packages: dict[str, Annotated[str, Text()]] = {}
     # Of a xacro file.

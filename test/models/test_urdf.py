@@ -101,6 +101,14 @@ def test_position_0_beyond_the_limits_is_replaced_by_the_nearer_bound(tmp_path) 
     assert any('starts at the nearer one' in note for note in scene.notes)
 
 
+def test_bounds_of_joints_are_left_out_where_the_scene_says_so(tmp_path) -> None:
+    path = write(tmp_path, 'pendulum.urdf', URDF.replace('lower="-3"', 'lower="0.5"'))
+    limits = world_of(path, unlimited=['hin*']).scene.spec.joints[0].limits
+    assert (limits.lower, limits.upper, limits.effort) == (None, None, 10.0)
+    with pytest.raises(SceneError, match=r"models\[0\].unlimited\[0\]: 'knee' matches no joint"):
+        world_of(path, unlimited=['knee'])
+
+
 def test_what_has_no_effect_is_told_in_one_line_for_each_kind(tmp_path) -> None:
     text = URDF.replace('</robot>', '<gazebo/>\n<gazebo reference="rod"/>\n'
                         '<transmission name="t"/></robot>')
