@@ -11,6 +11,10 @@ from rigid_sim_ros.models.findings import Finding, Place
 from rigid_sim_ros.models.poses import IDENTITY, Pose
 
 
+# Robots have some hundred; pairs of links that do not touch grow with the square.
+MOST_LINKS = 2000
+
+
 class Inertia(NamedTuple):
     """Mass properties of a link, in its frame."""
 

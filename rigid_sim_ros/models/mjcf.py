@@ -118,7 +118,8 @@ class _Reader:
         findings.stop()
         model = Model(self._root.attributes.get('model') or self._path.stem, links, joints, frames,
                       self._root)
-        model.ignored_pairs = self._ignored_pairs()
+        names = {link.name for link in links}
+        model.ignored_pairs = [pair for pair in self._ignored_pairs() if names.issuperset(pair)]
         model.world = {'gravity': tuple(float(g) for g in m.opt.gravity),
                        'step': float(m.opt.timestep)}
         model.notes = findings.notes
@@ -232,6 +233,8 @@ class _Reader:
                     follower.mimic = Mimic(self._name('jnt', b), float(data[1]), float(data[0]))
                 continue
             is_body = int(m.eq_objtype[e]) == int(mj.mjtObj.mjOBJ_BODY)
+            if is_body and self._is_welded(a) and self._is_welded(b):
+                continue
             if kind in ('connect', 'weld') and is_body:
                 made.append(self._loop(name, kind, a, b, data, poses, place))
             else:
@@ -242,7 +245,7 @@ class _Reader:
     def _loop(self, name: str, kind: str, a: int, b: int, data: Any, poses: list[Pose],
               place: Element) -> Joint:
         """Return the joint that an equality between two bodies is."""
-        outer, inner = (b, a) if self._is_welded(a) else (a, b)
+        outer, inner = (b, a) if self._is_welded(b) else (a, b)
         anchor = data[0:3] if kind == 'connect' else data[3:6]
         at = combined(poses[a if kind == 'connect' else b],
                       Pose(_vector(anchor), IDENTITY.orientation))

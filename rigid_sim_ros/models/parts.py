@@ -15,7 +15,7 @@ import math
 import re
 from typing import Any
 
-from rigid_sim_ros.models.description import Frame, Joint, Link, Model, Shape
+from rigid_sim_ros.models.description import Frame, Joint, Link, Model, MOST_LINKS, Shape
 from rigid_sim_ros.models.findings import Finding, Findings, Place
 from rigid_sim_ros.models.inertia import mended, mistake, together
 from rigid_sim_ros.models.poses import combined, IDENTITY, inverse, Pose
@@ -66,6 +66,10 @@ class _Maker:
         self._model, self._wish, self._mesh = model, wish, mesh
         self._findings = Findings()
         self._guests: dict[str, list[Link]] = {}
+        if len(model.links) > MOST_LINKS:
+            self._findings.error(model.place, f'has {len(model.links)} links, must have '
+                                 f'{MOST_LINKS} or fewer')
+            self._findings.stop()
         self._links = {link.name: link for link in model.links}
         self._names = self._ros_names()
         self._fixed = self._fixed_links()

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import NamedTuple
 
-from rigid_sim_ros.models.description import Frame, Inertia, Joint, Link, Model
+from rigid_sim_ros.models.description import Frame, Inertia, Joint, Link, Model, MOST_LINKS
 from rigid_sim_ros.models.files import Folders
 from rigid_sim_ros.models.findings import Finding, Findings, ModelError
 from rigid_sim_ros.models.poses import (
@@ -214,6 +214,9 @@ class _Reader:
                 if shape is not None:
                     shapes.append(shape)
         model.links.append(link)
+        if len(model.links) > MOST_LINKS:
+            findings.error(element, f'is one of more than {MOST_LINKS} links, must be fewer')
+            findings.stop()
 
     def _inertia(self, link: Element) -> Inertia:
         """Return the mass properties of a link: 1 kg and 1 kg m^2 where the file has none."""

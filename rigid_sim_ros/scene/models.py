@@ -160,32 +160,32 @@ def alone(path: Path) -> dict[str, Any]:
 
 def _wish(entry: schema.ModelFile, model: Model, report: Report) -> Wish:
     """Return what the scene says of a model; report joints that it has not."""
-    names = [joint.name for joint in model.joints if joint.kind in schema.ONE_AXIS]
-    for name in entry.joints:
-        if name not in names:
-            report(('joints', name), f'is no joint of the model with one axis, '
-                   f'{nearest(name, names)}')
-    drives = {}
-    for pattern, drive in entry.drives.items():
-        matching = fnmatch_all(names, pattern)
-        if not matching:
-            report(('drives', pattern), 'matches no joint of the model with one axis, '
-                   f'{nearest(pattern, names)}')
-        drives.update(dict.fromkeys(matching, drive.model_dump(exclude_none=True)))
-    unlimited: set[str] = set()
-    for i, pattern in enumerate(entry.unlimited):
-        matching = fnmatch_all(names, pattern)
-        if not matching:
-            report(('unlimited', i), f'{shown(pattern)} matches no joint of the model with one '
-                   f'axis, {nearest(pattern, names)}')
-        unlimited.update(matching)
+    named = _Named(model, report)
+    positions = {name: position for wanted, position in entry.joints.items()
+                 for name in named.matching(wanted, ('joints', wanted))}
+    drives = {name: drive.model_dump(exclude_none=True) for pattern, drive in entry.drives.items()
+              for name in named.matching(pattern, ('drives', pattern))}
+    unlimited = {name for i, pattern in enumerate(entry.unlimited)
+                 for name in named.matching(pattern, ('unlimited', i))}
     return Wish(entry.name, Pose(entry.pose.position, entry.pose.orientation), entry.fixed_base,
-                entry.joints, drives, frozenset(unlimited), entry.mend_inertia, entry.material)
+                positions, drives, frozenset(unlimited), entry.mend_inertia, entry.material)
 
 
-def fnmatch_all(names: list[str], pattern: str) -> list[str]:
-    """Return the names that match a pattern."""
-    return [name for name in names if fnmatchcase(name, pattern)]
+class _Named:
+    """The joints with one axis of a model, by their names in the file or in the scene."""
+
+    def __init__(self, model: Model, report: Report) -> None:
+        self._names = [joint.name for joint in model.joints if joint.kind in schema.ONE_AXIS]
+        self._report = report
+
+    def matching(self, pattern: str, place: Place) -> list[str]:
+        """Return the names in the file of joints that match; report a pattern that none does."""
+        found = [name for name in self._names
+                 if fnmatchcase(name, pattern) or fnmatchcase(ros_name(name), pattern)]
+        if not found:
+            self._report(place, f'{shown(pattern)} is no joint of the model with one axis, '
+                         f'{nearest(pattern, self._names) if self._names else "must be none"}')
+        return found
 
 
 class _Meshes:

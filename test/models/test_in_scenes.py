@@ -81,9 +81,9 @@ def test_removing_a_body_takes_the_forces_on_its_frames_along() -> None:
 @pytest.mark.parametrize(('old', 'new', 'words'), [
     ('file: pendulum.urdf\n    pose', 'file: nobody.urdf\n    pose', 'urdf: cannot be read'),
     ('file: pendulum.urdf\n    pose', 'file: pendulum.txt\n    pose', 'must end with .urdf'),
-    ('{hinge: 0.2}', '{hing: 0.2}', '8: models[0].joints.hing: is no joint of the model'),
+    ('{hinge: 0.2}', '{hing: 0.2}', "8: models[0].joints.hing: 'hing' is no joint of the model"),
     ('{hinge: 0.2}', '{hinge: 7}', 'pendulum.urdf:7: left/hinge: position: 7 is beyond'),
-    ("'hin*'", "'knee*'", 'matches no joint of the model'),
+    ("'hin*'", "'knee*'", "'knee*' is no joint of the model"),
     ('name: left', 'name: ball', 'begins with the name of bodies[0]'),
     ('name: right', 'name: left', "'left/base' is the name of bodies[1] too"),
     ('a: left/tool', 'a: left/tol', "did you mean 'left/tool'?"),

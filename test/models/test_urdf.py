@@ -105,7 +105,7 @@ def test_bounds_of_joints_are_left_out_where_the_scene_says_so(tmp_path) -> None
     path = write(tmp_path, 'pendulum.urdf', URDF.replace('lower="-3"', 'lower="0.5"'))
     limits = world_of(path, unlimited=['hin*']).scene.spec.joints[0].limits
     assert (limits.lower, limits.upper, limits.effort) == (None, None, 10.0)
-    with pytest.raises(SceneError, match=r"models\[0\].unlimited\[0\]: 'knee' matches no joint"):
+    with pytest.raises(SceneError, match=r"unlimited\[0\]: 'knee' is no joint of the model"):
         world_of(path, unlimited=['knee'])
 
 
@@ -214,3 +214,11 @@ def test_names_that_ros_does_not_allow_are_changed_and_told(tmp_path) -> None:
     scene = read_scene(write(tmp_path, 'pendulum.urdf', URDF.replace('"rod"', '"1-rod"')))
     assert scene.names == ('pendulum/base', 'pendulum/_1_rod')
     assert "'1-rod' is _1_rod" in scene.notes[0]
+
+
+@pytest.mark.parametrize('name', ['the-hinge', 'the_hinge', 'the*'])
+def test_a_scene_names_joints_as_the_file_or_as_ros_does(tmp_path, name) -> None:
+    path = write(tmp_path, 'pendulum.urdf', URDF.replace('"hinge"', '"the-hinge"'))
+    world = world_of(path, joints={name: 0.5}, drives={name: {'mode': 'velocity', 'gain': 1.0}})
+    assert world.joint_position == pytest.approx([0.5])
+    assert world.scene.spec.joints[0].drive.mode == 'velocity'
