@@ -18,6 +18,7 @@ from rigid_sim_ros.models.findings import Finding, Findings, ModelError
 from rigid_sim_ros.models.mjcf_shapes import read_shapes
 from rigid_sim_ros.models.poses import (
     combined, IDENTITY, inverse, Pose, Quaternion, turned_tensor, Vector)
+from rigid_sim_ros.models.values import MOST
 from rigid_sim_ros.models.xml_tree import contents, Element, parse
 
 NEEDED = ("needs MuJoCo, which is not installed: `pip install '.[mjcf]'` in a clone of "
@@ -63,6 +64,9 @@ def _check_files(data: bytes, path: Path, folders: Folders) -> Element:
             if element.tag == 'plugin' or element.tag == 'extension':
                 findings.error(element, 'is code of another library, must go')
             for key, value in element.attributes.items():
+                if not _is_sound(value):
+                    findings.error(element, f'{key} {value[:40]!r}, must be finite and at most '
+                                   f'{MOST:g}')
                 if key.startswith('file') or key.endswith('dir'):
                     found = _allowed(value, element, folders, findings)
                     if element.tag == 'include' and found is not None and found not in seen:
@@ -73,6 +77,14 @@ def _check_files(data: bytes, path: Path, folders: Folders) -> Element:
             break
     findings.stop()
     return root
+
+
+def _is_sound(value: str) -> bool:
+    """Return whether numbers are of a sane size: with others MuJoCo may not come back."""
+    try:
+        return all(abs(float(word)) <= MOST for word in value.split())
+    except ValueError:
+        return True     # no numbers
 
 
 def _allowed(name: str, element: Element, folders: Folders, findings: Findings) -> Path | None:

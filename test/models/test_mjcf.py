@@ -77,6 +77,7 @@ def test_equalities_are_joints_that_close_loops_or_follow(tmp_path) -> None:
 @pytest.mark.parametrize(('old', 'new', 'words'), [
     ('<worldbody>', '<wordbody>', 'not XML'),
     ('timestep="0.0005"', 'timestep="soon"', 'MuJoCo says: '),
+    ('size=".02 .2"', 'size="nan"', "size 'nan', must be finite"),
     ('<freejoint/>', '<joint type="slide"/><joint type="hinge"/>', 'has 2 joints (slide, hinge)'),
     ('<worldbody>', '<include file="../secret.xml"/><worldbody>', 'may lie outside'),
     ('<worldbody>', '<asset><mesh file="/etc/passwd"/></asset><worldbody>', 'may lie outside'),

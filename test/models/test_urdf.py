@@ -7,6 +7,7 @@ import math
 from models.robots import INERTIAL, URDF, world_of, write
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from rigid_sim_ros import load_scene
 from rigid_sim_ros.scene import read_scene, SceneError
@@ -172,6 +173,25 @@ def test_a_point_with_a_mass_is_a_part_of_the_body_that_it_is_fixed_to(tmp_path)
     assert rod.com == pytest.approx((0, 0, -2 / 3), abs=1e-15)
     assert rod.inertia[0] == pytest.approx(1 / 12 + 1 / 36 + 1 / 18, rel=1e-14)
     assert "taken as a part of 'rod'" in scene.notes[0]
+
+
+def test_moments_are_those_of_axes_that_are_turned_in_the_link(tmp_path) -> None:
+    text = URDF.replace('-0.5"/><mass', '-0.5" rpy="0.2 0.5 -0.3"/><mass').replace(
+        f'ixx="{1 / 12}" ixy="0"', 'ixx="0.1" ixy="0.01"').replace('izz="0.0002"', 'izz="0.03"')
+    inertia = read_scene(write(tmp_path, 'pendulum.urdf', text)).spec.bodies[1].inertial.inertia
+    R = Rotation.from_euler('xyz', [0.2, 0.5, -0.3]).as_matrix()
+    expected = R @ np.array([[0.1, 0.01, 0], [0.01, 1 / 12, 0], [0, 0, 0.03]]) @ R.T
+    xx, yy, zz, xy, xz, yz = inertia
+    np.testing.assert_allclose([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], expected, atol=1e-16)
+
+
+def test_a_pose_turns_the_whole_model(tmp_path) -> None:
+    world = world_of(write(tmp_path, 'pendulum.urdf', URDF),
+                     pose={'position': [1, 0, 0], 'orientation': [HALF, 0, 0, HALF]})
+    # A quarter of a turn about x takes the hinge, 1 m up, to -y, and its axis y to z.
+    np.testing.assert_allclose(world.position[1], [1, -1, 0], atol=1e-15)
+    world.set_joint_state('r/hinge', 0.0, 1.0)
+    np.testing.assert_allclose(world.angular_velocity[1], [0, 0, 1], atol=1e-15)
 
 
 def test_impossible_moments_are_mended_where_the_scene_says_so(tmp_path) -> None:
