@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import math
 from typing import NamedTuple
 
-from rigid_sim_ros.engine.maths.rotation_in_python import from_matrix, multiply, rotate, to_matrix
+from rigid_sim_ros.engine.maths.rotation_in_python import multiply, rotate, to_matrix
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -48,11 +48,6 @@ def from_rpy(roll: float, pitch: float, yaw: float) -> Quaternion:
     x, y, z = (((math.sin(a), 0.0, 0.0, math.cos(a))), (0.0, math.sin(b), 0.0, math.cos(b)),
                (0.0, 0.0, math.sin(c), math.cos(c)))
     return _unit(multiply(z, multiply(y, x)))
-
-
-def from_columns(x: Vector, y: Vector, z: Vector) -> Quaternion:
-    """Return the attitude whose matrix has these columns."""
-    return _unit(from_matrix(((x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2]))))
 
 
 def turned_tensor(orientation: Quaternion, tensor: Sequence[float]) -> tuple[float, ...]:

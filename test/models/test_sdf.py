@@ -51,6 +51,16 @@ def test_a_joint_has_the_laws_of_its_axis(tmp_path) -> None:
     assert (joint.damping, joint.spring.stiffness) == (0.5, 2.0)
 
 
+@pytest.mark.parametrize(('frame', 'axis'), [
+    ('', (1, 0, 0)), ('__model__', (0, -1, 0)), ('tool', (1, 0, 0)), ('base', (0, -1, 0))])
+def test_an_axis_is_expressed_in_a_frame(tmp_path, frame, axis) -> None:
+    named = f' expressed_in="{frame}"' if frame else ''
+    text = ARM.replace('<xyz expressed_in="__model__">0 0 1</xyz>', f'<xyz{named}>1 0 0</xyz>')
+    # The joint frame is turned by a quarter about z, and the arm and its tool with it.
+    joint = read_scene(write(tmp_path, 'm.sdf', text)).spec.joints[0]
+    np.testing.assert_allclose(joint.axis, axis, atol=1e-15)
+
+
 def test_a_model_is_free_unless_it_says_otherwise(tmp_path) -> None:
     path = write(tmp_path, 'm.sdf', ARM)
     assert not any(body.fixed for body in read_scene(path).spec.bodies)
