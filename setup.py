@@ -26,6 +26,8 @@ ROS_WHEELS = [
 ]
 
 EXPORT = ['pyarrow>=14']    # 100 MB, and only `rigid_sim export` needs it
+MJCF = ['mujoco>=3.2']
+XACRO = ['xacro>=2.0']
 PLOT = ['matplotlib>=3.8', 'plotly>=5.15']
 RENDER = ['av>=12.0', 'pillow>=10.1', 'pyvista>=0.44', 'vtk>=9.4']      # VTK unpacks to 600 MB
 
@@ -56,12 +58,14 @@ setup(
     zip_safe=False,
     install_requires=[
         'click>=8.1',
+        'defusedxml>=0.7.1',
         'llvmlite>=0.42',
         'lz4>=4.0',
         'mcap>=1.1',
         'numba>=0.59,<0.69',
         'numpy>=1.26',
         'osqp>=1.0',
+        'pycollada>=0.7',
         'pydantic>=2.5',
         'pyyaml>=6.0',
         'rich>=13.0',
@@ -73,13 +77,16 @@ setup(
     ],
     extras_require={
         'export': EXPORT,
+        'mjcf': MJCF,
         'plot': PLOT,
         'render': RENDER,
         'ros': [*ROS_WHEELS, *VIEW],
-        'test': [*EXPORT, *PLOT, *RENDER, *ROS_WHEELS, *VIEW, 'colcon-common-extensions',
+        'test': [*EXPORT, *MJCF, *PLOT, *RENDER, *ROS_WHEELS, *VIEW, *XACRO,
+                 'colcon-common-extensions',
                  'hypothesis', 'mcap-ros2-support', 'playwright>=1.40', 'pytest',
                  'pytest-rerunfailures', 'pytest-xdist>=3.7'],
         'view': VIEW,
+        'xacro': XACRO,
         'lint': [
             'flake8',
             'flake8-blind-except',

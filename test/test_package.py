@@ -93,7 +93,7 @@ def test_every_rosdep_key_of_a_python_library_is_also_a_requirement_of_pip() -> 
     # What rosdep does not know, or on Ubuntu 24.04 not in the version needed.
     page = (SOURCE / 'docs' / 'install.md').read_text(encoding='utf-8')
     unknown = required - libraries
-    assert unknown == {'llvmlite', 'lz4', 'mcap', 'osqp', 'pydantic', 'zstandard'}
+    assert unknown == {'llvmlite', 'lz4', 'mcap', 'osqp', 'pycollada', 'pydantic', 'zstandard'}
     line, = (line for line in page.splitlines() if line.startswith('pip install osqp'))
     assert all(name in line for name in unknown)
     assert libraries <= required

@@ -15,6 +15,7 @@ from rigid_sim_ros.bag.motion import joint_prefix
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.session import is_session
 from rigid_sim_ros.messages import decode
+from rigid_sim_ros.messages.topics import body_of
 
 FORMATS = ('csv', 'parquet')
 _AXES = 'xyz'
@@ -67,6 +68,7 @@ def _fill(reader: BagReader, motion: '_Table', wrenches: '_Table', joints: '_Tab
     first_ns: int | None = None
     node: str | None = None     # of a session of ours
     types: dict[str, str] = {}
+    names: list[str] = []
     for topic, stamp, data in reader.messages():
         first_ns = stamp if first_ns is None else first_ns
         if topic not in types:
@@ -78,13 +80,14 @@ def _fill(reader: BagReader, motion: '_Table', wrenches: '_Table', joints: '_Tab
             motion.add([at] * len(names), [t_ns / 1e9] * len(names), names, numbers=numbers)
         elif kind == kinds.TYPES[kinds.APPLIED_WRENCH] and topic.endswith('/applied_wrench'):
             t_ns, frame, numbers = decode.wrench(data)
-            wrenches.add([at], [t_ns / 1e9], [topic.split('/')[-2]], [frame], numbers=numbers)
+            wrenches.add([at], [t_ns / 1e9], [body_of(topic, names)], [frame],
+                         numbers=numbers)
         elif kind == kinds.TYPES[kinds.JOINT_STATES]:
             prefix = joint_prefix(topic, node)
             if prefix is not None:
-                t_ns, _, names, numbers = decode.joint_state(data)
-                joints.add([at] * len(names), [t_ns / 1e9] * len(names),
-                           [prefix + name for name in names], numbers=numbers)
+                t_ns, _, joint_names, numbers = decode.joint_state(data)
+                joints.add([at] * len(joint_names), [t_ns / 1e9] * len(joint_names),
+                           [prefix + name for name in joint_names], numbers=numbers)
         elif node is None and is_session(topic):
             node = topic.removesuffix('/bag/session')
     if reader.faults:

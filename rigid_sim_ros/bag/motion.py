@@ -19,6 +19,7 @@ from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.session import Session
 from rigid_sim_ros.messages import decode
+from rigid_sim_ros.messages.topics import body_of
 from rigid_sim_ros.scene import Scene, scene_from_text, SceneError
 
 Array: TypeAlias = npt.NDArray[np.float64]
@@ -144,7 +145,7 @@ class _Gathering:
     def wrench(self, topic: str, stamp: int, data: bytes) -> None:
         if topic.endswith('/contact_wrench'):
             t_ns, _, numbers = decode.wrench(data)
-            self._wrenches.setdefault(topic.split('/')[-2], []).append((t_ns, stamp, numbers[0]))
+            self._wrenches.setdefault(topic, []).append((t_ns, stamp, numbers[0]))
 
     def joints(self, topic: str, stamp: int, data: bytes) -> None:
         prefix = joint_prefix(topic, self._node)
@@ -186,9 +187,10 @@ class _Gathering:
             names, np.array([at for at, _ in times]), table[..., :3], table[..., 3:7],
             table[..., 7:10], table[..., 10:], [k for k, (_, back) in enumerate(times) if back],
             clock.starts_at_date, scene, self._session, {
-                body: (np.array([t_ns - start for t_ns in _stamps(rows)]) / 1e9,
-                       np.array([row[2] for row in rows]))
-                for body, rows in self._wrenches.items()}, self._joint_series(), notes)
+                body_of(topic, names): (
+                    np.array([t_ns - start for t_ns in _stamps(rows)]) / 1e9,
+                    np.array([row[2] for row in rows]))
+                for topic, rows in self._wrenches.items()}, self._joint_series(), notes)
 
     def _joint_series(self) -> dict[str, tuple[Array, Array]]:
         """Return the series of each joint; a clock that is set back goes on, as for bodies."""

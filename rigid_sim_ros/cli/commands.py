@@ -41,7 +41,8 @@ def rigid_sim(ctx: click.Context) -> None:
     """
     Simulate rigid bodies in a ROS 2 node.
 
-    SCENE is the path of a YAML file or the name of an example: `rigid_sim scenes` lists them.
+    SCENE is the path of a YAML file, of a model (URDF, SDF, MJCF, xacro), or the name of an
+    example: `rigid_sim scenes` lists them.
     """
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())
@@ -156,6 +157,24 @@ def check(scene: str) -> None:
         raise
     announced(lambda: initial_overlaps(content))
     print_scene(console(), content)
+
+
+@rigid_sim.command(epilog=examples(
+    'rigid_sim convert panda.urdf --output panda.yaml',
+    'rigid_sim convert robot.sdf --output -'))
+@click.argument('model')
+@click.option('--output', metavar='FILE', required=True,
+              help='The new scene file; - for the terminal.')
+def convert(model: str, output: str) -> None:
+    """
+    Write MODEL, a URDF, SDF, MJCF or xacro file, as a scene.
+
+    The scene holds bodies, joints and meshes, and needs no other file. What is ignored in the
+    model is told in a line each.
+    """
+    from rigid_sim_ros.cli.converting import convert_model
+
+    convert_model(model, output)
 
 
 @rigid_sim.command('compile', epilog=examples(

@@ -40,13 +40,18 @@ def print_scene(out: Console, scene: Scene) -> None:
     """Print what a scene holds, and what its author should know before a run."""
     world = scene.spec.world
     out.print(f'{scene.name}: {counted(len(scene.names), "body", "bodies")}, '
-              f'{counted(len(scene.spec.forces), "force", "forces")}, step {world.step:g} s, '
+              f'{_joint_count(scene.spec)}{counted(len(scene.spec.forces), "force", "forces")}, '
+              f'step {world.step:g} s, '
               f'gravity {_numbers(world.gravity)} m/s^2')
     out.print(f'integrator {world.integrator}, orientation {world.orientation}, '
               f'contact {world.contact}')
     out.print(_bodies(scene))
     if scene.spec.forces:
         out.print(_forces(scene.spec.forces))
+    if scene.spec.joints:
+        out.print(_joints(scene.spec.joints))
+    for line in scene.notes:
+        out.print(f'note: {line}', soft_wrap=True)
     for line in advice(scene):
         out.print(f'warning: {line}', soft_wrap=True)
 
@@ -85,6 +90,32 @@ def _forces(forces: Sequence[schema.Force]) -> Table:
         table.add_row(force.type, on, ', '.join(
             f'{key} {_numbers(value)}' for key, value in values.items() if value.any()))
     hidden = len(forces) - _MOST_ROWS
+    if hidden > 0:
+        table.add_row(f'... {hidden} more')
+    return table
+
+
+def _joint_count(spec: schema.Scene) -> str:
+    return f'{counted(len(spec.joints), "joint", "joints")}, ' if spec.joints else ''
+
+
+def _joints(joints: Sequence[schema.Joint]) -> Table:
+    table = _table(('joint', 'left'), ('type', 'left'), ('between', 'left'), ('axis', 'left'),
+                   ('range [rad, m]', 'left'), ('at the start', 'left'))
+    for joint in joints[:_MOST_ROWS]:
+        has_axis = joint.type in schema.ONE_AXIS
+        bounds = [joint.limits.lower, joint.limits.upper]
+        at = '-'
+        if joint.mimic is not None:
+            at = f'follows {joint.mimic.joint}'
+        elif has_axis:
+            at = f'{joint.position or 0.0:.4g}'
+        table.add_row(
+            joint.name, joint.type, f'{joint.parent} - {joint.child}',
+            _numbers(joint.axis) if has_axis else '-',
+            ' .. '.join('' if bound is None else f'{bound:.4g}' for bound in bounds)
+            if bounds != [None, None] else '-', at)
+    hidden = len(joints) - _MOST_ROWS
     if hidden > 0:
         table.add_row(f'... {hidden} more')
     return table

@@ -8,6 +8,7 @@ again that are made of the world alone. The node listens to those of HEARD. The 
 of a topic is a parameter, `qos.KIND` in msg_config/default.yaml.
 """
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 # What follows from the world alone.
@@ -85,6 +86,13 @@ HEARD = {
 }
 
 _TABLE: dict[str, Published | Heard] = {**PUBLISHED, **HEARD}
+
+
+def body_of(topic: str, names: Collection[str]) -> str:
+    """Return the body that a topic such as /lab/crate/pose is of: the longest name that fits."""
+    above = topic.rpartition('/')[0]
+    fitting = [name for name in names if above.endswith(f'/{name}')]
+    return max(fitting, key=len, default=above.rpartition('/')[2])
 
 
 def topic_name(kind: str, node: str = '~', body: str = '') -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import json
 import logging
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -52,6 +53,9 @@ class Scene:
     contact: str
     solver: str
 
+    # What was ignored in the files of models, a line each; no part of the text.
+    notes: tuple[str, ...] = ()
+
     @property
     def descriptions(self) -> Mapping[str, str]:
         """Return the URDF of each model that has one, for ~/MODEL/robot_description."""
@@ -63,12 +67,13 @@ class Scene:
         return round(self.spec.world.step * 1e9)
 
 
-def build(spec: schema.Scene, name: str, folder: Path | None, source: Source) -> Scene:
+def build(spec: schema.Scene, name: str, folder: Path | None, source: Source,
+          notes: tuple[str, ...] = ()) -> Scene:
     """
     Return the scene; raises SceneError with all that is wrong beyond a single value.
 
     Mesh files are looked for in `folder`; None: the scene must hold its meshes itself. `source`
-    says where in the file a mistake stands.
+    says where in the file a mistake stands. `notes` are kept as they are.
     """
     if (spec.world.contact, spec.world.solver) == ('timestep', 'sequential') and (
             len(spec.bodies) > 1) and not spec.joints:
@@ -124,13 +129,22 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source) ->
     return Scene(name, spec, to_text(spec), model, state, shapes, materials,
                  tuple(body.name for body in spec.bodies), frame_names, joints,
                  spec.world.integrator, spec.world.orientation, spec.world.contact,
-                 spec.world.solver)
+                 spec.world.solver, notes)
 
 
 def to_text(spec: schema.Scene) -> str:
     """Return a scene as YAML, a body to a line, each number so that it reads back the same."""
+    return _yaml(spec.model_dump(exclude_none=True))
+
+
+def as_written(spec: schema.Scene) -> str:
+    """Return a scene as a user would write it: `to_text` without what has its default anyway."""
+    return _yaml({'format': 1, **spec.model_dump(exclude_none=True, exclude_defaults=True)})
+
+
+def _yaml(data: Mapping[str, Any]) -> str:
     lines: list[str] = []
-    for key, value in spec.model_dump(exclude_none=True).items():
+    for key, value in data.items():
         if isinstance(value, tuple) and value:
             lines += [f'{key}:', *(f'- {json.dumps(item)}' for item in value)]
         else:
@@ -182,16 +196,26 @@ def _rows(array: Array | IntArray) -> tuple[tuple[float | int, ...], ...]:
 def _check_references(spec: schema.Scene, report: Report) -> None:
     """Report what does not fit together although each value is right by itself."""
     first: dict[str, int] = {}
+    names = {body.name for body in spec.bodies}
     for i, body in enumerate(spec.bodies):
         if first.setdefault(body.name, i) != i:
             report(('bodies', i, 'name'), f'{shown(body.name)} is the name of bodies'
                    f'[{first[body.name]}] too, must be unique')
+        above = body.name.partition('/')[0]
+        if above != body.name and above in first:
+            report(('bodies', i, 'name'), f'{shown(body.name)} begins with the name of bodies'
+                   f'[{first[above]}], must begin with another one')
         if body.fixed and body.kinematic:
             report(('bodies', i, 'kinematic'), 'stands beside fixed: true, must be one of them: a '
                    'kinematic body moves by its twist')
         elif body.fixed and any((*body.twist.linear, *body.twist.angular)):
             report(('bodies', i, 'twist'), 'of a fixed body, must be 0, or the body kinematic: '
                    'true in place of fixed')
+        for key, (name, _) in zip(body.frames, body.named_frames(), strict=True):
+            if name in names:
+                report(('bodies', i, 'frames', key), f'{shown(name)} is the name of a body or of '
+                       'another frame, must be unique')
+            names.add(name)
         named = [((), body.material), *((path, part.material) for path, part in body.parts())]
         for path, material in named:
             if material is not None and material not in spec.all_materials:
@@ -236,7 +260,7 @@ def _shapes(spec: schema.Scene, model: Model, report: Report) -> Shapes | None:
 def _frame_names(spec: schema.Scene) -> dict[str, int]:
     """Return the index in the model of each frame: those of the bodies, then the named ones."""
     names = [body.name for body in spec.bodies]
-    names += [f'{body.name}/{frame}' for body in spec.bodies for frame in body.frames]
+    names += [name for body in spec.bodies for name, _ in body.named_frames()]
     return {name: index for index, name in enumerate(names)}
 
 

@@ -11,6 +11,7 @@ from rigid_sim_ros.engine.maths.rotation_in_python import multiply, rotate
 from rigid_sim_ros.engine.model.hulls import Polyhedron
 from rigid_sim_ros.engine.model.kinds.table import BY_TYPE, KINDS
 from rigid_sim_ros.engine.model.shapes import ALL_GROUPS, Material, Shape
+from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.scene import schema
 from rigid_sim_ros.scene.errors import nearest, Path, Report, shown
 
@@ -156,13 +157,23 @@ def _placed(shape: Shape, part: schema.Plane) -> Shape:
 
 def _hull(part: schema.Mesh) -> Polyhedron:
     """Return the convex hull of a mesh."""
+    return Polyhedron(*convex_hull(np.array(part.vertices)))
+
+
+def convex_hull(points: Array, tolerance: float = 0.0) -> tuple[Array, IntArray]:
+    """
+    Return vertices (v, 3) and triangles (t, 3), anticlockwise from outside, of a convex hull.
+
+    No point (n, 3) lies farther outside than the tolerance [m]: with one above 0 many points are
+    left out. Raises ValueError for points in a plane.
+    """
     # SciPy: 0.6 s that a scene without a mesh does not wait for.
     from scipy.spatial import ConvexHull, QhullError
 
-    points = np.array(part.vertices)
     try:
-        hull = ConvexHull(points)
-    except QhullError:
+        # Qhull's option W: it adds no point that is nearer to the hull so far.
+        hull = ConvexHull(points, qhull_options=f'W{tolerance!r}' if tolerance else None)
+    except (QhullError, ValueError):
         raise ValueError(f'the mesh of {len(points)} vertices is too flat for a convex hull, '
                          'must have a volume, or collides: false') from None
     corners, triangles = np.unique(hull.simplices, return_inverse=True)
@@ -172,4 +183,4 @@ def _hull(part: schema.Mesh) -> Polyhedron:
     a, b, c = np.moveaxis(vertices[triangles], 1, 0)
     inward = np.einsum('ti,ti->t', np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
     triangles[inward] = triangles[inward][:, ::-1]
-    return Polyhedron(vertices, triangles.astype(np.int64))
+    return vertices, triangles.astype(np.int64)

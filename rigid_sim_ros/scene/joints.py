@@ -11,7 +11,7 @@ import numpy as np
 from rigid_sim_ros.engine.joints.assembly import assemble, set_rates
 from rigid_sim_ros.engine.joints.buffers import (
     Drives, EFFORT, joints_at_rest, make_joint_work, no_drives, POSITION, VELOCITY)
-from rigid_sim_ros.engine.joints.kinematics import joint_distance, joint_error
+from rigid_sim_ros.engine.joints.kinematics import joint_distance, joint_error, joint_position
 from rigid_sim_ros.engine.maths.rotation_in_python import from_matrix, multiply, rotate
 from rigid_sim_ros.engine.model import joints as engine
 from rigid_sim_ros.engine.model.joints import build_joints, JointTable, Laws, LoopError, Mimic
@@ -117,7 +117,7 @@ def _check_limits(joint: schema.Joint, here: Report) -> None:
              'revolute')
     elif lower is not None and upper is not None and lower > upper:
         here(('limits', 'lower'), f'{lower:g} is above upper {upper:g}, must be below it')
-    elif joint.type in _ONE_AXIS:
+    elif joint.type in _ONE_AXIS and (joint.position is not None or joint.mimic is None):
         position = joint.position or 0.0
         if (lower is not None and position < lower) or (upper is not None and position > upper):
             here(('position',), f'{position:g} is beyond the limits, must be within '
@@ -310,7 +310,20 @@ def put_together(spec: schema.Scene, model: Model, state: State, joints: SceneJo
         report(('joints', worst), f'does not close: its frames stay {gap:.3g} m or rad apart, '
                'must meet where the other joints are at their positions')
         return
+    for i, joint in enumerate(named):
+        _check_start(joint, joint_position(table, state, i, float(joints.position[i])),
+                     below(('joints', i), report))
     set_rates(model, table, state, motion, work, joints.velocity)
+
+
+def _check_start(joint: schema.Joint, position: float, here: Report) -> None:
+    """Report a joint that others have taken beyond its limits."""
+    lower, upper = joint.limits.lower, joint.limits.upper
+    if joint.type in _ONE_AXIS and not (
+            (-math.inf if lower is None else lower - CLOSED) <= position
+            <= (math.inf if upper is None else upper + CLOSED)):
+        here(('limits',), f'do not hold at the start: other joints take this one to '
+             f'{position:.4g}, must be within, with other positions of these or other limits')
 
 
 def gap_of(table: JointTable, state: State, j: int) -> float:

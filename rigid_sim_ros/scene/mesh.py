@@ -8,7 +8,9 @@ import os
 from pathlib import Path
 import stat
 from typing import NamedTuple
+from xml.sax import ContentHandler
 
+from defusedxml.sax import parseString
 import numpy as np
 
 from rigid_sim_ros.engine.model.inertia import mesh_volume
@@ -16,7 +18,7 @@ from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.scene.errors import shown
 
 # What is read; the file says which by its name.
-FORMATS = ('.obj', '.stl')
+FORMATS = ('.obj', '.stl', '.dae', '.glb')
 
 # A mesh that encloses less than this part of its bounding box is flat but for rounding: its volume
 # is the difference of numbers 1e12 times as large, and no digit of the inertia would be right.
@@ -32,30 +34,43 @@ class Mesh(NamedTuple):
 
 def read(path: Path) -> Mesh:
     """
-    Read an OBJ or STL file.
+    Read an OBJ, STL, DAE or GLB file.
 
     Corners at the same place become one vertex, as an STL file repeats them for each triangle;
-    polygons become triangles. Raises ValueError if the file is missing or is not such a file.
+    polygons become triangles. The unit of a DAE file counts, the axis that it calls the upper one
+    does not: robots are written as RViz shows them. Raises ValueError if the file is missing or is
+    not such a file.
     """
     # SciPy comes with trimesh: 0.6 s that a scene without a mesh does not wait for.
     import trimesh
 
     if path.suffix.lower() not in FORMATS:
-        raise ValueError(f'{shown(path.name)}, must be an OBJ or STL file')
+        raise ValueError(f'{shown(path.name)}, must be an OBJ, STL, DAE or GLB file')
+    kind = path.suffix[1:].lower()
     try:
-        # From bytes, so that an OBJ file cannot make trimesh open the files it refers to.
-        mesh = trimesh.load(BytesIO(_bytes_of(path)), file_type=path.suffix[1:].lower(),
-                            force='mesh', skip_materials=True)
+        data = _bytes_of(path)
+        if kind == 'dae':
+            parseString(data, ContentHandler(), forbid_dtd=True)    # no entities, and no archive
+        # From bytes, so that a file cannot make trimesh open the files it refers to.
+        mesh = trimesh.load(BytesIO(data), file_type=kind, force='mesh', skip_materials=True)
         vertices = np.asarray(getattr(mesh, 'vertices', ()), dtype=np.float64).reshape(-1, 3)
+        if kind == 'dae':
+            vertices = vertices * _unit(mesh.units)
         faces = np.asarray(getattr(mesh, 'faces', ()), dtype=np.int64).reshape(-1, 3)
     except OSError as error:
         raise ValueError(f'{path} cannot be read: {error.strerror}') from None
     except Exception as error:  # Whatever a parser meets in a damaged file.
-        kind = type(error).__name__
-        raise ValueError(f'{path} is not a mesh that can be read ({kind})') from None
+        raise ValueError(f'{path} is not a mesh that can be read '
+                         f'({type(error).__name__})') from None
     if len(faces) == 0:
         raise ValueError(f'{path} has no triangles, must be a closed surface')
     return Mesh(vertices, faces)
+
+
+def _unit(words: str | None) -> float:
+    """Return the unit of length [m] that trimesh tells as `meters` or `0.01 * meters`."""
+    factor, star, _ = (words or '').partition(' * ')
+    return float(factor) if star else 1.0
 
 
 def _bytes_of(path: Path) -> bytes:

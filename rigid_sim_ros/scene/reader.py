@@ -12,22 +12,27 @@ import numpy as np
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
+from rigid_sim_ros.models.read import ending
 from rigid_sim_ros.scene import catalogue, schema
 from rigid_sim_ros.scene.build import build, Scene
 from rigid_sim_ros.scene.document import DictSource, Source, YamlSource
 from rigid_sim_ros.scene.errors import either, nearest, Path as Place, Problem, SceneError, shown
+from rigid_sim_ros.scene.models import alone, Expansion
 from rigid_sim_ros.scene.values import place
 from rigid_sim_ros.scene.yaml_tree import collector_paused
 
 
 def read_scene(path_or_name: str | os.PathLike[str]) -> Scene:
     """
-    Read a scene file, or an example by its name.
+    Read a scene file, an example by its name, or the file of a model, which is alone then.
 
     Files that the scene refers to are looked for beside it. Raises SceneError, with file and line,
     for what cannot be used.
     """
     path = catalogue.find(path_or_name)
+    if ending(path):
+        with collector_paused():
+            return _read(DictSource(alone(path)), path.stem, path.parent, is_alone=True)
     try:
         text = path.read_text(encoding='utf-8-sig')
     except OSError as error:
@@ -59,10 +64,15 @@ def scene_from_dict(data: Mapping[str, Any], name: str = 'scene') -> Scene:
         return _read(DictSource(data), name, Path())
 
 
-def _read(source: Source, name: str, folder: Path | None) -> Scene:
+def _read(source: Source, name: str, folder: Path | None, *, is_alone: bool = False) -> Scene:
     # What leaves the range of numbers is reported as a problem of the scene, with its place.
     with np.errstate(all='ignore'):
-        return build(_validated(source), name, folder, source)
+        spec = _validated(source)
+        if spec.models is None:
+            return build(spec, name, folder, source)
+        expansion = Expansion(spec, folder, source, is_alone=is_alone)
+        spec = expansion.merged(spec, _validated(expansion))
+        return build(spec, name, folder, expansion.in_scene(), tuple(expansion.notes))
 
 
 def _validated(source: Source) -> schema.Scene:

@@ -7,6 +7,7 @@ Each class holds what the user wrote, checked by itself; what needs two places o
 (a body and its material, a force and its frames) is checked in build.py.
 """
 
+from collections.abc import Iterator
 import math
 from typing import Annotated, Any, Literal, TypeAlias, Union
 
@@ -294,7 +295,8 @@ class Body(Spec):
     color: Annotated[tuple[float, ...], Color()] | None = None
     pose: Pose = Pose()
     twist: Twist = Twist()
-    frames: dict[Name, Pose] = {}
+    # A name with a slash is the whole name of a frame, another one stands behind the body's.
+    frames: dict[PartName, Pose] = {}
     fixed: Boolean = False
     # It moves by its twist, and pushes without being pushed.
     kinematic: Boolean = False
@@ -303,6 +305,11 @@ class Body(Spec):
     groups: Annotated[tuple[str, ...], ListOf(Text(), 'names of groups')] = ('default',)
     # None: with every group.
     collides_with: Annotated[tuple[str, ...] | None, ListOf(Text(), 'names of groups')] = None
+
+    def named_frames(self) -> Iterator[tuple[str, Pose]]:
+        """Yield the frames of the body, each with its whole name: BODY/FRAME or MODEL/FRAME."""
+        for name, pose in self.frames.items():
+            yield (name if '/' in name else f'{self.name}/{name}'), pose
 
     @property
     def is_pushed(self) -> bool:
@@ -452,6 +459,30 @@ class Joint(Spec):
         return self
 
 
+class ModelFile(Spec):
+    """A robot or another model from a file of its own, which becomes bodies and joints."""
+
+    name: Name
+    file: Annotated[str, Text()]
+    srdf: Annotated[str, Text()] | None = None
+    pose: Pose = Pose()
+    # None: as the file has it.
+    fixed_base: Boolean | None = None
+    # Positions at the start, by the names in the file.
+    joints: dict[str, _Coordinate] = {}
+    # Drives of the joints whose names match; the others are of the mode effort.
+    drives: dict[str, JointDrive] = {}
+    # Joints, by patterns, whose bounds in the file are left out.
+    unlimited: Annotated[tuple[str, ...], ListOf(Text(), 'names or patterns of joints')] = ()
+    # Folders, by the names that package:// and model:// have for them.
+    packages: dict[str, Annotated[str, Text()]] = {}
+    # Of a xacro file.
+    arguments: dict[str, Annotated[str, Text()]] = {}
+    # Whether moments of inertia that no body has are raised to what a body may have.
+    mend_inertia: Boolean = False
+    material: Annotated[str, Text()] = 'default'
+
+
 class Scene(Spec):
     """A whole scene file."""
 
@@ -460,12 +491,29 @@ class Scene(Spec):
     materials: dict[Name, Material] = {}
     material_pairs: tuple[MaterialPair, ...] = ()
     collision: Collision = Collision()
-    bodies: Annotated[tuple[Body, ...], _NOT_EMPTY]
+    bodies: tuple[Body, ...] = ()
     forces: tuple[Annotated[_ANY_FORCE, Discriminator(_kind)], ...] = ()
     # URDF of models, by their names, for those who show them; the simulation does without.
     descriptions: dict[Name, Annotated[str, Text()]] | None = None
     # None, and not an empty list: a scene without joints has the text that it always had.
     joints: tuple[Joint, ...] | None = None
+    # Of a scene in a file; in one that is read they have become bodies and joints.
+    models: tuple[ModelFile, ...] | None = None
+
+    @model_validator(mode='after')
+    def _has_bodies(self) -> 'Scene':
+        if not self.bodies and not self.models:
+            raise refuse('is empty, must have at least one entry'
+                         if 'bodies' in self.model_fields_set else
+                         'is missing, must be given', 'bodies')
+        return self
+
+    def all_frames(self) -> dict[str, tuple[int, Pose]]:
+        """Return bodies and named frames by their whole names: which body, and where on it."""
+        frames = {body.name: (i, Pose()) for i, body in enumerate(self.bodies)}
+        for i, body in enumerate(self.bodies):
+            frames.update((name, (i, pose)) for name, pose in body.named_frames())
+        return frames
 
     @property
     def all_materials(self) -> dict[str, Material]:

@@ -66,6 +66,7 @@ class Overlays:
         self._stage = stage
         self._masses = Masses(stage.scene)
         self._index = {name: k for k, name in enumerate(stage.scene.names)}
+        self._frames = stage.scene.spec.all_frames()
         self._wanted: dict[str, bool] = {}
         self._shown: frozenset[str] = frozenset()
         self._arrows = {kind: Arrows(scene, f'/arrows/{kind}', size, color)
@@ -128,36 +129,24 @@ class Overlays:
             if body not in self._index or not -_FORGET < age < _FORGET:
                 continue
             k = self._index[body]
-            owner = wrench.frame.partition('/')[0]
+            owner, _ = self._frames.get(wrench.frame, (-1, None))
             force = np.array(wrench.force)
-            if owner in self._index:
-                force = rotation[self._index[owner]].apply(self._in_body(wrench.frame, force))
+            if owner >= 0:
+                force = rotation[owner].apply(self._in_body(wrench.frame, force))
             start = self._masses.centre(k, motion)
-            if owner == body:
+            if owner == k:
                 start = motion.position[k] + rotation[k].apply(self._origin(wrench.frame))
             starts.append(start)
             ends.append(start + shortened(self._per_newton * force, self._longest))
         self._arrows[WRENCHES].show(np.reshape(starts, (-1, 3)), np.reshape(ends, (-1, 3)))
 
-    def _frame(self, name: str) -> tuple[Array, Array] | None:
-        """Return place and attitude of a named frame in its body, None for the body itself."""
-        body, _, frame = name.partition('/')
-        frames = self._stage.scene.spec.bodies[self._index[body]].frames
-        if frame not in frames:
-            return None
-        return np.array(frames[frame].position), np.array(frames[frame].orientation)
-
     def _in_body(self, name: str, force: Array) -> Array:
-        frame = self._frame(name)
-        if frame is None:
-            return force
-        q = frame[1]
+        q = np.array(self._frames[name][1].orientation)
         t = 2.0 * np.cross(q[:3], force)
         return np.asarray(force + q[3] * t + np.cross(q[:3], t))
 
     def _origin(self, name: str) -> Array:
-        frame = self._frame(name)
-        return np.zeros(3) if frame is None else frame[0]
+        return np.array(self._frames[name][1].position)
 
     def show_contacts(self, lines: Array) -> None:
         """Draw the contact forces: lines (k, 2, 3) [m]."""
@@ -192,7 +181,9 @@ class Overlays:
     def _move_names(self, motion: Motion) -> None:
         moving = self._stage.moving
         if not self._labels:
-            self._labels = [self._scene.add_label(f'/names/{name}', name, anchor='bottom-center')
+            # What has a slash in its name would move with what is named before it.
+            self._labels = [self._scene.add_label(f'/names/{name.replace("/", ".")}', name,
+                                                  anchor='bottom-center')
                             for name in (self._stage.scene.names[k] for k in moving)]
         for label, p in zip(self._labels, motion.position[moving], strict=True):
             label.position = p

@@ -164,7 +164,7 @@ class Recording:
     def _take_wrench(self, topic: str, data: bytes) -> None:
         t_ns, frame, numbers = decode.wrench(data)
         fx, fy, fz, tx, ty, tz = numbers[0].tolist()
-        body = topic.removesuffix(_WRENCH).rpartition('/')[2]
+        body = topic.removesuffix(_WRENCH).removeprefix(f'{self._node}/')
         self._wrenches.setdefault(body, []).append(
             (self._now, Applied(t_ns, frame, (fx, fy, fz), (tx, ty, tz))))
 

@@ -66,15 +66,13 @@ class Springs:
 
 def spring_ends(scene: Scene) -> tuple[Ends, Ends]:
     """Return both ends of all springs, in the order of the scene."""
-    index = {name: k for k, name in enumerate(scene.names)}
+    frames = scene.spec.all_frames()
 
     def resolve(frame: str, point: Array) -> tuple[int, Array]:
-        body, _, name = frame.partition('/')
-        k = index.get(body, _WORLD)
-        if name:
-            pose = scene.spec.bodies[k].frames[name]
-            point = pose.position + Rotation.from_quat(pose.orientation).apply(point)
-        return k, point
+        if frame not in frames:
+            return _WORLD, point
+        k, pose = frames[frame]
+        return k, pose.position + Rotation.from_quat(pose.orientation).apply(point)
 
     springs = [force for force in scene.spec.forces if force.type in _TYPES]
     a = [resolve(force.a, np.zeros(3)) for force in springs]

@@ -7,7 +7,7 @@ The state is that of a snapshot, whose arrays and what their axes and numbers co
 `snapshot_check.TABLE`. Rows of what is left keep their order, so that sums are formed as before.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -149,20 +149,23 @@ def changed(spec: Mapping[str, Any], changes: Sequence[Sequence[Any]]) -> dict[s
             scene['bodies'] = [*scene['bodies'], what]
             continue
         left = [body for body in scene['bodies'] if body['name'] != what]
+        gone = {name if '/' in name else f'{what}/{name}' for body in scene['bodies']
+                if body['name'] == what for name in body.get('frames', ())} | {what}
         if len(left) == len(scene['bodies']):
             raise ValueError(f'body {what!r} cannot go: it is not there')
         scene['bodies'] = left
         scene['forces'] = [rest for force in scene.get('forces', ())
-                           if (rest := _without(force, what)) is not None]
+                           if (rest := _without(force, what, gone)) is not None]
         collision = dict(scene.get('collision', {}))
         collision['ignore'] = [pair for pair in collision.get('ignore', ()) if what not in pair]
         scene['collision'] = collision
     return scene
 
 
-def _without(force: Mapping[str, Any], name: str) -> Mapping[str, Any] | None:
-    """Return what is left of a force without a body, None for nothing."""
-    if any(str(force.get(end, '')).partition('/')[0] == name for end in ('a', 'b')):
+def _without(force: Mapping[str, Any], name: str, frames: Container[str],
+             ) -> Mapping[str, Any] | None:
+    """Return what is left of a force without a body and its frames, None for nothing."""
+    if any(str(force.get(end, '')) in frames for end in ('a', 'b')):
         return None
     if 'bodies' not in force:
         return force

@@ -26,7 +26,7 @@ from rigid_sim_ros.world.bounds import (
 from rigid_sim_ros.world.changes import (
     changed, checked, moved, Numbering, order_after, places_between, wake)
 from rigid_sim_ros.world.commands import OWN
-from rigid_sim_ros.world.drives import WithDrives
+from rigid_sim_ros.world.model_dynamics import WithModels
 from rigid_sim_ros.world.posed import FIELDS as POSED_FIELDS, Posed
 from rigid_sim_ros.world.snapshot import pack, unpack
 from rigid_sim_ros.world.snapshot_check import check, Sizes
@@ -44,7 +44,7 @@ def load_scene(scene: str | os.PathLike[str]) -> 'World':
     return World(read_scene(scene))
 
 
-class World(WithDrives):
+class World(WithModels):
     """
     A world of rigid bodies that advances in fixed steps.
 

@@ -140,7 +140,7 @@ def test_a_missing_mesh_file_is_named(tmp_path: Path, refusal: Refusal) -> None:
 
 
 def test_a_mesh_file_of_another_kind_is_refused(refusal: Refusal) -> None:
-    assert refusal('file: part.step') == ".file: 'part.step', must be an OBJ or STL file"
+    assert refusal('file: part.step') == ".file: 'part.step', must be an OBJ, STL, DAE or GLB file"
 
 
 @pytest.mark.parametrize(

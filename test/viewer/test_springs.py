@@ -40,6 +40,19 @@ def test_ends_are_where_the_scene_says():
     assert b.places(motion) == pytest.approx(np.array([[4, 5, 6], [0, 0, 3], [0, 2, 4]]))
 
 
+def test_ends_are_found_by_whole_names_with_slashes():
+    scene = {**SCENE, 'bodies': [
+        {**SCENE['bodies'][0], 'name': 'm/a', 'frames': {
+            'm/tool': {'position': [0.5, 0, 0]}, 'own': {'position': [0, 0, 2]}}}], 'forces': [
+        {'type': 'spring', 'a': 'm/tool', 'anchor': [4, 5, 6], 'stiffness': 1},
+        {'type': 'spring', 'a': 'm/a/own', 'anchor': [4, 5, 6], 'stiffness': 1},
+        {'type': 'spring', 'a': 'm/a', 'anchor': [4, 5, 6], 'stiffness': 1}]}
+    w = World.from_dict(scene)
+    motion = Motion(0, w.position, w.orientation, w.linear_velocity, w.angular_velocity)
+    a, _ = spring_ends(w.scene)
+    assert a.places(motion) == pytest.approx(np.array([[1, 0.5, 0], [1, 0, 2], [1, 0, 0]]))
+
+
 def test_ends_move_with_their_bodies():
     w = World.from_dict(SCENE)
     w.set_pose('a', (0, 0, -1), (0, 0, 0, 1))

@@ -118,7 +118,8 @@ def polygons(vertices: Array, triangles: IntArray) -> tuple[list[list[int]], Arr
     legs = vertices[triangles[:, 1:]] - vertices[triangles[:, :1]]
     areas = np.cross(legs[:, 0], legs[:, 1])
     doubled = np.linalg.norm(areas, axis=1)
-    neighbour = _edges(triangles)
+    corners = triangles.tolist()    # lists: NumPy takes a microsecond for each corner
+    neighbour = _edges(corners)
     left = {int(t) for t in np.flatnonzero(doubled > (FLATNESS * size) ** 2)}
     if not left:
         raise ValueError('the mesh has no area')
@@ -133,23 +134,24 @@ def polygons(vertices: Array, triangles: IntArray) -> tuple[list[list[int]], Arr
         if (excess := float(height.max()) - offset) > 1e-6 * size:
             raise ValueError(
                 f'the mesh is not convex: a vertex lies {excess:.3g} m outside of a face')
-        face = _grow(int(seed), triangles, neighbour, offset - height < 1e3 * FLATNESS * size)
+        flat = offset - height < 1e3 * FLATNESS * size
+        face = _grow(int(seed), corners, neighbour, flat[triangles].all(axis=1))
         if len(face) == len(triangles):
             raise ValueError(
                 f'the mesh is {offset - float(height.min()):.3g} m thick and {2.0 * size:.3g} m '
                 f'long, must be at least {1e3 * FLATNESS:g} of its length thick, or '
                 'collides: false')
         left -= face
-        faces.append(_outline(face, triangles, neighbour))
+        faces.append(_outline(face, corners, neighbour))
         normals.append(normal)
         offsets.append(float(height.max()))
     return faces, np.array(normals), np.array(offsets)
 
 
-def _edges(triangles: IntArray) -> dict[tuple[int, int], int]:
+def _edges(triangles: list[list[int]]) -> dict[tuple[int, int], int]:
     """Return the triangle on the left of each directed edge."""
     edges: dict[tuple[int, int], int] = {}
-    for t, (a, b, c) in enumerate(triangles.tolist()):
+    for t, (a, b, c) in enumerate(triangles):
         for edge in ((a, b), (b, c), (c, a)):
             if edge in edges:
                 raise ValueError(f'the mesh has two triangles on the same side of edge {edge}')
@@ -160,26 +162,25 @@ def _edges(triangles: IntArray) -> dict[tuple[int, int], int]:
     return edges
 
 
-def _grow(seed: int, triangles: IntArray, neighbour: dict[tuple[int, int], int],
+def _grow(seed: int, triangles: list[list[int]], neighbour: dict[tuple[int, int], int],
           flat: Array) -> set[int]:
-    """Return the triangles that hang together with `seed` and whose corners all are flat."""
+    """Return the triangles that hang together with `seed` and are flat."""
     face, front = {seed}, [seed]
     while front:
-        a, b, c = triangles[front.pop()].tolist()
+        a, b, c = triangles[front.pop()]
         for edge in ((b, a), (c, b), (a, c)):
             t = neighbour[edge]
-            if t not in face and flat[triangles[t]].all():
+            if t not in face and flat[t]:
                 face.add(t)
                 front.append(t)
     return face
 
 
-def _outline(face: set[int], triangles: IntArray,
+def _outline(face: set[int], triangles: list[list[int]],
              neighbour: dict[tuple[int, int], int]) -> list[int]:
     """Return the corners around a face: the edges whose other side is no part of it."""
-    edges = [(a, b) for t in sorted(face)
-             for a,
-             b in zip(triangles[t].tolist(), np.roll(triangles[t], -1).tolist(), strict=True)]
+    edges = [edge for t in sorted(face) for a, b, c in (triangles[t],)
+             for edge in ((a, b), (b, c), (c, a))]
     following = {start: end for start, end in edges if neighbour[end, start] not in face}
     corners = [min(following)]
     while (corner := following[corners[-1]]) != corners[0]:

@@ -1,0 +1,316 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+MJCF, through MuJoCo itself: it knows its defaults, classes and attachments.
+
+MuJoCo opens the files that a model names, so their places are checked before. What it has compiled
+is taken: masses, frames and geometries as it would simulate them.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rigid_sim_ros.models.description import Frame, Inertia, Joint, Link, Mimic, Model
+from rigid_sim_ros.models.files import Folders
+from rigid_sim_ros.models.findings import Finding, Findings, ModelError
+from rigid_sim_ros.models.mjcf_shapes import read_shapes
+from rigid_sim_ros.models.poses import (
+    combined, IDENTITY, inverse, Pose, Quaternion, turned_tensor, Vector)
+from rigid_sim_ros.models.values import MOST
+from rigid_sim_ros.models.xml_tree import contents, Element, parse
+
+NEEDED = ("needs MuJoCo, which is not installed: `pip install '.[mjcf]'` in a clone of "
+          'rigid_sim_ros, or `pip install mujoco`')
+# The body of the world in MuJoCo, and our name of it where it has shapes.
+_WORLD, WORLD_LINK = 0, 'world'
+_MOST_FILES = 200
+_HINGE, _SLIDE, _BALL, _FREE = 'hinge', 'slide', 'ball', 'free'
+
+
+def read_mjcf(data: bytes, path: Path, folders: Folders) -> Model:
+    """Return the model in an MJCF file; raises ModelError with what is wrong."""
+    root = _check_files(data, path, folders)
+    mujoco = _mujoco(path)
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+        compiled = spec.compile()
+    except (ValueError, TypeError, RuntimeError, OSError) as error:
+        words = ' '.join(str(error).split())
+        raise ModelError([Finding(f'MuJoCo says: {words}', '', str(path))]) from None
+    return _Reader(mujoco, compiled, root, path).model()
+
+
+def _mujoco(path: Path) -> Any:
+    try:
+        import mujoco
+    except ImportError:
+        raise ModelError([Finding(NEEDED, '', str(path))]) from None
+    return mujoco
+
+
+def _check_files(data: bytes, path: Path, folders: Folders) -> Element:
+    """Return the tree of the file, in which each other file lies in a folder of the model."""
+    findings = Findings()
+    root = parse(data, str(path))
+    if root.tag not in ('mujoco', 'mujocoinclude'):
+        raise ModelError([Finding(f'<{root.tag[:40]}> is no MJCF, the first element must be '
+                                  '<mujoco>', '', root.file, root.line)])
+    waiting, seen = [root], {path}
+    while waiting:
+        tree = waiting.pop()
+        for element in tree.every():
+            if element.tag == 'plugin' or element.tag == 'extension':
+                findings.error(element, 'is code of another library, must go')
+            for key, value in element.attributes.items():
+                if not _is_sound(value):
+                    findings.error(element, f'{key} {value[:40]!r}, must be finite and at most '
+                                   f'{MOST:g}')
+                if key.startswith('file') or key.endswith('dir'):
+                    found = _allowed(value, element, folders, findings)
+                    if element.tag == 'include' and found is not None and found not in seen:
+                        seen.add(found)
+                        waiting.append(parse(contents(found), str(found)))
+        if len(seen) > _MOST_FILES:
+            findings.error(tree, f'includes more than {_MOST_FILES} files, must be fewer')
+            break
+    findings.stop()
+    return root
+
+
+def _is_sound(value: str) -> bool:
+    """Return whether numbers are of a sane size: with others MuJoCo may not come back."""
+    try:
+        return all(abs(float(word)) <= MOST for word in value.split())
+    except ValueError:
+        return True     # no numbers
+
+
+def _allowed(name: str, element: Element, folders: Folders, findings: Findings) -> Path | None:
+    """Return the path of a file that MuJoCo may open; report one that lies elsewhere."""
+    if Path(name).is_absolute() or '..' in Path(name).parts or '\0' in name:
+        findings.error(element, f'{name[:80]!r} may lie outside of the folder of the model, must '
+                       'be a path in it')
+        return None
+    path = folders.model / name
+    if not path.resolve().is_relative_to(folders.model.resolve()):
+        findings.error(element, f'{name[:80]!r} lies outside of the folder of the model, must lie '
+                       'in it')
+        return None
+    return path
+
+
+class _Reader:
+    """Reads what MuJoCo has compiled."""
+
+    def __init__(self, mujoco: Any, compiled: Any, root: Element, path: Path) -> None:
+        self._mj, self._m, self._root = mujoco, compiled, root
+        self._findings = Findings()
+        self._path = path
+        # Where bodies and joints with a name stand; of an included one the file that includes it.
+        self._places: dict[tuple[str, str], Element] = {}
+        for element in root.every():
+            if element.name:
+                self._places.setdefault((element.tag, element.name), element)
+
+    def model(self) -> Model:
+        m, findings = self._m, self._findings
+        self._ignore()
+        poses = self._body_poses()
+        links = [self._link(b, poses[b]) for b in range(m.nbody)]
+        joints = [joint for b in range(1, m.nbody) for joint in self._joints(b)]
+        joints += self._equalities(joints, poses)
+        frames = [Frame(self._name('site', s), links[int(m.site_bodyid[s])].name,
+                        _pose(m.site_pos[s], m.site_quat[s]), self._root)
+                  for s in range(m.nsite)]
+        if not links[_WORLD].collisions:
+            frames = [frame for frame in frames if frame.link != links[_WORLD].name]
+            links = links[1:]
+        findings.stop()
+        model = Model(self._root.attributes.get('model') or self._path.stem, links, joints, frames,
+                      self._root)
+        names = {link.name for link in links}
+        model.ignored_pairs = [pair for pair in self._ignored_pairs() if names.issuperset(pair)]
+        model.world = {'gravity': tuple(float(g) for g in m.opt.gravity),
+                       'step': float(m.opt.timestep)}
+        model.notes = findings.notes
+        return model
+
+    # --- bodies -----------------------------------------------------------------------------
+
+    def _name(self, kind: str, index: int) -> str:
+        name = str(getattr(self._m, kind)(index).name)
+        if kind == 'body' and index == _WORLD:
+            return WORLD_LINK
+        return name or f'{ {"jnt": "joint"}.get(kind, kind)}{index}'
+
+    def _place(self, tag: str, name: str) -> Element:
+        return self._places.get((tag, name), self._root)
+
+    def _body_poses(self) -> list[Pose]:
+        """Return the pose of each body where the model is written."""
+        m = self._m
+        poses = [IDENTITY]
+        for b in range(1, m.nbody):
+            outer = poses[int(m.body_parentid[b])]
+            poses.append(combined(outer, _pose(m.body_pos[b], m.body_quat[b])))
+        return poses
+
+    def _link(self, b: int, pose: Pose) -> Link:
+        m, name = self._m, self._name('body', b)
+        link = Link(name, self._place('body', name), pose=pose, is_fixed=self._is_welded(b))
+        mass = float(m.body_mass[b])
+        if mass > 0.0:
+            com = _pose(m.body_ipos[b], m.body_iquat[b])
+            x, y, z = (float(moment) for moment in m.body_inertia[b])
+            a, b_, c, d, e, f = turned_tensor(com.orientation, (x, y, z, 0.0, 0.0, 0.0))
+            link.inertia = Inertia(mass, com.position, (a, b_, c, d, e, f), link.place)
+        read_shapes(self._mj, m, b, link, self._findings)
+        return link
+
+    def _is_welded(self, b: int) -> bool:
+        return int(self._m.body_weldid[b]) == _WORLD and int(self._m.body_mocapid[b]) < 0
+
+    # --- joints -----------------------------------------------------------------------------
+
+    def _joints(self, b: int) -> list[Joint]:
+        """Return what holds a body to its parent: one joint, or none if the world holds it."""
+        m, findings = self._m, self._findings
+        name = self._name('body', b)
+        place = self._place('body', name)
+        parent = self._name('body', int(m.body_parentid[b]))
+        if int(m.body_mocapid[b]) >= 0:
+            findings.error(place, 'is a mocap body, must be a kinematic body of the scene')
+            return []
+        rows = [int(m.body_jntadr[b]) + k for k in range(int(m.body_jntnum[b]))]
+        body = _pose(m.body_pos[b], m.body_quat[b])
+        if not rows:
+            if self._is_welded(b):
+                return []
+            return [Joint(f'{name}_fixed', 'fixed', parent, name, body, place)]
+        kinds = [self._mj.mjtJoint(int(m.jnt_type[row])).name[6:].lower() for row in rows]
+        if kinds == [_FREE]:
+            return []
+        outer = '' if int(m.body_parentid[b]) == _WORLD else parent
+        at = combined(body, Pose(_vector(m.jnt_pos[rows[0]]), IDENTITY.orientation))
+        joint = Joint(self._name('jnt', rows[0]), 'fixed', outer, name, at, place)
+        if kinds == [_BALL]:
+            joint.kind, joint.damping = 'spherical', self._damping(rows[0])
+        elif len(kinds) == 1:
+            self._one_axis(joint, rows[0], kinds[0])
+        else:
+            findings.error(place, f'has {len(rows)} joints ({", ".join(kinds)}), must have one: '
+                           'give each a body of its own, with a mass')
+        return [joint]
+
+    def _damping(self, row: int) -> float:
+        return float(self._m.dof_damping[int(self._m.jnt_dofadr[row])].max())
+
+    def _one_axis(self, joint: Joint, row: int, kind: str) -> None:
+        """Write the laws of a hinge or a slide, whose coordinate here is 0 where it is written."""
+        m, dof = self._m, int(self._m.jnt_dofadr[row])
+        is_limited = bool(m.jnt_limited[row])
+        joint.kind = ('prismatic' if kind == _SLIDE else 'revolute' if is_limited
+                      else 'continuous')
+        joint.axis = _vector(m.jnt_axis[row])
+        zero = float(m.qpos0[int(m.jnt_qposadr[row])])
+        if zero:
+            self._findings.note(joint.place, f'joint {joint.name!r}: its positions count from its '
+                                f'ref, {zero:g}, where the model is written')
+        if is_limited:
+            joint.lower, joint.upper = (float(bound) - zero for bound in m.jnt_range[row])
+        joint.damping = self._damping(row)
+        joint.friction = float(m.dof_frictionloss[dof])
+        joint.armature = float(m.dof_armature[dof])
+        joint.stiffness = float(np.max(m.jnt_stiffness[row]))
+        joint.rest = float(m.qpos_spring[int(m.jnt_qposadr[row])]) - zero
+        if m.jnt_actfrclimited[row]:
+            joint.effort = float(np.abs(m.jnt_actfrcrange[row]).min())
+
+    def _equalities(self, joints: list[Joint], poses: list[Pose]) -> list[Joint]:
+        """Return the joints that equalities are; those between two joints are written to them."""
+        m, mj, made = self._m, self._mj, []
+        by_name = {joint.name: joint for joint in joints}
+        for e in range(m.neq):
+            if not m.eq_active0[e]:
+                continue
+            kind = mj.mjtEq(int(m.eq_type[e])).name[5:].lower()
+            name = self._name('equality', e)
+            place = self._place(kind, name)
+            a, b, data = int(m.eq_obj1id[e]), int(m.eq_obj2id[e]), m.eq_data[e]
+            if kind == 'joint' and b >= 0 and not np.any(data[2:5]):
+                follower = by_name.get(self._name('jnt', a))
+                if follower is not None:
+                    follower.mimic = Mimic(self._name('jnt', b), float(data[1]), float(data[0]))
+                continue
+            is_body = int(m.eq_objtype[e]) == int(mj.mjtObj.mjOBJ_BODY)
+            if is_body and self._is_welded(a) and self._is_welded(b):
+                continue
+            if kind in ('connect', 'weld') and is_body:
+                made.append(self._loop(name, kind, a, b, data, poses, place))
+            else:
+                self._findings.error(place, f'is an equality of a kind that is not known here '
+                                     f'({kind}), must go')
+        return made
+
+    def _loop(self, name: str, kind: str, a: int, b: int, data: Any, poses: list[Pose],
+              place: Element) -> Joint:
+        """Return the joint that an equality between two bodies is."""
+        outer, inner = (b, a) if self._is_welded(b) else (a, b)
+        anchor = data[0:3] if kind == 'connect' else data[3:6]
+        at = combined(poses[a if kind == 'connect' else b],
+                      Pose(_vector(anchor), IDENTITY.orientation))
+        parent = '' if outer == _WORLD else self._name('body', outer)
+        pose = at if not parent else combined(inverse(poses[outer]), at)
+        return Joint(name, 'spherical' if kind == 'connect' else 'fixed', parent,
+                     self._name('body', inner), pose, place)
+
+    # --- the rest ---------------------------------------------------------------------------
+
+    def _ignored_pairs(self) -> list[tuple[str, str]]:
+        """Return the pairs that touch each other by none of their geometries, or are excluded."""
+        m = self._m
+        pairs = [(int(code) >> 16, int(code) & 0xFFFF) for code in m.exclude_signature]
+        masks: dict[int, list[tuple[int, int]]] = {}
+        for g in range(m.ngeom):
+            bits = int(m.geom_contype[g]), int(m.geom_conaffinity[g])
+            if any(bits):
+                masks.setdefault(int(m.geom_bodyid[g]), []).append(bits)
+        solid = sorted(masks)
+        pairs += [(a, b) for i, a in enumerate(solid) for b in solid[i + 1:]
+                  if not any(p & s or q & r for p, q in masks[a] for r, s in masks[b])]
+        return [(self._name('body', a), self._name('body', b)) for a, b in pairs]
+
+    def _ignore(self) -> None:
+        """Tell what has no effect here, or refuse what would change the motion."""
+        m, findings = self._m, self._findings
+        for tag, count, why in (
+                ('actuator', m.nu, 'drives are written in the scene'),
+                ('sensor', m.nsensor, ''), ('keyframe', m.nkey, ''), ('camera', m.ncam, '')):
+            if count:
+                findings.ignore(self._root, f'<{tag}>', why)
+        if np.any(m.tendon_stiffness) or np.any(m.tendon_damping) or np.any(m.tendon_limited):
+            findings.error(self._root, 'has tendons with forces, which are not known here, must '
+                           'have none')
+        elif m.ntendon:
+            findings.ignore(self._root, '<tendon>')
+        if np.any(m.body_gravcomp):
+            findings.error(self._root, 'has gravcomp, which is not known here, must have none')
+        if m.nflex or m.nskin:
+            findings.error(self._root, 'has soft bodies, which are not known here, must have none')
+        if m.opt.density or m.opt.viscosity:
+            findings.error(self._root, 'has a medium (density, viscosity), must have none: write '
+                           'wind in the scene')
+
+
+def _pose(position: Any, quaternion: Any) -> Pose:
+    """Return a pose from MuJoCo's, whose quaternions have w first."""
+    w, x, y, z = (float(value) for value in quaternion)
+    q: Quaternion = (x, y, z, w)
+    return Pose(_vector(position), q)
+
+
+def _vector(values: Any) -> Vector:
+    x, y, z = (float(value) for value in values)
+    return x, y, z

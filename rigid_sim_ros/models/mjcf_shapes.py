@@ -1,0 +1,50 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The geometries of a compiled MuJoCo model."""
+
+from typing import Any
+
+from rigid_sim_ros.models.description import Link, Shape
+from rigid_sim_ros.models.findings import Findings
+from rigid_sim_ros.models.poses import Pose, Vector
+
+
+def read_shapes(mujoco: Any, m: Any, body: int, link: Link, findings: Findings) -> None:
+    """Write the solids of a body to its link: those that touch, and those that are only seen."""
+    start = int(m.body_geomadr[body])
+    for g in range(start, start + int(m.body_geomnum[body])):
+        kind = mujoco.mjtGeom(int(m.geom_type[g])).name[7:].lower()
+        touches = bool(m.geom_contype[g]) or bool(m.geom_conaffinity[g])
+        x, y, z = (float(value) for value in m.geom_pos[g])
+        w, a, b, c = (float(value) for value in m.geom_quat[g])
+        pose = Pose((x, y, z), (a, b, c, w))
+        size = tuple(float(value) for value in m.geom_size[g])
+        points = None
+        if kind == 'mesh':
+            mesh = int(m.geom_dataid[g])
+            first, count = int(m.mesh_vertadr[mesh]), int(m.mesh_vertnum[mesh])
+            points = m.mesh_vert[first:first + count].astype(float)
+        elif kind not in _VALUES:
+            if touches:
+                findings.error(link.place, f'has a {kind}, which is not known here, must be '
+                               f'{", ".join(_VALUES)} or mesh')
+            continue
+        color = tuple(float(value) for value in m.geom_rgba[g])
+        shape = Shape('mesh' if kind == 'mesh' else kind,
+                      {} if kind == 'mesh' else _VALUES[kind](size), pose, link.place,
+                      points=points, color=color if all(0 <= v <= 1 for v in color) else None)
+        (link.collisions if touches else link.visuals).append(shape)
+
+
+def _lengths(size: Vector) -> dict[str, Any]:
+    # Half lengths in MuJoCo.
+    return {'radius': size[0], 'length': 2.0 * size[1]}
+
+
+_VALUES: dict[str, Any] = {
+    'plane': lambda size: {},
+    'sphere': lambda size: {'radius': size[0]},
+    'capsule': _lengths,
+    'cylinder': _lengths,
+    'ellipsoid': lambda size: {'radii': list(size)},
+    'box': lambda size: {'size': [2.0 * half for half in size]}}

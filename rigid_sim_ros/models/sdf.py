@@ -1,0 +1,365 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""SDF 1.6 and later: models with frames, models in models, and includes of local files."""
+
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+from rigid_sim_ros.models.description import Frame, Inertia, Joint, Link, Model, MOST_LINKS
+from rigid_sim_ros.models.files import Folders
+from rigid_sim_ros.models.findings import Finding, Findings, ModelError
+from rigid_sim_ros.models.poses import (
+    combined, from_rpy, IDENTITY, inverse, Pose, turned, turned_tensor)
+from rigid_sim_ros.models.sdf_frames import FrameGraph, MODEL, WORLD
+from rigid_sim_ros.models.sdf_joints import JOINT_TYPES, read_laws
+from rigid_sim_ros.models.sdf_shapes import read_shape
+from rigid_sim_ros.models.values import check_children, flag, mend, number, several
+from rigid_sim_ros.models.xml_tree import Element, parse, read
+
+_OLDEST = 1.6
+# Models in models in models; a file that includes itself would never end.
+_MOST_LEVELS = 10
+_MOST_INCLUDES = 200
+
+_MODEL = ('pose', 'static', 'self_collide', 'link', 'joint', 'frame', 'model', 'include')
+_MODEL_IGNORED = ('plugin', 'allow_auto_disable', 'enable_wind', 'gripper', 'description',
+                  'author')
+_LINK = ('pose', 'inertial', 'collision', 'visual', 'gravity', 'kinematic', 'self_collide')
+_LINK_IGNORED = ('enable_wind', 'velocity_decay', 'sensor', 'light', 'battery', 'projector',
+                 'audio_source', 'audio_sink', 'particle_emitter', 'must_be_base_link', 'plugin')
+_JOINT = ('pose', 'parent', 'child', 'axis', 'axis2')
+_JOINT_IGNORED = ('physics', 'sensor', 'plugin')
+_MOMENTS = ('ixx', 'iyy', 'izz', 'ixy', 'ixz', 'iyz')
+
+
+class _Scope(NamedTuple):
+    """A model that is being read."""
+
+    prefix: str     # of whole names: '', 'gripper::'
+    folders: Folders
+    is_static: bool
+    touches_itself: bool
+    level: int
+
+
+def read_sdf(data: bytes, path: Path, folders: Folders) -> Model:
+    """Return the model in an SDF file; raises ModelError with all that is wrong."""
+    findings = Findings()
+    element = _only_model(parse(data, str(path)), findings)
+    reader = _Reader(findings)
+    model = Model(element.name or path.stem, [], [], [], element)
+    reader.model(element, _Scope('', folders, False, False, 0), model)
+    findings.stop()
+    reader.finish(model)
+    findings.stop()
+    if not model.links:
+        raise ModelError([Finding('has no links, must have at least one', element.path,
+                                  element.file, element.line)])
+    model.notes = findings.notes
+    return model
+
+
+def _only_model(root: Element, findings: Findings) -> Element:
+    """Return the model in a file; ModelError where there is none, or more than one."""
+    def stop(message: str) -> ModelError:
+        return ModelError([Finding(message, '', root.file, root.line)])
+
+    if root.tag != 'sdf':
+        raise stop(f'<{root.tag[:40]}> is no model, the first element must be <sdf>')
+    version = root.attributes.get('version', '')
+    try:
+        is_old = not float(version) >= _OLDEST and version not in ('1.10', '1.11', '1.12', '1.13')
+    except ValueError:
+        is_old = True
+    if is_old:
+        raise stop(f'version {version[:20]!r} of SDF, must be {_OLDEST} or later: `gz sdf -p` '
+                   'writes a newer one')
+    models = list(root.each('model'))
+    if len(models) != 1 or root.find('world') is not None:
+        raise stop(f'has {len(models)} models{" and a world" if root.find("world") else ""}, must '
+                   'have one model')
+    return models[0]
+
+
+class _Reader:
+    """Reads elements, and keeps what is wrong with them."""
+
+    def __init__(self, findings: Findings) -> None:
+        self._findings = findings
+        self._graph = FrameGraph(findings)
+        self._includes = 0
+        self._outermost = IDENTITY      # where the file puts its model
+        self._joints: list[tuple[Element, str]] = []    # each with the prefix of its scope
+        self._frames: list[tuple[Element, str]] = []
+        self._static: set[str] = set()
+        self._alone: set[str] = set()   # links that touch no other link of their model
+
+    # --- a model and what is in it ----------------------------------------------------------
+
+    def model(self, element: Element, outer: _Scope, model: Model) -> None:
+        """Read a model whose own frame stands in the graph already, or is the outermost one."""
+        findings = self._findings
+        check_children(element, _MODEL, _MODEL_IGNORED, findings, is_physics=True)
+        scope = outer._replace(
+            is_static=outer.is_static or self._flag(element, 'static', default=False),
+            touches_itself=self._flag(element, 'self_collide', default=False))
+        if outer.level > _MOST_LEVELS:
+            findings.error(element, f'lies in more than {_MOST_LEVELS} models, must be fewer')
+            return
+        if scope.level == 0:
+            self._outermost, _ = self._pose(element)
+        for link in element.each('link'):
+            self._link(link, scope, model)
+        for child in element.children:
+            if child.tag == 'frame':
+                attached = child.attributes.get('attached_to', '') or MODEL
+                raw, base = self._pose(child)
+                self._graph.add(f'{scope.prefix}{child.name}',
+                                self._whole(base or attached, scope), raw,
+                                self._whole(attached, scope), child)
+                self._frames.append((child, scope.prefix))
+            elif child.tag == 'joint':
+                self._add_joint(child, scope)
+            elif child.tag == 'model':
+                self._nested(child, child, scope, model)
+            elif child.tag == 'include':
+                self._include(child, scope, model)
+        first = next(element.each('link'), None)
+        canonical = element.attributes.get('canonical_link') or (first.name if first else '')
+        if canonical:
+            self._graph.canonical[f'{scope.prefix}{MODEL}'] = f'{scope.prefix}{canonical}'
+
+    def _whole(self, name: str, scope: _Scope) -> str:
+        """Return a whole name that is resolved when all frames are known."""
+        return name if name == WORLD else f'{scope.prefix}{name}'
+
+    def _nested(self, element: Element, outside: Element, scope: _Scope, model: Model) -> None:
+        """Read a model in a model; `outside` says where it is, and what it is called."""
+        name = outside.name if outside.tag == 'model' else (
+            _text(outside, 'name') or element.name)
+        if not name or '::' in name:
+            self._findings.error(outside, 'has no name without ::, must have one')
+            return
+        placed = outside if outside.find('pose') is not None else element
+        raw, base = self._pose(placed)
+        placement = (outside.attributes.get('placement_frame') or _text(outside, 'placement_frame')
+                     or element.attributes.get('placement_frame', ''))
+        inner = scope._replace(prefix=f'{scope.prefix}{name}::', level=scope.level + 1)
+        whole = f'{inner.prefix}{MODEL}'
+        self._graph.add(whole, self._whole(base or MODEL, scope), raw, whole, outside,
+                        f'{inner.prefix}{placement}' if placement else '')
+        if outside is not element and self._flag(outside, 'static', default=False):
+            inner = inner._replace(is_static=True)
+        self.model(element, inner, model)
+
+    def _include(self, element: Element, scope: _Scope, model: Model) -> None:
+        findings = self._findings
+        check_children(element, ('uri', 'name', 'pose', 'static', 'placement_frame'), ('plugin',),
+                       findings, is_physics=True)
+        if element.attributes.get('merge', 'false') not in ('false', '0'):
+            findings.error(element, 'merge is not known here, must be false: the model keeps its '
+                           'own name')
+        self._includes += 1
+        if self._includes > _MOST_INCLUDES or scope.level >= _MOST_LEVELS:
+            findings.error(element, f'is one of more than {_MOST_INCLUDES} includes, or lies in '
+                           f'more than {_MOST_LEVELS} models: a file must not include itself')
+            findings.stop()
+        path = self._included(element, _text(element, 'uri'), scope)
+        if path is None:
+            return
+        inner = _only_model(read(path), findings)
+        folders = Folders(path.parent, scope.folders.packages)
+        self._nested(inner, element, scope._replace(folders=folders), model)
+
+    def _included(self, element: Element, uri: str, scope: _Scope) -> Path | None:
+        """Return the file of a model that is named by its own file or by its folder."""
+        if uri.lower().endswith('.sdf'):
+            return scope.folders.find(uri, element, self._findings)
+        for name in ('model.config', 'manifest.xml'):
+            attempt = Findings()
+            config = scope.folders.find(f'{uri}/{name}', element, attempt)
+            if config is not None:
+                named = [one.text.strip() for one in read(config).each('sdf')]
+                uri = f'{uri}/{named[-1]}' if named else f'{uri}/model.sdf'
+                return scope.folders.find(uri, element, self._findings)
+        return scope.folders.find(f'{uri}/model.sdf', element, self._findings)
+
+    # --- links ------------------------------------------------------------------------------
+
+    def _link(self, element: Element, scope: _Scope, model: Model) -> None:
+        findings = self._findings
+        check_children(element, _LINK, _LINK_IGNORED, findings, is_physics=True)
+        if not element.name or '::' in element.name:
+            findings.error(element, 'has no name without ::, must have one')
+        for tag, value in (('gravity', True), ('kinematic', False)):
+            if self._flag(element, tag, default=value) is not value:
+                findings.error(element, f'<{tag}> is not known here, must be '
+                               f'{str(value).lower()}')
+        name = f'{scope.prefix}{element.name}'
+        raw, base = self._pose(element)
+        self._graph.add(name, self._whole(base or MODEL, scope), raw, '', element)
+        link = Link(name, element, self._inertia(element), is_fixed=scope.is_static)
+        if scope.is_static:
+            self._static.add(name)
+        if not self._flag(element, 'self_collide', default=scope.touches_itself):
+            self._alone.add(name)
+        for tag, shapes in (('collision', link.collisions), ('visual', link.visuals)):
+            for one in element.each(tag):
+                own, frame = self._pose(one)
+                if frame:
+                    findings.error(one, 'relative_to is not known for a shape here, must be left '
+                                   'out: its pose is in the link')
+                shape = read_shape(one, own, scope.folders, findings)
+                if shape is not None:
+                    shapes.append(shape)
+        model.links.append(link)
+        if len(model.links) > MOST_LINKS:
+            findings.error(element, f'is one of more than {MOST_LINKS} links, must be fewer')
+            findings.stop()
+
+    def _inertia(self, link: Element) -> Inertia:
+        """Return the mass properties of a link: 1 kg and 1 kg m^2 where the file has none."""
+        findings, element = self._findings, link.find('inertial')
+        if element is None:
+            findings.ignore(link, 'a missing <inertial>', 'SDF takes 1 kg and 1 kg m^2 then')
+            return Inertia(1.0, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0, 0.0, 0.0, 0.0), link)
+        check_children(element, ('pose', 'mass', 'inertia'), (), findings, is_physics=True)
+        if element.attributes.get('auto', 'false') not in ('false', '0'):
+            findings.error(element, 'auto is not known here, must be numbers')
+        mass = self._number(element, 'mass', 1.0)
+        inertia = element.find('inertia')
+        moments = [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]
+        if inertia is not None:
+            check_children(inertia, _MOMENTS, (), findings, is_physics=True)
+            moments = [self._number(inertia, key, default)
+                       for key, default in zip(_MOMENTS, moments, strict=True)]
+        pose, _ = self._pose(element)
+        a, b, c, d, e, f = turned_tensor(pose.orientation, moments)
+        return Inertia(mass, pose.position, (a, b, c, d, e, f), element)
+
+    # --- joints -----------------------------------------------------------------------------
+
+    def _add_joint(self, element: Element, scope: _Scope) -> None:
+        """Add the frame of a joint, and keep the joint until all frames are known."""
+        child = _text(element, 'child')
+        raw, base = self._pose(element)
+        self._graph.add(f'{scope.prefix}{element.name}', self._whole(base or child, scope), raw,
+                        self._whole(child, scope), element)
+        self._joints.append((element, scope.prefix))
+
+    def finish(self, model: Model) -> None:
+        """Place the links, and make joints and frames of what the frames between them are."""
+        graph, at = self._graph, self._outermost
+        for link in model.links:
+            link.pose = combined(at, graph.pose(link.name, link.place))
+        links = {link.name: link for link in model.links}
+        for element, prefix in self._joints:
+            self._joint(element, prefix, model, links)
+        for element, prefix in self._frames:
+            name = f'{prefix}{element.name}'
+            on = graph.link(name, element)
+            if on in links:
+                pose = combined(inverse(graph.pose(on, element)), graph.pose(name, element))
+                model.frames.append(Frame(name, on, pose, element))
+        solid = [link.name for link in model.links if link.collisions]
+        model.ignored_pairs = [(a, b) for i, a in enumerate(solid) for b in solid[i + 1:]
+                               if a in self._alone and b in self._alone]
+
+    def _joint(self, element: Element, prefix: str, model: Model, links: dict[str, Link]) -> None:
+        findings, graph = self._findings, self._graph
+        check_children(element, _JOINT, _JOINT_IGNORED, findings, is_physics=True)
+        kind = element.attributes.get('type', '')
+        if kind not in JOINT_TYPES:
+            findings.error(element, f'type {kind[:40]!r}, {mend(kind, tuple(JOINT_TYPES))}')
+            return
+        ends = []
+        for tag in ('parent', 'child'):
+            whole = graph.resolve(_text(element, tag), prefix, element)
+            ends.append(graph.link(whole, element) if whole else '')
+        parent, child = ends
+        if child not in links or not (parent == WORLD or parent in links):
+            if not findings.errors:
+                findings.error(element, 'its child must be a link, its parent a link or world')
+            return
+        if parent in self._static | {WORLD} and child in self._static:
+            findings.ignore(element, 'a joint of a static model')
+            return
+        name = f'{prefix}{element.name}'
+        frame = combined(self._outermost, graph.pose(name, element))
+        if parent == WORLD and kind == 'fixed':
+            links[child].is_fixed = True
+            return
+        pose = frame if parent == WORLD else combined(inverse(links[parent].pose), frame)
+        joint = Joint(name, JOINT_TYPES[kind], '' if parent == WORLD else parent, child, pose,
+                      element)
+
+        def axis(element: Element) -> tuple[float, float, float] | None:
+            return self._axis(element, prefix, name)
+
+        read_laws(joint, element, prefix, axis, findings)
+        model.joints.append(joint)
+
+    def _axis(self, element: Element, prefix: str,
+              joint: str) -> tuple[float, float, float] | None:
+        """Return the direction of an axis in the joint frame, None after a report."""
+        findings, xyz = self._findings, element.find('xyz')
+        if xyz is None:
+            return 0.0, 0.0, 1.0
+        x, y, z = several(xyz.text, 3, xyz, 'xyz', findings, (0.0, 0.0, 1.0))
+        if not any((x, y, z)):
+            findings.error(xyz, "'0 0 0' has no direction, must have one")
+            return None
+        frame = xyz.attributes.get('expressed_in', '')
+        old = element.find('use_parent_model_frame')
+        if old is not None and flag(old.text, old, 'use_parent_model_frame', findings):
+            frame = MODEL
+        if not frame:
+            return x, y, z
+        whole = self._graph.resolve(frame, prefix, xyz)
+        if not whole:
+            return None
+        outer = IDENTITY if whole == WORLD else self._graph.pose(whole, xyz)
+        own = self._graph.pose(joint, xyz)
+        return turned(combined(inverse(own), outer), (x, y, z))
+
+    # --- values -----------------------------------------------------------------------------
+
+    def _flag(self, element: Element, tag: str, *, default: bool) -> bool:
+        child = element.find(tag)
+        return default if child is None else flag(child.text, child, tag, self._findings)
+
+    def _number(self, element: Element, tag: str, default: float) -> float:
+        child = element.find(tag)
+        return default if child is None else number(
+            child.text.strip(), child, tag, self._findings, default)
+
+    def _pose(self, element: Element) -> tuple[Pose, str]:
+        """Return the pose of an element, and the frame that it says to be relative to."""
+        pose, findings = element.find('pose'), self._findings
+        if pose is None:
+            return IDENTITY, ''
+        base = pose.attributes.get('relative_to', '') or pose.attributes.get('frame', '')
+        if not pose.text.strip():
+            return IDENTITY, base
+        form = pose.attributes.get('rotation_format', 'euler_rpy')
+        if form == 'quat_xyzw':
+            values = several(pose.text, 7, pose, 'pose', findings, (0.0,) * 6 + (1.0,))
+            norm = math.hypot(*values[3:])
+            if not abs(norm - 1.0) < 1e-3:
+                findings.error(pose, f'its quaternion has length {norm:g}, must be 1')
+                return IDENTITY, base
+            a, b, c, d = (value / norm for value in values[3:])
+            return Pose((values[0], values[1], values[2]), (a, b, c, d)), base
+        if form != 'euler_rpy':
+            findings.error(pose, f'rotation_format {form[:40]!r}, must be euler_rpy or quat_xyzw')
+        x, y, z, *angles = several(pose.text, 6, pose, 'pose', findings, (0.0,) * 6)
+        if pose.attributes.get('degrees', 'false') in ('true', '1'):
+            angles = [math.radians(angle) for angle in angles]
+        return Pose((x, y, z), from_rpy(*angles)), base
+
+
+def _text(element: Element, tag: str) -> str:
+    """Return the text of a child, '' without one."""
+    child = element.find(tag)
+    return '' if child is None else child.text.strip()

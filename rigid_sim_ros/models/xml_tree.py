@@ -1,0 +1,156 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+XML as a tree of elements that know their lines.
+
+A model is a stranger's file: entities and document types are refused by defusedxml, size, depth
+and number of elements are bounded, and nothing that a file names is opened here.
+"""
+
+from collections.abc import Iterator
+import errno
+import os
+from pathlib import Path
+import stat
+from xml.sax import ContentHandler, SAXParseException
+from xml.sax.xmlreader import AttributesImpl, Locator
+
+from defusedxml import DefusedXmlException
+from defusedxml.sax import parseString
+
+from rigid_sim_ros.models.findings import Finding, ModelError
+
+# [bytes] The largest robots have 0.3 MB; a file beyond this is no description of a model.
+MAX_BYTES = 32_000_000
+# A model needs some 10 levels, and 1e4 elements; more would take memory and stack without end.
+MAX_DEPTH = 100
+MAX_ELEMENTS = 1_000_000
+
+
+class Element:
+    """An element: its attributes, children and text, and where it stands."""
+
+    __slots__ = ('attributes', 'children', 'file', 'line', 'parent', 'tag', 'text')
+
+    def __init__(self, tag: str, attributes: dict[str, str], parent: 'Element | None', file: str,
+                 line: int) -> None:
+        """Make an element without children."""
+        self.tag, self.attributes, self.parent = tag, attributes, parent
+        self.file, self.line = file, line
+        self.children: list[Element] = []
+        self.text = ''
+
+    @property
+    def name(self) -> str:
+        """Return its attribute `name`, '' without one."""
+        return self.attributes.get('name', '')
+
+    @property
+    def path(self) -> str:
+        """Return where it stands below the root, with the names of what has one."""
+        own = f"{self.tag} '{self.name[:60]}'" if self.name else self.tag
+        if self.parent is None or self.parent.parent is None:
+            return own
+        return f'{self.parent.path}/{own}'
+
+    def find(self, tag: str) -> 'Element | None':
+        """Return the first child of a tag."""
+        return next(self.each(tag), None)
+
+    def each(self, tag: str) -> Iterator['Element']:
+        """Return the children of a tag."""
+        return (child for child in self.children if child.tag == tag)
+
+    def every(self) -> Iterator['Element']:
+        """Return the element and all below it."""
+        yield self
+        for child in self.children:
+            yield from child.every()
+
+
+def read(path: Path) -> Element:
+    """Return the root of a file; raises ModelError where it is no XML, or goes beyond bounds."""
+    return parse(contents(path), str(path))
+
+
+def contents(path: Path) -> bytes:
+    """Return the bytes of a regular file of bounded size; ModelError where it is none."""
+    try:
+        # Without O_NONBLOCK a pipe would wait for somebody to write into it.
+        with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), 'rb') as file:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise OSError(errno.EINVAL, 'not a regular file')
+            data = file.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, 'strerror', None) or error
+        raise ModelError([Finding(f'cannot be read: {reason}', '', str(path))]) from None
+    if len(data) > MAX_BYTES:
+        raise ModelError([Finding(f'is larger than {MAX_BYTES / 1e6:g} MB, must be a description '
+                                  'of a model', '', str(path))])
+    return data
+
+
+def parse(data: bytes, file: str) -> Element:
+    """Return the root of some text; `file` is named in errors."""
+    handler = _Builder(file)
+    try:
+        parseString(data, handler, forbid_dtd=True)
+    except ModelError:
+        raise
+    except SAXParseException as error:
+        raise ModelError([Finding(f'not XML: {error.getMessage()}', '', file,
+                                  error.getLineNumber() or 1)]) from None
+    except DefusedXmlException:
+        raise ModelError([Finding('has a document type or entities, must have none', '', file,
+                                  handler.line)]) from None
+    except (ValueError, LookupError) as error:   # an encoding that nobody knows, a bad byte
+        raise ModelError([Finding(f'not XML: {" ".join(str(error).split())}', '', file,
+                                  handler.line)]) from None
+    if handler.root is None:
+        raise ModelError([Finding('is empty, must be a model', '', file, 1)])
+    return handler.root
+
+
+class _Builder(ContentHandler):
+    """Builds the tree."""
+
+    def __init__(self, file: str) -> None:
+        super().__init__()
+        self._file = file
+        self._open: list[Element] = []
+        self._count = 0
+        self._locator: Locator | None = None
+        self.root: Element | None = None
+
+    @property
+    def line(self) -> int:
+        line = None if self._locator is None else self._locator.getLineNumber()
+        return int(line or 1)
+
+    def setDocumentLocator(self, locator: Locator) -> None:
+        """Keep what knows the line."""
+        self._locator = locator
+
+    def startElement(self, name: str, attrs: AttributesImpl) -> None:
+        """Open an element."""
+        self._count += 1
+        for number, most, what in ((self._count, MAX_ELEMENTS, 'elements'),
+                                   (len(self._open), MAX_DEPTH, 'levels')):
+            if number > most:
+                raise ModelError([Finding(f'has more than {most} {what}, must be a description '
+                                          'of a model', '', self._file, self.line)])
+        parent = self._open[-1] if self._open else None
+        element = Element(name, dict(attrs.items()), parent, self._file, self.line)
+        if parent is None:
+            self.root = element
+        else:
+            parent.children.append(element)
+        self._open.append(element)
+
+    def endElement(self, name: str) -> None:
+        """Close the element."""
+        self._open.pop()
+
+    def characters(self, content: str) -> None:
+        """Keep text."""
+        self._open[-1].text += content

@@ -1,0 +1,227 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The models of a scene become bodies and joints of it: nothing behind this knows of models."""
+
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rigid_sim_ros.engine.model.inertia import mesh_volume
+from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.models.description import Model, Shape
+from rigid_sim_ros.models.findings import Finding, ModelError
+from rigid_sim_ros.models.parts import make_parts, Parts, ros_name, Wish
+from rigid_sim_ros.models.poses import Pose
+from rigid_sim_ros.models.read import ending, read_model
+from rigid_sim_ros.scene import mesh, schema
+from rigid_sim_ros.scene.collision import convex_hull
+from rigid_sim_ros.scene.document import Source
+from rigid_sim_ros.scene.errors import (
+    below, dotted, nearest, Path as Place, Problem, Report, SceneError, shown)
+
+# Part of its convex hull that a collision mesh may leave empty without a word.
+_HOLLOW = 0.01
+# Corners of a convex hull that stay as they are. Contacts of hulls with thousands take time, which
+# scanned or finely meshed shapes have: those lose corners ...
+MOST_CORNERS = 256
+# ... that stand out by less than this part of the largest extent: 0.4 mm of a link of 0.2 m.
+COARSE = 2e-3
+
+
+class Expansion:
+    """
+    The bodies and joints of a scene's models, as a source of their own.
+
+    Mistakes in them are told with the place in the model's file.
+    """
+
+    def __init__(self, spec: schema.Scene, folder: Path | None, source: Source,
+                 *, is_alone: bool) -> None:
+        """Read all models of a scene; raises SceneError with what is wrong in them."""
+        self.notes: list[str] = []
+        self.world: dict[str, Any] = {}
+        self._parts: list[Parts] = []
+        self._first_body = len(spec.bodies)
+        self._first_joint = len(spec.joints or ())
+        self._behind = source
+        problems: list[Problem] = []
+
+        def report(path: Place, message: str) -> None:
+            problems.append(source.problem(path, message))
+
+        for i, entry in enumerate(spec.models or ()):
+            problems += self._tried(entry, folder, below(('models', i), report), is_alone)
+        if problems:
+            raise SceneError(problems)
+        self.data: dict[str, Any] = {
+            'bodies': [body for parts in self._parts for body in parts.bodies],
+            'joints': [joint for parts in self._parts for joint in parts.joints],
+            'collision': {'ignore': [pair for parts in self._parts for pair in parts.ignore]}}
+
+    def _tried(self, entry: schema.ModelFile, folder: Path | None, report: Report,
+               is_alone: bool) -> list[Problem]:
+        """Add a model, or return what is wrong in its file."""
+        try:
+            self._add(entry, folder, report, is_alone=is_alone)
+        except ModelError as error:
+            return [Problem(*finding) for finding in error.findings]
+        return []
+
+    def _add(self, entry: schema.ModelFile, folder: Path | None, report: Report, *,
+             is_alone: bool) -> None:
+        if folder is None:
+            report(('file',), f'{shown(entry.file)} is not beside the scene, must be bodies and '
+                   'joints in it')
+            return
+        if not ending(entry.file):
+            # The reader's own words, at this place in the scene.
+            try:
+                read_model(Path(entry.file))
+            except ModelError as error:
+                report(('file',), f'{shown(entry.file)} {error.findings[0].message}')
+            return
+        model = read_model(
+            folder / entry.file,
+            {name: folder / path for name, path in entry.packages.items()},
+            None if entry.srdf is None else folder / entry.srdf, entry.arguments)
+        wish = _wish(entry, model, report)
+        meshes = _Meshes()
+        parts = make_parts(model, wish, meshes.read)
+        self._parts.append(parts)
+        if is_alone:
+            self.world = dict(model.world)
+        elif model.world:
+            parts.notes.append(Finding(f'its {" and ".join(model.world)} are ignored: those of '
+                                       'the scene hold', '', model.place.file, model.place.line))
+        self.notes += [str(note) for note in parts.notes]
+        if meshes.hollow:
+            self.notes.append(f'{model.place.file}: these meshes are not convex, or not closed, '
+                              'and collide as their convex hulls: '
+                              f'{", ".join(dict.fromkeys(meshes.hollow))}')
+        if meshes.coarsest > 0.0:
+            self.notes.append(f'{model.place.file}: convex hulls with more than {MOST_CORNERS} '
+                              f'corners are made simpler, by {1e3 * meshes.coarsest:.2g} mm at '
+                              'most')
+
+    def merged(self, spec: schema.Scene, made: schema.Scene) -> schema.Scene:
+        """Return the scene with the bodies and joints of its models, and without models."""
+        collision = spec.collision.model_copy(update={
+            'ignore': (*spec.collision.ignore, *made.collision.ignore)})
+        world = spec.world.model_copy(update=self.world)
+        joints = (*(spec.joints or ()), *(made.joints or ()))
+        return spec.model_copy(update={
+            'world': world, 'bodies': (*spec.bodies, *made.bodies), 'collision': collision,
+            'joints': joints if joints or spec.joints is not None else None, 'models': None})
+
+    def problem(self, path: Place, message: str) -> Problem:
+        """Return a problem of the bodies and joints of the models alone."""
+        first = self._first_body if path[:1] == ('bodies',) else self._first_joint
+        moved = (path[0], path[1] + first, *path[2:]) if (
+            len(path) > 1 and isinstance(path[1], int)) else path
+        return self.in_scene().problem(moved, message)
+
+    def in_scene(self) -> 'MergedSource':
+        """Return what names a place in the scene with its models."""
+        return MergedSource(self._behind, self._first_body, self._first_joint, self._parts)
+
+
+class MergedSource:
+    """Where the bodies and joints of a scene with models come from."""
+
+    def __init__(self, behind: Source, first_body: int, first_joint: int,
+                 parts: list[Parts]) -> None:
+        """Keep the places."""
+        self.data = behind.data
+        self._behind = behind
+        self._lists = {
+            'bodies': (first_body, [(place, body['name']) for part in parts for place, body in zip(
+                part.body_places, part.bodies, strict=True)]),
+            'joints': (first_joint, [(place, one['name']) for part in parts for place, one in zip(
+                part.joint_places, part.joints, strict=True)])}
+
+    def problem(self, path: Place, message: str) -> Problem:
+        """Return a problem with its place in the scene or in the file of a model."""
+        first, made = self._lists.get(str(path[0]) if path else '', (0, []))
+        if len(path) > 1 and isinstance(path[1], int) and first <= path[1] < first + len(made):
+            place, name = made[path[1] - first]
+            key = f'{name}: {dotted(path[2:])}' if len(path) > 2 else name
+            return Problem(message, key, place.file, place.line)
+        return self._behind.problem(path, message)
+
+
+def alone(path: Path) -> dict[str, Any]:
+    """Return the scene of a model that is given where a scene is asked for."""
+    name = ros_name(path.name.partition('.')[0]).replace('/', '_') or 'model'
+    return {'world': {'contact': 'none'}, 'models': [
+        {'name': 'model' if name in ('world', '_') else name, 'file': path.name}]}
+
+
+def _wish(entry: schema.ModelFile, model: Model, report: Report) -> Wish:
+    """Return what the scene says of a model; report joints that it has not."""
+    named = _Named(model, report)
+    positions = {name: position for wanted, position in entry.joints.items()
+                 for name in named.matching(wanted, ('joints', wanted))}
+    drives = {name: drive.model_dump(exclude_none=True) for pattern, drive in entry.drives.items()
+              for name in named.matching(pattern, ('drives', pattern))}
+    unlimited = {name for i, pattern in enumerate(entry.unlimited)
+                 for name in named.matching(pattern, ('unlimited', i))}
+    return Wish(entry.name, Pose(entry.pose.position, entry.pose.orientation), entry.fixed_base,
+                positions, drives, frozenset(unlimited), entry.mend_inertia, entry.material)
+
+
+class _Named:
+    """The joints with one axis of a model, by their names in the file or in the scene."""
+
+    def __init__(self, model: Model, report: Report) -> None:
+        self._names = [joint.name for joint in model.joints if joint.kind in schema.ONE_AXIS]
+        self._report = report
+
+    def matching(self, pattern: str, place: Place) -> list[str]:
+        """Return the names in the file of joints that match; report a pattern that none does."""
+        found = [name for name in self._names
+                 if fnmatchcase(name, pattern) or fnmatchcase(ros_name(name), pattern)]
+        if not found:
+            self._report(place, f'{shown(pattern)} is no joint of the model with one axis, '
+                         f'{nearest(pattern, self._names) if self._names else "must be none"}')
+        return found
+
+
+class _Meshes:
+    """Reads the collision meshes of a model, each once."""
+
+    def __init__(self) -> None:
+        self._hulls: dict[tuple[Any, ...], tuple[Array, IntArray]] = {}
+        self.hollow: list[str] = []     # those that leave a part of their hull empty
+        self.coarsest = 0.0     # [m] by which hulls are smaller than those of the files
+
+    def read(self, shape: Shape) -> dict[str, Any]:
+        """Return the convex hull of a mesh in the words of a scene; ValueError if it has none."""
+        if shape.mesh is None:
+            vertices, faces = self._few(np.asarray(shape.points, dtype=np.float64))
+        else:
+            if tuple(shape.mesh) not in self._hulls:
+                self._hulls[tuple(shape.mesh)] = self._hull(*shape.mesh)
+            vertices, faces = self._hulls[tuple(shape.mesh)]
+        return {'type': 'mesh', 'vertices': vertices.tolist(), 'faces': faces.tolist()}
+
+    def _hull(self, path: Path, scale: tuple[float, float, float]) -> tuple[Array, IntArray]:
+        surface = mesh.read(path)
+        points = surface.vertices * scale
+        if not np.isfinite(points).all():
+            raise ValueError(f'{path} has a vertex that is not finite, must be numbers')
+        hull = self._few(points)
+        volume = abs(mesh_volume(points, np.asarray(surface.faces)))
+        if volume < (1.0 - _HOLLOW) * mesh_volume(hull[0], np.asarray(hull[1])):
+            self.hollow.append(path.name)
+        return hull
+
+    def _few(self, points: Array) -> tuple[Array, IntArray]:
+        """Return a convex hull, with fewer corners where it has very many."""
+        hull = convex_hull(points)
+        if len(hull[0]) > MOST_CORNERS:
+            tolerance = COARSE * float(np.ptp(hull[0], axis=0).max())
+            self.coarsest = max(self.coarsest, tolerance)
+            return convex_hull(hull[0], tolerance)
+        return hull

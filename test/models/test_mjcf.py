@@ -1,0 +1,97 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""MJCF files, read through MuJoCo, move as in MuJoCo."""
+
+import sys
+
+from models.robots import world_of, write
+import mujoco
+import numpy as np
+import pytest
+
+from rigid_sim_ros import load_scene
+from rigid_sim_ros.scene import read_scene, SceneError
+
+ARM = """<mujoco model="arm">
+  <option timestep="0.0005" gravity="0 0 -9.8"/>
+  <default><geom density="500" contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <body name="base" pos="0 0 1">
+      <geom type="box" size=".1 .1 .1"/>
+      <body name="upper" pos="0 0 -.1" euler="0 10 0">
+        <joint name="shoulder" axis="0 1 0" range="-90 90" damping=".1" armature=".01"
+               stiffness="1" springref="20"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -.5" size=".03"/>
+        <site name="tip" pos="0 0 -.5"/>
+        <body name="lower" pos="0 0 -.5"><joint name="elbow" axis="0 1 0" ref="10"/>
+          <geom type="cylinder" size=".02 .2" pos="0 0 -.2"/></body>
+      </body>
+    </body>
+    <body name="ball" pos="1 0 1"><freejoint/><geom type="sphere" size=".1" contype="1"/></body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def test_an_arm_moves_as_in_mujoco(tmp_path) -> None:
+    path = write(tmp_path, 'arm.xml', ARM)
+    world = load_scene(path)
+    assert list(world.names) == ['arm/base', 'arm/upper', 'arm/lower', 'arm/ball']
+    assert world.scene.spec.world.step == 0.0005
+    world.step(400)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.timestep = 1e-5
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, nstep=20000)
+    # MuJoCo's Euler method is of first order: 0.2 s of 1e-5 s steps leave some 1e-5 rad.
+    np.testing.assert_allclose(world.joint_position, data.qpos[:2] - model.qpos0[:2], atol=1e-5)
+    np.testing.assert_allclose(world.position[3], data.qpos[2:5], atol=1e-4)
+
+
+def test_masses_and_frames_are_those_of_mujoco(tmp_path) -> None:
+    path = write(tmp_path, 'arm.xml', ARM)
+    world = world_of(path, joints={'shoulder': 0.3, 'elbow': -0.4})
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    data.qpos[:2] = model.qpos0[:2] + np.array([0.3, -0.4])
+    mujoco.mj_kinematics(model, data)
+    np.testing.assert_allclose(world.position, data.xpos[1:], atol=1e-15)
+    total = sum(body.inertial.mass for body in world.scene.spec.bodies)
+    assert total == pytest.approx(model.body_mass.sum(), rel=1e-14)
+    tip = dict(world.scene.spec.bodies[1].named_frames())['r/tip']
+    assert tip.position == (0.0, 0.0, -0.5)
+
+
+def test_equalities_are_joints_that_close_loops_or_follow(tmp_path) -> None:
+    text = ARM.replace('</mujoco>', '<equality><joint joint1="elbow" joint2="shoulder" '
+                       'polycoef="0.1 -2 0 0 0"/><connect body1="lower" body2="ball" '
+                       'anchor="0 0 -.4"/></equality></mujoco>')
+    joints = read_scene(write(tmp_path, 'arm.xml', text)).spec.joints
+    assert joints[1].mimic.joint == 'arm/shoulder'
+    assert (joints[1].mimic.multiplier, joints[1].mimic.offset) == (-2.0, 0.1)
+    assert joints[2].type == 'spherical'
+    assert (joints[2].parent, joints[2].child) == ('arm/lower', 'arm/ball')
+    assert joints[2].pose.position == pytest.approx((0, 0, -0.4), abs=1e-15)
+
+
+@pytest.mark.parametrize(('old', 'new', 'words'), [
+    ('<worldbody>', '<wordbody>', 'not XML'),
+    ('timestep="0.0005"', 'timestep="soon"', 'MuJoCo says: '),
+    ('size=".02 .2"', 'size="nan"', "size 'nan', must be finite"),
+    ('<freejoint/>', '<joint type="slide"/><joint type="hinge"/>', 'has 2 joints (slide, hinge)'),
+    ('<worldbody>', '<include file="../secret.xml"/><worldbody>', 'may lie outside'),
+    ('<worldbody>', '<asset><mesh file="/etc/passwd"/></asset><worldbody>', 'may lie outside'),
+    ('<worldbody>', '<extension><plugin plugin="x"/></extension><worldbody>', 'another library'),
+    ('<body name="ball"', '<body gravcomp="1" name="ball"', 'has gravcomp')])
+def test_a_mistake_is_named(tmp_path, old, new, words) -> None:
+    path = write(tmp_path, 'arm.xml', ARM.replace(old, new))
+    with pytest.raises(SceneError) as error:
+        read_scene(path)
+    assert words in str(error.value)
+    assert error.value.problems[0].file == str(path)
+
+
+def test_without_mujoco_an_error_says_what_to_install(tmp_path, monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, 'mujoco', None)
+    with pytest.raises(SceneError, match=r"needs MuJoCo, .*pip install '\.\[mjcf\]'"):
+        read_scene(write(tmp_path, 'arm.xml', ARM))
