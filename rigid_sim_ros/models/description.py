@@ -120,3 +120,4 @@ class Model:
     # What the file says of the world, for a model alone: `gravity`, `step`.
     world: Mapping[str, Any] = field(default_factory=dict)
     notes: list[Finding] = field(default_factory=list)
+    urdf: str = ''      # the whole text, if that is what it is

@@ -36,6 +36,8 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None,
     folders = Folders(folder, dict(packages or {}))
     data = expanded(path, arguments or {}) if kind == _XACRO else contents(path)
     model = _READERS[kind](data, path, folders)
+    if _READERS[kind] is read_urdf:
+        model.urdf = data.decode('utf-8', 'replace')
     if srdf is None:
         beside = path.with_suffix('.srdf')
         srdf = beside if beside.is_file() else None

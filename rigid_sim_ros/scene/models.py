@@ -43,6 +43,7 @@ class Expansion:
         self.notes: list[str] = []
         self.world: dict[str, Any] = {}
         self._parts: list[Parts] = []
+        self._descriptions: dict[str, str] = {}
         self._first_body = len(spec.bodies)
         self._first_joint = len(spec.joints or ())
         self._behind = source
@@ -86,6 +87,8 @@ class Expansion:
             folder / entry.file,
             {name: folder / path for name, path in entry.packages.items()},
             None if entry.srdf is None else folder / entry.srdf, entry.arguments)
+        if model.urdf:
+            self._descriptions[entry.name] = model.urdf
         wish = _wish(entry, model, report)
         meshes = _Meshes()
         parts = make_parts(model, wish, meshes.read)
@@ -111,8 +114,11 @@ class Expansion:
             'ignore': (*spec.collision.ignore, *made.collision.ignore)})
         world = spec.world.model_copy(update=self.world)
         joints = (*(spec.joints or ()), *(made.joints or ()))
+        # What is written in the scene holds.
+        descriptions = self._descriptions | (spec.descriptions or {})
         return spec.model_copy(update={
             'world': world, 'bodies': (*spec.bodies, *made.bodies), 'collision': collision,
+            'descriptions': descriptions or None,
             'joints': joints if joints or spec.joints is not None else None, 'models': None})
 
     def problem(self, path: Place, message: str) -> Problem:

@@ -151,3 +151,9 @@ def test_a_xacro_file_is_expanded_with_its_arguments(path) -> None:
     write(path.parent, 'pendulum.urdf.xacro', text.replace('$(arg m)', 'nothing'))
     with pytest.raises(SceneError, match='xacro says: '):
         read_scene(model)
+
+
+def test_the_description_of_a_robot_is_the_text_of_its_file(path) -> None:
+    scene = read_scene(path)
+    assert scene.descriptions == {'left': URDF, 'right': URDF}
+    assert scene_from_text(scene.text).descriptions == scene.descriptions
