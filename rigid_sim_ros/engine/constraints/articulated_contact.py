@@ -11,20 +11,17 @@ of joints is piecewise straight (laws.py): impulses that put an axis on another 
 again with the answer of that.
 """
 
-from typing import NamedTuple
-
-import numpy as np
-
 from rigid_sim_ros.engine.constraints.articulated_rows import (
-    answer_to_impulses, make_system, push_apart, read_row_rates, solve_system, System,
-    write_system, write_velocities)
+    answer_to_impulses, push_apart, read_row_rates, solve_system, write_system, write_velocities)
+from rigid_sim_ros.engine.constraints.pressing import (
+    HALF_KNOWN, ISLANDS, KNOWN, POINTS_IN_USE, Pressing, WIDTH)
 from rigid_sim_ros.engine.contact.carried_forces import (
-    Carried, keep_force, longer, match_forces, no_forces, recall_forces)
+    keep_force, match_forces, recall_forces)
 from rigid_sim_ros.engine.contact.classify import resting_speed
 from rigid_sim_ros.engine.contact.contacts import (
-    add_contact_load, Bodies, Contacts, make_bodies, make_contacts, push_rows, read_bodies,
+    add_contact_load, Contacts, push_rows, read_bodies,
     read_rates, read_velocity, to_world)
-from rigid_sim_ros.engine.dynamics.loads import empty_loads, kick, Loads
+from rigid_sim_ros.engine.dynamics.loads import kick, Loads
 from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
 from rigid_sim_ros.engine.joints.settle import find_motions
 from rigid_sim_ros.engine.joints.shake import expect
@@ -57,56 +54,6 @@ MOST_TURN = 0.02
 REBOUNDS = 2.0
 # Shares of bounces that are tried so that these give no energy.
 CHORDS = 4
-# Places in `Pressing.count`: points taken part, islands, forces carried over from the step before
-# and between the halves of this one, rows of a point, and what there has to be room for.
-POINTS_IN_USE, ISLANDS, KNOWN, HALF_KNOWN, WIDTH, NEEDED = range(6)
-
-
-class Pressing(NamedTuple):
-    """Scratch memory for c points of contact, and the impulses that are carried over."""
-
-    count: IntArray  # type: ignore[assignment]  # (6,) see POINTS_IN_USE
-    contacts: Contacts
-    order: IntArray  # (2, rows of the memory) for `gather`
-    bodies: Bodies
-    match: IntArray  # (c,) the same point among impulses that were found before, or -1
-    chosen: IntArray  # (c,) points by islands
-    first: IntArray  # (c + 1,) of the points of an island
-    parent: IntArray  # (n,) sets of bodies that hang together
-    label: IntArray  # (n,) island of such a set
-    impulse: Array  # (c, 6) [N s, contact axes] of half a step
-    pushed: Array  # (c, 6) [N s, contact axes] that only displace
-    displacing: Loads  # [N s, N m s] what these make of the momenta of the bodies
-    bounce: Array  # (c,) [m/s] with which a point comes apart at the end of the step
-    work: Array  # (c,) [J] that the impulses of a half did
-    free: Array  # (6 c,) [m/s] rates of the rows of an island without impulses
-    row: Array  # (6 c,) scratch
-    system: System
-    carried: Carried  # of the second half of the step before, (c,)
-    half: Carried  # of the first half of this one
-    half_bounce: Array  # (c,) of its points
-    half_work: Array  # (c,)
-    locked: IntArray  # (k,) pieces for which impulses were found
-    extra: Array  # (k,)
-
-
-def make_pressing(table: JointTable, bodies: int, points: int, manifolds: int,
-                  rows: int) -> Pressing:
-    """Return room for so many bodies, points, manifolds, and rows of an island."""
-
-    def whole(*shape: int) -> IntArray:
-        return np.zeros(shape, dtype=np.int64)
-
-    c, axes = points, len(table.translates)
-    carried, half = (Carried._make(longer(field, c) for field in no_forces()) for _ in range(2))
-    return Pressing(whole(6), make_contacts(c), whole(2, manifolds), make_bodies(bodies), whole(c),
-                    whole(c), whole(c + 1), whole(bodies), whole(bodies), np.zeros((c, 6)),
-                    np.zeros((c, 6)), empty_loads(bodies), np.zeros(c), np.zeros(c),
-                    np.zeros(6 * c),
-                    np.zeros(6 * c),
-                    make_system(rows, table, bodies), carried, half, np.zeros(c), np.zeros(c),
-                    whole(axes),
-                    np.zeros(axes))
 
 
 @kernel
@@ -532,29 +479,3 @@ def keep_impulses(model: Model, first: bool, w: Pressing) -> None:
         if first:
             w.half_bounce[c], w.half_work[c] = w.bounce[k], w.work[k]
     w.count[HALF_KNOWN if first else KNOWN] = kept
-
-
-def more_points(w: Pressing, table: JointTable, points: int) -> Pressing:
-    """Return scratch memory with room for twice as many points, and what is carried over."""
-    fresh = make_pressing(table, len(w.parent), 2 * points, w.order.shape[1], len(w.system.x))
-    return fresh._replace(
-        count=w.count, carried=_longer(w.carried, 2 * points), half=_longer(w.half, 2 * points),
-        half_bounce=longer(w.half_bounce, 2 * points),
-        half_work=longer(w.half_work, 2 * points))
-
-
-def with_carried(w: Pressing, table: JointTable, carried: Carried) -> Pressing:
-    """Return scratch memory that begins with these impulses of the step before."""
-    known = len(carried.feature)
-    w = more_points(w, table, known) if known > len(w.chosen) else w
-    w.count[KNOWN] = known
-    return w._replace(carried=_longer(carried, len(w.chosen)))
-
-
-def carried_over(w: Pressing) -> Carried:
-    """Return the impulses of the latest step from which the next one begins."""
-    return Carried._make(field[:w.count[KNOWN]].copy() for field in w.carried)
-
-
-def _longer(carried: Carried, points: int) -> Carried:
-    return Carried._make(longer(field, points) for field in carried)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from rigid_sim_ros.engine.constraints.articulated_contact import (
+from rigid_sim_ros.engine.constraints.pressing import (
     carried_over, make_pressing, Pressing, WIDTH, with_carried)
 from rigid_sim_ros.engine.contact.carried_forces import Carried, no_forces
 from rigid_sim_ros.engine.contact.contacts import row_count

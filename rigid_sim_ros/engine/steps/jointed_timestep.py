@@ -13,9 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.constraints.articulated_contact import (
-    choose_points, keep_impulses, more_points, NEEDED, POINTS_IN_USE, press, Pressing,
-    take_back_displacing, WIDTH)
+    choose_points, keep_impulses, press, take_back_displacing)
 from rigid_sim_ros.engine.constraints.articulated_rows import make_system
+from rigid_sim_ros.engine.constraints.pressing import (
+    more_points, NEEDED, POINTS_IN_USE, Pressing, WIDTH)
 from rigid_sim_ros.engine.contact.carried_forces import recall_forces
 from rigid_sim_ros.engine.contact.contacts import gather
 from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses, record
