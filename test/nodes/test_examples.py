@@ -13,7 +13,7 @@ from unittest import SkipTest
 if find_spec('rclpy') is None:
     raise SkipTest('rclpy is not installed: pip install .[ros]')
 
-from geometry_msgs.msg import Twist, WrenchStamped
+from geometry_msgs.msg import Twist, TwistStamped, WrenchStamped
 from nodes.live import kept, Process, ROOT, running
 import pytest
 from sensor_msgs.msg import MultiDOFJointState
@@ -129,3 +129,17 @@ def test_the_arm_follows_the_trajectory_of_the_tracker(probe, tmp_path):
     # It lags by I a / k and sags by gravity / k: I a stays below 3 N m and gravity below 16 N m, k
     # is 2e4 N m/rad, 4e3 below the elbow; and a goal is met within a step, 0.5 rad/s * 1 ms.
     assert float(found) < 3.0 / 4e3 + 16.0 / 2e4 + 5e-4
+
+
+def test_the_rover_goes_as_velocity_commands_say(probe, tmp_path):
+    command = Twist()
+    command.linear.x = 0.5
+    with running(tmp_path / 'sim', 'rover', name='rover_sim', publish_rate=50.0,
+                 publish_clock=False), example(
+                     tmp_path, 'drive_rover', '--ros-args', '-p', 'sim:=/rover_sim'):
+        with probe.listening(TwistStamped, '/rover_sim/chassis/twist') as twists:
+            def goes():
+                probe.publish('/cmd_vel', command)
+                # 12 kg and 4 wheels with 4 N m each: it is as fast as its wheels within 0.1 s.
+                return [twist for twist in twists if abs(twist.twist.linear.x - 0.5) < 1e-3]
+            probe.wait_for(goes, 'a rover at 0.5 m/s')
