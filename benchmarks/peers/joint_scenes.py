@@ -67,7 +67,7 @@ X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 def quadruped(h: float = 1e-3) -> dict[str, Any]:
     """
-    Return a robot of 15 kg like a Unitree Go2 that falls 1 cm onto four balls of 22 mm.
+    Return a robot of 15 kg like a Unitree Go2 that falls 3 mm onto four balls of 22 mm.
 
     Four legs of three joints; thighs and shanks of 0.213 m.
     """
@@ -85,20 +85,20 @@ def quadruped(h: float = 1e-3) -> dict[str, Any]:
     foot = _balls(0.022, [(0.0, 0.0, -length)])
     # The feet are 2 * 0.213 cos 0.9 = 0.265 m below the hips, and 22 mm thick.
     trunk = body('trunk', 6.92, (0.02, 0.0, -0.005), _box(6.92, (0.38, 0.2, 0.08)),
-                 (0.0, 0.0, 0.297))
+                 (0.0, 0.0, 0.29))
     return _standing(trunk, links, {one.name: foot for one in links if 'shank' in one.name}, h,
                      (STIFFNESS, DAMPING))
 
 
-# A humanoid of 33 kg stands on ankles that are stiffer than its weight is high, 33 kg * 9.81 m/s^2
-# * 0.62 m = 200 N m/rad: both together have to give more, with knees and hips that yield in series.
+# A humanoid stands if its ankles are stiffer than its weight is high, 35 kg * 9.81 m/s^2
+# * 0.67 m = 230 N m/rad, for both together and with knees and hips that yield in series.
 HUMANOID_STIFFNESS = 400.0
 
 
 def _leg(side: str, left: int) -> list[Link]:
     return [
         Link(f'{side}_hip_pitch', 'pelvis', (0.0, 0.065 * left, -0.1), Y, 1.35,
-             (0.0, 0.03 * left, -0.01), (0.1, 0.08, 0.1), -0.2),
+             (0.0, 0.03 * left, -0.01), (0.1, 0.08, 0.1), -0.27),
         Link(f'{side}_hip_roll', f'{side}_hip_pitch', (0.0, 0.052 * left, -0.03), X, 1.52,
              (0.03, 0.0, -0.1), (0.1, 0.1, 0.12)),
         Link(f'{side}_hip_yaw', f'{side}_hip_roll', (0.025, 0.0, -0.124), Z, 1.7,
@@ -106,7 +106,7 @@ def _leg(side: str, left: int) -> list[Link]:
         Link(f'{side}_knee', f'{side}_hip_yaw', (-0.078, 0.002 * left, -0.177), Y, 1.93,
              (0.005, 0.004 * left, -0.12), (0.08, 0.08, 0.25), 0.4),
         Link(f'{side}_ankle_pitch', f'{side}_knee', (0.0, 0.0, -0.3), Y, 0.074,
-             (-0.007, 0.0, 0.011), (0.03, 0.03, 0.03), -0.2),
+             (-0.007, 0.0, 0.011), (0.03, 0.03, 0.03), -0.13),
         Link(f'{side}_ankle_roll', f'{side}_ankle_pitch', (0.0, 0.0, -0.018), X, 0.61,
              (0.027, 0.0, -0.017), (0.17, 0.06, 0.04))]
 
@@ -132,7 +132,7 @@ def _arm(side: str, left: int) -> list[Link]:
 
 def humanoid(h: float = 1e-3) -> dict[str, Any]:
     """
-    Return a robot of 33 kg and 29 joints like a Unitree G1 that stands on eight balls of 5 mm.
+    Return a robot of 35 kg and 29 joints like a Unitree G1 that stands on eight balls of 5 mm.
 
     Its joints have no armature and no damping but that of their drives, 2 N m s/rad: the ankle's
     parts of 74 g have 1e-5 kg m^2.

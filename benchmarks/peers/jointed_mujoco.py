@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A scene with joints in MuJoCo, all settings but the integrator as they come."""
 
+from functools import partial
 from typing import Any
 
 import mujoco
@@ -10,8 +11,8 @@ from run_mujoco import tag
 from scipy.spatial.transform import Rotation
 
 from rigid_sim_ros.scene import schema
+from rigid_sim_ros.scene.build import Scene
 
-INTEGRATORS = ('Euler', 'implicitfast', 'RK4')
 VERSION = mujoco.__version__
 # Otherwise MuJoCo writes its warnings into a file in the current folder.
 mujoco.set_mju_user_warning(lambda message: None)
@@ -214,3 +215,11 @@ class MuJoCo:
     def restore(self, saved: tuple[np.ndarray, np.ndarray]) -> None:
         """Put positions and velocities back."""
         self.data.qpos[:], self.data.qvel[:] = saved
+
+
+def _of_scene(integrator: str, scene: Scene) -> MuJoCo:
+    return MuJoCo(scene.spec, integrator)
+
+
+ENGINES = {f'MuJoCo {name}': partial(_of_scene, name) for name in (
+    'Euler', 'implicitfast', 'RK4')}
