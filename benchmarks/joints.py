@@ -27,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent / 'peers'))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test'))
 
 from engine.jointed import hanging, panda
-from joint_cases import CASES, Figures, Make, Ours
+from joint_cases import CASES, Figures, KNOWN, Make, Ours, truth
 from joint_scenes import humanoid, pendulums, quadruped
 from page import heading, line, machine, write
 
@@ -45,13 +45,15 @@ class Peer(NamedTuple):
     name: str
     module: str     # that Python imports
     install: str
-    runner: str = ''    # the module here that drives it; none: it is only named
+    runner: str     # the module here that drives it
 
 
 PEERS = (
     Peer('MuJoCo', 'mujoco', 'pip install mujoco', 'jointed_mujoco'),
     Peer('Pinocchio', 'pinocchio', 'pip install pin', 'jointed_pinocchio'),
 )
+# The integration of a chain of 50 by Pinocchio takes long; of the loop it knows nothing.
+CHECKED = ('pendulum', 'double', 'Panda')
 
 
 def engines(chosen: list[str]) -> tuple[dict[str, Make], list[str]]:
@@ -167,6 +169,19 @@ def speeds(makes: dict[str, Make], repeats: int) -> list[str]:
     return lines
 
 
+def truths() -> list[str]:
+    """Return a sentence: how far Pinocchio is from the motions that are held for true."""
+    check = import_module('jointed_pinocchio').disagreement
+    found = []
+    for name, one in KNOWN.items():
+        if name.startswith(CHECKED):
+            print(f'  the truth of {name}', file=sys.stderr, flush=True)
+            times, true = truth(name)
+            found.append(f'{name} {_short(check(one.scene(1e-3).scene, times, true, one.read))} m')
+    return ["From the truth, Pinocchio's accelerations integrated by DOP853 are off by: "
+            + ', '.join(found) + '.']
+
+
 def _chosen(text: str, known: list[str]) -> list[str]:
     """Return the names that begin with one of the words."""
     words = [word.strip() for word in text.split(',') if word.strip()]
@@ -202,6 +217,8 @@ def main() -> int:
     if arguments.only != 'accuracy':
         note(speeds(makes, arguments.repeats))
     if arguments.only != 'speed':
+        if any(name.startswith('Pinocchio') for name in makes):
+            note(truths())
         for h in STEPS:
             note(accuracy(names, makes, h))
     if arguments.output:
