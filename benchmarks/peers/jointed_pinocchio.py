@@ -28,7 +28,7 @@ class Pinocchio:
     """A world of a scene of trees on the world; names are as those of a `World`."""
 
     def __init__(self, spec: schema.Scene) -> None:
-        """Build the tree; NotImplementedError for what is beyond free motion of revolute joints."""
+        """Build the tree; NotImplementedError for more than free motion of revolute joints."""
         self.model, self.h = pin.Model(), spec.world.step
         self.model.gravity.linear = np.array(spec.world.gravity)
         self.names = [one.name for one in spec.bodies]
