@@ -224,6 +224,35 @@ def panda(h=1e-3, **more):
     return world(bodies, joints, h)
 
 
+def pendulum_tips(times):
+    """Return the tip of `hanging(1)`, (times, 3) [m]."""
+    # A rod of 1 m about its end, L = (m l^2 / 3 + m r^2 / 4) / (m l / 2).
+    length = (1 / 3 + 0.02 ** 2 / 4) / 0.5
+    return planar_tip(planar_links([length], [1.0], [length], [0.0], [math.pi / 2], times), [1.0])
+
+
+def double_pendulum_tips(times):
+    """Return the tip of `hanging(2)`, (times, 3) [m]."""
+    return planar_tip(planar_links([1, 1], [1, 1], [0.5, 0.5], [rod(1.0, 1.0, 0.02)[0]] * 2,
+                                   [math.pi / 2] * 2, times), [1.0, 1.0])
+
+
+def chain_tips(times):
+    """Return the tip of `hanging(50, 0.1, 0.1, 0.01, end=10.0)`, (times, 3) [m]."""
+    last = together([(0.1, (0, 0, -0.05), rod(0.1, 0.1, 0.01)),
+                     (10.0, (0, 0, -0.1), (10 * 0.01 / 6,) * 3 + (0.0,) * 3)])
+    masses, coms = [0.1] * 49 + [last[0]], [0.05] * 49 + [-last[1][2]]
+    about = [rod(0.1, 0.1, 0.01)[0]] * 49 + [last[2][0]]
+    return planar_tip(planar_links([0.1] * 50, masses, coms, about, [math.pi / 2] * 50, times,
+                                   rtol=1e-10), [0.1] * 50)
+
+
+def panda_tips(times):
+    """Return the flange of `panda()`, (times, 3) [m]."""
+    found = [PANDA.poses(q)[-1] for q in PANDA.motion(np.array(PANDA_START), times)]
+    return np.array([p + R @ PANDA_TIP for R, p in found])
+
+
 def point_of(world, name, p=(0.0, 0.0, 0.0)):
     """Return a point of a body [m] in the world."""
     i = world.names.index(name)
@@ -296,3 +325,13 @@ def four_bar_motion(times):
     done = solve_ivp(rates, (0, times[-1]), np.r_[four_bar_angles(), 0, 0, 0], method='DOP853',
                      rtol=1e-12, atol=1e-13, t_eval=times)
     return done.y[0]
+
+
+def wheels(h=1e-3, **more):
+    """Return two wheels of 0.01 and 0.02 kg m^2, coupled 1 : -2, driven with 1 N m."""
+    return world(
+        [body('w0', 1.0, inertia=(0.01,) * 3 + (0,) * 3),
+         body('w1', 1.0, inertia=(0.02,) * 3 + (0,) * 3, position=(0.3, 0, 0))],
+        [joint('g0', 'world', 'w0', drive={'mode': 'effort', 'effort': 1.0}),
+         joint('g1', 'world', 'w1', position=(0.3, 0, 0),
+               mimic={'joint': 'g0', 'multiplier': -2.0, **more})], h)

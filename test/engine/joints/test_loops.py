@@ -3,7 +3,7 @@
 """Loops and couplings."""
 
 from engine.jointed import (
-    body, COUPLER, energy, four_bar, four_bar_motion, joint, point_of, ROCKER, rod, world)
+    body, COUPLER, energy, four_bar, four_bar_motion, joint, point_of, ROCKER, rod, wheels, world)
 import numpy as np
 import pytest
 
@@ -62,16 +62,6 @@ def test_a_rod_without_mass_is_a_distance():
     # angular acceleration, and some 1 m of way.
     np.testing.assert_allclose(ball.position[0], point_of(bar, 'bar', (2, 0, 0)), atol=1e-4)
     assert ball.joint_position[0] == pytest.approx(2.0, abs=CLOSED)
-
-
-def wheels(h=1e-3, **more):
-    """Return two wheels of 0.01 and 0.02 kg m^2, coupled 1 : -2, driven with 1 N m."""
-    return world(
-        [body('w0', 1.0, inertia=(0.01,) * 3 + (0,) * 3),
-         body('w1', 1.0, inertia=(0.02,) * 3 + (0,) * 3, position=(0.3, 0, 0))],
-        [joint('g0', 'world', 'w0', drive={'mode': 'effort', 'effort': 1.0}),
-         joint('g1', 'world', 'w1', position=(0.3, 0, 0),
-               mimic={'joint': 'g0', 'multiplier': -2.0, **more})], h)
 
 
 @pytest.mark.parametrize('h', [1e-3, 4e-3])

@@ -10,8 +10,8 @@ times the error.
 import math
 
 from engine.jointed import (
-    body, energy, G, hanging, joint, PANDA, panda, PANDA_START, PANDA_TIP, planar_links,
-    planar_tip, point_of, rod, together, world)
+    body, chain_tips, double_pendulum_tips, energy, G, hanging, joint, panda, PANDA_TIP,
+    panda_tips, pendulum_tips, point_of, rod, world)
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -36,10 +36,7 @@ def largest_error(world, truth, tip, every=0.02):
 
 
 def test_a_pendulum_keeps_time_and_energy_for_a_minute():
-    # A rod of 1 m about its end, L = (m l^2 / 3 + m r^2 / 4) / (m l / 2).
-    length = (1 / 3 + 0.02 ** 2 / 4) / 0.5
-    a = planar_links([length], [1.0], [length], [0.0], [math.pi / 2], times(60.0))
-    error, off = largest_error(hanging(1), planar_tip(a, [1.0]),
+    error, off = largest_error(hanging(1), pendulum_tips(times(60.0)),
                                lambda world: point_of(world, 'link0', (0, 0, -1)))
     assert error < 6e-4
     # Of the largest kinetic energy, m g l / 2.
@@ -47,9 +44,8 @@ def test_a_pendulum_keeps_time_and_energy_for_a_minute():
 
 
 def test_a_pendulum_errs_16_times_as_much_at_four_times_the_step():
-    length = (1 / 3 + 0.02 ** 2 / 4) / 0.5
-    a = planar_links([length], [1.0], [length], [0.0], [math.pi / 2], times(2.0))
-    fine, coarse = (largest_error(hanging(1, h=h), planar_tip(a, [1.0]),
+    truth = pendulum_tips(times(2.0))
+    fine, coarse = (largest_error(hanging(1, h=h), truth,
                                   lambda world: point_of(world, 'link0', (0, 0, -1)))[0]
                     for h in (1e-3, 4e-3))
     # Terms of the fourth order are 1e-4 of those of the second at most here.
@@ -57,9 +53,7 @@ def test_a_pendulum_errs_16_times_as_much_at_four_times_the_step():
 
 
 def double_pendulum(h):
-    inertia = rod(1.0, 1.0, 0.02)[0]
-    a = planar_links([1, 1], [1, 1], [0.5, 0.5], [inertia] * 2, [math.pi / 2] * 2, times(2.0))
-    return largest_error(hanging(2, h=h), planar_tip(a, [1.0, 1.0]),
+    return largest_error(hanging(2, h=h), double_pendulum_tips(times(2.0)),
                          lambda world: point_of(world, 'link1', (0, 0, -1)))
 
 
@@ -69,21 +63,14 @@ def test_a_double_pendulum_is_where_lagrange_has_it():
 
 
 def test_a_released_panda_is_where_its_mass_matrix_has_it():
-    end = times(0.5)
-    found = [PANDA.poses(q)[-1] for q in PANDA.motion(np.array(PANDA_START), end)]
-    truth = [p + R @ PANDA_TIP for R, p in found]
-    error, _ = largest_error(panda(), truth, lambda world: point_of(world, 'link6', PANDA_TIP))
+    error, _ = largest_error(panda(), panda_tips(times(0.5)),
+                             lambda world: point_of(world, 'link6', PANDA_TIP))
     assert error < 1e-4
 
 
 def chain(h, end):
     """Return the largest error of the tip of 50 rods of 0.1 kg with 10 kg at their end."""
-    last = together([(0.1, (0, 0, -0.05), rod(0.1, 0.1, 0.01)),
-                     (10.0, (0, 0, -0.1), (10 * 0.01 / 6,) * 3 + (0.0,) * 3)])
-    masses, coms = [0.1] * 49 + [last[0]], [0.05] * 49 + [-last[1][2]]
-    about = [rod(0.1, 0.1, 0.01)[0]] * 49 + [last[2][0]]
-    a = planar_links([0.1] * 50, masses, coms, about, [math.pi / 2] * 50, times(end), rtol=1e-10)
-    return largest_error(hanging(50, 0.1, 0.1, 0.01, end=10.0, h=h), planar_tip(a, [0.1] * 50),
+    return largest_error(hanging(50, 0.1, 0.1, 0.01, end=10.0, h=h), chain_tips(times(end)),
                          lambda world: point_of(world, 'link49', (0, 0, -0.1)))
 
 
