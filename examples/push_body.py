@@ -141,8 +141,8 @@ def main(args: Sequence[str] | None = None) -> int:
     node = BodyPusher()
     stopped = threading.Event()
     spinning = threading.Thread(target=_spin, args=(node, stopped))
-    spinning.start()
     try:
+        spinning.start()
         if sys.stdin.isatty():
             print((__doc__ or '').split('\n\n')[3])
             with _single_keys():
@@ -154,7 +154,8 @@ def main(args: Sequence[str] | None = None) -> int:
         pass
     finally:
         stopped.set()
-        spinning.join()
+        if spinning.ident is not None:      # Ctrl-C may come before it has begun
+            spinning.join()
         node.destroy_node()
         rclpy.shutdown()
     return 0
