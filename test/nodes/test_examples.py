@@ -134,12 +134,14 @@ def test_the_arm_follows_the_trajectory_of_the_tracker(probe, tmp_path):
 def test_the_rover_goes_as_velocity_commands_say(probe, tmp_path):
     command = Twist()
     command.linear.x = 0.5
-    with running(tmp_path / 'sim', 'rover', name='rover_sim', publish_rate=50.0,
-                 publish_clock=False), example(
-                     tmp_path, 'drive_rover', '--ros-args', '-p', 'sim:=/rover_sim'):
-        with probe.listening(TwistStamped, '/rover_sim/chassis/twist') as twists:
-            def goes():
-                probe.publish('/cmd_vel', command)
-                # 12 kg and 4 wheels with 4 N m each: it is as fast as its wheels within 0.1 s.
-                return [twist for twist in twists if abs(twist.twist.linear.x - 0.5) < 1e-3]
-            probe.wait_for(goes, 'a rover at 0.5 m/s')
+    def goes():
+        probe.publish('/cmd_vel', command)
+        # 12 kg and 4 wheels with 4 N m each: it is as fast as its wheels within 0.1 s.
+        return [twist for twist in twists if abs(twist.twist.linear.x - 0.5) < 1e-3]
+
+    words = ('drive_rover', '--ros-args', '-p', 'sim:=/rover_sim')
+    with (running(tmp_path / 'sim', 'rover', name='rover_sim', publish_rate=50.0,
+                  publish_clock=False),
+          example(tmp_path, *words),
+          probe.listening(TwistStamped, '/rover_sim/chassis/twist') as twists):
+        probe.wait_for(goes, 'a rover at 0.5 m/s')
