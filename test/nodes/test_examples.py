@@ -134,6 +134,7 @@ def test_the_arm_follows_the_trajectory_of_the_tracker(probe, tmp_path):
 def test_the_rover_goes_as_velocity_commands_say(probe, tmp_path):
     command = Twist()
     command.linear.x = 0.5
+
     def goes():
         probe.publish('/cmd_vel', command)
         # 12 kg and 4 wheels with 4 N m each: it is as fast as its wheels within 0.1 s.
