@@ -50,6 +50,7 @@ class Peer(NamedTuple):
 
 PEERS = (
     Peer('MuJoCo', 'mujoco', 'pip install mujoco', 'jointed_mujoco'),
+    Peer('Drake', 'pydrake', 'pip install drake', 'jointed_drake'),
     Peer('Pinocchio', 'pinocchio', 'pip install pin', 'jointed_pinocchio'),
 )
 # The integration of a chain of 50 by Pinocchio takes long; of the loop it knows nothing.
