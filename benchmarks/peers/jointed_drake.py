@@ -127,6 +127,8 @@ class Drake:
             self.simulator.AdvanceTo((done + count) * h)
         except RuntimeError as error:
             raise ArithmeticError('blew up') from error
+        if not np.isfinite(self.plant.GetPositionsAndVelocities(self._here)).all():
+            raise ArithmeticError('blew up')
 
     @property
     def joint_position(self) -> np.ndarray:
