@@ -29,6 +29,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test'))
 from engine.jointed import hanging, panda
 from joint_cases import CASES, Figures, KNOWN, Make, Ours, truth
 from joint_scenes import humanoid, pendulums, quadruped
+import numpy as np
 from page import heading, line, machine, write
 
 from rigid_sim_ros import World
@@ -50,6 +51,7 @@ class Peer(NamedTuple):
 
 PEERS = (
     Peer('MuJoCo', 'mujoco', 'pip install mujoco', 'jointed_mujoco'),
+    Peer('Drake', 'pydrake', 'pip install drake', 'jointed_drake'),
     Peer('Pinocchio', 'pinocchio', 'pip install pin', 'jointed_pinocchio'),
 )
 # The integration of a chain of 50 by Pinocchio takes long; of the loop it knows nothing.
@@ -82,7 +84,7 @@ def outcome(run: Callable[[Make, float], Figures], make: Make, h: float) -> Figu
         found = run(make, h)
     except NotImplementedError:
         return '-'
-    except ArithmeticError:
+    except (ArithmeticError, np.linalg.LinAlgError):    # the latter from poses that are no numbers
         return 'blew up'
     return found if all(map(math.isfinite, found.values())) else 'blew up'
 
