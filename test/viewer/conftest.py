@@ -2,16 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fixtures of the tests of the page: a real browser, and a simulation that it shows."""
 from collections.abc import Iterator
+from contextlib import ExitStack
+import fcntl
+import os
 from pathlib import Path
 import shutil
-from typing import Any
+import time
+from typing import Any, IO
 
 from free import free_port
 import pytest
 
+_LOOK = 0.2     # [s] between two looks for a free place
+
 
 @pytest.fixture(scope='session')
-def browser() -> Iterator[Any]:
+def chromium() -> Iterator[Any]:
     """Start Chromium without a window and without a graphics card."""
     program = shutil.which('chromium')
     if program is None:
@@ -24,6 +30,34 @@ def browser() -> Iterator[Any]:
             '--disable-gpu-compositing'])
         yield browser
         browser.close()
+
+
+@pytest.fixture(scope='module')
+def browser(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """
+    Give the browser to the tests of a module when it is their turn.
+
+    Without a graphics card a page takes a core to be drawn: at most as many modules as there are
+    cores have one at a time, whichever workers run them. More of them wait for each other's
+    pictures until nobody is patient any more.
+    """
+    # The folder above is that of all workers of a run.
+    folder = tmp_path_factory.getbasetemp().parent
+    with ExitStack() as turns:
+        places = [turns.enter_context(open(folder / f'page{n}.lock', 'w'))
+                  for n in range(len(os.sched_getaffinity(0)))]
+        while not any(_is_taken(place) for place in places):
+            time.sleep(_LOOK)
+        yield chromium
+
+
+def _is_taken(place: IO[str]) -> bool:
+    """Return whether a place was free, and is taken now: until the file is closed."""
+    try:
+        fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True
 
 
 @pytest.fixture(scope='module')
