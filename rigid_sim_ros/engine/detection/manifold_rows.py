@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The rows of the manifolds: written, kept from the step before, found again, left out."""
 
+import numpy as np
+
 from rigid_sim_ros.engine.detection.manifolds import Manifolds, rows_in_use
 from rigid_sim_ros.engine.maths.rotation import conjugate, multiply, quaternion
 from rigid_sim_ros.engine.model.kinds.table import is_flat
@@ -239,3 +241,15 @@ def clear_impulses(manifolds: Manifolds, normal_impulse: Array, friction_impulse
         r = (first + k) & INDEX
         for p in range(manifolds.points[r]):
             normal_impulse[p, r] = 0.0
+
+
+@kernel
+def find_anew(manifolds: Manifolds) -> None:
+    """
+    Let detection find the points of all polyhedra anew.
+
+    Those that hardly moved would keep points that are right to second order, and results would
+    depend on when these were found.
+    """
+    for r in range(manifolds.count[0]):
+        manifolds.found_at[r, 0] = np.inf

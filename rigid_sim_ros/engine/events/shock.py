@@ -13,6 +13,7 @@ from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, TOLERANCE
 from rigid_sim_ros.engine.contact.impulse import collide_all
 from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses
 from rigid_sim_ros.engine.detection.detect import detect_ahead
+from rigid_sim_ros.engine.detection.manifold_rows import find_anew
 from rigid_sim_ros.engine.detection.manifolds import current, Manifolds, Memory
 from rigid_sim_ros.engine.dynamics.loads import Loads
 from rigid_sim_ros.engine.events.buffers import (
@@ -55,11 +56,7 @@ def look_near(model: Model, shapes: Shapes, settings: EventSettings, loads: Load
 def find(model: Model, state: State, shapes: Shapes, materials: Materials, memory: Memory,
          settings: EventSettings, w: Buffers) -> int:
     """Find the points that touch, or are as near as a rebound that is too short to be one."""
-    manifolds = current(memory)
-    for r in range(manifolds.count[0]):
-        # Polyhedra that hardly moved would keep points that are right to second order: not enough
-        # here.
-        manifolds.found_at[r, 0] = np.inf
+    find_anew(current(memory))
     if not detect_ahead(model, state, shapes, memory, None):
         return MORE_MEMORY
     manifolds = current(memory)

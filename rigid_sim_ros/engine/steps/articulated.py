@@ -171,15 +171,25 @@ def substep(model: Model, state: State, wrenches: Wrenches, work: Work, table: J
         kick(state, work.loads, 0.5 * h)
         finish(model, state, table, motion, scratch, h, record)
         return True
-    # Loads that depend on velocities want these as they will be at the end.
+    sum_later_loads(model, state, wrenches, work, table, motion, scratch, start, h)
+    kick(state, work.later, 0.5 * h)
+    finish(model, state, table, motion, scratch, h, record)
+    return True
+
+
+@kernel
+def sum_later_loads(model: Model, state: State, wrenches: Wrenches, work: Work, table: JointTable,
+                    motion: JointMotion, scratch: JointWork, start: State, h: float) -> None:
+    """
+    Write the loads at the end of a step of h [s] to work.later; `start` is scratch.
+
+    Loads that depend on velocities want these as they will be then.
+    """
     copy_into(start, state)
     kick(state, work.loads, 0.5 * h)
     rattle(model, table, state, motion, scratch, h)
     sum_loads(model, state, wrenches, work.later)
     copy_into(state, start)
-    kick(state, work.later, 0.5 * h)
-    finish(model, state, table, motion, scratch, h, record)
-    return True
 
 
 @kernel

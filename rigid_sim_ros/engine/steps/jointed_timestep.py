@@ -22,6 +22,7 @@ from rigid_sim_ros.engine.contact.contacts import gather
 from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses, record
 from rigid_sim_ros.engine.detection.detect import detect_ahead
 from rigid_sim_ros.engine.detection.look_ahead import look_ahead
+from rigid_sim_ros.engine.detection.manifold_rows import find_anew
 from rigid_sim_ros.engine.detection.manifolds import current, grown, Memory
 from rigid_sim_ros.engine.dynamics.free_flight import drift
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads, Work
@@ -32,14 +33,14 @@ from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
 from rigid_sim_ros.engine.joints.posture import read_positions
 from rigid_sim_ros.engine.joints.reactions import add_wrenches_of_joints
 from rigid_sim_ros.engine.joints.settle import prepare_step
-from rigid_sim_ros.engine.joints.shake import rattle, remember
+from rigid_sim_ros.engine.joints.shake import remember
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.engine.state.state import copy_into, State
 from rigid_sim_ros.engine.steps.articulated import (
     begin_efforts, end_commands, finish, follow_positions, halve, keep_held, MOST_PARTS,
-    next_size, note_part, shake_within_limits)
+    next_size, note_part, shake_within_limits, sum_later_loads)
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
@@ -104,6 +105,7 @@ def _begin(c: JointedTimestep) -> None:
     prepare_step(c.model, c.table, c.state, c.scratch)
     begin_efforts(c.motion)
     forget_impulses(current(c.memory))
+    c.pressing.system.residual[0] = 0.0
     c.place[PARTS_DONE], c.place[SIZE] = 0, next_size(c.motion)
     c.place[STAGE] = SEEK
 
@@ -112,11 +114,7 @@ def _begin(c: JointedTimestep) -> None:
 def _seek(c: JointedTimestep, first: bool) -> int:
     """Find the points that may touch in the part of a step, or that do at its end."""
     memory, shapes, state, model, w = c.memory, c.shapes, c.state, c.model, c.pressing
-    manifolds = current(memory)
-    for r in range(manifolds.count[0]):
-        # Polyhedra that hardly moved would keep points that are right to second order: a world
-        # that was restored would find others.
-        manifolds.found_at[r, 0] = np.inf
+    find_anew(current(memory))
     # At the end of a part only what touches is asked for.
     h = model.h if first else 0.0
     look_ahead(h, model.inv_m, model.inv_I_C, state.P, state.L, state.V, MARGIN, c.radius,
@@ -176,12 +174,7 @@ def _take_second_half(c: JointedTimestep) -> None:
     model, state, table, motion, scratch = c.model, c.state, c.table, c.motion, c.scratch
     loads, h = c.work.loads, model.h * c.place[SIZE] / MOST_PARTS
     if model.forces.kind.shape[0] + c.wrenches.in_use[0] > 0:
-        # Loads that depend on velocities want these as they will be at the end.
-        copy_into(c.start, state)
-        kick(state, loads, 0.5 * h)
-        rattle(model, table, state, motion, scratch, h)
-        sum_loads(model, state, c.wrenches, c.work.later)
-        copy_into(state, c.start)
+        sum_later_loads(model, state, c.wrenches, c.work, table, motion, scratch, c.start, h)
         loads = c.work.later
     kick(state, loads, 0.5 * h)
     press(model, state, table, motion, scratch, loads, h, False, c.pressing)

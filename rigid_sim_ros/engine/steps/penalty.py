@@ -14,6 +14,7 @@ from rigid_sim_ros.engine.contact.contacts import (
     Bodies, Contacts, gather, make_bodies, make_contacts, read_velocity, to_world)
 from rigid_sim_ros.engine.contact.penalty_force import penalty_forces, PenaltySettings
 from rigid_sim_ros.engine.detection.detect import detect_ahead
+from rigid_sim_ros.engine.detection.manifold_rows import find_anew
 from rigid_sim_ros.engine.detection.manifolds import current, grown, Manifolds, Memory
 from rigid_sim_ros.engine.dynamics.free_flight import fly
 from rigid_sim_ros.engine.dynamics.integrate import kick_by_change, make_work, sum_loads, Work
@@ -198,11 +199,7 @@ def _last_kick(model: Model, state: State, wrenches: Wrenches, work: Work) -> No
 def _overlaps(model: Model, state: State, shapes: Shapes, materials: Materials, memory: Memory,
               w: Buffers) -> int:
     """Find the points that overlap; return DONE, or what is needed first."""
-    manifolds = current(memory)
-    for r in range(manifolds.count[0]):
-        # Polyhedra that hardly moved would keep points that are right to second order: results
-        # would then depend on when these were found.
-        manifolds.found_at[r, 0] = np.inf
+    find_anew(current(memory))
     for s in range(shapes.bound.shape[0]):
         memory.ahead[s] = MARGIN * shapes.bound[s] if shapes.bound[s] < np.inf else 0.0
     memory.calm[0] = np.inf
