@@ -30,7 +30,7 @@ from rigid_sim_ros.engine.solver.arguments import (
     Arguments, make_arguments, radii, SequentialSettings, thicknesses, TimestepSettings, with_cut)
 from rigid_sim_ros.engine.solver.partition import Cut
 from rigid_sim_ros.engine.state.state import empty_state, State
-from rigid_sim_ros.engine.steps import event, jointed_timestep, penalty, qp, timestep
+from rigid_sim_ros.engine.steps import event, jointed_contact, jointed_timestep, penalty, qp, timestep
 from rigid_sim_ros.engine.steps.free import FREE_MOTION, FreeArguments
 from rigid_sim_ros.engine.steps.jointed_motion import JointedMotion, JointSetup
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
@@ -369,16 +369,17 @@ class Penalty(_Touching):
 class JointedTouching(_Touching, JointedMotion):
     """Velocity level, all impulses of an island at once; joints answer to them."""
 
+    _run = staticmethod(jointed_timestep.run)
+
     def __init__(self, setup: Setup, joints: JointSetup) -> None:
         """Make room for no contacts yet."""
         _Touching.__init__(self, setup)
         JointedMotion.__init__(self, setup.model, joints)
         shapes, n = setup.shapes, len(setup.model.m)
-        self._arguments = jointed_timestep.JointedTimestep(
-            setup.model, empty_state(n), no_wrenches(), self._work, self.table, self.motion,
-            self._scratch, self._times, self._start, shapes, setup.materials, self._memory,
+        self._arguments = jointed_contact.JointedContact(
+            self.arguments(empty_state(n), no_wrenches()), shapes, setup.materials, self._memory,
             radii(shapes, n), thicknesses(shapes), self._no_pressing(),
-            np.zeros(4, dtype=np.int64))
+            np.zeros(8, dtype=np.int64), np.zeros(3))
 
     def _no_pressing(self) -> Pressing:
         s = self._setup
@@ -388,9 +389,9 @@ class JointedTouching(_Touching, JointedMotion):
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
         """Advance the state, and count wrenches and commands down."""
-        c = self._arguments._replace(state=state, wrenches=wrenches, motion=self.read(state),
-                                     memory=self._memory)
-        self._arguments, self._pack = jointed_timestep.advance(c, count, self._pack)
+        self.read(state)
+        c = self._arguments._replace(joints=self.arguments(state, wrenches), memory=self._memory)
+        self._arguments, self._pack = jointed_contact.advance(self._run, c, count, self._pack)
         self._memory = self._arguments.memory
 
     def lasting(self) -> dict[str, np.ndarray]:
