@@ -38,7 +38,7 @@ class JointedMotion:
         self.table, self._model, self._joints = setup.table, model, setup
         n = len(model.m)
         self._scratch = make_joint_work(setup.table)
-        self._work, self._times, self._start = make_work(n), np.zeros(n), empty_state(n)
+        self._integration, self._times, self._start = make_work(n), np.zeros(n), empty_state(n)
         self._pack: ArgumentPack | None = None
         self.motion = self._at_rest()
         self._is_new = True
@@ -66,8 +66,9 @@ class JointedMotion:
 
     def arguments(self, state: State, wrenches: Wrenches) -> JointedArguments:
         """Return what the kernels of a step read and write."""
-        return JointedArguments(self._model, state, wrenches, self._work, self.table, self.motion,
-                                self._scratch, self._times, self._start)
+        return JointedArguments(
+            self._model, state, wrenches, self._integration, self.table, self.motion,
+            self._scratch, self._times, self._start)
 
     def assemble(self, state: State, position: Array, given: IntArray, rate: Array) -> float:
         """

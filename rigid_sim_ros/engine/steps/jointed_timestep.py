@@ -7,7 +7,7 @@ Kick, drift, kick as without contacts (articulated.py), with impulses of contact
 """
 
 from rigid_sim_ros.engine.constraints.articulated_contact import (
-    choose_points, keep_impulses, press, take_back_displacing)
+    choose_points, keep_impulses, press, take_all, take_back_displacing, take_pressing)
 from rigid_sim_ros.engine.constraints.pressing import NEEDED, POINTS_IN_USE
 from rigid_sim_ros.engine.dynamics.loads import kick
 from rigid_sim_ros.engine.steps.articulated import (
@@ -52,7 +52,11 @@ def _seek(c: JointedContact, first: bool) -> int:
     if why != DONE:
         return why
     w = c.pressing
-    w.count[NEEDED] = choose_points(c.joints.model, c.joints.table, first, w)
+    if first:
+        take_all(w)
+    else:
+        take_pressing(w)
+    w.count[NEEDED] = choose_points(c.joints.model, c.joints.table, w)
     if w.count[NEEDED] > w.system.x.shape[0]:
         return MORE_ROWS
     c.place[STAGE] += 1
