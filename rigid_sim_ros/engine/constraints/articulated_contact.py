@@ -165,11 +165,10 @@ def press(model: Model, state: State, table: JointTable, motion: JointMotion, wo
     known = False
     for n in range(MOST_PIECES):
         _find_velocities(model, state, table, motion, work, h, first, w)
-        known = n > 0 and _are_same_pieces(work, w)
+        known = n > 0 and are_same_pieces(work, w)
         if known:
             break
-        for k in range(w.locked.shape[0]):
-            w.locked[k], w.extra[k] = work.locked[k], work.extra[k]
+        keep_pieces(work, w)
         changed = False
         for island in range(w.count[ISLANDS]):
             chosen = w.chosen[w.first[island]:w.first[island + 1]]
@@ -261,7 +260,14 @@ def _begin_with(model: Model, state: State, chosen: IntArray, width: int, first:
 
 
 @kernel
-def _are_same_pieces(work: JointWork, w: Pressing) -> bool:
+def keep_pieces(work: JointWork, w: Pressing) -> None:
+    """Note on which pieces all axes are."""
+    for k in range(w.locked.shape[0]):
+        w.locked[k], w.extra[k] = work.locked[k], work.extra[k]
+
+
+@kernel
+def are_same_pieces(work: JointWork, w: Pressing) -> bool:
     """Return whether all axes are on the pieces for which the impulses were found."""
     for k in range(w.locked.shape[0]):
         if w.locked[k] != work.locked[k] or w.extra[k] != work.extra[k]:

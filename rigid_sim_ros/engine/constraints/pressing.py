@@ -39,6 +39,7 @@ class Pressing(NamedTuple):
     bounce: Array  # (c,) [m/s] with which a point comes apart at the end of the step
     work: Array  # (c,) [J] that the impulses of a half did
     free: Array  # (6 c,) [m/s] rates of the rows of an island without impulses
+    before: Array  # (6 c,) [m/s] rates of the rows of points that collide, before that
     row: Array  # (6 c,) scratch
     system: System
     carried: Carried  # of the second half of the step before, (c,)
@@ -61,8 +62,7 @@ def make_pressing(table: JointTable, bodies: int, points: int, manifolds: int,
     return Pressing(whole(6), make_contacts(c), whole(2, manifolds), make_bodies(bodies), whole(c),
                     whole(c), whole(c), whole(c), whole(c + 1), whole(bodies), whole(bodies),
                     np.zeros((c, 6)), np.zeros((c, 6)), empty_loads(bodies), np.zeros(c), np.zeros(c),
-                    np.zeros(6 * c),
-                    np.zeros(6 * c),
+                    np.zeros(6 * c), np.zeros(6 * c), np.zeros(6 * c),
                     make_system(rows, table, bodies), carried, half, np.zeros(c), np.zeros(c),
                     whole(axes),
                     np.zeros(axes))

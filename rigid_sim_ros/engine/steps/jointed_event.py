@@ -42,6 +42,9 @@ MOST_BOUNCES, MOST_EVENTS = 100, 300
 # Ways that are tried until the time of a meeting is known well enough, and as a part of a way what
 # the time of a limit is known to.
 MOST_TRIES, SHARP = 40, 1e-6
+# Of a step: no way is shorter, as joints that close to a tolerance of the position then have no
+# velocity that means anything. What would meet within so little touches already.
+SHORTEST = 1.0 / 1024.0
 # At which stage a step goes on: what touches is found, and collides; the first half of a way; what
 # overlaps is found at its end; the second half.
 SEEK, FIRST, LOOK_BACK, SECOND = range(BEGIN + 1, BEGIN + 5)
@@ -92,7 +95,7 @@ def _meet(c: JointedContact) -> int:
     if c.place[CUT_SHORT] == 1:
         take_all(w)
     else:
-        take_touching(model.h, w)
+        take_touching(model.h, SHORTEST * model.h, w)
     w.count[NEEDED] = choose_points(model, joints.table, w)
     if w.count[NEEDED] > w.system.x.shape[0]:
         return MORE_ROWS
@@ -102,7 +105,7 @@ def _meet(c: JointedContact) -> int:
         c.place[COLLISIONS] += collisions
         _record_collisions(c)
     if c.place[CUT_SHORT] == 0:
-        c.span[WAY] = _safe_way(c)
+        _go_until(c, _safe_way(c))
     c.place[STAGE] = FIRST
     return DONE
 
@@ -145,6 +148,23 @@ def _safe_way(c: JointedContact) -> float:
 
 
 @kernel
+def _go_until(c: JointedContact, t: float) -> None:
+    """Let the way that is tried be of about t [s]: neither it nor what is left is too short."""
+    left, shortest = c.span[LEFT], SHORTEST * c.joints.model.h
+    if t >= left or left < 2.0 * shortest:
+        c.span[WAY] = left
+    else:
+        c.span[WAY] = max(shortest, min(t, left - shortest))
+
+
+@kernel
+def _may_end_earlier(c: JointedContact) -> bool:
+    """Return whether the way may be made shorter."""
+    return (c.place[CUT_SHORT] == 0 and c.place[TRIES] < MOST_TRIES
+            and c.span[WAY] > SHORTEST * c.joints.model.h)
+
+
+@kernel
 def _take_first_half(c: JointedContact) -> None:
     """Kick, find the impulses of contact, and let bodies and joints move to the new poses."""
     joints, h = c.joints, c.span[WAY]
@@ -164,9 +184,9 @@ def _take_first_half(c: JointedContact) -> None:
             c.pressing.count[POINTS_IN_USE] = 0
             return
     hit = _limit_hit(c)
-    if c.place[CUT_SHORT] == 0 and c.place[TRIES] < MOST_TRIES and hit < (1.0 - 2.0 * SHARP) * h:
+    if _may_end_earlier(c) and hit < (1.0 - 2.0 * SHARP) * h:
         go_back(joints)
-        c.span[WAY] = (1.0 + SHARP) * hit   # so that it is met for certain
+        _go_until(c, (1.0 + SHARP) * hit)   # so that it is met for certain
         c.place[TRIES] += 1
         return
     keep_impulses(model, True, c.pressing)
@@ -194,14 +214,14 @@ def _look_back(c: JointedContact) -> int:
     why = find_points(c, 0.0)
     if why != DONE:
         return why
-    if c.place[CUT_SHORT] == 0 and c.place[TRIES] < MOST_TRIES:
+    if _may_end_earlier(c):
         for i in range(model.m.shape[0]):
             read_velocity(model, state, i, w.bodies)
         match_forces(w.contacts, w.half, w.count[HALF_KNOWN], w.match)
         met = meeting_within(h, w)
         if met < h:
             go_back(joints)
-            c.span[WAY] = met
+            _go_until(c, met)
             c.place[TRIES] += 1
             c.place[STAGE] = SEEK
             return DONE
