@@ -61,11 +61,10 @@ def make_pressing(table: JointTable, bodies: int, points: int, manifolds: int,
     carried, half = (Carried._make(longer(field, c) for field in no_forces()) for _ in range(2))
     return Pressing(whole(6), make_contacts(c), whole(2, manifolds), make_bodies(bodies), whole(c),
                     whole(c), whole(c), whole(c), whole(c + 1), whole(bodies), whole(bodies),
-                    np.zeros((c, 6)), np.zeros((c, 6)), empty_loads(bodies), np.zeros(c), np.zeros(c),
-                    np.zeros(6 * c), np.zeros(6 * c), np.zeros(6 * c),
+                    np.zeros((c, 6)), np.zeros((c, 6)), empty_loads(bodies), np.zeros(c),
+                    np.zeros(c), np.zeros(6 * c), np.zeros(6 * c), np.zeros(6 * c),
                     make_system(rows, table, bodies), carried, half, np.zeros(c), np.zeros(c),
-                    whole(axes),
-                    np.zeros(axes))
+                    whole(axes), np.zeros(axes))
 
 
 def more_points(w: Pressing, table: JointTable, points: int) -> Pressing:

@@ -24,7 +24,7 @@ import math
 from rigid_sim_ros.engine.joints.articulated import axis_part
 from rigid_sim_ros.engine.joints.buffers import EFFORT, JointMotion, JointWork, TOLERANCE
 from rigid_sim_ros.engine.joints.effective_inertia import effective_inertias
-from rigid_sim_ros.engine.maths.spatial import load, minus, six, Six, times_motion
+from rigid_sim_ros.engine.maths.spatial import load, minus, Six, six, times_motion
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.kernels.kernel import inlined, kernel
 

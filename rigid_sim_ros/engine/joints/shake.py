@@ -20,7 +20,7 @@ from rigid_sim_ros.engine.joints.kinematics import joint_error, joint_position
 from rigid_sim_ros.engine.joints.loops import close, measure_conditions
 from rigid_sim_ros.engine.joints.settle import solve_motions
 from rigid_sim_ros.engine.maths.rotation import multiply, quaternion, set_quaternion, unit
-from rigid_sim_ros.engine.maths.spatial import minus, set_six, six, Six
+from rigid_sim_ros.engine.maths.spatial import minus, set_six, Six, six
 from rigid_sim_ros.engine.maths.vector import add_scaled, column, cross, norm, row, set_column
 from rigid_sim_ros.engine.model.joints import JointTable, NONE
 from rigid_sim_ros.engine.model.model import Model

@@ -131,7 +131,7 @@ class Touching(OneThread):
 
 
 def rows_of(setup: Setup, state: State, manifolds: Manifolds, normal: Array,
-          friction: Array) -> np.ndarray:
+            friction: Array) -> np.ndarray:
     """
     Return a row for each contact point, with the impulses (c, 4) and (c, 3) [N s] as forces.
 

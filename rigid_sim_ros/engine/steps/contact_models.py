@@ -31,6 +31,7 @@ from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
 from rigid_sim_ros.kernels.helper_process import cores
 from rigid_sim_ros.kernels.second_core import Helper, make_job
 
+
 class FreeMotion(OneThread):
     """No contacts: bodies pass through each other."""
 
@@ -128,7 +129,7 @@ class Timestep(Touching):
             return super().contacts(state)
         acted = earlier_manifolds(self._memory)
         return rows_of(self._setup, state, current_manifolds(self._memory), acted.impulse.T,
-                     acted.friction)
+                       acted.friction)
 
     def report(self) -> ContactReport:
         """Return the counts, and the largest change of a contact's velocity in the last sweep."""

@@ -6,8 +6,8 @@ The model `event` of bodies that joints hold: every collision at its own time.
 The circle of the classic algorithm (Meyer, Rigid Body Dynamics, "Simulation Algorithm"), with
 joints: what touches collides in no time (articulated_impact.py); kick, drift, kick with constant
 impulses of contact in both halves, as in `timestep`, but only at points that touch; and if shapes
-overlap afterwards that were apart, or a joint was thrown back from its limit on the way, the state
-goes back to where it was and the way ends at the time of that.
+overlap afterwards that were apart, or a joint met its limit on the way, the state goes back to
+where it was and the way ends at the time of that.
 
 All bodies go through this side by side. After MOST_EVENTS in a step the rest of it is taken as
 `timestep` takes it.
@@ -33,7 +33,7 @@ from rigid_sim_ros.engine.model.kinds.table import is_unbounded
 from rigid_sim_ros.engine.steps.articulated import (
     arrive, begin_part, finish, go_back, later_loads, MOST_PARTS, move_bodies)
 from rigid_sim_ros.engine.steps.jointed_contact import (
-    begin, BEGIN, COLLISIONS, CUT_SHORT, DONE, end, EVENTS, find_points, JointedContact, keep_part,
+    BEGIN, begin, COLLISIONS, CUT_SHORT, DONE, end, EVENTS, find_points, JointedContact, keep_part,
     MORE_ROWS, STAGE, STEPS, TRIES)
 from rigid_sim_ros.kernels.kernel import kernel
 
@@ -195,11 +195,11 @@ def _take_first_half(c: JointedContact) -> None:
 
 @kernel
 def _limit_hit(c: JointedContact) -> float:
-    """Return when [s] a joint met its limit on the way, from which it comes back; inf: none."""
+    """Return when [s] a joint met its limit on the way; inf: none did."""
     joints, first = c.joints, math.inf
     law, table = joints.scratch.law, joints.table
     for k in range(table.has_laws.shape[0]):
-        if table.has_laws[k] == 1 and law.bound[k] != 0 and law.back[k] != 0.0:
+        if table.has_laws[k] == 1 and law.bound[k] != 0 and law.approach[k] != 0.0:
             t = (law.target[k] - law.before[k]) / law.approach[k]
             if t > SHARP * c.span[WAY]:
                 first = min(first, t)

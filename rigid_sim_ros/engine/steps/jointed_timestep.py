@@ -13,7 +13,7 @@ from rigid_sim_ros.engine.dynamics.loads import kick
 from rigid_sim_ros.engine.steps.articulated import (
     arrive, begin_part, finish, go_back, later_loads, MOST_PARTS, move_bodies, next_size)
 from rigid_sim_ros.engine.steps.jointed_contact import (
-    begin, BEGIN, DONE, end, find_points, JointedContact, keep_part, MORE_ROWS, PARTS_DONE, SIZE,
+    BEGIN, begin, DONE, end, find_points, JointedContact, keep_part, MORE_ROWS, PARTS_DONE, SIZE,
     STAGE, STEPS)
 from rigid_sim_ros.kernels.kernel import kernel
 

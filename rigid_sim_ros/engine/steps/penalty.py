@@ -191,7 +191,7 @@ def _last_kick(model: Model, state: State, wrenches: Wrenches, work: Work) -> No
 
 @kernel
 def find_overlaps(model: Model, state: State, shapes: Shapes, materials: Materials, memory: Memory,
-              w: Buffers) -> int:
+                  w: Buffers) -> int:
     """Find the points that overlap; return DONE, or what is needed first."""
     find_anew(current(memory))
     for s in range(shapes.bound.shape[0]):
