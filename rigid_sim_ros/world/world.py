@@ -453,6 +453,7 @@ class World(WithModels):
 
 def _order(scene: Scene) -> IntArray:
     """Return the order in which the engine has the bodies of a scene."""
-    if (scene.contact, scene.solver) == ('timestep', 'sequential'):
+    # The tables of joints have the bodies in the order of the scene.
+    if scene.joints is None and (scene.contact, scene.solver) == ('timestep', 'sequential'):
         return order_by_place(scene.model, scene.state)
     return np.arange(len(scene.names))
