@@ -449,6 +449,10 @@ class Joint(Spec):
     mimic: JointMimic | None = None
     # Whether parent and child touch each other.
     collides: Boolean = False
+    # Of a distance; None: as far apart as its ends are written.
+    length: Annotated[float, Quantity('m', above=0.0)] | None = None
+    # Whether the child begins where the joint wants it, wherever it is written.
+    brings_child: Boolean | None = None
 
     @model_validator(mode='after')
     def _has_direction(self) -> 'Joint':
