@@ -11,7 +11,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from typing import Any
 
-from rigid_sim_ros.scene.document import DictSource
 from rigid_sim_ros.scene.errors import nearest, Problem, SceneError, shown
 from rigid_sim_ros.scene.reader import read_parts
 from rigid_sim_ros.scene.schema import Scene
@@ -31,13 +30,13 @@ def parts_of(part: Any) -> dict[str, Any]:
     """
     kind = 'bodies'
     if isinstance(part, Mapping):
-        if any(key in part for key in (*LISTS, 'models')):
-            _check_keys(part)
-            return dict(part)
-        if 'file' in part:
+        if 'file' in part:      # with positions of its `joints`
             kind = 'models'
         elif 'parent' in part or 'child' in part:
             kind = 'joints'
+        elif any(key in part for key in (*LISTS, 'models')):
+            _check_keys(part)
+            return dict(part)
     return {kind: [part]}
 
 

@@ -77,7 +77,7 @@ def read_parts(data: Mapping[str, Any]) -> tuple[schema.Scene, tuple[str, ...]]:
     stand_in = [] if data.get('bodies') or data.get('models') else [{'name': 'a', 'fixed': True}]
     source = DictSource({**data, 'bodies': stand_in} if stand_in else data)
     with collector_paused(), np.errstate(all='ignore'):
-        spec, notes = _validated(source), ()
+        spec, notes = _validated(source), tuple[str, ...]()
         if spec.models is not None:
             expansion = Expansion(spec, Path(), source, is_alone=False)
             spec, notes = expansion.merged(spec, _validated(expansion)), tuple(expansion.notes)

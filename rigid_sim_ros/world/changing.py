@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The part of `World` in which bodies, joints and models come and go between two steps."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 import logging
 import math
 from typing import Any
 
 import numpy as np
 
+from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.engine.state.body_order import order_by_place
 from rigid_sim_ros.engine.state.state import (
     BodyMotion, copy_state, MOVING_FIELDS, State, write_motion)
@@ -26,6 +27,10 @@ from rigid_sim_ros.world.model_dynamics import WithModels
 
 _logger = logging.getLogger(__name__)
 
+# [m, or of a quaternion] What a few sums and products change of a pose.
+_ROUNDED = 1e-12
+
+
 class Changing(WithModels):
     """
     The part of `World` in which bodies, joints and models come and go.
@@ -38,6 +43,14 @@ class Changing(WithModels):
     _changes: list[list[Any]]   # what came and went since, see `add`
     _applied: AppliedWrenches
     _start: State
+    _shapes: Shapes
+    _index: dict[str, int]
+    _threads: int
+
+    # Of `World`.
+    _set_up: Callable[[Scene, IntArray], None]
+    _dynamic: Callable[[], dict[str, np.ndarray]]
+    _take: Callable[[Mapping[str, np.ndarray], list[str]], None]
 
     @property
     def origin(self) -> Scene:
@@ -114,7 +127,7 @@ class Changing(WithModels):
         for name in set(self.names) - set(scene.names):
             wake(arrays, self._index[name])
         self._set_up(scene, self._order_in(scene))
-        fresh = self._dynamic()
+        fresh = {name: array.copy() for name, array in self._dynamic().items()}
         found, left = moved(arrays, fresh, places_between(before, self._numbering()))
         self._take({name: found.get(name, array) for name, array in fresh.items()},
                    [source for source, stays in zip(sources, left, strict=True) if stays])
@@ -190,22 +203,24 @@ class Changing(WithModels):
         update: dict[str, Any] = {'brings_child': True}
         if joint.child_pose is None:
             position, orientation = frame_in_child(parent, child, frame)
-            update['child_pose'] = schema.Pose(position=position, orientation=orientation)
+            update['child_pose'] = schema.Pose.model_construct(
+                position=position, orientation=orientation)
         elif joint.type == 'distance' and joint.length is None:
             other = joint.child_pose.position, joint.child_pose.orientation
             update['length'] = math.dist(combined(parent, frame)[0], combined(child, other)[0])
         return joint.model_copy(update=update)
 
     def _is_as_written(self, name: str) -> bool:
-        """Return whether a body is where the scene has it written, to the last bit."""
+        """Return whether a body is where the scene has it written, but for rounding."""
         i = self._index[name]
         pose = self.scene.spec.bodies[int(self._order[i])].pose
         written_at = copy_state(self._state)
         motion = BodyMotion(*(array.copy() for array in self._current_motion()))
         motion.position[i], motion.orientation[i] = pose.position, pose.orientation
         write_motion(self._model, written_at, motion, i)
-        return bool((written_at.x[:, i] == self._state.x[:, i]).all()
-                    and (written_at.q[:, i] == self._state.q[:, i]).all())
+        x, q = written_at.x[:, i], written_at.q[:, i]
+        return bool((np.abs(x - self._state.x[:, i]) <= _ROUNDED * (1.0 + np.abs(x))).all()
+                    and (np.abs(q - self._state.q[:, i]) <= _ROUNDED).all())
 
     def _pose_of(self, name: str) -> Pose:
         if name == 'world':

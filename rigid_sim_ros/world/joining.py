@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.model.joints import NONE
-from rigid_sim_ros.engine.state.state import copy_into, copy_state, MOVING_FIELDS, State
+from rigid_sim_ros.engine.state.state import copy_state, MOVING_FIELDS, State
 from rigid_sim_ros.engine.steps.jointed_motion import JointedMotion
 from rigid_sim_ros.scene import schema
 from rigid_sim_ros.scene.joints import CLOSED, gap_of
