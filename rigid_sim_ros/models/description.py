@@ -46,6 +46,7 @@ class Shape(NamedTuple):
     place: Place
     mesh: MeshFile | None = None
     points: Any = None      # (n, 3) [m]
+    faces: Any = None       # (f, 3) of the points, where the file has some
     color: tuple[float, ...] | None = None
 
 

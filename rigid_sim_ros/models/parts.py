@@ -9,11 +9,11 @@ hold it on. Its shapes are that body's, and so is its mass: what moves, moves as
 """
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 import math
 import re
-from typing import Any
+from typing import Any, Protocol
 
 from rigid_sim_ros.models.description import Frame, Joint, Link, Model, MOST_LINKS, Shape
 from rigid_sim_ros.models.findings import Finding, Findings, Place
@@ -35,6 +35,7 @@ class Wish:
     unlimited: frozenset[str] = frozenset()     # joints whose bounds are left out
     mend_inertia: bool = False
     material: str = 'default'
+    visuals: bool = True    # whether bodies are drawn as the file says
 
 
 @dataclass
@@ -50,8 +51,14 @@ class Parts:
     notes: list[Finding] = field(default_factory=list)
 
 
-# Gives the keys of a mesh in a scene for a shape that is one; ValueError where it cannot.
-MeshReader = Callable[[Shape], dict[str, Any]]
+class MeshReader(Protocol):
+    """Gives what meshes are in the words of a scene."""
+
+    def read(self, shape: Shape) -> dict[str, Any]:
+        """Return the keys of the solid that a shape is; ValueError where it is none."""
+
+    def drawn(self, shape: Shape, pose: Mapping[str, Any]) -> list[dict[str, Any]]:
+        """Return what shows a shape, at its pose in a body; ValueError where nothing does."""
 
 
 def make_parts(model: Model, wish: Wish, mesh: MeshReader) -> Parts:
@@ -206,7 +213,7 @@ class _Maker:
             for shape in link.collisions:
                 pose = combined(self._in_host(link.name), shape.pose)
                 try:
-                    values = (self._mesh(shape) if shape.kind == 'mesh'
+                    values = (self._mesh.read(shape) if shape.kind == 'mesh'
                               else {'type': shape.kind, **shape.values})
                 except ValueError as error:
                     self._findings.error(shape.place, str(error))
@@ -233,10 +240,34 @@ class _Maker:
                       if shape.color is not None), None)
         if color is not None:
             body['color'] = list(color)
+        visuals = self._visuals(link)
+        if visuals:
+            body['visuals'] = visuals
         frames = {name: _written(pose) for name, pose in self._frames(link.name)}
         if frames:
             body['frames'] = frames
         return body
+
+    def _visuals(self, host: Link) -> list[dict[str, Any]]:
+        """
+        Return what a body is drawn with, nothing for its solids.
+
+        A link of it that shows nothing is drawn with its own solids beside the others.
+        """
+        links = self._by_host()[host.name]
+        if not self._wish.visuals or not any(link.visuals for link in links):
+            return []
+        found: list[dict[str, Any]] = []
+        for link in links:
+            for shape in link.visuals or link.collisions:
+                if shape.kind == 'plane':
+                    continue
+                pose = _written(combined(self._in_host(link.name), shape.pose))
+                try:
+                    found += self._mesh.drawn(shape, pose)
+                except ValueError as error:
+                    self._findings.ignore(shape.place, '<visual>', str(error))
+        return found
 
     def _add_inertia(self, host: Link, body: dict[str, Any]) -> None:
         """Add the mass properties of a body: of its link, and of links that are parts of it."""

@@ -120,3 +120,5 @@ class ModelFile(Spec):
     # Whether moments of inertia that no body has are raised to what a body may have.
     mend_inertia: Boolean = False
     material: Annotated[str, Text()] = 'default'
+    # Whether bodies are drawn as the file says; else with their solids.
+    visuals: Boolean = True

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The models of a scene become bodies and joints of it: nothing behind this knows of models."""
 
+from collections.abc import Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from rigid_sim_ros.models.findings import Finding, ModelError
 from rigid_sim_ros.models.parts import make_parts, Parts, ros_name, Wish
 from rigid_sim_ros.models.poses import Pose
 from rigid_sim_ros.models.read import ending, read_model
-from rigid_sim_ros.scene import mesh, schema
+from rigid_sim_ros.scene import mesh, schema, visuals as visuals_of
 from rigid_sim_ros.scene.collision import convex_hull
 from rigid_sim_ros.scene.document import Source
 from rigid_sim_ros.scene.errors import (
@@ -90,8 +91,9 @@ class Expansion:
         if model.urdf:
             self._descriptions[entry.name] = model.urdf
         wish = _wish(entry, model, report)
-        meshes = _Meshes()
-        parts = make_parts(model, wish, meshes.read)
+        meshes = _Meshes(sum(shape.kind == 'mesh' for link in model.links
+                             for shape in link.visuals))
+        parts = make_parts(model, wish, meshes)
         self._parts.append(parts)
         if is_alone:
             self.world = dict(model.world)
@@ -174,7 +176,8 @@ def _wish(entry: schema.ModelFile, model: Model, report: Report) -> Wish:
     unlimited = {name for i, pattern in enumerate(entry.unlimited)
                  for name in named.matching(pattern, ('unlimited', i))}
     return Wish(entry.name, Pose(entry.pose.position, entry.pose.orientation), entry.fixed_base,
-                positions, drives, frozenset(unlimited), entry.mend_inertia, entry.material)
+                positions, drives, frozenset(unlimited), entry.mend_inertia, entry.material,
+                entry.visuals)
 
 
 class _Named:
@@ -195,9 +198,12 @@ class _Named:
 
 
 class _Meshes:
-    """Reads the collision meshes of a model, each once."""
+    """Reads the meshes of a model, each once: hulls of those that touch, and what is seen."""
 
-    def __init__(self) -> None:
+    def __init__(self, visuals: int) -> None:
+        """Expect so many meshes that are seen, which share the triangles of a model."""
+        self._most = visuals_of.share_of(visuals)
+        self._seen: dict[tuple[Any, ...], list[visuals_of.Drawn]] = {}
         self._hulls: dict[tuple[Any, ...], tuple[Array, IntArray]] = {}
         self.hollow: list[str] = []     # those that leave a part of their hull empty
         self.coarsest = 0.0     # [m] by which hulls are smaller than those of the files
@@ -211,6 +217,24 @@ class _Meshes:
                 self._hulls[tuple(shape.mesh)] = self._hull(*shape.mesh)
             vertices, faces = self._hulls[tuple(shape.mesh)]
         return {'type': 'mesh', 'vertices': vertices.tolist(), 'faces': faces.tolist()}
+
+    def drawn(self, shape: Shape, pose: Mapping[str, Any]) -> list[dict[str, Any]]:
+        """Return what shows a shape, in the words of a scene; ValueError for a broken file."""
+        if shape.kind != 'mesh':
+            color = {} if shape.color is None else {'color': list(shape.color)}
+            return [{'shape': {'type': shape.kind, **shape.values, 'pose': pose}, **color}]
+        if shape.mesh is not None:
+            key = tuple(shape.mesh)
+            if key not in self._seen:
+                self._seen[key] = visuals_of.read(*shape.mesh, self._most)
+            found = self._seen[key]
+        elif shape.faces is not None:
+            vertices, faces, _ = visuals_of.few(
+                shape.points, shape.faces, np.zeros(len(shape.faces), int), self._most)
+            found = [visuals_of.Drawn(vertices, faces, None)]
+        else:
+            found = [visuals_of.Drawn(*self._few(np.asarray(shape.points)), None)]
+        return [visuals_of.words(one, pose, shape.color) for one in found if len(one.faces)]
 
     def _hull(self, path: Path, scale: tuple[float, float, float]) -> tuple[Array, IntArray]:
         surface = mesh.read(path)

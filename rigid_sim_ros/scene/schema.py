@@ -252,6 +252,13 @@ class Compound(Spec):
     compound: Annotated[tuple[Part, ...], _NOT_EMPTY]
 
 
+class Visual(Spec):
+    """What a body is drawn with; it has no part in the motion."""
+
+    shape: Part
+    color: Annotated[tuple[float, ...], Color()] | None = None    # None: that of the body
+
+
 class Body(Spec):
     """One rigid body."""
 
@@ -277,6 +284,8 @@ class Body(Spec):
     groups: Annotated[tuple[str, ...], ListOf(Text(), 'names of groups')] = ('default',)
     # None: with every group.
     collides_with: Annotated[tuple[str, ...] | None, ListOf(Text(), 'names of groups')] = None
+    # What it is drawn with in the place of its solids; None: with these.
+    visuals: tuple[Visual, ...] | None = None
 
     def named_frames(self) -> Iterator[tuple[str, Pose]]:
         """Yield the frames of the body, each with its whole name: BODY/FRAME or MODEL/FRAME."""
@@ -295,6 +304,15 @@ class Body(Spec):
         if isinstance(self.shape, Compound):
             return [(('shape', 'compound', i), part) for i, part in enumerate(self.shape.compound)]
         return [] if self.shape is None else [(('shape',), self.shape)]
+
+    def drawn(self) -> list[tuple[Shape, tuple[float, ...] | None]]:
+        """Return what the body is drawn with; a colour of None is that of the body."""
+        parts = [part for _, part in self.parts()]
+        if self.visuals is None:
+            return [(part, None) for part in parts]
+        # A plane has no surface of triangles, and is what others stand on.
+        return [*((one.shape, one.color) for one in self.visuals),
+                *((part, None) for part in parts if isinstance(part, Plane))]
 
     def with_parts(self, parts: list[Shape]) -> 'Body':
         """Return the body with other solids in the places of those that `parts` gave."""

@@ -293,7 +293,7 @@ class World(Changing):
     # --- the state as a whole -----------------------------------------------------------------
 
     def _fingerprint(self) -> str:
-        return hashlib.blake2b(self._origin.text.encode(), digest_size=8).hexdigest()
+        return hashlib.blake2b(self._origin.physics_text.encode(), digest_size=8).hexdigest()
 
     def _order_mark(self) -> str:
         """Return what tells orders of the bodies apart, nothing for that of the scene."""
