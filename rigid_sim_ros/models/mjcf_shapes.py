@@ -9,8 +9,8 @@ from rigid_sim_ros.models.findings import Findings
 from rigid_sim_ros.models.poses import Pose, Vector
 
 
-# MuJoCo shows geometries of the groups 0, 1 and 2 unless it is told otherwise; models keep what only
-# touches in group 3.
+# MuJoCo shows geometries of the groups 0, 1 and 2 unless it is told otherwise; models keep what
+# only touches in group 3.
 _GROUPS_SEEN = 3
 # What a geometry has whose colour the file does not say.
 _UNSAID = (0.5, 0.5, 0.5, 1.0)

@@ -255,12 +255,16 @@ class _Maker:
         A link of it that shows nothing is drawn with its own solids beside the others.
         """
         links = self._by_host()[host.name]
-        if not self._wish.visuals or not any(link.visuals for link in links):
+        seen = [shape for link in links for shape in link.visuals]
+        if not self._wish.visuals or not seen:
             return []
+        solids = [id(shape) for link in links for shape in link.collisions]
+        if [id(shape) for shape in seen] == solids and len({one.color for one in seen}) == 1:
+            return []       # they say no more than the solids and the colour of the body
         found: list[dict[str, Any]] = []
         for link in links:
             for shape in link.visuals or link.collisions:
-                if shape.kind == 'plane':
+                if shape.kind == 'plane' or (shape.color or (0, 0, 0, 1))[3] == 0.0:
                     continue
                 pose = _written(combined(self._in_host(link.name), shape.pose))
                 try:

@@ -223,8 +223,8 @@ def _drawn(visual: schema.Visual, part: schema.Mesh, folder: Path | None) -> lis
         'shape': part.model_copy(update={
             'file': None, 'scale': (1.0, 1.0, 1.0), 'vertices': _rows(one.vertices),
             'faces': _rows(one.faces)}),
-        'color': visual.color or one.color}) for one in visuals.read(
-            folder / part.file, part.scale, visuals.share_of(1))]
+        'color': visual.color or one.color}) for one in visuals.drawn(
+            visuals.read(folder / part.file, part.scale), visuals.MOST_FACES)]
 
 
 def _surface(part: schema.Mesh, folder: Path | None) -> mesh.Mesh:

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Triangle meshes: read from a file, and refused unless they enclose a volume."""
 
-import errno
 from collections.abc import Callable
+import errno
 from io import BytesIO
 import os
 from pathlib import Path

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The models of a scene become bodies and joints of it: nothing behind this knows of models."""
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Hashable, Iterable, Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
@@ -91,8 +92,9 @@ class Expansion:
         if model.urdf:
             self._descriptions[entry.name] = model.urdf
         wish = _wish(entry, model, report)
-        meshes = _Meshes(sum(shape.kind == 'mesh' for link in model.links
-                             for shape in link.visuals))
+        meshes = _Meshes()
+        if entry.visuals:
+            meshes.look_at(shape for link in model.links for shape in link.visuals)
         parts = make_parts(model, wish, meshes)
         self._parts.append(parts)
         if is_alone:
@@ -197,44 +199,68 @@ class _Named:
         return found
 
 
+def _key(shape: Shape) -> Hashable:
+    """Return what tells the mesh of a shape from others."""
+    return shape.mesh if shape.mesh is not None else (id(shape.points), id(shape.faces))
+
+
 class _Meshes:
     """Reads the meshes of a model, each once: hulls of those that touch, and what is seen."""
 
-    def __init__(self, visuals: int) -> None:
-        """Expect so many meshes that are seen, which share the triangles of a model."""
-        self._most = visuals_of.share_of(visuals)
-        self._seen: dict[tuple[Any, ...], list[visuals_of.Drawn]] = {}
+    def __init__(self) -> None:
+        """Begin without any."""
+        self._seen: dict[Hashable, list[visuals_of.Drawn] | str] = {}   # or why there is none
         self._hulls: dict[tuple[Any, ...], tuple[Array, IntArray]] = {}
         self.hollow: list[str] = []     # those that leave a part of their hull empty
         self.coarsest = 0.0     # [m] by which hulls are smaller than those of the files
 
     def read(self, shape: Shape) -> dict[str, Any]:
         """Return the convex hull of a mesh in the words of a scene; ValueError if it has none."""
-        if shape.mesh is None:
-            vertices, faces = self._few(np.asarray(shape.points, dtype=np.float64))
-        else:
-            if tuple(shape.mesh) not in self._hulls:
-                self._hulls[tuple(shape.mesh)] = self._hull(*shape.mesh)
-            vertices, faces = self._hulls[tuple(shape.mesh)]
+        vertices, faces = self.hull_of(shape)
         return {'type': 'mesh', 'vertices': vertices.tolist(), 'faces': faces.tolist()}
+
+    def look_at(self, shapes: Iterable[Shape]) -> None:
+        """Read all meshes that are seen: they share the triangles that a model may have."""
+        sources: dict[Hashable, visuals_of.Source] = {}
+        uses: Counter[Hashable] = Counter()
+        for shape in shapes:
+            key = _key(shape)
+            uses[key] += 1
+            if shape.kind != 'mesh' or key in self._seen or key in sources:
+                continue
+            try:
+                sources[key] = self._source(shape)
+            except ValueError as error:
+                self._seen[key] = str(error)
+        shares = visuals_of.shares(list(sources.values()), [uses[key] for key in sources])
+        for (key, source), most in zip(sources.items(), shares, strict=True):
+            self._seen[key] = visuals_of.drawn(source, most)
+
+    def _source(self, shape: Shape) -> visuals_of.Source:
+        if shape.mesh is not None:
+            return visuals_of.read(*shape.mesh)
+        vertices, faces = (self.hull_of(shape) if shape.faces is None else
+                           (np.asarray(shape.points), np.asarray(shape.faces)))
+        return visuals_of.Source(vertices, faces, np.zeros(len(faces), int), [None])
 
     def drawn(self, shape: Shape, pose: Mapping[str, Any]) -> list[dict[str, Any]]:
         """Return what shows a shape, in the words of a scene; ValueError for a broken file."""
         if shape.kind != 'mesh':
             color = {} if shape.color is None else {'color': list(shape.color)}
             return [{'shape': {'type': shape.kind, **shape.values, 'pose': pose}, **color}]
-        if shape.mesh is not None:
-            key = tuple(shape.mesh)
-            if key not in self._seen:
-                self._seen[key] = visuals_of.read(*shape.mesh, self._most)
-            found = self._seen[key]
-        elif shape.faces is not None:
-            vertices, faces, _ = visuals_of.few(
-                shape.points, shape.faces, np.zeros(len(shape.faces), int), self._most)
-            found = [visuals_of.Drawn(vertices, faces, None)]
-        else:
-            found = [visuals_of.Drawn(*self._few(np.asarray(shape.points)), None)]
+        # What is no visual, and stands in for one, is drawn as what it is to others.
+        found = self._seen.get(_key(shape)) or [visuals_of.Drawn(*self.hull_of(shape), None)]
+        if isinstance(found, str):
+            raise ValueError(found)
         return [visuals_of.words(one, pose, shape.color) for one in found if len(one.faces)]
+
+    def hull_of(self, shape: Shape) -> tuple[Array, IntArray]:
+        """Return corners and triangles of the convex hull; ValueError if there is none."""
+        if shape.mesh is None:
+            return self._few(np.asarray(shape.points, dtype=np.float64))
+        if shape.mesh not in self._hulls:
+            self._hulls[shape.mesh] = self._hull(*shape.mesh)
+        return self._hulls[shape.mesh]
 
     def _hull(self, path: Path, scale: tuple[float, float, float]) -> tuple[Array, IntArray]:
         surface = mesh.read(path)

@@ -20,8 +20,8 @@ from rigid_sim_ros.scene import mesh, schema
 # Triangles of all surfaces of a model together. Robots come with ten times as many; without a
 # graphics card a thousand take a millisecond of each picture.
 MOST_FACES = 30_000
-# What each file may have of these at least, or a robot of many parts would have none.
-_LEAST_FACES = 300
+# What each file may have of these at least, or a small part beside a large one would have none.
+_LEAST_FACES = 100
 # Colours that a file may bring; what has another one takes that of the last.
 _MOST_COLORS = 16
 # From one attempt to the next the cells of the lattice grow by this.
@@ -40,17 +40,17 @@ class Drawn(NamedTuple):
     color: tuple[float, ...] | None     # red, green, blue, alpha, 0 to 1; None: that of the body
 
 
-def share_of(count: int) -> int:
-    """Return how many triangles each of some surfaces may have."""
-    return max(_LEAST_FACES, MOST_FACES // max(count, 1))
+class Source(NamedTuple):
+    """What a file shows, as it is."""
+
+    vertices: Array     # (v, 3) [m]
+    faces: IntArray     # (f, 3)
+    group: IntArray     # (f,) which colour
+    colors: Sequence[tuple[float, ...] | None]
 
 
-def read(path: Path, scale: Sequence[float], most: int) -> list[Drawn]:
-    """
-    Return what a file shows, with no more than about `most` triangles.
-
-    ValueError if it is no mesh, or not one of finite numbers.
-    """
+def read(path: Path, scale: Sequence[float]) -> Source:
+    """Return what a file shows; ValueError if it is no mesh, or not one of finite numbers."""
     pieces = mesh.read_colored(path)
     colors = list(dict.fromkeys(color for _, color in pieces))
     place = {color: min(k, _MOST_COLORS - 1) for k, color in enumerate(colors)}
@@ -64,7 +64,33 @@ def read(path: Path, scale: Sequence[float], most: int) -> list[Drawn]:
         faces = faces[:, ::-1]      # mirrored: what was outside stays outside
     if not np.isfinite(vertices).all():
         raise ValueError(f'{path} has a vertex that is not finite, must be numbers')
-    return [Drawn(*piece, colors[k]) for k, piece in _split(*few(vertices, faces, group, most))]
+    return Source(vertices, faces, group, colors)
+
+
+def shares(sources: Sequence[Source], uses: Sequence[int], most: int = MOST_FACES) -> list[int]:
+    """
+    Return how many triangles each of some surfaces may have, each of which is used some times.
+
+    Large ones get more of them, and what a surface does not need is left to the others.
+    """
+    size = np.array([np.ptp(source.vertices, axis=0).max() for source in sources])
+    wanted, times = np.array([len(source.faces) for source in sources]), np.array(uses)
+    share, waits, left = wanted.copy(), np.ones(len(sources), bool), float(most)
+    while waits.any():
+        offered = left * size / max(float((size * times)[waits].sum()), 1e-300)
+        fits = waits & (wanted <= offered)
+        if not fits.any():
+            share[waits] = np.minimum(wanted, np.maximum(offered, _LEAST_FACES))[waits]
+            break
+        left -= float((wanted * times)[fits].sum())
+        waits &= ~fits
+    return [int(one) for one in share]
+
+
+def drawn(source: Source, most: int) -> list[Drawn]:
+    """Return what is drawn of a surface, with no more than about `most` triangles."""
+    small = few(source.vertices, source.faces, source.group, most)
+    return [Drawn(*piece, source.colors[k]) for k, piece in _split(*small)]
 
 
 def few(vertices: Array, faces: IntArray, group: IntArray, most: int,
@@ -118,8 +144,8 @@ def _places(vertices: Array, faces: IntArray, corner: IntArray, cell: float) -> 
     """
     count, flat = int(corner.max()) + 1, corner.ravel()
     weight = np.bincount(flat, minlength=count)
-    mean = np.column_stack([np.bincount(flat, x, count) for x in vertices[faces.ravel()].T])
-    mean /= np.maximum(weight, 1)[:, None]
+    mean = np.column_stack([np.bincount(flat, x, count) / np.maximum(weight, 1)
+                            for x in vertices[faces.ravel()].T])
     p, q, r = np.moveaxis(vertices[faces], 1, 0)
     normal = np.cross(q - p, r - p)
     area = np.linalg.norm(normal, axis=1)
