@@ -72,8 +72,8 @@ def _pieces(trimesh: Any, data: bytes, kind: str,
             ) -> list[tuple[Mesh, tuple[float, ...] | None]]:
     """Return the triangles of each part of a file, with its colour."""
     scene = trimesh.load(BytesIO(data), file_type=kind, force='scene')
-    unit, found = _unit(scene.units) if kind == 'dae' else 1.0, []
-    for node in scene.graph.nodes_geometry:
+    unit, found, count = _unit(scene.units) if kind == 'dae' else 1.0, [], 0
+    for node in sorted(scene.graph.nodes_geometry):     # in the same order each time
         turn, name = scene.graph[node]
         part = scene.geometry[name]
         if isinstance(part, trimesh.Trimesh):
@@ -81,6 +81,10 @@ def _pieces(trimesh: Any, data: bytes, kind: str,
             # A part that is mirrored is turned inside out by it.
             faces = part.faces if np.linalg.det(turn[:3, :3]) > 0.0 else part.faces[:, ::-1]
             found.append((Mesh(vertices, np.asarray(faces, dtype=np.int64)), _color(part)))
+            # A few lines may ask for the same part a million times.
+            count += len(faces)
+            if count > _MOST_FACES:
+                break
     return found
 
 

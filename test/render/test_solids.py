@@ -128,3 +128,15 @@ def test_particles_are_drawn_where_they_are():
     far = np.linalg.norm(np.asarray(drawn(world).points)[:, None] - corners, axis=2).min(axis=1)
     # Balls of a twentieth of the cloud's extent.
     assert far == pytest.approx(np.full(len(far), 0.025), rel=1e-3)
+
+
+def test_what_a_body_is_drawn_with_takes_the_place_of_its_solids():
+    box = {'type': 'box', 'size': [0.2, 0.4, 0.6], 'pose': {'position': [0, 0, 1]}}
+    world = world_of({'type': 'sphere', 'radius': 2.0}, color=[1, 0, 0], visuals=[
+        {'shape': box, 'color': [0, 1, 0]}, {'shape': {'type': 'sphere', 'radius': 0.1}}])
+    mesh = drawn(world)
+    assert mesh.bounds == pytest.approx((-0.1, 0.1, -0.2, 0.2, -0.1, 1.3), abs=1e-6)
+    colors = np.unique(np.asarray(mesh.cell_data['color']), axis=0).tolist()
+    # The ball has the colour of the body, every other octant of it in shade.
+    assert [0, 255, 0, 255] in colors and [255, 0, 0, 255] in colors
+    assert extents(world.scene) == pytest.approx([np.hypot(np.hypot(0.1, 0.2), 1.3)], abs=1e-6)
