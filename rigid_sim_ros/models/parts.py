@@ -395,6 +395,8 @@ class _Maker:
             drive = self._wish.drives.get(joint.name, joint.drive)
             if drive is not None:
                 made['drive'] = dict(drive)
+                if position is not None and drive is joint.drive:
+                    made['drive'].pop('position', None)     # it holds what the scene asks for
             elif not self._has_loops:
                 made['drive'] = {'mode': 'effort'}
             if position is None and not (-math.inf if lower is None else lower) <= 0.0 <= (
