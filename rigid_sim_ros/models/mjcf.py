@@ -14,13 +14,14 @@ import numpy as np
 
 from rigid_sim_ros.models.description import Frame, Inertia, Joint, Link, Mimic, Model
 from rigid_sim_ros.models.files import Folders
-from rigid_sim_ros.models.findings import Finding, Findings, ModelError
+from rigid_sim_ros.models.findings import Findings, ModelError
 from rigid_sim_ros.models.mjcf_actuators import read_actuators
 from rigid_sim_ros.models.mjcf_shapes import read_shapes
 from rigid_sim_ros.models.poses import (
     combined, IDENTITY, inverse, Pose, Quaternion, turned_tensor, Vector)
 from rigid_sim_ros.models.values import MOST
 from rigid_sim_ros.models.xml_tree import contents, Element, parse
+from rigid_sim_ros.problems import Problem
 
 NEEDED = ("needs MuJoCo, which is not installed: `pip install '.[mjcf]'` in a clone of "
           'rigid_sim_ros, or `pip install mujoco`')
@@ -39,7 +40,7 @@ def read_mjcf(data: bytes, path: Path, folders: Folders) -> Model:
         compiled = spec.compile()
     except (ValueError, TypeError, RuntimeError, OSError) as error:
         words = ' '.join(str(error).split())
-        raise ModelError([Finding(f'MuJoCo says: {words}', '', str(path))]) from None
+        raise ModelError([Problem(f'MuJoCo says: {words}', '', str(path))]) from None
     return _Reader(mujoco, compiled, root, path).model()
 
 
@@ -47,7 +48,7 @@ def _mujoco(path: Path) -> Any:
     try:
         import mujoco
     except ImportError:
-        raise ModelError([Finding(NEEDED, '', str(path))]) from None
+        raise ModelError([Problem(NEEDED, '', str(path))]) from None
     return mujoco
 
 
@@ -56,7 +57,7 @@ def _check_files(data: bytes, path: Path, folders: Folders) -> Element:
     findings = Findings()
     root = parse(data, str(path))
     if root.tag not in ('mujoco', 'mujocoinclude'):
-        raise ModelError([Finding(f'<{root.tag[:40]}> is no MJCF, the first element must be '
+        raise ModelError([Problem(f'<{root.tag[:40]}> is no MJCF, the first element must be '
                                   '<mujoco>', '', root.file, root.line)])
     waiting, seen = [root], {path}
     while waiting:

@@ -16,9 +16,10 @@ import re
 from typing import Any, Protocol
 
 from rigid_sim_ros.models.description import Frame, Joint, Link, Model, MOST_LINKS, Shape
-from rigid_sim_ros.models.findings import Finding, Findings, Place
+from rigid_sim_ros.models.findings import Findings, Place
 from rigid_sim_ros.models.inertia import mended, mistake, together
 from rigid_sim_ros.models.poses import combined, IDENTITY, inverse, Pose
+from rigid_sim_ros.problems import Problem
 
 _ONE_AXIS = ('revolute', 'continuous', 'prismatic')
 
@@ -48,7 +49,7 @@ class Parts:
     # Where each body and joint stands in the file.
     body_places: list[Place] = field(default_factory=list)
     joint_places: list[Place] = field(default_factory=list)
-    notes: list[Finding] = field(default_factory=list)
+    notes: list[Problem] = field(default_factory=list)
 
 
 class MeshReader(Protocol):

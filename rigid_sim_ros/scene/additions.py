@@ -11,7 +11,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from typing import Any
 
-from rigid_sim_ros.scene.errors import nearest, Problem, SceneError, shown
+from rigid_sim_ros.problems import Problem
+from rigid_sim_ros.scene.errors import nearest, SceneError, shown
 from rigid_sim_ros.scene.reader import read_parts
 from rigid_sim_ros.scene.schema import Scene
 

@@ -21,10 +21,10 @@ from rigid_sim_ros.engine.model.shapes import build_materials, build_shapes, Mat
 from rigid_sim_ros.engine.state.state import BodyMotion, empty_state, State, write_motion
 from rigid_sim_ros.engine.steps.precompile import compile_beforehand
 from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.problems import Problem
 from rigid_sim_ros.scene import collision, mass, mesh, schema, visuals
 from rigid_sim_ros.scene.document import Source
-from rigid_sim_ros.scene.errors import (
-    below, nearest, Path as Place, Problem, Report, SceneError, shown)
+from rigid_sim_ros.scene.errors import below, nearest, Path as Place, Report, SceneError, shown
 from rigid_sim_ros.scene.forces import force_table
 from rigid_sim_ros.scene.joints import build_scene_joints, check_joints, put_together, SceneJoints
 

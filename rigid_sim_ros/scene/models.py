@@ -13,15 +13,16 @@ import numpy as np
 from rigid_sim_ros.engine.model.inertia import mesh_volume
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.models.description import Model, Shape
-from rigid_sim_ros.models.findings import Finding, ModelError
+from rigid_sim_ros.models.findings import ModelError
 from rigid_sim_ros.models.parts import make_parts, Parts, ros_name, Wish
 from rigid_sim_ros.models.poses import Pose
 from rigid_sim_ros.models.read import ending, read_model
+from rigid_sim_ros.problems import Problem
 from rigid_sim_ros.scene import mesh, schema, visuals as visuals_of
 from rigid_sim_ros.scene.collision import convex_hull
 from rigid_sim_ros.scene.document import Source
 from rigid_sim_ros.scene.errors import (
-    below, dotted, nearest, Path as Place, Problem, Report, SceneError, shown)
+    below, dotted, nearest, Path as Place, Report, SceneError, shown)
 
 # Part of its convex hull that a collision mesh may leave empty without a word.
 _HOLLOW = 0.01
@@ -69,7 +70,7 @@ class Expansion:
         try:
             self._add(entry, folder, report, is_alone=is_alone)
         except ModelError as error:
-            return [Problem(*finding) for finding in error.findings]
+            return list(error.findings)
         return []
 
     def _add(self, entry: schema.ModelFile, folder: Path | None, report: Report, *,
@@ -100,17 +101,18 @@ class Expansion:
         if is_alone:
             self.world = dict(model.world)
         elif model.world:
-            parts.notes.append(Finding(f'its {" and ".join(model.world)} are ignored: those of '
+            parts.notes.append(Problem(f'its {" and ".join(model.world)} are ignored: those of '
                                        'the scene hold', '', model.place.file, model.place.line))
-        self.notes += [str(note) for note in parts.notes]
+        notes = [*parts.notes]
         if meshes.hollow:
-            self.notes.append(f'{model.place.file}: these meshes are not convex, or not closed, '
-                              'and collide as their convex hulls: '
-                              f'{", ".join(dict.fromkeys(meshes.hollow))}')
+            notes.append(Problem('these meshes are not convex, or not closed, and collide as '
+                                 f'their convex hulls: {", ".join(dict.fromkeys(meshes.hollow))}',
+                                 '', model.place.file))
         if meshes.coarsest > 0.0:
-            self.notes.append(f'{model.place.file}: convex hulls with more than {MOST_CORNERS} '
-                              f'corners are made simpler, by {1e3 * meshes.coarsest:.2g} mm at '
-                              'most')
+            notes.append(Problem(f'convex hulls with more than {MOST_CORNERS} corners are made '
+                                 f'simpler, by {1e3 * meshes.coarsest:.2g} mm at most', '',
+                                 model.place.file))
+        self.notes += map(str, notes)
 
     def merged(self, spec: schema.Scene, made: schema.Scene) -> schema.Scene:
         """Return the scene with the bodies and joints of its models, and without models."""

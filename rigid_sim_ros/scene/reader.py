@@ -13,10 +13,11 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from rigid_sim_ros.models.read import ending
+from rigid_sim_ros.problems import Problem
 from rigid_sim_ros.scene import catalogue, schema
 from rigid_sim_ros.scene.build import build, Scene
 from rigid_sim_ros.scene.document import DictSource, Source, YamlSource
-from rigid_sim_ros.scene.errors import either, nearest, Path as Place, Problem, SceneError, shown
+from rigid_sim_ros.scene.errors import either, nearest, Path as Place, SceneError, shown
 from rigid_sim_ros.scene.models import alone, Expansion
 from rigid_sim_ros.scene.values import place
 from rigid_sim_ros.scene.yaml_tree import collector_paused
