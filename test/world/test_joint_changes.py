@@ -15,7 +15,7 @@ from rigid_sim_ros.world.snapshot import pack, unpack
 GROUND = {'name': 'ground', 'fixed': True, 'shape': {'type': 'plane'}}
 BOX = {'type': 'box', 'size': [0.2, 0.2, 0.2]}
 DRIVE = {'mode': 'position', 'stiffness': 40.0, 'damping': 4.0}
-CONTACTS = ('none', 'timestep')
+CONTACTS = ('none', 'timestep', 'qp', 'event', 'penalty')
 
 
 def crate(name, x, z, **more):
@@ -33,7 +33,16 @@ def arm(contact='timestep'):
     for one in joints:
         one['pose'] = {'position': one['pose']['position']}
         one['position'] = one.pop('position_')
-    return {'world': {'contact': contact}, 'bodies': [GROUND, *links], 'joints': joints}
+    # So soft that a step of 1 ms is stable in the model `penalty`, with the rod of the model too.
+    return {'world': world_of(contact), 'materials': {'default': {'stiffness': 200.0}},
+            'bodies': [GROUND, *links], 'joints': joints}
+
+
+def world_of(contact):
+    """Return what a scene says of a contact model, `qp` for the other solver of timestep."""
+    if contact == 'qp':
+        return {'contact': 'timestep', 'solver': 'qp'}
+    return {'contact': contact}
 
 
 @pytest.fixture(name='model')
