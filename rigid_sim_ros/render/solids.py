@@ -65,10 +65,20 @@ class Bodies:
         self.mesh.point_data.active_normals_name = 'Normals'
 
     def move(self, p_WB: Array, q_WB: Array) -> None:
-        """Put every body at its pose: (n, 3) in m and (n, 4) as x, y, z, w."""
+        """
+        Put every body at its pose: (n, 3) in m and (n, 4) as x, y, z, w.
+
+        One whose pose is not a number is not there: its triangles shrink to a point among others.
+        """
         if not len(self._owner):
             return
-        R = Rotation.from_quat(q_WB).as_matrix()[self._owner]
+        is_there = np.isfinite(q_WB).all(axis=1)
+        R = Rotation.from_quat(np.where(is_there[:, None], q_WB, (0.0, 0.0, 0.0, 1.0))).as_matrix()
+        R[~is_there] = 0.0
+        if not is_there.all():
+            hidden = np.zeros(3) if not is_there.any() else p_WB[np.argmax(is_there)]
+            p_WB = np.where(is_there[:, None], p_WB, hidden)
+        R = R[self._owner]
         self.mesh.points = (np.einsum('pij,pj->pi', R, self._p_B) + p_WB[self._owner]).astype('f4')
         self.mesh.point_data['Normals'] = np.einsum('pij,pj->pi', R, self._n_B).astype('f4')
 

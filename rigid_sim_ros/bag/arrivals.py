@@ -1,0 +1,52 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""All that was ever in a session, as one scene: for pictures, which show what came later too."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from rigid_sim_ros.scene import Scene, scene_from_dict, SceneError
+from rigid_sim_ros.scene.additions import names_a_file, parts_of
+from rigid_sim_ros.scene.reader import read_parts
+
+
+def with_arrivals(scene: Scene, parts: Iterable[Any], notes: list[str]) -> Scene:
+    """
+    Return the scene that a session began with, and the bodies of the parts that came later.
+
+    Of several bodies that had a name one after another it has the first. Their joints are told of
+    in `spec` alone: those that held something at different times need not fit together. What
+    cannot be used is left out, with a note.
+    """
+    spec, parts = scene.spec, list(parts)
+    bodies = _new(parts, 'bodies', scene.names)
+    joints = _new(parts, 'joints', [joint.name for joint in spec.joints or ()])
+    if not bodies and not joints:
+        return scene
+    data = spec.model_dump(exclude_none=True)
+    try:
+        whole = scene_from_dict({**data, 'bodies': [*data['bodies'], *bodies]}, scene.name,
+                                may_read_files=False)
+        came = read_parts({'joints': joints})[0].joints if joints else ()
+    except SceneError as error:
+        notes.append(f'what came later is left out, it cannot be used: {error.summary}')
+        return scene
+    return replace(whole, text=scene.text, spec=whole.spec.model_copy(update={
+        'joints': (*(spec.joints or ()), *(came or ()))}))
+
+
+def _new(parts: Iterable[Any], key: str, known: Iterable[str]) -> list[Mapping[str, Any]]:
+    """Return what stands under a key in the parts and has a new name, but for what needs files."""
+    names, new = set(known), []
+    for part in parts:
+        try:
+            found = parts_of(part).get(key) or ()
+        except SceneError:
+            continue
+        for one in found:
+            if isinstance(one, Mapping) and isinstance(one.get('name'), str) and (
+                    one['name'] not in names and not names_a_file(one)):
+                names.add(one['name'])
+                new.append(one)
+    return new
