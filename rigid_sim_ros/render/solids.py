@@ -72,12 +72,10 @@ class Bodies:
         """
         if not len(self._owner):
             return
-        is_there = np.isfinite(q_WB).all(axis=1)
-        R = Rotation.from_quat(np.where(is_there[:, None], q_WB, (0.0, 0.0, 0.0, 1.0))).as_matrix()
-        R[~is_there] = 0.0
-        if not is_there.all():
-            hidden = np.zeros(3) if not is_there.any() else p_WB[np.argmax(is_there)]
-            p_WB = np.where(is_there[:, None], p_WB, hidden)
+        is_there = np.isfinite(q_WB[:, :1])
+        R = Rotation.from_quat(np.where(is_there, q_WB, (0.0, 0.0, 0.0, 1.0))).as_matrix()
+        R *= is_there[:, :, None]
+        p_WB = np.where(is_there, p_WB, p_WB[is_there[:, 0]][:1] if is_there.any() else 0.0)
         R = R[self._owner]
         self.mesh.points = (np.einsum('pij,pj->pi', R, self._p_B) + p_WB[self._owner]).astype('f4')
         self.mesh.point_data['Normals'] = np.einsum('pij,pj->pi', R, self._n_B).astype('f4')

@@ -11,6 +11,7 @@ if find_spec('pyvista') is None:
     raise SkipTest("pyvista is not installed: pip install '.[render]'")
 
 from rigid_sim_ros.render.solids import Bodies, extents, planes
+from rigid_sim_ros.render.stage import automatic_view
 from rigid_sim_ros.scene import scene_from_dict
 from rigid_sim_ros.scene.appearance import body_color, PALETTE
 from rigid_sim_ros.world import World
@@ -140,3 +141,18 @@ def test_what_a_body_is_drawn_with_takes_the_place_of_its_solids():
     # The ball has the colour of the body, every other octant of it in shade.
     assert [0, 255, 0, 255] in colors and [255, 0, 0, 255] in colors
     assert extents(world.scene) == pytest.approx([np.hypot(np.hypot(0.1, 0.2), 1.3)], abs=1e-6)
+
+
+def test_a_body_without_a_pose_is_not_drawn():
+    world = World.from_dict({'world': {'contact': 'none'}, 'bodies': [
+        {'name': name, 'mass': 1.0, 'shape': {'type': 'box', 'size': [1, 1, 1]},
+         'pose': {'position': [x, 0, 0]}} for name, x in (('here', 3), ('gone', 9))]})
+    bodies, p, q = Bodies(world.scene), world.position, world.orientation
+    p[1], q[1] = np.nan, np.nan
+    bodies.move(p, q)
+    assert bodies.mesh.bounds == pytest.approx((2.5, 3.5, -0.5, 0.5, -0.5, 0.5), abs=1e-6)
+    assert bodies.mesh.area == pytest.approx(6.0, abs=1e-6)     # of one cube
+    view = automatic_view(np.stack([p, p]), extents(world.scene), 1.5)
+    alone = automatic_view(np.stack([p, p])[:, :1], extents(world.scene)[:1], 1.5)
+    assert view.radius == pytest.approx(alone.radius)
+    assert view.target == pytest.approx(alone.target)
