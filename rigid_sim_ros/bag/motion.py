@@ -16,14 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from rigid_sim_ros.bag import events, session as sessions, topics as kinds
-from rigid_sim_ros.bag.arrivals import with_arrivals
+from rigid_sim_ros.bag.arrivals import Arrivals, with_arrivals
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.session import Session
 from rigid_sim_ros.messages import decode
 from rigid_sim_ros.messages.topics import body_of
 from rigid_sim_ros.scene import Scene, scene_from_text, SceneError
-from rigid_sim_ros.world.snapshot import unpack
 
 Array: TypeAlias = npt.NDArray[np.float64]
 
@@ -121,8 +120,7 @@ class _Gathering:
         self._joints: dict[str, list[tuple[int, int, list[str], Array]]] = {}
         self._scenes: dict[str, str] = {}
         self._session: Session | None = None
-        self._arrivals: list[Any] = []      # parts that came
-        self._is_new = True     # no state as a whole yet
+        self._arrivals = Arrivals()
 
     # --- one message each -----------------------------------------------------------------------
 
@@ -138,17 +136,11 @@ class _Gathering:
         elif topic.endswith(f'/bag/{kinds.EVENT}'):
             # Whether the events are as they were recorded is for `verify` to say.
             with contextlib.suppress(BagError):
-                event = events.decode(decode.string(data))
-                if event.kind == 'add':
-                    self._arrivals.append(event.arguments.get('part'))
+                self._arrivals.take_event(events.decode(decode.string(data)))
 
     def snapshot(self, topic: str, stamp: int, data: bytes) -> None:
-        """Take what had come before the session began, from the first state."""
-        if self._is_new and topic.endswith(f'/bag/{kinds.SNAPSHOT}'):
-            self._is_new = False
-            with contextlib.suppress(ValueError, TypeError):
-                changes = unpack(decode.byte_array(data))[0].get('changes', [])
-                self._arrivals += [what for kind, what in changes if kind == 'add']
+        if topic.endswith(f'/bag/{kinds.SNAPSHOT}'):
+            self._arrivals.take_snapshot(data)
 
     def pose(self, topic: str, stamp: int, data: bytes) -> None:
         message = _message(kinds.TYPES[kinds.POSE], data)
@@ -195,7 +187,7 @@ class _Gathering:
             topic = self._state_topic(notes)
             stamps, names, table = _table_of_states(self._states[topic])
             origin = self._scene(topic, notes)
-            scene = None if origin is None else with_arrivals(origin, self._arrivals, notes)
+            scene = None if origin is None else with_arrivals(origin, self._arrivals.parts, notes)
             if scene is not None:
                 names, table = _in_order(names, table, scene.names)
         elif self._singles:
