@@ -176,3 +176,38 @@ def test_an_open_surface_may_be_seen_though_it_could_not_collide():
     visual, = world.scene.spec.bodies[0].visuals
     assert visual.shape.vertices[1] == (2.0, 0.0, 0.0) and visual.color == RED
     assert scene_from_text(world.scene.text).text == world.scene.text
+
+
+def test_the_geometries_that_mujoco_shows_are_drawn_in_their_colours(tmp_path):
+      <visual name="v"><pose>0 0 2 0 0 0</pose>
+        <geometry><box><size>1 1 1</size></box></geometry>
+    pytest.importorskip('mujoco')
+    trimesh.creation.box((0.2, 0.2, 0.2)).export(tmp_path / 'shell.stl')
+    path = write(tmp_path, 'robot.xml', """<mujoco>
+      <asset><mesh name="shell" file="shell.stl"/><material name="blue" rgba="0 0 1 1"/></asset>
+      <worldbody>
+        <body name="seen"><freejoint/><geom type="sphere" size=".3" group="3"/>
+          <geom type="mesh" mesh="shell" material="blue" contype="0" conaffinity="0"/>
+          <geom type="box" size=".1 .1 .1" rgba="1 0 0 1" contype="0" conaffinity="0"/>
+          <geom type="box" size=".4 .4 .4" rgba="1 0 0 0" contype="0" conaffinity="0"/></body>
+        <body name="plain" pos="2 0 0"><freejoint/><geom type="sphere" size=".1"/></body>
+      </worldbody></mujoco>""")
+    world = World.from_dict({'models': [{'name': 'r', 'file': str(path)}]})
+    seen, plain = world.scene.spec.bodies
+    shell, box = seen.visuals
+    assert (shell.shape.type, shell.color, len(shell.shape.faces)) == ('mesh', BLUE, 12)
+    assert (box.shape.type, box.color) == ('box', RED)
+    assert seen.shape.type == 'sphere'
+    assert plain.visuals is None
+
+
+def test_visuals_of_sdf_have_their_poses_and_colours(tmp_path):
+    path = write(tmp_path, 'robot.sdf', """<sdf version="1.7"><model name="m"><link name="a">
+      <inertial><mass>1</mass></inertial>
+      <collision name="c"><geometry><sphere><radius>1</radius></sphere></geometry></collision>
+      <visual name="v"><pose>0 0 2 0 0 0</pose><geometry><box><size>1 1 1</size></box></geometry>
+        <material><diffuse>1 0 0 1</diffuse></material></visual></link></model></sdf>""")
+    world = World.from_dict({'models': [{'name': 'r', 'file': str(path)}]})
+    visual, = world.scene.spec.bodies[0].visuals
+    assert (visual.shape.type, visual.color) == ('box', RED)
+    assert visual.shape.pose.position == (0.0, 0.0, 2.0)
