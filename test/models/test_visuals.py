@@ -179,8 +179,7 @@ def test_an_open_surface_may_be_seen_though_it_could_not_collide():
 
 
 def test_the_geometries_that_mujoco_shows_are_drawn_in_their_colours(tmp_path):
-      <visual name="v"><pose>0 0 2 0 0 0</pose>
-        <geometry><box><size>1 1 1</size></box></geometry>
+    """Groups 0 to 2 are shown; a body of solids of one colour alone is drawn with these."""
     pytest.importorskip('mujoco')
     trimesh.creation.box((0.2, 0.2, 0.2)).export(tmp_path / 'shell.stl')
     path = write(tmp_path, 'robot.xml', """<mujoco>
