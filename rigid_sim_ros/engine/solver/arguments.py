@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.constraints.contact_prediction import make_prediction, Prediction
-from rigid_sim_ros.engine.contact.collisions import CollisionWork, make_collision_work
+from rigid_sim_ros.engine.contact.colliding_body import CollisionWork, make_collision_work
 from rigid_sim_ros.engine.detection.manifolds import Memory
 from rigid_sim_ros.engine.dynamics.free_flight import BLOCK_SIZE as FLIGHT_SIZE
 from rigid_sim_ros.engine.dynamics.loads import empty_loads, Loads

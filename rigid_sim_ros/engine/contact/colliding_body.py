@@ -1,0 +1,135 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What collisions inside a step need to know of one body, and what they do to it."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.contact.impact_offsets import SHIFT
+from rigid_sim_ros.engine.detection.manifolds import POINTS
+from rigid_sim_ros.engine.maths.rotation import (
+    exponential, multiply, quaternion, set_quaternion, to_matrix, unit)
+from rigid_sim_ros.engine.maths.vector import (
+    add, add_scaled, add_to_column, column, cross, dot, scale, subtract, times)
+from rigid_sim_ros.engine.state.rates import velocity_at
+from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.kernels.arrays import Array, IntArray, room, Vector
+from rigid_sim_ros.kernels.kernel import inlined, kernel
+
+NEVER = 1e30  # [s]
+# Columns of `CollisionWork.body`.
+VELOCITY, SPIN, ACCELERATION, INVERSE, INV_M, DP, DL, COLUMNS = 0, 3, 6, 9, 15, 16, 19, 28
+
+
+class CollisionWork(NamedTuple):
+    """Buffers for n bodies and c manifolds."""
+
+    rows: IntArray  # (c,) of 32 bits, manifolds that may bounce
+    time: Array  # (c,) when they touch [s] after the start of the step
+    # (c,) of 8 bits, ACTS, DORMANT, or LEFT_OUT: approaches too fast to be at rest, but will not
+    # touch in this step
+    waits: IntArray
+    first: Array  # (n,) the earliest of a body's times
+    body: Array  # (n, 28) v, w, F / m, inverse inertia in world axes, 1 / m, new momenta, shifts
+    point: Array  # (POINTS, 3) points of one collision from the centre of mass of A [m]
+    target: Array  # (POINTS,) normal velocity after it [m/s], NEVER for a point that takes no part
+    impulse: Array  # (POINTS,) [N s]
+
+
+def make_collision_work(n: int, capacity: int) -> CollisionWork:
+    """Return buffers for n bodies and `capacity` manifolds."""
+    return CollisionWork(room(capacity, kind=np.int32), room(capacity),
+                         room(capacity, kind=np.int8), room(n), room(n, COLUMNS),
+                         np.zeros((POINTS, 3)), np.zeros(POINTS), np.zeros(POINTS))
+
+
+@inlined
+def put(line: Array, at: int, v: Vector) -> None:
+    line[at], line[at + 1], line[at + 2] = v
+
+
+@inlined
+def get(line: Array, at: int) -> Vector:
+    return (line[at], line[at + 1], line[at + 2])
+
+
+@kernel
+def load_body(inv_m: Array, inv_I_C: Array, state: State, F: Array, i: int, line: Array) -> None:
+    """Write what collisions need to know of a body."""
+    q, inv_I = quaternion(state.q, i), column(inv_I_C, i)
+    R = to_matrix(q)
+    line[INV_M] = inv_m[i]
+    at = INVERSE
+    for k in range(3):
+        line[VELOCITY + k] = inv_m[i] * state.P[k, i] + state.V[k, i]
+        line[ACCELERATION + k] = inv_m[i] * F[k, i]
+        for j in range(k, 3):
+            line[at] = dot(times(R[k], inv_I), R[j])
+            at += 1
+    w = turned(line, column(state.L, i))
+    put(line, SPIN, add(w, (state.V[3, i], state.V[4, i], state.V[5, i])))
+    for k in range(DP, COLUMNS):
+        line[k] = 0.0
+
+
+@inlined
+def turned(line: Array, L: Vector) -> Vector:
+    """Return J L."""
+    return (line[INVERSE] * L[0] + line[INVERSE + 1] * L[1] + line[INVERSE + 2] * L[2],
+            line[INVERSE + 1] * L[0] + line[INVERSE + 3] * L[1] + line[INVERSE + 4] * L[2],
+            line[INVERSE + 2] * L[0] + line[INVERSE + 4] * L[1] + line[INVERSE + 5] * L[2])
+
+
+@kernel
+def store_body(inv_I_C: Array, state: State, i: int, tau: float, line: Array) -> None:
+    """Give a body its new momenta; start its step where they would have."""
+    if line[INV_M] == 0.0:
+        return
+    dP, dL = get(line, DP), get(line, DL)
+    dx, angle = scale(-tau * line[INV_M], dP), scale(-tau, turned(line, dL))
+    add_to_column(state.P, i, dP)
+    add_to_column(state.L, i, dL)
+    add_to_column(state.x, i, dx)
+    set_quaternion(state.q, i, unit(multiply(exponential(angle), quaternion(state.q, i))))
+    for k in range(3):
+        line[SHIFT + k] += dx[k]
+        line[SHIFT + 3 + k] += angle[k]
+    put(line, DP, (0.0, 0.0, 0.0))
+    put(line, DL, (0.0, 0.0, 0.0))
+
+
+@kernel
+def velocity_on(line: Array, r: Vector) -> Vector:
+    return velocity_at(get(line, VELOCITY), get(line, SPIN), r)
+
+
+@kernel
+def push_body(line: Array, r: Vector, J: Vector) -> None:
+    """Let an impulse J act on a body, r from its centre of mass."""
+    if line[INV_M] == 0.0:
+        return
+    dL = cross(r, J)
+    put(line, DP, add(get(line, DP), J))
+    put(line, DL, add(get(line, DL), dL))
+    put(line, VELOCITY, add_scaled(get(line, VELOCITY), line[INV_M], J))
+    put(line, SPIN, add(get(line, SPIN), turned(line, dL)))
+
+
+@kernel
+def response(line: Array, r: Vector, e: Vector) -> float:
+    """Return how much a unit impulse along e at r changes the velocity there along e."""
+    c = cross(r, e)
+    return line[INV_M] + dot(c, turned(line, c))
+
+
+@kernel
+def change_at(line: Array, r: Vector) -> Vector:
+    """Return how much a collision has changed the velocity at a point of a body so far."""
+    return add(scale(line[INV_M], get(line, DP)), cross(turned(line, get(line, DL)), r))
+
+
+@kernel
+def relative_after(A: Array, B: Array, r_A: Vector, d: Vector, dv: Vector) -> Vector:
+    """Return the velocity of B relative to A at a point; `dv` is what forces add until then."""
+    return add(dv, subtract(velocity_on(B, subtract(r_A, d)), velocity_on(A, r_A)))
