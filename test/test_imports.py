@@ -30,7 +30,7 @@ MAY_IMPORT = {
     'viewer': LOWER | {'plots', 'signals'},
     'bag': LOWER,
     'warm_up': PHYSICS | {'scene', 'signals', 'world'},
-    'messages': PHYSICS | {'bag'},
+    'messages': PHYSICS,
     'signals': set(),
     'scene': PHYSICS | {'models'},
     'models': PHYSICS,

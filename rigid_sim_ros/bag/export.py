@@ -14,7 +14,7 @@ from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.motion import joint_prefix
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.session import is_session
-from rigid_sim_ros.messages import decode
+from rigid_sim_ros.bag import decode
 from rigid_sim_ros.messages.topics import body_of
 
 FORMATS = ('csv', 'parquet')

@@ -10,7 +10,7 @@ from rigid_sim_ros.bag import events, session as sessions, topics as kinds
 from rigid_sim_ros.bag.errors import Damaged
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.session import Session
-from rigid_sim_ros.messages import decode
+from rigid_sim_ros.bag import decode
 
 
 class Info(NamedTuple):

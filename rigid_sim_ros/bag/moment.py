@@ -16,7 +16,7 @@ from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.events import Event
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.session import Session
-from rigid_sim_ros.messages import decode
+from rigid_sim_ros.bag import decode
 from rigid_sim_ros.scene import Scene, scene_from_text, SceneError
 from rigid_sim_ros.world import World
 

@@ -181,7 +181,8 @@ def open_database(path: Path) -> sqlite3.Connection:
                     or (text or b'').upper().startswith(b'CREATE VIRTUAL')):
                 database.close()
                 raise Damaged(f'{path.name} is damaged ({_said(name)} is no plain table)')
-    except (sqlite3.Error, MemoryError) as error:
+    # The words of an error of SQLite may quote bytes of the file that are no text.
+    except (sqlite3.Error, UnicodeDecodeError, MemoryError) as error:
         raise Damaged(f'{path.name} is damaged ({error})') from None
     return database
 

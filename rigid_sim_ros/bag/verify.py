@@ -26,7 +26,7 @@ from rigid_sim_ros.bag.outputs import Outputs
 from rigid_sim_ros.bag.reader import BagReader, Message
 from rigid_sim_ros.bag.session import Session
 from rigid_sim_ros.bag.topics import Topic, typestore
-from rigid_sim_ros.messages import decode
+from rigid_sim_ros.bag import decode
 from rigid_sim_ros.messages.codec import encode_wrench
 from rigid_sim_ros.scene import scene_from_text, SceneError
 from rigid_sim_ros.world import World
