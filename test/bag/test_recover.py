@@ -231,3 +231,23 @@ def test_an_event_that_was_changed_is_no_more_whole_for_recover_than_for_info(tm
     verdict = verify(bag)
     assert verdict.holds
     assert verdict.gaps == 1
+
+
+def test_an_index_that_leaves_rows_out_is_noticed_and_made_anew(tmp_path) -> None:
+    bag = copy(shared_session('sqlite3'), tmp_path)
+    path, count = files_of(bag)[0], info(bag).messages
+    with sqlite3.connect(path) as database:
+        database.execute('PRAGMA writable_schema = ON')
+        database.execute('CREATE INDEX half ON messages (timestamp ASC) WHERE id % 2')
+        # The index by which readers go leads to the entries of the other one.
+        database.execute("UPDATE sqlite_master SET rootpage = (SELECT rootpage FROM sqlite_master "
+                         "WHERE name = 'half') WHERE name = 'timestamp_idx'")
+        database.execute("DELETE FROM sqlite_master WHERE name = 'half'")
+        database.commit()
+    database.close()
+    for command in (info, verify):
+        with pytest.raises(Damaged, match='damaged'):
+            command(bag)
+    assert recover(bag).rewritten == (path.name,)
+    assert info(bag).messages == count
+    assert verify(bag).holds
