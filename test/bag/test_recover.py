@@ -233,16 +233,16 @@ def test_an_event_that_was_changed_is_no_more_whole_for_recover_than_for_info(tm
     assert verdict.gaps == 1
 
 
-def test_an_index_that_leaves_rows_out_is_noticed_and_made_anew(tmp_path) -> None:
+def test_an_index_that_leads_elsewhere_is_noticed_and_made_anew(tmp_path) -> None:
     bag = copy(shared_session('sqlite3'), tmp_path)
     path, count = files_of(bag)[0], info(bag).messages
     with sqlite3.connect(path) as database:
         database.execute('PRAGMA writable_schema = ON')
-        database.execute('CREATE INDEX half ON messages (timestamp ASC) WHERE id % 2')
-        # The index by which readers go leads to the entries of the other one.
+        database.execute('CREATE INDEX other ON messages (topic_id)')
+        # The index by which readers go holds the entries of the other one.
         database.execute("UPDATE sqlite_master SET rootpage = (SELECT rootpage FROM sqlite_master "
-                         "WHERE name = 'half') WHERE name = 'timestamp_idx'")
-        database.execute("DELETE FROM sqlite_master WHERE name = 'half'")
+                         "WHERE name = 'other') WHERE name = 'timestamp_idx'")
+        database.execute("DELETE FROM sqlite_master WHERE name = 'other'")
         database.commit()
     database.close()
     for command in (info, verify):
