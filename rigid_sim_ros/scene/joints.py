@@ -54,10 +54,6 @@ class SceneJoints(NamedTuple):
     drives: Drives
 
 
-# The models of contact, with their solvers, that see joints.
-_WITH_JOINTS = (('none', 'sequential'), ('timestep', 'sequential'))
-
-
 def check_joints(spec: schema.Scene, report: Report) -> None:
     """Report what does not fit together although each value is right by itself."""
     bodies = {body.name: body for body in spec.bodies}
@@ -82,11 +78,6 @@ def check_joints(spec: schema.Scene, report: Report) -> None:
         _check_keys(joint, here)
         _check_limits(joint, here)
         _check_mimic(joint, joints, here)
-    world = spec.world
-    if joints and (world.contact, world.solver) not in _WITH_JOINTS:
-        report(('world', 'contact'), f'{shown(world.contact)} with the solver '
-               f'{shown(world.solver)} beside joints, must be none, or timestep with the solver '
-               'sequential')
     if joints and spec.collision.sleep_after > 0.0:
         report(('collision', 'sleep_after'), f'{spec.collision.sleep_after:g} s beside joints, '
                'must be 0: bodies do not sleep there')

@@ -9,7 +9,7 @@ from rigid_sim_ros.engine.dynamics.loads import empty_loads
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import (
     BodyMotion, kinetic_energy, read_motion, State, total_angular_momentum)
-from rigid_sim_ros.engine.steps.contact_models import ContactModel, ContactReport
+from rigid_sim_ros.engine.steps.contact_model import ContactModel, ContactReport
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 

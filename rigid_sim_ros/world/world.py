@@ -16,7 +16,8 @@ from rigid_sim_ros.engine.state.frames import point_on_frame, vector_on_frame
 from rigid_sim_ros.engine.state.state import (
     add_impulse, copy_into, copy_state, empty_motion, first_unfinite, MotionArguments,
     MOVING_FIELDS, write_motion)
-from rigid_sim_ros.engine.steps.contact_models import make_contact_model, Setup
+from rigid_sim_ros.engine.steps.contact_model import Setup
+from rigid_sim_ros.engine.steps.contact_models import make_contact_model
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.scene import read_scene, Scene, scene_from_dict

@@ -13,7 +13,7 @@ from rigid_sim_ros.kernels import argument_pack
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
 from rigid_sim_ros.kernels.kernel import kernel
 
-SETTINGS = TimestepSettings(bounce_speed=2.5, sleep_steps=10)
+SETTINGS = TimestepSettings(margin=2.5, sleep_steps=10)
 
 
 class Arguments(NamedTuple):
@@ -36,7 +36,7 @@ def work(n):
 
 
 def add_up(c, weight):
-    c.total[0] = c.settings.bounce_speed * c.settings.sleep_steps
+    c.total[0] = c.settings.margin * c.settings.sleep_steps
     for i in range(c.scratch.loads.F.shape[1]):
         c.total[0] += weight * c.scratch.loads.F[1, i] * c.flags[i]
     return c.total[0]
@@ -93,7 +93,7 @@ def test_the_same_objects_are_taken_apart_once_and_others_anew():
     assert add_up(packed(Arguments(second, SETTINGS, *arrays), before), 1.0) == 25 + (
         4 + 5 + 6 + 7)
     assert add_up(packed(Arguments(first, SETTINGS, *arrays), before), 1.0) == 25 + (3 + 4 + 5)
-    faster = SETTINGS._replace(bounce_speed=3.0)
+    faster = SETTINGS._replace(margin=3.0)
     assert add_up(packed(Arguments(first, faster, *arrays), before), 1.0) == 30 + (3 + 4 + 5)
 
 

@@ -19,10 +19,16 @@ CLOSED = 1e-12
 DEEPEST = 5e-3
 
 
-def worlds(floor):
+def world_of(seed, floor, contact):
+    """Return the world of a seed."""
+    spec = jointed_scene(seed, floor)
+    return World.from_dict(spec | {'world': spec['world'] | {'contact': contact}})
+
+
+def worlds(floor, contact):
     """Yield the worlds of the seeds in which nothing overlaps at the start."""
     for seed in range(SEEDS):
-        world = World.from_dict(jointed_scene(seed, floor))
+        world = world_of(seed, floor, contact)
         world.step(1)
         gap = world.contacts()['gap']
         world.reset()
@@ -30,9 +36,10 @@ def worlds(floor):
             yield seed, world
 
 
-def test_nothing_gains_energy_and_joints_stay_closed_on_a_floor():
+@pytest.mark.parametrize('contact', ['timestep', 'event'])
+def test_nothing_gains_energy_and_joints_stay_closed_on_a_floor(contact):
     touched = 0
-    for seed, world in worlds(floor=True):
+    for seed, world in worlds(True, contact):
         # A step resolves what falls v h in it: an impact begins up to that early, and what it
         # leaves of m g v h, here with up to 10 m/s and 4 ms, is 1 % of m g times 4 m.
         allowed = 0.01 * 9.81 * world.mass.sum() * 4.0
@@ -49,9 +56,10 @@ def test_nothing_gains_energy_and_joints_stay_closed_on_a_floor():
     assert touched > 20 * SEEDS
 
 
-def test_momenta_of_what_meets_in_free_space_stay():
+@pytest.mark.parametrize('contact', ['timestep', 'event'])
+def test_momenta_of_what_meets_in_free_space_stay(contact):
     touched = 0
-    for seed, world in worlds(floor=False):
+    for seed, world in worlds(False, contact):
         before, scale = momenta(world), np.sqrt(2.0 * world.kinetic_energy() * world.mass.sum())
         for _ in range(400):
             world.step(1)
@@ -73,7 +81,7 @@ KNOWN = {mirrored: {0}, reordered: {7}, scaled: {7, 9, 17, 20}}
 @pytest.mark.parametrize('transform', KNOWN)
 def test_a_twin_moves_alike(transform):
     broken = {}
-    for seed, world in worlds(floor=True):
+    for seed, world in worlds(True, 'timestep'):
         if seed in KNOWN[transform]:
             continue
         spec = jointed_scene(seed, floor=True)
@@ -90,9 +98,10 @@ def momenta(world):
     return np.array([world.total_momentum(), world.total_angular_momentum()])
 
 
+@pytest.mark.parametrize('contact', ['timestep', 'event'])
 @pytest.mark.parametrize('seed', [0, 3])
-def test_a_world_goes_on_bit_for_bit_from_what_it_saved(seed):
-    one, other = (World.from_dict(jointed_scene(seed, floor=True)) for _ in range(2))
+def test_a_world_goes_on_bit_for_bit_from_what_it_saved(seed, contact):
+    one, other = (world_of(seed, True, contact) for _ in range(2))
     one.step(400)
     saved = one.save()
     one.step(200)

@@ -145,11 +145,10 @@ def test_a_loop_that_cannot_close_is_a_mistake():
     assert found[0].startswith('joints[2]: does not close: its frames stay ')
 
 
-def test_a_joint_beside_contacts_that_do_not_see_it_is_a_mistake():
-    text = BODIES.replace('contact: none', 'contact: event')
-    assert mistakes(SHOULDER, text=text) == [
-        "world.contact: 'event' with the solver 'sequential' beside joints, must be none, or "
-        'timestep with the solver sequential']
+@pytest.mark.parametrize('contact', ['none', 'event', 'penalty', 'timestep, solver: qp'])
+def test_joints_are_seen_by_every_model_of_contact(contact):
+    text = BODIES.replace('contact: none', f'contact: {contact}')
+    assert read(SHOULDER, text=text).joints.table.first_row.tolist() == [0, 1]
 
 
 def test_a_follower_begins_where_the_joint_that_it_mimics_has_it():

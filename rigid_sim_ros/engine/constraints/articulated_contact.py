@@ -57,26 +57,34 @@ CHORDS = 4
 
 
 @kernel
-def choose_points(model: Model, table: JointTable, first: bool, w: Pressing) -> int:
-    """
-    Sort the points that take part by islands; return the rows of the largest.
+def take_all(w: Pressing) -> None:
+    """Let all points take part, as they do in the first half of a step."""
+    match_forces(w.contacts, w.carried, w.count[KNOWN], w.match)
+    for k in range(w.contacts.count[0]):
+        w.active[k] = 1
 
-    In the first half of a step all do; in the second what pressed in the first, or touches.
-    """
+
+@kernel
+def take_pressing(w: Pressing) -> None:
+    """Let take part in the second half of a step what pressed in the first, or touches."""
+    match_forces(w.contacts, w.half, w.count[HALF_KNOWN], w.match)
+    for k in range(w.contacts.count[0]):
+        w.active[k] = 1 if _presses(w.contacts, k, w) else 0
+
+
+@kernel
+def choose_points(model: Model, table: JointTable, w: Pressing) -> int:
+    """Sort the points that take part by islands; return the rows of the largest."""
     contacts, parent = w.contacts, w.parent
-    if first:
-        match_forces(contacts, w.carried, w.count[KNOWN], w.match)
-    else:
-        match_forces(contacts, w.half, w.count[HALF_KNOWN], w.match)
     _unite_bodies(model, table, contacts, parent)
     w.label[:] = -1
     islands, found = 0, 0
     for k in range(contacts.count[0]):
         root = _island(model, contacts, k, parent)
-        if root < 0 or not (first or _presses(contacts, k, w)):
-            w.bounce[k] = -1.0      # does not take part
+        if root < 0:
+            w.active[k] = 0
+        if w.active[k] == 0:
             continue
-        w.bounce[k] = 0.0
         if w.label[root] < 0:
             w.label[root] = islands
             w.first[islands] = 0
@@ -88,7 +96,7 @@ def choose_points(model: Model, table: JointTable, first: bool, w: Pressing) -> 
         largest = max(largest, w.first[n])
         start, w.first[n] = start + w.first[n], start
     for k in range(contacts.count[0]):
-        if w.bounce[k] == 0.0:
+        if w.active[k] == 1:
             n = w.label[_island(model, contacts, k, parent)]
             w.chosen[w.first[n]] = k
             w.first[n] += 1
@@ -145,6 +153,8 @@ def press(model: Model, state: State, table: JointTable, motion: JointMotion, wo
     The momenta are those after the kick of that half, by the loads; joints have not answered yet.
     In the first half momenta that only displace are added, which `take_back_displacing` takes.
     """
+    if first:
+        w.displacing.F[:], w.displacing.tau[:] = 0.0, 0.0
     if w.count[POINTS_IN_USE] == 0:
         return
     if first:
@@ -155,11 +165,10 @@ def press(model: Model, state: State, table: JointTable, motion: JointMotion, wo
     known = False
     for n in range(MOST_PIECES):
         _find_velocities(model, state, table, motion, work, h, first, w)
-        known = n > 0 and _are_same_pieces(work, w)
+        known = n > 0 and are_same_pieces(work, w)
         if known:
             break
-        for k in range(w.locked.shape[0]):
-            w.locked[k], w.extra[k] = work.locked[k], work.extra[k]
+        keep_pieces(work, w)
         changed = False
         for island in range(w.count[ISLANDS]):
             chosen = w.chosen[w.first[island]:w.first[island + 1]]
@@ -251,7 +260,14 @@ def _begin_with(model: Model, state: State, chosen: IntArray, width: int, first:
 
 
 @kernel
-def _are_same_pieces(work: JointWork, w: Pressing) -> bool:
+def keep_pieces(work: JointWork, w: Pressing) -> None:
+    """Note on which pieces all axes are."""
+    for k in range(w.locked.shape[0]):
+        w.locked[k], w.extra[k] = work.locked[k], work.extra[k]
+
+
+@kernel
+def are_same_pieces(work: JointWork, w: Pressing) -> bool:
     """Return whether all axes are on the pieces for which the impulses were found."""
     for k in range(w.locked.shape[0]):
         if w.locked[k] != work.locked[k] or w.extra[k] != work.extra[k]:
@@ -289,7 +305,11 @@ def _press_island(model: Model, state: State, table: JointTable, work: JointWork
             _take_no_energy(chosen, width, w)
         _note_work(chosen, width, w)
     else:
-        _rebound(chosen, width, not known, w)
+        lost = 0.0
+        for k in chosen:
+            if w.match[k] >= 0:
+                lost += w.half_work[w.match[k]]
+        rebound(chosen, width, not known, lost, w)
     for c in range(m):
         k = chosen[c]
         for i in range(width):
@@ -337,21 +357,19 @@ def _note_work(chosen: IntArray, width: int, w: Pressing) -> float:
 
 
 @kernel
-def _rebound(chosen: IntArray, width: int, is_new: bool, w: Pressing) -> None:
+def rebound(chosen: IntArray, width: int, is_new: bool, lost: float, w: Pressing) -> None:
     """
-    Find the impulses of an island in the second half, so that bounces give no energy.
+    Find the impulses of points that bounce, so that they give no energy but what was lost [J].
 
     Each point is to come apart with its share of the rate with which it came, which several
     impacts at once, with friction, may only do with more energy than there was (Stronge, Rigid
-    body collisions with friction, Proc. R. Soc. A 431 (1990)). All bounces of the island are then
+    body collisions with friction, Proc. R. Soc. A 431 (1990)). All these bounces are then
     smaller by one factor. The work is a convex function of that: the chord from a factor that
     takes energy to one that gives it meets 0 before it does.
     """
-    lost, any_bounce = 0.0, False
+    any_bounce = False
     for k in chosen:
         any_bounce = any_bounce or w.bounce[k] > 0.0
-        if w.match[k] >= 0:
-            lost += w.half_work[w.match[k]]
     high = _solve_rebound(chosen, width, 1.0, is_new, w) + lost
     if high <= 0.0 or not any_bounce:
         return
@@ -440,7 +458,6 @@ def _add_displacing(model: Model, state: State, table: JointTable, work: JointWo
     They are those of the answer of the joints, and less if a body would turn by too much.
     """
     loads, contacts, fastest, is_any = w.displacing, w.contacts, 0.0, False
-    loads.F[:], loads.tau[:] = 0.0, 0.0
     for k in w.chosen[:w.count[POINTS_IN_USE]]:
         if w.pushed[k, 0] > 0.0:
             is_any = True
@@ -465,8 +482,7 @@ def _add_displacing(model: Model, state: State, table: JointTable, work: JointWo
 @kernel
 def take_back_displacing(state: State, w: Pressing) -> None:
     """Take back the momenta that displaced."""
-    if w.count[POINTS_IN_USE] > 0:
-        kick(state, w.displacing, -1.0)
+    kick(state, w.displacing, -1.0)
 
 
 @kernel

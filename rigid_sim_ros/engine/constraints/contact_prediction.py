@@ -28,6 +28,7 @@ from rigid_sim_ros.engine.detection.manifold_rows import is_mended
 from rigid_sim_ros.engine.detection.manifolds import (
     ACTS, DORMANT, forget_impulses, Manifolds, POINTS, rows_in_use, Scratch)
 from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
+from rigid_sim_ros.engine.detection.narrow_phase.surface import meets_face
 from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
 from rigid_sim_ros.engine.dynamics.kinematic import prescribed_spin
 from rigid_sim_ros.engine.dynamics.loads import empty_loads, Loads
@@ -195,11 +196,16 @@ def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds
     """
     a, b = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
     i, j = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
-    place_ahead(model, state, loads, shapes, a, t, prediction.pose)
-    place_ahead(model, state, loads, shapes, b, t, prediction.pose)
+    for s in (a, b):
+        place_ahead(model, state, loads, shapes, s, 0.0, prediction.pose)
+    on_face = touches and meets_face(prediction.pose, shapes, a, b, row(manifolds.normal, r))
+    for s in (a, b):
+        place_ahead(model, state, loads, shapes, s, t, prediction.pose)
     count, n = collide(prediction.pose, shapes, a, b, margin, scratch)
     if count == 0 or dot(n, row(manifolds.normal, r)) < (SAME_NORMAL if touches else 0.0):
         return
+    if on_face and not meets_face(prediction.pose, shapes, a, b, n):
+        return      # what is beside the face, a piece of the same floor or nothing, comes next
     if touches and not _same_features(manifolds, r, count, scratch.ids):
         return      # others would begin without the impulses that bear the load
     old_count = _note_old(model, state, manifolds, r, prediction.old)

@@ -27,7 +27,9 @@ class Pressing(NamedTuple):
     order: IntArray  # (2, rows of the memory) for `gather`
     bodies: Bodies
     match: IntArray  # (c,) the same point among impulses that were found before, or -1
+    active: IntArray  # (c,) 1: the point takes part
     chosen: IntArray  # (c,) points by islands
+    pair: IntArray  # (c,) points of two bodies that collide
     first: IntArray  # (c + 1,) of the points of an island
     parent: IntArray  # (n,) sets of bodies that hang together
     label: IntArray  # (n,) island of such a set
@@ -37,6 +39,7 @@ class Pressing(NamedTuple):
     bounce: Array  # (c,) [m/s] with which a point comes apart at the end of the step
     work: Array  # (c,) [J] that the impulses of a half did
     free: Array  # (6 c,) [m/s] rates of the rows of an island without impulses
+    before: Array  # (6 c,) [m/s] rates of the rows of points that collide, before that
     row: Array  # (6 c,) scratch
     system: System
     carried: Carried  # of the second half of the step before, (c,)
@@ -57,20 +60,19 @@ def make_pressing(table: JointTable, bodies: int, points: int, manifolds: int,
     c, axes = points, len(table.translates)
     carried, half = (Carried._make(longer(field, c) for field in no_forces()) for _ in range(2))
     return Pressing(whole(6), make_contacts(c), whole(2, manifolds), make_bodies(bodies), whole(c),
-                    whole(c), whole(c + 1), whole(bodies), whole(bodies), np.zeros((c, 6)),
-                    np.zeros((c, 6)), empty_loads(bodies), np.zeros(c), np.zeros(c),
-                    np.zeros(6 * c),
-                    np.zeros(6 * c),
+                    whole(c), whole(c), whole(c), whole(c + 1), whole(bodies), whole(bodies),
+                    np.zeros((c, 6)), np.zeros((c, 6)), empty_loads(bodies), np.zeros(c),
+                    np.zeros(c), np.zeros(6 * c), np.zeros(6 * c), np.zeros(6 * c),
                     make_system(rows, table, bodies), carried, half, np.zeros(c), np.zeros(c),
-                    whole(axes),
-                    np.zeros(axes))
+                    whole(axes), np.zeros(axes))
 
 
 def more_points(w: Pressing, table: JointTable, points: int) -> Pressing:
     """Return scratch memory with room for twice as many points, and what is carried over."""
     fresh = make_pressing(table, len(w.parent), 2 * points, w.order.shape[1], len(w.system.x))
     return fresh._replace(
-        count=w.count, carried=_longer(w.carried, 2 * points), half=_longer(w.half, 2 * points),
+        count=w.count, displacing=w.displacing, carried=_longer(w.carried, 2 * points),
+        half=_longer(w.half, 2 * points),
         half_bounce=longer(w.half_bounce, 2 * points),
         half_work=longer(w.half_work, 2 * points))
 

@@ -25,15 +25,19 @@ from rigid_sim_ros.engine.maths.rotation import (
 from rigid_sim_ros.engine.maths.vector import (
     add, add_scaled, add_to_column, column, cross, dot, norm, row, scale, subtract, times)
 from rigid_sim_ros.engine.model.kinds.table import is_ball
-from rigid_sim_ros.engine.model.shapes import Materials, Shapes
+from rigid_sim_ros.engine.model.shapes import Materials, Shapes, smaller
 from rigid_sim_ros.engine.state.rates import velocity_at
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray, room, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, inlined, kernel
 
 NEVER = 1e30  # [s]
-# Points of a manifold that touch within this distance of each other collide together [m].
-TOGETHER = 1e-7
+# Points of a manifold that touch within this distance of each other collide together; a part of
+# the size of the smaller shape.
+TOGETHER = 1e-6
+# What approaches slower does not bounce: this part of what the forces make of rest within a step,
+# and in a step this part of the size of the smaller shape, where no force acts.
+SLOWEST, STILL = 0.1, 1e-8
 # Rounds of collisions in a step. A row of k touching bodies takes about k; what is left after the
 # last round is stopped without a bounce by the contact solver.
 ROUNDS = 200
@@ -80,10 +84,10 @@ def may_bounce(restitution: Array) -> bool:
 
 @kernel
 def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Array, shapes: Shapes,
-                   materials: Materials, manifolds: Manifolds, slowest: float,
-                   normal_impulse: Array, friction_impulse: Array, work: CollisionWork) -> int:
+                   materials: Materials, manifolds: Manifolds, normal_impulse: Array,
+                   friction_impulse: Array, work: CollisionWork) -> int:
     """
-    Let all pairs with restitution bounce that touch within h [s] faster than `slowest` [m/s].
+    Let all pairs with restitution bounce that touch within h [s], and not too slowly.
 
     What waits already takes no part. F (3, n) are the forces [N]. Changes the state; the
     displacements and rotations are in work.body afterwards. The impulses (4, c) and (c, 3) are
@@ -112,8 +116,8 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
         for k in range(candidates):
             r = work.rows[k]
             a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
-            work.time[k] = _touch(h, state.x, shapes.kind, shapes.size, manifolds, slowest, r,
-                                  work)
+            work.time[k] = _touch(h, state.x, shapes.kind, shapes.size, manifolds,
+                                  _size(shapes, manifolds, r), r, work)
             if inv_m[a] > 0.0:
                 work.first[a] = min(work.first[a], work.time[k])
             if inv_m[b] > 0.0:
@@ -125,6 +129,7 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
                 first = shapes.material[manifolds.shape_a[r]]
                 second = shapes.material[manifolds.shape_b[r]]
                 _bounce(state.x, shapes.kind, shapes.size, manifolds,
+                        TOGETHER * _size(shapes, manifolds, r),
                         materials.restitution[first, second],
                         materials.friction[first, second], r, work.time[k], normal_impulse,
                         friction_impulse, work)
@@ -139,6 +144,11 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
         if collisions == earlier:
             break
     return collisions
+
+
+@inlined
+def _size(shapes: Shapes, manifolds: Manifolds, r: int) -> float:
+    return smaller(shapes, manifolds.shape_a[r], manifolds.shape_b[r])
 
 
 @inlined
@@ -227,14 +237,19 @@ def _time_of_touch(gap: float, v: float, a: float, h: float, slowest: float) -> 
 
 
 @kernel
-def _touch(h: float, x: Array, kind: IntArray, size: Array, manifolds: Manifolds, slowest: float,
+def _touch(h: float, x: Array, kind: IntArray, size: Array, manifolds: Manifolds, smallest: float,
            r: int, work: CollisionWork) -> float:
-    """Return when the first point of a manifold touches [s] after the start of the step."""
+    """
+    Return when the first point of a manifold touches [s] after the start of the step.
+
+    smallest [m] is the size of the smaller of its shapes.
+    """
     a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
     n = row(manifolds.normal, r)
     acceleration = dot(n, subtract(_get(work.body[b], _A), _get(work.body[a], _A)))
+    pull = max(norm(_get(work.body[a], _A)), norm(_get(work.body[b], _A)))
     # Too slow is also what a force alone makes of rest within two steps.
-    slowest = max(slowest, 2.0 * abs(acceleration) * h)
+    slowest = max(SLOWEST * h * pull, STILL * smallest / h, 2.0 * abs(acceleration) * h)
     earliest = 3.0 * NEVER
     slow = False
     for p in range(manifolds.points[r]):
@@ -284,10 +299,14 @@ def _touch_of_spheres(h: float, x: Array, size: Array, manifolds: Manifolds, r: 
 
 
 @kernel
-def _bounce(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, restitution: float,
-            mu: float, r: int, tau: float, normal_impulse: Array, friction_impulse: Array,
-            work: CollisionWork) -> None:
-    """Collide one pair at tau [s], by the law of Newton within the cone of Coulomb."""
+def _bounce(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, together: float,
+            restitution: float, mu: float, r: int, tau: float, normal_impulse: Array,
+            friction_impulse: Array, work: CollisionWork) -> None:
+    """
+    Collide one pair at tau [s], by the law of Newton within the cone of Coulomb.
+
+    Its points that touch within a distance of `together` [m] take part.
+    """
     a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
     A, B = work.body[a], work.body[b]
     n = row(manifolds.normal, r)
@@ -320,7 +339,7 @@ def _bounce(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, restitu
         gap = gap_now(manifolds, work.body, r, p)
         gap += tau * u + 0.5 * tau * tau * dot(n, acceleration)
         u += tau * dot(n, acceleration)
-        if (gap <= TOGETHER or spheres) and u < 0.0:
+        if (gap <= together or spheres) and u < 0.0:
             work.target[p] = -restitution * u
     J = _impulses(A, B, n, d, scale(tau, acceleration), mu, manifolds.points[r], work)
     if spheres:

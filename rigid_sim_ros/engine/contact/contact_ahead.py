@@ -22,11 +22,10 @@ from rigid_sim_ros.engine.contact.contacts import (
 from rigid_sim_ros.engine.detection.backtrack import place_ahead
 from rigid_sim_ros.engine.detection.manifolds import Scratch
 from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
-from rigid_sim_ros.engine.detection.narrow_phase.surface import face_normal_along
+from rigid_sim_ros.engine.detection.narrow_phase.surface import meets_face
 from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
 from rigid_sim_ros.engine.dynamics.loads import Loads
 from rigid_sim_ros.engine.maths.algebra import column, cross, dot, norm, quaternion, row, subtract
-from rigid_sim_ros.engine.model.kinds.table import is_faceted, is_unbounded
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.engine.state.rates import angular_velocity
@@ -41,8 +40,6 @@ SAME_NORMAL = 0.9
 # too, as the lowest point of a rim does from one side to the other when a disk falls flat. 2 would
 # take the jump for a motion, and a force that stops it throws the disk up.
 JUMP = 0.5
-# The square of the difference of two normals that are the same.
-SAME = 1e-14
 
 
 @kernel
@@ -88,7 +85,7 @@ def carry_ahead(model: Model, state: State, still: Loads, shapes: Shapes, contac
         place_ahead(model, state, still, shapes, a, 0.0, pose)
         place_ahead(model, state, still, shapes, b, 0.0, pose)
         e = contacts.axes
-        on_face = _on_face(pose, shapes, a, b, (e[k, 0, 0], e[k, 0, 1], e[k, 0, 2]))
+        on_face = meets_face(pose, shapes, a, b, (e[k, 0, 0], e[k, 0, 1], e[k, 0, 2]))
         count, n = _meet(model, state, still, shapes, a, b, 0.5 * t, size, on_face, pose, scratch)
         for c in range(first, after):
             _to_middle(model, contacts, bodies, chosen[c], 0.5 * t)
@@ -122,21 +119,7 @@ def _meet(model: Model, state: State, still: Loads, shapes: Shapes, a: int, b: i
     place_ahead(model, state, still, shapes, a, t, pose)
     place_ahead(model, state, still, shapes, b, t, pose)
     count, n = collide(pose, shapes, a, b, margin, scratch)
-    return 0 if on_face and not _on_face(pose, shapes, a, b, n) else count, n
-
-
-@kernel
-def _on_face(pose: Array, shapes: Shapes, a: int, b: int, n: Vector) -> bool:
-    """Return whether n, from A to B, is the normal of a flat face of A, or the other way of B."""
-    for s in (a, b):
-        if is_unbounded(shapes.kind[s]):
-            return True
-        if is_faceted(shapes.kind[s]):
-            out = n if s == a else (-n[0], -n[1], -n[2])
-            apart = subtract(out, face_normal_along(pose, shapes, s, out))
-            if dot(apart, apart) <= SAME:
-                return True
-    return False
+    return 0 if on_face and not meets_face(pose, shapes, a, b, n) else count, n
 
 
 @kernel

@@ -30,7 +30,7 @@ from rigid_sim_ros.engine.detection.narrow_phase.boxes import face_manifold
 from rigid_sim_ros.engine.detection.narrow_phase.collide import BOXES, FAMILY
 from rigid_sim_ros.engine.detection.narrow_phase.convex import manifold_along
 from rigid_sim_ros.engine.detection.narrow_phase.surface import (
-    face, face_count, face_normal_along, height, way_out)
+    face, face_count, face_normal_along, height, SAME, way_out)
 from rigid_sim_ros.engine.detection.support import extreme, radius, reach
 from rigid_sim_ros.engine.maths.algebra import add, add_scaled, dot, norm, scale, subtract
 from rigid_sim_ros.engine.model.kinds.points import put
@@ -47,8 +47,6 @@ FLUSH = 1e-3
 ON_FACE = 1e-6
 # cos 0.06 deg: axes that are parallel.
 PARALLEL = 1.0 - 5e-7
-# The square of the difference of two normals that are the same.
-SAME = 1e-14
 # How often a point slides out of what covers it: once for each wall of a corner, and once to see.
 SLIDES = 4
 # How many faces are tried.

@@ -12,6 +12,9 @@ from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 
 EFFORT, VELOCITY, POSITION = range(3)       # modes of a drive
+# [m] and [rad] Joints are closed to this. Rounding leaves some 1e-15 of each metre from the
+# origin; ten times more would show in energies after a minute, ten times less cost one more round.
+TOLERANCE = 1e-13
 PAST = 4        # steps whose curvature is remembered
 
 

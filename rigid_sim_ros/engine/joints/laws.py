@@ -22,7 +22,7 @@ feels) > 2 keeps a joint that is damped faster than a step from swinging to the 
 import math
 
 from rigid_sim_ros.engine.joints.articulated import axis_part
-from rigid_sim_ros.engine.joints.buffers import EFFORT, JointMotion, JointWork
+from rigid_sim_ros.engine.joints.buffers import EFFORT, JointMotion, JointWork, TOLERANCE
 from rigid_sim_ros.engine.joints.effective_inertia import effective_inertias
 from rigid_sim_ros.engine.maths.spatial import load, minus, Six, six, times_motion
 from rigid_sim_ros.engine.model.joints import JointTable
@@ -82,6 +82,23 @@ def end_laws(table: JointTable, motion: JointMotion, work: JointWork, h: float) 
             law.high[k] = law.back[k]
         _bound_forces(table, motion, work, k, h)
         _begin_on(work, k, v, motion.held[k] == 1)
+
+
+@kernel
+def impact_laws(table: JointTable, motion: JointMotion, work: JointWork) -> None:
+    """Write what acts along the axes in no time: armatures, and limits that are reached."""
+    law, laws = work.law, table.laws
+    for k in range(table.translates.shape[0]):
+        if table.has_laws[k] == 0:
+            continue
+        q = motion.position[table.axis_joint[k]]
+        law.before[k], law.half_rate[k] = q, motion.rate[k]
+        law.theta[k], law.back[k], law.bound[k] = 0.0, 0.0, 0
+        if q <= laws.lower[k] + TOLERANCE:
+            law.bound[k] = -1
+        elif q >= laws.upper[k] - TOLERANCE:
+            law.bound[k] = 1
+    end_laws(table, motion, work, 0.0)
 
 
 @inlined

@@ -6,7 +6,7 @@ from rigid_sim_ros.engine.joints.articulated import factor, gather_momenta, lock
 from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
 from rigid_sim_ros.engine.joints.kinematics import place_joints
 from rigid_sim_ros.engine.joints.laws import (
-    begin_laws, end_laws, next_piece, note_efforts, reaction_of)
+    begin_laws, end_laws, impact_laws, next_piece, note_efforts, reaction_of)
 from rigid_sim_ros.engine.joints.loops import close, factor_conditions, place_conditions
 from rigid_sim_ros.engine.maths.spatial import minus, set_six, six
 from rigid_sim_ros.engine.model.joints import JointTable
@@ -82,17 +82,32 @@ def find_motions(model: Model, table: JointTable, state: State, motion: JointMot
     In the first half of a step of h [s] the joints ask for the relative motions that `expect`
     found, in the second for none.
     """
-    ahead = h if first else 0.0
-    if table.lawful == 0:
-        _solve(model, table, state, work, ahead)
-        return
-    if first:
+    if table.lawful > 0 and first:
         # The inertias that the axes feel are those of free axes, whatever was before.
         _free_axes(table, work)
         factor(model, table, work, 0, table.body.shape[0])
         begin_laws(table, motion, work, h)
-    else:
+    elif table.lawful > 0:
         end_laws(table, motion, work, h)
+    _find_pieces(model, table, state, work, h if first else 0.0)
+
+
+@kernel
+def find_motions_after_impact(model: Model, table: JointTable, state: State, motion: JointMotion,
+                              work: JointWork) -> None:
+    """Write the motions that follow from the momenta and the joints, in no time."""
+    if table.lawful > 0:
+        impact_laws(table, motion, work)
+    _find_pieces(model, table, state, work, 0.0)
+
+
+@kernel
+def _find_pieces(model: Model, table: JointTable, state: State, work: JointWork,
+                 ahead: float) -> None:
+    """Solve for the motions on those pieces of what acts along the axes that they end on."""
+    if table.lawful == 0:
+        _solve(model, table, state, work, ahead)
+        return
     for n in range(_ROUNDS):
         _factor_pieces(model, table, work)
         _solve(model, table, state, work, ahead)

@@ -15,7 +15,7 @@ import math
 from rigid_sim_ros.engine.dynamics.free_flight import drift_from
 from rigid_sim_ros.engine.joints.articulated import (
     add_momenta, along, axis_part, solve, write_momenta)
-from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork, PAST
+from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork, PAST, TOLERANCE
 from rigid_sim_ros.engine.joints.kinematics import joint_error, joint_position
 from rigid_sim_ros.engine.joints.loops import close, measure_conditions
 from rigid_sim_ros.engine.joints.settle import solve_motions
@@ -27,9 +27,6 @@ from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.kernel import inlined, kernel
 
-# [m] and [rad] Joints are closed to this. Rounding leaves some 1e-15 of each metre from the
-# origin; ten times more would show in energies after a minute, ten times less cost one more round.
-TOLERANCE = 1e-13
 # A round leaves a part of the error that is proportional to the angle of the fastest body in the
 # step: 0.1 to 0.6 times that was seen, more where the fastest body is the lightest by far. So a
 # last round need not be measured that is known to leave less than _UNSEEN [m or rad].

@@ -34,8 +34,6 @@ class SequentialSettings(NamedTuple):
     substeps: int = 4  # more: stiffer and slower; an overlap under load shrinks with the square
     # part of an overlap that a substep pushes out; above 0.5 neighbours overshoot
     push: float = 0.2
-    # [m/s] at most, out of an overlap; more throws what starts inside another
-    push_speed: float = 3.0
 
 
 class SequentialWork(NamedTuple):
@@ -68,7 +66,6 @@ class TimestepSettings(NamedTuple):
     # contacts are found this far ahead, as a part of the half thickness of what may move: less
     # misses some, more costs time
     margin: float = 0.01
-    bounce_speed: float = 1e-3  # [m/s] what approaches slower does not bounce
     sleep_steps: int = 0  # what has been at rest for so many steps sleeps; 0: nothing does
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from rigid_sim_ros.engine.dynamics.free_flight import drift
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads, Work
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic, move_kinematic
-from rigid_sim_ros.engine.dynamics.loads import kick
+from rigid_sim_ros.engine.dynamics.loads import kick, Loads
 from rigid_sim_ros.engine.dynamics.wrenches import count_down, Wrenches
 from rigid_sim_ros.engine.joints.buffers import EFFORT, JointMotion, JointWork, LASTS
 from rigid_sim_ros.engine.joints.kinematics import has_one_coordinate
@@ -49,17 +49,56 @@ class JointedArguments(NamedTuple):
 @kernel
 def advance(c: JointedArguments, count: int) -> None:
     """Take some steps."""
-    model, state, table, motion = c.model, c.state, c.table, c.motion
-    prepare_step(model, table, state, c.scratch)
+    prepare_step(c.model, c.table, c.state, c.scratch)
     for n in range(count):
-        begin_kinematic(model, state)
+        begin_kinematic(c.model, c.state)
         # Wrenches are of the latest step only: nobody sees those of the others.
-        _step(model, state, c.wrenches, c.work, table, motion, c.scratch, c.times, c.start,
-              n == count - 1)
-        end_kinematic(model, state)
-        count_down(c.wrenches)
-        end_commands(motion)
-    read_positions(table, state, motion)
+        _step(c, n == count - 1)
+        end_step(c)
+    read_positions(c.table, c.state, c.motion)
+
+
+@kernel
+def _step(c: JointedArguments, record: bool) -> None:
+    """Take a step, in as many parts as it needs; record the wrenches through the joints."""
+    done, size = 0, next_size(c.motion)
+    begin_efforts(c.motion)
+    while done < MOST_PARTS:
+        if _take_part(c, c.model.h * size / MOST_PARTS, size == 1, record):
+            done += size
+        else:
+            size //= 2
+    c.motion.parts[0] = MOST_PARTS // size
+
+
+@kernel
+def _take_part(c: JointedArguments, h: float, last: bool, record: bool) -> bool:
+    """
+    Kick, drift, kick for h [s], with the impulses of the joints: order 2.
+
+    `prepare_step` has been called for the present poses, and is then for the new ones. Returns
+    False, with nothing done, if h is too long to resolve the motion; the last resort is to go on
+    with what there is.
+    """
+    begin_part(c)
+    kick(c.state, c.work.loads, 0.5 * h)
+    if not move_bodies(c, h):
+        if not last:
+            go_back(c)
+            return False
+        c.scratch.unresolved[0] += 1
+    arrive(c, h, record)
+    kick(c.state, later_loads(c, h), 0.5 * h)
+    finish(c, h, record)
+    return True
+
+
+@kernel
+def end_step(c: JointedArguments) -> None:
+    """Count down what lasts for some steps."""
+    end_kinematic(c.model, c.state)
+    count_down(c.wrenches)
+    end_commands(c.motion)
 
 
 @kernel
@@ -73,27 +112,6 @@ def end_commands(motion: JointMotion) -> None:
                 drives.mode[k] = EFFORT
                 drives.stiffness[k], drives.damping[k], drives.effort[k] = 0.0, 0.0, 0.0
                 drives.steps_left[k] = LASTS
-
-
-@kernel
-def _step(model: Model, state: State, wrenches: Wrenches, work: Work, table: JointTable,
-          motion: JointMotion, scratch: JointWork, times: Array, start: State,
-          record: bool) -> None:
-    """Take a step, in as many parts as it needs; record the wrenches through the joints."""
-    done, size = 0, next_size(motion)
-    begin_efforts(motion)
-    while done < MOST_PARTS:
-        copy_into(start, state)
-        keep_held(motion, scratch)
-        h = model.h * size / MOST_PARTS
-        if substep(model, state, wrenches, work, table, motion, scratch, times, start, h,
-                   size == 1, record):
-            done += size
-            note_part(motion, scratch, model.h)
-        else:
-            halve(model, state, table, motion, scratch, start)
-            size //= 2
-    motion.parts[0] = MOST_PARTS // size
 
 
 @kernel
@@ -117,85 +135,44 @@ def begin_efforts(motion: JointMotion) -> None:
 
 
 @kernel
-def keep_held(motion: JointMotion, scratch: JointWork) -> None:
-    """Note which joints stick, and where, at the start of a part of a step."""
-    for k in range(motion.held.shape[0]):
-        scratch.law.held[k], scratch.law.held_at[k] = motion.held[k], motion.held_at[k]
+def begin_part(c: JointedArguments) -> None:
+    """Keep the state at the start of a part of a step, and sum the loads there."""
+    copy_into(c.start, c.state)
+    law = c.scratch.law
+    for k in range(c.motion.held.shape[0]):
+        law.held[k], law.held_at[k] = c.motion.held[k], c.motion.held_at[k]
+    sum_loads(c.model, c.state, c.wrenches, c.work.loads)
 
 
 @kernel
-def note_part(motion: JointMotion, scratch: JointWork, h: float) -> None:
-    """Add what drives and springs did in a part of a step to the means over the step h [s]."""
-    for k in range(motion.effort.shape[0]):
-        motion.effort[k] += scratch.law.effort[k] / h
-
-
-@kernel
-def halve(model: Model, state: State, table: JointTable, motion: JointMotion, scratch: JointWork,
-          start: State) -> None:
-    """Go back to the start of a part of a step, to take it in halves."""
-    copy_into(state, start)
+def go_back(c: JointedArguments) -> None:
+    """Go back to the start of a part of a step, to take a shorter one."""
+    copy_into(c.state, c.start)
+    motion, law = c.motion, c.scratch.law
     for k in range(motion.held.shape[0]):
-        motion.held[k], motion.held_at[k] = scratch.law.held[k], scratch.law.held_at[k]
-    prepare_step(model, table, state, scratch)
+        motion.held[k], motion.held_at[k] = law.held[k], law.held_at[k]
+    prepare_step(c.model, c.table, c.state, c.scratch)
     motion.known[0], motion.known[1] = 0, 0
 
 
 @kernel
-def substep(model: Model, state: State, wrenches: Wrenches, work: Work, table: JointTable,
-            motion: JointMotion, scratch: JointWork, times: Array, start: State,
-            h: float, last: bool, record: bool) -> bool:
+def move_bodies(c: JointedArguments, h: float) -> bool:
     """
-    Kick, drift, kick, with the impulses of the joints: order 2.
+    Let all bodies go on for h [s], and the joints act so that they hold after it.
 
-    `prepare_step` has been called for the present poses, and is then for the new ones. Returns
-    False, with the state spoiled, if h [s] is too long to resolve the motion; the last resort is
-    to go on with what there is.
+    Returns False, with the state spoiled, if h is too long to resolve the motion.
     """
-    sum_loads(model, state, wrenches, work.loads)
-    kick(state, work.loads, 0.5 * h)
-    for i in range(times.shape[0]):
-        times[i] = h if table.row_of_body[i] < 0 else 0.0
-    drift(model, state, times, work.block)
-    move_kinematic(model, state, h)
-    if not shake_within_limits(model, state, table, motion, scratch, h):
-        if not last:
-            return False
-        scratch.unresolved[0] += 1
-    remember(table, motion, scratch)
-    if record:
-        add_wrenches_of_joints(table, state, motion, scratch, model.h, True)
-    follow_positions(table, state, motion, scratch, h)
-    prepare_step(model, table, state, scratch)
-    if model.forces.kind.shape[0] + wrenches.in_use[0] == 0:
-        kick(state, work.loads, 0.5 * h)
-        finish(model, state, table, motion, scratch, h, record)
-        return True
-    sum_later_loads(model, state, wrenches, work, table, motion, scratch, start, h)
-    kick(state, work.later, 0.5 * h)
-    finish(model, state, table, motion, scratch, h, record)
-    return True
+    for i in range(c.times.shape[0]):
+        c.times[i] = h if c.table.row_of_body[i] < 0 else 0.0
+    drift(c.model, c.state, c.times, c.work.block)
+    move_kinematic(c.model, c.state, h)
+    return _shake_within_limits(c, h)
 
 
 @kernel
-def sum_later_loads(model: Model, state: State, wrenches: Wrenches, work: Work, table: JointTable,
-                    motion: JointMotion, scratch: JointWork, start: State, h: float) -> None:
-    """
-    Write the loads at the end of a step of h [s] to work.later; `start` is scratch.
-
-    Loads that depend on velocities want these as they will be then.
-    """
-    copy_into(start, state)
-    kick(state, work.loads, 0.5 * h)
-    rattle(model, table, state, motion, scratch, h)
-    sum_loads(model, state, wrenches, work.later)
-    copy_into(state, start)
-
-
-@kernel
-def shake_within_limits(model: Model, state: State, table: JointTable, motion: JointMotion,
-                        scratch: JointWork, h: float) -> bool:
+def _shake_within_limits(c: JointedArguments, h: float) -> bool:
     """Let the joints act in the first half of a step of h [s], so that none passes its limits."""
+    model, state, table, motion, scratch = c.model, c.state, c.table, c.motion, c.scratch
     for k in range(scratch.law.bend.shape[0]):
         scratch.law.bend[k] = 0.0
     note_momenta(table, state, scratch)
@@ -204,39 +181,66 @@ def shake_within_limits(model: Model, state: State, table: JointTable, motion: J
         if not shake(model, table, state, motion, scratch, h):
             return False
         if table.lawful == 0 or not leaves_pieces(table, state, scratch, h, n == 0):
-            break
+            return True
         # What the joints need is known now: the pieces are chosen by that.
         take_back(table, state, motion, scratch)
         note_momenta(table, state, scratch)
-    else:
-        return False
-    return True
+    return False
 
 
 @kernel
-def finish(model: Model, state: State, table: JointTable, motion: JointMotion,
-           scratch: JointWork, h: float, record: bool) -> None:
-    """Let the joints act in the second half of a step of h [s]."""
+def arrive(c: JointedArguments, h: float, record: bool) -> None:
+    """Note what the joints did on a way of h [s], and what the new poses say."""
+    remember(c.table, c.motion, c.scratch)
     if record:
-        note_momenta(table, state, scratch)
-    rattle(model, table, state, motion, scratch, h)
-    if record:
-        add_wrenches_of_joints(table, state, motion, scratch, model.h, False)
+        add_wrenches_of_joints(c.table, c.state, c.motion, c.scratch, c.model.h, True)
+    _follow_positions(c, h)
+    prepare_step(c.model, c.table, c.state, c.scratch)
 
 
 @kernel
-def follow_positions(table: JointTable, state: State, motion: JointMotion, scratch: JointWork,
-                     h: float) -> None:
+def _follow_positions(c: JointedArguments, h: float) -> None:
     """
     Keep count of the turns of joints, and of all positions where anything depends on them.
 
     The way of half a step is far less than half a turn off: `read_positions` takes the value
     itself from the poses.
     """
+    table = c.table
     if table.lawful + table.condition_joint.shape[0] > 0:
-        read_positions(table, state, motion)
+        read_positions(table, c.state, c.motion)
         return
     for k in range(table.axis_joint.shape[0]):
         j = table.axis_joint[k]
         if j != NONE and has_one_coordinate(table.kind[j]):
-            motion.position[j] += h * scratch.law.half_rate[k]
+            c.motion.position[j] += h * c.scratch.law.half_rate[k]
+
+
+@kernel
+def later_loads(c: JointedArguments, h: float) -> Loads:
+    """
+    Return the loads at the end of a part of h [s].
+
+    Loads that depend on velocities want these as they will be then: `start` is scratch for it.
+    """
+    if c.model.forces.kind.shape[0] + c.wrenches.in_use[0] == 0:
+        return c.work.loads
+    copy_into(c.start, c.state)
+    kick(c.state, c.work.loads, 0.5 * h)
+    rattle(c.model, c.table, c.state, c.motion, c.scratch, h)
+    sum_loads(c.model, c.state, c.wrenches, c.work.later)
+    copy_into(c.state, c.start)
+    return c.work.later
+
+
+@kernel
+def finish(c: JointedArguments, h: float, record: bool) -> None:
+    """Let the joints act in the second half of a part of h [s]; add to the means of the step."""
+    motion, scratch = c.motion, c.scratch
+    if record:
+        note_momenta(c.table, c.state, scratch)
+    rattle(c.model, c.table, c.state, motion, scratch, h)
+    if record:
+        add_wrenches_of_joints(c.table, c.state, motion, scratch, c.model.h, False)
+    for k in range(motion.effort.shape[0]):
+        motion.effort[k] += scratch.law.effort[k] / c.model.h

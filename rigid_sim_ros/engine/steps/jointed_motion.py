@@ -38,7 +38,7 @@ class JointedMotion:
         self.table, self._model, self._joints = setup.table, model, setup
         n = len(model.m)
         self._scratch = make_joint_work(setup.table)
-        self._work, self._times, self._start = make_work(n), np.zeros(n), empty_state(n)
+        self._integration, self._times, self._start = make_work(n), np.zeros(n), empty_state(n)
         self._pack: ArgumentPack | None = None
         self.motion = self._at_rest()
         self._is_new = True
@@ -60,11 +60,15 @@ class JointedMotion:
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
         """Advance the state by some steps, and count wrenches and commands down."""
-        motion = self.read(state)
-        self._pack = packed(JointedArguments(
-            self._model, state, wrenches, self._work, self.table, motion, self._scratch,
-            self._times, self._start), self._pack)
+        self.read(state)
+        self._pack = packed(self.arguments(state, wrenches), self._pack)
         self._pack.run(advance, count)
+
+    def arguments(self, state: State, wrenches: Wrenches) -> JointedArguments:
+        """Return what the kernels of a step read and write."""
+        return JointedArguments(
+            self._model, state, wrenches, self._integration, self.table, self.motion,
+            self._scratch, self._times, self._start)
 
     def assemble(self, state: State, position: Array, given: IntArray, rate: Array) -> float:
         """

@@ -13,6 +13,7 @@ import numpy as np
 from rigid_sim_ros.engine.contact.contacts import (
     Bodies, Contacts, gather, make_bodies, make_contacts, read_velocity, to_world)
 from rigid_sim_ros.engine.contact.penalty_force import penalty_forces, PenaltySettings
+from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses
 from rigid_sim_ros.engine.detection.detect import detect_ahead
 from rigid_sim_ros.engine.detection.manifold_rows import find_anew
 from rigid_sim_ros.engine.detection.manifolds import current, grown, Manifolds, Memory
@@ -149,20 +150,13 @@ def _keep(contacts: Contacts, state: State, world: Array, bristles: Bristles) ->
 
 
 @kernel
-def _record(manifolds: Manifolds, contacts: Contacts, forces: Array, t: float) -> None:
-    """Write the impulses of the step to the manifolds."""
-    rows = manifolds.count[0]
-    for r in range(rows):
-        for j in range(manifolds.points[r]):
-            manifolds.impulse[j, r] = 0.0
-        for i in range(3):
-            manifolds.friction[r, i] = 0.0
-        manifolds.spin[r] = 0.0
+def record(manifolds: Manifolds, contacts: Contacts, forces: Array, t: float) -> None:
+    """Add what the forces of the points give in t [s] to the impulses of the manifolds."""
     for k in range(contacts.count[0]):
         r = contacts.manifold[k]
         for j in range(manifolds.points[r]):
             if manifolds.feature[j, r] == contacts.feature[k]:
-                manifolds.impulse[j, r] = t * forces[k, 0]
+                manifolds.impulse[j, r] += t * forces[k, 0]
         rubbing = to_world(contacts, k, (0.0, t * forces[k, 1], t * forces[k, 2]))
         for i in range(3):
             manifolds.friction[r, i] += rubbing[i]
@@ -196,8 +190,8 @@ def _last_kick(model: Model, state: State, wrenches: Wrenches, work: Work) -> No
 
 
 @kernel
-def _overlaps(model: Model, state: State, shapes: Shapes, materials: Materials, memory: Memory,
-              w: Buffers) -> int:
+def find_overlaps(model: Model, state: State, shapes: Shapes, materials: Materials, memory: Memory,
+                  w: Buffers) -> int:
     """Find the points that overlap; return DONE, or what is needed first."""
     find_anew(current(memory))
     for s in range(shapes.bound.shape[0]):
@@ -220,15 +214,15 @@ def _overlaps(model: Model, state: State, shapes: Shapes, materials: Materials, 
 
 
 @kernel
-def _push(model: Model, state: State, shapes: Shapes, materials: Materials,
-          settings: PenaltySettings, t: float, w: Buffers) -> None:
-    """Kick by half a step of the forces of all points, after a slip of t [s]; keep bristles."""
+def push(model: Model, state: State, shapes: Shapes, materials: Materials,
+         settings: PenaltySettings, t: float, h: float, w: Buffers) -> None:
+    """Kick by h [s] of the forces of all points, after a slip of t [s]; keep bristles."""
     _recall(w.contacts, state, w.bristles, w.count[KNOWN], w.stretch)
     penalty_forces(model, state, shapes, materials, settings, w.contacts, w.bodies, w.stretch, t,
                    w.loads, w.impulses)
     _keep(w.contacts, state, w.stretch, w.bristles)
     w.count[KNOWN] = w.contacts.count[0]
-    kick(state, w.loads, 0.5 * model.h)
+    kick(state, w.loads, h)
 
 
 @kernel
@@ -236,17 +230,18 @@ def run(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, material
         memory: Memory, settings: PenaltySettings, w: Buffers) -> int:
     """Step until no steps are left; return DONE, or what is needed first."""
     while w.count[STEPS] > 0:
-        why = _overlaps(model, state, shapes, materials, memory, w)
+        why = find_overlaps(model, state, shapes, materials, memory, w)
         if why != DONE:
             return why
         if w.count[STAGE] == BEGIN:
-            _push(model, state, shapes, materials, settings, 0.0, w)
+            push(model, state, shapes, materials, settings, 0.0, 0.5 * model.h, w)
             _drift(model, state, wrenches, w.work)
             w.count[STAGE] = END
         else:
-            _push(model, state, shapes, materials, settings, model.h, w)
+            push(model, state, shapes, materials, settings, model.h, 0.5 * model.h, w)
             _last_kick(model, state, wrenches, w.work)
-            _record(current(memory), w.contacts, w.impulses, model.h)
+            forget_impulses(current(memory))
+            record(current(memory), w.contacts, w.impulses, model.h)
             w.count[STAGE] = BEGIN
             w.count[STEPS] -= 1
     return DONE

@@ -54,6 +54,8 @@ from rigid_sim_ros.kernels.kernel import kernel
 
 # Multiplications that a step may take; beyond it, and for more points, OSQP is not asked either.
 EFFORT, MOST_POINTS = 1e8, 16
+# Of the size of a shape: no overlap is displaced by more in a step.
+MOST_PUSH = 0.03
 PUSH_SWEEPS = 300  # for displacements: what they leave is for the next step
 
 
@@ -110,7 +112,7 @@ def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
     sum_loads(model, state, wrenches, shared.loads)
     shared.collision.waits[:] = 0
     if collide_bodies(model.h, model.inv_m, model.inv_I_C, state, shared.loads.F, shapes,
-                      materials, manifolds, settings.bounce_speed, acted.impulse,
+                      materials, manifolds, acted.impulse,
                       acted.friction, shared.collision) > 0:
         _move_gaps(manifolds, shared.collision.body)
     mark_touching(manifolds, shared.collision.waits, touching)
@@ -194,7 +196,7 @@ def _solve(model: Model, manifolds: Manifolds, acted: Manifolds, settings: Times
     manifolds.impulse[:, :count] = 0.0
     _write_impulses(manifolds, acted, contacts, chosen, f)
     push = settings.sequential.push / model.h
-    wanted = np.minimum(-push * np.minimum(gap, 0.0), settings.sequential.push_speed)
+    wanted = np.minimum(-push * np.minimum(gap, 0.0), MOST_PUSH * contacts.size[chosen] / model.h)
     violation(rows, m, 3, f)
     # Not what leaves its overlap by itself.
     wanted -= np.maximum(rows.a[::3], 0.0)

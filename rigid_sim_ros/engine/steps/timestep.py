@@ -238,7 +238,7 @@ def collide(c: Arguments, _: int) -> int:
     model, work, acted = c.model, c.work, earlier(c.memory)
     return collide_bodies(
         model.h, model.inv_m, model.inv_I_C, c.state, work.loads.F, c.shapes, c.materials,
-        current(c.memory), c.settings.bounce_speed, acted.impulse, acted.friction, work.collision)
+        current(c.memory), acted.impulse, acted.friction, work.collision)
 
 
 @kernel

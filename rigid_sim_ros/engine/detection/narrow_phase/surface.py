@@ -8,10 +8,14 @@ face, too small beside an edge, which is enough to tell whether a point lies on 
 """
 
 from rigid_sim_ros.engine.maths.pose import point_to_shape, to_shape
+from rigid_sim_ros.engine.maths.vector import dot, subtract
 from rigid_sim_ros.engine.model.kinds import table as of_kind
 from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.kernels.arrays import Array, Vector
 from rigid_sim_ros.kernels.kernel import kernel
+
+# The square of the difference of two normals that are the same.
+SAME = 1e-14
 
 
 @kernel
@@ -52,3 +56,17 @@ def face_normal_along(pose: Array, shapes: Shapes, s: int, n_W: Vector) -> Vecto
     """Return the normal of the flat face of s that looks along n; n itself where it has none."""
     return of_kind.face_along(shapes.kind[s], pose, shapes.size, shapes.hulls, shapes.hull[s], s,
                               n_W)
+
+
+@kernel
+def meets_face(pose: Array, shapes: Shapes, a: int, b: int, n: Vector) -> bool:
+    """Return whether n, from A to B, is the normal of a flat face of A, or the other way of B."""
+    for s in (a, b):
+        if of_kind.is_unbounded(shapes.kind[s]):
+            return True
+        if of_kind.is_faceted(shapes.kind[s]):
+            out = n if s == a else (-n[0], -n[1], -n[2])
+            apart = subtract(out, face_normal_along(pose, shapes, s, out))
+            if dot(apart, apart) <= SAME:
+                return True
+    return False

@@ -1,0 +1,214 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Impacts of bodies that joints hold, in no time.
+
+All points of one pair of bodies are solved together; pairs are solved one after the other, the one
+that approaches fastest first, until nothing approaches, as without joints (contact/impulse.py).
+The joints answer to each: A = G M~^-1 G^T (articulated_rows.py), with axes locked that are driven
+against their limits.
+"""
+
+import math
+
+from rigid_sim_ros.engine.constraints.articulated_contact import (
+    are_same_pieces, keep_pieces, MOST_HALVINGS, MOST_PIECES, rebound)
+from rigid_sim_ros.engine.constraints.articulated_rows import (
+    read_row_rates, write_system, write_velocities)
+from rigid_sim_ros.engine.constraints.pressing import (
+    ISLANDS, KNOWN, POINTS_IN_USE, Pressing, WIDTH)
+from rigid_sim_ros.engine.contact.carried_forces import match_forces
+from rigid_sim_ros.engine.contact.classify import classify, COLLIDING, resting_speed
+from rigid_sim_ros.engine.contact.contacts import push_rows, read_velocity, relative, to_contact
+from rigid_sim_ros.engine.joints.articulated import write_momenta
+from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
+from rigid_sim_ros.engine.joints.settle import find_motions_after_impact, prepare_step
+from rigid_sim_ros.engine.model.joints import JointTable
+from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.kernels.arrays import IntArray
+from rigid_sim_ros.kernels.kernel import kernel
+
+# Of the size of the smaller shape: points with a smaller gap touch; far above rounding, far below
+# anything seen.
+TOUCHING = 1e-7
+# Collisions of pairs, for each pair, after which all points stop at once.
+MOST_COLLISIONS = 20
+# Of the work of impulses each way: more energy than this is none of rounding.
+ROUNDING = 1e-9
+
+
+@kernel
+def rate_of_gap(w: Pressing, k: int) -> float:
+    """Return how fast the gap of point k grows [m/s]."""
+    return to_contact(w.contacts, k, relative(w.bodies.velocity, w.contacts, k))[0]
+
+
+@kernel
+def take_touching(h: float, soon: float, w: Pressing) -> None:
+    """
+    Let take part what touches, and what is as near as a rebound that is too short to be one.
+
+    What meets within a time `soon` [s] touches already. h [s] is the step; the bodies have been
+    read.
+    """
+    contacts = w.contacts
+    match_forces(contacts, w.carried, w.count[KNOWN], w.match)
+    for k in range(contacts.count[0]):
+        slow, rate = resting_speed(contacts, w.bodies, k, h), rate_of_gap(w, k)
+        gap = contacts.gap[k] - TOUCHING * contacts.size[k]
+        rests = gap <= 0.25 * h * slow and abs(rate) <= slow
+        w.active[k] = 1 if gap + soon * min(rate, 0.0) <= 0.0 or rests else 0
+
+
+@kernel
+def collide(model: Model, state: State, table: JointTable, motion: JointMotion, work: JointWork,
+            h: float, elastic: bool, w: Pressing) -> int:
+    """
+    Give the bodies impulses until no touching point approaches faster than it may at rest.
+
+    The points have been chosen and the bodies read; `prepare_step` is of the present poses. h [s]
+    is the step, and the impulses are those of `w.impulse` afterwards. Returns the number of
+    collisions; with none nothing is changed.
+    """
+    for k in w.chosen[:w.count[POINTS_IN_USE]]:
+        w.impulse[k, :] = 0.0
+    most = MOST_COLLISIONS * w.contacts.count[1]
+    for count in range(most + 1):
+        m = _fastest_pair(h, w)
+        if m == 0:
+            if count > 0:
+                _end(model, state, table, motion, work)
+            return count
+        if count == 0:
+            find_motions_after_impact(model, table, state, motion, work)
+        if count < most:
+            _collide(model, state, table, motion, work, w.pair[:m], h, elastic, w)
+        else:
+            for n in range(w.count[ISLANDS]):
+                _collide(model, state, table, motion, work,
+                         w.chosen[w.first[n]:w.first[n + 1]], h, False, w)
+    _end(model, state, table, motion, work)
+    return most
+
+
+@kernel
+def _end(model: Model, state: State, table: JointTable, motion: JointMotion,
+         work: JointWork) -> None:
+    """Give the bodies the momenta of the motions that were found."""
+    write_momenta(model, table, state, work)
+    for k in range(work.rate.shape[0]):
+        motion.rate[k] = work.rate[k]
+    prepare_step(model, table, state, work)
+
+
+@kernel
+def _fastest_pair(h: float, w: Pressing) -> int:
+    """Write the touching points of the pair that approaches fastest; return how many, 0: none."""
+    contacts, block, fastest = w.contacts, -1, 0.0
+    for n in range(contacts.count[1]):
+        for k in range(contacts.first[n], contacts.first[n + 1]):
+            if w.active[k] == 1:
+                u, slow = rate_of_gap(w, k), resting_speed(contacts, w.bodies, k, h)
+                if u < fastest and classify(u, slow) == COLLIDING:
+                    block, fastest = n, u
+    m = 0
+    if block >= 0:
+        for k in range(contacts.first[block], contacts.first[block + 1]):
+            if w.active[k] == 1:
+                w.pair[m] = k
+                m += 1
+    return m
+
+
+@kernel
+def _collide(model: Model, state: State, table: JointTable, motion: JointMotion, work: JointWork,
+             chosen: IntArray, h: float, elastic: bool, w: Pressing) -> None:
+    """
+    Give the bodies the impulses of the points of one pair, or of an island.
+
+    They are found again where they put an axis on another piece, off its limit or against it.
+    """
+    contacts, rows, width, m = w.contacts, w.system.rows, w.count[WIDTH], chosen.shape[0]
+    r = width * m
+    for c in range(m):
+        k = chosen[c]
+        back = -contacts.restitution[k] * min(rate_of_gap(w, k), 0.0)
+        bounces = elastic and back > resting_speed(contacts, w.bodies, k, h)
+        w.bounce[k] = back if bounces else 0.0
+        for i in range(width):
+            rows.f[width * c + i] = 0.0
+    for n in range(MOST_PIECES):
+        keep_pieces(work, w)
+        write_system(model, table, work, contacts, w.bodies, chosen, width, w.system)
+        read_row_rates(rows, m, width, w.bodies.velocity, rows.b)
+        A = w.system.A[:r * r].reshape((r, r))
+        for i in range(r):
+            if n == 0:
+                w.before[i] = rows.b[i]
+            w.row[i] = rows.f[i]
+            w.free[i] = rows.b[i] + rows.give[i] * rows.f[i]
+            for j in range(r):
+                w.free[i] -= A[i, j] * rows.f[j]
+        rebound(chosen, width, n == 0, 0.0, w)
+        for i in range(r):
+            w.row[i] = rows.f[i] - w.row[i]
+        _push(model, state, table, motion, work, chosen, w)
+        if table.lawful == 0 or are_same_pieces(work, w):
+            break
+    _take_no_energy(model, state, table, motion, work, chosen, w)
+    for c in range(m):
+        for i in range(width):
+            w.impulse[chosen[c], i] += rows.f[width * c + i]
+
+
+@kernel
+def _push(model: Model, state: State, table: JointTable, motion: JointMotion, work: JointWork,
+          chosen: IntArray, w: Pressing) -> None:
+    """Give the bodies the impulses w.row, and read how they move then."""
+    for c in range(chosen.shape[0]):
+        push_rows(model, state, w.contacts, chosen[c], w.count[WIDTH], w.row, w.count[WIDTH] * c)
+    find_motions_after_impact(model, table, state, motion, work)
+    for i in range(model.m.shape[0]):
+        read_velocity(model, state, i, w.bodies)
+    write_velocities(table, work, 0, table.body.shape[0], w.bodies.velocity)
+
+
+@kernel
+def _take_no_energy(model: Model, state: State, table: JointTable, motion: JointMotion,
+                    work: JointWork, chosen: IntArray, w: Pressing) -> None:
+    """Halve impulses that give energy, as those may for which no pieces were found."""
+    rows, width, m = w.system.rows, w.count[WIDTH], chosen.shape[0]
+    for _ in range(MOST_HALVINGS):
+        read_row_rates(rows, m, width, w.bodies.velocity, rows.b)
+        given, moved = 0.0, 0.0
+        for i in range(width * m):
+            given += 0.5 * rows.f[i] * (w.before[i] + rows.b[i])
+            moved += abs(rows.f[i]) * (abs(w.before[i]) + abs(rows.b[i]))
+        if given <= ROUNDING * moved:
+            return
+        for i in range(width * m):
+            rows.f[i] *= 0.5
+            w.row[i] = -rows.f[i]
+        _push(model, state, table, motion, work, chosen, w)
+
+
+@kernel
+def meeting_within(h: float, w: Pressing) -> float:
+    """
+    Return when [s] the first point met that is overlapping after a way of h [s]; inf: none did.
+
+    The velocities are those of the way, and w.match says which points took part in it already:
+    what these sank by is the curvature of their way. The gap of the others is followed back at its
+    present rate; where it was none at the start the shapes turned into each other while they
+    touched.
+    """
+    contacts, first = w.contacts, math.inf
+    for k in range(contacts.count[0]):
+        gap = contacts.gap[k]
+        if w.match[k] >= 0 or gap >= -TOUCHING * contacts.size[k]:
+            continue
+        before = gap - h * rate_of_gap(w, k)
+        if before > TOUCHING * contacts.size[k]:
+            first = min(first, h * before / (before - gap))
+    return first

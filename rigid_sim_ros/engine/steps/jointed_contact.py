@@ -1,0 +1,136 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What the steps of bodies that joints hold and that touch each other have in common.
+
+Their arguments, how they find the points that touch, and what they record of the impulses there.
+What needs help is a buffer that has to grow: the kernel returns the reason, Python does what is
+asked, and it goes on from the stage at which it stopped.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.constraints.articulated_contact import keep_impulses
+from rigid_sim_ros.engine.constraints.articulated_rows import make_system
+from rigid_sim_ros.engine.constraints.pressing import (
+    more_points, NEEDED, POINTS_IN_USE, Pressing, WIDTH)
+from rigid_sim_ros.engine.contact.carried_forces import recall_forces
+from rigid_sim_ros.engine.contact.contacts import gather
+from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses, record
+from rigid_sim_ros.engine.detection.detect import detect_ahead
+from rigid_sim_ros.engine.detection.look_ahead import look_ahead
+from rigid_sim_ros.engine.detection.manifold_rows import find_anew
+from rigid_sim_ros.engine.detection.manifolds import current, grown, Memory
+from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic
+from rigid_sim_ros.engine.joints.posture import read_positions
+from rigid_sim_ros.engine.joints.settle import prepare_step
+from rigid_sim_ros.engine.model.shapes import Materials, Shapes
+from rigid_sim_ros.engine.steps.articulated import begin_efforts, end_step, JointedArguments
+from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
+from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.kernels.kernel import kernel
+
+# Of the half thickness of a shape: contacts are found this far ahead, and as far as it moves.
+MARGIN = 0.01
+# Why the kernel stops.
+DONE, MORE_MEMORY, MORE_MANIFOLDS, MORE_CONTACTS, MORE_ROWS = range(5)
+# Places in `JointedContact.place`: steps that are left, the stage, and what the model counts.
+STEPS, STAGE, PARTS_DONE, SIZE, EVENTS, TRIES, COLLISIONS, CUT_SHORT = range(8)
+# The stage of every model at which a step begins.
+BEGIN = 0
+
+
+class JointedContact(NamedTuple):
+    """What the kernels of a step read and write."""
+
+    joints: JointedArguments
+    shapes: Shapes
+    materials: Materials
+    memory: Memory
+    radius: Array  # (n,) [m] how far the shapes of a body reach from its centre of mass
+    thickness: Array  # (s,) [m] half of the least that a shape measures across
+    pressing: Pressing
+    place: IntArray  # (8,) see STEPS
+    span: Array  # (2,) [s] of the model `event`, see jointed_event.LEFT
+
+
+@kernel
+def begin(c: JointedContact) -> None:
+    """Begin a step."""
+    joints = c.joints
+    begin_kinematic(joints.model, joints.state)
+    prepare_step(joints.model, joints.table, joints.state, joints.scratch)
+    begin_efforts(joints.motion)
+    forget_impulses(current(c.memory))
+    c.pressing.system.residual[0] = 0.0
+
+
+@kernel
+def find_points(c: JointedContact, h: float) -> int:
+    """Write the points that may touch within h [s]; return DONE, or what is needed first."""
+    memory, shapes, w = c.memory, c.shapes, c.pressing
+    model, state = c.joints.model, c.joints.state
+    find_anew(current(memory))
+    look_ahead(h, model.inv_m, model.inv_I_C, state.P, state.L, state.V, MARGIN, c.radius,
+               c.thickness, shapes.body, memory, 0, shapes.body.shape[0])
+    if not detect_ahead(model, state, shapes, memory, None):
+        return MORE_MEMORY
+    manifolds = current(memory)
+    rows = manifolds.count[0]
+    w.count[NEEDED] = rows
+    if rows > w.order.shape[1]:
+        return MORE_MANIFOLDS
+    w.count[NEEDED] = gather(state, manifolds, shapes, c.materials, np.inf, w.order[0, :rows],
+                             w.order[1, :rows], w.contacts)
+    return MORE_CONTACTS if w.count[NEEDED] > w.contacts.gap.shape[0] else DONE
+
+
+@kernel
+def keep_part(c: JointedContact) -> None:
+    """Record the impulses of both halves of a part, and carry those of the second over."""
+    model, w = c.joints.model, c.pressing
+    chosen, width = w.chosen[:w.count[POINTS_IN_USE]], w.count[WIDTH]
+    recall_forces(model, w.contacts, chosen, width, w.half, w.match, w.row)
+    w.pushed[:] = 0.0
+    for n in range(chosen.shape[0]):
+        for i in range(width):
+            w.pushed[chosen[n], i] = w.impulse[chosen[n], i] + w.row[width * n + i]
+    record(model, current(c.memory), w.contacts, w.pushed)
+    keep_impulses(model, False, w)
+
+
+@kernel
+def end(c: JointedContact) -> None:
+    """End a step."""
+    end_step(c.joints)
+    read_positions(c.joints.table, c.joints.state, c.joints.motion)
+    c.place[STEPS] -= 1
+    c.place[STAGE] = BEGIN
+
+
+def advance(run: Callable[..., Any], c: JointedContact, count: int,
+            pack: ArgumentPack | None) -> tuple[JointedContact, ArgumentPack]:
+    """
+    Advance the state by `count` steps of a kernel `run`, that of the model.
+
+    Returns the arguments, whose buffers may have grown, and their pack.
+    """
+    c.place[STEPS], c.place[STAGE] = count, BEGIN
+    while True:
+        pack = packed(c, pack)
+        why = pack.run(run)
+        if why == DONE:
+            return c, pack
+        w, needed = c.pressing, int(c.pressing.count[NEEDED])
+        if why == MORE_MEMORY:
+            c = c._replace(memory=grown(c.memory))
+        elif why == MORE_MANIFOLDS:
+            c = c._replace(pressing=w._replace(order=np.zeros((2, 2 * needed), dtype=np.int64)))
+        elif why == MORE_CONTACTS:
+            c = c._replace(pressing=more_points(w, c.joints.table, needed))
+        else:
+            system = make_system(2 * needed, c.joints.table, len(c.joints.times))
+            c = c._replace(pressing=w._replace(system=system))

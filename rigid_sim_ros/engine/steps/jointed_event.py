@@ -1,0 +1,262 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The model `event` of bodies that joints hold: every collision at its own time.
+
+The circle of the classic algorithm (Meyer, Rigid Body Dynamics, "Simulation Algorithm"), with
+joints: what touches collides in no time (articulated_impact.py); kick, drift, kick with constant
+impulses of contact in both halves, as in `timestep`, but only at points that touch; and if shapes
+overlap afterwards that were apart, or a joint met its limit on the way, the state goes back to
+where it was and the way ends at the time of that.
+
+All bodies go through this side by side. After MOST_EVENTS in a step the rest of it is taken as
+`timestep` takes it.
+"""
+
+import math
+
+from rigid_sim_ros.engine.constraints.articulated_contact import (
+    choose_points, keep_impulses, press, take_all, take_back_displacing, take_pressing)
+from rigid_sim_ros.engine.constraints.articulated_impact import (
+    collide, meeting_within, take_touching)
+from rigid_sim_ros.engine.constraints.pressing import (
+    HALF_KNOWN, NEEDED, POINTS_IN_USE, WIDTH)
+from rigid_sim_ros.engine.contact.carried_forces import match_forces
+from rigid_sim_ros.engine.contact.contacts import read_bodies, read_velocity
+from rigid_sim_ros.engine.contact.recorded_impulses import record
+from rigid_sim_ros.engine.detection.backtrack import approach_bound
+from rigid_sim_ros.engine.detection.manifolds import current
+from rigid_sim_ros.engine.dynamics.integrate import sum_loads
+from rigid_sim_ros.engine.dynamics.loads import kick
+from rigid_sim_ros.engine.maths.vector import row
+from rigid_sim_ros.engine.model.kinds.table import is_unbounded
+from rigid_sim_ros.engine.steps.articulated import (
+    arrive, begin_part, finish, go_back, later_loads, MOST_PARTS, move_bodies)
+from rigid_sim_ros.engine.steps.jointed_contact import (
+    BEGIN, begin, COLLISIONS, CUT_SHORT, DONE, end, EVENTS, find_points, JointedContact, keep_part,
+    MORE_ROWS, STAGE, STEPS, TRIES)
+from rigid_sim_ros.kernels.kernel import kernel
+
+# In a step: events after which nothing bounces any more, and after which it is not backtracked.
+MOST_BOUNCES, MOST_EVENTS = 100, 300
+# Ways that are tried until the time of a meeting is known well enough, and as a part of a way what
+# the time of a limit is known to.
+MOST_TRIES, SHARP = 40, 1e-6
+# Of a step: no way is shorter, as joints that close to a tolerance of the position then have no
+# velocity that means anything. What would meet within so little touches already.
+SHORTEST = 1.0 / 1024.0
+# At which stage a step goes on: what touches is found, and collides; the first half of a way; what
+# overlaps is found at its end; the second half.
+SEEK, FIRST, LOOK_BACK, SECOND = range(BEGIN + 1, BEGIN + 5)
+# Places in `JointedContact.span`: [s] what is left of the step, and the way that is tried.
+LEFT, WAY = range(2)
+
+
+@kernel
+def run(c: JointedContact) -> int:
+    """Run through the circle until no steps are left; return DONE, or what is needed first."""
+    while c.place[STEPS] > 0:
+        stage, why = c.place[STAGE], DONE
+        if stage == BEGIN:
+            _begin(c)
+        elif stage == SEEK:
+            why = _meet(c)
+        elif stage == FIRST:
+            _take_first_half(c)
+        elif stage == LOOK_BACK:
+            why = _look_back(c)
+        else:
+            _take_second_half(c)
+        if why != DONE:
+            return why
+    return DONE
+
+
+@kernel
+def _begin(c: JointedContact) -> None:
+    """Begin a step."""
+    begin(c)
+    place = c.place
+    place[EVENTS], place[TRIES], place[COLLISIONS], place[CUT_SHORT] = 0, 0, 0, 0
+    c.span[LEFT] = c.span[WAY] = c.joints.model.h
+    place[STAGE] = SEEK
+
+
+@kernel
+def _meet(c: JointedContact) -> int:
+    """Find what touches now, and let it collide."""
+    joints, w = c.joints, c.pressing
+    model, state = joints.model, joints.state
+    why = find_points(c, c.span[WAY])
+    if why != DONE:
+        return why
+    sum_loads(model, state, joints.wrenches, joints.work.loads)
+    read_bodies(model, state, joints.work.loads.F, joints.work.loads.tau, w.bodies)
+    if c.place[CUT_SHORT] == 1:
+        take_all(w)
+    else:
+        take_touching(model.h, SHORTEST * model.h, w)
+    w.count[NEEDED] = choose_points(model, joints.table, w)
+    if w.count[NEEDED] > w.system.x.shape[0]:
+        return MORE_ROWS
+    collisions = collide(model, state, joints.table, joints.motion, joints.scratch, model.h,
+                         c.place[EVENTS] < MOST_BOUNCES, w)
+    if collisions > 0:
+        c.place[COLLISIONS] += collisions
+        _record_collisions(c)
+    if c.place[CUT_SHORT] == 0:
+        _go_until(c, _safe_way(c))
+    c.place[STAGE] = FIRST
+    return DONE
+
+
+@kernel
+def _record_collisions(c: JointedContact) -> None:
+    """Record the impulses of what collided; forces begin anew after it."""
+    w = c.pressing
+    w.pushed[:] = 0.0
+    for k in w.chosen[:w.count[POINTS_IN_USE]]:
+        for i in range(w.count[WIDTH]):
+            w.pushed[k, i] = w.impulse[k, i]
+    record(c.joints.model, current(c.memory), w.contacts, w.pushed)
+
+
+@kernel
+def _safe_way(c: JointedContact) -> float:
+    """
+    Return for how long [s] the bodies may go so that nothing passes through anything unseen.
+
+    Shapes that are apart may come as near as they are, or one into the other by half of the
+    thinner one (conservative advancement; Mirtich, Impulse-based Dynamic Simulation, PhD thesis,
+    Berkeley 1996, section 2.3).
+    """
+    joints, shapes, manifolds, way = c.joints, c.shapes, current(c.memory), c.span[WAY]
+    model, state, loads = joints.model, joints.state, joints.work.loads
+    for r in range(manifolds.count[0]):
+        a, b = manifolds.shape_a[r], manifolds.shape_b[r]
+        if is_unbounded(shapes.kind[a]) or is_unbounded(shapes.kind[b]):
+            continue    # nothing comes out on the other side of a half space
+        n, gap = row(manifolds.normal, r), math.inf
+        for p in range(manifolds.points[r]):
+            gap = min(gap, manifolds.gap[p, r])
+        speed = (approach_bound(model, state, loads, shapes, a, n, way)
+                 + approach_bound(model, state, loads, shapes, b, (-n[0], -n[1], -n[2]), way))
+        least = max(gap, 0.5 * min(c.thickness[a], c.thickness[b]))
+        if speed * way > least:
+            way = least / speed
+    return way
+
+
+@kernel
+def _go_until(c: JointedContact, t: float) -> None:
+    """Let the way that is tried be of about t [s]: neither it nor what is left is too short."""
+    left, shortest = c.span[LEFT], SHORTEST * c.joints.model.h
+    if t >= left or left < 2.0 * shortest:
+        c.span[WAY] = left
+    else:
+        c.span[WAY] = max(shortest, min(t, left - shortest))
+
+
+@kernel
+def _may_end_earlier(c: JointedContact) -> bool:
+    """Return whether the way may be made shorter."""
+    return (c.place[CUT_SHORT] == 0 and c.place[TRIES] < MOST_TRIES
+            and c.span[WAY] > SHORTEST * c.joints.model.h)
+
+
+@kernel
+def _take_first_half(c: JointedContact) -> None:
+    """Kick, find the impulses of contact, and let bodies and joints move to the new poses."""
+    joints, h = c.joints, c.span[WAY]
+    model, state, loads = joints.model, joints.state, joints.work.loads
+    begin_part(joints)
+    kick(state, loads, 0.5 * h)
+    press(model, state, joints.table, joints.motion, joints.scratch, loads, h, True, c.pressing)
+    if not move_bodies(joints, h):
+        if MOST_PARTS * h > model.h:
+            go_back(joints)
+            c.span[WAY] = 0.5 * h
+            return      # what touches is still the same
+        joints.scratch.unresolved[0] += 1
+        if c.pressing.count[POINTS_IN_USE] > 0:
+            # What joints hold is wedged in somewhere: this way goes on as if it were not.
+            go_back(joints)
+            c.pressing.count[POINTS_IN_USE] = 0
+            return
+    hit = _limit_hit(c)
+    if _may_end_earlier(c) and hit < (1.0 - 2.0 * SHARP) * h:
+        go_back(joints)
+        _go_until(c, (1.0 + SHARP) * hit)   # so that it is met for certain
+        c.place[TRIES] += 1
+        return
+    keep_impulses(model, True, c.pressing)
+    c.place[STAGE] = LOOK_BACK
+
+
+@kernel
+def _limit_hit(c: JointedContact) -> float:
+    """Return when [s] a joint met its limit on the way; inf: none did."""
+    joints, first = c.joints, math.inf
+    law, table = joints.scratch.law, joints.table
+    for k in range(table.has_laws.shape[0]):
+        if table.has_laws[k] == 1 and law.bound[k] != 0 and law.approach[k] != 0.0:
+            t = (law.target[k] - law.before[k]) / law.approach[k]
+            if t > SHARP * c.span[WAY]:
+                first = min(first, t)
+    return first
+
+
+@kernel
+def _look_back(c: JointedContact) -> int:
+    """Go back if shapes met on the way; else let it be taken."""
+    joints, w, h = c.joints, c.pressing, c.span[WAY]
+    model, state = joints.model, joints.state
+    why = find_points(c, 0.0)
+    if why != DONE:
+        return why
+    if _may_end_earlier(c):
+        for i in range(model.m.shape[0]):
+            read_velocity(model, state, i, w.bodies)
+        match_forces(w.contacts, w.half, w.count[HALF_KNOWN], w.match)
+        met = meeting_within(h, w)
+        if met < h:
+            go_back(joints)
+            _go_until(c, met)
+            c.place[TRIES] += 1
+            c.place[STAGE] = SEEK
+            return DONE
+    take_pressing(w)
+    if c.place[CUT_SHORT] == 0:
+        # What has just met collides when the next way begins.
+        for k in range(w.contacts.count[0]):
+            w.active[k] = 1 if w.match[k] >= 0 else 0
+    w.count[NEEDED] = choose_points(model, joints.table, w)
+    if w.count[NEEDED] > w.system.x.shape[0]:
+        return MORE_ROWS
+    c.place[STAGE] = SECOND
+    return DONE
+
+
+@kernel
+def _take_second_half(c: JointedContact) -> None:
+    """Kick, find the impulses of contact at the new poses, and let the joints answer."""
+    joints, h = c.joints, c.span[WAY]
+    model, state = joints.model, joints.state
+    arrive(joints, h, True)
+    take_back_displacing(state, c.pressing)
+    loads = later_loads(joints, h)
+    kick(state, loads, 0.5 * h)
+    press(model, state, joints.table, joints.motion, joints.scratch, loads, h, False, c.pressing)
+    finish(joints, h, True)
+    keep_part(c)
+    if h != model.h:
+        joints.motion.known[0] = 0      # what joints needed is of ways of one length
+    c.place[TRIES] = 0
+    c.place[STAGE] = SEEK
+    if h >= c.span[LEFT]:
+        end(c)
+        return
+    c.place[EVENTS] += 1
+    c.place[CUT_SHORT] = 1 if c.place[EVENTS] >= MOST_EVENTS else 0
+    c.span[LEFT] -= h
+    c.span[WAY] = c.span[LEFT]

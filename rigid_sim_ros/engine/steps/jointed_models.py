@@ -1,0 +1,141 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The contact models of bodies that joints hold."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from rigid_sim_ros.engine.constraints.pressing import (
+    carried_over, make_pressing, Pressing, WIDTH, with_carried)
+from rigid_sim_ros.engine.contact.carried_forces import Carried
+from rigid_sim_ros.engine.contact.contacts import row_count
+from rigid_sim_ros.engine.contact.penalty_force import PenaltySettings
+from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches, Wrenches
+from rigid_sim_ros.engine.solver.arguments import radii, thicknesses
+from rigid_sim_ros.engine.state.state import empty_state, State
+from rigid_sim_ros.engine.steps import (
+    jointed_contact, jointed_event, jointed_penalty, jointed_timestep, penalty)
+from rigid_sim_ros.engine.steps.contact_model import (
+    CONTACT, ContactReport, named, OneThread, Setup, Touching, unnamed)
+from rigid_sim_ros.engine.steps.jointed_motion import JointedMotion, JointSetup
+
+
+def unresolved(motion: JointedMotion) -> str:
+    """Return what to say of steps that were too long, nothing if none was."""
+    if motion.unresolved == 0:
+        return ''
+    return (f'{motion.unresolved} parts of steps were too long for the motion of joints: '
+            'use a smaller step')
+
+
+class Jointed(OneThread, JointedMotion):
+    """No contacts, but joints between the bodies."""
+
+    def report(self) -> ContactReport:
+        """Return what could not be done."""
+        return ContactReport(message=unresolved(self))
+
+    def contacts(self, state: State) -> np.ndarray:
+        """Return no rows."""
+        return np.zeros(0, dtype=CONTACT)
+
+
+class JointedTimestep(Touching, JointedMotion):
+    """Velocity level, all impulses of an island at once; joints answer to them."""
+
+    _run = staticmethod(jointed_timestep.run)
+
+    def __init__(self, setup: Setup, joints: JointSetup) -> None:
+        """Make room for no contacts yet."""
+        Touching.__init__(self, setup)
+        JointedMotion.__init__(self, setup.model, joints)
+        shapes, n = setup.shapes, len(setup.model.m)
+        self._arguments = jointed_contact.JointedContact(
+            self.arguments(empty_state(n), no_wrenches()), shapes, setup.materials, self._memory,
+            radii(shapes, n), thicknesses(shapes), self._no_pressing(),
+            np.zeros(8, dtype=np.int64), np.zeros(2))
+
+    def _no_pressing(self) -> Pressing:
+        s = self._setup
+        pressing = make_pressing(self.table, len(s.model.m), 64, 64, 48)
+        pressing.count[WIDTH] = row_count(s.materials)
+        return pressing
+
+    def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
+        """Advance the state, and count wrenches and commands down."""
+        self.read(state)
+        c = self._arguments._replace(joints=self.arguments(state, wrenches), memory=self._memory)
+        self._arguments, self._pack = jointed_contact.advance(self._run, c, count, self._pack)
+        self._memory = self._arguments.memory
+
+    def lasting(self) -> dict[str, np.ndarray]:
+        """Return the manifolds, the impulses from which the next step begins, and the joints."""
+        carried = carried_over(self._arguments.pressing)
+        return (Touching.lasting(self) | named('carried', carried)
+                | JointedMotion.lasting(self))
+
+    def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Go back to what `lasting` returned; nothing at all is the beginning."""
+        Touching.recall(self, arrays)
+        JointedMotion.recall(self, arrays)
+        pressing = self._no_pressing()
+        if arrays:
+            pressing = with_carried(pressing, self.table, unnamed('carried', Carried, arrays))
+        self._arguments = self._arguments._replace(pressing=pressing)
+
+    def report(self) -> ContactReport:
+        """Return the counts, how well contact was solved, and what could not be done."""
+        residual = float(self._arguments.pressing.system.residual[0])
+        return self._counts()._replace(residual=residual, message=unresolved(self))
+
+
+class JointedEvent(JointedTimestep):
+    """Every collision at its own time; joints answer to it."""
+
+    _run = staticmethod(jointed_event.run)
+
+    def report(self) -> ContactReport:
+        """Return the counts, and what could not be done."""
+        done = super().report()
+        if self._arguments.place[jointed_contact.CUT_SHORT] == 0:
+            return done
+        message = f'more than {jointed_event.MOST_EVENTS} collisions in one step'
+        return done._replace(message=f'{done.message}; {message}' if done.message else message)
+
+
+class JointedPenalty(Touching, JointedMotion):
+    """Springs and dampers at every contact point; joints answer to them."""
+
+    def __init__(self, setup: Setup, joints: JointSetup) -> None:
+        """Make room for no contacts yet."""
+        Touching.__init__(self, setup)
+        JointedMotion.__init__(self, setup.model, joints)
+        self._work = penalty.PenaltyWork(len(setup.model.m))
+        self._arguments = jointed_penalty.JointedPenalty(
+            self.arguments(empty_state(len(setup.model.m)), no_wrenches()), setup.shapes,
+            setup.materials, self._memory, PenaltySettings(), self._work.buffers,
+            np.zeros(2, dtype=np.int64))
+
+    def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
+        """Advance the state, and count wrenches and commands down."""
+        self.read(state)
+        c = self._arguments._replace(joints=self.arguments(state, wrenches), memory=self._memory)
+        self._arguments, self._pack = jointed_penalty.advance(c, self._work, count, self._pack)
+        self._memory = self._arguments.memory
+
+    def lasting(self) -> dict[str, np.ndarray]:
+        """Return the manifolds, the bristles of friction, and the joints."""
+        return (Touching.lasting(self) | named('bristle', self._work.lasting())
+                | JointedMotion.lasting(self))
+
+    def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Go back to what `lasting` returned; nothing at all is the beginning."""
+        Touching.recall(self, arrays)
+        JointedMotion.recall(self, arrays)
+        self._work.bristles = (unnamed('bristle', penalty.Bristles, arrays) if arrays
+                               else penalty.no_bristles())
+
+    def report(self) -> ContactReport:
+        """Return the counts, and what could not be done."""
+        return self._counts()._replace(message=unresolved(self))

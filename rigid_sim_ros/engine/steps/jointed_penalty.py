@@ -1,0 +1,129 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The model `penalty` of bodies that joints hold.
+
+Kick, drift, kick as without contacts (articulated.py), with the forces of springs and dampers at
+the points that overlap at both ends of each part (penalty.py).
+"""
+
+from typing import NamedTuple
+
+from rigid_sim_ros.engine.contact.penalty_force import PenaltySettings
+from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses
+from rigid_sim_ros.engine.detection.manifolds import current, grown, Memory
+from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic
+from rigid_sim_ros.engine.dynamics.loads import kick
+from rigid_sim_ros.engine.joints.posture import read_positions
+from rigid_sim_ros.engine.joints.settle import prepare_step
+from rigid_sim_ros.engine.model.shapes import Materials, Shapes
+from rigid_sim_ros.engine.steps.articulated import (
+    arrive, begin_efforts, begin_part, end_step, finish, go_back, JointedArguments, later_loads,
+    MOST_PARTS, move_bodies, next_size)
+from rigid_sim_ros.engine.steps.penalty import (
+    Buffers, DONE, find_overlaps, MORE_MEMORY, PenaltyWork, push, record, STAGE, STEPS)
+from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
+from rigid_sim_ros.kernels.arrays import IntArray
+from rigid_sim_ros.kernels.kernel import kernel
+
+# At which stage a step goes on, in `Buffers.count`: it begins; what overlaps is found at the start
+# and at the end of a part of it, with a half of the part after each.
+BEGIN, SEEK, FIRST, SEEK_AGAIN, SECOND = range(5)
+# Places in `JointedPenalty.part`: parts that are done, and the size of the next, in MOST_PARTS.
+PARTS_DONE, SIZE = range(2)
+
+
+class JointedPenalty(NamedTuple):
+    """What the kernels of a step read and write."""
+
+    joints: JointedArguments
+    shapes: Shapes
+    materials: Materials
+    memory: Memory
+    settings: PenaltySettings
+    buffers: Buffers
+    part: IntArray  # (2,) see PARTS_DONE
+
+
+@kernel
+def run(c: JointedPenalty) -> int:
+    """Step until no steps are left; return DONE, or what is needed first."""
+    count = c.buffers.count
+    while count[STEPS] > 0:
+        stage = count[STAGE]
+        if stage == BEGIN:
+            _begin(c)
+        elif stage == FIRST:
+            _take_first_half(c)
+        elif stage == SECOND:
+            _take_second_half(c)
+        else:
+            why = find_overlaps(c.joints.model, c.joints.state, c.shapes, c.materials, c.memory,
+                                c.buffers)
+            if why != DONE:
+                return why
+            count[STAGE] = stage + 1
+    return DONE
+
+
+@kernel
+def _begin(c: JointedPenalty) -> None:
+    """Begin a step."""
+    joints = c.joints
+    begin_kinematic(joints.model, joints.state)
+    prepare_step(joints.model, joints.table, joints.state, joints.scratch)
+    begin_efforts(joints.motion)
+    forget_impulses(current(c.memory))
+    c.part[PARTS_DONE], c.part[SIZE] = 0, next_size(joints.motion)
+    c.buffers.count[STAGE] = SEEK
+
+
+@kernel
+def _take_first_half(c: JointedPenalty) -> None:
+    """Kick, and let bodies and joints move to the new poses."""
+    joints, h = c.joints, c.joints.model.h * c.part[SIZE] / MOST_PARTS
+    begin_part(joints)
+    push(joints.model, joints.state, c.shapes, c.materials, c.settings, 0.0, 0.5 * h, c.buffers)
+    kick(joints.state, joints.work.loads, 0.5 * h)
+    if not move_bodies(joints, h):
+        if c.part[SIZE] > 1:
+            go_back(joints)
+            c.part[SIZE] //= 2
+            return      # what overlaps is still the same
+        joints.scratch.unresolved[0] += 1
+    arrive(joints, h, True)
+    c.buffers.count[STAGE] = SEEK_AGAIN
+
+
+@kernel
+def _take_second_half(c: JointedPenalty) -> None:
+    """Kick by the forces at the new poses, and let the joints answer."""
+    joints, h = c.joints, c.joints.model.h * c.part[SIZE] / MOST_PARTS
+    kick(joints.state, later_loads(joints, h), 0.5 * h)
+    push(joints.model, joints.state, c.shapes, c.materials, c.settings, h, 0.5 * h, c.buffers)
+    finish(joints, h, True)
+    record(current(c.memory), c.buffers.contacts, c.buffers.impulses, h)
+    c.part[PARTS_DONE] += c.part[SIZE]
+    c.buffers.count[STAGE] = SEEK
+    if c.part[PARTS_DONE] == MOST_PARTS:
+        joints.motion.parts[0] = MOST_PARTS // c.part[SIZE]
+        end_step(joints)
+        read_positions(joints.table, joints.state, joints.motion)
+        c.buffers.count[STEPS] -= 1
+        c.buffers.count[STAGE] = BEGIN
+
+
+def advance(c: JointedPenalty, work: PenaltyWork, count: int,
+            pack: ArgumentPack | None) -> tuple[JointedPenalty, ArgumentPack]:
+    """Advance the state by `count` steps; return the arguments, whose buffers may have grown."""
+    work.buffers.count[STEPS], work.buffers.count[STAGE] = count, BEGIN
+    while True:
+        c = c._replace(buffers=work.buffers)
+        pack = packed(c, pack)
+        why = pack.run(run)
+        if why == DONE:
+            return c, pack
+        if why == MORE_MEMORY:
+            c = c._replace(memory=grown(c.memory))
+        else:
+            work.give(why)

@@ -1,0 +1,129 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The contact models `event`, `penalty` and `qp` of bodies that joints hold."""
+
+import numpy as np
+import pytest
+
+from rigid_sim_ros import World
+
+G = 9.81
+BALL = {'type': 'sphere', 'radius': 0.1}
+
+
+def pendulum(name, x, angle, limits=None, z=0.0):
+    """Return a ball of 1 kg that hangs 1 m below (x, 0, z), and its joint."""
+    body = {'name': name, 'mass': 1.0, 'shape': BALL, 'pose': {'position': [x, 0.0, z - 1.0]}}
+    joint = {'name': f'hinge_{name}', 'type': 'revolute', 'parent': 'world', 'child': name,
+             'axis': [0.0, 1.0, 0.0], 'position': angle, 'pose': {'position': [x, 0.0, z]},
+             'child_pose': {'position': [0.0, 0.0, 1.0]}}
+    return body, joint | ({'limits': limits} if limits else {})
+
+
+def world_of(pendulums, others=(), contact='event', step=0.001, restitution=0.5):
+    return World.from_dict({
+        'world': {'contact': contact, 'step': step},
+        'materials': {'default': {'restitution': restitution, 'friction': 0.0}},
+        'bodies': [*(body for body, _ in pendulums), *others],
+        'joints': [joint for _, joint in pendulums]})
+
+
+def angles(world, steps):
+    """Return the positions of all joints after each step."""
+    found = []
+    for _ in range(steps):
+        world.step()
+        found.append(world.joint_position.copy())
+    return np.array(found)
+
+
+def swing_back(start, met, restitution):
+    """Return the angle to which a pendulum comes that fell from `start` and met something."""
+    return np.arccos(np.cos(met) - restitution ** 2 * (np.cos(met) - np.cos(start)))
+
+
+# The method keeps energies to (h omega)^2 / 24 of their size, below 1e-6 here, and the largest of
+# the angles that are looked at is the turning point to omega^2 h^2 / 8 of it: 1e-6 too.
+ANGLE = 4e-6
+
+
+def test_a_pendulum_comes_back_from_a_wall_as_energy_says():
+    wall = {'name': 'wall', 'fixed': True, 'shape': {'type': 'box', 'size': [0.5, 1.0, 1.0]},
+            'pose': {'position': [-0.35, 0.0, -1.0]}}
+    world = world_of([pendulum('bob', 0.0, -0.8)], [wall])
+    # It falls for half a second, and is on its way back for as long.
+    found = angles(world, 1300)[700:, 0]
+    assert abs(found.min() + swing_back(0.8, 0.0, 0.5)) < ANGLE
+
+
+def test_a_pendulum_comes_back_from_its_limit_as_energy_says():
+    limits = {'lower': -2.0, 'upper': 0.0123, 'restitution': 0.5}
+    wall = {'name': 'wall', 'fixed': True, 'shape': {'type': 'box', 'size': [0.1, 0.1, 0.1]},
+            'pose': {'position': [9.0, 0.0, 0.0]}}
+    # With something that it could meet the model is `event`, which ends its way at the limit.
+    world = world_of([pendulum('bob', 0.0, -0.8, limits)], [wall])
+    found = angles(world, 1300)[700:, 0]
+    assert abs(found.min() + swing_back(0.8, 0.0123, 0.5)) < ANGLE
+
+
+def test_a_shock_goes_through_a_row_of_pendulums():
+    """Newton's cradle: the last ball leaves as the first one came, the others stay."""
+    world = world_of([pendulum(f'ball{i}', 0.2 * i, 0.5 if i == 0 else 0.0) for i in range(4)],
+                     restitution=1.0)
+    found = angles(world, 1100)
+    assert abs(found[:, 3].min() + 0.5) < ANGLE
+    # What the row leaves to the others is of the overlap and the gaps within which balls touch.
+    assert np.abs(found[:, 1:3]).max() < 1e-4
+
+
+def test_after_many_collisions_in_a_step_the_rest_of_it_is_not_backtracked():
+    drops = [{'name': f'drop{i}', 'mass': 1.0, 'shape': BALL, 'twist': {'linear': [0, 0, -2.0]},
+              'pose': {'position': [0.5 * (i % 20), 0.5 * (i // 20), 0.1 + 3e-4 * i]}}
+             for i in range(320)]
+    floor = {'name': 'floor', 'fixed': True, 'shape': {'type': 'plane'}}
+    world = world_of([pendulum('bob', -3.0, 0.2, z=5.0)], [*drops, floor], step=0.05)
+    before = world.kinetic_energy() + world.potential_energy()
+    world.step()
+    assert 'more than 300 collisions in one step' in world.contact_report().message
+    assert world.kinetic_energy() + world.potential_energy() < before
+    assert world.contacts()['gap'].min() > -1e-6
+
+
+def on_a_lift(contact, **world):
+    """Return the world of a box that a lift guides down onto a floor, and its weight [N]."""
+    return World.from_dict({
+        'world': {'contact': contact, 'step': 0.0005} | world,
+        'materials': {'default': {'stiffness': 2e4, 'damping': 0.5}},
+        'bodies': [{'name': 'floor', 'fixed': True, 'shape': {'type': 'plane'}},
+                   {'name': 'box', 'mass': 2.0, 'shape': {'type': 'box', 'size': [0.2, 0.2, 0.2]},
+                    'pose': {'position': [0.0, 0.0, 0.1]}}],
+        'joints': [{'name': 'lift', 'type': 'prismatic', 'parent': 'world', 'child': 'box',
+                    'axis': [0.0, 0.0, 1.0], 'damping': 200.0}]}), 2.0 * G
+
+
+def test_springs_carry_what_a_joint_guides():
+    world, weight = on_a_lift('penalty')
+    world.step(4000)
+    contacts = world.contacts()
+    # Two materials of 2e4 N/m in series are one of 1e4 N/m. At rest up to rounding: the swing of
+    # 140 rad/s has died out by 50 a second for 2 s.
+    assert contacts['normal_force'].sum() == pytest.approx(weight, rel=1e-9)
+    assert contacts['gap'] == pytest.approx(-weight / (4 * 1e4), rel=1e-9)
+    assert np.abs(world.position[1, :2]).max() < 1e-12
+
+
+def test_springs_go_on_bit_for_bit_from_what_was_saved():
+    one, other = on_a_lift('penalty')[0], on_a_lift('penalty')[0]
+    one.step(40)
+    other.restore(one.save())
+    one.step(40)
+    other.step(40)
+    assert one.state_hash() == other.state_hash()
+
+
+def test_with_joints_the_solver_qp_is_what_sequential_is():
+    """All impulses of an island are found at once by both."""
+    one, other = (on_a_lift('timestep', solver=solver)[0] for solver in ('sequential', 'qp'))
+    one.step(100)
+    other.step(100)
+    assert np.array_equal(one.position, other.position)
