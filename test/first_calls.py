@@ -60,18 +60,23 @@ def calls(world: World) -> dict[str, Callable[[], object]]:
             'position': [0, 0, 9]}, 'shape': {'type': 'sphere', 'radius': 0.1}}),
         'step with a newcomer': lambda: world.step(3),
         'remove': lambda: world.remove('newcomer'), 'step without it': lambda: world.step(3)}
-    for joint in world.joint_names[:1]:
-        model = joint.partition('/')[0]
-        found |= {
-            'joint_wrench': lambda: world.joint_wrench(joint),
-            'set_joint_command': lambda: world.set_joint_command(joint, effort=0.1),
-            'step with a command': lambda: world.step(3),
-            'set_joint_state': lambda: world.set_joint_state(joint, 0.1),
-            'mass_matrix': lambda: world.mass_matrix(model),
-            'jacobian': lambda: world.jacobian(model, body),
-            'inverse_dynamics': lambda: world.inverse_dynamics(
-                model, np.zeros(len(world.joint_names)))}
+    if world.joint_names:
+        found |= calls_of_joints(world, world.joint_names[0], body)
     return found | {'reset': world.reset, 'step after it': lambda: world.step(3)}
+
+
+def calls_of_joints(world: World, joint: str, body: str) -> dict[str, Callable[[], object]]:
+    """Return what a user of joints may call."""
+    model = joint.partition('/')[0]
+    return {
+        'joint_wrench': lambda: world.joint_wrench(joint),
+        'set_joint_command': lambda: world.set_joint_command(joint, effort=0.1),
+        'step with a command': lambda: world.step(3),
+        'set_joint_state': lambda: world.set_joint_state(joint, 0.1),
+        'mass_matrix': lambda: world.mass_matrix(model),
+        'jacobian': lambda: world.jacobian(model, body),
+        'inverse_dynamics': lambda: world.inverse_dynamics(
+            model, np.zeros(len(world.joint_names)))}
 
 
 def main(scene: str) -> None:

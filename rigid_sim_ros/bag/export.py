@@ -9,12 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.bag import topics as kinds
+from rigid_sim_ros.bag import decode, topics as kinds
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.motion import joint_prefix
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.session import is_session
-from rigid_sim_ros.bag import decode
 from rigid_sim_ros.messages.topics import body_of
 
 FORMATS = ('csv', 'parquet')
@@ -50,8 +49,8 @@ def export(bag: str | os.PathLike[str], file_format: str, output: Path, *,
     Write the motion of all bodies to a file, accepted wrenches and joint states to such beside it.
 
     Parquet files hold the unit of each column as its metadata; with `units` the names say them
-    too, as in `position_x [m]`. Returns the files and how many rows each has. BagError if the bag cannot be read, holds no
-    motion, or a file exists already.
+    too, as in `position_x [m]`. Returns the files and how many rows each has. BagError if the bag
+    cannot be read, holds no motion, or a file exists already.
     """
     try:
         import pyarrow  # noqa: F401

@@ -12,9 +12,9 @@ import numba
 import numpy as np
 
 from rigid_sim_ros import __version__
+from rigid_sim_ros.bag.decode import string
 from rigid_sim_ros.bag.errors import BagError, Damaged
 from rigid_sim_ros.bag.topics import Topic
-from rigid_sim_ros.bag.decode import string
 
 # Grows when a bag of before cannot be verified any more.
 FORMAT = 2

@@ -79,7 +79,8 @@ class SqliteIndex:
                     'SELECT topic_id, timestamp, data FROM messages WHERE id = ?', (k,))]
 
     def _columns(self) -> set[str]:
-        return {row[1].decode(errors='replace') for row in self._query('PRAGMA table_info(topics)')}
+        return {row[1].decode(errors='replace')
+                for row in self._query('PRAGMA table_info(topics)')}
 
     def _topic(self, row: tuple[Any, ...]) -> SqliteTopic:
         number, *texts = row

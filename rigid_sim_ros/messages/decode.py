@@ -80,7 +80,7 @@ def joint_state(data: bytes) -> tuple[int, str, list[str], npt.NDArray[np.float6
         count = walk.uint32()
         if count not in (0, len(names)):
             raise Malformed(f'a state of {len(names)} joints has {count} positions, velocities or '
-                          'efforts')
+                            'efforts')
         if count:
             numbers[:, column] = walk.doubles(count)
     return t_ns, frame, names, numbers

@@ -75,7 +75,8 @@ def _band(band: Band, panel: Panel, legend: str) -> list[Any]:
         go.Scatter(x=band.x, y=panel.visible(band.low), name=f'{band.label}, least', mode='lines',
                    line=no_line, legendgroup=band.label, showlegend=False, legend=legend),
         go.Scatter(x=band.x, y=panel.visible(band.high), name=band.label, mode='lines',
-                   line=no_line, legendgroup=band.label, fill='tonexty', fillcolor=fill, legend=legend)]
+                   line=no_line, legendgroup=band.label, fill='tonexty', fillcolor=fill,
+                   legend=legend)]
 
 
 def _place_legend(figure: Any, legend: str, axes: Any) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from rigid_sim_ros.messages.decode import multi_dof_state, Malformed
+from rigid_sim_ros.messages.decode import Malformed, multi_dof_state
 
 Array = npt.NDArray[np.float64]
 

@@ -241,7 +241,7 @@ def test_an_index_that_leads_elsewhere_is_noticed_and_made_anew(tmp_path) -> Non
         database.execute('CREATE INDEX other ON messages (topic_id)')
         # Each of the two indices holds the entries of the other one.
         database.execute('UPDATE sqlite_master SET rootpage = (SELECT sum(rootpage) FROM '
-                         "sqlite_master WHERE type = 'index' AND tbl_name = 'messages') - rootpage "
+                         "sqlite_master WHERE name IN ('timestamp_idx', 'other')) - rootpage "
                          "WHERE name IN ('timestamp_idx', 'other')")
         database.commit()
     database.close()
