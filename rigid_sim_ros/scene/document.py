@@ -82,6 +82,7 @@ class YamlSource:
         self._open: set[int] = set()
         self._read_so_far = 0   # values, one that an alias repeats only once
         self.data = self._value(self._root, ())[0]
+        self._known.clear()
 
     def problem(self, path: Path, message: str) -> Problem:
         """Return a problem that names the key and the line where it stands or should stand."""

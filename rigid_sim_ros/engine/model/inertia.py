@@ -125,7 +125,7 @@ def check(properties: MassProperties) -> None:
     x, y, z = rows = tensor.tolist()
     if not all(map(math.isfinite, (*p_BC.tolist(), *x, *y, *z))):
         raise ValueError(f'centre of mass {p_BC.tolist()} or inertia {rows}, must be finite')
-    low, middle, high = sorted((x[0], y[1], z[2])) if _is_diagonal(tensor) else (
+    low, middle, high = sorted((x[0], y[1], z[2])) if is_diagonal(tensor) else (
         np.linalg.eigvalsh(tensor).tolist())
     moments = f'principal moments {low:.9g}, {middle:.9g}, {high:.9g} kg m^2'
     # A moment below rounding of the largest one is a line of particles, which cannot be spun up
@@ -138,7 +138,7 @@ def check(properties: MassProperties) -> None:
                          f'{low + middle:.9g} < {high:.9g}')
 
 
-def _is_diagonal(tensor: Array) -> bool:
+def is_diagonal(tensor: Array) -> bool:
     """Return whether the axes are principal ones; in Python, ten times as fast for so little."""
     (_, b, c), (d, _, f), (g, h, _) = tensor.tolist()
     return not (b or c or d or f or g or h)
@@ -151,7 +151,7 @@ def principal_axes(tensor: Array) -> tuple[Array, Array]:
     A tensor that is diagonal already keeps its axes and their order to the bit. Else the axes are
     ordered and signed so that they lie as near as possible to those of B, and right-handed.
     """
-    if _is_diagonal(tensor):
+    if is_diagonal(tensor):
         return np.diag(tensor).copy(), np.eye(3)
     moments, axes = np.linalg.eigh(tensor)
     order = [-1, -1, -1]
