@@ -16,7 +16,7 @@ from rigid_sim_ros.engine.constraints.articulated_rows import (
 from rigid_sim_ros.engine.constraints.pressing import (
     HALF_KNOWN, ISLANDS, KNOWN, POINTS_IN_USE, Pressing, WIDTH)
 from rigid_sim_ros.engine.contact.carried_forces import (
-    keep_force, match_forces, recall_forces)
+    keep_force, recall_forces)
 from rigid_sim_ros.engine.contact.classify import resting_speed
 from rigid_sim_ros.engine.contact.contacts import (
     add_contact_load, Contacts, push_rows, read_bodies,
@@ -26,8 +26,8 @@ from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
 from rigid_sim_ros.engine.joints.settle import find_motions
 from rigid_sim_ros.engine.joints.shake import expect
 from rigid_sim_ros.engine.maths.rotation import quaternion
-from rigid_sim_ros.engine.maths.union_find import first_of, unite
-from rigid_sim_ros.engine.maths.vector import column, norm
+from rigid_sim_ros.engine.maths.union_find import first_of
+from rigid_sim_ros.engine.maths.vector import column, cross, norm
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.rates import spin_of
@@ -44,8 +44,6 @@ MOST_HALVINGS = 12
 # Impulses that would move a body by so many sizes in a step are of bodies that are wedged in. They
 # are not carried over, as rounding alone would make them grow.
 FASTEST = 1e3
-# Of the size of a shape: points that are nearer take part in the second half of a step.
-NEAR = 1e-6
 # In a step, overlaps are displaced by this part of themselves, at most by this part of the size.
 PUSH, MOST_PUSH = 0.2, 0.003
 # [rad] No body turns farther in a step by being displaced.
@@ -54,94 +52,6 @@ MOST_TURN = 0.02
 REBOUNDS = 2.0
 # Shares of bounces that are tried so that these give no energy.
 CHORDS = 4
-
-
-@kernel
-def take_all(w: Pressing) -> None:
-    """Let all points take part, as they do in the first half of a step."""
-    match_forces(w.contacts, w.carried, w.count[KNOWN], w.match)
-    for k in range(w.contacts.count[0]):
-        w.active[k] = 1
-
-
-@kernel
-def take_pressing(w: Pressing) -> None:
-    """Let take part in the second half of a step what pressed in the first, or touches."""
-    match_forces(w.contacts, w.half, w.count[HALF_KNOWN], w.match)
-    for k in range(w.contacts.count[0]):
-        w.active[k] = 1 if _presses(w.contacts, k, w) else 0
-
-
-@kernel
-def choose_points(model: Model, table: JointTable, w: Pressing) -> int:
-    """Sort the points that take part by islands; return the rows of the largest."""
-    contacts, parent = w.contacts, w.parent
-    _unite_bodies(model, table, contacts, parent)
-    w.label[:] = -1
-    islands, found = 0, 0
-    for k in range(contacts.count[0]):
-        root = _island(model, contacts, k, parent)
-        if root < 0:
-            w.active[k] = 0
-        if w.active[k] == 0:
-            continue
-        if w.label[root] < 0:
-            w.label[root] = islands
-            w.first[islands] = 0
-            islands += 1
-        w.first[w.label[root]] += 1
-        found += 1
-    start, largest = 0, 0
-    for n in range(islands):
-        largest = max(largest, w.first[n])
-        start, w.first[n] = start + w.first[n], start
-    for k in range(contacts.count[0]):
-        if w.active[k] == 1:
-            n = w.label[_island(model, contacts, k, parent)]
-            w.chosen[w.first[n]] = k
-            w.first[n] += 1
-    for n in range(islands, 0, -1):     # each is now where the next one begins
-        w.first[n] = w.first[n - 1]
-    w.first[0] = 0
-    w.count[ISLANDS], w.count[POINTS_IN_USE] = islands, found
-    return w.count[WIDTH] * largest
-
-
-@kernel
-def _unite_bodies(model: Model, table: JointTable, contacts: Contacts, parent: IntArray) -> None:
-    """Write which bodies hang together by joints and points of contact."""
-    for i in range(parent.shape[0]):
-        parent[i] = i
-    for g in range(table.first_row.shape[0] - 1):
-        for r in range(table.first_row[g] + 1, table.first_row[g + 1]):
-            unite(parent, table.body[table.first_row[g]], table.body[r])
-    for k in range(contacts.count[0]):
-        a, b = contacts.body_a[k], contacts.body_b[k]
-        if model.inv_m[a] > 0.0 and model.inv_m[b] > 0.0:
-            unite(parent, a, b)
-
-
-@kernel
-def _island(model: Model, contacts: Contacts, k: int, parent: IntArray) -> int:
-    """Return the first body of the set that point k belongs to, -1 if neither body can move."""
-    for body in (contacts.body_a[k], contacts.body_b[k]):
-        if model.inv_m[body] > 0.0:
-            return first_of(parent, body)
-    return -1
-
-
-@kernel
-def _presses(contacts: Contacts, k: int, w: Pressing) -> bool:
-    """Return whether a point takes part in the second half of a step."""
-    if contacts.gap[k] <= NEAR * contacts.size[k]:
-        return True
-    i = w.match[k]
-    if i < 0:
-        return False
-    pressed = 0.0
-    for j in range(3):
-        pressed += w.half.force[i, j] * contacts.axes[k, 0, j]
-    return pressed > 0.0
 
 
 @kernel
@@ -480,9 +390,19 @@ def _add_displacing(model: Model, state: State, table: JointTable, work: JointWo
 
 
 @kernel
-def take_back_displacing(state: State, w: Pressing) -> None:
-    """Take back the momenta that displaced."""
+def take_back_displacing(model: Model, state: State, h: float, w: Pressing) -> None:
+    """
+    Take back the momenta that displaced on a way of h [s].
+
+    A displacement d of a body changes the angular momentum x x P by d x P. Of what nothing holds
+    that is taken from its spin, so that the whole keeps its angular momentum.
+    """
     kick(state, w.displacing, -1.0)
+    for i in range(model.m.shape[0]):
+        if w.held[first_of(w.parent, i)] == 0:
+            gained = cross(column(w.displacing.F, i), column(state.P, i))
+            for k in range(3):
+                state.L[k, i] -= h * model.inv_m[i] * gained[k]
 
 
 @kernel

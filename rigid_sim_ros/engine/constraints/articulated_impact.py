@@ -9,17 +9,15 @@ The joints answer to each: A = G M~^-1 G^T (articulated_rows.py), with axes lock
 against their limits.
 """
 
-import math
 
 from rigid_sim_ros.engine.constraints.articulated_contact import (
     are_same_pieces, keep_pieces, MOST_HALVINGS, MOST_PIECES, rebound)
+from rigid_sim_ros.engine.constraints.articulated_points import rate_of_gap
 from rigid_sim_ros.engine.constraints.articulated_rows import (
     read_row_rates, write_system, write_velocities)
-from rigid_sim_ros.engine.constraints.pressing import (
-    ISLANDS, KNOWN, POINTS_IN_USE, Pressing, WIDTH)
-from rigid_sim_ros.engine.contact.carried_forces import match_forces
+from rigid_sim_ros.engine.constraints.pressing import ISLANDS, POINTS_IN_USE, Pressing, WIDTH
 from rigid_sim_ros.engine.contact.classify import classify, COLLIDING, resting_speed
-from rigid_sim_ros.engine.contact.contacts import push_rows, read_velocity, relative, to_contact
+from rigid_sim_ros.engine.contact.contacts import push_rows, read_velocity
 from rigid_sim_ros.engine.joints.articulated import write_momenta
 from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
 from rigid_sim_ros.engine.joints.settle import find_motions_after_impact, prepare_step
@@ -29,36 +27,10 @@ from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
-# Of the size of the smaller shape: points with a smaller gap touch; far above rounding, far below
-# anything seen.
-TOUCHING = 1e-7
 # Collisions of pairs, for each pair, after which all points stop at once.
 MOST_COLLISIONS = 20
 # Of the work of impulses each way: more energy than this is none of rounding.
 ROUNDING = 1e-9
-
-
-@kernel
-def rate_of_gap(w: Pressing, k: int) -> float:
-    """Return how fast the gap of point k grows [m/s]."""
-    return to_contact(w.contacts, k, relative(w.bodies.velocity, w.contacts, k))[0]
-
-
-@kernel
-def take_touching(h: float, soon: float, w: Pressing) -> None:
-    """
-    Let take part what touches, and what is as near as a rebound that is too short to be one.
-
-    What meets within a time `soon` [s] touches already. h [s] is the step; the bodies have been
-    read.
-    """
-    contacts = w.contacts
-    match_forces(contacts, w.carried, w.count[KNOWN], w.match)
-    for k in range(contacts.count[0]):
-        slow, rate = resting_speed(contacts, w.bodies, k, h), rate_of_gap(w, k)
-        gap = contacts.gap[k] - TOUCHING * contacts.size[k]
-        rests = gap <= 0.25 * h * slow and abs(rate) <= slow
-        w.active[k] = 1 if gap + soon * min(rate, 0.0) <= 0.0 or rests else 0
 
 
 @kernel
@@ -191,24 +163,3 @@ def _take_no_energy(model: Model, state: State, table: JointTable, motion: Joint
             rows.f[i] *= 0.5
             w.row[i] = -rows.f[i]
         _push(model, state, table, motion, work, chosen, w)
-
-
-@kernel
-def meeting_within(h: float, w: Pressing) -> float:
-    """
-    Return when [s] the first point met that is overlapping after a way of h [s]; inf: none did.
-
-    The velocities are those of the way, and w.match says which points took part in it already:
-    what these sank by is the curvature of their way. The gap of the others is followed back at its
-    present rate; where it was none at the start the shapes turned into each other while they
-    touched.
-    """
-    contacts, first = w.contacts, math.inf
-    for k in range(contacts.count[0]):
-        gap = contacts.gap[k]
-        if w.match[k] >= 0 or gap >= -TOUCHING * contacts.size[k]:
-            continue
-        before = gap - h * rate_of_gap(w, k)
-        if before > TOUCHING * contacts.size[k]:
-            first = min(first, h * before / (before - gap))
-    return first

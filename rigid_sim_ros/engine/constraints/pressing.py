@@ -15,23 +15,26 @@ from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 
 # Places in `Pressing.count`: points taken part, islands, forces carried over from the step before
-# and between the halves of this one, rows of a point, and what there has to be room for.
-POINTS_IN_USE, ISLANDS, KNOWN, HALF_KNOWN, WIDTH, NEEDED = range(6)
+# and between the halves of this one, rows of a point, what there has to be room for, and pairs
+# that were woken.
+POINTS_IN_USE, ISLANDS, KNOWN, HALF_KNOWN, WIDTH, NEEDED, WOKEN = range(7)
 
 
 class Pressing(NamedTuple):
     """Scratch memory for c points of contact, and the impulses that are carried over."""
 
-    count: IntArray  # type: ignore[assignment]  # (6,) see POINTS_IN_USE
+    count: IntArray  # type: ignore[assignment]  # (7,) see POINTS_IN_USE
     contacts: Contacts
     order: IntArray  # (2, rows of the memory) for `gather`
     bodies: Bodies
     match: IntArray  # (c,) the same point among impulses that were found before, or -1
     active: IntArray  # (c,) 1: the point takes part
+    woken: IntArray  # (c, 2) pairs of shapes all of whose points take part in this part of a step
     chosen: IntArray  # (c,) points by islands
     pair: IntArray  # (c,) points of two bodies that collide
     first: IntArray  # (c + 1,) of the points of an island
     parent: IntArray  # (n,) sets of bodies that hang together
+    held: IntArray  # (n,) 1: the set hangs on, or touches, what nothing pushes
     label: IntArray  # (n,) island of such a set
     impulse: Array  # (c, 6) [N s, contact axes] of half a step
     pushed: Array  # (c, 6) [N s, contact axes] that only displace
@@ -59,9 +62,10 @@ def make_pressing(table: JointTable, bodies: int, points: int, manifolds: int,
 
     c, axes = points, len(table.translates)
     carried, half = (Carried._make(longer(field, c) for field in no_forces()) for _ in range(2))
-    return Pressing(whole(6), make_contacts(c), whole(2, manifolds), make_bodies(bodies), whole(c),
-                    whole(c), whole(c), whole(c), whole(c + 1), whole(bodies), whole(bodies),
-                    np.zeros((c, 6)), np.zeros((c, 6)), empty_loads(bodies), np.zeros(c),
+    return Pressing(whole(7), make_contacts(c), whole(2, manifolds), make_bodies(bodies), whole(c),
+                    whole(c), whole(c, 2), whole(c), whole(c), whole(c + 1), whole(bodies),
+                    whole(bodies), whole(bodies), np.zeros((c, 6)), np.zeros((c, 6)),
+                    empty_loads(bodies), np.zeros(c),
                     np.zeros(c), np.zeros(6 * c), np.zeros(6 * c), np.zeros(6 * c),
                     make_system(rows, table, bodies), carried, half, np.zeros(c), np.zeros(c),
                     whole(axes), np.zeros(axes))
@@ -71,7 +75,9 @@ def more_points(w: Pressing, table: JointTable, points: int) -> Pressing:
     """Return scratch memory with room for twice as many points, and what is carried over."""
     fresh = make_pressing(table, len(w.parent), 2 * points, w.order.shape[1], len(w.system.x))
     return fresh._replace(
-        count=w.count, displacing=w.displacing, carried=_longer(w.carried, 2 * points),
+        count=w.count, displacing=w.displacing, parent=w.parent, held=w.held,
+        woken=longer(w.woken, 2 * points),
+        carried=_longer(w.carried, 2 * points),
         half=_longer(w.half, 2 * points),
         half_bounce=longer(w.half_bounce, 2 * points),
         half_work=longer(w.half_work, 2 * points))

@@ -3,11 +3,10 @@
 """One visit of the sequential solver to eight manifolds; see contact_blocks.py."""
 
 from rigid_sim_ros.engine.constraints.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, drift_together, FRICTION, friction_of, GAP,
-    IMPULSE, INV_SPIN, INV_TT, J_A, J_B, K_N, K_NN, K_SPIN, K_TN, keep_friction, load_three,
-    load_two, MASS, Motion, MU, NORMAL, normal_sum, POINT, POINT_ROWS, pushed, RESTING,
-    RESTING_ROLL, RESTING_SPIN, RESTING_T, ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE, SIZE, SLIDE,
-    smallest_gap, SPEED, SPIN, SPIN_LEVER, symmetric, T, Three, TOTAL, TOTAL_T, TURN_T)
+    ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, drift_together, friction_of, GAP, IMPULSE,
+    INV_SPIN, INV_TT, J_A, J_B, K_N, K_NN, K_SPIN, K_TN, keep_friction, load_three, load_two, MASS,
+    Motion, MU, NORMAL, normal_sum, POINT, POINT_ROWS, pushed, RESTING, ROLL, ROLL_LEVER,
+    ROLL_STEP, S, SHOVE, SIZE, SLIDE, smallest_gap, SPEED, SPIN_LEVER, symmetric, T, Three, TURN_T)
 from rigid_sim_ros.engine.constraints.contact_rules import (
     approach_of, gap_of, is_open, least_speed, NEGLIGIBLE, onto_circle, SETTLED, SETTLED_POINT,
     SKIN, Sweep, wanted_of)
@@ -19,8 +18,8 @@ from rigid_sim_ros.engine.solver.solver_bodies import INV_M
 from rigid_sim_ros.engine.solver.sphere_sweep import drift_balls, separate_balls, visit_balls
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.eight import (
-    any_of, bits_of, Eight, either, EVERY, gather, lanes_in, largest_of, load, Mask, scatter,
-    select, spread, store)
+    any_of, bits_of, Eight, either, gather, lanes_in, largest_of, load, Mask, scatter, select,
+    spread, store)
 from rigid_sim_ros.kernels.kernel import part
 
 
@@ -99,17 +98,17 @@ def begin_block(blocks: Blocks, block: int, motion: Array, what: Sweep,
         approach = approach_of(speed, either(new, is_open(b, POINT)))
         return bits_of(approach < -tolerance) & ~blocks.dormant[block]
     n, t1, t2 = axes(b)
-    _, u, w = _relative(b, A, B)
+    _, u, w = relative_twist(b, A, B)
     along, about_1, about_2, least = dot(u, n), dot(w, t1), dot(w, t2), spread(ABSENT)
     for p in range(4 if points_in(kind) > 1 else 1):
         point = POINT + p * POINT_ROWS
-        speed = _point_speed(b, point, along, about_1, about_2) + least_speed(b, point, what)
+        speed = point_speed(b, point, along, about_1, about_2) + least_speed(b, point, what)
         least = min(least, approach_of(speed, either(new, is_open(b, point))))
     return bits_of(least < -tolerance) & ~blocks.dormant[block]
 
 
 @part
-def _point_speed(b: Array, point: int, along: Eight, about_1: Eight, about_2: Eight) -> Eight:
+def point_speed(b: Array, point: int, along: Eight, about_1: Eight, about_2: Eight) -> Eight:
     """Return the normal velocity of a point, given three parts of the twist at c."""
     return along + load(b, point + T) * about_1 - load(b, point + S) * about_2
 
@@ -124,7 +123,7 @@ def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, what: 
     """
     A, B = gather(motion, at_A), gather(motion, at_B)
     n, t1, t2 = axes(b)
-    _, u, w = _relative(b, A, B)
+    _, u, w = relative_twist(b, A, B)
     old_N = load(b, POINT + IMPULSE)
     speed = dot(u, n)
     wanted = speed + least_speed(b, POINT, what)
@@ -221,92 +220,6 @@ def note_left(blocks: Blocks, block: int, residual: Eight, what: Sweep) -> None:
 
 
 @part
-def begin_impact(blocks: Blocks, block: int, bits: int) -> None:
-    """
-    Set the impulses of some lanes of a block aside, those with which contacts bear forces.
-
-    An impact begins with none, and none of its own is there when it is over: what stopped bodies
-    once must not act on them again in the next substep.
-    """
-    b, kind, mask = numbers_of(blocks, block), blocks.kind[block], lanes_in(bits)
-    for p in range(4 if points_in(kind) > 1 else 1):
-        point = POINT + p * POINT_ROWS
-        _set_aside(b, point + IMPULSE, point + RESTING, mask)
-    for k in range(2):
-        _set_aside(b, FRICTION + k, RESTING_T + k, mask)
-    if not are_balls(kind):
-        _set_aside(b, SPIN, RESTING_SPIN, mask)
-    for k in range(2 if resists(kind) else 0):
-        _set_aside(b, ROLL + k, RESTING_ROLL + k, mask)
-
-
-@part
-def _set_aside(b: Array, row: int, aside: int, mask: Mask) -> None:
-    store(b, aside, select(mask, load(b, row), load(b, aside)))
-    store(b, row, select(mask, 0.0, load(b, row)))
-
-
-@part
-def end_impact(blocks: Blocks, block: int, bits: int, motion: Array) -> None:
-    """Count the impulses of an impact with those of the step, and put back what was set aside."""
-    b, kind, mask = numbers_of(blocks, block), blocks.kind[block], lanes_in(bits)
-    for p in range(4 if points_in(kind) > 1 else 1):
-        point = POINT + p * POINT_ROWS
-        _put_back(b, point + IMPULSE, point + RESTING, point + TOTAL, mask)
-    for k in range(2):
-        _put_back(b, FRICTION + k, RESTING_T + k, TOTAL_T + k, mask)
-    if not are_balls(kind):
-        store(b, SPIN, select(mask, load(b, RESTING_SPIN), load(b, SPIN)))
-    for k in range(2 if resists(kind) else 0):
-        store(b, ROLL + k, select(mask, load(b, RESTING_ROLL + k), load(b, ROLL + k)))
-    _note_approach(b, kind, motion, blocks.at_A[lanes_of(block)], blocks.at_B[lanes_of(block)],
-                   mask)
-
-
-@part
-def _put_back(b: Array, row: int, aside: int, total: int, mask: Mask) -> None:
-    store(b, total, load(b, total) + select(mask, load(b, row), 0.0))
-    store(b, row, select(mask, load(b, aside), load(b, row)))
-
-
-@part
-def excuse_approach(blocks: Blocks, block: int, motion: Array) -> None:
-    """Let forces not stop how fast the points of a block approach, which is for an impact."""
-    lanes = lanes_of(block)
-    _note_approach(numbers_of(blocks, block), blocks.kind[block], motion, blocks.at_A[lanes],
-                   blocks.at_B[lanes], lanes_in(EVERY))
-
-
-@part
-def forget_excuse(blocks: Blocks, block: int) -> None:
-    """End what `excuse_approach` began."""
-    b = numbers_of(blocks, block)
-    for p in range(4 if points_in(blocks.kind[block]) > 1 else 1):
-        store(b, POINT + p * POINT_ROWS + RESTING, 0.0)
-
-
-@part
-def _note_approach(b: Array, kind: int, motion: Array, at_A: IntArray, at_B: IntArray,
-                   mask: Mask) -> None:
-    """Write how fast the points still approach, in the place of what was set aside."""
-    A, B = gather(motion, at_A), gather(motion, at_B)
-    if are_balls(kind):
-        along = dot((B[0] - A[0], B[1] - A[1], B[2] - A[2]), load_three(b, NORMAL))
-        store(b, POINT + RESTING, select(mask, max(-along, 0.0), 0.0))
-        return
-    n, t1, t2 = axes(b)
-    _, u, w = _relative(b, A, B)
-    along, about_1, about_2 = dot(u, n), dot(w, t1), dot(w, t2)
-    if points_in(kind) == 1:
-        store(b, POINT + RESTING, select(mask, max(-along, 0.0), 0.0))
-        return
-    for p in range(4):
-        point = POINT + p * POINT_ROWS
-        speed = _point_speed(b, point, along, about_1, about_2)
-        store(b, point + RESTING, select(mask, max(-speed, 0.0), 0.0))
-
-
-@part
 def separate(blocks: Blocks, block: int, push: Array, rate: float) -> None:
     """
     Push the overlaps of a block apart by velocities that last for one substep only.
@@ -349,7 +262,7 @@ def _separate_many(b: Array, push: Array, at_A: IntArray, at_B: IntArray, points
 def _separate_small(b: Array, push: Array, at_A: IntArray, at_B: IntArray, rate: float) -> None:
     """Do the same for manifolds of one point: their common point c."""
     A, B, n = gather(push, at_A), gather(push, at_B), load_three(b, NORMAL)
-    _, u, _ = _relative(b, A, B)
+    _, u, _ = relative_twist(b, A, B)
     wanted = wanted_of(b, POINT, rate)
     shove = max(load(b, POINT + MASS) * (wanted - dot(u, n)), 0.0)
     shove = select(wanted > 0.0, shove, 0.0)
@@ -360,7 +273,7 @@ def _separate_small(b: Array, push: Array, at_A: IntArray, at_B: IntArray, rate:
 
 
 @part
-def _relative(b: Array, A: Motion, B: Motion) -> tuple[Three, Three, Three]:
+def relative_twist(b: Array, A: Motion, B: Motion) -> tuple[Three, Three, Three]:
     """Return v_B - v_A, the relative velocity at c and the relative spin, in W."""
     w_A, w_B = symmetric(b, J_A, (A[3], A[4], A[5])), symmetric(b, J_B, (B[3], B[4], B[5]))
     v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
@@ -372,7 +285,7 @@ def _relative(b: Array, A: Motion, B: Motion) -> tuple[Three, Three, Three]:
 def _twist(b: Array, A: Motion, B: Motion) -> tuple[Three, Three]:
     """Return the twist of B relative to A at c, as the triples N and T."""
     n, t1, t2 = axes(b)
-    _, u, w = _relative(b, A, B)
+    _, u, w = relative_twist(b, A, B)
     return (dot(u, n), dot(w, t1), dot(w, t2)), (dot(u, t1), dot(u, t2), dot(w, n))
 
 
@@ -381,12 +294,12 @@ def _drift(b: Array, A: Motion, B: Motion, h: float, points: int, shoved: bool,
            what: Sweep) -> Eight:
     """Do what `drift_block` does; return the fastest approach of each pair, below 0 [m/s]."""
     n, t1, t2 = axes(b)
-    v, u, w = _relative(b, A, B)
+    v, u, w = relative_twist(b, A, B)
     drift_together(b, points, shoved, v, h)
     along, about_1, about_2, least = dot(u, n), dot(w, t1), dot(w, t2), spread(ABSENT)
     for p in range(4 if points > 1 else 1):
         point = POINT + p * POINT_ROWS
-        was_open, speed = is_open(b, point), _point_speed(b, point, along, about_1, about_2)
+        was_open, speed = is_open(b, point), point_speed(b, point, along, about_1, about_2)
         store(b, point + GAP, load(b, point + GAP) + h * speed)
         store(b, point + RESTING, 0.0)
         least = min(least, approach_of(speed + least_speed(b, point, what), was_open))

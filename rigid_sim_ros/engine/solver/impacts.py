@@ -28,11 +28,11 @@ import numpy as np
 
 from rigid_sim_ros.engine.constraints.contact_blocks import SIZE
 from rigid_sim_ros.engine.constraints.contact_rules import SETTLED_POINT, Sweep
+from rigid_sim_ros.engine.solver.block_impacts import (
+    begin_impact, end_impact, excuse_approach, forget_excuse)
 from rigid_sim_ros.engine.solver.coloring import (
     BETWEEN, Blocks, first_block, most_blocks, numbers_of)
-from rigid_sim_ros.engine.solver.contact_sweep import (
-    begin_block, begin_impact, drift_block, end_impact, excuse_approach, forget_excuse,
-    visit_block)
+from rigid_sim_ros.engine.solver.contact_sweep import begin_block, drift_block, visit_block
 from rigid_sim_ros.engine.solver.solver_bodies import most_slots, slots_of, STRIDE
 from rigid_sim_ros.kernels.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.kernels.eight import bits_of, LANES, load

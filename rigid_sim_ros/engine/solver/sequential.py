@@ -25,13 +25,14 @@ from rigid_sim_ros.engine.solver.coloring import (
     awake_in, begin_blocks, BETWEEN, Blocks, CACHED, CHANGED, color_piece, fetch_block,
     first_block, make_room, numbers_of, OVERLAPPING, PIECE, REGIONS)
 from rigid_sim_ros.engine.solver.contact_filling import (
-    choose_manifolds, classify, DEEPEST, fill_blocks, keep_impulses, NEW, place_lanes, TOUCHING)
+    choose_manifolds, classify, DEEPEST, fill_blocks, NEW, place_lanes, TOUCHING)
 from rigid_sim_ros.engine.solver.contact_sweep import note_left, separate, visit_block
 from rigid_sim_ros.engine.solver.direct_islands import find_islands
 from rigid_sim_ros.engine.solver.direct_solve import solve_islands
 from rigid_sim_ros.engine.solver.impacts import (
     drift_blocks, end_impacts, excuse_approaches, find_approaching, forget_excuses, pass_on,
     TURNS, visit_waiting)
+from rigid_sim_ros.engine.solver.impulse_keeping import keep_impulses
 from rigid_sim_ros.engine.solver.partition import give_slots, shared_out
 from rigid_sim_ros.engine.solver.solver_bodies import (
     begin_push, begin_push_astride, begin_push_inside, drift_bodies, kick_bodies, load_bodies,

@@ -9,6 +9,7 @@ asked, and it goes on from the stage at which it stopped.
 """
 
 from collections.abc import Callable
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,10 +17,11 @@ import numpy as np
 from rigid_sim_ros.engine.constraints.articulated_contact import keep_impulses
 from rigid_sim_ros.engine.constraints.articulated_rows import make_system
 from rigid_sim_ros.engine.constraints.pressing import (
-    more_points, NEEDED, POINTS_IN_USE, Pressing, WIDTH)
-from rigid_sim_ros.engine.contact.carried_forces import recall_forces
-from rigid_sim_ros.engine.contact.contacts import gather
+    HALF_KNOWN, more_points, NEEDED, POINTS_IN_USE, Pressing, WIDTH)
+from rigid_sim_ros.engine.contact.carried_forces import match_forces, recall_forces
+from rigid_sim_ros.engine.contact.contacts import gather, read_velocity
 from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses, record
+from rigid_sim_ros.engine.detection.backtrack import approach_bound
 from rigid_sim_ros.engine.detection.detect import detect_ahead
 from rigid_sim_ros.engine.detection.look_ahead import look_ahead
 from rigid_sim_ros.engine.detection.manifold_rows import find_anew
@@ -27,6 +29,8 @@ from rigid_sim_ros.engine.detection.manifolds import current, grown, Memory
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic
 from rigid_sim_ros.engine.joints.posture import read_positions
 from rigid_sim_ros.engine.joints.settle import prepare_step
+from rigid_sim_ros.engine.maths.vector import row
+from rigid_sim_ros.engine.model.kinds.table import is_unbounded
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.engine.steps.articulated import begin_efforts, end_step, JointedArguments
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
@@ -86,6 +90,38 @@ def find_points(c: JointedContact, h: float) -> int:
     w.count[NEEDED] = gather(state, manifolds, shapes, c.materials, np.inf, w.order[0, :rows],
                              w.order[1, :rows], w.contacts)
     return MORE_CONTACTS if w.count[NEEDED] > w.contacts.gap.shape[0] else DONE
+
+
+@kernel
+def reach(c: JointedContact, r: int, h: float) -> tuple[float, float]:
+    """
+    Return how fast [m/s] the shapes of a manifold come nearer within h [s], at most.
+
+    And how near [m] they may come so that nothing passes through anything unseen: as near as they
+    are, or one into the other by half of the thinner one (conservative advancement; Mirtich,
+    Impulse-based Dynamic Simulation, PhD thesis, Berkeley 1996, section 2.3). The loads have been
+    summed.
+    """
+    joints, shapes, manifolds = c.joints, c.shapes, current(c.memory)
+    model, state, loads = joints.model, joints.state, joints.work.loads
+    a, b = manifolds.shape_a[r], manifolds.shape_b[r]
+    if is_unbounded(shapes.kind[a]) or is_unbounded(shapes.kind[b]):
+        return 0.0, math.inf    # nothing comes out on the other side of a half space
+    n, gap = row(manifolds.normal, r), math.inf
+    for p in range(manifolds.points[r]):
+        gap = min(gap, manifolds.gap[p, r])
+    speed = (approach_bound(model, state, loads, shapes, a, n, h)
+             + approach_bound(model, state, loads, shapes, b, (-n[0], -n[1], -n[2]), h))
+    return speed, max(gap, 0.5 * min(c.thickness[a], c.thickness[b]))
+
+
+@kernel
+def read_way(c: JointedContact) -> None:
+    """Read the velocities of the way that was taken, and which points took part in it."""
+    model, state, w = c.joints.model, c.joints.state, c.pressing
+    for i in range(model.m.shape[0]):
+        read_velocity(model, state, i, w.bodies)
+    match_forces(w.contacts, w.half, w.count[HALF_KNOWN], w.match)
 
 
 @kernel

@@ -16,25 +16,21 @@ All bodies go through this side by side. After MOST_EVENTS in a step the rest of
 import math
 
 from rigid_sim_ros.engine.constraints.articulated_contact import (
-    choose_points, keep_impulses, press, take_all, take_back_displacing, take_pressing)
-from rigid_sim_ros.engine.constraints.articulated_impact import (
-    collide, meeting_within, take_touching)
-from rigid_sim_ros.engine.constraints.pressing import (
-    HALF_KNOWN, NEEDED, POINTS_IN_USE, WIDTH)
-from rigid_sim_ros.engine.contact.carried_forces import match_forces
-from rigid_sim_ros.engine.contact.contacts import read_bodies, read_velocity
+    keep_impulses, press, take_back_displacing)
+from rigid_sim_ros.engine.constraints.articulated_impact import collide
+from rigid_sim_ros.engine.constraints.articulated_points import (
+    choose_points, meeting_within, take_all, take_pressing, take_touching)
+from rigid_sim_ros.engine.constraints.pressing import NEEDED, POINTS_IN_USE, WIDTH
+from rigid_sim_ros.engine.contact.contacts import read_bodies
 from rigid_sim_ros.engine.contact.recorded_impulses import record
-from rigid_sim_ros.engine.detection.backtrack import approach_bound
 from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.dynamics.loads import kick
-from rigid_sim_ros.engine.maths.vector import row
-from rigid_sim_ros.engine.model.kinds.table import is_unbounded
 from rigid_sim_ros.engine.steps.articulated import (
     arrive, begin_part, finish, go_back, later_loads, MOST_PARTS, move_bodies)
 from rigid_sim_ros.engine.steps.jointed_contact import (
-    BEGIN, begin, COLLISIONS, CUT_SHORT, DONE, end, EVENTS, find_points, JointedContact, keep_part,
-    MORE_ROWS, STAGE, STEPS, TRIES)
+    BEGIN, begin, COLLISIONS, CUT_SHORT, DONE, end, EVENTS, find_points, JointedContact,
+    keep_part, MORE_ROWS, reach, read_way, STAGE, STEPS, TRIES)
 from rigid_sim_ros.kernels.kernel import kernel
 
 # In a step: events after which nothing bounces any more, and after which it is not backtracked.
@@ -47,7 +43,7 @@ MOST_TRIES, SHARP = 40, 1e-6
 SHORTEST = 1.0 / 1024.0
 # At which stage a step goes on: what touches is found, and collides; the first half of a way; what
 # overlaps is found at its end; the second half.
-SEEK, FIRST, LOOK_BACK, SECOND = range(BEGIN + 1, BEGIN + 5)
+SEEK, FIRST, LOOK_BACK, ARRIVE, CHOOSE, SECOND = range(BEGIN + 1, BEGIN + 7)
 # Places in `JointedContact.span`: [s] what is left of the step, and the way that is tried.
 LEFT, WAY = range(2)
 
@@ -65,6 +61,10 @@ def run(c: JointedContact) -> int:
             _take_first_half(c)
         elif stage == LOOK_BACK:
             why = _look_back(c)
+        elif stage == ARRIVE:
+            _arrive(c)
+        elif stage == CHOOSE:
+            why = _choose(c)
         else:
             _take_second_half(c)
         if why != DONE:
@@ -123,25 +123,10 @@ def _record_collisions(c: JointedContact) -> None:
 
 @kernel
 def _safe_way(c: JointedContact) -> float:
-    """
-    Return for how long [s] the bodies may go so that nothing passes through anything unseen.
-
-    Shapes that are apart may come as near as they are, or one into the other by half of the
-    thinner one (conservative advancement; Mirtich, Impulse-based Dynamic Simulation, PhD thesis,
-    Berkeley 1996, section 2.3).
-    """
-    joints, shapes, manifolds, way = c.joints, c.shapes, current(c.memory), c.span[WAY]
-    model, state, loads = joints.model, joints.state, joints.work.loads
-    for r in range(manifolds.count[0]):
-        a, b = manifolds.shape_a[r], manifolds.shape_b[r]
-        if is_unbounded(shapes.kind[a]) or is_unbounded(shapes.kind[b]):
-            continue    # nothing comes out on the other side of a half space
-        n, gap = row(manifolds.normal, r), math.inf
-        for p in range(manifolds.points[r]):
-            gap = min(gap, manifolds.gap[p, r])
-        speed = (approach_bound(model, state, loads, shapes, a, n, way)
-                 + approach_bound(model, state, loads, shapes, b, (-n[0], -n[1], -n[2]), way))
-        least = max(gap, 0.5 * min(c.thickness[a], c.thickness[b]))
+    """Return for how long [s] bodies may go so that nothing passes through anything unseen."""
+    way = c.span[WAY]
+    for r in range(current(c.memory).count[0]):
+        speed, least = reach(c, r, way)
         if speed * way > least:
             way = least / speed
     return way
@@ -210,14 +195,11 @@ def _limit_hit(c: JointedContact) -> float:
 def _look_back(c: JointedContact) -> int:
     """Go back if shapes met on the way; else let it be taken."""
     joints, w, h = c.joints, c.pressing, c.span[WAY]
-    model, state = joints.model, joints.state
     why = find_points(c, 0.0)
     if why != DONE:
         return why
     if _may_end_earlier(c):
-        for i in range(model.m.shape[0]):
-            read_velocity(model, state, i, w.bodies)
-        match_forces(w.contacts, w.half, w.count[HALF_KNOWN], w.match)
+        read_way(c)
         met = meeting_within(h, w)
         if met < h:
             go_back(joints)
@@ -225,12 +207,28 @@ def _look_back(c: JointedContact) -> int:
             c.place[TRIES] += 1
             c.place[STAGE] = SEEK
             return DONE
+    c.place[STAGE] = ARRIVE
+    return DONE
+
+
+@kernel
+def _arrive(c: JointedContact) -> None:
+    """Note what the way did, which is taken now."""
+    arrive(c.joints, c.span[WAY], True)
+    take_back_displacing(c.joints.model, c.joints.state, c.span[WAY], c.pressing)
+    c.place[STAGE] = CHOOSE
+
+
+@kernel
+def _choose(c: JointedContact) -> int:
+    """Choose the points that take part in the second half."""
+    joints, w = c.joints, c.pressing
     take_pressing(w)
     if c.place[CUT_SHORT] == 0:
         # What has just met collides when the next way begins.
         for k in range(w.contacts.count[0]):
             w.active[k] = 1 if w.match[k] >= 0 else 0
-    w.count[NEEDED] = choose_points(model, joints.table, w)
+    w.count[NEEDED] = choose_points(joints.model, joints.table, w)
     if w.count[NEEDED] > w.system.x.shape[0]:
         return MORE_ROWS
     c.place[STAGE] = SECOND
@@ -242,8 +240,6 @@ def _take_second_half(c: JointedContact) -> None:
     """Kick, find the impulses of contact at the new poses, and let the joints answer."""
     joints, h = c.joints, c.span[WAY]
     model, state = joints.model, joints.state
-    arrive(joints, h, True)
-    take_back_displacing(state, c.pressing)
     loads = later_loads(joints, h)
     kick(state, loads, 0.5 * h)
     press(model, state, joints.table, joints.motion, joints.scratch, loads, h, False, c.pressing)

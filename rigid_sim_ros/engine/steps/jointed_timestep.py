@@ -3,23 +3,31 @@
 """
 The model `timestep` of bodies that joints hold and that touch each other.
 
-Kick, drift, kick as without contacts (articulated.py), with impulses of contact in both halves.
+Kick, drift, kick as without contacts (articulated.py), with impulses of contact in both halves. If
+shapes met on the way that took no part, it is taken again with them.
 """
 
 from rigid_sim_ros.engine.constraints.articulated_contact import (
-    choose_points, keep_impulses, press, take_all, take_back_displacing, take_pressing)
-from rigid_sim_ros.engine.constraints.pressing import NEEDED, POINTS_IN_USE
+    keep_impulses, press, take_back_displacing)
+from rigid_sim_ros.engine.constraints.articulated_points import (
+    choose_points, take_close, take_pressing, wake, wake_met)
+from rigid_sim_ros.engine.constraints.pressing import NEEDED, POINTS_IN_USE, WOKEN
+from rigid_sim_ros.engine.detection.manifolds import current
+from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.dynamics.loads import kick
 from rigid_sim_ros.engine.steps.articulated import (
     arrive, begin_part, finish, go_back, later_loads, MOST_PARTS, move_bodies, next_size)
 from rigid_sim_ros.engine.steps.jointed_contact import (
-    BEGIN, begin, DONE, end, find_points, JointedContact, keep_part, MORE_ROWS, PARTS_DONE, SIZE,
-    STAGE, STEPS)
+    BEGIN, begin, DONE, end, find_points, JointedContact, keep_part, MORE_ROWS, PARTS_DONE, reach,
+    read_way, SIZE, STAGE, STEPS, TRIES)
 from rigid_sim_ros.kernels.kernel import kernel
 
-# At which stage a step goes on: what touches is found, at the start of a part of it and at its
-# end; the first and the second half of a part.
-SEEK, FIRST, SEEK_AGAIN, SECOND = range(BEGIN + 1, BEGIN + 5)
+# Ways that are tried with what met on the ones before; of a chain of shapes that hit each other
+# one more in each.
+MOST_TRIES = 4
+# At which stage a step goes on: what touches is found; the first half of a part of it; what met on
+# the way is found; the way is taken; what presses at its end is chosen; the second half.
+SEEK, FIRST, LOOK_BACK, ARRIVE, CHOOSE, SECOND = range(BEGIN + 1, BEGIN + 7)
 
 
 @kernel
@@ -30,13 +38,18 @@ def run(c: JointedContact) -> int:
         if stage == BEGIN:
             begin(c)
             c.place[PARTS_DONE], c.place[SIZE] = 0, next_size(c.joints.motion)
-            c.place[STAGE] = SEEK
+            _begin_part(c)
         elif stage == SEEK:
-            why = _seek(c, True)
+            why = _seek(c)
         elif stage == FIRST:
             _take_first_half(c)
-        elif stage == SEEK_AGAIN:
-            why = _seek(c, False)
+        elif stage == LOOK_BACK:
+            why = _look_back(c)
+        elif stage == ARRIVE:
+            _arrive(c)
+        elif stage == CHOOSE:
+            take_pressing(c.pressing)
+            why = _choose(c, SECOND)
         else:
             _take_second_half(c)
         if why != DONE:
@@ -45,22 +58,69 @@ def run(c: JointedContact) -> int:
 
 
 @kernel
-def _seek(c: JointedContact, first: bool) -> int:
-    """Find the points that may touch in the part of a step, or that do at its end."""
-    # At the end of a part only what touches is asked for.
-    why = find_points(c, c.joints.model.h if first else 0.0)
+def _begin_part(c: JointedContact) -> None:
+    """Begin a part of a step, in which nothing has met yet."""
+    c.place[TRIES], c.pressing.count[WOKEN] = 0, 0
+    c.place[STAGE] = SEEK
+
+
+@kernel
+def _seek(c: JointedContact) -> int:
+    """Find the points that take part in the first half of a part of a step."""
+    joints, w, h = c.joints, c.pressing, c.joints.model.h
+    why = find_points(c, h)
     if why != DONE:
         return why
+    sum_loads(joints.model, joints.state, joints.wrenches, joints.work.loads)
+    manifolds = current(c.memory)
+    for r in range(manifolds.count[0]):
+        speed, least = reach(c, r, h)
+        if speed * h > least:
+            wake(w, manifolds.shape_a[r], manifolds.shape_b[r])
+    take_close(w)
+    return _choose(c, FIRST)
+
+
+@kernel
+def _choose(c: JointedContact, after: int) -> int:
+    """Choose the points that take part; go on with a stage if there is room for them."""
     w = c.pressing
-    if first:
-        take_all(w)
-    else:
-        take_pressing(w)
     w.count[NEEDED] = choose_points(c.joints.model, c.joints.table, w)
     if w.count[NEEDED] > w.system.x.shape[0]:
         return MORE_ROWS
-    c.place[STAGE] += 1
+    c.place[STAGE] = after
     return DONE
+
+
+@kernel
+def _look_back(c: JointedContact) -> int:
+    """Go back if shapes met on the way that took no part in it."""
+    why = find_points(c, 0.0)
+    if why != DONE:
+        return why
+    w = c.pressing
+    read_way(c)
+    if c.place[TRIES] < MOST_TRIES and wake_met(_length(c), w):
+        go_back(c.joints)
+        c.place[TRIES] += 1
+        c.place[STAGE] = SEEK
+    else:
+        c.place[STAGE] = ARRIVE
+    return DONE
+
+
+@kernel
+def _arrive(c: JointedContact) -> None:
+    """Note what the way did, which is taken now."""
+    arrive(c.joints, _length(c), True)
+    take_back_displacing(c.joints.model, c.joints.state, _length(c), c.pressing)
+    c.place[STAGE] = CHOOSE
+
+
+@kernel
+def _length(c: JointedContact) -> float:
+    """Return the length [s] of the part of a step that is taken."""
+    return c.joints.model.h * c.place[SIZE] / MOST_PARTS
 
 
 @kernel
@@ -68,7 +128,7 @@ def _take_first_half(c: JointedContact) -> None:
     """Kick, find the impulses of contact, and let bodies and joints move to the new poses."""
     joints = c.joints
     model, state, table, loads = joints.model, joints.state, joints.table, joints.work.loads
-    h = model.h * c.place[SIZE] / MOST_PARTS
+    h = _length(c)
     begin_part(joints)
     kick(state, loads, 0.5 * h)
     press(model, state, table, joints.motion, joints.scratch, loads, h, True, c.pressing)
@@ -83,10 +143,8 @@ def _take_first_half(c: JointedContact) -> None:
             go_back(joints)
             c.pressing.count[POINTS_IN_USE] = 0
             return
-    arrive(joints, h, True)
-    take_back_displacing(state, c.pressing)
     keep_impulses(model, True, c.pressing)
-    c.place[STAGE] = SEEK_AGAIN
+    c.place[STAGE] = LOOK_BACK
 
 
 @kernel
@@ -94,14 +152,14 @@ def _take_second_half(c: JointedContact) -> None:
     """Kick, find the impulses of contact at the new poses, and let the joints answer."""
     joints = c.joints
     model, state = joints.model, joints.state
-    h = model.h * c.place[SIZE] / MOST_PARTS
+    h = _length(c)
     loads = later_loads(joints, h)
     kick(state, loads, 0.5 * h)
     press(model, state, joints.table, joints.motion, joints.scratch, loads, h, False, c.pressing)
     finish(joints, h, True)
     keep_part(c)
     c.place[PARTS_DONE] += c.place[SIZE]
-    c.place[STAGE] = SEEK
+    _begin_part(c)
     if c.place[PARTS_DONE] == MOST_PARTS:
         joints.motion.parts[0] = MOST_PARTS // c.place[SIZE]
         end(c)

@@ -24,7 +24,7 @@ def collided(things, restitution, friction):
     impulse, slide = np.zeros_like(manifolds.impulse), np.zeros_like(manifolds.friction)
     count = collide_bodies(scene.model.h, scene.model.inv_m, scene.model.inv_I_C, scene.state,
                            np.zeros((3, len(things))), scene.shapes, scene.materials, manifolds,
-                           1e-3, impulse, slide, work)
+                           impulse, slide, work)
     return scene, count, impulse[:manifolds.points[0], 0], slide[0]
 
 

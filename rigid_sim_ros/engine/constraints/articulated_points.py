@@ -1,0 +1,227 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Which points of contact take part in half a step of bodies that joints hold.
+
+In the first half those that touch. A point that is near says nothing yet: along its normal a body
+that passes an edge would run into it. Where shapes overlap after the way of the step that were
+apart before, the state goes back and their points take part too (`wake_met`), or the way ends
+where they met (`meeting_within`).
+"""
+
+import math
+
+from rigid_sim_ros.engine.constraints.pressing import (
+    HALF_KNOWN, ISLANDS, KNOWN, POINTS_IN_USE, Pressing, WIDTH, WOKEN)
+from rigid_sim_ros.engine.contact.carried_forces import match_forces
+from rigid_sim_ros.engine.contact.classify import resting_speed
+from rigid_sim_ros.engine.contact.contacts import Contacts, relative, to_contact
+from rigid_sim_ros.engine.maths.union_find import first_of, unite
+from rigid_sim_ros.engine.model.joints import JointTable
+from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.kernels.arrays import IntArray
+from rigid_sim_ros.kernels.kernel import kernel
+
+# Of the size of the smaller shape: points with a smaller gap touch; far above rounding, far below
+# anything seen.
+TOUCHING = 1e-7
+# Points that are nearer take part in the first half of a step, and in the second.
+CLOSE, NEAR = 1e-4, 1e-6
+
+
+@kernel
+def rate_of_gap(w: Pressing, k: int) -> float:
+    """Return how fast the gap of point k grows [m/s]."""
+    return to_contact(w.contacts, k, relative(w.bodies.velocity, w.contacts, k))[0]
+
+
+@kernel
+def take_close(w: Pressing) -> None:
+    """Let take part what is close, and the pairs that were woken."""
+    contacts = w.contacts
+    match_forces(contacts, w.carried, w.count[KNOWN], w.match)
+    for k in range(contacts.count[0]):
+        acts = contacts.gap[k] <= CLOSE * contacts.size[k] or _is_woken(
+            w, contacts.shape_a[k], contacts.shape_b[k])
+        w.active[k] = 1 if acts else 0
+
+
+@kernel
+def _is_woken(w: Pressing, a: int, b: int) -> bool:
+    for n in range(w.count[WOKEN]):
+        if w.woken[n, 0] == a and w.woken[n, 1] == b:
+            return True
+    return False
+
+
+@kernel
+def wake(w: Pressing, a: int, b: int) -> bool:
+    """Let all points of two shapes take part in this part of a step; return whether it is new."""
+    n = w.count[WOKEN]
+    if n == w.woken.shape[0] or _is_woken(w, a, b):
+        return False
+    w.woken[n, 0], w.woken[n, 1] = a, b
+    w.count[WOKEN] += 1
+    return True
+
+
+@kernel
+def take_touching(h: float, soon: float, w: Pressing) -> None:
+    """
+    Let take part what touches, and what is as near as a rebound that is too short to be one.
+
+    What meets within a time `soon` [s] touches already. h [s] is the step; the bodies have been
+    read.
+    """
+    contacts = w.contacts
+    match_forces(contacts, w.carried, w.count[KNOWN], w.match)
+    for k in range(contacts.count[0]):
+        slow, rate = resting_speed(contacts, w.bodies, k, h), rate_of_gap(w, k)
+        gap = contacts.gap[k] - TOUCHING * contacts.size[k]
+        rests = gap <= 0.25 * h * slow and abs(rate) <= slow
+        w.active[k] = 1 if gap + soon * min(rate, 0.0) <= 0.0 or rests else 0
+
+
+@kernel
+def take_all(w: Pressing) -> None:
+    """Let all points take part."""
+    match_forces(w.contacts, w.carried, w.count[KNOWN], w.match)
+    for k in range(w.contacts.count[0]):
+        w.active[k] = 1
+
+
+@kernel
+def take_pressing(w: Pressing) -> None:
+    """Let take part in the second half of a step what pressed in the first, or touches."""
+    match_forces(w.contacts, w.half, w.count[HALF_KNOWN], w.match)
+    for k in range(w.contacts.count[0]):
+        w.active[k] = 1 if _presses(w.contacts, k, w) else 0
+
+
+@kernel
+def choose_points(model: Model, table: JointTable, w: Pressing) -> int:
+    """Sort the points that take part by islands; return the rows of the largest."""
+    contacts, parent = w.contacts, w.parent
+    _unite_bodies(model, table, contacts, parent)
+    _find_held(model, table, w)
+    w.label[:] = -1
+    islands, found = 0, 0
+    for k in range(contacts.count[0]):
+        root = _island(model, contacts, k, parent)
+        if root < 0:
+            w.active[k] = 0
+        if w.active[k] == 0:
+            continue
+        if w.label[root] < 0:
+            w.label[root] = islands
+            w.first[islands] = 0
+            islands += 1
+        w.first[w.label[root]] += 1
+        found += 1
+    start, largest = 0, 0
+    for n in range(islands):
+        largest = max(largest, w.first[n])
+        start, w.first[n] = start + w.first[n], start
+    for k in range(contacts.count[0]):
+        if w.active[k] == 1:
+            n = w.label[_island(model, contacts, k, parent)]
+            w.chosen[w.first[n]] = k
+            w.first[n] += 1
+    for n in range(islands, 0, -1):     # each is now where the next one begins
+        w.first[n] = w.first[n - 1]
+    w.first[0] = 0
+    w.count[ISLANDS], w.count[POINTS_IN_USE] = islands, found
+    return w.count[WIDTH] * largest
+
+
+@kernel
+def _find_held(model: Model, table: JointTable, w: Pressing) -> None:
+    """Note which sets of bodies hang on, or touch, what nothing pushes."""
+    contacts = w.contacts
+    w.held[:] = 0
+    for j in range(table.kind.shape[0]):
+        _note_held(model, table.body_a[j], table.body_b[j], w)
+    for k in range(contacts.count[0]):
+        if w.active[k] == 1:
+            _note_held(model, contacts.body_a[k], contacts.body_b[k], w)
+
+
+@kernel
+def _note_held(model: Model, a: int, b: int, w: Pressing) -> None:
+    for one, other in ((a, b), (b, a)):
+        if (other < 0 or model.inv_m[other] == 0.0) and one >= 0:
+            w.held[first_of(w.parent, one)] = 1
+
+
+@kernel
+def _unite_bodies(model: Model, table: JointTable, contacts: Contacts, parent: IntArray) -> None:
+    """Write which bodies hang together by joints and points of contact."""
+    for i in range(parent.shape[0]):
+        parent[i] = i
+    for g in range(table.first_row.shape[0] - 1):
+        for r in range(table.first_row[g] + 1, table.first_row[g + 1]):
+            unite(parent, table.body[table.first_row[g]], table.body[r])
+    for k in range(contacts.count[0]):
+        a, b = contacts.body_a[k], contacts.body_b[k]
+        if model.inv_m[a] > 0.0 and model.inv_m[b] > 0.0:
+            unite(parent, a, b)
+
+
+@kernel
+def _island(model: Model, contacts: Contacts, k: int, parent: IntArray) -> int:
+    """Return the first body of the set that point k belongs to, -1 if neither body can move."""
+    for body in (contacts.body_a[k], contacts.body_b[k]):
+        if model.inv_m[body] > 0.0:
+            return first_of(parent, body)
+    return -1
+
+
+@kernel
+def _presses(contacts: Contacts, k: int, w: Pressing) -> bool:
+    """Return whether a point takes part in the second half of a step."""
+    if contacts.gap[k] <= NEAR * contacts.size[k]:
+        return True
+    i = w.match[k]
+    if i < 0:
+        return False
+    pressed = 0.0
+    for j in range(3):
+        pressed += w.half.force[i, j] * contacts.axes[k, 0, j]
+    return pressed > 0.0
+
+
+@kernel
+def _has_met(h: float, w: Pressing, k: int) -> float:
+    """
+    Return when [s] on a way of h [s] the shapes at point k met that overlap now; inf: did not.
+
+    The velocities are those of the way, and w.match says which points took part in it already:
+    what these sank by is the curvature of their way. The gap of the others is followed back at its
+    present rate; where it was none at the start the shapes turned into each other while they
+    touched.
+    """
+    contacts = w.contacts
+    gap, touching = contacts.gap[k], TOUCHING * contacts.size[k]
+    if w.match[k] >= 0 or gap >= -touching:
+        return math.inf
+    before = gap - h * rate_of_gap(w, k)
+    return h * before / (before - gap) if before > touching else math.inf
+
+
+@kernel
+def meeting_within(h: float, w: Pressing) -> float:
+    """Return when [s] the first shapes met on a way of h [s] that overlap now; inf: none did."""
+    first = math.inf
+    for k in range(w.contacts.count[0]):
+        first = min(first, _has_met(h, w, k))
+    return first
+
+
+@kernel
+def wake_met(h: float, w: Pressing) -> bool:
+    """Wake what met on a way of h [s]; return whether anything was not awake."""
+    any_was = False
+    for k in range(w.contacts.count[0]):
+        if _has_met(h, w, k) < h:
+            any_was = wake(w, w.contacts.shape_a[k], w.contacts.shape_b[k]) or any_was
+    return any_was
