@@ -148,7 +148,8 @@ def compare(pin, path):
     mended, spent = '', 0.0
     for _ in range(TRIALS):
         free = positions(model, rng)
-        entry = {'name': 'robot', 'file': str(path), 'joints': free, 'fixed_base': True}
+        entry = {'name': 'robot', 'file': str(path), 'joints': free, 'fixed_base': True,
+                 'visuals': False}
         scene = {'world': {'contact': 'none'}, 'models': [entry]}
         start = time.perf_counter()
         try:

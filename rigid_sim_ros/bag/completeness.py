@@ -51,7 +51,8 @@ def wrong_topics(session: Session, names: Sequence[str], is_part: bool,
         if topic.kind in (*_OF_BODIES, kinds.APPLIED_WRENCH) and not is_part and (
                 topic.body not in names):
             return f'the session lists {topic.name} of the body {topic.body!r}, which there is not'
-        if topic.kind in kinds.OF_JOINTS and topic.body not in joints.owners(topic.kind):
+        if topic.kind in kinds.OF_JOINTS and not is_part and (
+                topic.body not in joints.owners(topic.kind)):
             return f'the session lists {topic.name} of {topic.body!r}, which there is not'
     if len(session.by_name) < len(session.topics):
         return 'the session lists a topic twice'
@@ -59,7 +60,7 @@ def wrong_topics(session: Session, names: Sequence[str], is_part: bool,
     for own in kinds.own_topics(session.node):
         if own not in session.topics or listed[own.kind, ''] != 1:
             return f'the session does not list {own.name} as it must be'
-    for model in joints.models:
+    for model in () if is_part else joints.models:
         if listed[kinds.JOINT_STATES, model] != 1:
             return f'the session does not list the joint states of {model!r}, as it must'
     patterns = session.parameters.get('bodies')

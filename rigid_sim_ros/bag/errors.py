@@ -2,15 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What can be wrong with a bag."""
 
-
-def printable(text: str) -> str:
-    """
-    Return a text as it may be shown on a terminal.
-
-    What comes from a file may hold characters that move the cursor or turn the direction of
-    writing; they are shown as escapes.
-    """
-    return ''.join(c if c.isprintable() else c.encode('unicode_escape').decode() for c in text)
+from rigid_sim_ros.problems import printable
 
 
 class BagError(ValueError):

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rigid_sim_ros.bag.errors import BagError, Damaged
+from rigid_sim_ros.scene.additions import names_a_file
 from rigid_sim_ros.world import World
 from rigid_sim_ros.world.commands import Command, KINDS
 
@@ -87,7 +88,14 @@ _NEEDED: dict[str, dict[str, Callable[[object], bool]]] = {
 
 
 def apply(event: Event, world: World) -> None:
-    """Do to a world again what an event says; nothing for a note."""
+    """
+    Do to a world again what an event says; nothing for a note.
+
+    ValueError for what the world refuses, and for a part that names a file: a recorder writes
+    none, and a stranger's bag says nothing of the files here.
+    """
+    if event.kind == 'add' and names_a_file(event.arguments.get('part')):
+        raise ValueError('the part that comes names a file, must hold all that it is')
     if event.kind in INPUTS:
         world.apply(Command(event.kind, event.arguments))
 

@@ -8,13 +8,15 @@ PoseStamped, TwistStamped and Odometry, a body for each.
 """
 
 from collections.abc import Sequence
+import contextlib
 import os
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from rigid_sim_ros.bag import decode, session as sessions, topics as kinds
+from rigid_sim_ros.bag import decode, events, session as sessions, topics as kinds
+from rigid_sim_ros.bag.arrivals import Arrivals, with_arrivals
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.session import Session
@@ -47,6 +49,9 @@ class Motion(NamedTuple):
     # Of joints by name: times (k,) [s], and position, velocity and effort (k, 3) [rad or m ...].
     joints: dict[str, tuple[Array, Array]]
     notes: list[str]            # what is not as one may expect
+    # With which the session began; `scene` has the bodies that came later too, and its first
+    # bodies are the first ones here.
+    origin: Scene | None = None
 
 
 def joint_prefix(topic: str, node: str | None) -> str | None:
@@ -114,6 +119,7 @@ class _Gathering:
         self._joints: dict[str, list[tuple[int, int, list[str], Array]]] = {}
         self._scenes: dict[str, str] = {}
         self._session: Session | None = None
+        self._arrivals = Arrivals()
 
     # --- one message each -----------------------------------------------------------------------
 
@@ -126,6 +132,14 @@ class _Gathering:
             self._session = sessions.read(topic, data)
         elif topic.endswith('/scene'):
             self._scenes.setdefault(topic, decode.string(data))
+        elif topic.endswith(f'/bag/{kinds.EVENT}'):
+            # Whether the events are as they were recorded is for `verify` to say.
+            with contextlib.suppress(BagError):
+                self._arrivals.take_event(events.decode(decode.string(data)))
+
+    def snapshot(self, topic: str, stamp: int, data: bytes) -> None:
+        if topic.endswith(f'/bag/{kinds.SNAPSHOT}'):
+            self._arrivals.take_snapshot(data)
 
     def pose(self, topic: str, stamp: int, data: bytes) -> None:
         message = _message(kinds.TYPES[kinds.POSE], data)
@@ -171,10 +185,13 @@ class _Gathering:
         if self._states:
             topic = self._state_topic(notes)
             stamps, names, table = _table_of_states(self._states[topic])
-            scene = self._scene(topic, notes)
+            origin = self._scene(topic, notes)
+            scene = None if origin is None else with_arrivals(origin, self._arrivals.parts, notes)
+            if scene is not None:
+                names, table = _in_order(names, table, scene.names)
         elif self._singles:
             stamps, names, table = _table_of_singles(self._singles)
-            scene = None
+            origin = scene = None
         else:
             raise BagError(f'{path} holds no motion: no topic is of the type '
                            f'{kinds.TYPES[kinds.STATE]}, {kinds.TYPES[kinds.POSE]}, '
@@ -189,7 +206,7 @@ class _Gathering:
                 body_of(topic, names): (
                     np.array([t_ns - start for t_ns in _stamps(rows)]) / 1e9,
                     np.array([row[2] for row in rows]))
-                for topic, rows in self._wrenches.items()}, self._joint_series(), notes)
+                for topic, rows in self._wrenches.items()}, self._joint_series(), notes, origin)
 
     def _joint_series(self) -> dict[str, tuple[Array, Array]]:
         """Return the series of each joint; a clock that is set back goes on, as for bodies."""
@@ -229,6 +246,7 @@ class _Gathering:
 _TAKE = {
     kinds.TYPES[kinds.STATE]: _Gathering.state,
     kinds.TYPES[kinds.SCENE]: _Gathering.text,
+    kinds.TYPES[kinds.SNAPSHOT]: _Gathering.snapshot,
     kinds.TYPES[kinds.POSE]: _Gathering.pose,
     kinds.TYPES[kinds.TWIST]: _Gathering.twist,
     kinds.TYPES[kinds.APPLIED_WRENCH]: _Gathering.wrench,
@@ -240,6 +258,16 @@ _TAKE = {
 def _stamps(rows: Sequence[tuple[Any, ...]]) -> list[int]:
     """Return the stamps of the messages [ns], those of the bag where the messages have none."""
     return [row[0] for row in rows] if any(row[0] for row in rows) else [row[1] for row in rows]
+
+
+def _in_order(names: list[str], table: Array, first: Sequence[str]) -> tuple[list[str], Array]:
+    """Return names and numbers (t, n, 13) with some bodies before all others."""
+    ordered = list(dict.fromkeys([*first, *names]))
+    if ordered == names:
+        return names, table
+    moved = np.full((len(table), len(ordered), _WIDTH), np.nan)
+    moved[:, [ordered.index(name) for name in names]] = table
+    return ordered, moved
 
 
 def _table_of_states(

@@ -39,10 +39,13 @@ class Outputs:
     """Encodes what is said on the topics of a world, whichever of them there are."""
 
     def __init__(self, world: World, topics: Sequence[Topic], frame_id: str) -> None:
-        """Prepare messages for these topics; those of bodies that are not there are silent."""
+        """Prepare messages for these topics; those of what is not there are silent."""
         index = {name: k for k, name in enumerate(world.names)}
+        joints = JointMessages(world)
+        there = {**dict.fromkeys(kinds.OF_BODIES, world.names),
+                 **{kind: joints.owners(kind) for kind in kinds.OF_JOINTS}}
         topics = [topic for topic in topics
-                  if topic.kind not in kinds.OF_BODIES or topic.body in index]
+                  if topic.kind not in there or topic.body in there[topic.kind]]
         self._world = world
         self._names = {kind: [topic.name for topic in topics if topic.kind == kind]
                        for kind in kinds.TYPES}
@@ -53,7 +56,6 @@ class Outputs:
         self._twists = TwistEncoder(frame_id, len(twists))
         self._state = StateEncoder(frame_id, world.names)
         self._transforms = TransformsEncoder(frame_id, world.names)
-        joints = JointMessages(world)
         self._encode: dict[str, Callable[[], list[bytes]]] = {
             **{kind: partial(joints.encode, kind, [t.body for t in topics if t.kind == kind])
                for kind in kinds.OF_JOINTS},

@@ -344,6 +344,7 @@ class Resimulation:
 
     def _apply(self, event: Event) -> None:
         world = self._known_world()
+        names = set(world.names)
         try:
             events.apply(event, world)
         except (ValueError, TypeError) as error:
@@ -351,7 +352,7 @@ class Resimulation:
         if event.kind in ('add', 'remove'):
             self._know_bodies()
             assert self._tally is not None
-            self._tally.gone.add(str(event.arguments.get('name', '')))
+            self._tally.gone |= names - set(world.names)
         if event.kind == 'apply_wrench':
             given = event.arguments
             session = self._session

@@ -10,13 +10,13 @@ import click
 from rich.table import Table
 
 from rigid_sim_ros.bag.batch import Batch
-from rigid_sim_ros.bag.errors import printable
 from rigid_sim_ros.bag.export import default_output, export, format_of
 from rigid_sim_ros.bag.info import Info, info
 from rigid_sim_ros.bag.recover import recover
 from rigid_sim_ros.bag.verify import verify
 from rigid_sim_ros.bag.writer import check_path
 from rigid_sim_ros.cli.report import console, counted, print_table
+from rigid_sim_ros.problems import printable
 from rigid_sim_ros.warm_up import announced, warm_up
 from rigid_sim_ros.world import load_scene, World
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from rigid_sim_ros.problems import printable
 from rigid_sim_ros.scene import read_scene
 from rigid_sim_ros.scene.build import as_written
 
@@ -22,8 +23,7 @@ def convert_model(model: str, output: str) -> None:
         raise click.ClickException(f'{output} exists already: choose another --output, or remove '
                                    'it')
     scene = read_scene(model)
-    name = ''.join(c if c.isprintable() else '?' for c in os.path.basename(model))
-    text = f'# From {name}\n{as_written(scene.spec)}'
+    text = f'# From {printable(os.path.basename(model))}\n{as_written(scene.spec)}'
     for note in scene.notes:
         click.echo(f'note: {note}', err=True)
     if output == '-':

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rigid_sim_ros.models.findings import Finding, Place
+from rigid_sim_ros.models.findings import Place
 from rigid_sim_ros.models.poses import IDENTITY, Pose
+from rigid_sim_ros.problems import Problem
 
 
 # Robots have some hundred; pairs of links that do not touch grow with the square.
@@ -46,6 +47,7 @@ class Shape(NamedTuple):
     place: Place
     mesh: MeshFile | None = None
     points: Any = None      # (n, 3) [m]
+    faces: Any = None       # (f, 3) of the points, where the file has some
     color: tuple[float, ...] | None = None
 
 
@@ -119,5 +121,5 @@ class Model:
     ignored_pairs: list[tuple[str, str]] = field(default_factory=list)
     # What the file says of the world, for a model alone: `gravity`, `step`.
     world: Mapping[str, Any] = field(default_factory=dict)
-    notes: list[Finding] = field(default_factory=list)
+    notes: list[Problem] = field(default_factory=list)
     urdf: str = ''      # the whole text, if that is what it is

@@ -3,7 +3,9 @@
 """What is wrong with a model's file, and what of it has no effect: each with its place."""
 
 from collections.abc import Iterable
-from typing import NamedTuple, Protocol
+from typing import Protocol
+
+from rigid_sim_ros.problems import Problem
 
 
 class Place(Protocol):
@@ -17,24 +19,10 @@ class Place(Protocol):
         """Return where it stands, such as `joint 'shoulder'/limit`."""
 
 
-class Finding(NamedTuple):
-    """One remark on a file."""
-
-    message: str
-    key: str = ''
-    file: str = ''
-    line: int = 0
-
-    def __str__(self) -> str:
-        """Show FILE:LINE: ELEMENT: MESSAGE."""
-        place = f'{self.file}:{self.line}' if self.line else self.file
-        return ': '.join(part for part in (place, self.key, self.message) if part)
-
-
 class ModelError(ValueError):
     """A model cannot be used; ``findings`` says why, one for each mistake."""
 
-    def __init__(self, findings: Iterable[Finding]) -> None:
+    def __init__(self, findings: Iterable[Problem]) -> None:
         """Keep the findings."""
         self.findings = tuple(findings)
         super().__init__('\n'.join(map(str, self.findings)))
@@ -45,26 +33,26 @@ class Findings:
 
     def __init__(self) -> None:
         """Begin without any."""
-        self.errors: list[Finding] = []
-        self._notes: list[Finding] = []
-        self._ignored: dict[str, tuple[Finding, int]] = {}
+        self.errors: list[Problem] = []
+        self._notes: list[Problem] = []
+        self._ignored: dict[str, tuple[Problem, int]] = {}
 
     def error(self, place: Place, message: str) -> None:
         """Keep what makes the model unusable."""
-        self.errors.append(Finding(message, place.path, place.file, place.line))
+        self.errors.append(Problem(message, place.path, place.file, place.line))
 
     def note(self, place: Place, message: str) -> None:
         """Keep what the author should know."""
-        self._notes.append(Finding(message, place.path, place.file, place.line))
+        self._notes.append(Problem(message, place.path, place.file, place.line))
 
     def ignore(self, place: Place, what: str, why: str = '') -> None:
         """Keep that `what` has no effect here: one line for each kind, with its first place."""
         text = f'{what} is ignored{": " if why else ""}{why}'
-        first, count = self._ignored.get(text, (Finding(text, '', place.file, place.line), 0))
+        first, count = self._ignored.get(text, (Problem(text, '', place.file, place.line), 0))
         self._ignored[text] = first, count + 1
 
     @property
-    def notes(self) -> list[Finding]:
+    def notes(self) -> list[Problem]:
         """Return a line for each thing that is worth one."""
         ignored = [first if count == 1 else first._replace(message=(
             f'{first.message} (here and at {count - 1} more places)'))

@@ -14,12 +14,14 @@ import numpy as np
 
 from rigid_sim_ros.models.description import Frame, Inertia, Joint, Link, Mimic, Model
 from rigid_sim_ros.models.files import Folders
-from rigid_sim_ros.models.findings import Finding, Findings, ModelError
+from rigid_sim_ros.models.findings import Findings, ModelError
+from rigid_sim_ros.models.mjcf_actuators import read_actuators
 from rigid_sim_ros.models.mjcf_shapes import read_shapes
 from rigid_sim_ros.models.poses import (
     combined, IDENTITY, inverse, Pose, Quaternion, turned_tensor, Vector)
 from rigid_sim_ros.models.values import MOST
 from rigid_sim_ros.models.xml_tree import contents, Element, parse
+from rigid_sim_ros.problems import Problem
 
 NEEDED = ("needs MuJoCo, which is not installed: `pip install '.[mjcf]'` in a clone of "
           'rigid_sim_ros, or `pip install mujoco`')
@@ -38,7 +40,7 @@ def read_mjcf(data: bytes, path: Path, folders: Folders) -> Model:
         compiled = spec.compile()
     except (ValueError, TypeError, RuntimeError, OSError) as error:
         words = ' '.join(str(error).split())
-        raise ModelError([Finding(f'MuJoCo says: {words}', '', str(path))]) from None
+        raise ModelError([Problem(f'MuJoCo says: {words}', '', str(path))]) from None
     return _Reader(mujoco, compiled, root, path).model()
 
 
@@ -46,7 +48,7 @@ def _mujoco(path: Path) -> Any:
     try:
         import mujoco
     except ImportError:
-        raise ModelError([Finding(NEEDED, '', str(path))]) from None
+        raise ModelError([Problem(NEEDED, '', str(path))]) from None
     return mujoco
 
 
@@ -55,7 +57,7 @@ def _check_files(data: bytes, path: Path, folders: Folders) -> Element:
     findings = Findings()
     root = parse(data, str(path))
     if root.tag not in ('mujoco', 'mujocoinclude'):
-        raise ModelError([Finding(f'<{root.tag[:40]}> is no MJCF, the first element must be '
+        raise ModelError([Problem(f'<{root.tag[:40]}> is no MJCF, the first element must be '
                                   '<mujoco>', '', root.file, root.line)])
     waiting, seen = [root], {path}
     while waiting:
@@ -110,6 +112,7 @@ class _Reader:
         self._path = path
         # Where bodies and joints with a name stand; of an included one the file that includes it.
         self._places: dict[tuple[str, str], Element] = {}
+        self._axes: dict[int, Joint] = {}   # joints with one axis, by their rows in MuJoCo
         for element in root.every():
             if element.name:
                 self._places.setdefault((element.tag, element.name), element)
@@ -121,6 +124,7 @@ class _Reader:
         links = [self._link(b, poses[b]) for b in range(m.nbody)]
         joints = [joint for b in range(1, m.nbody) for joint in self._joints(b)]
         joints += self._equalities(joints, poses)
+        read_actuators(self._mj, m, self._axes, self._actuator_place, findings)
         frames = [Frame(self._name('site', s), links[int(m.site_bodyid[s])].name,
                         _pose(m.site_pos[s], m.site_quat[s]), self._root)
                   for s in range(m.nsite)]
@@ -210,6 +214,7 @@ class _Reader:
     def _one_axis(self, joint: Joint, row: int, kind: str) -> None:
         """Write the laws of a hinge or a slide, whose coordinate here is 0 where it is written."""
         m, dof = self._m, int(self._m.jnt_dofadr[row])
+        self._axes[row] = joint
         is_limited = bool(m.jnt_limited[row])
         joint.kind = ('prismatic' if kind == _SLIDE else 'revolute' if is_limited
                       else 'continuous')
@@ -266,6 +271,12 @@ class _Reader:
         return Joint(name, 'spherical' if kind == 'connect' else 'fixed', parent,
                      self._name('body', inner), pose, place)
 
+    def _actuator_place(self, name: str) -> Element:
+        for (_, known), element in self._places.items():
+            if known == name and element.parent is not None and element.parent.tag == 'actuator':
+                return element
+        return self._root
+
     # --- the rest ---------------------------------------------------------------------------
 
     def _ignored_pairs(self) -> list[tuple[str, str]]:
@@ -286,7 +297,6 @@ class _Reader:
         """Tell what has no effect here, or refuse what would change the motion."""
         m, findings = self._m, self._findings
         for tag, count, why in (
-                ('actuator', m.nu, 'drives are written in the scene'),
                 ('sensor', m.nsensor, ''), ('keyframe', m.nkey, ''), ('camera', m.ncam, '')):
             if count:
                 findings.ignore(self._root, f'<{tag}>', why)

@@ -9,6 +9,13 @@ from rigid_sim_ros.models.findings import Findings
 from rigid_sim_ros.models.poses import Pose, Vector
 
 
+# MuJoCo shows geometries of the groups 0, 1 and 2 unless it is told otherwise; models keep what
+# only touches in group 3.
+_GROUPS_SEEN = 3
+# What a geometry has whose colour the file does not say.
+_UNSAID = (0.5, 0.5, 0.5, 1.0)
+
+
 def read_shapes(mujoco: Any, m: Any, body: int, link: Link, findings: Findings) -> None:
     """Write the solids of a body to its link: those that touch, and those that are only seen."""
     start = int(m.body_geomadr[body])
@@ -19,21 +26,36 @@ def read_shapes(mujoco: Any, m: Any, body: int, link: Link, findings: Findings) 
         w, a, b, c = (float(value) for value in m.geom_quat[g])
         pose = Pose((x, y, z), (a, b, c, w))
         size = tuple(float(value) for value in m.geom_size[g])
-        points = None
+        points = faces = None
         if kind == 'mesh':
             mesh = int(m.geom_dataid[g])
             first, count = int(m.mesh_vertadr[mesh]), int(m.mesh_vertnum[mesh])
             points = m.mesh_vert[first:first + count].astype(float)
+            first, count = int(m.mesh_faceadr[mesh]), int(m.mesh_facenum[mesh])
+            faces = m.mesh_face[first:first + count].astype(int)
         elif kind not in _VALUES:
             if touches:
                 findings.error(link.place, f'has a {kind}, which is not known here, must be '
                                f'{", ".join(_VALUES)} or mesh')
             continue
-        color = tuple(float(value) for value in m.geom_rgba[g])
         shape = Shape('mesh' if kind == 'mesh' else kind,
                       {} if kind == 'mesh' else _VALUES[kind](size), pose, link.place,
-                      points=points, color=color if all(0 <= v <= 1 for v in color) else None)
-        (link.collisions if touches else link.visuals).append(shape)
+                      points=points, faces=faces, color=_color(m, g))
+        if touches:
+            link.collisions.append(shape)
+        if int(m.geom_group[g]) < _GROUPS_SEEN:
+            link.visuals.append(shape)
+
+
+def _color(m: Any, g: int) -> tuple[float, ...] | None:
+    """Return what a geometry looks like: as itself or its material says, None if neither does."""
+    color = tuple(float(value) for value in m.geom_rgba[g])
+    if color == _UNSAID:
+        material = int(m.geom_matid[g])
+        if material < 0:
+            return None
+        color = tuple(float(value) for value in m.mat_rgba[material])
+    return color if all(0.0 <= value <= 1.0 for value in color) else None
 
 
 def _lengths(size: Vector) -> dict[str, Any]:

@@ -9,16 +9,17 @@ hold it on. Its shapes are that body's, and so is its mass: what moves, moves as
 """
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 import math
 import re
-from typing import Any
+from typing import Any, Protocol
 
 from rigid_sim_ros.models.description import Frame, Joint, Link, Model, MOST_LINKS, Shape
-from rigid_sim_ros.models.findings import Finding, Findings, Place
+from rigid_sim_ros.models.findings import Findings, Place
 from rigid_sim_ros.models.inertia import mended, mistake, together
 from rigid_sim_ros.models.poses import combined, IDENTITY, inverse, Pose
+from rigid_sim_ros.problems import Problem
 
 _ONE_AXIS = ('revolute', 'continuous', 'prismatic')
 
@@ -35,6 +36,7 @@ class Wish:
     unlimited: frozenset[str] = frozenset()     # joints whose bounds are left out
     mend_inertia: bool = False
     material: str = 'default'
+    visuals: bool = True    # whether bodies are drawn as the file says
 
 
 @dataclass
@@ -47,11 +49,17 @@ class Parts:
     # Where each body and joint stands in the file.
     body_places: list[Place] = field(default_factory=list)
     joint_places: list[Place] = field(default_factory=list)
-    notes: list[Finding] = field(default_factory=list)
+    notes: list[Problem] = field(default_factory=list)
 
 
-# Gives the keys of a mesh in a scene for a shape that is one; ValueError where it cannot.
-MeshReader = Callable[[Shape], dict[str, Any]]
+class MeshReader(Protocol):
+    """Gives what meshes are in the words of a scene."""
+
+    def read(self, shape: Shape) -> dict[str, Any]:
+        """Return the keys of the solid that a shape is; ValueError where it is none."""
+
+    def drawn(self, shape: Shape, pose: Mapping[str, Any]) -> list[dict[str, Any]]:
+        """Return what shows a shape, at its pose in a body; ValueError where nothing does."""
 
 
 def make_parts(model: Model, wish: Wish, mesh: MeshReader) -> Parts:
@@ -206,7 +214,7 @@ class _Maker:
             for shape in link.collisions:
                 pose = combined(self._in_host(link.name), shape.pose)
                 try:
-                    values = (self._mesh(shape) if shape.kind == 'mesh'
+                    values = (self._mesh.read(shape) if shape.kind == 'mesh'
                               else {'type': shape.kind, **shape.values})
                 except ValueError as error:
                     self._findings.error(shape.place, str(error))
@@ -233,10 +241,38 @@ class _Maker:
                       if shape.color is not None), None)
         if color is not None:
             body['color'] = list(color)
+        visuals = self._visuals(link)
+        if visuals:
+            body['visuals'] = visuals
         frames = {name: _written(pose) for name, pose in self._frames(link.name)}
         if frames:
             body['frames'] = frames
         return body
+
+    def _visuals(self, host: Link) -> list[dict[str, Any]]:
+        """
+        Return what a body is drawn with, nothing for its solids.
+
+        A link of it that shows nothing is drawn with its own solids beside the others.
+        """
+        links = self._by_host()[host.name]
+        seen = [shape for link in links for shape in link.visuals]
+        if not self._wish.visuals or not seen:
+            return []
+        solids = [id(shape) for link in links for shape in link.collisions]
+        if [id(shape) for shape in seen] == solids and len({one.color for one in seen}) == 1:
+            return []       # they say no more than the solids and the colour of the body
+        found: list[dict[str, Any]] = []
+        for link in links:
+            for shape in link.visuals or link.collisions:
+                if shape.kind == 'plane' or (shape.color or (0, 0, 0, 1))[3] == 0.0:
+                    continue
+                pose = _written(combined(self._in_host(link.name), shape.pose))
+                try:
+                    found += self._mesh.drawn(shape, pose)
+                except ValueError as error:
+                    self._findings.ignore(shape.place, '<visual>', str(error))
+        return found
 
     def _add_inertia(self, host: Link, body: dict[str, Any]) -> None:
         """Add the mass properties of a body: of its link, and of links that are parts of it."""
@@ -360,6 +396,8 @@ class _Maker:
             drive = self._wish.drives.get(joint.name, joint.drive)
             if drive is not None:
                 made['drive'] = dict(drive)
+                if position is not None and drive is joint.drive:
+                    made['drive'].pop('position', None)     # it holds what the scene asks for
             elif not self._has_loops:
                 made['drive'] = {'mode': 'effort'}
             if position is None and not (-math.inf if lower is None else lower) <= 0.0 <= (

@@ -8,13 +8,14 @@ from pathlib import Path
 
 from rigid_sim_ros.models.description import Model
 from rigid_sim_ros.models.files import Folders
-from rigid_sim_ros.models.findings import Finding, ModelError
+from rigid_sim_ros.models.findings import ModelError
 from rigid_sim_ros.models.mjcf import read_mjcf
 from rigid_sim_ros.models.sdf import read_sdf
 from rigid_sim_ros.models.srdf import read_srdf
 from rigid_sim_ros.models.urdf import read_urdf
 from rigid_sim_ros.models.xacro_file import expanded
 from rigid_sim_ros.models.xml_tree import contents
+from rigid_sim_ros.problems import Problem
 
 
 def read_model(path: Path, packages: Mapping[str, Path] | None = None,
@@ -29,7 +30,7 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None,
     """
     kind = ending(path)
     if not kind:
-        raise ModelError([Finding(f'is no model, must end with {", ".join(ENDINGS)}', '',
+        raise ModelError([Problem(f'is no model, must end with {", ".join(ENDINGS)}', '',
                                   str(path))])
     # As it is written, and absolute: links that a workspace is made of stay as they are.
     folder = Path(os.path.abspath(path)).parent

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from rigid_sim_ros.models.description import Frame, Inertia, Joint, Link, Model, MOST_LINKS
 from rigid_sim_ros.models.files import Folders
-from rigid_sim_ros.models.findings import Finding, Findings, ModelError
+from rigid_sim_ros.models.findings import Findings, ModelError
 from rigid_sim_ros.models.poses import (
     combined, from_rpy, IDENTITY, inverse, Pose, turned, turned_tensor)
 from rigid_sim_ros.models.sdf_frames import FrameGraph, MODEL, WORLD
@@ -16,6 +16,7 @@ from rigid_sim_ros.models.sdf_joints import JOINT_TYPES, read_laws
 from rigid_sim_ros.models.sdf_shapes import read_shape
 from rigid_sim_ros.models.values import check_children, flag, mend, number, several
 from rigid_sim_ros.models.xml_tree import Element, parse, read
+from rigid_sim_ros.problems import Problem
 
 _OLDEST = 1.6
 # Models in models in models; a file that includes itself would never end.
@@ -54,7 +55,7 @@ def read_sdf(data: bytes, path: Path, folders: Folders) -> Model:
     reader.finish(model)
     findings.stop()
     if not model.links:
-        raise ModelError([Finding('has no links, must have at least one', element.path,
+        raise ModelError([Problem('has no links, must have at least one', element.path,
                                   element.file, element.line)])
     model.notes = findings.notes
     return model
@@ -63,7 +64,7 @@ def read_sdf(data: bytes, path: Path, folders: Folders) -> Model:
 def _only_model(root: Element, findings: Findings) -> Element:
     """Return the model in a file; ModelError where there is none, or more than one."""
     def stop(message: str) -> ModelError:
-        return ModelError([Finding(message, '', root.file, root.line)])
+        return ModelError([Problem(message, '', root.file, root.line)])
 
     if root.tag != 'sdf':
         raise stop(f'<{root.tag[:40]}> is no model, the first element must be <sdf>')

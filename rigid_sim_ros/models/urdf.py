@@ -8,11 +8,12 @@ from pathlib import Path
 from rigid_sim_ros.models.description import (
     Inertia, Joint, Link, MeshFile, Mimic, Model, Shape)
 from rigid_sim_ros.models.files import Folders
-from rigid_sim_ros.models.findings import Finding, Findings, ModelError
+from rigid_sim_ros.models.findings import Findings, ModelError
 from rigid_sim_ros.models.poses import combined, from_rpy, IDENTITY, Pose, turned_tensor
 from rigid_sim_ros.models.values import (
     attribute, check_attributes, check_children, mend, several, vector)
 from rigid_sim_ros.models.xml_tree import Element, parse
+from rigid_sim_ros.problems import Problem
 
 # Elements of a robot that say nothing of how it moves, or say it to another simulator.
 _ROBOT = ('link', 'joint', 'material')
@@ -33,7 +34,7 @@ def read_urdf(data: bytes, path: Path, folders: Folders) -> Model:
     root = parse(data, str(path))
     findings = Findings()
     if root.tag != 'robot':
-        raise ModelError([Finding(f'<{root.tag[:40]}> is no robot, the first element of a URDF '
+        raise ModelError([Problem(f'<{root.tag[:40]}> is no robot, the first element of a URDF '
                                   'file must be <robot>', '', root.file, root.line)])
     reader = _Reader(folders, findings)
     links = [reader.link(element) for element in root.each('link')]

@@ -7,7 +7,8 @@ from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
 
-from rigid_sim_ros.models.findings import Finding, ModelError
+from rigid_sim_ros.models.findings import ModelError
+from rigid_sim_ros.problems import Problem
 
 NEEDED = ("needs xacro, which is not installed: `pip install '.[xacro]'` in a clone of "
           'rigid_sim_ros, `pip install xacro`, or ROS 2 from apt')
@@ -23,7 +24,7 @@ def expanded(path: Path, arguments: Mapping[str, str]) -> bytes:
     try:
         import xacro
     except ImportError:
-        raise ModelError([Finding(NEEDED, '', str(path))]) from None
+        raise ModelError([Problem(NEEDED, '', str(path))]) from None
     told = StringIO()
     try:
         with redirect_stderr(told), redirect_stdout(told):
@@ -31,4 +32,4 @@ def expanded(path: Path, arguments: Mapping[str, str]) -> bytes:
             return bytes(document.toprettyxml(indent='  ', encoding='utf-8'))
     except (Exception, SystemExit) as error:  # whatever an expression in the file may raise
         words = ' '.join(str(error).split()) or type(error).__name__
-        raise ModelError([Finding(f'xacro says: {words[:300]}', '', str(path))]) from None
+        raise ModelError([Problem(f'xacro says: {words[:300]}', '', str(path))]) from None

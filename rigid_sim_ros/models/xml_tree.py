@@ -18,7 +18,8 @@ from xml.sax.xmlreader import AttributesImpl, Locator
 from defusedxml import DefusedXmlException
 from defusedxml.sax import parseString
 
-from rigid_sim_ros.models.findings import Finding, ModelError
+from rigid_sim_ros.models.findings import ModelError
+from rigid_sim_ros.problems import Problem
 
 # [bytes] The largest robots have 0.3 MB; a file beyond this is no description of a model.
 MAX_BYTES = 32_000_000
@@ -83,9 +84,9 @@ def contents(path: Path) -> bytes:
             data = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, 'strerror', None) or error
-        raise ModelError([Finding(f'cannot be read: {reason}', '', str(path))]) from None
+        raise ModelError([Problem(f'cannot be read: {reason}', '', str(path))]) from None
     if len(data) > MAX_BYTES:
-        raise ModelError([Finding(f'is larger than {MAX_BYTES / 1e6:g} MB, must be a description '
+        raise ModelError([Problem(f'is larger than {MAX_BYTES / 1e6:g} MB, must be a description '
                                   'of a model', '', str(path))])
     return data
 
@@ -98,16 +99,16 @@ def parse(data: bytes, file: str) -> Element:
     except ModelError:
         raise
     except SAXParseException as error:
-        raise ModelError([Finding(f'not XML: {error.getMessage()}', '', file,
+        raise ModelError([Problem(f'not XML: {error.getMessage()}', '', file,
                                   error.getLineNumber() or 1)]) from None
     except DefusedXmlException:
-        raise ModelError([Finding('has a document type or entities, must have none', '', file,
+        raise ModelError([Problem('has a document type or entities, must have none', '', file,
                                   handler.line)]) from None
     except (ValueError, LookupError) as error:   # an encoding that nobody knows, a bad byte
-        raise ModelError([Finding(f'not XML: {" ".join(str(error).split())}', '', file,
+        raise ModelError([Problem(f'not XML: {" ".join(str(error).split())}', '', file,
                                   handler.line)]) from None
     if handler.root is None:
-        raise ModelError([Finding('is empty, must be a model', '', file, 1)])
+        raise ModelError([Problem('is empty, must be a model', '', file, 1)])
     return handler.root
 
 
@@ -137,7 +138,7 @@ class _Builder(ContentHandler):
         for number, most, what in ((self._count, MAX_ELEMENTS, 'elements'),
                                    (len(self._open), MAX_DEPTH, 'levels')):
             if number > most:
-                raise ModelError([Finding(f'has more than {most} {what}, must be a description '
+                raise ModelError([Problem(f'has more than {most} {what}, must be a description '
                                           'of a model', '', self._file, self.line)])
         parent = self._open[-1] if self._open else None
         element = Element(name, dict(attrs.items()), parent, self._file, self.line)

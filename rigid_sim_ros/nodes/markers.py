@@ -5,6 +5,9 @@ The shapes of a scene as markers for RViz and Foxglove.
 
 The namespace of a marker is the name of its body; the ids count the solids a body is drawn with.
 A marker stays until it is deleted: that happens once, when the simulation ends.
+
+Markers are sent again at each pose, so they show what touches, which has few triangles. The meshes
+that a robot is drawn with are shown by RViz's RobotModel, from its description.
 """
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
@@ -16,7 +19,7 @@ from rigid_sim_ros.engine.model.kinds.drawing import Surface
 from rigid_sim_ros.engine.model.kinds.table import BY_TYPE, KINDS, UNIT_SURFACES
 from rigid_sim_ros.messages.codec import Marker, MarkersEncoder
 from rigid_sim_ros.scene import schema
-from rigid_sim_ros.scene.appearance import body_color
+from rigid_sim_ros.scene.appearance import body_color, with_alpha
 from rigid_sim_ros.scene.build import Scene
 
 _Array = npt.NDArray[np.float64]
@@ -53,13 +56,12 @@ class SceneMarkers:
         markers: list[Marker] = []
         bodies, positions, orientations = [], [], []
         for index, body in enumerate(scene.spec.bodies):
-            color = body_color(scene.spec, index)
             solids = [
-                (part.pose, solid)
-                for _, part in body.parts() for solid in _solids(part)]
-            for number, (pose, solid) in enumerate(solids):
-                markers.append(Marker(
-                    body.name, number, solid.type, solid.scale, color, solid.points))
+                (part.pose, solid, color or body_color(scene.spec, index))
+                for part, color in _shown(body) for solid in _solids(part)]
+            for number, (pose, solid, color) in enumerate(solids):
+                markers.append(Marker(body.name, number, solid.type, solid.scale,
+                                      with_alpha(color), solid.points))
                 q_BP = np.array(pose.orientation)
                 bodies.append(index)
                 positions.append(pose.position + _rotate(q_BP, np.array(solid.position)))
@@ -102,6 +104,14 @@ class Deletes:
     def encode(self, t_ns: int) -> bytes:
         """Encode that they are gone from this time on."""
         return self._encoder.encode(t_ns, *self._poses)
+
+
+def _shown(body: schema.Body) -> Iterable[tuple[Any, tuple[float, ...] | None]]:
+    """Return the solids of a body, of one without any the simple ones that it is drawn with."""
+    parts = body.parts()
+    if parts:
+        return [(part, None) for _, part in parts]
+    return [(part, color) for part, color in body.drawn() if not isinstance(part, schema.Mesh)]
 
 
 def _solids(part: Any) -> Iterable[_Solid]:

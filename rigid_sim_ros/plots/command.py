@@ -167,7 +167,8 @@ def _with_contacts(bag: str, shown: Shown, motion: Motion, rows: slice,
     if motion.scene.contact == 'none':
         missing.update(dict.fromkeys(OF_CONTACT, 'the scene has `contact: none`'))
         return shown
-    contacts = simulate_contacts(bag, motion.scene, float(shown.time[-1]))
+    contacts = simulate_contacts(bag, motion.origin or motion.scene, float(shown.time[-1]),
+                                 motion.names)
     if contacts.note:
         motion.notes.append(contacts.note)
     inside = (contacts.time >= shown.time[0]) & (contacts.time <= shown.time[-1])

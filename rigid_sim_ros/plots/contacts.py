@@ -7,6 +7,7 @@ The world goes through the recorded inputs and is compared with the recorded sta
 steps one by one, so that no blow between two states is missed.
 """
 
+from collections.abc import Sequence
 import contextlib
 import os
 from typing import NamedTuple
@@ -30,9 +31,15 @@ class Contacts(NamedTuple):
     note: str           # where the world came out other than recorded, or ''
 
 
-def simulate_contacts(bag: str | os.PathLike[str], scene: Scene, end: float) -> Contacts:
-    """Return the contacts of a session up to a time [s], by simulating it again."""
-    run = _Again(World(scene))
+def simulate_contacts(bag: str | os.PathLike[str], scene: Scene, end: float,
+                      names: Sequence[str] | None = None) -> Contacts:
+    """
+    Return the contacts of a session up to a time [s], by simulating it again.
+
+    `scene` is that with which it began, `names` are those of all bodies that were ever there;
+    None: those of the scene.
+    """
+    run = _Again(World(scene), scene.names if names is None else names)
     handlers: dict[str, str] = {}
     for topic, _, data in BagReader(bag).messages():
         if topic in handlers:
@@ -50,10 +57,13 @@ _USED = frozenset({kinds.STEP, kinds.EVENT, kinds.SNAPSHOT, kinds.STATE})
 class _Again:
     """A world on its way through a session."""
 
-    def __init__(self, world: World) -> None:
-        n = len(world.names)
+    def __init__(self, world: World, names: Sequence[str]) -> None:
+        """Begin with a world; `names` are those of all bodies that it ever has."""
+        n = len(names)
         self.now = 0.0
         self._world = world
+        self._place = {name: k for k, name in enumerate(names)}
+        self._find_places()
         self._clock = Clock()
         self._is_lost = True        # until the first snapshot
         self._impulse = np.zeros((n, 3))
@@ -76,7 +86,7 @@ class _Again:
         return True
 
     def contacts(self) -> Contacts:
-        n = len(self._world.names)
+        n = len(self._place)
         times = np.array([row[0] for row in self._rows])
         force = np.array([row[1] for row in self._rows]).reshape(-1, n)
         gap = np.array([row[2] for row in self._rows]).reshape(-1, n)
@@ -88,6 +98,11 @@ class _Again:
         except (ValueError, KeyError, TypeError) as error:
             raise BagError(f'a saved state in the bag cannot be used: {error}') from None
         self._is_lost = False
+        self._find_places()
+
+    def _find_places(self) -> None:
+        """Note which bodies the world has now."""
+        self._there = np.array([self._place[name] for name in self._world.names])
 
     def _take_event(self, event: events.Event) -> None:
         if event.kind == events.GAP and event.arguments['events'] != 0:
@@ -99,6 +114,7 @@ class _Again:
             except (ValueError, TypeError) as error:
                 raise BagError(f'the event {event.number}, {event.kind}, is refused: {error}'
                                ) from None
+            self._find_places()
 
     def _go_to(self, step: int) -> None:
         if self._is_lost:
@@ -116,8 +132,8 @@ class _Again:
             return
         force = rows['normal_force'][:, None] * rows['normal'] + rows['friction_force']
         for sign, body in ((-1.0, rows['body_a']), (1.0, rows['body_b'])):
-            np.add.at(self._impulse, body, sign * force)
-            np.minimum.at(self._gap, body, rows['gap'])
+            np.add.at(self._impulse, self._there[body], sign * force)
+            np.minimum.at(self._gap, self._there[body], rows['gap'])
 
     def _compare(self, data: bytes) -> bool:
         t_ns, _, _, numbers = decode.multi_dof_state(data)

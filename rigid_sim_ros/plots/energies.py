@@ -29,6 +29,7 @@ class Energies(NamedTuple):
 def energies(motion: Motion, scene: Scene, rows: slice, bodies: npt.NDArray[np.intp]) -> Energies:
     """Return the energies of chosen bodies at chosen rows of the motion."""
     model = scene.model
+    bodies = bodies[bodies < len(scene.names)]
     x, q, P, L, w = _states(motion, model, rows)
     moving = bodies[model.inv_m[bodies] > 0.0]
     kinetic = 0.5 * model.inv_m * (P * P).sum(axis=2)
@@ -46,17 +47,22 @@ def _states(motion: Motion, model: Model, rows: slice) -> tuple[Array, ...]:
     Undoes `engine.state.read_motion`: q_WC = q_WB q_BC, x = p_WB - R p_CB,
     v = v_B - w x (p_WB - x), P = M v, L = R I R^T w.
     """
-    p_WB, v_B = motion.position[rows], motion.linear_velocity[rows]
-    w = motion.angular_velocity[rows]
-    t, n, _ = p_WB.shape
-    turn = Rotation.from_quat(motion.orientation[rows].reshape(-1, 4)) * Rotation.from_quat(
+    n = len(model.m)
+    p_WB, q_WB, v_B, w = (array[rows, :n] for array in (
+        motion.position, motion.orientation, motion.linear_velocity, motion.angular_velocity))
+    t = len(p_WB)
+    # What is not there has no momentum and no energy: as if it stood still at the origin.
+    is_there = np.isfinite(q_WB).all(axis=2, keepdims=True)
+    p_WB, v_B, w = (np.where(is_there, array, 0.0) for array in (p_WB, v_B, w))
+    q_WB = np.where(is_there, q_WB, (0.0, 0.0, 0.0, 1.0))
+    turn = Rotation.from_quat(q_WB.reshape(-1, 4)) * Rotation.from_quat(
         np.tile(model.q_CB, (t, 1))).inv()
     arm = turn.apply(np.tile(model.p_CB, (t, 1))).reshape(t, n, 3)
     moves = (model.inv_m > 0.0)[:, None]
     P = np.where(moves, model.m[:, None] * (v_B - np.cross(w, arm)), 0.0)
     spin = turn.inv().apply(w.reshape(-1, 3)) * np.tile(model.I_C.T, (t, 1))
     L = np.where(moves, turn.apply(spin).reshape(t, n, 3), 0.0)
-    return p_WB - arm, turn.as_quat().reshape(t, n, 4), P, L, w
+    return np.where(is_there, p_WB - arm, 0.0), turn.as_quat().reshape(t, n, 4), P, L, w
 
 
 def _potential(scene: Scene, x: Array, q: Array, P: Array, L: Array,

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The bodies of a scene as triangles that move."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from rigid_sim_ros.bag.motion import Array
 from rigid_sim_ros.engine.model.kinds.table import BY_TYPE, KINDS
 from rigid_sim_ros.scene import Scene, schema
-from rigid_sim_ros.scene.appearance import body_color
+from rigid_sim_ros.scene.appearance import body_color, with_alpha
 
 # Corners around a ball or a cylinder; fewer where there are hundreds of them.
 _FINE, _COARSE = 40, 20
@@ -41,8 +41,8 @@ class Bodies:
     def __init__(self, scene: Scene) -> None:
         bodies = scene.spec.bodies
         corners = _COARSE if len(bodies) > _MANY else _FINE
-        pieces = [(index, _colored(piece, part, body_color(scene.spec, index)))
-                  for index, body in enumerate(bodies) for _, part in body.parts()
+        pieces = [(index, _colored(piece, part, color or body_color(scene.spec, index)))
+                  for index, body in enumerate(bodies) for part, color in body.drawn()
                   if (piece := _solid(part, corners)) is not None]
         self.mesh = pyvista.PolyData()
         self._owner = np.repeat([index for index, _ in pieces],
@@ -65,10 +65,18 @@ class Bodies:
         self.mesh.point_data.active_normals_name = 'Normals'
 
     def move(self, p_WB: Array, q_WB: Array) -> None:
-        """Put every body at its pose: (n, 3) in m and (n, 4) as x, y, z, w."""
+        """
+        Put every body at its pose: (n, 3) in m and (n, 4) as x, y, z, w.
+
+        One whose pose is not a number is not there: its triangles shrink to a point among others.
+        """
         if not len(self._owner):
             return
-        R = Rotation.from_quat(q_WB).as_matrix()[self._owner]
+        is_there = np.isfinite(q_WB[:, :1])
+        R = Rotation.from_quat(np.where(is_there, q_WB, (0.0, 0.0, 0.0, 1.0))).as_matrix()
+        R *= is_there[:, :, None]
+        p_WB = np.where(is_there, p_WB, p_WB[is_there[:, 0]][:1] if is_there.any() else 0.0)
+        R = R[self._owner]
         self.mesh.points = (np.einsum('pij,pj->pi', R, self._p_B) + p_WB[self._owner]).astype('f4')
         self.mesh.point_data['Normals'] = np.einsum('pij,pj->pi', R, self._n_B).astype('f4')
 
@@ -77,7 +85,7 @@ def extents(scene: Scene) -> Array:
     """Return how far each body reaches from the origin of its frame, (n,) [m]; planes are 0."""
     found = np.zeros(len(scene.spec.bodies))
     for index, body in enumerate(scene.spec.bodies):
-        for _, part in body.parts():
+        for part, _ in body.drawn():
             piece = _solid(part, _COARSE)
             if piece is not None:
                 _place(piece, part.pose)
@@ -85,11 +93,10 @@ def extents(scene: Scene) -> Array:
     return found
 
 
-def _colored(piece: Any, part: schema.Shape,
-             rgba: tuple[float, float, float, float]) -> Any:
+def _colored(piece: Any, part: schema.Shape, rgba: Sequence[float]) -> Any:
     """Return a solid at its place in the body and in the colour of that."""
     _place(piece, part.pose)
-    red, green, blue, alpha = rgba
+    red, green, blue, alpha = with_alpha(rgba)
     tint = np.asarray(piece.cell_data['shade'])[:, None]
     color = np.hstack([tint * (red, green, blue), np.full_like(tint, alpha)])
     piece.cell_data['color'] = np.rint(255 * color).astype(np.uint8)

@@ -149,8 +149,13 @@ def automatic_view(positions: Array, extents: Array, aspect: float) -> View:
     Of many bodies some may leave the picture.
     """
     share = 0.0 if positions.shape[1] <= _MANY else _LEFT_OUT
-    low = np.percentile((positions - extents[:, None]).reshape(-1, 3), share, axis=0)
-    high = np.percentile((positions + extents[:, None]).reshape(-1, 3), 100.0 - share, axis=0)
+    is_there = np.isfinite(positions).all(axis=2)      # not so before a body came
+    if not is_there.any():
+        positions, is_there = np.zeros_like(positions), np.ones_like(is_there)
+    reach = np.broadcast_to(extents, is_there.shape)[is_there]
+    positions = positions[is_there]
+    low = np.percentile(positions - reach[:, None], share, axis=0)
+    high = np.percentile(positions + reach[:, None], 100.0 - share, axis=0)
     target = 0.5 * (low + high)
     radius = max(0.5 * float(np.linalg.norm(high - low)), _LEAST_RADIUS)
     back = _FROM / np.linalg.norm(_FROM)
@@ -162,7 +167,7 @@ def automatic_view(positions: Array, extents: Array, aspect: float) -> View:
     half = math.tan(math.radians(_VIEW_ANGLE) / 2)
     distance = radius
     for axis, slope in ((right, half * aspect), (np.cross(back, right), half)):
-        beside = np.abs(from_target @ axis) + extents * math.hypot(1.0, slope)
+        beside = np.abs(from_target @ axis) + reach * math.hypot(1.0, slope)
         needed = from_target @ back + beside / slope
         distance = max(distance, float(np.percentile(needed, 100.0 - share)))
     return View(target + _MARGIN * distance * back, target, radius)

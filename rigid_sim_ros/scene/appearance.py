@@ -2,7 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The colours of bodies, the same wherever they are shown."""
 
+from collections.abc import Sequence
+from typing import TypeAlias
+
 from rigid_sim_ros.scene import schema
+
+# Red, green, blue and alpha, each 0 to 1.
+Rgba: TypeAlias = tuple[float, float, float, float]
 
 # Okabe and Ito's colours, which colour-blind people tell apart; fixed bodies are grey.
 PALETTE = (
@@ -12,7 +18,13 @@ PALETTE = (
 FIXED = (0.6, 0.6, 0.6)
 
 
-def body_color(scene: schema.Scene, index: int) -> tuple[float, float, float, float]:
+def with_alpha(color: Sequence[float]) -> Rgba:
+    """Return a colour of three or four numbers with its alpha."""
+    red, green, blue, *alpha = color
+    return red, green, blue, alpha[0] if alpha else 1.0
+
+
+def body_color(scene: schema.Scene, index: int) -> Rgba:
     """
     Return red, green, blue and alpha, each 0 to 1, of the body at this place in the scene.
 
@@ -22,6 +34,5 @@ def body_color(scene: schema.Scene, index: int) -> tuple[float, float, float, fl
     material = scene.materials.get(body.material)
     color = body.color or (material.color if material else None)
     if color is not None:
-        red, green, blue, *alpha = color
-        return red, green, blue, alpha[0] if alpha else 1.0
+        return with_alpha(color)
     return *(FIXED if body.fixed else PALETTE[index % len(PALETTE)]), 1.0

@@ -4,6 +4,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 import json
 import logging
 from pathlib import Path
@@ -20,10 +21,10 @@ from rigid_sim_ros.engine.model.shapes import build_materials, build_shapes, Mat
 from rigid_sim_ros.engine.state.state import BodyMotion, empty_state, State, write_motions
 from rigid_sim_ros.engine.steps.precompile import compile_beforehand
 from rigid_sim_ros.kernels.arrays import Array, IntArray
-from rigid_sim_ros.scene import collision, mass, mesh, schema
+from rigid_sim_ros.problems import Problem
+from rigid_sim_ros.scene import collision, mass, mesh, schema, visuals
 from rigid_sim_ros.scene.document import Source
-from rigid_sim_ros.scene.errors import (
-    below, nearest, Path as Place, Problem, Report, SceneError, shown)
+from rigid_sim_ros.scene.errors import below, nearest, Path as Place, Report, SceneError, shown
 from rigid_sim_ros.scene.forces import force_table
 from rigid_sim_ros.scene.joints import build_scene_joints, check_joints, put_together, SceneJoints
 
@@ -61,6 +62,12 @@ class Scene:
         """Return the URDF of each model that has one, for ~/MODEL/robot_description."""
         return self.spec.descriptions or {}
 
+    @cached_property
+    def physics_text(self) -> str:
+        """Return the text of all that has a part in the motion: without what is only drawn."""
+        spec = visuals.without_visuals(self.spec)
+        return self.text if spec is self.spec else to_text(spec)
+
     @property
     def step_ns(self) -> int:
         """Return what the clock advances by in a step [ns]; physics use the step as it is."""
@@ -87,7 +94,7 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source,
     for i, body in enumerate(spec.bodies):
         here = below(('bodies', i), report)
         solid = _with_meshes(body, folder, here)
-        bodies.append(solid or body)
+        bodies.append(_with_visuals(solid or body, folder, here))
         masses.append(_mass_properties(solid, here) if solid else None)
     spec = spec.model_copy(update={'bodies': tuple(bodies)})
     _check_references(spec, report)
@@ -171,6 +178,53 @@ def _with_meshes(body: schema.Body, folder: Path | None, report: Report) -> sche
                 'file': None, 'scale': (1.0, 1.0, 1.0), 'vertices': _rows(surface.vertices),
                 'faces': _rows(surface.faces)}))
     return body.with_parts(parts) if len(parts) == len(found) else None
+
+
+def _with_visuals(body: schema.Body, folder: Path | None, report: Report) -> schema.Body:
+    """Return the body with the triangles of what it is drawn with in it."""
+    if body.visuals is None:
+        return body
+    found: list[schema.Visual] = []
+    for i, visual in enumerate(body.visuals):
+        shape, place = visual.shape, ('visuals', i, 'shape')
+        given = [key for key in ('mass', 'density', 'material') if getattr(shape, key) is not None]
+        if given:
+            report((*place, given[0]), 'stands in a visual, which is only drawn: must stand in '
+                   'the shape of the body')
+        if isinstance(shape, schema.Plane | schema.Points):
+            report((*place, 'type'), f'{shown(shape.type)}, must be another one: of a visual '
+                   'triangles are drawn')
+        if not isinstance(shape, schema.Mesh):
+            found.append(visual)
+            continue
+        try:
+            found += _drawn(visual, shape, folder)
+        except ValueError as error:
+            report(place if shape.file is None else (*place, 'file'), str(error))
+    return body.model_copy(update={'visuals': tuple(found)})
+
+
+def _drawn(visual: schema.Visual, part: schema.Mesh, folder: Path | None) -> list[schema.Visual]:
+    """Return what is drawn of a mesh: as it is, or of a file in each of its colours."""
+    if part.file is None:
+        assert part.vertices is not None and part.faces is not None
+        last = max(map(max, part.faces))
+        if last >= len(part.vertices):
+            raise ValueError(f'a face has the vertex {last}, must be below {len(part.vertices)}')
+        if part.scale == (1.0, 1.0, 1.0):
+            return [visual]
+        scaled = _rows(np.array(part.vertices) * part.scale)
+        return [visual.model_copy(update={'shape': part.model_copy(update={
+            'vertices': scaled, 'scale': (1.0, 1.0, 1.0)})})]
+    if folder is None:
+        raise ValueError(f'{shown(part.file)} is not beside the scene, must be vertices '
+                         'and faces in it')
+    return [visual.model_copy(update={
+        'shape': part.model_copy(update={
+            'file': None, 'scale': (1.0, 1.0, 1.0), 'vertices': _rows(one.vertices),
+            'faces': _rows(one.faces)}),
+        'color': visual.color or one.color}) for one in visuals.drawn(
+            visuals.read(folder / part.file, part.scale), visuals.MOST_FACES)]
 
 
 def _surface(part: schema.Mesh, folder: Path | None) -> mesh.Mesh:

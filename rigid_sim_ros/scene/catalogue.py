@@ -6,7 +6,8 @@ from importlib.resources import files
 import os
 from pathlib import Path
 
-from rigid_sim_ros.scene.errors import nearest, Problem, SceneError
+from rigid_sim_ros.problems import Problem
+from rigid_sim_ros.scene.errors import nearest, SceneError
 
 # What `rigid_sim run` shows without a scene, as msg_config/default.yaml says too.
 DEFAULT_SCENE = 'tower'

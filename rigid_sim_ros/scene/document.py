@@ -15,7 +15,8 @@ from typing import Any, Protocol
 import numpy as np
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
-from rigid_sim_ros.scene.errors import dotted, Path, Problem, SceneError, shown
+from rigid_sim_ros.problems import Problem
+from rigid_sim_ros.scene.errors import dotted, Path, SceneError, shown
 from rigid_sim_ros.scene.yaml_tree import compose, MAPPING, SCALAR, SEQUENCE
 
 # Largest number of values in a scene once its aliases are written out, where these are more than

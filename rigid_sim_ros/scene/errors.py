@@ -3,7 +3,9 @@
 """What is wrong with a scene: every mistake with its place, its value and its mend."""
 from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
+
+from rigid_sim_ros.problems import Problem
 
 # The way from the top of a scene to a value: keys of mappings and indices of lists.
 Path: TypeAlias = tuple[str | int, ...]
@@ -14,21 +16,6 @@ Report: TypeAlias = Callable[[Path, str], None]
 _SHOWN = 60
 # [words] A longer choice is cut.
 _LISTED = 12
-
-
-class Problem(NamedTuple):
-    """One mistake; as text it is always one line."""
-
-    message: str
-    key: str = ''
-    file: str = ''
-    line: int = 0
-
-    def __str__(self) -> str:
-        """Show 'FILE:LINE: bodies[0].mass: -2.0 kg, must be > 0'."""
-        place = f'{self.file}:{self.line}' if self.line else self.file
-        text = ': '.join(part for part in (place, self.key, self.message) if part)
-        return ''.join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 class SceneError(ValueError):

@@ -31,7 +31,8 @@ _ONE_AXIS = schema.ONE_AXIS
 _TYPES_OF_KEY = {
     'axis2': ('universal',), 'limits': _ONE_AXIS, 'friction': _ONE_AXIS, 'spring': _ONE_AXIS,
     'drive': _ONE_AXIS, 'mimic': _ONE_AXIS, 'position': _ONE_AXIS, 'velocity': _ONE_AXIS,
-    'armature': _ONE_AXIS, 'damping': (*_ONE_AXIS, 'spherical', 'universal', 'planar')}
+    'armature': _ONE_AXIS, 'damping': (*_ONE_AXIS, 'spherical', 'universal', 'planar'),
+    'length': ('distance',)}
 # cos of the least angle between the axes of a universal joint: nearer to parallel they are one.
 _PARALLEL = 1e-6
 # [m] How far apart the ends of a distance joint must be, at least, to have a direction.
@@ -40,7 +41,7 @@ _NEAR = 1e-9
 # [m or rad] What is written with six digits is closed; joints take the rest away.
 CLOSED = 1e-5
 
-_Pose = tuple[tuple[float, float, float], tuple[float, float, float, float]]
+Pose = tuple[tuple[float, float, float], tuple[float, float, float, float]]
 
 
 class SceneJoints(NamedTuple):
@@ -205,16 +206,15 @@ def _joint(spec: schema.Scene, model: Model, joint: schema.Joint, index: Mapping
     if joint.child_pose is not None:
         p_DJ, q_DJ = joint.child_pose.position, joint.child_pose.orientation
     else:
-        p_WJ, q_WJ = _combined(poses[0], (p_PJ, q_PJ))
-        p_DJ, q_DJ = _combined(_inverse(poses[1]), (p_WJ, q_WJ))
-    length = math.dist(_combined(poses[0], (p_PJ, q_PJ))[0],
-                       _combined(poses[1], (p_DJ, q_DJ))[0])
+        p_DJ, q_DJ = frame_in_child(poses[0], poses[1], (p_PJ, q_PJ))
+    length = joint.length if joint.length is not None else math.dist(
+        combined(poses[0], (p_PJ, q_PJ))[0], combined(poses[1], (p_DJ, q_DJ))[0])
     if joint.type == 'distance' and length < _NEAR:
         here(('child_pose',), 'is where the frame in the parent is, must be away from it: '
              'the distance between both is kept')
         return None
-    p_A, q_A = _combined(_body_frame(model, a), (p_PJ, multiply(q_PJ, q_JK)))
-    p_B, q_B = _combined(_body_frame(model, b), (p_DJ, multiply(q_DJ, q_JK)))
+    p_A, q_A = combined(_body_frame(model, a), (p_PJ, multiply(q_PJ, q_JK)))
+    p_B, q_B = combined(_body_frame(model, b), (p_DJ, multiply(q_DJ, q_JK)))
     mimic = None
     if joint.mimic is not None:
         mimic = Mimic(by_name[joint.mimic.joint], joint.mimic.multiplier, joint.mimic.offset)
@@ -248,13 +248,13 @@ def _axes(joint: schema.Joint) -> tuple[float, float, float, float] | None:
     return q
 
 
-def _pose(spec: schema.Scene, body: int) -> _Pose:
+def _pose(spec: schema.Scene, body: int) -> Pose:
     if body == WORLD:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
     return spec.bodies[body].pose.position, spec.bodies[body].pose.orientation
 
 
-def _body_frame(model: Model, body: int) -> _Pose:
+def _body_frame(model: Model, body: int) -> Pose:
     """Return the pose of frame B in C, of the world in itself."""
     if body == WORLD:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
@@ -263,12 +263,18 @@ def _body_frame(model: Model, body: int) -> _Pose:
     return (x, y, z), (a, b, c, d)
 
 
-def _combined(outer: _Pose, inner: _Pose) -> _Pose:
+def frame_in_child(parent: Pose, child: Pose, frame: Pose) -> Pose:
+    """Return the pose in the child of a frame in the parent, for bodies at these poses."""
+    return combined(_inverse(child), combined(parent, frame))
+
+
+def combined(outer: Pose, inner: Pose) -> Pose:
+    """Return the pose of a frame that is given in another one."""
     x, y, z = rotate(outer[1], inner[0])
     return (outer[0][0] + x, outer[0][1] + y, outer[0][2] + z), multiply(outer[1], inner[1])
 
 
-def _inverse(pose: _Pose) -> _Pose:
+def _inverse(pose: Pose) -> Pose:
     q = (-pose[1][0], -pose[1][1], -pose[1][2], pose[1][3])
     x, y, z = rotate(q, pose[0])
     return (-x, -y, -z), q
@@ -286,10 +292,10 @@ def put_together(spec: schema.Scene, model: Model, state: State, joints: SceneJo
     for i, joint in enumerate(named):
         gap = gap_of(table, state, i)
         # A joint that closes a loop need not be closed where the others are at 0.
-        if table.row_of_joint[i] != engine.NONE and gap > CLOSED:
+        if table.row_of_joint[i] != engine.NONE and gap > CLOSED and not joint.brings_child:
             report(('joints', i), f'its frames in {shown(joint.parent)} and {shown(joint.child)} '
                    f'are {gap:.3g} m or rad apart where these bodies are written, must meet at '
-                   'position 0: leave child_pose out, or move a body')
+                   'position 0: leave child_pose out, move a body, or write brings_child: true')
             return
     motion = joints_at_rest(table, joints.drives)
     work = make_joint_work(table)

@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Triangle meshes: read from a file, and refused unless they enclose a volume."""
 
+from collections.abc import Callable
 import errno
 from io import BytesIO
 import os
 from pathlib import Path
 import stat
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 from xml.sax import ContentHandler
 
 from defusedxml.sax import parseString
@@ -19,6 +20,11 @@ from rigid_sim_ros.scene.errors import shown
 
 # What is read; the file says which by its name.
 FORMATS = ('.obj', '.stl', '.dae', '.glb')
+
+# [bytes] of a file: what is scanned very finely has some ten millions.
+_MOST_BYTES = 2 ** 28
+# Triangles of a file: more take minutes, and are drawn or made a hull of all the same.
+_MOST_FACES = 5_000_000
 
 # A mesh that encloses less than this part of its bounding box is flat but for rounding: its volume
 # is the difference of numbers 1e12 times as large, and no digit of the inertia would be right.
@@ -41,6 +47,61 @@ def read(path: Path) -> Mesh:
     does not: robots are written as RViz shows them. Raises ValueError if the file is missing or is
     not such a file.
     """
+    return _read(path, _whole)
+
+
+def read_colored(path: Path) -> list[tuple[Mesh, tuple[float, ...] | None]]:
+    """
+    Read such a file as pieces, each with red, green, blue and alpha of its material, or None.
+
+    Raises ValueError as `read` does. Textures lie in other files, and are left out.
+    """
+    return _read(path, _pieces)
+
+
+def _whole(trimesh: Any, data: bytes, kind: str) -> Mesh:
+    """Return all triangles of a file."""
+    mesh = trimesh.load(BytesIO(data), file_type=kind, force='mesh', skip_materials=True)
+    vertices = np.asarray(getattr(mesh, 'vertices', ()), dtype=np.float64).reshape(-1, 3)
+    if kind == 'dae':
+        vertices = vertices * _unit(mesh.units)
+    return Mesh(vertices, np.asarray(getattr(mesh, 'faces', ()), dtype=np.int64).reshape(-1, 3))
+
+
+def _pieces(trimesh: Any, data: bytes, kind: str,
+            ) -> list[tuple[Mesh, tuple[float, ...] | None]]:
+    """Return the triangles of each part of a file, with its colour."""
+    scene = trimesh.load(BytesIO(data), file_type=kind, force='scene')
+    unit, found, count = _unit(scene.units) if kind == 'dae' else 1.0, [], 0
+    for node in sorted(scene.graph.nodes_geometry):     # in the same order each time
+        turn, name = scene.graph[node]
+        part = scene.geometry[name]
+        if isinstance(part, trimesh.Trimesh):
+            vertices = trimesh.transform_points(part.vertices, turn) * unit
+            # A part that is mirrored is turned inside out by it.
+            faces = part.faces if np.linalg.det(turn[:3, :3]) > 0.0 else part.faces[:, ::-1]
+            found.append((Mesh(vertices, np.asarray(faces, dtype=np.int64)), _color(part)))
+            # A few lines may ask for the same part a million times.
+            count += len(faces)
+            if count > _MOST_FACES:
+                break
+    return found
+
+
+def _color(part: Any) -> tuple[float, ...] | None:
+    """Return what most of a part looks like, None if it does not say."""
+    visual = part.visual
+    if not visual.defined:
+        return None
+    color = visual.material.main_color if visual.kind == 'texture' else visual.main_color
+    return tuple(round(float(value) / 255.0, 3) for value in color)
+
+
+_Found = TypeVar('_Found', Mesh, list[tuple[Mesh, tuple[float, ...] | None]])
+
+
+def _read(path: Path, take: Callable[[Any, bytes, str], _Found]) -> _Found:
+    """Return what is taken out of a file; ValueError if it is no mesh."""
     # SciPy comes with trimesh: 0.6 s that a scene without a mesh does not wait for.
     import trimesh
 
@@ -52,19 +113,19 @@ def read(path: Path) -> Mesh:
         if kind == 'dae':
             parseString(data, ContentHandler(), forbid_dtd=True)    # no entities, and no archive
         # From bytes, so that a file cannot make trimesh open the files it refers to.
-        mesh = trimesh.load(BytesIO(data), file_type=kind, force='mesh', skip_materials=True)
-        vertices = np.asarray(getattr(mesh, 'vertices', ()), dtype=np.float64).reshape(-1, 3)
-        if kind == 'dae':
-            vertices = vertices * _unit(mesh.units)
-        faces = np.asarray(getattr(mesh, 'faces', ()), dtype=np.int64).reshape(-1, 3)
+        found = take(trimesh, data, kind)
     except OSError as error:
         raise ValueError(f'{path} cannot be read: {error.strerror}') from None
     except Exception as error:  # Whatever a parser meets in a damaged file.
         raise ValueError(f'{path} is not a mesh that can be read '
                          f'({type(error).__name__})') from None
-    if len(faces) == 0:
+    count = len(found.faces) if isinstance(found, Mesh) else sum(
+        len(piece.faces) for piece, _ in found)
+    if count == 0:
         raise ValueError(f'{path} has no triangles, must be a closed surface')
-    return Mesh(vertices, faces)
+    if count > _MOST_FACES:
+        raise ValueError(f'{path} has {count} triangles, must have {_MOST_FACES} or fewer')
+    return found
 
 
 def _unit(words: str | None) -> float:
@@ -80,6 +141,8 @@ def _bytes_of(path: Path) -> bytes:
         facts = os.fstat(file.fileno())
         if not stat.S_ISREG(facts.st_mode):
             raise OSError(errno.EINVAL, 'not a regular file', str(path))
+        if facts.st_size > _MOST_BYTES:
+            raise OSError(errno.EFBIG, f'larger than {_MOST_BYTES} bytes', str(path))
         # What claims to be empty, as files of /proc do, may have no end.
         return file.read(facts.st_size)
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The models of a scene become bodies and joints of it: nothing behind this knows of models."""
 
+from collections import Counter
+from collections.abc import Hashable, Iterable, Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
@@ -11,15 +13,16 @@ import numpy as np
 from rigid_sim_ros.engine.model.inertia import mesh_volume
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.models.description import Model, Shape
-from rigid_sim_ros.models.findings import Finding, ModelError
+from rigid_sim_ros.models.findings import ModelError
 from rigid_sim_ros.models.parts import make_parts, Parts, ros_name, Wish
 from rigid_sim_ros.models.poses import Pose
 from rigid_sim_ros.models.read import ending, read_model
-from rigid_sim_ros.scene import mesh, schema
+from rigid_sim_ros.problems import Problem
+from rigid_sim_ros.scene import mesh, schema, visuals as visuals_of
 from rigid_sim_ros.scene.collision import convex_hull
 from rigid_sim_ros.scene.document import Source
 from rigid_sim_ros.scene.errors import (
-    below, dotted, nearest, Path as Place, Problem, Report, SceneError, shown)
+    below, dotted, nearest, Path as Place, Report, SceneError, shown)
 
 # Part of its convex hull that a collision mesh may leave empty without a word.
 _HOLLOW = 0.01
@@ -67,7 +70,7 @@ class Expansion:
         try:
             self._add(entry, folder, report, is_alone=is_alone)
         except ModelError as error:
-            return [Problem(*finding) for finding in error.findings]
+            return list(error.findings)
         return []
 
     def _add(self, entry: schema.ModelFile, folder: Path | None, report: Report, *,
@@ -91,22 +94,25 @@ class Expansion:
             self._descriptions[entry.name] = model.urdf
         wish = _wish(entry, model, report)
         meshes = _Meshes()
-        parts = make_parts(model, wish, meshes.read)
+        if entry.visuals:
+            meshes.look_at(shape for link in model.links for shape in link.visuals)
+        parts = make_parts(model, wish, meshes)
         self._parts.append(parts)
         if is_alone:
             self.world = dict(model.world)
         elif model.world:
-            parts.notes.append(Finding(f'its {" and ".join(model.world)} are ignored: those of '
+            parts.notes.append(Problem(f'its {" and ".join(model.world)} are ignored: those of '
                                        'the scene hold', '', model.place.file, model.place.line))
-        self.notes += [str(note) for note in parts.notes]
+        notes = [*parts.notes]
         if meshes.hollow:
-            self.notes.append(f'{model.place.file}: these meshes are not convex, or not closed, '
-                              'and collide as their convex hulls: '
-                              f'{", ".join(dict.fromkeys(meshes.hollow))}')
+            notes.append(Problem('these meshes are not convex, or not closed, and collide as '
+                                 f'their convex hulls: {", ".join(dict.fromkeys(meshes.hollow))}',
+                                 '', model.place.file))
         if meshes.coarsest > 0.0:
-            self.notes.append(f'{model.place.file}: convex hulls with more than {MOST_CORNERS} '
-                              f'corners are made simpler, by {1e3 * meshes.coarsest:.2g} mm at '
-                              'most')
+            notes.append(Problem(f'convex hulls with more than {MOST_CORNERS} corners are made '
+                                 f'simpler, by {1e3 * meshes.coarsest:.2g} mm at most', '',
+                                 model.place.file))
+        self.notes += map(str, notes)
 
     def merged(self, spec: schema.Scene, made: schema.Scene) -> schema.Scene:
         """Return the scene with the bodies and joints of its models, and without models."""
@@ -174,7 +180,8 @@ def _wish(entry: schema.ModelFile, model: Model, report: Report) -> Wish:
     unlimited = {name for i, pattern in enumerate(entry.unlimited)
                  for name in named.matching(pattern, ('unlimited', i))}
     return Wish(entry.name, Pose(entry.pose.position, entry.pose.orientation), entry.fixed_base,
-                positions, drives, frozenset(unlimited), entry.mend_inertia, entry.material)
+                positions, drives, frozenset(unlimited), entry.mend_inertia, entry.material,
+                entry.visuals)
 
 
 class _Named:
@@ -194,23 +201,68 @@ class _Named:
         return found
 
 
+def _key(shape: Shape) -> Hashable:
+    """Return what tells the mesh of a shape from others."""
+    return shape.mesh if shape.mesh is not None else (id(shape.points), id(shape.faces))
+
+
 class _Meshes:
-    """Reads the collision meshes of a model, each once."""
+    """Reads the meshes of a model, each once: hulls of those that touch, and what is seen."""
 
     def __init__(self) -> None:
+        """Begin without any."""
+        self._seen: dict[Hashable, list[visuals_of.Drawn] | str] = {}   # or why there is none
         self._hulls: dict[tuple[Any, ...], tuple[Array, IntArray]] = {}
         self.hollow: list[str] = []     # those that leave a part of their hull empty
         self.coarsest = 0.0     # [m] by which hulls are smaller than those of the files
 
     def read(self, shape: Shape) -> dict[str, Any]:
         """Return the convex hull of a mesh in the words of a scene; ValueError if it has none."""
-        if shape.mesh is None:
-            vertices, faces = self._few(np.asarray(shape.points, dtype=np.float64))
-        else:
-            if tuple(shape.mesh) not in self._hulls:
-                self._hulls[tuple(shape.mesh)] = self._hull(*shape.mesh)
-            vertices, faces = self._hulls[tuple(shape.mesh)]
+        vertices, faces = self.hull_of(shape)
         return {'type': 'mesh', 'vertices': vertices.tolist(), 'faces': faces.tolist()}
+
+    def look_at(self, shapes: Iterable[Shape]) -> None:
+        """Read all meshes that are seen: they share the triangles that a model may have."""
+        sources: dict[Hashable, visuals_of.Source] = {}
+        uses: Counter[Hashable] = Counter()
+        for shape in shapes:
+            key = _key(shape)
+            uses[key] += 1
+            if shape.kind != 'mesh' or key in self._seen or key in sources:
+                continue
+            try:
+                sources[key] = self._source(shape)
+            except ValueError as error:
+                self._seen[key] = str(error)
+        shares = visuals_of.shares(list(sources.values()), [uses[key] for key in sources])
+        for (key, source), most in zip(sources.items(), shares, strict=True):
+            self._seen[key] = visuals_of.drawn(source, most)
+
+    def _source(self, shape: Shape) -> visuals_of.Source:
+        if shape.mesh is not None:
+            return visuals_of.read(*shape.mesh)
+        vertices, faces = (self.hull_of(shape) if shape.faces is None else
+                           (np.asarray(shape.points), np.asarray(shape.faces)))
+        return visuals_of.Source(vertices, faces, np.zeros(len(faces), int), [None])
+
+    def drawn(self, shape: Shape, pose: Mapping[str, Any]) -> list[dict[str, Any]]:
+        """Return what shows a shape, in the words of a scene; ValueError for a broken file."""
+        if shape.kind != 'mesh':
+            color = {} if shape.color is None else {'color': list(shape.color)}
+            return [{'shape': {'type': shape.kind, **shape.values, 'pose': pose}, **color}]
+        # What is no visual, and stands in for one, is drawn as what it is to others.
+        found = self._seen.get(_key(shape)) or [visuals_of.Drawn(*self.hull_of(shape), None)]
+        if isinstance(found, str):
+            raise ValueError(found)
+        return [visuals_of.words(one, pose, shape.color) for one in found if len(one.faces)]
+
+    def hull_of(self, shape: Shape) -> tuple[Array, IntArray]:
+        """Return corners and triangles of the convex hull; ValueError if there is none."""
+        if shape.mesh is None:
+            return self._few(np.asarray(shape.points, dtype=np.float64))
+        if shape.mesh not in self._hulls:
+            self._hulls[shape.mesh] = self._hull(*shape.mesh)
+        return self._hulls[shape.mesh]
 
     def _hull(self, path: Path, scale: tuple[float, float, float]) -> tuple[Array, IntArray]:
         surface = mesh.read(path)

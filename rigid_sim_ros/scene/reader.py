@@ -13,10 +13,11 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from rigid_sim_ros.models.read import ending
+from rigid_sim_ros.problems import Problem
 from rigid_sim_ros.scene import catalogue, schema
 from rigid_sim_ros.scene.build import build, Scene
 from rigid_sim_ros.scene.document import DictSource, Source, YamlSource
-from rigid_sim_ros.scene.errors import either, nearest, Path as Place, Problem, SceneError, shown
+from rigid_sim_ros.scene.errors import either, nearest, Path as Place, SceneError, shown
 from rigid_sim_ros.scene.models import alone, Expansion
 from rigid_sim_ros.scene.values import place
 from rigid_sim_ros.scene.yaml_tree import collector_paused
@@ -54,14 +55,34 @@ def scene_from_text(text: str, name: str = 'scene') -> Scene:
         return _read(YamlSource(text, name), name, None)
 
 
-def scene_from_dict(data: Mapping[str, Any], name: str = 'scene') -> Scene:
+def scene_from_dict(data: Mapping[str, Any], name: str = 'scene', *,
+                    may_read_files: bool = True) -> Scene:
     """
     Read a scene from Python data of the form that the YAML has.
 
-    Mesh files are looked for in the working directory. Raises SceneError without file and line.
+    Mesh files are looked for in the working directory, unless a stranger says which. Raises
+    SceneError without file and line.
     """
     with collector_paused():
-        return _read(DictSource(data), name, Path())
+        return _read(DictSource(data), name, Path() if may_read_files else None)
+
+
+def read_parts(data: Mapping[str, Any]) -> tuple[schema.Scene, tuple[str, ...]]:
+    """
+    Return parts of a scene, with models as bodies and joints, and notes on these.
+
+    Files are looked for in the working directory. Raises SceneError for what is wrong in a part or
+    a model; how the parts fit together with a scene is not looked at.
+    """
+    # A scene has something in it, joints that come need not bring bodies.
+    stand_in = [] if data.get('bodies') or data.get('models') else [{'name': 'a', 'fixed': True}]
+    source = DictSource({**data, 'bodies': stand_in} if stand_in else data)
+    with collector_paused(), np.errstate(all='ignore'):
+        spec, notes = _validated(source), tuple[str, ...]()
+        if spec.models is not None:
+            expansion = Expansion(spec, Path(), source, is_alone=False)
+            spec, notes = expansion.merged(spec, _validated(expansion)), tuple(expansion.notes)
+    return spec.model_copy(update={'bodies': ()}) if stand_in else spec, notes
 
 
 def _read(source: Source, name: str, folder: Path | None, *, is_alone: bool = False) -> Scene:

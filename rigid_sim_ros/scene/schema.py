@@ -12,31 +12,25 @@ import math
 from typing import Annotated, Any, Literal, TypeAlias, Union
 
 from pydantic import (
-    AfterValidator, BaseModel, ConfigDict, create_model, Discriminator, field_serializer,
-    model_validator, Tag, ValidationInfo,
-)
+    AfterValidator, create_model, Discriminator, field_serializer, model_validator, Tag)
 
 from rigid_sim_ros.engine.dynamics.forces import ForceKind, FORCES, Parameter
 from rigid_sim_ros.engine.dynamics.integrate import ORIENTATIONS
 from rigid_sim_ros.engine.steps.free import FREE_MOTION
 from rigid_sim_ros.scene.errors import Path
+from rigid_sim_ros.scene.joint_schema import (
+    Joint, JointDrive, JointSpring, ModelFile, ONE_AXIS)
+from rigid_sim_ros.scene.spec import AngularVelocity, Boolean, Pose, Position, Spec, Velocity
 from rigid_sim_ros.scene.values import (
-    Choice, Color, Count, Density, Flag, Format, index, Length, ListOf, Mass, Name, NamePair,
+    Choice, Color, Count, Density, Format, index, Length, ListOf, Mass, Name, NamePair,
     Numbers, PartName, Quantity, Quaternion, refuse, Rows, Scale, Text, Vector)
+
+# What is of this format too, and has a module of its own.
+__all__ = ['ONE_AXIS', 'Joint', 'JointDrive', 'JointSpring', 'ModelFile', 'Pose', 'Spec']
 
 INTEGRATORS = tuple(FREE_MOTION)
 CONTACTS = ('none', 'penalty', 'event', 'timestep')
-JOINTS = ('fixed', 'revolute', 'continuous', 'prismatic', 'spherical', 'universal', 'planar',
-          'distance', 'free')
-# Of these a joint has a position, limits, a drive.
-ONE_AXIS = ('revolute', 'continuous', 'prismatic')
-DRIVES = ('effort', 'velocity', 'position')
 SOLVERS = ('sequential', 'qp')
-
-Position: TypeAlias = Annotated[Vector, Numbers('x y z', Quantity('m'))]
-Velocity: TypeAlias = Annotated[Vector, Numbers('x y z', Quantity('m/s'))]
-AngularVelocity: TypeAlias = Annotated[Vector, Numbers('x y z', Quantity('rad/s'))]
-Boolean: TypeAlias = Annotated[bool, Flag()]
 
 
 def _not_empty(entries: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -46,21 +40,6 @@ def _not_empty(entries: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 _NOT_EMPTY = AfterValidator(_not_empty)
-
-
-class Spec(BaseModel):
-    """A mapping in the file: its keys are known, its values do not change."""
-
-    # Deferred: only a whole scene is ever validated, and it brings the classes of its parts along.
-    model_config = ConfigDict(extra='forbid', frozen=True, defer_build=True)
-
-    @model_validator(mode='before')
-    @classmethod
-    def _note_class(cls, data: Any, info: ValidationInfo) -> Any:
-        """Note which class reads this mapping, so that an error can name the keys it knows."""
-        if isinstance(info.context, dict):
-            info.context[id(data)] = cls
-        return data
 
 
 class Bounds(Spec):
@@ -121,13 +100,6 @@ class Collision(Spec):
     substeps: Annotated[int, Count(1, 64)] = 4
     # s, of the sequential solver: what has been at rest for so long sleeps; 0: nothing does.
     sleep_after: Annotated[float, Quantity('s', least=0.0)] = 0.0
-
-
-class Pose(Spec):
-    """Where a frame is, in the frame that it belongs to."""
-
-    position: Position = (0.0, 0.0, 0.0)
-    orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
 
 class Twist(Spec):
@@ -280,6 +252,13 @@ class Compound(Spec):
     compound: Annotated[tuple[Part, ...], _NOT_EMPTY]
 
 
+class Visual(Spec):
+    """What a body is drawn with; it has no part in the motion."""
+
+    shape: Part
+    color: Annotated[tuple[float, ...], Color()] | None = None    # None: that of the body
+
+
 class Body(Spec):
     """One rigid body."""
 
@@ -305,6 +284,8 @@ class Body(Spec):
     groups: Annotated[tuple[str, ...], ListOf(Text(), 'names of groups')] = ('default',)
     # None: with every group.
     collides_with: Annotated[tuple[str, ...] | None, ListOf(Text(), 'names of groups')] = None
+    # What it is drawn with in the place of its solids; None: with these.
+    visuals: tuple[Visual, ...] | None = None
 
     def named_frames(self) -> Iterator[tuple[str, Pose]]:
         """Yield the frames of the body, each with its whole name: BODY/FRAME or MODEL/FRAME."""
@@ -323,6 +304,15 @@ class Body(Spec):
         if isinstance(self.shape, Compound):
             return [(('shape', 'compound', i), part) for i, part in enumerate(self.shape.compound)]
         return [] if self.shape is None else [(('shape',), self.shape)]
+
+    def drawn(self) -> list[tuple[Shape, tuple[float, ...] | None]]:
+        """Return what the body is drawn with; a colour of None is that of the body."""
+        parts = [part for _, part in self.parts()]
+        if self.visuals is None:
+            return [(part, None) for part in parts]
+        # A plane has no surface of triangles, and is what others stand on.
+        return [*((one.shape, one.color) for one in self.visuals),
+                *((part, None) for part in parts if isinstance(part, Plane))]
 
     def with_parts(self, parts: list[Shape]) -> 'Body':
         """Return the body with other solids in the places of those that `parts` gave."""
@@ -379,108 +369,6 @@ _FORCE_CLASSES = {name: _force_class(name, kind) for name, kind in FORCES.items(
 
 _ANY_FORCE: Any = Union[tuple(  # noqa: UP007, the members are known at run time only
     Annotated[cls, Tag(f'<{name}>')] for name, cls in _FORCE_CLASSES.items())]
-
-
-# Of a rotation; along an axis of translation read m for rad and N for N m.
-_Coordinate: TypeAlias = Annotated[float, Quantity('rad or m')]
-_Rate: TypeAlias = Annotated[float, Quantity('rad/s or m/s')]
-_Effort: TypeAlias = Annotated[float, Quantity('N m or N')]
-_Stiffness: TypeAlias = Annotated[float, Quantity('N m/rad or N/m', least=0.0)]
-_JointDamping: TypeAlias = Annotated[float, Quantity('N m s/rad or N s/m', least=0.0)]
-
-
-class JointLimits(Spec):
-    """How far a joint goes, and what its drive can do."""
-
-    lower: _Coordinate | None = None
-    upper: _Coordinate | None = None
-    restitution: Annotated[float, Quantity(least=0.0, most=1.0)] = 0.0
-    velocity: Annotated[float, Quantity('rad/s or m/s', above=0.0)] | None = None
-    effort: Annotated[float, Quantity('N m or N', least=0.0)] | None = None
-
-
-class JointSpring(Spec):
-    """A linear spring along the axis."""
-
-    stiffness: _Stiffness
-    rest: _Coordinate = 0.0
-
-
-class JointDrive(Spec):
-    """A motor and its controller: the mode that it starts in, its gains, and its first goal."""
-
-    mode: Annotated[str, Choice(DRIVES)]
-    gain: _JointDamping | None = None   # of the mode `velocity`
-    stiffness: _Stiffness | None = None     # of the mode `position`, with the damping
-    damping: _JointDamping = 0.0
-    position: _Coordinate | None = None     # None: the position at the start
-    velocity: _Rate = 0.0
-    effort: _Effort = 0.0
-
-
-class JointMimic(Spec):
-    """Position = multiplier * position of another joint + offset; both feel it."""
-
-    joint: Annotated[str, Text()]
-    multiplier: Annotated[float, Quantity()] = 1.0
-    offset: _Coordinate = 0.0
-
-
-class Joint(Spec):
-    """What holds a child to a parent, but for some motions."""
-
-    name: PartName
-    type: Annotated[str, Choice(JOINTS)]
-    parent: Annotated[str, Text()]      # a body, or world
-    child: Annotated[str, Text()]
-    pose: Pose = Pose()     # of the joint frame in the parent
-    child_pose: Pose | None = None      # in the child; None: where it is at position 0
-    axis: Annotated[Vector, Numbers('x y z')] = (0.0, 0.0, 1.0)     # in the joint frame
-    # Of a universal joint, fixed in the child; None: any at right angles to the axis.
-    axis2: Annotated[Vector, Numbers('x y z')] | None = None
-    position: _Coordinate | None = None     # at the start; None: 0
-    velocity: _Rate | None = None   # None: as the bodies' twists have it
-    limits: JointLimits = JointLimits()
-    damping: _JointDamping = 0.0
-    friction: Annotated[float, Quantity('N m or N', least=0.0)] = 0.0
-    armature: Annotated[float, Quantity('kg m^2 or kg', least=0.0)] = 0.0
-    spring: JointSpring | None = None
-    drive: JointDrive | None = None
-    mimic: JointMimic | None = None
-    # Whether parent and child touch each other.
-    collides: Boolean = False
-
-    @model_validator(mode='after')
-    def _has_direction(self) -> 'Joint':
-        for key in ('axis', 'axis2'):
-            axis = getattr(self, key)
-            if axis is not None and not any(axis):
-                raise refuse('[0, 0, 0] has no direction, must be such as [0, 0, 1]', key)
-        return self
-
-
-class ModelFile(Spec):
-    """A robot or another model from a file of its own, which becomes bodies and joints."""
-
-    name: Name
-    file: Annotated[str, Text()]
-    srdf: Annotated[str, Text()] | None = None
-    pose: Pose = Pose()
-    # None: as the file has it.
-    fixed_base: Boolean | None = None
-    # Positions at the start, by the names in the file.
-    joints: dict[str, _Coordinate] = {}
-    # Drives of the joints whose names match; the others are of the mode effort.
-    drives: dict[str, JointDrive] = {}
-    # Joints, by patterns, whose bounds in the file are left out.
-    unlimited: Annotated[tuple[str, ...], ListOf(Text(), 'names or patterns of joints')] = ()
-    # Folders, by the names that package:// and model:// have for them.
-    packages: dict[str, Annotated[str, Text()]] = {}
-    # Of a xacro file.
-    arguments: dict[str, Annotated[str, Text()]] = {}
-    # Whether moments of inertia that no body has are raised to what a body may have.
-    mend_inertia: Boolean = False
-    material: Annotated[str, Text()] = 'default'
 
 
 class Scene(Spec):

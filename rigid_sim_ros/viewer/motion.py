@@ -31,7 +31,7 @@ class MotionDecoder:
     """Reads sensor_msgs/MultiDOFJointState of the bodies of one scene."""
 
     def __init__(self, names: tuple[str, ...]) -> None:
-        self._names = names
+        self.names = names
         self._head = b''            # of a message that was read in full, behind its stamp
         self._poses = self._twists = 0
 
@@ -40,7 +40,7 @@ class MotionDecoder:
         is_known = self._head and data[_STAMP:_STAMP + len(self._head)] == self._head
         if not (is_known or self._learn(data)):
             return None
-        n = len(self._names)
+        n = len(self.names)
         try:
             pose = np.frombuffer(data, '<f8', 7 * n, self._poses).reshape(n, 7)
             twist = np.frombuffer(data, '<f8', 6 * n, self._twists).reshape(n, 6)
@@ -56,7 +56,7 @@ class MotionDecoder:
             _, _, names, numbers = multi_dof_state(data)
         except Malformed:
             return False
-        if tuple(names) != self._names or np.isnan(numbers).any():
+        if tuple(names) != self.names or np.isnan(numbers).any():
             return False
         # Behind the names: a count, the poses, a count, the twists, a count of no wrenches.
         n = len(names)
@@ -68,6 +68,30 @@ class MotionDecoder:
             return False
         self._head = data[_STAMP:self._poses]
         return True
+
+
+# [m] Where bodies are shown that are not there: far out of every picture, and yet a number.
+_AWAY = np.array([0.0, 0.0, -1e7])
+
+
+def among(motion: Motion, place: npt.NDArray[np.intp], count: int) -> Motion:
+    """Return the motion of `count` bodies, of which these have some places; the rest is nan."""
+    rows = []
+    for array in motion[1:]:
+        wide = np.full((count, array.shape[1]), np.nan)
+        wide[place] = array
+        rows.append(wide)
+    return Motion(motion.t_ns, *rows)
+
+
+def without_absent(motion: Motion) -> Motion:
+    """Return a motion that can be shown: bodies that are not there are far away, and at rest."""
+    there = np.isfinite(motion.position[:, :1])
+    if there.all():
+        return motion
+    return Motion(motion.t_ns, np.where(there, motion.position, _AWAY),
+                  np.where(there, motion.orientation, (0.0, 0.0, 0.0, 1.0)),
+                  np.where(there, motion.linear, 0.0), np.where(there, motion.angular, 0.0))
 
 
 _STAMP = 12     # bytes of a message before the frame: encapsulation header and stamp

@@ -5,13 +5,15 @@ What the bodies of a scene are drawn with.
 
 All spheres, boxes and cylinders of a scene are one unit sphere, box and cylinder, scaled: the
 page draws those of one form in one go, however many they are. What is no scaled form, as a mesh,
-is a form of its own, shared by the bodies that have the same one. Planes are not here: they are
+is a form of its own, shared by the bodies that have the same one. What a body shows in the place
+of its solids is one form with colours, in the axes of the body. Planes are not here: they are
 drawn as grids.
 """
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 import trimesh
 
 from rigid_sim_ros.engine.model.kinds.drawing import Form, Surface
@@ -56,11 +58,17 @@ class Shapes:
         self.solids: list[Solid] = []
         self.planes: list[Plane] = []
         self.surfaces: dict[str, Surface] = {}
-        self._meshes: dict[tuple[bytes, bytes], str] = {}
+        # Of forms that have colours of their own, red, green and blue of each vertex, 0 to 255.
+        self.vertex_colors: dict[str, np.ndarray] = {}
+        self._meshes: dict[tuple[bytes, ...], str] = {}
         for index, body in enumerate(scene.spec.bodies):
+            if body.visuals:
+                self.solids.append(self._look(index, body, body_color(scene.spec, index)))
             for _, part in body.parts():
                 if isinstance(part, schema.Plane):
                     self.planes.append(_plane(index, part))
+                elif body.visuals is not None:
+                    continue
                 elif isinstance(part, schema.Points):
                     self.solids += _points(index, part)
                 else:
@@ -75,12 +83,37 @@ class Shapes:
         forms = kind.forms(part)
         if not forms and kind.surface is not None:
             surface = kind.surface(part, _ROUNDNESS[0][1])
-            key = surface.vertices.tobytes(), surface.faces.tobytes()
-            if key not in self._meshes:
-                self._meshes[key] = f'mesh_{len(self._meshes)}'
-                self.surfaces[self._meshes[key]] = _shaded(surface)
-            forms = [Form(self._meshes[key], (1.0, 1.0, 1.0))]
+            form = self._form('mesh', surface.vertices, surface.faces)
+            if form not in self.surfaces:
+                self.surfaces[form] = _shaded(surface)
+            forms = [Form(form, (1.0, 1.0, 1.0))]
         return [_placed(index, form, part) for form in forms]
+
+    def _form(self, kind: str, *arrays: np.ndarray) -> str:
+        """Return the name of the form that consists of some arrays."""
+        key = (kind.encode(), *(array.tobytes() for array in arrays))
+        return self._meshes.setdefault(key, f'{kind}_{len(self._meshes)}')
+
+    def _look(self, index: int, body: schema.Body, own: Sequence[float]) -> Solid:
+        """Return all that a body shows, as one form: it is sent once, and moved as one."""
+        vertices, faces, colors, count = [], [], [], 0
+        for visual in body.visuals or ():
+            part = visual.shape
+            draw = KINDS[BY_TYPE[part.type]].surface
+            if draw is None:
+                continue
+            shaded = _shaded(draw(part, _ROUNDNESS[0][1]))
+            turn = Rotation.from_quat(part.pose.orientation)
+            vertices.append(turn.apply(shaded.vertices) + part.pose.position)
+            faces.append(shaded.faces + count)
+            count += len(shaded.vertices)
+            rgb = np.round(255.0 * np.array((visual.color or own)[:3])).astype(np.uint8)
+            colors.append(np.tile(rgb, (len(shaded.vertices), 1)))
+        surface = Surface(np.concatenate(vertices), np.concatenate(faces))
+        color = np.concatenate(colors)
+        form = self._form('visual', surface.vertices, surface.faces, color)
+        self.surfaces[form], self.vertex_colors[form] = surface, color
+        return Solid(index, form, (1.0, 1.0, 1.0))
 
 
 def _place(part: Any) -> tuple[Sequence[float], Sequence[float]]:

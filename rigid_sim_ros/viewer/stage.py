@@ -3,9 +3,11 @@
 """The bodies of one scene in the page."""
 from collections.abc import Sequence
 import math
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+import trimesh
 import viser
 
 from rigid_sim_ros.engine.model.kinds.drawing import Surface
@@ -24,8 +26,9 @@ class Batch:
 
     def __init__(
         self, scene: viser.SceneApi, name: str, surface: Surface, solids: Sequence[Solid],
-        colors: Array, opacity: float | None,
+        colors: Array, opacity: float | None, own: np.ndarray | None = None,
     ) -> None:
+        """Put the solids into the page; `own` are colours of the vertices (v, 3), 0 to 255."""
         self.bodies = np.array([solid.body for solid in solids], dtype=np.intp)
         self._p_BS = np.array([solid.position for solid in solids])
         self._q_BS = Rotation.from_quat([solid.orientation for solid in solids])
@@ -34,11 +37,16 @@ class Batch:
         self._radius = float(np.linalg.norm(surface.vertices, axis=1).max())
         self._scales = np.array([solid.scale for solid in solids], dtype=float)
         count = len(solids)
-        self.handle = scene.add_batched_meshes_simple(
-            name, surface.vertices, surface.faces,
-            np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)), np.zeros((count, 3)),
-            batched_scales=self._scales, batched_colors=np.round(255 * colors).astype(np.uint8),
-            opacity=opacity, lod='off')
+        poses = np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)), np.zeros((count, 3))
+        self.handle: Any    # viser has two classes with the same attributes
+        if own is not None:
+            self.handle = scene.add_batched_meshes_trimesh(
+                name, _painted(surface, own), *poses, batched_scales=self._scales, lod='off')
+        else:
+            self.handle = scene.add_batched_meshes_simple(
+                name, surface.vertices, surface.faces, *poses, batched_scales=self._scales,
+                batched_colors=np.round(255 * colors).astype(np.uint8), opacity=opacity,
+                lod='off')
 
     def move(self, motion: Motion, rotation: Rotation) -> None:
         """Put the solids where their bodies are."""
@@ -151,7 +159,7 @@ class Stage:
             colors = self.colors[[solid.body for solid in solids]]
             self.batches.append(Batch(
                 self._server.scene, name, shapes.surfaces[form], solids, colors,
-                opacity if opacity < 1.0 else None))
+                opacity if opacity < 1.0 else None, shapes.vertex_colors.get(form)))
 
     def _median_size(self) -> float:
         sizes = self.extents[self.moving] if len(self.moving) else self.extents
@@ -179,6 +187,13 @@ class Stage:
         self._server.initial_camera.position = position
         for client in self._server.get_clients().values():
             client.camera.position, client.camera.look_at = position, centre
+
+
+def _painted(surface: Surface, colors: np.ndarray) -> trimesh.Trimesh:
+    """Return a surface with a colour at each vertex, neither glossy nor of metal."""
+    look: Any = trimesh.visual.ColorVisuals(vertex_colors=colors)
+    look.material = trimesh.visual.material.PBRMaterial(metallicFactor=0.0, roughnessFactor=0.8)
+    return trimesh.Trimesh(surface.vertices, surface.faces, visual=look, process=False)
 
 
 def _extents(scene: Scene, shapes: Shapes) -> Array:

@@ -7,16 +7,20 @@ The state is that of a snapshot, whose arrays and what their axes and numbers co
 `snapshot_check.TABLE`. Rows of what is left keep their order, so that sums are formed as before.
 """
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from rigid_sim_ros.engine.detection.manifolds import POINTS
 from rigid_sim_ros.kernels.arrays import IntArray
+from rigid_sim_ros.scene.additions import names_a_file, with_parts, without
+from rigid_sim_ros.world.joint_numbering import JointNumbering, JointPlaces, joints_between
 from rigid_sim_ros.world.snapshot_check import TABLE
 
 GONE = -1
+# Arrays about pairs of shapes, and about what lies on each other by these.
+_OF_PAIRS = ('manifold_', 'carried_', 'bristle_', 'cut_', 'rest_')
 
 
 class Numbering(NamedTuple):
@@ -26,6 +30,7 @@ class Numbering(NamedTuple):
     body_of_shape: IntArray  # (s,) sorted
     frames: Mapping[str, int]  # names, in the order of their numbers
     fixed: IntArray  # (z,) rows of bodies that nothing pushes
+    joints: JointNumbering
 
 
 class Places(NamedTuple):
@@ -35,6 +40,7 @@ class Places(NamedTuple):
     shape: IntArray  # (s,)
     frame: IntArray  # (f,)
     fixed: IntArray  # (z,) among those that nothing pushes
+    joints: JointPlaces
 
 
 def moved(arrays: Mapping[str, np.ndarray], fresh: Mapping[str, np.ndarray],
@@ -45,14 +51,16 @@ def moved(arrays: Mapping[str, np.ndarray], fresh: Mapping[str, np.ndarray],
     `fresh` are the arrays of that world at its beginning: what came begins with them.
     """
     keep = _kept(arrays, places)
-    numbers = {'n': places.body, 's': places.shape, 'f': places.frame}
+    numbers = {'n': places.body, 's': places.shape, 'f': places.frame, 'j': places.joints.joint}
+    there_of = {'n': places.body, 'z': places.fixed, **places.joints.by_axis()}
     found: dict[str, np.ndarray] = {}
     for name, array in arrays.items():
         field = TABLE[name]
         for axis, length in enumerate(field.axes):
-            if length in ('n', 'z'):
-                array = _placed(array, fresh[name], axis,
-                                places.body if length == 'n' else places.fixed)
+            if length in there_of:
+                if name not in fresh:
+                    break       # of joints, and there are none any more
+                array = _placed(array, fresh[name], axis, there_of[str(length)])
             elif length in keep:
                 array = np.compress(keep[str(length)], array, axis)
         if field.high in numbers:
@@ -64,12 +72,18 @@ def moved(arrays: Mapping[str, np.ndarray], fresh: Mapping[str, np.ndarray],
     if 'manifold_count' in found:
         found['manifold_count'] = np.array([np.count_nonzero(keep['c'])],
                                            arrays['manifold_count'].dtype)
+    if (np.diff(places.body[places.body != GONE]) < 0).any():
+        # Pairs are sorted by the numbers of their shapes: in another order they are found anew.
+        found = {name: array for name, array in found.items()
+                 if not name.startswith(_OF_PAIRS)}
     return found, keep['r']
 
 
 def _placed(array: np.ndarray, fresh: np.ndarray, axis: int, there: IntArray) -> np.ndarray:
+    """Return an array with the rows along an axis where they are now, beside those that came."""
     result, old = fresh.copy(), np.moveaxis(array, axis, 0)
-    np.moveaxis(result, axis, 0)[there[there != GONE]] = old[there != GONE]
+    new = np.moveaxis(result, axis, 0)
+    new[there[there != GONE]] = old[there != GONE]
     return result
 
 
@@ -82,6 +96,8 @@ def _kept(arrays: Mapping[str, np.ndarray], places: Places) -> dict[str, np.ndar
         if f'{name}_shape_a' in arrays:
             keep[axis] = ((places.shape[arrays[f'{name}_shape_a']] != GONE)
                           & (places.shape[arrays[f'{name}_shape_b']] != GONE))
+    if 'path_joint' in arrays:
+        keep['t'] = places.joints.joint[arrays['path_joint']] != GONE
     if 'c' in keep:
         there = np.arange(POINTS)[:, None] < arrays['manifold_points']
         polyhedra = arrays['manifold_found_at'][:, :4].any(axis=1)
@@ -122,7 +138,7 @@ def places_between(before: Numbering, after: Numbering) -> Places:
     frame = np.array([after.frames.get(name, GONE) for name in before.frames], dtype=np.int64)
     place = {i: k for k, i in enumerate(after.fixed.tolist())}
     fixed = np.array([place.get(int(body[i]), GONE) for i in before.fixed], dtype=np.int64)
-    return Places(body, shape, frame, fixed)
+    return Places(body, shape, frame, fixed, joints_between(before.joints, after.joints))
 
 
 def checked(changes: Any) -> list[list[Any]]:
@@ -130,7 +146,7 @@ def checked(changes: Any) -> list[list[Any]]:
     if not isinstance(changes, list) or not all(
             isinstance(one, list) and len(one) == 2
             and isinstance(one[1], {'add': dict, 'remove': str}.get(str(one[0]), ()))
-            for one in changes):
+            and not names_a_file(one[1]) for one in changes):
         raise ValueError('the snapshot tells of bodies that came and went in a way that makes no '
                          'sense: it was changed, or saved by another version')
     return changes
@@ -138,39 +154,14 @@ def checked(changes: Any) -> list[list[Any]]:
 
 def changed(spec: Mapping[str, Any], changes: Sequence[Sequence[Any]]) -> dict[str, Any]:
     """
-    Return a scene, as data, after bodies came (`['add', body]`) and went (`['remove', name]`).
+    Return a scene, as data, after parts came (`['add', part]`) and went (`['remove', name]`).
 
-    With a body go the forces that act on it by name, and the pairs that it is in. ValueError for
-    a body that goes and is not there.
+    ValueError for a part that goes and is not there.
     """
     scene = dict(spec)
     for kind, what in changes:
-        if kind == 'add':
-            scene['bodies'] = [*scene['bodies'], what]
-            continue
-        left = [body for body in scene['bodies'] if body['name'] != what]
-        gone = {name if '/' in name else f'{what}/{name}' for body in scene['bodies']
-                if body['name'] == what for name in body.get('frames', ())} | {what}
-        if len(left) == len(scene['bodies']):
-            raise ValueError(f'body {what!r} cannot go: it is not there')
-        scene['bodies'] = left
-        scene['forces'] = [rest for force in scene.get('forces', ())
-                           if (rest := _without(force, what, gone)) is not None]
-        collision = dict(scene.get('collision', {}))
-        collision['ignore'] = [pair for pair in collision.get('ignore', ()) if what not in pair]
-        scene['collision'] = collision
+        scene = with_parts(scene, what) if kind == 'add' else without(scene, what)
     return scene
-
-
-def _without(force: Mapping[str, Any], name: str, frames: Container[str],
-             ) -> Mapping[str, Any] | None:
-    """Return what is left of a force without a body and its frames, None for nothing."""
-    if any(str(force.get(end, '')) in frames for end in ('a', 'b')):
-        return None
-    if 'bodies' not in force:
-        return force
-    bodies = [pattern for pattern in force['bodies'] if pattern != name]
-    return {**force, 'bodies': bodies} if bodies else None
 
 
 def order_after(names: Sequence[str], order: Sequence[str]) -> IntArray:

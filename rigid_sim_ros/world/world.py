@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rigid_sim_ros.engine.model.model import WORLD
-from rigid_sim_ros.engine.state.body_order import order_by_place, renumbered
+from rigid_sim_ros.engine.state.body_order import renumbered
 from rigid_sim_ros.engine.state.frames import point_on_frame, vector_on_frame
 from rigid_sim_ros.engine.state.state import (
     add_impulse, copy_into, copy_state, empty_motion, first_unfinite, MotionArguments,
@@ -24,10 +24,7 @@ from rigid_sim_ros.scene import read_scene, Scene, scene_from_dict
 from rigid_sim_ros.world.applied_wrenches import AppliedWrenches, FIELDS
 from rigid_sim_ros.world.bounds import (
     changes_of_twist, check_change, check_position, check_reach, check_twist)
-from rigid_sim_ros.world.changes import (
-    changed, checked, moved, Numbering, order_after, places_between, wake)
-from rigid_sim_ros.world.commands import OWN
-from rigid_sim_ros.world.model_dynamics import WithModels
+from rigid_sim_ros.world.changing import Changing, first_order
 from rigid_sim_ros.world.posed import FIELDS as POSED_FIELDS, Posed
 from rigid_sim_ros.world.snapshot import pack, unpack
 from rigid_sim_ros.world.snapshot_check import check, Sizes
@@ -45,7 +42,7 @@ def load_scene(scene: str | os.PathLike[str]) -> 'World':
     return World(read_scene(scene))
 
 
-class World(WithModels):
+class World(Changing):
     """
     A world of rigid bodies that advances in fixed steps.
 
@@ -57,11 +54,11 @@ class World(WithModels):
     def __init__(self, scene: Scene) -> None:
         """Put every body where the scene says."""
         self._origin = scene
-        self._changes: list[list[Any]] = []     # bodies that came and went since, see `add`
+        self._changes = []
         self._begin_commands()
         self._threads = 1
         self.step_index = 0
-        self._set_up(scene, _order(scene))
+        self._set_up(scene, first_order(scene))
 
     def _set_up(self, scene: Scene, order: IntArray) -> None:
         """Hold the bodies of a scene from now on, in this order, as at their beginning."""
@@ -297,7 +294,7 @@ class World(WithModels):
     # --- the state as a whole -----------------------------------------------------------------
 
     def _fingerprint(self) -> str:
-        return hashlib.blake2b(self._origin.text.encode(), digest_size=8).hexdigest()
+        return hashlib.blake2b(self._origin.physics_text.encode(), digest_size=8).hexdigest()
 
     def _order_mark(self) -> str:
         """Return what tells orders of the bodies apart, nothing for that of the scene."""
@@ -346,7 +343,7 @@ class World(WithModels):
                 'own')
         if (changes := meta.get('changes', [])) != self._changes:
             other = World(self._origin)
-            other._change(checked(changes))
+            other._follow_changes(changes)
             other.restore(data)
             self._become(other)
             return
@@ -357,70 +354,6 @@ class World(WithModels):
         check_reach(self._bounds, self._model, self._start, arrays)
         self._take(arrays, meta['sources'])
         self.step_index = meta['step_index']
-
-    # --- bodies that come and go --------------------------------------------------------------
-
-    @property
-    def origin(self) -> Scene:
-        """The scene that the world began with; `scene` has the bodies that it has now."""
-        return self._origin
-
-    def add(self, part: Mapping[str, Any]) -> None:
-        """
-        Let a body come before the next step, given as one of `bodies` in a scene.
-
-        It begins with the pose and the twist that are given. All others go on as if nothing had
-        happened. SceneError, a ValueError, if the body is wrong or its name is taken; then the
-        world stays as it is.
-        """
-        self._change([*self._changes, ['add', part]])
-        # As it can be read anywhere: with its meshes in it, and all defaults.
-        own = self.scene.spec.bodies[-1].model_dump(mode='json', exclude_none=True)
-        self._changes[-1] = ['add', own]
-        self._command = None
-        self._tell('add', part=own)
-
-    def remove(self, name: str) -> None:
-        """
-        Let a body go before the next step.
-
-        With it go wrenches that act on it or in its frames, forces of the scene that name it, and
-        its contacts; what lay on it wakes. ValueError for an unknown body, and for the last one.
-        """
-        self._body(name)
-        self._change([*self._changes, ['remove', name]])
-        self._tell('remove', name=name)
-
-    def _change(self, changes: list[list[Any]]) -> None:
-        """Hold the bodies that there are after some changes of the origin."""
-        scene = self._scene_after(changes)
-        arrays, sources, step = self._dynamic(), self._applied.sources, self.step_index
-        arrays = {name: array.copy() for name, array in arrays.items()}
-        before = self._numbering()
-        order = order_after(scene.names, before.bodies)
-        for name in set(self.names) - set(scene.names):
-            wake(arrays, self._index[name])
-        self._set_up(scene, order)
-        fresh = self._dynamic()
-        found, left = moved(arrays, fresh, places_between(before, self._numbering()))
-        self._take({name: found.get(name, array) for name, array in fresh.items()},
-                   [source for source, stays in zip(sources, left, strict=True) if stays])
-        self._changes, self.step_index = changes, step
-
-    def _become(self, other: 'World') -> None:
-        """Be another world from now on; who observes this one goes on observing it."""
-        threads = self._threads
-        self.__dict__.update({name: value for name, value in other.__dict__.items()
-                              if name not in OWN})
-        self.threads = threads
-
-    def _scene_after(self, changes: list[list[Any]]) -> Scene:
-        spec = self._origin.spec.model_dump(exclude_none=True)
-        return scene_from_dict(changed(spec, changes), self._origin.name)
-
-    def _numbering(self) -> Numbering:
-        return Numbering([self.names[i] for i in self._order], self._shapes.body,
-                         self.frame_names, self._model.fixed)
 
     def _take(self, arrays: Mapping[str, np.ndarray], sources: list[str]) -> None:
         """Go on from the arrays of a snapshot that fit."""
@@ -450,10 +383,3 @@ class World(WithModels):
         if not keep_time:
             self.step_index = 0
         self._tell('reset', step, keep_time=keep_time)
-
-
-def _order(scene: Scene) -> IntArray:
-    """Return the order in which the engine has the bodies of a scene."""
-    if (scene.contact, scene.solver) == ('timestep', 'sequential'):
-        return order_by_place(scene.model, scene.state)
-    return np.arange(len(scene.names))

@@ -139,11 +139,13 @@ def test_an_event_that_tells_joints_nonsense_is_refused(kind, arguments):
     assert world.save() == before
 
 
-def test_a_body_that_a_joint_holds_cannot_go():
+def test_a_body_that_goes_takes_its_joints_along():
     world = World.from_dict(ARM)
+    world.remove('lower')
+    assert (world.names, world.joint_names) == (['upper'], ['shoulder'])
     before = world.save()
-    with pytest.raises(ValueError, match='joints'):
-        world.remove('lower')
+    with pytest.raises(ValueError, match='bodies'):
+        world.remove('upper')
     assert world.save() == before
 
 

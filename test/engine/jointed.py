@@ -93,8 +93,10 @@ def planar_tip(angles, lengths):
 
 # Links of a Franka Emika Panda: mass [kg], centre of mass [m], and inertia about it [kg m^2] xx
 # yy zz xy xz yz, in link frames (Gaz, Cognetti, Oliva, Robuffo Giordano, De Luca, Dynamic
-# identification of the Franka Emika Panda robot, IEEE RA-L 4 (2019)); joints by a, d and alpha of
-# modified Denavit-Hartenberg parameters (Franka Control Interface documentation).
+# Identification of the Franka Emika Panda Robot With Retrieval of Feasible Parameters Using
+# Penalty-Based Optimization, IEEE RA-L 4(4), 4147-4154, 2019), to the last digit those in the URDF
+# of franka_ros, as example-robot-data 6.0.0 has it; joints by a, d and alpha of modified
+# Denavit-Hartenberg parameters (Franka Control Interface documentation).
 PANDA_LINKS = (
     (4.970684, (3.875e-3, 2.081e-3, -0.04762),
      (0.70337, 0.70661, 9.1170e-3, -1.3900e-4, 6.7720e-3, 1.9169e-2)),

@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the files of a model are found, and where none is read."""
 
-from models.robots import URDF, write
+from urllib.parse import quote
+
+from models.robots import INERTIAL, URDF, write
 import numpy as np
 import pytest
 import trimesh
@@ -127,3 +129,15 @@ def test_a_document_without_end_is_refused(tmp_path) -> None:
               '<robot name="&b;"/>')
     with pytest.raises(SceneError, match='document type or entities, must have none'):
         read_scene(write(tmp_path, 'laughs.urdf', laughs))
+
+
+def test_a_name_with_a_line_break_stays_on_its_line(tmp_path) -> None:
+    """What is told of a mesh is one line, whatever its file is called."""
+    path = tmp_path / 'bowl\nnote: all is well.stl'
+    bowl = trimesh.creation.annulus(0.5, 1.0, 0.2)
+    bowl.export(path)
+    urdf = write(tmp_path, 'robot.urdf', f"""<robot name="r"><link name="a">
+      {INERTIAL.format(I=1, J=1)}<collision><geometry><mesh filename="{quote(path.name)}"/>
+      </geometry></collision></link></robot>""")
+    note, = read_scene(urdf).notes
+    assert '\n' not in note and 'bowl\\nnote: all is well.stl' in note

@@ -290,3 +290,16 @@ def test_the_end_deletes_the_contacts_too(resting):
     end = decode(ContactMarkers('map', resting).encode_end(resting.time_ns))
     assert Counter((m.ns, m.id, m.action) for m in end) == Counter(
         (ns, 0, DELETE) for ns in contact_markers(resting))
+
+
+def test_markers_show_what_touches_and_of_what_touches_nothing_the_simple_forms():
+    box = {'shape': {'type': 'box', 'size': [1, 1, 1]}, 'color': [0, 1, 0]}
+    seen = [box, {'shape': TETRAHEDRON}]
+    world = World.from_dict({'format': 1, 'bodies': [
+        {'name': 'solid', 'mass': 1.0, 'shape': {'type': 'sphere', 'radius': 1}, 'visuals': seen},
+        {'name': 'ghost', 'fixed': True, 'visuals': seen}]})
+    markers = SceneMarkers('world', world.scene)
+    data = markers.encode(0, world.position, world.orientation)
+    found = STORE.deserialize_cdr(data, 'visualization_msgs/msg/MarkerArray').markers
+    assert [(marker.ns, marker.type) for marker in found] == [('solid', SPHERE), ('ghost', CUBE)]
+    assert (found[1].color.r, found[1].color.g, found[1].color.a) == (0.0, 1.0, 1.0)

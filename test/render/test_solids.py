@@ -11,6 +11,7 @@ if find_spec('pyvista') is None:
     raise SkipTest("pyvista is not installed: pip install '.[render]'")
 
 from rigid_sim_ros.render.solids import Bodies, extents, planes
+from rigid_sim_ros.render.stage import automatic_view
 from rigid_sim_ros.scene import scene_from_dict
 from rigid_sim_ros.scene.appearance import body_color, PALETTE
 from rigid_sim_ros.world import World
@@ -128,3 +129,30 @@ def test_particles_are_drawn_where_they_are():
     far = np.linalg.norm(np.asarray(drawn(world).points)[:, None] - corners, axis=2).min(axis=1)
     # Balls of a twentieth of the cloud's extent.
     assert far == pytest.approx(np.full(len(far), 0.025), rel=1e-3)
+
+
+def test_what_a_body_is_drawn_with_takes_the_place_of_its_solids():
+    box = {'type': 'box', 'size': [0.2, 0.4, 0.6], 'pose': {'position': [0, 0, 1]}}
+    world = world_of({'type': 'sphere', 'radius': 2.0}, color=[1, 0, 0], visuals=[
+        {'shape': box, 'color': [0, 1, 0]}, {'shape': {'type': 'sphere', 'radius': 0.1}}])
+    mesh = drawn(world)
+    assert mesh.bounds == pytest.approx((-0.1, 0.1, -0.2, 0.2, -0.1, 1.3), abs=1e-6)
+    colors = np.unique(np.asarray(mesh.cell_data['color']), axis=0).tolist()
+    # The ball has the colour of the body, every other octant of it in shade.
+    assert [0, 255, 0, 255] in colors and [255, 0, 0, 255] in colors
+    assert extents(world.scene) == pytest.approx([np.hypot(np.hypot(0.1, 0.2), 1.3)], abs=1e-6)
+
+
+def test_a_body_without_a_pose_is_not_drawn():
+    world = World.from_dict({'world': {'contact': 'none'}, 'bodies': [
+        {'name': name, 'mass': 1.0, 'shape': {'type': 'box', 'size': [1, 1, 1]},
+         'pose': {'position': [x, 0, 0]}} for name, x in (('here', 3), ('gone', 9))]})
+    bodies, p, q = Bodies(world.scene), world.position, world.orientation
+    p[1], q[1] = np.nan, np.nan
+    bodies.move(p, q)
+    assert bodies.mesh.bounds == pytest.approx((2.5, 3.5, -0.5, 0.5, -0.5, 0.5), abs=1e-6)
+    assert bodies.mesh.area == pytest.approx(6.0, abs=1e-6)     # of one cube
+    view = automatic_view(np.stack([p, p]), extents(world.scene), 1.5)
+    alone = automatic_view(np.stack([p, p])[:, :1], extents(world.scene)[:1], 1.5)
+    assert view.radius == pytest.approx(alone.radius)
+    assert view.target == pytest.approx(alone.target)

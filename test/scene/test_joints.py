@@ -113,7 +113,8 @@ def test_a_joint_that_a_file_has_the_other_way_round_is_passed_backwards():
      'be'),
     (SHOULDER + ', child_pose: {position: [-0.9, 0, 0]}',
      "joints[0]: its frames in 'base' and 'arm' are 0.1 m or rad apart where these bodies are "
-     'written, must meet at position 0: leave child_pose out, or move a body'),
+     'written, must meet at position 0: leave child_pose out, move a body, or write brings_child: '
+     'true'),
 ], ids=lambda value: None)
 def test_a_mistake_is_named_with_its_value_and_its_mend(joint, message):
     assert mistakes(joint) == [message]
@@ -155,3 +156,19 @@ def test_a_follower_begins_where_the_joint_that_it_mimics_has_it():
     scene = read(SHOULDER + ', position: 0.4', ELBOW + ', mimic: {joint: shoulder, multiplier: -1,'
                  ' offset: 0.1}')
     assert scene.joints.position.tolist() == [0.4, pytest.approx(-0.3)]
+
+
+def test_a_child_is_brought_to_where_its_joint_wants_it_wherever_it_is_written():
+    scene = read(SHOULDER + ', child_pose: {position: [-0.4, 0, 0]}, brings_child: true',
+                 ELBOW)
+    # The hand was written a metre away from the arm, and goes along.
+    np.testing.assert_allclose(scene.state.x[:, 1:], [[0.4, 1.4], [0, 0], [0, 0]], atol=1e-15)
+
+
+def test_a_distance_may_have_a_length_of_its_own():
+    rope = ('name: rope, type: distance, parent: base, child: arm, length: 0.25, '
+            'child_pose: {position: [0, 0, 0]}')
+    scene = read(rope)
+    assert np.linalg.norm(scene.state.x[:, 1]) == pytest.approx(0.25, abs=1e-12)
+    assert mistakes(SHOULDER + ', length: 1') == [
+        'joints[0].length: stands in a revolute joint, must stand in one of the type distance']

@@ -127,3 +127,29 @@ def test_a_cut_state_is_not_read():
     assert decoder.read(data) is not None
     assert decoder.read(data[:-20]) is None
     assert MotionDecoder(NAMES).read(data[:50]) is None
+
+
+def looks(*visuals, **more):
+    """Return what a page shows for a body with visuals, and for the same one again."""
+    solid = {'shape': {'type': 'sphere', 'radius': 0.5}, 'mass': 1.0, **more}
+    return Shapes(scene_from_dict({'format': 1, 'bodies': [
+        {'name': name, **solid, 'visuals': list(visuals)} for name in ('one', 'other')]}))
+
+
+def test_what_a_body_shows_is_one_form_with_colours_that_others_share():
+    box = {'type': 'box', 'size': [1, 2, 3], 'pose': {'position': [0, 0, 5]}}
+    shapes = looks({'shape': box, 'color': [0, 1, 0]},
+                   {'shape': {'type': 'mesh', **TETRAHEDRON}}, color=[1, 0, 0])
+    one, other = shapes.solids
+    assert one.form == other.form and (one.body, other.body) == (0, 1)
+    surface, colors = shapes.surfaces[one.form], shapes.vertex_colors[one.form]
+    assert len(shapes.surfaces) == 1 and len(surface.vertices) == len(colors)
+    green, red = ((colors == color).all(axis=1) for color in ([0, 255, 0], [255, 0, 0]))
+    assert (green ^ red).all()      # the tetrahedron has the colour of the body
+    assert np.ptp(surface.vertices[green], axis=0) == pytest.approx([1, 2, 3], abs=1e-12)
+    assert surface.vertices[green].mean(axis=0) == pytest.approx([0, 0, 5], abs=1e-12)
+    assert np.ptp(surface.vertices[red], axis=0) == pytest.approx([1, 1, 1], abs=1e-12)
+
+
+def test_a_body_that_shows_nothing_has_nothing_in_the_page():
+    assert looks().solids == []

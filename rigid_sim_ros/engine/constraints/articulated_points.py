@@ -12,7 +12,7 @@ where they met (`meeting_within`).
 import math
 
 from rigid_sim_ros.engine.constraints.pressing import (
-    HALF_KNOWN, ISLANDS, KNOWN, POINTS_IN_USE, Pressing, WIDTH, WOKEN)
+    ISLANDS, KNOWN, POINTS_IN_USE, Pressing, WIDTH, WOKEN)
 from rigid_sim_ros.engine.contact.carried_forces import match_forces
 from rigid_sim_ros.engine.contact.classify import resting_speed
 from rigid_sim_ros.engine.contact.contacts import Contacts, relative, to_contact
@@ -92,8 +92,11 @@ def take_all(w: Pressing) -> None:
 
 @kernel
 def take_pressing(w: Pressing) -> None:
-    """Let take part in the second half of a step what pressed in the first, or touches."""
-    match_forces(w.contacts, w.half, w.count[HALF_KNOWN], w.match)
+    """
+    Let take part in the second half of a step what pressed in the first, or touches.
+
+    w.match says which points took part in the first.
+    """
     for k in range(w.contacts.count[0]):
         w.active[k] = 1 if _presses(w.contacts, k, w) else 0
 

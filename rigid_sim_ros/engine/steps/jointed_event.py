@@ -198,8 +198,8 @@ def _look_back(c: JointedContact) -> int:
     why = find_points(c, 0.0)
     if why != DONE:
         return why
+    read_way(c)
     if _may_end_earlier(c):
-        read_way(c)
         met = meeting_within(h, w)
         if met < h:
             go_back(joints)

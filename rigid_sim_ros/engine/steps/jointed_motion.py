@@ -58,6 +58,11 @@ class JointedMotion:
             self._is_new = False
         return self.motion
 
+    def read_anew(self, state: State) -> JointMotion:
+        """Return the motion of the joints, which is that of the bodies, whatever it was."""
+        self._is_new = True
+        return self.read(state)
+
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
         """Advance the state by some steps, and count wrenches and commands down."""
         self.read(state)
@@ -83,12 +88,27 @@ class JointedMotion:
         self._is_new = False
         return gap
 
-    def project(self, state: State) -> None:
-        """Let the joints answer to momenta that the bodies were given."""
+    def project(self, state: State, rate: Array | None = None) -> None:
+        """
+        Let the joints answer to momenta that the bodies were given.
+
+        rate (k,) are velocities that axes are to have, as far as they are numbers.
+        """
         self.read(state)
         prepare(self._model, self.table, state, self._scratch)
-        project(self._model, self.table, state, self.motion, self._scratch,
-                np.full(len(self.motion.rate), np.nan))
+        wanted = np.full(len(self.motion.rate), np.nan) if rate is None else rate
+        project(self._model, self.table, state, self.motion, self._scratch, wanted)
+
+    def join(self, state: State, position: Array, given: IntArray, rate: Array) -> float:
+        """
+        Put together what new joints hold, see `assemble`; return the gap of loops.
+
+        The bodies keep their momenta but for what the joints take: what meets goes on as one.
+        """
+        gap = float(assemble(self._model, self.table, state, self.motion, self._scratch, position,
+                             given))
+        self.project(state, rate)
+        return gap
 
     def lasting(self) -> dict[str, np.ndarray]:
         """Return all that influences later steps besides the state, and the latest wrenches."""
