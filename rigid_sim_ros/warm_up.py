@@ -94,8 +94,9 @@ def _end(code: int) -> None:
 
 
 def use(world: World) -> None:
-    """Call each kernel once, in the ways a node calls them."""
-    name = world.names[0]
+    """Call each kernel once, in the ways in which a node or a program may call them later."""
+    bodies = world.scene.spec.bodies
+    name = next((body.name for body in bodies if body.is_pushed), bodies[0].name)
     for duration in (None, 1.0):
         world.apply_wrench(name, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 'world', duration=duration,
                            source='warm_up')
@@ -112,6 +113,12 @@ def use(world: World) -> None:
     with contextlib.suppress(ValueError):   # of a body that joints hold to the world
         world.set_pose(name, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     world.set_twist(name, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    world.apply_impulse(name, (0.0, 0.0, 0.0), point=(0.0, 0.0, 0.0), frame=name)
+    for joint, position in zip(world.joint_names, world.joint_position, strict=True):
+        world.joint_wrench(joint)
+        with contextlib.suppress(ValueError):   # of one that follows another, or has no coordinate
+            world.set_joint_state(joint, position)
+            break
     world.state_hash()
     world.restore(world.save())
     world.reset()

@@ -32,7 +32,7 @@ MAY_IMPORT = {
     'viewer': LOWER | {'plots', 'signals'},
     'bag': LOWER | {'problems'},
     'warm_up': PHYSICS | {'scene', 'signals', 'world'},
-    'messages': PHYSICS | {'bag'},
+    'messages': PHYSICS,
     'signals': set(),
     'scene': PHYSICS | {'models', 'problems'},
     'models': PHYSICS | {'problems'},

@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 
+from effort import either
 import numba
 import numpy as np
 import pytest
@@ -92,3 +93,15 @@ def test_batch_and_verify_say_when_they_compile(tmp_path: Path, command) -> None
         check=False, timeout=300)
     assert result.returncode == 0, result.stderr
     assert result.stderr.startswith('compiling the physics kernels')
+
+
+@pytest.mark.long
+@pytest.mark.parametrize('scene', either(['t_handle'], [
+    't_handle', 'arm', 'gripper', 'tower', 'newtons_cradle', 'pile_of_shapes']))
+def test_nothing_is_compiled_once_that_is_said_to_be_over(tmp_path: Path, scene: str) -> None:
+    script = Path(__file__).with_name('first_calls.py')
+    result = subprocess.run(
+        [sys.executable, str(script), scene], env=os.environ | {'NUMBA_CACHE_DIR': str(tmp_path)},
+        capture_output=True, text=True, check=False, timeout=600)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout == 'done\n'

@@ -7,8 +7,8 @@ import contextlib
 from dataclasses import replace
 from typing import Any
 
+from rigid_sim_ros.bag import decode
 from rigid_sim_ros.bag.events import Event
-from rigid_sim_ros.messages import decode
 from rigid_sim_ros.scene import Scene, scene_from_dict, SceneError
 from rigid_sim_ros.scene.additions import names_a_file, parts_of
 from rigid_sim_ros.scene.reader import read_parts

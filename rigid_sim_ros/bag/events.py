@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.bag.errors import BagError
+from rigid_sim_ros.bag.errors import BagError, Damaged
 from rigid_sim_ros.scene.additions import names_a_file
 from rigid_sim_ros.world import World
 from rigid_sim_ros.world.commands import Command, KINDS
@@ -47,10 +47,10 @@ class Event(NamedTuple):
 
 
 def decode(text: str) -> Event:
-    """Return the event of some JSON; BagError when that is none, or was changed."""
+    """Return the event of some JSON; Damaged when it was changed, BagError when not known here."""
     fields, mark, end = text.rpartition(', "digest": "')
     if not mark or end != f'{_digest(fields + "}")}"}}':
-        raise BagError('was changed after it was recorded: its digest does not fit')
+        raise Damaged('was changed after it was recorded: its digest does not fit')
     try:
         event = Event(**json.loads(fields + '}'))
     except (TypeError, ValueError, RecursionError) as error:
@@ -62,7 +62,7 @@ def decode(text: str) -> Event:
     if not ((event.number is None or _is_count(event.number)) and _is_count(event.step)
             and isinstance(event.arguments, dict)
             and all(holds(event.arguments.get(name)) for name, holds in needed.items())):
-        raise BagError('makes no sense: its numbers or arguments are not such as are recorded')
+        raise Damaged('makes no sense: its numbers or arguments are not such as are recorded')
     return event
 
 

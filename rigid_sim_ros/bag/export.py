@@ -4,41 +4,53 @@
 
 from collections.abc import Sequence
 import os
-from pathlib import Path
-from typing import Any
+from pathlib import Path, PurePath
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.bag import topics as kinds
+from rigid_sim_ros.bag import decode, topics as kinds
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.motion import joint_prefix
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.session import is_session
-from rigid_sim_ros.messages import decode
 from rigid_sim_ros.messages.topics import body_of
 
 FORMATS = ('csv', 'parquet')
-_AXES = 'xyz'
-_TIMES = ('bag time [s]', 'time [s]')
-MOTION = (*_TIMES, 'body', *(f'position {a} [m]' for a in _AXES),
-          *(f'orientation {a} [1]' for a in 'xyzw'),
-          *(f'linear velocity {a} [m/s]' for a in _AXES),
-          *(f'angular velocity {a} [rad/s]' for a in _AXES))
-WRENCHES = (*_TIMES, 'body', 'frame', *(f'force {a} [N]' for a in _AXES),
-            *(f'torque {a} [N m]' for a in _AXES))
-JOINTS = (*_TIMES, 'joint', 'position [rad or m]', 'velocity [rad/s or m/s]',
-          'effort [N m or N]')
+
+
+class Column(NamedTuple):
+    """A column of a table: a name that programs can write, and the unit, '' for text."""
+
+    name: str
+    unit: str = ''
+
+
+def _vector(name: str, unit: str) -> tuple[Column, ...]:
+    return tuple(Column(f'{name}_{axis}', unit) for axis in 'xyz')
+
+
+_TIMES = (Column('bag_time', 's'), Column('time', 's'))
+MOTION = (*_TIMES, Column('body'), *_vector('position', 'm'),
+          *(Column(f'orientation_{axis}', '1') for axis in 'xyzw'),
+          *_vector('linear_velocity', 'm/s'), *_vector('angular_velocity', 'rad/s'))
+WRENCHES = (*_TIMES, Column('body'), Column('frame'), *_vector('force', 'N'),
+            *_vector('torque', 'N m'))
+JOINTS = (*_TIMES, Column('joint'), Column('position', 'rad or m'),
+          Column('velocity', 'rad/s or m/s'), Column('effort', 'N m or N'))
 
 # Rows that are gathered before they are written: some 20 MB.
 _ROWS = 1 << 17
 
 
-def export(bag: str | os.PathLike[str], file_format: str, output: Path) -> list[tuple[Path, int]]:
+def export(bag: str | os.PathLike[str], file_format: str, output: Path, *,
+           units: bool = False) -> list[tuple[Path, int]]:
     """
     Write the motion of all bodies to a file, accepted wrenches and joint states to such beside it.
 
-    Returns the files and how many rows each has. BagError if the bag cannot be read, holds no
-    motion, or a file exists already.
+    Parquet files hold the unit of each column as its metadata; with `units` the names say them
+    too, as in `position_x [m]`. Returns the files and how many rows each has. BagError if the bag
+    cannot be read, holds no motion, or a file exists already.
     """
     try:
         import pyarrow  # noqa: F401
@@ -50,9 +62,9 @@ def export(bag: str | os.PathLike[str], file_format: str, output: Path) -> list[
     for path in (output, *beside):
         if path.exists():
             raise BagError(f'{path} exists already: choose another --output, or remove it')
-    motion = _Table(output, file_format, MOTION)
-    wrenches = _Table(beside[0], file_format, WRENCHES)
-    joints = _Table(beside[1], file_format, JOINTS)
+    motion = _Table(output, file_format, MOTION, units)
+    wrenches = _Table(beside[0], file_format, WRENCHES, units)
+    joints = _Table(beside[1], file_format, JOINTS, units)
     try:
         _fill(BagReader(bag), motion, wrenches, joints)
         if not motion.count and not motion.rows:
@@ -98,12 +110,14 @@ def _fill(reader: BagReader, motion: '_Table', wrenches: '_Table', joints: '_Tab
 class _Table:
     """A table that is written while it grows; the file appears with the first row."""
 
-    def __init__(self, path: Path, file_format: str, columns: Sequence[str]) -> None:
+    def __init__(self, path: Path, file_format: str, columns: Sequence[Column],
+                 units: bool) -> None:
         self.path = path
         self.rows = 0           # gathered and not yet written
         self.count = 0          # written
         self._format = file_format
         self._columns = columns
+        self._names = [f'{name} [{unit}]' if units and unit else name for name, unit in columns]
         self._lists: list[list[Any]] = []
         self._numbers: list[np.ndarray] = []
         self._writer: Any = None
@@ -129,8 +143,10 @@ class _Table:
     def _write(self) -> None:
         import pyarrow
 
-        table = pyarrow.table(dict(zip(
-            self._columns, [*self._lists, *np.concatenate(self._numbers).T], strict=True)))
+        table = pyarrow.table([*self._lists, *np.concatenate(self._numbers).T], names=self._names)
+        table = table.cast(pyarrow.schema([
+            field.with_metadata({'unit': column.unit} if column.unit else {})
+            for field, column in zip(table.schema, self._columns, strict=True)]))
         if self._writer is None:
             self._writer = self._opened(table.schema)
         self._writer.write_table(table)
@@ -143,6 +159,16 @@ class _Table:
             return CSVWriter(str(self.path), schema)
         from pyarrow.parquet import ParquetWriter
         return ParquetWriter(str(self.path), schema)
+
+
+def format_of(output: str | None) -> str:
+    """Return the format that the ending of a file asks for, csv without a file."""
+    if output is None:
+        return FORMATS[0]
+    ending = PurePath(output).suffix[1:].lower()
+    if ending not in FORMATS:
+        raise BagError(f'{output}: must end in .csv or .parquet, or give --format')
+    return ending
 
 
 def default_output(bag: Path, file_format: str) -> Path:

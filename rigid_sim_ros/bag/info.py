@@ -6,11 +6,10 @@ from collections import Counter
 import os
 from typing import NamedTuple
 
-from rigid_sim_ros.bag import events, session as sessions, topics as kinds
+from rigid_sim_ros.bag import decode, events, session as sessions, topics as kinds
 from rigid_sim_ros.bag.errors import Damaged
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.session import Session
-from rigid_sim_ros.messages import decode
 
 
 class Info(NamedTuple):

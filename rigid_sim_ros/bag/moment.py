@@ -11,12 +11,11 @@ from collections.abc import Mapping
 import os
 from typing import Any, NamedTuple
 
-from rigid_sim_ros.bag import events, session as sessions, topics as kinds
+from rigid_sim_ros.bag import decode, events, session as sessions, topics as kinds
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.events import Event
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.session import Session
-from rigid_sim_ros.messages import decode
 from rigid_sim_ros.scene import Scene, scene_from_text, SceneError
 from rigid_sim_ros.world import World
 

@@ -15,12 +15,11 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from rigid_sim_ros.bag import events, session as sessions, topics as kinds
+from rigid_sim_ros.bag import decode, events, session as sessions, topics as kinds
 from rigid_sim_ros.bag.arrivals import Arrivals, with_arrivals
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.session import Session
-from rigid_sim_ros.messages import decode
 from rigid_sim_ros.messages.topics import body_of
 from rigid_sim_ros.scene import Scene, scene_from_text, SceneError
 

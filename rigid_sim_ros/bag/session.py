@@ -12,9 +12,9 @@ import numba
 import numpy as np
 
 from rigid_sim_ros import __version__
-from rigid_sim_ros.bag.errors import BagError
+from rigid_sim_ros.bag.decode import string
+from rigid_sim_ros.bag.errors import BagError, Damaged
 from rigid_sim_ros.bag.topics import Topic
-from rigid_sim_ros.messages.decode import string
 
 # Grows when a bag of before cannot be verified any more.
 FORMAT = 2
@@ -64,15 +64,15 @@ def is_session(topic: str) -> bool:
 
 
 def read(topic: str, data: bytes) -> Session:
-    """Return the session of a message; BagError if it is none that this version knows."""
+    """Return the session of a message; Damaged if it is none, BagError if of another version."""
     session = decode(string(data))
     if topic != session.node + _NAME:
-        raise BagError(f'the session on {topic} is that of another node, {session.node!r}')
+        raise Damaged(f'the session on {topic} is that of another node, {session.node!r}')
     return session
 
 
 def decode(text: str) -> Session:
-    """Return the session of some JSON; BagError if it is none that this version knows."""
+    """Return the session of some JSON; Damaged if it is none, BagError if of another version."""
     try:
         fields = json.loads(text)
         if fields['format'] != FORMAT:
@@ -80,7 +80,7 @@ def decode(text: str) -> Session:
                            'it with the version of rigid_sim_ros that recorded it')
         body, _, _ = text.rpartition(', "digest": "')
         if fields.pop('digest') != _digest(body + '}'):
-            raise BagError('the description of the session was changed after it was recorded')
+            raise Damaged('the description of the session was changed after it was recorded')
         fields['topics'] = tuple(Topic(**topic) for topic in fields['topics'])
         fields['bodies'] = tuple(fields['bodies'])
         session = Session(**fields)
@@ -88,7 +88,7 @@ def decode(text: str) -> Session:
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
         if isinstance(error, BagError):
             raise
-        raise BagError(f'the description of the session is damaged ({error})') from None
+        raise Damaged(f'the description of the session is damaged ({error})') from None
     return session
 
 

@@ -181,7 +181,8 @@ def open_database(path: Path) -> sqlite3.Connection:
                     or (text or b'').upper().startswith(b'CREATE VIRTUAL')):
                 database.close()
                 raise Damaged(f'{path.name} is damaged ({_said(name)} is no plain table)')
-    except (sqlite3.Error, MemoryError) as error:
+    # The words of an error of SQLite may quote bytes of the file that are no text.
+    except (sqlite3.Error, UnicodeDecodeError, MemoryError) as error:
         raise Damaged(f'{path.name} is damaged ({error})') from None
     return database
 
@@ -198,7 +199,8 @@ class SqliteReader:
                 raise Damaged(f'{path.name} was not closed')
         self._database = open_database(path)
         try:
-            verdict = self._database.execute('PRAGMA quick_check(1)').fetchone()[0]
+            # Entries of an index that lead to other rows too, which a quick check leaves out.
+            verdict = self._database.execute('PRAGMA integrity_check(1)').fetchone()[0]
             if verdict != b'ok':
                 raise Damaged(f'{path.name} is damaged ({_said(verdict)})')
             rows = self._database.execute('SELECT id, name, type FROM topics').fetchall()

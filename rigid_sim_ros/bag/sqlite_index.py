@@ -79,7 +79,8 @@ class SqliteIndex:
                     'SELECT topic_id, timestamp, data FROM messages WHERE id = ?', (k,))]
 
     def _columns(self) -> set[str]:
-        return {row[1].decode() for row in self._query('PRAGMA table_info(topics)')}
+        return {row[1].decode(errors='replace')
+                for row in self._query('PRAGMA table_info(topics)')}
 
     def _topic(self, row: tuple[Any, ...]) -> SqliteTopic:
         number, *texts = row
@@ -98,7 +99,7 @@ class SqliteIndex:
         try:
             with closing(open_database(self.path)) as database:
                 yield from database.execute(text, values)
-        except (sqlite3.Error, OverflowError, MemoryError) as error:
+        except (sqlite3.Error, UnicodeDecodeError, OverflowError, MemoryError) as error:
             raise Damaged(f'{self.path.name} is damaged ({error})') from None
 
 

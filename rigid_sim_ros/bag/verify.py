@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rigid_sim_ros import __version__
-from rigid_sim_ros.bag import events, session as sessions, topics as kinds
+from rigid_sim_ros.bag import decode, events, session as sessions, topics as kinds
 from rigid_sim_ros.bag.completeness import Tally, wrong_topics
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.events import Event
@@ -26,7 +26,6 @@ from rigid_sim_ros.bag.outputs import Outputs
 from rigid_sim_ros.bag.reader import BagReader, Message
 from rigid_sim_ros.bag.session import Session
 from rigid_sim_ros.bag.topics import Topic, typestore
-from rigid_sim_ros.messages import decode
 from rigid_sim_ros.messages.codec import encode_wrench
 from rigid_sim_ros.scene import scene_from_text, SceneError
 from rigid_sim_ros.world import World

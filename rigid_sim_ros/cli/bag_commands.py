@@ -10,12 +10,12 @@ import click
 from rich.table import Table
 
 from rigid_sim_ros.bag.batch import Batch
-from rigid_sim_ros.bag.export import default_output, export
+from rigid_sim_ros.bag.export import default_output, export, format_of
 from rigid_sim_ros.bag.info import Info, info
 from rigid_sim_ros.bag.recover import recover
 from rigid_sim_ros.bag.verify import verify
 from rigid_sim_ros.bag.writer import check_path
-from rigid_sim_ros.cli.report import console, counted
+from rigid_sim_ros.cli.report import console, counted, print_table
 from rigid_sim_ros.problems import printable
 from rigid_sim_ros.warm_up import announced, warm_up
 from rigid_sim_ros.world import load_scene, World
@@ -102,7 +102,7 @@ def run_info(bag: str) -> int:
     table.add_column('messages', justify='right')
     for name, (kind, count) in found.topics.items():
         table.add_row(printable(name), printable(kind), str(count))
-    out.print(table)
+    print_table(out, table)
     return 0
 
 
@@ -142,9 +142,10 @@ def run_recover(bag: str) -> int:
     return 0
 
 
-def run_export(bag: str, file_format: str, output: str | None) -> int:
+def run_export(bag: str, file_format: str | None, output: str | None, *, units: bool) -> int:
     """Write the motion and the wrenches of a bag as tables."""
+    file_format = file_format or format_of(output)
     path = Path(output) if output else default_output(Path(bag), file_format)
-    for written, count in export(bag, file_format, path):
-        _say(f'{written}: {count} rows')
+    for written, count in export(bag, file_format, path, units=units):
+        _say(f'{written}: {counted(count, "row", "rows")}')
     return 0

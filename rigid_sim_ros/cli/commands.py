@@ -335,21 +335,24 @@ def recover(bag: str) -> int:
 
 
 @rigid_sim.command(epilog=examples(
-    'rigid_sim export session --format csv',
-    'rigid_sim export session --format parquet --output motion.parquet'))
+    'rigid_sim export session --output motion.csv',
+    'rigid_sim export session --output motion.parquet'))
 @click.argument('bag')
-@click.option('--format', 'file_format', type=click.Choice(['csv', 'parquet']), required=True)
+@click.option('--format', 'file_format', type=click.Choice(['csv', 'parquet']),
+              help='Default: what the ending of FILE says, else csv.')
 @click.option('--output', metavar='FILE',
               help='Default: the name of the bag, in the working directory.')
-def export(bag: str, file_format: str, output: str | None) -> int:
+@click.option('--units', is_flag=True, help='Name each column with its unit: position_x [m].')
+def export(bag: str, file_format: str | None, output: str | None, *, units: bool) -> int:
     """
     Write the motion in BAG as a table, a row for each body and time.
 
-    The column names say the units. Accepted wrenches go to a second file beside it.
+    Columns are called position_x, linear_velocity_z, and so on, in SI units, which Parquet files
+    hold as metadata. Accepted wrenches and joint states go to files beside it.
     """
     from rigid_sim_ros.cli.bag_commands import run_export
 
-    return run_export(bag, file_format, output)
+    return run_export(bag, file_format, output, units=units)
 
 
 @rigid_sim.command(epilog=examples(

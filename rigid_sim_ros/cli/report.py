@@ -28,12 +28,23 @@ def console() -> Console:
         highlight=False, markup=False, emoji=False, width=_PIPE_WIDTH)
 
 
+def print_table(out: Console, table: Table) -> None:
+    """Print a table; without the blanks that fill its last column when that is no terminal."""
+    if out.is_terminal:
+        out.print(table)
+        return
+    with out.capture() as text:
+        out.print(table)
+    lines = [line.rstrip() for line in text.get().splitlines()]
+    out.print('\n'.join(lines).rstrip('\n'), soft_wrap=True)
+
+
 def print_examples(out: Console) -> None:
     """Print the name of each example scene and what one sees in it."""
     table = _table(('scene', 'left'), ('what it shows', 'left'))
     for name in example_names():
         table.add_row(name, describe(name))
-    out.print(table)
+    print_table(out, table)
 
 
 def print_scene(out: Console, scene: Scene) -> None:
@@ -45,11 +56,11 @@ def print_scene(out: Console, scene: Scene) -> None:
               f'gravity {_numbers(world.gravity)} m/s^2')
     out.print(f'integrator {world.integrator}, orientation {world.orientation}, '
               f'contact {world.contact}')
-    out.print(_bodies(scene))
+    print_table(out, _bodies(scene))
     if scene.spec.forces:
-        out.print(_forces(scene.spec.forces))
+        print_table(out, _forces(scene.spec.forces))
     if scene.spec.joints:
-        out.print(_joints(scene.spec.joints))
+        print_table(out, _joints(scene.spec.joints))
     for line in scene.notes:
         out.print(f'note: {line}', soft_wrap=True)
     for line in advice(scene):

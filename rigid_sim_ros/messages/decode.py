@@ -3,7 +3,7 @@
 """
 Messages from their bytes: the other half of codec.py, for those that this package reads itself.
 
-Damaged where the bytes are no such message.
+Malformed where the bytes are no such message.
 """
 
 import struct
@@ -11,11 +11,13 @@ import struct
 import numpy as np
 import numpy.typing as npt
 
-from rigid_sim_ros.bag.errors import Damaged
-
 _STRING = struct.Struct('<4xI')
 _UINT64 = struct.Struct('<4xQ')
 _BYTES = struct.Struct('<4xIII')
+
+
+class Malformed(ValueError):
+    """Bytes that are not a message of their type."""
 
 
 def string(data: bytes) -> str:
@@ -27,20 +29,20 @@ def string(data: bytes) -> str:
             raise ValueError(f'{len(text)} of {length} bytes')
         return text[:-1].decode()
     except (struct.error, ValueError) as error:
-        raise Damaged(f'a text is damaged ({error})') from None
+        raise Malformed(f'a text is damaged ({error})') from None
 
 
 def uint64(data: bytes) -> int:
     """Return the number of a std_msgs/UInt64."""
     if len(data) != _UINT64.size:
-        raise Damaged(f'a number is damaged ({len(data)} bytes)')
+        raise Malformed(f'a number is damaged ({len(data)} bytes)')
     return int(_UINT64.unpack(data)[0])
 
 
 def byte_array(data: bytes) -> bytes:
     """Return the bytes of a std_msgs/UInt8MultiArray without layout."""
     if len(data) < _BYTES.size or _BYTES.unpack_from(data) != (0, 0, len(data) - _BYTES.size):
-        raise Damaged(f'an array of bytes is damaged ({len(data)} bytes)')
+        raise Malformed(f'an array of bytes is damaged ({len(data)} bytes)')
     return data[_BYTES.size:]
 
 
@@ -58,7 +60,7 @@ def multi_dof_state(data: bytes) -> tuple[int, str, list[str], npt.NDArray[np.fl
     for columns in (slice(0, 7), slice(7, 13)):
         count, width = walk.uint32(), columns.stop - columns.start
         if count not in (0, len(names)):
-            raise Damaged(f'a state of {len(names)} bodies has {count} poses or twists')
+            raise Malformed(f'a state of {len(names)} bodies has {count} poses or twists')
         if count:
             numbers[:, columns] = walk.doubles(count * width).reshape(count, width)
     return t_ns, frame, names, numbers
@@ -77,8 +79,8 @@ def joint_state(data: bytes) -> tuple[int, str, list[str], npt.NDArray[np.float6
     for column in range(3):
         count = walk.uint32()
         if count not in (0, len(names)):
-            raise Damaged(f'a state of {len(names)} joints has {count} positions, velocities or '
-                          'efforts')
+            raise Malformed(f'a state of {len(names)} joints has {count} positions, velocities or '
+                            'efforts')
         if count:
             numbers[:, column] = walk.doubles(count)
     return t_ns, frame, names, numbers
@@ -96,14 +98,14 @@ class _Walk:
 
     def __init__(self, data: bytes) -> None:
         if data[:2] != b'\x00\x01':
-            raise Damaged('a message is not little-endian CDR')
+            raise Malformed('a message is not little-endian CDR')
         self._data = data
         self._position = 4
 
     def _take(self, size: int, alignment: int) -> int:
         start = self._position + -(self._position - 4) % alignment
         if start + size > len(self._data):
-            raise Damaged(f'a message of {len(self._data)} bytes breaks off')
+            raise Malformed(f'a message of {len(self._data)} bytes breaks off')
         self._position = start + size
         return start
 
@@ -116,7 +118,7 @@ class _Walk:
         try:
             return self._data[start:start + length].rstrip(b'\0').decode()
         except UnicodeDecodeError as error:
-            raise Damaged(f'a name is damaged ({error})') from None
+            raise Malformed(f'a name is damaged ({error})') from None
 
     def header(self) -> tuple[int, str]:
         t_ns = self.uint32() * 1_000_000_000 + self.uint32()

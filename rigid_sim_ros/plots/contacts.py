@@ -14,11 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.bag import events, session as sessions, topics as kinds
+from rigid_sim_ros.bag import decode, events, session as sessions, topics as kinds
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.motion import Array, Clock
 from rigid_sim_ros.bag.reader import BagReader
-from rigid_sim_ros.messages import decode
 from rigid_sim_ros.scene import Scene
 from rigid_sim_ros.world import World
 

@@ -16,6 +16,8 @@ DASHES = ('solid', 'dashed', 'dotted')
 
 # Points of a line: more than a screen or a page can show. A page of 30 lines has some 5 MB then.
 _MOST_POINTS = 4000
+# Decades below the largest number that a logarithmic axis shows: weights, and what hits them.
+_DECADES = 5
 # Half the height of a panel is at least this share of the numbers in it: rounding stays flat.
 _LEAST_SHARE = 2e-3
 
@@ -23,7 +25,7 @@ _LEAST_SHARE = 2e-3
 class Line(NamedTuple):
     """One line; it is interrupted where a number is nan."""
 
-    label: str
+    label: str      # '': it has no place in the legend
     x: Array
     y: Array
     color: str
@@ -52,6 +54,12 @@ class Panel(NamedTuple):
     bands: Sequence[Band] = ()
     floor: float = 0.0      # half of the least height, so that rounding looks like what it is
     axes: tuple[str, str] | None = None     # labels of a panel that shows a path, not a time
+    is_log: bool = False    # of sizes: an impact is thousands of times a weight
+
+    def visible(self, y: Array) -> Array:
+        """Return numbers as they are drawn: on a logarithmic axis what is none is at its end."""
+        limits = self.limits()
+        return np.maximum(y, limits[0]) if self.is_log and limits is not None else y
 
     def limits(self) -> tuple[float, float] | None:
         """Return the least and the largest y that is to be seen, None for those of the lines."""
@@ -61,6 +69,9 @@ class Panel(NamedTuple):
         if self.axes or not numbers.size:
             return None
         low, high = float(numbers.min()), float(numbers.max())
+        if self.is_log:
+            high = max(high, self.floor)
+            return high * 10.0 ** -_DECADES, 2.0 * high
         floor = max(self.floor, _LEAST_SHARE * max(abs(low), abs(high)))
         half = max(0.55 * (high - low), floor) or 1.0
         return (low + high) / 2 - half, (low + high) / 2 + half

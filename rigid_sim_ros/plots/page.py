@@ -39,8 +39,8 @@ def write_page(diagram: Diagram, path: Path) -> None:
         place = {'row': row + 1, 'col': column + 1}
         legend = f'legend{number + 1 if number else ""}'
         for band in panel.bands:
-            figure.add_traces(_band(band, legend), [row + 1] * 2, [column + 1] * 2)
-        figure.add_traces([_line(line, legend) for line in panel.lines],
+            figure.add_traces(_band(band, panel, legend), [row + 1] * 2, [column + 1] * 2)
+        figure.add_traces([_line(line, panel, legend) for line in panel.lines],
                           [row + 1] * len(panel.lines), [column + 1] * len(panel.lines))
         axes = figure.get_subplot(**place)
         _place_legend(figure, legend, axes)
@@ -59,22 +59,24 @@ def _panel_at(diagram: Diagram, row: int, column: int, rows: int) -> Panel:
     return diagram.panels[column * rows + row]
 
 
-def _line(line: Line, legend: str) -> Any:
+def _line(line: Line, panel: Panel, legend: str) -> Any:
     return go.Scatter(
-        x=line.x, y=line.y, name=line.label, mode='lines', opacity=line.opacity, legend=legend,
+        x=line.x, y=panel.visible(line.y), name=line.label, mode='lines', opacity=line.opacity,
+        legend=legend, showlegend=bool(line.label),
         line={'color': line.color, 'dash': _DASHES[line.dash], 'width': line.width},
         connectgaps=False)
 
 
-def _band(band: Band, legend: str) -> list[Any]:
+def _band(band: Band, panel: Panel, legend: str) -> list[Any]:
     red, green, blue = (int(band.color[k:k + 2], 16) for k in (1, 3, 5))
     fill = f'rgba({red}, {green}, {blue}, {band.opacity})'
     no_line = {'width': 0, 'color': band.color}
     return [
-        go.Scatter(x=band.x, y=band.low, name=f'{band.label}, least', mode='lines', line=no_line,
-                   legendgroup=band.label, showlegend=False, legend=legend),
-        go.Scatter(x=band.x, y=band.high, name=band.label, mode='lines', line=no_line,
-                   legendgroup=band.label, fill='tonexty', fillcolor=fill, legend=legend)]
+        go.Scatter(x=band.x, y=panel.visible(band.low), name=f'{band.label}, least', mode='lines',
+                   line=no_line, legendgroup=band.label, showlegend=False, legend=legend),
+        go.Scatter(x=band.x, y=panel.visible(band.high), name=band.label, mode='lines',
+                   line=no_line, legendgroup=band.label, fill='tonexty', fillcolor=fill,
+                   legend=legend)]
 
 
 def _place_legend(figure: Any, legend: str, axes: Any) -> None:
@@ -91,7 +93,11 @@ def _label(axes: Any, panel: Panel, diagram: Diagram, first_time: str) -> str:
         axes.yaxis.scaleanchor = axes.xaxis.plotly_name.replace('axis', '')
         return first_time
     axes.xaxis.title.text, axes.yaxis.title.text = diagram.x_label, f'[{panel.unit}]'
-    axes.yaxis.range = panel.limits()
+    limits = panel.limits()
+    if panel.is_log and limits is not None:
+        axes.yaxis.type = 'log'
+        limits = math.log10(limits[0]), math.log10(limits[1])
+    axes.yaxis.range = limits
     name = axes.xaxis.plotly_name.replace('axis', '')
     if first_time:
         axes.xaxis.matches = first_time

@@ -56,12 +56,20 @@ def _path(shown: Shown) -> list[Panel]:
         lines = [Line(name, x, y, COLORS[k])
                  for k, (name, (x, y)) in enumerate(zip(shown.names, paths, strict=True))]
     else:
-        nan = np.array([np.nan])
-        lines = [Line(f'{len(paths)} bodies', np.concatenate([p for x, _ in paths
-                                                              for p in (x, nan)]),
-                      np.concatenate([p for _, y in paths for p in (y, nan)]), COLORS[0],
-                      width=0.6, opacity=0.5)]
+        lines = _many_paths(paths)
     return [Panel('Path', '', lines, axes=labels)]
+
+
+def _many_paths(paths: Sequence[tuple[Array, Array]]) -> list[Line]:
+    """Return the paths of many bodies: neighbours in the scene have different colours."""
+    nan = np.array([np.nan])
+    lines = []
+    for k, color in enumerate(COLORS):
+        x, y = (np.concatenate([part for path in paths[k::len(COLORS)]
+                                for part in (path[axis], nan)]) for axis in (0, 1))
+        lines.append(Line('' if k else f'{len(paths)} bodies', x, y, color, width=0.8,
+                          opacity=0.8))
+    return lines
 
 
 def _velocity(shown: Shown) -> list[Panel]:
@@ -102,7 +110,8 @@ def _angular_momentum(shown: Shown) -> list[Panel]:
 
 
 def _contact_force(shown: Shown) -> list[Panel]:
-    return _scalars(shown.names, 'Net contact force', 'N', shown.forces, 1.0, 1e-9)
+    return [panel._replace(is_log=True) for panel in _scalars(
+        shown.names, 'Net contact force (at the bottom: none)', 'N', shown.forces, 1.0, 1e-9)]
 
 
 def _gap(shown: Shown) -> list[Panel]:

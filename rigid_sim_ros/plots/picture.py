@@ -48,11 +48,12 @@ def write_picture(diagram: Diagram, path: Path) -> None:
 
 def _draw(axes: Any, panel: Panel, diagram: Diagram) -> None:
     for band in panel.bands:
-        axes.fill_between(band.x, band.low, band.high, color=band.color, alpha=band.opacity,
-                          linewidth=0.5, label=band.label)
+        axes.fill_between(band.x, panel.visible(band.low), panel.visible(band.high),
+                          color=band.color, alpha=band.opacity, linewidth=0.5,
+                          label=band.label)
     for line in panel.lines:
-        axes.plot(line.x, line.y, color=line.color, linestyle=line.dash, linewidth=line.width,
-                  alpha=line.opacity, label=line.label)
+        axes.plot(line.x, panel.visible(line.y), color=line.color, linestyle=line.dash,
+                  linewidth=line.width, alpha=line.opacity, label=line.label or '_')
     axes.set_title(panel.title)
     if panel.axes is not None:
         axes.set_xlabel(panel.axes[0])
@@ -61,6 +62,8 @@ def _draw(axes: Any, panel: Panel, diagram: Diagram) -> None:
     else:
         axes.set_xlabel(diagram.x_label)
         axes.set_ylabel(f'[{panel.unit}]')
+        if panel.is_log:
+            axes.set_yscale('log')
         axes.set_ylim(panel.limits())
         for reset in diagram.resets:
             axes.axvline(reset, color='#555555', linewidth=0.8, linestyle='dashdot')

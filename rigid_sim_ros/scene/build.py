@@ -18,7 +18,7 @@ from rigid_sim_ros.engine.model.hulls import HullError
 from rigid_sim_ros.engine.model.inertia import check, MassProperties
 from rigid_sim_ros.engine.model.model import Body, build_model, Frame, Model
 from rigid_sim_ros.engine.model.shapes import build_materials, build_shapes, Materials, Shapes
-from rigid_sim_ros.engine.state.state import BodyMotion, empty_state, State, write_motion
+from rigid_sim_ros.engine.state.state import BodyMotion, empty_state, State, write_motions
 from rigid_sim_ros.engine.steps.precompile import compile_beforehand
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.problems import Problem
@@ -326,8 +326,6 @@ def _initial_state(spec: schema.Scene, model: Model) -> State:
         np.array([body.twist.linear for body in spec.bodies]),
         np.array([body.twist.angular for body in spec.bodies]))
     state = empty_state(n)
-    for i in range(n):
-        write_motion(model, state, motion, i)
-        if spec.bodies[i].kinematic:
-            state.left[i] = LASTS
+    write_motions(model, state, motion)
+    state.left[[body.kinematic for body in spec.bodies]] = LASTS
     return state

@@ -9,6 +9,7 @@ line.
 """
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any, Protocol
 
 import numpy as np
@@ -27,6 +28,7 @@ _MOST_DATA = 20_000_000
 # Deepest nesting. A scene needs 8; a thousand open brackets would exhaust the interpreter's stack.
 MAX_DEPTH = 40
 
+_PREFIX = 'tag:yaml.org,2002:'  # of the tags of YAML itself
 _TOO_DEEP = f'nested deeper than {MAX_DEPTH} levels, a scene needs no more than 8'
 _TOO_MANY = f'more than {MAX_VALUES} values with all aliases written out, must be fewer'
 
@@ -77,9 +79,11 @@ class YamlSource:
         """Read the text; raises SceneError where it is not YAML or not plain data."""
         self._file = file
         self._root = _compose(text, file)
-        self._known: dict[int, tuple[Any, int]] = {}
+        self._known: dict[int, tuple[Any, int]] = {}    # of mappings and lists
         self._open: set[int] = set()
+        self._read_so_far = 0   # values, one that an alias repeats only once
         self.data = self._value(self._root, ())[0]
+        self._known.clear()
 
     def problem(self, path: Path, message: str) -> Problem:
         """Return a problem that names the key and the line where it stands or should stand."""
@@ -101,6 +105,9 @@ class YamlSource:
 
         An alias shares its data with the anchor, so reading takes no longer than the file is.
         """
+        if isinstance(node, SCALAR):
+            self._read_so_far += 1
+            return self._scalar(node, path), 1
         if id(node) in self._known:
             return self._known[id(node)]
         if id(node) in self._open:
@@ -108,51 +115,72 @@ class YamlSource:
         if len(path) > MAX_DEPTH:
             raise self._error(node, path[:8], _TOO_DEEP)
         self._open.add(id(node))
-        data, count = self._read(node, path)
-        if count > max(MAX_VALUES, 2 * len(self._known)):
+        data, count = self._mapping(node, path) if isinstance(node, MAPPING) else (
+            self._list(node, path))
+        self._read_so_far += 1
+        if count > max(MAX_VALUES, 2 * self._read_so_far):
             raise self._error(node, path, _TOO_MANY)
         self._open.remove(id(node))
         self._known[id(node)] = data, count
         return data, count
 
-    def _read(self, node: Any, path: Path) -> tuple[Any, int]:
-        tag = _tag(node)
-        if isinstance(node, MAPPING) and tag == 'map':
-            return self._mapping(node, path)
-        if isinstance(node, SEQUENCE) and tag == 'seq':
-            items = [self._value(item, (*path, i)) for i, item in enumerate(node.value)]
-            return [data for data, _ in items], 1 + sum(count for _, count in items)
-        if isinstance(node, SCALAR) and tag in _SCALARS:
+    def _item(self, node: Any, path: Path, step: str | int) -> tuple[Any, int]:
+        """Do the same for what stands at `step` in the mapping or list at `path`."""
+        if isinstance(node, SCALAR) and (convert := _SCALARS.get(str(node.tag))) is not None:
+            # Most values of a scene: without a path, which is for mistakes.
             try:
-                return _SCALARS[tag](node.value), 1
+                data = convert(node.value)
             except (KeyError, ValueError):
-                problem = f'{shown(node.value)}, cannot be read as {tag}'
-                raise self._error(node, path, problem) from None
-        raise self._error(node, path, f'tag {shown(tag)}, must be plain data: remove the tag')
+                return self._value(node, (*path, step))
+            self._read_so_far += 1
+            return data, 1
+        return self._value(node, (*path, step))
+
+    def _scalar(self, node: Any, path: Path) -> Any:
+        tag = str(node.tag)
+        if tag not in _SCALARS:
+            raise self._tag_error(node, path)
+        try:
+            return _SCALARS[tag](node.value)
+        except (KeyError, ValueError):
+            problem = f'{shown(node.value)}, cannot be read as {_tag(node)}'
+            raise self._error(node, path, problem) from None
+
+    def _list(self, node: Any, path: Path) -> tuple[list[Any], int]:
+        if _tag(node) != 'seq':
+            raise self._tag_error(node, path)
+        items = [self._item(item, path, i) for i, item in enumerate(node.value)]
+        return [data for data, _ in items], 1 + sum([count for _, count in items])
 
     def _mapping(self, node: Any, path: Path) -> tuple[dict[str, Any], int]:
+        if _tag(node) != 'map':
+            raise self._tag_error(node, path)
         own: dict[str, Any] = {}
         merged: dict[str, Any] = {}
-        lines: dict[str, int] = {}
+        keys: dict[str, Any] = {}
         total = 1
         for key_node, value_node in node.value:
-            key = key_node.value
-            if _tag(key_node) not in ('str', 'merge'):
+            key, tag = key_node.value, _tag(key_node)
+            if tag not in ('str', 'merge'):
                 shape = key if isinstance(key_node, SCALAR) else 'of several values'
                 raise self._error(key_node, path, f'key {shape}, must be text')
-            if key in lines:
+            if key in keys:
                 raise self._error(key_node, (*path, key), 'the key appears twice, first in line '
-                                  f'{lines[key]}: remove one of them')
-            lines[key] = _line(key_node)
-            data, count = self._value(value_node, (*path, key))
+                                  f'{_line(keys[key])}: remove one of them')
+            keys[key] = key_node
+            data, count = self._item(value_node, path, key)
             total += count
-            if _tag(key_node) == 'str':
+            if tag == 'str':
                 own[key] = data
             elif isinstance(data, dict):
                 merged = data
             else:
                 raise self._error(key_node, (*path, key), 'must name one mapping: <<: *name')
-        return {**merged, **own}, total
+        return {**merged, **own} if merged else own, total
+
+    def _tag_error(self, node: Any, path: Path) -> SceneError:
+        tag = shown(_tag(node))
+        return self._error(node, path, f'tag {tag}, must be plain data: remove the tag')
 
     def _error(self, node: Any, path: Path, message: str) -> SceneError:
         return SceneError([Problem(message, dotted(path), self._file, _line(node))])
@@ -190,7 +218,7 @@ def _entry(node: Any, key: str | int) -> tuple[Any, int] | None:
 
 
 def _tag(node: Any) -> str:
-    return str(node.tag).removeprefix('tag:yaml.org,2002:')
+    return str(node.tag).removeprefix(_PREFIX)
 
 
 def _line(node: Any) -> int:
@@ -204,6 +232,8 @@ def _int(text: str) -> int:
 
 
 def _float(text: str) -> float:
+    with suppress(ValueError):
+        return float(text)
     # YAML writes .inf and .nan where Python has inf and nan.
     return float(text.replace('_', '').lower().replace('.inf', 'inf').replace('.nan', 'nan'))
 
@@ -211,10 +241,10 @@ def _float(text: str) -> float:
 # The scalar types of YAML 1.2 by tag, and dates, which a scene has no use for, as the text they
 # are.
 _SCALARS: dict[str, Callable[[str], Any]] = {
-    'str': str,
-    'timestamp': str,
-    'null': lambda _: None,
-    'bool': lambda text: {'true': True, 'false': False}[text.lower()],
-    'int': _int,
-    'float': _float,
+    f'{_PREFIX}str': str,
+    f'{_PREFIX}timestamp': str,
+    f'{_PREFIX}null': lambda _: None,
+    f'{_PREFIX}bool': lambda text: {'true': True, 'false': False}[text.lower()],
+    f'{_PREFIX}int': _int,
+    f'{_PREFIX}float': _float,
 }

@@ -21,6 +21,8 @@ from rigid_sim_ros.scene.errors import dotted, either, Path
 
 _MEND = 'must have mass, density or inertial'
 
+_AT_THE_ORIGIN = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)     # of nearly all parts that stand alone
+
 
 def mistakes(body: schema.Body) -> Iterator[tuple[Path, str]]:
     """Yield each mistake in where the mass of a body is written: its place below it, and why."""
@@ -100,5 +102,7 @@ def _placed(part: schema.Shape, body: schema.Body, volume: float) -> MassPropert
         solid = KINDS[BY_TYPE[part.type]].mass_properties
         assert solid is not None, 'what has no mass is left out by properties()'
         own = solid(_mass(part, body, volume), part)
+    if (part.pose.position, part.pose.orientation) == _AT_THE_ORIGIN:
+        return own
     R_BS = np.array(to_matrix(part.pose.orientation))
     return inertia.placed(own, np.array(part.pose.position), R_BS)

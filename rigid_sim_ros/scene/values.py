@@ -5,6 +5,7 @@
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 import math
 import re
 from typing import Annotated, Any, TypeAlias
@@ -56,24 +57,28 @@ class Quantity(_Check):
 
     def __call__(self, value: Any, *at: int) -> float:
         """Return the number as a float."""
+        if type(value) is float and self.above < value and (
+                self.least <= value <= self.most) and math.isfinite(value):
+            return value    # all but mistakes, and whole numbers
         if isinstance(value, bool) or not isinstance(value, int | float):
             quotes = ', written without quotes' if _is_number(value) else ''
             unit = f' in {self.unit}' if self.unit else ''
             raise refuse(f'{shown(value)}, must be a number{unit}{quotes}', *at)
-        text = f'{shown(value)} {self.unit}'.strip()
         try:
             number = float(value)
         except OverflowError:
             number = math.inf
-        if not math.isfinite(number):
-            raise refuse(f'{text}, must be finite', *at)
-        if number <= self.above:
-            raise refuse(f'{text}, must be > {self.above:g}', *at)
-        if not self.least <= number <= self.most:
-            raise refuse(f'{text}, must be {self._range()}', *at)
-        return number
+        if self.above < number and self.least <= number <= self.most and math.isfinite(number):
+            return number
+        raise refuse(f'{f"{shown(value)} {self.unit}".strip()}, must be {self._range(number)}',
+                     *at)
 
-    def _range(self) -> str:
+    def _range(self, number: float) -> str:
+        """Say what a number must be that is not allowed."""
+        if not math.isfinite(number):
+            return 'finite'
+        if number <= self.above:
+            return f'> {self.above:g}'
         if math.isfinite(self.least) and math.isfinite(self.most):
             return f'in [{self.least:g}, {self.most:g}]'
         return f'>= {self.least:g}' if math.isfinite(self.least) else f'<= {self.most:g}'
@@ -88,11 +93,17 @@ class Numbers(_Check):
 
     def __call__(self, value: Any) -> tuple[float, ...]:
         """Return the numbers as a tuple of floats."""
-        names = self.names.split()
-        if not isinstance(value, list) or len(value) != len(names):
-            form = f'[{", ".join(names)}] {self.number.unit}'.strip()
-            raise refuse(f'{shown(value)}, must be {len(names)} numbers {form}')
-        return tuple(self.number(item, i) for i, item in enumerate(value))
+        if not isinstance(value, list) or len(value) != self._count:
+            form = f'[{", ".join(self.names.split())}] {self.number.unit}'.strip()
+            raise refuse(f'{shown(value)}, must be {self._count} numbers {form}')
+        return tuple([self.number(item, i) for i, item in enumerate(value)])
+
+    @cached_property
+    def _count(self) -> int:
+        return len(self.names.split())
+
+
+_FOUR = Numbers('x y z w')
 
 
 class UnitQuaternion(_Check):
@@ -100,7 +111,7 @@ class UnitQuaternion(_Check):
 
     def __call__(self, value: Any) -> tuple[float, ...]:
         """Return the quaternion with unit length."""
-        q = Numbers('x y z w')(value)
+        q = _FOUR(value)
         norm = math.hypot(*q)
         if abs(norm - 1.0) > UNIT_TOLERANCE:
             raise refuse(f'{shown(value)} has length {norm:.6g}, must be 1 within '

@@ -71,15 +71,21 @@ if CParser is not None:
     class _Quick(CParser):
         """libyaml's parser, with the words of YAML 1.2."""
 
+        def __init__(self, text: str) -> None:
+            """Begin to read."""
+            super().__init__(text)
+            self._tags: dict[str, str] = {}     # of plain words: many occur again and again
+
         def resolve(self, kind: Any, value: Any, implicit: Any) -> str:
             """Return the tag of a node that is given none."""
             if kind is not yaml.nodes.ScalarNode:
                 return _PREFIX + ('map' if kind is yaml.nodes.MappingNode else 'seq')
-            if implicit[0]:
-                for name, match in _WORDS.get(value[:1], ()):
-                    if match(value):
-                        return name
-            return _PREFIX + 'str'
+            if not implicit[0]:
+                return _PREFIX + 'str'
+            if value not in self._tags:
+                self._tags[value] = next((name for name, match in _WORDS.get(value[:1], ())
+                                          if match(value)), _PREFIX + 'str')
+            return self._tags[value]
 
         def descend_resolver(self, parent: Any, index: Any) -> None:
             """Tags do not depend on where a node stands."""

@@ -3,6 +3,8 @@
 """The charts of the page: figures over time."""
 from collections import deque
 from collections.abc import Mapping, Sequence
+from html import escape
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +13,7 @@ from viser import uplot
 
 _LONGEST = 300      # points that a chart keeps
 _HEIGHT = 170       # px
+_LEGEND = 'font-size: 12px; text-align: center; padding-bottom: 10px'
 # Okabe and Ito's colours.
 _LINES = ('#0072b2', '#d55e00', '#009e73', '#cc79a7')
 
@@ -32,16 +35,22 @@ PACE = Chart('real-time factor', ('measured',))
 class Charts:
     """Some charts over one time axis."""
 
-    def __init__(self, gui: viser.GuiApi, charts: Sequence[Chart], length: int = _LONGEST) -> None:
+    def __init__(self, gui: viser.GuiApi, charts: Sequence[Chart], length: int = _LONGEST, *,
+                 is_live: bool = True) -> None:
+        """Make them; `is_live`: the legends show the latest values, not those under the mouse."""
         self._times: deque[float] = deque(maxlen=length)
         self._values: dict[str, list[deque[float]]] = {}
         self._handles: dict[str, viser.GuiUplotHandle] = {}
+        self._charts = {chart.title: chart for chart in charts}
+        self._legends: dict[str, viser.GuiHtmlHandle] = {}
         for chart in charts:
             self._values[chart.title] = [deque(maxlen=length) for _ in chart.lines]
             self._handles[chart.title] = gui.add_uplot(
                 _empty(len(chart.lines)), _series(chart),
                 title=chart.title, height=_HEIGHT, scales={'x': uplot.Scale(time=False)},
-                legend=uplot.Legend(show=len(chart.lines) > 1))
+                legend=uplot.Legend(show=not is_live and len(chart.lines) > 1))
+            if is_live:
+                self._legends[chart.title] = gui.add_html(_legend(chart, ()))
 
     def add(self, time: float, values: Mapping[str, Sequence[float]]) -> None:
         """Add a point at a time [s] to each chart; time that goes back begins anew."""
@@ -52,6 +61,8 @@ class Charts:
             numbers = values.get(title, [float('nan')] * len(lines))
             for line, number in zip(lines, numbers, strict=True):
                 line.append(number)
+            if title in self._legends:
+                self._legends[title].content = _legend(self._charts[title], numbers)
             self._show(title)
 
     def fill(self, times: Sequence[float], values: Mapping[str, np.ndarray]) -> None:
@@ -64,6 +75,8 @@ class Charts:
         self._forget()
         for title, lines in self._values.items():
             self._handles[title].data = _empty(len(lines))
+            if title in self._legends:
+                self._legends[title].content = _legend(self._charts[title], ())
 
     def _forget(self) -> None:
         self._times.clear()
@@ -76,6 +89,15 @@ class Charts:
             return
         self._handles[title].data = (
             np.array(self._times), *(np.array(line) for line in self._values[title]))
+
+
+def _legend(chart: Chart, numbers: Sequence[float]) -> str:
+    """Return the names of the lines in their colours, with numbers if there are any, as HTML."""
+    words = [f'{number:.4g}' if math.isfinite(number) else '-' for number in numbers]
+    entries = [f'<span style="color: {color}">&#9632;</span> {escape(label)} <b>{word}</b>'
+               for label, color, word in zip(chart.lines, _LINES, words or [''] * len(chart.lines),
+                                             strict=False)]
+    return f'<div style="{_LEGEND}">{"&emsp;".join(entries)}</div>'
 
 
 def _empty(lines: int) -> tuple[np.ndarray, ...]:

@@ -15,8 +15,7 @@ from typing import Any, NamedTuple
 
 import viser
 
-from rigid_sim_ros.bag.errors import Damaged
-from rigid_sim_ros.messages.decode import joint_state
+from rigid_sim_ros.messages.decode import joint_state, Malformed
 from rigid_sim_ros.scene import Scene, schema
 from rigid_sim_ros.scene.joint_groups import full_name, joint_groups, JointGroup
 from rigid_sim_ros.viewer.charts import Chart, Charts
@@ -171,7 +170,7 @@ class JointPanel:
     def _read(self, model: str, data: bytes) -> None:
         try:
             self._t_ns, _, names, numbers = joint_state(data)
-        except Damaged:
+        except Malformed:
             return
         for name, row in zip(names, numbers.tolist(), strict=True):
             self._figures[full_name(model, name)] = _Figures(*row)

@@ -7,8 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from rigid_sim_ros.bag.errors import Damaged
-from rigid_sim_ros.messages.decode import multi_dof_state
+from rigid_sim_ros.messages.decode import Malformed, multi_dof_state
 
 Array = npt.NDArray[np.float64]
 
@@ -55,7 +54,7 @@ class MotionDecoder:
         """Find where the numbers stand; the strings before them stay the same."""
         try:
             _, _, names, numbers = multi_dof_state(data)
-        except Damaged:
+        except Malformed:
             return False
         if tuple(names) != self.names or np.isnan(numbers).any():
             return False

@@ -13,13 +13,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from rigid_sim_ros.bag import events, session as sessions
+from rigid_sim_ros.bag import decode, events, session as sessions
 from rigid_sim_ros.bag.arrivals import Arrivals, names_in, with_arrivals
 from rigid_sim_ros.bag.errors import BagError, Damaged
 from rigid_sim_ros.bag.motion import Clock
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.session import Session
-from rigid_sim_ros.messages import decode
 from rigid_sim_ros.scene import Scene, scene_from_text, SceneError
 from rigid_sim_ros.viewer.motion import among, Motion, MotionDecoder, without_absent
 from rigid_sim_ros.viewer.simulation import Applied

@@ -105,7 +105,7 @@ class BagPage:
         sums = energies(series, scene, slice(None), np.arange(len(scene.names)))
         kinetic = sums.linear + sums.rotational
         potential = np.zeros_like(kinetic) if sums.potential is None else sums.potential
-        Charts(gui, _CHARTS).fill(series.time.tolist(), {
+        Charts(gui, _CHARTS, is_live=False).fill(series.time.tolist(), {
             charts.ENERGY.title: np.array([kinetic + potential, kinetic, potential]),
             charts.MOMENTUM.title: sums.momentum.T,
             charts.ANGULAR_MOMENTUM.title: sums.angular_momentum.T})

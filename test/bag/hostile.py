@@ -158,6 +158,12 @@ def _huge_message(bag: Path, outside: Path) -> None:
     path.write_text(path.read_text().replace('"none"', '"message"'))
 
 
+def _schema_of_no_text(bag: Path, outside: Path) -> None:
+    """Let SQLite quote bytes that are no text in its words about an error."""
+    path = _first(bag)
+    path.write_bytes(path.read_bytes().replace(b'CREATE TABLE', b'CR\xb8ATE TABLE'))
+
+
 ENDLESS = (
     'CREATE VIEW messages AS WITH RECURSIVE r(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM r) '
     "SELECT i AS id, 1 AS topic_id, i AS timestamp, x'00' AS data FROM r")
@@ -186,6 +192,7 @@ HARM: dict[str, tuple[str, str, Callable[[Path, Path], None]]] = {
     'constraint that computes': ('sqlite3', 'none', _sqlite(
         'DROP TABLE topics', 'CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT CHECK('
         'length(zeroblob(999999999)) > 0), type TEXT)')),
+    'schema that is no text': ('sqlite3', 'none', _schema_of_no_text),
     'huge message': ('sqlite3', 'zstd', _huge_message),
     'aliases': ('mcap', 'none', _metadata(_bomb)),
     'aliases that are merged': ('mcap', 'none', _metadata(_merge_bomb)),

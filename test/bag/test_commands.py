@@ -14,6 +14,7 @@ import pytest
 
 from rigid_sim_ros import cli
 from rigid_sim_ros.bag import topics as kinds
+from rigid_sim_ros.bag.verify import verify
 
 
 @pytest.fixture
@@ -131,3 +132,11 @@ for args in (['batch', 't_handle', '--duration', '0.1', '--output', r'{tmp_path 
                             check=False, timeout=300)
     assert [line for line in result.stderr.splitlines() if 'compiling' not in line] == []
     assert result.stdout.splitlines()[1::2] == ['0', '0']
+
+
+def test_a_bag_that_rosbags_converted_there_and_back_is_verified(tmp_path) -> None:
+    bags = [shared_session(), tmp_path / 'sqlite', tmp_path / 'mcap']
+    for source, target, storage in zip(bags, bags[1:], ('sqlite3', 'mcap'), strict=False):
+        subprocess.run([sys.executable, '-m', 'rosbags.convert', '--src', str(source), '--dst',
+                        str(target), '--dst-storage', storage], check=True, capture_output=True)
+        assert verify(target).holds

@@ -10,8 +10,8 @@ import struct
 import tempfile
 
 from bag.sessions import forge, NODE, rewrite, session_of, shared_session
-from budget import examples
-from hypothesis import given, settings, strategies as st
+from effort import examples
+from hypothesis import given, strategies as st
 import pytest
 
 from rigid_sim_ros.bag import events, topics as kinds
@@ -191,7 +191,7 @@ def test_a_file_that_was_taken_out_and_out_of_the_metadata_is_missed(tmp_path, s
     assert not verify(bag).holds
 
 
-@settings(max_examples=examples(25))
+@examples(25)
 @given(place=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7),
        topic=st.sampled_from(sorted(topic.name for topic in session_of(
            shared_session()).topics)))

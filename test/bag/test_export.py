@@ -11,7 +11,7 @@ from rigid_sim_ros import World
 from rigid_sim_ros.bag import topics as kinds
 from rigid_sim_ros.bag.batch import Batch
 from rigid_sim_ros.bag.errors import BagError
-from rigid_sim_ros.bag.export import export, JOINTS, MOTION
+from rigid_sim_ros.bag.export import export, format_of, JOINTS, MOTION
 from rigid_sim_ros.bag.topics import typestore
 
 READ = {'csv': csv.read_csv, 'parquet': parquet.read_table}
@@ -33,27 +33,55 @@ def test_a_table_holds_every_state_to_the_last_digit(tmp_path, file_format) -> N
     expected = positions(bag)
     assert export(bag, file_format, path) == [(path, len(expected))]
     table = READ[file_format](path)
-    assert tuple(table.column_names) == MOTION
-    found = np.column_stack([table[f'position {axis} [m]'] for axis in 'xyz'])
+    assert tuple(table.column_names) == tuple(column.name for column in MOTION)
+    found = np.column_stack([table[f'position_{axis}'] for axis in 'xyz'])
     assert np.array_equal(found, expected)
     assert table['body'].to_pylist()[:3] == ['crate', 'ball', 'crate']
 
 
-def test_every_number_has_its_unit_in_the_header(tmp_path) -> None:
+def header(path) -> list[str]:
+    return path.read_text().splitlines()[0].replace('"', '').split(',')
+
+
+def test_names_are_such_as_a_program_can_write(tmp_path) -> None:
     export(shared_session(), 'csv', tmp_path / 'motion.csv')
-    header = (tmp_path / 'motion.csv').read_text().splitlines()[0]
-    assert [name for name in header.replace('"', '').split(',') if not name.endswith(']')] == [
-        'body']
+    assert all(name.isidentifier() for name in header(tmp_path / 'motion.csv'))
+
+
+def test_every_number_has_its_unit_in_the_header_if_that_is_wanted(tmp_path) -> None:
+    export(shared_session(), 'csv', tmp_path / 'motion.csv', units=True)
+    names = header(tmp_path / 'motion.csv')
+    assert [name for name in names if not name.endswith(']')] == ['body']
+    assert 'angular_velocity_z [rad/s]' in names
+
+
+def test_a_parquet_file_knows_the_units(tmp_path) -> None:
+    export(shared_session(), 'parquet', tmp_path / 'motion.parquet')
+    schema = parquet.read_schema(tmp_path / 'motion.parquet')
+    assert {field.name: field.metadata[b'unit'].decode() for field in schema
+            if field.name != 'body'} == {
+        column.name: column.unit for column in MOTION if column.name != 'body'}
+
+
+@pytest.mark.parametrize(('output', 'expected'), [
+    (None, 'csv'), ('a.csv', 'csv'), ('a/b.PARQUET', 'parquet')])
+def test_the_ending_says_the_format(output, expected) -> None:
+    assert format_of(output) == expected
+
+
+def test_an_unknown_ending_is_an_error_that_names_the_others() -> None:
+    with pytest.raises(BagError, match=r'table\.txt: must end in \.csv or \.parquet'):
+        format_of('table.txt')
 
 
 def test_wrenches_go_to_a_file_of_their_own(tmp_path) -> None:
     beside = tmp_path / 'motion_wrenches.csv'
     assert export(wrench_session(tmp_path), 'csv', tmp_path / 'motion.csv') == [
         (tmp_path / 'motion.csv', 2), (beside, 1)]
-    assert csv.read_csv(beside).drop_columns('bag time [s]').to_pylist() == [{
-        'time [s]': 0.005, 'body': 'crate', 'frame': 'crate', 'force x [N]': 0.1,
-        'force y [N]': 0.2, 'force z [N]': 0.3, 'torque x [N m]': 0, 'torque y [N m]': 0,
-        'torque z [N m]': 0}]
+    assert csv.read_csv(beside).drop_columns('bag_time').to_pylist() == [{
+        'time': 0.005, 'body': 'crate', 'frame': 'crate', 'force_x': 0.1,
+        'force_y': 0.2, 'force_z': 0.3, 'torque_x': 0, 'torque_y': 0,
+        'torque_z': 0}]
 
 
 def test_a_bag_without_motion_is_an_error(tmp_path) -> None:
@@ -90,7 +118,7 @@ def test_joint_states_go_to_a_file_of_their_own(tmp_path) -> None:
     beside = tmp_path / 'motion_joints.csv'
     assert (beside, 4) in export(tmp_path / 'bag', 'csv', tmp_path / 'motion.csv')
     table = csv.read_csv(beside)
-    assert tuple(table.column_names) == JOINTS
+    assert tuple(table.column_names) == tuple(column.name for column in JOINTS)
     assert table['joint'].to_pylist() == ['arm/turn', 'pivot'] * 2
-    assert table['position [rad or m]'].to_pylist()[2:] == world.joint_position.tolist()
-    assert table['velocity [rad/s or m/s]'].to_pylist()[2:] == world.joint_velocity.tolist()
+    assert table['position'].to_pylist()[2:] == world.joint_position.tolist()
+    assert table['velocity'].to_pylist()[2:] == world.joint_velocity.tolist()

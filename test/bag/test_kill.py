@@ -72,7 +72,7 @@ def kill_recordings(folder: Path, storage: str, count: int, seed: int) -> list[K
 
 
 @pytest.mark.long
-@pytest.mark.parametrize('storage, count', [('mcap', either(12, 52)), ('sqlite3', either(4, 8))],
+@pytest.mark.parametrize('storage, count', [('mcap', either(12, 80)), ('sqlite3', either(4, 20))],
                          ids=['mcap', 'sqlite3'])
 def test_a_kill_at_any_moment_loses_at_most_a_second(tmp_path, storage, count) -> None:
     kills = kill_recordings(tmp_path, storage, count, seed=7)

@@ -5,6 +5,7 @@
 from functools import cache
 from pathlib import Path
 import shutil
+import sqlite3
 
 from bag.sessions import events_of, lasting_folder, session, shared_session, world
 from effort import examples
@@ -14,7 +15,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from rigid_sim_ros.bag.batch import Batch
-from rigid_sim_ros.bag.errors import BagError
+from rigid_sim_ros.bag.errors import BagError, Damaged
 from rigid_sim_ros.bag.info import info
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.recover import recover
@@ -208,3 +209,45 @@ def test_a_folder_that_is_no_bag_is_an_error_and_left_clean(tmp_path) -> None:
     with pytest.raises(BagError, match='is no bag'):
         recover(tmp_path)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_event_that_was_changed_is_no_more_whole_for_recover_than_for_info(tmp_path) -> None:
+    bag = copy(shared_session('sqlite3'), tmp_path)
+    path = files_of(bag)[0]
+    with sqlite3.connect(path) as database:
+        (row, data), = database.execute(
+            'SELECT messages.id, data FROM messages JOIN topics ON topics.id = topic_id WHERE '
+            "name LIKE '%/bag/event' ORDER BY messages.id LIMIT 1")
+        database.execute('UPDATE messages SET data = ? WHERE id = ?',
+                         (data.replace(b'"number": 0', b'"number": 9'), row))
+        database.commit()
+    database.close()
+    with pytest.raises(Damaged, match='digest'):
+        info(bag)
+    result = recover(bag)
+    assert result.rewritten == (path.name,)
+    assert result.lost_places == 1
+    assert info(bag).gaps
+    verdict = verify(bag)
+    assert verdict.holds
+    assert verdict.gaps == 1
+
+
+def test_an_index_that_leads_elsewhere_is_noticed_and_made_anew(tmp_path) -> None:
+    bag = copy(shared_session('sqlite3'), tmp_path)
+    path, count = files_of(bag)[0], info(bag).messages
+    with sqlite3.connect(path) as database:
+        database.execute('PRAGMA writable_schema = ON')
+        database.execute('CREATE INDEX other ON messages (topic_id)')
+        # Each of the two indices holds the entries of the other one.
+        database.execute('UPDATE sqlite_master SET rootpage = (SELECT sum(rootpage) FROM '
+                         "sqlite_master WHERE name IN ('timestamp_idx', 'other')) - rootpage "
+                         "WHERE name IN ('timestamp_idx', 'other')")
+        database.commit()
+    database.close()
+    for command in (info, verify):
+        with pytest.raises(Damaged, match='damaged'):
+            command(bag)
+    assert recover(bag).rewritten == (path.name,)
+    assert info(bag).messages == count
+    assert verify(bag).holds

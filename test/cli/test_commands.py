@@ -158,3 +158,12 @@ def test_the_module_is_the_same_command() -> None:
         [sys.executable, '-m', 'rigid_sim_ros', '--version'], capture_output=True, text=True,
         check=True, timeout=60)
     assert result.stdout.startswith('rigid_sim ')
+
+
+@pytest.mark.parametrize('command', [
+    ['scenes'], ['check', 'tower'], ['check', 'drone_in_wind'], ['check', 'arm']])
+def test_piped_tables_have_no_blanks_at_the_ends_of_lines(run: Run, command) -> None:
+    lines = run(*command).out.splitlines()
+    assert len(lines) > 5
+    assert [line for line in lines if line != line.rstrip()] == []
+    assert lines[-1]

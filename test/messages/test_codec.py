@@ -29,7 +29,6 @@ from sensor_msgs.msg import JointState, MultiDOFJointState
 from std_msgs.msg import ColorRGBA, Header, String, UInt64
 from visualization_msgs.msg import Marker, MarkerArray
 
-from rigid_sim_ros.bag.errors import Damaged
 from rigid_sim_ros.messages import codec, decode
 
 TYPESTORE = get_typestore(Stores.ROS2_JAZZY)
@@ -147,7 +146,7 @@ def test_a_state_of_joints_may_lack_columns_and_not_rows():
     assert np.isnan(numbers[:, [0, 2]]).all()
     whole = written(position=[1.0, 2.0])
     for data in (written(position=[1.0]), whole[:-9], b'', b'\x00\x01\x00\x00' + b'\xff' * 40):
-        with pytest.raises(Damaged):
+        with pytest.raises(decode.Malformed):
             decode.joint_state(data)
 
 

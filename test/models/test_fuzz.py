@@ -6,6 +6,7 @@ import random
 import re
 import warnings
 
+from effort import either
 from models.robots import URDF, write
 from models.test_sdf import ARM, link, sdf
 from models.test_urdf import CAMERA, MIMIC
@@ -50,7 +51,8 @@ def mutated(text: str, rng: random.Random) -> str:
     return text
 
 
-@pytest.mark.parametrize('seed', range(6))
+@pytest.mark.long
+@pytest.mark.parametrize('seed', range(either(6, 120)))
 @pytest.mark.parametrize('kind', TEXTS)
 def test_a_damaged_file_becomes_a_scene_or_is_refused(tmp_path, kind, seed) -> None:
     rng = random.Random(f'{kind} {seed}')

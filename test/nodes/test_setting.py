@@ -234,3 +234,13 @@ def test_reset_turns_the_clock_back_where_reset_time_says_so(probe, world):
         assert probe.trigger('/rigid_sim/reset').success
         probe.wait_for(lambda: clocks)
     assert nanoseconds(clocks[-1].clock) == 0
+
+
+def test_what_is_done_to_the_simulation_is_logged(probe, scene, tmp_path):
+    with running(tmp_path, str(scene), name='told', publish_clock=False) as process:
+        assert probe.pause(True, '/told').success
+        assert probe.trigger('/told/reset').success
+        assert probe.pause(False, '/told').success
+        assert probe.set_parameter('real_time_factor', 2.0, '/told').successful
+        for text in ('paused at ', 'reset ', 'resumed at ', 'parameter real_time_factor: 2.0'):
+            probe.wait_for(lambda text=text: f'[told]: {text}' in process.stderr)

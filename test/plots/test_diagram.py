@@ -140,6 +140,16 @@ def test_contact_forces_are_means_that_hold_the_whole_blow():
     assert contacts.force[1:, 1] @ span == pytest.approx(2.0 * G * contacts.time[-1], rel=1e-3)
 
 
+def test_contact_forces_are_drawn_from_the_largest_down_by_five_decades():
+    panel = next(panel for panel in everything(recorded('falling')[0])[0].panels if panel.is_log)
+    assert panel.title.startswith('Net contact force')
+    largest = max(np.nanmax(line.y) for line in panel.lines)
+    low, high = panel.limits()
+    assert low < 1.1e-5 * largest
+    assert largest < high
+    assert panel.visible(np.array([0.0, largest])).tolist() == [low, largest]
+
+
 def test_the_gap_is_the_height_above_the_floor_before_the_blow():
     bag, _ = recorded('falling')
     motion = read_motion(bag)
@@ -252,7 +262,11 @@ def test_many_bodies_are_a_median_and_bands_and_not_thirty_lines():
     assert (widest.low[-1], widest.high[-1]) == pytest.approx((0.0, 2.9))
     assert (middle.low[-1], middle.high[-1]) == pytest.approx((0.29, 2.61))
     assert panel.lines[0].y[-1] == pytest.approx(1.45)
-    assert max(len(panel.lines) + len(panel.bands) for panel in diagram.panels) <= 4
+    assert max(len(panel.lines) + len(panel.bands) for panel in diagram.panels
+               if panel.axes is None) <= 4
+    path, = (panel for panel in diagram.panels if panel.title == 'Path')
+    assert [line.label for line in path.lines if line.label] == ['30 bodies']
+    assert len({line.color for line in path.lines}) == len(path.lines) == 7
 
 
 def test_what_cannot_be_plotted_is_said():

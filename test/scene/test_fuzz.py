@@ -7,8 +7,8 @@ import os
 from typing import Any
 import warnings
 
-from budget import examples
-from hypothesis import given, settings, strategies as st
+from effort import examples
+from hypothesis import given, strategies as st
 import pytest
 
 from rigid_sim_ros import World
@@ -42,7 +42,7 @@ def put(data: Any, path: tuple[Any, ...], value: object) -> None:
     data[path[-1]] = value
 
 
-@settings(max_examples=examples(200))
+@examples(200)
 @given(data=st.data())
 def test_fuzzed_numbers_are_read_or_refused(data) -> None:
     kinds = data.draw(st.lists(st.sampled_from(SHAPES), min_size=1, max_size=3))

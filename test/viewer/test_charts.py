@@ -48,7 +48,10 @@ def charts(told: tuple[Told, str], browser: Any) -> Iterator[dict[str, dict[str,
         return found if is_all else []
 
     found = page.wait_for(shown, 'five charts of all reports')
-    yield {each['title']: dict(zip(each['names'], each['points'], strict=True)) for each in found}
+    lines = {each['title']: dict(zip(each['names'], each['points'], strict=True))
+             for each in found}
+    lines['legends'] = page.page.locator('div[style*="text-align: center"] b').all_inner_texts()
+    yield lines
     page.close()
 
 
@@ -57,7 +60,8 @@ def expected(factor: float, offset: float = 0.0) -> Any:
 
 
 def test_time_is_that_of_the_simulation(charts: Any) -> None:
-    assert all(lines['time [s]'] == expected(0.25) for lines in charts.values())
+    assert all(lines['time [s]'] == expected(0.25) for title, lines in charts.items()
+               if title != 'legends')
 
 
 def test_energy_stands_with_its_parts(charts: Any) -> None:
@@ -79,3 +83,8 @@ def test_contacts_are_counted(charts: Any) -> None:
 
 def test_the_real_time_factor_is_the_measured_one(charts: Any) -> None:
     assert charts['real-time factor']['measured'] == expected(0.01, 0.5)
+
+
+def test_legends_show_the_latest_values(charts: Any) -> None:
+    energy = [charts['energy [J]'][name][-1] for name in ('total', 'kinetic', 'potential')]
+    assert charts['legends'][:3] == [f'{value:.4g}' for value in energy]

@@ -9,8 +9,8 @@ import struct
 from typing import Any
 import zlib
 
-from budget import examples
-from hypothesis import given, settings, strategies as st
+from effort import examples
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
@@ -139,7 +139,7 @@ NUMBERS = st.one_of(st.floats(), st.integers(-2 ** 63, 2 ** 63 - 1).map(float),
 
 
 @pytest.mark.parametrize('model', MODELS)
-@settings(max_examples=examples(60))
+@examples(60)
 @given(data=st.data())
 def test_fuzzed_arrays_are_taken_or_refused(model, data) -> None:
     meta, arrays = unpack(saved_world(model))
@@ -180,7 +180,7 @@ LAYOUTS = st.builds(
     SHAPES | st.just((2 ** 62, 4)) | st.just((2 ** 70,)), KINDS | ODD_KINDS, st.text(max_size=3))
 
 
-@settings(max_examples=examples(60))
+@examples(60)
 @given(header=HEADERS | LAYOUTS, rest=st.binary(max_size=40))
 def test_fuzzed_headers_are_refused(header, rest) -> None:
     text = json.dumps(header).encode()

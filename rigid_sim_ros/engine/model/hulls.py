@@ -16,6 +16,8 @@ from rigid_sim_ros.kernels.arrays import Array, IntArray
 
 # Two triangles belong to one face, and a vertex lies in a plane, within this fraction of the size.
 FLATNESS = 1e-9
+_FLAT = 1e3 * FLATNESS  # a triangle is a part of a face that is flat within this fraction
+_DENT = 1e-6  # a mesh whose vertices rise over a face by a larger fraction is not convex
 MAX_CORNERS = 32  # corners of a face that a contact takes up; more are left out evenly
 
 
@@ -88,7 +90,7 @@ def make_hulls(hulls: Sequence[Polyhedron | None]) -> tuple[HullTable, IntArray,
 
 def _table(parts: Sequence[tuple[Array, list[list[int]], Array, Array]]) -> HullTable:
     def starts(counts: Sequence[int]) -> IntArray:
-        return np.array([sum(counts[:i]) for i in range(len(counts))], dtype=np.int64)
+        return np.cumsum([0, *counts])[:-1].astype(np.int64)
 
     vertex_counts = [len(part[0]) for part in parts]
     face_counts = [len(part[1]) for part in parts]
@@ -110,78 +112,124 @@ def polygons(vertices: Array, triangles: IntArray) -> tuple[list[list[int]], Arr
     """
     Merge the triangles of a closed convex mesh into faces.
 
-    Their corners, outward unit normals and offsets [m] are returned. ValueError when a vertex lies
-    outside of a face by more than the flatness, an edge is not shared by two triangles, or all of
-    them lie in one plane.
+    Their corners, outward unit normals and offsets [m] are returned. ValueError when the surface
+    rises beside a face by more than the flatness, an edge is not shared by two triangles, or all
+    of them lie in one plane.
     """
     size = float(np.abs(vertices).max())
     legs = vertices[triangles[:, 1:]] - vertices[triangles[:, :1]]
     areas = np.cross(legs[:, 0], legs[:, 1])
     doubled = np.linalg.norm(areas, axis=1)
-    corners = triangles.tolist()    # lists: NumPy takes a microsecond for each corner
-    neighbour = _edges(corners)
-    left = {int(t) for t in np.flatnonzero(doubled > (FLATNESS * size) ** 2)}
-    if not left:
+    has_area = doubled > (FLATNESS * size) ** 2
+    if not has_area.any():
         raise ValueError('the mesh has no area')
-    faces, normals, offsets = [], [], []
+    unit = areas / np.where(has_area, doubled, 1.0)[:, None]
+    neighbour = _neighbours(triangles, len(vertices))
+    lone = has_area & _stands_alone(vertices, triangles, unit, neighbour, size)
+    first = np.argmin(triangles, axis=1)[:, None]
+    alone = np.take_along_axis(triangles, (first + np.arange(3)) % 3, axis=1).tolist()
+    surface = _Surface(vertices.tolist(), triangles.tolist(), neighbour.tolist(), size)
+    heights = np.einsum('tci,ti->tc', vertices[triangles], unit).max(axis=1).tolist()
+    is_taken = (~has_area).tolist()
+    faces, seeds, offsets = [], [], []
     # From the largest triangle on: its normal is the most certain one of its face.
-    for seed in np.argsort(-doubled, kind='stable'):
-        if int(seed) not in left:
+    for seed in np.argsort(-doubled, kind='stable').tolist():
+        if is_taken[seed]:
             continue
-        normal = areas[seed] / doubled[seed]
-        height = vertices @ normal
-        offset = float(height[triangles[seed]].max())
-        if (excess := float(height.max()) - offset) > 1e-6 * size:
-            raise ValueError(
-                f'the mesh is not convex: a vertex lies {excess:.3g} m outside of a face')
-        flat = offset - height < 1e3 * FLATNESS * size
-        face = _grow(int(seed), corners, neighbour, flat[triangles].all(axis=1))
+        seeds.append(seed)
+        if lone[seed]:
+            faces.append(alone[seed])
+            offsets.append(heights[seed])
+            continue
+        face, highest = _grow(seed, unit[seed].tolist(), heights[seed], surface)
         if len(face) == len(triangles):
+            thick = highest - float((vertices @ unit[seed]).min())
             raise ValueError(
-                f'the mesh is {offset - float(height.min()):.3g} m thick and {2.0 * size:.3g} m '
-                f'long, must be at least {1e3 * FLATNESS:g} of its length thick, or '
-                'collides: false')
-        left -= face
-        faces.append(_outline(face, corners, neighbour))
-        normals.append(normal)
-        offsets.append(float(height.max()))
-    return faces, np.array(normals), np.array(offsets)
+                f'the mesh is {thick:.3g} m thick and {2.0 * size:.3g} m long, must be at least '
+                f'{_FLAT:g} of its length thick, or collides: false')
+        for t in face:
+            is_taken[t] = True
+        faces.append(_outline(face, surface))
+        offsets.append(highest)
+    return faces, unit[seeds], np.array(offsets)
 
 
-def _edges(triangles: list[list[int]]) -> dict[tuple[int, int], int]:
-    """Return the triangle on the left of each directed edge."""
-    edges: dict[tuple[int, int], int] = {}
-    for t, (a, b, c) in enumerate(triangles):
-        for edge in ((a, b), (b, c), (c, a)):
-            if edge in edges:
-                raise ValueError(f'the mesh has two triangles on the same side of edge {edge}')
-            edges[edge] = t
-    for a, b in edges:
-        if (b, a) not in edges:
-            raise ValueError(f'the mesh is not closed at edge {(a, b)}')
-    return edges
+class _Surface(NamedTuple):
+    """A mesh as lists: NumPy takes a microsecond for each corner."""
+
+    points: list[list[float]]
+    triangles: list[list[int]]
+    neighbour: list[list[int]]  # of each triangle, across its edges (0, 1), (1, 2) and (2, 0)
+    size: float  # [m]
 
 
-def _grow(seed: int, triangles: list[list[int]], neighbour: dict[tuple[int, int], int],
-          flat: Array) -> set[int]:
-    """Return the triangles that hang together with `seed` and are flat."""
+def _neighbours(triangles: IntArray, count: int) -> IntArray:
+    """Return (t, 3): the triangle beyond each edge, from corner k to the next, of `count` ones."""
+    tail, head = triangles.reshape(-1), np.roll(triangles, -1, axis=1).reshape(-1)
+    edges = tail * count + head     # one number for each direction
+    order = np.argsort(edges, kind='stable')
+    ranked = edges[order]
+    if (twice := np.flatnonzero(ranked[1:] == ranked[:-1])).size:
+        raise ValueError('the mesh has two triangles on the same side of edge '
+                         f'{divmod(int(ranked[twice[0]]), count)}')
+    place = np.minimum(np.searchsorted(ranked, head * count + tail), len(ranked) - 1)
+    if (alone := np.flatnonzero(ranked[place] != head * count + tail)).size:
+        edge = int(tail[alone[0]]), int(head[alone[0]])
+        raise ValueError(f'the mesh is not closed at edge {edge}')
+    return (order[place] // 3).reshape(-1, 3)
+
+
+def _stands_alone(vertices: Array, triangles: IntArray, unit: Array, neighbour: IntArray,
+                  size: float) -> Array:
+    """Return (t,) whether the surface bends down at all edges of a triangle: it is a face."""
+    bends = np.ones(len(triangles), dtype=bool)
+    for k in range(3):
+        # Seen from either side, for the normal of a small triangle is none to go by.
+        for a, b in ((np.arange(len(triangles)), neighbour[:, k]),
+                     (neighbour[:, k], np.arange(len(triangles)))):
+            height = np.einsum('tci,ti->tc', vertices[triangles[b]], unit[a])
+            own = np.einsum('tci,ti->tc', vertices[triangles[a]], unit[a]).max(axis=1)
+            bends &= own - height.min(axis=1) >= _FLAT * size
+            bends &= height.max(axis=1) - own <= _DENT * size
+    return bends
+
+
+def _grow(seed: int, normal: list[float], offset: float,
+          surface: _Surface) -> tuple[set[int], float]:
+    """
+    Return the triangles that hang together with `seed` and are flat, and how high one reaches [m].
+
+    ValueError where the surface goes up beside them.
+    """
+    x, y, z = normal
+    points, triangles, neighbour, size = surface
+    lowest, highest = offset - _FLAT * size, offset
     face, front = {seed}, [seed]
     while front:
-        a, b, c = triangles[front.pop()]
-        for edge in ((b, a), (c, b), (a, c)):
-            t = neighbour[edge]
-            if t not in face and flat[t]:
+        for t in neighbour[front.pop()]:
+            if t in face:
+                continue
+            heights = [x * p + y * q + z * r
+                       for p, q, r in map(points.__getitem__, triangles[t])]
+            highest = max(highest, *heights)
+            if min(heights) > lowest:
                 face.add(t)
                 front.append(t)
-    return face
+    if highest - offset > _DENT * size:
+        raise ValueError(f'the mesh is not convex: a vertex lies {highest - offset:.3g} m outside '
+                         'of a face')
+    return face, highest
 
 
-def _outline(face: set[int], triangles: list[list[int]],
-             neighbour: dict[tuple[int, int], int]) -> list[int]:
+def _outline(face: set[int], surface: _Surface) -> list[int]:
     """Return the corners around a face: the edges whose other side is no part of it."""
-    edges = [edge for t in sorted(face) for a, b, c in (triangles[t],)
-             for edge in ((a, b), (b, c), (c, a))]
-    following = {start: end for start, end in edges if neighbour[end, start] not in face}
+    following = {}
+    for t in face:
+        a, b, c = surface.triangles[t]
+        for (start, end), other in zip(((a, b), (b, c), (c, a)), surface.neighbour[t],
+                                       strict=True):
+            if other not in face:
+                following[start] = end
     corners = [min(following)]
     while (corner := following[corners[-1]]) != corners[0]:
         corners.append(corner)

@@ -122,10 +122,11 @@ def check(properties: MassProperties) -> None:
     m, p_BC, tensor = properties
     if not (math.isfinite(m) and m > 0.0):
         raise ValueError(f'mass {m:g} kg, must be > 0')
-    if not (np.isfinite(p_BC).all() and np.isfinite(tensor).all()):
-        raise ValueError(f'centre of mass {p_BC.tolist()} or inertia {tensor.tolist()}, '
-                         'must be finite')
-    low, middle, high = np.linalg.eigvalsh(tensor)
+    x, y, z = rows = tensor.tolist()
+    if not all(map(math.isfinite, (*p_BC.tolist(), *x, *y, *z))):
+        raise ValueError(f'centre of mass {p_BC.tolist()} or inertia {rows}, must be finite')
+    low, middle, high = sorted((x[0], y[1], z[2])) if is_diagonal(tensor) else (
+        np.linalg.eigvalsh(tensor).tolist())
     moments = f'principal moments {low:.9g}, {middle:.9g}, {high:.9g} kg m^2'
     # A moment below rounding of the largest one is a line of particles, which cannot be spun up
     # about itself.
@@ -137,6 +138,12 @@ def check(properties: MassProperties) -> None:
                          f'{low + middle:.9g} < {high:.9g}')
 
 
+def is_diagonal(tensor: Array) -> bool:
+    """Return whether the axes are principal ones; in Python, ten times as fast for so little."""
+    (_, b, c), (d, _, f), (g, h, _) = tensor.tolist()
+    return not (b or c or d or f or g or h)
+
+
 def principal_axes(tensor: Array) -> tuple[Array, Array]:
     """
     Return the principal moments (3,) [kg m^2] and R_BC (3, 3), whose columns are their axes.
@@ -144,7 +151,7 @@ def principal_axes(tensor: Array) -> tuple[Array, Array]:
     A tensor that is diagonal already keeps its axes and their order to the bit. Else the axes are
     ordered and signed so that they lie as near as possible to those of B, and right-handed.
     """
-    if not np.any(tensor - np.diag(np.diag(tensor))):
+    if is_diagonal(tensor):
         return np.diag(tensor).copy(), np.eye(3)
     moments, axes = np.linalg.eigh(tensor)
     order = [-1, -1, -1]

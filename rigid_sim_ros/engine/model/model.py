@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.maths.rotation_in_python import from_matrix
-from rigid_sim_ros.engine.model.inertia import check, MassProperties, principal_axes
+from rigid_sim_ros.engine.model.inertia import check, is_diagonal, MassProperties, principal_axes
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 
 WORLD = -1  # the frame index of W
@@ -98,10 +98,13 @@ def build_model(bodies: Sequence[Body], frames: Sequence[Frame], forces: ForceTa
             continue
         check(body.mass_properties)
         m[i], p_BC, tensor = body.mass_properties
-        moments, R_BC = principal_axes(tensor)
+        if is_diagonal(tensor):     # of most bodies: C has the axes of B
+            moments, p_CB[i] = tensor.diagonal(), -p_BC
+        else:
+            moments, R_BC = principal_axes(tensor)
+            p_CB[i] = -R_BC.T @ p_BC
+            q_CB[i] = _quaternion(R_BC.T)
         I_C[:, i] = moments
-        p_CB[i] = -R_BC.T @ p_BC
-        q_CB[i] = _quaternion(R_BC.T)
         if not body.fixed:
             inv_m[i] = 1.0 / m[i]
             inv_I_C[:, i] = 1.0 / moments

@@ -8,11 +8,12 @@ its body. What the kinds of shapes are, and where the origin of S is in them, st
 """
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.maths.rotation_in_python import multiply, rotate
+from rigid_sim_ros.engine.maths.rotation_in_python import add, multiply, rotate
 from rigid_sim_ros.engine.model.hulls import bare_hulls, HullTable, make_hulls, Polyhedron
 from rigid_sim_ros.engine.model.kinds.table import HULL, KINDS
 from rigid_sim_ros.engine.model.model import Model
@@ -132,19 +133,29 @@ def build_shapes(model: Model, shapes: Sequence[Shape],
     hulls, rows, centres, extents = make_hulls([shape.hull for shape in shapes])
     size, p_CS, q_CS = np.zeros((s, 3)), np.zeros((s, 3)), np.zeros((s, 4))
     bound, half_width = np.zeros(s), np.zeros(s)
+    q_CB, p_CB = list(map(tuple, model.q_CB.tolist())), model.p_CB.tolist()
+    measured: dict[tuple[int, tuple[float, ...]], tuple[float, float]] = {}     # many are alike
     for i, shape in enumerate(shapes):
-        size[i] = shape.size if shape.hull is None else extents[i]
-        _check_shape(model, i, shape, size[i])
-        q_CB = tuple(model.q_CB[shape.body])
-        offset = np.asarray(shape.p_BS) + _turned(shape.q_BS, centres[i])
-        p_CS[i] = model.p_CB[shape.body] + _turned(q_CB, offset)
-        q_CS[i] = multiply(q_CB, tuple(map(float, shape.q_BS)))  # type: ignore[arg-type]
-        q_CS[i] /= np.linalg.norm(q_CS[i])
-        bound[i] = KINDS[shape.kind].bounding_radius(size[i])
-        half_width[i] = KINDS[shape.kind].half_width(size[i])
+        x, y, z = map(float, shape.size if shape.hull is None else extents[i])
+        size[i] = extent = x, y, z
+        if (shape.kind, extent) not in measured:
+            _check_size(i, shape, extent)
+            measured[shape.kind, extent] = (KINDS[shape.kind].bounding_radius(extent),
+                                            KINDS[shape.kind].half_width(extent))
+        if KINDS[shape.kind].is_unbounded and model.inv_m[shape.body] != 0.0:
+            raise ValueError(f'{_named(i, shape)}: only a fixed body may carry a plane')
+        b = shape.body
+        q_BS: Any = tuple(map(float, shape.q_BS))
+        offset: Any = tuple(map(float, shape.p_BS))
+        if rows[i] >= 0:
+            offset = add(offset, rotate(q_BS, tuple(centres[i].tolist())))
+        p_CS[i] = add(p_CB[b], rotate(q_CB[b], offset))
+        q_CS[i] = multiply(q_CB[b], q_BS)
+        bound[i], half_width[i] = measured[shape.kind, extent]
         if rows[i] >= 0:
             first, count = hulls.first[rows[i]], hulls.count[rows[i]]
             bound[i] = np.linalg.norm(hulls.vertices[first:first + count], axis=1).max()
+    q_CS /= np.linalg.norm(q_CS, axis=1)[:, None]
     keys = sorted({min(a, b) * n + max(a, b) for a, b in ignored})
     still = [model.inv_m[shape.body] == 0.0 for shape in shapes]
     body, kind = _column(shapes, 'body'), _column(shapes, 'kind')
@@ -164,20 +175,16 @@ def _column(shapes: Sequence[Shape], name: str) -> IntArray:
     return np.array([getattr(shape, name) for shape in shapes], dtype=np.int64)
 
 
-def _turned(q: Sequence[float], v: Array) -> Array:
-    return np.array(rotate(tuple(map(float, q)), tuple(map(float, v))))  # type: ignore[arg-type]
+def _named(i: int, shape: Shape) -> str:
+    return f'shape {i} ({KINDS[shape.kind].name}) of body {shape.body}'
 
 
-def _check_shape(model: Model, i: int, shape: Shape, size: Array) -> None:
-    kind = KINDS[shape.kind]
-    name = f'shape {i} ({kind.name}) of body {shape.body}'
+def _check_size(i: int, shape: Shape, size: tuple[float, ...]) -> None:
     if shape.kind == HULL and shape.hull is None:
-        raise ValueError(f'{name}: no vertices')
-    for entry in size[:kind.sizes]:
-        if not (entry > 0.0 and np.isfinite(entry)):
-            raise ValueError(f'{name}: size {float(entry)!r} m, must be > 0')
-    if kind.is_unbounded and model.inv_m[shape.body] != 0.0:
-        raise ValueError(f'{name}: only a fixed body may carry a plane')
+        raise ValueError(f'{_named(i, shape)}: no vertices')
+    for entry in size[:KINDS[shape.kind].sizes]:
+        if not (entry > 0.0 and math.isfinite(entry)):
+            raise ValueError(f'{_named(i, shape)}: size {entry!r} m, must be > 0')
 
 
 @kernel

@@ -11,6 +11,7 @@ import pytest
 from rigid_sim_ros.engine.model.hulls import polygons, Polyhedron
 from rigid_sim_ros.engine.model.kinds.table import BOX, CYLINDER, HULL, PLANE, SPHERE
 from rigid_sim_ros.engine.model.shapes import build_materials, build_shapes, Material, Shape
+from rigid_sim_ros.scene.collision import convex_hull
 
 
 def test_friction_combines_as_the_geometric_mean_and_restitution_as_the_larger():
@@ -87,3 +88,23 @@ def test_a_hull_off_its_frame_collides_where_its_vertices_are():
     scene = Scene([(HULL, (0.0, 0.0, 0.0), moved), (SPHERE, (0.25, 0.0, 0.0), None)],
                   [((0, 0, 0), UPRIGHT), ((0, 0, 3), UPRIGHT)])
     assert scene.distance(0, 1)[0] == pytest.approx(3.0 - 2.5 - 0.25, abs=1e-15)
+
+
+def test_faces_of_a_round_hull_hold_all_vertices_and_close_it():
+    rng = np.random.default_rng(7)
+    points = rng.normal(size=(500, 3))
+    points /= np.linalg.norm(points, axis=1)[:, None]
+    points[:200, 2] = 0.0       # a flat side, of many triangles, and a rim
+    vertices, triangles = convex_hull(points[points[:, 2] >= 0.0])
+    faces, normals, offsets = polygons(vertices, triangles)
+    assert sorted(map(len, faces))[-2:][0] == 3 < max(map(len, faces))
+    # 1e-14: coordinates of size 1, a few roundings of 1.1e-16 each.
+    assert (vertices @ normals.T).max(axis=0) == pytest.approx(offsets, abs=1e-14)
+    edges = [edge for face in faces for edge in zip(face, face[1:] + face[:1], strict=True)]
+    assert len(set(edges)) == len(edges)
+
+
+def test_a_mesh_with_an_edge_that_is_there_twice_is_refused():
+    vertices, triangles = cube_mesh(0.5)
+    with pytest.raises(ValueError, match='two triangles on the same side of edge'):
+        polygons(vertices, np.append(triangles, triangles[:1], axis=0))
