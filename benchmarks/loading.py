@@ -4,7 +4,7 @@
 How long large scenes take to load: from a file to a world that can step.
 
     python benchmarks/loading.py
-    python benchmarks/loading.py --output docs/performance.md
+    python benchmarks/loading.py --output docs/scenes.md
 
 Each is loaded in processes of its own, whose kernels are in the cache. The time of the processor
 tells more on a machine that does other things too.
