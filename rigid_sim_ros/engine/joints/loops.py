@@ -201,7 +201,7 @@ def close(model: Model, table: JointTable, state: State, work: JointWork, whole:
     Change the motions V, of the tree alone, so that C V is as wanted; note the impulses.
 
     `whole` says whether V are motions or changes of motions, on which kinematic bodies have no
-    part.
+    part. Of rows that depend on others, what is wanted becomes what the others make of it.
     """
     for g in range(table.first_row.shape[0] - 1):
         first, last = table.first_condition[g], table.first_condition[g + 1]
@@ -213,6 +213,11 @@ def close(model: Model, table: JointTable, state: State, work: JointWork, whole:
             _close_by_missing(table, work, g)
             for m in range(first, last):
                 work.loop.total[m] += work.loop.impulse[m]
+            for n in range(work.loop.rank[g], last - first):
+                m = first + work.loop.order[first + n]
+                work.loop.wanted[m] = _rate_of(table, work, m)
+                if whole:
+                    work.loop.wanted[m] += _base_rate(model, table, state, work, m)
 
 
 @kernel

@@ -178,6 +178,9 @@ def shake(model: Model, table: JointTable, state: State, motion: JointMotion, wo
     solve_motions(model, table, state, motion, work, h, True)
     for k in range(work.rate.shape[0]):
         work.law.half_rate[k] = work.rate[k]
+    # Another row may be the one that depends in the next step: none may have been left to itself.
+    for m in range(work.loop.wanted.shape[0]):
+        work.loop.curved[m] = work.loop.wanted[m] / h
     write_momenta(model, table, state, work)
     keep_poses(table, state, work)
     turning = largest_turn(table, work, h)
@@ -207,6 +210,8 @@ def correct(model: Model, table: JointTable, state: State, work: JointWork, h: f
     ask_back(table, work, h)
     solve(table, work, 0, table.body.shape[0], False, True)
     close(model, table, state, work, False)
+    for m in range(work.loop.wanted.shape[0]):
+        work.loop.curved[m] += work.loop.wanted[m] / h
     add_momenta(model, table, state, work)
 
 
@@ -227,7 +232,6 @@ def ask_back(table: JointTable, work: JointWork, h: float) -> None:
         work.tau[k], work.given[k] = 0.0, 0.0
     for m in range(work.loop.wanted.shape[0]):
         work.loop.wanted[m] = -work.loop.off[m] / h
-        work.loop.curved[m] -= work.loop.off[m] / (h * h)
 
 
 @kernel
