@@ -59,6 +59,8 @@ class LoopWork(NamedTuple):
     held_b: Array       # (c, 3)
     answer: Array       # (c, most rows of an articulation, 6) M~^-1 C^T
     answer_rate: Array  # (c, most axes of an articulation) the same along the axes
+    # (c, most axes of an articulation) what an impulse hands down along axes that are locked
+    handed: Array
     S: Array            # (c, most conditions of an articulation) C M~^-1 C^T, then its factor
     free: Array         # (c,) the diagonal of S if the bodies were free
     scale: Array        # (c,) of the factor
@@ -159,7 +161,8 @@ def _loop_work(table: JointTable) -> LoopWork:
     axes = np.diff(table.first_axis[table.first_row])
     most = [int(counts.max(initial=0)) for counts in (rows, axes, conditions)]
     return LoopWork(
-        z((c, 6)), z((c, 3)), z((c, 3)), z((c, most[0], 6)), z((c, most[1])), z((c, most[2])),
+        z((c, 6)), z((c, 3)), z((c, 3)), z((c, most[0], 6)), z((c, most[1])), z((c, most[1])),
+        z((c, most[2])),
         z(c), z(c), z(c, dtype=np.int64), z(len(rows), dtype=np.int64), *(z(c) for _ in range(6)))
 
 

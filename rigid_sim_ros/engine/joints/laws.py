@@ -250,9 +250,21 @@ def _cross(work: JointWork, k: int, kink: float, side: int) -> None:
 
 @kernel
 def reaction_of(table: JointTable, work: JointWork, i: int, k: int) -> float:
-    """Return the impulse along axis k of row i after `solve`: s . (A V - F)."""
+    """
+    Return the impulse along axis k of row i after a solution: s . (A V - F).
+
+    F is also what the conditions beside the tree hand down to the row.
+    """
     F: Six = minus(times_motion(load(work.A, i), six(work.V, i)), 1.0, six(work.F, i))
-    return axis_part(table, work, k, F)
+    reaction = axis_part(table, work, k, F)
+    if table.condition_joint.shape[0] > 0:
+        g = 0
+        while table.first_row[g + 1] <= i:
+            g += 1
+        at = k - table.first_axis[table.first_row[g]]
+        for m in range(table.first_condition[g], table.first_condition[g + 1]):
+            reaction -= work.loop.impulse[m] * work.loop.handed[m, at]
+    return reaction
 
 
 @kernel

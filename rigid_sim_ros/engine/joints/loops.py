@@ -13,7 +13,7 @@ already, such as those out of the plane of a planar linkage, are found by their 
 out. (Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 8.)
 """
 
-from rigid_sim_ros.engine.joints.articulated import solve
+from rigid_sim_ros.engine.joints.articulated import axis_part, solve
 from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
 from rigid_sim_ros.engine.joints.kinematics import (
     axis_x, axis_z, joint_distance, joint_error, joint_position, joint_side)
@@ -175,6 +175,10 @@ def factor_conditions(table: JointTable, work: JointWork) -> None:
                 set_six(work.loop.answer[m], r - begin, six(work.V, r))
             for k in range(start, stop):
                 work.loop.answer_rate[m, k - start] = work.rate[k]
+            for r in range(begin, end):
+                for k in range(table.first_axis[r], table.first_axis[r + 1]):
+                    work.loop.handed[m, k - start] = (
+                        work.tau[k] + axis_part(table, work, k, six(work.F, r)))
             for n in range(first, last):
                 work.loop.S[m, n - first] = _rate_of(table, work, n)
             if work.loop.S[m, m - first] <= CUT_OFF * work.loop.free[m]:

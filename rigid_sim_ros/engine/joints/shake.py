@@ -22,7 +22,7 @@ from rigid_sim_ros.engine.joints.settle import solve_motions
 from rigid_sim_ros.engine.maths.rotation import multiply, quaternion, set_quaternion, unit
 from rigid_sim_ros.engine.maths.spatial import minus, set_six, Six, six
 from rigid_sim_ros.engine.maths.vector import add_scaled, column, cross, norm, row, set_column
-from rigid_sim_ros.engine.model.joints import JointTable, NONE
+from rigid_sim_ros.engine.model.joints import JointTable, MIMIC, NONE
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.kernel import inlined, kernel
@@ -232,6 +232,17 @@ def ask_back(table: JointTable, work: JointWork, h: float) -> None:
         work.tau[k], work.given[k] = 0.0, 0.0
     for m in range(work.loop.wanted.shape[0]):
         work.loop.wanted[m] = -work.loop.off[m] / h
+        if table.condition_place[m] == MIMIC:
+            # How a locked axis goes back is no rate along it, which the condition would see.
+            own, other = table.coupled_axis[m, 0], table.coupled_axis[m, 1]
+            work.loop.wanted[m] += (_way_back(work, own)
+                                    - table.coupling[m, 0] * _way_back(work, other)) / h
+
+
+@inlined
+def _way_back(work: JointWork, k: int) -> float:
+    """Return how far a locked axis is from where it is to be."""
+    return work.law.astray[k] if work.locked[k] == 1 else 0.0
 
 
 @kernel
