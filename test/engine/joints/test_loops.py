@@ -129,7 +129,7 @@ def test_a_loop_that_asks_the_same_twice_holds_at_any_spin(kind):
 @pytest.mark.parametrize('friction', [0.5, 5.0, 50.0])
 @pytest.mark.parametrize('multiplier', [1.8, -0.4])
 def test_a_joint_that_sticks_holds_another_that_mimics_it(friction, multiplier):
-    """Three bodies tumble in free space; friction slows the first joint, until it sticks or not."""
+    """Bodies tumble in free space; friction slows the first joint, until it sticks or not."""
     box = {'type': 'box', 'size': [0.2, 0.3, 0.4]}
     three = World.from_dict({
         'world': {'step': 0.002, 'contact': 'none', 'gravity': [0.0, 0.0, 0.0]},
