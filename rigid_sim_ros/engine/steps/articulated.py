@@ -25,6 +25,9 @@ from rigid_sim_ros.kernels.kernel import kernel
 # A step that does not resolve the motion is taken in halves, again and again, up to this many
 # parts; smaller ones would mean that something else is wrong, and the step is left as it is.
 MOST_PARTS = 64
+# What not even these resolve, such as motions that rounding or a far too long step spoiled, is
+# slowed down by half, so often at most in a step; then the step is left as it is.
+MOST_SLOWED = 64
 # A joint that passes its limit in spite of its rate is locked there, and the step is done again:
 # once as a rule, and once more for each joint that then does.
 MOST_TRIES = 8
@@ -61,13 +64,16 @@ def advance(c: JointedArguments, count: int) -> None:
 @kernel
 def _step(c: JointedArguments, record: bool) -> None:
     """Take a step, in as many parts as it needs; record the wrenches through the joints."""
-    done, size = 0, next_size(c.motion)
+    done, size, slowed = 0, next_size(c.motion), 0
     begin_efforts(c.motion)
     while done < MOST_PARTS:
-        if _take_part(c, c.model.h * size / MOST_PARTS, size == 1, record):
+        if _take_part(c, c.model.h * size / MOST_PARTS, slowed == MOST_SLOWED, record):
             done += size
-        else:
+        elif size > 1:
             size //= 2
+        else:
+            slow_down(c)
+            slowed += 1
     c.motion.parts[0] = MOST_PARTS // size
 
 
@@ -77,20 +83,34 @@ def _take_part(c: JointedArguments, h: float, last: bool, record: bool) -> bool:
     Kick, drift, kick for h [s], with the impulses of the joints: order 2.
 
     `prepare_step` has been called for the present poses, and is then for the new ones. Returns
-    False, with nothing done, if h is too long to resolve the motion; the last resort is to go on
-    with what there is.
+    False, with nothing done, if h is too long to resolve the motion; `last`: goes on with what
+    there is.
     """
     begin_part(c)
     kick(c.state, c.work.loads, 0.5 * h)
-    if not move_bodies(c, h):
-        if not last:
-            go_back(c)
-            return False
-        c.scratch.unresolved[0] += 1
+    if not move_bodies(c, h) and not last:
+        go_back(c)
+        return False
     arrive(c, h, record)
     kick(c.state, later_loads(c, h), 0.5 * h)
     finish(c, h, record)
     return True
+
+
+@kernel
+def slow_down(c: JointedArguments) -> None:
+    """
+    Halve the momenta of what joints hold, whose motion no part of a step resolves.
+
+    That loses energy; to go on with joints that do not hold would make it.
+    """
+    c.scratch.unresolved[0] += 1
+    for i in c.table.body:
+        for k in range(3):
+            c.state.P[k, i] *= 0.5
+            c.state.L[k, i] *= 0.5
+    for k in range(c.motion.rate.shape[0]):
+        c.motion.rate[k] *= 0.5
 
 
 @kernel

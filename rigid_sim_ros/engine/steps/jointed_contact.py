@@ -32,7 +32,8 @@ from rigid_sim_ros.engine.joints.settle import prepare_step
 from rigid_sim_ros.engine.maths.vector import row
 from rigid_sim_ros.engine.model.kinds.table import is_unbounded
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
-from rigid_sim_ros.engine.steps.articulated import begin_efforts, end_step, JointedArguments
+from rigid_sim_ros.engine.steps.articulated import (
+    begin_efforts, end_step, go_back, JointedArguments, MOST_SLOWED, slow_down)
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
@@ -42,7 +43,7 @@ MARGIN = 0.01
 # Why the kernel stops.
 DONE, MORE_MEMORY, MORE_MANIFOLDS, MORE_CONTACTS, MORE_ROWS = range(5)
 # Places in `JointedContact.place`: steps that are left, the stage, and what the model counts.
-STEPS, STAGE, PARTS_DONE, SIZE, EVENTS, TRIES, COLLISIONS, CUT_SHORT = range(8)
+STEPS, STAGE, PARTS_DONE, SIZE, EVENTS, TRIES, COLLISIONS, CUT_SHORT, SLOWED = range(9)
 # The stage of every model at which a step begins.
 BEGIN = 0
 
@@ -57,7 +58,7 @@ class JointedContact(NamedTuple):
     radius: Array  # (n,) [m] how far the shapes of a body reach from its centre of mass
     thickness: Array  # (s,) [m] half of the least that a shape measures across
     pressing: Pressing
-    place: IntArray  # (8,) see STEPS
+    place: IntArray  # (9,) see STEPS
     span: Array  # (2,) [s] of the model `event`, see jointed_event.LEFT
 
 
@@ -122,6 +123,28 @@ def read_way(c: JointedContact) -> None:
     for i in range(model.m.shape[0]):
         read_velocity(model, state, i, w.bodies)
     match_forces(w.contacts, w.half, w.count[HALF_KNOWN], w.match)
+
+
+@kernel
+def give_way(c: JointedContact) -> bool:
+    """
+    Go back from the shortest way, which did not resolve the motion; return False to go on.
+
+    What joints hold may be wedged in somewhere: then the way is taken as if it were not. What
+    moves too fast without that is slowed down.
+    """
+    w = c.pressing
+    if w.count[POINTS_IN_USE] > 0:
+        go_back(c.joints)
+        c.joints.scratch.unresolved[0] += 1
+        w.count[POINTS_IN_USE] = 0
+        return True
+    if c.place[SLOWED] == MOST_SLOWED:
+        return False
+    go_back(c.joints)
+    slow_down(c.joints)
+    c.place[SLOWED] += 1
+    return True
 
 
 @kernel

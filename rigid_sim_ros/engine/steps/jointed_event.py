@@ -29,8 +29,8 @@ from rigid_sim_ros.engine.dynamics.loads import kick
 from rigid_sim_ros.engine.steps.articulated import (
     arrive, begin_part, finish, go_back, later_loads, MOST_PARTS, move_bodies)
 from rigid_sim_ros.engine.steps.jointed_contact import (
-    BEGIN, begin, COLLISIONS, CUT_SHORT, DONE, end, EVENTS, find_points, JointedContact,
-    keep_part, MORE_ROWS, reach, read_way, STAGE, STEPS, TRIES)
+    BEGIN, begin, COLLISIONS, CUT_SHORT, DONE, end, EVENTS, find_points, give_way, JointedContact,
+    keep_part, MORE_ROWS, reach, read_way, SLOWED, STAGE, STEPS, TRIES)
 from rigid_sim_ros.kernels.kernel import kernel
 
 # In a step: events after which nothing bounces any more, and after which it is not backtracked.
@@ -78,6 +78,7 @@ def _begin(c: JointedContact) -> None:
     begin(c)
     place = c.place
     place[EVENTS], place[TRIES], place[COLLISIONS], place[CUT_SHORT] = 0, 0, 0, 0
+    place[SLOWED] = 0
     c.span[LEFT] = c.span[WAY] = c.joints.model.h
     place[STAGE] = SEEK
 
@@ -162,11 +163,7 @@ def _take_first_half(c: JointedContact) -> None:
             go_back(joints)
             c.span[WAY] = 0.5 * h
             return      # what touches is still the same
-        joints.scratch.unresolved[0] += 1
-        if c.pressing.count[POINTS_IN_USE] > 0:
-            # What joints hold is wedged in somewhere: this way goes on as if it were not.
-            go_back(joints)
-            c.pressing.count[POINTS_IN_USE] = 0
+        if give_way(c):
             return
     hit = _limit_hit(c)
     if _may_end_earlier(c) and hit < (1.0 - 2.0 * SHARP) * h:
@@ -247,7 +244,7 @@ def _take_second_half(c: JointedContact) -> None:
     keep_part(c)
     if h != model.h:
         joints.motion.known[0] = 0      # what joints needed is of ways of one length
-    c.place[TRIES] = 0
+    c.place[TRIES], c.place[SLOWED] = 0, 0
     c.place[STAGE] = SEEK
     if h >= c.span[LEFT]:
         end(c)

@@ -54,7 +54,7 @@ class JointedTimestep(Touching, JointedMotion):
         self._arguments = jointed_contact.JointedContact(
             self.arguments(empty_state(n), no_wrenches()), shapes, setup.materials, self._memory,
             radii(shapes, n), thicknesses(shapes), self._no_pressing(),
-            np.zeros(8, dtype=np.int64), np.zeros(2))
+            np.zeros(9, dtype=np.int64), np.zeros(2))
 
     def _no_pressing(self) -> Pressing:
         s = self._setup
@@ -115,7 +115,7 @@ class JointedPenalty(Touching, JointedMotion):
         self._arguments = jointed_penalty.JointedPenalty(
             self.arguments(empty_state(len(setup.model.m)), no_wrenches()), setup.shapes,
             setup.materials, self._memory, PenaltySettings(), self._work.buffers,
-            np.zeros(2, dtype=np.int64))
+            np.zeros(3, dtype=np.int64))
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
         """Advance the state, and count wrenches and commands down."""

@@ -19,7 +19,7 @@ from rigid_sim_ros.engine.joints.settle import prepare_step
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.engine.steps.articulated import (
     arrive, begin_efforts, begin_part, end_step, finish, go_back, JointedArguments, later_loads,
-    MOST_PARTS, move_bodies, next_size)
+    MOST_PARTS, MOST_SLOWED, move_bodies, next_size, slow_down)
 from rigid_sim_ros.engine.steps.penalty import (
     Buffers, DONE, find_overlaps, MORE_MEMORY, PenaltyWork, push, record, STAGE, STEPS)
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
@@ -29,8 +29,9 @@ from rigid_sim_ros.kernels.kernel import kernel
 # At which stage a step goes on, in `Buffers.count`: it begins; what overlaps is found at the start
 # and at the end of a part of it, with a half of the part after each.
 BEGIN, SEEK, FIRST, SEEK_AGAIN, SECOND = range(5)
-# Places in `JointedPenalty.part`: parts that are done, and the size of the next, in MOST_PARTS.
-PARTS_DONE, SIZE = range(2)
+# Places in `JointedPenalty.part`: parts that are done, the size of the next, in MOST_PARTS, and
+# how often the motion was slowed down.
+PARTS_DONE, SIZE, SLOWED = range(3)
 
 
 class JointedPenalty(NamedTuple):
@@ -42,7 +43,7 @@ class JointedPenalty(NamedTuple):
     memory: Memory
     settings: PenaltySettings
     buffers: Buffers
-    part: IntArray  # (2,) see PARTS_DONE
+    part: IntArray  # (3,) see PARTS_DONE
 
 
 @kernel
@@ -74,7 +75,7 @@ def _begin(c: JointedPenalty) -> None:
     prepare_step(joints.model, joints.table, joints.state, joints.scratch)
     begin_efforts(joints.motion)
     forget_impulses(current(c.memory))
-    c.part[PARTS_DONE], c.part[SIZE] = 0, next_size(joints.motion)
+    c.part[PARTS_DONE], c.part[SIZE], c.part[SLOWED] = 0, next_size(joints.motion), 0
     c.buffers.count[STAGE] = SEEK
 
 
@@ -90,7 +91,11 @@ def _take_first_half(c: JointedPenalty) -> None:
             go_back(joints)
             c.part[SIZE] //= 2
             return      # what overlaps is still the same
-        joints.scratch.unresolved[0] += 1
+        if c.part[SLOWED] < MOST_SLOWED:
+            go_back(joints)
+            slow_down(joints)
+            c.part[SLOWED] += 1
+            return
     arrive(joints, h, True)
     c.buffers.count[STAGE] = SEEK_AGAIN
 

@@ -11,15 +11,15 @@ from rigid_sim_ros.engine.constraints.articulated_contact import (
     keep_impulses, press, take_back_displacing)
 from rigid_sim_ros.engine.constraints.articulated_points import (
     choose_points, take_close, take_pressing, wake, wake_met)
-from rigid_sim_ros.engine.constraints.pressing import NEEDED, POINTS_IN_USE, WOKEN
+from rigid_sim_ros.engine.constraints.pressing import NEEDED, WOKEN
 from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.dynamics.loads import kick
 from rigid_sim_ros.engine.steps.articulated import (
     arrive, begin_part, finish, go_back, later_loads, MOST_PARTS, move_bodies, next_size)
 from rigid_sim_ros.engine.steps.jointed_contact import (
-    BEGIN, begin, DONE, end, find_points, JointedContact, keep_part, MORE_ROWS, PARTS_DONE, reach,
-    read_way, SIZE, STAGE, STEPS, TRIES)
+    BEGIN, begin, DONE, end, find_points, give_way, JointedContact, keep_part, MORE_ROWS,
+    PARTS_DONE, reach, read_way, SIZE, SLOWED, STAGE, STEPS, TRIES)
 from rigid_sim_ros.kernels.kernel import kernel
 
 # Ways that are tried with what met on the ones before; of a chain of shapes that hit each other
@@ -60,7 +60,7 @@ def run(c: JointedContact) -> int:
 @kernel
 def _begin_part(c: JointedContact) -> None:
     """Begin a part of a step, in which nothing has met yet."""
-    c.place[TRIES], c.pressing.count[WOKEN] = 0, 0
+    c.place[TRIES], c.place[SLOWED], c.pressing.count[WOKEN] = 0, 0, 0
     c.place[STAGE] = SEEK
 
 
@@ -137,11 +137,7 @@ def _take_first_half(c: JointedContact) -> None:
             go_back(joints)
             c.place[SIZE] //= 2
             return      # what touches is still the same
-        joints.scratch.unresolved[0] += 1
-        if c.pressing.count[POINTS_IN_USE] > 0:
-            # What joints hold is wedged in somewhere: this part goes on as if it were not.
-            go_back(joints)
-            c.pressing.count[POINTS_IN_USE] = 0
+        if give_way(c):
             return
     keep_impulses(model, True, c.pressing)
     c.place[STAGE] = LOOK_BACK
