@@ -14,7 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.constraints.articulated_contact import keep_impulses
+from rigid_sim_ros.engine.constraints.articulated_contact import (
+    keep_impulses, press, take_back_displacing)
+from rigid_sim_ros.engine.constraints.articulated_points import choose_points
 from rigid_sim_ros.engine.constraints.articulated_rows import make_system
 from rigid_sim_ros.engine.constraints.pressing import (
     HALF_KNOWN, more_points, NEEDED, POINTS_IN_USE, Pressing, WIDTH)
@@ -27,13 +29,15 @@ from rigid_sim_ros.engine.detection.look_ahead import look_ahead
 from rigid_sim_ros.engine.detection.manifold_rows import find_anew
 from rigid_sim_ros.engine.detection.manifolds import current, grown, Memory
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic
+from rigid_sim_ros.engine.dynamics.loads import kick
 from rigid_sim_ros.engine.joints.posture import read_positions
 from rigid_sim_ros.engine.joints.settle import prepare_step
 from rigid_sim_ros.engine.maths.vector import row
 from rigid_sim_ros.engine.model.kinds.table import is_unbounded
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.engine.steps.articulated import (
-    begin_efforts, end_step, go_back, JointedArguments, MOST_SLOWED, slow_down)
+    arrive, begin_efforts, begin_part, end_step, finish, go_back, JointedArguments, later_loads,
+    MOST_SLOWED, move_bodies, slow_down)
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
@@ -148,7 +152,53 @@ def give_way(c: JointedContact) -> bool:
 
 
 @kernel
-def keep_part(c: JointedContact) -> None:
+def take_first_half(c: JointedContact, h: float) -> bool:
+    """
+    Kick, find the impulses of contact, and let bodies and joints move to the poses after h [s].
+
+    Returns False, with the state spoiled, if h is too long to resolve the motion.
+    """
+    joints = c.joints
+    state, loads = joints.state, joints.work.loads
+    begin_part(joints)
+    kick(state, loads, 0.5 * h)
+    press(joints.model, state, joints.table, joints.motion, joints.scratch, loads, h, True,
+          c.pressing)
+    return move_bodies(joints, h)
+
+
+@kernel
+def take_way(c: JointedContact, h: float) -> None:
+    """Note what a way of h [s] did, which is taken now."""
+    arrive(c.joints, h, True)
+    take_back_displacing(c.joints.model, c.joints.state, h, c.pressing)
+
+
+@kernel
+def choose(c: JointedContact, after: int) -> int:
+    """Choose the points that take part; go on with a stage if there is room for them."""
+    w = c.pressing
+    w.count[NEEDED] = choose_points(c.joints.model, c.joints.table, w)
+    if w.count[NEEDED] > w.system.x.shape[0]:
+        return MORE_ROWS
+    c.place[STAGE] = after
+    return DONE
+
+
+@kernel
+def take_second_half(c: JointedContact, h: float) -> None:
+    """Kick, find the impulses of contact at the new poses, and let the joints answer."""
+    joints = c.joints
+    loads = later_loads(joints, h)
+    kick(joints.state, loads, 0.5 * h)
+    press(joints.model, joints.state, joints.table, joints.motion, joints.scratch, loads, h, False,
+          c.pressing)
+    finish(joints, h, True)
+    _keep_part(c)
+
+
+@kernel
+def _keep_part(c: JointedContact) -> None:
     """Record the impulses of both halves of a part, and carry those of the second over."""
     model, w = c.joints.model, c.pressing
     chosen, width = w.chosen[:w.count[POINTS_IN_USE]], w.count[WIDTH]

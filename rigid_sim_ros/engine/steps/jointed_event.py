@@ -15,8 +15,7 @@ All bodies go through this side by side. After MOST_EVENTS in a step the rest of
 
 import math
 
-from rigid_sim_ros.engine.constraints.articulated_contact import (
-    keep_impulses, press, take_back_displacing)
+from rigid_sim_ros.engine.constraints.articulated_contact import keep_impulses
 from rigid_sim_ros.engine.constraints.articulated_impact import collide
 from rigid_sim_ros.engine.constraints.articulated_points import (
     choose_points, meeting_within, take_all, take_pressing, take_touching)
@@ -25,12 +24,11 @@ from rigid_sim_ros.engine.contact.contacts import read_bodies
 from rigid_sim_ros.engine.contact.recorded_impulses import record
 from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
-from rigid_sim_ros.engine.dynamics.loads import kick
-from rigid_sim_ros.engine.steps.articulated import (
-    arrive, begin_part, finish, go_back, later_loads, MOST_PARTS, move_bodies)
+from rigid_sim_ros.engine.steps.articulated import go_back, MOST_PARTS
 from rigid_sim_ros.engine.steps.jointed_contact import (
-    BEGIN, begin, COLLISIONS, CUT_SHORT, DONE, end, EVENTS, find_points, give_way, JointedContact,
-    keep_part, MORE_ROWS, reach, read_way, SLOWED, STAGE, STEPS, TRIES)
+    BEGIN, begin, choose, COLLISIONS, CUT_SHORT, DONE, end, EVENTS, find_points, give_way,
+    JointedContact, MORE_ROWS, reach, read_way, SLOWED, STAGE, STEPS, take_first_half,
+    take_second_half, take_way, TRIES)
 from rigid_sim_ros.kernels.kernel import kernel
 
 # In a step: events after which nothing bounces any more, and after which it is not backtracked.
@@ -62,9 +60,10 @@ def run(c: JointedContact) -> int:
         elif stage == LOOK_BACK:
             why = _look_back(c)
         elif stage == ARRIVE:
-            _arrive(c)
+            take_way(c, c.span[WAY])
+            c.place[STAGE] = CHOOSE
         elif stage == CHOOSE:
-            why = _choose(c)
+            why = _choose_for_second(c)
         else:
             _take_second_half(c)
         if why != DONE:
@@ -152,14 +151,10 @@ def _may_end_earlier(c: JointedContact) -> bool:
 
 @kernel
 def _take_first_half(c: JointedContact) -> None:
-    """Kick, find the impulses of contact, and let bodies and joints move to the new poses."""
+    """Take the first half of a way, of a shorter one if a joint meets its limit on it."""
     joints, h = c.joints, c.span[WAY]
-    model, state, loads = joints.model, joints.state, joints.work.loads
-    begin_part(joints)
-    kick(state, loads, 0.5 * h)
-    press(model, state, joints.table, joints.motion, joints.scratch, loads, h, True, c.pressing)
-    if not move_bodies(joints, h):
-        if MOST_PARTS * h > model.h:
+    if not take_first_half(c, h):
+        if MOST_PARTS * h > joints.model.h:
             go_back(joints)
             c.span[WAY] = 0.5 * h
             return      # what touches is still the same
@@ -171,7 +166,7 @@ def _take_first_half(c: JointedContact) -> None:
         _go_until(c, (1.0 + SHARP) * hit)   # so that it is met for certain
         c.place[TRIES] += 1
         return
-    keep_impulses(model, True, c.pressing)
+    keep_impulses(joints.model, True, c.pressing)
     c.place[STAGE] = LOOK_BACK
 
 
@@ -209,41 +204,24 @@ def _look_back(c: JointedContact) -> int:
 
 
 @kernel
-def _arrive(c: JointedContact) -> None:
-    """Note what the way did, which is taken now."""
-    arrive(c.joints, c.span[WAY], True)
-    take_back_displacing(c.joints.model, c.joints.state, c.span[WAY], c.pressing)
-    c.place[STAGE] = CHOOSE
-
-
-@kernel
-def _choose(c: JointedContact) -> int:
+def _choose_for_second(c: JointedContact) -> int:
     """Choose the points that take part in the second half."""
-    joints, w = c.joints, c.pressing
+    w = c.pressing
     take_pressing(w)
     if c.place[CUT_SHORT] == 0:
         # What has just met collides when the next way begins.
         for k in range(w.contacts.count[0]):
             w.active[k] = 1 if w.match[k] >= 0 else 0
-    w.count[NEEDED] = choose_points(joints.model, joints.table, w)
-    if w.count[NEEDED] > w.system.x.shape[0]:
-        return MORE_ROWS
-    c.place[STAGE] = SECOND
-    return DONE
+    return choose(c, SECOND)
 
 
 @kernel
 def _take_second_half(c: JointedContact) -> None:
-    """Kick, find the impulses of contact at the new poses, and let the joints answer."""
-    joints, h = c.joints, c.span[WAY]
-    model, state = joints.model, joints.state
-    loads = later_loads(joints, h)
-    kick(state, loads, 0.5 * h)
-    press(model, state, joints.table, joints.motion, joints.scratch, loads, h, False, c.pressing)
-    finish(joints, h, True)
-    keep_part(c)
-    if h != model.h:
-        joints.motion.known[0] = 0      # what joints needed is of ways of one length
+    """Take the second half of a way, and end the step after its last one."""
+    h = c.span[WAY]
+    take_second_half(c, h)
+    if h != c.joints.model.h:
+        c.joints.motion.known[0] = 0      # what joints needed is of ways of one length
     c.place[TRIES], c.place[SLOWED] = 0, 0
     c.place[STAGE] = SEEK
     if h >= c.span[LEFT]:

@@ -7,19 +7,16 @@ Kick, drift, kick as without contacts (articulated.py), with impulses of contact
 shapes met on the way that took no part, it is taken again with them.
 """
 
-from rigid_sim_ros.engine.constraints.articulated_contact import (
-    keep_impulses, press, take_back_displacing)
+from rigid_sim_ros.engine.constraints.articulated_contact import keep_impulses
 from rigid_sim_ros.engine.constraints.articulated_points import (
-    choose_points, take_close, take_pressing, wake, wake_met)
-from rigid_sim_ros.engine.constraints.pressing import NEEDED, WOKEN
+    take_close, take_pressing, wake, wake_met)
+from rigid_sim_ros.engine.constraints.pressing import WOKEN
 from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
-from rigid_sim_ros.engine.dynamics.loads import kick
-from rigid_sim_ros.engine.steps.articulated import (
-    arrive, begin_part, finish, go_back, later_loads, MOST_PARTS, move_bodies, next_size)
+from rigid_sim_ros.engine.steps.articulated import go_back, MOST_PARTS, next_size
 from rigid_sim_ros.engine.steps.jointed_contact import (
-    BEGIN, begin, DONE, end, find_points, give_way, JointedContact, keep_part, MORE_ROWS,
-    PARTS_DONE, reach, read_way, SIZE, SLOWED, STAGE, STEPS, TRIES)
+    BEGIN, begin, choose, DONE, end, find_points, give_way, JointedContact, PARTS_DONE, reach,
+    read_way, SIZE, SLOWED, STAGE, STEPS, take_first_half, take_second_half, take_way, TRIES)
 from rigid_sim_ros.kernels.kernel import kernel
 
 # Ways that are tried with what met on the ones before; of a chain of shapes that hit each other
@@ -46,10 +43,11 @@ def run(c: JointedContact) -> int:
         elif stage == LOOK_BACK:
             why = _look_back(c)
         elif stage == ARRIVE:
-            _arrive(c)
+            take_way(c, _length(c))
+            c.place[STAGE] = CHOOSE
         elif stage == CHOOSE:
             take_pressing(c.pressing)
-            why = _choose(c, SECOND)
+            why = choose(c, SECOND)
         else:
             _take_second_half(c)
         if why != DONE:
@@ -78,18 +76,7 @@ def _seek(c: JointedContact) -> int:
         if speed * h > least:
             wake(w, manifolds.shape_a[r], manifolds.shape_b[r])
     take_close(w)
-    return _choose(c, FIRST)
-
-
-@kernel
-def _choose(c: JointedContact, after: int) -> int:
-    """Choose the points that take part; go on with a stage if there is room for them."""
-    w = c.pressing
-    w.count[NEEDED] = choose_points(c.joints.model, c.joints.table, w)
-    if w.count[NEEDED] > w.system.x.shape[0]:
-        return MORE_ROWS
-    c.place[STAGE] = after
-    return DONE
+    return choose(c, FIRST)
 
 
 @kernel
@@ -110,14 +97,6 @@ def _look_back(c: JointedContact) -> int:
 
 
 @kernel
-def _arrive(c: JointedContact) -> None:
-    """Note what the way did, which is taken now."""
-    arrive(c.joints, _length(c), True)
-    take_back_displacing(c.joints.model, c.joints.state, _length(c), c.pressing)
-    c.place[STAGE] = CHOOSE
-
-
-@kernel
 def _length(c: JointedContact) -> float:
     """Return the length [s] of the part of a step that is taken."""
     return c.joints.model.h * c.place[SIZE] / MOST_PARTS
@@ -125,37 +104,24 @@ def _length(c: JointedContact) -> float:
 
 @kernel
 def _take_first_half(c: JointedContact) -> None:
-    """Kick, find the impulses of contact, and let bodies and joints move to the new poses."""
-    joints = c.joints
-    model, state, table, loads = joints.model, joints.state, joints.table, joints.work.loads
-    h = _length(c)
-    begin_part(joints)
-    kick(state, loads, 0.5 * h)
-    press(model, state, table, joints.motion, joints.scratch, loads, h, True, c.pressing)
-    if not move_bodies(joints, h):
+    """Take the first half of a part, of a shorter one if its motion is not resolved."""
+    if not take_first_half(c, _length(c)):
         if c.place[SIZE] > 1:
-            go_back(joints)
+            go_back(c.joints)
             c.place[SIZE] //= 2
             return      # what touches is still the same
         if give_way(c):
             return
-    keep_impulses(model, True, c.pressing)
+    keep_impulses(c.joints.model, True, c.pressing)
     c.place[STAGE] = LOOK_BACK
 
 
 @kernel
 def _take_second_half(c: JointedContact) -> None:
-    """Kick, find the impulses of contact at the new poses, and let the joints answer."""
-    joints = c.joints
-    model, state = joints.model, joints.state
-    h = _length(c)
-    loads = later_loads(joints, h)
-    kick(state, loads, 0.5 * h)
-    press(model, state, joints.table, joints.motion, joints.scratch, loads, h, False, c.pressing)
-    finish(joints, h, True)
-    keep_part(c)
+    """Take the second half of a part, and end the step after its last one."""
+    take_second_half(c, _length(c))
     c.place[PARTS_DONE] += c.place[SIZE]
     _begin_part(c)
     if c.place[PARTS_DONE] == MOST_PARTS:
-        joints.motion.parts[0] = MOST_PARTS // c.place[SIZE]
+        c.joints.motion.parts[0] = MOST_PARTS // c.place[SIZE]
         end(c)
