@@ -24,7 +24,7 @@ from nodes.forked import Fork
 from rcl_interfaces.srv import SetParameters
 import rclpy
 from rclpy.experimental import EventsExecutor
-from rclpy.node import Node
+from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_srvs.srv import SetBool, Trigger
@@ -135,6 +135,15 @@ def running(*args: Any, **options: Any) -> Iterator[Process]:
         yield process
 
 
+def _known(look: Callable[[str, str], list[tuple[str, list[str]]]],
+           node: str) -> dict[str, list[str]]:
+    # What a node offers may be known before its name is: the two travel on topics of their own.
+    try:
+        return dict(look(node, '/'))
+    except NodeNameNonExistentError:
+        return {}
+
+
 class Probe:
     """The node of the test: it listens, publishes and calls from a thread of its own."""
 
@@ -201,6 +210,18 @@ class Probe:
                     assert not process.has_failed(), process.stderr
                 self._changed.wait(0.02)
         return value
+
+    def publishers_of(self, node: str) -> dict[str, list[str]]:
+        """Tell the topics that a node publishes, as far as is known, and their types."""
+        return _known(self.node.get_publisher_names_and_types_by_node, node)
+
+    def subscriptions_of(self, node: str) -> dict[str, list[str]]:
+        """Tell the topics that a node subscribes to, as far as is known, and their types."""
+        return _known(self.node.get_subscriber_names_and_types_by_node, node)
+
+    def services_of(self, node: str) -> dict[str, list[str]]:
+        """Tell the services of a node, as far as is known, and their types."""
+        return _known(self.node.get_service_names_and_types_by_node, node)
 
     def wait_for_silence(self, received: list[Any]) -> None:
         """Wait until no message has come for a while; the last may come late."""

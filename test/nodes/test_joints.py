@@ -136,7 +136,7 @@ def test_the_wrench_through_a_chosen_joint_is_published(probe, world):
     f, n = message.wrench.force, message.wrench.torque
     assert [f.x, f.y, f.z, n.x, n.y, n.z] == world.joint_wrench('arm/shoulder').tolist()
     assert message.header.frame_id == 'arm/shoulder'
-    topics = dict(probe.node.get_publisher_names_and_types_by_node('rigid_sim', '/'))
+    topics = probe.wait_for(lambda: probe.publishers_of('rigid_sim'))
     assert '/rigid_sim/pivot/wrench' not in topics
 
 

@@ -39,12 +39,14 @@ def sim(ros, tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def topics(probe, sim):
-    """Return the topics of the node and their types, once it is up."""
-    def found():
-        return {name: types[0] for name, types in probe.node.get_topic_names_and_types()}
-    return probe.wait_for(
-        lambda: found() if {'/rigid_sim/markers', '/diagnostics',
-                            '/rigid_sim/ball/twist'} <= found().keys() else None)
+    """Return the topics of the node and their types, once those that layouts name are known."""
+    named = {display['Topic']['Value'] for display in MANAGER['Displays']
+             if display['Class'] in DISPLAYS}
+    named |= {name for panel in panels_of('3D').values() for name in panel['topics']}
+    named |= {path['value'].partition('.')[0] for panel in panels_of('Plot').values()
+              for path in panel['paths']}
+    probe.wait_for(lambda: named <= probe.publishers_of('rigid_sim').keys(), str(named))
+    return {name: types[0] for name, types in probe.publishers_of('rigid_sim').items()}
 
 
 def interface(name):
@@ -102,8 +104,8 @@ def test_foxglove_s_diagnostics_are_a_topic_of_diagnostics(topics):
 
 @pytest.mark.parametrize('name', panels_of('CallService'))
 def test_a_button_of_foxglove_calls_a_service_with_a_request_that_fits(probe, topics, name):
-    services = dict(probe.node.get_service_names_and_types_by_node('rigid_sim', '/'))
-    kind, = services[PANELS[name]['serviceName']]
+    service = PANELS[name]['serviceName']
+    kind, = probe.wait_for(lambda: probe.services_of('rigid_sim').get(service), service)
     request = json.loads(PANELS[name]['requestPayload'])
     interface(kind).Request(**request)
 

@@ -58,8 +58,8 @@ def sim(probe, scene, tmp_path_factory):
         yield process
 
 
-def published_by(probe, node='rigid_sim'):
-    return dict(probe.node.get_publisher_names_and_types_by_node(node, '/'))
+def published_by(probe):
+    return probe.publishers_of('rigid_sim')
 
 
 def steps(message) -> int:
@@ -76,10 +76,9 @@ def test_every_topic_is_published_with_its_type(probe, sim):
 
 
 def test_every_input_is_subscribed_to_with_its_type(probe, sim):
-    def topics():
-        return dict(probe.node.get_subscriber_names_and_types_by_node('rigid_sim', '/'))
-    probe.wait_for(lambda: SUBSCRIBED.keys() <= topics().keys())
-    assert {name: [kind] for name, kind in SUBSCRIBED.items()}.items() <= topics().items()
+    probe.wait_for(lambda: SUBSCRIBED.keys() <= probe.subscriptions_of('rigid_sim').keys())
+    expected = {name: [kind] for name, kind in SUBSCRIBED.items()}
+    assert expected.items() <= probe.subscriptions_of('rigid_sim').items()
 
 
 def test_the_services_are_there(probe, sim):
@@ -88,8 +87,8 @@ def test_the_services_are_there(probe, sim):
         '/rigid_sim/step': ['std_srvs/srv/Trigger'],
         '/rigid_sim/reset': ['std_srvs/srv/Trigger'],
     }
-    services = dict(probe.node.get_service_names_and_types_by_node('rigid_sim', '/'))
-    assert expected.items() <= services.items()
+    probe.wait_for(lambda: expected.keys() <= probe.services_of('rigid_sim').keys())
+    assert expected.items() <= probe.services_of('rigid_sim').items()
 
 
 def test_only_the_chosen_bodies_have_topics_of_their_own(probe, sim):
