@@ -1,241 +1,18 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The contact models by name, and those of bodies that no joint holds."""
+"""The contact models by name."""
 
-from collections.abc import Callable, Mapping
-import math
+from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
-from rigid_sim_ros.engine.contact.carried_forces import Carried, no_forces
-from rigid_sim_ros.engine.contact.penalty_force import PenaltySettings
-from rigid_sim_ros.engine.detection.manifolds import (
-    current_manifolds, earlier_manifolds)
-from rigid_sim_ros.engine.dynamics.integrate import make_work, ORIENTATIONS
-from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches, Wrenches
-from rigid_sim_ros.engine.events.buffers import EventSettings
 from rigid_sim_ros.engine.model.shapes import can_meet
-from rigid_sim_ros.engine.solver.arguments import (
-    Arguments, make_arguments, SequentialSettings, TimestepSettings, with_cut)
-from rigid_sim_ros.engine.solver.partition import Cut
-from rigid_sim_ros.engine.state.state import empty_state, State
-from rigid_sim_ros.engine.steps import event, penalty, qp, timestep
-from rigid_sim_ros.engine.steps.contact_model import (
-    CONTACT, ContactModel, ContactReport, named, OneThread, rows_of, Setup, Touching, unnamed)
-from rigid_sim_ros.engine.steps.free import FREE_MOTION, FreeArguments
+from rigid_sim_ros.engine.steps.contact_model import ContactModel, Setup
+from rigid_sim_ros.engine.steps.divided_model import DividedTimestep, has_free_bodies
+from rigid_sim_ros.engine.steps.free_models import (
+    Event, FreeMotion, Penalty, Timestep, VelocityQp)
 from rigid_sim_ros.engine.steps.jointed_models import (
     Jointed, JointedEvent, JointedPenalty, JointedTimestep)
 from rigid_sim_ros.engine.steps.jointed_motion import JointSetup
-from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
-from rigid_sim_ros.kernels.helper_process import cores
-from rigid_sim_ros.kernels.second_core import Helper, make_job
-
-
-class FreeMotion(OneThread):
-    """No contacts: bodies pass through each other."""
-
-    def __init__(self, setup: Setup) -> None:
-        """Choose the integrator."""
-        self._model = setup.model
-        self._advance = FREE_MOTION[setup.integrator]
-        self._orientation = ORIENTATIONS.index(setup.orientation)
-        self._work = make_work(len(setup.model.m))
-        self._pack: ArgumentPack | None = None
-
-    def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
-        """Advance the state."""
-        self._pack = packed(FreeArguments(self._model, state, wrenches, self._work), self._pack)
-        self._pack.run(self._advance, self._orientation, count)
-
-    def lasting(self) -> dict[str, np.ndarray]:
-        """Return nothing: the state is all there is."""
-        return {}
-
-    def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
-        """Have nothing to go back to."""
-
-    def report(self) -> ContactReport:
-        """Return zeros."""
-        return ContactReport()
-
-    def contacts(self, state: State) -> np.ndarray:
-        """Return no rows."""
-        return np.zeros(0, dtype=CONTACT)
-
-
-# Of `Rest`, what influences later steps.
-_REST = ('steps', 'asleep', 'pose', 'load')
-
-
-class Timestep(Touching):
-    """Velocity level, soft substeps: for real time and for many bodies."""
-
-    def __init__(self, setup: Setup) -> None:
-        """Make room for no contacts yet."""
-        super().__init__(setup)
-        self._settings = TimestepSettings(
-            sequential=SequentialSettings(substeps=setup.substeps),
-            sleep_steps=math.ceil(setup.sleep_after / setup.model.h))
-        self._arguments = self._begin()
-        self._pack: ArgumentPack | None = None
-        self._helper: Helper | None = None
-        self._has_stepped = False
-
-    def _begin(self) -> Arguments:
-        s = self._setup
-        n = len(s.model.m)
-        return make_arguments(s.model, empty_state(n), no_wrenches(), s.shapes, s.materials,
-                              self._memory, self._settings)
-
-    def use_threads(self, count: int) -> None:
-        """Let a second thread help where contacts are many, if there is a core for it."""
-        helped = count > 1 and cores() > 1
-        if helped != (self._helper is not None):
-            self._helper = Helper() if helped else None
-            job = make_job() if self._helper is None else self._helper.job
-            self._arguments = self._arguments._replace(job=job)
-
-    def lasting(self) -> dict[str, np.ndarray]:
-        """Return the manifolds, the cut, and who rests where if bodies may sleep."""
-        c = self._arguments
-        arrays = super().lasting() | named('cut', c.work.solver.sides.cut)
-        if self._settings.sleep_steps > 0:
-            arrays |= {f'rest_{name}': getattr(c.rest, name).copy() for name in _REST}
-        return arrays
-
-    def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
-        """Go back to manifolds that `lasting` returned."""
-        super().recall(arrays)
-        c = self._begin()._replace(job=self._arguments.job)
-        if arrays:
-            with_cut(c.work, unnamed('cut', Cut, arrays))
-        for name in _REST if arrays and self._settings.sleep_steps > 0 else ():
-            getattr(c.rest, name)[...] = arrays[f'rest_{name}']
-        self._arguments, self._has_stepped = c, False
-
-    def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
-        """Advance the state."""
-        c = self._arguments
-        if c.state is not state or c.wrenches is not wrenches:
-            c = c._replace(state=state, wrenches=wrenches)
-        self._arguments, self._pack = timestep.advance(c, count, self._pack, self._helper)
-        self._memory = self._arguments.memory
-        self._has_stepped = self._has_stepped or count > 0
-
-    def contacts(self, state: State) -> np.ndarray:
-        """Return the manifolds of the latest step with all its impulses, collisions included."""
-        if not self._has_stepped:  # after `recall` the impulses of the last substep are known
-            return super().contacts(state)
-        acted = earlier_manifolds(self._memory)
-        return rows_of(self._setup, state, current_manifolds(self._memory), acted.impulse.T,
-                       acted.friction)
-
-    def report(self) -> ContactReport:
-        """Return the counts, and the largest change of a contact's velocity in the last sweep."""
-        c = self._arguments
-        return self._counts()._replace(residual=float(c.work.solver.residual[0]),
-                                       iterations=self._settings.sequential.substeps,
-                                       asleep=int(c.rest.asleep.sum()))
-
-
-class VelocityQp(Touching):
-    """Velocity level, all contacts at once by OSQP: the reference for small scenes."""
-
-    def __init__(self, setup: Setup) -> None:
-        """Make room for no contacts yet."""
-        super().__init__(setup)
-        self._settings = TimestepSettings()
-        self._work = qp.QpWork(setup.model, setup.shapes, self._memory)
-
-    def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
-        """Advance the state."""
-        s = self._setup
-        self._memory = qp.advance(
-            s.model, state, wrenches, s.shapes, s.materials, self._memory, self._settings,
-            self._work, count)
-
-    def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
-        """Go back to manifolds that `lasting` returned."""
-        super().recall(arrays)
-        self._work = qp.QpWork(self._setup.model, self._setup.shapes, self._memory)
-
-    def report(self) -> ContactReport:
-        """Return the counts and what OSQP said."""
-        done = self._work.report
-        message = '' if done.solved else f'OSQP left a contact problem unsolved: {done.status}'
-        return self._counts()._replace(residual=done.residual, iterations=done.iterations,
-                                       message=message)
-
-
-class Event(Touching):
-    """The classic algorithm: every collision at its own time, resting contact by a QP."""
-
-    def __init__(self, setup: Setup) -> None:
-        """Make room for no contacts yet."""
-        super().__init__(setup)
-        self._settings = EventSettings()
-        self._work = event.EventWork(len(setup.model.m), len(setup.shapes.body))
-
-    def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
-        """Advance the state."""
-        s = self._setup
-        self._memory = event.advance(s.model, state, wrenches, s.shapes, s.materials,
-                                     self._memory, self._settings, self._work, count)
-
-    def lasting(self) -> dict[str, np.ndarray]:
-        """Return the manifolds and the forces of the last step."""
-        return super().lasting() | named('carried', self._work.carried)
-
-    def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
-        """Go back to manifolds and forces that `lasting` returned."""
-        super().recall(arrays)
-        self._work.carried = (unnamed('carried', Carried, arrays) if arrays
-                              else no_forces())
-
-    def report(self) -> ContactReport:
-        """Return the counts and what OSQP said."""
-        done = self._work.report
-        message = ''
-        if done.unsolved:
-            message = (f'{done.unsolved} contact problems were left with a residual of '
-                       f'{done.residual:.1e}')
-        elif done.cut_short:
-            message = f'more than {self._settings.max_events} collisions in one step'
-        # Not only where the step began: the deepest of all times at which it was interrupted.
-        return self._counts()._replace(deepest=done.deepest, residual=done.residual,
-                                       message=message)
-
-
-class Penalty(Touching):
-    """Springs and dampers at every contact point."""
-
-    def __init__(self, setup: Setup) -> None:
-        """Make room for no contacts yet."""
-        super().__init__(setup)
-        self._settings = PenaltySettings()
-        self._work = penalty.PenaltyWork(len(setup.model.m))
-
-    def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
-        """Advance the state."""
-        s = self._setup
-        self._memory = penalty.advance(s.model, state, wrenches, s.shapes, s.materials,
-                                       self._memory, self._settings, self._work, count)
-
-    def lasting(self) -> dict[str, np.ndarray]:
-        """Return the manifolds and the bristles of friction."""
-        return super().lasting() | named('bristle', self._work.lasting())
-
-    def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
-        """Go back to manifolds and bristles that `lasting` returned."""
-        super().recall(arrays)
-        self._work.bristles = (unnamed('bristle', penalty.Bristles, arrays) if arrays
-                               else penalty.no_bristles())
-
-    def report(self) -> ContactReport:
-        """Return the counts; springs need no solver."""
-        return self._counts()
-
 
 # By contact and solver; the others have but one way to solve, whatever the solver is called.
 CONTACT_MODELS: dict[tuple[str, str], Callable[[Setup], Any]] = {
@@ -246,8 +23,8 @@ CONTACT_MODELS: dict[tuple[str, str], Callable[[Setup], Any]] = {
     ('timestep', 'qp'): VelocityQp,
 }
 
-
-# With joints all impulses of an island are solved for at once, whatever the solver is called.
+# With joints all impulses of an island are solved for at once, whatever the solver is called; but
+# the solver `sequential` has those for which there are no joints.
 JOINTED_MODELS: dict[str, Callable[[Setup, JointSetup], Any]] = {
     'event': JointedEvent,
     'penalty': JointedPenalty,
@@ -265,7 +42,11 @@ def make_contact_model(name: str, setup: Setup) -> ContactModel:
     if setup.joints is not None:
         if name == 'none' or not can_meet(setup.shapes):
             return Jointed(setup.model, setup.joints)
-        jointed: ContactModel = JOINTED_MODELS[name](setup, setup.joints)
+        kind = JOINTED_MODELS[name]
+        if (name, setup.solver) == ('timestep', 'sequential') and has_free_bodies(
+                setup, setup.joints):
+            kind = DividedTimestep
+        jointed: ContactModel = kind(setup, setup.joints)
         return jointed
     if setup.integrator != 'symplectic' and not can_meet(setup.shapes):
         name = 'none'

@@ -46,22 +46,34 @@ _STEPS_WITHOUT_HELP = 64
 @kernel
 def step(c: Arguments) -> bool:
     """Take a step; return whether it was done, not left at its beginning for want of room."""
-    begin_step(c)
-    apply_forces(c)
-    wake_disturbed_islands(c)
-    if not detect(c):
+    if not find_contacts(c):
         return False
     if is_free_flight(c):
         fly_all(c, np.int64(1))
     else:
-        wake_touched_islands(c)
-        predict(c)
-        bounce(c)
-        solve(c)
-        apply_later_forces(c)
-        let_islands_sleep(c)
+        respond(c)
     end_step(c)
     return True
+
+
+@kernel
+def find_contacts(c: Arguments) -> bool:
+    """Find what is near each other as a step begins; return whether there was room for it."""
+    begin_step(c)
+    apply_forces(c)
+    wake_disturbed_islands(c)
+    return detect(c)
+
+
+@kernel
+def respond(c: Arguments) -> None:
+    """Move all bodies by a step, with the contacts that were found."""
+    wake_touched_islands(c)
+    predict(c)
+    bounce(c)
+    solve(c)
+    apply_later_forces(c)
+    let_islands_sleep(c)
 
 
 @kernel
@@ -71,6 +83,19 @@ def advance_steps(c: Arguments, count: int) -> int:
         if not step(c):
             return done
     return count
+
+
+FIND, RESPOND = range(2)
+
+
+@kernel
+def take_half(c: Arguments, half: int) -> int:
+    """Do what a step does to find contacts, or the rest of it; return 1 if it was done, else 0."""
+    if half == FIND:
+        return 1 if find_contacts(c) else 0
+    respond(c)
+    end_step(c)
+    return 1
 
 
 @kernel
@@ -295,13 +320,28 @@ def advance(c: Arguments, count: int, pack: ArgumentPack | None = None,
         done += taken
         if done == count:
             return c, pack
-        if taken == some:
-            continue
-        if c.memory.counters[NO_SEARCH] != 0:
-            c.memory.counters[NO_SEARCH] = 0
-            link_late(search, pack)
-        else:
-            c = with_memory(c, grown(c.memory))
+        if taken < some:
+            c = with_room(c, pack)
+
+
+def find(c: Arguments, pack: ArgumentPack | None) -> tuple[Arguments, ArgumentPack]:
+    """Begin a step, which `take_half` ends; returns what `advance` does."""
+    while True:
+        pack = packed(c, pack)
+        if not pack.is_linked:
+            link(take_half, pack, pieces_of(c, helped=False))
+        if pack.run(take_half, FIND) == 1:
+            return c, pack
+        c = with_room(c, pack)
+
+
+def with_room(c: Arguments, pack: ArgumentPack) -> Arguments:
+    """Return arguments with what an unfinished detection lacked."""
+    if c.memory.counters[NO_SEARCH] != 0:
+        c.memory.counters[NO_SEARCH] = 0
+        link_late(search, pack)
+        return c
+    return with_memory(c, grown(c.memory))
 
 
 def pieces_alone(c: Arguments) -> Pieces:
