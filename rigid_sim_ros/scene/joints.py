@@ -79,9 +79,6 @@ def check_joints(spec: schema.Scene, report: Report) -> None:
         _check_keys(joint, here)
         _check_limits(joint, here)
         _check_mimic(joint, joints, here)
-    if joints and spec.collision.sleep_after > 0.0:
-        report(('collision', 'sleep_after'), f'{spec.collision.sleep_after:g} s beside joints, '
-               'must be 0: bodies do not sleep there')
     if joints and spec.world.integrator != 'symplectic':
         report(('world', 'integrator'), f'{shown(spec.world.integrator)} beside joints, must be '
                'symplectic, which keeps them closed')

@@ -1,0 +1,144 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Worlds of the model `timestep` in which joints hold some bodies and others not."""
+
+import numpy as np
+import pytest
+
+from rigid_sim_ros import World
+
+G = 9.81
+BOX = {'type': 'box', 'size': [0.2, 0.2, 0.2]}
+FLOOR = {'name': 'floor', 'fixed': True, 'shape': {'type': 'plane'}}
+HEAP = [{'name': f'box{k}', 'mass': 1.0, 'shape': BOX,
+         'pose': {'position': [2.0 + 0.08 * (k % 3), 0.07 * (k % 2), 0.11 + 0.25 * k]}}
+        for k in range(6)]
+# It swings down on the floor, and comes to rest there.
+ARM = [{'name': 'upper', 'mass': 2.0, 'shape': {'type': 'capsule', 'radius': 0.05, 'length': 0.4},
+        'pose': {'position': [0.0, 0.0, 0.35]}},
+       {'name': 'lower', 'mass': 1.0, 'shape': {'type': 'capsule', 'radius': 0.05, 'length': 0.4},
+        'pose': {'position': [0.0, 0.0, -0.15]}}]
+JOINTS = [{'name': 'shoulder', 'type': 'revolute', 'parent': 'world', 'child': 'upper',
+           'axis': [0.0, 1.0, 0.0], 'position': 1.2, 'pose': {'position': [0.0, 0.0, 0.6]},
+           'child_pose': {'position': [0.0, 0.0, 0.25]}},
+          {'name': 'elbow', 'type': 'revolute', 'parent': 'upper', 'child': 'lower',
+           'axis': [0.0, 1.0, 0.0], 'position': 0.4, 'pose': {'position': [0.0, 0.0, -0.25]}}]
+
+
+def world_of(bodies, joints=(), **collision):
+    spec = {'world': {'step': 0.001},
+            'materials': {'default': {'friction': 0.5, 'restitution': 0.2}},
+            'bodies': [FLOOR, *bodies], 'collision': collision}
+    return World.from_dict(spec | ({'joints': list(joints)} if joints else {}))
+
+
+def placed(bodies, x, z=0.0):
+    """Return bodies moved by x and z [m], which do not hang on the world."""
+    return [one | {'pose': {'position': [one['pose']['position'][0] + x,
+                                         one['pose']['position'][1],
+                                         one['pose']['position'][2] + z]}} for one in bodies]
+
+
+def motion(world, names):
+    rows = [world.names.index(name) for name in names]
+    return np.hstack([quantity[rows] for quantity in (
+        world.position, world.orientation, world.linear_momentum, world.angular_momentum)])
+
+
+def test_what_is_far_from_each_other_moves_as_if_it_were_alone():
+    both, arm, heap = world_of(HEAP + ARM, JOINTS), world_of(ARM, JOINTS), world_of(HEAP)
+    for _ in range(60):
+        for world in (both, arm, heap):
+            world.step(25)
+        for alone in (arm, heap):
+            assert (motion(both, alone.names) == motion(alone, alone.names)).all()
+    forces = [world.contacts()['normal_force'].sum() for world in (both, arm, heap)]
+    assert min(forces) > 0.0
+    # The same forces, added up in another order.
+    assert forces[0] == pytest.approx(forces[1] + forces[2], rel=1e-14)
+
+
+def test_a_world_goes_on_bit_for_bit_while_bodies_come_and_go():
+    """The arm swings into a heap, and boxes roll off it: saved and restored at every stage."""
+    spec = placed(HEAP, -2.5) + ARM
+    one = world_of(spec, JOINTS, sleep_after=0.1)
+    shared = set()
+    for _ in range(20):
+        saved, rows = one.save(), one.contacts()
+        one.step(75)
+        other = world_of(spec, JOINTS, sleep_after=0.1)
+        other.restore(saved)
+        for key in ('body_a', 'body_b', 'gap'):
+            assert (other.contacts()[key] == rows[key]).all()
+        for _ in range(15):
+            other.step(5)
+        assert one.state_hash() == other.state_hash()
+        rows = one.contacts()
+        names = np.array(one.names)
+        shared |= {a for a, b in zip(names[rows['body_a']], names[rows['body_b']], strict=True)
+                   if b in ('upper', 'lower') and a.startswith('box')}
+    assert shared       # boxes that leaned on the arm at times
+
+
+def test_a_spring_between_a_link_and_a_free_body_keeps_their_momentum():
+    world = World.from_dict({
+        'world': {'gravity': [0.0, 0.0, 0.0]},
+        'bodies': [*placed(ARM, 0.0), *placed(HEAP[:1], -0.5, 1.0)],
+        'joints': JOINTS[1:],
+        'forces': [{'type': 'spring', 'a': 'lower', 'b': 'box0', 'stiffness': 200.0,
+                    'rest_length': 0.5}]})
+    for _ in range(20):
+        world.step(50)
+        assert np.abs(world.linear_momentum).max() > 0.1
+        # Rounding of 1000 steps.
+        assert np.abs(world.total_momentum()).max() < 1e-12
+        assert np.abs(world.total_angular_momentum()).max() < 1e-11
+
+
+def test_a_wrench_lasts_as_long_as_it_says():
+    world = world_of(HEAP[:1] + ARM, JOINTS)
+    world.step(500)     # the box lies on the floor
+    x = world.names.index('box0')
+    world.apply_wrench('box0', force=[0.0, 0.0, 3.0 * G], duration=0.1)
+    world.step(100)
+    # Up with 2 g for 0.1 s.
+    assert world.linear_velocity[x, 2] == pytest.approx(2.0 * G * 0.1, rel=1e-6)
+    world.step(100)
+    assert world.linear_velocity[x, 2] == pytest.approx(G * 0.1, rel=1e-6)
+
+
+def test_a_conveyor_carries_what_has_joints_and_what_has_none():
+    belt = {'name': 'belt', 'kinematic': True, 'shape': {'type': 'box', 'size': [8.0, 2.0, 0.2]},
+            'pose': {'position': [0.0, 0.0, 0.1]}, 'twist': {'linear': [0.5, 0.0, 0.0]}}
+    cart = [HEAP[0] | {'name': name, 'pose': {'position': [x, 0.5, 0.3]}}
+            for name, x in (('front', 0.25), ('rear', 0.0))]
+    world = world_of([belt, *cart, HEAP[0] | {'pose': {'position': [0.0, -0.5, 0.3]}}],
+                     [{'name': 'hitch', 'type': 'fixed', 'parent': 'front', 'child': 'rear'}])
+    world.step(1000)
+    rows = [world.names.index(name) for name in ('belt', 'front', 'rear', 'box0')]
+    assert world.position[rows[0], 0] == pytest.approx(0.5, abs=1e-12)
+    # Friction of mu g lets them slip for 0.5 / (mu g) = 0.1 s, then they keep up.
+    assert np.abs(world.linear_velocity[rows] - [0.5, 0.0, 0.0]).max() < 1e-6
+    late = 0.5 ** 2 / (2.0 * 0.5 * G)
+    # The step in which they stop slipping is known to v h / 2.
+    assert np.abs(world.position[rows[1:], 0] - [0.75 - late, 0.5 - late, 0.5 - late]).max() < 3e-4
+
+
+def test_free_bodies_sleep_beside_an_arm_and_wake_when_it_comes():
+    world = world_of(placed(HEAP[:1], -2.5) + ARM, [
+        JOINTS[0] | {'drive': {'mode': 'position', 'stiffness': 400.0, 'damping': 40.0,
+                               'position': 1.2}},
+        JOINTS[1] | {'drive': {'mode': 'position', 'stiffness': 200.0, 'damping': 20.0,
+                               'position': 0.3}}], sleep_after=0.2)
+    world.step(1000)
+    assert world.contact_report().asleep == 1
+    before = motion(world, ['box0'])
+    world.step(200)
+    assert (motion(world, ['box0']) == before).all()
+    world.set_joint_command('shoulder', mode='position', position=0.6)
+    asleep = []
+    for _ in range(60):
+        world.step(10)
+        asleep.append(world.contact_report().asleep)
+    assert asleep[0] == 1 and 0 in asleep
+    assert np.abs(motion(world, ['box0']) - before).max() > 0.05
