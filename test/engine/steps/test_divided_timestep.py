@@ -162,9 +162,12 @@ def test_free_bodies_sleep_beside_an_arm_and_wake_when_it_comes():
     world.step(200)
     assert (motion(world, ['box0']) == before).all()
     world.set_joint_command('shoulder', mode='position', position=0.6)
-    asleep = []
-    for _ in range(60):
-        world.step(10)
-        asleep.append(world.contact_report().asleep)
-    assert asleep[0] == 1 and 0 in asleep
+    seen = set()
+    for _ in range(600):
+        world.step(1)
+        rows = world.contacts()
+        names = [{world.names[row['body_a']], world.names[row['body_b']]} for row in rows]
+        seen.add(({'box0', 'lower'} in names, world.contact_report().asleep))
+    # What is near the arm is awake from the first step on, even if the arm rests there.
+    assert seen == {(False, 1), (True, 0), (False, 0)} or seen == {(False, 1), (True, 0)}
     assert np.abs(motion(world, ['box0']) - before).max() > 1e-3
