@@ -12,12 +12,14 @@ again with the answer of that.
 """
 
 from rigid_sim_ros.engine.constraints.articulated_rows import (
-    answer_to_impulses, push_apart, read_row_rates, solve_system, write_system, write_velocities)
+    answer_to_impulses, moves, push_apart, read_row_rates, solve_system, take_off, write_system,
+    write_velocities)
 from rigid_sim_ros.engine.constraints.pressing import (
     HALF_KNOWN, ISLANDS, KNOWN, POINTS_IN_USE, Pressing, WIDTH)
 from rigid_sim_ros.engine.contact.carried_forces import (
     keep_force, recall_forces)
 from rigid_sim_ros.engine.contact.classify import resting_speed
+from rigid_sim_ros.engine.contact.contact_rows import apply_forces, effect, rate
 from rigid_sim_ros.engine.contact.contacts import (
     add_contact_load, Contacts, push_rows, read_bodies,
     read_rates, read_velocity, to_world)
@@ -194,19 +196,16 @@ def _press_island(model: Model, state: State, table: JointTable, work: JointWork
     Returns whether they are others than before.
     """
     contacts, system, width, m = w.contacts, w.system, w.count[WIDTH], chosen.shape[0]
-    rows, r = system.rows, width * m
+    rows = system.rows
     write_system(model, table, work, contacts, w.bodies, chosen, width, system)
-    A = system.A[:r * r].reshape((r, r))
     read_row_rates(rows, m, width, w.bodies.velocity, rows.b)
     for c in range(m):
         for i in range(width):
             rows.f[width * c + i] = w.impulse[chosen[c], i]
+    take_off(rows, m, width, rows.f, rows.b)
     known, changed, size = False, 0.0, 0.0
-    for i in range(r):
+    for i in range(width * m):
         known = known or rows.f[i] != 0.0
-        rows.b[i] += rows.give[i] * rows.f[i]
-        for j in range(r):
-            rows.b[i] -= A[i, j] * rows.f[j]
         w.free[i] = rows.b[i]
         size = max(size, abs(rows.b[i]))
     if first:
@@ -225,7 +224,7 @@ def _press_island(model: Model, state: State, table: JointTable, work: JointWork
         for i in range(width):
             now = rows.f[width * c + i]
             w.row[i], w.impulse[k, i] = now - w.impulse[k, i], now
-            changed = max(changed, abs(w.row[i]) * A[width * c + i, width * c + i])
+            changed = max(changed, abs(w.row[i]) * rows.stiff[width * c + i])
         push_rows(model, state, contacts, k, width, w.row, 0)
     if first:
         _displace(contacts, chosen, width, h, w)
@@ -253,14 +252,12 @@ def _note_work(chosen: IntArray, width: int, w: Pressing) -> float:
 
     It is f . (u_0 + u_1) / 2 with the rates u_0 without them and u_1 = u_0 + A f with them.
     """
-    rows, r, total = w.system.rows, width * chosen.shape[0], 0.0
-    A = w.system.A[:r * r].reshape((r, r))
+    rows, total = w.system.rows, 0.0
+    apply_forces(rows, chosen.shape[0], width, rows.f)
     for c in range(chosen.shape[0]):
         w.work[chosen[c]] = 0.0
         for i in range(width * c, width * c + width):
-            mean = w.free[i] - 0.5 * rows.give[i] * rows.f[i]
-            for j in range(r):
-                mean += 0.5 * A[i, j] * rows.f[j]
+            mean = w.free[i] + 0.5 * effect(rows, c, i)
             w.work[chosen[c]] += mean * rows.f[i]
         total += w.work[chosen[c]]
     return total
@@ -307,16 +304,15 @@ def _take_no_energy(chosen: IntArray, width: int, w: Pressing) -> None:
     Their work is s f . u_0 + s^2 f . A f / 2 when they are s times what they are. A solution takes
     f . A f / 2 at least. Bodies that are wedged in may find none.
     """
-    rows, r, linear, gain = w.system.rows, width * chosen.shape[0], 0.0, 0.0
-    A = w.system.A[:r * r].reshape((r, r))
-    for i in range(r):
-        linear += rows.f[i] * w.free[i]
-        gain -= 0.5 * rows.give[i] * rows.f[i] * rows.f[i]
-        for j in range(r):
-            gain += 0.5 * rows.f[i] * A[i, j] * rows.f[j]
+    rows, m, linear, gain = w.system.rows, chosen.shape[0], 0.0, 0.0
+    apply_forces(rows, m, width, rows.f)
+    for c in range(m):
+        for i in range(width * c, width * c + width):
+            linear += rows.f[i] * w.free[i]
+            gain += 0.5 * rows.f[i] * effect(rows, c, i)
     if linear + gain > 0.0:
         share = max(-linear / gain, 0.0) if gain > 0.0 else 0.0
-        for i in range(r):
+        for i in range(width * m):
             rows.f[i] *= share
 
 
@@ -336,25 +332,22 @@ def _solve_rebound(chosen: IntArray, width: int, share: float, is_new: bool,
 @kernel
 def _displace(contacts: Contacts, chosen: IntArray, width: int, h: float, w: Pressing) -> None:
     """Write impulses that displace what overlaps, and does not come apart by itself."""
-    rows, r, any_wanted = w.system.rows, width * chosen.shape[0], False
-    A = w.system.A[:r * r].reshape((r, r))
-    for i in range(r):
-        rate = rows.b[i]
-        for j in range(r):
-            rate += A[i, j] * rows.f[j]
-        w.row[i] = rate
-    for c in range(chosen.shape[0]):
-        moves = rows.stiff[width * c] > 0.0
-        depth = max(-contacts.gap[chosen[c]], 0.0) if moves else 0.0
+    rows, m, any_wanted = w.system.rows, chosen.shape[0], False
+    apply_forces(rows, m, width, rows.f)
+    for c in range(m):
+        for i in range(width * c, width * c + width):
+            w.row[i] = rate(rows, c, i, rows.f)
+    for c in range(m):
+        depth = max(-contacts.gap[chosen[c]], 0.0) if moves(rows, width * c) else 0.0
         wanted = min(PUSH * depth, MOST_PUSH * contacts.size[chosen[c]]) / h
-        rate = max(w.row[width * c], 0.0)
-        any_wanted = any_wanted or wanted > rate
+        apart = max(w.row[width * c], 0.0)
+        any_wanted = any_wanted or wanted > apart
         for i in range(width):
             rows.b[width * c + i] = 0.0
-        rows.b[width * c] = rate - wanted
+        rows.b[width * c] = apart - wanted
     if any_wanted:
-        push_apart(w.system, chosen.shape[0], width, w.row)
-    for c in range(chosen.shape[0]):
+        push_apart(w.system, m, width, w.row)
+    for c in range(m):
         for i in range(width):
             w.pushed[chosen[c], i] = w.row[width * c + i] if any_wanted else 0.0
 

@@ -5,7 +5,7 @@ Impacts of bodies that joints hold, in no time.
 
 All points of one pair of bodies are solved together; pairs are solved one after the other, the one
 that approaches fastest first, until nothing approaches, as without joints (contact/impulse.py).
-The joints answer to each: A = G M~^-1 G^T (articulated_rows.py), with axes locked that are driven
+The joints answer to each (articulated_rows.py), with axes locked that are driven
 against their limits.
 """
 
@@ -14,7 +14,7 @@ from rigid_sim_ros.engine.constraints.articulated_contact import (
     are_same_pieces, keep_pieces, MOST_HALVINGS, MOST_PIECES, rebound)
 from rigid_sim_ros.engine.constraints.articulated_points import rate_of_gap
 from rigid_sim_ros.engine.constraints.articulated_rows import (
-    read_row_rates, write_system, write_velocities)
+    read_row_rates, take_off, write_system, write_velocities)
 from rigid_sim_ros.engine.constraints.pressing import ISLANDS, POINTS_IN_USE, Pressing, WIDTH
 from rigid_sim_ros.engine.contact.classify import classify, COLLIDING, resting_speed
 from rigid_sim_ros.engine.contact.contacts import push_rows, read_velocity
@@ -114,14 +114,11 @@ def _collide(model: Model, state: State, table: JointTable, motion: JointMotion,
         keep_pieces(work, w)
         write_system(model, table, work, contacts, w.bodies, chosen, width, w.system)
         read_row_rates(rows, m, width, w.bodies.velocity, rows.b)
-        A = w.system.A[:r * r].reshape((r, r))
         for i in range(r):
             if n == 0:
                 w.before[i] = rows.b[i]
-            w.row[i] = rows.f[i]
-            w.free[i] = rows.b[i] + rows.give[i] * rows.f[i]
-            for j in range(r):
-                w.free[i] -= A[i, j] * rows.f[j]
+            w.row[i], w.free[i] = rows.f[i], rows.b[i]
+        take_off(rows, m, width, rows.f, w.free)
         rebound(chosen, width, n == 0, 0.0, w)
         for i in range(r):
             w.row[i] = rows.f[i] - w.row[i]

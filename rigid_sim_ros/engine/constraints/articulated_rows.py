@@ -1,23 +1,26 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Rows of contact on bodies that joints hold: the matrix A = G M~^-1 G^T of an island.
+Rows of contact on bodies that joints hold: what impulses at the points of an island do.
 
 A unit impulse along a row of a point moves every body of an articulation, as far as its joints let
 them: M~^-1 G^T is one solution of the articulated-body method, and of what closes loops in it
 (Mirtich, Impulse-based Dynamic Simulation of Rigid Body Systems, PhD thesis (1996), chapter 4). A
 body that no joint holds answers as if it were alone. Joints then stay closed to the last digit,
-whatever the impulses at the points become.
+whatever the impulses at the points become. Of these answers the rows keep those of the bodies that
+are touched: with them the problem is that of contact_rows.py, and solved by its means.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.contact.contact_rows import make_rows, Rows, SIDES, write_rows
+from rigid_sim_ros.engine.contact.contact_newton import (
+    make_newton, Newton, number_bodies, refine_rows, write_effects)
+from rigid_sim_ros.engine.contact.contact_rows import (
+    apply_forces, coupling, effect, make_rows, Rows, SIDES, sweep_rows, violation, write_rows)
 from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts
-from rigid_sim_ros.engine.contact.coulomb import (
-    coefficients, COMPLIANCE, ENOUGH, GOAL, NEWTON_STEPS, refine, sweep_in_place)
+from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, ENOUGH, GOAL
 from rigid_sim_ros.engine.dynamics.loads import Loads
 from rigid_sim_ros.engine.joints.articulated import momenta_of, solve
 from rigid_sim_ros.engine.joints.buffers import JointWork
@@ -35,100 +38,140 @@ _HELD = 1e-8
 # Of what a row moves without joints: by this much more it gives way to impulses that displace.
 # Joints that nearly forbid a way, or wedge two bodies, would ask for any impulse.
 _WEDGED = 0.2
-# Of what a row moves without joints: by this much it gives way while a solution is looked for, and
-# so often at most that is taken back, until it is this part of the rates, while it gets less by
+# Of what a row moves without joints: by this much it gives way while a solution is looked for, by
+# MORE times as much where none is found, up to MOST_EASE.
+EASE, MORE, MOST_EASE = 1e-5, 100.0, 1e-2
+# So often at most that is taken back, until it is this part of the rates, while it gets less by
 # this factor.
-EASE, MOST_TAKEN_BACK, YIELDS, CONTRACTS = 1e-5, 20, 1e-10, 0.7
-# Newton's method for a matrix of more rows takes longer than sweeps that do as much.
-MOST_FOR_NEWTON = 240
-# Sweeps before each run of Newton's method, and runs at most.
-SWEEPS, ROUNDS = 30, 8
+MOST_TAKEN_BACK, YIELDS, CONTRACTS = 20, 1e-10, 0.7
+# Sweeps before each run of Newton's method, its steps, and runs at most.
+SWEEPS, NEWTON_STEPS, ROUNDS = 60, 12, 5
 # Sweeps, from no impulses at all, where that finds no solution.
 MANY_SWEEPS = 200
+_NOT_YET = -2       # in `System.following`, of a body that is touched and not in a list
 
 
 class System(NamedTuple):
-    """Room for the problem a = A f + b of one island, of r rows."""
+    """Room for the problem of one island, of r rows."""
 
-    rows: Rows  # G, mu, b, f and the effect z of one impulse
-    A: Array  # (r r,) [1/kg], the matrix of an island by rows
-    M: Array  # (r r,) scratch
-    x: Array  # (r,) scratch
+    rows: Rows
+    newton: Newton
+    touched: IntArray  # (1,) bodies that are touched and can move
     center: Array  # (r,) impulses for which points do not give way
-    mu: Array  # (r,) the coefficients of an island by points
     articulation: IntArray  # (n,) of a body, NONE: joints do not hold it
+    first: IntArray  # (g,) of an articulation, a body that is touched
+    following: IntArray  # (n,) of such a body, another one of the same articulation, NONE for the last
     residual: Array  # (1,) the largest violation of a step, relative to the largest rate
 
 
 def make_system(rows: int, table: JointTable, bodies: int) -> System:
     """Return room for so many rows of contact."""
     articulation = np.full(bodies, NONE, dtype=np.int64)
-    for g in range(len(table.first_row) - 1):
+    sizes = np.diff(table.first_row)
+    for g in range(len(sizes)):
         articulation[table.body[table.first_row[g]:table.first_row[g + 1]]] = g
-    return System(make_rows(rows // 3, rows, bodies), np.zeros(rows * rows),
-                  np.zeros(rows * rows), np.zeros(rows), np.zeros(rows), np.zeros(rows),
-                  articulation, np.zeros(1))
+    points = rows // 3
+    moved = 2 + 2 * int(min(sizes.max(initial=0), 2 * points))
+    return System(make_rows(points, rows, bodies, moved),
+                  make_newton(points, rows, min(2 * points, bodies), bodies),
+                  np.zeros(1, dtype=np.int64), np.zeros(rows), articulation,
+                  np.zeros(len(sizes), dtype=np.int64), np.zeros(bodies, dtype=np.int64),
+                  np.zeros(1))
 
 
 @kernel
 def write_system(model: Model, table: JointTable, work: JointWork, contacts: Contacts,
                  bodies: Bodies, chosen: IntArray, width: int, system: System) -> None:
     """
-    Write G, A and the coefficients of the chosen points.
+    Write the rows of the chosen points.
 
     The factors of the articulations are given, and so are the pieces that their axes are on.
     """
-    rows, r = system.rows, width * chosen.shape[0]
-    A = system.A[:r * r].reshape((r, r))
+    rows, m = system.rows, chosen.shape[0]
     write_rows(model, contacts, bodies, chosen, width, COMPLIANCE, rows)
-    m = chosen.shape[0]
+    system.touched[0] = number_bodies(contacts, chosen, model.inv_m, system.newton.slot)
+    _list_touched(rows, m, system)
+    _list_moved(rows, m, width, system)
+    # Backwards: what is written of a row is longer than what is read of it.
+    for c in range(m - 1, -1, -1):
+        for i in range(width * c + width - 1, width * c - 1, -1):
+            for side in range(2):
+                for k in range(6):
+                    rows.z[rows.body[c, side], k] = 0.0
+            _answer(table, work, system, c, i)
+            at = rows.at[i]
+            for e in range(rows.first[c], rows.first[c + 1]):
+                for k in range(6):
+                    rows.W[at + k] = rows.z[rows.moved[e], k]
+                at += 6
+            _ease(rows, c, i)
+    write_effects(rows, m, width, system.touched[0], system.newton)
+
+
+@kernel
+def _list_touched(rows: Rows, m: int, system: System) -> None:
+    """Chain the bodies of each articulation that the points touch."""
+    of, following = system.articulation, system.following
     for c in range(m):
         for side in range(2):
-            _clear(table, system, rows.body[c, side])
+            body = rows.body[c, side]
+            if of[body] != NONE:
+                system.first[of[body]], following[body] = NONE, _NOT_YET
     for c in range(m):
+        for side in range(2):
+            body = rows.body[c, side]
+            if of[body] != NONE and following[body] == _NOT_YET:
+                following[body], system.first[of[body]] = system.first[of[body]], body
+
+
+@kernel
+def _list_moved(rows: Rows, m: int, width: int, system: System) -> None:
+    """Write which bodies each point moves, its own first, and where the rows begin."""
+    of, place, begin = system.articulation, 0, 0
+    for c in range(m):
+        rows.first[c] = place
+        a, b = rows.body[c, 0], rows.body[c, 1]
+        rows.moved[place], rows.moved[place + 1] = a, b
+        place += 2
+        for side in range(2):
+            g = of[rows.body[c, side]]
+            if g == NONE or (side == 1 and g == of[a]):
+                continue
+            other = system.first[g]
+            while other != NONE:
+                if other not in (a, b):
+                    rows.moved[place] = other
+                    place += 1
+                other = system.following[other]
         for i in range(width * c, width * c + width):
-            _answer(table, work, system, c, i)
-            for d in range(m):
-                a, b = rows.body[d, 0], rows.body[d, 1]
-                for j in range(width * d, width * d + width):
-                    total = 0.0
-                    for k in range(6):
-                        total += (rows.G[j, k] * rows.z[a, k] + rows.G[j, 6 + k] * rows.z[b, k])
-                    A[j, i] = total
-            for side in range(2):
-                _clear(table, system, rows.body[c, side])
-            _ease(rows, A, i)
+            rows.at[i] = begin
+            begin += 6 * (place - rows.first[c])
+    rows.first[m] = place
 
 
 @kernel
-def _ease(rows: Rows, A: Array, i: int) -> None:
+def _ease(rows: Rows, c: int, i: int) -> None:
     """
-    Let row i give way; where joints do not let it move at all, let it be without effect.
+    Let row i, of point c, give way; where joints do not let it move, let it be without effect.
 
-    rows.stiff, 1/m of the point without joints, is then 0.
+    Then nothing is left of its diagonal but what it gives way; see `moves`.
     """
-    free = rows.stiff[i] - rows.give[i]
-    rows.give[i] = EASE * free
-    if A[i, i] <= _HELD * free:
-        rows.stiff[i] = rows.give[i] = 0.0
-        for k in range(SIDES):
-            rows.G[i, k] = 0.0
-        for j in range(A.shape[0]):
-            A[j, i] = 0.0
-        A[i, i] = max(free, 1e-300)
-    else:
-        A[i, i] += rows.give[i]
-
-
-@kernel
-def _clear(table: JointTable, system: System, body: int) -> None:
-    """Write that nothing moves of what hangs together with a body."""
-    z, g = system.rows.z, system.articulation[body]
-    if g == NONE:
-        z[body, :] = 0.0
+    free, own = rows.stiff[i] - rows.give[i], coupling(rows, i, i)
+    if own > _HELD * free:
+        rows.give[i] = EASE * free
+        rows.stiff[i] = own + rows.give[i]
         return
-    for r in range(table.first_row[g], table.first_row[g + 1]):
-        z[table.body[r], :] = 0.0
+    rows.give[i] = rows.stiff[i] = max(free, 1e-300)
+    for k in range(SIDES):
+        rows.G[i, k] = 0.0
+    for k in range(6 * (rows.first[c + 1] - rows.first[c])):
+        rows.W[rows.at[i] + k] = 0.0
+
+
+@kernel
+def moves(rows: Rows, i: int) -> bool:
+    """Return whether the joints let row i move."""
+    return bool(rows.stiff[i] > rows.give[i])
 
 
 @kernel
@@ -140,7 +183,7 @@ def _answer(table: JointTable, work: JointWork, system: System, c: int, i: int) 
         body, g = rows.body[c, side], of[rows.body[c, side]]
         if g == NONE:
             for k in range(6):
-                rows.z[body, k] += rows.W[i, 6 * side + k]
+                rows.z[body, k] += rows.W[SIDES * i + 6 * side + k]
             continue
         # Two bodies of one articulation are pushed together.
         if side == 0 or of[a] != g:
@@ -212,6 +255,15 @@ def read_row_rates(rows: Rows, m: int, width: int, velocity: Array, u: Array) ->
 
 
 @kernel
+def take_off(rows: Rows, m: int, width: int, f: Array, u: Array) -> None:
+    """Take what the impulses f do off the rates u of all rows."""
+    apply_forces(rows, m, width, f)
+    for c in range(m):
+        for i in range(width * c, width * c + width):
+            u[i] -= effect(rows, c, i)
+
+
+@kernel
 def solve_system(system: System, m: int, width: int, is_new: bool) -> float:
     """
     Find the impulses f of m points from what stands there; return the violation, 0 if none.
@@ -225,59 +277,66 @@ def solve_system(system: System, m: int, width: int, is_new: bool) -> float:
     for i in range(r):
         size = max(size, abs(rows.b[i]))
         system.center[i] = 0.0
-    worst, before = _improve(system, m, width, is_new, size), np.inf
-    for _ in range(MOST_TAKEN_BACK):
+    ease = EASE
+    worst, before = np.inf, np.inf
+    for n in range(MOST_TAKEN_BACK):
+        worst, ease = _improve(system, m, width, is_new and n == 0, size, ease)
         yields = 0.0
         for i in range(r):
-            yields = max(yields, abs(rows.give[i] * (rows.f[i] - system.center[i])))
+            if moves(rows, i):
+                yields = max(yields, abs(rows.give[i] * (rows.f[i] - system.center[i])))
         if not YIELDS * size < yields <= CONTRACTS * before:
             break
         before = yields
         for i in range(r):
-            rows.b[i] -= rows.give[i] * (rows.f[i] - system.center[i])
-            system.center[i] = rows.f[i]
-        worst = _improve(system, m, width, False, size)
+            if moves(rows, i):
+                rows.b[i] -= rows.give[i] * (rows.f[i] - system.center[i])
+                system.center[i] = rows.f[i]
+    _give_way(system, r, EASE / ease)
     if size > 0.0:
         system.residual[0] = max(system.residual[0], worst / size)
     return worst if worst > ENOUGH * size else 0.0
 
 
 @kernel
-def _improve(system: System, m: int, width: int, is_new: bool, size: float) -> float:
+def _improve(system: System, m: int, width: int, is_new: bool, size: float,
+             ease: float) -> tuple[float, float]:
     """
-    Find the impulses f of m points that give way; return the violation, where `size` is max |b|.
+    Find the impulses f of m points that give way; `size` is max |b|.
 
     Newton's method finds which points press and slide from where it begins, or does not; sweeps
-    bring it nearer.
+    bring it nearer, and it finds more where points give way more. Returns the violation, and by
+    how much they give way now, which was `ease`.
     """
-    r = width * m
-    rows, kinds = system.rows, coefficients(width)
-    A, M = system.A[:r * r].reshape((r, r)), system.M[:r * r].reshape((r, r))
-    b, f, a, trial, x = rows.b[:r], rows.f[:r], rows.a[:r], rows.trial[:r], system.x[:r]
-    _write_coefficients(system, m, kinds)
-    mu = system.mu[:kinds * m].reshape((m, kinds))
-    worst = np.inf
+    rows, f = system.rows, system.rows.f
     for n in range(ROUNDS):
-        if n > 0 or is_new or r > MOST_FOR_NEWTON:
-            sweep_in_place(A, b, mu, f, SWEEPS, a)
-        if r <= MOST_FOR_NEWTON or n == ROUNDS - 1:
-            steps = NEWTON_STEPS if r <= MOST_FOR_NEWTON else 0
-            worst, _ = refine(A, b, mu, f, GOAL * size, steps, a, trial, M, x)
+        if n > 0 or is_new:
+            violation(rows, m, width, f)
+            sweep_rows(rows, m, width, f, SWEEPS, 0.1 * ENOUGH * size)
+        worst = refine_rows(rows, m, width, system.touched[0], GOAL * size, NEWTON_STEPS,
+                            system.newton)
         if worst <= ENOUGH * size:
-            return worst
-    # What Newton's method leaves may be of any size where A is nearly singular.
-    f[:] = 0.0
-    sweep_in_place(A, b, mu, f, MANY_SWEEPS, a)
-    worst, _ = refine(A, b, mu, f, GOAL * size, 0, a, trial, M, x)
-    return worst
+            return worst, ease
+        if ease < MOST_EASE:
+            _give_way(system, width * m, MORE)
+            ease *= MORE
+    # What Newton's method leaves may be of any size where the rows are nearly dependent.
+    f[:width * m] = 0.0
+    violation(rows, m, width, f)
+    sweep_rows(rows, m, width, f, MANY_SWEEPS, 0.1 * ENOUGH * size)
+    return violation(rows, m, width, f), ease
 
 
 @kernel
-def _write_coefficients(system: System, m: int, kinds: int) -> None:
-    """Write the coefficients of m points side by side."""
-    for c in range(m):
-        for d in range(kinds):
-            system.mu[kinds * c + d] = system.rows.mu[c, d]
+def _give_way(system: System, r: int, factor: float) -> None:
+    """Let rows give way `factor` times as much as they do, from the same impulses."""
+    rows = system.rows
+    for i in range(r):
+        if moves(rows, i):
+            more = (factor - 1.0) * rows.give[i]
+            rows.give[i] += more
+            rows.stiff[i] += more
+            rows.b[i] -= more * system.center[i]
 
 
 @kernel
@@ -285,13 +344,15 @@ def push_apart(system: System, m: int, width: int, displaced: Array) -> None:
     """
     Write impulses along the normals, (r,), with which the points get the rates -b [m/s].
 
-    A is spoiled.
+    How rows give way, and their coefficients, are spoiled.
     """
-    r, rows, kinds = width * m, system.rows, coefficients(width)
-    A = system.A[:r * r].reshape((r, r))
-    for i in range(r):
-        A[i, i] += _WEDGED * rows.stiff[i]
-    displaced[:r] = 0.0
-    system.mu[:kinds * m] = 0.0
-    sweep_in_place(A, rows.b[:r],
-                   system.mu[:kinds * m].reshape((m, kinds)), displaced[:r], SWEEPS, rows.a[:r])
+    rows = system.rows
+    for i in range(width * m):
+        if moves(rows, i):
+            more = _WEDGED / EASE * rows.give[i]
+            rows.give[i] += more
+            rows.stiff[i] += more
+    displaced[:width * m] = 0.0
+    rows.mu[:m] = 0.0
+    violation(rows, m, width, displaced)
+    sweep_rows(rows, m, width, displaced, SWEEPS, 0.0)

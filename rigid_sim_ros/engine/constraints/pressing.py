@@ -73,7 +73,7 @@ def make_pressing(table: JointTable, bodies: int, points: int, manifolds: int,
 
 def more_points(w: Pressing, table: JointTable, points: int) -> Pressing:
     """Return scratch memory with room for twice as many points, and what is carried over."""
-    fresh = make_pressing(table, len(w.parent), 2 * points, w.order.shape[1], len(w.system.x))
+    fresh = make_pressing(table, len(w.parent), 2 * points, w.order.shape[1], len(w.system.center))
     return fresh._replace(
         count=w.count, displacing=w.displacing, parent=w.parent, held=w.held,
         woken=longer(w.woken, 2 * points),

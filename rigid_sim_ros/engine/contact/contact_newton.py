@@ -21,7 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.contact.contact_rows import disk_stiffness, Rows, sweep_rows, violation
+from rigid_sim_ros.engine.contact.contact_rows import (
+    add_force, disk_stiffness, effect, Rows, sweep_rows, violation)
 from rigid_sim_ros.engine.contact.contacts import Contacts
 from rigid_sim_ros.engine.contact.coulomb import coefficients, disk, ENOUGH, GOAL, TOLERANCE
 from rigid_sim_ros.engine.maths.elimination import solve_linear
@@ -39,11 +40,12 @@ class Newton(NamedTuple):
     """Scratch memory for s bodies that are touched."""
 
     slot: IntArray  # (n,) the place of a body, -1: not touched
+    A: Array  # (36 s s,) see `write_effects`
     K: Array  # (36 s s,)
     p: Array  # (6 s,)
     local: Array  # (6, 13) C, D and x of one point
     E: Array  # (c, 6, 6)
-    y: Array  # (r,)
+    y: Array  # (r,) and the change of the forces
     last: IntArray  # (6 s,)
     effort: Array  # (1,) multiplications so far in this step, about
 
@@ -51,8 +53,9 @@ class Newton(NamedTuple):
 def make_newton(points: int, rows: int, touched: int, bodies: int) -> Newton:
     """Return room for so many points, rows, bodies that are touched, and bodies."""
     return Newton(np.zeros(bodies, dtype=np.int64), np.zeros(36 * touched * touched),
-                  np.zeros(6 * touched), np.zeros((6, 13)), np.zeros((points, 6, 6)),
-                  np.zeros(rows), np.zeros(6 * touched, dtype=np.int64), np.zeros(1))
+                  np.zeros(36 * touched * touched), np.zeros(6 * touched), np.zeros((6, 13)),
+                  np.zeros((points, 6, 6)), np.zeros(rows),
+                  np.zeros(6 * touched, dtype=np.int64), np.zeros(1))
 
 
 @kernel
@@ -165,23 +168,18 @@ def _add_point(rows: Rows, c: int, width: int, slot: IntArray, E: Array, y: Arra
                     weight += rows.G[n + q, 6 * side + j] * E[c, q, r]
                 if weight == 0.0:
                     continue
-                for other in range(2):
-                    at = slot[rows.body[c, other]]
+                begin = rows.at[n + r]
+                for e in range(rows.first[c], rows.first[c + 1]):
+                    at = slot[rows.moved[e]]
                     if at >= 0:
                         for k in range(6):
-                            K[i, 6 * at + k] += weight * rows.W[n + r, 6 * other + k]
+                            K[i, 6 * at + k] += weight * rows.W[begin + k]
+                    begin += 6
 
 
 @kernel
 def newton_step(rows: Rows, m: int, width: int, touched: int, f: Array, w: Newton) -> bool:
     """Take one step from f, in place; rows.a has to be that of f. False: it is not possible."""
-    size = 6 * touched
-    K, p = w.K[:size * size].reshape((size, size)), w.p[:size]
-    for i in range(size):
-        p[i] = 0.0
-        for j in range(size):
-            K[i, j] = 0.0
-        K[i, i] = 1.0
     for c in range(m):
         _write_case(rows, c, width, f, w.local)
         if not _solve_local(w.local, width):
@@ -190,24 +188,95 @@ def newton_step(rows: Rows, m: int, width: int, touched: int, f: Array, w: Newto
             w.y[width * c + q] = w.local[q, 2 * width]
             for r in range(width):
                 w.E[c, q, r] = w.local[q, width + r]
+    if not solve_step(rows, m, width, touched, w):
+        return False
+    for i in range(width * m):
+        f[i] += w.y[i]
+    return True
+
+
+@kernel
+def solve_step(rows: Rows, m: int, width: int, touched: int, w: Newton) -> bool:
+    """
+    Put the change df = y - E G M^-1 G' df of the forces in the place of y; False: there is none.
+
+    By the momenta of the bodies, or where these are more by the forces themselves, for which
+    `write_effects` has been called.
+    """
+    w.effort[0] += 1000 * m
+    if are_fewer_forces(m, width, touched):
+        return _solve_for_forces(m, width, w)
+    size = 6 * touched
+    K, p = w.K[:size * size].reshape((size, size)), w.p[:size]
+    for i in range(size):
+        p[i] = 0.0
+        for j in range(size):
+            K[i, j] = 0.0
+        K[i, i] = 1.0
+    for c in range(m):
         _add_point(rows, c, width, w.slot, w.E, w.y, K, p)
-    w.effort[0] += size * size + 1000 * m
+    w.effort[0] += size * size
     if not solve_linear(K, p, w.last, w.effort):
         return False
     for c in range(m):
         n = width * c
-        for q in range(width):
-            f[n + q] += w.y[n + q]
         for r in range(width):
-            moved = 0.0
-            for side in range(2):
-                at = w.slot[rows.body[c, side]]
+            moved, begin = 0.0, rows.at[n + r]
+            for e in range(rows.first[c], rows.first[c + 1]):
+                at = w.slot[rows.moved[e]]
                 if at >= 0:
                     for k in range(6):
-                        moved += rows.W[n + r, 6 * side + k] * p[6 * at + k]
+                        moved += rows.W[begin + k] * p[6 * at + k]
+                begin += 6
             for q in range(width):
-                f[n + q] -= w.E[c, q, r] * moved
+                w.y[n + q] -= w.E[c, q, r] * moved
     return True
+
+
+@kernel
+def _solve_for_forces(m: int, width: int, w: Newton) -> bool:
+    """Do what `solve_step` does by the system (1 + E G M^-1 G') df = y."""
+    size = width * m
+    K, A = w.K[:size * size].reshape((size, size)), w.A[:size * size].reshape((size, size))
+    for c in range(m):
+        n = width * c
+        for q in range(n, n + width):
+            for j in range(size):
+                K[q, j] = 0.0
+            for r in range(width):
+                part = w.E[c, q - n, r]
+                for j in range(size if part != 0.0 else 0):
+                    K[q, j] += part * A[n + r, j]
+            K[q, q] += 1.0
+    w.effort[0] += width * size * size
+    return solve_linear(K, w.y[:size], w.last, w.effort)
+
+
+@kernel
+def write_effects(rows: Rows, m: int, width: int, touched: int, w: Newton) -> None:
+    """Write A = G M^-1 G' where steps are found by forces; z is spoiled."""
+    size = width * m
+    if not are_fewer_forces(m, width, touched):
+        return
+    A = w.A[:size * size].reshape((size, size))
+    for e in range(rows.first[m]):
+        for k in range(6):
+            rows.z[rows.moved[e], k] = 0.0
+    for d in range(m):
+        for j in range(width * d, width * d + width):
+            add_force(rows, d, j, 1.0)
+            for c in range(m):
+                for i in range(width * c, width * c + width):
+                    A[i, j] = effect(rows, c, i)
+            for e in range(rows.first[d], rows.first[d + 1]):
+                for k in range(6):
+                    rows.z[rows.moved[e], k] = 0.0
+
+
+@kernel
+def are_fewer_forces(m: int, width: int, touched: int) -> bool:
+    """Return whether the forces are fewer than the momenta of the bodies that are touched."""
+    return width * m < 6 * touched
 
 
 @kernel
@@ -256,6 +325,7 @@ def solve_rows(rows: Rows, m: int, width: int, touched: int, steps: int, most: f
         size = max(size, abs(rows.b[i]))
     if size == 0.0:
         size = 1e-300
+    write_effects(rows, m, width, touched, w)
     worst = refine_rows(rows, m, width, touched, GOAL * size, steps, w)
     if worst <= ENOUGH * size:
         return worst / size

@@ -7,7 +7,8 @@ At m points of w rows each, a = A f + b with A = G M^-1 G' + R: row i of G, (12,
 velocities v, w of the two bodies of its point into the rate of that row, row i of W is what a unit
 force there does to them, M^-1 G_i', and R is a small compliance (coulomb.COMPLIANCE). A has
 (w m)^2 numbers, G and W 24 w m: a sweep over 250 points takes 50 us, and a step of Newton's method
-a system with 6 equations for each body that is touched, not with w for each point.
+a system with 6 equations for each body that is touched, not with w for each point. Where joints
+hold bodies a point moves others than its two as well, see articulated_rows.py.
 """
 
 from typing import NamedTuple
@@ -28,8 +29,11 @@ class Rows(NamedTuple):
     """Room for c points, r rows and n bodies."""
 
     body: IntArray  # (c, 2) A and B of a point
+    first: IntArray  # (c + 1,) of the bodies that a point moves, in `moved`
+    moved: IntArray  # (p,) A, B, and others that joints hold to them and that are touched
     G: Array  # (r, 12)
-    W: Array  # (r, 12)
+    at: IntArray  # (r,) where W of a row begins
+    W: Array  # six numbers of a row for each body that its point moves
     stiff: Array  # (r,) [1/kg] diagonal of A, with the compliance
     give: Array  # (r,) [1/kg] the compliance alone
     mu: Array  # (c, 3)
@@ -40,21 +44,25 @@ class Rows(NamedTuple):
     trial: Array  # (r,) scratch
 
 
-def make_rows(points: int, rows: int, bodies: int) -> Rows:
-    """Return room for so many points, rows and bodies."""
-    return Rows(np.zeros((points, 2), dtype=np.int64), np.zeros((rows, SIDES)),
-                np.zeros((rows, SIDES)), np.zeros(rows), np.zeros(rows), np.zeros((points, 3)),
-                np.zeros(rows), np.zeros(rows), np.zeros((bodies, 6)), np.zeros(rows),
-                np.zeros(rows))
+def make_rows(points: int, rows: int, bodies: int, moved: int = 2) -> Rows:
+    """Return room for so many points, rows and bodies, and bodies that a point moves."""
+    return Rows(np.zeros((points, 2), dtype=np.int64), np.zeros(points + 1, dtype=np.int64),
+                np.zeros(moved * points, dtype=np.int64), np.zeros((rows, SIDES)),
+                np.zeros(rows, dtype=np.int64), np.zeros(6 * moved * rows), np.zeros(rows),
+                np.zeros(rows), np.zeros((points, 3)), np.zeros(rows), np.zeros(rows),
+                np.zeros((bodies, 6)), np.zeros(rows), np.zeros(rows))
 
 
 @kernel
 def write_rows(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArray, width: int,
                compliance: float, rows: Rows) -> None:
-    """Write G, W and the coefficients of the chosen points."""
+    """Write G, W and the coefficients of the chosen points, as if there were no joints."""
+    rows.first[0] = 0
     for c in range(chosen.shape[0]):
         k = chosen[c]
         rows.body[c, 0], rows.body[c, 1] = contacts.body_a[k], contacts.body_b[k]
+        rows.moved[2 * c], rows.moved[2 * c + 1] = rows.body[c, 0], rows.body[c, 1]
+        rows.first[c + 1] = 2 * c + 2
         read_coefficients(model, contacts, k, width, rows.mu, c)
         arm = length(model, contacts, k) if width == 6 else 0.0
         for p in range(width):
@@ -66,47 +74,54 @@ def write_rows(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArra
                 rows.G[i, j], rows.G[i, 6 + j] = -linear, linear
                 rows.G[i, 3 + j] = -on_A[j] if p < 3 else -arm * e[j]
                 rows.G[i, 9 + j] = on_B[j] if p < 3 else arm * e[j]
-            total = 0.0
+            total, rows.at[i] = 0.0, SIDES * i
             for side in range(2):
                 body, at = rows.body[c, side], 6 * side
                 for j in range(3):
                     turned = 0.0
                     for q in range(3):
                         turned += bodies.inv_I_W[body, j, q] * rows.G[i, at + 3 + q]
-                    rows.W[i, at + j] = model.inv_m[body] * rows.G[i, at + j]
-                    rows.W[i, at + 3 + j] = turned
-                    total += (rows.W[i, at + j] * rows.G[i, at + j]
-                              + turned * rows.G[i, at + 3 + j])
+                    moved = model.inv_m[body] * rows.G[i, at + j]
+                    rows.W[SIDES * i + at + j] = moved
+                    rows.W[SIDES * i + at + 3 + j] = turned
+                    total += moved * rows.G[i, at + j] + turned * rows.G[i, at + 3 + j]
             rows.give[i] = compliance * total
             rows.stiff[i] = total + rows.give[i]
 
 
 @kernel
-def rate(rows: Rows, c: int, i: int, f: Array) -> float:
-    """Return the rate of row i, of point c, under the forces f of which z is the effect."""
+def effect(rows: Rows, c: int, i: int) -> float:
+    """Return what the forces of which z is the effect do to the rate of row i, of point c."""
     A, B = rows.body[c, 0], rows.body[c, 1]
-    total = rows.b[i] + rows.give[i] * f[i]
+    total = 0.0
     for j in range(6):
         total += rows.G[i, j] * rows.z[A, j] + rows.G[i, 6 + j] * rows.z[B, j]
     return total
 
 
 @kernel
+def rate(rows: Rows, c: int, i: int, f: Array) -> float:
+    """Return the rate of row i, of point c, under the forces f of which z is the effect."""
+    return rows.b[i] + rows.give[i] * f[i] + effect(rows, c, i)
+
+
+@kernel
 def add_force(rows: Rows, c: int, i: int, change: float) -> None:
     """Bring z to a change of the force of row i, of point c."""
-    A, B = rows.body[c, 0], rows.body[c, 1]
-    for j in range(6):
-        rows.z[A, j] += rows.W[i, j] * change
-        rows.z[B, j] += rows.W[i, 6 + j] * change
+    at = rows.at[i]
+    for e in range(rows.first[c], rows.first[c + 1]):
+        body = rows.moved[e]
+        for j in range(6):
+            rows.z[body, j] += rows.W[at + j] * change
+        at += 6
 
 
 @kernel
 def apply_forces(rows: Rows, m: int, width: int, f: Array) -> None:
     """Write z of the forces f at the first m points."""
-    for c in range(m):
-        for side in range(2):
-            for j in range(6):
-                rows.z[rows.body[c, side], j] = 0.0
+    for e in range(rows.first[m]):
+        for j in range(6):
+            rows.z[rows.moved[e], j] = 0.0
     for c in range(m):
         for i in range(width * c, width * c + width):
             if f[i] != 0.0:
@@ -118,7 +133,7 @@ def coupling(rows: Rows, i: int, j: int) -> float:
     """Return A_ij of two rows of one point."""
     total = 0.0
     for k in range(SIDES):
-        total += rows.G[i, k] * rows.W[j, k]
+        total += rows.G[i, k] * rows.W[rows.at[j] + k]
     return total
 
 

@@ -111,7 +111,8 @@ def _find_pieces(model: Model, table: JointTable, state: State, work: JointWork,
     for n in range(_ROUNDS):
         _factor_pieces(model, table, work)
         _solve(model, table, state, work, ahead)
-        if not _leave_pieces(table, work, n >= _TOGETHER):
+        # The last solution stands, with its pieces and factors.
+        if n == _ROUNDS - 1 or not _leave_pieces(table, work, n >= _TOGETHER):
             break
 
 

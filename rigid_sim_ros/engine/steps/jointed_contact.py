@@ -179,7 +179,7 @@ def choose(c: JointedContact, after: int) -> int:
     """Choose the points that take part; go on with a stage if there is room for them."""
     w = c.pressing
     w.count[NEEDED] = choose_points(c.joints.model, c.joints.table, w)
-    if w.count[NEEDED] > w.system.x.shape[0]:
+    if w.count[NEEDED] > w.system.center.shape[0]:
         return MORE_ROWS
     c.place[STAGE] = after
     return DONE
