@@ -60,7 +60,7 @@ class System(NamedTuple):
     center: Array  # (r,) impulses for which points do not give way
     articulation: IntArray  # (n,) of a body, NONE: joints do not hold it
     first: IntArray  # (g,) of an articulation, a body that is touched
-    following: IntArray  # (n,) of such a body, another one of the same articulation, NONE for the last
+    following: IntArray  # (n,) of such a body, another one of its articulation, NONE: no more
     residual: Array  # (1,) the largest violation of a step, relative to the largest rate
 
 
