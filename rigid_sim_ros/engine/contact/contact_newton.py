@@ -40,7 +40,8 @@ class Newton(NamedTuple):
     """Scratch memory for s bodies that are touched."""
 
     slot: IntArray  # (n,) the place of a body, -1: not touched
-    A: Array  # (36 s s,) see `write_effects`
+    by_forces: IntArray  # (1,) 1: steps are found by forces, see `write_effects`
+    A: Array  # (36 s s,) for that
     K: Array  # (36 s s,)
     p: Array  # (6 s,)
     local: Array  # (6, 13) C, D and x of one point
@@ -52,7 +53,8 @@ class Newton(NamedTuple):
 
 def make_newton(points: int, rows: int, touched: int, bodies: int) -> Newton:
     """Return room for so many points, rows, bodies that are touched, and bodies."""
-    return Newton(np.zeros(bodies, dtype=np.int64), np.zeros(36 * touched * touched),
+    return Newton(np.zeros(bodies, dtype=np.int64), np.zeros(1, dtype=np.int64),
+                  np.zeros(36 * touched * touched),
                   np.zeros(36 * touched * touched), np.zeros(6 * touched), np.zeros((6, 13)),
                   np.zeros((points, 6, 6)), np.zeros(rows),
                   np.zeros(6 * touched, dtype=np.int64), np.zeros(1))
@@ -200,11 +202,10 @@ def solve_step(rows: Rows, m: int, width: int, touched: int, w: Newton) -> bool:
     """
     Put the change df = y - E G M^-1 G' df of the forces in the place of y; False: there is none.
 
-    By the momenta of the bodies, or where these are more by the forces themselves, for which
-    `write_effects` has been called.
+    By the momenta of the bodies, or by the forces themselves if `write_effects` chose that.
     """
     w.effort[0] += 1000 * m
-    if are_fewer_forces(m, width, touched):
+    if w.by_forces[0] == 1:
         return _solve_for_forces(m, width, w)
     size = 6 * touched
     K, p = w.K[:size * size].reshape((size, size)), w.p[:size]
@@ -254,9 +255,15 @@ def _solve_for_forces(m: int, width: int, w: Newton) -> bool:
 
 @kernel
 def write_effects(rows: Rows, m: int, width: int, touched: int, w: Newton) -> None:
-    """Write A = G M^-1 G' where steps are found by forces; z is spoiled."""
+    """
+    Let steps of one island be found by its forces where these are fewer than the momenta.
+
+    Then A = G M^-1 G' is written, and z is spoiled. Of several islands at once each would hear of
+    the others by that, if only as rounding.
+    """
     size = width * m
-    if not are_fewer_forces(m, width, touched):
+    w.by_forces[0] = 1 if size < 6 * touched else 0
+    if w.by_forces[0] == 0:
         return
     A = w.A[:size * size].reshape((size, size))
     for e in range(rows.first[m]):
@@ -271,12 +278,6 @@ def write_effects(rows: Rows, m: int, width: int, touched: int, w: Newton) -> No
             for e in range(rows.first[d], rows.first[d + 1]):
                 for k in range(6):
                     rows.z[rows.moved[e], k] = 0.0
-
-
-@kernel
-def are_fewer_forces(m: int, width: int, touched: int) -> bool:
-    """Return whether the forces are fewer than the momenta of the bodies that are touched."""
-    return width * m < 6 * touched
 
 
 @kernel
@@ -325,7 +326,6 @@ def solve_rows(rows: Rows, m: int, width: int, touched: int, steps: int, most: f
         size = max(size, abs(rows.b[i]))
     if size == 0.0:
         size = 1e-300
-    write_effects(rows, m, width, touched, w)
     worst = refine_rows(rows, m, width, touched, GOAL * size, steps, w)
     if worst <= ENOUGH * size:
         return worst / size
