@@ -9,7 +9,7 @@ from rigid_sim_ros.engine.constraints.contact_blocks import (
     TOTAL_T, TURN)
 from rigid_sim_ros.engine.constraints.contact_prediction import Prediction
 from rigid_sim_ros.engine.constraints.contact_rules import SKIN
-from rigid_sim_ros.engine.contact.impact_offsets import displacement, gap_now
+from rigid_sim_ros.engine.contact.impact_offsets import displacement, gap_now, was_shifted
 from rigid_sim_ros.engine.detection.manifolds import (
     DORMANT, first_row, LEFT_OUT, Manifolds, POINTS, rows_in_use)
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
@@ -65,12 +65,14 @@ def choose_manifolds(region: int, manifolds: Manifolds, sides: Sides, waits: Int
 
 @kernel
 def classify(region: int, material: IntArray, materials: Materials, round_shapes: IntArray,
-             shifted: bool, manifolds: Manifolds, bodies: SolverBodies, work: Coloring) -> None:
+             shifts: Array, shifted: bool, manifolds: Manifolds, bodies: SolverBodies,
+             work: Coloring) -> None:
     """
     Write the class of each manifold of a region.
 
-    What collisions `shifted` since its normal was found is no pair of balls: its point is not on
-    the line of the centres. Nor is what has a body that moves by its twist.
+    What collisions shifted since its normal was found is no pair of balls: its point is not on
+    the line of the centres. Nor is what has a body that moves by its twist. `shifts` are those of
+    the bodies if anything was `shifted`.
     """
     for k in range(work.members[region]):
         r = work.member[region, k] & INDEX
@@ -78,9 +80,11 @@ def classify(region: int, material: IntArray, materials: Materials, round_shapes
         points = manifolds.points[r]
         first, second = material[a] & INDEX, material[b] & INDEX
         rolling, spinning = materials.rolling[first, second], materials.spinning[first, second]
-        balls = points == 1 and not shifted and round_shapes[a] + round_shapes[b] == 2 and (
-            spinning == 0.0) and not (is_carried(bodies, manifolds.body_a[r])
-                                      or is_carried(bodies, manifolds.body_b[r]))
+        i, j = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+        balls = points == 1 and round_shapes[a] + round_shapes[b] == 2 and (
+            spinning == 0.0) and not (is_carried(bodies, i) or is_carried(bodies, j))
+        if balls and shifted:
+            balls = not (was_shifted(shifts[i]) or was_shifted(shifts[j]))
         quiet = points == 1 and manifolds.impulse[0, r] == 0.0
         if rolling > 0.0:
             work.kind[region, k] = min(points - 1, 2) + 3

@@ -131,11 +131,11 @@ def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, what: 
     old = friction_of(b)
     if not any_of(pressure + old_N + abs(old[0]) + abs(old[1]) + abs(old[2]) > 0.0):
         # Nothing presses, nor did anything before this visit.
-        store(b, POINT + SPEED, speed)
+        _keep_speed(b, POINT, speed, mask)
         return spread(0.0)
     change_N = pressure - old_N
     store(b, POINT + IMPULSE, pressure)
-    store(b, POINT + SPEED, speed + load(b, K_N) * change_N)
+    _keep_speed(b, POINT, speed + load(b, K_N) * change_N, mask)
 
     turn = load_two(b, TURN_T)
     twist = (dot(u, t1) + load(b, K_N + 1) * change_N + what.when * turn[0],
@@ -372,8 +372,14 @@ def _solve_point(b: Array, point: int, twist: Three, wrench: Three, residual: Ei
     change = after - impulse
     store(b, point + IMPULSE, after)
     twist = add_scaled(twist, change, response)
-    store(b, point + SPEED, dot(g, twist))
+    _keep_speed(b, point, dot(g, twist), mask)
     return twist, add_scaled(wrench, change, g), max(residual, abs(change))
+
+
+@part
+def _keep_speed(b: Array, point: int, speed: Eight, mask: Mask) -> None:
+    """Write the normal velocity of a point in the lanes that are visited, see `wanted_of`."""
+    store(b, point + SPEED, select(mask, speed, load(b, point + SPEED)))
 
 
 @part

@@ -39,7 +39,7 @@ from rigid_sim_ros.engine.solver.solver_bodies import (
     mark_astride, SECOND_BEGIN, slots_of, SolverBodies, store_bodies, STRIDE, unkick_bodies)
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.bits import fetch
-from rigid_sim_ros.kernels.eight import any_of, LANES, load
+from rigid_sim_ros.kernels.eight import bits_of, LANES, load
 from rigid_sim_ros.kernels.kernel import apart, INDEX, kernel, part
 from rigid_sim_ros.kernels.second_core import side_by_side
 from rigid_sim_ros.kernels.separate import address_of, by_address
@@ -313,8 +313,8 @@ def _fill(c: Arguments, region: int) -> None:
         load_bodies(region, model.h, model.gravity, model.inv_m, model.inv_I_C, state,
                     c.work.loads, work.bodies)
         choose_manifolds(region, manifolds, sides, waits, work.coloring)
-    classify(region, c.shapes.material, c.materials, c.work.round_shapes, shifted, manifolds,
-             work.bodies, work.coloring)
+    classify(region, c.shapes.material, c.materials, c.work.round_shapes,
+             c.work.collision.body, shifted, manifolds, work.bodies, work.coloring)
     coloring, blocks, bodies = work.coloring, work.blocks, work.bodies
     begin_blocks(region, blocks)
     for begin in range(0, coloring.members[region], PIECE):
@@ -358,10 +358,12 @@ def settle(region: int, blocks: Blocks, fresh: IntArray, motion: Array, what: Sw
     first = first_block(blocks, region)
     for block in range(first, first + blocks.count[region]):
         least = SETTLED * what.inv_h * load(numbers_of(blocks, block), SIZE)
-        for _ in range(FRESH_VISITS if fresh[block] > 0 else 0):
-            bits = fresh[block] & awake_in(blocks, block)
-            if not any_of(visit_block(blocks, block, motion, what, bits) > least):
+        bits = fresh[block] & awake_in(blocks, block)
+        for _ in range(FRESH_VISITS):
+            if bits == 0:
                 break
+            # Lane by lane: who else is in the block must not change how often one is visited.
+            bits &= bits_of(visit_block(blocks, block, motion, what, bits) > least)
 
 
 @part

@@ -70,11 +70,11 @@ def visit_balls(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, what: S
     old = load_two(b, FRICTION)
     if not any_of(pressure + old_N + abs(old[0]) + abs(old[1]) > 0.0):
         # Nothing presses, nor did anything before this visit.
-        _keep_speed(b, speed)
+        _keep_speed(b, speed, mask)
         return spread(0.0)
     straight, change_N = A[INV_M] + B[INV_M], pressure - old_N
     store(b, POINT + IMPULSE, pressure)
-    _keep_speed(b, speed + straight * change_N)
+    _keep_speed(b, speed + straight * change_N, mask)
 
     w_A, w_B = scale(A[INV_I], (A[3], A[4], A[5])), scale(B[INV_I], (B[3], B[4], B[5]))
     m = subtract(scale(load(b, LEVER_B), w_B), scale(load(b, LEVER_A), w_A))
@@ -93,10 +93,14 @@ def visit_balls(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, what: S
 
 
 @part
-def _keep_speed(b: Array, speed: Eight) -> None:
-    """Write the normal velocity if anybody will ask for it, see `wanted_of`."""
+def _keep_speed(b: Array, speed: Eight, mask: Mask) -> None:
+    """
+    Write the normal velocity if anybody will ask for it, see `wanted_of`.
+
+    In the lanes that are visited.
+    """
     if any_of(load(b, POINT + GAP) < -NEGLIGIBLE * load(b, SIZE)):
-        store(b, POINT + SPEED, speed)
+        store(b, POINT + SPEED, select(mask, speed, load(b, POINT + SPEED)))
 
 
 @part
