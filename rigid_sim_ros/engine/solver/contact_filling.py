@@ -23,13 +23,13 @@ from rigid_sim_ros.engine.solver.sphere_sweep import prepare_balls, warm_balls
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.bits import fetch
 from rigid_sim_ros.kernels.eight import (
-    any_of, bits_of, both, count_of, Eight, gather, gather_integers, gather_rows_1, gather_rows_3,
+    any_of, bits_of, both, Eight, gather, gather_integers, gather_rows_1, gather_rows_3,
     LANES, largest_of, load, Mask, scatter, select, store)
 from rigid_sim_ros.kernels.kernel import INDEX, kernel, part
 
-# What is noted of a region: the deepest overlap [m], and how many manifolds touch, and how many of
-# them without an impulse to begin with.
-DEEPEST, TOUCHING, NEW = range(3)
+# What is noted of a region: the deepest overlap [m], and whether any manifold touches without an
+# impulse to begin with.
+DEEPEST, NEW = range(2)
 
 
 @kernel
@@ -156,7 +156,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
     `share` is the part of a step that a substep is. fresh (blocks,) become the bits of the lanes
     that touch without an impulse to begin with.
     """
-    deepest, touching, new = 0.0, 0, 0
+    deepest, new = 0.0, 0
     for block in range(first, first_block(blocks, region) + blocks.count[region]):
         lanes = lanes_of(block)
         b, rows = numbers_of(blocks, block), blocks.row[lanes]
@@ -181,8 +181,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
         least = smallest_gap(b, points)
         touches = least < SKIN * load(b, SIZE)
         fresh[block] = bits_of(both(touches, normal_sum(b, points) == 0.0))
-        touching = touching + count_of(touches)
-        new = new + count_of(both(touches, normal_sum(b, points) == 0.0))
+        new |= fresh[block]
         deepest = max(deepest, largest_of(-least))
         if shifted:
             for i in range(LANES):
@@ -196,8 +195,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
             prepare_block(b, points, small, A[INV_M], B[INV_M])
             _warm_start(b, points, small, bodies.base, at_A, at_B, A[INV_M], B[INV_M])
     notes[DEEPEST] = max(notes[DEEPEST], deepest)
-    notes[TOUCHING] += touching
-    notes[NEW] += new
+    notes[NEW] = 1.0 if new != 0 else notes[NEW]
 
 
 @part
