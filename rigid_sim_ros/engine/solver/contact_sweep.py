@@ -212,16 +212,11 @@ def note_left(blocks: Blocks, block: int, residual: Eight, what: Sweep) -> None:
     On the way back no other is looked at.
     """
     b, points = numbers_of(blocks, block), points_in(blocks.kind[block])
-    overlaps = any_of(smallest_gap(b, points) < -NEGLIGIBLE * load(b, SIZE))
+    size = load(b, SIZE)
+    overlaps = any_of(smallest_gap(b, points) < -NEGLIGIBLE * size)
+    settled = (SETTLED_POINT if points == 1 else SETTLED) * what.inv_h
     blocks.left[block] = ((OVERLAPPING if overlaps else 0)
-                          | CHANGED * unsettled(blocks, block, residual, what))
-
-
-@part
-def unsettled(blocks: Blocks, block: int, residual: Eight, what: Sweep) -> int:
-    """Return the bits of the lanes of a block that a visit, which returned `residual`, changed."""
-    settled = (SETTLED_POINT if points_in(blocks.kind[block]) == 1 else SETTLED) * what.inv_h
-    return bits_of(residual > settled * load(numbers_of(blocks, block), SIZE))
+                          | CHANGED * bits_of(residual > settled * size))
 
 
 @part

@@ -180,8 +180,8 @@ def _sweep_of(forces: bool, substep: float, h: float, substeps: int) -> Sweep:
 # Visits to a block with new contacts. A box that is put down on a slope slips by 1e-7 m until its
 # pressure has moved to where friction wants it; with 6 visits before the first sweep by 1e-10 m.
 FRESH_VISITS = 6
-# Rounds of sweeps, forth and back, in islands that are new: without them a stack of 20 sinks by 4
-# mm before its impulses have grown, and the shock moves it sideways.
+# Rounds of sweeps, forth and back, in islands that are new: without them the boxes of a pyramid of
+# 20 rows move by 3.4 mm before its impulses have grown, with them by 0.6 mm.
 NEW_ROUNDS = 50
 
 

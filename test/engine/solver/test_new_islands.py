@@ -48,8 +48,8 @@ def test_a_tower_that_is_new_in_an_old_world_does_not_sink():
     # All of its lanes took part: to the end, as so many sweeps do not settle them.
     assert sum(bin(bits).count('1') for bits in new.lanes & 255) == COUNT
     scene.step(240)
-    # It has 0.45 mm then; 4 mm without the sweeps with which it begins.
-    assert 0.5 + COUNT - 1 - scene.state.x[2, COUNT] < 1e-3
+    # By then 0.45 mm; without the sweeps with which it begins 0.60 mm.
+    assert 0.5 + COUNT - 1 - scene.state.x[2, COUNT] < 5e-4
 
 
 def test_old_islands_take_no_part_where_another_is_new():
