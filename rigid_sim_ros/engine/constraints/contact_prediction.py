@@ -190,13 +190,15 @@ def _closes(model: Model, state: State, loads: Loads, manifolds: Manifolds, r: i
     """
     Return whether any gap would close within the step if the normal and the lever stayed.
 
-    Up to a `skin` [m], and with the speed of its end: what the solver stops is among it.
+    Up to a `skin` [m], with the speed of its end and the inertia of its middle: what the solver
+    stops is among it.
     """
     a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
     n = row(manifolds.normal, r)
     pull = model.h * (model.inv_m[b] * dot(n, column(loads.F, b))
                       - model.inv_m[a] * dot(n, column(loads.F, a)))
-    w_A, w_B = _spin_after(model, state, a, 0.0), _spin_after(model, state, b, 0.0)
+    middle = 0.5 * model.h
+    w_A, w_B = _spin_after(model, state, a, middle), _spin_after(model, state, b, middle)
     for p in range(manifolds.points[r]):
         u = _velocity(model, state, a, b, w_A, w_B, row(manifolds.r_A[p], r),
                       row(manifolds.r_B[p], r))
