@@ -190,20 +190,21 @@ def _closes(model: Model, state: State, loads: Loads, manifolds: Manifolds, r: i
     """
     Return whether any gap would close within the step if the normal and the lever stayed.
 
-    Up to a `skin` [m], with the speed of its end and the inertia of its middle: what the solver
-    stops is among it.
+    Up to a `skin` [m], with the speed of its end, and with the turning of its start or its middle:
+    what collisions or the solver would stop is among it.
     """
     a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
     n = row(manifolds.normal, r)
     pull = model.h * (model.inv_m[b] * dot(n, column(loads.F, b))
                       - model.inv_m[a] * dot(n, column(loads.F, a)))
-    middle = 0.5 * model.h
-    w_A, w_B = _spin_after(model, state, a, middle), _spin_after(model, state, b, middle)
-    for p in range(manifolds.points[r]):
-        u = _velocity(model, state, a, b, w_A, w_B, row(manifolds.r_A[p], r),
-                      row(manifolds.r_B[p], r))
-        if manifolds.gap[p, r] + model.h * (dot(n, u) + min(pull, 0.0)) <= skin:
-            return True
+    for k in range(2):
+        t = 0.5 * k * model.h
+        w_A, w_B = _spin_after(model, state, a, t), _spin_after(model, state, b, t)
+        for p in range(manifolds.points[r]):
+            u = _velocity(model, state, a, b, w_A, w_B, row(manifolds.r_A[p], r),
+                          row(manifolds.r_B[p], r))
+            if manifolds.gap[p, r] + model.h * (dot(n, u) + min(pull, 0.0)) <= skin:
+                return True
     return False
 
 
