@@ -50,6 +50,9 @@ from rigid_sim_ros.kernels.kernel import INDEX, kernel
 # moves less has the geometry of its start, which for a turn by a in a step is right to a^2 / 8;
 # what is nearer than twice the skin touches; what comes nearer has met.
 STILL, SLOW, TOUCHING, MET = 1e-6, 1e-4, 4e-5, 1e-6
+# [rad] What turns less in half of a step has the angular velocity of its start: the surface comes
+# nearer by the square of that, in sizes.
+TURNED = 1e-3
 # Stages of conservative advancement: what touches for less than one, and not deeply, is missed.
 STAGES = 16
 TINY = 1e-300
@@ -197,7 +200,7 @@ def _closes(model: Model, state: State, loads: Loads, manifolds: Manifolds, r: i
     n = row(manifolds.normal, r)
     pull = model.h * (model.inv_m[b] * dot(n, column(loads.F, b))
                       - model.inv_m[a] * dot(n, column(loads.F, a)))
-    for k in range(2):
+    for k in range(2 if _wobbles(model, state, a) or _wobbles(model, state, b) else 1):
         t = 0.5 * k * model.h
         w_A, w_B = _spin_after(model, state, a, t), _spin_after(model, state, b, t)
         for p in range(manifolds.points[r]):
@@ -206,6 +209,16 @@ def _closes(model: Model, state: State, loads: Loads, manifolds: Manifolds, r: i
             if manifolds.gap[p, r] + model.h * (dot(n, u) + min(pull, 0.0)) <= skin:
                 return True
     return False
+
+
+@kernel
+def _wobbles(model: Model, state: State, i: int) -> bool:
+    """Return whether the angular velocity of a body without torque changes within the step."""
+    inv_I = column(model.inv_I_C, i)
+    if inv_I[0] == inv_I[1] and inv_I[1] == inv_I[2]:
+        return False
+    L, half = column(state.L, i), 0.5 * model.h * max(inv_I[0], max(inv_I[1], inv_I[2]))
+    return bool(half * half * dot(L, L) > TURNED * TURNED)
 
 
 @kernel
