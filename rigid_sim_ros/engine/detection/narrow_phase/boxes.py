@@ -30,9 +30,10 @@ PREFERENCE_IN_OVERLAP = 0.1
 # Corners that stand out over the other box's face by less than this fraction of its half extent
 # count as lying on it: boxes of equal size on top of each other meet corner to corner.
 OVERHANG = 1e-4
-# Points that are all within this part of its half extent of each other, and of the border of the
+# Points that are all within this part of its half extents of each other, and of the border of the
 # face, are where a corner meets a corner or an edge: none of the axes is the direction between
-# what is nearest, and which one separates best would depend on which box is A.
+# what is nearest, and which one separates best would depend on which box is A. So it is with edges
+# that cross at their ends. Larger: the general method is asked where it finds the same.
 CORNER = 1e-3
 # The square of the sine between two edges below which their cross product has no direction.
 PARALLEL = 1e-8
@@ -165,19 +166,16 @@ def box_box(pose: Array, size: Array, a: int, b: int, margin: float, way: float,
 @kernel
 def _is_corner(pose: Array, size: Array, r: int, k: int, count: int, points: Array) -> bool:
     """Return whether points on face k of box r are all in one place on its border."""
-    for i in range(2):
-        d = (k + 1 + i) % 3
-        u, middle = axis(pose, r, d), dot(origin(pose, r), axis(pose, r, d))
-        low, high = math.inf, -math.inf
-        for c in range(count):
-            x = dot((points[c, 0], points[c, 1], points[c, 2]), u) - middle
-            low, high = min(low, x), max(high, x)
-        if high - low > CORNER * size[r, d]:
+    p = (points[0, 0], points[0, 1], points[0, 2])
+    reach = CORNER * max(size[r, (k + 1) % 3], size[r, (k + 2) % 3])
+    for c in range(1, count):
+        away = subtract((points[c, 0], points[c, 1], points[c, 2]), p)
+        if dot(away, away) > reach * reach:
             return False
-        if i == 0:
-            on_border = max(high, -low) > (1.0 - CORNER) * size[r, d]
-        elif max(high, -low) > (1.0 - CORNER) * size[r, d]:
-            on_border = True
+    at, on_border = subtract(p, origin(pose, r)), False
+    for i in range(1, 3):
+        d = (k + i) % 3
+        on_border |= abs(dot(at, axis(pose, r, d))) > (1.0 - CORNER) * size[r, d]
     return on_border
 
 
