@@ -104,23 +104,24 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
         r = (first + k) & INDEX
         waits[r], prediction.given[r] = ACTS, 0
         a, b = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
-        size, moved = min(shapes.bound[a], shapes.bound[b]), ahead[a] + ahead[b] - calm[a] - calm[b]
+        size = min(shapes.bound[a], shapes.bound[b])
+        moved = ahead[a] + ahead[b] - calm[a] - calm[b]
         if moved < STILL * size:
             continue
         # What is mended for what lies beside would, as a pair alone, be as it was before.
         gap, mended = _smallest_gap(manifolds, r), is_mended(manifolds, r)
-        may_pass = gap > TOUCHING * size
-        if not may_pass and gap > MET * size and not _presses(manifolds, r):
+        near, may_pass = gap <= TOUCHING * size, False
+        if near and gap > MET * size and not _presses(manifolds, r):
             if not known:
                 _mark_pressed(model, manifolds, prediction.pressed)
                 known = True
             may_pass = (prediction.pressed[manifolds.body_a[r] & INDEX]
                         + prediction.pressed[manifolds.body_b[r] & INDEX] == 0)
-        if not may_pass:
+        if near and not may_pass:
             if moved > SLOW * size and not mended:
                 _rewrite(model, state, prediction.still, shapes, manifolds, r, 0.5 * model.h,
                          True, ahead[a] + ahead[b], prediction, scratch)
-        elif _closes(model, state, loads, manifolds, r, TOUCHING * size):
+        elif _closes(model, state, loads, manifolds, r, (MET if near else TOUCHING) * size):
             n = row(manifolds.normal, r)
             if mended:
                 gap, n = pair_gap(model, state, loads, shapes, a, b, 0.0, prediction.pose, scratch)
@@ -132,6 +133,9 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
             elif not mended:
                 _rewrite(model, state, loads, shapes, manifolds, r, t, False,
                          ahead[a] + ahead[b], prediction, scratch)
+        elif near:
+            waits[r] = DORMANT
+            forget_impulses(manifolds, r)
 
 
 @kernel

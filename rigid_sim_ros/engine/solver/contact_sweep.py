@@ -18,8 +18,8 @@ from rigid_sim_ros.engine.solver.solver_bodies import INV_M
 from rigid_sim_ros.engine.solver.sphere_sweep import drift_balls, separate_balls, visit_balls
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.eight import (
-    any_of, bits_of, Eight, either, EVERY, gather, lanes_in, largest_of, load, Mask, scatter, select,
-    spread, store)
+    any_of, bits_of, Eight, either, EVERY, gather, lanes_in, largest_of, load, Mask, scatter,
+    select, spread, store)
 from rigid_sim_ros.kernels.kernel import part
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Islands whose contacts are new, such as all at the start of a scene, and where their impulses begin.
+Islands whose contacts are new, as all are at the start of a scene: where their impulses begin.
 
 A warm start from nothing lets a stack sink until its impulses have grown. So where a body touches
 something and nothing pressed it in the step before, and half of all that touches in its island is
@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.constraints.contact_blocks import normal_sum, SIZE, smallest_gap
+from rigid_sim_ros.engine.constraints.contact_blocks import SIZE, smallest_gap
 from rigid_sim_ros.engine.constraints.contact_rules import SETTLED, SKIN, Sweep
 from rigid_sim_ros.engine.maths.union_find import first_of, unite
 from rigid_sim_ros.engine.solver.block_impacts import excuse_approach, forget_excuse

@@ -68,9 +68,9 @@ def test_what_is_new_begins_as_it_would_without_the_rest_of_the_world():
     # Balls that fall onto others all the time: something is new in most steps, and shares blocks
     # with the tower.
     rng = np.random.default_rng(5)
-    balls = [ball(0.1, 1.0, position=(50 + 0.21 * (k % 5), 0.21 * (k // 5 % 5),
-                                      0.1 + 0.22 * (k // 25)) + rng.uniform(-0.005, 0.005, 3))
-             for k in range(75)]
+    places = [np.array((50 + 0.21 * (k % 5), 0.21 * (k // 5 % 5), 0.1 + 0.22 * (k // 25)))
+              for k in range(75)]
+    balls = [ball(0.1, 1.0, position=place + rng.uniform(-0.005, 0.005, 3)) for place in places]
     alone, both = tower_and([]), tower_and(balls)
     for scene in (alone, both):
         put_down_later(scene)
