@@ -75,11 +75,15 @@ def is_open(b: Array, point: int) -> Mask:
 
 
 @part
-def wanted_of(b: Array, point: int, rate: float) -> Eight:
-    """Return the speed by which a point leaves its overlap too slowly, 0 without one [m/s]."""
+def wanted_of(b: Array, point: int, rate: float, mask: Mask) -> Eight:
+    """
+    Return the speed by which a point leaves its overlap too slowly, 0 without one [m/s].
+
+    In the lanes of the mask; in others 0: what was not visited has no SPEED.
+    """
     size, gap = load(b, SIZE), load(b, point + GAP)
     push = rate * min(select(gap < -NEGLIGIBLE * size, -gap, 0.0), DEEPEST_PUSH * size)
-    return max(push - max(load(b, point + SPEED), 0.0), 0.0)
+    return select(mask, max(push - max(load(b, point + SPEED), 0.0), 0.0), 0.0)
 
 
 @part

@@ -22,6 +22,15 @@ def displacement(line: Array) -> Vector:
 
 
 @kernel
+def was_shifted(line: Array) -> bool:
+    """Return whether collisions moved a body."""
+    moved = False
+    for k in range(SHIFT, SHIFT + 6):
+        moved |= line[k] != 0.0
+    return moved
+
+
+@kernel
 def shifted(line: Array, r: Vector) -> Vector:
     """Return how far collisions displaced a point of a body, r from its centre of mass."""
     angle = (line[SHIFT + 3], line[SHIFT + 4], line[SHIFT + 5])

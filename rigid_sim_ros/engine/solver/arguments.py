@@ -19,6 +19,7 @@ from rigid_sim_ros.engine.solver.coloring import (
 from rigid_sim_ros.engine.solver.direct_islands import differ
 from rigid_sim_ros.engine.solver.direct_solve import Direct, make_direct
 from rigid_sim_ros.engine.solver.impacts import Impacts, make_impacts
+from rigid_sim_ros.engine.solver.new_islands import make_new_islands, NewIslands
 from rigid_sim_ros.engine.solver.partition import Cut, make_sides, Sides
 from rigid_sim_ros.engine.solver.sleeping import no_rest, Rest
 from rigid_sim_ros.engine.solver.solver_bodies import make_bodies, SolverBodies
@@ -44,6 +45,7 @@ class SequentialWork(NamedTuple):
     coloring: Coloring
     blocks: Blocks
     fresh: IntArray  # (blocks,) the bits of lanes that touch without an impulse to begin with
+    begin: NewIslands
     impacts: Impacts
     shifted: IntArray  # (1,) 1 if collisions moved bodies since detection
     notes: Array  # (REGIONS, 8) see DEEPEST and LARGEST
@@ -55,7 +57,8 @@ def _make_sequential_work(n: int, middle: tuple[int, int], capacity: int) -> Seq
     """Return buffers for n bodies and `capacity` manifolds; for `middle` see `make_sides`."""
     return SequentialWork(make_bodies(n), make_sides(n, middle), make_coloring(n, capacity),
                           make_blocks(capacity), integers(most_blocks(capacity)),
-                          make_impacts(n, capacity), np.zeros(1, dtype=np.int64),
+                          make_new_islands(n, capacity), make_impacts(n, capacity),
+                          np.zeros(1, dtype=np.int64),
                           room(REGIONS, 8), np.zeros(1), np.zeros(1))
 
 

@@ -9,7 +9,7 @@ from rigid_sim_ros.engine.constraints.contact_blocks import (
     TOTAL_T, TURN)
 from rigid_sim_ros.engine.constraints.contact_prediction import Prediction
 from rigid_sim_ros.engine.constraints.contact_rules import SKIN
-from rigid_sim_ros.engine.contact.impact_offsets import displacement, gap_now
+from rigid_sim_ros.engine.contact.impact_offsets import displacement, gap_now, was_shifted
 from rigid_sim_ros.engine.detection.manifolds import (
     DORMANT, first_row, LEFT_OUT, Manifolds, POINTS, rows_in_use)
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
@@ -23,13 +23,13 @@ from rigid_sim_ros.engine.solver.sphere_sweep import prepare_balls, warm_balls
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.bits import fetch
 from rigid_sim_ros.kernels.eight import (
-    any_of, bits_of, both, count_of, Eight, gather, gather_integers, gather_rows_1, gather_rows_3,
+    any_of, bits_of, both, Eight, gather, gather_integers, gather_rows_1, gather_rows_3,
     LANES, largest_of, load, Mask, scatter, select, store)
 from rigid_sim_ros.kernels.kernel import INDEX, kernel, part
 
-# What is noted of a region: the deepest overlap [m], and how many manifolds touch, and how many of
-# them without an impulse to begin with.
-DEEPEST, TOUCHING, NEW = range(3)
+# What is noted of a region: the deepest overlap [m], and whether any manifold touches without an
+# impulse to begin with.
+DEEPEST, NEW = range(2)
 
 
 @kernel
@@ -65,12 +65,14 @@ def choose_manifolds(region: int, manifolds: Manifolds, sides: Sides, waits: Int
 
 @kernel
 def classify(region: int, material: IntArray, materials: Materials, round_shapes: IntArray,
-             shifted: bool, manifolds: Manifolds, bodies: SolverBodies, work: Coloring) -> None:
+             shifts: Array, shifted: bool, manifolds: Manifolds, bodies: SolverBodies,
+             work: Coloring) -> None:
     """
     Write the class of each manifold of a region.
 
-    What collisions `shifted` since its normal was found is no pair of balls: its point is not on
-    the line of the centres. Nor is what has a body that moves by its twist.
+    What collisions shifted since its normal was found is no pair of balls: its point is not on
+    the line of the centres. Nor is what has a body that moves by its twist. `shifts` are those of
+    the bodies if anything was `shifted`.
     """
     for k in range(work.members[region]):
         r = work.member[region, k] & INDEX
@@ -78,9 +80,11 @@ def classify(region: int, material: IntArray, materials: Materials, round_shapes
         points = manifolds.points[r]
         first, second = material[a] & INDEX, material[b] & INDEX
         rolling, spinning = materials.rolling[first, second], materials.spinning[first, second]
-        balls = points == 1 and not shifted and round_shapes[a] + round_shapes[b] == 2 and (
-            spinning == 0.0) and not (is_carried(bodies, manifolds.body_a[r])
-                                      or is_carried(bodies, manifolds.body_b[r]))
+        i, j = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+        balls = points == 1 and round_shapes[a] + round_shapes[b] == 2 and (
+            spinning == 0.0) and not (is_carried(bodies, i) or is_carried(bodies, j))
+        if balls and shifted:
+            balls = not (was_shifted(shifts[i]) or was_shifted(shifts[j]))
         quiet = points == 1 and manifolds.impulse[0, r] == 0.0
         if rolling > 0.0:
             work.kind[region, k] = min(points - 1, 2) + 3
@@ -152,7 +156,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
     `share` is the part of a step that a substep is. fresh (blocks,) become the bits of the lanes
     that touch without an impulse to begin with.
     """
-    deepest, touching, new = 0.0, 0, 0
+    deepest, new = 0.0, 0
     for block in range(first, first_block(blocks, region) + blocks.count[region]):
         lanes = lanes_of(block)
         b, rows = numbers_of(blocks, block), blocks.row[lanes]
@@ -177,8 +181,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
         least = smallest_gap(b, points)
         touches = least < SKIN * load(b, SIZE)
         fresh[block] = bits_of(both(touches, normal_sum(b, points) == 0.0))
-        touching = touching + count_of(touches)
-        new = new + count_of(both(touches, normal_sum(b, points) == 0.0))
+        new |= fresh[block]
         deepest = max(deepest, largest_of(-least))
         if shifted:
             for i in range(LANES):
@@ -192,8 +195,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
             prepare_block(b, points, small, A[INV_M], B[INV_M])
             _warm_start(b, points, small, bodies.base, at_A, at_B, A[INV_M], B[INV_M])
     notes[DEEPEST] = max(notes[DEEPEST], deepest)
-    notes[TOUCHING] += touching
-    notes[NEW] += new
+    notes[NEW] = 1.0 if new != 0 else notes[NEW]
 
 
 @part

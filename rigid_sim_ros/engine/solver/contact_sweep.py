@@ -18,8 +18,8 @@ from rigid_sim_ros.engine.solver.solver_bodies import INV_M
 from rigid_sim_ros.engine.solver.sphere_sweep import drift_balls, separate_balls, visit_balls
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.eight import (
-    any_of, bits_of, Eight, either, gather, lanes_in, largest_of, load, Mask, scatter, select,
-    spread, store)
+    any_of, bits_of, Eight, either, EVERY, gather, lanes_in, largest_of, load, Mask, scatter,
+    select, spread, store)
 from rigid_sim_ros.kernels.kernel import part
 
 
@@ -131,11 +131,11 @@ def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, what: 
     old = friction_of(b)
     if not any_of(pressure + old_N + abs(old[0]) + abs(old[1]) + abs(old[2]) > 0.0):
         # Nothing presses, nor did anything before this visit.
-        store(b, POINT + SPEED, speed)
+        _keep_speed(b, POINT, speed, mask)
         return spread(0.0)
     change_N = pressure - old_N
     store(b, POINT + IMPULSE, pressure)
-    store(b, POINT + SPEED, speed + load(b, K_N) * change_N)
+    _keep_speed(b, POINT, speed + load(b, K_N) * change_N, mask)
 
     turn = load_two(b, TURN_T)
     twist = (dot(u, t1) + load(b, K_N + 1) * change_N + what.when * turn[0],
@@ -213,7 +213,8 @@ def note_left(blocks: Blocks, block: int, residual: Eight, what: Sweep) -> None:
     """
     b, points = numbers_of(blocks, block), points_in(blocks.kind[block])
     size = load(b, SIZE)
-    overlaps = any_of(smallest_gap(b, points) < -NEGLIGIBLE * size)
+    overlaps = (bits_of(smallest_gap(b, points) < -NEGLIGIBLE * size)
+                & ~blocks.dormant[block]) != 0
     settled = (SETTLED_POINT if points == 1 else SETTLED) * what.inv_h
     blocks.left[block] = ((OVERLAPPING if overlaps else 0)
                           | CHANGED * bits_of(residual > settled * size))
@@ -225,22 +226,23 @@ def separate(blocks: Blocks, block: int, push: Array, rate: float) -> None:
     Push the overlaps of a block apart by velocities that last for one substep only.
 
     They displace and are forgotten, so that the push feeds neither energy nor the warm start.
-    `rate` [1/s] is the part of an overlap that goes per second.
+    `rate` [1/s] is the part of an overlap that goes per second. What is dormant stays where it is.
     """
     b, lanes, kind = numbers_of(blocks, block), lanes_of(block), blocks.kind[block]
     at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
     blocks.left[block] |= SHOVED
+    mask = lanes_in(EVERY & ~blocks.dormant[block])
     if are_balls(kind):
-        separate_balls(b, push, at_A, at_B, rate)
+        separate_balls(b, push, at_A, at_B, rate, mask)
     elif is_small(kind):
-        _separate_small(b, push, at_A, at_B, rate)
+        _separate_small(b, push, at_A, at_B, rate, mask)
     else:
-        _separate_many(b, push, at_A, at_B, points_in(kind), rate)
+        _separate_many(b, push, at_A, at_B, points_in(kind), rate, mask)
 
 
 @part
 def _separate_many(b: Array, push: Array, at_A: IntArray, at_B: IntArray, points: int,
-                   rate: float) -> None:
+                   rate: float, mask: Mask) -> None:
     """Push several points, or one that resists rolling."""
     A, B = gather(push, at_A), gather(push, at_B)
     n, t1, t2 = axes(b)
@@ -248,9 +250,9 @@ def _separate_many(b: Array, push: Array, at_A: IntArray, at_B: IntArray, points
     zero = spread(0.0)
     wrench = (zero, zero, zero)
     if points > 1:
-        twist, wrench = _separate_together(b, twist, wrench, rate)
+        twist, wrench = _separate_together(b, twist, wrench, rate, mask)
     for p in range(4 if points > 2 else points):
-        twist, wrench = _separate_point(b, POINT + p * POINT_ROWS, twist, wrench, rate)
+        twist, wrench = _separate_point(b, POINT + p * POINT_ROWS, twist, wrench, rate, mask)
     store(b, SHOVE, wrench[0])
     F = combine(n, t1, t2, (wrench[0], zero, zero))
     torque = combine(n, t1, t2, (zero, wrench[1], wrench[2]))
@@ -259,11 +261,12 @@ def _separate_many(b: Array, push: Array, at_A: IntArray, at_B: IntArray, points
 
 
 @part
-def _separate_small(b: Array, push: Array, at_A: IntArray, at_B: IntArray, rate: float) -> None:
+def _separate_small(b: Array, push: Array, at_A: IntArray, at_B: IntArray, rate: float,
+                    mask: Mask) -> None:
     """Do the same for manifolds of one point: their common point c."""
     A, B, n = gather(push, at_A), gather(push, at_B), load_three(b, NORMAL)
     _, u, _ = relative_twist(b, A, B)
-    wanted = wanted_of(b, POINT, rate)
+    wanted = wanted_of(b, POINT, rate, mask)
     shove = max(load(b, POINT + MASS) * (wanted - dot(u, n)), 0.0)
     shove = select(wanted > 0.0, shove, 0.0)
     store(b, SHOVE, shove)
@@ -372,16 +375,23 @@ def _solve_point(b: Array, point: int, twist: Three, wrench: Three, residual: Ei
     change = after - impulse
     store(b, point + IMPULSE, after)
     twist = add_scaled(twist, change, response)
-    store(b, point + SPEED, dot(g, twist))
+    _keep_speed(b, point, dot(g, twist), mask)
     return twist, add_scaled(wrench, change, g), max(residual, abs(change))
 
 
 @part
-def _separate_together(b: Array, twist: Three, wrench: Three, rate: float) -> tuple[Three, Three]:
+def _keep_speed(b: Array, point: int, speed: Eight, mask: Mask) -> None:
+    """Write the normal velocity of a point in the lanes that are visited, see `wanted_of`."""
+    store(b, point + SPEED, select(mask, speed, load(b, point + SPEED)))
+
+
+@part
+def _separate_together(b: Array, twist: Three, wrench: Three, rate: float,
+                       mask: Mask) -> tuple[Three, Three]:
     """Push all points that overlap with the same impulse, as `_solve_together` stops them."""
     p0, p1, p2, p3 = POINT, POINT + POINT_ROWS, POINT + 2 * POINT_ROWS, POINT + 3 * POINT_ROWS
-    u0, u1 = wanted_of(b, p0, rate), wanted_of(b, p1, rate)
-    u2, u3 = wanted_of(b, p2, rate), wanted_of(b, p3, rate)
+    u0, u1 = wanted_of(b, p0, rate, mask), wanted_of(b, p1, rate, mask)
+    u2, u3 = wanted_of(b, p2, rate, mask), wanted_of(b, p3, rate, mask)
     g = _sum_of_points(b, select(u0 > 0.0, 1.0, 0.0), select(u1 > 0.0, 1.0, 0.0),
                        select(u2 > 0.0, 1.0, 0.0), select(u3 > 0.0, 1.0, 0.0))
     response = symmetric(b, K_NN, g)
@@ -391,10 +401,10 @@ def _separate_together(b: Array, twist: Three, wrench: Three, rate: float) -> tu
 
 
 @part
-def _separate_point(b: Array, point: int, twist: Three, wrench: Three,
-                    rate: float) -> tuple[Three, Three]:
+def _separate_point(b: Array, point: int, twist: Three, wrench: Three, rate: float,
+                    mask: Mask) -> tuple[Three, Three]:
     """Push one point out of its overlap."""
-    g, wanted = _column(b, point), wanted_of(b, point, rate)
+    g, wanted = _column(b, point), wanted_of(b, point, rate, mask)
     change = max(load(b, point + MASS) * (wanted - dot(g, twist)), 0.0)
     change = select(wanted > 0.0, change, 0.0)
     return add_scaled(twist, change, symmetric(b, K_NN, g)), add_scaled(wrench, change, g)

@@ -28,8 +28,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.constraints.contact_blocks import SIZE
 from rigid_sim_ros.engine.constraints.contact_rules import SETTLED_POINT, Sweep
-from rigid_sim_ros.engine.solver.block_impacts import (
-    begin_impact, end_impact, excuse_approach, forget_excuse)
+from rigid_sim_ros.engine.solver.block_impacts import begin_impact, end_impact
 from rigid_sim_ros.engine.solver.coloring import (
     BETWEEN, Blocks, first_block, most_blocks, numbers_of)
 from rigid_sim_ros.engine.solver.contact_sweep import begin_block, drift_block, visit_block
@@ -133,22 +132,6 @@ def visit_waiting(region: int, backwards: bool, blocks: Blocks, motion: Array, u
             _tell(region, blocks, block, changed, used, work)
             work.waits[0, block], work.waits[1, block] = changed, 0
     return any_did
-
-
-@kernel
-def excuse_approaches(region: int, blocks: Blocks, motion: Array) -> None:
-    """Let forces not stop what approaches in a region."""
-    first = first_block(blocks, region)
-    for block in range(first, first + blocks.count[region]):
-        excuse_approach(blocks, block, motion)
-
-
-@kernel
-def forget_excuses(region: int, blocks: Blocks) -> None:
-    """End what `excuse_approaches` began."""
-    first = first_block(blocks, region)
-    for block in range(first, first + blocks.count[region]):
-        forget_excuse(blocks, block)
 
 
 @kernel

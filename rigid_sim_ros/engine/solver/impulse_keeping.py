@@ -3,8 +3,8 @@
 """The way of impulses from the blocks of the sequential solver back to the manifolds."""
 
 from rigid_sim_ros.engine.constraints.contact_blocks import (
-    axes, combine, FRICTION, gain_of, IMPULSE, inverse_of, load_two, normal_sum, POINT, POINT_ROWS,
-    ROLL, SHOVE, SPIN, Three, TOTAL, total_of)
+    axes, combine, FRICTION, gain_of, IMPULSE, inverse_of, load_three, load_two, normal_sum, POINT,
+    POINT_ROWS, ROLL, SHOVE, SPIN, Three, TORSION, TOTAL, total_of)
 from rigid_sim_ros.engine.constraints.contact_prediction import Prediction
 from rigid_sim_ros.engine.detection.manifolds import Manifolds, POINTS
 from rigid_sim_ros.engine.maths.vector import add, scale
@@ -135,8 +135,14 @@ def _give_back(b: Array, acted: Three, rows: IntArray, prediction: Prediction,
 @part
 def _mark_touched(b: Array, points: int, acted: Three, bodies: SolverBodies, at_A: IntArray,
                   at_B: IntArray, shoved: bool) -> bool:
-    """Mark the bodies of the lanes in which anything acted; return whether there are any."""
+    """
+    Mark the bodies of the lanes in which anything acted; return whether there are any.
+
+    What was shoved in an earlier substep alone has gained angular momentum, too.
+    """
+    gained = load_three(b, TORSION)
     acts = abs(acted[0]) + abs(acted[1]) + abs(acted[2]) + normal_sum(b, points)
+    acts = acts + (abs(gained[0]) + abs(gained[1]) + abs(gained[2]))
     if shoved:
         acts = acts + load(b, SHOVE)
     if not any_of(acts > 0.0):

@@ -206,20 +206,23 @@ def kick_bodies(half: int, used: IntArray, motion: Array, smooth: Array, alike: 
     """
     first, last = slots_of(used, half)
     for slot in range(first + 1, last):
-        kicked = load(motion, slot) + h * load(smooth, first if alike else slot)
-        store(motion, slot, kicked + load(base, slot))
-        store(base, slot, kicked)
+        kick(slot, motion, smooth, first if alike else slot, base, h)
 
 
-@kernel
-def unkick_bodies(half: int, used: IntArray, motion: Array, smooth: Array, alike: bool,
-                  base: Array, h: float) -> None:
-    """Take back what `kick_bodies` did, but for what contacts do, which is in `base` again."""
-    first, last = slots_of(used, half)
-    for slot in range(first + 1, last):
-        kicked = load(base, slot)
-        store(base, slot, load(motion, slot) - kicked)
-        store(motion, slot, kicked - h * load(smooth, first if alike else slot))
+@part
+def kick(slot: int, motion: Array, smooth: Array, forces: int, base: Array, h: float) -> None:
+    """Do what `kick_bodies` does with one slot; the forces on it stand in that of `forces`."""
+    kicked = load(motion, slot) + h * load(smooth, forces)
+    store(motion, slot, kicked + load(base, slot))
+    store(base, slot, kicked)
+
+
+@part
+def unkick(slot: int, motion: Array, smooth: Array, forces: int, base: Array, h: float) -> None:
+    """Take back what `kick` did, but for what contacts do, which is in `base` again."""
+    kicked = load(base, slot)
+    store(base, slot, load(motion, slot) - kicked)
+    store(motion, slot, kicked - h * load(smooth, forces))
 
 
 @kernel

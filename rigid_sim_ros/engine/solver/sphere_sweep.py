@@ -70,11 +70,11 @@ def visit_balls(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, what: S
     old = load_two(b, FRICTION)
     if not any_of(pressure + old_N + abs(old[0]) + abs(old[1]) > 0.0):
         # Nothing presses, nor did anything before this visit.
-        _keep_speed(b, speed)
+        _keep_speed(b, speed, mask)
         return spread(0.0)
     straight, change_N = A[INV_M] + B[INV_M], pressure - old_N
     store(b, POINT + IMPULSE, pressure)
-    _keep_speed(b, speed + straight * change_N)
+    _keep_speed(b, speed + straight * change_N, mask)
 
     w_A, w_B = scale(A[INV_I], (A[3], A[4], A[5])), scale(B[INV_I], (B[3], B[4], B[5]))
     m = subtract(scale(load(b, LEVER_B), w_B), scale(load(b, LEVER_A), w_A))
@@ -93,10 +93,14 @@ def visit_balls(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, what: S
 
 
 @part
-def _keep_speed(b: Array, speed: Eight) -> None:
-    """Write the normal velocity if anybody will ask for it, see `wanted_of`."""
+def _keep_speed(b: Array, speed: Eight, mask: Mask) -> None:
+    """
+    Write the normal velocity if anybody will ask for it, see `wanted_of`.
+
+    In the lanes that are visited.
+    """
     if any_of(load(b, POINT + GAP) < -NEGLIGIBLE * load(b, SIZE)):
-        store(b, POINT + SPEED, speed)
+        store(b, POINT + SPEED, select(mask, speed, load(b, POINT + SPEED)))
 
 
 @part
@@ -133,10 +137,11 @@ def drift_balls(b: Array, A: Motion, B: Motion, h: float, shoved: bool, what: Sw
 
 
 @part
-def separate_balls(b: Array, push: Array, at_A: IntArray, at_B: IntArray, rate: float) -> None:
+def separate_balls(b: Array, push: Array, at_A: IntArray, at_B: IntArray, rate: float,
+                   mask: Mask) -> None:
     """Do what `separate` does: push along the line of centres, which turns nobody."""
     A, B, n = gather(push, at_A), gather(push, at_B), load_three(b, NORMAL)
-    wanted = wanted_of(b, POINT, rate)
+    wanted = wanted_of(b, POINT, rate, mask)
     parting = dot((B[0] - A[0], B[1] - A[1], B[2] - A[2]), n)
     shove = max(load(b, POINT + MASS) * (wanted - parting), 0.0)
     shove = select(wanted > 0.0, shove, 0.0)

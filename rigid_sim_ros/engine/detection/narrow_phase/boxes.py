@@ -30,6 +30,11 @@ PREFERENCE_IN_OVERLAP = 0.1
 # Corners that stand out over the other box's face by less than this fraction of its half extent
 # count as lying on it: boxes of equal size on top of each other meet corner to corner.
 OVERHANG = 1e-4
+# Points that are all within this part of its half extents of each other, and of the border of the
+# face, are where a corner meets a corner or an edge: none of the axes is the direction between
+# what is nearest, and which one separates best would depend on which box is A. So it is with edges
+# that cross at their ends. Larger: the general method is asked where it finds the same.
+CORNER = 1e-3
 # The square of the sine between two edges below which their cross product has no direction.
 PARALLEL = 1e-8
 _C, _ABS, _T = 0, 9, 18  # places in `numbers`: A_i . B_j, their magnitudes, t in axes of A
@@ -152,9 +157,26 @@ def box_box(pose: Array, size: Array, a: int, b: int, margin: float, way: float,
     else:
         count = _faces(pose, size, b, a, which - 3, n, margin, True, points, ids, polygon, labels,
                        m)
-    if count == 0:
+    r, k = (a, which) if which < 3 else (b, which - 3)
+    if count == 0 or _is_corner(pose, size, r, k, count, points):
         return UNSETTLED, n
     return _reduced(size, a, b, n, count, points, ids), n
+
+
+@kernel
+def _is_corner(pose: Array, size: Array, r: int, k: int, count: int, points: Array) -> bool:
+    """Return whether points on face k of box r are all in one place on its border."""
+    p = (points[0, 0], points[0, 1], points[0, 2])
+    reach = CORNER * max(size[r, (k + 1) % 3], size[r, (k + 2) % 3])
+    for c in range(1, count):
+        away = subtract((points[c, 0], points[c, 1], points[c, 2]), p)
+        if dot(away, away) > reach * reach:
+            return False
+    at, on_border = subtract(p, origin(pose, r)), False
+    for i in range(1, 3):
+        d = (k + i) % 3
+        on_border |= abs(dot(at, axis(pose, r, d))) > (1.0 - CORNER) * size[r, d]
+    return on_border
 
 
 @kernel
@@ -207,6 +229,8 @@ def _edges(pose: Array, size: Array, a: int, b: int, which: int, s: float, n: Ve
     x = (du - c * dv) / (1.0 - c * c)
     y = (c * du - dv) / (1.0 - c * c)
     if abs(x) > size[a, i] * (1.0 + OVERHANG) or abs(y) > size[b, j] * (1.0 + OVERHANG):
+        return UNSETTLED, n
+    if abs(x) > size[a, i] * (1.0 - CORNER) and abs(y) > size[b, j] * (1.0 - CORNER):
         return UNSETTLED, n
     put(points, ids, 0, add_scaled(p, x, u), s, 4096 + 16 * (which - 6) + signs)
     return 1, n
