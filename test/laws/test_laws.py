@@ -44,3 +44,10 @@ def test_law_holds_in_random_scenes(law, model):
 def test_case_holds(case, model):
     verdict = case.measure(model)
     assert not verdict.breach, f'{verdict.figure:.3g} > {verdict.allowed:.3g} {verdict.what}'
+
+
+# Boxes that meet their images corner to corner, with and without restitution.
+@pytest.mark.parametrize('seed', [12, 21, 96, 252])
+def test_boxes_that_meet_corner_to_corner_stay_images_of_each_other(seed):
+    verdict = judge('symmetric', seed, builder('timestep'))
+    assert not verdict.breach, f'{verdict.figure:.3g} > {verdict.allowed:.3g} {verdict.what}'
