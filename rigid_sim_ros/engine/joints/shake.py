@@ -16,7 +16,7 @@ from rigid_sim_ros.engine.dynamics.free_flight import drift_from
 from rigid_sim_ros.engine.joints.articulated import (
     add_momenta, along, axis_part, solve, write_momenta)
 from rigid_sim_ros.engine.joints.buffers import (
-    JointMotion, JointWork, PAST, STIFF, TOLERANCE, UNLOCKED)
+    JointMotion, JointWork, LOCKED, PAST, STIFF, TOLERANCE, UNLOCKED)
 from rigid_sim_ros.engine.joints.kinematics import joint_error, joint_position
 from rigid_sim_ros.engine.joints.loops import close, measure_conditions
 from rigid_sim_ros.engine.joints.settle import solve_motions
@@ -255,21 +255,28 @@ def correct(model: Model, table: JointTable, state: State, work: JointWork, h: f
 def ask_back(table: JointTable, work: JointWork, h: float) -> None:
     """Ask for the relative motions that take the errors back in h [s]."""
     rate = 1.0 / h
+    for k in range(work.tau.shape[0]):
+        work.tau[k], work.given[k] = 0.0, 0.0
     for i in range(table.body.shape[0]):
         set_six(work.F, i, _ZERO)
         c = minus(_ZERO, rate, six(work.error, i))
         set_six(work.curved, i, minus(six(work.curved, i), -rate, c))
         for k in range(table.first_axis[i], table.first_axis[i + 1]):
-            if work.locked[k] != UNLOCKED:
-                c = minus(c, work.law.astray[k] / h, along(table, work, k))
+            if work.locked[k] == UNLOCKED:
+                continue
+            c = minus(c, work.law.astray[k] / h, along(table, work, k))
+            if work.locked[k] == LOCKED:
                 work.law.bend[k] += work.law.astray[k] / h
+            else:
+                # It has yielded, at a rate that the conditions have seen: so they see this one.
+                work.given[k] = -work.law.astray[k] / h
+                way = work.law.target[k] + work.law.astray[k] - work.law.before[k]
+                work.law.bend[k] = way / h - work.law.half_rate[k]
         set_six(work.c, i, c)
-    for k in range(work.tau.shape[0]):
-        work.tau[k], work.given[k] = 0.0, 0.0
     for m in range(work.loop.wanted.shape[0]):
         work.loop.wanted[m] = -work.loop.off[m] / h
         if table.condition_place[m] == MIMIC:
-            # How a locked axis goes back is no rate along it, which the condition would see.
+            # How such an axis goes back is no rate along it, which the condition would see.
             own, other = table.coupled_axis[m, 0], table.coupled_axis[m, 1]
             work.loop.wanted[m] += (_way_back(work, own)
                                     - table.coupling[m, 0] * _way_back(work, other)) / h
@@ -277,8 +284,8 @@ def ask_back(table: JointTable, work: JointWork, h: float) -> None:
 
 @inlined
 def _way_back(work: JointWork, k: int) -> float:
-    """Return how far a locked axis is from where it is to be."""
-    return work.law.astray[k] if work.locked[k] != UNLOCKED else 0.0
+    """Return how far an axis that is LOCKED is from where it is to be."""
+    return work.law.astray[k] if work.locked[k] == LOCKED else 0.0
 
 
 @kernel
