@@ -9,6 +9,10 @@ from laws.motion import Build, Look, look, Masses, masses, Ours, potential, Verd
 from laws.scenes import matrix, Scene, Spec
 import numpy as np
 
+SHARE = 0.2
+EVERY = 4  # steps between two looks
+LEVER = 0.05  # [m]
+
 
 def stored(spec: Spec, world) -> float:
     """
@@ -58,3 +62,73 @@ class Carried:
         spin = (np.cross(now.x - place, P) + now.L).sum(axis=0)
         fall = self.of.m.sum() * (np.asarray(self.spec['world']['gravity']) @ place)
         return float(kinetic - self.w @ spin + potential(self.spec, self.of, now) + fall)
+
+
+class Holding:
+    """What joints have to keep: their frames, their limits and their couplings."""
+
+    def __init__(self, spec: Spec, world) -> None:
+        self.spec, self.world = spec, world
+        self.index = {joint['name']: j for j, joint in enumerate(spec['joints'])}
+
+    def verdict(self) -> Verdict:
+        """
+        Return how far a joint is off.
+
+        They close to 1e-13 m or rad (engine/joints/buffers.py, TOLERANCE), and rounding leaves
+        1e-15 of each metre from the origin. A limit yields, to 1e-9, to what closes a loop.
+        """
+        world, far = self.world, max(1.0, float(np.abs(self.world.position).max()))
+        found = [Verdict(gaps(world), 1e-12 * far, 'm or rad that a joint is open')]
+        if world.contact_report().message:
+            found.append(Verdict(math.inf, 0.0, world.contact_report().message))
+        q = world.joint_position
+        for j, joint in enumerate(self.spec['joints']):
+            limits = joint.get('limits', {})
+            beyond = max(limits.get('lower', -math.inf) - q[j],
+                         q[j] - limits.get('upper', math.inf))
+            found.append(Verdict(max(beyond, 0.0), 1.1e-9 * far, 'beyond a limit'))
+            if 'mimic' in joint:
+                other = q[self.index[joint['mimic']['joint']]]
+                off = abs(q[j] - joint['mimic']['multiplier'] * other)
+                found.append(Verdict(off, 1e-12 * max(far, abs(q[j])), 'between coupled joints'))
+        return worst(found)
+
+
+def judge_jointed_energy(scene: Scene, build: Build) -> Verdict:
+    """
+    Compare the energy at each look with the least before it; joints hold at each look.
+
+    What a lawful method may add, and no more:
+    - A second order method swings by (h W)^2 / 4 of the kinetic energy, W the largest rate of
+      what turns or of what hangs on a lever of 0.05 m, and there and back.
+    - That shapes or limits meet is known to a step, in which forces do some work: that of a step,
+      twice. Where bodies are held in front of each other it is given in many steps together.
+    - What lies in an overlap of depth d may be lifted out of it: m g d for each body.
+    """
+    spec, of, h = scene.spec, masses(scene.spec), scene.h
+    gravity = float(np.linalg.norm(spec['world']['gravity']))
+    run = build(spec)
+    assert isinstance(run, Ours)
+    seen, held = Carried(spec, of), Holding(spec, run.world)
+    rate, kinetic, work, deepest = math.sqrt(gravity / LEVER), 0.0, 0.0, 0.0
+    resolved = SHARE if (spec['world']['contact'] if False else run.world.scene.spec.world.contact) != 'none' or any('lower' in joint.get('limits', {}) for joint in spec['joints']) else 0.0
+    least, before, every = math.inf, None, EVERY
+    verdicts = []
+    for _ in range(0, scene.steps, every):
+        motion = run.motion()
+        now = look(of, motion)
+        kept = stored(spec, run.world) + potential(spec, of, now)
+        energy = seen.energy(motion, now) + stored(spec, run.world)
+        rate = max(rate, float(np.linalg.norm(now.w, axis=1).max()))
+        kinetic = max(kinetic, float(now.kinetic.sum()))
+        work = work if before is None else max(work, abs(kept - before) / every)
+        deepest = max(deepest, run.deepest())
+        allowed = (0.25 * (h * rate) ** 2 * kinetic + resolved * work
+                   + of.m.sum() * (gravity * deepest + 1e-9 * gravity))
+        least, before = min(least, energy), kept
+        verdicts += [Verdict(energy - least, allowed + 1e-9 * kinetic, 'J gained'), held.verdict()]
+        if verdicts[-1].breach or not math.isfinite(energy):
+            break
+        run.step(every)
+    return worst(verdicts)

@@ -65,7 +65,7 @@ class LoopWork(NamedTuple):
     # (c, most axes of an articulation) what an impulse hands down along axes that are locked
     handed: Array
     S: Array            # (c, most conditions of an articulation) C M~^-1 C^T, then its factor
-    free: Array         # (c,) the diagonal of S if the bodies were free
+    free: Array         # (c,) the diagonal of S if the bodies were free, or their axes
     scale: Array        # (c,) of the factor
     order: IntArray     # (c,)
     rank: IntArray      # (g,)
@@ -100,7 +100,7 @@ class LawWork(NamedTuple):
     end: Array      # to here
     theta: Array    # the part of damping that acts in the second half of a step
     before: Array   # position at the start of the step
-    target: Array   # position that a locked axis is to have at the end of the step
+    target: Array   # position that a locked axis is to have at the end of the step; inf: none
     bound: IntArray     # (k,) -1 or 1: at its lower or upper limit at the end of the step
     approach: Array     # rate with which it would have passed it
     back: Array         # rate with which it comes back from there

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The motions of all articulations with what acts in their joints: one linear problem or more."""
 
+import math
+
 from rigid_sim_ros.engine.joints.articulated import factor, gather_momenta, lock, solve
 from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork, UNLOCKED
 from rigid_sim_ros.engine.joints.kinematics import place_joints
@@ -192,6 +194,8 @@ def _aim(table: JointTable, motion: JointMotion, work: JointWork, h: float) -> N
                 motion.held_at[k] = law.before[k]
             motion.held[k], law.target[k] = 1, motion.held_at[k]
         else:
-            law.target[k] = law.before[k] + h * v
+            # Its speed is bounded, not its way, which a turning parent bends: to force the way
+            # would be more than the drive gives.
+            law.target[k] = math.inf
         if law.bound[k] != 0:
             law.back[k] = _rebound(table, motion, work, k)

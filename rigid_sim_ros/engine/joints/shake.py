@@ -85,11 +85,13 @@ def measure(table: JointTable, state: State, motion: JointMotion, work: JointWor
         for k in range(table.first_axis[i], table.first_axis[i + 1]):
             e = _without_axis(table, work, k, e)
             if work.locked[k] != UNLOCKED:
-                target = work.law.target[k]
-                work.law.astray[k] = joint_position(table, state, j, target) - target
-                if yields and work.locked[k] == STIFF and abs(work.law.astray[k]) <= YIELDING:
+                target, astray = work.law.target[k], 0.0
+                if target < math.inf:
+                    astray = joint_position(table, state, j, target) - target
+                work.law.astray[k] = astray
+                if yields and work.locked[k] == STIFF and abs(astray) <= YIELDING:
                     continue
-                worst = max(worst, abs(work.law.astray[k]))
+                worst = max(worst, abs(astray))
         for n in range(6):
             work.error[i, n] = table.sense[i] * e[n]
             # A comparison with what is not a number is false: it has to be caught as well.
@@ -262,7 +264,7 @@ def ask_back(table: JointTable, work: JointWork, h: float) -> None:
         c = minus(_ZERO, rate, six(work.error, i))
         set_six(work.curved, i, minus(six(work.curved, i), -rate, c))
         for k in range(table.first_axis[i], table.first_axis[i + 1]):
-            if work.locked[k] == UNLOCKED:
+            if work.locked[k] == UNLOCKED or work.law.target[k] == math.inf:
                 continue
             c = minus(c, work.law.astray[k] / h, along(table, work, k))
             if work.locked[k] == LOCKED:
