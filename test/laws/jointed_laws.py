@@ -9,7 +9,6 @@ from laws.motion import Build, Look, look, Masses, masses, Ours, potential, Verd
 from laws.scenes import matrix, Scene, Spec
 import numpy as np
 
-SHARE = 0.2
 EVERY = 4  # steps between two looks
 LEVER = 0.05  # [m]
 
@@ -102,33 +101,35 @@ def judge_jointed_energy(scene: Scene, build: Build) -> Verdict:
     What a lawful method may add, and no more:
     - A second order method swings by (h W)^2 / 4 of the kinetic energy, W the largest rate of
       what turns or of what hangs on a lever of 0.05 m, and there and back.
-    - That shapes or limits meet is known to a step, in which forces do some work: that of a step,
-      twice. Where bodies are held in front of each other it is given in many steps together.
+    - When shapes meet, a joint meets its limit or a drive begins to give all it can is known to a
+      step. In that forces do some work, and what turns by h W exchanges as much of its kinetic
+      energy with the rest: half of both, as a meeting is half a step off in the mean.
     - What lies in an overlap of depth d may be lifted out of it: m g d for each body.
     """
     spec, of, h = scene.spec, masses(scene.spec), scene.h
-    gravity = float(np.linalg.norm(spec['world']['gravity']))
     run = build(spec)
     assert isinstance(run, Ours)
+    gravity = float(np.linalg.norm(spec['world']['gravity']))
+    meets = run.world.scene.spec.world.contact != 'none' or any(
+        'limits' in joint for joint in spec['joints'])
     seen, held = Carried(spec, of), Holding(spec, run.world)
     rate, kinetic, work, deepest = math.sqrt(gravity / LEVER), 0.0, 0.0, 0.0
-    resolved = SHARE if (spec['world']['contact'] if False else run.world.scene.spec.world.contact) != 'none' or any('lower' in joint.get('limits', {}) for joint in spec['joints']) else 0.0
-    least, before, every = math.inf, None, EVERY
-    verdicts = []
-    for _ in range(0, scene.steps, every):
+    least, before, verdicts = math.inf, None, []
+    for _ in range(0, scene.steps, EVERY):
         motion = run.motion()
         now = look(of, motion)
-        kept = stored(spec, run.world) + potential(spec, of, now)
-        energy = seen.energy(motion, now) + stored(spec, run.world)
+        inside = stored(spec, run.world)
+        energy, given = seen.energy(motion, now) + inside, inside + potential(spec, of, now)
         rate = max(rate, float(np.linalg.norm(now.w, axis=1).max()))
         kinetic = max(kinetic, float(now.kinetic.sum()))
-        work = work if before is None else max(work, abs(kept - before) / every)
+        work = work if before is None else max(work, abs(given - before) / EVERY)
         deepest = max(deepest, run.deepest())
-        allowed = (0.25 * (h * rate) ** 2 * kinetic + resolved * work
-                   + of.m.sum() * (gravity * deepest + 1e-9 * gravity))
-        least, before = min(least, energy), kept
-        verdicts += [Verdict(energy - least, allowed + 1e-9 * kinetic, 'J gained'), held.verdict()]
+        allowed = (0.25 * (h * rate) ** 2 * kinetic + of.m.sum() * gravity * deepest
+                   + (0.5 * (work + h * rate * kinetic) if meets else 0.0)
+                   + 1e-9 * (kinetic + of.m.sum() * gravity))
+        least, before = min(least, energy), given
+        verdicts += [Verdict(energy - least, allowed, 'J gained'), held.verdict()]
         if verdicts[-1].breach or not math.isfinite(energy):
             break
-        run.step(every)
+        run.step(EVERY)
     return worst(verdicts)
