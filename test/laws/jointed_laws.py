@@ -4,6 +4,7 @@
 
 import math
 
+from engine.jointed import tensor
 from engine.jointed_trees import gaps
 from laws.motion import Build, Look, look, Masses, masses, Ours, potential, Verdict, worst
 from laws.scenes import matrix, Scene, Spec
@@ -34,6 +35,23 @@ def stored(spec: Spec, world) -> float:
             most = joint.get('limits', {}).get('effort', math.inf)
             total += 0.5 * k * e * e if k * e < most else most * e - 0.5 * most * most / k
     return total
+
+
+def fastest_spring(spec: Spec) -> float:
+    """Return a bound of the rate [rad/s] at which a spring of a joint, or a drive, swings."""
+    bodies, fastest = {one['name']: one.get('inertial') for one in spec['bodies']}, 0.0
+    for joint in spec['joints']:
+        k = (joint.get('spring', {}).get('stiffness', 0.0)
+             + joint.get('drive', {}).get('stiffness', 0.0))
+        # With the bodies free to give way an axis feels less than with all joints.
+        yields = 0.0
+        for end in (joint['parent'], joint['child']):
+            if bodies.get(end):
+                moments = np.linalg.eigvalsh(tensor(bodies[end]['inertia']))
+                yields += 1.0 / (bodies[end]['mass'] if joint['type'] == 'prismatic'
+                                 else moments[0])
+        fastest = max(fastest, math.sqrt(k * yields))
+    return fastest
 
 
 class Carried:
@@ -99,8 +117,9 @@ def judge_jointed_energy(scene: Scene, build: Build) -> Verdict:
     Compare the energy at each look with the least before it; joints hold at each look.
 
     What a lawful method may add, and no more:
-    - A second order method swings by (h W)^2 / 4 of the kinetic energy, W the largest rate of
-      what turns or of what hangs on a lever of 0.05 m, and there and back.
+    - A second order method swings by (h W)^2 of the kinetic energy, W the largest rate of what
+      turns or of what hangs on a lever of 0.05 m, and by as much of the energy in springs, W
+      theirs, but never by more than a quarter of it: they are implicit.
     - When shapes meet, a joint meets its limit or a drive begins to give all it can is known to a
       step. In that forces do some work, and what turns by h W exchanges as much of its kinetic
       energy with the rest: half of both, as a meeting is half a step off in the mean.
@@ -114,17 +133,20 @@ def judge_jointed_energy(scene: Scene, build: Build) -> Verdict:
         'limits' in joint for joint in spec['joints'])
     seen, held = Carried(spec, of), Holding(spec, run.world)
     rate, kinetic, work, deepest = math.sqrt(gravity / LEVER), 0.0, 0.0, 0.0
-    least, before, verdicts = math.inf, None, []
+    least, before, verdicts, inside_most = math.inf, None, [], 0.0
+    springs = fastest_spring(spec)
     for _ in range(0, scene.steps, EVERY):
         motion = run.motion()
         now = look(of, motion)
         inside = stored(spec, run.world)
         energy, given = seen.energy(motion, now) + inside, inside + potential(spec, of, now)
         rate = max(rate, float(np.linalg.norm(now.w, axis=1).max()))
+        inside_most = max(inside_most, inside)
         kinetic = max(kinetic, float(now.kinetic.sum()))
         work = work if before is None else max(work, abs(given - before) / EVERY)
         deepest = max(deepest, run.deepest())
-        allowed = (0.25 * (h * rate) ** 2 * kinetic + of.m.sum() * gravity * deepest
+        swings = (h * rate) ** 2 * kinetic + min(0.25, (h * springs) ** 2) * inside_most
+        allowed = (swings + of.m.sum() * gravity * deepest
                    + (0.5 * (work + h * rate * kinetic) if meets else 0.0)
                    + 1e-9 * (kinetic + of.m.sum() * gravity))
         least, before = min(least, energy), given

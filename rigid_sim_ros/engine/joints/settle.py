@@ -5,7 +5,7 @@
 import math
 
 from rigid_sim_ros.engine.joints.articulated import factor, gather_momenta, lock, solve
-from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork, UNLOCKED
+from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork, TOLERANCE, UNLOCKED
 from rigid_sim_ros.engine.joints.kinematics import place_joints
 from rigid_sim_ros.engine.joints.laws import (
     begin_laws, end_laws, impact_laws, next_piece, note_efforts, reaction_of, speed_along)
@@ -199,3 +199,5 @@ def _aim(table: JointTable, motion: JointMotion, work: JointWork, h: float) -> N
             law.target[k] = math.inf
         if law.bound[k] != 0:
             law.back[k] = _rebound(table, motion, work, k)
+            if abs(law.target[k] - law.before[k]) <= 10.0 * TOLERANCE:
+                law.approach[k] = 0.0   # it was there: it meets nothing on this way
