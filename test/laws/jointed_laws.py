@@ -6,8 +6,10 @@ import math
 
 from engine.jointed import tensor
 from engine.jointed_trees import gaps
+from laws.jointed_scenes import draw_jointed, FREE
 from laws.motion import Build, Look, look, Masses, masses, Ours, potential, Verdict, worst
-from laws.scenes import matrix, Scene, Spec
+from laws.scenes import Scene, Spec
+from laws.solids import Generator
 import numpy as np
 
 EVERY = 4  # steps between two looks
@@ -155,3 +157,33 @@ def judge_jointed_energy(scene: Scene, build: Build) -> Verdict:
             break
         run.step(EVERY)
     return worst(verdicts)
+
+
+def draw_meeting(rng: Generator) -> Scene:
+    """Draw articulations that meet in space."""
+    return draw_jointed(rng, (FREE,))
+
+
+def judge_jointed_momentum(scene: Scene, build: Build) -> Verdict:
+    """
+    Compare P and L of all bodies with those at the start: forces between them keep both.
+
+    To rounding: 400 steps with some 1e-15 of the momenta in each, at places of some metres.
+    """
+    of, run = masses(scene.spec), build(scene.spec)
+    now = look(of, run.motion())
+    before = _momenta(now)
+    scale = math.sqrt(2.0 * now.kinetic.sum() * of.m.sum())
+    verdicts = []
+    for _ in range(0, scene.steps, 20):
+        run.step(20)
+        now = look(of, run.motion())
+        far = max(1.0, float(np.abs(now.x).max()))
+        verdicts.append(Verdict(float(np.abs(_momenta(now) - before).max()) / far,
+                                1e-11 * scale, 'momentum, SI units'))
+    return worst(verdicts)
+
+
+def _momenta(now: Look) -> np.ndarray:
+    """Return the linear and the angular momentum about the origin, (2, 3)."""
+    return np.array([now.P.sum(axis=0), (now.L + np.cross(now.x, now.P)).sum(axis=0)])

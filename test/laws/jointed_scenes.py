@@ -215,7 +215,8 @@ class _Draw:
         """Draw what acts along the axes of a joint, from much too little to be seen to stiff."""
         rng = self.rng
         laws: Spec = {}
-        if rng.random() < 0.3:
+        # A planar joint has two translations and a rotation with one number: it cannot be scaled.
+        if rng.random() < 0.3 and kind != 'planar':
             laws['damping'] = between(rng, 1e-3, 1e2)
         if kind not in ONE_AXIS:
             return laws
