@@ -202,6 +202,8 @@ class _Draw:
                        'child': child, 'pose': {'position': R.inv().apply(at - p).tolist()}}
         if kind not in ('fixed', 'spherical', 'distance'):
             joint['axis'] = R.inv().apply(direction(rng) if axis is None else axis).tolist()
+        if kind == 'universal':
+            joint['axis2'] = np.linalg.svd(np.array([joint['axis']]))[2][1].tolist()
         if kind == 'distance':
             # From that place to one in the child.
             joint['child_pose'] = {'position': rng.uniform(-0.1, 0.1, 3).tolist()}

@@ -24,9 +24,9 @@ def mirror_joint(joint: Spec, image: np.ndarray) -> Spec:
     for key in ('pose', 'child_pose'):
         if key in joint:
             found[key]['position'] = (image * joint[key]['position']).tolist()
-    if 'axis' in joint:
+    for key in {'axis', 'axis2'} & set(joint):
         along = joint['type'] == 'prismatic'
-        found['axis'] = ((image if along else -image) * joint['axis']).tolist()
+        found[key] = ((image if along else -image) * joint[key]).tolist()
     return found
 
 
@@ -35,8 +35,8 @@ def move_world(joint: Spec, R: np.ndarray, d: np.ndarray) -> Spec:
     found = copy.deepcopy(joint)
     if joint['parent'] == 'world':
         found['pose']['position'] = (R @ joint['pose']['position'] + d).tolist()
-        if 'axis' in joint:
-            found['axis'] = (R @ joint['axis']).tolist()
+        for key in {'axis', 'axis2'} & set(joint):
+            found[key] = (R @ joint[key]).tolist()
     if joint['child'] == 'world' and 'child_pose' in joint:
         found['child_pose']['position'] = (R @ joint['child_pose']['position'] + d).tolist()
     return found
@@ -60,12 +60,11 @@ def scale_joint(joint: Spec, s: float, kinds: Mapping[str, str]) -> Spec:
 
     powers = _ALONG if joint['type'] == 'prismatic' else _ABOUT
     found = scaled({key: one for key, one in joint.items()
-                    if key not in ('pose', 'child_pose', 'axis')}, powers)
+                    if key not in ('pose', 'child_pose', 'axis', 'axis2')}, powers)
     for key in ('pose', 'child_pose'):
         if key in joint:
             found[key] = {'position': (s * np.asarray(joint[key]['position'])).tolist()}
-    if 'axis' in joint:
-        found['axis'] = joint['axis']
+    found |= {key: joint[key] for key in {'axis', 'axis2'} & set(joint)}
     if 'mimic' in joint:
         slides = [kind == 'prismatic' for kind in (joint['type'], kinds[joint['mimic']['joint']])]
         found['mimic']['multiplier'] *= s ** (slides[0] - slides[1])
@@ -131,8 +130,8 @@ def split(rng: Generator, scene: Scene) -> Twin:
         key = 'pose' if end == 'parent' else 'child_pose'
         if key in joint:
             joint[key] = {'position': (R.T @ (np.asarray(joint[key]['position']) - p)).tolist()}
-        if end == 'parent' and 'axis' in joint:
-            joint['axis'] = (R.T @ joint['axis']).tolist()
+        for axis in {'axis', 'axis2'} & set(joint) if end == 'parent' else ():
+            joint[axis] = (R.T @ joint[axis]).tolist()
     spec['joints'].append({'name': 'seam', 'type': 'fixed', 'parent': one['name'],
                            'child': 'half'})
     spec['collision'] = {'ignore': ignored}
