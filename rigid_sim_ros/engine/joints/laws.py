@@ -16,7 +16,7 @@ for a step. A spring acts with the mean of its forces at both ends of the step (
 rule; Newmark's with beta = 1/4, which is stable for any stiffness). Of a damper the part 1 - theta
 acts in the first half with the rate at the start, theta in the second half with the rate at the
 end: theta = 1/2 is the trapezoidal rule, and theta = 1 - 1/z for z = h d / (inertia that the axis
-feels) > 2 keeps a joint that is damped faster than a step from swinging to the other side.
+feels; of a joint with several, what these feel together) > 2 keeps a joint that is damped faster than a step from swinging to the other side.
 """
 
 import math
@@ -45,7 +45,7 @@ def begin_laws(table: JointTable, motion: JointMotion, work: JointWork, h: float
         if table.has_laws[k] == 0:
             continue
         q, v = motion.position[table.axis_joint[k]], motion.rate[k]
-        z = h * (laws.damping[k] + drives.damping[k]) / work.felt[k]
+        z = h * (laws.damping[k] + drives.damping[k]) * _yield(table, work, k)
         law.theta[k] = 0.5 if z <= 2.0 else 1.0 - 1.0 / z
         first = (1.0 - law.theta[k]) * h
         law.before[k], law.bound[k] = q, 0
@@ -60,6 +60,22 @@ def begin_laws(table: JointTable, motion: JointMotion, work: JointWork, h: float
         law.stick[k] = -law.bend[k]
         _bound_forces(table, motion, work, k, h)
         _begin_on(work, k, v, motion.held[k] == 1)
+
+
+@kernel
+def _yield(table: JointTable, work: JointWork, k: int) -> float:
+    """
+    Return 1 / (the inertia that axis k feels), summed over all such axes of its joint.
+
+    The sum is the same for whatever axes span the motions of a ball joint, and bounds what any
+    direction feels.
+    """
+    total, j = 0.0, table.axis_joint[k]
+    r = table.row_of_joint[j]
+    for n in range(table.first_axis[r], table.first_axis[r + 1]):
+        if table.translates[n] == table.translates[k]:
+            total += 1.0 / work.felt[n]
+    return total
 
 
 @kernel
