@@ -114,7 +114,7 @@ class _Draw:
     def _add_body(self, place: np.ndarray) -> str:
         rng, name = self.rng, f'body{len(self.bodies)}'
         # Without a floor they fly to where the middle one is.
-        v = rng.normal(size=3) if self.way.floor else -2.0 * (place - [0.0, 0.0, 1.9])
+        v = rng.normal(size=3) if self.way.floor else -4.0 * (place - [0.0, 0.0, 1.9])
         q = any_attitude(rng)
         solid = draw_solid(rng, rng.uniform(*SIZES), NAMES_OF_SHAPES)
         self.bodies.append(body(name, solid, between(rng, 0.1, 10.0), place, q, v,
@@ -122,7 +122,8 @@ class _Draw:
         self.poses[name] = place, Rotation.from_quat(q)
         return name
 
-    def _begin_part(self, place: np.ndarray, kind: str, axis: np.ndarray | None = None) -> list[str]:
+    def _begin_part(self, place: np.ndarray, kind: str,
+                    axis: np.ndarray | None = None) -> list[str]:
         """Add a body, which hangs on the anchor in half of the cases."""
         part = [self._add_body(place)]
         if self.way.anchor is not None and self.rng.random() < 0.5:
@@ -145,7 +146,7 @@ class _Draw:
             part.append(child)
 
     def _add_ring(self, place: np.ndarray) -> None:
-        """Add a linkage of three to five bodies with parallel axes: its joints repeat themselves."""
+        """Add a linkage of three to five bodies with parallel axes: its joints say things twice."""
         rng = self.rng
         n = direction(rng)
         across = np.linalg.svd(n[None])[2][1:]

@@ -11,7 +11,7 @@ solver's tolerance; a twin may differ from the scene by ten times what such neig
 from collections.abc import Callable
 import copy
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 from laws.jointed_twins import mirror_joint, move_world, scale_joint, Twin
 from laws.motion import Build, Verdict

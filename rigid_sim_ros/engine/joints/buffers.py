@@ -15,8 +15,8 @@ EFFORT, VELOCITY, POSITION = range(3)       # modes of a drive
 # [m] and [rad] Joints are closed to this. Rounding leaves some 1e-15 of each metre from the
 # origin; ten times more would show in energies after a minute, ten times less cost one more round.
 TOLERANCE = 1e-13
-# Of an axis: its rate follows; its rate is given; the same, but it yields a little, where only that
-# satisfies the conditions beside its tree.
+# Of an axis: its rate follows; its rate is given; the same, but it yields a little, where only
+# that satisfies the conditions beside its tree.
 UNLOCKED, LOCKED, STIFF = range(3)
 PAST = 4        # steps whose curvature is remembered
 

@@ -16,7 +16,8 @@ for a step. A spring acts with the mean of its forces at both ends of the step (
 rule; Newmark's with beta = 1/4, which is stable for any stiffness). Of a damper the part 1 - theta
 acts in the first half with the rate at the start, theta in the second half with the rate at the
 end: theta = 1/2 is the trapezoidal rule, and theta = 1 - 1/z for z = h d / (inertia that the axis
-feels; of a joint with several, what these feel together) > 2 keeps a joint that is damped faster than a step from swinging to the other side.
+feels; of a joint with several, what these feel together) > 2 keeps a joint that is damped faster
+than a step from swinging to the other side.
 """
 
 import math
