@@ -146,7 +146,7 @@ class _Draw:
             part.append(child)
 
     def _add_ring(self, place: np.ndarray) -> None:
-        """Add a linkage of three to five bodies with parallel axes: its joints say things twice."""
+        """Add a linkage of three to five bodies with parallel axes: joints say things twice."""
         rng = self.rng
         n = direction(rng)
         across = np.linalg.svd(n[None])[2][1:]

@@ -252,7 +252,7 @@ def test_passive_joints_pass_no_limit_and_give_no_energy(seed):
 
 
 def test_a_drive_that_brakes_at_its_speed_does_the_work_that_it_says():
-    """A slider on a rod that spins is thrown outwards; the drive lets it go so fast and no more."""
+    """A slider on a rod that spins is thrown outwards; the drive holds it back."""
     two = world([body('rod', 2.0, inertia=(0.3, 0.3, 0.3, 0, 0, 0),
                       twist={'linear': [0.0, 0.0, 0.0], 'angular': [0.0, 0.0, 6.0]}),
                  body('slider', 0.5, inertia=(0.01,) * 3 + (0,) * 3, position=(0.2, 0.0, 0.0))],
