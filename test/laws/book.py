@@ -5,7 +5,9 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-from laws import apart_laws, energy_laws, impact_laws, rest_laws, twin_laws
+from laws import (
+    apart_laws, energy_laws, impact_laws, jointed_laws, jointed_twins, rest_laws, twin_laws)
+from laws.jointed_scenes import draw_jointed
 from laws.motion import Build, Ours, Run, Verdict
 from laws.scenes import Scene, Spec, with_model
 from laws.solids import Generator
@@ -58,10 +60,28 @@ LAWS = {law.name: law for law in (
     Law('decided', 'every model agrees on what slides or falls',
         rest_laws.draw_decided, rest_laws.judge_decided))}
 
+# Those of scenes with joints, some of which cannot touch.
+_WITH_JOINTS = ('none', 'timestep', 'event')
+JOINTED = {law.name: law for law in (
+    Law('jointed-energy', 'energy never grows without work, and joints hold',
+        draw_jointed, jointed_laws.judge_jointed_energy, _WITH_JOINTS),
+    Law('jointed-momentum', 'forces between bodies keep P and L',
+        jointed_laws.draw_meeting, jointed_laws.judge_jointed_momentum, _WITH_JOINTS),
+    *(Law(f'jointed-{name}', says, draw_jointed, twin_laws.alike(twin), _WITH_JOINTS)
+      for name, says, twin in (
+          ('turned', 'a turned scene moves alike', twin_laws.turned),
+          ('shifted', 'a shifted scene moves alike', twin_laws.shifted),
+          ('mirrored', 'a mirrored scene moves alike', twin_laws.mirrored),
+          ('scaled', 'a scaled scene moves alike', twin_laws.scaled),
+          ('order', 'order of bodies and joints changes nothing', twin_laws.reordered),
+          ('carried', 'a scene that flies on moves alike', jointed_twins.carried),
+          ('split', 'halves that a fixed joint holds are one body', jointed_twins.split))))}
+EVERY_LAW = LAWS | JOINTED
+
 
 def scene(law: str, seed: int) -> Scene:
     """Return the scene of a law and a seed."""
-    return LAWS[law].draw(np.random.default_rng([*law.encode(), seed]))
+    return EVERY_LAW[law].draw(np.random.default_rng([*law.encode(), seed]))
 
 
 def builder(model: str, substeps: int = 4) -> Build:
@@ -76,6 +96,6 @@ def judge(law: str, seed: int, build: Build) -> Verdict:
     found = scene(law, seed)
     try:
         with np.errstate(all='ignore'):
-            return LAWS[law].judge(found, build)
+            return EVERY_LAW[law].judge(found, build)
     except ArithmeticError as error:
         return Verdict(np.inf, 0.0, str(error))

@@ -179,7 +179,8 @@ def world(bodies: list[Spec], h: float, surface: dict[str, float],
 
 
 MODELS = {'timestep': {'contact': 'timestep'}, 'event': {'contact': 'event'},
-          'qp': {'contact': 'timestep', 'solver': 'qp'}, 'penalty': {'contact': 'penalty'}}
+          'qp': {'contact': 'timestep', 'solver': 'qp'}, 'penalty': {'contact': 'penalty'},
+          'none': {'contact': 'none'}}
 
 
 def with_model(spec: Spec, model: str, substeps: int = 4) -> Spec:

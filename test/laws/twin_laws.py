@@ -11,8 +11,9 @@ solver's tolerance; a twin may differ from the scene by ten times what such neig
 from collections.abc import Callable
 import copy
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
+from laws.jointed_twins import mirror_joint, move_world, scale_joint, Twin
 from laws.motion import Build, Verdict
 from laws.scenes import (
     any_attitude, draw_scales, draw_surface, heap, matrix, plane, product, Scene, Spec, world)
@@ -25,13 +26,6 @@ import numpy as np
 NEAR = 1e-8
 # The sum of that over the impacts and steps of a scene, a hundred and more.
 SOLVED = 1e-6
-
-
-class Twin(NamedTuple):
-    """A scene that must move alike, and how to bring its motion back."""
-
-    spec: Spec
-    back: Callable[[np.ndarray], np.ndarray]  # motion (n, 13), in the order of the twin
 
 
 def _each(spec: Spec, change: Callable[[Spec], None]) -> Spec:
@@ -51,7 +45,9 @@ def shifted(rng: Generator, scene: Scene) -> Twin:
     def change(one: Spec) -> None:
         one['pose']['position'] = (np.add(one['pose']['position'], d)).tolist()
 
-    return Twin(_each(scene.spec, change), lambda m: m - np.append(d, np.zeros(10)))
+    spec = _each(scene.spec, change)
+    spec['joints'] = [move_world(joint, np.eye(3), d) for joint in spec.get('joints', ())]
+    return Twin(spec, lambda m: m - np.append(d, np.zeros(10)))
 
 
 def turned(rng: Generator, scene: Scene) -> Twin:
@@ -68,6 +64,7 @@ def turned(rng: Generator, scene: Scene) -> Twin:
 
     spec = _each(scene.spec, change)
     spec['world']['gravity'] = (R @ spec['world']['gravity']).tolist()
+    spec['joints'] = [move_world(joint, R, np.zeros(3)) for joint in spec.get('joints', ())]
     undo = q * (-1.0, -1.0, -1.0, 1.0)
 
     def back(m: np.ndarray) -> np.ndarray:
@@ -109,12 +106,7 @@ def mirrored(rng: Generator, scene: Scene) -> Twin:
 
     spec = _each(scene.spec, change)
     spec['world']['gravity'] = (_IMAGE * spec['world']['gravity']).tolist()
-    for joint in spec.get('joints', ()):
-        joint['pose']['position'] = (_IMAGE * joint['pose']['position']).tolist()
-        if 'axis' in joint:
-            # Positions about an axis stay what they are if it is mirrored as axial vectors are.
-            along = joint['type'] == 'prismatic'
-            joint['axis'] = ((_IMAGE if along else -_IMAGE) * joint['axis']).tolist()
+    spec['joints'] = [mirror_joint(joint, _IMAGE) for joint in spec.get('joints', ())]
     return Twin(spec, lambda m: m * _MOTION)
 
 
@@ -146,35 +138,22 @@ def scaled(rng: Generator, scene: Scene) -> Twin:
     s = float(rng.choice(factors)) if factors else 1.0
     powers = np.repeat([1.0, 0.0, 0.5, -0.5], [3, 4, 3, 3])
     spec = _scaled({key: part for key, part in scene.spec.items() if key != 'joints'}, s)
-    if 'joints' in scene.spec:
-        spec['joints'] = [_scaled_joint(joint, s) for joint in scene.spec['joints']]
+    kinds = {joint['name']: joint['type'] for joint in scene.spec.get('joints', ())}
+    spec['joints'] = [scale_joint(joint, s, kinds) for joint in scene.spec.get('joints', ())]
     return Twin(spec, lambda m: m / s ** powers)
 
 
-def _scaled_joint(joint: Spec, s: float) -> Spec:
-    """Scale a joint; what acts about an axis has a length more than what acts along one."""
-    along = joint['type'] == 'prismatic'
-    found = copy.deepcopy(joint)
-    found['pose']['position'] = (s * np.asarray(joint['pose']['position'])).tolist()
-    for key, power in (('damping', 2.5 if along else 4.5), ('friction', 3.0 if along else 4.0)):
-        if key in joint:
-            found[key] = joint[key] * s ** power
-    if along and 'limits' in joint:
-        found['limits'] = {key: s * value for key, value in joint['limits'].items()}
-    return found
-
-
 def reordered(rng: Generator, scene: Scene) -> Twin:
-    """Write the bodies in another order, under other names."""
+    """Write bodies and joints in another order, the bodies under other names."""
     spec = copy.deepcopy(scene.spec)
     order = rng.permutation(len(spec['bodies']))
     names = [f'n{rng.integers(1 << 40)}_{k}' for k in order]
     pairs = list(zip(order.tolist(), names, strict=True))
     spec['bodies'] = [spec['bodies'][k] | {'name': name} for k, name in pairs]
-    if 'joints' in spec:
-        new = {scene.spec['bodies'][k]['name']: name for k, name in pairs}
-        spec['joints'] = [joint | {end: new[joint[end]] for end in ('parent', 'child')}
-                          for joint in spec['joints']]
+    joints = spec.get('joints', [])
+    new = {scene.spec['bodies'][k]['name']: name for k, name in pairs} | {'world': 'world'}
+    spec['joints'] = [joints[k] | {end: new[joints[k][end]] for end in ('parent', 'child')}
+                      for k in rng.permutation(len(joints))]
     return Twin(spec, lambda m: m[np.argsort(order)])
 
 

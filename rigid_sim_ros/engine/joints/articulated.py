@@ -20,7 +20,7 @@ solves the equations of the multipliers: Baraff, Linear-Time Dynamics using Lagr
 between them.
 """
 
-from rigid_sim_ros.engine.joints.buffers import JointWork
+from rigid_sim_ros.engine.joints.buffers import JointWork, LOCKED, STIFF, UNLOCKED
 from rigid_sim_ros.engine.maths.spatial import (
     about_other_point, accumulate, add_six, body_inertia, force_about, load, minus, motion_at,
     product, set_six, Six, six, store, times_motion, times_rotation, times_translation, without)
@@ -29,6 +29,12 @@ from rigid_sim_ros.engine.model.joints import JointTable, NONE
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.kernel import inlined, kernel
+
+# As many times its inertia an axis feels that is STIFF: what it yields to the forces on it is a
+# millionth of what it would yield without its lock. Conditions that only it can satisfy have as
+# small a part of the answer of others, which is far above the cut-off of 1e-11 below which they
+# would count as such that nothing can satisfy.
+STIFFNESS = 1e6
 
 
 @inlined
@@ -60,12 +66,13 @@ def factor(model: Model, table: JointTable, work: JointWork, first: int, last: i
         A = load(work.A, i)
         for n in range(table.first_axis[i + 1] - table.first_axis[i]):
             k = table.first_axis[i + 1] - 1 - n
-            if work.locked[k] == 1:
+            if work.locked[k] == LOCKED:
                 work.inv_D[k] = 0.0
                 continue
             s = row(work.s, k)
             U = times_translation(A, s) if table.translates[k] == 1 else times_rotation(A, s)
-            inv_D = 1.0 / (axis_part(table, work, k, U) + work.extra[k])
+            D = axis_part(table, work, k, U)
+            inv_D = 1.0 / (D * STIFFNESS if work.locked[k] == STIFF else D + work.extra[k])
             set_six(work.U, k, U)
             work.inv_D[k] = inv_D
             A = without(A, U, inv_D)
@@ -90,7 +97,7 @@ def solve(table: JointTable, work: JointWork, first: int, last: int, whole: bool
             h = minus(h, 1.0, times_motion(load(work.A, i), six(work.c, i)))
         for n in range(table.first_axis[i + 1] - table.first_axis[i]):
             k = table.first_axis[i + 1] - 1 - n
-            if work.locked[k] == 1:
+            if work.locked[k] == LOCKED:
                 continue
             t = (work.tau[k] + axis_part(table, work, k, h)) * work.inv_D[k]
             work.rate[k] = t
@@ -106,11 +113,11 @@ def solve(table: JointTable, work: JointWork, first: int, last: int, whole: bool
         else:
             V = motion_at(six(work.V, parent), row(work.arm, i))
         for k in range(table.first_axis[i], table.first_axis[i + 1]):
-            rate = work.given[k]
-            if work.locked[k] == 0:
+            rate = 0.0
+            if work.locked[k] != LOCKED:
                 rate = work.rate[k] - work.inv_D[k] * product(six(work.U, k), V)
                 V = minus(V, -rate, along(table, work, k))
-            work.rate[k] = rate
+            work.rate[k] = rate + (0.0 if work.locked[k] == UNLOCKED else work.given[k])
         if asked:
             V = minus(V, -1.0, six(work.c, i))
         set_six(work.V, i, V)
@@ -121,7 +128,7 @@ def lock(table: JointTable, work: JointWork, first: int, last: int) -> None:
     """Add the given rates of locked axes to the relative motions c."""
     for i in range(first, last):
         for k in range(table.first_axis[i], table.first_axis[i + 1]):
-            if work.locked[k] == 1:
+            if work.locked[k] != UNLOCKED:
                 set_six(work.c, i, minus(six(work.c, i), -work.given[k], along(table, work, k)))
 
 

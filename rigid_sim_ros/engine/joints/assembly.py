@@ -5,7 +5,8 @@
 import math
 
 from rigid_sim_ros.engine.joints.articulated import gather_momenta, lock, solve, write_momenta
-from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork, TOLERANCE
+from rigid_sim_ros.engine.joints.buffers import (
+    JointMotion, JointWork, LOCKED, TOLERANCE, UNLOCKED)
 from rigid_sim_ros.engine.joints.loops import close
 from rigid_sim_ros.engine.joints.posture import (
     move_forest, pose_forest, read_positions, read_rates)
@@ -44,7 +45,7 @@ def assemble(model: Model, table: JointTable, state: State, motion: JointMotion,
     gap = math.inf
     for _ in range(_ROUNDS):
         _prepare(model, table, state, work, position, given)
-        gap = measure(table, state, motion, work)
+        gap = measure(table, state, motion, work, False)
         if gap <= TOLERANCE or not gap < math.inf:
             break
         # A change in a time of 1 s is the way itself.
@@ -83,7 +84,8 @@ def _prepare(model: Model, table: JointTable, state: State, work: JointWork,
     """Write the factors with the given axes locked where they are."""
     prepare(model, table, state, work)
     for k in range(given.shape[0]):
-        work.locked[k], work.given[k], work.law.astray[k] = given[k], 0.0, 0.0
+        work.locked[k] = LOCKED if given[k] == 1 else UNLOCKED
+        work.given[k], work.law.astray[k] = 0.0, 0.0
         if given[k] == 1:
             j = table.axis_joint[k]
             work.law.target[k] = position[j]
@@ -113,11 +115,11 @@ def project(model: Model, table: JointTable, state: State, motion: JointMotion, 
             wanted: Array) -> None:
     """Take from the momenta what would tear joints apart; wanted rates are kept."""
     for k in range(wanted.shape[0]):
-        work.locked[k] = 1 if wanted[k] == wanted[k] else 0
+        work.locked[k] = LOCKED if wanted[k] == wanted[k] else UNLOCKED
         work.extra[k] = table.laws.armature[k]
     factor_all(model, table, work)
     for k in range(wanted.shape[0]):
-        work.given[k] = wanted[k] if work.locked[k] == 1 else 0.0
+        work.given[k] = wanted[k] if work.locked[k] == LOCKED else 0.0
         work.tau[k] = table.laws.armature[k] * motion.rate[k]
     gather_momenta(table, state, work)
     for i in range(table.body.shape[0]):
@@ -130,6 +132,6 @@ def project(model: Model, table: JointTable, state: State, motion: JointMotion, 
     write_momenta(model, table, state, work)
     for k in range(wanted.shape[0]):
         motion.rate[k] = work.rate[k]
-        work.locked[k], work.tau[k], work.given[k] = 0, 0.0, 0.0
+        work.locked[k], work.tau[k], work.given[k] = UNLOCKED, 0.0, 0.0
         work.extra[k] = table.laws.armature[k]
     motion.known[0] = 0

@@ -15,6 +15,9 @@ EFFORT, VELOCITY, POSITION = range(3)       # modes of a drive
 # [m] and [rad] Joints are closed to this. Rounding leaves some 1e-15 of each metre from the
 # origin; ten times more would show in energies after a minute, ten times less cost one more round.
 TOLERANCE = 1e-13
+# Of an axis: its rate follows; its rate is given; the same, but it yields a little, where only
+# that satisfies the conditions beside its tree.
+UNLOCKED, LOCKED, STIFF = range(3)
 PAST = 4        # steps whose curvature is remembered
 
 
@@ -62,7 +65,7 @@ class LoopWork(NamedTuple):
     # (c, most axes of an articulation) what an impulse hands down along axes that are locked
     handed: Array
     S: Array            # (c, most conditions of an articulation) C M~^-1 C^T, then its factor
-    free: Array         # (c,) the diagonal of S if the bodies were free
+    free: Array         # (c,) the diagonal of S if the bodies were free, or their axes
     scale: Array        # (c,) of the factor
     order: IntArray     # (c,)
     rank: IntArray      # (g,)
@@ -97,7 +100,7 @@ class LawWork(NamedTuple):
     end: Array      # to here
     theta: Array    # the part of damping that acts in the second half of a step
     before: Array   # position at the start of the step
-    target: Array   # position that a locked axis is to have at the end of the step
+    target: Array   # position that a locked axis is to have at the end of the step; inf: none
     bound: IntArray     # (k,) -1 or 1: at its lower or upper limit at the end of the step
     approach: Array     # rate with which it would have passed it
     back: Array         # rate with which it comes back from there
@@ -107,6 +110,7 @@ class LawWork(NamedTuple):
     effort: Array       # and in the whole step
     tau: Array          # what `JointWork.tau` and `given` hold for the pieces
     given: Array
+    lock: IntArray      # how the axis is locked: STIFF in an articulation with conditions
     held: IntArray      # what `JointMotion` had of these at the start of the step
     held_at: Array
 
@@ -121,10 +125,10 @@ class JointWork(NamedTuple):
     A: Array        # (r, SIZE) articulated inertia
     s: Array        # (k, 3) the axes
     U: Array        # (k, 6) A s
-    inv_D: Array    # (k,) 1 / (s . U + extra); 0 for an axis that is locked
+    inv_D: Array    # (k,) 1 / (s . U + extra); 0 for an axis that is LOCKED
     extra: Array    # (k,) what armature and implicit forces add
     tau: Array      # (k,) impulse along the axis
-    locked: IntArray    # (k,) 1: the rate is given
+    locked: IntArray    # (k,) UNLOCKED, LOCKED or STIFF
     given: Array    # (k,) that rate
     rate: Array     # (k,) rate that a solution gives
     F: Array        # (r, 6) impulses on the bodies, then what the subtrees hand down
@@ -152,7 +156,7 @@ def make_joint_work(table: JointTable) -> JointWork:
         z((r, 3)), z((r, 3)), z((r, 3)), z((r, 6)), z((r, SIZE)), z((k, 3)), z((k, 6)), z(k),
         z(k), z(k), z(k, dtype=np.int64), z(k), z(k), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)),
         z((r, 6)), z((r, 6)), z((r, 3)), z((r, 4)), z((r, SIZE)), z(k), z((r, 6)), z(BLOCK_SIZE),
-        z(1, dtype=np.int64), _loop_work(table), _law_work(k))
+        z(1, dtype=np.int64), _loop_work(table), _law_work(table))
 
 
 def _loop_work(table: JointTable) -> LoopWork:
@@ -166,11 +170,15 @@ def _loop_work(table: JointTable) -> LoopWork:
         z(c), z(c), z(c, dtype=np.int64), z(len(rows), dtype=np.int64), *(z(c) for _ in range(6)))
 
 
-def _law_work(k: int) -> LawWork:
-    whole = ('brakes', 'bound', 'held')
+def _law_work(table: JointTable) -> LawWork:
+    k, whole = len(table.translates), ('brakes', 'bound', 'held', 'lock')
     arrays: list[Any] = [np.zeros(k, dtype=np.int64 if name in whole else np.float64)
                          for name in LawWork._fields]
-    return LawWork._make(arrays)
+    work = LawWork._make(arrays)
+    conditions = np.repeat(np.diff(table.first_condition),
+                           np.diff(table.first_axis[table.first_row]))
+    work.lock[:] = np.where(conditions > 0, STIFF, LOCKED)
+    return work
 
 
 def no_drives(table: JointTable) -> Drives:

@@ -16,15 +16,18 @@ for a step. A spring acts with the mean of its forces at both ends of the step (
 rule; Newmark's with beta = 1/4, which is stable for any stiffness). Of a damper the part 1 - theta
 acts in the first half with the rate at the start, theta in the second half with the rate at the
 end: theta = 1/2 is the trapezoidal rule, and theta = 1 - 1/z for z = h d / (inertia that the axis
-feels) > 2 keeps a joint that is damped faster than a step from swinging to the other side.
+feels; of a joint with several, what these feel together) > 2 keeps a joint that is damped faster
+than a step from swinging to the other side.
 """
 
 import math
 
 from rigid_sim_ros.engine.joints.articulated import axis_part
-from rigid_sim_ros.engine.joints.buffers import EFFORT, JointMotion, JointWork, TOLERANCE
+from rigid_sim_ros.engine.joints.buffers import (
+    EFFORT, JointMotion, JointWork, TOLERANCE, UNLOCKED)
 from rigid_sim_ros.engine.joints.effective_inertia import effective_inertias
 from rigid_sim_ros.engine.maths.spatial import load, minus, Six, six, times_motion
+from rigid_sim_ros.engine.maths.vector import norm, row
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.kernels.kernel import inlined, kernel
 
@@ -43,7 +46,7 @@ def begin_laws(table: JointTable, motion: JointMotion, work: JointWork, h: float
         if table.has_laws[k] == 0:
             continue
         q, v = motion.position[table.axis_joint[k]], motion.rate[k]
-        z = h * (laws.damping[k] + drives.damping[k]) / work.felt[k]
+        z = h * (laws.damping[k] + drives.damping[k]) * _yield(table, work, k)
         law.theta[k] = 0.5 if z <= 2.0 else 1.0 - 1.0 / z
         first = (1.0 - law.theta[k]) * h
         law.before[k], law.bound[k] = q, 0
@@ -58,6 +61,22 @@ def begin_laws(table: JointTable, motion: JointMotion, work: JointWork, h: float
         law.stick[k] = -law.bend[k]
         _bound_forces(table, motion, work, k, h)
         _begin_on(work, k, v, motion.held[k] == 1)
+
+
+@kernel
+def _yield(table: JointTable, work: JointWork, k: int) -> float:
+    """
+    Return 1 / (the inertia that axis k feels), summed over all such axes of its joint.
+
+    The sum is the same for whatever axes span the motions of a ball joint, and bounds what any
+    direction feels.
+    """
+    total, j = 0.0, table.axis_joint[k]
+    r = table.row_of_joint[j]
+    for n in range(table.first_axis[r], table.first_axis[r + 1]):
+        if table.translates[n] == table.translates[k]:
+            total += 1.0 / work.felt[n]
+    return total
 
 
 @kernel
@@ -169,7 +188,7 @@ def _go_to(work: JointWork, k: int, v: float, side: int) -> None:
         elif kink < v or (kink == v and side > 0):
             low = max(low, kink)
     law.begin[k], law.end[k] = low, high
-    work.locked[k] = 0
+    work.locked[k] = UNLOCKED
     # A rate in the middle of the piece says whether the drive gives all it can.
     middle = 0.5 * (low + high)
     if low == -math.inf:
@@ -186,7 +205,7 @@ def _go_to(work: JointWork, k: int, v: float, side: int) -> None:
 @kernel
 def _stop_at(work: JointWork, k: int, v: float) -> None:
     """Lock axis k at the rate v, where its law is vertical."""
-    work.locked[k], work.given[k] = 1, v
+    work.locked[k], work.given[k], work.tau[k] = work.law.lock[k], v, 0.0
     work.law.begin[k], work.law.end[k] = v, v
 
 
@@ -209,14 +228,15 @@ def _begin_on(work: JointWork, k: int, v: float, held: bool) -> None:
 
 
 @kernel
-def next_piece(work: JointWork, k: int, reaction: float) -> bool:
+def next_piece(work: JointWork, k: int, reaction: float, speed: float) -> bool:
     """
     Put axis k on another piece if the solution has left its own; return whether it has.
 
-    reaction is the impulse along a locked axis that the solution needs.
+    reaction is the impulse along a locked axis that the solution needs; speed is that of what the
+    axis moves, whose rounding is all that is left of the rate where a loop forbids any.
     """
     law, v = work.law, work.rate[k]
-    if work.locked[k] == 1:
+    if work.locked[k] != UNLOCKED:
         v = work.given[k]
         slack = _SLACK * abs(reaction)
         if reaction > _impulse(work, k, v, -1) + slack:
@@ -226,7 +246,7 @@ def next_piece(work: JointWork, k: int, reaction: float) -> bool:
             _go_to(work, k, v, 1)
             return True
         return False
-    slack = _SLACK * abs(v)
+    slack = _SLACK * (abs(v) + speed)
     if v < law.begin[k] - slack:
         _cross(work, k, law.begin[k], -1)
         return True
@@ -246,6 +266,16 @@ def _cross(work: JointWork, k: int, kink: float, side: int) -> None:
         _stop_at(work, k, kink)
     else:
         _go_to(work, k, kink, side)
+
+
+@kernel
+def speed_along(table: JointTable, work: JointWork, i: int, k: int) -> float:
+    """Return how fast row i moves [rad/s or m/s], in the manner of its axis k."""
+    V = six(work.V, i)
+    turning = abs(V[3]) + abs(V[4]) + abs(V[5])
+    if table.translates[k] == 0:
+        return turning
+    return abs(V[0]) + abs(V[1]) + abs(V[2]) + turning * norm(row(work.arm, i))
 
 
 @kernel
@@ -276,9 +306,9 @@ def note_efforts(table: JointTable, motion: JointMotion, work: JointWork, h: flo
         for k in range(table.first_axis[i], table.first_axis[i + 1]):
             if table.has_laws[k] == 0:
                 continue
-            v = work.rate[k]
+            v = work.given[k] if work.locked[k] != UNLOCKED else work.rate[k]
             drive = drive_impulse(work, k, v, 0)
-            if work.locked[k] == 1 and v != law.stick[k] and abs(v) == law.fast[k]:
+            if work.locked[k] != UNLOCKED and v != law.stick[k] and abs(v) == law.fast[k]:
                 friction = law.F[k] if v < law.stick[k] else -law.F[k]
                 drive = reaction_of(table, work, i, k) - law.a[k] + law.b[k] * v - friction
             way = h * v if first else motion.position[table.axis_joint[k]] - law.before[k]

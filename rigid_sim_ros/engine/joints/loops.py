@@ -13,8 +13,8 @@ already, such as those out of the plane of a planar linkage, are found by their 
 out. (Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 8.)
 """
 
-from rigid_sim_ros.engine.joints.articulated import axis_part, solve
-from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
+from rigid_sim_ros.engine.joints.articulated import axis_part, solve, STIFFNESS
+from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork, STIFF
 from rigid_sim_ros.engine.joints.kinematics import (
     axis_x, axis_z, joint_distance, joint_error, joint_position, joint_side)
 from rigid_sim_ros.engine.maths.cholesky import CUT_OFF, factor_semidefinite, solve_semidefinite
@@ -168,6 +168,10 @@ def factor_conditions(table: JointTable, work: JointWork) -> None:
         begin, end = table.first_row[g], table.first_row[g + 1]
         start, stop = table.first_axis[begin], table.first_axis[end]
         for m in range(first, last):
+            if table.condition_place[m] == MIMIC:
+                own, other = table.coupled_axis[m, 0], table.coupled_axis[m, 1]
+                work.loop.free[m] = (_answer_of(work, own)
+                                     + table.coupling[m, 0] ** 2 * _answer_of(work, other))
             ask_nothing(table, work, begin, end)
             _push(table, work, m, 1.0)
             solve(table, work, begin, end, False, False)
@@ -185,8 +189,14 @@ def factor_conditions(table: JointTable, work: JointWork) -> None:
                 work.loop.S[m, m - first] = 0.0     # the tree itself forbids this motion
         ask_nothing(table, work, begin, end)
         work.loop.rank[g] = factor_semidefinite(
-            work.loop.S[first:last], last - first, work.loop.scale[first:last],
-            work.loop.order[first:last])
+            work.loop.S[first:last], last - first, work.loop.free[first:last],
+            work.loop.scale[first:last], work.loop.order[first:last])
+
+
+@inlined
+def _answer_of(work: JointWork, k: int) -> float:
+    """Return by how much the rate of axis k would change with an impulse of 1, without a lock."""
+    return work.inv_D[k] * (STIFFNESS if work.locked[k] == STIFF else 1.0)
 
 
 @kernel

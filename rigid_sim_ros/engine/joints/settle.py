@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The motions of all articulations with what acts in their joints: one linear problem or more."""
 
+import math
+
 from rigid_sim_ros.engine.joints.articulated import factor, gather_momenta, lock, solve
-from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
+from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork, TOLERANCE, UNLOCKED
 from rigid_sim_ros.engine.joints.kinematics import place_joints
 from rigid_sim_ros.engine.joints.laws import (
-    begin_laws, end_laws, impact_laws, next_piece, note_efforts, reaction_of)
+    begin_laws, end_laws, impact_laws, next_piece, note_efforts, reaction_of, speed_along)
 from rigid_sim_ros.engine.joints.loops import close, factor_conditions, place_conditions
 from rigid_sim_ros.engine.maths.spatial import minus, set_six, six
 from rigid_sim_ros.engine.model.joints import JointTable
@@ -51,7 +53,7 @@ def place(model: Model, table: JointTable, state: State, work: JointWork) -> Non
 def _free_axes(table: JointTable, work: JointWork) -> None:
     if table.lawful > 0:
         for k in range(work.locked.shape[0]):
-            work.locked[k], work.extra[k] = 0, table.laws.armature[k]
+            work.locked[k], work.extra[k] = UNLOCKED, table.laws.armature[k]
 
 
 @kernel
@@ -151,8 +153,12 @@ def _leave_pieces(table: JointTable, work: JointWork, one: bool) -> bool:
     for i in range(table.body.shape[0]):
         for k in range(table.first_axis[i], table.first_axis[i + 1]):
             if table.has_laws[k] == 1:
-                reaction = reaction_of(table, work, i, k) if work.locked[k] == 1 else 0.0
-                left = next_piece(work, k, reaction) or left
+                reaction, speed = 0.0, 0.0
+                if work.locked[k] == UNLOCKED:
+                    speed = speed_along(table, work, i, k)
+                else:
+                    reaction = reaction_of(table, work, i, k)
+                left = next_piece(work, k, reaction, speed) or left
                 if left and one:
                     return True
     return left
@@ -177,7 +183,7 @@ def _aim(table: JointTable, motion: JointMotion, work: JointWork, h: float) -> N
             continue
         was_held = motion.held[k] == 1
         motion.held[k] = 0
-        if work.locked[k] == 0:
+        if work.locked[k] == UNLOCKED:
             continue
         v = work.given[k]
         if v == law.low[k]:
@@ -189,6 +195,10 @@ def _aim(table: JointTable, motion: JointMotion, work: JointWork, h: float) -> N
                 motion.held_at[k] = law.before[k]
             motion.held[k], law.target[k] = 1, motion.held_at[k]
         else:
-            law.target[k] = law.before[k] + h * v
+            # Its speed is bounded, not its way, which a turning parent bends: to force the way
+            # would be more than the drive gives.
+            law.target[k] = math.inf
         if law.bound[k] != 0:
             law.back[k] = _rebound(table, motion, work, k)
+            if abs(law.target[k] - law.before[k]) <= 10.0 * TOLERANCE:
+                law.approach[k] = 0.0   # it was there: it meets nothing on this way

@@ -15,7 +15,8 @@ import math
 from rigid_sim_ros.engine.dynamics.free_flight import drift_from
 from rigid_sim_ros.engine.joints.articulated import (
     add_momenta, along, axis_part, solve, write_momenta)
-from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork, PAST, TOLERANCE
+from rigid_sim_ros.engine.joints.buffers import (
+    JointMotion, JointWork, LOCKED, PAST, STIFF, TOLERANCE, UNLOCKED)
 from rigid_sim_ros.engine.joints.kinematics import joint_error, joint_position
 from rigid_sim_ros.engine.joints.loops import close, measure_conditions
 from rigid_sim_ros.engine.joints.settle import solve_motions
@@ -34,6 +35,8 @@ _LEFT, _UNSEEN = 4.0, 2e-13
 _SHORTEST = 1e-3    # [m] a lever counts as this much longer, so that none is 0
 # [rad/s or m/s] and as a part: less than this beyond its piece a rate is on it.
 _PIECE_SLACK = 1e-9
+# [m or rad] No axis that is STIFF yields by more: errors of the steps before, over short levers.
+YIELDING = 1e-9
 # Rounds until a step is taken in halves. Each leaves h |w| of the error: usually one is enough.
 MOST_ROUNDS = 8
 _ZERO = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -65,8 +68,13 @@ def shift_poses(table: JointTable, state: State, work: JointWork, h: float) -> N
 
 
 @kernel
-def measure(table: JointTable, state: State, motion: JointMotion, work: JointWork) -> float:
-    """Write how the joints are off; return the largest number among these."""
+def measure(table: JointTable, state: State, motion: JointMotion, work: JointWork,
+            yields: bool) -> float:
+    """
+    Write how the joints are off; return the largest number among these.
+
+    yields: but for axes that are STIFF, off from where they are locked by YIELDING at most.
+    """
     worst = measure_conditions(table, state, motion, work)
     for i in range(table.body.shape[0]):
         j = table.joint[i]
@@ -76,10 +84,14 @@ def measure(table: JointTable, state: State, motion: JointMotion, work: JointWor
         # The motions that the joint allows do not count, unless it is locked at a position.
         for k in range(table.first_axis[i], table.first_axis[i + 1]):
             e = _without_axis(table, work, k, e)
-            if work.locked[k] == 1:
-                target = work.law.target[k]
-                work.law.astray[k] = joint_position(table, state, j, target) - target
-                worst = max(worst, abs(work.law.astray[k]))
+            if work.locked[k] != UNLOCKED:
+                target, astray = work.law.target[k], 0.0
+                if target < math.inf:
+                    astray = joint_position(table, state, j, target) - target
+                work.law.astray[k] = astray
+                if yields and work.locked[k] == STIFF and abs(astray) <= YIELDING:
+                    continue
+                worst = max(worst, abs(astray))
         for n in range(6):
             work.error[i, n] = table.sense[i] * e[n]
             # A comparison with what is not a number is false: it has to be caught as well.
@@ -183,23 +195,49 @@ def shake(model: Model, table: JointTable, state: State, motion: JointMotion, wo
         work.loop.curved[m] = work.loop.wanted[m] / h
     write_momenta(model, table, state, work)
     keep_poses(table, state, work)
-    turning = largest_turn(table, work, h)
-    before, left = math.inf, _LEFT * turning
+    return _close_poses(model, table, state, motion, work, h)
+
+
+@kernel
+def _close_poses(model: Model, table: JointTable, state: State, motion: JointMotion,
+                 work: JointWork, h: float) -> bool:
+    """
+    Move the bodies by h [s], and correct their momenta until they end where the joints hold.
+
+    An axis may be locked, by dry friction or at its limit, at a position that its loops or its
+    coupling give as well, to the tolerance of the steps before. Then both cannot be had to this
+    tolerance, and the axis yields.
+    """
+    stiff = any_stiff(table, work)
+    yields, before, left = False, math.inf, _LEFT * largest_turn(table, work, h)
     for _ in range(MOST_ROUNDS):
         drift_from(model, state, table.body, work.x, work.q, h, work.block)
-        worst = measure(table, state, motion, work)
+        worst = measure(table, state, motion, work, yields)
+        # Also for what is not a number.
+        if stiff and not yields and not worst <= 0.5 * before:
+            yields, before = True, math.inf
+            worst = measure(table, state, motion, work, True)
         if worst <= TOLERANCE:
             return True
-        # Also for what is not a number.
         if not worst <= 0.5 * before:
             return False
-        left = max(left, worst / before)
+        if before < math.inf:
+            left = max(left, worst / before)
         before = worst
         correct(model, table, state, work, h)
         for k in range(work.rate.shape[0]):
             work.law.half_rate[k] += work.rate[k]
-        if worst * (left + worst) <= _UNSEEN:
+        if not stiff and worst * (left + worst) <= _UNSEEN:
             shift_poses(table, state, work, h)
+            return True
+    return False
+
+
+@kernel
+def any_stiff(table: JointTable, work: JointWork) -> bool:
+    """Return whether any axis is STIFF."""
+    for k in range(table.has_laws.shape[0]):
+        if work.locked[k] == STIFF:
             return True
     return False
 
@@ -219,21 +257,28 @@ def correct(model: Model, table: JointTable, state: State, work: JointWork, h: f
 def ask_back(table: JointTable, work: JointWork, h: float) -> None:
     """Ask for the relative motions that take the errors back in h [s]."""
     rate = 1.0 / h
+    for k in range(work.tau.shape[0]):
+        work.tau[k], work.given[k] = 0.0, 0.0
     for i in range(table.body.shape[0]):
         set_six(work.F, i, _ZERO)
         c = minus(_ZERO, rate, six(work.error, i))
         set_six(work.curved, i, minus(six(work.curved, i), -rate, c))
         for k in range(table.first_axis[i], table.first_axis[i + 1]):
-            if work.locked[k] == 1:
-                c = minus(c, work.law.astray[k] / h, along(table, work, k))
+            if work.locked[k] == UNLOCKED or work.law.target[k] == math.inf:
+                continue
+            c = minus(c, work.law.astray[k] / h, along(table, work, k))
+            if work.locked[k] == LOCKED:
                 work.law.bend[k] += work.law.astray[k] / h
+            else:
+                # It has yielded, at a rate that the conditions have seen: so they see this one.
+                work.given[k] = -work.law.astray[k] / h
+                way = work.law.target[k] + work.law.astray[k] - work.law.before[k]
+                work.law.bend[k] = way / h - work.law.half_rate[k]
         set_six(work.c, i, c)
-    for k in range(work.tau.shape[0]):
-        work.tau[k], work.given[k] = 0.0, 0.0
     for m in range(work.loop.wanted.shape[0]):
         work.loop.wanted[m] = -work.loop.off[m] / h
         if table.condition_place[m] == MIMIC:
-            # How a locked axis goes back is no rate along it, which the condition would see.
+            # How such an axis goes back is no rate along it, which the condition would see.
             own, other = table.coupled_axis[m, 0], table.coupled_axis[m, 1]
             work.loop.wanted[m] += (_way_back(work, own)
                                     - table.coupling[m, 0] * _way_back(work, other)) / h
@@ -241,8 +286,8 @@ def ask_back(table: JointTable, work: JointWork, h: float) -> None:
 
 @inlined
 def _way_back(work: JointWork, k: int) -> float:
-    """Return how far a locked axis is from where it is to be."""
-    return work.law.astray[k] if work.locked[k] == 1 else 0.0
+    """Return how far an axis that is LOCKED is from where it is to be."""
+    return work.law.astray[k] if work.locked[k] == LOCKED else 0.0
 
 
 @kernel
@@ -271,7 +316,7 @@ def leaves_pieces(table: JointTable, state: State, work: JointWork, h: float,
     """
     law, found = work.law, False
     for k in range(table.has_laws.shape[0]):
-        if table.has_laws[k] == 0 or work.locked[k] == 1:
+        if table.has_laws[k] == 0 or work.locked[k] != UNLOCKED:
             continue
         q = joint_position(table, state, table.axis_joint[k], law.before[k])
         if not table.laws.lower[k] - TOLERANCE <= q <= table.laws.upper[k] + TOLERANCE:

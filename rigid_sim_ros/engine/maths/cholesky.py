@@ -10,17 +10,22 @@ from rigid_sim_ros.kernels.kernel import kernel
 # Of the largest diagonal entry, which is 1 after scaling: what is left of a row that depends on
 # others is rounding, some 1e-15. Rows that are nearer to dependent than this count as such.
 CUT_OFF = 1e-11
+# Of the terms of a diagonal entry: some 1e-15 of them is rounding, and what an axis that is STIFF
+# (engine/joints/articulated.py) answers is 1e-9 of them and more.
+ROUNDING = 1e-12
 
 
 @kernel
-def factor_semidefinite(S: Array, size: int, scale: Array, order: IntArray) -> int:
+def factor_semidefinite(S: Array, size: int, terms: Array, scale: Array, order: IntArray) -> int:
     """
     Replace the leading block of S, (size, size), by its factor; return its rank.
 
-    The rows are scaled to a diagonal of 1 and taken in the order of the largest pivots: S = D P L
-    L^T P^T D with L in the lower triangle. scale (n,) and order (n,) are D and P. Rows beyond the
-    rank depend on the others (Higham, Analysis of the Cholesky decomposition of a semi-definite
-    matrix, in Reliable Numerical Computation, 1990).
+    The rows are scaled to a diagonal of 1, S = D P L L^T P^T D with L in the lower triangle.
+    scale (n,) and order (n,) are D and P. Rows beyond the rank depend on the others (Higham,
+    Analysis of the Cholesky decomposition of a semi-definite matrix, in Reliable Numerical
+    Computation, 1990). Of rows that depend on each other the one with the largest pivot before
+    the scaling comes first: what the others show of its error is no larger than it is. terms (n,)
+    is how large what the diagonal is a sum of may be, which says what of it is rounding.
     """
     for i in range(size):
         order[i] = i
@@ -30,11 +35,12 @@ def factor_semidefinite(S: Array, size: int, scale: Array, order: IntArray) -> i
             product = scale[i] * scale[j]
             S[i, j] = S[i, j] / product if product > 0.0 else 0.0
     for k in range(size):
-        p = k
-        for i in range(k + 1, size):
-            if S[i, i] > S[p, p]:
-                p = i
-        if not S[p, p] > CUT_OFF:
+        p, largest = -1, 0.0
+        for i in range(k, size):
+            pivot = S[i, i] * scale[order[i]] ** 2
+            if S[i, i] > CUT_OFF and pivot > max(largest, ROUNDING * terms[order[i]]):
+                p, largest = i, pivot
+        if p < 0:
             return k
         _swap(S, size, order, k, p)
         pivot = math.sqrt(S[k, k])

@@ -8,6 +8,7 @@ from engine.jointed import body, energy, joint, panda, PANDA_START, rod, world
 from engine.jointed_trees import gaps, random_tree
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from rigid_sim_ros import World
 
@@ -248,3 +249,43 @@ def test_passive_joints_pass_no_limit_and_give_no_energy(seed):
         assert energy(tree) < before + 1e-6 * abs(before)
         before = energy(tree)
     assert tree.contact_report().message == ''
+
+
+def test_a_drive_that_brakes_at_its_speed_does_the_work_that_it_says():
+    """A slider on a rod that spins is thrown outwards; the drive holds it back."""
+    two = world([body('rod', 2.0, inertia=(0.3, 0.3, 0.3, 0, 0, 0),
+                      twist={'linear': [0.0, 0.0, 0.0], 'angular': [0.0, 0.0, 6.0]}),
+                 body('slider', 0.5, inertia=(0.01,) * 3 + (0,) * 3, position=(0.2, 0.0, 0.0))],
+                [joint('rail', 'rod', 'slider', 'prismatic', (0.2, 0.0, 0.0), (0.6, 0.8, 0.0),
+                       limits={'velocity': 0.5},
+                       drive={'mode': 'position', 'stiffness': 0.01})],
+                gravity=NO_GRAVITY)
+    two.step(200)       # until it goes so fast
+    before, work = energy(two), 0.0
+    for _ in range(400):
+        at = two.joint_position[0]
+        two.step()
+        work += two.joint_effort[0] * (two.joint_position[0] - at)
+    assert work < -0.01
+    # Of second order in the turn h w = 0.006 of a step, and some of these along the way.
+    assert energy(two) - before == pytest.approx(work, rel=5 * 0.006 ** 2)
+
+
+def test_a_ball_joint_is_damped_alike_however_the_world_is_turned():
+    turn = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
+    q = Rotation.from_matrix(turn)
+    found = []
+    for R in (Rotation.identity(), q):
+        spins = {'linear': R.apply([0.0, 0.0, 0.0]).tolist(),
+                 'angular': R.apply([3.0, -1.0, 4.0]).tolist()}
+        two = world([body('a', 2.0, inertia=(0.01, 0.02, 0.025, 0, 0, 0),
+                          orientation=R.as_quat().tolist()),
+                     body('b', 0.1, inertia=(1e-4, 2e-4, 2.5e-4, 0, 0, 0), twist=spins,
+                          position=R.apply([0.2, 0.1, 0.0]).tolist(),
+                          orientation=R.as_quat().tolist())],
+                    [joint('ball', 'a', 'b', 'spherical', (0.1, 0.1, 0.0), damping=2.0)],
+                    gravity=NO_GRAVITY)
+        two.step(20)
+        found.append(R.inv().apply(two.angular_velocity))
+    # Rounding, in directions that a step of h d / I = 10 divides by.
+    np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-11)

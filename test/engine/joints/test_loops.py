@@ -151,3 +151,59 @@ def test_a_joint_that_sticks_holds_another_that_mimics_it(friction, multiplier):
         one, other = three.joint_position
         assert abs(other - multiplier * one) < 1e-12
     assert three.contact_report().message == ''
+
+
+SPINS = {'linear': [1.0, -0.5, 0.3], 'angular': [2.0, 3.0, -4.0]}
+LIMITS = {'lower': 0.0, 'upper': 0.5, 'restitution': 0.5}
+
+
+def ring(count, *joints):
+    """Return bodies in a ring on hinges along n, with more at each joint; it flies and tumbles."""
+    n = np.array([0.3, -0.8, 0.5])
+    bodies, hinges = [], []
+    for i in range(count):
+        a = 2.0 * np.pi * i / count
+        # At right angles to n.
+        place = 0.3 * np.cos(a) * np.cross(n, [1, 0, 0]) + 0.3 * np.sin(a) * np.cross(n, [0, 0, 1])
+        bodies.append(body(f'body{i}', 1.0 + i, inertia=(0.01, 0.02, 0.025, 0, 0, 0),
+                           position=place.tolist(), twist=SPINS))
+        ends = (f'body{i}', f'body{(i + 1) % count}')
+        hinges.append(joint(f'joint{i}', *ends, position=(0.05, 0.1 * i, 0.02), axis=n)
+                      | (joints[i] if i < len(joints) else {}))
+    return world(bodies, hinges, 4e-3, (0.0, 0.0, 0.0))
+
+
+def assert_moves_as_one_body(frame, steps=400):
+    """Step a frame that cannot move in itself: it keeps its energy, and its joints."""
+    before, rest = frame.kinetic_energy(), frame.joint_position
+    for _ in range(steps):
+        frame.step()
+        assert gaps(frame) < CLOSED
+        # An axis that is locked where the frame holds it already yields to this.
+        assert np.abs(frame.joint_position - rest).max() < 1e-9
+    # A step turns it by h w = 0.02 rad, and energies swing by that squared / 12.
+    assert abs(frame.kinetic_energy() / before - 1.0) < 0.02 ** 2 / 12
+    assert frame.contact_report().message == ''
+
+
+def test_a_frame_needs_no_axis_that_is_locked():
+    """Limits lock axes that a triangle of hinges holds anyway."""
+    assert_moves_as_one_body(ring(3, {'limits': LIMITS}, {'limits': LIMITS}))
+
+
+@pytest.mark.parametrize(('first', 'second'), [({'friction': 0.05}, {}), ({}, {'limits': LIMITS})])
+def test_a_linkage_that_a_coupling_makes_a_frame_needs_no_axis_that_is_locked(first, second):
+    """Four hinges leave one motion, which the coupling takes."""
+    assert_moves_as_one_body(ring(4, first, second | {
+        'mimic': {'joint': 'joint0', 'multiplier': -1.04}}))
+
+
+def test_a_frame_of_joints_that_say_the_same_in_other_words():
+    """A hinge, a universal and a ball joint at three bodies, one of them at its limit."""
+    bodies = [body(f'body{i}', 6.0, inertia=(0.02, 0.03, 0.04, 0, 0, 0), position=at, twist=SPINS)
+              for i, at in enumerate(((0, 0, 0), (0.3, 0.1, 0), (0.1, 0.3, 0.2)))]
+    assert_moves_as_one_body(world(bodies, [
+        joint('a', 'body0', 'body1', position=(0.1, 0.1, 0.0), axis=(1.0, 0.2, 0.3)),
+        joint('b', 'body1', 'body2', axis=(0.1, 1.0, -0.4), limits=LIMITS),
+        joint('c', 'body2', 'body0', 'universal', axis=(0.3, -0.2, 1.0)),
+        joint('d', 'body2', 'body1', 'spherical', (0.1, 0.0, 0.1))], 2e-3, (0.0, 0.0, 0.0)), 800)
