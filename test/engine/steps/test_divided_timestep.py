@@ -139,7 +139,8 @@ def test_a_conveyor_carries_what_has_joints_and_what_has_none():
     belt = {'name': 'belt', 'kinematic': True, 'shape': {'type': 'box', 'size': [8.0, 2.0, 0.2]},
             'pose': {'position': [0.0, 0.0, 0.1]}, 'twist': {'linear': [0.5, 0.0, 0.0]}}
     bodies, joints = pair(0.125, 0.3, 0.5)
-    world = world_of([belt, *bodies, HEAP[0] | {'pose': {'position': [0.0, -0.5, 0.3]}}], joints)
+    alone = HEAP[0] | {'pose': {'position': [0.0, -0.5, 0.3]}}
+    world = world_of([belt, *bodies, alone], joints)
     world.step(1000)
     rows = [world.names.index(name) for name in ('belt', 'front', 'rear', 'box0')]
     assert world.position[rows[0], 0] == pytest.approx(0.5, abs=1e-12)
