@@ -148,7 +148,8 @@ def test_a_conveyor_carries_what_has_joints_and_what_has_none():
     assert np.abs(world.linear_velocity[rows] - [0.5, 0.0, 0.0]).max() < 1e-6
     late = 0.5 ** 2 / (2.0 * 0.5 * G)
     # The step in which they stop slipping is known to v h / 2.
-    assert np.abs(world.position[rows[1:], 0] - [0.725 - late, 0.525 - late, 0.5 - late]).max() < 3e-4
+    expected = np.array([0.725, 0.525, 0.5]) - late
+    assert np.abs(world.position[rows[1:], 0] - expected).max() < 3e-4
 
 
 def test_free_bodies_sleep_beside_an_arm_and_wake_when_it_comes():
