@@ -10,7 +10,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from rigid_sim_ros.engine.steps.contact_models import CONTACT_MODELS
+from rigid_sim_ros.engine.steps.contact_models import CONTACT_MODELS, JOINTED_MODELS
 from rigid_sim_ros.engine.steps.free import FREE_MOTION
 from rigid_sim_ros.kernels.helper_process import cores
 from rigid_sim_ros.kernels.separate import finish
@@ -30,6 +30,12 @@ _BODIES: list[dict[str, Any]] = [
     {'compound': [{'type': 'sphere', 'radius': 0.1},
                   {'type': 'box', 'size': [0.2, 0.2, 0.2], 'pose': {'position': [0.1, 0, 0]}}]}]
 _SURFACE = {'friction': 0.5, 'restitution': 0.5, 'rolling': 0.01, 'spinning': 0.01}
+# Of some of them: the others are free.
+_JOINTS: list[dict[str, Any]] = [
+    {'name': 'hinge', 'type': 'revolute', 'parent': 'body_0', 'child': 'body_1',
+     'limits': {'lower': -1.0, 'upper': 1.0}, 'drive': {'mode': 'position', 'stiffness': 1.0}},
+    {'name': 'slide', 'type': 'prismatic', 'parent': 'body_1', 'child': 'body_2', 'friction': 1.0}]
+_WITH_JOINTS = ' with joints'
 _SPRING = {'type': 'spring', 'a': 'body_0', 'anchor': [0, 0, 1], 'stiffness': 1.0,
            'rest_length': 1.0}
 
@@ -67,7 +73,9 @@ def _everything() -> Iterator[str]:
 
 
 def _compile_kind(name: str) -> None:
-    _compile(scene_from_dict(_with_all(_kinds()[name])))
+    scene = _with_all(_kinds()[name])
+    joints = {'joints': _JOINTS} if name.endswith(_WITH_JOINTS) else {}
+    _compile(scene_from_dict(scene | joints))
     finish()
 
 
@@ -88,7 +96,8 @@ def _kinds() -> dict[str, dict[str, str]]:
     kinds = [{'contact': contact} | ({'solver': solver} if solver else {})
              for contact, solver in CONTACT_MODELS if contact != 'none']
     kinds += [{'contact': 'none', 'integrator': name} for name in FREE_MOTION]
-    return {' '.join(kind.values()): kind for kind in kinds}
+    named = {' '.join(kind.values()): kind for kind in kinds}
+    return named | {name + _WITH_JOINTS: {'contact': name} for name in ('none', *JOINTED_MODELS)}
 
 
 def _with_all(kind: dict[str, str]) -> dict[str, Any]:
