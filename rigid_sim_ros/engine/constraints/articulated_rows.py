@@ -292,7 +292,7 @@ def solve_system(system: System, m: int, width: int, is_new: bool) -> float:
             if moves(rows, i):
                 rows.b[i] -= rows.give[i] * (rows.f[i] - system.center[i])
                 system.center[i] = rows.f[i]
-    _give_way(system, r, EASE / ease)
+    _give_way(system, r, EASE / ease - 1.0)
     if size > 0.0:
         system.residual[0] = max(system.residual[0], worst / size)
     return worst if worst > ENOUGH * size else 0.0
@@ -318,7 +318,7 @@ def _improve(system: System, m: int, width: int, is_new: bool, size: float,
         if worst <= ENOUGH * size:
             return worst, ease
         if ease < MOST_EASE:
-            _give_way(system, width * m, MORE)
+            _give_way(system, width * m, MORE - 1.0)
             ease *= MORE
     # What Newton's method leaves may be of any size where the rows are nearly dependent.
     f[:width * m] = 0.0
@@ -328,12 +328,12 @@ def _improve(system: System, m: int, width: int, is_new: bool, size: float,
 
 
 @kernel
-def _give_way(system: System, r: int, factor: float) -> None:
-    """Let rows give way `factor` times as much as they do, from the same impulses."""
+def _give_way(system: System, r: int, part: float) -> None:
+    """Let rows give way by a part more than they do, from the same impulses."""
     rows = system.rows
     for i in range(r):
         if moves(rows, i):
-            more = (factor - 1.0) * rows.give[i]
+            more = part * rows.give[i]
             rows.give[i] += more
             rows.stiff[i] += more
             rows.b[i] -= more * system.center[i]
@@ -347,11 +347,8 @@ def push_apart(system: System, m: int, width: int, displaced: Array) -> None:
     How rows give way, and their coefficients, are spoiled.
     """
     rows = system.rows
-    for i in range(width * m):
-        if moves(rows, i):
-            more = _WEDGED / EASE * rows.give[i]
-            rows.give[i] += more
-            rows.stiff[i] += more
+    system.center[:width * m] = 0.0
+    _give_way(system, width * m, _WEDGED / EASE)
     displaced[:width * m] = 0.0
     rows.mu[:m] = 0.0
     violation(rows, m, width, displaced)

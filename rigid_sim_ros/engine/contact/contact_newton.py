@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.contact.contact_rows import (
-    add_force, disk_stiffness, effect, Rows, sweep_rows, violation)
+    add_force, disk_stiffness, effect, forget_effects, Rows, sweep_rows, violation)
 from rigid_sim_ros.engine.contact.contacts import Contacts
 from rigid_sim_ros.engine.contact.coulomb import coefficients, disk, ENOUGH, GOAL, TOLERANCE
 from rigid_sim_ros.engine.maths.elimination import solve_linear
@@ -266,18 +266,14 @@ def write_effects(rows: Rows, m: int, width: int, touched: int, w: Newton) -> No
     if w.by_forces[0] == 0:
         return
     A = w.A[:size * size].reshape((size, size))
-    for e in range(rows.first[m]):
-        for k in range(6):
-            rows.z[rows.moved[e], k] = 0.0
+    forget_effects(rows, 0, m)
     for d in range(m):
         for j in range(width * d, width * d + width):
             add_force(rows, d, j, 1.0)
             for c in range(m):
                 for i in range(width * c, width * c + width):
                     A[i, j] = effect(rows, c, i)
-            for e in range(rows.first[d], rows.first[d + 1]):
-                for k in range(6):
-                    rows.z[rows.moved[e], k] = 0.0
+            forget_effects(rows, d, d + 1)
 
 
 @kernel

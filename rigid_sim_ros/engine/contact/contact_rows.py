@@ -119,13 +119,19 @@ def add_force(rows: Rows, c: int, i: int, change: float) -> None:
 @kernel
 def apply_forces(rows: Rows, m: int, width: int, f: Array) -> None:
     """Write z of the forces f at the first m points."""
-    for e in range(rows.first[m]):
-        for j in range(6):
-            rows.z[rows.moved[e], j] = 0.0
+    forget_effects(rows, 0, m)
     for c in range(m):
         for i in range(width * c, width * c + width):
             if f[i] != 0.0:
                 add_force(rows, c, i, f[i])
+
+
+@kernel
+def forget_effects(rows: Rows, first: int, last: int) -> None:
+    """Write z of no forces for what the points from `first` to `last` move."""
+    for e in range(rows.first[first], rows.first[last]):
+        for j in range(6):
+            rows.z[rows.moved[e], j] = 0.0
 
 
 @kernel

@@ -70,11 +70,18 @@ def share_part(c: Arguments, stage: int) -> int:
 @kernel
 def look_ahead_of(c: Arguments, shapes: tuple[int, int], bodies: tuple[int, int]) -> None:
     """Find how far ahead some shapes look, and on which side of the cut some bodies are."""
-    model, state, solver = c.model, c.state, c.work.solver
-    take_sides(model.inv_m, state.V, state.x, c.rest.asleep, bodies[0], bodies[1], solver.sides,
-               solver.bodies.slot, solver.bodies.flies)
+    model, state = c.model, c.state
+    take_sides_of(c, bodies)
     look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, state.V, c.settings.margin,
                c.work.radius, c.work.thickness, c.shapes.body, c.memory, shapes[0], shapes[1])
+
+
+@kernel
+def take_sides_of(c: Arguments, bodies: tuple[int, int]) -> None:
+    """Find on which side of the cut some bodies are."""
+    solver = c.work.solver
+    take_sides(c.model.inv_m, c.state.V, c.state.x, c.rest.asleep, bodies[0], bodies[1],
+               solver.sides, solver.bodies.slot, solver.bodies.flies)
 
 
 @kernel

@@ -125,7 +125,13 @@ def wake_touched(h: float, inv_m: Array, inv_I_C: Array, state: State, radius: A
 @kernel
 def _wake(rest: Rest, i: int) -> None:
     if rest.asleep[i] == 1:
-        rest.asleep[i], rest.steps[i] = 0, 0
+        keep_awake(rest, i)
+
+
+@kernel
+def keep_awake(rest: Rest, i: int) -> None:
+    """Let body i be awake, and begin to rest anew."""
+    rest.asleep[i], rest.steps[i] = 0, 0
 
 
 @kernel

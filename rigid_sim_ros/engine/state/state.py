@@ -73,15 +73,21 @@ def copy_state(state: State) -> State:
 def copy_into(target: State, source: State) -> None:
     """Make one state equal to another."""
     for i in range(source.x.shape[1]):
-        for k in range(3):
-            target.x[k, i] = source.x[k, i]
-            target.P[k, i] = source.P[k, i]
-            target.L[k, i] = source.L[k, i]
-        for k in range(4):
-            target.q[k, i] = source.q[k, i]
-        for k in range(6):
-            target.V[k, i] = source.V[k, i]
-        target.left[i] = source.left[i]
+        copy_body(target, source, i)
+
+
+@kernel
+def copy_body(target: State, source: State, i: int) -> None:
+    """Make body i of one state equal to that of another."""
+    for k in range(3):
+        target.x[k, i] = source.x[k, i]
+        target.P[k, i] = source.P[k, i]
+        target.L[k, i] = source.L[k, i]
+    for k in range(4):
+        target.q[k, i] = source.q[k, i]
+    for k in range(6):
+        target.V[k, i] = source.V[k, i]
+    target.left[i] = source.left[i]
 
 
 @apart

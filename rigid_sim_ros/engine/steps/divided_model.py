@@ -68,9 +68,6 @@ class DividedTimestep(JointedTimestep):
             self._parent, self._marked), self._division)
         self._division.run(kernel)
 
-    def use_threads(self, count: int) -> None:
-        """Go on with one."""
-
     def lasting(self) -> dict[str, np.ndarray]:
         """Return what lasts of both solvers; the manifolds of one are those of the world."""
         return super().lasting() | self._free.lasting()

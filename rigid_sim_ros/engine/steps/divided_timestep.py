@@ -18,9 +18,9 @@ from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.maths.union_find import first_of, unite
 from rigid_sim_ros.engine.model.model import Model, WORLD
 from rigid_sim_ros.engine.solver.arguments import Arguments
-from rigid_sim_ros.engine.solver.partition import take_sides
-from rigid_sim_ros.engine.solver.sleeping import Rest
-from rigid_sim_ros.engine.state.state import copy_into
+from rigid_sim_ros.engine.solver.parallel_detection import take_sides_of
+from rigid_sim_ros.engine.solver.sleeping import keep_awake
+from rigid_sim_ros.engine.state.state import copy_body, copy_into
 from rigid_sim_ros.engine.steps.jointed_contact import JointedContact
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
@@ -48,17 +48,15 @@ def divide(d: Division) -> None:
         _show(d.free.model, d, i, mine[i] == 0)
         _show(d.jointed.joints.model, d, i, mine[i] == 1)
         if mine[i] == 1:
-            _stay_awake(d.free.rest, i)
+            keep_awake(d.free.rest, i)
     if changed:
         shapes = d.jointed.shapes
         for s in range(shapes.body.shape[0]):
             shapes.still[s] = 1 if d.jointed.joints.model.inv_m[shapes.body[s]] == 0.0 else 0
         memory.pair_count[0] = -1   # as before the first step: pairs are those of other bodies
-    c, sides = d.free, d.free.work.solver.sides
-    take_sides(c.model.inv_m, c.state.V, c.state.x, c.rest.asleep, 0, n, sides,
-               c.work.solver.bodies.slot, c.work.solver.bodies.flies)
-    copy_into(d.jointed.joints.state, c.state)
-    _copy_wrenches(d.jointed.joints.wrenches, c.wrenches)
+    take_sides_of(d.free, (0, n))
+    copy_into(d.jointed.joints.state, d.free.state)
+    _copy_wrenches(d.jointed.joints.wrenches, d.free.wrenches)
 
 
 @kernel
@@ -106,11 +104,6 @@ def _show(model: Model, d: Division, i: int, moves: bool) -> None:
 
 
 @kernel
-def _stay_awake(rest: Rest, i: int) -> None:
-    rest.asleep[i], rest.steps[i] = 0, 0
-
-
-@kernel
 def _copy_wrenches(target: Wrenches, source: Wrenches) -> None:
     """Let both solvers have the wrenches of the step: each counts its own down."""
     target.in_use[0] = source.in_use[0]
@@ -130,12 +123,7 @@ def merge(d: Division) -> None:
     for i in range(d.has_joints.shape[0]):
         _show(d.free.model, d, i, True)
         if d.has_joints[i] == 1:
-            for k in range(3):
-                state.x[k, i] = moved.x[k, i]
-                state.P[k, i] = moved.P[k, i]
-                state.L[k, i] = moved.L[k, i]
-            for k in range(4):
-                state.q[k, i] = moved.q[k, i]
+            copy_body(state, moved, i)
     memory = d.free.memory
     _take_impulses(d.has_joints, current(memory), earlier(memory), current(d.jointed.memory))
 

@@ -27,9 +27,9 @@ from rigid_sim_ros.engine.dynamics.loads import Loads
 from rigid_sim_ros.engine.dynamics.wrenches import count_down
 from rigid_sim_ros.engine.solver.arguments import Arguments, with_memory
 from rigid_sim_ros.engine.solver.parallel_detection import (
-    detect_in_parallel, look_ahead_of, share_part)
+    detect_in_parallel, look_ahead_of, share_part, take_sides_of)
 from rigid_sim_ros.engine.solver.partition import (
-    begin_slots, choose_cut, ENOUGH, mark_touching, take_sides)
+    begin_slots, choose_cut, ENOUGH, mark_touching)
 from rigid_sim_ros.engine.solver.sequential import (
     solve_contacts, solve_directly, solve_part, store_part)
 from rigid_sim_ros.engine.solver.sleeping import (
@@ -174,9 +174,7 @@ def wake_touched_islands(c: Arguments) -> None:
     """Wake what an awake body may touch."""
     if may_sleep(c):
         wake_or_sleep(c, _TOUCHED)
-        solver = c.work.solver
-        take_sides(c.model.inv_m, c.state.V, c.state.x, c.rest.asleep, 0, c.model.m.shape[0],
-                   solver.sides, solver.bodies.slot, solver.bodies.flies)
+        take_sides_of(c, (0, c.model.m.shape[0]))
 
 
 @kernel
