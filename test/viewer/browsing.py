@@ -215,12 +215,12 @@ class Page:
 
     def click_on(self, what: Any) -> None:
         """Click on anything in the page."""
-        self._send()
+        self.send()
         what.click()
 
     def type_into(self, field: Any, number: float) -> None:
         """Put a number in place of what a field holds."""
-        self._send()
+        self.send()
         field.fill(f'{number:g}')
         field.press('Enter')
 
@@ -233,7 +233,8 @@ class Page:
         """
         field.evaluate(_REPLACE, text)
 
-    def _send(self) -> None:
+    def send(self) -> None:
+        """Wait until the page has sent what was done in it."""
         # All inputs of viser's page share one timer: of what is done within 50 ms the first is
         # sent and the last, and nobody hears of those between. This timer ends after that one.
         self.page.evaluate('new Promise(done => setTimeout(done, 100))')
