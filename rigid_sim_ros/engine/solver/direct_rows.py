@@ -46,6 +46,7 @@ class DirectRows(NamedTuple):
     W: Array  # (c, 9, 12)
     stiff: Array  # (c, 9) [1/kg] diagonal of A
     rate: Array  # (c, 9) [m/s] a at the impulses to begin with
+    least: Array  # (c, 9) [m/s] its part that is no velocity
     f: Array  # (c, 9) [N s] the impulses
     start: Array  # (c, 9) [N s] those to begin with
     inverse: Array  # (b, 7) [1/kg], [1/(kg m^2)] inverse mass and inertia, six numbers, of bodies
@@ -60,7 +61,7 @@ def make_direct_rows(slots: int) -> DirectRows:
     return DirectRows(np.zeros((c, 2), dtype=np.int64), np.zeros(2 * c, dtype=np.int64),
                       np.full(slots, -1), np.zeros(each, dtype=np.int64), np.zeros((*each, 12)),
                       np.zeros((*each, 12)), np.zeros(each), np.zeros(each), np.zeros(each),
-                      np.zeros(each), np.zeros((2 * c, 7)), np.zeros((c, 3)), np.zeros(c),
+                      np.zeros(each), np.zeros(each), np.zeros((2 * c, 7)), np.zeros((c, 3)), np.zeros(c),
                       np.zeros(10 * LANES))
 
 
@@ -195,7 +196,8 @@ def _write_row(blocks: Blocks, bodies: SolverBodies, lane: int, c: int, r: int, 
     block, i = lane // LANES, lane % LANES
     b, balls = numbers_of(blocks, block), are_balls(blocks.kind[block])
     n = _three(b, NORMAL, i)
-    rows.there[c, r], rows.rate[c, r], rows.stiff[c, r] = 1, least, 0.0
+    rows.there[c, r], rows.stiff[c, r] = 1, 0.0
+    rows.rate[c, r] = rows.least[c, r] = least
     for side in range(2):
         at = (blocks.at_A[lane] if side == 0 else blocks.at_B[lane]) & INDEX
         sign, first, inv_m = 2.0 * side - 1.0, 6 * side, bodies.motion[at + INV_M]
@@ -233,6 +235,17 @@ def _turned(b: Array, row: int, i: int, v: Vector) -> Vector:
 
 
 @kernel
+def moved(rows: DirectRows, c: int, r: int, p: Array) -> float:
+    """Return what momenta p (6 b,) of the bodies are as a rate of a row [m/s]."""
+    total = 0.0
+    for side in range(2):
+        if rows.body[c, side] >= 0:
+            for k in range(6):
+                total += rows.W[c, r, 6 * side + k] * p[6 * rows.body[c, side] + k]
+    return total
+
+
+@kernel
 def write_island(blocks: Blocks, bodies: SolverBodies, lanes: IntArray, count: int, moving: int,
                  p: Array, what: Sweep, rows: DirectRows) -> None:
     """
@@ -257,7 +270,7 @@ def write_island(blocks: Blocks, bodies: SolverBodies, lanes: IntArray, count: i
                 else:
                     b[o + TOTAL * LANES] += rows.f[c, r]
                     b[o + RESTING * LANES] = 0.0
-                b[o + SPEED * LANES] = 0.0
+                b[o + SPEED * LANES] = rows.rate[c, r] - rows.least[c, r] + moved(rows, c, r, p)
         for k in range(2 if rows.there[c, SLIDE] != 0 else 0):
             if what.forces:
                 b[(FRICTION + k) * LANES + i] = rows.f[c, SLIDE + k]

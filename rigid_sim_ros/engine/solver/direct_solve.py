@@ -29,7 +29,8 @@ from rigid_sim_ros.engine.solver.coloring import Blocks
 from rigid_sim_ros.engine.solver.direct_islands import (
     Islands, make_islands, MOST_BODIES, MOST_MANIFOLDS, stop_waiting)
 from rigid_sim_ros.engine.solver.direct_rows import (
-    ABOUT, DirectRows, make_direct_rows, read_island, ROLLS, SLIDE, WIDTH, write_island)
+    ABOUT, DirectRows, make_direct_rows, moved, read_island, ROLLS, SLIDE, WIDTH,
+    write_island)
 from rigid_sim_ros.engine.solver.impacts import Impacts
 from rigid_sim_ros.engine.solver.solver_bodies import most_slots, SolverBodies
 from rigid_sim_ros.kernels.arrays import Array, IntArray
@@ -223,7 +224,7 @@ def _write_impulses(c: int, work: Direct) -> None:
     rows, f = work.rows, work.rows.f
     for r in range(WIDTH):
         if rows.there[c, r] != 0:
-            rate = rows.rate[c, r] + _moved(rows, c, r, work.p)
+            rate = rows.rate[c, r] + moved(rows, c, r, work.p)
             f[c, r] = work.base[c, r] - rate / (COMPLIANCE * rows.stiff[c, r])
     for r in range(SLIDE):
         f[c, r] = max(f[c, r], 0.0)
@@ -233,17 +234,6 @@ def _write_impulses(c: int, work: Direct) -> None:
             long, radius = _length(c, d, f), work.radius[c, d]
             for k in range(size if long > radius else 0):
                 f[c, first + k] *= radius / long
-
-
-@kernel
-def _moved(rows: DirectRows, c: int, r: int, p: Array) -> float:
-    """Return what momenta p of the bodies are as a rate of a row."""
-    total = 0.0
-    for side in range(2):
-        if rows.body[c, side] >= 0:
-            for k in range(6):
-                total += rows.W[c, r, 6 * side + k] * p[6 * rows.body[c, side] + k]
-    return total
 
 
 @kernel
@@ -266,7 +256,7 @@ def _largest_rate(count: int, work: Direct) -> float:
     for c in range(count):
         for r in range(WIDTH):
             if work.rows.there[c, r] != 0:
-                largest = max(largest, abs(_moved(work.rows, c, r, work.F)))
+                largest = max(largest, abs(moved(work.rows, c, r, work.F)))
     return largest
 
 
@@ -301,7 +291,7 @@ def _write_E(c: int, work: Direct) -> None:
         stiff, radius = COMPLIANCE * rows.stiff[c, first], work.radius[c, d]
         wish = work.wish
         for k in range(size):
-            rate = rows.rate[c, first + k] + _moved(rows, c, first + k, work.p)
+            rate = rows.rate[c, first + k] + moved(rows, c, first + k, work.p)
             wish[k] = work.base[c, first + k] - rate / stiff
         long = np.sqrt(wish[0] * wish[0] + (wish[1] * wish[1] if size == 2 else 0.0))
         for i in range(size):
