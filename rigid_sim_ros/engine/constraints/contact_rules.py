@@ -7,7 +7,7 @@ from typing import NamedTuple
 from rigid_sim_ros.engine.constraints.contact_blocks import GAP, RESTING, SIZE, SPEED, TURN
 from rigid_sim_ros.kernels.arrays import Array
 from rigid_sim_ros.kernels.eight import Eight, load, Mask, root, select
-from rigid_sim_ros.kernels.kernel import part
+from rigid_sim_ros.kernels.kernel import inlined, part
 
 # Lengths that are tolerances, in parts of the size of the smaller shape of a pair.
 # Shapes this near to each other touch. Below it, velocities do not depend on the gap, nor does the
@@ -39,6 +39,12 @@ class Sweep(NamedTuple):
     # How far the end of the substep is from the middle of the step, as a part of the step:
     # contacts have the geometry of the middle of the step, and TURN is how fast it changes.
     when: float
+
+
+@inlined
+def settled(points: int) -> float:
+    """Return SETTLED or SETTLED_POINT, as a manifold may have one or more points."""
+    return SETTLED_POINT if points == 1 else SETTLED
 
 
 @part

@@ -8,8 +8,8 @@ from rigid_sim_ros.engine.constraints.contact_blocks import (
     Motion, MU, NORMAL, normal_sum, POINT, POINT_ROWS, pushed, RESTING, ROLL, ROLL_LEVER,
     ROLL_STEP, S, SHOVE, SIZE, SLIDE, smallest_gap, SPEED, SPIN_LEVER, symmetric, T, Three, TURN_T)
 from rigid_sim_ros.engine.constraints.contact_rules import (
-    approach_of, gap_of, is_open, least_speed, NEGLIGIBLE, onto_circle, SETTLED, SETTLED_POINT,
-    SKIN, Sweep, wanted_of)
+    approach_of, gap_of, is_open, least_speed, NEGLIGIBLE, onto_circle, settled, SKIN, Sweep,
+    wanted_of)
 from rigid_sim_ros.engine.maths.vector import add, add_scaled, cross, dot, subtract
 from rigid_sim_ros.engine.solver.coloring import (
     are_balls, Blocks, CHANGED, is_small, lanes_of, numbers_of, OVERLAPPING, points_in, resists,
@@ -215,9 +215,8 @@ def note_left(blocks: Blocks, block: int, residual: Eight, what: Sweep) -> None:
     size = load(b, SIZE)
     overlaps = (bits_of(smallest_gap(b, points) < -NEGLIGIBLE * size)
                 & ~blocks.dormant[block]) != 0
-    settled = (SETTLED_POINT if points == 1 else SETTLED) * what.inv_h
     blocks.left[block] = ((OVERLAPPING if overlaps else 0)
-                          | CHANGED * bits_of(residual > settled * size))
+                          | CHANGED * bits_of(residual > settled(points) * what.inv_h * size))
 
 
 @part

@@ -1,13 +1,14 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Small islands of very different masses, which the sequential solver does not sweep.
+Small islands: the bodies that hang together by contacts, where they are few.
 
-A sweep carries an impulse from one contact to the next, and a light body between heavy ones hands
-on about twice its mass over theirs of what is missing: with a thousandth of their mass thousands
-of sweeps are needed, and until then what lies on it sinks. So the bodies and manifolds that hang
-together are found, and where their masses differ by more than RATIO and they are few, their
-impulses are found all at once; see direct_solve.py. No other manifold has a body of theirs.
+Sweeps over contacts end near a solution that depends on their order, as near as their tolerance
+times the number of sweeps that an error lives. An island of few bodies can do better: it is swept
+until it is settled, and if that takes long, its impulses are found all at once; see
+direct_solve.py. So is what sweeps do badly: a light body between heavy ones hands on about twice
+its mass over theirs of what is missing, and until the sweeps have ended, thousands of them for a
+ratio of a thousand, what lies on it sinks. No other manifold has a body of an island.
 """
 
 from typing import NamedTuple
@@ -15,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.maths.union_find import first_of, unite
-from rigid_sim_ros.engine.solver.coloring import Blocks, first_block, REGIONS
+from rigid_sim_ros.engine.solver.block_impacts import begin_impact
+from rigid_sim_ros.engine.solver.coloring import Blocks, first_block, most_blocks, REGIONS
 from rigid_sim_ros.engine.solver.impacts import Impacts
 from rigid_sim_ros.engine.solver.solver_bodies import (
     INV_M, most_slots, slots_of, SolverBodies, STRIDE)
@@ -23,24 +25,30 @@ from rigid_sim_ros.kernels.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.kernels.eight import LANES
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
-# Masses that differ more are for the direct solution.
+# Masses of an island that differ more are not swept.
 RATIO = 30.0
-# Of an island: more bodies or manifolds are swept, whatever their masses.
+# Of a small island. The direct solution takes the cube of the number of bodies.
 MOST_BODIES, MOST_MANIFOLDS = 16, 48
 
 
 class Islands(NamedTuple):
-    """Room for the islands of n bodies and c manifolds that are solved directly."""
+    """Room for the small islands of n bodies and c manifolds."""
 
     count: IntArray  # type: ignore[assignment]  # (1,) how many there are
     parent: IntArray  # (slots,) of 32 bits, a slot of the same island, its own at the root
-    bodies: IntArray  # (slots,) of 32 bits, at the root: how many bodies there are
+    bodies: IntArray  # (slots,) of 32 bits, at the root: how many bodies, then which island
     manifolds: IntArray  # (slots,) of 32 bits, at the root: manifolds, then the next place
     held: IntArray  # (slots,) of 8 bits, at the root: 1 if something fixed is in contact with it
     heaviest: Array  # (slots,) [kg^-1] at the root: the inverse mass of the heaviest body
     lightest: Array  # (slots,) [kg^-1] at the root: of the lightest one
     begin: IntArray  # (islands + 1,) of 32 bits, where the lanes of an island begin in `lane`
     lane: IntArray  # (c,) of 32 bits, lanes, counted over all blocks, island by island
+    uneven: IntArray  # (islands,) of 8 bits, 1 if its masses differ by more than RATIO
+    blocks: IntArray  # (1,) how many blocks have lanes of small islands
+    block: IntArray  # (blocks,) of 32 bits, which
+    number: IntArray  # (8 blocks,) of 32 bits, the island of a lane, written where it has one
+    visited: IntArray  # (blocks,) of 16 bits, the bits of the lanes that the next sweep visits
+    moved: IntArray  # (islands,) of 8 bits, 1 if a visit changed anything that counts
 
 
 def make_islands(n: int, capacity: int) -> Islands:
@@ -51,20 +59,17 @@ def make_islands(n: int, capacity: int) -> Islands:
         found: IntArray = room(count, kind=np.int32)
         return found
 
+    blocks = most_blocks(capacity)
     return Islands(integers(1), numbers(slots), numbers(slots), numbers(slots),
                    room(slots, kind=np.int8), room(slots), room(slots), numbers(slots + 1),
-                   numbers(capacity))
-
-
-def differ(inv_m: Array) -> bool:
-    """Return whether masses differ by more than RATIO; inv_m (n,) [1/kg], 0 for what is fixed."""
-    moving = inv_m[inv_m > 0.0]
-    return len(moving) > 0 and bool(moving.max() > RATIO * moving.min())
+                   numbers(capacity), room(slots, kind=np.int8), integers(1), numbers(blocks),
+                   numbers(LANES * blocks), room(blocks, kind=np.int16),
+                   room(slots, kind=np.int8))
 
 
 @kernel
 def find_islands(blocks: Blocks, bodies: SolverBodies, islands: Islands) -> None:
-    """Find the islands that are solved directly, and mark their lanes in the blocks."""
+    """Find the small islands, and mark their lanes in the blocks."""
     _begin(bodies, islands)
     for region in range(REGIONS):
         first = first_block(blocks, region) * LANES
@@ -84,12 +89,16 @@ def find_islands(blocks: Blocks, bodies: SolverBodies, islands: Islands) -> None
                     if not (_moves(bodies, a) and _moves(bodies, b)):
                         islands.held[root] = 1
     _number(bodies, islands)
+    islands.blocks[0] = 0
     for region in range(REGIONS):
         first = first_block(blocks, region)
         for block in range(first, first + blocks.count[region]):
             for i in range(LANES):
                 if blocks.row[block * LANES + i] >= 0:
                     _list_lane(blocks, bodies, islands, block, i)
+            if blocks.direct[block] != 0:
+                islands.block[islands.blocks[0]] = block
+                islands.blocks[0] += 1
 
 
 @kernel
@@ -144,10 +153,12 @@ def _number(bodies: SolverBodies, islands: Islands) -> None:
         for slot in range(first, last):
             manifolds = islands.manifolds[slot]
             islands.manifolds[slot] = -1
-            if (0 < manifolds <= MOST_MANIFOLDS and islands.bodies[slot] <= MOST_BODIES
-                    and islands.lightest[slot] > RATIO * islands.heaviest[slot]):
+            if 0 < manifolds <= MOST_MANIFOLDS and islands.bodies[slot] <= MOST_BODIES:
                 islands.manifolds[slot] = islands.begin[count]
                 islands.begin[count + 1] = islands.begin[count] + manifolds
+                is_uneven = islands.lightest[slot] > RATIO * islands.heaviest[slot]
+                islands.uneven[count] = 1 if is_uneven else 0
+                islands.bodies[slot] = count
                 count += 1
     islands.count[0] = count
 
@@ -161,23 +172,30 @@ def _list_lane(blocks: Blocks, bodies: SolverBodies, islands: Islands, block: in
     place = islands.manifolds[root]
     if place >= 0:
         islands.lane[place & INDEX], islands.manifolds[root] = lane, place + 1
+        islands.number[lane] = islands.bodies[root]
         blocks.direct[block] |= 1 << i
         blocks.held[block] |= islands.held[root] << i
 
 
 @kernel
-def stop_waiting(blocks: Blocks, islands: Islands, island: int, impacts: Impacts) -> bool:
-    """Let the lanes of an island wait and sleep no more; return whether any waited."""
+def begin_island_impact(blocks: Blocks, islands: Islands, island: int, impacts: Impacts) -> bool:
+    """
+    Let the impulses of an island be those of an impact, if anything in it waits for its part.
+
+    Returns whether anything did. Nothing is dormant or waits any more.
+    """
+    lanes = islands.lane[islands.begin[island]:islands.begin[island + 1]]
     waited = False
-    for k in range(islands.begin[island], islands.begin[island + 1]):
-        lane = islands.lane[k] & INDEX
+    for lane in lanes:
         block, bit = lane // LANES, 1 << lane % LANES
         waited |= (impacts.waits[0, block] | impacts.waits[1, block]) & bit != 0
     if waited:
-        for k in range(islands.begin[island], islands.begin[island + 1]):
-            lane = islands.lane[k] & INDEX
+        for lane in lanes:
             block, bit = lane // LANES, 1 << lane % LANES
             impacts.waits[0, block] &= ~bit
             impacts.waits[1, block] &= ~bit
             blocks.dormant[block] &= ~bit
+            if impacts.hit[block] & bit == 0:
+                begin_impact(blocks, block, bit)
+                impacts.hit[block] |= bit
     return waited

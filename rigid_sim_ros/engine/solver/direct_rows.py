@@ -20,8 +20,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.constraints.contact_blocks import (
     ABSENT, ARM_A, ARM_B, axes, FRICTION, GAP, IMPULSE, J_A, J_B, LEVER_A, LEVER_B, MU, NORMAL,
-    POINT, POINT_ROWS, RESTING, ROLL, ROLL_LEVER, S, SIZE, SPEED, SPIN, SPIN_LEVER, store_three,
-    T, TOTAL, TOTAL_T, TURN_T)
+    POINT, POINT_ROWS, ROLL, ROLL_LEVER, S, SIZE, SPEED, SPIN, SPIN_LEVER, store_three, T, TURN_T)
 from rigid_sim_ros.engine.constraints.contact_rules import least_speed, Sweep
 from rigid_sim_ros.engine.maths.vector import cross, dot
 from rigid_sim_ros.engine.solver.coloring import are_balls, Blocks, numbers_of, points_in, resists
@@ -61,8 +60,8 @@ def make_direct_rows(slots: int) -> DirectRows:
     return DirectRows(np.zeros((c, 2), dtype=np.int64), np.zeros(2 * c, dtype=np.int64),
                       np.full(slots, -1), np.zeros(each, dtype=np.int64), np.zeros((*each, 12)),
                       np.zeros((*each, 12)), np.zeros(each), np.zeros(each), np.zeros(each),
-                      np.zeros(each), np.zeros(each), np.zeros((2 * c, 7)), np.zeros((c, 3)), np.zeros(c),
-                      np.zeros(10 * LANES))
+                      np.zeros(each), np.zeros(each), np.zeros((2 * c, 7)), np.zeros((c, 3)),
+                      np.zeros(c), np.zeros(10 * LANES))
 
 
 @kernel
@@ -71,8 +70,7 @@ def read_island(blocks: Blocks, bodies: SolverBodies, lanes: IntArray, what: Swe
     """
     Read the manifolds of some lanes that are not dormant; return their number and the bodies'.
 
-    `lanes` are changed: those that were read come first. An impact begins without impulses, forces
-    with those that the bodies have moved by.
+    `lanes` are changed: those that were read come first.
     """
     count = moving = 0
     for k in range(lanes.shape[0]):
@@ -150,7 +148,7 @@ def _read_manifold(blocks: Blocks, bodies: SolverBodies, lane: int, c: int, what
     for r in (SLIDE, ROLLS):
         rows.stiff[c, r] = rows.stiff[c, r + 1] = max(rows.stiff[c, r], rows.stiff[c, r + 1])
     for r in range(WIDTH):
-        if not what.forces or rows.there[c, r] == 0:
+        if rows.there[c, r] == 0:
             rows.f[c, r] = 0.0
         rows.start[c, r] = rows.f[c, r]
 
@@ -247,12 +245,8 @@ def moved(rows: DirectRows, c: int, r: int, p: Array) -> float:
 
 @kernel
 def write_island(blocks: Blocks, bodies: SolverBodies, lanes: IntArray, count: int, moving: int,
-                 p: Array, what: Sweep, rows: DirectRows) -> None:
-    """
-    Write the impulses of `count` lanes back, and add p (6 moving,), momenta, to the bodies.
-
-    Those of an impact go to the sums of the step, and nothing approaches any more.
-    """
+                 p: Array, rows: DirectRows) -> None:
+    """Write the impulses of `count` lanes back, and add p (6 moving,), momenta, to the bodies."""
     for k in range(moving):
         at = rows.slot[k] * STRIDE
         for j in range(3):
@@ -265,18 +259,11 @@ def write_island(blocks: Blocks, bodies: SolverBodies, lanes: IntArray, count: i
         for r in range(4):
             if rows.there[c, r] != 0:
                 o = (POINT + r * POINT_ROWS) * LANES + i
-                if what.forces:
-                    b[o + IMPULSE * LANES] = rows.f[c, r]
-                else:
-                    b[o + TOTAL * LANES] += rows.f[c, r]
-                    b[o + RESTING * LANES] = 0.0
+                b[o + IMPULSE * LANES] = rows.f[c, r]
                 b[o + SPEED * LANES] = rows.rate[c, r] - rows.least[c, r] + moved(rows, c, r, p)
         for k in range(2 if rows.there[c, SLIDE] != 0 else 0):
-            if what.forces:
-                b[(FRICTION + k) * LANES + i] = rows.f[c, SLIDE + k]
-            else:
-                b[(TOTAL_T + k) * LANES + i] += rows.f[c, SLIDE + k]
-        if what.forces and rows.there[c, ABOUT] != 0:
+            b[(FRICTION + k) * LANES + i] = rows.f[c, SLIDE + k]
+        if rows.there[c, ABOUT] != 0:
             b[SPIN * LANES + i] = rows.size[c] * rows.f[c, ABOUT]
-        for k in range(2 if what.forces and rows.there[c, ROLLS] != 0 else 0):
+        for k in range(2 if rows.there[c, ROLLS] != 0 else 0):
             b[(ROLL + k) * LANES + i] = rows.size[c] * rows.f[c, ROLLS + k]

@@ -27,11 +27,12 @@ from rigid_sim_ros.engine.constraints.contact_rules import Sweep
 from rigid_sim_ros.engine.maths.elimination import solve_linear
 from rigid_sim_ros.engine.solver.coloring import Blocks
 from rigid_sim_ros.engine.solver.direct_islands import (
-    Islands, make_islands, MOST_BODIES, MOST_MANIFOLDS, stop_waiting)
+    begin_island_impact, Islands, make_islands, MOST_BODIES, MOST_MANIFOLDS)
 from rigid_sim_ros.engine.solver.direct_rows import (
     ABOUT, DirectRows, make_direct_rows, moved, read_island, ROLLS, SLIDE, WIDTH,
     write_island)
 from rigid_sim_ros.engine.solver.impacts import Impacts
+from rigid_sim_ros.engine.solver.island_sweeps import sweep_islands
 from rigid_sim_ros.engine.solver.solver_bodies import most_slots, SolverBodies
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
@@ -80,18 +81,35 @@ def make_direct(n: int, capacity: int) -> Direct:
 
 
 @kernel
-def solve_islands(blocks: Blocks, bodies: SolverBodies, what: Sweep, impacts: Impacts,
-                  work: Direct) -> None:
-    """Find the impulses of all islands; those of an impact only where anything waits."""
+def strike_islands(all_of_them: bool, blocks: Blocks, bodies: SolverBodies, what: Sweep,
+                   impacts: Impacts, work: Direct) -> None:
+    """Find the impulses of an impact in the islands that wait, all of them or the uneven ones."""
     islands = work.islands
     for island in range(islands.count[0]):
-        if not what.forces and not stop_waiting(blocks, islands, island, impacts):
-            continue
-        lanes = islands.lane[islands.begin[island]:islands.begin[island + 1]]
-        count, moving = read_island(blocks, bodies, lanes, what, work.rows)
-        if count > 0:
-            _solve(count, moving, what.inv_h, work)
-            write_island(blocks, bodies, lanes, count, moving, work.p, what, work.rows)
+        if (all_of_them or islands.uneven[island] == 1) and (
+                begin_island_impact(blocks, islands, island, impacts)):
+            _solve_island(island, blocks, bodies, what, work)
+
+
+@kernel
+def bear_islands(blocks: Blocks, bodies: SolverBodies, what: Sweep, work: Direct) -> None:
+    """Find the impulses that bear the forces of a substep in all small islands."""
+    islands = work.islands
+    sweep_islands(blocks, bodies.motion, what, islands)
+    for island in range(islands.count[0]):
+        if islands.moved[island] == 1:
+            _solve_island(island, blocks, bodies, what, work)
+
+
+@kernel
+def _solve_island(island: int, blocks: Blocks, bodies: SolverBodies, what: Sweep,
+                  work: Direct) -> None:
+    islands = work.islands
+    lanes = islands.lane[islands.begin[island]:islands.begin[island + 1]]
+    count, moving = read_island(blocks, bodies, lanes, what, work.rows)
+    if count > 0:
+        _solve(count, moving, what.inv_h, work)
+        write_island(blocks, bodies, lanes, count, moving, work.p, work.rows)
 
 
 @kernel

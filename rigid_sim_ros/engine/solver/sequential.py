@@ -28,7 +28,7 @@ from rigid_sim_ros.engine.solver.contact_filling import (
     choose_manifolds, classify, DEEPEST, fill_blocks, NEW, place_lanes)
 from rigid_sim_ros.engine.solver.contact_sweep import note_left, separate, visit_block
 from rigid_sim_ros.engine.solver.direct_islands import find_islands
-from rigid_sim_ros.engine.solver.direct_solve import solve_islands
+from rigid_sim_ros.engine.solver.direct_solve import bear_islands, strike_islands
 from rigid_sim_ros.engine.solver.impacts import (
     drift_blocks, end_impacts, find_approaching, pass_on, TURNS, visit_waiting)
 from rigid_sim_ros.engine.solver.impulse_keeping import keep_impulses
@@ -41,7 +41,7 @@ from rigid_sim_ros.engine.solver.solver_bodies import (
     mark_astride, SECOND_BEGIN, slots_of, SolverBodies, store_bodies, STRIDE)
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.bits import fetch
-from rigid_sim_ros.kernels.eight import bits_of, LANES, load
+from rigid_sim_ros.kernels.eight import bits_of, LANES, load, spread
 from rigid_sim_ros.kernels.kernel import apart, INDEX, kernel, part
 from rigid_sim_ros.kernels.second_core import side_by_side
 from rigid_sim_ros.kernels.separate import address_of, by_address
@@ -71,7 +71,7 @@ def solve_contacts(c: Arguments) -> None:
     # Whatever an earlier step had in regions that this one does not have.
     work.blocks.count[:], notes[:], work.impacts.listed[:] = 0, 0.0, 0
     _in_all(c, FILL)
-    _solve_directly(c, LIST)
+    solve_directly(c, LIST)
     if _is_any_new(c):
         _begin_new(c)
     _in_all(c, APPROACH)
@@ -79,7 +79,7 @@ def solve_contacts(c: Arguments) -> None:
         if _wait(notes):
             _solve_impacts(c)
         _in_all(c, SETTLE_AND_SWEEP if substep == 0 else KICK_AND_SWEEP)
-        _solve_directly(c, BEAR)
+        solve_directly(c, BEAR)
         _in_all_back(c, RETURN)
         _across(c, DRIFT)
     _in_all(c, KEEP)
@@ -140,33 +140,34 @@ def _wait(notes: Array) -> bool:
 @kernel
 def _solve_impacts(c: Arguments) -> None:
     """Visit what approaches, and what that reaches, until nothing waits."""
-    for _ in range(TURNS):
-        _solve_directly(c, STRIKE)
+    for turn in range(TURNS):
+        if turn == 0 or turn == PATIENCE:
+            solve_directly(c, STRIKE_UNEVEN if turn == 0 else STRIKE)
         _across(c, IMPACT_BACK)
         _in_all(c, IMPACT)
         if not _wait(c.work.solver.notes):
             break
 
 
-# The stages of what is solved directly: find it; solve an impact; find what bears the forces.
-LIST, STRIKE, BEAR = range(3)
-
-
-@kernel
-def _solve_directly(c: Arguments, stage: int) -> None:
-    if c.uses.directly == 1:
-        solve_directly(c, stage)
+# What waits in a small island after so many turns is solved directly.
+PATIENCE = 8
+# The stages of small islands: find them; solve an impact, of the uneven ones or of all; find what
+# bears the forces.
+LIST, STRIKE_UNEVEN, STRIKE, BEAR = range(4)
 
 
 @by_address
 def solve_directly(c: Arguments, stage: int) -> int:
-    """Do a stage for the islands that are solved directly."""
+    """Do a stage for the small islands."""
     work, substeps = c.work.solver, c.settings.sequential.substeps
+    what = _sweep_of(stage == BEAR, work.notes[0, SUBSTEP], c.model.h / substeps, substeps)
     if stage == LIST:
         find_islands(work.blocks, work.bodies, c.work.direct.islands)
+    elif stage == BEAR:
+        bear_islands(work.blocks, work.bodies, what, c.work.direct)
     else:
-        what = _sweep_of(stage == BEAR, work.notes[0, SUBSTEP], c.model.h / substeps, substeps)
-        solve_islands(work.blocks, work.bodies, what, work.impacts, c.work.direct)
+        strike_islands(stage == STRIKE, work.blocks, work.bodies, what, work.impacts,
+                       c.work.direct)
     return 0
 
 
@@ -346,8 +347,10 @@ def sweep(region: int, blocks: Blocks, motion: Array, what: Sweep) -> None:
     for block in range(first, first + count):
         if count > CACHED:
             fetch_block(blocks, block + 1)
-        note_left(blocks, block, visit_block(blocks, block, motion, what, awake_in(blocks, block)),
-                  what)
+        bits, residual = awake_in(blocks, block), spread(0.0)
+        if bits != 0:
+            residual = visit_block(blocks, block, motion, what, bits)
+        note_left(blocks, block, residual, what)
 
 
 @part

@@ -1,0 +1,80 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Sweeps of small islands, which go on until an island is settled; see direct_islands.py."""
+
+from rigid_sim_ros.engine.constraints.contact_blocks import SIZE
+from rigid_sim_ros.engine.constraints.contact_rules import Sweep, settled
+from rigid_sim_ros.engine.solver.coloring import Blocks, numbers_of, points_in
+from rigid_sim_ros.engine.solver.contact_sweep import visit_block
+from rigid_sim_ros.engine.solver.direct_islands import Islands
+from rigid_sim_ros.kernels.arrays import Array
+from rigid_sim_ros.kernels.eight import bits_of, LANES, load
+from rigid_sim_ros.kernels.kernel import INDEX, kernel
+
+# What so many sweeps do not settle is solved directly.
+SWEEPS = 10
+
+
+@kernel
+def sweep_islands(blocks: Blocks, motion: Array, what: Sweep, islands: Islands) -> None:
+    """
+    Visit the contacts of small islands, forth and back by turns, until these are settled.
+
+    islands.moved becomes 1 for those that are not, and for those that are not swept.
+    """
+    _begin(blocks, islands)
+    for turn in range(SWEEPS):
+        for island in range(islands.count[0]):
+            islands.moved[island] = islands.uneven[island]
+        _sweep(turn % 2 == 1, blocks, motion, what, islands)
+        if not _end_turn(islands):
+            break
+
+
+@kernel
+def _begin(blocks: Blocks, islands: Islands) -> None:
+    """Let all lanes be visited that are awake and not of an uneven island."""
+    for k in range(islands.blocks[0]):
+        block = islands.block[k] & INDEX
+        bits = blocks.direct[block] & ~blocks.dormant[block]
+        for i in range(LANES):
+            if bits & 1 << i != 0 and islands.uneven[_island(islands, block, i)] == 1:
+                bits &= ~(1 << i)
+        islands.visited[block] = bits
+
+
+@kernel
+def _island(islands: Islands, block: int, i: int) -> int:
+    return islands.number[block * LANES + i & INDEX] & INDEX
+
+
+@kernel
+def _sweep(backwards: bool, blocks: Blocks, motion: Array, what: Sweep, islands: Islands) -> None:
+    """Visit the lanes once, and note which islands that changed."""
+    count = islands.blocks[0]
+    for k in range(count):
+        block = islands.block[count - 1 - k if backwards else k] & INDEX
+        bits = islands.visited[block]
+        if bits != 0:
+            residual = visit_block(blocks, block, motion, what, bits)
+            least = (settled(points_in(blocks.kind[block])) * what.inv_h
+                     * load(numbers_of(blocks, block), SIZE))
+            bits &= bits_of(residual > least)
+        for i in range(LANES if bits != 0 else 0):
+            if bits & 1 << i != 0:
+                islands.moved[_island(islands, block, i)] = 1
+
+
+@kernel
+def _end_turn(islands: Islands) -> bool:
+    """Leave the islands alone that the last sweep did not change; return whether any are left."""
+    left = False
+    for k in range(islands.blocks[0]):
+        block = islands.block[k] & INDEX
+        bits = islands.visited[block]
+        for i in range(LANES if bits != 0 else 0):
+            if bits & 1 << i != 0 and islands.moved[_island(islands, block, i)] == 0:
+                bits &= ~(1 << i)
+        islands.visited[block] = bits
+        left |= bits != 0
+    return left
