@@ -8,7 +8,8 @@ Rigid Body Dynamics, "Impulse"), and the tangential impulse obeys Coulomb's law,
 against the slip that is left. All points of one pair of bodies are solved together, so that a box
 that lands flat stays flat; pairs are solved one after the other, the one that approaches fastest
 first, until nothing approaches: that is how a shock travels through a row of touching balls
-(Newton's cradle), which no simultaneous rule reproduces.
+(Newton's cradle), which no simultaneous rule reproduces. Pairs that approach equally fast and
+share a body are solved together: in which order they stand decides nothing.
 """
 
 from typing import NamedTuple
@@ -26,14 +27,18 @@ from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
-# Sweeps over the points of one pair. A box on four corners takes about 50 to reach rounding.
+# Sweeps over the points. A box on four corners takes about 50 to reach rounding.
 MAX_SWEEPS = 2000
+# Approaches that differ by less than this part are equally fast: more than rounding and what
+# brackets of the time leave. And the most points that are solved together for that reason.
+ALIKE, MOST_ALIKE = 1e-6, 32
 
 
 class Room(NamedTuple):
-    """Scratch memory for the points of one pair: m points, w rows each."""
+    """Scratch memory for the points that collide together: m points, w rows each."""
 
     chosen: IntArray  # (m,)
+    block: IntArray  # (m,) the pairs that collide together
     A: Array  # (wm, wm)
     arm: Array  # (2, wm, 3)
     u0: Array  # (wm,)
@@ -50,9 +55,10 @@ class Room(NamedTuple):
 
 
 def make_room(m: int, width: int) -> Room:
-    """Return room for pairs of bodies with m points at most."""
+    """Return room for pairs of bodies with m points at most, and for those that are alike."""
+    m = max(m, MOST_ALIKE)
     rows = width * m
-    return Room(np.zeros(m, dtype=np.int64), np.zeros((rows, rows)), np.zeros((2, rows, 3)),
+    return Room(np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64), np.zeros((rows, rows)), np.zeros((2, rows, 3)),
                 np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros((m, 3)), np.zeros(m),
                 np.zeros(m), np.zeros(rows), np.zeros(rows), np.zeros(rows),
                 np.zeros((rows, rows)), np.zeros((rows, rows)))
@@ -74,34 +80,98 @@ def collide_all(model: Model, state: State, contacts: Contacts, bodies: Bodies, 
     after `limit` of them something still approaches.
     """
     for count in range(limit + 1):
-        block = -1
-        fastest = 0.0
+        block, fastest = -1, 0.0
         for k in range(first, last):
-            for i in range(contacts.first[k], contacts.first[k + 1]):
-                if contacts.gap[i] > touching * contacts.size[i]:
-                    continue
-                u = to_contact(contacts, i, relative(bodies.velocity, contacts, i))
-                slow = min(resting_speed(contacts, bodies, i, h), quiet * contacts.size[i])
-                if u[0] < fastest and classify(u[0], slow) == COLLIDING:
-                    block, fastest = k, u[0]
+            u = _approach(contacts, bodies, h, touching, quiet, k)
+            if u < fastest:
+                block, fastest = k, u
         if block < 0:
             return count
         if count < limit:
-            _collide_pair(model, state, contacts, bodies, h, touching, width, elastic, block,
-                          room, impulses)
+            alike = _choose_alike(model, contacts, bodies, h, touching, quiet, block, first, last,
+                                  room)
+            _collide(model, state, contacts, bodies, h, touching, width, elastic, alike, room,
+                     impulses)
     return -1
 
 
 @kernel
-def _collide_pair(model: Model, state: State, contacts: Contacts, bodies: Bodies, h: float,
-                  touching: float, width: int, elastic: IntArray, block: int, room: Room,
-                  impulses: Array) -> None:
-    first, after = contacts.first[block], contacts.first[block + 1]
-    m = 0
-    for i in range(first, after):
+def _approach(contacts: Contacts, bodies: Bodies, h: float, touching: float, quiet: float,
+              block: int) -> float:
+    """Return how fast the points of a pair approach that collide, below 0 [m/s]; else 0."""
+    fastest = 0.0
+    for i in range(contacts.first[block], contacts.first[block + 1]):
         if contacts.gap[i] <= touching * contacts.size[i]:
-            room.chosen[m] = i
-            m += 1
+            u = to_contact(contacts, i, relative(bodies.velocity, contacts, i))
+            slow = min(resting_speed(contacts, bodies, i, h), quiet * contacts.size[i])
+            if u[0] < fastest and classify(u[0], slow) == COLLIDING:
+                fastest = u[0]
+    return fastest
+
+
+@kernel
+def _touching_points(contacts: Contacts, touching: float, block: int) -> int:
+    """Return how many points of a pair touch."""
+    count = 0
+    for i in range(contacts.first[block], contacts.first[block + 1]):
+        if contacts.gap[i] <= touching * contacts.size[i]:
+            count += 1
+    return count
+
+
+@kernel
+def _choose_alike(model: Model, contacts: Contacts, bodies: Bodies, h: float, touching: float,
+                  quiet: float, block: int, first: int, last: int, room: Room) -> int:
+    """
+    Write the pairs to room.block that collide together with that of `block`; return how many.
+
+    They approach as fast, and hang together by bodies that move.
+    """
+    fastest = _approach(contacts, bodies, h, touching, quiet, block)
+    room.block[0] = block
+    count, points, done = 1, _touching_points(contacts, touching, block), 0
+    while done < count:
+        for k in range(first, last):
+            if _share_a_body(model, contacts, room.block[done], k) and (
+                    not _is_among(room.block, count, k)):
+                more = _touching_points(contacts, touching, k)
+                u = _approach(contacts, bodies, h, touching, quiet, k)
+                if u <= (1.0 - ALIKE) * fastest and points + more <= MOST_ALIKE:
+                    room.block[count] = k
+                    count, points = count + 1, points + more
+        done += 1
+    return count
+
+
+@kernel
+def _share_a_body(model: Model, contacts: Contacts, j: int, k: int) -> bool:
+    """Return whether two pairs have a body in common that moves."""
+    at, other = contacts.first[j], contacts.first[k]
+    a, b = contacts.body_a[at], contacts.body_b[at]
+    c, d = contacts.body_a[other], contacts.body_b[other]
+    return bool((model.inv_m[a] > 0.0 and (a == c or a == d))
+                or (model.inv_m[b] > 0.0 and (b == c or b == d)))
+
+
+@kernel
+def _is_among(numbers: IntArray, count: int, k: int) -> bool:
+    for i in range(count):
+        if numbers[i] == k:
+            return True
+    return False
+
+
+@kernel
+def _collide(model: Model, state: State, contacts: Contacts, bodies: Bodies, h: float,
+             touching: float, width: int, elastic: IntArray, alike: int, room: Room,
+             impulses: Array) -> None:
+    """Let the pairs in room.block collide, `alike` of them."""
+    m = 0
+    for k in range(alike):
+        for i in range(contacts.first[room.block[k]], contacts.first[room.block[k] + 1]):
+            if contacts.gap[i] <= touching * contacts.size[i]:
+                room.chosen[m] = i
+                m += 1
     effective_mass(model, contacts, bodies, room.chosen, m, width, room.arm, room.A)
     for j in range(m):
         i = room.chosen[j]
@@ -116,8 +186,10 @@ def _collide_pair(model: Model, state: State, contacts: Contacts, bodies: Bodies
         push_rows(model, state, contacts, i, width, room.J, width * j)
         for k in range(width):
             impulses[i, k] += room.J[width * j + k]
-    read_velocity(model, state, contacts.body_a[first], bodies)
-    read_velocity(model, state, contacts.body_b[first], bodies)
+    for k in range(alike):
+        at = contacts.first[room.block[k]]
+        read_velocity(model, state, contacts.body_a[at], bodies)
+        read_velocity(model, state, contacts.body_b[at], bodies)
 
 
 def impact(A: Array, u0: Array, mu: Array, e: Array, J: Array) -> None:
