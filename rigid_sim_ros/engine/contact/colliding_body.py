@@ -14,10 +14,12 @@ from rigid_sim_ros.engine.maths.vector import (
     add, add_scaled, add_to_column, column, cross, dot, scale, subtract, times)
 from rigid_sim_ros.engine.state.rates import velocity_at
 from rigid_sim_ros.engine.state.state import State
-from rigid_sim_ros.kernels.arrays import Array, IntArray, room, Vector
+from rigid_sim_ros.kernels.arrays import Array, IntArray, integers, room, Vector
 from rigid_sim_ros.kernels.kernel import inlined, kernel
 
 NEVER = 1e30  # [s]
+# Pairs that collide together, at most.
+TOGETHER = 32
 # Columns of `CollisionWork.body`.
 VELOCITY, SPIN, ACCELERATION, INVERSE, INV_M, DP, DL, COLUMNS = 0, 3, 6, 9, 15, 16, 19, 28
 
@@ -31,17 +33,24 @@ class CollisionWork(NamedTuple):
     # touch in this step
     waits: IntArray
     first: Array  # (n,) the earliest of a body's times
+    pairs: IntArray  # (n,) of 32 bits, how many pairs of a body touch first
     body: Array  # (n, 28) v, w, F / m, inverse inertia in world axes, 1 / m, new momenta, shifts
-    point: Array  # (POINTS, 3) points of one collision from the centre of mass of A [m]
-    target: Array  # (POINTS,) normal velocity after it [m/s], NEVER for a point that takes no part
-    impulse: Array  # (POINTS,) [N s]
+    together: IntArray  # (TOGETHER,) places in `rows` of the pairs that collide together
+    pair: Array  # (TOGETHER, 19) see collision_impulses.py
+    # (TOGETHER, POINTS, 3) their points from the centres of mass of A [m]
+    point: Array
+    # (TOGETHER, POINTS) normal velocity after it [m/s], NEVER for a point that takes no part
+    target: Array
+    impulse: Array  # (TOGETHER, POINTS) [N s]
 
 
 def make_collision_work(n: int, capacity: int) -> CollisionWork:
     """Return buffers for n bodies and `capacity` manifolds."""
     return CollisionWork(room(capacity, kind=np.int32), room(capacity),
-                         room(capacity, kind=np.int8), room(n), room(n, COLUMNS),
-                         np.zeros((POINTS, 3)), np.zeros(POINTS), np.zeros(POINTS))
+                         room(capacity, kind=np.int8), room(n), room(n, kind=np.int32),
+                         room(n, COLUMNS), integers(TOGETHER), np.zeros((TOGETHER, 19)),
+                         np.zeros((TOGETHER, POINTS, 3)), np.zeros((TOGETHER, POINTS)),
+                         np.zeros((TOGETHER, POINTS)))
 
 
 @inlined

@@ -1,146 +1,203 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The impulses of one collision inside a step: several points, friction, no gain of energy."""
+"""
+The impulses of one collision inside a step: several points, friction, no gain of energy.
+
+Of one pair of bodies, or of several that touch at the same time and share bodies: then those of
+all are found together, so that in which order they stand decides nothing.
+"""
 
 from rigid_sim_ros.engine.contact.colliding_body import (
-    change_at, CollisionWork, NEVER, push_body, relative_after, response)
+    change_at, CollisionWork, get, NEVER, push_body, put, relative_after, response)
 from rigid_sim_ros.engine.maths.vector import add, add_scaled, dot, norm, row, scale, subtract
 from rigid_sim_ros.kernels.arrays import Array, Vector
-from rigid_sim_ros.kernels.kernel import kernel
+from rigid_sim_ros.kernels.kernel import inlined, kernel
 
 # Visits to the points and the friction of one collision, at most, and the part of the impulse by
 # which one of them may still change it.
 VISITS, CONVERGED = 100, 1e-12
+# Columns of `CollisionWork.pair`: the bodies and the number of points; the normal; from the centre
+# of mass of A to that of B; what forces add to the relative velocity until then; the coefficient
+# of friction; the centre of the pressure from that of A; the impulse of friction.
+BODY_A, BODY_B, POINTS_OF, NORMAL, BETWEEN, ADDED, MU, CENTRE, SLIDE = 0, 1, 2, 3, 6, 9, 12, 13, 16
+
+
+@inlined
+def _bodies(k: int, work: CollisionWork) -> tuple[Array, Array]:
+    pair = work.pair[k]
+    return work.body[int(pair[BODY_A])], work.body[int(pair[BODY_B])]
 
 
 @kernel
-def _visit_point(A: Array, B: Array, n: Vector, d: Vector, dv: Vector, p: int,
-                 work: CollisionWork) -> None:
+def _push(k: int, r_A: Vector, J: Vector, work: CollisionWork) -> None:
+    """Let an impulse act on B of a pair, r_A from the centre of mass of A, and -J on A."""
+    A, B = _bodies(k, work)
+    push_body(A, r_A, scale(-1.0, J))
+    push_body(B, subtract(r_A, get(work.pair[k], BETWEEN)), J)
+
+
+@kernel
+def _velocity(k: int, r_A: Vector, work: CollisionWork) -> Vector:
+    """Return the velocity of B relative to A at a point of a pair, as it is by now."""
+    A, B = _bodies(k, work)
+    return relative_after(A, B, r_A, get(work.pair[k], BETWEEN), get(work.pair[k], ADDED))
+
+
+@kernel
+def _response(k: int, r_A: Vector, e: Vector, work: CollisionWork) -> float:
+    """Return how much a unit impulse along e at a point changes the relative velocity there."""
+    A, B = _bodies(k, work)
+    return response(A, r_A, e) + response(B, subtract(r_A, get(work.pair[k], BETWEEN)), e)
+
+
+@kernel
+def _visit_point(k: int, p: int, work: CollisionWork) -> None:
     """Bring one point to its target by an impulse >= 0."""
-    r_A = row(work.point, p)
-    r_B = subtract(r_A, d)
-    u = relative_after(A, B, r_A, d, dv)
-    k = response(A, r_A, n) + response(B, r_B, n)
-    after = max(0.0, work.impulse[p] + (work.target[p] - dot(n, u)) / k)
-    change = after - work.impulse[p]
-    push_body(A, r_A, scale(-change, n))
-    push_body(B, r_B, scale(change, n))
-    work.impulse[p] = after
+    n, r_A = get(work.pair[k], NORMAL), row(work.point[k], p)
+    missing = work.target[k, p] - dot(n, _velocity(k, r_A, work))
+    after = max(0.0, work.impulse[k, p] + missing / _response(k, r_A, n, work))
+    _push(k, r_A, scale(after - work.impulse[k, p], n), work)
+    work.impulse[k, p] = after
 
 
 @kernel
-def _visit_together(A: Array, B: Array, n: Vector, d: Vector, dv: Vector, points: int,
-                    work: CollisionWork) -> None:
+def _visit_together(k: int, work: CollisionWork) -> None:
     """
-    Bring the points to their targets, on the average, by the same impulse at each.
+    Bring the points of a pair to their targets, on the average, by the same impulse at each.
 
     Before each is visited alone: so what lies symmetrically stays so.
     """
+    n = get(work.pair[k], NORMAL)
     count, c, missing = 0, (0.0, 0.0, 0.0), 0.0
-    for p in range(points):
-        if work.target[p] < NEVER:
+    for p in range(int(work.pair[k, POINTS_OF])):
+        if work.target[k, p] < NEVER:
             count += 1
-            c = add(c, row(work.point, p))
-            missing += work.target[p] - dot(n, relative_after(A, B, row(work.point, p), d, dv))
+            c = add(c, row(work.point[k], p))
+            missing += work.target[k, p] - dot(n, _velocity(k, row(work.point[k], p), work))
     if count < 2:
         return
     r_A = scale(1.0 / count, c)
-    r_B = subtract(r_A, d)
-    J = max(0.0, missing / count / (response(A, r_A, n) + response(B, r_B, n)))
-    push_body(A, r_A, scale(-J, n))
-    push_body(B, r_B, scale(J, n))
-    for p in range(points):
-        if work.target[p] < NEVER:
-            work.impulse[p] = J / count
+    J = max(0.0, missing / count / _response(k, r_A, n, work))
+    _push(k, r_A, scale(J, n), work)
+    for p in range(int(work.pair[k, POINTS_OF])):
+        if work.target[k, p] < NEVER:
+            work.impulse[k, p] = J / count
 
 
 @kernel
-def _normal_impulses(A: Array, B: Array, n: Vector, d: Vector, dv: Vector, points: int,
-                     work: CollisionWork) -> tuple[float, Vector]:
-    """Bring the points to their targets; return the sum of their impulses and its centre."""
-    pressure, c = 0.0, (0.0, 0.0, 0.0)
-    for _ in range(VISITS):
-        before, pressure, c = pressure, 0.0, (0.0, 0.0, 0.0)
-        for p in range(points):
-            if work.target[p] < NEVER:
-                _visit_point(A, B, n, d, dv, p, work)
-                pressure += work.impulse[p]
-                c = add_scaled(c, work.impulse[p], row(work.point, p))
-        if abs(pressure - before) <= CONVERGED * pressure:
+def _pressure(k: int, work: CollisionWork) -> float:
+    """Return the sum of the normal impulses of a pair [N s]."""
+    total = 0.0
+    for p in range(int(work.pair[k, POINTS_OF])):
+        total += work.impulse[k, p]
+    return total
+
+
+@kernel
+def _normal_impulses(count: int, work: CollisionWork) -> None:
+    """Bring the points of all pairs to their targets."""
+    for _ in range(VISITS if count == 1 else count * VISITS):
+        moved = total = 0.0
+        for k in range(count):
+            before = _pressure(k, work)
+            for p in range(int(work.pair[k, POINTS_OF])):
+                if work.target[k, p] < NEVER:
+                    _visit_point(k, p, work)
+            after = _pressure(k, work)
+            moved, total = moved + abs(after - before), total + after
+        if moved <= CONVERGED * total:
             break
-    return pressure, scale(1.0 / pressure, c) if pressure > 0.0 else c
 
 
 @kernel
-def impulses_of(A: Array, B: Array, n: Vector, d: Vector, dv: Vector, mu: float, points: int,
-                work: CollisionWork) -> Vector:
+def _write_centre(k: int, work: CollisionWork) -> None:
+    """Write the centre of the pressure of a pair, if there is any."""
+    c, pressure = (0.0, 0.0, 0.0), _pressure(k, work)
+    for p in range(int(work.pair[k, POINTS_OF])):
+        c = add_scaled(c, work.impulse[k, p], row(work.point[k], p))
+    put(work.pair[k], CENTRE, scale(1.0 / pressure, c) if pressure > 0.0 else c)
+
+
+@kernel
+def find_impulses(count: int, work: CollisionWork) -> None:
     """
-    Find and apply the impulses of one collision; return that of friction.
+    Find and apply the impulses of one collision of some pairs.
 
     First those of the normals alone. Friction then acts at one point that stays, the centre of
     their pressure: at one that moved between visits its parts would leave a couple.
     """
-    _visit_together(A, B, n, d, dv, points, work)
-    pressure, c = _normal_impulses(A, B, n, d, dv, points, work)
-    J = (0.0, 0.0, 0.0)
-    if pressure > 0.0 and mu > 0.0:
-        J = _friction(A, B, n, d, dv, mu, c, pressure, points, work)
-    return _within_energy(A, B, n, d, dv, c, J, points, work)
+    rubs = False
+    for k in range(count):
+        put(work.pair[k], SLIDE, (0.0, 0.0, 0.0))
+        _visit_together(k, work)
+    _normal_impulses(count, work)
+    for k in range(count):
+        _write_centre(k, work)
+        rubs |= work.pair[k, MU] > 0.0 and _pressure(k, work) > 0.0
+    for _ in range(VISITS if rubs else 0):
+        moved = total = 0.0
+        for k in range(count):
+            moved += _visit_friction(k, work)
+            total += norm(get(work.pair[k], SLIDE))
+        _normal_impulses(count, work)
+        if moved <= CONVERGED * total:
+            break
+    _limit_energy(count, work)
 
 
 @kernel
-def _friction(A: Array, B: Array, n: Vector, d: Vector, dv: Vector, mu: float, c: Vector,
-              pressure: float, points: int, work: CollisionWork) -> Vector:
-    """Stop the sliding at c within the cone of Coulomb, and keep the points at their targets."""
-    J = (0.0, 0.0, 0.0)
-    for _ in range(VISITS):
-        u = relative_after(A, B, c, d, dv)
-        u = add_scaled(u, -dot(n, u), n)
-        speed = norm(u)
-        if speed == 0.0:
-            break
+def _visit_friction(k: int, work: CollisionWork) -> float:
+    """Stop the sliding at c within the cone of Coulomb; return how much that changed J [N s]."""
+    n, c, J = get(work.pair[k], NORMAL), get(work.pair[k], CENTRE), get(work.pair[k], SLIDE)
+    u = _velocity(k, c, work)
+    u = add_scaled(u, -dot(n, u), n)
+    speed, most = norm(u), work.pair[k, MU] * _pressure(k, work)
+    wanted = J
+    if speed > 0.0:
         e = scale(1.0 / speed, u)
-        k = response(A, c, e) + response(B, subtract(c, d), e)
-        wanted = add_scaled(J, -speed / k, e)
-        size = norm(wanted)
-        if size > mu * pressure:
-            wanted = scale(mu * pressure / size, wanted)
-        change = subtract(wanted, J)
-        push_body(A, c, scale(-1.0, change))
-        push_body(B, subtract(c, d), change)
-        J = wanted
-        pressure, _ = _normal_impulses(A, B, n, d, dv, points, work)
-        if norm(change) <= CONVERGED * norm(J):
-            break
-    return J
+        wanted = add_scaled(J, -speed / _response(k, c, e, work), e)
+    size = norm(wanted)
+    if size > most:
+        wanted = scale(most / size, wanted)
+    change = subtract(wanted, J)
+    _push(k, c, change, work)
+    put(work.pair[k], SLIDE, wanted)
+    return norm(change)
 
 
 @kernel
-def _within_energy(A: Array, B: Array, n: Vector, d: Vector, dv: Vector, c: Vector, J: Vector,
-                   points: int, work: CollisionWork) -> Vector:
+def _limit_energy(count: int, work: CollisionWork) -> None:
     """
-    Reduce the impulses of a collision to where they do no work; return what is left of J.
+    Reduce the impulses of a collision to where they do no work.
 
     Impulses f that change the velocities of their points from u to u + K f do the work f . u + f .
     K f / 2. Newton's law of restitution with friction may make it positive (Kane, A dynamics
     puzzle, Stanford Mechanics Alumni Club Newsletter 1984); s f with s = -2 f . u / f . K f does
     none.
     """
-    changed = dot(J, subtract(change_at(B, subtract(c, d)), change_at(A, c)))
-    after = dot(J, relative_after(A, B, c, d, dv))
-    for p in range(points):
-        r, f = row(work.point, p), work.impulse[p]
-        changed += f * dot(n, subtract(change_at(B, subtract(r, d)), change_at(A, r)))
-        after += f * dot(n, relative_after(A, B, r, d, dv))
+    changed = after = 0.0
+    for k in range(count):
+        n, c, J = get(work.pair[k], NORMAL), get(work.pair[k], CENTRE), get(work.pair[k], SLIDE)
+        changed += dot(J, _change(k, c, work))
+        after += dot(J, _velocity(k, c, work))
+        for p in range(int(work.pair[k, POINTS_OF])):
+            r, f = row(work.point[k], p), work.impulse[k, p]
+            changed += f * dot(n, _change(k, r, work))
+            after += f * dot(n, _velocity(k, r, work))
     if after - 0.5 * changed <= 0.0:
-        return J
+        return
     less = 2.0 * (changed - after) / changed - 1.0
-    for p in range(points):
-        change = scale(less * work.impulse[p], n)
-        push_body(A, row(work.point, p), scale(-1.0, change))
-        push_body(B, subtract(row(work.point, p), d), change)
-        work.impulse[p] *= 1.0 + less
-    change = scale(less, J)
-    push_body(A, c, scale(-1.0, change))
-    push_body(B, subtract(c, d), change)
-    return add(J, change)
+    for k in range(count):
+        n, c, J = get(work.pair[k], NORMAL), get(work.pair[k], CENTRE), get(work.pair[k], SLIDE)
+        for p in range(int(work.pair[k, POINTS_OF])):
+            _push(k, row(work.point[k], p), scale(less * work.impulse[k, p], n), work)
+            work.impulse[k, p] *= 1.0 + less
+        _push(k, c, scale(less, J), work)
+        put(work.pair[k], SLIDE, scale(1.0 + less, J))
+
+
+@kernel
+def _change(k: int, r_A: Vector, work: CollisionWork) -> Vector:
+    """Return how much the collision has changed the relative velocity at a point of a pair."""
+    A, B = _bodies(k, work)
+    return subtract(change_at(B, subtract(r_A, get(work.pair[k], BETWEEN))), change_at(A, r_A))

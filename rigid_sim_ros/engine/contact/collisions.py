@@ -8,16 +8,18 @@ it had acted at the time tau of the touch: the velocities change by J / M at onc
 positions by -tau J / M, so that the motion over the whole step passes through the same places
 after tau as a motion with the impulse at tau. With constant forces that is exact, in energy and in
 time; P and L are those of the true motion. Collisions of a body are taken in the order of their
-times, so that an impulse runs through a row of touching bodies one by one. What approaches slower
-than a threshold is left to the contact solver, which makes it rest: so ends the sequence of ever
-smaller bounces.
+times, so that an impulse runs through a row of touching bodies one by one; those at the same time
+are one collision, so that the order of the bodies decides nothing. What approaches slower than a
+threshold is left to the contact solver, which makes it rest: so ends the sequence of ever smaller
+bounces.
 """
 
 from rigid_sim_ros.engine.contact.classify import classify, COLLIDING
 from rigid_sim_ros.engine.contact.colliding_body import (
-    ACCELERATION, CollisionWork, get, INV_M, load_body, NEVER, put, store_body, VELOCITY,
+    ACCELERATION, CollisionWork, get, INV_M, load_body, NEVER, put, store_body, TOGETHER, VELOCITY,
     velocity_on)
-from rigid_sim_ros.engine.contact.collision_impulses import impulses_of
+from rigid_sim_ros.engine.contact.collision_impulses import (
+    ADDED, BETWEEN, BODY_A, BODY_B, find_impulses, MU, NORMAL, POINTS_OF, SLIDE)
 from rigid_sim_ros.engine.contact.impact_offsets import gap_now
 from rigid_sim_ros.engine.detection.manifolds import ACTS, LEFT_OUT, Manifolds, rows_in_use
 from rigid_sim_ros.engine.maths.vector import (
@@ -30,7 +32,9 @@ from rigid_sim_ros.kernels.kernel import INDEX, inlined, kernel
 
 # Points of a manifold that touch within this distance of each other collide together; a part of
 # the size of the smaller shape.
-TOGETHER = 1e-6
+ALIKE = 1e-6
+# Pairs of a body that touch within this part of a step touch at the same time.
+AT_ONCE = 1e-6
 # What approaches slower does not bounce: this part of what the forces make of rest within a step,
 # and in a step this part of the size of the smaller shape, where no force acts.
 SLOWEST, STILL = 0.1, 1e-8
@@ -89,28 +93,100 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
                 work.first[a] = min(work.first[a], work.time[k])
             if inv_m[b] > 0.0:
                 work.first[b] = min(work.first[b], work.time[k])
+        _count_first(h, inv_m, candidates, manifolds, work)
         for k in range(candidates):
-            r = work.rows[k]
-            a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
-            if work.time[k] <= h and work.time[k] <= min(work.first[a], work.first[b]):
-                first = shapes.material[manifolds.shape_a[r]]
-                second = shapes.material[manifolds.shape_b[r]]
-                _bounce(state.x, shapes.kind, shapes.size, manifolds,
-                        TOGETHER * _size(shapes, manifolds, r),
-                        materials.restitution[first, second],
-                        materials.friction[first, second], r, work.time[k], normal_impulse,
-                        friction_impulse, work)
-                store_body(inv_I_C, state, a, work.time[k], work.body[a])
-                store_body(inv_I_C, state, b, work.time[k], work.body[b])
-                # Their other times are no longer true.
-                if inv_m[a] > 0.0:
-                    work.first[a] = -1.0
-                if inv_m[b] > 0.0:
-                    work.first[b] = -1.0
-                collisions += 1
+            if _is_first(h, k, manifolds, work):
+                count = _choose_together(h, inv_m, k, candidates, manifolds, work)
+                _collide(inv_m, inv_I_C, state, shapes, materials, manifolds, count,
+                         normal_impulse, friction_impulse, work)
+                collisions += count
         if collisions == earlier:
             break
     return collisions
+
+
+@kernel
+def _is_first(h: float, k: int, manifolds: Manifolds, work: CollisionWork) -> bool:
+    """Return whether no body of candidate k touches anything else before; or at once."""
+    a, b = manifolds.body_a[work.rows[k]] & INDEX, manifolds.body_b[work.rows[k]] & INDEX
+    return bool(work.time[k] <= h
+                and work.time[k] <= min(work.first[a], work.first[b]) + AT_ONCE * h)
+
+
+@kernel
+def _count_first(h: float, inv_m: Array, candidates: int, manifolds: Manifolds,
+                 work: CollisionWork) -> None:
+    """Count of each body the pairs that touch first."""
+    for k in range(candidates):
+        r = work.rows[k]
+        work.pairs[manifolds.body_a[r]] = work.pairs[manifolds.body_b[r]] = 0
+    for k in range(candidates):
+        if _is_first(h, k, manifolds, work):
+            r = work.rows[k]
+            for body in (manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX):
+                work.pairs[body] += 1 if inv_m[body] > 0.0 else 0
+
+
+@kernel
+def _choose_together(h: float, inv_m: Array, first: int, candidates: int, manifolds: Manifolds,
+                     work: CollisionWork) -> int:
+    """
+    Write the candidates that collide together with the first one; return how many.
+
+    They touch at the same time and hang together by bodies that move.
+    """
+    work.together[0] = first
+    count, done = 1, 0
+    while done < count:
+        r = work.rows[work.together[done]]
+        a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+        # Counted are those that move.
+        alone = work.pairs[a] <= 1 and work.pairs[b] <= 1
+        for k in range(first + 1, candidates if not alone else 0):
+            at = work.rows[k]
+            c, d = manifolds.body_a[at] & INDEX, manifolds.body_b[at] & INDEX
+            shares = (inv_m[a] > 0.0 and (a == c or a == d)) or (
+                inv_m[b] > 0.0 and (b == c or b == d))
+            if shares and count < TOGETHER and _is_first(h, k, manifolds, work) and (
+                    not _is_among(work.together, count, k)):
+                work.together[count] = k
+                count += 1
+        done += 1
+    return count
+
+
+@kernel
+def _is_among(numbers: IntArray, count: int, k: int) -> bool:
+    for i in range(count):
+        if numbers[i] == k:
+            return True
+    return False
+
+
+@kernel
+def _collide(inv_m: Array, inv_I_C: Array, state: State, shapes: Shapes, materials: Materials,
+             manifolds: Manifolds, count: int, normal_impulse: Array, friction_impulse: Array,
+             work: CollisionWork) -> None:
+    """Let the chosen pairs collide, at the time of the first."""
+    tau = NEVER
+    for k in range(count):
+        tau = min(tau, work.time[work.together[k]])
+    for k in range(count):
+        r = work.rows[work.together[k]] & INDEX
+        one, other = manifolds.shape_a[r], manifolds.shape_b[r]
+        work.pair[k, MU] = materials.friction[shapes.material[one], shapes.material[other]]
+        _read_pair(state.x, shapes.kind, shapes.size, manifolds,
+                   ALIKE * _size(shapes, manifolds, r),
+                   _restitution(shapes, materials, one, other), r, tau, k, work)
+    find_impulses(count, work)
+    for k in range(count):
+        r = work.rows[work.together[k]] & INDEX
+        _write_pair(shapes.kind, manifolds, r, k, normal_impulse, friction_impulse, work)
+        for body in (manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX):
+            store_body(inv_I_C, state, body, tau, work.body[body])
+            # Their other times are no longer true.
+            if inv_m[body] > 0.0:
+                work.first[body] = -1.0
 
 
 @inlined
@@ -166,8 +242,7 @@ def _touch(h: float, x: Array, kind: IntArray, size: Array, manifolds: Manifolds
         time = _time_of_touch(gap, dot(n, v), acceleration, h, slowest)
         slow = slow or time == NEVER
         earliest = min(earliest, time)
-    both = is_ball(kind[manifolds.shape_a[r]]) and is_ball(kind[manifolds.shape_b[r]])
-    if both and earliest <= h:
+    if _are_balls(kind, manifolds, r) and earliest <= h:
         earliest, _ = _touch_of_spheres(h, x, size, manifolds, r, earliest, work.body)
     work.waits[r] = LEFT_OUT if earliest > NEVER and not slow else ACTS
     return earliest
@@ -205,20 +280,24 @@ def _touch_of_spheres(h: float, x: Array, size: Array, manifolds: Manifolds, r: 
     return t if t <= h else 2.0 * NEVER, n
 
 
+@inlined
+def _are_balls(kind: IntArray, manifolds: Manifolds, r: int) -> bool:
+    return is_ball(kind[manifolds.shape_a[r]]) and is_ball(kind[manifolds.shape_b[r]])
+
+
 @kernel
-def _bounce(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, together: float,
-            restitution: float, mu: float, r: int, tau: float, normal_impulse: Array,
-            friction_impulse: Array, work: CollisionWork) -> None:
+def _read_pair(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, together: float,
+               restitution: float, r: int, tau: float, k: int, work: CollisionWork) -> None:
     """
-    Collide one pair at tau [s], by the law of Newton within the cone of Coulomb.
+    Write what pair k of a collision at tau [s] is, and what the law of Newton wants of it.
 
     Its points that touch within a distance of `together` [m] take part.
     """
     a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
-    A, B = work.body[a], work.body[b]
+    A, B, pair = work.body[a], work.body[b], work.pair[k]
     n = row(manifolds.normal, r)
     acceleration = subtract(get(B, ACCELERATION), get(A, ACCELERATION))
-    spheres = is_ball(kind[manifolds.shape_a[r]]) and is_ball(kind[manifolds.shape_b[r]])
+    spheres = _are_balls(kind, manifolds, r)
     o_A = (0.0, 0.0, 0.0)
     if spheres:
         radius = size[manifolds.shape_a[r], 0]
@@ -236,26 +315,36 @@ def _bounce(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, togethe
         follows_B = 1.0
     elif is_ball(kind[manifolds.shape_a[r]]) or B[INV_M] == 0.0:
         follows_B = 0.0
+    pair[BODY_A], pair[BODY_B], pair[POINTS_OF] = a, b, manifolds.points[r]
+    put(pair, NORMAL, n)
+    put(pair, BETWEEN, d)
+    put(pair, ADDED, scale(tau, acceleration))
     for p in range(manifolds.points[r]):
         r_A, r_B = row(manifolds.r_A[p], r), add(row(manifolds.r_B[p], r), d)
         c = o_A if spheres else add_scaled(r_A, follows_B, subtract(r_B, r_A))
-        put(work.point[p], 0, c)
-        work.impulse[p] = 0.0
-        work.target[p] = NEVER
+        put(work.point[k, p], 0, c)
+        work.impulse[k, p] = 0.0
+        work.target[k, p] = NEVER
         u = dot(n, subtract(velocity_on(B, subtract(c, d)), velocity_on(A, c)))
         gap = gap_now(manifolds, work.body, r, p)
         gap += tau * u + 0.5 * tau * tau * dot(n, acceleration)
         u += tau * dot(n, acceleration)
         if (gap <= together or spheres) and u < 0.0:
-            work.target[p] = -restitution * u
-    J = impulses_of(A, B, n, d, scale(tau, acceleration), mu, manifolds.points[r], work)
-    if spheres:
+            work.target[k, p] = -restitution * u
+
+
+@kernel
+def _write_pair(kind: IntArray, manifolds: Manifolds, r: int, k: int, normal_impulse: Array,
+                friction_impulse: Array, work: CollisionWork) -> None:
+    """Add the impulses of pair k of a collision to those of its manifold."""
+    J = get(work.pair[k], SLIDE)
+    if _are_balls(kind, manifolds, r):
         # The manifold has the normal from the start of the step.
         before = row(manifolds.normal, r)
-        J = add_scaled(J, work.impulse[0], n)
-        work.impulse[0] = dot(J, before)
-        J = add_scaled(J, -work.impulse[0], before)
+        J = add_scaled(J, work.impulse[k, 0], get(work.pair[k], NORMAL))
+        work.impulse[k, 0] = dot(J, before)
+        J = add_scaled(J, -work.impulse[k, 0], before)
     for p in range(manifolds.points[r]):
-        normal_impulse[p, r] += work.impulse[p]
-    for k in range(3):
-        friction_impulse[r, k] += J[k]
+        normal_impulse[p, r] += work.impulse[k, p]
+    for j in range(3):
+        friction_impulse[r, j] += J[j]

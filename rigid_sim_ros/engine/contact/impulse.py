@@ -55,8 +55,7 @@ class Room(NamedTuple):
 
 
 def make_room(m: int, width: int) -> Room:
-    """Return room for pairs of bodies with m points at most, and for those that are alike."""
-    m = max(m, MOST_ALIKE)
+    """Return room for m points that collide together."""
     rows = width * m
     return Room(np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64), np.zeros((rows, rows)), np.zeros((2, rows, 3)),
                 np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros((m, 3)), np.zeros(m),

@@ -10,7 +10,7 @@ from rigid_sim_ros.engine.contact.carried_forces import Carried, longer, no_forc
 from rigid_sim_ros.engine.contact.contact_newton import make_newton, Newton
 from rigid_sim_ros.engine.contact.contact_rows import make_rows, Rows
 from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts, make_bodies, make_contacts
-from rigid_sim_ros.engine.contact.impulse import make_room, Room
+from rigid_sim_ros.engine.contact.impulse import make_room, MOST_ALIKE, Room
 from rigid_sim_ros.engine.detection.transform_update import unplaced
 from rigid_sim_ros.engine.dynamics.integrate import make_work, Work
 from rigid_sim_ros.engine.dynamics.loads import empty_loads, Loads
@@ -98,7 +98,7 @@ def make_buffers(bodies: int, shapes: int) -> Buffers:
                    make_contacts(c), whole(2, c), np.zeros((c, 6)), np.zeros((c, 6)),
                    np.zeros((c, 6)), whole(c), np.zeros(c), whole(c), whole(c), whole(c),
                    np.zeros(c),
-                   whole(c, 3), make_room(4, 6), make_rows(16, 48, bodies), np.zeros(48),
+                   whole(c, 3), make_room(MOST_ALIKE, 6), make_rows(16, 48, bodies), np.zeros(48),
                    make_newton(16, 48, 4, bodies), empty_loads(bodies), whole(c, 2), np.zeros(c),
                    make_groups(bodies, shapes, c), np.zeros(bodies), empty_state(bodies),
                    no_forces())
