@@ -1,6 +1,6 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Gaussian elimination with partial pivoting, for the small systems of few bodies."""
+"""Linear systems of few bodies."""
 
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
@@ -9,7 +9,9 @@ from rigid_sim_ros.kernels.kernel import kernel
 @kernel
 def solve_linear(K: Array, x: Array, last: IntArray, effort: Array) -> bool:
     """
-    Replace x by K^-1 x, destroying K, by elimination; return False if K is singular.
+    Replace x by K^-1 x, destroying K; return False if K is singular.
+
+    By Gaussian elimination with partial pivoting.
 
     last, (n,), is scratch: the last entry of a row that is not 0. Bodies of which only neighbours
     touch make a band. The multiplications are added to `effort`.
@@ -41,6 +43,40 @@ def solve_linear(K: Array, x: Array, last: IntArray, effort: Array) -> bool:
                     K[i, j] -= factor * K[k, j]
                 x[i] -= factor * x[k]
                 effort[0] += end - k
+    for k in range(size - 1, -1, -1):
+        total = x[k]
+        for j in range(k + 1, last[k] + 1):
+            total -= K[k, j] * x[j]
+        x[k] = total / K[k, k]
+    return True
+
+
+@kernel
+def solve_symmetric(K: Array, x: Array, last: IntArray) -> bool:
+    """
+    Replace x (n,) by K^-1 x, destroying K; return False if K (n, n) is not positive definite.
+
+    Of K, which is symmetric, what stands on and above the diagonal is read. By elimination without
+    pivoting, which is stable then (Golub, Van Loan, Matrix Computations, section 4.2). last (n,)
+    is scratch, as for `solve_linear`.
+    """
+    size = x.shape[0]
+    for i in range(size):
+        last[i] = size - 1
+        while last[i] > i and K[i, last[i]] == 0.0:
+            last[i] -= 1
+    for k in range(size):
+        pivot, end = K[k, k], last[k] + 1
+        if not pivot > 0.0:
+            return False
+        for i in range(k + 1, end):
+            factor = K[k, i] / pivot
+            if factor != 0.0:
+                source, target = K[k][i:end], K[i][i:end]
+                for j in range(target.shape[0]):
+                    target[j] -= factor * source[j]
+                x[i] -= factor * x[k]
+                last[i] = max(last[i], last[k])
     for k in range(size - 1, -1, -1):
         total = x[k]
         for j in range(k + 1, last[k] + 1):

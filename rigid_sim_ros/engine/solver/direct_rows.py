@@ -48,7 +48,7 @@ class DirectRows(NamedTuple):
     least: Array  # (c, 9) [m/s] its part that is no velocity
     f: Array  # (c, 9) [N s] the impulses
     start: Array  # (c, 9) [N s] those to begin with
-    inverse: Array  # (b, 7) [1/kg], [1/(kg m^2)] inverse mass and inertia, six numbers, of bodies
+    inertia: Array  # (b, 7) [kg], [kg m^2] masses and inertia of the bodies, six numbers
     limit: Array  # (c, 3) of friction, about the normal and against rolling, per normal force
     size: Array  # (c,) [m] of the smaller shape
     scratch: Array  # (10 * 8,) n, t1, t2 and the least speed of a point, of all lanes of a block
@@ -83,7 +83,7 @@ def read_island(blocks: Blocks, bodies: SolverBodies, lanes: IntArray, what: Swe
             slot = at // STRIDE
             if bodies.motion[at + INV_M] > 0.0 and rows.place[slot] < 0:
                 rows.place[slot], rows.slot[moving] = moving, slot
-                _write_inverse(blocks, bodies, lane, side, moving, rows)
+                _write_inertia(blocks, bodies, lane, side, moving, rows)
                 moving += 1
             rows.body[count, side] = rows.place[slot]
         _read_manifold(blocks, bodies, lane, count, what, rows)
@@ -94,18 +94,26 @@ def read_island(blocks: Blocks, bodies: SolverBodies, lanes: IntArray, what: Swe
 
 
 @kernel
-def _write_inverse(blocks: Blocks, bodies: SolverBodies, lane: int, side: int, k: int,
+def _write_inertia(blocks: Blocks, bodies: SolverBodies, lane: int, side: int, k: int,
                    rows: DirectRows) -> None:
-    """Write the inverse mass and inertia of body A or B of a lane as those of body k."""
+    """Write the mass and inertia of body A or B of a lane as those of body k."""
     block, i = lane // LANES, lane % LANES
     b, at = numbers_of(blocks, block), blocks.at_A[lane] if side == 0 else blocks.at_B[lane]
-    rows.inverse[k, 0] = bodies.motion[at + INV_M]
-    for j in range(6):
-        if are_balls(blocks.kind[block]):
-            inv_I = bodies.motion[at + INV_I] if j == 0 or j == 3 or j == 5 else 0.0
-        else:
-            inv_I = b[((J_A if side == 0 else J_B) + j) * LANES + i]
-        rows.inverse[k, 1 + j] = inv_I
+    to = rows.inertia[k]
+    to[0] = 1.0 / bodies.motion[at + INV_M]
+    if are_balls(blocks.kind[block]):
+        to[1] = to[4] = to[6] = 1.0 / bodies.motion[at + INV_I]
+        to[2] = to[3] = to[5] = 0.0
+        return
+    J = J_A if side == 0 else J_B
+    xx, xy, xz = _three(b, J, i)
+    yy, yz, zz = _three(b, J + 3, i)
+    # By cofactors.
+    to[1], to[2], to[3] = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+    to[4], to[5], to[6] = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+    determinant = xx * to[1] + xy * to[2] + xz * to[3]
+    for j in range(1, 7):
+        to[j] /= determinant
 
 
 @kernel

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.constraints.contact_rules import Sweep
-from rigid_sim_ros.engine.maths.elimination import solve_linear
+from rigid_sim_ros.engine.maths.elimination import solve_symmetric
 from rigid_sim_ros.engine.solver.coloring import Blocks
 from rigid_sim_ros.engine.solver.direct_islands import (
     begin_island_impact, Islands, make_islands, MOST_BODIES, MOST_MANIFOLDS)
@@ -62,12 +62,11 @@ class Direct(NamedTuple):
     best: Array  # (c, 9) [N s] impulses that were kept
     best_p: Array  # (6 b,) and their p
     F: Array  # (6 b,)
-    step: Array  # (6 b,)
+    z: Array  # (6 b,) a step of Newton's method as velocities
     K: Array  # (36 b b,)
     last: IntArray  # (6 b,)
-    E: Array  # (9, 9) the derivative of P / R of one manifold
     wish: Array  # (2,) f_0 - a / R of a disk
-    effort: Array  # (1,)
+    along: Array  # (12,) a row of G times its part of the derivative of P / R
 
 
 def make_direct(n: int, capacity: int) -> Direct:
@@ -77,7 +76,7 @@ def make_direct(n: int, capacity: int) -> Direct:
                   np.zeros((c, WIDTH)), np.zeros((c, 3)), np.zeros(6 * b), np.zeros((c, WIDTH)),
                   np.zeros(6 * b), np.zeros(6 * b),
                   np.zeros(6 * b), np.zeros(36 * b * b), np.zeros(6 * b, dtype=np.int64),
-                  np.zeros((WIDTH, WIDTH)), np.zeros(2), np.zeros(1))
+                  np.zeros(2), np.zeros(12))
 
 
 @kernel
@@ -185,29 +184,36 @@ def _minimize(count: int, moving: int, goal: float, work: Direct) -> int:
 
 @kernel
 def _newton_step(count: int, moving: int, work: Direct) -> bool:
-    """Take one step from p, and write f and F; return whether there was one."""
+    """
+    Take one step from p, and write f and F; return whether there was one.
+
+    With E the derivative of P / R and z = M^-1 dp, (M + G' E G) z = -F, which is symmetric.
+    """
     size = 6 * moving
-    p, step = work.p[:size], work.step[:size]
+    p, z, F = work.p[:size], work.z[:size], work.F
     K = work.K[:size * size].reshape((size, size))
     for i in range(size):
-        step[i] = -work.F[i]
+        z[i] = -F[i]
         for j in range(size):
-            K[i, j] = 1.0 if i == j else 0.0
+            K[i, j] = 0.0
+    for b in range(moving):
+        _add_inertia(b, K, work)
     for c in range(count):
         _add_manifold(c, K, work)
-    if not solve_linear(K, step, work.last, work.effort):
+    if not solve_symmetric(K, z, work.last):
         return False
-    slope = _slope(moving, work)
+    # Along the step the convex function has the slope z . F, which grows: its zero lies between
+    # `low` and `high`.
+    slope = _product(z, F)
     if not slope < 0.0:
         return False
-    # The slope grows along the direction: its zero lies between `low` and `high`.
     low, high, at, done = 0.0, np.inf, 1.0, 0.0
     for _ in range(TRIALS):
-        for k in range(size):
-            p[k] += (at - done) * step[k]
+        for b in range(moving):
+            _add_momentum(b, at - done, work)
         done = at
         _write_F(count, moving, work)
-        now = _slope(moving, work)
+        now = _product(z, F)
         if abs(now) <= -FLAT * slope or (now < 0.0 and at == 1.0):
             break
         if now < 0.0:
@@ -216,6 +222,37 @@ def _newton_step(count: int, moving: int, work: Direct) -> bool:
             high = at
         at = 0.5 * (low + high)
     return True
+
+
+@kernel
+def _product(z: Array, F: Array) -> float:
+    total = 0.0
+    for k in range(z.shape[0]):
+        total += z[k] * F[k]
+    return total
+
+
+@kernel
+def _add_inertia(b: int, K: Array, work: Direct) -> None:
+    """Add the mass and the inertia of a body to K, on and above the diagonal."""
+    inertia, at, k = work.rows.inertia[b], 6 * b, 1
+    for i in range(3):
+        K[at + i, at + i] += inertia[0]
+        for j in range(i, 3):
+            K[at + 3 + i, at + 3 + j] += inertia[k]
+            k += 1
+
+
+@kernel
+def _add_momentum(b: int, times: float, work: Direct) -> None:
+    """Add what a body gains of momentum by a part of the step."""
+    inertia, at, p, z = work.rows.inertia[b], 6 * b, work.p, work.z
+    for k in range(3):
+        p[at + k] += times * inertia[0] * z[at + k]
+    x, y, z_z = z[at + 3], z[at + 4], z[at + 5]
+    p[at + 3] += times * (inertia[1] * x + inertia[2] * y + inertia[3] * z_z)
+    p[at + 4] += times * (inertia[2] * x + inertia[4] * y + inertia[5] * z_z)
+    p[at + 5] += times * (inertia[3] * x + inertia[5] * y + inertia[6] * z_z)
 
 
 @kernel
@@ -279,66 +316,55 @@ def _largest_rate(count: int, work: Direct) -> float:
 
 
 @kernel
-def _slope(moving: int, work: Direct) -> float:
-    """Return the derivative of the convex function along the step: step' M^-1 F."""
-    total, inv = 0.0, work.rows.inverse
-    for b in range(moving):
-        for j in range(3):
-            total += inv[b, 0] * work.step[6 * b + j] * work.F[6 * b + j]
-        x, y, z = work.F[6 * b + 3], work.F[6 * b + 4], work.F[6 * b + 5]
-        total += (work.step[6 * b + 3] * (inv[b, 1] * x + inv[b, 2] * y + inv[b, 3] * z)
-                  + work.step[6 * b + 4] * (inv[b, 2] * x + inv[b, 4] * y + inv[b, 5] * z)
-                  + work.step[6 * b + 5] * (inv[b, 3] * x + inv[b, 5] * y + inv[b, 6] * z))
-    return total
-
-
-@kernel
-def _write_E(c: int, work: Direct) -> None:
-    """Write the derivative of the impulses of a manifold by its rates, with the opposite sign."""
-    rows, E, f = work.rows, work.E, work.rows.f
-    for q in range(WIDTH):
-        for r in range(WIDTH):
-            E[q, r] = 0.0
+def _add_manifold(c: int, K: Array, work: Direct) -> None:
+    """Add G' E G of a manifold to K."""
+    rows, f, along = work.rows, work.rows.f, work.along
     for r in range(SLIDE):
         if rows.there[c, r] != 0 and f[c, r] > 0.0:
-            E[r, r] = 1.0 / (COMPLIANCE * rows.stiff[c, r])
+            for k in range(12):
+                along[k] = rows.G[c, r, k] / (COMPLIANCE * rows.stiff[c, r])
+            _add_row(c, r, K, work)
     for d in range(3):
         first, size = _disk(d)
-        if rows.there[c, first] == 0:
-            continue
-        stiff, radius = COMPLIANCE * rows.stiff[c, first], work.radius[c, d]
-        wish = work.wish
-        for k in range(size):
-            rate = rows.rate[c, first + k] + moved(rows, c, first + k, work.p)
-            wish[k] = work.base[c, first + k] - rate / stiff
-        long = np.sqrt(wish[0] * wish[0] + (wish[1] * wish[1] if size == 2 else 0.0))
-        for i in range(size):
-            for j in range(size):
-                along = 1.0 if i == j else 0.0
-                if long > radius:
-                    along = radius / long * (along - wish[i] * wish[j] / (long * long))
-                E[first + i, first + j] = along / stiff
+        if rows.there[c, first] != 0:
+            _add_disk(c, d, first, size, K, work)
 
 
 @kernel
-def _add_manifold(c: int, K: Array, work: Direct) -> None:
-    """Add G' E W of a manifold to K."""
-    rows, E = work.rows, work.E
-    _write_E(c, work)
+def _add_disk(c: int, d: int, first: int, size: int, K: Array, work: Direct) -> None:
+    """Add that of the rows of a disk: inside of it as of others, on its edge across w alone."""
+    rows, wish, along, radius = work.rows, work.wish, work.along, work.radius[c, d]
+    stiff, square = COMPLIANCE * rows.stiff[c, first], 0.0
+    for k in range(size):
+        rate = rows.rate[c, first + k] + moved(rows, c, first + k, work.p)
+        wish[k] = work.base[c, first + k] - rate / stiff
+        square += wish[k] * wish[k]
+    slides = square > radius * radius
+    part = (radius / np.sqrt(square) if slides else 1.0) / stiff
+    for i in range(size if part > 0.0 else 0):
+        for k in range(12):
+            along[k] = 0.0
+        for j in range(size):
+            e = (1.0 if i == j else 0.0) - (wish[i] * wish[j] / square if slides else 0.0)
+            for k in range(12):
+                along[k] += part * e * rows.G[c, first + j, k]
+        _add_row(c, first + i, K, work)
+
+
+@kernel
+def _add_row(c: int, r: int, K: Array, work: Direct) -> None:
+    """Add the product of a row of G and `along` to K, where it is on or above the diagonal."""
+    rows, along = work.rows, work.along
     for side in range(2):
-        to = rows.body[c, side]
-        for j in range(6 if to >= 0 else 0):
-            i = 6 * to + j
-            for r in range(WIDTH):
-                weight = 0.0
-                for q in range(WIDTH):
-                    if E[q, r] != 0.0:
-                        weight += rows.G[c, q, 6 * side + j] * E[q, r]
-                if weight != 0.0:
-                    for other in range(2):
-                        at = rows.body[c, other]
-                        for k in range(6 if at >= 0 else 0):
-                            K[i, 6 * at + k] += weight * rows.W[c, r, 6 * other + k]
+        to, g = rows.body[c, side], rows.G[c, r]
+        for other in range(2):
+            at = rows.body[c, other]
+            if to >= 0 and at >= to:
+                of = along[6 * other:6 * other + 6]
+                for i in range(6):
+                    line, times = K[6 * to + i][6 * at:6 * at + 6], g[6 * side + i]
+                    for k in range(6):
+                        line[k] += times * of[k]
 
 
 @kernel
