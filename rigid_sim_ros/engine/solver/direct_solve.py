@@ -59,6 +59,8 @@ class Direct(NamedTuple):
     base: Array  # (c, 9) [N s] f_0
     radius: Array  # (c, 3) [N s] of the disks
     p: Array  # (6 b,) momenta that are added to those of the start
+    rate: Array  # (c, 9) [m/s] a at p
+    bend: Array  # (c, 9) [m/s] how a changes along a step of Newton's method
     best: Array  # (c, 9) [N s] impulses that were kept
     best_p: Array  # (6 b,) and their p
     F: Array  # (6 b,)
@@ -74,7 +76,7 @@ def make_direct(n: int, capacity: int) -> Direct:
     c, b = MOST_MANIFOLDS, MOST_BODIES
     return Direct(make_islands(n, capacity), make_direct_rows(most_slots(n)),
                   np.zeros((c, WIDTH)), np.zeros((c, 3)), np.zeros(6 * b), np.zeros((c, WIDTH)),
-                  np.zeros(6 * b), np.zeros(6 * b),
+                  np.zeros((c, WIDTH)), np.zeros((c, WIDTH)), np.zeros(6 * b), np.zeros(6 * b),
                   np.zeros(6 * b), np.zeros(36 * b * b), np.zeros(6 * b, dtype=np.int64),
                   np.zeros(2), np.zeros(12))
 
@@ -189,8 +191,8 @@ def _newton_step(count: int, moving: int, work: Direct) -> bool:
 
     With E the derivative of P / R and z = M^-1 dp, (M + G' E G) z = -F, which is symmetric.
     """
-    size = 6 * moving
-    p, z, F = work.p[:size], work.z[:size], work.F
+    size, rows = 6 * moving, work.rows
+    z, F = work.z[:size], work.F
     K = work.K[:size * size].reshape((size, size))
     for i in range(size):
         z[i] = -F[i]
@@ -202,26 +204,75 @@ def _newton_step(count: int, moving: int, work: Direct) -> bool:
         _add_manifold(c, K, work)
     if not solve_symmetric(K, z, work.last):
         return False
-    # Along the step the convex function has the slope z . F, which grows: its zero lies between
-    # `low` and `high`.
-    slope = _product(z, F)
-    if not slope < 0.0:
+    if not _product(z, F) < 0.0:
         return False
-    low, high, at, done = 0.0, np.inf, 1.0, 0.0
+    for c in range(count):
+        for r in range(WIDTH):
+            work.bend[c, r] = _along(rows, c, r, z) if rows.there[c, r] != 0 else 0.0
+    far = _search(count, moving, work)
+    for b in range(moving):
+        _add_momentum(b, far, work)
+    _write_F(count, moving, work)
+    return True
+
+
+@kernel
+def _along(rows: DirectRows, c: int, r: int, z: Array) -> float:
+    """Return what velocities z of the bodies are as a rate of a row."""
+    total = 0.0
+    for side in range(2):
+        at = 6 * rows.body[c, side]
+        if at >= 0:
+            for k in range(6):
+                total += rows.G[c, r, 6 * side + k] * z[at + k]
+    return total
+
+
+@kernel
+def _search(count: int, moving: int, work: Direct) -> float:
+    """
+    Return how far to go along the step, as a part of it.
+
+    The convex function has a slope along it that grows: its zero lies between `low` and `high`.
+    """
+    first = _slope(0.0, count, moving, work)
+    low, high, at = 0.0, np.inf, 1.0
     for _ in range(TRIALS):
-        for b in range(moving):
-            _add_momentum(b, at - done, work)
-        done = at
-        _write_F(count, moving, work)
-        now = _product(z, F)
-        if abs(now) <= -FLAT * slope or (now < 0.0 and at == 1.0):
+        now = _slope(at, count, moving, work)
+        if abs(now) <= -FLAT * first or (now < 0.0 and at == 1.0):
             break
         if now < 0.0:
             low = at
         else:
             high = at
         at = 0.5 * (low + high)
-    return True
+    return at
+
+
+@kernel
+def _slope(far: float, count: int, moving: int, work: Direct) -> float:
+    """Return the slope of the convex function some way along the step: z . F there."""
+    rows, z, p, total = work.rows, work.z, work.p, 0.0
+    for k in range(6 * moving):
+        total += z[k] * p[k]
+    for b in range(moving):
+        total += far * _twice_energy(b, work)
+    for c in range(count):
+        _write_impulses(c, far, work)
+        for r in range(WIDTH):
+            if rows.there[c, r] != 0:
+                total -= work.bend[c, r] * (rows.f[c, r] - rows.start[c, r])
+    return total
+
+
+@kernel
+def _twice_energy(b: int, work: Direct) -> float:
+    """Return z . M z of a body."""
+    inertia, at, z = work.rows.inertia[b], 6 * b, work.z
+    x, y, s = z[at + 3], z[at + 4], z[at + 5]
+    return float(inertia[0] * (z[at] * z[at] + z[at + 1] * z[at + 1] + z[at + 2] * z[at + 2])
+                 + x * (inertia[1] * x + 2.0 * (inertia[2] * y + inertia[3] * s))
+                 + y * (inertia[4] * y + 2.0 * inertia[5] * s) + inertia[6] * s * s)
 
 
 @kernel
@@ -262,7 +313,10 @@ def _write_F(count: int, moving: int, work: Direct) -> None:
     for k in range(6 * moving):
         F[k] = p[k]
     for c in range(count):
-        _write_impulses(c, work)
+        for r in range(WIDTH):
+            if rows.there[c, r] != 0:
+                work.rate[c, r] = rows.rate[c, r] + moved(rows, c, r, p)
+        _write_impulses(c, 0.0, work)
         for side in range(2):
             if rows.body[c, side] >= 0:
                 at = 6 * rows.body[c, side]
@@ -274,12 +328,12 @@ def _write_F(count: int, moving: int, work: Direct) -> None:
 
 
 @kernel
-def _write_impulses(c: int, work: Direct) -> None:
-    """Write the impulses of a manifold: P(f_0 - a / R)."""
+def _write_impulses(c: int, far: float, work: Direct) -> None:
+    """Write the impulses of a manifold some way along the step: P(f_0 - a / R)."""
     rows, f = work.rows, work.rows.f
     for r in range(WIDTH):
         if rows.there[c, r] != 0:
-            rate = rows.rate[c, r] + moved(rows, c, r, work.p)
+            rate = work.rate[c, r] + far * work.bend[c, r]
             f[c, r] = work.base[c, r] - rate / (COMPLIANCE * rows.stiff[c, r])
     for r in range(SLIDE):
         f[c, r] = max(f[c, r], 0.0)
@@ -336,8 +390,7 @@ def _add_disk(c: int, d: int, first: int, size: int, K: Array, work: Direct) -> 
     rows, wish, along, radius = work.rows, work.wish, work.along, work.radius[c, d]
     stiff, square = COMPLIANCE * rows.stiff[c, first], 0.0
     for k in range(size):
-        rate = rows.rate[c, first + k] + moved(rows, c, first + k, work.p)
-        wish[k] = work.base[c, first + k] - rate / stiff
+        wish[k] = work.base[c, first + k] - work.rate[c, first + k] / stiff
         square += wish[k] * wish[k]
     slides = square > radius * radius
     part = (radius / np.sqrt(square) if slides else 1.0) / stiff

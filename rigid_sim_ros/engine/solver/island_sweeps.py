@@ -12,7 +12,7 @@ from rigid_sim_ros.kernels.eight import bits_of, LANES, load
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
 # What so many sweeps do not settle is solved directly.
-SWEEPS = 10
+SWEEPS = 40
 
 
 @kernel

@@ -150,7 +150,7 @@ def _solve_impacts(c: Arguments) -> None:
 
 
 # What waits in a small island after so many turns is solved directly.
-PATIENCE = 1
+PATIENCE = 8
 # The stages of small islands: find them; solve an impact, of the uneven ones or of all; find what
 # bears the forces.
 LIST, STRIKE_UNEVEN, STRIKE, BEAR = range(4)
