@@ -15,7 +15,7 @@ from rigid_sim_ros.kernels.kernel import inlined, kernel
 
 # Visits to the points and the friction of one collision, at most, and the part of the impulse by
 # which one of them may still change it.
-VISITS, CONVERGED = 100, 1e-12
+VISITS, CONVERGED = 1000, 1e-12
 # Columns of `CollisionWork.pair`: the bodies and the number of points; the normal; from the centre
 # of mass of A to that of B; what forces add to the relative velocity until then; the coefficient
 # of friction; the centre of the pressure from that of A; the impulse of friction.
@@ -51,13 +51,15 @@ def _response(k: int, r_A: Vector, e: Vector, work: CollisionWork) -> float:
 
 
 @kernel
-def _visit_point(k: int, p: int, work: CollisionWork) -> None:
-    """Bring one point to its target by an impulse >= 0."""
+def _visit_point(k: int, p: int, work: CollisionWork) -> float:
+    """Bring one point to its target by an impulse >= 0; return by how much that changed [N s]."""
     n, r_A = get(work.pair[k], NORMAL), row(work.point[k], p)
     missing = work.target[k, p] - dot(n, _velocity(k, r_A, work))
     after = max(0.0, work.impulse[k, p] + missing / _response(k, r_A, n, work))
-    _push(k, r_A, scale(after - work.impulse[k, p], n), work)
+    change = after - work.impulse[k, p]
+    _push(k, r_A, scale(change, n), work)
     work.impulse[k, p] = after
+    return abs(change)
 
 
 @kernel
@@ -96,15 +98,13 @@ def _pressure(k: int, work: CollisionWork) -> float:
 @kernel
 def _normal_impulses(count: int, work: CollisionWork) -> None:
     """Bring the points of all pairs to their targets."""
-    for _ in range(VISITS if count == 1 else count * VISITS):
+    for _ in range(VISITS):
         moved = total = 0.0
         for k in range(count):
-            before = _pressure(k, work)
             for p in range(int(work.pair[k, POINTS_OF])):
                 if work.target[k, p] < NEVER:
-                    _visit_point(k, p, work)
-            after = _pressure(k, work)
-            moved, total = moved + abs(after - before), total + after
+                    moved += _visit_point(k, p, work)
+            total += _pressure(k, work)
         if moved <= CONVERGED * total:
             break
 
