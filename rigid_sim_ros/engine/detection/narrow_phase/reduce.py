@@ -25,17 +25,15 @@ def reduce_to_four(points: Array, ids: IntArray, count: int, normal: Vector, siz
     """
     Keep at most four of `count` candidates, in their order, and return how many.
 
-    A deep point, the one farthest from it, the one that spans the largest triangle with
-    these, and the one that adds most to that triangle. `size` [m] is that of the smaller shape.
+    Of the deepest the one farthest out, the one farthest from it, the one that spans the largest
+    triangle with these, and the one that adds most to that triangle. So the choice depends on the
+    order only between points that are alike. `size` [m] is that of the smaller shape.
     """
     if count > 4:
         count = _drop_far(points, ids, count, size)
     if count <= 4:
         return count
-    first = 0
-    for k in range(1, count):
-        if points[k, 3] < points[first, 3] - PREFERENCE * size:
-            first = k
+    first = _outermost(points, count, _deepest(points, count) + PREFERENCE * size)
     second, best = -1, 0.0
     for k in range(count):
         d = _between(points, first, k)
@@ -64,11 +62,32 @@ def reduce_to_four(points: Array, ids: IntArray, count: int, normal: Vector, siz
 
 
 @kernel
-def _drop_far(points: Array, ids: IntArray, count: int, size: float) -> int:
-    """Keep the candidates, in their order, that are not far from touching; return how many."""
-    deepest, kept = points[0, 3], 0
+def _deepest(points: Array, count: int) -> float:
+    """Return the smallest gap of the candidates [m]."""
+    deepest = points[0, 3]
     for k in range(1, count):
         deepest = min(deepest, points[k, 3])
+    return deepest
+
+
+@kernel
+def _outermost(points: Array, count: int, deep: float) -> int:
+    """Return the candidate farthest from the middle of all, of those with a gap up to `deep`."""
+    x = y = z = 0.0
+    for k in range(count):
+        x, y, z = x + points[k, 0] / count, y + points[k, 1] / count, z + points[k, 2] / count
+    first, best = -1, 0.0
+    for k in range(count):
+        d = (points[k, 0] - x, points[k, 1] - y, points[k, 2] - z)
+        if points[k, 3] <= deep and (first < 0 or dot(d, d) > best * (1.0 + PREFERENCE)):
+            first, best = k, dot(d, d)
+    return first
+
+
+@kernel
+def _drop_far(points: Array, ids: IntArray, count: int, size: float) -> int:
+    """Keep the candidates, in their order, that are not far from touching; return how many."""
+    deepest, kept = _deepest(points, count), 0
     for k in range(count):
         if points[k, 3] <= deepest + FAR * size:
             for i in range(4):
