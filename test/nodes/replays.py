@@ -54,7 +54,7 @@ def of_topic(bag: Path, topic: str) -> list[tuple[int, bytes]]:
 def hearing(probe: Probe, message: type, topic: str, qos: Any = DEEP) -> Iterator[list[bytes]]:
     """Collect the bytes that arrive on a topic; nobody needs to publish there yet."""
     received: list[bytes] = []
-    subscription = probe.node.create_subscription(message, topic, received.append, qos, raw=True)
+    subscription = probe.subscribe(message, topic, received.append, qos, raw=True)
     try:
         yield received
     finally:
