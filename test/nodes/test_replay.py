@@ -12,7 +12,8 @@ from bag.foreign import BEST_EFFORT, LATCHED, mcap, rosbag2, texts
 from bag.sessions import NODE, shared_session
 from geometry_msgs.msg import PoseStamped
 from nodes.live import DEEP, nanoseconds
-from nodes.replays import hearing, LATE, of_topic, replay, replaying, texts_of
+from nodes.replays import (
+    hearing, LATE, of_topic, replay, replaying, replaying_to, texts_of)
 import pytest
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
@@ -35,7 +36,7 @@ def test_the_bytes_of_a_recording_arrive_as_they_are(probe, tmp_path, storage, m
     with hearing(probe, topics['/clock'], '/clock') as clock, \
             hearing(probe, PoseStamped, f'{NODE}/ball/pose') as poses, \
             hearing(probe, MultiDOFJointState, f'{NODE}/state') as states, \
-            replaying(tmp_path, bag, *FAST) as process:
+            replaying_to(probe, tmp_path, bag, *FAST) as process:
         for received, topic in zip((states, poses, clock), topics, strict=True):
             expected = [data for _, data in of_topic(bag, topic)]
             probe.wait_for(lambda: len(received) >= len(expected), topic)    # noqa: B023
@@ -116,7 +117,7 @@ def test_a_start_in_the_middle_publishes_what_was_latched_before(probe, tmp_path
                   qos={'/map': [LATCHED]})
     with hearing(probe, String, '/map', LATE) as maps, \
             hearing(probe, String, '/chatter') as chatter, \
-            replaying(tmp_path, bag, *FAST, '--start', '5') as process:
+            replaying_to(probe, tmp_path, bag, *FAST, '--start', '5') as process:
         assert process.wait() == 0
         probe.wait_for(lambda: len(chatter) >= 50 and len(maps) >= 2)
         assert texts_of(maps) == ['map 100', f'map {10 * SECOND}']
@@ -165,7 +166,7 @@ def test_what_each_file_repeats_is_not_published_again(probe, tmp_path) -> None:
     assert len(of_topic(bag, f'{NODE}/scene')) > 2
     with hearing(probe, String, f'{NODE}/scene', LATE) as scenes, \
             hearing(probe, MultiDOFJointState, f'{NODE}/state') as states, \
-            replaying(tmp_path, bag, *FAST) as process:
+            replaying_to(probe, tmp_path, bag, *FAST) as process:
         assert process.wait() == 0
         probe.wait_for(lambda: len(states) == len(of_topic(bag, f'{NODE}/state')) and scenes)
         assert len(scenes) == 1
