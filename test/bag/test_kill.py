@@ -71,7 +71,7 @@ def kill_recordings(folder: Path, storage: str, count: int, seed: int) -> list[K
         for kill in running:
             kill.now()
         process.stdin.close()
-        process.wait(timeout=30)
+        process.wait(timeout=180)
     return done
 
 

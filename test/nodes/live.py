@@ -72,7 +72,8 @@ class Process:
         """Send a signal to a thread that is not the main one, as a system may do."""
         pid = self._process.pid
         others = [int(name) for name in os.listdir(f'/proc/{pid}/task') if int(name) != pid]
-        assert ctypes.CDLL(None).tgkill(pid, others[-1], number) == 0
+        # One or the other may have ended meanwhile.
+        assert any(ctypes.CDLL(None).tgkill(pid, other, number) == 0 for other in others)
 
     def wait(self) -> int:
         """Wait for the end and return the exit code."""
@@ -151,19 +152,19 @@ class _Meeting:
     def __init__(self, node: Node, other: str) -> None:
         self.client = node.create_client(GetParameters, f'{other}/get_parameters')
         self._asked: float | None = None
-        self._answered = False
+        self.is_answered = False
 
     def is_over(self) -> bool:
         """Ask if it is time to, and return whether there was an answer."""
         now = time.monotonic()
         is_due = self._asked is None or now > self._asked + AGAIN
-        if not self._answered and is_due and self.client.service_is_ready():
+        if not self.is_answered and is_due and self.client.service_is_ready():
             self._asked = now
             self.client.call_async(GetParameters.Request()).add_done_callback(self._take)
-        return self._answered
+        return self.is_answered
 
     def _take(self, _: Any) -> None:
-        self._answered = True
+        self.is_answered = True
 
 
 class Probe:
@@ -178,8 +179,8 @@ class Probe:
         self._publishers: dict[str, Any] = {}
         self._received: dict[str, list[Any]] = {}
         self._clients: dict[str, Any] = {}
-        # Subscriptions and clients that were made, and, by node, what it knows: as long as the same
-        # processes run, those of then.
+        # How many subscriptions and clients were made, and, by node, how many it knows: as long as
+        # the same processes run.
         self._made = 0
         self._met: dict[str, tuple[int, list[Process]]] = {}
         self._thread = threading.Thread(target=self._spin, daemon=True)
@@ -254,15 +255,15 @@ class Probe:
             names = nodes()
             for name in names - meetings.keys():
                 meetings[name] = _Meeting(self.node, name)
-            # All of them, not the first that is not: each asks by itself.
-            return bool(names) and all([meetings[name].is_over() for name in names])
+            over = {name for name in names if meetings[name].is_over()}
+            return bool(names) and over == names
 
         try:
             self.wait_for(are_over, what)
         finally:
             for meeting in meetings.values():
                 self.node.destroy_client(meeting.client)
-        self._met.update(dict.fromkeys(nodes(), known))
+        self._met.update({name: known for name, each in meetings.items() if each.is_answered})
 
     def _publishers_of_topic(self, topic: str) -> set[str]:
         """Return the nodes that publish a topic, none as long as a name is not known yet."""

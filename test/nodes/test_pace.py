@@ -44,7 +44,8 @@ def test_the_real_time_factor_follows_its_parameter(probe, sim):
         def follows(factor: float = factor) -> bool:
             """On a machine that has no time for the node, it does so later."""
             values = pace(probe)
-            return values['real-time factor wanted'] == f'{factor:g}' and factor / 2 < float(values['real-time factor']) < factor * 1.5
+            return values['real-time factor wanted'] == f'{factor:g}' and (
+                factor / 2 < float(values['real-time factor']) < factor * 1.5)
 
         probe.wait_for(follows, f'a pace of about {factor}')
 

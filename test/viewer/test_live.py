@@ -183,8 +183,8 @@ def test_the_push_button_pushes_the_chosen_body(page, probe):
         after = states[-1].twist[MIDDLE]
         begin, *_, end = (1e-9 * nanoseconds(each.header.stamp)
                           for each in (wrenches[0], wrenches[-1]))
-    # F t / m, with 2 N and 1 kg. How long it acts depends on how late the page hears of the time: at
-    # the latest it ends 0.5 s after it was renewed last, for so long the node holds a wrench.
+    # F t / m, with 2 N and 1 kg. How long it acts depends on how late the page hears of the time:
+    # at the latest it ends 0.5 s after it was renewed last, so long the node holds a wrench.
     assert 0.0 < after.linear.z <= 2.0 * (end - begin + 0.5) + 1e-9
     assert [after.linear.x, after.linear.y] == [0.0, 0.0]
     assert [after.angular.x, after.angular.y, after.angular.z] == pytest.approx([0, 0, 0])
@@ -195,7 +195,6 @@ def test_the_speed_slider_sets_the_pace(page, probe):
     slider.focus()
     for _ in range(4):
         slider.press('ArrowRight')      # 0.05 each
-
 
     def follows():
         shown = float(slider.get_attribute('aria-valuenow'))
