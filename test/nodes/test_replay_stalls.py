@@ -90,8 +90,8 @@ def test_after_a_pause_nothing_is_made_up_for(tmp_path) -> None:
         assert player.ask('pause', False)[0]
 
     _, behind = play(tmp_path, outputs, pause)
-    # Had time gone on in the pause, all but a catch-up would be made up for; else all of it is left,
-    # less how late the most punctual message was.
+    # Had time gone on in the pause, a catch-up of it would be made up for; as it is, all of it is
+    # left, less how late the most punctual message was.
     assert behind[-1] >= STALL * SECOND - CATCH_UP_NS // 2
 
 
