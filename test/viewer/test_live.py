@@ -183,7 +183,8 @@ def test_the_push_button_pushes_the_chosen_body(page, probe):
         after = states[-1].twist[MIDDLE]
         # One for each state of these 0.2 s, which come every 10 ms.
         assert len(wrenches) <= 21
-        begin, end = (1e-9 * nanoseconds(each.header.stamp) for each in (wrenches[0], wrenches[-1]))
+        begin, end = (
+            1e-9 * nanoseconds(each.header.stamp) for each in (wrenches[0], wrenches[-1]))
     # F t / m, with 2 N and 1 kg. How long it acts depends on how late the page hears of the time:
     # at the latest it ends 0.5 s after it was renewed last, so long the node holds a wrench.
     assert 0.0 < after.linear.z <= 2.0 * (end - begin + 0.5) + 1e-9
