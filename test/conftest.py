@@ -51,9 +51,9 @@ def pytest_collection_modifyitems(
     """
     Share the tests out, and run one with real nodes once more when it waited in vain.
 
-    On a machine whose processors belong to others too, one side of DDS may hear of the other half
-    a second or more after the other heard of it; what is said meanwhile is lost, once in some
-    thousand tests. What fails twice is wrong, and so is what came and was not as it should be.
+    Tests wait until a node knows who listens (`Probe.meet`). What may be lost yet is what a node
+    says last, since it waits for half a second at most until that has arrived. What fails twice is
+    wrong, and so is what came and was not as it should be.
     """
     if effort.is_long():
         others = [item for item in items if not sharing.has_long_form(item)]

@@ -54,7 +54,7 @@ def workspace(request, tmp_path_factory) -> Workspace:
     assert build.returncode == 0, build.stdout + build.stderr
     sourced = subprocess.run(
         ['bash', '-c', 'source install/setup.bash && env -0'], cwd=base, capture_output=True,
-        text=True, check=True, timeout=60)
+        text=True, check=True, timeout=300)
     environment = dict(line.split('=', 1) for line in sourced.stdout.split('\0') if line)
     return Workspace(base / 'install' / 'rigid_sim_ros', environment)
 

@@ -3,6 +3,9 @@
 """
 A process that records in real time until it is killed: python recording_process.py DIR STORAGE.
 
+Each recording leaves DIR/NAME.times, the wall times [ns] of its first and its last publication, as
+two integers of 8 bytes.
+
 It needs test/ in PYTHONPATH. For each line `NAME` on stdin it forks a child that records into
 DIR/NAME, and prints its process id; the child begins at once, with all imported and compiled. At
 the end of stdin it waits.
@@ -10,6 +13,7 @@ the end of stdin it waits.
 
 import os
 from pathlib import Path
+import struct
 import sys
 from tempfile import TemporaryDirectory
 import time
@@ -31,6 +35,8 @@ def record(bag: Path, storage: str) -> None:
     recorder = Recorder(bag, the_world, topics, storage=storage, segment_s=1.6)
     outputs = Outputs(the_world, topics, 'world')
     chosen = kinds.CLOCK, kinds.POSE, kinds.TWIST, kinds.STATE, kinds.STATE_HASH
+    times = os.open(bag.with_name(f'{bag.name}.times'), os.O_RDWR | os.O_CREAT)
+    os.pwrite(times, struct.pack('qq', *2 * [time.time_ns()]), 0)
     due = time.monotonic()
     while True:
         step = the_world.step_index
@@ -39,6 +45,7 @@ def record(bag: Path, storage: str) -> None:
         pairs = [pair for kind in chosen for pair in outputs.encode(kind)]
         recorder.publish(step, [recorder.channel(name) for name, _ in pairs],
                          [data for _, data in pairs])
+        os.pwrite(times, struct.pack('q', time.time_ns()), 8)
         if step % 70 == 0:
             pose = (0.1 * step, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
             the_world.set_pose('ball', *pose)

@@ -4,8 +4,8 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-import time
 
+from bag.flushing import wait_until_flushed
 from bag.sessions import world
 from bag.small_disk import make_read_only, mounted, SIZE
 import pytest
@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 
 from rigid_sim_ros.bag.batch import Batch
 from rigid_sim_ros.bag.errors import BagError
-from rigid_sim_ros.bag.recorder import FLUSH_S, Recorder
+from rigid_sim_ros.bag.recorder import Recorder
 from rigid_sim_ros.bag.verify import verify
 
 
@@ -53,10 +53,10 @@ def test_what_was_written_on_a_full_disk_is_read_without_recovery(
 
 @pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
 def test_a_disk_that_others_fill_to_the_last_byte_leaves_room_for_the_index(
-        small_disk, storage) -> None:
+        small_disk, storage, monkeypatch) -> None:
     batch = Batch(world(), small_disk / 'bag', storage=storage)
     batch.run(1000)
-    time.sleep(2 * FLUSH_S)     # all of that is in the file
+    wait_until_flushed(batch.recorder, monkeypatch)
     with (small_disk / 'ballast').open('wb', buffering=0) as ballast, pytest.raises(OSError):
         while True:
             ballast.write(bytes(512))

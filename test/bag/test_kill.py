@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 import random
 import signal
+import struct
 import subprocess
 import sys
 import time
@@ -33,11 +34,14 @@ class Kill:
         self.bag = bag
         self.pid = pid
         self.at = time.monotonic() + after_s
-        self.killed_ns = 0
 
     def now(self) -> None:
         os.kill(self.pid, signal.SIGKILL)
-        self.killed_ns = time.time_ns()
+
+    @property
+    def times(self) -> tuple[int, int]:
+        """Return when [ns] it published first and last; a busy machine may let it wait before."""
+        return struct.unpack('qq', self.bag.with_name(f'{self.bag.name}.times').read_bytes())
 
 
 def kill_recordings(folder: Path, storage: str, count: int, seed: int) -> list[Kill]:
@@ -67,7 +71,7 @@ def kill_recordings(folder: Path, storage: str, count: int, seed: int) -> list[K
         for kill in running:
             kill.now()
         process.stdin.close()
-        process.wait(timeout=30)
+        process.wait(timeout=180)
     return done
 
 
@@ -86,11 +90,11 @@ def test_a_kill_at_any_moment_loses_at_most_a_second(tmp_path, storage, count) -
         except ValueError as error:
             # Nothing was flushed yet: then no more than a second had been recorded.
             assert 'no message' in str(error)
-            born = min(path.stat().st_ctime_ns for path in files)
-            assert kill.killed_ns - born < MOST_LOST
+            first, last = kill.times
+            assert last - first < MOST_LOST
             continue
         with AnyReader([kill.bag]) as reader:
-            assert kill.killed_ns - reader.end_time < MOST_LOST
+            assert kill.times[1] - reader.end_time < MOST_LOST
         verdict = verify(kill.bag)
         assert (verdict.difference, verdict.faults, verdict.gaps) == (None, (), 0)
         restored += 1

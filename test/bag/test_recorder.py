@@ -10,6 +10,7 @@ from pathlib import Path
 import threading
 import time
 
+from bag.flushing import wait_until_flushed
 from bag.sessions import (
     events_of, messages_of, NODE, shared_session, world)
 from mcap.reader import make_reader
@@ -279,7 +280,7 @@ def test_a_write_that_fails_ends_the_recording_and_nothing_else(tmp_path, monkey
     told: list[str] = []
     batch = Batch(world(), tmp_path / 'bag', on_error=told.append)
     batch.run(500)
-    time.sleep(2 * recorder_module.FLUSH_S)     # so long until all of it has left the process
+    wait_until_flushed(batch.recorder, monkeypatch)
 
     def fail(writer, *args) -> None:
         raise OSError(5, 'Input/output error')

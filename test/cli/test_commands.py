@@ -147,7 +147,7 @@ import sys
 sys.modules['rclpy'] = None
 from rigid_sim_ros.cli import main
 main(['run', 't_handle', '--duration', '1'])
-"""], capture_output=True, text=True, check=False, timeout=120)
+"""], capture_output=True, text=True, check=False, timeout=300)
     fails_in_one_line(
         SimpleNamespace(code=result.returncode, out=result.stdout, err=result.stderr),
         "pip install '.[ros]'", 'source /opt/ros/jazzy/setup.bash')
@@ -156,7 +156,7 @@ main(['run', 't_handle', '--duration', '1'])
 def test_the_module_is_the_same_command() -> None:
     result = subprocess.run(
         [sys.executable, '-m', 'rigid_sim_ros', '--version'], capture_output=True, text=True,
-        check=True, timeout=60)
+        check=True, timeout=300)
     assert result.stdout.startswith('rigid_sim ')
 
 

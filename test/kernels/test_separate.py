@@ -118,7 +118,7 @@ def _started(tmp_path):
 
 def result(process):
     """Return what a process found, and whether it loaded what a helper was to compile."""
-    output, _ = process.communicate(timeout=120)
+    output, _ = process.communicate(timeout=300)
     assert process.returncode == 0
     return tuple(map(int, output.split()))
 
@@ -185,10 +185,10 @@ separate.link(kernels.both, pack, separate.Pieces([kernels.count], [kernels.add_
 def test_a_helper_ends_when_who_started_it_is_killed(started):
     happens = 'print(helper.process.pid, flush=True); os.kill(os.getpid(), 9)'
     process = started(TO_A_HELPER.format(waits='no', happens=happens))
-    output, _ = process.communicate(timeout=120)
+    output, _ = process.communicate(timeout=300)
     assert process.returncode == -signal.SIGKILL
     helper = int(output)
-    for _ in range(200):    # it would wait for 60 s
+    for _ in range(500):    # it would wait for 60 s
         if not is_running(helper):
             return
         time.sleep(0.1)

@@ -21,7 +21,7 @@ import warnings
 
 from free import free_domain
 from nodes.forked import Fork
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import GetParameters, SetParameters
 import rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node, NodeNameNonExistentError
@@ -31,6 +31,7 @@ from std_srvs.srv import SetBool, Trigger
 
 # s: far more than anything here takes, so that only what never happens fails.
 PATIENCE = 180.0
+AGAIN = 0.5     # s after which a question that changes nothing is asked again
 LOST = 20.0     # s after which an answer of a service will not come any more
 # s: what was lost on its way is missed at the next heartbeat, every 3 s by default of Fast DDS.
 SILENCE = 5.0
@@ -71,7 +72,9 @@ class Process:
         """Send a signal to a thread that is not the main one, as a system may do."""
         pid = self._process.pid
         others = [int(name) for name in os.listdir(f'/proc/{pid}/task') if int(name) != pid]
-        assert ctypes.CDLL(None).tgkill(pid, others[-1], number) == 0
+        # The youngest that has not ended meanwhile: the oldest, of BLAS, hold back all signals.
+        youngest = sorted(others, reverse=True)
+        assert any(ctypes.CDLL(None).tgkill(pid, other, number) == 0 for other in youngest)
 
     def wait(self) -> int:
         """Wait for the end and return the exit code."""
@@ -144,6 +147,27 @@ def _known(look: Callable[[str, str], list[tuple[str, list[str]]]],
         return {}
 
 
+class _Meeting:
+    """A question to a node that changes nothing, asked until it is answered."""
+
+    def __init__(self, node: Node, other: str) -> None:
+        self.client = node.create_client(GetParameters, f'{other}/get_parameters')
+        self._asked: float | None = None
+        self.is_answered = False
+
+    def is_over(self) -> bool:
+        """Ask if it is time to, and return whether there was an answer."""
+        now = time.monotonic()
+        is_due = self._asked is None or now > self._asked + AGAIN
+        if not self.is_answered and is_due and self.client.service_is_ready():
+            self._asked = now
+            self.client.call_async(GetParameters.Request()).add_done_callback(self._take)
+        return self.is_answered
+
+    def _take(self, _: Any) -> None:
+        self.is_answered = True
+
+
 class Probe:
     """The node of the test: it listens, publishes and calls from a thread of its own."""
 
@@ -156,8 +180,10 @@ class Probe:
         self._publishers: dict[str, Any] = {}
         self._received: dict[str, list[Any]] = {}
         self._clients: dict[str, Any] = {}
-        # Which processes ran when a service answered: as long as it is these, it knows its client.
-        self._answered_by: dict[str, list[Process]] = {}
+        # How many subscriptions and clients were made, and, by node, how many it knows: as long as
+        # the same processes run.
+        self._made = 0
+        self._met: dict[str, tuple[int, list[Process]]] = {}
         self._thread = threading.Thread(target=self._spin, daemon=True)
         self._thread.start()
 
@@ -178,7 +204,8 @@ class Probe:
         """
         Collect what arrives on a topic from now on.
 
-        The subscription stays for the next time: nothing gets lost while it finds its publisher.
+        The subscription stays for the next time. Those who publish know of it: from now on nothing
+        gets lost.
         """
         if topic not in self._received:
             self._subscribe(message, topic, qos)
@@ -195,10 +222,55 @@ class Probe:
                 received.append(item)
                 self._changed.notify_all()
 
-        subscription = self.node.create_subscription(message, topic, keep, qos)
-        self.wait_for(lambda: subscription.get_publisher_count(), f'a publisher of {topic}')
-        # The publisher may learn of the match a moment later than the subscription.
-        time.sleep(0.2)
+        self.subscribe(message, topic, keep, qos)
+        self._meet(lambda: self._publishers_of_topic(topic), f'a publisher of {topic}')
+
+    def subscribe(
+        self, message: type, topic: str, callback: Callable[[Any], object],
+        qos: QoSProfile = DEEP, *, raw: bool = False,
+    ) -> Any:
+        """Subscribe to a topic that nobody needs to publish yet."""
+        self._made += 1
+        return self.node.create_subscription(message, topic, callback, qos, raw=raw)
+
+    def meet(self, *nodes: str) -> None:
+        """
+        Wait until nodes know all subscriptions and clients that this one has made so far.
+
+        Either side of DDS hears of the other in its own time, and what a node says, or answers,
+        before it has heard of who listens does not get there. It hears of subscriptions, those to
+        answers among them, in the order in which they were made: they are announced by one
+        reliable writer of the participant (DDSI-RTPS 2.5, 8.5.4.2). So whose answer reaches a
+        client that was made last knows all that was made before.
+        """
+        news = {name for name in nodes if self._met.get(name) != (self._made, _RUNNING)}
+        if news:
+            self._meet(lambda: news, f'an answer of {", ".join(news)}')
+
+    def _meet(self, nodes: Callable[[], set[str]], what: str) -> None:
+        """Meet those that a function returns; it may return others later, but must some."""
+        known = self._made, list(_RUNNING)
+        meetings: dict[str, _Meeting] = {}
+
+        def are_over() -> bool:
+            names = nodes()
+            for name in names - meetings.keys():
+                meetings[name] = _Meeting(self.node, name)
+            over = {name for name in names if meetings[name].is_over()}
+            return bool(names) and over == names
+
+        try:
+            self.wait_for(are_over, what)
+        finally:
+            for meeting in meetings.values():
+                self.node.destroy_client(meeting.client)
+        self._met.update({name: known for name, each in meetings.items() if each.is_answered})
+
+    def _publishers_of_topic(self, topic: str) -> set[str]:
+        """Return the nodes that publish a topic, none as long as a name is not known yet."""
+        names = {f'{end.node_namespace.rstrip("/")}/{end.node_name}'
+                 for end in self.node.get_publishers_info_by_topic(topic)}
+        return set() if any('_NODE_NAME_UNKNOWN_' in name for name in names) else names
 
     def wait_for(self, condition: Callable[[], Any], what: str = 'a condition') -> Any:
         """Wait until the condition is true and return its value."""
@@ -251,22 +323,25 @@ class Probe:
         self.wait_for(lambda: publisher.get_subscription_count() > 0, f'a subscriber of {topic}')
         publisher.publish(message)
 
+    def client(self, service_type: type, name: str, **options: Any) -> Any:
+        """Make a client of a service that nobody needs to offer yet."""
+        self._made += 1
+        return self.node.create_client(service_type, name, **options)
+
     def call(self, service_type: type, name: str, request: Any) -> Any:
         """Call a service and return its response."""
         if name not in self._clients:
-            self._clients[name] = self.node.create_client(service_type, name)
+            self._clients[name] = self.client(service_type, name)
         client = self._clients[name]
+        self.meet(name.rpartition('/')[0])
         self.wait_for(client.service_is_ready, f'service {name}')
-        # The service may learn of this client a moment later than the client of the service. Its
-        # answers wait for that, but for 0.1 s only, and are then lost: on a busy machine half a
-        # second is not always enough either, so the question is asked again, aloud.
-        if self._answered_by.get(name) != _RUNNING:
-            time.sleep(0.5)
         answer: list[Any] = []
         asked: list[float] = []
 
         def ask() -> None:
             if asked:
+                # It went to a process that has ended, of which the end is not known yet; no other
+                # is lost, so nothing is done twice.
                 warnings.warn(f'no answer of {name}, asked again', stacklevel=2)
             asked.append(time.monotonic())
             client.call_async(request).add_done_callback(
@@ -278,7 +353,6 @@ class Probe:
             return answer
 
         self.wait_for(answered, f'an answer of {name}')
-        self._answered_by[name] = list(_RUNNING)
         return answer[0]
 
     def trigger(self, name: str) -> Any:

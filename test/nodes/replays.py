@@ -45,6 +45,19 @@ def replaying(*args: Any, **options: Any) -> Iterator[Process]:
         yield process
 
 
+@contextmanager
+def replaying_to(probe: Probe, *args: Any, name: str = 'replay', **options: Any,
+                 ) -> Iterator[Process]:
+    """
+    Start the node as `replaying` does, and let it begin when it knows all that the probe hears.
+
+    By itself it begins a moment after the last one that it has heard of, and knows of no others.
+    """
+    with replaying(*args, name=name, paused=True, **options) as process:
+        assert probe.pause(False, f'/{name}').success
+        yield process
+
+
 def of_topic(bag: Path, topic: str) -> list[tuple[int, bytes]]:
     """Return times and bytes of what a bag holds on a topic."""
     return [(stamp, data) for name, stamp, data in BagReader(bag).messages() if name == topic]
@@ -54,7 +67,7 @@ def of_topic(bag: Path, topic: str) -> list[tuple[int, bytes]]:
 def hearing(probe: Probe, message: type, topic: str, qos: Any = DEEP) -> Iterator[list[bytes]]:
     """Collect the bytes that arrive on a topic; nobody needs to publish there yet."""
     received: list[bytes] = []
-    subscription = probe.node.create_subscription(message, topic, received.append, qos, raw=True)
+    subscription = probe.subscribe(message, topic, received.append, qos, raw=True)
     try:
         yield received
     finally:

@@ -2,13 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every value that a parameter may have works, and every call of a service is answered."""
 from importlib.util import find_spec
-import time
 from unittest import SkipTest
 
 if find_spec('rclpy') is None:
     raise SkipTest('rclpy is not installed: pip install .[ros]')
 
-from nodes.live import PATIENCE, running
+from nodes.live import running
 from nodes.scenes import crates
 import pytest
 from rcl_interfaces.srv import DescribeParameters
@@ -55,15 +54,11 @@ def test_the_node_starts_with_tiny_numbers(probe, tmp_path):
 
 
 def test_a_flood_of_calls_is_answered_to_the_last(probe, sim):
-    client = probe.node.create_client(
-        Trigger, '/rigid_sim/step', qos_profile=QoSProfile(depth=2 * FLOOD))
+    client = probe.client(Trigger, '/rigid_sim/step', qos_profile=QoSProfile(depth=2 * FLOOD))
     try:
         probe.wait_for(client.service_is_ready)
-        time.sleep(0.5)         # the service may learn of the client a moment later
+        probe.meet('/rigid_sim')
         futures = [client.call_async(Trigger.Request()) for _ in range(FLOOD)]
-        end = time.monotonic() + PATIENCE / 3
-        while not all(future.done() for future in futures) and time.monotonic() < end:
-            time.sleep(0.1)
-        assert sum(future.done() for future in futures) == FLOOD
+        probe.wait_for(lambda: all(future.done() for future in futures), f'{FLOOD} answers')
     finally:
         probe.node.destroy_client(client)

@@ -125,7 +125,10 @@ def test_each_marker_is_deleted_once_when_the_simulation_ends(probe, sim, topics
         assert sim.wait() == 0
         shown = {(m.ns, m.id) for array in received for m in array.markers
                  if m.action == Marker.ADD}
-        probe.wait_for(lambda: deleted(received).keys() >= shown, 'the deletes')
+        # All at once, in two messages: the bodies, and the contacts.
+        probe.wait_for(lambda: deleted(received).keys() >= shown and {
+            m.action for array in received[-2:] for m in array.markers} == {Marker.DELETE},
+            'the deletes')
     found = deleted(received)
     assert shown
     assert {key: count for key, count in found.items()

@@ -93,7 +93,7 @@ def test_what_waits_is_sent_though_no_other_state_follows(probe, tmp_path) -> No
             probe.listening(MultiDOFJointState, '/last/state') as states, \
             probe.listening(PoseStamped, f'/last/{LAST}') as poses, \
             probe.listening(Clock, '/clock') as clock:
-        probe.wait_for(lambda: states and poses)
+        probe.wait_for(lambda: states and poses and clock)
         assert probe.set_parameter('publish_rate', 0.0, '/last').successful
         # No state for ten publishing periods: the last was the last.
         probe.wait_for(lambda: nanoseconds(clock[-1].clock)

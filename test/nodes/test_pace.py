@@ -44,8 +44,8 @@ def test_the_real_time_factor_follows_its_parameter(probe, sim):
         def follows(factor: float = factor) -> bool:
             """On a machine that has no time for the node, it does so later."""
             values = pace(probe)
-            assert float(values['real-time factor wanted']) == factor
-            return factor / 2 < float(values['real-time factor']) < factor * 1.5
+            return values['real-time factor wanted'] == f'{factor:g}' and (
+                factor / 2 < float(values['real-time factor']) < factor * 1.5)
 
         probe.wait_for(follows, f'a pace of about {factor}')
 
@@ -53,19 +53,28 @@ def test_the_real_time_factor_follows_its_parameter(probe, sim):
 def test_factor_0_is_as_fast_as_possible(probe, sim):
     assert probe.set_parameter('publish_rate', 1.0).successful
     assert probe.set_parameter('real_time_factor', 0.0).successful
-    values = pace(probe)
+
+    def is_fast():
+        values = pace(probe)
+        return values['real-time factor wanted'] == 'unlimited' and float(
+            values['real-time factor']) > 4.0
+
+    probe.wait_for(is_fast, 'four times real time without a limit')
     assert probe.set_parameter('real_time_factor', 1.0).successful
     assert probe.set_parameter('publish_rate', 100.0).successful
-    assert values['real-time factor wanted'] == 'unlimited'
-    assert float(values['real-time factor']) > 4.0
 
 
 def test_the_publish_rate_follows_its_parameter(probe, sim):
     assert probe.set_parameter('publish_rate', 250.0).successful
-    stamps = [nanoseconds(m.header.stamp)
-              for m in probe.some(MultiDOFJointState, '/rigid_sim/state', 20)]
+    with probe.listening(MultiDOFJointState, '/rigid_sim/state') as states:
+
+        def periods():
+            stamps = [nanoseconds(m.header.stamp) for m in states[-20:]]
+            return {b - a for a, b in pairwise(stamps)} if len(stamps) == 20 else set()
+
+        # The step thread takes the rate over when it gets to it, after the answer.
+        probe.wait_for(lambda: periods() == {4_000_000}, '20 states, 4 ms after each other')
     assert probe.set_parameter('publish_rate', 100.0).successful
-    assert {b - a for a, b in pairwise(stamps)} == {4_000_000}
 
 
 @pytest.mark.parametrize('name, value', [

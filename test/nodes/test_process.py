@@ -177,7 +177,12 @@ def test_two_simulations_run_side_by_side(probe, tmp_path, scene):
         assert left.joint_names == right.joint_names
         assert probe.pause(True, '/left').success
         probe.some(MultiDOFJointState, '/right/state', 5)       # one is paused, the other runs
-        assert probe.node.count_publishers('/clock') == 1
+        topics = probe.wait_for(lambda: {'/left/state', '/clock'} <= (
+            found := probe.publishers_of('left')).keys() and found, 'the topics of left')
+        assert '/clock' in topics
+        topics = probe.wait_for(lambda: '/right/state' in (
+            found := probe.publishers_of('right')) and found, 'the topics of right')
+        assert '/clock' not in topics
 
 
 def test_a_motion_beyond_all_numbers_pauses_the_node(probe, tmp_path):

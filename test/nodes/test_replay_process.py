@@ -291,9 +291,10 @@ def test_the_terminal_is_as_before_when_the_bag_turns_out_damaged(ros, tmp_path)
     data = bytearray(bag.read_bytes())
     data[data.index(b'/chatter 250')] ^= 1
     bag.write_bytes(data)
-    window = Terminal(str(bag), '--ros-args', '-p', 'subscriber_timeout:=0.0')
+    window = Terminal(str(bag), '--pause', '--ros-args', '-p', 'subscriber_timeout:=0.0')
     try:
         window.waits_until(window.is_raw)
+        window.press(' ')
         assert window.wait() == 2
         assert 'its checksum does not fit' in window.text
         assert termios.tcgetattr(window.side) == window.before

@@ -55,7 +55,7 @@ class Log:
 
 
 def play(folder, outputs: SlowOutputs, during=lambda player: None) -> tuple[Log, list[int]]:
-    """Play a second of messages and return how far each was behind the first [ns]."""
+    """Play a second of messages and return how late each was beside the most punctual [ns]."""
     bag = PlayableBag(mcap(folder / 'a.mcap', texts('/chatter', 100, PERIOD_NS)))
     log = Log()
     player = Player(bag, outputs, Settings(0, None, 1.0, False, 0.0, False), log)
@@ -63,8 +63,9 @@ def play(folder, outputs: SlowOutputs, during=lambda player: None) -> tuple[Log,
     thread.start()
     during(player)
     thread.join()
-    first_bag, first_wall = outputs.arrived[0]
-    return log, [(wall - first_wall) - (bag - first_bag) for bag, wall in outputs.arrived]
+    # Not beside the first: on a busy machine that one may be late itself.
+    offsets = [wall - bag for bag, wall in outputs.arrived]
+    return log, [offset - min(offsets) for offset in offsets]
 
 
 def test_after_a_stall_all_comes_in_order_and_later(tmp_path) -> None:
@@ -72,8 +73,8 @@ def test_after_a_stall_all_comes_in_order_and_later(tmp_path) -> None:
     log, behind = play(tmp_path, outputs)
     assert [stamp for stamp, _ in outputs.arrived] == [
         SECOND + k * PERIOD_NS for k in range(100)]
-    # Had it been made up for, the last would be as punctual as the first. Nothing here can make a
-    # message early, however busy the machine is.
+    # Had it been made up for, the last would be as punctual as those before it. Nothing here can
+    # make a message early, however busy the machine is.
     assert behind[-1] >= STALL * SECOND - CATCH_UP_NS - PERIOD_NS
     assert len(log.warnings) == 1 and 'behind' in log.warnings[0]
 
@@ -89,8 +90,9 @@ def test_after_a_pause_nothing_is_made_up_for(tmp_path) -> None:
         assert player.ask('pause', False)[0]
 
     _, behind = play(tmp_path, outputs, pause)
-    # Of what was due at the moment of the pause a catch-up may be left.
-    assert behind[-1] >= STALL * SECOND - CATCH_UP_NS
+    # Had time gone on in the pause, a catch-up of it would be made up for; as it is, all of it is
+    # left, less how late the most punctual message was.
+    assert behind[-1] >= STALL * SECOND - CATCH_UP_NS // 2
 
 
 def test_a_question_after_the_end_is_answered(tmp_path) -> None:

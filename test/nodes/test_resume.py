@@ -9,7 +9,7 @@ if find_spec('rclpy') is None:
     raise SkipTest('rclpy is not installed: pip install .[ros]')
 
 from bag.sessions import events_of, session_of, world
-from geometry_msgs.msg import Wrench
+from geometry_msgs.msg import Wrench, WrenchStamped
 from nodes.live import kept, nanoseconds, Process
 import pytest
 from sensor_msgs.msg import MultiDOFJointState
@@ -96,8 +96,10 @@ def test_the_clock_goes_on_and_new_wrenches_take_the_place_of_the_old(probe, ses
         assert nanoseconds(state.header.stamp) >= 1_000_000_000
         message = MultiDOFJointState(joint_names=['crate'], wrench=[Wrench()])
         message.wrench[0].force.z = 2.0
-        probe.publish('/branched/wrenches', message)
-        probe.wait_for(lambda: probe.some(MultiDOFJointState, '/branched/state', 30))
+        with probe.listening(WrenchStamped, '/branched/crate/applied_wrench') as echoes:
+            probe.publish('/branched/wrenches', message)
+            probe.wait_for(lambda: echoes, 'the echo of the wrench')
+        probe.some(MultiDOFJointState, '/branched/state', 30)
         process.end()
         assert process.wait() == 0
     told = [(event.kind, event.arguments.get('source')) for event in events_of(branch)]

@@ -136,7 +136,7 @@ def test_a_browser_without_a_network_draws_the_page(tmp_path, capsys):
         [shutil.which('chromium'), '--headless', '--no-sandbox', '--disable-gpu',
          f'--user-data-dir={tmp_path / "profile"}', '--host-resolver-rules=MAP * ~NOTFOUND',
          '--virtual-time-budget=20000', '--dump-dom', (tmp_path / 'a.html').as_uri()],
-        capture_output=True, text=True, check=True, timeout=180).stdout
+        capture_output=True, text=True, check=True, timeout=300).stdout
     # Two bodies in six panels, energy with its four lines, two momenta with three each.
     assert len(re.findall('class="trace scatter', dom)) == 2 * 6 + 4 + 2 * 3
 

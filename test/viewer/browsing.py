@@ -61,6 +61,17 @@ _REPLACE = """(element, text) => {
   setter.call(element, text);
   element.dispatchEvent(new Event('input', {bubbles: true}));
 }"""
+# What the page says in a corner is there for three seconds only: longer than a look may take.
+_KEPT_NOTES = """
+  window.saidInACorner = [];
+  new MutationObserver((changes) => {
+    for (const node of changes.flatMap((change) => [...change.addedNodes])) {
+      const isNote = node instanceof Element && node.closest('.mantine-Notifications-root');
+      if (isNote) window.saidInACorner.push(node.textContent);
+    }
+  }).observe(document, {childList: true, subtree: true});
+"""
+_CURSOR = "document.querySelector('canvas[data-engine]').style.cursor"
 _PANEL = 360        # px at the right that the controls cover
 _LEAST = 30         # px: smaller spots are edges, not bodies
 _HUE = 30           # degrees to either side that are still this colour, in light and in shade
@@ -97,6 +108,7 @@ class Page:
         self.page = browser.new_page(viewport=dict(zip(('width', 'height'), size, strict=True)))
         if not draws_all:
             self.page.add_init_script(_FEW_PICTURES)
+        self.page.add_init_script(_KEPT_NOTES)
         self.page.set_default_timeout(1000 * PATIENCE)
         self.requests: list[str] = []
         self.home: tuple[float, float] | None = None    # px: the box, as the scene begins
@@ -172,14 +184,19 @@ class Page:
 
     def resting_spot(self, hue: int) -> tuple[float, float]:
         """Wait until the only spot of a colour stays where it is and return its middle."""
-        seen: list[tuple[float, float]] = []
+        x, y = self.settled(lambda: self.spot(hue), f'the spot of hue {hue} to stay where it is')
+        return x, y
 
-        def rests() -> bool:
-            seen.append(self.spot(hue))
-            last = np.array(seen[-_SAME:])
+    def settled(self, measure: Callable[[], Any], what: str) -> Any:
+        """Wait until numbers of a picture are the same in some in a row, and return them."""
+        seen: list[Any] = []
+
+        def is_settled() -> bool:
+            seen.append(measure())
+            last = np.array(seen[-_SAME:], dtype=float)
             return len(last) == _SAME and float(np.ptp(last, axis=0).max()) < _STILL
 
-        self.wait_for(rests, f'the spot of hue {hue} to stay where it is')
+        self.wait_for(is_settled, what)
         return seen[-1]
 
     def counts(self) -> tuple[int, int, int]:
@@ -190,6 +207,12 @@ class Page:
     def click(self, name: str) -> None:
         """Click on a button."""
         self.click_on(self.page.get_by_role('button', name=name, exact=True))
+
+    def turn(self, name: str, into: str) -> None:
+        """Click on a button that then has another name, and wait until it has."""
+        self.click(name)
+        turned = self.page.get_by_role('button', name=into, exact=True)
+        self.wait_for(turned.count, f'the button {name} to become {into}')
 
     def tick(self, name: str) -> Any:
         """Click on a checkbox, and return it."""
@@ -221,8 +244,7 @@ class Page:
     def type_into(self, field: Any, number: float) -> None:
         """Put a number in place of what a field holds."""
         self.send()
-        field.fill(f'{number:g}')
-        field.press('Enter')
+        self.replace_text(field, f'{number:g}')
 
     def replace_text(self, field: Any, text: str) -> None:
         """
@@ -243,6 +265,25 @@ class Page:
         """Return all that is written in the page."""
         return str(self.page.inner_text('body'))
 
+    def notes(self) -> str:
+        """Return all that the page has ever said in its corner."""
+        return '\n'.join(self.page.evaluate('window.saidInACorner'))
+
+    def point_at(self, place: tuple[float, float]) -> None:
+        """Move the mouse over a body and wait until the page takes it for one to be touched."""
+        def is_over() -> bool:
+            # The page looks for what is under the mouse when that moves.
+            self.page.mouse.move(place[0] + 1.0, place[1])
+            self.page.mouse.move(*place)
+            return bool(self.page.evaluate(_CURSOR) == 'pointer')
+
+        self.wait_for(is_over, f'a body at {place}')
+
+    def touch(self, place: tuple[float, float]) -> None:
+        """Click on a body."""
+        self.point_at(place)
+        self.page.mouse.click(*place)
+
     def hovered(self) -> str:
         """Return the name that stands beside the mouse, '' if none does."""
         return str(self.page.locator('#hovered-body').inner_text())
@@ -253,8 +294,7 @@ class Page:
     ) -> None:
         """Move the mouse with its button down, and let go when a condition is true."""
         mouse = self.page.mouse
-        mouse.move(*start)
-        self.page.wait_for_timeout(500)     # the page looks for what is under the mouse
+        self.point_at(start)
         mouse.down()
         for share in np.linspace(0.0, 1.0, 12):
             mouse.move(*(np.array(start) + share * (np.array(end) - start)))

@@ -41,10 +41,15 @@ class Told:
         self._names = scene_from_text(scene).names
         self._encoder = StateEncoder('world', self._names)
 
+    @property
+    def time(self) -> float:
+        """The simulation time [s] of the last turn."""
+        return self.turns / 4
+
     def turn(self) -> None:
         """Tell of a state, a contact, a wrench on each body, and a report."""
         self.turns += 1
-        t_ns, inbox, n = self.turns * _NS // 4, self._inbox, len(self._names)
+        t_ns, inbox, n = round(self.time * _NS), self._inbox, len(self._names)
         angle = 0.1 * self.turns + np.arange(n)
         p = np.stack([np.cos(angle), np.sin(angle), 0.1 * angle % 1.0], axis=1)
         q = np.stack([np.zeros(n), np.zeros(n), np.sin(angle), np.cos(angle)], axis=1)

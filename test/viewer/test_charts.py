@@ -35,9 +35,15 @@ def told() -> Iterator[tuple[Told, str]]:
 
 
 @pytest.fixture(scope='module')
-def charts(told: tuple[Told, str], browser: Any) -> Iterator[dict[str, dict[str, list[float]]]]:
-    """Give the points of the lines of each chart, as the browser has them."""
+def page(told: tuple[Told, str], browser: Any) -> Iterator[Page]:
     page = Page(browser, told[1])
+    yield page
+    page.close()
+
+
+@pytest.fixture(scope='module')
+def charts(told: tuple[Told, str], page: Page) -> dict[str, dict[str, list[float]]]:
+    """Give the points of the lines of each chart, as the browser has them."""
     page.click_on(page.page.get_by_role('tab', name='Charts'))
     for _ in range(TURNS):
         told[0].turn()
@@ -48,11 +54,8 @@ def charts(told: tuple[Told, str], browser: Any) -> Iterator[dict[str, dict[str,
         return found if is_all else []
 
     found = page.wait_for(shown, 'five charts of all reports')
-    lines = {each['title']: dict(zip(each['names'], each['points'], strict=True))
-             for each in found}
-    lines['legends'] = page.page.locator('div[style*="text-align: center"] b').all_inner_texts()
-    yield lines
-    page.close()
+    return {each['title']: dict(zip(each['names'], each['points'], strict=True))
+            for each in found}
 
 
 def expected(factor: float, offset: float = 0.0) -> Any:
@@ -60,8 +63,7 @@ def expected(factor: float, offset: float = 0.0) -> Any:
 
 
 def test_time_is_that_of_the_simulation(charts: Any) -> None:
-    assert all(lines['time [s]'] == expected(0.25) for title, lines in charts.items()
-               if title != 'legends')
+    assert all(lines['time [s]'] == expected(0.25) for lines in charts.values())
 
 
 def test_energy_stands_with_its_parts(charts: Any) -> None:
@@ -85,6 +87,8 @@ def test_the_real_time_factor_is_the_measured_one(charts: Any) -> None:
     assert charts['real-time factor']['measured'] == expected(0.01, 0.5)
 
 
-def test_legends_show_the_latest_values(charts: Any) -> None:
+def test_legends_show_the_latest_values(charts: Any, page: Page) -> None:
     energy = [charts['energy [J]'][name][-1] for name in ('total', 'kinetic', 'potential')]
-    assert charts['legends'][:3] == [f'{value:.4g}' for value in energy]
+    legends = page.page.locator('div[style*="text-align: center"] b')
+    page.wait_for(lambda: legends.all_inner_texts()[:3] == [f'{value:.4g}' for value in energy],
+                  'the latest values in the legends')

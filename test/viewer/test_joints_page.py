@@ -70,9 +70,10 @@ def test_a_slider_stands_where_its_joint_is(page, probe):
     assert probe.pause(True).success
     probe.publish('/rigid_sim/arm/set_joint_states', JointState(
         name=['shoulder', 'elbow'], position=[-0.4, 7.0]))
-    page.wait_for(lambda: slider(page, SHOULDER).input_value() == '-0.4', 'the slider')
     # Of a continuous joint without its turns: 7 - 2 pi.
-    assert float(slider(page, ELBOW).input_value()) == pytest.approx(0.717, abs=NEAR)
+    page.wait_for(lambda: slider(page, SHOULDER).input_value() == '-0.4'
+                  and float(slider(page, ELBOW).input_value()) == pytest.approx(0.717, abs=NEAR),
+                  'the sliders')
 
 
 def test_in_a_pause_a_slider_puts_a_joint_also_one_without_a_drive(page, probe):
@@ -95,8 +96,7 @@ def position_in_pause(probe, topic, place):
 
 def test_a_joint_without_a_drive_stays_as_it_is_while_the_simulation_runs(page, probe):
     assert probe.trigger('/rigid_sim/reset').success
-    page.page.add_style_tag(content='.mantine-Notifications-root {visibility: visible !important}')
     assert probe.pause(False).success
     wait_for_button(page, 'Pause')
     page.fill_beside(PIVOT, 0.25)
-    page.wait_for(lambda: 'pivot has no drive that leads it' in page.text(), 'the reason')
+    page.wait_for(lambda: 'pivot has no drive that leads it' in page.notes(), 'the reason')

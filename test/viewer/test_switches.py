@@ -134,7 +134,7 @@ def test_springs_are_shown_and_follow_their_bodies(page, probe):
 
 def test_names_are_shown_in_a_pause_too(page, probe):
     probe.pause(True)
-    before = page.dark_pixels()
+    before = page.settled(page.dark_pixels, 'the picture of the pause')
     page.switch('names')
     page.wait_for(lambda: page.dark_pixels() > before + SOME, 'letters')
     page.switch('names')
@@ -145,9 +145,7 @@ def test_trails_are_left_behind(page, probe):
     with switched_on(page, 'trails'):
         launch(probe, 'right', 0.4, 0.7)
         probe.pause(True)
-        page.wait_for(lambda: page.spots(MAGENTA), 'the picture')
-        page.page.wait_for_timeout(500)
-        with_trail = page.pixels(MAGENTA)
+        with_trail = page.settled(lambda: page.pixels(MAGENTA), 'the picture of the pause')
     page.wait_for(lambda: page.pixels(MAGENTA) < with_trail - SOME, 'the trail to go')
 
 
