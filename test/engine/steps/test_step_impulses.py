@@ -54,8 +54,9 @@ def test_the_impulses_of_every_step_are_what_changed_the_momenta(substeps, resti
         weight = np.outer(scene.model.m / 240, (0.0, 0.0, -G))
         largest = max(largest, np.abs(acted[moves]).max())
         off = np.linalg.norm(scene.state.P.T - before - weight - acted, axis=1)
-        # Rounding of momenta of up to 10 kg m/s, some ten times a substep.
-        assert (off[moves] <= 1e-12).all()
+        # The momenta of a direct solution and what its impulses do differ by rounding of rates of
+        # 2 m/s, 4e-16 m/s, over its compliance of 1e-8, times masses of 3 kg.
+        assert (off[moves] <= 2e-7).all()
     assert largest > 1.0    # N s: there were impacts
 
 
