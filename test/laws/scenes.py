@@ -195,7 +195,7 @@ def penalty_stiffness(bodies: list[Spec], h: float) -> dict[str, float]:
     """Return springs for the model `penalty` that the step can follow."""
     yields = 0.0  # [1/kg] the most that a point of a body yields
     for one in bodies:
-        if not one.get('fixed'):
+        if 'inertial' in one:
             m, moments = one['inertial']['mass'], one['inertial']['inertia'][:3]
             yields = max(yields, 1 / m + extent(one['shape']) ** 2 / min(moments))
     # k h^2 / m is the square of the phase of the spring's oscillation in a step: 0.1 rad for a
