@@ -186,9 +186,12 @@ MODELS = {'timestep': {'contact': 'timestep'}, 'event': {'contact': 'event'},
 def with_model(spec: Spec, model: str, substeps: int = 4) -> Spec:
     """Return the scene for a contact model."""
     found = spec | {'world': spec['world'] | MODELS[model]}
+    collision = dict(spec.get('collision', {}))
     if model == 'timestep':
-        found['collision'] = spec.get('collision', {}) | {'substeps': substeps}
-    return found
+        collision['substeps'] = substeps
+    else:
+        collision.pop('sleep_after', None)  # the others let nothing sleep
+    return found | ({'collision': collision} if collision else {})
 
 
 def penalty_stiffness(bodies: list[Spec], h: float) -> dict[str, float]:
