@@ -202,7 +202,8 @@ def _make_conveyor(rng: Generator, spec: Spec) -> None:
         return
     floor = next(one for one in spec['bodies'] if one['name'] == 'ground')
     del floor['fixed']
-    floor |= {'name': 'carrier', 'kinematic': True, 'twist': {
+    floor |= {'name': 'carrier', 'kinematic': True, 'pose': {
+        'position': [0.0, 0.0, 0.0], 'orientation': [0.0, 0.0, 0.0, 1.0]}, 'twist': {
         'linear': [*rng.normal(0.0, 1.0, 2).tolist(), 0.0], 'angular': [0.0, 0.0, 0.0]}}
 
 

@@ -191,7 +191,7 @@ def with_model(spec: Spec, model: str, substeps: int = 4) -> Spec:
         collision['substeps'] = substeps
     else:
         collision.pop('sleep_after', None)  # the others let nothing sleep
-    return found | ({'collision': collision} if collision else {})
+    return found | {'collision': collision}
 
 
 def penalty_stiffness(bodies: list[Spec], h: float) -> dict[str, float]:
