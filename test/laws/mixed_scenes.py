@@ -61,7 +61,8 @@ def draw_mixed(rng: Generator, ways: Sequence[Way] = WAYS, sleeps: bool = True) 
             spec['collision'] = {'sleep_after': float(rng.uniform(0.02, 0.3))}
         if way == FALLING and rng.random() < 0.2:
             _make_conveyor(rng, spec)
-        spec['materials']['default'] |= penalty_stiffness(spec['bodies'], h)
+        for material in spec['materials'].values():
+            material |= penalty_stiffness(spec['bodies'], h)
         loose = loose_bodies(spec)
         if loose and begins_apart(spec):
             steps = int(np.clip(math.ceil(TIME / h), 40, MOST_STEPS))

@@ -183,7 +183,8 @@ def rows_of_acted(setup: Setup, manifolds: Manifolds, rows: np.ndarray,
     for name in ('body_a', 'body_b', 'point', 'normal', 'gap'):
         found[name][at[gone]] = getattr(acted, name)[:count][gone]
     n, force = found['normal'][at], acted.impulse[:count] / setup.model.h
-    normal_force = (force * n).sum(axis=1)
+    # Not below 0 by the rounding of a point that pressed on nothing.
+    normal_force = np.maximum((force * n).sum(axis=1), 0.0)
     found['normal_force'][at] = normal_force
     found['friction_force'][at] = force - normal_force[:, None] * n
     return found
