@@ -146,12 +146,22 @@ def only_without(spec: Spec, name: str) -> Spec | None:
 
 
 def draw_asleep(rng: Generator) -> Scene:
-    """Draw bodies that lie and sleep on a floor before an articulation comes."""
+    """Draw bodies that lie and sleep on a floor before an articulation falls on them."""
     while True:
-        scene = draw_mixed(rng, (FALLING, HUNG_ABOVE_A_FLOOR))
-        if scene.h > 3e-4:
-            scene.spec['collision'] = {'sleep_after': 2.0 * scene.h + float(rng.uniform(0, 0.1))}
-            return scene
+        scene = draw_mixed(rng, (FALLING,))
+        lie = [name for name in scene.facts['loose'] if _is_at_rest(scene.spec, name)]
+        if scene.h < 1e-3 or not lie:
+            continue
+        for one in scene.spec['bodies']:
+            if 'inertial' in one and one['name'] not in lie:
+                one['twist']['linear'][2] -= 3.0    # it lands within 0.4 s
+        scene.spec['collision'] = {'sleep_after': 2.0 * scene.h + float(rng.uniform(0, 0.05))}
+        return scene
+
+
+def _is_at_rest(spec: Spec, name: str) -> bool:
+    one = next(one for one in spec['bodies'] if one['name'] == name)
+    return not np.any([one['twist']['linear'], one['twist']['angular']])
 
 
 def judge_asleep(scene: Scene, build: Build) -> Verdict:

@@ -101,7 +101,7 @@ def add_loose(rng: Generator, spec: Spec, way: Way) -> None:
 
 def _draw_loose(rng: Generator, there: Sequence[Standing], way: Way) -> Loose | None:
     """Draw a body where nothing stands; None where there is no room."""
-    arrange = _ARRANGE[rng.integers(len(_ARRANGE) if way.floor else len(_ARRANGE) - 1)]
+    arrange = _lie if way.floor and rng.random() < 0.4 else _ARRANGE[rng.integers(len(_ARRANGE))]
     for _ in range(TRIES):
         solid = draw_solid(rng, between(rng, 0.05, 0.4))
         one, beside = arrange(rng, solid, there)
@@ -147,12 +147,12 @@ def _pass(rng: Generator, solid: Solid, there: Sequence[Standing]) -> tuple[Loos
 
 def _lie(rng: Generator, solid: Solid, there: Sequence[Standing]) -> tuple[Loose, str]:
     """Let a body lie or stand on the floor, at rest."""
-    q = any_attitude(rng) if rng.random() < 0.3 else np.array((0.0, 0.0, 0.0, 1.0))
+    q = any_attitude(rng) if rng.random() < 0.2 else np.array((0.0, 0.0, 0.0, 1.0))
     at = np.append(rng.uniform(-0.6, 0.6, 2), solid.reach(-(matrix(q).T @ (0.0, 0.0, 1.0))))
     return Loose(solid, at, q, np.zeros(3), np.zeros(3)), 'ground'
 
 
-_ARRANGE: tuple[Callable[..., tuple[Loose, str]], ...] = (_fall, _lean, _lean, _pass, _lie)
+_ARRANGE: tuple[Callable[..., tuple[Loose, str]], ...] = (_fall, _lean, _lean, _pass)
 
 _SOLIDS: dict[str, Callable[[Spec], Solid]] = {
     'box': lambda shape: box(shape['size']),
