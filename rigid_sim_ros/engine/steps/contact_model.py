@@ -164,27 +164,31 @@ def _points_in_use(manifolds: Manifolds) -> tuple[np.ndarray, np.ndarray]:
 def rows_of_acted(setup: Setup, manifolds: Manifolds, rows: np.ndarray,
                   acted: Acted) -> np.ndarray:
     """
-    Return the rows of these manifolds with what acted at their points, and a row for each other.
+    Return the rows of these manifolds with what acted in their place, and rows for what is gone.
 
-    What acted at points that are there no longer follows, where it did.
+    What acted at a point that its manifold does not have any more counts at the first point of
+    that. Rows on which nothing acted have the forces that they had.
     """
     r, p = _points_in_use(manifolds)
-    places = {key: at for at, key in enumerate(zip(
-        manifolds.shape_a[r].tolist(), manifolds.shape_b[r].tolist(),
-        manifolds.feature[p, r].tolist(), strict=True))}
+    shapes = list(zip(manifolds.shape_a[r].tolist(), manifolds.shape_b[r].tolist(), strict=True))
+    first = {pair: len(shapes) - n for n, pair in enumerate(reversed(shapes), 1)}
+    places = dict(zip(zip(shapes, manifolds.feature[p, r].tolist(), strict=True),
+                      range(len(shapes)), strict=True))
     count = int(acted.count[0])
-    keys = zip(acted.shape_a[:count].tolist(), acted.shape_b[:count].tolist(),
-               acted.feature[:count].tolist(), strict=True)
-    at = np.array([places.get(key, -1) for key in keys])
+    pairs = zip(acted.shape_a[:count].tolist(), acted.shape_b[:count].tolist(), strict=True)
+    at = np.array([places.get((pair, feature), first.get(pair, -1)) for pair, feature in zip(
+        pairs, acted.feature[:count].tolist(), strict=True)])
     gone = at < 0
     at[gone] = len(rows) + np.arange(np.count_nonzero(gone))
     found = np.concatenate([rows, np.zeros(np.count_nonzero(gone), dtype=CONTACT)])
-    found['normal_force'], found['friction_force'] = 0.0, 0.0
     for name in ('body_a', 'body_b', 'point', 'normal', 'gap'):
         found[name][at[gone]] = getattr(acted, name)[:count][gone]
-    n, force = found['normal'][at], acted.impulse[:count] / setup.model.h
+    force = np.zeros((len(found), 3))
+    np.add.at(force, at, acted.impulse[:count] / setup.model.h)
+    at = np.unique(at)
+    n = found['normal'][at]
     # Not below 0 by the rounding of a point that pressed on nothing.
-    normal_force = np.maximum((force * n).sum(axis=1), 0.0)
+    normal_force = np.maximum((force[at] * n).sum(axis=1), 0.0)
     found['normal_force'][at] = normal_force
-    found['friction_force'][at] = force - normal_force[:, None] * n
+    found['friction_force'][at] = force[at] - normal_force[:, None] * n
     return found

@@ -80,13 +80,8 @@ class DividedTimestep(JointedTimestep):
         self._begin()
 
     def contacts(self, state: State) -> np.ndarray:
-        """Return the contacts of either solver; those of a restored world are all of one."""
-        free, joined = self._free.contacts(state), self._has_joints
-        if joined[0] < 0:
-            return free
-        rows = super().contacts(state)
-        either = [joined[some['body_a']] + joined[some['body_b']] > 0 for some in (free, rows)]
-        return np.concatenate([free[~either[0]], rows[either[1]]])
+        """Return the manifolds of the latest step with what acted there in either solver."""
+        return self.with_acted(self._free.manifolds(), self._free.contacts(state))
 
     def report(self) -> ContactReport:
         """Return the counts, the larger residual, and what could not be done."""
