@@ -6,7 +6,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from laws import (
-    apart_laws, energy_laws, impact_laws, jointed_laws, jointed_twins, mixed_laws, rest_laws, twin_laws)
+    apart_laws, energy_laws, impact_laws, jointed_laws, jointed_twins, mixed_laws, rest_laws,
+    twin_laws)
 from laws.jointed_scenes import draw_jointed
 from laws.mixed_scenes import draw_awake, draw_falling, draw_floating, draw_mixed
 from laws.motion import Build, Ours, Run, Verdict

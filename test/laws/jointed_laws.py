@@ -43,7 +43,7 @@ def stored(spec: Spec, world) -> float:
 
 
 def _end(world, force: Spec, end: str) -> np.ndarray:
-    """Return where a spring of the scene ends, at the origin of a body or at a point of the world."""
+    """Return where a spring of the scene ends: the origin of a body, or a point of the world."""
     if force[end] == 'world':
         return np.asarray(force['anchor'])
     return np.asarray(world.position[world.names.index(force[end])])
@@ -181,9 +181,10 @@ def judge_jointed_momentum(scene: Scene, build: Build) -> Verdict:
     """
     Compare P and L of all bodies with those at the start: forces between them keep both.
 
-    Gravity gives P, and no L about the common centre of mass. To rounding: 400 steps with some 1e-15 of the momenta in each, at places of some metres. An
-    axis that is locked beside conditions is a million times as stiff as the rest
-    (engine/joints/articulated.py, STIFFNESS), and so is the rounding of what it does.
+    Gravity gives P, and no L about the common centre of mass. To rounding: 400 steps with some
+    1e-15 of the momenta in each, at places of some metres. An axis that is locked beside
+    conditions is a million times as stiff as the rest (engine/joints/articulated.py, STIFFNESS),
+    and so is the rounding of what it does.
     """
     of, run = masses(scene.spec), build(scene.spec)
     assert isinstance(run, Ours)

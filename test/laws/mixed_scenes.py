@@ -185,7 +185,7 @@ def _add_springs(rng: Generator, spec: Spec) -> None:
         # One on the world does work where one looks at it from a carrier.
         to_world = rng.random() < 0.3 and 'carrier' not in {one['name'] for one in spec['bodies']}
         second = 'world' if to_world else others[rng.integers(len(others))]
-        anchor = rng.uniform(-0.5, 0.5, 3) + [0.0, 0.0, 2.0] if to_world else np.zeros(3)
+        anchor = rng.uniform((-0.5, -0.5, 1.5), (0.5, 0.5, 2.5)) if to_world else np.zeros(3)
         end = anchor if to_world else np.array(able[second]['pose']['position'])
         apart = float(np.linalg.norm(end - able[first]['pose']['position']))
         m = min(able[name]['inertial']['mass'] for name in {first, second} & set(able))

@@ -36,9 +36,11 @@ class Acted(NamedTuple):
 
 def nothing_acted(points: int) -> Acted:
     """Return room for so many points."""
-    whole = (np.zeros(points, dtype=np.int64) for _ in range(5))
-    return Acted(np.zeros(1, dtype=np.int64), *whole, np.zeros((points, 3)), np.zeros((points, 3)),
-                 np.zeros(points), np.zeros((points, 3)))
+    def whole(size: int = points) -> IntArray:
+        return np.zeros(size, dtype=np.int64)
+
+    return Acted(whole(1), whole(), whole(), whole(), whole(), whole(), np.zeros((points, 3)),
+                 np.zeros((points, 3)), np.zeros(points), np.zeros((points, 3)))
 
 
 @kernel

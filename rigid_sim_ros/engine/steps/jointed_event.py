@@ -26,8 +26,8 @@ from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.steps.articulated import go_back, MOST_PARTS
 from rigid_sim_ros.engine.steps.jointed_contact import (
     BEGIN, begin, choose, COLLISIONS, CUT_SHORT, DONE, end, EVENTS, find_points, give_way,
-    JointedContact, keep_first_half, MORE_ROWS, reach, read_way, SLOWED, STAGE, STEPS, take_first_half,
-    take_second_half, take_way, TRIES)
+    JointedContact, keep_first_half, MORE_ROWS, reach, read_way, SLOWED, STAGE, STEPS,
+    take_first_half, take_second_half, take_way, TRIES)
 from rigid_sim_ros.kernels.kernel import kernel
 
 # In a step: events after which nothing bounces any more, and after which it is not backtracked.

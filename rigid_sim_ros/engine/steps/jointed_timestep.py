@@ -15,7 +15,8 @@ from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.steps.articulated import go_back, MOST_PARTS, next_size
 from rigid_sim_ros.engine.steps.jointed_contact import (
     BEGIN, begin, choose, DONE, end, find_points, give_way, JointedContact, keep_first_half,
-    PARTS_DONE, reach, read_way, SIZE, SLOWED, STAGE, STEPS, take_first_half, take_second_half, take_way, TRIES)
+    PARTS_DONE, reach, read_way, SIZE, SLOWED, STAGE, STEPS, take_first_half, take_second_half,
+    take_way, TRIES)
 from rigid_sim_ros.kernels.kernel import kernel
 
 # Ways that are tried with what met on the ones before; of a chain of shapes that hit each other
