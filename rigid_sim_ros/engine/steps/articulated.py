@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from rigid_sim_ros.engine.dynamics.free_flight import drift
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads, Work
-from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, carry, end_kinematic
+from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic, move_kinematic
 from rigid_sim_ros.engine.dynamics.loads import kick, Loads
 from rigid_sim_ros.engine.dynamics.wrenches import count_down, Wrenches
 from rigid_sim_ros.engine.joints.buffers import EFFORT, JointMotion, JointWork, LASTS
@@ -184,8 +184,8 @@ def move_bodies(c: JointedArguments, h: float) -> bool:
     """
     for i in range(c.times.shape[0]):
         c.times[i] = h if c.table.row_of_body[i] < 0 else 0.0
-        carry(c.state, i, h)    # beside kinematic bodies those that another solver moves
     drift(c.model, c.state, c.times, c.work.block)
+    move_kinematic(c.model, c.state, h)
     return _shake_within_limits(c, h)
 
 

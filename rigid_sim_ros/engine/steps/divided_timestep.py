@@ -5,10 +5,9 @@ How a step of the model `timestep` is divided where joints hold some bodies and 
 
 What touches nothing that joints hold, directly or through others, moves as in a world without
 joints (timestep.py), and the rest by the solver that knows them (jointed_timestep.py). Both begin
-at the same state, each sees the bodies of the other as if nothing could push them and they kept
-their twists, and none of these comes near enough for either to reach it. Which body belongs where
-follows in each step from how what detection finds moves relative to each other, so that it is the
-same for who flies along, and from the forces of the scene between bodies.
+at the same state, each sees the bodies of the other as if nothing could push them, and none of
+these is near enough for either to reach it. Which body belongs where follows in each step from
+what detection finds, and from the forces of the scene between bodies.
 """
 
 from typing import NamedTuple
@@ -16,15 +15,12 @@ from typing import NamedTuple
 from rigid_sim_ros.engine.detection.manifolds import (
     current, earlier, Manifolds, POINTS, rows_in_use)
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
-from rigid_sim_ros.engine.maths.algebra import column, norm, quaternion
 from rigid_sim_ros.engine.maths.union_find import first_of, unite
-from rigid_sim_ros.engine.maths.vector import scale, subtract
 from rigid_sim_ros.engine.model.model import Model, WORLD
 from rigid_sim_ros.engine.solver.arguments import Arguments
 from rigid_sim_ros.engine.solver.parallel_detection import take_sides_of
 from rigid_sim_ros.engine.solver.sleeping import keep_awake
-from rigid_sim_ros.engine.state.rates import spin_of
-from rigid_sim_ros.engine.state.state import copy_body, copy_into, State
+from rigid_sim_ros.engine.state.state import copy_body, copy_into
 from rigid_sim_ros.engine.steps.jointed_contact import JointedContact
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
@@ -45,7 +41,7 @@ class Division(NamedTuple):
 @kernel
 def divide(d: Division) -> None:
     """Find which bodies belong to islands with joints, and give either solver its own."""
-    _unite_islands(d)
+    _unite_islands(d.free.model, d.inv_m, current(d.free.memory), d.parent)
     n, mine, memory = d.parent.shape[0], d.has_joints, d.jointed.memory
     changed = _mark_islands(d)
     for i in range(n):
@@ -58,68 +54,25 @@ def divide(d: Division) -> None:
         for s in range(shapes.body.shape[0]):
             shapes.still[s] = 1 if d.jointed.joints.model.inv_m[shapes.body[s]] == 0.0 else 0
         memory.pair_count[0] = -1   # as before the first step: pairs are those of other bodies
-    copy_into(d.jointed.joints.state, d.free.state)
-    for i in range(n):
-        if d.inv_m[i] > 0.0:
-            _keep_twist(d, d.free.state if mine[i] == 1 else d.jointed.joints.state, i)
-        if mine[i] == 1:
-            for k in range(3):
-                # A torque on what nothing pushes; the force has no inverse mass to act on.
-                d.free.work.loads.tau[k, i] = 0.0
     take_sides_of(d.free, (0, n))
+    copy_into(d.jointed.joints.state, d.free.state)
     _copy_wrenches(d.jointed.joints.wrenches, d.free.wrenches)
 
 
 @kernel
-def _unite_islands(d: Division) -> None:
-    """Unite the moving bodies that may meet in this step, or between which a force acts."""
-    model, manifolds = d.free.model, current(d.free.memory)
-    for i in range(d.parent.shape[0]):
-        d.parent[i] = i
+def _unite_islands(model: Model, inv_m: Array, manifolds: Manifolds, parent: IntArray) -> None:
+    """Unite the moving bodies that are near each other, or between which a force acts."""
+    for i in range(parent.shape[0]):
+        parent[i] = i
     first, count = rows_in_use(manifolds)
     for k in range(count):
         r = (first + k) & INDEX
-        if _may_meet(d, manifolds, r):
-            _unite_moving(d.inv_m, d.parent, manifolds.body_a[r], manifolds.body_b[r])
+        _unite_moving(inv_m, parent, manifolds.body_a[r], manifolds.body_b[r])
     forces = model.forces
     for r in range(forces.kind.shape[0]):
         a, b = forces.frame_a[r], forces.frame_b[r]
         if a != WORLD and b != WORLD:
-            _unite_moving(d.inv_m, d.parent, model.frame_body[a], model.frame_body[b])
-
-
-@kernel
-def _may_meet(d: Division, manifolds: Manifolds, r: int) -> bool:
-    """
-    Return whether two shapes may meet in a step, or come as near as where contacts are found.
-
-    As in `look_ahead`, but for what both bodies do alike.
-    """
-    state, calm, a, b = d.free.state, d.free.memory.calm, manifolds.body_a[r], manifolds.body_b[r]
-    v = subtract(scale(d.inv_m[b], column(state.P, b)), scale(d.inv_m[a], column(state.P, a)))
-    way = d.free.model.h * (norm(v) + _turning(d, a) + _turning(d, b))
-    reach = calm[manifolds.shape_a[r]] + calm[manifolds.shape_b[r]] + way
-    for p in range(manifolds.points[r]):
-        if manifolds.gap[p, r] <= reach:
-            return True
-    return False
-
-
-@kernel
-def _turning(d: Division, i: int) -> float:
-    """Return a bound of the speed [m/s] of a point of body i about its centre of mass."""
-    most = max(d.inv_I_C[0, i], d.inv_I_C[1, i], d.inv_I_C[2, i])
-    return most * norm(column(d.free.state.L, i)) * d.free.work.radius[i]
-
-
-@kernel
-def _keep_twist(d: Division, state: State, i: int) -> None:
-    """Let a body that the other solver moves keep its velocities, as if they were prescribed."""
-    v = scale(d.inv_m[i], column(state.P, i))
-    w = spin_of(quaternion(state.q, i), column(state.L, i), column(d.inv_I_C, i))
-    for k in range(3):
-        state.V[k, i], state.V[3 + k, i] = v[k], w[k]
-        state.P[k, i] = state.L[k, i] = 0.0
+            _unite_moving(inv_m, parent, model.frame_body[a], model.frame_body[b])
 
 
 @kernel

@@ -173,27 +173,3 @@ def test_free_bodies_sleep_beside_an_arm_and_wake_when_it_comes():
     # What is near the arm is awake from the first step on, even if the arm rests there.
     assert seen == {(False, 1), (True, 0), (False, 0)} or seen == {(False, 1), (True, 0)}
     assert np.abs(motion(world, ['box0']) - before).max() > 1e-3
-
-
-def test_what_flies_beside_joints_moves_as_if_it_were_alone():
-    """
-    Two boxes meet off their centres while a pair flies along, 10 mm beside them.
-
-    At 20 m/s that is half of the way of a step; relative to them it stands still.
-    """
-    flies = {'twist': {'linear': [20.0, 0.0, 0.0]}}
-    boxes = [HEAP[0] | flies | {'pose': {'position': [0.0, 0.0, 0.0]}},
-             HEAP[1] | {'pose': {'position': [0.25, 0.05, 0.03]},
-                        'twist': {'linear': [18.0, 0.0, 0.0]}}]
-    bodies, joints = pair(0.1, 0.0, y=-0.21)
-    alone, both = (World.from_dict({
-        'world': {'step': 0.001, 'gravity': [0.0, 0.0, 0.0]},
-        'materials': {'default': {'friction': 0.5}}, 'bodies': some, 'joints': held})
-        for some, held in ((boxes, []), (boxes + [one | flies for one in bodies], joints)))
-    pressed = 0.0
-    for _ in range(60):
-        alone.step(1)
-        both.step(1)
-        pressed += alone.contacts()['normal_force'].sum()
-        assert motion(both, alone.names) == pytest.approx(motion(alone, alone.names), abs=1e-13)
-    assert pressed > 0.0
