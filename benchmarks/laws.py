@@ -6,6 +6,7 @@ Which laws of mechanics each contact model breaks, on random scenes: `python ben
     python benchmarks/laws.py                           every law and model, 2000 scenes each
     python benchmarks/laws.py --law energy --model event --scenes 200
     python benchmarks/laws.py --law jointed-order --model none --scenes 500
+    python benchmarks/laws.py --law mixed-ground --model event --scenes 200
     python benchmarks/laws.py --law energy --seed 17 --scenes 1 --show    that scene, as JSON
     python benchmarks/laws.py --cases                   the cases that once broke a law
 
