@@ -87,7 +87,7 @@ MIXED = {law.name: law for law in (
     Law('mixed-momentum', 'forces between bodies keep P and L',
         draw_floating, jointed_laws.judge_jointed_momentum, (*_TOUCHING, 'penalty')),
     Law('mixed-ground', 'the floor feels what changes the momentum, at rest the weight',
-        draw_falling, mixed_laws.judge_ground, (*_TOUCHING, 'penalty')),
+        draw_falling, mixed_laws.judge_ground, _TOUCHING),
     Law('mixed-apart', 'what never touches is bit for bit as if it were alone',
         mixed_laws.draw_apart, mixed_laws.judge_apart, ('timestep',)),
     Law('mixed-restored', 'worlds go on from what was saved, bit for bit',
