@@ -6,6 +6,7 @@ Which laws of mechanics each contact model breaks, on random scenes: `python ben
     python benchmarks/laws.py                           every law and model, 2000 scenes each
     python benchmarks/laws.py --law energy --model event --scenes 200
     python benchmarks/laws.py --law jointed-order --model none --scenes 500
+    python benchmarks/laws.py --law mixed-ground --model event --scenes 200
     python benchmarks/laws.py --law energy --seed 17 --scenes 1 --show    that scene, as JSON
     python benchmarks/laws.py --cases                   the cases that once broke a law
 
@@ -26,7 +27,7 @@ import time
 sys.path.insert(0, str(Path(__file__).resolve().parent / 'peers'))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test'))
 
-from laws.book import builder, EVERY_LAW, JOINTED, judge, scene
+from laws.book import builder, EVERY_LAW, judge, LAWS, scene
 from laws.cases import Case, CASES
 from laws.motion import Build, Verdict
 from laws.scenes import with_model
@@ -65,7 +66,7 @@ def table(laws: list[str], models: list[str], seeds: range, substeps: int, jobs:
     context = get_context('fork')
     for law in laws:
         for model in models:
-            if model not in EVERY_LAW[law].models + (() if law in JOINTED else PEERS):
+            if model not in EVERY_LAW[law].models + (PEERS if law in LAWS else ()):
                 continue
             start, found = time.process_time(), []
             tasks = ((law, model, seed, substeps) for seed in seeds)

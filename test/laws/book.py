@@ -6,8 +6,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from laws import (
-    apart_laws, energy_laws, impact_laws, jointed_laws, jointed_twins, rest_laws, twin_laws)
+    apart_laws, energy_laws, impact_laws, jointed_laws, jointed_twins, mixed_laws, rest_laws,
+    twin_laws)
 from laws.jointed_scenes import draw_jointed
+from laws.mixed_scenes import draw_awake, draw_falling, draw_floating, draw_mixed
 from laws.motion import Build, Ours, Run, Verdict
 from laws.scenes import Scene, Spec, with_model
 from laws.solids import Generator
@@ -76,7 +78,32 @@ JOINTED = {law.name: law for law in (
           ('order', 'order of bodies and joints changes nothing', twin_laws.reordered),
           ('carried', 'a scene that flies on moves alike', jointed_twins.carried),
           ('split', 'halves that a fixed joint holds are one body', jointed_twins.split))))}
-EVERY_LAW = LAWS | JOINTED
+
+# Those of scenes with joints and loose bodies.
+_TOUCHING = ('timestep', 'event')
+MIXED = {law.name: law for law in (
+    Law('mixed-energy', 'energy never grows without work, and joints hold',
+        draw_mixed, jointed_laws.judge_jointed_energy, _TOUCHING),
+    Law('mixed-momentum', 'forces between bodies keep P and L',
+        draw_floating, jointed_laws.judge_jointed_momentum, (*_TOUCHING, 'penalty')),
+    Law('mixed-ground', 'the floor feels what changes the momentum, at rest the weight',
+        draw_falling, mixed_laws.judge_ground, _TOUCHING),
+    Law('mixed-apart', 'what never touches is bit for bit as if it were alone',
+        mixed_laws.draw_apart, mixed_laws.judge_apart, ('timestep',)),
+    Law('mixed-restored', 'worlds go on from what was saved, bit for bit',
+        draw_mixed, mixed_laws.judge_restored, (*_TOUCHING, 'penalty')),
+    Law('mixed-asleep', 'what sleeps is held, and wakes when it must',
+        mixed_laws.draw_asleep, mixed_laws.judge_asleep, ('timestep',)),
+    *(Law(f'mixed-{name}', says, draw_awake, twin_laws.alike(twin), _TOUCHING)
+      for name, says, twin in (
+          ('turned', 'a turned scene moves alike', twin_laws.turned),
+          ('shifted', 'a shifted scene moves alike', twin_laws.shifted),
+          ('mirrored', 'a mirrored scene moves alike', twin_laws.mirrored),
+          ('scaled', 'a scaled scene moves alike', twin_laws.scaled),
+          ('order', 'order of bodies and joints changes nothing', twin_laws.reordered),
+          ('carried', 'a scene that flies on moves alike', jointed_twins.carried),
+          ('split', 'halves that a fixed joint holds are one body', jointed_twins.split))))}
+EVERY_LAW = LAWS | JOINTED | MIXED
 
 
 def scene(law: str, seed: int) -> Scene:

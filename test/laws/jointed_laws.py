@@ -36,11 +36,21 @@ def stored(spec: Spec, world) -> float:
             k, e = drive['stiffness'], abs(q - drive['position'])
             most = joint.get('limits', {}).get('effort', math.inf)
             total += 0.5 * k * e * e if k * e < most else most * e - 0.5 * most * most / k
+    for force in spec.get('forces', ()):
+        stretch = math.dist(_end(world, force, 'a'), _end(world, force, 'b'))
+        total += 0.5 * force['stiffness'] * (stretch - force['rest_length']) ** 2
     return total
 
 
+def _end(world, force: Spec, end: str) -> np.ndarray:
+    """Return where a spring of the scene ends: the origin of a body, or a point of the world."""
+    if force[end] == 'world':
+        return np.asarray(force['anchor'])
+    return np.asarray(world.position[world.names.index(force[end])])
+
+
 def fastest_spring(spec: Spec) -> float:
-    """Return a bound of the rate [rad/s] at which a spring of a joint, or a drive, swings."""
+    """Return a bound of the rate [rad/s] at which a spring or a drive swings."""
     bodies, fastest = {one['name']: one.get('inertial') for one in spec['bodies']}, 0.0
     for joint in spec['joints']:
         k = (joint.get('spring', {}).get('stiffness', 0.0)
@@ -53,6 +63,9 @@ def fastest_spring(spec: Spec) -> float:
                 yields += 1.0 / (bodies[end]['mass'] if joint['type'] == 'prismatic'
                                  else moments[0])
         fastest = max(fastest, math.sqrt(k * yields))
+    for force in spec.get('forces', ()):
+        yields = sum(1.0 / bodies[force[end]]['mass'] for end in 'ab' if bodies.get(force[end]))
+        fastest = max(fastest, math.sqrt(force['stiffness'] * yields))
     return fastest
 
 
@@ -168,27 +181,31 @@ def judge_jointed_momentum(scene: Scene, build: Build) -> Verdict:
     """
     Compare P and L of all bodies with those at the start: forces between them keep both.
 
-    To rounding: 400 steps with some 1e-15 of the momenta in each, at places of some metres. An
-    axis that is locked beside conditions is a million times as stiff as the rest
-    (engine/joints/articulated.py, STIFFNESS), and so is the rounding of what it does.
+    Gravity gives P, and no L about the common centre of mass. To rounding: 400 steps with some
+    1e-15 of the momenta in each, at places of some metres. An axis that is locked beside
+    conditions is a million times as stiff as the rest (engine/joints/articulated.py, STIFFNESS),
+    and so is the rounding of what it does.
     """
     of, run = masses(scene.spec), build(scene.spec)
     assert isinstance(run, Ours)
-    now = look(of, run.motion())
-    before = _momenta(now)
+    now, weight = look(of, run.motion()), of.m.sum() * np.asarray(scene.spec['world']['gravity'])
+    before = _momenta(of, now)
     scale = math.sqrt(2.0 * now.kinetic.sum() * of.m.sum())
     stiff = bool(len(run.world.scene.joints.table.condition_joint)) and any(
         {'limits', 'friction'} & set(joint) for joint in scene.spec['joints'])
     verdicts = []
-    for _ in range(0, scene.steps, 20):
+    for done in range(20, scene.steps + 20, 20):
         run.step(20)
         now = look(of, run.motion())
         far = max(1.0, float(np.abs(now.x).max()))
-        verdicts.append(Verdict(float(np.abs(_momenta(now) - before).max()) / far,
+        gained = _momenta(of, now) - before
+        gained[0] -= weight * done * scene.h
+        verdicts.append(Verdict(float(np.abs(gained).max()) / far,
                                 (1e-7 if stiff else 1e-11) * scale, 'momentum, SI units'))
     return worst(verdicts)
 
 
-def _momenta(now: Look) -> np.ndarray:
-    """Return the linear and the angular momentum about the origin, (2, 3)."""
-    return np.array([now.P.sum(axis=0), (now.L + np.cross(now.x, now.P)).sum(axis=0)])
+def _momenta(of: Masses, now: Look) -> np.ndarray:
+    """Return the linear momentum and the angular one about the common centre of mass, (2, 3)."""
+    arm = now.x - of.m @ now.x / of.m.sum()
+    return np.array([now.P.sum(axis=0), (now.L + np.cross(arm, now.P)).sum(axis=0)])

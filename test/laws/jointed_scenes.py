@@ -9,7 +9,7 @@ others are added to these. Bodies begin with velocities that the joints allow.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from laws.motion import Ours
 from laws.scenes import any_attitude, between, body, direction, G, plane, Scene, Spec, with_model
@@ -49,20 +49,29 @@ def draw_jointed(rng: Generator, ways: Sequence[Way] = WAYS, steps: int = 400) -
     """Draw a scene of one of these ways, in which nothing overlaps at the start."""
     while True:
         way = ways[rng.integers(len(ways))]
-        spec = _Draw(rng, way).spec()
-        world = Ours(with_model(spec, 'timestep')).world
-        _begin_as_allowed(spec, world)
-        world.step(1)
-        if world.contacts()['gap'].min(initial=0.0) > APART:
+        spec = draw_articulations(rng, way)
+        if begins_apart(spec):
             return Scene(spec, 0.2, steps, {'seed': int(rng.integers(1 << 31)), 'way': way})
 
 
-def _begin_as_allowed(spec: Spec, world: Any) -> None:
-    """Write the velocities that the joints allow: what they take of others depends on the tree."""
+def draw_articulations(rng: Generator, way: Way) -> Spec:
+    """Draw bodies and joints; bodies may overlap and fly as their joints do not let them."""
+    return _Draw(rng, way).spec()
+
+
+def begins_apart(spec: Spec) -> bool:
+    """
+    Return whether nothing overlaps at the start; write the velocities that the joints allow.
+
+    What joints take of others depends on the tree, and so on the order of the bodies.
+    """
+    world = Ours(with_model(spec, 'timestep')).world
     for k, one in enumerate(spec['bodies']):
         if 'inertial' in one:
             one['twist'] = {'linear': world.linear_velocity[k].tolist(),
                             'angular': world.angular_velocity[k].tolist()}
+    world.step(1)
+    return bool(world.contacts()['gap'].min(initial=0.0) > APART)
 
 
 class _Draw:

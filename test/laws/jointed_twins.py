@@ -1,6 +1,6 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Joints of scenes that must move alike, and twins that only scenes with joints have."""
+"""Joints and springs of scenes that must move alike, and twins that only such scenes have."""
 
 from collections.abc import Callable, Mapping
 import copy
@@ -71,6 +71,26 @@ def scale_joint(joint: Spec, s: float, kinds: Mapping[str, str]) -> Spec:
     return found
 
 
+def mirror_spring(force: Spec, image: np.ndarray) -> Spec:
+    """Mirror a spring between origins of bodies, or one of these and a point of the world."""
+    return force | {'anchor': (image * force['anchor']).tolist()}
+
+
+def move_spring(force: Spec, R: np.ndarray, d: np.ndarray) -> Spec:
+    """Turn a spring by R and shift it by d if it hangs on the world."""
+    if force['b'] != 'world':
+        return force
+    return force | {'anchor': (R @ force['anchor'] + d).tolist()}
+
+
+def scale_spring(force: Spec, s: float) -> Spec:
+    """Scale a spring: lengths by s, forces by s^3, times by sqrt(s)."""
+    return force | {'anchor': (s * np.asarray(force['anchor'])).tolist(),
+                    'rest_length': s * force['rest_length'],
+                    'stiffness': s ** 2 * force['stiffness'],
+                    'damping': s ** 2.5 * force['damping']}
+
+
 def carried(rng: Generator, scene: Scene) -> Twin:
     """Let the whole scene fly on, the ground and what hangs on the world as well (Galilei)."""
     u = rng.normal(0.0, 3.0, 3)
@@ -84,6 +104,8 @@ def carried(rng: Generator, scene: Scene) -> Twin:
     for joint in spec['joints']:
         for end in ('parent', 'child'):
             joint[end] = 'train' if joint[end] == 'world' else joint[end]
+    for force in spec.get('forces', ()):
+        force['b'] = 'train' if force['b'] == 'world' else force['b']
 
     def back(m: np.ndarray) -> np.ndarray:
         found = m[:-1].copy()
@@ -98,7 +120,9 @@ def carried(rng: Generator, scene: Scene) -> Twin:
 def split(rng: Generator, scene: Scene) -> Twin:
     """Make two bodies of one, which a fixed joint holds; some of its joints go to the other."""
     spec = copy.deepcopy(scene.spec)
-    able = [one for one in spec['bodies'] if 'inertial' in one]
+    # A loose body would get joints, and with them another solver.
+    able = [one for one in spec['bodies'] if 'inertial' in one
+            and one['name'] not in scene.facts.get('loose', ())]
     one = able[rng.integers(len(able))]
     share = rng.uniform(0.2, 0.8)
     # Both have the same centre of mass; the frame of the second is somewhere else.
@@ -134,5 +158,5 @@ def split(rng: Generator, scene: Scene) -> Twin:
             joint[axis] = (R.T @ joint[axis]).tolist()
     spec['joints'].append({'name': 'seam', 'type': 'fixed', 'parent': one['name'],
                            'child': 'half'})
-    spec['collision'] = {'ignore': ignored}
+    spec['collision'] = spec.get('collision', {}) | {'ignore': ignored}
     return Twin(spec, lambda m: m[:-1])

@@ -186,16 +186,19 @@ MODELS = {'timestep': {'contact': 'timestep'}, 'event': {'contact': 'event'},
 def with_model(spec: Spec, model: str, substeps: int = 4) -> Spec:
     """Return the scene for a contact model."""
     found = spec | {'world': spec['world'] | MODELS[model]}
+    collision = dict(spec.get('collision', {}))
     if model == 'timestep':
-        found['collision'] = spec.get('collision', {}) | {'substeps': substeps}
-    return found
+        collision['substeps'] = substeps
+    else:
+        collision.pop('sleep_after', None)  # the others let nothing sleep
+    return found | {'collision': collision}
 
 
 def penalty_stiffness(bodies: list[Spec], h: float) -> dict[str, float]:
     """Return springs for the model `penalty` that the step can follow."""
     yields = 0.0  # [1/kg] the most that a point of a body yields
     for one in bodies:
-        if not one.get('fixed'):
+        if 'inertial' in one:
             m, moments = one['inertial']['mass'], one['inertial']['inertia'][:3]
             yields = max(yields, 1 / m + extent(one['shape']) ** 2 / min(moments))
     # k h^2 / m is the square of the phase of the spring's oscillation in a step: 0.1 rad for a

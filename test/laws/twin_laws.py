@@ -13,7 +13,8 @@ import copy
 import math
 from typing import Any
 
-from laws.jointed_twins import mirror_joint, move_world, scale_joint, Twin
+from laws.jointed_twins import (
+    mirror_joint, mirror_spring, move_spring, move_world, scale_joint, scale_spring, Twin)
 from laws.motion import Build, Verdict
 from laws.scenes import (
     any_attitude, draw_scales, draw_surface, heap, matrix, plane, product, Scene, Spec, world)
@@ -38,6 +39,12 @@ def _each(spec: Spec, change: Callable[[Spec], None]) -> Spec:
     return found
 
 
+def _move_what_acts(spec: Spec, R: np.ndarray, d: np.ndarray) -> None:
+    """Turn joints and springs on the world by R and shift them by d."""
+    spec['joints'] = [move_world(joint, R, d) for joint in spec.get('joints', ())]
+    spec['forces'] = [move_spring(force, R, d) for force in spec.get('forces', ())]
+
+
 def shifted(rng: Generator, scene: Scene) -> Twin:
     """Move the scene by up to fifty sizes."""
     d = scene.size * rng.uniform(-30, 30, 3)
@@ -46,7 +53,7 @@ def shifted(rng: Generator, scene: Scene) -> Twin:
         one['pose']['position'] = (np.add(one['pose']['position'], d)).tolist()
 
     spec = _each(scene.spec, change)
-    spec['joints'] = [move_world(joint, np.eye(3), d) for joint in spec.get('joints', ())]
+    _move_what_acts(spec, np.eye(3), d)
     return Twin(spec, lambda m: m - np.append(d, np.zeros(10)))
 
 
@@ -64,7 +71,7 @@ def turned(rng: Generator, scene: Scene) -> Twin:
 
     spec = _each(scene.spec, change)
     spec['world']['gravity'] = (R @ spec['world']['gravity']).tolist()
-    spec['joints'] = [move_world(joint, R, np.zeros(3)) for joint in spec.get('joints', ())]
+    _move_what_acts(spec, R, np.zeros(3))
     undo = q * (-1.0, -1.0, -1.0, 1.0)
 
     def back(m: np.ndarray) -> np.ndarray:
@@ -107,6 +114,7 @@ def mirrored(rng: Generator, scene: Scene) -> Twin:
     spec = _each(scene.spec, change)
     spec['world']['gravity'] = (_IMAGE * spec['world']['gravity']).tolist()
     spec['joints'] = [mirror_joint(joint, _IMAGE) for joint in spec.get('joints', ())]
+    spec['forces'] = [mirror_spring(force, _IMAGE) for force in spec.get('forces', ())]
     return Twin(spec, lambda m: m * _MOTION)
 
 
@@ -137,9 +145,11 @@ def scaled(rng: Generator, scene: Scene) -> Twin:
                if 1e-3 <= scene.size * 4.0 ** k <= 1e2 and 1e-4 <= scene.h * 2.0 ** k <= 1 / 60]
     s = float(rng.choice(factors)) if factors else 1.0
     powers = np.repeat([1.0, 0.0, 0.5, -0.5], [3, 4, 3, 3])
-    spec = _scaled({key: part for key, part in scene.spec.items() if key != 'joints'}, s)
+    spec = _scaled({key: part for key, part in scene.spec.items()
+                    if key not in ('joints', 'forces')}, s)
     kinds = {joint['name']: joint['type'] for joint in scene.spec.get('joints', ())}
     spec['joints'] = [scale_joint(joint, s, kinds) for joint in scene.spec.get('joints', ())]
+    spec['forces'] = [scale_spring(force, s) for force in scene.spec.get('forces', ())]
     return Twin(spec, lambda m: m / s ** powers)
 
 
@@ -154,6 +164,8 @@ def reordered(rng: Generator, scene: Scene) -> Twin:
     new = {scene.spec['bodies'][k]['name']: name for k, name in pairs} | {'world': 'world'}
     spec['joints'] = [joints[k] | {end: new[joints[k][end]] for end in ('parent', 'child')}
                       for k in rng.permutation(len(joints))]
+    spec['forces'] = [force | {end: new[force[end]] for end in 'ab'}
+                      for force in spec.get('forces', ())]
     return Twin(spec, lambda m: m[np.argsort(order)])
 
 

@@ -10,6 +10,7 @@ from rigid_sim_ros.engine.constraints.articulated_rows import make_system, Syste
 from rigid_sim_ros.engine.contact.carried_forces import Carried, longer, no_forces
 from rigid_sim_ros.engine.contact.contacts import (
     Bodies, Contacts, make_bodies, make_contacts)
+from rigid_sim_ros.engine.contact.recorded_impulses import Acted, nothing_acted
 from rigid_sim_ros.engine.dynamics.loads import empty_loads, Loads
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.kernels.arrays import Array, IntArray
@@ -49,6 +50,8 @@ class Pressing(NamedTuple):
     half: Carried  # of the first half of this one
     half_bounce: Array  # (c,) of its points
     half_work: Array  # (c,)
+    acted: Acted  # in this step, (c,)
+    half_acted: Acted  # in the first half of this part of it, (c,)
     locked: IntArray  # (k,) pieces for which impulses were found
     extra: Array  # (k,)
 
@@ -68,7 +71,7 @@ def make_pressing(table: JointTable, bodies: int, points: int, manifolds: int,
                     empty_loads(bodies), np.zeros(c),
                     np.zeros(c), np.zeros(6 * c), np.zeros(6 * c), np.zeros(6 * c),
                     make_system(rows, table, bodies), carried, half, np.zeros(c), np.zeros(c),
-                    whole(axes), np.zeros(axes))
+                    nothing_acted(c), nothing_acted(c), whole(axes), np.zeros(axes))
 
 
 def more_points(w: Pressing, table: JointTable, points: int) -> Pressing:
@@ -80,7 +83,9 @@ def more_points(w: Pressing, table: JointTable, points: int) -> Pressing:
         carried=_longer(w.carried, 2 * points),
         half=_longer(w.half, 2 * points),
         half_bounce=longer(w.half_bounce, 2 * points),
-        half_work=longer(w.half_work, 2 * points))
+        half_work=longer(w.half_work, 2 * points),
+        acted=_with_room(w.acted, 2 * points),
+        half_acted=_with_room(w.half_acted, 2 * points))
 
 
 def with_carried(w: Pressing, table: JointTable, carried: Carried) -> Pressing:
@@ -98,3 +103,7 @@ def carried_over(w: Pressing) -> Carried:
 
 def _longer(carried: Carried, points: int) -> Carried:
     return Carried._make(longer(field, points) for field in carried)
+
+
+def _with_room(acted: Acted, points: int) -> Acted:
+    return Acted(acted.count, *(longer(field, points) for field in acted[1:]))

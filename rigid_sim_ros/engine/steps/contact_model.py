@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from rigid_sim_ros.engine.contact.recorded_impulses import Acted
 from rigid_sim_ros.engine.detection.manifolds import (
     CONTACTS, current_manifolds, empty_memory, lasting, Manifolds, Memory, PAIRS, POINTS,
     slice_in_use, with_lasting, WITNESSED)
@@ -137,10 +138,7 @@ def rows_of(setup: Setup, state: State, manifolds: Manifolds, normal: Array,
 
     The friction of a manifold is shared out over its points as their normal forces are.
     """
-    in_use = slice_in_use(manifolds)
-    used = np.arange(POINTS) < manifolds.points[in_use, None]
-    r, p = np.nonzero(used)
-    r += in_use.start
+    r, p = _points_in_use(manifolds)
     rows = np.zeros(len(r), dtype=CONTACT)
     a, b = manifolds.body_a[r], manifolds.body_b[r]
     x: Array = state.x.T
@@ -149,8 +147,48 @@ def rows_of(setup: Setup, state: State, manifolds: Manifolds, normal: Array,
     rows['normal'] = manifolds.normal[r]
     rows['gap'] = manifolds.gap[p, r]
     impulses = normal[r, p]
-    totals = np.bincount(r, impulses, minlength=in_use.stop)[r]
+    totals = np.bincount(r, impulses, minlength=len(manifolds.points))[r]
     share = np.divide(impulses, totals, out=np.zeros(len(r)), where=totals > 0.0)
     rows['normal_force'] = impulses / setup.model.h
     rows['friction_force'] = friction[r] * share[:, None] / setup.model.h
     return rows
+
+
+def _points_in_use(manifolds: Manifolds) -> tuple[np.ndarray, np.ndarray]:
+    """Return row and number of each point, in their order."""
+    in_use = slice_in_use(manifolds)
+    r, p = np.nonzero(np.arange(POINTS) < manifolds.points[in_use, None])
+    return r + in_use.start, p
+
+
+def rows_of_acted(setup: Setup, manifolds: Manifolds, rows: np.ndarray,
+                  acted: Acted) -> np.ndarray:
+    """
+    Return the rows of these manifolds with what acted in their place, and rows for what is gone.
+
+    What acted at a point that its manifold does not have any more counts at the first point of
+    that. Rows on which nothing acted have the forces that they had.
+    """
+    r, p = _points_in_use(manifolds)
+    shapes = list(zip(manifolds.shape_a[r].tolist(), manifolds.shape_b[r].tolist(), strict=True))
+    first = {pair: len(shapes) - n for n, pair in enumerate(reversed(shapes), 1)}
+    places = dict(zip(zip(shapes, manifolds.feature[p, r].tolist(), strict=True),
+                      range(len(shapes)), strict=True))
+    count = int(acted.count[0])
+    pairs = zip(acted.shape_a[:count].tolist(), acted.shape_b[:count].tolist(), strict=True)
+    at = np.array([places.get((pair, feature), first.get(pair, -1)) for pair, feature in zip(
+        pairs, acted.feature[:count].tolist(), strict=True)])
+    gone = at < 0
+    at[gone] = len(rows) + np.arange(np.count_nonzero(gone))
+    found = np.concatenate([rows, np.zeros(np.count_nonzero(gone), dtype=CONTACT)])
+    for name in ('body_a', 'body_b', 'point', 'normal', 'gap'):
+        found[name][at[gone]] = getattr(acted, name)[:count][gone]
+    force = np.zeros((len(found), 3))
+    np.add.at(force, at, acted.impulse[:count] / setup.model.h)
+    at = np.unique(at)
+    n = found['normal'][at]
+    # Not below 0 by the rounding of a point that pressed on nothing.
+    normal_force = np.maximum((force[at] * n).sum(axis=1), 0.0)
+    found['normal_force'][at] = normal_force
+    found['friction_force'][at] = force[at] - normal_force[:, None] * n
+    return found

@@ -80,8 +80,8 @@ class DividedTimestep(JointedTimestep):
         self._begin()
 
     def contacts(self, state: State) -> np.ndarray:
-        """Return the manifolds of the latest step with its impulses as forces."""
-        return self._free.contacts(state)
+        """Return the manifolds of the latest step with what acted there in either solver."""
+        return self.with_acted(self._free.manifolds(), self._free.contacts(state))
 
     def report(self) -> ContactReport:
         """Return the counts, the larger residual, and what could not be done."""

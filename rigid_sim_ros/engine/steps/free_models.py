@@ -10,7 +10,7 @@ import numpy as np
 from rigid_sim_ros.engine.contact.carried_forces import Carried, no_forces
 from rigid_sim_ros.engine.contact.penalty_force import PenaltySettings
 from rigid_sim_ros.engine.detection.manifolds import (
-    current_manifolds, earlier_manifolds)
+    current_manifolds, earlier_manifolds, Manifolds)
 from rigid_sim_ros.engine.dynamics.integrate import make_work, ORIENTATIONS
 from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches, Wrenches
 from rigid_sim_ros.engine.events.buffers import EventSettings
@@ -134,6 +134,10 @@ class Timestep(Touching):
         assert self._pack is not None
         self._pack.run(timestep.take_half, timestep.RESPOND)
         self._has_stepped = True
+
+    def manifolds(self) -> Manifolds:
+        """Return the manifolds of the latest step."""
+        return current_manifolds(self._memory)
 
     def contacts(self, state: State) -> np.ndarray:
         """Return the manifolds of the latest step with all its impulses, collisions included."""

@@ -22,7 +22,8 @@ from rigid_sim_ros.engine.constraints.pressing import (
     HALF_KNOWN, more_points, NEEDED, POINTS_IN_USE, Pressing, WIDTH)
 from rigid_sim_ros.engine.contact.carried_forces import match_forces, recall_forces
 from rigid_sim_ros.engine.contact.contacts import gather, read_velocity
-from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses, record
+from rigid_sim_ros.engine.contact.recorded_impulses import (
+    forget_impulses, note, note_all, record)
 from rigid_sim_ros.engine.detection.backtrack import approach_bound
 from rigid_sim_ros.engine.detection.detect import detect_ahead
 from rigid_sim_ros.engine.detection.look_ahead import look_ahead
@@ -74,6 +75,7 @@ def begin(c: JointedContact) -> None:
     prepare_step(joints.model, joints.table, joints.state, joints.scratch)
     begin_efforts(joints.motion)
     forget_impulses(current(c.memory))
+    c.pressing.acted.count[0] = c.pressing.half_acted.count[0] = 0
     c.pressing.system.residual[0] = 0.0
 
 
@@ -94,6 +96,8 @@ def find_points(c: JointedContact, h: float) -> int:
         return MORE_MANIFOLDS
     w.count[NEEDED] = gather(state, manifolds, shapes, c.materials, np.inf, w.order[0, :rows],
                              w.order[1, :rows], w.contacts)
+    # What acts at these comes to what acted in this step.
+    w.count[NEEDED] += w.acted.count[0] + w.half_acted.count[0]
     return MORE_CONTACTS if w.count[NEEDED] > w.contacts.gap.shape[0] else DONE
 
 
@@ -168,6 +172,16 @@ def take_first_half(c: JointedContact, h: float) -> bool:
 
 
 @kernel
+def keep_first_half(c: JointedContact) -> None:
+    """Keep the impulses of the first half of a way that may be taken."""
+    w = c.pressing
+    keep_impulses(c.joints.model, True, w)
+    w.half_acted.count[0] = 0
+    for k in w.chosen[:w.count[POINTS_IN_USE]]:
+        note(c.joints.state, w.contacts, k, w.impulse[k], w.half_acted)
+
+
+@kernel
 def take_way(c: JointedContact, h: float) -> None:
     """Note what a way of h [s] did, which is taken now."""
     arrive(c.joints, h, True)
@@ -200,7 +214,11 @@ def take_second_half(c: JointedContact, h: float) -> None:
 @kernel
 def _keep_part(c: JointedContact) -> None:
     """Record the impulses of both halves of a part, and carry those of the second over."""
-    model, w = c.joints.model, c.pressing
+    model, state, w = c.joints.model, c.joints.state, c.pressing
+    note_all(w.acted, w.half_acted)
+    w.half_acted.count[0] = 0
+    for k in w.chosen[:w.count[POINTS_IN_USE]]:
+        note(state, w.contacts, k, w.impulse[k], w.acted)
     chosen, width = w.chosen[:w.count[POINTS_IN_USE]], w.count[WIDTH]
     recall_forces(model, w.contacts, chosen, width, w.half, w.match, w.row)
     w.pushed[:] = 0.0

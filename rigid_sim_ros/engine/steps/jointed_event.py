@@ -15,20 +15,19 @@ All bodies go through this side by side. After MOST_EVENTS in a step the rest of
 
 import math
 
-from rigid_sim_ros.engine.constraints.articulated_contact import keep_impulses
 from rigid_sim_ros.engine.constraints.articulated_impact import collide
 from rigid_sim_ros.engine.constraints.articulated_points import (
     choose_points, meeting_within, take_all, take_pressing, take_touching)
 from rigid_sim_ros.engine.constraints.pressing import NEEDED, POINTS_IN_USE, WIDTH
 from rigid_sim_ros.engine.contact.contacts import read_bodies
-from rigid_sim_ros.engine.contact.recorded_impulses import record
+from rigid_sim_ros.engine.contact.recorded_impulses import note, record
 from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.steps.articulated import go_back, MOST_PARTS
 from rigid_sim_ros.engine.steps.jointed_contact import (
     BEGIN, begin, choose, COLLISIONS, CUT_SHORT, DONE, end, EVENTS, find_points, give_way,
-    JointedContact, MORE_ROWS, reach, read_way, SLOWED, STAGE, STEPS, take_first_half,
-    take_second_half, take_way, TRIES)
+    JointedContact, keep_first_half, MORE_ROWS, reach, read_way, SLOWED, STAGE, STEPS,
+    take_first_half, take_second_half, take_way, TRIES)
 from rigid_sim_ros.kernels.kernel import kernel
 
 # In a step: events after which nothing bounces any more, and after which it is not backtracked.
@@ -118,6 +117,7 @@ def _record_collisions(c: JointedContact) -> None:
     for k in w.chosen[:w.count[POINTS_IN_USE]]:
         for i in range(w.count[WIDTH]):
             w.pushed[k, i] = w.impulse[k, i]
+        note(c.joints.state, w.contacts, k, w.impulse[k], w.acted)
     record(c.joints.model, current(c.memory), w.contacts, w.pushed)
 
 
@@ -166,7 +166,7 @@ def _take_first_half(c: JointedContact) -> None:
         _go_until(c, (1.0 + SHARP) * hit)   # so that it is met for certain
         c.place[TRIES] += 1
         return
-    keep_impulses(joints.model, True, c.pressing)
+    keep_first_half(c)
     c.place[STAGE] = LOOK_BACK
 
 

@@ -11,13 +11,14 @@ from rigid_sim_ros.engine.constraints.pressing import (
 from rigid_sim_ros.engine.contact.carried_forces import Carried
 from rigid_sim_ros.engine.contact.contacts import row_count
 from rigid_sim_ros.engine.contact.penalty_force import PenaltySettings
+from rigid_sim_ros.engine.detection.manifolds import current_manifolds, Manifolds
 from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches, Wrenches
 from rigid_sim_ros.engine.solver.arguments import radii, thicknesses
 from rigid_sim_ros.engine.state.state import empty_state, State
 from rigid_sim_ros.engine.steps import (
     jointed_contact, jointed_event, jointed_penalty, jointed_timestep, penalty)
 from rigid_sim_ros.engine.steps.contact_model import (
-    CONTACT, ContactReport, named, OneThread, Setup, Touching, unnamed)
+    CONTACT, ContactReport, named, OneThread, rows_of_acted, Setup, Touching, unnamed)
 from rigid_sim_ros.engine.steps.jointed_motion import JointedMotion, JointSetup
 
 
@@ -83,6 +84,17 @@ class JointedTimestep(Touching, JointedMotion):
         if arrays:
             pressing = with_carried(pressing, self.table, unnamed('carried', Carried, arrays))
         self._arguments = self._arguments._replace(pressing=pressing)
+
+    def contacts(self, state: State) -> np.ndarray:
+        """Return what is near now, and what acted in the latest step."""
+        return self.with_acted(current_manifolds(self._memory), super().contacts(state))
+
+    def with_acted(self, manifolds: Manifolds, rows: np.ndarray) -> np.ndarray:
+        """Return the rows of manifolds with what acted in the latest step, once one was taken."""
+        acted = self._arguments.pressing.acted
+        if acted.count[0] == 0:
+            return rows
+        return rows_of_acted(self._setup, manifolds, rows, acted)
 
     def report(self) -> ContactReport:
         """Return the counts, how well contact was solved, and what could not be done."""

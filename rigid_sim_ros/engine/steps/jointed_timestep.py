@@ -7,7 +7,6 @@ Kick, drift, kick as without contacts (articulated.py), with impulses of contact
 shapes met on the way that took no part, it is taken again with them.
 """
 
-from rigid_sim_ros.engine.constraints.articulated_contact import keep_impulses
 from rigid_sim_ros.engine.constraints.articulated_points import (
     take_close, take_pressing, wake, wake_met)
 from rigid_sim_ros.engine.constraints.pressing import WOKEN
@@ -15,8 +14,9 @@ from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.steps.articulated import go_back, MOST_PARTS, next_size
 from rigid_sim_ros.engine.steps.jointed_contact import (
-    BEGIN, begin, choose, DONE, end, find_points, give_way, JointedContact, PARTS_DONE, reach,
-    read_way, SIZE, SLOWED, STAGE, STEPS, take_first_half, take_second_half, take_way, TRIES)
+    BEGIN, begin, choose, DONE, end, find_points, give_way, JointedContact, keep_first_half,
+    PARTS_DONE, reach, read_way, SIZE, SLOWED, STAGE, STEPS, take_first_half, take_second_half,
+    take_way, TRIES)
 from rigid_sim_ros.kernels.kernel import kernel
 
 # Ways that are tried with what met on the ones before; of a chain of shapes that hit each other
@@ -112,7 +112,7 @@ def _take_first_half(c: JointedContact) -> None:
             return      # what touches is still the same
         if give_way(c):
             return
-    keep_impulses(c.joints.model, True, c.pressing)
+    keep_first_half(c)
     c.place[STAGE] = LOOK_BACK
 
 
