@@ -125,7 +125,7 @@ def _solve(count: int, moving: int, inv_h: float, work: Direct) -> None:
     for _ in range(ROUNDS):
         _begin_round(count, work)
         steps = _minimize(count, moving, 0.1 * goal, work)
-        worst = _violation(count, work)
+        worst = max(_violation(count, work), _largest_rate(count, work))
         # Of the first round in any case: else those of another island would be taken.
         if worst < best or best == np.inf:
             best = worst
@@ -133,7 +133,7 @@ def _solve(count: int, moving: int, inv_h: float, work: Direct) -> None:
         stuck, last = abs(worst - last) < STUCK * worst, worst
         if best <= goal or steps == 0 or stuck:
             break
-    _take(count, moving, work)
+    _take(count, moving, goal, work)
 
 
 @kernel
@@ -163,12 +163,31 @@ def _keep(count: int, moving: int, work: Direct) -> None:
 
 
 @kernel
-def _take(count: int, moving: int, work: Direct) -> None:
+def _take(count: int, moving: int, goal: float, work: Direct) -> None:
+    """Take the impulses that were kept; p is what they do, also where that is no solution."""
     for k in range(6 * moving):
-        work.p[k] = work.best_p[k]
+        work.p[k] = work.F[k] = work.best_p[k]
     for c in range(count):
         for r in range(WIDTH):
             work.rows.f[c, r] = work.best[c, r]
+        _add_momenta(c, -1.0, work.F, work.rows)
+    # Of a solution p is more accurate: in f there is rounding of rates over the compliance.
+    if _largest_rate(count, work) > goal:
+        for k in range(6 * moving):
+            work.p[k] -= work.F[k]
+
+
+@kernel
+def _add_momenta(c: int, times: float, to: Array, rows: DirectRows) -> None:
+    """Add, so many times, the momenta of what changed of the impulses of a manifold."""
+    for side in range(2):
+        if rows.body[c, side] >= 0:
+            at = 6 * rows.body[c, side]
+            for r in range(WIDTH):
+                if rows.there[c, r] != 0:
+                    change = times * (rows.f[c, r] - rows.start[c, r])
+                    for k in range(6):
+                        to[at + k] += rows.G[c, r, 6 * side + k] * change
 
 
 @kernel
@@ -317,14 +336,7 @@ def _write_F(count: int, moving: int, work: Direct) -> None:
             if rows.there[c, r] != 0:
                 work.rate[c, r] = rows.rate[c, r] + moved(rows, c, r, p)
         _write_impulses(c, 0.0, work)
-        for side in range(2):
-            if rows.body[c, side] >= 0:
-                at = 6 * rows.body[c, side]
-                for r in range(WIDTH):
-                    if rows.there[c, r] != 0:
-                        change = rows.f[c, r] - rows.start[c, r]
-                        for k in range(6):
-                            F[at + k] -= rows.G[c, r, 6 * side + k] * change
+        _add_momenta(c, -1.0, F, rows)
 
 
 @kernel
