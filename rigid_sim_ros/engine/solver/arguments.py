@@ -16,6 +16,7 @@ from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import can_meet, Materials, Shapes
 from rigid_sim_ros.engine.solver.coloring import (
     Blocks, Coloring, make_blocks, make_coloring, most_blocks, REGIONS)
+from rigid_sim_ros.engine.solver.direct_islands import differ
 from rigid_sim_ros.engine.solver.direct_solve import Direct, make_direct
 from rigid_sim_ros.engine.solver.impacts import Impacts, make_impacts
 from rigid_sim_ros.engine.solver.new_islands import make_new_islands, NewIslands
@@ -143,10 +144,11 @@ def middle_of_shapes(model: Model, body: IntArray) -> tuple[int, int]:
 
 
 class Uses(NamedTuple):
-    """Which stages a world needs, 1 or 0."""
+    """What a world has, 1 or 0."""
 
     contacts: int  # there are two shapes that could meet
     bounces: int  # something has a restitution
+    uneven: int  # masses differ so much that small islands are solved directly
 
 
 class Arguments(NamedTuple):
@@ -169,7 +171,8 @@ def make_arguments(model: Model, state: State, wrenches: Wrenches, shapes: Shape
                    materials: Materials, memory: Memory,
                    settings: TimestepSettings) -> Arguments:
     """Return the arguments of a world with buffers of their own; nobody helps, nobody sleeps."""
-    uses = Uses(int(can_meet(shapes)), int((materials.restitution > 0.0).any()))
+    uses = Uses(int(can_meet(shapes)), int((materials.restitution > 0.0).any()),
+                int(differ(model.inv_m)))
     return Arguments(model, state, wrenches, shapes, materials, memory, settings,
                      make_timestep_work(model, shapes, memory), no_rest(len(model.m)), uses,
                      make_job())

@@ -27,6 +27,9 @@ from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
 # Masses of an island that differ more are not swept.
 RATIO = 30.0
+# Worlds with more manifolds have small islands of uneven masses only: some hundred islands that
+# fall over at the same time would take 0.1 ms each, a hundred times what sweeps take.
+FEW = 64
 # Of a small island. The direct solution takes the cube of the number of bodies.
 MOST_BODIES, MOST_MANIFOLDS = 16, 48
 
@@ -67,9 +70,15 @@ def make_islands(n: int, capacity: int) -> Islands:
                    room(slots, kind=np.int8))
 
 
+def differ(inv_m: Array) -> bool:
+    """Return whether masses differ by more than RATIO; inv_m (n,) [1/kg], 0 for what is fixed."""
+    moving = inv_m[inv_m > 0.0]
+    return len(moving) > 0 and bool(moving.max() > RATIO * moving.min())
+
+
 @kernel
-def find_islands(blocks: Blocks, bodies: SolverBodies, islands: Islands) -> None:
-    """Find the small islands, and mark their lanes in the blocks."""
+def find_islands(few: bool, blocks: Blocks, bodies: SolverBodies, islands: Islands) -> None:
+    """Find the small islands, of a world with many manifolds the uneven ones; mark their lanes."""
     _begin(bodies, islands)
     for region in range(REGIONS):
         first = first_block(blocks, region) * LANES
@@ -88,7 +97,7 @@ def find_islands(blocks: Blocks, bodies: SolverBodies, islands: Islands) -> None
                     islands.manifolds[root] += 1
                     if not (_moves(bodies, a) and _moves(bodies, b)):
                         islands.held[root] = 1
-    _number(bodies, islands)
+    _number(few, bodies, islands)
     islands.blocks[0] = 0
     for region in range(REGIONS):
         first = first_block(blocks, region)
@@ -145,7 +154,7 @@ def _island(blocks: Blocks, bodies: SolverBodies, islands: Islands, lane: int) -
 
 
 @kernel
-def _number(bodies: SolverBodies, islands: Islands) -> None:
+def _number(few: bool, bodies: SolverBodies, islands: Islands) -> None:
     """Choose the islands, in the order of their roots, and where each has its lanes."""
     count = islands.begin[0] = 0
     for half in range(2):
@@ -153,10 +162,11 @@ def _number(bodies: SolverBodies, islands: Islands) -> None:
         for slot in range(first, last):
             manifolds = islands.manifolds[slot]
             islands.manifolds[slot] = -1
-            if 0 < manifolds <= MOST_MANIFOLDS and islands.bodies[slot] <= MOST_BODIES:
+            is_uneven = islands.lightest[slot] > RATIO * islands.heaviest[slot]
+            if (0 < manifolds <= MOST_MANIFOLDS and islands.bodies[slot] <= MOST_BODIES
+                    and (few or is_uneven)):
                 islands.manifolds[slot] = islands.begin[count]
                 islands.begin[count + 1] = islands.begin[count] + manifolds
-                is_uneven = islands.lightest[slot] > RATIO * islands.heaviest[slot]
                 islands.uneven[count] = 1 if is_uneven else 0
                 islands.bodies[slot] = count
                 count += 1

@@ -27,7 +27,7 @@ from rigid_sim_ros.engine.solver.coloring import (
 from rigid_sim_ros.engine.solver.contact_filling import (
     choose_manifolds, classify, DEEPEST, fill_blocks, NEW, place_lanes)
 from rigid_sim_ros.engine.solver.contact_sweep import note_left, separate, visit_block
-from rigid_sim_ros.engine.solver.direct_islands import find_islands
+from rigid_sim_ros.engine.solver.direct_islands import FEW, find_islands
 from rigid_sim_ros.engine.solver.direct_solve import bear_islands, strike_islands
 from rigid_sim_ros.engine.solver.impacts import (
     drift_blocks, end_impacts, find_approaching, pass_on, TURNS, visit_waiting)
@@ -162,7 +162,11 @@ def solve_directly(c: Arguments, stage: int) -> int:
     work, substeps = c.work.solver, c.settings.sequential.substeps
     what = _sweep_of(stage == BEAR, work.notes[0, SUBSTEP], c.model.h / substeps, substeps)
     if stage == LIST:
-        find_islands(work.blocks, work.bodies, c.work.direct.islands)
+        few = current(c.memory).count[0] <= FEW
+        if few or c.uses.uneven == 1:
+            find_islands(few, work.blocks, work.bodies, c.work.direct.islands)
+        else:
+            c.work.direct.islands.count[0] = c.work.direct.islands.blocks[0] = 0
     elif stage == BEAR:
         bear_islands(work.blocks, work.bodies, what, c.work.direct)
     else:
