@@ -145,8 +145,7 @@ def _choose_together(h: float, inv_m: Array, first: int, candidates: int, manifo
         for k in range(first + 1, candidates if not alone else 0):
             at = work.rows[k]
             c, d = manifolds.body_a[at] & INDEX, manifolds.body_b[at] & INDEX
-            shares = (inv_m[a] > 0.0 and (a == c or a == d)) or (
-                inv_m[b] > 0.0 and (b == c or b == d))
+            shares = (inv_m[a] > 0.0 and a in (c, d)) or (inv_m[b] > 0.0 and b in (c, d))
             if shares and count < TOGETHER and _is_first(h, k, manifolds, work) and (
                     not _is_among(work.together, count, k)):
                 work.together[count] = k

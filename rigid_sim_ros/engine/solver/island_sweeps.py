@@ -3,7 +3,7 @@
 """Sweeps of small islands, which go on until an island is settled; see direct_islands.py."""
 
 from rigid_sim_ros.engine.constraints.contact_blocks import SIZE
-from rigid_sim_ros.engine.constraints.contact_rules import Sweep, settled
+from rigid_sim_ros.engine.constraints.contact_rules import settled, Sweep
 from rigid_sim_ros.engine.solver.coloring import Blocks, numbers_of, points_in
 from rigid_sim_ros.engine.solver.contact_sweep import visit_block
 from rigid_sim_ros.engine.solver.direct_islands import Islands

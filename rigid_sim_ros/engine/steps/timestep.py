@@ -363,7 +363,8 @@ def pieces_of(c: Arguments, helped: bool) -> Pieces:
                 wake_or_sleep: c.settings.sleep_steps > 0}
     # What the helper compiles takes as long as all the rest.
     return Pieces(
-        here=[solve_part, solve_directly, *(piece for piece, is_used in optional.items() if is_used)],
+        here=[solve_part, solve_directly,
+              *(piece for piece, is_used in optional.items() if is_used)],
         helped=[detect_part, store_part, predict_part, *([search] if searches else [])],
         late=[search] if may_search else [],
         unused=[*(piece for piece, is_used in optional.items() if not is_used),
