@@ -30,11 +30,15 @@ PREFERENCE_IN_OVERLAP = 0.1
 # Corners that stand out over the other box's face by less than this fraction of its half extent
 # count as lying on it: boxes of equal size on top of each other meet corner to corner.
 OVERHANG = 1e-4
-# Points that are all within this part of its half extents of each other, and of the border of the
-# face, are where a corner meets a corner or an edge: none of the axes is the direction between
-# what is nearest, and which one separates best would depend on which box is A. So it is with edges
-# that cross at their ends. Larger: the general method is asked where it finds the same.
+# The deepest points, if all of them are within this part of its half extents of each other and of
+# the border of the face, are where a corner meets a corner or an edge: none of the axes is the
+# direction between what is nearest, and which one separates best would depend on which box is A.
+# So it is with edges that cross at their ends. Larger: the general method is asked where it finds
+# the same.
 CORNER = 1e-3
+# Of that: points that are less deep by more are not among the deepest. What is nearer than they
+# are to touching is looked at farther ahead, and then they are farther from the corner.
+LEVEL = 0.1
 # The square of the sine between two edges below which their cross product has no direction.
 PARALLEL = 1e-8
 _C, _ABS, _T = 0, 9, 18  # places in `numbers`: A_i . B_j, their magnitudes, t in axes of A
@@ -165,12 +169,16 @@ def box_box(pose: Array, size: Array, a: int, b: int, margin: float, way: float,
 
 @kernel
 def _is_corner(pose: Array, size: Array, r: int, k: int, count: int, points: Array) -> bool:
-    """Return whether points on face k of box r are all in one place on its border."""
-    p = (points[0, 0], points[0, 1], points[0, 2])
-    reach = CORNER * max(size[r, (k + 1) % 3], size[r, (k + 2) % 3])
+    """Return whether the deepest points on face k of box r are in one place on its border."""
+    deepest = 0
     for c in range(1, count):
+        if points[c, 3] < points[deepest, 3]:
+            deepest = c
+    p = (points[deepest, 0], points[deepest, 1], points[deepest, 2])
+    reach = CORNER * max(size[r, (k + 1) % 3], size[r, (k + 2) % 3])
+    for c in range(count):
         away = subtract((points[c, 0], points[c, 1], points[c, 2]), p)
-        if dot(away, away) > reach * reach:
+        if dot(away, away) > reach * reach and points[c, 3] < points[deepest, 3] + LEVEL * reach:
             return False
     at, on_border = subtract(p, origin(pose, r)), False
     for i in range(1, 3):

@@ -46,6 +46,7 @@ MEETS = 5e-9
 # Of the size: how far shapes that touch are moved apart to see in which direction they part. The
 # rounding of that direction is 1e-16 of it; what is smaller than it on a shape is not seen.
 AWAY = 1e-3
+SLIGHT = 1e-4  # of the size: an overlap of less than this leaves most of AWAY
 LEAST_AWAY = 1e-3  # of it: a smaller distance says that the middles tell no way apart
 ONE_NORMAL = 1e-9  # directions that differ by less are one, and the first is more exact
 HERE = (0.0, 0.0, 0.0)
@@ -92,7 +93,7 @@ def distance(pose: Array, shapes: Shapes, a: int, b: int, limit: float,
         d, n, p = _try_faces(pose, shapes, a, b, d, n, p, c)
     if round_one:
         d, n, p = _polish(pose, shapes, a, b, d, n, p, c)
-    elif abs(d) < MEETS * small:
+    elif -SLIGHT * small < d < MEETS * small:
         d, n = _between_middles(pose, shapes, a, b, d, n, small, scratch)
     return d - r, n, add_scaled(p, radius(kind, size, a), n)
 
@@ -161,7 +162,10 @@ def _between_middles(pose: Array, shapes: Shapes, a: int, b: int, d: float, n: V
     Where a corner meets a corner or an edge, all directions of a cone separate as well, and which
     of them the search found follows from rounding, or from which shape is A. Of these the one is
     meant that is between what is nearest once B is moved away along the line of the middles. It
-    turns and is mirrored with the shapes, and for the pair (B, A) it is the opposite.
+    turns and is mirrored with the shapes, and for the pair (B, A) it is the opposite. In a slight
+    overlap it may be twice as deep as along the best direction: where corners of boxes that are
+    mirror images overlap, that is a normal of a face, whose component along the normal of the
+    mirror is at least 1 / sqrt(3).
     """
     hulls, apart = shapes.hulls, subtract(origin(pose, b), origin(pose, a))
     length = norm(apart)
@@ -177,7 +181,7 @@ def _between_middles(pose: Array, shapes: Shapes, a: int, b: int, d: float, n: V
     m = scale(-1.0 / moved, v)
     s = separation(pose, shapes, a, b, m, scratch.corners)
     other = subtract(m, n)
-    if s < d - MEETS * small or dot(other, other) < ONE_NORMAL * ONE_NORMAL:
+    if s < min(d, 2.0 * d) - MEETS * small or dot(other, other) < ONE_NORMAL * ONE_NORMAL:
         return d, n
     return s, m
 
