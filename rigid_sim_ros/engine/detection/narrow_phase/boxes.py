@@ -38,7 +38,7 @@ CORNER = 1e-3
 # Of the half extents: points that are less deep by more are not among the deepest. Less: corners
 # are told from faces by what else is looked at ahead. More: a face that is tilted by less is taken
 # for an edge.
-LEVEL = 1e-4
+LEVEL = 1e-3
 # The square of the sine between two edges below which their cross product has no direction.
 PARALLEL = 1e-8
 _C, _ABS, _T = 0, 9, 18  # places in `numbers`: A_i . B_j, their magnitudes, t in axes of A
