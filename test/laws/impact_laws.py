@@ -9,6 +9,7 @@ from laws.scenes import (
     any_attitude, body, direction, draw_masses, draw_scales, draw_surface, G, matrix, plane,
     Scales, Scene, turn, world)
 from laws.solids import draw_solid, flat_solid, Generator, Solid, sphere
+from laws.symmetric_scenes import draw_several
 import numpy as np
 
 
@@ -108,10 +109,13 @@ def judge_inelastic(scene: Scene, build: Build) -> Verdict:
 
 
 def draw_symmetric(rng: Generator) -> Scene:
-    """Draw a body that falls flat, a column, or a body that meets its mirror image."""
+    """Draw a column that falls flat, a body that meets its image, or several and their images."""
     scales = draw_scales(rng)
-    if rng.random() < 0.5:
+    kind = rng.random()
+    if kind < 0.5:
         return _mirrored_pair(rng, scales)
+    if kind > 0.75:
+        return draw_several(rng, scales)
     surface = draw_surface(rng)
     count = int(rng.integers(1, 4))
     bodies, height, drop = [], 0.0, scales.size * rng.uniform(0.05, 3.0)
@@ -151,15 +155,15 @@ def judge_symmetric(scene: Scene, build: Build) -> Verdict:
     """
     Compare with what symmetry says.
 
-    What falls flat does not turn and goes nowhere sideways; of two mirror images each stays the
-    image of the other. Both follow from the symmetry of the equations, whatever the step; a
+    What falls flat does not turn and goes nowhere sideways; of mirror images each stays the image
+    of the other, and what stands in the plane of symmetry its own. Both follow from the symmetry of the equations, whatever the step; a
     solver stops at a residual, relative to the speed of the impact: 1e-6 of it is a tenth of a
     millimetre in a fall of a hundred metres. It finds the impulses to 1e-9 of the largest, which
     on a light body below a heavy one is that times the ratio of the masses.
     """
     run, of = build(scene.spec), masses(scene.spec)
     speed = float(np.abs(look(of, run.motion()).v).max())
-    speed += math.sqrt(2 * G * 3 * scene.size) * (scene.facts['kind'] == 'flat')
+    speed += math.sqrt(2 * G * 3 * scene.size) * (scene.facts['kind'] != 'mirrored')
     m = of.m[of.m > 0]
     allowed = 1e-6 + 1e-9 * float(m.max() / m.min())
     run.step(scene.steps)
@@ -167,8 +171,9 @@ def judge_symmetric(scene: Scene, build: Build) -> Verdict:
     if scene.facts['kind'] == 'flat':
         wrong = max(np.abs(motion[:, 7:9]).max(), scene.size * np.abs(motion[:, 10:]).max())
         return Verdict(float(wrong / speed), allowed, 'speed sideways and of turning, share')
-    right, left = motion
+    right, left = np.transpose(scene.facts.get('images', [(0, 1)]))
+    right, left = motion[right], motion[left]
     image = np.array((-1.0, 1.0, 1.0))
-    wrong = max(np.abs(right[7:10] - image * left[7:10]).max(),
-                scene.size * np.abs(right[10:] + image * left[10:]).max())
+    wrong = max(np.abs(right[:, 7:10] - image * left[:, 7:10]).max(),
+                scene.size * np.abs(right[:, 10:] + image * left[:, 10:]).max())
     return Verdict(float(wrong / speed), allowed, 'speed by which images differ, share')

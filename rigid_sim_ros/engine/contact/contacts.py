@@ -53,6 +53,7 @@ class Contacts(NamedTuple):
     restitution: Array  # (c,) coefficient
     spinning: Array  # (c,) [m] lever of the normal force against turning about the normal
     rolling: Array  # (c,) [m] lever against rolling
+    alike: IntArray  # (c,) 1 for blocks that are to collide next, see `impulse`
 
 
 class Bodies(NamedTuple):
@@ -72,7 +73,7 @@ def make_contacts(capacity: int) -> Contacts:
 
     return Contacts(whole(2), whole(c + 1), whole(), whole(), whole(), whole(), whole(), whole(),
                     np.zeros((c, 3, 3)), np.zeros((c, 3)), np.zeros((c, 3)), np.zeros(c),
-                    np.zeros(c), np.zeros(c), np.zeros(c), np.zeros(c), np.zeros(c))
+                    np.zeros(c), np.zeros(c), np.zeros(c), np.zeros(c), np.zeros(c), whole())
 
 
 def make_bodies(n: int) -> Bodies:

@@ -8,8 +8,9 @@ Rigid Body Dynamics, "Impulse"), and the tangential impulse obeys Coulomb's law,
 against the slip that is left. All points of one pair of bodies are solved together, so that a box
 that lands flat stays flat; pairs are solved one after the other, the one that approaches fastest
 first, until nothing approaches: that is how a shock travels through a row of touching balls
-(Newton's cradle), which no simultaneous rule reproduces. Pairs that approach equally fast and
-share a body are solved together: in which order they stand decides nothing.
+(Newton's cradle), which no simultaneous rule reproduces. Pairs that approach equally fast collide
+before what follows from any of them, and are solved together if they share a body: in which order
+they stand decides nothing.
 """
 
 from typing import NamedTuple
@@ -78,20 +79,22 @@ def collide_all(model: Model, state: State, contacts: Contacts, bodies: Bodies, 
     contact axes], are added to `impulses`. Returns the number of collisions of pairs, or -1 if
     after `limit` of them something still approaches.
     """
-    for count in range(limit + 1):
-        block, fastest = -1, 0.0
+    count = 0
+    while True:
+        fastest = 0.0
         for k in range(first, last):
-            u = _approach(contacts, bodies, h, touching, quiet, k)
-            if u < fastest:
-                block, fastest = k, u
-        if block < 0:
+            fastest = min(fastest, _approach(contacts, bodies, h, touching, quiet, k))
+        if fastest == 0.0:
             return count
-        if count < limit:
-            alike = _choose_alike(model, contacts, bodies, h, touching, quiet, block, first, last,
-                                  room)
-            _collide(model, state, contacts, bodies, h, touching, width, elastic, alike, room,
-                     impulses)
-    return -1
+        if count >= limit:
+            return -1
+        _mark_alike(contacts, bodies, h, touching, quiet, fastest, first, last)
+        for k in range(first, last):
+            if contacts.alike[k] == 1:
+                together = _choose_alike(model, contacts, touching, k, first, last, room)
+                _collide(model, state, contacts, bodies, h, touching, width, elastic, together,
+                         room, impulses)
+                count += 1
 
 
 @kernel
@@ -119,24 +122,35 @@ def _touching_points(contacts: Contacts, touching: float, block: int) -> int:
 
 
 @kernel
-def _choose_alike(model: Model, contacts: Contacts, bodies: Bodies, h: float, touching: float,
-                  quiet: float, block: int, first: int, last: int, room: Room) -> int:
+def _mark_alike(contacts: Contacts, bodies: Bodies, h: float, touching: float, quiet: float,
+                fastest: float, first: int, last: int) -> None:
+    """
+    Mark the pairs that approach as fast as the fastest.
+
+    All of them collide before what follows from any: the impact of one pair may speed up another
+    beyond those that wait, and which of these comes first must not depend on their order.
+    """
+    for k in range(first, last):
+        u = _approach(contacts, bodies, h, touching, quiet, k)
+        contacts.alike[k] = 1 if u <= (1.0 - ALIKE) * fastest else 0
+
+
+@kernel
+def _choose_alike(model: Model, contacts: Contacts, touching: float, block: int, first: int,
+                  last: int, room: Room) -> int:
     """
     Write the pairs to room.block that collide together with that of `block`; return how many.
 
-    They approach as fast, and hang together by bodies that move.
+    They are marked, and hang together by bodies that move. Their marks are taken off.
     """
-    fastest = _approach(contacts, bodies, h, touching, quiet, block)
-    room.block[0] = block
+    room.block[0], contacts.alike[block] = block, 0
     count, points, done = 1, _touching_points(contacts, touching, block), 0
     while done < count:
         for k in range(first, last):
-            if _share_a_body(model, contacts, room.block[done], k) and (
-                    not _is_among(room.block, count, k)):
+            if contacts.alike[k] == 1 and _share_a_body(model, contacts, room.block[done], k):
                 more = _touching_points(contacts, touching, k)
-                u = _approach(contacts, bodies, h, touching, quiet, k)
-                if u <= (1.0 - ALIKE) * fastest and points + more <= MOST_ALIKE:
-                    room.block[count] = k
+                if points + more <= MOST_ALIKE:
+                    room.block[count], contacts.alike[k] = k, 0
                     count, points = count + 1, points + more
         done += 1
     return count
@@ -150,14 +164,6 @@ def _share_a_body(model: Model, contacts: Contacts, j: int, k: int) -> bool:
     c, d = contacts.body_a[other], contacts.body_b[other]
     return bool((model.inv_m[a] > 0.0 and (a == c or a == d))
                 or (model.inv_m[b] > 0.0 and (b == c or b == d)))
-
-
-@kernel
-def _is_among(numbers: IntArray, count: int, k: int) -> bool:
-    for i in range(count):
-        if numbers[i] == k:
-            return True
-    return False
 
 
 @kernel

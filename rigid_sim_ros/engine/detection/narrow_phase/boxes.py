@@ -30,11 +30,15 @@ PREFERENCE_IN_OVERLAP = 0.1
 # Corners that stand out over the other box's face by less than this fraction of its half extent
 # count as lying on it: boxes of equal size on top of each other meet corner to corner.
 OVERHANG = 1e-4
-# Points that are all within this part of its half extents of each other, and of the border of the
-# face, are where a corner meets a corner or an edge: none of the axes is the direction between
-# what is nearest, and which one separates best would depend on which box is A. So it is with edges
-# that cross at their ends. Larger: the general method is asked where it finds the same.
+# The deepest points, if all of them are within this part of its half extents of one side of the
+# face, are where a corner or an edge meets an edge: none of the axes is the direction between what
+# is nearest, and which one separates best would depend on which box is A. So it is with edges that
+# cross at their ends. Larger: the general method is asked where it finds the same.
 CORNER = 1e-3
+# Of the half extents: points that are less deep by more are not among the deepest. Less: corners
+# are told from faces by what else is looked at ahead. More: a face that is tilted by less is taken
+# for an edge.
+LEVEL = 1e-3
 # The square of the sine between two edges below which their cross product has no direction.
 PARALLEL = 1e-8
 _C, _ABS, _T = 0, 9, 18  # places in `numbers`: A_i . B_j, their magnitudes, t in axes of A
@@ -158,25 +162,29 @@ def box_box(pose: Array, size: Array, a: int, b: int, margin: float, way: float,
         count = _faces(pose, size, b, a, which - 3, n, margin, True, points, ids, polygon, labels,
                        m)
     r, k = (a, which) if which < 3 else (b, which - 3)
-    if count == 0 or _is_corner(pose, size, r, k, count, points):
+    if count == 0 or _is_border(pose, size, r, k, count, points):
         return UNSETTLED, n
     return _reduced(size, a, b, n, count, points, ids), n
 
 
 @kernel
-def _is_corner(pose: Array, size: Array, r: int, k: int, count: int, points: Array) -> bool:
-    """Return whether points on face k of box r are all in one place on its border."""
-    p = (points[0, 0], points[0, 1], points[0, 2])
-    reach = CORNER * max(size[r, (k + 1) % 3], size[r, (k + 2) % 3])
-    for c in range(1, count):
-        away = subtract((points[c, 0], points[c, 1], points[c, 2]), p)
-        if dot(away, away) > reach * reach:
-            return False
-    at, on_border = subtract(p, origin(pose, r)), False
+def _is_border(pose: Array, size: Array, r: int, k: int, count: int, points: Array) -> bool:
+    """Return whether the deepest points on face k of box r are all on one side of its border."""
+    deepest = math.inf
+    for c in range(count):
+        deepest = min(deepest, points[c, 3])
     for i in range(1, 3):
         d = (k + i) % 3
-        on_border |= abs(dot(at, axis(pose, r, d))) > (1.0 - CORNER) * size[r, d]
-    return on_border
+        level = deepest + LEVEL * max(size[r, (k + 1) % 3], size[r, (k + 2) % 3])
+        low, high = math.inf, -math.inf
+        for c in range(count):
+            if points[c, 3] <= level:
+                p = (points[c, 0], points[c, 1], points[c, 2])
+                at = dot(subtract(p, origin(pose, r)), axis(pose, r, d))
+                low, high = min(low, at), max(high, at)
+        if max(low, -high) > (1.0 - CORNER) * size[r, d]:
+            return True
+    return False
 
 
 @kernel

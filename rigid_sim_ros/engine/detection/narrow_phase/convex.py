@@ -39,6 +39,17 @@ UNSURE = 1e-9
 # Of the size: hardly apart, or hardly overlapping, the direction found is that of a difference of
 # nearly equal numbers, and the normals of the faces that meet are tried beside it.
 CLOSE = 1e-3
+# Of the size: shapes that are nearer, or overlap less, touch. Below FILM of the model `event`, so
+# that the gap is smooth where that looks for its root, and large enough for a direction between
+# points that far apart to be known to 1e-7.
+MEETS = 5e-9
+# Of the size: how far shapes that touch are moved apart to see in which direction they part. The
+# rounding of that direction is 1e-16 of it; what is smaller than it on a shape is not seen.
+AWAY = 1e-3
+SLIGHT = 1e-4  # of the size: an overlap of less than this leaves most of AWAY
+LEAST_AWAY = 1e-3  # of it: a smaller distance says that the middles tell no way apart
+ONE_NORMAL = 1e-9  # directions that differ by less are one, and the first is more exact
+HERE = (0.0, 0.0, 0.0)
 NUDGE = 1e-5  # [rad] to find second derivatives by differences; rounding asks for no smaller one
 ROOM = EPA_CORNERS - 1  # a row of the corners that no simplex uses
 WITNESS = 1 << 40  # the feature of the nearest points
@@ -56,7 +67,7 @@ def distance(pose: Array, shapes: Shapes, a: int, b: int, limit: float,
     r = radius(kind, size, a) + radius(kind, size, b)
     c, weight = scratch.corners, scratch.numbers
     count, v = gjk(pose, kind, size, hulls.first, hulls.count, hulls.vertices, hull, a, b,
-                   limit + r, c, weight)
+                   HERE, limit + r, c, weight)
     d = norm(v)
     n = scale(-1.0 / d, v) if d > 0.0 else (0.0, 0.0, 1.0)
     p = (0.0, 0.0, 0.0)
@@ -82,6 +93,8 @@ def distance(pose: Array, shapes: Shapes, a: int, b: int, limit: float,
         d, n, p = _try_faces(pose, shapes, a, b, d, n, p, c)
     if round_one:
         d, n, p = _polish(pose, shapes, a, b, d, n, p, c)
+    elif -SLIGHT * small < d < MEETS * small:
+        d, n = _between_middles(pose, shapes, a, b, d, n, small, scratch)
     return d - r, n, add_scaled(p, radius(kind, size, a), n)
 
 
@@ -138,6 +151,39 @@ def _try_faces(pose: Array, shapes: Shapes, a: int, b: int, d: float, n: Vector,
     if s > best:
         d, n, p = s, m, (c[ROOM, 3], c[ROOM, 4], c[ROOM, 5])
     return d, n, p
+
+
+@kernel
+def _between_middles(pose: Array, shapes: Shapes, a: int, b: int, d: float, n: Vector,
+                     small: float, scratch: Scratch) -> tuple[float, Vector]:
+    """
+    Return distance and normal of two polyhedra that touch, n where that is the only direction.
+
+    Where a corner meets a corner or an edge, all directions of a cone separate as well, and which
+    of them the search found follows from rounding, or from which shape is A. Of these the one is
+    meant that is between what is nearest once B is moved away along the line of the middles. It
+    turns and is mirrored with the shapes, and for the pair (B, A) it is the opposite. In a slight
+    overlap it may be twice as deep as along the best direction: where corners of boxes that are
+    mirror images overlap, that is a normal of a face, whose component along the normal of the
+    mirror is at least 1 / sqrt(3).
+    """
+    hulls, apart = shapes.hulls, subtract(origin(pose, b), origin(pose, a))
+    length = norm(apart)
+    if length == 0.0:
+        return d, n
+    count, v = gjk(pose, shapes.kind, shapes.size, hulls.first, hulls.count, hulls.vertices,
+                   shapes.hull, a, b, scale(AWAY * small / length, apart), math.inf,
+                   scratch.corners, scratch.numbers)
+    moved = norm(v)
+    # Middles outside of their shapes may tell no way apart.
+    if count == 4 or moved < LEAST_AWAY * AWAY * small:
+        return d, n
+    m = scale(-1.0 / moved, v)
+    s = separation(pose, shapes, a, b, m, scratch.corners)
+    other = subtract(m, n)
+    if s < min(d, 2.0 * d) - MEETS * small or dot(other, other) < ONE_NORMAL * ONE_NORMAL:
+        return d, n
+    return s, m
 
 
 @kernel

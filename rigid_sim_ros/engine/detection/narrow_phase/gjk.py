@@ -137,21 +137,27 @@ def _weighted(c: Array, count: int, weight: Array, offset: int) -> Vector:
 
 @kernel
 def gjk(pose: Array, kind: IntArray, size: Array, first: IntArray, count: IntArray,
-        vertices: Array, hull: IntArray, a: int, b: int, limit: float, c: Array,
+        vertices: Array, hull: IntArray, a: int, b: int, away: Vector, limit: float, c: Array,
         weight: Array) -> tuple[int, Vector]:
     """
     Return the corners of the nearest simplex and the vector from B to A; 4 corners mean overlap.
 
+    B is taken `away` [m, world axes] from where it is.
+
     The search ends early when the distance is certain to exceed `limit` [m]; the vector then gives
     a separating direction only. Rows and weights of the simplex are left in c and weight.
     """
-    v = subtract(origin(pose, a), origin(pose, b))
+    v = subtract(subtract(origin(pose, a), origin(pose, b)), away)
     if dot(v, v) == 0.0:
         v = (1.0, 0.0, 0.0)
     n, reached, largest = 0, math.inf, 0.0
     for _ in range(ROUNDS):
         w = find_corner(pose, kind, size, first, count, vertices, hull, a, b,
                         (-v[0], -v[1], -v[2]), c, n)
+        w = subtract(w, away)
+        for i in range(3):
+            c[n, i] = w[i]
+            c[n, 6 + i] += away[i]
         vv, vw = dot(v, v), dot(v, w)
         # The plane at right angles to v through w separates by v.w / |v|.
         if vw > 0.0 and vw * vw > limit * limit * vv:
