@@ -15,6 +15,8 @@ PREFERENCE = 1e-3
 # Of the size: a point deeper than all that were chosen by more than this takes the place of the
 # one nearest to it, so that nothing sinks in unseen.
 UNSEEN = 1e-6
+# The feature of a point that is no corner of what was clipped: the nearest one of round shapes.
+WITNESS = 1 << 40
 # Of the size: a point that is so much farther from touching than the deepest one carries nothing
 # soon. More lets the upper corners of what is as small as it looks ahead span the manifold.
 FAR = 0.5
@@ -33,7 +35,7 @@ def reduce_to_four(points: Array, ids: IntArray, count: int, normal: Vector, siz
         count = _drop_far(points, ids, count, size)
     if count <= 4:
         return count
-    first = _outermost(points, count, _deepest(points, count) + PREFERENCE * size)
+    first = _outermost(points, ids, count, _deepest(points, count) + PREFERENCE * size)
     second, best = -1, 0.0
     for k in range(count):
         d = _between(points, first, k)
@@ -71,11 +73,18 @@ def _deepest(points: Array, count: int) -> float:
 
 
 @kernel
-def _outermost(points: Array, count: int, deep: float) -> int:
-    """Return the candidate farthest from the middle of all, of those with a gap up to `deep`."""
-    x = y = z = 0.0
+def _outermost(points: Array, ids: IntArray, count: int, deep: float) -> int:
+    """
+    Return the candidate farthest from the middle of all, of those with a gap up to `deep`.
+
+    A WITNESS is no corner: that there is one must not move the middle.
+    """
+    x = y = z = corners = 0.0
     for k in range(count):
-        x, y, z = x + points[k, 0] / count, y + points[k, 1] / count, z + points[k, 2] / count
+        if ids[k] != WITNESS:
+            x, y, z = x + points[k, 0], y + points[k, 1], z + points[k, 2]
+            corners += 1.0
+    x, y, z = x / corners, y / corners, z / corners
     first, best = -1, 0.0
     for k in range(count):
         d = (points[k, 0] - x, points[k, 1] - y, points[k, 2] - z)
