@@ -25,7 +25,7 @@ def reduce_to_four(points: Array, ids: IntArray, count: int, normal: Vector, siz
     """
     Keep at most four of `count` candidates, in their order, and return how many.
 
-    Of the deepest the one farthest out, the one farthest from it, the one that spans the largest
+    Of the deepest the one farthest from any other, the one farthest from it, the one that spans the largest
     triangle with these, and the one that adds most to that triangle. So the choice depends on the
     order only between points that are alike. `size` [m] is that of the smaller shape.
     """
@@ -33,7 +33,7 @@ def reduce_to_four(points: Array, ids: IntArray, count: int, normal: Vector, siz
         count = _drop_far(points, ids, count, size)
     if count <= 4:
         return count
-    first = _outermost(points, count, _deepest(points, count) + PREFERENCE * size)
+    first = _outermost(points, ids, count, _deepest(points, count) + PREFERENCE * size)
     second, best = -1, 0.0
     for k in range(count):
         d = _between(points, first, k)
@@ -71,17 +71,34 @@ def _deepest(points: Array, count: int) -> float:
 
 
 @kernel
-def _outermost(points: Array, count: int, deep: float) -> int:
-    """Return the candidate farthest from the middle of all, of those with a gap up to `deep`."""
-    x = y = z = 0.0
+def _outermost(points: Array, ids: IntArray, count: int, deep: float) -> int:
+    """
+    Return the candidate that is farthest from any other, of those with a gap up to `deep`.
+
+    Of those that are as far, on a rim all of them, that with the least feature: their order begins
+    where rounding lets the clipping begin. Not the farthest from the middle of all: where rounding
+    doubles a corner, the middle is elsewhere.
+    """
+    best = 0.0
     for k in range(count):
-        x, y, z = x + points[k, 0] / count, y + points[k, 1] / count, z + points[k, 2] / count
-    first, best = -1, 0.0
+        if points[k, 3] <= deep:
+            best = max(best, _farthest(points, count, k))
+    first = -1
     for k in range(count):
-        d = (points[k, 0] - x, points[k, 1] - y, points[k, 2] - z)
-        if points[k, 3] <= deep and (first < 0 or dot(d, d) > best * (1.0 + PREFERENCE)):
-            first, best = k, dot(d, d)
+        if (points[k, 3] <= deep and (first < 0 or ids[k] < ids[first])
+                and _farthest(points, count, k) * (1.0 + PREFERENCE) >= best):
+            first = k
     return first
+
+
+@kernel
+def _farthest(points: Array, count: int, k: int) -> float:
+    """Return the square of the distance of a candidate from the one farthest from it [m^2]."""
+    best = 0.0
+    for j in range(count):
+        d = _between(points, k, j)
+        best = max(best, dot(d, d))
+    return best
 
 
 @kernel
