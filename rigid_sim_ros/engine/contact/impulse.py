@@ -58,7 +58,8 @@ class Room(NamedTuple):
 def make_room(m: int, width: int) -> Room:
     """Return room for m points that collide together."""
     rows = width * m
-    return Room(np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64), np.zeros((rows, rows)), np.zeros((2, rows, 3)),
+    return Room(np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64),
+                np.zeros((rows, rows)), np.zeros((2, rows, 3)),
                 np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros((m, 3)), np.zeros(m),
                 np.zeros(m), np.zeros(rows), np.zeros(rows), np.zeros(rows),
                 np.zeros((rows, rows)), np.zeros((rows, rows)))
@@ -162,8 +163,7 @@ def _share_a_body(model: Model, contacts: Contacts, j: int, k: int) -> bool:
     at, other = contacts.first[j], contacts.first[k]
     a, b = contacts.body_a[at], contacts.body_b[at]
     c, d = contacts.body_a[other], contacts.body_b[other]
-    return bool((model.inv_m[a] > 0.0 and (a == c or a == d))
-                or (model.inv_m[b] > 0.0 and (b == c or b == d)))
+    return bool((model.inv_m[a] > 0.0 and a in (c, d)) or (model.inv_m[b] > 0.0 and b in (c, d)))
 
 
 @kernel

@@ -25,9 +25,10 @@ def reduce_to_four(points: Array, ids: IntArray, count: int, normal: Vector, siz
     """
     Keep at most four of `count` candidates, in their order, and return how many.
 
-    Of the deepest the one farthest from any other, the one farthest from it, the one that spans the largest
-    triangle with these, and the one that adds most to that triangle. So the choice depends on the
-    order only between points that are alike. `size` [m] is that of the smaller shape.
+    Of the deepest the one farthest from any other, the one farthest from it, the one that spans
+    the largest triangle with these, and the one that adds most to that triangle. So the choice
+    depends on the order only between points that are alike. `size` [m] is that of the smaller
+    shape.
     """
     if count > 4:
         count = _drop_far(points, ids, count, size)
