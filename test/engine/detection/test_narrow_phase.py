@@ -331,7 +331,8 @@ ANGLE = np.arccos(1 / np.sqrt(3))
                                    (HULL, (0.0, 0.0, 0.0), cube_mesh(0.5))])
 def test_corners_that_meet_have_the_normal_between_them_whichever_shape_is_first(solid):
     # A cube that stands on a corner and its image in the plane x = 0, which the corner touches.
-    q = np.array([0.0, -np.sin(0.5 * ANGLE), np.sin(0.5 * ANGLE), np.sqrt(2) * np.cos(0.5 * ANGLE)])
+    sine, cosine = np.sin(0.5 * ANGLE), np.cos(0.5 * ANGLE)
+    q = np.array([0.0, -sine, sine, np.sqrt(2) * cosine])
     image = q * (1.0, -1.0, -1.0, 1.0)
     x = np.sqrt(0.75)
     for side in (1.0, -1.0):
