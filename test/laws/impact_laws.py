@@ -156,10 +156,11 @@ def judge_symmetric(scene: Scene, build: Build) -> Verdict:
     Compare with what symmetry says.
 
     What falls flat does not turn and goes nowhere sideways; of mirror images each stays the image
-    of the other, and what stands in the plane of symmetry its own. Both follow from the symmetry of the equations, whatever the step; a
-    solver stops at a residual, relative to the speed of the impact: 1e-6 of it is a tenth of a
-    millimetre in a fall of a hundred metres. It finds the impulses to 1e-9 of the largest, which
-    on a light body below a heavy one is that times the ratio of the masses.
+    of the other, and what stands in the plane of symmetry its own. Both follow from the symmetry
+    of the equations, whatever the step; a solver stops at a residual, relative to the speed of the
+    impact: 1e-6 of it is a tenth of a millimetre in a fall of a hundred metres. It finds the
+    impulses to 1e-9 of the largest, which on a light body below a heavy one is that times the
+    ratio of the masses.
     """
     run, of = build(scene.spec), masses(scene.spec)
     speed = float(np.abs(look(of, run.motion()).v).max())

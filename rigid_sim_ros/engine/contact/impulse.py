@@ -58,10 +58,11 @@ class Room(NamedTuple):
 def make_room(m: int, width: int) -> Room:
     """Return room for m points that collide together."""
     rows = width * m
-    return Room(np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64), np.zeros((rows, rows)),
-                np.zeros((2, rows, 3)), np.zeros(rows), np.zeros(rows), np.zeros(rows),
-                np.zeros((m, 3)), np.zeros(m), np.zeros(m), np.zeros(rows), np.zeros(rows),
-                np.zeros(rows), np.zeros((rows, rows)), np.zeros((rows, rows)))
+    return Room(np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64),
+                np.zeros((rows, rows)), np.zeros((2, rows, 3)),
+                np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros((m, 3)), np.zeros(m),
+                np.zeros(m), np.zeros(rows), np.zeros(rows), np.zeros(rows),
+                np.zeros((rows, rows)), np.zeros((rows, rows)))
 
 
 @kernel

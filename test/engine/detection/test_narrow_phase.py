@@ -321,3 +321,23 @@ def test_a_tilted_cylinder_touches_with_the_lowest_point_of_its_rim(tilt):
                       fixed=[0])
         (row,) = scene.rows()
         assert row['gap'].min() == pytest.approx(-1e-4, abs=1e-9), ground
+
+
+# From the diagonal of a cube to the x axis: that of (1, 1, 1) / sqrt(3) with (1, 0, 0).
+ANGLE = np.arccos(1 / np.sqrt(3))
+
+
+@pytest.mark.parametrize('solid', [(BOX, (0.5, 0.5, 0.5), None),
+                                   (HULL, (0.0, 0.0, 0.0), cube_mesh(0.5))])
+def test_corners_that_meet_have_the_normal_between_them_whichever_shape_is_first(solid):
+    # A cube that stands on a corner and its image in the plane x = 0, which the corner touches.
+    sine, cosine = np.sin(0.5 * ANGLE), np.cos(0.5 * ANGLE)
+    q = np.array([0.0, -sine, sine, np.sqrt(2) * cosine])
+    image = q * (1.0, -1.0, -1.0, 1.0)
+    x = np.sqrt(0.75)
+    for side in (1.0, -1.0):
+        poses = [((side * x, 0, 0), q if side > 0 else image),
+                 ((-side * x, 0, 0), image if side > 0 else q)]
+        (row,) = Scene([solid, solid], poses, margin=1e-9).rows()
+        # Rounding of 1e-16, over the thousandth of the size by which they are moved apart.
+        assert row['normal'] == pytest.approx([-side, 0, 0], abs=1e-12)

@@ -14,7 +14,7 @@ from rigid_sim_ros.engine.detection.manifolds import CANDIDATES, EPA_CORNERS, Sc
 from rigid_sim_ros.engine.detection.narrow_phase.balls import crossing_normal
 from rigid_sim_ros.engine.detection.narrow_phase.epa import epa
 from rigid_sim_ros.engine.detection.narrow_phase.gjk import find_corner, gjk
-from rigid_sim_ros.engine.detection.narrow_phase.reduce import reduce_to_four, WITNESS
+from rigid_sim_ros.engine.detection.narrow_phase.reduce import reduce_to_four
 from rigid_sim_ros.engine.detection.narrow_phase.surface import face_normal_along
 from rigid_sim_ros.engine.detection.support import radius
 from rigid_sim_ros.engine.maths.algebra import (
@@ -52,6 +52,7 @@ ONE_NORMAL = 1e-9  # directions that differ by less are one, and the first is mo
 HERE = (0.0, 0.0, 0.0)
 NUDGE = 1e-5  # [rad] to find second derivatives by differences; rounding asks for no smaller one
 ROOM = EPA_CORNERS - 1  # a row of the corners that no simplex uses
+WITNESS = 1 << 40  # the feature of the nearest points
 
 
 @kernel

@@ -15,8 +15,6 @@ PREFERENCE = 1e-3
 # Of the size: a point deeper than all that were chosen by more than this takes the place of the
 # one nearest to it, so that nothing sinks in unseen.
 UNSEEN = 1e-6
-# The feature of a point that is no corner of what was clipped: the nearest one of round shapes.
-WITNESS = 1 << 40
 # Of the size: a point that is so much farther from touching than the deepest one carries nothing
 # soon. More lets the upper corners of what is as small as it looks ahead span the manifold.
 FAR = 0.5
@@ -27,9 +25,10 @@ def reduce_to_four(points: Array, ids: IntArray, count: int, normal: Vector, siz
     """
     Keep at most four of `count` candidates, in their order, and return how many.
 
-    Of the deepest the one farthest out, the one farthest from it, the one that spans the largest
-    triangle with these, and the one that adds most to that triangle. So the choice depends on the
-    order only between points that are alike. `size` [m] is that of the smaller shape.
+    Of the deepest the one farthest from any other, the one farthest from it, the one that spans
+    the largest triangle with these, and the one that adds most to that triangle. So the choice
+    depends on the order only between points that are alike. `size` [m] is that of the smaller
+    shape.
     """
     if count > 4:
         count = _drop_far(points, ids, count, size)
@@ -75,22 +74,32 @@ def _deepest(points: Array, count: int) -> float:
 @kernel
 def _outermost(points: Array, ids: IntArray, count: int, deep: float) -> int:
     """
-    Return the candidate farthest from the middle of all, of those with a gap up to `deep`.
+    Return the candidate that is farthest from any other, of those with a gap up to `deep`.
 
-    A WITNESS is no corner: that there is one must not move the middle.
+    Of those that are as far, on a rim all of them, that with the least feature: their order begins
+    where rounding lets the clipping begin. Not the farthest from the middle of all: where rounding
+    doubles a corner, the middle is elsewhere.
     """
-    x = y = z = corners = 0.0
+    best = 0.0
     for k in range(count):
-        if ids[k] != WITNESS:
-            x, y, z = x + points[k, 0], y + points[k, 1], z + points[k, 2]
-            corners += 1.0
-    x, y, z = x / corners, y / corners, z / corners
-    first, best = -1, 0.0
+        if points[k, 3] <= deep:
+            best = max(best, _farthest(points, count, k))
+    first = -1
     for k in range(count):
-        d = (points[k, 0] - x, points[k, 1] - y, points[k, 2] - z)
-        if points[k, 3] <= deep and (first < 0 or dot(d, d) > best * (1.0 + PREFERENCE)):
-            first, best = k, dot(d, d)
+        if (points[k, 3] <= deep and (first < 0 or ids[k] < ids[first])
+                and _farthest(points, count, k) * (1.0 + PREFERENCE) >= best):
+            first = k
     return first
+
+
+@kernel
+def _farthest(points: Array, count: int, k: int) -> float:
+    """Return the square of the distance of a candidate from the one farthest from it [m^2]."""
+    best = 0.0
+    for j in range(count):
+        d = _between(points, k, j)
+        best = max(best, dot(d, d))
+    return best
 
 
 @kernel
