@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The laws, each with how its scenes are drawn and judged, and with the models that it binds."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 from laws import (
@@ -62,6 +62,22 @@ LAWS = {law.name: law for law in (
     Law('decided', 'every model agrees on what slides or falls',
         rest_laws.draw_decided, rest_laws.judge_decided))}
 
+
+def _twins_with_joints(kind: str, draw: Callable[[Generator], Scene],
+                       models: tuple[str, ...]) -> tuple[Law, ...]:
+    """Return the laws that compare scenes of a kind, with joints, with their twins."""
+    return tuple(
+        Law(f'{kind}-{name}', says, draw, twin_laws.alike(twin), models)
+        for name, says, twin in (
+            ('turned', 'a turned scene moves alike', twin_laws.turned),
+            ('shifted', 'a shifted scene moves alike', twin_laws.shifted),
+            ('mirrored', 'a mirrored scene moves alike', twin_laws.mirrored),
+            ('scaled', 'a scaled scene moves alike', twin_laws.scaled),
+            ('order', 'order of bodies and joints changes nothing', twin_laws.reordered),
+            ('carried', 'a scene that flies on moves alike', jointed_twins.carried),
+            ('split', 'halves that a fixed joint holds are one body', jointed_twins.split)))
+
+
 # Those of scenes with joints, some of which cannot touch.
 _WITH_JOINTS = ('none', 'timestep', 'event')
 JOINTED = {law.name: law for law in (
@@ -69,15 +85,7 @@ JOINTED = {law.name: law for law in (
         draw_jointed, jointed_laws.judge_jointed_energy, _WITH_JOINTS),
     Law('jointed-momentum', 'forces between bodies keep P and L',
         jointed_laws.draw_meeting, jointed_laws.judge_jointed_momentum, _WITH_JOINTS),
-    *(Law(f'jointed-{name}', says, draw_jointed, twin_laws.alike(twin), _WITH_JOINTS)
-      for name, says, twin in (
-          ('turned', 'a turned scene moves alike', twin_laws.turned),
-          ('shifted', 'a shifted scene moves alike', twin_laws.shifted),
-          ('mirrored', 'a mirrored scene moves alike', twin_laws.mirrored),
-          ('scaled', 'a scaled scene moves alike', twin_laws.scaled),
-          ('order', 'order of bodies and joints changes nothing', twin_laws.reordered),
-          ('carried', 'a scene that flies on moves alike', jointed_twins.carried),
-          ('split', 'halves that a fixed joint holds are one body', jointed_twins.split))))}
+    *_twins_with_joints('jointed', draw_jointed, _WITH_JOINTS))}
 
 # Those of scenes with joints and loose bodies.
 _TOUCHING = ('timestep', 'event')
@@ -94,15 +102,7 @@ MIXED = {law.name: law for law in (
         draw_mixed, mixed_laws.judge_restored, (*_TOUCHING, 'penalty')),
     Law('mixed-asleep', 'what sleeps is held, and wakes when it must',
         mixed_laws.draw_asleep, mixed_laws.judge_asleep, ('timestep',)),
-    *(Law(f'mixed-{name}', says, draw_awake, twin_laws.alike(twin), _TOUCHING)
-      for name, says, twin in (
-          ('turned', 'a turned scene moves alike', twin_laws.turned),
-          ('shifted', 'a shifted scene moves alike', twin_laws.shifted),
-          ('mirrored', 'a mirrored scene moves alike', twin_laws.mirrored),
-          ('scaled', 'a scaled scene moves alike', twin_laws.scaled),
-          ('order', 'order of bodies and joints changes nothing', twin_laws.reordered),
-          ('carried', 'a scene that flies on moves alike', jointed_twins.carried),
-          ('split', 'halves that a fixed joint holds are one body', jointed_twins.split))))}
+    *_twins_with_joints('mixed', draw_awake, _TOUCHING))}
 EVERY_LAW = LAWS | JOINTED | MIXED
 
 
@@ -126,3 +126,10 @@ def judge(law: str, seed: int, build: Build) -> Verdict:
             return EVERY_LAW[law].judge(found, build)
     except ArithmeticError as error:
         return Verdict(np.inf, 0.0, str(error))
+
+
+def breaches(law: str, model: str, seeds: Iterable[int]) -> dict[int, str]:
+    """Return what is broken in the scenes of some seeds, by seed."""
+    asked = ((seed, judge(law, seed, builder(model))) for seed in seeds)
+    return {seed: f'{found.figure:.3g} > {found.allowed:.3g} {found.what}'
+            for seed, found in asked if found.breach}

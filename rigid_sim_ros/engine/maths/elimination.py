@@ -43,11 +43,7 @@ def solve_linear(K: Array, x: Array, last: IntArray, effort: Array) -> bool:
                     K[i, j] -= factor * K[k, j]
                 x[i] -= factor * x[k]
                 effort[0] += end - k
-    for k in range(size - 1, -1, -1):
-        total = x[k]
-        for j in range(k + 1, last[k] + 1):
-            total -= K[k, j] * x[j]
-        x[k] = total / K[k, k]
+    _substitute_back(K, x, last)
     return True
 
 
@@ -77,9 +73,15 @@ def solve_symmetric(K: Array, x: Array, last: IntArray) -> bool:
                     target[j] -= factor * source[j]
                 x[i] -= factor * x[k]
                 last[i] = max(last[i], last[k])
-    for k in range(size - 1, -1, -1):
+    _substitute_back(K, x, last)
+    return True
+
+
+@kernel
+def _substitute_back(K: Array, x: Array, last: IntArray) -> None:
+    """Solve for x by what elimination left on and above the diagonal of K."""
+    for k in range(x.shape[0] - 1, -1, -1):
         total = x[k]
         for j in range(k + 1, last[k] + 1):
             total -= K[k, j] * x[j]
         x[k] = total / K[k, k]
-    return True

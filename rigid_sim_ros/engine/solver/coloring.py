@@ -78,7 +78,7 @@ class Blocks(NamedTuple):
     start: IntArray  # (b,) where its row 0 is in `numbers`, or would be
     left: IntArray  # (b,) of 16 bits, see OVERLAPPING, SHOVED and CHANGED
     dormant: IntArray  # (b,) of 16 bits, the bits of the lanes of DORMANT manifolds
-    direct: IntArray  # (b,) of 16 bits, of the lanes that are solved directly
+    direct: IntArray  # (b,) of 16 bits, of the lanes of small islands, see direct_islands.py
     held: IntArray  # (b,) of 16 bits, of those of them whose island has a fixed body
     residual: Array  # (b,) largest change of velocity that the last visit made [m/s]
     again: IntArray  # (b,) of 32 bits, those of a region with something left, from its first on

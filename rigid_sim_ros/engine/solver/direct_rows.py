@@ -241,13 +241,14 @@ def _turned(b: Array, row: int, i: int, v: Vector) -> Vector:
 
 
 @kernel
-def moved(rows: DirectRows, c: int, r: int, p: Array) -> float:
-    """Return what momenta p (6 b,) of the bodies are as a rate of a row [m/s]."""
+def rate_by(table: Array, c: int, r: int, of: Array, rows: DirectRows) -> float:
+    """Return the rate [m/s] of a row by momenta (6 b,), of rows.W, or twists, of rows.G."""
     total = 0.0
     for side in range(2):
-        if rows.body[c, side] >= 0:
+        at = 6 * rows.body[c, side]
+        if at >= 0:
             for k in range(6):
-                total += rows.W[c, r, 6 * side + k] * p[6 * rows.body[c, side] + k]
+                total += table[c, r, 6 * side + k] * of[at + k]
     return total
 
 
@@ -268,7 +269,8 @@ def write_island(blocks: Blocks, bodies: SolverBodies, lanes: IntArray, count: i
             if rows.there[c, r] != 0:
                 o = (POINT + r * POINT_ROWS) * LANES + i
                 b[o + IMPULSE * LANES] = rows.f[c, r]
-                b[o + SPEED * LANES] = rows.rate[c, r] - rows.least[c, r] + moved(rows, c, r, p)
+                before = rows.rate[c, r] - rows.least[c, r]
+                b[o + SPEED * LANES] = before + rate_by(rows.W, c, r, p, rows)
         for k in range(2 if rows.there[c, SLIDE] != 0 else 0):
             b[(FRICTION + k) * LANES + i] = rows.f[c, SLIDE + k]
         if rows.there[c, ABOUT] != 0:

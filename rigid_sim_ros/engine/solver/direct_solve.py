@@ -29,7 +29,7 @@ from rigid_sim_ros.engine.solver.coloring import Blocks
 from rigid_sim_ros.engine.solver.direct_islands import (
     begin_island_impact, Islands, make_islands, MOST_BODIES, MOST_MANIFOLDS)
 from rigid_sim_ros.engine.solver.direct_rows import (
-    ABOUT, DirectRows, make_direct_rows, moved, read_island, ROLLS, SLIDE, WIDTH,
+    ABOUT, DirectRows, make_direct_rows, rate_by, read_island, ROLLS, SLIDE, WIDTH,
     write_island)
 from rigid_sim_ros.engine.solver.impacts import Impacts
 from rigid_sim_ros.engine.solver.island_sweeps import sweep_islands
@@ -227,24 +227,12 @@ def _newton_step(count: int, moving: int, work: Direct) -> bool:
         return False
     for c in range(count):
         for r in range(WIDTH):
-            work.bend[c, r] = _along(rows, c, r, z) if rows.there[c, r] != 0 else 0.0
+            work.bend[c, r] = rate_by(rows.G, c, r, z, rows) if rows.there[c, r] != 0 else 0.0
     far = _search(count, moving, work)
     for b in range(moving):
         _add_momentum(b, far, work)
     _write_F(count, moving, work)
     return True
-
-
-@kernel
-def _along(rows: DirectRows, c: int, r: int, z: Array) -> float:
-    """Return what velocities z of the bodies are as a rate of a row."""
-    total = 0.0
-    for side in range(2):
-        at = 6 * rows.body[c, side]
-        if at >= 0:
-            for k in range(6):
-                total += rows.G[c, r, 6 * side + k] * z[at + k]
-    return total
 
 
 @kernel
@@ -334,7 +322,7 @@ def _write_F(count: int, moving: int, work: Direct) -> None:
     for c in range(count):
         for r in range(WIDTH):
             if rows.there[c, r] != 0:
-                work.rate[c, r] = rows.rate[c, r] + moved(rows, c, r, p)
+                work.rate[c, r] = rows.rate[c, r] + rate_by(rows.W, c, r, p, rows)
         _write_impulses(c, 0.0, work)
         _add_momenta(c, -1.0, F, rows)
 
@@ -377,7 +365,7 @@ def _largest_rate(count: int, work: Direct) -> float:
     for c in range(count):
         for r in range(WIDTH):
             if work.rows.there[c, r] != 0:
-                largest = max(largest, abs(moved(work.rows, c, r, work.F)))
+                largest = max(largest, abs(rate_by(work.rows.W, c, r, work.F, work.rows)))
     return largest
 
 
