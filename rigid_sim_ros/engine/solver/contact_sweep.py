@@ -6,19 +6,19 @@ from rigid_sim_ros.engine.constraints.contact_blocks import (
     ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, drift_together, friction_of, GAP, IMPULSE,
     INV_SPIN, INV_TT, J_A, J_B, K_N, K_NN, K_SPIN, K_TN, keep_friction, load_three, load_two, MASS,
     Motion, MU, NORMAL, normal_sum, POINT, POINT_ROWS, pushed, RESTING, ROLL, ROLL_LEVER,
-    ROLL_STEP, S, SHOVE, SIZE, SLIDE, smallest_gap, SPEED, SPIN_LEVER, symmetric, T, Three, TURN_T)
+    ROLL_STEP, S, SHOVE, SHOVE_TURN, SIZE, SLIDE, smallest_gap, SPEED, SPIN_LEVER, symmetric, T, Three, TURN_T)
 from rigid_sim_ros.engine.constraints.contact_rules import (
     approach_of, gap_of, is_open, least_speed, NEGLIGIBLE, onto_circle, settled, SKIN, Sweep,
     wanted_of)
 from rigid_sim_ros.engine.maths.vector import add, add_scaled, cross, dot, subtract
 from rigid_sim_ros.engine.solver.coloring import (
-    are_balls, Blocks, CHANGED, is_small, lanes_of, numbers_of, OVERLAPPING, points_in, resists,
-    SHOVED)
+    are_balls, awake_in, Blocks, CHANGED, is_small, lanes_of, numbers_of, OVERLAPPING, points_in,
+    resists, SHOVED)
 from rigid_sim_ros.engine.solver.solver_bodies import INV_M
 from rigid_sim_ros.engine.solver.sphere_sweep import drift_balls, separate_balls, visit_balls
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.eight import (
-    any_of, bits_of, Eight, either, EVERY, gather, lanes_in, largest_of, load, Mask, scatter,
+    any_of, bits_of, Eight, either, gather, lanes_in, largest_of, load, Mask, scatter,
     select, spread, store)
 from rigid_sim_ros.kernels.kernel import part
 
@@ -226,22 +226,23 @@ def separate(blocks: Blocks, block: int, push: Array, rate: float) -> None:
 
     They displace and are forgotten, so that the push feeds neither energy nor the warm start.
     `rate` [1/s] is the part of an overlap that goes per second. What is dormant stays where it is.
+    For small islands the push has been found, see island_push.py.
     """
     b, lanes, kind = numbers_of(blocks, block), lanes_of(block), blocks.kind[block]
     at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
     blocks.left[block] |= SHOVED
-    mask = lanes_in(EVERY & ~blocks.dormant[block])
+    mask, found = lanes_in(awake_in(blocks, block)), lanes_in(blocks.direct[block])
     if are_balls(kind):
-        separate_balls(b, push, at_A, at_B, rate, mask)
+        separate_balls(b, push, at_A, at_B, rate, mask, found)
     elif is_small(kind):
-        _separate_small(b, push, at_A, at_B, rate, mask)
+        _separate_small(b, push, at_A, at_B, rate, mask, found)
     else:
-        _separate_many(b, push, at_A, at_B, points_in(kind), rate, mask)
+        _separate_many(b, push, at_A, at_B, points_in(kind), rate, mask, found)
 
 
 @part
 def _separate_many(b: Array, push: Array, at_A: IntArray, at_B: IntArray, points: int,
-                   rate: float, mask: Mask) -> None:
+                   rate: float, mask: Mask, found: Mask) -> None:
     """Push several points, or one that resists rolling."""
     A, B = gather(push, at_A), gather(push, at_B)
     n, t1, t2 = axes(b)
@@ -252,6 +253,9 @@ def _separate_many(b: Array, push: Array, at_A: IntArray, at_B: IntArray, points
         twist, wrench = _separate_together(b, twist, wrench, rate, mask)
     for p in range(4 if points > 2 else points):
         twist, wrench = _separate_point(b, POINT + p * POINT_ROWS, twist, wrench, rate, mask)
+    wrench = (select(found, load(b, SHOVE), wrench[0]),
+              select(found, load(b, SHOVE_TURN), wrench[1]),
+              select(found, load(b, SHOVE_TURN + 1), wrench[2]))
     store(b, SHOVE, wrench[0])
     F = combine(n, t1, t2, (wrench[0], zero, zero))
     torque = combine(n, t1, t2, (zero, wrench[1], wrench[2]))
@@ -261,13 +265,13 @@ def _separate_many(b: Array, push: Array, at_A: IntArray, at_B: IntArray, points
 
 @part
 def _separate_small(b: Array, push: Array, at_A: IntArray, at_B: IntArray, rate: float,
-                    mask: Mask) -> None:
+                    mask: Mask, found: Mask) -> None:
     """Do the same for manifolds of one point: their common point c."""
     A, B, n = gather(push, at_A), gather(push, at_B), load_three(b, NORMAL)
     _, u, _ = relative_twist(b, A, B)
     wanted = wanted_of(b, POINT, rate, mask)
     shove = max(load(b, POINT + MASS) * (wanted - dot(u, n)), 0.0)
-    shove = select(wanted > 0.0, shove, 0.0)
+    shove = select(found, load(b, SHOVE), select(wanted > 0.0, shove, 0.0))
     store(b, SHOVE, shove)
     F, none = (shove * n[0], shove * n[1], shove * n[2]), (0.0 * shove, 0.0 * shove, 0.0 * shove)
     scatter(push, at_A, pushed(A, A[INV_M], load_three(b, ARM_A), F, none, -1.0))

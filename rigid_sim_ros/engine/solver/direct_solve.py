@@ -109,12 +109,12 @@ def _solve_island(island: int, blocks: Blocks, bodies: SolverBodies, what: Sweep
     lanes = islands.lane[islands.begin[island]:islands.begin[island + 1]]
     count, moving = read_island(blocks, bodies, lanes, what, work.rows)
     if count > 0:
-        _solve(count, moving, what.inv_h, work)
+        solve_rows(count, moving, what.inv_h, work)
         write_island(blocks, bodies, lanes, count, moving, work.p, work.rows)
 
 
 @kernel
-def _solve(count: int, moving: int, inv_h: float, work: Direct) -> None:
+def solve_rows(count: int, moving: int, inv_h: float, work: Direct) -> None:
     """Find f and p from the impulses to begin with."""
     rows, goal = work.rows, np.inf
     for k in range(6 * moving):

@@ -29,6 +29,7 @@ from rigid_sim_ros.engine.solver.contact_filling import (
 from rigid_sim_ros.engine.solver.contact_sweep import note_left, separate, visit_block
 from rigid_sim_ros.engine.solver.direct_islands import FEW, find_islands
 from rigid_sim_ros.engine.solver.direct_solve import bear_islands, strike_islands
+from rigid_sim_ros.engine.solver.island_push import push_islands
 from rigid_sim_ros.engine.solver.impacts import (
     drift_blocks, end_impacts, find_approaching, pass_on, TURNS, visit_waiting)
 from rigid_sim_ros.engine.solver.impulse_keeping import keep_impulses
@@ -169,6 +170,8 @@ def solve_directly(c: Arguments, stage: int) -> int:
             c.work.direct.islands.count[0] = c.work.direct.islands.blocks[0] = 0
     elif stage == BEAR:
         bear_islands(work.blocks, work.bodies, what, c.work.direct)
+        push_islands(work.blocks, work.bodies, what, c.settings.sequential.push * what.inv_h,
+                     c.work.direct)
     else:
         strike_islands(stage == STRIKE, work.blocks, work.bodies, what, work.impacts,
                        c.work.direct)

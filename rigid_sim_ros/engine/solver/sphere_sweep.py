@@ -138,13 +138,13 @@ def drift_balls(b: Array, A: Motion, B: Motion, h: float, shoved: bool, what: Sw
 
 @part
 def separate_balls(b: Array, push: Array, at_A: IntArray, at_B: IntArray, rate: float,
-                   mask: Mask) -> None:
+                   mask: Mask, found: Mask) -> None:
     """Do what `separate` does: push along the line of centres, which turns nobody."""
     A, B, n = gather(push, at_A), gather(push, at_B), load_three(b, NORMAL)
     wanted = wanted_of(b, POINT, rate, mask)
     parting = dot((B[0] - A[0], B[1] - A[1], B[2] - A[2]), n)
     shove = max(load(b, POINT + MASS) * (wanted - parting), 0.0)
-    shove = select(wanted > 0.0, shove, 0.0)
+    shove = select(found, load(b, SHOVE), select(wanted > 0.0, shove, 0.0))
     store(b, SHOVE, shove)
     to_A, to_B = -A[INV_M] * shove, B[INV_M] * shove
     scatter(push, at_A, (A[0] + to_A * n[0], A[1] + to_A * n[1], A[2] + to_A * n[2], A[3], A[4],
