@@ -16,14 +16,14 @@ bounces.
 
 from rigid_sim_ros.engine.contact.classify import classify, COLLIDING
 from rigid_sim_ros.engine.contact.colliding_body import (
-    ACCELERATION, CollisionWork, get, INV_M, load_body, NEVER, put, store_body, TOGETHER, VELOCITY,
-    velocity_on)
+    ACCELERATION, CollisionWork, get, INV_M, load_body, NEVER, put, SPIN, store_body, TOGETHER,
+    VELOCITY, velocity_on)
 from rigid_sim_ros.engine.contact.collision_impulses import (
     ADDED, BETWEEN, BODY_A, BODY_B, find_impulses, MU, NORMAL, POINTS_OF, SLIDE)
 from rigid_sim_ros.engine.contact.impact_offsets import gap_now
 from rigid_sim_ros.engine.detection.manifolds import ACTS, LEFT_OUT, Manifolds, rows_in_use
 from rigid_sim_ros.engine.maths.vector import (
-    add, add_scaled, column, dot, norm, row, scale, subtract)
+    add, add_scaled, column, cross, dot, norm, row, scale, subtract)
 from rigid_sim_ros.engine.model.kinds.table import is_ball
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes, smaller
 from rigid_sim_ros.engine.state.state import State
@@ -302,7 +302,8 @@ def _read_pair(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, toge
         radius = size[manifolds.shape_a[r], 0]
         o_A = add_scaled(row(manifolds.r_A[0], r), -radius, n)
         _, n = _touch_of_spheres(tau, x, size, manifolds, r, tau, work.body)
-        o_A = add_scaled(o_A, radius, n)
+        # A sphere that is a part of a body has moved with it.
+        o_A = add_scaled(add_scaled(o_A, tau, cross(get(A, SPIN), o_A)), radius, n)
     # From the centre of mass of A to that of B at tau.
     d = subtract(column(x, b), column(x, a))
     d = add_scaled(d, tau, subtract(get(B, VELOCITY), get(A, VELOCITY)))
