@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.contact.impact_offsets import SHIFT
+from rigid_sim_ros.engine.contact.impulse import make_room, MOST_ALIKE, Room
 from rigid_sim_ros.engine.detection.manifolds import POINTS
 from rigid_sim_ros.engine.maths.rotation import (
     exponential, multiply, quaternion, set_quaternion, to_matrix, unit)
@@ -42,6 +43,8 @@ class CollisionWork(NamedTuple):
     # (TOGETHER, POINTS) normal velocity after it [m/s], NEVER for a point that takes no part
     target: Array
     impulse: Array  # (TOGETHER, POINTS) [N s]
+    chosen: IntArray  # (MOST_ALIKE, 2) pair and point of those that are solved at once
+    room: Room  # for them
 
 
 def make_collision_work(n: int, capacity: int) -> CollisionWork:
@@ -50,7 +53,8 @@ def make_collision_work(n: int, capacity: int) -> CollisionWork:
                          room(capacity, kind=np.int8), room(n), room(n, kind=np.int32),
                          room(n, COLUMNS), integers(TOGETHER), np.zeros((TOGETHER, 19)),
                          np.zeros((TOGETHER, POINTS, 3)), np.zeros((TOGETHER, POINTS)),
-                         np.zeros((TOGETHER, POINTS)))
+                         np.zeros((TOGETHER, POINTS)),
+                         np.zeros((MOST_ALIKE, 2), dtype=np.int64), make_room(MOST_ALIKE, 3))
 
 
 @inlined

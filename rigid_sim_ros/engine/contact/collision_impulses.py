@@ -8,8 +8,11 @@ all are found together, so that in which order they stand decides nothing.
 """
 
 from rigid_sim_ros.engine.contact.colliding_body import (
-    change_at, CollisionWork, get, NEVER, push_body, put, relative_after, response)
-from rigid_sim_ros.engine.maths.vector import add, add_scaled, dot, norm, row, scale, subtract
+    change_at, CollisionWork, get, INV_M, NEVER, push_body, put, relative_after, response, turned)
+from rigid_sim_ros.engine.contact.impulse import MOST_ALIKE, solve_impact
+from rigid_sim_ros.engine.maths.algebra import perpendicular
+from rigid_sim_ros.engine.maths.vector import (
+    add, add_scaled, cross, dot, norm, row, scale, subtract)
 from rigid_sim_ros.kernels.arrays import Array, Vector
 from rigid_sim_ros.kernels.kernel import inlined, kernel
 
@@ -123,9 +126,14 @@ def find_impulses(count: int, work: CollisionWork) -> None:
     """
     Find and apply the impulses of one collision of some pairs.
 
-    First those of the normals alone. Friction then acts at one point that stays, the centre of
-    their pressure: at one that moved between visits its parts would leave a couple.
+    Several pairs at once, by the method of the model `event`. One pair, or more points than that
+    has room for, by visits: first the normals alone. Friction then acts at one point that stays,
+    the centre of their pressure: at one that moved between visits its parts would leave a couple.
     """
+    points = _choose_points(count, work) if count > 1 else 0
+    if 0 < points <= MOST_ALIKE:
+        _solve_at_once(points, work)
+        return
     rubs = False
     for k in range(count):
         put(work.pair[k], SLIDE, (0.0, 0.0, 0.0))
@@ -143,6 +151,73 @@ def find_impulses(count: int, work: CollisionWork) -> None:
         if moved <= CONVERGED * total:
             break
     _limit_energy(count, work)
+
+
+@kernel
+def _choose_points(count: int, work: CollisionWork) -> int:
+    """Write the points of some pairs that take part, as far as there is room; return how many."""
+    found = 0
+    for k in range(count):
+        put(work.pair[k], SLIDE, (0.0, 0.0, 0.0))
+        for p in range(int(work.pair[k, POINTS_OF])):
+            if work.target[k, p] < NEVER:
+                if found < MOST_ALIKE:
+                    work.chosen[found, 0], work.chosen[found, 1] = k, p
+                found += 1
+    return found
+
+
+@kernel
+def _solve_at_once(points: int, work: CollisionWork) -> None:
+    """Find and apply the impulses of the chosen points, each with friction of its own."""
+    room = work.room
+    for i in range(points):
+        k, p = work.chosen[i, 0], work.chosen[i, 1]
+        u = _velocity(k, row(work.point[k], p), work)
+        for axis in range(3):
+            room.u0[3 * i + axis] = dot(_axis(k, axis, work), u)
+        room.e[i] = work.target[k, p] / -room.u0[3 * i]
+        room.mu[i, 0] = work.pair[k, MU]
+        for j in range(points):
+            for a in range(3):
+                for b in range(3):
+                    room.A[3 * i + a, 3 * j + b] = _coupling(i, a, j, b, work)
+    solve_impact(room, points, 3)
+    for i in range(points):
+        k, p = work.chosen[i, 0], work.chosen[i, 1]
+        n, t1, t2 = _axis(k, 0, work), _axis(k, 1, work), _axis(k, 2, work)
+        work.impulse[k, p] = room.J[3 * i]
+        slide = add(scale(room.J[3 * i + 1], t1), scale(room.J[3 * i + 2], t2))
+        put(work.pair[k], SLIDE, add(get(work.pair[k], SLIDE), slide))
+        _push(k, row(work.point[k], p), add_scaled(slide, room.J[3 * i], n), work)
+
+
+@kernel
+def _axis(k: int, which: int, work: CollisionWork) -> Vector:
+    """Return the normal of a pair or one of two tangents."""
+    n = get(work.pair[k], NORMAL)
+    if which == 0:
+        return n
+    t = perpendicular(n)
+    return t if which == 1 else cross(n, t)
+
+
+@kernel
+def _coupling(i: int, a: int, j: int, b: int, work: CollisionWork) -> float:
+    """Return the velocity along axis a at chosen point i that a unit impulse at j along b makes."""
+    k, l = work.chosen[i, 0], work.chosen[j, 0]  # noqa: E741
+    here, there = row(work.point[k], work.chosen[i, 1]), row(work.point[l], work.chosen[j, 1])
+    e, f, total = _axis(k, a, work), _axis(l, b, work), 0.0
+    for side in (BODY_A, BODY_B):
+        body = work.pair[k, side]
+        r = here if side == BODY_A else subtract(here, get(work.pair[k], BETWEEN))
+        for other in (BODY_A, BODY_B):
+            if work.pair[l, other] == body:
+                s = there if other == BODY_A else subtract(there, get(work.pair[l], BETWEEN))
+                line = work.body[int(body)]
+                change = line[INV_M] * dot(e, f) + dot(cross(r, e), turned(line, cross(s, f)))
+                total += change if side == other else -change
+    return total
 
 
 @kernel

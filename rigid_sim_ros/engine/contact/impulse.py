@@ -185,7 +185,7 @@ def _collide(model: Model, state: State, contacts: Contacts, bodies: Bodies, h: 
         rebound = -contacts.restitution[i] * room.u0[width * j]
         bounces = elastic[i] == 1 and rebound > resting_speed(contacts, bodies, i, h)
         room.e[j] = contacts.restitution[i] if bounces else 0.0
-    _impact(room, m, width)
+    solve_impact(room, m, width)
     for j in range(m):
         i = room.chosen[j]
         push_rows(model, state, contacts, i, width, room.J, width * j)
@@ -216,12 +216,12 @@ def impact(A: Array, u0: Array, mu: Array, e: Array, J: Array) -> None:
     room = make_room(m, rows // m)
     room.A[:], room.u0[:], room.e[:] = A, u0, e
     room.mu[:, :mu.reshape(m, -1).shape[1]] = mu.reshape(m, -1)
-    _impact(room, m, rows // m)
+    solve_impact(room, m, rows // m)
     J[:] = room.J
 
 
 @kernel
-def _impact(room: Room, m: int, width: int) -> None:
+def solve_impact(room: Room, m: int, width: int) -> None:
     """Write room.J as `impact` does, from A, u0, mu and e of the room."""
     rows, A, J, u0 = width * m, room.A, room.J, room.u0
     _solve(room, room.e, m, width)
