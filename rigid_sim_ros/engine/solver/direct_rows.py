@@ -156,6 +156,9 @@ def _read_manifold(blocks: Blocks, bodies: SolverBodies, lane: int, c: int, what
     for r in (SLIDE, ROLLS):
         rows.stiff[c, r] = rows.stiff[c, r + 1] = max(rows.stiff[c, r], rows.stiff[c, r + 1])
     for r in range(WIDTH):
+        # Neither of two bodies that move by their twists, or that joints hold, gives way.
+        if rows.stiff[c, r] == 0.0:
+            rows.there[c, r] = 0
         if rows.there[c, r] == 0:
             rows.f[c, r] = 0.0
         rows.start[c, r] = rows.f[c, r]
