@@ -79,12 +79,13 @@ def make_direct(n: int, capacity: int) -> Direct:
 
 
 @kernel
-def strike_islands(blocks: Blocks, bodies: SolverBodies, what: Sweep, impacts: Impacts,
-                   work: Direct) -> None:
-    """Find the impulses of an impact in the small islands in which anything waits."""
+def strike_islands(all_of_them: bool, blocks: Blocks, bodies: SolverBodies, what: Sweep,
+                   impacts: Impacts, work: Direct) -> None:
+    """Find the impulses of an impact in the islands that wait, all of them or the uneven ones."""
     islands = work.islands
     for island in range(islands.count[0]):
-        if begin_island_impact(blocks, islands, island, impacts):
+        if (all_of_them or islands.uneven[island] == 1) and (
+                begin_island_impact(blocks, islands, island, impacts)):
             _solve_island(island, blocks, bodies, what, work)
 
 

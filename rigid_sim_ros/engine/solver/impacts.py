@@ -34,7 +34,7 @@ from rigid_sim_ros.engine.solver.coloring import (
 from rigid_sim_ros.engine.solver.contact_sweep import begin_block, drift_block, visit_block
 from rigid_sim_ros.engine.solver.solver_bodies import most_slots, slots_of, STRIDE
 from rigid_sim_ros.kernels.arrays import Array, IntArray, integers, room
-from rigid_sim_ros.kernels.eight import bits_of, LANES, load
+from rigid_sim_ros.kernels.eight import bits_of, LANES, lanes_in, load, select
 from rigid_sim_ros.kernels.kernel import apart, INDEX, kernel
 
 # So many turns at most. What waits then still approaches, and has its turn in the next substep.
@@ -125,9 +125,9 @@ def visit_waiting(region: int, backwards: bool, blocks: Blocks, motion: Array, u
                 begin_impact(blocks, block, bits & ~work.hit[block])
                 work.hit[block] |= bits
             residual = visit_block(blocks, block, motion, what, bits)
-            # It ends below what counts as an impact.
-            least = max(SETTLED_POINT * what.inv_h * load(numbers_of(blocks, block), SIZE),
-                        tolerance)
+            # Small islands end as if solved directly, others below what counts as an impact.
+            least = SETTLED_POINT * what.inv_h * load(numbers_of(blocks, block), SIZE)
+            least = select(lanes_in(blocks.direct[block]), least, max(least, tolerance))
             # It waits itself, too: friction and each of its points change what the others found.
             changed = bits & bits_of(residual > least)
             _tell(region, blocks, block, changed, used, work)

@@ -141,16 +141,20 @@ def _wait(notes: Array) -> bool:
 @kernel
 def _solve_impacts(c: Arguments) -> None:
     """Visit what approaches, and what that reaches, until nothing waits."""
-    solve_directly(c, STRIKE)
-    for _ in range(TURNS):
+    for turn in range(TURNS):
+        if turn == 0 or turn == PATIENCE:
+            solve_directly(c, STRIKE_UNEVEN if turn == 0 else STRIKE)
         _across(c, IMPACT_BACK)
         _in_all(c, IMPACT)
         if not _wait(c.work.solver.notes):
             break
 
 
-# The stages of small islands: find them; solve an impact; find what bears the forces.
-LIST, STRIKE, BEAR = range(3)
+# What waits in a small island after so many turns is solved directly.
+PATIENCE = 8
+# The stages of small islands: find them; solve an impact, of the uneven ones or of all; find what
+# bears the forces.
+LIST, STRIKE_UNEVEN, STRIKE, BEAR = range(4)
 
 
 @by_address
@@ -169,7 +173,8 @@ def solve_directly(c: Arguments, stage: int) -> int:
         push_islands(work.blocks, work.bodies, what, c.settings.sequential.push * what.inv_h,
                      c.work.direct)
     else:
-        strike_islands(work.blocks, work.bodies, what, work.impacts, c.work.direct)
+        strike_islands(stage == STRIKE, work.blocks, work.bodies, what, work.impacts,
+                       c.work.direct)
     return 0
 
 
