@@ -14,58 +14,57 @@ from rigid_sim_ros.engine.contact.impulse import collide_all
 from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses
 from rigid_sim_ros.engine.detection.detect import detect_ahead
 from rigid_sim_ros.engine.detection.manifold_rows import find_anew
-from rigid_sim_ros.engine.detection.manifolds import current, Manifolds, Memory
-from rigid_sim_ros.engine.dynamics.loads import Loads
+from rigid_sim_ros.engine.detection.manifolds import current, Manifolds
 from rigid_sim_ros.engine.events.buffers import (
-    BOUNCED, Buffers, COLLISIONS, DEEPEST, DONE, EventSettings, FRESH, GROUPS, MORE_CONTACTS,
-    MORE_MANIFOLDS, MORE_MEMORY, MORE_ROOM, MORE_ROWS, NEEDED, TOUCHED, UNSOLVED, WIDTH, WORST)
+    BOUNCED, Buffers, COLLISIONS, DEEPEST, DONE, EventArguments, EventSettings, FRESH, GROUPS,
+    MORE_CONTACTS, MORE_MANIFOLDS, MORE_MEMORY, MORE_ROOM, MORE_ROWS, NEEDED, TOUCHED, UNSOLVED,
+    WIDTH, WORST)
 from rigid_sim_ros.engine.events.forces import room_for, solve, take_no_energy
 from rigid_sim_ros.engine.events.groups import Groups
 from rigid_sim_ros.engine.maths.algebra import norm
 from rigid_sim_ros.engine.model.model import Model
-from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
-# In multiplications, see event_forces.EFFORT: what an event takes, and for each pair that may
+# In multiplications, see forces.EFFORT: what an event takes, and for each pair that may
 # meet, or that collides.
 PER_EVENT, PER_PAIR = 1e4, 5e3
 
 
 @kernel
-def look_near(model: Model, shapes: Shapes, settings: EventSettings, loads: Loads,
-              memory: Memory) -> None:
+def look_near(c: EventArguments) -> None:
     """
     Let detection find what touches, or is as near as a rebound that is too short to be one.
 
     A share of both shapes: that of a plane, which has no size, is its partner's.
     """
+    model, shapes, loads, memory = c.model, c.shapes, c.buffers.work.loads, c.memory
     h = model.h
     for s in range(shapes.kind.shape[0]):
         i, size = shapes.body[s], shapes.bound[s]
         pull = model.inv_m[i] * norm((loads.F[0, i], loads.F[1, i], loads.F[2, i]))
         if size == np.inf:
             size = 0.0
-        memory.ahead[s] = 1.01 * (settings.touching * size
+        memory.ahead[s] = 1.01 * (c.settings.touching * size
                                   + 0.25 * h * (0.5 * h * pull + STILL * size / h))
     memory.calm[0] = np.inf  # no pair is looked at farther ahead than it touches
 
 
 @kernel
-def find(model: Model, state: State, shapes: Shapes, materials: Materials, memory: Memory,
-         settings: EventSettings, w: Buffers) -> int:
+def find(c: EventArguments) -> int:
     """Find the points that touch, or are as near as a rebound that is too short to be one."""
-    find_anew(current(memory))
-    if not detect_ahead(model, state, shapes, memory, None):
+    state, w = c.state, c.buffers
+    find_anew(current(c.memory))
+    if not detect_ahead(c.model, state, c.shapes, c.memory, None):
         return MORE_MEMORY
-    manifolds = current(memory)
+    manifolds = current(c.memory)
     rows = manifolds.count[0]
     if rows > w.order.shape[1]:
         w.count[NEEDED] = rows
         return MORE_MANIFOLDS
     _sort_by_group(manifolds, w.groups, state.x.shape[1], w.order[0])
-    found = gather_by_key(state, manifolds, shapes, materials, np.inf, w.order[0, :rows],
+    found = gather_by_key(state, manifolds, c.shapes, c.materials, np.inf, w.order[0, :rows],
                           w.order[1, :rows], w.contacts)
     if found > w.contacts.gap.shape[0]:
         w.count[NEEDED] = found
@@ -135,8 +134,9 @@ def _bounce(contacts: Contacts, k: int, w: Buffers) -> int:
 
 
 @kernel
-def shock(model: Model, state: State, settings: EventSettings, g: int, w: Buffers) -> int:
+def shock(c: EventArguments, g: int) -> int:
     """Apply the impulses of all that collides now in a group."""
+    model, state, settings, w = c.model, c.state, c.settings, c.buffers
     contacts, groups = w.contacts, w.groups
     first, last = groups.block[g], groups.block[g + 1]
     if first == last:
