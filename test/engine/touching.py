@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.contact.carried_forces import Carried
-from rigid_sim_ros.engine.contact.penalty_force import PenaltySettings
 from rigid_sim_ros.engine.detection.manifolds import current_manifolds, empty_memory
 from rigid_sim_ros.engine.dynamics.forces import WIDTH
 from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches
@@ -135,12 +134,19 @@ class PenaltyScene(_Scene):
 
     def __init__(self, things, material, h=1e-3, gravity=(0.0, 0.0, -G)):
         super().__init__(things, material, h, gravity)
-        self.settings = PenaltySettings()
-        self.work = penalty.PenaltyWork(len(things))
+        self.arguments, self.pack = self._begin(), None
+
+    def _begin(self):
+        return penalty.make_arguments(self.model, self.state, self.wrenches, self.shapes,
+                                      self.materials, self.memory)
+
+    @property
+    def bristles(self) -> penalty.Bristles:
+        return penalty.carried_over(self.arguments)
 
     def step(self, count=1) -> None:
-        self.memory = penalty.advance(self.model, self.state, self.wrenches, self.shapes,
-                                      self.materials, self.memory, self.settings, self.work, count)
+        self.arguments, self.pack = penalty.advance(self.arguments, count, self.pack)
+        self.memory = self.arguments.memory
 
     def twin(self) -> 'PenaltyScene':
         """Return a scene that continues from the state and from the bristles, and nothing else."""
@@ -149,8 +155,7 @@ class PenaltyScene(_Scene):
         other.state = copy_state(self.state)
         count = len(self.shapes.body)
         other.memory = empty_memory(count, count)
-        other.work = penalty.PenaltyWork(count)
-        other.work.bristles = penalty.Bristles(*(array.copy() for array in self.work.lasting()))
+        other.arguments, other.pack = penalty.with_carried(other._begin(), self.bristles), None
         return other
 
 
