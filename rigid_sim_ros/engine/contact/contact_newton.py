@@ -25,7 +25,7 @@ from rigid_sim_ros.engine.contact.contact_rows import (
     add_force, disk_stiffness, effect, forget_effects, Rows, sweep_rows, violation)
 from rigid_sim_ros.engine.contact.contacts import Contacts
 from rigid_sim_ros.engine.contact.coulomb import coefficients, disk, ENOUGH, GOAL, TOLERANCE
-from rigid_sim_ros.engine.maths.elimination import solve_linear
+from rigid_sim_ros.engine.maths.elimination import solve_columns, solve_linear
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
@@ -128,30 +128,6 @@ def _write_disk(rows: Rows, n: int, p: int, size: int, mu: float, width: int, f:
 
 
 @kernel
-def _solve_local(s: Array, width: int) -> bool:
-    """Replace D and x by C^-1 D and C^-1 x."""
-    columns = 2 * width + 1
-    for k in range(width):
-        p = k
-        for i in range(k + 1, width):
-            if abs(s[i, k]) > abs(s[p, k]):
-                p = i
-        if s[p, k] == 0.0:
-            return False
-        for j in range(k, columns):
-            s[k, j], s[p, j] = s[p, j], s[k, j]
-        for i in range(width):
-            if i != k and s[i, k] != 0.0:
-                factor = s[i, k] / s[k, k]
-                for j in range(k, columns):
-                    s[i, j] -= factor * s[k, j]
-    for k in range(width):
-        for j in range(width, columns):
-            s[k, j] /= s[k, k]
-    return True
-
-
-@kernel
 def _add_point(rows: Rows, c: int, width: int, slot: IntArray, E: Array, y: Array, K: Array,
                p: Array) -> None:
     """Add G' E W' of point c to K, and G' y to p."""
@@ -184,7 +160,7 @@ def newton_step(rows: Rows, m: int, width: int, touched: int, f: Array, w: Newto
     """Take one step from f, in place; rows.a has to be that of f. False: it is not possible."""
     for c in range(m):
         _write_case(rows, c, width, f, w.local)
-        if not _solve_local(w.local, width):
+        if not solve_columns(w.local, width, 2 * width + 1):
             return False
         for q in range(width):
             w.y[width * c + q] = w.local[q, 2 * width]

@@ -40,9 +40,8 @@ class EventSettings(NamedTuple):
     max_bounces: int = 32  # of two bodies in one step, before they collide with e = 0
 
 
-# Why the kernel stops.
-(DONE, MORE_MEMORY, MORE_MANIFOLDS, MORE_CONTACTS, MORE_ROOM, MORE_ROWS, MORE_PAIRS,
- MORE_FORCES, STUCK) = range(9)
+# Why the kernel stops, besides what contact_search.py says.
+MORE_ROOM, MORE_ROWS, MORE_PAIRS, MORE_FORCES, STUCK = range(4, 9)
 # At which stage it goes on.
 BEGIN, GROUP, CONTACTS, IMPULSES, FORCES, SETTLE, MOVE = range(7)
 # Places in `Buffers.count`.

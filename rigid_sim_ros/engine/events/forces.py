@@ -8,13 +8,14 @@ from rigid_sim_ros.engine.contact.contact_ahead import carry_ahead, turn_bodies
 from rigid_sim_ros.engine.contact.contact_newton import FEW_STEPS, number_bodies, solve_rows
 from rigid_sim_ros.engine.contact.contact_rows import (
     apply_forces, Rows, sweep_rows, violation, write_rows)
+from rigid_sim_ros.engine.contact.contact_search import DONE
 from rigid_sim_ros.engine.contact.contacts import (
     Bodies, Contacts, push_rows, read_rates, relative, to_contact)
 from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, ENOUGH, TOLERANCE
 from rigid_sim_ros.engine.contact.resting_qp import CLOSING, LIFTING, resting_rates
 from rigid_sim_ros.engine.detection.backtrack import film
 from rigid_sim_ros.engine.events.buffers import (
-    Buffers, CHOSEN, DEEP, DONE, EventArguments, EventSettings, KNOWN, MORE_ROWS, NEEDED, STUCK,
+    Buffers, CHOSEN, DEEP, EventArguments, EventSettings, KNOWN, MORE_ROWS, NEEDED, STUCK,
     TOUCHED, UNSOLVED, WIDTH, WORST)
 from rigid_sim_ros.engine.events.groups import Groups
 from rigid_sim_ros.engine.events.move import load, shift_levers

@@ -7,18 +7,17 @@ import numpy as np
 from rigid_sim_ros.engine.contact.classify import STILL
 from rigid_sim_ros.engine.contact.contact_newton import number_bodies
 from rigid_sim_ros.engine.contact.contact_rows import write_rows
+from rigid_sim_ros.engine.contact.contact_search import (
+    DONE, find_manifolds, MORE_CONTACTS, MORE_MANIFOLDS)
 from rigid_sim_ros.engine.contact.contacts import (
     Contacts, gather_by_key, push_rows, read_body, read_rates)
 from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, TOLERANCE
 from rigid_sim_ros.engine.contact.impulse import collide_all
 from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses
-from rigid_sim_ros.engine.detection.detect import detect_ahead
-from rigid_sim_ros.engine.detection.manifold_rows import find_anew
 from rigid_sim_ros.engine.detection.manifolds import current, Manifolds
 from rigid_sim_ros.engine.events.buffers import (
-    BOUNCED, Buffers, COLLISIONS, DEEPEST, DONE, EventArguments, EventSettings, FRESH, GROUPS,
-    MORE_CONTACTS, MORE_MANIFOLDS, MORE_MEMORY, MORE_ROOM, MORE_ROWS, NEEDED, TOUCHED, UNSOLVED,
-    WIDTH, WORST)
+    BOUNCED, Buffers, COLLISIONS, DEEPEST, EventArguments, EventSettings, FRESH, GROUPS, MORE_ROOM,
+    MORE_ROWS, NEEDED, TOUCHED, UNSOLVED, WIDTH, WORST)
 from rigid_sim_ros.engine.events.forces import room_for, solve, take_no_energy
 from rigid_sim_ros.engine.events.groups import Groups
 from rigid_sim_ros.engine.maths.algebra import norm
@@ -55,14 +54,11 @@ def look_near(c: EventArguments) -> None:
 def find(c: EventArguments) -> int:
     """Find the points that touch, or are as near as a rebound that is too short to be one."""
     state, w = c.state, c.buffers
-    find_anew(current(c.memory))
-    if not detect_ahead(c.model, state, c.shapes, c.memory, None):
-        return MORE_MEMORY
-    manifolds = current(c.memory)
-    rows = manifolds.count[0]
-    if rows > w.order.shape[1]:
+    why, rows = find_manifolds(c.model, state, c.shapes, c.memory, w.order)
+    if why != DONE:
         w.count[NEEDED] = rows
-        return MORE_MANIFOLDS
+        return why
+    manifolds = current(c.memory)
     _sort_by_group(manifolds, w.groups, state.x.shape[1], w.order[0])
     found = gather_by_key(state, manifolds, c.shapes, c.materials, np.inf, w.order[0, :rows],
                           w.order[1, :rows], w.contacts)

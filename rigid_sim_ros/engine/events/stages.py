@@ -13,6 +13,7 @@ buffer that has to grow, or a small contact problem that only OSQP can solve.
 import numpy as np
 
 from rigid_sim_ros.engine.contact.carried_forces import copy_forces, match_forces
+from rigid_sim_ros.engine.contact.contact_search import DONE
 from rigid_sim_ros.engine.contact.contacts import Contacts, read_bodies, row_count
 from rigid_sim_ros.engine.contact.recorded_impulses import record
 from rigid_sim_ros.engine.detection.backtrack import first_event
@@ -21,7 +22,7 @@ from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic
 from rigid_sim_ros.engine.dynamics.wrenches import count_down
 from rigid_sim_ros.engine.events.buffers import (
-    BEGIN, BOUNCED, Buffers, COLLISIONS, CONTACTS, CUT_SHORT, DEEPEST, DONE, EventArguments,
+    BEGIN, BOUNCED, Buffers, COLLISIONS, CONTACTS, CUT_SHORT, DEEPEST, EventArguments,
     EVENTS, FORCES, FRESH, GROUP, GROUPS, IMPULSES, KNOWN, KNOWN_BEFORE, MORE_FORCES, MORE_PAIRS,
     MOVE, NEEDED, NOW, RESIDUAL, SETTLE, STAGE, STEPS, STUCK, TRIES, UNSOLVED, WIDTH)
 from rigid_sim_ros.engine.events.forces import balance, remember, settle

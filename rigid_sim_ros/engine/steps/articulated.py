@@ -98,6 +98,14 @@ def _take_part(c: JointedArguments, h: float, last: bool, record: bool) -> bool:
 
 
 @kernel
+def begin_step(c: JointedArguments) -> None:
+    """Begin a step that stands by itself: nothing is known of the poses yet."""
+    begin_kinematic(c.model, c.state)
+    prepare_step(c.model, c.table, c.state, c.scratch)
+    begin_efforts(c.motion)
+
+
+@kernel
 def slow_down(c: JointedArguments) -> None:
     """
     Halve the momenta of what joints hold, whose motion no part of a step resolves.

@@ -34,16 +34,18 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.contact.carried_forces import Carried, more_forces, no_forces
+from rigid_sim_ros.engine.contact.contact_search import (
+    DONE, MORE_CONTACTS, MORE_MANIFOLDS, MORE_MEMORY)
 from rigid_sim_ros.engine.contact.coulomb import coefficients
 from rigid_sim_ros.engine.contact.impulse import make_room
 from rigid_sim_ros.engine.contact.resting_qp import effective_mass, search, soften
 from rigid_sim_ros.engine.detection.manifolds import grown, Memory
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.events.buffers import (
-    BEGIN, CHOSEN, COLLISIONS, CONTACTS, CUT_SHORT, DEEPEST, DONE, EventArguments, EVENTS,
-    EventSettings, GROUP, IMPULSES, KNOWN, make_buffers, MORE_CONTACTS, more_contacts,
-    MORE_MANIFOLDS, more_manifolds, MORE_MEMORY, MORE_PAIRS, more_pairs, MORE_ROOM, MORE_ROWS,
-    more_rows, MOVE, NEEDED, RESIDUAL, STAGE, STEPS, STUCK, TOUCHED, UNSOLVED, WIDTH, WORST)
+    BEGIN, CHOSEN, COLLISIONS, CONTACTS, CUT_SHORT, DEEPEST, EventArguments, EVENTS,
+    EventSettings, GROUP, IMPULSES, KNOWN, make_buffers, more_contacts, more_manifolds, MORE_PAIRS,
+    more_pairs, MORE_ROOM, MORE_ROWS, more_rows, MOVE, NEEDED, RESIDUAL, STAGE, STEPS, STUCK,
+    TOUCHED, UNSOLVED, WIDTH, WORST)
 from rigid_sim_ros.engine.events.stages import (
     apply_impulses, begin_step, find_contacts, find_forces, group_bodies, move_bodies)
 from rigid_sim_ros.engine.model.model import Model

@@ -21,23 +21,21 @@ from rigid_sim_ros.engine.constraints.articulated_rows import make_system
 from rigid_sim_ros.engine.constraints.pressing import (
     HALF_KNOWN, more_points, NEEDED, POINTS_IN_USE, Pressing, WIDTH)
 from rigid_sim_ros.engine.contact.carried_forces import match_forces, recall_forces
-from rigid_sim_ros.engine.contact.contacts import gather, read_velocity
+from rigid_sim_ros.engine.contact.contact_search import (
+    DONE, find_points, MORE_CONTACTS, MORE_MANIFOLDS, MORE_MEMORY)
+from rigid_sim_ros.engine.contact.contacts import read_velocity
 from rigid_sim_ros.engine.contact.recorded_impulses import (
     forget_impulses, note, note_all, record)
 from rigid_sim_ros.engine.detection.backtrack import approach_bound
-from rigid_sim_ros.engine.detection.detect import detect_ahead
 from rigid_sim_ros.engine.detection.look_ahead import look_ahead
-from rigid_sim_ros.engine.detection.manifold_rows import find_anew
 from rigid_sim_ros.engine.detection.manifolds import current, grown, Memory
-from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic
 from rigid_sim_ros.engine.dynamics.loads import kick
 from rigid_sim_ros.engine.joints.posture import read_positions
-from rigid_sim_ros.engine.joints.settle import prepare_step
 from rigid_sim_ros.engine.maths.vector import row
 from rigid_sim_ros.engine.model.kinds.table import is_unbounded
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.engine.steps.articulated import (
-    arrive, begin_efforts, begin_part, end_step, finish, go_back, JointedArguments, later_loads,
+    arrive, begin_part, begin_step, end_step, finish, go_back, JointedArguments, later_loads,
     MOST_SLOWED, move_bodies, slow_down)
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
 from rigid_sim_ros.kernels.arrays import Array, IntArray
@@ -45,8 +43,8 @@ from rigid_sim_ros.kernels.kernel import kernel
 
 # Of the half thickness of a shape: contacts are found this far ahead, and as far as it moves.
 MARGIN = 0.01
-# Why the kernel stops.
-DONE, MORE_MEMORY, MORE_MANIFOLDS, MORE_CONTACTS, MORE_ROWS = range(5)
+# Why the kernel stops, besides what contact_search.py says.
+MORE_ROWS = 4
 # Places in `JointedContact.place`: steps that are left, the stage, and what the model counts.
 STEPS, STAGE, PARTS_DONE, SIZE, EVENTS, TRIES, COLLISIONS, CUT_SHORT, SLOWED = range(9)
 # The stage of every model at which a step begins.
@@ -70,32 +68,23 @@ class JointedContact(NamedTuple):
 @kernel
 def begin(c: JointedContact) -> None:
     """Begin a step."""
-    joints = c.joints
-    begin_kinematic(joints.model, joints.state)
-    prepare_step(joints.model, joints.table, joints.state, joints.scratch)
-    begin_efforts(joints.motion)
+    begin_step(c.joints)
     forget_impulses(current(c.memory))
     c.pressing.acted.count[0] = c.pressing.half_acted.count[0] = 0
     c.pressing.system.residual[0] = 0.0
 
 
 @kernel
-def find_points(c: JointedContact, h: float) -> int:
+def find_touching(c: JointedContact, h: float) -> int:
     """Write the points that may touch within h [s]; return DONE, or what is needed first."""
     memory, shapes, w = c.memory, c.shapes, c.pressing
     model, state = c.joints.model, c.joints.state
-    find_anew(current(memory))
     look_ahead(h, model.inv_m, model.inv_I_C, state.P, state.L, state.V, MARGIN, c.radius,
                c.thickness, shapes.body, memory, 0, shapes.body.shape[0])
-    if not detect_ahead(model, state, shapes, memory, None):
-        return MORE_MEMORY
-    manifolds = current(memory)
-    rows = manifolds.count[0]
-    w.count[NEEDED] = rows
-    if rows > w.order.shape[1]:
-        return MORE_MANIFOLDS
-    w.count[NEEDED] = gather(state, manifolds, shapes, c.materials, np.inf, w.order[0, :rows],
-                             w.order[1, :rows], w.contacts)
+    why, w.count[NEEDED] = find_points(model, state, shapes, c.materials, memory, np.inf, w.order,
+                                       w.contacts)
+    if why != DONE:
+        return why
     # What acts at these comes to what acted in this step.
     w.count[NEEDED] += w.acted.count[0] + w.half_acted.count[0]
     return MORE_CONTACTS if w.count[NEEDED] > w.contacts.gap.shape[0] else DONE

@@ -25,7 +25,7 @@ from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.steps.articulated import go_back, MOST_PARTS
 from rigid_sim_ros.engine.steps.jointed_contact import (
-    BEGIN, begin, choose, COLLISIONS, CUT_SHORT, DONE, end, EVENTS, find_points, give_way,
+    BEGIN, begin, choose, COLLISIONS, CUT_SHORT, DONE, end, EVENTS, find_touching, give_way,
     JointedContact, keep_first_half, MORE_ROWS, reach, read_way, SLOWED, STAGE, STEPS,
     take_first_half, take_second_half, take_way, TRIES)
 from rigid_sim_ros.kernels.kernel import kernel
@@ -86,7 +86,7 @@ def _meet(c: JointedContact) -> int:
     """Find what touches now, and let it collide."""
     joints, w = c.joints, c.pressing
     model, state = joints.model, joints.state
-    why = find_points(c, c.span[WAY])
+    why = find_touching(c, c.span[WAY])
     if why != DONE:
         return why
     sum_loads(model, state, joints.wrenches, joints.work.loads)
@@ -187,7 +187,7 @@ def _limit_hit(c: JointedContact) -> float:
 def _look_back(c: JointedContact) -> int:
     """Go back if shapes met on the way; else let it be taken."""
     joints, w, h = c.joints, c.pressing, c.span[WAY]
-    why = find_points(c, 0.0)
+    why = find_touching(c, 0.0)
     if why != DONE:
         return why
     read_way(c)

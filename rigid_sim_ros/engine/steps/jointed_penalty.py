@@ -9,17 +9,16 @@ the points that overlap at both ends of each part (penalty.py).
 
 from typing import NamedTuple
 
+from rigid_sim_ros.engine.contact.contact_search import DONE
 from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses
 from rigid_sim_ros.engine.detection.manifolds import current
-from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic
 from rigid_sim_ros.engine.dynamics.loads import kick
 from rigid_sim_ros.engine.joints.posture import read_positions
-from rigid_sim_ros.engine.joints.settle import prepare_step
 from rigid_sim_ros.engine.steps.articulated import (
-    arrive, begin_efforts, begin_part, end_step, finish, go_back, JointedArguments, later_loads,
+    arrive, begin_part, begin_step, end_step, finish, go_back, JointedArguments, later_loads,
     MOST_PARTS, MOST_SLOWED, move_bodies, next_size, slow_down)
 from rigid_sim_ros.engine.steps.penalty import (
-    DONE, find_overlaps, PenaltyArguments, push, record, STAGE, STEPS, with_room)
+    find_overlaps, PenaltyArguments, push, record, STAGE, STEPS, with_room)
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
 from rigid_sim_ros.kernels.arrays import IntArray
 from rigid_sim_ros.kernels.kernel import kernel
@@ -63,12 +62,9 @@ def run(c: JointedPenalty) -> int:
 @kernel
 def _begin(c: JointedPenalty) -> None:
     """Begin a step."""
-    joints = c.joints
-    begin_kinematic(joints.model, joints.state)
-    prepare_step(joints.model, joints.table, joints.state, joints.scratch)
-    begin_efforts(joints.motion)
+    begin_step(c.joints)
     forget_impulses(current(c.contact.memory))
-    c.part[PARTS_DONE], c.part[SIZE], c.part[SLOWED] = 0, next_size(joints.motion), 0
+    c.part[PARTS_DONE], c.part[SIZE], c.part[SLOWED] = 0, next_size(c.joints.motion), 0
     c.contact.buffers.count[STAGE] = SEEK
 
 

@@ -14,7 +14,7 @@ from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.steps.articulated import go_back, MOST_PARTS, next_size
 from rigid_sim_ros.engine.steps.jointed_contact import (
-    BEGIN, begin, choose, DONE, end, find_points, give_way, JointedContact, keep_first_half,
+    BEGIN, begin, choose, DONE, end, find_touching, give_way, JointedContact, keep_first_half,
     PARTS_DONE, reach, read_way, SIZE, SLOWED, STAGE, STEPS, take_first_half, take_second_half,
     take_way, TRIES)
 from rigid_sim_ros.kernels.kernel import kernel
@@ -66,7 +66,7 @@ def _begin_part(c: JointedContact) -> None:
 def _seek(c: JointedContact) -> int:
     """Find the points that take part in the first half of a part of a step."""
     joints, w, h = c.joints, c.pressing, c.joints.model.h
-    why = find_points(c, h)
+    why = find_touching(c, h)
     if why != DONE:
         return why
     sum_loads(joints.model, joints.state, joints.wrenches, joints.work.loads)
@@ -82,7 +82,7 @@ def _seek(c: JointedContact) -> int:
 @kernel
 def _look_back(c: JointedContact) -> int:
     """Go back if shapes met on the way that took no part in it."""
-    why = find_points(c, 0.0)
+    why = find_touching(c, 0.0)
     if why != DONE:
         return why
     w = c.pressing

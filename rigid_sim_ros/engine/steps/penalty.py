@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rigid_sim_ros.engine.contact.contact_search import (
+    DONE, find_points, MORE_CONTACTS, MORE_MANIFOLDS, MORE_MEMORY)
 from rigid_sim_ros.engine.contact.contacts import (
-    Bodies, Contacts, gather, make_bodies, make_contacts, read_velocity, to_world)
+    Bodies, Contacts, make_bodies, make_contacts, read_velocity, to_world)
 from rigid_sim_ros.engine.contact.penalty_force import penalty_forces, PenaltySettings
 from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses
-from rigid_sim_ros.engine.detection.detect import detect_ahead
-from rigid_sim_ros.engine.detection.manifold_rows import find_anew
 from rigid_sim_ros.engine.detection.manifolds import current, grown, Memory
 from rigid_sim_ros.engine.dynamics.free_flight import fly
 from rigid_sim_ros.engine.dynamics.integrate import kick_by_change, make_work, sum_loads, Work
@@ -73,9 +73,8 @@ class PenaltyArguments(NamedTuple):
 
 # Places in `Buffers.count`.
 STEPS, STAGE, KNOWN, NEEDED = range(4)
-# Stages of a step, and why the kernel stops.
+# Stages of a step.
 BEGIN, END = range(2)
-DONE, MORE_MEMORY, MORE_MANIFOLDS, MORE_CONTACTS = range(4)
 
 
 @kernel
@@ -124,20 +123,14 @@ def take_second_half(c: PenaltyArguments) -> None:
 def find_overlaps(c: PenaltyArguments) -> int:
     """Find the points that overlap; return DONE, or what is needed first."""
     shapes, memory, w = c.shapes, c.memory, c.buffers
-    find_anew(current(memory))
     for s in range(shapes.bound.shape[0]):
         memory.ahead[s] = MARGIN * shapes.bound[s] if shapes.bound[s] < np.inf else 0.0
     memory.calm[0] = np.inf
-    if not detect_ahead(c.model, c.state, shapes, memory, None):
-        return MORE_MEMORY
-    manifolds = current(memory)
-    rows = manifolds.count[0]
-    w.count[NEEDED] = rows
-    if rows > w.order.shape[1]:
-        return MORE_MANIFOLDS
-    found = gather(c.state, manifolds, shapes, c.materials, 0.0, w.order[0, :rows],
-                   w.order[1, :rows], w.contacts)
-    w.count[NEEDED] = max(found, w.count[KNOWN])
+    why, w.count[NEEDED] = find_points(c.model, c.state, shapes, c.materials, memory, 0.0, w.order,
+                                       w.contacts)
+    if why != DONE:
+        return why
+    w.count[NEEDED] = max(w.count[NEEDED], w.count[KNOWN])
     if w.count[NEEDED] > w.contacts.gap.shape[0]:
         return MORE_CONTACTS
     # Whose twist is over stands still; in the second half of a step that is nobody.

@@ -358,14 +358,16 @@ def pieces_of(c: Arguments, helped: bool) -> Pieces:
     families = FAMILY[np.ix_(kinds, kinds)]
     searches = np.isin(families, SEARCHED).any()
     may_search = (families == BOXES).any() and not searches
-    optional = {add_forces: c.model.forces.kind.shape[0] > 0, collide: c.uses.bounces == 1,
-                share_part: helped,
+    optional = {add_forces: c.model.forces.kind.shape[0] > 0, share_part: helped,
                 wake_or_sleep: c.settings.sleep_steps > 0}
+    bounces = [collide]
     # What the helper compiles takes as long as all the rest.
     return Pieces(
         here=[solve_part, solve_directly,
               *(piece for piece, is_used in optional.items() if is_used)],
-        helped=[detect_part, store_part, predict_part, *([search] if searches else [])],
+        helped=[detect_part, store_part, predict_part, *(bounces if c.uses.bounces == 1 else []),
+                *([search] if searches else [])],
         late=[search] if may_search else [],
         unused=[*(piece for piece, is_used in optional.items() if not is_used),
+                *(bounces if c.uses.bounces == 0 else []),
                 *([] if searches or may_search else [search])])
