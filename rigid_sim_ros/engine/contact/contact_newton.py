@@ -95,7 +95,7 @@ def _write_case(rows: Rows, c: int, width: int, f: Array, s: Array) -> None:
 @kernel
 def _write_stick(rows: Rows, n: int, p: int, width: int, s: Array) -> None:
     i = n + p
-    s[p, p] = rows.give[i] / rows.stiff[i]
+    s[p, p] = rows.compliance[i] / rows.stiff[i]
     s[p, width + p] = 1.0 / rows.stiff[i]
     s[p, 2 * width] = -rows.a[i] / rows.stiff[i]
 
@@ -123,7 +123,7 @@ def _write_disk(rows: Rows, n: int, p: int, size: int, mu: float, width: int, f:
         for j in range(size):
             e_j = (w_x if j == 0 else w_y) / long
             along = bend * ((1.0 if i == j else 0.0) - e_i * e_j) if size == 2 else 0.0
-            s[p + i, p + j] -= along * (1.0 - rows.give[n + p + j] / stiff)
+            s[p + i, p + j] -= along * (1.0 - rows.compliance[n + p + j] / stiff)
             s[p + i, width + p + j] += along / stiff
 
 

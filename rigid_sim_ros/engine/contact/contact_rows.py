@@ -35,7 +35,7 @@ class Rows(NamedTuple):
     at: IntArray  # (r,) where W of a row begins
     W: Array  # six numbers of a row for each body that its point moves
     stiff: Array  # (r,) [1/kg] diagonal of A, with the compliance
-    give: Array  # (r,) [1/kg] the compliance alone
+    compliance: Array  # (r,) [1/kg] by which points yield, alone
     mu: Array  # (c, 3)
     b: Array  # (r,) what a is without forces
     a: Array  # (r,) rates
@@ -85,8 +85,8 @@ def write_rows(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArra
                     rows.W[SIDES * i + at + j] = moved
                     rows.W[SIDES * i + at + 3 + j] = turned
                     total += moved * rows.G[i, at + j] + turned * rows.G[i, at + 3 + j]
-            rows.give[i] = compliance * total
-            rows.stiff[i] = total + rows.give[i]
+            rows.compliance[i] = compliance * total
+            rows.stiff[i] = total + rows.compliance[i]
 
 
 @kernel
@@ -102,7 +102,7 @@ def effect(rows: Rows, c: int, i: int) -> float:
 @kernel
 def rate(rows: Rows, c: int, i: int, f: Array) -> float:
     """Return the rate of row i, of point c, under the forces f of which z is the effect."""
-    return rows.b[i] + rows.give[i] * f[i] + effect(rows, c, i)
+    return rows.b[i] + rows.compliance[i] * f[i] + effect(rows, c, i)
 
 
 @kernel

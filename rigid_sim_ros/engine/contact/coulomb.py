@@ -16,7 +16,7 @@ from rigid_sim_ros.kernels.kernel import kernel
 
 # A is singular where points are redundant (the four corners of a box): the forces are not unique,
 # A f is, and rounding in b can make sticking everywhere impossible. Each A_ii grows by this
-# fraction, as if the points gave way a little: redundant points share the load evenly, and a
+# fraction, a compliance of the points: redundant points share the load evenly, and a
 # contact under the force f yields with the acceleration 1e-8 A_ii f, 1e-10 m/s for a body under
 # its weight at a step of 1 ms. Smaller: forces feel rounding more.
 COMPLIANCE = 1e-8

@@ -261,8 +261,8 @@ def search(A: Array, b: Array, mu: Array, start: Array) -> tuple[Array, Outcome]
     """
     best, outcome = _search(A, b, mu, start)
     if not outcome.solved:
-        # Redundant points on the verge of slipping: let them give way a little more, for this
-        # step.
+        # Redundant points on the verge of slipping: let their compliance be a little larger, for
+        # this step.
         other, softer = _search(soften(A, SOFTER), b, mu, start)
         if softer.residual < outcome.residual:
             best, outcome = other, softer

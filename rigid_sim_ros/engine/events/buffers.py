@@ -77,7 +77,7 @@ class Buffers(NamedTuple):
     bounced: IntArray  # (p, 3) two bodies and how often they collided in this step
     room: Room  # for the largest block
     rows: Rows  # of the chosen points
-    eased: Array  # (r,) rates that the compliance had and that were taken back
+    proximal: Array  # (r,) rates by the compliance at the proximal point, not in rows.b
     newton: Newton
     pushed: Loads  # momenta that only displace, for the time of a span
     pairs: IntArray  # (p, 2) that may meet
@@ -136,7 +136,7 @@ def more_rows(buffers: Buffers, rows: int, touched: int) -> Buffers:
     """Return buffers with room for a problem with twice as many rows, of so many bodies."""
     r, bodies = max(2 * rows, len(buffers.rows.b)), len(buffers.then)
     s = max(touched + touched // 2, len(buffers.newton.p) // 6)
-    return buffers._replace(rows=make_rows(r // 3, r, bodies), eased=np.zeros(r),
+    return buffers._replace(rows=make_rows(r // 3, r, bodies), proximal=np.zeros(r),
                             newton=make_newton(r // 3, r, s, bodies))
 
 

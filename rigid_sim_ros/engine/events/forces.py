@@ -15,8 +15,8 @@ from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, ENOUGH, TOLERANCE
 from rigid_sim_ros.engine.contact.resting_qp import CLOSING, LIFTING, resting_rates
 from rigid_sim_ros.engine.detection.backtrack import film
 from rigid_sim_ros.engine.events.buffers import (
-    Buffers, CHOSEN, DEEP, EventArguments, EventSettings, KNOWN, MORE_ROWS, NEEDED, STUCK,
-    TOUCHED, UNSOLVED, WIDTH, WORST)
+    Buffers, CHOSEN, DEEP, EventArguments, EventSettings, KNOWN, MORE_ROWS, NEEDED, STUCK, TOUCHED,
+    UNSOLVED, WIDTH, WORST)
 from rigid_sim_ros.engine.events.groups import Groups
 from rigid_sim_ros.engine.events.move import load, shift_levers
 from rigid_sim_ros.engine.model.model import Model
@@ -33,8 +33,8 @@ EFFORT = 2e5
 # Points of a problem that OSQP is asked for where sweeps and Newton's method do not do; for more
 # it takes too long.
 FOR_OSQP = 8
-# Of the accelerations: by so much points may give way to their forces. 1e-6 of g sinks in by 3e-6
-# g h^2.
+# Of the accelerations: as much points may yield to their forces by their compliance. 1e-6 of g
+# sinks in by 3e-6 g h^2.
 YIELDS = 1e-6
 AGAIN = 10  # times at most that forces are found again for what follows from them
 PUSH_SWEEPS = 30  # over the points, for displacements: what they leave is for the next step
@@ -63,7 +63,7 @@ def _choose(contacts: Contacts, bodies: Bodies, first: int, last: int, h: float,
 def _push_apart(model: Model, state: State, shapes: Shapes, settings: EventSettings, m: int,
                 g: int, span: float, closing: float, w: Buffers) -> None:
     """
-    Add momenta that displace what overlaps, and are taken back when the span is over.
+    Add momenta that displace what overlaps, and are removed when the span is over.
 
     So nothing that comes apart gains a velocity, however deep it was. The momenta are left in
     `w.push`, and what they are at the bodies in `w.pushed`.
@@ -155,10 +155,10 @@ def solve(g: int, m: int, width: int, steps: int, w: Buffers) -> None:
     """
     Find the forces of the first m points from what stands there, whatever they have to carry.
 
-    Points give way with give f, COMPLIANCE R g below a load of R times a body's weight. Where that
-    is more than YIELDS it is taken back from b, which leaves give (f - f') with the forces f'
-    of the time before (the proximal point algorithm: Rockafellar, Monotone operators and the
-    proximal point algorithm, SIAM J. Control Optim. 14 (1976)).
+    Points yield by R f, R their compliance: COMPLIANCE k g below k times a body's weight. Where
+    that is more than YIELDS it is subtracted from b, which leaves R (f - f') with the forces f' of
+    the time before (the proximal point algorithm: Rockafellar, Monotone operators and the proximal
+    point algorithm, SIAM J. Control Optim. 14 (1976)).
     """
     rows, size = w.rows, 0.0
     for i in range(width * m):
@@ -168,13 +168,13 @@ def solve(g: int, m: int, width: int, steps: int, w: Buffers) -> None:
     for _ in range(AGAIN):
         yields = 0.0
         for i in range(width * m):
-            yields = max(yields, abs(rows.give[i] * rows.f[i] - w.eased[i]))
+            yields = max(yields, abs(rows.compliance[i] * rows.f[i] - w.proximal[i]))
         if yields <= YIELDS * size:
             return
         for i in range(width * m):
-            now = rows.give[i] * rows.f[i]
-            rows.b[i] -= now - w.eased[i]
-            w.eased[i] = now
+            now = rows.compliance[i] * rows.f[i]
+            rows.b[i] -= now - w.proximal[i]
+            w.proximal[i] = now
         w.number[WORST] = solve_rows(rows, m, width, w.count[TOUCHED], FEW_STEPS,
                                      effort_left(w, g), w.newton)
 
@@ -193,7 +193,7 @@ def _solve_with_levers(model: Model, g: int, m: int, steps: int, span: float, w:
         for side in range(2):
             for i in range(3):
                 w.assumed[rows.body[c, side], i] = 0.0
-    w.eased[:width * m] = 0.0
+    w.proximal[:width * m] = 0.0
     goal = 0.0
     for i in range(width * m):
         goal = max(goal, 0.1 * ENOUGH * abs(rows.b[i]))

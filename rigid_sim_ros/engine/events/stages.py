@@ -22,13 +22,14 @@ from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic
 from rigid_sim_ros.engine.dynamics.wrenches import count_down
 from rigid_sim_ros.engine.events.buffers import (
-    BEGIN, BOUNCED, Buffers, COLLISIONS, CONTACTS, CUT_SHORT, DEEPEST, EventArguments,
-    EVENTS, FORCES, FRESH, GROUP, GROUPS, IMPULSES, KNOWN, KNOWN_BEFORE, MORE_FORCES, MORE_PAIRS,
-    MOVE, NEEDED, NOW, RESIDUAL, SETTLE, STAGE, STEPS, STUCK, TRIES, UNSOLVED, WIDTH)
+    BEGIN, BOUNCED, Buffers, COLLISIONS, CONTACTS, CUT_SHORT, DEEPEST, EventArguments, EVENTS,
+    FORCES, FRESH, GROUP, GROUPS, IMPULSES, KNOWN, KNOWN_BEFORE, MORE_FORCES, MORE_PAIRS, MOVE,
+    NEEDED, NOW, RESIDUAL, SETTLE, STAGE, STEPS, STUCK, TRIES, UNSOLVED, WIDTH)
 from rigid_sim_ros.engine.events.forces import balance, remember, settle
 from rigid_sim_ros.engine.events.groups import find_groups, may_go, near_pairs, note_way, reach_out
+from rigid_sim_ros.engine.events.impacts import (
+    collide_group, find_points, look_near, PER_EVENT, PER_PAIR)
 from rigid_sim_ros.engine.events.move import move
-from rigid_sim_ros.engine.events.shock import find, look_near, PER_EVENT, PER_PAIR, shock
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import copy_into
 from rigid_sim_ros.kernels.arrays import Array, IntArray
@@ -88,7 +89,7 @@ def find_contacts(c: EventArguments) -> int:
     model, state, carried, w = c.model, c.state, c.carried, c.buffers
     sum_loads(model, state, c.wrenches, w.work.loads)
     read_bodies(model, state, w.work.loads.F, w.work.loads.tau, w.bodies)
-    why = find(c)
+    why = find_points(c)
     if why != DONE:
         return why
     points = w.contacts.count[0]
@@ -116,7 +117,7 @@ def apply_impulses(c: EventArguments) -> int:
     for g in range(w.count[NOW], w.count[GROUPS]):
         w.count[NOW] = g
         if w.groups.left[g] > 0.0:
-            why = shock(c, g)
+            why = collide_group(c, g)
             if why != DONE:
                 return why
     w.count[STAGE], w.count[NOW] = FORCES, 0

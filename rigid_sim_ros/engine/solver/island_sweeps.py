@@ -56,7 +56,7 @@ def _sweep(backwards: bool, blocks: Blocks, motion: Array, what: Sweep, islands:
         bits = islands.visited[block]
         if bits != 0:
             bits = visit_lanes(blocks, block, motion, what, bits,
-                               settled(points_in(blocks.kind[block])))
+                               settled(points_in(blocks.kind[block])), 0.0)
         for i in range(LANES if bits != 0 else 0):
             if bits & 1 << i != 0:
                 islands.moved[_island(islands, block, i)] = 1

@@ -219,7 +219,7 @@ def sweep_new(region: int, backwards: bool, blocks: Blocks, bodies: SolverBodies
         block = work.block[first + (count - 1 - k if backwards else k) & INDEX] & INDEX
         bits = work.lanes[block]
         if bits != 0:
-            bits = visit_lanes(blocks, block, bodies.motion, what, bits, ENDS * SETTLED)
+            bits = visit_lanes(blocks, block, bodies.motion, what, bits, ENDS * SETTLED, 0.0)
         for i in range(LANES if bits != 0 else 0):
             if bits & 1 << i != 0:
                 work.moved[_root(blocks, bodies, work, block * LANES + i)] = 1

@@ -42,10 +42,10 @@ from rigid_sim_ros.engine.contact.resting_qp import effective_mass, search, soft
 from rigid_sim_ros.engine.detection.manifolds import grown, Memory
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.events.buffers import (
-    BEGIN, CHOSEN, COLLISIONS, CONTACTS, CUT_SHORT, DEEPEST, EventArguments, EVENTS,
-    EventSettings, GROUP, IMPULSES, KNOWN, make_buffers, more_contacts, more_manifolds, MORE_PAIRS,
-    more_pairs, MORE_ROOM, MORE_ROWS, more_rows, MOVE, NEEDED, RESIDUAL, STAGE, STEPS, STUCK,
-    TOUCHED, UNSOLVED, WIDTH, WORST)
+    BEGIN, CHOSEN, COLLISIONS, CONTACTS, CUT_SHORT, DEEPEST, EventArguments, EVENTS, EventSettings,
+    GROUP, IMPULSES, KNOWN, make_buffers, more_contacts, more_manifolds, MORE_PAIRS, more_pairs,
+    MORE_ROOM, MORE_ROWS, more_rows, MOVE, NEEDED, RESIDUAL, STAGE, STEPS, STUCK, TOUCHED,
+    UNSOLVED, WIDTH, WORST)
 from rigid_sim_ros.engine.events.stages import (
     apply_impulses, begin_step, find_contacts, find_forces, group_bodies, move_bodies)
 from rigid_sim_ros.engine.model.model import Model

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from rigid_sim_ros.engine.constraints.pressing import (
-    carried_over, make_pressing, Pressing, WIDTH, with_carried)
+from rigid_sim_ros.engine.constraints.articulated_buffers import (
+    carried_over, ContactBuffers, make_buffers, WIDTH, with_carried)
 from rigid_sim_ros.engine.contact.carried_forces import Carried
 from rigid_sim_ros.engine.contact.contacts import row_count
 from rigid_sim_ros.engine.detection.manifolds import current_manifolds, Manifolds
@@ -54,14 +54,14 @@ class JointedTimestep(Touching, JointedMotion):
         shapes, n = setup.shapes, len(setup.model.m)
         self._arguments = jointed_contact.JointedContact(
             self.arguments(empty_state(n), no_wrenches()), shapes, setup.materials, self._memory,
-            radii(shapes, n), thicknesses(shapes), self._no_pressing(),
+            radii(shapes, n), thicknesses(shapes), self._fresh_buffers(),
             np.zeros(9, dtype=np.int64), np.zeros(2))
 
-    def _no_pressing(self) -> Pressing:
+    def _fresh_buffers(self) -> ContactBuffers:
         s = self._setup
-        pressing = make_pressing(self.table, len(s.model.m), 64, 64, 48)
-        pressing.count[WIDTH] = row_count(s.materials)
-        return pressing
+        buffers = make_buffers(self.table, len(s.model.m), 64, 64, 48)
+        buffers.count[WIDTH] = row_count(s.materials)
+        return buffers
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
         """Advance the state, and count wrenches and commands down."""
@@ -72,7 +72,7 @@ class JointedTimestep(Touching, JointedMotion):
 
     def lasting(self) -> dict[str, np.ndarray]:
         """Return the manifolds, the impulses from which the next step begins, and the joints."""
-        carried = carried_over(self._arguments.pressing)
+        carried = carried_over(self._arguments.buffers)
         return (Touching.lasting(self) | named('carried', carried)
                 | JointedMotion.lasting(self))
 
@@ -80,10 +80,10 @@ class JointedTimestep(Touching, JointedMotion):
         """Go back to what `lasting` returned; nothing at all is the beginning."""
         Touching.recall(self, arrays)
         JointedMotion.recall(self, arrays)
-        pressing = self._no_pressing()
+        buffers = self._fresh_buffers()
         if arrays:
-            pressing = with_carried(pressing, self.table, unnamed('carried', Carried, arrays))
-        self._arguments = self._arguments._replace(pressing=pressing)
+            buffers = with_carried(buffers, self.table, unnamed('carried', Carried, arrays))
+        self._arguments = self._arguments._replace(buffers=buffers)
 
     def contacts(self, state: State) -> np.ndarray:
         """Return what is near now, and what acted in the latest step."""
@@ -91,14 +91,14 @@ class JointedTimestep(Touching, JointedMotion):
 
     def with_acted(self, manifolds: Manifolds, rows: np.ndarray) -> np.ndarray:
         """Return the rows of manifolds with what acted in the latest step, once one was taken."""
-        acted = self._arguments.pressing.acted
+        acted = self._arguments.buffers.acted
         if acted.count[0] == 0:
             return rows
         return rows_of_acted(self._setup, manifolds, rows, acted)
 
     def report(self) -> ContactReport:
         """Return the counts, how well contact was solved, and what could not be done."""
-        residual = float(self._arguments.pressing.system.residual[0])
+        residual = float(self._arguments.buffers.system.residual[0])
         return self._counts()._replace(residual=residual, message=unresolved(self))
 
 

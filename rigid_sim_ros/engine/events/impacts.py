@@ -51,7 +51,7 @@ def look_near(c: EventArguments) -> None:
 
 
 @kernel
-def find(c: EventArguments) -> int:
+def find_points(c: EventArguments) -> int:
     """Find the points that touch, or are as near as a rebound that is too short to be one."""
     state, w = c.state, c.buffers
     why, rows = find_manifolds(c.model, state, c.shapes, c.memory, w.order)
@@ -130,7 +130,7 @@ def _bounce(contacts: Contacts, k: int, w: Buffers) -> int:
 
 
 @kernel
-def shock(c: EventArguments, g: int) -> int:
+def collide_group(c: EventArguments, g: int) -> int:
     """Apply the impulses of all that collides now in a group."""
     model, state, settings, w = c.model, c.state, c.settings, c.buffers
     contacts, groups = w.contacts, w.groups
@@ -139,14 +139,14 @@ def shock(c: EventArguments, g: int) -> int:
         return DONE
     w.newton.effort[0] = groups.effort[g] + PER_EVENT
     for k in range(first, last):
-        tired = False
+        is_inelastic = False
         for i in range(w.count[BOUNCED]):
             at = contacts.first[k]
             if (w.bounced[i, 0] == contacts.body_a[at] and w.bounced[i, 1] == contacts.body_b[at]
                     and w.bounced[i, 2] >= settings.max_bounces):
-                tired = True
+                is_inelastic = True
         for i in range(contacts.first[k], contacts.first[k + 1]):
-            w.elastic[i] = 0 if tired else 1
+            w.elastic[i] = 0 if is_inelastic else 1
     limit = 50 + 10 * (last - first)
     quiet = max(STILL / model.h, 2.0 * settings.dip / min(groups.span[g], groups.left[g]))
     if not room_for(model, w, _touching_points(settings, g, w)):
@@ -179,7 +179,7 @@ def _read_group(model: Model, state: State, g: int, w: Buffers) -> None:
 
 @kernel
 def _touching_points(settings: EventSettings, g: int, w: Buffers) -> int:
-    """Choose all points of a group that touch, for a shock; return how many."""
+    """Choose all points of a group that touch, for an impact; return how many."""
     m, contacts, block = 0, w.contacts, w.groups.block
     for k in range(contacts.first[block[g]], contacts.first[block[g + 1]]):
         if contacts.gap[k] <= settings.touching * contacts.size[k]:
@@ -191,14 +191,14 @@ def _touching_points(settings: EventSettings, g: int, w: Buffers) -> int:
 @kernel
 def _stop_together(model: Model, state: State, settings: EventSettings, g: int,
                    w: Buffers) -> None:
-    """End a shock that goes to and fro for ever: all points at once, with e = 0."""
+    """End an impact that goes to and fro for ever: all points at once, with e = 0."""
     m, width, rows = _touching_points(settings, g, w), w.count[WIDTH], w.rows
     w.count[TOUCHED] = number_bodies(w.contacts, w.chosen[:m], model.inv_m, w.newton.slot)
     write_rows(model, w.contacts, w.bodies, w.chosen[:m], width, COMPLIANCE, rows)
     for c in range(m):
         read_rates(model, w.contacts, w.bodies.velocity, w.chosen[c], width, rows.b, width * c)
     for i in range(width * m):
-        rows.f[i], w.eased[i] = 0.0, 0.0
+        rows.f[i], w.proximal[i] = 0.0, 0.0
     solve(g, m, width, 0, w)
     w.groups.residual[g] = max(w.groups.residual[g], w.number[WORST])
     if w.number[WORST] > TOLERANCE:
