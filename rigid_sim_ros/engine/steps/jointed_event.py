@@ -21,11 +21,12 @@ from rigid_sim_ros.engine.constraints.articulated_points import (
     choose_points, meeting_within, take_all, take_loaded, take_touching)
 from rigid_sim_ros.engine.contact.contacts import read_bodies
 from rigid_sim_ros.engine.contact.recorded_impulses import note, record
+from rigid_sim_ros.engine.contact.contact_search import DONE
 from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.steps.articulated import go_back, MOST_PARTS
 from rigid_sim_ros.engine.steps.jointed_contact import (
-    BEGIN, begin, choose, COLLISIONS, CUT_SHORT, DONE, end, EVENTS, find_touching, JointedContact,
+    BEGIN, begin, choose, COLLISIONS, CUT_SHORT, end, EVENTS, find_touching, JointedContact,
     keep_first_half, MORE_ROWS, reach, read_way, retry_unresolved, SLOWED, STAGE, STEPS,
     take_first_half, take_second_half, take_way, TRIES)
 from rigid_sim_ros.kernels.kernel import kernel

@@ -10,11 +10,12 @@ shapes met on the way that took no part, it is taken again with them.
 from rigid_sim_ros.engine.constraints.articulated_buffers import WOKEN
 from rigid_sim_ros.engine.constraints.articulated_points import (
     take_close, take_loaded, wake, wake_met)
+from rigid_sim_ros.engine.contact.contact_search import DONE
 from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.steps.articulated import go_back, MOST_PARTS, next_size
 from rigid_sim_ros.engine.steps.jointed_contact import (
-    BEGIN, begin, choose, DONE, end, find_touching, JointedContact, keep_first_half, PARTS_DONE,
+    BEGIN, begin, choose, end, find_touching, JointedContact, keep_first_half, PARTS_DONE,
     reach, read_way, retry_unresolved, SIZE, SLOWED, STAGE, STEPS, take_first_half,
     take_second_half, take_way, TRIES)
 from rigid_sim_ros.kernels.kernel import kernel
