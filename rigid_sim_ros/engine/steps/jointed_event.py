@@ -19,9 +19,9 @@ from rigid_sim_ros.engine.constraints.articulated_buffers import NEEDED, POINTS_
 from rigid_sim_ros.engine.constraints.articulated_impact import collide
 from rigid_sim_ros.engine.constraints.articulated_points import (
     choose_points, meeting_within, take_all, take_loaded, take_touching)
+from rigid_sim_ros.engine.contact.contact_search import DONE
 from rigid_sim_ros.engine.contact.contacts import read_bodies
 from rigid_sim_ros.engine.contact.recorded_impulses import note, record
-from rigid_sim_ros.engine.contact.contact_search import DONE
 from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.steps.articulated import go_back, MOST_PARTS
