@@ -82,8 +82,8 @@ def make_direct(n: int, capacity: int) -> Direct:
 
 
 @kernel
-def solve_impacts(all_of_them: bool, blocks: Blocks, bodies: SolverBodies, what: Sweep,
-                  impacts: Impacts, work: Direct) -> None:
+def strike_islands(all_of_them: bool, blocks: Blocks, bodies: SolverBodies, what: Sweep,
+                   impacts: Impacts, work: Direct) -> None:
     """Find the impulses of an impact in the islands that wait, all of them or the uneven ones."""
     islands = work.islands
     for island in range(islands.count[0]):
@@ -93,7 +93,7 @@ def solve_impacts(all_of_them: bool, blocks: Blocks, bodies: SolverBodies, what:
 
 
 @kernel
-def solve_forces(blocks: Blocks, bodies: SolverBodies, what: Sweep, work: Direct) -> None:
+def bear_islands(blocks: Blocks, bodies: SolverBodies, what: Sweep, work: Direct) -> None:
     """Find the impulses that bear the forces of a substep in all small islands."""
     islands = work.islands
     sweep_islands(blocks, bodies.motion, what, islands)
@@ -426,7 +426,7 @@ def _violation(count: int, work: Direct) -> float:
     """
     Return how far the rates are from their laws at most [m/s].
 
-    What the compliance does, and what the radii would be for the normal impulses found.
+    What the compliance gave way, and what the radii would be for the normal impulses found.
     """
     rows, worst = work.rows, 0.0
     for c in range(count):

@@ -27,7 +27,7 @@ from rigid_sim_ros.engine.solver.contact_filling import (
     choose_manifolds, classify, DEEPEST, fill_blocks, NEW, place_lanes)
 from rigid_sim_ros.engine.solver.contact_sweep import note_left, separate, visit_block, visit_lanes
 from rigid_sim_ros.engine.solver.direct_islands import FEW, find_islands
-from rigid_sim_ros.engine.solver.direct_solve import solve_forces, solve_impacts
+from rigid_sim_ros.engine.solver.direct_solve import bear_islands, strike_islands
 from rigid_sim_ros.engine.solver.impacts import (
     drift_blocks, end_impacts, find_approaching, pass_on, TURNS, visit_waiting)
 from rigid_sim_ros.engine.solver.impulse_keeping import keep_impulses
@@ -69,7 +69,7 @@ def solve_contacts(c: Arguments) -> None:
     # Whatever an earlier step had in regions that this one does not have.
     work.blocks.count[:], notes[:], work.impacts.listed[:] = 0, 0.0, 0
     _in_all(c, FILL)
-    solve_directly(c, LIST_ISLANDS)
+    solve_directly(c, LIST)
     if _is_any_new(c):
         _begin_new(c)
     _in_all(c, APPROACH)
@@ -77,7 +77,7 @@ def solve_contacts(c: Arguments) -> None:
         if _wait(notes):
             _solve_impacts(c)
         _in_all(c, SETTLE_AND_SWEEP if substep == 0 else KICK_AND_SWEEP)
-        solve_directly(c, FORCES)
+        solve_directly(c, BEAR)
         _in_all_back(c, RETURN)
         _across(c, DRIFT)
     _in_all(c, KEEP)
@@ -140,7 +140,7 @@ def _solve_impacts(c: Arguments) -> None:
     """Visit what approaches, and what that reaches, until nothing waits."""
     for turn in range(TURNS):
         if turn == 0 or turn == PATIENCE:
-            solve_directly(c, IMPACT_UNEVEN if turn == 0 else IMPACT_ALL)
+            solve_directly(c, STRIKE_UNEVEN if turn == 0 else STRIKE)
         _across(c, IMPACT_BACK)
         _in_all(c, IMPACT)
         if not _wait(c.work.solver.notes):
@@ -151,25 +151,25 @@ def _solve_impacts(c: Arguments) -> None:
 PATIENCE = 8
 # The stages of small islands: find them; solve an impact, of the uneven ones or of all; find what
 # bears the forces.
-LIST_ISLANDS, IMPACT_UNEVEN, IMPACT_ALL, FORCES = range(4)
+LIST, STRIKE_UNEVEN, STRIKE, BEAR = range(4)
 
 
 @by_address
 def solve_directly(c: Arguments, stage: int) -> int:
     """Do a stage for the small islands."""
     work, substeps = c.work.solver, c.settings.sequential.substeps
-    what = _sweep_of(stage == FORCES, work.notes[0, SUBSTEP], c.model.h / substeps, substeps)
-    if stage == LIST_ISLANDS:
+    what = _sweep_of(stage == BEAR, work.notes[0, SUBSTEP], c.model.h / substeps, substeps)
+    if stage == LIST:
         few = current(c.memory).count[0] <= FEW
         if few or c.uses.uneven == 1:
             find_islands(few, work.blocks, work.bodies, c.work.direct.islands)
         else:
             c.work.direct.islands.count[0] = c.work.direct.islands.blocks[0] = 0
-    elif stage == FORCES:
-        solve_forces(work.blocks, work.bodies, what, c.work.direct)
+    elif stage == BEAR:
+        bear_islands(work.blocks, work.bodies, what, c.work.direct)
     else:
-        solve_impacts(stage == IMPACT_ALL, work.blocks, work.bodies, what, work.impacts,
-                      c.work.direct)
+        strike_islands(stage == STRIKE, work.blocks, work.bodies, what, work.impacts,
+                       c.work.direct)
     return 0
 
 
