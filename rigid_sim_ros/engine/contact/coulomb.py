@@ -173,22 +173,20 @@ def _newton_disk(A: Array, a: Array, mu: float, f: Array, n: int, p: int, size: 
         x[p + i] = limit * e_i - f[p + i]
 
 
-def improve(A: Array, b: Array, mu: Array, f: Array, goal: float,
-            steps: int) -> tuple[float, int]:
+def improve(A: Array, b: Array, mu: Array, f: Array, goal: float, steps: int) -> float:
     """Improve f as `refine` does, with scratch memory of its own."""
     rows = len(b)
-    violation, done = refine(A, b, mu, f, goal, steps, np.empty(rows), np.empty(rows),
-                             np.empty((rows, rows)), np.empty(rows),
-                             np.empty(rows, dtype=np.int64), np.zeros(1))
-    return float(violation), int(done)
+    return float(refine(A, b, mu, f, goal, steps, np.empty(rows), np.empty(rows),
+                        np.empty((rows, rows)), np.empty(rows), np.empty(rows, dtype=np.int64),
+                        np.zeros(1)))
 
 
 @kernel
 def refine(A: Array, b: Array, mu: Array, f: Array, goal: float, steps: int, a: Array,
            trial: Array, M: Array, x: Array, last: IntArray,
-           effort: Array) -> tuple[float, int]:
+           effort: Array) -> float:
     """
-    Improve f, in place, by Newton's method; return its violation [unit of b] and the steps taken.
+    Improve f, in place, by Newton's method; return its violation [unit of b].
 
     It ends at a violation of `goal` [unit of b], after `steps`, or when it gains nothing any more.
     a, trial, x, (rows,), M, (rows, rows), last, (rows,), and effort, (1,), are scratch.
@@ -199,19 +197,19 @@ def refine(A: Array, b: Array, mu: Array, f: Array, goal: float, steps: int, a: 
     best = _violation(A, b, mu, f, a)
     idle = 0
     if best <= goal:
-        return best, 0
-    for step in range(steps):
+        return best
+    for _ in range(steps):
         if best <= goal or idle > 6:
-            return best, step
+            return best
         for k in range(mu.shape[0]):
             _newton_rows(A, a, mu, trial, k, M, x)
         if not solve_linear(M, x, last, effort):
-            return best, step
+            return best
         for i in range(rows):
             trial[i] += x[i]
         now = _violation(A, b, mu, trial, a)
         if not now < np.inf:
-            return best, step
+            return best
         idle += 1
         if now < best:
             # A gain worth another try; small ones, at rounding, let the counter run.
@@ -220,7 +218,7 @@ def refine(A: Array, b: Array, mu: Array, f: Array, goal: float, steps: int, a: 
             best = now
             for i in range(rows):
                 f[i] = trial[i]
-    return best, steps
+    return best
 
 
 def sweep(A: Array, b: Array, mu: Array, f: Array, count: int) -> None:

@@ -247,7 +247,7 @@ def _find_impulses(model: Model, chosen: IntArray, rows: Rows, work: QpWork) -> 
     newton = make_newton(m, 3 * m, len(model.m), len(model.m))
     touched = number_bodies(contacts, chosen, model.inv_m, newton.slot)
     worst = float(solve_rows(rows, m, 3, touched, FEW_STEPS, EFFORT, newton))
-    outcome = Outcome(worst, worst <= TOLERANCE, '', 0, 0)
+    outcome = Outcome(worst, worst <= TOLERANCE, '', 0)
     if not outcome.solved and m <= MOST_POINTS:
         A = np.zeros((3 * m, 3 * m))
         effective_mass(model, contacts, work.bodies, chosen, m, 3, np.zeros((2, 3 * m, 3)), A)
