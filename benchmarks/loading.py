@@ -10,17 +10,15 @@ Each is loaded in processes of its own, whose kernels are in the cache. The time
 tells more on a machine that does other things too.
 """
 
-import argparse
 from collections.abc import Iterator
 import json
 from pathlib import Path
 from statistics import median
 import subprocess
 import sys
-import tempfile
 
 import numpy as np
-from page import heading, line, machine, write
+from page import heading, line, measure
 
 # Prints wall time and processor time of loading a scene [s], and the peak of memory [MB].
 LOAD = """
@@ -104,17 +102,7 @@ def rows(folder: Path, repeats: int) -> Iterator[str]:
 
 def main() -> int:
     """Measure, print and write down."""
-    parser = argparse.ArgumentParser(description=(__doc__ or '').strip().splitlines()[0])
-    parser.add_argument('--repeats', type=int, default=3, help='processes for each, 3')
-    parser.add_argument('--output', type=Path, help='a Markdown file to write, besides')
-    arguments = parser.parse_args()
-    pages = [machine()]
-    with tempfile.TemporaryDirectory() as folder:
-        pages.append('\n'.join(rows(Path(folder), arguments.repeats)))
-    print(*pages, sep='\n\n')
-    if arguments.output:
-        write(arguments.output, pages, 'loading')
-    return 0
+    return measure('loading', __doc__, 3, 'processes for each', rows)
 
 
 if __name__ == '__main__':

@@ -2,12 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where and when something was measured, and where it is written down."""
 
-from collections.abc import Sequence
+import argparse
+from collections.abc import Callable, Iterable, Sequence
 from datetime import date
 import os
 from pathlib import Path
 import platform
 import sys
+import tempfile
 
 import numba
 import numpy as np
@@ -52,3 +54,25 @@ def write(path: Path, pages: Sequence[str], name: str = 'measured') -> None:
     head, tail = text.split(begin)[0], text.split(end)[1]
     path.write_text(f'{head}{begin}\n\n' + '\n\n'.join(pages) + f'\n\n{end}{tail}',
                     encoding='utf-8')
+
+
+def measure(name: str, about: str | None, repeats: int, what: str,
+            *tables: Callable[[Path, int], Iterable[str]]) -> int:
+    """
+    Be the main function of a benchmark: measure, print and write down; return the exit code.
+
+    Each of the tables returns its lines from an empty folder and from how often to measure;
+    `repeats` of `what` where the command line says nothing.
+    """
+    parser = argparse.ArgumentParser(description=(about or '').strip().splitlines()[0])
+    parser.add_argument('--repeats', type=int, default=repeats, help=f'{what}, {repeats}')
+    parser.add_argument('--output', type=Path, help='a Markdown file to write, besides')
+    arguments = parser.parse_args()
+    pages = [machine()]
+    print(pages[0], flush=True)
+    with tempfile.TemporaryDirectory() as folder:
+        pages += ['\n'.join(table(Path(folder), arguments.repeats)) for table in tables]
+    print('', *pages[1:], sep='\n\n')
+    if arguments.output:
+        write(arguments.output, pages, name)
+    return 0

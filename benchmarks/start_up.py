@@ -14,7 +14,6 @@ compiles while the world steps, and what Python takes to end. `batch` is `rigid_
 records one step, until it has ended; it has to say that it compiles when that takes.
 """
 
-import argparse
 import json
 import os
 from pathlib import Path
@@ -22,11 +21,10 @@ import resource
 from statistics import median
 import subprocess
 import sys
-import tempfile
 import time
 from typing import Any, NamedTuple
 
-from page import heading, line, machine, write
+from page import heading, line, measure
 
 COLD, WARM = 15.0, 1.0      # s at most
 SCENES: dict[str, dict[str, Any]] = {
@@ -143,19 +141,7 @@ def parts(below: Path, repeats: int) -> list[str]:
 
 def main() -> int:
     """Measure, print and write down."""
-    parser = argparse.ArgumentParser(description=(__doc__ or '').strip().splitlines()[0])
-    parser.add_argument('--repeats', type=int, default=7, help='warm starts of each, 7')
-    parser.add_argument('--output', type=Path, help='a Markdown file to write, besides')
-    arguments = parser.parse_args()
-    pages = [machine()]
-    print(pages[0], flush=True)
-    with tempfile.TemporaryDirectory() as folder:
-        pages += ['\n'.join(table(Path(folder), arguments.repeats))
-                  for table in (cold_and_warm, parts)]
-    print('', *pages[1:], sep='\n\n')
-    if arguments.output:
-        write(arguments.output, pages, 'start-up')
-    return 0
+    return measure('start-up', __doc__, 7, 'warm starts of each', cold_and_warm, parts)
 
 
 if __name__ == '__main__':

@@ -113,9 +113,7 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source,
                              for properties, body in zip(masses, spec.bodies, strict=True)],
                             frames, forces, spec.world.step, spec.world.gravity)
         state = _initial_state(spec, model)
-    numbers = np.vstack([np.atleast_2d(field) for field in (model.inv_m, model.inv_I_C, *state)])
-    for i in np.flatnonzero(~np.isfinite(numbers).all(axis=0)).tolist():
-        report(('bodies', i), _EXTREME)
+    _check_finite(model, state, report)
     if problems:
         raise SceneError(problems)
     joints = build_scene_joints(spec, model, report)
@@ -124,10 +122,7 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source,
     shapes = _shapes(spec, model, report)
     if problems or shapes is None:
         raise SceneError(problems)
-    materials = build_materials(collision.materials(spec), collision.overrides(spec))
-    if not all(np.isfinite(field).all() for field in materials):
-        raise SceneError([source.problem(('materials',), 'numbers of two materials together '
-                                         'leave the range of numbers, must be less extreme')])
+    materials = _materials(spec, source)
     if spec.world.contact == 'penalty':
         try:
             check_step(model, shapes, materials)
@@ -137,6 +132,22 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source,
                  tuple(body.name for body in spec.bodies), frame_names, joints,
                  spec.world.integrator, spec.world.orientation, spec.world.contact,
                  spec.world.solver, notes)
+
+
+def _check_finite(model: Model, state: State, report: Report) -> None:
+    """Report the bodies whose masses or motion leave the range of numbers."""
+    numbers = np.vstack([np.atleast_2d(field) for field in (model.inv_m, model.inv_I_C, *state)])
+    for i in np.flatnonzero(~np.isfinite(numbers).all(axis=0)).tolist():
+        report(('bodies', i), _EXTREME)
+
+
+def _materials(spec: schema.Scene, source: Source) -> Materials:
+    """Return the materials by pairs; SceneError if two together leave the range of numbers."""
+    materials = build_materials(collision.materials(spec), collision.overrides(spec))
+    if not all(np.isfinite(field).all() for field in materials):
+        raise SceneError([source.problem(('materials',), 'numbers of two materials together '
+                                         'leave the range of numbers, must be less extreme')])
+    return materials
 
 
 def to_text(spec: schema.Scene) -> str:

@@ -9,11 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.contact.carried_forces import Carried
-from rigid_sim_ros.engine.contact.penalty_force import PenaltySettings
 from rigid_sim_ros.engine.detection.manifolds import current_manifolds, empty_memory
 from rigid_sim_ros.engine.dynamics.forces import WIDTH
 from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches
-from rigid_sim_ros.engine.events.buffers import EventSettings
+from rigid_sim_ros.engine.events.buffers import Buffers
 from rigid_sim_ros.engine.model.inertia import MassProperties
 from rigid_sim_ros.engine.model.kinds.box import box as box_mass
 from rigid_sim_ros.engine.model.kinds.sphere import sphere
@@ -89,17 +88,34 @@ class _Scene:
         return current_manifolds(self.memory)
 
 
+class EventWork(NamedTuple):
+    """What tests look at in the model `event`."""
+
+    report: event.EventReport
+    carried: Carried
+    buffers: Buffers
+
+
 class EventScene(_Scene):
     """A scene that runs with the model `event`."""
 
     def __init__(self, things, material, h=1e-3, gravity=(0.0, 0.0, -G)):
         super().__init__(things, material, h, gravity)
-        self.settings = EventSettings()
-        self.work = event.EventWork(len(things), len(things))
+        self.arguments, self.pack = self._begin(), None
+        self.settings = self.arguments.settings
+
+    def _begin(self):
+        return event.make_arguments(self.model, self.state, self.wrenches, self.shapes,
+                                    self.materials, self.memory)
+
+    @property
+    def work(self) -> EventWork:
+        c = self.arguments
+        return EventWork(event.report(c), event.carried_over(c), c.buffers)
 
     def step(self, count=1) -> None:
-        self.memory = event.advance(self.model, self.state, self.wrenches, self.shapes,
-                                    self.materials, self.memory, self.settings, self.work, count)
+        self.arguments, self.pack = event.advance(self.arguments, count, self.pack)
+        self.memory = self.arguments.memory
 
     def twin(self) -> 'EventScene':
         """Return a scene that continues from the state and from what is carried over only."""
@@ -108,8 +124,8 @@ class EventScene(_Scene):
         other.state = copy_state(self.state)
         count = len(self.shapes.body)
         other.memory = empty_memory(count, count)
-        other.work = event.EventWork(count, count)
-        other.work.carried = Carried(*(array.copy() for array in self.work.carried))
+        other.arguments, other.pack = event.with_carried(
+            other._begin(), Carried(*(array.copy() for array in self.work.carried))), None
         return other
 
 
@@ -118,12 +134,19 @@ class PenaltyScene(_Scene):
 
     def __init__(self, things, material, h=1e-3, gravity=(0.0, 0.0, -G)):
         super().__init__(things, material, h, gravity)
-        self.settings = PenaltySettings()
-        self.work = penalty.PenaltyWork(len(things))
+        self.arguments, self.pack = self._begin(), None
+
+    def _begin(self):
+        return penalty.make_arguments(self.model, self.state, self.wrenches, self.shapes,
+                                      self.materials, self.memory)
+
+    @property
+    def bristles(self) -> penalty.Bristles:
+        return penalty.carried_over(self.arguments)
 
     def step(self, count=1) -> None:
-        self.memory = penalty.advance(self.model, self.state, self.wrenches, self.shapes,
-                                      self.materials, self.memory, self.settings, self.work, count)
+        self.arguments, self.pack = penalty.advance(self.arguments, count, self.pack)
+        self.memory = self.arguments.memory
 
     def twin(self) -> 'PenaltyScene':
         """Return a scene that continues from the state and from the bristles, and nothing else."""
@@ -132,8 +155,7 @@ class PenaltyScene(_Scene):
         other.state = copy_state(self.state)
         count = len(self.shapes.body)
         other.memory = empty_memory(count, count)
-        other.work = penalty.PenaltyWork(count)
-        other.work.bristles = penalty.Bristles(*(array.copy() for array in self.work.lasting()))
+        other.arguments, other.pack = penalty.with_carried(other._begin(), self.bristles), None
         return other
 
 

@@ -77,6 +77,16 @@ def test_an_attribute_that_is_not_there_is_named():
         wrong(pack(3))
 
 
+def sleep_steps(c):
+    if c is None:
+        return c.missing    # no type has it: to compile this is an error
+    return c.settings.sleep_steps
+
+
+def test_what_is_for_no_arguments_is_not_compiled_for_a_pack():
+    assert of_the_pack(sleep_steps)(pack(3)) == SETTINGS.sleep_steps
+
+
 def test_what_python_writes_to_an_array_the_next_call_sees():
     arguments = Arguments(work(3), SETTINGS, *pair(3))
     once = ArgumentPack(arguments)

@@ -11,18 +11,16 @@ of joints is piecewise straight (laws.py): impulses that put an axis on another 
 again with the answer of that.
 """
 
+from rigid_sim_ros.engine.constraints.articulated_buffers import (
+    ContactBuffers, HALF_KNOWN, ISLANDS, KNOWN, POINTS_IN_USE, WIDTH)
 from rigid_sim_ros.engine.constraints.articulated_rows import (
     answer_to_impulses, moves, push_apart, read_row_rates, solve_system, take_off, write_system,
     write_velocities)
-from rigid_sim_ros.engine.constraints.pressing import (
-    HALF_KNOWN, ISLANDS, KNOWN, POINTS_IN_USE, Pressing, WIDTH)
-from rigid_sim_ros.engine.contact.carried_forces import (
-    keep_force, recall_forces)
+from rigid_sim_ros.engine.contact.carried_forces import keep_force, recall_forces
 from rigid_sim_ros.engine.contact.classify import resting_speed
 from rigid_sim_ros.engine.contact.contact_rows import apply_forces, effect, rate
 from rigid_sim_ros.engine.contact.contacts import (
-    add_contact_load, Contacts, push_rows, read_bodies,
-    read_rates, read_velocity, to_world)
+    add_contact_load, Contacts, push_rows, read_bodies, read_rates, read_velocity, to_world)
 from rigid_sim_ros.engine.dynamics.loads import kick, Loads
 from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
 from rigid_sim_ros.engine.joints.settle import find_motions
@@ -57,13 +55,14 @@ CHORDS = 4
 
 
 @kernel
-def press(model: Model, state: State, table: JointTable, motion: JointMotion, work: JointWork,
-          loads: Loads, h: float, first: bool, w: Pressing) -> None:
+def solve_contacts(model: Model, state: State, table: JointTable, motion: JointMotion,
+                   work: JointWork, loads: Loads, h: float, first: bool,
+                   w: ContactBuffers) -> None:
     """
     Give the bodies the impulses of the chosen points in one half of a step of h [s].
 
     The momenta are those after the kick of that half, by the loads; joints have not answered yet.
-    In the first half momenta that only displace are added, which `take_back_displacing` takes.
+    In the first half momenta that only displace are added, which `undo_displacing` takes.
     """
     if first:
         w.displacing.F[:], w.displacing.tau[:] = 0.0, 0.0
@@ -77,14 +76,14 @@ def press(model: Model, state: State, table: JointTable, motion: JointMotion, wo
     known = False
     for n in range(MOST_PIECES):
         _find_velocities(model, state, table, motion, work, h, first, w)
-        known = n > 0 and are_same_pieces(work, w)
+        known = n > 0 and is_same_active_set(work, w)
         if known:
             break
-        keep_pieces(work, w)
+        keep_active_set(work, w)
         changed = False
         for island in range(w.count[ISLANDS]):
             chosen = w.chosen[w.first[island]:w.first[island + 1]]
-            if _press_island(model, state, table, work, chosen, h, first, w):
+            if _solve_island(model, state, table, work, chosen, h, first, w):
                 changed = True
         known = table.lawful == 0 or not changed
         if known:
@@ -97,7 +96,7 @@ def press(model: Model, state: State, table: JointTable, motion: JointMotion, wo
 
 @kernel
 def _find_velocities(model: Model, state: State, table: JointTable, motion: JointMotion,
-                     work: JointWork, h: float, first: bool, w: Pressing) -> None:
+                     work: JointWork, h: float, first: bool, w: ContactBuffers) -> None:
     """Write the velocities of all bodies as the joints let them move with their momenta."""
     find_motions(model, table, state, motion, work, h, first)
     for i in range(model.m.shape[0]):
@@ -107,7 +106,7 @@ def _find_velocities(model: Model, state: State, table: JointTable, motion: Join
 
 @kernel
 def _lessen(model: Model, state: State, table: JointTable, motion: JointMotion, work: JointWork,
-            h: float, first: bool, w: Pressing) -> None:
+            h: float, first: bool, w: ContactBuffers) -> None:
     """
     Make impulses smaller that are for other pieces of the axes than come from them.
 
@@ -138,7 +137,7 @@ def _lessen(model: Model, state: State, table: JointTable, motion: JointMotion, 
 
 
 @kernel
-def _push_all(model: Model, state: State, share: float, w: Pressing) -> None:
+def _push_all(model: Model, state: State, share: float, w: ContactBuffers) -> None:
     """Give the bodies a share of the impulses."""
     for k in w.chosen[:w.count[POINTS_IN_USE]]:
         for i in range(w.count[WIDTH]):
@@ -147,7 +146,7 @@ def _push_all(model: Model, state: State, share: float, w: Pressing) -> None:
 
 
 @kernel
-def _read_all_rates(model: Model, w: Pressing, u: Array) -> None:
+def _read_all_rates(model: Model, w: ContactBuffers, u: Array) -> None:
     """Write the rates of all rows of the chosen points."""
     for c in range(w.count[POINTS_IN_USE]):
         read_rates(model, w.contacts, w.bodies.velocity, w.chosen[c], w.count[WIDTH], u,
@@ -156,7 +155,7 @@ def _read_all_rates(model: Model, w: Pressing, u: Array) -> None:
 
 @kernel
 def _begin_with(model: Model, state: State, chosen: IntArray, width: int, first: bool,
-                w: Pressing) -> None:
+                w: ContactBuffers) -> None:
     """Give the bodies the impulses that were found before, to begin with."""
     recall_forces(model, w.contacts, chosen, width, w.carried if first else w.half, w.match, w.row)
     for c in range(chosen.shape[0]):
@@ -172,14 +171,14 @@ def _begin_with(model: Model, state: State, chosen: IntArray, width: int, first:
 
 
 @kernel
-def keep_pieces(work: JointWork, w: Pressing) -> None:
+def keep_active_set(work: JointWork, w: ContactBuffers) -> None:
     """Note on which pieces all axes are."""
     for k in range(w.locked.shape[0]):
         w.locked[k], w.extra[k] = work.locked[k], work.extra[k]
 
 
 @kernel
-def are_same_pieces(work: JointWork, w: Pressing) -> bool:
+def is_same_active_set(work: JointWork, w: ContactBuffers) -> bool:
     """Return whether all axes are on the pieces for which the impulses were found."""
     for k in range(w.locked.shape[0]):
         if w.locked[k] != work.locked[k] or w.extra[k] != work.extra[k]:
@@ -188,8 +187,8 @@ def are_same_pieces(work: JointWork, w: Pressing) -> bool:
 
 
 @kernel
-def _press_island(model: Model, state: State, table: JointTable, work: JointWork,
-                  chosen: IntArray, h: float, first: bool, w: Pressing) -> bool:
+def _solve_island(model: Model, state: State, table: JointTable, work: JointWork,
+                  chosen: IntArray, h: float, first: bool, w: ContactBuffers) -> bool:
     """
     Find the impulses of an island for the present pieces, and give them to the bodies.
 
@@ -232,7 +231,7 @@ def _press_island(model: Model, state: State, table: JointTable, work: JointWork
 
 
 @kernel
-def _aim(contacts: Contacts, chosen: IntArray, width: int, h: float, w: Pressing) -> None:
+def _aim(contacts: Contacts, chosen: IntArray, width: int, h: float, w: ContactBuffers) -> None:
     """Add to the rates b what lets gaps close within the step; note which points are to bounce."""
     b = w.system.rows.b
     for c in range(chosen.shape[0]):
@@ -246,7 +245,7 @@ def _aim(contacts: Contacts, chosen: IntArray, width: int, h: float, w: Pressing
 
 
 @kernel
-def _note_work(chosen: IntArray, width: int, w: Pressing) -> float:
+def _note_work(chosen: IntArray, width: int, w: ContactBuffers) -> float:
     """
     Write the work of the impulses at each point of an island; return that of all.
 
@@ -264,7 +263,7 @@ def _note_work(chosen: IntArray, width: int, w: Pressing) -> float:
 
 
 @kernel
-def rebound(chosen: IntArray, width: int, is_new: bool, lost: float, w: Pressing) -> None:
+def rebound(chosen: IntArray, width: int, is_new: bool, lost: float, w: ContactBuffers) -> None:
     """
     Find the impulses of points that bounce, so that they give no energy but what was lost [J].
 
@@ -297,7 +296,7 @@ def rebound(chosen: IntArray, width: int, is_new: bool, lost: float, w: Pressing
 
 
 @kernel
-def _take_no_energy(chosen: IntArray, width: int, w: Pressing) -> None:
+def _take_no_energy(chosen: IntArray, width: int, w: ContactBuffers) -> None:
     """
     Make impulses that are no solution smaller where they would give energy.
 
@@ -318,7 +317,7 @@ def _take_no_energy(chosen: IntArray, width: int, w: Pressing) -> None:
 
 @kernel
 def _solve_rebound(chosen: IntArray, width: int, share: float, is_new: bool,
-                   w: Pressing) -> float:
+                   w: ContactBuffers) -> float:
     """Find the impulses with this share of all bounces; return their work."""
     rows, m = w.system.rows, chosen.shape[0]
     for i in range(width * m):
@@ -330,7 +329,8 @@ def _solve_rebound(chosen: IntArray, width: int, share: float, is_new: bool,
 
 
 @kernel
-def _displace(contacts: Contacts, chosen: IntArray, width: int, h: float, w: Pressing) -> None:
+def _displace(contacts: Contacts, chosen: IntArray, width: int, h: float,
+              w: ContactBuffers) -> None:
     """Write impulses that displace what overlaps, and does not come apart by itself."""
     rows, m, any_wanted = w.system.rows, chosen.shape[0], False
     apply_forces(rows, m, width, rows.f)
@@ -354,7 +354,7 @@ def _displace(contacts: Contacts, chosen: IntArray, width: int, h: float, w: Pre
 
 @kernel
 def _add_displacing(model: Model, state: State, table: JointTable, work: JointWork, h: float,
-                    w: Pressing) -> None:
+                    w: ContactBuffers) -> None:
     """
     Add the momenta with which bodies move as the impulses that displace let them.
 
@@ -383,7 +383,7 @@ def _add_displacing(model: Model, state: State, table: JointTable, work: JointWo
 
 
 @kernel
-def take_back_displacing(model: Model, state: State, h: float, w: Pressing) -> None:
+def undo_displacing(model: Model, state: State, h: float, w: ContactBuffers) -> None:
     """
     Take back the momenta that displaced on a way of h [s].
 
@@ -399,7 +399,7 @@ def take_back_displacing(model: Model, state: State, h: float, w: Pressing) -> N
 
 
 @kernel
-def keep_impulses(model: Model, first: bool, w: Pressing) -> None:
+def keep_impulses(model: Model, first: bool, w: ContactBuffers) -> None:
     """Carry the impulses over to the other half of the step, or to the next step."""
     carried, kept = w.half if first else w.carried, w.count[POINTS_IN_USE]
     for c in range(kept):

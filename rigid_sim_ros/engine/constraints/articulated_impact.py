@@ -10,12 +10,13 @@ against their limits.
 """
 
 
+from rigid_sim_ros.engine.constraints.articulated_buffers import (
+    ContactBuffers, ISLANDS, POINTS_IN_USE, WIDTH)
 from rigid_sim_ros.engine.constraints.articulated_contact import (
-    are_same_pieces, keep_pieces, MOST_HALVINGS, MOST_PIECES, rebound)
+    is_same_active_set, keep_active_set, MOST_HALVINGS, MOST_PIECES, rebound)
 from rigid_sim_ros.engine.constraints.articulated_points import rate_of_gap
 from rigid_sim_ros.engine.constraints.articulated_rows import (
     read_row_rates, take_off, write_system, write_velocities)
-from rigid_sim_ros.engine.constraints.pressing import ISLANDS, POINTS_IN_USE, Pressing, WIDTH
 from rigid_sim_ros.engine.contact.classify import classify, COLLIDING, resting_speed
 from rigid_sim_ros.engine.contact.contacts import push_rows, read_velocity
 from rigid_sim_ros.engine.joints.articulated import write_momenta
@@ -35,7 +36,7 @@ ROUNDING = 1e-9
 
 @kernel
 def collide(model: Model, state: State, table: JointTable, motion: JointMotion, work: JointWork,
-            h: float, elastic: bool, w: Pressing) -> int:
+            h: float, elastic: bool, w: ContactBuffers) -> int:
     """
     Give the bodies impulses until no touching point approaches faster than it may at rest.
 
@@ -75,7 +76,7 @@ def _end(model: Model, state: State, table: JointTable, motion: JointMotion,
 
 
 @kernel
-def _fastest_pair(h: float, w: Pressing) -> int:
+def _fastest_pair(h: float, w: ContactBuffers) -> int:
     """Write the touching points of the pair that approaches fastest; return how many, 0: none."""
     contacts, block, fastest = w.contacts, -1, 0.0
     for n in range(contacts.count[1]):
@@ -95,7 +96,7 @@ def _fastest_pair(h: float, w: Pressing) -> int:
 
 @kernel
 def _collide(model: Model, state: State, table: JointTable, motion: JointMotion, work: JointWork,
-             chosen: IntArray, h: float, elastic: bool, w: Pressing) -> None:
+             chosen: IntArray, h: float, elastic: bool, w: ContactBuffers) -> None:
     """
     Give the bodies the impulses of the points of one pair, or of an island.
 
@@ -111,7 +112,7 @@ def _collide(model: Model, state: State, table: JointTable, motion: JointMotion,
         for i in range(width):
             rows.f[width * c + i] = 0.0
     for n in range(MOST_PIECES):
-        keep_pieces(work, w)
+        keep_active_set(work, w)
         write_system(model, table, work, contacts, w.bodies, chosen, width, w.system)
         read_row_rates(rows, m, width, w.bodies.velocity, rows.b)
         for i in range(r):
@@ -123,7 +124,7 @@ def _collide(model: Model, state: State, table: JointTable, motion: JointMotion,
         for i in range(r):
             w.row[i] = rows.f[i] - w.row[i]
         _push(model, state, table, motion, work, chosen, w)
-        if table.lawful == 0 or are_same_pieces(work, w):
+        if table.lawful == 0 or is_same_active_set(work, w):
             break
     _take_no_energy(model, state, table, motion, work, chosen, w)
     for c in range(m):
@@ -133,7 +134,7 @@ def _collide(model: Model, state: State, table: JointTable, motion: JointMotion,
 
 @kernel
 def _push(model: Model, state: State, table: JointTable, motion: JointMotion, work: JointWork,
-          chosen: IntArray, w: Pressing) -> None:
+          chosen: IntArray, w: ContactBuffers) -> None:
     """Give the bodies the impulses w.row, and read how they move then."""
     for c in range(chosen.shape[0]):
         push_rows(model, state, w.contacts, chosen[c], w.count[WIDTH], w.row, w.count[WIDTH] * c)
@@ -145,7 +146,7 @@ def _push(model: Model, state: State, table: JointTable, motion: JointMotion, wo
 
 @kernel
 def _take_no_energy(model: Model, state: State, table: JointTable, motion: JointMotion,
-                    work: JointWork, chosen: IntArray, w: Pressing) -> None:
+                    work: JointWork, chosen: IntArray, w: ContactBuffers) -> None:
     """Halve impulses that give energy, as those may for which no pieces were found."""
     rows, width, m = w.system.rows, w.count[WIDTH], chosen.shape[0]
     for _ in range(MOST_HALVINGS):

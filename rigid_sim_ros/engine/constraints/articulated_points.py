@@ -11,8 +11,8 @@ where they met (`meeting_within`).
 
 import math
 
-from rigid_sim_ros.engine.constraints.pressing import (
-    ISLANDS, KNOWN, POINTS_IN_USE, Pressing, WIDTH, WOKEN)
+from rigid_sim_ros.engine.constraints.articulated_buffers import (
+    ContactBuffers, ISLANDS, KNOWN, POINTS_IN_USE, WIDTH, WOKEN)
 from rigid_sim_ros.engine.contact.carried_forces import match_forces
 from rigid_sim_ros.engine.contact.classify import resting_speed
 from rigid_sim_ros.engine.contact.contacts import Contacts, relative, to_contact
@@ -30,13 +30,13 @@ CLOSE, NEAR = 1e-4, 1e-6
 
 
 @kernel
-def rate_of_gap(w: Pressing, k: int) -> float:
+def rate_of_gap(w: ContactBuffers, k: int) -> float:
     """Return how fast the gap of point k grows [m/s]."""
     return to_contact(w.contacts, k, relative(w.bodies.velocity, w.contacts, k))[0]
 
 
 @kernel
-def take_close(w: Pressing) -> None:
+def take_close(w: ContactBuffers) -> None:
     """Let take part what is close, and the pairs that were woken."""
     contacts = w.contacts
     match_forces(contacts, w.carried, w.count[KNOWN], w.match)
@@ -47,7 +47,7 @@ def take_close(w: Pressing) -> None:
 
 
 @kernel
-def _is_woken(w: Pressing, a: int, b: int) -> bool:
+def _is_woken(w: ContactBuffers, a: int, b: int) -> bool:
     for n in range(w.count[WOKEN]):
         if w.woken[n, 0] == a and w.woken[n, 1] == b:
             return True
@@ -55,7 +55,7 @@ def _is_woken(w: Pressing, a: int, b: int) -> bool:
 
 
 @kernel
-def wake(w: Pressing, a: int, b: int) -> bool:
+def wake(w: ContactBuffers, a: int, b: int) -> bool:
     """Let all points of two shapes take part in this part of a step; return whether it is new."""
     n = w.count[WOKEN]
     if n == w.woken.shape[0] or _is_woken(w, a, b):
@@ -66,7 +66,7 @@ def wake(w: Pressing, a: int, b: int) -> bool:
 
 
 @kernel
-def take_touching(h: float, soon: float, w: Pressing) -> None:
+def take_touching(h: float, soon: float, w: ContactBuffers) -> None:
     """
     Let take part what touches, and what is as near as a rebound that is too short to be one.
 
@@ -83,7 +83,7 @@ def take_touching(h: float, soon: float, w: Pressing) -> None:
 
 
 @kernel
-def take_all(w: Pressing) -> None:
+def take_all(w: ContactBuffers) -> None:
     """Let all points take part."""
     match_forces(w.contacts, w.carried, w.count[KNOWN], w.match)
     for k in range(w.contacts.count[0]):
@@ -91,7 +91,7 @@ def take_all(w: Pressing) -> None:
 
 
 @kernel
-def take_pressing(w: Pressing) -> None:
+def take_loaded(w: ContactBuffers) -> None:
     """
     Let take part in the second half of a step what pressed in the first, or touches.
 
@@ -102,7 +102,7 @@ def take_pressing(w: Pressing) -> None:
 
 
 @kernel
-def choose_points(model: Model, table: JointTable, w: Pressing) -> int:
+def choose_points(model: Model, table: JointTable, w: ContactBuffers) -> int:
     """Sort the points that take part by islands; return the rows of the largest."""
     contacts, parent = w.contacts, w.parent
     _unite_bodies(model, table, contacts, parent)
@@ -138,7 +138,7 @@ def choose_points(model: Model, table: JointTable, w: Pressing) -> int:
 
 
 @kernel
-def _find_held(model: Model, table: JointTable, w: Pressing) -> None:
+def _find_held(model: Model, table: JointTable, w: ContactBuffers) -> None:
     """Note which sets of bodies hang on, or touch, what nothing pushes."""
     contacts = w.contacts
     w.held[:] = 0
@@ -150,7 +150,7 @@ def _find_held(model: Model, table: JointTable, w: Pressing) -> None:
 
 
 @kernel
-def _note_held(model: Model, a: int, b: int, w: Pressing) -> None:
+def _note_held(model: Model, a: int, b: int, w: ContactBuffers) -> None:
     for one, other in ((a, b), (b, a)):
         if (other < 0 or model.inv_m[other] == 0.0) and one >= 0:
             w.held[first_of(w.parent, one)] = 1
@@ -180,7 +180,7 @@ def _island(model: Model, contacts: Contacts, k: int, parent: IntArray) -> int:
 
 
 @kernel
-def _presses(contacts: Contacts, k: int, w: Pressing) -> bool:
+def _presses(contacts: Contacts, k: int, w: ContactBuffers) -> bool:
     """Return whether a point takes part in the second half of a step."""
     if contacts.gap[k] <= NEAR * contacts.size[k]:
         return True
@@ -194,7 +194,7 @@ def _presses(contacts: Contacts, k: int, w: Pressing) -> bool:
 
 
 @kernel
-def _has_met(h: float, w: Pressing, k: int) -> float:
+def _has_met(h: float, w: ContactBuffers, k: int) -> float:
     """
     Return when [s] on a way of h [s] the shapes at point k met that overlap now; inf: did not.
 
@@ -212,7 +212,7 @@ def _has_met(h: float, w: Pressing, k: int) -> float:
 
 
 @kernel
-def meeting_within(h: float, w: Pressing) -> float:
+def meeting_within(h: float, w: ContactBuffers) -> float:
     """Return when [s] the first shapes met on a way of h [s] that overlap now; inf: none did."""
     first = math.inf
     for k in range(w.contacts.count[0]):
@@ -221,7 +221,7 @@ def meeting_within(h: float, w: Pressing) -> float:
 
 
 @kernel
-def wake_met(h: float, w: Pressing) -> bool:
+def wake_met(h: float, w: ContactBuffers) -> bool:
     """Wake what met on a way of h [s]; return whether anything was not awake."""
     any_was = False
     for k in range(w.contacts.count[0]):

@@ -35,15 +35,15 @@ from rigid_sim_ros.kernels.kernel import kernel
 # A row that moves less than this part of what it would without joints does not move: it is
 # rounding.
 _HELD = 1e-8
-# Of what a row moves without joints: by this much more it gives way to impulses that displace.
+# Of what a row moves without joints: its compliance to impulses that displace grows by as much.
 # Joints that nearly forbid a way, or wedge two bodies, would ask for any impulse.
 _WEDGED = 0.2
-# Of what a row moves without joints: by this much it gives way while a solution is looked for, by
-# MORE times as much where none is found, up to MOST_EASE.
-EASE, MORE, MOST_EASE = 1e-5, 100.0, 1e-2
-# So often at most that is taken back, until it is this part of the rates, while it gets less by
-# this factor.
-MOST_TAKEN_BACK, YIELDS, CONTRACTS = 20, 1e-10, 0.7
+# Of what a row moves without joints: its compliance while a solution is looked for, MORE times as
+# much where none is found, up to MOST_REGULARISATION.
+REGULARISATION, MORE, MOST_REGULARISATION = 1e-5, 100.0, 1e-2
+# Steps of the proximal point algorithm at most, until what the compliance does is this part of the
+# rates, while it gets less by this factor.
+MOST_PROXIMAL_STEPS, YIELDS, CONTRACTS = 20, 1e-10, 0.7
 # Sweeps before each run of Newton's method, its steps, and runs at most.
 SWEEPS, NEWTON_STEPS, ROUNDS = 60, 12, 5
 # Sweeps, from no impulses at all, where that finds no solution.
@@ -57,7 +57,7 @@ class System(NamedTuple):
     rows: Rows
     newton: Newton
     touched: IntArray  # (1,) bodies that are touched and can move
-    center: Array  # (r,) impulses for which points do not give way
+    center: Array  # (r,) impulses to which points do not yield
     articulation: IntArray  # (n,) of a body, NONE: joints do not hold it
     first: IntArray  # (g,) of an articulation, a body that is touched
     following: IntArray  # (n,) of such a body, another one of its articulation, NONE: no more
@@ -104,7 +104,7 @@ def write_system(model: Model, table: JointTable, work: JointWork, contacts: Con
                 for k in range(6):
                     rows.W[at + k] = rows.z[rows.moved[e], k]
                 at += 6
-            _ease(rows, c, i)
+            _regularise(rows, c, i)
     write_effects(rows, m, width, system.touched[0], system.newton)
 
 
@@ -150,18 +150,18 @@ def _list_moved(rows: Rows, m: int, width: int, system: System) -> None:
 
 
 @kernel
-def _ease(rows: Rows, c: int, i: int) -> None:
+def _regularise(rows: Rows, c: int, i: int) -> None:
     """
-    Let row i, of point c, give way; where joints do not let it move, let it be without effect.
+    Give row i, of point c, a compliance; where joints do not let it move, let it have no effect.
 
-    Then nothing is left of its diagonal but what it gives way; see `moves`.
+    Then nothing is left of its diagonal but the compliance; see `moves`.
     """
-    free, own = rows.stiff[i] - rows.give[i], coupling(rows, i, i)
+    free, own = rows.stiff[i] - rows.compliance[i], coupling(rows, i, i)
     if own > _HELD * free:
-        rows.give[i] = EASE * free
-        rows.stiff[i] = own + rows.give[i]
+        rows.compliance[i] = REGULARISATION * free
+        rows.stiff[i] = own + rows.compliance[i]
         return
-    rows.give[i] = rows.stiff[i] = max(free, 1e-300)
+    rows.compliance[i] = rows.stiff[i] = max(free, 1e-300)
     for k in range(SIDES):
         rows.G[i, k] = 0.0
     for k in range(6 * (rows.first[c + 1] - rows.first[c])):
@@ -171,7 +171,7 @@ def _ease(rows: Rows, c: int, i: int) -> None:
 @kernel
 def moves(rows: Rows, i: int) -> bool:
     """Return whether the joints let row i move."""
-    return bool(rows.stiff[i] > rows.give[i])
+    return bool(rows.stiff[i] > rows.compliance[i])
 
 
 @kernel
@@ -268,31 +268,31 @@ def solve_system(system: System, m: int, width: int, is_new: bool) -> float:
     """
     Find the impulses f of m points from what stands there; return the violation, 0 if none.
 
-    Points give way by give (f - f') with the impulses f' of the time before, first none (the
-    proximal point algorithm: Rockafellar, Monotone operators and the proximal point algorithm,
-    SIAM J. Control Optim. 14 (1976)). That is repeated as long as it gets less: between bodies
-    that are wedged in it does not.
+    Points yield by R (f - f'), R their compliance and f' the impulses of the time before, first
+    none (the proximal point algorithm: Rockafellar, Monotone operators and the proximal point
+    algorithm, SIAM J. Control Optim. 14 (1976)). That is repeated as long as it gets less: between
+    bodies that are wedged in it does not.
     """
     r, rows, size = width * m, system.rows, 0.0
     for i in range(r):
         size = max(size, abs(rows.b[i]))
         system.center[i] = 0.0
-    ease = EASE
+    regularisation = REGULARISATION
     worst, before = np.inf, np.inf
-    for n in range(MOST_TAKEN_BACK):
-        worst, ease = _improve(system, m, width, is_new and n == 0, size, ease)
+    for n in range(MOST_PROXIMAL_STEPS):
+        worst, regularisation = _improve(system, m, width, is_new and n == 0, size, regularisation)
         yields = 0.0
         for i in range(r):
             if moves(rows, i):
-                yields = max(yields, abs(rows.give[i] * (rows.f[i] - system.center[i])))
+                yields = max(yields, abs(rows.compliance[i] * (rows.f[i] - system.center[i])))
         if not YIELDS * size < yields <= CONTRACTS * before:
             break
         before = yields
         for i in range(r):
             if moves(rows, i):
-                rows.b[i] -= rows.give[i] * (rows.f[i] - system.center[i])
+                rows.b[i] -= rows.compliance[i] * (rows.f[i] - system.center[i])
                 system.center[i] = rows.f[i]
-    _give_way(system, r, EASE / ease - 1.0)
+    _add_regularisation(system, r, REGULARISATION / regularisation - 1.0)
     if size > 0.0:
         system.residual[0] = max(system.residual[0], worst / size)
     return worst if worst > ENOUGH * size else 0.0
@@ -300,13 +300,13 @@ def solve_system(system: System, m: int, width: int, is_new: bool) -> float:
 
 @kernel
 def _improve(system: System, m: int, width: int, is_new: bool, size: float,
-             ease: float) -> tuple[float, float]:
+             regularisation: float) -> tuple[float, float]:
     """
-    Find the impulses f of m points that give way; `size` is max |b|.
+    Find the impulses f of m points with a compliance; `size` is max |b|.
 
     Newton's method finds which points press and slide from where it begins, or does not; sweeps
-    bring it nearer, and it finds more where points give way more. Returns the violation, and by
-    how much they give way now, which was `ease`.
+    bring it nearer, and it finds more where the compliance is larger. Returns the violation, and
+    how large the compliance is now, which was `regularisation`.
     """
     rows, f = system.rows, system.rows.f
     for n in range(ROUNDS):
@@ -316,25 +316,25 @@ def _improve(system: System, m: int, width: int, is_new: bool, size: float,
         worst = refine_rows(rows, m, width, system.touched[0], GOAL * size, NEWTON_STEPS,
                             system.newton)
         if worst <= ENOUGH * size:
-            return worst, ease
-        if ease < MOST_EASE:
-            _give_way(system, width * m, MORE - 1.0)
-            ease *= MORE
+            return worst, regularisation
+        if regularisation < MOST_REGULARISATION:
+            _add_regularisation(system, width * m, MORE - 1.0)
+            regularisation *= MORE
     # What Newton's method leaves may be of any size where the rows are nearly dependent.
     f[:width * m] = 0.0
     violation(rows, m, width, f)
     sweep_rows(rows, m, width, f, MANY_SWEEPS, 0.1 * ENOUGH * size)
-    return violation(rows, m, width, f), ease
+    return violation(rows, m, width, f), regularisation
 
 
 @kernel
-def _give_way(system: System, r: int, part: float) -> None:
-    """Let rows give way by a part more than they do, from the same impulses."""
+def _add_regularisation(system: System, r: int, part: float) -> None:
+    """Let the compliance of rows grow by a part of it, from the same impulses."""
     rows = system.rows
     for i in range(r):
         if moves(rows, i):
-            more = part * rows.give[i]
-            rows.give[i] += more
+            more = part * rows.compliance[i]
+            rows.compliance[i] += more
             rows.stiff[i] += more
             rows.b[i] -= more * system.center[i]
 
@@ -344,11 +344,11 @@ def push_apart(system: System, m: int, width: int, displaced: Array) -> None:
     """
     Write impulses along the normals, (r,), with which the points get the rates -b [m/s].
 
-    How rows give way, and their coefficients, are spoiled.
+    The compliance of the rows, and their coefficients, are spoiled.
     """
     rows = system.rows
     system.center[:width * m] = 0.0
-    _give_way(system, width * m, _WEDGED / EASE)
+    _add_regularisation(system, width * m, _WEDGED / REGULARISATION)
     displaced[:width * m] = 0.0
     rows.mu[:m] = 0.0
     violation(rows, m, width, displaced)

@@ -253,17 +253,15 @@ def _way(model: Model, state: State, loads: Loads, i: int, t: float) -> Vector:
 
 
 @kernel
-def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds: Manifolds,
-             r: int, t: float, touches: bool, margin: float, prediction: Prediction,
-             scratch: Scratch) -> None:
+def _points_after(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds: Manifolds,
+                  r: int, t: float, touches: bool, margin: float, prediction: Prediction,
+                  scratch: Scratch) -> tuple[int, Vector, float]:
     """
-    Give a manifold the normal and the points of t [s] after the start of the step.
+    Find the points of a manifold t [s] after the start, or earlier, so that nothing overlaps.
 
-    Its gaps stay those of the start: of points that touch already as they were found there, of
-    others by going back along the path.
+    Returns how many there are, the normal, and the time; 0 where these would be of other features.
     """
     a, b = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
-    i, j = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
     for s in (a, b):
         place_ahead(model, state, loads, shapes, s, 0.0, prediction.pose)
     on_face = touches and meets_face(prediction.pose, shapes, a, b, row(manifolds.normal, r))
@@ -281,11 +279,29 @@ def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds
         met = MET * min(shapes.bound[a], shapes.bound[b])
         t *= max(first_gap - met, 0.0) / max(first_gap - deepest, TINY)
     if count == 0 or dot(n, row(manifolds.normal, r)) < (SAME_NORMAL if touches else 0.0):
-        return
+        return 0, n, t
     if on_face and not meets_face(prediction.pose, shapes, a, b, n):
-        return      # what is beside the face, a piece of the same floor or nothing, comes next
+        return 0, n, t      # what is beside the face comes next: more of the floor, or nothing
     if touches and not _same_features(manifolds, r, count, scratch.ids):
-        return      # others would begin without the impulses that bear the load
+        return 0, n, t      # others would begin without the impulses that bear the load
+    return count, n, t
+
+
+@kernel
+def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds: Manifolds,
+             r: int, t: float, touches: bool, margin: float, prediction: Prediction,
+             scratch: Scratch) -> None:
+    """
+    Give a manifold the normal and the points of t [s] after the start of the step.
+
+    Its gaps stay those of the start: of points that touch already as they were found there, of
+    others by going back along the path.
+    """
+    count, n, t = _points_after(model, state, loads, shapes, manifolds, r, t, touches, margin,
+                                prediction, scratch)
+    if count == 0:
+        return
+    i, j = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
     old_count = _note_old(model, state, manifolds, r, prediction.old)
     w_A, w_B = _spin_after(model, state, i, t), _spin_after(model, state, j, t)
     way_A, way_B = _way(model, state, loads, i, t), _way(model, state, loads, j, t)

@@ -14,7 +14,7 @@ threshold is left to the contact solver, which makes it rest: so ends the sequen
 bounces.
 """
 
-from rigid_sim_ros.engine.contact.classify import classify, COLLIDING
+from rigid_sim_ros.engine.contact.classify import classify, COLLIDING, share_a_body
 from rigid_sim_ros.engine.contact.colliding_body import (
     ACCELERATION, CollisionWork, get, INV_M, load_body, NEVER, put, SPIN, store_body, TOGETHER,
     VELOCITY, velocity_on)
@@ -145,9 +145,9 @@ def _choose_together(h: float, inv_m: Array, first: int, candidates: int, manifo
         for k in range(first + 1, candidates if not alone else 0):
             at = work.rows[k]
             c, d = manifolds.body_a[at] & INDEX, manifolds.body_b[at] & INDEX
-            shares = (inv_m[a] > 0.0 and a in (c, d)) or (inv_m[b] > 0.0 and b in (c, d))
-            if shares and count < TOGETHER and _is_first(h, k, manifolds, work) and (
-                    not _is_among(work.together, count, k)):
+            if (share_a_body(inv_m, a, b, c, d) and count < TOGETHER
+                    and _is_first(h, k, manifolds, work)
+                    and not _is_among(work.together, count, k)):
                 work.together[count] = k
                 count += 1
         done += 1

@@ -25,7 +25,7 @@ from rigid_sim_ros.engine.contact.contact_rows import (
     add_force, disk_stiffness, effect, forget_effects, Rows, sweep_rows, violation)
 from rigid_sim_ros.engine.contact.contacts import Contacts
 from rigid_sim_ros.engine.contact.coulomb import coefficients, disk, ENOUGH, GOAL, TOLERANCE
-from rigid_sim_ros.engine.maths.elimination import solve_linear
+from rigid_sim_ros.engine.maths.elimination import solve_columns, solve_linear
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
@@ -95,7 +95,7 @@ def _write_case(rows: Rows, c: int, width: int, f: Array, s: Array) -> None:
 @kernel
 def _write_stick(rows: Rows, n: int, p: int, width: int, s: Array) -> None:
     i = n + p
-    s[p, p] = rows.give[i] / rows.stiff[i]
+    s[p, p] = rows.compliance[i] / rows.stiff[i]
     s[p, width + p] = 1.0 / rows.stiff[i]
     s[p, 2 * width] = -rows.a[i] / rows.stiff[i]
 
@@ -123,32 +123,8 @@ def _write_disk(rows: Rows, n: int, p: int, size: int, mu: float, width: int, f:
         for j in range(size):
             e_j = (w_x if j == 0 else w_y) / long
             along = bend * ((1.0 if i == j else 0.0) - e_i * e_j) if size == 2 else 0.0
-            s[p + i, p + j] -= along * (1.0 - rows.give[n + p + j] / stiff)
+            s[p + i, p + j] -= along * (1.0 - rows.compliance[n + p + j] / stiff)
             s[p + i, width + p + j] += along / stiff
-
-
-@kernel
-def _solve_local(s: Array, width: int) -> bool:
-    """Replace D and x by C^-1 D and C^-1 x."""
-    columns = 2 * width + 1
-    for k in range(width):
-        p = k
-        for i in range(k + 1, width):
-            if abs(s[i, k]) > abs(s[p, k]):
-                p = i
-        if s[p, k] == 0.0:
-            return False
-        for j in range(k, columns):
-            s[k, j], s[p, j] = s[p, j], s[k, j]
-        for i in range(width):
-            if i != k and s[i, k] != 0.0:
-                factor = s[i, k] / s[k, k]
-                for j in range(k, columns):
-                    s[i, j] -= factor * s[k, j]
-    for k in range(width):
-        for j in range(width, columns):
-            s[k, j] /= s[k, k]
-    return True
 
 
 @kernel
@@ -184,7 +160,7 @@ def newton_step(rows: Rows, m: int, width: int, touched: int, f: Array, w: Newto
     """Take one step from f, in place; rows.a has to be that of f. False: it is not possible."""
     for c in range(m):
         _write_case(rows, c, width, f, w.local)
-        if not _solve_local(w.local, width):
+        if not solve_columns(w.local, width, 2 * width + 1):
             return False
         for q in range(width):
             w.y[width * c + q] = w.local[q, 2 * width]

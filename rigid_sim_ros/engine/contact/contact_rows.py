@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts, length, read_coefficients
-from rigid_sim_ros.engine.contact.coulomb import coefficients, disk
+from rigid_sim_ros.engine.contact.coulomb import coefficients, disk, off_disk, onto_disk
 from rigid_sim_ros.engine.maths.algebra import cross, row
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.kernels.arrays import Array, IntArray
@@ -35,7 +35,7 @@ class Rows(NamedTuple):
     at: IntArray  # (r,) where W of a row begins
     W: Array  # six numbers of a row for each body that its point moves
     stiff: Array  # (r,) [1/kg] diagonal of A, with the compliance
-    give: Array  # (r,) [1/kg] the compliance alone
+    compliance: Array  # (r,) [1/kg] by which points yield, alone
     mu: Array  # (c, 3)
     b: Array  # (r,) what a is without forces
     a: Array  # (r,) rates
@@ -85,8 +85,8 @@ def write_rows(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArra
                     rows.W[SIDES * i + at + j] = moved
                     rows.W[SIDES * i + at + 3 + j] = turned
                     total += moved * rows.G[i, at + j] + turned * rows.G[i, at + 3 + j]
-            rows.give[i] = compliance * total
-            rows.stiff[i] = total + rows.give[i]
+            rows.compliance[i] = compliance * total
+            rows.stiff[i] = total + rows.compliance[i]
 
 
 @kernel
@@ -102,7 +102,7 @@ def effect(rows: Rows, c: int, i: int) -> float:
 @kernel
 def rate(rows: Rows, c: int, i: int, f: Array) -> float:
     """Return the rate of row i, of point c, under the forces f of which z is the effect."""
-    return rows.b[i] + rows.give[i] * f[i] + effect(rows, c, i)
+    return rows.b[i] + rows.compliance[i] * f[i] + effect(rows, c, i)
 
 
 @kernel
@@ -166,12 +166,8 @@ def violation(rows: Rows, m: int, width: int, f: Array) -> float:
             stiff = disk_stiffness(rows, x, size)
             w_x = f[x] - rows.a[x] / stiff
             w_y = f[y] - rows.a[y] / stiff if size == 2 else 0.0
-            long, limit = np.sqrt(w_x * w_x + w_y * w_y), rows.mu[c, d] * max(0.0, f[n])
-            if long > limit:
-                w_x, w_y = w_x * limit / long, w_y * limit / long
-            worst = max(worst, abs(f[x] - w_x) * stiff)
-            if size == 2:
-                worst = max(worst, abs(f[y] - w_y) * stiff)
+            limit = rows.mu[c, d] * max(0.0, f[n])
+            worst = max(worst, off_disk(f[x], f[y], w_x, w_y, limit, size) * stiff)
     return worst
 
 
@@ -209,9 +205,7 @@ def _sweep_disk(rows: Rows, c: int, limit: float, f: Array, p: int, size: int) -
     stiff = disk_stiffness(rows, p, size) + (abs(coupling(rows, p, q)) if size == 2 else 0.0)
     w_x = x - rate(rows, c, p, f) / stiff
     w_y = y - rate(rows, c, q, f) / stiff if size == 2 else 0.0
-    long = np.sqrt(w_x * w_x + w_y * w_y)
-    if long > limit:
-        w_x, w_y = w_x * limit / long, w_y * limit / long
+    w_x, w_y = onto_disk(w_x, w_y, limit)
     f[p] = w_x
     add_force(rows, c, p, w_x - x)
     if size == 2:

@@ -10,12 +10,13 @@ coefficients of their own: three disks in place of one, and three more rows to a
 
 import numpy as np
 
-from rigid_sim_ros.kernels.arrays import Array
+from rigid_sim_ros.engine.maths.elimination import solve_linear
+from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
 # A is singular where points are redundant (the four corners of a box): the forces are not unique,
 # A f is, and rounding in b can make sticking everywhere impossible. Each A_ii grows by this
-# fraction, as if the points gave way a little: redundant points share the load evenly, and a
+# fraction, a compliance of the points: redundant points share the load evenly, and a
 # contact under the force f yields with the acceleration 1e-8 A_ii f, 1e-10 m/s for a body under
 # its weight at a step of 1 ms. Smaller: forces feel rounding more.
 COMPLIANCE = 1e-8
@@ -47,6 +48,22 @@ def disk(d: int) -> tuple[int, int]:
 
 
 @kernel
+def onto_disk(x: float, y: float, radius: float) -> tuple[float, float]:
+    """Return the point of a disk about 0 that is nearest to (x, y)."""
+    length = np.sqrt(x * x + y * y)
+    if length > radius:
+        return x * radius / length, y * radius / length
+    return x, y
+
+
+@kernel
+def off_disk(f_x: float, f_y: float, w_x: float, w_y: float, radius: float, size: int) -> float:
+    """Return how far the forces of a disk of 1 or 2 rows are from the nearest of it to w."""
+    w_x, w_y = onto_disk(w_x, w_y, radius)
+    return max(abs(f_x - w_x), abs(f_y - w_y) if size == 2 else 0.0)
+
+
+@kernel
 def _stiffness(A: Array, x: int, rows: int) -> float:
     """Return the larger diagonal entry of the rows of a disk [1/kg]."""
     return max(A[x, x], A[x + rows - 1, x + rows - 1])
@@ -73,12 +90,8 @@ def _violation(A: Array, b: Array, mu: Array, f: Array, a: Array) -> float:
             stiff = _stiffness(A, x, size)
             w_x = f[x] - a[x] / stiff
             w_y = f[y] - a[y] / stiff if size == 2 else 0.0
-            length, limit = np.sqrt(w_x * w_x + w_y * w_y), mu[k, d] * max(0.0, f[n])
-            if length > limit:
-                w_x, w_y = w_x * limit / length, w_y * limit / length
-            worst = max(worst, abs(f[x] - w_x) * stiff)
-            if size == 2:
-                worst = max(worst, abs(f[y] - w_y) * stiff)
+            limit = mu[k, d] * max(0.0, f[n])
+            worst = max(worst, off_disk(f[x], f[y], w_x, w_y, limit, size) * stiff)
     return worst
 
 
@@ -97,35 +110,6 @@ def residual(A: Array, b: Array, mu: Array, f: Array) -> float:
     """
     worst = float(_violation(A, b, coefficient_table(mu, len(b)), f, np.empty_like(b)))
     return worst / max(float(np.abs(b).max()), 1e-300)
-
-
-@kernel
-def _solve_linear(M: Array, x: Array) -> bool:
-    """Replace x by M^-1 x, destroying M, by elimination; return False if M is singular."""
-    size = x.shape[0]
-    for k in range(size):
-        p = k
-        for i in range(k + 1, size):
-            if abs(M[i, k]) > abs(M[p, k]):
-                p = i
-        if M[p, k] == 0.0:
-            return False
-        if p != k:
-            for j in range(k, size):
-                M[k, j], M[p, j] = M[p, j], M[k, j]
-            x[k], x[p] = x[p], x[k]
-        for i in range(k + 1, size):
-            factor = M[i, k] / M[k, k]
-            if factor != 0.0:
-                for j in range(k + 1, size):
-                    M[i, j] -= factor * M[k, j]
-                x[i] -= factor * x[k]
-    for k in range(size - 1, -1, -1):
-        total = x[k]
-        for j in range(k + 1, size):
-            total -= M[k, j] * x[j]
-        x[k] = total / M[k, k]
-    return True
 
 
 @kernel
@@ -189,23 +173,23 @@ def _newton_disk(A: Array, a: Array, mu: float, f: Array, n: int, p: int, size: 
         x[p + i] = limit * e_i - f[p + i]
 
 
-def improve(A: Array, b: Array, mu: Array, f: Array, goal: float,
-            steps: int) -> tuple[float, int]:
+def improve(A: Array, b: Array, mu: Array, f: Array, goal: float, steps: int) -> float:
     """Improve f as `refine` does, with scratch memory of its own."""
     rows = len(b)
-    violation, done = refine(A, b, mu, f, goal, steps, np.empty(rows), np.empty(rows),
-                             np.empty((rows, rows)), np.empty(rows))
-    return float(violation), int(done)
+    return float(refine(A, b, mu, f, goal, steps, np.empty(rows), np.empty(rows),
+                        np.empty((rows, rows)), np.empty(rows), np.empty(rows, dtype=np.int64),
+                        np.zeros(1)))
 
 
 @kernel
 def refine(A: Array, b: Array, mu: Array, f: Array, goal: float, steps: int, a: Array,
-           trial: Array, M: Array, x: Array) -> tuple[float, int]:
+           trial: Array, M: Array, x: Array, last: IntArray,
+           effort: Array) -> float:
     """
-    Improve f, in place, by Newton's method; return its violation [unit of b] and the steps taken.
+    Improve f, in place, by Newton's method; return its violation [unit of b].
 
     It ends at a violation of `goal` [unit of b], after `steps`, or when it gains nothing any more.
-    a, trial, x, (rows,), and M, (rows, rows), are scratch.
+    a, trial, x, (rows,), M, (rows, rows), last, (rows,), and effort, (1,), are scratch.
     """
     rows = b.shape[0]
     for i in range(rows):
@@ -213,19 +197,19 @@ def refine(A: Array, b: Array, mu: Array, f: Array, goal: float, steps: int, a: 
     best = _violation(A, b, mu, f, a)
     idle = 0
     if best <= goal:
-        return best, 0
-    for step in range(steps):
+        return best
+    for _ in range(steps):
         if best <= goal or idle > 6:
-            return best, step
+            return best
         for k in range(mu.shape[0]):
             _newton_rows(A, a, mu, trial, k, M, x)
-        if not _solve_linear(M, x):
-            return best, step
+        if not solve_linear(M, x, last, effort):
+            return best
         for i in range(rows):
             trial[i] += x[i]
         now = _violation(A, b, mu, trial, a)
         if not now < np.inf:
-            return best, step
+            return best
         idle += 1
         if now < best:
             # A gain worth another try; small ones, at rounding, let the counter run.
@@ -234,7 +218,7 @@ def refine(A: Array, b: Array, mu: Array, f: Array, goal: float, steps: int, a: 
             best = now
             for i in range(rows):
                 f[i] = trial[i]
-    return best, steps
+    return best
 
 
 def sweep(A: Array, b: Array, mu: Array, f: Array, count: int) -> None:
@@ -273,9 +257,7 @@ def _sweep_disk(A: Array, limit: float, f: Array, p: int, size: int, a: Array) -
     stiff = _stiffness(A, p, size) + (abs(A[p, q]) if size == 2 else 0.0)
     w_x = x - a[p] / stiff
     w_y = y - a[q] / stiff if size == 2 else 0.0
-    length = np.sqrt(w_x * w_x + w_y * w_y)
-    if length > limit:
-        w_x, w_y = w_x * limit / length, w_y * limit / length
+    w_x, w_y = onto_disk(w_x, w_y, limit)
     f[p] = w_x
     for i in range(a.shape[0]):
         a[i] += A[i, p] * (w_x - x)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.contact.classify import classify, COLLIDING, resting_speed
+from rigid_sim_ros.engine.contact.classify import classify, COLLIDING, resting_speed, share_a_body
 from rigid_sim_ros.engine.contact.contacts import (
     Bodies, Contacts, push_rows, read_coefficients, read_rates, read_velocity, relative,
     to_contact)
@@ -53,6 +53,8 @@ class Room(NamedTuple):
     x: Array  # (wm,)
     M: Array  # (wm, wm) A with a small compliance
     K: Array  # (wm, wm)
+    last: IntArray  # (wm,)
+    effort: Array  # (1,)
 
 
 def make_room(m: int, width: int) -> Room:
@@ -62,7 +64,8 @@ def make_room(m: int, width: int) -> Room:
                 np.zeros((rows, rows)), np.zeros((2, rows, 3)),
                 np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros((m, 3)), np.zeros(m),
                 np.zeros(m), np.zeros(rows), np.zeros(rows), np.zeros(rows),
-                np.zeros((rows, rows)), np.zeros((rows, rows)))
+                np.zeros((rows, rows)), np.zeros((rows, rows)),
+                np.zeros(rows, dtype=np.int64), np.zeros(1))
 
 
 @kernel
@@ -161,9 +164,8 @@ def _choose_alike(model: Model, contacts: Contacts, touching: float, block: int,
 def _share_a_body(model: Model, contacts: Contacts, j: int, k: int) -> bool:
     """Return whether two pairs have a body in common that moves."""
     at, other = contacts.first[j], contacts.first[k]
-    a, b = contacts.body_a[at], contacts.body_b[at]
-    c, d = contacts.body_a[other], contacts.body_b[other]
-    return bool((model.inv_m[a] > 0.0 and a in (c, d)) or (model.inv_m[b] > 0.0 and b in (c, d)))
+    return share_a_body(model.inv_m, contacts.body_a[at], contacts.body_b[at],
+                        contacts.body_a[other], contacts.body_b[other])
 
 
 @kernel
@@ -270,7 +272,7 @@ def _solve(room: Room, e: Array, m: int, width: int) -> None:
         for j in range(rows):
             A[i, j] = room.A[i, j] * (1.0 + COMPLIANCE if i == j else 1.0)
     refine(A, b, room.mu[:m], room.J[:rows], GOAL * size, NEWTON_STEPS, room.u[:rows],
-           room.trial[:rows], room.K[:rows, :rows], room.x[:rows])
+           room.trial[:rows], room.K[:rows, :rows], room.x[:rows], room.last, room.effort)
     _sweep(room.A, room.u0, room.mu, e, room.J, room.u, m, width)
 
 

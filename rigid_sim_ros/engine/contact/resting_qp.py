@@ -76,7 +76,6 @@ class Outcome(NamedTuple):
     solved: bool  # whether that is within TOLERANCE
     status: str  # OSQP's own word, or 'carried over' where it was not needed
     osqp_iterations: int
-    newton_steps: int
 
 
 @kernel
@@ -247,9 +246,9 @@ def solve(A: Array, b: Array, mu: Array, start: Array) -> tuple[Array, Outcome]:
     f, stiff, table = start.copy(), soften(A), coefficient_table(mu, len(b))
     # Forces that carry over come with a division into open, sticking and sliding points: try that
     # first.
-    worst, steps = improve(stiff, b, table, f, GOAL * size, FEW_STEPS if start.any() else 0)
+    worst = improve(stiff, b, table, f, GOAL * size, FEW_STEPS if start.any() else 0)
     if worst <= ENOUGH * size:
-        return f, Outcome(worst / max(size, 1e-300), True, CARRIED_OVER, 0, steps)
+        return f, Outcome(worst / max(size, 1e-300), True, CARRIED_OVER, 0)
     return search(stiff, b, table, start)
 
 
@@ -261,8 +260,8 @@ def search(A: Array, b: Array, mu: Array, start: Array) -> tuple[Array, Outcome]
     """
     best, outcome = _search(A, b, mu, start)
     if not outcome.solved:
-        # Redundant points on the verge of slipping: let them give way a little more, for this
-        # step.
+        # Redundant points on the verge of slipping: let their compliance be a little larger, for
+        # this step.
         other, softer = _search(soften(A, SOFTER), b, mu, start)
         if softer.residual < outcome.residual:
             best, outcome = other, softer
@@ -282,7 +281,7 @@ def _search(A: Array, b: Array, mu: Array, start: Array) -> tuple[Array, Outcome
     """Iterate for s, with OSQP for each s, until the conditions hold; see `solve`."""
     m, size = len(mu), float(np.abs(b).max(initial=0.0))
     width = len(b) // m
-    best, worst, status, iterations, steps = start, np.inf, '', 0, 0
+    best, worst, status, iterations = start, np.inf, '', 0
     now = start
     for turn in range(ROUNDS + 1):
         if turn < ROUNDS:
@@ -298,13 +297,11 @@ def _search(A: Array, b: Array, mu: Array, start: Array) -> tuple[Array, Outcome
         for sweeps in (0, SWEEPS) if turn < ROUNDS else (min(n, most) for n in LAST_SWEEPS):
             trial = now.copy()
             sweep(A, b, mu, trial, sweeps)
-            violation, more = improve(A, b, mu, trial, GOAL * size, NEWTON_STEPS)
-            steps += more
+            violation = improve(A, b, mu, trial, GOAL * size, NEWTON_STEPS)
             if violation < worst:
                 worst, best = violation, trial
             if worst <= ENOUGH * size:
                 break
         if worst <= (ENOUGH if turn < FEW_ROUNDS else TOLERANCE) * size:
             break
-    return best, Outcome(worst / max(size, 1e-300), worst <= TOLERANCE * size, status, iterations,
-                         steps)
+    return best, Outcome(worst / max(size, 1e-300), worst <= TOLERANCE * size, status, iterations)

@@ -11,10 +11,14 @@ from rigid_sim_ros.engine.contact.contact_newton import make_newton, Newton
 from rigid_sim_ros.engine.contact.contact_rows import make_rows, Rows
 from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts, make_bodies, make_contacts
 from rigid_sim_ros.engine.contact.impulse import make_room, MOST_ALIKE, Room
+from rigid_sim_ros.engine.detection.manifolds import Memory
 from rigid_sim_ros.engine.detection.transform_update import unplaced
 from rigid_sim_ros.engine.dynamics.integrate import make_work, Work
 from rigid_sim_ros.engine.dynamics.loads import empty_loads, Loads
+from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.events.groups import Groups, make_groups
+from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.engine.state.state import empty_state, State
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 
@@ -36,11 +40,10 @@ class EventSettings(NamedTuple):
     max_bounces: int = 32  # of two bodies in one step, before they collide with e = 0
 
 
-# Why the kernel stops.
-(DONE, MORE_MEMORY, MORE_MANIFOLDS, MORE_CONTACTS, MORE_ROOM, MORE_ROWS, MORE_PAIRS,
- MORE_FORCES, STUCK) = range(9)
+# Why the kernel stops, besides what contact_search.py says.
+MORE_ROOM, MORE_ROWS, MORE_PAIRS, MORE_FORCES, STUCK = range(4, 9)
 # At which stage it goes on.
-BEGIN, GROUP, MEET, SHOCK, REST, SETTLE, TRAVEL = range(7)
+BEGIN, GROUP, CONTACTS, IMPULSES, FORCES, SETTLE, MOVE = range(7)
 # Places in `Buffers.count`.
 (STEPS, STAGE, FRESH, EVENTS, COLLISIONS, CUT_SHORT, CHOSEN, WIDTH, KNOWN, BOUNCED, NEEDED,
  TOUCHED, UNSOLVED, DEEP, GROUPS, NOW, TRIES, KNOWN_BEFORE) = range(18)
@@ -74,7 +77,7 @@ class Buffers(NamedTuple):
     bounced: IntArray  # (p, 3) two bodies and how often they collided in this step
     room: Room  # for the largest block
     rows: Rows  # of the chosen points
-    eased: Array  # (r,) rates that the compliance had and that were taken back
+    proximal: Array  # (r,) rates by the compliance at the proximal point, not in rows.b
     newton: Newton
     pushed: Loads  # momenta that only displace, for the time of a span
     pairs: IntArray  # (p, 2) that may meet
@@ -83,6 +86,20 @@ class Buffers(NamedTuple):
     times: Array  # (n,) [s] how long each body moves now
     before: State  # at the start of the step
     forces_before: Carried
+
+
+class EventArguments(NamedTuple):
+    """What the kernels of a step read and write."""
+
+    model: Model
+    state: State
+    wrenches: Wrenches
+    shapes: Shapes
+    materials: Materials
+    memory: Memory
+    settings: EventSettings
+    carried: Carried  # with room to spare: as many rows as `KNOWN` says are in use
+    buffers: Buffers
 
 
 def make_buffers(bodies: int, shapes: int) -> Buffers:
@@ -119,7 +136,7 @@ def more_rows(buffers: Buffers, rows: int, touched: int) -> Buffers:
     """Return buffers with room for a problem with twice as many rows, of so many bodies."""
     r, bodies = max(2 * rows, len(buffers.rows.b)), len(buffers.then)
     s = max(touched + touched // 2, len(buffers.newton.p) // 6)
-    return buffers._replace(rows=make_rows(r // 3, r, bodies), eased=np.zeros(r),
+    return buffers._replace(rows=make_rows(r // 3, r, bodies), proximal=np.zeros(r),
                             newton=make_newton(r // 3, r, s, bodies))
 
 

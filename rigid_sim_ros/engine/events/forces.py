@@ -2,21 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """The forces at the resting points of a group, for the time until its next event."""
 
-from rigid_sim_ros.engine.contact.carried_forces import (
-    Carried, copy_force, keep_force, recall_forces)
+from rigid_sim_ros.engine.contact.carried_forces import copy_force, keep_force, recall_forces
 from rigid_sim_ros.engine.contact.classify import classify, COLLIDING, resting_speed
 from rigid_sim_ros.engine.contact.contact_ahead import carry_ahead, turn_bodies
 from rigid_sim_ros.engine.contact.contact_newton import FEW_STEPS, number_bodies, solve_rows
 from rigid_sim_ros.engine.contact.contact_rows import (
     apply_forces, Rows, sweep_rows, violation, write_rows)
+from rigid_sim_ros.engine.contact.contact_search import DONE
 from rigid_sim_ros.engine.contact.contacts import (
     Bodies, Contacts, push_rows, read_rates, relative, to_contact)
 from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, ENOUGH, TOLERANCE
 from rigid_sim_ros.engine.contact.resting_qp import CLOSING, LIFTING, resting_rates
 from rigid_sim_ros.engine.detection.backtrack import film
-from rigid_sim_ros.engine.detection.manifolds import Memory
 from rigid_sim_ros.engine.events.buffers import (
-    Buffers, CHOSEN, DEEP, DONE, EventSettings, KNOWN, MORE_ROWS, NEEDED, STUCK, TOUCHED,
+    Buffers, CHOSEN, DEEP, EventArguments, EventSettings, KNOWN, MORE_ROWS, NEEDED, STUCK, TOUCHED,
     UNSOLVED, WIDTH, WORST)
 from rigid_sim_ros.engine.events.groups import Groups
 from rigid_sim_ros.engine.events.move import load, shift_levers
@@ -34,8 +33,8 @@ EFFORT = 2e5
 # Points of a problem that OSQP is asked for where sweeps and Newton's method do not do; for more
 # it takes too long.
 FOR_OSQP = 8
-# Of the accelerations: by so much points may give way to their forces. 1e-6 of g sinks in by 3e-6
-# g h^2.
+# Of the accelerations: as much points may yield to their forces by their compliance. 1e-6 of g
+# sinks in by 3e-6 g h^2.
 YIELDS = 1e-6
 AGAIN = 10  # times at most that forces are found again for what follows from them
 PUSH_SWEEPS = 30  # over the points, for displacements: what they leave is for the next step
@@ -64,7 +63,7 @@ def _choose(contacts: Contacts, bodies: Bodies, first: int, last: int, h: float,
 def _push_apart(model: Model, state: State, shapes: Shapes, settings: EventSettings, m: int,
                 g: int, span: float, closing: float, w: Buffers) -> None:
     """
-    Add momenta that displace what overlaps, and are taken back when the span is over.
+    Add momenta that displace what overlaps, and are removed when the span is over.
 
     So nothing that comes apart gains a velocity, however deep it was. The momenta are left in
     `w.push`, and what they are at the bodies in `w.pushed`.
@@ -103,8 +102,9 @@ def _push_apart(model: Model, state: State, shapes: Shapes, settings: EventSetti
 
 
 @kernel
-def remember(model: Model, shapes: Shapes, w: Buffers, carried: Carried) -> None:
+def remember(c: EventArguments) -> None:
     """Carry over the forces of the groups that moved, and keep those of the others."""
+    model, shapes, carried, w = c.model, c.shapes, c.carried, c.buffers
     contacts, g, width, kept = w.contacts, w.groups, w.count[WIDTH], 0
     for k in range(w.count[KNOWN]):
         of = max(g.of[shapes.body[carried.shape_a[k]]], g.of[shapes.body[carried.shape_b[k]]])
@@ -155,10 +155,10 @@ def solve(g: int, m: int, width: int, steps: int, w: Buffers) -> None:
     """
     Find the forces of the first m points from what stands there, whatever they have to carry.
 
-    Points give way with give f, COMPLIANCE R g below a load of R times a body's weight. Where that
-    is more than YIELDS it is taken back from b, which leaves give (f - f') with the forces f'
-    of the time before (the proximal point algorithm: Rockafellar, Monotone operators and the
-    proximal point algorithm, SIAM J. Control Optim. 14 (1976)).
+    Points yield by R f, R their compliance: COMPLIANCE k g below k times a body's weight. Where
+    that is more than YIELDS it is subtracted from b, which leaves R (f - f') with the forces f' of
+    the time before (the proximal point algorithm: Rockafellar, Monotone operators and the proximal
+    point algorithm, SIAM J. Control Optim. 14 (1976)).
     """
     rows, size = w.rows, 0.0
     for i in range(width * m):
@@ -168,13 +168,13 @@ def solve(g: int, m: int, width: int, steps: int, w: Buffers) -> None:
     for _ in range(AGAIN):
         yields = 0.0
         for i in range(width * m):
-            yields = max(yields, abs(rows.give[i] * rows.f[i] - w.eased[i]))
+            yields = max(yields, abs(rows.compliance[i] * rows.f[i] - w.proximal[i]))
         if yields <= YIELDS * size:
             return
         for i in range(width * m):
-            now = rows.give[i] * rows.f[i]
-            rows.b[i] -= now - w.eased[i]
-            w.eased[i] = now
+            now = rows.compliance[i] * rows.f[i]
+            rows.b[i] -= now - w.proximal[i]
+            w.proximal[i] = now
         w.number[WORST] = solve_rows(rows, m, width, w.count[TOUCHED], FEW_STEPS,
                                      effort_left(w, g), w.newton)
 
@@ -193,7 +193,7 @@ def _solve_with_levers(model: Model, g: int, m: int, steps: int, span: float, w:
         for side in range(2):
             for i in range(3):
                 w.assumed[rows.body[c, side], i] = 0.0
-    w.eased[:width * m] = 0.0
+    w.proximal[:width * m] = 0.0
     goal = 0.0
     for i in range(width * m):
         goal = max(goal, 0.1 * ENOUGH * abs(rows.b[i]))
@@ -208,9 +208,9 @@ def _solve_with_levers(model: Model, g: int, m: int, steps: int, span: float, w:
 
 
 @kernel
-def balance(model: Model, state: State, shapes: Shapes, memory: Memory, settings: EventSettings,
-            carried: Carried, g: int, w: Buffers) -> int:
+def balance(c: EventArguments, g: int) -> int:
     """Find the forces at the resting points of a group."""
+    model, state, shapes, settings, w = c.model, c.state, c.shapes, c.settings, c.buffers
     contacts, width, groups = w.contacts, w.count[WIDTH], w.groups
     w.newton.effort[0] = groups.effort[g]
     if groups.events[g] >= settings.max_events or effort_left(w, g) < 0.0:
@@ -229,12 +229,12 @@ def balance(model: Model, state: State, shapes: Shapes, memory: Memory, settings
     turn_bodies(model, state, w.work.loads.tau, span,
                 groups.body[groups.first[g]:groups.first[g + 1]], w.bodies, w.then)
     carry_ahead(model, state, w.still, shapes, contacts, w.bodies, w.then, chosen, width, span,
-                w.pose, memory.scratch, rows.trial)
+                w.pose, c.memory.scratch, rows.trial)
     if resting_rates(model, shapes, contacts, w.bodies, chosen, width, rows.trial, span,
                      _closing(model, groups, g), rows.b):
         w.count[DEEP] = 1
     write_rows(model, contacts, w.bodies, chosen, width, COMPLIANCE, rows)
-    known = recall_forces(model, contacts, chosen, width, carried, w.match, rows.f)
+    known = recall_forces(model, contacts, chosen, width, c.carried, w.match, rows.f)
     _solve_with_levers(model, g, m, FEW_STEPS if known else 0, span, w)
     groups.effort[g] = w.newton.effort[0]
     return STUCK if w.number[WORST] > TOLERANCE and m <= FOR_OSQP else DONE
@@ -252,13 +252,13 @@ def _closing(model: Model, groups: Groups, g: int) -> float:
 
 
 @kernel
-def settle(model: Model, state: State, settings: EventSettings, shapes: Shapes, g: int,
-           w: Buffers) -> None:
+def settle(c: EventArguments, g: int) -> None:
     """
     See to it that the forces that were found do no work, and that overlaps end.
 
     The forces are then left in `w.force`, and what they are at the bodies in `w.loads`.
     """
+    model, w = c.model, c.buffers
     m, width, rows, groups = w.count[CHOSEN], w.count[WIDTH], w.rows, w.groups
     if m == 0:
         return
@@ -266,18 +266,19 @@ def settle(model: Model, state: State, settings: EventSettings, shapes: Shapes, 
     groups.residual[g] = max(groups.residual[g], w.number[WORST])
     if w.number[WORST] > TOLERANCE:
         w.count[UNSOLVED] += 1
-        for c in range(m):
-            read_rates(model, w.contacts, w.bodies.velocity, w.chosen[c], width, rows.trial,
-                       width * c)
+        for n in range(m):
+            read_rates(model, w.contacts, w.bodies.velocity, w.chosen[n], width, rows.trial,
+                       width * n)
         take_no_energy(rows, m, width, span)
-    for c in range(m):
-        k = w.chosen[c]
-        w.held[k], w.sunk[k] = 1, w.depth[c]
+    for n in range(m):
+        k = w.chosen[n]
+        w.held[k], w.sunk[k] = 1, w.depth[n]
         for i in range(width):
-            w.force[k, i] = rows.f[width * c + i]
+            w.force[k, i] = rows.f[width * n + i]
     load(model, w.contacts, w.chosen[:m], width, w.force, w.loads)
     if w.count[DEEP] == 1:
-        _push_apart(model, state, shapes, settings, m, g, span, _closing(model, groups, g), w)
+        _push_apart(model, c.state, c.shapes, c.settings, m, g, span,
+                    _closing(model, groups, g), w)
 
 
 @kernel

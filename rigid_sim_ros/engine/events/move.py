@@ -116,7 +116,7 @@ def _meet_again(model: Model, state: State, contacts: Contacts, bodies: Bodies, 
     the levers p - (x_0 + x_1) / 2. Those of `contacts` are from where the centres were expected to
     be in the middle; they are elsewhere where the way ends before the span. Where these are off by
     d_A and d_B, p becomes p + s, s = (w_A d_A + w_B d_B) / (w_A + w_B) with w = 1 / M. An impulse
-    J that is taken back at the end is then one at centres that went on by x_1 - x_0.
+    J that is removed at the end is then one at centres that went on by x_1 - x_0.
     """
     a, b = contacts.body_a[k], contacts.body_b[k]
     w_A, w_B, t = model.inv_m[a], model.inv_m[b], times[a]

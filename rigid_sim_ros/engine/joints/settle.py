@@ -72,7 +72,7 @@ def solve_motions(model: Model, table: JointTable, state: State, motion: JointMo
     if table.lawful > 0:
         note_efforts(table, motion, work, h, first)
         if first:
-            _aim(table, motion, work, h)
+            _aim(table, motion, work)
 
 
 @kernel
@@ -175,7 +175,7 @@ def _rebound(table: JointTable, motion: JointMotion, work: JointWork, k: int) ->
 
 
 @kernel
-def _aim(table: JointTable, motion: JointMotion, work: JointWork, h: float) -> None:
+def _aim(table: JointTable, motion: JointMotion, work: JointWork) -> None:
     """Note at which positions the locked axes have to end."""
     law = work.law
     for k in range(table.has_laws.shape[0]):

@@ -305,8 +305,8 @@ def rattle(model: Model, table: JointTable, state: State, motion: JointMotion, w
 
 
 @kernel
-def leaves_pieces(table: JointTable, state: State, work: JointWork, h: float,
-                  strict: bool) -> bool:
+def leaves_active_set(table: JointTable, state: State, work: JointWork, h: float,
+                      strict: bool) -> bool:
     """
     Return whether a joint that is free has passed its limit, and note what its rate did not say.
 
@@ -329,7 +329,7 @@ def leaves_pieces(table: JointTable, state: State, work: JointWork, h: float,
 
 
 @kernel
-def take_back(table: JointTable, state: State, motion: JointMotion, work: JointWork) -> None:
+def undo_motion(table: JointTable, state: State, motion: JointMotion, work: JointWork) -> None:
     """Put the bodies back to where they were, with the momenta before the joints acted."""
     for i in range(table.body.shape[0]):
         body = table.body[i]

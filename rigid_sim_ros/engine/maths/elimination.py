@@ -22,10 +22,7 @@ def solve_linear(K: Array, x: Array, last: IntArray, effort: Array) -> bool:
         while last[i] > 0 and K[i, last[i]] == 0.0:
             last[i] -= 1
     for k in range(size):
-        p = k
-        for i in range(k + 1, size):
-            if abs(K[i, k]) > abs(K[p, k]):
-                p = i
+        p = _pivot(K, k, size)
         if K[p, k] == 0.0:
             return False
         if p != k:
@@ -44,6 +41,41 @@ def solve_linear(K: Array, x: Array, last: IntArray, effort: Array) -> bool:
                 x[i] -= factor * x[k]
                 effort[0] += end - k
     _substitute_back(K, x, last)
+    return True
+
+
+@kernel
+def _pivot(K: Array, k: int, size: int) -> int:
+    """Return the row from k on whose entry in column k is the largest."""
+    p = k
+    for i in range(k + 1, size):
+        if abs(K[i, k]) > abs(K[p, k]):
+            p = i
+    return p
+
+
+@kernel
+def solve_columns(K: Array, size: int, columns: int) -> bool:
+    """
+    Replace D by C^-1 D, where K is [C D]; return False if C is singular.
+
+    C has `size` rows and columns, K so many `columns` in all; C is destroyed. By Gauss-Jordan
+    elimination with partial pivoting: for many right-hand sides of a small matrix.
+    """
+    for k in range(size):
+        p = _pivot(K, k, size)
+        if K[p, k] == 0.0:
+            return False
+        for j in range(k, columns):
+            K[k, j], K[p, j] = K[p, j], K[k, j]
+        for i in range(size):
+            if i != k and K[i, k] != 0.0:
+                factor = K[i, k] / K[k, k]
+                for j in range(k, columns):
+                    K[i, j] -= factor * K[k, j]
+    for k in range(size):
+        for j in range(size, columns):
+            K[k, j] /= K[k, k]
     return True
 
 

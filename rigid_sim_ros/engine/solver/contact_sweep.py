@@ -20,7 +20,7 @@ from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.eight import (
     any_of, bits_of, Eight, either, gather, lanes_in, largest_of, load, Mask, scatter,
     select, spread, store)
-from rigid_sim_ros.kernels.kernel import part
+from rigid_sim_ros.kernels.kernel import apart, part
 
 
 @part
@@ -49,6 +49,22 @@ def visit_block(blocks: Blocks, block: int, motion: Array, what: Sweep, bits: in
                          lanes_in(bits))
     blocks.residual[block] = largest_of(residual)
     return residual
+
+
+@apart
+def visit_lanes(blocks: Blocks, block: int, motion: Array, what: Sweep, bits: int,
+                tolerance: float, slow: float) -> int:
+    """
+    Visit the lanes of a block whose bits are set; return the bits of those that this changed.
+
+    That is by more than the tolerance, a part of the size of a shape in a substep, and by more
+    than `slow` [m/s] but in small islands, which end as if solved directly. For what is visited
+    now and then: `visit_block` in each of these places took LLVM 2 s of the first start.
+    """
+    residual = visit_block(blocks, block, motion, what, bits)
+    least = tolerance * what.inv_h * load(numbers_of(blocks, block), SIZE)
+    least = select(lanes_in(blocks.direct[block]), least, max(least, slow))
+    return bits & bits_of(residual > least)
 
 
 @part

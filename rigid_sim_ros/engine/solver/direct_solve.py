@@ -24,13 +24,13 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.constraints.contact_rules import Sweep
+from rigid_sim_ros.engine.contact.coulomb import disk
 from rigid_sim_ros.engine.maths.elimination import solve_symmetric
 from rigid_sim_ros.engine.solver.coloring import Blocks
 from rigid_sim_ros.engine.solver.direct_islands import (
     begin_island_impact, Islands, make_islands, MOST_BODIES, MOST_MANIFOLDS)
 from rigid_sim_ros.engine.solver.direct_rows import (
-    ABOUT, DirectRows, make_direct_rows, rate_by, read_island, ROLLS, SLIDE, WIDTH,
-    write_island)
+    DirectRows, make_direct_rows, rate_by, read_island, SLIDE, WIDTH, write_island)
 from rigid_sim_ros.engine.solver.impacts import Impacts
 from rigid_sim_ros.engine.solver.island_sweeps import sweep_islands
 from rigid_sim_ros.engine.solver.solver_bodies import most_slots, SolverBodies
@@ -342,7 +342,8 @@ def _write_impulses(c: int, far: float, work: Direct) -> None:
 @kernel
 def _disk(d: int) -> tuple[int, int]:
     """Return the first row and the number of rows of a disk: friction, about n, rolling."""
-    return (SLIDE, 2) if d == 0 else ((ABOUT, 1) if d == 1 else (ROLLS, 2))
+    first, size = disk(d)
+    return SLIDE - 1 + first, size
 
 
 @kernel

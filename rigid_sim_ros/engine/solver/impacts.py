@@ -26,15 +26,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.constraints.contact_blocks import SIZE
 from rigid_sim_ros.engine.constraints.contact_rules import SETTLED_POINT, Sweep
 from rigid_sim_ros.engine.solver.block_impacts import begin_impact, end_impact
-from rigid_sim_ros.engine.solver.coloring import (
-    BETWEEN, Blocks, first_block, most_blocks, numbers_of)
-from rigid_sim_ros.engine.solver.contact_sweep import begin_block, drift_block, visit_block
+from rigid_sim_ros.engine.solver.coloring import BETWEEN, Blocks, first_block, most_blocks
+from rigid_sim_ros.engine.solver.contact_sweep import begin_block, drift_block, visit_lanes
 from rigid_sim_ros.engine.solver.solver_bodies import most_slots, slots_of, STRIDE
 from rigid_sim_ros.kernels.arrays import Array, IntArray, integers, room
-from rigid_sim_ros.kernels.eight import bits_of, LANES, lanes_in, load, select
+from rigid_sim_ros.kernels.eight import LANES
 from rigid_sim_ros.kernels.kernel import apart, INDEX, kernel
 
 # So many turns at most. What waits then still approaches, and has its turn in the next substep.
@@ -124,12 +122,8 @@ def visit_waiting(region: int, backwards: bool, blocks: Blocks, motion: Array, u
             if bits & ~work.hit[block] != 0:
                 begin_impact(blocks, block, bits & ~work.hit[block])
                 work.hit[block] |= bits
-            residual = visit_block(blocks, block, motion, what, bits)
-            # Small islands end as if solved directly, others below what counts as an impact.
-            least = SETTLED_POINT * what.inv_h * load(numbers_of(blocks, block), SIZE)
-            least = select(lanes_in(blocks.direct[block]), least, max(least, tolerance))
             # It waits itself, too: friction and each of its points change what the others found.
-            changed = bits & bits_of(residual > least)
+            changed = visit_lanes(blocks, block, motion, what, bits, SETTLED_POINT, tolerance)
             _tell(region, blocks, block, changed, used, work)
             work.waits[0, block], work.waits[1, block] = changed, 0
     return any_did

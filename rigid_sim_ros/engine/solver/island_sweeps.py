@@ -2,13 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sweeps of small islands, which go on until an island is settled; see direct_islands.py."""
 
-from rigid_sim_ros.engine.constraints.contact_blocks import SIZE
 from rigid_sim_ros.engine.constraints.contact_rules import settled, Sweep
-from rigid_sim_ros.engine.solver.coloring import Blocks, numbers_of, points_in
-from rigid_sim_ros.engine.solver.contact_sweep import visit_block
+from rigid_sim_ros.engine.solver.coloring import Blocks, points_in
+from rigid_sim_ros.engine.solver.contact_sweep import visit_lanes
 from rigid_sim_ros.engine.solver.direct_islands import Islands
 from rigid_sim_ros.kernels.arrays import Array
-from rigid_sim_ros.kernels.eight import bits_of, LANES, load
+from rigid_sim_ros.kernels.eight import LANES
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
 # What so many sweeps do not settle is solved directly.
@@ -56,10 +55,8 @@ def _sweep(backwards: bool, blocks: Blocks, motion: Array, what: Sweep, islands:
         block = islands.block[count - 1 - k if backwards else k] & INDEX
         bits = islands.visited[block]
         if bits != 0:
-            residual = visit_block(blocks, block, motion, what, bits)
-            least = (settled(points_in(blocks.kind[block])) * what.inv_h
-                     * load(numbers_of(blocks, block), SIZE))
-            bits &= bits_of(residual > least)
+            bits = visit_lanes(blocks, block, motion, what, bits,
+                               settled(points_in(blocks.kind[block])), 0.0)
         for i in range(LANES if bits != 0 else 0):
             if bits & 1 << i != 0:
                 islands.moved[_island(islands, block, i)] = 1

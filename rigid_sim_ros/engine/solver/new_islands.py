@@ -19,7 +19,7 @@ from rigid_sim_ros.engine.maths.union_find import first_of, unite
 from rigid_sim_ros.engine.solver.block_impacts import excuse_approach, forget_excuse
 from rigid_sim_ros.engine.solver.coloring import (
     awake_in, Blocks, first_block, most_blocks, numbers_of, points_in, REGIONS)
-from rigid_sim_ros.engine.solver.contact_sweep import visit_block
+from rigid_sim_ros.engine.solver.contact_sweep import visit_lanes
 from rigid_sim_ros.engine.solver.solver_bodies import (
     INV_M, kick, most_slots, slots_of, SolverBodies, STRIDE, unkick)
 from rigid_sim_ros.kernels.arrays import Array, IntArray, integers, room
@@ -178,21 +178,20 @@ def _list_lanes(blocks: Blocks, bodies: SolverBodies, work: NewIslands) -> None:
 
 
 @kernel
-def kick_new(half: int, bodies: SolverBodies, h: float, work: NewIslands) -> None:
-    """Let forces act on the bodies of a half that take part, for h [s]."""
+def kick_new(half: int, begins: bool, bodies: SolverBodies, h: float, work: NewIslands) -> None:
+    """
+    Let forces act on the bodies of a half that take part, for h [s], as their sweeps begin.
+
+    As these end, undo that, but for what contacts did, with which the step begins.
+    """
     (first, last), alike = slots_of(bodies.used, half), bodies.alike[0] == 1
     for slot in range(first + 1, last):
         if work.begins[work.parent[slot] & INDEX] == 1:
-            kick(slot, bodies.motion, bodies.smooth, first if alike else slot, bodies.base, h)
-
-
-@kernel
-def unkick_new(half: int, bodies: SolverBodies, h: float, work: NewIslands) -> None:
-    """Take back what `kick_new` did, but for what contacts do, with which the step begins."""
-    (first, last), alike = slots_of(bodies.used, half), bodies.alike[0] == 1
-    for slot in range(first + 1, last):
-        if work.begins[work.parent[slot] & INDEX] == 1:
-            unkick(slot, bodies.motion, bodies.smooth, first if alike else slot, bodies.base, h)
+            forces = first if alike else slot
+            if begins:
+                kick(slot, bodies.motion, bodies.smooth, forces, bodies.base, h)
+            else:
+                unkick(slot, bodies.motion, bodies.smooth, forces, bodies.base, h)
 
 
 @kernel
@@ -220,9 +219,7 @@ def sweep_new(region: int, backwards: bool, blocks: Blocks, bodies: SolverBodies
         block = work.block[first + (count - 1 - k if backwards else k) & INDEX] & INDEX
         bits = work.lanes[block]
         if bits != 0:
-            residual = visit_block(blocks, block, bodies.motion, what, bits)
-            least = ENDS * SETTLED * what.inv_h * load(numbers_of(blocks, block), SIZE)
-            bits &= bits_of(residual > least)
+            bits = visit_lanes(blocks, block, bodies.motion, what, bits, ENDS * SETTLED, 0.0)
         for i in range(LANES if bits != 0 else 0):
             if bits & 1 << i != 0:
                 work.moved[_root(blocks, bodies, work, block * LANES + i)] = 1

@@ -15,7 +15,6 @@ push, an error obeys
 which is unstable for b > e. A stack of ten has e = 0.01 a substep, so it would sway for ever.
 """
 
-from rigid_sim_ros.engine.constraints.contact_blocks import SIZE
 from rigid_sim_ros.engine.constraints.contact_rules import SETTLED, Sweep
 from rigid_sim_ros.engine.detection.manifolds import current, earlier
 from rigid_sim_ros.engine.dynamics.free_flight import fly_free
@@ -23,10 +22,10 @@ from rigid_sim_ros.engine.maths.vector import norm
 from rigid_sim_ros.engine.solver.arguments import Arguments, SequentialWork
 from rigid_sim_ros.engine.solver.coloring import (
     awake_in, begin_blocks, BETWEEN, Blocks, CACHED, CHANGED, color_piece, fetch_block,
-    first_block, make_room, numbers_of, OVERLAPPING, PIECE, REGIONS)
+    first_block, make_room, OVERLAPPING, PIECE, REGIONS)
 from rigid_sim_ros.engine.solver.contact_filling import (
     choose_manifolds, classify, DEEPEST, fill_blocks, NEW, place_lanes)
-from rigid_sim_ros.engine.solver.contact_sweep import note_left, separate, visit_block
+from rigid_sim_ros.engine.solver.contact_sweep import note_left, separate, visit_block, visit_lanes
 from rigid_sim_ros.engine.solver.direct_islands import FEW, find_islands
 from rigid_sim_ros.engine.solver.direct_solve import bear_islands, strike_islands
 from rigid_sim_ros.engine.solver.island_push import push_islands
@@ -34,15 +33,14 @@ from rigid_sim_ros.engine.solver.impacts import (
     drift_blocks, end_impacts, find_approaching, pass_on, TURNS, visit_waiting)
 from rigid_sim_ros.engine.solver.impulse_keeping import keep_impulses
 from rigid_sim_ros.engine.solver.new_islands import (
-    end_round, excuse_approaches, find_new_islands, forget_excuses, kick_new, sweep_new,
-    unkick_new)
+    end_round, excuse_approaches, find_new_islands, forget_excuses, kick_new, sweep_new)
 from rigid_sim_ros.engine.solver.partition import give_slots, shared_out
 from rigid_sim_ros.engine.solver.solver_bodies import (
     begin_push, begin_push_astride, begin_push_inside, drift_bodies, kick_bodies, load_bodies,
     mark_astride, SECOND_BEGIN, slots_of, SolverBodies, store_bodies, STRIDE)
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.bits import fetch
-from rigid_sim_ros.kernels.eight import bits_of, LANES, load, spread
+from rigid_sim_ros.kernels.eight import LANES, spread
 from rigid_sim_ros.kernels.kernel import apart, INDEX, kernel, part
 from rigid_sim_ros.kernels.second_core import side_by_side
 from rigid_sim_ros.kernels.separate import address_of, by_address
@@ -244,11 +242,11 @@ def solve_part(c: Arguments, number: int) -> int:
     elif stage == KICK_NEW:
         excuse_approaches(region, blocks, motion, work.begin)
         if region != BETWEEN:
-            kick_new(region, bodies, h, work.begin)
+            kick_new(region, True, bodies, h, work.begin)
     elif stage == UNKICK_NEW:
         forget_excuses(region, blocks, work.begin)
         if region != BETWEEN:
-            unkick_new(region, bodies, h, work.begin)
+            kick_new(region, False, bodies, h, work.begin)
     elif stage in (SWEEP_NEW, SWEEP_NEW_BACK):
         sweep_new(region, stage == SWEEP_NEW_BACK, blocks, bodies, what, work.begin)
     elif stage in (KICK_AND_SWEEP, SETTLE_AND_SWEEP):
@@ -365,13 +363,12 @@ def settle(region: int, blocks: Blocks, fresh: IntArray, motion: Array, what: Sw
     """Visit the blocks of a region that have new contacts."""
     first = first_block(blocks, region)
     for block in range(first, first + blocks.count[region]):
-        least = SETTLED * what.inv_h * load(numbers_of(blocks, block), SIZE)
         bits = fresh[block] & awake_in(blocks, block)
         for _ in range(FRESH_VISITS):
             if bits == 0:
                 break
             # Lane by lane: who else is in the block must not change how often one is visited.
-            bits &= bits_of(visit_block(blocks, block, motion, what, bits) > least)
+            bits = visit_lanes(blocks, block, motion, what, bits, SETTLED, 0.0)
 
 
 @part

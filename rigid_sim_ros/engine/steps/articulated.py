@@ -15,7 +15,7 @@ from rigid_sim_ros.engine.joints.posture import read_positions
 from rigid_sim_ros.engine.joints.reactions import add_wrenches_of_joints, note_momenta
 from rigid_sim_ros.engine.joints.settle import prepare_step
 from rigid_sim_ros.engine.joints.shake import (
-    expect, leaves_pieces, rattle, remember, shake, take_back)
+    expect, leaves_active_set, rattle, remember, shake, undo_motion)
 from rigid_sim_ros.engine.model.joints import JointTable, NONE
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import copy_into, State
@@ -95,6 +95,14 @@ def _take_part(c: JointedArguments, h: float, last: bool, record: bool) -> bool:
     kick(c.state, later_loads(c, h), 0.5 * h)
     finish(c, h, record)
     return True
+
+
+@kernel
+def begin_step(c: JointedArguments) -> None:
+    """Begin a step that stands by itself: nothing is known of the poses yet."""
+    begin_kinematic(c.model, c.state)
+    prepare_step(c.model, c.table, c.state, c.scratch)
+    begin_efforts(c.motion)
 
 
 @kernel
@@ -200,10 +208,10 @@ def _shake_within_limits(c: JointedArguments, h: float) -> bool:
     for n in range(MOST_TRIES):
         if not shake(model, table, state, motion, scratch, h):
             return False
-        if table.lawful == 0 or not leaves_pieces(table, state, scratch, h, n == 0):
+        if table.lawful == 0 or not leaves_active_set(table, state, scratch, h, n == 0):
             return True
         # What the joints need is known now: the pieces are chosen by that.
-        take_back(table, state, motion, scratch)
+        undo_motion(table, state, motion, scratch)
         note_momenta(table, state, scratch)
     return False
 

@@ -8,8 +8,7 @@ from typing import Any
 from rigid_sim_ros.engine.model.shapes import can_meet
 from rigid_sim_ros.engine.steps.contact_model import ContactModel, Setup
 from rigid_sim_ros.engine.steps.divided_model import DividedTimestep, has_free_bodies
-from rigid_sim_ros.engine.steps.free_models import (
-    Event, FreeMotion, Penalty, Timestep, VelocityQp)
+from rigid_sim_ros.engine.steps.free_models import Event, FreeMotion, Penalty, Timestep, VelocityQp
 from rigid_sim_ros.engine.steps.jointed_models import (
     Jointed, JointedEvent, JointedPenalty, JointedTimestep)
 from rigid_sim_ros.engine.steps.jointed_motion import JointSetup

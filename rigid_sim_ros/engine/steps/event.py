@@ -8,8 +8,8 @@ apply impulses, post-collision state, compute and apply constraint forces, next 
 Rigid Body Dynamics, "Simulation Algorithm"). The contact forces of the present state act on the
 way to the new one, so a step runs through that circle from the impulses on: impulses, forces, new
 state, backtrack, and again from the collision until the step is over. Each group of bodies that
-may meet within the step (groups.py) goes through it by itself. The circle is compiled
-(loop.py) and comes back here for memory, and for OSQP.
+may meet within the step (events/groups.py) goes through it by itself. The circle is compiled, and
+comes back to Python for memory, and for OSQP.
 
 Points of contact by the rate u_n of their gap: colliding below -resting_speed (impulse.py),
 separating above 0 where the force law leaves them alone, resting between. Rules that make bodies
@@ -34,20 +34,130 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.contact.carried_forces import Carried, more_forces, no_forces
+from rigid_sim_ros.engine.contact.contact_search import (
+    DONE, MORE_CONTACTS, MORE_MANIFOLDS, MORE_MEMORY)
 from rigid_sim_ros.engine.contact.coulomb import coefficients
 from rigid_sim_ros.engine.contact.impulse import make_room
 from rigid_sim_ros.engine.contact.resting_qp import effective_mass, search, soften
 from rigid_sim_ros.engine.detection.manifolds import grown, Memory
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.events.buffers import (
-    BEGIN, CHOSEN, COLLISIONS, CUT_SHORT, DEEPEST, DONE, EVENTS, EventSettings, KNOWN,
-    make_buffers, MORE_CONTACTS, more_contacts, MORE_MANIFOLDS, more_manifolds, MORE_MEMORY,
-    MORE_PAIRS, more_pairs, MORE_ROOM, MORE_ROWS, more_rows, NEEDED, RESIDUAL, STAGE, STEPS, STUCK,
-    TOUCHED, UNSOLVED, WIDTH, WORST)
-from rigid_sim_ros.engine.events.loop import run
+    BEGIN, CHOSEN, COLLISIONS, CONTACTS, CUT_SHORT, DEEPEST, EventArguments, EVENTS, EventSettings,
+    GROUP, IMPULSES, KNOWN, make_buffers, more_contacts, more_manifolds, MORE_PAIRS, more_pairs,
+    MORE_ROOM, MORE_ROWS, more_rows, MOVE, NEEDED, RESIDUAL, STAGE, STEPS, STUCK, TOUCHED,
+    UNSOLVED, WIDTH, WORST)
+from rigid_sim_ros.engine.events.stages import (
+    apply_impulses, begin_step, find_contacts, find_forces, group_bodies, move_bodies)
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
+from rigid_sim_ros.kernels.kernel import kernel
+
+
+@kernel
+def run(c: EventArguments) -> int:
+    """Take steps until none are left; return DONE, or what is needed before they go on."""
+    while c.buffers.count[STEPS] > 0:
+        why = go_on(c)
+        if why != DONE:
+            return why
+    return DONE
+
+
+@kernel
+def go_on(c: EventArguments) -> int:
+    """
+    Take the next stage of a step; return DONE, or what is needed before it can be taken.
+
+    From the contacts on it is a circle, until no group has anything left of the step.
+    """
+    stage = c.buffers.count[STAGE]
+    if stage == BEGIN:
+        return begin_step(c)
+    if stage == GROUP:
+        return group_bodies(c)
+    if stage == CONTACTS:
+        return find_contacts(c)
+    if stage == IMPULSES:
+        return apply_impulses(c)
+    if stage == MOVE:
+        return move_bodies(c)
+    return find_forces(c)
+
+
+def advance(c: EventArguments, count: int,
+            pack: ArgumentPack | None) -> tuple[EventArguments, ArgumentPack]:
+    """
+    Advance the state by `count` steps; return the arguments, whose buffers may have grown.
+
+    The pack that is returned is for the next call. `carried_over` together with the state is all
+    that the next step depends on.
+    """
+    c.buffers.count[STEPS], c.buffers.count[STAGE] = count, BEGIN
+    while True:
+        pack = packed(c, pack)
+        why = pack.run(run)
+        if why == DONE:
+            return c, pack
+        if why == STUCK:
+            _search(c)
+        else:
+            c = _with_room(c, why)
+
+
+def make_arguments(model: Model, state: State, wrenches: Wrenches, shapes: Shapes,
+                   materials: Materials, memory: Memory) -> EventArguments:
+    """Return the arguments of a world with buffers of their own, and no forces to begin from."""
+    return EventArguments(model, state, wrenches, shapes, materials, memory, EventSettings(),
+                          no_forces(), make_buffers(len(model.m), len(shapes.body)))
+
+
+def _with_room(c: EventArguments, why: int) -> EventArguments:
+    """Return arguments with the room that the kernel stopped for."""
+    w, needed = c.buffers, int(c.buffers.count[NEEDED])
+    if why == MORE_MEMORY:
+        return c._replace(memory=grown(c.memory))
+    if why == MORE_CONTACTS:
+        w = more_contacts(w, needed)
+    elif why == MORE_MANIFOLDS:
+        w = more_manifolds(w, needed)
+    elif why == MORE_ROOM:
+        w = w._replace(room=make_room(2 * needed, 6))
+    elif why == MORE_ROWS:
+        w = more_rows(w, needed, int(w.count[TOUCHED]))
+    elif why == MORE_PAIRS:
+        w = more_pairs(w, needed)
+    else:
+        c = c._replace(carried=more_forces(c.carried, needed))
+        w = w._replace(forces_before=more_forces(w.forces_before, needed))
+    return c._replace(buffers=w)
+
+
+def _search(c: EventArguments) -> None:
+    """Find the resting forces by OSQP, from those that were found."""
+    w = c.buffers
+    m, width = int(w.count[CHOSEN]), int(w.count[WIDTH])
+    rows = width * m
+    A = np.zeros((rows, rows))
+    effective_mass(c.model, w.contacts, w.bodies, w.chosen, m, width, np.zeros((2, rows, 3)), A)
+    mu = np.ascontiguousarray(w.rows.mu[:m, :coefficients(width)])
+    f, outcome = search(soften(A), w.rows.b[:rows], mu, w.rows.f[:rows].copy())
+    if outcome.residual < w.number[WORST]:
+        w.rows.f[:rows] = f
+        w.number[WORST] = outcome.residual
+
+
+def carried_over(c: EventArguments) -> Carried:
+    """Return all that influences later steps, besides the state: the forces of the last one."""
+    known = int(c.buffers.count[KNOWN])
+    return Carried._make(field[:known] for field in c.carried)
+
+
+def with_carried(c: EventArguments, forces: Carried) -> EventArguments:
+    """Return arguments that go on with these forces."""
+    c.buffers.count[KNOWN] = len(forces.feature)
+    return c._replace(carried=forces)
 
 
 class EventReport(NamedTuple):
@@ -62,92 +172,9 @@ class EventReport(NamedTuple):
     cut_short: bool  # more than `max_events`: part of the step ran without backtracking
 
 
-class EventWork:
-    """Scratch memory, and the arrays that carry over from step to step."""
-
-    def __init__(self, bodies: int, shapes: int) -> None:
-        """Make room for a world without contacts."""
-        self.buffers = make_buffers(bodies, shapes)
-        self.forces: Carried = no_forces()  # with room to spare: `known` rows are in use
-        self.report = EventReport(0, 0, 0, 0.0, 0.0, 0, False)
-
-    @property
-    def carried(self) -> Carried:
-        """All that influences later steps, besides the state: the forces of the last one."""
-        known = int(self.buffers.count[KNOWN])
-        return Carried._make(field[:known] for field in self.forces)
-
-    @carried.setter
-    def carried(self, forces: Carried) -> None:
-        self.forces = forces
-        self.buffers.count[KNOWN] = len(forces.feature)
-
-
-class _Help:
-    """What the kernel asks for."""
-
-    def __init__(self, model: Model, memory: Memory, work: EventWork) -> None:
-        self.model, self.memory, self.work = model, memory, work
-
-    def give(self, why: int) -> None:
-        """Do what the kernel stopped for."""
-        work, needed = self.work, int(self.work.buffers.count[NEEDED])
-        if why == MORE_MEMORY:
-            self.memory = grown(self.memory)
-        elif why == MORE_CONTACTS:
-            work.buffers = more_contacts(work.buffers, needed)
-        elif why == MORE_MANIFOLDS:
-            work.buffers = more_manifolds(work.buffers, needed)
-        elif why == MORE_ROOM:
-            work.buffers = work.buffers._replace(room=make_room(2 * needed, 6))
-        elif why == MORE_ROWS:
-            work.buffers = more_rows(work.buffers, needed, int(work.buffers.count[TOUCHED]))
-        elif why == MORE_PAIRS:
-            work.buffers = more_pairs(work.buffers, needed)
-        elif why == STUCK:
-            self._search()
-        else:
-            work.forces = more_forces(work.forces, needed)
-            before = more_forces(work.buffers.forces_before, needed)
-            work.buffers = work.buffers._replace(forces_before=before)
-
-    def _search(self) -> None:
-        """Find the resting forces by OSQP, from those that were found."""
-        w = self.work.buffers
-        m, width = int(w.count[CHOSEN]), int(w.count[WIDTH])
-        rows = width * m
-        A = np.zeros((rows, rows))
-        effective_mass(self.model, w.contacts, w.bodies, w.chosen, m, width,
-                       np.zeros((2, rows, 3)), A)
-        mu = np.ascontiguousarray(w.rows.mu[:m, :coefficients(width)])
-        f, outcome = search(soften(A), w.rows.b[:rows], mu, w.rows.f[:rows].copy())
-        if outcome.residual < w.number[WORST]:
-            w.rows.f[:rows] = f
-            w.number[WORST] = outcome.residual
-
-    def report(self) -> EventReport:
-        """Return what the latest step did."""
-        w = self.work.buffers
-        return EventReport(int(w.contacts.count[0]), int(w.count[EVENTS]),
-                           int(w.count[COLLISIONS]), float(w.number[DEEPEST]),
-                           float(w.number[RESIDUAL]), int(w.count[UNSOLVED]),
-                           bool(w.count[CUT_SHORT]))
-
-
-def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
-            memory: Memory, settings: EventSettings, work: EventWork, count: int) -> Memory:
-    """
-    Advance all bodies by `count` steps, in place; return the memory, which may have grown.
-
-    work.report says how the last step went, and `work.carried` together with the state is all that
-    the next step depends on.
-    """
-    if count <= 0:
-        return memory
-    helper = _Help(model, memory, work)
-    work.buffers.count[STEPS], work.buffers.count[STAGE] = count, BEGIN
-    while (why := run(model, state, wrenches, shapes, materials, helper.memory, settings,
-                      work.forces, work.buffers)) != DONE:
-        helper.give(why)
-    work.report = helper.report()
-    return helper.memory
+def report(c: EventArguments) -> EventReport:
+    """Return what the latest step did."""
+    w = c.buffers
+    return EventReport(int(w.contacts.count[0]), int(w.count[EVENTS]), int(w.count[COLLISIONS]),
+                       float(w.number[DEEPEST]), float(w.number[RESIDUAL]),
+                       int(w.count[UNSOLVED]), bool(w.count[CUT_SHORT]))

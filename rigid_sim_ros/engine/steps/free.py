@@ -6,8 +6,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from rigid_sim_ros.engine.dynamics.free_flight import fly
-from rigid_sim_ros.engine.dynamics.integrate import (
-    euler, rk4, semi_implicit, symplectic, Work)
+from rigid_sim_ros.engine.dynamics.integrate import euler, rk4, semi_implicit, symplectic, Work
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic, move_kinematic
 from rigid_sim_ros.engine.dynamics.wrenches import count_down, Wrenches
 from rigid_sim_ros.engine.model.model import Model

@@ -8,12 +8,10 @@ import math
 import numpy as np
 
 from rigid_sim_ros.engine.contact.carried_forces import Carried, no_forces
-from rigid_sim_ros.engine.contact.penalty_force import PenaltySettings
 from rigid_sim_ros.engine.detection.manifolds import (
     current_manifolds, earlier_manifolds, Manifolds)
 from rigid_sim_ros.engine.dynamics.integrate import make_work, ORIENTATIONS
 from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches, Wrenches
-from rigid_sim_ros.engine.events.buffers import EventSettings
 from rigid_sim_ros.engine.solver.arguments import (
     Arguments, make_arguments, SequentialSettings, TimestepSettings, with_cut)
 from rigid_sim_ros.engine.solver.partition import Cut
@@ -161,24 +159,27 @@ class VelocityQp(Touching):
     def __init__(self, setup: Setup) -> None:
         """Make room for no contacts yet."""
         super().__init__(setup)
-        self._settings = TimestepSettings()
-        self._work = qp.QpWork(setup.model, setup.shapes, self._memory)
+        self._arguments = self._begin()
+
+    def _begin(self) -> qp.QpArguments:
+        s = self._setup
+        return qp.make_arguments(s.model, empty_state(len(s.model.m)), no_wrenches(), s.shapes,
+                                 s.materials, self._memory, TimestepSettings())
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
         """Advance the state."""
-        s = self._setup
-        self._memory = qp.advance(
-            s.model, state, wrenches, s.shapes, s.materials, self._memory, self._settings,
-            self._work, count)
+        c = self._arguments._replace(state=state, wrenches=wrenches)
+        self._arguments = qp.advance(c, count)
+        self._memory = self._arguments.memory
 
     def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Go back to manifolds that `lasting` returned."""
         super().recall(arrays)
-        self._work = qp.QpWork(self._setup.model, self._setup.shapes, self._memory)
+        self._arguments = self._begin()
 
     def report(self) -> ContactReport:
         """Return the counts and what OSQP said."""
-        done = self._work.report
+        done = self._arguments.work.report
         message = '' if done.solved else f'OSQP left a contact problem unsolved: {done.status}'
         return self._counts()._replace(residual=done.residual, iterations=done.iterations,
                                        message=message)
@@ -190,34 +191,36 @@ class Event(Touching):
     def __init__(self, setup: Setup) -> None:
         """Make room for no contacts yet."""
         super().__init__(setup)
-        self._settings = EventSettings()
-        self._work = event.EventWork(len(setup.model.m), len(setup.shapes.body))
+        self._arguments = event.make_arguments(
+            setup.model, empty_state(len(setup.model.m)), no_wrenches(), setup.shapes,
+            setup.materials, self._memory)
+        self._pack: ArgumentPack | None = None
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
         """Advance the state."""
-        s = self._setup
-        self._memory = event.advance(s.model, state, wrenches, s.shapes, s.materials,
-                                     self._memory, self._settings, self._work, count)
+        c = self._arguments._replace(state=state, wrenches=wrenches, memory=self._memory)
+        self._arguments, self._pack = event.advance(c, count, self._pack)
+        self._memory = self._arguments.memory
 
     def lasting(self) -> dict[str, np.ndarray]:
         """Return the manifolds and the forces of the last step."""
-        return super().lasting() | named('carried', self._work.carried)
+        return super().lasting() | named('carried', event.carried_over(self._arguments))
 
     def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Go back to manifolds and forces that `lasting` returned."""
         super().recall(arrays)
-        self._work.carried = (unnamed('carried', Carried, arrays) if arrays
-                              else no_forces())
+        self._arguments = event.with_carried(
+            self._arguments, unnamed('carried', Carried, arrays) if arrays else no_forces())
 
     def report(self) -> ContactReport:
         """Return the counts and what OSQP said."""
-        done = self._work.report
+        done = event.report(self._arguments)
         message = ''
         if done.unsolved:
             message = (f'{done.unsolved} contact problems were left with a residual of '
                        f'{done.residual:.1e}')
         elif done.cut_short:
-            message = f'more than {self._settings.max_events} collisions in one step'
+            message = f'more than {self._arguments.settings.max_events} collisions in one step'
         # Not only where the step began: the deepest of all times at which it was interrupted.
         return self._counts()._replace(deepest=done.deepest, residual=done.residual,
                                        message=message)
@@ -229,25 +232,34 @@ class Penalty(Touching):
     def __init__(self, setup: Setup) -> None:
         """Make room for no contacts yet."""
         super().__init__(setup)
-        self._settings = PenaltySettings()
-        self._work = penalty.PenaltyWork(len(setup.model.m))
+        self._arguments = penalty.make_arguments(
+            setup.model, empty_state(len(setup.model.m)), no_wrenches(), setup.shapes,
+            setup.materials, self._memory)
+        self._pack: ArgumentPack | None = None
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
         """Advance the state."""
-        s = self._setup
-        self._memory = penalty.advance(s.model, state, wrenches, s.shapes, s.materials,
-                                       self._memory, self._settings, self._work, count)
+        c = self._arguments._replace(state=state, wrenches=wrenches, memory=self._memory)
+        self._arguments, self._pack = penalty.advance(c, count, self._pack)
+        self._memory = self._arguments.memory
 
     def lasting(self) -> dict[str, np.ndarray]:
         """Return the manifolds and the bristles of friction."""
-        return super().lasting() | named('bristle', self._work.lasting())
+        return super().lasting() | named('bristle', penalty.carried_over(self._arguments))
 
     def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Go back to manifolds and bristles that `lasting` returned."""
         super().recall(arrays)
-        self._work.bristles = (unnamed('bristle', penalty.Bristles, arrays) if arrays
-                               else penalty.no_bristles())
+        self._arguments = penalty.with_carried(self._arguments, recalled_bristles(arrays))
 
     def report(self) -> ContactReport:
         """Return the counts; springs need no solver."""
         return self._counts()
+
+
+def recalled_bristles(arrays: Mapping[str, np.ndarray]) -> penalty.Bristles:
+    """Return the bristles among what `lasting` returned; nothing at all is the beginning."""
+    if not arrays:
+        return penalty.no_bristles()
+    bristles: penalty.Bristles = unnamed('bristle', penalty.Bristles, arrays)
+    return bristles

@@ -14,30 +14,27 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rigid_sim_ros.engine.constraints.articulated_buffers import (
+    ContactBuffers, HALF_KNOWN, more_points, NEEDED, POINTS_IN_USE, WIDTH)
 from rigid_sim_ros.engine.constraints.articulated_contact import (
-    keep_impulses, press, take_back_displacing)
+    keep_impulses, solve_contacts, undo_displacing)
 from rigid_sim_ros.engine.constraints.articulated_points import choose_points
 from rigid_sim_ros.engine.constraints.articulated_rows import make_system
-from rigid_sim_ros.engine.constraints.pressing import (
-    HALF_KNOWN, more_points, NEEDED, POINTS_IN_USE, Pressing, WIDTH)
 from rigid_sim_ros.engine.contact.carried_forces import match_forces, recall_forces
-from rigid_sim_ros.engine.contact.contacts import gather, read_velocity
-from rigid_sim_ros.engine.contact.recorded_impulses import (
-    forget_impulses, note, note_all, record)
+from rigid_sim_ros.engine.contact.contact_search import (
+    DONE, find_points, MORE_CONTACTS, MORE_MANIFOLDS, MORE_MEMORY)
+from rigid_sim_ros.engine.contact.contacts import read_velocity
+from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses, note, note_all, record
 from rigid_sim_ros.engine.detection.backtrack import approach_bound
-from rigid_sim_ros.engine.detection.detect import detect_ahead
 from rigid_sim_ros.engine.detection.look_ahead import look_ahead
-from rigid_sim_ros.engine.detection.manifold_rows import find_anew
 from rigid_sim_ros.engine.detection.manifolds import current, grown, Memory
-from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic
 from rigid_sim_ros.engine.dynamics.loads import kick
 from rigid_sim_ros.engine.joints.posture import read_positions
-from rigid_sim_ros.engine.joints.settle import prepare_step
 from rigid_sim_ros.engine.maths.vector import row
 from rigid_sim_ros.engine.model.kinds.table import is_unbounded
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.engine.steps.articulated import (
-    arrive, begin_efforts, begin_part, end_step, finish, go_back, JointedArguments, later_loads,
+    arrive, begin_part, begin_step, end_step, finish, go_back, JointedArguments, later_loads,
     MOST_SLOWED, move_bodies, slow_down)
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
 from rigid_sim_ros.kernels.arrays import Array, IntArray
@@ -45,8 +42,8 @@ from rigid_sim_ros.kernels.kernel import kernel
 
 # Of the half thickness of a shape: contacts are found this far ahead, and as far as it moves.
 MARGIN = 0.01
-# Why the kernel stops.
-DONE, MORE_MEMORY, MORE_MANIFOLDS, MORE_CONTACTS, MORE_ROWS = range(5)
+# Why the kernel stops, besides what contact_search.py says.
+MORE_ROWS = 4
 # Places in `JointedContact.place`: steps that are left, the stage, and what the model counts.
 STEPS, STAGE, PARTS_DONE, SIZE, EVENTS, TRIES, COLLISIONS, CUT_SHORT, SLOWED = range(9)
 # The stage of every model at which a step begins.
@@ -62,7 +59,7 @@ class JointedContact(NamedTuple):
     memory: Memory
     radius: Array  # (n,) [m] how far the shapes of a body reach from its centre of mass
     thickness: Array  # (s,) [m] half of the least that a shape measures across
-    pressing: Pressing
+    buffers: ContactBuffers
     place: IntArray  # (9,) see STEPS
     span: Array  # (2,) [s] of the model `event`, see jointed_event.LEFT
 
@@ -70,32 +67,23 @@ class JointedContact(NamedTuple):
 @kernel
 def begin(c: JointedContact) -> None:
     """Begin a step."""
-    joints = c.joints
-    begin_kinematic(joints.model, joints.state)
-    prepare_step(joints.model, joints.table, joints.state, joints.scratch)
-    begin_efforts(joints.motion)
+    begin_step(c.joints)
     forget_impulses(current(c.memory))
-    c.pressing.acted.count[0] = c.pressing.half_acted.count[0] = 0
-    c.pressing.system.residual[0] = 0.0
+    c.buffers.acted.count[0] = c.buffers.half_acted.count[0] = 0
+    c.buffers.system.residual[0] = 0.0
 
 
 @kernel
-def find_points(c: JointedContact, h: float) -> int:
+def find_touching(c: JointedContact, h: float) -> int:
     """Write the points that may touch within h [s]; return DONE, or what is needed first."""
-    memory, shapes, w = c.memory, c.shapes, c.pressing
+    memory, shapes, w = c.memory, c.shapes, c.buffers
     model, state = c.joints.model, c.joints.state
-    find_anew(current(memory))
     look_ahead(h, model.inv_m, model.inv_I_C, state.P, state.L, state.V, MARGIN, c.radius,
                c.thickness, shapes.body, memory, 0, shapes.body.shape[0])
-    if not detect_ahead(model, state, shapes, memory, None):
-        return MORE_MEMORY
-    manifolds = current(memory)
-    rows = manifolds.count[0]
-    w.count[NEEDED] = rows
-    if rows > w.order.shape[1]:
-        return MORE_MANIFOLDS
-    w.count[NEEDED] = gather(state, manifolds, shapes, c.materials, np.inf, w.order[0, :rows],
-                             w.order[1, :rows], w.contacts)
+    why, w.count[NEEDED] = find_points(model, state, shapes, c.materials, memory, np.inf, w.order,
+                                       w.contacts)
+    if why != DONE:
+        return why
     # What acts at these comes to what acted in this step.
     w.count[NEEDED] += w.acted.count[0] + w.half_acted.count[0]
     return MORE_CONTACTS if w.count[NEEDED] > w.contacts.gap.shape[0] else DONE
@@ -127,21 +115,21 @@ def reach(c: JointedContact, r: int, h: float) -> tuple[float, float]:
 @kernel
 def read_way(c: JointedContact) -> None:
     """Read the velocities of the way that was taken, and which points took part in it."""
-    model, state, w = c.joints.model, c.joints.state, c.pressing
+    model, state, w = c.joints.model, c.joints.state, c.buffers
     for i in range(model.m.shape[0]):
         read_velocity(model, state, i, w.bodies)
     match_forces(w.contacts, w.half, w.count[HALF_KNOWN], w.match)
 
 
 @kernel
-def give_way(c: JointedContact) -> bool:
+def retry_unresolved(c: JointedContact) -> bool:
     """
     Go back from the shortest way, which did not resolve the motion; return False to go on.
 
     What joints hold may be wedged in somewhere: then the way is taken as if it were not. What
     moves too fast without that is slowed down.
     """
-    w = c.pressing
+    w = c.buffers
     if w.count[POINTS_IN_USE] > 0:
         go_back(c.joints)
         c.joints.scratch.unresolved[0] += 1
@@ -166,15 +154,15 @@ def take_first_half(c: JointedContact, h: float) -> bool:
     state, loads = joints.state, joints.work.loads
     begin_part(joints)
     kick(state, loads, 0.5 * h)
-    press(joints.model, state, joints.table, joints.motion, joints.scratch, loads, h, True,
-          c.pressing)
+    solve_contacts(joints.model, state, joints.table, joints.motion, joints.scratch, loads, h,
+                   True, c.buffers)
     return move_bodies(joints, h)
 
 
 @kernel
 def keep_first_half(c: JointedContact) -> None:
     """Keep the impulses of the first half of a way that may be taken."""
-    w = c.pressing
+    w = c.buffers
     keep_impulses(c.joints.model, True, w)
     w.half_acted.count[0] = 0
     for k in w.chosen[:w.count[POINTS_IN_USE]]:
@@ -185,13 +173,13 @@ def keep_first_half(c: JointedContact) -> None:
 def take_way(c: JointedContact, h: float) -> None:
     """Note what a way of h [s] did, which is taken now."""
     arrive(c.joints, h, True)
-    take_back_displacing(c.joints.model, c.joints.state, h, c.pressing)
+    undo_displacing(c.joints.model, c.joints.state, h, c.buffers)
 
 
 @kernel
 def choose(c: JointedContact, after: int) -> int:
     """Choose the points that take part; go on with a stage if there is room for them."""
-    w = c.pressing
+    w = c.buffers
     w.count[NEEDED] = choose_points(c.joints.model, c.joints.table, w)
     if w.count[NEEDED] > w.system.center.shape[0]:
         return MORE_ROWS
@@ -205,8 +193,8 @@ def take_second_half(c: JointedContact, h: float) -> None:
     joints = c.joints
     loads = later_loads(joints, h)
     kick(joints.state, loads, 0.5 * h)
-    press(joints.model, joints.state, joints.table, joints.motion, joints.scratch, loads, h, False,
-          c.pressing)
+    solve_contacts(joints.model, joints.state, joints.table, joints.motion, joints.scratch, loads,
+                   h, False, c.buffers)
     finish(joints, h, True)
     _keep_part(c)
 
@@ -214,7 +202,7 @@ def take_second_half(c: JointedContact, h: float) -> None:
 @kernel
 def _keep_part(c: JointedContact) -> None:
     """Record the impulses of both halves of a part, and carry those of the second over."""
-    model, state, w = c.joints.model, c.joints.state, c.pressing
+    model, state, w = c.joints.model, c.joints.state, c.buffers
     note_all(w.acted, w.half_acted)
     w.half_acted.count[0] = 0
     for k in w.chosen[:w.count[POINTS_IN_USE]]:
@@ -251,13 +239,13 @@ def advance(run: Callable[..., Any], c: JointedContact, count: int,
         why = pack.run(run)
         if why == DONE:
             return c, pack
-        w, needed = c.pressing, int(c.pressing.count[NEEDED])
+        w, needed = c.buffers, int(c.buffers.count[NEEDED])
         if why == MORE_MEMORY:
             c = c._replace(memory=grown(c.memory))
         elif why == MORE_MANIFOLDS:
-            c = c._replace(pressing=w._replace(order=np.zeros((2, 2 * needed), dtype=np.int64)))
+            c = c._replace(buffers=w._replace(order=np.zeros((2, 2 * needed), dtype=np.int64)))
         elif why == MORE_CONTACTS:
-            c = c._replace(pressing=more_points(w, c.joints.table, needed))
+            c = c._replace(buffers=more_points(w, c.joints.table, needed))
         else:
             system = make_system(2 * needed, c.joints.table, len(c.joints.times))
-            c = c._replace(pressing=w._replace(system=system))
+            c = c._replace(buffers=w._replace(system=system))

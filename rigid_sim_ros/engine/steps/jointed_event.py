@@ -15,18 +15,19 @@ All bodies go through this side by side. After MOST_EVENTS in a step the rest of
 
 import math
 
+from rigid_sim_ros.engine.constraints.articulated_buffers import NEEDED, POINTS_IN_USE, WIDTH
 from rigid_sim_ros.engine.constraints.articulated_impact import collide
 from rigid_sim_ros.engine.constraints.articulated_points import (
-    choose_points, meeting_within, take_all, take_pressing, take_touching)
-from rigid_sim_ros.engine.constraints.pressing import NEEDED, POINTS_IN_USE, WIDTH
+    choose_points, meeting_within, take_all, take_loaded, take_touching)
+from rigid_sim_ros.engine.contact.contact_search import DONE
 from rigid_sim_ros.engine.contact.contacts import read_bodies
 from rigid_sim_ros.engine.contact.recorded_impulses import note, record
 from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.steps.articulated import go_back, MOST_PARTS
 from rigid_sim_ros.engine.steps.jointed_contact import (
-    BEGIN, begin, choose, COLLISIONS, CUT_SHORT, DONE, end, EVENTS, find_points, give_way,
-    JointedContact, keep_first_half, MORE_ROWS, reach, read_way, SLOWED, STAGE, STEPS,
+    BEGIN, begin, choose, COLLISIONS, CUT_SHORT, end, EVENTS, find_touching, JointedContact,
+    keep_first_half, MORE_ROWS, reach, read_way, retry_unresolved, SLOWED, STAGE, STEPS,
     take_first_half, take_second_half, take_way, TRIES)
 from rigid_sim_ros.kernels.kernel import kernel
 
@@ -84,9 +85,9 @@ def _begin(c: JointedContact) -> None:
 @kernel
 def _meet(c: JointedContact) -> int:
     """Find what touches now, and let it collide."""
-    joints, w = c.joints, c.pressing
+    joints, w = c.joints, c.buffers
     model, state = joints.model, joints.state
-    why = find_points(c, c.span[WAY])
+    why = find_touching(c, c.span[WAY])
     if why != DONE:
         return why
     sum_loads(model, state, joints.wrenches, joints.work.loads)
@@ -112,7 +113,7 @@ def _meet(c: JointedContact) -> int:
 @kernel
 def _record_collisions(c: JointedContact) -> None:
     """Record the impulses of what collided; forces begin anew after it."""
-    w = c.pressing
+    w = c.buffers
     w.pushed[:] = 0.0
     for k in w.chosen[:w.count[POINTS_IN_USE]]:
         for i in range(w.count[WIDTH]):
@@ -158,7 +159,7 @@ def _take_first_half(c: JointedContact) -> None:
             go_back(joints)
             c.span[WAY] = 0.5 * h
             return      # what touches is still the same
-        if give_way(c):
+        if retry_unresolved(c):
             return
     hit = _limit_hit(c)
     if _may_end_earlier(c) and hit < (1.0 - 2.0 * SHARP) * h:
@@ -186,8 +187,8 @@ def _limit_hit(c: JointedContact) -> float:
 @kernel
 def _look_back(c: JointedContact) -> int:
     """Go back if shapes met on the way; else let it be taken."""
-    joints, w, h = c.joints, c.pressing, c.span[WAY]
-    why = find_points(c, 0.0)
+    joints, w, h = c.joints, c.buffers, c.span[WAY]
+    why = find_touching(c, 0.0)
     if why != DONE:
         return why
     read_way(c)
@@ -206,8 +207,8 @@ def _look_back(c: JointedContact) -> int:
 @kernel
 def _choose_for_second(c: JointedContact) -> int:
     """Choose the points that take part in the second half."""
-    w = c.pressing
-    take_pressing(w)
+    w = c.buffers
+    take_loaded(w)
     if c.place[CUT_SHORT] == 0:
         # What has just met collides when the next way begins.
         for k in range(w.contacts.count[0]):

@@ -6,11 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from rigid_sim_ros.engine.constraints.pressing import (
-    carried_over, make_pressing, Pressing, WIDTH, with_carried)
+from rigid_sim_ros.engine.constraints.articulated_buffers import (
+    carried_over, ContactBuffers, make_buffers, WIDTH, with_carried)
 from rigid_sim_ros.engine.contact.carried_forces import Carried
 from rigid_sim_ros.engine.contact.contacts import row_count
-from rigid_sim_ros.engine.contact.penalty_force import PenaltySettings
 from rigid_sim_ros.engine.detection.manifolds import current_manifolds, Manifolds
 from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches, Wrenches
 from rigid_sim_ros.engine.solver.arguments import radii, thicknesses
@@ -19,6 +18,7 @@ from rigid_sim_ros.engine.steps import (
     jointed_contact, jointed_event, jointed_penalty, jointed_timestep, penalty)
 from rigid_sim_ros.engine.steps.contact_model import (
     CONTACT, ContactReport, named, OneThread, rows_of_acted, Setup, Touching, unnamed)
+from rigid_sim_ros.engine.steps.free_models import recalled_bristles
 from rigid_sim_ros.engine.steps.jointed_motion import JointedMotion, JointSetup
 
 
@@ -54,14 +54,14 @@ class JointedTimestep(Touching, JointedMotion):
         shapes, n = setup.shapes, len(setup.model.m)
         self._arguments = jointed_contact.JointedContact(
             self.arguments(empty_state(n), no_wrenches()), shapes, setup.materials, self._memory,
-            radii(shapes, n), thicknesses(shapes), self._no_pressing(),
+            radii(shapes, n), thicknesses(shapes), self._fresh_buffers(),
             np.zeros(9, dtype=np.int64), np.zeros(2))
 
-    def _no_pressing(self) -> Pressing:
+    def _fresh_buffers(self) -> ContactBuffers:
         s = self._setup
-        pressing = make_pressing(self.table, len(s.model.m), 64, 64, 48)
-        pressing.count[WIDTH] = row_count(s.materials)
-        return pressing
+        buffers = make_buffers(self.table, len(s.model.m), 64, 64, 48)
+        buffers.count[WIDTH] = row_count(s.materials)
+        return buffers
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
         """Advance the state, and count wrenches and commands down."""
@@ -72,7 +72,7 @@ class JointedTimestep(Touching, JointedMotion):
 
     def lasting(self) -> dict[str, np.ndarray]:
         """Return the manifolds, the impulses from which the next step begins, and the joints."""
-        carried = carried_over(self._arguments.pressing)
+        carried = carried_over(self._arguments.buffers)
         return (Touching.lasting(self) | named('carried', carried)
                 | JointedMotion.lasting(self))
 
@@ -80,10 +80,10 @@ class JointedTimestep(Touching, JointedMotion):
         """Go back to what `lasting` returned; nothing at all is the beginning."""
         Touching.recall(self, arrays)
         JointedMotion.recall(self, arrays)
-        pressing = self._no_pressing()
+        buffers = self._fresh_buffers()
         if arrays:
-            pressing = with_carried(pressing, self.table, unnamed('carried', Carried, arrays))
-        self._arguments = self._arguments._replace(pressing=pressing)
+            buffers = with_carried(buffers, self.table, unnamed('carried', Carried, arrays))
+        self._arguments = self._arguments._replace(buffers=buffers)
 
     def contacts(self, state: State) -> np.ndarray:
         """Return what is near now, and what acted in the latest step."""
@@ -91,14 +91,14 @@ class JointedTimestep(Touching, JointedMotion):
 
     def with_acted(self, manifolds: Manifolds, rows: np.ndarray) -> np.ndarray:
         """Return the rows of manifolds with what acted in the latest step, once one was taken."""
-        acted = self._arguments.pressing.acted
+        acted = self._arguments.buffers.acted
         if acted.count[0] == 0:
             return rows
         return rows_of_acted(self._setup, manifolds, rows, acted)
 
     def report(self) -> ContactReport:
         """Return the counts, how well contact was solved, and what could not be done."""
-        residual = float(self._arguments.pressing.system.residual[0])
+        residual = float(self._arguments.buffers.system.residual[0])
         return self._counts()._replace(residual=residual, message=unresolved(self))
 
 
@@ -123,30 +123,34 @@ class JointedPenalty(Touching, JointedMotion):
         """Make room for no contacts yet."""
         Touching.__init__(self, setup)
         JointedMotion.__init__(self, setup.model, joints)
-        self._work = penalty.PenaltyWork(len(setup.model.m))
+        state, wrenches = empty_state(len(setup.model.m)), no_wrenches()
         self._arguments = jointed_penalty.JointedPenalty(
-            self.arguments(empty_state(len(setup.model.m)), no_wrenches()), setup.shapes,
-            setup.materials, self._memory, PenaltySettings(), self._work.buffers,
+            self.arguments(state, wrenches),
+            penalty.make_arguments(setup.model, state, wrenches, setup.shapes, setup.materials,
+                                   self._memory),
             np.zeros(3, dtype=np.int64))
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
         """Advance the state, and count wrenches and commands down."""
         self.read(state)
-        c = self._arguments._replace(joints=self.arguments(state, wrenches), memory=self._memory)
-        self._arguments, self._pack = jointed_penalty.advance(c, self._work, count, self._pack)
-        self._memory = self._arguments.memory
+        contact = self._arguments.contact._replace(
+            state=state, wrenches=wrenches, memory=self._memory)
+        c = self._arguments._replace(joints=self.arguments(state, wrenches), contact=contact)
+        self._arguments, self._pack = jointed_penalty.advance(c, count, self._pack)
+        self._memory = self._arguments.contact.memory
 
     def lasting(self) -> dict[str, np.ndarray]:
         """Return the manifolds, the bristles of friction, and the joints."""
-        return (Touching.lasting(self) | named('bristle', self._work.lasting())
+        bristles = penalty.carried_over(self._arguments.contact)
+        return (Touching.lasting(self) | named('bristle', bristles)
                 | JointedMotion.lasting(self))
 
     def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Go back to what `lasting` returned; nothing at all is the beginning."""
         Touching.recall(self, arrays)
         JointedMotion.recall(self, arrays)
-        self._work.bristles = (unnamed('bristle', penalty.Bristles, arrays) if arrays
-                               else penalty.no_bristles())
+        self._arguments = self._arguments._replace(contact=penalty.with_carried(
+            self._arguments.contact, recalled_bristles(arrays)))
 
     def report(self) -> ContactReport:
         """Return the counts, and what could not be done."""

@@ -9,19 +9,16 @@ the points that overlap at both ends of each part (penalty.py).
 
 from typing import NamedTuple
 
-from rigid_sim_ros.engine.contact.penalty_force import PenaltySettings
+from rigid_sim_ros.engine.contact.contact_search import DONE
 from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses
-from rigid_sim_ros.engine.detection.manifolds import current, grown, Memory
-from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic
+from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.loads import kick
 from rigid_sim_ros.engine.joints.posture import read_positions
-from rigid_sim_ros.engine.joints.settle import prepare_step
-from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.engine.steps.articulated import (
-    arrive, begin_efforts, begin_part, end_step, finish, go_back, JointedArguments, later_loads,
+    arrive, begin_part, begin_step, end_step, finish, go_back, JointedArguments, later_loads,
     MOST_PARTS, MOST_SLOWED, move_bodies, next_size, slow_down)
 from rigid_sim_ros.engine.steps.penalty import (
-    Buffers, DONE, find_overlaps, MORE_MEMORY, PenaltyWork, push, record, STAGE, STEPS)
+    find_overlaps, PenaltyArguments, push, record, STAGE, STEPS, with_room)
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
 from rigid_sim_ros.kernels.arrays import IntArray
 from rigid_sim_ros.kernels.kernel import kernel
@@ -38,18 +35,14 @@ class JointedPenalty(NamedTuple):
     """What the kernels of a step read and write."""
 
     joints: JointedArguments
-    shapes: Shapes
-    materials: Materials
-    memory: Memory
-    settings: PenaltySettings
-    buffers: Buffers
+    contact: PenaltyArguments
     part: IntArray  # (3,) see PARTS_DONE
 
 
 @kernel
 def run(c: JointedPenalty) -> int:
     """Step until no steps are left; return DONE, or what is needed first."""
-    count = c.buffers.count
+    count = c.contact.buffers.count
     while count[STEPS] > 0:
         stage = count[STAGE]
         if stage == BEGIN:
@@ -59,8 +52,7 @@ def run(c: JointedPenalty) -> int:
         elif stage == SECOND:
             _take_second_half(c)
         else:
-            why = find_overlaps(c.joints.model, c.joints.state, c.shapes, c.materials, c.memory,
-                                c.buffers)
+            why = find_overlaps(c.contact)
             if why != DONE:
                 return why
             count[STAGE] = stage + 1
@@ -70,13 +62,10 @@ def run(c: JointedPenalty) -> int:
 @kernel
 def _begin(c: JointedPenalty) -> None:
     """Begin a step."""
-    joints = c.joints
-    begin_kinematic(joints.model, joints.state)
-    prepare_step(joints.model, joints.table, joints.state, joints.scratch)
-    begin_efforts(joints.motion)
-    forget_impulses(current(c.memory))
-    c.part[PARTS_DONE], c.part[SIZE], c.part[SLOWED] = 0, next_size(joints.motion), 0
-    c.buffers.count[STAGE] = SEEK
+    begin_step(c.joints)
+    forget_impulses(current(c.contact.memory))
+    c.part[PARTS_DONE], c.part[SIZE], c.part[SLOWED] = 0, next_size(c.joints.motion), 0
+    c.contact.buffers.count[STAGE] = SEEK
 
 
 @kernel
@@ -84,7 +73,7 @@ def _take_first_half(c: JointedPenalty) -> None:
     """Kick, and let bodies and joints move to the new poses."""
     joints, h = c.joints, c.joints.model.h * c.part[SIZE] / MOST_PARTS
     begin_part(joints)
-    push(joints.model, joints.state, c.shapes, c.materials, c.settings, 0.0, 0.5 * h, c.buffers)
+    push(c.contact, 0.0, 0.5 * h)
     kick(joints.state, joints.work.loads, 0.5 * h)
     if not move_bodies(joints, h):
         if c.part[SIZE] > 1:
@@ -97,7 +86,7 @@ def _take_first_half(c: JointedPenalty) -> None:
             c.part[SLOWED] += 1
             return
     arrive(joints, h, True)
-    c.buffers.count[STAGE] = SEEK_AGAIN
+    c.contact.buffers.count[STAGE] = SEEK_AGAIN
 
 
 @kernel
@@ -105,30 +94,26 @@ def _take_second_half(c: JointedPenalty) -> None:
     """Kick by the forces at the new poses, and let the joints answer."""
     joints, h = c.joints, c.joints.model.h * c.part[SIZE] / MOST_PARTS
     kick(joints.state, later_loads(joints, h), 0.5 * h)
-    push(joints.model, joints.state, c.shapes, c.materials, c.settings, h, 0.5 * h, c.buffers)
+    push(c.contact, h, 0.5 * h)
     finish(joints, h, True)
-    record(current(c.memory), c.buffers.contacts, c.buffers.impulses, h)
+    record(c.contact, h)
     c.part[PARTS_DONE] += c.part[SIZE]
-    c.buffers.count[STAGE] = SEEK
+    c.contact.buffers.count[STAGE] = SEEK
     if c.part[PARTS_DONE] == MOST_PARTS:
         joints.motion.parts[0] = MOST_PARTS // c.part[SIZE]
         end_step(joints)
         read_positions(joints.table, joints.state, joints.motion)
-        c.buffers.count[STEPS] -= 1
-        c.buffers.count[STAGE] = BEGIN
+        c.contact.buffers.count[STEPS] -= 1
+        c.contact.buffers.count[STAGE] = BEGIN
 
 
-def advance(c: JointedPenalty, work: PenaltyWork, count: int,
+def advance(c: JointedPenalty, count: int,
             pack: ArgumentPack | None) -> tuple[JointedPenalty, ArgumentPack]:
     """Advance the state by `count` steps; return the arguments, whose buffers may have grown."""
-    work.buffers.count[STEPS], work.buffers.count[STAGE] = count, BEGIN
+    c.contact.buffers.count[STEPS], c.contact.buffers.count[STAGE] = count, BEGIN
     while True:
-        c = c._replace(buffers=work.buffers)
         pack = packed(c, pack)
         why = pack.run(run)
         if why == DONE:
             return c, pack
-        if why == MORE_MEMORY:
-            c = c._replace(memory=grown(c.memory))
-        else:
-            work.give(why)
+        c = c._replace(contact=with_room(c.contact, why))

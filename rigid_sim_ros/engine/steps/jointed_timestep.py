@@ -7,16 +7,17 @@ Kick, drift, kick as without contacts (articulated.py), with impulses of contact
 shapes met on the way that took no part, it is taken again with them.
 """
 
+from rigid_sim_ros.engine.constraints.articulated_buffers import WOKEN
 from rigid_sim_ros.engine.constraints.articulated_points import (
-    take_close, take_pressing, wake, wake_met)
-from rigid_sim_ros.engine.constraints.pressing import WOKEN
+    take_close, take_loaded, wake, wake_met)
+from rigid_sim_ros.engine.contact.contact_search import DONE
 from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.steps.articulated import go_back, MOST_PARTS, next_size
 from rigid_sim_ros.engine.steps.jointed_contact import (
-    BEGIN, begin, choose, DONE, end, find_points, give_way, JointedContact, keep_first_half,
-    PARTS_DONE, reach, read_way, SIZE, SLOWED, STAGE, STEPS, take_first_half, take_second_half,
-    take_way, TRIES)
+    BEGIN, begin, choose, end, find_touching, JointedContact, keep_first_half, PARTS_DONE,
+    reach, read_way, retry_unresolved, SIZE, SLOWED, STAGE, STEPS, take_first_half,
+    take_second_half, take_way, TRIES)
 from rigid_sim_ros.kernels.kernel import kernel
 
 # Ways that are tried with what met on the ones before; of a chain of shapes that hit each other
@@ -46,7 +47,7 @@ def run(c: JointedContact) -> int:
             take_way(c, _length(c))
             c.place[STAGE] = CHOOSE
         elif stage == CHOOSE:
-            take_pressing(c.pressing)
+            take_loaded(c.buffers)
             why = choose(c, SECOND)
         else:
             _take_second_half(c)
@@ -58,15 +59,15 @@ def run(c: JointedContact) -> int:
 @kernel
 def _begin_part(c: JointedContact) -> None:
     """Begin a part of a step, in which nothing has met yet."""
-    c.place[TRIES], c.place[SLOWED], c.pressing.count[WOKEN] = 0, 0, 0
+    c.place[TRIES], c.place[SLOWED], c.buffers.count[WOKEN] = 0, 0, 0
     c.place[STAGE] = SEEK
 
 
 @kernel
 def _seek(c: JointedContact) -> int:
     """Find the points that take part in the first half of a part of a step."""
-    joints, w, h = c.joints, c.pressing, c.joints.model.h
-    why = find_points(c, h)
+    joints, w, h = c.joints, c.buffers, c.joints.model.h
+    why = find_touching(c, h)
     if why != DONE:
         return why
     sum_loads(joints.model, joints.state, joints.wrenches, joints.work.loads)
@@ -82,10 +83,10 @@ def _seek(c: JointedContact) -> int:
 @kernel
 def _look_back(c: JointedContact) -> int:
     """Go back if shapes met on the way that took no part in it."""
-    why = find_points(c, 0.0)
+    why = find_touching(c, 0.0)
     if why != DONE:
         return why
-    w = c.pressing
+    w = c.buffers
     read_way(c)
     if c.place[TRIES] < MOST_TRIES and wake_met(_length(c), w):
         go_back(c.joints)
@@ -110,7 +111,7 @@ def _take_first_half(c: JointedContact) -> None:
             go_back(c.joints)
             c.place[SIZE] //= 2
             return      # what touches is still the same
-        if give_way(c):
+        if retry_unresolved(c):
             return
     keep_first_half(c)
     c.place[STAGE] = LOOK_BACK

@@ -10,13 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rigid_sim_ros.engine.contact.contact_search import (
+    DONE, find_points, MORE_CONTACTS, MORE_MANIFOLDS, MORE_MEMORY)
 from rigid_sim_ros.engine.contact.contacts import (
-    Bodies, Contacts, gather, make_bodies, make_contacts, read_velocity, to_world)
+    Bodies, Contacts, make_bodies, make_contacts, read_velocity, to_world)
 from rigid_sim_ros.engine.contact.penalty_force import penalty_forces, PenaltySettings
 from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses
-from rigid_sim_ros.engine.detection.detect import detect_ahead
-from rigid_sim_ros.engine.detection.manifold_rows import find_anew
-from rigid_sim_ros.engine.detection.manifolds import current, grown, Manifolds, Memory
+from rigid_sim_ros.engine.detection.manifolds import current, grown, Memory
 from rigid_sim_ros.engine.dynamics.free_flight import fly
 from rigid_sim_ros.engine.dynamics.integrate import kick_by_change, make_work, sum_loads, Work
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic, move_kinematic
@@ -26,6 +26,7 @@ from rigid_sim_ros.engine.maths.algebra import quaternion, rotate, row
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
@@ -46,7 +47,7 @@ class Bristles(NamedTuple):
 class Buffers(NamedTuple):
     """Memory of the kernel, and where it stands; capacity c points."""
 
-    count: IntArray  # type: ignore[assignment]  # (5,) see STEPS
+    count: IntArray  # type: ignore[assignment]  # (4,) see STEPS
     work: Work
     bodies: Bodies
     loads: Loads
@@ -57,64 +58,98 @@ class Buffers(NamedTuple):
     bristles: Bristles  # (c,) of the end of the last step, or of the middle of this one
 
 
+class PenaltyArguments(NamedTuple):
+    """What the kernels of a step read and write."""
+
+    model: Model
+    state: State
+    wrenches: Wrenches
+    shapes: Shapes
+    materials: Materials
+    memory: Memory
+    settings: PenaltySettings
+    buffers: Buffers
+
+
 # Places in `Buffers.count`.
 STEPS, STAGE, KNOWN, NEEDED = range(4)
-# Stages of a step, and why the kernel stops.
+# Stages of a step.
 BEGIN, END = range(2)
-DONE, MORE_MEMORY, MORE_MANIFOLDS, MORE_CONTACTS = range(4)
 
 
-class PenaltyWork:
-    """The buffers of the kernel, and the bristles, which carry over from step to step."""
-
-    def __init__(self, bodies: int) -> None:
-        """Make room for a world without contacts."""
-        c = 64
-        self.buffers = Buffers(np.zeros(5, dtype=np.int64), make_work(bodies), make_bodies(bodies),
-                               empty_loads(bodies), np.zeros((2, c), dtype=np.int64),
-                               make_contacts(c), np.zeros((c, 3)), np.zeros((c, 3)),
-                               _longer(no_bristles(), c))
-
-    @property
-    def bristles(self) -> Bristles:
-        """Return all that influences later steps, besides the state."""
-        known = int(self.buffers.count[KNOWN])
-        return Bristles._make(field[:known].copy() for field in self.buffers.bristles)
-
-    @bristles.setter
-    def bristles(self, kept: Bristles) -> None:
-        room = len(self.buffers.bristles.feature)
-        self.buffers = self.buffers._replace(bristles=_longer(kept, room))
-        self.buffers.count[KNOWN] = len(kept.feature)
-
-    def lasting(self) -> Bristles:
-        """Return all that influences later steps, besides the state."""
-        return self.bristles
-
-    def give(self, why: int) -> None:
-        """Make the room that the kernel stopped for."""
-        w, c = self.buffers, 2 * int(self.buffers.count[NEEDED])
-        if why == MORE_MANIFOLDS:
-            self.buffers = w._replace(order=np.zeros((2, c), dtype=np.int64))
+@kernel
+def run(c: PenaltyArguments) -> int:
+    """Take steps until none are left; return DONE, or what is needed before they go on."""
+    while c.buffers.count[STEPS] > 0:
+        why = find_overlaps(c)
+        if why != DONE:
+            return why
+        if c.buffers.count[STAGE] == BEGIN:
+            take_first_half(c)
         else:
-            self.buffers = w._replace(contacts=make_contacts(c), impulses=np.zeros((c, 3)),
-                                      stretch=np.zeros((c, 3)), bristles=_longer(w.bristles, c))
+            take_second_half(c)
+    return DONE
 
 
-def _longer(bristles: Bristles, rows: int) -> Bristles:
-    """Return bristles with room for so many rows, or as many as there are."""
-    found = []
-    for field in bristles:
-        room = np.zeros((max(rows, len(field)), *field.shape[1:]), dtype=field.dtype)
-        room[:len(field)] = field
-        found.append(room)
-    return Bristles._make(found)
+@kernel
+def take_first_half(c: PenaltyArguments) -> None:
+    """Kick by half of the loads, and drift by a whole step."""
+    loads = c.buffers.work.loads
+    push(c, 0.0, 0.5 * c.model.h)
+    sum_loads(c.model, c.state, c.wrenches, loads)
+    kick(c.state, loads, 0.5 * c.model.h)
+    fly(c.model, c.state, (0.0, 0.0, 0.0), c.model.h, np.int64(1), c.buffers.work.block)
+    move_kinematic(c.model, c.state, c.model.h)
+    c.buffers.count[STAGE] = END
 
 
-def no_bristles() -> Bristles:
-    """Return the bristles of a world in which nothing touches."""
-    none = np.zeros(0, dtype=np.int64)
-    return Bristles(none, none, none, np.zeros((0, 3)))
+@kernel
+def take_second_half(c: PenaltyArguments) -> None:
+    """Kick by the other half, with the loads at the new poses; see `integrate.symplectic`."""
+    work = c.buffers.work
+    push(c, c.model.h, 0.5 * c.model.h)
+    kick(c.state, work.loads, 0.5 * c.model.h)
+    sum_loads(c.model, c.state, c.wrenches, work.later)
+    kick_by_change(c.state, work.loads, work.later, c.model.h)
+    end_kinematic(c.model, c.state)
+    count_down(c.wrenches)
+    forget_impulses(current(c.memory))
+    record(c, c.model.h)
+    c.buffers.count[STAGE] = BEGIN
+    c.buffers.count[STEPS] -= 1
+
+
+@kernel
+def find_overlaps(c: PenaltyArguments) -> int:
+    """Find the points that overlap; return DONE, or what is needed first."""
+    shapes, memory, w = c.shapes, c.memory, c.buffers
+    for s in range(shapes.bound.shape[0]):
+        memory.ahead[s] = MARGIN * shapes.bound[s] if shapes.bound[s] < np.inf else 0.0
+    memory.calm[0] = np.inf
+    why, w.count[NEEDED] = find_points(c.model, c.state, shapes, c.materials, memory, 0.0, w.order,
+                                       w.contacts)
+    if why != DONE:
+        return why
+    w.count[NEEDED] = max(w.count[NEEDED], w.count[KNOWN])
+    if w.count[NEEDED] > w.contacts.gap.shape[0]:
+        return MORE_CONTACTS
+    # Whose twist is over stands still; in the second half of a step that is nobody.
+    begin_kinematic(c.model, c.state)
+    for i in range(c.model.m.shape[0]):
+        read_velocity(c.model, c.state, i, w.bodies)
+    return DONE
+
+
+@kernel
+def push(c: PenaltyArguments, t: float, h: float) -> None:
+    """Kick by h [s] of the forces of all points, after a slip of t [s]; keep bristles."""
+    w = c.buffers
+    _recall(w.contacts, c.state, w.bristles, w.count[KNOWN], w.stretch)
+    penalty_forces(c.model, c.state, c.shapes, c.materials, c.settings, w.contacts, w.bodies,
+                   w.stretch, t, w.loads, w.impulses)
+    _keep(w.contacts, c.state, w.stretch, w.bristles)
+    w.count[KNOWN] = w.contacts.count[0]
+    kick(c.state, w.loads, h)
 
 
 @kernel
@@ -150,8 +185,9 @@ def _keep(contacts: Contacts, state: State, world: Array, bristles: Bristles) ->
 
 
 @kernel
-def record(manifolds: Manifolds, contacts: Contacts, forces: Array, t: float) -> None:
+def record(c: PenaltyArguments, t: float) -> None:
     """Add what the forces of the points give in t [s] to the impulses of the manifolds."""
+    manifolds, contacts, forces = current(c.memory), c.buffers.contacts, c.buffers.impulses
     for k in range(contacts.count[0]):
         r = contacts.manifold[k]
         for j in range(manifolds.points[r]):
@@ -162,104 +198,71 @@ def record(manifolds: Manifolds, contacts: Contacts, forces: Array, t: float) ->
             manifolds.friction[r, i] += rubbing[i]
 
 
-@kernel
-def _velocities(model: Model, state: State, bodies: Bodies) -> None:
-    # Whose twist is over stands still; in the second half of a step that is nobody.
-    begin_kinematic(model, state)
-    for i in range(model.m.shape[0]):
-        read_velocity(model, state, i, bodies)
+def _longer(bristles: Bristles, rows: int) -> Bristles:
+    """Return bristles with room for so many rows, or as many as there are."""
+    found = []
+    for field in bristles:
+        room = np.zeros((max(rows, len(field)), *field.shape[1:]), dtype=field.dtype)
+        room[:len(field)] = field
+        found.append(room)
+    return Bristles._make(found)
 
 
-@kernel
-def _drift(model: Model, state: State, wrenches: Wrenches, work: Work) -> None:
-    """Half a kick of the loads other than contact, and the drift of a whole step."""
-    sum_loads(model, state, wrenches, work.loads)
-    kick(state, work.loads, 0.5 * model.h)
-    fly(model, state, (0.0, 0.0, 0.0), model.h, np.int64(1), work.block)
-    move_kinematic(model, state, model.h)
+def no_bristles() -> Bristles:
+    """Return the bristles of a world in which nothing touches."""
+    none = np.zeros(0, dtype=np.int64)
+    return Bristles(none, none, none, np.zeros((0, 3)))
 
 
-@kernel
-def _last_kick(model: Model, state: State, wrenches: Wrenches, work: Work) -> None:
-    """Kick by the other half, with the loads at the new pose; see `integrate.symplectic`."""
-    kick(state, work.loads, 0.5 * model.h)
-    sum_loads(model, state, wrenches, work.later)
-    kick_by_change(state, work.loads, work.later, model.h)
-    end_kinematic(model, state)
-    count_down(wrenches)
+def make_arguments(model: Model, state: State, wrenches: Wrenches, shapes: Shapes,
+                   materials: Materials, memory: Memory) -> PenaltyArguments:
+    """Return the arguments of a world with buffers of their own, and no bristles."""
+    n, c = len(model.m), 64
+    buffers = Buffers(
+        np.zeros(4, dtype=np.int64), make_work(n), make_bodies(n), empty_loads(n),
+        np.zeros((2, c), dtype=np.int64), make_contacts(c), np.zeros((c, 3)), np.zeros((c, 3)),
+        _longer(no_bristles(), c))
+    return PenaltyArguments(model, state, wrenches, shapes, materials, memory, PenaltySettings(),
+                            buffers)
 
 
-@kernel
-def find_overlaps(model: Model, state: State, shapes: Shapes, materials: Materials, memory: Memory,
-                  w: Buffers) -> int:
-    """Find the points that overlap; return DONE, or what is needed first."""
-    find_anew(current(memory))
-    for s in range(shapes.bound.shape[0]):
-        memory.ahead[s] = MARGIN * shapes.bound[s] if shapes.bound[s] < np.inf else 0.0
-    memory.calm[0] = np.inf
-    if not detect_ahead(model, state, shapes, memory, None):
-        return MORE_MEMORY
-    manifolds = current(memory)
-    rows = manifolds.count[0]
-    w.count[NEEDED] = rows
-    if rows > w.order.shape[1]:
-        return MORE_MANIFOLDS
-    found = gather(state, manifolds, shapes, materials, 0.0, w.order[0, :rows], w.order[1, :rows],
-                   w.contacts)
-    w.count[NEEDED] = max(found, w.count[KNOWN])
-    if w.count[NEEDED] > w.contacts.gap.shape[0]:
-        return MORE_CONTACTS
-    _velocities(model, state, w.bodies)
-    return DONE
+def with_room(c: PenaltyArguments, why: int) -> PenaltyArguments:
+    """Return arguments with the room that a kernel stopped for."""
+    w, rows = c.buffers, 2 * int(c.buffers.count[NEEDED])
+    if why == MORE_MEMORY:
+        return c._replace(memory=grown(c.memory))
+    if why == MORE_MANIFOLDS:
+        return c._replace(buffers=w._replace(order=np.zeros((2, rows), dtype=np.int64)))
+    return c._replace(buffers=w._replace(
+        contacts=make_contacts(rows), impulses=np.zeros((rows, 3)), stretch=np.zeros((rows, 3)),
+        bristles=_longer(w.bristles, rows)))
 
 
-@kernel
-def push(model: Model, state: State, shapes: Shapes, materials: Materials,
-         settings: PenaltySettings, t: float, h: float, w: Buffers) -> None:
-    """Kick by h [s] of the forces of all points, after a slip of t [s]; keep bristles."""
-    _recall(w.contacts, state, w.bristles, w.count[KNOWN], w.stretch)
-    penalty_forces(model, state, shapes, materials, settings, w.contacts, w.bodies, w.stretch, t,
-                   w.loads, w.impulses)
-    _keep(w.contacts, state, w.stretch, w.bristles)
-    w.count[KNOWN] = w.contacts.count[0]
-    kick(state, w.loads, h)
+def carried_over(c: PenaltyArguments) -> Bristles:
+    """Return all that influences later steps, besides the state."""
+    known = int(c.buffers.count[KNOWN])
+    return Bristles._make(field[:known].copy() for field in c.buffers.bristles)
 
 
-@kernel
-def run(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
-        memory: Memory, settings: PenaltySettings, w: Buffers) -> int:
-    """Step until no steps are left; return DONE, or what is needed first."""
-    while w.count[STEPS] > 0:
-        why = find_overlaps(model, state, shapes, materials, memory, w)
-        if why != DONE:
-            return why
-        if w.count[STAGE] == BEGIN:
-            push(model, state, shapes, materials, settings, 0.0, 0.5 * model.h, w)
-            _drift(model, state, wrenches, w.work)
-            w.count[STAGE] = END
-        else:
-            push(model, state, shapes, materials, settings, model.h, 0.5 * model.h, w)
-            _last_kick(model, state, wrenches, w.work)
-            forget_impulses(current(memory))
-            record(current(memory), w.contacts, w.impulses, model.h)
-            w.count[STAGE] = BEGIN
-            w.count[STEPS] -= 1
-    return DONE
+def with_carried(c: PenaltyArguments, bristles: Bristles) -> PenaltyArguments:
+    """Return arguments that go on with these bristles."""
+    c.buffers.count[KNOWN] = len(bristles.feature)
+    room = len(c.buffers.bristles.feature)
+    return c._replace(buffers=c.buffers._replace(bristles=_longer(bristles, room)))
 
 
-def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
-            memory: Memory, settings: PenaltySettings, work: PenaltyWork, count: int) -> Memory:
+def advance(c: PenaltyArguments, count: int,
+            pack: ArgumentPack | None) -> tuple[PenaltyArguments, ArgumentPack]:
     """
-    Advance all bodies by `count` steps, in place; return the memory, which may have grown.
+    Advance the state by `count` steps; return the arguments, whose buffers may have grown.
 
-    Kick, drift, kick: order 2 while the points stay the same. work.bristles together with the
-    state is all that the next step depends on.
+    Kick, drift, kick: order 2 while the points stay the same. The pack that is returned is for the
+    next call. `carried_over` together with the state is all that the next step depends on.
     """
-    work.buffers.count[STEPS] = count
-    while (why := run(model, state, wrenches, shapes, materials, memory, settings,
-                      work.buffers)) != DONE:
-        if why == MORE_MEMORY:
-            memory = grown(memory)
-        else:
-            work.give(why)
-    return memory
+    c.buffers.count[STEPS] = count
+    while True:
+        pack = packed(c, pack)
+        why = pack.run(run)
+        if why == DONE:
+            return c, pack
+        c = with_room(c, why)

@@ -81,63 +81,115 @@ class QpWork:
         self.report = QpReport()
 
 
-def advance(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
-            memory: Memory, settings: TimestepSettings, work: QpWork, count: int) -> Memory:
+class QpArguments(NamedTuple):
+    """What a step reads and writes."""
+
+    model: Model
+    state: State
+    wrenches: Wrenches
+    shapes: Shapes
+    materials: Materials
+    memory: Memory
+    settings: TimestepSettings
+    work: QpWork
+
+
+def step(c: QpArguments) -> QpArguments:
+    """Take a step; return the arguments, whose buffers may have grown."""
+    begin_kinematic(c.model, c.state)
+    c = find_contacts(c)
+    sum_loads(c.model, c.state, c.wrenches, c.work.shared.loads)
+    bounce(c)
+    load_solver(c)
+    chosen = choose_points(c)
+    impulses, pushes = solve_contacts(c, chosen)
+    move_bodies(c, chosen, impulses, pushes)
+    apply_later_forces(c)
+    end_kinematic(c.model, c.state)
+    count_down(c.wrenches)
+    return c
+
+
+def advance(c: QpArguments, count: int) -> QpArguments:
     """
-    Advance the state by `count` steps; return the memory, which may have grown.
+    Advance the state by `count` steps; return the arguments, whose buffers may have grown.
 
     What OSQP could not solve is applied as far as it came, and said in `work.report`.
     """
     for _ in range(count):
-        begin_kinematic(model, state)
-        look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, state.V,
-                   settings.margin, work.shared.radius, work.shared.thickness, shapes.body,
-                   memory, 0, shapes.body.shape[0])
-        while not detect_ahead(model, state, shapes, memory, None):
-            memory = grown(memory)
-        if len(memory.pages[0].shape_a) > len(work.shared.collision.rows):
-            work.shared = make_timestep_work(model, shapes, memory)
-        _step(model, state, wrenches, shapes, materials, current_manifolds(memory),
-              earlier_manifolds(memory), memory.touching, settings, work)
-        end_kinematic(model, state)
-        count_down(wrenches)
-    return memory
+        c = step(c)
+    return c
 
 
-def _step(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
-          manifolds: Manifolds, acted: Manifolds, touching: IntArray, settings: TimestepSettings,
-          work: QpWork) -> None:
-    shared, bodies = work.shared, work.shared.solver.bodies
+def make_arguments(model: Model, state: State, wrenches: Wrenches, shapes: Shapes,
+                   materials: Materials, memory: Memory,
+                   settings: TimestepSettings) -> QpArguments:
+    """Return the arguments of a world with buffers of their own."""
+    return QpArguments(model, state, wrenches, shapes, materials, memory, settings,
+                       QpWork(model, shapes, memory))
+
+
+def find_contacts(c: QpArguments) -> QpArguments:
+    """Find the manifolds of what may touch within the step; return arguments with room for all."""
+    model, state, shapes, memory, work = c.model, c.state, c.shapes, c.memory, c.work
+    look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, state.V, c.settings.margin,
+               work.shared.radius, work.shared.thickness, shapes.body, memory, 0,
+               shapes.body.shape[0])
+    while not detect_ahead(model, state, shapes, memory, None):
+        memory = grown(memory)
+    if len(memory.pages[0].shape_a) > len(work.shared.collision.rows):
+        work.shared = make_timestep_work(model, shapes, memory)
+    manifolds, acted = current_manifolds(memory), earlier_manifolds(memory)
     clear_impulses(manifolds, acted.impulse, acted.friction)
-    sum_loads(model, state, wrenches, shared.loads)
+    return c._replace(memory=memory)
+
+
+def bounce(c: QpArguments) -> None:
+    """Give colliding bodies their impulses, at the time at which they meet."""
+    model, shared = c.model, c.work.shared
+    manifolds, acted = current_manifolds(c.memory), earlier_manifolds(c.memory)
     shared.collision.waits[:] = 0
-    if collide_bodies(model.h, model.inv_m, model.inv_I_C, state, shared.loads.F, shapes,
-                      materials, manifolds, acted.impulse,
-                      acted.friction, shared.collision) > 0:
+    if collide_bodies(model.h, model.inv_m, model.inv_I_C, c.state, shared.loads.F, c.shapes,
+                      c.materials, manifolds, acted.impulse, acted.friction,
+                      shared.collision) > 0:
         _move_gaps(manifolds, shared.collision.body)
-    mark_touching(manifolds, shared.collision.waits, touching)
+    mark_touching(manifolds, shared.collision.waits, c.memory.touching)
+
+
+def load_solver(c: QpArguments) -> None:
+    """Give what touches its slot in the solver, with the velocities that the forces alone give."""
+    model, state, work = c.model, c.state, c.work
+    shared, bodies = work.shared, work.shared.solver.bodies
     # What moves by its twist has no slot: its velocity is in `work.bodies`.
     take_sides(model.inv_m, work.prescribed, state.x, work.awake, 0, len(model.m),
                shared.solver.sides, bodies.slot, bodies.flies)
-    give_slots(0, shared.solver.sides, touching, bodies)
+    give_slots(0, shared.solver.sides, c.memory.touching, bodies)
     load_bodies(0, 0.0, model.gravity, model.inv_m, model.inv_I_C, state, shared.loads, bodies)
     read_bodies(model, state, shared.loads.F, shared.loads.tau, work.bodies)
-    chosen = _chosen(model, state, shapes, materials, manifolds, work)
     kick_bodies(0, bodies.used, bodies.motion, bodies.smooth, False, bodies.base, model.h)
     begin_push(0, bodies.used[SECOND_END], bodies.motion, bodies.drifted)
-    impulses, pushes = _solve(model, manifolds, acted, settings, chosen, work)
-    _drift_by_the_end(state, model.inv_m, model.h, work.contacts, chosen, impulses, bodies)
+
+
+def move_bodies(c: QpArguments, chosen: IntArray, impulses: Array, pushes: Array) -> None:
+    """Move all bodies by a step, with the impulses of the chosen points."""
+    model, state, shared = c.model, c.state, c.work.shared
+    bodies, contacts = shared.solver.bodies, c.work.contacts
+    _drift_by_the_end(state, model.inv_m, model.h, contacts, chosen, impulses, bodies)
     drift_bodies(0, bodies.used, bodies.motion, bodies.drifted, bodies.total, bodies.smooth,
                  False, bodies.base, model.h, True)
-    _give_back(work.contacts, chosen, impulses, pushes, model.h, bodies)
+    _give_back(contacts, chosen, impulses, pushes, model.h, bodies)
     store_bodies(0, 0, len(model.m), model.h, model.m, model.inv_m, model.inv_I_C, state, bodies,
                  1)
     fly_free(model, state, shared.loads, bodies.flies, model.h, shared.block)
     move_kinematic(model, state, model.h)
-    # As in the symplectic method: half of the change of the loads, now at the new poses.
-    sum_loads(model, state, wrenches, shared.later)
-    kick(state, shared.later, 0.5 * model.h)
-    kick(state, shared.loads, -0.5 * model.h)
+
+
+def apply_later_forces(c: QpArguments) -> None:
+    """Kick by half of the change of the loads, as in the symplectic method: at the new poses."""
+    shared = c.work.shared
+    sum_loads(c.model, c.state, c.wrenches, shared.later)
+    kick(c.state, shared.later, 0.5 * c.model.h)
+    kick(c.state, shared.loads, -0.5 * c.model.h)
 
 
 @kernel
@@ -148,11 +200,12 @@ def _move_gaps(manifolds: Manifolds, moved: Array) -> None:
             manifolds.gap[p, r] = gap_now(manifolds, moved, r, p)
 
 
-def _chosen(model: Model, state: State, shapes: Shapes, materials: Materials,
-            manifolds: Manifolds, work: QpWork) -> IntArray:
+def choose_points(c: QpArguments) -> IntArray:
     """Write the points to `work.contacts` and return those that the solver looks at."""
+    model, work = c.model, c.work
     while True:
-        found = gather_all(state, manifolds, shapes, materials, float('inf'), work.contacts)
+        found = gather_all(c.state, current_manifolds(c.memory), c.shapes, c.materials,
+                           float('inf'), work.contacts)
         if found <= len(work.contacts.gap):
             break
         work.contacts = make_contacts(2 * found)
@@ -162,15 +215,14 @@ def _chosen(model: Model, state: State, shapes: Shapes, materials: Materials,
     return np.nonzero(moves & (work.shared.collision.waits[rows] == 0))[0]
 
 
-def _solve(model: Model, manifolds: Manifolds, acted: Manifolds, settings: TimestepSettings,
-           chosen: IntArray, work: QpWork) -> tuple[Array, Array]:
+def solve_contacts(c: QpArguments, chosen: IntArray) -> tuple[Array, Array]:
     """
     Find the impulses of the chosen points, and let the bodies feel them.
 
     Returns them, and those that only displace, (3m,) triples in the axes n, t1, t2.
     """
-    contacts, bodies, m = work.contacts, work.shared.solver.bodies, len(chosen)
-    count = int(manifolds.count[0])
+    model, work, manifolds = c.model, c.work, current_manifolds(c.memory)
+    contacts, m, count = work.contacts, len(chosen), int(manifolds.count[0])
     manifolds.friction[:count] = 0.0
     manifolds.spin[:count] = 0.0
     work.report = QpReport()
@@ -178,25 +230,39 @@ def _solve(model: Model, manifolds: Manifolds, acted: Manifolds, settings: Times
         manifolds.impulse[:, :count] = 0.0
         return np.zeros(0), np.zeros(0)
     rows = make_rows(m, 3 * m, len(model.m))
-    newton = make_newton(m, 3 * m, len(model.m), len(model.m))
     write_rows(model, contacts, work.bodies, chosen, 3, COMPLIANCE, rows)
-    touched = number_bodies(contacts, chosen, model.inv_m, newton.slot)
-    _free_velocities(contacts, chosen, bodies, work.bodies, rows.b)
-    gap = contacts.gap[chosen]
-    rows.b[::3] += np.maximum(gap, 0.0) / model.h
+    _free_velocities(contacts, chosen, work.shared.solver.bodies, work.bodies, rows.b)
+    rows.b[::3] += np.maximum(contacts.gap[chosen], 0.0) / model.h
     _read_impulses(manifolds, contacts, chosen, rows.f)
+    f = _find_impulses(model, chosen, rows, work)
+    _push(contacts, chosen, f, work.shared.solver.bodies, work.shared.solver.bodies.motion)
+    manifolds.impulse[:, :count] = 0.0
+    _write_impulses(manifolds, earlier_manifolds(c.memory), contacts, chosen, f)
+    return f, _push_apart(c, chosen, rows, f)
+
+
+def _find_impulses(model: Model, chosen: IntArray, rows: Rows, work: QpWork) -> Array:
+    """Return the impulses by Newton's method, by OSQP where that does not do; report how."""
+    contacts, m = work.contacts, len(chosen)
+    newton = make_newton(m, 3 * m, len(model.m), len(model.m))
+    touched = number_bodies(contacts, chosen, model.inv_m, newton.slot)
     worst = float(solve_rows(rows, m, 3, touched, FEW_STEPS, EFFORT, newton))
-    outcome = Outcome(worst, worst <= TOLERANCE, '', 0, 0)
+    outcome = Outcome(worst, worst <= TOLERANCE, '', 0)
     if not outcome.solved and m <= MOST_POINTS:
-        rows.f[:], outcome = _ask_osqp(model, contacts, chosen, rows, work)
-    f = rows.f.copy()
+        A = np.zeros((3 * m, 3 * m))
+        effective_mass(model, contacts, work.bodies, chosen, m, 3, np.zeros((2, 3 * m, 3)), A)
+        rows.f[:], outcome = solve(A, rows.b, contacts.friction[chosen], rows.f)
     work.report = QpReport(outcome.residual, outcome.osqp_iterations, outcome.status,
                            outcome.solved)
-    _push(contacts, chosen, f, bodies, bodies.motion)
-    manifolds.impulse[:, :count] = 0.0
-    _write_impulses(manifolds, acted, contacts, chosen, f)
-    push = settings.sequential.push / model.h
-    wanted = np.minimum(-push * np.minimum(gap, 0.0), MOST_PUSH * contacts.size[chosen] / model.h)
+    return rows.f.copy()
+
+
+def _push_apart(c: QpArguments, chosen: IntArray, rows: Rows, f: Array) -> Array:
+    """Displace what overlaps in spite of the impulses f; return what does it, (3m,)."""
+    contacts, bodies, m, h = c.work.contacts, c.work.shared.solver.bodies, len(chosen), c.model.h
+    push = c.settings.sequential.push / h
+    wanted = np.minimum(-push * np.minimum(contacts.gap[chosen], 0.0),
+                        MOST_PUSH * contacts.size[chosen] / h)
     violation(rows, m, 3, f)
     # Not what leaves its overlap by itself.
     wanted -= np.maximum(rows.a[::3], 0.0)
@@ -207,16 +273,7 @@ def _solve(model: Model, manifolds: Manifolds, acted: Manifolds, settings: Times
         apply_forces(rows, m, 3, displaced)
         sweep_rows(rows, m, 3, displaced, PUSH_SWEEPS, 1e-9 * float(wanted.max()))
         _push(contacts, chosen, displaced, bodies, bodies.drifted)
-    return f, displaced
-
-
-def _ask_osqp(model: Model, contacts: Contacts, chosen: IntArray, rows: Rows,
-              work: QpWork) -> tuple[Array, Outcome]:
-    """Return the impulses as OSQP finds them, where sweeps and Newton's method do not."""
-    m = len(chosen)
-    A = np.zeros((3 * m, 3 * m))
-    effective_mass(model, contacts, work.bodies, chosen, m, 3, np.zeros((2, 3 * m, 3)), A)
-    return solve(A, rows.b, contacts.friction[chosen], rows.f)
+    return displaced
 
 
 @kernel

@@ -28,8 +28,7 @@ from rigid_sim_ros.engine.dynamics.wrenches import count_down
 from rigid_sim_ros.engine.solver.arguments import Arguments, with_memory
 from rigid_sim_ros.engine.solver.parallel_detection import (
     detect_in_parallel, look_ahead_of, share_part, take_sides_of)
-from rigid_sim_ros.engine.solver.partition import (
-    begin_slots, choose_cut, ENOUGH, mark_touching)
+from rigid_sim_ros.engine.solver.partition import begin_slots, choose_cut, ENOUGH, mark_touching
 from rigid_sim_ros.engine.solver.sequential import (
     solve_contacts, solve_directly, solve_part, store_part)
 from rigid_sim_ros.engine.solver.sleeping import (
@@ -358,14 +357,16 @@ def pieces_of(c: Arguments, helped: bool) -> Pieces:
     families = FAMILY[np.ix_(kinds, kinds)]
     searches = np.isin(families, SEARCHED).any()
     may_search = (families == BOXES).any() and not searches
-    optional = {add_forces: c.model.forces.kind.shape[0] > 0, collide: c.uses.bounces == 1,
-                share_part: helped,
+    optional = {add_forces: c.model.forces.kind.shape[0] > 0, share_part: helped,
                 wake_or_sleep: c.settings.sleep_steps > 0}
+    bounces = [collide]
     # What the helper compiles takes as long as all the rest.
     return Pieces(
-        here=[solve_part, solve_directly,
+        here=[solve_part, solve_directly, store_part,
               *(piece for piece, is_used in optional.items() if is_used)],
-        helped=[detect_part, store_part, predict_part, *([search] if searches else [])],
+        helped=[detect_part, predict_part, *(bounces if c.uses.bounces == 1 else []),
+                *([search] if searches else [])],
         late=[search] if may_search else [],
         unused=[*(piece for piece, is_used in optional.items() if not is_used),
+                *(bounces if c.uses.bounces == 0 else []),
                 *([] if searches or may_search else [search])])

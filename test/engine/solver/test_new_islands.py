@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros.engine.model.shapes import Material
-from rigid_sim_ros.engine.solver.new_islands import kick_new, make_new_islands, unkick_new
+from rigid_sim_ros.engine.solver.new_islands import kick_new, make_new_islands
 from rigid_sim_ros.engine.solver.solver_bodies import make_bodies, STRIDE
 
 H, COUNT = 1 / 240, 20
@@ -102,10 +102,10 @@ def test_a_kick_is_taken_back_but_for_what_contacts_did(alike):
     motion, base = bodies.motion[:slots * STRIDE], bodies.base[:slots * STRIDE]
     motion[:], base[:], bodies.smooth[:slots * STRIDE] = start, contacts, forces
     felt = np.tile(forces[:STRIDE], slots) if alike else forces
-    kick_new(0, bodies, h, new)
+    kick_new(0, True, bodies, h, new)
     assert (motion == np.where(part, start + h * felt + contacts, start)).all()
     motion += np.where(part, found, 0.0)
-    unkick_new(0, bodies, h, new)
+    kick_new(0, False, bodies, h, new)
     # Roundings of numbers of about 1.
     assert motion == pytest.approx(start, abs=1e-14)
     assert base == pytest.approx(np.where(part, contacts + found, contacts), abs=1e-14)

@@ -220,10 +220,10 @@ def test_the_same_bits_after_a_restart_in_the_middle_of_contact():
     thing = box((0.2, 0.3, 0.1), 1.0, position=(0, 0, 0.25), orientation=q / np.linalg.norm(q),
                 spin=(1, 2, 3))
     scene = PenaltyScene([ground(), thing], soft(2e4))
-    while len(scene.work.bristles.feature) == 0:
+    while len(scene.bristles.feature) == 0:
         scene.step()
     scene.step(2)
-    assert len(scene.work.bristles.feature) > 0
+    assert len(scene.bristles.feature) > 0
     twin = scene.twin()
     scene.step(300)
     twin.step(300)

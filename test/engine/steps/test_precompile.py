@@ -14,7 +14,7 @@ from rigid_sim_ros.kernels.helper_process import cores
 from rigid_sim_ros.kernels.numba_target import SUPPORTED
 
 # What a helper compiles for every world of the model.
-HELPED = ['detect_part', 'store_part', 'predict_part']
+HELPED = ['detect_part', 'predict_part']
 # Tells what is begun for which arguments, in place of beginning with it, and which a step has.
 TOLD = """
 import json
@@ -96,4 +96,4 @@ print(len(started), len(separate._begun), started[0].process.returncode,
         [sys.executable, '-c', code.replace('SCENE', repr(scene('timestep', BALL, OTHER)))],
         env=os.environ | {'NUMBA_CACHE_DIR': str(tmp_path)}, capture_output=True, text=True,
         check=True)
-    assert done.stdout.split() == ['1', '0', '0', '1', '1', '1']
+    assert done.stdout.split() == ['1', '0', '0', '1', '1']

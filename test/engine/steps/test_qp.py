@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros.engine.model.shapes import Material
-from rigid_sim_ros.engine.steps.qp import advance, QpWork
+from rigid_sim_ros.engine.steps.qp import advance, make_arguments
 
 SLOPE = math.radians(20.0)
 DOWNHILL = np.array([math.cos(SLOPE), 0.0, -math.sin(SLOPE)])
@@ -22,11 +22,12 @@ class QpScene(TimestepScene):
 
     def __init__(self, things, material, h=1e-3, gravity=(0.0, 0.0, -G)):
         super().__init__(things, material, h, gravity)
-        self.qp = QpWork(self.model, self.shapes, self.memory)
+        self.qp = make_arguments(self.model, self.state, self.wrenches, self.shapes,
+                                 self.materials, self.memory, self.settings)
 
     def step(self, count=1) -> None:
-        self.memory = advance(self.model, self.state, self.wrenches, self.shapes, self.materials,
-                              self.memory, self.settings, self.qp, count)
+        self.qp = advance(self.qp, count)
+        self.memory = self.qp.memory
 
 
 def test_a_box_slides_with_g_sine_minus_mu_g_cosine():
@@ -38,7 +39,7 @@ def test_a_box_slides_with_g_sine_minus_mu_g_cosine():
     exact = 0.5 * G * (math.sin(SLOPE) - 0.2 * math.cos(SLOPE)) * 0.5 ** 2
     # The points give way by 1e-8 of A to be unique.
     assert (scene.state.x[:, 1] - start) @ DOWNHILL == pytest.approx(exact, rel=1e-6)
-    assert scene.qp.report.solved
+    assert scene.qp.work.report.solved
 
 
 def test_an_apex_is_e_squared():

@@ -1,37 +1,37 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The circle of the model `event`, compiled: it runs until the steps are done, or needs help.
+The stages of the model `event`, in the order in which steps/event.py goes through them.
 
-All groups of bodies (groups.py) that have not come to the end of the step go through it side
-by side, each at its own time: what touches is found for all at once, and all move at once.
+All groups of bodies (groups.py) that have not come to the end of the step go through the circle
+side by side, each at its own time: what touches is found for all at once, and all move at once.
 
-What needs help is a buffer that has to grow, and a small contact problem that only OSQP can solve.
-The kernel then returns the reason; Python does what is asked (event.py) and calls again, and it
-goes on from the stage, and the group, at which it stopped.
+Each stage says which one follows it, and returns DONE or what it needs before it can go on: a
+buffer that has to grow, or a small contact problem that only OSQP can solve.
 """
 
 import numpy as np
 
-from rigid_sim_ros.engine.contact.carried_forces import Carried, copy_forces, match_forces
+from rigid_sim_ros.engine.contact.carried_forces import copy_forces, match_forces
+from rigid_sim_ros.engine.contact.contact_search import DONE
 from rigid_sim_ros.engine.contact.contacts import Contacts, read_bodies, row_count
 from rigid_sim_ros.engine.contact.recorded_impulses import record
 from rigid_sim_ros.engine.detection.backtrack import first_event
-from rigid_sim_ros.engine.detection.manifolds import current, Memory
+from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic
-from rigid_sim_ros.engine.dynamics.wrenches import count_down, Wrenches
+from rigid_sim_ros.engine.dynamics.wrenches import count_down
 from rigid_sim_ros.engine.events.buffers import (
-    BEGIN, BOUNCED, Buffers, COLLISIONS, CUT_SHORT, DEEPEST, DONE, EVENTS, EventSettings, FRESH,
-    GROUP, GROUPS, KNOWN, KNOWN_BEFORE, MEET, MORE_FORCES, MORE_PAIRS, NEEDED, NOW, RESIDUAL,
-    REST, SETTLE, SHOCK, STAGE, STEPS, STUCK, TRAVEL, TRIES, UNSOLVED, WIDTH)
+    BEGIN, BOUNCED, Buffers, COLLISIONS, CONTACTS, CUT_SHORT, DEEPEST, EventArguments, EVENTS,
+    FORCES, FRESH, GROUP, GROUPS, IMPULSES, KNOWN, KNOWN_BEFORE, MORE_FORCES, MORE_PAIRS, MOVE,
+    NEEDED, NOW, RESIDUAL, SETTLE, STAGE, STEPS, STUCK, TRIES, UNSOLVED, WIDTH)
 from rigid_sim_ros.engine.events.forces import balance, remember, settle
 from rigid_sim_ros.engine.events.groups import find_groups, may_go, near_pairs, note_way, reach_out
+from rigid_sim_ros.engine.events.impacts import (
+    collide_group, find_points, look_near, PER_EVENT, PER_PAIR)
 from rigid_sim_ros.engine.events.move import move
-from rigid_sim_ros.engine.events.shock import find, look_near, PER_EVENT, PER_PAIR, shock
 from rigid_sim_ros.engine.model.model import Model
-from rigid_sim_ros.engine.model.shapes import Materials, Shapes
-from rigid_sim_ros.engine.state.state import copy_into, State
+from rigid_sim_ros.engine.state.state import copy_into
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
@@ -45,52 +45,28 @@ NOTHING, MET, SANK = -1, 0, 1
 
 
 @kernel
-def run(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
-        memory: Memory, settings: EventSettings, carried: Carried, w: Buffers) -> int:
-    """Run through the circle until no steps are left; return DONE, or what is needed first."""
-    while w.count[STEPS] > 0:
-        stage, why = w.count[STAGE], DONE
-        if stage == BEGIN:
-            why = _begin(model, state, materials, carried, w)
-        elif stage == GROUP:
-            why = _group(model, state, wrenches, shapes, settings, memory, w)
-        elif stage == MEET:
-            why = _meet(model, state, wrenches, shapes, materials, memory, settings, carried, w)
-        elif stage == SHOCK:
-            why = _shock(model, state, settings, w)
-        elif stage in (REST, SETTLE):
-            why = _rest(model, state, shapes, memory, settings, carried, w)
-        else:
-            _travel(model, state, wrenches, shapes, memory, settings, carried, w)
-        if why != DONE:
-            return why
-    return DONE
-
-
-@kernel
-def _begin(model: Model, state: State, materials: Materials, carried: Carried,
-           w: Buffers) -> int:
-    """Begin a step."""
-    known = w.count[KNOWN]
+def begin_step(c: EventArguments) -> int:
+    """Begin a step: keep the state and the forces, to which it goes back if it begins anew."""
+    w, known = c.buffers, c.buffers.count[KNOWN]
     if known > w.forces_before.feature.shape[0]:
         w.count[NEEDED] = known
         return MORE_FORCES
-    begin_kinematic(model, state)
-    copy_into(w.before, state)
-    copy_forces(w.forces_before, carried, known)
+    begin_kinematic(c.model, c.state)
+    copy_into(w.before, c.state)
+    copy_forces(w.forces_before, c.carried, known)
     w.count[KNOWN_BEFORE], w.count[TRIES] = known, 0
-    w.count[WIDTH] = row_count(materials)
+    w.count[WIDTH] = row_count(c.materials)
     w.count[STAGE] = GROUP
     return DONE
 
 
 @kernel
-def _group(model: Model, state: State, wrenches: Wrenches, shapes: Shapes,
-           settings: EventSettings, memory: Memory, w: Buffers) -> int:
+def group_bodies(c: EventArguments) -> int:
     """Find the groups of the step, and put all of them at its start."""
-    sum_loads(model, state, wrenches, w.work.loads)
-    look_near(model, shapes, settings, w.work.loads, memory)
-    reach_out(model, state, w.work.loads, shapes, memory.ahead, w.count[TRIES], w.pose, w.groups)
+    model, state, shapes, w = c.model, c.state, c.shapes, c.buffers
+    sum_loads(model, state, c.wrenches, w.work.loads)
+    look_near(c)
+    reach_out(model, state, w.work.loads, shapes, c.memory.ahead, w.count[TRIES], w.pose, w.groups)
     groups, pairs = find_groups(model, state, shapes, w.pose, w.pairs, w.groups)
     if pairs > w.pairs.shape[0]:
         w.count[NEEDED] = pairs
@@ -103,17 +79,17 @@ def _group(model: Model, state: State, wrenches: Wrenches, shapes: Shapes,
     w.number[DEEPEST] = 0.0
     w.count[FRESH] = 1
     w.count[COLLISIONS], w.count[BOUNCED], w.count[UNSOLVED] = 0, 0, 0
-    w.count[STAGE] = MEET
+    w.count[STAGE] = CONTACTS
     return DONE
 
 
 @kernel
-def _meet(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materials: Materials,
-          memory: Memory, settings: EventSettings, carried: Carried, w: Buffers) -> int:
+def find_contacts(c: EventArguments) -> int:
     """Find what touches now, in all groups."""
-    sum_loads(model, state, wrenches, w.work.loads)
+    model, state, carried, w = c.model, c.state, c.carried, c.buffers
+    sum_loads(model, state, c.wrenches, w.work.loads)
     read_bodies(model, state, w.work.loads.F, w.work.loads.tau, w.bodies)
-    why = find(model, state, shapes, materials, memory, settings, w)
+    why = find_points(c)
     if why != DONE:
         return why
     points = w.contacts.count[0]
@@ -130,99 +106,107 @@ def _meet(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, materi
     for i in range(model.m.shape[0]):
         for k in range(6):
             w.then[i, k] = w.bodies.velocity[i, k]
-    w.count[STAGE], w.count[NOW] = SHOCK, 0
+    w.count[STAGE], w.count[NOW] = IMPULSES, 0
     return DONE
 
 
 @kernel
-def _shock(model: Model, state: State, settings: EventSettings, w: Buffers) -> int:
+def apply_impulses(c: EventArguments) -> int:
     """Apply the impulses of all that collides now."""
+    w = c.buffers
     for g in range(w.count[NOW], w.count[GROUPS]):
         w.count[NOW] = g
         if w.groups.left[g] > 0.0:
-            why = shock(model, state, settings, g, w)
+            why = collide_group(c, g)
             if why != DONE:
                 return why
-    w.count[STAGE], w.count[NOW] = REST, 0
+    w.count[STAGE], w.count[NOW] = FORCES, 0
     return DONE
 
 
 @kernel
-def _rest(model: Model, state: State, shapes: Shapes, memory: Memory, settings: EventSettings,
-          carried: Carried, w: Buffers) -> int:
+def find_forces(c: EventArguments) -> int:
     """Find the forces at the resting points of all groups."""
+    w = c.buffers
     for g in range(w.count[NOW], w.count[GROUPS]):
         w.count[NOW] = g
         if w.groups.left[g] == 0.0:
             continue
-        if w.count[STAGE] == REST:
-            why = balance(model, state, shapes, memory, settings, carried, g, w)
+        if w.count[STAGE] == FORCES:
+            why = balance(c, g)
             if why == STUCK:
                 w.count[STAGE] = SETTLE
             if why != DONE:
                 return why
-        settle(model, state, settings, shapes, g, w)
-        w.count[STAGE] = REST
-    w.count[STAGE] = TRAVEL
+        settle(c, g)
+        w.count[STAGE] = FORCES
+    w.count[STAGE] = MOVE
     return DONE
 
 
 @kernel
-def _travel(model: Model, state: State, wrenches: Wrenches, shapes: Shapes, memory: Memory,
-            settings: EventSettings, carried: Carried, w: Buffers) -> None:
+def move_bodies(c: EventArguments) -> int:
     """Let the forces act in each group until its next pair meets, or its span is over."""
-    loads, groups = w.work.loads, w.groups
-    for j in range(model.m.shape[0]):
-        for i in range(3):
-            loads.F[i, j] += w.loads.F[i, j]
-            loads.tau[i, j] += w.loads.tau[i, j]
-    if not _may_go(model, state, shapes, w):
-        copy_into(state, w.before)
-        copy_forces(carried, w.forces_before, w.count[KNOWN_BEFORE])
-        w.count[KNOWN] = w.count[KNOWN_BEFORE]
-        w.count[TRIES] += 1
-        w.count[STAGE] = GROUP
-        return
-    for g in range(w.count[GROUPS]):
-        groups.way[g] = 0.0
-        if groups.left[g] > 0.0:
-            _look_ahead(model, state, shapes, memory, settings, g, w)
-            note_way(model, state, loads, shapes, g, groups.way[g], groups)
-    for i in range(model.m.shape[0]):
-        w.times[i] = groups.way[groups.of[i]] if groups.of[i] >= 0 else 0.0
-    _add_impulses(w)
-    record(model, current(memory), w.contacts, w.impulses)
-    move(model, state, wrenches, w.contacts, w.bodies, w.force, w.push, w.assumed, groups, w.loads,
-         w.pushed, w.times, w.work)
-    remember(model, shapes, w, carried)
-    over = True
-    for g in range(w.count[GROUPS]):
-        if groups.left[g] > 0.0:
-            t = groups.way[g]
-            ends = groups.met[g] == NOTHING and t == groups.left[g]
-            groups.left[g] = 0.0 if ends else groups.left[g] - t
-            _next_span(model, g, w)
-        over = over and groups.left[g] == 0.0
-    w.count[STAGE] = MEET
-    if over:
-        _end(model, state, wrenches, w)
+    _add_contact_loads(c)
+    if not _may_go(c):
+        _begin_anew(c)
+        return DONE
+    _backtrack(c)
+    _go(c)
+    remember(c)
+    if _has_ended(c):
+        end_step(c)
+    else:
+        c.buffers.count[STAGE] = CONTACTS
+    return DONE
 
 
 @kernel
-def _may_go(model: Model, state: State, shapes: Shapes, w: Buffers) -> bool:
+def _add_contact_loads(c: EventArguments) -> None:
+    loads, w = c.buffers.work.loads, c.buffers
+    for j in range(c.model.m.shape[0]):
+        for i in range(3):
+            loads.F[i, j] += w.loads.F[i, j]
+            loads.tau[i, j] += w.loads.tau[i, j]
+
+
+@kernel
+def _may_go(c: EventArguments) -> bool:
     """Return whether no shape goes farther than was thought when the groups were made."""
-    groups, within = w.groups, True
+    w, groups, within = c.buffers, c.buffers.groups, True
     for g in range(w.count[GROUPS]):
         if groups.left[g] > 0.0 and groups.short[g] == 0:
             until = min(groups.span[g], groups.left[g])
-            within &= may_go(model, state, w.work.loads, shapes, g, until, groups)
+            within &= may_go(c.model, c.state, w.work.loads, c.shapes, g, until, groups)
     return within
 
 
 @kernel
-def _look_ahead(model: Model, state: State, shapes: Shapes, memory: Memory,
-                settings: EventSettings, g: int, w: Buffers) -> None:
+def _begin_anew(c: EventArguments) -> None:
+    """Go back to the start of the step, for other groups."""
+    w = c.buffers
+    copy_into(c.state, w.before)
+    copy_forces(c.carried, w.forces_before, w.count[KNOWN_BEFORE])
+    w.count[KNOWN] = w.count[KNOWN_BEFORE]
+    w.count[TRIES] += 1
+    w.count[STAGE] = GROUP
+
+
+@kernel
+def _backtrack(c: EventArguments) -> None:
+    """Find for how long each group may move: until a pair meets, or the end of its span."""
+    w, groups = c.buffers, c.buffers.groups
+    for g in range(w.count[GROUPS]):
+        groups.way[g] = 0.0
+        if groups.left[g] > 0.0:
+            _find_way(c, g)
+            note_way(c.model, c.state, w.work.loads, c.shapes, g, groups.way[g], groups)
+
+
+@kernel
+def _find_way(c: EventArguments, g: int) -> None:
     """Find how long the forces of a group act, and what ends that."""
+    shapes, memory, w = c.shapes, c.memory, c.buffers
     groups, contacts = w.groups, w.contacts
     until = min(groups.span[g], groups.left[g])
     groups.way[g], groups.met[g] = until, NOTHING
@@ -234,8 +218,8 @@ def _look_ahead(model: Model, state: State, shapes: Shapes, memory: Memory,
     if groups.residual[g] > ROUGH:  # shorter spans would not help
         w.sunk[first:last] = -np.inf
     _allow(w.pairs, count, contacts, first, last, w.held, w.sunk, w.allowed)
-    t, which = first_event(model, state, w.work.loads, shapes, w.pairs, count, w.allowed,
-                           settings.overlap, until, w.pose, memory.scratch)
+    t, which = first_event(c.model, c.state, w.work.loads, shapes, w.pairs, count, w.allowed,
+                           c.settings.overlap, until, w.pose, memory.scratch)
     groups.way[g] = t
     if which >= 0:
         groups.met[g] = SANK if w.allowed[which] < 0.0 else MET
@@ -258,6 +242,18 @@ def _allow(pairs: IntArray, count: int, contacts: Contacts, first: int, last: in
 
 
 @kernel
+def _go(c: EventArguments) -> None:
+    """Move the bodies of each group as far as it may go, and record what acts meanwhile."""
+    model, w, groups = c.model, c.buffers, c.buffers.groups
+    for i in range(model.m.shape[0]):
+        w.times[i] = groups.way[groups.of[i]] if groups.of[i] >= 0 else 0.0
+    _add_impulses(w)
+    record(model, current(c.memory), w.contacts, w.impulses)
+    move(model, c.state, c.wrenches, w.contacts, w.bodies, w.force, w.push, w.assumed, groups,
+         w.loads, w.pushed, w.times, w.work)
+
+
+@kernel
 def _add_impulses(w: Buffers) -> None:
     """Add what the forces give in the time for which they act."""
     for k in range(w.contacts.count[0]):
@@ -265,6 +261,20 @@ def _add_impulses(w: Buffers) -> None:
             t = max(w.times[w.contacts.body_a[k]], w.times[w.contacts.body_b[k]])
             for i in range(w.count[WIDTH]):
                 w.impulses[k, i] += t * w.force[k, i]
+
+
+@kernel
+def _has_ended(c: EventArguments) -> bool:
+    """Take the ways of the groups from what is left of the step; return whether it is over."""
+    w, groups, over = c.buffers, c.buffers.groups, True
+    for g in range(w.count[GROUPS]):
+        if groups.left[g] > 0.0:
+            t = groups.way[g]
+            ends = groups.met[g] == NOTHING and t == groups.left[g]
+            groups.left[g] = 0.0 if ends else groups.left[g] - t
+            _next_span(c.model, g, w)
+        over = over and groups.left[g] == 0.0
+    return over
 
 
 @kernel
@@ -286,15 +296,16 @@ def _next_span(model: Model, g: int, w: Buffers) -> None:
 
 
 @kernel
-def _end(model: Model, state: State, wrenches: Wrenches, w: Buffers) -> None:
+def end_step(c: EventArguments) -> None:
     """End a step, and sum up what happened in it."""
-    end_kinematic(model, state)
-    count_down(wrenches)
+    w, groups = c.buffers, c.buffers.groups
+    end_kinematic(c.model, c.state)
+    count_down(c.wrenches)
     w.count[EVENTS] = w.count[CUT_SHORT] = 0
     w.number[RESIDUAL] = 0.0
     for g in range(w.count[GROUPS]):
-        w.count[EVENTS] += w.groups.events[g]
-        w.count[CUT_SHORT] = max(w.count[CUT_SHORT], w.groups.short[g])
-        w.number[RESIDUAL] = max(w.number[RESIDUAL], w.groups.residual[g])
+        w.count[EVENTS] += groups.events[g]
+        w.count[CUT_SHORT] = max(w.count[CUT_SHORT], groups.short[g])
+        w.number[RESIDUAL] = max(w.number[RESIDUAL], groups.residual[g])
     w.count[STEPS] -= 1
     w.count[STAGE] = BEGIN

@@ -8,20 +8,19 @@ import numpy as np
 
 from rigid_sim_ros.engine.constraints.articulated_rows import make_system, System
 from rigid_sim_ros.engine.contact.carried_forces import Carried, longer, no_forces
-from rigid_sim_ros.engine.contact.contacts import (
-    Bodies, Contacts, make_bodies, make_contacts)
+from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts, make_bodies, make_contacts
 from rigid_sim_ros.engine.contact.recorded_impulses import Acted, nothing_acted
 from rigid_sim_ros.engine.dynamics.loads import empty_loads, Loads
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 
-# Places in `Pressing.count`: points taken part, islands, forces carried over from the step before
-# and between the halves of this one, rows of a point, what there has to be room for, and pairs
-# that were woken.
+# Places in `ContactBuffers.count`: points taken part, islands, forces carried over from the step
+# before and between the halves of this one, rows of a point, what there has to be room for, and
+# pairs that were woken.
 POINTS_IN_USE, ISLANDS, KNOWN, HALF_KNOWN, WIDTH, NEEDED, WOKEN = range(7)
 
 
-class Pressing(NamedTuple):
+class ContactBuffers(NamedTuple):
     """Scratch memory for c points of contact, and the impulses that are carried over."""
 
     count: IntArray  # type: ignore[assignment]  # (7,) see POINTS_IN_USE
@@ -56,8 +55,8 @@ class Pressing(NamedTuple):
     extra: Array  # (k,)
 
 
-def make_pressing(table: JointTable, bodies: int, points: int, manifolds: int,
-                  rows: int) -> Pressing:
+def make_buffers(table: JointTable, bodies: int, points: int, manifolds: int,
+                 rows: int) -> ContactBuffers:
     """Return room for so many bodies, points, manifolds, and rows of an island."""
 
     def whole(*shape: int) -> IntArray:
@@ -65,18 +64,18 @@ def make_pressing(table: JointTable, bodies: int, points: int, manifolds: int,
 
     c, axes = points, len(table.translates)
     carried, half = (Carried._make(longer(field, c) for field in no_forces()) for _ in range(2))
-    return Pressing(whole(7), make_contacts(c), whole(2, manifolds), make_bodies(bodies), whole(c),
-                    whole(c), whole(c, 2), whole(c), whole(c), whole(c + 1), whole(bodies),
-                    whole(bodies), whole(bodies), np.zeros((c, 6)), np.zeros((c, 6)),
-                    empty_loads(bodies), np.zeros(c),
-                    np.zeros(c), np.zeros(6 * c), np.zeros(6 * c), np.zeros(6 * c),
-                    make_system(rows, table, bodies), carried, half, np.zeros(c), np.zeros(c),
-                    nothing_acted(c), nothing_acted(c), whole(axes), np.zeros(axes))
+    return ContactBuffers(
+        whole(7), make_contacts(c), whole(2, manifolds), make_bodies(bodies), whole(c), whole(c),
+        whole(c, 2), whole(c), whole(c), whole(c + 1), whole(bodies), whole(bodies), whole(bodies),
+        np.zeros((c, 6)), np.zeros((c, 6)), empty_loads(bodies), np.zeros(c), np.zeros(c),
+        np.zeros(6 * c), np.zeros(6 * c), np.zeros(6 * c), make_system(rows, table, bodies),
+        carried, half, np.zeros(c), np.zeros(c), nothing_acted(c), nothing_acted(c), whole(axes),
+        np.zeros(axes))
 
 
-def more_points(w: Pressing, table: JointTable, points: int) -> Pressing:
+def more_points(w: ContactBuffers, table: JointTable, points: int) -> ContactBuffers:
     """Return scratch memory with room for twice as many points, and what is carried over."""
-    fresh = make_pressing(table, len(w.parent), 2 * points, w.order.shape[1], len(w.system.center))
+    fresh = make_buffers(table, len(w.parent), 2 * points, w.order.shape[1], len(w.system.center))
     return fresh._replace(
         count=w.count, displacing=w.displacing, parent=w.parent, held=w.held,
         woken=longer(w.woken, 2 * points),
@@ -88,7 +87,7 @@ def more_points(w: Pressing, table: JointTable, points: int) -> Pressing:
         half_acted=_with_room(w.half_acted, 2 * points))
 
 
-def with_carried(w: Pressing, table: JointTable, carried: Carried) -> Pressing:
+def with_carried(w: ContactBuffers, table: JointTable, carried: Carried) -> ContactBuffers:
     """Return scratch memory that begins with these impulses of the step before."""
     known = len(carried.feature)
     w = more_points(w, table, known) if known > len(w.chosen) else w
@@ -96,7 +95,7 @@ def with_carried(w: Pressing, table: JointTable, carried: Carried) -> Pressing:
     return w._replace(carried=_longer(carried, len(w.chosen)))
 
 
-def carried_over(w: Pressing) -> Carried:
+def carried_over(w: ContactBuffers) -> Carried:
     """Return the impulses of the latest step from which the next one begins."""
     return Carried._make(field[:w.count[KNOWN]].copy() for field in w.carried)
 

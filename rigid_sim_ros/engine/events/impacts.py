@@ -7,65 +7,60 @@ import numpy as np
 from rigid_sim_ros.engine.contact.classify import STILL
 from rigid_sim_ros.engine.contact.contact_newton import number_bodies
 from rigid_sim_ros.engine.contact.contact_rows import write_rows
+from rigid_sim_ros.engine.contact.contact_search import (
+    DONE, find_manifolds, MORE_CONTACTS, MORE_MANIFOLDS)
 from rigid_sim_ros.engine.contact.contacts import (
     Contacts, gather_by_key, push_rows, read_body, read_rates)
 from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, TOLERANCE
 from rigid_sim_ros.engine.contact.impulse import collide_all
 from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses
-from rigid_sim_ros.engine.detection.detect import detect_ahead
-from rigid_sim_ros.engine.detection.manifold_rows import find_anew
-from rigid_sim_ros.engine.detection.manifolds import current, Manifolds, Memory
-from rigid_sim_ros.engine.dynamics.loads import Loads
+from rigid_sim_ros.engine.detection.manifolds import current, Manifolds
 from rigid_sim_ros.engine.events.buffers import (
-    BOUNCED, Buffers, COLLISIONS, DEEPEST, DONE, EventSettings, FRESH, GROUPS, MORE_CONTACTS,
-    MORE_MANIFOLDS, MORE_MEMORY, MORE_ROOM, MORE_ROWS, NEEDED, TOUCHED, UNSOLVED, WIDTH, WORST)
+    BOUNCED, Buffers, COLLISIONS, DEEPEST, EventArguments, EventSettings, FRESH, GROUPS, MORE_ROOM,
+    MORE_ROWS, NEEDED, TOUCHED, UNSOLVED, WIDTH, WORST)
 from rigid_sim_ros.engine.events.forces import room_for, solve, take_no_energy
 from rigid_sim_ros.engine.events.groups import Groups
 from rigid_sim_ros.engine.maths.algebra import norm
 from rigid_sim_ros.engine.model.model import Model
-from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
-# In multiplications, see event_forces.EFFORT: what an event takes, and for each pair that may
+# In multiplications, see forces.EFFORT: what an event takes, and for each pair that may
 # meet, or that collides.
 PER_EVENT, PER_PAIR = 1e4, 5e3
 
 
 @kernel
-def look_near(model: Model, shapes: Shapes, settings: EventSettings, loads: Loads,
-              memory: Memory) -> None:
+def look_near(c: EventArguments) -> None:
     """
     Let detection find what touches, or is as near as a rebound that is too short to be one.
 
     A share of both shapes: that of a plane, which has no size, is its partner's.
     """
+    model, shapes, loads, memory = c.model, c.shapes, c.buffers.work.loads, c.memory
     h = model.h
     for s in range(shapes.kind.shape[0]):
         i, size = shapes.body[s], shapes.bound[s]
         pull = model.inv_m[i] * norm((loads.F[0, i], loads.F[1, i], loads.F[2, i]))
         if size == np.inf:
             size = 0.0
-        memory.ahead[s] = 1.01 * (settings.touching * size
+        memory.ahead[s] = 1.01 * (c.settings.touching * size
                                   + 0.25 * h * (0.5 * h * pull + STILL * size / h))
     memory.calm[0] = np.inf  # no pair is looked at farther ahead than it touches
 
 
 @kernel
-def find(model: Model, state: State, shapes: Shapes, materials: Materials, memory: Memory,
-         settings: EventSettings, w: Buffers) -> int:
+def find_points(c: EventArguments) -> int:
     """Find the points that touch, or are as near as a rebound that is too short to be one."""
-    find_anew(current(memory))
-    if not detect_ahead(model, state, shapes, memory, None):
-        return MORE_MEMORY
-    manifolds = current(memory)
-    rows = manifolds.count[0]
-    if rows > w.order.shape[1]:
+    state, w = c.state, c.buffers
+    why, rows = find_manifolds(c.model, state, c.shapes, c.memory, w.order)
+    if why != DONE:
         w.count[NEEDED] = rows
-        return MORE_MANIFOLDS
+        return why
+    manifolds = current(c.memory)
     _sort_by_group(manifolds, w.groups, state.x.shape[1], w.order[0])
-    found = gather_by_key(state, manifolds, shapes, materials, np.inf, w.order[0, :rows],
+    found = gather_by_key(state, manifolds, c.shapes, c.materials, np.inf, w.order[0, :rows],
                           w.order[1, :rows], w.contacts)
     if found > w.contacts.gap.shape[0]:
         w.count[NEEDED] = found
@@ -135,22 +130,23 @@ def _bounce(contacts: Contacts, k: int, w: Buffers) -> int:
 
 
 @kernel
-def shock(model: Model, state: State, settings: EventSettings, g: int, w: Buffers) -> int:
+def collide_group(c: EventArguments, g: int) -> int:
     """Apply the impulses of all that collides now in a group."""
+    model, state, settings, w = c.model, c.state, c.settings, c.buffers
     contacts, groups = w.contacts, w.groups
     first, last = groups.block[g], groups.block[g + 1]
     if first == last:
         return DONE
     w.newton.effort[0] = groups.effort[g] + PER_EVENT
     for k in range(first, last):
-        tired = False
+        is_inelastic = False
         for i in range(w.count[BOUNCED]):
             at = contacts.first[k]
             if (w.bounced[i, 0] == contacts.body_a[at] and w.bounced[i, 1] == contacts.body_b[at]
                     and w.bounced[i, 2] >= settings.max_bounces):
-                tired = True
+                is_inelastic = True
         for i in range(contacts.first[k], contacts.first[k + 1]):
-            w.elastic[i] = 0 if tired else 1
+            w.elastic[i] = 0 if is_inelastic else 1
     limit = 50 + 10 * (last - first)
     quiet = max(STILL / model.h, 2.0 * settings.dip / min(groups.span[g], groups.left[g]))
     if not room_for(model, w, _touching_points(settings, g, w)):
@@ -183,7 +179,7 @@ def _read_group(model: Model, state: State, g: int, w: Buffers) -> None:
 
 @kernel
 def _touching_points(settings: EventSettings, g: int, w: Buffers) -> int:
-    """Choose all points of a group that touch, for a shock; return how many."""
+    """Choose all points of a group that touch, for an impact; return how many."""
     m, contacts, block = 0, w.contacts, w.groups.block
     for k in range(contacts.first[block[g]], contacts.first[block[g + 1]]):
         if contacts.gap[k] <= settings.touching * contacts.size[k]:
@@ -195,14 +191,14 @@ def _touching_points(settings: EventSettings, g: int, w: Buffers) -> int:
 @kernel
 def _stop_together(model: Model, state: State, settings: EventSettings, g: int,
                    w: Buffers) -> None:
-    """End a shock that goes to and fro for ever: all points at once, with e = 0."""
+    """End an impact that goes to and fro for ever: all points at once, with e = 0."""
     m, width, rows = _touching_points(settings, g, w), w.count[WIDTH], w.rows
     w.count[TOUCHED] = number_bodies(w.contacts, w.chosen[:m], model.inv_m, w.newton.slot)
     write_rows(model, w.contacts, w.bodies, w.chosen[:m], width, COMPLIANCE, rows)
     for c in range(m):
         read_rates(model, w.contacts, w.bodies.velocity, w.chosen[c], width, rows.b, width * c)
     for i in range(width * m):
-        rows.f[i], w.eased[i] = 0.0, 0.0
+        rows.f[i], w.proximal[i] = 0.0, 0.0
     solve(g, m, width, 0, w)
     w.groups.residual[g] = max(w.groups.residual[g], w.number[WORST])
     if w.number[WORST] > TOLERANCE:
