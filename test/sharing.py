@@ -11,6 +11,7 @@ import os
 from pathlib import Path
 import subprocess
 import sys
+from typing import Any
 
 import pytest
 
@@ -39,8 +40,26 @@ def has_long_form(item: pytest.Item) -> bool:
     return is_property or item.get_closest_marker('long') is not None
 
 
+def collect_apart(config: pytest.Config) -> None:
+    """
+    Let this worker collect the whole suite from a file on that is not the first of another one.
+
+    Each worker imports all files, and pytest writes the asserts of a file anew, so that they tell
+    values: that is half of the time of a collection. What one worker has written the others read,
+    if they are not all at the same file at the same time, and if they may keep it.
+    """
+    if _is_all(config):
+        sys.dont_write_bytecode = False
+        files = sorted(str(path) for path in ROOT.rglob('test_*.py'))
+        facts: dict[str, Any] = config.workerinput
+        first = int(facts['workerid'].removeprefix('gw')) * len(files) // facts['workercount']
+        config.args = files[first:] + files[:first]
+
+
 def mix(items: list[pytest.Item]) -> None:
     """Sort files so that those of each kind come one after the other in turn."""
+    # All workers have to agree on the order, wherever each began to collect.
+    items.sort(key=lambda item: item.path)
     counts: dict[int, int] = {}
     turns: dict[Path, tuple[int, int]] = {}
     for item in items:
@@ -59,9 +78,14 @@ def compile_for_all(config: pytest.Config) -> None:
     Each of them, and each process that they start, would find nothing and compile the same. What
     fails here fails in the tests too, which say more about it.
     """
-    is_all = [Path(argument).resolve() for argument in config.args] == [ROOT]
-    if not is_all or config.option.collectonly or not getattr(config.option, 'numprocesses', 0):
+    if (not _is_all(config) or config.option.collectonly
+            or not getattr(config.option, 'numprocesses', 0)):
         return
     capture = config.pluginmanager.getplugin('capturemanager')
     with capture.global_and_fixture_disabled():
         subprocess.run([sys.executable, '-m', 'rigid_sim_ros', 'compile'], check=False)
+
+
+def _is_all(config: pytest.Config) -> bool:
+    """Return whether the whole suite is to run."""
+    return [Path(argument).resolve() for argument in config.args] == [ROOT]
