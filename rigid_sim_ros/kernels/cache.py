@@ -226,7 +226,7 @@ class _Cache(_NumbasCache):
         self._qualname = function.__qualname__
         if Path(function.__code__.co_filename) == _path(function.__module__):
             # Numba takes a folder in it, named after where the source lies. It is of use for what
-            # is compiled as a kernel of a module and stands elsewhere: the digest does not cover it.
+            # is compiled as a kernel of a module and stands elsewhere: no digest covers that.
             self._cache_path = str(cache_folder(function.__module__))
         self._cache_file: Any = _Files(self._cache_path, self._impl.filename_base,
                                        self._impl.locator.get_source_stamp())
