@@ -7,10 +7,12 @@ A file stays in one worker (`--dist=loadfile`), so that what its tests share is 
 worker that starts ROS has a domain of its own, and each that opens pages a browser.
 """
 
+from collections.abc import Iterable
 import os
 from pathlib import Path
 import subprocess
 import sys
+from typing import Any
 
 import pytest
 
@@ -20,6 +22,22 @@ _MOST = 4
 # What is told apart so that files of all kinds run side by side: browsers draw, nodes mostly wait,
 # and the others calculate.
 _KINDS = ('viewer', 'nodes')
+# [s] What the longest files take, about; only the order of the files rests on it.
+_SECONDS = {
+    'viewer/test_live.py': 70, 'viewer/test_memory.py': 60, 'viewer/test_joints_page.py': 45,
+    'viewer/test_bag_page.py': 35, 'viewer/test_switches.py': 35, 'viewer/test_commands.py': 30,
+    'viewer/test_arrivals_page.py': 20, 'viewer/test_old_reports.py': 15,
+    'nodes/test_process.py': 35, 'nodes/test_replay_control.py': 35, 'nodes/test_recording.py': 30,
+    'nodes/test_resume.py': 30, 'nodes/test_replay.py': 25, 'nodes/test_recording_load.py': 25,
+    'nodes/test_examples.py': 20, 'nodes/test_replay_process.py': 20,
+    'kernels/test_cache.py': 45, 'kernels/test_numba_target.py': 40,
+    'engine/steps/test_precompile.py': 35, 'engine/detection/test_narrow_phase.py': 35,
+    'bag/test_hostile.py': 35, 'laws/test_jointed_laws.py': 30, 'kernels/test_separate.py': 30,
+    'test_drops.py': 30, 'laws/test_mixed_laws.py': 25, 'bag/test_fuzz.py': 20,
+    'engine/solver/test_parallel_detection.py': 20, 'cli/test_precompile.py': 20,
+    'laws/test_laws.py': 20, 'engine/joints/test_trees.py': 12,
+    'engine/detection/test_backtrack.py': 12, 'test_kinematic.py': 12}
+_USUAL = 4
 
 
 def workers(config: pytest.Config) -> int:
@@ -39,17 +57,50 @@ def has_long_form(item: pytest.Item) -> bool:
     return is_property or item.get_closest_marker('long') is not None
 
 
+def collect_apart(config: pytest.Config) -> None:
+    """
+    Let this worker collect the whole suite from a file on that is not the first of another one.
+
+    Each worker imports all files, and pytest writes the asserts of a file anew, so that they tell
+    values: that is half of the time of a collection. What one worker has written the others read,
+    if they are not all at the same file at the same time, and if they may keep it.
+    """
+    if _is_all(config):
+        sys.dont_write_bytecode = False
+        files = sorted(str(path) for path in ROOT.rglob('test_*.py'))
+        facts: dict[str, Any] = config.workerinput
+        first = int(facts['workerid'].removeprefix('gw')) * len(files) // facts['workercount']
+        config.args = files[first:] + files[:first]
+
+
 def mix(items: list[pytest.Item]) -> None:
-    """Sort files so that those of each kind come one after the other in turn."""
-    counts: dict[int, int] = {}
-    turns: dict[Path, tuple[int, int]] = {}
-    for item in items:
-        if item.path not in turns:
-            folder = item.path.relative_to(ROOT).parts[0]
-            kind = _KINDS.index(folder) if folder in _KINDS else len(_KINDS)
-            turns[item.path] = counts.get(kind, 0), kind
-            counts[kind] = turns[item.path][0] + 1
-    items.sort(key=lambda item: turns[item.path])
+    """
+    Sort files so that each kind is spread over the whole run, and of each the longest come first.
+
+    A file that takes long and begins last would keep one worker busy while the others have ended.
+    And at most as many workers as there are cores have a page: others would wait for a turn.
+    """
+    # All workers have to agree on the order, wherever each began to collect.
+    items.sort(key=lambda item: item.path)
+    places = _places({item.path: None for item in items})
+    items.sort(key=lambda item: places[item.path])
+
+
+def _places(files: Iterable[Path]) -> dict[Path, float]:
+    """Return when each file is to begin, from 0 to 1: at its share of the time of its kind."""
+    kinds: dict[str, list[tuple[int, Path]]] = {}
+    for file in files:
+        name = file.relative_to(ROOT).as_posix()
+        folder = name.partition('/')[0]
+        seconds = _SECONDS.get(name, _USUAL)
+        kinds.setdefault(folder if folder in _KINDS else '', []).append((seconds, file))
+    places = {}
+    for kind in kinds.values():
+        total, before = sum(seconds for seconds, _ in kind), 0
+        for seconds, file in sorted(kind, key=lambda one: -one[0]):
+            places[file] = before / total
+            before += seconds
+    return places
 
 
 def compile_for_all(config: pytest.Config) -> None:
@@ -59,9 +110,14 @@ def compile_for_all(config: pytest.Config) -> None:
     Each of them, and each process that they start, would find nothing and compile the same. What
     fails here fails in the tests too, which say more about it.
     """
-    is_all = [Path(argument).resolve() for argument in config.args] == [ROOT]
-    if not is_all or config.option.collectonly or not getattr(config.option, 'numprocesses', 0):
+    if (not _is_all(config) or config.option.collectonly
+            or not getattr(config.option, 'numprocesses', 0)):
         return
     capture = config.pluginmanager.getplugin('capturemanager')
     with capture.global_and_fixture_disabled():
         subprocess.run([sys.executable, '-m', 'rigid_sim_ros', 'compile'], check=False)
+
+
+def _is_all(config: pytest.Config) -> bool:
+    """Return whether the whole suite is to run."""
+    return [Path(argument).resolve() for argument in config.args] == [ROOT]

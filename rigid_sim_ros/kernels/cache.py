@@ -6,7 +6,8 @@ Where compiled kernels are kept.
 Numba looks at one source file when it decides whether a cached kernel is still valid, while ours
 call each other across files. The folder of a module's cache therefore carries a digest of its
 source and of all that it imports: a change compiles anew what depends on it and nothing else, and
-a package that lies in a read-only place finds its cache again.
+a package that lies in a read-only place finds its cache again. Where the package lies does not
+matter: a second environment, or a clone, finds what the first one compiled.
 
 What is read from a cache is run: whoever can write to its folder can do what this user can. So the
 folder must belong to this user alone; and a file is read only if its digest fits, for a damaged
@@ -112,7 +113,7 @@ def _is_own_group(group: int) -> bool:
 
 @cache
 def _digest(module: str) -> str:
-    """Return a name for the present state of all sources that a module is made of."""
+    """Return a name for Numba and the present state of all sources that a module is made of."""
     needed: dict[str, bytes] = {}
     waiting = [module]
     while waiting:
@@ -120,7 +121,8 @@ def _digest(module: str) -> str:
         if name not in needed:
             needed[name], imports = _source(name)
             waiting += imports
-    digest = hashlib.blake2b(digest_size=8)
+    # Two environments with different versions of Numba would overwrite what the other one reads.
+    digest = hashlib.blake2b(numba.__version__.encode(), digest_size=8)
     for name in sorted(needed):
         digest.update(name.encode() + b'\0' + needed[name])
     return digest.hexdigest()
@@ -222,6 +224,10 @@ class _Cache(_NumbasCache):
         """Make the cache of a function, whose name tells it from others of the same source."""
         super().__init__(function)
         self._qualname = function.__qualname__
+        if Path(function.__code__.co_filename) == _path(function.__module__):
+            # Numba takes a folder in it, named after where the source lies. It is of use for what
+            # is compiled as a kernel of a module and stands elsewhere: no digest covers that.
+            self._cache_path = str(cache_folder(function.__module__))
         self._cache_file: Any = _Files(self._cache_path, self._impl.filename_base,
                                        self._impl.locator.get_source_stamp())
 

@@ -76,6 +76,7 @@ assert __import__('rigid_sim_ros').__file__.startswith(PLACE)
 unit((0.0, 0.0, 0.0, 2.0))
 print(*(sum(counts.values()) for counts in (unit.stats.cache_hits, unit.stats.cache_misses)))
 """
+ANYWHERE = FOUND.replace("assert __import__('rigid_sim_ros').__file__.startswith(PLACE)\n", '')
 
 
 def test_what_was_compiled_is_found_again_where_nobody_may_write_to_the_package(tmp_path):
@@ -95,14 +96,23 @@ def test_what_was_compiled_is_found_again_where_nobody_may_write_to_the_package(
             assert done.stdout.split() == expected.split()
 
 
-def found(home, check=True, **environment):
+def test_what_was_compiled_is_found_again_by_the_same_package_in_another_place(tmp_path):
+    for place, expected in (('first', '0 1'), ('second', '1 0')):
+        shutil.copytree(ROOT, tmp_path / place / 'rigid_sim_ros',
+                        ignore=shutil.ignore_patterns('__pycache__'), copy_function=shutil.copy)
+        counts, said = found(tmp_path / 'home', program=FOUND.replace(
+            'PLACE', repr(str(tmp_path / place))), PYTHONPATH=str(tmp_path / place))
+        assert (counts, said) == (expected.split(), '')
+
+
+def found(home, check=True, program=ANYWHERE, **environment):
     """Return how often a kernel was found and compiled in a new process, and what it said."""
-    program = FOUND.replace("assert __import__('rigid_sim_ros').__file__.startswith(PLACE)\n", '')
     variables = os.environ | {'XDG_CACHE_HOME': str(home), **environment}
     if 'NUMBA_CACHE_DIR' not in environment:
         variables.pop('NUMBA_CACHE_DIR', None)
-    done = subprocess.run([sys.executable, '-c', program], env=variables, capture_output=True,
-                          text=True, check=check)
+    # Python looks for the package where it starts first.
+    done = subprocess.run([sys.executable, '-c', program], env=variables, cwd=home.parent,
+                          capture_output=True, text=True, check=check)
     return done.stdout.split(), done.stderr
 
 

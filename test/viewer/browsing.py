@@ -144,7 +144,10 @@ class Page:
 
     def spots(self, hue: int) -> list[tuple[float, float]]:
         """Return the middles [px] of the spots of a colour, given in degrees."""
-        mask = self._mask(hue, _HUE)
+        return self._spots_in(self._picture(), hue)
+
+    def _spots_in(self, picture: np.ndarray, hue: int) -> list[tuple[float, float]]:
+        mask = _mask(picture, hue, _HUE)
         labels, count = ndimage.label(mask)
         sizes = ndimage.sum_labels(mask, labels, range(1, count + 1))
         large = [k + 1 for k, size in enumerate(sizes) if size >= _LEAST]
@@ -152,13 +155,12 @@ class Page:
 
     def pixels(self, hue: int, within: float = _NARROW_HUE) -> int:
         """Return how many pixels have a colour, given in degrees."""
-        return int(self._mask(hue, within).sum())
+        return int(_mask(self._picture(), hue, within).sum())
 
-    def _mask(self, hue: int, within: float) -> np.ndarray:
+    def _picture(self) -> np.ndarray:
+        """Return the pixels of what is shown beside the controls, as hue, saturation and value."""
         picture = Image.open(io.BytesIO(self.page.screenshot())).convert('HSV')
-        pixels = np.asarray(picture, dtype=float)[:, :-_PANEL]
-        away = np.abs((pixels[..., 0] * 360 / 255 - hue + 180) % 360 - 180)
-        return (away < within) & (pixels[..., 1] > 100) & (pixels[..., 2] > 40)
+        return np.asarray(picture, dtype=float)[:, :-_PANEL]
 
     def dark_pixels(self) -> int:
         """Return how many pixels are dark, as letters are."""
@@ -200,8 +202,9 @@ class Page:
         return seen[-1]
 
     def counts(self) -> tuple[int, int, int]:
-        """Return how many red, green and magenta bodies are in view."""
-        red, green, magenta = (len(self.spots(hue)) for hue in (RED, GREEN, MAGENTA))
+        """Return how many red, green and magenta bodies are in view, in one picture."""
+        picture = self._picture()
+        red, green, magenta = (len(self._spots_in(picture, hue)) for hue in (RED, GREEN, MAGENTA))
         return red, green, magenta
 
     def click(self, name: str) -> None:
@@ -301,3 +304,10 @@ class Page:
             self.page.wait_for_timeout(60)
         self.wait_for(until, 'what the mouse drags to follow')
         mouse.up()
+
+
+def _mask(picture: np.ndarray, hue: int, within: float) -> np.ndarray:
+    """Return where pixels (hue, saturation, value, of 255) have a colour, given in degrees."""
+    away = np.abs((picture[..., 0] * 360 / 255 - hue + 180) % 360 - 180)
+    within_hue: np.ndarray = away < within
+    return within_hue & (picture[..., 1] > 100) & (picture[..., 2] > 40)
