@@ -323,9 +323,12 @@ def first_event(model: Model, state: State, loads: Loads, shapes: Shapes, pairs:
             if t < best:
                 best, which = t, k
             continue
-        then = pair_gap(model, state, loads, shapes, a, b, best, pose, scratch)[0]
+        # At `until`, not at the best so far: a pair may get deeper and come back, and whether it is
+        # seen must not depend on which other pairs were asked before.
+        then = pair_gap(model, state, loads, shapes, a, b, until, pose, scratch)[0]
         if then < level:
-            best = crossing(model, state, loads, shapes, a, b, 0.0, best, gap, then, level, pose,
-                            scratch)
-            which = k
+            t = crossing(model, state, loads, shapes, a, b, 0.0, until, gap, then, level, pose,
+                         scratch)
+            if t < best:
+                best, which = t, k
     return best, which
