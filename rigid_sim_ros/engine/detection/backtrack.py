@@ -35,7 +35,7 @@ from rigid_sim_ros.kernels.kernel import kernel
 
 # Of a step: the time of a meeting is known to this, or the gap at it to GAP, a part of the smaller
 # shape, whichever comes first.
-TIME = 1e-9
+TIME = 1e-14
 GAP = 1e-12
 # Shapes that graze advance by at least this part of a step: a dent of less than that duration may
 # be missed.

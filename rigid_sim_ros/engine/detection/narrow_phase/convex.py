@@ -4,8 +4,8 @@
 Any two convex shapes: the distance of their cores, then their faces clipped against each other.
 
 The search for the distance gives the normal and one pair of nearest points. Shapes that lie flat
-on each other need more points: the face of B that looks at A is clipped to the sides of A's, along
-the normal, and what is nearer than the margin is kept.
+on each other need more points: of the two faces that look at each other one is clipped to the
+sides of the other, along the normal, and what is nearer than the margin is kept.
 """
 
 import math
@@ -269,16 +269,15 @@ def manifold_along(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, gap: 
     corners_b, name_b = outline(kind[b], pose, size, b, hulls, hull[b], (-n[0], -n[1], -n[2]),
                                 faces[1])
     count = 0
-    if corners_a >= 3 and corners_b >= 2:
-        count = _clip_faces(faces[0], corners_a, faces[1], corners_b, n, margin, small, False,
-                            points,
-                            ids, scratch.polygon, scratch.labels)
-    elif corners_b >= 3 and corners_a == 2:
-        count = _clip_faces(faces[1], corners_b, faces[0], corners_a, n, margin, small, True,
-                            points,
-                            ids, scratch.polygon, scratch.labels)
-    elif corners_a == 2 and corners_b == 2:
-        count = _side_by_side(faces[0], faces[1], n, margin, points, ids)
+    if corners_a >= 2 and corners_b >= 2:
+        swapped = _is_reference(shapes, a, b, faces, corners_a, corners_b, n)
+        one, other = (1, 0) if swapped else (0, 1)
+        sides, corners = (corners_b, corners_a) if swapped else (corners_a, corners_b)
+        if sides >= 3:
+            count = _clip_faces(faces[one], sides, faces[other], corners, n, margin, small,
+                                swapped, points, ids, scratch.polygon, scratch.labels)
+        else:
+            count = _side_by_side(faces[one], faces[other], n, margin, swapped, points, ids)
     name = (64 * name_a + name_b) * 4096
     deepest = math.inf
     for k in range(count):
@@ -288,6 +287,35 @@ def manifold_along(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, gap: 
         put(points, ids, count, p, gap, WITNESS)
         count += 1
     return reduce_to_four(points, ids, count, n, small)
+
+
+@kernel
+def _is_reference(shapes: Shapes, a: int, b: int, faces: Array, corners_a: int, corners_b: int,
+                  n: Vector) -> bool:
+    """
+    Return whether the face, or line, of B is the one to which that of A is clipped.
+
+    What the points are called, and which four of many are kept, must not depend on which shape is
+    A. So the choice is one of the faces: a face before a line, one that is not tilted before one
+    that is, then the one with fewer sides, the longer line, the one of the larger shape.
+    """
+    if corners_a == 2 or corners_b == 2:
+        if corners_a != corners_b:
+            return corners_a == 2
+        return _square_of_length(faces[1]) > _square_of_length(faces[0])
+    tilted_a = abs(dot(_face_normal(faces[0], corners_a), n)) < TILTED
+    tilted_b = abs(dot(_face_normal(faces[1], corners_b), n)) < TILTED
+    if tilted_a != tilted_b:
+        return tilted_a
+    if corners_a != corners_b:
+        return corners_b < corners_a
+    return bool(shapes.bound[b] > shapes.bound[a])
+
+
+@kernel
+def _square_of_length(line: Array) -> float:
+    along = subtract((line[1, 0], line[1, 1], line[1, 2]), (line[0, 0], line[0, 1], line[0, 2]))
+    return dot(along, along)
 
 
 @kernel
@@ -386,13 +414,17 @@ def _height(polygon: Array, page: int, k: int, start: Vector, outward: Vector) -
 
 
 @kernel
-def _side_by_side(line_a: Array, line_b: Array, n: Vector, margin: float, points: Array,
-                  ids: IntArray) -> int:
-    """Find the two ends of what two nearly parallel lines have side by side; 0 if they cross."""
-    p = (line_a[0, 0], line_a[0, 1], line_a[0, 2])
-    q = (line_b[0, 0], line_b[0, 1], line_b[0, 2])
-    u = subtract((line_a[1, 0], line_a[1, 1], line_a[1, 2]), p)
-    v = subtract((line_b[1, 0], line_b[1, 1], line_b[1, 2]), q)
+def _side_by_side(reference: Array, line: Array, n: Vector, margin: float, swapped: bool,
+                  points: Array, ids: IntArray) -> int:
+    """
+    Find the two ends of what two nearly parallel lines have side by side; 0 if they cross.
+
+    `swapped` says that the reference is B's.
+    """
+    p = (reference[0, 0], reference[0, 1], reference[0, 2])
+    q = (line[0, 0], line[0, 1], line[0, 2])
+    u = subtract((reference[1, 0], reference[1, 1], reference[1, 2]), p)
+    v = subtract((line[1, 0], line[1, 1], line[1, 2]), q)
     uu, uv = dot(u, u), dot(u, v)
     # Beyond 0.05 rad the ends of the longer line are too far off to matter.
     w = cross(u, v)
@@ -407,8 +439,10 @@ def _side_by_side(line_a: Array, line_b: Array, n: Vector, margin: float, points
     for k in range(2):
         x = low if k == 0 else high
         y = (x - at_start) / (at_end - at_start)
-        on_a = add_scaled(p, x, u)
-        gap = dot(subtract(add_scaled(q, y, v), on_a), n)
+        on_a, on_b = add_scaled(p, x, u), add_scaled(q, y, v)
+        if swapped:
+            on_a, on_b = on_b, on_a
+        gap = dot(subtract(on_b, on_a), n)
         if gap < margin:
             put(points, ids, count, on_a, gap, k)
             count += 1
