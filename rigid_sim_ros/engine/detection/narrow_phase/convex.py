@@ -10,15 +10,16 @@ sides of the other, along the normal, and what is nearer than the margin is kept
 
 import math
 
-from rigid_sim_ros.engine.detection.manifolds import CANDIDATES, EPA_CORNERS, Scratch
+from rigid_sim_ros.engine.detection.manifolds import CANDIDATES, Scratch
 from rigid_sim_ros.engine.detection.narrow_phase.balls import crossing_normal
 from rigid_sim_ros.engine.detection.narrow_phase.epa import epa
-from rigid_sim_ros.engine.detection.narrow_phase.gjk import find_corner, gjk
+from rigid_sim_ros.engine.detection.narrow_phase.gjk import gjk
+from rigid_sim_ros.engine.detection.narrow_phase.polish import polish, ROOM, separation
 from rigid_sim_ros.engine.detection.narrow_phase.reduce import reduce_to_four
 from rigid_sim_ros.engine.detection.narrow_phase.surface import face_normal_along
 from rigid_sim_ros.engine.detection.support import radius
 from rigid_sim_ros.engine.maths.algebra import (
-    add_scaled, cross, dot, norm, perpendicular, scale, subtract)
+    add_scaled, cross, dot, norm, scale, subtract)
 from rigid_sim_ros.engine.maths.pose import origin
 from rigid_sim_ros.engine.model.kinds.points import put
 from rigid_sim_ros.engine.model.kinds.table import is_curved, outline
@@ -50,8 +51,6 @@ SLIGHT = 1e-4  # of the size: an overlap of less than this leaves most of AWAY
 LEAST_AWAY = 1e-3  # of it: a smaller distance says that the middles tell no way apart
 ONE_NORMAL = 1e-9  # directions that differ by less are one, and the first is more exact
 HERE = (0.0, 0.0, 0.0)
-NUDGE = 1e-5  # [rad] to find second derivatives by differences; rounding asks for no smaller one
-ROOM = EPA_CORNERS - 1  # a row of the corners that no simplex uses
 WITNESS = 1 << 40  # the feature of the nearest points
 
 
@@ -92,7 +91,7 @@ def distance(pose: Array, shapes: Shapes, a: int, b: int, limit: float,
     if abs(d) < CLOSE * small:
         d, n, p = _try_faces(pose, shapes, a, b, d, n, p, c)
     if round_one:
-        d, n, p = _polish(pose, shapes, a, b, d, n, p, c)
+        d, n, p = polish(pose, shapes, a, b, n, p, c)
     elif -SLIGHT * small < d < MEETS * small:
         d, n = _between_middles(pose, shapes, a, b, d, n, small, scratch)
     return d - r, n, add_scaled(p, radius(kind, size, a), n)
@@ -184,63 +183,6 @@ def _between_middles(pose: Array, shapes: Shapes, a: int, b: int, d: float, n: V
     if s < min(d, 2.0 * d) - MEETS * small or dot(other, other) < ONE_NORMAL * ONE_NORMAL:
         return d, n
     return s, m
-
-
-@kernel
-def separation(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, c: Array) -> float:
-    """Return s(n) [m]: how far the direction n separates the cores, -max n . (a - b)."""
-    hulls = shapes.hulls
-    return -dot(n, find_corner(pose, shapes.kind, shapes.size, hulls.first, hulls.count,
-                               hulls.vertices, shapes.hull, a, b, n, c, ROOM))
-
-
-@kernel
-def _slope(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, t: Vector, u: Vector, x: float,
-           y: float, c: Array) -> tuple[float, float]:
-    """Return the gradient of -s(m / |m|) times |m| at m = n + x t + y u, along t and u."""
-    hulls = shapes.hulls
-    m = add_scaled(add_scaled(n, x, t), y, u)
-    w = find_corner(pose, shapes.kind, shapes.size, hulls.first, hulls.count, hulls.vertices,
-                    shapes.hull, a, b, m, c, ROOM)
-    # max m . w has the gradient w; the rest is that of 1 / |m|.
-    level = dot(m, w) / dot(m, m)
-    return dot(t, w) - level * x, dot(u, w) - level * y
-
-
-@kernel
-def _polish(pose: Array, shapes: Shapes, a: int, b: int, d: float, n: Vector, p: Vector,
-            c: Array) -> tuple[float, Vector, Vector]:
-    """
-    Improve the direction of largest separation by Newton's method, where a shape is round.
-
-    The searches end with an error of the direction of about 1e-6, which is one of 1e-11 in the
-    distance. A step counts only if the separation grows; at a kink of s(n), on a flat face, none
-    does.
-    """
-    best = separation(pose, shapes, a, b, n, c)
-    for _ in range(3):
-        t = perpendicular(n)
-        u = cross(n, t)
-        g, h = _slope(pose, shapes, a, b, n, t, u, 0.0, 0.0, c)
-        gx, hx = _slope(pose, shapes, a, b, n, t, u, NUDGE, 0.0, c)
-        gy, hy = _slope(pose, shapes, a, b, n, t, u, 0.0, NUDGE, c)
-        gx, hx, gy, hy = (gx - g) / NUDGE, (hx - h) / NUDGE, (gy - g) / NUDGE, (hy - h) / NUDGE
-        determinant = gx * hy - gy * hx
-        x, y = (gy * h - hy * g) / determinant, (hx * g - gx * h) / determinant
-        if not x * x + y * y < 1e-4:
-            break
-        m = add_scaled(add_scaled(n, x, t), y, u)
-        m = scale(1.0 / norm(m), m)
-        s = separation(pose, shapes, a, b, m, c)
-        if not s > best:
-            break
-        best, n = s, m
-        # One of the two farthest points may be any of a face or a line: the other one is meant.
-        on_a = (c[ROOM, 3], c[ROOM, 4], c[ROOM, 5])
-        on_b = add_scaled((c[ROOM, 6], c[ROOM, 7], c[ROOM, 8]), -s, m)
-        to_a, to_b = subtract(on_a, p), subtract(on_b, p)
-        p = on_a if dot(to_a, to_a) < dot(to_b, to_b) else on_b
-    return best, n, p
 
 
 @kernel
