@@ -17,15 +17,18 @@ under no force, so they hold for every pair of shapes:
   angular velocity that the free body will have there, which holds the gyroscopic part too.
 """
 
+import numpy as np
+
 from rigid_sim_ros.engine.contact.contacts import (
-    Bodies, Contacts, read_rates, read_turning, tangents, to_contact)
+    Bodies, Contacts, read_rates, read_turning, tangents, to_contact, to_world)
 from rigid_sim_ros.engine.detection.backtrack import place_ahead
 from rigid_sim_ros.engine.detection.manifolds import Scratch
 from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
 from rigid_sim_ros.engine.detection.narrow_phase.surface import meets_face
 from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
 from rigid_sim_ros.engine.dynamics.loads import Loads
-from rigid_sim_ros.engine.maths.algebra import column, cross, dot, norm, quaternion, row, subtract
+from rigid_sim_ros.engine.maths.algebra import (
+    add, add_scaled, column, cross, dot, norm, quaternion, row, scale, subtract)
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.engine.state.rates import angular_velocity
@@ -40,6 +43,11 @@ SAME_NORMAL = 0.9
 # too, as the lowest point of a rim does from one side to the other when a disk falls flat. 2 would
 # take the jump for a motion, and a force that stops it throws the disk up.
 JUMP = 0.5
+# Of that: of several points, none is the same that is farther away than this from where it was
+# expected. The corners of a rim are 0.4 of its radius apart.
+NEARBY = 0.1
+# Of the moments of points about their middle: those on one line have none about it.
+STIFFENED = 1e-6
 
 
 @kernel
@@ -89,7 +97,7 @@ def carry_ahead(model: Model, state: State, still: Loads, shapes: Shapes, contac
         count, n = _meet(model, state, still, shapes, a, b, 0.5 * t, size, on_face, pose, scratch)
         for c in range(first, after):
             _to_middle(model, contacts, bodies, chosen[c], 0.5 * t)
-            p = _same_point(contacts, chosen[c], count, n, scratch)
+            p = _same_point(state, contacts, bodies, chosen[c], t, 0.5 * t, count, n, scratch)
             if p >= 0:
                 _move_point(state, contacts, bodies, chosen[c], 0.5 * t, n, scratch.points, p,
                             JUMP * size)
@@ -97,7 +105,7 @@ def carry_ahead(model: Model, state: State, still: Loads, shapes: Shapes, contac
         for c in range(first, after):
             at = width * c
             read_rates(model, contacts, then, chosen[c], width, u, at)
-            p = _same_point(contacts, chosen[c], count, n, scratch)
+            p = _same_point(state, contacts, bodies, chosen[c], t, t, count, n, scratch)
             if p >= 0:
                 v, jump = _velocity(state, contacts, bodies, then, chosen[c], t, n,
                                     scratch.points, p)
@@ -105,6 +113,62 @@ def carry_ahead(model: Model, state: State, still: Loads, shapes: Shapes, contac
                     _, u[at + 1], u[at + 2] = to_contact(contacts, chosen[c], v)
                     u[at] = dot(n, v)
         first = after
+    _make_rigid(contacts, chosen, width, u)
+
+
+@kernel
+def _make_rigid(contacts: Contacts, chosen: IntArray, width: int, u: Array) -> None:
+    """
+    Let the slip u of the points of each pair of bodies be that of a rigid motion, the nearest one.
+
+    The rates are those at the end of a span, the levers those of its middle: of a body that turns
+    by w the points seem to move apart by w x (w x r) / 2 a second. No forces at these levers stop
+    that, so points that stick would pull at each other, up to where they slip: with what forces
+    would depend on how the search begins.
+    """
+    first = 0
+    while first < chosen.shape[0]:
+        k, after = chosen[first], first + 1
+        while (after < chosen.shape[0] and contacts.body_a[chosen[after]] == contacts.body_a[k]
+               and contacts.body_b[chosen[after]] == contacts.body_b[k]):
+            after += 1
+        if after > first + 1:
+            _fit_motion(contacts, chosen[first:after], width, u[width * first:])
+        first = after
+
+
+@kernel
+def _fit_motion(contacts: Contacts, chosen: IntArray, width: int, u: Array) -> None:
+    """Do that for the points of one pair of bodies, by least squares."""
+    share = 1.0 / chosen.shape[0]
+    middle, v, w = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for c in range(chosen.shape[0]):
+        at = width * c
+        middle = add_scaled(middle, share, row(contacts.r_A, chosen[c]))
+        v = add_scaled(v, share, to_world(contacts, chosen[c], (u[at], u[at + 1], u[at + 2])))
+    # Twice, so that STIFFENED, for points on one line, leaves no error.
+    for _ in range(2):
+        x, y, z, L = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        for c in range(chosen.shape[0]):
+            at = width * c
+            d = subtract(row(contacts.r_A, chosen[c]), middle)
+            left = to_world(contacts, chosen[c], (u[at], u[at + 1], u[at + 2]))
+            left = subtract(left, add(v, cross(w, d)))
+            L = add(L, cross(d, left))
+            square = (1.0 + STIFFENED) * dot(d, d)
+            x = add_scaled((x[0] + square, x[1], x[2]), -d[0], d)
+            y = add_scaled((y[0], y[1] + square, y[2]), -d[1], d)
+            z = add_scaled((z[0], z[1], z[2] + square), -d[2], d)
+        yz, zx, xy = cross(y, z), cross(z, x), cross(x, y)
+        determinant = dot(x, yz)
+        if determinant <= 0.0:
+            return
+        turn = add_scaled(add_scaled(scale(L[0], yz), L[1], zx), L[2], xy)
+        w = add_scaled(w, 1.0 / determinant, turn)
+    for c in range(chosen.shape[0]):
+        at = width * c
+        d = subtract(row(contacts.r_A, chosen[c]), middle)
+        _, u[at + 1], u[at + 2] = to_contact(contacts, chosen[c], add(v, cross(w, d)))
 
 
 @kernel
@@ -123,14 +187,33 @@ def _meet(model: Model, state: State, still: Loads, shapes: Shapes, a: int, b: i
 
 
 @kernel
-def _same_point(contacts: Contacts, k: int, count: int, n: Vector, scratch: Scratch) -> int:
-    """Return which of the points that were found is point k, or -1."""
+def _same_point(state: State, contacts: Contacts, bodies: Bodies, k: int, span: float, t: float,
+                count: int, n: Vector, scratch: Scratch) -> int:
+    """
+    Return which of the points that were found after t [s] is point k, or -1.
+
+    Not by its feature: which faces meet, and what their corners are called, may change on the way
+    and in the mirror image. It is the nearest one, and the only one wherever it is; the levers of
+    k are those of half a span [s] before.
+    """
     e = contacts.axes
-    if dot(n, (e[k, 0, 0], e[k, 0, 1], e[k, 0, 2])) > SAME_NORMAL:
-        for p in range(count):
-            if scratch.ids[p] == contacts.feature[k]:
-                return p
-    return -1
+    if dot(n, (e[k, 0, 0], e[k, 0, 1], e[k, 0, 2])) <= SAME_NORMAL:
+        return -1
+    nearest, least = -1, NEARBY * contacts.size[k] if count > 1 else np.inf
+    for p in range(count):
+        at = _common(scratch.points, p, n)
+        away = np.inf
+        for side in range(2):
+            i = contacts.body_a[k] if side == 0 else contacts.body_b[k]
+            r = row(contacts.r_A, k) if side == 0 else row(contacts.r_B, k)
+            now = subtract(at, _ahead(state, bodies, i, t))
+            w = (bodies.velocity[i, 3], bodies.velocity[i, 4], bodies.velocity[i, 5])
+            # A corner goes along with its body, a point of a ball that rolls with its middle.
+            away = min(away, norm(subtract(now, r)),
+                       norm(subtract(now, add_scaled(r, 0.5 * span, cross(w, r)))))
+        if away < least:
+            nearest, least = p, away
+    return nearest
 
 
 @kernel

@@ -31,6 +31,8 @@ from rigid_sim_ros.kernels.kernel import kernel
 
 # While the division of the points lasts, 1 or 2 are enough.
 FEW_STEPS = 4
+# So many are counted, however many it takes.
+USUAL_STEPS = 2
 # Steps of Newton's method after so many sweeps, and how often: sweeps find which points press and
 # which slide, Newton's method the forces.
 NEWTON_STEPS, SWEEPS, ROUNDS = 10, 20, 6
@@ -48,7 +50,7 @@ class Newton(NamedTuple):
     E: Array  # (c, 6, 6)
     y: Array  # (r,) and the change of the forces
     last: IntArray  # (6 s,)
-    effort: Array  # (1,) multiplications so far in this step, about
+    effort: Array  # (1,) multiplications so far in this step, about: see `effort_of`
 
 
 def make_newton(points: int, rows: int, touched: int, bodies: int) -> Newton:
@@ -204,7 +206,6 @@ def solve_step(rows: Rows, m: int, width: int, touched: int, w: Newton) -> bool:
 
     By the momenta of the bodies, or by the forces themselves if `write_effects` chose that.
     """
-    w.effort[0] += 1000 * m
     if w.by_forces[0] == 1:
         return _solve_for_forces(m, width, w)
     size = 6 * touched
@@ -216,8 +217,7 @@ def solve_step(rows: Rows, m: int, width: int, touched: int, w: Newton) -> bool:
         K[i, i] = 1.0
     for c in range(m):
         _add_point(rows, c, width, w.slot, w.E, w.y, K, p)
-    w.effort[0] += size * size
-    if not solve_linear(K, p, w.last, w.effort):
+    if not solve_linear(K, p, w.last):
         return False
     for c in range(m):
         n = width * c
@@ -249,8 +249,7 @@ def _solve_for_forces(m: int, width: int, w: Newton) -> bool:
                 for j in range(size if part != 0.0 else 0):
                     K[q, j] += part * A[n + r, j]
             K[q, q] += 1.0
-    w.effort[0] += width * size * size
-    return solve_linear(K, w.y[:size], w.last, w.effort)
+    return solve_linear(K, w.y[:size], w.last)
 
 
 @kernel
@@ -291,7 +290,6 @@ def refine_rows(rows: Rows, m: int, width: int, touched: int, goal: float, steps
         trial[i] = f[i]
     idle = 0
     for _ in range(steps):
-        w.effort[0] += 100.0 * count
         if best <= goal or idle > 5 or not newton_step(rows, m, width, touched, trial, w):
             break
         now = violation(rows, m, width, trial)
@@ -309,6 +307,19 @@ def refine_rows(rows: Rows, m: int, width: int, touched: int, goal: float, steps
 
 
 @kernel
+def effort_of(m: int, width: int, touched: int) -> float:
+    """
+    Return how many multiplications a step of Newton's method takes, about.
+
+    Not counted one by one: how many an elimination takes depends on the order of the bodies, and
+    how many steps are taken at the end on rounding. What a budget of work cuts short must depend
+    on neither. Bodies touch few others, so elimination is far from (6 s)^3 / 3.
+    """
+    by_forces = width * width * width * m * m * m / 3.0
+    return 1000.0 * m + min(by_forces, 216.0 * touched * touched)
+
+
+@kernel
 def solve_rows(rows: Rows, m: int, width: int, touched: int, steps: int, most: float,
                w: Newton) -> float:
     """
@@ -322,6 +333,8 @@ def solve_rows(rows: Rows, m: int, width: int, touched: int, steps: int, most: f
         size = max(size, abs(rows.b[i]))
     if size == 0.0:
         size = 1e-300
+    effort = effort_of(m, width, touched)
+    w.effort[0] += USUAL_STEPS * effort
     worst = refine_rows(rows, m, width, touched, GOAL * size, steps, w)
     if worst <= ENOUGH * size:
         return worst / size
@@ -330,7 +343,7 @@ def solve_rows(rows: Rows, m: int, width: int, touched: int, steps: int, most: f
         violation(rows, m, width, rows.f)
         sweep_rows(rows, m, width, rows.f, sweeps, 0.1 * ENOUGH * size)
         worst = refine_rows(rows, m, width, touched, GOAL * size, NEWTON_STEPS, w)
-        w.effort[0] += 50.0 * count * sweeps
+        w.effort[0] += NEWTON_STEPS * effort + 50.0 * count * sweeps
         if (worst <= ENOUGH * size or (turn > 1 and worst <= TOLERANCE * size)
                 or w.effort[0] > until):
             break
