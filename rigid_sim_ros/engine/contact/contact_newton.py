@@ -31,8 +31,6 @@ from rigid_sim_ros.kernels.kernel import kernel
 
 # While the division of the points lasts, 1 or 2 are enough.
 FEW_STEPS = 4
-# So many are counted, however many it takes.
-USUAL_STEPS = 2
 # Steps of Newton's method after so many sweeps, and how often: sweeps find which points press and
 # which slide, Newton's method the forces.
 NEWTON_STEPS, SWEEPS, ROUNDS = 10, 20, 6
@@ -50,7 +48,7 @@ class Newton(NamedTuple):
     E: Array  # (c, 6, 6)
     y: Array  # (r,) and the change of the forces
     last: IntArray  # (6 s,)
-    effort: Array  # (1,) multiplications so far in this step, about: see `effort_of`
+    effort: Array  # (1,) multiplications so far in this step, about
 
 
 def make_newton(points: int, rows: int, touched: int, bodies: int) -> Newton:
@@ -311,9 +309,8 @@ def effort_of(m: int, width: int, touched: int) -> float:
     """
     Return how many multiplications a step of Newton's method takes, about.
 
-    Not counted one by one: how many an elimination takes depends on the order of the bodies, and
-    how many steps are taken at the end on rounding. What a budget of work cuts short must depend
-    on neither. Bodies touch few others, so elimination is far from (6 s)^3 / 3.
+    Not counted one by one: how many an elimination takes depends on the order of the bodies. They
+    touch few others, so it is far from (6 s)^3 / 3.
     """
     by_forces = width * width * width * m * m * m / 3.0
     return 1000.0 * m + min(by_forces, 216.0 * touched * touched)
@@ -333,8 +330,6 @@ def solve_rows(rows: Rows, m: int, width: int, touched: int, steps: int, most: f
         size = max(size, abs(rows.b[i]))
     if size == 0.0:
         size = 1e-300
-    effort = effort_of(m, width, touched)
-    w.effort[0] += USUAL_STEPS * effort
     worst = refine_rows(rows, m, width, touched, GOAL * size, steps, w)
     if worst <= ENOUGH * size:
         return worst / size
@@ -343,7 +338,7 @@ def solve_rows(rows: Rows, m: int, width: int, touched: int, steps: int, most: f
         violation(rows, m, width, rows.f)
         sweep_rows(rows, m, width, rows.f, sweeps, 0.1 * ENOUGH * size)
         worst = refine_rows(rows, m, width, touched, GOAL * size, NEWTON_STEPS, w)
-        w.effort[0] += NEWTON_STEPS * effort + 50.0 * count * sweeps
+        w.effort[0] += NEWTON_STEPS * effort_of(m, width, touched) + 50.0 * count * sweeps
         if (worst <= ENOUGH * size or (turn > 1 and worst <= TOLERANCE * size)
                 or w.effort[0] > until):
             break

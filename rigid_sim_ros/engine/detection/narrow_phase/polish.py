@@ -134,32 +134,40 @@ def _in_the_open(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, c: Arra
 
 
 @kernel
+def _find_kinks(pose: Array, shapes: Shapes, a: int, b: int, n: Vector,
+                c: Array) -> tuple[int, Vector, int, Vector]:
+    """Return on how many kinks of A n is, with e or their normal, and the same of B."""
+    t = perpendicular(n)
+    A_t, B_t = _jump(pose, shapes, a, b, n, t, c)
+    A_u, B_u = _jump(pose, shapes, a, b, n, cross(n, t), c)
+    on_A, e_A = _kinks(A_t, A_u, JUMP * shapes.bound[a])
+    on_B, e_B = _kinks(B_t, B_u, JUMP * shapes.bound[b])
+    if is_smooth(shapes.kind[a]):
+        on_A = 0
+    if is_smooth(shapes.kind[b]):
+        on_B = 0
+    # The farthest points on a rim also run along it, but not where they jump straight across.
+    if on_A == 1 and has_disc(shapes.kind[a]):
+        A_t, _ = _jump(pose, shapes, a, b, n, _in_plane(n, e_A), c)
+        e_A = scale(1.0 / norm(A_t), A_t)
+    if on_B == 1 and has_disc(shapes.kind[b]):
+        _, B_t = _jump(pose, shapes, a, b, n, _in_plane(n, e_B), c)
+        e_B = scale(1.0 / norm(B_t), B_t)
+    return on_A, e_A, on_B, e_B
+
+
+@kernel
 def polish(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, p: Vector,
            c: Array) -> tuple[float, Vector, Vector]:
     """
-    Return the signed distance of the cores, its direction and the nearest point on A, from n and p.
+    Return the signed distance of the cores, its direction n and the nearest point p on A.
 
     A step counts only if it separates more, up to rounding; else what was found before is left.
     """
     small = min(shapes.bound[a], shapes.bound[b])
     best, least = separation(pose, shapes, a, b, n, c), ROUNDING * small
     for _ in range(STEPS):
-        t = perpendicular(n)
-        A_t, B_t = _jump(pose, shapes, a, b, n, t, c)
-        A_u, B_u = _jump(pose, shapes, a, b, n, cross(n, t), c)
-        on_A, e_A = _kinks(A_t, A_u, JUMP * shapes.bound[a])
-        on_B, e_B = _kinks(B_t, B_u, JUMP * shapes.bound[b])
-        if is_smooth(shapes.kind[a]):
-            on_A = 0
-        if is_smooth(shapes.kind[b]):
-            on_B = 0
-        # The farthest points on a rim also run along it, but not where they jump straight across.
-        if on_A == 1 and has_disc(shapes.kind[a]):
-            A_t, _ = _jump(pose, shapes, a, b, n, _in_plane(n, e_A), c)
-            e_A = scale(1.0 / norm(A_t), A_t)
-        if on_B == 1 and has_disc(shapes.kind[b]):
-            _, B_t = _jump(pose, shapes, a, b, n, _in_plane(n, e_B), c)
-            e_B = scale(1.0 / norm(B_t), B_t)
+        on_A, e_A, on_B, e_B = _find_kinks(pose, shapes, a, b, n, c)
         crossed = cross(e_A, e_B)
         m = n
         if on_A == 2 or on_B == 2:
