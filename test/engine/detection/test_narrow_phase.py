@@ -132,10 +132,10 @@ def test_distance_is_the_same_after_a_rigid_motion_of_both(names, seed):
     assert scene.distance(0, 1)[0] == pytest.approx(gap, abs=max(tolerance(names), 1e-12))
 
 
-ROUND = [names for names in PAIRS if set(names) & {'cylinder', 'cone', 'ellipsoid'}]
+ROUND_PAIRS = [names for names in PAIRS if set(names) & {'cylinder', 'cone', 'ellipsoid'}]
 
 
-@pytest.mark.parametrize('names', ROUND, ids='-'.join)
+@pytest.mark.parametrize('names', ROUND_PAIRS, ids='-'.join)
 def test_the_normal_of_round_shapes_apart_is_that_of_the_shapes_exchanged_and_turned(names):
     rng = np.random.default_rng(5)
     apart = []
