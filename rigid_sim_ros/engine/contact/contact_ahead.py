@@ -17,8 +17,6 @@ under no force, so they hold for every pair of shapes:
   angular velocity that the free body will have there, which holds the gyroscopic part too.
 """
 
-import numpy as np
-
 from rigid_sim_ros.engine.contact.contacts import (
     Bodies, Contacts, read_rates, read_turning, tangents, to_contact, to_world)
 from rigid_sim_ros.engine.detection.backtrack import place_ahead
@@ -43,9 +41,6 @@ SAME_NORMAL = 0.9
 # too, as the lowest point of a rim does from one side to the other when a disk falls flat. 2 would
 # take the jump for a motion, and a force that stops it throws the disk up.
 JUMP = 0.5
-# Of that: of several points, none is the same that is farther away than this from where it was
-# expected. The corners of a rim are 0.4 of its radius apart.
-NEARBY = 0.1
 # Of the moments of points about their middle: those on one line have none about it.
 STIFFENED = 1e-6
 
@@ -97,7 +92,7 @@ def carry_ahead(model: Model, state: State, still: Loads, shapes: Shapes, contac
         count, n = _meet(model, state, still, shapes, a, b, 0.5 * t, size, on_face, pose, scratch)
         for c in range(first, after):
             _to_middle(model, contacts, bodies, chosen[c], 0.5 * t)
-            p = _same_point(state, contacts, bodies, chosen[c], t, 0.5 * t, count, n, scratch)
+            p = _same_point(contacts, chosen[c], count, n, scratch)
             if p >= 0:
                 _move_point(state, contacts, bodies, chosen[c], 0.5 * t, n, scratch.points, p,
                             JUMP * size)
@@ -105,7 +100,7 @@ def carry_ahead(model: Model, state: State, still: Loads, shapes: Shapes, contac
         for c in range(first, after):
             at = width * c
             read_rates(model, contacts, then, chosen[c], width, u, at)
-            p = _same_point(state, contacts, bodies, chosen[c], t, t, count, n, scratch)
+            p = _same_point(contacts, chosen[c], count, n, scratch)
             if p >= 0:
                 v, jump = _velocity(state, contacts, bodies, then, chosen[c], t, n,
                                     scratch.points, p)
@@ -187,33 +182,14 @@ def _meet(model: Model, state: State, still: Loads, shapes: Shapes, a: int, b: i
 
 
 @kernel
-def _same_point(state: State, contacts: Contacts, bodies: Bodies, k: int, span: float, t: float,
-                count: int, n: Vector, scratch: Scratch) -> int:
-    """
-    Return which of the points that were found after t [s] is point k, or -1.
-
-    Not by its feature: which faces meet, and what their corners are called, may change on the way
-    and in the mirror image. It is the nearest one, and the only one wherever it is; the levers of
-    k are those of half a span [s] before.
-    """
+def _same_point(contacts: Contacts, k: int, count: int, n: Vector, scratch: Scratch) -> int:
+    """Return which of the points that were found is point k, or -1."""
     e = contacts.axes
-    if dot(n, (e[k, 0, 0], e[k, 0, 1], e[k, 0, 2])) <= SAME_NORMAL:
-        return -1
-    nearest, least = -1, NEARBY * contacts.size[k] if count > 1 else np.inf
-    for p in range(count):
-        at = _common(scratch.points, p, n)
-        away = np.inf
-        for side in range(2):
-            i = contacts.body_a[k] if side == 0 else contacts.body_b[k]
-            r = row(contacts.r_A, k) if side == 0 else row(contacts.r_B, k)
-            now = subtract(at, _ahead(state, bodies, i, t))
-            w = (bodies.velocity[i, 3], bodies.velocity[i, 4], bodies.velocity[i, 5])
-            # A corner goes along with its body, a point of a ball that rolls with its middle.
-            away = min(away, norm(subtract(now, r)),
-                       norm(subtract(now, add_scaled(r, 0.5 * span, cross(w, r)))))
-        if away < least:
-            nearest, least = p, away
-    return nearest
+    if dot(n, (e[k, 0, 0], e[k, 0, 1], e[k, 0, 2])) > SAME_NORMAL:
+        for p in range(count):
+            if scratch.ids[p] == contacts.feature[k]:
+                return p
+    return -1
 
 
 @kernel
