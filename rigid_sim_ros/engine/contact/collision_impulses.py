@@ -204,7 +204,7 @@ def _axis(k: int, which: int, work: CollisionWork) -> Vector:
 
 @kernel
 def _coupling(i: int, a: int, j: int, b: int, work: CollisionWork) -> float:
-    """Return the velocity along axis a at chosen point i that a unit impulse at j along b makes."""
+    """Return the velocity along axis a at point i that a unit impulse along b at j makes."""
     k, l = work.chosen[i, 0], work.chosen[j, 0]  # noqa: E741
     here, there = row(work.point[k], work.chosen[i, 1]), row(work.point[l], work.chosen[j, 1])
     e, f, total = _axis(k, a, work), _axis(l, b, work), 0.0

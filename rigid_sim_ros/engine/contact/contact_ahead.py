@@ -18,14 +18,15 @@ under no force, so they hold for every pair of shapes:
 """
 
 from rigid_sim_ros.engine.contact.contacts import (
-    Bodies, Contacts, read_rates, read_turning, tangents, to_contact)
+    Bodies, Contacts, read_rates, read_turning, tangents, to_contact, to_world)
 from rigid_sim_ros.engine.detection.backtrack import place_ahead
 from rigid_sim_ros.engine.detection.manifolds import Scratch
 from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
 from rigid_sim_ros.engine.detection.narrow_phase.surface import meets_face
 from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
 from rigid_sim_ros.engine.dynamics.loads import Loads
-from rigid_sim_ros.engine.maths.algebra import column, cross, dot, norm, quaternion, row, subtract
+from rigid_sim_ros.engine.maths.algebra import (
+    add, add_scaled, column, cross, dot, norm, quaternion, row, scale, subtract)
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.engine.state.rates import angular_velocity
@@ -40,6 +41,8 @@ SAME_NORMAL = 0.9
 # too, as the lowest point of a rim does from one side to the other when a disk falls flat. 2 would
 # take the jump for a motion, and a force that stops it throws the disk up.
 JUMP = 0.5
+# Of the moments of points about their middle: those on one line have none about it.
+STIFFENED = 1e-6
 
 
 @kernel
@@ -105,6 +108,62 @@ def carry_ahead(model: Model, state: State, still: Loads, shapes: Shapes, contac
                     _, u[at + 1], u[at + 2] = to_contact(contacts, chosen[c], v)
                     u[at] = dot(n, v)
         first = after
+    _make_rigid(contacts, chosen, width, u)
+
+
+@kernel
+def _make_rigid(contacts: Contacts, chosen: IntArray, width: int, u: Array) -> None:
+    """
+    Let the slip u of the points of each pair of bodies be that of a rigid motion, the nearest one.
+
+    The rates are those at the end of a span, the levers those of its middle: of a body that turns
+    by w the points seem to move apart by w x (w x r) / 2 a second. No forces at these levers stop
+    that, so points that stick would pull at each other, up to where they slip: with what forces
+    would depend on how the search begins.
+    """
+    first = 0
+    while first < chosen.shape[0]:
+        k, after = chosen[first], first + 1
+        while (after < chosen.shape[0] and contacts.body_a[chosen[after]] == contacts.body_a[k]
+               and contacts.body_b[chosen[after]] == contacts.body_b[k]):
+            after += 1
+        if after > first + 1:
+            _fit_motion(contacts, chosen[first:after], width, u[width * first:])
+        first = after
+
+
+@kernel
+def _fit_motion(contacts: Contacts, chosen: IntArray, width: int, u: Array) -> None:
+    """Do that for the points of one pair of bodies, by least squares."""
+    share = 1.0 / chosen.shape[0]
+    middle, v, w = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for c in range(chosen.shape[0]):
+        at = width * c
+        middle = add_scaled(middle, share, row(contacts.r_A, chosen[c]))
+        v = add_scaled(v, share, to_world(contacts, chosen[c], (u[at], u[at + 1], u[at + 2])))
+    # Twice, so that STIFFENED, for points on one line, leaves no error.
+    for _ in range(2):
+        x, y, z, L = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        for c in range(chosen.shape[0]):
+            at = width * c
+            d = subtract(row(contacts.r_A, chosen[c]), middle)
+            left = to_world(contacts, chosen[c], (u[at], u[at + 1], u[at + 2]))
+            left = subtract(left, add(v, cross(w, d)))
+            L = add(L, cross(d, left))
+            square = (1.0 + STIFFENED) * dot(d, d)
+            x = add_scaled((x[0] + square, x[1], x[2]), -d[0], d)
+            y = add_scaled((y[0], y[1] + square, y[2]), -d[1], d)
+            z = add_scaled((z[0], z[1], z[2] + square), -d[2], d)
+        yz, zx, xy = cross(y, z), cross(z, x), cross(x, y)
+        determinant = dot(x, yz)
+        if determinant <= 0.0:
+            return
+        turn = add_scaled(add_scaled(scale(L[0], yz), L[1], zx), L[2], xy)
+        w = add_scaled(w, 1.0 / determinant, turn)
+    for c in range(chosen.shape[0]):
+        at = width * c
+        d = subtract(row(contacts.r_A, chosen[c]), middle)
+        _, u[at + 1], u[at + 2] = to_contact(contacts, chosen[c], add(v, cross(w, d)))
 
 
 @kernel

@@ -180,7 +180,6 @@ def solve_step(rows: Rows, m: int, width: int, touched: int, w: Newton) -> bool:
 
     By the momenta of the bodies, or by the forces themselves if `write_effects` chose that.
     """
-    w.effort[0] += 1000 * m
     if w.by_forces[0] == 1:
         return _solve_for_forces(m, width, w)
     size = 6 * touched
@@ -192,8 +191,7 @@ def solve_step(rows: Rows, m: int, width: int, touched: int, w: Newton) -> bool:
         K[i, i] = 1.0
     for c in range(m):
         _add_point(rows, c, width, w.slot, w.E, w.y, K, p)
-    w.effort[0] += size * size
-    if not solve_linear(K, p, w.last, w.effort):
+    if not solve_linear(K, p, w.last):
         return False
     for c in range(m):
         n = width * c
@@ -225,8 +223,7 @@ def _solve_for_forces(m: int, width: int, w: Newton) -> bool:
                 for j in range(size if part != 0.0 else 0):
                     K[q, j] += part * A[n + r, j]
             K[q, q] += 1.0
-    w.effort[0] += width * size * size
-    return solve_linear(K, w.y[:size], w.last, w.effort)
+    return solve_linear(K, w.y[:size], w.last)
 
 
 @kernel
@@ -267,7 +264,6 @@ def refine_rows(rows: Rows, m: int, width: int, touched: int, goal: float, steps
         trial[i] = f[i]
     idle = 0
     for _ in range(steps):
-        w.effort[0] += 100.0 * count
         if best <= goal or idle > 5 or not newton_step(rows, m, width, touched, trial, w):
             break
         now = violation(rows, m, width, trial)
@@ -282,6 +278,18 @@ def refine_rows(rows: Rows, m: int, width: int, touched: int, goal: float, steps
             for i in range(count):
                 f[i] = trial[i]
     return best
+
+
+@kernel
+def effort_of(m: int, width: int, touched: int) -> float:
+    """
+    Return how many multiplications a step of Newton's method takes, about.
+
+    Not counted one by one: how many an elimination takes depends on the order of the bodies. They
+    touch few others, so it is far from (6 s)^3 / 3.
+    """
+    by_forces = width * width * width * m * m * m / 3.0
+    return 1000.0 * m + min(by_forces, 216.0 * touched * touched)
 
 
 @kernel
@@ -306,7 +314,7 @@ def solve_rows(rows: Rows, m: int, width: int, touched: int, steps: int, most: f
         violation(rows, m, width, rows.f)
         sweep_rows(rows, m, width, rows.f, sweeps, 0.1 * ENOUGH * size)
         worst = refine_rows(rows, m, width, touched, GOAL * size, NEWTON_STEPS, w)
-        w.effort[0] += 50.0 * count * sweeps
+        w.effort[0] += NEWTON_STEPS * effort_of(m, width, touched) + 50.0 * count * sweeps
         if (worst <= ENOUGH * size or (turn > 1 and worst <= TOLERANCE * size)
                 or w.effort[0] > until):
             break

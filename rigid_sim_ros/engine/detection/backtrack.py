@@ -34,8 +34,9 @@ from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import kernel
 
 # Of a step: the time of a meeting is known to this, or the gap at it to GAP, a part of the smaller
-# shape, whichever comes first.
-TIME = 1e-9
+# shape, whichever comes first. Where an event is soon followed by the next, 1e-9 of a step was
+# 1e-5 of the way to it.
+TIME = 1e-14
 GAP = 1e-12
 # Shapes that graze advance by at least this part of a step: a dent of less than that duration may
 # be missed.
@@ -323,9 +324,12 @@ def first_event(model: Model, state: State, loads: Loads, shapes: Shapes, pairs:
             if t < best:
                 best, which = t, k
             continue
-        then = pair_gap(model, state, loads, shapes, a, b, best, pose, scratch)[0]
+        # At `until`, not at the best so far: a pair may get deeper and come back, and whether that
+        # is seen must not depend on which other pairs were asked before.
+        then = pair_gap(model, state, loads, shapes, a, b, until, pose, scratch)[0]
         if then < level:
-            best = crossing(model, state, loads, shapes, a, b, 0.0, best, gap, then, level, pose,
-                            scratch)
-            which = k
+            t = crossing(model, state, loads, shapes, a, b, 0.0, until, gap, then, level, pose,
+                         scratch)
+            if t < best:
+                best, which = t, k
     return best, which

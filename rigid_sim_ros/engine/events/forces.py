@@ -5,7 +5,8 @@
 from rigid_sim_ros.engine.contact.carried_forces import copy_force, keep_force, recall_forces
 from rigid_sim_ros.engine.contact.classify import classify, COLLIDING, resting_speed
 from rigid_sim_ros.engine.contact.contact_ahead import carry_ahead, turn_bodies
-from rigid_sim_ros.engine.contact.contact_newton import FEW_STEPS, number_bodies, solve_rows
+from rigid_sim_ros.engine.contact.contact_newton import (
+    effort_of, FEW_STEPS, number_bodies, solve_rows)
 from rigid_sim_ros.engine.contact.contact_rows import (
     apply_forces, Rows, sweep_rows, violation, write_rows)
 from rigid_sim_ros.engine.contact.contact_search import DONE
@@ -33,6 +34,9 @@ EFFORT = 2e5
 # Points of a problem that OSQP is asked for where sweeps and Newton's method do not do; for more
 # it takes too long.
 FOR_OSQP = 8
+# A problem counts as so many steps of Newton's method, however many it takes: that may depend on
+# rounding, and what is cut short should not. What a hard one takes besides is counted.
+COUNTED = 4
 # Of the accelerations: as much points may yield to their forces by their compliance. 1e-6 of g
 # sinks in by 3e-6 g h^2.
 YIELDS = 1e-6
@@ -223,6 +227,7 @@ def balance(c: EventArguments, g: int) -> int:
         return MORE_ROWS
     if m == 0:
         return DONE
+    w.newton.effort[0] += COUNTED * effort_of(m, width, w.count[TOUCHED])
     chosen, rows = w.chosen[:m], w.rows
     span = min(groups.span[g], groups.left[g])
     _sink(contacts, w.bodies, chosen, span, settings.overlap, w.depth)

@@ -7,14 +7,14 @@ from rigid_sim_ros.kernels.kernel import kernel
 
 
 @kernel
-def solve_linear(K: Array, x: Array, last: IntArray, effort: Array) -> bool:
+def solve_linear(K: Array, x: Array, last: IntArray) -> bool:
     """
     Replace x by K^-1 x, destroying K; return False if K is singular.
 
     By Gaussian elimination with partial pivoting.
 
     last, (n,), is scratch: the last entry of a row that is not 0. Bodies of which only neighbours
-    touch make a band. The multiplications are added to `effort`.
+    touch make a band.
     """
     size = x.shape[0]
     for i in range(size):
@@ -31,7 +31,6 @@ def solve_linear(K: Array, x: Array, last: IntArray, effort: Array) -> bool:
             x[k], x[p] = x[p], x[k]
             last[k], last[p] = last[p], last[k]
         end = last[k] + 1
-        effort[0] += size - k
         for i in range(k + 1, size):
             if K[i, k] != 0.0:
                 factor = K[i, k] / K[k, k]
@@ -39,7 +38,6 @@ def solve_linear(K: Array, x: Array, last: IntArray, effort: Array) -> bool:
                 for j in range(k + 1, end):
                     K[i, j] -= factor * K[k, j]
                 x[i] -= factor * x[k]
-                effort[0] += end - k
     _substitute_back(K, x, last)
     return True
 

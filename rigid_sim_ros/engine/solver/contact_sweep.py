@@ -6,7 +6,8 @@ from rigid_sim_ros.engine.constraints.contact_blocks import (
     ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, drift_together, friction_of, GAP, IMPULSE,
     INV_SPIN, INV_TT, J_A, J_B, K_N, K_NN, K_SPIN, K_TN, keep_friction, load_three, load_two, MASS,
     Motion, MU, NORMAL, normal_sum, POINT, POINT_ROWS, pushed, RESTING, ROLL, ROLL_LEVER,
-    ROLL_STEP, S, SHOVE, SHOVE_TURN, SIZE, SLIDE, smallest_gap, SPEED, SPIN_LEVER, symmetric, T, Three, TURN_T)
+    ROLL_STEP, S, SHOVE, SHOVE_TURN, SIZE, SLIDE, smallest_gap, SPEED, SPIN_LEVER, symmetric, T,
+    Three, TURN_T)
 from rigid_sim_ros.engine.constraints.contact_rules import (
     approach_of, gap_of, is_open, least_speed, NEGLIGIBLE, onto_circle, settled, SKIN, Sweep,
     wanted_of)

@@ -21,7 +21,7 @@ from rigid_sim_ros.engine.solver.direct_rows import DirectRows, read_island, SLI
 from rigid_sim_ros.engine.solver.direct_solve import Direct, solve_rows
 from rigid_sim_ros.engine.solver.solver_bodies import SolverBodies
 from rigid_sim_ros.kernels.eight import LANES
-from rigid_sim_ros.kernels.kernel import INDEX, kernel
+from rigid_sim_ros.kernels.kernel import kernel
 
 
 @kernel

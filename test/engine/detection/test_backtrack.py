@@ -15,7 +15,7 @@ from rigid_sim_ros.engine.model.kinds.table import BOX
 from rigid_sim_ros.engine.model.shapes import Material
 
 
-def next_event(things, until, gravity=(0, 0, -G)):
+def next_event(things, until, gravity=(0, 0, -G), allowed=(), backwards=False):
     scene = EventScene(things, Material(), gravity=gravity)
     loads = empty_loads(len(things))
     sum_loads(scene.model, scene.state, scene.wrenches, loads)
@@ -24,8 +24,11 @@ def next_event(things, until, gravity=(0, 0, -G)):
     reach, order = np.zeros((2, len(things))), np.zeros(len(things), dtype=np.int64)
     count = pairs_ahead(scene.model, scene.state, loads, scene.shapes, until, pose, *reach, order,
                         pairs)
-    t, which = first_event(scene.model, scene.state, loads, scene.shapes, pairs, count,
-                           np.zeros(100),
+    deep = np.zeros(100)
+    deep[:len(allowed)] = allowed
+    if backwards:
+        pairs[:count], deep[:count] = pairs[:count][::-1].copy(), deep[:count][::-1].copy()
+    t, which = first_event(scene.model, scene.state, loads, scene.shapes, pairs, count, deep,
                            1e-7, until, pose, scene.memory.scratch)
     return t, (tuple(pairs[which]) if which >= 0 else None)
 
@@ -70,3 +73,16 @@ def test_who_passes_by_does_not_meet():
     still = ball(0.1, 1.0)
     by = ball(0.1, 1.0, position=(-1.0, 0, 0.2 + 1e-9), velocity=(10.0, 0, 0))
     assert next_event([still, by], 0.5, gravity=(0, 0, 0)) == (0.5, None)
+
+
+@pytest.mark.parametrize('backwards', [False, True])
+def test_which_pair_sinks_in_first_does_not_depend_on_their_order(backwards):
+    # Half a turn of the bar takes the second: its end is below the level of -0.02 m from 0.37 s to
+    # 0.63 s and comes back. The ball is below its own from 0.4 s on. Asked at the end of the
+    # second the bar does not sink in, asked at 0.4 s it would, and before the ball.
+    bar = box((2.0, 0.1, 1e-3), 1.0, position=(0, 0, 0.9), spin=(0, math.pi, 0))
+    sinks = ball(0.5, 1.0, position=(5, 0, 0.5), velocity=(0, 0, -0.25))
+    t, pair = next_event([ground(), bar, sinks], 1.0, gravity=(0, 0, 0), allowed=(-0.02, -0.1),
+                         backwards=backwards)
+    assert pair == (0, 2)
+    assert t == pytest.approx(0.4, abs=2e-12)

@@ -75,8 +75,9 @@ def is_at_rest(world):
 def test_what_is_dropped_comes_to_rest_without_sinking_in(kinds):
     world = dropped(kinds, seed=1)
     deepest, said = until_rest(world, 5000)
-    # overlap and dip of the settings are 3e-7 m; a rim that rolls fast curves within a step.
-    assert deepest < 5e-6
+    # Overlap and dip of the settings are 3e-7 m. A rim of r = 0.15 m that turns by w sags in a
+    # step by r (w h)^2 / 8, 2e-5 m at the 30 rad/s at which a disc falls flat.
+    assert deepest < 2e-5
     # Redundant points on the verge of slipping may stay above the tolerance of 1e-7: said, rare,
     # and then by parts in 1e5 of g.
     assert len(said) <= 20

@@ -4,21 +4,22 @@
 Any two convex shapes: the distance of their cores, then their faces clipped against each other.
 
 The search for the distance gives the normal and one pair of nearest points. Shapes that lie flat
-on each other need more points: the face of B that looks at A is clipped to the sides of A's, along
-the normal, and what is nearer than the margin is kept.
+on each other need more points: of the two faces that look at each other one is clipped to the
+sides of the other, along the normal, and what is nearer than the margin is kept.
 """
 
 import math
 
-from rigid_sim_ros.engine.detection.manifolds import CANDIDATES, EPA_CORNERS, Scratch
+from rigid_sim_ros.engine.detection.manifolds import CANDIDATES, Scratch
 from rigid_sim_ros.engine.detection.narrow_phase.balls import crossing_normal
 from rigid_sim_ros.engine.detection.narrow_phase.epa import epa
-from rigid_sim_ros.engine.detection.narrow_phase.gjk import find_corner, gjk
+from rigid_sim_ros.engine.detection.narrow_phase.gjk import gjk
+from rigid_sim_ros.engine.detection.narrow_phase.polish import polish, ROOM, separation
 from rigid_sim_ros.engine.detection.narrow_phase.reduce import reduce_to_four
 from rigid_sim_ros.engine.detection.narrow_phase.surface import face_normal_along
 from rigid_sim_ros.engine.detection.support import radius
 from rigid_sim_ros.engine.maths.algebra import (
-    add_scaled, cross, dot, norm, perpendicular, scale, subtract)
+    add_scaled, cross, dot, norm, scale, subtract)
 from rigid_sim_ros.engine.maths.pose import origin
 from rigid_sim_ros.engine.model.kinds.points import put
 from rigid_sim_ros.engine.model.kinds.table import is_curved, outline
@@ -50,8 +51,6 @@ SLIGHT = 1e-4  # of the size: an overlap of less than this leaves most of AWAY
 LEAST_AWAY = 1e-3  # of it: a smaller distance says that the middles tell no way apart
 ONE_NORMAL = 1e-9  # directions that differ by less are one, and the first is more exact
 HERE = (0.0, 0.0, 0.0)
-NUDGE = 1e-5  # [rad] to find second derivatives by differences; rounding asks for no smaller one
-ROOM = EPA_CORNERS - 1  # a row of the corners that no simplex uses
 WITNESS = 1 << 40  # the feature of the nearest points
 
 
@@ -92,7 +91,7 @@ def distance(pose: Array, shapes: Shapes, a: int, b: int, limit: float,
     if abs(d) < CLOSE * small:
         d, n, p = _try_faces(pose, shapes, a, b, d, n, p, c)
     if round_one:
-        d, n, p = _polish(pose, shapes, a, b, d, n, p, c)
+        d, n, p = polish(pose, shapes, a, b, n, p, c)
     elif -SLIGHT * small < d < MEETS * small:
         d, n = _between_middles(pose, shapes, a, b, d, n, small, scratch)
     return d - r, n, add_scaled(p, radius(kind, size, a), n)
@@ -187,63 +186,6 @@ def _between_middles(pose: Array, shapes: Shapes, a: int, b: int, d: float, n: V
 
 
 @kernel
-def separation(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, c: Array) -> float:
-    """Return s(n) [m]: how far the direction n separates the cores, -max n . (a - b)."""
-    hulls = shapes.hulls
-    return -dot(n, find_corner(pose, shapes.kind, shapes.size, hulls.first, hulls.count,
-                               hulls.vertices, shapes.hull, a, b, n, c, ROOM))
-
-
-@kernel
-def _slope(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, t: Vector, u: Vector, x: float,
-           y: float, c: Array) -> tuple[float, float]:
-    """Return the gradient of -s(m / |m|) times |m| at m = n + x t + y u, along t and u."""
-    hulls = shapes.hulls
-    m = add_scaled(add_scaled(n, x, t), y, u)
-    w = find_corner(pose, shapes.kind, shapes.size, hulls.first, hulls.count, hulls.vertices,
-                    shapes.hull, a, b, m, c, ROOM)
-    # max m . w has the gradient w; the rest is that of 1 / |m|.
-    level = dot(m, w) / dot(m, m)
-    return dot(t, w) - level * x, dot(u, w) - level * y
-
-
-@kernel
-def _polish(pose: Array, shapes: Shapes, a: int, b: int, d: float, n: Vector, p: Vector,
-            c: Array) -> tuple[float, Vector, Vector]:
-    """
-    Improve the direction of largest separation by Newton's method, where a shape is round.
-
-    The searches end with an error of the direction of about 1e-6, which is one of 1e-11 in the
-    distance. A step counts only if the separation grows; at a kink of s(n), on a flat face, none
-    does.
-    """
-    best = separation(pose, shapes, a, b, n, c)
-    for _ in range(3):
-        t = perpendicular(n)
-        u = cross(n, t)
-        g, h = _slope(pose, shapes, a, b, n, t, u, 0.0, 0.0, c)
-        gx, hx = _slope(pose, shapes, a, b, n, t, u, NUDGE, 0.0, c)
-        gy, hy = _slope(pose, shapes, a, b, n, t, u, 0.0, NUDGE, c)
-        gx, hx, gy, hy = (gx - g) / NUDGE, (hx - h) / NUDGE, (gy - g) / NUDGE, (hy - h) / NUDGE
-        determinant = gx * hy - gy * hx
-        x, y = (gy * h - hy * g) / determinant, (hx * g - gx * h) / determinant
-        if not x * x + y * y < 1e-4:
-            break
-        m = add_scaled(add_scaled(n, x, t), y, u)
-        m = scale(1.0 / norm(m), m)
-        s = separation(pose, shapes, a, b, m, c)
-        if not s > best:
-            break
-        best, n = s, m
-        # One of the two farthest points may be any of a face or a line: the other one is meant.
-        on_a = (c[ROOM, 3], c[ROOM, 4], c[ROOM, 5])
-        on_b = add_scaled((c[ROOM, 6], c[ROOM, 7], c[ROOM, 8]), -s, m)
-        to_a, to_b = subtract(on_a, p), subtract(on_b, p)
-        p = on_a if dot(to_a, to_a) < dot(to_b, to_b) else on_b
-    return best, n, p
-
-
-@kernel
 def convex_convex(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
                   scratch: Scratch) -> tuple[int, Vector]:
     """Find the manifold: return the number of points, at most 4, and the normal from A to B."""
@@ -269,16 +211,15 @@ def manifold_along(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, gap: 
     corners_b, name_b = outline(kind[b], pose, size, b, hulls, hull[b], (-n[0], -n[1], -n[2]),
                                 faces[1])
     count = 0
-    if corners_a >= 3 and corners_b >= 2:
-        count = _clip_faces(faces[0], corners_a, faces[1], corners_b, n, margin, small, False,
-                            points,
-                            ids, scratch.polygon, scratch.labels)
-    elif corners_b >= 3 and corners_a == 2:
-        count = _clip_faces(faces[1], corners_b, faces[0], corners_a, n, margin, small, True,
-                            points,
-                            ids, scratch.polygon, scratch.labels)
-    elif corners_a == 2 and corners_b == 2:
-        count = _side_by_side(faces[0], faces[1], n, margin, points, ids)
+    if corners_a >= 2 and corners_b >= 2:
+        swapped = _is_reference(shapes, a, b, faces, corners_a, corners_b, n)
+        one, other = (1, 0) if swapped else (0, 1)
+        sides, corners = (corners_b, corners_a) if swapped else (corners_a, corners_b)
+        if sides >= 3:
+            count = _clip_faces(faces[one], sides, faces[other], corners, n, margin, small,
+                                swapped, points, ids, scratch.polygon, scratch.labels)
+        else:
+            count = _side_by_side(faces[one], faces[other], n, margin, swapped, points, ids)
     name = (64 * name_a + name_b) * 4096
     deepest = math.inf
     for k in range(count):
@@ -288,6 +229,35 @@ def manifold_along(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, gap: 
         put(points, ids, count, p, gap, WITNESS)
         count += 1
     return reduce_to_four(points, ids, count, n, small)
+
+
+@kernel
+def _is_reference(shapes: Shapes, a: int, b: int, faces: Array, corners_a: int, corners_b: int,
+                  n: Vector) -> bool:
+    """
+    Return whether the face, or line, of B is the one to which that of A is clipped.
+
+    What the points are called, and which four of many are kept, must not depend on which shape is
+    A. So the choice is one of the faces: a face before a line, one that is not tilted before one
+    that is, then the one with fewer sides, the longer line, the one of the larger shape.
+    """
+    if corners_a == 2 or corners_b == 2:
+        if corners_a != corners_b:
+            return corners_a == 2
+        return _square_of_length(faces[1]) > _square_of_length(faces[0])
+    tilted_a = abs(dot(_face_normal(faces[0], corners_a), n)) < TILTED
+    tilted_b = abs(dot(_face_normal(faces[1], corners_b), n)) < TILTED
+    if tilted_a != tilted_b:
+        return tilted_a
+    if corners_a != corners_b:
+        return corners_b < corners_a
+    return bool(shapes.bound[b] > shapes.bound[a])
+
+
+@kernel
+def _square_of_length(line: Array) -> float:
+    along = subtract((line[1, 0], line[1, 1], line[1, 2]), (line[0, 0], line[0, 1], line[0, 2]))
+    return dot(along, along)
 
 
 @kernel
@@ -386,13 +356,17 @@ def _height(polygon: Array, page: int, k: int, start: Vector, outward: Vector) -
 
 
 @kernel
-def _side_by_side(line_a: Array, line_b: Array, n: Vector, margin: float, points: Array,
-                  ids: IntArray) -> int:
-    """Find the two ends of what two nearly parallel lines have side by side; 0 if they cross."""
-    p = (line_a[0, 0], line_a[0, 1], line_a[0, 2])
-    q = (line_b[0, 0], line_b[0, 1], line_b[0, 2])
-    u = subtract((line_a[1, 0], line_a[1, 1], line_a[1, 2]), p)
-    v = subtract((line_b[1, 0], line_b[1, 1], line_b[1, 2]), q)
+def _side_by_side(reference: Array, line: Array, n: Vector, margin: float, swapped: bool,
+                  points: Array, ids: IntArray) -> int:
+    """
+    Find the two ends of what two nearly parallel lines have side by side; 0 if they cross.
+
+    `swapped` says that the reference is B's.
+    """
+    p = (reference[0, 0], reference[0, 1], reference[0, 2])
+    q = (line[0, 0], line[0, 1], line[0, 2])
+    u = subtract((reference[1, 0], reference[1, 1], reference[1, 2]), p)
+    v = subtract((line[1, 0], line[1, 1], line[1, 2]), q)
     uu, uv = dot(u, u), dot(u, v)
     # Beyond 0.05 rad the ends of the longer line are too far off to matter.
     w = cross(u, v)
@@ -407,8 +381,10 @@ def _side_by_side(line_a: Array, line_b: Array, n: Vector, margin: float, points
     for k in range(2):
         x = low if k == 0 else high
         y = (x - at_start) / (at_end - at_start)
-        on_a = add_scaled(p, x, u)
-        gap = dot(subtract(add_scaled(q, y, v), on_a), n)
+        on_a, on_b = add_scaled(p, x, u), add_scaled(q, y, v)
+        if swapped:
+            on_a, on_b = on_b, on_a
+        gap = dot(subtract(on_b, on_a), n)
         if gap < margin:
             put(points, ids, count, on_a, gap, k)
             count += 1
