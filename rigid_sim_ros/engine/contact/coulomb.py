@@ -177,19 +177,17 @@ def improve(A: Array, b: Array, mu: Array, f: Array, goal: float, steps: int) ->
     """Improve f as `refine` does, with scratch memory of its own."""
     rows = len(b)
     return float(refine(A, b, mu, f, goal, steps, np.empty(rows), np.empty(rows),
-                        np.empty((rows, rows)), np.empty(rows), np.empty(rows, dtype=np.int64),
-                        np.zeros(1)))
+                        np.empty((rows, rows)), np.empty(rows), np.empty(rows, dtype=np.int64)))
 
 
 @kernel
 def refine(A: Array, b: Array, mu: Array, f: Array, goal: float, steps: int, a: Array,
-           trial: Array, M: Array, x: Array, last: IntArray,
-           effort: Array) -> float:
+           trial: Array, M: Array, x: Array, last: IntArray) -> float:
     """
     Improve f, in place, by Newton's method; return its violation [unit of b].
 
     It ends at a violation of `goal` [unit of b], after `steps`, or when it gains nothing any more.
-    a, trial, x, (rows,), M, (rows, rows), last, (rows,), and effort, (1,), are scratch.
+    a, trial, x, (rows,), M, (rows, rows), and last, (rows,), are scratch.
     """
     rows = b.shape[0]
     for i in range(rows):
@@ -203,7 +201,7 @@ def refine(A: Array, b: Array, mu: Array, f: Array, goal: float, steps: int, a: 
             return best
         for k in range(mu.shape[0]):
             _newton_rows(A, a, mu, trial, k, M, x)
-        if not solve_linear(M, x, last, effort):
+        if not solve_linear(M, x, last):
             return best
         for i in range(rows):
             trial[i] += x[i]

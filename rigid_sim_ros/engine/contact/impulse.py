@@ -54,7 +54,6 @@ class Room(NamedTuple):
     M: Array  # (wm, wm) A with a small compliance
     K: Array  # (wm, wm)
     last: IntArray  # (wm,)
-    effort: Array  # (1,)
 
 
 def make_room(m: int, width: int) -> Room:
@@ -65,7 +64,7 @@ def make_room(m: int, width: int) -> Room:
                 np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros((m, 3)), np.zeros(m),
                 np.zeros(m), np.zeros(rows), np.zeros(rows), np.zeros(rows),
                 np.zeros((rows, rows)), np.zeros((rows, rows)),
-                np.zeros(rows, dtype=np.int64), np.zeros(1))
+                np.zeros(rows, dtype=np.int64))
 
 
 @kernel
@@ -272,7 +271,7 @@ def _solve(room: Room, e: Array, m: int, width: int) -> None:
         for j in range(rows):
             A[i, j] = room.A[i, j] * (1.0 + COMPLIANCE if i == j else 1.0)
     refine(A, b, room.mu[:m], room.J[:rows], GOAL * size, NEWTON_STEPS, room.u[:rows],
-           room.trial[:rows], room.K[:rows, :rows], room.x[:rows], room.last, room.effort)
+           room.trial[:rows], room.K[:rows, :rows], room.x[:rows], room.last)
     _sweep(room.A, room.u0, room.mu, e, room.J, room.u, m, width)
 
 
