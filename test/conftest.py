@@ -39,10 +39,8 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Fill the cache of kernels before the workers start, and let each collect by itself."""
-    if hasattr(session.config, 'workerinput'):
-        sharing.collect_apart(session.config)
-    else:
+    """Fill the cache of kernels before the workers start."""
+    if not hasattr(session.config, 'workerinput'):
         sharing.compile_for_all(session.config)
 
 

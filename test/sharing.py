@@ -12,7 +12,6 @@ import os
 from pathlib import Path
 import subprocess
 import sys
-from typing import Any
 
 import pytest
 
@@ -57,22 +56,6 @@ def has_long_form(item: pytest.Item) -> bool:
     return is_property or item.get_closest_marker('long') is not None
 
 
-def collect_apart(config: pytest.Config) -> None:
-    """
-    Let this worker collect the whole suite from a file on that is not the first of another one.
-
-    Each worker imports all files, and pytest writes the asserts of a file anew, so that they tell
-    values: that is half of the time of a collection. What one worker has written the others read,
-    if they are not all at the same file at the same time, and if they may keep it.
-    """
-    if _is_all(config):
-        sys.dont_write_bytecode = False
-        files = sorted(str(path) for path in ROOT.rglob('test_*.py'))
-        facts: dict[str, Any] = config.workerinput
-        first = int(facts['workerid'].removeprefix('gw')) * len(files) // facts['workercount']
-        config.args = files[first:] + files[:first]
-
-
 def mix(items: list[pytest.Item]) -> None:
     """
     Sort files so that each kind is spread over the whole run, and of each the longest come first.
@@ -80,8 +63,6 @@ def mix(items: list[pytest.Item]) -> None:
     A file that takes long and begins last would keep one worker busy while the others have ended.
     And at most as many workers as there are cores have a page: others would wait for a turn.
     """
-    # All workers have to agree on the order, wherever each began to collect.
-    items.sort(key=lambda item: item.path)
     places = _places({item.path: None for item in items})
     items.sort(key=lambda item: places[item.path])
 
