@@ -234,13 +234,10 @@ def _move_row(manifolds: Manifolds, source: int, target: int) -> None:
 
 @kernel
 def clear_impulses(manifolds: Manifolds, normal_impulse: Array, friction_impulse: Array) -> None:
-    """Forget the impulses of the last step, as far as this one has points."""
+    """Forget the impulses of the last step: of all points, for a prediction may add some."""
     first, count = rows_in_use(manifolds)
     friction_impulse[first:first + count] = 0.0
-    for k in range(count):
-        r = (first + k) & INDEX
-        for p in range(manifolds.points[r]):
-            normal_impulse[p, r] = 0.0
+    normal_impulse[:, first:first + count] = 0.0
 
 
 @kernel
