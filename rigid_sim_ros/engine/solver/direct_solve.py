@@ -43,7 +43,10 @@ COMPLIANCE = 1e-8
 # A rate this near to its law is right, in sizes of a shape per substep: what SETTLED is to sweeps.
 GOAL = 1e-9
 # At most so many rounds, steps of Newton's method in one, and trials along the direction of one.
-ROUNDS, STEPS, TRIALS = 15, 20, 60
+ROUNDS, STEPS, TRIALS = 15, 100, 60
+# Momenta and impulses that differ by so many times the goal are those of a solution: rounding leaves
+# up to 10.
+SOLVED = 1e3
 # The slope at the end of a search, as a part of that at its begin.
 FLAT = 0.1
 # A violation that changes by less than this part of it in a round stays: four corners that are not
@@ -115,19 +118,23 @@ def _solve_island(island: int, blocks: Blocks, bodies: SolverBodies, what: Sweep
 
 @kernel
 def solve_rows(count: int, moving: int, inv_h: float, work: Direct) -> None:
-    """Find f and p from the impulses to begin with."""
+    """Find f and p from the impulses to begin with, which stay where nothing is found."""
     rows, goal = work.rows, np.inf
     for k in range(6 * moving):
         work.p[k] = 0.0
     for c in range(count):
         goal = min(goal, GOAL * inv_h * rows.size[c])
+    _keep(count, moving, work)
     best = last = np.inf
     for _ in range(ROUNDS):
         _begin_round(count, work)
         steps = _minimize(count, moving, 0.1 * goal, work)
-        worst = max(_violation(count, work), _largest_rate(count, work))
-        # Of the first round in any case: else those of another island would be taken.
-        if worst < best or best == np.inf:
+        # Away from F = 0 impulses are rates over the compliance: they would throw bodies about.
+        off = _largest_rate(count, work)
+        if not off <= SOLVED * goal:
+            break
+        worst = max(_violation(count, work), off)
+        if worst < best:
             best = worst
             _keep(count, moving, work)
         stuck, last = abs(worst - last) < STUCK * worst, worst
