@@ -44,8 +44,8 @@ COMPLIANCE = 1e-8
 GOAL = 1e-9
 # At most so many rounds, steps of Newton's method in one, and trials along the direction of one.
 ROUNDS, STEPS, TRIALS = 15, 100, 60
-# Momenta and impulses that differ by so many times the goal are those of a solution: rounding leaves
-# up to 10.
+# Momenta and impulses that differ by so many times the goal are those of a solution: rounding
+# leaves up to 10.
 SOLVED = 1e3
 # The slope at the end of a search, as a part of that at its begin.
 FLAT = 0.1
