@@ -3,13 +3,14 @@
 """Collisions with restitution: their energy, and where their friction acts."""
 
 from engine.stepping import TimestepScene
-from engine.touching import box, ground
+from engine.touching import ball, box, ground
 import numpy as np
 import pytest
 
 from rigid_sim_ros.engine.contact.collisions import collide_bodies
 from rigid_sim_ros.engine.detection.detect import detect
 from rigid_sim_ros.engine.model.shapes import Material
+from rigid_sim_ros.world import World
 
 SIZE = np.array((0.3, 0.2, 0.1))
 
@@ -77,3 +78,38 @@ def test_friction_of_a_collision_acts_at_the_centre_of_pressure_of_its_normals()
     torque = np.cross(r, np.outer(impulses, n)).sum(axis=0) + np.cross(centre, slide)
     # Rounding of 0.1 kg m^2/s, and of the 1e-12 of an impulse to which visits go on.
     assert scene.state.L[:, 1] - start == pytest.approx(torque, abs=1e-12)
+
+
+@pytest.mark.parametrize('friction', [0.0, 0.6])
+def test_a_ball_that_falls_between_two_boxes_rises_straight(friction):
+    """All that touches at once is solved at once, also where friction presses on itself."""
+    size = (0.2, 0.16, 0.11)
+    boxes = [box(size, 50.0, position=(x, 0.0, 0.055)) for x in (0.13, -0.13)]
+    scene = TimestepScene([ground(), *boxes, ball(0.09, 0.1, position=(0.0, 0.0, 0.25),
+                                                  velocity=(0.0, 0.0, -3.0))],
+                          Material(friction=friction, restitution=1.0), 1e-3)
+    scene.step(60)
+    v, w = scene.state.P[:, 3] / 0.1, scene.state.L[:, 3]
+    assert v[2] > 1.0
+    # Rounding of 3 m/s, and of 1e-8 of it in the compliance of the points that share the impulse.
+    assert np.abs(v[:2]).max() < 1e-7 and np.abs(w).max() < 1e-9
+
+
+def test_a_ball_that_is_a_part_of_a_body_is_hit_where_it_is_then():
+    """It turns until it is hit: whether that body is A or B of the pair decides nothing."""
+    rod = {'name': 'rod', 'mass': 2.0, 'pose': {'position': [0.0, 0.0, 0.0]},
+           'twist': {'angular': [0.0, 0.0, 40.0]}, 'compound': [
+               {'type': 'sphere', 'radius': 0.1, 'pose': {'position': [0.3, 0.0, 0.0]}},
+               {'type': 'sphere', 'radius': 0.1, 'pose': {'position': [-0.3, 0.0, 0.0]}}]}
+    ball_ = {'name': 'ball', 'mass': 1.0, 'shape': {'type': 'sphere', 'radius': 0.1},
+             'pose': {'position': [0.33, 0.33, 0.02]}, 'twist': {'linear': [-1.0, -4.0, 0.0]}}
+    found = []
+    for bodies in ((rod, ball_), (ball_, rod)):
+        world = World.from_dict({
+            'format': 1, 'world': {'contact': 'timestep', 'step': 0.002, 'gravity': [0, 0, 0]},
+            'materials': {'default': {'friction': 0.5, 'restitution': 0.9}},
+            'bodies': list(bodies)})
+        world.step(40)
+        found.append(world.linear_velocity[[world.names.index(name) for name in ('rod', 'ball')]])
+    assert np.abs(found[0][0]).max() > 0.5      # m/s: it was hit
+    assert found[1] == pytest.approx(found[0], abs=1e-12)     # rounding
