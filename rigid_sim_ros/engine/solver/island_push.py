@@ -16,7 +16,8 @@ from rigid_sim_ros.engine.constraints.contact_blocks import (
     GAP, POINT, POINT_ROWS, S, SHOVE, SHOVE_TURN, SIZE, T)
 from rigid_sim_ros.engine.constraints.contact_rules import DEEPEST_PUSH, NEGLIGIBLE, Sweep
 from rigid_sim_ros.engine.solver.coloring import (
-    are_balls, Blocks, is_small, numbers_of, points_in)
+    are_balls, Blocks, is_small, numbers_of, OVERLAPPING, points_in)
+from rigid_sim_ros.engine.solver.direct_islands import Islands
 from rigid_sim_ros.engine.solver.direct_rows import DirectRows, read_island, SLIDE, WIDTH
 from rigid_sim_ros.engine.solver.direct_solve import Direct, solve_rows
 from rigid_sim_ros.engine.solver.solver_bodies import SolverBodies
@@ -33,7 +34,7 @@ def push_islands(blocks: Blocks, bodies: SolverBodies, what: Sweep, rate: float,
     `rate` [1/s] is the part of an overlap that goes per second.
     """
     islands, rows = work.islands, work.rows
-    for island in range(islands.count[0]):
+    for island in range(islands.count[0] if _is_any_pushed(blocks, islands) else 0):
         lanes = islands.lane[islands.begin[island]:islands.begin[island + 1]]
         overlaps = False
         for lane in lanes:
@@ -46,6 +47,15 @@ def push_islands(blocks: Blocks, bodies: SolverBodies, what: Sweep, rate: float,
             solve_rows(count, moving, what.inv_h, work)
             for c in range(count):
                 _write_found(blocks, lanes[c], c, rows)
+
+
+@kernel
+def _is_any_pushed(blocks: Blocks, islands: Islands) -> bool:
+    """Return whether any block with contacts of small islands will be pushed apart."""
+    for k in range(islands.blocks[0]):
+        if blocks.left[islands.block[k]] & OVERLAPPING != 0:
+            return True
+    return False
 
 
 @kernel
