@@ -22,14 +22,17 @@ from rigid_sim_ros.engine.contact.contact_rows import (
 from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts
 from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, ENOUGH, GOAL
 from rigid_sim_ros.engine.dynamics.loads import Loads
-from rigid_sim_ros.engine.joints.articulated import momenta_of, solve
+from rigid_sim_ros.engine.joints.answers import (
+    answer, motion_in, push, push_nothing, take_answer)
+from rigid_sim_ros.engine.joints.articulated import momenta_of, solve, velocity_of_center
 from rigid_sim_ros.engine.joints.buffers import JointWork
 from rigid_sim_ros.engine.joints.loops import answer_within_loops, ask_nothing
-from rigid_sim_ros.engine.maths.spatial import add_six, set_six, six
+from rigid_sim_ros.engine.maths.spatial import set_six, six
 from rigid_sim_ros.engine.maths.vector import add, column, cross, row, set_column
 from rigid_sim_ros.engine.model.joints import JointTable, NONE
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.kernels.eight import LANES
 from rigid_sim_ros.kernels.kernel import kernel
 
 # A row that moves less than this part of what it would without joints does not move: it is
@@ -61,6 +64,8 @@ class System(NamedTuple):
     articulation: IntArray  # (n,) of a body, NONE: joints do not hold it
     first: IntArray  # (g,) of an articulation, a body that is touched
     following: IntArray  # (n,) of such a body, another one of its articulation, NONE: no more
+    pushed: IntArray  # (1 + g,) how many articulations are touched, and which
+    lanes: IntArray  # (2, 8) the points and rows that are answered at once
     residual: Array  # (1,) the largest violation of a step, relative to the largest rate
 
 
@@ -76,6 +81,7 @@ def make_system(rows: int, table: JointTable, bodies: int) -> System:
                   make_newton(points, rows, min(2 * points, bodies), bodies),
                   np.zeros(1, dtype=np.int64), np.zeros(rows), articulation,
                   np.zeros(len(sizes), dtype=np.int64), np.zeros(bodies, dtype=np.int64),
+                  np.zeros(1 + len(sizes), dtype=np.int64), np.zeros((2, LANES), dtype=np.int64),
                   np.zeros(1))
 
 
@@ -92,25 +98,19 @@ def write_system(model: Model, table: JointTable, work: JointWork, contacts: Con
     system.touched[0] = number_bodies(contacts, chosen, model.inv_m, system.newton.slot)
     _list_touched(rows, m, system)
     _list_moved(rows, m, width, system)
-    # Backwards: what is written of a row is longer than what is read of it.
-    for c in range(m - 1, -1, -1):
-        for i in range(width * c + width - 1, width * c - 1, -1):
-            for side in range(2):
-                for k in range(6):
-                    rows.z[rows.body[c, side], k] = 0.0
-            _answer(table, work, system, c, i)
-            at = rows.at[i]
-            for e in range(rows.first[c], rows.first[c + 1]):
-                for k in range(6):
-                    rows.W[at + k] = rows.z[rows.moved[e], k]
-                at += 6
+    _spread_rows(rows, m, width, system)
+    for n in range(system.pushed[0]):
+        _answer_rows(table, work, system, system.pushed[1 + n], m, width)
+    for c in range(m):
+        for i in range(width * c, width * c + width):
             _regularise(rows, c, i)
     write_effects(rows, m, width, system.touched[0], system.newton)
 
 
 @kernel
 def _list_touched(rows: Rows, m: int, system: System) -> None:
-    """Chain the bodies of each articulation that the points touch."""
+    """List the articulations that the points touch, and chain the touched bodies of each."""
+    system.pushed[0] = 0
     of, following = system.articulation, system.following
     for c in range(m):
         for side in range(2):
@@ -121,6 +121,9 @@ def _list_touched(rows: Rows, m: int, system: System) -> None:
         for side in range(2):
             body = rows.body[c, side]
             if of[body] != NONE and following[body] == _NOT_YET:
+                if system.first[of[body]] == NONE:
+                    system.pushed[0] += 1
+                    system.pushed[system.pushed[0]] = of[body]
                 following[body], system.first[of[body]] = system.first[of[body]], body
 
 
@@ -175,41 +178,70 @@ def moves(rows: Rows, i: int) -> bool:
 
 
 @kernel
-def _answer(table: JointTable, work: JointWork, system: System, c: int, i: int) -> None:
-    """Write how all bodies answer to a unit impulse along row i, of point c, to z."""
-    rows, of = system.rows, system.articulation
-    a, b = rows.body[c, 0], rows.body[c, 1]
-    for side in range(2):
-        body, g = rows.body[c, side], of[rows.body[c, side]]
-        if g == NONE:
-            for k in range(6):
-                rows.z[body, k] += rows.W[SIDES * i + 6 * side + k]
-            continue
-        # Two bodies of one articulation are pushed together.
-        if side == 0 or of[a] != g:
-            ask_nothing(table, work, table.first_row[g], table.first_row[g + 1])
-        _push(table, work, body, rows.G, i, 6 * side)
-        if side == 1 or of[b] != g:
-            _move(table, work, g, rows.z)
+def _spread_rows(rows: Rows, m: int, width: int, system: System) -> None:
+    """Make room in W for the bodies that a point moves; those that joints hold have yet to answer."""
+    # Backwards: what is written of a row is longer than what is read of it.
+    for c in range(m - 1, -1, -1):
+        for i in range(width * c + width - 1, width * c - 1, -1):
+            at = rows.at[i]
+            for side in range(1, -1, -1):
+                free = system.articulation[rows.body[c, side]] == NONE
+                for k in range(6 * side + 5, 6 * side - 1, -1):
+                    rows.W[at + k] = rows.W[SIDES * i + k] if free else 0.0
+            for k in range(SIDES, 6 * (rows.first[c + 1] - rows.first[c])):
+                rows.W[at + k] = 0.0
 
 
 @kernel
-def _push(table: JointTable, work: JointWork, body: int, G: Array, i: int, at: int) -> None:
-    """Add the unit impulse of row i on a body, about its reference point."""
-    r = table.row_of_body[body]
-    f = (G[i, at], G[i, at + 1], G[i, at + 2])
-    n = cross(row(work.com, r), f)
-    add_six(work.F, r, (f[0], f[1], f[2], G[i, at + 3] + n[0], G[i, at + 4] + n[1],
-                        G[i, at + 5] + n[2]))
-
-
-@kernel
-def _move(table: JointTable, work: JointWork, g: int, z: Array) -> None:
-    """Write how articulation g answers to the impulses F, at the centres of mass."""
+def _answer_rows(table: JointTable, work: JointWork, system: System, g: int, m: int,
+                 width: int) -> None:
+    """Write how articulation g answers to unit impulses along all rows that push it."""
+    rows, of, lane = system.rows, system.articulation, 0
     begin, end = table.first_row[g], table.first_row[g + 1]
-    solve(table, work, begin, end, False, False)
-    answer_within_loops(table, work, g)
-    write_velocities(table, work, begin, end, z)
+    for c in range(m):
+        if of[rows.body[c, 0]] != g and of[rows.body[c, 1]] != g:
+            continue
+        for i in range(width * c, width * c + width):
+            if lane == 0:
+                push_nothing(work.answers, begin, end)
+            for side in range(2):
+                body, at = rows.body[c, side], 6 * side
+                if of[body] == g:
+                    push(work, lane, table.row_of_body[body],
+                         (rows.G[i, at], rows.G[i, at + 1], rows.G[i, at + 2]),
+                         (rows.G[i, at + 3], rows.G[i, at + 4], rows.G[i, at + 5]))
+            system.lanes[0, lane], system.lanes[1, lane] = c, i
+            lane += 1
+            if lane == LANES:
+                _write_answers(table, work, system, g, lane)
+                lane = 0
+    if lane > 0:
+        _write_answers(table, work, system, g, lane)
+
+
+@kernel
+def _write_answers(table: JointTable, work: JointWork, system: System, g: int,
+                   lanes: int) -> None:
+    """Write to the rows in the lanes how the bodies of articulation g that are touched answer."""
+    rows, of = system.rows, system.articulation
+    begin, end = table.first_row[g], table.first_row[g + 1]
+    answer(table, work, begin, end)
+    closes = table.first_condition[g + 1] > table.first_condition[g]
+    for lane in range(lanes):
+        c, i = system.lanes[0, lane], system.lanes[1, lane]
+        if closes:
+            take_answer(table, work, lane, begin, end)
+            answer_within_loops(table, work, g)
+        at = rows.at[i]
+        for e in range(rows.first[c], rows.first[c + 1]):
+            body = rows.moved[e]
+            if of[body] == g:
+                r = table.row_of_body[body]
+                V = six(work.V, r) if closes else motion_in(work.answers, lane, r)
+                v = velocity_of_center(work, r, V)
+                for k in range(3):
+                    rows.W[at + k], rows.W[at + 3 + k] = v[k], V[3 + k]
+            at += 6
 
 
 @kernel
@@ -236,10 +268,9 @@ def write_velocities(table: JointTable, work: JointWork, begin: int, end: int,
     """Write v of the centre of mass and w of the bodies of some rows to velocity, (n, 6)."""
     for r in range(begin, end):
         V, body = six(work.V, r), table.body[r]
-        turned = cross((V[3], V[4], V[5]), row(work.com, r))
+        v = velocity_of_center(work, r, V)
         for k in range(3):
-            velocity[body, k] = V[k] + turned[k]
-            velocity[body, 3 + k] = V[3 + k]
+            velocity[body, k], velocity[body, 3 + k] = v[k], V[3 + k]
 
 
 @kernel

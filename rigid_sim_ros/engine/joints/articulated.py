@@ -28,6 +28,7 @@ from rigid_sim_ros.engine.maths.vector import add, add_to_column, column, cross,
 from rigid_sim_ros.engine.model.joints import JointTable, NONE
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.kernels.arrays import Vector
 from rigid_sim_ros.kernels.kernel import inlined, kernel
 
 # As many times its inertia an axis feels that is STIFF: what it yields to the forces on it is a
@@ -143,14 +144,20 @@ def gather_momenta(table: JointTable, state: State, work: JointWork) -> None:
 
 
 @inlined
+def velocity_of_center(work: JointWork, i: int, V: Six) -> Vector:
+    """Return the velocity of the centre of mass of row i that moves as V."""
+    turned = cross((V[3], V[4], V[5]), row(work.com, i))
+    return (V[0] + turned[0], V[1] + turned[1], V[2] + turned[2])
+
+
+@inlined
 def momenta_of(model: Model, table: JointTable, work: JointWork, i: int) -> tuple[
         tuple[float, float, float], tuple[float, float, float]]:
     """Return P = m v and L = I w of a row about its centre of mass."""
-    V, c, I_W = six(work.V, i), row(work.com, i), six(work.I_W, i)
-    m = model.m[table.body[i]]
-    w = (V[3], V[4], V[5])
-    r = cross(w, c)
-    P = (m * (V[0] + r[0]), m * (V[1] + r[1]), m * (V[2] + r[2]))
+    V, I_W = six(work.V, i), six(work.I_W, i)
+    m, w = model.m[table.body[i]], (V[3], V[4], V[5])
+    v = velocity_of_center(work, i, V)
+    P = (m * v[0], m * v[1], m * v[2])
     L = (I_W[0] * w[0] + I_W[1] * w[1] + I_W[2] * w[2],
          I_W[1] * w[0] + I_W[3] * w[1] + I_W[4] * w[2],
          I_W[2] * w[0] + I_W[4] * w[1] + I_W[5] * w[2])

@@ -10,6 +10,7 @@ from rigid_sim_ros.engine.dynamics.free_flight import BLOCK_SIZE
 from rigid_sim_ros.engine.maths.spatial import SIZE
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.kernels.eight import LANES
 
 EFFORT, VELOCITY, POSITION = range(3)       # modes of a drive
 # [m] and [rad] Joints are closed to this. Rounding leaves some 1e-15 of each metre from the
@@ -115,6 +116,14 @@ class LawWork(NamedTuple):
     held_at: Array
 
 
+class AnswerWork(NamedTuple):
+    """Scratch memory for answers to eight impulses at once; rows of eight numbers."""
+
+    F: Array        # (6 r,) impulses on the bodies, then what the subtrees hand down
+    V: Array        # (6 r,) motions
+    rate: Array     # (k,) along the axes
+
+
 class JointWork(NamedTuple):
     """Scratch memory; vectors in world axes, motions and forces about the reference points."""
 
@@ -146,6 +155,7 @@ class JointWork(NamedTuple):
     unresolved: IntArray    # (1,) parts of steps, too long for their motion, since the start
     loop: LoopWork
     law: LawWork
+    answers: AnswerWork
 
 
 def make_joint_work(table: JointTable) -> JointWork:
@@ -156,7 +166,8 @@ def make_joint_work(table: JointTable) -> JointWork:
         z((r, 3)), z((r, 3)), z((r, 3)), z((r, 6)), z((r, SIZE)), z((k, 3)), z((k, 6)), z(k),
         z(k), z(k), z(k, dtype=np.int64), z(k), z(k), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)),
         z((r, 6)), z((r, 6)), z((r, 3)), z((r, 4)), z((r, SIZE)), z(k), z((r, 6)), z(BLOCK_SIZE),
-        z(1, dtype=np.int64), _loop_work(table), _law_work(table))
+        z(1, dtype=np.int64), _loop_work(table), _law_work(table),
+        AnswerWork(z(6 * LANES * r), z(6 * LANES * r), z(LANES * k)))
 
 
 def _loop_work(table: JointTable) -> LoopWork:
