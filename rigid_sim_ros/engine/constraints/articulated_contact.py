@@ -256,7 +256,7 @@ def _note_work(chosen: IntArray, width: int, w: ContactBuffers) -> float:
     for c in range(chosen.shape[0]):
         w.work[chosen[c]] = 0.0
         for i in range(width * c, width * c + width):
-            mean = w.free[i] + 0.5 * effect(rows, c, i)
+            mean = w.free[i] + 0.5 * effect(rows, c, i, rows.f)
             w.work[chosen[c]] += mean * rows.f[i]
         total += w.work[chosen[c]]
     return total
@@ -308,7 +308,7 @@ def _take_no_energy(chosen: IntArray, width: int, w: ContactBuffers) -> None:
     for c in range(m):
         for i in range(width * c, width * c + width):
             linear += rows.f[i] * w.free[i]
-            gain += 0.5 * rows.f[i] * effect(rows, c, i)
+            gain += 0.5 * rows.f[i] * effect(rows, c, i, rows.f)
     if linear + gain > 0.0:
         share = max(-linear / gain, 0.0) if gain > 0.0 else 0.0
         for i in range(width * m):

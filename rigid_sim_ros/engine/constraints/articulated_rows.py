@@ -16,9 +16,10 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.contact.contact_newton import (
-    make_newton, Newton, number_bodies, refine_rows, write_effects)
+    make_newton, Newton, number_bodies, refine_rows)
 from rigid_sim_ros.engine.contact.contact_rows import (
-    apply_forces, coupling, effect, make_rows, Rows, SIDES, sweep_rows, violation, write_rows)
+    apply_forces, coupling, effect, make_rows, Rows, SIDES, sweep_rows, violation, write_matrix,
+    write_rows)
 from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts
 from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, ENOUGH, GOAL
 from rigid_sim_ros.engine.dynamics.loads import Loads
@@ -77,7 +78,7 @@ def make_system(rows: int, table: JointTable, bodies: int) -> System:
         articulation[table.body[table.first_row[g]:table.first_row[g + 1]]] = g
     points = rows // 3
     moved = 2 + 2 * int(min(sizes.max(initial=0), 2 * points))
-    return System(make_rows(points, rows, bodies, moved),
+    return System(make_rows(points, rows, bodies, moved, min(rows, 6 * min(2 * points, bodies))),
                   make_newton(points, rows, min(2 * points, bodies), bodies),
                   np.zeros(1, dtype=np.int64), np.zeros(rows), articulation,
                   np.zeros(len(sizes), dtype=np.int64), np.zeros(bodies, dtype=np.int64),
@@ -104,7 +105,9 @@ def write_system(model: Model, table: JointTable, work: JointWork, contacts: Con
     for c in range(m):
         for i in range(width * c, width * c + width):
             _regularise(rows, c, i)
-    write_effects(rows, m, width, system.touched[0], system.newton)
+    # Of one island only: of several at once each would hear of the others, if only as rounding.
+    if width * m < 6 * system.touched[0]:
+        write_matrix(rows, m, width)
 
 
 @kernel
@@ -291,7 +294,7 @@ def take_off(rows: Rows, m: int, width: int, f: Array, u: Array) -> None:
     apply_forces(rows, m, width, f)
     for c in range(m):
         for i in range(width * c, width * c + width):
-            u[i] -= effect(rows, c, i)
+            u[i] -= effect(rows, c, i, f)
 
 
 @kernel

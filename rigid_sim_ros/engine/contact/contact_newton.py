@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.contact.contact_rows import (
-    add_force, disk_stiffness, effect, forget_effects, Rows, sweep_rows, violation)
+    disk_stiffness, Rows, sweep_rows, violation)
 from rigid_sim_ros.engine.contact.contacts import Contacts
 from rigid_sim_ros.engine.contact.coulomb import coefficients, disk, ENOUGH, GOAL, TOLERANCE
 from rigid_sim_ros.engine.maths.elimination import solve_columns, solve_linear
@@ -40,8 +40,6 @@ class Newton(NamedTuple):
     """Scratch memory for s bodies that are touched."""
 
     slot: IntArray  # (n,) the place of a body, -1: not touched
-    by_forces: IntArray  # (1,) 1: steps are found by forces, see `write_effects`
-    A: Array  # (36 s s,) for that
     K: Array  # (36 s s,)
     p: Array  # (6 s,)
     local: Array  # (6, 13) C, D and x of one point
@@ -53,9 +51,7 @@ class Newton(NamedTuple):
 
 def make_newton(points: int, rows: int, touched: int, bodies: int) -> Newton:
     """Return room for so many points, rows, bodies that are touched, and bodies."""
-    return Newton(np.zeros(bodies, dtype=np.int64), np.zeros(1, dtype=np.int64),
-                  np.zeros(36 * touched * touched),
-                  np.zeros(36 * touched * touched), np.zeros(6 * touched), np.zeros((6, 13)),
+    return Newton(np.zeros(bodies, dtype=np.int64), np.zeros(36 * touched * touched), np.zeros(6 * touched), np.zeros((6, 13)),
                   np.zeros((points, 6, 6)), np.zeros(rows),
                   np.zeros(6 * touched, dtype=np.int64), np.zeros(1))
 
@@ -178,10 +174,10 @@ def solve_step(rows: Rows, m: int, width: int, touched: int, w: Newton) -> bool:
     """
     Put the change df = y - E G M^-1 G' df of the forces in the place of y; False: there is none.
 
-    By the momenta of the bodies, or by the forces themselves if `write_effects` chose that.
+    By the momenta of the bodies, or by the forces themselves if there is a matrix.
     """
-    if w.by_forces[0] == 1:
-        return _solve_for_forces(m, width, w)
+    if rows.in_matrix[0] > 0:
+        return _solve_for_forces(rows, m, width, w)
     size = 6 * touched
     K, p = w.K[:size * size].reshape((size, size)), w.p[:size]
     for i in range(size):
@@ -209,10 +205,10 @@ def solve_step(rows: Rows, m: int, width: int, touched: int, w: Newton) -> bool:
 
 
 @kernel
-def _solve_for_forces(m: int, width: int, w: Newton) -> bool:
+def _solve_for_forces(rows: Rows, m: int, width: int, w: Newton) -> bool:
     """Do what `solve_step` does by the system (1 + E G M^-1 G') df = y."""
     size = width * m
-    K, A = w.K[:size * size].reshape((size, size)), w.A[:size * size].reshape((size, size))
+    K, A = w.K[:size * size].reshape((size, size)), rows.A[:size * size].reshape((size, size))
     for c in range(m):
         n = width * c
         for q in range(n, n + width):
@@ -224,29 +220,6 @@ def _solve_for_forces(m: int, width: int, w: Newton) -> bool:
                     K[q, j] += part * A[n + r, j]
             K[q, q] += 1.0
     return solve_linear(K, w.y[:size], w.last)
-
-
-@kernel
-def write_effects(rows: Rows, m: int, width: int, touched: int, w: Newton) -> None:
-    """
-    Let steps of one island be found by its forces where these are fewer than the momenta.
-
-    Then A = G M^-1 G' is written, and z is spoiled. Of several islands at once each would hear of
-    the others by that, if only as rounding.
-    """
-    size = width * m
-    w.by_forces[0] = 1 if size < 6 * touched else 0
-    if w.by_forces[0] == 0:
-        return
-    A = w.A[:size * size].reshape((size, size))
-    forget_effects(rows, 0, m)
-    for d in range(m):
-        for j in range(width * d, width * d + width):
-            add_force(rows, d, j, 1.0)
-            for c in range(m):
-                for i in range(width * c, width * c + width):
-                    A[i, j] = effect(rows, c, i)
-            forget_effects(rows, d, d + 1)
 
 
 @kernel

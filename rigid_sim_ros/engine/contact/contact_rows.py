@@ -8,7 +8,8 @@ velocities v, w of the two bodies of its point into the rate of that row, row i 
 force there does to them, M^-1 G_i', and R is a small compliance (coulomb.COMPLIANCE). A has
 (w m)^2 numbers, G and W 24 w m: a sweep over 250 points takes 50 us, and a step of Newton's method
 a system with 6 equations for each body that is touched, not with w for each point. Where joints
-hold bodies a point moves others than its two as well, see articulated_rows.py.
+hold bodies a point moves others than its two as well, see articulated_rows.py; of few points on
+many bodies the matrix is smaller than the rows, and `write_matrix` makes it.
 """
 
 from typing import NamedTuple
@@ -39,25 +40,28 @@ class Rows(NamedTuple):
     mu: Array  # (c, 3)
     b: Array  # (r,) what a is without forces
     a: Array  # (r,) rates
-    z: Array  # (n, 6) M^-1 G' f
+    z: Array  # (n, 6) M^-1 G' f, where there is no matrix
+    in_matrix: IntArray  # (1,) how many rows the matrix has, 0: there is none
+    A: Array  # (r r,) the matrix G M^-1 G'
     f: Array  # (r,) the forces
     trial: Array  # (r,) scratch
 
 
-def make_rows(points: int, rows: int, bodies: int, moved: int = 2) -> Rows:
-    """Return room for so many points, rows and bodies, and bodies that a point moves."""
+def make_rows(points: int, rows: int, bodies: int, moved: int = 2, matrix: int = 0) -> Rows:
+    """Return room for so many points, rows, bodies, bodies that a point moves, rows in a matrix."""
     return Rows(np.zeros((points, 2), dtype=np.int64), np.zeros(points + 1, dtype=np.int64),
                 np.zeros(moved * points, dtype=np.int64), np.zeros((rows, SIDES)),
                 np.zeros(rows, dtype=np.int64), np.zeros(6 * moved * rows), np.zeros(rows),
                 np.zeros(rows), np.zeros((points, 3)), np.zeros(rows), np.zeros(rows),
-                np.zeros((bodies, 6)), np.zeros(rows), np.zeros(rows))
+                np.zeros((bodies, 6)), np.zeros(1, dtype=np.int64), np.zeros(matrix * matrix),
+                np.zeros(rows), np.zeros(rows))
 
 
 @kernel
 def write_rows(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArray, width: int,
                compliance: float, rows: Rows) -> None:
     """Write G, W and the coefficients of the chosen points, as if there were no joints."""
-    rows.first[0] = 0
+    rows.first[0], rows.in_matrix[0] = 0, 0
     for c in range(chosen.shape[0]):
         k = chosen[c]
         rows.body[c, 0], rows.body[c, 1] = contacts.body_a[k], contacts.body_b[k]
@@ -90,8 +94,35 @@ def write_rows(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArra
 
 
 @kernel
-def effect(rows: Rows, c: int, i: int) -> float:
-    """Return what the forces of which z is the effect do to the rate of row i, of point c."""
+def write_matrix(rows: Rows, m: int, width: int) -> None:
+    """Write A of the rows of m points, by which the effects of forces are found from now on."""
+    size = width * m
+    A = rows.A[:size * size].reshape((size, size))
+    for d in range(m):
+        for j in range(width * d, width * d + width):
+            forget_effects(rows, 0, m)
+            add_force(rows, d, j, 1.0)
+            for c in range(m):
+                for i in range(width * c, width * c + width):
+                    A[i, j] = _effect_of_bodies(rows, c, i)
+    rows.in_matrix[0] = size
+
+
+@kernel
+def effect(rows: Rows, c: int, i: int, f: Array) -> float:
+    """Return what the forces f do to the rate of row i, of point c; they have been applied."""
+    size = rows.in_matrix[0]
+    if size == 0:
+        return _effect_of_bodies(rows, c, i)
+    total, begin = 0.0, size * i
+    for j in range(size):
+        total += rows.A[begin + j] * f[j]
+    return total
+
+
+@kernel
+def _effect_of_bodies(rows: Rows, c: int, i: int) -> float:
+    """Return what the motions z do to the rate of row i, of point c."""
     A, B = rows.body[c, 0], rows.body[c, 1]
     total = 0.0
     for j in range(6):
@@ -101,13 +132,15 @@ def effect(rows: Rows, c: int, i: int) -> float:
 
 @kernel
 def rate(rows: Rows, c: int, i: int, f: Array) -> float:
-    """Return the rate of row i, of point c, under the forces f of which z is the effect."""
-    return rows.b[i] + rows.compliance[i] * f[i] + effect(rows, c, i)
+    """Return the rate of row i, of point c, under the forces f, which have been applied."""
+    return rows.b[i] + rows.compliance[i] * f[i] + effect(rows, c, i, f)
 
 
 @kernel
 def add_force(rows: Rows, c: int, i: int, change: float) -> None:
     """Bring z to a change of the force of row i, of point c."""
+    if rows.in_matrix[0] > 0:
+        return
     at = rows.at[i]
     for e in range(rows.first[c], rows.first[c + 1]):
         body = rows.moved[e]
@@ -119,6 +152,8 @@ def add_force(rows: Rows, c: int, i: int, change: float) -> None:
 @kernel
 def apply_forces(rows: Rows, m: int, width: int, f: Array) -> None:
     """Write z of the forces f at the first m points."""
+    if rows.in_matrix[0] > 0:
+        return
     forget_effects(rows, 0, m)
     for c in range(m):
         for i in range(width * c, width * c + width):
