@@ -19,6 +19,8 @@ TOLERANCE = 1e-13
 # Of an axis: its rate follows; its rate is given; the same, but it yields a little, where only
 # that satisfies the conditions beside its tree.
 UNLOCKED, LOCKED, STIFF = range(3)
+# Places in `JointWork.known`: whether the factors, and what the axes feel, are of these poses.
+FACTORED, FELT = range(2)
 PAST = 4        # steps whose curvature is remembered
 
 
@@ -137,6 +139,9 @@ class JointWork(NamedTuple):
     inv_D: Array    # (k,) 1 / (s . U + extra); 0 for an axis that is LOCKED
     extra: Array    # (k,) what armature and implicit forces add
     tau: Array      # (k,) impulse along the axis
+    known: IntArray     # (2,) see FACTORED
+    factored_locked: IntArray   # (k,) what `locked` and `extra` were when A, U, D were written
+    factored_extra: Array       # (k,)
     locked: IntArray    # (k,) UNLOCKED, LOCKED or STIFF
     given: Array    # (k,) that rate
     rate: Array     # (k,) rate that a solution gives
@@ -164,8 +169,9 @@ def make_joint_work(table: JointTable) -> JointWork:
     z = np.zeros
     return JointWork(
         z((r, 3)), z((r, 3)), z((r, 3)), z((r, 6)), z((r, SIZE)), z((k, 3)), z((k, 6)), z(k),
-        z(k), z(k), z(k, dtype=np.int64), z(k), z(k), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)),
-        z((r, 6)), z((r, 6)), z((r, 3)), z((r, 4)), z((r, SIZE)), z(k), z((r, 6)), z(BLOCK_SIZE),
+        z(k), z(k), z(2, dtype=np.int64), z(k, dtype=np.int64), z(k), z(k, dtype=np.int64), z(k),
+        z(k), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 3)),
+        z((r, 4)), z((r, SIZE)), z(k), z((r, 6)), z(BLOCK_SIZE),
         z(1, dtype=np.int64), _loop_work(table), _law_work(table),
         AnswerWork(z(6 * LANES * r), z(6 * LANES * r), z(LANES * k)))
 

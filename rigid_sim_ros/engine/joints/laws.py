@@ -25,7 +25,6 @@ import math
 from rigid_sim_ros.engine.joints.articulated import axis_part
 from rigid_sim_ros.engine.joints.buffers import (
     EFFORT, JointMotion, JointWork, TOLERANCE, UNLOCKED)
-from rigid_sim_ros.engine.joints.effective_inertia import effective_inertias
 from rigid_sim_ros.engine.maths.spatial import load, minus, Six, six, times_motion
 from rigid_sim_ros.engine.maths.vector import norm, row
 from rigid_sim_ros.engine.model.joints import JointTable
@@ -39,9 +38,8 @@ _KINKS = 7      # ends of pieces that an axis may have
 
 @kernel
 def begin_laws(table: JointTable, motion: JointMotion, work: JointWork, h: float) -> None:
-    """Write what acts in the first half of a step of h [s]; `prepare` is of the present poses."""
+    """Write what acts in the first half of a step of h [s]; what the axes feel is known."""
     law, laws, drives = work.law, table.laws, motion.drives
-    effective_inertias(table, work)
     for k in range(table.translates.shape[0]):
         if table.has_laws[k] == 0:
             continue

@@ -5,7 +5,9 @@
 import math
 
 from rigid_sim_ros.engine.joints.articulated import factor, gather_momenta, lock, solve
-from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork, TOLERANCE, UNLOCKED
+from rigid_sim_ros.engine.joints.buffers import (
+    FACTORED, FELT, JointMotion, JointWork, TOLERANCE, UNLOCKED)
+from rigid_sim_ros.engine.joints.effective_inertia import effective_inertias
 from rigid_sim_ros.engine.joints.kinematics import place_joints
 from rigid_sim_ros.engine.joints.laws import (
     begin_laws, end_laws, impact_laws, next_piece, note_efforts, reaction_of, speed_along)
@@ -43,7 +45,8 @@ def prepare_step(model: Model, table: JointTable, state: State, work: JointWork)
 
 @kernel
 def place(model: Model, table: JointTable, state: State, work: JointWork) -> None:
-    """Write where everything is at the present poses."""
+    """Write where everything is at the present poses, of which nothing else is known then."""
+    work.known[FACTORED] = work.known[FELT] = 0
     place_joints(model, table, state, work)
     if table.condition_joint.shape[0] > 0:
         place_conditions(model, table, state, work)
@@ -58,10 +61,36 @@ def _free_axes(table: JointTable, work: JointWork) -> None:
 
 @kernel
 def factor_all(model: Model, table: JointTable, work: JointWork) -> None:
-    """Write the factors of the trees, and of what closes loops in them."""
+    """Write the factors of the trees and of what closes loops in them, if they are others."""
+    if work.known[FACTORED] == 1 and _has_same_axes(work):
+        return
     factor(model, table, work, 0, table.body.shape[0])
     if table.condition_joint.shape[0] > 0:
         factor_conditions(table, work)
+    for k in range(work.locked.shape[0]):
+        work.factored_locked[k], work.factored_extra[k] = work.locked[k], work.extra[k]
+    work.known[FACTORED] = 1
+
+
+@kernel
+def _has_same_axes(work: JointWork) -> bool:
+    """Return whether all axes are locked, and yield, as they were when the factors were written."""
+    for k in range(work.locked.shape[0]):
+        if (work.locked[k] != work.factored_locked[k]
+                or work.extra[k] != work.factored_extra[k]):
+            return False
+    return True
+
+
+@kernel
+def _feel(model: Model, table: JointTable, work: JointWork) -> None:
+    """Write the inertias that the axes feel where all are free, whatever was before."""
+    if work.known[FELT] == 1:
+        return
+    _free_axes(table, work)
+    factor(model, table, work, 0, table.body.shape[0])
+    effective_inertias(table, work)
+    work.known[FACTORED], work.known[FELT] = 0, 1
 
 
 @kernel
@@ -85,9 +114,7 @@ def find_motions(model: Model, table: JointTable, state: State, motion: JointMot
     found, in the second for none.
     """
     if table.lawful > 0 and first:
-        # The inertias that the axes feel are those of free axes, whatever was before.
-        _free_axes(table, work)
-        factor(model, table, work, 0, table.body.shape[0])
+        _feel(model, table, work)
         begin_laws(table, motion, work, h)
     elif table.lawful > 0:
         end_laws(table, motion, work, h)
