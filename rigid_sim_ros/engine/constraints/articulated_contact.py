@@ -16,6 +16,7 @@ from rigid_sim_ros.engine.constraints.articulated_buffers import (
 from rigid_sim_ros.engine.constraints.articulated_rows import (
     answer_to_impulses, moves, push_apart, read_row_rates, solve_system, take_off, write_system,
     write_velocities)
+from rigid_sim_ros.engine.constraints.contact_rules import NEGLIGIBLE
 from rigid_sim_ros.engine.contact.carried_forces import keep_force, recall_forces
 from rigid_sim_ros.engine.contact.classify import resting_speed
 from rigid_sim_ros.engine.contact.contact_rows import apply_forces, effect, rate
@@ -28,7 +29,7 @@ from rigid_sim_ros.engine.joints.shake import expect
 from rigid_sim_ros.engine.maths.rotation import quaternion
 from rigid_sim_ros.engine.maths.union_find import first_of
 from rigid_sim_ros.engine.maths.vector import column, cross, norm
-from rigid_sim_ros.engine.model.joints import JointTable
+from rigid_sim_ros.engine.model.joints import JointTable, NONE
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.rates import spin_of
 from rigid_sim_ros.engine.state.state import State
@@ -100,7 +101,8 @@ def _find_velocities(model: Model, state: State, table: JointTable, motion: Join
     """Write the velocities of all bodies as the joints let them move with their momenta."""
     find_motions(model, table, state, motion, work, h, first)
     for i in range(model.m.shape[0]):
-        read_velocity(model, state, i, w.bodies)
+        if table.row_of_body[i] == NONE:
+            read_velocity(model, state, i, w.bodies)
     write_velocities(table, work, 0, table.body.shape[0], w.bodies.velocity)
 
 
@@ -338,8 +340,9 @@ def _displace(contacts: Contacts, chosen: IntArray, width: int, h: float,
         for i in range(width * c, width * c + width):
             w.row[i] = rate(rows, c, i, rows.f)
     for c in range(m):
-        depth = max(-contacts.gap[chosen[c]], 0.0) if moves(rows, width * c) else 0.0
-        wanted = min(PUSH * depth, MOST_PUSH * contacts.size[chosen[c]]) / h
+        depth, size = -contacts.gap[chosen[c]], contacts.size[chosen[c]]
+        is_pushed = depth > NEGLIGIBLE * size and moves(rows, width * c)
+        wanted = min(PUSH * depth, MOST_PUSH * size) / h if is_pushed else 0.0
         apart = max(w.row[width * c], 0.0)
         any_wanted = any_wanted or wanted > apart
         for i in range(width):

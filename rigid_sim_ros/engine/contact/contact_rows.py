@@ -42,7 +42,7 @@ class Rows(NamedTuple):
     a: Array  # (r,) rates
     z: Array  # (n, 6) M^-1 G' f, where there is no matrix
     in_matrix: IntArray  # (1,) how many rows the matrix has, 0: there is none
-    A: Array  # (r r,) the matrix G M^-1 G'
+    A: Array  # (r r,) the matrix G M^-1 G', symmetric but for rounding
     f: Array  # (r,) the forces
     trial: Array  # (r,) scratch
 
@@ -97,15 +97,36 @@ def write_rows(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArra
 def write_matrix(rows: Rows, m: int, width: int) -> None:
     """Write A of the rows of m points, by which the effects of forces are found from now on."""
     size = width * m
-    A = rows.A[:size * size].reshape((size, size))
     for d in range(m):
+        forget_effects(rows, 0, m)
         for j in range(width * d, width * d + width):
-            forget_effects(rows, 0, m)
-            add_force(rows, d, j, 1.0)
+            at = rows.at[j]
+            for e in range(rows.first[d], rows.first[d + 1]):
+                for k in range(6):
+                    rows.z[rows.moved[e], k] = rows.W[at + k]
+                at += 6
             for c in range(m):
                 for i in range(width * c, width * c + width):
-                    A[i, j] = _effect_of_bodies(rows, c, i)
+                    rows.A[size * j + i] = _effect_of_bodies(rows, c, i)
     rows.in_matrix[0] = size
+
+
+@kernel
+def write_rates(rows: Rows, m: int, width: int, f: Array) -> None:
+    """Write the rates of all rows under the forces f, which have been applied."""
+    size = rows.in_matrix[0]
+    if size == 0:
+        for c in range(m):
+            for i in range(width * c, width * c + width):
+                rows.a[i] = rate(rows, c, i, f)
+        return
+    a = rows.a[:size]
+    for i in range(size):
+        a[i] = rows.b[i] + rows.compliance[i] * f[i]
+    for j in range(size):
+        column, force = rows.A[size * j:size * j + size], f[j]
+        for i in range(size):
+            a[i] += column[i] * force
 
 
 @kernel
@@ -188,11 +209,10 @@ def disk_stiffness(rows: Rows, x: int, size: int) -> float:
 def violation(rows: Rows, m: int, width: int, f: Array) -> float:
     """Write z and the rates of the forces f, and return by how much they violate the laws."""
     apply_forces(rows, m, width, f)
+    write_rates(rows, m, width, f)
     worst = 0.0
     for c in range(m):
         n = width * c
-        for i in range(n, n + width):
-            rows.a[i] = rate(rows, c, i, f)
         pressed = max(0.0, f[n] - rows.a[n] / rows.stiff[n])
         worst = max(worst, abs(f[n] - pressed) * rows.stiff[n])
         for d in range(coefficients(width)):
