@@ -41,9 +41,9 @@ class ContactBuffers(NamedTuple):
     displacing: Loads  # [N s, N m s] what these make of the momenta of the bodies
     bounce: Array  # (c,) [m/s] with which a point comes apart at the end of the step
     work: Array  # (c,) [J] that the impulses of a half did
-    free: Array  # (6 c,) [m/s] rates of the rows of an island without impulses
-    before: Array  # (6 c,) [m/s] rates of the rows of points that collide, before that
-    row: Array  # (6 c,) scratch
+    free: Array  # (6 c + k,) [m/s] rates of the rows of an island without impulses
+    before: Array  # (6 c + k,) [m/s] rates of the rows of points that collide, before that
+    row: Array  # (6 c + k,) scratch
     system: System
     carried: Carried  # of the second half of the step before, (c,)
     half: Carried  # of the first half of this one
@@ -51,8 +51,6 @@ class ContactBuffers(NamedTuple):
     half_work: Array  # (c,)
     acted: Acted  # in this step, (c,)
     half_acted: Acted  # in the first half of this part of it, (c,)
-    locked: IntArray  # (k,) pieces for which impulses were found
-    extra: Array  # (k,)
 
 
 def make_buffers(table: JointTable, bodies: int, points: int, manifolds: int,
@@ -62,15 +60,14 @@ def make_buffers(table: JointTable, bodies: int, points: int, manifolds: int,
     def whole(*shape: int) -> IntArray:
         return np.zeros(shape, dtype=np.int64)
 
-    c, axes = points, len(table.translates)
+    c, r = points, 6 * points + len(table.translates)
     carried, half = (Carried._make(longer(field, c) for field in no_forces()) for _ in range(2))
     return ContactBuffers(
         whole(7), make_contacts(c), whole(2, manifolds), make_bodies(bodies), whole(c), whole(c),
         whole(c, 2), whole(c), whole(c), whole(c + 1), whole(bodies), whole(bodies), whole(bodies),
         np.zeros((c, 6)), np.zeros((c, 6)), empty_loads(bodies), np.zeros(c), np.zeros(c),
-        np.zeros(6 * c), np.zeros(6 * c), np.zeros(6 * c), make_system(rows, table, bodies),
-        carried, half, np.zeros(c), np.zeros(c), nothing_acted(c), nothing_acted(c), whole(axes),
-        np.zeros(axes))
+        np.zeros(r), np.zeros(r), np.zeros(r), make_system(rows, table, bodies),
+        carried, half, np.zeros(c), np.zeros(c), nothing_acted(c), nothing_acted(c))
 
 
 def more_points(w: ContactBuffers, table: JointTable, points: int) -> ContactBuffers:

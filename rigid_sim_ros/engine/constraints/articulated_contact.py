@@ -7,10 +7,12 @@ A step is kick, drift, kick. In the first half the impulses let no gap become ne
 and stop what would slip in it; in the second half they stop the rates at the new poses, or send
 points back that bounce. So what rests has no velocity at the end of a step, and moves nowhere in
 it. The points of an island are solved for together (articulated_rows.py). What acts along the axes
-of joints is piecewise straight (laws.py): impulses that put an axis on another piece are found
-again with the answer of that.
+of joints is piecewise straight (laws.py): where impulses put an axis on another piece, they are
+found again together with what acts along it (articulated_axes.py).
 """
 
+from rigid_sim_ros.engine.constraints.articulated_axes import (
+    any_left_piece, begin_with, free_rows, keep_pieces, take_rows)
 from rigid_sim_ros.engine.constraints.articulated_buffers import (
     ContactBuffers, HALF_KNOWN, ISLANDS, KNOWN, POINTS_IN_USE, WIDTH)
 from rigid_sim_ros.engine.constraints.articulated_rows import (
@@ -19,12 +21,12 @@ from rigid_sim_ros.engine.constraints.articulated_rows import (
 from rigid_sim_ros.engine.constraints.contact_rules import NEGLIGIBLE
 from rigid_sim_ros.engine.contact.carried_forces import keep_force, recall_forces
 from rigid_sim_ros.engine.contact.classify import resting_speed
-from rigid_sim_ros.engine.contact.contact_rows import apply_forces, effect, rate
+from rigid_sim_ros.engine.contact.contact_rows import all_rows, apply_forces, effect, rate
 from rigid_sim_ros.engine.contact.contacts import (
-    add_contact_load, Contacts, push_rows, read_bodies, read_rates, read_velocity, to_world)
+    add_contact_load, Contacts, push_rows, read_bodies, read_velocity, to_world)
 from rigid_sim_ros.engine.dynamics.loads import kick, Loads
 from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
-from rigid_sim_ros.engine.joints.settle import find_motions
+from rigid_sim_ros.engine.joints.settle import find_motions, find_motions_of_pieces
 from rigid_sim_ros.engine.joints.shake import expect
 from rigid_sim_ros.engine.maths.rotation import quaternion
 from rigid_sim_ros.engine.maths.union_find import first_of
@@ -33,15 +35,14 @@ from rigid_sim_ros.engine.model.joints import JointTable, NONE
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.rates import spin_of
 from rigid_sim_ros.engine.state.state import State
-from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.kernels.arrays import IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
-# Times at most that impulses are found for pieces of the axes that follow from them.
+# Times at most that impulses are found for the axes that have left their pieces. In each, one at
+# least becomes a row, and most do in the first two.
 MOST_PIECES = 6
 # Of the rates without impulses: less than this does not put an axis on another piece.
 STEADY = 1e-9
-# Times at most that impulses are halved which give energy.
-MOST_HALVINGS = 12
 # Impulses that would move a body by so many sizes in a step are of bodies that are wedged in. They
 # are not carried over, as rounding alone would make them grow.
 FASTEST = 1e3
@@ -74,23 +75,26 @@ def solve_contacts(model: Model, state: State, table: JointTable, motion: JointM
         expect(table, motion, work)
     read_bodies(model, state, loads.F, loads.tau, w.bodies)
     _begin_with(model, state, w.chosen[:w.count[POINTS_IN_USE]], w.count[WIDTH], first, w)
-    known = False
+    axes = w.system.axes
+    axes.is_row[:] = 0
     for n in range(MOST_PIECES):
         _find_velocities(model, state, table, motion, work, h, first, w)
-        known = n > 0 and is_same_active_set(work, w)
-        if known:
+        if n > 0 and not any_left_piece(work, axes):
             break
-        keep_active_set(work, w)
+        if n > 0:
+            take_rows(work, axes)
+        keep_pieces(work, axes)
+        if free_rows(table, work, axes):
+            find_motions_of_pieces(model, table, state, work, h if first else 0.0)
+            _read_velocities(model, state, table, work, w)
         changed = False
         for island in range(w.count[ISLANDS]):
             chosen = w.chosen[w.first[island]:w.first[island + 1]]
             if _solve_island(model, state, table, work, chosen, h, first, w):
                 changed = True
-        known = table.lawful == 0 or not changed
-        if known:
+        if table.lawful == 0 or not changed:
             break
-    if not known:
-        _lessen(model, state, table, motion, work, h, first, w)
+    axes.is_row[:] = 0
     if first:
         _add_displacing(model, state, table, work, h, w)
 
@@ -100,59 +104,17 @@ def _find_velocities(model: Model, state: State, table: JointTable, motion: Join
                      work: JointWork, h: float, first: bool, w: ContactBuffers) -> None:
     """Write the velocities of all bodies as the joints let them move with their momenta."""
     find_motions(model, table, state, motion, work, h, first)
+    _read_velocities(model, state, table, work, w)
+
+
+@kernel
+def _read_velocities(model: Model, state: State, table: JointTable, work: JointWork,
+                     w: ContactBuffers) -> None:
+    """Write the velocities of all bodies, of those that joints hold the motions found last."""
     for i in range(model.m.shape[0]):
         if table.row_of_body[i] == NONE:
             read_velocity(model, state, i, w.bodies)
     write_velocities(table, work, 0, table.body.shape[0], w.bodies.velocity)
-
-
-@kernel
-def _lessen(model: Model, state: State, table: JointTable, motion: JointMotion, work: JointWork,
-            h: float, first: bool, w: ContactBuffers) -> None:
-    """
-    Make impulses smaller that are for other pieces of the axes than come from them.
-
-    As long as they give energy; pieces that follow from none of the impulses tried are rare.
-    """
-    _push_all(model, state, -1.0, w)
-    _find_velocities(model, state, table, motion, work, h, first, w)
-    _read_all_rates(model, w, w.free)
-    share = 1.0
-    for _ in range(MOST_HALVINGS):
-        _push_all(model, state, share, w)
-        _find_velocities(model, state, table, motion, work, h, first, w)
-        _read_all_rates(model, w, w.row)
-        given, width = 0.0, w.count[WIDTH]
-        for c in range(w.count[POINTS_IN_USE]):
-            for i in range(width):
-                mean = 0.5 * (w.free[width * c + i] + w.row[width * c + i])
-                given += share * w.impulse[w.chosen[c], i] * mean
-        if given <= 0.0:
-            break
-        _push_all(model, state, -share, w)
-        share = 0.5 * share
-    else:
-        share = 0.0
-    for k in w.chosen[:w.count[POINTS_IN_USE]]:
-        for i in range(6):
-            w.impulse[k, i] *= share
-
-
-@kernel
-def _push_all(model: Model, state: State, share: float, w: ContactBuffers) -> None:
-    """Give the bodies a share of the impulses."""
-    for k in w.chosen[:w.count[POINTS_IN_USE]]:
-        for i in range(w.count[WIDTH]):
-            w.row[i] = share * w.impulse[k, i]
-        push_rows(model, state, w.contacts, k, w.count[WIDTH], w.row, 0)
-
-
-@kernel
-def _read_all_rates(model: Model, w: ContactBuffers, u: Array) -> None:
-    """Write the rates of all rows of the chosen points."""
-    for c in range(w.count[POINTS_IN_USE]):
-        read_rates(model, w.contacts, w.bodies.velocity, w.chosen[c], w.count[WIDTH], u,
-                   w.count[WIDTH] * c)
 
 
 @kernel
@@ -173,22 +135,6 @@ def _begin_with(model: Model, state: State, chosen: IntArray, width: int, first:
 
 
 @kernel
-def keep_active_set(work: JointWork, w: ContactBuffers) -> None:
-    """Note on which pieces all axes are."""
-    for k in range(w.locked.shape[0]):
-        w.locked[k], w.extra[k] = work.locked[k], work.extra[k]
-
-
-@kernel
-def is_same_active_set(work: JointWork, w: ContactBuffers) -> bool:
-    """Return whether all axes are on the pieces for which the impulses were found."""
-    for k in range(w.locked.shape[0]):
-        if w.locked[k] != work.locked[k] or w.extra[k] != work.extra[k]:
-            return False
-    return True
-
-
-@kernel
 def _solve_island(model: Model, state: State, table: JointTable, work: JointWork,
                   chosen: IntArray, h: float, first: bool, w: ContactBuffers) -> bool:
     """
@@ -204,8 +150,9 @@ def _solve_island(model: Model, state: State, table: JointTable, work: JointWork
         for i in range(width):
             rows.f[width * c + i] = w.impulse[chosen[c], i]
     take_off(rows, m, width, rows.f, rows.b)
+    begin_with(system.axes, width * m, rows)
     known, changed, size = False, 0.0, 0.0
-    for i in range(width * m):
+    for i in range(all_rows(rows, m, width)):
         known = known or rows.f[i] != 0.0
         w.free[i] = rows.b[i]
         size = max(size, abs(rows.b[i]))
@@ -322,7 +269,7 @@ def _solve_rebound(chosen: IntArray, width: int, share: float, is_new: bool,
                    w: ContactBuffers) -> float:
     """Find the impulses with this share of all bounces; return their work."""
     rows, m = w.system.rows, chosen.shape[0]
-    for i in range(width * m):
+    for i in range(all_rows(rows, m, width)):
         rows.b[i] = w.free[i]
     for c in range(m):
         rows.b[width * c] -= share * w.bounce[chosen[c]]

@@ -9,11 +9,10 @@ The joints answer to each (articulated_rows.py), with axes locked that are drive
 against their limits.
 """
 
-
+from rigid_sim_ros.engine.constraints.articulated_axes import any_left_piece, keep_pieces
 from rigid_sim_ros.engine.constraints.articulated_buffers import (
     ContactBuffers, ISLANDS, POINTS_IN_USE, WIDTH)
-from rigid_sim_ros.engine.constraints.articulated_contact import (
-    is_same_active_set, keep_active_set, MOST_HALVINGS, MOST_PIECES, rebound)
+from rigid_sim_ros.engine.constraints.articulated_contact import MOST_PIECES, rebound
 from rigid_sim_ros.engine.constraints.articulated_points import rate_of_gap
 from rigid_sim_ros.engine.constraints.articulated_rows import (
     read_row_rates, take_off, write_system, write_velocities)
@@ -30,6 +29,8 @@ from rigid_sim_ros.kernels.kernel import kernel
 
 # Collisions of pairs, for each pair, after which all points stop at once.
 MOST_COLLISIONS = 20
+# Times at most that impulses are halved which give energy.
+MOST_HALVINGS = 12
 # Of the work of impulses each way: more energy than this is none of rounding.
 ROUNDING = 1e-9
 
@@ -112,7 +113,7 @@ def _collide(model: Model, state: State, table: JointTable, motion: JointMotion,
         for i in range(width):
             rows.f[width * c + i] = 0.0
     for n in range(MOST_PIECES):
-        keep_active_set(work, w)
+        keep_pieces(work, w.system.axes)
         write_system(model, table, work, contacts, w.bodies, chosen, width, w.system)
         read_row_rates(rows, m, width, w.bodies.velocity, rows.b)
         for i in range(r):
@@ -124,7 +125,7 @@ def _collide(model: Model, state: State, table: JointTable, motion: JointMotion,
         for i in range(r):
             w.row[i] = rows.f[i] - w.row[i]
         _push(model, state, table, motion, work, chosen, w)
-        if table.lawful == 0 or is_same_active_set(work, w):
+        if table.lawful == 0 or not any_left_piece(work, w.system.axes):
             break
     _take_no_energy(model, state, table, motion, work, chosen, w)
     for c in range(m):

@@ -15,11 +15,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rigid_sim_ros.engine.constraints.articulated_axes import (
+    AxisRows, list_rows, make_axis_rows, note_rates, write_axis_rows)
 from rigid_sim_ros.engine.contact.contact_newton import (
     make_newton, Newton, number_bodies, refine_rows)
 from rigid_sim_ros.engine.contact.contact_rows import (
-    apply_forces, coupling, effect, make_rows, Rows, SIDES, sweep_rows, violation, write_matrix,
-    write_rows)
+    all_rows, apply_forces, coupling, effect, make_rows, Rows, SIDES, sweep_rows, violation,
+    write_matrix, write_rows)
 from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts
 from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, ENOUGH, GOAL
 from rigid_sim_ros.engine.dynamics.loads import Loads
@@ -67,6 +69,7 @@ class System(NamedTuple):
     following: IntArray  # (n,) of such a body, another one of its articulation, NONE: no more
     pushed: IntArray  # (1 + g,) how many articulations are touched, and which
     lanes: IntArray  # (2, 8) the points and rows that are answered at once
+    axes: AxisRows
     residual: Array  # (1,) the largest violation of a step, relative to the largest rate
 
 
@@ -76,14 +79,14 @@ def make_system(rows: int, table: JointTable, bodies: int) -> System:
     sizes = np.diff(table.first_row)
     for g in range(len(sizes)):
         articulation[table.body[table.first_row[g]:table.first_row[g + 1]]] = g
-    points = rows // 3
-    moved = 2 + 2 * int(min(sizes.max(initial=0), 2 * points))
-    return System(make_rows(points, rows, bodies, moved, min(rows, 6 * min(2 * points, bodies))),
-                  make_newton(points, rows, min(2 * points, bodies), bodies),
-                  np.zeros(1, dtype=np.int64), np.zeros(rows), articulation,
+    points, axes = rows // 3, len(table.translates)
+    moved, touched = 2 + 2 * int(min(sizes.max(initial=0), 2 * points)), min(2 * points, bodies)
+    return System(make_rows(points, rows, bodies, moved, axes, rows + axes),
+                  make_newton(points, rows, touched, bodies, rows + axes),
+                  np.zeros(1, dtype=np.int64), np.zeros(rows + axes), articulation,
                   np.zeros(len(sizes), dtype=np.int64), np.zeros(bodies, dtype=np.int64),
                   np.zeros(1 + len(sizes), dtype=np.int64), np.zeros((2, LANES), dtype=np.int64),
-                  np.zeros(1))
+                  make_axis_rows(axes), np.zeros(1))
 
 
 @kernel
@@ -101,12 +104,15 @@ def write_system(model: Model, table: JointTable, work: JointWork, contacts: Con
     _list_moved(rows, m, width, system)
     _spread_rows(rows, m, width, system)
     for n in range(system.pushed[0]):
+        list_rows(model, table, work, system.axes, system.pushed[1 + n], width * m, rows)
+    write_axis_rows(table, work, system.axes, width * m, REGULARISATION, rows)
+    for n in range(system.pushed[0]):
         _answer_rows(table, work, system, system.pushed[1 + n], m, width)
     for c in range(m):
         for i in range(width * c, width * c + width):
             _regularise(rows, c, i)
     # Of one island only: of several at once each would hear of the others, if only as rounding.
-    if width * m < 6 * system.touched[0]:
+    if width * m < 6 * system.touched[0] or rows.scalar.count[0] > 0:
         write_matrix(rows, m, width)
 
 
@@ -182,7 +188,7 @@ def moves(rows: Rows, i: int) -> bool:
 
 @kernel
 def _spread_rows(rows: Rows, m: int, width: int, system: System) -> None:
-    """Make room in W for the bodies that a point moves; those that joints hold have yet to answer."""
+    """Make room in W for all bodies that a point moves; what joints hold answers later."""
     # Backwards: what is written of a row is longer than what is read of it.
     for c in range(m - 1, -1, -1):
         for i in range(width * c + width - 1, width * c - 1, -1):
@@ -206,7 +212,7 @@ def _answer_rows(table: JointTable, work: JointWork, system: System, g: int, m: 
             continue
         for i in range(width * c, width * c + width):
             if lane == 0:
-                push_nothing(work.answers, begin, end)
+                push_nothing(table, work.answers, begin, end)
             for side in range(2):
                 body, at = rows.body[c, side], 6 * side
                 if of[body] == g:
@@ -216,16 +222,16 @@ def _answer_rows(table: JointTable, work: JointWork, system: System, g: int, m: 
             system.lanes[0, lane], system.lanes[1, lane] = c, i
             lane += 1
             if lane == LANES:
-                _write_answers(table, work, system, g, lane)
+                _write_answers(table, work, system, g, lane, width * m)
                 lane = 0
     if lane > 0:
-        _write_answers(table, work, system, g, lane)
+        _write_answers(table, work, system, g, lane, width * m)
 
 
 @kernel
-def _write_answers(table: JointTable, work: JointWork, system: System, g: int,
-                   lanes: int) -> None:
-    """Write to the rows in the lanes how the bodies of articulation g that are touched answer."""
+def _write_answers(table: JointTable, work: JointWork, system: System, g: int, lanes: int,
+                   n: int) -> None:
+    """Write how what is touched of articulation g answers to the rows in the lanes, of n rows."""
     rows, of = system.rows, system.articulation
     begin, end = table.first_row[g], table.first_row[g + 1]
     answer(table, work, begin, end)
@@ -235,6 +241,8 @@ def _write_answers(table: JointTable, work: JointWork, system: System, g: int,
         if closes:
             take_answer(table, work, lane, begin, end)
             answer_within_loops(table, work, g)
+        if rows.scalar.count[0] > 0:
+            note_rates(table, work, system.axes, g, lane, i, n, rows)
         at = rows.at[i]
         for e in range(rows.first[c], rows.first[c + 1]):
             body = rows.moved[e]
@@ -290,11 +298,13 @@ def read_row_rates(rows: Rows, m: int, width: int, velocity: Array, u: Array) ->
 
 @kernel
 def take_off(rows: Rows, m: int, width: int, f: Array, u: Array) -> None:
-    """Take what the impulses f do off the rates u of all rows."""
+    """Take what the impulses f at the points do off the rates u of all rows."""
     apply_forces(rows, m, width, f)
     for c in range(m):
         for i in range(width * c, width * c + width):
             u[i] -= effect(rows, c, i, f)
+    for i in range(width * m, all_rows(rows, m, width)):
+        u[i] -= effect(rows, m, i, f)
 
 
 @kernel
@@ -307,7 +317,7 @@ def solve_system(system: System, m: int, width: int, is_new: bool) -> float:
     algorithm, SIAM J. Control Optim. 14 (1976)). That is repeated as long as it gets less: between
     bodies that are wedged in it does not.
     """
-    r, rows, size = width * m, system.rows, 0.0
+    r, rows, size = all_rows(system.rows, m, width), system.rows, 0.0
     for i in range(r):
         size = max(size, abs(rows.b[i]))
         system.center[i] = 0.0
@@ -342,7 +352,7 @@ def _improve(system: System, m: int, width: int, is_new: bool, size: float,
     bring it nearer, and it finds more where the compliance is larger. Returns the violation, and
     how large the compliance is now, which was `regularisation`.
     """
-    rows, f = system.rows, system.rows.f
+    rows, f, r = system.rows, system.rows.f, all_rows(system.rows, m, width)
     for n in range(ROUNDS):
         if n > 0 or is_new:
             violation(rows, m, width, f)
@@ -352,10 +362,10 @@ def _improve(system: System, m: int, width: int, is_new: bool, size: float,
         if worst <= ENOUGH * size:
             return worst, regularisation
         if regularisation < MOST_REGULARISATION:
-            _add_regularisation(system, width * m, MORE - 1.0)
+            _add_regularisation(system, r, MORE - 1.0)
             regularisation *= MORE
     # What Newton's method leaves may be of any size where the rows are nearly dependent.
-    f[:width * m] = 0.0
+    f[:r] = 0.0
     violation(rows, m, width, f)
     sweep_rows(rows, m, width, f, MANY_SWEEPS, 0.1 * ENOUGH * size)
     return violation(rows, m, width, f), regularisation
@@ -378,12 +388,14 @@ def push_apart(system: System, m: int, width: int, displaced: Array) -> None:
     """
     Write impulses along the normals, (r,), with which the points get the rates -b [m/s].
 
-    The compliance of the rows, and their coefficients, are spoiled.
+    Axes that are rows are free of what acts along them. The compliance of the rows, and their
+    coefficients, are spoiled.
     """
     rows = system.rows
     system.center[:width * m] = 0.0
+    displaced[:all_rows(rows, m, width)] = 0.0
+    rows.scalar.count[0] = 0
     _add_regularisation(system, width * m, _WEDGED / REGULARISATION)
-    displaced[:width * m] = 0.0
     rows.mu[:m] = 0.0
     violation(rows, m, width, displaced)
     sweep_rows(rows, m, width, displaced, SWEEPS, 0.0)

@@ -22,9 +22,10 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.contact.contact_rows import (
-    disk_stiffness, Rows, sweep_rows, violation)
+    all_rows, disk_stiffness, Rows, sweep_rows, violation)
 from rigid_sim_ros.engine.contact.contacts import Contacts
 from rigid_sim_ros.engine.contact.coulomb import coefficients, disk, ENOUGH, GOAL, TOLERANCE
+from rigid_sim_ros.engine.contact.scalar_rows import resolve
 from rigid_sim_ros.engine.maths.elimination import solve_columns, solve_linear
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
@@ -40,20 +41,21 @@ class Newton(NamedTuple):
     """Scratch memory for s bodies that are touched."""
 
     slot: IntArray  # (n,) the place of a body, -1: not touched
-    K: Array  # (36 s s,)
+    K: Array  # (36 s s,), or of the rows of a matrix
     p: Array  # (6 s,)
     local: Array  # (6, 13) C, D and x of one point
     E: Array  # (c, 6, 6)
     y: Array  # (r,) and the change of the forces
-    last: IntArray  # (6 s,)
+    last: IntArray  # as many as K has rows
     effort: Array  # (1,) multiplications so far in this step, about
 
 
-def make_newton(points: int, rows: int, touched: int, bodies: int) -> Newton:
-    """Return room for so many points, rows, bodies that are touched, and bodies."""
-    return Newton(np.zeros(bodies, dtype=np.int64), np.zeros(36 * touched * touched), np.zeros(6 * touched), np.zeros((6, 13)),
-                  np.zeros((points, 6, 6)), np.zeros(rows),
-                  np.zeros(6 * touched, dtype=np.int64), np.zeros(1))
+def make_newton(points: int, rows: int, touched: int, bodies: int, matrix: int = 0) -> Newton:
+    """Return room for so many points, rows, bodies that are touched, bodies, and matrix rows."""
+    size = max(6 * touched, matrix)
+    return Newton(np.zeros(bodies, dtype=np.int64), np.zeros(size * size),
+                  np.zeros(6 * touched), np.zeros((6, 13)), np.zeros((points, 6, 6)),
+                  np.zeros(max(rows, matrix)), np.zeros(size, dtype=np.int64), np.zeros(1))
 
 
 @kernel
@@ -124,6 +126,19 @@ def _write_disk(rows: Rows, n: int, p: int, size: int, mu: float, width: int, f:
 
 
 @kernel
+def _write_scalar_case(rows: Rows, n: int, q: int, f: Array, w: Newton) -> None:
+    """Write E and y of row q behind the n rows of points: (1 + slope R) df = y - slope A df."""
+    i = n + q
+    rate, stiff, yields = rows.a[i], rows.stiff[i], rows.compliance[i]
+    _, slope, start = resolve(rows.scalar, q, rate - stiff * f[i], stiff)
+    if slope == np.inf:     # A df + R df = start - rate
+        rows.scalar.E[q], w.y[i] = 1.0 / yields, (start - rate) / yields
+    else:
+        share = 1.0 / (1.0 + slope * yields)
+        rows.scalar.E[q], w.y[i] = share * slope, share * (start - slope * rate - f[i])
+
+
+@kernel
 def _add_point(rows: Rows, c: int, width: int, slot: IntArray, E: Array, y: Array, K: Array,
                p: Array) -> None:
     """Add G' E W' of point c to K, and G' y to p."""
@@ -162,9 +177,11 @@ def newton_step(rows: Rows, m: int, width: int, touched: int, f: Array, w: Newto
             w.y[width * c + q] = w.local[q, 2 * width]
             for r in range(width):
                 w.E[c, q, r] = w.local[q, width + r]
+    for q in range(rows.scalar.count[0]):
+        _write_scalar_case(rows, width * m, q, f, w)
     if not solve_step(rows, m, width, touched, w):
         return False
-    for i in range(width * m):
+    for i in range(all_rows(rows, m, width)):
         f[i] += w.y[i]
     return True
 
@@ -207,8 +224,12 @@ def solve_step(rows: Rows, m: int, width: int, touched: int, w: Newton) -> bool:
 @kernel
 def _solve_for_forces(rows: Rows, m: int, width: int, w: Newton) -> bool:
     """Do what `solve_step` does by the system (1 + E G M^-1 G') df = y."""
-    size = width * m
+    size = all_rows(rows, m, width)
     K, A = w.K[:size * size].reshape((size, size)), rows.A[:size * size].reshape((size, size))
+    for i in range(width * m, size):
+        for j in range(size):
+            K[i, j] = rows.scalar.E[i - width * m] * A[i, j]
+        K[i, i] += 1.0
     for c in range(m):
         n = width * c
         for q in range(n, n + width):
@@ -230,7 +251,7 @@ def refine_rows(rows: Rows, m: int, width: int, touched: int, goal: float, steps
 
     It ends at a violation of `goal`, after `steps`, or when it gains nothing any more.
     """
-    count = width * m
+    count = all_rows(rows, m, width)
     f, trial = rows.f, rows.trial
     best = violation(rows, m, width, f)
     for i in range(count):

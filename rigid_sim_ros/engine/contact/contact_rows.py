@@ -18,6 +18,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts, length, read_coefficients
 from rigid_sim_ros.engine.contact.coulomb import coefficients, disk, off_disk, onto_disk
+from rigid_sim_ros.engine.contact.scalar_rows import make_scalar_rows, resolve, ScalarRows
 from rigid_sim_ros.engine.maths.algebra import cross, row
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.kernels.arrays import Array, IntArray
@@ -45,23 +46,36 @@ class Rows(NamedTuple):
     A: Array  # (r r,) the matrix G M^-1 G', symmetric but for rounding
     f: Array  # (r,) the forces
     trial: Array  # (r,) scratch
+    scalar: ScalarRows  # rows beside those of the points, behind them; only with a matrix
 
 
-def make_rows(points: int, rows: int, bodies: int, moved: int = 2, matrix: int = 0) -> Rows:
-    """Return room for so many points, rows, bodies, bodies that a point moves, rows in a matrix."""
+def make_rows(points: int, rows: int, bodies: int, moved: int = 2, scalars: int = 0,
+              matrix: int = 0) -> Rows:
+    """
+    Return room for so many points, rows of theirs, bodies, and bodies that a point moves.
+
+    And for rows of one number beside them, and rows in a matrix.
+    """
+    r = rows + scalars
     return Rows(np.zeros((points, 2), dtype=np.int64), np.zeros(points + 1, dtype=np.int64),
                 np.zeros(moved * points, dtype=np.int64), np.zeros((rows, SIDES)),
-                np.zeros(rows, dtype=np.int64), np.zeros(6 * moved * rows), np.zeros(rows),
-                np.zeros(rows), np.zeros((points, 3)), np.zeros(rows), np.zeros(rows),
+                np.zeros(rows, dtype=np.int64), np.zeros(6 * moved * rows), np.zeros(r),
+                np.zeros(r), np.zeros((points, 3)), np.zeros(r), np.zeros(r),
                 np.zeros((bodies, 6)), np.zeros(1, dtype=np.int64), np.zeros(matrix * matrix),
-                np.zeros(rows), np.zeros(rows))
+                np.zeros(r), np.zeros(r), make_scalar_rows(scalars))
+
+
+@kernel
+def all_rows(rows: Rows, m: int, width: int) -> int:
+    """Return how many rows m points have, and what stands behind them."""
+    return width * m + rows.scalar.count[0]
 
 
 @kernel
 def write_rows(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArray, width: int,
                compliance: float, rows: Rows) -> None:
     """Write G, W and the coefficients of the chosen points, as if there were no joints."""
-    rows.first[0], rows.in_matrix[0] = 0, 0
+    rows.first[0], rows.in_matrix[0], rows.scalar.count[0] = 0, 0, 0
     for c in range(chosen.shape[0]):
         k = chosen[c]
         rows.body[c, 0], rows.body[c, 1] = contacts.body_a[k], contacts.body_b[k]
@@ -95,8 +109,12 @@ def write_rows(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArra
 
 @kernel
 def write_matrix(rows: Rows, m: int, width: int) -> None:
-    """Write A of the rows of m points, by which the effects of forces are found from now on."""
-    size = width * m
+    """
+    Write A of the rows of m points, by which the effects of forces are found from now on.
+
+    The entries of rows behind them are given.
+    """
+    size = all_rows(rows, m, width)
     for d in range(m):
         forget_effects(rows, 0, m)
         for j in range(width * d, width * d + width):
@@ -223,6 +241,10 @@ def violation(rows: Rows, m: int, width: int, f: Array) -> float:
             w_y = f[y] - rows.a[y] / stiff if size == 2 else 0.0
             limit = rows.mu[c, d] * max(0.0, f[n])
             worst = max(worst, off_disk(f[x], f[y], w_x, w_y, limit, size) * stiff)
+    for q in range(rows.scalar.count[0]):
+        i = width * m + q
+        wanted, _, _ = resolve(rows.scalar, q, rows.a[i] - rows.stiff[i] * f[i], rows.stiff[i])
+        worst = max(worst, abs(f[i] - wanted) * rows.stiff[i])
     return worst
 
 
@@ -245,6 +267,11 @@ def sweep_rows(rows: Rows, m: int, width: int, f: Array, count: int, goal: float
             for d in range(coefficients(width)):
                 first, size = disk(d)
                 moved = max(moved, _sweep_disk(rows, c, rows.mu[c, d] * f[n], f, n + first, size))
+        for q in range(rows.scalar.count[0]):
+            i, before = width * m + q, f[width * m + q]
+            f[i], _, _ = resolve(
+                rows.scalar, q, rate(rows, m, i, f) - rows.stiff[i] * before, rows.stiff[i])
+            moved = max(moved, abs(f[i] - before) * rows.stiff[i])
         if moved <= goal:
             return
 

@@ -3,9 +3,8 @@
 """
 How articulations answer to impulses on their bodies: eight of them at once, one in each lane.
 
-The recursion is that of articulated.solve, with nothing asked of the joints and nothing along
-their axes. Each row of contact needs an answer, and the factors that all of them read are the
-same.
+The recursion is that of articulated.solve, with nothing asked of the joints. Each row of contact
+needs an answer, and the factors that all of them read are the same.
 """
 
 from rigid_sim_ros.engine.joints.articulated import along, axis_part
@@ -38,10 +37,12 @@ def _store_six(a: Array, i: int, V: SixEights) -> None:
 
 
 @kernel
-def push_nothing(work: AnswerWork, first: int, last: int) -> None:
-    """Let no impulse act on the rows from first to last."""
+def push_nothing(table: JointTable, work: AnswerWork, first: int, last: int) -> None:
+    """Let no impulse act on the rows from first to last, nor along their axes."""
     for i in range(6 * LANES * first, 6 * LANES * last):
         work.F[i] = 0.0
+    for i in range(LANES * table.first_axis[first], LANES * table.first_axis[last]):
+        work.tau[i] = 0.0
 
 
 @inlined
@@ -64,7 +65,7 @@ def answer(table: JointTable, work: JointWork, first: int, last: int) -> None:
             k = table.first_axis[i + 1] - 1 - n
             if work.locked[k] == LOCKED:
                 continue
-            t = axis_part(table, work, k, h) * work.inv_D[k]
+            t = (load(own.tau, k) + axis_part(table, work, k, h)) * work.inv_D[k]
             store(own.rate, k, t)
             h = minus(h, t, six(work.U, k))
         if table.parent[i] != NONE:

@@ -33,7 +33,7 @@ from rigid_sim_ros.kernels.kernel import inlined, kernel
 # An axis leaves its piece when impulse or rate are beyond its end by more than this part of them:
 # rounding alone must not let it go back and forth.
 _SLACK = 1e-12
-_KINKS = 7      # ends of pieces that an axis may have
+KINKS = 7       # ends of pieces that an axis may have
 
 
 @kernel
@@ -130,7 +130,7 @@ def _bound_forces(table: JointTable, motion: JointMotion, work: JointWork, k: in
 
 
 @kernel
-def _kink(work: JointWork, k: int, n: int) -> float:
+def kink_of(work: JointWork, k: int, n: int) -> float:
     """Return the rate where one of the pieces of axis k ends; infinite if there is none."""
     law = work.law
     if n == 0:
@@ -161,7 +161,7 @@ def drive_impulse(work: JointWork, k: int, v: float, side: int) -> float:
 
 
 @kernel
-def _impulse(work: JointWork, k: int, v: float, side: int) -> float:
+def impulse_at(work: JointWork, k: int, v: float, side: int) -> float:
     """Return all that acts along axis k at a rate v, coming from above it (1) or below (-1)."""
     law = work.law
     if v < law.low[k] or (v == law.low[k] and side < 0):
@@ -179,8 +179,8 @@ def _go_to(work: JointWork, k: int, v: float, side: int) -> None:
     """Put axis k on the straight piece that begins at the rate v and goes up (1) or down (-1)."""
     law = work.law
     low, high = -math.inf, math.inf
-    for n in range(_KINKS):
-        kink = _kink(work, k, n)
+    for n in range(KINKS):
+        kink = kink_of(work, k, n)
         if kink > v or (kink == v and side < 0):
             high = min(high, kink)
         elif kink < v or (kink == v and side > 0):
@@ -197,7 +197,7 @@ def _go_to(work: JointWork, k: int, v: float, side: int) -> None:
     full = abs(raw) > law.E[k] or abs(middle) > law.fast[k]
     slope = law.b[k] + (0.0 if full else law.g[k])
     work.extra[k] = slope
-    work.tau[k] = _impulse(work, k, middle, side) + slope * middle
+    work.tau[k] = impulse_at(work, k, middle, side) + slope * middle
 
 
 @kernel
@@ -237,10 +237,10 @@ def next_piece(work: JointWork, k: int, reaction: float, speed: float) -> bool:
     if work.locked[k] != UNLOCKED:
         v = work.given[k]
         slack = _SLACK * abs(reaction)
-        if reaction > _impulse(work, k, v, -1) + slack:
+        if reaction > impulse_at(work, k, v, -1) + slack:
             _go_to(work, k, v, -1)
             return True
-        if reaction < _impulse(work, k, v, 1) - slack:
+        if reaction < impulse_at(work, k, v, 1) - slack:
             _go_to(work, k, v, 1)
             return True
         return False
@@ -260,7 +260,7 @@ def _cross(work: JointWork, k: int, kink: float, side: int) -> None:
     law = work.law
     if kink == law.low[k] or kink == law.high[k]:
         law.approach[k] = work.rate[k]
-    if _impulse(work, k, kink, -1) > _impulse(work, k, kink, 1):
+    if impulse_at(work, k, kink, -1) > impulse_at(work, k, kink, 1):
         _stop_at(work, k, kink)
     else:
         _go_to(work, k, kink, side)

@@ -74,7 +74,7 @@ def factor_all(model: Model, table: JointTable, work: JointWork) -> None:
 
 @kernel
 def _has_same_axes(work: JointWork) -> bool:
-    """Return whether all axes are locked, and yield, as they were when the factors were written."""
+    """Return whether all axes are locked, and yield, as the factors were written for."""
     for k in range(work.locked.shape[0]):
         if (work.locked[k] != work.factored_locked[k]
                 or work.extra[k] != work.factored_extra[k]):
@@ -138,11 +138,18 @@ def _find_pieces(model: Model, table: JointTable, state: State, work: JointWork,
         _solve(model, table, state, work, ahead)
         return
     for n in range(_ROUNDS):
-        _factor_pieces(model, table, work)
-        _solve(model, table, state, work, ahead)
+        find_motions_of_pieces(model, table, state, work, ahead)
         # The last solution stands, with its pieces and factors.
         if n == _ROUNDS - 1 or not _leave_pieces(table, work, n >= _TOGETHER):
             break
+
+
+@kernel
+def find_motions_of_pieces(model: Model, table: JointTable, state: State, work: JointWork,
+                           ahead: float) -> None:
+    """Write the motions with each axis on its piece, whether it stays on that or not."""
+    _factor_pieces(model, table, work)
+    _solve(model, table, state, work, ahead)
 
 
 @kernel

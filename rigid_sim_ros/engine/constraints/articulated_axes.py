@@ -1,0 +1,215 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Axes of joints as rows beside those of contact.
+
+What acts along an axis is piecewise straight (laws.py), and the impulses of contact are found for
+given pieces. An axis that these put on another piece becomes a row of the same problem: dry
+friction, limits and bounded drives are then found together with the impulses at the points.
+There it is free but for what is proportional to its rate.
+
+The rate of a row is that of its axis times a length, so that it can be compared with velocities of
+points: the radius of gyration of what the axis feels, with the mass of its body.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from rigid_sim_ros.engine.contact.contact_rows import Rows
+from rigid_sim_ros.engine.joints.answers import answer, push_nothing, take_answer
+from rigid_sim_ros.engine.joints.buffers import JointWork, UNLOCKED
+from rigid_sim_ros.engine.joints.laws import impulse_at, kink_of, KINKS, reaction_of
+from rigid_sim_ros.engine.joints.loops import answer_within_loops
+from rigid_sim_ros.engine.model.joints import JointTable
+from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.kernels.eight import LANES
+from rigid_sim_ros.kernels.kernel import kernel
+
+
+class AxisRows(NamedTuple):
+    """Room for k axes, and what was found for the pieces that they are on."""
+
+    is_row: IntArray  # (k,) 1: the axis is a row of the problem of its island
+    axis: IntArray  # (k,) axes of the rows of the present island
+    scale: Array  # (k,) the lengths by which their rates count [m; of a translation 1]
+    impulse: Array  # (k,) of an axis that is a row, a guess [N m s], beside a - b v
+    locked: IntArray  # (k,) pieces for which impulses of contact were found
+    extra: Array  # (k,)
+
+
+def make_axis_rows(axes: int) -> AxisRows:
+    """Return room for so many axes, none of which is a row."""
+
+    def whole() -> IntArray:
+        return np.zeros(axes, dtype=np.int64)
+
+    return AxisRows(whole(), whole(), np.zeros(axes), np.zeros(axes), whole(), np.zeros(axes))
+
+
+@kernel
+def keep_pieces(work: JointWork, axes: AxisRows) -> None:
+    """Note on which pieces all axes are."""
+    for k in range(axes.locked.shape[0]):
+        axes.locked[k], axes.extra[k] = work.locked[k], work.extra[k]
+
+
+@kernel
+def has_left_piece(work: JointWork, axes: AxisRows, k: int) -> bool:
+    """Return whether axis k is on another piece than noted, but for rows."""
+    return axes.is_row[k] == 0 and (work.locked[k] != axes.locked[k]
+                                    or work.extra[k] != axes.extra[k])
+
+
+@kernel
+def any_left_piece(work: JointWork, axes: AxisRows) -> bool:
+    """Return whether any axis is on another piece than noted, but for rows."""
+    for k in range(axes.locked.shape[0]):
+        if has_left_piece(work, axes, k):
+            return True
+    return False
+
+
+@kernel
+def take_rows(work: JointWork, axes: AxisRows) -> None:
+    """Let axes that have left their pieces be rows from now on."""
+    for k in range(axes.locked.shape[0]):
+        if has_left_piece(work, axes, k):
+            axes.is_row[k] = 1
+
+
+@kernel
+def free_rows(table: JointTable, work: JointWork, axes: AxisRows) -> bool:
+    """
+    Free the axes that are rows, and note what acted along them; return whether there are any.
+
+    The motions have been found, with all axes on their pieces.
+    """
+    law, found = work.law, False
+    for r in range(table.body.shape[0]):
+        for k in range(table.first_axis[r], table.first_axis[r + 1]):
+            if axes.is_row[k] == 0:
+                continue
+            found, v = True, work.rate[k]
+            acted = work.tau[k] - work.extra[k] * v
+            if work.locked[k] != UNLOCKED:
+                v = work.given[k]
+                acted = reaction_of(table, work, r, k)
+            axes.impulse[k] = acted - (law.a[k] - law.b[k] * v)
+    for k in range(axes.is_row.shape[0]):
+        if axes.is_row[k] == 1:
+            work.locked[k], work.given[k] = UNLOCKED, 0.0
+            work.extra[k], work.tau[k] = law.b[k], law.a[k]
+    return found
+
+
+@kernel
+def list_rows(model: Model, table: JointTable, work: JointWork, axes: AxisRows, g: int, n: int,
+              rows: Rows) -> None:
+    """Append the axes of articulation g that are rows, with rates, behind n rows of points."""
+    for r in range(table.first_row[g], table.first_row[g + 1]):
+        for k in range(table.first_axis[r], table.first_axis[r + 1]):
+            if axes.is_row[k] == 1:
+                q = rows.scalar.count[0]
+                axes.axis[q] = k
+                axes.scale[q] = math.sqrt(work.felt[k] / model.m[table.body[r]])
+                rows.b[n + q], rows.f[n + q] = axes.scale[q] * work.rate[k], 0.0
+                rows.scalar.count[0] = q + 1
+
+
+@kernel
+def write_axis_rows(table: JointTable, work: JointWork, axes: AxisRows, n: int, compliance: float,
+                    rows: Rows) -> None:
+    """Write how the listed axes answer to each other, behind n rows of points, and their laws."""
+    count = rows.scalar.count[0]
+    size = n + count
+    for q in range(count):
+        for i in range(size):
+            rows.A[size * (n + q) + i] = rows.A[size * i + n + q] = 0.0
+    for g in range(table.first_row.shape[0] - 1):
+        _answer_axes(table, work, axes, g, n, rows)
+    for q in range(count):
+        own = rows.A[(size + 1) * (n + q)]
+        rows.compliance[n + q] = compliance * own
+        rows.stiff[n + q] = own + rows.compliance[n + q]
+        _write_law(work, axes, q, rows)
+
+
+@kernel
+def begin_with(axes: AxisRows, n: int, rows: Rows) -> None:
+    """Begin with what acted along the listed axes, behind n rows of points."""
+    for q in range(rows.scalar.count[0]):
+        rows.f[n + q] = axes.impulse[axes.axis[q]] / axes.scale[q]
+
+
+@kernel
+def _answer_axes(table: JointTable, work: JointWork, axes: AxisRows, g: int, n: int,
+                 rows: Rows) -> None:
+    """Write how the axes of articulation g answer to impulses along them."""
+    begin, end = table.first_row[g], table.first_row[g + 1]
+    start, stop = table.first_axis[begin], table.first_axis[end]
+    lane, lanes = 0, 0
+    for q in range(rows.scalar.count[0]):
+        if not start <= axes.axis[q] < stop:
+            continue
+        if lane == 0:
+            push_nothing(table, work.answers, begin, end)
+            lanes = q
+        work.answers.tau[LANES * axes.axis[q] + lane] = axes.scale[q]
+        lane += 1
+        if lane == LANES:
+            answer(table, work, begin, end)
+            for done in range(lane):
+                note_rates(table, work, axes, g, done, n + lanes + done, n, rows)
+            lane = 0
+    if lane > 0:
+        answer(table, work, begin, end)
+        for done in range(lane):
+            note_rates(table, work, axes, g, done, n + lanes + done, n, rows)
+
+
+@kernel
+def note_rates(table: JointTable, work: JointWork, axes: AxisRows, g: int, lane: int, i: int,
+               n: int, rows: Rows) -> None:
+    """Write how the axes of articulation g answer to row i, which is in a lane of the answers."""
+    begin, end = table.first_row[g], table.first_row[g + 1]
+    start, stop = table.first_axis[begin], table.first_axis[end]
+    closes = table.first_condition[g + 1] > table.first_condition[g]
+    if closes:
+        take_answer(table, work, lane, begin, end)
+        answer_within_loops(table, work, g)
+    size = n + rows.scalar.count[0]
+    for q in range(rows.scalar.count[0]):
+        k = axes.axis[q]
+        if start <= k < stop:
+            rate = work.rate[k] if closes else work.answers.rate[LANES * k + lane]
+            rows.A[size * i + n + q] = rows.A[size * (n + q) + i] = axes.scale[q] * rate
+
+
+@kernel
+def _write_law(work: JointWork, axes: AxisRows, q: int, rows: Rows) -> None:
+    """Write the law of row q, but for a - b v, which is in the factors of the articulation."""
+    s, k, law = rows.scalar, axes.axis[q], work.law
+    scale, count = axes.scale[q], 0
+    for n in range(KINKS):
+        v = kink_of(work, k, n)
+        if not law.low[k] <= v <= law.high[k] or math.isinf(v):
+            continue
+        place = count
+        while place > 0 and s.kink[q, place - 1] > scale * v:
+            place -= 1
+        if place > 0 and s.kink[q, place - 1] == scale * v:
+            continue
+        for m in range(count, place, -1):
+            s.kink[q, m], s.below[q, m], s.above[q, m] = (
+                s.kink[q, m - 1], s.below[q, m - 1], s.above[q, m - 1])
+        smooth = law.a[k] - law.b[k] * v
+        s.kink[q, place] = scale * v
+        s.below[q, place] = (impulse_at(work, k, v, -1) - smooth) / scale
+        s.above[q, place] = (impulse_at(work, k, v, 1) - smooth) / scale
+        count += 1
+    s.kinks[q] = count
+    # A drive that can give any effort gives more and more.
+    s.slope[q] = law.g[k] / (scale * scale) if math.isinf(law.E[k]) else 0.0
