@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from laws import (
     apart_laws, energy_laws, impact_laws, jointed_laws, jointed_twins, mixed_laws, rest_laws,
-    twin_laws)
+    standing_laws, twin_laws)
 from laws.jointed_scenes import draw_jointed
 from laws.mixed_scenes import draw_awake, draw_falling, draw_floating, draw_mixed
 from laws.motion import Build, Ours, Run, Verdict
@@ -102,6 +102,8 @@ MIXED = {law.name: law for law in (
         draw_mixed, mixed_laws.judge_restored, (*_TOUCHING, 'penalty')),
     Law('mixed-asleep', 'what sleeps is held, and wakes when it must',
         mixed_laws.draw_asleep, mixed_laws.judge_asleep, ('timestep',)),
+    Law('mixed-standing', 'what stands on joints with dry friction comes to rest',
+        standing_laws.draw_standing, standing_laws.judge_standing, _TOUCHING),
     *_twins_with_joints('mixed', draw_awake, _TOUCHING))}
 EVERY_LAW = LAWS | JOINTED | MIXED
 
