@@ -82,8 +82,8 @@ def judge_standing(scene: Scene, build: Build) -> Verdict:
     Ask whether all is at rest at the end, and the floor bears the weight.
 
     What dry friction holds has stopped: what is left is what the solver leaves, which finds
-    impulses to 1e-9 of those of a step under gravity. 1e-6 of the speed of a fall from the height of the
-    robot is far above that, and far below what anybody would see.
+    impulses to 1e-9 of those of a step under gravity. 1e-6 of the speed of a fall from the height
+    of the robot is far above that, and far below what anybody would see.
     """
     run = build(scene.spec)
     assert isinstance(run, Ours)

@@ -112,18 +112,18 @@ def list_rows(model: Model, table: JointTable, work: JointWork, axes: AxisRows, 
     for r in range(table.first_row[g], table.first_row[g + 1]):
         for k in range(table.first_axis[r], table.first_axis[r + 1]):
             if axes.is_row[k] == 1:
-                q = rows.scalar.count[0]
+                q = rows.scalar.present[0]
                 axes.axis[q] = k
                 axes.scale[q] = math.sqrt(work.felt[k] / model.m[table.body[r]])
                 rows.b[n + q], rows.f[n + q] = axes.scale[q] * work.rate[k], 0.0
-                rows.scalar.count[0] = q + 1
+                rows.scalar.present[0] = q + 1
 
 
 @kernel
 def write_axis_rows(table: JointTable, work: JointWork, axes: AxisRows, n: int, compliance: float,
                     rows: Rows) -> None:
     """Write how the listed axes answer to each other, behind n rows of points, and their laws."""
-    count = rows.scalar.count[0]
+    count = rows.scalar.present[0]
     size = n + count
     for q in range(count):
         for i in range(size):
@@ -140,7 +140,7 @@ def write_axis_rows(table: JointTable, work: JointWork, axes: AxisRows, n: int, 
 @kernel
 def begin_with(axes: AxisRows, n: int, rows: Rows) -> None:
     """Begin with what acted along the listed axes, behind n rows of points."""
-    for q in range(rows.scalar.count[0]):
+    for q in range(rows.scalar.present[0]):
         rows.f[n + q] = axes.impulse[axes.axis[q]] / axes.scale[q]
 
 
@@ -151,7 +151,7 @@ def _answer_axes(table: JointTable, work: JointWork, axes: AxisRows, g: int, n: 
     begin, end = table.first_row[g], table.first_row[g + 1]
     start, stop = table.first_axis[begin], table.first_axis[end]
     lane, lanes = 0, 0
-    for q in range(rows.scalar.count[0]):
+    for q in range(rows.scalar.present[0]):
         if not start <= axes.axis[q] < stop:
             continue
         if lane == 0:
@@ -180,8 +180,8 @@ def note_rates(table: JointTable, work: JointWork, axes: AxisRows, g: int, lane:
     if closes:
         take_answer(table, work, lane, begin, end)
         answer_within_loops(table, work, g)
-    size = n + rows.scalar.count[0]
-    for q in range(rows.scalar.count[0]):
+    size = n + rows.scalar.present[0]
+    for q in range(rows.scalar.present[0]):
         k = axes.axis[q]
         if start <= k < stop:
             rate = work.rate[k] if closes else work.answers.rate[LANES * k + lane]

@@ -112,7 +112,7 @@ def write_system(model: Model, table: JointTable, work: JointWork, contacts: Con
         for i in range(width * c, width * c + width):
             _regularise(rows, c, i)
     # Of one island only: of several at once each would hear of the others, if only as rounding.
-    if width * m < 6 * system.touched[0] or rows.scalar.count[0] > 0:
+    if width * m < 6 * system.touched[0] or rows.scalar.present[0] > 0:
         write_matrix(rows, m, width)
 
 
@@ -241,7 +241,7 @@ def _write_answers(table: JointTable, work: JointWork, system: System, g: int, l
         if closes:
             take_answer(table, work, lane, begin, end)
             answer_within_loops(table, work, g)
-        if rows.scalar.count[0] > 0:
+        if rows.scalar.present[0] > 0:
             note_rates(table, work, system.axes, g, lane, i, n, rows)
         at = rows.at[i]
         for e in range(rows.first[c], rows.first[c + 1]):
@@ -394,7 +394,7 @@ def push_apart(system: System, m: int, width: int, displaced: Array) -> None:
     rows = system.rows
     system.center[:width * m] = 0.0
     displaced[:all_rows(rows, m, width)] = 0.0
-    rows.scalar.count[0] = 0
+    rows.scalar.present[0] = 0
     _add_regularisation(system, width * m, _WEDGED / REGULARISATION)
     rows.mu[:m] = 0.0
     violation(rows, m, width, displaced)

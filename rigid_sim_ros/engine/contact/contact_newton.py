@@ -177,7 +177,7 @@ def newton_step(rows: Rows, m: int, width: int, touched: int, f: Array, w: Newto
             w.y[width * c + q] = w.local[q, 2 * width]
             for r in range(width):
                 w.E[c, q, r] = w.local[q, width + r]
-    for q in range(rows.scalar.count[0]):
+    for q in range(rows.scalar.present[0]):
         _write_scalar_case(rows, width * m, q, f, w)
     if not solve_step(rows, m, width, touched, w):
         return False

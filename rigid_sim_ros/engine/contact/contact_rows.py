@@ -68,14 +68,14 @@ def make_rows(points: int, rows: int, bodies: int, moved: int = 2, scalars: int 
 @kernel
 def all_rows(rows: Rows, m: int, width: int) -> int:
     """Return how many rows m points have, and what stands behind them."""
-    return width * m + rows.scalar.count[0]
+    return width * m + rows.scalar.present[0]
 
 
 @kernel
 def write_rows(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArray, width: int,
                compliance: float, rows: Rows) -> None:
     """Write G, W and the coefficients of the chosen points, as if there were no joints."""
-    rows.first[0], rows.in_matrix[0], rows.scalar.count[0] = 0, 0, 0
+    rows.first[0], rows.in_matrix[0], rows.scalar.present[0] = 0, 0, 0
     for c in range(chosen.shape[0]):
         k = chosen[c]
         rows.body[c, 0], rows.body[c, 1] = contacts.body_a[k], contacts.body_b[k]
@@ -241,7 +241,7 @@ def violation(rows: Rows, m: int, width: int, f: Array) -> float:
             w_y = f[y] - rows.a[y] / stiff if size == 2 else 0.0
             limit = rows.mu[c, d] * max(0.0, f[n])
             worst = max(worst, off_disk(f[x], f[y], w_x, w_y, limit, size) * stiff)
-    for q in range(rows.scalar.count[0]):
+    for q in range(rows.scalar.present[0]):
         i = width * m + q
         wanted, _, _ = resolve(rows.scalar, q, rows.a[i] - rows.stiff[i] * f[i], rows.stiff[i])
         worst = max(worst, abs(f[i] - wanted) * rows.stiff[i])
@@ -267,7 +267,7 @@ def sweep_rows(rows: Rows, m: int, width: int, f: Array, count: int, goal: float
             for d in range(coefficients(width)):
                 first, size = disk(d)
                 moved = max(moved, _sweep_disk(rows, c, rows.mu[c, d] * f[n], f, n + first, size))
-        for q in range(rows.scalar.count[0]):
+        for q in range(rows.scalar.present[0]):
             i, before = width * m + q, f[width * m + q]
             f[i], _, _ = resolve(
                 rows.scalar, q, rate(rows, m, i, f) - rows.stiff[i] * before, rows.stiff[i])

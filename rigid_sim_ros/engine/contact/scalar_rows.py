@@ -21,7 +21,7 @@ KINKS = 7   # of a row, at most
 class ScalarRows(NamedTuple):
     """Room for q rows."""
 
-    count: IntArray  # (1,) rows that take part
+    present: IntArray  # (1,) how many rows take part
     kinks: IntArray  # (q,) of a row, one at least
     kink: Array  # (q, KINKS) their rates, rising
     below: Array  # (q, KINKS) impulse at smaller rates; infinite: there are none

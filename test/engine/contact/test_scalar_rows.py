@@ -4,6 +4,7 @@
 
 from hypothesis import given, strategies as st
 import numpy as np
+
 from rigid_sim_ros.engine.contact.scalar_rows import KINKS, make_scalar_rows, resolve
 
 steps = st.floats(0.0, 2.0)
@@ -12,7 +13,7 @@ rates = st.floats(-5.0, 5.0)
 
 @st.composite
 def laws(draw):
-    """Return a law of one row: rising rates at which an impulse falls, or may; walls at the ends."""
+    """Return a law of one row: rates where its impulse falls or may fall, walls at the ends."""
     s = make_scalar_rows(1)
     count = draw(st.integers(1, KINKS))
     rate, impulse = draw(rates), draw(rates)
