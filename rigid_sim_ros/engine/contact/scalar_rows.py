@@ -32,9 +32,9 @@ class ScalarRows(NamedTuple):
 
 def make_scalar_rows(rows: int) -> ScalarRows:
     """Return room for so many rows, none of which takes part."""
-    return ScalarRows(np.zeros(1, dtype=np.int64), np.zeros(rows, dtype=np.int64),
-                      *(np.zeros((rows, KINKS)) for _ in range(3)), np.zeros(rows),
-                      np.zeros(rows))
+    kink, below, above = (np.zeros((rows, KINKS)) for _ in range(3))
+    return ScalarRows(np.zeros(1, dtype=np.int64), np.zeros(rows, dtype=np.int64), kink, below,
+                      above, np.zeros(rows), np.zeros(rows))
 
 
 @kernel
