@@ -72,7 +72,8 @@ def make_buffers(table: JointTable, bodies: int, points: int, manifolds: int,
 
 def more_points(w: ContactBuffers, table: JointTable, points: int) -> ContactBuffers:
     """Return scratch memory with room for twice as many points, and what is carried over."""
-    fresh = make_buffers(table, len(w.parent), 2 * points, w.order.shape[1], len(w.system.center))
+    fresh = make_buffers(table, len(w.parent), 2 * points, w.order.shape[1],
+                         len(w.system.rows.at))
     return fresh._replace(
         count=w.count, displacing=w.displacing, parent=w.parent, held=w.held,
         woken=longer(w.woken, 2 * points),

@@ -181,7 +181,7 @@ def choose(c: JointedContact, after: int) -> int:
     """Choose the points that take part; go on with a stage if there is room for them."""
     w = c.buffers
     w.count[NEEDED] = choose_points(c.joints.model, c.joints.table, w)
-    if w.count[NEEDED] > w.system.center.shape[0]:
+    if w.count[NEEDED] > w.system.rows.at.shape[0]:
         return MORE_ROWS
     c.place[STAGE] = after
     return DONE

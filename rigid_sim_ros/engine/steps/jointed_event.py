@@ -97,7 +97,7 @@ def _meet(c: JointedContact) -> int:
     else:
         take_touching(model.h, SHORTEST * model.h, w)
     w.count[NEEDED] = choose_points(model, joints.table, w)
-    if w.count[NEEDED] > w.system.center.shape[0]:
+    if w.count[NEEDED] > w.system.rows.at.shape[0]:
         return MORE_ROWS
     collisions = collide(model, state, joints.table, joints.motion, joints.scratch, model.h,
                          c.place[EVENTS] < MOST_BOUNCES, w)
