@@ -15,8 +15,8 @@ import pytest
 
 # Scenes of a law that looks at one world, and of one that compares four.
 SCENES, TWINS = {'timestep': 5, 'event': 2}, {'timestep': 2, 'event': 1}
-# In these something falls on what sleeps.
-MORE = {'mixed-asleep': {7, 12, 13}}
+# In these something falls on what sleeps, and what is coupled meets its limits.
+MORE = {'mixed-asleep': {7, 12, 13}, 'mixed-momentum': {11, 15}}
 IS_TWIN = ('turned', 'shifted', 'mirrored', 'scaled', 'order', 'carried', 'split')
 ASKED = [(law, model) for law in MIXED for model in SCENES if model in MIXED[law].models]
 

@@ -28,13 +28,17 @@ from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.eight import LANES
 from rigid_sim_ros.kernels.kernel import kernel
 
+# A row that moves less than this part of what it would without joints, or without what closes
+# loops in them, does not move: it is rounding.
+HELD = 1e-8
+
 
 class AxisRows(NamedTuple):
     """Room for k axes, and what was found for the pieces that they are on."""
 
     is_row: IntArray  # (k,) 1: the axis is a row of the problem of its island
     axis: IntArray  # (k,) axes of the rows of the present island
-    scale: Array  # (k,) the lengths by which their rates count [m; of a translation 1]
+    scale: Array  # (k,) [m; of a translation 1] the lengths by which rates count; 0: it is held
     impulse: Array  # (k,) of an axis that is a row, a guess [N m s], beside a - b v
     locked: IntArray  # (k,) pieces for which impulses of contact were found
     extra: Array  # (k,)
@@ -131,17 +135,32 @@ def write_axis_rows(table: JointTable, work: JointWork, axes: AxisRows, n: int, 
     for g in range(table.first_row.shape[0] - 1):
         _answer_axes(table, work, axes, g, n, rows)
     for q in range(count):
-        own = rows.A[(size + 1) * (n + q)]
+        own, alone = rows.A[(size + 1) * (n + q)], axes.scale[q] ** 2 / work.felt[axes.axis[q]]
         rows.compliance[n + q] = compliance * own
         rows.stiff[n + q] = own + rows.compliance[n + q]
         _write_law(work, axes, q, rows)
+        if own <= HELD * alone:
+            _leave_out(axes, n, q, alone, rows)
+
+
+@kernel
+def _leave_out(axes: AxisRows, n: int, q: int, compliance: float, rows: Rows) -> None:
+    """Let row q, whose axis conditions beside the tree hold, have no effect and no impulse."""
+    size, i, s = n + rows.scalar.present[0], n + q, rows.scalar
+    for j in range(size):
+        rows.A[size * i + j] = rows.A[size * j + i] = 0.0
+    axes.scale[q] = 0.0
+    rows.compliance[i] = rows.stiff[i] = compliance
+    s.kinks[q], s.slope[q] = 1, 0.0
+    s.kink[q, 0] = s.below[q, 0] = s.above[q, 0] = 0.0
 
 
 @kernel
 def begin_with(axes: AxisRows, n: int, rows: Rows) -> None:
-    """Begin with what acted along the listed axes, behind n rows of points."""
+    """Begin with what acted along the listed axes that move, behind n rows of points."""
     for q in range(rows.scalar.present[0]):
-        rows.f[n + q] = axes.impulse[axes.axis[q]] / axes.scale[q]
+        if axes.scale[q] > 0.0:
+            rows.f[n + q] = axes.impulse[axes.axis[q]] / axes.scale[q]
 
 
 @kernel

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.constraints.articulated_axes import (
-    AxisRows, list_rows, make_axis_rows, note_rates, write_axis_rows)
+    AxisRows, HELD, list_rows, make_axis_rows, note_rates, write_axis_rows)
 from rigid_sim_ros.engine.contact.contact_newton import (
     make_newton, Newton, number_bodies, refine_rows)
 from rigid_sim_ros.engine.contact.contact_rows import (
@@ -38,9 +38,6 @@ from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.eight import LANES
 from rigid_sim_ros.kernels.kernel import kernel
 
-# A row that moves less than this part of what it would without joints does not move: it is
-# rounding.
-_HELD = 1e-8
 # Of what a row moves without joints: its compliance to impulses that displace grows by as much.
 # Joints that nearly forbid a way, or wedge two bodies, would ask for any impulse.
 _WEDGED = 0.2
@@ -169,7 +166,7 @@ def _regularise(rows: Rows, c: int, i: int) -> None:
     Then nothing is left of its diagonal but the compliance; see `moves`.
     """
     free, own = rows.stiff[i] - rows.compliance[i], coupling(rows, i, i)
-    if own > _HELD * free:
+    if own > HELD * free:
         rows.compliance[i] = REGULARISATION * free
         rows.stiff[i] = own + rows.compliance[i]
         return
