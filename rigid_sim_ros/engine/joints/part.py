@@ -33,7 +33,7 @@ def part_of(table: JointTable, motion: JointMotion, chosen: np.ndarray) -> Part:
     row, condition = (np.flatnonzero(chosen.repeat(np.diff(first)))
                       for first in (table.first_row, table.first_condition))
     axis = np.flatnonzero(np.isin(_row_of_axis(table), row))
-    joint = np.flatnonzero(np.isin(_articulation_of_joint(table), np.flatnonzero(chosen)))
+    joint = np.flatnonzero(np.isin(articulation_of_joint(table), np.flatnonzero(chosen)))
     part = _cut(table, chosen, joint, row, axis, condition)
     fresh = joints_at_rest(part, no_drives(part))
     return Part(part, fresh._replace(known=motion.known, parts=motion.parts), joint, row, axis,
@@ -44,7 +44,7 @@ def _row_of_axis(table: JointTable) -> IntArray:
     return np.arange(len(table.body)).repeat(np.diff(table.first_axis))
 
 
-def _articulation_of_joint(table: JointTable) -> IntArray:
+def articulation_of_joint(table: JointTable) -> IntArray:
     """Return in which articulation each joint is, NONE for what holds nothing."""
     of_row = np.arange(len(table.first_row) - 1).repeat(np.diff(table.first_row))
     found = np.full(len(table.kind), NONE)
