@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from laws import (
     apart_laws, energy_laws, impact_laws, jointed_laws, jointed_twins, mixed_laws, rest_laws,
-    twin_laws)
+    slept_laws, twin_laws)
 from laws.jointed_scenes import draw_jointed
 from laws.mixed_scenes import draw_awake, draw_falling, draw_floating, draw_mixed
 from laws.motion import Build, Ours, Run, Verdict
@@ -102,6 +102,10 @@ MIXED = {law.name: law for law in (
         draw_mixed, mixed_laws.judge_restored, (*_TOUCHING, 'penalty')),
     Law('mixed-asleep', 'what sleeps is held, and wakes when it must',
         mixed_laws.draw_asleep, mixed_laws.judge_asleep, ('timestep',)),
+    Law('mixed-slept', 'what sleeps is held, and goes on as if it had not slept',
+        slept_laws.draw_slept, slept_laws.judge_slept, ('timestep',)),
+    Law('mixed-slept-apart', 'what never touches is bit for bit as if it were alone, asleep or not',
+        slept_laws.draw_slept_apart, mixed_laws.judge_apart, ('timestep',)),
     *_twins_with_joints('mixed', draw_awake, _TOUCHING))}
 EVERY_LAW = LAWS | JOINTED | MIXED
 
