@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rigid_sim_ros.engine.joints.buffers import JointMotion
 from rigid_sim_ros.engine.joints.carrying import articulation_of, carry_along, hangs_on_something
 from rigid_sim_ros.engine.joints.kinematics import joint_coordinates
 from rigid_sim_ros.engine.joints.part import articulation_of_joint
@@ -158,19 +157,20 @@ class WithJoints(Commanded):
         All others stay as they are, to the last bit: what sleeps sleeps on.
         """
         assert self._joints is not None
-        table, motion, before = self._joints.table, self._joints.motion, self._kept()
+        table, motion, state = self._joints.table, self._joints.motion, copy_state(self._state)
+        kept = {name: getattr(motion, name).copy() for name in (
+            'position', 'rate', 'held', 'held_at')}
         gap = self._joints.assemble(self._state, position, given, rate)
         of_joint = articulation_of_joint(table)
         stays = ~np.isin(np.arange(len(table.first_row) - 1), of_joint[list(moved)])
         row = stays.repeat(np.diff(table.first_row))
-        body, axis = table.body[row], row.repeat(np.diff(table.first_axis))
-        for array, old in zip(self._state, before[0], strict=True):
-            array[..., body] = old[..., body]
-        kept = JointMotion(*before[1][:-2], motion.drives, *before[1][-2:])
+        axis = row.repeat(np.diff(table.first_axis))
+        for array, old in zip(self._state, state, strict=True):
+            array[..., table.body[row]] = old[..., table.body[row]]
         for name in ('rate', 'held', 'held_at'):
-            getattr(motion, name)[axis] = getattr(kept, name)[axis]
+            getattr(motion, name)[axis] = kept[name][axis]
         joint = (of_joint != NONE) & stays[of_joint]
-        motion.position[joint] = kept.position[joint]
+        motion.position[joint] = kept['position'][joint]
         return gap
 
     def _kept(self) -> tuple[list[np.ndarray], list[np.ndarray]]:

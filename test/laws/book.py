@@ -104,7 +104,7 @@ MIXED = {law.name: law for law in (
         mixed_laws.draw_asleep, mixed_laws.judge_asleep, ('timestep',)),
     Law('mixed-slept', 'what sleeps is held, and goes on as if it had not slept',
         slept_laws.draw_slept, slept_laws.judge_slept, ('timestep',)),
-    Law('mixed-slept-apart', 'what never touches is bit for bit as if it were alone, asleep or not',
+    Law('mixed-slept-apart', 'what sleeps far away changes nothing, bit for bit',
         slept_laws.draw_slept_apart, mixed_laws.judge_apart, ('timestep',)),
     *_twins_with_joints('mixed', draw_awake, _TOUCHING))}
 EVERY_LAW = LAWS | JOINTED | MIXED

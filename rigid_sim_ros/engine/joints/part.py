@@ -7,7 +7,7 @@ Articulations do not know of each other, so those that are left out change nothi
 Bodies keep their numbers; joints, rows, axes and conditions have numbers of their own.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -62,17 +62,23 @@ def _cut(table: JointTable, chosen: np.ndarray, joint: IntArray, row: IntArray, 
         (joint, table.kind), (row, table.body), (axis, table.translates)))
     has_laws = table.has_laws[axis]
     is_mimic = (table.condition_place[condition] == MIMIC)[:, None]
+    of_joint: dict[str, Any] = {name: getattr(table, name)[joint] for name in (
+        'kind', 'body_a', 'body_b', 'p_A', 'q_A', 'p_B', 'q_B', 'length')}
+    of_axis: dict[str, Any] = {name: getattr(table, name)[axis] for name in (
+        'translates', 'axis_body', 'axis')}
     return JointTable(
-        *(field[joint] for field in table[:8]), rows[table.row_of_joint[joint]],
-        table.body[row], rows[table.parent[row]], joints[table.joint[row]], table.base[row],
-        table.sense[row], _first(np.diff(table.first_axis)[row]), rows[table.row_of_body],
-        table.translates[axis], table.axis_body[axis], table.axis[axis],
-        joints[table.axis_joint[axis]], LawTable._make(law[axis] for law in table.laws), has_laws,
-        int(has_laws.sum()), joints[table.condition_joint[condition]],
-        table.condition_place[condition],
-        np.where(is_mimic, axes[table.coupled_axis[condition]], NONE),
-        table.coupling[condition], _first(np.diff(table.first_row)[chosen]),
-        _first(np.diff(table.first_condition)[chosen]))
+        **of_joint, row_of_joint=rows[table.row_of_joint[joint]],
+        body=table.body[row], parent=rows[table.parent[row]], joint=joints[table.joint[row]],
+        base=table.base[row], sense=table.sense[row],
+        first_axis=_first(np.diff(table.first_axis)[row]), row_of_body=rows[table.row_of_body],
+        **of_axis, axis_joint=joints[table.axis_joint[axis]],
+        laws=LawTable._make(law[axis] for law in table.laws),
+        has_laws=has_laws, lawful=int(has_laws.sum()),
+        condition_joint=joints[table.condition_joint[condition]],
+        condition_place=table.condition_place[condition],
+        coupled_axis=np.where(is_mimic, axes[table.coupled_axis[condition]], NONE),
+        coupling=table.coupling[condition], first_row=_first(np.diff(table.first_row)[chosen]),
+        first_condition=_first(np.diff(table.first_condition)[chosen]))
 
 
 def _numbers(there: IntArray, count: int) -> IntArray:

@@ -3,13 +3,14 @@
 """
 Bodies that came to rest sleep: they stay where they are and cost the solver nothing.
 
-Bodies that press against each other form an island, and those that joints hold together or between
-which a force of the scene acts, through any number of others but not through the fixed ones. It
-falls asleep when all its bodies have been slower than SLOW for as long as the scene says, and wakes
-as a whole when one of them gets a wrench, when the load on one changes, when somebody changes its
-pose or its velocity, when a body that nothing pushes moves and may touch it or is joined to it, or
-when a body that is awake comes so near that it may touch in this step; of drives see
-joint_rest.py. All that decides is in `Rest`, part of the dynamic state of a world.
+Bodies that press against each other form an island, and those that joints hold together or
+between which a force of the scene acts, through any number of others but not through the fixed
+ones. It falls asleep when all its bodies have been slower than SLOW for as long as the scene says,
+and wakes as a whole when one of them gets a wrench, when the load on one changes, when somebody
+changes its pose or its velocity, when a body that nothing pushes moves and may touch it or is
+joined to it, or when a body that is awake comes so near that it may touch in this step. What
+drives do for it is in joint_rest.py. All that decides is in `Rest`, part of the dynamic state of a
+world.
 """
 
 import math
@@ -32,7 +33,8 @@ from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
 # [m/s] a body is at rest when its centre and the farthest point of its surface are slower.
 SLOW = 0.01
-# Part of a body's weight by which its load may change without waking it.
+# Part of a body's weight by which its load may change without waking it; of a torque, of that at the
+# end of the body's reach.
 STEADY = 1e-3
 # [m] an awake body wakes what it comes this near to, beyond what it moves in a step.
 NEAR = 1e-4
@@ -61,9 +63,9 @@ def linked_bodies(model: Model, table: JointTable | None) -> IntArray:
     pairs = [(int(model.frame_body[a]), int(model.frame_body[b])) for a, b in ends
              if WORLD not in (a, b)]
     if table is not None:
-        pairs += [pair for kind, *pair in zip(
+        pairs += [(a, b) for kind, a, b in zip(
             table.kind.tolist(), table.body_a.tolist(), table.body_b.tolist(), strict=True)
-            if kind != FREE and WORLD not in pair]
+            if kind != FREE and WORLD not in (a, b)]
         # Joints may be coupled without a body in common.
         first = table.body[table.first_row[:-1]].repeat(np.diff(table.first_row))
         pairs += zip(first.tolist(), table.body.tolist(), strict=True)
@@ -78,10 +80,10 @@ def mark_pushed(wrenches: Wrenches, rest: Rest) -> None:
 
 
 @kernel
-def wake_disturbed(inv_m: Array, state: State, loads: Loads, manifolds: Manifolds,
+def wake_disturbed(model: Model, state: State, loads: Loads, radius: Array, manifolds: Manifolds,
                    rest: Rest) -> None:
     """Wake the islands in which a body was pushed, moved or loaded otherwise than before."""
-    woken = False
+    woken, inv_m = False, model.inv_m
     for i in range(inv_m.shape[0]):
         moved = False
         for k in range(3):
@@ -97,14 +99,9 @@ def wake_disturbed(inv_m: Array, state: State, loads: Loads, manifolds: Manifold
         rest.island[i] = 0
         if rest.asleep[i] == 0:
             continue
-        weight = 0.0
         for k in range(3):
             moved = moved or state.P[k, i] != 0.0 or state.L[k, i] != 0.0
-            weight = max(weight, abs(rest.load[k, i]))
-        for k in range(3):
-            moved = moved or abs(loads.F[k, i] - rest.load[k, i]) > STEADY * weight
-            moved = moved or loads.tau[k, i] != rest.load[3 + k, i]
-        if moved:
+        if moved or _is_loaded_anew(model, loads, radius, rest, i):
             rest.asleep[i], rest.steps[i], woken = 0, 0, True
     for i in range(inv_m.shape[0]):
         if rest.steps[i] < 0:
@@ -118,6 +115,21 @@ def wake_disturbed(inv_m: Array, state: State, loads: Loads, manifolds: Manifold
         _wake_by_moved(inv_m, rest, rest.linked[r, 0], rest.linked[r, 1])
     if woken:
         _wake_neighbours(inv_m, manifolds, rest)
+
+
+@kernel
+def _is_loaded_anew(model: Model, loads: Loads, radius: Array, rest: Rest, i: int) -> bool:
+    """Return whether a body bears another load than when it fell asleep."""
+    # Of what hangs on a spring the load is none, and not its weight.
+    weight = model.m[i] * norm((model.gravity[0], model.gravity[1], model.gravity[2]))
+    for k in range(3):
+        weight = max(weight, abs(rest.load[k, i]))
+    arm = _reach(model.inv_m, model.inv_I_C, radius, i)
+    for k in range(3):
+        if (abs(loads.F[k, i] - rest.load[k, i]) > STEADY * weight
+                or abs(loads.tau[k, i] - rest.load[3 + k, i]) > STEADY * weight * arm):
+            return True
+    return False
 
 
 @kernel
@@ -199,15 +211,20 @@ def _press(manifolds: Manifolds, r: int) -> bool:
 
 @kernel
 def _speed(inv_m: Array, inv_I_C: Array, state: State, radius: Array, i: int) -> float:
+    """Return a bound of the speed of any point of a body [m/s]."""
+    spin = max(inv_I_C[0, i], inv_I_C[1, i], inv_I_C[2, i]) * norm(column(state.L, i))
+    return inv_m[i] * norm(column(state.P, i)) + _reach(inv_m, inv_I_C, radius, i) * spin
+
+
+@kernel
+def _reach(inv_m: Array, inv_I_C: Array, radius: Array, i: int) -> float:
     """
-    Return a bound of the speed of any point of a body [m/s].
+    Return how far a body reaches from its centre of mass [m].
 
     One without shapes, such as a rotor, reaches as far as its radius of gyration.
     """
-    spin = max(inv_I_C[0, i], inv_I_C[1, i], inv_I_C[2, i]) * norm(column(state.L, i))
     heavy = min(inv_I_C[0, i], inv_I_C[1, i], inv_I_C[2, i])
-    reach = max(radius[i], math.sqrt(inv_m[i] / heavy) if heavy > 0.0 else 0.0)
-    return inv_m[i] * norm(column(state.P, i)) + reach * spin
+    return max(radius[i], math.sqrt(inv_m[i] / heavy) if heavy > 0.0 else 0.0)
 
 
 @kernel

@@ -23,7 +23,7 @@ from rigid_sim_ros.engine.steps.divided_timestep import (
 from rigid_sim_ros.engine.steps.free_models import Timestep
 from rigid_sim_ros.engine.steps.jointed_models import JointedTimestep
 from rigid_sim_ros.engine.steps.jointed_motion import JointSetup
-from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
+from rigid_sim_ros.kernels.argument_pack import ArgumentPack
 
 
 def has_free_bodies(setup: Setup, joints: JointSetup) -> bool:
@@ -45,7 +45,6 @@ class DividedTimestep(JointedTimestep):
         self._inv_m, self._inv_I_C = setup.model.inv_m, setup.model.inv_I_C
         self._parent, self._marked = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
         self._copy, self._wrenches = empty_state(n), no_wrenches()
-        self._division: ArgumentPack | None = None
         self._begin()
 
     def _begin(self) -> None:
@@ -54,6 +53,7 @@ class DividedTimestep(JointedTimestep):
         self._awake = _of_no_step(len(self.table.first_row) - 1)
         self._told = np.zeros((TOLD, len(self.motion.rate)))
         self._arguments = self._arguments._replace(memory=self._memory)
+        self._division: ArgumentPack | None = None
         self._let_act(np.ones(len(self._awake), dtype=bool))
 
     def _let_act(self, awake: np.ndarray) -> None:
@@ -104,11 +104,14 @@ class DividedTimestep(JointedTimestep):
             self._run, self._arguments, 1, self._pack)
 
     def _divide(self, free: Arguments, what: int) -> Any:
-        self._division = packed(Division(
-            free, self._arguments, self.table, self.motion, self._part, self._told, self._inv_m,
-            self._inv_I_C, self._has_joints, self._awake, self._parent, self._marked),
-            self._division)
-        return self._division.run(run, what)
+        pack = self._division
+        if pack is None or pack.arguments.free is not free or (
+                pack.arguments.jointed is not self._arguments):
+            pack = self._division = ArgumentPack(Division(
+                free, self._arguments, self.table, self.motion, self._part, self._told,
+                self._inv_m, self._inv_I_C, self._has_joints, self._awake, self._parent,
+                self._marked))
+        return pack.run(run, what)
 
     def lasting(self) -> dict[str, np.ndarray]:
         """Return what lasts of both solvers; the manifolds of one are those of the world."""

@@ -199,7 +199,7 @@ def wake_or_sleep(c: Arguments, when: int) -> int:
     model, state, work, rest = c.model, c.state, c.work, c.rest
     manifolds, acted = current(c.memory), earlier(c.memory)
     if when == _DISTURBED:
-        wake_disturbed(model.inv_m, state, work.loads, manifolds, rest)
+        wake_disturbed(model, state, work.loads, work.radius, manifolds, rest)
     elif when == _TOUCHED:
         wake_touched(model.h, model.inv_m, model.inv_I_C, state, work.radius, manifolds, rest)
     else:

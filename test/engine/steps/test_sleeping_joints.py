@@ -282,3 +282,20 @@ def test_what_wakes_goes_on_as_if_it_had_been_put_there(sleeping):
     # impulses is the same to the tolerance of its solver, 1e-10 of the rates.
     for name in ('plate', 'box', 'rod'):
         assert motion(sleeping, name) == pytest.approx(motion(fresh, name), abs=1e-8)
+
+
+def test_what_hangs_on_a_spring_sleeps_with_what_it_hangs_on():
+    ball = {'name': 'ball', 'mass': 0.2, 'shape': {'type': 'sphere', 'radius': 0.05},
+            'pose': {'position': [0.4, 0.0, 0.3]}}
+    world = world_of([PLATE, ROD, ball], [HINGE, PIVOT], forces=[
+        {'type': 'spring', 'a': 'ball', 'b': 'plate', 'anchor': [0.2, 0.0, 0.0],
+         'stiffness': 50.0, 'damping': 1.0, 'rest_length': 0.15}])
+    # exp(-t d / 2 m) of 0.1 m/s is 1e-5 m/s after 3.7 s.
+    world.step(5000)
+    assert asleep(world) == 3
+    before = motion(world, 'plate', 'ball')
+    world.step(1000)
+    assert (motion(world, 'plate', 'ball') == before).all()
+    world.apply_impulse('ball', (0.0, 0.01, 0.0))
+    world.step(1)
+    assert asleep(world) == 1
