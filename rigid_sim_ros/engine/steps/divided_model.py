@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rigid_sim_ros.engine.constraints.articulated_buffers import (
-    carried_over, ContactBuffers, make_buffers, WIDTH, with_carried)
+    carried_over, KNOWN, make_buffers, WIDTH, with_carried)
 from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches, Wrenches
 from rigid_sim_ros.engine.joints.buffers import make_joint_work
 from rigid_sim_ros.engine.joints.part import Part, part_of
@@ -52,30 +52,32 @@ class DividedTimestep(JointedTimestep):
         self._has_joints = _of_no_step(len(self._inv_m))
         self._awake = _of_no_step(len(self.table.first_row) - 1)
         self._told = np.zeros((TOLD, len(self.motion.rate)))
-        self._arguments = self._arguments._replace(memory=self._memory)
+        self._arguments = self._arguments._replace(
+            joints=self.arguments(self._copy, self._wrenches), memory=self._memory)
         self._division: ArgumentPack | None = None
         self._let_act(np.ones(len(self._awake), dtype=bool))
 
     def _let_act(self, awake: np.ndarray) -> None:
         """Let the solver with joints have these articulations, (a,) of bool."""
-        self._acts, self._is_part = bool(awake.any()), not bool(awake.all())
-        whole = Part(self.table, self.motion, *(np.zeros(0, dtype=np.int64) for _ in range(4)))
-        self._part = part_of(self.table, self.motion, awake) if self._is_part else whole
-        joints = self.arguments(self._copy, self._wrenches)
+        self._acts = bool(awake.any())
+        self._is_part = self._acts and not bool(awake.all())
+        self._part = part_of(self.table, self.motion, awake) if self._is_part else Part(
+            self.table, self.motion, *(np.zeros(0, dtype=np.int64) for _ in range(4)))
+        joints, w = self.arguments(self._copy, self._wrenches), self._arguments.buffers
         if self._is_part:
             joints = joints._replace(
                 table=self._part.table, motion=self._part.motion,
                 scratch=make_joint_work(self._part.table)._replace(
                     unresolved=self._scratch.unresolved))
-        self._arguments = self._arguments._replace(joints=joints, buffers=self._buffers_of_part())
-
-    def _buffers_of_part(self) -> ContactBuffers:
-        """Return buffers for the articulations that are awake, with what is carried over."""
-        w, table = self._arguments.buffers, self._part.table
-        buffers = make_buffers(table, len(self._inv_m), len(w.chosen), w.order.shape[1],
-                               len(w.system.center))
-        buffers.count[WIDTH] = w.count[WIDTH]
-        return with_carried(buffers, table, carried_over(w)) if self._acts else buffers
+        if not self._acts:
+            w.count[KNOWN] = w.acted.count[0] = 0
+            w.system.residual[0] = 0.0
+        if joints.table is not self._arguments.joints.table:
+            buffers = make_buffers(joints.table, len(self._inv_m), len(w.chosen),
+                                   w.order.shape[1], len(w.system.center))
+            buffers.count[WIDTH] = w.count[WIDTH]
+            self._arguments = self._arguments._replace(
+                joints=joints, buffers=with_carried(buffers, joints.table, carried_over(w)))
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
         """Advance the state, and count wrenches and commands down."""
