@@ -59,21 +59,28 @@ def draw_slept_apart(rng: Generator) -> Scene:
 
 def judge_slept(scene: Scene, build: Build) -> Verdict:
     """Judge a world each time that more of its bodies sleep than before."""
-    run, before, verdicts = build(scene.spec), 0, [Verdict(0.0, 1.0, 'nothing slept')]
+    run, before, verdicts, moments = build(scene.spec), 0, [Verdict(0.0, 1.0, 'of nothing')], 0
     assert isinstance(run, Ours)
     for _ in range(0, scene.steps, LOOK):
-        run.step(LOOK)
         now = run.world.contact_report().asleep
-        if now > before:
-            verdicts += _judge_now(scene, run, build)
+        if now > before and moments < MOMENTS:
+            found, wanted = _judge_now(scene, run, build)
+            run.step(LOOK)
+            differs = float(run.world.state_hash() != wanted)
+            verdicts += [*found, Verdict(differs, 0.0, 'another hash than from what was saved')]
+            moments += 1
+        else:
+            run.step(LOOK)
         before = now
-        if len(verdicts) > 5 * MOMENTS:
-            break
     return worst(verdicts)
 
 
-def _judge_now(scene: Scene, run: Ours, build: Build) -> list[Verdict]:
-    """Ask whether who sleeps is held, wakes, and goes on as if it had not slept."""
+def _judge_now(scene: Scene, run: Ours, build: Build) -> tuple[list[Verdict], int]:
+    """
+    Ask whether who sleeps is held, wakes, and goes on as if it had not slept.
+
+    Returns with it the hash that the world should have after a look.
+    """
     world, spec = run.world, scene.spec
     saved, moving = world.save(), [one['name'] for one in spec['bodies'] if 'inertial' in one]
     still, restored, threaded, awake = twins = [build(spec) for _ in range(4)]
@@ -82,7 +89,7 @@ def _judge_now(scene: Scene, run: Ours, build: Build) -> list[Verdict]:
         twin.world.restore(saved)
     still.step(1)
     first, felt = still.motion(), _felt(still)
-    still.step(LOOK)
+    still.step(LOOK - 1)
     slept = [name for name in moving if (
         still.motion() == first)[world.names.index(name)].all()]
     verdicts = []
@@ -107,7 +114,7 @@ def _judge_now(scene: Scene, run: Ours, build: Build) -> list[Verdict]:
     # what accelerates them; what should have woken and did not would be off by the push.
     off = np.abs(restored.motion() - awake.motion())[:, :3].max()
     verdicts.append(Verdict(float(off), 10.0 * SLOW * steps * scene.h, 'm off what is awake'))
-    return verdicts
+    return verdicts, still.world.state_hash()
 
 
 def _push(scene: Scene, run: Ours, names: list[str]) -> None:

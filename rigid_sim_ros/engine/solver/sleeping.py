@@ -33,8 +33,8 @@ from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
 # [m/s] a body is at rest when its centre and the farthest point of its surface are slower.
 SLOW = 0.01
-# Part of a body's weight by which its load may change without waking it; of a torque, of that at the
-# end of the body's reach.
+# Part of a body's weight by which its load may change without waking it; torques by as much as
+# that does at the end of the body's reach.
 STEADY = 1e-3
 # [m] an awake body wakes what it comes this near to, beyond what it moves in a step.
 NEAR = 1e-4
@@ -124,12 +124,13 @@ def _is_loaded_anew(model: Model, loads: Loads, radius: Array, rest: Rest, i: in
     weight = model.m[i] * norm((model.gravity[0], model.gravity[1], model.gravity[2]))
     for k in range(3):
         weight = max(weight, abs(rest.load[k, i]))
-    arm = _reach(model.inv_m, model.inv_I_C, radius, i)
+    turned = 0.0
     for k in range(3):
-        if (abs(loads.F[k, i] - rest.load[k, i]) > STEADY * weight
-                or abs(loads.tau[k, i] - rest.load[3 + k, i]) > STEADY * weight * arm):
+        if abs(loads.F[k, i] - rest.load[k, i]) > STEADY * weight:
             return True
-    return False
+        turned = max(turned, abs(loads.tau[k, i] - rest.load[3 + k, i]))
+    return turned > 0.0 and turned > STEADY * weight * _reach(
+        model.inv_m, model.inv_I_C, radius, i)
 
 
 @kernel

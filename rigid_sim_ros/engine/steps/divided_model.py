@@ -86,6 +86,7 @@ class DividedTimestep(JointedTimestep):
             self._wrenches = no_wrenches(len(wrenches.body))
             self._arguments = self._arguments._replace(joints=self._arguments.joints._replace(
                 wrenches=self._wrenches))
+            self._division = None
         if self._may_sleep:
             self._divide(self._free.arguments_of(state, wrenches), COMMANDS)
         for _ in range(count):
@@ -106,13 +107,13 @@ class DividedTimestep(JointedTimestep):
             self._run, self._arguments, 1, self._pack)
 
     def _divide(self, free: Arguments, what: int) -> Any:
-        pack = self._division
+        pack, c = self._division, self._arguments
         if pack is None or pack.arguments.free is not free or (
-                pack.arguments.jointed is not self._arguments):
+                pack.arguments.memory is not c.memory or pack.arguments.part is not self._part):
             pack = self._division = ArgumentPack(Division(
-                free, self._arguments, self.table, self.motion, self._part, self._told,
-                self._inv_m, self._inv_I_C, self._has_joints, self._awake, self._parent,
-                self._marked))
+                free, c.joints.model, self._copy, self._wrenches, c.shapes, c.memory, self._part,
+                self.table, self.motion, self._told, self._inv_m, self._inv_I_C,
+                self._has_joints, self._awake, self._parent, self._marked))
         return pack.run(run, what)
 
     def lasting(self) -> dict[str, np.ndarray]:

@@ -15,34 +15,40 @@ articulations that are awake.
 from typing import NamedTuple
 
 from rigid_sim_ros.engine.detection.manifolds import (
-    current, earlier, Manifolds, POINTS, rows_in_use)
+    current, earlier, Manifolds, Memory, POINTS, rows_in_use)
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.joints.buffers import JointMotion
 from rigid_sim_ros.engine.joints.part import Part, put_back, take_out
 from rigid_sim_ros.engine.maths.union_find import first_of, unite
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.engine.model.model import Model, WORLD
+from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.engine.solver.arguments import Arguments
 from rigid_sim_ros.engine.solver.joint_rest import mark_told
 from rigid_sim_ros.engine.solver.parallel_detection import take_sides_of
 from rigid_sim_ros.engine.solver.sleeping import (
     fall_asleep, keep_awake, keep_pressing, Rest, wake_touched)
-from rigid_sim_ros.engine.state.state import copy_body, copy_into
+from rigid_sim_ros.engine.state.state import copy_body, copy_into, State
 from rigid_sim_ros.engine.steps.articulated import end_command
-from rigid_sim_ros.engine.steps.jointed_contact import JointedContact
 from rigid_sim_ros.engine.steps.timestep import may_sleep
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
 
 class Division(NamedTuple):
-    """The arguments of both solvers, whose models and shapes are for `divide` to write."""
+    """What both solvers have of a world, whose models and shapes are for `divide` to write."""
 
     free: Arguments  # its state and its wrenches are those of the world
-    jointed: JointedContact
+    # --- what the solver with joints has of its own
+    model: Model
+    state: State
+    wrenches: Wrenches
+    shapes: Shapes
+    memory: Memory
+    part: Part  # of the joints
+    # --- of the world
     table: JointTable  # of all joints
     motion: JointMotion
-    part: Part  # what the solver with joints has of these
     told: Array  # (TOLD, k) see joint_rest.py
     inv_m: Array  # (n,) [1/kg] of all bodies
     inv_I_C: Array  # (3, n) [1/(kg m^2)] of all bodies
@@ -90,15 +96,14 @@ def divide(d: Division) -> bool:
     changed = _mark_islands(d)
     for i in range(n):
         _show(d.free.model, d, i, mine[i] == 0)
-        _show(d.jointed.joints.model, d, i, mine[i] == 1)
+        _show(d.model, d, i, mine[i] == 1)
     if changed:
-        shapes = d.jointed.shapes
-        for s in range(shapes.body.shape[0]):
-            shapes.still[s] = 1 if d.jointed.joints.model.inv_m[shapes.body[s]] == 0.0 else 0
-        d.jointed.memory.pair_count[0] = -1   # as before the first step: pairs of other bodies
+        for s in range(d.shapes.body.shape[0]):
+            d.shapes.still[s] = 1 if d.model.inv_m[d.shapes.body[s]] == 0.0 else 0
+        d.memory.pair_count[0] = -1   # as before the first step: pairs of other bodies
     take_sides_of(d.free, (0, n))
-    copy_into(d.jointed.joints.state, d.free.state)
-    _copy_wrenches(d.jointed.joints.wrenches, d.free.wrenches)
+    copy_into(d.state, d.free.state)
+    _copy_wrenches(d.wrenches, d.free.wrenches)
     return others
 
 
@@ -186,14 +191,14 @@ def _copy_wrenches(target: Wrenches, source: Wrenches) -> None:
 @kernel
 def merge(d: Division) -> None:
     """Bring both parts of a step together: the motion of bodies, and what pressed on what."""
-    state, moved = d.free.state, d.jointed.joints.state
+    state, moved = d.free.state, d.state
     for i in range(d.has_joints.shape[0]):
         _show(d.free.model, d, i, True)
         if d.has_joints[i] == 1:
             copy_body(state, moved, i)
     put_back(d.part, d.motion)
     memory = d.free.memory
-    _take_impulses(d.has_joints, current(memory), earlier(memory), current(d.jointed.memory))
+    _take_impulses(d.has_joints, current(memory), earlier(memory), current(d.memory))
     if may_sleep(d.free):
         _let_sleep(d)
 
