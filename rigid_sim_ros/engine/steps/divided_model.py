@@ -55,14 +55,16 @@ class DividedTimestep(JointedTimestep):
         self._arguments = self._arguments._replace(
             joints=self.arguments(self._copy, self._wrenches), memory=self._memory)
         self._division: ArgumentPack | None = None
+        # Of the whole nothing is copied: it has no rows of others.
+        self._whole = Part(
+            self.table, self.motion, *(np.zeros(0, dtype=np.int64) for _ in range(4)))
         self._let_act(np.ones(len(self._awake), dtype=bool))
 
     def _let_act(self, awake: np.ndarray) -> None:
         """Let the solver with joints have these articulations, (a,) of bool."""
         self._acts = bool(awake.any())
         self._is_part = self._acts and not bool(awake.all())
-        self._part = part_of(self.table, self.motion, awake) if self._is_part else Part(
-            self.table, self.motion, *(np.zeros(0, dtype=np.int64) for _ in range(4)))
+        self._part = part_of(self.table, self.motion, awake) if self._is_part else self._whole
         joints, w = self.arguments(self._copy, self._wrenches), self._arguments.buffers
         if self._is_part:
             joints = joints._replace(

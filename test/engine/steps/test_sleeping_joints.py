@@ -309,3 +309,19 @@ def test_what_hangs_on_a_spring_sleeps_with_what_it_hangs_on():
     world.apply_impulse('ball', (0.0, 0.01, 0.0))
     world.step(1)
     assert asleep(world) == 1
+
+
+def test_a_drawer_that_lies_at_its_limit_sleeps_until_it_is_pulled():
+    drawer = {'name': 'drawer', 'mass': 2.0, 'shape': {'type': 'box', 'size': [0.3, 0.2, 0.1]},
+              'pose': {'position': [0.1, 0.0, 1.0]}}
+    rail = {'name': 'rail', 'type': 'prismatic', 'parent': 'world', 'child': 'drawer',
+            'axis': [math.cos(0.2), 0.0, math.sin(0.2)], 'pose': {'position': [0.1, 0.0, 1.0]},
+            'position': 0.1, 'friction': 1.0, 'limits': {'lower': 0.0, 'upper': 0.3}}
+    world = world_of([drawer], [rail])
+    world.step(1000)
+    assert (asleep(world), world.joint_position[0]) == (1, pytest.approx(0.0, abs=1e-9))
+    world.apply_wrench('drawer', force=[20.0, 0.0, 0.0], duration=0.1)
+    world.step(100)
+    # Against its weight along the rail, and dry friction.
+    expected = (20.0 * math.cos(0.2) - 2.0 * G * math.sin(0.2) - 1.0) / 2.0 * 0.1
+    assert world.joint_velocity[0] == pytest.approx(expected, rel=1e-6)
