@@ -7,7 +7,7 @@ The state is that of a snapshot, whose arrays and what their axes and numbers co
 `snapshot_check.TABLE`. Rows of what is left keep their order, so that sums are formed as before.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -108,13 +108,20 @@ def _kept(arrays: Mapping[str, np.ndarray], places: Places) -> dict[str, np.ndar
     return keep
 
 
-def wake(arrays: dict[str, np.ndarray], removed: int) -> None:
-    """Wake what lay against a body, in a row of the arrays, that is about to go."""
+def wake(arrays: dict[str, np.ndarray], bodies: Iterable[int], linked: IntArray) -> None:
+    """
+    Wake bodies, by their rows in the arrays, and what lies against them or is tied to them.
+
+    They are about to go, or to get or lose a joint; `linked` (l, 2) is what ties bodies together.
+    """
     if 'rest_asleep' not in arrays:
         return
-    a, b = arrays['manifold_body_a'], arrays['manifold_body_b']
+    a = np.concatenate([arrays['manifold_body_a'], linked[:, 0]])
+    b = np.concatenate([arrays['manifold_body_b'], linked[:, 1]])
     asleep = arrays['rest_asleep']
-    waiting, seen = [removed], {removed}
+    seen = set(bodies)
+    waiting = list(seen)
+    asleep[waiting] = arrays['rest_steps'][waiting] = 0
     while waiting:
         i = waiting.pop()
         for j in {*b[a == i].tolist(), *a[b == i].tolist()} - seen:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rigid_sim_ros.engine.model.shapes import Shapes
+from rigid_sim_ros.engine.solver.sleeping import linked_bodies
 from rigid_sim_ros.engine.state.body_order import order_by_place
 from rigid_sim_ros.engine.state.state import (
     BodyMotion, copy_state, MOVING_FIELDS, State, write_motion)
@@ -124,8 +125,8 @@ class Changing(WithModels):
                                 may_read_files=may_read_files)
         arrays = {name: array.copy() for name, array in self._dynamic().items()}
         sources, step, before = self._applied.sources, self.step_index, self._numbering()
-        for name in set(self.names) - set(scene.names):
-            wake(arrays, self._index[name])
+        table = None if self._joints is None else self._joints.table
+        wake(arrays, self._touched_by(scene), linked_bodies(self._model, table))
         self._set_up(scene, self._order_in(scene))
         fresh = {name: array.copy() for name, array in self._dynamic().items()}
         found, left = moved(arrays, fresh, places_between(before, self._numbering()))
@@ -133,6 +134,16 @@ class Changing(WithModels):
                    [source for source, stays in zip(sources, left, strict=True) if stays])
         self._changes, self.step_index = changes, step
         return fresh
+
+    def _touched_by(self, scene: Scene) -> set[int]:
+        """Return the bodies that are gone in another scene, or have other joints there."""
+        now, then = ({joint.name: joint for joint in one.spec.joints or ()}
+                     for one in (self.scene, scene))
+        names = set(self.names) - set(scene.names)
+        for name in now.keys() ^ then.keys():
+            joint = now.get(name) or then[name]
+            names |= {joint.parent, joint.child}
+        return {self._index[name] for name in names if name in self._index}
 
     def _order_in(self, scene: Scene) -> IntArray:
         """Return the order of the bodies in a changed scene; it depends on nothing else."""

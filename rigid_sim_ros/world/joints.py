@@ -2,17 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a world offers of its joints."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rigid_sim_ros.engine.joints.carrying import articulation_of, carry_along, hangs_on_something
 from rigid_sim_ros.engine.joints.kinematics import joint_coordinates
+from rigid_sim_ros.engine.joints.part import articulation_of_joint
 from rigid_sim_ros.engine.maths.rotation_in_python import rotate
 from rigid_sim_ros.engine.model.joints import NONE
 from rigid_sim_ros.engine.state.state import copy_state, write_motion
 from rigid_sim_ros.engine.steps.jointed_motion import JointedMotion, JointSetup
-from rigid_sim_ros.kernels.arrays import Array
+from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.scene import Scene
 from rigid_sim_ros.scene.joints import CLOSED, gap_of
 from rigid_sim_ros.scene.schema import Bounds
@@ -139,13 +141,37 @@ class WithJoints(Commanded):
         in_loop = len(joints.table.condition_joint) > 0
         if in_loop:
             rates[np.arange(len(rates)) != k] = np.nan
-        gap = joints.assemble(self._state, positions, given, rates)
+        gap = self._assemble([j], positions, given, rates)
         if not gap <= CLOSED:
             self._take_back(before)
             raise ValueError(f"position {p:g} of joint '{name}': its loop cannot close there, "
                              f'{gap:.3g} m or rad are left; must be one that it can reach')
         self._motion_is_current = False
         self._tell('set_joint_state', name=name, position=p, velocity=v)
+
+    def _assemble(self, moved: Sequence[int], position: Array, given: IntArray,
+                  rate: Array) -> float:
+        """
+        Do what `JointedMotion.assemble` does with the articulations of some joints.
+
+        All others stay as they are, to the last bit: what sleeps sleeps on.
+        """
+        assert self._joints is not None
+        table, motion, state = self._joints.table, self._joints.motion, copy_state(self._state)
+        kept = {name: getattr(motion, name).copy() for name in (
+            'position', 'rate', 'held', 'held_at')}
+        gap = self._joints.assemble(self._state, position, given, rate)
+        of_joint = articulation_of_joint(table)
+        stays = ~np.isin(np.arange(len(table.first_row) - 1), of_joint[list(moved)])
+        row = stays.repeat(np.diff(table.first_row))
+        axis = row.repeat(np.diff(table.first_axis))
+        for array, old in zip(self._state, state, strict=True):
+            array[..., table.body[row]] = old[..., table.body[row]]
+        for name in ('rate', 'held', 'held_at'):
+            getattr(motion, name)[axis] = kept[name][axis]
+        joint = (of_joint != NONE) & stays[of_joint]
+        motion.position[joint] = kept['position'][joint]
+        return gap
 
     def _kept(self) -> tuple[list[np.ndarray], list[np.ndarray]]:
         assert self._joints is not None
@@ -223,5 +249,5 @@ class WithJoints(Commanded):
         # It may as well move there in the next step, and carry them.
         if max((gap_of(table, self._state, j) for j in on), default=0.0) <= CLOSED:
             return
-        self._joints.assemble(self._state, motion.position.copy(),
-                              np.zeros(len(motion.rate), dtype=np.int64), motion.rate.copy())
+        self._assemble(on, motion.position.copy(), np.zeros(len(motion.rate), dtype=np.int64),
+                       motion.rate.copy())

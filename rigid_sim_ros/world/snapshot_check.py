@@ -17,6 +17,7 @@ import numpy as np
 from rigid_sim_ros.engine.detection.manifolds import POINTS
 from rigid_sim_ros.engine.joints.buffers import PAST
 from rigid_sim_ros.engine.model.model import WORLD
+from rigid_sim_ros.engine.solver.joint_rest import TOLD
 from rigid_sim_ros.kernels.arrays import IntArray
 
 _MEND = 'it was changed, or saved by another version; run the scene from its start'
@@ -97,6 +98,7 @@ TABLE: dict[str, Field] = {
     'rest_asleep': Field(('n',), 0, 1),
     'rest_pose': Field((7, 'n')),
     'rest_load': Field((6, 'n')),
+    'rest_told': Field((TOLD, 'K')),
     'carried_shape_a': Field(('d',), 0, 's'),
     'carried_shape_b': Field(('d',), 0, 's'),
     'carried_feature': Field(('d',)),

@@ -173,3 +173,19 @@ def test_the_velocity_of_a_joint_that_closes_a_loop_is_not_told(tmp_path):
     assert len(closing) == 1
     assert not np.isnan(np.delete(numbers, 1, axis=1)).any()
     assert verify(tmp_path / 'bag').holds
+
+
+def test_a_session_in_which_an_arm_sleeps_verifies(tmp_path):
+    stiff = DRIVE | {'stiffness': 1000.0, 'damping': 100.0}
+    world = World.from_dict({**ARM, 'world': {}, 'collision': {'sleep_after': 0.1}, 'joints': [
+        joint | {'drive': stiff | {'position': joint['position']}} for joint in ARM['joints']]})
+    batch = Batch(world, tmp_path / 'bag', segment_s=0.3)
+    batch.run(1000)
+    assert world.contact_report().asleep == 2
+    world.set_joint_command('shoulder', mode='position', position=0.9)
+    batch.run(20)
+    assert world.contact_report().asleep == 0
+    batch.run(1000)
+    assert world.contact_report().asleep == 2
+    batch.close()
+    assert verify(tmp_path / 'bag').holds

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from laws import (
     apart_laws, energy_laws, impact_laws, jointed_laws, jointed_twins, mixed_laws, rest_laws,
-    standing_laws, twin_laws)
+    slept_laws, standing_laws, twin_laws)
 from laws.jointed_scenes import draw_jointed
 from laws.mixed_scenes import draw_awake, draw_falling, draw_floating, draw_mixed
 from laws.motion import Build, Ours, Run, Verdict
@@ -104,6 +104,10 @@ MIXED = {law.name: law for law in (
         mixed_laws.draw_asleep, mixed_laws.judge_asleep, ('timestep',)),
     Law('mixed-standing', 'what stands on joints with dry friction comes to rest',
         standing_laws.draw_standing, standing_laws.judge_standing, _TOUCHING),
+    Law('mixed-slept', 'what sleeps is held, and goes on as if it had not slept',
+        slept_laws.draw_slept, slept_laws.judge_slept, ('timestep',)),
+    Law('mixed-slept-apart', 'what sleeps far away changes nothing, bit for bit',
+        slept_laws.draw_slept_apart, mixed_laws.judge_apart, ('timestep',)),
     *_twins_with_joints('mixed', draw_awake, _TOUCHING))}
 EVERY_LAW = LAWS | JOINTED | MIXED
 

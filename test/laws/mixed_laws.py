@@ -42,15 +42,18 @@ def judge_ground(scene: Scene, build: Build) -> Verdict:
 
 def draw_apart(rng: Generator) -> Scene:
     """Draw an articulation, and what never touches it, a hundred metres away."""
-    while True:
-        scene = draw_mixed(rng, (FALLING, HUNG, HUNG_ABOVE_A_FLOOR))
-        loose = scene.facts['loose']
-        for one in scene.spec['bodies']:
-            if one['name'] in loose:
-                one['pose']['position'][0] += FAR
-        forces = [force for force in scene.spec.get('forces', ())
-                  if {force['a'], force['b']} <= set(loose)]
-        return scene._replace(spec=scene.spec | {'forces': forces})
+    scene = draw_mixed(rng, (FALLING, HUNG, HUNG_ABOVE_A_FLOOR))
+    return scene._replace(spec=apart(scene))
+
+
+def apart(scene: Scene) -> Spec:
+    """Return a scene whose loose bodies are far away from all others, and not tied to them."""
+    loose = scene.facts['loose']
+    for one in scene.spec['bodies']:
+        if one['name'] in loose:
+            one['pose']['position'][0] += FAR
+    return scene.spec | {'forces': [force for force in scene.spec.get('forces', ())
+                                    if {force['a'], force['b']} <= set(loose)]}
 
 
 def only(spec: Spec, loose: bool) -> Spec:

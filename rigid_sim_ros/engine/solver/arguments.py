@@ -12,6 +12,7 @@ from rigid_sim_ros.engine.detection.manifolds import Memory
 from rigid_sim_ros.engine.dynamics.free_flight import BLOCK_SIZE as FLIGHT_SIZE
 from rigid_sim_ros.engine.dynamics.loads import empty_loads, Loads
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
+from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import can_meet, Materials, Shapes
 from rigid_sim_ros.engine.solver.coloring import (
@@ -21,7 +22,7 @@ from rigid_sim_ros.engine.solver.direct_solve import Direct, make_direct
 from rigid_sim_ros.engine.solver.impacts import Impacts, make_impacts
 from rigid_sim_ros.engine.solver.new_islands import make_new_islands, NewIslands
 from rigid_sim_ros.engine.solver.partition import Cut, make_sides, Sides
-from rigid_sim_ros.engine.solver.sleeping import no_rest, Rest
+from rigid_sim_ros.engine.solver.sleeping import linked_bodies, no_rest, Rest
 from rigid_sim_ros.engine.solver.solver_bodies import make_bodies, SolverBodies
 from rigid_sim_ros.engine.state.body_order import middle_of
 from rigid_sim_ros.engine.state.state import State
@@ -168,14 +169,14 @@ class Arguments(NamedTuple):
 
 
 def make_arguments(model: Model, state: State, wrenches: Wrenches, shapes: Shapes,
-                   materials: Materials, memory: Memory,
-                   settings: TimestepSettings) -> Arguments:
+                   materials: Materials, memory: Memory, settings: TimestepSettings,
+                   joints: JointTable | None = None) -> Arguments:
     """Return the arguments of a world with buffers of their own; nobody helps, nobody sleeps."""
     uses = Uses(int(can_meet(shapes)), int((materials.restitution > 0.0).any()),
                 int(differ(model.inv_m)))
     return Arguments(model, state, wrenches, shapes, materials, memory, settings,
-                     make_timestep_work(model, shapes, memory), no_rest(len(model.m)), uses,
-                     make_job())
+                     make_timestep_work(model, shapes, memory),
+                     no_rest(len(model.m), linked_bodies(model, joints)), uses, make_job())
 
 
 def with_memory(c: Arguments, memory: Memory) -> Arguments:

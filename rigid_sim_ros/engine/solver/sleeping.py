@@ -3,13 +3,17 @@
 """
 Bodies that came to rest sleep: they stay where they are and cost the solver nothing.
 
-Bodies that press against each other form an island, through any number of others but not through
-the fixed ones. It falls asleep when all its bodies have been slower than SLOW for as long as the
-scene says, and wakes as a whole when one of them gets a wrench, when the load on one changes, when
-somebody changes its pose or its velocity, when a body that nothing pushes moves and may touch it,
-or when a body that is awake comes so near that it may touch in this step. All that decides is in
-`Rest`, part of the dynamic state of a world.
+Bodies that press against each other form an island, and those that joints hold together or
+between which a force of the scene acts, through any number of others but not through the fixed
+ones. It falls asleep when all its bodies have been slower than SLOW for as long as the scene says,
+and wakes as a whole when one of them gets a wrench, when the load on one changes, when somebody
+changes its pose or its velocity, when a body that nothing pushes moves and may touch it or is
+joined to it, or when a body that is awake comes so near that it may touch in this step. What
+drives do for it is in joint_rest.py. All that decides is in `Rest`, part of the dynamic state of a
+world.
 """
+
+import math
 
 from typing import NamedTuple
 
@@ -21,13 +25,16 @@ from rigid_sim_ros.engine.dynamics.loads import Loads
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.maths.union_find import first_of, unite
 from rigid_sim_ros.engine.maths.vector import column, norm
+from rigid_sim_ros.engine.model.joints import FREE, JointTable
+from rigid_sim_ros.engine.model.model import Model, WORLD
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
 # [m/s] a body is at rest when its centre and the farthest point of its surface are slower.
 SLOW = 0.01
-# Part of a body's weight by which its load may change without waking it.
+# Part of a body's weight by which its load may change without waking it; torques by as much as
+# that does at the end of the body's reach.
 STEADY = 1e-3
 # [m] an awake body wakes what it comes this near to, beyond what it moves in a step.
 NEAR = 1e-4
@@ -41,12 +48,28 @@ class Rest(NamedTuple):
     pose: Array  # (7, n) x and q of all bodies after the latest step
     load: Array  # (6, n) force [N] and torque [N m] when a body fell asleep
     island: IntArray  # (n,) scratch: the first body of the island
+    linked: IntArray  # (l, 2) constant: bodies that joints or forces of the scene tie together
 
 
-def no_rest(n: int) -> Rest:
-    """Return that of n bodies before the first step."""
+def no_rest(n: int, linked: IntArray) -> Rest:
+    """Return that of n bodies before the first step; `linked` is what `linked_bodies` returns."""
     return Rest(np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64), np.zeros((7, n)),
-                np.zeros((6, n)), np.zeros(n, dtype=np.int64))
+                np.zeros((6, n)), np.zeros(n, dtype=np.int64), linked)
+
+
+def linked_bodies(model: Model, table: JointTable | None) -> IntArray:
+    """Return the pairs of bodies that joints hold together or between which forces act, (l, 2)."""
+    ends = zip(model.forces.frame_a.tolist(), model.forces.frame_b.tolist(), strict=True)
+    pairs = [(int(model.frame_body[a]), int(model.frame_body[b])) for a, b in ends
+             if WORLD not in (a, b)]
+    if table is not None:
+        pairs += [(a, b) for kind, a, b in zip(
+            table.kind.tolist(), table.body_a.tolist(), table.body_b.tolist(), strict=True)
+            if kind != FREE and WORLD not in (a, b)]
+        # Joints may be coupled without a body in common.
+        first = table.body[table.first_row[:-1]].repeat(np.diff(table.first_row))
+        pairs += zip(first.tolist(), table.body.tolist(), strict=True)
+    return np.array(sorted({(a, b) for a, b in pairs if a != b}), dtype=np.int64).reshape(-1, 2)
 
 
 @kernel
@@ -57,10 +80,10 @@ def mark_pushed(wrenches: Wrenches, rest: Rest) -> None:
 
 
 @kernel
-def wake_disturbed(inv_m: Array, state: State, loads: Loads, manifolds: Manifolds,
+def wake_disturbed(model: Model, state: State, loads: Loads, radius: Array, manifolds: Manifolds,
                    rest: Rest) -> None:
     """Wake the islands in which a body was pushed, moved or loaded otherwise than before."""
-    woken = False
+    woken, inv_m = False, model.inv_m
     for i in range(inv_m.shape[0]):
         moved = False
         for k in range(3):
@@ -76,14 +99,9 @@ def wake_disturbed(inv_m: Array, state: State, loads: Loads, manifolds: Manifold
         rest.island[i] = 0
         if rest.asleep[i] == 0:
             continue
-        weight = 0.0
         for k in range(3):
             moved = moved or state.P[k, i] != 0.0 or state.L[k, i] != 0.0
-            weight = max(weight, abs(rest.load[k, i]))
-        for k in range(3):
-            moved = moved or abs(loads.F[k, i] - rest.load[k, i]) > STEADY * weight
-            moved = moved or loads.tau[k, i] != rest.load[3 + k, i]
-        if moved:
+        if moved or _is_loaded_anew(model, loads, radius, rest, i):
             rest.asleep[i], rest.steps[i], woken = 0, 0, True
     for i in range(inv_m.shape[0]):
         if rest.steps[i] < 0:
@@ -92,13 +110,36 @@ def wake_disturbed(inv_m: Array, state: State, loads: Loads, manifolds: Manifold
                 rest.asleep[i], woken = 0, True
     first, count = rows_in_use(manifolds)
     for r in range(first, first + count if woken else first):
-        a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
-        if inv_m[a] == 0.0 and rest.island[a] == 1:
-            _wake(rest, b)
-        if inv_m[b] == 0.0 and rest.island[b] == 1:
-            _wake(rest, a)
+        _wake_by_moved(inv_m, rest, manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX)
+    for r in range(rest.linked.shape[0] if woken else 0):
+        _wake_by_moved(inv_m, rest, rest.linked[r, 0], rest.linked[r, 1])
     if woken:
         _wake_neighbours(inv_m, manifolds, rest)
+
+
+@kernel
+def _is_loaded_anew(model: Model, loads: Loads, radius: Array, rest: Rest, i: int) -> bool:
+    """Return whether a body bears another load than when it fell asleep."""
+    # Of what hangs on a spring the load is none, and not its weight.
+    weight = model.m[i] * norm((model.gravity[0], model.gravity[1], model.gravity[2]))
+    for k in range(3):
+        weight = max(weight, abs(rest.load[k, i]))
+    turned = 0.0
+    for k in range(3):
+        if abs(loads.F[k, i] - rest.load[k, i]) > STEADY * weight:
+            return True
+        turned = max(turned, abs(loads.tau[k, i] - rest.load[3 + k, i]))
+    return turned > 0.0 and turned > STEADY * weight * _reach(
+        model.inv_m, model.inv_I_C, radius, i)
+
+
+@kernel
+def _wake_by_moved(inv_m: Array, rest: Rest, a: int, b: int) -> None:
+    """Wake either body if the other one is such that nothing pushes it, and was moved."""
+    if inv_m[a] == 0.0 and rest.island[a] == 1:
+        _wake(rest, b)
+    if inv_m[b] == 0.0 and rest.island[b] == 1:
+        _wake(rest, a)
 
 
 @kernel
@@ -136,18 +177,29 @@ def keep_awake(rest: Rest, i: int) -> None:
 
 @kernel
 def _wake_neighbours(inv_m: Array, manifolds: Manifolds, rest: Rest) -> None:
-    """Wake whatever presses against an awake body, until nothing does."""
+    """Wake whatever presses against an awake body or is tied to one, until nothing is."""
     first, count = rows_in_use(manifolds)
     again = True
     while again:
         again = False
         for r in range(first, first + count):
             a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
-            if (rest.asleep[a] != rest.asleep[b] and inv_m[a] > 0.0 and inv_m[b] > 0.0
-                    and _press(manifolds, r)):
+            if _differ(inv_m, rest, a, b) and _press(manifolds, r):
                 _wake(rest, a)
                 _wake(rest, b)
                 again = True
+        for r in range(rest.linked.shape[0]):
+            a, b = rest.linked[r, 0], rest.linked[r, 1]
+            if _differ(inv_m, rest, a, b):
+                _wake(rest, a)
+                _wake(rest, b)
+                again = True
+
+
+@kernel
+def _differ(inv_m: Array, rest: Rest, a: int, b: int) -> bool:
+    """Return whether of two bodies that move one sleeps and one does not."""
+    return rest.asleep[a] != rest.asleep[b] and inv_m[a] > 0.0 and inv_m[b] > 0.0
 
 
 @kernel
@@ -162,7 +214,18 @@ def _press(manifolds: Manifolds, r: int) -> bool:
 def _speed(inv_m: Array, inv_I_C: Array, state: State, radius: Array, i: int) -> float:
     """Return a bound of the speed of any point of a body [m/s]."""
     spin = max(inv_I_C[0, i], inv_I_C[1, i], inv_I_C[2, i]) * norm(column(state.L, i))
-    return inv_m[i] * norm(column(state.P, i)) + radius[i] * spin
+    return inv_m[i] * norm(column(state.P, i)) + _reach(inv_m, inv_I_C, radius, i) * spin
+
+
+@kernel
+def _reach(inv_m: Array, inv_I_C: Array, radius: Array, i: int) -> float:
+    """
+    Return how far a body reaches from its centre of mass [m].
+
+    One without shapes, such as a rotor, reaches as far as its radius of gyration.
+    """
+    heavy = min(inv_I_C[0, i], inv_I_C[1, i], inv_I_C[2, i])
+    return max(radius[i], math.sqrt(inv_m[i] / heavy) if heavy > 0.0 else 0.0)
 
 
 @kernel
@@ -171,7 +234,6 @@ def fall_asleep(inv_m: Array, inv_I_C: Array, state: State, loads: Loads, radius
     """Hold what sleeps in place; let the islands sleep that were at rest for `needed` steps."""
     n = inv_m.shape[0]
     for i in range(n):
-        rest.island[i] = i
         if rest.asleep[i] == 1:
             for k in range(3):
                 state.x[k, i] = rest.pose[k, i]
@@ -181,16 +243,7 @@ def fall_asleep(inv_m: Array, inv_I_C: Array, state: State, loads: Loads, radius
         elif inv_m[i] > 0.0:
             slow = _speed(inv_m, inv_I_C, state, radius, i) < SLOW
             rest.steps[i] = rest.steps[i] + 1 if slow else 0
-    begin, count = rows_in_use(manifolds)
-    for r in range(begin, begin + count):
-        a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
-        # Nor is at rest what a body moves with its twist, however slowly.
-        if is_carried(state, a):
-            rest.steps[b] = 0
-        if is_carried(state, b):
-            rest.steps[a] = 0
-        if inv_m[a] > 0.0 and inv_m[b] > 0.0 and _press(manifolds, r):
-            unite(rest.island, a, b)
+    _unite_islands(inv_m, state, manifolds, rest)
     for i in range(n):
         # The most restless body of an island decides: its count moves to the first one.
         first = first_of(rest.island, i)
@@ -207,6 +260,31 @@ def fall_asleep(inv_m: Array, inv_I_C: Array, state: State, loads: Loads, radius
             rest.pose[k, i] = state.x[k, i]
         for k in range(4):
             rest.pose[3 + k, i] = state.q[k, i]
+
+
+@kernel
+def _unite_islands(inv_m: Array, state: State, manifolds: Manifolds, rest: Rest) -> None:
+    """Unite what presses against each other or is tied together."""
+    for i in range(inv_m.shape[0]):
+        rest.island[i] = i
+    first, count = rows_in_use(manifolds)
+    for r in range(first, first + count):
+        a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+        _rest_together(inv_m, state, rest, a, b, _press(manifolds, r))
+    for r in range(rest.linked.shape[0]):
+        _rest_together(inv_m, state, rest, rest.linked[r, 0], rest.linked[r, 1], True)
+
+
+@kernel
+def _rest_together(inv_m: Array, state: State, rest: Rest, a: int, b: int, holds: bool) -> None:
+    """Unite two bodies if one holds the other and both move."""
+    # Nor is at rest what a body moves with its twist, however slowly.
+    if is_carried(state, a):
+        rest.steps[b] = 0
+    if is_carried(state, b):
+        rest.steps[a] = 0
+    if holds and inv_m[a] > 0.0 and inv_m[b] > 0.0:
+        unite(rest.island, a, b)
 
 
 @kernel

@@ -9,7 +9,8 @@ from rigid_sim_ros.engine.dynamics.integrate import sum_loads, Work
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic, move_kinematic
 from rigid_sim_ros.engine.dynamics.loads import kick, Loads
 from rigid_sim_ros.engine.dynamics.wrenches import count_down, Wrenches
-from rigid_sim_ros.engine.joints.buffers import EFFORT, JointMotion, JointWork, LASTS
+from rigid_sim_ros.engine.joints.buffers import (
+    Drives, EFFORT, JointMotion, JointWork, LASTS)
 from rigid_sim_ros.engine.joints.kinematics import has_one_coordinate
 from rigid_sim_ros.engine.joints.posture import read_positions
 from rigid_sim_ros.engine.joints.reactions import add_wrenches_of_joints, note_momenta
@@ -131,15 +132,20 @@ def end_step(c: JointedArguments) -> None:
 
 @kernel
 def end_commands(motion: JointMotion) -> None:
-    """Let one step pass for the commands of drives; a drive whose time is over exerts nothing."""
-    drives = motion.drives
-    for k in range(drives.mode.shape[0]):
-        if drives.steps_left[k] > 0:
-            drives.steps_left[k] -= 1
-            if drives.steps_left[k] == 0:
-                drives.mode[k] = EFFORT
-                drives.stiffness[k], drives.damping[k], drives.effort[k] = 0.0, 0.0, 0.0
-                drives.steps_left[k] = LASTS
+    """Let one step pass for the commands of drives."""
+    for k in range(motion.drives.mode.shape[0]):
+        end_command(motion.drives, k)
+
+
+@kernel
+def end_command(drives: Drives, k: int) -> None:
+    """Let one step pass for a command; a drive whose time is over exerts nothing."""
+    if drives.steps_left[k] > 0:
+        drives.steps_left[k] -= 1
+        if drives.steps_left[k] == 0:
+            drives.mode[k] = EFFORT
+            drives.stiffness[k], drives.damping[k], drives.effort[k] = 0.0, 0.0, 0.0
+            drives.steps_left[k] = LASTS
 
 
 @kernel

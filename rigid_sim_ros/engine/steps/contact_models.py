@@ -39,11 +39,11 @@ def make_contact_model(name: str, setup: Setup) -> ContactModel:
     integrator, which only free motion has, is a choice of that.
     """
     if setup.joints is not None:
-        if name == 'none' or not can_meet(setup.shapes):
+        if name == 'none' or not (can_meet(setup.shapes) or setup.sleep_after > 0.0):
             return Jointed(setup.model, setup.joints)
         kind = JOINTED_MODELS[name]
-        if (name, setup.solver) == ('timestep', 'sequential') and has_free_bodies(
-                setup, setup.joints):
+        if (name, setup.solver) == ('timestep', 'sequential') and (
+                setup.sleep_after > 0.0 or has_free_bodies(setup, setup.joints)):
             kind = DividedTimestep
         jointed: ContactModel = kind(setup, setup.joints)
         return jointed

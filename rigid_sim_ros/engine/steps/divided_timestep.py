@@ -1,83 +1,154 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How a step of the model `timestep` is divided where joints hold some bodies and others not.
+How a step of the model `timestep` is divided where joints hold bodies and others not, or sleep.
 
 What touches nothing that joints hold, directly or through others, moves as in a world without
 joints (timestep.py), and the rest by the solver that knows them (jointed_timestep.py). Both begin
 at the same state, each sees the bodies of the other as if nothing could push them, and none of
 these is near enough for either to reach it. Which body belongs where follows in each step from
-what detection finds, and from the forces of the scene between bodies.
+what detection finds, and from the forces of the scene between bodies. What sleeps belongs to
+neither: both see it as if nothing could push it, and the solver with joints has only those
+articulations that are awake.
 """
 
 from typing import NamedTuple
 
 from rigid_sim_ros.engine.detection.manifolds import (
-    current, earlier, Manifolds, POINTS, rows_in_use)
+    current, earlier, Manifolds, Memory, POINTS, rows_in_use)
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
+from rigid_sim_ros.engine.joints.buffers import JointMotion
+from rigid_sim_ros.engine.joints.part import Part, put_back, take_out
 from rigid_sim_ros.engine.maths.union_find import first_of, unite
+from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.engine.model.model import Model, WORLD
+from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.engine.solver.arguments import Arguments
+from rigid_sim_ros.engine.solver.joint_rest import mark_told
 from rigid_sim_ros.engine.solver.parallel_detection import take_sides_of
-from rigid_sim_ros.engine.solver.sleeping import keep_awake
-from rigid_sim_ros.engine.state.state import copy_body, copy_into
-from rigid_sim_ros.engine.steps.jointed_contact import JointedContact
+from rigid_sim_ros.engine.solver.sleeping import (
+    fall_asleep, keep_awake, keep_pressing, Rest, wake_touched)
+from rigid_sim_ros.engine.state.state import copy_body, copy_into, State
+from rigid_sim_ros.engine.steps.articulated import end_command
+from rigid_sim_ros.engine.steps.timestep import may_sleep
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
 
 class Division(NamedTuple):
-    """The arguments of both solvers, whose models and shapes are for `divide` to write."""
+    """What both solvers have of a world, whose models and shapes are for `divide` to write."""
 
     free: Arguments  # its state and its wrenches are those of the world
-    jointed: JointedContact
+    # --- what the solver with joints has of its own
+    model: Model
+    state: State
+    wrenches: Wrenches
+    shapes: Shapes
+    memory: Memory
+    part: Part  # of the joints
+    # --- of the world
+    table: JointTable  # of all joints
+    motion: JointMotion
+    told: Array  # (TOLD, k) see joint_rest.py
     inv_m: Array  # (n,) [1/kg] of all bodies
     inv_I_C: Array  # (3, n) [1/(kg m^2)] of all bodies
-    has_joints: IntArray  # (n,) 1: belongs to an island with joints
+    has_joints: IntArray  # (n,) 1: awake, and belongs to an island with joints
+    awake: IntArray  # (a,) 1: an articulation that is awake
     parent: IntArray  # (n,) scratch: which bodies hang together
     marked: IntArray  # (n,) scratch: 1 for the first body of an island with joints
 
 
+# What `run` does: before any step, at three moments of each.
+COMMANDS, DIVIDE, BEGIN, MERGE = range(4)
+
+
 @kernel
-def divide(d: Division) -> None:
-    """Find which bodies belong to islands with joints, and give either solver its own."""
-    _unite_islands(d.free.model, d.inv_m, current(d.free.memory), d.parent)
-    n, mine, memory = d.parent.shape[0], d.has_joints, d.jointed.memory
+def run(d: Division, what: int) -> int:
+    """
+    Do a part of what divides steps: one kernel, or some would be compiled in the midst of a run.
+
+    Of DIVIDE returns 1 if other articulations are awake than before, else 0.
+    """
+    if what == COMMANDS:
+        if may_sleep(d.free):
+            mark_told(d.table, d.motion, d.told, d.free.rest)
+    elif what == DIVIDE:
+        return 1 if divide(d) else 0
+    elif what == BEGIN:
+        take_out(d.part, d.motion)
+    else:
+        merge(d)
+    return 0
+
+
+@kernel
+def divide(d: Division) -> bool:
+    """
+    Find which bodies belong to islands with joints, and give either solver its own.
+
+    Returns whether other articulations are awake than before.
+    """
+    if may_sleep(d.free):
+        _wake_touched(d.free)
+    others = _note_awake(d.table, d.free.rest, d.awake)
+    _unite_islands(d.free.model, d.inv_m, d.free.rest, current(d.free.memory), d.parent)
+    n, mine = d.parent.shape[0], d.has_joints
     changed = _mark_islands(d)
     for i in range(n):
         _show(d.free.model, d, i, mine[i] == 0)
-        _show(d.jointed.joints.model, d, i, mine[i] == 1)
-        if mine[i] == 1:
-            keep_awake(d.free.rest, i)
+        _show(d.model, d, i, mine[i] == 1)
     if changed:
-        shapes = d.jointed.shapes
-        for s in range(shapes.body.shape[0]):
-            shapes.still[s] = 1 if d.jointed.joints.model.inv_m[shapes.body[s]] == 0.0 else 0
-        memory.pair_count[0] = -1   # as before the first step: pairs are those of other bodies
+        for s in range(d.shapes.body.shape[0]):
+            d.shapes.still[s] = 1 if d.model.inv_m[d.shapes.body[s]] == 0.0 else 0
+        d.memory.pair_count[0] = -1   # as before the first step: pairs of other bodies
     take_sides_of(d.free, (0, n))
-    copy_into(d.jointed.joints.state, d.free.state)
-    _copy_wrenches(d.jointed.joints.wrenches, d.free.wrenches)
+    copy_into(d.state, d.free.state)
+    _copy_wrenches(d.wrenches, d.free.wrenches)
+    return others
 
 
 @kernel
-def _unite_islands(model: Model, inv_m: Array, manifolds: Manifolds, parent: IntArray) -> None:
-    """Unite the moving bodies that are near each other, or between which a force acts."""
+def _wake_touched(c: Arguments) -> None:
+    wake_touched(c.model.h, c.model.inv_m, c.model.inv_I_C, c.state, c.work.radius,
+                 current(c.memory), c.rest)
+
+
+@kernel
+def _note_awake(table: JointTable, rest: Rest, awake: IntArray) -> bool:
+    """Note which articulations are awake, as a whole; return whether these are others."""
+    others = False
+    for g in range(awake.shape[0]):
+        now = 0
+        for r in range(table.first_row[g], table.first_row[g + 1]):
+            now = max(now, 1 - rest.asleep[table.body[r]])
+        for r in range(table.first_row[g], table.first_row[g + 1]):
+            if now == 1 and rest.asleep[table.body[r]] == 1:
+                keep_awake(rest, table.body[r])
+        others = others or now != awake[g]
+        awake[g] = now
+    return others
+
+
+@kernel
+def _unite_islands(model: Model, inv_m: Array, rest: Rest, manifolds: Manifolds,
+                   parent: IntArray) -> None:
+    """Unite the bodies that are awake and near each other, or between which a force acts."""
     for i in range(parent.shape[0]):
         parent[i] = i
     first, count = rows_in_use(manifolds)
     for k in range(count):
         r = (first + k) & INDEX
-        _unite_moving(inv_m, parent, manifolds.body_a[r], manifolds.body_b[r])
+        _unite_moving(inv_m, rest, parent, manifolds.body_a[r], manifolds.body_b[r])
     forces = model.forces
     for r in range(forces.kind.shape[0]):
         a, b = forces.frame_a[r], forces.frame_b[r]
         if a != WORLD and b != WORLD:
-            _unite_moving(inv_m, parent, model.frame_body[a], model.frame_body[b])
+            _unite_moving(inv_m, rest, parent, model.frame_body[a], model.frame_body[b])
 
 
 @kernel
-def _unite_moving(inv_m: Array, parent: IntArray, a: int, b: int) -> None:
-    if inv_m[a] > 0.0 and inv_m[b] > 0.0:
+def _unite_moving(inv_m: Array, rest: Rest, parent: IntArray, a: int, b: int) -> None:
+    if inv_m[a] > 0.0 and inv_m[b] > 0.0 and rest.asleep[a] + rest.asleep[b] == 0:
         unite(parent, a, b)
 
 
@@ -86,8 +157,9 @@ def _mark_islands(d: Division) -> bool:
     """Mark the bodies of islands with joints; return whether these are others than before."""
     parent, marked, changed = d.parent, d.marked, False
     marked[:] = 0
-    for i in d.jointed.joints.table.body:
-        marked[first_of(parent, i)] = 1
+    for i in d.table.body:
+        if d.free.rest.asleep[i] == 0:
+            marked[first_of(parent, i)] = 1
     for i in range(parent.shape[0]):
         now = marked[first_of(parent, i)]
         changed = changed or now != d.has_joints[i]
@@ -119,13 +191,36 @@ def _copy_wrenches(target: Wrenches, source: Wrenches) -> None:
 @kernel
 def merge(d: Division) -> None:
     """Bring both parts of a step together: the motion of bodies, and what pressed on what."""
-    state, moved = d.free.state, d.jointed.joints.state
+    state, moved = d.free.state, d.state
     for i in range(d.has_joints.shape[0]):
         _show(d.free.model, d, i, True)
         if d.has_joints[i] == 1:
             copy_body(state, moved, i)
+    put_back(d.part, d.motion)
     memory = d.free.memory
-    _take_impulses(d.has_joints, current(memory), earlier(memory), current(d.jointed.memory))
+    _take_impulses(d.has_joints, current(memory), earlier(memory), current(d.memory))
+    if may_sleep(d.free):
+        _let_sleep(d)
+
+
+@kernel
+def _let_sleep(d: Division) -> None:
+    """Let islands sleep that have been at rest for long enough, whoever solved them."""
+    c, memory = d.free, d.free.memory
+    for i in range(d.table.body.shape[0]):
+        if c.rest.asleep[d.table.body[i]] == 1:
+            for k in range(d.table.first_axis[i], d.table.first_axis[i + 1]):
+                end_command(d.motion.drives, k)
+    mark_told(d.table, d.motion, d.told, c.rest)
+    acted = earlier(memory)
+    keep_pressing(current(memory), c.work.solver.bodies.slot, c.rest, acted.impulse,
+                  acted.friction)
+    fall_asleep(d.inv_m, d.inv_I_C, c.state, c.work.loads, c.work.radius, current(memory),
+                c.settings.sleep_steps, c.rest)
+    for i in range(d.table.body.shape[0]):
+        if c.rest.asleep[d.table.body[i]] == 1:
+            for k in range(d.table.first_axis[i], d.table.first_axis[i + 1]):
+                d.motion.rate[k] = 0.0
 
 
 @kernel

@@ -79,7 +79,8 @@ class Timestep(Touching):
         s = self._setup
         n = len(s.model.m)
         return make_arguments(s.model, empty_state(n), no_wrenches(), s.shapes, s.materials,
-                              self._memory, self._settings)
+                              self._memory, self._settings,
+                              None if s.joints is None else s.joints.table)
 
     def use_threads(self, count: int) -> None:
         """Let a second thread help where contacts are many, if there is a core for it."""
@@ -110,11 +111,12 @@ class Timestep(Touching):
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
         """Advance the state."""
         self._arguments, self._pack = timestep.advance(
-            self._arguments_of(state, wrenches), count, self._pack, self._helper)
+            self.arguments_of(state, wrenches), count, self._pack, self._helper)
         self._memory = self._arguments.memory
         self._has_stepped = self._has_stepped or count > 0
 
-    def _arguments_of(self, state: State, wrenches: Wrenches) -> Arguments:
+    def arguments_of(self, state: State, wrenches: Wrenches) -> Arguments:
+        """Return the arguments of a step of this state."""
         c = self._arguments
         if c.state is not state or c.wrenches is not wrenches:
             c = c._replace(state=state, wrenches=wrenches)
@@ -123,14 +125,14 @@ class Timestep(Touching):
     def find(self, state: State, wrenches: Wrenches) -> Arguments:
         """Begin a step, with what is near each other; return the arguments of it."""
         self._arguments, self._pack = timestep.find(
-            self._arguments_of(state, wrenches), self._pack)
+            self.arguments_of(state, wrenches), self._pack)
         self._memory = self._arguments.memory
         return self._arguments
 
-    def respond(self) -> None:
-        """End the step that `find` began."""
+    def move(self) -> None:
+        """End the step that `find` began, but for what falls asleep."""
         assert self._pack is not None
-        self._pack.run(timestep.take_half, timestep.RESPOND)
+        self._pack.run(timestep.take_half, timestep.MOVE)
         self._has_stepped = True
 
     def manifolds(self) -> Manifolds:

@@ -68,11 +68,17 @@ def find_contacts(c: Arguments) -> bool:
 def respond(c: Arguments) -> None:
     """Move all bodies by a step, with the contacts that were found."""
     wake_touched_islands(c)
+    move(c)
+    let_islands_sleep(c)
+
+
+@kernel
+def move(c: Arguments) -> None:
+    """Move all bodies that are awake by a step."""
     predict(c)
     bounce(c)
     solve(c)
     apply_later_forces(c)
-    let_islands_sleep(c)
 
 
 @kernel
@@ -84,15 +90,19 @@ def advance_steps(c: Arguments, count: int) -> int:
     return count
 
 
-FIND, RESPOND = range(2)
+FIND, MOVE = range(2)
 
 
 @kernel
 def take_half(c: Arguments, half: int) -> int:
-    """Do what a step does to find contacts, or the rest of it; return 1 if it was done, else 0."""
+    """
+    Do what a step does to find contacts, or to move bodies; return 1 if it was done, else 0.
+
+    Who wakes in between, and sleeps at its end, is for the caller to decide.
+    """
     if half == FIND:
         return 1 if find_contacts(c) else 0
-    respond(c)
+    move(c)
     end_step(c)
     return 1
 
@@ -189,7 +199,7 @@ def wake_or_sleep(c: Arguments, when: int) -> int:
     model, state, work, rest = c.model, c.state, c.work, c.rest
     manifolds, acted = current(c.memory), earlier(c.memory)
     if when == _DISTURBED:
-        wake_disturbed(model.inv_m, state, work.loads, manifolds, rest)
+        wake_disturbed(model, state, work.loads, work.radius, manifolds, rest)
     elif when == _TOUCHED:
         wake_touched(model.h, model.inv_m, model.inv_I_C, state, work.radius, manifolds, rest)
     else:

@@ -131,3 +131,36 @@ def test_a_reset_wakes_everything(sleeping):
 def test_other_models_say_that_they_know_no_sleep():
     with pytest.raises(SceneError, match=r'collision\.sleep_after: 1 s, must be 0'):
         World.from_dict(scene(contact='event'))
+
+
+def test_what_hangs_on_a_spring_sleeps_on():
+    """Its load is none, not its weight, and differs by rounding from that of its last step."""
+    world = World.from_dict(scene(box('hung', [20, 0, 3]), sleep_after=0.1) | {'forces': [
+        {'type': 'spring', 'a': 'hung', 'b': 'world', 'anchor': [20, 0, 5], 'stiffness': 100.0,
+         'damping': 20.0, 'rest_length': 1.9}]})
+    # k (5 - z - 1.9) = m g at z = 2.9, and exp(-t d / 2 m) of 0.1 m is 1e-6 m after 2.3 s.
+    world.step(4000)
+    assert asleep(world) == 4
+    before = world.position
+    world.step(1000)
+    assert (world.position == before).all()
+    assert world.position[-1, 2] == pytest.approx(5 - 1.9 - 2.0 * G / 100.0, abs=1e-3)
+
+
+def test_a_body_without_a_shape_that_turns_is_not_at_rest():
+    world = World.from_dict(scene({
+        'name': 'rotor', 'inertial': {'mass': 1.0, 'inertia': [0.01, 0.01, 0.01, 0.0, 0.0, 0.0]},
+        'twist': {'angular': [0.0, 0.0, 1.0]}}, sleep_after=0.1, gravity=[0, 0, 0]))
+    world.step(1000)
+    assert world.angular_velocity[-1, 2] == pytest.approx(1.0, rel=1e-12)
+
+
+def test_bodies_that_a_spring_ties_sleep_and_wake_together():
+    ends = [box('left', [20, 0, 0.5]), box('right', [23, 0, 0.5])]
+    world = World.from_dict(scene(*ends, sleep_after=0.1) | {'forces': [
+        {'type': 'spring', 'a': 'left', 'b': 'right', 'stiffness': 1.0, 'rest_length': 2.0}]})
+    world.step(500)
+    assert asleep(world) == 5
+    world.apply_impulse('left', (0.0, 0.1, 0.0))
+    world.step(1)
+    assert asleep(world) == 3
