@@ -76,7 +76,7 @@ class DividedTimestep(JointedTimestep):
             w.system.residual[0] = 0.0
         if joints.table is not self._arguments.joints.table:
             buffers = make_buffers(joints.table, len(self._inv_m), len(w.chosen),
-                                   w.order.shape[1], len(w.system.center))
+                                   w.order.shape[1], len(w.system.rows.at))
             buffers.count[WIDTH] = w.count[WIDTH]
             self._arguments = self._arguments._replace(
                 joints=joints, buffers=with_carried(buffers, joints.table, carried_over(w)))
