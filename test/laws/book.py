@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The laws, each with how its scenes are drawn and judged, and with the models that it binds."""
 
-from collections.abc import Callable, Iterable
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple
 
 from laws import (
     apart_laws, energy_laws, impact_laws, jointed_laws, jointed_twins, mixed_laws, rest_laws,
     slept_laws, standing_laws, twin_laws)
+from laws.crowd_scenes import draw_collapse, draw_crates
 from laws.jointed_scenes import draw_jointed
 from laws.mixed_scenes import draw_awake, draw_falling, draw_floating, draw_mixed
 from laws.motion import Build, Ours, Run, Verdict
@@ -63,19 +64,22 @@ LAWS = {law.name: law for law in (
         rest_laws.draw_decided, rest_laws.judge_decided))}
 
 
-def _twins_with_joints(kind: str, draw: Callable[[Generator], Scene],
-                       models: tuple[str, ...]) -> tuple[Law, ...]:
-    """Return the laws that compare scenes of a kind, with joints, with their twins."""
-    return tuple(
-        Law(f'{kind}-{name}', says, draw, twin_laws.alike(twin), models)
-        for name, says, twin in (
-            ('turned', 'a turned scene moves alike', twin_laws.turned),
-            ('shifted', 'a shifted scene moves alike', twin_laws.shifted),
-            ('mirrored', 'a mirrored scene moves alike', twin_laws.mirrored),
-            ('scaled', 'a scaled scene moves alike', twin_laws.scaled),
-            ('order', 'order of bodies and joints changes nothing', twin_laws.reordered),
-            ('carried', 'a scene that flies on moves alike', jointed_twins.carried),
-            ('split', 'halves that a fixed joint holds are one body', jointed_twins.split)))
+_TWINS = (('turned', 'a turned scene moves alike', twin_laws.turned),
+          ('shifted', 'a shifted scene moves alike', twin_laws.shifted),
+          ('mirrored', 'a mirrored scene moves alike', twin_laws.mirrored),
+          ('scaled', 'a scaled scene moves alike', twin_laws.scaled),
+          ('order', 'order of bodies and joints changes nothing', twin_laws.reordered))
+_JOINTED_TWINS = (
+    *_TWINS, ('carried', 'a scene that flies on moves alike', jointed_twins.carried),
+    ('split', 'halves that a fixed joint holds are one body', jointed_twins.split))
+
+
+def _twins(kind: str, draw: Callable[[Generator], Scene], models: tuple[str, ...],
+           twins: Sequence[tuple[str, str, Callable[[Generator, Scene], Any]]],
+           ) -> tuple[Law, ...]:
+    """Return the laws that compare scenes of a kind with their twins."""
+    return tuple(Law(f'{kind}-{name}', says, draw, twin_laws.alike(twin), models)
+                 for name, says, twin in twins)
 
 
 # Those of scenes with joints, some of which cannot touch.
@@ -85,7 +89,7 @@ JOINTED = {law.name: law for law in (
         draw_jointed, jointed_laws.judge_jointed_energy, _WITH_JOINTS),
     Law('jointed-momentum', 'forces between bodies keep P and L',
         jointed_laws.draw_meeting, jointed_laws.judge_jointed_momentum, _WITH_JOINTS),
-    *_twins_with_joints('jointed', draw_jointed, _WITH_JOINTS))}
+    *_twins('jointed', draw_jointed, _WITH_JOINTS, _JOINTED_TWINS))}
 
 # Those of scenes with joints and loose bodies.
 _TOUCHING = ('timestep', 'event')
@@ -108,8 +112,16 @@ MIXED = {law.name: law for law in (
         slept_laws.draw_slept, slept_laws.judge_slept, ('timestep',)),
     Law('mixed-slept-apart', 'what sleeps far away changes nothing, bit for bit',
         slept_laws.draw_slept_apart, mixed_laws.judge_apart, ('timestep',)),
-    *_twins_with_joints('mixed', draw_awake, _TOUCHING))}
-EVERY_LAW = LAWS | JOINTED | MIXED
+    *_twins('mixed', draw_awake, _TOUCHING, _JOINTED_TWINS))}
+
+# Those of crates of one size, and of twenty to sixty bodies: too many for `event` to ask often.
+CROWDS = {law.name: law for law in (
+    Law('crates-energy', 'energy never grows without work',
+        draw_crates, energy_laws.judge_energy, _TOUCHING),
+    *_twins('crates', draw_crates, _TOUCHING, _TWINS),
+    Law('collapse-energy', 'energy never grows without work where many fall',
+        draw_collapse, energy_laws.judge_energy, ('timestep',)))}
+EVERY_LAW = LAWS | JOINTED | MIXED | CROWDS
 
 
 def scene(law: str, seed: int) -> Scene:

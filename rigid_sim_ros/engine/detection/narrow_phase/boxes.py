@@ -19,11 +19,15 @@ from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import kernel
 
 # An axis has to separate better by this fraction of the smallest half extent to be preferred: the
-# faces of the larger box come before those of the smaller one and those before edges, A's first
-# where both are as large. So it does not matter which of two boxes is A, and the features of a
-# resting box are the same from step to step; the gap is wrong by as much at most (0.2 mm for a box
-# of 20 cm), and only where both axes are near.
+# faces of the larger box come before those of the smaller one and those before edges. The gap is
+# wrong by as much at most (0.2 mm for a box of 20 cm), and only where both axes are near.
 PREFERENCE = 2e-3
+# Of two boxes of one volume none comes first, or it would matter which of them is A: where faces
+# of both are as near as that to be preferred, the normal is half way between theirs. A difference
+# of less than this fraction is rounding.
+ALIKE = 1e-9
+# How near to 1 the cosine of the angle between faces is that are said to lie on each other.
+FLAT = 0.9999
 # And edges, a single point, by this fraction of an overlap of faces, which several points bear: at
 # a small tilt either may be the shallower axis, and impulses are not handed from one to the other.
 PREFERENCE_IN_OVERLAP = 0.1
@@ -41,13 +45,26 @@ CORNER = 1e-3
 LEVEL = 1e-3
 # The square of the sine between two edges below which their cross product has no direction.
 PARALLEL = 1e-8
-_C, _ABS, _T = 0, 9, 18  # places in `numbers`: A_i . B_j, their magnitudes, t in axes of A
+# Places in `numbers`: A_i . B_j, their magnitudes, t in axes of A; 1 where faces of both are as
+# good.
+_C, _ABS, _T, _EVEN = 0, 9, 18, 21
 UNSETTLED = -1
+# Features: two edges that cross have numbers from here on. Points of two faces have lower ones,
+# fewer than 36 * 12 * 12.
+EDGES = 8192
 
 
 @kernel
 def _volume(size: Array, s: int) -> float:
     return size[s, 0] * size[s, 1] * size[s, 2]
+
+
+@kernel
+def _leaning(volume_a: float, volume_b: float) -> float:
+    """Return 1 where the faces of A come first, -1 for those of B, 0 if neither do."""
+    if abs(volume_a - volume_b) <= ALIKE * volume_a:
+        return 0.0
+    return 1.0 if volume_a > volume_b else -1.0
 
 
 @kernel
@@ -90,8 +107,11 @@ def separation(pose: Array, size: Array, a: int, b: int, limit: float, way: floa
     edge, best_edge = _edge_separation(size, a, b, limit, m)
     preference = PREFERENCE * min(min(size[a, 0], size[a, 1], size[a, 2]),
                                   min(size[b, 0], size[b, 1], size[b, 2]))
-    first_b = _volume(size, b) > _volume(size, a)
-    chosen_b = best_b >= best_a - preference if first_b else best_b > best_a + preference
+    leaning = _leaning(_volume(size, a), _volume(size, b))
+    even = (leaning == 0.0 and abs(best_b - best_a) <= preference
+            and m[_ABS + 3 * face_a + face_b - 3] > FLAT)
+    m[_EVEN] = 1.0 if even else 0.0
+    chosen_b = best_b > best_a + preference * leaning
     face, best = (face_b, best_b) if chosen_b else (face_a, best_a)
     largest = max(best_a, best_b)
     better = largest + preference + way + PREFERENCE_IN_OVERLAP * max(-largest, 0.0)
@@ -156,6 +176,8 @@ def box_box(pose: Array, size: Array, a: int, b: int, margin: float, way: float,
         return 0, n
     if which >= 6:
         return _edges(pose, size, a, b, which, s, n, points, ids)
+    if m[_EVEN] == 1.0:
+        n = _between_faces(pose, a, b, which, n, m)
     if which < 3:
         count = _faces(pose, size, a, b, which, n, margin, False, points, ids, polygon, labels, m)
     else:
@@ -165,6 +187,25 @@ def box_box(pose: Array, size: Array, a: int, b: int, margin: float, way: float,
     if count == 0 or _is_border(pose, size, r, k, count, points):
         return UNSETTLED, n
     return _reduced(size, a, b, n, count, points, ids), n
+
+
+@kernel
+def _between_faces(pose: Array, a: int, b: int, which: int, n: Vector, m: Array) -> Vector:
+    """Return the direction between n, of a face of one box, and that of the face it looks at."""
+    other = (axis(pose, b, _facing(which, 3, 1, m)) if which < 3
+             else axis(pose, a, _facing(which - 3, 1, 3, m)))
+    both = add_scaled(n, 1.0 if dot(n, other) > 0.0 else -1.0, other)
+    return scale(1.0 / math.sqrt(dot(both, both)), both)
+
+
+@kernel
+def _facing(k: int, row: int, column: int, m: Array) -> int:
+    """Return the axis of the other box whose faces are most opposed to those of axis k."""
+    f = 0
+    for j in range(1, 3):
+        if m[_ABS + row * k + column * j] > m[_ABS + row * k + column * f] + 1e-6:
+            f = j
+    return f
 
 
 @kernel
@@ -240,7 +281,7 @@ def _edges(pose: Array, size: Array, a: int, b: int, which: int, s: float, n: Ve
         return UNSETTLED, n
     if abs(x) > size[a, i] * (1.0 - CORNER) and abs(y) > size[b, j] * (1.0 - CORNER):
         return UNSETTLED, n
-    put(points, ids, 0, add_scaled(p, x, u), s, 4096 + 16 * (which - 6) + signs)
+    put(points, ids, 0, add_scaled(p, x, u), s, EDGES + 16 * (which - 6) + signs)
     return 1, n
 
 
@@ -258,11 +299,7 @@ def _faces(pose: Array, size: Array, r: int, o: int, k: int, n: Vector, margin: 
     sign = 1.0 if outward * dot(n, axis(pose, r, k)) > 0.0 else -1.0
     u, v = (k + 1) % 3, (k + 2) % 3
     row, column = (1, 3) if swapped else (3, 1)
-    # The face of o whose normal is most opposed to r's.
-    f = 0
-    for j in range(1, 3):
-        if m[_ABS + row * k + column * j] > m[_ABS + row * k + column * f] + 1e-6:
-            f = j
+    f = _facing(k, row, column, m)
     facing = -size[o, f] if sign * m[_C + row * k + column * f] > 0.0 else size[o, f]
     l1, l2 = (f + 1) % 3, (f + 2) % 3
     for c in range(3):
@@ -282,8 +319,8 @@ def _faces(pose: Array, size: Array, r: int, o: int, k: int, n: Vector, margin: 
         polygon[0, 2, c] = middle + e1 + e2
         polygon[0, 3, c] = middle - e1 + e2
     page, corners = _clip(size[r, u], size[r, v], polygon, labels)
-    base = ((2 * (3 + k if swapped else k) + (1 if sign > 0.0 else 0)) * 6
-            + 2 * f + (1 if facing > 0.0 else 0)) * 64
+    own, other = 2 * k + (1 if sign > 0.0 else 0), 2 * f + (1 if facing > 0.0 else 0)
+    base = 144 * (6 * other + own if swapped else 6 * own + other)
     U, V, N = axis(pose, r, u), axis(pose, r, v), axis(pose, r, k)
     face = add_scaled(origin(pose, r), sign * size[r, k], N)
     count = 0
@@ -293,9 +330,30 @@ def _faces(pose: Array, size: Array, r: int, o: int, k: int, n: Vector, margin: 
             p = add(face, add(scale(polygon[page, c, 0], U), scale(polygon[page, c, 1], V)))
             if swapped:
                 p = add_scaled(p, -gap, n)
-            put(points, ids, count, p, gap, base + 8 * labels[page, c, 0] + labels[page, c, 1])
+            one = _edge_name(labels[page, c, 0], k, f, swapped)
+            next_one = _edge_name(labels[page, c, 1], k, f, swapped)
+            put(points, ids, count, p, gap,
+                base + 12 * min(one, next_one) + max(one, next_one))
             count += 1
     return count
+
+
+@kernel
+def _edge_name(label: int, k: int, f: int, swapped: bool) -> int:
+    """
+    Return by which face of which box an edge is bounded: 0 .. 5 of A, 6 .. 11 of B.
+
+    A label as `_clip` leaves it, of faces of axis k of the reference and f of the incident box.
+    So a corner has one name, whichever of the two faces was clipped to the other.
+    """
+    if label < 4:
+        # The edges of the incident face, anticlockwise from that at its second axis' lower end.
+        along = (f + 2) % 3 if label % 2 == 0 else (f + 1) % 3
+        name = 2 * along + (1 if label in (1, 2) else 0)
+        return name if swapped else 6 + name
+    along = (k + 1) % 3 if label < 6 else (k + 2) % 3
+    name = 2 * along + (1 if label % 2 == 0 else 0)
+    return 6 + name if swapped else name
 
 
 @kernel

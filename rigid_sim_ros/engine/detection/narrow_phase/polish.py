@@ -12,7 +12,9 @@ s is smooth but for kinks: across an edge, or a line of a cylinder or a cone, th
 jumps by a vector e, and n . e = 0 on the kink. The best direction is mostly on one, or on two. So
 it is first seen whether the farthest point of each shape jumps near n. Two independent jumps leave
 one direction, n ~ e_1 x e_2; one leaves an arc, on which Newton's method goes on; none leaves it
-Newton's method in two dimensions.
+Newton's method in two dimensions. Jumps are looked for nearer and nearer: far from n there are
+kinks that are only near, and the farthest point on a rim that is nearly flat runs as far as it
+would jump.
 """
 
 from rigid_sim_ros.engine.detection.manifolds import EPA_CORNERS
@@ -25,10 +27,10 @@ from rigid_sim_ros.kernels.arrays import Array, Vector
 from rigid_sim_ros.kernels.kernel import kernel
 
 ROOM = EPA_CORNERS - 1  # a row of the corners that no simplex uses
-NUDGE = 1e-5  # [rad] to find second derivatives by differences; rounding asks for no smaller one
-# [rad] how far from n jumps are looked for: beyond the error of the guess. Farther, edges that are
-# only near n are taken for it; such a step separates less and does not count.
-SPREAD = 2e-4
+# [rad] how far from n jumps are looked for, beyond the error of the guess at first: a tenth as far
+# in each step, and at least as near before the search ends.
+SPREAD, NEARER, NEAR = 2e-4, 0.1, 3e-6
+NUDGE = 0.05  # of that, to find second derivatives by differences
 # Of the size of a shape: its farthest point jumps by more than that, and moves on a surface with
 # a radius of less than 50 sizes by less.
 JUMP = 0.02
@@ -65,12 +67,12 @@ def _on_B(c: Array) -> Vector:
 
 
 @kernel
-def _jump(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, t: Vector,
+def _jump(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, t: Vector, far: float,
           c: Array) -> tuple[Vector, Vector]:
-    """Return how the farthest points of A and of B differ on both sides of n along t."""
-    _farthest(pose, shapes, a, b, add_scaled(n, -SPREAD, t), c)
+    """Return how the farthest points of A and of B differ `far` on both sides of n along t."""
+    _farthest(pose, shapes, a, b, add_scaled(n, -far, t), c)
     on_A, on_B = _on_A(c), _on_B(c)
-    _farthest(pose, shapes, a, b, add_scaled(n, SPREAD, t), c)
+    _farthest(pose, shapes, a, b, add_scaled(n, far, t), c)
     return subtract(_on_A(c), on_A), subtract(_on_B(c), on_B)
 
 
@@ -107,39 +109,41 @@ def _slope(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, t: Vector, u:
 
 
 @kernel
-def _along_arc(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, e: Vector,
+def _along_arc(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, e: Vector, far: float,
                c: Array) -> Vector:
     """Return n after a step of Newton's method on the arc n . e = 0."""
     n = _in_plane(e, n)
     f = cross(n, e)
     here, _ = _slope(pose, shapes, a, b, n, f, f, 0.0, 0.0, c)
-    there, _ = _slope(pose, shapes, a, b, n, f, f, NUDGE, 0.0, c)
+    d = NUDGE * far
+    there, _ = _slope(pose, shapes, a, b, n, f, f, d, 0.0, c)
     # -s is convex; where it is flat the step is no number, or too long.
-    x = -here * NUDGE / (there - here)
+    x = -here * d / (there - here)
     return add_scaled(n, x, f) if abs(x) < FAR else n
 
 
 @kernel
-def _in_the_open(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, c: Array) -> Vector:
+def _in_the_open(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, far: float,
+                 c: Array) -> Vector:
     """Return n after a step of Newton's method in two dimensions."""
-    t = perpendicular(n)
+    t, d = perpendicular(n), NUDGE * far
     u = cross(n, t)
     g, h = _slope(pose, shapes, a, b, n, t, u, 0.0, 0.0, c)
-    gx, hx = _slope(pose, shapes, a, b, n, t, u, NUDGE, 0.0, c)
-    gy, hy = _slope(pose, shapes, a, b, n, t, u, 0.0, NUDGE, c)
-    gx, hx, gy, hy = (gx - g) / NUDGE, (hx - h) / NUDGE, (gy - g) / NUDGE, (hy - h) / NUDGE
+    gx, hx = _slope(pose, shapes, a, b, n, t, u, d, 0.0, c)
+    gy, hy = _slope(pose, shapes, a, b, n, t, u, 0.0, d, c)
+    gx, hx, gy, hy = (gx - g) / d, (hx - h) / d, (gy - g) / d, (hy - h) / d
     determinant = gx * hy - gy * hx
     x, y = (gy * h - hy * g) / determinant, (hx * g - gx * h) / determinant
     return add_scaled(add_scaled(n, x, t), y, u) if x * x + y * y < FAR * FAR else n
 
 
 @kernel
-def _find_kinks(pose: Array, shapes: Shapes, a: int, b: int, n: Vector,
+def _find_kinks(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, far: float,
                 c: Array) -> tuple[int, Vector, int, Vector]:
     """Return on how many kinks of A n is, with e or their normal, and the same of B."""
     t = perpendicular(n)
-    A_t, B_t = _jump(pose, shapes, a, b, n, t, c)
-    A_u, B_u = _jump(pose, shapes, a, b, n, cross(n, t), c)
+    A_t, B_t = _jump(pose, shapes, a, b, n, t, far, c)
+    A_u, B_u = _jump(pose, shapes, a, b, n, cross(n, t), far, c)
     on_A, e_A = _kinks(A_t, A_u, JUMP * shapes.bound[a])
     on_B, e_B = _kinks(B_t, B_u, JUMP * shapes.bound[b])
     if is_smooth(shapes.kind[a]):
@@ -148,10 +152,10 @@ def _find_kinks(pose: Array, shapes: Shapes, a: int, b: int, n: Vector,
         on_B = 0
     # The farthest points on a rim also run along it, but not where they jump straight across.
     if on_A == 1 and has_disc(shapes.kind[a]):
-        A_t, _ = _jump(pose, shapes, a, b, n, _in_plane(n, e_A), c)
+        A_t, _ = _jump(pose, shapes, a, b, n, _in_plane(n, e_A), far, c)
         e_A = scale(1.0 / norm(A_t), A_t)
     if on_B == 1 and has_disc(shapes.kind[b]):
-        _, B_t = _jump(pose, shapes, a, b, n, _in_plane(n, e_B), c)
+        _, B_t = _jump(pose, shapes, a, b, n, _in_plane(n, e_B), far, c)
         e_B = scale(1.0 / norm(B_t), B_t)
     return on_A, e_A, on_B, e_B
 
@@ -166,8 +170,10 @@ def polish(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, p: Vector,
     """
     small = min(shapes.bound[a], shapes.bound[b])
     best, least = separation(pose, shapes, a, b, n, c), ROUNDING * small
+    far = SPREAD / NEARER
     for _ in range(STEPS):
-        on_A, e_A, on_B, e_B = _find_kinks(pose, shapes, a, b, n, c)
+        far *= NEARER
+        on_A, e_A, on_B, e_B = _find_kinks(pose, shapes, a, b, n, far, c)
         crossed = cross(e_A, e_B)
         m = n
         if on_A == 2 or on_B == 2:
@@ -175,19 +181,13 @@ def polish(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, p: Vector,
         elif on_A == 1 and on_B == 1 and norm(crossed) > ALONG:
             m = scale(1.0 / norm(crossed), crossed)
         elif on_A == 1 or on_B == 1:
-            m = _along_arc(pose, shapes, a, b, n, e_A if on_A == 1 else e_B, c)
+            m = _along_arc(pose, shapes, a, b, n, e_A if on_A == 1 else e_B, far, c)
         else:
-            m = _in_the_open(pose, shapes, a, b, n, c)
+            m = _in_the_open(pose, shapes, a, b, n, far, c)
         m = scale((1.0 if dot(m, n) > 0.0 else -1.0) / norm(m), m)
         s = separation(pose, shapes, a, b, m, c)
-        if not s >= best - least and on_A + on_B > 0:
-            # The edges are only near.
-            on_A = on_B = 0
-            m = _in_the_open(pose, shapes, a, b, n, c)
-            m = scale(1.0 / norm(m), m)
-            s = separation(pose, shapes, a, b, m, c)
         if not s >= best - least:
-            break
+            continue
         step = subtract(m, n)
         best, n = max(s, best), m
         if on_B == 0:
@@ -197,6 +197,6 @@ def polish(pose: Array, shapes: Shapes, a: int, b: int, n: Vector, p: Vector,
         elif on_A == 1 and on_B == 1 and norm(crossed) > ALONG:
             between = subtract(_on_B(c), _on_A(c))
             p = add_scaled(_on_A(c), dot(cross(between, e_B), m) / dot(crossed, m), e_A)
-        if dot(step, step) < DONE * DONE:
+        if far < NEAR and dot(step, step) < DONE * DONE:
             break
     return separation(pose, shapes, a, b, n, c), n, p

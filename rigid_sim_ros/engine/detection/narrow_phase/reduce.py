@@ -23,18 +23,19 @@ FAR = 0.5
 @kernel
 def reduce_to_four(points: Array, ids: IntArray, count: int, normal: Vector, size: float) -> int:
     """
-    Keep at most four of `count` candidates, in their order, and return how many.
+    Keep at most four of `count` candidates, and return how many.
 
     Of the deepest the one farthest from any other, the one farthest from it, the one that spans
-    the largest triangle with these, and the one that adds most to that triangle. So the choice
-    depends on the order only between points that are alike. `size` [m] is that of the smaller
-    shape.
+    the largest triangle with these, and the one that adds most to that triangle. Of points that
+    are alike, as on a rim, that with the least feature: their order begins where rounding lets the
+    clipping begin. `size` [m] is that of the smaller shape.
     """
     if count > 4:
         count = _drop_far(points, ids, count, size)
     if count <= 4:
         return count
-    first = _outermost(points, ids, count, _deepest(points, count) + PREFERENCE * size)
+    _sort(points, ids, count)
+    first = _outermost(points, count, _deepest(points, count) + PREFERENCE * size)
     second, best = -1, 0.0
     for k in range(count):
         d = _between(points, first, k)
@@ -72,24 +73,36 @@ def _deepest(points: Array, count: int) -> float:
 
 
 @kernel
-def _outermost(points: Array, ids: IntArray, count: int, deep: float) -> int:
-    """
-    Return the candidate that is farthest from any other, of those with a gap up to `deep`.
+def _sort(points: Array, ids: IntArray, count: int) -> None:
+    """Sort the candidates by their features."""
+    for k in range(1, count):
+        x, y, z, gap, name = points[k, 0], points[k, 1], points[k, 2], points[k, 3], ids[k]
+        to = k
+        while to > 0 and ids[to - 1] > name:
+            for i in range(4):
+                points[to, i] = points[to - 1, i]
+            ids[to] = ids[to - 1]
+            to -= 1
+        points[to, 0], points[to, 1], points[to, 2], points[to, 3] = x, y, z, gap
+        ids[to] = name
 
-    Of those that are as far, on a rim all of them, that with the least feature: their order begins
-    where rounding lets the clipping begin. Not the farthest from the middle of all: where rounding
-    doubles a corner, the middle is elsewhere.
+
+@kernel
+def _outermost(points: Array, count: int, deep: float) -> int:
+    """
+    Return the first that is farthest from any other, of the candidates with a gap up to `deep`.
+
+    Not the farthest from the middle of all: where rounding doubles a corner, the middle is
+    elsewhere.
     """
     best = 0.0
     for k in range(count):
         if points[k, 3] <= deep:
             best = max(best, _farthest(points, count, k))
-    first = -1
     for k in range(count):
-        if (points[k, 3] <= deep and (first < 0 or ids[k] < ids[first])
-                and _farthest(points, count, k) * (1.0 + PREFERENCE) >= best):
-            first = k
-    return first
+        if points[k, 3] <= deep and _farthest(points, count, k) * (1.0 + PREFERENCE) >= best:
+            return k
+    return 0
 
 
 @kernel
