@@ -13,7 +13,7 @@ import pytest
 # Sixty bodies take a second.
 SCENES = {'timestep': 8, 'event': 6}
 FEWER = {'collapse-energy': 4}
-# Scenes that are known to break a law. In `timestep` of a hundred ten break `crates-order`, and four
+# Scenes that are known to break a law. In `timestep` ten of a hundred break `crates-order`, four
 # `crates-mirrored`: their impacts and friction have more than one solution.
 KNOWN = {('crates-mirrored', 'event'): {0}, ('crates-turned', 'event'): {1, 2},
          ('crates-mirrored', 'timestep'): {2}, ('crates-order', 'timestep'): {5}}
