@@ -104,7 +104,7 @@ def solve_contacts(model: Model, state: State, table: JointTable, motion: JointM
 
 @kernel
 def _note_approach(h: float, w: ContactBuffers) -> None:
-    """Note the rates of the gaps before the kick of half a step of h [s], which spoils velocities."""
+    """Note the rates of the gaps before the kick of half a step of h [s]; spoil the velocities."""
     for i in range(w.bodies.velocity.shape[0]):
         for k in range(6):
             w.bodies.velocity[i, k] -= 0.5 * h * w.bodies.acceleration[i, k]
