@@ -42,7 +42,7 @@ def draw_standing(rng: Generator) -> Scene:
     spec = {'format': 1,
             'world': {'gravity': [0.0, 0.0, -G], 'step': float(rng.choice([1e-3, 2e-3, 4e-3]))},
             'materials': {'default': {'friction': float(rng.choice([0.5, 1.0])),
-                                      'restitution': 0.0}},
+                                      'restitution': float(rng.choice([0.0, 0.4, 0.8]))}},
             'bodies': bodies, 'joints': joints}
     return Scene(spec, size, math.ceil(TIME / spec['world']['step']))
 

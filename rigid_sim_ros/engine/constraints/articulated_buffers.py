@@ -39,6 +39,7 @@ class ContactBuffers(NamedTuple):
     impulse: Array  # (c, 6) [N s, contact axes] of half a step
     pushed: Array  # (c, 6) [N s, contact axes] that only displace
     displacing: Loads  # [N s, N m s] what these make of the momenta of the bodies
+    approach: Array  # (c,) [m/s] rate of the gap of a point at the start of the step
     bounce: Array  # (c,) [m/s] with which a point comes apart at the end of the step
     work: Array  # (c,) [J] that the impulses of a half did
     free: Array  # (6 c + k,) [m/s] rates of the rows of an island without impulses
@@ -66,7 +67,7 @@ def make_buffers(table: JointTable, bodies: int, points: int, manifolds: int,
         whole(7), make_contacts(c), whole(2, manifolds), make_bodies(bodies), whole(c), whole(c),
         whole(c, 2), whole(c), whole(c), whole(c + 1), whole(bodies), whole(bodies), whole(bodies),
         np.zeros((c, 6)), np.zeros((c, 6)), empty_loads(bodies), np.zeros(c), np.zeros(c),
-        np.zeros(r), np.zeros(r), np.zeros(r), make_system(rows, table, bodies),
+        np.zeros(c), np.zeros(r), np.zeros(r), np.zeros(r), make_system(rows, table, bodies),
         carried, half, np.zeros(c), np.zeros(c), nothing_acted(c), nothing_acted(c))
 
 

@@ -15,6 +15,7 @@ from rigid_sim_ros.engine.constraints.articulated_axes import (
     any_left_piece, begin_with, free_rows, keep_pieces, take_rows)
 from rigid_sim_ros.engine.constraints.articulated_buffers import (
     ContactBuffers, HALF_KNOWN, ISLANDS, KNOWN, POINTS_IN_USE, WIDTH)
+from rigid_sim_ros.engine.constraints.articulated_points import rate_of_gap
 from rigid_sim_ros.engine.constraints.articulated_rows import (
     answer_to_impulses, moves, push_apart, read_row_rates, solve_system, take_off, write_system,
     write_velocities)
@@ -50,7 +51,7 @@ FASTEST = 1e3
 PUSH, MOST_PUSH = 0.2, 0.003
 # [rad] No body turns farther in a step by being displaced.
 MOST_TURN = 0.02
-# Times the speed that the loads give in half a step: slower approaches do not bounce.
+# Times the speed that loads and joints give in half a step: slower approaches do not bounce.
 REBOUNDS = 2.0
 # Shares of bounces that are tried so that these give no energy.
 CHORDS = 4
@@ -74,6 +75,8 @@ def solve_contacts(model: Model, state: State, table: JointTable, motion: JointM
         work.law.bend[:] = 0.0
         expect(table, motion, work)
     read_bodies(model, state, loads.F, loads.tau, w.bodies)
+    if first:
+        _note_approach(h, w)
     _begin_with(model, state, w.chosen[:w.count[POINTS_IN_USE]], w.count[WIDTH], first, w)
     axes = w.system.axes
     axes.is_row[:] = 0
@@ -97,6 +100,16 @@ def solve_contacts(model: Model, state: State, table: JointTable, motion: JointM
     axes.is_row[:] = 0
     if first:
         _add_displacing(model, state, table, work, h, w)
+
+
+@kernel
+def _note_approach(h: float, w: ContactBuffers) -> None:
+    """Note the rates of the gaps before the kick of half a step of h [s]; spoil the velocities."""
+    for i in range(w.bodies.velocity.shape[0]):
+        for k in range(6):
+            w.bodies.velocity[i, k] -= 0.5 * h * w.bodies.acceleration[i, k]
+    for k in w.chosen[:w.count[POINTS_IN_USE]]:
+        w.approach[k] = rate_of_gap(w, k)
 
 
 @kernel
@@ -186,9 +199,10 @@ def _aim(contacts: Contacts, chosen: IntArray, width: int, h: float, w: ContactB
     for c in range(chosen.shape[0]):
         k, n = chosen[c], width * c
         gap, rate = contacts.gap[k], b[n]
-        least = REBOUNDS * resting_speed(contacts, w.bodies, k, h)
+        # A light leg gets far more from its drive than from its weight.
+        given = max(resting_speed(contacts, w.bodies, k, h), w.approach[k] - rate)
         w.bounce[k] = 0.0
-        if rate < -least and gap + h * rate < 0.0:
+        if rate < -REBOUNDS * given and gap + h * rate < 0.0:
             w.bounce[k] = -contacts.restitution[k] * rate
         b[n] += max(gap, 0.0) / h
 
