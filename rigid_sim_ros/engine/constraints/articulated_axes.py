@@ -18,10 +18,10 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.contact.contact_rows import Rows
-from rigid_sim_ros.engine.joints.answers import answer, push_nothing, take_answer
+from rigid_sim_ros.engine.joints.answers import answer, push_nothing
 from rigid_sim_ros.engine.joints.buffers import JointWork, UNLOCKED
 from rigid_sim_ros.engine.joints.laws import impulse_at, kink_of, KINKS, reaction_of
-from rigid_sim_ros.engine.joints.loops import answer_within_loops
+from rigid_sim_ros.engine.joints.loops import take_within_loops
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.kernels.arrays import Array, IntArray
@@ -77,11 +77,13 @@ def any_left_piece(work: JointWork, axes: AxisRows) -> bool:
 
 
 @kernel
-def take_rows(work: JointWork, axes: AxisRows) -> None:
-    """Let axes that have left their pieces be rows from now on."""
+def take_rows(work: JointWork, axes: AxisRows) -> bool:
+    """Let axes that have left their pieces be rows from now on; return whether any has."""
+    found = False
     for k in range(axes.locked.shape[0]):
         if has_left_piece(work, axes, k):
-            axes.is_row[k] = 1
+            axes.is_row[k], found = 1, True
+    return found
 
 
 @kernel
@@ -102,8 +104,6 @@ def free_rows(table: JointTable, work: JointWork, axes: AxisRows) -> bool:
                 v = work.given[k]
                 acted = reaction_of(table, work, r, k)
             axes.impulse[k] = acted - (law.a[k] - law.b[k] * v)
-    for k in range(axes.is_row.shape[0]):
-        if axes.is_row[k] == 1:
             work.locked[k], work.given[k] = UNLOCKED, 0.0
             work.extra[k], work.tau[k] = law.b[k], law.a[k]
     return found
@@ -169,36 +169,33 @@ def _answer_axes(table: JointTable, work: JointWork, axes: AxisRows, g: int, n: 
     """Write how the axes of articulation g answer to impulses along them."""
     begin, end = table.first_row[g], table.first_row[g + 1]
     start, stop = table.first_axis[begin], table.first_axis[end]
-    lane, lanes = 0, 0
-    for q in range(rows.scalar.present[0]):
-        if not start <= axes.axis[q] < stop:
-            continue
-        if lane == 0:
-            push_nothing(table, work.answers, begin, end)
-            lanes = q
-        work.answers.tau[LANES * axes.axis[q] + lane] = axes.scale[q]
-        lane += 1
-        if lane == LANES:
-            answer(table, work, begin, end)
-            for done in range(lane):
-                note_rates(table, work, axes, g, done, n + lanes + done, n, rows)
-            lane = 0
-    if lane > 0:
+    first = 0
+    while first < rows.scalar.present[0] and not start <= axes.axis[first] < stop:
+        first += 1
+    last = first    # those of an articulation were listed one after the other
+    while last < rows.scalar.present[0] and start <= axes.axis[last] < stop:
+        last += 1
+    for block in range(first, last, LANES):
+        lanes = min(LANES, last - block)
+        push_nothing(table, work.answers, begin, end)
+        for lane in range(lanes):
+            work.answers.tau[LANES * axes.axis[block + lane] + lane] = axes.scale[block + lane]
         answer(table, work, begin, end)
-        for done in range(lane):
-            note_rates(table, work, axes, g, done, n + lanes + done, n, rows)
+        for lane in range(lanes):
+            closes = take_within_loops(table, work, lane, g)
+            note_rates(table, work, axes, g, lane, closes, n + block + lane, n, rows)
 
 
 @kernel
-def note_rates(table: JointTable, work: JointWork, axes: AxisRows, g: int, lane: int, i: int,
-               n: int, rows: Rows) -> None:
-    """Write how the axes of articulation g answer to row i, which is in a lane of the answers."""
-    begin, end = table.first_row[g], table.first_row[g + 1]
-    start, stop = table.first_axis[begin], table.first_axis[end]
-    closes = table.first_condition[g + 1] > table.first_condition[g]
-    if closes:
-        take_answer(table, work, lane, begin, end)
-        answer_within_loops(table, work, g)
+def note_rates(table: JointTable, work: JointWork, axes: AxisRows, g: int, lane: int,
+               closes: bool, i: int, n: int, rows: Rows) -> None:
+    """
+    Write how the axes of articulation g answer to row i, which is in a lane of the answers.
+
+    closes: what `take_within_loops` returned.
+    """
+    start = table.first_axis[table.first_row[g]]
+    stop = table.first_axis[table.first_row[g + 1]]
     size = n + rows.scalar.present[0]
     for q in range(rows.scalar.present[0]):
         k = axes.axis[q]

@@ -12,7 +12,7 @@ found again together with what acts along it (articulated_axes.py).
 """
 
 from rigid_sim_ros.engine.constraints.articulated_axes import (
-    any_left_piece, begin_with, free_rows, keep_pieces, take_rows)
+    begin_with, free_rows, keep_pieces, take_rows)
 from rigid_sim_ros.engine.constraints.articulated_buffers import (
     ContactBuffers, HALF_KNOWN, ISLANDS, KNOWN, POINTS_IN_USE, WIDTH)
 from rigid_sim_ros.engine.constraints.articulated_points import rate_of_gap
@@ -82,14 +82,12 @@ def solve_contacts(model: Model, state: State, table: JointTable, motion: JointM
     axes.is_row[:] = 0
     for n in range(MOST_PIECES):
         _find_velocities(model, state, table, motion, work, h, first, w)
-        if n > 0 and not any_left_piece(work, axes):
+        if n > 0 and not take_rows(work, axes):
             break
-        if n > 0:
-            take_rows(work, axes)
         keep_pieces(work, axes)
         if free_rows(table, work, axes):
             find_motions_of_pieces(model, table, state, work, h if first else 0.0)
-            _read_velocities(model, state, table, work, w)
+            read_velocities(model, state, table, work, w)
         changed = False
         for island in range(w.count[ISLANDS]):
             chosen = w.chosen[w.first[island]:w.first[island + 1]]
@@ -117,12 +115,12 @@ def _find_velocities(model: Model, state: State, table: JointTable, motion: Join
                      work: JointWork, h: float, first: bool, w: ContactBuffers) -> None:
     """Write the velocities of all bodies as the joints let them move with their momenta."""
     find_motions(model, table, state, motion, work, h, first)
-    _read_velocities(model, state, table, work, w)
+    read_velocities(model, state, table, work, w)
 
 
 @kernel
-def _read_velocities(model: Model, state: State, table: JointTable, work: JointWork,
-                     w: ContactBuffers) -> None:
+def read_velocities(model: Model, state: State, table: JointTable, work: JointWork,
+                    w: ContactBuffers) -> None:
     """Write the velocities of all bodies, of those that joints hold the motions found last."""
     for i in range(model.m.shape[0]):
         if table.row_of_body[i] == NONE:

@@ -12,12 +12,13 @@ against their limits.
 from rigid_sim_ros.engine.constraints.articulated_axes import any_left_piece, keep_pieces
 from rigid_sim_ros.engine.constraints.articulated_buffers import (
     ContactBuffers, ISLANDS, POINTS_IN_USE, WIDTH)
-from rigid_sim_ros.engine.constraints.articulated_contact import MOST_PIECES, rebound
+from rigid_sim_ros.engine.constraints.articulated_contact import (
+    MOST_PIECES, read_velocities, rebound)
 from rigid_sim_ros.engine.constraints.articulated_points import rate_of_gap
 from rigid_sim_ros.engine.constraints.articulated_rows import (
-    read_row_rates, take_off, write_system, write_velocities)
+    read_row_rates, take_off, write_system)
 from rigid_sim_ros.engine.contact.classify import classify, COLLIDING, resting_speed
-from rigid_sim_ros.engine.contact.contacts import push_rows, read_velocity
+from rigid_sim_ros.engine.contact.contacts import push_rows
 from rigid_sim_ros.engine.joints.articulated import write_momenta
 from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
 from rigid_sim_ros.engine.joints.settle import find_motions_after_impact, prepare_step
@@ -140,9 +141,7 @@ def _push(model: Model, state: State, table: JointTable, motion: JointMotion, wo
     for c in range(chosen.shape[0]):
         push_rows(model, state, w.contacts, chosen[c], w.count[WIDTH], w.row, w.count[WIDTH] * c)
     find_motions_after_impact(model, table, state, motion, work)
-    for i in range(model.m.shape[0]):
-        read_velocity(model, state, i, w.bodies)
-    write_velocities(table, work, 0, table.body.shape[0], w.bodies.velocity)
+    read_velocities(model, state, table, work, w)
 
 
 @kernel

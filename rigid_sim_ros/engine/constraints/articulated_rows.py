@@ -25,11 +25,11 @@ from rigid_sim_ros.engine.contact.contact_rows import (
 from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts
 from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, ENOUGH, GOAL
 from rigid_sim_ros.engine.dynamics.loads import Loads
-from rigid_sim_ros.engine.joints.answers import (
-    answer, motion_in, push, push_nothing, take_answer)
+from rigid_sim_ros.engine.joints.answers import answer, motion_in, push, push_nothing
 from rigid_sim_ros.engine.joints.articulated import momenta_of, solve, velocity_of_center
 from rigid_sim_ros.engine.joints.buffers import JointWork
-from rigid_sim_ros.engine.joints.loops import answer_within_loops, ask_nothing
+from rigid_sim_ros.engine.joints.loops import (
+    answer_within_loops, ask_nothing, take_within_loops)
 from rigid_sim_ros.engine.maths.spatial import set_six, six
 from rigid_sim_ros.engine.maths.vector import add, column, cross, row, set_column
 from rigid_sim_ros.engine.model.joints import JointTable, NONE
@@ -230,16 +230,12 @@ def _write_answers(table: JointTable, work: JointWork, system: System, g: int, l
                    n: int) -> None:
     """Write how what is touched of articulation g answers to the rows in the lanes, of n rows."""
     rows, of = system.rows, system.articulation
-    begin, end = table.first_row[g], table.first_row[g + 1]
-    answer(table, work, begin, end)
-    closes = table.first_condition[g + 1] > table.first_condition[g]
+    answer(table, work, table.first_row[g], table.first_row[g + 1])
     for lane in range(lanes):
         c, i = system.lanes[0, lane], system.lanes[1, lane]
-        if closes:
-            take_answer(table, work, lane, begin, end)
-            answer_within_loops(table, work, g)
+        closes = take_within_loops(table, work, lane, g)
         if rows.scalar.present[0] > 0:
-            note_rates(table, work, system.axes, g, lane, i, n, rows)
+            note_rates(table, work, system.axes, g, lane, closes, i, n, rows)
         at = rows.at[i]
         for e in range(rows.first[c], rows.first[c + 1]):
             body = rows.moved[e]

@@ -13,6 +13,7 @@ already, such as those out of the plane of a planar linkage, are found by their 
 out. (Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 8.)
 """
 
+from rigid_sim_ros.engine.joints.answers import take_answer
 from rigid_sim_ros.engine.joints.articulated import axis_part, solve, STIFFNESS
 from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork, STIFF
 from rigid_sim_ros.engine.joints.kinematics import (
@@ -241,6 +242,20 @@ def answer_within_loops(table: JointTable, work: JointWork, g: int) -> None:
         work.loop.missing[m] = -_rate_of(table, work, m)
     if table.first_condition[g + 1] > table.first_condition[g]:
         _close_by_missing(table, work, g)
+
+
+@kernel
+def take_within_loops(table: JointTable, work: JointWork, lane: int, g: int) -> bool:
+    """
+    Return whether articulation g has loops or couplings.
+
+    Then V and the rates become its answer in a lane, with these.
+    """
+    closes = table.first_condition[g + 1] > table.first_condition[g]
+    if closes:
+        take_answer(table, work, lane, table.first_row[g], table.first_row[g + 1])
+        answer_within_loops(table, work, g)
+    return bool(closes)
 
 
 @kernel

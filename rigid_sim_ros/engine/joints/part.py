@@ -14,7 +14,7 @@ import numpy as np
 from rigid_sim_ros.engine.joints.buffers import Drives, JointMotion, joints_at_rest, no_drives
 from rigid_sim_ros.engine.model.joints import FREE, JointTable, LawTable, MIMIC, NONE
 from rigid_sim_ros.kernels.arrays import Array, IntArray
-from rigid_sim_ros.kernels.kernel import kernel
+from rigid_sim_ros.kernels.kernel import inlined, kernel
 
 
 class Part(NamedTuple):
@@ -95,38 +95,40 @@ def _first(counts: IntArray) -> IntArray:
 @kernel
 def take_out(part: Part, motion: JointMotion) -> None:
     """Let the part move as the whole does now."""
-    its = part.motion
-    for n in range(part.joint.shape[0]):
-        its.position[n] = motion.position[part.joint[n]]
-    for n in range(part.axis.shape[0]):
-        k = part.axis[n]
-        its.rate[n], its.effort[n] = motion.rate[k], motion.effort[k]
-        its.held[n], its.held_at[n] = motion.held[k], motion.held_at[k]
-        _copy_drive(its.drives, n, motion.drives, k)
-    for past in range(motion.curvature.shape[0]):
-        for n in range(part.row.shape[0]):
-            _copy_six(its.curvature[past], n, motion.curvature[past], part.row[n])
-        for n in range(part.condition.shape[0]):
-            its.strain[past, n] = motion.strain[past, part.condition[n]]
+    _copy(part, motion, part.motion, True)
 
 
 @kernel
 def put_back(part: Part, motion: JointMotion) -> None:
     """Let the whole move as the part does now."""
-    its = part.motion
+    _copy(part, part.motion, motion, False)
+
+
+@kernel
+def _copy(part: Part, of: JointMotion, to: JointMotion, out: bool) -> None:
+    """Copy the rows of the part; out: from the whole, else back to it."""
     for n in range(part.joint.shape[0]):
-        motion.position[part.joint[n]] = its.position[n]
-        _copy_six(motion.wrench, part.joint[n], its.wrench, n)
+        i, k = _places(part.joint, n, out)
+        to.position[i] = of.position[k]
+        _copy_six(to.wrench, i, of.wrench, k)
     for n in range(part.axis.shape[0]):
-        k = part.axis[n]
-        motion.rate[k], motion.effort[k] = its.rate[n], its.effort[n]
-        motion.held[k], motion.held_at[k] = its.held[n], its.held_at[n]
-        _copy_drive(motion.drives, k, its.drives, n)
-    for past in range(motion.curvature.shape[0]):
+        i, k = _places(part.axis, n, out)
+        to.rate[i], to.effort[i] = of.rate[k], of.effort[k]
+        to.held[i], to.held_at[i] = of.held[k], of.held_at[k]
+        _copy_drive(to.drives, i, of.drives, k)
+    for past in range(of.curvature.shape[0]):
         for n in range(part.row.shape[0]):
-            _copy_six(motion.curvature[past], part.row[n], its.curvature[past], n)
+            i, k = _places(part.row, n, out)
+            _copy_six(to.curvature[past], i, of.curvature[past], k)
         for n in range(part.condition.shape[0]):
-            motion.strain[past, part.condition[n]] = its.strain[past, n]
+            i, k = _places(part.condition, n, out)
+            to.strain[past, i] = of.strain[past, k]
+
+
+@inlined
+def _places(rows: IntArray, n: int, out: bool) -> tuple[int, int]:
+    """Return where row n of a part is copied to, and where it is copied from."""
+    return (n, rows[n]) if out else (rows[n], n)
 
 
 @kernel
