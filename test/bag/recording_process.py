@@ -28,15 +28,21 @@ from rigid_sim_ros.bag.recorder import Recorder
 PERIOD = 10     # steps of 1 ms from one publication to the next
 
 
+def begin(times: int) -> None:
+    """Write down that nothing was published until now."""
+    os.pwrite(times, struct.pack('qq', *2 * [time.time_ns()]), 0)
+
+
 def record(bag: Path, storage: str) -> None:
     """Step a world in real time, push it now and then, and record it."""
+    times = os.open(bag.with_name(f'{bag.name}.times'), os.O_RDWR | os.O_CREAT)
+    begin(times)    # before there are files that a kill may leave
     the_world = world()
     topics = state_topics(NODE, the_world.names)
     recorder = Recorder(bag, the_world, topics, storage=storage, segment_s=1.6)
     outputs = Outputs(the_world, topics, 'world')
     chosen = kinds.CLOCK, kinds.POSE, kinds.TWIST, kinds.STATE, kinds.STATE_HASH
-    times = os.open(bag.with_name(f'{bag.name}.times'), os.O_RDWR | os.O_CREAT)
-    os.pwrite(times, struct.pack('qq', *2 * [time.time_ns()]), 0)
+    begin(times)
     due = time.monotonic()
     while True:
         step = the_world.step_index
