@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
 
 from rigid_sim_ros import World
 
@@ -66,10 +67,10 @@ class Solid(NamedTuple):
     radii: np.ndarray = np.zeros(3)  # [m] of an ellipsoid around each point
 
     def support(self, e: np.ndarray) -> np.ndarray:
-        """Return max e . p over the solid for directions (..., 3) in the body frame."""
+        """Return max e . p over the solid for unit vectors e (..., 3) in the body frame."""
         discs = self.disc * np.hypot(e[..., 0], e[..., 1])[..., None]
-        return ((e @ self.points.T + discs).max(axis=-1) + self.ball * np.linalg.norm(e, axis=-1)
-                + np.linalg.norm(e * self.radii, axis=-1))
+        return ((e @ self.points.T + discs).max(axis=-1) + self.ball
+                + np.sqrt(np.square(e) @ np.square(self.radii)))
 
 
 _AXES = np.eye(3)
@@ -118,46 +119,42 @@ SOLIDS = {name: [_solid(part) for part in shape.get('compound', [shape])]
 
 def rotations(q: np.ndarray) -> np.ndarray:
     """Return the matrices (n, 3, 3), body to world, of orientations (n, 4) x, y, z, w."""
-    x, y, z, w = q.T
-    rows = [[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]]
-    return np.moveaxis(np.array(rows), 2, 0)
+    return Rotation.from_quat(q).as_matrix()
 
 
 def lowest(name: str, x: np.ndarray, R: np.ndarray) -> np.ndarray:
     """Return the height (n,) of the lowest point of bodies at x (n, 3), R (n, 3, 3)."""
     down = -R[:, 2, :]
-    return x[:, 2] - np.max([solid.support(down) for solid in SOLIDS[name]], axis=0)
+    return x[:, 2] - np.maximum.reduce([solid.support(down) for solid in SOLIDS[name]])
 
 
-def _overlap_along(a: Solid, b: Solid, x: np.ndarray, Ra: np.ndarray, Rb: np.ndarray,
-                   n: np.ndarray) -> np.ndarray:
-    """Return by how much one pair overlaps along unit directions n (d, 3), from A to B."""
-    return a.support(n @ Ra) + b.support(-n @ Rb) - n @ x
+def _overlaps(a: Solid, b: Solid, x: np.ndarray, Ra: np.ndarray, Rb: np.ndarray,
+              n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return n (d, 3) and -n as unit vectors, and by how much a pair overlaps along each."""
+    length = np.linalg.norm(n, axis=1)
+    n = n[length > 1e-9] / length[length > 1e-9, None]
+    n = np.concatenate([n, -n])
+    return n, a.support(n @ Ra) + b.support(-n @ Rb) - n @ x
 
 
 def _depth(a: Solid, b: Solid, x: np.ndarray, Ra: np.ndarray, Rb: np.ndarray,
            hints: np.ndarray, enough: float) -> float:
     """Return the depth of B at x = x_B - x_A in A, or any bound of it below `enough`."""
+    n, depths = _overlaps(a, b, x, Ra, Rb, np.append(hints, [x], axis=0))
+    if depths.min() < enough:
+        return float(depths.min())
     crossed = np.cross((a.edges @ Ra.T)[:, None], (b.edges @ Rb.T)[None]).reshape(-1, 3)
     centres = x + Rb @ b.points.mean(axis=0) - Ra @ a.points.mean(axis=0)
     # Between the segments and points that balls were put around, too.
     near = ((b.points @ Rb.T + x)[:, None] - (a.points @ Ra.T)[None]).reshape(-1, 3)
-    n = np.concatenate([hints, a.directions @ Ra.T, b.directions @ Rb.T, crossed, near,
-                        centres[None]])
-    length = np.linalg.norm(n, axis=1)
-    n = n[length > 1e-9] / length[length > 1e-9, None]
-    n = np.concatenate([n, -n])
-    depths = _overlap_along(a, b, x, Ra, Rb, n)
+    n, depths = _overlaps(a, b, x, Ra, Rb, np.concatenate([
+        n, a.directions @ Ra.T, b.directions @ Rb.T, crossed, near, centres[None]]))
     best, depth = n[depths.argmin()], float(depths.min())
     rng = np.random.default_rng(0)
     for size in 0.5 ** np.arange(1, 16):
         if depth < enough:
             break
-        n = best + size * rng.normal(size=(200, 3))
-        n /= np.linalg.norm(n, axis=1)[:, None]
-        depths = _overlap_along(a, b, x, Ra, Rb, n)
+        n, depths = _overlaps(a, b, x, Ra, Rb, best + size * rng.normal(size=(200, 3)))
         if depths.min() < depth:
             best, depth = n[depths.argmin()], float(depths.min())
     return depth
@@ -172,12 +169,18 @@ class Drops:
     """
 
     def __init__(self, first: str, second: str | None, fixed: bool, count: int, *,
-                 step: float = 1e-3, density: float = 1000.0,
+                 step: float = 1e-3, look: int = 10, density: float = 1000.0,
                  surface: Mapping[str, float] = MappingProxyType({}), **world: Any) -> None:
-        """Put `count` drops on a square grid; `world` is more of the scene's world."""
+        """
+        Put `count` drops on a square grid, which are looked at after every `look` steps.
+
+        `world` is more of the scene's world.
+        """
         rng = np.random.default_rng([count, *map(ord, f'{first}{second}')])
         self.kinds = [first] if second is None else [first, second]
-        self.fixed, self.count, self.h = fixed, count, step
+        # Which of the pair are not fixed.
+        self.moving = [0] if fixed else list(range(len(self.kinds)))
+        self.fixed, self.count, self.h, self._look = fixed, count, step, look
         self._density = density
         side = math.isqrt(count - 1) + 1
         bodies = [body for i in range(count)
@@ -186,8 +189,13 @@ class Drops:
             'format': 1, 'world': {'step': step, **world},
             'materials': {'default': {'friction': 0.5, **surface}},
             'bodies': [{'name': 'ground', 'fixed': True, 'shape': {'type': 'plane'}}, *bodies]})
-        self._clear = np.zeros(count, dtype=bool)
-        self._kept = self.momentum()
+        # Rows of the first bodies of all drops, and of the second: (1 or 2, count).
+        self.rows = 1 + np.arange(count * len(self.kinds)).reshape(count, -1).T
+        self._movers = self.rows[self.moving]
+        # m 1 m/s, and 0.1 m of it.
+        self._scales = (self.world.mass[self._movers].sum(axis=0)[:, None]
+                        * (1.0, 1.0, 1.0, 0.1, 0.1, 0.1))
+        self._clear, self._kept = self._is_clear(), self.momentum()
 
     def _drop(self, rng: np.random.Generator, i: int, place: np.ndarray) -> list[dict[str, Any]]:
         """Return the bodies of one drop at random poses, clear of each other and the ground."""
@@ -210,30 +218,22 @@ class Drops:
             bodies.append(body)
         return bodies
 
-    @property
-    def moving(self) -> list[int]:
-        """Which of the pair are not fixed."""
-        return [0] if self.fixed else list(range(len(self.kinds)))
-
-    def rows(self, k: int) -> np.ndarray:
-        """Return the indices of the first (0) or second (1) bodies of all drops."""
-        return 1 + k + len(self.kinds) * np.arange(self.count)
-
     def poses(self, k: int) -> tuple[np.ndarray, np.ndarray]:
         """Return positions and rotations of the first or second bodies."""
-        rows = self.rows(k)
+        rows = self.rows[k]
         return self.world.position[rows], rotations(self.world.orientation[rows])
 
     def height(self) -> np.ndarray:
         """Return how far each drop is above the ground [m]; below 0: overlap."""
-        return np.min([lowest(self.kinds[k], *self.poses(k)) for k in self.moving], axis=0)
+        return np.minimum.reduce([lowest(self.kinds[k], *self.poses(k)) for k in self.moving])
 
-    def clearance(self) -> np.ndarray:
-        """Return how far each drop is at least from all that is fixed [m]."""
-        if not self.fixed:
-            return self.height()
-        apart = np.linalg.norm(self.poses(1)[0] - self.poses(0)[0], axis=1) - 2 * REACH
-        return np.minimum(self.height(), apart)
+    def _is_clear(self) -> np.ndarray:
+        """Return which drops cannot meet anything fixed until the next look, or since the last."""
+        clear = self.height()
+        if self.fixed:
+            apart = self.world.position[self.rows[1]] - self.world.position[self.rows[0]]
+            clear = np.minimum(clear, np.linalg.norm(apart, axis=1) - 2 * REACH)
+        return clear > 4.0 * self._look * self.h  # no point is faster than 4 m/s
 
     def momentum(self) -> np.ndarray:
         """
@@ -241,48 +241,43 @@ class Drops:
 
         Gravity turns nothing about that centre, so both stay while only the pair touches.
         """
-        w, rows = self.world, [self.rows(k) for k in self.moving]
-        x, P, L, m = w.center_of_mass, w.linear_momentum, w.angular_momentum, w.mass[:, None]
-        mass = np.sum([m[r] for r in rows], axis=0)
-        middle = np.sum([m[r] * x[r] for r in rows], axis=0) / mass
-        spin = np.sum([L[r] + np.cross(x[r] - middle, P[r]) for r in rows], axis=0)
+        w, rows = self.world, self._movers
+        x, P, m = w.center_of_mass[rows], w.linear_momentum[rows], w.mass[rows, None]
+        mass = m.sum(axis=0)
+        arms = x - (m * x).sum(axis=0) / mass
+        spin = (w.angular_momentum[rows] + np.cross(arms, P)).sum(axis=0)
         fallen = mass * (0.0, 0.0, G * w.step_index * self.h)
-        return np.hstack([np.sum([P[r] for r in rows], axis=0) + fallen, spin])
+        return np.hstack([P.sum(axis=0) + fallen, spin])
 
-    def scales(self) -> np.ndarray:
-        """Return what a change of `momentum` is compared with: m 1 m/s, and 0.1 m of it."""
-        mass = np.sum([self.world.mass[self.rows(k)] for k in self.moving], axis=0)
-        return mass[:, None] * (1.0, 1.0, 1.0, 0.1, 0.1, 0.1)
-
-    def change_of_momentum(self, steps: int) -> np.ndarray:
+    def change_of_momentum(self) -> np.ndarray:
         """
         Step; return the largest changes of P and L since a drop last met what is fixed, (2,).
 
-        They are relative to `scales`. A drop counts while it is too far away to meet anything
-        fixed in between: no point is faster than 4 m/s.
+        They are relative to those of 1 m/s, with an arm of 0.1 m. A drop counts while it is too
+        far away to meet anything fixed in between.
         """
-        high = 4.0 * steps * self.h
-        self._kept = np.where(self._clear[:, None], self._kept, self.momentum())
-        self._clear = self.clearance() > high
-        self.world.step(steps)
-        self._clear &= self.clearance() > high
-        change = np.abs(self.momentum() - self._kept) / self.scales()
-        return change[self._clear].max(axis=0, initial=0.0).reshape(2, 3).max(axis=1)
+        was_clear = self._clear
+        self.world.step(self._look)
+        self._clear = self._is_clear()
+        if not self._clear.any():
+            return np.zeros(2)
+        momentum, counts = self.momentum(), self._clear & was_clear
+        change = (np.abs(momentum - self._kept) / self._scales)[counts]
+        self._kept = np.where(counts[:, None], self._kept, momentum)
+        return change.max(axis=0, initial=0.0).reshape(2, 3).max(axis=1)
 
     def energy(self) -> np.ndarray:
         """Return the energy of each drop [J], zero at the ground."""
-        w, rows = self.world, [self.rows(k) for k in self.moving]
-        P, L, turn, z = (w.linear_momentum, w.angular_momentum, w.angular_velocity,
-                         w.center_of_mass[:, 2])
-        return np.sum([0.5 * (P[r] ** 2).sum(axis=1) / w.mass[r]
-                       + 0.5 * (L[r] * turn[r]).sum(axis=1) + w.mass[r] * G * z[r]
-                       for r in rows], axis=0)
+        w, rows = self.world, self._movers
+        P, m, z = w.linear_momentum[rows], w.mass[rows], w.center_of_mass[rows, 2]
+        turning = (w.angular_momentum[rows] * w.angular_velocity[rows]).sum(axis=2)
+        return (0.5 * np.square(P).sum(axis=2) / m + 0.5 * turning + m * G * z).sum(axis=0)
 
     def slow(self) -> np.ndarray:
         """Return which drops neither fall nor rise; they may roll."""
-        rows = [self.rows(k) for k in self.moving]
-        v = self.world.linear_momentum[:, 2] / np.maximum(self.world.mass, 1e-9)
-        return np.max([np.abs(v[r]) for r in rows], axis=0) < 0.05
+        rows = self._movers
+        v = self.world.linear_momentum[rows, 2] / self.world.mass[rows]
+        return np.abs(v).max(axis=0) < 0.05
 
     def overlap(self, enough: float) -> np.ndarray:
         """Return the depth of the overlap in each drop [m]; where below `enough`, a bound."""
@@ -293,8 +288,8 @@ class Drops:
         contacts = self.world.contacts()
         for i in np.flatnonzero(np.linalg.norm(xb - xa, axis=1) < 2 * REACH):
             # The engine's normals are directions to try like any others.
-            tried = contacts['normal'][(contacts['body_a'] == self.rows(0)[i])
-                                       & (contacts['body_b'] == self.rows(1)[i])]
+            tried = contacts['normal'][(contacts['body_a'] == self.rows[0, i])
+                                       & (contacts['body_b'] == self.rows[1, i])]
             depth[i] = max(depth[i], *(
                 _depth(a, b, xb[i] - xa[i], Ra[i], Rb[i], tried, enough)
                 for a in SOLIDS[self.kinds[0]] for b in SOLIDS[self.kinds[1]]))

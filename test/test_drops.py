@@ -36,7 +36,7 @@ MODELS = {
     # A ball of 14 kg sinks in by 0.7 mm.
     'penalty': Model({'contact': 'penalty', 'step': 4e-4,
                       'surface': {'stiffness': 4e5, 'damping': 2.0}}, 1, 1.0),
-    'qp': Model({'contact': 'timestep', 'solver': 'qp'}, 1, 0.6),
+    'qp': Model({'contact': 'timestep', 'solver': 'qp', 'step': 2e-3}, 1, 0.6),
     'event': Model({'contact': 'event'}, either(2, 4), 1.0),
 }
 # None: on the ground alone.
@@ -63,12 +63,12 @@ def measures(request) -> Measures:
     """Drop a pair and measure; the tests below share what comes of it."""
     model, first, second, fixed = request.param
     how = MODELS[model]
-    drops = Drops(first, second, fixed, how.count, **how.world)
+    drops = Drops(first, second, fixed, how.count, look=BATCH, **how.world)
     start, batches = drops.energy(), round(how.duration / (BATCH * drops.h))
     energy, overlap, momentum = 0.0, 0.0, np.zeros(2)
     finite, slow = True, np.zeros(how.count)
     for k in range(1, batches + 1):
-        momentum = np.maximum(momentum, drops.change_of_momentum(BATCH))
+        momentum = np.maximum(momentum, drops.change_of_momentum())
         energy = max(energy, float((drops.energy() / start - 1.0).max()))
         slow = (slow + 1) * drops.slow()
         if k > 0.8 * batches and k % LOOKS == 0:

@@ -17,7 +17,7 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
 from ruamel.yaml.resolver import implicit_resolvers
-from yaml.error import YAMLError
+from yaml.error import MarkedYAMLError, YAMLError
 import yaml.nodes
 
 try:
@@ -29,6 +29,8 @@ MAPPING = (MappingNode, yaml.nodes.MappingNode)
 SEQUENCE = (SequenceNode, yaml.nodes.SequenceNode)
 SCALAR = (ScalarNode, yaml.nodes.ScalarNode)
 
+# What libyaml says of more than a thousand levels; ruamel takes two seconds to find the same.
+_TOO_DEEP = 'exceeded maximum nesting depth'
 _PREFIX = 'tag:yaml.org,2002:'
 # By the first letter of a plain word, the tags that it may have and what tells whether it does.
 _WORDS: dict[str, list[tuple[str, Any]]] = {}
@@ -39,12 +41,18 @@ for _versions, _name, _form, _letters in implicit_resolvers:
 
 
 def compose(text: str) -> Any:
-    """Return the tree of the only document, None without one; errors are those of ruamel.yaml."""
+    """
+    Return the tree of the only document, None without one.
+
+    Errors are those of ruamel.yaml, and RecursionError where the text is nested too deeply.
+    """
     if CParser is not None:
         try:
             return _Quick(text).get_single_node()
-        except (YAMLError, ValueError, RecursionError):
-            pass    # ruamel says what is wrong, if it finds that too
+        except (YAMLError, ValueError, RecursionError) as error:
+            if isinstance(error, MarkedYAMLError) and error.problem == _TOO_DEEP:
+                raise RecursionError(_TOO_DEEP) from None
+            # ruamel says what is wrong, if it finds that too
     slow = YAML(typ='safe', pure=True)
     slow.composer.warn_double_anchors = False
     return slow.compose(text)

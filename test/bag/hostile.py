@@ -4,6 +4,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 import os
 from pathlib import Path
 import shutil
@@ -145,13 +146,18 @@ def _sqlite(*statements: str) -> Callable[[Path, Path], None]:
     return change
 
 
-def _huge_message(bag: Path, outside: Path) -> None:
-    """Put a message of some kB that grows to 3 GB into a bag with messages compressed by zstd."""
+@cache
+def _of_3_gigabytes() -> bytes:
+    """Return some kB that grow to 3 GB."""
     pieces = zstandard.ZstdCompressor(level=3).compressobj(size=3 << 30)
     zeros = bytes(1 << 24)
-    data = b''.join(pieces.compress(zeros) for _ in range(192)) + pieces.flush()
+    return b''.join(pieces.compress(zeros) for _ in range(192)) + pieces.flush()
+
+
+def _huge_message(bag: Path, outside: Path) -> None:
+    """Put a message that grows into a bag with messages compressed by zstd."""
     with sqlite3.connect(_first(bag)) as database:
-        database.execute('UPDATE messages SET data = ? WHERE id = 5', (data,))
+        database.execute('UPDATE messages SET data = ? WHERE id = 5', (_of_3_gigabytes(),))
         database.commit()
     database.close()
     path = bag / 'metadata.yaml'

@@ -140,7 +140,10 @@ def test_a_gap_that_was_put_in_does_not_hide_what_follows(tmp_path, number, lost
                 'since_step': 0, 'messages': lost, 'events': lost}).encode())
         return far_away(topic, data) if is_done else data
 
-    assert not verify(forge(shared_session(), tmp_path, change=change, recount=True)).holds
+    verdict = verify(forge(shared_session(), tmp_path, change=change, recount=True))
+    assert not verdict.holds
+    if number is None:
+        assert 'of which nobody knows how much' in verdict.difference.text
 
 
 def test_a_bag_of_which_nothing_can_be_compared_does_not_hold(tmp_path) -> None:
@@ -211,12 +214,13 @@ def test_fuzzed_names_of_topics_in_sqlite_are_missed(place, bit, topic) -> None:
         assert refused_or_differs(bag)
 
 
-def test_a_topic_of_somebody_else_is_noted_and_harms_nothing(tmp_path) -> None:
-    bag = copy(tmp_path, 'sqlite3')
+def with_topic(folder: Path, name: str) -> Path:
+    """Return a copy of the session with a message on a topic that it does not list."""
+    bag = copy(folder, 'sqlite3')
     path = sorted(bag.glob('*.db3'))[0]
     with sqlite3.connect(path) as database:
-        database.execute("INSERT INTO topics VALUES (99, '/camera', 'std_msgs/msg/String', 'cdr', "
-                         "'', '')")
+        database.execute("INSERT INTO topics VALUES (99, ?, 'std_msgs/msg/String', 'cdr', '', '')",
+                         (name,))
         database.execute(
             'INSERT INTO messages (topic_id, timestamp, data) SELECT 99, max(timestamp), ? '
             'FROM messages', (encode_string('click'),))
@@ -224,6 +228,16 @@ def test_a_topic_of_somebody_else_is_noted_and_harms_nothing(tmp_path) -> None:
     database.close()
     (bag / 'metadata.yaml').unlink()
     recover(bag)
-    verdict = verify(bag)
+    return bag
+
+
+def test_a_topic_of_somebody_else_is_noted_and_harms_nothing(tmp_path) -> None:
+    verdict = verify(with_topic(tmp_path, '/camera'))
     assert verdict.holds
     assert verdict.others == ('/camera',)
+
+
+def test_a_topic_of_the_node_that_the_session_does_not_list_is_a_difference(tmp_path) -> None:
+    verdict = verify(with_topic(tmp_path, f'{NODE}/camera'))
+    assert not verdict.holds
+    assert 'which the session does not list' in verdict.difference.text

@@ -71,6 +71,7 @@ class Scene:
         self.state = empty_state(len(shapes))
         self.memory = empty_memory(len(shapes), len(rows), 4)
         self.margin = margin
+        self._pose, self._turn = np.zeros((len(rows), 12)), np.zeros((len(shapes), 9))
         for i, (position, orientation) in enumerate(poses):
             self.put(i, position, orientation)
 
@@ -98,7 +99,7 @@ class Scene:
 
     def distance(self, a, b):
         """Return the signed distance of two shapes, the normal and the points on A and B."""
-        pose, turn = np.zeros((len(self.shapes.kind), 12)), np.zeros((self.state.x.shape[1], 9))
+        pose, turn = self._pose, self._turn
         place_bodies(self.state, self.shapes.turning, turn, 0, len(turn))
         place_shapes(self.state, self.shapes, turn, pose, 0, len(pose))
         gap, n, p, q = signed_distance(pose, self.shapes, a, b, self.memory.scratch)

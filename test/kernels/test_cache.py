@@ -126,46 +126,68 @@ class Harm:
         return os.mkdir, (str(self.trace),)
 
 
+# Of each kernel the file is damaged in one of these ways.
 DAMAGES = {
-    'empty': lambda raw: b'',
-    'truncated': lambda raw: raw[:len(raw) // 2],
-    'without its beginning': lambda raw: raw[20:],
-    'flipped at its end': lambda raw: raw[:-1] + bytes([raw[-1] ^ 1]),
-    'flipped in the middle': lambda raw: (
+    'unit': lambda raw: b'',
+    'exponential': lambda raw: raw[:len(raw) // 2],
+    'logarithm': lambda raw: raw[20:],
+    'to_matrix': lambda raw: raw[:-1] + bytes([raw[-1] ^ 1]),
+    'from_matrix': lambda raw: (
         raw[:len(raw) // 2] + bytes([raw[len(raw) // 2] ^ 4]) + raw[len(raw) // 2 + 1:]),
-    'zeros': lambda raw: bytes(len(raw)),
+    'inverse_inertia': lambda raw: bytes(len(raw)),
 }
+# Prints of each kernel how often it was found and compiled.
+ALL_FOUND = """
+from rigid_sim_ros.engine.maths.rotation import (
+    exponential, from_matrix, logarithm, to_matrix, unit)
+from rigid_sim_ros.engine.state.rates import inverse_inertia
+q, r = (0.0, 0.0, 0.0, 1.0), (0.1, 0.2, 0.3)
+for kernel, *arguments in ((unit, q), (exponential, r), (logarithm, q), (to_matrix, q),
+                           (from_matrix, to_matrix(q)), (inverse_inertia, q, r)):
+    kernel(*arguments)
+    print(kernel.__name__, *(sum(counts.values()) for counts in (
+        kernel.stats.cache_hits, kernel.stats.cache_misses)))
+"""
+
+
+@pytest.fixture(scope='module')
+def filled(tmp_path_factory):
+    """Give a user's cache folder with the kernels."""
+    home = tmp_path_factory.mktemp('filled') / 'home'
+    found(home, program=ALL_FOUND)
+    return home
 
 
 @pytest.mark.parametrize('suffix', ['.nbi', '.nbc'])
-def test_a_damaged_file_is_compiled_anew(tmp_path, suffix):
-    assert found(tmp_path)[0] == ['0', '1']
-    for damage in DAMAGES.values():
-        path, = (path for path in tmp_path.rglob(f'*{suffix}') if '.unit-' in path.name)
+def test_a_damaged_file_is_compiled_anew(tmp_path, filled, suffix):
+    home = shutil.copytree(filled, tmp_path / 'home')
+    for name, damage in DAMAGES.items():
+        path, = (path for path in home.rglob(f'*{suffix}') if f'.{name}-' in path.name)
         path.write_bytes(damage(path.read_bytes()))
-        assert found(tmp_path) == (['0', '1'], '')
-    assert found(tmp_path) == (['1', '0'], '')
+    for expected in ('0 1', '1 0'):
+        assert found(home, program=ALL_FOUND) == (
+            [word for name in DAMAGES for word in (name, *expected.split())], '')
 
 
 @pytest.mark.parametrize('suffix', ['.nbi', '.nbc'])
 @pytest.mark.parametrize('which', ['kernels', 'rigid_sim_ros', '.'])
-def test_a_folder_that_others_may_write_to_is_not_used(tmp_path, suffix, which):
-    found(tmp_path / 'home')
+def test_a_folder_that_others_may_write_to_is_not_used(tmp_path, filled, suffix, which):
+    home = shutil.copytree(filled, tmp_path / 'home')
     trace = tmp_path / 'trace'
-    for path in (tmp_path / 'home').rglob(f'*{suffix}'):
+    for path in home.rglob(f'*{suffix}'):
         harm = pickle.dumps(Harm(trace))
         path.write_bytes(cache._digest_of(harm) + harm)
     # What was planted would be run where the folder is trusted: otherwise this test says nothing.
-    folder = tmp_path / 'home' / {'kernels': 'rigid_sim_ros/kernels'}.get(which, which)
+    folder = home / {'kernels': 'rigid_sim_ros/kernels'}.get(which, which)
     before = folder.stat().st_mode
     folder.chmod(0o777)
-    counts, said = found(tmp_path / 'home')
+    counts, said = found(home)
     assert counts == ['0', '1']
     assert 'set NUMBA_CACHE_DIR' in said
     assert len(said.splitlines()) == 1
     assert not trace.exists()
     folder.chmod(before)
-    found(tmp_path / 'home', check=False)
+    found(home, check=False)
     assert trace.exists()
 
 

@@ -10,9 +10,22 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rigid_sim_ros import load_scene
+from rigid_sim_ros.models.inertia import mended
 from rigid_sim_ros.scene import read_scene, SceneError
 
 HALF = math.sqrt(0.5)
+
+
+@pytest.mark.parametrize('moments, expected', [
+    # Half of what the two smaller ones lack goes to each.
+    ((1.0, 2.0, 9.0), (4.0, 5.0, 9.0)), ((9.0, 1.0, 1.0), (9.0, 4.5, 4.5)),
+    # The radius of gyration of 2 kg is 1 mm at least.
+    ((0.0, 0.0, 0.0), (2e-6, 2e-6, 2e-6)), ((-3.0, 1.0, 1.0), (2e-6, 1.0, 1.0))])
+def test_moments_that_no_body_has_are_mended_as_little_as_needed(moments, expected) -> None:
+    mended_, how = mended(2.0, (*moments, 0.0, 0.0, 0.0), is_allowed=True)
+    # And by a little more than that, 1e-12 of the largest.
+    assert mended_ == pytest.approx((*expected, 0.0, 0.0, 0.0), abs=1e-10)
+    assert 'are taken as' in how
 
 
 def test_a_rod_on_a_hinge_swings_as_a_physical_pendulum(tmp_path) -> None:

@@ -55,6 +55,16 @@ def test_the_lever_arm_of_a_frame_counts() -> None:
     assert 'ball/tip' in advice_for(bodies=ball, forces=tip)[0]
 
 
+def test_the_lever_arm_of_an_anchor_counts_beyond_that_of_its_frame() -> None:
+    # At the arm of 1 + 1 m: 1/m + r^2 / I = 0.5 + 4 / 0.008 = 500.5 /kg, and that of the other
+    # end; sqrt(k 501) h = 0.5 at k = 499 N/m. With an arm of 1 m it would be 1984 N/m.
+    two = BALL.replace('mass: 2', 'mass: 2, frames: {tip: {position: [1, 0, 0]}}') + ', ' + (
+        BALL.replace('ball', 'other').replace('mass: 2', 'mass: 2, pose: {position: [3, 0, 0]}'))
+    force = '{type: spring, a: other, b: ball/tip, anchor: [1, 0, 0], stiffness: %s}'
+    assert advice_for(bodies=two, forces=force % 490) == []
+    assert 'oscillate' in advice_for(bodies=two, forces=force % 510)[0]
+
+
 @pytest.mark.parametrize('force', [
     '{type: wind, drag: 1010}',
     '{type: wind, velocity: [10, 0, 0], quadratic_drag: 101}',

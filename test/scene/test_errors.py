@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rigid_sim_ros.scene import read_scene, scene_from_dict, scene_from_text, SceneError
+from rigid_sim_ros.scene import read_scene, scene_from_dict, scene_from_text, SceneError, yaml_tree
 
 Problems = Callable[[str], list[str]]
 
@@ -243,6 +243,12 @@ def test_a_mistake_beside_the_bodies_is_named(
         text: str, expected: str, problems: Problems) -> None:
     crate = '- {name: crate, shape: {type: box, size: [1, 1, 1]}, mass: 1, frames: {handle: {}}}'
     assert problems(f'bodies:\n{crate}\n{text}\n') == [f'scene.yaml:{expected}']
+
+
+@pytest.mark.skipif(yaml_tree.CParser is None, reason='PyYAML has no libyaml')
+def test_what_libyaml_finds_too_deep_is_not_read_again(monkeypatch, problems: Problems) -> None:
+    monkeypatch.setattr(yaml_tree, 'YAML', None)
+    assert problems('[' * 5000) == [f'scene.yaml:{YAML["[" * 5000]}']
 
 
 @pytest.mark.parametrize(('text', 'expected'), YAML.items())

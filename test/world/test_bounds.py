@@ -56,6 +56,23 @@ def test_the_lever_of_a_force_counts(kind):
         getattr(world, kind)('crate', (0.0, 1.0, 0.0), point=(10.2, 0.0, 0.0))
 
 
+@pytest.mark.parametrize('kind, position, velocity', [
+    ('prismatic', 2.0, 3.0), ('continuous', 2.0, 4.0)])
+def test_a_joint_is_put_and_driven_within_the_bounds_only(kind, position, velocity):
+    body = {'mass': 1.0, 'shape': {'type': 'sphere', 'radius': 0.1}}
+    world = World.from_dict({
+        'world': {'bounds': {'position': 2.0, 'linear': 3.0, 'angular': 4.0}},
+        'bodies': [{'name': 'rod', **body}],
+        'joints': [{'name': 'joint', 'type': kind, 'parent': 'world', 'child': 'rod',
+                    'axis': [0, 0, 1]}]})
+    for sign in (1.0, -1.0):
+        world.set_joint_state('joint', sign * position, sign * velocity)
+        with pytest.raises(ValueError, match=rf'position {sign * 2.1:g}, must be within 2,'):
+            world.set_joint_state('joint', sign * 2.1)
+        with pytest.raises(ValueError, match=f'velocity .*, must be within {velocity:g},'):
+            world.set_joint_state('joint', 0.0, 1.01 * sign * velocity)
+
+
 @pytest.mark.parametrize('field, value', [
     ('x', 1e16), ('P', 1e14), ('L', 1e12), ('force', 1e17), ('torque', 1e15), ('point', 1e15)])
 def test_a_snapshot_of_what_no_world_reaches_is_refused(field, value):

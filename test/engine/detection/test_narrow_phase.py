@@ -9,7 +9,6 @@ from engine.detecting import CONVEX, cube_mesh, PLANE_SHAPE, random_pose, Scene,
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
-from scipy.optimize import minimize
 
 from rigid_sim_ros.engine.model.kinds.table import (
     BOX, CAPSULE, CONE, CYLINDER, ELLIPSOID, HULL, SPHERE)
@@ -26,22 +25,23 @@ def tolerance(names):
 
 
 def reach(kind, size, vertices, R, x, d):
-    """Return max d . p over a shape, written down from what the shape is."""
-    e = R.T @ d
+    """Return max d . p over a shape along d (..., 3), written down from what the shape is."""
+    e = d @ R
+    u, v, w = np.moveaxis(e, -1, 0)
     if kind == SPHERE:
-        farthest = size[0] * np.linalg.norm(e)
+        farthest = size[0] * np.linalg.norm(e, axis=-1)
     elif kind == BOX:
         farthest = np.abs(e) @ size
     elif kind == CAPSULE:
-        farthest = size[1] * abs(e[2]) + size[0] * np.linalg.norm(e)
+        farthest = size[1] * np.abs(w) + size[0] * np.linalg.norm(e, axis=-1)
     elif kind == CYLINDER:
-        farthest = size[1] * abs(e[2]) + size[0] * np.hypot(e[0], e[1])
+        farthest = size[1] * np.abs(w) + size[0] * np.hypot(u, v)
     elif kind == CONE:
-        farthest = max(size[1] * e[2], size[0] * np.hypot(e[0], e[1]) - size[1] * e[2])
+        farthest = np.maximum(size[1] * w, size[0] * np.hypot(u, v) - size[1] * w)
     elif kind == ELLIPSOID:
-        farthest = np.linalg.norm(e * size)
+        farthest = np.linalg.norm(e * size, axis=-1)
     else:
-        farthest = (vertices @ e).max()
+        farthest = (e @ vertices.T).max(axis=-1)
     return farthest + d @ x
 
 
@@ -53,7 +53,7 @@ def rotation(q):
 
 
 def separation_along(scene, n):
-    """Return how far n separates the first two shapes; below 0: the way to part them."""
+    """Return how far n (..., 3) separates the first two shapes; below 0: the way to part them."""
     total = 0.0
     for i, d in ((0, n), (1, -n)):
         s = scene.shapes
@@ -64,16 +64,23 @@ def separation_along(scene, n):
 
 
 def slow_distance(scene, rng):
-    """Return the largest separation along any direction, by a simplex search from many starts."""
-    def cost(d):
-        length = np.linalg.norm(d)
-        return -separation_along(scene, d / length) if length > 0.0 else np.inf
+    """
+    Return the largest separation along any direction, by random searches from many starts.
 
-    starts = rng.normal(size=(200, 3))
-    best = sorted(starts, key=cost)[:6]
-    return -min(minimize(cost, start, method='Nelder-Mead',
-                         options={'xatol': 1e-8, 'fatol': 1e-13, 'maxiter': 1000}).fun
-                for start in best)
+    Each goes to the best of 60 directions around it, or stays, and they get closer and closer.
+    """
+    def along(n):
+        n /= np.linalg.norm(n, axis=-1)[..., None]
+        return separation_along(scene, n)
+
+    starts = rng.normal(size=(500, 3))
+    best = starts[np.argsort(-along(starts))[:12]]
+    for size in 0.7 ** np.arange(50):       # down to 2e-8
+        steps = size * rng.normal(size=(len(best), 60, 3))
+        steps[:, 0] = 0.0
+        near = best[:, None] + steps
+        best = near[np.arange(len(best)), along(near).argmax(axis=1)]
+    return along(best).max()
 
 
 def two(names, rng, reach_of=1.2):
@@ -88,9 +95,9 @@ def test_distance_is_that_of_a_slow_search(names):
         scene = two(names, rng)
         gap = scene.distance(0, 1)[0]
         # Whatever direction the search finds, none separates by more; it may itself stop short of
-        # a kink of s(n), where the best direction often lies.
+        # a kink of s(n), where the best direction often lies: by 3e-6 here.
         slow = slow_distance(scene, rng)
-        assert gap - 1e-2 < slow < gap + 1e-9
+        assert gap - 1e-4 < slow < gap + 1e-9
 
 
 @examples(150)
@@ -215,9 +222,9 @@ CLOSE_PAIRS = [(CONVEX[a], CONVEX[b]) for a, b in PAIRS] + [
     ((CYLINDER, (0.3, 0.03, 0.0), None), (CYLINDER, (0.3, 0.03, 0.0), None))]
 
 
-def touching(shapes, rng, how):
-    """Return a scene, a position of B in which the shapes touch, and the normal there."""
-    scene = Scene(shapes, [((0, 0, 0), UPRIGHT), ((0, 0, 1), UPRIGHT)])
+def touching(scene, rng, how):
+    """Turn A; return a position and orientation of B where it touches A, and the normal there."""
+    scene.put(0, (0, 0, 0))
     direction, turn = np.append(0.05 * rng.normal(size=2), 1.0), rng.normal(size=4)
     if how == 0:
         scene.put(0, (0, 0, 0), rng.normal(size=4))
@@ -225,20 +232,23 @@ def touching(shapes, rng, how):
     elif how == 1:  # nearly flat on each other
         turn = np.append(rng.normal(size=3) * 10.0 ** rng.uniform(-8, -1), 1.0)
     x = 2.0 * direction / np.linalg.norm(direction)
-    for _ in range(20):
+    for _ in range(21):
         scene.put(1, x, turn)
         gap, n, _, _ = scene.distance(0, 1)
-        x = x - (gap - 1e-2) * n
-    gap, n, _, _ = scene.distance(0, 1)
-    return scene, x - gap * n, n, turn
+        touches = x - gap * n
+        if abs(gap - 1e-2) < 1e-12:
+            break
+        x = touches + 1e-2 * n
+    return touches, turn, n
 
 
 @pytest.mark.parametrize('how', [0, 1])
 @pytest.mark.parametrize('shapes', CLOSE_PAIRS)
 def test_the_gap_of_shapes_that_hardly_touch_is_how_far_they_were_moved(shapes, how):
     rng = np.random.default_rng(3)
+    scene = Scene(shapes, 2 * [((0, 0, 0), UPRIGHT)])
     for _ in range(40):
-        scene, x, n, turn = touching(shapes, rng, how)
+        x, turn, n = touching(scene, rng, how)
         for moved in (-1e-3, -1e-5, -1e-7, -1e-9, 0.0, 1e-12, 1e-9, 1e-7):
             scene.put(1, x + moved * n, turn)
             gap = scene.distance(0, 1)[0]
@@ -251,8 +261,9 @@ def test_the_gap_of_shapes_that_hardly_touch_is_how_far_they_were_moved(shapes, 
 @pytest.mark.parametrize('shapes', CLOSE_PAIRS)
 def test_the_deepest_point_of_a_manifold_is_as_deep_as_the_shapes(shapes, how):
     rng = np.random.default_rng(4)
+    scene = Scene(shapes, 2 * [((0, 0, 0), UPRIGHT)])
     for _ in range(40):
-        scene, x, n, turn = touching(shapes, rng, how)
+        x, turn, n = touching(scene, rng, how)
         for moved in (-1e-7, 0.0, 1e-7):
             scene.put(1, x + moved * n, turn)
             rows = scene.rows()

@@ -3,13 +3,12 @@
 """Compiling begins with the scene: what a helper begins with is what the first step waits for."""
 import json
 import os
-import shutil
 import subprocess
 import sys
 
+from kernels.caches import cache_without
 import pytest
 
-from rigid_sim_ros.kernels.cache import cache_folder
 from rigid_sim_ros.kernels.helper_process import cores
 from rigid_sim_ros.kernels.numba_target import SUPPORTED
 
@@ -62,16 +61,6 @@ def test_nothing_is_begun_where_nothing_can_touch(other, model):
     assert told(other) == [[], model]
 
 
-def cache_without(folder, names):
-    """Fill a cache with what this machine has compiled, but for some kernels of `timestep`."""
-    kernels = folder / 'rigid_sim_ros' / 'kernels'
-    for module in [name for name in sys.modules if name.startswith('rigid_sim_ros.engine.')]:
-        if cache_folder(module).is_dir():
-            shutil.copytree(cache_folder(module), kernels / cache_folder(module).name,
-                            ignore=shutil.ignore_patterns(
-                                '*.tmp.*', *(f'*.{name}-*' for name in names)))
-
-
 @pytest.mark.skipif(not SUPPORTED or cores() < 2, reason='there is no helper')
 def test_what_was_begun_is_waited_for_and_nothing_is_begun_twice(tmp_path):
     code = """
@@ -91,7 +80,7 @@ pieces = pieces_of(world._contact._arguments, helped=False)
 print(len(started), len(separate._begun), started[0].process.returncode,
       *(sum(piece.stats.cache_hits.values()) for piece in pieces.helped))
 """
-    cache_without(tmp_path, HELPED)
+    cache_without(tmp_path, 'predict_part')
     done = subprocess.run(
         [sys.executable, '-c', code.replace('SCENE', repr(scene('timestep', BALL, OTHER)))],
         env=os.environ | {'NUMBA_CACHE_DIR': str(tmp_path)}, capture_output=True, text=True,
