@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rigid_sim_ros.engine.contact.basis import Basis
 from rigid_sim_ros.engine.contact.collisions import collide_bodies
 from rigid_sim_ros.engine.contact.contact_newton import (
     FEW_STEPS, make_newton, number_bodies, solve_rows)
@@ -121,12 +122,9 @@ def advance(c: QpArguments, count: int) -> QpArguments:
     return c
 
 
-def make_arguments(model: Model, state: State, wrenches: Wrenches, shapes: Shapes,
-                   materials: Materials, memory: Memory,
-                   settings: TimestepSettings) -> QpArguments:
+def make_arguments(basis: Basis, settings: TimestepSettings) -> QpArguments:
     """Return the arguments of a world with buffers of their own."""
-    return QpArguments(model, state, wrenches, shapes, materials, memory, settings,
-                       QpWork(model, shapes, memory))
+    return QpArguments(*basis, settings, QpWork(basis.model, basis.shapes, basis.memory))
 
 
 def find_contacts(c: QpArguments) -> QpArguments:
