@@ -26,8 +26,8 @@ from rigid_sim_ros.engine.contact.contact_search import (
 from rigid_sim_ros.engine.contact.contacts import read_velocity
 from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses, note, note_all, record
 from rigid_sim_ros.engine.detection.backtrack import approach_bound
-from rigid_sim_ros.engine.detection.look_ahead import look_ahead
 from rigid_sim_ros.engine.detection.manifolds import current, grown, Memory
+from rigid_sim_ros.engine.detection.margins import set_margins
 from rigid_sim_ros.engine.dynamics.loads import kick
 from rigid_sim_ros.engine.joints.posture import read_positions
 from rigid_sim_ros.engine.maths.vector import row
@@ -78,8 +78,8 @@ def find_touching(c: JointedContact, h: float) -> int:
     """Write the points that may touch within h [s]; return DONE, or what is needed first."""
     memory, shapes, w = c.memory, c.shapes, c.buffers
     model, state = c.joints.model, c.joints.state
-    look_ahead(h, model.inv_m, model.inv_I_C, state.P, state.L, state.V, MARGIN, c.radius,
-               c.thickness, shapes.body, memory, 0, shapes.body.shape[0])
+    set_margins(h, model.inv_m, model.inv_I_C, state.P, state.L, state.V, MARGIN, c.radius,
+                c.thickness, shapes.body, memory, 0, shapes.body.shape[0])
     why, w.count[NEEDED] = find_points(model, state, shapes, c.materials, memory, np.inf, w.order,
                                        w.contacts)
     if why != DONE:

@@ -125,8 +125,8 @@ def find_overlaps(c: PenaltyArguments) -> int:
     """Find the points that overlap; return DONE, or what is needed first."""
     shapes, memory, w = c.shapes, c.memory, c.buffers
     for s in range(shapes.bound.shape[0]):
-        memory.ahead[s] = MARGIN * shapes.bound[s] if shapes.bound[s] < np.inf else 0.0
-    memory.calm[0] = np.inf
+        memory.margin[s] = MARGIN * shapes.bound[s] if shapes.bound[s] < np.inf else 0.0
+    memory.rest_margin[0] = np.inf
     why, w.count[NEEDED] = find_points(c.model, c.state, shapes, c.materials, memory, 0.0, w.order,
                                        w.contacts)
     if why != DONE:
