@@ -126,13 +126,13 @@ class Grid:
         m, count = self.memory, int(self.memory.pair_count[0])
         left = self._renew(box, count < 0)
         if count >= 0:
-            forget_parted(self.shapes.kind, self.shapes.size, m.grid.fat, m.ahead, left, m.pair,
+            forget_parted(self.shapes.kind, self.shapes.size, m.grid.fat, m.margin, left, m.pair,
                           m.axis, m.pair_count)
         if left:
             fill_grid(m.grid)
             m.pair_count[0] = update_pairs(
                 self.shapes, m.grid, m.fresh, m.pair, m.axis, max(m.pair_count[0], 0),
-                len(self.model.m), m.ahead, m.near[0])
+                len(self.model.m), m.margin, m.near[0])
             assert m.pair_count[0] <= len(m.pair)
         return int(_count(box, m.pair, m.pair_count[0]))
 

@@ -125,9 +125,9 @@ class Pieces(NamedTuple):
         return [symbol_of(piece, pack) for pieces in self for piece in pieces]
 
 
-def link(caller: Any, pack: ArgumentPack, pieces: Pieces) -> None:
+def link(caller: Any, pack: ArgumentPack, pieces: Pieces, numbers: int = 1) -> None:
     """
-    Compile a kernel of a pack and an int, or find it in the cache, and the pieces that it calls.
+    Compile a kernel of a pack and some ints, or find it in the cache, and what it calls apart.
 
     `late` pieces are not there as long as a helper goes on with them; see `link_late`.
     """
@@ -140,7 +140,8 @@ def link(caller: Any, pack: ArgumentPack, pieces: Pieces) -> None:
                            and not _who_goes_on(piece, kinds)]
                           for some in (pieces.helped, pieces.late))
         with _helped(missing, later, kinds, symbols):
-            for one in (caller, *pieces.here):
+            _compile(caller, (pack.type, *[types.int64] * numbers))
+            for one in pieces.here:
                 _compile(one, kinds)
         for piece in (*pieces.here, *pieces.helped, *pieces.late):
             if piece not in pieces.late or not _who_goes_on(piece, kinds):

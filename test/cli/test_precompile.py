@@ -10,7 +10,7 @@ import sys
 import pytest
 
 import rigid_sim_ros
-from rigid_sim_ros import cli
+from rigid_sim_ros import cli, load_scene
 
 # Runs worlds of scenes in the ways of a node and prints which kernels had to be compiled.
 COMPILED = """
@@ -41,6 +41,20 @@ bodies:
   - {{name: ground, shape: {{type: plane}}, fixed: true}}
   - {{name: a, shape: {{type: sphere, radius: 0.1}}, mass: 1, pose: {{position: [0, 0, 0.1]}}}}
   - {{name: b, shape: {{type: box, size: [1, 1, 1]}}, mass: 1, pose: {{position: [2, 0, 0.5]}}}}
+"""
+# Two pendulums: one hangs at rest and sleeps after five steps, the other swings.
+PENDULUMS = """
+format: 1
+world: {step: 0.002}
+collision: {sleep_after: 0.01}
+bodies:
+  - {name: a, shape: {type: box, size: [0.1, 0.1, 0.4]}, mass: 1}
+  - {name: b, shape: {type: box, size: [0.1, 0.1, 0.4]}, mass: 1, pose: {position: [2, 0, 0]}}
+joints:
+  - {name: at_rest, type: revolute, parent: world, child: a, axis: [0, 1, 0],
+     pose: {position: [0, 0, 0.2]}}
+  - {name: swinging, type: revolute, parent: world, child: b, axis: [0, 1, 0],
+     pose: {position: [2.1, 0, 0.2]}}
 """
 
 
@@ -75,7 +89,12 @@ def test_after_all_was_compiled_no_scene_is_compiled(tmp_path: Path) -> None:
     examples = [path.stem for path in
                 (Path(rigid_sim_ros.__file__).parent / 'example_scenes').glob('*.yaml')]
     own = [scene(tmp_path, model, restitution) for model in MODELS for restitution in (0.0, 0.5)]
-    assert run('-c', COMPILED, *examples, *own) == '[]\n'
+    pendulums = tmp_path / 'pendulums.yaml'
+    pendulums.write_text(PENDULUMS, encoding='utf-8')
+    assert run('-c', COMPILED, *examples, *own, str(pendulums)) == '[]\n'
+    world = load_scene(pendulums)
+    world.step(20)
+    assert world.contact_report().asleep == 1   # the other articulation is a part of the whole
 
 
 def test_nothing_is_compiled_if_one_scene_is_wrong(capsys, monkeypatch) -> None:

@@ -23,8 +23,7 @@ class TimestepScene(_Scene):
         self.arguments, self.pack = self._begin(), None
 
     def _begin(self):
-        return make_arguments(self.model, self.state, self.wrenches, self.shapes, self.materials,
-                              self.memory, self.settings)
+        return make_arguments(self.basis(), self.settings)
 
     @property
     def work(self):

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rigid_sim_ros.engine.contact.basis import Basis
 from rigid_sim_ros.engine.contact.carried_forces import Carried
 from rigid_sim_ros.engine.detection.manifolds import current_manifolds, empty_memory
 from rigid_sim_ros.engine.dynamics.forces import WIDTH
@@ -74,6 +75,10 @@ class _Scene:
         self.wrenches = no_wrenches()
         self.memory = empty_memory(len(things), len(things))
 
+    def basis(self) -> Basis:
+        return Basis(self.model, self.state, self.wrenches, self.shapes, self.materials,
+                     self.memory)
+
     @property
     def v(self):
         return self.state.P * self.model.inv_m
@@ -105,8 +110,7 @@ class EventScene(_Scene):
         self.settings = self.arguments.settings
 
     def _begin(self):
-        return event.make_arguments(self.model, self.state, self.wrenches, self.shapes,
-                                    self.materials, self.memory)
+        return event.make_arguments(self.basis())
 
     @property
     def work(self) -> EventWork:
@@ -137,8 +141,7 @@ class PenaltyScene(_Scene):
         self.arguments, self.pack = self._begin(), None
 
     def _begin(self):
-        return penalty.make_arguments(self.model, self.state, self.wrenches, self.shapes,
-                                      self.materials, self.memory)
+        return penalty.make_arguments(self.basis())
 
     @property
     def bristles(self) -> penalty.Bristles:

@@ -90,22 +90,22 @@ def make_prediction(n: int, shapes: int, capacity: int) -> Prediction:
 
 @kernel
 def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
-                     manifolds: Manifolds, ahead: Array, calm: Array, waits: IntArray,
+                     manifolds: Manifolds, margin: Array, rest_margin: Array, activity: IntArray,
                      prediction: Prediction, scratch: Scratch) -> None:
     """
     Bring the manifolds to the time in which they act.
 
-    waits (c,) becomes DORMANT where a pair does not meet as it moves, elsewhere ACTS. ahead and
-    calm (s,) [m] are how far ahead shapes look, and how far they would at rest.
+    activity (c,) becomes DORMANT where a pair does not meet as it moves, elsewhere ACTS; margin
+    and rest_margin (s,) [m] are those of `Memory`.
     """
     first, count = rows_in_use(manifolds)
     known = False
     for k in range(count):
         r = (first + k) & INDEX
-        waits[r], prediction.given[r] = ACTS, 0
+        activity[r], prediction.given[r] = ACTS, 0
         a, b = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
         size = min(shapes.bound[a], shapes.bound[b])
-        moved = ahead[a] + ahead[b] - calm[a] - calm[b]
+        moved = margin[a] + margin[b] - rest_margin[a] - rest_margin[b]
         if moved < STILL * size:
             continue
         # What is mended for what lies beside would, as a pair alone, be as it was before.
@@ -120,7 +120,7 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
         if near and not may_pass:
             if moved > SLOW * size and not mended:
                 _rewrite(model, state, prediction.still, shapes, manifolds, r, 0.5 * model.h,
-                         True, ahead[a] + ahead[b], prediction, scratch)
+                         True, margin[a] + margin[b], prediction, scratch)
         elif _closes(model, state, loads, manifolds, r, (MET if near else TOUCHING) * size):
             n = row(manifolds.normal, r)
             if mended:
@@ -128,13 +128,13 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
             t = _meeting(model, state, loads, shapes, a, b, gap, n, MET * size, prediction.pose,
                          scratch)
             if t > model.h:
-                waits[r] = DORMANT
+                activity[r] = DORMANT
                 forget_impulses(manifolds, r)
             elif not mended:
                 _rewrite(model, state, loads, shapes, manifolds, r, t, False,
-                         ahead[a] + ahead[b], prediction, scratch)
+                         margin[a] + margin[b], prediction, scratch)
         elif near:
-            waits[r] = DORMANT
+            activity[r] = DORMANT
             forget_impulses(manifolds, r)
 
 

@@ -4,9 +4,10 @@
 
 from typing import NamedTuple
 
-from rigid_sim_ros.engine.constraints.contact_blocks import GAP, RESTING, SIZE, SPEED, TURN
+from rigid_sim_ros.engine.constraints.contact_blocks import (
+    GAP, IMPULSE, MASS, RESTING, SIZE, SPEED, TURN, Two)
 from rigid_sim_ros.kernels.arrays import Array
-from rigid_sim_ros.kernels.eight import Eight, load, Mask, root, select
+from rigid_sim_ros.kernels.eight import any_of, Eight, load, Mask, root, select
 from rigid_sim_ros.kernels.kernel import inlined, part
 
 # Lengths that are tolerances, in parts of the size of the smaller shape of a pair.
@@ -81,19 +82,47 @@ def is_open(b: Array, point: int) -> Mask:
 
 
 @part
+def normal_impulse(b: Array, point: int, speed: Eight, what: Sweep, mask: Mask) -> Eight:
+    """
+    Return the impulse >= 0 with which a point moves no slower than `least_speed` allows [N s].
+
+    `speed` is its normal velocity with the present one, which stays in lanes outside of the mask.
+    """
+    old = load(b, point + IMPULSE)
+    new = max(old - load(b, point + MASS) * (speed + least_speed(b, point, what)), 0.0)
+    return select(mask, new, old)
+
+
+@part
+def bounded_step(old: Two, step: Eight, rate: Two, limit: Eight) -> Two:
+    """
+    Return two impulses after a step against the velocity `rate`, at most `limit` long.
+
+    What is longer is brought back to that circle, along the radius: Coulomb's law, and that of the
+    resistance to rolling.
+    """
+    x, y = old[0] - step * rate[0], old[1] - step * rate[1]
+    square = x * x + y * y
+    outside = square > limit * limit
+    if any_of(outside):
+        back = select(outside, limit / root(square), 1.0)
+        x, y = back * x, back * y
+    return (x, y)
+
+
+@part
+def overlap_of(b: Array, point: int) -> Eight:
+    """Return how deep a point overlaps, as far as it is pushed apart [m]."""
+    size, gap = load(b, SIZE), load(b, point + GAP)
+    return min(select(gap < -NEGLIGIBLE * size, -gap, 0.0), DEEPEST_PUSH * size)
+
+
+@part
 def wanted_of(b: Array, point: int, rate: float, mask: Mask) -> Eight:
     """
     Return the speed by which a point leaves its overlap too slowly, 0 without one [m/s].
 
     In the lanes of the mask; in others 0: what was not visited has no SPEED.
     """
-    size, gap = load(b, SIZE), load(b, point + GAP)
-    push = rate * min(select(gap < -NEGLIGIBLE * size, -gap, 0.0), DEEPEST_PUSH * size)
+    push = rate * overlap_of(b, point)
     return select(mask, max(push - max(load(b, point + SPEED), 0.0), 0.0), 0.0)
-
-
-@part
-def onto_circle(x: Eight, y: Eight, radius: Eight) -> Eight:
-    """Return the factor that brings (x, y) back to a circle from outside."""
-    square = x * x + y * y
-    return select(square > radius * radius, radius / root(square), 1.0)

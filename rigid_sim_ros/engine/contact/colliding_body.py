@@ -32,7 +32,7 @@ class CollisionWork(NamedTuple):
     time: Array  # (c,) when they touch [s] after the start of the step
     # (c,) of 8 bits, ACTS, DORMANT, or LEFT_OUT: approaches too fast to be at rest, but will not
     # touch in this step
-    waits: IntArray
+    activity: IntArray
     first: Array  # (n,) the earliest of a body's times
     pairs: IntArray  # (n,) of 32 bits, how many pairs of a body touch first
     body: Array  # (n, 28) v, w, F / m, inverse inertia in world axes, 1 / m, new momenta, shifts

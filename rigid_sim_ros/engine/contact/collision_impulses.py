@@ -3,8 +3,14 @@
 """
 The impulses of one collision inside a step: several points, friction, no gain of energy.
 
-Of one pair of bodies, or of several that touch at the same time and share bodies: then those of
-all are found together, so that in which order they stand decides nothing.
+Two methods find them:
+
+- One pair of bodies, as nearly always, is solved by visits to its points (Gauss-Seidel): first the
+  normal impulses. Friction then acts at one point that stays, the centre of their pressure: at one
+  that moved between visits its parts would leave a couple.
+- Pairs that touch at the same time and share bodies are solved all at once by the method of the
+  model `event` (impulse.py), each point with friction of its own: what visits find depends on the
+  order of the pairs. Only where they have more points than it has room for visits have to do.
 """
 
 from rigid_sim_ros.engine.contact.colliding_body import (
@@ -23,6 +29,18 @@ VISITS, CONVERGED = 1000, 1e-12
 # of mass of A to that of B; what forces add to the relative velocity until then; the coefficient
 # of friction; the centre of the pressure from that of A; the impulse of friction.
 BODY_A, BODY_B, POINTS_OF, NORMAL, BETWEEN, ADDED, MU, CENTRE, SLIDE = 0, 1, 2, 3, 6, 9, 12, 13, 16
+
+
+@kernel
+def find_impulses(count: int, work: CollisionWork) -> None:
+    """Find and apply the impulses of one collision of some pairs."""
+    for k in range(count):
+        put(work.pair[k], SLIDE, (0.0, 0.0, 0.0))
+    points = _choose_points(count, work) if count > 1 else 0
+    if 0 < points <= MOST_ALIKE:
+        _solve_at_once(points, work)
+    else:
+        _solve_by_visits(count, work)
 
 
 @inlined
@@ -53,16 +71,28 @@ def _response(k: int, r_A: Vector, e: Vector, work: CollisionWork) -> float:
     return response(A, r_A, e) + response(B, subtract(r_A, get(work.pair[k], BETWEEN)), e)
 
 
+# --- by visits -----------------------------------------------------------------------------------
+
+
 @kernel
-def _visit_point(k: int, p: int, work: CollisionWork) -> float:
-    """Bring one point to its target by an impulse >= 0; return by how much that changed [N s]."""
-    n, r_A = get(work.pair[k], NORMAL), row(work.point[k], p)
-    missing = work.target[k, p] - dot(n, _velocity(k, r_A, work))
-    after = max(0.0, work.impulse[k, p] + missing / _response(k, r_A, n, work))
-    change = after - work.impulse[k, p]
-    _push(k, r_A, scale(change, n), work)
-    work.impulse[k, p] = after
-    return abs(change)
+def _solve_by_visits(count: int, work: CollisionWork) -> None:
+    """Find and apply the impulses by visits: normals, then friction and normals in turn."""
+    rubs = False
+    for k in range(count):
+        _visit_together(k, work)
+    _visit_normals(count, work)
+    for k in range(count):
+        _write_centre(k, work)
+        rubs |= work.pair[k, MU] > 0.0 and _pressure(k, work) > 0.0
+    for _ in range(VISITS if rubs else 0):
+        moved = total = 0.0
+        for k in range(count):
+            moved += _visit_friction(k, work)
+            total += norm(get(work.pair[k], SLIDE))
+        _visit_normals(count, work)
+        if moved <= CONVERGED * total:
+            break
+    _limit_energy(count, work)
 
 
 @kernel
@@ -70,7 +100,7 @@ def _visit_together(k: int, work: CollisionWork) -> None:
     """
     Bring the points of a pair to their targets, on the average, by the same impulse at each.
 
-    Before each is visited alone: so what lies symmetrically stays so.
+    Before each is visited alone, so that what lies symmetrically stays so.
     """
     n = get(work.pair[k], NORMAL)
     count, c, missing = 0, (0.0, 0.0, 0.0), 0.0
@@ -90,17 +120,20 @@ def _visit_together(k: int, work: CollisionWork) -> None:
 
 
 @kernel
-def _pressure(k: int, work: CollisionWork) -> float:
-    """Return the sum of the normal impulses of a pair [N s]."""
-    total = 0.0
-    for p in range(int(work.pair[k, POINTS_OF])):
-        total += work.impulse[k, p]
-    return total
+def _visit_point(k: int, p: int, work: CollisionWork) -> float:
+    """Bring one point to its target by an impulse >= 0; return by how much that changed [N s]."""
+    n, r_A = get(work.pair[k], NORMAL), row(work.point[k], p)
+    missing = work.target[k, p] - dot(n, _velocity(k, r_A, work))
+    after = max(0.0, work.impulse[k, p] + missing / _response(k, r_A, n, work))
+    change = after - work.impulse[k, p]
+    _push(k, r_A, scale(change, n), work)
+    work.impulse[k, p] = after
+    return abs(change)
 
 
 @kernel
-def _normal_impulses(count: int, work: CollisionWork) -> None:
-    """Bring the points of all pairs to their targets."""
+def _visit_normals(count: int, work: CollisionWork) -> None:
+    """Visit the points of all pairs in turn until each has its target."""
     for _ in range(VISITS):
         moved = total = 0.0
         for k in range(count):
@@ -113,111 +146,21 @@ def _normal_impulses(count: int, work: CollisionWork) -> None:
 
 
 @kernel
+def _pressure(k: int, work: CollisionWork) -> float:
+    """Return the sum of the normal impulses of a pair [N s]."""
+    total = 0.0
+    for p in range(int(work.pair[k, POINTS_OF])):
+        total += work.impulse[k, p]
+    return total
+
+
+@kernel
 def _write_centre(k: int, work: CollisionWork) -> None:
     """Write the centre of the pressure of a pair, if there is any."""
     c, pressure = (0.0, 0.0, 0.0), _pressure(k, work)
     for p in range(int(work.pair[k, POINTS_OF])):
         c = add_scaled(c, work.impulse[k, p], row(work.point[k], p))
     put(work.pair[k], CENTRE, scale(1.0 / pressure, c) if pressure > 0.0 else c)
-
-
-@kernel
-def find_impulses(count: int, work: CollisionWork) -> None:
-    """
-    Find and apply the impulses of one collision of some pairs.
-
-    Several pairs at once, by the method of the model `event`. One pair, or more points than that
-    has room for, by visits: first the normals alone. Friction then acts at one point that stays,
-    the centre of their pressure: at one that moved between visits its parts would leave a couple.
-    """
-    points = _choose_points(count, work) if count > 1 else 0
-    if 0 < points <= MOST_ALIKE:
-        _solve_at_once(points, work)
-        return
-    rubs = False
-    for k in range(count):
-        put(work.pair[k], SLIDE, (0.0, 0.0, 0.0))
-        _visit_together(k, work)
-    _normal_impulses(count, work)
-    for k in range(count):
-        _write_centre(k, work)
-        rubs |= work.pair[k, MU] > 0.0 and _pressure(k, work) > 0.0
-    for _ in range(VISITS if rubs else 0):
-        moved = total = 0.0
-        for k in range(count):
-            moved += _visit_friction(k, work)
-            total += norm(get(work.pair[k], SLIDE))
-        _normal_impulses(count, work)
-        if moved <= CONVERGED * total:
-            break
-    _limit_energy(count, work)
-
-
-@kernel
-def _choose_points(count: int, work: CollisionWork) -> int:
-    """Write the points of some pairs that take part, as far as there is room; return how many."""
-    found = 0
-    for k in range(count):
-        put(work.pair[k], SLIDE, (0.0, 0.0, 0.0))
-        for p in range(int(work.pair[k, POINTS_OF])):
-            if work.target[k, p] < NEVER:
-                if found < MOST_ALIKE:
-                    work.chosen[found, 0], work.chosen[found, 1] = k, p
-                found += 1
-    return found
-
-
-@kernel
-def _solve_at_once(points: int, work: CollisionWork) -> None:
-    """Find and apply the impulses of the chosen points, each with friction of its own."""
-    room = work.room
-    for i in range(points):
-        k, p = work.chosen[i, 0], work.chosen[i, 1]
-        u = _velocity(k, row(work.point[k], p), work)
-        for axis in range(3):
-            room.u0[3 * i + axis] = dot(_axis(k, axis, work), u)
-        room.e[i] = work.target[k, p] / -room.u0[3 * i]
-        room.mu[i, 0] = work.pair[k, MU]
-        for j in range(points):
-            for a in range(3):
-                for b in range(3):
-                    room.A[3 * i + a, 3 * j + b] = _coupling(i, a, j, b, work)
-    solve_impact(room, points, 3)
-    for i in range(points):
-        k, p = work.chosen[i, 0], work.chosen[i, 1]
-        n, t1, t2 = _axis(k, 0, work), _axis(k, 1, work), _axis(k, 2, work)
-        work.impulse[k, p] = room.J[3 * i]
-        slide = add(scale(room.J[3 * i + 1], t1), scale(room.J[3 * i + 2], t2))
-        put(work.pair[k], SLIDE, add(get(work.pair[k], SLIDE), slide))
-        _push(k, row(work.point[k], p), add_scaled(slide, room.J[3 * i], n), work)
-
-
-@kernel
-def _axis(k: int, which: int, work: CollisionWork) -> Vector:
-    """Return the normal of a pair or one of two tangents."""
-    n = get(work.pair[k], NORMAL)
-    if which == 0:
-        return n
-    t = perpendicular(n)
-    return t if which == 1 else cross(n, t)
-
-
-@kernel
-def _coupling(i: int, a: int, j: int, b: int, work: CollisionWork) -> float:
-    """Return the velocity along axis a at point i that a unit impulse along b at j makes."""
-    k, l = work.chosen[i, 0], work.chosen[j, 0]  # noqa: E741
-    here, there = row(work.point[k], work.chosen[i, 1]), row(work.point[l], work.chosen[j, 1])
-    e, f, total = _axis(k, a, work), _axis(l, b, work), 0.0
-    for side in (BODY_A, BODY_B):
-        body = work.pair[k, side]
-        r = here if side == BODY_A else subtract(here, get(work.pair[k], BETWEEN))
-        for other in (BODY_A, BODY_B):
-            if work.pair[l, other] == body:
-                s = there if other == BODY_A else subtract(there, get(work.pair[l], BETWEEN))
-                line = work.body[int(body)]
-                change = line[INV_M] * dot(e, f) + dot(cross(r, e), turned(line, cross(s, f)))
-                total += change if side == other else -change
-    return total
 
 
 @kernel
@@ -276,3 +219,71 @@ def _change(k: int, r_A: Vector, work: CollisionWork) -> Vector:
     """Return how much the collision has changed the relative velocity at a point of a pair."""
     A, B = _bodies(k, work)
     return subtract(change_at(B, subtract(r_A, get(work.pair[k], BETWEEN))), change_at(A, r_A))
+
+
+# --- all at once ---------------------------------------------------------------------------------
+
+
+@kernel
+def _choose_points(count: int, work: CollisionWork) -> int:
+    """Write the points of some pairs that take part, as far as there is room; return how many."""
+    found = 0
+    for k in range(count):
+        for p in range(int(work.pair[k, POINTS_OF])):
+            if work.target[k, p] < NEVER:
+                if found < MOST_ALIKE:
+                    work.chosen[found, 0], work.chosen[found, 1] = k, p
+                found += 1
+    return found
+
+
+@kernel
+def _solve_at_once(points: int, work: CollisionWork) -> None:
+    """Find and apply the impulses of the chosen points, each with friction of its own."""
+    room = work.room
+    for i in range(points):
+        k, p = work.chosen[i, 0], work.chosen[i, 1]
+        axes, u = _axes(k, work), _velocity(k, row(work.point[k], p), work)
+        for a in range(3):
+            room.u0[3 * i + a] = dot(axes[a], u)
+        room.e[i] = work.target[k, p] / -room.u0[3 * i]
+        room.mu[i, 0] = work.pair[k, MU]
+        for j in range(points):
+            others = _axes(work.chosen[j, 0], work)
+            for a in range(3):
+                for b in range(3):
+                    room.A[3 * i + a, 3 * j + b] = _coupling(i, axes[a], j, others[b], work)
+    solve_impact(room, points, 3)
+    for i in range(points):
+        k, p = work.chosen[i, 0], work.chosen[i, 1]
+        n, t1, t2 = _axes(k, work)
+        work.impulse[k, p] = room.J[3 * i]
+        slide = add(scale(room.J[3 * i + 1], t1), scale(room.J[3 * i + 2], t2))
+        put(work.pair[k], SLIDE, add(get(work.pair[k], SLIDE), slide))
+        _push(k, row(work.point[k], p), add_scaled(slide, room.J[3 * i], n), work)
+
+
+@kernel
+def _axes(k: int, work: CollisionWork) -> tuple[Vector, Vector, Vector]:
+    """Return the normal of a pair and two tangents."""
+    n = get(work.pair[k], NORMAL)
+    t = perpendicular(n)
+    return n, t, cross(n, t)
+
+
+@kernel
+def _coupling(i: int, e: Vector, j: int, f: Vector, work: CollisionWork) -> float:
+    """Return the velocity along e at chosen point i that a unit impulse along f at j makes."""
+    k, l = work.chosen[i, 0], work.chosen[j, 0]  # noqa: E741
+    here, there = row(work.point[k], work.chosen[i, 1]), row(work.point[l], work.chosen[j, 1])
+    total = 0.0
+    for side in (BODY_A, BODY_B):
+        body = work.pair[k, side]
+        r = here if side == BODY_A else subtract(here, get(work.pair[k], BETWEEN))
+        for other in (BODY_A, BODY_B):
+            if work.pair[l, other] == body:
+                s = there if other == BODY_A else subtract(there, get(work.pair[l], BETWEEN))
+                line = work.body[int(body)]
+                change = line[INV_M] * dot(e, f) + dot(cross(r, e), turned(line, cross(s, f)))
+                total += change if side == other else -change
+    return total

@@ -70,7 +70,7 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
         r = (first_row + k) & INDEX
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if _restitution(shapes, materials, manifolds.shape_a[r], manifolds.shape_b[r]) > 0.0 and (
-                inv_m[a] + inv_m[b] > 0.0) and work.waits[r] == ACTS:
+                inv_m[a] + inv_m[b] > 0.0) and work.activity[r] == ACTS:
             work.rows[candidates] = r
             candidates += 1
     for k in range(count if candidates > 0 else 0):
@@ -243,7 +243,7 @@ def _touch(h: float, x: Array, kind: IntArray, size: Array, manifolds: Manifolds
         earliest = min(earliest, time)
     if _are_balls(kind, manifolds, r) and earliest <= h:
         earliest, _ = _touch_of_spheres(h, x, size, manifolds, r, earliest, work.body)
-    work.waits[r] = LEFT_OUT if earliest > NEVER and not slow else ACTS
+    work.activity[r] = LEFT_OUT if earliest > NEVER and not slow else ACTS
     return earliest
 
 

@@ -3,7 +3,7 @@
 """From the poses of the bodies to a list of their points of contact, with detection on the way."""
 
 from rigid_sim_ros.engine.contact.contacts import Contacts, gather
-from rigid_sim_ros.engine.detection.detect import detect_ahead
+from rigid_sim_ros.engine.detection.detect import detect_within_margins
 from rigid_sim_ros.engine.detection.manifold_rows import find_anew
 from rigid_sim_ros.engine.detection.manifolds import current, Memory
 from rigid_sim_ros.engine.model.model import Model
@@ -20,12 +20,12 @@ DONE, MORE_MEMORY, MORE_MANIFOLDS, MORE_CONTACTS = range(4)
 def find_manifolds(model: Model, state: State, shapes: Shapes, memory: Memory,
                    order: IntArray) -> tuple[int, int]:
     """
-    Find the manifolds of shapes as near as `memory.ahead` says; return DONE, or what is too small.
+    Find the manifolds of shapes within `memory.margin`; return DONE, or what is too small.
 
     And how many there are, for which `order`, (2, rows), has to have room.
     """
     find_anew(current(memory))
-    if not detect_ahead(model, state, shapes, memory, None):
+    if not detect_within_margins(model, state, shapes, memory, None):
         return MORE_MEMORY, 0
     rows = current(memory).count[0]
     return DONE if rows <= order.shape[1] else MORE_MANIFOLDS, rows

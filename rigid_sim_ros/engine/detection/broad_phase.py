@@ -157,7 +157,7 @@ def _plane(pose: Array, s: int) -> tuple[Vector, float]:
 
 
 @kernel
-def can_meet(kind: IntArray, size: Array, fat: Array, ahead: Array, a: int, b: int) -> bool:
+def can_meet(kind: IntArray, size: Array, fat: Array, margin: Array, a: int, b: int) -> bool:
     """
     Return whether two shapes can be a near pair while they are in their fat boxes.
 
@@ -169,7 +169,7 @@ def can_meet(kind: IntArray, size: Array, fat: Array, ahead: Array, a: int, b: i
         for k in range(3):
             n = fat[p, k]
             lowest += n * (fat[s, k] if n > 0.0 else fat[s, 3 + k])
-        return lowest <= ahead[p]
+        return lowest <= margin[p]
     spheres = is_ball(kind[a]) & is_ball(kind[b])
     return boxes_overlap(fat, a, b) & ((not spheres) | _spheres_can_meet(size, fat, a, b))
 
@@ -191,12 +191,12 @@ def _spheres_can_meet(size: Array, fat: Array, a: int, b: int) -> bool:
 
 @kernel
 def _offer(shapes: Shapes, fat: Array, moved: IntArray, fresh: IntArray, bodies: int,
-           ahead: Array, count: int, s: int, other: int) -> int:
+           margin: Array, count: int, s: int, other: int) -> int:
     """Note a pair if it can meet and the filters let it; return the number of pairs."""
     # Two that both moved find each other twice.
     if other == s or (moved[other] == 1 and other < s):
         return count
-    if not can_meet(shapes.kind, shapes.size, fat, ahead, s, other):
+    if not can_meet(shapes.kind, shapes.size, fat, margin, s, other):
         return count
     return _note(shapes, fresh, bodies, count, s, other)
 
@@ -253,17 +253,17 @@ def _look_into_column(shapes: Shapes, grid: Grid, fresh: IntArray, bodies: int, 
 
 
 @kernel
-def _partners(shapes: Shapes, grid: Grid, fresh: IntArray, bodies: int, ahead: Array,
+def _partners(shapes: Shapes, grid: Grid, fresh: IntArray, bodies: int, margin: Array,
               near: IntArray, used: tuple[int, int], count: int, s: int) -> int:
     """Find the partners of shape s, which moved; return the number of pairs so far."""
     fat, everything = grid.fat, shapes.kind.shape[0]
     t = grid.buckets.shape[0] - 2
     if grid.cells[s, 0] == WIDE:
         for other in range(everything):
-            count = _offer(shapes, fat, grid.moved, fresh, bodies, ahead, count, s, other)
+            count = _offer(shapes, fat, grid.moved, fresh, bodies, margin, count, s, other)
         return count
     for k in range(grid.buckets[t], grid.buckets[t + 1]):
-        count = _offer(shapes, fat, grid.moved, fresh, bodies, ahead, count, s, grid.members[k])
+        count = _offer(shapes, fat, grid.moved, fresh, bodies, margin, count, s, grid.members[k])
     for level in range(used[0], used[1] + 1):
         if shapes_on(level, grid) == 0:
             continue
@@ -276,7 +276,7 @@ def _partners(shapes: Shapes, grid: Grid, fresh: IntArray, bodies: int, ahead: A
         if visits > float(everything):
             for other in range(everything):
                 if grid.cells[other, 0] == level:
-                    count = _offer(shapes, fat, grid.moved, fresh, bodies, ahead, count, s, other)
+                    count = _offer(shapes, fat, grid.moved, fresh, bodies, margin, count, s, other)
             continue
         for x in range(x0, x1 + 1):
             for y in range(y0, y1 + 1):
@@ -286,7 +286,7 @@ def _partners(shapes: Shapes, grid: Grid, fresh: IntArray, bodies: int, ahead: A
 
 
 @apart
-def look_around(shapes: Shapes, grid: Grid, fresh: IntArray, bodies: int, ahead: Array,
+def look_around(shapes: Shapes, grid: Grid, fresh: IntArray, bodies: int, margin: Array,
                 near: IntArray, begin: int, end: int) -> tuple[int, int]:
     """
     List the partners of what moved, of some shapes, until there may be no room for more.
@@ -301,5 +301,5 @@ def look_around(shapes: Shapes, grid: Grid, fresh: IntArray, bodies: int, ahead:
             continue
         if found + most > fresh.shape[0]:
             return s, found
-        found = _partners(shapes, grid, fresh, bodies, ahead, near, used, found, s)
+        found = _partners(shapes, grid, fresh, bodies, margin, near, used, found, s)
     return end, found

@@ -104,19 +104,20 @@ def detect(model: Model, state: State, shapes: Shapes, memory: Memory, margin: f
     and feature by feature. Returns False when a buffer is too small: all that is carried over from
     the last step is then untouched, and the caller detects again with `grown(memory)`.
     """
-    memory.ahead[:] = memory.calm[:] = 0.5 * margin
-    return detect_ahead(model, state, shapes, memory, None)
+    memory.margin[:] = memory.rest_margin[:] = 0.5 * margin
+    return detect_within_margins(model, state, shapes, memory, None)
 
 
 @kernel
-def detect_ahead(model: Model, state: State, shapes: Shapes, memory: Memory, c: Any) -> bool:
+def detect_within_margins(model: Model, state: State, shapes: Shapes, memory: Memory,
+                          c: Any) -> bool:
     """
-    Do the same for margins that differ: that of a pair is the sum of two of `memory.ahead`.
+    Do the same for margins that differ: that of a pair is the sum of two of `memory.margin`.
 
-    What it exceeds that of `memory.calm` by is how far the pair may move in the step. `c` are the
-    arguments of the step, by which `search` is called, which may not be compiled yet; what has
-    none, and None here, calls `search_pair`. Where one was needed that is not there the counter
-    NO_SEARCH is 1 and the result False, as where a buffer is too small.
+    What it exceeds that of `memory.rest_margin` by is how far the pair may move in the step. `c`
+    are the arguments of the step, by which `search` is called, which may not be compiled yet; what
+    has none, and None here, calls `search_pair`. Where one was needed that is not there the
+    counter NO_SEARCH is 1 and the result False, as where a buffer is too small.
     """
     memory.left[1, 0] = 0
     place_some(state, shapes, memory, 0, (0, shapes.kind.shape[0]), (0, state.x.shape[1]))
@@ -130,7 +131,7 @@ def place_some(state: State, shapes: Shapes, memory: Memory, half: int, some: tu
     """Find where `some` shapes are, of these bodies, and which of them left their fat boxes."""
     place_bodies(state, shapes.turning, memory.turn, bodies[0], bodies[1])
     place_shapes(state, shapes, memory.turn, memory.pose, some[0], some[1])
-    bound(shapes.kind, shapes.size, memory.pose, memory.ahead, memory.box, some[0], some[1])
+    bound(shapes.kind, shapes.size, memory.pose, memory.margin, memory.box, some[0], some[1])
     memory.left[half, 0] = mark_moved(shapes.kind, memory.pose, memory.box,
                                       memory.pair_count[0] < 0, memory.grid, some[0], some[1])
 
@@ -138,9 +139,9 @@ def place_some(state: State, shapes: Shapes, memory: Memory, half: int, some: tu
 @kernel
 def detect_stage(stage: int, model: Model, state: State, shapes: Shapes, memory: Memory,
                  c: Any) -> bool:
-    """Do what `detect_ahead` does, or of that what several threads do one by one or each."""
+    """Do what `detect_within_margins` does, or a stage of it for one thread or for each."""
     if stage == WHOLE:
-        return detect_ahead(model, state, shapes, memory, c)
+        return detect_within_margins(model, state, shapes, memory, c)
     if stage == ALL:
         return find_all_manifolds(state, shapes, memory, c)
     if stage == TAKE:
@@ -261,7 +262,7 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
         k = listing[(at - back) & INDEX] & INDEX
         at += step
         a, b = memory.pair[k, 0] & INDEX, memory.pair[k, 1] & INDEX
-        margin = memory.ahead[a] + memory.ahead[b]
+        margin = memory.margin[a] + memory.margin[b]
         old_at = _seek(before, old_at, old_end, back, _key(a, b))
         old = (old_at - back) & INDEX
         known = old_at != old_end and before.shape_a[old] == a and before.shape_b[old] == b
@@ -316,7 +317,7 @@ def _points_of(shapes: Shapes, memory: Memory, scratch: Scratch, k: int, a: int,
         if boxes_apart(memory.pose, shapes.size, shapes.bound, a, b, memory.axis, k, margin):
             return AS_BEFORE, NONE
         # What may touch with a face is seen as a face, unless that tells nothing.
-        for way in (max(0.0, margin - memory.calm[a] - memory.calm[b]), 0.0):
+        for way in (max(0.0, margin - memory.rest_margin[a] - memory.rest_margin[b]), 0.0):
             count, n = box_box(memory.pose, shapes.size, a, b, margin, way, scratch.points,
                                scratch.ids, scratch.polygon, scratch.labels, scratch.numbers)
             if count != UNSETTLED or way == 0.0:
@@ -354,7 +355,7 @@ def search_pair(number: int, shapes: Shapes, memory: Memory) -> int:
     k = (number >> 1) & INDEX
     scratch = memory.other_scratch if number & 1 == 1 else memory.scratch
     a, b = memory.pair[k, 0] & INDEX, memory.pair[k, 1] & INDEX
-    margin = memory.ahead[a] + memory.ahead[b]
+    margin = memory.margin[a] + memory.margin[b]
     if separates(memory.pose, shapes, a, b, memory.axis, k, margin):
         return AS_BEFORE
     count, n = collide_by_search(memory.pose, shapes, a, b, margin, scratch)

@@ -113,9 +113,10 @@ class Memory(NamedTuple):
     page: IntArray  # (1,) the page of the latest step
     pose: Array  # (s, 12) shape poses in the world: origin, rotation matrix by rows
     turn: Array  # (n, 9) rotation matrices C to W of the bodies, by rows
-    ahead: Array  # (s,) how far ahead a shape looks [m]; the margin of a pair is the sum of two
-    calm: Array  # (s,) how far ahead a shape looks that does not move [m]
-    box: Array  # (s, 6) bounding boxes, lower and upper corner, as far ahead as the shape looks
+    # (s,) [m] speculative margin: so far from a shape contacts are found; of a pair the sum of two
+    margin: Array
+    rest_margin: Array  # (s,) [m] what it would be if nothing moved
+    box: Array  # (s, 6) bounding boxes with the margin, lower and upper corner
     grid: Grid
     pair_count: IntArray  # (3,) -1 before the first step; see `forget_parted`
     pair: IntArray  # (p, 2) of 32 bits, shapes whose fat boxes overlap, sorted

@@ -52,7 +52,7 @@ def note_moved(shapes: Shapes, memory: Memory) -> None:
     moved = memory.left[0, 1] + memory.left[1, 1] if _have_left(memory) else 0
     memory.counters[REBUILT] = moved
     if count >= 0:
-        forget_parted(shapes.kind, shapes.size, memory.grid.fat, memory.ahead, moved, memory.pair,
+        forget_parted(shapes.kind, shapes.size, memory.grid.fat, memory.margin, moved, memory.pair,
                       memory.axis, memory.pair_count)
     if moved > 0:
         fill_grid(memory.grid)
@@ -63,7 +63,7 @@ def update_alone(model: Model, shapes: Shapes, memory: Memory) -> bool:
     """Find the pairs of what moved; return whether there was room for them."""
     return _keep_count(memory, update_pairs(
         shapes, memory.grid, memory.fresh, memory.pair, memory.axis, max(memory.pair_count[0], 0),
-        model.m.shape[0], memory.ahead, memory.near[0]))
+        model.m.shape[0], memory.margin, memory.near[0]))
 
 
 @kernel
@@ -79,7 +79,7 @@ def look_for_share(model: Model, shapes: Shapes, memory: Memory, thread: int) ->
         tally = memory.other_tally
     middle = _middle_of(memory.grid.moved, memory.counters[REBUILT])
     begin, end = (middle, shapes.kind.shape[0]) if thread == 1 else (0, middle)
-    done, found = look_around(shapes, memory.grid, fresh[0], model.m.shape[0], memory.ahead,
+    done, found = look_around(shapes, memory.grid, fresh[0], model.m.shape[0], memory.margin,
                               memory.near[thread], begin, end)
     memory.looked[thread] = -1
     if done == end:
@@ -169,7 +169,7 @@ def _have_witnesses(kind: IntArray) -> bool:
 
 
 @kernel
-def forget_parted(kind: IntArray, size: Array, fat: Array, ahead: Array, moved: int,
+def forget_parted(kind: IntArray, size: Array, fat: Array, margin: Array, moved: int,
                   pair: IntArray, axis: Array, pair_count: IntArray) -> None:
     """
     Drop pairs that cannot meet in their fat boxes, when it is worth to go through all of them.
@@ -192,13 +192,13 @@ def forget_parted(kind: IntArray, size: Array, fat: Array, ahead: Array, moved: 
         pair[kept, 0], pair[kept, 1] = a, b
         for i in range(4 if witnessed else 0):
             axis[kept, i] = axis[k, i]
-        kept += 1 if can_meet(kind, size, fat, ahead, a, b) else 0
+        kept += 1 if can_meet(kind, size, fat, margin, a, b) else 0
     pair_count[0], pair_count[1], pair_count[2] = kept, kept, 0
 
 
 @kernel
 def update_pairs(shapes: Shapes, grid: Grid, fresh: IntArray, pair: IntArray, axis: Array,
-                 count: int, bodies: int, ahead: Array, near: IntArray) -> int:
+                 count: int, bodies: int, margin: Array, near: IntArray) -> int:
     """
     Bring the pairs up to date after some shapes moved and the grid was filled.
 
@@ -207,7 +207,7 @@ def update_pairs(shapes: Shapes, grid: Grid, fresh: IntArray, pair: IntArray, ax
     """
     s = 0
     while s < shapes.kind.shape[0]:
-        s, found = look_around(shapes, grid, fresh[0], bodies, ahead, near, s,
+        s, found = look_around(shapes, grid, fresh[0], bodies, margin, near, s,
                                shapes.kind.shape[0])
         if count <= pair.shape[0]:
             found = sort_new(fresh[:2], found, grid.tally, pair, count)

@@ -388,7 +388,7 @@ def _along_a_face(shapes: Shapes, memory: Memory, scratch: Scratch, rows: Manifo
     pose = memory.pose
     s, m = _shapes_of(rows, k, side)
     flush, last, done = tolerance(shapes, m, s, s), math.inf, -1
-    margin = memory.ahead[s] + memory.ahead[m]
+    margin = memory.margin[s] + memory.margin[m]
     for _ in range(TRIALS):
         best, deepest = -1, -math.inf
         for f in range(face_count(shapes, s)):

@@ -64,7 +64,7 @@ def place_shapes(state: State, shapes: Shapes, turn: Array, pose: Array, first: 
 
 
 @kernel
-def bound(kind: IntArray, size: Array, pose: Array, ahead: Array, box: Array, first: int,
+def bound(kind: IntArray, size: Array, pose: Array, margin: Array, box: Array, first: int,
           last: int) -> None:
     """Write the bounding boxes of some shapes and of what is ahead; infinite for a plane."""
     for s in range(first, last):
@@ -72,5 +72,5 @@ def bound(kind: IntArray, size: Array, pose: Array, ahead: Array, box: Array, fi
             x, y, z = pose[s, 3 + 3 * k], pose[s, 4 + 3 * k], pose[s, 5 + 3 * k]
             down, up = reach_along(kind[s], size, s, x, y, z)
             # One part in 1e12 more, so that rounding never makes the box too small.
-            box[s, k] = pose[s, k] - (down * (1.0 + 1e-12) + ahead[s])
-            box[s, 3 + k] = pose[s, k] + (up * (1.0 + 1e-12) + ahead[s])
+            box[s, k] = pose[s, k] - (down * (1.0 + 1e-12) + margin[s])
+            box[s, 3 + k] = pose[s, k] + (up * (1.0 + 1e-12) + margin[s])

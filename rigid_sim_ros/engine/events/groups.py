@@ -75,15 +75,15 @@ def make_groups(bodies: int, shapes: int, pairs: int) -> Groups:
 
 
 @kernel
-def reach_out(model: Model, state: State, loads: Loads, shapes: Shapes, ahead: Array, tries: int,
+def reach_out(model: Model, state: State, loads: Loads, shapes: Shapes, margin: Array, tries: int,
               pose: Array, g: Groups) -> None:
-    """Choose how far shapes may move in this step; `ahead`, (s,) [m]: how far they are seen."""
+    """Choose how far shapes may move in this step; `margin`, (s,) [m]: how far they are seen."""
     for s in range(shapes.kind.shape[0]):
         place_ahead(model, state, loads, shapes, s, 0.0, pose)
         far = motion_bound(model, state, loads, shapes, s, model.h)
         if shapes.bound[s] < np.inf and _moves(model, state, shapes.body[s]):
             far = FAR * far + SLACK * shapes.bound[s]
-        g.far[s] = far + ahead[s] if tries == 0 else max(g.far[s], far + ahead[s])
+        g.far[s] = far + margin[s] if tries == 0 else max(g.far[s], far + margin[s])
         if tries > MOST_TRIES:
             g.far[s] = np.inf
         g.moved[s] = 0.0

@@ -45,9 +45,9 @@ def look_near(c: EventArguments) -> None:
         pull = model.inv_m[i] * norm((loads.F[0, i], loads.F[1, i], loads.F[2, i]))
         if size == np.inf:
             size = 0.0
-        memory.ahead[s] = 1.01 * (c.settings.touching * size
-                                  + 0.25 * h * (0.5 * h * pull + STILL * size / h))
-    memory.calm[0] = np.inf  # no pair is looked at farther ahead than it touches
+        memory.margin[s] = 1.01 * (c.settings.touching * size
+                                   + 0.25 * h * (0.5 * h * pull + STILL * size / h))
+    memory.rest_margin[0] = np.inf  # no pair is looked at farther ahead than it touches
 
 
 @kernel

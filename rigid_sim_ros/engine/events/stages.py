@@ -66,7 +66,8 @@ def group_bodies(c: EventArguments) -> int:
     model, state, shapes, w = c.model, c.state, c.shapes, c.buffers
     sum_loads(model, state, c.wrenches, w.work.loads)
     look_near(c)
-    reach_out(model, state, w.work.loads, shapes, c.memory.ahead, w.count[TRIES], w.pose, w.groups)
+    reach_out(model, state, w.work.loads, shapes, c.memory.margin, w.count[TRIES], w.pose,
+              w.groups)
     groups, pairs = find_groups(model, state, shapes, w.pose, w.pairs, w.groups)
     if pairs > w.pairs.shape[0]:
         w.count[NEEDED] = pairs

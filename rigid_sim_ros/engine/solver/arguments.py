@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.constraints.contact_prediction import make_prediction, Prediction
+from rigid_sim_ros.engine.contact.basis import Basis
 from rigid_sim_ros.engine.contact.colliding_body import CollisionWork, make_collision_work
 from rigid_sim_ros.engine.detection.manifolds import Memory
 from rigid_sim_ros.engine.dynamics.free_flight import BLOCK_SIZE as FLIGHT_SIZE
@@ -168,14 +169,13 @@ class Arguments(NamedTuple):
     job: IntArray  # where a second core finds what to do, see second_core.py
 
 
-def make_arguments(model: Model, state: State, wrenches: Wrenches, shapes: Shapes,
-                   materials: Materials, memory: Memory, settings: TimestepSettings,
+def make_arguments(basis: Basis, settings: TimestepSettings,
                    joints: JointTable | None = None) -> Arguments:
     """Return the arguments of a world with buffers of their own; nobody helps, nobody sleeps."""
-    uses = Uses(int(can_meet(shapes)), int((materials.restitution > 0.0).any()),
+    model, shapes = basis.model, basis.shapes
+    uses = Uses(int(can_meet(shapes)), int((basis.materials.restitution > 0.0).any()),
                 int(differ(model.inv_m)))
-    return Arguments(model, state, wrenches, shapes, materials, memory, settings,
-                     make_timestep_work(model, shapes, memory),
+    return Arguments(*basis, settings, make_timestep_work(model, shapes, basis.memory),
                      no_rest(len(model.m), linked_bodies(model, joints)), uses, make_job())
 
 

@@ -33,7 +33,7 @@ DEEPEST, NEW = range(2)
 
 
 @kernel
-def choose_manifolds(region: int, manifolds: Manifolds, sides: Sides, waits: IntArray,
+def choose_manifolds(region: int, manifolds: Manifolds, sides: Sides, activity: IntArray,
                      work: Coloring) -> None:
     """
     List the manifolds of a half that are solved: neither left out, nor of two bodies at rest.
@@ -50,7 +50,7 @@ def choose_manifolds(region: int, manifolds: Manifolds, sides: Sides, waits: Int
         begin, end = (middle, end) if region == 1 else (begin, middle)
     for row in range(begin, end):
         r = row & INDEX
-        if waits[r] != LEFT_OUT:
+        if activity[r] != LEFT_OUT:
             at = side[manifolds.body_a[r] & INDEX] | side[manifolds.body_b[r] & INDEX]
             if at == wanted:
                 work.member[region, found] = r
@@ -147,7 +147,7 @@ def _fetch_body(at: int, balls: bool, bodies: SolverBodies) -> None:
 
 @part
 def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Prediction, x: Array,
-                waits: IntArray, shapes: Shapes, materials: Materials, shifts: Array,
+                activity: IntArray, shapes: Shapes, materials: Materials, shifts: Array,
                 shifted: bool, share: float, bodies: SolverBodies, blocks: Blocks,
                 fresh: IntArray, notes: Array) -> None:
     """
@@ -167,7 +167,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
         at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
         _copy_normal_and_friction(b, rows, manifolds, share)
         _copy_sizes(b, rows, manifolds, shapes.bound)
-        blocks.dormant[block], blocks.direct[block] = _dormant_lanes(rows, waits), 0
+        blocks.dormant[block], blocks.direct[block] = _dormant_lanes(rows, activity), 0
         blocks.held[block] = 0
         if balls:
             A, B = gather(bodies.motion, at_A), gather(bodies.motion, at_B)
@@ -199,11 +199,11 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
 
 
 @part
-def _dormant_lanes(rows: IntArray, waits: IntArray) -> int:
+def _dormant_lanes(rows: IntArray, activity: IntArray) -> int:
     """Return the bits of the lanes that take no part before an impact reaches them."""
     bits = 0
     for i in range(LANES):
-        if rows[i] >= 0 and waits[rows[i] & INDEX] == DORMANT:
+        if rows[i] >= 0 and activity[rows[i] & INDEX] == DORMANT:
             bits |= 1 << i
     return bits
 

@@ -6,11 +6,11 @@ from rigid_sim_ros.engine.constraints.contact_blocks import (
     ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, drift_together, friction_of, GAP, IMPULSE,
     INV_SPIN, INV_TT, J_A, J_B, K_N, K_NN, K_SPIN, K_TN, keep_friction, load_three, load_two, MASS,
     Motion, MU, NORMAL, normal_sum, POINT, POINT_ROWS, pushed, RESTING, ROLL, ROLL_LEVER,
-    ROLL_STEP, S, SHOVE, SHOVE_TURN, SIZE, SLIDE, smallest_gap, SPEED, SPIN_LEVER, symmetric, T,
-    Three, TURN_T)
+    ROLL_STEP, S, SHOVE, SHOVE_TURN, SIZE, SLIDE, smallest_gap, SPEED, SPIN_LEVER, store_two,
+    symmetric, T, Three, TURN_T)
 from rigid_sim_ros.engine.constraints.contact_rules import (
-    approach_of, gap_of, is_open, least_speed, NEGLIGIBLE, onto_circle, settled, SKIN, Sweep,
-    wanted_of)
+    approach_of, bounded_step, gap_of, is_open, least_speed, NEGLIGIBLE, normal_impulse, settled,
+    SKIN, Sweep, wanted_of)
 from rigid_sim_ros.engine.maths.vector import add, add_scaled, cross, dot, subtract
 from rigid_sim_ros.engine.solver.coloring import (
     are_balls, awake_in, Blocks, CHANGED, is_small, lanes_of, numbers_of, OVERLAPPING, points_in,
@@ -141,11 +141,8 @@ def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, what: 
     A, B = gather(motion, at_A), gather(motion, at_B)
     n, t1, t2 = axes(b)
     _, u, w = relative_twist(b, A, B)
-    old_N = load(b, POINT + IMPULSE)
-    speed = dot(u, n)
-    wanted = speed + least_speed(b, POINT, what)
-    pressure = select(mask, max(old_N - load(b, POINT + MASS) * wanted, 0.0), old_N)
-    old = friction_of(b)
+    old_N, speed, old = load(b, POINT + IMPULSE), dot(u, n), friction_of(b)
+    pressure = normal_impulse(b, POINT, speed, what, mask)
     if not any_of(pressure + old_N + abs(old[0]) + abs(old[1]) + abs(old[2]) > 0.0):
         # Nothing presses, nor did anything before this visit.
         _keep_speed(b, POINT, speed, mask)
@@ -382,17 +379,10 @@ def _solve_together(b: Array, twist: Three, wrench: Three, what: Sweep,
 @part
 def _solve_point(b: Array, point: int, twist: Three, wrench: Three, residual: Eight,
                  what: Sweep, mask: Mask) -> tuple[Three, Three, Eight]:
-    """
-    Make the normal velocity of a point not less than what `least_speed` allows.
-
-    By an impulse that stays >= 0.
-    """
+    """Make the normal velocity of a point not less than what `least_speed` allows."""
     g = _column(b, point)
-    response, impulse = symmetric(b, K_NN, g), load(b, point + IMPULSE)
-    after = max(impulse - load(b, point + MASS) * (dot(g, twist) + least_speed(b, point, what)),
-                0.0)
-    after = select(mask, after, impulse)
-    change = after - impulse
+    response, after = symmetric(b, K_NN, g), normal_impulse(b, point, dot(g, twist), what, mask)
+    change = after - load(b, point + IMPULSE)
     store(b, point + IMPULSE, after)
     twist = add_scaled(twist, change, response)
     _keep_speed(b, point, dot(g, twist), mask)
@@ -435,13 +425,11 @@ def _solve_rolling(b: Array, twist: Three, wrench: Three, points: int,
                    mask: Mask) -> tuple[Three, Three]:
     """Stop the rolling as far as the normal impulses allow."""
     limit = load(b, ROLL_LEVER) * normal_sum(b, points)
-    r1, r2, step = load(b, ROLL), load(b, ROLL + 1), load(b, ROLL_STEP)
-    a1, a2 = r1 - step * twist[1], r2 - step * twist[2]
-    scale = onto_circle(a1, a2, limit)
-    b1, b2 = select(mask, scale * a1, r1), select(mask, scale * a2, r2)
-    change = (spread(0.0), b1 - r1, b2 - r2)
-    store(b, ROLL, b1)
-    store(b, ROLL + 1, b2)
+    old = load_two(b, ROLL)
+    new = bounded_step(old, load(b, ROLL_STEP), (twist[1], twist[2]), limit)
+    new = (select(mask, new[0], old[0]), select(mask, new[1], old[1]))
+    change = (spread(0.0), new[0] - old[0], new[1] - old[1])
+    store_two(b, ROLL, new)
     return add(twist, symmetric(b, K_NN, change)), add(wrench, change)
 
 
@@ -467,9 +455,6 @@ def _friction(b: Array, twist: Three, pressure: Eight, old: Three) -> Three:
     new1, new2 = select(sticks, stick1, 0.0), select(sticks, stick2, 0.0)
     slides = select(sticks, 0.0, limit) > 0.0
     if any_of(slides):
-        slide = load(b, SLIDE)
-        slide1, slide2 = old[0] - slide * u1, old[1] - slide * u2
-        scale = onto_circle(slide1, slide2, limit)
-        new1 = select(slides, scale * slide1, new1)
-        new2 = select(slides, scale * slide2, new2)
+        slide1, slide2 = bounded_step((old[0], old[1]), load(b, SLIDE), (u1, u2), limit)
+        new1, new2 = select(slides, slide1, new1), select(slides, slide2, new2)
     return (new1, new2, spin)

@@ -13,15 +13,15 @@ alone, and solved like one; see direct_solve.py.
 """
 
 from rigid_sim_ros.engine.constraints.contact_blocks import (
-    GAP, POINT, POINT_ROWS, S, SHOVE, SHOVE_TURN, SIZE, T)
-from rigid_sim_ros.engine.constraints.contact_rules import DEEPEST_PUSH, NEGLIGIBLE, Sweep
+    POINT, POINT_ROWS, S, SHOVE, SHOVE_TURN, T)
+from rigid_sim_ros.engine.constraints.contact_rules import overlap_of, Sweep
 from rigid_sim_ros.engine.solver.coloring import (
     are_balls, Blocks, is_small, numbers_of, OVERLAPPING, points_in)
 from rigid_sim_ros.engine.solver.direct_islands import Islands
 from rigid_sim_ros.engine.solver.direct_rows import DirectRows, read_island, SLIDE, WIDTH
 from rigid_sim_ros.engine.solver.direct_solve import Direct, solve_rows
 from rigid_sim_ros.engine.solver.solver_bodies import SolverBodies
-from rigid_sim_ros.kernels.eight import LANES
+from rigid_sim_ros.kernels.eight import bits_of, LANES, store
 from rigid_sim_ros.kernels.kernel import kernel
 
 
@@ -39,14 +39,14 @@ def push_islands(blocks: Blocks, bodies: SolverBodies, what: Sweep, rate: float,
         overlaps = False
         for lane in lanes:
             overlaps |= _overlaps(blocks, lane)
-            _write_push(blocks, lane, 0.0, 0.0, 0.0)
+            _store_push(blocks, lane, 0.0, 0.0, 0.0)
         if overlaps:
             count, moving = read_island(blocks, bodies, lanes, what, rows)
             for c in range(count):
-                _want(blocks, lanes[c], c, rate, rows)
+                _demand_push(blocks, lanes[c], c, rate, rows)
             solve_rows(count, moving, what.inv_h, work)
             for c in range(count):
-                _write_found(blocks, lanes[c], c, rows)
+                _store_sum(blocks, lanes[c], c, rows)
 
 
 @kernel
@@ -59,33 +59,24 @@ def _is_any_pushed(blocks: Blocks, islands: Islands) -> bool:
 
 
 @kernel
-def _overlap(blocks: Blocks, lane: int, p: int) -> float:
-    """Return how deep a point overlaps, as far as it is pushed apart [m]."""
-    block, i = lane // LANES, lane % LANES
-    b = numbers_of(blocks, block)
-    gap, size = b[(POINT + p * POINT_ROWS + GAP) * LANES + i], b[SIZE * LANES + i]
-    return min(-gap, DEEPEST_PUSH * size) if gap < -NEGLIGIBLE * size else 0.0
-
-
-@kernel
 def _overlaps(blocks: Blocks, lane: int) -> bool:
     """Return whether any point of a lane has an overlap to be pushed apart."""
-    block = lane // LANES
-    if blocks.dormant[block] & 1 << lane % LANES != 0:
-        return False
+    block, overlapping = lane // LANES, 0
     for p in range(4 if points_in(blocks.kind[block]) > 1 else 1):
-        if _overlap(blocks, lane, p) > 0.0:
-            return True
-    return False
+        overlap = overlap_of(numbers_of(blocks, block), POINT + p * POINT_ROWS)
+        overlapping |= bits_of(overlap > 0.0)
+    return overlapping & ~blocks.dormant[block] & 1 << lane % LANES != 0
 
 
 @kernel
-def _want(blocks: Blocks, lane: int, c: int, rate: float, rows: DirectRows) -> None:
+def _demand_push(blocks: Blocks, lane: int, c: int, rate: float, rows: DirectRows) -> None:
     """Let the rows of manifold c demand that the overlaps of a lane go, and nothing else."""
-    points = 4 if points_in(blocks.kind[lane // LANES]) > 1 else 1
+    b, points = numbers_of(blocks, lane // LANES), points_in(blocks.kind[lane // LANES])
     for r in range(WIDTH):
-        rows.f[c, r] = rows.start[c, r] = 0.0
-        overlap = _overlap(blocks, lane, r) if r < points else 0.0
+        overlap = rows.f[c, r] = rows.start[c, r] = 0.0
+        if r < (4 if points > 1 else 1):
+            store(rows.scratch, 0, overlap_of(b, POINT + r * POINT_ROWS))
+            overlap = rows.scratch[lane % LANES]
         if overlap > 0.0:
             parts = rows.rate[c, r] - rows.least[c, r]
             rows.least[c, r] = 0.0
@@ -95,11 +86,11 @@ def _want(blocks: Blocks, lane: int, c: int, rate: float, rows: DirectRows) -> N
 
 
 @kernel
-def _write_found(blocks: Blocks, lane: int, c: int, rows: DirectRows) -> None:
-    """Write the sum of the impulses of manifold c as the push of a lane."""
+def _store_sum(blocks: Blocks, lane: int, c: int, rows: DirectRows) -> None:
+    """Store the sum of the impulses of manifold c as the push of a lane."""
     b, i, f = numbers_of(blocks, lane // LANES), lane % LANES, rows.f
     if points_in(blocks.kind[lane // LANES]) == 1:
-        _write_push(blocks, lane, f[c, 0], 0.0, 0.0)
+        _store_push(blocks, lane, f[c, 0], 0.0, 0.0)
         return
     along = about_1 = about_2 = 0.0
     for p in range(SLIDE):
@@ -108,11 +99,11 @@ def _write_found(blocks: Blocks, lane: int, c: int, rows: DirectRows) -> None:
             along += f[c, p]
             about_1 += b[(point + T) * LANES + i] * f[c, p]
             about_2 -= b[(point + S) * LANES + i] * f[c, p]
-    _write_push(blocks, lane, along, about_1, about_2)
+    _store_push(blocks, lane, along, about_1, about_2)
 
 
 @kernel
-def _write_push(blocks: Blocks, lane: int, along: float, about_1: float, about_2: float) -> None:
+def _store_push(blocks: Blocks, lane: int, along: float, about_1: float, about_2: float) -> None:
     block, i = lane // LANES, lane % LANES
     b, kind = numbers_of(blocks, block), blocks.kind[block]
     b[SHOVE * LANES + i] = along

@@ -1,7 +1,7 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Detection by two threads; what it finds is what `detect_ahead` finds.
+Detection by two threads; what it finds is what `detect_within_margins` finds.
 
 Either places half of the shapes, and looks through those pairs that took half of the effort in
 the last step. The first goes through its pairs from the last to the first, and writes its rows
@@ -12,9 +12,9 @@ side by side, however many each of them finds. Where the room was too small one 
 from rigid_sim_ros.engine.detection.detect import (
     ALL, detect_part, FIND, get_share, LOOK, NOTE, place_some, ROWS, SEAMS, set_share, Share, TAKE,
     turn_page)
-from rigid_sim_ros.engine.detection.look_ahead import look_ahead
 from rigid_sim_ros.engine.detection.manifolds import (
     current, first_row, Memory, PAIRS, REBUILT, RECYCLED, rows_in_use, WITNESSED)
+from rigid_sim_ros.engine.detection.margins import set_margins
 from rigid_sim_ros.engine.detection.pair_list import refresh_some
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Shapes
@@ -35,7 +35,7 @@ _OF_RECYCLED, _OF_NEW = 2, 14
 
 @part
 def detect_in_parallel(c: Arguments) -> int:
-    """Do what `detect_ahead` does; return 1 if all was there for it, else 0."""
+    """Do what `detect_within_margins` does; return 1 if all was there for it, else 0."""
     memory, job = c.memory, c.job
     alone, shared = address_of(detect_part, c), address_of(share_part, c)
     side_by_side(job, shared, c, PLACE, PLACE + 1)
@@ -62,18 +62,18 @@ def share_part(c: Arguments, stage: int) -> int:
     first = sides.middle[0], sides.middle[1]
     if PLACE <= stage < REFRESH:
         some, bodies = in_half(stage - PLACE, first, c.state, c.shapes)
-        look_ahead_of(c, some, bodies)
+        set_margins_and_sides(c, some, bodies)
     return int(share_stage(stage, c.model, c.state, c.shapes, c.memory, first,
                            is_by_number(sides.cut)))
 
 
 @kernel
-def look_ahead_of(c: Arguments, shapes: tuple[int, int], bodies: tuple[int, int]) -> None:
-    """Find how far ahead some shapes look, and on which side of the cut some bodies are."""
+def set_margins_and_sides(c: Arguments, shapes: tuple[int, int], bodies: tuple[int, int]) -> None:
+    """Set the margins of some shapes, and find on which side of the cut some bodies are."""
     model, state = c.model, c.state
     take_sides_of(c, bodies)
-    look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, state.V, c.settings.margin,
-               c.work.radius, c.work.thickness, c.shapes.body, c.memory, shapes[0], shapes[1])
+    set_margins(model.h, model.inv_m, model.inv_I_C, state.P, state.L, state.V, c.settings.margin,
+                c.work.radius, c.work.thickness, c.shapes.body, c.memory, shapes[0], shapes[1])
 
 
 @kernel

@@ -103,13 +103,13 @@ def take_sides(inv_m: Array, V: Array, x: Array, asleep: IntArray, first: int, l
 
 
 @kernel
-def mark_touching(manifolds: Manifolds, waits: IntArray, touching: IntArray) -> None:
-    """Mark in touching (2, n) the bodies of all manifolds but for those left out by waits (c,)."""
+def mark_touching(manifolds: Manifolds, activity: IntArray, touching: IntArray) -> None:
+    """Mark in touching (2, n) the bodies of all manifolds whose activity (c,) is not LEFT_OUT."""
     first, count = rows_in_use(manifolds)
     touching[:] = 0
     for k in range(count):
         r = (first + k) & INDEX
-        if waits[r] != LEFT_OUT:
+        if activity[r] != LEFT_OUT:
             touching[0, manifolds.body_a[r] & INDEX] = 1
             touching[0, manifolds.body_b[r] & INDEX] = 1
 

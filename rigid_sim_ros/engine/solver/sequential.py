@@ -312,12 +312,13 @@ def store_part(c: Arguments, half: int) -> int:
 def _fill(c: Arguments, region: int) -> None:
     """Bring the bodies and the manifolds of a region into blocks."""
     model, state, work, sides = c.model, c.state, c.work.solver, c.work.solver.sides
-    manifolds, waits, shifted = current(c.memory), c.work.collision.waits, work.shifted[0] == 1
+    manifolds, activity = current(c.memory), c.work.collision.activity
+    shifted = work.shifted[0] == 1
     if region != BETWEEN:
         give_slots(region, sides, c.memory.touching, work.bodies)
         load_bodies(region, model.h, model.gravity, model.inv_m, model.inv_I_C, state,
                     c.work.loads, work.bodies)
-        choose_manifolds(region, manifolds, sides, waits, work.coloring)
+        choose_manifolds(region, manifolds, sides, activity, work.coloring)
     classify(region, c.shapes.material, c.materials, c.work.round_shapes,
              c.work.collision.body, shifted, manifolds, work.bodies, work.coloring)
     coloring, blocks, bodies = work.coloring, work.blocks, work.bodies
@@ -329,7 +330,7 @@ def _fill(c: Arguments, region: int) -> None:
                              coloring)
         make_room(region, begin, end, colors, coloring, blocks)
         place_lanes(region, begin, end, block, manifolds, bodies, coloring, blocks)
-        fill_blocks(region, block, manifolds, c.work.prediction, state.x, waits, c.shapes,
+        fill_blocks(region, block, manifolds, c.work.prediction, state.x, activity, c.shapes,
                     c.materials, c.work.collision.body, shifted,
                     1.0 / c.settings.sequential.substeps, bodies, blocks, work.fresh,
                     work.notes[region])

@@ -16,9 +16,9 @@ shapes. That takes a third of the work of other contacts and half of their memor
 from rigid_sim_ros.engine.constraints.contact_blocks import (
     ABSENT, axes, combine, drift_together, FRICTION, GAP, IMPULSE, inverse_of, LEVER_A, LEVER_B,
     load_three, load_two, make_basis, MASS, Motion, MU, NORMAL, POINT, RESTING, SHOVE, SIZE,
-    SPEED, STICK, store_two, Three, TURN_T, Two)
+    SPEED, STICK, store_two, Three, TURN_T)
 from rigid_sim_ros.engine.constraints.contact_rules import (
-    approach_of, is_open, least_speed, NEGLIGIBLE, onto_circle, Sweep, wanted_of)
+    approach_of, bounded_step, is_open, least_speed, NEGLIGIBLE, normal_impulse, Sweep, wanted_of)
 from rigid_sim_ros.engine.maths.vector import add_scaled, dot, scale, subtract
 from rigid_sim_ros.engine.solver.solver_bodies import INV_I, INV_M
 from rigid_sim_ros.kernels.arrays import Array, IntArray
@@ -65,9 +65,7 @@ def visit_balls(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, what: S
     n, t1, t2 = axes(b)
     v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
     old_N, speed = load(b, POINT + IMPULSE), dot(v, n)
-    pressure = max(old_N - load(b, POINT + MASS) * (speed + least_speed(b, POINT, what)), 0.0)
-    pressure = select(mask, pressure, old_N)
-    old = load_two(b, FRICTION)
+    pressure, old = normal_impulse(b, POINT, speed, what, mask), load_two(b, FRICTION)
     if not any_of(pressure + old_N + abs(old[0]) + abs(old[1]) > 0.0):
         # Nothing presses, nor did anything before this visit.
         _keep_speed(b, speed, mask)
@@ -79,8 +77,9 @@ def visit_balls(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, what: S
     w_A, w_B = scale(A[INV_I], (A[3], A[4], A[5])), scale(B[INV_I], (B[3], B[4], B[5]))
     m = subtract(scale(load(b, LEVER_B), w_B), scale(load(b, LEVER_A), w_A))
     turns = load_two(b, TURN_T)
-    new = _friction(b, (dot(v, t1) + dot(m, t2) + what.when * turns[0],
-                        dot(v, t2) - dot(m, t1) + what.when * turns[1]), pressure, old)
+    sliding = (dot(v, t1) + dot(m, t2) + what.when * turns[0],
+               dot(v, t2) - dot(m, t1) + what.when * turns[1])
+    new = bounded_step(old, load(b, STICK), sliding, load(b, MU) * pressure)
     new = (select(mask, new[0], old[0]), select(mask, new[1], old[1]))
     store_two(b, FRICTION, new)
     change = (new[0] - old[0], new[1] - old[1])
@@ -101,17 +100,6 @@ def _keep_speed(b: Array, speed: Eight, mask: Mask) -> None:
     """
     if any_of(load(b, POINT + GAP) < -NEGLIGIBLE * load(b, SIZE)):
         store(b, POINT + SPEED, select(mask, speed, load(b, POINT + SPEED)))
-
-
-@part
-def _friction(b: Array, sliding: Two, pressure: Eight, old: Two) -> Two:
-    """Stop the sliding at c within Coulomb's cone; see contact_sweep.py."""
-    limit, stick = load(b, MU) * pressure, load(b, STICK)
-    new1, new2 = old[0] - stick * sliding[0], old[1] - stick * sliding[1]
-    if any_of(new1 * new1 + new2 * new2 > limit * limit):
-        back = onto_circle(new1, new2, limit)
-        new1, new2 = back * new1, back * new2
-    return (new1, new2)
 
 
 @part

@@ -12,14 +12,15 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from rigid_sim_ros.engine.contact.basis import Basis
 from rigid_sim_ros.engine.contact.recorded_impulses import Acted
 from rigid_sim_ros.engine.detection.manifolds import (
     CONTACTS, current_manifolds, empty_memory, lasting, Manifolds, Memory, PAIRS, POINTS,
     slice_in_use, with_lasting, WITNESSED)
-from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
+from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches, Wrenches
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
-from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.engine.state.state import empty_state, State
 from rigid_sim_ros.engine.steps.jointed_motion import JointSetup
 from rigid_sim_ros.kernels.arrays import Array
 
@@ -105,6 +106,12 @@ class Touching(OneThread):
 
     def _fresh(self) -> Memory:
         return empty_memory(len(self._setup.model.m), len(self._setup.shapes.body))
+
+    def _basis(self) -> Basis:
+        """Return the world as contact models are built: any state, and the present memory."""
+        s = self._setup
+        return Basis(s.model, empty_state(len(s.model.m)), no_wrenches(), s.shapes, s.materials,
+                     self._memory)
 
     def lasting(self) -> dict[str, np.ndarray]:
         """Return the manifolds in use."""

@@ -33,14 +33,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rigid_sim_ros.engine.contact.basis import Basis
 from rigid_sim_ros.engine.contact.carried_forces import Carried, more_forces, no_forces
 from rigid_sim_ros.engine.contact.contact_search import (
     DONE, MORE_CONTACTS, MORE_MANIFOLDS, MORE_MEMORY)
 from rigid_sim_ros.engine.contact.coulomb import coefficients
 from rigid_sim_ros.engine.contact.impulse import make_room
 from rigid_sim_ros.engine.contact.resting_qp import effective_mass, search, soften
-from rigid_sim_ros.engine.detection.manifolds import grown, Memory
-from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
+from rigid_sim_ros.engine.detection.manifolds import grown
 from rigid_sim_ros.engine.events.buffers import (
     BEGIN, CHOSEN, COLLISIONS, CONTACTS, CUT_SHORT, DEEPEST, EventArguments, EVENTS, EventSettings,
     GROUP, IMPULSES, KNOWN, make_buffers, more_contacts, more_manifolds, MORE_PAIRS, more_pairs,
@@ -48,9 +48,6 @@ from rigid_sim_ros.engine.events.buffers import (
     UNSOLVED, WIDTH, WORST)
 from rigid_sim_ros.engine.events.stages import (
     apply_impulses, begin_step, find_contacts, find_forces, group_bodies, move_bodies)
-from rigid_sim_ros.engine.model.model import Model
-from rigid_sim_ros.engine.model.shapes import Materials, Shapes
-from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
 from rigid_sim_ros.kernels.kernel import kernel
 
@@ -106,11 +103,10 @@ def advance(c: EventArguments, count: int,
             c = _with_room(c, why)
 
 
-def make_arguments(model: Model, state: State, wrenches: Wrenches, shapes: Shapes,
-                   materials: Materials, memory: Memory) -> EventArguments:
+def make_arguments(basis: Basis) -> EventArguments:
     """Return the arguments of a world with buffers of their own, and no forces to begin from."""
-    return EventArguments(model, state, wrenches, shapes, materials, memory, EventSettings(),
-                          no_forces(), make_buffers(len(model.m), len(shapes.body)))
+    buffers = make_buffers(len(basis.model.m), len(basis.shapes.body))
+    return EventArguments(*basis, EventSettings(), no_forces(), buffers)
 
 
 def _with_room(c: EventArguments, why: int) -> EventArguments:

@@ -11,11 +11,11 @@ from rigid_sim_ros.engine.contact.carried_forces import Carried, no_forces
 from rigid_sim_ros.engine.detection.manifolds import (
     current_manifolds, earlier_manifolds, Manifolds)
 from rigid_sim_ros.engine.dynamics.integrate import make_work, ORIENTATIONS
-from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches, Wrenches
+from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.solver.arguments import (
     Arguments, make_arguments, SequentialSettings, TimestepSettings, with_cut)
 from rigid_sim_ros.engine.solver.partition import Cut
-from rigid_sim_ros.engine.state.state import empty_state, State
+from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.engine.steps import event, penalty, qp, timestep
 from rigid_sim_ros.engine.steps.contact_model import (
     CONTACT, ContactReport, named, OneThread, rows_of, Setup, Touching, unnamed)
@@ -76,11 +76,9 @@ class Timestep(Touching):
         self._has_stepped = False
 
     def _begin(self) -> Arguments:
-        s = self._setup
-        n = len(s.model.m)
-        return make_arguments(s.model, empty_state(n), no_wrenches(), s.shapes, s.materials,
-                              self._memory, self._settings,
-                              None if s.joints is None else s.joints.table)
+        joints = self._setup.joints
+        return make_arguments(self._basis(), self._settings,
+                              None if joints is None else joints.table)
 
     def use_threads(self, count: int) -> None:
         """Let a second thread help where contacts are many, if there is a core for it."""
@@ -164,9 +162,7 @@ class VelocityQp(Touching):
         self._arguments = self._begin()
 
     def _begin(self) -> qp.QpArguments:
-        s = self._setup
-        return qp.make_arguments(s.model, empty_state(len(s.model.m)), no_wrenches(), s.shapes,
-                                 s.materials, self._memory, TimestepSettings())
+        return qp.make_arguments(self._basis(), TimestepSettings())
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
         """Advance the state."""
@@ -193,9 +189,7 @@ class Event(Touching):
     def __init__(self, setup: Setup) -> None:
         """Make room for no contacts yet."""
         super().__init__(setup)
-        self._arguments = event.make_arguments(
-            setup.model, empty_state(len(setup.model.m)), no_wrenches(), setup.shapes,
-            setup.materials, self._memory)
+        self._arguments = event.make_arguments(self._basis())
         self._pack: ArgumentPack | None = None
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
@@ -234,9 +228,7 @@ class Penalty(Touching):
     def __init__(self, setup: Setup) -> None:
         """Make room for no contacts yet."""
         super().__init__(setup)
-        self._arguments = penalty.make_arguments(
-            setup.model, empty_state(len(setup.model.m)), no_wrenches(), setup.shapes,
-            setup.materials, self._memory)
+        self._arguments = penalty.make_arguments(self._basis())
         self._pack: ArgumentPack | None = None
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:

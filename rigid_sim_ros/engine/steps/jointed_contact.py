@@ -26,8 +26,8 @@ from rigid_sim_ros.engine.contact.contact_search import (
 from rigid_sim_ros.engine.contact.contacts import read_velocity
 from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses, note, note_all, record
 from rigid_sim_ros.engine.detection.backtrack import approach_bound
-from rigid_sim_ros.engine.detection.look_ahead import look_ahead
 from rigid_sim_ros.engine.detection.manifolds import current, grown, Memory
+from rigid_sim_ros.engine.detection.margins import set_margins
 from rigid_sim_ros.engine.dynamics.loads import kick
 from rigid_sim_ros.engine.joints.posture import read_positions
 from rigid_sim_ros.engine.maths.vector import row
@@ -39,6 +39,7 @@ from rigid_sim_ros.engine.steps.articulated import (
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
+from rigid_sim_ros.kernels.separate import by_address, link, Pieces
 
 # Of the half thickness of a shape: contacts are found this far ahead, and as far as it moves.
 MARGIN = 0.01
@@ -48,6 +49,8 @@ MORE_ROWS = 4
 STEPS, STAGE, PARTS_DONE, SIZE, EVENTS, TRIES, COLLISIONS, CUT_SHORT, SLOWED = range(9)
 # The stage of every model at which a step begins.
 BEGIN = 0
+# Place in `JointedContact.span`: within which time what touches is to be found.
+WITHIN = 2
 
 
 class JointedContact(NamedTuple):
@@ -61,7 +64,7 @@ class JointedContact(NamedTuple):
     thickness: Array  # (s,) [m] half of the least that a shape measures across
     buffers: ContactBuffers
     place: IntArray  # (9,) see STEPS
-    span: Array  # (2,) [s] of the model `event`, see jointed_event.LEFT
+    span: Array  # (3,) [s] of the model `event`, see jointed_event.LEFT; and see WITHIN
 
 
 @kernel
@@ -76,10 +79,17 @@ def begin(c: JointedContact) -> None:
 @kernel
 def find_touching(c: JointedContact, h: float) -> int:
     """Write the points that may touch within h [s]; return DONE, or what is needed first."""
-    memory, shapes, w = c.memory, c.shapes, c.buffers
+    c.span[WITHIN] = h
+    return find_within(c, 0)
+
+
+@by_address
+def find_within(c: JointedContact, _: int) -> int:
+    """Do what `find_touching` does for the time that it wrote."""
+    memory, shapes, w, h = c.memory, c.shapes, c.buffers, c.span[WITHIN]
     model, state = c.joints.model, c.joints.state
-    look_ahead(h, model.inv_m, model.inv_I_C, state.P, state.L, state.V, MARGIN, c.radius,
-               c.thickness, shapes.body, memory, 0, shapes.body.shape[0])
+    set_margins(h, model.inv_m, model.inv_I_C, state.P, state.L, state.V, MARGIN, c.radius,
+                c.thickness, shapes.body, memory, 0, shapes.body.shape[0])
     why, w.count[NEEDED] = find_points(model, state, shapes, c.materials, memory, np.inf, w.order,
                                        w.contacts)
     if why != DONE:
@@ -236,6 +246,9 @@ def advance(run: Callable[..., Any], c: JointedContact, count: int,
     c.place[STEPS], c.place[STAGE] = count, BEGIN
     while True:
         pack = packed(c, pack)
+        if not pack.is_linked:
+            # What the helper compiles takes as long as all the rest.
+            link(run, pack, Pieces(here=[], helped=[find_within]), numbers=0)
         why = pack.run(run)
         if why == DONE:
             return c, pack

@@ -11,9 +11,9 @@ from rigid_sim_ros.engine.constraints.articulated_buffers import (
 from rigid_sim_ros.engine.contact.carried_forces import Carried
 from rigid_sim_ros.engine.contact.contacts import row_count
 from rigid_sim_ros.engine.detection.manifolds import current_manifolds, Manifolds
-from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches, Wrenches
+from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.solver.arguments import radii, thicknesses
-from rigid_sim_ros.engine.state.state import empty_state, State
+from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.engine.steps import (
     jointed_contact, jointed_event, jointed_penalty, jointed_timestep, penalty)
 from rigid_sim_ros.engine.steps.contact_model import (
@@ -51,11 +51,11 @@ class JointedTimestep(Touching, JointedMotion):
         """Make room for no contacts yet."""
         Touching.__init__(self, setup)
         JointedMotion.__init__(self, setup.model, joints)
-        shapes, n = setup.shapes, len(setup.model.m)
+        b, n = self._basis(), len(setup.model.m)
         self._arguments = jointed_contact.JointedContact(
-            self.arguments(empty_state(n), no_wrenches()), shapes, setup.materials, self._memory,
-            radii(shapes, n), thicknesses(shapes), self._fresh_buffers(),
-            np.zeros(9, dtype=np.int64), np.zeros(2))
+            self.arguments(b.state, b.wrenches), b.shapes, b.materials, b.memory,
+            radii(b.shapes, n), thicknesses(b.shapes), self._fresh_buffers(),
+            np.zeros(9, dtype=np.int64), np.zeros(3))
 
     def _fresh_buffers(self) -> ContactBuffers:
         s = self._setup
@@ -123,11 +123,9 @@ class JointedPenalty(Touching, JointedMotion):
         """Make room for no contacts yet."""
         Touching.__init__(self, setup)
         JointedMotion.__init__(self, setup.model, joints)
-        state, wrenches = empty_state(len(setup.model.m)), no_wrenches()
+        basis = self._basis()
         self._arguments = jointed_penalty.JointedPenalty(
-            self.arguments(state, wrenches),
-            penalty.make_arguments(setup.model, state, wrenches, setup.shapes, setup.materials,
-                                   self._memory),
+            self.arguments(basis.state, basis.wrenches), penalty.make_arguments(basis),
             np.zeros(3, dtype=np.int64))
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rigid_sim_ros.engine.contact.basis import Basis
 from rigid_sim_ros.engine.contact.contact_search import (
     DONE, find_points, MORE_CONTACTS, MORE_MANIFOLDS, MORE_MEMORY)
 from rigid_sim_ros.engine.contact.contacts import (
@@ -124,8 +125,8 @@ def find_overlaps(c: PenaltyArguments) -> int:
     """Find the points that overlap; return DONE, or what is needed first."""
     shapes, memory, w = c.shapes, c.memory, c.buffers
     for s in range(shapes.bound.shape[0]):
-        memory.ahead[s] = MARGIN * shapes.bound[s] if shapes.bound[s] < np.inf else 0.0
-    memory.calm[0] = np.inf
+        memory.margin[s] = MARGIN * shapes.bound[s] if shapes.bound[s] < np.inf else 0.0
+    memory.rest_margin[0] = np.inf
     why, w.count[NEEDED] = find_points(c.model, c.state, shapes, c.materials, memory, 0.0, w.order,
                                        w.contacts)
     if why != DONE:
@@ -214,16 +215,14 @@ def no_bristles() -> Bristles:
     return Bristles(none, none, none, np.zeros((0, 3)))
 
 
-def make_arguments(model: Model, state: State, wrenches: Wrenches, shapes: Shapes,
-                   materials: Materials, memory: Memory) -> PenaltyArguments:
+def make_arguments(basis: Basis) -> PenaltyArguments:
     """Return the arguments of a world with buffers of their own, and no bristles."""
-    n, c = len(model.m), 64
+    n, c = len(basis.model.m), 64
     buffers = Buffers(
         np.zeros(4, dtype=np.int64), make_work(n), make_bodies(n), empty_loads(n),
         np.zeros((2, c), dtype=np.int64), make_contacts(c), np.zeros((c, 3)), np.zeros((c, 3)),
         _longer(no_bristles(), c))
-    return PenaltyArguments(model, state, wrenches, shapes, materials, memory, PenaltySettings(),
-                            buffers)
+    return PenaltyArguments(*basis, PenaltySettings(), buffers)
 
 
 def with_room(c: PenaltyArguments, why: int) -> PenaltyArguments:

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 
+from rigid_sim_ros.engine.contact.basis import Basis
 from rigid_sim_ros.engine.detection.manifolds import empty_memory
 from rigid_sim_ros.engine.dynamics.forces import WIDTH
 from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches
@@ -31,6 +32,7 @@ def compile_beforehand() -> None:
     none = np.zeros(0, dtype=np.int64)
     model = build_model([], [], ForceTable(none, none, none, np.zeros((0, WIDTH))), 0.001,
                         (0.0, 0.0, 0.0))
-    c = make_arguments(model, empty_state(0), no_wrenches(), build_shapes(model, []),
-                       build_materials([Material()]), empty_memory(0, 0), TimestepSettings())
+    c = make_arguments(
+        Basis(model, empty_state(0), no_wrenches(), build_shapes(model, []),
+              build_materials([Material()]), empty_memory(0, 0)), TimestepSettings())
     begin(pieces_of(c, helped=False), ArgumentPack(c))

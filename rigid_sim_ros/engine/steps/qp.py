@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rigid_sim_ros.engine.contact.basis import Basis
 from rigid_sim_ros.engine.contact.collisions import collide_bodies
 from rigid_sim_ros.engine.contact.contact_newton import (
     FEW_STEPS, make_newton, number_bodies, solve_rows)
@@ -28,11 +29,11 @@ from rigid_sim_ros.engine.contact.contacts import (
 from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, TOLERANCE
 from rigid_sim_ros.engine.contact.impact_offsets import gap_now
 from rigid_sim_ros.engine.contact.resting_qp import effective_mass, Outcome, solve
-from rigid_sim_ros.engine.detection.detect import detect_ahead
-from rigid_sim_ros.engine.detection.look_ahead import look_ahead
+from rigid_sim_ros.engine.detection.detect import detect_within_margins
 from rigid_sim_ros.engine.detection.manifold_rows import clear_impulses
 from rigid_sim_ros.engine.detection.manifolds import (
     current_manifolds, earlier_manifolds, grown, Manifolds, Memory)
+from rigid_sim_ros.engine.detection.margins import set_margins
 from rigid_sim_ros.engine.dynamics.free_flight import fly_free
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic, move_kinematic
@@ -121,21 +122,18 @@ def advance(c: QpArguments, count: int) -> QpArguments:
     return c
 
 
-def make_arguments(model: Model, state: State, wrenches: Wrenches, shapes: Shapes,
-                   materials: Materials, memory: Memory,
-                   settings: TimestepSettings) -> QpArguments:
+def make_arguments(basis: Basis, settings: TimestepSettings) -> QpArguments:
     """Return the arguments of a world with buffers of their own."""
-    return QpArguments(model, state, wrenches, shapes, materials, memory, settings,
-                       QpWork(model, shapes, memory))
+    return QpArguments(*basis, settings, QpWork(basis.model, basis.shapes, basis.memory))
 
 
 def find_contacts(c: QpArguments) -> QpArguments:
     """Find the manifolds of what may touch within the step; return arguments with room for all."""
     model, state, shapes, memory, work = c.model, c.state, c.shapes, c.memory, c.work
-    look_ahead(model.h, model.inv_m, model.inv_I_C, state.P, state.L, state.V, c.settings.margin,
-               work.shared.radius, work.shared.thickness, shapes.body, memory, 0,
-               shapes.body.shape[0])
-    while not detect_ahead(model, state, shapes, memory, None):
+    set_margins(model.h, model.inv_m, model.inv_I_C, state.P, state.L, state.V, c.settings.margin,
+                work.shared.radius, work.shared.thickness, shapes.body, memory, 0,
+                shapes.body.shape[0])
+    while not detect_within_margins(model, state, shapes, memory, None):
         memory = grown(memory)
     if len(memory.pages[0].shape_a) > len(work.shared.collision.rows):
         work.shared = make_timestep_work(model, shapes, memory)
@@ -148,12 +146,12 @@ def bounce(c: QpArguments) -> None:
     """Give colliding bodies their impulses, at the time at which they meet."""
     model, shared = c.model, c.work.shared
     manifolds, acted = current_manifolds(c.memory), earlier_manifolds(c.memory)
-    shared.collision.waits[:] = 0
+    shared.collision.activity[:] = 0
     if collide_bodies(model.h, model.inv_m, model.inv_I_C, c.state, shared.loads.F, c.shapes,
                       c.materials, manifolds, acted.impulse, acted.friction,
                       shared.collision) > 0:
         _move_gaps(manifolds, shared.collision.body)
-    mark_touching(manifolds, shared.collision.waits, c.memory.touching)
+    mark_touching(manifolds, shared.collision.activity, c.memory.touching)
 
 
 def load_solver(c: QpArguments) -> None:
@@ -212,7 +210,7 @@ def choose_points(c: QpArguments) -> IntArray:
     contacts = work.contacts
     rows = contacts.manifold[:found]
     moves = model.inv_m[contacts.body_a[:found]] + model.inv_m[contacts.body_b[:found]] > 0.0
-    return np.nonzero(moves & (work.shared.collision.waits[rows] == 0))[0]
+    return np.nonzero(moves & (work.shared.collision.activity[rows] == 0))[0]
 
 
 def solve_contacts(c: QpArguments, chosen: IntArray) -> tuple[Array, Array]:

@@ -27,7 +27,7 @@ from rigid_sim_ros.engine.dynamics.loads import Loads
 from rigid_sim_ros.engine.dynamics.wrenches import count_down
 from rigid_sim_ros.engine.solver.arguments import Arguments, with_memory
 from rigid_sim_ros.engine.solver.parallel_detection import (
-    detect_in_parallel, look_ahead_of, share_part, take_sides_of)
+    detect_in_parallel, set_margins_and_sides, share_part, take_sides_of)
 from rigid_sim_ros.engine.solver.partition import begin_slots, choose_cut, ENOUGH, mark_touching
 from rigid_sim_ros.engine.solver.sequential import (
     solve_contacts, solve_directly, solve_part, store_part)
@@ -220,7 +220,7 @@ def detect(c: Arguments) -> bool:
                    c.work.solver.sides)
     if many and is_helped(c.job):
         return detect_in_parallel(c) == 1
-    look_ahead_of(c, (0, c.shapes.body.shape[0]), (0, c.state.x.shape[1]))
+    set_margins_and_sides(c, (0, c.shapes.body.shape[0]), (0, c.state.x.shape[1]))
     return detect_part(c, WHOLE) == 1
 
 
@@ -251,8 +251,8 @@ def predict(c: Arguments) -> None:
 def predict_part(c: Arguments, _: int) -> int:
     """Predict the contacts of the step."""
     memory, work = c.memory, c.work
-    predict_contacts(c.model, c.state, work.loads, c.shapes, current(memory), memory.ahead,
-                     memory.calm, work.collision.waits, work.prediction, memory.scratch)
+    predict_contacts(c.model, c.state, work.loads, c.shapes, current(memory), memory.margin,
+                     memory.rest_margin, work.collision.activity, work.prediction, memory.scratch)
     return 0
 
 
@@ -261,7 +261,7 @@ def bounce(c: Arguments) -> None:
     """Give colliding bodies their impulses, at the time at which they meet."""
     if c.uses.bounces == 1:
         c.work.solver.shifted[0] = 1 if collide(c, 0) > 0 else 0
-        mark_touching(current(c.memory), c.work.collision.waits, c.memory.touching)
+        mark_touching(current(c.memory), c.work.collision.activity, c.memory.touching)
 
 
 @by_address

@@ -26,7 +26,7 @@ def test_what_passes_an_edge_within_a_step_is_dormant(beside, stops):
     scene.step()
     rows = slice_in_use(scene.manifolds())
     assert rows.stop - rows.start == 1
-    assert scene.work.collision.waits[rows].tolist() == [ACTS if stops else DORMANT]
+    assert scene.work.collision.activity[rows].tolist() == [ACTS if stops else DORMANT]
     if stops:
         assert scene.v[2, 1] > -9.9
     else:

@@ -21,7 +21,7 @@ def collided(things, restitution, friction):
                           (0.0, 0.0, 0.0))
     assert detect(scene.model, scene.state, scene.shapes, scene.memory, 0.02)
     manifolds, work = scene.manifolds(), scene.work.collision
-    work.waits[:] = 0
+    work.activity[:] = 0
     impulse, slide = np.zeros_like(manifolds.impulse), np.zeros_like(manifolds.friction)
     count = collide_bodies(scene.model.h, scene.model.inv_m, scene.model.inv_I_C, scene.state,
                            np.zeros((3, len(things))), scene.shapes, scene.materials, manifolds,

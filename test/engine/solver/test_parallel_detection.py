@@ -19,7 +19,7 @@ def detect_in_stages(scene: Scene, by_number: bool) -> None:
     middle = middle_of_shapes(scene.model, scene.shapes.body)
     while True:
         memory = scene.memory
-        memory.ahead[:] = memory.calm[:] = 0.5 * scene.margin
+        memory.margin[:] = memory.rest_margin[:] = 0.5 * scene.margin
 
         def detect(*stages, memory=memory):
             return all(detect_stage(stage, scene.model, scene.state, scene.shapes, memory, None)

@@ -30,10 +30,14 @@ print(json.dumps([begun, world._contact._pack.type.name
 BALL = {'name': 'ball', 'shape': {'type': 'sphere', 'radius': 0.1}, 'mass': 1.0}
 OTHER = BALL | {'name': 'other', 'pose': {'position': [0, 0, 0.15]}}
 GROUND = {'name': 'ground', 'shape': {'type': 'plane'}, 'fixed': True}
+HINGE = {'name': 'hinge', 'type': 'revolute', 'parent': 'world', 'child': 'ball'}
 
 
 def scene(contact, *bodies, **more):
     return {'format': 1, 'world': {'contact': contact}, 'bodies': bodies, **more}
+
+
+HINGED = scene('timestep', BALL, GROUND, joints=[HINGE])
 
 
 def told(*scenes):
@@ -61,9 +65,9 @@ def test_nothing_is_begun_where_nothing_can_touch(other, model):
     assert told(other) == [[], model]
 
 
-@pytest.mark.skipif(not SUPPORTED or cores() < 2, reason='there is no helper')
-def test_what_was_begun_is_waited_for_and_nothing_is_begun_twice(tmp_path):
-    code = """
+# Prints how many helpers a world has begun with, how many of them nobody has waited for; after a
+# step how many there were, how they ended, and how often kernels were loaded.
+HELPERS = """
 from rigid_sim_ros.kernels import helper_process, separate
 helper_process.PATIENCE = 900.0     # on a busy machine the helper hardly gets on
 started, start = [], helper_process.start
@@ -72,17 +76,24 @@ def counted(*arguments):
     return started[-1]
 helper_process.start = counted
 from rigid_sim_ros.world import World
-world = World.from_dict(SCENE)
-assert len(started) == 1 and separate._begun == started
+world = World.from_dict({scene})
+begun = len(started), len(separate._begun)
 world.step()
-from rigid_sim_ros.engine.steps.timestep import pieces_of
-pieces = pieces_of(world._contact._arguments, helped=False)
-print(len(started), len(separate._begun), started[0].process.returncode,
-      *(sum(piece.stats.cache_hits.values()) for piece in pieces.helped))
+from rigid_sim_ros.engine.steps.{module} import {kernels}
+print(*begun, len(started), len(separate._begun), started[0].process.returncode,
+      *(sum(kernel.stats.cache_hits.values()) for kernel in ({kernels},)))
 """
-    cache_without(tmp_path, 'predict_part')
+
+
+@pytest.mark.skipif(not SUPPORTED or cores() < 2, reason='there is no helper')
+@pytest.mark.parametrize(('one', 'module', 'kernels', 'begun'), [
+    (scene('timestep', BALL, OTHER), 'timestep', HELPED, 1),
+    (HINGED, 'jointed_contact', ['find_within'], 0)], ids=['two balls', 'with joints'])
+def test_the_first_step_waits_for_the_one_helper(tmp_path, one, module, kernels, begun):
+    cache_without(tmp_path, kernels[-1])
     done = subprocess.run(
-        [sys.executable, '-c', code.replace('SCENE', repr(scene('timestep', BALL, OTHER)))],
+        [sys.executable, '-c', HELPERS.format(scene=repr(one), module=module,
+                                              kernels=', '.join(kernels))],
         env=os.environ | {'NUMBA_CACHE_DIR': str(tmp_path)}, capture_output=True, text=True,
         check=True)
-    assert done.stdout.split() == ['1', '0', '0', '1', '1']
+    assert done.stdout.split() == [str(begun), str(begun), '1', '0', '0', *['1'] * len(kernels)]

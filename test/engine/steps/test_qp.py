@@ -22,8 +22,7 @@ class QpScene(TimestepScene):
 
     def __init__(self, things, material, h=1e-3, gravity=(0.0, 0.0, -G)):
         super().__init__(things, material, h, gravity)
-        self.qp = make_arguments(self.model, self.state, self.wrenches, self.shapes,
-                                 self.materials, self.memory, self.settings)
+        self.qp = make_arguments(self.basis(), self.settings)
 
     def step(self, count=1) -> None:
         self.qp = advance(self.qp, count)

@@ -1,6 +1,6 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""How far ahead of the bodies detection looks for contacts."""
+"""Speculative margins: how far from the surfaces of shapes detection finds contacts."""
 
 from rigid_sim_ros.engine.detection.manifolds import Memory
 from rigid_sim_ros.engine.maths.vector import column, norm
@@ -9,13 +9,13 @@ from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
 
 @kernel
-def look_ahead(h: float, inv_m: Array, inv_I_C: Array, P: Array, L: Array, V: Array,
-               part_of: float, radius: Array, thickness: Array, body: IntArray, memory: Memory,
-               first: int, last: int) -> None:
+def set_margins(h: float, inv_m: Array, inv_I_C: Array, P: Array, L: Array, V: Array,
+                part_of: float, radius: Array, thickness: Array, body: IntArray, memory: Memory,
+                first: int, last: int) -> None:
     """
-    Write how far ahead some shapes look for contacts [m]: a margin, and as far as they move.
+    Write the margins of some shapes [m]: what they have at rest, and as far as they move.
 
-    So nothing passes what is thinner than its way in a step, or is met late. The margin is
+    So nothing passes what is thinner than its way in a step, or is met late. The margin at rest is
     `part_of` the thickness (s,) [m], half of the least that a shape measures across.
     """
     for s in range(first, last):
@@ -25,5 +25,5 @@ def look_ahead(h: float, inv_m: Array, inv_I_C: Array, P: Array, L: Array, V: Ar
         w = max(inv_I_C[0, i], inv_I_C[1, i], inv_I_C[2, i]) * norm(column(L, i))
         w += norm((V[3, i], V[4, i], V[5, i]))
         way = (v + w * radius[i]) * h
-        memory.calm[s] = part_of * thickness[s] if inv_m[i] > 0.0 else 0.0
-        memory.ahead[s] = memory.calm[s] + way
+        memory.rest_margin[s] = part_of * thickness[s] if inv_m[i] > 0.0 else 0.0
+        memory.margin[s] = memory.rest_margin[s] + way
