@@ -30,3 +30,10 @@ def test_law_holds_for_crates_and_for_what_collapses(law, model):
 @pytest.mark.parametrize('seed', [16, 28, 37])
 def test_the_order_of_crates_of_one_size_changes_nothing(seed):
     assert not breaches('crates-order', 'timestep', [seed])
+
+
+# Light bodies between heavy ones were thrown out of these: by impulses of the substep before that
+# were no balance any more (4, 46, 63), and by the angular momentum that pairs give back (42).
+@pytest.mark.parametrize('seed', [4, 42, 46, 63])
+def test_a_heap_whose_masses_differ_by_a_million_stays_together(seed):
+    assert not breaches('collapse-energy', 'timestep', [seed])

@@ -50,7 +50,7 @@ def test_what_meets_its_image_stays_the_image(seed, model):
 # Normals on rims that are nearly flat (turned), and pieces of a floor that a tilt by rounding made
 # obstacles (flush).
 @pytest.mark.parametrize(('law', 'seed'), [
-    *(('turned', seed) for seed in (21, 31, 163)),
+    ('energy', 73), *(('turned', seed) for seed in (21, 31, 163)),
     *(('flush', seed) for seed in (19, 91, 163))])
 def test_a_scene_that_once_broke_a_law_keeps_it(law, seed):
     assert not breaches(law, 'timestep', [seed]), LAWS[law].says

@@ -61,12 +61,12 @@ def least_speed(b: Array, point: int, what: Sweep) -> Eight:
 
     By which the gap closes just within the substep, as the geometry will be at its end. What
     an impact has not stopped yet, forces do not stop either: the next substep would begin with
-    that impulse.
+    that impulse. And an impact only stops: by speeds that it asked for it would make energy.
     """
-    allowed = gap_of(b, point) * what.inv_h
+    allowed, turn = gap_of(b, point) * what.inv_h, what.when * load(b, point + TURN)
     if what.forces:
-        allowed = max(allowed, load(b, point + RESTING))
-    return allowed + what.when * load(b, point + TURN)
+        return max(allowed, load(b, point + RESTING)) + turn
+    return allowed + max(turn, 0.0)
 
 
 @part

@@ -44,6 +44,8 @@ class Islands(NamedTuple):
     held: IntArray  # (slots,) of 8 bits, at the root: 1 if something fixed is in contact with it
     heaviest: Array  # (slots,) [kg^-1] at the root: the inverse mass of the heaviest body
     lightest: Array  # (slots,) [kg^-1] at the root: of the lightest one
+    share: Array  # (slots,) at the root: the part of the last impulses to begin with
+    bend: Array  # (slots,) [J] at the root: twice the energy of these alone
     begin: IntArray  # (islands + 1,) of 32 bits, where the lanes of an island begin in `lane`
     lane: IntArray  # (c,) of 32 bits, lanes, counted over all blocks, island by island
     uneven: IntArray  # (islands,) of 8 bits, 1 if its masses differ by more than RATIO
@@ -64,9 +66,9 @@ def make_islands(n: int, capacity: int) -> Islands:
 
     blocks = most_blocks(capacity)
     return Islands(integers(1), numbers(slots), numbers(slots), numbers(slots),
-                   room(slots, kind=np.int8), room(slots), room(slots), numbers(slots + 1),
-                   numbers(capacity), room(slots, kind=np.int8), integers(1), numbers(blocks),
-                   numbers(LANES * blocks), room(blocks, kind=np.int16),
+                   room(slots, kind=np.int8), room(slots), room(slots), room(slots), room(slots),
+                   numbers(slots + 1), numbers(capacity), room(slots, kind=np.int8), integers(1),
+                   numbers(blocks), numbers(LANES * blocks), room(blocks, kind=np.int16),
                    room(slots, kind=np.int8))
 
 
@@ -154,6 +156,12 @@ def _island(blocks: Blocks, bodies: SolverBodies, islands: Islands, lane: int) -
 
 
 @kernel
+def is_uneven(islands: Islands, root: int) -> bool:
+    """Return whether the masses of an island differ by more than RATIO."""
+    return bool(islands.lightest[root] > RATIO * islands.heaviest[root])
+
+
+@kernel
 def _number(few: bool, bodies: SolverBodies, islands: Islands) -> None:
     """Choose the islands, in the order of their roots, and where each has its lanes."""
     count = islands.begin[0] = 0
@@ -162,12 +170,12 @@ def _number(few: bool, bodies: SolverBodies, islands: Islands) -> None:
         for slot in range(first, last):
             manifolds = islands.manifolds[slot]
             islands.manifolds[slot] = -1
-            is_uneven = islands.lightest[slot] > RATIO * islands.heaviest[slot]
+            uneven = is_uneven(islands, slot)
             if (0 < manifolds <= MOST_MANIFOLDS and islands.bodies[slot] <= MOST_BODIES
-                    and (few or is_uneven)):
+                    and (few or uneven)):
                 islands.manifolds[slot] = islands.begin[count]
                 islands.begin[count + 1] = islands.begin[count] + manifolds
-                islands.uneven[count] = 1 if is_uneven else 0
+                islands.uneven[count] = 1 if uneven else 0
                 islands.bodies[slot] = count
                 count += 1
     islands.count[0] = count
@@ -176,15 +184,16 @@ def _number(few: bool, bodies: SolverBodies, islands: Islands) -> None:
 @kernel
 def _list_lane(blocks: Blocks, bodies: SolverBodies, islands: Islands, block: int,
                i: int) -> None:
-    """List lane i of a block, if it is in an island that was chosen."""
+    """List lane i of a block, if it is in an island that was chosen; note whether that is held."""
     lane = block * LANES + i
     root = _island(blocks, bodies, islands, lane)
     place = islands.manifolds[root]
+    if place >= 0 or is_uneven(islands, root):
+        blocks.held[block] |= islands.held[root] << i
     if place >= 0:
         islands.lane[place & INDEX], islands.manifolds[root] = lane, place + 1
         islands.number[lane] = islands.bodies[root]
         blocks.direct[block] |= 1 << i
-        blocks.held[block] |= islands.held[root] << i
 
 
 @kernel
@@ -209,3 +218,10 @@ def begin_island_impact(blocks: Blocks, islands: Islands, island: int, impacts: 
                 begin_impact(blocks, block, bit)
                 impacts.hit[block] |= bit
     return waited
+
+
+@kernel
+def let_island_wait(islands: Islands, island: int, impacts: Impacts) -> None:
+    """Let all manifolds of an island wait for their part in an impact."""
+    for lane in islands.lane[islands.begin[island]:islands.begin[island + 1]]:
+        impacts.waits[0, lane // LANES] |= 1 << lane % LANES

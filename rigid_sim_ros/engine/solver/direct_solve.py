@@ -28,7 +28,7 @@ from rigid_sim_ros.engine.contact.coulomb import disk
 from rigid_sim_ros.engine.maths.elimination import solve_symmetric
 from rigid_sim_ros.engine.solver.coloring import Blocks
 from rigid_sim_ros.engine.solver.direct_islands import (
-    begin_island_impact, Islands, make_islands, MOST_BODIES, MOST_MANIFOLDS)
+    begin_island_impact, Islands, let_island_wait, make_islands, MOST_BODIES, MOST_MANIFOLDS)
 from rigid_sim_ros.engine.solver.direct_rows import (
     DirectRows, make_direct_rows, rate_by, read_island, SLIDE, WIDTH, write_island)
 from rigid_sim_ros.engine.solver.impacts import Impacts
@@ -87,18 +87,31 @@ def make_direct(n: int, capacity: int) -> Direct:
 @kernel
 def strike_islands(all_of_them: bool, blocks: Blocks, bodies: SolverBodies, what: Sweep,
                    impacts: Impacts, work: Direct) -> None:
-    """Find the impulses of an impact in the islands that wait, all of them or the uneven ones."""
+    """
+    Find the impulses of an impact in the islands that wait, all of them or the uneven ones.
+
+    Where none are found, all of the island waits for its turns.
+    """
     islands = work.islands
     for island in range(islands.count[0]):
-        if (all_of_them or islands.uneven[island] == 1) and (
-                begin_island_impact(blocks, islands, island, impacts)):
-            _solve_island(island, blocks, bodies, what, work)
+        if ((all_of_them or islands.uneven[island] == 1)
+                and begin_island_impact(blocks, islands, island, impacts)
+                and not _solve_island(island, blocks, bodies, what, work)):
+            let_island_wait(islands, island, impacts)
 
 
 @kernel
 def bear_islands(blocks: Blocks, bodies: SolverBodies, what: Sweep, work: Direct) -> None:
-    """Find the impulses that bear the forces of a substep in all small islands."""
+    """
+    Find the impulses that bear the forces of a substep in all small islands.
+
+    An uneven one whose impulses are not found is swept like others, from then on: left alone it
+    would keep those of the substep before, which for a light body are no balance.
+    """
     islands = work.islands
+    for island in range(islands.count[0]):
+        if islands.uneven[island] == 1 and not _solve_island(island, blocks, bodies, what, work):
+            islands.uneven[island] = 0
     sweep_islands(blocks, bodies.motion, what, islands)
     for island in range(islands.count[0]):
         if islands.moved[island] == 1:
@@ -107,18 +120,26 @@ def bear_islands(blocks: Blocks, bodies: SolverBodies, what: Sweep, work: Direct
 
 @kernel
 def _solve_island(island: int, blocks: Blocks, bodies: SolverBodies, what: Sweep,
-                  work: Direct) -> None:
+                  work: Direct) -> bool:
+    """Solve for the impulses of an island; return whether they were found."""
     islands = work.islands
     lanes = islands.lane[islands.begin[island]:islands.begin[island + 1]]
     count, moving = read_island(blocks, bodies, lanes, what, work.rows)
-    if count > 0:
-        solve_rows(count, moving, what.inv_h, work)
+    if count == 0:
+        return True
+    found = solve_rows(count, moving, what.inv_h, work)
+    if found:
         write_island(blocks, bodies, lanes, count, moving, work.p, work.rows)
+    return found
 
 
 @kernel
-def solve_rows(count: int, moving: int, inv_h: float, work: Direct) -> None:
-    """Find f and p from the impulses to begin with, which stay where nothing is found."""
+def solve_rows(count: int, moving: int, inv_h: float, work: Direct) -> bool:
+    """
+    Find f and p from the impulses to begin with; return whether any were found.
+
+    Else f is what it was, and p 0.
+    """
     rows, goal = work.rows, np.inf
     for k in range(6 * moving):
         work.p[k] = 0.0
@@ -141,6 +162,7 @@ def solve_rows(count: int, moving: int, inv_h: float, work: Direct) -> None:
         if best <= goal or steps == 0 or stuck:
             break
     _take(count, moving, goal, work)
+    return bool(best < np.inf)
 
 
 @kernel

@@ -19,12 +19,12 @@ def sweep_islands(blocks: Blocks, motion: Array, what: Sweep, islands: Islands) 
     """
     Visit the contacts of small islands, forth and back by turns, until these are settled.
 
-    islands.moved becomes 1 for those that are not, and for those that are not swept.
+    But not those of uneven masses. islands.moved becomes 1 for those that are not settled.
     """
     _begin(blocks, islands)
     for turn in range(SWEEPS):
         for island in range(islands.count[0]):
-            islands.moved[island] = islands.uneven[island]
+            islands.moved[island] = 0
         _sweep(turn % 2 == 1, blocks, motion, what, islands)
         if not _end_turn(islands):
             break

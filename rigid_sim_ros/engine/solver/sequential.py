@@ -38,6 +38,7 @@ from rigid_sim_ros.engine.solver.partition import give_slots, shared_out
 from rigid_sim_ros.engine.solver.solver_bodies import (
     begin_push, begin_push_astride, begin_push_inside, drift_bodies, kick_bodies, load_bodies,
     mark_astride, SECOND_BEGIN, slots_of, SolverBodies, store_bodies, STRIDE)
+from rigid_sim_ros.engine.solver.warm_start import temper_warm_start
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.bits import fetch
 from rigid_sim_ros.kernels.eight import LANES, spread
@@ -77,6 +78,7 @@ def solve_contacts(c: Arguments) -> None:
     for substep in range(substeps):
         if _wait(notes):
             _solve_impacts(c)
+        solve_directly(c, BEGIN)
         _in_all(c, SETTLE_AND_SWEEP if substep == 0 else KICK_AND_SWEEP)
         solve_directly(c, BEAR)
         _in_all_back(c, RETURN)
@@ -150,9 +152,9 @@ def _solve_impacts(c: Arguments) -> None:
 
 # What waits in a small island after so many turns is solved directly.
 PATIENCE = 8
-# The stages of small islands: find them; solve an impact, of the uneven ones or of all; find what
-# bears the forces.
-LIST, STRIKE_UNEVEN, STRIKE, BEAR = range(4)
+# The stages of small islands: find them; solve an impact, of the uneven ones or of all; see what
+# those of uneven masses begin with; find what bears the forces.
+LIST, STRIKE_UNEVEN, STRIKE, BEGIN, BEAR = range(5)
 
 
 @by_address
@@ -166,6 +168,10 @@ def solve_directly(c: Arguments, stage: int) -> int:
             find_islands(few, work.blocks, work.bodies, c.work.direct.islands)
         else:
             c.work.direct.islands.count[0] = c.work.direct.islands.blocks[0] = 0
+    elif stage == BEGIN:
+        if c.uses.uneven == 1:
+            temper_warm_start(work.blocks, work.bodies, c.model.h / substeps, work.impacts,
+                              c.work.direct.islands)
     elif stage == BEAR:
         bear_islands(work.blocks, work.bodies, what, c.work.direct)
         push_islands(work.blocks, work.bodies, what, c.settings.sequential.push * what.inv_h,
