@@ -142,7 +142,7 @@ def test_a_world_is_restored_with_its_halves(by_place):
     world = crowd(['sphere'])
     if by_place:
         mixed(world)
-    world.step(40)
+    world.step(60)  # at first the cut of those that did not mix is now one, now the other
     saved, hashes = [], []
     for _ in range(40):     # twice as long as a cut stays
         world.step()
