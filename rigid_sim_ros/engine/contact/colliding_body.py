@@ -12,7 +12,8 @@ from rigid_sim_ros.engine.detection.manifolds import POINTS
 from rigid_sim_ros.engine.maths.rotation import (
     exponential, multiply, quaternion, set_quaternion, to_matrix, unit)
 from rigid_sim_ros.engine.maths.vector import (
-    add, add_scaled, add_to_column, column, cross, dot, scale, subtract, times)
+    add, add_scaled, add_to_column, column, cross, dot, scale, subtract, symmetric_times,
+    times)
 from rigid_sim_ros.engine.state.rates import velocity_at
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray, integers, room, Vector
@@ -89,9 +90,7 @@ def load_body(inv_m: Array, inv_I_C: Array, state: State, F: Array, i: int, line
 @inlined
 def turned(line: Array, L: Vector) -> Vector:
     """Return J L."""
-    return (line[INVERSE] * L[0] + line[INVERSE + 1] * L[1] + line[INVERSE + 2] * L[2],
-            line[INVERSE + 1] * L[0] + line[INVERSE + 3] * L[1] + line[INVERSE + 4] * L[2],
-            line[INVERSE + 2] * L[0] + line[INVERSE + 4] * L[1] + line[INVERSE + 5] * L[2])
+    return symmetric_times(get(line, INVERSE), get(line, INVERSE + 3), L)
 
 
 @kernel

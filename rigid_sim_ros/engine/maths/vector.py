@@ -51,6 +51,15 @@ def times(a: Vector, b: Vector) -> Vector:
 
 
 @inlined
+def symmetric_times(first: Vector, second: Vector, v: Vector) -> Vector:
+    """Return the product of a symmetric matrix (xx, xy, xz), (yy, yz, zz) with v."""
+    xx, xy, xz = first
+    yy, yz, zz = second
+    return (xx * v[0] + xy * v[1] + xz * v[2], xy * v[0] + yy * v[1] + yz * v[2],
+            xz * v[0] + yz * v[1] + zz * v[2])
+
+
+@inlined
 def norm(a: Vector) -> float:
     """Return |a|."""
     return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])

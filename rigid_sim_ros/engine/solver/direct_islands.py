@@ -95,7 +95,7 @@ def find_islands(few: bool, blocks: Blocks, bodies: SolverBodies, islands: Islan
             blocks.direct[block] = blocks.held[block] = 0
             for lane in range(block * LANES, (block + 1) * LANES):
                 if blocks.row[lane] >= 0:
-                    root, (a, b) = _island(blocks, bodies, islands, lane), _slots(blocks, lane)
+                    root, (a, b) = root_of(blocks, bodies, islands, lane), _slots(blocks, lane)
                     islands.manifolds[root] += 1
                     if not (_moves(bodies, a) and _moves(bodies, b)):
                         islands.held[root] = 1
@@ -149,7 +149,7 @@ def _weigh(bodies: SolverBodies, islands: Islands) -> None:
 
 
 @kernel
-def _island(blocks: Blocks, bodies: SolverBodies, islands: Islands, lane: int) -> int:
+def root_of(blocks: Blocks, bodies: SolverBodies, islands: Islands, lane: int) -> int:
     """Return the root of the island that a lane is in."""
     a, b = _slots(blocks, lane)
     return first_of(islands.parent, a if _moves(bodies, a) else b)
@@ -186,7 +186,7 @@ def _list_lane(blocks: Blocks, bodies: SolverBodies, islands: Islands, block: in
                i: int) -> None:
     """List lane i of a block, if it is in an island that was chosen; note whether that is held."""
     lane = block * LANES + i
-    root = _island(blocks, bodies, islands, lane)
+    root = root_of(blocks, bodies, islands, lane)
     place = islands.manifolds[root]
     if place >= 0 or is_uneven(islands, root):
         blocks.held[block] |= islands.held[root] << i

@@ -22,7 +22,7 @@ from rigid_sim_ros.engine.constraints.contact_blocks import (
     ABSENT, ARM_A, ARM_B, axes, FRICTION, GAP, IMPULSE, J_A, J_B, LEVER_A, LEVER_B, MU, NORMAL,
     POINT, POINT_ROWS, ROLL, ROLL_LEVER, S, SIZE, SPEED, SPIN, SPIN_LEVER, store_three, T, TURN_T)
 from rigid_sim_ros.engine.constraints.contact_rules import least_speed, Sweep
-from rigid_sim_ros.engine.maths.vector import cross, dot
+from rigid_sim_ros.engine.maths.vector import cross, dot, symmetric_times
 from rigid_sim_ros.engine.solver.coloring import are_balls, Blocks, numbers_of, points_in, resists
 from rigid_sim_ros.engine.solver.direct_islands import MOST_MANIFOLDS
 from rigid_sim_ros.engine.solver.solver_bodies import INV_I, INV_M, SolverBodies, STRIDE
@@ -237,10 +237,7 @@ def _write_row(blocks: Blocks, bodies: SolverBodies, lane: int, c: int, r: int, 
 @kernel
 def _turned(b: Array, row: int, i: int, v: Vector) -> Vector:
     """Return the product of lane i of a symmetric matrix in six rows with v."""
-    xx, xy, xz = _three(b, row, i)
-    yy, yz, zz = _three(b, row + 3, i)
-    return (xx * v[0] + xy * v[1] + xz * v[2], xy * v[0] + yy * v[1] + yz * v[2],
-            xz * v[0] + yz * v[1] + zz * v[2])
+    return symmetric_times(_three(b, row, i), _three(b, row + 3, i), v)
 
 
 @kernel

@@ -18,13 +18,16 @@ where it is at less than 1 / 2, beyond which they would make energy, that part o
 from rigid_sim_ros.engine.constraints.contact_blocks import (
     FRICTION, IMPULSE, POINT, POINT_ROWS, RESTING, RESTING_ROLL, RESTING_SPIN, RESTING_T, ROLL,
     SPIN)
+from rigid_sim_ros.engine.contact.colliding_body import get
 from rigid_sim_ros.engine.maths.union_find import first_of
+from rigid_sim_ros.engine.maths.vector import symmetric_times
 from rigid_sim_ros.engine.solver.coloring import (
     are_balls, Blocks, first_block, numbers_of, points_in, REGIONS, resists)
-from rigid_sim_ros.engine.solver.direct_islands import is_uneven, Islands
+from rigid_sim_ros.engine.solver.direct_islands import is_uneven, Islands, root_of
 from rigid_sim_ros.engine.solver.impacts import Impacts
-from rigid_sim_ros.engine.solver.solver_bodies import INV_M, slots_of, SolverBodies, STRIDE
-from rigid_sim_ros.kernels.arrays import Array, Vector
+from rigid_sim_ros.engine.solver.solver_bodies import (
+    INV_M, J, slots_of, SolverBodies, STRIDE)
+from rigid_sim_ros.kernels.arrays import Array
 from rigid_sim_ros.kernels.eight import LANES
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
@@ -48,7 +51,7 @@ def temper_warm_start(blocks: Blocks, bodies: SolverBodies, h: float, impacts: I
             for i in range(LANES):
                 lane = block * LANES + i
                 if blocks.row[lane] >= 0:
-                    share = islands.share[_root(blocks, bodies, islands, lane)]
+                    share = islands.share[root_of(blocks, bodies, islands, lane)]
                     if share < 1.0:
                         _scale_lane(numbers_of(blocks, block), blocks.kind[block], i, share,
                                     impacts.hit[block] & 1 << i != 0)
@@ -83,7 +86,7 @@ def _find_shares(bodies: SolverBodies, h: float, islands: Islands) -> bool:
 def _energy(bodies: SolverBodies, at: int, smooth: int, h: float) -> tuple[float, float]:
     """Return dv . M v and dv . M dv of a body, v with its forces of h [s] and dv of contacts."""
     motion, base, mass = bodies.motion, bodies.base, bodies.mass
-    dw = _turned(mass, at, (base[at + 3], base[at + 4], base[at + 5]))
+    dw = symmetric_times(get(mass, at + J), get(mass, at + J + 3), get(base, at + 3))
     slope = bend = 0.0
     for k in range(3):
         dP = base[at + k] / motion[at + INV_M]
@@ -91,21 +94,6 @@ def _energy(bodies: SolverBodies, at: int, smooth: int, h: float) -> tuple[float
         slope += dw[k] * (motion[at + 3 + k] + h * bodies.smooth[smooth + 3 + k])
         bend += dP * base[at + k] + dw[k] * base[at + 3 + k]
     return slope, bend
-
-
-@kernel
-def _turned(J: Array, at: int, v: Vector) -> Vector:
-    """Return the product of a symmetric matrix (xx, xy, xz, yy, yz, zz) with v."""
-    xx, xy, xz, yy, yz, zz = J[at], J[at + 1], J[at + 2], J[at + 3], J[at + 4], J[at + 5]
-    return (xx * v[0] + xy * v[1] + xz * v[2], xy * v[0] + yy * v[1] + yz * v[2],
-            xz * v[0] + yz * v[1] + zz * v[2])
-
-
-@kernel
-def _root(blocks: Blocks, bodies: SolverBodies, islands: Islands, lane: int) -> int:
-    """Return the root of the island of a lane."""
-    a, b = blocks.at_A[lane] & INDEX, blocks.at_B[lane] & INDEX
-    return first_of(islands.parent, (a if bodies.motion[a + INV_M] > 0.0 else b) // STRIDE)
 
 
 @kernel
@@ -117,7 +105,7 @@ def _leave_carried(blocks: Blocks, bodies: SolverBodies, islands: Islands) -> No
             if blocks.row[lane] >= 0:
                 for at in (blocks.at_A[lane] & INDEX, blocks.at_B[lane] & INDEX):
                     if bodies.motion[at + INV_M] == 0.0 and _moves(bodies.motion, at):
-                        islands.share[_root(blocks, bodies, islands, lane)] = 1.0
+                        islands.share[root_of(blocks, bodies, islands, lane)] = 1.0
 
 
 @kernel
