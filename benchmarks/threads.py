@@ -26,7 +26,6 @@ import threading
 import time
 from typing import Any
 
-from numba import njit
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent / 'peers'))
@@ -37,8 +36,9 @@ from run_rigid_sim import world as peers_world
 from scenes import pile, spheres
 
 from rigid_sim_ros import World
-from rigid_sim_ros.kernels.second_core import _read, _write, make_desk
+from rigid_sim_ros.kernels.second_core import make_job, read_acquire, write_release
 from rigid_sim_ros.kernels.helper_process import cores
+from rigid_sim_ros.kernels.kernel import kernel
 
 WANTED = 1.6
 # Steps, and those before them that do not count: after a change of worlds the caches hold another
@@ -86,34 +86,34 @@ def _seconds_at_once(worlds: list[World], pair: list[int]) -> list[float]:
     return taken
 
 
-@njit(nogil=True)
-def _play(desk: np.ndarray, begins: bool, balls: int) -> None:
+@kernel
+def _play(job: np.ndarray, begins: bool, balls: int) -> None:
     """Write the next number whenever the other one did."""
     mine, other = (0, 8) if begins else (8, 0)
     for k in range(1, balls + 1):
         if begins:
-            _write(desk, mine, k)
-        while _read(desk, other) != k:
+            write_release(job, mine, k)
+        while read_acquire(job, other) != k:
             pass
         if not begins:
-            _write(desk, mine, k)
+            write_release(job, mine, k)
 
 
 def _line_time(pair: list[int]) -> float:
     """Return how long what one core writes takes to the other one [ns]."""
-    warm_up, desk = make_desk(), make_desk()
+    warm_up, job = make_job(), make_job()
 
     def answer() -> None:
         _place(pair[1])
         _play(warm_up, False, BALLS // 10)
-        _play(desk, False, BALLS)
+        _play(job, False, BALLS)
 
     partner = threading.Thread(target=answer)
     _place(pair[0])
     partner.start()
     _play(warm_up, True, BALLS // 10)
     begun = time.perf_counter()
-    _play(desk, True, BALLS)
+    _play(job, True, BALLS)
     taken = time.perf_counter() - begun
     partner.join()
     return 1e9 * taken / (2 * BALLS)
@@ -144,7 +144,7 @@ def run(name: str, steps: int, pair: list[int]) -> tuple[np.ndarray, set[int]]:
     # Kernels are compiled, and bodies have fallen onto each other.
     for world in worlds:
         world.step(240)
-    _play(make_desk(), True, 0)
+    _play(make_job(), True, 0)
     taken = np.array([[*map(_seconds, alone, pair), *_with_both(two, pair),
                        *_seconds_at_once(at_once, pair)] for _ in range(steps // PIECE)])
     os.sched_setaffinity(0, pair)

@@ -4,6 +4,8 @@
 import ast
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
+import importlib
+from importlib.util import find_spec
 import os
 from pathlib import Path
 import subprocess
@@ -198,3 +200,19 @@ def test_the_package_offers_what_the_contract_names() -> None:
 def test_an_unknown_name_in_the_package_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match='no_such_name'):
         rigid_sim_ros.no_such_name    # noqa: B018
+
+
+def test_benchmarks_and_examples_import_what_the_package_has() -> None:
+    """Those are seldom run; what they need of ROS is left to the tests that run them."""
+    lost = []
+    above = ROOT.parent
+    for path in sorted((*above.glob('benchmarks/**/*.py'), *above.glob('examples/*.py'))):
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'), str(path))):
+            if isinstance(node, ast.ImportFrom) and (node.module or '').startswith(
+                    'rigid_sim_ros') and part_of(node.module or '') != 'nodes':
+                module = importlib.import_module(node.module or '')
+                lost += [f'{path.name}: {node.module}.{alias.name}' for alias in node.names
+                         if not hasattr(module, alias.name) and not (
+                             hasattr(module, '__path__')
+                             and find_spec(f'{node.module}.{alias.name}'))]
+    assert not lost

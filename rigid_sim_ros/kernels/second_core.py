@@ -45,7 +45,7 @@ def make_job() -> IntArray:
 
 
 @intrinsic
-def _read(context: Any, job: Any, at: Any) -> Any:
+def read_acquire(context: Any, job: Any, at: Any) -> Any:
     """Return an entry, and see all that was written before it was."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         entry = place(builder, arguments)
@@ -54,7 +54,7 @@ def _read(context: Any, job: Any, at: Any) -> Any:
 
 
 @intrinsic
-def _write(context: Any, job: Any, at: Any, value: Any) -> Any:
+def write_release(context: Any, job: Any, at: Any, value: Any) -> Any:
     """Write an entry, after all that was written before."""
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         entry = place(builder, arguments)
@@ -103,7 +103,7 @@ def _pack_at(context: Any, address: Any) -> Any:
 @kernel
 def is_helped(job: IntArray) -> bool:
     """Return whether somebody looks at a job slot."""
-    return _read(job, _PRESENT) == 1
+    return read_acquire(job, _PRESENT) == 1
 
 
 @apart
@@ -114,13 +114,13 @@ def side_by_side(job: IntArray, address: int, pack: Any, here: int, there: int) 
         call_at(address, pack, there)
         return
     job[_ADDRESS], job[_PACK], job[_NUMBER] = address, _address_of(pack), there
-    _write(job, _STATE, _OFFERED)
+    write_release(job, _STATE, _OFFERED)
     call_at(address, pack, here)
     # First by a look, which does not take the line from the other core.
-    if _read(job, _STATE) == _OFFERED and _replace(job, _STATE, _OFFERED, _FREE):
+    if read_acquire(job, _STATE) == _OFFERED and _replace(job, _STATE, _OFFERED, _FREE):
         call_at(address, pack, there)
         return
-    while _read(job, _STATE) != _DONE:
+    while read_acquire(job, _STATE) != _DONE:
         _pause()
 
 
@@ -128,17 +128,17 @@ def side_by_side(job: IntArray, address: int, pack: Any, here: int, there: int) 
 def _assist(job: IntArray, patience: int) -> None:
     """Take what is offered, until nothing was for a while and nothing is to come."""
     idle = 0
-    _write(job, _PRESENT, 1)
+    write_release(job, _PRESENT, 1)
     while idle < patience:
-        if _read(job, _STATE) == _OFFERED and _replace(job, _STATE, _OFFERED, _TAKEN):
+        if read_acquire(job, _STATE) == _OFFERED and _replace(job, _STATE, _OFFERED, _TAKEN):
             call_at(job[_ADDRESS], _pack_at(job[_PACK]), job[_NUMBER])
             job[_TAKEN_SO_FAR] += 1
-            _write(job, _STATE, _DONE)
+            write_release(job, _STATE, _DONE)
             idle = 0
         else:
             _pause()
-            idle = 0 if _read(job, _AWAITED) == 1 else idle + 1
-    _write(job, _PRESENT, 0)
+            idle = 0 if read_acquire(job, _AWAITED) == 1 else idle + 1
+    write_release(job, _PRESENT, 0)
 
 
 class Helper:

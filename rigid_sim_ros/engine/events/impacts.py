@@ -47,7 +47,7 @@ def look_near(c: EventArguments) -> None:
             size = 0.0
         memory.margin[s] = 1.01 * (c.settings.touching * size
                                    + 0.25 * h * (0.5 * h * pull + STILL * size / h))
-    memory.rest_margin[0] = np.inf  # no pair is looked at farther ahead than it touches
+    memory.rest_margin[:] = np.inf  # no pair is looked at farther ahead than it touches
 
 
 @kernel

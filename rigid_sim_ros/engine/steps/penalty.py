@@ -126,7 +126,7 @@ def find_overlaps(c: PenaltyArguments) -> int:
     shapes, memory, w = c.shapes, c.memory, c.buffers
     for s in range(shapes.bound.shape[0]):
         memory.margin[s] = MARGIN * shapes.bound[s] if shapes.bound[s] < np.inf else 0.0
-    memory.rest_margin[0] = np.inf
+    memory.rest_margin[:] = np.inf
     why, w.count[NEEDED] = find_points(c.model, c.state, shapes, c.materials, memory, 0.0, w.order,
                                        w.contacts)
     if why != DONE:
