@@ -84,7 +84,7 @@ setup(
         'test': [*EXPORT, *MJCF, *PLOT, *RENDER, *ROS_WHEELS, *VIEW, *XACRO,
                  'colcon-common-extensions',
                  'hypothesis', 'mcap-ros2-support', 'playwright>=1.40', 'pytest',
-                 'pytest-rerunfailures', 'pytest-xdist>=3.7'],
+                 'pytest-xdist>=3.7'],
         'view': VIEW,
         'xacro': XACRO,
         'lint': [

@@ -6,6 +6,7 @@ The programs of the package, as they are started from a shell, by `ros2 run` and
 To import what a program needs takes about a second. This module imports nearly nothing itself, so
 that Ctrl-C during that second ends the program without a traceback.
 """
+import gc
 from importlib import import_module
 import sys
 from typing import NoReturn
@@ -21,13 +22,20 @@ _MODULES = {
 
 
 def start(name: str) -> NoReturn:
-    """Run a program with the arguments of this process and leave with its exit code."""
+    """
+    Run a program with the arguments of this process and leave with its exit code.
+
+    Python ends with a search for cycles in all that was imported, which takes 0.15 of the 1 s of a
+    short run. Nothing of it is left to be closed, so it is not looked through.
+    """
     with ended_by_ctrl_c():
         module = import_module(_MODULES[name])
     try:
         sys.exit(module.main())
     except KeyboardInterrupt:       # before the program listens to signals itself, or after
         sys.exit(INTERRUPTED)
+    finally:
+        gc.freeze()
 
 
 def rigid_sim() -> NoReturn:

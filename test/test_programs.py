@@ -60,3 +60,13 @@ def test_ctrl_c_that_is_ignored_stays_so(tmp_path):
         env=os.environ | {'PYTHONPATH': str(tmp_path)})
     assert result.returncode == 1
     assert 'ImportError: the program has gone on' in result.stderr
+
+
+def test_python_ends_a_program_without_a_look_at_all_that_was_imported():
+    code = ('import gc; from rigid_sim_ros import programs\n'
+            'try: programs.rigid_sim()\n'
+            'finally: print(gc.get_freeze_count() > 100_000)')
+    result = subprocess.run([sys.executable, '-c', code, 'check', 't_handle'],
+                            capture_output=True, text=True, check=False, timeout=300)
+    assert (result.returncode, result.stderr) == (0, '')
+    assert result.stdout.splitlines()[-1] == 'True'

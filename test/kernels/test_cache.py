@@ -169,26 +169,34 @@ def test_a_damaged_file_is_compiled_anew(tmp_path, filled, suffix):
             [word for name in DAMAGES for word in (name, *expected.split())], '')
 
 
-@pytest.mark.parametrize('suffix', ['.nbi', '.nbc'])
-@pytest.mark.parametrize('which', ['kernels', 'rigid_sim_ros', '.'])
-def test_a_folder_that_others_may_write_to_is_not_used(tmp_path, filled, suffix, which):
-    home = shutil.copytree(filled, tmp_path / 'home')
-    trace = tmp_path / 'trace'
-    for path in home.rglob(f'*{suffix}'):
+def planted(home, filled, *suffixes):
+    """Fill a cache folder in which files of these kinds leave a trace when they are run."""
+    shutil.copytree(filled, home)
+    trace = home.parent / f'trace_of_{home.name}'
+    for path in (path for suffix in suffixes for path in home.rglob(f'*{suffix}')):
         harm = pickle.dumps(Harm(trace))
         path.write_bytes(cache._digest_of(harm) + harm)
-    # What was planted would be run where the folder is trusted: otherwise this test says nothing.
-    folder = home / {'kernels': 'rigid_sim_ros/kernels'}.get(which, which)
-    before = folder.stat().st_mode
-    folder.chmod(0o777)
+    return trace
+
+
+@pytest.mark.parametrize('suffix', ['.nbi', '.nbc'])
+def test_what_a_trusted_folder_holds_is_run(tmp_path, filled, suffix):
+    """Otherwise the next test says nothing."""
+    trace = planted(tmp_path / 'home', filled, suffix)
+    found(tmp_path / 'home', check=False)
+    assert trace.exists()
+
+
+@pytest.mark.parametrize('which', ['kernels', 'rigid_sim_ros', '.'])
+def test_a_folder_that_others_may_write_to_is_not_used(tmp_path, filled, which):
+    home = tmp_path / 'home'
+    trace = planted(home, filled, '.nbi', '.nbc')
+    (home / {'kernels': 'rigid_sim_ros/kernels'}.get(which, which)).chmod(0o777)
     counts, said = found(home)
     assert counts == ['0', '1']
     assert 'set NUMBA_CACHE_DIR' in said
     assert len(said.splitlines()) == 1
     assert not trace.exists()
-    folder.chmod(before)
-    found(home, check=False)
-    assert trace.exists()
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason='only root may give a folder away')

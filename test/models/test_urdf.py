@@ -148,6 +148,7 @@ def test_what_has_no_effect_is_told_in_one_line_for_each_kind(tmp_path) -> None:
     ('<parent link="rod"/>', '<parent link="tool"/>', 6, 'hangs on itself by a ring of joints'),
     ('name="hold"', 'name="hinge"', 10, 'is there twice, must have a name of its own'),
     ('xyz="0 1 0"', 'xyz="0 0 0"', 8, 'has no direction, must have one'),
+    ('<origin xyz="0 0 1"/>', '<origin quat_xyzw="0 0 0 2"/>', 8, 'has length 2, must be 1'),
     ('xyz="0 1 0"', 'xyz="0 1"', 8, 'must be 3 numbers with spaces'),
     ('xyz="0 1 0"', 'xyz="0 nan 0"', 8, "xyz 'nan', must be finite"),
     (f'ixx="{1 / 12}"', 'ixx="9"', 3, 'inertia violates the triangle inequality'),

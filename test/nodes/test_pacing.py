@@ -133,3 +133,9 @@ def test_restart_forgets_the_debt():
     assert pacer.due(50 * STEP) == 0
     assert pacer.due(51 * STEP) == 1
     assert pacer.overruns == 0
+
+
+def test_of_a_debt_a_little_beyond_what_is_caught_up_the_rest_is_dropped():
+    pacer = Pacer(STEP, 1.0, now_ns=0)
+    assert pacer.due(CATCH_UP_NS + 3 * STEP) == CATCH_UP_NS // STEP
+    assert pacer.dropped_ns == 3 * STEP

@@ -45,14 +45,18 @@ def start(probe, sim):
     probe.trigger(f'{sim}/stop_recording')
 
 
-def recorder_status(probe, node, when=lambda values: True):
-    """Return what the diagnostics say of the recording; the first may be of before."""
+def recorder_status(probe, node, when):
+    """
+    Return what the diagnostics say of the recording as soon as something is true of it.
+
+    `when` takes a status and its values. The first ones, that were under way, may be of before.
+    """
     def of_node():
-        seen = [status for message in messages for status in message.status
-                if status.name == f'{node}: recording'][1:]
         found = [(status, {value.key: value.value for value in status.values})
-                 for status in seen]
-        return [(status, values) for status, values in found if when(values)]
+                 for message in messages for status in message.status
+                 if status.name == f'{node}: recording']
+        return [(status, values) for status, values in found if when(status, values)]
+
     with probe.listening(DiagnosticArray, '/diagnostics') as messages:
         return probe.wait_for(of_node, f'diagnostics of {node}')[-1]
 
@@ -157,15 +161,15 @@ def test_an_unknown_storage_is_refused(probe, sim):
 def test_the_diagnostics_tell_of_the_recording(probe, sim, start, tmp_path):
     start(tmp_path / 'bag')
     status, values = recorder_status(
-        probe, sim, lambda values: float(values['elapsed [s]']) > 0.5)
+        probe, sim, lambda _, values: float(values.get('elapsed [s]', 0.0)) > 0.5)
     assert (status.level, status.message) == (b'\x00', f'recording into {tmp_path / "bag"}')
     assert values['path'] == str(tmp_path / 'bag')
     assert int(values['messages']) > 100
     assert float(values['size [MB]']) > 0.0
     assert (values['gaps'], values['messages lost'], values['inputs lost']) == ('0', '0', '0')
     probe.trigger(f'{sim}/stop_recording')
-    status, values = recorder_status(probe, sim)
-    assert status.message == f'recorded into {tmp_path / "bag"}'
+    recorder_status(probe, sim, lambda status, _: (
+        status.message == f'recorded into {tmp_path / "bag"}'))
 
 
 # --- from the start -----------------------------------------------------------------------------
@@ -243,8 +247,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_simulation(probe, tmp_path):
         with running(tmp_path, str(scene), name='full', diagnostics_rate=20.0, record=True,
                      bag_path=disk / 'bag') as process:
             probe.wait_for(lambda: 'recording has ended' in process.stderr, 'a full disk')
-            status, _ = recorder_status(probe, '/full')
-            assert status.level == b'\x02'
+            status, _ = recorder_status(probe, '/full', lambda status, _: status.level == b'\x02')
             assert 'No space left on device' in status.message
             assert goes_on(probe, '/full')
             answer = probe.trigger('/full/stop_recording')

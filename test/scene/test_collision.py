@@ -8,6 +8,7 @@ import pytest
 from rigid_sim_ros.engine.maths.rotation import rotate
 from rigid_sim_ros.engine.model.kinds.table import BOX, HULL, PLANE, SPHERE
 from rigid_sim_ros.scene import scene_from_dict, scene_from_text, SceneError
+from rigid_sim_ros.scene.collision import MAX_GROUPS
 
 CUBE = ('0 0 0, 1 0 0, 1 1 0, 0 1 0, 0 0 1, 1 0 1, 1 1 1, 0 1 1',
         '0 3 2, 0 2 1, 4 5 6, 4 6 7, 0 1 5, 0 5 4, 1 2 6, 1 6 5, 2 3 7, 2 7 6, 3 0 4, 3 4 7')
@@ -141,3 +142,17 @@ def test_all_of_it_is_in_the_text_of_the_scene():
     assert again.text == scene.text
     assert again.shapes.mask.tolist() == scene.shapes.mask.tolist()
     assert again.materials.friction.tolist() == scene.materials.friction.tolist()
+
+
+def test_as_many_groups_as_a_number_has_bits_for_are_told_apart_and_not_one_more():
+    # One of them is the default group, which all scenes have.
+    bodies = [ball(f'ball_{k}', groups=[f'group {k}'], collides_with=[f'group {k - k % 2}'])
+              for k in range(MAX_GROUPS - 1)]
+    scene = read(*bodies)
+    assert len(set(scene.shapes.group)) == MAX_GROUPS - 1
+    last = MAX_GROUPS - 2
+    assert collide(scene, last, last)
+    assert not collide(scene, last, last - 2)
+    assert scene.shapes.group.max() == 1 << (MAX_GROUPS - 1)
+    with pytest.raises(SceneError, match=f'{MAX_GROUPS + 1} groups, must be {MAX_GROUPS} or'):
+        read(*bodies, ball('more', groups=['one more']))

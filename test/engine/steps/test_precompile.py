@@ -3,6 +3,7 @@
 """Compiling begins with the scene: what a helper begins with is what the first step waits for."""
 import json
 import os
+from pathlib import Path
 import subprocess
 import sys
 
@@ -12,6 +13,7 @@ import pytest
 from rigid_sim_ros.kernels.helper_process import cores
 from rigid_sim_ros.kernels.numba_target import SUPPORTED
 
+TESTS = str(Path(__file__).parents[2])
 # What a helper compiles for every world of the model.
 HELPED = ['detect_part', 'predict_part']
 # Tells what is begun for which arguments, in place of beginning with it, and which a step has.
@@ -70,6 +72,7 @@ def test_nothing_is_begun_where_nothing_can_touch(other, model):
 HELPERS = """
 from rigid_sim_ros.kernels import helper_process, separate
 helper_process.PATIENCE = 900.0     # on a busy machine the helper hardly gets on
+helper_process.__name__ = 'kernels.restoring_helper'    # what is started as the helper
 started, start = [], helper_process.start
 def counted(*arguments):
     started.append(start(*arguments))
@@ -90,10 +93,13 @@ print(*begun, len(started), len(separate._begun), started[0].process.returncode,
     (scene('timestep', BALL, OTHER), 'timestep', HELPED, 1),
     (HINGED, 'jointed_contact', ['find_within'], 0)], ids=['two balls', 'with joints'])
 def test_the_first_step_waits_for_the_one_helper(tmp_path, one, module, kernels, begun):
-    cache_without(tmp_path, kernels[-1])
+    full, lacking = tmp_path / 'full', tmp_path / 'lacking'
+    cache_without(full)
+    cache_without(lacking, kernels[-1])
     done = subprocess.run(
         [sys.executable, '-c', HELPERS.format(scene=repr(one), module=module,
                                               kernels=', '.join(kernels))],
-        env=os.environ | {'NUMBA_CACHE_DIR': str(tmp_path)}, capture_output=True, text=True,
-        check=True)
+        env=os.environ | {'NUMBA_CACHE_DIR': str(lacking), 'RESTORED_FROM': str(full),
+                          'PYTHONPATH': os.pathsep.join([TESTS, *filter(None, sys.path)])},
+        capture_output=True, text=True, check=True)
     assert done.stdout.split() == [str(begun), str(begun), '1', '0', '0', *['1'] * len(kernels)]
