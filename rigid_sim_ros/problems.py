@@ -4,6 +4,10 @@
 
 from typing import NamedTuple
 
+# Characters of one line: what it quotes may be a name, or a list of numbers, of any length.
+_BEGIN, _END = 600, 200
+_CUT = ' [...] '
+
 
 class Problem(NamedTuple):
     """One remark on a scene or on a model; as text it is always one line."""
@@ -24,6 +28,9 @@ def printable(text: str) -> str:
     Write what cannot be printed as Python does.
 
     Files and names may come from strangers: a line break would begin a line that nobody wrote, and
-    other characters move a cursor or turn the direction of writing.
+    other characters move a cursor or turn the direction of writing. The middle of what is far too
+    long for a line is left out.
     """
+    if len(text) > _BEGIN + len(_CUT) + _END:
+        text = text[:_BEGIN] + _CUT + text[-_END:]
     return ''.join(c if c.isprintable() else repr(c)[1:-1] for c in text)

@@ -43,6 +43,19 @@ def warm_up(scene: Scene, stopped: Stop | None = None, stream: TextIO | None = N
     Stopped, and soon, when `stopped` is set. Whatever fails raises here as it would have later.
     """
     watched(lambda: use(World(scene)), stopped, stream)
+    announce_later()
+
+
+def announce_later() -> None:
+    """
+    Say so from now on whenever somebody waits for the compiler outside of `watched`.
+
+    A world begins to step without the pieces that it hardly ever calls, and waits where it needs
+    one that is not there yet.
+    """
+    if not _later:
+        _later.append(_Later())
+        _later[0].__enter__()
 
 
 def announced(work: Callable[[], _T], stream: TextIO | None = None) -> _T:
@@ -72,9 +85,11 @@ def watched(
     thread = threading.Thread(target=guarded, name='warm_up', daemon=True)
     with _Compiler() as compiler:
         thread.start()
+        _watching.append(compiler)
         try:
             _announce(thread, compiler, stopped, stream or sys.stderr)
         finally:
+            _watching.remove(compiler)
             if thread.is_alive():
                 atexit.register(_end, stopped.exit_code or INTERRUPTED)
     if thread.is_alive():
@@ -163,13 +178,50 @@ class _Compiler(event.Listener):
 
     def _tell(self, begins: bool) -> None:
         if begins:
-            if self._depth == 0:
-                self._since = monotonic()
             self._depth += 1
+            if self._depth == 1:
+                self._since = monotonic()
+                self._begin()
         elif self._depth > 0:   # else it began before somebody listened
             self._depth -= 1
             if self._depth == 0:
                 self._before += monotonic() - self._since
+                self._end()
+
+    def _begin(self) -> None:
+        """Do nothing: the compiler is at work from now on."""
+
+    def _end(self) -> None:
+        """Do nothing: it no longer is."""
+
+
+class _Later(_Compiler):
+    """Says by itself that somebody waits for the compiler, where `watched` does not."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._timer = threading.Timer(QUIET, self._say)
+        self._has_said = False
+
+    def _begin(self) -> None:
+        self._timer = threading.Timer(QUIET, self._say)
+        self._timer.daemon = True
+        self._timer.start()
+
+    def _say(self) -> None:
+        if self.is_at_work and not _watching:
+            self._has_said = True
+            print(f'{_TEXT}: a step waits for one more', file=sys.stderr, flush=True)
+
+    def _end(self) -> None:
+        self._timer.cancel()
+        if self._has_said:
+            self._has_said = False
+            print(f'{_TEXT} took {monotonic() - self._since:.1f} s', file=sys.stderr, flush=True)
+
+
+_watching: list[_Compiler] = []     # within `watched`
+_later: list[_Later] = []           # one at most, until the process ends
 
 
 _hints = [_HINT]    # said once in a process

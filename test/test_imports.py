@@ -30,7 +30,7 @@ MAY_IMPORT = {
     'problems': set(),
     'plots': LOWER,
     'render': LOWER | {'plots'},
-    'nodes': LOWER | {'environment', 'signals', 'viewer', 'warm_up'},
+    'nodes': LOWER | {'environment', 'problems', 'signals', 'viewer', 'warm_up'},
     'viewer': LOWER | {'plots', 'signals'},
     'bag': LOWER | {'problems'},
     'warm_up': PHYSICS | {'scene', 'signals', 'world'},

@@ -79,11 +79,13 @@ def test_who_is_stopped_does_not_wait_on(monkeypatch) -> None:
 
 
 @pytest.mark.parametrize('command', [['batch', 't_handle', '--duration', '0.01', '--output'],
-                                     ['verify']])
-def test_batch_and_verify_say_when_they_compile(tmp_path: Path, command) -> None:
+                                     ['verify'], ['plot', '--output', 'plot.svg']])
+def test_commands_say_when_they_compile(tmp_path: Path, command) -> None:
     bag = tmp_path / 'bag'
-    if command == ['verify']:
-        batch = Batch(load_scene('t_handle'), bag)
+    if command[0] != 'batch':
+        # The energies of a plot are those of its forces as well.
+        scene = 'spring_pendulum' if command[0] == 'plot' else 't_handle'
+        batch = Batch(load_scene(scene), bag)
         batch.run(10)
         batch.close()
     # They take less than the 3 s that are not announced, and on no machine 0.1 s.
@@ -91,9 +93,35 @@ def test_batch_and_verify_say_when_they_compile(tmp_path: Path, command) -> None
     result = subprocess.run(
         [sys.executable, '-c', SOON, *command, str(bag)],
         env=os.environ | {'NUMBA_CACHE_DIR': str(tmp_path)}, capture_output=True, text=True,
-        check=False, timeout=300)
+        check=False, timeout=300, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert result.stderr.startswith('compiling the physics kernels')
+
+
+# Two boxes meet so that neither a face nor crossing edges tell what is nearest.
+SEARCHES = """
+from rigid_sim_ros import warm_up, World
+warm_up.QUIET = 0.1
+box = {'mass': 1.0, 'shape': {'type': 'box', 'size': [0.2, 0.3, 0.4]},
+       'twist': {'angular': [3, 2, 1]}}
+world = World.from_dict({'format': 1, 'bodies': [
+    {'name': 'ground', 'fixed': True, 'shape': {'type': 'plane'}},
+    *({**box, 'name': f'box_{i}', 'pose': {'position': [0.05 * i, 0.03 * (i % 3), 0.5 + 0.6 * i]}}
+      for i in range(6))]})
+warm_up.warm_up(world.scene)
+print('ready')
+world.step(3000)
+"""
+
+
+def test_a_step_that_waits_for_a_kernel_says_so(tmp_path: Path) -> None:
+    cache_without(tmp_path, 'search')
+    result = subprocess.run(
+        [sys.executable, '-c', SEARCHES], env=os.environ | {'NUMBA_CACHE_DIR': str(tmp_path)},
+        capture_output=True, text=True, check=True, timeout=600)
+    said = result.stderr.splitlines()
+    assert said[0] == 'compiling the physics kernels: a step waits for one more'
+    assert said[1].startswith('compiling the physics kernels took ')
 
 
 @pytest.mark.long

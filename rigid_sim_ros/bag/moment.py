@@ -135,6 +135,10 @@ class _Search:
             self._first = 0
 
     def _go_to(self, step: int) -> None:
+        if step < self._now and self._saved is not None:
+            # Else inputs that lie beyond a moment, years maybe, would be among those before it.
+            raise BagError(f'the recording goes back from step {self._now} to {step} without a '
+                           'reset: `rigid_sim verify` says what else is wrong with it')
         if self._saved is not None and self._now <= self.step <= step:
             self._found = self._saved, tuple(self._inputs)
         self._now = step

@@ -23,6 +23,7 @@ from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.events import Event
 from rigid_sim_ros.bag.joint_messages import JointMessages
 from rigid_sim_ros.bag.outputs import Outputs
+from rigid_sim_ros.bag.pace import Pace
 from rigid_sim_ros.bag.reader import BagReader, Message
 from rigid_sim_ros.bag.session import Session
 from rigid_sim_ros.bag.topics import Topic, typestore
@@ -30,11 +31,6 @@ from rigid_sim_ros.messages.codec import encode_wrench
 from rigid_sim_ros.scene import scene_from_text, SceneError
 from rigid_sim_ros.world import World
 from rigid_sim_ros.world.commands import FRAME_ID
-
-# [steps/s] No world is stepped faster: a step number that grew by more, in the time that the
-# messages say passed, was changed, and is not worth years of simulation.
-_FASTEST = 2e7
-_SLACK = 100_000        # steps, for clocks that stand still
 
 # Comparable kinds that are made of the state alone.
 _STATES = frozenset({kinds.CLOCK, kinds.POSE, kinds.TWIST, kinds.STATE, kinds.TRANSFORMS,
@@ -133,6 +129,7 @@ class Resimulation:
         self._session: Session | None = None
         self._scene_text: bytes | None = None
         self._outputs: Outputs
+        self._pace: Pace
         self._topics: dict[str, Topic] = {}
         self._handlers: dict[str, Callable[[str, int, bytes], None]] = {}
         self._seen: Counter[str] = Counter()
@@ -142,7 +139,6 @@ class Resimulation:
         self._is_lost = False                   # inputs are missing: wait for a snapshot
         self._may_skip = False                  # what comes before that
         self._tally: Tally | None = None
-        self._stepped_at = 0                    # [ns] when ~/bag/step came last
         self._ended = False
         self._knows_topics = False
 
@@ -215,6 +211,7 @@ class Resimulation:
             raise BagError(f'the session has a topic or a name that cannot be ({error})') from None
         self._world = world
         self.step_ns = world.step_ns
+        self._pace = Pace(world.step_ns)
         self._topics = session.by_name
         mine, theirs = __version__, session.software.get('rigid_sim_ros', '?')
         if mine != theirs:
@@ -245,7 +242,7 @@ class Resimulation:
         self._expected.clear()
         if not self._is_lost:
             self._go_to(step, stamp)
-        self._stepped_at = stamp
+        self._pace.note(stamp)
 
     def _take_snapshot(self, topic: str, stamp: int, data: bytes) -> None:
         world = self._known_world()
@@ -402,10 +399,8 @@ class Resimulation:
         count = step - world.step_index
         if count < 0:
             self._found(f'the recording goes back to step {step} without a reset')
-        elapsed = max(0, stamp - self._stepped_at)
-        if count > _SLACK + elapsed * max(_FASTEST / 1e9, 1.0 / self.step_ns):
-            self._found(f'the recording goes on to step {step}, {count} further, within '
-                        f'{elapsed / 1e9:.3f} s')
+        if wrong := self._pace.wrong(world.step_index, step, stamp):
+            self._found(wrong)
         # Motion beyond all numbers was recorded too, if it was; the comparison tells.
         with contextlib.suppress(ArithmeticError):
             world.step(count)
@@ -433,7 +428,7 @@ def _compare(topic: Topic, recorded: bytes, again: bytes, names: list[str]) -> t
     except Exception:       # bytes that were changed can break anything that reads them
         tables = []
     if len(tables) == 2 and tables[0].shape == tables[1].shape and tables[0].size:
-        name, text = _largest(names if len(tables[0]) > 1 else [topic.body], *tables)
+        name, text = _largest(names, *tables)
         if text:
             return ('', f' at joint {name!r}{text}') if is_of_joints else (name, text)
     shorter = min(len(recorded), len(again))

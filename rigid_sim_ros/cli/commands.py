@@ -381,8 +381,9 @@ def plot(bag: str, output: str, **options: Any) -> int:
     and gaps come from simulating the session again with its recorded inputs.
     """
     from rigid_sim_ros.plots.command import run_plot
+    from rigid_sim_ros.warm_up import announced
 
-    return run_plot(bag, output, **options)
+    return run_plot(bag, output, announced=announced, **options)
 
 
 @rigid_sim.command(epilog=examples(

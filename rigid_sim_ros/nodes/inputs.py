@@ -15,6 +15,7 @@ import threading
 import time
 from typing import Any, NamedTuple
 
+from rigid_sim_ros.problems import printable
 from rigid_sim_ros.scene.values import UNIT_TOLERANCE
 from rigid_sim_ros.world.commands import Command, FRAME_ID
 
@@ -83,7 +84,7 @@ class Refusals:
                 return
             self._logged[reason] = now, count
         more = count - counted - 1
-        self._log(f'refused {text}' + (f' (and {more} like it before)' if more else ''))
+        self._log(printable(f'refused {text}') + (f' (and {more} like it before)' if more else ''))
 
 
 class Queue:

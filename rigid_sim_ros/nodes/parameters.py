@@ -115,6 +115,8 @@ def mistake_in(name: str, value: Any) -> str:
     """Return what is wrong with a value although its type and range are right, or ''."""
     if value != value:
         return f'{name}: {NOT_A_NUMBER}'
+    if isinstance(value, str) and not value.isprintable():
+        return f'{name}: {value!r:.80}, must hold no control characters'
     if name in _CHOICES and value not in _CHOICES[name]:
         return f'{name}: {value!r}, must be {" or ".join(_CHOICES[name])}'
     return ''

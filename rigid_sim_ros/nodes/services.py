@@ -14,8 +14,9 @@ from rigid_sim_ros.nodes.inputs import ENDED, Queue, Request
 from rigid_sim_ros.nodes.recording import Recording
 
 # Of requests that wait and of answers on their way. By ROS's default it is 10: what a client asks
-# beyond that before it is answered would be lost.
-_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+# beyond that before it is answered would be lost. Not all are kept: then a client that stands
+# still and takes no answers would hold up those of all others.
+_QOS = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
 
 
 class Services:

@@ -41,7 +41,7 @@ from rigid_sim_ros.nodes.step_loop import StepLoop
 from rigid_sim_ros.scene.errors import SceneError
 from rigid_sim_ros.scene.overlap import describe_overlaps
 from rigid_sim_ros.signals import Stop, stop_on_signals
-from rigid_sim_ros.warm_up import Stopped, use, watched
+from rigid_sim_ros.warm_up import announce_later, Stopped, use, watched
 from rigid_sim_ros.world import load_scene, World
 
 NODE_NAME = 'rigid_sim'
@@ -86,6 +86,7 @@ class Simulation:
         """Compile, connect, and simulate until the end; raise what went wrong in a thread."""
         for line in watched(self._prepare, self._stopped):
             self._log.warning(line)
+        announce_later()
         if self._moment is not None:
             self._moment.apply(self._world)
         bodies = chosen_bodies(self._world.names, self._parameters['bodies'])

@@ -21,6 +21,7 @@ from rigid_sim_ros.nodes.inputs import (
 from rigid_sim_ros.nodes.pacing import MILLISECOND, NEVER, Pacer
 from rigid_sim_ros.nodes.publishers import Publishers
 from rigid_sim_ros.nodes.recording import Recording
+from rigid_sim_ros.problems import printable
 from rigid_sim_ros.world import World
 from rigid_sim_ros.world.commands import Command, FRAME_ID
 
@@ -250,7 +251,7 @@ class StepLoop:
 
     def _apply_parameter(self, item: ParameterInput) -> None:
         self._parameters[item.name] = item.value
-        self._log.info(f'parameter {item.name}: {item.value}')
+        self._log.info(printable(f'parameter {item.name}: {item.value}'))
         self._recording.note_parameter(item.name, item.value)
         if item.name == 'real_time_factor':
             self._pacer.set_factor(item.value, monotonic_ns())

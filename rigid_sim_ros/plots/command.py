@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What `rigid_sim plot` does and prints; returns the exit code."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fnmatch import fnmatchcase
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
@@ -29,8 +30,13 @@ _WRITERS = {
 
 def run_plot(bag: str, output: str, *, bodies: Sequence[str] = (), joints: Sequence[str] = (),
              quantities: Sequence[str] = (), start: float = 0.0,
-             duration: float | None = None) -> int:
-    """Draw what a bag holds into a file and say what was drawn."""
+             duration: float | None = None,
+             announced: Callable[[Callable[[], Any]], Any] = lambda work: work()) -> int:
+    """
+    Draw what a bag holds into a file and say what was drawn.
+
+    `announced` does what may have to compile kernels first, and says so.
+    """
     path = Path(output)
     if path.suffix.lower() not in _WRITERS:
         raise BagError(f'--output {output}, must end in {", ".join(_WRITERS)}')
@@ -40,7 +46,8 @@ def run_plot(bag: str, output: str, *, bodies: Sequence[str] = (), joints: Seque
     except ImportError as error:
         raise BagError(f"plot needs {library}: `pip install 'rigid_sim_ros[plot]'`, or `pip "
                        f'install {library}` ({error})') from None
-    diagram, notes = make_diagram(bag, bodies, quantities, start, duration, joints)
+    diagram, notes = announced(lambda: make_diagram(
+        bag, bodies, quantities, start, duration, joints))
     try:
         write(diagram, path)
     except OSError as error:

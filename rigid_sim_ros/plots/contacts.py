@@ -17,6 +17,7 @@ import numpy as np
 from rigid_sim_ros.bag import decode, events, session as sessions, topics as kinds
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.motion import Array, Clock
+from rigid_sim_ros.bag.pace import Pace
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.scene import Scene
 from rigid_sim_ros.world import World
@@ -41,9 +42,9 @@ def simulate_contacts(bag: str | os.PathLike[str], scene: Scene, end: float,
     """
     run = _Again(World(scene), scene.names if names is None else names)
     handlers: dict[str, str] = {}
-    for topic, _, data in BagReader(bag).messages():
+    for topic, stamp, data in BagReader(bag).messages():
         if topic in handlers:
-            if not run.take(handlers[topic], data) or run.now > end:
+            if not run.take(handlers[topic], stamp, data) or run.now > end:
                 break
         elif not handlers and topic.endswith('/bag/session'):
             session = sessions.read(topic, data)
@@ -65,6 +66,7 @@ class _Again:
         self._place = {name: k for k, name in enumerate(names)}
         self._find_places()
         self._clock = Clock()
+        self._pace = Pace(world.step_ns)
         self._is_lost = True        # until the first snapshot
         self._impulse = np.zeros((n, 3))
         self._gap = np.full(n, np.inf)
@@ -72,15 +74,16 @@ class _Again:
         self._rows: list[tuple[float, Array, Array]] = []
         self._note = ''
 
-    def take(self, kind: str, data: bytes) -> bool:
+    def take(self, kind: str, stamp: int, data: bytes) -> bool:
         """Follow one message; False where the session cannot be followed any further."""
         if kind == kinds.SNAPSHOT:
             if self._is_lost:
                 self._restore(decode.byte_array(data))
         elif kind == kinds.EVENT:
-            self._take_event(events.decode(decode.string(data)))
+            self._take_event(events.decode(decode.string(data)), stamp)
         elif kind == kinds.STEP:
-            self._go_to(decode.uint64(data))
+            self._go_to(decode.uint64(data), stamp)
+            self._pace.note(stamp)
         else:
             return self._compare(data)
         return True
@@ -104,11 +107,11 @@ class _Again:
         """Note which bodies the world has now."""
         self._there = np.array([self._place[name] for name in self._world.names])
 
-    def _take_event(self, event: events.Event) -> None:
+    def _take_event(self, event: events.Event, stamp: int) -> None:
         if event.kind == events.GAP and event.arguments['events'] != 0:
             self._is_lost = True
         elif not self._is_lost:
-            self._go_to(event.step)
+            self._go_to(event.step, stamp)
             try:
                 events.apply(event, self._world)
             except (ValueError, TypeError) as error:
@@ -116,9 +119,11 @@ class _Again:
                                ) from None
             self._find_places()
 
-    def _go_to(self, step: int) -> None:
+    def _go_to(self, step: int, stamp: int) -> None:
         if self._is_lost:
             return
+        if wrong := self._pace.wrong(self._world.step_index, step, stamp):
+            raise BagError(f'{wrong}: it was changed, see `rigid_sim verify`')
         for _ in range(step - self._world.step_index):
             # Motion beyond all numbers was recorded too, if it was.
             with contextlib.suppress(ArithmeticError):

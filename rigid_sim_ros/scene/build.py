@@ -98,6 +98,7 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source,
         masses.append(_mass_properties(solid, here) if solid else None)
     spec = spec.model_copy(update={'bodies': tuple(bodies)})
     _check_references(spec, report)
+    _check_bounds(spec, report)
     collision.check(spec, report)
     check_joints(spec, report)
     frame_names = _frame_names(spec)
@@ -286,6 +287,20 @@ def _check_references(spec: schema.Scene, report: Report) -> None:
             if material is not None and material not in spec.all_materials:
                 report(('bodies', i, *path, 'material'), f'{shown(material)} is no material, '
                        f'{nearest(material, spec.all_materials)}')
+
+
+def _check_bounds(spec: schema.Scene, report: Report) -> None:
+    """Report motion at the start that no body may be told later either."""
+    bounds = spec.world.bounds
+    for i, body in enumerate(spec.bodies):
+        for place, numbers, key, unit in (
+                (('pose', 'position'), body.pose.position, 'position', 'm'),
+                (('twist', 'linear'), body.twist.linear, 'linear', 'm/s'),
+                (('twist', 'angular'), body.twist.angular, 'angular', 'rad/s')):
+            bound: float = getattr(bounds, key)
+            if max(map(abs, numbers)) > bound:
+                report(('bodies', i, *place), f'{shown(list(numbers))} {unit}, must be within '
+                       f'{bound:g} {unit}, which `world: {{bounds: {{{key}: ...}}}}` changes')
 
 
 def _mass_properties(body: schema.Body, report: Report) -> MassProperties | None:

@@ -44,7 +44,7 @@ class Waypoints:
         p, j = len(seconds), len(names)
         if not 0 < p <= _MOST_POINTS:
             raise ValueError(f'{p} times, must be one for each of 1 to {_MOST_POINTS} points')
-        if not (np.isfinite(seconds).all() and seconds[0] >= 0.0 and seconds[-1] < 1e9):
+        if not ((seconds >= 0.0) & (seconds < 1e9)).all():
             raise ValueError(f'times {seconds.tolist()}, must be finite numbers from 0 to 1e9 s')
         self.seconds = seconds
         self.times: IntArray = np.round(seconds * _SECOND).astype(np.int64)     # [ns]

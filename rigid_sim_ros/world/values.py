@@ -24,11 +24,19 @@ def some(names: Sequence[str]) -> str:
     return ', '.join(names[:8]) + (f', ... ({len(names)} in all)' if len(names) > 8 else '')
 
 
+def source_name(value: Any) -> str:
+    """Return the name of who applies a wrench, '' for None, or raise ValueError."""
+    if value is not None and not isinstance(value, str):
+        raise ValueError(f'source {value!r}, must be text, or None for nobody in particular')
+    return value or ''
+
+
 def duration_in_steps(duration: Any, h: float) -> int:
     """Return a duration [s] in whole steps of h [s], or raise ValueError."""
-    if not 0.0 <= duration < float('inf'):
+    seconds = finite('duration', duration, 0.0)
+    if seconds < 0.0:
         raise ValueError(f'duration {duration!r} s, must be finite and >= 0')
-    return round(min(duration / h, 2.0 ** 62))
+    return round(min(seconds / h, 2.0 ** 62))
 
 
 def finite(what: str, value: Any, default: float) -> float:
@@ -61,7 +69,8 @@ def unit_quaternion(value: ArrayLike) -> Array:
         q = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f'orientation {value!r}, must be four numbers x, y, z, w') from None
-    length = float(np.sqrt((q * q).sum())) if q.shape == (4,) else float('nan')
+    with np.errstate(over='ignore', invalid='ignore'):      # then it is far from a unit
+        length = float(np.sqrt((q * q).sum())) if q.shape == (4,) else float('nan')
     if not abs(length - 1.0) <= UNIT_TOLERANCE:
         raise ValueError(f'orientation {q.tolist()!r}, must be x, y, z, w of length 1')
     return q / length

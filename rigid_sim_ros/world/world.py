@@ -30,7 +30,7 @@ from rigid_sim_ros.world.snapshot import pack, unpack
 from rigid_sim_ros.world.snapshot_check import check, Sizes
 from rigid_sim_ros.world.trajectories import FIELDS as PATH_FIELDS
 from rigid_sim_ros.world.values import (
-    duration_in_steps, some, step_count, unit_quaternion, vector)
+    duration_in_steps, some, source_name, step_count, unit_quaternion, vector)
 
 
 def load_scene(scene: str | os.PathLike[str]) -> 'World':
@@ -166,8 +166,10 @@ class World(Changing):
         centre of mass. `duration` [s] of simulation time is rounded to whole steps; None is the
         next step only. Wrenches add up; one with a `source` first ends what the same source
         applied before. ValueError for an unknown body or frame, for numbers that are not finite
-        or, within a step, beyond the scene's bounds, and for a duration below 0.
+        or, within a step, beyond the scene's bounds, for a duration below 0, and for a source that
+        is no text.
         """
+        source_name(source)     # a snapshot holds it
         body, F, f, t = (self._body(name), self._frame(frame), vector('force', force),
                          vector('torque', torque))
         p_F = self._point(body, F, point)
@@ -191,7 +193,8 @@ class World(Changing):
             self._applied.add(source or '', body, frame, point, force, torque, steps)
 
     def cancel_wrenches(self, source: str) -> None:
-        """End what a source applied."""
+        """End what a source applied; ValueError for a source that is no text."""
+        source_name(source)
         self._applied.remove(source)
         self._tell('cancel_wrenches', source=source)
 

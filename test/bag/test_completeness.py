@@ -9,12 +9,13 @@ import sqlite3
 import struct
 import tempfile
 
-from bag.sessions import forge, NODE, rewrite, session_of, shared_session
+from bag.sessions import forge, NODE, rewrite, session_of, shared_session, world
 from effort import examples
 from hypothesis import given, strategies as st
 import pytest
 
 from rigid_sim_ros.bag import events, topics as kinds
+from rigid_sim_ros.bag.batch import Batch
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.events import Event
 from rigid_sim_ros.bag.info import info
@@ -241,3 +242,12 @@ def test_a_topic_of_the_node_that_the_session_does_not_list_is_a_difference(tmp_
     verdict = verify(with_topic(tmp_path, f'{NODE}/camera'))
     assert not verdict.holds
     assert 'which the session does not list' in verdict.difference.text
+
+
+def test_a_body_that_was_removed_says_no_more(tmp_path) -> None:
+    batch = Batch(world(), tmp_path / 'bag')
+    batch.run(100)
+    batch.world.remove('ball')
+    batch.run(100)
+    batch.close()
+    assert verify(tmp_path / 'bag').holds

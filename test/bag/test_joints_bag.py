@@ -79,7 +79,7 @@ def test_a_joint_state_that_is_another_is_named(bag, monkeypatch):
         return honest(self, t_ns, position, velocity, effort + change)
     monkeypatch.setattr(JointStateEncoder, 'encode', encode)
     difference = verify(bag).difference
-    assert difference.step == 500
+    assert (difference.step, difference.body) == (500, '')
     assert "/rigid_sim/joint_states differs at joint 'shoulder' by 1:" in str(difference)
 
 

@@ -3,13 +3,19 @@
 """A session comes out again to the bit, and nothing that was changed gets through."""
 
 from bag.sessions import (
-    messages_of, rewrite, session, shared_session, world, wrench_session)
+    forge, messages_of, NODE, rewrite, session, shared_session, world, wrench_session, WRENCHES)
 import pytest
 
-from rigid_sim_ros.bag import topics as kinds
+from rigid_sim_ros.bag import events, session as sessions, topics as kinds
 from rigid_sim_ros.bag.batch import Batch
 from rigid_sim_ros.bag.errors import BagError
+from rigid_sim_ros.bag.events import Event
+from rigid_sim_ros.bag.outputs import state_topics
+from rigid_sim_ros.bag.recorder import Recorder
 from rigid_sim_ros.bag.verify import verify
+from rigid_sim_ros.messages import decode
+from rigid_sim_ros.messages.codec import encode_bytes, encode_string, encode_wrench
+from rigid_sim_ros.world.snapshot import pack, unpack
 
 
 @pytest.mark.parametrize('storage, compression', [
@@ -18,6 +24,7 @@ def test_a_session_of_everything_comes_out_again(storage, compression) -> None:
     verdict = verify(shared_session(storage, compression))
     assert (verdict.difference, verdict.faults, verdict.gaps, verdict.note) == (None, (), 0, '')
     assert verdict.steps == 313 + 500 + 700 + 600 + 1 + 500 + 900
+    assert verdict.seconds == pytest.approx(3.514)      # of 1 ms each
 
 
 def test_a_recording_that_begins_later_comes_out_again(tmp_path) -> None:
@@ -159,3 +166,162 @@ def test_a_world_that_leaves_all_numbers_comes_out_again(tmp_path) -> None:
     batch.publish()
     batch.close()
     assert verify(tmp_path / 'bag').holds
+
+
+def with_gap(folder, *, lost: int, is_full: bool):
+    """
+    Return a session with a wrench that nobody echoed, a gap of one event, and another wrench.
+
+    The gap tells of `lost` events; a full state follows it if `is_full`.
+    """
+    the_world = world()
+    recorder = Recorder(folder / 'bag', the_world, [
+        *state_topics(NODE, the_world.names), *WRENCHES], waits=True)
+    recorder.snapshot(the_world)
+
+    def push(force: tuple[float, float, float]) -> None:
+        given = {'name': 'crate', 'force': force, 'frame': 'crate', 'source': 'crate/wrench'}
+        the_world.apply_wrench(**given)
+        recorder.event(the_world.step_index, 'apply_wrench', frame_id='crate', **given)
+
+    push((0.1, 0.2, 0.3))
+    the_world.step(5)
+    recorder.event(the_world.step_index, 'pause')   # becomes the gap, of the event 1
+    if is_full:
+        recorder.snapshot(the_world)
+    push((0.4, 0.5, 0.6))
+    recorder.publish(the_world.step_index, [recorder.channel(WRENCHES[0].name)], [
+        encode_wrench(the_world.time_ns, 'crate', (0.4, 0.5, 0.6), (0.0, 0.0, 0.0))])
+    the_world.step(5)
+    recorder.close(the_world)
+
+    def change(topic, data):
+        if topic.kind != kinds.EVENT or b'pause' not in data:
+            return data
+        return encode_string(Event(2, 5, events.GAP, {
+            'since_step': 0, 'messages': 1, 'events': lost}).encode())
+    return forge(folder / 'bag', folder, change=change, recount=True)
+
+
+def test_a_wrench_whose_echo_was_lost_in_a_gap_is_not_waited_for(tmp_path) -> None:
+    verdict = verify(with_gap(tmp_path, lost=1, is_full=True))
+    assert verdict.difference is None
+    assert verdict.gaps == 1
+
+
+@pytest.mark.parametrize('lost, is_full, said', [
+    (2, True, 'a gap of 2 events ends with the event 2, and begins with 1'),
+    (1, False, 'a message comes before the full state that it follows from')])
+def test_a_gap_that_does_not_fit_is_found(tmp_path, lost, is_full, said) -> None:
+    difference = verify(with_gap(tmp_path, lost=lost, is_full=is_full)).difference
+    assert difference is not None
+    assert said in difference.text
+
+
+def test_a_wrench_that_was_published_and_never_told_is_found(tmp_path) -> None:
+    def change(topic, data):
+        if topic.kind != kinds.EVENT or b'apply_wrench' not in data:
+            return data
+        return encode_string(Event(0, 5, events.PAUSE, {}).encode())
+    difference = verify(forge(wrench_session(tmp_path), tmp_path, change=change)).difference
+    assert difference is not None
+    assert difference.body == 'crate'
+    assert 'no event tells of' in difference.text
+
+
+@pytest.mark.parametrize('kind', [kinds.SCENE, kinds.SESSION])
+def test_a_later_file_with_another_scene_or_session_is_found(tmp_path, kind) -> None:
+    seen = 0
+
+    def change(topic, data):
+        nonlocal seen
+        seen += topic.kind == kind
+        if topic.kind != kind or seen != 2:
+            return data
+        text = decode.string(data)
+        if kind == kinds.SCENE:
+            return encode_string(text.replace('9.81', '9.82'))
+        return encode_string(sessions.decode(text)._replace(software={}).encode())
+    difference = verify(rewrite(shared_session(), tmp_path, change)).difference
+    assert difference is not None
+    assert 'is another than at the beginning' in difference.text
+
+
+def test_each_file_can_be_verified_by_itself() -> None:
+    steps = 0
+    for path in sorted(shared_session().glob('*.mcap')):
+        verdict = verify(path)
+        assert verdict.difference is None, path
+        assert verdict.messages > 0
+        steps += verdict.steps
+    # What lies between the last state of a file and the first of the next is in neither.
+    assert steps > 3000
+
+
+def test_a_last_state_with_another_hash_is_found(tmp_path) -> None:
+    def change(topic, data):
+        if topic.kind != kinds.EVENT:
+            return data
+        event = events.decode(decode.string(data))
+        if event.kind != events.END:
+            return data
+        said = {**event.arguments, 'state_hash': event.arguments['state_hash'] ^ 1}
+        return encode_string(event._replace(arguments=said).encode())
+    difference = verify(rewrite(shared_session(), tmp_path, change)).difference
+    assert difference is not None
+    assert "the last state's hash" in difference.text
+
+
+def test_another_version_is_noted(tmp_path) -> None:
+    bag = forge(shared_session(), tmp_path, describe=lambda session: session._replace(
+        software={**session.software, 'rigid_sim_ros': '0.0.7'}))
+    assert verify(bag).note.startswith('recorded with version 0.0.7')
+
+
+@pytest.mark.parametrize('change', [{'step_ns': 7}, {'bodies': ('crate',)}])
+def test_a_session_of_another_scene_is_refused(tmp_path, change) -> None:
+    bag = forge(shared_session(), tmp_path, describe=lambda session: session._replace(**change))
+    with pytest.raises(BagError, match='do not fit together'):
+        verify(bag)
+
+
+def test_a_bag_that_ends_after_wrong_checksums_is_a_difference(tmp_path) -> None:
+    bag = session(tmp_path)
+    first, second = sorted(bag.glob('*.mcap'))[:2]
+    raw = bytearray(first.read_bytes())
+    # A name in the index, which has a checksum and holds no message.
+    raw[raw.rfind(b'/rigid_sim/crate/pose') + 1] ^= 1
+    first.write_bytes(raw)
+    second.write_bytes(second.read_bytes()[:5000])
+    verdict = verify(bag)
+    assert verdict.faults
+    assert verdict.difference is not None
+
+
+def test_a_saved_state_with_another_motion_is_found_with_its_body(tmp_path) -> None:
+    seen = 0
+
+    def change(topic, data):
+        nonlocal seen
+        seen += topic.kind == kinds.SNAPSHOT
+        if topic.kind != kinds.SNAPSHOT or seen != 2:
+            return data
+        meta, arrays = unpack(decode.byte_array(data))
+        arrays['x'] = arrays['x'].copy()
+        arrays['x'][0, 1] += 1.0
+        return encode_bytes(pack(meta, arrays))
+    difference = verify(rewrite(shared_session(), tmp_path, change)).difference
+    assert difference is not None
+    assert difference.body == 'ball'
+    assert difference.text.startswith('the saved state differs by 1')
+
+
+def test_an_input_with_an_argument_that_there_is_not_is_refused(tmp_path) -> None:
+    def change(topic, data):
+        if topic.kind != kinds.EVENT or b'set_twist' not in data:
+            return data
+        event = events.decode(decode.string(data))
+        return encode_string(event._replace(arguments={**event.arguments, 'colour': 1}).encode())
+    difference = verify(rewrite(shared_session(), tmp_path, change)).difference
+    assert difference is not None
+    assert 'is refused' in difference.text

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every value that a parameter may have works, and every call of a service is answered."""
 from importlib.util import find_spec
+import signal
 from unittest import SkipTest
 
 if find_spec('rclpy') is None:
@@ -15,7 +16,7 @@ from rclpy.qos import QoSProfile
 from std_srvs.srv import Trigger
 
 SMALLEST = 5e-324       # the smallest number above 0
-FLOOD = 300
+FLOOD = 3000            # calls that wait at the same time
 
 
 @pytest.fixture(scope='module')
@@ -53,12 +54,22 @@ def test_the_node_starts_with_tiny_numbers(probe, tmp_path):
         assert probe.trigger('/slow/step').success
 
 
+@pytest.mark.parametrize('text', ['\x1b[2J', 'a\nb', '\u202e'])
+def test_a_text_that_would_move_the_cursor_is_refused(probe, sim, text):
+    answer = probe.set_parameter('bag_path', text)
+    assert not answer.successful
+    assert answer.reason.isprintable()
+
+
 def test_a_flood_of_calls_is_answered_to_the_last(probe, sim):
     client = probe.client(Trigger, '/rigid_sim/step', qos_profile=QoSProfile(depth=2 * FLOOD))
     try:
         probe.wait_for(client.service_is_ready)
         probe.meet('/rigid_sim')
+        # While the node stands still: what it cannot take at once waits.
+        sim.signal(signal.SIGSTOP)
         futures = [client.call_async(Trigger.Request()) for _ in range(FLOOD)]
+        sim.signal(signal.SIGCONT)
         probe.wait_for(lambda: all(future.done() for future in futures), f'{FLOOD} answers')
     finally:
         probe.node.destroy_client(client)

@@ -35,6 +35,14 @@ BODIES = {
     'not finite': (
         f'- name: a\n  {BALL}\n  mass: 1\n  pose:\n    position: [0, .inf, 0]',
         '6: bodies[0].pose.position[1]: inf m, must be finite'),
+    'far away': (
+        f'- name: a\n  {BALL}\n  mass: 1\n  pose:\n    position: [0, 2e9, 0]',
+        '6: bodies[0].pose.position: [0.0, 2000000000.0, 0.0] m, must be within 1e+09 m, which '
+        '`world: {bounds: {position: ...}}` changes'),
+    'too fast': (
+        f'- name: a\n  {BALL}\n  mass: 1\n  twist: {{linear: [0, 0, -2e6]}}',
+        '5: bodies[0].twist.linear: [0.0, 0.0, -2000000.0] m/s, must be within 1e+06 m/s, which '
+        '`world: {bounds: {linear: ...}}` changes'),
     'not a number': (
         f'- name: a\n  {BALL}\n  mass: heavy',
         "4: bodies[0].mass: 'heavy', must be a number in kg"),
@@ -123,7 +131,7 @@ BODIES = {
         '2: bodies[0].shape: mass, size or speed leave the range of numbers, must be less '
         'extreme'),
     'speed beyond floats': (
-        f'- {{name: a, mass: 1000, {BALL}, twist: {{linear: [1.0e+306, 0, 0]}}}}',
+        f'- {{name: a, mass: 1.0e+304, {BALL}, twist: {{linear: [1.0e+6, 0, 0]}}}}',
         '2: bodies[0]: mass, size or speed leave the range of numbers, must be less extreme'),
     'as many masses': (
         '- {name: a,\n   shape: {type: points, positions: [[0, 0, 0]],\n   masses: [1, 2]}}',
