@@ -33,8 +33,11 @@ def source_name(value: Any) -> str:
 
 def duration_in_steps(duration: Any, h: float) -> int:
     """Return a duration [s] in whole steps of h [s], or raise ValueError."""
-    seconds = finite('duration', duration, 0.0)
-    if seconds < 0.0:
+    try:
+        seconds = float(duration)
+    except (TypeError, ValueError, OverflowError):
+        seconds = float('nan')
+    if not 0.0 <= seconds < float('inf'):
         raise ValueError(f'duration {duration!r} s, must be finite and >= 0')
     return round(min(seconds / h, 2.0 ** 62))
 

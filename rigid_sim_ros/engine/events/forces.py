@@ -41,6 +41,7 @@ COUNTED = 4
 # sinks in by 3e-6 g h^2.
 YIELDS = 1e-6
 AGAIN = 10  # times at most that forces are found again for what follows from them
+ROUNDS = 40  # times at most that they are for what points yield
 PUSH_SWEEPS = 30  # over the points, for displacements: what they leave is for the next step
 
 
@@ -155,25 +156,27 @@ def room_for(model: Model, w: Buffers, m: int) -> bool:
 
 
 @kernel
-def solve(g: int, m: int, width: int, steps: int, w: Buffers) -> None:
+def solve(g: int, m: int, width: int, steps: int, span: float, w: Buffers) -> None:
     """
     Find the forces of the first m points from what stands there, whatever they have to carry.
 
     Points yield by R f, R their compliance: COMPLIANCE k g below k times a body's weight. Where
     that is more than YIELDS it is subtracted from b, which leaves R (f - f') with the forces f' of
     the time before (the proximal point algorithm: Rockafellar, Monotone operators and the proximal
-    point algorithm, SIAM J. Control Optim. 14 (1976)).
+    point algorithm, SIAM J. Control Optim. 14 (1976)). A light body under a load tilts by what is
+    left, and is driven aside by a part of the load, so that is to be as much smaller as the load
+    would move it in the span; 0 s asks for nothing of that.
     """
     rows, size = w.rows, 0.0
     for i in range(width * m):
         size = max(size, abs(rows.b[i]))
     w.number[WORST] = solve_rows(rows, m, width, w.count[TOUCHED], steps, effort_left(w, g),
                                  w.newton)
-    for _ in range(AGAIN):
+    for _ in range(ROUNDS):
         yields = 0.0
         for i in range(width * m):
             yields = max(yields, abs(rows.compliance[i] * rows.f[i] - w.proximal[i]))
-        if yields <= YIELDS * size:
+        if yields * max(1.0, _reach(m, width, span, w)) <= YIELDS * size:
             return
         for i in range(width * m):
             now = rows.compliance[i] * rows.f[i]
@@ -181,6 +184,16 @@ def solve(g: int, m: int, width: int, steps: int, w: Buffers) -> None:
             w.proximal[i] = now
         w.number[WORST] = solve_rows(rows, m, width, w.count[TOUCHED], FEW_STEPS,
                                      effort_left(w, g), w.newton)
+
+
+@kernel
+def _reach(m: int, width: int, span: float, w: Buffers) -> float:
+    """Return how far the force at one point alone would move its bodies in a span, in sizes."""
+    rows, reach = w.rows, 0.0
+    for c in range(m):
+        far = rows.f[width * c] * rows.stiff[width * c] * span * span
+        reach = max(reach, far / w.contacts.size[w.chosen[c]])
+    return reach
 
 
 @kernel
@@ -201,14 +214,14 @@ def _solve_with_levers(model: Model, g: int, m: int, steps: int, span: float, w:
     goal = 0.0
     for i in range(width * m):
         goal = max(goal, 0.1 * ENOUGH * abs(rows.b[i]))
-    solve(g, m, width, steps, w)
+    solve(g, m, width, steps, span, w)
     for _ in range(AGAIN):
         apply_forces(rows, m, width, rows.f)
         if not shift_levers(model, w.contacts, w.bodies, w.chosen[:m], width, rows, span, goal,
                             w.assumed):
             return
         write_rows(model, w.contacts, w.bodies, w.chosen[:m], width, COMPLIANCE, rows)
-        solve(g, m, width, FEW_STEPS, w)
+        solve(g, m, width, FEW_STEPS, span, w)
 
 
 @kernel
