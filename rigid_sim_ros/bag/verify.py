@@ -385,6 +385,8 @@ class Resimulation:
             return
         self._expected.update(self._outputs.encode(self._topics[topic].kind))
         self.compared += 1
+        if topic not in self._expected:
+            self._found('it was published of what is no longer there', self._topics[topic].body)
         if data != self._expected[topic]:
             self._differs(topic, data)
 

@@ -290,17 +290,18 @@ def _check_references(spec: schema.Scene, report: Report) -> None:
 
 
 def _check_bounds(spec: schema.Scene, report: Report) -> None:
-    """Report motion at the start that no body may be told later either."""
+    """Report motion at the start that is so far beyond the bounds that it could not be saved."""
     bounds = spec.world.bounds
     for i, body in enumerate(spec.bodies):
         for place, numbers, key, unit in (
                 (('pose', 'position'), body.pose.position, 'position', 'm'),
                 (('twist', 'linear'), body.twist.linear, 'linear', 'm/s'),
                 (('twist', 'angular'), body.twist.angular, 'angular', 'rad/s')):
-            bound: float = getattr(bounds, key)
+            bound: float = schema.FAR * getattr(bounds, key)
             if max(map(abs, numbers)) > bound:
                 report(('bodies', i, *place), f'{shown(list(numbers))} {unit}, must be within '
-                       f'{bound:g} {unit}, which `world: {{bounds: {{{key}: ...}}}}` changes')
+                       f'{bound:g} {unit}, {schema.FAR:g} times what '
+                       f'`world: {{bounds: {{{key}: ...}}}}` says')
 
 
 def _mass_properties(body: schema.Body, report: Report) -> MassProperties | None:

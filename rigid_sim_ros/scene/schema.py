@@ -42,6 +42,10 @@ def _not_empty(entries: tuple[Any, ...]) -> tuple[Any, ...]:
 _NOT_EMPTY = AfterValidator(_not_empty)
 
 
+# Times the bounds: no snapshot of a world that runs holds more.
+FAR = 1e6
+
+
 class Bounds(Spec):
     """What a body may be told, as the largest value of a component: beyond it nobody means it."""
 

@@ -18,7 +18,7 @@ from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.frames import point_on_frame, vector_on_frame
 from rigid_sim_ros.engine.state.state import MOVING_FIELDS, State
 from rigid_sim_ros.kernels.arrays import Array
-from rigid_sim_ros.scene.schema import Bounds
+from rigid_sim_ros.scene.schema import Bounds, FAR
 
 
 class _Quantity(NamedTuple):
@@ -29,8 +29,6 @@ class _Quantity(NamedTuple):
     bound: str      # its key in `world: {bounds: {}}`
 
 
-# Times the bounds: no snapshot of a world that runs holds more.
-_FAR = 1e6
 _POSITION = _Quantity('position', 'm', 'position')
 _LINEAR = _Quantity('linear velocity', 'm/s', 'linear')
 _ANGULAR = _Quantity('angular velocity', 'rad/s', 'angular')
@@ -121,7 +119,7 @@ def check_reach(bounds: Bounds, model: Model, like: State,
         if 'V' in arrays:
             reached += [(_LINEAR, arrays['V'][:3]), (_ANGULAR, arrays['V'][3:])]
         for quantity, values in reached:
-            bound = _FAR * getattr(bounds, quantity.bound)
+            bound = FAR * getattr(bounds, quantity.bound)
             if not (abs(values) <= bound).all():
                 raise ValueError(
                     f'the snapshot holds or makes a {quantity.text} of {abs(values).max():g} '

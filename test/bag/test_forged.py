@@ -158,6 +158,13 @@ def test_a_step_that_goes_back_is_no_reset(tmp_path, follower) -> None:
         follow(follower, bag)
 
 
+@pytest.mark.parametrize('name', ['crate', 'rod', 'hinge'])
+def test_what_goes_on_after_a_forged_end_of_it_is_a_difference(tmp_path, name):
+    number = next(k for k, (kind, _) in enumerate(INPUTS) if kind == 'remove')
+    bag = with_event(tmp_path, number, lambda event: event._replace(arguments={'name': name}))
+    assert verify(bag).difference is not None
+
+
 ODD = st.sampled_from([
     None, True, -1, 0, 7, 2 ** 31, 2 ** 63 - 1, 2 ** 64, 10 ** 400, 1e308, -1e308, 5e-324,
     float('nan'), float('inf'), '', 'x', 'crate', 'ground', 'world', 'hinge', 'a\nb', '\x1b[2J',

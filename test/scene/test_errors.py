@@ -36,13 +36,13 @@ BODIES = {
         f'- name: a\n  {BALL}\n  mass: 1\n  pose:\n    position: [0, .inf, 0]',
         '6: bodies[0].pose.position[1]: inf m, must be finite'),
     'far away': (
-        f'- name: a\n  {BALL}\n  mass: 1\n  pose:\n    position: [0, 2e9, 0]',
-        '6: bodies[0].pose.position: [0.0, 2000000000.0, 0.0] m, must be within 1e+09 m, which '
-        '`world: {bounds: {position: ...}}` changes'),
+        f'- name: a\n  {BALL}\n  mass: 1\n  pose:\n    position: [0, 2e15, 0]',
+        '6: bodies[0].pose.position: [0.0, 2000000000000000.0, 0.0] m, must be within 1e+15 m, '
+        '1e+06 times what `world: {bounds: {position: ...}}` says'),
     'too fast': (
-        f'- name: a\n  {BALL}\n  mass: 1\n  twist: {{linear: [0, 0, -2e6]}}',
-        '5: bodies[0].twist.linear: [0.0, 0.0, -2000000.0] m/s, must be within 1e+06 m/s, which '
-        '`world: {bounds: {linear: ...}}` changes'),
+        f'- name: a\n  {BALL}\n  mass: 1\n  twist: {{linear: [0, 0, -2e12]}}',
+        '5: bodies[0].twist.linear: [0.0, 0.0, -2000000000000.0] m/s, must be within 1e+12 m/s, '
+        '1e+06 times what `world: {bounds: {linear: ...}}` says'),
     'not a number': (
         f'- name: a\n  {BALL}\n  mass: heavy',
         "4: bodies[0].mass: 'heavy', must be a number in kg"),

@@ -119,7 +119,7 @@ def test_a_fast_asymmetric_body_keeps_its_energy():
 
 
 def test_a_body_too_fast_to_follow_stays_a_rotation():
-    world = free_body((1e12, 1e11, 1e10))
+    world = free_body((1e10, 1e9, 1e8))
     world.step(10)
     assert math.isclose(float(np.linalg.norm(world.orientation[0])), 1.0, abs_tol=1e-12)
 
