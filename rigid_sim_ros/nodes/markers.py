@@ -7,7 +7,9 @@ The namespace of a marker is the name of its body; the ids count the solids a bo
 A marker stays until it is deleted: that happens once, when the simulation ends.
 
 Markers are sent again at each pose, so they show what touches, which has few triangles. The meshes
-that a robot is drawn with are shown by RViz's RobotModel, from its description.
+that a robot is drawn with are shown by RViz's RobotModel, from its description. What has many, as
+the ground of a heightfield, is sent again when it has moved, and else once a second for those who
+come later.
 """
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
@@ -31,6 +33,9 @@ _DELETE = 2
 _TYPES = {'box': _CUBE, 'sphere': _SPHERE, 'dome': _SPHERE, 'cylinder': _CYLINDER,
           'tube': _CYLINDER}
 _SIDES = 32                 # around a form that is drawn as triangles
+
+_MANY = 3000                # corners of triangles from which on a marker is not sent each time
+_AGAIN = 10 ** 9            # ns, until it is all the same
 
 _PLANE_EDGE = 20.0          # m, of the piece of a plane that is drawn
 _PLANE_THICKNESS = 1e-3     # m; a cube without thickness is drawn with wrong shading
@@ -71,7 +76,12 @@ class SceneMarkers:
         # Most are where their body is.
         self._placed = np.flatnonzero((p_BM != 0.0).any(axis=1) | (q_BM != _UNTURNED).any(axis=1))
         self._p_BM, self._q_BM = p_BM[self._placed], q_BM[self._placed]
-        self._encoder = MarkersEncoder(frame_id, markers)
+        self._all = MarkersEncoder(frame_id, markers)
+        heavy = np.array([len(marker.points) > _MANY for marker in markers], dtype=bool)
+        self._heavy, self._light = np.flatnonzero(heavy), np.flatnonzero(~heavy)
+        self._few = MarkersEncoder(frame_id, [markers[k] for k in self._light])
+        # When and where the heavy ones were.
+        self._sent: tuple[int, _Array, _Array] | None = None
         self._frame_id = frame_id
         self._markers = markers
 
@@ -86,7 +96,19 @@ class SceneMarkers:
         if len(k):
             p[k] += _rotate(q[k], self._p_BM)
             q[k] = _multiply(q[k], self._q_BM)
-        return self._encoder.encode(t_ns, p, q)
+        if not self._is_due(t_ns, p[self._heavy], q[self._heavy]):
+            return self._few.encode(t_ns, p[self._light], q[self._light])
+        return self._all.encode(t_ns, p, q)
+
+    def _is_due(self, t_ns: int, p: _Array, q: _Array) -> bool:
+        """Return whether the markers with many triangles, at these poses, are to be sent."""
+        sent = self._sent
+        # A time that does not go on is that of a pause, or of another run.
+        if sent is not None and sent[0] < t_ns < sent[0] + _AGAIN and (
+                np.array_equal(p, sent[1]) and np.array_equal(q, sent[2])):
+            return False
+        self._sent = t_ns, p, q
+        return True
 
     def encode_end(self, t_ns: int) -> bytes:
         """Encode that the bodies are gone: a DELETE for each marker."""

@@ -181,7 +181,7 @@ def _of_materials(scene: Scene) -> Iterator[str]:
 def _of_meshes(scene: Scene) -> Iterator[str]:
     for body in scene.spec.bodies if scene.contact != 'none' else ():
         for _, part in body.parts():
-            if isinstance(part, Mesh) and body.collides:
+            if isinstance(part, Mesh) and part.convex and body.collides:
                 # SciPy: 0.6 s that a scene without a mesh does not wait for.
                 from scipy.spatial import ConvexHull
 

@@ -22,7 +22,7 @@ from rigid_sim_ros.engine.state.state import BodyMotion, empty_state, State, wri
 from rigid_sim_ros.engine.steps.precompile import compile_beforehand
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.problems import Problem
-from rigid_sim_ros.scene import collision, mass, mesh, schema, visuals
+from rigid_sim_ros.scene import collision, mass, mesh, schema, terrain, visuals
 from rigid_sim_ros.scene.document import Source
 from rigid_sim_ros.scene.errors import below, nearest, Path as Place, Report, SceneError, shown
 from rigid_sim_ros.scene.forces import force_table
@@ -93,7 +93,7 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source,
     bodies, masses = [], []
     for i, body in enumerate(spec.bodies):
         here = below(('bodies', i), report)
-        solid = _with_meshes(body, folder, here)
+        solid = _with_files(body, folder, here)
         bodies.append(_with_visuals(solid or body, folder, here))
         masses.append(_mass_properties(solid, here) if solid else None)
     spec = spec.model_copy(update={'bodies': tuple(bodies)})
@@ -171,25 +171,44 @@ def _yaml(data: Mapping[str, Any]) -> str:
     return '\n'.join(lines) + '\n'
 
 
-def _with_meshes(body: schema.Body, folder: Path | None, report: Report) -> schema.Body | None:
-    """Return the body with the triangles of its meshes in it; None if one is no good."""
+def _with_files(body: schema.Body, folder: Path | None, report: Report) -> schema.Body | None:
+    """Return the body with what files hold of it in it; None if one is no good."""
     found = body.parts()
-    if not any(isinstance(part, schema.Mesh) for _, part in found):
+    if not any(isinstance(part, schema.Mesh | schema.Heightfield) for _, part in found):
         return body     # and no copy: a scene may have many thousand
     parts: list[schema.Shape] = []
     for path, part in found:
-        if not isinstance(part, schema.Mesh):
+        if not isinstance(part, schema.Mesh | schema.Heightfield):
             parts.append(part)
             continue
         try:
-            surface = mesh.closed(_surface(part, folder))
+            parts.append(_whole_mesh(part, folder) if isinstance(part, schema.Mesh)
+                         else _whole_field(part, folder))
         except ValueError as error:
             report(path if part.file is None else (*path, 'file'), str(error))
-        else:
-            parts.append(part.model_copy(update={
-                'file': None, 'scale': (1.0, 1.0, 1.0), 'vertices': _rows(surface.vertices),
-                'faces': _rows(surface.faces)}))
     return body.with_parts(parts) if len(parts) == len(found) else None
+
+
+def _whole_mesh(part: schema.Mesh, folder: Path | None) -> schema.Mesh:
+    """Return a mesh with its triangles in it; ValueError if they make no volume, or surface."""
+    surface = _surface(part, folder)
+    if part.convex:
+        surface = mesh.closed(surface)
+    else:
+        terrain.check_triangles(surface)
+    return part.model_copy(update={
+        'file': None, 'scale': (1.0, 1.0, 1.0), 'vertices': _rows(surface.vertices),
+        'faces': _rows(surface.faces)})
+
+
+def _whole_field(part: schema.Heightfield, folder: Path | None) -> schema.Heightfield:
+    """Return a heightfield with its heights [m] in it; ValueError if they make no surface."""
+    heights = (np.array(part.heights) if part.file is None
+               else terrain.read_heights(_beside(part.file, folder, 'heights')))
+    heights = heights * part.size[2] if len(part.size) == 3 else heights
+    terrain.check_heights(heights)
+    return part.model_copy(update={
+        'file': None, 'heights': _rows(heights), 'size': part.size[:2]})
 
 
 def _with_visuals(body: schema.Body, folder: Path | None, report: Report) -> schema.Body:
@@ -243,16 +262,20 @@ def _surface(part: schema.Mesh, folder: Path | None) -> mesh.Mesh:
     """Return the triangles that a mesh names or holds, scaled."""
     if part.file is None:
         surface = mesh.Mesh(np.array(part.vertices), np.array(part.faces))
-    elif folder is None:
-        raise ValueError(f'{shown(part.file)} is not beside the scene, must be vertices '
-                         'and faces in it')
     else:
-        path = folder / part.file
-        # In the working directory a program looks for its own files.
-        if folder != Path() and not path.resolve().is_relative_to(folder.resolve()):
-            _logger.warning('the mesh %s lies outside of the folder of the scene', path)
-        surface = mesh.read(path)
+        surface = mesh.read(_beside(part.file, folder, 'vertices and faces'))
     return surface._replace(vertices=surface.vertices * part.scale)
+
+
+def _beside(file: str, folder: Path | None, instead: str) -> Path:
+    """Return where a file beside the scene lies; ValueError for a scene that has no place."""
+    if folder is None:
+        raise ValueError(f'{shown(file)} is not beside the scene, must be {instead} in it')
+    path = folder / file
+    # In the working directory a program looks for its own files.
+    if folder != Path() and not path.resolve().is_relative_to(folder.resolve()):
+        _logger.warning('the file %s lies outside of the folder of the scene', path)
+    return path
 
 
 def _rows(array: Array | IntArray) -> tuple[tuple[float | int, ...], ...]:

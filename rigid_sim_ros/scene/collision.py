@@ -14,6 +14,7 @@ from rigid_sim_ros.engine.model.shapes import ALL_GROUPS, Material, Shape
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.scene import schema
 from rigid_sim_ros.scene.errors import nearest, Path, Report, shown
+from rigid_sim_ros.scene.terrain import columns, sheets
 
 # Groups are bits of a 64-bit number whose sign stays free.
 MAX_GROUPS = 62
@@ -38,12 +39,13 @@ def shapes(scene: schema.Scene, report: Report) -> tuple[list[Shape], list[Path]
             if body.collides and part.type in BY_TYPE:
                 material = materials.index(part.material or body.material)
                 try:
-                    shape = _shape(part)
+                    pieces = _pieces(part)
                 except ValueError as error:
                     report(('bodies', i, *path), str(error))
                     continue
-                found.append(shape._replace(body=i, material=material, group=group, mask=mask))
-                places.append(('bodies', i, *path))
+                found += [shape._replace(body=i, material=material, group=group, mask=mask)
+                          for shape in pieces]
+                places += [('bodies', i, *path)] * len(pieces)
     return found, places
 
 
@@ -132,12 +134,21 @@ def _material(line: schema.Surface) -> Material:
                     line.damping)
 
 
-def _shape(part: schema.Shape) -> Shape:
+def _pieces(part: schema.Shape) -> list[Shape]:
+    """Return the convex shapes that a part collides as: one, or many of a surface."""
     kind = BY_TYPE[part.type]
     shape = Shape(0, kind, KINDS[kind].size(part), part.pose.position, part.pose.orientation)
     if isinstance(part, schema.Plane):
-        return _placed(shape, part)
-    return shape._replace(hull=_hull(part)) if isinstance(part, schema.Mesh) else shape
+        return [_placed(shape, part)]
+    if isinstance(part, schema.Heightfield):
+        return [shape._replace(hull=column) for column in columns(
+            np.array(part.heights), (part.size[0], part.size[1]))]
+    if isinstance(part, schema.Mesh):
+        vertices = np.array(part.vertices)
+        if part.convex:
+            return [shape._replace(hull=Polyhedron(*convex_hull(vertices)))]
+        return [shape._replace(hull=sheet) for sheet in sheets(vertices, np.array(part.faces))]
+    return [shape]
 
 
 def _placed(shape: Shape, part: schema.Plane) -> Shape:
@@ -153,11 +164,6 @@ def _placed(shape: Shape, part: schema.Plane) -> Shape:
     origin = rotate(part.pose.orientation, (x, y, z))
     position = tuple(np.add(part.pose.position, origin).tolist())
     return shape._replace(p_BS=position, q_BS=multiply(part.pose.orientation, q))
-
-
-def _hull(part: schema.Mesh) -> Polyhedron:
-    """Return the convex hull of a mesh."""
-    return Polyhedron(*convex_hull(np.array(part.vertices)))
 
 
 def convex_hull(points: Array, tolerance: float = 0.0) -> tuple[Array, IntArray]:

@@ -20,6 +20,7 @@ from rigid_sim_ros.scene import schema
 from rigid_sim_ros.scene.errors import dotted, either, Path
 
 _MEND = 'must have mass, density or inertial'
+_STANDS = 'the body must be fixed: true or kinematic: true'
 
 _AT_THE_ORIGIN = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)     # of nearly all parts that stand alone
 
@@ -28,17 +29,20 @@ def mistakes(body: schema.Body) -> Iterator[tuple[Path, str]]:
     """Yield each mistake in where the mass of a body is written: its place below it, and why."""
     given = [key for key in ('mass', 'density', 'inertial') if getattr(body, key) is not None]
     parts = body.parts()
-    planes = [path for path, part in parts if isinstance(part, schema.Plane)]
-    for path in planes:
-        if body.is_pushed:
-            yield (*path, 'type'), ("'plane' has no end and no mass, the body must be fixed: true "
-                                    'or kinematic: true')
+    massless = [path for path, part in parts if _has_none(part)]
+    for path, part in parts if body.is_pushed else ():
+        if isinstance(part, schema.Plane):
+            yield (*path, 'type'), f"'plane' has no end and no mass, {_STANDS}"
+        elif isinstance(part, schema.Mesh) and not part.convex:
+            yield (*path, 'convex'), f'False, a surface has no mass, {_STANDS}, or convex: true'
+        elif schema.is_surface(part):
+            yield (*path, 'type'), f"'{part.type}' is a surface without a mass, {_STANDS}"
     for key in given[1:]:
         yield (key,), f'stands beside {given[0]}, must be one of mass, density or inertial'
     for path, part in parts:
         if part.mass is not None and part.density is not None:
             yield (*path, 'density'), 'stands beside mass, must be one of them'
-    if planes or len(given) > 1:
+    if massless or len(given) > 1:
         return
     own = [path for path, part in parts if _has_own(part)]
     without = [path for path, part in parts if not _has_own(part)]
@@ -64,13 +68,17 @@ def properties(body: schema.Body) -> MassProperties | None:
     if body.inertial is not None:
         return inertia.inertial(body.inertial.mass, body.inertial.com, body.inertial.inertia)
     parts = [part for _, part in body.parts()]
-    if any(isinstance(part, schema.Plane) for part in parts):
+    if any(map(_has_none, parts)):
         return None
     if body.mass is None and body.density is None and not any(map(_has_own, parts)):
         return None
     volume = sum(map(_volume, parts)) if body.mass is not None else 0.0
     placed = [_placed(part, body, volume) for part in parts]
     return placed[0] if len(placed) == 1 else inertia.combine(placed)
+
+
+def _has_none(part: schema.Shape) -> bool:
+    return isinstance(part, schema.Plane) or schema.is_surface(part)
 
 
 def _has_own(part: schema.Shape) -> bool:

@@ -109,7 +109,7 @@ def _read(path: Path, take: Callable[[Any, bytes, str], _Found]) -> _Found:
         raise ValueError(f'{shown(path.name)}, must be an OBJ, STL, DAE or GLB file')
     kind = path.suffix[1:].lower()
     try:
-        data = _bytes_of(path)
+        data = bytes_of(path)
         if kind == 'dae':
             parseString(data, ContentHandler(), forbid_dtd=True)    # no entities, and no archive
         # From bytes, so that a file cannot make trimesh open the files it refers to.
@@ -134,7 +134,7 @@ def _unit(words: str | None) -> float:
     return float(factor) if star else 1.0
 
 
-def _bytes_of(path: Path) -> bytes:
+def bytes_of(path: Path) -> bytes:
     """Return the bytes of a regular file; OSError where it is none, so that nothing waits."""
     # Without O_NONBLOCK a pipe would wait for somebody to write into it.
     with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), 'rb') as file:

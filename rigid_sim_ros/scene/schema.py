@@ -11,19 +11,22 @@ from collections.abc import Iterator
 import math
 from typing import Annotated, Any, Literal, TypeAlias, Union
 
+import numpy as np
 from pydantic import (
     AfterValidator, create_model, Discriminator, field_serializer, model_validator, Tag)
 
 from rigid_sim_ros.engine.dynamics.forces import ForceKind, FORCES, Parameter
 from rigid_sim_ros.engine.dynamics.integrate import ORIENTATIONS
 from rigid_sim_ros.engine.steps.free import FREE_MOTION
+from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.scene.errors import Path
 from rigid_sim_ros.scene.joint_schema import (
     Joint, JointDrive, JointSpring, ModelFile, ONE_AXIS)
 from rigid_sim_ros.scene.spec import AngularVelocity, Boolean, Pose, Position, Spec, Velocity
+from rigid_sim_ros.scene.terrain import grid_surface
 from rigid_sim_ros.scene.values import (
-    Choice, Color, Count, Density, Format, index, Length, ListOf, Mass, Name, NamePair,
-    Numbers, PartName, Quantity, Quaternion, refuse, Rows, Scale, Text, Vector)
+    Choice, Color, Count, Density, FieldSize, Format, Heights, index, Length, ListOf, Mass, Name,
+    NamePair, Numbers, PartName, Quantity, Quaternion, refuse, Rows, Scale, Text, Vector)
 
 # What is of this format too, and has a module of its own.
 __all__ = ['ONE_AXIS', 'Joint', 'JointDrive', 'JointSpring', 'ModelFile', 'Pose', 'Spec']
@@ -200,6 +203,8 @@ class Mesh(Shape):
     vertices: Annotated[tuple[Vector, ...], Rows(Quantity('m'), 'x y z')] | None = None
     faces: Annotated[tuple[tuple[int, int, int], ...], Rows(index, 'i j k')] | None = None
     scale: Annotated[Vector, Scale()] = (1.0, 1.0, 1.0)
+    # False, of a body that nothing pushes: its triangles collide, not its convex hull.
+    convex: Boolean = True
 
     @model_validator(mode='after')
     def _has_one_source(self) -> 'Mesh':
@@ -212,6 +217,44 @@ class Mesh(Shape):
     @field_serializer('vertices', 'faces', when_used='unless-none')
     def _as_text(self, rows: tuple[tuple[float, ...], ...]) -> str:
         return ', '.join(' '.join(map(repr, row)) for row in rows)
+
+
+class Heightfield(Shape):
+    """
+    The ground below a surface z(x, y) over a rectangle about the origin; nothing pushes its body.
+
+    Heights [m] in rows along x, the first of them at the least y. With a third number in `size`
+    they are shares of that.
+    """
+
+    type: Literal['heightfield']
+    file: Annotated[str, Text()] | None = None
+    heights: Annotated[tuple[tuple[float, ...], ...], Heights()] | None = None
+    size: Annotated[tuple[float, ...], FieldSize()]
+
+    @model_validator(mode='after')
+    def _has_one_source(self) -> 'Heightfield':
+        if (self.file is None) == (self.heights is None):
+            raise refuse('must have a file, or heights')
+        return self
+
+    @field_serializer('heights', when_used='unless-none')
+    def _as_text(self, rows: tuple[tuple[float, ...], ...]) -> str:
+        return ', '.join(' '.join(map(repr, row)) for row in rows)
+
+    @property
+    def vertices(self) -> Array:
+        """Return the corners [m] of its triangles, (v, 3), once its heights are in it."""
+        return self._surface[0]
+
+    @property
+    def faces(self) -> IntArray:
+        """Return its triangles, (t, 3) rows of the vertices."""
+        return self._surface[1]
+
+    @property
+    def _surface(self) -> tuple[Array, IntArray]:
+        return grid_surface(np.array(self.heights), (self.size[0], self.size[1]))
 
 
 class Points(Shape):
@@ -227,6 +270,11 @@ class Points(Shape):
             raise refuse(f'{len(self.masses)} masses for {len(self.positions)} positions, '
                          'must be as many', 'masses')
         return self
+
+
+def is_surface(part: Shape) -> bool:
+    """Return whether a part is a surface without a mass: a heightfield, or a mesh as it is."""
+    return isinstance(part, Heightfield) or (isinstance(part, Mesh) and not part.convex)
 
 
 def _kind(data: Any) -> str:
@@ -245,7 +293,7 @@ _Solid: TypeAlias = (
     | Annotated[Capsule, Tag('<capsule>')] | Annotated[Cylinder, Tag('<cylinder>')]
     | Annotated[Cone, Tag('<cone>')] | Annotated[Ellipsoid, Tag('<ellipsoid>')]
     | Annotated[Plane, Tag('<plane>')] | Annotated[Mesh, Tag('<mesh>')]
-    | Annotated[Points, Tag('<points>')])
+    | Annotated[Heightfield, Tag('<heightfield>')] | Annotated[Points, Tag('<points>')])
 Part: TypeAlias = Annotated[_Solid, Discriminator(_kind)]
 
 

@@ -218,6 +218,15 @@ class ListOf(_Check):
         return tuple(self.item(item, i) for i, item in enumerate(value))
 
 
+class FieldSize(_Check):
+    """The lengths of a heightfield along x and y, and what its heights are multiplied by."""
+
+    def __call__(self, value: Any) -> tuple[float, ...]:
+        """Return two numbers or three."""
+        names = 'x y z' if isinstance(value, list) and len(value) == 3 else 'x y'
+        return Numbers(names, Quantity('m', above=0.0))(value)
+
+
 class Scale(_Check):
     """One factor for all directions, or one for each; as three numbers."""
 
@@ -286,6 +295,25 @@ class Rows(_Check):
             return tuple(map(self.number, row))
         except PydanticCustomError as error:
             raise refuse(str(error), i) from None
+
+
+class Heights(_Check):
+    """Rows of as many numbers each, or the same as one text with a row between two commas."""
+
+    def __call__(self, value: Any) -> tuple[tuple[float, ...], ...]:
+        """Return the rows."""
+        rows = value
+        if isinstance(value, str):
+            rows = [[_parsed(word) for word in row.split()] for row in value.split(',')]
+        number = Quantity('m')
+        if not isinstance(rows, list) or len(rows) < 2 or not all(
+                isinstance(row, list) and len(row) >= 2 for row in rows):
+            raise refuse(f'{shown(value)}, must be two or more rows of two or more heights [m]')
+        for i, row in enumerate(rows):
+            if len(row) != len(rows[0]):
+                raise refuse(f'{len(row)} heights, must be {len(rows[0])} as in the first row', i)
+        return tuple(tuple([number(item, i, k) for k, item in enumerate(row)])
+                     for i, row in enumerate(rows))
 
 
 def place(context: Mapping[str, Any]) -> Path:

@@ -218,6 +218,27 @@ def test_the_end_deletes_each_marker_once():
     assert {m.action for m in end} == {DELETE}
 
 
+def test_a_ground_of_many_triangles_is_sent_once_a_second_and_when_it_moved():
+    world = World.from_dict({'format': 1, 'world': {'contact': 'none'}, 'bodies': [
+        {'name': 'ground', 'fixed': True, 'shape': {
+            'type': 'heightfield', 'heights': np.zeros((40, 40)).tolist(), 'size': [4, 4]}},
+        solid('ball', type='sphere', radius=0.1)]})
+    markers, second = SceneMarkers('map', world.scene), 10 ** 9
+    moved = world.position + np.array([0.0, 0.0, 1.0])
+
+    def names(t_ns, position=world.position):
+        return [m.ns for m in decode(markers.encode(t_ns, position, world.orientation))]
+
+    both = ['ground', 'ball']
+    assert names(0) == both
+    assert names(second // 2) == ['ball']
+    assert names(second) == both
+    assert names(3 * second // 2, moved) == both
+    assert names(8 * second // 5, moved) == ['ball']
+    assert names(8 * second // 5, moved) == ['ball']
+    assert names(second, moved) == both     # the world was reset
+
+
 # --- contacts -----------------------------------------------------------------------------------
 
 MASS = 2.0

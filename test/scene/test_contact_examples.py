@@ -130,3 +130,14 @@ def test_the_rattleback_turns_back_and_its_twin_does_not():
     # 1.5 rad/s / tan of the angle between axis and mantle, tan 0.5.
     assert np.linalg.norm(spin[cone]) == pytest.approx(3.0, abs=1e-5)
     assert world.position[standing] == pytest.approx(start[standing], abs=1e-9)
+
+
+def test_what_starts_on_the_slopes_stays_in_the_valley_and_comes_to_rest():
+    world = load_scene('valley')
+    start = world.potential_energy()
+    world.step(5000)
+    p = world.position[1:]
+    assert (np.abs(p[:, :2]) < 3.5).all()
+    assert (p[:, 2] > 0.0).all()        # the lowest place lies at -0.1 m
+    assert world.potential_energy() < start
+    assert (np.linalg.norm(world.linear_velocity, axis=1) < 0.1).all()

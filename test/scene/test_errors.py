@@ -81,7 +81,7 @@ BODIES = {
     'shape without a type': (
         '- {name: a, mass: 1, shape: {radius: 1}}',
         '2: bodies[0].shape: has no type, must be sphere, box, capsule, cylinder, cone, '
-        'ellipsoid, plane, mesh, points or compound'),
+        'ellipsoid, plane, mesh, heightfield, points or compound'),
     'radii of an ellipsoid': (
         '- {name: a, mass: 1, shape: {type: ellipsoid, radii: [1, 0, 1]}}',
         '2: bodies[0].shape.radii[1]: 0 m, must be > 0'),

@@ -163,8 +163,9 @@ def pairs_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, t: flo
     Write the pairs of shapes (p, 2) that may meet within t [s], sorted; return how many there are.
 
     Where that is more than the room, only some were written. Spheres around the shapes, larger by
-    their motion, are sorted along x and swept; planes are compared with all. radius, low and
-    order, (s,), are scratch.
+    their motion: those of shapes that move are sorted along x and swept, those of the others are
+    looked up among them, so that a large ground costs little. radius, low and order, (s,), are
+    scratch.
     """
     count = shapes.body.shape[0]
     for s in range(count):
@@ -177,30 +178,58 @@ def pairs_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, t: flo
 def pairs_near(model: Model, shapes: Shapes, pose: Array, radius: Array, low: Array,
                order: IntArray, pairs: IntArray) -> int:
     """Do the same for poses and spheres of the given radii [m]; low and order are scratch."""
-    count = shapes.body.shape[0]
+    count, movers, widest, found = shapes.body.shape[0], 0, 0.0, 0
     for s in range(count):
         low[s] = pose[s, 0] - radius[s]
-        at = s
-        while at > 0 and low[order[at - 1]] > low[s]:
-            order[at] = order[at - 1]
-            at -= 1
-        order[at] = s
-    found = 0
-    for i in range(count):
-        s = order[i]
-        for j in range(i + 1, count):
-            other = order[j]
-            if low[other] > pose[s, 0] + radius[s]:
+        if shapes.still[s] == 0:
+            at = movers
+            while at > 0 and low[order[at - 1]] > low[s]:
+                order[at] = order[at - 1]
+                at -= 1
+            order[at] = s
+            movers, widest = movers + 1, max(widest, 2.0 * radius[s])
+    for s in range(count):
+        # Of what moves, all that may reach back to the lower end begin after this.
+        first = (_first_from(low, order, movers, low[s] - widest) if shapes.still[s] == 1
+                 else movers)
+        for j in range(first, movers):
+            if low[order[j]] > pose[s, 0] + radius[s]:
                 break
-            a, b = min(s, other), max(s, other)
-            if (near(shapes, pose, radius, a, b) and may_collide(
-                    shapes, model.m.shape[0], a, b)):
-                if found < pairs.shape[0]:
-                    pairs[found, 0], pairs[found, 1] = a, b
-                found += 1
+            found = _add_near(model, shapes, pose, radius, s, order[j], found, pairs)
+    for i in range(movers):
+        s = order[i]
+        for j in range(i + 1, movers):
+            if low[order[j]] > pose[s, 0] + radius[s]:
+                break
+            found = _add_near(model, shapes, pose, radius, s, order[j], found, pairs)
     if found <= pairs.shape[0]:
         _sort(pairs, found)
     return found
+
+
+@kernel
+def _first_from(low: Array, order: IntArray, count: int, x: float) -> int:
+    """Return the first place in `order`, sorted by `low`, whose lower end is at least x [m]."""
+    first, last = 0, count
+    while first < last:
+        middle = (first + last) // 2
+        if low[order[middle]] < x:
+            first = middle + 1
+        else:
+            last = middle
+    return first
+
+
+@kernel
+def _add_near(model: Model, shapes: Shapes, pose: Array, radius: Array, s: int, other: int,
+              found: int, pairs: IntArray) -> int:
+    """Add a pair that may meet, if there is room; return how many there are."""
+    a, b = min(s, other), max(s, other)
+    if not (near(shapes, pose, radius, a, b) and may_collide(shapes, model.m.shape[0], a, b)):
+        return found
+    if found < pairs.shape[0]:
+        pairs[found, 0], pairs[found, 1] = a, b
+    return found + 1
 
 
 @kernel

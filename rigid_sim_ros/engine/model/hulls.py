@@ -28,6 +28,18 @@ class Polyhedron(NamedTuple):
     triangles: IntArray  # (t, 3) rows of the vertices
 
 
+class Prism(NamedTuple):
+    """A triangle with depth: it collides as one piece of a surface that need not be convex."""
+
+    vertices: Array  # (6, 3) [m] the triangle, anticlockwise seen from outside, and below it
+    normals: Array  # (5, 3) outward, of unit length, of `PRISM_FACES`
+    offsets: Array  # (5,) [m] normal . x on the face
+
+
+# Upper side, lower side, and those below the edges of the triangle.
+PRISM_FACES = ((0, 1, 2), (5, 4, 3), (3, 4, 1, 0), (4, 5, 2, 1), (5, 3, 0, 2))
+
+
 class HullTable(NamedTuple):
     """Vertices and faces of all hulls, one after the other."""
 
@@ -59,7 +71,27 @@ def bare_hulls() -> HullTable:
                      np.zeros(1), one.copy(), one.copy(), one.copy())
 
 
-def make_hulls(hulls: Sequence[Polyhedron | None]) -> tuple[HullTable, IntArray, Array, Array]:
+def prisms(upper: Array, lower: Array) -> list[Prism]:
+    """
+    Return the prisms between triangles (t, 3, 3) and those with the corners below theirs [m].
+
+    The two lie so that the quadrilaterals between them are flat: below is one direction, or all of
+    `lower` is at one height.
+    """
+    edges = np.roll(upper, -1, axis=1) - upper
+    crosses = np.stack([
+        np.cross(edges[:, 0], edges[:, 1]),
+        -np.cross(np.roll(lower, -1, axis=1)[:, 0] - lower[:, 0], lower[:, 2] - lower[:, 1]),
+        *np.moveaxis(np.cross(lower - upper, edges), 1, 0)], axis=1)
+    normals = crosses / np.linalg.norm(crosses, axis=2)[:, :, None]
+    vertices = np.concatenate([upper, lower], axis=1)
+    offsets = np.stack([np.einsum('tvi,ti->tv', vertices[:, face], normals[:, k]).max(axis=1)
+                        for k, face in enumerate(PRISM_FACES)], axis=1)
+    return [Prism(*one) for one in zip(vertices, normals, offsets, strict=True)]
+
+
+def make_hulls(hulls: Sequence[Polyhedron | Prism | None],
+               ) -> tuple[HullTable, IntArray, Array, Array]:
     """
     Return the table, the row of each hull (-1 for None), its centre and its half extents [m].
 
@@ -78,6 +110,11 @@ def make_hulls(hulls: Sequence[Polyhedron | None]) -> tuple[HullTable, IntArray,
         low, high = vertices.min(axis=0), vertices.max(axis=0)
         centres[i], extents[i] = 0.5 * (low + high), 0.5 * (high - low)
         local = np.ascontiguousarray(vertices - centres[i])
+        if isinstance(hull, Prism):
+            rows[i] = len(parts)
+            parts.append((local, [list(face) for face in PRISM_FACES], hull.normals,
+                          hull.offsets - hull.normals @ centres[i]))
+            continue
         triangles = np.ascontiguousarray(hull.triangles, dtype=np.int64)
         rows[i] = seen.setdefault(local.tobytes() + triangles.tobytes(), len(parts))
         if rows[i] == len(parts):

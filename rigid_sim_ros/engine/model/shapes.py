@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.maths.rotation_in_python import add, multiply, rotate
-from rigid_sim_ros.engine.model.hulls import bare_hulls, HullTable, make_hulls, Polyhedron
+from rigid_sim_ros.engine.model.hulls import bare_hulls, HullTable, make_hulls, Polyhedron, Prism
 from rigid_sim_ros.engine.model.kinds.table import HULL, KINDS
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.kernels.arrays import Array, IntArray
@@ -34,7 +34,7 @@ class Shape(NamedTuple):
     material: int = 0
     group: int = 1  # bits of the groups that the shape belongs to
     mask: int = ALL_GROUPS  # bits of the groups that it collides with; 0: none, the body opts out
-    hull: Polyhedron | None = None
+    hull: Polyhedron | Prism | None = None
 
 
 class Shapes(NamedTuple):

@@ -123,7 +123,7 @@ KIND = Kind(
     name='hull', type='mesh', size=_size, sizes=3,
     volume=lambda part: mesh_volume(part.vertices, part.faces),
     mass_properties=lambda m, part: mesh(m, part.vertices, part.faces),
-    summary=lambda part: f'of {len(part.faces or ())} triangles',
+    summary=lambda part: f'of {0 if part.faces is None else len(part.faces)} triangles',
     bounding_radius=lambda size: float(np.linalg.norm(size)), half_width=min,
     is_flat=True, is_faceted=True,
     surface=lambda part, sides: Surface(np.array(part.vertices), np.array(part.faces)),

@@ -18,7 +18,8 @@ KINDS: tuple[Kind, ...] = (
     sphere.KIND, box.KIND, capsule.KIND, cylinder.KIND, hull.KIND, plane.KIND, cone.KIND,
     ellipsoid.KIND)
 SPHERE, BOX, CAPSULE, CYLINDER, HULL, PLANE, CONE, ELLIPSOID = range(len(KINDS))
-BY_TYPE = {kind.type: number for number, kind in enumerate(KINDS)}  # as a scene file calls it
+# As a scene file calls it; a heightfield is many hulls.
+BY_TYPE = {**{kind.type: number for number, kind in enumerate(KINDS)}, 'heightfield': HULL}
 UNIT_SURFACES = {name: unit for kind in KINDS for name, unit in kind.units.items()}
 
 
