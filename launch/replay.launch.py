@@ -62,8 +62,8 @@ def _node(context: Any) -> list[Node]:
     )]
 
 
-def _ending(given: dict[str, str]) -> list[Shutdown]:
-    """Return what happens when the node ends."""
+def _ending(given: dict[str, str]) -> list[Shutdown] | None:
+    """Return what happens when the node ends; None, for launch fails with an empty list."""
     ends = given['ends_launch'].lower() in ('true', '1') if given['ends_launch'] else any(
         Path(word).name == Path(__file__).name for word in sys.argv)
-    return [Shutdown()] if ends else []
+    return [Shutdown()] if ends else None

@@ -30,6 +30,13 @@ _DATE = 978_307_200.0
 _ODOMETRY = 'nav_msgs/msg/Odometry'
 _POSE, _TWIST = slice(0, 7), slice(7, 13)
 _WIDTH = 13
+# Numbers in a table of all bodies at all times, 0.5 GB, and how many times as many as the messages
+# hold: bodies that have nothing to do with each other's times leave most of it empty.
+_MOST_NUMBERS = 1 << 26
+_MOST_FILLED = 4
+# What is farther from 0 cannot be drawn: its square times a mass would leave the range of numbers.
+_FARTHEST = 1e100
+_LEAST_TURN = 1e-6      # length of a quaternion that tells an orientation
 
 
 class Motion(NamedTuple):
@@ -196,6 +203,9 @@ class _Gathering:
             raise BagError(f'{path} holds no motion: no topic is of the type '
                            f'{kinds.TYPES[kinds.STATE]}, {kinds.TYPES[kinds.POSE]}, '
                            f'{kinds.TYPES[kinds.TWIST]} or {_ODOMETRY}')
+        if not _can_be_shown(table).all():
+            notes.append(f'numbers that are not finite, or beyond {_FARTHEST:g}, are left out')
+        _leave_out(table, is_drawn=scene is not None)
         clock = Clock()
         times = [clock.seconds(t_ns) for t_ns in stamps]
         start = stamps[0] if clock.starts_at_date else 0
@@ -205,7 +215,7 @@ class _Gathering:
             clock.starts_at_date, scene, self._session, {
                 body_of(topic, names): (
                     np.array([t_ns - start for t_ns in _stamps(rows)]) / 1e9,
-                    np.array([row[2] for row in rows]))
+                    _leave_out(np.array([row[2] for row in rows])))
                 for topic, rows in self._wrenches.items()}, self._joint_series(), notes, origin)
 
     def _joint_series(self) -> dict[str, tuple[Array, Array]]:
@@ -219,7 +229,7 @@ class _Gathering:
                     times, values = series.setdefault(name, ([], []))
                     times.append(at)
                     values.append(row)
-        return {name: (np.array(times), np.array(values))
+        return {name: (np.array(times), _leave_out(np.array(values)))
                 for name, (times, values) in series.items()}
 
     def _state_topic(self, notes: list[str]) -> str:
@@ -265,7 +275,7 @@ def _in_order(names: list[str], table: Array, first: Sequence[str]) -> tuple[lis
     ordered = list(dict.fromkeys([*first, *names]))
     if ordered == names:
         return names, table
-    moved = np.full((len(table), len(ordered), _WIDTH), np.nan)
+    moved = _empty_table(len(table), len(ordered), table.size)
     moved[:, [ordered.index(name) for name in names]] = table
     return ordered, moved
 
@@ -278,7 +288,7 @@ def _table_of_states(
     if all(row[2] == rows[0][2] for row in rows):
         return _stamps(rows), names, np.stack([row[3] for row in rows])
     index = {name: k for k, name in enumerate(names)}
-    table = np.full((len(rows), len(names), _WIDTH), np.nan)
+    table = _empty_table(len(rows), len(names), sum(row[3].size for row in rows))
     for k, (_, _, present, numbers) in enumerate(rows):
         table[k, [index[name] for name in present]] = numbers
     return _stamps(rows), names, table
@@ -292,11 +302,39 @@ def _table_of_singles(
     of_body = {name: _stamps(rows[name]) for name in names}
     stamps = sorted({t_ns for name in names for t_ns in of_body[name]})
     index = {t_ns: k for k, t_ns in enumerate(stamps)}
-    table = np.full((len(stamps), len(names), _WIDTH), np.nan)
+    table = _empty_table(len(stamps), len(names), _WIDTH * sum(map(len, rows.values())))
     for column, name in enumerate(names):
         for t_ns, (_, _, columns, numbers) in zip(of_body[name], rows[name], strict=True):
             table[index[t_ns], column, columns] = numbers
     return stamps, names, table
+
+
+def _can_be_shown(numbers: Array) -> npt.NDArray[np.bool_]:
+    """Return which numbers can be drawn; nan is none that somebody wrote."""
+    can: npt.NDArray[np.bool_] = np.isnan(numbers) | (np.abs(numbers) <= _FARTHEST)
+    return can
+
+
+def _leave_out(numbers: Array, *, is_drawn: bool = False) -> Array:
+    """
+    Write nan for what cannot be shown, and return the array.
+
+    In a table of bodies that are drawn a pose is there as a whole or not at all.
+    """
+    numbers[~_can_be_shown(numbers)] = np.nan
+    if is_drawn:
+        turn = np.linalg.norm(numbers[..., 3:7], axis=-1)
+        there = np.isfinite(numbers[..., _POSE]).all(axis=-1) & (turn > _LEAST_TURN)
+        numbers[~there, _POSE] = np.nan
+    return numbers
+
+
+def _empty_table(times: int, bodies: int, given: int) -> Array:
+    """Return nan (t, n, 13); BagError where that is far more than the numbers that are given."""
+    if times * bodies * _WIDTH > max(_MOST_NUMBERS, _MOST_FILLED * given):
+        raise BagError(f'{bodies} bodies at {times} times, of which each has a few, are more than '
+                       'can be shown together: cut the bag into pieces, as with `mcap filter`')
+    return np.full((times, bodies, _WIDTH), np.nan)
 
 
 def _message(kind: str, data: bytes) -> Any:
@@ -321,5 +359,9 @@ def _turned(pose: Any, twist: Any) -> Array:
     from scipy.spatial.transform import Rotation
 
     q = _pose_numbers(pose)[3:]
-    turn = Rotation.from_quat(q if q.any() else (0.0, 0.0, 0.0, 1.0))
-    return np.asarray(turn.apply(_twist_numbers(twist).reshape(2, 3))).ravel()
+    vectors = _leave_out(_twist_numbers(twist).reshape(2, 3))
+    if not q.any():
+        return vectors.ravel()
+    if not _LEAST_TURN < np.abs(q).max() < _FARTHEST:
+        return np.full(6, np.nan)
+    return np.asarray(Rotation.from_quat(q).apply(vectors)).ravel()

@@ -176,7 +176,7 @@ class Resimulation:
             self._found(wrong)
         if not self.compared:
             self._found('there is nothing that could be compared')
-        if not self._ended and not self._is_lost:
+        if not self._ended:
             self.note = 'the recording was cut off' + (f'; {self.note}' if self.note else '')
 
     # --- the first messages: scene, session, snapshot ---------------------------------------
@@ -293,6 +293,7 @@ class Resimulation:
             return
         if event.kind in (events.WRITTEN, events.END):
             self._compare_counts(event)
+        self._ended = event.kind == events.END
         if event.kind == events.WRITTEN:
             return
         if self._number is not None and event.number != self._number:
@@ -359,7 +360,6 @@ class Resimulation:
                     world.time_ns, given.get(FRAME_ID) or session.frame_id,
                     given.get('force', (0.0, 0.0, 0.0)), given.get('torque', (0.0, 0.0, 0.0))))
         elif event.kind == events.END:
-            self._ended = True
             self.compared += 1
             if event.arguments['state_hash'] != world.state_hash():
                 self._found(f"the last state's hash is {world.state_hash():#x}, recorded "

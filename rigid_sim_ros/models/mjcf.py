@@ -3,10 +3,13 @@
 """
 MJCF, through MuJoCo itself: it knows its defaults, classes and attachments.
 
-MuJoCo opens the files that a model names, so their places are checked before. What it has compiled
-is taken: masses, frames and geometries as it would simulate them.
+MuJoCo opens the files that a model names, so their places are checked before, and it compiles in a
+process of its own (mjcf_compile.py). What it has compiled is taken: masses, frames and geometries
+as it would simulate them.
 """
 
+from collections.abc import Iterable
+import os
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +19,12 @@ from rigid_sim_ros.models.description import Frame, Inertia, Joint, Link, Mimic,
 from rigid_sim_ros.models.files import Folders
 from rigid_sim_ros.models.findings import Findings, ModelError
 from rigid_sim_ros.models.mjcf_actuators import read_actuators
+from rigid_sim_ros.models.mjcf_compile import compiled
 from rigid_sim_ros.models.mjcf_shapes import read_shapes
 from rigid_sim_ros.models.poses import (
     combined, IDENTITY, inverse, Pose, Quaternion, turned_tensor, Vector)
 from rigid_sim_ros.models.values import MOST
-from rigid_sim_ros.models.xml_tree import contents, Element, parse
+from rigid_sim_ros.models.xml_tree import contents, Element, MAX_BYTES, parse
 from rigid_sim_ros.problems import Problem
 
 NEEDED = ("needs MuJoCo, which is not installed: `pip install '.[mjcf]'` in a clone of "
@@ -34,22 +38,14 @@ _HINGE, _SLIDE, _BALL, _FREE = 'hinge', 'slide', 'ball', 'free'
 def read_mjcf(data: bytes, path: Path, folders: Folders) -> Model:
     """Return the model in an MJCF file; raises ModelError with what is wrong."""
     root = _check_files(data, path, folders)
-    mujoco = _mujoco(path)
     try:
-        spec = mujoco.MjSpec.from_file(str(path))
-        compiled = spec.compile()
-    except (ValueError, TypeError, RuntimeError, OSError) as error:
-        words = ' '.join(str(error).split())
-        raise ModelError([Problem(f'MuJoCo says: {words}', '', str(path))]) from None
-    return _Reader(mujoco, compiled, root, path).model()
-
-
-def _mujoco(path: Path) -> Any:
-    try:
+        model = compiled(path)
         import mujoco
     except ImportError:
         raise ModelError([Problem(NEEDED, '', str(path))]) from None
-    return mujoco
+    except ValueError as error:
+        raise ModelError([Problem(str(error), '', str(path))]) from None
+    return _Reader(mujoco, model, root, path).model()
 
 
 def _check_files(data: bytes, path: Path, folders: Folders) -> Element:
@@ -60,6 +56,8 @@ def _check_files(data: bytes, path: Path, folders: Folders) -> Element:
         raise ModelError([Problem(f'<{root.tag[:40]}> is no MJCF, the first element must be '
                                   '<mujoco>', '', root.file, root.line)])
     waiting, seen = [root], {path}
+    named: list[tuple[str, Element]] = []
+    folders_named = {''}
     while waiting:
         tree = waiting.pop()
         for element in tree.every():
@@ -69,16 +67,39 @@ def _check_files(data: bytes, path: Path, folders: Folders) -> Element:
                 if not _is_sound(value):
                     findings.error(element, f'{key} {value[:40]!r}, must be finite and at most '
                                    f'{MOST:g}')
-                if key.startswith('file') or key.endswith('dir'):
-                    found = _allowed(value, element, folders, findings)
-                    if element.tag == 'include' and found is not None and found not in seen:
-                        seen.add(found)
-                        waiting.append(parse(contents(found), str(found)))
-        if len(seen) > _MOST_FILES:
-            findings.error(tree, f'includes more than {_MOST_FILES} files, must be fewer')
+                if key.endswith('dir'):
+                    folders_named.add(value)
+                if not (key.startswith('file') or key.endswith('dir')):
+                    continue
+                found = _allowed(value, element, folders, findings)
+                if key.startswith('file'):
+                    named.append((value, element))
+                # Of these MuJoCo reads further names.
+                if element.tag in ('include', 'model') and found is not None and found not in seen:
+                    seen.add(found)
+                    waiting.append(parse(contents(found), str(found)))
+        if len(seen) > _MOST_FILES or len(folders_named) > _MOST_FILES:
+            findings.error(tree, f'names more than {_MOST_FILES} files or folders, must be fewer')
             break
     findings.stop()
+    for name, element in named:
+        _check_file(name, element, folders_named, folders, findings)
+    findings.stop()
     return root
+
+
+def _check_file(name: str, element: Element, inner: Iterable[str], folders: Folders,
+                findings: Findings) -> None:
+    """Report a file that is none, or lies elsewhere, wherever MuJoCo may look for it."""
+    for folder in inner:
+        path = _allowed(os.path.join(folder, name), element, folders, findings)
+        if path is not None and path.exists() and not path.is_file():
+            findings.error(element, f'{name[:80]!r} is not a regular file, must be one')
+            return
+        if path is not None and path.is_file() and path.stat().st_size > MAX_BYTES:
+            findings.error(element, f'{name[:80]!r} is larger than {MAX_BYTES / 1e6:g} MB, must '
+                           'be smaller')
+            return
 
 
 def _is_sound(value: str) -> bool:

@@ -3,19 +3,24 @@
 """What the nodes share as processes: how they start, end, and complain."""
 import argparse
 from collections.abc import Callable, Sequence
+from pathlib import Path
 import sys
 import threading
+from traceback import extract_tb
 from typing import Any, NoReturn
 
 import rclpy
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
-from rclpy.logging import LoggingSeverity, set_logger_level
+from rclpy.logging import get_logger, LoggingSeverity, set_logger_level
 from rclpy.signals import SignalHandlerOptions
 
 from rigid_sim_ros.environment import check_node, has_place_for_logs
+from rigid_sim_ros.problems import printable
 
 DONE, FAILED, USAGE = 0, 1, 2
 _SPIN_PERIOD = 0.2      # s between two looks at whether to end
+_LOG_PERIOD = 5.0       # s between two lines about what ROS cannot read
+_PACKAGE = Path(__file__).parents[1]
 
 # rclpy has no public names for what rclpy.init raises.
 ROS_ERRORS = (_rclpy.RCLError, _rclpy.RCLInvalidROSArgsError, _rclpy.UnknownROSArgsError)
@@ -57,6 +62,28 @@ def complain(message: str) -> int:
     return USAGE
 
 
+def _spin_once(executor: Any) -> None:
+    """
+    Let an executor do what is due, or wait a little.
+
+    A request that rclpy itself cannot read, as of a parameter of a type that there is not, is left
+    without an answer: whoever sends one must not end the node.
+    """
+    try:
+        executor.spin_once(timeout_sec=_SPIN_PERIOD)
+    except Exception as error:
+        if not rclpy.ok() or _is_of_this_package(error):
+            raise
+        get_logger('rigid_sim').warning(printable(f'a message that ROS cannot read: {error}'),
+                                        throttle_duration_sec=_LOG_PERIOD)
+
+
+def _is_of_this_package(error: Exception) -> bool:
+    """Return whether an error passed through code of this package, other than what spins."""
+    return any(Path(frame.filename).is_relative_to(_PACKAGE) and frame.filename != __file__
+               for frame in extract_tb(error.__traceback__))
+
+
 class Threads:
     """The threads of a node, which end together: `stopped` is set however one of them ends."""
 
@@ -72,7 +99,7 @@ class Threads:
         """Let an executor work until the node stops."""
         # Not spin(): it keeps a lock that waking, and so creating or destroying, needs as well.
         while not self._stopped.is_set():
-            executor.spin_once(timeout_sec=_SPIN_PERIOD)
+            _spin_once(executor)
 
     def raise_failure(self) -> None:
         """Raise what ended a thread, if anything did."""

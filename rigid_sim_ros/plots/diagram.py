@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from rigid_sim_ros.bag.motion import Array
 
@@ -61,6 +62,17 @@ class Panel(NamedTuple):
         limits = self.limits()
         return np.maximum(y, limits[0]) if self.is_log and limits is not None else y
 
+    def dots(self, line: Line) -> npt.NDArray[np.bool_]:
+        """
+        Return which points of a line are drawn as dots.
+
+        A point between two gaps is no stretch that could be seen. Of a path it is each end: that
+        of a body which stays where it is shows nothing else.
+        """
+        known = np.isfinite(line.x) & np.isfinite(line.y)
+        ends: npt.NDArray[np.bool_] = known & ~np.append(known[1:], False)
+        return ends if self.axes else ends & ~np.insert(known[:-1], 0, False)
+
     def limits(self) -> tuple[float, float] | None:
         """Return the least and the largest y that is to be seen, None for those of the lines."""
         arrays = [*(line.y for line in self.lines), *(band.low for band in self.bands),
@@ -84,6 +96,14 @@ class Diagram(NamedTuple):
     x_label: str
     panels: Sequence[Panel]
     resets: Sequence[float]     # [s], drawn as vertical lines
+
+    def span(self) -> tuple[float, float]:
+        """Return the first and the last time [s] of any panel; nan without one."""
+        panels = [panel for panel in self.panels if not panel.axes]
+        times = np.concatenate([np.empty(0), *(line.x for panel in panels for line in panel.lines),
+                                *(band.x for panel in panels for band in panel.bands)])
+        times = times[np.isfinite(times)]
+        return (float(times.min()), float(times.max())) if times.size else (np.nan, np.nan)
 
 
 def thinned(x: Array, y: Array) -> tuple[Array, Array]:

@@ -20,6 +20,7 @@ _COLUMNS = 2
 _ROW_HEIGHT = 270       # pixels
 _SPACING = 0.22         # of the width: the legend of one column, the labels of the next
 _LEGEND_FONT = 11       # pixels
+_DOT = 3.5              # widths of its line
 _DASHES = {'solid': 'solid', 'dashed': 'dash', 'dotted': 'dot'}
 
 
@@ -60,8 +61,12 @@ def _panel_at(diagram: Diagram, row: int, column: int, rows: int) -> Panel:
 
 
 def _line(line: Line, panel: Panel, legend: str) -> Any:
+    dots = panel.dots(line)
     return go.Scatter(
-        x=line.x, y=panel.visible(line.y), name=line.label, mode='lines', opacity=line.opacity,
+        x=line.x, y=panel.visible(line.y), name=line.label, opacity=line.opacity,
+        mode='lines+markers' if dots.any() else 'lines',
+        marker={'size': _DOT * line.width * dots if dots.any() else 0, 'color': line.color,
+                'opacity': 1.0},
         legend=legend, showlegend=bool(line.label),
         line={'color': line.color, 'dash': _DASHES[line.dash], 'width': line.width},
         connectgaps=False)

@@ -15,6 +15,8 @@ _COLUMNS = 2
 _WIDTH, _HEIGHT = 7.0, 2.5      # inches of a panel
 _HEADING = 0.6                  # inches
 _DPI = 110
+_DOT = 2.2                      # widths of its line
+_BESIDE = 0.05                  # of the span of time, left free on each side
 _STYLE: Any = {
     'font.size': 9.5, 'axes.titlesize': 10.5, 'axes.titleweight': 'bold',
     'axes.titlelocation': 'left', 'axes.spines.top': False, 'axes.spines.right': False,
@@ -37,8 +39,11 @@ def write_picture(diagram: Diagram, path: Path) -> None:
         grid = figure.subplots(rows, columns, squeeze=False)
         # Column by column: what is one below the other shares the eye's time axis.
         places = list(grid.T.ravel())
+        first, last = diagram.span()
         for axes, panel in zip(places, diagram.panels, strict=False):
             _draw(axes, panel, diagram)
+            if panel.axes is None and first < last:
+                axes.set_xlim(first - _BESIDE * (last - first), last + _BESIDE * (last - first))
         for axes in places[len(diagram.panels):]:
             axes.set_axis_off()
         # No date: the same bag gives the same file.
@@ -54,6 +59,9 @@ def _draw(axes: Any, panel: Panel, diagram: Diagram) -> None:
     for line in panel.lines:
         axes.plot(line.x, panel.visible(line.y), color=line.color, linestyle=line.dash,
                   linewidth=line.width, alpha=line.opacity, label=line.label or '_')
+        dots = panel.dots(line)
+        axes.plot(line.x[dots], panel.visible(line.y[dots]), color=line.color, linestyle='none',
+                  marker='o', markersize=_DOT * line.width, alpha=line.opacity, label='_')
     axes.set_title(panel.title)
     if panel.axes is not None:
         axes.set_xlabel(panel.axes[0])
@@ -67,4 +75,5 @@ def _draw(axes: Any, panel: Panel, diagram: Diagram) -> None:
         axes.set_ylim(panel.limits())
         for reset in diagram.resets:
             axes.axvline(reset, color='#555555', linewidth=0.8, linestyle='dashdot')
-    axes.legend(loc='upper left', bbox_to_anchor=(1.0, 1.02), handlelength=1.8)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc='upper left', bbox_to_anchor=(1.0, 1.02), handlelength=1.8)

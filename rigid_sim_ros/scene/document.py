@@ -22,7 +22,7 @@ from rigid_sim_ros.scene.yaml_tree import compose, MAPPING, SCALAR, SEQUENCE
 # Largest number of values in a scene once its aliases are written out, where these are more than
 # twice what stands there. A thousand bodies have 3e4; a "billion laughs" file of 1 kB has 1e9 and
 # would fill the memory.
-MAX_VALUES = 2_000_000
+MAX_VALUES = 500_000
 # Largest number of values in Python data, which has no text that it could be compared with.
 _MOST_DATA = 20_000_000
 # Deepest nesting. A scene needs 8; a thousand open brackets would exhaust the interpreter's stack.

@@ -9,22 +9,19 @@ import os
 from pathlib import Path
 import stat
 from typing import Any, NamedTuple, TypeVar
-from xml.sax import ContentHandler
 
-from defusedxml.sax import parseString
 import numpy as np
 
 from rigid_sim_ros.engine.model.inertia import mesh_volume
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.scene.errors import shown
+from rigid_sim_ros.scene.mesh_bounds import bounded, MOST_FACES
 
 # What is read; the file says which by its name.
 FORMATS = ('.obj', '.stl', '.dae', '.glb')
 
 # [bytes] of a file: what is scanned very finely has some ten millions.
 _MOST_BYTES = 2 ** 28
-# Triangles of a file: more take minutes, and are drawn or made a hull of all the same.
-_MOST_FACES = 5_000_000
 
 # A mesh that encloses less than this part of its bounding box is flat but for rounding: its volume
 # is the difference of numbers 1e12 times as large, and no digit of the inertia would be right.
@@ -83,7 +80,7 @@ def _pieces(trimesh: Any, data: bytes, kind: str,
             found.append((Mesh(vertices, np.asarray(faces, dtype=np.int64)), _color(part)))
             # A few lines may ask for the same part a million times.
             count += len(faces)
-            if count > _MOST_FACES:
+            if count > MOST_FACES:
                 break
     return found
 
@@ -109,9 +106,7 @@ def _read(path: Path, take: Callable[[Any, bytes, str], _Found]) -> _Found:
         raise ValueError(f'{shown(path.name)}, must be an OBJ, STL, DAE or GLB file')
     kind = path.suffix[1:].lower()
     try:
-        data = bytes_of(path)
-        if kind == 'dae':
-            parseString(data, ContentHandler(), forbid_dtd=True)    # no entities, and no archive
+        data = bounded(bytes_of(path), kind)
         # From bytes, so that a file cannot make trimesh open the files it refers to.
         found = take(trimesh, data, kind)
     except OSError as error:
@@ -123,8 +118,8 @@ def _read(path: Path, take: Callable[[Any, bytes, str], _Found]) -> _Found:
         len(piece.faces) for piece, _ in found)
     if count == 0:
         raise ValueError(f'{path} has no triangles, must be a closed surface')
-    if count > _MOST_FACES:
-        raise ValueError(f'{path} has {count} triangles, must have {_MOST_FACES} or fewer')
+    if count > MOST_FACES:
+        raise ValueError(f'{path} has {count} triangles, must have {MOST_FACES} or fewer')
     return found
 
 
@@ -134,15 +129,15 @@ def _unit(words: str | None) -> float:
     return float(factor) if star else 1.0
 
 
-def bytes_of(path: Path) -> bytes:
+def bytes_of(path: Path, most: int = _MOST_BYTES) -> bytes:
     """Return the bytes of a regular file; OSError where it is none, so that nothing waits."""
     # Without O_NONBLOCK a pipe would wait for somebody to write into it.
     with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), 'rb') as file:
         facts = os.fstat(file.fileno())
         if not stat.S_ISREG(facts.st_mode):
             raise OSError(errno.EINVAL, 'not a regular file', str(path))
-        if facts.st_size > _MOST_BYTES:
-            raise OSError(errno.EFBIG, f'larger than {_MOST_BYTES} bytes', str(path))
+        if facts.st_size > most:
+            raise OSError(errno.EFBIG, f'larger than {most} bytes', str(path))
         # What claims to be empty, as files of /proc do, may have no end.
         return file.read(facts.st_size)
 

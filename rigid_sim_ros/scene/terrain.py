@@ -22,6 +22,8 @@ from rigid_sim_ros.scene.mesh import bytes_of, Mesh
 FORMATS = ('.csv', '.npy', '.png')
 # Of a heightfield: each is the corner of up to six triangles.
 MOST_HEIGHTS = 100_000
+# [bytes] Of a file of heights: 32 for each.
+_MOST_BYTES = 32 * MOST_HEIGHTS
 # Triangles of a mesh that is not convex.
 MOST_TRIANGLES = 200_000
 # How thick the sheet behind a triangle is, a part of its longest edge: far above what a body sinks
@@ -43,7 +45,7 @@ def read_heights(path: Path) -> Array:
     if kind not in FORMATS:
         raise ValueError(f'{shown(path.name)}, must be a CSV, NPY or PNG file')
     try:
-        data = BytesIO(bytes_of(path))
+        data = BytesIO(bytes_of(path, _MOST_BYTES))
         if kind == '.png':
             return _picture(data)
         found: Any = (np.load(data, allow_pickle=False) if kind == '.npy'

@@ -13,7 +13,7 @@ from viser import uplot
 
 _LONGEST = 300      # points that a chart keeps
 _HEIGHT = 170       # px
-_LEGEND = 'font-size: 12px; text-align: center; padding-bottom: 10px'
+_LEGEND = 'font-size: 12px; text-align: center; padding: 0 14px 10px'
 # Okabe and Ito's colours.
 _LINES = ('#0072b2', '#d55e00', '#009e73', '#cc79a7')
 

@@ -15,8 +15,9 @@ def write(markdown: Any, text: str) -> None:
     """
     Set a text, if it is another; what is bold stays so.
 
-    Names in a bag or a scene can be anything: viser would run a script that one of them holds.
+    Names in a bag or a scene can be anything: viser would run a script that one of them holds, or
+    ask another machine for a picture.
     """
-    content = escape(text, quote=False)
+    content = escape(text, quote=False).replace('[', '&#91;')
     if markdown.content != content:
         markdown.content = content

@@ -19,6 +19,9 @@ from rigid_sim_ros.viewer.shapes import Plane, Shapes, Solid
 
 _SHADOW = 0.35      # how dark shadows are on the ground
 _LENGTHLESS = 1.0   # m: the size of a scene of planes alone
+_FEW = 8            # bodies of which each must be in the first picture
+_SHARE = 0.8        # of many, which must
+_AWAY = 1.6         # reaches of what is seen, in each of the directions below
 
 
 class Batch:
@@ -177,16 +180,33 @@ class Stage:
     def _aim(self, scene: Scene) -> None:
         """Look at the bodies that move from the front, the right and above."""
         rows = self.moving if len(self.moving) else np.arange(len(scene.names))
-        p = np.array([scene.spec.bodies[k].pose.position for k in rows])
-        # The heap counts, not the ball that comes flying from far away.
-        centre = np.median(p, axis=0)
-        reach = np.linalg.norm(p - centre, axis=1) + self.extents[rows]
-        reach = 1.6 * max(float(np.quantile(reach, 0.8)), 2.0 * self.size)
+        centre, reach = _whereabouts(_places(scene)[rows], self.extents[rows])
+        reach = _AWAY * max(reach, 2.0 * self.size)
         position = centre + reach * np.array([0.95, -1.15, 0.6])
         self._server.initial_camera.look_at = centre
         self._server.initial_camera.position = position
         for client in self._server.get_clients().values():
             client.camera.position, client.camera.look_at = position, centre
+
+
+def _places(scene: Scene) -> Array:
+    """Return where the body frames are at the start, (n, 3) [m]: joints have put them together."""
+    turn = Rotation.from_quat(scene.state.q.T)
+    return np.asarray(scene.state.x.T + turn.apply(scene.model.p_CB))
+
+
+def _whereabouts(places: Array, extents: Array) -> tuple[Array, float]:
+    """
+    Return the middle of what is to be seen, and how far that reaches [m].
+
+    Of few bodies each counts. Of many the heap does, not the ball that comes flying from far away.
+    """
+    if len(places) <= _FEW:
+        low, high = places - extents[:, None], places + extents[:, None]
+        centre, share = 0.5 * (low.min(axis=0) + high.max(axis=0)), 1.0
+    else:
+        centre, share = np.median(places, axis=0), _SHARE
+    return centre, float(np.quantile(np.linalg.norm(places - centre, axis=1) + extents, share))
 
 
 def _painted(surface: Surface, colors: np.ndarray) -> trimesh.Trimesh:

@@ -1,6 +1,7 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """The page of a bag: its states over a timeline."""
+from collections.abc import Sequence
 import multiprocessing
 from multiprocessing.connection import Connection
 import os
@@ -29,8 +30,9 @@ _CHARTS = (charts.ENERGY, charts.MOMENTUM, charts.ANGULAR_MOMENTUM)
 _OVERLAYS = (kinds.VELOCITY, kinds.WRENCHES, kinds.CONTACTS, kinds.AXES, kinds.NAMES, kinds.TRAILS,
              kinds.SPRINGS)
 _POINTS = 400           # of a curve in a chart
-_MOST_LABELS = 12       # of marks on the timeline; more would hide each other
+_LETTER = 0.036         # of the timeline: how wide a letter below a mark is, 5 of 140 px
 _NO_EVENT = '-'
+_DIFFERENCE = 'difference'
 _SLOWEST, _FASTEST = 0.05, 10.0
 _STEP = 0.001           # s: how fine the timeline is
 
@@ -74,7 +76,7 @@ class BagPage:
         """Show what verify found, and where on the timeline."""
         write(self._verdict, text)
         if at is not None:
-            self._recording.happenings.append(Happening(at, 'difference', 'first difference'))
+            self._recording.happenings.append(Happening(at, _DIFFERENCE, 'first difference'))
             self._mark()
 
     def _add_controls(self, gui: viser.GuiApi) -> None:
@@ -113,10 +115,7 @@ class BagPage:
     def _mark(self) -> None:
         """Put what happened on the timeline and into the list."""
         happenings = sorted(self._recording.happenings)
-        named = len(happenings) <= _MOST_LABELS
-        marks: dict[float, str] = {}
-        for each in happenings:
-            marks[each.time] = each.what if named or each.what == 'difference' else ''
+        marks = named_marks(happenings, self._begin, self._end)
         old = self._timeline
         # At once: what stands below must not move to and fro under the mouse.
         with self._server.atomic(), self._tab:
@@ -194,6 +193,23 @@ class BagPage:
             put(self._timeline, round(at, 3))
             write(self._status, f'{at:.3f} s, state {row + 1} of {len(self._recording)}, '
                                 f'simulation time {1e-9 * motion.t_ns:.3f} s')
+
+
+def named_marks(happenings: Sequence[Happening], begin: float, end: float) -> dict[float, str]:
+    """
+    Return the marks of a timeline with what stands below them, '' where there is no room.
+
+    The first difference comes first, then what happened earlier.
+    """
+    marks = dict.fromkeys((each.time for each in happenings), '')
+    taken: list[tuple[float, float]] = []
+    for each in sorted(happenings, key=lambda one: (one.what != _DIFFERENCE, one.time)):
+        place = (each.time - begin) / max(end - begin, _STEP)
+        half = 0.5 * _LETTER * (len(each.what) + 1)
+        if all(abs(place - other) >= half + width for other, width in taken):
+            taken.append((place, half))
+            marks[each.time] = each.what
+    return marks
 
 
 class Verification:

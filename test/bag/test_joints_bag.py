@@ -83,6 +83,19 @@ def test_a_joint_state_that_is_another_is_named(bag, monkeypatch):
     assert "/rigid_sim/joint_states differs at joint 'shoulder' by 1:" in str(difference)
 
 
+def test_a_joint_state_of_a_model_is_not_told_of_a_body(tmp_path, monkeypatch):
+    batch = Batch(World.from_dict({**ARM, 'joints': [
+        {**joint, 'name': f'arm/{joint["name"]}'} for joint in ARM['joints']]}), tmp_path / 'bag')
+    batch.run(50)
+    batch.close()
+    honest = JointStateEncoder.encode
+    monkeypatch.setattr(JointStateEncoder, 'encode', lambda self, t_ns, position, *rest: honest(
+        self, t_ns, position + 1.0, *rest))
+    difference = verify(tmp_path / 'bag').difference
+    assert difference.body == ''
+    assert str(difference).startswith('step 0: /rigid_sim/arm/joint_states differs at joint')
+
+
 def test_a_session_that_lists_no_joint_states_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr('rigid_sim_ros.bag.batch.joint_topics', lambda *_: [])
     batch = Batch(World.from_dict(ARM), tmp_path / 'bag')

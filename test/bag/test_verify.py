@@ -218,6 +218,27 @@ def test_a_gap_that_does_not_fit_is_found(tmp_path, lost, is_full, said) -> None
     assert said in difference.text
 
 
+@pytest.mark.parametrize('has_end', [True, False])
+def test_a_recording_that_ends_in_a_gap_was_not_cut_off(tmp_path, has_end) -> None:
+    """Its end is there, though nobody knows the state in which it ended."""
+    batch = Batch(world(), tmp_path / 'bag', segment_s=0.0)
+    batch.run(100)
+    batch.tell('pause')     # becomes the gap, of the event 1: `end`
+    batch.close()
+
+    def change(topic, data):
+        if topic.kind != kinds.EVENT:
+            return data
+        event = events.decode(decode.string(data))
+        if event.kind == events.PAUSE:
+            return encode_string(Event(1, event.step, events.GAP, {
+                'since_step': 0, 'messages': 0, 'events': 1}).encode())
+        return data if has_end else None
+    verdict = verify(forge(tmp_path / 'bag', tmp_path, change=change, recount=True))
+    assert (verdict.difference, verdict.gaps) == (None, 1)
+    assert ('cut off' in verdict.note) == (not has_end)
+
+
 def test_a_wrench_that_was_published_and_never_told_is_found(tmp_path) -> None:
     def change(topic, data):
         if topic.kind != kinds.EVENT or b'apply_wrench' not in data:

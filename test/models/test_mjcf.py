@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """MJCF files, read through MuJoCo, move as in MuJoCo."""
 
+import os
 import sys
 
 from models.robots import world_of, write
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros import load_scene
+from rigid_sim_ros.models.mjcf_compile import compiled
 from rigid_sim_ros.scene import read_scene, SceneError
 
 ARM = """<mujoco model="arm">
@@ -89,6 +91,68 @@ def test_a_mistake_is_named(tmp_path, old, new, words) -> None:
         read_scene(path)
     assert words in str(error.value)
     assert error.value.problems[0].file == str(path)
+
+
+def attaching(asset: str, beside: str = '') -> str:
+    return (f'<mujoco model="m"><asset>{asset}</asset><worldbody><body name="a"><geom size=".1"/>'
+            f'</body>{beside}</worldbody></mujoco>')
+
+
+def pipe(folder) -> str:
+    os.mkfifo(folder / 'x.stl')
+    return attaching('<mesh name="x" file="x.stl"/>')
+
+
+def link_in_a_folder(folder) -> str:
+    (folder / 'sub').mkdir()
+    (folder / 'sub/x.stl').symlink_to('/etc/passwd')
+    return attaching('<mesh name="x" file="x.stl"/>').replace(
+        '<asset>', '<compiler meshdir="sub"/><asset>')
+
+
+def file_of_an_attached_model(folder) -> str:
+    write(folder, 's.xml', attaching('<mesh name="y" file="/etc/passwd"/>'))
+    return attaching('<model name="s" file="s.xml"/>')
+
+
+def attaches_itself(folder) -> str:
+    return attaching('<model name="s" file="m.xml"/>',
+                     '<frame><attach model="s" body="a" prefix="p"/></frame>')
+
+
+def ring(folder) -> str:
+    write(folder, 'n.xml', attaches_itself(folder))
+    return attaches_itself(folder).replace('m.xml', 'n.xml')
+
+
+def memory(folder) -> str:
+    return attaching('<hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/>')
+
+
+def picture(folder) -> str:
+    return attaching('<texture name="t" type="2d" builtin="flat" width="12000" height="12000"/>')
+
+
+HOSTILE = {pipe: 'not a regular file', link_in_a_folder: 'lies outside',
+           file_of_an_attached_model: 'may lie outside', attaches_itself: 'was ended by SIGSEGV',
+           ring: 'was ended by SIGSEGV', memory: 'MuJoCo says', picture: 'the compiled model has'}
+
+
+@pytest.mark.parametrize('make', HOSTILE)
+def test_what_would_end_or_fill_the_process_is_refused(tmp_path, make) -> None:
+    path = write(tmp_path, 'm.xml', '')
+    path.write_text(make(tmp_path), encoding='utf-8')
+    with pytest.raises(SceneError) as error:
+        read_scene(path)
+    assert HOSTILE[make] in str(error.value)
+    assert len(error.value.problems) == 1
+
+
+def test_a_model_of_ten_million_bodies_takes_no_longer_than_it_may(tmp_path) -> None:
+    beside = '<replicate count="10000000" offset="1 0 0"><body><geom size="1"/></body></replicate>'
+    path = write(tmp_path, 'm.xml', attaching('', beside))
+    with pytest.raises(ValueError, match=r'was ended by SIG.*more than 1 s'):
+        compiled(path, seconds=1)
 
 
 def test_without_mujoco_an_error_says_what_to_install(tmp_path, monkeypatch) -> None:

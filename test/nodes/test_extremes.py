@@ -11,7 +11,8 @@ if find_spec('rclpy') is None:
 from nodes.live import running
 from nodes.scenes import crates
 import pytest
-from rcl_interfaces.srv import DescribeParameters
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.qos import QoSProfile
 from std_srvs.srv import Trigger
 
@@ -59,6 +60,16 @@ def test_a_text_that_would_move_the_cursor_is_refused(probe, sim, text):
     answer = probe.set_parameter('bag_path', text)
     assert not answer.successful
     assert answer.reason.isprintable()
+
+
+def test_a_parameter_of_a_type_that_there_is_not_does_not_end_the_node(probe, sim):
+    client = probe.client(SetParameters, '/rigid_sim/set_parameters')
+    probe.wait_for(client.service_is_ready)
+    odd = Parameter(name='publish_rate', value=ParameterValue(type=99))
+    client.call_async(SetParameters.Request(parameters=[odd]))
+    probe.wait_for(lambda: 'cannot read: 99' in sim.stderr)
+    probe.node.destroy_client(client)
+    assert probe.set_parameter('publish_rate', 50.0).successful
 
 
 def test_a_flood_of_calls_is_answered_to_the_last(probe, sim):

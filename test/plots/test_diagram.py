@@ -292,6 +292,20 @@ def test_rounding_does_not_fill_a_panel():
     assert high - low == pytest.approx(0.02)     # 2 * 2e-3 of 5
 
 
+NAN = np.nan
+
+
+@pytest.mark.parametrize('axes, y, dots', [
+    (None, [1, 1, NAN, 2, NAN, 3, 3], [3]),     # what lasts for one state is to be seen
+    (None, [5, NAN, 1, NAN, 4], [0, 2, 4]),
+    (None, [1, 2, 3], []),
+    (('x', 'y'), [1, 1, 1, NAN, 2, 2], [2, 5])])    # each path ends in a dot
+def test_what_would_be_a_stretch_without_length_is_a_dot(axes, y, dots):
+    line = Line('a', np.arange(len(y), dtype=float), np.array(y, dtype=float), '#000000')
+    panel = Panel('Gap', 'mm', [line], axes=axes)
+    assert np.flatnonzero(panel.dots(line)).tolist() == dots
+
+
 def test_joints_are_drawn_as_they_were_published_turning_and_sliding_apart(tmp_path):
     link = {'mass': 1.0, 'shape': {'type': 'sphere', 'radius': 0.1}}
     world = World.from_dict({

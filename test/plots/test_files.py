@@ -19,7 +19,10 @@ from rosbags.typesys import get_typestore, Stores
 from rigid_sim_ros import cli
 from rigid_sim_ros.bag import topics as kinds
 from rigid_sim_ros.bag.motion import read_motion
+from rigid_sim_ros.plots.diagram import COLORS, Diagram, Line, Panel
+from rigid_sim_ros.plots.page import write_page
 from rigid_sim_ros.plots.panels import QUANTITIES
+from rigid_sim_ros.plots.picture import write_picture
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 T = STORE.types
@@ -56,6 +59,35 @@ def test_a_png_shows_lines_in_the_colours_of_the_bodies(tmp_path, capsys):
     for color in ((0x00, 0x72, 0xB2), (0xE6, 0x9F, 0x00)):
         assert (pixels == color).all(axis=1).sum() > 1000
     assert (pixels == 255).all(axis=1).mean() > 0.7
+
+
+def panels_of_contacts():
+    """Return a panel of an impact that lasts for one state, and one of all the time."""
+    at = np.linspace(0.0, 2.0, 21)
+    gap = np.where(np.arange(21) == 5, 0.0, np.nan)
+    return Diagram('', 'time [s]', [
+        Panel('Gap', 'mm', [Line('', at, gap, COLORS[3])]),
+        Panel('Height', 'm', [Line('', at, at, COLORS[0])]),
+        Panel('Depth', 'm', [Line('', at, -at, COLORS[2])])], [])
+
+
+def test_what_lasts_for_one_state_is_seen_at_its_time(tmp_path):
+    write_picture(panels_of_contacts(), tmp_path / 'a.png')
+    with Image.open(tmp_path / 'a.png') as image:
+        pixels = np.asarray(image.convert('RGB')).astype(int)
+    columns = [np.flatnonzero((abs(pixels - color) < 12).all(axis=2).any(axis=0))
+               for color in ((0xD5, 0x5E, 0x00), (0x00, 0x72, 0xB2))]
+    assert len(columns[0]) >= 3
+    # One panel stands below the other, and both have the same time axis: 0.5 of 0 to 2 s.
+    start, end = columns[1].min(), columns[1].max()
+    assert columns[0].mean() == pytest.approx(start + 0.25 * (end - start), abs=3)     # px
+
+
+def test_a_page_shows_what_lasts_for_one_state(tmp_path):
+    write_page(panels_of_contacts(), tmp_path / 'a.html')
+    (dot, line, _), _, _ = figure_of(tmp_path / 'a.html')
+    assert 'markers' in dot['mode']
+    assert line['mode'] == 'lines'
 
 
 def test_an_svg_holds_its_labels_as_text_with_units(tmp_path, capsys):

@@ -29,3 +29,10 @@ def test_a_value_that_is_there_already_is_not_sent_again() -> None:
     assert handle.sent == 0
     put(handle, 2.0)
     assert handle.sent == 1
+
+
+def test_a_name_cannot_make_the_page_ask_another_machine() -> None:
+    markdown = SimpleNamespace(content='')
+    write(markdown, '![x](http://example.org/x.png) [m/s]')
+    # A bracket that is written as its number begins neither a picture nor a link.
+    assert markdown.content == '!&#91;x](http://example.org/x.png) &#91;m/s]'

@@ -89,3 +89,46 @@ def test_the_nearer_of_two_is_met(stage):
 
 def test_a_page_that_is_gone_sees_nothing(stage):
     assert stage.name_at(12345, 0.5, 0.5) == ''
+
+
+def first_sight(stage):
+    """Return where a page looks from at first, and how far its sight reaches to each side."""
+    camera = stage._server.initial_camera
+    eye, target = np.array(camera.position), np.array(camera.look_at)
+    # Of the height of the picture viser's camera sees 75 degrees, if nobody says otherwise.
+    return eye, (target - eye) / np.linalg.norm(target - eye), np.radians(75.0) / 2
+
+
+def test_the_first_picture_has_the_bodies_where_their_joints_put_them():
+    rod = {'mass': 1.0, 'shape': {'type': 'capsule', 'radius': 0.02, 'length': 0.46}}
+    w = World.from_dict({
+        'format': 1, 'world': {'contact': 'none'},
+        'bodies': [{'name': 'upper', **rod, 'pose': {'position': [0, 0, 0.75]}},
+                   {'name': 'lower', **rod, 'pose': {'position': [0, 0, 0.25]}}],
+        'joints': [{'name': 'shoulder', 'type': 'continuous', 'parent': 'world', 'child': 'upper',
+                    'pose': {'position': [0, 0, 1]}, 'axis': [0, 1, 0], 'position': 3.0},
+                   {'name': 'elbow', 'type': 'continuous', 'parent': 'upper', 'child': 'lower',
+                    'pose': {'position': [0, 0, -0.25]}, 'axis': [0, 1, 0], 'position': 0.5}]})
+    server = start('127.0.0.1', 0)
+    try:
+        eye, way, half = first_sight(Stage(server, w.scene))
+    finally:
+        stop(server)
+    for place in w.position:
+        along = (place - eye) @ way
+        beside = np.linalg.norm(place - eye - along * way)
+        # A ball of radius r at this place is in the cone if it is r / cos(half) within its side.
+        assert beside + 0.25 / np.cos(half) < along * np.tan(half)
+
+
+def test_of_many_bodies_the_first_picture_shows_the_heap():
+    bodies = [{'name': f'b{k}', 'mass': 1.0, 'shape': {'type': 'sphere', 'radius': 0.1},
+               'pose': {'position': [0.3 * (k % 5), 0.3 * (k // 5), 0]}} for k in range(20)]
+    bodies.append({**bodies[0], 'name': 'far', 'pose': {'position': [100, 0, 0]}})
+    w = World.from_dict({'format': 1, 'world': {'contact': 'none'}, 'bodies': bodies})
+    server = start('127.0.0.1', 0)
+    try:
+        eye, _, _ = first_sight(Stage(server, w.scene))
+    finally:
+        stop(server)
+    assert np.linalg.norm(eye - w.position[:20].mean(axis=0)) < 5.0
