@@ -9,6 +9,7 @@ as it would simulate them.
 """
 
 from collections.abc import Iterable
+from itertools import pairwise
 import os
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,13 @@ NEEDED = ("needs MuJoCo, which is not installed: `pip install '.[mjcf]'` in a cl
 _WORLD, WORLD_LINK = 0, 'world'
 _MOST_FILES = 200
 _HINGE, _SLIDE, _BALL, _FREE = 'hinge', 'slide', 'ball', 'free'
+# Of its mass, each of the bodies that are put between the joints of one: as little as that changes
+# the motion, and far more than rounding.
+_BETWEEN = 1e-6
+# [m or rad] What is written with six digits is closed.
+_CLOSED = 1e-5
+# Flags that change the motion, besides that of gravity.
+_DISABLED = ('constraint', 'equality', 'frictionloss', 'limit', 'spring', 'damper', 'actuation')
 
 
 def read_mjcf(data: bytes, path: Path, folders: Folders) -> Model:
@@ -144,6 +152,7 @@ class _Reader:
         poses = self._body_poses()
         links = [self._link(b, poses[b]) for b in range(m.nbody)]
         joints = [joint for b in range(1, m.nbody) for joint in self._joints(b)]
+        between = self._put_between(links, joints)
         joints += self._equalities(joints, poses)
         read_actuators(self._mj, m, self._axes, self._actuator_place, findings)
         frames = [Frame(self._name('site', s), links[int(m.site_bodyid[s])].name,
@@ -156,8 +165,10 @@ class _Reader:
         model = Model(self._root.attributes.get('model') or self._path.stem, links, joints, frames,
                       self._root)
         names = {link.name for link in links}
-        model.ignored_pairs = [pair for pair in self._ignored_pairs() if names.issuperset(pair)]
-        model.world = {'gravity': tuple(float(g) for g in m.opt.gravity),
+        model.ignored_pairs = [pair for pair in [*self._ignored_pairs(), *between]
+                               if names.issuperset(pair)]
+        falls = not m.opt.disableflags & int(self._mj.mjtDisableBit.mjDSBL_GRAVITY)
+        model.world = {'gravity': tuple(falls * float(g) for g in m.opt.gravity),
                        'step': float(m.opt.timestep)}
         model.notes = findings.notes
         return model
@@ -200,7 +211,7 @@ class _Reader:
     # --- joints -----------------------------------------------------------------------------
 
     def _joints(self, b: int) -> list[Joint]:
-        """Return what holds a body to its parent: one joint, or none if the world holds it."""
+        """Return what holds a body to its parent, none if the world does or it is free."""
         m, findings = self._m, self._findings
         name = self._name('body', b)
         place = self._place('body', name)
@@ -216,18 +227,60 @@ class _Reader:
             return [Joint(f'{name}_fixed', 'fixed', parent, name, body, place)]
         kinds = [self._mj.mjtJoint(int(m.jnt_type[row])).name[6:].lower() for row in rows]
         if kinds == [_FREE]:
+            first = int(m.jnt_dofadr[rows[0]])
+            free = slice(first, first + 6)
+            if any(np.any(values[free]) for values in (
+                    m.dof_damping, m.dof_armature, m.dof_frictionloss)):
+                findings.ignore(place, 'damping, armature or frictionloss of a free joint')
             return []
         outer = '' if int(m.body_parentid[b]) == _WORLD else parent
-        at = combined(body, Pose(_vector(m.jnt_pos[rows[0]]), IDENTITY.orientation))
-        joint = Joint(self._name('jnt', rows[0]), 'fixed', outer, name, at, place)
-        if kinds == [_BALL]:
-            joint.kind, joint.damping = 'spherical', self._damping(rows[0])
-        elif len(kinds) == 1:
-            self._one_axis(joint, rows[0], kinds[0])
-        else:
-            findings.error(place, f'has {len(rows)} joints ({", ".join(kinds)}), must have one: '
-                           'give each a body of its own, with a mass')
-        return [joint]
+        found: list[Joint] = []
+        for row, kind in zip(rows, kinds, strict=True):
+            at = Pose(_vector(m.jnt_pos[row]), IDENTITY.orientation)
+            joint = Joint(self._name('jnt', row), 'spherical', name, name,
+                          at if found else combined(body, at), place)
+            if kind == _BALL:
+                self._ball(joint, row)
+            else:
+                self._one_axis(joint, row, kind)
+            found.append(joint)
+        found[0].parent = outer
+        return found
+
+    def _put_between(self, links: list[Link], joints: list[Joint]) -> list[tuple[str, str]]:
+        """
+        Let each joint of a body that has several have a body of its own, with a share of the mass.
+
+        Returns pairs that do not touch, as parent and child do not: there is something in between.
+        """
+        by_name, pairs = {link.name: link for link in links}, []
+        for link in list(links):
+            own = [joint for joint in joints if joint.child == link.name]
+            if len(own) < 2 or link.inertia is None:
+                continue
+            whole, count = link.inertia, len(own) - 1
+            link.inertia = _share(whole, 1.0 - count * _BETWEEN)
+            for joint, after in pairwise(own):
+                name = f'{link.name}_{joint.name}'
+                while name in by_name:
+                    name += '_'
+                by_name[name] = Link(name, link.place, _share(whole, _BETWEEN), link.pose)
+                links.append(by_name[name])
+                joint.child = after.parent = name
+            pairs.append((own[0].parent, link.name))
+            self._findings.note(link.place, f'has {len(own)} joints: in between are bodies with '
+                                f'{_BETWEEN:g} of its mass')
+        return pairs
+
+    def _ball(self, joint: Joint, row: int) -> None:
+        """Write the damping of a ball, and tell what else it has."""
+        m, dof = self._m, int(self._m.jnt_dofadr[row])
+        joint.damping = self._damping(row)
+        if m.jnt_limited[row] or np.any(m.jnt_stiffness[row]) or m.dof_frictionloss[dof]:
+            self._findings.error(joint.place, f'its ball joint {joint.name!r} has a range, a '
+                                 'stiffness or a frictionloss, must have none')
+        if m.dof_armature[dof]:
+            self._findings.ignore(joint.place, f'armature of the ball joint {joint.name!r}')
 
     def _damping(self, row: int) -> float:
         return float(self._m.dof_damping[int(self._m.jnt_dofadr[row])].max())
@@ -284,9 +337,15 @@ class _Reader:
               place: Element) -> Joint:
         """Return the joint that an equality between two bodies is."""
         outer, inner = (b, a) if self._is_welded(b) else (a, b)
-        anchor = data[0:3] if kind == 'connect' else data[3:6]
-        at = combined(poses[a if kind == 'connect' else b],
-                      Pose(_vector(anchor), IDENTITY.orientation))
+        anchor, turn = (data[0:3], (1.0, 0.0, 0.0, 0.0)) if kind == 'connect' else (
+            data[3:6], data[6:10])
+        at = combined(poses[a], _pose(anchor, turn))
+        if kind == 'weld':
+            there = combined(poses[b], Pose(_vector(data[0:3]), IDENTITY.orientation))
+            off = combined(inverse(there), at)
+            if max(map(abs, (*off.position, *off.orientation[:3]))) > _CLOSED:
+                self._findings.error(place, 'holds its bodies elsewhere than they are written: '
+                                     'write them there, or leave relpose out')
         parent = '' if outer == _WORLD else self._name('body', outer)
         pose = at if not parent else combined(inverse(poses[outer]), at)
         return Joint(name, 'spherical' if kind == 'connect' else 'fixed', parent,
@@ -321,11 +380,16 @@ class _Reader:
                 ('sensor', m.nsensor, ''), ('keyframe', m.nkey, ''), ('camera', m.ncam, '')):
             if count:
                 findings.ignore(self._root, f'<{tag}>', why)
-        if np.any(m.tendon_stiffness) or np.any(m.tendon_damping) or np.any(m.tendon_limited):
+        if any(np.any(getattr(m, f'tendon_{key}', 0.0)) for key in (
+                'stiffness', 'damping', 'limited', 'frictionloss', 'armature')):
             findings.error(self._root, 'has tendons with forces, which are not known here, must '
                            'have none')
         elif m.ntendon:
             findings.ignore(self._root, '<tendon>')
+        for bit in _DISABLED:
+            if m.opt.disableflags & int(getattr(self._mj.mjtDisableBit, f'mjDSBL_{bit.upper()}')):
+                findings.error(self._root, f'disables {bit} by a <flag>, must not: leave out what '
+                               'it disables')
         if np.any(m.body_gravcomp):
             findings.error(self._root, 'has gravcomp, which is not known here, must have none')
         if m.nflex or m.nskin:
@@ -340,6 +404,12 @@ def _pose(position: Any, quaternion: Any) -> Pose:
     w, x, y, z = (float(value) for value in quaternion)
     q: Quaternion = (x, y, z, w)
     return Pose(_vector(position), q)
+
+
+def _share(whole: Inertia, part: float) -> Inertia:
+    """Return the mass properties of a part of a body that is like the whole."""
+    xx, yy, zz, xy, xz, yz = (part * moment for moment in whole.tensor)
+    return whole._replace(mass=part * whole.mass, tensor=(xx, yy, zz, xy, xz, yz))
 
 
 def _vector(values: Any) -> Vector:

@@ -71,8 +71,6 @@ def _add(mujoco: Any, m: Any, i: int, joint: Joint | None, row: int,
     drive = drives.setdefault(row, _Drive(joint))
     if kind in drive.kinds:
         return f'{joint.name!r} has another one of the mode {kind}'
-    if drive.joint.mimic is not None:
-        return f'{joint.name!r} follows another joint'
     drive.kinds += (kind,)
     # Reflected by the gear: of what turns g times as fast.
     joint.armature += g * g * float(_of(m, 'actuator_armature', i))

@@ -392,6 +392,8 @@ class _Maker:
         position = self._wish.joints.get(joint.name)
         if joint.mimic is not None:
             self._add_mimic(joint, made)
+            if joint.drive is not None:
+                made['drive'] = dict(joint.drive)
         else:
             drive = self._wish.drives.get(joint.name, joint.drive)
             if drive is not None:

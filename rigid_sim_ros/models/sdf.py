@@ -1,6 +1,10 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""SDF 1.6 and later: models with frames, models in models, and includes of local files."""
+"""
+SDF 1.6 and later: models with frames, models in models, and includes of local files.
+
+A world is read as a model whose models are those of the world; these touch each other.
+"""
 
 import math
 from pathlib import Path
@@ -26,6 +30,9 @@ _MOST_INCLUDES = 200
 _MODEL = ('pose', 'static', 'self_collide', 'link', 'joint', 'frame', 'model', 'include')
 _MODEL_IGNORED = ('plugin', 'allow_auto_disable', 'enable_wind', 'gripper', 'description',
                   'author')
+_WORLD = ('model', 'include', 'joint', 'frame', 'gravity', 'physics')
+_WORLD_IGNORED = ('light', 'scene', 'gui', 'plugin', 'audio', 'wind', 'atmosphere', 'road',
+                  'state', 'magnetic_field', 'spherical_coordinates')
 _LINK = ('pose', 'inertial', 'collision', 'visual', 'gravity', 'kinematic', 'self_collide')
 _LINK_IGNORED = ('enable_wind', 'velocity_decay', 'sensor', 'light', 'battery', 'projector',
                  'audio_source', 'audio_sink', 'particle_emitter', 'must_be_base_link', 'plugin')
@@ -42,15 +49,20 @@ class _Scope(NamedTuple):
     is_static: bool
     touches_itself: bool
     level: int
+    is_world: bool = False
 
 
 def read_sdf(data: bytes, path: Path, folders: Folders) -> Model:
     """Return the model in an SDF file; raises ModelError with all that is wrong."""
     findings = Findings()
-    element = _only_model(parse(data, str(path)), findings)
+    root = parse(data, str(path))
+    worlds = list(root.each('world'))
+    is_world = len(worlds) == 1 and root.find('model') is None
+    element = worlds[0] if is_world else _only_model(root, findings)
+    _check_version(root)
     reader = _Reader(findings)
     model = Model(element.name or path.stem, [], [], [], element)
-    reader.model(element, _Scope('', folders, False, False, 0), model)
+    reader.model(element, _Scope('', folders, False, False, 0, is_world), model)
     findings.stop()
     reader.finish(model)
     findings.stop()
@@ -61,25 +73,31 @@ def read_sdf(data: bytes, path: Path, folders: Folders) -> Model:
     return model
 
 
-def _only_model(root: Element, findings: Findings) -> Element:
-    """Return the model in a file; ModelError where there is none, or more than one."""
-    def stop(message: str) -> ModelError:
-        return ModelError([Problem(message, '', root.file, root.line)])
+def _stop(root: Element, message: str) -> ModelError:
+    return ModelError([Problem(message, '', root.file, root.line)])
 
+
+def _check_version(root: Element) -> None:
+    """Raise ModelError for what is no SDF, or too old."""
     if root.tag != 'sdf':
-        raise stop(f'<{root.tag[:40]}> is no model, the first element must be <sdf>')
+        raise _stop(root, f'<{root.tag[:40]}> is no model, the first element must be <sdf>')
     version = root.attributes.get('version', '')
     try:
         is_old = not float(version) >= _OLDEST and version not in ('1.10', '1.11', '1.12', '1.13')
     except ValueError:
         is_old = True
     if is_old:
-        raise stop(f'version {version[:20]!r} of SDF, must be {_OLDEST} or later: `gz sdf -p` '
-                   'writes a newer one')
+        raise _stop(root, f'version {version[:20]!r} of SDF, must be {_OLDEST} or later: '
+                    '`gz sdf -p` writes a newer one')
+
+
+def _only_model(root: Element, findings: Findings) -> Element:
+    """Return the model in a file; ModelError where there is none, or more than one."""
+    _check_version(root)
     models = list(root.each('model'))
     if len(models) != 1 or root.find('world') is not None:
-        raise stop(f'has {len(models)} models{" and a world" if root.find("world") else ""}, must '
-                   'have one model')
+        raise _stop(root, f'has {len(models)} models'
+                    f'{" and a world" if root.find("world") else ""}, must have one model')
     return models[0]
 
 
@@ -94,6 +112,7 @@ class _Reader:
         self._joints: list[tuple[Element, str]] = []    # each with the prefix of its scope
         self._frames: list[tuple[Element, str]] = []
         self._static: set[str] = set()
+        self._is_world = False
         self._alone: set[str] = set()   # links that touch no other link of their model
 
     # --- a model and what is in it ----------------------------------------------------------
@@ -101,7 +120,11 @@ class _Reader:
     def model(self, element: Element, outer: _Scope, model: Model) -> None:
         """Read a model whose own frame stands in the graph already, or is the outermost one."""
         findings = self._findings
-        check_children(element, _MODEL, _MODEL_IGNORED, findings, is_physics=True)
+        if outer.is_world:
+            check_children(element, _WORLD, _WORLD_IGNORED, findings, is_physics=True)
+            self._read_world(element, model)
+        else:
+            check_children(element, _MODEL, _MODEL_IGNORED, findings, is_physics=True)
         scope = outer._replace(
             is_static=outer.is_static or self._flag(element, 'static', default=False),
             touches_itself=self._flag(element, 'self_collide', default=False))
@@ -114,7 +137,8 @@ class _Reader:
             self._link(link, scope, model)
         for child in element.children:
             if child.tag == 'frame':
-                attached = child.attributes.get('attached_to', '') or MODEL
+                attached = child.attributes.get('attached_to', '') or (
+                    WORLD if scope.is_world else MODEL)
                 raw, base = self._pose(child)
                 self._graph.add(f'{scope.prefix}{child.name}',
                                 self._whole(base or attached, scope), raw,
@@ -131,6 +155,19 @@ class _Reader:
         if canonical:
             self._graph.canonical[f'{scope.prefix}{MODEL}'] = f'{scope.prefix}{canonical}'
 
+    def _read_world(self, element: Element, model: Model) -> None:
+        """Write what a world says beside its models."""
+        self._is_world = True
+        self._graph.add_world()
+        gravity, physics = element.find('gravity'), list(element.each('physics'))
+        down: tuple[float, ...] = (0.0, 0.0, -9.8)
+        if gravity is not None:
+            down = several(gravity.text, 3, gravity, 'gravity', self._findings, down)
+        chosen = next((one for one in physics if one.attributes.get('default') in ('true', '1')),
+                      physics[0] if physics else None)
+        step = 0.001 if chosen is None else self._number(chosen, 'max_step_size', 0.001)
+        model.world = {'gravity': down, 'step': step, 'contact': 'timestep'}
+
     def _whole(self, name: str, scope: _Scope) -> str:
         """Return a whole name that is resolved when all frames are known."""
         return name if name == WORLD else f'{scope.prefix}{name}'
@@ -146,7 +183,8 @@ class _Reader:
         raw, base = self._pose(placed)
         placement = (outside.attributes.get('placement_frame') or _text(outside, 'placement_frame')
                      or element.attributes.get('placement_frame', ''))
-        inner = scope._replace(prefix=f'{scope.prefix}{name}::', level=scope.level + 1)
+        inner = scope._replace(prefix=f'{scope.prefix}{name}::', level=scope.level + 1,
+                               is_world=False)
         whole = f'{inner.prefix}{MODEL}'
         self._graph.add(whole, self._whole(base or MODEL, scope), raw, whole, outside,
                         f'{inner.prefix}{placement}' if placement else '')
@@ -265,7 +303,8 @@ class _Reader:
                 model.frames.append(Frame(name, on, pose, element))
         solid = [link.name for link in model.links if link.collisions]
         model.ignored_pairs = [(a, b) for i, a in enumerate(solid) for b in solid[i + 1:]
-                               if a in self._alone and b in self._alone]
+                               if a in self._alone and b in self._alone and (
+                                   not self._is_world or a.split('::')[0] == b.split('::')[0])]
 
     def _joint(self, element: Element, prefix: str, model: Model, links: dict[str, Link]) -> None:
         findings, graph = self._findings, self._graph

@@ -45,6 +45,10 @@ class FrameGraph:
             return
         self._nodes[name] = _Node(base, raw, attached, element, placement)
 
+    def add_world(self) -> None:
+        """Let poses be relative to the world, which is where the outermost frame is."""
+        self._poses[WORLD] = IDENTITY
+
     def resolve(self, name: str, scope: str, element: Element) -> str:
         """Return the whole name of what is named in a scope such as `gripper::`, '' for none."""
         if name == WORLD:

@@ -33,8 +33,12 @@ def read_laws(joint: Joint, element: Element, prefix: str,
         findings.error(element, f'has {len(axes)} axes, a {element.attributes.get("type")} joint '
                        f'must have {needed}')
         return
-    for axis in axes[:needed]:
+    for axis in axes:
         check_children(axis, _AXIS, ('initial_position',), findings, is_physics=True)
+    if joint.kind == 'spherical' and axes:
+        _of_all_axes(joint, axes[:1], findings)     # Gazebo takes the first for all of them
+    for axis in axes[1 if joint.kind == 'spherical' else needed:]:
+        findings.ignore(axis, f'<{axis.tag}>', f'a {joint.kind} joint has none')
     if needed == 0:
         return
     joint.axis = axis_of(axes[0]) or joint.axis
@@ -42,7 +46,7 @@ def read_laws(joint: Joint, element: Element, prefix: str,
         joint.axis2 = axis_of(axes[1])
         if joint.axis2 is not None and abs(_cosine(joint.axis, joint.axis2)) > _SQUARE:
             findings.error(axes[1], 'is not at right angles to the first axis, must be')
-        _universal(joint, axes, findings)
+        _of_all_axes(joint, axes, findings)
         return
     _limits(joint, axes[0], findings)
     _dynamics(joint, axes[0], findings)
@@ -56,8 +60,8 @@ def read_laws(joint: Joint, element: Element, prefix: str,
         joint.mimic = Mimic(f'{prefix}{mimic.attributes.get("joint", "")}', multiplier, offset)
 
 
-def _universal(joint: Joint, axes: list[Element], findings: Findings) -> None:
-    """Write the damping of both axes of a universal joint, which must be one."""
+def _of_all_axes(joint: Joint, axes: list[Element], findings: Findings) -> None:
+    """Write the damping of a joint with several axes, which must be one for all."""
     found = set()
     for axis in axes[:2]:
         one = Joint('', 'revolute', '', '', joint.pose, axis)
@@ -65,8 +69,8 @@ def _universal(joint: Joint, axes: list[Element], findings: Findings) -> None:
         _dynamics(one, axis, findings)
         found.add(one.damping)
         if (one.lower, one.upper) != (None, None) or one.friction or one.stiffness:
-            findings.error(axis, 'has limits, friction or a spring, which a universal joint has '
-                           'not here: make two revolute joints of it')
+            findings.error(axis, f'has limits, friction or a spring, which a {joint.kind} joint '
+                           'has not here: make revolute joints of it')
     if len(found) > 1:
         findings.error(axes[1], 'has another damping than the first axis, must have the same')
     joint.damping = max(found)

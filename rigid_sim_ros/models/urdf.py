@@ -53,8 +53,10 @@ def read_urdf(data: bytes, path: Path, folders: Folders) -> Model:
     findings.stop()
     base = _place_links(links, joints, root, findings)
     findings.stop()
-    # A model that hangs on nothing by a joint of its own stands where it is put.
-    floats = any(joint.kind == 'free' and joint.parent == base for joint in joints)
+    # A model that hangs on nothing by a joint of its own stands where it is put; a base without a
+    # mass is the world from which it floats.
+    floats = any(joint.kind == 'free' and joint.parent == base for joint in joints) and any(
+        link.name == base and link.inertia is not None for link in links)
     return Model(root.name or path.stem, links, joints, [], root, not floats,
                  notes=findings.notes)
 
@@ -204,7 +206,22 @@ class _Reader:
             self._limits(joint, element)
             self._dynamics(joint, element)
             joint.mimic = self._mimic(element)
+        elif joint.kind != 'fixed':
+            self._without_one_axis(joint, element)
         return joint
+
+    def _without_one_axis(self, joint: Joint, element: Element) -> None:
+        """Read the damping of a planar joint, and tell what it and others have no use for."""
+        findings = self._findings
+        if joint.kind == 'planar':
+            self._dynamics(joint, element)
+            if joint.friction:
+                findings.error(element, 'has dry friction, which a planar joint has not here: '
+                               'make two prismatic joints and a revolute one of it')
+        for tag in ('limit', 'mimic', *(() if joint.kind == 'planar' else ('dynamics',))):
+            child = element.find(tag)
+            if child is not None:
+                findings.ignore(child, f'<{tag}>', f'a {joint.kind} joint has none here')
 
     def _axis(self, element: Element) -> tuple[float, float, float]:
         axis = element.find('axis')
@@ -225,6 +242,8 @@ class _Reader:
         check_attributes(limit, ('lower', 'upper', 'effort', 'velocity'), (
             'acceleration', 'deceleration', 'jerk', 'current', 'command_effort', 'gear_velocity'),
             findings)
+        if not is_bounded and {'lower', 'upper'} & set(limit.attributes):
+            findings.ignore(limit, 'lower and upper', 'a continuous joint has no bounds')
         if is_bounded:
             joint.lower = attribute(limit, 'lower', findings, 0.0)
             joint.upper = attribute(limit, 'upper', findings, 0.0)

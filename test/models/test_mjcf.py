@@ -64,6 +64,51 @@ def test_masses_and_frames_are_those_of_mujoco(tmp_path) -> None:
     assert tip.position == (0.0, 0.0, -0.5)
 
 
+WALKER = """<mujoco model="walker">
+  <option timestep="0.0005" gravity="0 0 -9.8"/>
+  <worldbody>
+    <body name="torso" pos="0 0 1.5" euler="0 20 0">
+      <joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
+      <joint name="y" axis="0 1 0" damping=".1"/>
+      <geom type="capsule" fromto="0 0 0 .1 0 .5" size=".07"/>
+      <body name="thigh" pos="0 -.1 -.05">
+        <joint name="hip_x" axis="1 0 0" armature=".01" range="-30 30"/>
+        <joint name="hip_z" axis="0 0 1" pos="0 0 .02" stiffness="2" frictionloss=".01"/>
+        <joint name="hip_y" axis="0 1 0" pos="0 0 -.01"/>
+        <geom type="capsule" fromto="0 0 0 .05 .02 -.4" size=".05"/>
+        <body name="shin" pos=".05 .02 -.4"><joint name="knee" axis="0 -1 0"/>
+          <geom type="capsule" fromto="0 0 0 0 0 -.4" size=".04"/></body>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def test_a_body_with_several_joints_moves_as_in_mujoco(tmp_path) -> None:
+    path = write(tmp_path, 'walker.xml', WALKER)
+    world = load_scene(path)
+    assert [joint.rpartition('/')[2] for joint in world.joint_names] == [
+        'x', 'z', 'y', 'hip_x', 'hip_z', 'hip_y', 'knee']
+    world.step(400)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.timestep = 1e-5
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, nstep=20000)
+    # As above; and the shares of the mass in between are 1e-6 of it.
+    np.testing.assert_allclose(world.joint_position, data.qpos, atol=2e-5)
+    total = sum(body.inertial.mass for body in world.scene.spec.bodies)
+    assert total == pytest.approx(model.body_mass.sum(), rel=1e-14)
+    # Torso and thigh do not touch, as parent and child, whatever is in between.
+    assert ('walker/torso', 'walker/thigh') in world.scene.spec.collision.ignore
+    assert any('torso' in note and 'has 3 joints' in note for note in world.scene.notes)
+
+
+def test_a_flag_lets_nothing_fall(tmp_path) -> None:
+    text = ARM.replace('<default>', '<option><flag gravity="disable"/></option><default>')
+    assert load_scene(write(tmp_path, 'arm.xml', text)).scene.spec.world.gravity == (0, 0, 0)
+
+
 def test_equalities_are_joints_that_close_loops_or_follow(tmp_path) -> None:
     text = ARM.replace('</mujoco>', '<equality><joint joint1="elbow" joint2="shoulder" '
                        'polycoef="0.1 -2 0 0 0"/><connect body1="lower" body2="ball" '
@@ -80,7 +125,12 @@ def test_equalities_are_joints_that_close_loops_or_follow(tmp_path) -> None:
     ('<worldbody>', '<wordbody>', 'not XML'),
     ('timestep="0.0005"', 'timestep="soon"', 'MuJoCo says: '),
     ('size=".02 .2"', 'size="nan"', "size 'nan', must be finite"),
-    ('<freejoint/>', '<joint type="slide"/><joint type="hinge"/>', 'has 2 joints (slide, hinge)'),
+    ('<freejoint/>', '<joint type="ball" range="0 30"/>', 'ball joint'),
+    ('<worldbody>', '<option><flag spring="disable"/></option><worldbody>', 'disables spring'),
+    ('</mujoco>', '<equality><weld body1="lower" body2="ball" relpose="0 0 -1 1 0 0 0"/>'
+     '</equality></mujoco>', 'elsewhere than they are written'),
+    ('</mujoco>', '<tendon><fixed frictionloss="1"><joint joint="elbow" coef="1"/></fixed>'
+     '</tendon></mujoco>', 'tendons with forces'),
     ('<worldbody>', '<include file="../secret.xml"/><worldbody>', 'may lie outside'),
     ('<worldbody>', '<asset><mesh file="/etc/passwd"/></asset><worldbody>', 'may lie outside'),
     ('<worldbody>', '<extension><plugin plugin="x"/></extension><worldbody>', 'another library'),

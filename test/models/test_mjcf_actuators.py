@@ -109,6 +109,15 @@ def test_a_servo_holds_the_position_that_a_scene_asks_for(tmp_path):
     assert World.from_dict({'models': [entry]}).scene.spec.joints[0].drive.mode == 'effort'
 
 
+def test_a_joint_that_follows_another_has_its_motor_as_well(tmp_path):
+    text = ARM.format(actuators='<motor joint="j2" gear="3"/>').replace(
+        '</mujoco>', '<equality><joint joint1="j2" joint2="j1"/></equality></mujoco>')
+    world = World.from_dict({'models': [{'name': 'r', 'file': str(write(
+        tmp_path, 'arm.xml', text))}]})
+    _, follower, *_ = world.scene.spec.joints
+    assert follower.mimic.joint == 'r/j1' and follower.drive.mode == 'effort'
+
+
 @pytest.mark.parametrize(('actuator', 'why'), [
     ('<position name="odd" joint="j1" kp="9" timeconst="0.1"/>', 'no servo'),
     ('<intvelocity name="odd" joint="j1" kp="9" actrange="-1 1"/>', 'no servo'),

@@ -3,6 +3,7 @@
 """SDF files: frames relative to frames, models in models, includes, and what their joints say."""
 
 import math
+import re
 
 from models.robots import world_of, write
 import numpy as np
@@ -96,6 +97,52 @@ def test_a_model_of_a_local_file_is_included(tmp_path) -> None:
     world = world_of(write(tmp_path, 'm.sdf', sdf(link('base') + include)))
     assert list(world.names) == ['r/base', 'r/left/palm']
     np.testing.assert_allclose(world.position[1], [1, 0, 1], atol=1e-15)
+
+
+WORLD = f"""<sdf version="1.8"><world name="w">
+  <gravity>0 0 -3.7</gravity><light name="sun" type="directional"/>
+  <physics name="slow" type="ode"><max_step_size>0.01</max_step_size></physics>
+  <physics name="used" type="ode" default="true"><max_step_size>0.002</max_step_size></physics>
+  <frame name="dock"><pose>1 0 0 0 0 1.5707963267948966</pose></frame>
+  <model name="ground"><static>true</static><link name="l"><collision name="c"><geometry><plane>
+    <normal>0 0 1</normal></plane></geometry></collision></link></model>
+  <model name="one"><pose>0 0 0.5 0 0 0</pose>{link('body')}{link('wheel')}
+    <joint name="axle" type="revolute"><parent>body</parent><child>wheel</child>
+      <axis><xyz>0 1 0</xyz></axis></joint></model>
+  <model name="two"><pose relative_to="dock">2 0 0.5 0 0 0</pose>{link('body')}</model>
+  <joint name="tow" type="fixed"><parent>one::body</parent><child>two::body</child></joint>
+</world></sdf>"""
+BALL = '<collision name="c"><geometry><sphere><radius>0.1</radius></sphere></geometry></collision>'
+
+
+def test_a_world_brings_all_its_models_and_what_holds_them(tmp_path) -> None:
+    spec = read_scene(write(tmp_path, 'w.sdf', WORLD)).spec
+    assert [body.name for body in spec.bodies] == [
+        'w/ground/l', 'w/one/body', 'w/one/wheel', 'w/two/body']
+    assert [body.fixed for body in spec.bodies] == [True, False, False, False]
+    assert spec.bodies[3].pose.position == pytest.approx((1.0, 2.0, 0.5), abs=1e-15)
+    assert [joint.name for joint in spec.joints] == ['w/one/axle', 'w/tow']
+    assert (spec.world.gravity, spec.world.step) == ((0.0, 0.0, -3.7), 0.002)
+    assert spec.world.contact == 'timestep'
+
+
+def test_models_of_a_world_touch_each_other(tmp_path) -> None:
+    """In a model its links do not, unless it says so."""
+    text = WORLD.replace('</inertial>', f'</inertial>{BALL}')
+    text = re.sub('<joint name="tow".*', '', text)      # with it they would be one part
+    ignored = read_scene(write(tmp_path, 'w.sdf', text)).spec.collision.ignore
+    assert ('w/one/body', 'w/one/wheel') in ignored
+    assert not any({'w/two/body', 'w/one/wheel'} == set(pair) for pair in ignored)
+
+
+def test_the_axis_of_a_ball_joint_damps_all_its_axes(tmp_path) -> None:
+    text = ARM.replace('"revolute"', '"ball"').replace(
+        '<spring_stiffness>2</spring_stiffness>', '')
+    limits = text[text.index('<limit>'):text.index('</limit>') + 8]
+    joint, = read_scene(write(tmp_path, 'm.sdf', text.replace(limits, ''))).spec.joints
+    assert (joint.type, joint.damping) == ('spherical', 0.5)
+    with pytest.raises(SceneError, match='has limits, friction or a spring'):
+        read_scene(write(tmp_path, 'm.sdf', text))
 
 
 def test_a_file_that_includes_itself_ends_in_an_error(tmp_path) -> None:

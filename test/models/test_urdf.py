@@ -74,6 +74,30 @@ def test_a_base_may_be_free(tmp_path) -> None:
                                                  abs=1e-9)
 
 
+def test_what_a_floating_joint_holds_to_a_massless_world_falls(tmp_path) -> None:
+    """As exporters write a free robot: the world is a link of its own."""
+    world = world_of(write(tmp_path, 'pendulum.urdf', URDF.replace('"revolute"', '"floating"')))
+    world.step(100)
+    assert world.position[1, 2] == pytest.approx(1 - 0.5 * 9.81 * 0.01, abs=1e-9)
+    assert 'a free joint has none here' in world.scene.notes[0]
+
+
+def test_a_planar_joint_has_the_damping_of_its_file(tmp_path) -> None:
+    text = URDF.replace('"revolute"', '"planar"').replace(
+        '<axis', '<dynamics damping="2"/><axis')
+    scene = read_scene(write(tmp_path, 'pendulum.urdf', text))
+    assert (scene.spec.joints[0].type, scene.spec.joints[0].damping) == ('planar', 2.0)
+    assert '<limit> is ignored: a planar joint has none here' in scene.notes[0]
+    with pytest.raises(SceneError, match='has dry friction, which a planar joint has not'):
+        read_scene(write(tmp_path, 'pendulum.urdf', text.replace('damping="2"', 'friction="2"')))
+
+
+def test_bounds_of_a_continuous_joint_are_told(tmp_path) -> None:
+    text = URDF.replace('"revolute"', '"continuous"')
+    note, = read_scene(write(tmp_path, 'pendulum.urdf', text)).notes
+    assert 'lower and upper is ignored: a continuous joint has no bounds' in note
+
+
 def test_a_massless_base_belongs_to_what_a_fixed_joint_hangs_on_it(tmp_path) -> None:
     text = URDF.replace('type="revolute"', 'type="fixed"')
     world = world_of(write(tmp_path, 'pendulum.urdf', text), fixed_base=False,

@@ -87,6 +87,23 @@ def take_rows(work: JointWork, axes: AxisRows) -> bool:
 
 
 @kernel
+def let_yield(table: JointTable, work: JointWork, axes: AxisRows, g: int) -> bool:
+    """
+    Let the axes of articulation g be rows that dry friction locks, or the bound of a speed.
+
+    Limits hold against anything, these do not. Returns whether any was none before.
+    """
+    law, found = work.law, False
+    for k in range(table.first_axis[table.first_row[g]],
+                   table.first_axis[table.first_row[g + 1]]):
+        v = work.given[k]
+        if (axes.is_row[k] == 0 and work.locked[k] != UNLOCKED
+                and v != law.low[k] and v != law.high[k]):
+            axes.is_row[k], found = 1, True
+    return found
+
+
+@kernel
 def free_rows(table: JointTable, work: JointWork, axes: AxisRows) -> bool:
     """
     Free the axes that are rows, and note what acted along them; return whether there are any.

@@ -12,7 +12,7 @@ found again together with what acts along it (articulated_axes.py).
 """
 
 from rigid_sim_ros.engine.constraints.articulated_axes import (
-    begin_with, free_rows, keep_pieces, take_rows)
+    begin_with, free_rows, keep_pieces, let_yield, take_rows)
 from rigid_sim_ros.engine.constraints.articulated_buffers import (
     ContactBuffers, HALF_KNOWN, ISLANDS, KNOWN, POINTS_IN_USE, WIDTH)
 from rigid_sim_ros.engine.constraints.articulated_points import rate_of_gap
@@ -31,12 +31,12 @@ from rigid_sim_ros.engine.joints.settle import find_motions, find_motions_of_pie
 from rigid_sim_ros.engine.joints.shake import expect
 from rigid_sim_ros.engine.maths.rotation import quaternion
 from rigid_sim_ros.engine.maths.union_find import first_of
-from rigid_sim_ros.engine.maths.vector import column, cross, norm
+from rigid_sim_ros.engine.maths.vector import add_scaled, column, cross, norm, scale
 from rigid_sim_ros.engine.model.joints import JointTable, NONE
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.rates import spin_of
 from rigid_sim_ros.engine.state.state import State
-from rigid_sim_ros.kernels.arrays import IntArray
+from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
 # Times at most that impulses are found for the axes that have left their pieces. In each, one at
@@ -44,6 +44,10 @@ from rigid_sim_ros.kernels.kernel import kernel
 MOST_PIECES = 6
 # Of the rates without impulses: less than this does not put an axis on another piece.
 STEADY = 1e-9
+# What `_solve_island` found.
+SAME, OTHERS, YIELD = range(3)
+# Of the size of a shape, in a step: a point that comes nearer by less does not, but for rounding.
+CREEP = 1e-9
 # Impulses that would move a body by so many sizes in a step are of bodies that are wedged in. They
 # are not carried over, as rounding alone would make them grow.
 FASTEST = 1e3
@@ -80,20 +84,20 @@ def solve_contacts(model: Model, state: State, table: JointTable, motion: JointM
     _begin_with(model, state, w.chosen[:w.count[POINTS_IN_USE]], w.count[WIDTH], first, w)
     axes = w.system.axes
     axes.is_row[:] = 0
+    found = SAME
     for n in range(MOST_PIECES):
         _find_velocities(model, state, table, motion, work, h, first, w)
-        if n > 0 and not take_rows(work, axes):
+        if n > 0 and not take_rows(work, axes) and found != YIELD:
             break
         keep_pieces(work, axes)
         if free_rows(table, work, axes):
             find_motions_of_pieces(model, table, state, work, h if first else 0.0)
             read_velocities(model, state, table, work, w)
-        changed = False
+        found = SAME
         for island in range(w.count[ISLANDS]):
             chosen = w.chosen[w.first[island]:w.first[island + 1]]
-            if _solve_island(model, state, table, work, chosen, h, first, w):
-                changed = True
-        if table.lawful == 0 or not changed:
+            found = max(found, _solve_island(model, state, table, work, chosen, h, first, w))
+        if table.lawful == 0 or found == SAME:
             break
     axes.is_row[:] = 0
     if first:
@@ -147,16 +151,18 @@ def _begin_with(model: Model, state: State, chosen: IntArray, width: int, first:
 
 @kernel
 def _solve_island(model: Model, state: State, table: JointTable, work: JointWork,
-                  chosen: IntArray, h: float, first: bool, w: ContactBuffers) -> bool:
+                  chosen: IntArray, h: float, first: bool, w: ContactBuffers) -> int:
     """
     Find the impulses of an island for the present pieces, and give them to the bodies.
 
-    Returns whether they are others than before.
+    Returns whether they are the SAME as before, or OTHERS, or axes have to YIELD first.
     """
     contacts, system, width, m = w.contacts, w.system, w.count[WIDTH], chosen.shape[0]
     rows = system.rows
     write_system(model, table, work, contacts, w.bodies, chosen, width, system)
     read_row_rates(rows, m, width, w.bodies.velocity, rows.b)
+    if table.lawful > 0 and _must_yield(table, work, chosen, h, first, w):
+        return YIELD
     for c in range(m):
         for i in range(width):
             rows.f[width * c + i] = w.impulse[chosen[c], i]
@@ -187,7 +193,30 @@ def _solve_island(model: Model, state: State, table: JointTable, work: JointWork
         push_rows(model, state, contacts, k, width, w.row, 0)
     if first:
         _displace(contacts, chosen, width, h, w)
-    return changed > STEADY * size
+    return OTHERS if changed > STEADY * size else SAME
+
+
+@kernel
+def _must_yield(table: JointTable, work: JointWork, chosen: IntArray, h: float, first: bool,
+                w: ContactBuffers) -> bool:
+    """
+    Let axes yield that drive a point of an island on, though nothing can move it as they are.
+
+    Dry friction that sticks, and a drive at the bound of its speed, lock an axis: all others of
+    a way locked as well, no impulse stops what the point runs into. In the first half of a step
+    of h [s] gaps may close. The rows have been written. Returns whether any axis
+    became a row, for which the impulses are to be found anew.
+    """
+    contacts, rows, width, found = w.contacts, w.system.rows, w.count[WIDTH], False
+    for c in range(chosen.shape[0]):
+        k, gap = chosen[c], 0.0
+        if first:
+            gap = max(contacts.gap[k], 0.0)
+        closes = gap + h * rate_of_gap(w, k) < -CREEP * contacts.size[k]
+        if closes and not moves(rows, width * c):
+            for n in range(w.system.pushed[0]):
+                found = let_yield(table, work, w.system.axes, w.system.pushed[1 + n]) or found
+    return found
 
 
 @kernel
@@ -350,14 +379,32 @@ def undo_displacing(model: Model, state: State, h: float, w: ContactBuffers) -> 
     Take back the momenta that displaced on a way of h [s].
 
     A displacement d of a body changes the angular momentum x x P by d x P. Of what nothing holds
-    that is taken from its spin, so that the whole keeps its angular momentum.
+    that is taken from its spin, so that the whole keeps its angular momentum: P less what a body
+    has as all that it hangs together with flies on, V, or spins would depend on who looks at them.
+    The sum is the same, as m d is 0 in sum.
     """
     kick(state, w.displacing, -1.0)
+    flies = w.bodies.velocity    # scratch: of a set P in sum, and its mass
+    _sum_momenta(model, state, w.parent, flies)
     for i in range(model.m.shape[0]):
-        if w.held[first_of(w.parent, i)] == 0:
-            gained = cross(column(w.displacing.F, i), column(state.P, i))
+        root = first_of(w.parent, i)
+        if model.inv_m[i] > 0.0 and w.held[root] == 0:
+            V = scale(1.0 / flies[root, 3], (flies[root, 0], flies[root, 1], flies[root, 2]))
+            P = add_scaled(column(state.P, i), -model.m[i], V)
+            gained = cross(column(w.displacing.F, i), P)
             for k in range(3):
                 state.L[k, i] -= h * model.inv_m[i] * gained[k]
+
+
+@kernel
+def _sum_momenta(model: Model, state: State, parent: IntArray, total: Array) -> None:
+    """Write P [kg m/s] and m [kg] in sum of each set of bodies to the row of its first, (n, 4)."""
+    total[:, :4] = 0.0
+    for i in range(model.m.shape[0]):
+        root = first_of(parent, i)
+        for k in range(3):
+            total[root, k] += state.P[k, i]
+        total[root, 3] += model.m[i]
 
 
 @kernel

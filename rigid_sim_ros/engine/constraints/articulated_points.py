@@ -105,7 +105,7 @@ def take_loaded(w: ContactBuffers) -> None:
 def choose_points(model: Model, table: JointTable, w: ContactBuffers) -> int:
     """Sort the points that take part by islands; return the rows of the largest."""
     contacts, parent = w.contacts, w.parent
-    _unite_bodies(model, table, contacts, parent)
+    _unite_bodies(model, table, w)
     _find_held(model, table, w)
     w.label[:] = -1
     islands, found = 0, 0
@@ -157,8 +157,13 @@ def _note_held(model: Model, a: int, b: int, w: ContactBuffers) -> None:
 
 
 @kernel
-def _unite_bodies(model: Model, table: JointTable, contacts: Contacts, parent: IntArray) -> None:
-    """Write which bodies hang together by joints and points of contact."""
+def _unite_bodies(model: Model, table: JointTable, w: ContactBuffers) -> None:
+    """
+    Write which bodies hang together by joints and by points that take part.
+
+    What is only near is of no weight: how near that is depends on how fast all fly by together.
+    """
+    contacts, parent = w.contacts, w.parent
     for i in range(parent.shape[0]):
         parent[i] = i
     for g in range(table.first_row.shape[0] - 1):
@@ -166,7 +171,7 @@ def _unite_bodies(model: Model, table: JointTable, contacts: Contacts, parent: I
             unite(parent, table.body[table.first_row[g]], table.body[r])
     for k in range(contacts.count[0]):
         a, b = contacts.body_a[k], contacts.body_b[k]
-        if model.inv_m[a] > 0.0 and model.inv_m[b] > 0.0:
+        if w.active[k] == 1 and model.inv_m[a] > 0.0 and model.inv_m[b] > 0.0:
             unite(parent, a, b)
 
 

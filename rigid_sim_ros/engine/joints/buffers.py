@@ -19,6 +19,8 @@ TOLERANCE = 1e-13
 # Of an axis: its rate follows; its rate is given; the same, but it yields a little, where only
 # that satisfies the conditions beside its tree.
 UNLOCKED, LOCKED, STIFF = range(3)
+# Bits of `AxisLaw.bound`: an axis whose limits are one position is at both.
+AT_LOWER, AT_UPPER = 1, 2
 # Places in `JointWork.known`: whether the factors, and what the axes feel, are of these poses.
 FACTORED, FELT = range(2)
 PAST = 4        # steps whose curvature is remembered
@@ -104,7 +106,7 @@ class LawWork(NamedTuple):
     theta: Array    # the part of damping that acts in the second half of a step
     before: Array   # position at the start of the step
     target: Array   # position that a locked axis is to have at the end of the step; inf: none
-    bound: IntArray     # (k,) -1 or 1: at its lower or upper limit at the end of the step
+    bound: IntArray     # (k,) AT_LOWER, AT_UPPER: at which limits it is at the end of the step
     approach: Array     # rate with which it would have passed it
     back: Array         # rate with which it comes back from there
     astray: Array       # way from there of a locked axis

@@ -24,7 +24,7 @@ import math
 
 from rigid_sim_ros.engine.joints.articulated import axis_part
 from rigid_sim_ros.engine.joints.buffers import (
-    EFFORT, JointMotion, JointWork, TOLERANCE, UNLOCKED)
+    AT_LOWER, AT_UPPER, EFFORT, JointMotion, JointWork, TOLERANCE, UNLOCKED)
 from rigid_sim_ros.engine.maths.spatial import load, minus, Six, six, times_motion
 from rigid_sim_ros.engine.maths.vector import norm, row
 from rigid_sim_ros.engine.model.joints import JointTable
@@ -93,12 +93,13 @@ def end_laws(table: JointTable, motion: JointMotion, work: JointWork, h: float) 
             drives.position[k] - mean)) + second * drives.damping[k] * drives.velocity[k])
         law.g[k] = second * drives.damping[k]
         law.low[k], law.high[k], law.stick[k] = -math.inf, math.inf, 0.0
-        if law.bound[k] < 0:
+        if law.bound[k] & AT_LOWER:
             law.low[k] = law.back[k]
-        elif law.bound[k] > 0:
+        if law.bound[k] & AT_UPPER:
             law.high[k] = law.back[k]
         _bound_forces(table, motion, work, k, h)
-        _begin_on(work, k, v, motion.held[k] == 1)
+        # In no time friction gives no impulse, and holds nothing.
+        _begin_on(work, k, v, motion.held[k] == 1 and law.F[k] > 0.0)
 
 
 @kernel
@@ -112,9 +113,9 @@ def impact_laws(table: JointTable, motion: JointMotion, work: JointWork) -> None
         law.before[k], law.half_rate[k] = q, motion.rate[k]
         law.theta[k], law.back[k], law.bound[k] = 0.0, 0.0, 0
         if q <= laws.lower[k] + TOLERANCE:
-            law.bound[k] = -1
-        elif q >= laws.upper[k] - TOLERANCE:
-            law.bound[k] = 1
+            law.bound[k] |= AT_LOWER
+        if q >= laws.upper[k] - TOLERANCE:
+            law.bound[k] |= AT_UPPER
     end_laws(table, motion, work, 0.0)
 
 

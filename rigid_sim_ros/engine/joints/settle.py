@@ -6,7 +6,7 @@ import math
 
 from rigid_sim_ros.engine.joints.articulated import factor, gather_momenta, lock, solve
 from rigid_sim_ros.engine.joints.buffers import (
-    FACTORED, FELT, JointMotion, JointWork, TOLERANCE, UNLOCKED)
+    AT_LOWER, AT_UPPER, FACTORED, FELT, JointMotion, JointWork, TOLERANCE, UNLOCKED)
 from rigid_sim_ros.engine.joints.effective_inertia import effective_inertias
 from rigid_sim_ros.engine.joints.kinematics import place_joints
 from rigid_sim_ros.engine.joints.laws import (
@@ -201,9 +201,9 @@ def _leave_pieces(table: JointTable, work: JointWork, one: bool) -> bool:
 @kernel
 def _rebound(table: JointTable, motion: JointMotion, work: JointWork, k: int) -> float:
     """Return the rate with which axis k comes back from its limit."""
-    approach = work.law.approach[k]
+    approach, bound = work.law.approach[k], work.law.bound[k]
     pushed = abs(approach - motion.rate[k])
-    if abs(approach) <= 2.0 * _STEPS_AT_REST * pushed:
+    if abs(approach) <= 2.0 * _STEPS_AT_REST * pushed or bound == AT_LOWER | AT_UPPER:
         return 0.0
     return -table.laws.restitution[k] * approach
 
@@ -221,9 +221,15 @@ def _aim(table: JointTable, motion: JointMotion, work: JointWork) -> None:
             continue
         v = work.given[k]
         if v == law.low[k]:
-            law.bound[k], law.target[k] = -1, table.laws.lower[k]
-        elif v == law.high[k]:
-            law.bound[k], law.target[k] = 1, table.laws.upper[k]
+            law.bound[k] |= AT_LOWER
+            law.target[k] = table.laws.lower[k]
+        if v == law.high[k]:
+            law.bound[k] |= AT_UPPER
+            law.target[k] = table.laws.upper[k]
+        if law.bound[k] != 0:
+            law.back[k] = _rebound(table, motion, work, k)
+            if abs(law.target[k] - law.before[k]) <= 10.0 * TOLERANCE:
+                law.approach[k] = 0.0   # it was there: it meets nothing on this way
         elif v == law.stick[k]:
             if not was_held:
                 motion.held_at[k] = law.before[k]
@@ -232,7 +238,3 @@ def _aim(table: JointTable, motion: JointMotion, work: JointWork) -> None:
             # Its speed is bounded, not its way, which a turning parent bends: to force the way
             # would be more than the drive gives.
             law.target[k] = math.inf
-        if law.bound[k] != 0:
-            law.back[k] = _rebound(table, motion, work, k)
-            if abs(law.target[k] - law.before[k]) <= 10.0 * TOLERANCE:
-                law.approach[k] = 0.0   # it was there: it meets nothing on this way

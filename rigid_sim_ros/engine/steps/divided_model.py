@@ -113,7 +113,8 @@ class DividedTimestep(JointedTimestep):
         if pack is None or pack.arguments.free is not free or (
                 pack.arguments.memory is not c.memory or pack.arguments.part is not self._part):
             pack = self._division = ArgumentPack(Division(
-                free, c.joints.model, self._copy, self._wrenches, c.shapes, c.memory, self._part,
+                free, c.joints.model, self._copy, self._wrenches, c.shapes, c.memory,
+                c.elsewhere, self._part,
                 self.table, self.motion, self._told, self._inv_m, self._inv_I_C,
                 self._has_joints, self._awake, self._parent, self._marked))
         return pack.run(run, what)

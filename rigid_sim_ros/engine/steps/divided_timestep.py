@@ -5,21 +5,25 @@ How a step of the model `timestep` is divided where joints hold bodies and other
 
 What touches nothing that joints hold, directly or through others, moves as in a world without
 joints (timestep.py), and the rest by the solver that knows them (jointed_timestep.py). Both begin
-at the same state, each sees the bodies of the other as if nothing could push them, and none of
-these is near enough for either to reach it. Which body belongs where follows in each step from
-what detection finds, and from the forces of the scene between bodies. What sleeps belongs to
-neither: both see it as if nothing could push it, and the solver with joints has only those
-articulations that are awake.
+at the same state, neither has to do with the bodies of the other, and none of these is near enough
+for either to reach it. Which body belongs where follows in each step from
+what detection finds, how fast that comes nearer, and from the forces of the scene between bodies:
+how fast all fly by together does not matter. What sleeps belongs to neither: both see it as if
+nothing could push it, and the solver with joints has only those articulations that are awake.
 """
 
+import math
 from typing import NamedTuple
 
+from rigid_sim_ros.engine.detection.manifold_rows import pack_rows
 from rigid_sim_ros.engine.detection.manifolds import (
     current, earlier, Manifolds, Memory, POINTS, rows_in_use)
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.joints.buffers import JointMotion
 from rigid_sim_ros.engine.joints.part import Part, put_back, take_out
+from rigid_sim_ros.engine.maths.rotation import quaternion
 from rigid_sim_ros.engine.maths.union_find import first_of, unite
+from rigid_sim_ros.engine.maths.vector import column, norm, scale, subtract
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.engine.model.model import Model, WORLD
 from rigid_sim_ros.engine.model.shapes import Shapes
@@ -28,10 +32,11 @@ from rigid_sim_ros.engine.solver.joint_rest import mark_told
 from rigid_sim_ros.engine.solver.parallel_detection import take_sides_of
 from rigid_sim_ros.engine.solver.sleeping import (
     fall_asleep, keep_awake, keep_pressing, Rest, wake_touched)
+from rigid_sim_ros.engine.state.rates import spin_of
 from rigid_sim_ros.engine.state.state import copy_body, copy_into, State
 from rigid_sim_ros.engine.steps.articulated import end_command
 from rigid_sim_ros.engine.steps.timestep import may_sleep
-from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
 
@@ -45,6 +50,7 @@ class Division(NamedTuple):
     wrenches: Wrenches
     shapes: Shapes
     memory: Memory
+    elsewhere: IntArray  # (n,) 1: the other solver moves the body
     part: Part  # of the joints
     # --- of the world
     table: JointTable  # of all joints
@@ -91,7 +97,7 @@ def divide(d: Division) -> bool:
     if may_sleep(d.free):
         _wake_touched(d.free)
     others = _note_awake(d.table, d.free.rest, d.awake)
-    _unite_islands(d.free.model, d.inv_m, d.free.rest, current(d.free.memory), d.parent)
+    _unite_islands(d)
     n, mine = d.parent.shape[0], d.has_joints
     changed = _mark_islands(d)
     for i in range(n):
@@ -101,6 +107,7 @@ def divide(d: Division) -> bool:
         for s in range(d.shapes.body.shape[0]):
             d.shapes.still[s] = 1 if d.model.inv_m[d.shapes.body[s]] == 0.0 else 0
         d.memory.pair_count[0] = -1   # as before the first step: pairs of other bodies
+    _part_from_each_other(d)
     take_sides_of(d.free, (0, n))
     copy_into(d.state, d.free.state)
     _copy_wrenches(d.wrenches, d.free.wrenches)
@@ -130,26 +137,79 @@ def _note_awake(table: JointTable, rest: Rest, awake: IntArray) -> bool:
 
 
 @kernel
-def _unite_islands(model: Model, inv_m: Array, rest: Rest, manifolds: Manifolds,
-                   parent: IntArray) -> None:
+def _unite_islands(d: Division) -> None:
     """Unite the bodies that are awake and near each other, or between which a force acts."""
-    for i in range(parent.shape[0]):
-        parent[i] = i
+    model, manifolds = d.free.model, current(d.free.memory)
+    for i in range(d.parent.shape[0]):
+        d.parent[i] = i
     first, count = rows_in_use(manifolds)
     for k in range(count):
         r = (first + k) & INDEX
-        _unite_moving(inv_m, rest, parent, manifolds.body_a[r], manifolds.body_b[r])
+        a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+        if _both_move(d, a, b) and _may_meet(d, manifolds, r, a, b):
+            unite(d.parent, a, b)
     forces = model.forces
     for r in range(forces.kind.shape[0]):
-        a, b = forces.frame_a[r], forces.frame_b[r]
-        if a != WORLD and b != WORLD:
-            _unite_moving(inv_m, rest, parent, model.frame_body[a], model.frame_body[b])
+        frame_a, frame_b = forces.frame_a[r], forces.frame_b[r]
+        if frame_a != WORLD and frame_b != WORLD:
+            a, b = model.frame_body[frame_a], model.frame_body[frame_b]
+            if _both_move(d, a, b):
+                unite(d.parent, a, b)
 
 
 @kernel
-def _unite_moving(inv_m: Array, rest: Rest, parent: IntArray, a: int, b: int) -> None:
-    if inv_m[a] > 0.0 and inv_m[b] > 0.0 and rest.asleep[a] + rest.asleep[b] == 0:
-        unite(parent, a, b)
+def _both_move(d: Division, a: int, b: int) -> bool:
+    asleep = d.free.rest.asleep
+    return bool(d.inv_m[a] > 0.0 and d.inv_m[b] > 0.0 and asleep[a] + asleep[b] == 0)
+
+
+@kernel
+def _may_meet(d: Division, manifolds: Manifolds, r: int, a: int, b: int) -> bool:
+    """
+    Return whether the shapes of a manifold are as near as they may come in the step, or nearly so.
+
+    That is detection's rule (margins.py) with the velocity of one body against the other: of what
+    detection finds it leaves out what only flies fast in company.
+    """
+    c, gap = d.free, math.inf
+    for j in range(manifolds.points[r]):
+        gap = min(gap, manifolds.gap[j, r])
+    v_a, w_a = _motion(d, a)
+    v_b, w_b = _motion(d, b)
+    way = c.model.h * (norm(subtract(v_a, v_b)) + c.work.radius[a] * norm(w_a)
+                       + c.work.radius[b] * norm(w_b))
+    margins = c.memory.rest_margin
+    return bool(gap <= way + margins[manifolds.shape_a[r]] + margins[manifolds.shape_b[r]])
+
+
+@kernel
+def _motion(d: Division, i: int) -> tuple[Vector, Vector]:
+    """Return v of the centre of mass [m/s] and w [rad/s] of a body that can be pushed."""
+    state = d.free.state
+    return (scale(d.inv_m[i], column(state.P, i)),
+            spin_of(quaternion(state.q, i), column(state.L, i), column(d.inv_I_C, i)))
+
+
+@kernel
+def _part_from_each_other(d: Division) -> None:
+    """Let neither solver have the manifolds between its bodies and those of the other."""
+    mine, manifolds, touching = d.has_joints, current(d.free.memory), d.free.memory.touching
+    for i in range(mine.shape[0]):
+        moves = d.inv_m[i] > 0.0 and d.free.rest.asleep[i] == 0
+        d.elsewhere[i] = 1 if moves and mine[i] == 0 else 0
+    first, count = rows_in_use(manifolds)
+    for k in range(count):
+        r = (first + k) & INDEX
+        a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+        if mine[a] != mine[b] and _both_move(d, a, b):
+            manifolds.points[r] = 0
+    pack_rows(manifolds)
+    if manifolds.count[0] == count:
+        return
+    touching[:] = 0
+    for k in range(manifolds.count[0]):
+        r = (first + k) & INDEX
+        touching[0, manifolds.body_a[r] & INDEX] = touching[0, manifolds.body_b[r] & INDEX] = 1
 
 
 @kernel

@@ -62,6 +62,7 @@ class JointedContact(NamedTuple):
     memory: Memory
     radius: Array  # (n,) [m] how far the shapes of a body reach from its centre of mass
     thickness: Array  # (s,) [m] half of the least that a shape measures across
+    elsewhere: IntArray  # (n,) 1: another solver moves the body, and it touches nothing here
     buffers: ContactBuffers
     place: IntArray  # (9,) see STEPS
     span: Array  # (3,) [s] of the model `event`, see jointed_event.LEFT; and see WITHIN
@@ -94,6 +95,9 @@ def find_within(c: JointedContact, _: int) -> int:
                                        w.contacts)
     if why != DONE:
         return why
+    for k in range(w.contacts.count[0]):
+        if c.elsewhere[w.contacts.body_a[k]] + c.elsewhere[w.contacts.body_b[k]] > 0:
+            w.contacts.gap[k] = np.inf
     # What acts at these comes to what acted in this step.
     w.count[NEEDED] += w.acted.count[0] + w.half_acted.count[0]
     return MORE_CONTACTS if w.count[NEEDED] > w.contacts.gap.shape[0] else DONE

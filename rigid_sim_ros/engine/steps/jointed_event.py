@@ -24,10 +24,10 @@ from rigid_sim_ros.engine.contact.contacts import read_bodies
 from rigid_sim_ros.engine.contact.recorded_impulses import note, record
 from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
-from rigid_sim_ros.engine.steps.articulated import go_back, MOST_PARTS
+from rigid_sim_ros.engine.steps.articulated import go_back, MOST_PARTS, next_size
 from rigid_sim_ros.engine.steps.jointed_contact import (
     BEGIN, begin, choose, COLLISIONS, CUT_SHORT, end, EVENTS, find_touching, JointedContact,
-    keep_first_half, MORE_ROWS, reach, read_way, retry_unresolved, SLOWED, STAGE, STEPS,
+    keep_first_half, MORE_ROWS, reach, read_way, retry_unresolved, SIZE, SLOWED, STAGE, STEPS,
     take_first_half, take_second_half, take_way, TRIES)
 from rigid_sim_ros.kernels.kernel import kernel
 
@@ -77,9 +77,23 @@ def _begin(c: JointedContact) -> None:
     begin(c)
     place = c.place
     place[EVENTS], place[TRIES], place[COLLISIONS], place[CUT_SHORT] = 0, 0, 0, 0
-    place[SLOWED] = 0
-    c.span[LEFT] = c.span[WAY] = c.joints.model.h
+    place[SLOWED], place[SIZE] = 0, next_size(c.joints.motion)
+    c.span[LEFT] = c.joints.model.h
+    _try_part(c)
     place[STAGE] = SEEK
+
+
+@kernel
+def _part(c: JointedContact) -> float:
+    """Return how long [s] ways are at most: as the motion of the joints is resolved by."""
+    return c.joints.model.h * c.place[SIZE] / MOST_PARTS
+
+
+@kernel
+def _try_part(c: JointedContact) -> None:
+    """Let the way that is tried be as long as may be, or all that is left."""
+    left, part = c.span[LEFT], _part(c)
+    c.span[WAY] = left if left < part + SHORTEST * c.joints.model.h else part
 
 
 @kernel
@@ -158,6 +172,8 @@ def _take_first_half(c: JointedContact) -> None:
         if MOST_PARTS * h > joints.model.h:
             go_back(joints)
             c.span[WAY] = 0.5 * h
+            while c.place[SIZE] > 1 and _part(c) > (1.0 + SHARP) * c.span[WAY]:
+                c.place[SIZE] //= 2
             return      # what touches is still the same
         if retry_unresolved(c):
             return
@@ -221,14 +237,15 @@ def _take_second_half(c: JointedContact) -> None:
     """Take the second half of a way, and end the step after its last one."""
     h = c.span[WAY]
     take_second_half(c, h)
-    if h != c.joints.model.h:
+    if abs(h - _part(c)) > SHARP * h:
         c.joints.motion.known[0] = 0      # what joints needed is of ways of one length
+        c.place[EVENTS] += 1
     c.place[TRIES], c.place[SLOWED] = 0, 0
     c.place[STAGE] = SEEK
     if h >= c.span[LEFT]:
+        c.joints.motion.parts[0] = MOST_PARTS // c.place[SIZE]
         end(c)
         return
-    c.place[EVENTS] += 1
     c.place[CUT_SHORT] = 1 if c.place[EVENTS] >= MOST_EVENTS else 0
     c.span[LEFT] -= h
-    c.span[WAY] = c.span[LEFT]
+    _try_part(c)

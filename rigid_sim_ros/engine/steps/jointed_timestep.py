@@ -74,7 +74,8 @@ def _seek(c: JointedContact) -> int:
     manifolds = current(c.memory)
     for r in range(manifolds.count[0]):
         speed, least = reach(c, r, h)
-        if speed * h > least:
+        here = c.elsewhere[manifolds.body_a[r]] + c.elsewhere[manifolds.body_b[r]] == 0
+        if here and speed * h > least:
             wake(w, manifolds.shape_a[r], manifolds.shape_b[r])
     take_close(w)
     return choose(c, FIRST)

@@ -103,6 +103,17 @@ def test_a_limit_is_not_passed_and_gives_nothing_back(h):
     assert one.joint_wrench('pin')[4] == pytest.approx(-6.0 + wanted, rel=1e-9)
 
 
+def test_a_joint_whose_limits_are_one_position_is_fixed_whatever_its_drive_does():
+    load = {'mode': 'position', 'position': 5.0, 'stiffness': 1e5, 'damping': 10.0}
+    limits = {'lower': 0.1, 'upper': 0.1, 'restitution': 0.5}
+    one = world([body('wheel')], [joint('axle', 'world', 'wheel', limits=limits, drive=load,
+                                        friction=1.0) | {'position': 0.1}])
+    one.step(20)
+    assert one.joint_position[0] == pytest.approx(0.1, abs=1e-12)
+    assert one.joint_velocity[0] == 0.0
+    assert one.joint_effort[0] == pytest.approx(1e5 * 4.9, rel=1e-12)
+
+
 @pytest.mark.parametrize('restitution', [0.5, 1.0])
 def test_a_limit_gives_back_what_its_restitution_says(restitution):
     one = wheel(limits={'upper': 1.0, 'restitution': restitution}, velocity=2.0)

@@ -58,6 +58,53 @@ def test_what_is_far_from_each_other_moves_as_if_it_were_alone():
     assert forces[0] == pytest.approx(forces[1] + forces[2], rel=1e-14)
 
 
+def flying(bodies, u):
+    """Return bodies that fly with u [m/s] more than they are written."""
+    return [one | {'twist': {'linear': np.add(one.get('twist', {}).get('linear', (0, 0, 0)),
+                                              u).tolist()}} for one in bodies]
+
+
+def in_space(bodies, joints=(), contact='timestep'):
+    spec = {'world': {'gravity': [0.0, 0.0, 0.0], 'contact': contact}, 'bodies': bodies}
+    return World.from_dict(spec | ({'joints': list(joints)} if joints else {}))
+
+
+def test_what_only_flies_in_company_moves_as_if_it_were_alone():
+    """Boxes meet 8 cm beside an arm, and all fly on by 6 cm in each step."""
+    boxes = [{'name': f'box{k}', 'mass': 1.0, 'shape': BOX,
+              'pose': {'position': [0.23, 0.01 * k, 0.1 + 0.21 * k]},
+              'twist': {'linear': [0.0, 0.0, -1.0 * k]}} for k in range(2)]
+    u = (30.0, 50.0, 10.0)
+    arm, boxes = flying(placed(ARM, 0.0), u), flying(boxes, u)
+    both, one, other = (in_space(boxes + arm, JOINTS[1:]), in_space(arm, JOINTS[1:]),
+                        in_space(boxes))
+    pressed = 0.0
+    for _ in range(40):
+        for world in (both, one, other):
+            world.step(1)
+        for alone in (one, other):
+            assert (motion(both, alone.names) == motion(alone, alone.names)).all()
+        pressed += both.contacts()['normal_force'].sum()
+    assert pressed > 0.0
+
+
+@pytest.mark.parametrize('contact', ['timestep', 'event'])
+def test_what_overlaps_comes_apart_alike_however_fast_it_flies(contact):
+    """A box overlaps a link by 2 cm, and both are displaced: neither turns for flying by."""
+    arm = placed(ARM, 0.0)
+    box = {'name': 'box', 'mass': 0.5, 'shape': BOX, 'pose': {'position': [0.13, 0.03, 0.25]}}
+    rests, flies = (in_space(flying([*arm, box], u), JOINTS[1:], contact)
+                    for u in (np.zeros(3), np.array((30.0, 50.0, 10.0))))
+    for _ in range(50):
+        rests.step(1)
+        flies.step(1)
+    moved = [world.position - world.position[2] for world in (rests, flies)]
+    # To rounding of places of some metres over a step, 1e-12 m/s over 0.1 m in each.
+    assert np.abs(moved[0] - moved[1]).max() < 1e-10
+    assert np.abs(rests.angular_velocity - flies.angular_velocity).max() < 1e-8
+    assert rests.position[2, 0] > 0.135
+
+
 def test_a_world_goes_on_bit_for_bit_while_bodies_come_and_go():
     """The arm swings into a heap, and boxes roll off it: saved and restored at every stage."""
     spec = placed(HEAP, -2.5) + ARM

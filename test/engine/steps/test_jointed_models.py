@@ -164,3 +164,60 @@ def test_a_light_foot_that_a_drive_presses_on_the_floor_rests_there(contact):
     # It swings with exp(-10 t), d / (2 m) = 10/s, for 3 s: 1e-13 of what it was. In half a step
     # the drive would give the foot 10 m/s, of which nothing is an approach.
     assert np.abs(world.linear_velocity).max() < 1e-9
+
+
+@pytest.mark.parametrize('contact', ['timestep', 'event'])
+def test_a_heavy_load_on_a_light_chain_keeps_its_energy(contact):
+    """A step does not resolve how the links swing between each other, and is taken in parts."""
+    links = [{'name': f'link{k}', 'mass': 0.01,
+              'shape': {'type': 'capsule', 'radius': 0.01, 'length': 0.06},
+              'pose': {'position': [0.0, 0.0, -0.1 * k]}} for k in range(20)]
+    load = {'name': 'load', 'mass': 100.0, 'shape': {'type': 'box', 'size': [0.2, 0.3, 0.14]},
+            'pose': {'position': [0.0, 0.0, -2.0]}}
+    names = ['world', *(link['name'] for link in links), 'load']
+    joints = [{'name': f'joint{k}', 'type': 'spherical', 'parent': names[k], 'child': names[k + 1],
+               'pose': {'position': [0.0, 0.0, -0.05 if k else 0.05]}} for k in range(21)]
+    world = World.from_dict({'world': {'contact': contact}, 'bodies': [*links, load],
+                             'joints': joints})
+    world.apply_impulse('load', (50.0, 0.0, 0.0))
+    before = world.kinetic_energy() + world.potential_energy()
+    world.step(1000)
+    # Of 12.5 J that go to and fro, (h w)^2 with w = 30 rad/s of a link about its pendulum's.
+    assert abs(world.kinetic_energy() + world.potential_energy() - before) < 1e-2
+
+
+WALL = {'name': 'wall', 'fixed': True, 'shape': {'type': 'box', 'size': [0.2, 1.0, 1.0]},
+        'pose': {'position': [0.25, 0.0, 0.0]}}     # its face is at 0.15 m, a ball's at 0.1 m
+
+
+def sliding(contact, parent, laws, *others):
+    """Return the world of a ball on a rail along x towards a wall, 5 cm away."""
+    ball = {'name': 'ball', 'mass': 1.0, 'shape': BALL}
+    rail = {'name': 'rail', 'type': 'prismatic', 'parent': parent, 'child': 'ball',
+            'axis': [1.0, 0.0, 0.0], **laws}
+    return World.from_dict({'world': {'contact': contact}, 'bodies': [ball, WALL, *others],
+                            'joints': [rail]})
+
+
+@pytest.mark.parametrize('contact', ['timestep', 'event'])
+@pytest.mark.parametrize('drive', [
+    {'mode': 'effort', 'effort': 5.0},
+    {'mode': 'position', 'stiffness': 1e3, 'damping': 1e2, 'position': 1.0}])
+def test_a_drive_at_the_bound_of_its_speed_is_stopped_by_a_wall(contact, drive):
+    world = sliding(contact, 'world', {
+        'drive': drive, 'limits': {'velocity': 0.2, 'effort': 5.0}})
+    world.step(1000)
+    # As deep as the solvers let anything be, 1e-6 of its size.
+    assert world.joint_position[0] == pytest.approx(0.05, abs=1e-7)
+    assert abs(world.joint_velocity[0]) < 1e-9
+    assert world.contacts()['normal_force'].sum() == pytest.approx(5.0, rel=1e-6)
+
+
+@pytest.mark.parametrize('contact', ['timestep', 'event'])
+def test_dry_friction_yields_where_its_base_carries_a_body_into_a_wall(contact):
+    base = {'name': 'base', 'kinematic': True, 'twist': {'linear': [0.5, 0.0, 0.0]}}
+    world = sliding(contact, 'base', {'friction': 3.0}, base)
+    world.step(300)
+    assert world.position[0, 0] == pytest.approx(0.05, abs=1e-7)
+    assert world.joint_velocity[0] == pytest.approx(-0.5, abs=1e-6)
+    assert world.contacts()['normal_force'].sum() == pytest.approx(3.0, rel=1e-6)
