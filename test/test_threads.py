@@ -149,8 +149,9 @@ def test_a_world_is_restored_with_its_halves(by_place):
         assert cut_by_place(world) == by_place
         saved.append(world.save())
         hashes.append(world.state_hash())
-    for before, after in zip(saved[:20], hashes[20:], strict=True):
-        fresh = crowd(['sphere'])
+    fresh = crowd(['sphere'])
+    for before, after in zip(saved[:20:3], hashes[20::3], strict=True):
+        fresh.step()    # it was elsewhere
         fresh.restore(before)
         fresh.step(20)
         assert fresh.state_hash() == after

@@ -45,18 +45,21 @@ def world() -> World:
     return World.from_dict(SCENE)
 
 
-def record_all(batch: Batch) -> None:
-    """Let everything happen to a session that can: for 3.5 s of simulation."""
-    batch.run(313)
+def record_all(batch: Batch, share: float = 1.0) -> None:
+    """Let everything happen to a session that can: for 3.5 s of simulation, or a share of it."""
+    def run(steps: int) -> None:
+        batch.run(round(share * steps))
+
+    run(313)
     batch.tell('apply_wrench', name='crate', force=(1.0, 0.25, -2.0), torque=(0.0, 0.5, 0.0),
                frame='crate/handle', duration=0.4, source='crate/wrench')
-    batch.run(500)
+    run(500)
     batch.tell('apply_wrench', name='ball', force=(0.5, 0.0, 0.0), duration=5.0, source='wind')
     batch.tell('set_pose', name='ball', position=(4.0, 1.0, 0.5), orientation=(0.6, 0, 0, 0.8))
-    batch.run(700)
+    run(700)
     batch.tell('cancel_wrenches', source='wind')
     batch.tell('reset')
-    batch.run(600)
+    run(600)
     batch.tell('pause')
     batch.tell('set_twist', name='ball', linear=(0.0, 0.0, 1.0), angular=(1.0, 2.0, 3.0))
     batch.publish()
@@ -64,17 +67,18 @@ def record_all(batch: Batch) -> None:
     batch.run(1)
     batch.tell('resume')
     batch.tell('speed', factor=2.0)
-    batch.run(500)
+    run(500)
     batch.tell('apply_impulse', name='crate', impulse=(0.1, 0.2, 0.3))
     batch.tell('reset', keep_time=True)
-    batch.run(900)
+    run(900)
 
 
-def session(folder: Path, **options: Any) -> Path:
+def session(folder: Path, share: float = 1.0, **options: Any) -> Path:
     """Record such a session in several files and return the bag."""
     bag = folder / 'session'
-    batch = Batch(world(), bag, **{'segment_s': 1.0, 'hash_interval': 250, **options})
-    record_all(batch)
+    batch = Batch(world(), bag, **{'segment_s': share, 'hash_interval': round(250 * share),
+                                   **options})
+    record_all(batch, share)
     batch.close()
     return bag
 
@@ -83,6 +87,12 @@ def session(folder: Path, **options: Any) -> Path:
 def shared_session(storage: str = 'mcap', compression: str = 'none') -> Path:
     """Return a session that several tests look at, and none changes."""
     return session(lasting_folder(), storage=storage, compression=compression)
+
+
+@cache
+def brief_session(storage: str, compression: str) -> Path:
+    """Return one of 0.7 s, for tests that read it a thousand times."""
+    return session(lasting_folder(), 0.2, storage=storage, compression=compression)
 
 
 def lasting_folder() -> Path:

@@ -12,7 +12,7 @@ import tempfile
 
 from bag.damage import damages, spoil
 from bag.hostile import COMMANDS, contents, limited_time
-from bag.sessions import shared_session
+from bag.sessions import brief_session
 from effort import examples
 from hypothesis import given, strategies as st
 import pytest
@@ -26,7 +26,7 @@ from rigid_sim_ros.bag.verify import verify
 def check(storage: str, compression: str, suffix: str, damage, strict: bool) -> None:
     with tempfile.TemporaryDirectory() as folder:
         bag, beside = Path(folder, 'bag'), Path(folder, 'beside')
-        shutil.copytree(shared_session(storage, compression), bag)
+        shutil.copytree(brief_session(storage, compression), bag)
         beside.write_bytes(b"somebody's words")
         changed = spoil(bag, suffix, damage)
         before = contents(bag)

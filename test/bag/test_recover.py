@@ -127,6 +127,8 @@ def test_a_damaged_chunk_in_the_middle_costs_only_itself(tmp_path) -> None:
     first.write_bytes(raw)
     result = recover(bag)
     assert (result.lost_places, len(result.kept_aside)) == (1, 1)
+    assert result.loss.endswith(f'; {result.lost_bytes} bytes in 1 place')
+    assert result._replace(lost_places=2).loss.endswith(' bytes in 2 places')
     assert (bag / result.kept_aside[0]).read_bytes() == raw
     # A chunk is 1 MB and a message 100 bytes: the chunk holds some 8000.
     assert total - 12_000 < result.messages < total

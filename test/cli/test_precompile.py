@@ -4,9 +4,8 @@
 
 import os
 from pathlib import Path
-import subprocess
-import sys
 
+import fresh
 import pytest
 
 import rigid_sim_ros
@@ -61,8 +60,7 @@ joints:
 def run(*words: str, cache: Path | None = None) -> str:
     """Return what Python printed in a process of its own, with a cache of its own if need be."""
     own = {} if cache is None else {'NUMBA_CACHE_DIR': str(cache)}
-    done = subprocess.run([sys.executable, *words], env=os.environ | own, capture_output=True,
-                          text=True, check=False, timeout=1200)
+    done = fresh.run(*words, env=os.environ | own)
     assert (done.returncode, done.stderr) == (0, '')
     return done.stdout
 

@@ -7,10 +7,9 @@ import os
 from pathlib import Path
 import pickle
 import shutil
-import subprocess
-import sys
 
 from bag.small_disk import make_read_only, mounted
+import fresh
 import pytest
 
 from rigid_sim_ros.kernels import cache
@@ -90,10 +89,9 @@ def test_what_was_compiled_is_found_again_where_nobody_may_write_to_the_package(
                                     'PYTHONPATH': str(place)}
         environment.pop('NUMBA_CACHE_DIR', None)
         for expected in ('0 1', '1 0'):
-            done = subprocess.run(
-                [sys.executable, '-c', FOUND.replace('PLACE', repr(str(place)))], cwd=tmp_path,
-                env=environment, capture_output=True, text=True, check=True)
-            assert done.stdout.split() == expected.split()
+            done = fresh.run('-c', FOUND.replace('PLACE', repr(str(place))), cwd=tmp_path,
+                             env=environment)
+            assert done.stdout.split() == expected.split(), done.stderr
 
 
 def test_what_was_compiled_is_found_again_by_the_same_package_in_another_place(tmp_path):
@@ -111,8 +109,8 @@ def found(home, check=True, program=ANYWHERE, **environment):
     if 'NUMBA_CACHE_DIR' not in environment:
         variables.pop('NUMBA_CACHE_DIR', None)
     # Python looks for the package where it starts first.
-    done = subprocess.run([sys.executable, '-c', program], env=variables, cwd=home.parent,
-                          capture_output=True, text=True, check=check)
+    done = fresh.run('-c', program, env=variables, cwd=home.parent)
+    assert done.returncode == 0 or not check, done.stderr
     return done.stdout.split(), done.stderr
 
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 
+import fresh
 import pytest
 
 from rigid_sim_ros.kernels.helper_process import cores
@@ -105,22 +106,21 @@ def _started(tmp_path):
 
     def start(change='', before='', late=None):
         path = os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
-        return subprocess.Popen(
-            [sys.executable, '-c', RUN.format(
+        return fresh.Fresh(
+            ['-c', RUN.format(
                 before=before, change=change,
                 helped='[kernels.add_up]' if late is None else '[], [kernels.add_up]',
                 late='' if late is None else LATE.format(happens=late))],
-            env=os.environ | {'NUMBA_CACHE_DIR': str(tmp_path / 'cache'), 'PYTHONPATH': path},
-            stdout=subprocess.PIPE, text=True)
+            env=os.environ | {'NUMBA_CACHE_DIR': str(tmp_path / 'cache'), 'PYTHONPATH': path})
 
     return start
 
 
 def result(process):
     """Return what a process found, and whether it loaded what a helper was to compile."""
-    output, _ = process.communicate(timeout=300)
-    assert process.returncode == 0
-    return tuple(map(int, output.split()))
+    done = process.wait()
+    assert done.returncode == 0, done.stderr
+    return tuple(map(int, done.stdout.split()))
 
 
 @needs_helper
@@ -185,9 +185,9 @@ separate.link(kernels.both, pack, separate.Pieces([kernels.count], [kernels.add_
 def test_a_helper_ends_when_who_started_it_is_killed(started):
     happens = 'print(helper.process.pid, flush=True); os.kill(os.getpid(), 9)'
     process = started(TO_A_HELPER.format(waits='no', happens=happens))
-    output, _ = process.communicate(timeout=300)
-    assert process.returncode == -signal.SIGKILL
-    helper = int(output)
+    done = process.wait()
+    assert done.returncode == -signal.SIGKILL
+    helper = int(done.stdout)
     for _ in range(500):    # it would wait for 60 s
         if not is_running(helper):
             return

@@ -11,12 +11,12 @@ from laws.book import breaches, CROWDS
 import pytest
 
 # Sixty bodies take a second.
-SCENES = {'timestep': 8, 'event': 6}
-FEWER = {'collapse-energy': 4}
+SCENES = {'timestep': 5, 'event': 4}
+FEWER = {'collapse-energy': 2}
 # Scenes that are known to break a law. In `timestep` ten of a hundred break `crates-order`, four
 # `crates-mirrored`: their impacts and friction have more than one solution.
 KNOWN = {('crates-mirrored', 'event'): {0}, ('crates-turned', 'event'): {1, 2},
-         ('crates-mirrored', 'timestep'): {2}, ('crates-order', 'timestep'): {5}}
+         ('crates-mirrored', 'timestep'): {2}}
 ASKED = [(law, model) for law in CROWDS for model in SCENES if model in CROWDS[law].models]
 
 

@@ -16,8 +16,8 @@ import pytest
 from rigid_sim_ros import World
 
 # Scenes a law. Twins run four worlds, and what touches takes ten times as long.
-SEEDS = {'none': 12, 'timestep': 8, 'event': 4}
-TWINS = {'none': 6, 'timestep': 2, 'event': 2}
+SEEDS = {'none': 6, 'timestep': 6, 'event': 4}
+TWINS = {'none': 3, 'timestep': 2, 'event': 2}
 # Scenes that are known to break a law; docs/joints.md tells how many of a hundred do. Joints close
 # to a tolerance in metres, so that a twin of another size may take a step in other parts.
 KNOWN = {('jointed-scaled', model): {0} for model in SEEDS} | {

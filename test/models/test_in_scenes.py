@@ -4,8 +4,8 @@
 
 from pathlib import Path
 import subprocess
-import sys
 
+import fresh
 from models.robots import URDF, write
 import numpy as np
 import pytest
@@ -106,8 +106,7 @@ def test_a_scene_may_have_models_and_no_bodies(path) -> None:
 
 
 def command(*args: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, '-m', 'rigid_sim_ros', *map(str, args)], text=True,
-                          capture_output=True, check=False, timeout=300)
+    return fresh.run('-m', 'rigid_sim_ros', *map(str, args))
 
 
 def test_a_bag_of_a_model_is_verified_without_its_file(path, tmp_path) -> None:

@@ -145,6 +145,13 @@ def test_the_axis_of_a_ball_joint_damps_all_its_axes(tmp_path) -> None:
         read_scene(write(tmp_path, 'm.sdf', text))
 
 
+def test_a_file_of_two_models_is_refused(tmp_path) -> None:
+    models = ''.join(f'<model name="{name}">{link("a")}</model>' for name in 'mn')
+    path = write(tmp_path, 'm.sdf', f'<sdf version="1.9">{models}</sdf>')
+    with pytest.raises(SceneError, match='has 2 models, must have one model'):
+        read_scene(path)
+
+
 def test_a_file_that_includes_itself_ends_in_an_error(tmp_path) -> None:
     path = write(tmp_path, 'm.sdf', sdf('<include><uri>m.sdf</uri></include>'))
     with pytest.raises(SceneError, match='must not include itself'):

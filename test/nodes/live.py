@@ -76,6 +76,12 @@ class Process:
         youngest = sorted(others, reverse=True)
         assert any(ctypes.CDLL(None).tgkill(pid, other, number) == 0 for other in youngest)
 
+    def has_children(self) -> bool:
+        """Return whether it has started a process that has not ended."""
+        found = subprocess.run(['ps', '-o', 'pid=', '--ppid', str(self._process.pid)],
+                               capture_output=True, text=True, check=False)
+        return found.stdout != ''
+
     def wait(self) -> int:
         """Wait for the end and return the exit code."""
         return self._process.wait(PATIENCE)

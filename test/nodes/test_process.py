@@ -12,13 +12,17 @@ from unittest import SkipTest
 if find_spec('rclpy') is None:
     raise SkipTest('rclpy is not installed: pip install .[ros]')
 
+from kernels.caches import cache_without
 from nodes.live import kept, nanoseconds, Process, running, simulate
 from nodes.scenes import crates
 import pytest
 from sensor_msgs.msg import MultiDOFJointState
 
-# What a healthy run may write to stderr.
-HEALTHY = re.compile(r'\[INFO\] \[[0-9.]+\] \[\w+\]: simulating |compiling the physics kernels')
+# What a healthy run may write to stderr. On a busy machine a probe asks whether a node knows it
+# again, and is gone with the first answer: of the other rclpy warns, with a line of its source.
+HEALTHY = re.compile(
+    r'\[INFO\] \[[0-9.]+\] \[\w+\]: simulating |compiling the physics kernels|'
+    r'\S+/rclpy/service\.py:\d+: RuntimeWarning: failed to send response |  .*request_id\)$')
 
 
 @pytest.fixture(scope='module')
@@ -43,30 +47,29 @@ def test_a_signal_ends_the_node_cleanly(probe, tmp_path, scene, number):
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_the_node_while_it_compiles(ros, tmp_path, monkeypatch, scene, number):
-    cache = tmp_path / 'cache'
-    monkeypatch.setenv('NUMBA_CACHE_DIR', str(cache))
-    process = simulate(tmp_path, scene, is_forked=False)
-    # The first kernels are in the cache, and the last ones are not for a good while.
-    while len(kept_kernels := [*cache.rglob('*.nbc')]) < 3:
+def test_a_signal_ends_the_node_while_it_compiles(ros, tmp_path, monkeypatch, number):
+    # Without this one, which takes longest to compile, no body can meet another.
+    cache_without(tmp_path / 'cache', 'detect_part')
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path / 'cache'))
+    process = simulate(tmp_path, 'tower', is_forked=False)
+    while not process.has_children():   # the helper that compiles it, for which the node waits
         assert process.is_running(), process.stderr
-        time.sleep(0.01)
+        time.sleep(0.1)
     process.signal(number)
     assert process.wait() == 128 + number       # as a shell reports it
     said = [line for line in process.stderr.splitlines() if not HEALTHY.match(line)]
     assert said == ['rigid_sim: stopped before the start: nothing was simulated']
-    assert all(kernel.exists() for kernel in kept_kernels)
 
 
 def test_a_signal_to_any_thread_ends_the_node(probe, tmp_path, scene):
-    with running(tmp_path, scene, name='sim_thread', is_forked=False) as process:
+    with running(tmp_path, scene, name='sim_thread') as process:
         probe.some(MultiDOFJointState, '/sim_thread/state')
         process.signal_other_thread(signal.SIGINT)
         assert process.wait() == 0
 
 
 def test_a_signal_ends_the_node_while_it_is_paused(probe, tmp_path, scene):
-    with running(tmp_path, scene, is_forked=False) as process:
+    with running(tmp_path, scene) as process:
         probe.pause(True)
         process.signal(signal.SIGTERM)
         assert process.wait() == 0
@@ -84,7 +87,7 @@ def test_a_signal_ends_the_node_between_long_steps(probe, tmp_path):
 
 
 def test_the_node_ends_after_its_duration(tmp_path, scene):
-    process = simulate(tmp_path, scene, words=['--duration', '0.2'], is_forked=False)
+    process = simulate(tmp_path, scene, words=['--duration', '0.2'])
     assert process.wait() == 0
 
 

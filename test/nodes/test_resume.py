@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A node goes on from any moment of a recorded session."""
 from importlib.util import find_spec
-import sys
 from unittest import SkipTest
 
 if find_spec('rclpy') is None:
@@ -37,9 +36,9 @@ def session(tmp_path_factory):
 
 
 def resume(folder, bag, *words, name='resumed'):
-    command = [sys.executable, '-m', 'rigid_sim_ros', 'resume', str(bag), *map(str, words),
-               '--ros-args', '-r', f'__node:={name}']
-    return Process(command, folder)
+    command = ['rigid_sim', 'resume', str(bag), *map(str, words), '--ros-args', '-r',
+               f'__node:={name}']
+    return Process(command, folder, is_forked=True)
 
 
 def test_without_new_inputs_it_goes_on_as_the_session_did(ros, session, tmp_path):
@@ -109,16 +108,13 @@ def test_the_clock_goes_on_and_new_wrenches_take_the_place_of_the_old(probe, ses
 
 def test_parameters_are_those_of_the_session_unless_others_are_given(ros, session, tmp_path):
     first, second = tmp_path / 'first', tmp_path / 'second'
-    command = [sys.executable, '-m', 'rigid_sim_ros.programs', 'simulate', 't_handle',
-               '--duration', '0.3', '--record', str(first), '--ros-args', '-p', 'frame_id:=map',
-               '-p', 'publish_rate:=50.0', '-p', 'real_time_factor:=0.0']
-    with kept(Process(command, tmp_path / 'log')) as process:
-        assert process.wait() == 0
-    command = [sys.executable, '-m', 'rigid_sim_ros', 'resume', str(first), '--at', '0.2',
-               '--duration', '0.1', '--record', str(second), '--ros-args', '-p',
-               'publish_rate:=20.0']
-    with kept(Process(command, tmp_path / 'log')) as process:
-        assert process.wait() == 0
+    for command in (
+            ['simulate', 't_handle', '--duration', '0.3', '--record', str(first), '--ros-args',
+             '-p', 'frame_id:=map', '-p', 'publish_rate:=50.0', '-p', 'real_time_factor:=0.0'],
+            ['rigid_sim', 'resume', str(first), '--at', '0.2', '--duration', '0.1', '--record',
+             str(second), '--ros-args', '-p', 'publish_rate:=20.0']):
+        with kept(Process(command, tmp_path / 'log', is_forked=True)) as process:
+            assert process.wait() == 0
     told = session_of(second).parameters
     assert [told[name] for name in ('frame_id', 'publish_rate', 'real_time_factor', 'scene')] == [
         'map', 20.0, 1.0, 't_handle']

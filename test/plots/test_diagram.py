@@ -43,12 +43,20 @@ FALLING = {
          'pose': {'position': [0, 0, 0.6]}},
     ],
 }
+SLIDING = {
+    'format': 1,
+    'materials': {'default': {'friction': 0.5}},
+    'bodies': [
+        FALLING['bodies'][0],
+        FALLING['bodies'][1] | {'pose': {'position': [0, 0, 0.5]},
+                                'twist': {'linear': [6.0, 0.0, 0.0]}}],
+}
 
 
 @cache
 def recorded(name):
     """Return a bag and what the world said at each recorded state."""
-    world = World.from_dict({'sprung': SPRUNG, 'falling': FALLING}[name])
+    world = World.from_dict({'sprung': SPRUNG, 'falling': FALLING, 'sliding': SLIDING}[name])
     bag = sessions.lasting_folder() / name
     batch = Batch(world, bag)
     said = []
@@ -130,6 +138,14 @@ def test_the_contact_force_on_a_body_at_rest_is_its_weight():
     assert contacts.note == ''
     late = contacts.time > 0.5
     assert contacts.force[late, 1] == pytest.approx(np.full(late.sum(), 2.0 * G), rel=1e-3)
+
+
+def test_the_contact_force_on_a_body_that_slides_has_its_friction():
+    bag, _ = recorded('sliding')    # for a second, of the 1.2 s after which it would stop
+    contacts = simulate_contacts(bag, read_motion(bag).scene, np.inf)
+    late = contacts.time > 0.5
+    assert contacts.force[late, 1] == pytest.approx(
+        np.full(late.sum(), 2.0 * G * np.hypot(1.0, 0.5)), rel=1e-3)
 
 
 def test_contact_forces_are_means_that_hold_the_whole_blow():

@@ -6,10 +6,10 @@ import json
 import re
 import shutil
 import subprocess
-import sys
 from xml.etree import ElementTree
 
 from bag import sessions
+import fresh
 import numpy as np
 from PIL import Image
 import pytest
@@ -322,8 +322,7 @@ sys.modules['{library}'] = None
 from rigid_sim_ros.cli import main
 main(['plot', '{sessions.shared_session()}', '--output', '{tmp_path / output}'])
 """
-    result = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True,
-                            check=False, timeout=300)
+    result = fresh.run('-c', code)
     assert result.returncode == 2
     assert result.stderr.count('\n') == 1
     assert "`pip install 'rigid_sim_ros[plot]'`" in result.stderr

@@ -8,6 +8,7 @@ import sys
 from unittest import SkipTest
 
 from bag import sessions
+import fresh
 import numpy as np
 from PIL import Image
 import pytest
@@ -125,6 +126,14 @@ def test_a_ball_throws_a_shadow_on_the_floor(tmp_path):
     assert pixels[row, column].mean() < 0.9 * pixels[row_beside, beside].mean()
 
 
+def test_the_floor_lies_where_the_plane_is(tmp_path):
+    pixels = picture(tmp_path, '--at', 1, *CAMERA)
+    # Twice as high it would be in the plane of the camera, and all below it background.
+    near, far = (np.round(seen_at([0.0, y, 0.0])).astype(int) for y in (-1.0, 1000.0))
+    assert near[1] > far[1] > 0
+    assert np.abs(pixels[near[1], near[0]] - pixels[2, near[0]]).max() > 20
+
+
 def test_without_a_camera_all_that_moves_is_in_the_picture(tmp_path):
     pixels = picture(tmp_path, '--at', 0)
     for color in (RED, GREEN):
@@ -215,8 +224,7 @@ sys.modules['{library}'] = None
 from rigid_sim_ros.cli import main
 main(['render', '{bag()}', '--output', '{tmp_path / "a.png"}'])
 """
-    result = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True,
-                            check=False, timeout=300)
+    result = fresh.run('-c', code)
     assert (result.returncode, result.stderr.count('\n')) == (2, 1)
     assert "`pip install 'rigid_sim_ros[render]'`" in result.stderr
 

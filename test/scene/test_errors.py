@@ -95,6 +95,10 @@ BODIES = {
         f'- {{name: a, {BALL}, mass: 1, pose: {{orientation: [1, 0, 0, 1]}}}}',
         '2: bodies[0].pose.orientation: [1, 0, 0, 1] has length 1.41421, must be 1 within 0.001 '
         '(x, y, z, w: w is last)'),
+    'quaternion a little off': (
+        f'- {{name: a, {BALL}, mass: 1, pose: {{orientation: [0, 0, 0, 1.002]}}}}',
+        '2: bodies[0].pose.orientation: [0, 0, 0, 1.002] has length 1.002, must be 1 within 0.001 '
+        '(x, y, z, w: w is last)'),
     'no mass': (
         f'- name: a\n  {BALL}',
         '2: bodies[0]: has no mass, must have mass, density or inertial'),

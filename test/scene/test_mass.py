@@ -157,3 +157,9 @@ def test_a_compound_agrees_with_a_sum_over_small_pieces() -> None:
                                          - np.outer(got.p_BC, got.p_BC))
     # Midpoint rule: the second moment of a length is off by 1/60^2 of itself.
     assert about_origin == pytest.approx(tensor_by_sampling([(grid, 6.0)]), rel=1e-3)
+
+
+def test_a_second_mass_is_one_mistake():
+    spec = schema.Body.model_validate({
+        'name': 'a', 'mass': 1.0, 'density': 2.0, 'shape': {**BOX, 'mass': 1.0}})
+    assert [path for path, _ in mass.mistakes(spec)] == [('density',)]

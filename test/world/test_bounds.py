@@ -83,3 +83,13 @@ def test_a_snapshot_of_what_no_world_reaches_is_refused(field, value):
     arrays[field] = np.full_like(arrays[field], value)
     with pytest.raises(ValueError, match='must be within'):
         world.restore(pack(meta, arrays))
+
+
+def test_a_torque_counts_with_the_moment_of_the_force():
+    # A moment of -0.5 N m in 0.5 s gives a cube of I = 1/3 kg m^2 0.75 rad/s.
+    world = world_of(step=0.5, bounds={'angular': 0.76})
+    push = {'force': (0.0, 0.0, 1.0), 'point': (0.5, 0.0, 0.0)}
+    world.apply_wrench('crate', **push)
+    world.apply_wrench('crate', **push, torque=(0.0, 1.0, 0.0))     # 0.5 N m in all
+    with pytest.raises(ValueError, match=r'must be within 0.76 rad/s'):
+        world.apply_wrench('crate', **push, torque=(0.0, -0.1, 0.0))

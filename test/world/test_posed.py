@@ -138,3 +138,13 @@ def test_a_plane_turns_to_a_pose():
         world.step()
     assert world.angular_velocity[0] == pytest.approx([1, 0, 0], abs=1e-9)
     assert world.angular_velocity[1] == pytest.approx([1, 0, 0], abs=0.05)
+
+
+@pytest.mark.parametrize(('pause', 'steps'), [(100, 100), (101, 1)])
+def test_poses_join_if_they_follow_each_other_within_a_tenth_of_a_second(pause, steps):
+    world = world_of('timestep', floor())
+    world.set_pose('floor', (1e-3, 0, -0.5), UPRIGHT)
+    world.step(pause)
+    world.set_pose('floor', (2e-3, 0, -0.5), UPRIGHT)
+    world.step()
+    assert world.position[0] == pytest.approx([1e-3 + 1e-3 / steps, 0, -0.5], abs=1e-15)

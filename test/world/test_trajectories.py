@@ -212,3 +212,9 @@ def test_a_snapshot_with_a_trajectory_that_cannot_be_is_refused(world, change):
     with pytest.raises(ValueError, match='snapshot'):
         world.restore(changed)
     assert world.save() == before
+
+
+def test_a_trajectory_for_years_is_refused():
+    world = World.from_dict(SCENE)
+    with pytest.raises(ValueError, match='times'):
+        world.follow_trajectory(['arm/a'], [2e9], [[0.1]])

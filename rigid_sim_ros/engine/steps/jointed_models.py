@@ -19,7 +19,7 @@ from rigid_sim_ros.engine.steps import (
 from rigid_sim_ros.engine.steps.contact_model import (
     CONTACT, ContactReport, named, OneThread, rows_of_acted, Setup, Touching, unnamed)
 from rigid_sim_ros.engine.steps.free_models import recalled_bristles
-from rigid_sim_ros.engine.steps.jointed_motion import JointedMotion, JointSetup
+from rigid_sim_ros.engine.steps.jointed_motion import JointedMotion, JointSetup, kept
 
 
 def unresolved(motion: JointedMotion) -> str:
@@ -131,8 +131,9 @@ class JointedPenalty(Touching, JointedMotion):
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
         """Advance the state, and count wrenches and commands down."""
         self.read(state)
-        contact = self._arguments.contact._replace(
-            state=state, wrenches=wrenches, memory=self._memory)
+        contact = self._arguments.contact
+        contact = kept(contact._replace(state=state, wrenches=wrenches, memory=self._memory),
+                       contact)
         c = self._arguments._replace(joints=self.arguments(state, wrenches), contact=contact)
         self._arguments, self._pack = jointed_penalty.advance(c, count, self._pack)
         self._memory = self._arguments.contact.memory

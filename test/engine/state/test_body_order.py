@@ -49,7 +49,7 @@ def drive(world: World) -> None:
     """Let somebody use all ways in, and let bodies fall."""
     world.set_twist('b20', (0.5, 0.0, 1.0), (0.0, 3.0, 0.0))
     world.set_pose('b21', (0.0, 0.0, 3.0), (0.0, 0.0, 0.0, 1.0))
-    for k in range(12):
+    for k in range(8):
         world.apply_wrench('b9', (0.0, 0.1, 0.3), (0.01, 0.0, 0.0), duration=0.02, source='arm')
         world.apply_wrench('b30', (0.1, 0.0, 0.0), frame='b31/handle')
         world.apply_impulse('b40', (0.001, 0.0, 0.002), point=(0.0, 0.01, 0.0), frame='b40')
@@ -89,15 +89,16 @@ def test_each_body_is_told_apart_from_its_neighbours():
         world.apply_impulse(name, (0.0, 0.0, 2.0))
         change = world.linear_momentum - before
         assert change[body] == pytest.approx((0.0, 0.0, 2.0)) and np.count_nonzero(change) == 1
-    world.step(60)
+    world.step(20)
     world.reset()
     assert np.allclose(world.position[body], start[name], rtol=0, atol=1e-12)
 
 
 def test_contacts_name_the_bodies_that_touch():
     world = crowd(5)
-    world.step(120)
+    world.step(50)      # by then many lie on the ground, and on each other
     rows, x, ground = world.contacts(), world.center_of_mass, world.names.index('ground')
+    assert len(rows) > COUNT
     # No shape reaches farther from the origin of its frame than REACH.
     for body in ('body_a', 'body_b'):
         free = rows[rows[body] != ground]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros import World
+from rigid_sim_ros.kernels.argument_pack import ArgumentPack
 
 G = 9.81
 BALL = {'type': 'sphere', 'radius': 0.1}
@@ -221,3 +222,35 @@ def test_dry_friction_yields_where_its_base_carries_a_body_into_a_wall(contact):
     assert world.position[0, 0] == pytest.approx(0.05, abs=1e-7)
     assert world.joint_velocity[0] == pytest.approx(-0.5, abs=1e-6)
     assert world.contacts()['normal_force'].sum() == pytest.approx(3.0, rel=1e-6)
+
+
+@pytest.mark.parametrize('contact', ['timestep', 'event', 'penalty'])
+def test_the_arguments_of_steps_one_by_one_are_taken_apart_once(contact, monkeypatch):
+    # That takes a hundred times as long as such a step.
+    wall = {'name': 'wall', 'fixed': True, 'shape': {'type': 'box', 'size': [0.5, 1.0, 1.0]},
+            'pose': {'position': [-0.5, 0.0, -1.0]}}
+    world, twin = (world_of([pendulum('bob', 0.0, 0.5)], [wall], contact, 1e-4) for _ in range(2))
+    world.step()
+    made = []
+    monkeypatch.setattr(ArgumentPack, '__init__', lambda pack, arguments: made.append(arguments))
+    for _ in range(20):
+        world.step()
+    monkeypatch.undo()
+    twin.step(21)
+    assert made == []
+    assert world.state_hash() == twin.state_hash()
+
+
+@pytest.mark.parametrize(('limits', 'side'), [
+    ({'lower': 0.0, 'upper': 2.0}, -1.0), ({'lower': -2.0, 'upper': 0.0}, 1.0)])
+def test_what_is_at_its_limit_is_a_wall_for_what_hits_it_from_the_other_side(limits, side):
+    ball = {'name': 'ball', 'mass': 1.0, 'shape': BALL,
+            'pose': {'position': [0.25 * side, 0.0, -1.0]},
+            'twist': {'linear': [-5.0 * side, 0.0, 0.0]}}
+    world = world_of([pendulum('bob', 0.0, 0.0, limits)], [ball])
+    world.step(20)
+    # In 0.01 s the ball falls by 0.5 mm to 0.1 m/s: on a normal that is tilted by 2.5e-3 that is
+    # 4e-4 m/s, times 1 + 0.5, and of its 5 m/s the square of the tilt.
+    v = world.linear_velocity[world.names.index('ball')]
+    assert v[0] == pytest.approx(0.5 * 5.0 * side, abs=1e-3)
+    assert abs(world.joint_velocity[0]) < 1e-9

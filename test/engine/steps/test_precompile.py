@@ -4,9 +4,9 @@
 import json
 import os
 from pathlib import Path
-import subprocess
 import sys
 
+import fresh
 from kernels.caches import cache_without
 import pytest
 
@@ -44,8 +44,8 @@ HINGED = scene('timestep', BALL, GROUND, joints=[HINGE])
 
 def told(*scenes):
     """Return what a process with these worlds has begun with, and what it needed."""
-    done = subprocess.run([sys.executable, '-c', TOLD.format(scenes=repr(scenes))],
-                          capture_output=True, text=True, check=True)
+    done = fresh.run('-c', TOLD.format(scenes=repr(scenes)))
+    assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 
 
@@ -96,10 +96,9 @@ def test_the_first_step_waits_for_the_one_helper(tmp_path, one, module, kernels,
     full, lacking = tmp_path / 'full', tmp_path / 'lacking'
     cache_without(full)
     cache_without(lacking, kernels[-1])
-    done = subprocess.run(
-        [sys.executable, '-c', HELPERS.format(scene=repr(one), module=module,
-                                              kernels=', '.join(kernels))],
+    done = fresh.run(
+        '-c', HELPERS.format(scene=repr(one), module=module, kernels=', '.join(kernels)),
         env=os.environ | {'NUMBA_CACHE_DIR': str(lacking), 'RESTORED_FROM': str(full),
-                          'PYTHONPATH': os.pathsep.join([TESTS, *filter(None, sys.path)])},
-        capture_output=True, text=True, check=True)
+                          'PYTHONPATH': os.pathsep.join([TESTS, *filter(None, sys.path)])})
+    assert done.returncode == 0, done.stderr
     assert done.stdout.split() == [str(begun), str(begun), '1', '0', '0', *['1'] * len(kernels)]
