@@ -27,7 +27,7 @@ class Inertia(NamedTuple):
 
 
 class MeshFile(NamedTuple):
-    """A file with triangles."""
+    """A file with triangles, or with heights."""
 
     path: Path
     scale: tuple[float, float, float]
@@ -38,7 +38,7 @@ class Shape(NamedTuple):
     A solid in the frame of its link.
 
     `kind` and `values` are the type and the keys of a shape in a scene, but for a mesh, which is a
-    file or points whose convex hull is meant.
+    file or points, and for a heightfield in a file, which is scaled to its lengths.
     """
 
     kind: str

@@ -33,13 +33,14 @@ def read_shapes(mujoco: Any, m: Any, body: int, link: Link, findings: Findings) 
             points = m.mesh_vert[first:first + count].astype(float)
             first, count = int(m.mesh_faceadr[mesh]), int(m.mesh_facenum[mesh])
             faces = m.mesh_face[first:first + count].astype(int)
-        elif kind not in _VALUES:
+        elif kind not in (*_VALUES, 'hfield'):
             if touches:
                 findings.error(link.place, f'has a {kind}, which is not known here, must be '
-                               f'{", ".join(_VALUES)} or mesh')
+                               f'{", ".join(_VALUES)}, hfield or mesh')
             continue
-        shape = Shape('mesh' if kind == 'mesh' else kind,
-                      {} if kind == 'mesh' else _VALUES[kind](size), pose, link.place,
+        values = (_field(m, int(m.geom_dataid[g])) if kind == 'hfield' else
+                  {} if kind == 'mesh' else _VALUES[kind](size))
+        shape = Shape('heightfield' if kind == 'hfield' else kind, values, pose, link.place,
                       points=points, faces=faces, color=_color(m, g))
         if touches:
             link.collisions.append(shape)
@@ -56,6 +57,14 @@ def _color(m: Any, g: int) -> tuple[float, ...] | None:
             return None
         color = tuple(float(value) for value in m.mat_rgba[material])
     return color if all(0.0 <= value <= 1.0 for value in color) else None
+
+
+def _field(m: Any, k: int) -> dict[str, Any]:
+    """Return heightfield k: its heights are shares of the third of its lengths."""
+    x, y, z, _ = (float(value) for value in m.hfield_size[k])   # half lengths along x and y
+    rows, columns, first = int(m.hfield_nrow[k]), int(m.hfield_ncol[k]), int(m.hfield_adr[k])
+    shares = m.hfield_data[first:first + rows * columns].astype(float).reshape(rows, columns)
+    return {'heights': (z * shares).tolist(), 'size': [2.0 * x, 2.0 * y]}
 
 
 def _lengths(size: Vector) -> dict[str, Any]:

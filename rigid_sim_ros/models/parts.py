@@ -55,7 +55,7 @@ class Parts:
 class MeshReader(Protocol):
     """Gives what meshes are in the words of a scene."""
 
-    def read(self, shape: Shape) -> dict[str, Any]:
+    def read(self, shape: Shape, is_fixed: bool) -> dict[str, Any]:
         """Return the keys of the solid that a shape is; ValueError where it is none."""
 
     def drawn(self, shape: Shape, pose: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -214,14 +214,15 @@ class _Maker:
             for shape in link.collisions:
                 pose = combined(self._in_host(link.name), shape.pose)
                 try:
-                    values = (self._mesh.read(shape) if shape.kind == 'mesh'
+                    values = (self._mesh.read(shape, host in self._fixed)
+                              if shape.kind == 'mesh' or shape.mesh is not None
                               else {'type': shape.kind, **shape.values})
                 except ValueError as error:
                     self._findings.error(shape.place, str(error))
                     continue
-                if shape.kind == 'plane' and host not in self._fixed:
-                    self._findings.error(shape.place, 'is a plane on a link that moves, must be a '
-                                         'box, or the link fixed')
+                if shape.kind in ('plane', 'heightfield') and host not in self._fixed:
+                    self._findings.error(shape.place, f'is a {shape.kind} on a link that moves, '
+                                         'must be another solid, or the link fixed')
                 found.setdefault(host, []).append({**values, 'pose': _written(pose)})
         return found
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from rigid_sim_ros.models.description import MeshFile, Shape
 from rigid_sim_ros.models.files import Folders
 from rigid_sim_ros.models.findings import Findings
-from rigid_sim_ros.models.poses import Pose
+from rigid_sim_ros.models.poses import combined, IDENTITY, Pose
 from rigid_sim_ros.models.values import check_children, mend, number, several
 from rigid_sim_ros.models.xml_tree import Element
 
@@ -91,9 +91,22 @@ def _mesh(solid: Element, pose: Pose, folders: Folders, findings: Findings) -> S
     return None if path is None else Shape('mesh', {}, pose, solid, MeshFile(path, (x, y, z)))
 
 
+def _heightmap(solid: Element, pose: Pose, folders: Folders, findings: Findings) -> Shape | None:
+    uri = solid.find('uri')
+    check_children(solid, ('uri', 'size', 'pos'),
+                   ('texture', 'blend', 'use_terrain_paging', 'sampling'), findings,
+                   is_physics=True)
+    x, y, z = _three(solid, 'size', findings)
+    origin = _three(solid, 'pos', findings, above=float('-inf'), default=(0.0, 0.0, 0.0))
+    path = folders.find('' if uri is None else uri.text.strip(), solid, findings)
+    there = combined(pose, Pose((origin[0], origin[1], origin[2]), IDENTITY.orientation))
+    return None if path is None else Shape(
+        'heightfield', {}, there, solid, MeshFile(path, (x, y, z)))
+
+
 _SOLIDS: dict[str, Callable[[Element, Pose, Folders, Findings], Shape | None]] = {
     'box': _box, 'sphere': _sphere, 'cylinder': _round, 'capsule': _round, 'cone': _round,
-    'ellipsoid': _ellipsoid, 'plane': _plane, 'mesh': _mesh}
+    'ellipsoid': _ellipsoid, 'plane': _plane, 'mesh': _mesh, 'heightmap': _heightmap}
 
 
 def _color(element: Element) -> tuple[float, ...] | None:

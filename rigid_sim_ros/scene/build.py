@@ -225,11 +225,12 @@ def _with_visuals(body: schema.Body, folder: Path | None, report: Report) -> sch
         if isinstance(shape, schema.Plane | schema.Points):
             report((*place, 'type'), f'{shown(shape.type)}, must be another one: of a visual '
                    'triangles are drawn')
-        if not isinstance(shape, schema.Mesh):
+        if not isinstance(shape, schema.Mesh | schema.Heightfield):
             found.append(visual)
             continue
         try:
-            found += _drawn(visual, shape, folder)
+            found += (_drawn(visual, shape, folder) if isinstance(shape, schema.Mesh) else
+                      [visual.model_copy(update={'shape': _whole_field(shape, folder)})])
         except ValueError as error:
             report(place if shape.file is None else (*place, 'file'), str(error))
     return body.model_copy(update={'visuals': tuple(found)})

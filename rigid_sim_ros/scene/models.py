@@ -5,6 +5,7 @@
 from collections import Counter
 from collections.abc import Hashable, Iterable, Mapping
 from fnmatch import fnmatchcase
+import math
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +13,13 @@ import numpy as np
 
 from rigid_sim_ros.engine.model.inertia import mesh_volume
 from rigid_sim_ros.kernels.arrays import Array, IntArray
-from rigid_sim_ros.models.description import Model, Shape
+from rigid_sim_ros.models.description import MeshFile, Model, Shape
 from rigid_sim_ros.models.findings import ModelError
 from rigid_sim_ros.models.parts import make_parts, Parts, ros_name, Wish
 from rigid_sim_ros.models.poses import Pose
 from rigid_sim_ros.models.read import ending, read_model
 from rigid_sim_ros.problems import Problem
-from rigid_sim_ros.scene import mesh, schema, visuals as visuals_of
+from rigid_sim_ros.scene import mesh, schema, terrain, visuals as visuals_of
 from rigid_sim_ros.scene.collision import convex_hull
 from rigid_sim_ros.scene.document import Source
 from rigid_sim_ros.scene.errors import (
@@ -26,6 +27,8 @@ from rigid_sim_ros.scene.errors import (
 
 # Part of its convex hull that a collision mesh may leave empty without a word.
 _HOLLOW = 0.01
+# Triangles of a mesh that collides as it is: each is a shape of its own.
+_MOST_SHEETS = 20_000
 # Corners of a convex hull that stay as they are. Contacts of hulls with thousands take time, which
 # scanned or finely meshed shapes have: those lose corners ...
 MOST_CORNERS = 256
@@ -206,6 +209,32 @@ def _key(shape: Shape) -> Hashable:
     return shape.mesh if shape.mesh is not None else (id(shape.points), id(shape.faces))
 
 
+def _field(shape: Shape) -> dict[str, Any]:
+    """Return a heightfield in the words of a scene; ValueError for what cannot be read."""
+    assert shape.mesh is not None
+    heights = terrain.read_heights(shape.mesh.path)
+    terrain.check_heights(heights)
+    x, y, z = shape.mesh.scale
+    return {'type': 'heightfield', 'heights': (z * heights).tolist(), 'size': [x, y]}
+
+
+def _triangles(file: MeshFile) -> tuple[Array, IntArray]:
+    """Return vertices [m] and triangles of a file; ValueError for what is no mesh."""
+    surface = mesh.read(file.path)
+    points = surface.vertices * file.scale
+    if not np.isfinite(points).all():
+        raise ValueError(f'{file.path} has a vertex that is not finite, must be numbers')
+    # A scale that mirrors turns the surface inside out.
+    faces = np.asarray(surface.faces)
+    return points, faces if math.prod(file.scale) > 0.0 else faces[:, ::-1]
+
+
+def _is_hollow(points: Array, faces: IntArray, corners: Array, sides: IntArray) -> bool:
+    """Return whether triangles enclose much less than their hull does."""
+    hull = mesh_volume(corners, np.asarray(sides))
+    return abs(mesh_volume(points, np.asarray(faces))) < (1.0 - _HOLLOW) * hull
+
+
 class _Meshes:
     """Reads the meshes of a model, each once: hulls of those that touch, and what is seen."""
 
@@ -216,10 +245,32 @@ class _Meshes:
         self.hollow: list[str] = []     # those that leave a part of their hull empty
         self.coarsest = 0.0     # [m] by which hulls are smaller than those of the files
 
-    def read(self, shape: Shape) -> dict[str, Any]:
-        """Return the convex hull of a mesh in the words of a scene; ValueError if it has none."""
+    def read(self, shape: Shape, is_fixed: bool) -> dict[str, Any]:
+        """
+        Return what is in a file in the words of a scene; ValueError if that cannot touch.
+
+        Of a mesh that is its convex hull, but of a body that is fixed the mesh itself where it has
+        no hull that is like it: buildings, and grounds.
+        """
+        if shape.kind == 'heightfield':
+            return _field(shape)
+        surface = self._surface_of(shape.mesh) if is_fixed and shape.mesh is not None else None
+        if surface is not None:
+            return {'type': 'mesh', 'vertices': surface[0].tolist(),
+                    'faces': surface[1].tolist(), 'convex': False}
         vertices, faces = self.hull_of(shape)
         return {'type': 'mesh', 'vertices': vertices.tolist(), 'faces': faces.tolist()}
+
+    def _surface_of(self, file: MeshFile) -> tuple[Array, IntArray] | None:
+        """Return vertices and triangles of a mesh that is not like its hull, and not too large."""
+        points, faces = _triangles(file)
+        if len(faces) > _MOST_SHEETS:
+            return None
+        try:
+            is_hollow = _is_hollow(points, faces, *convex_hull(points))
+        except ValueError:      # it is flat
+            is_hollow = True
+        return (points, faces) if is_hollow else None
 
     def look_at(self, shapes: Iterable[Shape]) -> None:
         """Read all meshes that are seen: they share the triangles that a model may have."""
@@ -249,7 +300,8 @@ class _Meshes:
         """Return what shows a shape, in the words of a scene; ValueError for a broken file."""
         if shape.kind != 'mesh':
             color = {} if shape.color is None else {'color': list(shape.color)}
-            return [{'shape': {'type': shape.kind, **shape.values, 'pose': pose}, **color}]
+            values = {'type': shape.kind, **shape.values} if shape.mesh is None else _field(shape)
+            return [{'shape': {**values, 'pose': pose}, **color}]
         # What is no visual, and stands in for one, is drawn as what it is to others.
         found = self._seen.get(_key(shape)) or [visuals_of.Drawn(*self.hull_of(shape), None)]
         if isinstance(found, str):
@@ -261,18 +313,14 @@ class _Meshes:
         if shape.mesh is None:
             return self._few(np.asarray(shape.points, dtype=np.float64))
         if shape.mesh not in self._hulls:
-            self._hulls[shape.mesh] = self._hull(*shape.mesh)
+            self._hulls[shape.mesh] = self._hull(shape.mesh)
         return self._hulls[shape.mesh]
 
-    def _hull(self, path: Path, scale: tuple[float, float, float]) -> tuple[Array, IntArray]:
-        surface = mesh.read(path)
-        points = surface.vertices * scale
-        if not np.isfinite(points).all():
-            raise ValueError(f'{path} has a vertex that is not finite, must be numbers')
+    def _hull(self, file: MeshFile) -> tuple[Array, IntArray]:
+        points, faces = _triangles(file)
         hull = self._few(points)
-        volume = abs(mesh_volume(points, np.asarray(surface.faces)))
-        if volume < (1.0 - _HOLLOW) * mesh_volume(hull[0], np.asarray(hull[1])):
-            self.hollow.append(path.name)
+        if _is_hollow(points, faces, *hull):
+            self.hollow.append(file.path.name)
         return hull
 
     def _few(self, points: Array) -> tuple[Array, IntArray]:

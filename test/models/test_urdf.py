@@ -98,6 +98,17 @@ def test_bounds_of_a_continuous_joint_are_told(tmp_path) -> None:
     assert 'lower and upper is ignored: a continuous joint has no bounds' in note
 
 
+def test_a_mass_of_nothing_is_no_mass(tmp_path) -> None:
+    nothing = '<mass value="0"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/>'
+    text = URDF.replace('<link name="tool"/>',
+                        f'<link name="tool"><inertial>{nothing}</inertial></link>')
+    assert text != URDF
+    assert len(read_scene(write(tmp_path, 'pendulum.urdf', text)).spec.bodies) == 2
+    text = text.replace('type="fixed"', 'type="continuous"')
+    with pytest.raises(SceneError, match="no mass and hangs on the continuous joint 'hold'"):
+        read_scene(write(tmp_path, 'pendulum.urdf', text))
+
+
 def test_a_massless_base_belongs_to_what_a_fixed_joint_hangs_on_it(tmp_path) -> None:
     text = URDF.replace('type="revolute"', 'type="fixed"')
     world = world_of(write(tmp_path, 'pendulum.urdf', text), fixed_base=False,
