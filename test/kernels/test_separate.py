@@ -164,7 +164,9 @@ def test_two_first_starts_at_the_same_time_do_not_disturb_each_other(started):
     pytest.param('separate._behind[0].process.kill()', 0, id='killed'),
 ])
 def test_a_piece_that_may_wait_is_there_when_it_is_asked_for(started, happens, loaded):
-    assert result(started(late=happens)) == (1, RESULT, loaded)
+    # What is to be killed must not be done before.
+    change = '' if loaded else TO_A_HELPER.format(waits='no', happens='')
+    assert result(started(change, late=happens)) == (1, RESULT, loaded)
 
 
 def test_a_piece_that_may_wait_is_there_at_once_where_nobody_goes_on_with_it(started):

@@ -136,8 +136,10 @@ def test_a_name_with_a_line_break_stays_on_its_line(tmp_path) -> None:
     path = tmp_path / 'bowl\nnote: all is well.stl'
     bowl = trimesh.creation.annulus(0.5, 1.0, 0.2)
     bowl.export(path)
-    urdf = write(tmp_path, 'robot.urdf', f"""<robot name="r"><link name="a">
-      {INERTIAL.format(I=1, J=1)}<collision><geometry><mesh filename="{quote(path.name)}"/>
-      </geometry></collision></link></robot>""")
+    urdf = write(tmp_path, 'robot.urdf', f"""<robot name="r">
+      <link name="base">{INERTIAL.format(I=1, J=1)}</link>
+      <link name="a">{INERTIAL.format(I=1, J=1)}<collision><geometry>
+        <mesh filename="{quote(path.name)}"/></geometry></collision></link>
+      <joint name="j" type="continuous"><parent link="base"/><child link="a"/></joint></robot>""")
     note, = read_scene(urdf).notes
     assert '\n' not in note and 'bowl\\nnote: all is well.stl' in note
