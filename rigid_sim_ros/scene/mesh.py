@@ -142,6 +142,15 @@ def bytes_of(path: Path, most: int = _MOST_BYTES) -> bytes:
         return file.read(facts.st_size)
 
 
+def check(mesh: Mesh) -> None:
+    """Raise ValueError for vertices that are no numbers, and faces of vertices that are not."""
+    vertices, faces = mesh
+    if not np.isfinite(vertices).all():
+        raise ValueError('a vertex is not finite, must be numbers')
+    if faces.max(initial=0) >= len(vertices):
+        raise ValueError(f'a face has the vertex {faces.max()}, must be below {len(vertices)}')
+
+
 def closed(mesh: Mesh) -> Mesh:
     """
     Return the mesh, turned outside out if need be; raises ValueError unless it encloses a volume.
@@ -150,11 +159,8 @@ def closed(mesh: Mesh) -> Mesh:
     consistently wound surface both directions are as frequent, so an odd number of triangles means
     a hole.
     """
+    check(mesh)
     vertices, faces = mesh
-    if not np.isfinite(vertices).all():
-        raise ValueError('a vertex is not finite, must be numbers')
-    if faces.max(initial=0) >= len(vertices):
-        raise ValueError(f'a face has the vertex {faces.max()}, must be below {len(vertices)}')
     # A triangle with a corner twice has no area; without it the edges match as before.
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     if len(faces) == 0:

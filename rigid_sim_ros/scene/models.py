@@ -241,7 +241,9 @@ class _Meshes:
     def __init__(self) -> None:
         """Begin without any."""
         self._seen: dict[Hashable, list[visuals_of.Drawn] | str] = {}   # or why there is none
-        self._hulls: dict[tuple[Any, ...], tuple[Array, IntArray]] = {}
+        self._surfaces: dict[MeshFile, tuple[Array, IntArray]] = {}
+        self._hulls: dict[MeshFile, tuple[Array, IntArray]] = {}
+        self._grounds: dict[MeshFile, tuple[Array, IntArray] | None] = {}
         self.hollow: list[str] = []     # those that leave a part of their hull empty
         self.coarsest = 0.0     # [m] by which hulls are smaller than those of the files
 
@@ -254,16 +256,27 @@ class _Meshes:
         """
         if shape.kind == 'heightfield':
             return _field(shape)
-        surface = self._surface_of(shape.mesh) if is_fixed and shape.mesh is not None else None
-        if surface is not None:
-            return {'type': 'mesh', 'vertices': surface[0].tolist(),
-                    'faces': surface[1].tolist(), 'convex': False}
+        ground = self._ground_of(shape.mesh) if is_fixed and shape.mesh is not None else None
+        if ground is not None:
+            return {'type': 'mesh', 'vertices': ground[0].tolist(), 'faces': ground[1].tolist(),
+                    'convex': False}
         vertices, faces = self.hull_of(shape)
         return {'type': 'mesh', 'vertices': vertices.tolist(), 'faces': faces.tolist()}
 
-    def _surface_of(self, file: MeshFile) -> tuple[Array, IntArray] | None:
+    def _surface_of(self, file: MeshFile) -> tuple[Array, IntArray]:
+        """Return vertices [m] and triangles of a file; ValueError for what is no mesh."""
+        if file not in self._surfaces:
+            self._surfaces[file] = _triangles(file)
+        return self._surfaces[file]
+
+    def _ground_of(self, file: MeshFile) -> tuple[Array, IntArray] | None:
         """Return vertices and triangles of a mesh that is not like its hull, and not too large."""
-        points, faces = _triangles(file)
+        if file not in self._grounds:
+            self._grounds[file] = self._ground(file)
+        return self._grounds[file]
+
+    def _ground(self, file: MeshFile) -> tuple[Array, IntArray] | None:
+        points, faces = self._surface_of(file)
         if len(faces) > _MOST_SHEETS:
             return None
         try:
@@ -317,7 +330,7 @@ class _Meshes:
         return self._hulls[shape.mesh]
 
     def _hull(self, file: MeshFile) -> tuple[Array, IntArray]:
-        points, faces = _triangles(file)
+        points, faces = self._surface_of(file)
         hull = self._few(points)
         if _is_hollow(points, faces, *hull):
             self.hollow.append(file.path.name)

@@ -17,7 +17,7 @@ import numpy as np
 from rigid_sim_ros.engine.model.hulls import Prism, prisms
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.scene.errors import shown
-from rigid_sim_ros.scene.mesh import bytes_of, Mesh
+from rigid_sim_ros.scene.mesh import bytes_of, check, Mesh
 
 FORMATS = ('.csv', '.npy', '.png')
 # Of a heightfield: each is the corner of up to six triangles.
@@ -116,25 +116,26 @@ def columns(heights: Array, size: tuple[float, float]) -> list[Prism]:
 
 def sheets(vertices: Array, faces: IntArray) -> list[Prism]:
     """Return what triangles collide as: sheets behind them. What has no area is left out."""
+    corners, normals, longest = _with_area(vertices, faces)
+    depth = _THICKNESS * longest / np.linalg.norm(normals, axis=1)
+    return prisms(corners, corners - (depth[:, None] * normals)[:, None, :])
+
+
+def _with_area(vertices: Array, faces: IntArray) -> tuple[Array, Array, Array]:
+    """Return corners (t, 3, 3), doubled areas as vectors, and longest edges of triangles."""
     corners = vertices[faces]
     edges = np.roll(corners, -1, axis=1) - corners
     longest = np.linalg.norm(edges, axis=2).max(axis=1)
     normals = np.cross(edges[:, 0], edges[:, 1])
-    doubled = np.linalg.norm(normals, axis=1)
-    wide = doubled > _NARROW * longest * longest
-    corners, normals, longest = corners[wide], normals[wide], longest[wide]
-    depth = _THICKNESS * longest / doubled[wide]
-    return prisms(corners, corners - (depth[:, None] * normals)[:, None, :])
+    wide = np.linalg.norm(normals, axis=1) > _NARROW * longest * longest
+    return corners[wide], normals[wide], longest[wide]
 
 
 def check_triangles(surface: Mesh) -> None:
     """Raise ValueError for triangles that make no surface, open or closed."""
+    check(surface)
     vertices, faces = surface
-    if faces.max(initial=0) >= len(vertices):
-        raise ValueError(f'a face has the vertex {faces.max()}, must be below {len(vertices)}')
-    if not np.isfinite(vertices).all():
-        raise ValueError('a vertex is not finite, must be numbers')
-    if len(faces) == 0 or len(sheets(vertices, faces[:MOST_TRIANGLES])) == 0:
+    if len(faces) == 0 or len(_with_area(vertices, faces[:MOST_TRIANGLES])[0]) == 0:
         raise ValueError('the mesh has no triangle with an area, must have one')
     if len(faces) > MOST_TRIANGLES:
         raise ValueError(f'the mesh has {len(faces)} triangles, must have {MOST_TRIANGLES} or '
