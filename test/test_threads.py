@@ -48,15 +48,15 @@ def test_two_threads_give_the_hash_of_one_at_every_step(kinds, more):
     two.threads = 2
     helper, begun, steps, start = two._contact._helper, time.monotonic(), 0, one.save()
     # The helper compiles its part first. Bodies that have parted meanwhile would have no halves.
-    while steps < 60 or (helper.done < SOME and time.monotonic() - begun < LONGEST):
-        if steps % 60 == 0:
+    while steps < 40 or (helper.done < SOME and time.monotonic() - begun < LONGEST):
+        if steps % 40 == 0:
             one.restore(start)
             two.restore(start)
         one.step()
         two.step()
         steps += 1
         assert one.state_hash() == two.state_hash(), f'step {steps}'
-        assert has_halves(two) or steps % 60 < 5    # which meet nobody yet
+        assert has_halves(two) or steps % 40 < 5    # which meet nobody yet
     assert helper.done >= SOME
     # Who wakes up in a step helps with the next ones from their beginning: the rows of manifolds
     # then lie elsewhere in their page.

@@ -9,8 +9,12 @@ from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 
 
-def await_delivery(publishers: Iterable[Publisher], seconds: float) -> None:
-    """Wait until reliable subscribers have what was sent, at most this long for all together."""
+def await_delivery(publishers: Iterable[Publisher], seconds: float) -> bool:
+    """
+    Wait until reliable subscribers have what was sent, at most this long for all together.
+
+    Return whether they have it.
+    """
     end = monotonic() + seconds
-    for publisher in publishers:
-        publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - monotonic())))
+    return all(publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - monotonic())))
+               for publisher in publishers)

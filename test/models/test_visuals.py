@@ -115,9 +115,9 @@ def test_fine_meshes_are_made_coarse_and_stay_where_they_are(tmp_path):
 def test_the_edges_of_a_coarse_surface_stay_sharp(tmp_path):
     """Corners lie where the planes about them meet, not in the middle of their cells."""
     box = trimesh.creation.box((0.4, 0.2, 0.1)).subdivide_loop(0)
-    for _ in range(8):
+    for _ in range(7):
         box = box.subdivide()
-    assert len(box.faces) > 20 * MOST_FACES
+    assert len(box.faces) > 5 * MOST_FACES
     box.export(tmp_path / 'box.stl')
     visual, = rod(robot(tmp_path, 'box.stl')).visuals
     np.testing.assert_allclose(bounds(visual), [[-0.2, -0.1, -0.05], [0.2, 0.1, 0.05]], atol=1e-4)

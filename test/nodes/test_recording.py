@@ -161,11 +161,10 @@ def test_an_unknown_storage_is_refused(probe, sim):
 def test_the_diagnostics_tell_of_the_recording(probe, sim, start, tmp_path):
     start(tmp_path / 'bag')
     status, values = recorder_status(
-        probe, sim, lambda _, values: float(values.get('elapsed [s]', 0.0)) > 0.5)
+        probe, sim, lambda _, values: float(values.get('size [MB]', 0.0)) > 0.0)
     assert (status.level, status.message) == (b'\x00', f'recording into {tmp_path / "bag"}')
     assert values['path'] == str(tmp_path / 'bag')
-    assert int(values['messages']) > 100
-    assert float(values['size [MB]']) > 0.0
+    assert int(values['messages']) > 0
     assert (values['gaps'], values['messages lost'], values['inputs lost']) == ('0', '0', '0')
     probe.trigger(f'{sim}/stop_recording')
     recorder_status(probe, sim, lambda status, _: (

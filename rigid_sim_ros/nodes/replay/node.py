@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping, Sequence
 from fnmatch import fnmatchcase
 import gc
 import sys
-import threading
 import time
 import traceback
 from typing import Any
@@ -45,9 +44,10 @@ _SECOND = 1_000_000_000
 # s: how long the interpreter may stay with another thread while the one that plays wants it. The
 # default of 5 ms would be late for every message.
 _SWITCH_INTERVAL = 0.0005
-# s at most for the last messages to arrive. A subscriber on a busy machine may stand still for
-# one, and what got lost last is missed at the next heartbeat: every 3 s, by default of Fast DDS.
-_FLUSH = 4.0
+# s at most for the last messages of a bag to arrive. A subscriber on a busy machine may stand
+# still for some; what got lost last is missed at the next heartbeat: every 3 s, by default of
+# Fast DDS.
+_LAST = 20
 
 # s: subscribers are there one after the other; all have come when there is no new one for so long.
 _QUIET = 0.3
@@ -58,7 +58,7 @@ _LOOK = 0.05
 class Replay:
     """One bag in one node."""
 
-    def __init__(self, overrides: Mapping[str, Any], stopped: threading.Event) -> None:
+    def __init__(self, overrides: Mapping[str, Any], stopped: Stop) -> None:
         """Open the bag; BagError or ParameterError where that cannot be played."""
         self._stopped = stopped
         self._threads = Threads(stopped)
@@ -77,6 +77,7 @@ class Replay:
         self._controls = Controls(self.node, self._player)
         Neighbours(self.node, self._outputs.topics)
         self._wait: float = parameters['subscriber_timeout']
+        self._is_played = False     # to its end
         self._tell(parameters)
 
     def run(self) -> None:
@@ -99,7 +100,7 @@ class Replay:
             self._stopped.set()
             self._player.stop()
             playing.join()
-            self._outputs.flush(_FLUSH)
+            self._deliver()
             executor.wake()
             spinning.join()
             executor.shutdown()
@@ -110,6 +111,16 @@ class Replay:
         self._await_subscribers()
         if not self._stopped.is_set():
             self._player.run()
+            self._is_played = not self._stopped.is_set()
+
+    def _deliver(self) -> None:
+        """Wait for the last messages to arrive; whoever ends the replay waits for a second."""
+        for _ in range(_LAST if self._is_played else 1):
+            if self._outputs.flush(1.0) or self._stopped.signal:
+                return
+        if self._is_played:
+            self._log.warning(
+                f'a subscriber has not taken the last messages for {_LAST} s, and will lack them')
 
     def _await_subscribers(self) -> None:
         """Wait until those who listen have found the publishers: what comes before is lost."""

@@ -120,9 +120,9 @@ class Outputs:
         """Return how many subscriptions there are to all topics and the clock together."""
         return sum(publisher.get_subscription_count() for publisher in self._publishers())
 
-    def flush(self, seconds: float) -> None:
-        """Wait until reliable subscribers have what was sent, at most this long."""
-        await_delivery(self._publishers(), seconds)
+    def flush(self, seconds: float) -> bool:
+        """Wait, at most this long, until reliable subscribers have what was sent; if they have."""
+        return await_delivery(self._publishers(), seconds)
 
     def topics(self) -> list[str]:
         """Return the full names of the topics that are published."""

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The model `timestep` with many bodies: towers, pyramids and piles, at 240 steps a second."""
 
+from effort import either
 from engine.stepping import falling_balls, falling_boxes, pyramid, tower
 from engine.touching import G
 import numpy as np
@@ -56,12 +57,14 @@ def test_666_balls_hardly_overlap():
     assert overlaps(falling_balls(H), 1200).max() < 2.9e-3
 
 
+@pytest.mark.long
 def test_a_pile_of_1000_boxes_is_rigid():
-    depths = overlaps(falling_boxes(H), 1200)
+    # The boxes on top fall for 0.9 s and hit in the first 500 steps; the pile settles after 900.
+    depths = overlaps(falling_boxes(H), either(500, 1200))
     # As other engines are measured, at every 96th step; they reach 13 to 53 mm.
     assert depths[::96].max() < 0.013
     # Which corner of a tumbling box hits first in a single step is chance. It is never deeper than
     # a step of the fastest, at 8 m/s on top of each other: 33 mm.
     assert depths.max() < 8.0 * H
-    # While the pile settles the deepest is between 0.3 and 2.5 mm, by chance too.
-    assert depths[-1] < 4e-3
+    # When it has settled the deepest is between 0.3 and 3.7 mm, by chance too.
+    assert depths[-1] < either(0.013, 4e-3)
