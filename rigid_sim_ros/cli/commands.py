@@ -297,7 +297,7 @@ def resume(bag: str, at: float, duration: float | None, record: str | None,
     wrenches with the time that they have left. Parameters are those of the session too, but for
     the pace; `--ros-args` overrides them.
     """
-    from rigid_sim_ros.bag.moment import find
+    from rigid_sim_ros.bag.resume import find
 
     simulate = _import_node('resume', 'simulate')
     result: int | None = simulate.run(

@@ -23,7 +23,7 @@ from rclpy.parameter import Parameter
 from rclpy.utilities import remove_ros_args
 
 from rigid_sim_ros.bag.errors import BagError
-from rigid_sim_ros.bag.moment import Moment
+from rigid_sim_ros.bag.resume import Moment
 from rigid_sim_ros.bag.writer import check_path
 from rigid_sim_ros.messages import topics
 from rigid_sim_ros.nodes.inputs import ParameterInput, Queue, Receiver, Refusals

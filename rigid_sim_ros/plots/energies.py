@@ -9,8 +9,8 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from rigid_sim_ros.bag.motion import Array, Motion
+from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads
 from rigid_sim_ros.engine.dynamics.forces import add_gravity, add_scene_forces
-from rigid_sim_ros.engine.dynamics.loads import empty_loads
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import empty_state
 from rigid_sim_ros.scene import Scene

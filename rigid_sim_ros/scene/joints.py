@@ -11,7 +11,8 @@ import numpy as np
 from rigid_sim_ros.engine.joints.assembly import assemble, set_rates
 from rigid_sim_ros.engine.joints.buffers import (
     Drives, EFFORT, joints_at_rest, make_joint_work, no_drives, POSITION, VELOCITY)
-from rigid_sim_ros.engine.joints.kinematics import joint_distance, joint_error, joint_position
+from rigid_sim_ros.engine.joints.joint_coordinates import (
+    joint_distance, joint_error, joint_position)
 from rigid_sim_ros.engine.maths.rotation_in_python import from_matrix, multiply, rotate
 from rigid_sim_ros.engine.model import joints as engine
 from rigid_sim_ros.engine.model.joints import build_joints, JointTable, Laws, LoopError, Mimic

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rigid_sim_ros.engine.joints.carrying import articulation_of, carry_along, hangs_on_something
-from rigid_sim_ros.engine.joints.kinematics import joint_coordinates
+from rigid_sim_ros.engine.joints.joint_coordinates import joint_coordinates
 from rigid_sim_ros.engine.joints.part import articulation_of_joint
 from rigid_sim_ros.engine.maths.rotation_in_python import rotate
 from rigid_sim_ros.engine.model.joints import NONE

@@ -4,8 +4,8 @@
 
 import numpy as np
 
+from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads
 from rigid_sim_ros.engine.dynamics.forces import add_gravity, add_scene_forces
-from rigid_sim_ros.engine.dynamics.loads import empty_loads
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import (
     BodyMotion, kinetic_energy, read_motion, State, total_angular_momentum)

@@ -18,10 +18,10 @@ import zstandard
 
 from rigid_sim_ros.bag.export import export
 from rigid_sim_ros.bag.info import info
-from rigid_sim_ros.bag.moment import find
 from rigid_sim_ros.bag.motion import read_motion
 from rigid_sim_ros.bag.playback import PlayableBag
 from rigid_sim_ros.bag.recover import recover
+from rigid_sim_ros.bag.resume import find
 from rigid_sim_ros.bag.verify import verify
 
 # [s] No command may take longer over a bag that is refused.

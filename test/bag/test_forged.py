@@ -23,7 +23,7 @@ from rigid_sim_ros.bag import events, topics as kinds
 from rigid_sim_ros.bag.batch import Batch
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.events import Event
-from rigid_sim_ros.bag.moment import find
+from rigid_sim_ros.bag.resume import find
 from rigid_sim_ros.bag.topics import Topic
 from rigid_sim_ros.bag.verify import verify
 from rigid_sim_ros.messages import decode

@@ -8,8 +8,8 @@ import pytest
 
 from rigid_sim_ros import load_scene, World
 from rigid_sim_ros.bag.batch import Batch
-from rigid_sim_ros.bag.moment import find
 from rigid_sim_ros.bag.reader import BagReader
+from rigid_sim_ros.bag.resume import find
 from rigid_sim_ros.bag.verify import verify
 from rigid_sim_ros.messages import decode
 from rigid_sim_ros.messages.codec import JointStateEncoder

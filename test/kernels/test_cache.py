@@ -132,16 +132,16 @@ DAMAGES = {
     'to_matrix': lambda raw: raw[:-1] + bytes([raw[-1] ^ 1]),
     'from_matrix': lambda raw: (
         raw[:len(raw) // 2] + bytes([raw[len(raw) // 2] ^ 4]) + raw[len(raw) // 2 + 1:]),
-    'inverse_inertia': lambda raw: bytes(len(raw)),
+    'world_inertia': lambda raw: bytes(len(raw)),
 }
 # Prints of each kernel how often it was found and compiled.
 ALL_FOUND = """
 from rigid_sim_ros.engine.maths.rotation import (
     exponential, from_matrix, logarithm, to_matrix, unit)
-from rigid_sim_ros.engine.state.rates import inverse_inertia
+from rigid_sim_ros.engine.state.world_inertia import world_inertia
 q, r = (0.0, 0.0, 0.0, 1.0), (0.1, 0.2, 0.3)
 for kernel, *arguments in ((unit, q), (exponential, r), (logarithm, q), (to_matrix, q),
-                           (from_matrix, to_matrix(q)), (inverse_inertia, q, r)):
+                           (from_matrix, to_matrix(q)), (world_inertia, q, r)):
     kernel(*arguments)
     print(kernel.__name__, *(sum(counts.values()) for counts in (
         kernel.stats.cache_hits, kernel.stats.cache_misses)))

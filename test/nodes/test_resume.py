@@ -14,7 +14,7 @@ import pytest
 from sensor_msgs.msg import MultiDOFJointState
 
 from rigid_sim_ros.bag.batch import Batch
-from rigid_sim_ros.bag.moment import find
+from rigid_sim_ros.bag.resume import find
 from rigid_sim_ros.bag.verify import verify
 from rigid_sim_ros.world import load_scene, World
 

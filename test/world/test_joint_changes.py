@@ -8,7 +8,7 @@ import pytest
 
 from rigid_sim_ros import World
 from rigid_sim_ros.bag.batch import Batch
-from rigid_sim_ros.bag.moment import find
+from rigid_sim_ros.bag.resume import find
 from rigid_sim_ros.bag.verify import verify
 from rigid_sim_ros.world.snapshot import pack, unpack
 

@@ -10,7 +10,7 @@ from rigid_sim_ros.engine.constraints.articulated_rows import make_system, Syste
 from rigid_sim_ros.engine.contact.carried_forces import Carried, longer, no_forces
 from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts, make_bodies, make_contacts
 from rigid_sim_ros.engine.contact.recorded_impulses import Acted, nothing_acted
-from rigid_sim_ros.engine.dynamics.loads import empty_loads, Loads
+from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads, Loads
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 

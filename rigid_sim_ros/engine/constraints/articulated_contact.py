@@ -25,7 +25,7 @@ from rigid_sim_ros.engine.contact.classify import resting_speed
 from rigid_sim_ros.engine.contact.contact_rows import all_rows, apply_forces, effect, rate
 from rigid_sim_ros.engine.contact.contacts import (
     add_contact_load, Contacts, push_rows, read_bodies, read_velocity, to_world)
-from rigid_sim_ros.engine.dynamics.loads import kick, Loads
+from rigid_sim_ros.engine.dynamics.force_and_torque import kick, Loads
 from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
 from rigid_sim_ros.engine.joints.settle import find_motions, find_motions_of_pieces
 from rigid_sim_ros.engine.joints.shake import expect

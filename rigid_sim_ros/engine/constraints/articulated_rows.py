@@ -24,7 +24,7 @@ from rigid_sim_ros.engine.contact.contact_rows import (
     write_matrix, write_rows)
 from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts
 from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, ENOUGH, GOAL
-from rigid_sim_ros.engine.dynamics.loads import Loads
+from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.joints.answers import answer, motion_in, push, push_nothing
 from rigid_sim_ros.engine.joints.articulated import momenta_of, solve, velocity_of_center
 from rigid_sim_ros.engine.joints.buffers import JointWork

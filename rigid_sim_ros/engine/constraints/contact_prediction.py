@@ -33,9 +33,9 @@ from rigid_sim_ros.engine.detection.manifolds import (
     ACTS, DORMANT, forget_impulses, Manifolds, POINTS, rows_in_use, Scratch)
 from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
 from rigid_sim_ros.engine.detection.narrow_phase.surface import meets_face
+from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads, Loads
 from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
 from rigid_sim_ros.engine.dynamics.kinematic import prescribed_spin
-from rigid_sim_ros.engine.dynamics.loads import empty_loads, Loads
 from rigid_sim_ros.engine.maths.rotation import quaternion
 from rigid_sim_ros.engine.maths.vector import (
     add, add_scaled, column, cross, dot, row, scale, subtract)

@@ -23,8 +23,8 @@ from rigid_sim_ros.engine.detection.backtrack import place_ahead
 from rigid_sim_ros.engine.detection.manifolds import Scratch
 from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
 from rigid_sim_ros.engine.detection.narrow_phase.surface import meets_face
+from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
-from rigid_sim_ros.engine.dynamics.loads import Loads
 from rigid_sim_ros.engine.maths.algebra import (
     add, add_scaled, column, cross, dot, norm, quaternion, row, scale, subtract)
 from rigid_sim_ros.engine.model.model import Model

@@ -23,12 +23,13 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.detection.manifolds import Manifolds
-from rigid_sim_ros.engine.dynamics.loads import Loads
+from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.maths.algebra import column, cross, norm, quaternion, row
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes, smaller
-from rigid_sim_ros.engine.state.rates import inverse_inertia, spin_of
+from rigid_sim_ros.engine.state.rates import spin_of
 from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.engine.state.world_inertia import world_inertia
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Quaternion, Vector
 from rigid_sim_ros.kernels.kernel import kernel
 
@@ -212,7 +213,7 @@ def read_body(model: Model, state: State, F: Array, tau: Array, i: int, bodies: 
 @kernel
 def read_turning(model: Model, q: Quaternion, tau: Array, i: int, bodies: Bodies) -> None:
     """Write the inverse inertia tensor of body i at the attitude q, and I^-1 tau."""
-    inv_I = inverse_inertia(q, column(model.inv_I_C, i))
+    inv_I = world_inertia(q, column(model.inv_I_C, i))
     for j in range(3):
         for k in range(3):
             bodies.inv_I_W[i, j, k] = inv_I[j][k]

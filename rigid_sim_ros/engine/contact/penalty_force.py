@@ -35,7 +35,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.contact.contacts import (
     add_contact_load, Bodies, Contacts, relative, to_contact, to_world)
-from rigid_sim_ros.engine.dynamics.loads import Loads
+from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.maths.algebra import cross, quaternion, rotate, row
 from rigid_sim_ros.engine.model.kinds.table import KINDS
 from rigid_sim_ros.engine.model.model import Model

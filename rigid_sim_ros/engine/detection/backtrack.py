@@ -20,10 +20,10 @@ from rigid_sim_ros.engine.detection.broad_phase import may_collide
 from rigid_sim_ros.engine.detection.manifolds import Scratch
 from rigid_sim_ros.engine.detection.narrow_phase.collide import BOXES, collide, CONVEX, FAMILY
 from rigid_sim_ros.engine.detection.narrow_phase.signed_distance import signed_distance
+from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
 from rigid_sim_ros.engine.dynamics.kinematic import (
     is_carried, pose_ahead, prescribed_spin, prescribed_velocity)
-from rigid_sim_ros.engine.dynamics.loads import Loads
 from rigid_sim_ros.engine.maths.algebra import column, norm, quaternion, rotate, row
 from rigid_sim_ros.engine.maths.rotation import multiply, to_matrix
 from rigid_sim_ros.engine.model.kinds.table import is_ball, is_unbounded

@@ -12,7 +12,8 @@ gaps are found anew.
 from typing import Any, NamedTuple, Protocol
 
 from rigid_sim_ros.engine.detection.broad_phase import mark_moved, near_pairs
-from rigid_sim_ros.engine.detection.manifold_rows import are_flat, carry_over, recycle, write_row
+from rigid_sim_ros.engine.detection.carried_impulses import carry_over
+from rigid_sim_ros.engine.detection.manifold_rows import are_flat, recycle, write_row
 from rigid_sim_ros.engine.detection.manifolds import (
     CONTACTS, current, earlier, Manifolds, Memory, NEAR, NO_SEARCH, PAIRS, RECYCLED, Scratch,
     SHORT_ROWS, WITNESSED)

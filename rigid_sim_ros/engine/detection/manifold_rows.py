@@ -133,27 +133,6 @@ def write_row(state: State, turn: Array, now: Manifolds, row: int, i: int, j: in
         now.normal[row, k] = n[k]
 
 
-@part
-def carry_over(now: Manifolds, before: Manifolds, row: int, old: int, count: int) -> None:
-    """Start from the impulses of the last step where the same features touch, from 0 elsewhere."""
-    for p in range(count):
-        now.impulse[p, row] = 0.0
-        if old >= 0:
-            for r in range(before.points[old]):
-                if before.feature[r, old] == now.feature[p, row]:
-                    now.impulse[p, row] = before.impulse[r, old]
-    for k in range(3):
-        now.friction[row, k] = before.friction[old, k] if old >= 0 else 0.0
-    # Most have no resistance to spinning: theirs stays 0, in memory that nobody writes to.
-    spin = before.spin[old] if old >= 0 else 0.0
-    if now.spin[row] != spin:
-        now.spin[row] = spin
-    for k in range(3):
-        roll = before.roll[old, k] if old >= 0 else 0.0
-        if now.roll[row, k] != roll:
-            now.roll[row, k] = roll
-
-
 @kernel
 def mark_mended(manifolds: Manifolds, row: int) -> None:
     """Mark a manifold that is what it is for what lies beside: its pair alone says another."""
@@ -230,14 +209,6 @@ def _move_row(manifolds: Manifolds, source: int, target: int) -> None:
             manifolds.r_B[p, target, k] = manifolds.r_B[p, source, k]
             manifolds.p_A_C[target, p, k] = manifolds.p_A_C[source, p, k]
             manifolds.p_B_C[target, p, k] = manifolds.p_B_C[source, p, k]
-
-
-@kernel
-def clear_impulses(manifolds: Manifolds, normal_impulse: Array, friction_impulse: Array) -> None:
-    """Forget the impulses of the last step: of all points, for a prediction may add some."""
-    first, count = rows_in_use(manifolds)
-    friction_impulse[first:first + count] = 0.0
-    normal_impulse[:, first:first + count] = 0.0
 
 
 @kernel

@@ -22,8 +22,9 @@ has none: what is nearest of the union always stands.
 
 import math
 
+from rigid_sim_ros.engine.detection.carried_impulses import carry_over
 from rigid_sim_ros.engine.detection.manifold_rows import (
-    carry_over, find_row, mark_mended, pack_rows, take_point)
+    find_row, mark_mended, pack_rows, take_point)
 from rigid_sim_ros.engine.detection.manifolds import (
     CONTACTS, current, earlier, Manifolds, Memory, rows_in_use, Scratch, Seams)
 from rigid_sim_ros.engine.detection.narrow_phase.boxes import face_manifold

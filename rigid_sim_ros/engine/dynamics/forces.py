@@ -11,7 +11,7 @@ function and one line in FORCES: the scene reads its keys, units and bounds from
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from rigid_sim_ros.engine.dynamics.loads import add_force, add_torque, Loads
+from rigid_sim_ros.engine.dynamics.force_and_torque import add_force, add_torque, Loads
 from rigid_sim_ros.engine.maths.rotation import conjugate, logarithm, multiply
 from rigid_sim_ros.engine.maths.vector import (
     add_scaled, add_to_column, column, dot, norm, scale, subtract)

@@ -10,8 +10,8 @@ its bodies together.
 
 import numpy as np
 
+from rigid_sim_ros.engine.dynamics.force_and_torque import kick_some, Loads
 from rigid_sim_ros.engine.dynamics.free_rotation import MAX_ANGLE, turn, turn_fast
-from rigid_sim_ros.engine.dynamics.loads import kick_some, Loads
 from rigid_sim_ros.engine.maths.rotation import quaternion, set_quaternion
 from rigid_sim_ros.engine.maths.vector import column
 from rigid_sim_ros.engine.model.model import Model

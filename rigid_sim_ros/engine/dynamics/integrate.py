@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads, kick, Loads
 from rigid_sim_ros.engine.dynamics.forces import add_gravity, add_scene_forces
 from rigid_sim_ros.engine.dynamics.free_flight import BLOCK_SIZE, fly
 from rigid_sim_ros.engine.dynamics.kinematic import move_kinematic
-from rigid_sim_ros.engine.dynamics.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.dynamics.wrenches import add_wrenches, Wrenches
 from rigid_sim_ros.engine.maths.rotation import (
     exponential, from_matrix, multiply, quaternion, set_quaternion, to_matrix, unit)

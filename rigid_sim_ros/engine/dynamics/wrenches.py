@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.dynamics.loads import Loads, push_body
+from rigid_sim_ros.engine.dynamics.force_and_torque import Loads, push_body
 from rigid_sim_ros.engine.maths.rotation import rotate
 from rigid_sim_ros.engine.maths.vector import add, add_to_column, column, row
 from rigid_sim_ros.engine.model.model import Model

@@ -13,8 +13,8 @@ from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts, make_bodies,
 from rigid_sim_ros.engine.contact.impulse import make_room, MOST_ALIKE, Room
 from rigid_sim_ros.engine.detection.manifolds import Memory
 from rigid_sim_ros.engine.detection.transform_update import unplaced
+from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads, Loads
 from rigid_sim_ros.engine.dynamics.integrate import make_work, Work
-from rigid_sim_ros.engine.dynamics.loads import empty_loads, Loads
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.events.groups import Groups, make_groups
 from rigid_sim_ros.engine.model.model import Model

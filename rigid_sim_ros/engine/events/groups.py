@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.detection.backtrack import motion_bound, near, pairs_near, place_ahead
+from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.dynamics.kinematic import is_carried
-from rigid_sim_ros.engine.dynamics.loads import Loads
 from rigid_sim_ros.engine.maths.union_find import first_of, unite
 from rigid_sim_ros.engine.model.model import Model, WORLD
 from rigid_sim_ros.engine.model.shapes import Shapes

@@ -5,10 +5,10 @@
 from rigid_sim_ros.engine.contact.contact_rows import Rows
 from rigid_sim_ros.engine.contact.contacts import (
     add_contact_load, Bodies, Contacts, to_world, torque_in_world)
+from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.dynamics.free_flight import drift
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads, Work
 from rigid_sim_ros.engine.dynamics.kinematic import carry
-from rigid_sim_ros.engine.dynamics.loads import Loads
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.events.groups import Groups
 from rigid_sim_ros.engine.maths.algebra import cross

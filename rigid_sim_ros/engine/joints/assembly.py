@@ -7,9 +7,9 @@ import math
 from rigid_sim_ros.engine.joints.articulated import gather_momenta, lock, solve, write_momenta
 from rigid_sim_ros.engine.joints.buffers import (
     JointMotion, JointWork, LOCKED, TOLERANCE, UNLOCKED)
-from rigid_sim_ros.engine.joints.loops import close
-from rigid_sim_ros.engine.joints.posture import (
+from rigid_sim_ros.engine.joints.forward_kinematics import (
     move_forest, pose_forest, read_positions, read_rates)
+from rigid_sim_ros.engine.joints.loops import close
 from rigid_sim_ros.engine.joints.settle import factor_all, prepare
 from rigid_sim_ros.engine.joints.shake import ask_back, measure, shift_poses
 from rigid_sim_ros.engine.maths.rotation import quaternion

@@ -16,7 +16,7 @@ out. (Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 8.)
 from rigid_sim_ros.engine.joints.answers import take_answer
 from rigid_sim_ros.engine.joints.articulated import axis_part, solve, STIFFNESS
 from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork, STIFF
-from rigid_sim_ros.engine.joints.kinematics import (
+from rigid_sim_ros.engine.joints.joint_coordinates import (
     axis_x, axis_z, joint_distance, joint_error, joint_position, joint_side)
 from rigid_sim_ros.engine.maths.cholesky import CUT_OFF, factor_semidefinite, solve_semidefinite
 from rigid_sim_ros.engine.maths.rotation import quaternion

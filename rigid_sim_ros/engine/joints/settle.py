@@ -8,7 +8,7 @@ from rigid_sim_ros.engine.joints.articulated import factor, gather_momenta, lock
 from rigid_sim_ros.engine.joints.buffers import (
     AT_LOWER, AT_UPPER, FACTORED, FELT, JointMotion, JointWork, TOLERANCE, UNLOCKED)
 from rigid_sim_ros.engine.joints.effective_inertia import effective_inertias
-from rigid_sim_ros.engine.joints.kinematics import place_joints
+from rigid_sim_ros.engine.joints.joint_coordinates import place_joints
 from rigid_sim_ros.engine.joints.laws import (
     begin_laws, end_laws, impact_laws, next_piece, note_efforts, reaction_of, speed_along)
 from rigid_sim_ros.engine.joints.loops import close, factor_conditions, place_conditions

@@ -17,7 +17,7 @@ from rigid_sim_ros.engine.joints.articulated import (
     add_momenta, along, axis_part, solve, write_momenta)
 from rigid_sim_ros.engine.joints.buffers import (
     JointMotion, JointWork, LOCKED, PAST, STIFF, TOLERANCE, UNLOCKED)
-from rigid_sim_ros.engine.joints.kinematics import joint_error, joint_position
+from rigid_sim_ros.engine.joints.joint_coordinates import joint_error, joint_position
 from rigid_sim_ros.engine.joints.loops import close, measure_conditions
 from rigid_sim_ros.engine.joints.settle import solve_motions
 from rigid_sim_ros.engine.maths.rotation import multiply, quaternion, set_quaternion, unit

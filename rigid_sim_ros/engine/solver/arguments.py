@@ -10,8 +10,8 @@ from rigid_sim_ros.engine.constraints.contact_prediction import make_prediction,
 from rigid_sim_ros.engine.contact.basis import Basis
 from rigid_sim_ros.engine.contact.colliding_body import CollisionWork, make_collision_work
 from rigid_sim_ros.engine.detection.manifolds import Memory
+from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads, Loads
 from rigid_sim_ros.engine.dynamics.free_flight import BLOCK_SIZE as FLIGHT_SIZE
-from rigid_sim_ros.engine.dynamics.loads import empty_loads, Loads
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.engine.model.model import Model

@@ -38,7 +38,7 @@ from rigid_sim_ros.engine.solver.partition import give_slots, shared_out
 from rigid_sim_ros.engine.solver.solver_bodies import (
     begin_push, begin_push_astride, begin_push_inside, drift_bodies, kick_bodies, load_bodies,
     mark_astride, SECOND_BEGIN, slots_of, SolverBodies, store_bodies, STRIDE)
-from rigid_sim_ros.engine.solver.warm_start import temper_warm_start
+from rigid_sim_ros.engine.solver.warm_start_share import temper_warm_start
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.bits import fetch
 from rigid_sim_ros.kernels.eight import LANES, spread

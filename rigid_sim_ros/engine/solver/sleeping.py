@@ -20,8 +20,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.detection.manifolds import Manifolds, rows_in_use
+from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.dynamics.kinematic import is_carried
-from rigid_sim_ros.engine.dynamics.loads import Loads
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.maths.union_find import first_of, unite
 from rigid_sim_ros.engine.maths.vector import column, norm

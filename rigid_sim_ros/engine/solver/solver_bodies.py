@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.constraints.contact_blocks import load_three
+from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.dynamics.free_rotation import MAX_ANGLE, turn, turn_fast
-from rigid_sim_ros.engine.dynamics.loads import Loads
 from rigid_sim_ros.engine.maths.rotation import quaternion, to_matrix
 from rigid_sim_ros.engine.maths.vector import column, dot
 from rigid_sim_ros.engine.state.state import State

@@ -1,14 +1,12 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What follows from momenta and attitude: velocities, rates of change, and inertia in world axes.
+What follows from momenta and attitude: velocities and rates of change.
 
 Meyer, Rigid Body Dynamics: "Angular Momentum", "Inertia Tensor", "Orientation".
 """
 
-from rigid_sim_ros.engine.maths import algebra
-from rigid_sim_ros.engine.maths.rotation import (
-    Matrix, multiply, rotate, rotate_back, to_matrix)
+from rigid_sim_ros.engine.maths.rotation import multiply, rotate, rotate_back
 from rigid_sim_ros.engine.maths.vector import add, cross, times
 from rigid_sim_ros.kernels.arrays import Quaternion, Vector
 from rigid_sim_ros.kernels.kernel import inlined, kernel
@@ -34,24 +32,6 @@ def angular_momentum(q_WC: Quaternion, w: Vector, moments: Vector) -> Vector:
 
 # The same as a real call, for code that branches; see algebra.py.
 spin_of = kernel(angular_velocity.py_func)  # type: ignore[attr-defined]
-
-
-@kernel
-def inverse_inertia(q_WC: Quaternion, inv_I: Vector) -> Matrix:
-    """
-    Return R I^-1 R^T by rows [1/(kg m^2)], world axes.
-
-    inv_I are the reciprocals of the principal moments.
-    """
-    R = to_matrix(q_WC)
-    return (_row(R, 0, inv_I), _row(R, 1, inv_I), _row(R, 2, inv_I))
-
-
-@kernel
-def _row(R: Matrix, j: int, inv_I: Vector) -> Vector:
-    r = R[j]
-    scaled = (r[0] * inv_I[0], r[1] * inv_I[1], r[2] * inv_I[2])
-    return (algebra.dot(scaled, R[0]), algebra.dot(scaled, R[1]), algebra.dot(scaled, R[2]))
 
 
 @inlined

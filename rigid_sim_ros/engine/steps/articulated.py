@@ -4,15 +4,15 @@
 
 from typing import NamedTuple
 
+from rigid_sim_ros.engine.dynamics.force_and_torque import kick, Loads
 from rigid_sim_ros.engine.dynamics.free_flight import drift
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads, Work
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic, move_kinematic
-from rigid_sim_ros.engine.dynamics.loads import kick, Loads
 from rigid_sim_ros.engine.dynamics.wrenches import count_down, Wrenches
 from rigid_sim_ros.engine.joints.buffers import (
     Drives, EFFORT, JointMotion, JointWork, LASTS)
-from rigid_sim_ros.engine.joints.kinematics import has_one_coordinate
-from rigid_sim_ros.engine.joints.posture import read_positions
+from rigid_sim_ros.engine.joints.forward_kinematics import read_positions
+from rigid_sim_ros.engine.joints.joint_coordinates import has_one_coordinate
 from rigid_sim_ros.engine.joints.reactions import add_wrenches_of_joints, note_momenta
 from rigid_sim_ros.engine.joints.settle import prepare_step
 from rigid_sim_ros.engine.joints.shake import (

@@ -28,8 +28,8 @@ from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses, note
 from rigid_sim_ros.engine.detection.backtrack import approach_bound
 from rigid_sim_ros.engine.detection.manifolds import current, grown, Memory
 from rigid_sim_ros.engine.detection.margins import set_margins
-from rigid_sim_ros.engine.dynamics.loads import kick
-from rigid_sim_ros.engine.joints.posture import read_positions
+from rigid_sim_ros.engine.dynamics.force_and_torque import kick
+from rigid_sim_ros.engine.joints.forward_kinematics import read_positions
 from rigid_sim_ros.engine.maths.vector import row
 from rigid_sim_ros.engine.model.kinds.table import is_unbounded
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes

@@ -13,7 +13,7 @@ from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.joints.assembly import assemble, project, set_rates
 from rigid_sim_ros.engine.joints.buffers import (
     Drives, JointMotion, joints_at_rest, make_joint_work)
-from rigid_sim_ros.engine.joints.posture import read_positions, read_rates
+from rigid_sim_ros.engine.joints.forward_kinematics import read_positions, read_rates
 from rigid_sim_ros.engine.joints.settle import prepare
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.engine.model.model import Model

@@ -12,8 +12,8 @@ from typing import NamedTuple
 from rigid_sim_ros.engine.contact.contact_search import DONE
 from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses
 from rigid_sim_ros.engine.detection.manifolds import current
-from rigid_sim_ros.engine.dynamics.loads import kick
-from rigid_sim_ros.engine.joints.posture import read_positions
+from rigid_sim_ros.engine.dynamics.force_and_torque import kick
+from rigid_sim_ros.engine.joints.forward_kinematics import read_positions
 from rigid_sim_ros.engine.steps.articulated import (
     arrive, begin_part, begin_step, end_step, finish, go_back, JointedArguments, later_loads,
     MOST_PARTS, MOST_SLOWED, move_bodies, next_size, slow_down)

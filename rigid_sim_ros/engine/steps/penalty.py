@@ -18,10 +18,10 @@ from rigid_sim_ros.engine.contact.contacts import (
 from rigid_sim_ros.engine.contact.penalty_force import penalty_forces, PenaltySettings
 from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses
 from rigid_sim_ros.engine.detection.manifolds import current, grown, Memory
+from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads, kick, Loads
 from rigid_sim_ros.engine.dynamics.free_flight import fly
 from rigid_sim_ros.engine.dynamics.integrate import kick_by_change, make_work, sum_loads, Work
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic, move_kinematic
-from rigid_sim_ros.engine.dynamics.loads import empty_loads, kick, Loads
 from rigid_sim_ros.engine.dynamics.wrenches import count_down, Wrenches
 from rigid_sim_ros.engine.maths.algebra import quaternion, rotate, row
 from rigid_sim_ros.engine.model.model import Model

@@ -29,15 +29,15 @@ from rigid_sim_ros.engine.contact.contacts import (
 from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, TOLERANCE
 from rigid_sim_ros.engine.contact.impact_offsets import gap_now
 from rigid_sim_ros.engine.contact.resting_qp import effective_mass, Outcome, solve
+from rigid_sim_ros.engine.detection.carried_impulses import clear_impulses
 from rigid_sim_ros.engine.detection.detect import detect_within_margins
-from rigid_sim_ros.engine.detection.manifold_rows import clear_impulses
 from rigid_sim_ros.engine.detection.manifolds import (
     current_manifolds, earlier_manifolds, grown, Manifolds, Memory)
 from rigid_sim_ros.engine.detection.margins import set_margins
+from rigid_sim_ros.engine.dynamics.force_and_torque import kick
 from rigid_sim_ros.engine.dynamics.free_flight import fly_free
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic, move_kinematic
-from rigid_sim_ros.engine.dynamics.loads import kick
 from rigid_sim_ros.engine.dynamics.wrenches import count_down, Wrenches
 from rigid_sim_ros.engine.maths.vector import cross, row
 from rigid_sim_ros.engine.model.model import Model

@@ -13,17 +13,17 @@ import numpy as np
 
 from rigid_sim_ros.engine.constraints.contact_prediction import predict_contacts
 from rigid_sim_ros.engine.contact.collisions import collide_bodies
+from rigid_sim_ros.engine.detection.carried_impulses import clear_impulses
 from rigid_sim_ros.engine.detection.detect import detect_part, search, WHOLE
-from rigid_sim_ros.engine.detection.manifold_rows import clear_impulses
 from rigid_sim_ros.engine.detection.manifolds import (
     current, current_manifolds, earlier, grown, NO_SEARCH)
 from rigid_sim_ros.engine.detection.narrow_phase.collide import BOXES, FAMILY, SEARCHED
+from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.dynamics.forces import add_scene_forces
 from rigid_sim_ros.engine.dynamics.free_flight import fly
 from rigid_sim_ros.engine.dynamics.integrate import (
     begin_loads, end_loads, kick_by_change, kick_drift_kick)
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic, move_kinematic
-from rigid_sim_ros.engine.dynamics.loads import Loads
 from rigid_sim_ros.engine.dynamics.wrenches import count_down
 from rigid_sim_ros.engine.solver.arguments import Arguments, with_memory
 from rigid_sim_ros.engine.solver.parallel_detection import (

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros.engine.detection.backtrack import first_event, pairs_ahead
+from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
-from rigid_sim_ros.engine.dynamics.loads import empty_loads
 from rigid_sim_ros.engine.model.kinds.table import BOX
 from rigid_sim_ros.engine.model.shapes import Material
 

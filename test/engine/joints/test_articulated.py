@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from rigid_sim_ros import World
 from rigid_sim_ros.engine.constraints.articulated_rows import answer_to_impulses
-from rigid_sim_ros.engine.dynamics.loads import empty_loads
+from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads
 from rigid_sim_ros.engine.joints.buffers import make_joint_work
 from rigid_sim_ros.engine.joints.effective_inertia import effective_inertias
 from rigid_sim_ros.engine.joints.settle import prepare

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros import World
-from rigid_sim_ros.engine.dynamics.loads import empty_loads
+from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads
 from rigid_sim_ros.engine.solver.solver_bodies import (
     FIRST_END, load_bodies, make_bodies, SECOND_BEGIN, SECOND_END, store_bodies, STRIDE)
 from rigid_sim_ros.engine.state.state import State

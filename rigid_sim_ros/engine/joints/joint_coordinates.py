@@ -1,18 +1,23 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where joints are, how far from what they should hold, and what their coordinates are."""
+"""
+Where joints are, how far from what they should hold, and what their coordinates are.
+
+The way back, from coordinates to poses: forward_kinematics.py.
+"""
 
 import math
 
 from rigid_sim_ros.engine.joints.buffers import JointWork
 from rigid_sim_ros.engine.maths.rotation import (
-    conjugate, logarithm, multiply, quaternion, rotate, rotate_back, to_matrix)
+    conjugate, logarithm, multiply, quaternion, rotate, rotate_back)
 from rigid_sim_ros.engine.maths.spatial import Six
 from rigid_sim_ros.engine.maths.vector import add, column, cross, dot, row, scale, subtract
 from rigid_sim_ros.engine.model.joints import (
     DISTANCE, FIXED, JointTable, NONE, PLANAR, PRISMATIC, REVOLUTE, UNIVERSAL)
 from rigid_sim_ros.engine.model.model import Model, WORLD
 from rigid_sim_ros.engine.state.state import body_spin, body_velocity, State
+from rigid_sim_ros.engine.state.world_inertia import world_inertia
 from rigid_sim_ros.kernels.arrays import Array, Quaternion, Vector
 from rigid_sim_ros.kernels.kernel import inlined, kernel
 
@@ -88,14 +93,10 @@ def place_base(model: Model, table: JointTable, state: State, work: JointWork, i
 
 @inlined
 def _write_inertia(q: Quaternion, moments: Vector, I_W: Array, i: int) -> None:
-    """Write the upper triangle of R I R^T (Meyer, "Inertia Tensor")."""
-    R = to_matrix(q)
-    k = 0
-    for a in range(3):
-        for b in range(a, 3):
-            I_W[i, k] = (moments[0] * R[a][0] * R[b][0] + moments[1] * R[a][1] * R[b][1]
-                         + moments[2] * R[a][2] * R[b][2])
-            k += 1
+    """Write the upper triangle of R I R^T."""
+    x, y, z = world_inertia(q, moments)
+    I_W[i, 0], I_W[i, 1], I_W[i, 2] = x
+    I_W[i, 3], I_W[i, 4], I_W[i, 5] = y[1], y[2], z[2]
 
 
 @kernel

@@ -8,7 +8,7 @@ import pytest
 from rigid_sim_ros.bag import topics as kinds
 from rigid_sim_ros.bag.batch import Batch
 from rigid_sim_ros.bag.errors import BagError
-from rigid_sim_ros.bag.moment import find
+from rigid_sim_ros.bag.resume import find
 from rigid_sim_ros.world import World
 
 

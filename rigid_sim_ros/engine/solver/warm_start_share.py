@@ -5,7 +5,8 @@ How much of the impulses of the substep before an island begins with, where mass
 
 Impulses that have not been found yet, or whose directions have turned, are no balance. What a
 heavy body lets pass through a light one is then a small part of it that is left over, and throws
-the light one away faster than the sweeps that follow can make good.
+the light one away faster than the sweeps that follow can make good. (What is carried over from
+the step before, by feature: detection/carried_impulses.py.)
 
 Of impulses f that act on bodies with the velocities v the energy is
 

@@ -4,7 +4,7 @@
 
 from rigid_sim_ros.engine.joints.articulated import along, axis_part, write_momenta
 from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
-from rigid_sim_ros.engine.joints.kinematics import (
+from rigid_sim_ros.engine.joints.joint_coordinates import (
     has_one_coordinate, joint_position, joint_side)
 from rigid_sim_ros.engine.maths.rotation import (
     conjugate, exponential, multiply, rotate, rotate_back, set_quaternion, unit)
