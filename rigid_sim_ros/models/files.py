@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 import os
 from pathlib import Path
+import re
 from urllib.parse import unquote
 
 from rigid_sim_ros.models.findings import Findings, Place
@@ -19,6 +20,9 @@ from rigid_sim_ros.models.findings import Findings, Place
 # What a folder holds that is a package of ROS, or a model of Gazebo.
 _MARKS = ('package.xml', 'model.config')
 _SCHEMES = ('package://', 'model://')
+# The name of a package, the first such element of its package.xml, and how far to look.
+_NAME = re.compile(r'<name>\s*([\w-]+)\s*</name>')
+_MOST_OF_PACKAGE = 20_000
 # Folders above a model that are asked whether they are a package.
 _MOST_ABOVE = 12
 
@@ -35,6 +39,10 @@ class Folders:
         shown = repr(uri if len(uri) < 100 else f'{uri[:96]}...')
         if '\0' in uri or not uri.strip():
             findings.error(place, f'file {shown}, must be the name of a file')
+            return None
+        if uri.lower().startswith(('http://', 'https://')):
+            findings.error(place, f'file {shown} lies in the net, and nothing is downloaded: must '
+                           'be a file here')
             return None
         scheme = next((prefix for prefix in _SCHEMES if uri.startswith(prefix)), None)
         if scheme is not None:
@@ -72,7 +80,7 @@ class Folders:
             if prefix and folder.is_dir():
                 yield folder, True
         for above in [self.model, *self.model.parents][:_MOST_ABOVE]:
-            if above.name == name and any((above / mark).is_file() for mark in _MARKS):
+            if name in _names(above):
                 yield above, False
         if (self.model / name).is_dir():
             yield self.model / name, False
@@ -85,6 +93,25 @@ class Folders:
                 yield above, False
         for folder in self.packages.values():
             yield folder, True
+
+
+def _names(folder: Path) -> set[str]:
+    """
+    Return the names that a folder has as a package, none if it is not one.
+
+    A clone or an archive of a package seldom lies in a folder of the package's own name, which
+    its package.xml tells.
+    """
+    marks = [mark for mark in _MARKS if (folder / mark).is_file()]
+    found = {folder.name} if marks else set()
+    if 'package.xml' in marks:
+        try:
+            with (folder / 'package.xml').open('rb') as file:
+                head = file.read(_MOST_OF_PACKAGE)
+        except OSError:     # nobody but its owner may read it
+            return found
+        found.update(_NAME.findall(head.decode('utf-8', 'replace'))[:1])
+    return found
 
 
 def _inside(root: Path, start: Path, rest: str, is_ours: bool) -> Path | None:

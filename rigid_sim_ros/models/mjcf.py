@@ -155,12 +155,12 @@ class _Reader:
         between = self._put_between(links, joints)
         joints += self._equalities(joints, poses)
         read_actuators(self._mj, m, self._axes, self._actuator_place, findings)
-        frames = [Frame(self._name('site', s), links[int(m.site_bodyid[s])].name,
-                        _pose(m.site_pos[s], m.site_quat[s]), self._root)
-                  for s in range(m.nsite)]
+        frames = [self._frame(s, links) for s in range(m.nsite)]
         if not links[_WORLD].collisions:
             frames = [frame for frame in frames if frame.link != links[_WORLD].name]
             links = links[1:]
+        if not links:
+            findings.error(self._root, 'has no bodies, must have at least one')
         findings.stop()
         model = Model(self._root.attributes.get('model') or self._path.stem, links, joints, frames,
                       self._root)
@@ -204,6 +204,16 @@ class _Reader:
             link.inertia = Inertia(mass, com.position, (a, b_, c, d, e, f), link.place)
         read_shapes(self._mj, m, b, link, self._findings)
         return link
+
+    def _frame(self, s: int, links: list[Link]) -> Frame:
+        """Return the frame of a site; bodies and sites may have the same names in MJCF alone."""
+        m, name = self._m, self._name('site', s)
+        place = self._place('site', name)
+        if any(link.name == name for link in links):
+            self._findings.note(place, f'is {name}_site here, as a body has its name')
+            name = f'{name}_site'
+        return Frame(name, links[int(m.site_bodyid[s])].name,
+                     _pose(m.site_pos[s], m.site_quat[s]), place)
 
     def _is_welded(self, b: int) -> bool:
         return int(self._m.body_weldid[b]) == _WORLD and int(self._m.body_mocapid[b]) < 0
@@ -316,36 +326,46 @@ class _Reader:
                 continue
             kind = mj.mjtEq(int(m.eq_type[e])).name[5:].lower()
             name = self._name('equality', e)
-            place = self._place(kind, name)
+            place = self._equality_place(kind, e)
             a, b, data = int(m.eq_obj1id[e]), int(m.eq_obj2id[e]), m.eq_data[e]
             if kind == 'joint' and b >= 0 and not np.any(data[2:5]):
                 follower = by_name.get(self._name('jnt', a))
                 if follower is not None:
                     follower.mimic = Mimic(self._name('jnt', b), float(data[1]), float(data[0]))
                 continue
-            is_body = int(m.eq_objtype[e]) == int(mj.mjtObj.mjOBJ_BODY)
-            if is_body and self._is_welded(a) and self._is_welded(b):
-                continue
-            if kind in ('connect', 'weld') and is_body:
-                made.append(self._loop(name, kind, a, b, data, poses, place))
-            else:
+            if kind not in ('connect', 'weld'):
                 self._findings.error(place, f'is an equality of a kind that is not known here '
                                      f'({kind}), must go')
+                continue
+            if int(m.eq_objtype[e]) == int(mj.mjtObj.mjOBJ_SITE):
+                ends = [_pose(m.site_pos[site], m.site_quat[site]) for site in (a, b)]
+                a, b = int(m.site_bodyid[a]), int(m.site_bodyid[b])
+            elif kind == 'connect':
+                ends = [Pose(_vector(data[i:i + 3]), IDENTITY.orientation) for i in (0, 3)]
+            else:
+                ends = [_pose(data[3:6], data[6:10]),
+                        Pose(_vector(data[0:3]), IDENTITY.orientation)]
+            if not (self._is_welded(a) and self._is_welded(b)):
+                made.append(self._loop(name, kind, a, b, ends, poses, place))
         return made
 
-    def _loop(self, name: str, kind: str, a: int, b: int, data: Any, poses: list[Pose],
+    def _equality_place(self, kind: str, e: int) -> Element:
+        """Return where an equality stands, also of one without a name: they keep their order."""
+        written = [one for every in self._root.every() if every.tag == 'equality'
+                   for one in every.children]
+        return written[e] if len(written) == self._m.neq else self._place(
+            kind, self._name('equality', e))
+
+    def _loop(self, name: str, kind: str, a: int, b: int, ends: list[Pose], poses: list[Pose],
               place: Element) -> Joint:
-        """Return the joint that an equality between two bodies is."""
+        """Return the joint that holds a frame in the body a on one in the body b."""
         outer, inner = (b, a) if self._is_welded(b) else (a, b)
-        anchor, turn = (data[0:3], (1.0, 0.0, 0.0, 0.0)) if kind == 'connect' else (
-            data[3:6], data[6:10])
-        at = combined(poses[a], _pose(anchor, turn))
-        if kind == 'weld':
-            there = combined(poses[b], Pose(_vector(data[0:3]), IDENTITY.orientation))
-            off = combined(inverse(there), at)
-            if max(map(abs, (*off.position, *off.orientation[:3]))) > _CLOSED:
-                self._findings.error(place, 'holds its bodies elsewhere than they are written: '
-                                     'write them there, or leave relpose out')
+        at, there = combined(poses[a], ends[0]), combined(poses[b], ends[1])
+        off = combined(inverse(there), at)
+        turned = off.orientation[:3] if kind == 'weld' else ()
+        if max(map(abs, (*off.position, *turned))) > _CLOSED:
+            self._findings.error(place, 'holds its bodies elsewhere than they are written: write '
+                                 'them there, or leave relpose out')
         parent = '' if outer == _WORLD else self._name('body', outer)
         pose = at if not parent else combined(inverse(poses[outer]), at)
         return Joint(name, 'spherical' if kind == 'connect' else 'fixed', parent,
@@ -373,6 +393,11 @@ class _Reader:
                   if not any(p & s or q & r for p, q in masks[a] for r, s in masks[b])]
         return [(self._name('body', a), self._name('body', b)) for a, b in pairs]
 
+    def _first(self, word: str) -> Element:
+        """Return the first element with this tag or attribute in the file itself."""
+        return next((one for one in self._root.every()
+                     if one.tag == word or word in one.attributes), self._root)
+
     def _ignore(self) -> None:
         """Tell what has no effect here, or refuse what would change the motion."""
         m, findings = self._m, self._findings
@@ -382,8 +407,8 @@ class _Reader:
                 findings.ignore(self._root, f'<{tag}>', why)
         if any(np.any(getattr(m, f'tendon_{key}', 0.0)) for key in (
                 'stiffness', 'damping', 'limited', 'frictionloss', 'armature')):
-            findings.error(self._root, 'has tendons with forces, which are not known here, must '
-                           'have none')
+            findings.error(self._first('tendon'), 'has tendons with forces, which are not known '
+                           'here, must have none')
         elif m.ntendon:
             findings.ignore(self._root, '<tendon>')
         for bit in _DISABLED:
@@ -391,9 +416,11 @@ class _Reader:
                 findings.error(self._root, f'disables {bit} by a <flag>, must not: leave out what '
                                'it disables')
         if np.any(m.body_gravcomp):
-            findings.error(self._root, 'has gravcomp, which is not known here, must have none')
+            findings.error(self._first('gravcomp'), 'has gravcomp, which is not known here, must '
+                           'have none')
         if m.nflex or m.nskin:
-            findings.error(self._root, 'has soft bodies, which are not known here, must have none')
+            findings.error(self._first('flex'), 'has soft bodies, which are not known here, must '
+                           'have none')
         if m.opt.density or m.opt.viscosity:
             findings.error(self._root, 'has a medium (density, viscosity), must have none: write '
                            'wind in the scene')

@@ -109,13 +109,17 @@ def _dynamics(joint: Joint, axis: Element, findings: Findings) -> None:
 
 def _value(element: Element, tag: str, default: float, findings: Findings, *,
            least: float = -math.inf) -> float:
-    """Return the number of a child; infinite ones are bounds that there are not."""
+    """Return the number of a child; infinite and huge ones are bounds that there are not."""
     child = element.find(tag)
     if child is None:
         return default
     text = child.text.strip()
-    if text.lower().lstrip('+-') in ('inf', 'infinity'):
-        return math.copysign(_NO_BOUND, -1.0 if text.startswith('-') else 1.0)
+    try:
+        # SDFormat's own writer gives the largest double, 1.79769e+308, for no bound.
+        if tag in _LIMIT and abs(float(text)) >= _NO_BOUND:
+            return math.copysign(_NO_BOUND, float(text))
+    except ValueError:
+        pass    # what is no number is reported below
     return number(text, child, tag, findings, default, least=least)
 
 

@@ -81,12 +81,14 @@ def check_children(element: Element, known: tuple[str, ...], ignored: tuple[str,
     Report the children of an element that nobody knows.
 
     Where physics are written such a child is an error: it may be a slip of the pen that changes
-    them. Elsewhere, and for those that are known to have no effect here, it is ignored.
+    them. Elsewhere, and for those that are known to have no effect here, it is ignored, and so is
+    one with a prefix, such as <gz:policies>: it is for who has the prefix.
     """
     for child in element.children:
         if child.tag in known:
             continue
-        if child.tag in ignored or not is_physics:
+        is_custom = ':' in child.tag and not child.tag.startswith('xacro:')
+        if child.tag in ignored or not is_physics or is_custom:
             findings.ignore(child, f'<{child.tag[:_SHOWN]}>', _WHY.get(child.tag, ''))
         else:
             findings.error(child, f'is not known in <{element.tag}>, {mend(child.tag, known)}')

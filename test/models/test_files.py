@@ -51,6 +51,17 @@ def test_the_package_around_a_model_is_known_by_its_name(tmp_path) -> None:
     assert found(folders, '../meshes/x.stl') == mesh
 
 
+def test_a_clone_of_a_package_has_the_name_that_its_package_file_tells(tmp_path) -> None:
+    mesh = write(tmp_path, 'arm-main/meshes/x.stl', '')
+    folders = Folders(tmp_path / 'arm-main/urdf')
+    write(tmp_path, 'arm-main/package.xml',
+          '<package format="3">\n  <name> arm_description </name>\n'
+          '  <author>x</author><export><name>other</name></export></package>')
+    assert found(folders, 'package://arm_description/meshes/x.stl') == mesh
+    assert found(folders, 'package://arm-main/meshes/x.stl') == mesh
+    assert "package 'other' is not found" in str(found(folders, 'package://other/meshes/x.stl'))
+
+
 def test_a_package_is_found_in_a_workspace_made_of_links(tmp_path, monkeypatch) -> None:
     write(tmp_path, 'src/arm/x.stl', '')
     share = tmp_path / 'install/share'
@@ -143,3 +154,17 @@ def test_a_name_with_a_line_break_stays_on_its_line(tmp_path) -> None:
       <joint name="j" type="continuous"><parent link="base"/><child link="a"/></joint></robot>""")
     note, = read_scene(urdf).notes
     assert '\n' not in note and 'bowl\\nnote: all is well.stl' in note
+
+
+@pytest.mark.parametrize('text', [
+    '<!-- a --option\nof a tool -->{}', '<!-- ruler\n------>{}', '\n<?xml version="1.0"?>{}'])
+def test_what_tinyxml_reads_is_read_with_the_same_lines(text) -> None:
+    root = parse(text.format('<robot>\n<link/></robot>').encode(), 'r.urdf')
+    assert [(one.tag, one.line) for one in root.every()] == [('robot', 2), ('link', 3)]
+
+
+def test_where_others_see_an_element_there_is_one() -> None:
+    text = '<a><?x <!-- ?><b c="d--e"/><?y --> ?><![CDATA[<!--]]><f c="g--h"/><![CDATA[-->]]></a>'
+    root = parse(text.encode(), 'm.xml')
+    assert [one.attributes.get('c') for one in root.every()] == [None, 'd--e', 'g--h']
+    assert root.text == '<!---->'

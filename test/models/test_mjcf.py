@@ -121,6 +121,35 @@ def test_equalities_are_joints_that_close_loops_or_follow(tmp_path) -> None:
     assert joints[2].pose.position == pytest.approx((0, 0, -0.4), abs=1e-15)
 
 
+def test_sites_are_held_together_as_bodies_are(tmp_path) -> None:
+    text = ARM.replace('<freejoint/>', '<freejoint/><site name="eye" pos=".2 0 0"/>').replace(
+        '<body name="ball" pos="1 0 1">', '<body name="ball" pos="-.2 0 .4">').replace(
+        ' euler="0 10 0"', '').replace(
+        '</mujoco>', '<equality>\n<connect site1="tip" site2="eye"/></equality></mujoco>')
+    joint = read_scene(write(tmp_path, 'arm.xml', text)).spec.joints[2]
+    assert (joint.type, joint.parent, joint.child) == ('spherical', 'arm/upper', 'arm/ball')
+    assert joint.pose.position == pytest.approx((0, 0, -0.5), abs=1e-15)
+    apart = write(tmp_path, 'apart.xml', text.replace('pos=".2 0 0"', 'pos=".3 0 0"'))
+    with pytest.raises(SceneError) as error:
+        read_scene(apart)
+    assert 'elsewhere than they are written' in str(error.value)
+    assert error.value.problems[0].line == text[:text.index('<connect')].count('\n') + 1
+
+
+def test_a_site_may_have_the_name_of_a_body(tmp_path) -> None:
+    path = write(tmp_path, 'arm.xml', ARM.replace('name="tip"', 'name="base"'))
+    world = load_scene(path)
+    assert 'arm/base_site' in world.frame_names
+    assert any('is base_site here' in note for note in map(str, world.scene.notes))
+
+
+def test_a_file_without_bodies_is_refused_by_its_name(tmp_path) -> None:
+    path = write(tmp_path, 'sky.xml', '<mujoco model="sky"><worldbody/></mujoco>')
+    with pytest.raises(SceneError) as error:
+        read_scene(path)
+    assert str(error.value).startswith(f'{path}:1: mujoco: has no bodies')
+
+
 @pytest.mark.parametrize(('old', 'new', 'words'), [
     ('<worldbody>', '<wordbody>', 'not XML'),
     ('timestep="0.0005"', 'timestep="soon"', 'MuJoCo says: '),

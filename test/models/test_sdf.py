@@ -52,6 +52,19 @@ def test_a_joint_has_the_laws_of_its_axis(tmp_path) -> None:
     assert (joint.damping, joint.spring.stiffness) == (0.5, 2.0)
 
 
+def test_the_largest_number_is_no_bound_as_the_writer_of_sdf_gives_it(tmp_path) -> None:
+    text = ARM.replace('<lower>-1<', '<lower>-1.79769e+308<').replace(
+        '<upper>inf<', '<upper>1.79769e+308<').replace('<effort>-1<', '<effort>inf<')
+    limits = read_scene(write(tmp_path, 'm.sdf', text)).spec.joints[0].limits
+    assert (limits.lower, limits.upper, limits.effort) == (None, None, None)
+
+
+def test_elements_with_a_prefix_are_for_others(tmp_path) -> None:
+    text = ARM.replace('<parent>', '<gz:grease xmlns:gz="http://x">1</gz:grease><parent>')
+    notes = read_scene(write(tmp_path, 'm.sdf', text)).notes
+    assert any('<gz:grease> is ignored' in note for note in notes)
+
+
 @pytest.mark.parametrize(('frame', 'axis'), [
     ('', (1, 0, 0)), ('__model__', (0, -1, 0)), ('tool', (1, 0, 0)), ('base', (0, -1, 0))])
 def test_an_axis_is_expressed_in_a_frame(tmp_path, frame, axis) -> None:
@@ -200,6 +213,7 @@ def test_a_four_bar_linkage_closes_and_moves(tmp_path) -> None:
     (link('a', '<pose>1 2 3</pose>'), 'must be 6 numbers'),
     (link('a') + link('a'), 'is there twice'),
     (link('a') + '<include><uri>model://nobody</uri></include>', "package 'nobody' is not found"),
+    (link('a') + '<include><uri>https://x.org/a</uri></include>', 'nothing is downloaded'),
     (link('a') + '<include><uri>../other.sdf</uri></include>', 'lies outside of the folders'),
     ('', 'has no links'),
     ('<lnk name="a"/>', "is not known in <model>, did you mean 'link'?")])

@@ -210,3 +210,19 @@ def test_visuals_of_sdf_have_their_poses_and_colours(tmp_path):
     visual, = world.scene.spec.bodies[0].visuals
     assert (visual.shape.type, visual.color) == ('box', RED)
     assert visual.shape.pose.position == (0.0, 0.0, 2.0)
+
+
+def test_of_textures_that_are_not_read_nothing_is_logged(tmp_path, caplog):
+    trimesh.creation.box((0.2, 0.2, 0.2)).export(tmp_path / 'x.dae')
+    text = (tmp_path / 'x.dae').read_text()
+    bumpy = text.replace('</effect>', """<extra><technique profile="FCOLLADA"><bump>
+        <texture texture="t" texcoord="c"/></bump></technique></extra></effect>""", 1).replace(
+        '<profile_COMMON>', """<profile_COMMON>
+        <newparam sid="s"><surface type="2D"><init_from>i</init_from></surface></newparam>
+        <newparam sid="t"><sampler2D><source>s</source></sampler2D></newparam>""", 1).replace(
+        '<library_effects>', """<library_images><image id="i"><init_from>bumps.png</init_from>
+        </image></library_images><library_effects>""", 1)
+    assert bumpy.count('FCOLLADA') == bumpy.count('sampler2D') / 2 == bumpy.count('bumps.png') == 1
+    (tmp_path / 'x.dae').write_text(bumpy)
+    assert len(rod(robot(tmp_path, 'x.dae')).visuals) == 1
+    assert not caplog.records

@@ -101,7 +101,7 @@ def solve_contacts(model: Model, state: State, table: JointTable, motion: JointM
             break
     axes.is_row[:] = 0
     if first:
-        _add_displacing(model, state, table, work, h, w)
+        _add_displacing(model, state, table, work, w)
 
 
 @kernel
@@ -192,7 +192,7 @@ def _solve_island(model: Model, state: State, table: JointTable, work: JointWork
             changed = max(changed, abs(w.row[i]) * rows.stiff[width * c + i])
         push_rows(model, state, contacts, k, width, w.row, 0)
     if first:
-        _displace(contacts, chosen, width, h, w)
+        _displace(contacts, chosen, width, model.h, w)
     return OTHERS if changed > STEADY * size else SAME
 
 
@@ -321,7 +321,12 @@ def _solve_rebound(chosen: IntArray, width: int, share: float, is_new: bool,
 @kernel
 def _displace(contacts: Contacts, chosen: IntArray, width: int, h: float,
               w: ContactBuffers) -> None:
-    """Write impulses that displace what overlaps, and does not come apart by itself."""
+    """
+    Write impulses that displace what overlaps, and does not come apart by itself.
+
+    h [s] is the whole step, of which a way has its share: displaced as far within a thousandth of
+    it, bodies would be as fast as nothing else is, and what limits of joints make of that stays.
+    """
     rows, m, any_wanted = w.system.rows, chosen.shape[0], False
     apply_forces(rows, m, width, rows.f)
     for c in range(m):
@@ -344,7 +349,7 @@ def _displace(contacts: Contacts, chosen: IntArray, width: int, h: float,
 
 
 @kernel
-def _add_displacing(model: Model, state: State, table: JointTable, work: JointWork, h: float,
+def _add_displacing(model: Model, state: State, table: JointTable, work: JointWork,
                     w: ContactBuffers) -> None:
     """
     Add the momenta with which bodies move as the impulses that displace let them.
@@ -365,7 +370,7 @@ def _add_displacing(model: Model, state: State, table: JointTable, work: JointWo
         if model.inv_m[i] > 0.0:
             v = spin_of(quaternion(state.q, i), column(loads.tau, i), column(model.inv_I_C, i))
             fastest = max(fastest, norm(v))
-    share = min(1.0, MOST_TURN / (h * fastest)) if fastest > 0.0 else 1.0
+    share = min(1.0, MOST_TURN / (model.h * fastest)) if fastest > 0.0 else 1.0
     for i in range(model.m.shape[0]):
         for k in range(3):
             loads.F[k, i] *= share

@@ -11,7 +11,8 @@ operational space control, Int. J. Robotics Research 11 (1992)).
 """
 
 from rigid_sim_ros.engine.joints.articulated import along
-from rigid_sim_ros.engine.joints.buffers import JointWork
+from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
+from rigid_sim_ros.engine.maths.cholesky import CUT_OFF, solve_semidefinite
 from rigid_sim_ros.engine.maths.spatial import (
     about_other_point, Inertia, load, plus_products, product, Six, six, store, times_motion)
 from rigid_sim_ros.engine.maths.vector import row
@@ -43,3 +44,40 @@ def effective_inertias(table: JointTable, work: JointWork) -> None:
             work.felt[k] = 1.0 / own
             answer = plus_products(answer, s, a, -inv_D, own)
         store(work.answer, i, answer)
+
+
+@kernel
+def has_damped_loops(table: JointTable, motion: JointMotion, g: int) -> bool:
+    """Return whether articulation g has loops or couplings, and axes that anything damps."""
+    if table.first_condition[g + 1] == table.first_condition[g]:
+        return False
+    for i in range(table.first_row[g], table.first_row[g + 1]):
+        for k in range(table.first_axis[i], table.first_axis[i + 1]):
+            if table.laws.damping[k] > 0.0 or motion.drives.damping[k] > 0.0:
+                return True
+    return False
+
+
+@kernel
+def add_loops(table: JointTable, work: JointWork, g: int) -> None:
+    """
+    Change the inertias that the axes of articulation g feel to those with its loops closed.
+
+    Else they would be those of whichever joints are taken for the tree. With the rates G_k of an
+    axis that unit impulses of the conditions give, and S = C M~^-1 C^T, the answer of the axis
+    falls from (M^-1)_kk by G_k . S^-1 G_k. `factor_conditions` has been called with all axes free.
+    """
+    loop, first, last = work.loop, table.first_condition[g], table.first_condition[g + 1]
+    start = table.first_axis[table.first_row[g]]
+    for k in range(start, table.first_axis[table.first_row[g + 1]]):
+        for m in range(first, last):
+            loop.missing[m] = loop.answer_rate[m, k - start]
+        solve_semidefinite(loop.S[first:last], loop.rank[g], last - first, loop.scale[first:last],
+                           loop.order[first:last], loop.missing[first:last],
+                           loop.impulse[first:last])
+        alone = 1.0 / work.felt[k]
+        own = alone
+        for m in range(first, last):
+            own -= loop.answer_rate[m, k - start] * loop.impulse[m]
+        # What the loops forbid altogether moves nowhere, and feels no more than can be told.
+        work.felt[k] = 1.0 / max(own, CUT_OFF * alone)

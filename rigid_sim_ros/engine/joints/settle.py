@@ -7,7 +7,8 @@ import math
 from rigid_sim_ros.engine.joints.articulated import factor, gather_momenta, lock, solve
 from rigid_sim_ros.engine.joints.buffers import (
     AT_LOWER, AT_UPPER, FACTORED, FELT, JointMotion, JointWork, TOLERANCE, UNLOCKED)
-from rigid_sim_ros.engine.joints.effective_inertia import effective_inertias
+from rigid_sim_ros.engine.joints.effective_inertia import (
+    add_loops, effective_inertias, has_damped_loops)
 from rigid_sim_ros.engine.joints.joint_coordinates import place_joints
 from rigid_sim_ros.engine.joints.laws import (
     begin_laws, end_laws, impact_laws, next_piece, note_efforts, reaction_of, speed_along)
@@ -83,13 +84,24 @@ def _has_same_axes(work: JointWork) -> bool:
 
 
 @kernel
-def _feel(model: Model, table: JointTable, work: JointWork) -> None:
-    """Write the inertias that the axes feel where all are free, whatever was before."""
+def _feel(model: Model, table: JointTable, motion: JointMotion, work: JointWork) -> None:
+    """
+    Write the inertias that the axes feel where all are free, whatever was before.
+
+    With their loops where anything is damped, which is all that depends on them.
+    """
     if work.known[FELT] == 1:
         return
     _free_axes(table, work)
     factor(model, table, work, 0, table.body.shape[0])
     effective_inertias(table, work)
+    any_loop = False
+    for g in range(table.first_row.shape[0] - 1):
+        if has_damped_loops(table, motion, g):
+            if not any_loop:
+                factor_conditions(table, work)
+            any_loop = True
+            add_loops(table, work, g)
     work.known[FACTORED], work.known[FELT] = 0, 1
 
 
@@ -114,7 +126,7 @@ def find_motions(model: Model, table: JointTable, state: State, motion: JointMot
     found, in the second for none.
     """
     if table.lawful > 0 and first:
-        _feel(model, table, work)
+        _feel(model, table, motion, work)
         begin_laws(table, motion, work, h)
     elif table.lawful > 0:
         end_laws(table, motion, work, h)
