@@ -6,9 +6,11 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 from laws import (
-    apart_laws, energy_laws, impact_laws, jointed_laws, jointed_twins, mixed_laws, rest_laws,
-    slept_laws, standing_laws, twin_laws)
+    apart_laws, energy_laws, ground_laws, impact_laws, jointed_laws, jointed_twins, mixed_laws,
+    rest_laws, slept_laws, standing_laws, twin_laws)
 from laws.crowd_scenes import draw_collapse, draw_crates
+from laws.ground_scenes import (
+    draw_falling_ball, draw_ground_scene, draw_resting, draw_shots, draw_sliding)
 from laws.jointed_scenes import draw_jointed
 from laws.mixed_scenes import draw_awake, draw_falling, draw_floating, draw_mixed
 from laws.motion import Build, Ours, Run, Verdict
@@ -121,7 +123,23 @@ CROWDS = {law.name: law for law in (
     *_twins('crates', draw_crates, _TOUCHING, _TWINS),
     Law('collapse-energy', 'energy never grows without work where many fall',
         draw_collapse, energy_laws.judge_energy, ('timestep',)))}
-EVERY_LAW = LAWS | JOINTED | MIXED | CROWDS
+
+# Those of grounds of triangles.
+GROUNDS = {law.name: law for law in (
+    Law('ground-energy', 'energy never grows without work',
+        draw_ground_scene, energy_laws.judge_energy, _TOUCHING),
+    Law('ground-through', 'nothing gets through the ground',
+        draw_ground_scene, ground_laws.judge_through, _TOUCHING),
+    Law('ground-shots', 'nothing gets through the ground, however fast',
+        draw_shots, ground_laws.judge_through, _TOUCHING),
+    Law('ground-weight', 'the force on the ground is the weight at rest',
+        draw_resting, ground_laws.judge_resting, _TOUCHING),
+    Law('ground-plane', 'over a flat ground of triangles all moves as over a plane',
+        draw_sliding, apart_laws.judge_flush, _TOUCHING),
+    Law('ground-ball', 'a ball that falls on a flat ground of triangles moves as on a plane',
+        draw_falling_ball, twin_laws.alike(ground_laws.on_a_plane), ('event',)),
+    *_twins('ground', draw_ground_scene, _TOUCHING, _TWINS))}
+EVERY_LAW = LAWS | JOINTED | MIXED | CROWDS | GROUNDS
 
 
 def scene(law: str, seed: int) -> Scene:

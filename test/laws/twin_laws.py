@@ -17,7 +17,8 @@ from laws.jointed_twins import (
     mirror_joint, mirror_spring, move_spring, move_world, scale_joint, scale_spring, Twin)
 from laws.motion import Build, Verdict
 from laws.scenes import (
-    any_attitude, draw_scales, draw_surface, heap, matrix, plane, product, Scene, Spec, world)
+    any_attitude, draw_scales, draw_surface, heap, matrix, plane, product, Scene, Spec, turn,
+    world)
 from laws.solids import Generator
 import numpy as np
 
@@ -92,6 +93,12 @@ def _mirror_shape(shape: Spec) -> None:
     if shape['type'] == 'mesh':
         shape['vertices'] = (_IMAGE * shape['vertices']).tolist()
         shape['faces'] = [[c, b, a] for a, b, c in shape['faces']]
+    if shape['type'] == 'heightfield':
+        # Its cells are divided from the corner with the least x and y: x and y change places, and
+        # a quarter of a turn brings the new y to -x.
+        shape['heights'] = np.transpose(shape['heights']).tolist()
+        shape['size'] = shape['size'][::-1]
+        shape['pose'] = {'orientation': turn((0, 0, 1), 0.5 * math.pi).tolist()}
     for part in shape.get('compound', ()):
         _mirror_shape(part)
 
@@ -120,7 +127,7 @@ def mirrored(rng: Generator, scene: Scene) -> Twin:
 
 # Powers of the length's factor by key of a scene.
 _POWERS = {'position': 1.0, 'radius': 1.0, 'length': 1.0, 'size': 1.0, 'radii': 1.0,
-           'vertices': 1.0, 'com': 1.0, 'mass': 3.0, 'inertia': 5.0, 'linear': 0.5,
+           'vertices': 1.0, 'heights': 1.0, 'com': 1.0, 'mass': 3.0, 'inertia': 5.0, 'linear': 0.5,
            'angular': -0.5, 'step': 0.5, 'stiffness': 3.0, 'damping': -0.5}
 
 
@@ -216,6 +223,8 @@ def alike(transform: Callable[[Generator, Scene], Twin]) -> Callable[[Scene, Bui
             base, other, *near = (run.motion() for run in runs)
             if not np.isfinite(base).all():
                 return Verdict(math.inf, SOLVED, 'of the scene itself: not finite')
+            if 'plane' in scene.facts and _beside(scene, base):
+                break       # where the plane goes on
             other = twin.back(other)
             spread = max(spread, *(_apart(base, one, unit) for one in near))
             verdict = Verdict(_apart(base, other, unit), SOLVED + 10 * spread, found.what)
@@ -228,6 +237,13 @@ def alike(transform: Callable[[Generator, Scene], Twin]) -> Callable[[Scene, Bui
         return found
     judge.__doc__ = transform.__doc__
     return judge
+
+
+def _beside(scene: Scene, motion: np.ndarray) -> bool:
+    """Return whether a body is near the edge of a ground of triangles."""
+    edge = scene.facts['ground'].vertices[:, :2]
+    inner = np.stack([edge.min(axis=0) + scene.size, edge.max(axis=0) - scene.size])
+    return bool((motion[:-1, :2] < inner[0]).any() or (motion[:-1, :2] > inner[1]).any())
 
 
 def _apart(a: np.ndarray, b: np.ndarray, unit: np.ndarray) -> float:

@@ -55,6 +55,7 @@ class Contacts(NamedTuple):
     spinning: Array  # (c,) [m] lever of the normal force against turning about the normal
     rolling: Array  # (c,) [m] lever against rolling
     alike: IntArray  # (c,) 1 for blocks that are to collide next, see `impulse`
+    spare: IntArray  # (c,) 1 for points without which all is borne, see spare_points.py
 
 
 class Bodies(NamedTuple):
@@ -74,7 +75,8 @@ def make_contacts(capacity: int) -> Contacts:
 
     return Contacts(whole(2), whole(c + 1), whole(), whole(), whole(), whole(), whole(), whole(),
                     np.zeros((c, 3, 3)), np.zeros((c, 3)), np.zeros((c, 3)), np.zeros(c),
-                    np.zeros(c), np.zeros(c), np.zeros(c), np.zeros(c), np.zeros(c), whole())
+                    np.zeros(c), np.zeros(c), np.zeros(c), np.zeros(c), np.zeros(c), whole(),
+                    whole())
 
 
 def make_bodies(n: int) -> Bodies:

@@ -47,6 +47,9 @@ LEAST_ADVANCE = 1.0 / 1024.0
 FILM = 1e-8
 # Boxes nearer than this part of their size are measured along their separating axes.
 NEAR = 1e-2
+# Of half of the least that the thinner of two shapes measures across: by so much overlaps may grow
+# where nothing stops them. With more they might be pushed out on the other side.
+DEEPER = 0.25
 MAX_STEPS = 80  # of ITP; bisection would halve a second to 1e-12 s with 40
 
 
@@ -334,9 +337,10 @@ def first_event(model: Model, state: State, loads: Loads, shapes: Shapes, pairs:
     Return when [s] the first of `count` pairs meets, and which; (until, -1) if none does.
 
     allowed, (p,), is 0 for pairs that are apart. A pair that touches already has how deep [m, < 0]
-    it may get during the step; it counts as an event when it ends the step deeper than that, and
-    then from the time at which it got there. What is deeper already may not get deeper by more
-    than `overlap` of the smaller shape. `allowed` then holds what was allowed.
+    it may get during the step; it counts as an event when it is deeper than that in the end, or
+    where it could get through, and then from the time at which it got there. What is deeper
+    already may not get deeper by more than `overlap` of the smaller shape. `allowed` then holds
+    what was allowed.
     """
     best, which = until, -1
     for k in range(count):
@@ -353,12 +357,63 @@ def first_event(model: Model, state: State, loads: Loads, shapes: Shapes, pairs:
             if t < best:
                 best, which = t, k
             continue
-        # At `until`, not at the best so far: a pair may get deeper and come back, and whether that
-        # is seen must not depend on which other pairs were asked before.
-        then = pair_gap(model, state, loads, shapes, a, b, until, pose, scratch)[0]
-        if then < level:
-            t = crossing(model, state, loads, shapes, a, b, 0.0, until, gap, then, level, pose,
-                         scratch)
-            if t < best:
-                best, which = t, k
+        t = _sinking(model, state, loads, shapes, a, b, gap, n, level, until, pose, scratch)
+        if t < best:
+            best, which = t, k
     return best, which
+
+
+@kernel
+def first_passage(model: Model, state: State, loads: Loads, shapes: Shapes, pairs: IntArray,
+                  count: int, until: float, pose: Array,
+                  scratch: Scratch) -> tuple[float, int]:
+    """
+    Return when [s] the first of `count` pairs gets so deep that it might get through, and which.
+
+    That is (until, -1) if none does. Whether they touch yet or not: deeper than now by DEEPER.
+    """
+    best, which = until, -1
+    for k in range(count):
+        a, b = pairs[k, 0], pairs[k, 1]
+        gap, n = pair_gap(model, state, loads, shapes, a, b, 0.0, pose, scratch)
+        level = deepest(shapes, a, b, gap)
+        t = _sinking(model, state, loads, shapes, a, b, gap, n, level, until, pose, scratch)
+        if t < best:
+            best, which = t, k
+    return best, which
+
+
+@kernel
+def deepest(shapes: Shapes, a: int, b: int, gap: float) -> float:
+    """Return how deep [m, < 0] two shapes may get that are `gap` apart now, whatever pushes."""
+    return min(gap, 0.0) - DEEPER * min(shapes.half_width[a], shapes.half_width[b])
+
+
+@kernel
+def _sinking(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b: int, gap: float,
+             n: Vector, level: float, until: float, pose: Array, scratch: Scratch) -> float:
+    """
+    Return when [s] the gap of two shapes fell below a `level` [m, < 0]; inf: it did not.
+
+    It is asked at the end: a pair may get deeper and come back. Where they may be through each
+    other by then, which takes as long a way as both are thick, it is asked on the way as well.
+    `until` is not the best time so far: what is seen must not depend on which pairs were asked
+    before.
+    """
+    # Along the normal of the start: no overlap is deeper than that.
+    back = (-n[0], -n[1], -n[2])
+    way = until * (approach_bound(model, state, loads, shapes, a, n, until)
+                   + approach_bound(model, state, loads, shapes, b, back, until))
+    if gap - way >= level:
+        return math.inf
+    parts = max(1.0, min(math.ceil(way / (shapes.half_width[a] + shapes.half_width[b])),
+                         1.0 / LEAST_ADVANCE))
+    before, then = 0.0, gap
+    for k in range(int(parts)):
+        t = until * (k + 1) / parts
+        above, then = then, pair_gap(model, state, loads, shapes, a, b, t, pose, scratch)[0]
+        if then < level:
+            return crossing(model, state, loads, shapes, a, b, before, t, above, then, level,
+                            pose, scratch)
+        before = t
+    return math.inf

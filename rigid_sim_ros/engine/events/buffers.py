@@ -35,7 +35,8 @@ class EventSettings(NamedTuple):
     dip: float = 2e-6
     # By so much at most overlaps become less in a step
     push_out: float = 0.005
-    # In a step; the rest of the step then runs without backtracking, and says so
+    # In a step; the rest of it then runs without backtracking while nothing gets through, and
+    # says so
     max_events: int = 300
     max_bounces: int = 32  # of two bodies in one step, before they collide with e = 0
 
@@ -68,7 +69,7 @@ class Buffers(NamedTuple):
     impulses: Array  # (c, 6) [N s, contact axes]
     force: Array  # (c, 6) [N, contact axes]
     push: Array  # (c, 6) [N s, contact axes] that only displaces
-    held: IntArray  # (c,) 1: a point that got a force
+    held: IntArray  # (c,) 1: a point that got a force; 2: a spare one, others hold its body
     sunk: Array  # (c,) [m, < 0] how deep it may go
     match: IntArray  # (c,) the same point among the forces of the last step, or -1
     elastic: IntArray  # (c,)

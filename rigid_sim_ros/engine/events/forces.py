@@ -26,6 +26,8 @@ from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
+# `Buffers.held` of a point that has a force, and of one that others are held for.
+HELD, BORNE = 1, 2
 CUT = 1.0 / 16.0  # of a step: gaps are not closed within less
 # Multiplications for each body of a group, and for 20 at least, that a step may take, about 0.2
 # ms; what is left of the step then runs without backtracking, and contact problems are used as far
@@ -51,6 +53,8 @@ def _choose(contacts: Contacts, bodies: Bodies, first: int, last: int, h: float,
     """Write which of some points get a force: what touches, and slow ones that nearly do."""
     m = 0
     for k in range(first, last):
+        if contacts.spare[k] == 1:
+            continue
         slow = resting_speed(contacts, bodies, k, h)
         touch = touching * contacts.size[k]
         if contacts.gap[k] > touch:
@@ -117,7 +121,7 @@ def remember(c: EventArguments) -> None:
             copy_force(carried, kept, carried, k)
             kept += 1
     for k in range(contacts.count[0]):
-        if w.held[k] == 0:
+        if w.held[k] != HELD:
             continue
         keep_force(model, contacts, k, width, w.force[k], carried, kept)
         kept += 1
@@ -133,10 +137,15 @@ def _sink(contacts: Contacts, bodies: Bodies, chosen: IntArray, span: float, ove
     Stopped over the span, not at once, a slow approach u_n gets |u_n| t / 2 deeper.
     """
     for c in range(chosen.shape[0]):
-        k = chosen[c]
-        u = to_contact(contacts, k, relative(bodies.velocity, contacts, k))
-        depth[c] = (min(contacts.gap[k], 0.0) + 0.5 * min(u[0], 0.0) * span
-                    - overlap * contacts.size[k])
+        depth[c] = _depth(contacts, bodies, chosen[c], span, overlap)
+
+
+@kernel
+def _depth(contacts: Contacts, bodies: Bodies, k: int, span: float, overlap: float) -> float:
+    """Return how deep [m, < 0] a point may go that is stopped over the span."""
+    u = to_contact(contacts, k, relative(bodies.velocity, contacts, k))
+    return (min(contacts.gap[k], 0.0) + 0.5 * min(u[0], 0.0) * span
+            - overlap * contacts.size[k])
 
 
 @kernel
@@ -290,9 +299,14 @@ def settle(c: EventArguments, g: int) -> None:
         take_no_energy(rows, m, width, span)
     for n in range(m):
         k = w.chosen[n]
-        w.held[k], w.sunk[k] = 1, w.depth[n]
+        w.held[k], w.sunk[k] = HELD, w.depth[n]
         for i in range(width):
             w.force[k, i] = rows.f[width * n + i]
+    contacts = w.contacts
+    for k in range(contacts.first[groups.block[g]], contacts.first[groups.block[g + 1]]):
+        if contacts.spare[k] == 1:
+            w.held[k] = BORNE
+            w.sunk[k] = _depth(contacts, w.bodies, k, span, c.settings.overlap)
     load(model, w.contacts, w.chosen[:m], width, w.force, w.loads)
     if w.count[DEEP] == 1:
         _push_apart(model, c.state, c.shapes, c.settings, m, g, span,

@@ -200,15 +200,32 @@ def may_go(model: Model, state: State, loads: Loads, shapes: Shapes, k: int, t: 
 
 
 @kernel
-def near_pairs(shapes: Shapes, k: int, pose: Array, g: Groups, pairs: IntArray) -> int:
-    """Write the pairs of group k whose spheres meet; return how many."""
+def near_pairs(shapes: Shapes, k: int, pose: Array, box: Array, g: Groups,
+               pairs: IntArray) -> int:
+    """
+    Write the pairs of group k whose spheres meet, and their boxes on their ways.
+
+    box, (s, 6) [m], are the bounding boxes of the shapes where they are now. Returns how many.
+    """
     count = 0
     for at in range(g.first_pair[k], g.first_pair[k + 1]):
         a, b = g.pair[at, 0], g.pair[at, 1]
-        if near(shapes, pose, g.radius, a, b):
+        if near(shapes, pose, g.radius, a, b) and _boxes_near(shapes, box, g.radius, a, b):
             pairs[count, 0], pairs[count, 1] = a, b
             count += 1
     return count
+
+
+@kernel
+def _boxes_near(shapes: Shapes, box: Array, radius: Array, a: int, b: int) -> bool:
+    """Return whether two boxes may meet, each larger by what its shape's sphere is larger."""
+    if shapes.bound[a] == np.inf or shapes.bound[b] == np.inf:
+        return True
+    way = radius[a] - shapes.bound[a] + radius[b] - shapes.bound[b]
+    for i in range(3):
+        if box[a, i] > box[b, 3 + i] + way or box[b, i] > box[a, 3 + i] + way:
+            return False
+    return True
 
 
 @kernel

@@ -14,6 +14,7 @@ from rigid_sim_ros.engine.contact.contacts import (
 from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, TOLERANCE
 from rigid_sim_ros.engine.contact.impulse import collide_all
 from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses
+from rigid_sim_ros.engine.contact.spare_points import mark_spare
 from rigid_sim_ros.engine.detection.manifolds import current, Manifolds
 from rigid_sim_ros.engine.events.buffers import (
     BOUNCED, Buffers, COLLISIONS, DEEPEST, EventArguments, EventSettings, FRESH, GROUPS, MORE_ROOM,
@@ -66,9 +67,14 @@ def find_points(c: EventArguments) -> int:
         w.count[NEEDED] = found
         return MORE_CONTACTS
     _list_blocks(w)
+    # Both are scratch here.
+    mark_spare(c.shapes, w.contacts, w.push, w.chosen)
     largest = 0
     for k in range(w.contacts.count[1]):
-        largest = max(largest, w.contacts.first[k + 1] - w.contacts.first[k])
+        borne = 0
+        for i in range(w.contacts.first[k], w.contacts.first[k + 1]):
+            borne += 1 - w.contacts.spare[i]
+        largest = max(largest, borne)
     w.count[NEEDED] = largest
     if largest > w.room.chosen.shape[0]:
         return MORE_ROOM
@@ -182,7 +188,7 @@ def _touching_points(settings: EventSettings, g: int, w: Buffers) -> int:
     """Choose all points of a group that touch, for an impact; return how many."""
     m, contacts, block = 0, w.contacts, w.groups.block
     for k in range(contacts.first[block[g]], contacts.first[block[g + 1]]):
-        if contacts.gap[k] <= settings.touching * contacts.size[k]:
+        if contacts.spare[k] == 0 and contacts.gap[k] <= settings.touching * contacts.size[k]:
             w.chosen[m] = k
             m += 1
     return m

@@ -10,13 +10,11 @@ Each stage says which one follows it, and returns DONE or what it needs before i
 buffer that has to grow, or a small contact problem that only OSQP can solve.
 """
 
-import numpy as np
-
 from rigid_sim_ros.engine.contact.carried_forces import copy_forces, match_forces
 from rigid_sim_ros.engine.contact.contact_search import DONE
 from rigid_sim_ros.engine.contact.contacts import Contacts, read_bodies, row_count
 from rigid_sim_ros.engine.contact.recorded_impulses import record
-from rigid_sim_ros.engine.detection.backtrack import first_event
+from rigid_sim_ros.engine.detection.backtrack import deepest, first_event, first_passage
 from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic
@@ -25,12 +23,13 @@ from rigid_sim_ros.engine.events.buffers import (
     BEGIN, BOUNCED, Buffers, COLLISIONS, CONTACTS, CUT_SHORT, DEEPEST, EventArguments, EVENTS,
     FORCES, FRESH, GROUP, GROUPS, IMPULSES, KNOWN, KNOWN_BEFORE, MORE_FORCES, MORE_PAIRS, MOVE,
     NEEDED, NOW, RESIDUAL, SETTLE, STAGE, STEPS, STUCK, TRIES, UNSOLVED, WIDTH)
-from rigid_sim_ros.engine.events.forces import balance, remember, settle
+from rigid_sim_ros.engine.events.forces import balance, HELD, remember, settle
 from rigid_sim_ros.engine.events.groups import find_groups, may_go, near_pairs, note_way, reach_out
 from rigid_sim_ros.engine.events.impacts import (
     collide_group, find_points, look_near, PER_EVENT, PER_PAIR)
 from rigid_sim_ros.engine.events.move import move
 from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.engine.state.state import copy_into
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
@@ -176,7 +175,7 @@ def _may_go(c: EventArguments) -> bool:
     """Return whether no shape goes farther than was thought when the groups were made."""
     w, groups, within = c.buffers, c.buffers.groups, True
     for g in range(w.count[GROUPS]):
-        if groups.left[g] > 0.0 and groups.short[g] == 0:
+        if groups.left[g] > 0.0:
             until = min(groups.span[g], groups.left[g])
             within &= may_go(c.model, c.state, w.work.loads, c.shapes, g, until, groups)
     return within
@@ -211,19 +210,29 @@ def _find_way(c: EventArguments, g: int) -> None:
     groups, contacts = w.groups, w.contacts
     until = min(groups.span[g], groups.left[g])
     groups.way[g], groups.met[g] = until, NOTHING
-    if groups.short[g] == 1:
-        return
     first, last = contacts.first[groups.block[g]], contacts.first[groups.block[g + 1]]
-    count = near_pairs(shapes, g, memory.pose, groups, w.pairs)
+    count = near_pairs(shapes, g, memory.pose, memory.box, groups, w.pairs)
     groups.effort[g] += PER_EVENT + PER_PAIR * count
+    if groups.short[g] == 1:
+        t, which = first_passage(c.model, c.state, w.work.loads, shapes, w.pairs, count, until,
+                                 w.pose, memory.scratch)
+        groups.way[g], groups.met[g] = t, MET if which >= 0 else NOTHING
+        return
     if groups.residual[g] > ROUGH:  # shorter spans would not help
-        w.sunk[first:last] = -np.inf
+        _let_sink(shapes, contacts, first, last, w.sunk)
     _allow(w.pairs, count, contacts, first, last, w.held, w.sunk, w.allowed)
     t, which = first_event(c.model, c.state, w.work.loads, shapes, w.pairs, count, w.allowed,
                            c.settings.overlap, until, w.pose, memory.scratch)
     groups.way[g] = t
     if which >= 0:
         groups.met[g] = SANK if w.allowed[which] < 0.0 else MET
+
+
+@kernel
+def _let_sink(shapes: Shapes, contacts: Contacts, first: int, last: int, sunk: Array) -> None:
+    """Let points sink in as deep as they may under any force, so that none gets through."""
+    for k in range(first, last):
+        sunk[k] = deepest(shapes, contacts.shape_a[k], contacts.shape_b[k], contacts.gap[k])
 
 
 @kernel
@@ -244,22 +253,30 @@ def _allow(pairs: IntArray, count: int, contacts: Contacts, first: int, last: in
 
 @kernel
 def _go(c: EventArguments) -> None:
-    """Move the bodies of each group as far as it may go, and record what acts meanwhile."""
+    """
+    Move the bodies of each group as far as it may go, and record what acts meanwhile.
+
+    What is moved by a twist of its own goes all of its way, also where its group ends short.
+    """
     model, w, groups = c.model, c.buffers, c.buffers.groups
     for i in range(model.m.shape[0]):
-        w.times[i] = groups.way[groups.of[i]] if groups.of[i] >= 0 else 0.0
-    _add_impulses(w)
+        g = groups.of[i]
+        w.times[i] = groups.way[g] if g >= 0 else 0.0
+        if g >= 0 and groups.short[g] == 1 and model.inv_m[i] == 0.0:
+            w.times[i] = groups.left[g]
+    _add_impulses(model, w)
     record(model, current(c.memory), w.contacts, w.impulses)
     move(model, c.state, c.wrenches, w.contacts, w.bodies, w.force, w.push, w.assumed, groups,
          w.loads, w.pushed, w.times, w.work)
 
 
 @kernel
-def _add_impulses(w: Buffers) -> None:
+def _add_impulses(model: Model, w: Buffers) -> None:
     """Add what the forces give in the time for which they act."""
     for k in range(w.contacts.count[0]):
-        if w.held[k] == 1:
-            t = max(w.times[w.contacts.body_a[k]], w.times[w.contacts.body_b[k]])
+        if w.held[k] == HELD:
+            a, b = w.contacts.body_a[k], w.contacts.body_b[k]
+            t = w.times[a] if model.inv_m[a] > 0.0 else w.times[b]
             for i in range(w.count[WIDTH]):
                 w.impulses[k, i] += t * w.force[k, i]
 
@@ -271,7 +288,8 @@ def _has_ended(c: EventArguments) -> bool:
     for g in range(w.count[GROUPS]):
         if groups.left[g] > 0.0:
             t = groups.way[g]
-            ends = groups.met[g] == NOTHING and t == groups.left[g]
+            # What is left where a group that has spent its budget might get through is lost.
+            ends = (groups.met[g] == NOTHING and t == groups.left[g]) or groups.short[g] == 1
             groups.left[g] = 0.0 if ends else groups.left[g] - t
             _next_span(c.model, g, w)
         over = over and groups.left[g] == 0.0

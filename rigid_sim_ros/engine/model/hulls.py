@@ -34,6 +34,7 @@ class Prism(NamedTuple):
     vertices: Array  # (6, 3) [m] the triangle, anticlockwise seen from outside, and below it
     normals: Array  # (5, 3) outward, of unit length, of `PRISM_FACES`
     offsets: Array  # (5,) [m] normal . x on the face
+    half_width: float  # [m] half of the least that it measures across
 
 
 # Upper side, lower side, and those below the edges of the triangle.
@@ -87,7 +88,10 @@ def prisms(upper: Array, lower: Array) -> list[Prism]:
     vertices = np.concatenate([upper, lower], axis=1)
     offsets = np.stack([np.einsum('tvi,ti->tv', vertices[:, face], normals[:, k]).max(axis=1)
                         for k, face in enumerate(PRISM_FACES)], axis=1)
-    return [Prism(*one) for one in zip(vertices, normals, offsets, strict=True)]
+    # A prism is thinnest across one of its faces or, what is no less than half of that, two edges.
+    across = offsets - np.einsum('tvi,tki->tkv', vertices, normals).min(axis=2)
+    return [Prism(*one) for one in zip(vertices, normals, offsets,
+                                       (0.5 * across.min(axis=1)).tolist(), strict=True)]
 
 
 def make_hulls(hulls: Sequence[Polyhedron | Prism | None],

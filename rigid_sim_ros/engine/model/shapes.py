@@ -155,6 +155,8 @@ def build_shapes(model: Model, shapes: Sequence[Shape],
         if rows[i] >= 0:
             first, count = hulls.first[rows[i]], hulls.count[rows[i]]
             bound[i] = np.linalg.norm(hulls.vertices[first:first + count], axis=1).max()
+        if isinstance(shape.hull, Prism):
+            half_width[i] = shape.hull.half_width
     q_CS /= np.linalg.norm(q_CS, axis=1)[:, None]
     keys = sorted({min(a, b) * n + max(a, b) for a, b in ignored})
     still = [model.inv_m[shape.body] == 0.0 for shape in shapes]

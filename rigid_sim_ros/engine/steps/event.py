@@ -23,7 +23,7 @@ come to rest:
 Rules that bound what a step may take, and what it may do then:
 
 - After `max_events` of a group, or a budget of work, the rest of its step runs without
-  backtracking.
+  backtracking, and ends where shapes would get through each other.
 - Forces and impulses of a problem that is not solved by then are used as far as they came, smaller
   where they would do work on the bodies, and the report says so.
 - What overlaps is displaced, by a share of the overlap in each step, and gains no velocity.

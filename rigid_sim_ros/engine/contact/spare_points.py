@@ -1,0 +1,76 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Which points of a face that lies on many pieces of one body bear it, and which are spare.
+
+A box on a ground of fine triangles has points along the edges of each. All in one plane, they bear
+it as four of them do, as of a pair of shapes four are kept: a force or an impulse on the others is
+a sum of those on these. A problem of hundreds of points takes seconds.
+"""
+
+from rigid_sim_ros.engine.contact.contacts import Contacts
+from rigid_sim_ros.engine.detection.narrow_phase.reduce import reduce_to_four
+from rigid_sim_ros.engine.detection.narrow_phase.surface import SAME
+from rigid_sim_ros.engine.model.shapes import Shapes
+from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.kernels.kernel import kernel
+
+ENOUGH = 4  # points of a plane
+_UNKNOWN = -1
+
+
+@kernel
+def mark_spare(shapes: Shapes, contacts: Contacts, points: Array, ids: IntArray) -> None:
+    """Write to contacts.spare which points are; points, (c, 4 or more), and ids are scratch."""
+    for k in range(contacts.count[1]):
+        first, last = contacts.first[k], contacts.first[k + 1]
+        contacts.spare[first:last] = 0 if last - first <= ENOUGH else _UNKNOWN
+        for i in range(first, last):
+            if contacts.spare[i] == _UNKNOWN:
+                _mark_plane(shapes, contacts, i, last, points, ids)
+
+
+@kernel
+def _mark_plane(shapes: Shapes, contacts: Contacts, i: int, last: int, points: Array,
+                ids: IntArray) -> None:
+    """Mark the points up to `last` that are of the same shape and plane as point i."""
+    moving = _moving(shapes, contacts, i)
+    if moving < 0:
+        contacts.spare[i] = 0
+        return
+    count, several = 0, False
+    for j in range(i, last):
+        if (contacts.spare[j] != _UNKNOWN or _moving(shapes, contacts, j) != moving
+                or _apart(contacts, i, j) > SAME):
+            continue
+        contacts.spare[j] = 1
+        several = several or contacts.manifold[j] != contacts.manifold[i]
+        for c in range(3):
+            points[count, c] = (contacts.r_A[j, c] if contacts.shape_a[j] == moving
+                                else contacts.r_B[j, c])
+        points[count, 3], ids[count] = contacts.gap[j], j
+        count += 1
+    kept = count
+    if several:
+        n = (contacts.axes[i, 0, 0], contacts.axes[i, 0, 1], contacts.axes[i, 0, 2])
+        kept = reduce_to_four(points, ids, count, n, shapes.half_width[moving])
+    for j in ids[:kept]:
+        contacts.spare[j] = 0
+
+
+@kernel
+def _moving(shapes: Shapes, contacts: Contacts, k: int) -> int:
+    """Return the shape of a point that moves over one that does not, -1 if there is none."""
+    a, b = contacts.shape_a[k], contacts.shape_b[k]
+    if shapes.still[a] == shapes.still[b]:
+        return -1
+    return int(b if shapes.still[a] == 1 else a)
+
+
+@kernel
+def _apart(contacts: Contacts, i: int, j: int) -> float:
+    """Return the square of the difference of two normals."""
+    apart = 0.0
+    for c in range(3):
+        apart += (contacts.axes[i, 0, c] - contacts.axes[j, 0, c]) ** 2
+    return apart

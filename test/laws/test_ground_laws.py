@@ -1,0 +1,47 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The laws of mechanics on a few random grounds of triangles.
+
+`python benchmarks/laws.py` asks many; `--law ground-shots --model event --seed S --scenes 1` is
+one of these again.
+"""
+
+from laws.book import breaches, GROUNDS, scene
+import pytest
+
+SCENES, TWINS = {'timestep': 4, 'event': 3}, {'timestep': 2, 'event': 2}
+# In these, bodies went through sheets after 300 events in a step.
+MORE = {('ground-shots', 'event'): {1, 9, 13, 16}}
+IS_TWIN = ('turned', 'shifted', 'mirrored', 'scaled', 'order')
+ASKED = [(law, model) for law in GROUNDS for model in SCENES if model in GROUNDS[law].models]
+# Scenes that are known to break a law.
+KNOWN: dict[tuple[str, str], set[int]] = {}
+
+
+def seeds(law, model):
+    """Return the seeds of a law and a model."""
+    counts = TWINS if law.removeprefix('ground-') in IS_TWIN else SCENES
+    found = set(range(counts[model])) | MORE.get((law, model), set())
+    return sorted(found - KNOWN.get((law, model), set()))
+
+
+@pytest.mark.parametrize(('law', 'model'), ASKED)
+def test_law_holds_on_random_grounds_of_triangles(law, model):
+    assert not breaches(law, model, seeds(law, model)), GROUNDS[law].says
+
+
+def test_these_grounds_are_of_every_kind():
+    """Heightfields, meshes, flat, sloping, rough, cells of small and large sizes, slivers."""
+    found = set()
+    for seed in range(20):
+        drawn = scene('ground-energy', seed)
+        ground = drawn.facts['ground']
+        edges = ground.vertices[ground.faces] - ground.vertices[ground.faces][:, [1, 2, 0]]
+        edges = (edges[..., :2] ** 2).sum(axis=2) ** 0.5 / drawn.size
+        found.add(ground.shape['type'])
+        found.add('rough' if not ground.slope.any() and ground.vertices[:, 2].any() else
+                  'slope' if ground.slope.any() else 'flat')
+        found |= {'sliver'} if (edges.max(axis=1) > 20.0 * edges.min(axis=1)).any() else set()
+        found |= {'fine'} if edges.mean() < 0.6 else {'coarse'} if edges.mean() > 3.0 else set()
+    assert found == {'heightfield', 'mesh', 'rough', 'slope', 'flat', 'sliver', 'fine', 'coarse'}
