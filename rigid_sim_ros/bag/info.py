@@ -10,6 +10,7 @@ from rigid_sim_ros.bag import decode, events, session as sessions, topics as kin
 from rigid_sim_ros.bag.errors import Damaged
 from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.session import Session
+from rigid_sim_ros.problems import counted
 
 
 class Info(NamedTuple):
@@ -76,5 +77,5 @@ def _described(event: events.Event) -> str:
     lost = event.arguments
     if lost['events'] is None:
         return f'after step {event.step}: an unknown number of messages and events (damaged)'
-    return (f'steps {lost["since_step"]} to {event.step}: {lost["messages"]} messages, '
-            f'{lost["events"]} events')
+    return (f'steps {lost["since_step"]} to {event.step}: {counted(lost["messages"], "message")}, '
+            f'{counted(lost["events"], "event")}')

@@ -11,7 +11,8 @@ millisecond. What is flushed has left the process: whole chunks, each with a che
 `recover` finds without an index.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 import os
 from pathlib import Path
 import struct
@@ -69,10 +70,10 @@ class McapFile:
         # A channel is described in the chunk in which it has its first message, as other writers
         # have it and tools expect; and at the head of the file too, for a file that was cut off
         # and whose first chunk is damaged.
-        schemas, channels = self._schema_records(), self._channel_records()
-        self._to_describe = {channel.id: channel for channel in channels}
+        schemas = self._schema_records()
+        self._to_describe = set(range(1, len(topics) + 1))
         self._schemas_to_describe = {schema.id: schema for schema in schemas}
-        described = _bytes([*schemas, *channels])
+        described = _bytes(chain(schemas, self._channel_records()))
         self._described_size = len(described)
         try:
             self._put([MAGIC, _bytes([Header('ros2', f'rigid_sim_ros {__version__}')]), described])
@@ -245,16 +246,20 @@ class McapFile:
 
     def _description(self, number: int) -> bytes:
         """Return the record of a channel that had no message yet, and of its type if need be."""
-        channel = self._to_describe.pop(number)
+        self._to_describe.remove(number)
+        channel = self._channel_record(number)
         schema = self._schemas_to_describe.pop(channel.schema_id, None)
         return _bytes([schema, channel] if schema else [channel])
 
-    def _channel_records(self) -> list[Channel]:
-        return [Channel(id=k + 1, topic=topic.name, message_encoding='cdr',
-                        metadata={'offered_qos_profiles': profiles_text(topic.latched),
-                                  'topic_type_hash': definition(topic.type)[1]},
-                        schema_id=self._schemas[topic.type])
-                for k, topic in enumerate(self._topics)]
+    def _channel_records(self) -> Iterator[Channel]:
+        return map(self._channel_record, range(1, len(self._topics) + 1))
+
+    def _channel_record(self, number: int) -> Channel:
+        topic = self._topics[number - 1]
+        return Channel(id=number, topic=topic.name, message_encoding='cdr',
+                       metadata={'offered_qos_profiles': profiles_text(topic.latched),
+                                 'topic_type_hash': definition(topic.type)[1]},
+                       schema_id=self._schemas[topic.type])
 
 
 def _bytes(records: Iterable[McapRecord]) -> bytes:

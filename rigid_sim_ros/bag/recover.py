@@ -145,9 +145,11 @@ def _recover(folder: Path) -> Recovery:
                 file.count(channel, stamp)
         packed = any(file.packed for file in files)
         for file in files:
-            if not file_is_whole(file.path, packed):
+            if file.is_whole and not file_is_whole(file.path, packed):
                 file.is_whole = False
             _resolve(file, [other for other in files if other is not file])
+        for file in files:
+            file.described.clear()      # of tens of thousands of topics it takes room
         missing = _missing(before, files)
         _owe_gaps(before, files)
         topics = list({

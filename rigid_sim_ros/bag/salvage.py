@@ -36,14 +36,17 @@ Row = tuple[int, int, bytes]    # channel, time [ns], CDR
 # What a file says of a channel: name, type, and whether it is latched.
 Description = tuple[str, str, bool]
 
+# What a recording adds by itself, without the name of its node.
+_OWN = tuple(own for own in kinds.own_topics('') if own.kind != kinds.SCENE)
+
 
 class SalvagedFile:
     """
     What can be had of one file of a bag: fills while `rows` goes through it.
 
-    `described` holds all that is said of each channel, and `topics` what was made of that;
-    `counts` the messages by channel. A file `is_damaged` where more is wrong than that it breaks
-    off.
+    `described` holds all that is said of each channel, `news` the channels of which something was
+    said since `rows` looked at that, and `topics` what was made of it; `counts` the messages by
+    channel. A file `is_damaged` where more is wrong than that it breaks off.
     """
 
     def __init__(self, path: Path, work: Path | None = None) -> None:
@@ -53,6 +56,7 @@ class SalvagedFile:
         self.packed = False         # whether its messages are compressed one by one
         self.begins_with_gap = False
         self.described: dict[int, list[Description]] = {}
+        self.news: set[int] = set()
         self.topics: dict[int, Topic] = {}
         self.is_whole = True
         self.lost_bytes = 0
@@ -66,6 +70,7 @@ class SalvagedFile:
         known = self.described.setdefault(channel, [])
         if description not in known:
             known.append(description)
+            self.news.add(channel)
 
     def count(self, channel: int, stamp: int) -> None:
         """Note a message that can be had."""
@@ -92,13 +97,12 @@ class SalvagedFile:
 def rows(file: SalvagedFile) -> Iterator[Row]:
     """Give every message that can be had of a file, and learn about the file."""
     unpack = Unpacker()
-    own: dict[int, Topic] = {}      # channels that tell of the session
-    seen = 0
+    telling: dict[int, Topic] = {}      # channels that tell of a session, if it is one of ours
+    own: dict[int, Topic] = {}          # those that do
     for channel, stamp, data in (
             _sqlite_rows if file.path.suffix == '.db3' else _mcap_rows)(file):
-        if len(file.described) != seen:
-            seen = len(file.described)
-            own = _of_sessions(file)
+        if file.news:
+            own = _of_sessions(file, telling)
         if channel in own and not _is_as_written(own[channel], data, unpack):
             file.is_damaged = True
             file.lose(len(data))
@@ -106,12 +110,21 @@ def rows(file: SalvagedFile) -> Iterator[Row]:
             yield channel, stamp, data
 
 
-def _of_sessions(file: SalvagedFile) -> dict[int, Topic]:
-    """Return the channels with the descriptions and the events of sessions."""
-    topics = {channel: topic_of(*said[-1]) for channel, said in file.described.items()}
-    nodes = {_node(topic) for topic in topics.values() if topic.kind == kinds.SESSION}
-    return {channel: topic for channel, topic in topics.items()
-            if topic.kind in (kinds.SESSION, kinds.EVENT) and _node(topic) in nodes}
+def _of_sessions(file: SalvagedFile, telling: dict[int, Topic]) -> dict[int, Topic]:
+    """
+    Return the channels with the descriptions and the events of sessions.
+
+    Brings up to date which channels look like that: a bag may have tens of thousands of others.
+    """
+    for channel in file.news:
+        topic = topic_of(*file.described[channel][-1])
+        if topic.kind in (kinds.SESSION, kinds.EVENT):
+            telling[channel] = topic
+        else:
+            telling.pop(channel, None)
+    file.news.clear()
+    nodes = {_node(topic) for topic in telling.values() if topic.kind == kinds.SESSION}
+    return {channel: topic for channel, topic in telling.items() if _node(topic) in nodes}
 
 
 def _node(topic: Topic) -> str:
@@ -134,8 +147,8 @@ def _is_as_written(topic: Topic, data: bytes, unpack: Unpacker) -> bool:
 
 def topic_of(name: str, message_type: str, latched: bool) -> Topic:
     """Return a topic; what a recording adds by itself is known by the end of its name."""
-    for own in kinds.own_topics(''):
-        if own.type == message_type and own.kind != kinds.SCENE and name.endswith(own.name):
+    for own in _OWN:
+        if own.type == message_type and name.endswith(own.name):
             return own._replace(name=name)
     return Topic(name, message_type, latched=latched)
 
@@ -204,6 +217,7 @@ def _learn(file: SalvagedFile, scan: McapScan) -> None:
         file.describe(channel, (name, message_type, (
             'transient_local' in profiles or 'durability: 1' in profiles)))
     scan.topics.clear()
+    scan.channels.clear()       # tens of thousands of them take room
 
 
 # --- SQLite -------------------------------------------------------------------------------------

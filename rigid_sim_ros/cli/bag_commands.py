@@ -15,8 +15,8 @@ from rigid_sim_ros.bag.info import Info, info
 from rigid_sim_ros.bag.recover import recover
 from rigid_sim_ros.bag.verify import verify
 from rigid_sim_ros.bag.writer import check_path
-from rigid_sim_ros.cli.report import console, counted, print_table
-from rigid_sim_ros.problems import printable
+from rigid_sim_ros.cli.report import console, print_table
+from rigid_sim_ros.problems import counted, printable
 from rigid_sim_ros.warm_up import announced, warm_up
 from rigid_sim_ros.world import load_scene, World
 
@@ -49,8 +49,8 @@ def run_batch(scene: str, duration: float, output: str, *, rate: float, hash_int
     status = batch.close()
     seconds = time.monotonic() - begin
     simulated = steps * world.step_ns / _SECOND
-    click.echo(f'{output}: {simulated:g} s of {world.scene.name} in {steps} steps and '
-               f'{status.messages} messages, {simulated / seconds:.0f} times real time')
+    click.echo(f'{output}: {simulated:g} s of {world.scene.name} in {counted(steps, "step")} and '
+               f'{counted(status.messages, "message")}, {simulated / seconds:.0f} times real time')
     return 0
 
 
@@ -78,13 +78,14 @@ def run_verify(bag: str) -> int:
     if not verdict.holds:
         return 1
     if verdict.gaps:
-        _say(f'note: {counted(verdict.gaps, "gap", "gaps")}, of which inputs are missing, and '
-             f'{counted(verdict.skipped, "message", "messages")} up to the next full state were '
+        _say(f'note: {counted(verdict.gaps, "gap")}, of which inputs are missing, and '
+             f'{counted(verdict.skipped, "message")} up to the next full state were '
              'left out')
     if verdict.others:
         _say(f'note: not of the session, and not compared: {", ".join(verdict.others)}')
-    _say(f'{bag}: the same to the bit: {verdict.messages} messages of {verdict.steps} '
-         f'steps, {verdict.seconds:g} s, {verdict.seconds / seconds:.0f} times real time')
+    _say(f'{bag}: the same to the bit: {counted(verdict.messages, "message")} of '
+         f'{counted(verdict.steps, "step")}, {verdict.seconds:g} s, '
+         f'{verdict.seconds / seconds:.0f} times real time')
     return 0
 
 
@@ -92,9 +93,9 @@ def run_info(bag: str) -> int:
     """Print what a bag holds."""
     found = info(bag)
     out = console()
-    out.print(f'{bag}: {found.messages} messages in '
+    out.print(f'{bag}: {counted(found.messages, "message")} in '
               f'{(found.last_ns - found.first_ns) / _SECOND:.3f} s, '
-              f'{counted(found.files, "file", "files")}, '
+              f'{counted(found.files, "file")}, '
               f'{found.size / 1e6:.2f} MB', soft_wrap=True)
     for line in _session_lines(found):
         out.print(printable(line), soft_wrap=True)
@@ -129,8 +130,8 @@ def _session_lines(found: Info) -> list[str]:
 def run_recover(bag: str) -> int:
     """Restore a bag and say what is kept and what is lost."""
     result = recover(bag)
-    kept = (f'{counted(result.messages, "message", "messages")}, {result.seconds:.3f} s, in '
-            f'{counted(result.files, "file", "files")}')
+    kept = (f'{counted(result.messages, "message")}, {result.seconds:.3f} s, in '
+            f'{counted(result.files, "file")}')
     if result.is_whole:
         _say(f'{bag} is whole: {kept}')
         return 0
@@ -147,5 +148,5 @@ def run_export(bag: str, file_format: str | None, output: str | None, *, units: 
     file_format = file_format or format_of(output)
     path = Path(output) if output else default_output(Path(bag), file_format)
     for written, count in export(bag, file_format, path, units=units):
-        _say(f'{written}: {counted(count, "row", "rows")}')
+        _say(f'{written}: {counted(count, "row")}')
     return 0

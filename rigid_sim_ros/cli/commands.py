@@ -16,8 +16,8 @@ import click
 from rigid_sim_ros import __version__
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.cli.options import (
-    Commands, duration_option, examples, NodeCommand, record_option, scene_argument, Seconds,
-    Size)
+    Commands, duration_option, examples, NodeCommand, Positive, record_option, scene_argument,
+    Seconds, Size)
 from rigid_sim_ros.environment import check_engine, EnvironmentProblem
 from rigid_sim_ros.scene.errors import SceneError
 from rigid_sim_ros.signals import ended_by_ctrl_c, INTERRUPTED
@@ -93,7 +93,7 @@ def run(scene: str | None, duration: float | None, record: str | None, is_viewed
               help='Where to open the page. Anywhere but here it is guarded by a token.')
 @click.option('--port', type=click.IntRange(0, 65535), metavar='PORT', default=8080,
               show_default=True, help='Or the next that is free.')
-@click.option('--rate', type=Seconds(), metavar='HZ', default=40.0, show_default=True,
+@click.option('--rate', type=Positive('Hz'), metavar='HZ', default=40.0, show_default=True,
               help='Pictures a second at most.')
 def view(bag: str | None, node: str, ros_args: list[str], **options: Any) -> int:
     """
@@ -106,6 +106,8 @@ def view(bag: str | None, node: str, ros_args: list[str], **options: Any) -> int
     if bag is None:
         result: int = _import_node('view', 'view_node').run(node, ros_args=ros_args, **options)
         return result
+    if node:
+        raise click.UsageError(f'--node {node} stands beside BAG: show one of them')
     from rigid_sim_ros.viewer.address import AddressError
     from rigid_sim_ros.viewer.bag import run as show
 
@@ -216,7 +218,7 @@ def scenes() -> None:
 @click.option('--duration', type=Seconds(), metavar='SECONDS', required=True,
               help='How much simulation time to run.')
 @click.option('--output', metavar='DIR', required=True, help='The folder of the new bag.')
-@click.option('--rate', type=Seconds(), metavar='HZ', default=100.0, show_default=True,
+@click.option('--rate', type=Positive('Hz'), metavar='HZ', default=100.0, show_default=True,
               help='How often poses and twists are recorded, in simulation time.')
 @click.option('--hash-interval', type=click.IntRange(min=0), metavar='STEPS', default=1000,
               show_default=True, help='Steps from one state hash to the next; 0: none.')
@@ -398,7 +400,7 @@ def plot(bag: str, output: str, **options: Any) -> int:
 @click.option('--start', type=Seconds(may_be_zero=True), metavar='SECONDS', default=0.0,
               help='Leave out so much at the beginning of a film.')
 @click.option('--duration', type=Seconds(), metavar='SECONDS', help='Show no more than this.')
-@click.option('--speed', type=Seconds(), metavar='FACTOR', default=1.0, show_default=True,
+@click.option('--speed', type=Positive(), metavar='FACTOR', default=1.0, show_default=True,
               help='Simulated seconds in a second of film.')
 @click.option('--fps', type=click.FloatRange(1.0, 240.0), default=30.0, show_default=True,
               help='Pictures in a second of film.')

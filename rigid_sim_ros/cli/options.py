@@ -3,11 +3,11 @@
 """What the commands of `rigid_sim` are made of: their group, node commands, types of options."""
 
 from collections.abc import Callable, Sequence
-import math
 from typing import Any
 
 import click
 
+from rigid_sim_ros.problems import span
 from rigid_sim_ros.scene.errors import nearest
 
 
@@ -49,7 +49,7 @@ class NodeCommand(click.Command):
 
 
 class Seconds(click.ParamType):
-    """A span of time: finite and more than nothing, or a point in time, which may be 0."""
+    """A span of time that is more than nothing, or a point in time, which may be 0."""
 
     name = 'seconds'
 
@@ -61,15 +61,31 @@ class Seconds(click.ParamType):
             self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """Return the number."""
         try:
-            seconds = float(value)
+            return span(value, may_be_zero=self._may_be_zero)
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
+
+
+class Positive(click.ParamType):
+    """A number that is finite and more than nothing: a rate, or a factor."""
+
+    name = 'number'
+
+    def __init__(self, unit: str = '') -> None:
+        """Take the unit that errors show."""
+        self._unit = f' {unit}' if unit else ''
+
+    def convert(
+            self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Return the number."""
+        try:
+            number = float(value)
         except ValueError:
-            self.fail(f'{value!r} is not a number of seconds', param, ctx)
-        if self._may_be_zero and seconds == 0:
-            return 0.0
-        if not 0 < seconds < math.inf:
-            least = '>= 0' if self._may_be_zero else '> 0'
-            self.fail(f'{value} s, must be {least} and finite', param, ctx)
-        return seconds
+            self.fail(f'{value!r} is not a number', param, ctx)
+        # Beyond these, quotients and products with other such numbers leave the range of numbers.
+        if not 1e-9 <= number <= 1e9:
+            self.fail(f'{value}{self._unit}, must be > 0 and finite: 1e-9 to 1e9', param, ctx)
+        return number
 
 
 class Size(click.ParamType):

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from rigid_sim_ros.engine.model.kinds.table import BY_TYPE, KINDS
+from rigid_sim_ros.problems import counted
 from rigid_sim_ros.scene import describe, example_names, mass, schema
 from rigid_sim_ros.scene.advice import advice
 from rigid_sim_ros.scene.build import Scene
@@ -51,7 +52,7 @@ def print_scene(out: Console, scene: Scene) -> None:
     """Print what a scene holds, and what its author should know before a run."""
     world = scene.spec.world
     out.print(f'{scene.name}: {counted(len(scene.names), "body", "bodies")}, '
-              f'{_joint_count(scene.spec)}{counted(len(scene.spec.forces), "force", "forces")}, '
+              f'{_joint_count(scene.spec)}{counted(len(scene.spec.forces), "force")}, '
               f'step {world.step:g} s, '
               f'gravity {_numbers(world.gravity)} m/s^2')
     out.print(f'integrator {world.integrator}, orientation {world.orientation}, '
@@ -107,7 +108,7 @@ def _forces(forces: Sequence[schema.Force]) -> Table:
 
 
 def _joint_count(spec: schema.Scene) -> str:
-    return f'{counted(len(spec.joints), "joint", "joints")}, ' if spec.joints else ''
+    return f'{counted(len(spec.joints), "joint")}, ' if spec.joints else ''
 
 
 def _joints(joints: Sequence[schema.Joint]) -> Table:
@@ -142,11 +143,6 @@ def _shape(part: schema.Shape) -> str:
 def _numbers(values: Iterable[float]) -> str:
     words = [f'{value + 0.0:.4g}' for value in values]     # + 0.0: no -0
     return words[0] if len(words) == 1 else f'[{", ".join(words)}]'
-
-
-def counted(number: int, one: str, many: str) -> str:
-    """Return a number and what there are so many of."""
-    return f'{number} {one if number == 1 else many}'
 
 
 def _table(*columns: tuple[str, str]) -> Table:

@@ -17,6 +17,7 @@ from rigid_sim_ros.bag import events
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.recorder import Recorder, Status
 from rigid_sim_ros.nodes.publishers import Publishers
+from rigid_sim_ros.problems import counted
 from rigid_sim_ros.world import World
 
 NOT_RECORDING = 'not recording'
@@ -77,8 +78,8 @@ class Recording:
         status = recorder.status()
         if status.error:
             return False, status.error
-        text = (f'recorded {status.messages} messages, {status.size / 1e6:.2f} MB, into '
-                f'{status.path}')
+        text = (f'recorded {counted(status.messages, "message")}, {status.size / 1e6:.2f} MB, '
+                f'into {status.path}')
         self._log.info(f'{text}: `rigid_sim verify {status.path}` simulates it again')
         return True, text
 
@@ -170,7 +171,8 @@ class Recording:
         else:
             self._log.warning(
                 f'the gap in {status.path} ends at {self._world.time_ns / 1e9:.3f} s; '
-                f'{status.lost_messages} messages and {status.lost_events} inputs are missing '
+                f'{counted(status.lost_messages, "message")} and '
+                f'{counted(status.lost_events, "input")} are missing '
                 'so far')
 
     # --- any thread --------------------------------------------------------------------------

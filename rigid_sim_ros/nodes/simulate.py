@@ -38,6 +38,7 @@ from rigid_sim_ros.nodes.qos import profiles
 from rigid_sim_ros.nodes.recording import Recording
 from rigid_sim_ros.nodes.services import Services
 from rigid_sim_ros.nodes.step_loop import StepLoop
+from rigid_sim_ros.problems import counted, span
 from rigid_sim_ros.scene.errors import SceneError
 from rigid_sim_ros.scene.overlap import describe_overlaps
 from rigid_sim_ros.signals import Stop, stop_on_signals
@@ -108,8 +109,8 @@ class Simulation:
         self.node.add_post_set_parameters_callback(self._hand_over_parameters)
         begin = '' if self._moment is None else f', from {self._world.time_ns / 1e9:.9g} s on'
         self._log.info(
-            f'simulating {self._parameters["scene"]}: {len(self._world.names)} '
-            f'bod{"y" if len(self._world.names) == 1 else "ies"}, '
+            f'simulating {self._parameters["scene"]}: '
+            f'{counted(len(self._world.names), "body", "bodies")}, '
             f'step {self._world.step_ns / 1e6:g} ms{begin}'
             f'{", paused: ~/pause lets it go on" if self._parameters["paused"] else ""}')
         self._run_threads(loop, publishers)
@@ -281,6 +282,8 @@ def main(args: Sequence[str] | None = None) -> int:
     except ROS_ERRORS as error:
         return complain(ros_text(error))
     options = parser.parse_args(own_words)
-    if options.duration is not None and not 0.0 < options.duration < float('inf'):
-        parser.error(f'argument --duration: {options.duration} s, must be > 0 and finite')
-    return run(options.scene, duration=options.duration, record=options.record, ros_args=words)
+    try:
+        duration = None if options.duration is None else span(options.duration)
+    except ValueError as error:
+        parser.error(f'argument --duration: {error}')
+    return run(options.scene, duration=duration, record=options.record, ros_args=words)

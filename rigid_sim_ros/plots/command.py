@@ -18,6 +18,7 @@ from rigid_sim_ros.plots.contacts import simulate_contacts
 from rigid_sim_ros.plots.diagram import Diagram
 from rigid_sim_ros.plots.energies import energies
 from rigid_sim_ros.plots.panels import OF_CONTACT, OF_JOINTS, OF_SCENE, QUANTITIES, Shown
+from rigid_sim_ros.problems import counted
 from rigid_sim_ros.scene.errors import nearest
 
 # What writes a kind of file: its module in this package, its function, and the library it needs.
@@ -55,7 +56,7 @@ def run_plot(bag: str, output: str, *, bodies: Sequence[str] = (), joints: Seque
     for note in notes:
         click.echo(f'note: {note}')
     panels = len(diagram.panels)
-    click.echo(f'{path}: {panels} panel{"s" if panels > 1 else ""}, {diagram.title}')
+    click.echo(f'{path}: {counted(panels, "panel")}, {diagram.title}')
     return 0
 
 
@@ -122,8 +123,9 @@ def choose_joints(motion: Motion, patterns: Sequence[str],
     """Return the series of the joints that a pattern matches, of all without one, in a span."""
     for pattern in patterns:
         if not any(fnmatchcase(name, pattern) for name in motion.joints):
-            some = ', '.join(list(motion.joints)[:8]) or 'none, the bag tells of no joints'
-            raise BagError(f'--joints {pattern!r} matches no joint, must be one of {some}')
+            some = ', '.join(list(motion.joints)[:8])
+            raise BagError(f'--joints {pattern!r} matches no joint, '
+                           + (f'must be one of {some}' if some else 'the bag tells of none'))
     found = {}
     for name, (at, values) in motion.joints.items():
         if not patterns or any(fnmatchcase(name, pattern) for pattern in patterns):

@@ -14,6 +14,7 @@ from rich.progress import track
 
 from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.motion import Array, Motion, read_motion
+from rigid_sim_ros.problems import counted
 from rigid_sim_ros.render.window import choose_window
 from rigid_sim_ros.scene import Scene
 
@@ -57,7 +58,8 @@ def run_render(bag: str, output: str, *, at: float | None = None, start: float =
     finally:
         stage.close()
     seconds = time.monotonic() - clock
-    what = (f'{count} pictures, {begin:g} to {end:g} s, {count / seconds:.1f} pictures a second'
+    what = (f'{counted(count, "picture")}, {begin:g} to {end:g} s, '
+            f'{count / seconds:.1f} pictures a second'
             if is_film else f'{motion.scene.name} at {begin:g} s')
     click.echo(f'{path}: {what}')
     return 0

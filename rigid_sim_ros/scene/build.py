@@ -295,6 +295,9 @@ def _check_references(spec: schema.Scene, report: Report) -> None:
         if above != body.name and above in first:
             report(('bodies', i, 'name'), f'{shown(body.name)} begins with the name of bodies'
                    f'[{first[above]}], must begin with another one')
+        if body.shape is not None and body.compound is not None:
+            report(('bodies', i, 'compound'), 'stands beside shape, must be one of them: '
+                   'the parts of a compound are all that a body has')
         if body.fixed and body.kinematic:
             report(('bodies', i, 'kinematic'), 'stands beside fixed: true, must be one of them: a '
                    'kinematic body moves by its twist')

@@ -16,7 +16,6 @@ import numpy as np
 
 from rigid_sim_ros.engine.model.inertia import mesh_volume
 from rigid_sim_ros.kernels.arrays import Array, IntArray
-from rigid_sim_ros.scene.errors import shown
 from rigid_sim_ros.scene.mesh_bounds import bounded, MOST_FACES
 
 # What is read; the file says which by its name.
@@ -105,7 +104,7 @@ def _read(path: Path, take: Callable[[Any, bytes, str], _Found]) -> _Found:
     import trimesh
 
     if path.suffix.lower() not in FORMATS:
-        raise ValueError(f'{shown(path.name)}, must be an OBJ, STL, DAE or GLB file')
+        raise ValueError(f'{path}, must be an OBJ, STL, DAE or GLB file')
     kind = path.suffix[1:].lower()
     try:
         data = bounded(bytes_of(path), kind)

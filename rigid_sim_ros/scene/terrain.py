@@ -16,7 +16,6 @@ import numpy as np
 
 from rigid_sim_ros.engine.model.hulls import Prism, prisms
 from rigid_sim_ros.kernels.arrays import Array, IntArray
-from rigid_sim_ros.scene.errors import shown
 from rigid_sim_ros.scene.mesh import bytes_of, check, Mesh
 
 FORMATS = ('.csv', '.npy', '.png')
@@ -43,7 +42,7 @@ def read_heights(path: Path) -> Array:
     """
     kind = path.suffix.lower()
     if kind not in FORMATS:
-        raise ValueError(f'{shown(path.name)}, must be a CSV, NPY or PNG file')
+        raise ValueError(f'{path}, must be a CSV, NPY or PNG file')
     try:
         data = BytesIO(bytes_of(path, _MOST_BYTES))
         if kind == '.png':

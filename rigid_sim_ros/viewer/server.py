@@ -14,7 +14,7 @@ from io import StringIO
 from ipaddress import ip_address
 import threading
 from typing import Any
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qs, unquote, urlsplit
 
 import viser
 import websockets.asyncio.server
@@ -54,6 +54,8 @@ class Gate:
         """Return what to answer, or None to let the request through."""
         url = urlsplit(request.path)
         host = _one(request, 'Host')
+        if not (_is_address(host) and _is_path(request.path)):
+            return _refusal()
         if 'Origin' in request.headers and urlsplit(_one(request, 'Origin')).netloc != host:
             return _refusal()
         if not self._token:
@@ -85,6 +87,21 @@ def _one(request: Request, name: str) -> str:
     return values[0] if len(values) == 1 else ''
 
 
+def _is_address(host: str) -> bool:
+    """Return whether a name or an address stands there, with a port or without one."""
+    try:
+        return urlsplit(f'//{host}').port != 0      # which must be a number below 2^16
+    except ValueError:
+        return False
+
+
+def _is_path(target: str) -> bool:
+    """Return whether a request names a place below the root, in characters that can be printed."""
+    path = unquote(target.partition('?')[0], errors='strict')
+    return (target.startswith('/') and not path.startswith('//') and '..' not in path.split('/')
+            and '\\' not in path and path.isprintable() and target.isascii())
+
+
 class Hover:
     """
     Tells pages the name of the body under the mouse.
@@ -108,8 +125,7 @@ class Hover:
         try:
             page, x, y = int(words['page'][0]), float(words['x'][0]), float(words['y'][0])
         except (KeyError, ValueError):
-            return Response(HTTPStatus.BAD_REQUEST, 'Bad Request',
-                            Headers({'Content-Length': '0'}))
+            return _refusal()
         return _found(self.name_at(page, x, y).encode(), 'text/plain')
 
     def extend(self, request: Request, response: Response | None) -> Response | None:

@@ -198,6 +198,13 @@ def _are_of_their_bodies(arrays: Mapping[str, np.ndarray], sizes: Sizes) -> bool
                               arrays[f'manifold_body_{side}']) for side in 'ab')
 
 
+def _are_found_where_they_last(arrays: Mapping[str, np.ndarray], _: Sizes) -> bool:
+    """Return whether what has no orientation at which it was found has no gap of then either."""
+    found_at = arrays['manifold_found_at']
+    fleeting = found_at[~found_at[:, :4].any(axis=1)]
+    return not np.ascontiguousarray(fleeting).view(np.uint8).any()      # not even -0.0
+
+
 def _are_sorted(arrays: Mapping[str, np.ndarray], sizes: Sizes) -> bool:
     a, b = arrays['manifold_shape_a'], arrays['manifold_shape_b']
     rows = a.astype(np.int64) * len(sizes.body_of_shape) + b
@@ -218,4 +225,6 @@ _RELATIONS: Sequence[
      lambda arrays, _: arrays['manifold_points'].sum() == len(arrays['manifold_gap'])),
     ('manifold_body_a', 'the shapes of a manifold belong to other bodies', _are_of_their_bodies),
     ('manifold_shape_a', 'the manifolds are not sorted', _are_sorted),
+    ('manifold_found_at', 'a manifold has a gap from before, and no orientation',
+     _are_found_where_they_last),
 )

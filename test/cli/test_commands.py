@@ -13,6 +13,7 @@ import pytest
 import rigid_sim_ros
 from rigid_sim_ros import cli
 from rigid_sim_ros.cli.options import split_ros_args
+from rigid_sim_ros.problems import counted
 
 Run = Callable[..., SimpleNamespace]
 
@@ -86,6 +87,43 @@ def test_a_missing_scene_is_a_usage_error(run: Run) -> None:
 @pytest.mark.parametrize('duration', ['0', '-1', 'nan', 'inf', 'soon'])
 def test_a_duration_must_be_positive_and_finite(run: Run, duration: str) -> None:
     fails_in_one_line(run('run', f'--duration={duration}'), '--duration', duration)
+
+
+@pytest.mark.parametrize('command', [
+    'run t_handle --duration', 'batch t_handle --output bag --duration', 'resume bag --at',
+    'resume bag --at 0 --duration', 'replay bag --start', 'replay bag --duration',
+    'plot bag --output p.png --start', 'plot bag --output p.png --duration',
+    'render bag --output p.png --at', 'render bag --output p.mp4 --duration'])
+@pytest.mark.parametrize('seconds', ['4.1e9', '1e300'])
+def test_a_span_of_time_has_room_in_64_bits_of_nanoseconds(
+        run: Run, command: str, seconds: str) -> None:
+    words = command.split()
+    fails_in_one_line(
+        run(*words, seconds), f'{words[-1]!r}: {seconds} s, must be at most 4e+09 s')
+
+
+@pytest.mark.parametrize(('command', 'unit'), [
+    ('view --rate', ' Hz'), ('batch t_handle --output bag --duration 1 --rate', ' Hz'),
+    ('render bag --output p.mp4 --speed', '')])
+@pytest.mark.parametrize('number', ['0', '-1', 'nan', 'inf', '1e300', '1e-300', 'fast'])
+def test_a_rate_or_a_factor_must_be_positive_and_has_its_own_unit(
+        run: Run, command: str, unit: str, number: str) -> None:
+    told = f'{number!r} is not a number' if number == 'fast' else f'{number}{unit}, must be > 0'
+    fails_in_one_line(run(*command.split(), number), f'{command.split()[-1]!r}: {told}')
+
+
+def test_the_page_shows_a_node_or_a_bag(run: Run) -> None:
+    fails_in_one_line(run('view', 'session', '--node', 'lab'), '--node lab stands beside BAG')
+
+
+def test_what_there_is_one_of_is_not_in_the_plural(run: Run, tmp_path: Path) -> None:
+    bag = str(tmp_path / 'bag')
+    made = run('batch', 't_handle', '--duration', '0.001', '--hash-interval', '0', '--output', bag)
+    assert 'in 1 step and ' in made.out
+    assert 'of 1 step, ' in run('verify', bag).out
+    assert counted(1, 'message') == '1 message'
+    assert counted(0, 'message') == '0 messages'
+    assert counted(2, 'body', 'bodies') == '2 bodies'
 
 
 def test_an_unknown_scene_names_the_nearest_example(run: Run) -> None:

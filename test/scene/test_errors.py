@@ -55,6 +55,10 @@ BODIES = {
     'no truth value': (
         f'- name: a\n  {BALL}\n  mass: 1\n  fixed: yes',
         "5: bodies[0].fixed: 'yes', must be true or false"),
+    'two bodies in one': (
+        f'- name: a\n  mass: 1\n  {BALL}\n  compound: [{{type: sphere, radius: 2}}]',
+        '5: bodies[0].compound: stands beside shape, must be one of them: the parts of a compound '
+        'are all that a body has'),
     'illegal name': (
         f'- name: 1 crate\n  {BALL}\n  mass: 1',
         "2: bodies[0].name: '1 crate', must be a ROS name: letters, digits and underscores, "

@@ -139,8 +139,10 @@ def test_a_missing_mesh_file_is_named(tmp_path: Path, refusal: Refusal) -> None:
         f'.file: {tmp_path / "none.obj"} cannot be read: No such file or directory')
 
 
-def test_a_mesh_file_of_another_kind_is_refused(refusal: Refusal) -> None:
-    assert refusal('file: part.step') == ".file: 'part.step', must be an OBJ, STL, DAE or GLB file"
+def test_a_mesh_file_of_another_kind_is_refused(tmp_path: Path, refusal: Refusal) -> None:
+    for name in ('part.step', '../part', 'folder/part.obj.gz'):
+        assert refusal(f'file: {name}') == (
+            f'.file: {tmp_path / name}, must be an OBJ, STL, DAE or GLB file')
 
 
 @pytest.mark.parametrize(

@@ -125,6 +125,14 @@ def test_a_number_that_is_not_finite_is_refused(model, value) -> None:
             assert not check(model, changed(model, name, 3, value)), name
 
 
+@pytest.mark.parametrize('value', [1.0, -1.0, -0.0])
+def test_a_gap_without_the_orientation_at_which_it_was_found_is_refused(value) -> None:
+    # A sphere's contact is found anew in each step, and has neither: a world would save them as 0.
+    found_at = unpack(saved_world('timestep'))[1]['manifold_found_at']
+    row = int(np.flatnonzero(~found_at[:, :4].any(axis=1))[0])
+    assert not check('timestep', changed('timestep', 'manifold_found_at', 5 * row + 4, value))
+
+
 @pytest.mark.parametrize('meta', [
     {'step_index': -1}, {'step_index': 2 ** 63}, {'step_index': 2 ** 200}, {'step_index': 1.5},
     {'step_index': None}, {'step_index': True}, {'step_index': '7'}, {'sources': None},

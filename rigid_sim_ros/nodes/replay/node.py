@@ -33,6 +33,7 @@ from rigid_sim_ros.nodes.replay.parameters import declare
 from rigid_sim_ros.nodes.replay.player import Player, Settings
 from rigid_sim_ros.nodes.replay.qos import read_overrides
 from rigid_sim_ros.nodes.replay.terminal import attend, Bar, Keyboard
+from rigid_sim_ros.problems import counted
 from rigid_sim_ros.scene.errors import nearest
 from rigid_sim_ros.signals import Stop, stop_on_signals
 
@@ -105,7 +106,7 @@ class Replay:
             spinning.join()
             executor.shutdown()
         self._threads.raise_failure()
-        self._log.info(f'published {self._outputs.messages} messages')
+        self._log.info(f'published {counted(self._outputs.messages, "message")}')
 
     def _play(self) -> None:
         self._await_subscribers()
@@ -158,7 +159,7 @@ class Replay:
             self._log.warning(f'skipping {", ".join(topics[:3])}{more}: {reason}')
         length = (self._bag.last_ns - self._bag.first_ns) / _SECOND
         self._log.info(f'replaying {parameters["bag"]}: {length:.3f} s, '
-                       f'{len(self._outputs.names)} topics')
+                       f'{counted(len(self._outputs.names), "topic")}')
 
 
 def _chosen(bag: PlayableBag, patterns: Sequence[str]) -> list[str]:

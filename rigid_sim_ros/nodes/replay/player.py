@@ -21,6 +21,7 @@ from rigid_sim_ros.nodes.pacing import CATCH_UP_NS, MILLISECOND
 from rigid_sim_ros.nodes.replay.outputs import Outputs
 from rigid_sim_ros.nodes.replay.read_ahead import ReadAhead
 from rigid_sim_ros.nodes.replay.timeline import Timeline
+from rigid_sim_ros.problems import counted
 
 _SECOND = 1_000_000_000
 
@@ -289,7 +290,7 @@ class Player:
             return False, f'at the end, {self._time()}'
         self._timeline.jump(last_ns, monotonic_ns())
         self._show_clock(last_ns)
-        return True, f'stepped to {self._time()}: {sent} messages'
+        return True, f'stepped to {self._time()}: {counted(sent, "message")}'
 
     def _wait_for_head(self) -> Any:
         """Return the next message, None at the end; the disk is what is waited for."""

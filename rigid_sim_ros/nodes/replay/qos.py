@@ -101,7 +101,8 @@ def read_overrides(path: str) -> dict[str, Any]:
     try:
         content = YAML(typ='safe', pure=True).load(Path(path).read_text(encoding='utf-8'))
     except (OSError, UnicodeDecodeError, YAMLError) as error:
-        raise ParameterError(f'{path}: {error}') from None
+        told = getattr(error, 'strerror', None) or error     # an OSError repeats the path
+        raise ParameterError(f'{path}: {told}') from None
     parameters = {}
     for topic, policies in _mapping(path, content).items():
         for name, value in _mapping(f'{path}: {topic}', policies).items():
