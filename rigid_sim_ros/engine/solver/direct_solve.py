@@ -43,7 +43,8 @@ COMPLIANCE = 1e-8
 # A rate this near to its law is right, in sizes of a shape per substep: what SETTLED is to sweeps.
 GOAL = 1e-9
 # At most so many rounds, steps of Newton's method in one, and trials along the direction of one.
-ROUNDS, STEPS, TRIALS = 15, 100, 60
+# One problem in a hundred takes more than fifteen rounds, one in five hundred is unsolved by then.
+ROUNDS, STEPS, TRIALS = 60, 100, 60
 # Momenta and impulses that differ by so many times the goal are those of a solution: rounding
 # leaves up to 10.
 SOLVED = 1e3
