@@ -178,9 +178,21 @@ class LateCache:
 
 
 class _Files(_NumbasFiles):
-    """The files of a kernel's cache, each with a digest of its bytes before them."""
+    """
+    The files of a kernel's cache, each with a digest of its bytes before them.
+
+    Two processes that add kernels for different types at the same time may choose the same file:
+    so a file also holds what its kernel is for, and is read for nothing else.
+    """
 
     _index_path: str
+
+    def save(self, key: Any, data: Any) -> None:
+        super().save(key, (key, data))
+
+    def load(self, key: Any) -> Any:
+        found = super().load(key)
+        return found[1] if found is not None and found[0] == key else None
 
     def _load_index(self) -> Any:
         try:

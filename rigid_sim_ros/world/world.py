@@ -3,7 +3,6 @@
 """World: the object that a Python user holds."""
 
 from collections.abc import Mapping
-import hashlib
 import os
 from typing import Any
 
@@ -15,20 +14,19 @@ from rigid_sim_ros.engine.state.body_order import renumbered
 from rigid_sim_ros.engine.state.frames import point_on_frame, vector_on_frame
 from rigid_sim_ros.engine.state.state import (
     add_impulse, copy_into, copy_state, empty_motion, first_unfinite, MotionArguments,
-    MOVING_FIELDS, write_motion)
+    write_motion)
 from rigid_sim_ros.engine.steps.contact_model import Setup
 from rigid_sim_ros.engine.steps.contact_models import make_contact_model
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.scene import read_scene, Scene, scene_from_dict
-from rigid_sim_ros.world.applied_wrenches import AppliedWrenches, FIELDS
+from rigid_sim_ros.world.applied_wrenches import AppliedWrenches
 from rigid_sim_ros.world.bounds import (
-    changes_of_twist, check_change, check_position, check_reach, check_twist)
-from rigid_sim_ros.world.changing import Changing, first_order
-from rigid_sim_ros.world.posed import FIELDS as POSED_FIELDS, Posed
-from rigid_sim_ros.world.snapshot import pack, unpack
-from rigid_sim_ros.world.snapshot_check import check, Sizes
-from rigid_sim_ros.world.trajectories import FIELDS as PATH_FIELDS
+    changes_of_twist, check_change, check_position, check_twist)
+from rigid_sim_ros.world.changing import first_order
+from rigid_sim_ros.world.posed import Posed
+from rigid_sim_ros.world.saving import Saving
+from rigid_sim_ros.world.snapshot_check import Sizes
 from rigid_sim_ros.world.values import (
     duration_in_steps, some, source_name, step_count, unit_quaternion, vector)
 
@@ -42,7 +40,7 @@ def load_scene(scene: str | os.PathLike[str]) -> 'World':
     return World(read_scene(scene))
 
 
-class World(Changing):
+class World(Saving):
     """
     A world of rigid bodies that advances in fixed steps.
 
@@ -53,8 +51,7 @@ class World(Changing):
 
     def __init__(self, scene: Scene) -> None:
         """Put every body where the scene says."""
-        self._origin = scene
-        self._changes = []
+        super().__init__(scene)
         self._begin_commands()
         self._threads = 1
         self.step_index = 0
@@ -295,80 +292,6 @@ class World(Changing):
         return np.zeros(3) if own else None
 
     # --- the state as a whole -----------------------------------------------------------------
-
-    def _fingerprint(self) -> str:
-        return hashlib.blake2b(self._origin.physics_text.encode(), digest_size=8).hexdigest()
-
-    def _order_mark(self) -> str:
-        """Return what tells orders of the bodies apart, nothing for that of the scene."""
-        if np.array_equal(self._order, np.arange(len(self._order))):
-            return ''
-        return hashlib.blake2b(self._order.tobytes(), digest_size=8).hexdigest()
-
-    def _dynamic(self) -> dict[str, np.ndarray]:
-        """Return every array that the next step depends on, by name."""
-        moving = {name: getattr(self._state, name) for name in MOVING_FIELDS}
-        return {**moving, **self._posed.rows(self._state), **self._applied.rows(),
-                **self._contact.lasting(), **self._path_rows()}
-
-    def state_hash(self) -> int:
-        """Return 64 bits that identify the complete dynamic state, time included."""
-        digest = hashlib.blake2b(self.step_index.to_bytes(8, 'little'), digest_size=8)
-        for array in self._dynamic().values():
-            digest.update(array.tobytes())
-        return int.from_bytes(digest.digest(), 'little')
-
-    def save(self) -> bytes:
-        """
-        Return the complete dynamic state, for `restore` in a world of the same scene.
-
-        With it the bodies that came and went: the other world needs none of them.
-        """
-        meta = {'scene': self._fingerprint(), 'bodies': len(self.names),
-                'step_index': self.step_index, 'sources': self._applied.sources,
-                'order': self._order_mark()}
-        if self._changes:
-            meta['changes'] = self._changes
-        return pack(meta, self._dynamic())
-
-    def restore(self, data: bytes) -> None:
-        """
-        Continue from what `save` returned, bit for bit.
-
-        ValueError if it belongs to another scene, is damaged, or holds anything that no world of
-        this scene can be in; then this one stays as it is.
-        """
-        meta, arrays = unpack(data)
-        if meta.get('scene') != self._fingerprint():
-            raise ValueError(
-                f"the snapshot of {meta.get('bodies')!r:.20} bodies is of another scene than this "
-                f'one of {len(self.names)} ({some(self.names)}): restore it into a world of its '
-                'own')
-        if (changes := meta.get('changes', [])) != self._changes:
-            other = World(self._origin)
-            other._follow_changes(changes)
-            other.restore(data)
-            self._become(other)
-            return
-        if meta.get('order', '') != self._order_mark():
-            raise ValueError('the snapshot numbers the bodies in another way: it was saved by '
-                             'another version; run the scene from its start')
-        check(meta, arrays, self._dynamic(), self._sizes, self.step_ns)
-        check_reach(self._bounds, self._model, self._start, arrays)
-        self._take(arrays, meta['sources'])
-        self.step_index = meta['step_index']
-
-    def _take(self, arrays: Mapping[str, np.ndarray], sources: list[str]) -> None:
-        """Go on from the arrays of a snapshot that fit."""
-        # First what may still be refused, so that a refusal changes nothing.
-        self._take_paths(arrays)
-        self._contact.recall({name: array for name, array in arrays.items()
-                              if name not in MOVING_FIELDS + POSED_FIELDS + FIELDS + PATH_FIELDS})
-        copy_into(self._state, self._start._replace(**{name: arrays[name]
-                                                       for name in MOVING_FIELDS}))
-        self._posed.replace(self._state, arrays)
-        self._applied.replace({name: arrays[name] for name in FIELDS}, sources)
-        self._motion_is_current = False
 
     def reset(self, keep_time: bool = False) -> None:
         """

@@ -212,3 +212,22 @@ def test_nothing_is_left_of_a_folder_for_one_run(tmp_path):
     (tmp_path / 'home').write_text('no folder')
     assert found(tmp_path / 'home', TMPDIR=str(tmp_path / 'tmp'))[0] == ['0', '1']
     assert list((tmp_path / 'tmp').iterdir()) == []
+
+
+def test_what_another_process_writes_meanwhile_is_not_taken_for_a_kernel(tmp_path):
+    """Both have looked which files there are before either has written, and choose the same."""
+    one, other = (cache._Files(str(tmp_path), 'kernel', 'stamp') for _ in range(2))
+    write = one._save_data
+
+    def be_overtaken(name, data):
+        other._load_index = dict    # it has looked before
+        other.save('for others', 'kernel of others')
+        del other._load_index
+        write(name, data)
+
+    one._save_data = be_overtaken
+    one.save('for one', 'kernel of one')
+    assert other.load('for others') is None
+    other.save('for others', 'kernel of others')
+    assert other.load('for others') == 'kernel of others'
+    assert one.load('for one') in (None, 'kernel of one')
