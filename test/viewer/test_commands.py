@@ -71,7 +71,7 @@ def test_a_run_begins_with_its_page_and_ends_it(ros, browser, tmp_path):
             assert answer.status == 200
         wait_for(lambda: 'paused: ~/pause lets it go on' in process.stderr)
         assert 'resumed' not in process.stderr      # nobody has looked yet
-        page = Page(browser, address, (700, 400))
+        page = Page(browser, address.rstrip('/'), (700, 400))
         wait_for(lambda: 'resumed at 0.000000000 s' in process.stderr)
         page.close()
         process.signal(signal.SIGINT)
