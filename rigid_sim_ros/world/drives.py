@@ -1,6 +1,10 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the drives of a world's joints are told: goals, and trajectories that they lead along."""
+"""
+What the drives of a world's joints are told: goals, and trajectories that they lead along.
+
+How they act: engine/joints/laws.py.
+"""
 
 from collections.abc import Mapping, Sequence
 import math

@@ -4,7 +4,8 @@
 The complete dynamic state of a world as bytes.
 
 A JSON header that names the arrays, then their raw little-endian numbers, then a checksum: nothing
-is rounded, and a part that is missing or changed is noticed.
+is rounded, and a part that is missing or changed is noticed. What goes in, and the hash of it:
+saving.py.
 """
 
 from collections.abc import Mapping

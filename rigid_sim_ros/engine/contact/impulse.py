@@ -1,7 +1,7 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Impulses of colliding bodies.
+Impulses of colliding bodies, as in the model `event` (in `timestep`: collision_impulses.py).
 
 A collision changes velocities in no time: N . (v_a - v_b) becomes -e times what it was (Meyer,
 Rigid Body Dynamics, "Impulse"), and the tangential impulse obeys Coulomb's law, |J_t| <= mu J_n,

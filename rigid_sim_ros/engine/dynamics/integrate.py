@@ -1,7 +1,7 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Step the state of all bodies by h, by one of four methods.
+Step the state of all bodies by h, by one of four methods and three ways to turn them.
 
 The equations are d/dt (x, R, P, L) = (v, w* R, F, tau) with v = P / M and w = R I^-1 R^T L (Meyer,
 Rigid Body Dynamics, "Rigid Body Equations of Motion"). Measured orders and errors stand in

@@ -1,7 +1,7 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Forces and bounds along the axes of joints, as parts of the solution.
+Drives, limits, friction, springs and dampers of joints: forces and bounds along their axes.
 
 In each half of a step what acts along an axis is an impulse over the rate v at the end of that
 half: piecewise straight, and nowhere rising. It falls with the gains of dampers, drives and

@@ -3,7 +3,8 @@
 """
 Unit quaternions (x, y, z, w) inside a kernel.
 
-A quaternion q_AB turns the axes of B into those of A: v_A = q_AB v_B q_AB*.
+A quaternion q_AB turns the axes of B into those of A: v_A = q_AB v_B q_AB*. How
+attitudes change with time, dR/dt and dq/dt: state/rates.py.
 """
 
 import math
