@@ -145,8 +145,7 @@ def _recover(folder: Path) -> Recovery:
                 file.count(channel, stamp)
         packed = any(file.packed for file in files)
         for file in files:
-            if file.is_whole and not file_is_whole(file.path, packed):
-                file.is_whole = False
+            file.is_whole = file.is_whole and file_is_whole(file.path, packed)
             _resolve(file, [other for other in files if other is not file])
         for file in files:
             file.described.clear()      # of tens of thousands of topics it takes room

@@ -53,6 +53,11 @@ class Changing(WithModels):
     _dynamic: Callable[[], dict[str, np.ndarray]]
     _take: Callable[[Mapping[str, np.ndarray], list[str]], None]
 
+    def __init__(self, scene: Scene) -> None:
+        """Let the world of a scene have no changes yet."""
+        self._origin = scene
+        self._changes = []
+
     @property
     def origin(self) -> Scene:
         """The scene that the world began with; `scene` has what it has now."""

@@ -12,7 +12,6 @@ import hashlib
 import numpy as np
 
 from rigid_sim_ros.engine.state.state import copy_into, MOVING_FIELDS
-from rigid_sim_ros.scene import Scene
 from rigid_sim_ros.world.applied_wrenches import FIELDS
 from rigid_sim_ros.world.bounds import check_reach
 from rigid_sim_ros.world.changing import Changing
@@ -28,11 +27,6 @@ class Saving(Changing):
 
     _posed: Posed
     _sizes: Sizes
-
-    def __init__(self, scene: Scene) -> None:
-        """Let a world have no changes yet."""
-        self._origin = scene
-        self._changes = []
 
     def _fingerprint(self) -> str:
         return hashlib.blake2b(self._origin.physics_text.encode(), digest_size=8).hexdigest()

@@ -106,7 +106,7 @@ def _approach(contacts: Contacts, bodies: Bodies, h: float, touching: float, qui
     """Return how fast the points of a pair approach that collide, below 0 [m/s]; else 0."""
     fastest = 0.0
     for i in range(contacts.first[block], contacts.first[block + 1]):
-        if _collides(contacts, touching, i):
+        if collides(contacts, touching, i):
             u = to_contact(contacts, i, relative(bodies.velocity, contacts, i))
             slow = min(resting_speed(contacts, bodies, i, h), quiet * contacts.size[i])
             if u[0] < fastest and classify(u[0], slow) == COLLIDING:
@@ -119,12 +119,12 @@ def _touching_points(contacts: Contacts, touching: float, block: int) -> int:
     """Return how many points of a pair touch."""
     count = 0
     for i in range(contacts.first[block], contacts.first[block + 1]):
-        count += 1 if _collides(contacts, touching, i) else 0
+        count += 1 if collides(contacts, touching, i) else 0
     return count
 
 
 @kernel
-def _collides(contacts: Contacts, touching: float, i: int) -> bool:
+def collides(contacts: Contacts, touching: float, i: int) -> bool:
     """Return whether a point touches, and is not spare."""
     return bool(contacts.spare[i] == 0 and contacts.gap[i] <= touching * contacts.size[i])
 
@@ -180,7 +180,7 @@ def _collide(model: Model, state: State, contacts: Contacts, bodies: Bodies, h: 
     m = 0
     for k in range(alike):
         for i in range(contacts.first[room.block[k]], contacts.first[room.block[k] + 1]):
-            if _collides(contacts, touching, i):
+            if collides(contacts, touching, i):
                 room.chosen[m] = i
                 m += 1
     effective_mass(model, contacts, bodies, room.chosen, m, width, room.arm, room.A)

@@ -10,7 +10,8 @@ a sum of those on these. A problem of hundreds of points takes seconds.
 
 from rigid_sim_ros.engine.contact.contacts import Contacts
 from rigid_sim_ros.engine.detection.narrow_phase.reduce import reduce_to_four
-from rigid_sim_ros.engine.detection.narrow_phase.surface import SAME
+from rigid_sim_ros.engine.detection.narrow_phase.surface import are_same
+from rigid_sim_ros.engine.maths.vector import row
 from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
@@ -38,10 +39,10 @@ def _mark_plane(shapes: Shapes, contacts: Contacts, i: int, last: int, points: A
     if moving < 0:
         contacts.spare[i] = 0
         return
-    count, several = 0, False
+    count, several, n = 0, False, row(contacts.axes[i], 0)
     for j in range(i, last):
         if (contacts.spare[j] != _UNKNOWN or _moving(shapes, contacts, j) != moving
-                or _apart(contacts, i, j) > SAME):
+                or not are_same(n, row(contacts.axes[j], 0))):
             continue
         contacts.spare[j] = 1
         several = several or contacts.manifold[j] != contacts.manifold[i]
@@ -52,7 +53,6 @@ def _mark_plane(shapes: Shapes, contacts: Contacts, i: int, last: int, points: A
         count += 1
     kept = count
     if several:
-        n = (contacts.axes[i, 0, 0], contacts.axes[i, 0, 1], contacts.axes[i, 0, 2])
         kept = reduce_to_four(points, ids, count, n, shapes.half_width[moving])
     for j in ids[:kept]:
         contacts.spare[j] = 0
@@ -65,12 +65,3 @@ def _moving(shapes: Shapes, contacts: Contacts, k: int) -> int:
     if shapes.still[a] == shapes.still[b]:
         return -1
     return int(b if shapes.still[a] == 1 else a)
-
-
-@kernel
-def _apart(contacts: Contacts, i: int, j: int) -> float:
-    """Return the square of the difference of two normals."""
-    apart = 0.0
-    for c in range(3):
-        apart += (contacts.axes[i, 0, c] - contacts.axes[j, 0, c]) ** 2
-    return apart

@@ -31,9 +31,9 @@ from rigid_sim_ros.engine.detection.narrow_phase.boxes import face_manifold
 from rigid_sim_ros.engine.detection.narrow_phase.collide import BOXES, FAMILY
 from rigid_sim_ros.engine.detection.narrow_phase.convex import manifold_along
 from rigid_sim_ros.engine.detection.narrow_phase.surface import (
-    face, face_count, face_normal_along, height, SAME, way_out)
+    are_same, face, face_count, face_normal_along, height, way_out)
 from rigid_sim_ros.engine.detection.support import extreme, radius, reach
-from rigid_sim_ros.engine.maths.algebra import add, add_scaled, dot, norm, scale, subtract
+from rigid_sim_ros.engine.maths.algebra import add, add_scaled, dot, norm, scale
 from rigid_sim_ros.engine.model.kinds.points import put
 from rigid_sim_ros.engine.model.kinds.table import has_disc, is_faceted, is_unbounded
 from rigid_sim_ros.engine.model.shapes import Shapes
@@ -187,12 +187,6 @@ def tolerance(shapes: Shapes, m: int, s: int, t: int) -> float:
 
 
 @kernel
-def _alike(n: Vector, m: Vector) -> bool:
-    d = subtract(n, m)
-    return dot(d, d) <= SAME
-
-
-@kernel
 def _push(pose: Array, shapes: Shapes, rows: Manifolds, j: int, side: int, n: Vector) -> Vector:
     """
     Return the direction in which T, of row j, pushes M.
@@ -201,7 +195,7 @@ def _push(pose: Array, shapes: Shapes, rows: Manifolds, j: int, side: int, n: Ve
     looks along n.
     """
     n_T = _outward(rows, j, side)
-    if not _alike(n, n_T):
+    if not are_same(n, n_T):
         return n_T
     t, _ = _shapes_of(rows, j, side)
     return face_normal_along(pose, shapes, t, n)
@@ -228,7 +222,7 @@ def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int,
     for p in range(count):
         middle = add_scaled(middle, 1.0 / count, (r[p, k, 0], r[p, k, 1], r[p, k, 2]))
     # A part of a face of S whose middle nothing covers goes on from all of its corners.
-    area = count > 2 and _alike(n, face_normal_along(pose, shapes, s, n))
+    area = count > 2 and are_same(n, face_normal_along(pose, shapes, s, n))
     if area:
         low, high = add(c, middle), add(c, middle)
     while at >= 0:
@@ -240,7 +234,7 @@ def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int,
             at = seams.link[other, j]
             continue
         if (s != t and _reaches(memory.box, t, low, high, most)
-                and not _alike(n, _push(pose, shapes, rows, j, other, n))):
+                and not are_same(n, _push(pose, shapes, rows, j, other, n))):
             flush = tolerance(shapes, m, s, t)
             for p in range(1 if area else count):
                 x = add(c, middle if area else (r[p, k, 0], r[p, k, 1], r[p, k, 2]))
@@ -340,7 +334,7 @@ def stands(shapes: Shapes, memory: Memory, rows: Manifolds, m: int, k: int, side
             if s == t or not _reaches(memory.box, t, x, x, near):
                 continue
             n_T = _push(pose, shapes, rows, j, other, n)
-            if _alike(n, n_T):
+            if are_same(n, n_T):
                 continue
             flush = tolerance(shapes, m, s, t)
             if (height(pose, shapes, t, x) > flush
@@ -371,7 +365,7 @@ def _has_normal(pose: Array, shapes: Shapes, t: int, p: Vector, n: Vector, most:
     hulls = shapes.hulls
     if is_unbounded(shapes.kind[t]):
         # It has one normal, +z of its frame.
-        return _alike(n, (pose[t, 5], pose[t, 8], pose[t, 11]))
+        return are_same(n, (pose[t, 5], pose[t, 8], pose[t, 11]))
     return reach(pose, shapes.kind, shapes.size, hulls.first, hulls.count, hulls.vertices,
                  shapes.hull, t, n) - dot(n, p) <= most
 

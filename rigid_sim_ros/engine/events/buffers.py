@@ -48,6 +48,8 @@ BEGIN, GROUP, CONTACTS, IMPULSES, FORCES, SETTLE, MOVE = range(7)
 # Places in `Buffers.count`.
 (STEPS, STAGE, FRESH, EVENTS, COLLISIONS, CUT_SHORT, CHOSEN, WIDTH, KNOWN, BOUNCED, NEEDED,
  TOUCHED, UNSOLVED, DEEP, GROUPS, NOW, TRIES, KNOWN_BEFORE) = range(18)
+# Of a point in `Buffers.held`.
+HELD, BORNE = 1, 2
 # Places in `Buffers.number`.
 RESIDUAL, DEEPEST, WORST = range(3)
 
@@ -69,7 +71,7 @@ class Buffers(NamedTuple):
     impulses: Array  # (c, 6) [N s, contact axes]
     force: Array  # (c, 6) [N, contact axes]
     push: Array  # (c, 6) [N s, contact axes] that only displaces
-    held: IntArray  # (c,) 1: a point that got a force; 2: a spare one, others hold its body
+    held: IntArray  # (c,) HELD: a point that got a force; BORNE: a spare one, others hold its body
     sunk: Array  # (c,) [m, < 0] how deep it may go
     match: IntArray  # (c,) the same point among the forces of the last step, or -1
     elastic: IntArray  # (c,)

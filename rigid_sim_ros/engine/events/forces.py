@@ -16,8 +16,8 @@ from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, ENOUGH, TOLERANCE
 from rigid_sim_ros.engine.contact.resting_qp import CLOSING, LIFTING, resting_rates
 from rigid_sim_ros.engine.detection.backtrack import film
 from rigid_sim_ros.engine.events.buffers import (
-    Buffers, CHOSEN, DEEP, EventArguments, EventSettings, KNOWN, MORE_ROWS, NEEDED, STUCK, TOUCHED,
-    UNSOLVED, WIDTH, WORST)
+    BORNE, Buffers, CHOSEN, DEEP, EventArguments, EventSettings, HELD, KNOWN, MORE_ROWS, NEEDED,
+    STUCK, TOUCHED, UNSOLVED, WIDTH, WORST)
 from rigid_sim_ros.engine.events.groups import Groups
 from rigid_sim_ros.engine.events.move import load, shift_levers
 from rigid_sim_ros.engine.model.model import Model
@@ -26,8 +26,6 @@ from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
-# `Buffers.held` of a point that has a force, and of one that others are held for.
-HELD, BORNE = 1, 2
 CUT = 1.0 / 16.0  # of a step: gaps are not closed within less
 # Multiplications for each body of a group, and for 20 at least, that a step may take, about 0.2
 # ms; what is left of the step then runs without backtracking, and contact problems are used as far

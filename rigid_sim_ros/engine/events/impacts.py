@@ -12,7 +12,7 @@ from rigid_sim_ros.engine.contact.contact_search import (
 from rigid_sim_ros.engine.contact.contacts import (
     Contacts, gather_by_key, push_rows, read_body, read_rates)
 from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, TOLERANCE
-from rigid_sim_ros.engine.contact.impulse import collide_all
+from rigid_sim_ros.engine.contact.impulse import collide_all, collides
 from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses
 from rigid_sim_ros.engine.contact.spare_points import mark_spare
 from rigid_sim_ros.engine.detection.manifolds import current, Manifolds
@@ -188,7 +188,7 @@ def _touching_points(settings: EventSettings, g: int, w: Buffers) -> int:
     """Choose all points of a group that touch, for an impact; return how many."""
     m, contacts, block = 0, w.contacts, w.groups.block
     for k in range(contacts.first[block[g]], contacts.first[block[g + 1]]):
-        if contacts.spare[k] == 0 and contacts.gap[k] <= settings.touching * contacts.size[k]:
+        if collides(contacts, settings.touching, k):
             w.chosen[m] = k
             m += 1
     return m

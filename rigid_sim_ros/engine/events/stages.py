@@ -21,9 +21,9 @@ from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinemat
 from rigid_sim_ros.engine.dynamics.wrenches import count_down
 from rigid_sim_ros.engine.events.buffers import (
     BEGIN, BOUNCED, Buffers, COLLISIONS, CONTACTS, CUT_SHORT, DEEPEST, EventArguments, EVENTS,
-    FORCES, FRESH, GROUP, GROUPS, IMPULSES, KNOWN, KNOWN_BEFORE, MORE_FORCES, MORE_PAIRS, MOVE,
-    NEEDED, NOW, RESIDUAL, SETTLE, STAGE, STEPS, STUCK, TRIES, UNSOLVED, WIDTH)
-from rigid_sim_ros.engine.events.forces import balance, HELD, remember, settle
+    FORCES, FRESH, GROUP, GROUPS, HELD, IMPULSES, KNOWN, KNOWN_BEFORE, MORE_FORCES, MORE_PAIRS,
+    MOVE, NEEDED, NOW, RESIDUAL, SETTLE, STAGE, STEPS, STUCK, TRIES, UNSOLVED, WIDTH)
+from rigid_sim_ros.engine.events.forces import balance, remember, settle
 from rigid_sim_ros.engine.events.groups import find_groups, may_go, near_pairs, note_way, reach_out
 from rigid_sim_ros.engine.events.impacts import (
     collide_group, find_points, look_near, PER_EVENT, PER_PAIR)

@@ -59,6 +59,13 @@ def face_normal_along(pose: Array, shapes: Shapes, s: int, n_W: Vector) -> Vecto
 
 
 @kernel
+def are_same(n: Vector, m: Vector) -> bool:
+    """Return whether two normals are the same."""
+    apart = subtract(n, m)
+    return dot(apart, apart) <= SAME
+
+
+@kernel
 def meets_face(pose: Array, shapes: Shapes, a: int, b: int, n: Vector) -> bool:
     """Return whether n, from A to B, is the normal of a flat face of A, or the other way of B."""
     for s in (a, b):
@@ -66,7 +73,6 @@ def meets_face(pose: Array, shapes: Shapes, a: int, b: int, n: Vector) -> bool:
             return True
         if of_kind.is_faceted(shapes.kind[s]):
             out = n if s == a else (-n[0], -n[1], -n[2])
-            apart = subtract(out, face_normal_along(pose, shapes, s, out))
-            if dot(apart, apart) <= SAME:
+            if are_same(out, face_normal_along(pose, shapes, s, out)):
                 return True
     return False
