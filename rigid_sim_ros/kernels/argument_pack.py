@@ -28,6 +28,7 @@ from rigid_sim_ros.kernels.arrays import IntArray
 from rigid_sim_ros.kernels.numba_target import (
     lowerings, models, register_model, register_unboxing, typings)
 from rigid_sim_ros.kernels.tuple_passing import nobody_writes, passes_packed, read, slots
+from rigid_sim_ros.kernels.type_description import description
 
 _POINTER = ir.IntType(8).as_pointer()
 _typeof: Any = numba.typeof
@@ -42,7 +43,7 @@ class PackType(types.Type):
     def __init__(self, content: Any) -> None:
         self.content = content
         # It becomes part of the names of functions; that of the tuple fills pages.
-        digest = blake2b(str(content).encode(), digest_size=16).hexdigest()
+        digest = blake2b(description(content).encode(), digest_size=16).hexdigest()
         super().__init__(name=f'ArgumentPack{digest}')
         # Of each field its first slot, its type, and whether it is a packed array.
         self.fields: dict[str, tuple[int, Any, bool]] = {}

@@ -7,7 +7,8 @@ Numba looks at one source file when it decides whether a cached kernel is still 
 call each other across files. The folder of a module's cache therefore carries a digest of its
 source and of all that it imports: a change compiles anew what depends on it and nothing else, and
 a package that lies in a read-only place finds its cache again. Where the package lies does not
-matter: a second environment, or a clone, finds what the first one compiled.
+matter: a second environment, or a clone, finds what the first one compiled. What arguments are
+made of may stand in modules that a kernel does not import: that is part of the kernel's key.
 
 What is read from a cache is run: whoever can write to its folder can do what this user can. So the
 folder must belong to this user alone; and a file is read only if its digest fits, for a damaged
@@ -32,6 +33,8 @@ from typing import Any
 
 import numba
 from numba.core import caching, compiler_lock
+
+from rigid_sim_ros.kernels.type_description import description
 
 _NumbasCache: Any = caching.FunctionCache
 _NumbasFiles: Any = caching.IndexDataCacheFile
@@ -222,7 +225,10 @@ def _unpickled(path: str) -> Any:
     raw = Path(path).read_bytes()
     if raw[:_DIGEST] != _digest_of(raw[_DIGEST:]):
         raise OSError(f'{path} is damaged')
-    return pickle.loads(raw[_DIGEST:])
+    try:
+        return pickle.loads(raw[_DIGEST:])
+    except (AttributeError, ImportError) as error:      # of a class that this version lacks
+        raise OSError(f'{path} is of another version') from error
 
 
 def _digest_of(data: bytes) -> bytes:
@@ -263,9 +269,10 @@ class _Cache(_NumbasCache):
         """
         Return what tells the entries of a kernel apart: types, processor and bytecode.
 
-        Numba adds what the function closes over, pickled, and a pickled kernel holds a number that
-        each process draws anew: no process would find what another one compiled. Here the name of
-        the function says what it closes over, and the folder what that is made of.
+        All of it is text and numbers, which every version of the package can read. Numba adds what
+        the function closes over, pickled, and a pickled kernel holds a number that each process
+        draws anew: no process would find what another one compiled. Here the name of the function
+        says what it closes over, and the folder what that is made of.
         """
         kinds, target, (code, _) = super()._index_key(kinds, codegen)
-        return kinds, target, code, self._qualname
+        return tuple(map(description, kinds)), target, code, self._qualname

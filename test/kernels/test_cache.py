@@ -231,3 +231,43 @@ def test_what_another_process_writes_meanwhile_is_not_taken_for_a_kernel(tmp_pat
     other.save('for others', 'kernel of others')
     assert other.load('for others') == 'kernel of others'
     assert one.load('for one') in (None, 'kernel of one')
+
+
+# A kernel that imports nothing of what its arguments are made of.
+READER = """
+from own_kernels import of_the_engine
+@of_the_engine()
+def read(c):
+    return c.low * 10.0 + c.inner.high
+"""
+VALUES = """
+from typing import Any, NamedTuple
+class Inner(NamedTuple):
+    {0}: float
+    {1}: float
+class {2}(NamedTuple):
+    low: float
+    inner: Any
+"""
+READ = """
+from rigid_sim_ros.kernels.argument_pack import ArgumentPack
+from reader import read
+from values import Inner, {2}
+arguments = {2}(1.0, Inner(high=2.0, higher=3.0))
+print(read(arguments), read(ArgumentPack(arguments)),
+      *(sum(counts.values()) for counts in (read.stats.cache_hits, read.stats.cache_misses)))
+"""
+
+
+def test_a_kernel_is_found_again_only_for_arguments_with_the_same_names_in_the_same_places(
+        tmp_path):
+    """Otherwise it would read another one's place, and a class that has gone would be an error."""
+    (tmp_path / 'reader.py').write_text(READER)
+    versions = ('high', 'higher', 'Outer'), ('higher', 'high', 'Outer'), ('high', 'higher', 'All')
+    places = ':'.join(map(str, (tmp_path, Path(__file__).parent, ROOT.parent)))
+    for expected in ('0 2', '2 0'):
+        for names in versions:
+            shutil.rmtree(tmp_path / '__pycache__', ignore_errors=True)
+            (tmp_path / 'values.py').write_text(VALUES.format(*names))
+            counts, said = found(tmp_path / 'home', program=READ.format(*names), PYTHONPATH=places)
+            assert (counts, said) == (['12.0', '12.0', *expected.split()], '')
