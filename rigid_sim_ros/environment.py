@@ -9,6 +9,8 @@ import resource
 # [bytes] of address space, most of it never touched: LLVM, DDS and the stacks of their threads.
 # With less they abort somewhere in the middle.
 _LEAST_MEMORY = 1_200_000_000
+# [bytes] the same with VTK, whose drawing in software needs 1.6e9 for a picture of usual size.
+_LEAST_MEMORY_FOR_PICTURES = 2_000_000_000
 _LEAST_FILES = 64       # that a node has open: sockets, libraries, a bag
 _GOOD_FILES = 1024
 
@@ -22,11 +24,20 @@ def check_engine() -> None:
     if os.environ.get('NUMBA_DISABLE_JIT', '0').strip() not in ('', '0'):
         raise EnvironmentProblem('NUMBA_DISABLE_JIT is set, and the physics is compiled by Numba: '
                                  'unset it')
+    _check_memory(_LEAST_MEMORY)
+
+
+def check_pictures() -> None:
+    """Raise EnvironmentProblem where pictures cannot be drawn."""
+    _check_memory(_LEAST_MEMORY_FOR_PICTURES)
+
+
+def _check_memory(least: int) -> None:
     allowed, _ = resource.getrlimit(resource.RLIMIT_AS)
-    if allowed != resource.RLIM_INFINITY and allowed < _LEAST_MEMORY:
+    if allowed != resource.RLIM_INFINITY and allowed < least:
         raise EnvironmentProblem(
             f'the address space is limited to {allowed / 1e6:.0f} MB, must be '
-            f'{_LEAST_MEMORY / 1e6:.0f} MB or more: `ulimit -v unlimited`')
+            f'{least / 1e6:.0f} MB or more: `ulimit -v unlimited`')
 
 
 def check_node() -> None:

@@ -241,6 +241,7 @@ def _announce(
             line = f'{text} ... {seconds:.0f} s'
             print(f'\r{line}' if on_terminal else line, end=end, file=stream, flush=True)
             update = seconds + period
+            text = text if on_terminal else _TEXT   # in a log each line stays
     if text and on_terminal:
         print(file=stream)
     if text and not thread.is_alive():

@@ -10,6 +10,7 @@ import pytest
 
 NODE = [sys.executable, '-m', 'rigid_sim_ros', 'run', 't_handle', '--duration', '0.01']
 CHECK = [sys.executable, '-m', 'rigid_sim_ros', 'check', 't_handle']
+RENDER = [sys.executable, '-m', 'rigid_sim_ros', 'render', 'bag', '--output', 'bag.png']
 needs_ros = pytest.mark.skipif(find_spec('rclpy') is None, reason='rclpy is not installed')
 
 
@@ -25,6 +26,7 @@ def under(limits, command, **environment):
     pytest.param('ulimit -n 12; ', NODE, {}, 'ulimit -n 1024', marks=needs_ros),
     pytest.param('ulimit -v 700000; ', NODE, {}, 'ulimit -v unlimited', marks=needs_ros),
     ('ulimit -v 200000; ', CHECK, {}, 'ulimit -v unlimited'),
+    ('ulimit -v 1500000; ', RENDER, {}, 'ulimit -v unlimited'),
     ('', CHECK, {'NUMBA_DISABLE_JIT': '1'}, 'NUMBA_DISABLE_JIT'),
 ])
 def test_what_is_not_allowed_is_one_line_and_code_2(limits, command, environment, said):

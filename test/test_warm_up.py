@@ -42,6 +42,7 @@ def compile_something() -> None:
 def test_compiling_is_announced_and_its_end_too(monkeypatch) -> None:
     monkeypatch.setattr(warm_up, 'QUIET', 0.01)
     monkeypatch.setattr(warm_up, '_LOOK', 0.01)
+    monkeypatch.setattr(warm_up, '_LOG_PERIOD', 0.01)
     monkeypatch.setattr(warm_up, '_hints', [' (first start only)'])
     for first in ('compiling the physics kernels (first start only) ... ',
                   'compiling the physics kernels ... '):
@@ -49,6 +50,7 @@ def test_compiling_is_announced_and_its_end_too(monkeypatch) -> None:
         announced(compile_something, stream=stream)
         lines = stream.getvalue().splitlines()
         assert lines[0].startswith(first)
+        assert not any('first' in line for line in lines[1:])
         assert ' took ' in lines[-1]
 
 

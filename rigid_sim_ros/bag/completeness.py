@@ -10,7 +10,7 @@ by then. So a message, a topic or a file that was taken out is missed.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
 
 from rigid_sim_ros.bag import topics as kinds
@@ -34,22 +34,20 @@ def chosen(names: Iterable[str], patterns: Iterable[str]) -> list[str]:
     return [name for name in names if any(fnmatchcase(name, p) for p in patterns)]
 
 
-def wrong_topics(session: Session, names: Sequence[str], is_part: bool,
-                 joints: JointMessages) -> str:
+def wrong_topics(session: Session, is_part: bool, joints: JointMessages) -> str:
     """
     Return what is wrong with the topics that a session lists, '' if nothing is.
 
-    `names` are those of the bodies that there are when the session begins, or later in a part of
-    it: then some may have gone that had topics, and some have come that have none. `joints` are
-    those of the same world.
+    The bodies are those with which the session began: of others nothing is published. `joints` are
+    those of the world as it is in the first full state, in a part of a session not all.
     """
     for topic in session.topics:
         if topic.kind not in _KINDS.get(topic.type, {topic.kind}) or (
                 topic.kind and topic.type != kinds.TYPES.get(topic.kind)):
             return (f'the session lists {topic.name} of the type {topic.type} as {topic.kind!r}, '
                     'which it cannot be')
-        if topic.kind in (*_OF_BODIES, kinds.APPLIED_WRENCH) and not is_part and (
-                topic.body not in names):
+        if topic.kind in (*_OF_BODIES, kinds.APPLIED_WRENCH) and (
+                topic.body not in session.bodies):
             return f'the session lists {topic.name} of the body {topic.body!r}, which there is not'
         if topic.kind in kinds.OF_JOINTS and not is_part and (
                 topic.body not in joints.owners(topic.kind)):
@@ -64,9 +62,9 @@ def wrong_topics(session: Session, names: Sequence[str], is_part: bool,
         if listed[kinds.JOINT_STATES, model] != 1:
             return f'the session does not list the joint states of {model!r}, as it must'
     patterns = session.parameters.get('bodies')
-    if not isinstance(patterns, list) or is_part:
+    if not isinstance(patterns, list):
         return ''
-    for name in chosen(names, map(str, patterns)):
+    for name in chosen(session.bodies, map(str, patterns)):
         for kind in _OF_BODIES:
             if listed[kind, name] != 1:
                 return f'the session does not list the {kind} of body {name!r}, as it must'

@@ -69,7 +69,7 @@ def _check(reader: BagReader) -> None:
     if reader.faults:
         more = len(reader.faults) - 1
         raise Damaged(f'{reader.path}: {reader.faults[0]}' + (
-            f', and {more} more faults' if more else '')
+            f', and {counted(more, "more fault")}' if more else '')
             + f': `rigid_sim recover {reader.path}` keeps what is whole')
 
 

@@ -3,8 +3,8 @@
 """
 Write one MCAP file that is safe against being cut off.
 
-The records are those of the `mcap` library, except for the messages and their index, which are
-packed here: 0.5 us a message instead of 3.6 (benchmarks/recording.py), and it is this thread's
+The records are those of the `mcap` library, except for channels, messages and their index, which
+are packed here: 0.5 us a message instead of 3.6 (benchmarks/recording.py), and it is this thread's
 turn at the interpreter that the step loop would wait for. For the same reason a chunk that is not
 compressed is never put together in memory: to copy a megabyte holds the GIL for up to a
 millisecond. What is flushed has left the process: whole chunks, each with a checksum, that
@@ -12,7 +12,7 @@ millisecond. What is flushed has left the process: whole chunks, each with a che
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import chain
+from functools import cache
 import os
 from pathlib import Path
 import struct
@@ -21,8 +21,7 @@ import zlib
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
-    Channel, ChunkIndex, DataEnd, Footer, Header, McapRecord, Schema, Statistics,
-    SummaryOffset)
+    ChunkIndex, DataEnd, Footer, Header, McapRecord, Schema, Statistics, SummaryOffset)
 import zstandard
 
 from rigid_sim_ros import __version__
@@ -73,10 +72,11 @@ class McapFile:
         schemas = self._schema_records()
         self._to_describe = set(range(1, len(topics) + 1))
         self._schemas_to_describe = {schema.id: schema for schema in schemas}
-        described = _bytes(chain(schemas, self._channel_records()))
-        self._described_size = len(described)
+        described = [_bytes(schemas), *self._channel_records()]
+        self._described_size = sum(map(len, described))
         try:
-            self._put([MAGIC, _bytes([Header('ros2', f'rigid_sim_ros {__version__}')]), described])
+            self._put([MAGIC, _bytes([Header('ros2', f'rigid_sim_ros {__version__}')]),
+                       *described])
         except OSError:
             self._file.close()
             path.unlink()
@@ -154,20 +154,20 @@ class McapFile:
             chunk_count=len(self._chunks), message_count=sum(self.counts),
             message_start_time=self.first_ns, message_end_time=self.last_ns, metadata_count=0,
             schema_count=len(self._schemas))
-        summary, offsets = b'', []
-        for opcode, records in (
-                (Opcode.SCHEMA, self._schema_records()), (Opcode.CHANNEL, self._channel_records()),
-                (Opcode.STATISTICS, [statistics]), (Opcode.CHUNK_INDEX, self._chunks)):
-            group = _bytes(records)
+        self._crc = 0       # the next checksum covers the summary
+        offsets = []
+        for opcode, group in (
+                (Opcode.SCHEMA, _bytes(self._schema_records())),
+                (Opcode.CHANNEL, b''.join(self._channel_records())),
+                (Opcode.STATISTICS, _bytes([statistics])),
+                (Opcode.CHUNK_INDEX, _bytes(self._chunks))):
             if group:
-                offsets.append(SummaryOffset(opcode, start + len(summary), len(group)))
-                summary += group
-        offsets_start = start + len(summary)
-        summary += _bytes(offsets)
-        # The checksum covers the summary and the footer up to where itself stands.
-        footer = _bytes([Footer(start, offsets_start, 0)])[:-4]
-        checksum = zlib.crc32(footer, zlib.crc32(summary))
-        self._put([summary, footer, struct.pack('<I', checksum), MAGIC])
+                offsets.append(SummaryOffset(opcode, self.size, len(group)))
+                self._put([group])
+        offsets_start = self.size
+        # The checksum covers the footer too, up to where itself stands.
+        self._put([_bytes(offsets), _bytes([Footer(start, offsets_start, 0)])[:-4]])
+        self._put([struct.pack('<I', self._crc), MAGIC])
         os.fsync(self._file.fileno())
         self._file.close()
         return self.facts()
@@ -247,19 +247,32 @@ class McapFile:
     def _description(self, number: int) -> bytes:
         """Return the record of a channel that had no message yet, and of its type if need be."""
         self._to_describe.remove(number)
-        channel = self._channel_record(number)
-        schema = self._schemas_to_describe.pop(channel.schema_id, None)
-        return _bytes([schema, channel] if schema else [channel])
+        schema = self._schemas_to_describe.pop(self._schemas[self._topics[number - 1].type], None)
+        return _bytes([schema] if schema else []) + self._channel_record(number)
 
-    def _channel_records(self) -> Iterator[Channel]:
+    def _channel_records(self) -> Iterator[bytes]:
         return map(self._channel_record, range(1, len(self._topics) + 1))
 
-    def _channel_record(self, number: int) -> Channel:
+    def _channel_record(self, number: int) -> bytes:
         topic = self._topics[number - 1]
-        return Channel(id=number, topic=topic.name, message_encoding='cdr',
-                       metadata={'offered_qos_profiles': profiles_text(topic.latched),
-                                 'topic_type_hash': definition(topic.type)[1]},
-                       schema_id=self._schemas[topic.type])
+        rest = (struct.pack('<HH', number, self._schemas[topic.type]) + _text(topic.name)
+                + _text('cdr') + _channel_metadata(topic.type, topic.latched))
+        return struct.pack('<BQ', Opcode.CHANNEL, len(rest)) + rest
+
+
+@cache
+def _channel_metadata(message_type: str, latched: bool) -> bytes:
+    """Return what many channels have in common: a map of texts."""
+    texts = b''.join(map(_text, (
+        'offered_qos_profiles', profiles_text(latched),
+        'topic_type_hash', definition(message_type)[1])))
+    return struct.pack('<I', len(texts)) + texts
+
+
+def _text(text: str) -> bytes:
+    """Return a text as it stands in a record."""
+    data = text.encode()
+    return struct.pack('<I', len(data)) + data
 
 
 def _bytes(records: Iterable[McapRecord]) -> bytes:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The file metadata.yaml of a bag, in rosbag2's format 9."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 import json
 import os
@@ -75,11 +75,10 @@ def build(
 
 def write(folder: Path, metadata: Mapping[str, Any]) -> None:
     """Put metadata.yaml in place at once: it is the old one or the new one, and never a part."""
-    text = _text(metadata).encode()
     part = folder / f'.{NAME}.part'
     part.unlink(missing_ok=True)
     with part.open('xb') as file:       # never through a link
-        file.write(text)
+        file.writelines(line.encode() for line in _lines(metadata))
         file.flush()
         os.fsync(file.fileno())
     part.replace(folder / NAME)
@@ -178,20 +177,21 @@ def _reason(error: Exception) -> str:
     return f'{type(error).__name__}: {str(error)[:80]}'
 
 
-def _text(metadata: Mapping[str, Any]) -> str:
+def _lines(metadata: Mapping[str, Any]) -> Iterator[str]:
     """
-    Return metadata as YAML, an entry to a line.
+    Give metadata as YAML, an entry to a line; of tens of thousands of topics all take much room.
 
     JSON is YAML too, and is written a hundred times faster than by a YAML library: the step loop
     has to wait for whoever holds the interpreter.
     """
-    lines = [f'{_ROOT}:']
+    yield f'{_ROOT}:\n'
     for key, value in metadata.items():
         if isinstance(value, list) and value:
-            lines += [f'  {key}:', *(f'  - {json.dumps(item)}' for item in value)]
+            yield f'  {key}:\n'
+            for item in value:
+                yield f'  - {json.dumps(item)}\n'
         else:
-            lines.append(f'  {key}: {json.dumps(value)}')
-    return '\n'.join(lines) + '\n'
+            yield f'  {key}: {json.dumps(value)}\n'
 
 
 @cache

@@ -15,6 +15,7 @@ from rigid_sim_ros.bag.errors import BagError, Damaged
 from rigid_sim_ros.bag.files import bag_files, SUFFIXES, unpacked, Unpacker, ZSTD
 from rigid_sim_ros.bag.scan import McapScan
 from rigid_sim_ros.bag.sqlite_file import SqliteReader
+from rigid_sim_ros.problems import counted
 
 # A message as it was recorded: its topic, the time [ns], and the CDR.
 Message: TypeAlias = tuple[str, int, bytes]
@@ -126,8 +127,9 @@ class BagReader:
         if told and names:
             self.faults.append(
                 f'metadata.yaml tells of {told[names[0]]} messages on {names[0]}, the files hold '
-                f'{counts[names[0]]}' + (f', and {len(names) - 1} more topics differ' if names[1:]
-                                         else ''))
+                f'{counts[names[0]]}' + (', and ' + counted(
+                    len(names) - 1, 'more topic differs', 'more topics differ')
+                    if names[1:] else ''))
         elif total not in (None, counts.total()):
             self.faults.append(f'metadata.yaml tells of {total} messages, the files hold '
                                f'{counts.total()}')

@@ -18,7 +18,7 @@ from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.cli.options import (
     Commands, duration_option, examples, NodeCommand, Positive, record_option, scene_argument,
     Seconds, Size)
-from rigid_sim_ros.environment import check_engine, EnvironmentProblem
+from rigid_sim_ros.environment import check_engine, check_pictures, EnvironmentProblem
 from rigid_sim_ros.scene.errors import SceneError
 from rigid_sim_ros.signals import ended_by_ctrl_c, INTERRUPTED
 from rigid_sim_ros.viewer import is_installed, NEEDED
@@ -415,6 +415,7 @@ def render(bag: str, output: str, **options: Any) -> int:
 
     BAG holds a scene, as recordings of `batch` and of the node do. No GPU is needed.
     """
+    check_pictures()
     from rigid_sim_ros.render.command import run_render
 
     return run_render(bag, output, **options)

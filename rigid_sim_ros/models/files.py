@@ -16,6 +16,7 @@ import re
 from urllib.parse import unquote
 
 from rigid_sim_ros.models.findings import Findings, Place
+from rigid_sim_ros.reading import is_inside
 
 # What a folder holds that is a package of ROS, or a model of Gazebo.
 _MARKS = ('package.xml', 'model.config')
@@ -124,9 +125,4 @@ def _inside(root: Path, start: Path, rest: str, is_ours: bool) -> Path | None:
     path = Path(os.path.normpath(start / rest))
     if not path.is_relative_to(os.path.normpath(root)):
         return None
-    try:
-        if not is_ours and not path.resolve().is_relative_to(root.resolve()):
-            return None
-    except (OSError, RuntimeError):     # a ring of links
-        return None
-    return path
+    return path if is_ours or is_inside(path, root) else None

@@ -5,7 +5,7 @@
 from collections.abc import Iterable
 from typing import Protocol
 
-from rigid_sim_ros.problems import Problem
+from rigid_sim_ros.problems import counted, Problem
 
 
 class Place(Protocol):
@@ -55,7 +55,7 @@ class Findings:
     def notes(self) -> list[Problem]:
         """Return a line for each thing that is worth one."""
         ignored = [first if count == 1 else first._replace(message=(
-            f'{first.message} (here and at {count - 1} more places)'))
+            f'{first.message} (here and at {counted(count - 1, "more place")})'))
             for first, count in self._ignored.values()]
         return [*self._notes, *ignored]
 

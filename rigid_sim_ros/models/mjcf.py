@@ -27,6 +27,7 @@ from rigid_sim_ros.models.poses import (
 from rigid_sim_ros.models.values import MOST
 from rigid_sim_ros.models.xml_tree import contents, Element, MAX_BYTES, parse
 from rigid_sim_ros.problems import Problem
+from rigid_sim_ros.reading import is_inside
 
 NEEDED = ("needs MuJoCo, which is not installed: `pip install '.[mjcf]'` in a clone of "
           'rigid_sim_ros, or `pip install mujoco`')
@@ -125,7 +126,7 @@ def _allowed(name: str, element: Element, folders: Folders, findings: Findings) 
                        'be a path in it')
         return None
     path = folders.model / name
-    if not path.resolve().is_relative_to(folders.model.resolve()):
+    if not is_inside(path, folders.model):
         findings.error(element, f'{name[:80]!r} lies outside of the folder of the model, must lie '
                        'in it')
         return None

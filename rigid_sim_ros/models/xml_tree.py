@@ -8,11 +8,8 @@ and number of elements are bounded, and nothing that a file names is opened here
 """
 
 from collections.abc import Iterator
-import errno
-import os
 from pathlib import Path
 import re
-import stat
 from xml.sax import ContentHandler, SAXParseException
 from xml.sax.xmlreader import AttributesImpl, Locator
 
@@ -21,6 +18,7 @@ from defusedxml.sax import parseString
 
 from rigid_sim_ros.models.findings import ModelError
 from rigid_sim_ros.problems import Problem
+from rigid_sim_ros.reading import bytes_of
 
 # [bytes] The largest robots have 0.3 MB; a file beyond this is no description of a model.
 MAX_BYTES = 32_000_000
@@ -78,18 +76,10 @@ def read(path: Path) -> Element:
 def contents(path: Path) -> bytes:
     """Return the bytes of a regular file of bounded size; ModelError where it is none."""
     try:
-        # Without O_NONBLOCK a pipe would wait for somebody to write into it.
-        with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), 'rb') as file:
-            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-                raise OSError(errno.EINVAL, 'not a regular file')
-            data = file.read(MAX_BYTES + 1)
+        return bytes_of(path, MAX_BYTES)
     except (OSError, ValueError) as error:
         reason = getattr(error, 'strerror', None) or error
         raise ModelError([Problem(f'cannot be read: {reason}', '', str(path))]) from None
-    if len(data) > MAX_BYTES:
-        raise ModelError([Problem(f'is larger than {MAX_BYTES / 1e6:g} MB, must be a description '
-                                  'of a model', '', str(path))])
-    return data
 
 
 def parse(data: bytes, file: str) -> Element:

@@ -3,6 +3,8 @@
 """What the nodes share as processes: how they start, end, and complain."""
 import argparse
 from collections.abc import Callable, Sequence
+from itertools import pairwise
+import os
 from pathlib import Path
 import sys
 import threading
@@ -16,10 +18,13 @@ from rclpy.signals import SignalHandlerOptions
 
 from rigid_sim_ros.environment import check_node, has_place_for_logs
 from rigid_sim_ros.problems import printable
+from rigid_sim_ros.reading import bytes_of
 
 DONE, FAILED, USAGE = 0, 1, 2
 _SPIN_PERIOD = 0.2      # s between two looks at whether to end
 _LOG_PERIOD = 5.0       # s between two lines about what ROS cannot read
+# Arguments of ROS that name a file, and how many bytes it may have.
+_FILES, _MOST_BYTES = ('--params-file', '--log-config-file'), 2 ** 24
 _PACKAGE = Path(__file__).parents[1]
 
 # rclpy has no public names for what rclpy.init raises.
@@ -38,9 +43,16 @@ def start_ros(ros_args: Sequence[str]) -> None:
     """
     Start ROS and leave the signals alone.
 
-    One of ROS_ERRORS for a wrong argument, EnvironmentProblem for what the system does not allow.
+    One of ROS_ERRORS for a wrong argument, OSError for what the system does not allow and for a
+    file that ROS would wait for, such as a pipe.
     """
     check_node()
+    for option, path in pairwise(ros_args):
+        if option in _FILES and os.path.lexists(path):
+            try:
+                bytes_of(path, _MOST_BYTES)
+            except OSError as error:
+                raise OSError(f'{option} {path}: {error.strerror}') from None
     words = list(ros_args)
     if not has_place_for_logs():
         words += ['--ros-args', '--disable-external-lib-logs']

@@ -33,7 +33,7 @@ def run_render(bag: str, output: str, *, at: float | None = None, start: float =
     is_film = path.suffix.lower() == _FILM
     if is_film and at is not None:
         raise BagError(f'--at is for one picture, {_FRAME}: a film takes --start and --duration')
-    if not path.resolve().parent.is_dir():
+    if not path.parent.is_dir():
         raise BagError(f'--output {output}: there is no folder {path.parent}')
     motion = read_motion(bag)
     if motion.scene is None:

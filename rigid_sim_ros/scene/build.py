@@ -22,6 +22,7 @@ from rigid_sim_ros.engine.state.state import BodyMotion, empty_state, State, wri
 from rigid_sim_ros.engine.steps.precompile import compile_beforehand
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.problems import Problem
+from rigid_sim_ros.reading import is_inside
 from rigid_sim_ros.scene import collision, mass, mesh, schema, terrain, visuals
 from rigid_sim_ros.scene.document import Source
 from rigid_sim_ros.scene.errors import below, nearest, Path as Place, Report, SceneError, shown
@@ -274,7 +275,7 @@ def _beside(file: str, folder: Path | None, instead: str) -> Path:
         raise ValueError(f'{shown(file)} is not beside the scene, must be {instead} in it')
     path = folder / file
     # In the working directory a program looks for its own files.
-    if folder != Path() and not path.resolve().is_relative_to(folder.resolve()):
+    if folder != Path() and path.is_file() and not is_inside(path, folder):
         _logger.warning('the file %s lies outside of the folder of the scene', path)
     return path
 

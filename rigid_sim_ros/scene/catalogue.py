@@ -43,4 +43,6 @@ def find(path_or_name: str | os.PathLike[str]) -> Path:
     message = f'is neither a scene file nor an example, {nearest(path, names)}'
     if os.path.isdir(path):
         message = 'is a folder, must be a scene file'
+    elif os.path.lexists(path):
+        message = 'is not a regular file, must be a scene file'
     raise SceneError([Problem(message, '', str(path))])

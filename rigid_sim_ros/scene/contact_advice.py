@@ -9,6 +9,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.problems import counted
 from rigid_sim_ros.scene.build import Scene
 
 # A body that is heavier than what it lies on by more than this sinks in: a solver that goes from
@@ -67,7 +68,8 @@ def _of_sizes(scene: Scene) -> Iterator[str]:
                f'{fall:.3g} m in the first step: how it rocks and comes to rest is not resolved; '
                f'use a step of at most {below(step)} s')
     if len(small) > _MOST_LINES:
-        yield f'{len(small) - _MOST_LINES} more bodies are too small for the step'
+        yield counted(len(small) - _MOST_LINES, 'more body is', 'more bodies are') + (
+            ' too small for the step')
 
 
 def _of_speeds(scene: Scene) -> Iterator[str]:
@@ -105,7 +107,8 @@ def _of_speeds(scene: Scene) -> Iterator[str]:
                    f"'{scene.names[shapes.body[s]]}', {thickness[s]:.3g} m thick, unseen; use a "
                    f'step of at most {below(safe)} s, or contact: timestep')
     if told > _MOST_LINES:
-        yield f'{told - _MOST_LINES} more bodies may cross others unseen'
+        yield counted(told - _MOST_LINES, 'more body', 'more bodies') + (
+            ' may cross others unseen')
 
 
 def _partners(shapes: Shapes, n: int, s: int, others: IntArray) -> IntArray:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
 from typing import TypeAlias
 
-from rigid_sim_ros.problems import Problem
+from rigid_sim_ros.problems import counted, Problem
 
 # The way from the top of a scene to a value: keys of mappings and indices of lists.
 Path: TypeAlias = tuple[str | int, ...]
@@ -36,7 +36,7 @@ class SceneError(ValueError):
     def summary(self) -> str:
         """Return the first problem on one line, and how many more there are."""
         more = len(self.problems) - 1
-        rest = f' (and {more} more {"problems" if more > 1 else "problem"})' if more else ''
+        rest = f' (and {counted(more, "more problem")})' if more else ''
         return f'{self.problems[0]}{rest}'
 
 

@@ -4,25 +4,20 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-import errno
 from io import BytesIO
 import logging
-import os
 from pathlib import Path
-import stat
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from rigid_sim_ros.engine.model.inertia import mesh_volume
 from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.reading import bytes_of
 from rigid_sim_ros.scene.mesh_bounds import bounded, MOST_FACES
 
 # What is read; the file says which by its name.
 FORMATS = ('.obj', '.stl', '.dae', '.glb')
-
-# [bytes] of a file: what is scanned very finely has some ten millions.
-_MOST_BYTES = 2 ** 28
 
 # A mesh that encloses less than this part of its bounding box is flat but for rounding: its volume
 # is the difference of numbers 1e12 times as large, and no digit of the inertia would be right.
@@ -143,19 +138,6 @@ def _unit(words: str | None) -> float:
     """Return the unit of length [m] that trimesh tells as `meters` or `0.01 * meters`."""
     factor, star, _ = (words or '').partition(' * ')
     return float(factor) if star else 1.0
-
-
-def bytes_of(path: Path, most: int = _MOST_BYTES) -> bytes:
-    """Return the bytes of a regular file; OSError where it is none, so that nothing waits."""
-    # Without O_NONBLOCK a pipe would wait for somebody to write into it.
-    with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), 'rb') as file:
-        facts = os.fstat(file.fileno())
-        if not stat.S_ISREG(facts.st_mode):
-            raise OSError(errno.EINVAL, 'not a regular file', str(path))
-        if facts.st_size > most:
-            raise OSError(errno.EFBIG, f'larger than {most} bytes', str(path))
-        # What claims to be empty, as files of /proc do, may have no end.
-        return file.read(facts.st_size)
 
 
 def check(mesh: Mesh) -> None:

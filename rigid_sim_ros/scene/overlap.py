@@ -10,6 +10,7 @@ import numpy as np
 from rigid_sim_ros.engine.detection.detect import detect
 from rigid_sim_ros.engine.detection.manifolds import current_manifolds, empty_memory, grown
 from rigid_sim_ros.engine.state.state import copy_state
+from rigid_sim_ros.problems import counted
 from rigid_sim_ros.scene.build import Scene
 
 # Of the size of the smaller shape: an overlap below this is rounding in the file, or what contact
@@ -55,4 +56,5 @@ def describe_overlaps(scene: Scene) -> Iterator[str]:
                f'apart; move one, or let them pass through each other with collision: '
                f'{{ignore: [[{a}, {b}]]}}')
     if len(overlaps) > _MOST_LINES:
-        yield f'{len(overlaps) - _MOST_LINES} more pairs of bodies overlap at the start, less deep'
+        yield counted(len(overlaps) - _MOST_LINES, 'more pair of bodies overlaps',
+                      'more pairs of bodies overlap') + ' at the start, less deep'

@@ -14,6 +14,7 @@ from pydantic_core import ErrorDetails
 
 from rigid_sim_ros.models.read import ending
 from rigid_sim_ros.problems import Problem
+from rigid_sim_ros.reading import bytes_of
 from rigid_sim_ros.scene import catalogue, schema
 from rigid_sim_ros.scene.build import build, Scene
 from rigid_sim_ros.scene.document import DictSource, Source, YamlSource
@@ -35,7 +36,7 @@ def read_scene(path_or_name: str | os.PathLike[str]) -> Scene:
         with collector_paused():
             return _read(DictSource(alone(path)), path.stem, path.parent, is_alone=True)
     try:
-        text = path.read_text(encoding='utf-8-sig')
+        text = bytes_of(path).decode('utf-8-sig')
     except OSError as error:
         raise SceneError([Problem(f'cannot be read: {error.strerror}', '', str(path))]) from None
     except UnicodeDecodeError as error:

@@ -11,12 +11,14 @@ triangle.
 from io import BytesIO
 from pathlib import Path
 from typing import Any
+import warnings
 
 import numpy as np
 
 from rigid_sim_ros.engine.model.hulls import Prism, prisms
 from rigid_sim_ros.kernels.arrays import Array, IntArray
-from rigid_sim_ros.scene.mesh import bytes_of, check, Mesh
+from rigid_sim_ros.reading import bytes_of
+from rigid_sim_ros.scene.mesh import check, Mesh
 
 FORMATS = ('.csv', '.npy', '.png')
 # Of a heightfield: each is the corner of up to six triangles.
@@ -47,8 +49,10 @@ def read_heights(path: Path) -> Array:
         data = BytesIO(bytes_of(path, _MOST_BYTES))
         if kind == '.png':
             return _picture(data)
-        found: Any = (np.load(data, allow_pickle=False) if kind == '.npy'
-                      else np.loadtxt(data, delimiter=',', ndmin=2))
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')     # NumPy's, of a file without a number
+            found: Any = (np.load(data, allow_pickle=False) if kind == '.npy'
+                          else np.loadtxt(data, delimiter=',', ndmin=2))
         return np.asarray(found, dtype=np.float64)
     except ImportError:
         raise ValueError(f'{path.name} needs Pillow, which is not installed: '
@@ -61,9 +65,13 @@ def read_heights(path: Path) -> Array:
 
 
 def _picture(data: BytesIO) -> Array:
-    from PIL import Image
+    from PIL import Image, UnidentifiedImageError
 
-    with Image.open(data, formats=['PNG']) as picture:
+    try:
+        opened = Image.open(data, formats=['PNG'])
+    except UnidentifiedImageError:
+        raise OSError('not a PNG picture, must be one') from None
+    with opened as picture:
         width, height = picture.size
         if width * height > MOST_HEIGHTS:   # before the picture is unpacked
             raise OSError(f'{width} x {height} heights, must be {MOST_HEIGHTS} or fewer')

@@ -33,24 +33,25 @@ PACE = Chart('real-time factor', ('measured',))
 
 
 class Charts:
-    """Some charts over one time axis."""
+    """Some charts over one time axis; their legends show the values of the picture beside them."""
 
-    def __init__(self, gui: viser.GuiApi, charts: Sequence[Chart], length: int = _LONGEST, *,
-                 is_live: bool = True) -> None:
-        """Make them; `is_live`: the legends show the latest values, not those under the mouse."""
+    def __init__(self, gui: viser.GuiApi, charts: Sequence[Chart], length: int = _LONGEST,
+                 ) -> None:
+        """Make them, empty; they keep so many points."""
         self._times: deque[float] = deque(maxlen=length)
         self._values: dict[str, list[deque[float]]] = {}
         self._handles: dict[str, viser.GuiUplotHandle] = {}
         self._charts = {chart.title: chart for chart in charts}
         self._legends: dict[str, viser.GuiHtmlHandle] = {}
+        self._filled: tuple[np.ndarray, Mapping[str, np.ndarray]] = np.zeros(1), {}
+        self._point = -1        # of whole curves, that is in the legends
         for chart in charts:
             self._values[chart.title] = [deque(maxlen=length) for _ in chart.lines]
             self._handles[chart.title] = gui.add_uplot(
                 _empty(len(chart.lines)), _series(chart),
                 title=chart.title, height=_HEIGHT, scales={'x': uplot.Scale(time=False)},
-                legend=uplot.Legend(show=not is_live and len(chart.lines) > 1))
-            if is_live:
-                self._legends[chart.title] = gui.add_html(_legend(chart, ()))
+                legend=uplot.Legend(show=False))
+            self._legends[chart.title] = gui.add_html(_legend(chart, ()))
 
     def add(self, time: float, values: Mapping[str, Sequence[float]]) -> None:
         """Add a point at a time [s] to each chart; time that goes back begins anew."""
@@ -61,22 +62,31 @@ class Charts:
             numbers = values.get(title, [float('nan')] * len(lines))
             for line, number in zip(lines, numbers, strict=True):
                 line.append(number)
-            if title in self._legends:
-                self._legends[title].content = _legend(self._charts[title], numbers)
+            self._legends[title].content = _legend(self._charts[title], numbers)
             self._show(title)
 
     def fill(self, times: Sequence[float], values: Mapping[str, np.ndarray]) -> None:
         """Show whole curves: of each chart a row for each line."""
         for title, rows in values.items():
             self._handles[title].data = (np.asarray(times, float), *np.asarray(rows, float))
+        self._filled = np.asarray(times, float), values
+
+    def tell(self, time: float) -> None:
+        """Show in the legends what whole curves are at a time [s]."""
+        times, values = self._filled
+        point = max(int(np.searchsorted(times, time, 'right')) - 1, 0)
+        if point != self._point:
+            self._point = point
+            for title, rows in values.items():
+                self._legends[title].content = _legend(
+                    self._charts[title], np.asarray(rows, float)[:, point].tolist())
 
     def clear(self) -> None:
         """Empty all charts."""
         self._forget()
         for title, lines in self._values.items():
             self._handles[title].data = _empty(len(lines))
-            if title in self._legends:
-                self._legends[title].content = _legend(self._charts[title], ())
+            self._legends[title].content = _legend(self._charts[title], ())
 
     def _forget(self) -> None:
         self._times.clear()
@@ -94,7 +104,8 @@ class Charts:
 def _legend(chart: Chart, numbers: Sequence[float]) -> str:
     """Return the names of the lines in their colours, with numbers if there are any, as HTML."""
     words = [f'{number:.4g}' if math.isfinite(number) else '-' for number in numbers]
-    entries = [f'<span style="color: {color}">&#9632;</span> {escape(label)} <b>{word}</b>'
+    entries = [f'<span style="white-space: nowrap"><span style="color: {color}">&#9632;</span> '
+               f'{escape(label)} <b>{word}</b></span>'
                for label, color, word in zip(chart.lines, _LINES, words or [''] * len(chart.lines),
                                              strict=False)]
     return f'<div style="{_LEGEND}">{"&emsp;".join(entries)}</div>'

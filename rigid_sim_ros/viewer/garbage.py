@@ -17,7 +17,10 @@ from websockets.exceptions import ConnectionClosed
 Handler = Callable[[Any], Awaitable[None]]
 
 _UNSUPPORTED = 1003     # of RFC 6455, 7.4.1: data of a kind that is not accepted
+# What websockets logs with a traceback: of who does not speak HTTP, and of who is gone before the
+# answer, among other things.
 _FAILED_HANDSHAKE = 'opening handshake failed'
+_UNEXPECTED = 'unexpected internal error'
 
 
 def patient(handler: Handler) -> Handler:
@@ -33,12 +36,16 @@ def patient(handler: Handler) -> Handler:
             _say(error)
             await connection.close(_UNSUPPORTED)
 
-    logging.getLogger('websockets.server').addFilter(_is_no_handshake)
+    logging.getLogger('websockets.server').addFilter(_is_worth_a_traceback)
     return handle
 
 
-def _is_no_handshake(record: logging.LogRecord) -> bool:
-    """Return whether a record of the log is not about one who does not speak HTTP."""
+def _is_worth_a_traceback(record: logging.LogRecord) -> bool:
+    """Return whether a record of the log is not about what strangers do; say in a line what is."""
+    error = record.exc_info[1] if record.exc_info else None
+    if record.getMessage() == _UNEXPECTED and isinstance(error, Exception):
+        _say(error)
+        return False
     return record.getMessage() != _FAILED_HANDSHAKE
 
 
@@ -50,5 +57,5 @@ def _on_failed_task(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) ->
 
 
 def _say(error: Exception) -> None:
-    text = ascii(f'{type(error).__name__}: {error}')[1:200]
+    text = ascii(f'{type(error).__name__}: {error}'.rstrip(': '))[1:-1][:200]
     print(f'rigid_sim: refused what a page sent: {text}', file=sys.stderr, flush=True)

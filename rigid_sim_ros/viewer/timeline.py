@@ -34,6 +34,8 @@ _LETTER = 0.036         # of the timeline: how wide a letter below a mark is, 5 
 _NO_EVENT = '-'
 _DIFFERENCE = 'difference'
 _SLOWEST, _FASTEST = 0.05, 10.0
+# What stands below that slider, clear of its handle at the start.
+_RATES = ((2.0, '2'), (5.0, '5'), (10.0, '10'))
 _STEP = 0.001           # s: how fine the timeline is
 
 
@@ -88,7 +90,7 @@ class BagPage:
         self._play = gui.add_button('Play', icon=viser.Icon.PLAYER_PLAY)
         self._timeline = self._new_timeline((), None)
         steps = gui.add_button_group('step', ('back', 'forward'))
-        self._rate = gui.add_slider('rate', _SLOWEST, _FASTEST, 0.05, 1.0,
+        self._rate = gui.add_slider('rate', _SLOWEST, _FASTEST, 0.05, 1.0, marks=_RATES,
                                     hint='Seconds of the recording a second.')
         self._loops = gui.add_checkbox('loop', initial_value=False)
         self._event = gui.add_dropdown('event', (_NO_EVENT,), hint='Go to what happened.')
@@ -107,7 +109,8 @@ class BagPage:
         sums = energies(series, scene, slice(None), np.arange(len(scene.names)))
         kinetic = sums.linear + sums.rotational
         potential = np.zeros_like(kinetic) if sums.potential is None else sums.potential
-        Charts(gui, _CHARTS, is_live=False).fill(series.time.tolist(), {
+        self._charts = Charts(gui, _CHARTS)
+        self._charts.fill(series.time.tolist(), {
             charts.ENERGY.title: np.array([kinetic + potential, kinetic, potential]),
             charts.MOMENTUM.title: sums.momentum.T,
             charts.ANGULAR_MOMENTUM.title: sums.angular_momentum.T})
@@ -190,6 +193,7 @@ class BagPage:
             lines = contact_lines(self._recording.contacts(at))
             if lines is not None:
                 self._overlays.show_contacts(lines)
+            self._charts.tell(at)
             put(self._timeline, round(at, 3))
             write(self._status, f'{at:.3f} s, state {row + 1} of {len(self._recording)}, '
                                 f'simulation time {1e-9 * motion.t_ns:.3f} s')

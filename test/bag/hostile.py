@@ -13,6 +13,7 @@ import sqlite3
 import struct
 from typing import Any
 
+from bag import foreign
 from bag.sessions import shared_session
 import zstandard
 
@@ -164,6 +165,16 @@ def _huge_message(bag: Path, outside: Path) -> None:
     path.write_text(path.read_text().replace('"none"', '"message"'))
 
 
+def _many_topics(bag: Path, outside: Path) -> None:
+    """Leave a file with tens of thousands of topics, which breaks off."""
+    path = _first(bag)
+    path.unlink()
+    (bag / 'metadata.yaml').unlink()
+    foreign.mcap(path, [(10 ** 9 + k, f'/topic_{k}', bytes(8)) for k in range(40_000)])
+    with path.open('r+b') as file:
+        file.truncate(path.stat().st_size * 7 // 10)
+
+
 def _schema_of_no_text(bag: Path, outside: Path) -> None:
     """Let SQLite quote bytes that are no text in its words about an error."""
     path = _first(bag)
@@ -200,6 +211,7 @@ HARM: dict[str, tuple[str, str, Callable[[Path, Path], None]]] = {
         'length(zeroblob(999999999)) > 0), type TEXT)')),
     'schema that is no text': ('sqlite3', 'none', _schema_of_no_text),
     'huge message': ('sqlite3', 'zstd', _huge_message),
+    'many topics': ('mcap', 'none', _many_topics),
     'aliases': ('mcap', 'none', _metadata(_bomb)),
     'aliases that are merged': ('mcap', 'none', _metadata(_merge_bomb)),
     'nested metadata': ('mcap', 'none', _metadata(lambda text: 'a: ' + '[' * 5000 + text)),

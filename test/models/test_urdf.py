@@ -163,7 +163,7 @@ def test_what_has_no_effect_is_told_in_one_line_for_each_kind(tmp_path) -> None:
                         '<transmission name="t"/></robot>')
     path = write(tmp_path, 'pendulum.urdf', text)
     assert list(read_scene(path).notes) == [
-        f'{path}:12: <gazebo> is ignored: it is for Gazebo (here and at 1 more places)',
+        f'{path}:12: <gazebo> is ignored: it is for Gazebo (here and at 1 more place)',
         f'{path}:14: <transmission> is ignored: drives are written in the scene']
 
 

@@ -5,6 +5,7 @@ import importlib.util
 from importlib.util import find_spec
 import re
 import signal
+import subprocess
 import sys
 import time
 from unittest import SkipTest
@@ -15,8 +16,12 @@ if find_spec('rclpy') is None:
 from kernels.caches import cache_without
 from nodes.live import kept, nanoseconds, Process, running, simulate
 from nodes.scenes import crates
+from odd_files import KINDS
 import pytest
 from sensor_msgs.msg import MultiDOFJointState
+
+from rigid_sim_ros.bag.verify import verify
+
 
 # What a healthy run may write to stderr. On a busy machine a probe asks whether a node knows it
 # again, and is gone with the first answer: of the other rclpy warns, with a line of its source.
@@ -152,6 +157,15 @@ def test_a_wrong_argument_of_ros_to_the_command_is_one_line_and_code_2(ros, tmp_
     assert complaint(process).startswith('rigid_sim: ')
 
 
+@pytest.mark.parametrize('kind', KINDS)
+def test_a_file_that_ros_would_wait_for_is_one_line_and_code_2(ros, tmp_path, kind):
+    KINDS[kind](tmp_path / 'p.yaml')
+    for command in ('run', 'replay', 'view'):
+        process = Process(['rigid_sim', command, '--ros-args', '--params-file',
+                           str(tmp_path / 'p.yaml')], tmp_path, is_forked=True)
+        assert complaint(process).startswith('rigid_sim: ')
+
+
 def test_the_command_runs_the_node(probe, tmp_path, scene):
     command = [sys.executable, '-m', 'rigid_sim_ros', 'run', scene, '--ros-args', '-r',
                '__node:=commanded']
@@ -159,6 +173,16 @@ def test_the_command_runs_the_node(probe, tmp_path, scene):
         probe.some(MultiDOFJointState, '/commanded/state')
         process.signal(signal.SIGINT)
         assert process.wait() == 0
+
+
+def test_the_node_runs_inside_another_program(ros, tmp_path, scene):
+    code = ('from rigid_sim_ros.nodes import simulate\n'
+            f"print(simulate.run({scene!r}, duration=0.1, record='bag', "
+            "ros_args=['--ros-args', '-r', '__node:=inside']), 'and on')")
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True,
+                          check=False, timeout=300, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (0, '0 and on\n'), done.stderr
+    assert verify(tmp_path / 'bag').holds
 
 
 def test_a_mistyped_parameter_is_named_with_the_nearest(probe, tmp_path, scene):

@@ -7,12 +7,15 @@ import os
 from typing import Any
 import warnings
 
+from bag.hostile import limited_time
 from effort import examples
 from hypothesis import given, strategies as st
 import pytest
+import yaml
 
 from rigid_sim_ros import World
-from rigid_sim_ros.scene import read_scene, SceneError
+from rigid_sim_ros.scene import read_scene, scene_from_dict, SceneError
+from rigid_sim_ros.scene.catalogue import find
 
 SHAPES: list[dict[str, Any]] = [
     {'type': 'sphere', 'radius': 0.5}, {'type': 'box', 'size': [1, 1, 1]},
@@ -26,6 +29,22 @@ SHAPES: list[dict[str, Any]] = [
 EXTREMES = st.sampled_from([
     0.0, -0.0, 5e-324, 1e-300, -1e-300, 1e-200, 1e-150, 1e16, 1e30, 1e150, 1e200, 1e300, -1e300,
     1.7e308, 10 ** 400])
+
+
+# What stands where something else is meant, beside numbers.
+ODD: list[Any] = [
+    None, [], {}, True, 'x', '', '\0', 'a\nb', '*', 'world', '../../etc/passwd', '/dev/zero',
+    [[[]]], [0] * 1000, {1: 2}, {'type': 'mesh', 'file': '/dev/zero'}, float('nan'), float('inf'),
+    300 * 'é', b'x', 1j, (1, 2), [1e200] * 3,
+    {'type': 'heightfield', 'heights': [[0, 1], [0]], 'size': [1, 1]}]
+
+
+def everything(data: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """Return all places in some data but the top."""
+    items = data.items() if isinstance(data, dict) else (
+        enumerate(data) if isinstance(data, list) else ())
+    return [place for key, value in items
+            for place in [(*path, key), *everything(value, (*path, key))]]
 
 
 def places(data: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
@@ -67,6 +86,22 @@ def test_fuzzed_numbers_are_read_or_refused(data) -> None:
         try:
             world = World.from_dict({'format': 1, **scene})
             world.restore(world.save())     # or a bag of it would count as changed
+        except SceneError as error:
+            assert all('\n' not in str(problem) for problem in error.problems)
+
+
+@examples(60)
+@given(name=st.sampled_from([
+    'arm', 'drone_in_wind', 'four_bar', 'gripper', 'ramp', 'rover', 'spring_pendulum', 'valley']),
+    data=st.data())
+def test_fuzzed_values_of_any_kind_are_read_or_refused(name, data) -> None:
+    scene = yaml.safe_load(find(name).read_text(encoding='utf-8'))
+    put(scene, data.draw(st.sampled_from(everything(scene))),
+        copy.deepcopy(data.draw(st.sampled_from(ODD))))
+    with warnings.catch_warnings(), limited_time():
+        warnings.simplefilter('error')
+        try:
+            scene_from_dict(scene)
         except SceneError as error:
             assert all('\n' not in str(problem) for problem in error.problems)
 

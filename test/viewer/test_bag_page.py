@@ -119,6 +119,21 @@ def test_what_happened_can_be_gone_to(page):
     page.wait_for(lambda: '2.000 s, state' in page.text(), 'the time of the event')
 
 
+def test_legends_of_charts_show_the_values_at_the_time_of_the_picture(page):
+    page.click_on(page.page.get_by_role('tab', name='Charts'))
+    legends = page.page.locator('div[style*="text-align: center"] b')
+    curves = page.page.evaluate(
+        '() => Object.values(window.__viserTestpoints.uplots)'
+        '.map(({chart}) => chart.data.slice(1).map((line) => Array.from(line)))')
+    for at, point in ((0.0, 0), (4.0, -1)):
+        page.click_on(page.page.get_by_role('tab', name='Play'))
+        seek(page, at)
+        page.click_on(page.page.get_by_role('tab', name='Charts'))
+        shown = [f'{line[point]:.4g}' for lines in curves for line in lines]
+        page.wait_for(lambda shown=shown: legends.all_inner_texts() == shown, 'the values then')
+    page.click_on(page.page.get_by_role('tab', name='Play'))
+
+
 def test_the_session_is_verified(page):
     page.wait_for(lambda: 'verified: the same to the bit in 4000 steps' in page.text(),
                   'the verdict')

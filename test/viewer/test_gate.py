@@ -173,6 +173,21 @@ def test_a_malformed_request_is_refused(guarded: int, local: int, target, host, 
     assert (status_of(local, request), status_of(guarded, request)) == (403, 403)
 
 
+@pytest.mark.parametrize('rest', [b'', b'\xff\xff\xff\xff', b'\x00\x00', b'GET / HTTP/1.1\r\n'])
+def test_who_does_not_wait_for_the_answer_leaves_no_traceback(
+    local: int, rest, capfd, caplog,
+) -> None:
+    for target in (b'/', b'/nothing', b'//', 2000 * b'/a'):
+        with socket.create_connection(('127.0.0.1', local), timeout=60) as connection:
+            connection.sendall(b'GET ' + target + b' HTTP/1.1\r\nHost: [\r\n\r\n' + rest)
+            connection.shutdown(socket.SHUT_WR)
+            with contextlib.suppress(ConnectionError):
+                connection.recv(100)
+    assert get(local)[0] == 200
+    assert 'Traceback' not in capfd.readouterr().err
+    assert [record for record in caplog.records if record.exc_info] == []
+
+
 def test_a_path_where_nothing_is_is_not_found(local: int) -> None:
     assert get(local, '/nothing')[0] == 404
 

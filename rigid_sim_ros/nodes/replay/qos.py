@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The QoS of publishers that stand in for those that were recorded, and what overrides it."""
 
-from pathlib import Path
 from typing import Any
 
 from rclpy.duration import Duration
@@ -18,9 +17,12 @@ from ruamel.yaml import YAML, YAMLError
 
 from rigid_sim_ros.bag.offered_qos import (
     AUTOMATIC, BEST_EFFORT, MANUAL_BY_TOPIC, OfferedQos, RELIABLE, TRANSIENT_LOCAL, VOLATILE)
-
 from rigid_sim_ros.nodes.declaring import given_names, ParameterError
+from rigid_sim_ros.reading import bytes_of
 from rigid_sim_ros.scene.errors import nearest
+
+# [bytes] Of a file of overrides, some hundred for each topic.
+_MOST_BYTES = 2 ** 20
 
 # What is not known is as ROS does it by default.
 _RELIABILITY = {
@@ -99,8 +101,8 @@ def read_overrides(path: str) -> dict[str, Any]:
     It holds a mapping for each topic. ParameterError where it does not.
     """
     try:
-        content = YAML(typ='safe', pure=True).load(Path(path).read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError, YAMLError) as error:
+        content = YAML(typ='safe', pure=True).load(bytes_of(path, _MOST_BYTES).decode())
+    except (OSError, UnicodeDecodeError, YAMLError, RecursionError) as error:
         told = getattr(error, 'strerror', None) or error     # an OSError repeats the path
         raise ParameterError(f'{path}: {told}') from None
     parameters = {}
