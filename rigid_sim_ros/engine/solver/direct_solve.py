@@ -28,7 +28,8 @@ from rigid_sim_ros.engine.contact.coulomb import disk
 from rigid_sim_ros.engine.maths.elimination import solve_symmetric
 from rigid_sim_ros.engine.solver.coloring import Blocks
 from rigid_sim_ros.engine.solver.direct_islands import (
-    begin_island_impact, Islands, let_island_wait, make_islands, MOST_BODIES, MOST_MANIFOLDS)
+    begin_island_impact, begins_to_bear, Islands, let_island_wait, make_islands, MOST_BODIES,
+    MOST_MANIFOLDS)
 from rigid_sim_ros.engine.solver.direct_rows import (
     DirectRows, make_direct_rows, rate_by, read_island, SLIDE, WIDTH, write_island)
 from rigid_sim_ros.engine.solver.impacts import Impacts
@@ -97,47 +98,51 @@ def strike_islands(all_of_them: bool, blocks: Blocks, bodies: SolverBodies, what
     for island in range(islands.count[0]):
         if ((all_of_them or islands.uneven[island] == 1)
                 and begin_island_impact(blocks, islands, island, impacts)
-                and not _solve_island(island, blocks, bodies, what, work)):
+                and not _solve_island(island, False, blocks, bodies, what, work)):
             let_island_wait(islands, island, impacts)
 
 
 @kernel
-def bear_islands(blocks: Blocks, bodies: SolverBodies, what: Sweep, work: Direct) -> None:
+def bear_islands(blocks: Blocks, bodies: SolverBodies, fresh: IntArray, what: Sweep,
+                 work: Direct) -> None:
     """
     Find the impulses that bear the forces of a substep in all small islands.
 
     An uneven one whose impulses are not found is swept like others, from then on: left alone it
-    would keep those of the substep before, which for a light body are no balance.
+    would keep those of the substep before, which for a light body are no balance. Where `fresh`
+    manifolds begin to bear something the load is shared out anew; see begins_to_bear.
     """
     islands = work.islands
     for island in range(islands.count[0]):
-        if islands.uneven[island] == 1 and not _solve_island(island, blocks, bodies, what, work):
-            islands.uneven[island] = 0
+        if islands.uneven[island] == 1:
+            found = _solve_island(island, False, blocks, bodies, what, work)
+            islands.uneven[island] = 1 if found else 0
     sweep_islands(blocks, bodies.motion, what, islands)
     for island in range(islands.count[0]):
-        if islands.moved[island] == 1:
-            _solve_island(island, blocks, bodies, what, work)
+        anew = begins_to_bear(blocks, fresh, islands, island)
+        if anew or islands.moved[island] == 1:
+            _solve_island(island, anew, blocks, bodies, what, work)
 
 
 @kernel
-def _solve_island(island: int, blocks: Blocks, bodies: SolverBodies, what: Sweep,
+def _solve_island(island: int, anew: bool, blocks: Blocks, bodies: SolverBodies, what: Sweep,
                   work: Direct) -> bool:
-    """Solve for the impulses of an island; return whether they were found."""
+    """Solve for the impulses of an island, `anew` from none on; return whether any were found."""
     islands = work.islands
     lanes = islands.lane[islands.begin[island]:islands.begin[island + 1]]
     count, moving = read_island(blocks, bodies, lanes, what, work.rows)
     if count == 0:
         return True
-    found = solve_rows(count, moving, what.inv_h, work)
+    found = solve_rows(count, moving, what.inv_h, anew, work)
     if found:
         write_island(blocks, bodies, lanes, count, moving, work.p, work.rows)
     return found
 
 
 @kernel
-def solve_rows(count: int, moving: int, inv_h: float, work: Direct) -> bool:
+def solve_rows(count: int, moving: int, inv_h: float, anew: bool, work: Direct) -> bool:
     """
-    Find f and p from the impulses to begin with; return whether any were found.
+    Find f and p from the impulses to begin with, or from none; return whether any were found.
 
     Else f is what it was, and p 0.
     """
@@ -147,6 +152,8 @@ def solve_rows(count: int, moving: int, inv_h: float, work: Direct) -> bool:
     for c in range(count):
         goal = min(goal, GOAL * inv_h * rows.size[c])
     _keep(count, moving, work)
+    if anew:
+        rows.f[:count] = 0.0
     best = last = first = np.inf
     for turn in range(ROUNDS):
         _begin_round(count, work)

@@ -44,7 +44,7 @@ def push_islands(blocks: Blocks, bodies: SolverBodies, what: Sweep, rate: float,
             count, moving = read_island(blocks, bodies, lanes, what, rows)
             for c in range(count):
                 _demand_push(blocks, lanes[c], c, rate, rows)
-            solve_rows(count, moving, what.inv_h, work)
+            solve_rows(count, moving, what.inv_h, False, work)
             for c in range(count):
                 _store_sum(blocks, lanes[c], c, rows)
 

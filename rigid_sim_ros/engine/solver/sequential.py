@@ -173,7 +173,7 @@ def solve_directly(c: Arguments, stage: int) -> int:
             temper_warm_start(work.blocks, work.bodies, c.model.h / substeps, work.impacts,
                               c.work.direct.islands)
     elif stage == BEAR:
-        bear_islands(work.blocks, work.bodies, what, c.work.direct)
+        bear_islands(work.blocks, work.bodies, work.fresh, what, c.work.direct)
         push_islands(work.blocks, work.bodies, what, c.settings.sequential.push * what.inv_h,
                      c.work.direct)
     else:
