@@ -418,7 +418,7 @@ class _Reader:
                                'it disables')
         if np.any(m.body_gravcomp):
             findings.error(self._first('gravcomp'), 'has gravcomp, which is not known here, must '
-                           'have none')
+                           'have none: drives bear the weight, World.inverse_dynamics says how')
         if m.nflex or m.nskin:
             findings.error(self._first('flex'), 'has soft bodies, which are not known here, must '
                            'have none')

@@ -50,6 +50,15 @@ class _Scope(NamedTuple):
     touches_itself: bool
     level: int
     is_world: bool = False
+    own: str = MODEL    # the frame of the model, of a merged one another than `__model__`
+
+    def local(self, name: str) -> str:
+        """Return how a name is called here: that of the frame of a merged model is another."""
+        return self.own if name == MODEL else name
+
+    def whole(self, name: str) -> str:
+        """Return a whole name that is resolved when all frames are known."""
+        return name if name == WORLD else f'{self.prefix}{self.local(name)}'
 
 
 def read_sdf(data: bytes, path: Path, folders: Folders) -> Model:
@@ -109,7 +118,7 @@ class _Reader:
         self._graph = FrameGraph(findings)
         self._includes = 0
         self._outermost = IDENTITY      # where the file puts its model
-        self._joints: list[tuple[Element, str]] = []    # each with the prefix of its scope
+        self._joints: list[tuple[Element, _Scope]] = []
         self._frames: list[tuple[Element, str]] = []
         self._static: set[str] = set()
         self._is_world = False
@@ -117,9 +126,13 @@ class _Reader:
 
     # --- a model and what is in it ----------------------------------------------------------
 
-    def model(self, element: Element, outer: _Scope, model: Model) -> None:
-        """Read a model whose own frame stands in the graph already, or is the outermost one."""
-        findings = self._findings
+    def model(self, element: Element, outer: _Scope, model: Model) -> str:
+        """
+        Read a model whose own frame stands in the graph already, or is the outermost one.
+
+        Returns the whole name of its canonical link, '' where it has none of its own.
+        """
+        findings, canonical = self._findings, ''
         if outer.is_world:
             check_children(element, _WORLD, _WORLD_IGNORED, findings, is_physics=True)
             self._read_world(element, model)
@@ -130,7 +143,7 @@ class _Reader:
             touches_itself=self._flag(element, 'self_collide', default=False))
         if outer.level > _MOST_LEVELS:
             findings.error(element, f'lies in more than {_MOST_LEVELS} models, must be fewer')
-            return
+            return ''
         if scope.level == 0:
             self._outermost, _ = self._pose(element)
         for link in element.each('link'):
@@ -140,20 +153,21 @@ class _Reader:
                 attached = child.attributes.get('attached_to', '') or (
                     WORLD if scope.is_world else MODEL)
                 raw, base = self._pose(child)
-                self._graph.add(f'{scope.prefix}{child.name}',
-                                self._whole(base or attached, scope), raw,
-                                self._whole(attached, scope), child)
+                self._graph.add(f'{scope.prefix}{child.name}', scope.whole(base or attached), raw,
+                                scope.whole(attached), child)
                 self._frames.append((child, scope.prefix))
             elif child.tag == 'joint':
                 self._add_joint(child, scope)
             elif child.tag == 'model':
                 self._nested(child, child, scope, model)
             elif child.tag == 'include':
-                self._include(child, scope, model)
+                canonical = self._include(child, scope, model) or canonical
         first = next(element.each('link'), None)
-        canonical = element.attributes.get('canonical_link') or (first.name if first else '')
+        own = element.attributes.get('canonical_link') or (first.name if first else '')
+        canonical = f'{scope.prefix}{own}' if own else canonical
         if canonical:
-            self._graph.canonical[f'{scope.prefix}{MODEL}'] = f'{scope.prefix}{canonical}'
+            self._graph.canonical[scope.whole(MODEL)] = canonical
+        return canonical
 
     def _read_world(self, element: Element, model: Model) -> None:
         """Write what a world says beside its models."""
@@ -168,37 +182,44 @@ class _Reader:
         step = 0.001 if chosen is None else self._number(chosen, 'max_step_size', 0.001)
         model.world = {'gravity': down, 'step': step, 'contact': 'timestep'}
 
-    def _whole(self, name: str, scope: _Scope) -> str:
-        """Return a whole name that is resolved when all frames are known."""
-        return name if name == WORLD else f'{scope.prefix}{name}'
+    def _nested(self, element: Element, outside: Element, scope: _Scope, model: Model,
+                merges: bool = False) -> str:
+        """
+        Read a model in a model; `outside` says where it is, and what it is called.
 
-    def _nested(self, element: Element, outside: Element, scope: _Scope, model: Model) -> None:
-        """Read a model in a model; `outside` says where it is, and what it is called."""
+        What is in one that `merges` becomes a part of the model around it, with a frame
+        `_merged__NAME__model__` where its own frame would be (sdformat.org, "Merging nested models
+        via //include"). Returns the canonical link that the model around it gets so.
+        """
         name = outside.name if outside.tag == 'model' else (
             _text(outside, 'name') or element.name)
         if not name or '::' in name:
             self._findings.error(outside, 'has no name without ::, must have one')
-            return
+            return ''
         placed = outside if outside.find('pose') is not None else element
         raw, base = self._pose(placed)
         placement = (outside.attributes.get('placement_frame') or _text(outside, 'placement_frame')
                      or element.attributes.get('placement_frame', ''))
         inner = scope._replace(prefix=f'{scope.prefix}{name}::', level=scope.level + 1,
-                               is_world=False)
-        whole = f'{inner.prefix}{MODEL}'
-        self._graph.add(whole, self._whole(base or MODEL, scope), raw, whole, outside,
+                               is_world=False, own=MODEL)
+        if merges:
+            inner = inner._replace(prefix=scope.prefix, own=f'_merged__{name}__model__')
+        whole = inner.whole(MODEL)
+        self._graph.add(whole, scope.whole(base or MODEL), raw, whole, outside,
                         f'{inner.prefix}{placement}' if placement else '')
         if outside is not element and self._flag(outside, 'static', default=False):
             inner = inner._replace(is_static=True)
-        self.model(element, inner, model)
+        canonical = self.model(element, inner, model)
+        return canonical if merges else ''
 
-    def _include(self, element: Element, scope: _Scope, model: Model) -> None:
+    def _include(self, element: Element, scope: _Scope, model: Model) -> str:
+        """Read a model of another file; return what `_nested` does."""
         findings = self._findings
         check_children(element, ('uri', 'name', 'pose', 'static', 'placement_frame'), ('plugin',),
                        findings, is_physics=True)
-        if element.attributes.get('merge', 'false') not in ('false', '0'):
-            findings.error(element, 'merge is not known here, must be false: the model keeps its '
-                           'own name')
+        merges = flag(element.attributes.get('merge', 'false'), element, 'merge', findings)
+        if merges and scope.is_world:
+            findings.error(element, 'merge must be false in a world: only a model takes parts')
         self._includes += 1
         if self._includes > _MOST_INCLUDES or scope.level >= _MOST_LEVELS:
             findings.error(element, f'is one of more than {_MOST_INCLUDES} includes, or lies in '
@@ -206,10 +227,21 @@ class _Reader:
             findings.stop()
         path = self._included(element, _text(element, 'uri'), scope)
         if path is None:
-            return
+            return ''
         inner = _only_model(read(path), findings)
+        if merges:
+            self._check_merged(inner, element, scope)
         folders = Folders(path.parent, scope.folders.packages)
-        self._nested(inner, element, scope._replace(folders=folders), model)
+        return self._nested(inner, element, scope._replace(folders=folders), model, merges)
+
+    def _check_merged(self, inner: Element, include: Element, scope: _Scope) -> None:
+        """Report what a model says of itself as a whole that the one around it says otherwise."""
+        for element in (inner, include):
+            for tag, around in (('static', scope.is_static),
+                                ('self_collide', scope.touches_itself)):
+                if self._flag(element, tag, default=around) is not around:
+                    self._findings.error(element, f'its <{tag}> must be {str(around).lower()}, as '
+                                         'in the model that it is merged into')
 
     def _included(self, element: Element, uri: str, scope: _Scope) -> Path | None:
         """Return the file of a model that is named by its own file or by its folder."""
@@ -237,7 +269,7 @@ class _Reader:
                                f'{str(value).lower()}')
         name = f'{scope.prefix}{element.name}'
         raw, base = self._pose(element)
-        self._graph.add(name, self._whole(base or MODEL, scope), raw, '', element)
+        self._graph.add(name, scope.whole(base or MODEL), raw, '', element)
         link = Link(name, element, self._inertia(element), is_fixed=scope.is_static)
         if scope.is_static:
             self._static.add(name)
@@ -283,9 +315,9 @@ class _Reader:
         """Add the frame of a joint, and keep the joint until all frames are known."""
         child = _text(element, 'child')
         raw, base = self._pose(element)
-        self._graph.add(f'{scope.prefix}{element.name}', self._whole(base or child, scope), raw,
-                        self._whole(child, scope), element)
-        self._joints.append((element, scope.prefix))
+        self._graph.add(f'{scope.prefix}{element.name}', scope.whole(base or child), raw,
+                        scope.whole(child), element)
+        self._joints.append((element, scope))
 
     def finish(self, model: Model) -> None:
         """Place the links, and make joints and frames of what the frames between them are."""
@@ -293,8 +325,8 @@ class _Reader:
         for link in model.links:
             link.pose = combined(at, graph.pose(link.name, link.place))
         links = {link.name: link for link in model.links}
-        for element, prefix in self._joints:
-            self._joint(element, prefix, model, links)
+        for element, scope in self._joints:
+            self._joint(element, scope, model, links)
         for element, prefix in self._frames:
             name = f'{prefix}{element.name}'
             on = graph.link(name, element)
@@ -306,7 +338,8 @@ class _Reader:
                                if a in self._alone and b in self._alone and (
                                    not self._is_world or a.split('::')[0] == b.split('::')[0])]
 
-    def _joint(self, element: Element, prefix: str, model: Model, links: dict[str, Link]) -> None:
+    def _joint(self, element: Element, scope: _Scope, model: Model,
+               links: dict[str, Link]) -> None:
         findings, graph = self._findings, self._graph
         check_children(element, _JOINT, _JOINT_IGNORED, findings, is_physics=True)
         kind = element.attributes.get('type', '')
@@ -315,7 +348,7 @@ class _Reader:
             return
         ends = []
         for tag in ('parent', 'child'):
-            whole = graph.resolve(_text(element, tag), prefix, element)
+            whole = graph.resolve(scope.local(_text(element, tag)), scope.prefix, element)
             ends.append(graph.link(whole, element) if whole else '')
         parent, child = ends
         if child not in links or not (parent == WORLD or parent in links):
@@ -325,7 +358,7 @@ class _Reader:
         if parent in self._static | {WORLD} and child in self._static:
             findings.ignore(element, 'a joint of a static model')
             return
-        name = f'{prefix}{element.name}'
+        name = f'{scope.prefix}{element.name}'
         frame = combined(self._outermost, graph.pose(name, element))
         if parent == WORLD and kind == 'fixed':
             links[child].is_fixed = True
@@ -335,12 +368,12 @@ class _Reader:
                       element)
 
         def axis(element: Element) -> tuple[float, float, float] | None:
-            return self._axis(element, prefix, name)
+            return self._axis(element, scope, name)
 
-        read_laws(joint, element, prefix, axis, findings)
+        read_laws(joint, element, scope.prefix, axis, findings)
         model.joints.append(joint)
 
-    def _axis(self, element: Element, prefix: str,
+    def _axis(self, element: Element, scope: _Scope,
               joint: str) -> tuple[float, float, float] | None:
         """Return the direction of an axis in the joint frame, None after a report."""
         findings, xyz = self._findings, element.find('xyz')
@@ -356,7 +389,7 @@ class _Reader:
             frame = MODEL
         if not frame:
             return x, y, z
-        whole = self._graph.resolve(frame, prefix, xyz)
+        whole = self._graph.resolve(scope.local(frame), scope.prefix, xyz)
         if not whole:
             return None
         outer = IDENTITY if whole == WORLD else self._graph.pose(whole, xyz)

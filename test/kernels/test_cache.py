@@ -167,6 +167,19 @@ def test_a_damaged_file_is_compiled_anew(tmp_path, filled, suffix):
             [word for name in DAMAGES for word in (name, *expected.split())], '')
 
 
+@pytest.mark.parametrize('gone', [
+    b'cno_module_of_ours\nGone\n.', b'crigid_sim_ros.kernels.cache\nGone\n.'])
+def test_a_file_of_a_version_with_other_classes_is_as_if_it_was_not_there(tmp_path, gone):
+    files = cache._Files(str(tmp_path), 'kernel', 'stamp')
+    files.save('key', 'kernel')
+    assert files.load('key') == 'kernel'
+    for path in tmp_path.iterdir():
+        path.write_bytes(cache._digest_of(gone) + gone)
+    assert files.load('key') is None
+    files.save('key', 'kernel')
+    assert files.load('key') == 'kernel'
+
+
 def planted(home, filled, *suffixes):
     """Fill a cache folder in which files of these kinds leave a trace when they are run."""
     shutil.copytree(filled, home)

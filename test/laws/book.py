@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from laws import (
     apart_laws, energy_laws, ground_laws, impact_laws, jointed_laws, jointed_twins, mixed_laws,
-    rest_laws, slept_laws, standing_laws, twin_laws)
+    rest_laws, shot_laws, slept_laws, standing_laws, twin_laws)
 from laws.crowd_scenes import draw_collapse, draw_crates
 from laws.ground_scenes import (
     draw_falling_ball, draw_ground_scene, draw_resting, draw_shots, draw_sliding)
@@ -104,6 +104,8 @@ MIXED = {law.name: law for law in (
         draw_falling, mixed_laws.judge_ground, _TOUCHING),
     Law('mixed-apart', 'what never touches is bit for bit as if it were alone',
         mixed_laws.draw_apart, mixed_laws.judge_apart, ('timestep',)),
+    Law('mixed-shots', 'nothing gets through a sheet, however fast, and joints hold',
+        shot_laws.draw_shots, shot_laws.judge_shots, _TOUCHING),
     Law('mixed-restored', 'worlds go on from what was saved, bit for bit',
         draw_mixed, mixed_laws.judge_restored, (*_TOUCHING, 'penalty')),
     Law('mixed-asleep', 'what sleeps is held, and wakes when it must',

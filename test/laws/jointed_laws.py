@@ -103,16 +103,16 @@ class Holding:
         self.spec, self.world = spec, world
         self.index = {joint['name']: j for j, joint in enumerate(spec['joints'])}
 
-    def verdict(self) -> Verdict:
+    def verdict(self, resolved: bool = True) -> Verdict:
         """
-        Return how far a joint is off.
+        Return how far a joint is off; `resolved`: and whether a part of a step was too long.
 
         They close to 1e-13 m or rad (engine/joints/buffers.py, TOLERANCE), and rounding leaves
         1e-15 of each metre from the origin. A limit yields, to 1e-9, to what closes a loop.
         """
         world, far = self.world, max(1.0, float(np.abs(self.world.position).max()))
         found = [Verdict(gaps(world), 1e-12 * far, 'm or rad that a joint is open')]
-        if world.contact_report().message:
+        if resolved and world.contact_report().message:
             found.append(Verdict(math.inf, 0.0, world.contact_report().message))
         q = world.joint_position
         for j, joint in enumerate(self.spec['joints']):

@@ -112,6 +112,59 @@ def test_a_model_of_a_local_file_is_included(tmp_path) -> None:
     np.testing.assert_allclose(world.position[1], [1, 0, 1], atol=1e-15)
 
 
+HAND = sdf(f"""
+  {link('palm', '<pose>0 0 1 0 0 0</pose>')}
+  {link('finger', '<pose relative_to="palm">0 0 1 0 0 0</pose>')}
+  <frame name="grip"><pose>0 0 0.25 0 0 0</pose></frame>
+  <joint name="knuckle" type="revolute"><parent>palm</parent><child>finger</child>
+    <axis><xyz expressed_in="__model__">1 0 0</xyz></axis></joint>""")
+
+
+def merged(tmp_path, hand: str, include: str, around: str = '') -> str:
+    """Write a model into which another one is merged; return its file."""
+    write(tmp_path, 'hand/model.sdf', hand)
+    return write(tmp_path, 'm.sdf', sdf(
+        f'{link("base")}{around}<include merge="true"><uri>hand/model.sdf</uri>{include}</include>'
+        '<joint name="wrist" type="revolute"><parent>base</parent><child>palm</child>'
+        '<axis><xyz>0 0 1</xyz></axis></joint>'))
+
+
+def test_what_is_in_a_merged_model_is_of_the_model_around_it(tmp_path) -> None:
+    path = merged(tmp_path, HAND, '<pose>1 0 0 0 0 1.5707963267948966</pose>')
+    world = world_of(path)
+    assert list(world.names) == ['r/base', 'r/palm', 'r/finger']
+    assert set(world.joint_names) == {'r/wrist', 'r/knuckle'}
+    np.testing.assert_allclose(world.position[1:], [[1, 0, 1], [1, 0, 2]], atol=1e-15)
+    assert 'r/grip' in world.frame_names
+    # Its own frame is turned as it is placed, and so is what is said in that frame.
+    knuckle = next(one for one in read_scene(path).spec.joints if 'knuckle' in one.name)
+    np.testing.assert_allclose(knuckle.axis, [1, 0, 0], atol=1e-15)
+
+
+def test_a_merged_model_is_placed_by_a_frame_of_its_own(tmp_path) -> None:
+    include = '<pose>1 0 0 0 0 0</pose><placement_frame>grip</placement_frame>'
+    world = world_of(merged(tmp_path, HAND, include))
+    np.testing.assert_allclose(world.position[1], [1, 0, 0.75], atol=1e-15)
+
+
+def test_poses_may_be_relative_to_the_frame_that_a_merged_model_had(tmp_path) -> None:
+    frame = ('<frame name="f" attached_to="_merged__m__model__">'
+             '<pose>0 0 0.5 0 0 0</pose></frame>')
+    world = world_of(merged(tmp_path, HAND, '<pose>1 0 0 0 0 0</pose>', frame))
+    assert 'r/f' in world.frame_names
+
+
+@pytest.mark.parametrize(('hand', 'include', 'says'), [
+    (HAND.replace('palm', 'base'), '', 'is there twice'),
+    (HAND.replace('<frame', '<static>true</static><frame'), '', '<static> must be false'),
+    (HAND, '<static>true</static>', '<static> must be false'),
+    (HAND.replace('<frame', '<self_collide>1</self_collide><frame'), '', '<self_collide> must be'),
+    (sdf('<include merge="true"><uri>model.sdf</uri></include>'), '', 'include itself')])
+def test_what_cannot_be_merged_is_named(tmp_path, hand, include, says) -> None:
+    with pytest.raises(SceneError, match=says):
+        read_scene(merged(tmp_path, hand, include))
+
+
 WORLD = f"""<sdf version="1.8"><world name="w">
   <gravity>0 0 -3.7</gravity><light name="sun" type="directional"/>
   <physics name="slow" type="ode"><max_step_size>0.01</max_step_size></physics>

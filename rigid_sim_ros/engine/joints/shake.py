@@ -37,8 +37,17 @@ _SHORTEST = 1e-3    # [m] a lever counts as this much longer, so that none is 0
 _PIECE_SLACK = 1e-9
 # [m or rad] No axis that is STIFF yields by more: errors of the steps before, over short levers.
 YIELDING = 1e-9
-# Rounds until a step is taken in halves. Each leaves h |w| of the error: usually one is enough.
-MOST_ROUNDS = 8
+# Of the error, in angles: a step of which the first round leaves more is taken in halves. That is
+# a matter of h |w|, not of how large all is or how well the error was expected. With twice as much
+# an arm that falls is off three times as far at steps of 4 ms.
+RESOLVED = 0.1
+# A step that does not resolve the motion is taken in halves, again and again, up to this many
+# parts; smaller ones would mean that something else is wrong, and these need but converge.
+MOST_PARTS = 64
+# [rad] Errors that may be of rounding say nothing of that.
+_ROUGH = 1e-12
+# Rounds at most: each leaves half of the error at most. Usually one is enough.
+MOST_ROUNDS = 40
 _ZERO = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -208,29 +217,80 @@ def _close_poses(model: Model, table: JointTable, state: State, motion: JointMot
     coupling give as well, to the tolerance of the steps before. Then both cannot be had to this
     tolerance, and the axis yields.
     """
-    stiff = any_stiff(table, work)
-    yields, before, left = False, math.inf, _LEFT * largest_turn(table, work, h)
+    stiff, left = any_stiff(table, work), _LEFT * largest_turn(table, work, h)
+    yields, rounds, before, angle = False, 0, math.inf, math.inf
     for _ in range(MOST_ROUNDS):
         drift_from(model, state, table.body, work.x, work.q, h, work.block)
         worst = measure(table, state, motion, work, yields)
         # Also for what is not a number.
         if stiff and not yields and not worst <= 0.5 * before:
-            yields, before = True, math.inf
+            yields, rounds, before = True, 0, math.inf
             worst = measure(table, state, motion, work, True)
         if worst <= TOLERANCE:
             return True
-        if not worst <= 0.5 * before:
-            return False
-        if before < math.inf:
+        if rounds > 0:
+            asked = rounds == 1 and MOST_PARTS * h > model.h
+            most = (RESOLVED if asked else 0.5) * angle
+            angle = largest_angle(table, work, yields)
+            if not angle <= max(most, _ROUGH):
+                return False
             left = max(left, worst / before)
-        before = worst
+        rounds, before = rounds + 1, worst
         correct(model, table, state, work, h)
         for k in range(work.rate.shape[0]):
             work.law.half_rate[k] += work.rate[k]
         if not stiff and worst * (left + worst) <= _UNSEEN:
             shift_poses(table, state, work, h)
             return True
+        if rounds == 1:
+            angle = largest_angle(table, work, yields)  # of what was measured, and is corrected
     return False
+
+
+@kernel
+def longest_lever(table: JointTable, work: JointWork) -> float:
+    """Return the longest way [m] between joints that follow one another, or to a body's middle."""
+    longest = 0.0
+    for i in range(table.body.shape[0]):
+        lever = norm(row(work.com, i))
+        if table.parent[i] != NONE:
+            lever = max(lever, norm(row(work.arm, i)))
+        longest = max(longest, lever)
+    return longest
+
+
+@kernel
+def largest_angle(table: JointTable, work: JointWork, yields: bool) -> float:
+    """
+    Return the largest way or angle that joints are off [rad], metres over the longest lever.
+
+    They have been measured. That is the same where all is larger, smaller or turned.
+    """
+    long, worst = longest_lever(table, work), 0.0
+    unit = 1.0 / long if long > 0.0 else 0.0
+    for i in range(table.body.shape[0]):
+        if table.joint[i] == NONE:
+            continue
+        e = six(work.error, i)
+        for off in (unit * norm((e[0], e[1], e[2])), norm((e[3], e[4], e[5]))):
+            worst = worst if off <= worst else off
+        for k in range(table.first_axis[i], table.first_axis[i + 1]):
+            if work.locked[k] == LOCKED or (work.locked[k] == STIFF and not yields):
+                off = abs(work.law.astray[k]) * (unit if table.translates[k] == 1 else 1.0)
+                worst = worst if off <= worst else off
+    for m in range(table.condition_joint.shape[0]):
+        off = abs(work.loop.off[m]) * (unit if _is_length(table, work, m) else 1.0)
+        worst = worst if off <= worst else off
+    return worst
+
+
+@inlined
+def _is_length(table: JointTable, work: JointWork, m: int) -> bool:
+    """Return whether a condition beside the tree is kept in metres."""
+    if table.condition_place[m] == MIMIC:
+        return bool(table.translates[table.coupled_axis[m, 0]] == 1)
+    d = six(work.loop.direction, m)
+    return bool(d[0] * d[0] + d[1] * d[1] + d[2] * d[2] > 0.0)
 
 
 @kernel

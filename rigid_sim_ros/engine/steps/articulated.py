@@ -16,18 +16,15 @@ from rigid_sim_ros.engine.joints.joint_coordinates import has_one_coordinate
 from rigid_sim_ros.engine.joints.reactions import add_wrenches_of_joints, note_momenta
 from rigid_sim_ros.engine.joints.settle import prepare_step
 from rigid_sim_ros.engine.joints.shake import (
-    expect, leaves_active_set, rattle, remember, shake, undo_motion)
+    expect, leaves_active_set, MOST_PARTS, rattle, remember, shake, undo_motion)
 from rigid_sim_ros.engine.model.joints import JointTable, NONE
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import copy_into, State
 from rigid_sim_ros.kernels.arrays import Array
 from rigid_sim_ros.kernels.kernel import kernel
 
-# A step that does not resolve the motion is taken in halves, again and again, up to this many
-# parts; smaller ones would mean that something else is wrong, and the step is left as it is.
-MOST_PARTS = 64
-# What not even these resolve, such as motions that rounding or a far too long step spoiled, is
-# slowed down by half, so often at most in a step; then the step is left as it is.
+# What not even MOST_PARTS parts of a step resolve, such as motions that rounding or a far too long
+# step spoiled, is slowed down by half, so often at most in a step; then the step is left as it is.
 MOST_SLOWED = 64
 # A joint that passes its limit in spite of its rate is locked there, and the step is done again:
 # once as a rule, and once more for each joint that then does.

@@ -24,7 +24,8 @@ from rigid_sim_ros.engine.contact.contacts import read_bodies
 from rigid_sim_ros.engine.contact.recorded_impulses import note, record
 from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
-from rigid_sim_ros.engine.steps.articulated import go_back, MOST_PARTS, next_size
+from rigid_sim_ros.engine.joints.shake import MOST_PARTS
+from rigid_sim_ros.engine.steps.articulated import go_back, next_size
 from rigid_sim_ros.engine.steps.jointed_contact import (
     BEGIN, begin, choose, COLLISIONS, CUT_SHORT, end, EVENTS, find_touching, JointedContact,
     keep_first_half, MORE_ROWS, reach, read_way, retry_unresolved, SIZE, SLOWED, STAGE, STEPS,

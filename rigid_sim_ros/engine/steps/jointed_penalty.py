@@ -14,9 +14,10 @@ from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses
 from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.force_and_torque import kick
 from rigid_sim_ros.engine.joints.forward_kinematics import read_positions
+from rigid_sim_ros.engine.joints.shake import MOST_PARTS
 from rigid_sim_ros.engine.steps.articulated import (
     arrive, begin_part, begin_step, end_step, finish, go_back, JointedArguments, later_loads,
-    MOST_PARTS, MOST_SLOWED, move_bodies, next_size, slow_down)
+    MOST_SLOWED, move_bodies, next_size, slow_down)
 from rigid_sim_ros.engine.steps.penalty import (
     find_overlaps, PenaltyArguments, push, record, STAGE, STEPS, with_room)
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed

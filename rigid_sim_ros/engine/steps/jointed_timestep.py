@@ -13,7 +13,8 @@ from rigid_sim_ros.engine.constraints.articulated_points import (
 from rigid_sim_ros.engine.contact.contact_search import DONE
 from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
-from rigid_sim_ros.engine.steps.articulated import go_back, MOST_PARTS, next_size
+from rigid_sim_ros.engine.joints.shake import MOST_PARTS
+from rigid_sim_ros.engine.steps.articulated import go_back, next_size
 from rigid_sim_ros.engine.steps.jointed_contact import (
     BEGIN, begin, choose, end, find_touching, JointedContact, keep_first_half, PARTS_DONE,
     reach, read_way, retry_unresolved, SIZE, SLOWED, STAGE, STEPS, take_first_half,
