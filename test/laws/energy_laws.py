@@ -52,7 +52,8 @@ def judge_energy(scene: Scene, build: Build) -> Verdict:
       which adds up to a share per radian turned, whatever the step.) The line turns as the bodies
       do, w h, or as a body moves along the other, v h / size.
     - A velocity is known to g h: 1/2 m (g h)^2 for each body, once.
-    - What lies in an overlap of depth d may be lifted out of it: m g d for each body.
+    - What lies in an overlap of depth d may be lifted out of it: m g d for each body. That takes
+      several steps, so d is the deepest overlap since the least energy.
     - Rounding: of the positions, m g |x| eps in each step; relative to the energy 1e-9.
     """
     spec, of, h = scene.spec, masses(scene.spec), scene.h
@@ -63,7 +64,7 @@ def judge_energy(scene: Scene, build: Build) -> Verdict:
     least = energy = now.kinetic.sum() + potential(spec, of, now)
     scale = float(now.kinetic.sum() + (of.m * g) @ (np.abs(now.x).sum(axis=1) + scene.size))
     once = of.m.sum() * (g * h) ** 2
-    allowed = 0.0
+    allowed = deepest = 0.0
     worst_yet = Verdict(0.0, 1e-9, 'gain of energy, share')
     for _ in range(0, scene.steps, every):
         before = now
@@ -72,14 +73,15 @@ def judge_energy(scene: Scene, build: Build) -> Verdict:
         energy = now.kinetic.sum() + potential(spec, of, now)
         allowed += every * float(np.maximum(now.kinetic, before.kinetic)
                                  @ _turns(spec, of, before, now, every * h, h) ** 3)
-        lifted = of.m.sum() * g * run.deepest()
+        deepest = max(deepest, run.deepest())
+        lifted = of.m.sum() * g * deepest
         verdict = Verdict((energy - least) / scale,
                           1e-9 + (allowed + once + lifted) / scale, 'gain of energy, share')
         worst_yet = worst([worst_yet, verdict])
         # What was lost since pays for nothing later: the least so far is what counts, and what
         # turning was allowed before it is spent.
         if energy < least:
-            least, allowed = energy, 0.0
+            least, allowed, deepest = energy, 0.0, run.deepest()
     return worst_yet
 
 

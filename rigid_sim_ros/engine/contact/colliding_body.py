@@ -9,6 +9,7 @@ import numpy as np
 from rigid_sim_ros.engine.contact.impact_offsets import SHIFT
 from rigid_sim_ros.engine.contact.impulse import make_room, MOST_ALIKE, Room
 from rigid_sim_ros.engine.detection.manifolds import POINTS
+from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
 from rigid_sim_ros.engine.maths.rotation import (
     exponential, multiply, quaternion, set_quaternion, to_matrix, unit)
 from rigid_sim_ros.engine.maths.vector import (
@@ -16,12 +17,14 @@ from rigid_sim_ros.engine.maths.vector import (
     times)
 from rigid_sim_ros.engine.state.rates import velocity_at
 from rigid_sim_ros.engine.state.state import State
-from rigid_sim_ros.kernels.arrays import Array, IntArray, integers, room, Vector
+from rigid_sim_ros.kernels.arrays import Array, IntArray, integers, Quaternion, room, Vector
 from rigid_sim_ros.kernels.kernel import inlined, kernel
 
 NEVER = 1e30  # [s]
 # Pairs that collide together, at most.
 TOGETHER = 32
+# [rad] What turns less until a collision has the inertia of the start of the step.
+SAME_ATTITUDE = 1e-6
 # Columns of `CollisionWork.body`.
 VELOCITY, SPIN, ACCELERATION, INVERSE, INV_M, DP, DL, COLUMNS = 0, 3, 6, 9, 15, 16, 19, 28
 
@@ -31,8 +34,8 @@ class CollisionWork(NamedTuple):
 
     rows: IntArray  # (c,) of 32 bits, manifolds that may bounce
     time: Array  # (c,) when they touch [s] after the start of the step
-    # (c,) of 8 bits, ACTS, DORMANT, or LEFT_OUT: approaches too fast to be at rest, but will not
-    # touch in this step
+    # (c,) of 8 bits, ACTS, DORMANT, or LEFT_OUT: too fast to be at rest, but will not touch in
+    # this step
     activity: IntArray
     first: Array  # (n,) the earliest of a body's times
     pairs: IntArray  # (n,) of 32 bits, how many pairs of a body touch first
@@ -71,20 +74,46 @@ def get(line: Array, at: int) -> Vector:
 @kernel
 def load_body(inv_m: Array, inv_I_C: Array, state: State, F: Array, i: int, line: Array) -> None:
     """Write what collisions need to know of a body."""
-    q, inv_I = quaternion(state.q, i), column(inv_I_C, i)
-    R = to_matrix(q)
     line[INV_M] = inv_m[i]
-    at = INVERSE
     for k in range(3):
         line[VELOCITY + k] = inv_m[i] * state.P[k, i] + state.V[k, i]
         line[ACCELERATION + k] = inv_m[i] * F[k, i]
+    _write_spin(inv_I_C, state, i, quaternion(state.q, i), line)
+    for k in range(DP, COLUMNS):
+        line[k] = 0.0
+
+
+@kernel
+def _write_spin(inv_I_C: Array, state: State, i: int, q: Quaternion, line: Array) -> None:
+    """Write the inverse inertia and the angular velocity of a body with an attitude."""
+    R, inv_I, at = to_matrix(q), column(inv_I_C, i), INVERSE
+    for k in range(3):
         for j in range(k, 3):
             line[at] = dot(times(R[k], inv_I), R[j])
             at += 1
     w = turned(line, column(state.L, i))
     put(line, SPIN, add(w, (state.V[3, i], state.V[4, i], state.V[5, i])))
-    for k in range(DP, COLUMNS):
-        line[k] = 0.0
+
+
+@kernel
+def turn_body(inv_I_C: Array, state: State, i: int, tau: float, line: Array) -> None:
+    """
+    Bring the inverse inertia and the angular velocity of a body to tau [s], when it collides.
+
+    With those of the start an impulse that keeps the energy there would change it by w tau of
+    itself once the body has turned.
+    """
+    L, inv_I = column(state.L, i), column(inv_I_C, i)
+    if _wobbles(L, inv_I, tau):
+        _write_spin(inv_I_C, state, i, turn_fast(quaternion(state.q, i), L, inv_I, tau), line)
+
+
+@kernel
+def _wobbles(L: Vector, inv_I: Vector, t: float) -> bool:
+    """Return whether the inertia about the axes of the world changes within t [s]."""
+    angle = t * max(inv_I[0], inv_I[1], inv_I[2])
+    alike = inv_I[0] == inv_I[1] and inv_I[1] == inv_I[2]
+    return not alike and angle * angle * dot(L, L) > SAME_ATTITUDE * SAME_ATTITUDE
 
 
 @inlined
@@ -98,12 +127,18 @@ def store_body(inv_I_C: Array, state: State, i: int, tau: float, line: Array) ->
     """Give a body its new momenta; start its step where they would have."""
     if line[INV_M] == 0.0:
         return
-    dP, dL = get(line, DP), get(line, DL)
+    dP, dL, L, inv_I = get(line, DP), get(line, DL), column(state.L, i), column(inv_I_C, i)
     dx, angle = scale(-tau * line[INV_M], dP), scale(-tau, turned(line, dL))
+    q, later = quaternion(state.q, i), add(L, dL)
+    if _wobbles(L, inv_I, tau) or _wobbles(later, inv_I, tau):
+        # There as it was, and back as it goes on.
+        q = turn_fast(turn_fast(q, L, inv_I, tau), scale(-1.0, later), inv_I, tau)
+    else:
+        q = unit(multiply(exponential(angle), q))
     add_to_column(state.P, i, dP)
     add_to_column(state.L, i, dL)
     add_to_column(state.x, i, dx)
-    set_quaternion(state.q, i, unit(multiply(exponential(angle), quaternion(state.q, i))))
+    set_quaternion(state.q, i, q)
     for k in range(3):
         line[SHIFT + k] += dx[k]
         line[SHIFT + 3 + k] += angle[k]

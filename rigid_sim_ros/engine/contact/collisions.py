@@ -17,7 +17,7 @@ bounces.
 from rigid_sim_ros.engine.contact.classify import classify, COLLIDING, share_a_body
 from rigid_sim_ros.engine.contact.colliding_body import (
     ACCELERATION, CollisionWork, get, INV_M, load_body, NEVER, put, SPIN, store_body, TOGETHER,
-    VELOCITY, velocity_on)
+    turn_body, VELOCITY, velocity_on)
 from rigid_sim_ros.engine.contact.collision_impulses import (
     ADDED, BETWEEN, BODY_A, BODY_B, find_impulses, MU, NORMAL, POINTS_OF, SLIDE)
 from rigid_sim_ros.engine.contact.impact_offsets import gap_now
@@ -172,6 +172,8 @@ def _collide(inv_m: Array, inv_I_C: Array, state: State, shapes: Shapes, materia
         tau = min(tau, work.time[work.together[k]])
     for k in range(count):
         r = work.rows[work.together[k]] & INDEX
+        for body in (manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX):
+            turn_body(inv_I_C, state, body, tau, work.body[body])
         one, other = manifolds.shape_a[r], manifolds.shape_b[r]
         work.pair[k, MU] = materials.friction[shapes.material[one], shapes.material[other]]
         _read_pair(state.x, shapes.kind, shapes.size, manifolds,
@@ -204,7 +206,8 @@ def _time_of_touch(gap: float, v: float, a: float, h: float, slowest: float) -> 
     Return when gap + v t + a t^2 / 2 becomes 0 within h.
 
     An overlap that grows touches at 0. NEVER if it does not touch, or slower than `slowest`; twice
-    NEVER if it is fast but later than h.
+    NEVER if it is fast but later than h, or parts fast: whether that would ever come back would be
+    a matter of rounding where both fall alike.
     """
     if gap <= 0.0:
         return 0.0 if classify(v, slowest) == COLLIDING else NEVER
@@ -212,6 +215,8 @@ def _time_of_touch(gap: float, v: float, a: float, h: float, slowest: float) -> 
     if square <= slowest * slowest:
         return NEVER
     speed = square ** 0.5
+    if v > slowest:
+        return 2.0 * NEVER
     if speed <= v:
         return NEVER
     t = 2.0 * gap / (speed - v)

@@ -374,13 +374,19 @@ def first_passage(model: Model, state: State, loads: Loads, shapes: Shapes, pair
     """
     best, which = until, -1
     for k in range(count):
-        a, b = pairs[k, 0], pairs[k, 1]
-        gap, n = pair_gap(model, state, loads, shapes, a, b, 0.0, pose, scratch)
-        level = deepest(shapes, a, b, gap)
-        t = _sinking(model, state, loads, shapes, a, b, gap, n, level, until, pose, scratch)
+        t = passage(model, state, loads, shapes, pairs[k, 0], pairs[k, 1], until, pose, scratch)
         if t < best:
             best, which = t, k
     return best, which
+
+
+@kernel
+def passage(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b: int,
+            until: float, pose: Array, scratch: Scratch) -> float:
+    """Return when [s] two shapes get so deep that they might get through; inf: they do not."""
+    gap, n = pair_gap(model, state, loads, shapes, a, b, 0.0, pose, scratch)
+    level = deepest(shapes, a, b, gap)
+    return _sinking(model, state, loads, shapes, a, b, gap, n, level, until, pose, scratch)
 
 
 @kernel

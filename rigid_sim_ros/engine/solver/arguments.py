@@ -26,7 +26,7 @@ from rigid_sim_ros.engine.solver.partition import Cut, make_sides, Sides
 from rigid_sim_ros.engine.solver.sleeping import linked_bodies, no_rest, Rest
 from rigid_sim_ros.engine.solver.solver_bodies import make_bodies, SolverBodies
 from rigid_sim_ros.engine.state.body_order import middle_of
-from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.engine.state.state import empty_state, State
 from rigid_sim_ros.kernels.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.kernels.second_core import make_job
 
@@ -64,6 +64,21 @@ def _make_sequential_work(n: int, middle: tuple[int, int], capacity: int) -> Seq
                           room(REGIONS, 8), np.zeros(1), np.zeros(1))
 
 
+class Ways(NamedTuple):
+    """How far n bodies go in a step, see passages.py."""
+
+    thinnest: Array  # (1,) [m] half of the least that any shape measures across
+    path: State  # with which P and L they would get there, if these were constant
+    length: Array  # (n,) [m] how far any point of a body goes, at most
+    part: Array  # (n,) of its way that a body may go
+
+
+def _make_ways(shapes: Shapes, n: int) -> Ways:
+    """Return room for n bodies."""
+    return Ways(np.array([shapes.half_width.min(initial=np.inf)]), empty_state(n), room(n),
+                room(n))
+
+
 class TimestepSettings(NamedTuple):
     """The parameters of the model."""
 
@@ -89,6 +104,7 @@ class TimestepWork(NamedTuple):
     collision: CollisionWork
     solver: SequentialWork
     direct: Direct
+    ways: Ways
 
 
 def make_timestep_work(model: Model, shapes: Shapes, memory: Memory) -> TimestepWork:
@@ -100,7 +116,7 @@ def make_timestep_work(model: Model, shapes: Shapes, memory: Memory) -> Timestep
                         make_prediction(n, shapes.body.shape[0], capacity),
                         make_collision_work(n, capacity),
                         _make_sequential_work(n, middle_of_shapes(model, shapes.body), capacity),
-                        make_direct(n, capacity))
+                        make_direct(n, capacity), _make_ways(shapes, n))
 
 
 def with_cut(work: TimestepWork, cut: Cut) -> TimestepWork:

@@ -84,8 +84,6 @@ def solve_contacts(c: Arguments) -> None:
         _in_all_back(c, RETURN)
         _across(c, DRIFT)
     _in_all(c, KEEP)
-    _store(c)
-    fly_free(c.model, c.state, c.work.loads, work.bodies.flies, c.model.h, c.work.block)
     work.overlap[0] = max(notes[0, DEEPEST], max(notes[1, DEEPEST], notes[2, DEEPEST]))
     work.residual[0] = max(notes[0, LARGEST], max(notes[1, LARGEST], notes[2, LARGEST]))
 
@@ -123,13 +121,14 @@ def _in_all_back(c: Arguments, stage: int) -> None:
     _in_halves(c, stage)
 
 
-@kernel
-def _store(c: Arguments) -> None:
-    """Write the bodies back to the state."""
+@part
+def move_solved(c: Arguments) -> None:
+    """Move the bodies that were solved, and those that nothing touches."""
     if _is_halved(c):
         side_by_side(c.job, address_of(store_part, c), c, 0, 1)
     else:
         store_part(c, 0)
+    fly_free(c.model, c.state, c.work.loads, c.work.solver.bodies.flies, c.model.h, c.work.block)
 
 
 @kernel

@@ -29,8 +29,9 @@ from rigid_sim_ros.engine.solver.arguments import Arguments, with_memory
 from rigid_sim_ros.engine.solver.parallel_detection import (
     detect_in_parallel, set_margins_and_sides, share_part, take_sides_of)
 from rigid_sim_ros.engine.solver.partition import begin_slots, choose_cut, ENOUGH, mark_touching
+from rigid_sim_ros.engine.solver.passages import end_ways, is_any_fast
 from rigid_sim_ros.engine.solver.sequential import (
-    solve_contacts, solve_directly, solve_part, store_part)
+    move_solved, solve_contacts, solve_directly, solve_part, store_part)
 from rigid_sim_ros.engine.solver.sleeping import (
     fall_asleep, keep_pressing, mark_pushed, wake_disturbed, wake_touched)
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
@@ -244,13 +245,19 @@ def predict(c: Arguments) -> None:
     if may_sleep(c) or c.uses.bounces == 1:
         # Of all others the solver writes them.
         clear_impulses(manifolds, acted.impulse, acted.friction)
-    predict_part(c, 0)
+    predict_part(c, CONTACTS)
+
+
+CONTACTS, PASSAGES = range(2)
 
 
 @by_address
-def predict_part(c: Arguments, _: int) -> int:
-    """Predict the contacts of the step."""
+def predict_part(c: Arguments, what: int) -> int:
+    """Predict the contacts of the step, or where bodies would get through something."""
     memory, work = c.memory, c.work
+    if what == PASSAGES:
+        end_ways(c)
+        return 0
     predict_contacts(c.model, c.state, work.loads, c.shapes, current(memory), memory.margin,
                      memory.rest_margin, work.collision.activity, work.prediction, memory.scratch)
     return 0
@@ -278,6 +285,9 @@ def solve(c: Arguments) -> None:
     """Find the impulses of what touches, and move all bodies."""
     begin_slots(c.work.solver.sides, c.memory.touching, c.work.solver.bodies)
     solve_contacts(c)
+    if is_any_fast(c):
+        predict_part(c, PASSAGES)
+    move_solved(c)
     move_kinematic(c.model, c.state, c.model.h)
 
 

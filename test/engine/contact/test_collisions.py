@@ -9,6 +9,7 @@ import pytest
 
 from rigid_sim_ros.engine.contact.collisions import collide_bodies
 from rigid_sim_ros.engine.detection.detect import detect
+from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
 from rigid_sim_ros.engine.model.shapes import Material
 from rigid_sim_ros.world import World
 
@@ -41,6 +42,24 @@ def corner_first(rng):
                spin=rng.normal(scale=10.0, size=3))
 
 
+def turn_on(scene, t):
+    """Let the body turn for t [s]."""
+    L, inv_I = scene.state.L[:, 1], scene.model.inv_I_C[:, 1]
+    scene.state.q[:, 1] = turn_fast(tuple(scene.state.q[:, 1]), tuple(L), tuple(inv_I), t)
+
+
+def test_what_turns_bounces_with_the_inertia_that_it_has_by_then():
+    rng = np.random.default_rng(7)
+    for _ in range(40):
+        scene = TimestepScene([ground(), corner_first(rng)],
+                              Material(friction=0.0, restitution=1.0), 5e-3, (0.0, 0.0, 0.0))
+        before = scene.energy()
+        scene.step()
+        # Up to 0.3 rad a step: `turn` errs by 2e-7 rad a quarter, and with the attitude errs the
+        # energy of a momentum that stays. With the inertia of the start it was some 0.1 %.
+        assert scene.energy() == pytest.approx(before, rel=1e-6)
+
+
 @pytest.mark.parametrize('restitution', [0.8, 1.0])
 def test_a_collision_with_friction_makes_no_energy(restitution):
     rng, collisions, kept = np.random.default_rng(7), 0, 0
@@ -50,7 +69,10 @@ def test_a_collision_with_friction_makes_no_energy(restitution):
         before = start.energy()
         scene, count, _, _ = collided([ground(), thing], restitution, friction)
         collisions += count
-        # In the attitude of the collision: it is turned back a little, to where the step begins.
+        # In the attitude of the collision: it is turned back a little, to where the step begins,
+        # and displaced by what the impulse would have made of the time until then.
+        moved, dv = (scene.state.x - start.state.x)[:, 1], (scene.v - start.v)[:, 1]
+        turn_on(start, float(-(moved @ dv) / (dv @ dv)) if count else 0.0)
         scene.state.q[:] = start.state.q
         # Rounding of the energies of 20 J.
         assert scene.energy() <= before + 1e-12

@@ -1,0 +1,173 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What is fast ends its way before it gets through what nothing pushes.
+
+The solver knows the pairs that are near as a step begins, by where they would meet if nothing
+changed their way. What an impact turns may meet another point of the ground in the same step, and
+what it throws goes farther than its pairs were sought. So the ways that the solver leaves are
+looked at before they are gone. A body stops where it would get deeper into something fixed or
+kinematic by `deepest`. The rest of its step is lost, with what forces did in it, or what falls
+would gain speed without falling. Velocities that contacts gave stay, and the next step finds the
+pair.
+
+Two bodies that can both be pushed are not asked: what is lost of a way that an impulse turned
+would change their angular momentum, which is kept where nothing fixed takes it.
+
+Only what moves farther than half of that depth is asked. Most steps end with one test a body.
+"""
+
+from rigid_sim_ros.engine.contact.impact_offsets import displacement, SHIFT, was_shifted
+from rigid_sim_ros.engine.detection.backtrack import DEEPER, passage
+from rigid_sim_ros.engine.detection.broad_phase import may_collide
+from rigid_sim_ros.engine.detection.grid import boxes_overlap
+from rigid_sim_ros.engine.detection.manifolds import current, rows_in_use
+from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
+from rigid_sim_ros.engine.maths.rotation import exponential, multiply, quaternion, set_quaternion
+from rigid_sim_ros.engine.maths.vector import (
+    add, add_scaled, add_to_column, column, norm, scale, set_column, subtract)
+from rigid_sim_ros.engine.solver.arguments import Arguments
+from rigid_sim_ros.engine.solver.solver_bodies import STRIDE, TOUCHED
+from rigid_sim_ros.engine.state.rates import angular_momentum
+from rigid_sim_ros.engine.state.state import copy_body
+from rigid_sim_ros.kernels.arrays import Array, Vector
+from rigid_sim_ros.kernels.kernel import INDEX, kernel
+
+
+@kernel
+def is_any_fast(c: Arguments) -> bool:
+    """Return whether any body may move so far in this step that it gets through something."""
+    least = 0.5 * DEEPER * c.work.ways.thinnest[0] / c.model.h
+    for i in range(c.model.m.shape[0]):
+        v, L = _mean_motion(c, i)
+        if not norm(v) + _fastest_turning(c, i, L) <= least:
+            return True
+    return False
+
+
+@kernel
+def _mean_motion(c: Arguments, i: int) -> tuple[Vector, Vector]:
+    """Return v [m/s] and L [kg m^2/s] with which a body that can be pushed moves in this step."""
+    bodies, state, loads = c.work.solver.bodies, c.state, c.work.loads
+    slot, inv_m, share = bodies.slot[i] & INDEX, c.model.inv_m[i], 0.5 * c.model.h
+    if inv_m == 0.0 or (slot == 0 and bodies.flies[i] == 0):
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    if slot == 0:
+        return (scale(inv_m, add_scaled(column(state.P, i), share, column(loads.F, i))),
+                add_scaled(column(state.L, i), share, column(loads.tau, i)))
+    at, share = slot * STRIDE, 1.0 / c.settings.sequential.substeps
+    total = bodies.total
+    return (scale(share, (total[at], total[at + 1], total[at + 2])),
+            scale(share, (total[at + 3], total[at + 4], total[at + 5])))
+
+
+@kernel
+def _fastest_turning(c: Arguments, i: int, L: Vector) -> float:
+    """Return a bound of how fast turning moves points of a body [m/s]; balls look the same."""
+    inv_I = column(c.model.inv_I_C, i)
+    reach = c.work.radius[i] * c.shapes.turning[i]
+    return max(inv_I[0], inv_I[1], inv_I[2]) * norm(L) * reach
+
+
+@kernel
+def end_ways(c: Arguments) -> None:
+    """Let bodies stop where they would get through something that nothing pushes."""
+    _write_ways(c)
+    ways, shapes, memory = c.work.ways, c.shapes, c.memory
+    for k in range(memory.pair_count[0]):
+        a, b = memory.pair[k, 0] & INDEX, memory.pair[k, 1] & INDEX
+        if shapes.still[a] + shapes.still[b] == 1 and boxes_overlap(memory.box, a, b):
+            _end_at_passage(c, a, b)
+    least = 0.5 * DEEPER * ways.thinnest[0]
+    for a in range(shapes.body.shape[0]):
+        if ways.length[shapes.body[a] & INDEX] > max(memory.margin[a], least):
+            _end_at_any(c, a)
+    for i in range(c.model.m.shape[0]):
+        if ways.part[i] < 1.0:
+            _stop(c, i)
+
+
+@kernel
+def _write_ways(c: Arguments) -> None:
+    """
+    Write the motions at constant P and L that bring bodies to where the solver lets them go.
+
+    Of what bounced, straight from where it was before.
+    """
+    ways, h = c.work.ways, c.model.h
+    path = ways.path
+    for i in range(c.model.m.shape[0]):
+        copy_body(path, c.state, i)
+        v, L = _mean_motion(c, i)
+        set_column(path.P, i, scale(c.model.m[i], v))
+        set_column(path.L, i, L)
+    manifolds = current(c.memory)
+    first, count = rows_in_use(manifolds)
+    for k in range(count if c.work.solver.shifted[0] == 1 else 0):
+        r = (first + k) & INDEX
+        for i in (manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX):
+            if was_shifted(c.work.collision.body[i]) and c.model.inv_m[i] > 0.0:
+                _begin_before(c, i, c.work.collision.body[i])
+    for i in range(c.model.m.shape[0]):
+        ways.part[i] = 1.0
+        ways.length[i] = h * (c.model.inv_m[i] * norm(column(path.P, i))
+                              + _fastest_turning(c, i, column(path.L, i)))
+
+
+@kernel
+def _begin_before(c: Arguments, i: int, line: Array) -> None:
+    """Let a way begin where a body was before collisions shifted it."""
+    path, moved, h = c.work.ways.path, displacement(line), c.model.h
+    angle = (line[SHIFT + 3], line[SHIFT + 4], line[SHIFT + 5])
+    v, L = _mean_motion(c, i)
+    q = multiply(exponential(scale(-1.0, angle)), quaternion(c.state.q, i))
+    set_column(path.x, i, subtract(column(c.state.x, i), moved))
+    set_quaternion(path.q, i, q)
+    set_column(path.P, i, scale(c.model.m[i], add_scaled(v, 1.0 / h, moved)))
+    set_column(path.L, i, add(L, angular_momentum(
+        q, scale(1.0 / h, angle), column(c.model.I_C, i))))
+
+
+@kernel
+def _end_at_any(c: Arguments, a: int) -> None:
+    """End the way of a shape that goes farther than its pairs were sought."""
+    shapes, pose, reach = c.shapes, c.memory.pose, c.work.ways.length[c.shapes.body[a] & INDEX]
+    for b in range(shapes.body.shape[0]):
+        apart = norm((pose[a, 0] - pose[b, 0], pose[a, 1] - pose[b, 1], pose[a, 2] - pose[b, 2]))
+        near = apart <= shapes.bound[a] + reach + c.memory.margin[b] + shapes.bound[b]
+        if shapes.still[b] == 1 and near and may_collide(shapes, c.model.m.shape[0], a, b):
+            _end_at_passage(c, min(a, b), max(a, b))
+
+
+@kernel
+def _end_at_passage(c: Arguments, a: int, b: int) -> None:
+    """End the way of a shape where it would get through one that nothing pushes."""
+    ways, shapes, h = c.work.ways, c.shapes, c.model.h
+    i = shapes.body[b if shapes.still[a] == 1 else a] & INDEX
+    if ways.length[i] > 0.5 * DEEPER * min(shapes.half_width[a], shapes.half_width[b]):
+        t = passage(c.model, ways.path, c.work.prediction.still, shapes, a, b, h,
+                    c.work.prediction.pose, c.memory.scratch)
+        ways.part[i] = min(ways.part[i], t / h)
+
+
+@kernel
+def _stop(c: Arguments, i: int) -> None:
+    """Put a body to the end of its way, and take back what forces did in the rest of its step."""
+    ways, bodies, loads, h = c.work.ways, c.work.solver.bodies, c.work.loads, c.model.h
+    path, slot, until = ways.path, bodies.slot[i] & INDEX, ways.part[i] * h
+    lost = h - until
+    q = turn_fast(quaternion(path.q, i), column(path.L, i), column(c.model.inv_I_C, i), until)
+    set_column(c.state.x, i, add_scaled(column(path.x, i), until * c.model.inv_m[i],
+                                        column(path.P, i)))
+    set_quaternion(c.state.q, i, q)
+    if slot == 0:
+        bodies.flies[i] = 0
+        add_to_column(c.state.P, i, scale(until, column(loads.F, i)))
+        add_to_column(c.state.L, i, scale(until, column(loads.tau, i)))
+        return
+    at = slot * STRIDE
+    for k in range(3):
+        bodies.motion[at + k] -= lost * c.model.inv_m[i] * loads.F[k, i]
+        bodies.motion[at + 3 + k] -= lost * loads.tau[k, i]
+    bodies.total[at:at + STRIDE] = 0.0
+    bodies.drifted[at + TOUCHED] = 1.0
