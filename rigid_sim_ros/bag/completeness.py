@@ -16,6 +16,7 @@ from fnmatch import fnmatchcase
 from rigid_sim_ros.bag import topics as kinds
 from rigid_sim_ros.bag.joint_messages import JointMessages
 from rigid_sim_ros.bag.session import Session
+from rigid_sim_ros.world import World
 
 # Types that a node has on topics of certain kinds only.
 _KINDS: dict[str, set[str]] = {}
@@ -34,20 +35,22 @@ def chosen(names: Iterable[str], patterns: Iterable[str]) -> list[str]:
     return [name for name in names if any(fnmatchcase(name, p) for p in patterns)]
 
 
-def wrong_topics(session: Session, is_part: bool, joints: JointMessages) -> str:
+def wrong_topics(session: Session, world: World, is_part: bool, joints: JointMessages) -> str:
     """
     Return what is wrong with the topics that a session lists, '' if nothing is.
 
-    The bodies are those with which the session began: of others nothing is published. `joints` are
-    those of the world as it is in the first full state, in a part of a session not all.
+    The world, and its `joints`, are as in the first full state: when the session begins, or later
+    in a part of it. Then some bodies may have gone that had topics, and some have come that have
+    none; sure to have some are those that the world began with and has never been without.
     """
+    bodies = world.lasting_bodies if is_part else world.names
     for topic in session.topics:
         if topic.kind not in _KINDS.get(topic.type, {topic.kind}) or (
                 topic.kind and topic.type != kinds.TYPES.get(topic.kind)):
             return (f'the session lists {topic.name} of the type {topic.type} as {topic.kind!r}, '
                     'which it cannot be')
-        if topic.kind in (*_OF_BODIES, kinds.APPLIED_WRENCH) and (
-                topic.body not in session.bodies):
+        if topic.kind in (*_OF_BODIES, kinds.APPLIED_WRENCH) and not is_part and (
+                topic.body not in bodies):
             return f'the session lists {topic.name} of the body {topic.body!r}, which there is not'
         if topic.kind in kinds.OF_JOINTS and not is_part and (
                 topic.body not in joints.owners(topic.kind)):
@@ -64,7 +67,7 @@ def wrong_topics(session: Session, is_part: bool, joints: JointMessages) -> str:
     patterns = session.parameters.get('bodies')
     if not isinstance(patterns, list):
         return ''
-    for name in chosen(session.bodies, map(str, patterns)):
+    for name in chosen(bodies, map(str, patterns)):
         for kind in _OF_BODIES:
             if listed[kind, name] != 1:
                 return f'the session does not list the {kind} of body {name!r}, as it must'

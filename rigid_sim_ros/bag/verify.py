@@ -264,7 +264,8 @@ class Resimulation:
         if not self._knows_topics:
             assert self._session is not None
             self._knows_topics = True
-            if wrong := wrong_topics(self._session, self._is_part, JointMessages(world)):
+            if wrong := wrong_topics(self._session, world, self._is_part,
+                                     JointMessages(world)):
                 self._found(wrong)
 
     def _know_bodies(self) -> None:

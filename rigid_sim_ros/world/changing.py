@@ -63,6 +63,13 @@ class Changing(WithModels):
         """The scene that the world began with; `scene` has what it has now."""
         return self._origin
 
+    @property
+    def lasting_bodies(self) -> list[str]:
+        """The names of the bodies that the world began with and has never been without."""
+        gone = [name for what, name in self._changes if what == 'remove']
+        return [name for name in self._origin.names
+                if not any(name == other or name.startswith(f'{other}/') for other in gone)]
+
     def add(self, part: Mapping[str, Any]) -> None:
         """
         Let a part come before the next step, given as one of `bodies`, `joints` or `models`.
