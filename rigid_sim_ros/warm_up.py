@@ -75,24 +75,29 @@ def watched(
     stopped = stopped or Stop()
     results: list[_T] = []
     failures: list[BaseException] = []
+    # Not `is_alive`: of a thread that KeyboardInterrupt stops `join` waiting for, Python 3.11 says
+    # that it has ended.
+    done = threading.Event()
 
     def guarded() -> None:
         try:
             results.append(work())
         except BaseException as error:      # carried over to the thread that waits
             failures.append(error)
+        finally:
+            done.set()
 
     thread = threading.Thread(target=guarded, name='warm_up', daemon=True)
     with _Compiler() as compiler:
         thread.start()
         _watching.append(compiler)
         try:
-            _announce(thread, compiler, stopped, stream or sys.stderr)
+            _announce(done, compiler, stopped, stream or sys.stderr)
         finally:
             _watching.remove(compiler)
-            if thread.is_alive():
+            if not done.is_set():
                 atexit.register(_end, stopped.exit_code or INTERRUPTED)
-    if thread.is_alive():
+    if not done.is_set():
         raise Stopped
     if failures:
         raise failures[0]
@@ -228,15 +233,15 @@ _hints = [_HINT]    # said once in a process
 
 
 def _announce(
-    thread: threading.Thread, compiler: _Compiler, stopped: threading.Event, stream: TextIO,
+    done: threading.Event, compiler: _Compiler, stopped: threading.Event, stream: TextIO,
 ) -> None:
     on_terminal = stream.isatty()
     period, end = (_PERIOD, '') if on_terminal else (_LOG_PERIOD, '\n')
     update, text = QUIET, ''
-    while thread.is_alive() and not stopped.is_set():
-        thread.join(_LOOK)
+    while not (done.is_set() or stopped.is_set()):
+        done.wait(_LOOK)
         seconds = compiler.seconds
-        if compiler.is_at_work and seconds >= update and thread.is_alive():
+        if compiler.is_at_work and seconds >= update and not done.is_set():
             text = text or _TEXT + (_hints.pop() if _hints else '')
             line = f'{text} ... {seconds:.0f} s'
             print(f'\r{line}' if on_terminal else line, end=end, file=stream, flush=True)
@@ -244,5 +249,5 @@ def _announce(
             text = text if on_terminal else _TEXT   # in a log each line stays
     if text and on_terminal:
         print(file=stream)
-    if text and not thread.is_alive():
+    if text and done.is_set():
         print(f'{_TEXT} took {compiler.seconds:.1f} s', file=stream, flush=True)

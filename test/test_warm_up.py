@@ -80,6 +80,23 @@ def test_who_is_stopped_does_not_wait_on(monkeypatch) -> None:
     go_on.set()
 
 
+# Ctrl-C while a thread compiles; what Python does as it ends would be printed.
+INTERRUPTED = """
+import atexit, os, signal, threading, time
+from rigid_sim_ros.warm_up import announced
+atexit.register(print, 'Python ended')
+threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+announced(lambda: time.sleep(60))
+"""
+
+
+def test_ctrl_c_ends_the_process_before_python_takes_down_what_compiles() -> None:
+    """Of LLVM too, which then ended by an assertion or worse, once in ten times."""
+    result = fresh.run('-c', INTERRUPTED)
+    assert (result.returncode, result.stdout) == (130, '')
+    assert 'KeyboardInterrupt' in result.stderr
+
+
 @pytest.mark.parametrize('command', [['batch', 't_handle', '--duration', '0.01', '--output'],
                                      ['verify'], ['plot', '--output', 'plot.svg']])
 def test_commands_say_when_they_compile(tmp_path: Path, command) -> None:
