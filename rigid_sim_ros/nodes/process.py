@@ -18,7 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from rigid_sim_ros.environment import check_node, has_place_for_logs
 from rigid_sim_ros.problems import printable
-from rigid_sim_ros.reading import bytes_of
+from rigid_sim_ros.reading import check
 
 DONE, FAILED, USAGE = 0, 1, 2
 _SPIN_PERIOD = 0.2      # s between two looks at whether to end
@@ -50,7 +50,7 @@ def start_ros(ros_args: Sequence[str]) -> None:
     for option, path in pairwise(ros_args):
         if option in _FILES and os.path.lexists(path):
             try:
-                bytes_of(path, _MOST_BYTES)
+                check(os.stat(path), path, _MOST_BYTES)
             except OSError as error:
                 raise OSError(f'{option} {path}: {error.strerror}') from None
     words = list(ros_args)

@@ -242,6 +242,8 @@ def begins_to_bear(blocks: Blocks, fresh: IntArray, islands: Islands, island: in
     two belts that pulled two ways the first one won. Found at once from none on, impulses are the
     smallest ones, which are symmetric where the scene is. Sweeps leave them so.
     """
+    if islands.redundant[island] == 0:
+        return False
     found = False
     for lane in islands.lane[islands.begin[island]:islands.begin[island + 1]]:
         block, i = lane // LANES, lane % LANES
@@ -251,5 +253,5 @@ def begins_to_bear(blocks: Blocks, fresh: IntArray, islands: Islands, island: in
                 pressure += b[(POINT + point * POINT_ROWS + IMPULSE) * LANES + i]
             if pressure > 0.0:
                 fresh[block] &= ~(1 << i)
-                found = islands.redundant[island] == 1
+                found = True
     return found
