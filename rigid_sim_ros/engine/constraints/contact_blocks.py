@@ -49,21 +49,23 @@ INV_TT = 18  # inverse of the force part of K_TT: 00, 01, 11
 K_SPIN = 21  # K_TT02 and K_TT12: how a torque about n makes a pair slide
 INV_SPIN = 23  # 1 / K_TT22
 SPIN_LEVER = 24  # [m] torque about n per normal force
-SPIN = 25  # impulse about n of this substep [N m s]
-RESTING_SPIN = 26  # see RESTING
+PER_LEVER = 25  # [1/m] friction force per torque about n, each at its limit
+SPIN_SLIDE = 26  # SLIDE / PER_LEVER^2
+SPIN = 27  # impulse about n of this substep [N m s]
+RESTING_SPIN = 28  # see RESTING
 # All blocks have these:
-SHOVE = 27  # impulse along n of the push that displaces [N s]; means nothing unless SHOVED
-NORMAL = 28  # n, world axes
-BASIS = 31  # a number from which t1 follows, see `make_basis`
-MU = 32  # friction coefficient
-SLIDE = 33  # 1 / the largest eigenvalue of the force part of K_TT
-FRICTION = 34  # impulses along t1, t2 of this substep [N s]
-TORSION = 36  # a part of the angular momentum that the pair gained by having moved [N m s]
-TOTAL_T = 39  # friction of the substeps before, along t1, t2 [N s]
-RESTING_T = 41  # see RESTING
-SIZE = 43  # [m] of the smaller shape: all lengths that are tolerances are parts of it
-TURN_T = 44  # see TURN, along t1, t2
-POINT = 46  # rows of the first point
+SHOVE = 29  # impulse along n of the push that displaces [N s]; means nothing unless SHOVED
+NORMAL = 30  # n, world axes
+BASIS = 33  # a number from which t1 follows, see `make_basis`
+MU = 34  # friction coefficient
+SLIDE = 35  # how long the steps of sliding friction may be, see `_prepare_friction` [kg]
+FRICTION = 36  # impulses along t1, t2 of this substep [N s]
+TORSION = 38  # a part of the angular momentum that the pair gained by having moved [N m s]
+TOTAL_T = 41  # friction of the substeps before, along t1, t2 [N s]
+RESTING_T = 43  # see RESTING
+SIZE = 45  # [m] of the smaller shape: all lengths that are tolerances are parts of it
+TURN_T = 46  # see TURN, along t1, t2
+POINT = 48  # rows of the first point
 POINT_ROWS = 9
 # Of a point: TOTAL is the impulse of the substeps before, SPEED the normal velocity after its last
 # visit, of balls only where one overlaps. RESTING is its impulse of the last substep while an
@@ -89,7 +91,8 @@ RESTING_ROLL = ROLL + 2  # see RESTING
 ROLL_STEP = RESTING_ROLL + 2  # 1 / the largest eigenvalue of the torque part of K_NN
 ROLL_LEVER = ROLL_STEP + 1  # [m] torque about t1, t2 per normal force
 SHOVE_TURN = ROLL_LEVER + 1  # of small islands: impulses about t1, t2 of the push [N m s]
-ROWS = SHOVE_TURN + 2
+PRESSED = SHOVE_TURN + 2  # the centre of pressure of the last step, from c along t1, t2 [m]
+ROWS = PRESSED + 2
 BLOCK_SIZE = ROWS * LANES
 SMALL_SIZE = SMALL_ROWS * LANES
 BALLS_SIZE = (BALLS_END - BALLS_BEGIN) * LANES
@@ -283,7 +286,7 @@ def prepare_block(b: Array, points: int, small: bool, inv_m_A: Eight, inv_m_B: E
         store(b, point + T, dot(r, t2))
     nn_A, tn_A, tt_A = _response(b, ARM_A, J_A, inv_m_A)
     nn_B, tn_B, tt_B = _response(b, ARM_B, J_B, inv_m_B)
-    _prepare_friction(b, tt_A, tt_B)
+    _prepare_friction(b, tt_A, tt_B, _place_friction(b, count))
     if small:
         # The point is c, and its column g is (1, 0, 0).
         k = nn_A[0] + nn_B[0]
@@ -390,15 +393,43 @@ def inverse_of(x: Eight) -> Eight:
 
 
 @part
-def _prepare_friction(b: Array, A: Six, B: Six) -> None:
-    """Invert what friction divides by, given both parts of K_TT; an empty lane gets 0."""
-    k00, k01, k11 = A[0] + B[0], A[1] + B[1], A[3] + B[3]
-    inverse = inverse_of(k00 * k11 - k01 * k01)
+def _place_friction(b: Array, count: int) -> Two:
+    """Return the centre of pressure of the impulses to begin with; c, if there are none."""
+    if count == 1:
+        zero = 0.0 * load(b, MU)
+        return zero, zero
+    along_1 = along_2 = 0.0 * load(b, MU)
+    for p in range(count):
+        point = POINT + p * POINT_ROWS
+        f = load(b, point + IMPULSE)
+        along_1, along_2 = along_1 + f * load(b, point + S), along_2 + f * load(b, point + T)
+    inverse = inverse_of(normal_sum(b, count))
+    store_two(b, PRESSED, (inverse * along_1, inverse * along_2))
+    return inverse * along_1, inverse * along_2
+
+
+@part
+def _prepare_friction(b: Array, A: Six, B: Six, d: Two) -> None:
+    """
+    Invert what friction divides by, given both parts of K_TT; an empty lane gets 0.
+
+    The steps of what slides are for impulses at the point d from c, and about n there divided by
+    the lever SPIN_LEVER / MU: at most the inverse of the largest eigenvalue of K for these three,
+    which is not more than those of its parts together.
+    """
+    k00, k01, k11, k02, k12 = A[0] + B[0], A[1] + B[1], A[3] + B[3], A[2] + B[2], A[4] + B[4]
+    spin, inverse = A[5] + B[5], inverse_of(k00 * k11 - k01 * k01)
     store_three(b, INV_TT, (k11 * inverse, -k01 * inverse, k00 * inverse))
-    store(b, INV_SPIN, inverse_of(A[5] + B[5]))
-    store(b, K_SPIN, A[2] + B[2])
-    store(b, K_SPIN + 1, A[4] + B[4])
-    store(b, SLIDE, inverse_of(_largest_eigenvalue(k00, k01, k11)))
+    store(b, INV_SPIN, inverse_of(spin))
+    store_two(b, K_SPIN, (k02, k12))
+    lever = load(b, SPIN_LEVER) * inverse_of(load(b, MU))
+    largest = lever * lever * spin + _largest_eigenvalue(
+        k00 + d[1] * (d[1] * spin - 2.0 * k02), k01 + d[0] * k02 - d[1] * (k12 + d[0] * spin),
+        k11 + d[0] * (d[0] * spin + 2.0 * k12))
+    step = inverse_of(largest)
+    store(b, SLIDE, step)
+    store(b, SPIN_SLIDE, step * lever * lever)
+    store(b, PER_LEVER, inverse_of(lever))
 
 
 @part

@@ -4,10 +4,9 @@
 
 from rigid_sim_ros.engine.constraints.contact_blocks import (
     ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, drift_together, friction_of, GAP, IMPULSE,
-    INV_SPIN, INV_TT, J_A, J_B, K_N, K_NN, K_SPIN, K_TN, keep_friction, load_three, load_two, MASS,
-    Motion, MU, NORMAL, normal_sum, POINT, POINT_ROWS, pushed, RESTING, ROLL, ROLL_LEVER,
-    ROLL_STEP, S, SHOVE, SHOVE_TURN, SIZE, SLIDE, smallest_gap, SPEED, SPIN_LEVER, store_two,
-    symmetric, T, Three, TURN_T)
+    J_A, J_B, K_N, K_NN, K_TN, keep_friction, load_three, load_two, MASS, Motion, NORMAL,
+    normal_sum, POINT, POINT_ROWS, PRESSED, pushed, RESTING, ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE,
+    SHOVE_TURN, SIZE, smallest_gap, SPEED, store_two, symmetric, T, Three, TURN_T)
 from rigid_sim_ros.engine.constraints.contact_rules import (
     approach_of, bounded_step, gap_of, is_open, least_speed, NEGLIGIBLE, normal_impulse, settled,
     SKIN, Sweep, wanted_of)
@@ -15,12 +14,13 @@ from rigid_sim_ros.engine.maths.vector import add, add_scaled, cross, dot, subtr
 from rigid_sim_ros.engine.solver.coloring import (
     are_balls, awake_in, Blocks, CHANGED, is_small, lanes_of, numbers_of, OVERLAPPING, points_in,
     resists, SHOVED)
+from rigid_sim_ros.engine.solver.friction_visit import coulomb
 from rigid_sim_ros.engine.solver.solver_bodies import INV_M
 from rigid_sim_ros.engine.solver.sphere_sweep import drift_balls, separate_balls, visit_balls
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.eight import (
-    any_of, bits_of, Eight, either, gather, lanes_in, largest_of, load, Mask, scatter,
-    select, spread, store)
+    any_of, bits_of, Eight, either, gather, lanes_in, largest_of, load, Mask, scatter, select,
+    spread, store)
 from rigid_sim_ros.kernels.kernel import apart, part
 
 
@@ -155,7 +155,8 @@ def _visit_small(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, what: 
     twist = (dot(u, t1) + load(b, K_N + 1) * change_N + what.when * turn[0],
              dot(u, t2) + load(b, K_N + 2) * change_N + what.when * turn[1],
              dot(w, n) + load(b, K_N + 3) * change_N)
-    new = _within(mask, _friction(b, twist, pressure, old), old)
+    zero = spread(0.0)
+    new = _within(mask, coulomb(b, twist, pressure, (zero, zero), old), old)
     keep_friction(b, new)
     change = subtract(new, old)
 
@@ -197,9 +198,10 @@ def _visit_many(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, points:
         return spread(0.0)
     first, second, third = load_three(b, K_TN), load_three(b, K_TN + 3), load_three(b, K_TN + 6)
     turn = load_two(b, TURN_T)
-    new = _friction(b, (twist_T[0] + dot(first, wrench) + what.when * turn[0],
-                        twist_T[1] + dot(second, wrench) + what.when * turn[1],
-                        twist_T[2] + dot(third, wrench)), pressure, old)
+    new = coulomb(b, (twist_T[0] + dot(first, wrench) + what.when * turn[0],
+                      twist_T[1] + dot(second, wrench) + what.when * turn[1],
+                      twist_T[2] + dot(third, wrench)),
+                  pressure, load_two(b, PRESSED) if points > 1 else (zero, zero), old)
     new = _within(mask, new, old)
     keep_friction(b, new)
     change = subtract(new, old)
@@ -431,30 +433,3 @@ def _solve_rolling(b: Array, twist: Three, wrench: Three, points: int,
     change = (spread(0.0), new[0] - old[0], new[1] - old[1])
     store_two(b, ROLL, new)
     return add(twist, symmetric(b, K_NN, change)), add(wrench, change)
-
-
-@part
-def _friction(b: Array, twist: Three, pressure: Eight, old: Three) -> Three:
-    """
-    Stop the sliding and the spinning at c within Coulomb's cone.
-
-    Returns the impulses along t1, t2 and about n; `twist` is T with the old ones. Inside the cone
-    the impulse that stops both directions at once. On the cone the impulse must oppose the
-    velocity that is left, while K need not be isotropic: there the step is a multiple of the
-    velocity, short enough to converge.
-    """
-    most = load(b, SPIN_LEVER) * pressure
-    spin = min(max(old[2] - load(b, INV_SPIN) * twist[2], -most), most)
-    u1 = twist[0] + load(b, K_SPIN) * (spin - old[2])
-    u2 = twist[1] + load(b, K_SPIN + 1) * (spin - old[2])
-    limit = load(b, MU) * pressure
-    inv00, inv01, inv11 = load(b, INV_TT), load(b, INV_TT + 1), load(b, INV_TT + 2)
-    stick1, stick2 = old[0] - inv00 * u1 - inv01 * u2, old[1] - inv01 * u1 - inv11 * u2
-    sticks = stick1 * stick1 + stick2 * stick2 <= limit * limit
-    # What nothing presses has no friction.
-    new1, new2 = select(sticks, stick1, 0.0), select(sticks, stick2, 0.0)
-    slides = select(sticks, 0.0, limit) > 0.0
-    if any_of(slides):
-        slide1, slide2 = bounded_step((old[0], old[1]), load(b, SLIDE), (u1, u2), limit)
-        new1, new2 = select(slides, slide1, new1), select(slides, slide2, new2)
-    return (new1, new2, spin)

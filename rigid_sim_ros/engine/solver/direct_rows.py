@@ -5,8 +5,9 @@ The rows of an island that is solved directly, read from its blocks and written 
 
 A manifold has up to nine impulses f, about its common point c: four along the normal, at its
 points; friction along t1, t2; about n; against rolling about t1, t2. The last three are divided by
-the size of the smaller shape, so that all are in N s. With the twists of both bodies, the rate of
-row i is
+a lever, so that all are in N s: the size of the smaller shape against rolling, and about n the one
+with which the impulses that friction can make are a ball. With the twists of both bodies, the rate
+of row i is
 
     a_i = G_i (v, w) + least,     G_i (1, 12),
 
@@ -20,7 +21,8 @@ import numpy as np
 
 from rigid_sim_ros.engine.constraints.contact_blocks import (
     ABSENT, ARM_A, ARM_B, axes, FRICTION, GAP, IMPULSE, J_A, J_B, LEVER_A, LEVER_B, MU, NORMAL,
-    POINT, POINT_ROWS, ROLL, ROLL_LEVER, S, SIZE, SPEED, SPIN, SPIN_LEVER, store_three, T, TURN_T)
+    POINT, POINT_ROWS, PRESSED, ROLL, ROLL_LEVER, S, SIZE, SPEED, SPIN, SPIN_LEVER, store_three, T,
+    TURN_T)
 from rigid_sim_ros.engine.constraints.contact_rules import least_speed, Sweep
 from rigid_sim_ros.engine.maths.vector import cross, dot, symmetric_times
 from rigid_sim_ros.engine.solver.coloring import are_balls, Blocks, numbers_of, points_in, resists
@@ -32,6 +34,7 @@ from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
 # Rows of a manifold: four normal impulses, friction, about the normal, against rolling.
 WIDTH, SLIDE, ABOUT, ROLLS = 9, 4, 6, 7
+DISKS = 3  # at most, of a manifold
 
 
 class DirectRows(NamedTuple):
@@ -49,8 +52,10 @@ class DirectRows(NamedTuple):
     f: Array  # (c, 9) [N s] the impulses
     start: Array  # (c, 9) [N s] those to begin with
     inertia: Array  # (b, 7) [kg], [kg m^2] masses and inertia of the bodies, six numbers
-    limit: Array  # (c, 3) of friction, about the normal and against rolling, per normal force
+    limit: Array  # (c, 3) of the disks per normal force, see `disk_of`
     size: Array  # (c,) [m] of the smaller shape
+    lever: Array  # (c,) [m] of the row about n
+    centre: Array  # (c, 2) [m] where friction acts, from the common point along t1, t2
     scratch: Array  # (10 * 8,) n, t1, t2 and the least speed of a point, of all lanes of a block
 
 
@@ -61,7 +66,7 @@ def make_direct_rows(slots: int) -> DirectRows:
                       np.full(slots, -1), np.zeros(each, dtype=np.int64), np.zeros((*each, 12)),
                       np.zeros((*each, 12)), np.zeros(each), np.zeros(each), np.zeros(each),
                       np.zeros(each), np.zeros(each), np.zeros((2 * c, 7)), np.zeros((c, 3)),
-                      np.zeros(c), np.zeros(10 * LANES))
+                      np.zeros(c), np.zeros(c), np.zeros((c, 2)), np.zeros(10 * LANES))
 
 
 @kernel
@@ -126,9 +131,13 @@ def _read_manifold(blocks: Blocks, bodies: SolverBodies, lane: int, c: int, what
     _write_axes(b, aside)
     n, t1, t2 = _three(aside, 0, i), _three(aside, 3, i), _three(aside, 6, i)
     rows.size[c] = _number(b, SIZE, i)
-    rows.limit[c, 0] = _number(b, MU, i)
-    rows.limit[c, 1] = 0.0 if balls else _number(b, SPIN_LEVER, i) / rows.size[c]
+    mu, lever = _number(b, MU, i), 0.0 if balls else _number(b, SPIN_LEVER, i)
+    rows.lever[c] = lever / mu if mu > 0.0 else rows.size[c]
+    rows.limit[c, 0], rows.limit[c, 1] = mu, 0.0 if mu > 0.0 else lever / rows.size[c]
     rows.limit[c, 2] = _number(b, ROLL_LEVER, i) / rows.size[c] if rolls else 0.0
+    many = not balls and points_in(kind) > 1
+    d1, d2 = (_number(b, PRESSED, i), _number(b, PRESSED + 1, i)) if many else (0.0, 0.0)
+    rows.centre[c, 0], rows.centre[c, 1] = d1, d2
     for r in range(WIDTH):
         rows.there[c, r] = 0
     for p in range(4 if points_in(kind) > 1 else 1):
@@ -140,21 +149,22 @@ def _read_manifold(blocks: Blocks, bodies: SolverBodies, lane: int, c: int, what
             rows.f[c, p] = _number(b, point + IMPULSE, i)
             _write_least(b, point, what, aside)
             _write_row(blocks, bodies, lane, c, p, n, cross(at, n), rows, _number(aside, 9, i))
-    if rows.limit[c, 0] > 0.0:
+    if mu > 0.0:
         for k in range(2):
             rows.f[c, SLIDE + k] = _number(b, FRICTION + k, i)
-            _write_row(blocks, bodies, lane, c, SLIDE + k, t1 if k == 0 else t2, (0.0, 0.0, 0.0),
-                       rows, what.when * _number(b, TURN_T + k, i))
-    if rows.limit[c, 1] > 0.0:
-        rows.f[c, ABOUT] = _number(b, SPIN, i) / rows.size[c]
-        _write_turning_row(blocks, bodies, lane, c, ABOUT, n, rows)
+            turn = -d2 if k == 0 else d1
+            _write_row(blocks, bodies, lane, c, SLIDE + k, t1 if k == 0 else t2,
+                       (turn * n[0], turn * n[1], turn * n[2]), rows,
+                       what.when * _number(b, TURN_T + k, i))
+    if lever > 0.0:
+        moved = d1 * rows.f[c, SLIDE + 1] - d2 * rows.f[c, SLIDE] if mu > 0.0 else 0.0
+        rows.f[c, ABOUT] = (_number(b, SPIN, i) - moved) / rows.lever[c]
+        _write_turning_row(blocks, bodies, lane, c, ABOUT, n, rows.lever[c], rows)
     if rows.limit[c, 2] > 0.0:
         for k in range(2):
             rows.f[c, ROLLS + k] = _number(b, ROLL + k, i) / rows.size[c]
-            _write_turning_row(blocks, bodies, lane, c, ROLLS + k, t1 if k == 0 else t2, rows)
-    # One number for both rows of a disk, so that its direction is not bent.
-    for r in (SLIDE, ROLLS):
-        rows.stiff[c, r] = rows.stiff[c, r + 1] = max(rows.stiff[c, r], rows.stiff[c, r + 1])
+            _write_turning_row(blocks, bodies, lane, c, ROLLS + k, t1 if k == 0 else t2,
+                               rows.size[c], rows)
     for r in range(WIDTH):
         # Neither of two bodies that move by their twists, or that joints hold, gives way.
         if rows.stiff[c, r] == 0.0:
@@ -162,6 +172,40 @@ def _read_manifold(blocks: Blocks, bodies: SolverBodies, lane: int, c: int, what
         if rows.there[c, r] == 0:
             rows.f[c, r] = 0.0
         rows.start[c, r] = rows.f[c, r]
+    _share_stiffness(c, rows)
+
+
+@kernel
+def _share_stiffness(c: int, rows: DirectRows) -> None:
+    """Let all rows of a disk have one number, so that its direction is not bent."""
+    for d in range(DISKS):
+        first, size = disk_of(c, d, rows)
+        stiff = 0.0
+        for r in range(first, first + size):
+            stiff = max(stiff, rows.stiff[c, r])
+        rows.stiff[c, first:first + size] = stiff
+
+
+@kernel
+def pressure_of(c: int, rows: DirectRows) -> float:
+    """Return the sum of the normal impulses of a manifold [N s]."""
+    return rows.f[c, 0] + rows.f[c, 1] + rows.f[c, 2] + rows.f[c, 3]
+
+
+@kernel
+def disk_of(c: int, d: int, rows: DirectRows) -> tuple[int, int]:
+    """
+    Return the first row and the number of rows of a disk of manifold c, 0 if there is none.
+
+    Of friction, with the row about n if there is one, which makes it a ball; of that row alone
+    where there is no other friction; against rolling.
+    """
+    first = SLIDE if d == 0 else ABOUT if d == 1 else ROLLS
+    if rows.limit[c, d] == 0.0 or rows.there[c, first] == 0:
+        return first, 0
+    if d == 0:
+        return first, 3 if rows.there[c, ABOUT] != 0 else 2
+    return first, 1 if d == 1 else 2
 
 
 @kernel
@@ -191,10 +235,9 @@ def _write_least(b: Array, point: int, what: Sweep, aside: Array) -> None:
 
 @kernel
 def _write_turning_row(blocks: Blocks, bodies: SolverBodies, lane: int, c: int, r: int,
-                       axis: Vector, rows: DirectRows) -> None:
-    """Write the row of a torque about an axis, for 1 N s of an impulse at the size's lever."""
-    size = rows.size[c]
-    turn = (size * axis[0], size * axis[1], size * axis[2])
+                       axis: Vector, lever: float, rows: DirectRows) -> None:
+    """Write the row of a torque about an axis, for 1 N s of an impulse at a lever [m]."""
+    turn = (lever * axis[0], lever * axis[1], lever * axis[2])
     _write_row(blocks, bodies, lane, c, r, (0.0, 0.0, 0.0), turn, rows, 0.0)
 
 
@@ -274,6 +317,8 @@ def write_island(blocks: Blocks, bodies: SolverBodies, lanes: IntArray, count: i
         for k in range(2 if rows.there[c, SLIDE] != 0 else 0):
             b[(FRICTION + k) * LANES + i] = rows.f[c, SLIDE + k]
         if rows.there[c, ABOUT] != 0:
-            b[SPIN * LANES + i] = rows.size[c] * rows.f[c, ABOUT]
+            moved = (rows.centre[c, 0] * rows.f[c, SLIDE + 1]
+                     - rows.centre[c, 1] * rows.f[c, SLIDE])
+            b[SPIN * LANES + i] = rows.lever[c] * rows.f[c, ABOUT] + moved
         for k in range(2 if rows.there[c, ROLLS] != 0 else 0):
             b[(ROLL + k) * LANES + i] = rows.size[c] * rows.f[c, ROLLS + k]

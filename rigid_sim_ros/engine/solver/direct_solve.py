@@ -24,14 +24,14 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.constraints.contact_rules import Sweep
-from rigid_sim_ros.engine.contact.coulomb import disk
 from rigid_sim_ros.engine.maths.elimination import solve_symmetric
 from rigid_sim_ros.engine.solver.coloring import Blocks
 from rigid_sim_ros.engine.solver.direct_islands import (
     begin_island_impact, begins_to_bear, Islands, let_island_wait, make_islands, MOST_BODIES,
     MOST_MANIFOLDS)
 from rigid_sim_ros.engine.solver.direct_rows import (
-    DirectRows, make_direct_rows, rate_by, read_island, SLIDE, WIDTH, write_island)
+    DirectRows, disk_of, DISKS, make_direct_rows, pressure_of, rate_by, read_island, SLIDE, WIDTH,
+    write_island)
 from rigid_sim_ros.engine.solver.impacts import Impacts
 from rigid_sim_ros.engine.solver.island_sweeps import sweep_islands
 from rigid_sim_ros.engine.solver.solver_bodies import most_slots, SolverBodies
@@ -72,7 +72,7 @@ class Direct(NamedTuple):
     z: Array  # (6 b,) a step of Newton's method as velocities
     K: Array  # (36 b b,)
     last: IntArray  # (6 b,)
-    wish: Array  # (2,) f_0 - a / R of a disk
+    wish: Array  # (3,) f_0 - a / R of a disk
     along: Array  # (12,) a row of G times its part of the derivative of P / R
 
 
@@ -81,9 +81,9 @@ def make_direct(n: int, capacity: int) -> Direct:
     c, b = MOST_MANIFOLDS, MOST_BODIES
     return Direct(make_islands(n, capacity), make_direct_rows(most_slots(n)),
                   np.zeros((c, WIDTH)), np.zeros((c, 3)), np.zeros(6 * b), np.zeros((c, WIDTH)),
-                  np.zeros((c, WIDTH)), np.zeros((c, WIDTH)), np.zeros(6 * b), np.zeros(6 * b),
-                  np.zeros(6 * b), np.zeros(36 * b * b), np.zeros(6 * b, dtype=np.int64),
-                  np.zeros(2), np.zeros(12))
+                  np.zeros((c, WIDTH)), np.zeros((c, WIDTH)), np.zeros(6 * b),
+                  np.zeros(6 * b), np.zeros(6 * b), np.zeros(36 * b * b),
+                  np.zeros(6 * b, dtype=np.int64), np.zeros(3), np.zeros(12))
 
 
 @kernel
@@ -181,16 +181,10 @@ def _begin_round(count: int, work: Direct) -> None:
     """Bring f_0 and the radii up to date."""
     rows = work.rows
     for c in range(count):
-        for d in range(3):
-            work.radius[c, d] = rows.limit[c, d] * _pressure(c, rows)
+        for d in range(DISKS):
+            work.radius[c, d] = rows.limit[c, d] * pressure_of(c, rows)
         for r in range(WIDTH):
             work.base[c, r] = rows.f[c, r]
-
-
-@kernel
-def _pressure(c: int, rows: DirectRows) -> float:
-    """Return the sum of the normal impulses of a manifold [N s]."""
-    return rows.f[c, 0] + rows.f[c, 1] + rows.f[c, 2] + rows.f[c, 3]
 
 
 @kernel
@@ -205,7 +199,7 @@ def _reach(count: int, inv_h: float, rows: DirectRows) -> float:
     """
     reach = 0.0
     for c in range(count):
-        reach = max(reach, _pressure(c, rows) * rows.stiff[c, 0] / (inv_h * rows.size[c]))
+        reach = max(reach, pressure_of(c, rows) * rows.stiff[c, 0] / (inv_h * rows.size[c]))
     return reach
 
 
@@ -393,26 +387,20 @@ def _write_impulses(c: int, far: float, work: Direct) -> None:
             f[c, r] = work.base[c, r] - rate / (COMPLIANCE * rows.stiff[c, r])
     for r in range(SLIDE):
         f[c, r] = max(f[c, r], 0.0)
-    for d in range(3):
-        first, size = _disk(d)
-        if rows.there[c, first] != 0:
-            long, radius = _length(c, d, f), work.radius[c, d]
-            for k in range(size if long > radius else 0):
-                f[c, first + k] *= radius / long
+    for d in range(DISKS):
+        first, size = disk_of(c, d, rows)
+        long, radius = _length(c, d, rows), work.radius[c, d]
+        for k in range(size if long > radius else 0):
+            f[c, first + k] *= radius / long
 
 
 @kernel
-def _disk(d: int) -> tuple[int, int]:
-    """Return the first row and the number of rows of a disk: friction, about n, rolling."""
-    first, size = disk(d)
-    return SLIDE - 1 + first, size
-
-
-@kernel
-def _length(c: int, d: int, f: Array) -> float:
-    first, size = _disk(d)
-    y = f[c, first + 1] if size == 2 else 0.0
-    return float(np.sqrt(f[c, first] * f[c, first] + y * y))
+def _length(c: int, d: int, rows: DirectRows) -> float:
+    first, size = disk_of(c, d, rows)
+    square = 0.0
+    for r in range(first, first + size):
+        square += rows.f[c, r] * rows.f[c, r]
+    return float(np.sqrt(square))
 
 
 @kernel
@@ -435,9 +423,9 @@ def _add_manifold(c: int, K: Array, work: Direct) -> None:
             for k in range(12):
                 along[k] = rows.G[c, r, k] / (COMPLIANCE * rows.stiff[c, r])
             _add_row(c, r, K, work)
-    for d in range(3):
-        first, size = _disk(d)
-        if rows.there[c, first] != 0:
+    for d in range(DISKS):
+        first, size = disk_of(c, d, rows)
+        if size > 0:
             _add_disk(c, d, first, size, K, work)
 
 
@@ -486,15 +474,15 @@ def _violation(count: int, work: Direct) -> float:
     """
     rows, worst = work.rows, 0.0
     for c in range(count):
-        pressure = _pressure(c, rows)
+        pressure = pressure_of(c, rows)
         for r in range(WIDTH):
             if rows.there[c, r] != 0:
                 give = COMPLIANCE * rows.stiff[c, r] * abs(rows.f[c, r] - work.base[c, r])
                 worst = max(worst, give)
-        for d in range(3):
-            first, _ = _disk(d)
-            if rows.there[c, first] != 0:
-                radius, long = rows.limit[c, d] * pressure, _length(c, d, rows.f)
+        for d in range(DISKS):
+            first, size = disk_of(c, d, rows)
+            if size > 0:
+                radius, long = rows.limit[c, d] * pressure, _length(c, d, rows)
                 off = max(long - radius, 0.0)
                 if long >= work.radius[c, d] * (1.0 - 1e-12):
                     off = abs(radius - work.radius[c, d])
