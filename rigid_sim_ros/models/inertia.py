@@ -55,7 +55,7 @@ def mended(mass: float, tensor: Sequence[float], *,
     if not error:
         return tuple(tensor), ''
     if not is_allowed or not np.isfinite(tensor).all():
-        raise ValueError(f'{error}: {_MEND}')
+        raise ValueError(f"{error}: {_MEND if mass > 0.0 else 'mend the numbers'}")
     with np.errstate(all='ignore'):
         I = _matrix(tensor)  # noqa: E741
         moments, axes = np.linalg.eigh(I)

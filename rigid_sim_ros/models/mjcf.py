@@ -154,7 +154,7 @@ class _Reader:
         links = [self._link(b, poses[b]) for b in range(m.nbody)]
         joints = [joint for b in range(1, m.nbody) for joint in self._joints(b)]
         between = self._put_between(links, joints)
-        joints += self._equalities(joints, poses)
+        joints += self._equalities(poses)
         read_actuators(self._mj, m, self._axes, self._actuator_place, findings)
         frames = [self._frame(s, links) for s in range(m.nsite)]
         if not links[_WORLD].collisions:
@@ -287,14 +287,26 @@ class _Reader:
         """Write the damping of a ball, and tell what else it has."""
         m, dof = self._m, int(self._m.jnt_dofadr[row])
         joint.damping = self._damping(row)
-        if m.jnt_limited[row] or np.any(m.jnt_stiffness[row]) or m.dof_frictionloss[dof]:
+        self._check_linear(joint, row)
+        if m.jnt_limited[row] or m.jnt_stiffness[row] or m.dof_frictionloss[dof]:
             self._findings.error(joint.place, f'its ball joint {joint.name!r} has a range, a '
                                  'stiffness or a frictionloss, must have none')
         if m.dof_armature[dof]:
             self._findings.ignore(joint.place, f'armature of the ball joint {joint.name!r}')
 
     def _damping(self, row: int) -> float:
-        return float(self._m.dof_damping[int(self._m.jnt_dofadr[row])].max())
+        return float(self._m.dof_damping[int(self._m.jnt_dofadr[row])])
+
+    def _check_linear(self, joint: Joint, row: int) -> None:
+        """Report a spring or a damper whose force is no multiple of the motion (MuJoCo 4)."""
+        m, dof = self._m, int(self._m.jnt_dofadr[row])
+        for what, field, index in (
+                ('stiffness', 'jnt_stiffnesspoly', row), ('damping', 'dof_dampingpoly', dof)):
+            if hasattr(m, field) and np.any(getattr(m, field)[index]):
+                self._findings.error(joint.place, f'joint {joint.name!r}: its {what} has further '
+                                     'terms, must be one number')
+        if hasattr(m, 'jnt_springyield') and m.jnt_springyield[row]:
+            self._findings.error(joint.place, f'joint {joint.name!r}: its spring yields, must not')
 
     def _one_axis(self, joint: Joint, row: int, kind: str) -> None:
         """Write the laws of a hinge or a slide, whose coordinate here is 0 where it is written."""
@@ -308,20 +320,20 @@ class _Reader:
         if zero:
             self._findings.note(joint.place, f'joint {joint.name!r}: its positions count from its '
                                 f'ref, {zero:g}, where the model is written')
+        self._check_linear(joint, row)
         if is_limited:
             joint.lower, joint.upper = (float(bound) - zero for bound in m.jnt_range[row])
         joint.damping = self._damping(row)
         joint.friction = float(m.dof_frictionloss[dof])
         joint.armature = float(m.dof_armature[dof])
-        joint.stiffness = float(np.max(m.jnt_stiffness[row]))
+        joint.stiffness = float(m.jnt_stiffness[row])
         joint.rest = float(m.qpos_spring[int(m.jnt_qposadr[row])]) - zero
         if m.jnt_actfrclimited[row]:
             joint.effort = float(np.abs(m.jnt_actfrcrange[row]).min())
 
-    def _equalities(self, joints: list[Joint], poses: list[Pose]) -> list[Joint]:
+    def _equalities(self, poses: list[Pose]) -> list[Joint]:
         """Return the joints that equalities are; those between two joints are written to them."""
         m, mj, made = self._m, self._mj, []
-        by_name = {joint.name: joint for joint in joints}
         for e in range(m.neq):
             if not m.eq_active0[e]:
                 continue
@@ -329,10 +341,8 @@ class _Reader:
             name = self._name('equality', e)
             place = self._equality_place(kind, e)
             a, b, data = int(m.eq_obj1id[e]), int(m.eq_obj2id[e]), m.eq_data[e]
-            if kind == 'joint' and b >= 0 and not np.any(data[2:5]):
-                follower = by_name.get(self._name('jnt', a))
-                if follower is not None:
-                    follower.mimic = Mimic(self._name('jnt', b), float(data[1]), float(data[0]))
+            if kind == 'joint':
+                self._couple(self._axes.get(a), b, data, place)
                 continue
             if kind not in ('connect', 'weld'):
                 self._findings.error(place, f'is an equality of a kind that is not known here '
@@ -349,6 +359,20 @@ class _Reader:
             if not (self._is_welded(a) and self._is_welded(b)):
                 made.append(self._loop(name, kind, a, b, ends, poses, place))
         return made
+
+    def _couple(self, joint: Joint | None, other: int, terms: Any, place: Element) -> None:
+        """Let a joint follow another one; one that follows none has no way to go."""
+        if joint is None or (other >= 0 and other not in self._axes):
+            self._findings.error(place, 'is of a joint that is no hinge and no slide, must be of '
+                                 'these')
+        elif other < 0:
+            joint.kind = 'prismatic' if joint.kind == 'prismatic' else 'revolute'
+            joint.lower = joint.upper = float(terms[0])
+        elif np.any(terms[2:5]):
+            self._findings.error(place, 'its polycoef has terms beyond the first two, must have '
+                                 'none: a joint follows another one by a multiple and an offset')
+        else:
+            joint.mimic = Mimic(self._axes[other].name, float(terms[1]), float(terms[0]))
 
     def _equality_place(self, kind: str, e: int) -> Element:
         """Return where an equality stands, also of one without a name: they keep their order."""
@@ -403,15 +427,25 @@ class _Reader:
         """Tell what has no effect here, or refuse what would change the motion."""
         m, findings = self._m, self._findings
         for tag, count, why in (
-                ('sensor', m.nsensor, ''), ('keyframe', m.nkey, ''), ('camera', m.ncam, '')):
+                ('sensor', m.nsensor, ''), ('keyframe', m.nkey, ''), ('camera', m.ncam, ''),
+                ('pair', m.npair, 'contype and conaffinity tell what touches')):
             if count:
-                findings.ignore(self._root, f'<{tag}>', why)
+                findings.ignore(self._first(tag), f'<{tag}>', why)
+        for word, why in (
+                ('surfacevel', 'a kinematic body carries what lies on it'), ('adhesion', '')):
+            if np.any(getattr(m, f'geom_{word}', 0.0)):
+                findings.ignore(self._first(word), word, why)
+        for bit in ('contact', 'filterparent'):
+            if m.opt.disableflags & int(getattr(self._mj.mjtDisableBit, f'mjDSBL_{bit.upper()}')):
+                findings.ignore(self._first('flag'), f'the flag {bit}',
+                                'the scene tells what touches')
         if any(np.any(getattr(m, f'tendon_{key}', 0.0)) for key in (
                 'stiffness', 'damping', 'limited', 'frictionloss', 'armature')):
             findings.error(self._first('tendon'), 'has tendons with forces, which are not known '
                            'here, must have none')
         elif m.ntendon:
-            findings.ignore(self._root, '<tendon>')
+            findings.ignore(self._first('tendon'), '<tendon>',
+                            'only what actuators do by it counts')
         for bit in _DISABLED:
             if m.opt.disableflags & int(getattr(self._mj.mjtDisableBit, f'mjDSBL_{bit.upper()}')):
                 findings.error(self._root, f'disables {bit} by a <flag>, must not: leave out what '

@@ -9,6 +9,9 @@ Actuation model). Without bias it is a motor; with b0 = 0 and b1 < 0 it pulls to
 like a spring of stiffness -g^2 b1 with the damping -g^2 b2; with b1 = 0 and b2 < 0 it holds a
 velocity with the gain -g^2 b2. These are what drives are; what has other terms, or a state of its
 own, is none.
+
+One that pulls a fixed tendon, of the length c q, has the gear g c at its joint; where the tendon
+has several joints, all of which follow one, c is the sum of theirs, each times its multiplier.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -43,30 +46,50 @@ def read_actuators(mujoco: Any, m: Any, joints: Mapping[int, Joint],
     `place` gives where an actuator with a name stands. Those that are no drives have a line each.
     """
     drives: dict[int, _Drive] = {}
-    names = mujoco.mjtTrn
     for i in range(len(m.actuator_trntype)):
         name = str(m.actuator(i).name) or f'actuator{i}'
-        kinds = int(m.actuator_trntype[i])
-        row = int(m.actuator_trnid[i][0])
-        joint = joints.get(row) if kinds in (
-            int(names.mjTRN_JOINT), int(names.mjTRN_JOINTINPARENT)) else None
-        why = _add(mujoco, m, i, joint, row, drives)
+        row, lever = _end(mujoco, m, i, joints)
+        why = _add(mujoco, m, i, joints.get(row), row, lever * float(m.actuator_gear[i][0]),
+                   drives)
         if why:
             findings.ignore(place(name), f'actuator {name[:60]!r}', why)
     for drive in drives.values():
         _write(drive)
 
 
-def _add(mujoco: Any, m: Any, i: int, joint: Joint | None, row: int,
+def _end(mujoco: Any, m: Any, i: int, joints: Mapping[int, Joint]) -> tuple[int, float]:
+    """Return the row of the joint on which an actuator acts, -1 for none, and its lever there."""
+    kind, row = int(m.actuator_trntype[i]), int(m.actuator_trnid[i][0])
+    names = mujoco.mjtTrn
+    if kind in (int(names.mjTRN_JOINT), int(names.mjTRN_JOINTINPARENT)):
+        return row, 1.0
+    if kind != int(names.mjTRN_TENDON):
+        return -1, 0.0
+    rows, ends = {joint.name: row for row, joint in joints.items()}, set[int]()
+    lever, first = 0.0, int(m.tendon_adr[row])
+    for k in range(first, first + int(m.tendon_num[row])):
+        if int(m.wrap_type[k]) != int(mujoco.mjtWrap.mjWRAP_JOINT):
+            return -1, 0.0
+        at, share = int(m.wrap_objid[k]), float(m.wrap_prm[k])
+        follows = joints[at].mimic if at in joints else None
+        if follows is not None and follows.offset == 0.0:
+            at, share = rows[follows.joint], share * follows.multiplier
+        ends.add(at)
+        lever += share
+    return (ends.pop(), lever) if len(ends) == 1 else (-1, 0.0)
+
+
+def _add(mujoco: Any, m: Any, i: int, joint: Joint | None, row: int, g: float,
          drives: dict[int, _Drive]) -> str:
-    """Add an actuator to the drive of its joint, or return why it cannot be."""
+    """Add an actuator with the gear g to the drive of its joint, or return why it cannot be."""
     if joint is None:
         return 'it acts on no joint with one axis'
+    if int(_of(m, 'actuator_group', i)) in _disabled(m):
+        return 'its group is disabled'
     terms = _terms(mujoco, m, i)
-    if terms is None:
+    if terms is None or g == 0.0:
         return 'it is no motor, and no servo of a position or a velocity'
     k, b1, b2 = terms
-    g = float(m.actuator_gear[i][0])
     kind = 'position' if b1 < 0.0 else 'velocity' if b2 < 0.0 else 'effort'
     drive = drives.setdefault(row, _Drive(joint))
     if kind in drive.kinds:
@@ -97,9 +120,10 @@ def _terms(mujoco: Any, m: Any, i: int) -> tuple[float, float, float] | None:
     is_plain = (int(m.actuator_dyntype[i]) == int(mujoco.mjtDyn.mjDYN_NONE)
                 and int(m.actuator_gaintype[i]) == int(mujoco.mjtGain.mjGAIN_FIXED)
                 and int(_of(m, 'actuator_plugin', i, -1)) < 0
-                and not float(_of(m, 'actuator_delay', i)))
-    k, g = float(m.actuator_gainprm[i][0]), float(m.actuator_gear[i][0])
-    if not is_plain or k == 0.0 or g == 0.0:
+                and not float(_of(m, 'actuator_delay', i))
+                and not np.any(_of(m, 'actuator_dampingpoly', i)))
+    k = float(m.actuator_gainprm[i][0])
+    if not is_plain or k == 0.0:
         return None
     if int(m.actuator_biastype[i]) == int(mujoco.mjtBias.mjBIAS_NONE):
         return k, 0.0, 0.0
@@ -108,6 +132,11 @@ def _terms(mujoco: Any, m: Any, i: int) -> tuple[float, float, float] | None:
             b0 != 0.0 or b1 > 0.0 or b2 > 0.0):
         return None
     return k, b1, b2
+
+
+def _disabled(m: Any) -> set[int]:
+    """Return the groups of actuators that do nothing; a bit for each."""
+    return {group for group in range(31) if int(m.opt.disableactuator) >> group & 1}
 
 
 def _range(m: Any, i: int) -> tuple[float, float]:

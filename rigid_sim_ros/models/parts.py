@@ -383,6 +383,9 @@ class _Maker:
         if limits.get('velocity') == 0.0:
             self._findings.ignore(joint.place, 'a velocity limit of 0')
             del limits['velocity']
+        if limits.get('effort') == 0.0:
+            self._findings.ignore(joint.place, 'what a drive asks of a joint with the effort '
+                                  'limit 0')
         if limits:
             made['limits'] = limits
         for key in ('damping', 'friction', 'armature'):
@@ -391,24 +394,22 @@ class _Maker:
         if joint.stiffness:
             made['spring'] = {'stiffness': joint.stiffness, 'rest': joint.rest}
         position = self._wish.joints.get(joint.name)
+        drive = self._wish.drives.get(joint.name, joint.drive)
+        if drive is not None:
+            made['drive'] = dict(drive)
+            if position is not None and drive is joint.drive and joint.mimic is None:
+                made['drive'].pop('position', None)     # it holds what the scene asks for
         if joint.mimic is not None:
             self._add_mimic(joint, made)
-            if joint.drive is not None:
-                made['drive'] = dict(joint.drive)
-        else:
-            drive = self._wish.drives.get(joint.name, joint.drive)
-            if drive is not None:
-                made['drive'] = dict(drive)
-                if position is not None and drive is joint.drive:
-                    made['drive'].pop('position', None)     # it holds what the scene asks for
-            elif not self._has_loops:
-                made['drive'] = {'mode': 'effort'}
-            if position is None and not (-math.inf if lower is None else lower) <= 0.0 <= (
-                    math.inf if upper is None else upper):
-                position = lower if (lower or 0.0) > 0.0 else upper
-                self._findings.ignore(joint.place, 'position 0 at the start', 'it is beyond the '
-                                      'limits of this joint, which starts at the nearer one; '
-                                      '`joints` of the model says another')
+        elif drive is None and not self._has_loops:
+            made['drive'] = {'mode': 'effort'}
+        if joint.mimic is None and position is None and not (
+                -math.inf if lower is None else lower) <= 0.0 <= (
+                math.inf if upper is None else upper):
+            position = lower if (lower or 0.0) > 0.0 else upper
+            self._findings.ignore(joint.place, 'position 0 at the start', 'it is beyond the '
+                                  'limits of this joint, which starts at the nearer one; '
+                                  '`joints` of the model says another')
         if position is not None:
             made['position'] = position
 

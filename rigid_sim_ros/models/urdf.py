@@ -27,6 +27,8 @@ _TYPES = {'revolute': 'revolute', 'continuous': 'continuous', 'prismatic': 'pris
           'fixed': 'fixed', 'floating': 'free', 'planar': 'planar'}
 _MOMENTS = ('ixx', 'iyy', 'izz', 'ixy', 'ixz', 'iyz')
 _ONE_AXIS = ('revolute', 'continuous', 'prismatic')
+# [rad] Beyond these a number looks like degrees: a turn in a pose, four of a joint.
+_TURN, _MOST_TURN = 2.0 * math.pi + 1e-3, 8.0 * math.pi
 
 
 def read_urdf(data: bytes, path: Path, folders: Folders) -> Model:
@@ -116,7 +118,11 @@ class _Reader:
                 self._findings.error(origin, f'quat_xyzw has length {norm:g}, must be 1')
                 return IDENTITY
             return Pose(xyz, (x / norm, y / norm, z / norm, w / norm))
-        return Pose(xyz, from_rpy(*vector(origin, 'rpy', self._findings)))
+        rpy = vector(origin, 'rpy', self._findings)
+        if max(map(abs, rpy)) > _TURN:
+            self._findings.note(origin, f'rpy {origin.attributes["rpy"]!r} is more than a turn: '
+                                'angles are in radians')
+        return Pose(xyz, from_rpy(*rpy))
 
     def _shape(self, element: Element, *, is_physics: bool) -> Shape | None:
         findings = self._findings if is_physics else Findings()
@@ -250,6 +256,12 @@ class _Reader:
             if joint.lower > joint.upper:
                 findings.error(limit, f'lower {joint.lower:g} is above upper {joint.upper:g}, '
                                'must be below it: swap them')
+            if not {'lower', 'upper'} & set(limit.attributes):
+                findings.note(limit, 'has no lower and no upper, which are 0 then: the joint '
+                              'cannot move; a continuous one has no bounds')
+            elif joint.kind == 'revolute' and max(-joint.lower, joint.upper) > _MOST_TURN:
+                findings.note(limit, f'lower {joint.lower:g} and upper {joint.upper:g} are '
+                              'radians, and more than four turns')
         if 'effort' in limit.attributes:
             joint.effort = attribute(limit, 'effort', findings, least=0.0)
         if 'velocity' in limit.attributes:
@@ -300,9 +312,12 @@ def _place_links(links: list[Link], joints: list[Joint], root: Element,
             findings.error(joint.place, 'is there twice, must have a name of its own')
         names.add(joint.name)
     bases = [name for name in by_name if name not in held]
-    if len(bases) != 1 and not findings.errors:
-        findings.error(root, f'{len(bases)} links have no parent'
-                       f'{": " if bases else ""}{", ".join(bases[:6])}; must be one')
+    if not bases and not findings.errors:
+        findings.error(root, 'its joints form a ring: each link is the child of one, URDF must '
+                       'have one link that is not')
+    elif len(bases) != 1 and not findings.errors:
+        findings.error(root, f'{len(bases)} links have no parent: {", ".join(bases[:6])}; must be '
+                       'one')
     if findings.errors:
         return ''
     waiting, reached = list(bases), set(bases)

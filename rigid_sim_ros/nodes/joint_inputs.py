@@ -11,6 +11,7 @@ from rigid_sim_ros.scene import schema
 from rigid_sim_ros.scene.errors import nearest
 from rigid_sim_ros.scene.joint_groups import full_name, joint_groups
 from rigid_sim_ros.world.commands import Command
+from rigid_sim_ros.world.drives import how_to_drive
 
 _SECOND = 1_000_000_000
 _NAN = math.nan
@@ -147,7 +148,7 @@ class JointReceiver:
 def _check_drive(name: str, joint: schema.Joint, mode: str) -> None:
     if joint.drive is None:
         raise _Refused('no drive', f'joint {name!r} has no drive that could follow a command: '
-                       'write `drive: {mode: effort}` in the scene')
+                       f'{how_to_drive(joint)}')
     needed = _NEEDED[mode]
     if needed and getattr(joint.drive, needed) is None:
         raise _Refused('no drive', f'the drive of joint {name!r} has no {needed} to follow a '

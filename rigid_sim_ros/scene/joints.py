@@ -17,8 +17,8 @@ from rigid_sim_ros.engine.maths.rotation_in_python import from_matrix, multiply,
 from rigid_sim_ros.engine.model import joints as engine
 from rigid_sim_ros.engine.model.joints import build_joints, JointTable, Laws, LoopError, Mimic
 from rigid_sim_ros.engine.model.model import Model, WORLD
-from rigid_sim_ros.engine.state.state import State
-from rigid_sim_ros.kernels.arrays import Array
+from rigid_sim_ros.engine.state.state import copy_into, copy_state, State
+from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.scene import schema
 from rigid_sim_ros.scene.errors import below, nearest, Report, shown
 
@@ -283,6 +283,7 @@ def put_together(spec: schema.Scene, model: Model, state: State, joints: SceneJo
     """
     Move the bodies of the first state to where the positions of the joints want them.
 
+    Where joints close loops, those whose positions are written keep them, as far as they agree.
     Reports joints whose two frames do not meet where the bodies are written, or after the others
     have moved to their positions.
     """
@@ -298,8 +299,11 @@ def put_together(spec: schema.Scene, model: Model, state: State, joints: SceneJo
     motion = joints_at_rest(table, joints.drives)
     work = make_joint_work(table)
     motion.position[:] = joints.position
-    gap = assemble(model, table, state, motion, work, joints.position,
-                   np.zeros(len(table.translates), dtype=np.int64))
+    given, before = _given(named, table), copy_state(state)
+    gap = assemble(model, table, state, motion, work, joints.position, given)
+    if not gap <= CLOSED and given.any():
+        copy_into(state, before)
+        gap = assemble(model, table, state, motion, work, joints.position, np.zeros_like(given))
     if not gap <= CLOSED:
         worst = max(range(len(named)), key=lambda i: gap_of(table, state, i))
         report(('joints', worst), f'does not close: its frames stay {gap:.3g} m or rad apart, '
@@ -309,6 +313,15 @@ def put_together(spec: schema.Scene, model: Model, state: State, joints: SceneJo
         _check_start(joint, joint_position(table, state, i, float(joints.position[i])),
                      below(('joints', i), report))
     set_rates(model, table, state, motion, work, joints.velocity)
+
+
+def _given(named: Sequence[schema.Joint], table: JointTable) -> IntArray:
+    """Return (k,) 1 for axes that keep a written position while others let loops close."""
+    given = np.zeros(len(table.translates), dtype=np.int64)
+    if len(table.condition_joint) > 0:
+        for k, j in enumerate(table.axis_joint):
+            given[k] = int(j != engine.NONE and named[j].position is not None)
+    return given
 
 
 def _check_start(joint: schema.Joint, position: float, here: Report) -> None:

@@ -178,8 +178,11 @@ def _wish(entry: schema.ModelFile, model: Model, report: Report) -> Wish:
     named = _Named(model, report)
     positions = {name: position for wanted, position in entry.joints.items()
                  for name in named.matching(wanted, ('joints', wanted))}
+    # What follows another joint has a drive of its own where it is named, not where all are meant.
+    follow = {joint.name for joint in model.joints if joint.mimic is not None}
     drives = {name: drive.model_dump(exclude_none=True) for pattern, drive in entry.drives.items()
-              for name in named.matching(pattern, ('drives', pattern))}
+              for name in named.matching(pattern, ('drives', pattern))
+              if name not in follow or not set('*?[') & set(pattern)}
     unlimited = {name for i, pattern in enumerate(entry.unlimited)
                  for name in named.matching(pattern, ('unlimited', i))}
     return Wish(entry.name, Pose(entry.pose.position, entry.pose.orientation), entry.fixed_base,

@@ -19,7 +19,7 @@ from rigid_sim_ros.engine.model.model import WORLD
 from rigid_sim_ros.kernels.arrays import Array
 from rigid_sim_ros.scene.joint_groups import model_of
 from rigid_sim_ros.scene.joints import MODES, set_drive
-from rigid_sim_ros.scene.schema import JointDrive
+from rigid_sim_ros.scene.schema import Joint, JointDrive
 from rigid_sim_ros.world.bounds import check_joint, check_joint_change
 from rigid_sim_ros.world.joints import WithJoints
 from rigid_sim_ros.world.trajectories import (
@@ -41,6 +41,13 @@ class _Goal(NamedTuple):
     position: float     # [rad or m]
     velocity: float     # [rad/s or m/s]
     effort: float       # [N m or N]
+
+
+def how_to_drive(joint: Joint) -> str:
+    """Return what to do for a joint without a drive that is told something."""
+    if joint.mimic is not None:
+        return f"it follows '{joint.mimic.joint}', which is to be told"
+    return 'write `drive: {mode: effort}` in the scene'
 
 
 class WithDrives(WithJoints):
@@ -95,8 +102,8 @@ class WithDrives(WithJoints):
         joints, j = self._known_joint(name)
         drive, k = (self.scene.spec.joints or ())[j].drive, self._axis_of(j)
         if drive is None or k == NONE:
-            raise ValueError(f"joint '{name}' has no drive: write `drive: {{mode: effort}}` in "
-                             'the scene')
+            raise ValueError(f"joint '{name}' has no drive: "
+                             f'{how_to_drive((self.scene.spec.joints or ())[j])}')
         mode = drive.mode if mode is None else mode
         if mode not in MODES:
             raise ValueError(f'mode {mode!r}, must be one of: {", ".join(MODES)}')

@@ -15,8 +15,9 @@ import pytest
 
 # Scenes of a law that looks at one world, and of one that compares four.
 SCENES, TWINS = {'timestep': 3, 'event': 2}, {'timestep': 2, 'event': 1}
-# In these something falls on what sleeps, and what is coupled meets its limits.
-MORE = {'mixed-asleep': {7, 12, 13}, 'mixed-momentum': {11, 15}}
+# In these something falls on what sleeps, what is coupled meets its limits, and what is carried
+# along is fast and light.
+MORE = {'mixed-asleep': {7, 12, 13}, 'mixed-momentum': {11, 15}, 'mixed-carried': {38, 42}}
 # Scenes known to break a law, in place of which the next is asked; docs/joints.md says how
 # many of a hundred do. In this one, 5e-11 apart, only one of two twins takes a part of step 263 in
 # halves: whether the motion is resolved by a part is a yes or no.

@@ -121,6 +121,25 @@ def test_equalities_are_joints_that_close_loops_or_follow(tmp_path) -> None:
     assert joints[2].pose.position == pytest.approx((0, 0, -0.4), abs=1e-15)
 
 
+def test_an_equality_of_one_joint_holds_it(tmp_path) -> None:
+    text = ARM.replace('</mujoco>', '<equality><joint joint1="elbow" polycoef="0.2 0 0 0 0"/>'
+                       '</equality></mujoco>')
+    elbow = read_scene(write(tmp_path, 'arm.xml', text)).spec.joints[1]
+    assert (elbow.type, elbow.limits.lower, elbow.limits.upper) == ('revolute', 0.2, 0.2)
+
+
+@pytest.mark.parametrize(('old', 'new', 'words'), [
+    ('contype="1"', 'contype="1" adhesion="1"', 'adhesion is ignored'),
+    ('contype="1"', 'contype="1" surfacevel="1 0 0"', 'surfacevel is ignored: a kinematic body'),
+    ('<default>', '<option><flag contact="disable"/></option><default>', 'the flag contact is'),
+    ('</mujoco>', '<contact><pair geom1="g" geom2="h"/></contact></mujoco>', '<pair> is ignored')])
+def test_what_touches_otherwise_in_mujoco_is_told(tmp_path, old, new, words) -> None:
+    text = ARM.replace('type="box"', 'name="g" type="box"').replace(
+        'type="sphere"', 'name="h" type="sphere"').replace(old, new)
+    notes = read_scene(write(tmp_path, 'arm.xml', text)).notes
+    assert any(words in note for note in notes)
+
+
 def test_sites_are_held_together_as_bodies_are(tmp_path) -> None:
     text = ARM.replace('<freejoint/>', '<freejoint/><site name="eye" pos=".2 0 0"/>').replace(
         '<body name="ball" pos="1 0 1">', '<body name="ball" pos="-.2 0 .4">').replace(
@@ -160,6 +179,12 @@ def test_a_file_without_bodies_is_refused_by_its_name(tmp_path) -> None:
      '</equality></mujoco>', 'elsewhere than they are written'),
     ('</mujoco>', '<tendon><fixed frictionloss="1"><joint joint="elbow" coef="1"/></fixed>'
      '</tendon></mujoco>', 'tendons with forces'),
+    ('stiffness="1"', 'stiffness="1 2 3"', "'shoulder': its stiffness has further terms"),
+    ('damping=".1"', 'damping=".1 2 3"', "'shoulder': its damping has further terms"),
+    ('stiffness="1"', 'stiffness="1" springyield="2"', "'shoulder': its spring yields"),
+    ('<freejoint/>', '<joint type="ball" damping="1 2 3"/>', 'its damping has further terms'),
+    ('</mujoco>', '<equality><joint joint1="elbow" joint2="shoulder" polycoef="0 1 2 0 0"/>'
+     '</equality></mujoco>', 'its polycoef has terms beyond the first two'),
     ('<worldbody>', '<include file="../secret.xml"/><worldbody>', 'may lie outside'),
     ('<worldbody>', '<asset><mesh file="/etc/passwd"/></asset><worldbody>', 'may lie outside'),
     ('<worldbody>', '<extension><plugin plugin="x"/></extension><worldbody>', 'another library'),

@@ -118,7 +118,35 @@ def test_a_joint_that_follows_another_has_its_motor_as_well(tmp_path):
     assert follower.mimic.joint == 'r/j1' and follower.drive.mode == 'effort'
 
 
+# Both fingers of a gripper are pulled by one tendon, and coupled.
+SPLIT = ARM.replace('</mujoco>', """
+  <tendon><fixed name="one"><joint joint="j1" coef="2"/></fixed>
+    <fixed name="split"><joint joint="j2" coef="0.5"/><joint joint="j3" coef="0.5"/></fixed>
+  </tendon>
+  <equality><joint joint1="j3" joint2="j2" polycoef="0 1 0 0 0"/></equality></mujoco>""")
+
+
+def test_an_actuator_on_a_fixed_tendon_drives_the_joint_that_the_tendon_follows(tmp_path):
+    path = write(tmp_path, 'arm.xml', SPLIT.format(actuators="""
+      <position tendon="one" kp="3" kv="0.2" gear="3"/>
+      <general tendon="split" gainprm="5" biastype="affine" biasprm="0 -5 -0.1"/>"""))
+    j1, j2, j3 = joints(load_scene(path)).values()
+    # The tendon is twice as long as j1 turns, and 0.5 q + 0.5 q with j2 at q and j3 at 1 q.
+    assert (j1.drive.stiffness, j1.drive.damping) == pytest.approx((3 * 36, 0.2 * 36))
+    assert (j2.drive.stiffness, j2.drive.damping) == (5.0, 0.1)
+    assert j3.drive is None and j3.mimic.joint == 'arm/j2'
+
+
+def test_actuators_of_a_disabled_group_do_nothing(tmp_path):
+    text = ARM.format(actuators='<motor name="odd" joint="j1" group="2"/><motor joint="j2"/>')
+    path = write(tmp_path, 'arm.xml', text.replace(
+        '<option ', '<option actuatorgroupdisable="2" '))
+    world = load_scene(path)
+    assert any("'odd' is ignored: its group is disabled" in note for note in world.scene.notes)
+
+
 @pytest.mark.parametrize(('actuator', 'why'), [
+    ('<motor name="odd" joint="j1" damping="0.1 0.2 0.3"/>', 'no servo'),
     ('<position name="odd" joint="j1" kp="9" timeconst="0.1"/>', 'no servo'),
     ('<intvelocity name="odd" joint="j1" kp="9" actrange="-1 1"/>', 'no servo'),
     ('<damper name="odd" joint="j1" kv="1" ctrlrange="0 1"/>', 'no servo'),

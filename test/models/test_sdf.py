@@ -3,6 +3,7 @@
 """SDF files: frames relative to frames, models in models, includes, and what their joints say."""
 
 import math
+from pathlib import Path
 import re
 
 from models.robots import world_of, write
@@ -234,7 +235,8 @@ def test_links_of_a_model_touch_each_other_only_if_it_says_so(tmp_path) -> None:
     assert read_scene(path).spec.collision.ignore == ()
 
 
-def test_a_four_bar_linkage_closes_and_moves(tmp_path) -> None:
+def four_bar(folder) -> Path:
+    """Write a parallelogram of bars that are 1 m long, in the plane y = 0."""
     def bar(name: str, pose: str) -> str:
         return link(name, f'<pose>{pose} 0 0 0</pose>')
 
@@ -246,7 +248,24 @@ def test_a_four_bar_linkage_closes_and_moves(tmp_path) -> None:
     content = (bar('a', '0 0 0') + bar('b', '0 0 1') + bar('c', '1 0 0')
                + hinge('world', 'a', '0 0 0') + hinge('a', 'b', '0 0 1')
                + hinge('world', 'c', '1 0 0') + hinge('b', 'c', '1 0 1', 'ball'))
-    world = world_of(write(tmp_path, 'm.sdf', sdf(content)))
+    return write(folder, 'm.sdf', sdf(content))
+
+
+def test_a_joint_of_a_loop_starts_where_the_scene_says(tmp_path) -> None:
+    world = world_of(four_bar(tmp_path), joints={'world_a': 0.4})
+    # Opposite sides of a parallelogram turn alike, and the others stay parallel to each other.
+    assert world.joint_position[:3] == pytest.approx([0.4, -0.4, 0.4], abs=1e-11)
+
+
+def test_positions_that_a_loop_cannot_have_together_all_give_way(tmp_path) -> None:
+    world = world_of(four_bar(tmp_path), joints={'world_a': 0.4, 'world_c': 0.3})
+    first, _, last = world.joint_position[:3]
+    assert 0.3 < first < 0.4
+    assert last == pytest.approx(first, abs=1e-11)
+
+
+def test_a_four_bar_linkage_closes_and_moves(tmp_path) -> None:
+    world = world_of(four_bar(tmp_path))
     world.apply_impulse('r/b', (0.5, 0, 0))
     world.step(200)
     first, last = world.joint_position[0], world.joint_position[2]

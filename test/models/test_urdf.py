@@ -167,6 +167,32 @@ def test_what_has_no_effect_is_told_in_one_line_for_each_kind(tmp_path) -> None:
         f'{path}:14: <transmission> is ignored: drives are written in the scene']
 
 
+def test_a_follower_has_a_drive_where_it_is_named_itself(tmp_path) -> None:
+    path = write(tmp_path, 'mimic.urdf', MIMIC)
+    drive = {'mode': 'velocity', 'gain': 3}
+    drives = [joint.drive for joint in world_of(path, drives={'*': drive}).scene.spec.joints]
+    assert [one and one.gain for one in drives] == [3, None]
+    drives = [joint.drive for joint in world_of(path, drives={'second': drive}).scene.spec.joints]
+    assert [one.mode for one in drives] == ['effort', 'velocity']
+
+
+def test_who_tells_a_follower_learns_whom_to_tell(tmp_path) -> None:
+    world = world_of(write(tmp_path, 'mimic.urdf', MIMIC))
+    with pytest.raises(ValueError, match="has no drive: it follows 'r/hinge', which is"):
+        world.set_joint_command('r/second', effort=1.0)
+
+
+@pytest.mark.parametrize(('old', 'new', 'words'), [
+    ('lower="-3" upper="3"', '', 'has no lower and no upper, which are 0 then'),
+    ('lower="-3" upper="3"', 'lower="-180" upper="180"', 'lower -180 and upper 180 are radians'),
+    ('rpy="0 1.5707963267948966 0"', 'rpy="0 90 0"', "rpy '0 90 0' is more than a turn"),
+    ('effort="10"', 'effort="0"', 'with the effort limit 0 is ignored')])
+def test_what_is_hardly_meant_is_told(tmp_path, old, new, words) -> None:
+    assert not read_scene(write(tmp_path, 'pendulum.urdf', URDF)).notes
+    notes = read_scene(write(tmp_path, 'pendulum.urdf', URDF.replace(old, new))).notes
+    assert len(notes) == 1 and words in notes[0]
+
+
 @pytest.mark.parametrize(('old', 'new', 'line', 'words'), [
     ('type="revolute"', 'type="hinge"', 7, "type 'hinge', must be revolute, "),
     ('lower="-3" upper="3"', 'lower="3" upper="-3"', 9, 'lower 3 is above upper -3'),
@@ -199,6 +225,18 @@ def test_a_mistake_is_named_with_its_line_and_mend(tmp_path, old, new, line, wor
     first = error.value.problems[0]
     assert (first.file, first.line) == (str(path), line)
     assert words in first.message
+
+
+def test_a_mass_of_0_is_not_said_to_be_mended(tmp_path) -> None:
+    text = URDF.replace('<mass value="1"/>', '<mass value="0"/>')
+    with pytest.raises(SceneError, match=r'mass 0 kg, must be > 0: mend the numbers$'):
+        read_scene(write(tmp_path, 'pendulum.urdf', text))
+
+
+def test_a_ring_without_a_base_is_told(tmp_path) -> None:
+    text = URDF.replace('  <link name="base"/>\n', '').replace('link="base"', 'link="tool"')
+    with pytest.raises(SceneError, match='its joints form a ring: each link is the child of one'):
+        read_scene(write(tmp_path, 'pendulum.urdf', text))
 
 
 def test_all_mistakes_are_told_at_once(tmp_path) -> None:

@@ -12,12 +12,13 @@ where they met (`meeting_within`).
 import math
 
 from rigid_sim_ros.engine.constraints.articulated_buffers import (
-    ContactBuffers, ISLANDS, KNOWN, POINTS_IN_USE, WIDTH, WOKEN)
+    ContactBuffers, HALF_KNOWN, ISLANDS, KNOWN, POINTS_IN_USE, WIDTH, WOKEN)
 from rigid_sim_ros.engine.contact.carried_forces import match_forces
 from rigid_sim_ros.engine.contact.classify import resting_speed
 from rigid_sim_ros.engine.contact.contacts import Contacts, relative, to_contact
 from rigid_sim_ros.engine.maths.union_find import first_of, unite
-from rigid_sim_ros.engine.model.joints import JointTable
+from rigid_sim_ros.engine.maths.vector import norm, row
+from rigid_sim_ros.engine.model.joints import JointTable, NONE
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.kernels.arrays import IntArray
 from rigid_sim_ros.kernels.kernel import kernel
@@ -27,6 +28,8 @@ from rigid_sim_ros.kernels.kernel import kernel
 TOUCHING = 1e-7
 # Points that are nearer take part in the first half of a step, and in the second.
 CLOSE, NEAR = 1e-4, 1e-6
+# Of the size of a shape: impulses that move a body by less in a step are rounding of others.
+NOTHING = 1e-12
 
 
 @kernel
@@ -91,14 +94,35 @@ def take_all(w: ContactBuffers) -> None:
 
 
 @kernel
-def take_loaded(w: ContactBuffers) -> None:
+def take_loaded(model: Model, w: ContactBuffers) -> None:
     """
     Let take part in the second half of a step what pressed in the first, or touches.
 
-    w.match says which points took part in the first.
+    w.match says which points took part in the first; others may take their places.
     """
+    _match_moved(model, w)
     for k in range(w.contacts.count[0]):
-        w.active[k] = 1 if _presses(w.contacts, k, w) else 0
+        w.active[k] = 1 if _presses(model, w, k) else 0
+
+
+@kernel
+def _match_moved(model: Model, w: ContactBuffers) -> None:
+    """
+    Let what pressed in the first half where no point is any more go on at the nearest of its pair.
+
+    What turns meets with other edges at the new poses, a little apart as the way is not straight:
+    without that it would not bounce.
+    """
+    contacts, half = w.contacts, w.half
+    for i in range(w.count[HALF_KNOWN]):
+        is_there, nearest, impulse = False, NONE, norm(row(half.force, i))
+        for k in range(contacts.count[0]):
+            if contacts.shape_a[k] == half.shape_a[i] and contacts.shape_b[k] == half.shape_b[i]:
+                is_there = is_there or w.match[k] == i or not _is_felt(model, contacts, k, impulse)
+                if w.match[k] < 0 and (nearest == NONE or contacts.gap[k] < contacts.gap[nearest]):
+                    nearest = k
+        if not is_there and nearest != NONE:
+            w.match[nearest] = i
 
 
 @kernel
@@ -185,8 +209,9 @@ def _island(model: Model, contacts: Contacts, k: int, parent: IntArray) -> int:
 
 
 @kernel
-def _presses(contacts: Contacts, k: int, w: ContactBuffers) -> bool:
+def _presses(model: Model, w: ContactBuffers, k: int) -> bool:
     """Return whether a point takes part in the second half of a step."""
+    contacts = w.contacts
     if contacts.gap[k] <= NEAR * contacts.size[k]:
         return True
     i = w.match[k]
@@ -195,7 +220,15 @@ def _presses(contacts: Contacts, k: int, w: ContactBuffers) -> bool:
     pressed = 0.0
     for j in range(3):
         pressed += w.half.force[i, j] * contacts.axes[k, 0, j]
-    return pressed > 0.0
+    return _is_felt(model, contacts, k, pressed)
+
+
+@kernel
+def _is_felt(model: Model, contacts: Contacts, k: int, impulse: float) -> bool:
+    """Return whether an impulse [N s] at a point is more than the rounding of other ones."""
+    a, b = contacts.body_a[k], contacts.body_b[k]
+    return bool(impulse * max(model.inv_m[a], model.inv_m[b]) * model.h
+                > NOTHING * contacts.size[k])
 
 
 @kernel

@@ -3,27 +3,62 @@
 """Speculative margins: how far from the surfaces of shapes detection finds contacts."""
 
 from rigid_sim_ros.engine.detection.manifolds import Memory
-from rigid_sim_ros.engine.maths.vector import column, norm
-from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.engine.maths.vector import add, column, norm, scale
+from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
 
 @kernel
-def set_margins(h: float, inv_m: Array, inv_I_C: Array, P: Array, L: Array, V: Array,
-                part_of: float, radius: Array, thickness: Array, body: IntArray, memory: Memory,
-                first: int, last: int) -> None:
+def set_margins(model: Model, h: float, state: State, part_of: float, radius: Array,
+                thickness: Array, body: IntArray, memory: Memory, first: int, last: int) -> None:
     """
-    Write the margins of some shapes [m]: what they have at rest, and as far as they move.
+    Write the margins of some shapes [m]: what they have at rest, and as far as they move in h [s].
 
     So nothing passes what is thinner than its way in a step, or is met late. The margin at rest is
     `part_of` the thickness (s,) [m], half of the least that a shape measures across.
     """
+    inv_m, inv_I_C, P, L, V = model.inv_m, model.inv_I_C, state.P, state.L, state.V
+    rest = standard_of_rest(model, state, body)
     for s in range(first, last):
         i = body[s] & INDEX
-        v = inv_m[i] * norm(column(P, i)) + norm((V[0, i], V[1, i], V[2, i]))
+        # V of what is pushed is 0, and so is inv_m of all else.
+        v = norm((inv_m[i] * P[0, i] + V[0, i] - rest[0], inv_m[i] * P[1, i] + V[1, i] - rest[1],
+                  inv_m[i] * P[2, i] + V[2, i] - rest[2]))
         # Not below |w|, which would need the attitude.
         w = max(inv_I_C[0, i], inv_I_C[1, i], inv_I_C[2, i]) * norm(column(L, i))
         w += norm((V[3, i], V[4, i], V[5, i]))
         way = (v + w * radius[i]) * h
         memory.rest_margin[s] = part_of * thickness[s] if inv_m[i] > 0.0 else 0.0
         memory.margin[s] = memory.rest_margin[s] + way
+
+
+@kernel
+def standard_of_rest(model: Model, state: State, body: IntArray) -> Vector:
+    """
+    Return the velocity [m/s] that is taken for rest: of what nothing pushes and others may touch.
+
+    In any frame two bodies come nearer by no more than both go. This is the frame of what stops
+    others, so that margins are the same on a ship as on land: that of the world where something is
+    at rest, or nothing kinematic is there, else the mean velocity of the kinematic shapes. body
+    (s,) are the bodies of all shapes.
+    """
+    total, count = (0.0, 0.0, 0.0), 0
+    for s in range(body.shape[0]):
+        i = body[s] & INDEX
+        v = (state.V[0, i], state.V[1, i], state.V[2, i])
+        if v != (0.0, 0.0, 0.0):
+            total, count = add(total, v), count + 1
+        elif model.inv_m[i] == 0.0 and _is_fixed(model, i):
+            return v
+    return scale(1.0 / max(1, count), total)
+
+
+@kernel
+def _is_fixed(model: Model, i: int) -> bool:
+    """Return whether nothing pushes body i, and not only because another solver moves it."""
+    for k in model.fixed:
+        if k == i:
+            return True
+    return False

@@ -69,14 +69,15 @@ class Ways(NamedTuple):
 
     thinnest: Array  # (1,) [m] half of the least that any shape measures across
     path: State  # with which P and L they would get there, if these were constant
-    length: Array  # (n,) [m] how far any point of a body goes, at most
+    length: Array  # (n,) [m] how far any point of a body goes, at most, past what is at rest
     part: Array  # (n,) of its way that a body may go
+    carried: Array  # (3, n) [m/s] with which it goes on then, with what it met
 
 
 def _make_ways(shapes: Shapes, n: int) -> Ways:
     """Return room for n bodies."""
     return Ways(np.array([shapes.half_width.min(initial=np.inf)]), empty_state(n), room(n),
-                room(n))
+                room(n), room(3, n))
 
 
 class TimestepSettings(NamedTuple):

@@ -72,8 +72,8 @@ def set_margins_and_sides(c: Arguments, shapes: tuple[int, int], bodies: tuple[i
     """Set the margins of some shapes, and find on which side of the cut some bodies are."""
     model, state = c.model, c.state
     take_sides_of(c, bodies)
-    set_margins(model.h, model.inv_m, model.inv_I_C, state.P, state.L, state.V, c.settings.margin,
-                c.work.radius, c.work.thickness, c.shapes.body, c.memory, shapes[0], shapes[1])
+    set_margins(model, model.h, state, c.settings.margin, c.work.radius, c.work.thickness,
+                c.shapes.body, c.memory, shapes[0], shapes[1])
 
 
 @kernel

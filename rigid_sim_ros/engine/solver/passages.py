@@ -7,9 +7,9 @@ The solver knows the pairs that are near as a step begins, by where they would m
 changed their way. What an impact turns may meet another point of the ground in the same step, and
 what it throws goes farther than its pairs were sought. So the ways that the solver leaves are
 looked at before they are gone. A body stops where it would get deeper into something fixed or
-kinematic by `deepest`. The rest of its step is lost, with what forces did in it, or what falls
-would gain speed without falling. Velocities that contacts gave stay, and the next step finds the
-pair.
+kinematic by `deepest`, and goes with that from there on: on a ship that flies past as on land. The
+rest of its step is lost, with what forces did in it, or what falls would gain speed without
+falling. Velocities that contacts gave stay, and the next step finds the pair.
 
 Two bodies that can both be pushed are not asked: what is lost of a way that an impulse turned
 would change their angular momentum, which is kept where nothing fixed takes it.
@@ -22,27 +22,39 @@ from rigid_sim_ros.engine.detection.backtrack import DEEPER, passage
 from rigid_sim_ros.engine.detection.broad_phase import may_collide
 from rigid_sim_ros.engine.detection.grid import boxes_overlap
 from rigid_sim_ros.engine.detection.manifolds import current, rows_in_use
+from rigid_sim_ros.engine.detection.margins import standard_of_rest
 from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
+from rigid_sim_ros.engine.dynamics.kinematic import prescribed_spin, prescribed_velocity
 from rigid_sim_ros.engine.maths.rotation import exponential, multiply, quaternion, set_quaternion
 from rigid_sim_ros.engine.maths.vector import (
-    add, add_scaled, add_to_column, column, norm, scale, set_column, subtract)
+    add, add_scaled, add_to_column, column, cross, norm, scale, set_column, subtract)
 from rigid_sim_ros.engine.solver.arguments import Arguments
 from rigid_sim_ros.engine.solver.solver_bodies import STRIDE, TOUCHED
 from rigid_sim_ros.engine.state.rates import angular_momentum
 from rigid_sim_ros.engine.state.state import copy_body
 from rigid_sim_ros.kernels.arrays import Array, Vector
-from rigid_sim_ros.kernels.kernel import INDEX, kernel
+from rigid_sim_ros.kernels.kernel import INDEX, inlined, kernel
 
 
 @kernel
 def is_any_fast(c: Arguments) -> bool:
     """Return whether any body may move so far in this step that it gets through something."""
     least = 0.5 * DEEPER * c.work.ways.thinnest[0] / c.model.h
+    rest = standard_of_rest(c.model, c.state, c.shapes.body)
     for i in range(c.model.m.shape[0]):
         v, L = _mean_motion(c, i)
-        if not norm(v) + _fastest_turning(c, i, L) <= least:
+        speed = norm(subtract(v, rest)) if _moves(c, i) else 0.0
+        if not speed + _fastest_turning(c, i, L) <= least:
             return True
     return False
+
+
+@inlined
+def _moves(c: Arguments, i: int) -> bool:
+    """Return whether a body moves by its momenta in this step: it can be pushed, and is awake."""
+    bodies = c.work.solver.bodies
+    return bool(c.model.inv_m[i] > 0.0
+                and ((bodies.slot[i] & INDEX) > 0 or bodies.flies[i] == 1))
 
 
 @kernel
@@ -50,7 +62,7 @@ def _mean_motion(c: Arguments, i: int) -> tuple[Vector, Vector]:
     """Return v [m/s] and L [kg m^2/s] with which a body that can be pushed moves in this step."""
     bodies, state, loads = c.work.solver.bodies, c.state, c.work.loads
     slot, inv_m, share = bodies.slot[i] & INDEX, c.model.inv_m[i], 0.5 * c.model.h
-    if inv_m == 0.0 or (slot == 0 and bodies.flies[i] == 0):
+    if not _moves(c, i):
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     if slot == 0:
         return (scale(inv_m, add_scaled(column(state.P, i), share, column(loads.F, i))),
@@ -108,10 +120,12 @@ def _write_ways(c: Arguments) -> None:
         for i in (manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX):
             if was_shifted(c.work.collision.body[i]) and c.model.inv_m[i] > 0.0:
                 _begin_before(c, i, c.work.collision.body[i])
+    rest = standard_of_rest(c.model, c.state, c.shapes.body)
     for i in range(c.model.m.shape[0]):
         ways.part[i] = 1.0
-        ways.length[i] = h * (c.model.inv_m[i] * norm(column(path.P, i))
-                              + _fastest_turning(c, i, column(path.L, i)))
+        v = scale(c.model.inv_m[i], column(path.P, i))
+        speed = norm(subtract(v, rest)) if _moves(c, i) else 0.0
+        ways.length[i] = h * (speed + _fastest_turning(c, i, column(path.L, i)))
 
 
 @kernel
@@ -143,11 +157,17 @@ def _end_at_any(c: Arguments, a: int) -> None:
 def _end_at_passage(c: Arguments, a: int, b: int) -> None:
     """End the way of a shape where it would get through one that nothing pushes."""
     ways, shapes, h = c.work.ways, c.shapes, c.model.h
-    i = shapes.body[b if shapes.still[a] == 1 else a] & INDEX
+    i, k = shapes.body[a] & INDEX, shapes.body[b] & INDEX
+    if shapes.still[a] == 1:
+        i, k = k, i
     if ways.length[i] > 0.5 * DEEPER * min(shapes.half_width[a], shapes.half_width[b]):
         t = passage(c.model, ways.path, c.work.prediction.still, shapes, a, b, h,
                     c.work.prediction.pose, c.memory.scratch)
-        ways.part[i] = min(ways.part[i], t / h)
+        if t / h < ways.part[i]:
+            ways.part[i] = t / h
+            arm = subtract(column(ways.path.x, i), column(ways.path.x, k))
+            set_column(ways.carried, i, add(prescribed_velocity(ways.path, k),
+                                            cross(prescribed_spin(ways.path, k), arm)))
 
 
 @kernel
@@ -157,8 +177,8 @@ def _stop(c: Arguments, i: int) -> None:
     path, slot, until = ways.path, bodies.slot[i] & INDEX, ways.part[i] * h
     lost = h - until
     q = turn_fast(quaternion(path.q, i), column(path.L, i), column(c.model.inv_I_C, i), until)
-    set_column(c.state.x, i, add_scaled(column(path.x, i), until * c.model.inv_m[i],
-                                        column(path.P, i)))
+    met = add_scaled(column(path.x, i), until * c.model.inv_m[i], column(path.P, i))
+    set_column(c.state.x, i, add_scaled(met, lost, column(ways.carried, i)))
     set_quaternion(c.state.q, i, q)
     if slot == 0:
         bodies.flies[i] = 0

@@ -225,7 +225,7 @@ def _look_back(c: JointedContact) -> int:
 def _choose_for_second(c: JointedContact) -> int:
     """Choose the points that take part in the second half."""
     w = c.buffers
-    take_loaded(w)
+    take_loaded(c.joints.model, w)
     if c.place[CUT_SHORT] == 0:
         # What has just met collides when the next way begins.
         for k in range(w.contacts.count[0]):

@@ -48,7 +48,7 @@ def run(c: JointedContact) -> int:
             take_way(c, _length(c))
             c.place[STAGE] = CHOOSE
         elif stage == CHOOSE:
-            take_loaded(c.buffers)
+            take_loaded(c.joints.model, c.buffers)
             why = choose(c, SECOND)
         else:
             _take_second_half(c)

@@ -130,9 +130,8 @@ def make_arguments(basis: Basis, settings: TimestepSettings) -> QpArguments:
 def find_contacts(c: QpArguments) -> QpArguments:
     """Find the manifolds of what may touch within the step; return arguments with room for all."""
     model, state, shapes, memory, work = c.model, c.state, c.shapes, c.memory, c.work
-    set_margins(model.h, model.inv_m, model.inv_I_C, state.P, state.L, state.V, c.settings.margin,
-                work.shared.radius, work.shared.thickness, shapes.body, memory, 0,
-                shapes.body.shape[0])
+    set_margins(model, model.h, state, c.settings.margin, work.shared.radius,
+                work.shared.thickness, shapes.body, memory, 0, shapes.body.shape[0])
     while not detect_within_margins(model, state, shapes, memory, None):
         memory = grown(memory)
     if len(memory.pages[0].shape_a) > len(work.shared.collision.rows):

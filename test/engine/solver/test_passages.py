@@ -4,9 +4,11 @@
 
 from engine.stepping import TimestepScene
 from engine.touching import ball, box, G, same_bits, Thing
+import numpy as np
 import pytest
 
 from rigid_sim_ros.engine.detection.backtrack import DEEPER
+from rigid_sim_ros.engine.dynamics.kinematic import LASTS
 from rigid_sim_ros.engine.model.shapes import Material
 
 H, RADIUS, SHEET, PLACE, GAP = 0.01, 0.05, 2e-3, -0.06, 0.01
@@ -75,3 +77,42 @@ def test_what_stops_moves_nothing_else():
     for field in ('x', 'q', 'P', 'L'):
         assert same_bits(getattr(with_sheet.state, field)[:, OTHER],
                          getattr(without.state, field)[:, OTHER])
+
+
+SHIP = (7.0, -3.0, 11.0)    # [m/s]
+
+
+def on_a_ship(scene: TimestepScene) -> TimestepScene:
+    """Let everything of a scene fly on, what nothing pushes as well."""
+    state, model = scene.state, scene.model
+    for i in range(len(model.m)):
+        for k in range(3):
+            if model.inv_m[i] > 0.0:
+                state.P[k, i] += model.m[i] * SHIP[k]
+            else:
+                state.V[k, i], state.left[i] = SHIP[k], LASTS
+    return scene
+
+
+def test_on_a_ship_it_stops_at_the_same_place_of_the_sheet():
+    land, ship = thrown([sheet()]), on_a_ship(thrown([sheet()]))
+    for scene in (land, ship):
+        scene.step()
+    for k in range(3):
+        # Rounding of 20 m/s in 10 ms. It would be 10 cm behind the ship if it waited for it.
+        assert ship.state.x[k] - H * SHIP[k] == pytest.approx(land.state.x[k], abs=1e-13)
+
+
+def test_what_rests_on_a_ship_has_the_margins_of_what_rests_on_land():
+    land, ship = thrown([sheet()]), on_a_ship(thrown([sheet()]))
+    for scene in (land, ship):
+        scene.step()
+    assert ship.memory.margin[:3] == pytest.approx(land.memory.margin[:3], abs=1e-14)
+
+
+def test_ways_are_as_long_on_a_ship_as_on_land():
+    scene = on_a_ship(thrown([sheet()], speed=1e-3))
+    scene.step()
+    # What falls for a step has g h / 2 in the mean, the heavy one 1 mm/s more.
+    wanted = H * (0.5 * G * H + np.array([0.0, 1e-3]))
+    assert scene.work.ways.length[:2] == pytest.approx(wanted, abs=1e-15)
