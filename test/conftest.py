@@ -6,6 +6,7 @@ from collections.abc import Generator, Iterator
 import gc
 import os
 import signal
+import sys
 from typing import Any
 
 import effort
@@ -23,8 +24,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Choose the form of tests and of properties before their modules are imported."""
     effort.choose(config.getoption('long'))
-    # Under nohup it is ignored, and so it would be by all programs that tests start.
+    # Under nohup, and behind `&` in a script, these are ignored, and so they would be by all
+    # programs that tests start.
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    # Some container images set it. Then each worker would compile the tests, and each of some
+    # hundred processes the package: 3 s and 0.4 s of a processor.
+    os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
+    sys.dont_write_bytecode = False
     # The first example compiles kernels: it takes seconds, and says nothing of the code.
     usual = effort.examples(settings().max_examples, deadline=None)
     settings.register_profile('new_examples', usual)

@@ -11,6 +11,7 @@ import shutil
 import signal
 import sqlite3
 import struct
+import tempfile
 from typing import Any
 
 from bag import foreign
@@ -165,14 +166,20 @@ def _huge_message(bag: Path, outside: Path) -> None:
     path.write_text(path.read_text().replace('"none"', '"message"'))
 
 
+@cache
+def _of_many_topics() -> bytes:
+    """Return an MCAP file with tens of thousands of topics."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, 'many.mcap')
+        foreign.mcap(path, [(10 ** 9 + k, f'/topic_{k}', bytes(8)) for k in range(40_000)])
+        return path.read_bytes()
+
+
 def _many_topics(bag: Path, outside: Path) -> None:
     """Leave a file with tens of thousands of topics, which breaks off."""
-    path = _first(bag)
-    path.unlink()
+    whole = _of_many_topics()
+    _first(bag).write_bytes(whole[:len(whole) * 7 // 10])
     (bag / 'metadata.yaml').unlink()
-    foreign.mcap(path, [(10 ** 9 + k, f'/topic_{k}', bytes(8)) for k in range(40_000)])
-    with path.open('r+b') as file:
-        file.truncate(path.stat().st_size * 7 // 10)
 
 
 def _schema_of_no_text(bag: Path, outside: Path) -> None:

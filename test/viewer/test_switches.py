@@ -73,30 +73,18 @@ def goes_and_comes_back(page, switch, greys):
     page.wait_for(lambda: page.grey_pixels(*greys) > MANY, f'{switch} again')
 
 
-@pytest.fixture(scope='module')
-def resting(browser, probe, folder):
-    """Give the page of a box that rests on a plane."""
-    other = free_port()
-    scene = str(scene_file(folder / 'resting', RESTING))
-    with running(folder / 'rests', scene, name='resting'), kept(
-            view(folder / 'view_it', '--node', '/resting', '--port', str(other))):
-        page = Page(browser, f'http://127.0.0.1:{other}')
-        page.wait_for(lambda: 'times real time' in page.text(), 'the simulation')
-        yield page
-        page.close()
-
-
-@pytest.mark.parametrize('kind', ['page', 'resting'])
-def test_the_ground_grid_is_shown_and_hidden(request, kind):
-    """Where the scene has no ground, and where a plane is the ground."""
-    goes_and_comes_back(request.getfixturevalue(kind), 'ground grid', LINES)
-
-
-@pytest.mark.parametrize('kind', ['page', 'resting'])
-def test_shadows_are_cast_and_taken_away(request, kind):
-    page = request.getfixturevalue(kind)
+def check_shadows(page):
+    """Check that they go and come back without the ground."""
     goes_and_comes_back(page, 'shadows', SHADOW)
     assert page.grey_pixels(*LINES) > MANY      # the ground stays
+
+
+def test_the_ground_grid_is_shown_and_hidden_where_the_scene_has_no_ground(page):
+    goes_and_comes_back(page, 'ground grid', LINES)
+
+
+def test_shadows_are_cast_and_taken_away_where_the_scene_has_no_ground(page):
+    check_shadows(page)
 
 
 def test_body_axes_are_shown_and_hidden(page):
@@ -173,6 +161,30 @@ def test_an_applied_wrench_is_an_arrow(page, probe):
     probe.pause(False)
     page.wait_for(lambda: page.pixels(WRENCH) < NONE, 'the arrow to go with the wrench')
     page.switch('wrenches')
+
+
+# --- a box that rests on a plane ----------------------------------------------------------------
+
+@pytest.fixture(scope='module')
+def resting(browser, probe, sim, folder):
+    """Give its page; the other simulation waits, which would take half a core with its page."""
+    probe.pause(True)
+    other = free_port()
+    scene = str(scene_file(folder / 'resting', RESTING))
+    with running(folder / 'rests', scene, name='resting'), kept(
+            view(folder / 'view_it', '--node', '/resting', '--port', str(other))):
+        page = Page(browser, f'http://127.0.0.1:{other}')
+        page.wait_for(lambda: 'times real time' in page.text(), 'the simulation')
+        yield page
+        page.close()
+
+
+def test_the_ground_grid_is_shown_and_hidden_where_a_plane_is_the_ground(resting):
+    goes_and_comes_back(resting, 'ground grid', LINES)
+
+
+def test_shadows_are_cast_and_taken_away_where_a_plane_is_the_ground(resting):
+    check_shadows(resting)
 
 
 def test_contact_forces_are_arrows(resting):
