@@ -30,6 +30,12 @@ from rigid_sim_ros.kernels.kernel import kernel
 
 # Sweeps over the points. A box on four corners takes about 50 to reach rounding.
 MAX_SWEEPS = 2000
+# The fastest approach of what does not bounce becomes less by this factor in twice as many
+# collisions as there are pairs, or hardly at all.
+LESS = 0.99
+# What moves by less than this part of the speeds, and in so many sweeps by no less than before,
+# moves by rounding.
+ROUNDING, NO_LESS = 1e-14, 10
 # Approaches that differ by less than this part are equally fast: more than rounding and what
 # brackets of the time leave. And the most points that are solved together for that reason.
 ALIKE, MOST_ALIKE = 1e-6, 32
@@ -79,18 +85,23 @@ def collide_all(model: Model, state: State, contacts: Contacts, bodies: Bodies, 
     Points with a gap of at most `touching` of their size touch. At most `quiet` [1/s] times it,
     and less than `resting_speed` with the step h [s], is left to the resting forces. width: rows
     of a point; elastic, (c,) is 1 where a point may bounce back. The impulses on B, (c, 6) [N s,
-    contact axes], are added to `impulses`. Returns the number of collisions of pairs, or -1 if
-    after `limit` of them something still approaches.
+    contact axes], are added to `impulses`. Returns the number of collisions of pairs, with a minus
+    if something still approaches: after `limit` of them, or sooner where nothing bounces and the
+    fastest approach does not become less. Between bodies that nothing pushes and that close, or
+    between heavy ones, a light body would go to and fro for ever.
     """
-    count = 0
+    count, check, before = 0, 0, -np.inf
+    bounces = _any_bounces(contacts, elastic, first, last)
     while True:
         fastest = 0.0
         for k in range(first, last):
             fastest = min(fastest, _approach(contacts, bodies, h, touching, quiet, k))
         if fastest == 0.0:
             return count
-        if count >= limit:
-            return -1
+        if count >= limit or (count >= check and not bounces and fastest <= LESS * before):
+            return -count
+        if count >= check:
+            check, before = count + 2 * (last - first), fastest
         _mark_alike(contacts, bodies, h, touching, quiet, fastest, first, last)
         for k in range(first, last):
             if contacts.alike[k] == 1:
@@ -98,6 +109,15 @@ def collide_all(model: Model, state: State, contacts: Contacts, bodies: Bodies, 
                 _collide(model, state, contacts, bodies, h, touching, width, elastic, together,
                          room, impulses)
                 count += 1
+
+
+@kernel
+def _any_bounces(contacts: Contacts, elastic: IntArray, first: int, last: int) -> bool:
+    """Return whether any point of some pairs has a restitution."""
+    for i in range(contacts.first[first], contacts.first[last]):
+        if elastic[i] == 1 and contacts.restitution[i] > 0.0:
+            return True
+    return False
 
 
 @kernel
@@ -284,7 +304,7 @@ def _solve(room: Room, e: Array, m: int, width: int) -> None:
 def _sweep(A: Array, u0: Array, mu: Array, e: Array, J: Array, u: Array, m: int,
            width: int) -> None:
     """Sweep over the points (projected Gauss-Seidel), from J, until that moves no more."""
-    scale = 0.0
+    scale, least, since = 0.0, np.inf, 0
     for i in range(width * m):
         u[i] = u0[i]
         for j in range(width * m):
@@ -305,7 +325,9 @@ def _sweep(A: Array, u0: Array, mu: Array, e: Array, J: Array, u: Array, m: int,
             if width == 6:
                 moved = max(moved, _stop_spin(A, u, mu[j, 1] * J[n], n + 3, J, width * m))
                 moved = max(moved, _rub(A, u, mu[j, 2] * J[n], n + 4, n + 5, J, width * m))
-        if moved <= 1e-16 * scale:
+        since = 0 if moved < least else since + 1
+        least = min(least, moved)
+        if moved <= 1e-16 * scale or (since >= NO_LESS and least <= ROUNDING * scale):
             return
 
 

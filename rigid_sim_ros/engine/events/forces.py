@@ -42,6 +42,8 @@ COUNTED = 4
 YIELDS = 1e-6
 AGAIN = 10  # times at most that forces are found again for what follows from them
 ROUNDS = 40  # times at most that they are for what points yield
+# What points yield without end falls by less than this part of it in a round.
+STUCK_AT = 1e-3
 PUSH_SWEEPS = 30  # over the points, for displacements: what they leave is for the next step
 
 
@@ -163,7 +165,7 @@ def room_for(model: Model, w: Buffers, m: int) -> bool:
 
 
 @kernel
-def solve(g: int, m: int, width: int, steps: int, span: float, w: Buffers) -> None:
+def solve(g: int, m: int, width: int, steps: int, span: float, w: Buffers) -> bool:
     """
     Find the forces of the first m points from what stands there, whatever they have to carry.
 
@@ -173,8 +175,14 @@ def solve(g: int, m: int, width: int, steps: int, span: float, w: Buffers) -> No
     point algorithm, SIAM J. Control Optim. 14 (1976)). A light body under a load tilts by what is
     left, and is driven aside by a part of the load, so that is to be as much smaller as the load
     would move it in the span; 0 s asks for nothing of that.
+
+    Returns whether there are such forces. Where bodies that nothing pushes close on one between
+    them there are none, and each time adds the same to those of the time before, for ever: the
+    least change of b with which there were any (Pazy, Asymptotic behavior of contractions in
+    Hilbert space, Israel J. Math. 9 (1971)). The first ones let that body go where the points
+    yield least, and stay.
     """
-    rows, size = w.rows, 0.0
+    rows, size, last = w.rows, 0.0, 0.0
     for i in range(width * m):
         size = max(size, abs(rows.b[i]))
     w.number[WORST] = solve_rows(rows, m, width, w.count[TOUCHED], steps, effort_left(w, g),
@@ -184,13 +192,17 @@ def solve(g: int, m: int, width: int, steps: int, span: float, w: Buffers) -> No
         for i in range(width * m):
             yields = max(yields, abs(rows.compliance[i] * rows.f[i] - w.proximal[i]))
         if yields * max(1.0, _reach(m, width, span, w)) <= YIELDS * size:
-            return
+            return True
+        if w.number[WORST] <= TOLERANCE and abs(yields - last) < STUCK_AT * yields:
+            return False
+        last = yields
         for i in range(width * m):
             now = rows.compliance[i] * rows.f[i]
             rows.b[i] -= now - w.proximal[i]
             w.proximal[i] = now
         w.number[WORST] = solve_rows(rows, m, width, w.count[TOUCHED], FEW_STEPS,
                                      effort_left(w, g), w.newton)
+    return True
 
 
 @kernel
@@ -204,9 +216,9 @@ def _reach(m: int, width: int, span: float, w: Buffers) -> float:
 
 
 @kernel
-def _solve_with_levers(model: Model, g: int, m: int, steps: int, span: float, w: Buffers) -> None:
+def _solve_with_levers(model: Model, g: int, m: int, steps: int, span: float, w: Buffers) -> bool:
     """
-    Find the forces with the levers that bodies have which move under them.
+    Find the forces with the levers that bodies have which move under them, if there are any.
 
     Both forces of a pair act at one point only with the levers of where the centres really are in
     the middle of the span. A shift after the forces are known would be a torque that nothing
@@ -221,14 +233,17 @@ def _solve_with_levers(model: Model, g: int, m: int, steps: int, span: float, w:
     goal = 0.0
     for i in range(width * m):
         goal = max(goal, 0.1 * ENOUGH * abs(rows.b[i]))
-    solve(g, m, width, steps, span, w)
+    if not solve(g, m, width, steps, span, w):
+        return False
     for _ in range(AGAIN):
         apply_forces(rows, m, width, rows.f)
         if not shift_levers(model, w.contacts, w.bodies, w.chosen[:m], width, rows, span, goal,
                             w.assumed):
-            return
+            return True
         write_rows(model, w.contacts, w.bodies, w.chosen[:m], width, COMPLIANCE, rows)
-        solve(g, m, width, FEW_STEPS, span, w)
+        if not solve(g, m, width, FEW_STEPS, span, w):
+            return False
+    return True
 
 
 @kernel
@@ -239,7 +254,7 @@ def balance(c: EventArguments, g: int) -> int:
     w.newton.effort[0] = groups.effort[g]
     if groups.events[g] >= settings.max_events or effort_left(w, g) < 0.0:
         # The forces are to last for the rest of the step, and are found for that.
-        groups.short[g], groups.span[g] = 1, groups.left[g]
+        end_short(g, groups)
     first, last = contacts.first[groups.block[g]], contacts.first[groups.block[g + 1]]
     m = _choose(contacts, w.bodies, first, last, model.h, settings.touching, w.chosen)
     w.count[CHOSEN], w.count[DEEP] = m, 0
@@ -260,9 +275,16 @@ def balance(c: EventArguments, g: int) -> int:
         w.count[DEEP] = 1
     write_rows(model, contacts, w.bodies, chosen, width, COMPLIANCE, rows)
     known = recall_forces(model, contacts, chosen, width, c.carried, w.match, rows.f)
-    _solve_with_levers(model, g, m, FEW_STEPS if known else 0, span, w)
+    if not _solve_with_levers(model, g, m, FEW_STEPS if known else 0, span, w):
+        end_short(g, groups)
     groups.effort[g] = w.newton.effort[0]
     return STUCK if w.number[WORST] > TOLERANCE and m <= FOR_OSQP else DONE
+
+
+@kernel
+def end_short(g: int, groups: Groups) -> None:
+    """Let the rest of the step of a group run without events."""
+    groups.short[g], groups.span[g] = 1, groups.left[g]
 
 
 @kernel

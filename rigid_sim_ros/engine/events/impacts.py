@@ -19,7 +19,7 @@ from rigid_sim_ros.engine.detection.manifolds import current, Manifolds
 from rigid_sim_ros.engine.events.buffers import (
     BOUNCED, Buffers, COLLISIONS, DEEPEST, EventArguments, EventSettings, FRESH, GROUPS, MORE_ROOM,
     MORE_ROWS, NEEDED, TOUCHED, UNSOLVED, WIDTH, WORST)
-from rigid_sim_ros.engine.events.forces import room_for, solve, take_no_energy
+from rigid_sim_ros.engine.events.forces import end_short, room_for, solve, take_no_energy
 from rigid_sim_ros.engine.events.groups import Groups
 from rigid_sim_ros.engine.maths.algebra import norm
 from rigid_sim_ros.engine.model.model import Model
@@ -160,8 +160,8 @@ def collide_group(c: EventArguments, g: int) -> int:
     done = collide_all(model, state, contacts, w.bodies, model.h, settings.touching, quiet,
                        w.count[WIDTH], w.elastic, limit, first, last, w.room, w.impulses)
     if done != 0:
-        w.count[COLLISIONS] += limit if done < 0 else done
-        w.newton.effort[0] += PER_PAIR * (limit if done < 0 else done)
+        w.count[COLLISIONS] += abs(done)
+        w.newton.effort[0] += PER_PAIR * abs(done)
         for k in range(first, last):
             pushed = False
             for i in range(contacts.first[k], contacts.first[k + 1]):
@@ -170,7 +170,8 @@ def collide_group(c: EventArguments, g: int) -> int:
                 w.bounced[_bounce(contacts, k, w), 2] += 1
         if done < 0:
             _read_group(model, state, g, w)
-            _stop_together(model, state, settings, g, w)
+            if not _stop_together(model, state, settings, g, w):
+                end_short(g, groups)
         _read_group(model, state, g, w)
     groups.effort[g] = w.newton.effort[0]
     return DONE
@@ -196,8 +197,12 @@ def _touching_points(settings: EventSettings, g: int, w: Buffers) -> int:
 
 @kernel
 def _stop_together(model: Model, state: State, settings: EventSettings, g: int,
-                   w: Buffers) -> None:
-    """End an impact that goes to and fro for ever: all points at once, with e = 0."""
+                   w: Buffers) -> bool:
+    """
+    End an impact that goes to and fro for ever: all points at once, with e = 0.
+
+    Returns whether nothing approaches afterwards; see `solve`.
+    """
     m, width, rows = _touching_points(settings, g, w), w.count[WIDTH], w.rows
     w.count[TOUCHED] = number_bodies(w.contacts, w.chosen[:m], model.inv_m, w.newton.slot)
     write_rows(model, w.contacts, w.bodies, w.chosen[:m], width, COMPLIANCE, rows)
@@ -205,7 +210,7 @@ def _stop_together(model: Model, state: State, settings: EventSettings, g: int,
         read_rates(model, w.contacts, w.bodies.velocity, w.chosen[c], width, rows.b, width * c)
     for i in range(width * m):
         rows.f[i], w.proximal[i] = 0.0, 0.0
-    solve(g, m, width, 0, 0.0, w)
+    stops = solve(g, m, width, 0, 0.0, w)
     w.groups.residual[g] = max(w.groups.residual[g], w.number[WORST])
     if w.number[WORST] > TOLERANCE:
         w.count[UNSOLVED] += 1
@@ -216,3 +221,4 @@ def _stop_together(model: Model, state: State, settings: EventSettings, g: int,
         push_rows(model, state, w.contacts, w.chosen[c], width, rows.f, width * c)
         for i in range(width):
             w.impulses[w.chosen[c], i] += rows.f[width * c + i]
+    return stops

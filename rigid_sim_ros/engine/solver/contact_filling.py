@@ -187,7 +187,7 @@ def fill_blocks(region: int, first: int, manifolds: Manifolds, prediction: Predi
             for i in range(LANES):
                 if rows[i] >= 0:
                     _shift_lane(manifolds, rows[i] & INDEX, shifts, b, i)
-        _copy_turns(b, rows, points, prediction)
+        _copy_turns(b, rows, points, manifolds, prediction, shifts, shifted)
         if balls:
             prepare_balls(b, A[INV_M], B[INV_M], A[INV_I], B[INV_I])
             warm_balls(b, bodies.base, at_A, at_B, A[INV_M], B[INV_M])
@@ -285,15 +285,20 @@ def _copy_normal_and_friction(b: Array, rows: IntArray, manifolds: Manifolds,
 
 
 @part
-def _copy_turns(b: Array, rows: IntArray, points: int, prediction: Prediction) -> None:
+def _copy_turns(b: Array, rows: IntArray, points: int, manifolds: Manifolds,
+                prediction: Prediction, shifts: Array, shifted: bool) -> None:
     """
     Write what the geometry of contacts does to their velocities in the step.
 
-    Along the tangents as a world vector, where `make_basis` looks for it.
+    Along the tangents as a world vector, where `make_basis` looks for it. With the velocities
+    that a collision has left it would be another number, see `end_impact`.
     """
     for i in range(LANES):
         r = rows[i] & INDEX
         given = rows[i] >= 0 and prediction.given[r] == 1
+        if given and shifted:
+            given = not (was_shifted(shifts[manifolds.body_a[r]])
+                         or was_shifted(shifts[manifolds.body_b[r]]))
         for p in range(POINTS if points > 1 else 1):
             turn = prediction.turn[p, r] if given else 0.0
             b[(POINT + p * POINT_ROWS + TURN) * LANES + i] = turn

@@ -130,12 +130,17 @@ def visit_waiting(region: int, backwards: bool, blocks: Blocks, motion: Array, u
 
 
 @kernel
-def end_impacts(region: int, blocks: Blocks, motion: Array, work: Impacts) -> None:
-    """Put back the impulses that bear forces, before the forces of a substep act."""
+def end_impacts(region: int, blocks: Blocks, motion: Array, drifted: Array,
+                work: Impacts) -> None:
+    """
+    Put back the impulses that bear forces, before the forces of a substep act.
+
+    `drifted` is the motion before the impact.
+    """
     first = first_block(blocks, region)
     for block in range(first, first + blocks.count[region]):
         if work.hit[block] != 0:
-            end_impact(blocks, block, work.hit[block], motion)
+            end_impact(blocks, block, work.hit[block], motion, drifted)
             work.hit[block] = 0
 
 

@@ -255,7 +255,7 @@ def solve_part(c: Arguments, number: int) -> int:
     elif stage in (SWEEP_NEW, SWEEP_NEW_BACK):
         sweep_new(region, stage == SWEEP_NEW_BACK, blocks, bodies, what, work.begin)
     elif stage in (KICK_AND_SWEEP, SETTLE_AND_SWEEP):
-        end_impacts(region, blocks, motion, impacts)
+        end_impacts(region, blocks, motion, bodies.drifted, impacts)
         _kick(region, bodies, h)
         if stage == SETTLE_AND_SWEEP:
             settle(region, blocks, work.fresh, motion, what)

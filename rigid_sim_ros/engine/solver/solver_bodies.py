@@ -61,8 +61,8 @@ class SolverBodies(NamedTuple):
     astride: IntArray  # (slots,) of 8 bits, 1 for who has a contact with the other half
     motion: Array  # flat, STRIDE for each slot, as all but the last two
     # With what the bodies moved in the last substep: `motion` and the motion that only displaces,
-    # out of overlaps. While this is found it stands here alone, from `begin_push` on, and with
-    # it the inverse mass.
+    # out of overlaps. Before the first substep it is `motion`. While the push is found it stands
+    # here alone, from `begin_push` on, and with it the inverse mass.
     drifted: Array
     # F / m [m/s^2] and torque [N m] of all that is no contact, and 0, 0. Where gravity is all
     # there is, it stands in the slots that stand still, and nowhere else
@@ -153,6 +153,8 @@ def load_bodies(half: int, h: float, gravity: Array, inv_m: Array, inv_I_C: Arra
         for k in range(3):
             bodies.motion[motion + k] = inv_m[i] * state.P[k, i] + state.V[k, i]
             bodies.motion[motion + 3 + k] = state.L[k, i] + state.V[3 + k, i]
+            bodies.drifted[motion + k] = bodies.motion[motion + k]
+            bodies.drifted[motion + 3 + k] = bodies.motion[motion + 3 + k]
         mass[motion + INV_M] = inv_m[i]
         # What moves by its twist has w in the place of L, and the matrix 1 in that of J: it turns,
         # and no impulse changes that, see `_response`.

@@ -222,8 +222,8 @@ def test_the_same_bits_after_a_restart_in_the_middle_of_contact(steps):
 
 
 def test_a_shock_without_end_is_stopped_for_all_at_once():
-    # Plastic shocks through a pile never end one by one; the limit hands them to the QP, which
-    # says so.
+    # Plastic shocks through a pile never end one by one: once they do not become weaker, all
+    # stop at once.
     things = [ground()] + [box((1, 1, 1), 10.0 ** (k % 3), position=(0, 0,
                                                                      0.5 + k)) for k in range(8)]
     things[-1] = things[-1]._replace(velocity=(0, 0, -3.0))
@@ -233,7 +233,7 @@ def test_a_shock_without_end_is_stopped_for_all_at_once():
         scene.step()
         unsolved += scene.work.report.unsolved
         most = max(most, scene.work.report.collisions)
-    assert most >= 50 + 10 * 8  # the limit was met: something still approached
+    assert most >= 2 * 8  # so many collisions are asked for whether they become weaker
     assert np.abs(scene.v).max() < 1e-9
     assert unsolved == 0
 
