@@ -16,7 +16,8 @@ cones): Newton's method with a search along its direction gets there from anywhe
 then brought up to date, and it begins again until nothing changes: f_0, so that nothing of the
 compliance is left (the method of multipliers: Rockafellar, SIAM J. Control Optim. 12 (1974)); and
 the radii r, the friction coefficients times the normal impulses (Haslinger, Math. Methods Appl.
-Sci. 5 (1983)).
+Sci. 5 (1983)), by a method for fixed points: repeating alone is slow where friction and pressure
+depend on each other, and where friction that grows adds to the pressure it leads away.
 """
 
 from typing import NamedTuple
@@ -25,6 +26,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.constraints.contact_rules import Sweep
 from rigid_sim_ros.engine.maths.elimination import solve_symmetric
+from rigid_sim_ros.engine.maths.fixed_point import make_rounds, next_round, Rounds
 from rigid_sim_ros.engine.solver.coloring import Blocks
 from rigid_sim_ros.engine.solver.direct_islands import (
     begin_island_impact, begins_to_bear, Islands, let_island_wait, make_islands, MOST_BODIES,
@@ -71,6 +73,9 @@ class Direct(NamedTuple):
     rows: DirectRows
     base: Array  # (c, 9) [N s] f_0
     radius: Array  # (c, 3) [N s] of the disks
+    pressed: Array  # (c, 3) [N s] what they should be for the normal impulses of a round
+    stiff: Array  # (c, 3) [1/kg] of their rows
+    rounds: Rounds  # what is known of the radii from the rounds before
     p: Array  # (6 b,) momenta that are added to those of the start
     rate: Array  # (c, 9) [m/s] a at p
     bend: Array  # (c, 9) [m/s] how a changes along a step of Newton's method
@@ -88,9 +93,10 @@ def make_direct(n: int, capacity: int) -> Direct:
     """Return room for the islands of n bodies and `capacity` manifolds."""
     c, b = MOST_MANIFOLDS, MOST_BODIES
     return Direct(make_islands(n, capacity), make_direct_rows(most_slots(n)),
-                  np.zeros((c, WIDTH)), np.zeros((c, 3)), np.zeros(6 * b), np.zeros((c, WIDTH)),
-                  np.zeros((c, WIDTH)), np.zeros((c, WIDTH)), np.zeros(6 * b),
-                  np.zeros(6 * b), np.zeros(6 * b), np.zeros(36 * b * b),
+                  np.zeros((c, WIDTH)), np.zeros((c, DISKS)), np.zeros((c, DISKS)),
+                  np.zeros((c, DISKS)), make_rounds(c * DISKS), np.zeros(6 * b),
+                  np.zeros((c, WIDTH)), np.zeros((c, WIDTH)), np.zeros((c, WIDTH)),
+                  np.zeros(6 * b), np.zeros(6 * b), np.zeros(6 * b), np.zeros(36 * b * b),
                   np.zeros(6 * b, dtype=np.int64), np.zeros(3), np.zeros(12))
 
 
@@ -168,7 +174,7 @@ def solve_rows(count: int, moving: int, inv_h: float, anew: bool, work: Direct) 
         rows.f[:count] = 0.0
     best, last, first, taken = np.inf, np.inf, np.inf, 0
     for turn in range(ROUNDS):
-        _begin_round(count, work)
+        _begin_round(turn, count, work)
         steps = _minimize(count, moving, 0.1 * goal, work)
         taken += steps
         # Away from F = 0 impulses are rates over the compliance: they would throw bodies about.
@@ -190,14 +196,21 @@ def solve_rows(count: int, moving: int, inv_h: float, anew: bool, work: Direct) 
 
 
 @kernel
-def _begin_round(count: int, work: Direct) -> None:
+def _begin_round(turn: int, count: int, work: Direct) -> None:
     """Bring f_0 and the radii up to date."""
     rows = work.rows
     for c in range(count):
         for d in range(DISKS):
-            work.radius[c, d] = rows.limit[c, d] * pressure_of(c, rows)
+            work.pressed[c, d] = rows.limit[c, d] * pressure_of(c, rows)
+            work.stiff[c, d] = rows.stiff[c, disk_of(c, d, rows)[0]]
         for r in range(WIDTH):
             work.base[c, r] = rows.f[c, r]
+    if turn > 0:
+        next_round(turn - 1, DISKS * count, work.radius.reshape(-1), work.pressed.reshape(-1),
+                   work.stiff.reshape(-1), work.rounds)
+    for c in range(count):
+        for d in range(DISKS):
+            work.radius[c, d] = work.pressed[c, d] if turn == 0 else max(work.radius[c, d], 0.0)
 
 
 @kernel
