@@ -27,7 +27,6 @@ from rigid_sim_ros.engine.solver.contact_filling import (
     choose_manifolds, classify, DEEPEST, fill_blocks, NEW, place_lanes)
 from rigid_sim_ros.engine.solver.contact_sweep import note_left, separate, visit_block, visit_lanes
 from rigid_sim_ros.engine.solver.direct_islands import FEW, find_islands
-from rigid_sim_ros.engine.solver.direct_solve import bear_islands, strike_islands
 from rigid_sim_ros.engine.solver.impacts import (
     drift_blocks, end_impacts, find_approaching, pass_on, TURNS, visit_waiting)
 from rigid_sim_ros.engine.solver.impulse_keeping import keep_impulses
@@ -35,6 +34,7 @@ from rigid_sim_ros.engine.solver.island_push import push_islands
 from rigid_sim_ros.engine.solver.new_islands import (
     end_round, excuse_approaches, find_new_islands, forget_excuses, kick_new, sweep_new)
 from rigid_sim_ros.engine.solver.partition import give_slots, shared_out
+from rigid_sim_ros.engine.solver.small_islands import bear_islands, strike_islands
 from rigid_sim_ros.engine.solver.solver_bodies import (
     begin_push, begin_push_astride, begin_push_inside, drift_bodies, kick_bodies, load_bodies,
     mark_astride, SECOND_BEGIN, slots_of, SolverBodies, store_bodies, STRIDE)
