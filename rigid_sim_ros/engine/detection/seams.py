@@ -383,7 +383,7 @@ def _along_a_face(shapes: Shapes, memory: Memory, scratch: Scratch, rows: Manifo
     pose = memory.pose
     s, m = _shapes_of(rows, k, side)
     flush, last, done = tolerance(shapes, m, s, s), math.inf, -1
-    margin = memory.margin[s] + memory.margin[m]
+    margin, limit = memory.margin[s] + memory.margin[m], DEEPER * min(gap, -flush)
     for _ in range(TRIALS):
         best, deepest = -1, -math.inf
         for f in range(face_count(shapes, s)):
@@ -393,7 +393,7 @@ def _along_a_face(shapes: Shapes, memory: Memory, scratch: Scratch, rows: Manifo
             if ((d < last or (d == last and f > done)) and d > deepest
                     and _reach(pose, shapes, m, n) > offset):
                 best, deepest = f, d
-        if best < 0:
+        if best < 0 or deepest < limit:
             return 0
         last, done = deepest, best
         n, _ = face(pose, shapes, s, best)
@@ -404,14 +404,14 @@ def _along_a_face(shapes: Shapes, memory: Memory, scratch: Scratch, rows: Manifo
         if count == 0 and deepest >= -flush:
             # M lies above that face, and not over it.
             return 0
-        kept, limit = 0, DEEPER * min(gap, -flush)
+        kept = 0
         for p in range(count):
             x = (scratch.points[p, 0], scratch.points[p, 1], scratch.points[p, 2])
             d = scratch.points[p, 3]
             # The point is on A, and so on M where that is A.
             on_S = x if side == 0 else add_scaled(x, -d, n)
             on_M = x if side == 1 else add_scaled(x, d, n)
-            if (d >= limit and stands(shapes, memory, rows, m, k, side, on_S, n)
+            if (stands(shapes, memory, rows, m, k, side, on_S, n)
                     and stands(shapes, memory, rows, s, k, 1 - side, on_M, back)):
                 put(scratch.points, scratch.ids, kept, x, d, scratch.ids[p])
                 kept += 1
