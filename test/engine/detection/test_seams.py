@@ -158,3 +158,32 @@ def test_what_slides_over_flush_boxes_slides_on(contact, floor, shape, height):
         assert np.abs(world.linear_velocity[-1] - (2.0, 0.0, 0.0)).max() < 1e-3
         assert shape['type'] == 'sphere' or np.abs(world.angular_velocity[-1]).max() < 1e-2
         assert abs(world.position[-1, 2] - height) < 1e-4
+
+
+@pytest.mark.parametrize('first', ['leaning', 'turned'])
+def test_an_edge_on_a_face_just_above_the_ground_keeps_the_normal_of_that_face(first):
+    """
+    A box on the ground leans against the edge of another one that is turned by 0.13 rad.
+
+    Its foot overlaps by 0.6 mm, and is a corner with the ground; its top edge is 0.04 mm away.
+    Neither face of the turned one beside that edge is a way out: the box is 0.15 m inside of it.
+    Boxes of which no face comes first have normals to `PREFERENCE`.
+    """
+    yaw, lean, height = 0.13, 2.8e-4, 2.3
+    edge = 1.15 * np.cos(yaw) + 0.5 * np.sin(yaw)
+    turned = {'name': 'turned', 'shape': {'type': 'box', 'size': [2.3, 1.0, 2.4]}, 'mass': 1.0,
+              'pose': {'position': [0, 0, 1.2],
+                       'orientation': [0, 0, -np.sin(yaw / 2), np.cos(yaw / 2)]}}
+    leaning = {'name': 'leaning', 'shape': {'type': 'box', 'size': [1.0, 2.4, height]},
+               'mass': 1.0,
+               'pose': {'position': [edge + 0.5 + 4e-5 - 0.5 * height * lean, 0.6,
+                                     0.5 * (height + lean)],
+                        'orientation': [0, np.sin(lean / 2), 0, np.cos(lean / 2)]}}
+    boxes = [leaning, turned] if first == 'leaning' else [turned, leaning]
+    world = World.from_dict({'format': 1, 'world': {'contact': 'timestep', 'step': 4e-3},
+                             'bodies': [*boxes, {'name': 'ground', 'shape': {'type': 'plane'},
+                                                 'fixed': True}]})
+    world.step()
+    normals = [row['normal'] for row in world.contacts() if row['body_b'] == 1]
+    assert len(normals) > 0
+    assert np.abs(np.array(normals)[:, 0]) == pytest.approx(1.0, abs=PREFERENCE)
