@@ -148,8 +148,9 @@ class Recorder:
         self._segment_end_ns = 0    # on the clock of the messages
         self._segment_end_put = 0   # [bytes], as _put counts them
         self._writer = BagWriter(self.path, self.topics, storage, compression)
-        self._thread = threading.Thread(target=self._run, name='bag writer', daemon=True)
-        self._thread.start()
+        # What is waited for: Python 3.11 takes a thread for ended when Ctrl-C comes in `join`.
+        self._ended = threading.Event()
+        threading.Thread(target=self._run, name='bag writer', daemon=True).start()
 
     def channel(self, name: str) -> int:
         """Return the number that `publish` takes for a topic; KeyError if it is not recorded."""
@@ -228,8 +229,7 @@ class Recorder:
 
     def wait(self, seconds: float | None = None) -> bool:
         """Wait, after `end` or an error, until all is written; return whether it is."""
-        self._thread.join(seconds)
-        return not self._thread.is_alive()
+        return self._ended.wait(seconds)
 
     @property
     def is_in_gap(self) -> bool:
@@ -304,6 +304,8 @@ class Recorder:
             self._fail(free_space_error(error, self.path))
         except Exception as error:      # a mistake of ours must not stop the simulation either
             self._fail(f'{self.path}: {type(error).__name__}: {error}')
+        finally:
+            self._ended.set()
 
     def _write_some(self, until: float) -> None:
         queue = self._queue

@@ -7,6 +7,7 @@ from itertools import pairwise, product
 import json
 import os
 from pathlib import Path
+import signal
 import threading
 import time
 
@@ -256,6 +257,23 @@ def test_a_recording_ends_without_waiting_for_a_disk_that_stands_still(
     disk.release()
     recorder.wait()
     assert len(messages_of(tmp_path / 'bag', kinds.STATE)) == 100
+    assert verify(tmp_path / 'bag').note == ''
+
+
+def test_ctrl_c_while_it_waits_does_not_make_a_recording_look_ended(
+        tmp_path, monkeypatch) -> None:
+    disk = Stalled(monkeypatch)
+    the_world = world()
+    recorder = Recorder(tmp_path / 'bag', the_world, state_topics(NODE, the_world.names))
+    recorder.snapshot(the_world)
+    recorder.end(the_world)
+    main = threading.get_ident()
+    threading.Timer(0.2, signal.pthread_kill, (main, signal.SIGINT)).start()
+    with pytest.raises(KeyboardInterrupt):
+        recorder.wait()
+    assert not recorder.wait(0.0)
+    disk.release()
+    assert recorder.wait()
     assert verify(tmp_path / 'bag').note == ''
 
 
