@@ -5,10 +5,8 @@
 from collections.abc import Iterable
 
 import numpy as np
-import numpy.typing as npt
 
 from rigid_sim_ros.bag import topics as kinds
-from rigid_sim_ros.engine.model.joints import NONE
 from rigid_sim_ros.messages.codec import encode_string, encode_wrench, JointStateEncoder
 from rigid_sim_ros.scene.joint_groups import all_joints, joint_groups
 from rigid_sim_ros.world import World
@@ -28,7 +26,6 @@ class JointMessages:
         self._groups[kinds.ALL_JOINT_STATES, ''] = whole
         self._encoders = {key: JointStateEncoder(group.names)
                           for key, group in self._groups.items()}
-        self._closing = _closing(world)
         self._index = {key: np.array(group.places, int) for key, group in self._groups.items()}
 
     def owners(self, kind: str) -> list[str]:
@@ -44,17 +41,10 @@ class JointMessages:
             return [self._wrench(joint) for joint in owners]
         if kind == kinds.ROBOT_DESCRIPTION:
             return [encode_string(world.scene.descriptions[model]) for model in owners]
-        velocity = np.where(self._closing, np.nan, world.joint_velocity)
-        motion = world.joint_position, velocity, world.joint_effort
+        motion = world.joint_position, world.joint_velocity, world.joint_effort
         return [self._encoders[key].encode(world.time_ns, *(a[self._index[key]] for a in motion))
                 for key in ((kind, owner) for owner in owners)]
 
     def _wrench(self, joint: str) -> bytes:
         wrench = self._world.joint_wrench(joint)
         return encode_wrench(self._world.time_ns, joint, wrench[:3], wrench[3:])
-
-
-def _closing(world: World) -> npt.NDArray[np.bool_]:
-    """Return which joints close loops, (j,): their velocities are not solved for."""
-    joints = world.scene.joints
-    return np.zeros(0, bool) if joints is None else joints.table.row_of_joint == NONE

@@ -9,6 +9,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.joints.carrying import articulation_of, carry_along, hangs_on_something
 from rigid_sim_ros.engine.joints.joint_coordinates import joint_coordinates
+from rigid_sim_ros.engine.joints.joint_rates import joint_rate
 from rigid_sim_ros.engine.joints.part import articulation_of_joint
 from rigid_sim_ros.engine.maths.rotation_in_python import rotate
 from rigid_sim_ros.engine.model.joints import NONE
@@ -64,8 +65,13 @@ class WithJoints(Commanded):
 
     @property
     def joint_velocity(self) -> Array:
-        """Velocities, (j,) [rad/s] or [m/s]."""
-        return self._by_joint('rate')
+        """Velocities, (j,) [rad/s] or [m/s]; in a loop as well."""
+        rates = self._by_joint('rate')
+        if self._joints is not None:
+            table = self._joints.table
+            for j in np.flatnonzero(table.row_of_joint == NONE):
+                rates[j] = joint_rate(self._model, table, self._state, int(j))
+        return rates
 
     @property
     def joint_effort(self) -> Array:

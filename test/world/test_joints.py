@@ -90,6 +90,33 @@ def test_a_joint_in_a_loop_takes_the_others_along():
     assert gaps(one) < 1e-12
 
 
+@pytest.mark.parametrize('closing', ['revolute', 'spherical'])
+def test_velocities_are_those_of_positions_in_a_loop_too(closing):
+    one = four_bar(closing=closing)
+    one.step(200)
+    for _ in range(20):
+        before = one.joint_position
+        one.step()
+        middle = one.joint_velocity
+        one.step()
+        # Central differences err by h^2 / 6 of the third derivative, some 1e3 rad/s^3.
+        np.testing.assert_allclose((one.joint_position - before) / 2e-3, middle, atol=1e-3)
+    assert abs(one.joint_velocity[:3]).min() > 0.1
+    assert abs(one.joint_velocity[3]) > 0.1 or closing == 'spherical'
+
+
+def test_a_slide_that_closes_a_loop_has_a_velocity_on_a_base_that_turns_too():
+    """Two slides in a row, one of them on a table that turns, say the same, however they lie."""
+    table = {'name': 'table', 'kinematic': True, 'twist': {'angular': [0.0, 0.0, 2.0]}}
+    cart = body('cart', 1.0, (0, 0, 0), (0.1, 0.1, 0.1, 0, 0, 0), (1.0, 0.0, 0.0))
+    slides = [joint(name, 'table', 'cart', 'prismatic', (1.0, y, 0), (1, 0, 0))
+              for name, y in (('one', 0.0), ('other', 0.3))]
+    one = world([table, cart], slides)
+    one.step(300)
+    # r'' = w^2 r, from 1 m at rest in the turning frame: r' = w sinh(w t), to (w h)^2 w t / 24.
+    np.testing.assert_allclose(one.joint_velocity, 2 * math.sinh(0.6), rtol=1e-5)
+
+
 def test_a_state_that_a_loop_cannot_reach_changes_nothing():
     # Where the rocker points away from the crank its tip is 1.8 m off: the others reach 1.3 m.
     one = four_bar()

@@ -15,7 +15,7 @@ from rigid_sim_ros.engine.constraints.articulated_axes import (
     begin_with, free_rows, keep_pieces, let_yield, take_rows)
 from rigid_sim_ros.engine.constraints.articulated_buffers import (
     ContactBuffers, HALF_KNOWN, ISLANDS, KNOWN, POINTS_IN_USE, WIDTH)
-from rigid_sim_ros.engine.constraints.articulated_points import rate_of_gap
+from rigid_sim_ros.engine.constraints.articulated_points import rate_of_gap, REBOUNDS
 from rigid_sim_ros.engine.constraints.articulated_rows import (
     answer_to_impulses, moves, push_apart, read_row_rates, solve_system, take_off, write_system,
     write_velocities)
@@ -55,8 +55,6 @@ FASTEST = 1e3
 PUSH, MOST_PUSH = 0.2, 0.003
 # [rad] No body turns farther in a step by being displaced.
 MOST_TURN = 0.02
-# Times the speed that loads and joints give in half a step: slower approaches do not bounce.
-REBOUNDS = 2.0
 # Shares of bounces that are tried so that these give no energy.
 CHORDS = 4
 

@@ -30,6 +30,8 @@ TOUCHING = 1e-7
 CLOSE, NEAR = 1e-4, 1e-6
 # Of the size of a shape: impulses that move a body by less in a step are rounding of others.
 NOTHING = 1e-12
+# Times the speed that loads and joints give in half a step: slower approaches do not bounce.
+REBOUNDS = 2.0
 
 
 @kernel
@@ -103,6 +105,27 @@ def take_loaded(model: Model, w: ContactBuffers) -> None:
     _match_moved(model, w)
     for k in range(w.contacts.count[0]):
         w.active[k] = 1 if _presses(model, w, k) else 0
+
+
+@kernel
+def leave_arriving(h: float, w: ContactBuffers) -> None:
+    """
+    Let what is to bounce, and comes near only at the end of a way of h [s], collide in the next.
+
+    The bodies have been read. Nothing has stopped such a point: the second half would, and for
+    good, since what comes back is noted where the first half stops it.
+    """
+    contacts = w.contacts
+    for k in range(contacts.count[0]):
+        if w.active[k] == 1 and contacts.restitution[k] > 0.0 and _is_unstopped(w, w.match[k]):
+            slow = REBOUNDS * resting_speed(contacts, w.bodies, k, h)
+            w.active[k] = 0 if rate_of_gap(w, k) < -slow else 1
+
+
+@kernel
+def _is_unstopped(w: ContactBuffers, i: int) -> bool:
+    """Return whether a point of the first half, or NONE, neither pressed nor is to bounce."""
+    return i < 0 or (w.half_bounce[i] == 0.0 and norm(row(w.half.force, i)) == 0.0)
 
 
 @kernel

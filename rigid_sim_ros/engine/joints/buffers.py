@@ -103,7 +103,6 @@ class LawWork(NamedTuple):
     brakes: IntArray    # (k,) 1: there it holds the joint back
     begin: Array    # the straight piece that the rate is on goes from here
     end: Array      # to here
-    theta: Array    # the part of damping that acts in the second half of a step
     before: Array   # position at the start of the step
     target: Array   # position that a locked axis is to have at the end of the step; inf: none
     bound: IntArray     # (k,) AT_LOWER, AT_UPPER: at which limits it is at the end of the step

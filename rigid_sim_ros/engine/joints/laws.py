@@ -13,11 +13,13 @@ a solution every axis that left its piece goes on to the next one, until none ha
 
 The two halves of a step are chosen so that each force is of second order, and no gain is too large
 for a step. A spring acts with the mean of its forces at both ends of the step (the trapezoidal
-rule; Newmark's with beta = 1/4, which is stable for any stiffness). Of a damper the part 1 - theta
-acts in the first half with the rate at the start, theta in the second half with the rate at the
-end: theta = 1/2 is the trapezoidal rule, and theta = 1 - 1/z for z = h d / (inertia that the axis
-feels; of a joint with several, what these feel together) > 2 keeps a joint that is damped faster
-than a step from swinging to the other side.
+rule; Newmark's with beta = 1/4, which is stable for any stiffness). Half of a damper acts in
+each half of the step: in the second with the rate at its end, in the first with that at the start,
+which is the trapezoidal rule. Of a damper of more than z = h d / (inertia that the axis feels; of
+a joint with several, what these feel together) = 2 only 1/z acts with the rate at the start, which
+it stops, and 1/2 - 1/z with that at the end of the first half: that keeps a joint that is damped
+faster than a step from swinging to the other side. A rate F / d is kept by both halves, whatever
+d: what a steady force drags through a damper moves at the rate that it is said to have.
 """
 
 import math
@@ -45,15 +47,17 @@ def begin_laws(table: JointTable, motion: JointMotion, work: JointWork, h: float
             continue
         q, v = motion.position[table.axis_joint[k]], motion.rate[k]
         z = h * (laws.damping[k] + drives.damping[k]) * _yield(table, work, k)
-        law.theta[k] = 0.5 if z <= 2.0 else 1.0 - 1.0 / z
-        first = (1.0 - law.theta[k]) * h
+        begun = (0.5 if z <= 2.0 else 1.0 / z) * h
+        ended = 0.5 * h - begun
         law.before[k], law.bound[k] = q, 0
-        law.a[k] = (laws.armature[k] * v - first * laws.damping[k] * v
+        law.a[k] = (laws.armature[k] * v - begun * laws.damping[k] * v
                     - 0.5 * h * laws.stiffness[k] * (q - laws.rest[k]))
-        law.b[k] = laws.armature[k] + 0.25 * h * h * laws.stiffness[k]
-        law.u[k] = (0.5 * h * (drives.effort[k] + drives.stiffness[k] * (
-            drives.position[k] - q)) + first * drives.damping[k] * (drives.velocity[k] - v))
-        law.g[k] = 0.25 * h * h * drives.stiffness[k]
+        law.b[k] = (laws.armature[k] + ended * laws.damping[k]
+                    + 0.25 * h * h * laws.stiffness[k])
+        law.u[k] = (0.5 * h * (drives.effort[k] + drives.stiffness[k] * (drives.position[k] - q))
+                    + drives.damping[k] * (begun * (drives.velocity[k] - v)
+                                           + ended * drives.velocity[k]))
+        law.g[k] = ended * drives.damping[k] + 0.25 * h * h * drives.stiffness[k]
         law.low[k] = (laws.lower[k] - q) / h - law.bend[k]
         law.high[k] = (laws.upper[k] - q) / h - law.bend[k]
         law.stick[k] = -law.bend[k]
@@ -86,12 +90,11 @@ def end_laws(table: JointTable, motion: JointMotion, work: JointWork, h: float) 
             continue
         q, v = motion.position[table.axis_joint[k]], law.half_rate[k]
         mean = 0.5 * (law.before[k] + q)
-        second = law.theta[k] * h
         law.a[k] = laws.armature[k] * v - 0.5 * h * laws.stiffness[k] * (mean - laws.rest[k])
-        law.b[k] = laws.armature[k] + second * laws.damping[k]
-        law.u[k] = (0.5 * h * (drives.effort[k] + drives.stiffness[k] * (
-            drives.position[k] - mean)) + second * drives.damping[k] * drives.velocity[k])
-        law.g[k] = second * drives.damping[k]
+        law.b[k] = laws.armature[k] + 0.5 * h * laws.damping[k]
+        law.u[k] = 0.5 * h * (drives.effort[k] + drives.stiffness[k] * (drives.position[k] - mean)
+                              + drives.damping[k] * drives.velocity[k])
+        law.g[k] = 0.5 * h * drives.damping[k]
         law.low[k], law.high[k], law.stick[k] = -math.inf, math.inf, 0.0
         if law.bound[k] & AT_LOWER:
             law.low[k] = law.back[k]
@@ -111,7 +114,7 @@ def impact_laws(table: JointTable, motion: JointMotion, work: JointWork) -> None
             continue
         q = motion.position[table.axis_joint[k]]
         law.before[k], law.half_rate[k] = q, motion.rate[k]
-        law.theta[k], law.back[k], law.bound[k] = 0.0, 0.0, 0
+        law.back[k], law.bound[k] = 0.0, 0
         if q <= laws.lower[k] + TOLERANCE:
             law.bound[k] |= AT_LOWER
         if q >= laws.upper[k] - TOLERANCE:

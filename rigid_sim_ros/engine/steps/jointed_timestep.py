@@ -9,8 +9,9 @@ shapes met on the way that took no part, it is taken again with them.
 
 from rigid_sim_ros.engine.constraints.articulated_buffers import WOKEN
 from rigid_sim_ros.engine.constraints.articulated_points import (
-    take_close, take_loaded, wake, wake_met)
+    leave_arriving, take_close, take_loaded, wake, wake_met)
 from rigid_sim_ros.engine.contact.contact_search import DONE
+from rigid_sim_ros.engine.contact.contacts import read_bodies
 from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.joints.shake import MOST_PARTS
@@ -48,7 +49,7 @@ def run(c: JointedContact) -> int:
             take_way(c, _length(c))
             c.place[STAGE] = CHOOSE
         elif stage == CHOOSE:
-            take_loaded(c.joints.model, c.buffers)
+            _choose_loaded(c)
             why = choose(c, SECOND)
         else:
             _take_second_half(c)
@@ -97,6 +98,15 @@ def _look_back(c: JointedContact) -> int:
     else:
         c.place[STAGE] = ARRIVE
     return DONE
+
+
+@kernel
+def _choose_loaded(c: JointedContact) -> None:
+    """Let take part in the second half of a part what it has to stop, or to send back."""
+    model, loads = c.joints.model, c.joints.work.loads
+    take_loaded(model, c.buffers)
+    read_bodies(model, c.joints.state, loads.F, loads.tau, c.buffers.bodies)
+    leave_arriving(_length(c), c.buffers)
 
 
 @kernel

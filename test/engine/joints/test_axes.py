@@ -205,6 +205,24 @@ def test_a_velocity_drive_goes_at_its_velocity_against_a_load():
         assert one.joint_velocity[0] == pytest.approx(1.5, abs=6e-4)
 
 
+@pytest.mark.parametrize('gain', [1e2, 1e4, 1e6])
+@pytest.mark.parametrize('drag', ['drive', 'damping'])
+@pytest.mark.parametrize('h', [0.001, 1 / 60])
+def test_a_load_drags_a_joint_at_the_rate_that_it_is_said_to_have(h, drag, gain):
+    """A steady force F moves a damper d by F / d a second, whatever d and the step are."""
+    given = {'damping': gain} if drag == 'damping' else {
+        'drive': {'mode': 'velocity', 'gain': gain}}
+    one = world([body('load', 3.0)], [joint(
+        'slide', 'world', 'load', 'prismatic', axis=[0, 0, 1], **given)], h)
+    rate = -3.0 * 9.81 / gain
+    one.step(round(1.0 / h))
+    before = one.joint_position[0]
+    one.step(100)
+    # e^-33 is left of the beginning with the weakest damper, and positions are rounded.
+    assert one.joint_velocity[0] == pytest.approx(rate, rel=1e-9)
+    assert one.joint_position[0] - before == pytest.approx(100 * h * rate, rel=1e-9, abs=1e-13)
+
+
 def test_a_drive_between_free_bodies_changes_no_momentum():
     between = joint('between', 'a', 'b', position=(0.3, 0, 0), **effort(1.0, friction=0.2))
     one = world([body('a'), body('b', 2.0, position=(0.5, 0, 0))], [between], gravity=NO_GRAVITY)

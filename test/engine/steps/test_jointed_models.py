@@ -57,6 +57,29 @@ def test_a_pendulum_comes_back_from_a_wall_as_energy_says():
     assert abs(found.min() + swing_back(0.8, 0.0, 0.5)) < ANGLE
 
 
+@pytest.mark.parametrize('contact', ['timestep', 'event'])
+@pytest.mark.parametrize('beyond', [-1e-6, -1e-8, 0.0, 1e-8, 1e-6, 1e-4])
+@pytest.mark.parametrize('restitution', [0.0, 0.5, 1.0])
+def test_a_ball_that_arrives_with_the_end_of_a_step_bounces(restitution, beyond, contact):
+    """A door that a ball hits turns with m v d (1 + e) / (I + m d^2)."""
+    door = {'name': 'door', 'shape': {'type': 'box', 'size': [1.0, 0.04, 1.0]}, 'mass': 5.0,
+            'pose': {'position': [0.5, 0.0, 0.0]}}
+    # 3 m/s are 0.05 m a step, and 0.2 m are four steps.
+    ball = {'name': 'ball', 'shape': {'type': 'sphere', 'radius': 0.05}, 'mass': 0.5,
+            'pose': {'position': [0.8, -0.27 + beyond, 0.0]}, 'twist': {'linear': [0.0, 3.0, 0.0]}}
+    world = World.from_dict({
+        'world': {'contact': contact, 'step': 1 / 60, 'gravity': [0, 0, 0]},
+        'materials': {'default': {'restitution': restitution, 'friction': 0.0}},
+        'bodies': [door, ball],
+        'joints': [{'name': 'hinge', 'type': 'revolute', 'parent': 'world', 'child': 'door',
+                    'axis': [0, 0, 1]}]})
+    world.step(6)
+    inertia = 5.0 * (1.0 + 0.04 ** 2) / 12 + 5.0 * 0.25
+    wanted = 0.5 * 3.0 * 0.8 * (1.0 + restitution) / (inertia + 0.5 * 0.8 ** 2)
+    # In `timestep` the normal may be that of the door a step later: (0.02 rad)^2 is lost.
+    assert world.joint_velocity[0] == pytest.approx(wanted, rel=1e-3)
+
+
 def test_a_pendulum_comes_back_from_its_limit_as_energy_says():
     limits = {'lower': -2.0, 'upper': 0.0123, 'restitution': 0.5}
     wall = {'name': 'wall', 'fixed': True, 'shape': {'type': 'box', 'size': [0.1, 0.1, 0.1]},
