@@ -271,7 +271,8 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
         i, j = shapes.body[a] & INDEX, shapes.body[b] & INDEX
         if known and are_flat(shapes.kind, a, b) and recycle(
                 state, memory.turn, now, before, row, old, i, j, margin,
-                min(shapes.bound[a], shapes.bound[b])):
+                min(shapes.bound[a], shapes.bound[b]),
+                min(shapes.half_width[a], shapes.half_width[b])):
             count = before.points[old]
             recycled += 1
         else:

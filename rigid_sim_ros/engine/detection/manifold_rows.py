@@ -11,7 +11,8 @@ from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, inlined, kernel, part
 
-# A manifold keeps its points while these move by less than this part of the margin. 0: never; 0.2:
+# A manifold keeps its points while these move by less than this part of the margin, or of the
+# thickness where that is less. 0: never; 0.2:
 # a box would slide on by 1 mm of 5 mm before its points follow. The gaps of kept points are exact
 # to second order.
 SLACK = 0.02
@@ -39,16 +40,17 @@ def _turned_back(R: Array, i: int, v: Vector) -> Vector:
 
 @part
 def recycle(state: State, turn: Array, now: Manifolds, before: Manifolds, row: int, old: int,
-            i: int, j: int, margin: float, reach: float) -> bool:
+            i: int, j: int, margin: float, reach: float, thickness: float) -> bool:
     """
     Take over the points of a manifold unless they moved too far; find their gaps anew.
 
     The normal and the points on A turn with A, those on B with B. The gap along the turned normal
     differs from the true one by the square of the angle and of the slip since the points were
     found. The margin may have been larger then: what is farther away now is no manifold, or
-    results would depend on how long a pair stays in the list.
+    results would depend on how long a pair stays in the list. What is fast has a large margin, but
+    points that moved by the `thickness` [m] of the thinner shape are those of another place.
     """
-    slack, near = SLACK * margin, False
+    slack, near = SLACK * min(margin, thickness), False
     q = multiply(conjugate(quaternion(state.q, i)), quaternion(state.q, j))
     turned = 0.0
     for k in range(4):

@@ -34,6 +34,7 @@ from rigid_sim_ros.engine.solver.sequential import (
     move_solved, solve_contacts, solve_directly, solve_part, store_part)
 from rigid_sim_ros.engine.solver.sleeping import (
     fall_asleep, keep_pressing, mark_pushed, wake_disturbed, wake_touched)
+from rigid_sim_ros.engine.solver.turned_energy import gains_any_by_turning, take_back_gains
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
 from rigid_sim_ros.kernels.kernel import apart, kernel
 from rigid_sim_ros.kernels.second_core import Helper, is_helped
@@ -248,15 +249,18 @@ def predict(c: Arguments) -> None:
     predict_part(c, CONTACTS)
 
 
-CONTACTS, PASSAGES = range(2)
+CONTACTS, PASSAGES, TURNS = range(3)
 
 
 @by_address
 def predict_part(c: Arguments, what: int) -> int:
-    """Predict the contacts of the step, or where bodies would get through something."""
+    """Predict the contacts of the step, or mend the ways of bodies, or where they ended."""
     memory, work = c.memory, c.work
     if what == PASSAGES:
         end_ways(c)
+        return 0
+    if what == TURNS:
+        take_back_gains(c)
         return 0
     predict_contacts(c.model, c.state, work.loads, c.shapes, current(memory), memory.margin,
                      memory.rest_margin, work.collision.activity, work.prediction, memory.scratch)
@@ -288,6 +292,8 @@ def solve(c: Arguments) -> None:
     if is_any_fast(c):
         predict_part(c, PASSAGES)
     move_solved(c)
+    if gains_any_by_turning(c):
+        predict_part(c, TURNS)
     move_kinematic(c.model, c.state, c.model.h)
 
 

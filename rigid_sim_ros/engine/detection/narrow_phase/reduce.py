@@ -117,15 +117,37 @@ def _farthest(points: Array, count: int, k: int) -> float:
 
 @kernel
 def _drop_far(points: Array, ids: IntArray, count: int, size: float) -> int:
-    """Keep the candidates, in their order, that are not far from touching; return how many."""
+    """
+    Keep the candidates, in their order, that may touch; return how many.
+
+    What is far from touching while another one is right below it touches after that one, and not
+    in this step. What is far aside of all deeper ones stays: a thin plate that lands with one edge
+    comes down with the other one in the same step, from many times its thickness.
+    """
     deepest, kept = _deepest(points, count), 0
     for k in range(count):
-        if points[k, 3] <= deepest + FAR * size:
+        if points[k, 3] <= deepest + FAR * size or not _stands_above(points, count, k):
             for i in range(4):
                 points[kept, i] = points[k, i]
             ids[kept] = ids[k]
             kept += 1
     return kept
+
+
+@kernel
+def _stands_above(points: Array, count: int, k: int) -> bool:
+    """
+    Return whether a deeper candidate is hardly farther aside than it is deeper.
+
+    The limit is at a slope of 39 degrees, at which no corner of a cube that stands on a corner or
+    on an edge is seen from another one: rounding does not decide.
+    """
+    for j in range(count):
+        deeper = points[k, 3] - points[j, 3]
+        aside = _between(points, k, j)
+        if deeper > 0.0 and dot(aside, aside) < 1.5 * deeper * deeper:
+            return True
+    return False
 
 
 @kernel
