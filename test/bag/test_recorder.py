@@ -168,6 +168,15 @@ class Stalled:
         self._go.set()
 
 
+def stalled_recording(tmp_path, monkeypatch) -> tuple[Stalled, World, Recorder]:
+    """Begin a recording onto a disk that stands still."""
+    disk = Stalled(monkeypatch)
+    the_world = world()
+    recorder = Recorder(tmp_path / 'bag', the_world, state_topics(NODE, the_world.names))
+    recorder.snapshot(the_world)
+    return disk, the_world, recorder
+
+
 def fill_queue(recorder: Recorder, the_world: World, events: int = 0) -> None:
     """Publish more than the queue takes."""
     channel = [recorder.channel(f'{NODE}/state')]
@@ -187,10 +196,7 @@ def test_a_disk_that_stands_still_makes_a_gap_that_is_marked(
         tmp_path, monkeypatch, events) -> None:
     # 100 states of 600 bytes do not fit; 400 events of 200 do not even fit into twice the room.
     monkeypatch.setattr(recorder_module, 'REAL_TIME_QUEUE', 20_000)
-    disk = Stalled(monkeypatch)
-    the_world = world()
-    recorder = Recorder(tmp_path / 'bag', the_world, state_topics(NODE, the_world.names))
-    recorder.snapshot(the_world)
+    disk, the_world, recorder = stalled_recording(tmp_path, monkeypatch)
     fill_queue(recorder, the_world, events)
     lost = recorder.status()
     assert lost.lost_messages > 50
@@ -247,10 +253,7 @@ def test_a_reset_to_the_same_step_does_not_hide_the_steps_after_it(tmp_path) -> 
 
 def test_a_recording_ends_without_waiting_for_a_disk_that_stands_still(
         tmp_path, monkeypatch) -> None:
-    disk = Stalled(monkeypatch)
-    the_world = world()
-    recorder = Recorder(tmp_path / 'bag', the_world, state_topics(NODE, the_world.names))
-    recorder.snapshot(the_world)
+    disk, the_world, recorder = stalled_recording(tmp_path, monkeypatch)
     fill_queue(recorder, the_world)
     recorder.end(the_world)
     assert recorder.status().queued_bytes > 0
@@ -262,10 +265,7 @@ def test_a_recording_ends_without_waiting_for_a_disk_that_stands_still(
 
 def test_ctrl_c_while_it_waits_does_not_make_a_recording_look_ended(
         tmp_path, monkeypatch) -> None:
-    disk = Stalled(monkeypatch)
-    the_world = world()
-    recorder = Recorder(tmp_path / 'bag', the_world, state_topics(NODE, the_world.names))
-    recorder.snapshot(the_world)
+    disk, the_world, recorder = stalled_recording(tmp_path, monkeypatch)
     recorder.end(the_world)
     # As SIGINT does, which would end what other tests of this process have of ROS.
     before = signal.signal(signal.SIGUSR1, signal.default_int_handler)

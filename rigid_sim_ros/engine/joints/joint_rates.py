@@ -3,9 +3,10 @@
 """How fast the coordinates of joints change that no axis of the solution has: those of loops."""
 
 from rigid_sim_ros.engine.joints.joint_coordinates import axis_z, joint_side
-from rigid_sim_ros.engine.maths.vector import add, column, cross, dot, subtract
+from rigid_sim_ros.engine.maths.vector import column, dot, subtract
 from rigid_sim_ros.engine.model.joints import JointTable, PRISMATIC, REVOLUTE
 from rigid_sim_ros.engine.model.model import Model, WORLD
+from rigid_sim_ros.engine.state.rates import velocity_at
 from rigid_sim_ros.engine.state.state import body_spin, body_velocity, State
 from rigid_sim_ros.kernels.arrays import Vector
 from rigid_sim_ros.kernels.kernel import kernel
@@ -35,5 +36,5 @@ def _motion_at(model: Model, state: State, body: int, p: Vector) -> tuple[Vector
     if body == WORLD:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     w = body_spin(model, state, body)
-    return add(body_velocity(model, state, body), cross(
-        w, subtract(p, column(state.x, body)))), w
+    return velocity_at(body_velocity(model, state, body), w,
+                       subtract(p, column(state.x, body))), w

@@ -27,10 +27,10 @@ from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
 from rigid_sim_ros.engine.dynamics.kinematic import prescribed_spin, prescribed_velocity
 from rigid_sim_ros.engine.maths.rotation import exponential, multiply, quaternion, set_quaternion
 from rigid_sim_ros.engine.maths.vector import (
-    add, add_scaled, add_to_column, column, cross, norm, scale, set_column, subtract)
+    add, add_scaled, add_to_column, column, norm, scale, set_column, subtract)
 from rigid_sim_ros.engine.solver.arguments import Arguments
 from rigid_sim_ros.engine.solver.solver_bodies import STRIDE, TOUCHED
-from rigid_sim_ros.engine.state.rates import angular_momentum
+from rigid_sim_ros.engine.state.rates import angular_momentum, velocity_at
 from rigid_sim_ros.engine.state.state import copy_body
 from rigid_sim_ros.kernels.arrays import Array, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, inlined, kernel
@@ -166,8 +166,8 @@ def _end_at_passage(c: Arguments, a: int, b: int) -> None:
         if t / h < ways.part[i]:
             ways.part[i] = t / h
             arm = subtract(column(ways.path.x, i), column(ways.path.x, k))
-            set_column(ways.carried, i, add(prescribed_velocity(ways.path, k),
-                                            cross(prescribed_spin(ways.path, k), arm)))
+            set_column(ways.carried, i, velocity_at(
+                prescribed_velocity(ways.path, k), prescribed_spin(ways.path, k), arm))
 
 
 @kernel

@@ -39,8 +39,6 @@ from rigid_sim_ros.kernels.kernel import INDEX, kernel
 MORE = 1e-3
 # Newton's method comes to the level from above; it halves the way to a least energy.
 ROUNDS = 12
-# Moments that differ by less cannot gain `MORE` by turning.
-ROUND = 1.0 + MORE
 TINY = 1e-300
 
 
@@ -110,10 +108,11 @@ def _turn_back(c: Arguments, i: int) -> None:
 @kernel
 def _gain(c: Arguments, i: int) -> float:
     """Return what a body has gained by turning [J] beyond the share `MORE`; else 0."""
-    bodies, d = c.work.solver.bodies, column(c.model.inv_I_C, i)
+    bodies, d, most = c.work.solver.bodies, column(c.model.inv_I_C, i), 1.0 + MORE
     at = (bodies.slot[i] & INDEX) * STRIDE
     if (at == 0 or c.model.inv_m[i] == 0.0 or bodies.drifted[at + TOUCHED] == 0.0
-            or max(d[0], d[1], d[2]) <= ROUND * min(d[0], d[1], d[2])):
+            # Moments that differ by less cannot gain as much.
+            or max(d[0], d[1], d[2]) <= most * min(d[0], d[1], d[2])):
         return 0.0
     L, mass = column(c.state.L, i), bodies.mass
     at += J
@@ -121,4 +120,4 @@ def _gain(c: Arguments, i: int) -> float:
                                   (mass[at + 3], mass[at + 4], mass[at + 5]), L))
     now = dot(L, spin_of(quaternion(c.state.q, i), L, d))
     # Not all of it: what is near the limit must not jump.
-    return max(0.5 * (now - (1.0 + MORE) * left), 0.0)
+    return max(0.5 * (now - most * left), 0.0)
