@@ -118,7 +118,7 @@ class Grid:
         kind, m = self.shapes.kind, self.memory
         if not mark_moved(kind, m.pose, box, all_of_them, m.grid, 0, len(kind)):
             return 0
-        return int(refresh(kind, self.shapes.body, m.pose, box, self.model.inv_m, self.P, H,
+        return int(refresh(self.shapes, m.pose, box, self.model.inv_m, self.P, H, all_of_them,
                            m.grid, 0, len(kind)))
 
     def find(self, box: np.ndarray) -> int:

@@ -39,13 +39,12 @@ def shapes(scene: schema.Scene, report: Report) -> tuple[list[Shape], list[Path]
             if body.collides and part.type in BY_TYPE:
                 material = materials.index(part.material or body.material)
                 try:
-                    pieces = _pieces(part)
+                    shape = _shape(part)
                 except ValueError as error:
                     report(('bodies', i, *path), str(error))
                     continue
-                found += [shape._replace(body=i, material=material, group=group, mask=mask)
-                          for shape in pieces]
-                places += [('bodies', i, *path)] * len(pieces)
+                found.append(shape._replace(body=i, material=material, group=group, mask=mask))
+                places.append(('bodies', i, *path))
     return found, places
 
 
@@ -134,21 +133,20 @@ def _material(line: schema.Surface) -> Material:
                     line.damping)
 
 
-def _pieces(part: schema.Shape) -> list[Shape]:
-    """Return the convex shapes that a part collides as: one, or many of a surface."""
+def _shape(part: schema.Shape) -> Shape:
+    """Return what a part collides as: one convex shape, or the many pieces of a surface."""
     kind = BY_TYPE[part.type]
     shape = Shape(0, kind, KINDS[kind].size(part), part.pose.position, part.pose.orientation)
     if isinstance(part, schema.Plane):
-        return [_placed(shape, part)]
+        return _placed(shape, part)
     if isinstance(part, schema.Heightfield):
-        return [shape._replace(hull=column) for column in columns(
-            np.array(part.heights), (part.size[0], part.size[1]))]
+        return shape._replace(hull=columns(np.array(part.heights), (part.size[0], part.size[1])))
     if isinstance(part, schema.Mesh):
         vertices = np.array(part.vertices)
         if part.convex:
-            return [shape._replace(hull=Polyhedron(*convex_hull(vertices)))]
-        return [shape._replace(hull=sheet) for sheet in sheets(vertices, np.array(part.faces))]
-    return [shape]
+            return shape._replace(hull=Polyhedron(*convex_hull(vertices)))
+        return shape._replace(hull=sheets(vertices, np.array(part.faces)))
+    return shape
 
 
 def _placed(shape: Shape, part: schema.Plane) -> Shape:

@@ -15,7 +15,7 @@ import warnings
 
 import numpy as np
 
-from rigid_sim_ros.engine.model.hulls import Prism, prisms
+from rigid_sim_ros.engine.model.hulls import Prisms, prisms
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.reading import bytes_of
 from rigid_sim_ros.scene.mesh import check, Mesh
@@ -107,7 +107,7 @@ def grid_surface(heights: Array, size: tuple[float, float]) -> tuple[Array, IntA
     return vertices, np.stack([near, far], axis=1).reshape(-1, 3)
 
 
-def columns(heights: Array, size: tuple[float, float]) -> list[Prism]:
+def columns(heights: Array, size: tuple[float, float]) -> Prisms:
     """
     Return what a heightfield collides as: columns from its triangles down.
 
@@ -121,7 +121,7 @@ def columns(heights: Array, size: tuple[float, float]) -> list[Prism]:
     return prisms(upper, lower)
 
 
-def sheets(vertices: Array, faces: IntArray) -> list[Prism]:
+def sheets(vertices: Array, faces: IntArray) -> Prisms:
     """Return what triangles collide as: sheets behind them. What has no area is left out."""
     corners, normals, longest = _with_area(vertices, faces)
     depth = _THICKNESS * longest / np.linalg.norm(normals, axis=1)

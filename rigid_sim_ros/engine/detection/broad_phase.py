@@ -98,21 +98,22 @@ def mark_moved(kind: IntArray, pose: Array, box: Array, all_of_them: bool, grid:
 
 
 @kernel
-def refresh(kind: IntArray, body: IntArray, pose: Array, box: Array, inv_m: Array, P: Array,
-            h: float, grid: Grid, first: int, last: int) -> int:
+def refresh(shapes: Shapes, pose: Array, box: Array, inv_m: Array, P: Array, h: float,
+            all_of_them: bool, grid: Grid, first: int, last: int) -> int:
     """
-    Give some shapes, if they are marked, a new fat box, and return how many these are.
+    Give some shapes, if they are marked, a new fat box, and return how many look for partners.
 
     As soon as one left its own, so get those that are about to: to look up many costs little more
-    than to look up one.
+    than to look up one. Where all have moved, those of fixed bodies do not look, but are found.
     """
     count = 0
     for s in range(first, last):
         if grid.moved[s] == 1:
-            count += 1
-            i = body[s] & INDEX
-            _fatten(kind, pose, box, h * inv_m[i], P, i, grid.fat, s)
-            find_cell(grid.fat, grid.cells, s, not is_unbounded(kind[s]))
+            i = shapes.body[s] & INDEX
+            _fatten(shapes.kind, pose, box, h * inv_m[i], P, i, grid.fat, s)
+            find_cell(grid.fat, grid.cells, s, not is_unbounded(shapes.kind[s]))
+            grid.moved[s] = 0 if all_of_them and shapes.still[s] == 1 else 1
+            count += grid.moved[s]
     return count
 
 

@@ -24,7 +24,8 @@ from rigid_sim_ros.engine.detection.narrow_phase.collide import (
 from rigid_sim_ros.engine.detection.pair_list import (
     find_pairs, look_for_share, note_moved, take_shares)
 from rigid_sim_ros.engine.detection.seams import find_seams, mend_seams
-from rigid_sim_ros.engine.detection.transform_update import bound, place_bodies, place_shapes
+from rigid_sim_ros.engine.detection.transform_update import (
+    bound, next_placed, note_settled, place_bodies, place_shapes)
 from rigid_sim_ros.engine.detection.witness import boxes_apart, remember, separates
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Shapes
@@ -130,11 +131,17 @@ def detect_within_margins(model: Model, state: State, shapes: Shapes, memory: Me
 def place_some(state: State, shapes: Shapes, memory: Memory, half: int, some: tuple[int, int],
                bodies: tuple[int, int]) -> None:
     """Find where `some` shapes are, of these bodies, and which of them left their fat boxes."""
+    anew, left, last = memory.pair_count[0] < 0, 0, some[1]
+    note_settled(state, shapes, memory.margin, anew, memory.settled, memory.grid.moved, some[0],
+                 last)
     place_bodies(state, shapes.turning, memory.turn, bodies[0], bodies[1])
-    place_shapes(state, shapes, memory.turn, memory.pose, some[0], some[1])
-    bound(shapes.kind, shapes.size, memory.pose, memory.margin, memory.box, some[0], some[1])
-    memory.left[half, 0] = mark_moved(shapes.kind, memory.pose, memory.box,
-                                      memory.pair_count[0] < 0, memory.grid, some[0], some[1])
+    begin, end = next_placed(shapes, memory.settled, some[0], last)
+    while begin < last:
+        place_shapes(state, shapes, memory.turn, memory.pose, begin, end)
+        bound(shapes.kind, shapes.size, memory.pose, memory.margin, memory.box, begin, end)
+        left += mark_moved(shapes.kind, memory.pose, memory.box, anew, memory.grid, begin, end)
+        begin, end = next_placed(shapes, memory.settled, end, last)
+    memory.left[half, 0] = left
 
 
 @kernel

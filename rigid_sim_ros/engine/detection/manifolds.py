@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.detection.grid import Grid, make_grid
-from rigid_sim_ros.engine.detection.transform_update import unplaced
+from rigid_sim_ros.engine.detection.transform_update import Settled, unplaced, unsettled
 from rigid_sim_ros.engine.model.hulls import MAX_CORNERS
 from rigid_sim_ros.kernels.arrays import Array, IntArray, integers, room
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
@@ -117,6 +117,7 @@ class Memory(NamedTuple):
     margin: Array
     rest_margin: Array  # (s,) [m] what it would be if nothing moved
     box: Array  # (s, 6) bounding boxes with the margin, lower and upper corner
+    settled: Settled  # whose poses and boxes are those of an earlier step
     grid: Grid
     pair_count: IntArray  # (3,) -1 before the first step; see `forget_parted`
     pair: IntArray  # (p, 2) of 32 bits, shapes whose fat boxes overlap, sorted
@@ -196,9 +197,9 @@ def empty_memory(bodies: int, shapes: int, capacity: int = 64) -> Memory:
     s = shapes
     memory = Memory(
         empty_pages(capacity), integers(1), unplaced(s), room(bodies, 9), room(s), room(s),
-        room(s, 6), make_grid(s), integers(3), _names(2 * capacity, 2), _names(4, 4 * s, 2),
-        integers(s + 1), room(2 * capacity, 4), integers(8), _scratch(), _scratch(),
-        integers(2, 8), integers(2, NEAR), integers(2), integers(2, 8), integers(2, 6),
+        room(s, 6), unsettled(bodies), make_grid(s), integers(3), _names(2 * capacity, 2),
+        _names(4, 4 * s, 2), integers(s + 1), room(2 * capacity, 4), integers(8), _scratch(),
+        _scratch(), integers(2, 8), integers(2, NEAR), integers(2), integers(2, 8), integers(2, 6),
         integers(1), room(2, bodies, kind=np.int8), _seams(s, capacity))
     forget_pairs(memory)
     return memory

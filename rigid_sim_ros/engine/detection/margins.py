@@ -5,6 +5,7 @@
 from rigid_sim_ros.engine.detection.manifolds import Memory
 from rigid_sim_ros.engine.maths.vector import add, column, norm, scale
 from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
@@ -12,7 +13,7 @@ from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
 @kernel
 def set_margins(model: Model, h: float, state: State, part_of: float, radius: Array,
-                thickness: Array, body: IntArray, memory: Memory, first: int, last: int) -> None:
+                thickness: Array, shapes: Shapes, memory: Memory, first: int, last: int) -> None:
     """
     Write the margins of some shapes [m]: what they have at rest, and as far as they move in h [s].
 
@@ -20,9 +21,10 @@ def set_margins(model: Model, h: float, state: State, part_of: float, radius: Ar
     `part_of` the thickness (s,) [m], half of the least that a shape measures across.
     """
     inv_m, inv_I_C, P, L, V = model.inv_m, model.inv_I_C, state.P, state.L, state.V
-    rest = standard_of_rest(model, state, body)
-    for s in range(first, last):
-        i = body[s] & INDEX
+    rest = standard_of_rest(model, state, shapes.body)
+    s = first
+    while s < last:
+        i = shapes.body[s] & INDEX
         # V of what is pushed is 0, and so is inv_m of all else.
         v = norm((inv_m[i] * P[0, i] + V[0, i] - rest[0], inv_m[i] * P[1, i] + V[1, i] - rest[1],
                   inv_m[i] * P[2, i] + V[2, i] - rest[2]))
@@ -30,8 +32,13 @@ def set_margins(model: Model, h: float, state: State, part_of: float, radius: Ar
         w = max(inv_I_C[0, i], inv_I_C[1, i], inv_I_C[2, i]) * norm(column(L, i))
         w += norm((V[3, i], V[4, i], V[5, i]))
         way = (v + w * radius[i]) * h
-        memory.rest_margin[s] = part_of * thickness[s] if inv_m[i] > 0.0 else 0.0
-        memory.margin[s] = memory.rest_margin[s] + way
+        # All shapes of what nothing pushes have one margin, which hardly ever changes.
+        pushed = inv_m[i] > 0.0
+        if pushed or memory.margin[s] != way or memory.rest_margin[s] != 0.0:
+            for k in range(s, shapes.after[s]):
+                memory.rest_margin[k] = part_of * thickness[k] if pushed else 0.0
+                memory.margin[k] = memory.rest_margin[k] + way
+        s = shapes.after[s]
 
 
 @kernel

@@ -40,9 +40,9 @@ def _have_left(memory: Memory) -> bool:
 @kernel
 def refresh_some(model: Model, state: State, shapes: Shapes, memory: Memory, half: int,
                  some: tuple[int, int]) -> None:
-    """Give those of `some` shapes that are marked a new fat box, and count them."""
-    memory.left[half, 1] = refresh(shapes.kind, shapes.body, memory.pose, memory.box, model.inv_m,
-                                   state.P, model.h, memory.grid, some[0], some[1])
+    """Give those of `some` shapes that are marked a new fat box; count those that look around."""
+    memory.left[half, 1] = refresh(shapes, memory.pose, memory.box, model.inv_m, state.P, model.h,
+                                   memory.pair_count[0] < 0, memory.grid, some[0], some[1])
 
 
 @kernel

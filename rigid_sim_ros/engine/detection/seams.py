@@ -83,9 +83,10 @@ def find_seams(shapes: Shapes, memory: Memory) -> bool:
 def _link(shapes: Shapes, rows: Manifolds, first: int, count: int, seams: Seams) -> bool:
     """Chain the manifolds of each shape, in order; return whether there is anything to look at."""
     faceted = False
-    for s in range(shapes.kind.shape[0]):
-        seams.head[s] = -1
-        faceted = faceted or is_faceted(shapes.kind[s])
+    for k in range(first, first + count):
+        a, b = _shapes_of(rows, k, 0)
+        seams.head[a] = seams.head[b] = -1
+        faceted = faceted or is_faceted(shapes.kind[a]) or is_faceted(shapes.kind[b])
     if not faceted:
         return False
     for k in range(first + count - 1, first - 1, -1):

@@ -105,12 +105,11 @@ def sizes(model: Model, shapes: Shapes) -> Array:
     One that ends nowhere, or has no shape, counts as large as the largest that it may carry;
     infinite where nothing moves.
     """
-    n = len(model.m)
+    n, body = len(model.m), shapes.body
     size, endless = np.zeros(n), np.ones(n, dtype=bool)
-    for s, i in enumerate(shapes.body):
-        endless[i] = KINDS[shapes.kind[s]].is_unbounded
-        reach = math.hypot(*shapes.p_CS[s].tolist()) + shapes.bound[s]
-        size[i] = max(size[i], reach)
+    np.maximum.at(size, body, np.linalg.norm(shapes.p_CS, axis=1) + shapes.bound)
+    endless[body] = False
+    endless[body[[KINDS[kind].is_unbounded for kind in shapes.kind.tolist()]]] = True
     carried = size[(model.inv_m > 0.0) & ~endless]
     size[endless] = carried.max() if len(carried) > 0 else np.inf
     return size

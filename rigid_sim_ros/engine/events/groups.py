@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.detection.backtrack import motion_bound, near, pairs_near, place_ahead
+from rigid_sim_ros.engine.detection.transform_update import is_at, keep_place
 from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.dynamics.kinematic import is_carried
 from rigid_sim_ros.engine.maths.union_find import first_of, unite
@@ -56,6 +57,7 @@ class Groups(NamedTuple):
     far: Array  # (s,) [m] how far a shape may move in this step
     moved: Array  # (s,) [m] how far it moved, at most
     radius: Array  # (s,) [m] of the spheres
+    at: Array  # (n, 8) where the bodies were when the poses of their shapes were written
     scratch: Array  # (s,)
     order: IntArray  # (s,)
     root: IntArray  # (n,)
@@ -71,18 +73,27 @@ def make_groups(bodies: int, shapes: int, pairs: int) -> Groups:
     return Groups(whole(n), whole(n + 1), whole(n), whole(n + 1), whole(s), whole(n + 1),
                   whole(pairs, 2), whole(n + 1), np.zeros(n), np.zeros(n), np.zeros(n), whole(n),
                   np.zeros(n), np.zeros(n), whole(n), whole(n), np.zeros(s), np.zeros(s),
-                  np.zeros(s), np.zeros(s), whole(s), whole(n))
+                  np.zeros(s), np.full((n, 8), np.nan), np.zeros(s), whole(s), whole(n))
 
 
 @kernel
 def reach_out(model: Model, state: State, loads: Loads, shapes: Shapes, margin: Array, tries: int,
               pose: Array, g: Groups) -> None:
     """Choose how far shapes may move in this step; `margin`, (s,) [m]: how far they are seen."""
+    stands = placed = False
     for s in range(shapes.kind.shape[0]):
-        place_ahead(model, state, loads, shapes, s, 0.0, pose)
-        far = motion_bound(model, state, loads, shapes, s, model.h)
-        if shapes.bound[s] < np.inf and _moves(model, state, shapes.body[s]):
-            far = FAR * far + SLACK * shapes.bound[s]
+        i, far = shapes.body[s], 0.0
+        if s == 0 or shapes.body[s - 1] != i:
+            stands = not _moves(model, state, i)
+            # Of what stands still the poses are those of the last step.
+            placed = stands and is_at(state, i, 0.0, g.at)
+            keep_place(state, i, 0.0, g.at)
+        if not placed:
+            place_ahead(model, state, loads, shapes, s, 0.0, pose)
+        if not stands:
+            far = motion_bound(model, state, loads, shapes, s, model.h)
+            if shapes.bound[s] < np.inf:
+                far = FAR * far + SLACK * shapes.bound[s]
         g.far[s] = far + margin[s] if tries == 0 else max(g.far[s], far + margin[s])
         if tries > MOST_TRIES:
             g.far[s] = np.inf

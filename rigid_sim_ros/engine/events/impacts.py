@@ -41,13 +41,20 @@ def look_near(c: EventArguments) -> None:
     """
     model, shapes, loads, memory = c.model, c.shapes, c.buffers.work.loads, c.memory
     h = model.h
-    for s in range(shapes.kind.shape[0]):
+    s = 0
+    while s < shapes.kind.shape[0]:
         i, size = shapes.body[s], shapes.bound[s]
         pull = model.inv_m[i] * norm((loads.F[0, i], loads.F[1, i], loads.F[2, i]))
         if size == np.inf:
             size = 0.0
-        memory.margin[s] = 1.01 * (c.settings.touching * size
-                                   + 0.25 * h * (0.5 * h * pull + STILL * size / h))
+        margin = 1.01 * (c.settings.touching * size
+                         + 0.25 * h * (0.5 * h * pull + STILL * size / h))
+        # Those of what nothing pushes are always the same.
+        if shapes.still[s] == 1 and memory.margin[s] == margin:
+            s = shapes.after[s]
+            continue
+        memory.margin[s] = margin
+        s += 1
     memory.rest_margin[:] = np.inf  # no pair is looked at farther ahead than it touches
 
 

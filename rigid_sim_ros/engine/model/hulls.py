@@ -28,13 +28,17 @@ class Polyhedron(NamedTuple):
     triangles: IntArray  # (t, 3) rows of the vertices
 
 
-class Prism(NamedTuple):
-    """A triangle with depth: it collides as one piece of a surface that need not be convex."""
+class Prisms(NamedTuple):
+    """
+    Triangles with depth, t of them: each collides as one piece of a surface.
 
-    vertices: Array  # (6, 3) [m] the triangle, anticlockwise seen from outside, and below it
-    normals: Array  # (5, 3) outward, of unit length, of `PRISM_FACES`
-    offsets: Array  # (5,) [m] normal . x on the face
-    half_width: float  # [m] half of the least that it measures across
+    The surface need not be convex.
+    """
+
+    vertices: Array  # (t, 6, 3) [m] the triangles, anticlockwise from outside, and below them
+    normals: Array  # (t, 5, 3) outward, of unit length, of `PRISM_FACES`
+    offsets: Array  # (t, 5) [m] normal . x on the face
+    half_width: Array  # (t,) [m] half of the least that each measures across
 
 
 # Upper side, lower side, and those below the edges of the triangle.
@@ -72,7 +76,19 @@ def bare_hulls() -> HullTable:
                      np.zeros(1), one.copy(), one.copy(), one.copy())
 
 
-def prisms(upper: Array, lower: Array) -> list[Prism]:
+class _Faces(NamedTuple):
+    """Polyhedra one after the other, as `HullTable` has them."""
+
+    vertex_counts: IntArray  # (k,)
+    vertices: Array  # (v, 3) [m]
+    face_counts: IntArray  # (k,)
+    normals: Array  # (f, 3)
+    offsets: Array  # (f,) [m]
+    corner_counts: IntArray  # (f,)
+    corners: IntArray  # of each face, as vertices of its polyhedron
+
+
+def prisms(upper: Array, lower: Array) -> Prisms:
     """
     Return the prisms between triangles (t, 3, 3) and those with the corners below theirs [m].
 
@@ -90,63 +106,81 @@ def prisms(upper: Array, lower: Array) -> list[Prism]:
                         for k, face in enumerate(PRISM_FACES)], axis=1)
     # A prism is thinnest across one of its faces or, what is no less than half of that, two edges.
     across = offsets - np.einsum('tvi,tki->tkv', vertices, normals).min(axis=2)
-    return [Prism(*one) for one in zip(vertices, normals, offsets,
-                                       (0.5 * across.min(axis=1)).tolist(), strict=True)]
+    return Prisms(vertices, normals, offsets, 0.5 * across.min(axis=1))
 
 
-def make_hulls(hulls: Sequence[Polyhedron | Prism | None],
+def count_pieces(hull: Polyhedron | Prisms | None) -> int:
+    """Return how many convex pieces one shape of a body is."""
+    return len(hull.vertices) if isinstance(hull, Prisms) else 1
+
+
+def make_hulls(hulls: Sequence[Polyhedron | Prisms | None],
                ) -> tuple[HullTable, IntArray, Array, Array]:
     """
-    Return the table, the row of each hull (-1 for None), its centre and its half extents [m].
+    Return the table, the row of each piece (-1 for None), its centre and its half extents [m].
 
-    The table's vertices are relative to the centre of the hull's bounding box. A mesh that occurs
-    twice is kept once. HullError, with the number, for a mesh that is not convex, not closed or
-    flat.
+    A hull has one piece, or each of its prisms is one. The table's vertices are relative to the
+    centre of the bounding box of their piece. A mesh that occurs twice is kept once. HullError,
+    with the number of the hull, for a mesh that is not convex, not closed or flat.
     """
-    rows = np.full(len(hulls), -1, dtype=np.int64)
-    centres, extents = np.zeros((len(hulls), 3)), np.zeros((len(hulls), 3))
-    parts: list[tuple[Array, list[list[int]], Array, Array]] = []
+    pieces = sum(map(count_pieces, hulls))
+    rows = np.full(pieces, -1, dtype=np.int64)
+    centres, extents = np.zeros((pieces, 3)), np.zeros((pieces, 3))
+    parts: list[_Faces] = []
     seen: dict[bytes, int] = {}
+    known = end = 0     # rows of the table, and pieces, so far
     for i, hull in enumerate(hulls):
+        at, end = end, end + count_pieces(hull)
         if hull is None:
             continue
-        vertices = np.asarray(hull.vertices, dtype=np.float64)
-        low, high = vertices.min(axis=0), vertices.max(axis=0)
-        centres[i], extents[i] = 0.5 * (low + high), 0.5 * (high - low)
-        local = np.ascontiguousarray(vertices - centres[i])
-        if isinstance(hull, Prism):
-            rows[i] = len(parts)
-            parts.append((local, [list(face) for face in PRISM_FACES], hull.normals,
-                          hull.offsets - hull.normals @ centres[i]))
+        vertices = np.asarray(hull.vertices, dtype=np.float64).reshape(end - at, -1, 3)
+        low, high = vertices.min(axis=1), vertices.max(axis=1)
+        centres[at:end], extents[at:end] = 0.5 * (low + high), 0.5 * (high - low)
+        local = np.ascontiguousarray(vertices - centres[at:end, None])
+        if isinstance(hull, Prisms):
+            rows[at:end] = np.arange(known, known + end - at)
+            parts.append(_faces_of_prisms(local, hull, centres[at:end]))
+            known += end - at
             continue
         triangles = np.ascontiguousarray(hull.triangles, dtype=np.int64)
-        rows[i] = seen.setdefault(local.tobytes() + triangles.tobytes(), len(parts))
-        if rows[i] == len(parts):
+        rows[at] = seen.setdefault(local.tobytes() + triangles.tobytes(), known)
+        if rows[at] == known:
             try:
-                parts.append((local, *polygons(local, triangles)))
+                parts.append(_faces_of_mesh(local[0], triangles))
             except ValueError as error:
                 raise HullError(i, str(error)) from None
+            known += 1
     return _table(parts), rows, centres, extents
 
 
-def _table(parts: Sequence[tuple[Array, list[list[int]], Array, Array]]) -> HullTable:
-    def starts(counts: Sequence[int]) -> IntArray:
-        return np.cumsum([0, *counts])[:-1].astype(np.int64)
+def _faces_of_prisms(local: Array, prism: Prisms, centres: Array) -> _Faces:
+    """Return prisms whose vertices (t, 6, 3) are relative to their centres (t, 3) [m]."""
+    t, sizes = len(local), [len(face) for face in PRISM_FACES]
+    offsets = prism.offsets - (prism.normals @ centres[:, :, None])[:, :, 0]
+    corners = np.array([corner for face in PRISM_FACES for corner in face], dtype=np.int64)
+    return _Faces(np.full(t, local.shape[1]), local.reshape(-1, 3), np.full(t, len(sizes)),
+                  prism.normals.reshape(-1, 3), offsets.reshape(-1), np.tile(sizes, t),
+                  np.tile(corners, t))
 
-    vertex_counts = [len(part[0]) for part in parts]
-    face_counts = [len(part[1]) for part in parts]
-    first = starts(vertex_counts)
-    faces = [[int(first[k]) + corner for corner in face]
-             for k, part in enumerate(parts) for face in part[1]]
-    sizes = [len(face) for face in faces]
-    ends = np.cumsum([0, *sizes])
-    return HullTable(first, np.array(vertex_counts, dtype=np.int64),
-                     np.concatenate([np.zeros((0, 3)), *(part[0] for part in parts)]),
-                     starts(face_counts), np.array(face_counts, dtype=np.int64),
-                     np.concatenate([np.zeros((0, 3)), *(part[2] for part in parts)]),
-                     np.concatenate([np.zeros(0), *(part[3] for part in parts)]),
-                     ends[:-1].astype(np.int64), np.array(sizes, dtype=np.int64),
-                     np.array([corner for face in faces for corner in face], dtype=np.int64))
+
+def _faces_of_mesh(vertices: Array, triangles: IntArray) -> _Faces:
+    faces, normals, offsets = polygons(vertices, triangles)
+    return _Faces(np.array([len(vertices)]), vertices, np.array([len(faces)]), normals, offsets,
+                  np.array([len(face) for face in faces]),
+                  np.array([corner for face in faces for corner in face]))
+
+
+def _table(parts: Sequence[_Faces]) -> HullTable:
+    none = np.zeros(0, dtype=np.int64)
+    empty = _Faces(none, np.zeros((0, 3)), none, np.zeros((0, 3)), np.zeros(0), none, none)
+    all_of = _Faces(*map(np.concatenate, zip(empty, *parts, strict=True)))
+    first, first_face, first_corner = (
+        np.cumsum(counts) - counts
+        for counts in (all_of.vertex_counts, all_of.face_counts, all_of.corner_counts))
+    own = np.repeat(np.repeat(first, all_of.face_counts), all_of.corner_counts)
+    return HullTable(first, all_of.vertex_counts, all_of.vertices, first_face, all_of.face_counts,
+                     all_of.normals, all_of.offsets, first_corner, all_of.corner_counts,
+                     own + all_of.corners)
 
 
 def polygons(vertices: Array, triangles: IntArray) -> tuple[list[list[int]], Array, Array]:

@@ -8,13 +8,13 @@ its body. What the kinds of shapes are, and where the origin of S is in them, st
 """
 
 from collections.abc import Iterable, Sequence
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from rigid_sim_ros.engine.maths.rotation_in_python import add, multiply, rotate
-from rigid_sim_ros.engine.model.hulls import bare_hulls, HullTable, make_hulls, Polyhedron, Prism
+from rigid_sim_ros.engine.model.hulls import (
+    bare_hulls, count_pieces, HullTable, make_hulls, Polyhedron, Prisms)
 from rigid_sim_ros.engine.model.kinds.table import HULL, KINDS
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.kernels.arrays import Array, IntArray
@@ -24,7 +24,7 @@ ALL_GROUPS = -1  # every bit of a mask
 
 
 class Shape(NamedTuple):
-    """How to make one shape; its pose is given in the frame B of its body."""
+    """How to make one shape, or all pieces of one; its pose is in the frame B of its body."""
 
     body: int
     kind: int  # its row in `KINDS`
@@ -34,13 +34,14 @@ class Shape(NamedTuple):
     material: int = 0
     group: int = 1  # bits of the groups that the shape belongs to
     mask: int = ALL_GROUPS  # bits of the groups that it collides with; 0: none, the body opts out
-    hull: Polyhedron | Prism | None = None
+    hull: Polyhedron | Prisms | None = None
 
 
 class Shapes(NamedTuple):
     """The shapes of a world, s of them, a row each."""
 
     body: IntArray  # (s,) the body that carries the shape
+    after: IntArray  # (s,) the next shape that another body carries, s where there is none
     kind: IntArray  # (s,) row in `KINDS`
     size: Array  # (s, 3) [m] see the file of the kind
     p_CS: Array  # (s, 3) [m] origin of S from C of its body, axes of C
@@ -126,67 +127,96 @@ def build_shapes(model: Model, shapes: Sequence[Shape],
     """
     Return the table of all shapes, for bodies of `model`, with pairs of bodies to ignore.
 
-    ValueError, with the number, for a size that is not > 0, a plane on a body that moves, and a
-    hull without volume.
+    The shapes of a body stand side by side. ValueError, with the number, if they do not, for a
+    size that is not > 0, a plane on a body that moves, and a hull without volume.
     """
-    s, n = len(shapes), len(model.m)
+    n = len(model.m)
     hulls, rows, centres, extents = make_hulls([shape.hull for shape in shapes])
-    size, p_CS, q_CS = np.zeros((s, 3)), np.zeros((s, 3)), np.zeros((s, 4))
-    bound, half_width = np.zeros(s), np.zeros(s)
-    q_CB, p_CB = list(map(tuple, model.q_CB.tolist())), model.p_CB.tolist()
-    measured: dict[tuple[int, tuple[float, ...]], tuple[float, float]] = {}     # many are alike
+    s = len(rows)
+    size, p_CS, q_CS, bound, half_width = (
+        np.zeros((s, 3)), np.zeros((s, 3)), np.zeros((s, 4)), np.zeros(s), np.zeros(s))
+    end = 0
     for i, shape in enumerate(shapes):
-        x, y, z = map(float, shape.size if shape.hull is None else extents[i])
-        size[i] = extent = x, y, z
-        if (shape.kind, extent) not in measured:
-            _check_size(i, shape, extent)
-            measured[shape.kind, extent] = (KINDS[shape.kind].bounding_radius(extent),
-                                            KINDS[shape.kind].half_width(extent))
+        at, end = end, end + count_pieces(shape.hull)
+        size[at:end] = shape.size if shape.hull is None else extents[at:end]
+        _check_size(i, shape, size[at:end])
         if KINDS[shape.kind].is_unbounded and model.inv_m[shape.body] != 0.0:
             raise ValueError(f'{_named(i, shape)}: only a fixed body may carry a plane')
-        b = shape.body
-        q_BS: Any = tuple(map(float, shape.q_BS))
-        offset: Any = tuple(map(float, shape.p_BS))
-        if rows[i] >= 0:
-            offset = add(offset, rotate(q_BS, tuple(centres[i].tolist())))
-        p_CS[i] = add(p_CB[b], rotate(q_CB[b], offset))
-        q_CS[i] = multiply(q_CB[b], q_BS)
-        bound[i], half_width[i] = measured[shape.kind, extent]
-        if rows[i] >= 0:
-            first, count = hulls.first[rows[i]], hulls.count[rows[i]]
-            bound[i] = np.linalg.norm(hulls.vertices[first:first + count], axis=1).max()
-        if isinstance(shape.hull, Prism):
-            half_width[i] = shape.hull.half_width
+        p_CS[at:end], q_CS[at:end] = _pose_in_C(model, shape, centres[at:end])
+        bound[at:end], half_width[at:end] = _measures(shape, size[at], hulls, rows[at:end])
     q_CS /= np.linalg.norm(q_CS, axis=1)[:, None]
     keys = sorted({min(a, b) * n + max(a, b) for a, b in ignored})
-    still = [model.inv_m[shape.body] == 0.0 for shape in shapes]
-    body, kind = _column(shapes, 'body'), _column(shapes, 'kind')
-    is_ball = np.array([KINDS[shape.kind].is_ball for shape in shapes], dtype=bool)
+    body, kind, material, group, mask = (
+        _column(shapes, name) for name in ('body', 'kind', 'material', 'group', 'mask'))
+    _check_order(body)
+    still = (model.inv_m[body] == 0.0).astype(np.int64)
+    is_ball = np.array([KINDS[k].is_ball for k in range(len(KINDS))])[kind]
     ball = (is_ball & (p_CS == 0.0).all(axis=1)).astype(np.int64)
     turning = np.zeros(n, dtype=np.int64)
     turning[body[ball == 0]] = 1
-    return Shapes(body, kind, size, p_CS, q_CS,
+    return Shapes(body, next_of_another(body), kind, size, p_CS, q_CS,
                   (np.abs(q_CS[:, :3]).max(axis=1, initial=0.0) == 0.0).astype(np.int64), ball,
-                  turning, bound, half_width,
-                  _column(shapes, 'material'), _column(shapes, 'group'), _column(shapes, 'mask'),
-                  np.array(still, dtype=np.int64), np.array(keys, dtype=np.int64),
+                  turning, bound, half_width, material, group, mask, still,
+                  np.array(keys, dtype=np.int64),
                   hulls if hulls.first.shape[0] else bare_hulls(), rows)
 
 
+def _pose_in_C(model: Model, shape: Shape, centres: Array) -> tuple[Array, Any]:
+    """
+    Return where the pieces (t,) of a shape are: origins (t, 3) [m] in C, and one attitude.
+
+    centres (t, 3) [m] are the origins of the pieces in the frame of the shape.
+    """
+    q_BS: Any = tuple(map(float, shape.q_BS))
+    q_CB: Any = tuple(model.q_CB[shape.body].tolist())
+    offset: Any = tuple(map(float, shape.p_BS))
+    if shape.hull is not None:
+        offset = add(offset, rotate(q_BS, tuple(centres.T)))
+    p_CS = add(tuple(model.p_CB[shape.body].tolist()), rotate(q_CB, offset))
+    return np.stack(np.broadcast_arrays(*p_CS), axis=-1), multiply(q_CB, q_BS)
+
+
+def _measures(shape: Shape, size: Array, hulls: HullTable, rows: IntArray) -> tuple[Any, Any]:
+    """Return the radius [m] of the ball about each piece of a shape, and its half width [m]."""
+    extent = tuple(size.tolist())
+    half_width: Any = (shape.hull.half_width if isinstance(shape.hull, Prisms)
+                       else KINDS[shape.kind].half_width(extent))
+    if shape.hull is None:
+        return KINDS[shape.kind].bounding_radius(extent), half_width
+    first, count = hulls.first[rows[0]], hulls.count[rows[0]]
+    vertices = hulls.vertices[first:first + len(rows) * count].reshape(len(rows), count, 3)
+    return np.linalg.norm(vertices, axis=2).max(axis=1), half_width
+
+
+def next_of_another(body: IntArray) -> IntArray:
+    """Return for each shape, whose bodies these are, the next one that another body carries."""
+    ends = np.append(np.flatnonzero(body[1:] != body[:-1]) + 1, len(body))
+    return ends[np.searchsorted(ends, np.arange(len(body)), side='right')].astype(np.int64)
+
+
 def _column(shapes: Sequence[Shape], name: str) -> IntArray:
-    return np.array([getattr(shape, name) for shape in shapes], dtype=np.int64)
+    """Return a number of each piece."""
+    values = np.array([getattr(shape, name) for shape in shapes], dtype=np.int64)
+    return np.repeat(values, [count_pieces(shape.hull) for shape in shapes])
+
+
+def _check_order(body: IntArray) -> None:
+    firsts = body[np.flatnonzero(np.diff(body, prepend=-1))]
+    if len(firsts) > len(np.unique(firsts)):
+        apart = firsts[np.flatnonzero(np.bincount(firsts)[firsts] > 1)[0]]
+        raise ValueError(f'the shapes of body {apart} are apart, must be side by side')
 
 
 def _named(i: int, shape: Shape) -> str:
     return f'shape {i} ({KINDS[shape.kind].name}) of body {shape.body}'
 
 
-def _check_size(i: int, shape: Shape, size: tuple[float, ...]) -> None:
+def _check_size(i: int, shape: Shape, size: Array) -> None:
     if shape.kind == HULL and shape.hull is None:
         raise ValueError(f'{_named(i, shape)}: no vertices')
-    for entry in size[:KINDS[shape.kind].sizes]:
-        if not (entry > 0.0 and math.isfinite(entry)):
-            raise ValueError(f'{_named(i, shape)}: size {entry!r} m, must be > 0')
+    sizes = size[:, :KINDS[shape.kind].sizes].ravel()
+    if (wrong := np.flatnonzero(~((sizes > 0.0) & np.isfinite(sizes)))).size:
+        raise ValueError(f'{_named(i, shape)}: size {float(sizes[wrong[0]])!r} m, must be > 0')
 
 
 @kernel

@@ -130,10 +130,9 @@ def with_cut(work: TimestepWork, cut: Cut) -> TimestepWork:
 def radii(shapes: Shapes, bodies: int) -> Array:
     """Return how far the shapes of each body reach from its centre of mass, (n,) [m]."""
     radius = np.zeros(bodies)
-    for s in range(shapes.body.shape[0]):
-        if np.isfinite(shapes.bound[s]):
-            reach = float(np.linalg.norm(shapes.p_CS[s])) + shapes.bound[s]
-            radius[shapes.body[s]] = max(radius[shapes.body[s]], reach)
+    finite = np.isfinite(shapes.bound)
+    reach = np.linalg.norm(shapes.p_CS[finite], axis=1) + shapes.bound[finite]
+    np.maximum.at(radius, shapes.body[finite], reach)
     return radius
 
 

@@ -73,7 +73,7 @@ def set_margins_and_sides(c: Arguments, shapes: tuple[int, int], bodies: tuple[i
     model, state = c.model, c.state
     take_sides_of(c, bodies)
     set_margins(model, model.h, state, c.settings.margin, c.work.radius, c.work.thickness,
-                c.shapes.body, c.memory, shapes[0], shapes[1])
+                c.shapes, c.memory, shapes[0], shapes[1])
 
 
 @kernel

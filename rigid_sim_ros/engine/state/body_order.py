@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from rigid_sim_ros.engine.model.model import Model
-from rigid_sim_ros.engine.model.shapes import Shapes
+from rigid_sim_ros.engine.model.shapes import next_of_another, Shapes
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 
@@ -108,7 +108,9 @@ def _shapes(shapes: Shapes, order: IntArray, row: IntArray) -> Shapes:
     # Those of a body stay in their order.
     kept = np.argsort(row[shapes.body], kind='stable')
     a, b = row[shapes.ignored // n], row[shapes.ignored % n]
+    body = row[shapes.body[kept]]
     own: dict[str, Any] = {'hulls': shapes.hulls, 'turning': shapes.turning[order],
+                           'body': body, 'after': next_of_another(body),
                            'ignored': np.sort(np.minimum(a, b) * n + np.maximum(a, b))}
     moved = {name: field[kept] for name, field in shapes._asdict().items() if name not in own}
-    return Shapes(**(moved | own | {'body': row[shapes.body[kept]]}))
+    return Shapes(**(moved | own))

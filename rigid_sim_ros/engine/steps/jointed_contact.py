@@ -89,7 +89,7 @@ def find_within(c: JointedContact, _: int) -> int:
     """Do what `find_touching` does for the time that it wrote."""
     memory, shapes, w, h = c.memory, c.shapes, c.buffers, c.span[WITHIN]
     model, state = c.joints.model, c.joints.state
-    set_margins(model, h, state, MARGIN, c.radius, c.thickness, shapes.body, memory, 0,
+    set_margins(model, h, state, MARGIN, c.radius, c.thickness, shapes, memory, 0,
                 shapes.body.shape[0])
     why, w.count[NEEDED] = find_points(model, state, shapes, c.materials, memory, np.inf, w.order,
                                        w.contacts)

@@ -131,7 +131,7 @@ def find_contacts(c: QpArguments) -> QpArguments:
     """Find the manifolds of what may touch within the step; return arguments with room for all."""
     model, state, shapes, memory, work = c.model, c.state, c.shapes, c.memory, c.work
     set_margins(model, model.h, state, c.settings.margin, work.shared.radius,
-                work.shared.thickness, shapes.body, memory, 0, shapes.body.shape[0])
+                work.shared.thickness, shapes, memory, 0, shapes.body.shape[0])
     while not detect_within_margins(model, state, shapes, memory, None):
         memory = grown(memory)
     if len(memory.pages[0].shape_a) > len(work.shared.collision.rows):
