@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What must make no difference: bodies that are never touched, and seams of a flush floor."""
 
+from collections.abc import Callable
 from itertools import pairwise
 import math
 from typing import Any
@@ -14,11 +15,12 @@ from laws.solids import box, capsule, cylinder, draw_solid, Generator, Solid, sp
 import numpy as np
 
 
-def draw_untouched(rng: Generator) -> Scene:
+def draw_untouched(rng: Generator,
+                   draw: Callable[[Generator, float], Solid] = draw_solid) -> Scene:
     """Draw a body that flies past others, or two heaps on one ground that never meet."""
     scales = draw_scales(rng)
     if rng.random() < 0.3:
-        return _two_heaps(rng, scales)
+        return _two_heaps(rng, scales, draw)
     # Without gravity; `forth` is the way of the body that passes, `aside` the normal of a plane
     # that parts it from the others.
     aside = direction(rng) if rng.random() < 0.5 else np.eye(3)[rng.integers(3)]
@@ -29,7 +31,7 @@ def draw_untouched(rng: Generator) -> Scene:
     gap = scales.size * between(rng, 1e-6, 1e-1)
     spins = rng.random() < 0.3
     v = scales.size / scales.h * 10 ** rng.uniform(-3.5, 0.0)
-    passer = draw_solid(rng, scales.size * rng.uniform(0.05, 1.0))
+    passer = draw(rng, scales.size * rng.uniform(0.05, 1.0))
     q = _aligned(rng, aside)
     far = passer.radius if spins else passer.reach(matrix(q).T @ aside)
     w = rng.normal(size=3) * v / scales.size if spins else np.zeros(3)
@@ -37,7 +39,7 @@ def draw_untouched(rng: Generator) -> Scene:
     bodies = [body('passer', passer, masses_[0], -aside * far, q, v * forth, w)]
     along = passer.radius + 0.5 * v * scales.h
     for k in range(count):
-        other = draw_solid(rng, scales.size)
+        other = draw(rng, scales.size)
         q = _aligned(rng, aside)
         near = other.reach(-(matrix(q).T @ aside))
         along += other.radius
@@ -60,9 +62,10 @@ def _aligned(rng: Generator, aside: np.ndarray) -> np.ndarray:
     return turn(half, math.pi)
 
 
-def _two_heaps(rng: Generator, scales: Scales) -> Scene:
+def _two_heaps(rng: Generator, scales: Scales,
+               draw: Callable[[Generator, float], Solid]) -> Scene:
     """Return two heaps, the second a hundred sizes away."""
-    first, second = heap(rng, scales, 4), heap(rng, scales, 4)
+    first, second = heap(rng, scales, 4, draw), heap(rng, scales, 4, draw)
     for one in second:
         one['name'] = 'far_' + one['name']
         one['pose']['position'][0] += 100.0 * scales.size

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from laws import (
     apart_laws, energy_laws, ground_laws, impact_laws, jointed_laws, jointed_twins, mixed_laws,
-    rest_laws, shot_laws, slept_laws, standing_laws, twin_laws)
+    rest_laws, shot_laws, slept_laws, standing_laws, thin_scenes, twin_laws)
 from laws.crowd_scenes import draw_collapse, draw_crates
 from laws.ground_scenes import (
     draw_falling_ball, draw_ground_scene, draw_resting, draw_shots, draw_sliding)
@@ -141,7 +141,25 @@ GROUNDS = {law.name: law for law in (
     Law('ground-ball', 'a ball that falls on a flat ground of triangles moves as on a plane',
         draw_falling_ball, twin_laws.alike(ground_laws.on_a_plane), ('event',)),
     *_twins('ground', draw_ground_scene, _TOUCHING, _TWINS))}
-EVERY_LAW = LAWS | JOINTED | MIXED | CROWDS | GROUNDS
+
+# Those of what is a thirtieth to a thousandth as thick as it is long.
+THIN = {law.name: law for law in (
+    Law('thin-energy', 'energy never grows without work',
+        thin_scenes.draw_energy, energy_laws.judge_energy, _TOUCHING),
+    Law('thin-inelastic', 'nothing inelastic separates faster than 2 % of its approach',
+        thin_scenes.draw_inelastic, impact_laws.judge_inelastic, _TOUCHING),
+    Law('thin-momentum', 'forces between bodies keep P and L',
+        thin_scenes.draw_momentum, energy_laws.judge_momentum, _TOUCHING),
+    Law('thin-untouched', 'bodies that never touch are those of a world without the other',
+        thin_scenes.draw_untouched, apart_laws.judge_untouched, _TOUCHING),
+    Law('thin-weight', 'the force on the ground is the weight at rest',
+        thin_scenes.draw_weight, rest_laws.judge_weight, _TOUCHING),
+    Law('thin-rest', 'what falls comes to rest, and weighs what it weighs',
+        thin_scenes.draw_resting, ground_laws.judge_resting, _TOUCHING),
+    Law('thin-through', 'nothing gets through the ground, however fast',
+        thin_scenes.draw_shots, ground_laws.judge_through, _TOUCHING),
+    *_twins('thin', thin_scenes.draw_pair, _TOUCHING, _TWINS))}
+EVERY_LAW = LAWS | JOINTED | MIXED | CROWDS | GROUNDS | THIN
 
 
 def scene(law: str, seed: int) -> Scene:

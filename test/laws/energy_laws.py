@@ -2,24 +2,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """Energy and momentum: what only work and outer forces may change."""
 
+from collections.abc import Callable
 import math
 
 from laws.motion import Build, Look, look, Masses, masses, potential, Verdict, worst
 from laws.scenes import (
     any_attitude, body, direction, draw_masses, draw_scales, draw_surface, extent, fixed, G, heap,
     matrix, plane, Scales, Scene, Spec, world)
-from laws.solids import box, cylinder, draw_solid, Generator, sphere
+from laws.solids import box, cylinder, draw_solid, Generator, Solid, sphere
 import numpy as np
 
 LOOKS = 200  # at most, over a run
 
 
-def draw_energy(rng: Generator) -> Scene:
+def draw_energy(rng: Generator,
+                draw: Callable[[Generator, float], Solid] = draw_solid) -> Scene:
     """Draw a heap that falls on a plane or on a fixed box, or bodies that meet in space."""
     scales = draw_scales(rng)
     if rng.random() < 0.2:
-        return _swarm(rng, scales, draw_surface(rng))
-    bodies = heap(rng, scales)
+        return swarm(rng, scales, draw_surface(rng), draw)
+    bodies = heap(rng, scales, draw=draw)
     width = 6.0 * scales.size
     bodies.append(plane() if rng.random() < 0.6
                   else fixed('floor', box((width, width, scales.size)), (0, 0, -scales.size / 2)))
@@ -27,7 +29,8 @@ def draw_energy(rng: Generator) -> Scene:
     return Scene(spec, scales.size, scales.steps(6.0))
 
 
-def _swarm(rng: Generator, scales: Scales, surface: dict[str, float]) -> Scene:
+def swarm(rng: Generator, scales: Scales, surface: dict[str, float],
+          draw: Callable[[Generator, float], Solid] = draw_solid) -> Scene:
     """Return two to ten bodies on a sphere around the origin that fly towards it."""
     count = int(rng.integers(2, 11))
     bodies = []
@@ -36,7 +39,7 @@ def _swarm(rng: Generator, scales: Scales, surface: dict[str, float]) -> Scene:
         n = direction(rng)
         place = n * scales.size * 1.01 * (k + 0.5) * 1.8
         v = -n * scales.speed * rng.uniform(0.5, 2.0) + 0.1 * scales.speed * rng.normal(size=3)
-        bodies.append(body(f'b{k}', draw_solid(rng, scales.size), mass, place, any_attitude(rng),
+        bodies.append(body(f'b{k}', draw(rng, scales.size), mass, place, any_attitude(rng),
                            v, rng.normal(size=3) / scales.time))
     spec = world(bodies, scales.h, surface, gravity=(0, 0, 0))
     return Scene(spec, scales.size, scales.steps(6.0))
@@ -108,10 +111,11 @@ def _turns(spec: Spec, of: Masses, before: Look, now: Look, time: float, h: floa
     return h * np.where(flies, turns, carried)
 
 
-def draw_momentum(rng: Generator) -> Scene:
+def draw_momentum(rng: Generator,
+                  draw: Callable[[Generator, float], Solid] = draw_solid) -> Scene:
     """Draw bodies that meet in space, or fall together."""
     scales = draw_scales(rng)
-    scene = _swarm(rng, scales, draw_surface(rng))
+    scene = swarm(rng, scales, draw_surface(rng), draw)
     if rng.random() < 0.5:
         scene.spec['world']['gravity'] = [0.0, 0.0, -G]
     return scene

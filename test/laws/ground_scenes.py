@@ -8,6 +8,7 @@ divided along either diagonal. Its cells are a quarter of a body to ten bodies w
 narrow; it is flat, a slope, or hills as high as bodies at most.
 """
 
+from collections.abc import Callable
 import math
 from typing import Any, NamedTuple
 
@@ -16,7 +17,8 @@ from laws.motion import Look
 from laws.scenes import (
     between, body, draw_masses, draw_scales, draw_surface, heap, matrix, plane, Scales, Scene,
     Spec, world)
-from laws.solids import box, draw_polyhedron, flat_solid, Generator, Solid
+from laws.solids import (
+    box, draw_polyhedron, draw_solid, draw_sphere, flat_solid, Generator, Solid)
 import numpy as np
 
 CELLS = 0.25, 10.0  # of the size of bodies
@@ -150,11 +152,12 @@ def _on(ground: Ground, bodies: list[Spec]) -> list[Spec]:
 
 
 def draw_ground_scene(rng: Generator, forms: tuple[str, ...] = ('flat', 'slope', 'hills'),
-                      kinds: tuple[str, ...] | None = None, most: int = 4) -> Scene:
+                      draw: Callable[[Generator, float], Solid] = draw_solid,
+                      most: int = 4) -> Scene:
     """Draw one to `most` bodies that fall on a ground and on each other."""
     scales = draw_scales(rng)
     ground = draw_ground(rng, scales.size, forms)
-    spec = world(_on(ground, heap(rng, scales, most, kinds)), scales.h, draw_surface(rng))
+    spec = world(_on(ground, heap(rng, scales, most, draw)), scales.h, draw_surface(rng))
     return Scene(spec, scales.size, min(scales.steps(4.0), 800),
                  {'seed': int(rng.integers(1 << 31)), 'ground': ground})
 
@@ -168,7 +171,7 @@ def draw_falling_ball(rng: Generator) -> Scene:
     balls, what touches the ground at 1e-8 of its size and what touches at 0 may collide in another
     order.
     """
-    scene = draw_ground_scene(rng, ('flat', 'slope'), ('sphere',), 1)
+    scene = draw_ground_scene(rng, ('flat', 'slope'), draw_sphere, 1)
     return scene._replace(facts=dict(scene.facts) | {'plane': True})
 
 
@@ -189,11 +192,12 @@ def draw_sliding(rng: Generator) -> Scene:
     return scene._replace(spec=spec, steps=steps, facts=dict(scene.facts) | {'whole': plane()})
 
 
-def draw_shots(rng: Generator) -> Scene:
+def draw_shots(rng: Generator,
+               draw: Callable[[Generator, float], Solid] = draw_solid) -> Scene:
     """Draw bodies that hit a ground by up to three of their sizes a step."""
     scales = draw_scales(rng)
     ground = draw_ground(rng, scales.size)
-    bodies = heap(rng, scales, 4)
+    bodies = heap(rng, scales, 4, draw)
     for one in bodies:
         v = one['twist']['linear']
         v[2] = -scales.size / scales.h * between(rng, 1e-2, 3.0)

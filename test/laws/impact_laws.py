@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Impacts: what is inelastic stays together, and what is symmetric stays so."""
 
+from collections.abc import Callable
 import math
 
 from laws.motion import Build, look, masses, Verdict
@@ -13,19 +14,20 @@ from laws.symmetric_scenes import draw_several
 import numpy as np
 
 
-def draw_inelastic(rng: Generator) -> Scene:
+def draw_inelastic(rng: Generator,
+                   draw: Callable[[Generator, float], Solid] = flat_solid) -> Scene:
     """Draw a column of which the upper part falls on the lower, or a ball that hits a body."""
     scales = draw_scales(rng)
     surface = draw_surface(rng, restitution=0.0)
     if rng.random() < 0.5:
-        return _hit(rng, scales, surface)
+        return _hit(rng, scales, surface, draw)
     count = int(rng.integers(1, 7))
     standing = int(rng.integers(0, count))
     drop = scales.size * rng.uniform(0.1, 3.0)
     fall = scales.speed * rng.uniform(0.0, 2.0)
     bodies, height = [], 0.0
     for k, mass in enumerate(draw_masses(rng, count)):
-        solid = flat_solid(rng, scales.size)
+        solid = draw(rng, scales.size)
         up = solid.reach(np.array((0.0, 0.0, 1.0)))
         height += drop if k == standing else 0.0
         v = (0, 0, -fall) if k >= standing else (0, 0, 0)
@@ -38,12 +40,13 @@ def draw_inelastic(rng: Generator) -> Scene:
                  {'kind': 'column', 'approach': approach})
 
 
-def _hit(rng: Generator, scales: Scales, surface: dict[str, float]) -> Scene:
+def _hit(rng: Generator, scales: Scales, surface: dict[str, float],
+         draw: Callable[[Generator, float], Solid]) -> Scene:
     """Return a ball that hits the middle of a flat side, or another ball, in space."""
     r = 0.5 * scales.size * rng.uniform(0.2, 1.0)
     q = any_attitude(rng)
     masses_ = draw_masses(rng, 2)
-    other = sphere(0.5 * scales.size) if rng.random() < 0.3 else flat_solid(rng, scales.size)
+    other = sphere(0.5 * scales.size) if rng.random() < 0.3 else draw(rng, scales.size)
     # The place hit is on the side +z of the other body, or anywhere on a ball; off the middle by
     # up to half of what there is.
     n = np.array((0.0, 0.0, 1.0))

@@ -2,22 +2,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is known and what is decided: weight at rest, exact limits, what stands, what sticks."""
 
+from collections.abc import Callable
 import math
 
 from laws.motion import Build, masses, Verdict, worst
 from laws.scenes import (
     body, draw_masses, draw_scales, draw_surface, G, plane, Scene, turn, world)
-from laws.solids import box, flat_solid, Generator, sphere
+from laws.solids import box, flat_solid, Generator, Solid, sphere
 import numpy as np
 
 
-def draw_weight(rng: Generator) -> Scene:
+def draw_weight(rng: Generator,
+                draw: Callable[[Generator, float], Solid] = flat_solid) -> Scene:
     """Draw a column of one to ten bodies that stands on the ground, of any masses."""
     scales = draw_scales(rng, coarsest=0.2)
     count = int(rng.integers(1, 11))
     bodies, height = [], 0.0
     for k, mass in enumerate(draw_masses(rng, count)):
-        solid = flat_solid(rng, scales.size)
+        solid = draw(rng, scales.size)
         up = solid.reach(np.array((0.0, 0.0, 1.0)))
         bodies.append(body(f'b{k}', solid, mass, (0, 0, height + up)))
         height += 2 * up

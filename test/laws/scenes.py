@@ -7,7 +7,7 @@ What all of them share: size, step, masses and surfaces over the ranges that the
 A law arranges bodies of these as it needs them; the same law and seed give the same scene.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 import math
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -249,11 +249,11 @@ def column(rng: Generator, solids: Sequence[Solid], masses: Sequence[float], sca
 
 
 def heap(rng: Generator, scales: Scales, most: int = 10,
-         kinds: Sequence[str] | None = None) -> list[Spec]:
+         draw: Callable[[Generator, float], Solid] = draw_solid) -> list[Spec]:
     """Return one to ten bodies that fall on the ground and on each other."""
     count = int(rng.integers(1, most + 1))
     sizes = scales.size * 10 ** rng.uniform(-0.5, 0.0, count)
-    solids = [draw_solid(rng, size, kinds) if kinds else draw_solid(rng, size) for size in sizes]
+    solids = [draw(rng, size) for size in sizes]
     attitudes = str(rng.choice(['random', 'flat', 'yawed']))
     still = rng.random() < 0.5
     return column(rng, solids, draw_masses(rng, count), scales, attitudes,

@@ -19,7 +19,7 @@ from laws.motion import Build, Verdict
 from laws.scenes import (
     any_attitude, draw_scales, draw_surface, heap, matrix, plane, product, Scene, Spec, turn,
     world)
-from laws.solids import Generator
+from laws.solids import draw_solid, Generator, Solid
 import numpy as np
 
 # What a solver that stops at a tolerance leaves of an impact's speed, and what a bracketing or a
@@ -179,10 +179,11 @@ def reordered(rng: Generator, scene: Scene) -> Twin:
 _POWERS['stiffness'] = 2.0
 
 
-def draw_pair(rng: Generator) -> Scene:
+def draw_pair(rng: Generator,
+              draw: Callable[[Generator, float], Solid] = draw_solid) -> Scene:
     """Draw up to four bodies that fall on a plane and on each other."""
     scales = draw_scales(rng)
-    bodies = [*heap(rng, scales, 4), plane()]
+    bodies = [*heap(rng, scales, 4, draw), plane()]
     spec = world(bodies, scales.h, draw_surface(rng))
     return Scene(spec, scales.size, min(scales.steps(4.0), 800),
                  {'seed': int(rng.integers(1 << 31))})

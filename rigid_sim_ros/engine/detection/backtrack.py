@@ -24,11 +24,13 @@ from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
 from rigid_sim_ros.engine.dynamics.kinematic import (
     is_carried, pose_ahead, prescribed_spin, prescribed_velocity)
-from rigid_sim_ros.engine.maths.algebra import column, norm, quaternion, rotate, row
+from rigid_sim_ros.engine.maths.algebra import (
+    add_scaled, column, norm, quaternion, rotate, row, scale)
 from rigid_sim_ros.engine.maths.rotation import multiply, to_matrix
 from rigid_sim_ros.engine.model.kinds.table import is_ball, is_unbounded
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Shapes, smaller
+from rigid_sim_ros.engine.state.rates import fastest_turning
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import kernel
@@ -138,10 +140,18 @@ def approach_bound(model: Model, state: State, loads: Loads, shapes: Shapes, s: 
     F, tau = column(loads.F, i), column(loads.tau, i)
     now = model.inv_m[i] * (n[0] * P[0] + n[1] * P[1] + n[2] * P[2])
     later = now + t * model.inv_m[i] * (n[0] * F[0] + n[1] * F[1] + n[2] * F[2])
-    most = max(model.inv_I_C[0, i], model.inv_I_C[1, i], model.inv_I_C[2, i])
-    # |L| is convex in time: its larger end bounds it, and |w| <= |L| / the smallest moment.
-    spin = most * max(norm(L), norm((L[0] + t * tau[0], L[1] + t * tau[1], L[2] + t * tau[2])))
-    return max(now, later) + spin * reach_of_turning(shapes, s)
+    # The bound is convex in L: its larger end holds for all of the time.
+    turning = max(_turning(model, state, shapes, s, L),
+                  _turning(model, state, shapes, s, add_scaled(L, t, tau)))
+    return max(now, later) + turning
+
+
+@kernel
+def _turning(model: Model, state: State, shapes: Shapes, s: int, L: Vector) -> float:
+    """Return how fast [m/s] a body that turns with L moves the surface of shape s, at most."""
+    i = shapes.body[s]
+    return fastest_turning(quaternion(state.q, i), L, column(model.inv_I_C, i),
+                           reach_of_turning(shapes, s), shapes.mobility[i])
 
 
 @kernel
@@ -154,9 +164,11 @@ def motion_bound(model: Model, state: State, loads: Loads, shapes: Shapes, s: in
             return 0.0
         return t * (norm(prescribed_velocity(state, i)) + _prescribed_turning(state, shapes, s))
     speed = model.inv_m[i] * (norm(column(state.P, i)) + t * norm(column(loads.F, i)))
-    spin = max(model.inv_I_C[0, i], model.inv_I_C[1, i], model.inv_I_C[2, i]) * (
-        norm(column(state.L, i)) + t * norm(column(loads.tau, i)))
-    return t * (speed + spin * reach_of_turning(shapes, s))
+    L, tau = column(state.L, i), column(loads.tau, i)
+    turning = _turning(model, state, shapes, s, L)
+    if norm(tau) > 0.0:
+        turning += _turning(model, state, shapes, s, scale(t, tau))
+    return t * (speed + turning)
 
 
 @kernel

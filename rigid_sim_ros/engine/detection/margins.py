@@ -3,9 +3,11 @@
 """Speculative margins: how far from the surfaces of shapes detection finds contacts."""
 
 from rigid_sim_ros.engine.detection.manifolds import Memory
+from rigid_sim_ros.engine.maths.rotation import quaternion
 from rigid_sim_ros.engine.maths.vector import add, column, norm, scale
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Shapes
+from rigid_sim_ros.engine.state.rates import fastest_turning
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
@@ -18,7 +20,8 @@ def set_margins(model: Model, h: float, state: State, part_of: float, radius: Ar
     Write the margins of some shapes [m]: what they have at rest, and as far as they move in h [s].
 
     So nothing passes what is thinner than its way in a step, or is met late. The margin at rest is
-    `part_of` the thickness (s,) [m], half of the least that a shape measures across.
+    `part_of` the thickness (s,) [m], half of the least that a shape measures across. radius (n,)
+    [m] is how far the points of a body are from its centre of mass.
     """
     inv_m, inv_I_C, P, L, V = model.inv_m, model.inv_I_C, state.P, state.L, state.V
     rest = standard_of_rest(model, state, shapes.body)
@@ -28,10 +31,9 @@ def set_margins(model: Model, h: float, state: State, part_of: float, radius: Ar
         # V of what is pushed is 0, and so is inv_m of all else.
         v = norm((inv_m[i] * P[0, i] + V[0, i] - rest[0], inv_m[i] * P[1, i] + V[1, i] - rest[1],
                   inv_m[i] * P[2, i] + V[2, i] - rest[2]))
-        # Not below |w|, which would need the attitude.
-        w = max(inv_I_C[0, i], inv_I_C[1, i], inv_I_C[2, i]) * norm(column(L, i))
-        w += norm((V[3, i], V[4, i], V[5, i]))
-        way = (v + w * radius[i]) * h
+        turning = fastest_turning(quaternion(state.q, i), column(L, i), column(inv_I_C, i),
+                                  radius[i], shapes.mobility[i])
+        way = (v + turning + norm((V[3, i], V[4, i], V[5, i])) * radius[i]) * h
         # All shapes of what nothing pushes have one margin, which hardly ever changes.
         pushed = inv_m[i] > 0.0
         if pushed or memory.margin[s] != way or memory.rest_margin[s] != 0.0:

@@ -19,14 +19,13 @@ with c = w0 x w1 the Taylor series of r is
 
 A step of this Lie-group method has order five. The momentum is a constant of the motion that is
 stored, not computed, so |L| cannot drift; only w0 survives for a sphere or about a principal axis,
-so these turn exactly.
+so these turn exactly. So does what is fast and has two equal moments, by the formula of a top.
 """
 
 import math
 
 from rigid_sim_ros.engine.maths.rotation import exponential, multiply, rotate_back, unit
 from rigid_sim_ros.engine.maths.vector import add, add_scaled, cross, norm, subtract, times
-from rigid_sim_ros.engine.state.rates import angular_velocity
 from rigid_sim_ros.kernels.arrays import Quaternion, Vector
 from rigid_sim_ros.kernels.kernel import inlined, kernel
 
@@ -35,7 +34,8 @@ from rigid_sim_ros.kernels.kernel import inlined, kernel
 # 64 times the error.
 MAX_ANGLE = 0.25
 # More than MAX_ANGLE * MAX_SUBSTEPS = 256 rad in one step: the calls become longer, not more
-# numerous.
+# numerous. What turns by more about its odd axis is taken for a top: where it is none exactly,
+# longer calls would end at an attitude that has nothing to do with L, and so with any energy.
 MAX_SUBSTEPS = 1024
 
 
@@ -101,11 +101,42 @@ def turn(q_WC: Quaternion, L: Vector, inv_I: Vector, h: float) -> Quaternion:
 @kernel
 def turn_fast(q_WC: Quaternion, L: Vector, inv_I: Vector, h: float) -> Quaternion:
     """Return the attitude of a free body after h [s] at any speed; L in world axes."""
-    angle = norm(angular_velocity(q_WC, L, inv_I)) * h
-    substeps = MAX_SUBSTEPS
+    w_C = times(inv_I, rotate_back(q_WC, L))
+    angle, substeps = norm(w_C) * h, MAX_SUBSTEPS
+    if angle > MAX_ANGLE:
+        axis = _odd_axis(inv_I)
+        is_top = inv_I[(axis + 1) % 3] == inv_I[(axis + 2) % 3]
+        if is_top or abs(w_C[axis]) * h > MAX_ANGLE * MAX_SUBSTEPS:
+            return _turn_top(q_WC, L, inv_I, axis, h)
     if angle < MAX_ANGLE * MAX_SUBSTEPS:
         substeps = max(1, math.ceil(angle / MAX_ANGLE))
     for _ in range(substeps):
         r = rotation_vector(rotate_back(q_WC, L), inv_I, h / substeps)
         q_WC = unit(multiply(q_WC, exponential(r)))
     return q_WC
+
+
+@kernel
+def _odd_axis(inv_I: Vector) -> int:
+    """Return the principal axis whose other two have the moments that differ least."""
+    a, b, c = abs(inv_I[1] - inv_I[2]), abs(inv_I[2] - inv_I[0]), abs(inv_I[0] - inv_I[1])
+    if c <= min(a, b):
+        return 2
+    return 0 if a <= b else 1
+
+
+@kernel
+def _turn_top(q_WC: Quaternion, L: Vector, inv_I: Vector, axis: int, h: float) -> Quaternion:
+    """
+    Return the attitude of a free symmetric top after h [s].
+
+    With 1 / I about two axes, w = L / I + s e, e the third axis, fixed in the body, and s
+    constant: the body turns by h L / I in the world and by h s e in its own axes. Where the two
+    moments differ the mean of 1 / I is taken: the part of L along e stays, and so the energy to
+    the difference.
+    """
+    across = 0.5 * (inv_I[(axis + 1) % 3] + inv_I[(axis + 2) % 3])
+    s = h * (inv_I[axis] - across) * rotate_back(q_WC, L)[axis]
+    own = (s if axis == 0 else 0.0, s if axis == 1 else 0.0, s if axis == 2 else 0.0)
+    ahead = exponential((h * across * L[0], h * across * L[1], h * across * L[2]))
+    return unit(multiply(ahead, multiply(q_WC, exponential(own))))

@@ -49,6 +49,7 @@ class Shapes(NamedTuple):
     aligned: IntArray  # (s,) 1 where q_CS is no rotation, so that S has the axes of C
     ball: IntArray  # (s,) 1 for a sphere about C: nobody asks how it is turned
     turning: IntArray  # (n,) 0 for a body that carries nothing but such balls
+    mobility: Array  # (n,) [1/kg] of points of a body by turning, a bound; see `_mobility`
     bound: Array  # (s,) [m] radius of a sphere around the origin of S that holds the shape
     half_width: Array  # (s,) [m] half of the least that the shape measures across; of a plane inf
     material: IntArray  # (s,) row of the `Materials`
@@ -133,8 +134,8 @@ def build_shapes(model: Model, shapes: Sequence[Shape],
     n = len(model.m)
     hulls, rows, centres, extents = make_hulls([shape.hull for shape in shapes])
     s = len(rows)
-    size, p_CS, q_CS, bound, half_width = (
-        np.zeros((s, 3)), np.zeros((s, 3)), np.zeros((s, 4)), np.zeros(s), np.zeros(s))
+    size, half, p_CS, q_CS = (np.zeros((s, k)) for k in (3, 3, 3, 4))
+    bound, half_width = np.zeros(s), np.zeros(s)
     end = 0
     for i, shape in enumerate(shapes):
         at, end = end, end + count_pieces(shape.hull)
@@ -143,6 +144,7 @@ def build_shapes(model: Model, shapes: Sequence[Shape],
         if KINDS[shape.kind].is_unbounded and model.inv_m[shape.body] != 0.0:
             raise ValueError(f'{_named(i, shape)}: only a fixed body may carry a plane')
         p_CS[at:end], q_CS[at:end] = _pose_in_C(model, shape, centres[at:end])
+        half[at:end] = _half_lengths(shape, size[at:end])
         bound[at:end], half_width[at:end] = _measures(shape, size[at], hulls, rows[at:end])
     q_CS /= np.linalg.norm(q_CS, axis=1)[:, None]
     keys = sorted({min(a, b) * n + max(a, b) for a, b in ignored})
@@ -156,8 +158,8 @@ def build_shapes(model: Model, shapes: Sequence[Shape],
     turning[body[ball == 0]] = 1
     return Shapes(body, next_of_another(body), kind, size, p_CS, q_CS,
                   (np.abs(q_CS[:, :3]).max(axis=1, initial=0.0) == 0.0).astype(np.int64), ball,
-                  turning, bound, half_width, material, group, mask, still,
-                  np.array(keys, dtype=np.int64),
+                  turning, _mobility(model, body, half, p_CS, q_CS), bound, half_width, material,
+                  group, mask, still, np.array(keys, dtype=np.int64),
                   hulls if hulls.first.shape[0] else bare_hulls(), rows)
 
 
@@ -192,6 +194,36 @@ def next_of_another(body: IntArray) -> IntArray:
     """Return for each shape, whose bodies these are, the next one that another body carries."""
     ends = np.append(np.flatnonzero(body[1:] != body[:-1]) + 1, len(body))
     return ends[np.searchsorted(ends, np.arange(len(body)), side='right')].astype(np.int64)
+
+
+def _half_lengths(shape: Shape, size: Array) -> Any:
+    """Return half the lengths [m] of a box around each piece, 0 for what none is asked for."""
+    kind = KINDS[shape.kind]
+    if kind.is_ball or kind.is_unbounded:
+        return 0.0
+    return size if shape.hull is not None else kind.half_lengths(tuple(size[0].tolist()))
+
+
+def _mobility(model: Model, body: IntArray, half: Array, p_CS: Array, q_CS: Array) -> Array:
+    """
+    Return sums over the principal axes of d^2 / I, (n,) [1/kg]: a bound for each body.
+
+    I is the moment about an axis, d [m] how far from it the shapes of the body reach. Where
+    turning moves a point by v = w x r, v <= sum |w_k| d_k, so by the inequality of Cauchy-Schwarz
+    v^2 <= (sum I_k w_k^2) (sum d_k^2 / I_k): twice the energy of rotation times this. Spheres look
+    alike however they turn, so what counts is where their middle is: of these half (s, 3) [m], of
+    a box around each of the shapes of `body` (s,), is 0.
+    """
+    q: Any = tuple(q_CS.T)
+    axes = np.array([np.broadcast_arrays(*rotate(q, unit)) for unit in
+                     ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))])
+    # Of the box around the shape along the axes of C.
+    reach = np.abs(p_CS.T) + np.einsum('kjs,sk->js', np.abs(axes), half)
+    square = np.zeros((3, len(model.m)))
+    for k in range(3):
+        far = reach[k - 1] ** 2 + reach[k - 2] ** 2
+        np.maximum.at(square[k], body, far)
+    return np.asarray((model.inv_I_C * square).sum(axis=0))
 
 
 def _column(shapes: Sequence[Shape], name: str) -> IntArray:

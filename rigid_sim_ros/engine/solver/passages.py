@@ -30,8 +30,8 @@ from rigid_sim_ros.engine.maths.vector import (
     add, add_scaled, add_to_column, column, norm, scale, set_column, subtract)
 from rigid_sim_ros.engine.solver.arguments import Arguments
 from rigid_sim_ros.engine.solver.solver_bodies import STRIDE, TOUCHED
-from rigid_sim_ros.engine.state.rates import angular_momentum, velocity_at
-from rigid_sim_ros.engine.state.state import copy_body
+from rigid_sim_ros.engine.state.rates import angular_momentum, fastest_turning, velocity_at
+from rigid_sim_ros.engine.state.state import copy_body, State
 from rigid_sim_ros.kernels.arrays import Array, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, inlined, kernel
 
@@ -44,7 +44,7 @@ def is_any_fast(c: Arguments) -> bool:
     for i in range(c.model.m.shape[0]):
         v, L = _mean_motion(c, i)
         speed = norm(subtract(v, rest)) if _moves(c, i) else 0.0
-        if not speed + _fastest_turning(c, i, L) <= least:
+        if not speed + _turning(c, i, c.state, L) <= least:
             return True
     return False
 
@@ -74,11 +74,10 @@ def _mean_motion(c: Arguments, i: int) -> tuple[Vector, Vector]:
 
 
 @kernel
-def _fastest_turning(c: Arguments, i: int, L: Vector) -> float:
+def _turning(c: Arguments, i: int, at: State, L: Vector) -> float:
     """Return a bound of how fast turning moves points of a body [m/s]; balls look the same."""
-    inv_I = column(c.model.inv_I_C, i)
-    reach = c.work.radius[i] * c.shapes.turning[i]
-    return max(inv_I[0], inv_I[1], inv_I[2]) * norm(L) * reach
+    return fastest_turning(quaternion(at.q, i), L, column(c.model.inv_I_C, i),
+                           c.work.radius[i] * c.shapes.turning[i], c.shapes.mobility[i])
 
 
 @kernel
@@ -125,7 +124,7 @@ def _write_ways(c: Arguments) -> None:
         ways.part[i] = 1.0
         v = scale(c.model.inv_m[i], column(path.P, i))
         speed = norm(subtract(v, rest)) if _moves(c, i) else 0.0
-        ways.length[i] = h * (speed + _fastest_turning(c, i, column(path.L, i)))
+        ways.length[i] = h * (speed + _turning(c, i, path, column(path.L, i)))
 
 
 @kernel

@@ -111,6 +111,7 @@ def _shapes(shapes: Shapes, order: IntArray, row: IntArray) -> Shapes:
     body = row[shapes.body[kept]]
     own: dict[str, Any] = {'hulls': shapes.hulls, 'turning': shapes.turning[order],
                            'body': body, 'after': next_of_another(body),
+                           'mobility': shapes.mobility[order],
                            'ignored': np.sort(np.minimum(a, b) * n + np.maximum(a, b))}
     moved = {name: field[kept] for name, field in shapes._asdict().items() if name not in own}
     return Shapes(**(moved | own))

@@ -6,10 +6,16 @@ What follows from momenta and attitude: velocities and rates of change.
 Meyer, Rigid Body Dynamics: "Angular Momentum", "Inertia Tensor", "Orientation".
 """
 
+import math
+
 from rigid_sim_ros.engine.maths.rotation import multiply, rotate, rotate_back
-from rigid_sim_ros.engine.maths.vector import add, cross, times
+from rigid_sim_ros.engine.maths.vector import add, cross, dot, norm, times
 from rigid_sim_ros.kernels.arrays import Quaternion, Vector
 from rigid_sim_ros.kernels.kernel import inlined, kernel
+
+# Moments of inertia that differ by more are those of something thin. Smaller: what is not thin
+# takes longer, for a bound that is no less.
+THIN = 4.0
 
 
 @inlined
@@ -32,6 +38,25 @@ def angular_momentum(q_WC: Quaternion, w: Vector, moments: Vector) -> Vector:
 
 # The same as a real call, for code that branches; see algebra.py.
 spin_of = kernel(angular_velocity.py_func)  # type: ignore[attr-defined]
+
+
+@kernel
+def fastest_turning(q_WC: Quaternion, L: Vector, inv_I: Vector, radius: float,
+                    mobility: float) -> float:
+    """
+    Return a bound of |w x r| [m/s] of the points of a body, for as long as no torque acts.
+
+    `radius` [m] is how far they are from the centre of mass, `mobility` that of `Shapes` [1/kg].
+    |w| is at most |L| over the least moment; of a needle it is a thousandth of that, as long as it
+    does not turn about its axis, where its points are a thousandth as far away. What counts is the
+    energy of rotation, which stays.
+    """
+    most, least = max(inv_I[0], inv_I[1], inv_I[2]), min(inv_I[0], inv_I[1], inv_I[2])
+    speed = most * norm(L) * radius
+    if most > THIN * least:
+        L_C = rotate_back(q_WC, L)
+        speed = min(speed, math.sqrt(dot(L_C, times(inv_I, L_C)) * mobility))
+    return speed
 
 
 @inlined

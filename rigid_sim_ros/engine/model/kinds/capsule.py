@@ -146,6 +146,7 @@ KIND = Kind(
     volume=lambda part: capsule_volume(part.radius, part.length),
     mass_properties=lambda m, part: capsule(m, part.radius, part.length),
     summary=lambda part: f'r {part.radius:g} l {part.length:g}',
+    half_lengths=lambda size: (size[0], size[0], size[0] + size[1]),
     bounding_radius=lambda size: size[0] + size[1], half_width=lambda size: size[0],
     is_rounded=True, most_points=2,
     forms=_forms, surface=_surface, units={'dome': _unit_dome, 'tube': _unit_tube},

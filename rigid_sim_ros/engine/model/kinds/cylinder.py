@@ -148,6 +148,7 @@ KIND = Kind(
     volume=lambda part: cylinder_volume(part.radius, part.length),
     mass_properties=lambda m, part: cylinder(m, part.radius, part.length),
     summary=lambda part: f'r {part.radius:g} l {part.length:g}',
+    half_lengths=lambda size: (size[0], size[0], size[1]),
     bounding_radius=lambda size: float(np.hypot(size[0], size[1])),
     half_width=lambda size: min(size[0], size[1]),
     is_faceted=True, is_curved=True, has_disc=True,

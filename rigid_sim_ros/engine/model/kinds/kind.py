@@ -73,6 +73,8 @@ class Kind:
     # (that of a hull follows from its vertices), and half of the least that it measures across.
     bounding_radius: Callable[[Size], float]
     half_width: Callable[[Size], float]
+    # Of the same: half the lengths of a box around the origin of S that holds the shape.
+    half_lengths: Callable[[Size], Size] = lambda size: size
     sizes: int  # how many entries of `size` must be above 0
 
     is_ball: bool = False  # a sphere: its bounding box is a cube, and turning changes nothing

@@ -37,6 +37,7 @@ def _size(part: Any) -> Size:
 
 KIND = Kind(
     name='plane', type='plane', size=_size, sizes=0,
+    half_lengths=lambda size: (math.inf, math.inf, math.inf),
     bounding_radius=lambda size: math.inf, half_width=lambda size: math.inf,
     is_unbounded=True, is_flat=True,
     reach_along=_reach_along, from_point=_from_point, height=_height, way_out=_way_out)

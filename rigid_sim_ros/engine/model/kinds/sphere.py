@@ -67,6 +67,7 @@ KIND = Kind(
     volume=lambda part: sphere_volume(part.radius),
     mass_properties=lambda m, part: sphere(m, part.radius),
     summary=lambda part: f'r {part.radius:g}',
+    half_lengths=lambda size: (size[0], size[0], size[0]),
     bounding_radius=lambda size: size[0], half_width=lambda size: size[0],
     is_ball=True, is_rounded=True, most_points=1,
     forms=lambda part: [Form('sphere', (2 * part.radius,) * 3)],

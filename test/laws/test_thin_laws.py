@@ -1,0 +1,23 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The laws of mechanics for thin bodies: needles, plates, discs, splinters and frames.
+
+`python benchmarks/laws.py --law thin-energy --model timestep --seed S --scenes 1` is one of these
+again.
+"""
+
+from laws.book import breaches, THIN
+import pytest
+
+SCENES = {'timestep': 8, 'event': 3}
+# Scenes that are known to break a law, or that take minutes.
+KNOWN: dict[tuple[str, str], set[int]] = {
+    ('thin-through', 'timestep'): {2}, ('thin-turned', 'event'): {2}}
+ASKED = [(law, model) for law in THIN for model in SCENES if model in THIN[law].models]
+
+
+@pytest.mark.parametrize(('law', 'model'), ASKED)
+def test_law_holds_for_thin_bodies(law, model):
+    seeds = set(range(SCENES[model])) - KNOWN.get((law, model), set())
+    assert not breaches(law, model, seeds), THIN[law].says

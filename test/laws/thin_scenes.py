@@ -1,0 +1,136 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Scenes of thin bodies: needles, rods, plates, cards, discs and lenses.
+
+Their moments of inertia differ by up to a million, and what they measure across is less than the
+way of a step: a turn of a tenth of a radian moves the end of a needle by a hundred thicknesses.
+"""
+
+from collections.abc import Callable
+
+from laws import apart_laws, energy_laws, ground_scenes, impact_laws, rest_laws, twin_laws
+from laws.scenes import (
+    any_attitude, between, body, draw_masses, draw_scales, draw_surface, plane, Scene, world)
+from laws.solids import (
+    box, capsule, compound, cone, cylinder, ellipsoid, Generator, POLYHEDRA, polyhedron, Solid)
+import numpy as np
+
+THICKNESS = 1e-3, 1 / 30  # over the length
+
+
+def draw_bar(rng: Generator, size: float) -> Solid:
+    """Draw a needle or a slat: long along x."""
+    thick = size * between(rng, *THICKNESS)
+    return box((size, thick * between(rng, 1.0, 5.0), thick))
+
+
+def draw_plate(rng: Generator, size: float) -> Solid:
+    """Draw a plate or a card, thin along z."""
+    return box((size, size * between(rng, 0.3, 1.0), size * between(rng, *THICKNESS)))
+
+
+def draw_disc(rng: Generator, size: float) -> Solid:
+    """Draw a flat disc."""
+    return cylinder(0.5 * size, size * between(rng, *THICKNESS))
+
+
+def draw_rod(rng: Generator, size: float) -> Solid:
+    """Draw a long cylinder or capsule."""
+    round_ends = rng.random() < 0.5
+    return (capsule if round_ends else cylinder)(0.5 * size * between(rng, *THICKNESS), size)
+
+
+def draw_cone(rng: Generator, size: float) -> Solid:
+    """Draw a thorn, or a cone as flat as a disc."""
+    thick = size * between(rng, *THICKNESS)
+    return cone(0.5 * thick, size) if rng.random() < 0.5 else cone(0.5 * size, thick)
+
+
+def draw_ellipsoid(rng: Generator, size: float) -> Solid:
+    """Draw an ellipsoid as long as a needle or as flat as a lens."""
+    radii = 0.5 * size * np.array((1.0, 1.0, between(rng, *THICKNESS)))
+    if rng.random() < 0.5:
+        radii[1] = radii[2]
+    return ellipsoid(radii)
+
+
+def draw_polyhedron(rng: Generator, size: float) -> Solid:
+    """Draw a splinter or a scale: a stretched tetrahedron, octahedron or wedge."""
+    vertices, faces = POLYHEDRA[rng.integers(len(POLYHEDRA))]
+    stretch = np.array((1.0, between(rng, 0.3, 1.0), between(rng, *THICKNESS)))
+    if rng.random() < 0.5:
+        stretch[1] = stretch[2]
+    return polyhedron(0.5 * size * np.array(vertices) * stretch, faces)
+
+
+def draw_frame(rng: Generator, size: float) -> Solid:
+    """Draw an L or a T of two bars."""
+    thick = size * between(rng, *THICKNESS)
+    one, other = box((size, thick, thick)), box((thick, thick, size))
+    return compound([(one, (0.0, 0.0, 0.0)),
+                     (other, (0.5 * (size - thick) * rng.integers(2), 0.0, 0.5 * (size + thick)))])
+
+
+DRAW = (draw_bar, draw_plate, draw_disc, draw_rod, draw_cone, draw_ellipsoid, draw_polyhedron,
+        draw_frame)
+
+
+def one_of(*kinds: Callable[[Generator, float], Solid]) -> Callable[[Generator, float], Solid]:
+    """Return what draws a solid of one of some kinds."""
+    def draw(rng: Generator, size: float) -> Solid:
+        return kinds[rng.integers(len(kinds))](rng, size)
+    return draw
+
+
+draw_thin = one_of(*DRAW)
+# Those that lie on a side, and whose top is one.
+draw_flat = one_of(draw_bar, draw_plate, draw_disc)
+# Those that do not roll.
+draw_angular = one_of(draw_bar, draw_plate, draw_polyhedron, draw_frame)
+
+
+def draw_energy(rng: Generator) -> Scene:
+    """Draw a heap that falls, or bodies that meet in space."""
+    return energy_laws.draw_energy(rng, draw_thin)
+
+
+def draw_inelastic(rng: Generator) -> Scene:
+    """Draw a column of which the upper part falls on the lower, or a ball that hits a body."""
+    return impact_laws.draw_inelastic(rng, draw_flat)
+
+
+def draw_momentum(rng: Generator) -> Scene:
+    """Draw bodies that meet in space, or fall together."""
+    return energy_laws.draw_momentum(rng, draw_thin)
+
+
+def draw_untouched(rng: Generator) -> Scene:
+    """Draw a body that flies past others, or two heaps on one ground that never meet."""
+    return apart_laws.draw_untouched(rng, draw_thin)
+
+
+def draw_weight(rng: Generator) -> Scene:
+    """Draw a column of one to ten bodies that lie on each other."""
+    return rest_laws.draw_weight(rng, draw_flat)
+
+
+def draw_shots(rng: Generator) -> Scene:
+    """Draw bodies that hit a ground by up to three of their sizes a step."""
+    return ground_scenes.draw_shots(rng, draw_thin)
+
+
+def draw_pair(rng: Generator) -> Scene:
+    """Draw up to four bodies that fall on a plane and on each other."""
+    return twin_laws.draw_pair(rng, draw_thin)
+
+
+def draw_resting(rng: Generator) -> Scene:
+    """Draw a body that falls on the ground and comes to rest, on a side or on an edge."""
+    scales = draw_scales(rng, coarsest=0.2)
+    solid = draw_angular(rng, scales.size)
+    z = solid.radius + scales.size * between(rng, 1e-3, 0.3)
+    bodies = [body('b0', solid, draw_masses(rng, 1)[0], (0, 0, z), any_attitude(rng)), plane()]
+    surface = draw_surface(rng, restitution=0.0, friction=rng.uniform(0.3, 1.5))
+    return Scene(world(bodies, scales.h, surface), scales.size, scales.steps(20.0),
+                 {'count': 1, 'comes': True})
