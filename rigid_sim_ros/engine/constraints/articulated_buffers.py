@@ -50,6 +50,9 @@ class ContactBuffers(NamedTuple):
     half: Carried  # of the first half of this one
     half_bounce: Array  # (c,) of its points
     half_work: Array  # (c,)
+    # (n,) [m/s] how much faster bodies are on the way that is tried than they began, and so far
+    gained: Array
+    sudden: Array
     acted: Acted  # in this step, (c,)
     half_acted: Acted  # in the first half of this part of it, (c,)
 
@@ -68,7 +71,8 @@ def make_buffers(table: JointTable, bodies: int, points: int, manifolds: int,
         whole(c, 2), whole(c), whole(c), whole(c + 1), whole(bodies), whole(bodies), whole(bodies),
         np.zeros((c, 6)), np.zeros((c, 6)), empty_loads(bodies), np.zeros(c), np.zeros(c),
         np.zeros(c), np.zeros(r), np.zeros(r), np.zeros(r), make_system(rows, table, bodies),
-        carried, half, np.zeros(c), np.zeros(c), nothing_acted(c), nothing_acted(c))
+        carried, half, np.zeros(c), np.zeros(c), np.zeros(bodies), np.zeros(bodies),
+        nothing_acted(c), nothing_acted(c))
 
 
 def more_points(w: ContactBuffers, table: JointTable, points: int) -> ContactBuffers:
@@ -76,7 +80,8 @@ def more_points(w: ContactBuffers, table: JointTable, points: int) -> ContactBuf
     fresh = make_buffers(table, len(w.parent), 2 * points, w.order.shape[1],
                          len(w.system.rows.at))
     return fresh._replace(
-        count=w.count, displacing=w.displacing, parent=w.parent, held=w.held,
+        count=w.count, displacing=w.displacing, parent=w.parent, held=w.held, gained=w.gained,
+        sudden=w.sudden,
         woken=longer(w.woken, 2 * points),
         carried=_longer(w.carried, 2 * points),
         half=_longer(w.half, 2 * points),

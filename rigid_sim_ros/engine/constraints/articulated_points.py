@@ -88,6 +88,46 @@ def take_touching(h: float, soon: float, w: ContactBuffers) -> None:
 
 
 @kernel
+def any_bounces(h: float, soon: float, w: ContactBuffers) -> bool:
+    """Return whether anything that touches, or does within `soon` [s], is to bounce now."""
+    for k in range(w.contacts.count[0]):
+        gap = w.contacts.gap[k] - TOUCHING * w.contacts.size[k]
+        if _comes_to_bounce(h, w, k) and gap + soon * rate_of_gap(w, k) <= 0.0:
+            return True
+    return False
+
+
+@kernel
+def _comes_to_bounce(h: float, w: ContactBuffers, k: int) -> bool:
+    """Return whether point k is to bounce if it meets, by its rate; h [s] is the step."""
+    if w.contacts.restitution[k] == 0.0 or not w.contacts.gap[k] < math.inf:
+        return False
+    return rate_of_gap(w, k) < -REBOUNDS * resting_speed(w.contacts, w.bodies, k, h)
+
+
+@kernel
+def leave_bouncing(h: float, w: ContactBuffers) -> float:
+    """Let wait what is to bounce; return when [s] the first such point meets, inf: none does."""
+    contacts, first = w.contacts, math.inf
+    for k in range(contacts.count[0]):
+        gap = contacts.gap[k]
+        if w.active[k] == 1 and gap > TOUCHING * contacts.size[k] and _comes_to_bounce(h, w, k):
+            w.active[k] = 0
+            first = min(first, -gap / rate_of_gap(w, k))
+    return first
+
+
+@kernel
+def bouncing_within(way: float, h: float, w: ContactBuffers) -> float:
+    """Return when [s] on a way of `way` [s] the first shapes met that are to bounce; inf: none."""
+    first = math.inf
+    for k in range(w.contacts.count[0]):
+        if _comes_to_bounce(h, w, k):
+            first = min(first, _has_met(way, w, k))
+    return first
+
+
+@kernel
 def take_all(w: ContactBuffers) -> None:
     """Let all points take part."""
     match_forces(w.contacts, w.carried, w.count[KNOWN], w.match)

@@ -108,6 +108,8 @@ class LawWork(NamedTuple):
     bound: IntArray     # (k,) AT_LOWER, AT_UPPER: at which limits it is at the end of the step
     approach: Array     # rate with which it would have passed it
     back: Array         # rate with which it comes back from there
+    share: Array        # of its rate with which an axis that has just met a limit comes back
+    met: IntArray       # (k,) AT_LOWER, AT_UPPER: which limit that is
     astray: Array       # way from there of a locked axis
     half_rate: Array    # rate between the two halves of a step
     half_effort: Array  # impulse of drive and spring in the first half of the step
@@ -190,7 +192,7 @@ def _loop_work(table: JointTable) -> LoopWork:
 
 
 def _law_work(table: JointTable) -> LawWork:
-    k, whole = len(table.translates), ('brakes', 'bound', 'held', 'lock')
+    k, whole = len(table.translates), ('brakes', 'bound', 'met', 'held', 'lock')
     arrays: list[Any] = [np.zeros(k, dtype=np.int64 if name in whole else np.float64)
                          for name in LawWork._fields]
     work = LawWork._make(arrays)

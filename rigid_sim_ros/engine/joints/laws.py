@@ -62,7 +62,14 @@ def begin_laws(table: JointTable, motion: JointMotion, work: JointWork, h: float
         law.high[k] = (laws.upper[k] - q) / h - law.bend[k]
         law.stick[k] = -law.bend[k]
         _bound_forces(table, motion, work, k, h)
-        _begin_on(work, k, v, motion.held[k] == 1)
+        # What is to meet a limit begins free: the rate that it would have tells how fast it comes.
+        far, is_free = TOLERANCE / h, law.high[k] > law.low[k]
+        if is_free and v <= law.low[k] < -far:
+            _go_to(work, k, law.low[k], 1)
+        elif is_free and v >= law.high[k] > far:
+            _go_to(work, k, law.high[k], -1)
+        else:
+            _begin_on(work, k, v, motion.held[k] == 1)
 
 
 @kernel
@@ -107,14 +114,18 @@ def end_laws(table: JointTable, motion: JointMotion, work: JointWork, h: float) 
 
 @kernel
 def impact_laws(table: JointTable, motion: JointMotion, work: JointWork) -> None:
-    """Write what acts along the axes in no time: armatures, and limits that are reached."""
+    """
+    Write what acts along the axes in no time: armatures, and limits that are reached.
+
+    An axis that has just met one comes back with its share of the rate (limits.py).
+    """
     law, laws = work.law, table.laws
     for k in range(table.translates.shape[0]):
         if table.has_laws[k] == 0:
             continue
         q = motion.position[table.axis_joint[k]]
         law.before[k], law.half_rate[k] = q, motion.rate[k]
-        law.back[k], law.bound[k] = 0.0, 0
+        law.back[k], law.bound[k] = -law.share[k] * motion.rate[k], law.met[k]
         if q <= laws.lower[k] + TOLERANCE:
             law.bound[k] |= AT_LOWER
         if q >= laws.upper[k] - TOLERANCE:

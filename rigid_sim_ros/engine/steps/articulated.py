@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sequence of the stages of a step of bodies that joints hold and that touch nothing."""
 
+import math
 from typing import NamedTuple
 
 from rigid_sim_ros.engine.dynamics.force_and_torque import kick, Loads
@@ -13,6 +14,8 @@ from rigid_sim_ros.engine.joints.buffers import (
     Drives, EFFORT, JointMotion, JointWork, LASTS)
 from rigid_sim_ros.engine.joints.forward_kinematics import read_positions
 from rigid_sim_ros.engine.joints.joint_coordinates import has_one_coordinate
+from rigid_sim_ros.engine.joints.limits import (
+    first_hit, note_arrived, release_hits, SHARP, SHORTEST, stop_hits, way_until)
 from rigid_sim_ros.engine.joints.reactions import add_wrenches_of_joints, note_momenta
 from rigid_sim_ros.engine.joints.settle import prepare_step
 from rigid_sim_ros.engine.joints.shake import (
@@ -29,6 +32,10 @@ MOST_SLOWED = 64
 # A joint that passes its limit in spite of its rate is locked there, and the step is done again:
 # once as a rule, and once more for each joint that then does.
 MOST_TRIES = 8
+# In a step: limits that are met after which the rest of it is one way, with the others at its end.
+MOST_HITS = 8
+# Ways that are tried until the time of such a meeting is known well enough.
+MOST_ENDS = 40
 # Steps until half as many parts are tried once more.
 PATIENCE = 16
 
@@ -62,13 +69,27 @@ def advance(c: JointedArguments, count: int) -> None:
 @kernel
 def _step(c: JointedArguments, record: bool) -> None:
     """Take a step, in as many parts as it needs; record the wrenches through the joints."""
-    done, size, slowed = 0, next_size(c.motion), 0
+    h = c.model.h
+    left, size, slowed, hits, tries = h, next_size(c.motion), 0, 0, 0
     begin_efforts(c.motion)
-    while done < MOST_PARTS:
-        if _take_part(c, c.model.h * size / MOST_PARTS, slowed == MOST_SLOWED, record):
-            done += size
+    _stop_arrived(c, h)
+    way = h * size / MOST_PARTS
+    while left > SHORTEST * h:
+        may_end = hits < MOST_HITS and tries < MOST_ENDS
+        until = _take_part(c, way, slowed == MOST_SLOWED, may_end, record)
+        if until == way:
+            if tries > 0:
+                c.motion.known[0] = 0   # what joints needed is of ways of one length
+                hits, tries = hits + 1, 0
+            left -= way
+            way = h * size / MOST_PARTS
+            if left < (1.0 - SHARP) * way:
+                way = left
+        elif until > 0.0:
+            way, tries = way_until(until, left, h), tries + 1
         elif size > 1:
             size //= 2
+            way = min(0.5 * way, h * size / MOST_PARTS)
         else:
             slow_down(c)
             slowed += 1
@@ -76,23 +97,38 @@ def _step(c: JointedArguments, record: bool) -> None:
 
 
 @kernel
-def _take_part(c: JointedArguments, h: float, last: bool, record: bool) -> bool:
+def _stop_arrived(c: JointedArguments, h: float) -> None:
+    """Stop in no time what has met its limit just as the step before ended, of h [s]."""
+    if note_arrived(c.table, c.motion, c.scratch, h):
+        stop_hits(c.model, c.table, c.state, c.motion, c.scratch)
+
+
+@kernel
+def _take_part(c: JointedArguments, h: float, last: bool, may_end: bool, record: bool) -> float:
     """
     Kick, drift, kick for h [s], with the impulses of the joints: order 2.
 
-    `prepare_step` has been called for the present poses, and is then for the new ones. Returns
-    False, with nothing done, if h is too long to resolve the motion; `last`: goes on with what
+    `prepare_step` has been called for the present poses, and is then for the new ones. Returns h,
+    or, with nothing done, until when [s] a way is to be tried, at the end of which a joint meets
+    its limit, if may_end, or 0 if h is too long to resolve the motion; `last`: goes on with what
     there is.
     """
     begin_part(c)
     kick(c.state, c.work.loads, 0.5 * h)
     if not move_bodies(c, h) and not last:
         go_back(c)
-        return False
+        return 0.0
+    met = first_hit(c.table, c.scratch, h) if may_end and c.table.lawful > 0 else math.inf
+    if met < h:
+        go_back(c)
+        return met
+    hit = release_hits(c.table, c.scratch, h)
     arrive(c, h, record)
     kick(c.state, later_loads(c, h), 0.5 * h)
     finish(c, h, record)
-    return True
+    if hit:
+        stop_hits(c.model, c.table, c.state, c.motion, c.scratch)
+    return h
 
 
 @kernel

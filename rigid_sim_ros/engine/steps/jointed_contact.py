@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.constraints.articulated_buffers import (
-    ContactBuffers, HALF_KNOWN, more_points, NEEDED, POINTS_IN_USE, WIDTH)
+    ContactBuffers, HALF_KNOWN, more_points, NEEDED, POINTS_IN_USE, WIDTH, WOKEN)
 from rigid_sim_ros.engine.constraints.articulated_contact import (
     keep_impulses, solve_contacts, undo_displacing)
 from rigid_sim_ros.engine.constraints.articulated_points import choose_points
@@ -46,7 +46,7 @@ MARGIN = 0.01
 # Why the kernel stops, besides what contact_search.py says.
 MORE_ROWS = 4
 # Places in `JointedContact.place`: steps that are left, the stage, and what the model counts.
-STEPS, STAGE, PARTS_DONE, SIZE, EVENTS, TRIES, COLLISIONS, CUT_SHORT, SLOWED = range(9)
+STEPS, STAGE, LOOKS, SIZE, EVENTS, TRIES, COLLISIONS, CUT_SHORT, SLOWED, SEARCHES = range(10)
 # The stage of every model at which a step begins.
 BEGIN = 0
 # Place in `JointedContact.span`: within which time what touches is to be found.
@@ -64,8 +64,8 @@ class JointedContact(NamedTuple):
     thickness: Array  # (s,) [m] half of the least that a shape measures across
     elsewhere: IntArray  # (n,) 1: another solver moves the body, and it touches nothing here
     buffers: ContactBuffers
-    place: IntArray  # (9,) see STEPS
-    span: Array  # (3,) [s] of the model `event`, see jointed_event.LEFT; and see WITHIN
+    place: IntArray  # (10,) see STEPS
+    span: Array  # (3,) [s] see jointed_ways.LEFT, and WITHIN
 
 
 @kernel
@@ -91,6 +91,11 @@ def find_within(c: JointedContact, _: int) -> int:
     model, state = c.joints.model, c.joints.state
     set_margins(model, h, state, MARGIN, c.radius, c.thickness, shapes, memory, 0,
                 shapes.body.shape[0])
+    for s in range(shapes.body.shape[0]):
+        i = shapes.body[s]
+        # What met on a way that was gone is to be found, however fast it was on that.
+        memory.margin[s] += h * (max(w.sudden[i], w.gained[i]) if w.count[WOKEN] > 0
+                                 else w.sudden[i])
     why, w.count[NEEDED] = find_points(model, state, shapes, c.materials, memory, np.inf, w.order,
                                        w.contacts)
     if why != DONE:
@@ -122,7 +127,8 @@ def reach(c: JointedContact, r: int, h: float) -> tuple[float, float]:
     for p in range(manifolds.points[r]):
         gap = min(gap, manifolds.gap[p, r])
     speed = (approach_bound(model, state, loads, shapes, a, n, h)
-             + approach_bound(model, state, loads, shapes, b, (-n[0], -n[1], -n[2]), h))
+             + approach_bound(model, state, loads, shapes, b, (-n[0], -n[1], -n[2]), h)
+             + c.buffers.sudden[shapes.body[a]] + c.buffers.sudden[shapes.body[b]])
     return speed, max(gap, 0.5 * min(c.thickness[a], c.thickness[b]))
 
 

@@ -4,28 +4,36 @@
 The model `timestep` of bodies that joints hold and that touch each other.
 
 Kick, drift, kick as without contacts (articulated.py), with impulses of contact in both halves. If
-shapes met on the way that took no part, it is taken again with them.
+shapes met on the way that took no part, it is taken again with them. What bounces does so at its
+own time, in no time: a drive of a high gain gives nothing in that, but far too much to a ball that
+it holds against for a step. A way ends there, and where a joint meets its limit.
 """
 
 from rigid_sim_ros.engine.constraints.articulated_buffers import WOKEN
 from rigid_sim_ros.engine.constraints.articulated_points import (
-    leave_arriving, take_close, take_loaded, wake, wake_met)
+    any_bounces, bouncing_within, leave_arriving, leave_bouncing, take_close, take_loaded,
+    take_touching, wake, wake_met)
 from rigid_sim_ros.engine.contact.contact_search import DONE
 from rigid_sim_ros.engine.contact.contacts import read_bodies
 from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
-from rigid_sim_ros.engine.joints.shake import MOST_PARTS
-from rigid_sim_ros.engine.steps.articulated import go_back, next_size
+from rigid_sim_ros.engine.joints.limits import SHORTEST
+from rigid_sim_ros.engine.steps.articulated import go_back
 from rigid_sim_ros.engine.steps.jointed_contact import (
-    BEGIN, begin, choose, end, find_touching, JointedContact, keep_first_half, PARTS_DONE,
-    reach, read_way, retry_unresolved, SIZE, SLOWED, STAGE, STEPS, take_first_half,
-    take_second_half, take_way, TRIES)
+    BEGIN, choose, CUT_SHORT, find_touching, JointedContact, LOOKS, reach, read_way, STAGE, STEPS,
+    take_way)
+from rigid_sim_ros.engine.steps.jointed_ways import (
+    begin_ways, collide_chosen, go_until, may_end_earlier, take_rest, try_again_until,
+    try_first_half, WAY)
 from rigid_sim_ros.kernels.kernel import kernel
 
 # Ways that are tried with what met on the ones before; of a chain of shapes that hit each other
 # one more in each.
-MOST_TRIES = 4
-# At which stage a step goes on: what touches is found; the first half of a part of it; what met on
+MOST_LOOKS = 4
+# In a step: bounces and limits that are met after which the rest of it is one way, in which what
+# bounces does so together at its end.
+MOST_EVENTS = 8
+# At which stage a step goes on: what touches is found; the first half of a way; what met on
 # the way is found; the way is taken; what presses at its end is chosen; the second half.
 SEEK, FIRST, LOOK_BACK, ARRIVE, CHOOSE, SECOND = range(BEGIN + 1, BEGIN + 7)
 
@@ -36,43 +44,52 @@ def run(c: JointedContact) -> int:
     while c.place[STEPS] > 0:
         stage, why = c.place[STAGE], DONE
         if stage == BEGIN:
-            begin(c)
-            c.place[PARTS_DONE], c.place[SIZE] = 0, next_size(c.joints.motion)
-            _begin_part(c)
+            begin_ways(c)
+            _begin_way(c)
         elif stage == SEEK:
             why = _seek(c)
         elif stage == FIRST:
-            _take_first_half(c)
+            if try_first_half(c, SEEK):
+                c.place[STAGE] = LOOK_BACK
         elif stage == LOOK_BACK:
             why = _look_back(c)
         elif stage == ARRIVE:
-            take_way(c, _length(c))
+            take_way(c, c.span[WAY])
             c.place[STAGE] = CHOOSE
         elif stage == CHOOSE:
             _choose_loaded(c)
             why = choose(c, SECOND)
         else:
-            _take_second_half(c)
+            _begin_way(c)
+            take_rest(c, MOST_EVENTS)
         if why != DONE:
             return why
     return DONE
 
 
 @kernel
-def _begin_part(c: JointedContact) -> None:
-    """Begin a part of a step, in which nothing has met yet."""
-    c.place[TRIES], c.place[SLOWED], c.buffers.count[WOKEN] = 0, 0, 0
+def _begin_way(c: JointedContact) -> None:
+    """Begin a way, on which nothing has met yet."""
+    c.buffers.count[WOKEN] = 0
     c.place[STAGE] = SEEK
 
 
 @kernel
 def _seek(c: JointedContact) -> int:
-    """Find the points that take part in the first half of a part of a step."""
+    """Let collide what is to bounce, and find the points that take part in the first half."""
     joints, w, h = c.joints, c.buffers, c.joints.model.h
+    model, loads = joints.model, joints.work.loads
     why = find_touching(c, h)
     if why != DONE:
         return why
-    sum_loads(joints.model, joints.state, joints.wrenches, joints.work.loads)
+    sum_loads(model, joints.state, joints.wrenches, loads)
+    read_bodies(model, joints.state, loads.F, loads.tau, w.bodies)
+    if c.place[CUT_SHORT] == 0 and any_bounces(h, SHORTEST * h, w):
+        take_touching(h, SHORTEST * h, w)
+        why = collide_chosen(c, True)
+        if why != DONE:
+            return why
+        read_bodies(model, joints.state, loads.F, loads.tau, w.bodies)
     manifolds = current(c.memory)
     for r in range(manifolds.count[0]):
         speed, least = reach(c, r, h)
@@ -80,6 +97,10 @@ def _seek(c: JointedContact) -> int:
         if here and speed * h > least:
             wake(w, manifolds.shape_a[r], manifolds.shape_b[r])
     take_close(w)
+    if may_end_earlier(c):
+        bounces = leave_bouncing(h, w)
+        if bounces < c.span[WAY]:
+            go_until(c, bounces)
     return choose(c, FIRST)
 
 
@@ -89,52 +110,26 @@ def _look_back(c: JointedContact) -> int:
     why = find_touching(c, 0.0)
     if why != DONE:
         return why
-    w = c.buffers
+    w, h = c.buffers, c.span[WAY]
     read_way(c)
-    if c.place[TRIES] < MOST_TRIES and wake_met(_length(c), w):
+    c.place[STAGE] = SEEK
+    if may_end_earlier(c):
+        bounces = bouncing_within(h, c.joints.model.h, w)
+        if bounces < h:
+            try_again_until(c, bounces)
+            return DONE
+    if c.place[LOOKS] < MOST_LOOKS and wake_met(h, w):
         go_back(c.joints)
-        c.place[TRIES] += 1
-        c.place[STAGE] = SEEK
-    else:
-        c.place[STAGE] = ARRIVE
+        c.place[LOOKS] += 1
+        return DONE
+    c.place[STAGE] = ARRIVE
     return DONE
 
 
 @kernel
 def _choose_loaded(c: JointedContact) -> None:
-    """Let take part in the second half of a part what it has to stop, or to send back."""
+    """Let take part in the second half of a way what it has to stop, or to send back."""
     model, loads = c.joints.model, c.joints.work.loads
     take_loaded(model, c.buffers)
     read_bodies(model, c.joints.state, loads.F, loads.tau, c.buffers.bodies)
-    leave_arriving(_length(c), c.buffers)
-
-
-@kernel
-def _length(c: JointedContact) -> float:
-    """Return the length [s] of the part of a step that is taken."""
-    return c.joints.model.h * c.place[SIZE] / MOST_PARTS
-
-
-@kernel
-def _take_first_half(c: JointedContact) -> None:
-    """Take the first half of a part, of a shorter one if its motion is not resolved."""
-    if not take_first_half(c, _length(c)):
-        if c.place[SIZE] > 1:
-            go_back(c.joints)
-            c.place[SIZE] //= 2
-            return      # what touches is still the same
-        if retry_unresolved(c):
-            return
-    keep_first_half(c)
-    c.place[STAGE] = LOOK_BACK
-
-
-@kernel
-def _take_second_half(c: JointedContact) -> None:
-    """Take the second half of a part, and end the step after its last one."""
-    take_second_half(c, _length(c))
-    c.place[PARTS_DONE] += c.place[SIZE]
-    _begin_part(c)
-    if c.place[PARTS_DONE] == MOST_PARTS:
-        c.joints.motion.parts[0] = MOST_PARTS // c.place[SIZE]
-        end(c)
+    leave_arriving(c.joints.model.h, c.buffers)
