@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """A copy of a world goes on by itself, also in another process."""
 import copy
-import os
+from pathlib import Path
 import pickle
-import subprocess
-import sys
+from tempfile import TemporaryDirectory
 
+import fresh
 import numpy as np
 import pytest
 
@@ -27,17 +27,22 @@ WORLDS = {
 ELSEWHERE = """
 import pickle
 import sys
-world = pickle.load(sys.stdin.buffer)
+from pathlib import Path
+given, found = map(Path, sys.argv[1:])
+world = pickle.loads(given.read_bytes())
 world.step(20)
-sys.stdout.buffer.write(pickle.dumps((world.state_hash(), world.position)))
+found.write_bytes(pickle.dumps((world.state_hash(), world.position)))
 """
 
 
 def elsewhere(world):
     """Return the hash and the positions after 20 more steps in another process."""
-    done = subprocess.run([sys.executable, '-c', ELSEWHERE], input=pickle.dumps(world),
-                          env=os.environ, capture_output=True, check=True)
-    return pickle.loads(done.stdout)
+    with TemporaryDirectory() as folder:
+        given, found = Path(folder, 'given'), Path(folder, 'found')
+        given.write_bytes(pickle.dumps(world))
+        done = fresh.run('-c', ELSEWHERE, str(given), str(found))
+        assert (done.returncode, done.stderr) == (0, '')
+        return pickle.loads(found.read_bytes())
 
 
 def here(twin):
@@ -47,6 +52,13 @@ def here(twin):
         other.step(20)
         return other.state_hash(), other.position
     return found
+
+
+@pytest.mark.parametrize('scene', WORLDS.values(), ids=WORLDS)
+def test_what_is_pickled_holds_no_kernel_that_another_process_would_compile(scene):
+    world = World.from_dict(scene)
+    world.step(10)
+    assert b'numba' not in pickle.dumps(world)
 
 
 @pytest.mark.parametrize('scene', WORLDS.values(), ids=WORLDS)

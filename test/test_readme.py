@@ -4,9 +4,8 @@
 from pathlib import Path
 import re
 import shlex
-import subprocess
-import sys
 
+import fresh
 import pytest
 import yaml
 
@@ -87,8 +86,7 @@ def test_a_mistake_in_a_scene_is_reported_as_shown(tmp_path, monkeypatch, capsys
 
 @pytest.mark.parametrize(('page', 'code'), PYTHON, ids=[page for page, _ in PYTHON])
 def test_the_python_that_is_shown_runs(page: str, code: str, tmp_path) -> None:
-    result = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True,
-                            check=False, timeout=300, cwd=tmp_path)
+    result = fresh.run('-c', code, cwd=tmp_path)
     assert (result.returncode, result.stderr) == (0, '')
     assert result.stdout in ['', *blocks(page, 'text')]
 

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 from bag.sessions import rewrite, shared_session
 from first_start import besides_compiling
+import fresh
 import pytest
 
 from rigid_sim_ros import cli
@@ -128,8 +129,7 @@ for args in (['batch', 't_handle', '--duration', '0.1', '--output', r'{tmp_path 
     except SystemExit as leaving:
         print(leaving.code)
 '''
-    result = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True,
-                            check=False, timeout=300)
+    result = fresh.run('-c', code)
     assert [line for line in result.stderr.splitlines() if 'compiling' not in line] == []
     assert result.stdout.splitlines()[1::2] == ['0', '0']
 

@@ -7,10 +7,12 @@ The laws of mechanics on a few random grounds of triangles.
 one of these again.
 """
 
+from effort import either
 from laws.book import breaches, GROUNDS, scene
 import pytest
 
-SCENES, TWINS = {'timestep': 4, 'event': 3}, {'timestep': 2, 'event': 2}
+SCENES = {'timestep': either(3, 4), 'event': either(2, 3)}
+TWINS = {'timestep': either(1, 2), 'event': either(1, 2)}
 # In these, bodies went through sheets: after 300 events in a step; in `timestep` where an impact
 # turned them or threw them farther than their pairs were sought.
 MORE = {('ground-shots', 'event'): {1, 9, 13, 16}, ('ground-through', 'timestep'): {26},
@@ -29,6 +31,7 @@ def seeds(law, model):
     return sorted((set(range(counts[model] + len(known))) | MORE.get((law, model), set())) - known)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(('law', 'model'), ASKED)
 def test_law_holds_on_random_grounds_of_triangles(law, model):
     assert not breaches(law, model, seeds(law, model)), GROUNDS[law].says

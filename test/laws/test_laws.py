@@ -7,19 +7,21 @@ A failure names law, model and seed: `python benchmarks/laws.py --law L --model 
 --scenes 1` is the same scene again.
 """
 
+from effort import either
 from laws.book import breaches, builder, judge, LAWS
 from laws.cases import CASES
 import pytest
 
 # Scenes a law. Those of `event` take up to a thousand times as long where many bodies meet, and
 # `qp` and `penalty` are asked by the benchmark.
-SEEDS = {'timestep': 7, 'event': 4}
+SEEDS = {'timestep': either(4, 7), 'event': either(3, 4)}
 # Scenes that are known to break a law; docs/contact.md tells how many of a hundred do.
 KNOWN = {('energy', 'timestep'): {3}, ('mirrored', 'event'): {1, 3}}
 # What a case of these asks is a time, which no test does.
 TIMED = 'H'
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('model', SEEDS)
 @pytest.mark.parametrize('law', LAWS)
 def test_law_holds_in_random_scenes(law, model):

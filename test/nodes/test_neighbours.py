@@ -24,11 +24,13 @@ def warnings(process, text):
     return [line for line in process.stderr.splitlines() if '[WARN]' in line and text in line]
 
 
-def is_told_once(probe, process, text):
-    """Wait for a warning, and for the looks of five more seconds, which say it no more."""
-    probe.wait_for(lambda: warnings(process, text), f'a warning of {text}')
+def are_told_once(probe, *told):
+    """Wait for warnings, and for the looks of five more seconds, which say no more."""
+    for process, text in told:
+        probe.wait_for(lambda: warnings(process, text), f'a warning of {text}')    # noqa: B023
     probe.wait_for_silence([])
-    assert len(warnings(process, text)) == 1, process.stderr
+    for process, text in told:
+        assert len(warnings(process, text)) == 1, process.stderr
 
 
 def test_two_clocks_are_told_to_both(probe, tmp_path, scene):
@@ -36,19 +38,19 @@ def test_two_clocks_are_told_to_both(probe, tmp_path, scene):
         probe.some(Clock, '/clock')
         assert not warnings(left, '/clock')
         with running(tmp_path / '2', scene, name='right') as right:
-            is_told_once(probe, left, '/right publishes /clock too')
-            is_told_once(probe, right, '/left publishes /clock too')
+            are_told_once(probe, (left, '/right publishes /clock too'),
+                          (right, '/left publishes /clock too'))
 
 
 def test_two_nodes_of_a_name_are_told_to_both(probe, tmp_path, scene):
     with running(tmp_path / '1', scene, name='twin') as first, running(
             tmp_path / '2', scene, name='twin') as second:
-        is_told_once(probe, first, 'another node is called /twin too')
-        is_told_once(probe, second, 'another node is called /twin too')
+        are_told_once(probe, (first, 'another node is called /twin too'),
+                      (second, 'another node is called /twin too'))
 
 
 def test_a_replay_beside_its_live_node_is_told_to_both(probe, tmp_path, scene):
     bag = mcap(tmp_path / 'a.mcap', texts('/live/state', 3, 10**9))
     with running(tmp_path / '1', scene, name='live', publish_clock=False), replaying(
             tmp_path / '2', bag, clock_rate=0.0) as replay:
-        is_told_once(probe, replay, '/live publishes /live/state too')
+        are_told_once(probe, (replay, '/live publishes /live/state too'))

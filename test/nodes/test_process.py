@@ -5,7 +5,6 @@ import importlib.util
 from importlib.util import find_spec
 import re
 import signal
-import subprocess
 import sys
 import time
 from unittest import SkipTest
@@ -13,6 +12,7 @@ from unittest import SkipTest
 if find_spec('rclpy') is None:
     raise SkipTest('rclpy is not installed: pip install .[ros]')
 
+import fresh
 from kernels.caches import cache_without
 from nodes.live import kept, nanoseconds, Process, running, simulate
 from nodes.scenes import crates
@@ -157,13 +157,13 @@ def test_a_wrong_argument_of_ros_to_the_command_is_one_line_and_code_2(ros, tmp_
     assert complaint(process).startswith('rigid_sim: ')
 
 
-@pytest.mark.parametrize('kind', KINDS)
-def test_a_file_that_ros_would_wait_for_is_one_line_and_code_2(ros, tmp_path, kind):
+@pytest.mark.parametrize(('kind', 'command'), [
+    *((kind, 'run') for kind in KINDS), ('pipe', 'replay'), ('pipe', 'view')])
+def test_a_file_that_ros_would_wait_for_is_one_line_and_code_2(ros, tmp_path, kind, command):
     KINDS[kind](tmp_path / 'p.yaml')
-    for command in ('run', 'replay', 'view'):
-        process = Process(['rigid_sim', command, '--ros-args', '--params-file',
-                           str(tmp_path / 'p.yaml')], tmp_path, is_forked=True)
-        assert complaint(process).startswith('rigid_sim: ')
+    process = Process(['rigid_sim', command, '--ros-args', '--params-file',
+                       str(tmp_path / 'p.yaml')], tmp_path, is_forked=True)
+    assert complaint(process).startswith('rigid_sim: ')
 
 
 def test_the_command_runs_the_node(probe, tmp_path, scene):
@@ -179,8 +179,7 @@ def test_the_node_runs_inside_another_program(ros, tmp_path, scene):
     code = ('from rigid_sim_ros.nodes import simulate\n'
             f"print(simulate.run({scene!r}, duration=0.1, record='bag', "
             "ros_args=['--ros-args', '-r', '__node:=inside']), 'and on')")
-    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True,
-                          check=False, timeout=300, cwd=tmp_path)
+    done = fresh.run('-c', code, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (0, '0 and on\n'), done.stderr
     assert verify(tmp_path / 'bag').holds
 

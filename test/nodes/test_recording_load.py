@@ -13,6 +13,7 @@ if find_spec('rclpy') is None:
     raise SkipTest('rclpy is not installed: pip install .[ros]')
 
 from bag.sessions import messages_of
+from effort import either
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from nodes.live import kept, simulate
 from nodes.scenes import crates, free_bodies, world_of
@@ -32,7 +33,7 @@ from rigid_sim_ros.nodes.qos import profiles
 from rigid_sim_ros.nodes.recording import Recording
 
 BODIES = 100
-SECONDS = 8
+SECONDS = either(4, 8)
 LISTENED = {'state': MultiDOFJointState, 'body_0/pose': PoseStamped, 'body_50/twist': TwistStamped,
             'body_99/pose': PoseStamped}
 
@@ -69,6 +70,7 @@ def recorded(bag, topic):
             for name, _, data in messages_of(bag, kind) if name == f'/loaded/{topic}']
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('topic', LISTENED)
 def test_the_recorded_bytes_are_those_that_a_subscriber_gets(loaded, topic):
     bag, heard = loaded
@@ -78,6 +80,7 @@ def test_the_recorded_bytes_are_those_that_a_subscriber_gets(loaded, topic):
     assert received == recorded(bag, topic)[-len(received):]
 
 
+@pytest.mark.long
 def test_every_publication_is_recorded_and_there_is_no_gap(loaded):
     found = info(loaded[0])
     assert found.gaps == ()
@@ -87,12 +90,14 @@ def test_every_publication_is_recorded_and_there_is_no_gap(loaded):
     assert counts == {100 * SECONDS + 1} == {found.topics['/loaded/state'][1]}
 
 
+@pytest.mark.long
 def test_what_was_recorded_under_load_comes_out_again(loaded):
     verdict = verify(loaded[0])
     assert (verdict.difference, verdict.faults, verdict.steps) == (None, (), 1000 * SECONDS)
 
 
-@pytest.mark.parametrize('storage, kills', [('mcap', 8), ('sqlite3', 2)])
+@pytest.mark.long
+@pytest.mark.parametrize('storage, kills', [('mcap', either(4, 8)), ('sqlite3', 2)])
 def test_a_kill_of_the_node_at_any_moment_loses_at_most_a_second(probe, tmp_path, storage, kills):
     scene, chance = str(crates(tmp_path)), random.Random(11)
     for k in range(kills):

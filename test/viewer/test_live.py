@@ -5,14 +5,12 @@ from importlib.util import find_spec
 from itertools import pairwise
 import re
 import signal
-import sys
 from unittest import SkipTest
 
 if find_spec('rclpy') is None or find_spec('viser') is None:
     raise SkipTest('rclpy or viser is not installed: pip install .[ros]')
 
 from effort import either
-from free import free_port
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Vector3, WrenchStamped
 from nodes.live import kept, nanoseconds, Process, running
 import numpy as np
@@ -277,29 +275,29 @@ def test_the_page_shows_the_next_simulation_by_itself(page, sim, probe, folder):
         page.wait_for(lambda: page.counts() == (0, 1, 0), 'one body')
 
 
-def test_the_page_reconnects_when_its_program_restarts(shown, viewer, folder, port):
-    viewer.signal(signal.SIGINT)
-    assert viewer.wait() == 0
-    with running(folder / 'last', str(scene_file(folder / 'last'))), kept(
-            view(folder / 'again', '--port', str(port))):
-        shown.wait_for(lambda: shown.counts() == (1, 1, 1), 'three bodies')
-
-
-def test_the_page_shows_and_pauses_a_replay(browser, probe, folder):
+@pytest.fixture(scope='module')
+def replayed(shown, viewer, probe, folder, port):
+    """Give the page after its program was ended and another one started, that shows a replay."""
     batch = Batch(load_scene(scene_file(folder)), folder / 'session', node='/recorded')
     batch.run(4000)
     batch.close()
-    other = free_port()
-    command = [sys.executable, '-m', 'rigid_sim_ros', 'replay', str(folder / 'session'), '--loop']
-    with kept(Process(command, folder / 'replay')), kept(
-            view(folder / 'view_replay', '--node', '/recorded', '--port', str(other))):
-        page = Page(browser, f'http://127.0.0.1:{other}')
-        page.wait_for(lambda: page.counts() == (1, 1, 1), 'three bodies')
-        with probe.listening(MultiDOFJointState, '/recorded/state') as received:
-            probe.wait_for(lambda: received, 'a state')
-            page.turn('Pause', 'Go on')
-            probe.wait_for_silence(received)
-            received.clear()
-            page.click('Go on')
-            probe.wait_for(lambda: received, 'a state after the pause')
-        page.close()
+    viewer.signal(signal.SIGINT)
+    assert viewer.wait() == 0
+    with kept(Process(['replay', str(folder / 'session'), '--loop'], folder / 'replay',
+                      is_forked=True)), kept(
+            view(folder / 'again', '--node', '/recorded', '--port', str(port))):
+        yield shown
+
+
+def test_the_page_reconnects_when_its_program_restarts(replayed):
+    replayed.wait_for(lambda: replayed.counts() == (1, 1, 1), 'three bodies')
+
+
+def test_the_page_shows_and_pauses_a_replay(replayed, probe):
+    with probe.listening(MultiDOFJointState, '/recorded/state') as received:
+        probe.wait_for(lambda: received, 'a state')
+        replayed.turn('Pause', 'Go on')
+        probe.wait_for_silence(received)
+        received.clear()
+        replayed.click('Go on')
+        probe.wait_for(lambda: received, 'a state after the pause')

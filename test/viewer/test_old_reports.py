@@ -18,7 +18,7 @@ from viewer.telling import Nobody, Told
 
 from rigid_sim_ros.viewer.server import start, stop
 
-OFTEN = 0.001   # s between two reports
+OFTEN = 0.005   # s between two reports
 SPEEDS = 20
 SOON = 0.5      # s after a speed was typed in which reports do not put it back for sure
 
@@ -54,7 +54,7 @@ def page(browser: Any, driver: Listener) -> Iterator[Page]:
 
     teller = threading.Thread(target=tell)
     teller.start()
-    page = Page(browser, f'http://127.0.0.1:{server.get_port()}', (900, 600))
+    page = Page(browser, f'http://127.0.0.1:{server.get_port()}')
     yield page
     page.close()
     stopped.set()

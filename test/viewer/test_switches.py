@@ -3,17 +3,17 @@
 """What the tab Show switches on appears in the picture, and goes again."""
 from contextlib import contextmanager
 from importlib.util import find_spec
+import signal
 from unittest import SkipTest
 
 if find_spec('rclpy') is None or find_spec('viser') is None:
     raise SkipTest('rclpy or viser is not installed: pip install .[ros]')
 
-from free import free_port
 from geometry_msgs.msg import Twist, TwistStamped, Vector3, Wrench, WrenchStamped
-from nodes.live import kept, running
+from nodes.live import running
 import pytest
 from sensor_msgs.msg import MultiDOFJointState
-from viewer.browsing import MAGENTA, Page, scene_file, view
+from viewer.browsing import MAGENTA, scene_file
 
 # Hues of the overlays in the light of the page, in degrees.
 VELOCITY, WRENCH, CONTACT, SPRING, Z_AXIS = 202, 35, 305, 164, 240
@@ -166,17 +166,14 @@ def test_an_applied_wrench_is_an_arrow(page, probe):
 # --- a box that rests on a plane ----------------------------------------------------------------
 
 @pytest.fixture(scope='module')
-def resting(browser, probe, sim, folder):
-    """Give its page; the other simulation waits, which would take half a core with its page."""
-    probe.pause(True)
-    other = free_port()
-    scene = str(scene_file(folder / 'resting', RESTING))
-    with running(folder / 'rests', scene, name='resting'), kept(
-            view(folder / 'view_it', '--node', '/resting', '--port', str(other))):
-        page = Page(browser, f'http://127.0.0.1:{other}')
-        page.wait_for(lambda: 'times real time' in page.text(), 'the simulation')
-        yield page
-        page.close()
+def resting(shown, sim, probe, folder):
+    """Give the page of the next simulation, of the box."""
+    sim.signal(signal.SIGINT)
+    assert sim.wait() == 0
+    with running(folder / 'rests', str(scene_file(folder / 'resting', RESTING))):
+        probe.some(MultiDOFJointState, '/rigid_sim/state')
+        shown.wait_for(lambda: shown.counts() == (0, 1, 0), 'the box alone')
+        yield shown
 
 
 def test_the_ground_grid_is_shown_and_hidden_where_a_plane_is_the_ground(resting):

@@ -31,7 +31,8 @@ class FreeMotion(OneThread):
     def __init__(self, setup: Setup) -> None:
         """Choose the integrator."""
         self._model = setup.model
-        self._advance = FREE_MOTION[setup.integrator]
+        # Not its kernel: a process that was given a pickled world would compile that anew.
+        self._integrator = setup.integrator
         self._orientation = ORIENTATIONS.index(setup.orientation)
         self._work = make_work(len(setup.model.m))
         self._pack: ArgumentPack | None = None
@@ -39,7 +40,7 @@ class FreeMotion(OneThread):
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
         """Advance the state."""
         self._pack = packed(FreeArguments(self._model, state, wrenches, self._work), self._pack)
-        self._pack.run(self._advance, self._orientation, count)
+        self._pack.run(FREE_MOTION[self._integrator], self._orientation, count)
 
     def lasting(self) -> dict[str, np.ndarray]:
         """Return nothing: the state is all there is."""

@@ -4,7 +4,7 @@
 
 from itertools import product
 
-from effort import examples
+from effort import either, examples
 from engine.detecting import CONVEX, cube_mesh, PLANE_SHAPE, random_pose, Scene, UPRIGHT
 from hypothesis import given, strategies as st
 import numpy as np
@@ -88,10 +88,11 @@ def two(names, rng, reach_of=1.2):
                  [((0, 0, 0), rng.normal(size=4)), random_pose(rng, reach_of)])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('names', PAIRS, ids='-'.join)
 def test_distance_is_that_of_a_slow_search(names):
     rng = np.random.default_rng(3)
-    for _ in range(4):
+    for _ in range(either(2, 4)):
         scene = two(names, rng)
         gap = scene.distance(0, 1)[0]
         # Whatever direction the search finds, none separates by more; it may itself stop short of
