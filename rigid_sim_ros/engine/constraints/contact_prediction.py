@@ -53,6 +53,8 @@ STILL, SLOW, TOUCHING, MET = 1e-6, 1e-4, 4e-5, 1e-6
 # [rad] What turns less in half of a step has the angular velocity of its start: the surface comes
 # nearer by the square of that, in sizes.
 TURNED = 1e-3
+# [rad] What turns farther in a step may meet with a side that is near to nothing as it begins.
+FAR = 0.05
 # Stages of conservative advancement: what touches for less than one, and not deeply, is missed.
 STAGES = 16
 # And so often the time of a meeting is put earlier at most, until nothing overlaps: what overlaps
@@ -204,6 +206,8 @@ def _closes(model: Model, state: State, loads: Loads, manifolds: Manifolds, r: i
     what collisions or the solver would stop is among it.
     """
     a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+    if _turns_far(model, state, a) or _turns_far(model, state, b):
+        return True
     n = row(manifolds.normal, r)
     pull = model.h * (model.inv_m[b] * dot(n, column(loads.F, b))
                       - model.inv_m[a] * dot(n, column(loads.F, a)))
@@ -226,6 +230,14 @@ def _wobbles(model: Model, state: State, i: int) -> bool:
         return False
     L, half = column(state.L, i), 0.5 * model.h * max(inv_I[0], max(inv_I[1], inv_I[2]))
     return bool(half * half * dot(L, L) > TURNED * TURNED)
+
+
+@kernel
+def _turns_far(model: Model, state: State, i: int) -> bool:
+    """Return whether another side of a body may be nearest by the end of the step."""
+    inv_I, L = column(model.inv_I_C, i), column(state.L, i)
+    angle = model.h * max(inv_I[0], max(inv_I[1], inv_I[2]))
+    return bool(angle * angle * dot(L, L) > FAR * FAR)
 
 
 @kernel

@@ -32,12 +32,14 @@ VELOCITY, SPIN, ACCELERATION, INVERSE, INV_M, DP, DL, COLUMNS = 0, 3, 6, 9, 15, 
 class CollisionWork(NamedTuple):
     """Buffers for n bodies and c manifolds."""
 
-    rows: IntArray  # (c,) of 32 bits, manifolds that may bounce
+    candidates: IntArray  # (1,) how many manifolds may bounce
+    rows: IntArray  # (c,) of 32 bits, which
     time: Array  # (c,) when they touch [s] after the start of the step
     # (c,) of 8 bits, ACTS, DORMANT, or LEFT_OUT: too fast to be at rest, but will not touch in
     # this step
     activity: IntArray
     first: Array  # (n,) the earliest of a body's times
+    last: Array  # (n,) [s] after the start of the step, when a body collided last
     pairs: IntArray  # (n,) of 32 bits, how many pairs of a body touch first
     body: Array  # (n, 28) v, w, F / m, inverse inertia in world axes, 1 / m, new momenta, shifts
     together: IntArray  # (TOGETHER,) places in `rows` of the pairs that collide together
@@ -53,8 +55,8 @@ class CollisionWork(NamedTuple):
 
 def make_collision_work(n: int, capacity: int) -> CollisionWork:
     """Return buffers for n bodies and `capacity` manifolds."""
-    return CollisionWork(room(capacity, kind=np.int32), room(capacity),
-                         room(capacity, kind=np.int8), room(n), room(n, kind=np.int32),
+    return CollisionWork(integers(1), room(capacity, kind=np.int32), room(capacity),
+                         room(capacity, kind=np.int8), room(n), room(n), room(n, kind=np.int32),
                          room(n, COLUMNS), integers(TOGETHER), np.zeros((TOGETHER, 19)),
                          np.zeros((TOGETHER, POINTS, 3)), np.zeros((TOGETHER, POINTS)),
                          np.zeros((TOGETHER, POINTS)),

@@ -69,16 +69,26 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
     for k in range(count if may_bounce(materials.restitution) else 0):
         r = (first_row + k) & INDEX
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
-        if _restitution(shapes, materials, manifolds.shape_a[r], manifolds.shape_b[r]) > 0.0 and (
-                inv_m[a] + inv_m[b] > 0.0) and work.activity[r] == ACTS:
+        if (bounces(shapes, materials, manifolds, r) and inv_m[a] + inv_m[b] > 0.0
+                and work.activity[r] == ACTS):
             work.rows[candidates] = r
             candidates += 1
+    work.candidates[0] = candidates
     for k in range(count if candidates > 0 else 0):
         r = (first_row + k) & INDEX
-        a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
-        load_body(inv_m, inv_I_C, state, F, a, work.body[a])
-        load_body(inv_m, inv_I_C, state, F, b, work.body[b])
-    collisions = 0
+        for body in (manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX):
+            load_body(inv_m, inv_I_C, state, F, body, work.body[body])
+            work.last[body] = 0.0
+    return collide_candidates(h, inv_m, inv_I_C, state, shapes, materials, manifolds,
+                              normal_impulse, friction_impulse, work)
+
+
+@kernel
+def collide_candidates(h: float, inv_m: Array, inv_I_C: Array, state: State, shapes: Shapes,
+                       materials: Materials, manifolds: Manifolds, normal_impulse: Array,
+                       friction_impulse: Array, work: CollisionWork) -> int:
+    """Do that with the pairs that were chosen, as their bodies move by now."""
+    candidates, collisions = work.candidates[0], 0
     for _ in range(ROUNDS if candidates > 0 else 0):
         earlier = collisions
         for k in range(candidates):
@@ -103,6 +113,12 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
         if collisions == earlier:
             break
     return collisions
+
+
+@kernel
+def bounces(shapes: Shapes, materials: Materials, manifolds: Manifolds, r: int) -> bool:
+    """Return whether a pair has a restitution."""
+    return _restitution(shapes, materials, manifolds.shape_a[r], manifolds.shape_b[r]) > 0.0
 
 
 @kernel
@@ -185,6 +201,7 @@ def _collide(inv_m: Array, inv_I_C: Array, state: State, shapes: Shapes, materia
         _write_pair(shapes.kind, manifolds, r, k, normal_impulse, friction_impulse, work)
         for body in (manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX):
             store_body(inv_I_C, state, body, tau, work.body[body])
+            work.last[body] = max(work.last[body], tau)
             # Their other times are no longer true.
             if inv_m[body] > 0.0:
                 work.first[body] = -1.0

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from rigid_sim_ros.engine.constraints.contact_prediction import predict_contacts
-from rigid_sim_ros.engine.contact.collisions import collide_bodies
+from rigid_sim_ros.engine.constraints.next_touch import find_next_touches, TIMES
+from rigid_sim_ros.engine.contact.collisions import collide_bodies, collide_candidates
 from rigid_sim_ros.engine.detection.carried_impulses import clear_impulses
 from rigid_sim_ros.engine.detection.detect import detect_part, search, WHOLE
 from rigid_sim_ros.engine.detection.manifolds import (
@@ -277,11 +278,21 @@ def bounce(c: Arguments) -> None:
 
 @by_address
 def collide(c: Arguments, _: int) -> int:
-    """Let what has a restitution collide; return how often."""
-    model, work, acted = c.model, c.work, earlier(c.memory)
-    return collide_bodies(
+    """Let what has a restitution collide, on new ways again; return how often."""
+    model, work, acted, manifolds = c.model, c.work, earlier(c.memory), current(c.memory)
+    count = collide_bodies(
         model.h, model.inv_m, model.inv_I_C, c.state, work.loads.F, c.shapes, c.materials,
-        current(c.memory), acted.impulse, acted.friction, work.collision)
+        manifolds, acted.impulse, acted.friction, work.collision)
+    for _ in range(TIMES if count > 0 else 0):
+        if find_next_touches(
+                model, c.state, work.loads, c.shapes, c.materials, manifolds, c.memory.margin,
+                acted.impulse, acted.friction, work.prediction, c.memory.scratch,
+                work.collision) == 0:
+            break
+        count += collide_candidates(
+            model.h, model.inv_m, model.inv_I_C, c.state, c.shapes, c.materials, manifolds,
+            acted.impulse, acted.friction, work.collision)
+    return count
 
 
 @kernel

@@ -1,0 +1,179 @@
+# Copyright 2026 The rigid_sim_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Where bodies meet within a step once collisions have changed their ways.
+
+Manifolds are those of the ways with which the step began. Two rods that hit each other with one
+end bounce, turn, and may meet with the other ends in the same step; and who would have passed by
+may be sent into another. So after collisions the pairs of bodies that both move, and that do not
+touch by what is known of them, are followed along their new ways, from the last collision on. A
+manifold of a pair that meets gets the normal and the points of that moment; then collisions are
+found anew. What is fixed needs none of that: passages.py lets nothing get through it.
+
+Only ways are followed that may get a pair as deep as passages.py allows, a part of what it
+measures across; less is an overlap that the next step finds.
+"""
+
+import math
+
+from rigid_sim_ros.engine.constraints.contact_prediction import Prediction
+from rigid_sim_ros.engine.contact.colliding_body import CollisionWork, get, SPIN
+from rigid_sim_ros.engine.contact.collisions import bounces
+from rigid_sim_ros.engine.contact.impact_offsets import shifted, was_shifted
+from rigid_sim_ros.engine.detection.backtrack import (
+    approach_bound, crossing, deepest, pair_gap, place_ahead)
+from rigid_sim_ros.engine.detection.manifolds import (
+    ACTS, DORMANT, forget_impulses, LEFT_OUT, Manifolds, rows_in_use, Scratch)
+from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
+from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
+from rigid_sim_ros.engine.maths.vector import (
+    add, add_scaled, column, cross, dot, row, scale, subtract)
+from rigid_sim_ros.engine.model.model import Model
+from rigid_sim_ros.engine.model.shapes import Materials, Shapes, smaller
+from rigid_sim_ros.engine.state.state import body_velocity, State
+from rigid_sim_ros.kernels.arrays import Array, Vector
+from rigid_sim_ros.kernels.kernel import INDEX, kernel
+
+# So many times ways are followed anew at most; with friction two bodies may rattle for longer.
+TIMES = 4
+# A pair is looked at so often on its way: what touches for less, and not deeply, is missed.
+STAGES = 16
+# Of the smaller shape: the gap at which a pair meets. There is still a direction between what is
+# nearest.
+MET = 1e-4
+
+
+@kernel
+def find_next_touches(model: Model, state: State, loads: Loads, shapes: Shapes,
+                      materials: Materials, manifolds: Manifolds, margin: Array,
+                      normal_impulse: Array, friction_impulse: Array, prediction: Prediction,
+                      scratch: Scratch, work: CollisionWork) -> int:
+    """
+    Bring the manifolds of pairs that meet on new ways to where they do; return how many do.
+
+    margin (s,) [m] is that of `Memory`; the impulses are those of `collide_bodies`. A pair that
+    was dormant becomes one of the pairs that may collide.
+    """
+    first, count = rows_in_use(manifolds)
+    found = 0
+    for k in range(count):
+        r = (first + k) & INDEX
+        i, j = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+        rests = work.activity[r] == ACTS and not _collided(manifolds, r, normal_impulse)
+        if (rests or not bounces(shapes, materials, manifolds, r) or model.inv_m[i] == 0.0
+                or model.inv_m[j] == 0.0 or not (was_shifted(work.body[i])
+                                                 or was_shifted(work.body[j]))):
+            continue
+        t = _next_touch(model, state, loads, shapes, manifolds, r, max(work.last[i], work.last[j]),
+                        prediction.pose, scratch)
+        if t <= model.h and _rewrite(model, state, loads, shapes, manifolds, r, t, margin,
+                                     normal_impulse, friction_impulse, prediction, scratch, work):
+            found += 1
+            if work.activity[r] == DORMANT:
+                work.rows[work.candidates[0]] = r
+                work.candidates[0] += 1
+            work.activity[r] = LEFT_OUT
+    return found
+
+
+@kernel
+def _collided(manifolds: Manifolds, r: int, normal_impulse: Array) -> bool:
+    """Return whether a pair collided in this step."""
+    for p in range(manifolds.points[r]):
+        if normal_impulse[p, r] != 0.0:
+            return True
+    return False
+
+
+@kernel
+def _next_touch(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds: Manifolds,
+                r: int, begin: float, pose: Array, scratch: Scratch) -> float:
+    """
+    Return when [s] in the step, after `begin`, the shapes of a manifold meet; inf: not at all.
+
+    By conservative advancement in few stages. What has not parted by the end of one does not meet.
+    """
+    a, b, h = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX, model.h
+    met, t = MET * smaller(shapes, a, b), begin
+    gap, n = pair_gap(model, state, loads, shapes, a, b, t, pose, scratch)
+    for stage in range(STAGES):
+        back = (-n[0], -n[1], -n[2])
+        speed = (approach_bound(model, state, loads, shapes, a, n, h)
+                 + approach_bound(model, state, loads, shapes, b, back, h))
+        if not gap - speed * (h - t) <= deepest(shapes, a, b, 0.0):
+            return math.inf
+        later = min(t + max((gap - met) / speed, (h - begin) / STAGES), h)
+        then, n = pair_gap(model, state, loads, shapes, a, b, later, pose, scratch)
+        if then <= met and gap > met:
+            return crossing(model, state, loads, shapes, a, b, t, later, gap, then, met, pose,
+                            scratch)
+        if later >= h or (then <= met and stage > 0):
+            break
+        t, gap = later, then
+    return math.inf
+
+
+@kernel
+def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds: Manifolds,
+             r: int, t: float, margin: Array, normal_impulse: Array, friction_impulse: Array,
+             prediction: Prediction, scratch: Scratch, work: CollisionWork) -> bool:
+    """
+    Give a manifold the normal and the points of t [s] after the start; return whether it has any.
+
+    Gaps are those of the start, going back along the way, before collisions shifted the bodies:
+    `gap_now` adds that. What acted so far is kept along the new normal and across it.
+    """
+    a, b = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
+    for s in (a, b):
+        place_ahead(model, state, loads, shapes, s, t, prediction.pose)
+    count, n = collide(prediction.pose, shapes, a, b, margin[a] + margin[b], scratch)
+    if count == 0:
+        return False
+    _turn_impulses(manifolds, r, n, normal_impulse, friction_impulse)
+    forget_impulses(manifolds, r)
+    i, j = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+    A, B = work.body[i], work.body[j]
+    way_A, way_B = _way(model, state, loads, i, t), _way(model, state, loads, j, t)
+    x_A, x_B = add(column(state.x, i), way_A), add(column(state.x, j), way_B)
+    for p in range(count):
+        gap = scratch.points[p, 3]
+        at = (scratch.points[p, 0], scratch.points[p, 1], scratch.points[p, 2])
+        r_A, r_B = subtract(at, x_A), subtract(add_scaled(at, gap, n), x_B)
+        way = add(subtract(way_B, way_A), scale(
+            t, subtract(cross(get(B, SPIN), r_B), cross(get(A, SPIN), r_A))))
+        way = add(way, subtract(shifted(B, r_B), shifted(A, r_A)))
+        manifolds.gap[p, r], prediction.gap[p, r] = gap - dot(n, way), gap
+        manifolds.feature[p, r] = scratch.ids[p]
+        prediction.turn[p, r] = 0.0
+        for k in range(3):
+            manifolds.r_A[p, r, k], manifolds.r_B[p, r, k] = r_A[k], r_B[k]
+    for k in range(3):
+        manifolds.normal[r, k] = n[k]
+        prediction.moved[r, k], prediction.turn_t[r, k] = way_B[k] - way_A[k], 0.0
+    manifolds.points[r], prediction.given[r] = count, 1
+    # Those that were found are no longer there, to be taken over by the next step.
+    for k in range(5):
+        manifolds.found_at[r, k] = 0.0
+    return True
+
+
+@kernel
+def _way(model: Model, state: State, loads: Loads, i: int, t: float) -> Vector:
+    """Return how far the centre of mass of a body moves in t [s]."""
+    return scale(t, add_scaled(body_velocity(model, state, i), 0.5 * t * model.inv_m[i],
+                               column(loads.F, i)))
+
+
+@kernel
+def _turn_impulses(manifolds: Manifolds, r: int, n: Vector, normal_impulse: Array,
+                   friction_impulse: Array) -> None:
+    """Write what acted on a pair so far as an impulse along a new normal and one across it."""
+    J = row(friction_impulse, r)
+    for p in range(manifolds.points[r]):
+        J = add_scaled(J, normal_impulse[p, r], row(manifolds.normal, r))
+        normal_impulse[p, r] = 0.0
+    along = dot(J, n)
+    normal_impulse[0, r] = along
+    J = add_scaled(J, -along, n)
+    for k in range(3):
+        friction_impulse[r, k] = J[k]
