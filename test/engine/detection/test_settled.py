@@ -65,10 +65,9 @@ def test_a_world_that_remembers_its_grounds_goes_on_as_one_that_does_not(model, 
 
 def ground_and_ball() -> Scene:
     """Return a fixed body in two pieces, and a ball over it."""
-    scene = Scene([CUBE, CUBE, (SPHERE, (0.5, 0.0, 0.0), None)],
-                  [((0.0, 0.0, 0.0), (0, 0, 0, 1)), ((9.0, 0.0, 0.0), (0, 0, 0, 1)),
-                   ((0.0, 0.0, 1.01), (0, 0, 0, 1))], fixed=(0, 1))
-    return scene
+    return Scene([CUBE, CUBE, (SPHERE, (0.5, 0.0, 0.0), None)],
+                 [((0.0, 0.0, 0.0), (0, 0, 0, 1)), ((9.0, 0.0, 0.0), (0, 0, 0, 1)),
+                  ((0.0, 0.0, 1.01), (0, 0, 0, 1))], fixed=(0, 1))
 
 
 def test_of_what_stays_nothing_is_found_again():
