@@ -9,9 +9,6 @@ may be sent into another. So after collisions the pairs of bodies that both move
 touch by what is known of them, are followed along their new ways, from the last collision on. A
 manifold of a pair that meets gets the normal and the points of that moment; then collisions are
 found anew. What is fixed needs none of that: passages.py lets nothing get through it.
-
-Only ways are followed that may get a pair as deep as passages.py allows, a part of what it
-measures across; less is an overlap that the next step finds.
 """
 
 import math
@@ -21,7 +18,7 @@ from rigid_sim_ros.engine.contact.colliding_body import CollisionWork, get, SPIN
 from rigid_sim_ros.engine.contact.collisions import bounces
 from rigid_sim_ros.engine.contact.impact_offsets import shifted, was_shifted
 from rigid_sim_ros.engine.detection.backtrack import (
-    approach_bound, crossing, deepest, pair_gap, place_ahead)
+    approach_bound, crossing, pair_gap, place_ahead)
 from rigid_sim_ros.engine.detection.manifolds import (
     ACTS, DORMANT, forget_impulses, LEFT_OUT, Manifolds, rows_in_use, Scratch)
 from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
@@ -100,7 +97,7 @@ def _next_touch(model: Model, state: State, loads: Loads, shapes: Shapes, manifo
         back = (-n[0], -n[1], -n[2])
         speed = (approach_bound(model, state, loads, shapes, a, n, h)
                  + approach_bound(model, state, loads, shapes, b, back, h))
-        if not gap - speed * (h - t) <= deepest(shapes, a, b, 0.0):
+        if not gap - speed * (h - t) <= met:
             return math.inf
         later = min(t + max((gap - met) / speed, (h - begin) / STAGES), h)
         then, n = pair_gap(model, state, loads, shapes, a, b, later, pose, scratch)
