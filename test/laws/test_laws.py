@@ -52,7 +52,7 @@ def test_what_meets_its_image_stays_the_image(seed, model):
 # Normals on rims that are nearly flat (turned), pieces of a floor that a tilt by rounding made
 # obstacles (flush), and light bodies that tons squeezed out of a column (weight).
 @pytest.mark.parametrize(('law', 'seed', 'model'), [
-    ('energy', 73, 'timestep'), *(('turned', seed, 'timestep') for seed in (21, 31, 163)),
+    ('energy', 73, 'timestep'), *(('turned', seed, 'timestep') for seed in (21, 163)),
     *(('flush', seed, 'timestep') for seed in (19, 91, 163)),
     *(('weight', seed, 'timestep') for seed in (157, 167, 194)),
     *(('weight', seed, 'event') for seed in (167, 264))])
