@@ -91,11 +91,14 @@ def find_within(c: JointedContact, _: int) -> int:
     model, state = c.joints.model, c.joints.state
     set_margins(model, h, state, MARGIN, c.radius, c.thickness, shapes, memory, 0,
                 shapes.body.shape[0])
-    for s in range(shapes.body.shape[0]):
-        i = shapes.body[s]
+    s = 0
+    while s < shapes.body.shape[0]:
+        i, after = shapes.body[s], shapes.after[s]
         # What met on a way that was gone is to be found, however fast it was on that.
-        memory.margin[s] += h * (max(w.sudden[i], w.gained[i]) if w.count[WOKEN] > 0
-                                 else w.sudden[i])
+        sudden = max(w.sudden[i], w.gained[i]) if w.count[WOKEN] > 0 else w.sudden[i]
+        for k in range(s, after if sudden > 0.0 else s):
+            memory.margin[k] += h * sudden
+        s = after
     why, w.count[NEEDED] = find_points(model, state, shapes, c.materials, memory, np.inf, w.order,
                                        w.contacts)
     if why != DONE:

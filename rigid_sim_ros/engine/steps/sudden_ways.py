@@ -8,6 +8,8 @@ give a body any other velocity within the way, and so it might pass what is thin
 way is then tried again by what is known of it now.
 """
 
+import math
+
 from rigid_sim_ros.engine.detection.broad_phase import may_collide
 from rigid_sim_ros.engine.maths.rotation import quaternion
 from rigid_sim_ros.engine.maths.vector import add_scaled, column, norm, scale, subtract
@@ -35,17 +37,18 @@ def goes_suddenly(c: JointedContact, h: float) -> bool:
 
     The first half of it has been taken; what they gained in it is noted.
     """
-    shapes, gained, found, thinnest = c.shapes, c.buffers.gained, False, c.thickness[0]
-    for s in range(c.thickness.shape[0]):
-        thinnest = min(thinnest, c.thickness[s])
+    shapes, gained, found = c.shapes, c.buffers.gained, False
     for i in range(gained.shape[0]):
         gained[i] = _gained(c, i, h)
-    for a in range(shapes.body.shape[0]):
-        i = shapes.body[a]
-        is_new = (gained[i] > max(c.buffers.sudden[i], SUDDEN * _speed(c, i))
-                  and h * gained[i] > 0.5 * thinnest)
-        if is_new and not is_unbounded(shapes.kind[a]) and _may_have_passed_any(c, a, h):
-            c.buffers.sudden[i], found = MORE * gained[i], True
+    a = 0
+    while a < shapes.body.shape[0]:
+        i, after = shapes.body[a], shapes.after[a]
+        if gained[i] > max(c.buffers.sudden[i], SUDDEN * _speed(c, i)):
+            for s in range(a, after):
+                if not is_unbounded(shapes.kind[s]) and _may_have_passed_any(c, s, h):
+                    c.buffers.sudden[i], found = MORE * gained[i], True
+                    break
+        a = after
     return found
 
 
@@ -73,10 +76,21 @@ def _speed(c: JointedContact, i: int) -> float:
 
 
 @kernel
+def _thinnest(c: JointedContact) -> float:
+    """Return half of the least [m] that any shape measures across."""
+    thinnest = math.inf
+    for s in range(c.thickness.shape[0]):
+        thinnest = min(thinnest, c.thickness[s])
+    return thinnest
+
+
+@kernel
 def _may_have_passed_any(c: JointedContact, a: int, h: float) -> bool:
     """Return whether shape a may have gone through any other by what its body gained."""
     shapes, memory, gained = c.shapes, c.memory, c.buffers.gained
     i = shapes.body[a]
+    if h * gained[i] <= 0.5 * _thinnest(c):
+        return False
     for b in range(shapes.body.shape[0]):
         k = shapes.body[b]
         if h * gained[i] <= 0.5 * min(c.thickness[a], c.thickness[b]) or c.elsewhere[k] == 1:
