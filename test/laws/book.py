@@ -3,11 +3,12 @@
 """The laws, each with how its scenes are drawn and judged, and with the models that it binds."""
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 from laws import (
     apart_laws, energy_laws, ground_laws, impact_laws, jointed_laws, jointed_twins, mixed_laws,
-    rest_laws, shot_laws, slept_laws, standing_laws, thin_scenes, twin_laws)
+    rest_laws, shot_laws, slept_laws, standing_laws, twin_laws)
 from laws.crowd_scenes import draw_collapse, draw_crates
 from laws.ground_scenes import (
     draw_falling_ball, draw_ground_scene, draw_resting, draw_shots, draw_sliding)
@@ -16,6 +17,7 @@ from laws.mixed_scenes import draw_awake, draw_falling, draw_floating, draw_mixe
 from laws.motion import Build, Ours, Run, Verdict
 from laws.scenes import Scene, Spec, with_model
 from laws.solids import Generator
+from laws.thin_scenes import draw_flat, draw_thin, draw_thin_resting
 import numpy as np
 
 RIGID = ('timestep', 'event', 'qp')
@@ -145,20 +147,21 @@ GROUNDS = {law.name: law for law in (
 # Those of what is a thirtieth to a thousandth as thick as it is long.
 THIN = {law.name: law for law in (
     Law('thin-energy', 'energy never grows without work',
-        thin_scenes.draw_energy, energy_laws.judge_energy, _TOUCHING),
+        partial(energy_laws.draw_energy, draw=draw_thin), energy_laws.judge_energy, _TOUCHING),
     Law('thin-inelastic', 'nothing inelastic separates faster than 2 % of its approach',
-        thin_scenes.draw_inelastic, impact_laws.judge_inelastic, _TOUCHING),
+        partial(impact_laws.draw_inelastic, draw=draw_flat), impact_laws.judge_inelastic,
+        _TOUCHING),
     Law('thin-momentum', 'forces between bodies keep P and L',
-        thin_scenes.draw_momentum, energy_laws.judge_momentum, _TOUCHING),
+        partial(energy_laws.draw_momentum, draw=draw_thin), energy_laws.judge_momentum, _TOUCHING),
     Law('thin-untouched', 'bodies that never touch are those of a world without the other',
-        thin_scenes.draw_untouched, apart_laws.judge_untouched, _TOUCHING),
+        partial(apart_laws.draw_untouched, draw=draw_thin), apart_laws.judge_untouched, _TOUCHING),
     Law('thin-weight', 'the force on the ground is the weight at rest',
-        thin_scenes.draw_weight, rest_laws.judge_weight, _TOUCHING),
+        partial(rest_laws.draw_weight, draw=draw_flat), rest_laws.judge_weight, _TOUCHING),
     Law('thin-rest', 'what falls comes to rest, and weighs what it weighs',
-        thin_scenes.draw_resting, ground_laws.judge_resting, _TOUCHING),
+        draw_thin_resting, ground_laws.judge_resting, _TOUCHING),
     Law('thin-through', 'nothing gets through the ground, however fast',
-        thin_scenes.draw_shots, ground_laws.judge_through, _TOUCHING),
-    *_twins('thin', thin_scenes.draw_pair, _TOUCHING, _TWINS))}
+        partial(draw_shots, draw=draw_thin), ground_laws.judge_through, _TOUCHING),
+    *_twins('thin', partial(twin_laws.draw_pair, draw=draw_thin), _TOUCHING, _TWINS))}
 EVERY_LAW = LAWS | JOINTED | MIXED | CROWDS | GROUNDS | THIN
 
 

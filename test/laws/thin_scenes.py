@@ -9,7 +9,6 @@ way of a step: a turn of a tenth of a radian moves the end of a needle by a hund
 
 from collections.abc import Callable
 
-from laws import apart_laws, energy_laws, ground_scenes, impact_laws, rest_laws, twin_laws
 from laws.scenes import (
     any_attitude, between, body, draw_masses, draw_scales, draw_surface, plane, Scene, world)
 from laws.solids import (
@@ -90,42 +89,7 @@ draw_flat = one_of(draw_bar, draw_plate, draw_disc)
 draw_angular = one_of(draw_bar, draw_plate, draw_polyhedron, draw_frame)
 
 
-def draw_energy(rng: Generator) -> Scene:
-    """Draw a heap that falls, or bodies that meet in space."""
-    return energy_laws.draw_energy(rng, draw_thin)
-
-
-def draw_inelastic(rng: Generator) -> Scene:
-    """Draw a column of which the upper part falls on the lower, or a ball that hits a body."""
-    return impact_laws.draw_inelastic(rng, draw_flat)
-
-
-def draw_momentum(rng: Generator) -> Scene:
-    """Draw bodies that meet in space, or fall together."""
-    return energy_laws.draw_momentum(rng, draw_thin)
-
-
-def draw_untouched(rng: Generator) -> Scene:
-    """Draw a body that flies past others, or two heaps on one ground that never meet."""
-    return apart_laws.draw_untouched(rng, draw_thin)
-
-
-def draw_weight(rng: Generator) -> Scene:
-    """Draw a column of one to ten bodies that lie on each other."""
-    return rest_laws.draw_weight(rng, draw_flat)
-
-
-def draw_shots(rng: Generator) -> Scene:
-    """Draw bodies that hit a ground by up to three of their sizes a step."""
-    return ground_scenes.draw_shots(rng, draw_thin)
-
-
-def draw_pair(rng: Generator) -> Scene:
-    """Draw up to four bodies that fall on a plane and on each other."""
-    return twin_laws.draw_pair(rng, draw_thin)
-
-
-def draw_resting(rng: Generator) -> Scene:
+def draw_thin_resting(rng: Generator) -> Scene:
     """Draw a body that falls on the ground and comes to rest, on a side or on an edge."""
     scales = draw_scales(rng, coarsest=0.2)
     solid = draw_angular(rng, scales.size)

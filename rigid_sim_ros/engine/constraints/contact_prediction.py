@@ -206,8 +206,8 @@ def _closes(model: Model, state: State, loads: Loads, manifolds: Manifolds, r: i
     what collisions or the solver would stop is among it.
     """
     a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
-    if _turns_far(model, state, a) or _turns_far(model, state, b):
-        return True
+    if _may_turn(model, state, a, model.h, FAR) or _may_turn(model, state, b, model.h, FAR):
+        return True     # another side may be nearest by the end of the step
     n = row(manifolds.normal, r)
     pull = model.h * (model.inv_m[b] * dot(n, column(loads.F, b))
                       - model.inv_m[a] * dot(n, column(loads.F, a)))
@@ -228,16 +228,15 @@ def _wobbles(model: Model, state: State, i: int) -> bool:
     inv_I = column(model.inv_I_C, i)
     if inv_I[0] == inv_I[1] and inv_I[1] == inv_I[2]:
         return False
-    L, half = column(state.L, i), 0.5 * model.h * max(inv_I[0], max(inv_I[1], inv_I[2]))
-    return bool(half * half * dot(L, L) > TURNED * TURNED)
+    return _may_turn(model, state, i, 0.5 * model.h, TURNED)
 
 
 @kernel
-def _turns_far(model: Model, state: State, i: int) -> bool:
-    """Return whether another side of a body may be nearest by the end of the step."""
+def _may_turn(model: Model, state: State, i: int, t: float, angle: float) -> bool:
+    """Return whether a body without torque may turn by more than an angle [rad] in t [s]."""
     inv_I, L = column(model.inv_I_C, i), column(state.L, i)
-    angle = model.h * max(inv_I[0], max(inv_I[1], inv_I[2]))
-    return bool(angle * angle * dot(L, L) > FAR * FAR)
+    most = t * max(inv_I[0], max(inv_I[1], inv_I[2]))
+    return bool(most * most * dot(L, L) > angle * angle)
 
 
 @kernel

@@ -80,25 +80,27 @@ def make_groups(bodies: int, shapes: int, pairs: int) -> Groups:
 def reach_out(model: Model, state: State, loads: Loads, shapes: Shapes, margin: Array, tries: int,
               pose: Array, g: Groups) -> None:
     """Choose how far shapes may move in this step; `margin`, (s,) [m]: how far they are seen."""
-    stands = placed = False
-    for s in range(shapes.kind.shape[0]):
-        i, far = shapes.body[s], 0.0
-        if s == 0 or shapes.body[s - 1] != i:
-            stands = not _moves(model, state, i)
-            # Of what stands still the poses are those of the last step.
-            placed = stands and is_at(state, i, 0.0, g.at)
-            keep_place(state, i, 0.0, g.at)
-        if not placed:
-            place_ahead(model, state, loads, shapes, s, 0.0, pose)
-        if not stands:
-            far = motion_bound(model, state, loads, shapes, s, model.h)
-            if shapes.bound[s] < np.inf:
-                far = FAR * far + SLACK * shapes.bound[s]
-        g.far[s] = far + margin[s] if tries == 0 else max(g.far[s], far + margin[s])
-        if tries > MOST_TRIES:
-            g.far[s] = np.inf
-        g.moved[s] = 0.0
-        g.radius[s] = shapes.bound[s] + g.far[s]
+    first = 0
+    while first < shapes.kind.shape[0]:
+        i, after = shapes.body[first], shapes.after[first]
+        stands = not _moves(model, state, i)
+        # Of what stands still the poses are those of the last step.
+        placed = stands and is_at(state, i, 0.0, g.at)
+        keep_place(state, i, 0.0, g.at)
+        for s in range(first, after):
+            far = 0.0
+            if not placed:
+                place_ahead(model, state, loads, shapes, s, 0.0, pose)
+            if not stands:
+                far = motion_bound(model, state, loads, shapes, s, model.h)
+                if shapes.bound[s] < np.inf:
+                    far = FAR * far + SLACK * shapes.bound[s]
+            g.far[s] = far + margin[s] if tries == 0 else max(g.far[s], far + margin[s])
+            if tries > MOST_TRIES:
+                g.far[s] = np.inf
+            g.moved[s] = 0.0
+            g.radius[s] = shapes.bound[s] + g.far[s]
+        first = after
 
 
 @kernel

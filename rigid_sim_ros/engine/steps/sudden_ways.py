@@ -8,8 +8,6 @@ give a body any other velocity within the way, and so it might pass what is thin
 way is then tried again by what is known of it now.
 """
 
-import math
-
 from rigid_sim_ros.engine.detection.broad_phase import may_collide
 from rigid_sim_ros.engine.maths.rotation import quaternion
 from rigid_sim_ros.engine.maths.vector import add_scaled, column, norm, scale, subtract
@@ -76,21 +74,10 @@ def _speed(c: JointedContact, i: int) -> float:
 
 
 @kernel
-def _thinnest(c: JointedContact) -> float:
-    """Return half of the least [m] that any shape measures across."""
-    thinnest = math.inf
-    for s in range(c.thickness.shape[0]):
-        thinnest = min(thinnest, c.thickness[s])
-    return thinnest
-
-
-@kernel
 def _may_have_passed_any(c: JointedContact, a: int, h: float) -> bool:
     """Return whether shape a may have gone through any other by what its body gained."""
     shapes, memory, gained = c.shapes, c.memory, c.buffers.gained
     i = shapes.body[a]
-    if h * gained[i] <= 0.5 * _thinnest(c):
-        return False
     for b in range(shapes.body.shape[0]):
         k = shapes.body[b]
         if h * gained[i] <= 0.5 * min(c.thickness[a], c.thickness[b]) or c.elsewhere[k] == 1:
