@@ -19,7 +19,7 @@ from rigid_sim_ros.engine.model.shapes import can_meet, Materials, Shapes
 from rigid_sim_ros.engine.solver.coloring import (
     Blocks, Coloring, make_blocks, make_coloring, most_blocks, REGIONS)
 from rigid_sim_ros.engine.solver.direct_islands import differ
-from rigid_sim_ros.engine.solver.direct_solve import Direct, make_direct
+from rigid_sim_ros.engine.solver.direct_newton import Direct, make_direct
 from rigid_sim_ros.engine.solver.impacts import Impacts, make_impacts
 from rigid_sim_ros.engine.solver.new_islands import make_new_islands, NewIslands
 from rigid_sim_ros.engine.solver.partition import Cut, make_sides, Sides

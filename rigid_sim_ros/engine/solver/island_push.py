@@ -18,8 +18,9 @@ from rigid_sim_ros.engine.constraints.contact_rules import overlap_of, Sweep
 from rigid_sim_ros.engine.solver.coloring import (
     are_balls, Blocks, is_small, numbers_of, OVERLAPPING, points_in)
 from rigid_sim_ros.engine.solver.direct_islands import Islands
+from rigid_sim_ros.engine.solver.direct_newton import Direct
 from rigid_sim_ros.engine.solver.direct_rows import DirectRows, read_island, SLIDE, WIDTH
-from rigid_sim_ros.engine.solver.direct_solve import Direct, solve_rows
+from rigid_sim_ros.engine.solver.direct_solve import solve_rows
 from rigid_sim_ros.engine.solver.solver_bodies import SolverBodies
 from rigid_sim_ros.kernels.eight import bits_of, LANES, store
 from rigid_sim_ros.kernels.kernel import kernel

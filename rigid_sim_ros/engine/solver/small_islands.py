@@ -6,8 +6,9 @@ from rigid_sim_ros.engine.constraints.contact_rules import Sweep
 from rigid_sim_ros.engine.solver.coloring import Blocks
 from rigid_sim_ros.engine.solver.direct_islands import (
     begin_island_impact, begins_to_bear, let_island_wait)
+from rigid_sim_ros.engine.solver.direct_newton import Direct
 from rigid_sim_ros.engine.solver.direct_rows import read_island, write_island
-from rigid_sim_ros.engine.solver.direct_solve import Direct, solve_rows
+from rigid_sim_ros.engine.solver.direct_solve import solve_rows
 from rigid_sim_ros.engine.solver.impacts import Impacts
 from rigid_sim_ros.engine.solver.island_sweeps import sweep_islands
 from rigid_sim_ros.engine.solver.solver_bodies import SolverBodies
