@@ -15,7 +15,7 @@ from rigid_sim_ros.bag.info import Info, info
 from rigid_sim_ros.bag.recover import recover
 from rigid_sim_ros.bag.verify import verify
 from rigid_sim_ros.bag.writer import check_path
-from rigid_sim_ros.cli.report import console, print_table
+from rigid_sim_ros.cli.report import console, pace, print_table
 from rigid_sim_ros.problems import counted, printable
 from rigid_sim_ros.warm_up import announced, warm_up
 from rigid_sim_ros.world import load_scene, World
@@ -50,7 +50,7 @@ def run_batch(scene: str, duration: float, output: str, *, rate: float, hash_int
     seconds = time.monotonic() - begin
     simulated = steps * world.step_ns / _SECOND
     click.echo(f'{output}: {simulated:g} s of {world.scene.name} in {counted(steps, "step")} and '
-               f'{counted(status.messages, "message")}, {simulated / seconds:.0f} times real time')
+               f'{counted(status.messages, "message")}, {pace(simulated, seconds)}')
     return 0
 
 
@@ -85,7 +85,7 @@ def run_verify(bag: str) -> int:
         _say(f'note: not of the session, and not compared: {", ".join(verdict.others)}')
     _say(f'{bag}: the same to the bit: {counted(verdict.messages, "message")} of '
          f'{counted(verdict.steps, "step")}, {verdict.seconds:g} s, '
-         f'{verdict.seconds / seconds:.0f} times real time')
+         f'{pace(verdict.seconds, seconds)}')
     return 0
 
 

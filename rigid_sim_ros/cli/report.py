@@ -150,3 +150,9 @@ def _table(*columns: tuple[str, str]) -> Table:
     for name, side in columns:
         table.add_column(name, justify='right' if side == 'right' else 'left', overflow='fold')
     return table
+
+
+def pace(simulated: float, seconds: float) -> str:
+    """Say how fast a time [s] was simulated; of what is slow two digits."""
+    factor = simulated / seconds
+    return f'{factor:.0f} times real time' if factor >= 10.0 else f'{factor:.2g} times real time'

@@ -98,6 +98,14 @@ def test_what_is_written_anew_and_not_changed_holds(tmp_path) -> None:
     assert verify(forge(shared_session(), tmp_path, recount=True)).holds
 
 
+def test_a_topic_that_is_listed_twice_is_told(tmp_path) -> None:
+    def describe(session: Session) -> Session:
+        return session._replace(topics=(
+            *session.topics, Topic(POSE, STRING, '', '')))
+    assert 'lists a topic twice' in str(verify(
+        forge(shared_session(), tmp_path, describe=describe)).difference)
+
+
 def changed_session(topic: Topic, data: bytes) -> bytes:
     return data.replace(b'"crate"', b'"crook"') if topic.kind == kinds.SESSION else data
 

@@ -13,6 +13,7 @@ import pytest
 import rigid_sim_ros
 from rigid_sim_ros import cli
 from rigid_sim_ros.cli.options import split_ros_args
+from rigid_sim_ros.cli.report import pace
 from rigid_sim_ros.problems import counted
 
 Run = Callable[..., SimpleNamespace]
@@ -205,3 +206,9 @@ def test_piped_tables_have_no_blanks_at_the_ends_of_lines(run: Run, command) -> 
     assert len(lines) > 5
     assert [line for line in lines if line != line.rstrip()] == []
     assert lines[-1]
+
+
+@pytest.mark.parametrize('simulated, expected', [
+    (0.3, '0.3'), (0.0021, '0.0021'), (2.04, '2'), (9.96, '10'), (1234.4, '1234')])
+def test_what_is_slower_than_real_time_is_not_said_to_stand_still(simulated, expected):
+    assert pace(simulated, 1.0) == f'{expected} times real time'

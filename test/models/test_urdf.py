@@ -198,6 +198,7 @@ def test_what_is_hardly_meant_is_told(tmp_path, old, new, words) -> None:
     ('lower="-3" upper="3"', 'lower="3" upper="-3"', 9, 'lower 3 is above upper -3'),
     ('<mass value="1"/>', '<mass value="-1"/>', 3, "value '-1', must be >= 0"),
     ('<mass value="1"/>', '<mass value="heavy"/>', 3, "value 'heavy', must be a number"),
+    ('</inertial>', '</inertial><inertial/>', 3, 'is there twice, must be there once'),
     ('<mass value="1"/>', '<mas value="1"/>', 3, "not known in <inertial>, did you mean 'mass'"),
     ('effort="10"', 'efort="10"', 9, "'efort' is not known, did you mean 'effort'?"),
     ('radius="0.02"', 'radius="0"', 4, "radius '0', must be > 0"),

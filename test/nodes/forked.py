@@ -3,20 +3,22 @@
 """
 Programs of the package in processes that have imported them already.
 
-They are forks of a process that has imported the programs and done nothing else, so that each one
-starts at once: the imports take a second of a processor, and the tests start some hundred nodes.
+They are forks of a process that has imported the programs and done nothing else (preloaded.py), so
+that each one starts at once: the imports take a second of a processor, and the tests start some
+hundred nodes.
 """
 from collections.abc import Mapping, Sequence
 import multiprocessing
+from multiprocessing import forkserver
 import os
 from pathlib import Path
 import sys
+from unittest.mock import patch
 
 from rigid_sim_ros.programs import start
 
 _context = multiprocessing.get_context('forkserver')
-_context.set_forkserver_preload(['rigid_sim_ros.nodes.simulate', 'rigid_sim_ros.nodes.replay.node',
-                                 'rigid_sim_ros.nodes.view', 'rigid_sim_ros.cli'])
+_context.set_forkserver_preload(['nodes.preloaded'])
 
 
 class Fork:
@@ -24,6 +26,7 @@ class Fork:
 
     def __init__(self, words: Sequence[str], out: Path, err: Path, cwd: Path) -> None:
         """Start a program with its arguments, nothing to read, and files that it writes to."""
+        _start_server()
         # A daemon is killed with the process of the tests, if nobody has ended it before.
         self._process = _context.Process(
             target=_run, args=(list(words), out.absolute(), err.absolute(), cwd.absolute(),
@@ -56,6 +59,14 @@ class Fork:
     def kill(self) -> None:
         """End it by force."""
         self._process.kill()
+
+
+def _start_server() -> None:
+    """Start the process that is forked, unless it is there; it finds what it is to import."""
+    above = os.environ.get('PYTHONPATH', '').split(os.pathsep)
+    paths = os.pathsep.join([str(Path(__file__).parents[1]), *filter(None, above)])
+    with patch.dict(os.environ, PYTHONPATH=paths):
+        forkserver.ensure_running()
 
 
 def _run(words: Sequence[str], out: Path, err: Path, cwd: Path,

@@ -42,6 +42,8 @@ def test_a_pause_stops_the_messages_and_its_end_goes_on_with_the_next(probe, tmp
         # What was sent before may still be on its way; nothing later has been sent.
         seconds = float(paused.split()[2])
         assert len(received) <= 20 * seconds + 1
+        # At its own rate what is left takes ten seconds, in which nobody works.
+        assert probe.set_parameter('rate', 10.0, '/replay').successful
         assert probe.pause(False, '/replay').success
         assert process.wait() == 0
         probe.wait_for(lambda: texts_of(received)[-1] == f'/chatter {count - 1}', 'the last one')

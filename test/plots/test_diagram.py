@@ -308,6 +308,12 @@ def test_rounding_does_not_fill_a_panel():
     assert high - low == pytest.approx(0.02)     # 2 * 2e-3 of 5
 
 
+def test_what_a_panel_shows_keeps_away_from_its_edges():
+    x = np.linspace(0, 1, 10)
+    low, high = Panel('Height', 'm', [Line('z', x, 3.0 - x, '#000000')]).limits()
+    assert (low, high) == pytest.approx((1.95, 3.05))   # a twentieth of 1 m on either side
+
+
 NAN = np.nan
 
 

@@ -45,6 +45,7 @@ def test_a_held_point_comes_to_the_mouse_and_rests_there(mass, offset):
     hands = Hands(w.scene)
     start = w.position[0] + np.array(offset)
     hand = grip(0, tuple(start), motion_of(w))
+    assert held_point(hand, motion_of(w)) == pytest.approx(start, abs=1e-12)    # rounding of 3 m
     hands.grips[7] = hand._replace(target=tuple(start + WAY))
     run(w, hands, 8.0)
     # o = 8 / s at most: after 8 s no more than e^-60 of the way is left, but for the swinging of a

@@ -72,6 +72,17 @@ def test_cylinder_and_capsule_match_a_sampled_body(length, radius):
                        capsule(2.0, radius, length).I_BC_B, rtol=5e-3, atol=1e-3)
 
 
+def test_a_pyramid_has_the_moments_of_the_tables():
+    """Unlike a box or a tetrahedron it has its centre of mass elsewhere than amid its corners."""
+    m, a, h = 2.0, 0.6, 1.5
+    vertices = [(x * a / 2, y * a / 2, 0.0) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    triangles = [(0, 2, 1), (0, 3, 2), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)]
+    solid = inertia.mesh(m, np.array([*vertices, (0.0, 0.0, h)]), np.array(triangles))
+    across, along = m * (a * a / 20 + 3 * h * h / 80), m * a * a / 10
+    assert np.allclose(solid.p_BC, [0.0, 0.0, h / 4], atol=1e-15)
+    assert np.allclose(solid.I_BC_B, np.diag([across, across, along]), atol=1e-15)
+
+
 def test_a_capsule_without_a_cylinder_is_a_sphere():
     assert np.allclose(capsule(2.0, 0.3, 0.0).I_BC_B, sphere(2.0, 0.3).I_BC_B,
                        rtol=1e-14)

@@ -14,7 +14,7 @@ from rigid_sim_ros.engine.model.inertia import MassProperties
 from rigid_sim_ros.engine.model.kinds.table import BOX, CAPSULE, CONE, CYLINDER, ELLIPSOID
 from rigid_sim_ros.engine.model.model import Body, build_model, ForceTable
 from rigid_sim_ros.engine.model.shapes import build_shapes, Shape
-from rigid_sim_ros.engine.state.rates import angular_velocity, fastest_turning
+from rigid_sim_ros.engine.state.rates import angular_velocity, fastest_turning, velocity_at
 
 # Kind, row of sizes, half lengths of a box around it.
 THIN = {'needle': (CAPSULE, (0.001, 0.5, 0.0), (0.001, 0.001, 0.501)),
@@ -96,3 +96,9 @@ def test_of_what_is_long_the_bound_is_near_what_its_ends_do(name):
     ends = inv_I[across] * max(THIN[name][2])
     assert bound(model, shapes, upright, tuple(L)) <= 2.0 * ends
     assert inv_I.max() * max(THIN[name][2]) > 100.0 * ends
+
+
+def test_a_point_of_what_turns_to_the_left_goes_to_the_left():
+    """Seen from above, with w along z, a point on the x axis goes along y; v comes on top."""
+    v, w, r = (1.0, 0.0, 0.0), (0.0, 0.0, 2.0), (3.0, 0.0, 0.0)
+    assert velocity_at.py_func(v, w, r) == (1.0, 6.0, 0.0)
