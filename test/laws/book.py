@@ -7,9 +7,10 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from laws import (
-    apart_laws, energy_laws, ground_laws, impact_laws, jointed_laws, jointed_twins, mixed_laws,
-    rest_laws, shot_laws, slept_laws, standing_laws, twin_laws)
+    apart_laws, driven_laws, energy_laws, ground_laws, impact_laws, jointed_laws, jointed_twins,
+    mixed_laws, rest_laws, shot_laws, slept_laws, standing_laws, twin_laws)
 from laws.crowd_scenes import draw_collapse, draw_crates
+from laws.driven_scenes import draw_driven, draw_driven_at_a_wall, draw_driven_floating
 from laws.ground_scenes import (
     draw_falling_ball, draw_ground_scene, draw_resting, draw_shots, draw_sliding)
 from laws.jointed_scenes import draw_jointed
@@ -120,6 +121,17 @@ MIXED = {law.name: law for law in (
         slept_laws.draw_slept_apart, mixed_laws.judge_apart, ('timestep',)),
     *_twins('mixed', draw_awake, _TOUCHING, _JOINTED_TWINS))}
 
+# Those of drives that start from rest before walls and loose bodies.
+DRIVEN = {law.name: law for law in (
+    Law('driven-through', 'what a drive starts from rest passes neither a wall nor a body',
+        draw_driven, driven_laws.judge_driven, RIGID),
+    Law('driven-energy', 'energy never grows but by the work of drives',
+        draw_driven, driven_laws.judge_driven_energy, RIGID),
+    Law('driven-momentum', 'drives between bodies keep P and L',
+        draw_driven_floating, driven_laws.judge_driven_momentum, ALL),
+    Law('driven-inelastic', 'what a drive pushes at an inelastic wall does not come back',
+        draw_driven_at_a_wall, driven_laws.judge_driven_at_a_wall, RIGID))}
+
 # Those of crates of one size, and of twenty to sixty bodies: too many for `event` to ask often.
 CROWDS = {law.name: law for law in (
     Law('crates-energy', 'energy never grows without work',
@@ -162,7 +174,7 @@ THIN = {law.name: law for law in (
     Law('thin-through', 'nothing gets through the ground, however fast',
         partial(draw_shots, draw=draw_thin), ground_laws.judge_through, _TOUCHING),
     *_twins('thin', partial(twin_laws.draw_pair, draw=draw_thin), _TOUCHING, _TWINS))}
-EVERY_LAW = LAWS | JOINTED | MIXED | CROWDS | GROUNDS | THIN
+EVERY_LAW = LAWS | JOINTED | MIXED | DRIVEN | CROWDS | GROUNDS | THIN
 
 
 def scene(law: str, seed: int) -> Scene:

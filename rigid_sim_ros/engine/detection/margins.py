@@ -23,24 +23,31 @@ def set_margins(model: Model, h: float, state: State, part_of: float, radius: Ar
     `part_of` the thickness (s,) [m], half of the least that a shape measures across. radius (n,)
     [m] is how far the points of a body are from its centre of mass.
     """
-    inv_m, inv_I_C, P, L, V = model.inv_m, model.inv_I_C, state.P, state.L, state.V
     rest = standard_of_rest(model, state, shapes.body)
     s = first
     while s < last:
         i = shapes.body[s] & INDEX
-        # V of what is pushed is 0, and so is inv_m of all else.
-        v = norm((inv_m[i] * P[0, i] + V[0, i] - rest[0], inv_m[i] * P[1, i] + V[1, i] - rest[1],
-                  inv_m[i] * P[2, i] + V[2, i] - rest[2]))
-        turning = fastest_turning(quaternion(state.q, i), column(L, i), column(inv_I_C, i),
-                                  radius[i], shapes.mobility[i])
-        way = (v + turning + norm((V[3, i], V[4, i], V[5, i])) * radius[i]) * h
+        way = fastest_point(model, state, rest, radius, shapes, i) * h
         # All shapes of what nothing pushes have one margin, which hardly ever changes.
-        pushed = inv_m[i] > 0.0
+        pushed = model.inv_m[i] > 0.0
         if pushed or memory.margin[s] != way or memory.rest_margin[s] != 0.0:
             for k in range(s, shapes.after[s]):
                 memory.rest_margin[k] = part_of * thickness[k] if pushed else 0.0
                 memory.margin[k] = memory.rest_margin[k] + way
         s = shapes.after[s]
+
+
+@kernel
+def fastest_point(model: Model, state: State, rest: Vector, radius: Array, shapes: Shapes,
+                  i: int) -> float:
+    """Return how fast [m/s] any point of body i goes, at most, where `rest` [m/s] is none."""
+    inv_m, P, V = model.inv_m, state.P, state.V
+    # V of what is pushed is 0, and so is inv_m of all else.
+    v = norm((inv_m[i] * P[0, i] + V[0, i] - rest[0], inv_m[i] * P[1, i] + V[1, i] - rest[1],
+              inv_m[i] * P[2, i] + V[2, i] - rest[2]))
+    turning = fastest_turning(quaternion(state.q, i), column(state.L, i), column(model.inv_I_C, i),
+                              radius[i], shapes.mobility[i])
+    return v + turning + norm((V[3, i], V[4, i], V[5, i])) * radius[i]
 
 
 @kernel

@@ -19,7 +19,7 @@ from rigid_sim_ros.engine.state.state import empty_state, State
 from rigid_sim_ros.engine.steps import jointed_contact
 from rigid_sim_ros.engine.steps.contact_model import ContactReport, Setup
 from rigid_sim_ros.engine.steps.divided_timestep import (
-    BEGIN, COMMANDS, DIVIDE, Division, MERGE, run)
+    BEGIN, COMMANDS, DIVIDE, Division, MERGE, run, TAKE_CALLED)
 from rigid_sim_ros.engine.steps.free_models import Timestep
 from rigid_sim_ros.engine.steps.jointed_models import JointedTimestep
 from rigid_sim_ros.engine.steps.jointed_motion import JointSetup
@@ -107,6 +107,10 @@ class DividedTimestep(JointedTimestep):
             self._divide(free, BEGIN)
         self._arguments, self._pack = jointed_contact.advance(
             self._run, self._arguments, 1, self._pack)
+        while self._arguments.place[jointed_contact.STEPS] > 0:
+            self._divide(free, TAKE_CALLED)
+            self._arguments, self._pack = jointed_contact.go_on(
+                self._run, self._arguments, self._pack)
 
     def _divide(self, free: Arguments, what: int) -> Any:
         pack, c = self._division, self._arguments
@@ -114,7 +118,7 @@ class DividedTimestep(JointedTimestep):
                 pack.arguments.memory is not c.memory or pack.arguments.part is not self._part):
             pack = self._division = ArgumentPack(Division(
                 free, c.joints.model, self._copy, self._wrenches, c.shapes, c.memory,
-                c.elsewhere, self._part,
+                c.elsewhere, c.looked, self._part,
                 self.table, self.motion, self._told, self._inv_m, self._inv_I_C,
                 self._has_joints, self._awake, self._parent, self._marked))
         return pack.run(run, what)

@@ -35,6 +35,7 @@ from rigid_sim_ros.engine.solver.sleeping import (
 from rigid_sim_ros.engine.state.rates import spin_of
 from rigid_sim_ros.engine.state.state import copy_body, copy_into, State
 from rigid_sim_ros.engine.steps.articulated import end_command
+from rigid_sim_ros.engine.steps.jointed_contact import CALLED
 from rigid_sim_ros.engine.steps.timestep import may_sleep
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
@@ -50,7 +51,8 @@ class Division(NamedTuple):
     wrenches: Wrenches
     shapes: Shapes
     memory: Memory
-    elsewhere: IntArray  # (n,) 1: the other solver moves the body
+    elsewhere: IntArray  # (n,) 1: the other solver moves the body; CALLED: it is met here
+    looked: Array  # (s,) [m] how far shapes go in the step, as was known when it was divided
     part: Part  # of the joints
     # --- of the world
     table: JointTable  # of all joints
@@ -64,8 +66,8 @@ class Division(NamedTuple):
     marked: IntArray  # (n,) scratch: 1 for the first body of an island with joints
 
 
-# What `run` does: before any step, at three moments of each.
-COMMANDS, DIVIDE, BEGIN, MERGE = range(4)
+# What `run` does: before any step, at three moments of each, and where bodies are called.
+COMMANDS, DIVIDE, BEGIN, MERGE, TAKE_CALLED = range(5)
 
 
 @kernel
@@ -82,6 +84,8 @@ def run(d: Division, what: int) -> int:
         return 1 if divide(d) else 0
     elif what == BEGIN:
         take_out(d.part, d.motion)
+    elif what == TAKE_CALLED:
+        take_called(d)
     else:
         merge(d)
     return 0
@@ -98,8 +102,30 @@ def divide(d: Division) -> bool:
         _wake_touched(d.free)
     others = _note_awake(d.table, d.free.rest, d.awake)
     _unite_islands(d)
+    _give(d, _mark_islands(d))
+    for s in range(d.looked.shape[0]):
+        d.looked[s] = d.free.memory.margin[s]
+    copy_into(d.state, d.free.state)
+    _copy_wrenches(d.wrenches, d.free.wrenches)
+    return others
+
+
+@kernel
+def take_called(d: Division) -> None:
+    """Give the solver with joints what it met though it was elsewhere, with all its island."""
+    for i in range(d.elsewhere.shape[0]):
+        if d.elsewhere[i] == CALLED:
+            d.marked[first_of(d.parent, i)] = 1
+    for i in range(d.elsewhere.shape[0]):
+        if d.marked[first_of(d.parent, i)] == 1:
+            d.has_joints[i] = 1
+    _give(d, True)
+
+
+@kernel
+def _give(d: Division, changed: bool) -> None:
+    """Give either solver its bodies; `changed`: they are others than before."""
     n, mine = d.parent.shape[0], d.has_joints
-    changed = _mark_islands(d)
     for i in range(n):
         _show(d.free.model, d, i, mine[i] == 0)
         _show(d.model, d, i, mine[i] == 1)
@@ -109,9 +135,6 @@ def divide(d: Division) -> bool:
         d.memory.pair_count[0] = -1   # as before the first step: pairs of other bodies
     _part_from_each_other(d)
     take_sides_of(d.free, (0, n))
-    copy_into(d.state, d.free.state)
-    _copy_wrenches(d.wrenches, d.free.wrenches)
-    return others
 
 
 @kernel

@@ -43,14 +43,17 @@ from rigid_sim_ros.kernels.separate import by_address, link, Pieces
 
 # Of the half thickness of a shape: contacts are found this far ahead, and as far as it moves.
 MARGIN = 0.01
-# Why the kernel stops, besides what contact_search.py says.
-MORE_ROWS = 4
+# Why the kernel stops, besides what contact_search.py says: bodies that another solver moves are
+# met, which are CALLED in `elsewhere`.
+MORE_ROWS, MORE_BODIES = 4, 5
+CALLED = 2
 # Places in `JointedContact.place`: steps that are left, the stage, and what the model counts.
 STEPS, STAGE, LOOKS, SIZE, EVENTS, TRIES, COLLISIONS, CUT_SHORT, SLOWED, SEARCHES = range(10)
 # The stage of every model at which a step begins.
 BEGIN = 0
-# Place in `JointedContact.span`: within which time what touches is to be found.
-WITHIN = 2
+# Places in `JointedContact.span`: [s] within which time what touches is to be found, and half of
+# the least that any shape measures across [m], but for planes.
+WITHIN, THINNEST = 2, 3
 
 
 class JointedContact(NamedTuple):
@@ -63,9 +66,11 @@ class JointedContact(NamedTuple):
     radius: Array  # (n,) [m] how far the shapes of a body reach from its centre of mass
     thickness: Array  # (s,) [m] half of the least that a shape measures across
     elsewhere: IntArray  # (n,) 1: another solver moves the body, and it touches nothing here
+    # (s,) [m] how far shapes go in the step, as was known when bodies were given to solvers
+    looked: Array
     buffers: ContactBuffers
     place: IntArray  # (10,) see STEPS
-    span: Array  # (3,) [s] see jointed_ways.LEFT, and WITHIN
+    span: Array  # (4,) see jointed_ways.LEFT, and WITHIN
 
 
 @kernel
@@ -257,13 +262,23 @@ def advance(run: Callable[..., Any], c: JointedContact, count: int,
     Returns the arguments, whose buffers may have grown, and their pack.
     """
     c.place[STEPS], c.place[STAGE] = count, BEGIN
+    return go_on(run, c, pack)
+
+
+def go_on(run: Callable[..., Any], c: JointedContact,
+          pack: ArgumentPack | None) -> tuple[JointedContact, ArgumentPack]:
+    """
+    Go on from the stage that was reached, to the end of the steps or until bodies are called.
+
+    Steps are left then: it is for the caller to give these bodies to this solver, and to go on.
+    """
     while True:
         pack = packed(c, pack)
         if not pack.is_linked:
             # What the helper compiles takes as long as all the rest.
             link(run, pack, Pieces(here=[], helped=[find_within]), numbers=0)
         why = pack.run(run)
-        if why == DONE:
+        if why in (DONE, MORE_BODIES):
             return c, pack
         w, needed = c.buffers, int(c.buffers.count[NEEDED])
         if why == MORE_MEMORY:

@@ -21,10 +21,10 @@ from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.joints.limits import SHORTEST
 from rigid_sim_ros.engine.steps.jointed_contact import (
-    BEGIN, choose, CUT_SHORT, EVENTS, find_touching, JointedContact, reach, read_way, STAGE, STEPS,
-    take_way)
+    BEGIN, choose, COLLISIONS, CUT_SHORT, EVENTS, find_touching, JointedContact, reach, read_way,
+    STAGE, STEPS, take_way)
 from rigid_sim_ros.engine.steps.jointed_ways import (
-    begin_ways, collide_chosen, go_until, may_end_earlier, take_rest, try_again_until,
+    begin_ways, collide_chosen, go_until, look_again, may_end_earlier, take_rest, try_again_until,
     try_first_half, WAY)
 from rigid_sim_ros.kernels.kernel import kernel
 
@@ -77,8 +77,9 @@ def _meet(c: JointedContact) -> int:
         take_all(w)
     else:
         take_touching(model.h, SHORTEST * model.h, w)
+    before = c.place[COLLISIONS]
     why = collide_chosen(c, c.place[EVENTS] < MOST_BOUNCES)
-    if why != DONE:
+    if why != DONE or (c.place[COLLISIONS] > before and look_again(c, c.span[WAY])):
         return why
     if c.place[CUT_SHORT] == 0:
         go_until(c, _safe_way(c))

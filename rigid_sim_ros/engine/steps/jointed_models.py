@@ -55,7 +55,10 @@ class JointedTimestep(Touching, JointedMotion):
         self._arguments = jointed_contact.JointedContact(
             self.arguments(b.state, b.wrenches), b.shapes, b.materials, b.memory,
             radii(b.shapes, n), thicknesses(b.shapes), np.zeros(n, dtype=np.int64),
-            self._fresh_buffers(), np.zeros(10, dtype=np.int64), np.zeros(3))
+            np.zeros(len(b.shapes.body)), self._fresh_buffers(), np.zeros(10, dtype=np.int64),
+            np.zeros(4))
+        c = self._arguments
+        c.span[jointed_contact.THINNEST] = c.thickness[c.thickness > 0.0].min(initial=np.inf)
 
     def _fresh_buffers(self) -> ContactBuffers:
         s = self._setup

@@ -9,6 +9,8 @@ own time, in no time: a drive of a high gain gives nothing in that, but far too 
 it holds against for a step. A way ends there, and where a joint meets its limit.
 """
 
+import math
+
 from rigid_sim_ros.engine.constraints.articulated_buffers import WOKEN
 from rigid_sim_ros.engine.constraints.articulated_points import (
     any_bounces, bouncing_within, leave_arriving, leave_bouncing, take_close, take_loaded,
@@ -20,11 +22,12 @@ from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.joints.limits import SHORTEST
 from rigid_sim_ros.engine.steps.articulated import go_back
 from rigid_sim_ros.engine.steps.jointed_contact import (
-    BEGIN, choose, CUT_SHORT, find_touching, JointedContact, LOOKS, reach, read_way, STAGE, STEPS,
-    take_way)
+    BEGIN, choose, COLLISIONS, CUT_SHORT, find_touching, JointedContact, LOOKS, MORE_BODIES, reach,
+    read_way, STAGE, STEPS, take_way)
 from rigid_sim_ros.engine.steps.jointed_ways import (
-    begin_ways, collide_chosen, go_until, may_end_earlier, take_rest, try_again_until,
-    try_first_half, WAY)
+    begin_ways, collide_chosen, go_until, LEFT, look_again, may_end_earlier, take_rest,
+    try_again_until, try_first_half, WAY)
+from rigid_sim_ros.engine.steps.sudden_ways import reaches_others
 from rigid_sim_ros.kernels.kernel import kernel
 
 # Ways that are tried with what met on the ones before; of a chain of shapes that hit each other
@@ -86,8 +89,9 @@ def _seek(c: JointedContact) -> int:
     read_bodies(model, joints.state, loads.F, loads.tau, w.bodies)
     if c.place[CUT_SHORT] == 0 and any_bounces(h, SHORTEST * h, w):
         take_touching(h, SHORTEST * h, w)
+        before = c.place[COLLISIONS]
         why = collide_chosen(c, True)
-        if why != DONE:
+        if why != DONE or (c.place[COLLISIONS] > before and look_again(c, h)):
             return why
         read_bodies(model, joints.state, loads.F, loads.tau, w.bodies)
     manifolds = current(c.memory)
@@ -99,14 +103,34 @@ def _seek(c: JointedContact) -> int:
     take_close(w)
     if may_end_earlier(c):
         bounces = leave_bouncing(h, w)
+        if bounces < math.inf:
+            bounces = min(bounces, _until_sudden(c))
         if bounces < c.span[WAY]:
             go_until(c, bounces)
     return choose(c, FIRST)
 
 
 @kernel
+def _until_sudden(c: JointedContact) -> float:
+    """Return for how long [s] what goes suddenly passes nothing from which it is to bounce."""
+    way = c.span[WAY]
+    manifolds, sudden = current(c.memory), c.buffers.sudden
+    for r in range(manifolds.count[0]):
+        if sudden[manifolds.body_a[r]] + sudden[manifolds.body_b[r]] > 0.0:
+            speed, least = reach(c, r, way)
+            if speed * way > least:
+                way = least / speed
+    return way
+
+
+@kernel
 def _look_back(c: JointedContact) -> int:
-    """Go back if shapes met on the way that took no part in it."""
+    """Go back if shapes met on the way that took no part in it, or that are elsewhere."""
+    # Bodies that are elsewhere are still where they were as the step began.
+    if c.span[LEFT] == c.joints.model.h and reaches_others(c, c.span[WAY]):
+        go_back(c.joints)
+        c.place[STAGE] = SEEK
+        return MORE_BODIES
     why = find_touching(c, 0.0)
     if why != DONE:
         return why

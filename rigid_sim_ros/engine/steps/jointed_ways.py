@@ -21,7 +21,8 @@ from rigid_sim_ros.engine.steps.articulated import go_back, next_size
 from rigid_sim_ros.engine.steps.jointed_contact import (
     begin, COLLISIONS, CUT_SHORT, end, EVENTS, JointedContact, keep_first_half, LOOKS, MORE_ROWS,
     retry_unresolved, SEARCHES, SIZE, SLOWED, STAGE, take_first_half, take_second_half, TRIES)
-from rigid_sim_ros.engine.steps.sudden_ways import forget_sudden, goes_suddenly
+from rigid_sim_ros.engine.steps.sudden_ways import (
+    forget_sudden, goes_suddenly, outruns_detection)
 from rigid_sim_ros.kernels.kernel import kernel
 
 # Ways that are tried until the time of a meeting is known well enough.
@@ -96,6 +97,15 @@ def collide_chosen(c: JointedContact, elastic: bool) -> int:
         c.place[COLLISIONS] += collisions
         _record_collisions(c)
     return DONE
+
+
+@kernel
+def look_again(c: JointedContact, h: float) -> bool:
+    """Return whether what touches is to be found again: what collided goes farther in h [s]."""
+    if c.place[SEARCHES] == MOST_SEARCHES or not outruns_detection(c, h):
+        return False
+    c.place[SEARCHES] += 1
+    return True
 
 
 @kernel

@@ -9,17 +9,16 @@ way is then tried again by what is known of it now.
 """
 
 from rigid_sim_ros.engine.detection.broad_phase import may_collide
+from rigid_sim_ros.engine.detection.margins import fastest_point, standard_of_rest
 from rigid_sim_ros.engine.maths.rotation import quaternion
 from rigid_sim_ros.engine.maths.vector import add_scaled, column, norm, scale, subtract
 from rigid_sim_ros.engine.model.kinds.table import is_unbounded
 from rigid_sim_ros.engine.state.rates import spin_of
-from rigid_sim_ros.engine.steps.jointed_contact import JointedContact
+from rigid_sim_ros.engine.steps.jointed_contact import CALLED, JointedContact, THINNEST
 from rigid_sim_ros.kernels.kernel import kernel
 
 # Of what was noted: a body that is faster than that is noted again.
 MORE = 1.1
-# Of how fast a body was: detection looks so much farther that less in addition passes nothing.
-SUDDEN = 0.5
 
 
 @kernel
@@ -41,13 +40,73 @@ def goes_suddenly(c: JointedContact, h: float) -> bool:
     a = 0
     while a < shapes.body.shape[0]:
         i, after = shapes.body[a], shapes.after[a]
-        if gained[i] > max(c.buffers.sudden[i], SUDDEN * _speed(c, i)):
+        if gained[i] > c.buffers.sudden[i] and h * gained[i] > 0.5 * c.span[THINNEST]:
             for s in range(a, after):
                 if not is_unbounded(shapes.kind[s]) and _may_have_passed_any(c, s, h):
                     c.buffers.sudden[i], found = MORE * gained[i], True
                     break
         a = after
     return found
+
+
+@kernel
+def outruns_detection(c: JointedContact, h: float) -> bool:
+    """Return whether bodies that have collided go farther in h [s] than detection looked."""
+    model, state, shapes = c.joints.model, c.joints.state, c.shapes
+    rest, a = standard_of_rest(model, state, shapes.body), 0
+    while a < shapes.body.shape[0]:
+        i = shapes.body[a]
+        if model.inv_m[i] > 0.0 and h * fastest_point(
+                model, state, rest, c.radius, shapes, i) > c.memory.margin[a]:
+            return True
+        a = shapes.after[a]
+    return False
+
+
+@kernel
+def reaches_others(c: JointedContact, h: float) -> bool:
+    """
+    Return whether what another solver moves may be met on a way of h [s], taken now; call that.
+
+    Only what goes farther than its speed at the start of the step said can meet it: a drive, or
+    what it hits, that starts from rest.
+    """
+    model, state, shapes, found = c.joints.model, c.joints.state, c.shapes, False
+    others = 0
+    for k in range(c.elsewhere.shape[0]):
+        others += c.elsewhere[k]
+    if others == 0:
+        return False
+    rest, a = standard_of_rest(model, state, shapes.body), 0
+    while a < shapes.body.shape[0]:
+        i, after = shapes.body[a], shapes.after[a]
+        if model.inv_m[i] > 0.0:
+            way = h * fastest_point(model, state, rest, c.radius, shapes, i)
+            if way > c.looked[a]:
+                for s in range(a, after):
+                    found = _call_what_is_near(c, s, way) or found
+        a = after
+    return found
+
+
+@kernel
+def _call_what_is_near(c: JointedContact, a: int, way: float) -> bool:
+    """Call what shape a may have met that went so far [m]; return whether there is anything."""
+    shapes, found = c.shapes, False
+    for b in range(shapes.body.shape[0]):
+        k = shapes.body[b]
+        if c.elsewhere[k] > 0 and not is_unbounded(shapes.kind[a]) and _apart(c, a, b) <= (
+                shapes.bound[a] + shapes.bound[b] + way + c.looked[b]) and may_collide(
+                    shapes, c.elsewhere.shape[0], a, b):
+            c.elsewhere[k], found = CALLED, True
+    return found
+
+
+@kernel
+def _apart(c: JointedContact, a: int, b: int) -> float:
+    """Return how far [m] shapes were from each other as what touches was found."""
+    pose = c.memory.pose
+    return norm((pose[a, 0] - pose[b, 0], pose[a, 1] - pose[b, 1], pose[a, 2] - pose[b, 2]))
 
 
 @kernel
@@ -66,14 +125,6 @@ def _gained(c: JointedContact, i: int, h: float) -> float:
 
 
 @kernel
-def _speed(c: JointedContact, i: int) -> float:
-    """Return how fast [m/s] points of body i are at the start of a way, at most."""
-    model, before = c.joints.model, c.joints.start
-    w = spin_of(quaternion(before.q, i), column(before.L, i), column(model.inv_I_C, i))
-    return model.inv_m[i] * norm(column(before.P, i)) + c.radius[i] * norm(w)
-
-
-@kernel
 def _may_have_passed_any(c: JointedContact, a: int, h: float) -> bool:
     """Return whether shape a may have gone through any other by what its body gained."""
     shapes, memory, gained = c.shapes, c.memory, c.buffers.gained
@@ -82,10 +133,8 @@ def _may_have_passed_any(c: JointedContact, a: int, h: float) -> bool:
         k = shapes.body[b]
         if h * gained[i] <= 0.5 * min(c.thickness[a], c.thickness[b]) or c.elsewhere[k] == 1:
             continue
-        apart = norm((memory.pose[a, 0] - memory.pose[b, 0], memory.pose[a, 1] - memory.pose[b, 1],
-                      memory.pose[a, 2] - memory.pose[b, 2]))
-        near = apart <= (shapes.bound[a] + shapes.bound[b] + memory.margin[a] + memory.margin[b]
-                         + h * (gained[i] + gained[k]))
+        near = _apart(c, a, b) <= (shapes.bound[a] + shapes.bound[b] + memory.margin[a]
+                                   + memory.margin[b] + h * (gained[i] + gained[k]))
         if near and not is_unbounded(shapes.kind[b]) and may_collide(
                 shapes, gained.shape[0], a, b):
             return True
