@@ -18,7 +18,7 @@ from laws.mixed_scenes import draw_awake, draw_falling, draw_floating, draw_mixe
 from laws.motion import Build, Ours, Run, Verdict
 from laws.scenes import Scene, Spec, with_model
 from laws.solids import Generator
-from laws.thin_scenes import draw_flat, draw_thin, draw_thin_resting
+from laws.thin_scenes import draw_flat, draw_flight, draw_thin, draw_thin_resting
 import numpy as np
 
 RIGID = ('timestep', 'event', 'qp')
@@ -160,6 +160,8 @@ GROUNDS = {law.name: law for law in (
 THIN = {law.name: law for law in (
     Law('thin-energy', 'energy never grows without work',
         partial(energy_laws.draw_energy, draw=draw_thin), energy_laws.judge_energy, _TOUCHING),
+    Law('thin-flight', 'energy never grows in free space, however far bodies turn in a step',
+        draw_flight, energy_laws.judge_flight, ('timestep',)),
     Law('thin-inelastic', 'nothing inelastic separates faster than 2 % of its approach',
         partial(impact_laws.draw_inelastic, draw=draw_flat), impact_laws.judge_inelastic,
         _TOUCHING),

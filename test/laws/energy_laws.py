@@ -88,6 +88,26 @@ def judge_energy(scene: Scene, build: Build) -> Verdict:
     return worst_yet
 
 
+def judge_flight(scene: Scene, build: Build) -> Verdict:
+    """
+    Compare the energy after each step with the least before it, however far a body turns in one.
+
+    In free space there is no work and nothing to be lifted out of. What is left is the gain of a
+    thousandth that a body, or a pair, may keep in a step of what its turning gains, beside what
+    impacts take: of one or two steps in a scene, and rarely of all of the energy.
+    """
+    of, run = masses(scene.spec), build(scene.spec)
+    start = least = float(look(of, run.motion()).kinetic.sum())
+    most = 0.0
+    for _ in range(scene.steps):
+        run.step(1)
+        now = float(look(of, run.motion()).kinetic.sum())
+        most, least = max(most, now - least), min(least, now)
+        if not np.isfinite(now):
+            return Verdict(math.inf, 0.0, 'of the scene itself: not finite')
+    return Verdict(most / start, 1e-3, 'gain of energy, share')
+
+
 def _turns(spec: Spec, of: Masses, before: Look, now: Look, time: float, h: float) -> np.ndarray:
     """
     Return by how much [rad] the lines turn along which each body is touched, in a step.

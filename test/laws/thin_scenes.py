@@ -10,7 +10,8 @@ way of a step: a turn of a tenth of a radian moves the end of a needle by a hund
 from collections.abc import Callable
 
 from laws.scenes import (
-    any_attitude, between, body, draw_masses, draw_scales, draw_surface, plane, Scene, world)
+    any_attitude, between, body, direction, draw_masses, draw_scales, draw_surface, plane, Scene,
+    world)
 from laws.solids import (
     box, capsule, compound, cone, cylinder, ellipsoid, Generator, POLYHEDRA, polyhedron, Solid)
 import numpy as np
@@ -98,3 +99,18 @@ def draw_thin_resting(rng: Generator) -> Scene:
     surface = draw_surface(rng, restitution=0.0, friction=rng.uniform(0.3, 1.5))
     return Scene(world(bodies, scales.h, surface), scales.size, scales.steps(20.0),
                  {'count': 1, 'comes': True})
+
+
+def draw_flight(rng: Generator) -> Scene:
+    """Draw bodies that fly at each other in free space and turn by up to some radians a step."""
+    h, size = float(rng.choice((1 / 60, 1 / 240, 1e-3))), between(rng, 0.05, 1.0)
+    draw = (draw_bar, draw_plate, draw_disc, draw_rod, draw_thin)[rng.integers(5)]
+    turn = between(rng, 0.02, 2.0) / h
+    speed, bodies = 0.5 * turn * size * rng.uniform(0.1, 1.0), []
+    for k, mass in enumerate(draw_masses(rng, int(rng.integers(2, 6)))):
+        n = direction(rng)
+        v = speed * (0.1 * rng.normal(size=3) - rng.uniform(0.5, 2.0) * n)
+        # On shells that are farther from each other than a body reaches.
+        bodies.append(body(f'b{k}', draw(rng, size), mass, 1.2 * size * (k + 0.5) * n,
+                           any_attitude(rng), v, 0.5 * turn * rng.normal(size=3)))
+    return Scene(world(bodies, h, draw_surface(rng), gravity=(0.0, 0.0, 0.0)), size, 60)

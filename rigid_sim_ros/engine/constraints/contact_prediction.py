@@ -55,6 +55,9 @@ STILL, SLOW, TOUCHING, MET = 1e-6, 1e-4, 4e-5, 1e-6
 TURNED = 1e-3
 # [rad] What turns farther in a step may meet with a side that is near to nothing as it begins.
 FAR = 0.05
+# [rad] What turns farther in a step moves its points along more than a bow: their mean velocity is
+# not that of the middle, and the rate at which it changes there says nothing of the whole.
+MOST_TURNED = 1.0
 # Stages of conservative advancement: what touches for less than one, and not deeply, is missed.
 STAGES = 16
 # And so often the time of a meeting is put earlier at most, until nothing overlaps: what overlaps
@@ -318,6 +321,7 @@ def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds
     way_A, way_B = _way(model, state, loads, i, t), _way(model, state, loads, j, t)
     x_A, x_B = add(column(state.x, i), way_A), add(column(state.x, j), way_B)
     slide, known = (0.0, 0.0, 0.0), 0
+    slow = _turns_little(model, state, i, w_A) and _turns_little(model, state, j, w_B)
     features = (manifolds.feature[0, r], manifolds.feature[1, r], manifolds.feature[2, r],
                 manifolds.feature[3, r])
     for p in range(count):
@@ -331,10 +335,11 @@ def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds
         turn = 0.0
         if touches and old >= 0:
             gap = prediction.old[old, _GAP]
+        if touches and old >= 0 and slow:
             turn = 2.0 * (dot(n, u) - prediction.old[old, _ALONG])
             slide = add(slide, subtract(u, row_from(prediction.old, old, _U)))
             known += 1
-        else:
+        if not touches or old < 0:
             gap -= dot(n, add(subtract(way_B, way_A), scale(
                 t, subtract(cross(w_B, r_B), cross(w_A, r_A)))))
         manifolds.gap[p, r], prediction.gap[p, r] = gap, scratch.points[p, 3]
@@ -351,6 +356,13 @@ def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds
     # Those that were found are no longer there, to be taken over by the next step.
     for k in range(5):
         manifolds.found_at[r, k] = 0.0
+
+
+@kernel
+def _turns_little(model: Model, state: State, i: int, later: Vector) -> bool:
+    """Return whether a body, with w = `later` by then, turns by so little that rates tell all."""
+    w, most = _spin_after(model, state, i, 0.0), MOST_TURNED / model.h
+    return bool(max(dot(w, w), dot(later, later)) <= most * most)
 
 
 @kernel

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.contact.impact_offsets import SHIFT
+from rigid_sim_ros.engine.contact.impact_offsets import SHIFT, was_shifted
 from rigid_sim_ros.engine.contact.impulse import make_room, MOST_ALIKE, Room
 from rigid_sim_ros.engine.detection.manifolds import POINTS
 from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
@@ -103,10 +103,10 @@ def turn_body(inv_I_C: Array, state: State, i: int, tau: float, line: Array) -> 
     Bring the inverse inertia and the angular velocity of a body to tau [s], when it collides.
 
     With those of the start an impulse that keeps the energy there would change it by w tau of
-    itself once the body has turned.
+    itself once the body has turned. What collided already in this step has those of that time.
     """
     L, inv_I = column(state.L, i), column(inv_I_C, i)
-    if _wobbles(L, inv_I, tau):
+    if _wobbles(L, inv_I, tau) or was_shifted(line):
         _write_spin(inv_I_C, state, i, turn_fast(quaternion(state.q, i), L, inv_I, tau), line)
 
 

@@ -80,16 +80,16 @@ def _solve_by_visits(count: int, work: CollisionWork) -> None:
     rubs = False
     for k in range(count):
         _visit_together(k, work)
-    _visit_normals(count, work)
+    left = _visit_normals(count, VISITS, work)
     for k in range(count):
         _write_centre(k, work)
         rubs |= work.pair[k, MU] > 0.0 and _pressure(k, work) > 0.0
-    for _ in range(VISITS if rubs else 0):
+    while rubs and left > 0:
         moved = total = 0.0
         for k in range(count):
             moved += _visit_friction(k, work)
             total += norm(get(work.pair[k], SLIDE))
-        _visit_normals(count, work)
+        left = _visit_normals(count, left, work)
         if moved <= CONVERGED * total:
             break
     _limit_energy(count, work)
@@ -132,9 +132,15 @@ def _visit_point(k: int, p: int, work: CollisionWork) -> float:
 
 
 @kernel
-def _visit_normals(count: int, work: CollisionWork) -> None:
-    """Visit the points of all pairs in turn until each has its target."""
-    for _ in range(VISITS):
+def _visit_normals(count: int, most: int, work: CollisionWork) -> int:
+    """
+    Visit the points of all pairs in turn until each has its target, so often at `most`.
+
+    Returns how often they may still be visited.
+    """
+    left = most
+    while left > 0:
+        left -= 1
         moved = total = 0.0
         for k in range(count):
             for p in range(int(work.pair[k, POINTS_OF])):
@@ -143,6 +149,7 @@ def _visit_normals(count: int, work: CollisionWork) -> None:
             total += _pressure(k, work)
         if moved <= CONVERGED * total:
             break
+    return left
 
 
 @kernel

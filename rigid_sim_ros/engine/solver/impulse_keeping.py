@@ -3,14 +3,16 @@
 """The way of impulses from the blocks of the sequential solver back to the manifolds."""
 
 from rigid_sim_ros.engine.constraints.contact_blocks import (
-    axes, combine, FRICTION, gain_of, IMPULSE, inverse_of, load_three, load_two, normal_sum, POINT,
-    POINT_ROWS, ROLL, SHOVE, SPIN, Three, TORSION, TOTAL, total_of)
+    ARM_A, ARM_B, axes, combine, FRICTION, gain_of, IMPULSE, LEVER_A, LEVER_B, load_three,
+    load_two, NORMAL, normal_sum, POINT, POINT_ROWS, ROLL, SHOVE, SPIN, Three, TORSION, TOTAL,
+    total_of)
 from rigid_sim_ros.engine.constraints.contact_prediction import Prediction
 from rigid_sim_ros.engine.detection.manifolds import Manifolds, POINTS
-from rigid_sim_ros.engine.maths.vector import add, scale
+from rigid_sim_ros.engine.maths.vector import add, scale, subtract
 from rigid_sim_ros.engine.solver.coloring import (
     are_balls, Blocks, CACHED, Coloring, fetch_block, first_block, lanes_of, numbers_of, PIECE,
     points_in, resists, SHOVED)
+from rigid_sim_ros.engine.solver.pair_momentum import without_gain
 from rigid_sim_ros.engine.solver.solver_bodies import INV_M, SolverBodies, TOUCHED
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.bits import fetch
@@ -66,7 +68,7 @@ def keep_impulses(region: int, blocks: Blocks, coloring: Coloring, manifolds: Ma
         at_A, at_B = blocks.at_A[lanes], blocks.at_B[lanes]
         if _mark_touched(b, points, acted, bodies, at_A, at_B, blocks.left[block] & SHOVED != 0):
             _give_back(b, acted, rows, prediction, bodies, at_A, at_B, h,
-                       lanes_in(blocks.held[block]))
+                       lanes_in(blocks.held[block]), are_balls(blocks.kind[block]))
     return residual
 
 
@@ -103,10 +105,10 @@ def _keep_normals(b: Array, rows: IntArray, points: int, impulse: Array, normal_
 
 @part
 def _give_back(b: Array, acted: Three, rows: IntArray, prediction: Prediction,
-               bodies: SolverBodies, at_A: IntArray, at_B: IntArray, h: float,
-               held: Mask) -> None:
+               bodies: SolverBodies, at_A: IntArray, at_B: IntArray, h: float, held: Mask,
+               balls: bool) -> None:
     """
-    Take the L that a pair gained from its bodies, in parts as the squares of their masses.
+    Take the L that a pair gained from its bodies, see pair_momentum.py.
 
     But not where the pair is held: the L of that is nothing that stays, and what a light body
     under a heavy one gets turns it out of the load.
@@ -117,19 +119,24 @@ def _give_back(b: Array, acted: Three, rows: IntArray, prediction: Prediction,
     given = gather_integers(prediction.given, rows)
     moved = (select(given > 0.0, before[0], 0.0), select(given > 0.0, before[1], 0.0),
              select(given > 0.0, before[2], 0.0))
-    gained = gain_of(b, acted, (h * (B[0] - A[0]) - moved[0], h * (B[1] - A[1]) - moved[1],
-                                h * (B[2] - A[2]) - moved[2]))
+    moved = (h * (B[0] - A[0]) - moved[0], h * (B[1] - A[1]) - moved[1],
+             h * (B[2] - A[2]) - moved[2])
+    gained, apart = gain_of(b, acted, moved), add(moved, _between_centres(b, balls))
     A, B = gather(bodies.motion, at_A), gather(bodies.motion, at_B)
-    whole = inverse_of(A[INV_M] * A[INV_M] + B[INV_M] * B[INV_M])
     # Of what is fixed or moves by its twist the inverse mass is 0: then neither gives anything.
-    gained = scale(select(both(A[INV_M] > 0.0, B[INV_M] > 0.0), whole, 0.0), gained)
-    gained = scale(select(held, 0.0, 1.0), gained)
-    on_A = scale(B[INV_M] * B[INV_M], gained)
-    on_B = scale(A[INV_M] * A[INV_M], gained)
-    scatter(bodies.motion, at_A,
-            (A[0], A[1], A[2], A[3] - on_A[0], A[4] - on_A[1], A[5] - on_A[2], A[6], A[7]))
-    scatter(bodies.motion, at_B,
-            (B[0], B[1], B[2], B[3] - on_B[0], B[4] - on_B[1], B[5] - on_B[2], B[6], B[7]))
+    gives = both(both(A[INV_M] > 0.0, B[INV_M] > 0.0), select(held, 0.0, 1.0) > 0.0)
+    J_A, J_B = gather(bodies.mass, at_A), gather(bodies.mass, at_B)
+    A, B = without_gain(A, B, J_A[:6], J_B[:6], apart, gained, gives)
+    scatter(bodies.motion, at_A, A)
+    scatter(bodies.motion, at_B, B)
+
+
+@part
+def _between_centres(b: Array, balls: bool) -> Three:
+    """Return x_B - x_A where a manifold was found [m]."""
+    if balls:
+        return scale(load(b, LEVER_A) - load(b, LEVER_B), load_three(b, NORMAL))
+    return subtract(load_three(b, ARM_A), load_three(b, ARM_B))
 
 
 @part

@@ -8,14 +8,16 @@ changed their way. What an impact turns may meet another point of the ground in 
 what it throws goes farther than its pairs were sought. So the ways that the solver leaves are
 looked at before they are gone. A body stops where it would get deeper into something fixed or
 kinematic by `deepest`, and goes with that from there on: on a ship that flies past as on land. The
-rest of its step is lost, with what forces did in it, or what falls would gain speed without
-falling. Velocities that contacts gave stay, and the next step finds the pair.
+rest of its step is lost, with what forces did in it and contacts left, or what falls would gain
+speed without falling. Velocities that contacts gave stay, and the next step finds the pair.
 
 Two bodies that can both be pushed are not asked: what is lost of a way that an impulse turned
 would change their angular momentum, which is kept where nothing fixed takes it.
 
 Only what moves farther than half of that depth is asked. Most steps end with one test a body.
 """
+
+import math
 
 from rigid_sim_ros.engine.contact.impact_offsets import displacement, SHIFT, was_shifted
 from rigid_sim_ros.engine.detection.backtrack import DEEPER, passage
@@ -27,7 +29,7 @@ from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
 from rigid_sim_ros.engine.dynamics.kinematic import prescribed_spin, prescribed_velocity
 from rigid_sim_ros.engine.maths.rotation import exponential, multiply, quaternion, set_quaternion
 from rigid_sim_ros.engine.maths.vector import (
-    add, add_scaled, add_to_column, column, norm, scale, set_column, subtract)
+    add, add_scaled, add_to_column, column, dot, norm, scale, set_column, subtract)
 from rigid_sim_ros.engine.solver.arguments import Arguments
 from rigid_sim_ros.engine.solver.solver_bodies import STRIDE, TOUCHED
 from rigid_sim_ros.engine.state.rates import angular_momentum, fastest_turning, velocity_at
@@ -184,9 +186,37 @@ def _stop(c: Arguments, i: int) -> None:
         add_to_column(c.state.P, i, scale(until, column(loads.F, i)))
         add_to_column(c.state.L, i, scale(until, column(loads.tau, i)))
         return
-    at = slot * STRIDE
-    for k in range(3):
-        bodies.motion[at + k] -= lost * c.model.inv_m[i] * loads.F[k, i]
-        bodies.motion[at + 3 + k] -= lost * loads.tau[k, i]
+    at, F, inv_m = slot * STRIDE, column(loads.F, i), c.model.inv_m[i]
+    # What forces did on the way that is lost, seen from what it goes with.
+    lost_way = scale(lost, subtract(scale(inv_m, column(path.P, i)), column(ways.carried, i)))
+    _take_work(bodies.motion, at, F, inv_m, dot(F, lost_way), column(ways.carried, i))
+    _take_turn(bodies.motion, at + 3, scale(lost, column(loads.tau, i)))
     bodies.total[at:at + STRIDE] = 0.0
     bodies.drifted[at + TOUCHED] = 1.0
+
+
+@kernel
+def _take_work(motion: Array, at: int, F: Vector, inv_m: float, work: float, rest: Vector) -> None:
+    """
+    Take from v along F the energy `work` [J], as far as it is there, past `rest`.
+
+    What a contact has stopped is there no longer: h F / m taken from it would throw it up.
+    """
+    square = dot(F, F)
+    if square == 0.0 or work <= 0.0:
+        return
+    along = dot(F, subtract((motion[at], motion[at + 1], motion[at + 2]), rest))
+    left = math.sqrt(max(along * along - 2.0 * inv_m * square * work, 0.0))
+    change = (math.copysign(left, along) - along) / square
+    for k in range(3):
+        motion[at + k] += change * F[k]
+
+
+@kernel
+def _take_turn(motion: Array, at: int, done: Vector) -> None:
+    """Take from L what a torque has `done`, as far as it is there."""
+    square = dot(done, done)
+    now = dot((motion[at], motion[at + 1], motion[at + 2]), done)
+    share = min(max(now, 0.0), square) / square if square > 0.0 else 0.0
+    for k in range(3):
+        motion[at + k] -= share * done[k]

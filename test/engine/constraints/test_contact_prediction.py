@@ -85,3 +85,16 @@ def test_what_rolls_unevenly_keeps_its_energy_to_second_order():
     # second order is some 1e-4 of 0.4 J.
     assert errors[0] < 4e-5
     assert errors[0] / errors[2] > 8.0
+
+
+@pytest.mark.parametrize('turned, bends', [(0.9, True), (1.1, False)])
+def test_what_turns_by_more_than_a_radian_a_step_has_no_rate_of_its_geometry(turned, bends):
+    h, r, m = 0.01, 0.1, 1.0
+    mass = MassProperties(m, np.array((0.04, 0.0, 0.0)), 0.4 * m * r ** 2 * np.eye(3))
+    spin = np.array((0.0, turned / h, 0.0))
+    thing = ball(r, m, position=(0.0, 0.0, r), velocity=np.cross(spin, (0.0, 0.0, r)), spin=spin)
+    scene = TimestepScene([ground(), thing._replace(mass=mass)], Material(friction=2.0), h)
+    scene.step()
+    rows, prediction = slice_in_use(scene.manifolds()), scene.work.prediction
+    assert prediction.given[rows].tolist() == [1]
+    assert bool((prediction.turn_t[rows] != 0.0).any()) == bends

@@ -7,10 +7,12 @@ from engine.touching import ball, box, ground
 import numpy as np
 import pytest
 
+from rigid_sim_ros.engine.contact.colliding_body import SPIN, turn_body
 from rigid_sim_ros.engine.contact.collisions import collide_bodies
 from rigid_sim_ros.engine.detection.detect import detect
 from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
 from rigid_sim_ros.engine.model.shapes import Material
+from rigid_sim_ros.engine.state.rates import spin_of
 from rigid_sim_ros.world import World
 
 SIZE = np.array((0.3, 0.2, 0.1))
@@ -58,6 +60,19 @@ def test_what_turns_bounces_with_the_inertia_that_it_has_by_then():
         # Up to 0.3 rad a step: `turn` errs by 2e-7 rad a quarter, and with the attitude errs the
         # energy of a momentum that stays. With the inertia of the start it was some 0.1 %.
         assert scene.energy() == pytest.approx(before, rel=1e-6)
+
+
+def test_what_collided_later_in_the_step_collides_at_its_start_as_it_is_there():
+    rng, collisions = np.random.default_rng(7), 0
+    for _ in range(10):
+        scene, count, _, _ = collided([ground(), corner_first(rng)], 1.0, 0.0)
+        collisions += count
+        line, state, inv_I_C = scene.work.collision.body[1], scene.state, scene.model.inv_I_C
+        turn_body(inv_I_C, state, 1, 0.0, line)
+        w = spin_of(tuple(state.q[:, 1]), tuple(state.L[:, 1]), tuple(inv_I_C[:, 1]))
+        # Rounding of 20 rad/s.
+        assert line[SPIN:SPIN + 3] == pytest.approx(np.array(w), abs=1e-12)
+    assert collisions > 5
 
 
 @pytest.mark.parametrize('restitution', [0.8, 1.0])

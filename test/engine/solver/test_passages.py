@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What an impact throws within a step ends its way before it gets through anything."""
 
+import math
+
 from engine.stepping import TimestepScene
 from engine.touching import ball, box, G, same_bits, Thing
 import numpy as np
@@ -10,6 +12,7 @@ import pytest
 from rigid_sim_ros.engine.detection.backtrack import DEEPER
 from rigid_sim_ros.engine.dynamics.kinematic import LASTS
 from rigid_sim_ros.engine.model.shapes import Material
+from rigid_sim_ros.engine.solver.passages import _take_work
 
 H, RADIUS, SHEET, PLACE, GAP = 0.01, 0.05, 2e-3, -0.06, 0.01
 LIGHT, HEAVY, OTHER = range(3)
@@ -53,10 +56,23 @@ def test_forces_act_for_as_long_as_it_goes():
     free, stopped = thrown(), thrown([sheet()])
     free.step()
     stopped.step()
-    part = stopped.state.x[2, LIGHT] / free.state.x[2, LIGHT]
-    assert 0.0 < part < 0.5
-    # What falls by less gets less speed of it; rounding of 20 m/s.
-    assert stopped.v[2, LIGHT] - free.v[2, LIGHT] == pytest.approx((1.0 - part) * H * G, abs=1e-12)
+    lost = stopped.state.x[2, LIGHT] - free.state.x[2, LIGHT]
+    assert lost > -0.5 * free.state.x[2, LIGHT] > 0.0
+    # v^2 / 2 + g z is that of the free fall; rounding of 20 m/s.
+    assert stopped.v[2, LIGHT] == pytest.approx(
+        -math.sqrt(free.v[2, LIGHT] ** 2 - 2.0 * G * lost), abs=1e-12)
+
+
+def test_what_a_contact_stopped_is_not_thrown_up():
+    F, work = (0.0, 0.0, -20.0), 0.3
+    for speed in (0.0, -1e-3):      # it lies on the ground, and nearly so
+        motion = np.array([1.0, 0.0, speed])
+        _take_work(motion, 0, F, 0.5, work, (0.0, 0.0, 0.0))
+        assert motion.tolist() == [1.0, 0.0, 0.0]
+    # What bounced goes up with that much less energy: m v^2 / 2 of 2 kg.
+    motion = np.array([0.0, 0.0, 3.0])
+    _take_work(motion, 0, F, 0.5, work, (0.0, 0.0, 0.0))
+    assert motion[2] == pytest.approx(np.sqrt(9.0 - work), rel=1e-15)
 
 
 def test_what_is_slow_is_not_asked():
