@@ -188,6 +188,14 @@ class Resimulation:
             self._session = sessions.read(name, data)
             self._make_world(self._session)
             self._tally = Tally(self._session, self._seen)
+            if self._may_have_lost and self._began_before(self._session):
+                self._tally.lose()
+                self._number = None
+
+    def _began_before(self, session: Session) -> bool:
+        """Return whether it began before this description, so that the first one is lost."""
+        return any(self._seen[topic.name] for topic in session.topics
+                   if topic.kind not in (kinds.SCENE, kinds.SESSION))
 
     def _take_other(self, topic: str) -> None:
         assert self._session is not None

@@ -163,6 +163,21 @@ def test_a_file_that_lost_its_beginning_borrows_the_topics_of_its_neighbours(tmp
     assert verify(bag).difference is None
 
 
+def test_a_recording_that_lost_its_beginning_is_verified_from_the_next_file_on(tmp_path) -> None:
+    """What tells of the session stands in the first chunk, and again at the start of each file."""
+    bag = copy(long_files(), tmp_path)
+    path = files_of(bag)[0]
+    scan = McapScan(path)
+    end = next(record.end for record in scan.records() if record.opcode == Opcode.CHUNK)
+    scan.close()
+    raw = path.read_bytes()
+    path.write_bytes(bytes(end) + raw[end:])
+    assert recover(bag).lost_places == 1
+    verdict = verify(bag)
+    assert verdict.holds and verdict.messages > 0
+    assert info(bag).messages > verdict.messages    # of the first file some are there, unverified
+
+
 @pytest.mark.parametrize('whole_files', [0, 2])
 def test_a_topic_whose_name_was_damaged_gets_it_back(tmp_path, whole_files) -> None:
     # From the neighbours, or, in a single file, from the index at its end.
