@@ -27,7 +27,7 @@ which are worked on side by side.
 
 from typing import TypeAlias
 
-from rigid_sim_ros.engine.maths.vector import add, cross, dot, scale, subtract
+from rigid_sim_ros.engine.maths.vector import add, cross, dot, scale, subtract, symmetric_times
 from rigid_sim_ros.kernels.arrays import Array
 from rigid_sim_ros.kernels.eight import Eight, LANES, load, root, select, store
 from rigid_sim_ros.kernels.kernel import part
@@ -129,10 +129,7 @@ def store_three(b: Array, row: int, v: Three) -> None:
 @part
 def symmetric(b: Array, row: int, v: Three) -> Three:
     """Return the product of a symmetric matrix in six rows (00, 01, 02, 11, 12, 22) with v."""
-    m00, m01, m02 = load(b, row), load(b, row + 1), load(b, row + 2)
-    m11, m12, m22 = load(b, row + 3), load(b, row + 4), load(b, row + 5)
-    return (m00 * v[0] + m01 * v[1] + m02 * v[2], m01 * v[0] + m11 * v[1] + m12 * v[2],
-            m02 * v[0] + m12 * v[1] + m22 * v[2])
+    return symmetric_times(load_three(b, row), load_three(b, row + 3), v)
 
 
 @part

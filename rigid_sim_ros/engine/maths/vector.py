@@ -60,6 +60,19 @@ def symmetric_times(first: Vector, second: Vector, v: Vector) -> Vector:
 
 
 @inlined
+def symmetric_cofactors(first: Vector, second: Vector) -> tuple[Vector, Vector]:
+    """
+    Return the cofactors of a symmetric matrix (xx, xy, xz), (yy, yz, zz), which are as symmetric.
+
+    The first three times (xx, xy, xz) are the determinant, and over that all are the inverse.
+    """
+    xx, xy, xz = first
+    yy, yz, zz = second
+    return ((yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy),
+            (xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy))
+
+
+@inlined
 def norm(a: Vector) -> float:
     """Return |a|."""
     return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])

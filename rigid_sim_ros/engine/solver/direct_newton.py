@@ -68,7 +68,7 @@ class Direct(NamedTuple):
     F: Array  # (6 b,)
     pull: Array  # (6 b,) [N s] G' E a
     z: Array  # (6 b,) a step of Newton's method as velocities
-    compliance: Array  # (1,) R now, in parts of the diagonal of A
+    compliance: Array  # (1,) R now, in parts of the diagonal of A: COMPLIANCE but on the way
     K: Array  # (36 b b,)
     last: IntArray  # (6 b,)
     wish: Array  # (3,) f_0 - a / R of a disk
@@ -82,19 +82,19 @@ def make_direct(n: int, capacity: int) -> Direct:
                   np.zeros((c, WIDTH)), np.zeros((c, DISKS)), np.zeros((c, DISKS)),
                   np.zeros((c, DISKS)), make_rounds(c * DISKS), np.zeros(6 * b),
                   np.zeros((c, WIDTH)), np.zeros((c, WIDTH)), np.zeros((c, WIDTH)),
-                  np.zeros(6 * b), np.zeros(6 * b), np.zeros(6 * b), np.zeros(6 * b), np.zeros(1),
-                  np.zeros(36 * b * b), np.zeros(6 * b, dtype=np.int64), np.zeros(3),
-                  np.zeros(12))
+                  np.zeros(6 * b), np.zeros(6 * b), np.zeros(6 * b), np.zeros(6 * b),
+                  np.full(1, COMPLIANCE), np.zeros(36 * b * b),
+                  np.zeros(6 * b, dtype=np.int64), np.zeros(3), np.zeros(12))
 
 
 @kernel
-def find_momenta(count: int, moving: int, goal: float, softly: bool, work: Direct) -> int:
+def find_momenta(count: int, moving: int, goal: float, fastest: float, work: Direct) -> int:
     """
     Find p with F = 0, up to a rate of `goal` [m/s]; return how many steps that took.
 
-    From the p that there is, or `softly`, from soft rows on.
+    From soft rows on where the `fastest` rate [m/s] is told, else from the p that there is.
     """
-    steps = _stiffen(count, moving, work) if softly else 0
+    steps = _stiffen(count, moving, fastest, work) if fastest > 0.0 else 0
     _write_F(count, moving, work)
     left, since = largest_rate(count, work), 0
     least, most = left, steps + STEPS
@@ -111,14 +111,15 @@ def find_momenta(count: int, moving: int, goal: float, softly: bool, work: Direc
 
 
 @kernel
-def _stiffen(count: int, moving: int, work: Direct) -> int:
+def _stiffen(count: int, moving: int, fastest: float, work: Direct) -> int:
     """Come near to p from soft rows on; return how many steps that took."""
-    steps, (softer, fastest) = 0, _softest(count, work)
-    work.compliance[0] = softer
+    steps = 0
+    work.compliance[0] = softer = _softest(count, work)
     while softer > COMPLIANCE:
         steps += _come_near(count, moving, NEAR * fastest, work)
         stiffer = max(STIFFER * softer, COMPLIANCE)
-        _assemble(softer / stiffer, count, moving, work)
+        _assemble(count, moving, work)
+        _multiply(softer / stiffer, moving, work)
         for k in range(6 * moving):
             work.z[k] = -work.F[k] - (1.0 - stiffer / softer) * work.pull[k]
         if _eliminate(moving, work):
@@ -140,20 +141,15 @@ def _come_near(count: int, moving: int, goal: float, work: Direct) -> int:
 
 
 @kernel
-def _softest(count: int, work: Direct) -> tuple[float, float]:
-    """
-    Return the compliance with which the rates change impulses by as much as there is of them.
-
-    And the fastest rate [m/s].
-    """
-    rows, most, change, fastest = work.rows, 0.0, 0.0, 0.0
+def _softest(count: int, work: Direct) -> float:
+    """Return the compliance with which rates change impulses by as much as there is of them."""
+    rows, most, change = work.rows, 0.0, 0.0
     for c in range(count):
         for r in range(WIDTH):
             if rows.there[c, r] != 0:
-                rate = abs(rows.rate[c, r])
                 most = max(most, abs(work.base[c, r]))
-                change, fastest = max(change, rate / rows.stiff[c, r]), max(fastest, rate)
-    return max(change / most, COMPLIANCE) if most > change else 1.0, fastest
+                change = max(change, abs(rows.rate[c, r]) / rows.stiff[c, r])
+    return max(change / most, COMPLIANCE) if most > change else 1.0
 
 
 @kernel
@@ -164,7 +160,7 @@ def _newton_step(count: int, moving: int, work: Direct) -> bool:
     With E the derivative of P / R and z = M^-1 dp, (M + G' E G) z = -F, which is symmetric.
     """
     rows, z, F = work.rows, work.z[:6 * moving], work.F
-    _assemble(1.0, count, moving, work)
+    _assemble(count, moving, work)
     for k in range(6 * moving):
         z[k] = -F[k]
     if not (_eliminate(moving, work) and _product(z, F) < 0.0):
@@ -180,8 +176,8 @@ def _newton_step(count: int, moving: int, work: Direct) -> bool:
 
 
 @kernel
-def _assemble(times: float, count: int, moving: int, work: Direct) -> None:
-    """Write M + G' E G, and G' E a, with E so many times as large."""
+def _assemble(count: int, moving: int, work: Direct) -> None:
+    """Write G' E G to K, on and above the diagonal, and G' E a."""
     size = 6 * moving
     K = work.K[:size * size].reshape((size, size))
     for i in range(size):
@@ -190,19 +186,26 @@ def _assemble(times: float, count: int, moving: int, work: Direct) -> None:
             K[i, j] = 0.0
     for c in range(count):
         _add_manifold(c, K, work)
+
+
+@kernel
+def _multiply(times: float, moving: int, work: Direct) -> None:
+    """Let E be so many times as large in what was assembled."""
+    size = 6 * moving
     for i in range(size):
         work.pull[i] *= times
-        for j in range(size):
-            K[i, j] *= times
-    for b in range(moving):
-        _add_inertia(b, K, work)
+    for i in range(size * size):
+        work.K[i] *= times
 
 
 @kernel
 def _eliminate(moving: int, work: Direct) -> bool:
-    """Solve for z by what was assembled; return False if that is not positive definite."""
+    """Solve (M + G' E G) z' = z for z', in the place of z; return False if that fails."""
     size = 6 * moving
-    return solve_symmetric(work.K[:size * size].reshape((size, size)), work.z[:size], work.last)
+    K = work.K[:size * size].reshape((size, size))
+    for b in range(moving):
+        _add_inertia(b, K, work)
+    return solve_symmetric(K, work.z[:size], work.last)
 
 
 @kernel

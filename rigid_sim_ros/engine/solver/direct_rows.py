@@ -24,7 +24,8 @@ from rigid_sim_ros.engine.constraints.contact_blocks import (
     POINT, POINT_ROWS, PRESSED, ROLL, ROLL_LEVER, S, SIZE, SPEED, SPIN, SPIN_LEVER, store_three, T,
     TURN_T)
 from rigid_sim_ros.engine.constraints.contact_rules import least_speed, Sweep
-from rigid_sim_ros.engine.maths.vector import cross, dot, symmetric_times
+from rigid_sim_ros.engine.maths.vector import (
+    cross, dot, symmetric_cofactors, symmetric_times)
 from rigid_sim_ros.engine.solver.coloring import are_balls, Blocks, numbers_of, points_in, resists
 from rigid_sim_ros.engine.solver.direct_islands import MOST_MANIFOLDS
 from rigid_sim_ros.engine.solver.solver_bodies import INV_I, INV_M, SolverBodies, STRIDE
@@ -111,12 +112,10 @@ def _write_inertia(blocks: Blocks, bodies: SolverBodies, lane: int, side: int, k
         to[2] = to[3] = to[5] = 0.0
         return
     J = J_A if side == 0 else J_B
-    xx, xy, xz = _three(b, J, i)
-    yy, yz, zz = _three(b, J + 3, i)
-    # By cofactors.
-    to[1], to[2], to[3] = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
-    to[4], to[5], to[6] = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
-    determinant = xx * to[1] + xy * to[2] + xz * to[3]
+    first = _three(b, J, i)
+    (to[1], to[2], to[3]), (to[4], to[5], to[6]) = symmetric_cofactors(
+        first, _three(b, J + 3, i))
+    determinant = first[0] * to[1] + first[1] * to[2] + first[2] * to[3]
     for j in range(1, 7):
         to[j] /= determinant
 

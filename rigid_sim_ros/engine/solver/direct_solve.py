@@ -66,7 +66,7 @@ def solve_rows(count: int, moving: int, inv_h: float, anew: bool, work: Direct) 
     best, last, first, taken = np.inf, np.inf, np.inf, 0
     for turn in range(ROUNDS):
         _begin_round(turn, count, work)
-        steps = find_momenta(count, moving, 0.1 * goal, turn == 0, work)
+        steps = find_momenta(count, moving, 0.1 * goal, fastest if turn == 0 else 0.0, work)
         taken += steps
         # Away from F = 0 impulses are rates over the compliance: they would throw bodies about.
         off = largest_rate(count, work)

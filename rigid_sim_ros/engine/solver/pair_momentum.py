@@ -22,7 +22,8 @@ motion, as in an inelastic impact, that ends with no more energy than it had. A 
 """
 
 from rigid_sim_ros.engine.constraints.contact_blocks import inverse_of, Motion, Six, Three
-from rigid_sim_ros.engine.maths.vector import add, add_scaled, cross, dot, scale, subtract
+from rigid_sim_ros.engine.maths.vector import (
+    add, add_scaled, cross, dot, scale, subtract, symmetric_cofactors, symmetric_times)
 from rigid_sim_ros.engine.solver.solver_bodies import INV_M
 from rigid_sim_ros.engine.solver.turned_energy import MORE
 from rigid_sim_ros.kernels.eight import any_of, Eight, Mask, root, select, spread
@@ -82,14 +83,12 @@ def _of_both(I_A: Six, I_B: Six, m: Eight, d: Three) -> Six:
 @part
 def _times(S: Six, v: Three) -> Three:
     """Return the product of a symmetric matrix xx, xy, xz, yy, yz, zz with v."""
-    return (S[0] * v[0] + S[1] * v[1] + S[2] * v[2], S[1] * v[0] + S[3] * v[1] + S[4] * v[2],
-            S[2] * v[0] + S[4] * v[1] + S[5] * v[2])
+    return symmetric_times(S[:3], S[3:], v)
 
 
 @part
 def _inverse(S: Six) -> Six:
     """Return the inverse of a symmetric matrix with a determinant above 0, else 0."""
-    c0, c1, c2 = S[3] * S[5] - S[4] * S[4], S[2] * S[4] - S[1] * S[5], S[1] * S[4] - S[2] * S[3]
-    s = inverse_of(S[0] * c0 + S[1] * c1 + S[2] * c2)
-    return (s * c0, s * c1, s * c2, s * (S[0] * S[5] - S[2] * S[2]),
-            s * (S[1] * S[2] - S[0] * S[4]), s * (S[0] * S[3] - S[1] * S[1]))
+    (xx, xy, xz), (yy, yz, zz) = symmetric_cofactors(S[:3], S[3:])
+    s = inverse_of(S[0] * xx + S[1] * xy + S[2] * xz)
+    return (s * xx, s * xy, s * xz, s * yy, s * yz, s * zz)

@@ -17,14 +17,13 @@ from rigid_sim_ros.engine.constraints.articulated_points import (
     meeting_within, take_all, take_loaded, take_touching)
 from rigid_sim_ros.engine.contact.contact_search import DONE
 from rigid_sim_ros.engine.contact.contacts import read_bodies
-from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.joints.limits import SHORTEST
 from rigid_sim_ros.engine.steps.jointed_contact import (
-    BEGIN, choose, COLLISIONS, CUT_SHORT, EVENTS, find_touching, JointedContact, reach, read_way,
-    STAGE, STEPS, take_way)
+    BEGIN, choose, CUT_SHORT, EVENTS, find_touching, JointedContact, read_way, STAGE,
+    STEPS, take_way)
 from rigid_sim_ros.engine.steps.jointed_ways import (
-    begin_ways, collide_chosen, go_until, look_again, may_end_earlier, take_rest, try_again_until,
+    begin_ways, collide_chosen, go_until, may_end_earlier, safe_way, take_rest, try_again_until,
     try_first_half, WAY)
 from rigid_sim_ros.kernels.kernel import kernel
 
@@ -77,25 +76,13 @@ def _meet(c: JointedContact) -> int:
         take_all(w)
     else:
         take_touching(model.h, SHORTEST * model.h, w)
-    before = c.place[COLLISIONS]
-    why = collide_chosen(c, c.place[EVENTS] < MOST_BOUNCES)
-    if why != DONE or (c.place[COLLISIONS] > before and look_again(c, c.span[WAY])):
+    why, again = collide_chosen(c, c.place[EVENTS] < MOST_BOUNCES, c.span[WAY])
+    if why != DONE or again:
         return why
     if c.place[CUT_SHORT] == 0:
-        go_until(c, _safe_way(c))
+        go_until(c, safe_way(c, sudden=False))
     c.place[STAGE] = FIRST
     return DONE
-
-
-@kernel
-def _safe_way(c: JointedContact) -> float:
-    """Return for how long [s] bodies may go so that nothing passes through anything unseen."""
-    way = c.span[WAY]
-    for r in range(current(c.memory).count[0]):
-        speed, least = reach(c, r, way)
-        if speed * way > least:
-            way = least / speed
-    return way
 
 
 @kernel

@@ -22,10 +22,10 @@ from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.joints.limits import SHORTEST
 from rigid_sim_ros.engine.steps.articulated import go_back
 from rigid_sim_ros.engine.steps.jointed_contact import (
-    BEGIN, choose, COLLISIONS, CUT_SHORT, find_touching, JointedContact, LOOKS, MORE_BODIES, reach,
+    BEGIN, choose, CUT_SHORT, find_touching, JointedContact, LOOKS, MORE_BODIES, reach,
     read_way, STAGE, STEPS, take_way)
 from rigid_sim_ros.engine.steps.jointed_ways import (
-    begin_ways, collide_chosen, go_until, LEFT, look_again, may_end_earlier, take_rest,
+    begin_ways, collide_chosen, go_until, LEFT, may_end_earlier, safe_way, take_rest,
     try_again_until, try_first_half, WAY)
 from rigid_sim_ros.engine.steps.sudden_ways import reaches_others
 from rigid_sim_ros.kernels.kernel import kernel
@@ -89,9 +89,8 @@ def _seek(c: JointedContact) -> int:
     read_bodies(model, joints.state, loads.F, loads.tau, w.bodies)
     if c.place[CUT_SHORT] == 0 and any_bounces(h, SHORTEST * h, w):
         take_touching(h, SHORTEST * h, w)
-        before = c.place[COLLISIONS]
-        why = collide_chosen(c, True)
-        if why != DONE or (c.place[COLLISIONS] > before and look_again(c, h)):
+        why, again = collide_chosen(c, True, h)
+        if why != DONE or again:
             return why
         read_bodies(model, joints.state, loads.F, loads.tau, w.bodies)
     manifolds = current(c.memory)
@@ -104,23 +103,11 @@ def _seek(c: JointedContact) -> int:
     if may_end_earlier(c):
         bounces = leave_bouncing(h, w)
         if bounces < math.inf:
-            bounces = min(bounces, _until_sudden(c))
+            # What goes suddenly passes nothing from which it is to bounce.
+            bounces = min(bounces, safe_way(c, sudden=True))
         if bounces < c.span[WAY]:
             go_until(c, bounces)
     return choose(c, FIRST)
-
-
-@kernel
-def _until_sudden(c: JointedContact) -> float:
-    """Return for how long [s] what goes suddenly passes nothing from which it is to bounce."""
-    way = c.span[WAY]
-    manifolds, sudden = current(c.memory), c.buffers.sudden
-    for r in range(manifolds.count[0]):
-        if sudden[manifolds.body_a[r]] + sudden[manifolds.body_b[r]] > 0.0:
-            speed, least = reach(c, r, way)
-            if speed * way > least:
-                way = least / speed
-    return way
 
 
 @kernel

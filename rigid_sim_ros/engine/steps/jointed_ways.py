@@ -20,7 +20,8 @@ from rigid_sim_ros.engine.joints.shake import MOST_PARTS
 from rigid_sim_ros.engine.steps.articulated import go_back, next_size
 from rigid_sim_ros.engine.steps.jointed_contact import (
     begin, COLLISIONS, CUT_SHORT, end, EVENTS, JointedContact, keep_first_half, LOOKS, MORE_ROWS,
-    retry_unresolved, SEARCHES, SIZE, SLOWED, STAGE, take_first_half, take_second_half, TRIES)
+    reach, retry_unresolved, SEARCHES, SIZE, SLOWED, STAGE, take_first_half, take_second_half,
+    TRIES)
 from rigid_sim_ros.engine.steps.sudden_ways import (
     forget_sudden, goes_suddenly, outruns_detection)
 from rigid_sim_ros.kernels.kernel import kernel
@@ -84,28 +85,44 @@ def try_again_until(c: JointedContact, t: float) -> None:
 
 
 @kernel
-def collide_chosen(c: JointedContact, elastic: bool) -> int:
-    """Let the points that take part collide in no time; return DONE, or what is needed first."""
+def collide_chosen(c: JointedContact, elastic: bool, h: float) -> tuple[int, bool]:
+    """
+    Let the points that take part collide in no time.
+
+    Returns DONE, or what is needed first; and whether what touches is to be found again, as what
+    collided goes farther in h [s] than was known.
+    """
     joints, w = c.joints, c.buffers
     model, state = joints.model, joints.state
     w.count[NEEDED] = choose_points(model, joints.table, w)
     if w.count[NEEDED] > w.system.rows.at.shape[0]:
-        return MORE_ROWS
+        return MORE_ROWS, False
     collisions = collide(model, state, joints.table, joints.motion, joints.scratch, model.h,
                          elastic, w)
-    if collisions > 0:
-        c.place[COLLISIONS] += collisions
-        _record_collisions(c)
-    return DONE
+    if collisions == 0:
+        return DONE, False
+    c.place[COLLISIONS] += collisions
+    _record_collisions(c)
+    again = c.place[SEARCHES] < MOST_SEARCHES and outruns_detection(c, h)
+    if again:
+        c.place[SEARCHES] += 1
+    return DONE, again
 
 
 @kernel
-def look_again(c: JointedContact, h: float) -> bool:
-    """Return whether what touches is to be found again: what collided goes farther in h [s]."""
-    if c.place[SEARCHES] == MOST_SEARCHES or not outruns_detection(c, h):
-        return False
-    c.place[SEARCHES] += 1
-    return True
+def safe_way(c: JointedContact, sudden: bool) -> float:
+    """
+    Return for how long [s] bodies may go so that nothing passes through anything unseen.
+
+    `sudden`: only what goes suddenly is asked.
+    """
+    way, manifolds, noted = c.span[WAY], current(c.memory), c.buffers.sudden
+    for r in range(manifolds.count[0]):
+        if not sudden or noted[manifolds.body_a[r]] + noted[manifolds.body_b[r]] > 0.0:
+            speed, least = reach(c, r, way)
+            if speed * way > least:
+                way = least / speed
+    return way
 
 
 @kernel
