@@ -55,15 +55,17 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
     """
-    Let Python not look for cycles while it imports all tests.
+    Let Python not look for cycles while it imports all tests, and never in what it has by then.
 
-    In each worker that was a quarter of the time of the imports.
+    In each worker that was a quarter of the time of the imports, and half a second of a processor
+    each time that it goes through everything.
     """
     gc.disable()
     try:
         return (yield)
     finally:
         gc.enable()
+        gc.freeze()
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -21,22 +21,27 @@ _MOST = 4
 # What is told apart so that files of all kinds run side by side: browsers draw, nodes mostly wait,
 # and the others calculate.
 _KINDS = ('viewer', 'nodes')
-# [s] What the longest files take, about; only the order of the files rests on it.
+# [s] What the longest files take, about, one at a time; only the order of the files rests on it.
+# Those of nodes mostly wait.
 _SECONDS = {
-    'viewer/test_live.py': 55, 'viewer/test_memory.py': 60, 'viewer/test_joints_page.py': 45,
-    'viewer/test_bag_page.py': 25, 'viewer/test_switches.py': 30, 'viewer/test_commands.py': 20,
-    'viewer/test_arrivals_page.py': 20, 'viewer/test_old_reports.py': 12,
-    'nodes/test_process.py': 25, 'nodes/test_replay_control.py': 35, 'nodes/test_recording.py': 30,
-    'nodes/test_resume.py': 15, 'nodes/test_replay.py': 25, 'nodes/test_recording_load.py': 25,
-    'nodes/test_examples.py': 20, 'nodes/test_replay_process.py': 20,
-    'kernels/test_cache.py': 25, 'kernels/test_numba_target.py': 30,
-    'engine/steps/test_precompile.py': 20, 'engine/detection/test_narrow_phase.py': 10,
-    'bag/test_hostile.py': 6, 'laws/test_jointed_laws.py': 10, 'kernels/test_separate.py': 20,
-    'test_drops.py': 18, 'laws/test_mixed_laws.py': 12, 'bag/test_fuzz.py': 10,
-    'engine/solver/test_parallel_detection.py': 20, 'cli/test_precompile.py': 20,
-    'laws/test_laws.py': 10, 'engine/joints/test_trees.py': 12,
-    'engine/detection/test_backtrack.py': 12, 'test_kinematic.py': 12}
-_USUAL = 4
+    'viewer/test_live.py': 50, 'viewer/test_memory.py': 50, 'viewer/test_switches.py': 45,
+    'viewer/test_bag_page.py': 28, 'viewer/test_commands.py': 20,
+    'viewer/test_arrivals_page.py': 16, 'viewer/test_joints_page.py': 14,
+    'viewer/test_old_reports.py': 10, 'nodes/test_replay.py': 80, 'nodes/test_process.py': 45,
+    'nodes/test_replay_process.py': 45, 'nodes/test_replay_control.py': 35,
+    'nodes/test_recording.py': 27, 'nodes/test_recording_load.py': 24,
+    'nodes/test_examples.py': 22, 'nodes/test_neighbours.py': 20, 'nodes/test_resume.py': 18,
+    'nodes/test_joints.py': 12, 'nodes/test_extremes.py': 10, 'kernels/test_numba_target.py': 27,
+    'cli/test_precompile.py': 25, 'test_warm_up.py': 20, 'test_threads.py': 18,
+    'kernels/test_separate.py': 18, 'laws/test_mixed_laws.py': 18, 'plots/test_files.py': 17,
+    'bag/test_hostile.py': 16, 'kernels/test_cache.py': 15, 'test_drops.py': 14,
+    'test_package.py': 12, 'models/test_mjcf.py': 12, 'laws/test_laws.py': 12,
+    'laws/test_ground_laws.py': 12, 'laws/test_jointed_laws.py': 12,
+    'engine/detection/test_narrow_phase.py': 12, 'engine/steps/test_precompile.py': 12,
+    'render/test_render.py': 11, 'laws/test_thin_laws.py': 10, 'world/test_odd_commands.py': 10,
+    'test_imports.py': 9, 'laws/test_crowd_laws.py': 8, 'engine/state/test_body_order.py': 8,
+    'bag/test_full_disk.py': 8, 'bag/test_fuzz.py': 8}
+_USUAL = 2
 
 
 def workers(config: pytest.Config) -> int:

@@ -68,6 +68,13 @@ def test_a_change_moves_the_cache_of_what_depends_on_it(engine, tmp_path, change
     assert ''.join(name for name in 'abcd' if before[name] != after[name]) == affected
 
 
+def test_another_version_of_numba_has_folders_of_its_own(engine, monkeypatch):
+    """Two environments that share a cache would overwrite what the other one reads."""
+    before = engine()
+    monkeypatch.setattr(cache.numba, '__version__', 'another')
+    assert all(before[name] != folder for name, folder in engine().items())
+
+
 # Prints how often a kernel was found in the cache, and compiled.
 FOUND = """
 from rigid_sim_ros.engine.maths.rotation import unit

@@ -7,7 +7,7 @@ Everything runs over real DDS in a ROS domain that nobody else on this machine u
 machine only.
 """
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 import ctypes
 import os
 from pathlib import Path
@@ -30,12 +30,13 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_srvs.srv import SetBool, Trigger
 
-# s: far more than anything here takes, so that only what never happens fails.
+# s: far more than anything here takes, so that only what never happens fails. With eight busy
+# processes beside on two cores the longest of all waits took 75 s.
 PATIENCE = 180.0
 AGAIN = 0.5     # s after which a question that changes nothing is asked again
 LOST = 20.0     # s after which an answer of a service will not come any more
-# s: what was lost on its way is missed at the next heartbeat, every 3 s by default of Fast DDS.
-SILENCE = 5.0
+# s: what was lost on its way is missed at the next heartbeat, every 0.1 s: heartbeats.xml.
+SILENCE = 2.0
 
 # Deep enough for everything that a test waits for.
 DEEP = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
@@ -84,8 +85,13 @@ class Process:
         return found.stdout != ''
 
     def wait(self) -> int:
-        """Wait for the end and return the exit code."""
-        return self._process.wait(PATIENCE)
+        """Wait for the end and return the exit code; what does not end in time is killed."""
+        try:
+            return self._process.wait(PATIENCE)
+        except (subprocess.TimeoutExpired, TimeoutError):
+            self._process.kill()
+            self._process.wait()
+            raise
 
     def is_running(self) -> bool:
         return self._process.poll() is None
@@ -97,11 +103,8 @@ class Process:
         """End it if it still runs, by force if need be."""
         if self.is_running():
             self.signal(signal.SIGINT)
-            try:
-                self._process.wait(PATIENCE)
-            except (subprocess.TimeoutExpired, TimeoutError):
-                self._process.kill()
-                self._process.wait()
+            with suppress(subprocess.TimeoutExpired, TimeoutError):
+                self.wait()
 
 
 # What the tests have started and not yet ended.
@@ -379,6 +382,7 @@ def start_ros() -> None:
     """Put this process and its children into a domain of their own."""
     os.environ['ROS_DOMAIN_ID'] = str(free_domain())
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(Path(__file__).with_name('heartbeats.xml'))
     # The kernels compile at their first use, which takes longer than any patience below.
     with tempfile.TemporaryDirectory() as folder:
         first = Process(['simulate', '--duration', '0.001'], Path(folder), is_forked=True)

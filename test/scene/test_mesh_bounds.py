@@ -14,7 +14,6 @@ from rigid_sim_ros.scene.mesh_bounds import _MOST_PARTS
 
 CORNERS = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], dtype='<f4')
 FACES = np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)], dtype='<u2')
-SECONDS = 5     # of a processor
 
 
 def glb(nodes, *, count=4, view=True):
@@ -86,7 +85,7 @@ HOSTILE = {
 @pytest.mark.parametrize('name', HOSTILE)
 def test_what_grows_beyond_all_measure_is_refused_soon(tmp_path, name, read):
     (tmp_path / name).write_bytes(HOSTILE[name]())
-    with limited_time(SECONDS), pytest.raises(ValueError, match='is not a mesh that can be read'):
+    with limited_time(), pytest.raises(ValueError, match='is not a mesh that can be read'):
         read(tmp_path / name)
 
 
@@ -96,7 +95,7 @@ def test_groups_and_materials_of_an_obj_file_take_no_time(tmp_path):
     lines = ''.join(f'usemtl m{k}\ng g{k}\nf {" ".join(str(i + 1) for i in FACES[k % 4])}\n'
                     for k in range(20_000))
     path.write_text(corners + lines)
-    with limited_time(SECONDS):
+    with limited_time():
         assert len(mesh.read(path).faces) == 20_000
 
 

@@ -16,7 +16,7 @@ from scipy import ndimage
 # one goes up to 0.4 m and down again on a spring, every 3.1 s for ever; the others rest.
 SCENE = """
 format: 1
-world: {gravity: [0, 0, 0], step: 0.001, contact: none}
+world: {gravity: [0, 0, 0], step: 0.005, contact: none}
 bodies:
   - name: left
     shape: {type: sphere, radius: 0.2}
@@ -37,7 +37,7 @@ forces:
 """
 OTHER_SCENE = """
 format: 1
-world: {gravity: [0, 0, 0], step: 0.001, contact: none}
+world: {gravity: [0, 0, 0], step: 0.005, contact: none}
 bodies:
   - name: only
     shape: {type: box, size: [0.4, 0.4, 0.4]}
@@ -92,8 +92,8 @@ def scene_file(folder: Path, text: str = SCENE) -> Path:
 
 
 def view(folder: Path, *words: str) -> Process:
-    """Start `rigid_sim view`."""
-    return Process(['rigid_sim', 'view', *words], folder, is_forked=True)
+    """Start `rigid_sim view`; the browser draws less often than the page follows by default."""
+    return Process(['rigid_sim', 'view', '--rate', '10', *words], folder, is_forked=True)
 
 
 class Page:

@@ -22,9 +22,9 @@ from rigid_sim_ros.world import load_scene
 @pytest.fixture(scope='module')
 def bag(folder):
     batch = Batch(load_scene(scene_file(folder)), folder / 'session')
-    batch.run(2000)
+    batch.run(400)
     batch.tell('set_pose', name='middle', position=(0.0, 0.0, 0.5), orientation=(0, 0, 0, 1))
-    batch.run(2000)
+    batch.run(400)
     batch.close()
     return folder / 'session'
 
@@ -132,7 +132,7 @@ def test_legends_of_charts_show_the_values_at_the_time_of_the_picture(page):
 
 
 def test_the_session_is_verified(page):
-    page.wait_for(lambda: 'verified: the same to the bit in 4000 steps' in page.text(),
+    page.wait_for(lambda: 'verified: the same to the bit in 800 steps' in page.text(),
                   'the verdict')
 
 

@@ -279,7 +279,7 @@ def test_the_page_shows_the_next_simulation_by_itself(page, sim, probe, folder):
 def replayed(shown, viewer, probe, folder, port):
     """Give the page after its program was ended and another one started, that shows a replay."""
     batch = Batch(load_scene(scene_file(folder)), folder / 'session', node='/recorded')
-    batch.run(4000)
+    batch.run(800)
     batch.close()
     viewer.signal(signal.SIGINT)
     assert viewer.wait() == 0

@@ -21,7 +21,7 @@ from rigid_sim_ros.viewer.server import PageServer, start, stop
 
 OVERLAYS = ('velocities', 'wrenches', 'contacts', 'body axes', 'names', 'trails')
 # How many pictures are drawn between two counts, and how often the scene changes.
-PICTURES, SCENES = 60, 10
+PICTURES, SCENES = 30, 10
 # What fills only slowly is full after so many counts.
 ROUNDS = 8
 _THINGS = ('object', 'closure', 'array')

@@ -187,6 +187,24 @@ def test_many_bodies_keep_their_numbers():
     assert other.state_hash() == changing.state_hash()
 
 
+def test_contacts_of_many_bodies_are_found_anew_when_a_joint_gives_them_other_numbers():
+    """Tables of joints have the bodies in the order of the scene; without any, places count."""
+    names = [f'b{k}' for k in range(0, 264, 2)] + [f'b{k}' for k in range(1, 264, 2)]
+    start = scene(*(body(name, 0.5 * (int(name[1:]) // 2), 0.1 + 0.2 * (int(name[1:]) % 2))
+                    for name in names), collision={'sleep_after': 0.02})
+    world, other = World.from_dict(start), World.from_dict(start)
+    world.step(60)
+    assert world.contact_report().asleep == 264
+    world.add({'name': 'hold', 'type': 'fixed', 'parent': 'b0', 'child': 'b1'})
+    other.restore(world.save())
+    for one in (world, other):
+        one.step(1)
+    assert other.state_hash() == world.state_hash()
+    assert (world.contacts()['body_a'] < world.contacts()['body_b']).all()
+    # The floor carries all, and each lower body its upper one, but for the one that is held.
+    assert world.contacts()['normal_force'].sum() == pytest.approx((264 + 131) * 9.81, rel=1e-9)
+
+
 def test_reset_puts_what_is_there_where_it_began():
     world = World.from_dict(scene(body('low', 0, 0.1), body('high', 0, 0.3)))
     world.step(10)

@@ -54,3 +54,23 @@ def test_an_impact_without_a_solution_ends_once_it_does_not_become_weaker():
         assert np.abs(world.linear_velocity[0]).max() < 0.1 + 1e-6
     # Of three pairs, twice three are asked for whether they become weaker.
     assert 0 < most <= 3 * 2 * 3
+
+
+def test_plates_that_close_on_a_ball_go_all_their_way_whatever_a_step_cannot_finish():
+    def plate(name, x, v):
+        return {'name': name, 'kinematic': True, 'shape': {'type': 'box', 'size': [0.1, 1, 1]},
+                'pose': {'position': [x, 0, 0]}, 'twist': {'linear': [v, 0, 0]}}
+
+    h, v = 0.02, 1.0
+    world = World.from_dict({
+        'format': 1, 'world': {'contact': 'event', 'step': h, 'gravity': [0, 0, 0]},
+        'materials': {'default': {'friction': 0.0, 'restitution': 1.0}},
+        'bodies': [plate('left', -0.165, v), plate('right', 0.165, -v), {
+            'name': 'ball', 'mass': 1.0, 'shape': {'type': 'sphere', 'radius': 0.1},
+            'twist': {'linear': [1.0, 0.1, 0.0]}}]})
+    for k in (1, 2, 3):
+        world.step()
+        # Between them the ball bounces more and more often, without end once there is no gap.
+        assert 'collisions in one step' in world.contact_report().message
+        place = 0.165 - k * h * v
+        assert world.position[:2, 0] == pytest.approx([-place, place], abs=1e-14)

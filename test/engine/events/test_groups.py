@@ -6,6 +6,7 @@ from engine.touching import ball, box, EventScene, ground
 import numpy as np
 import pytest
 
+from rigid_sim_ros import World
 from rigid_sim_ros.engine.events.buffers import GROUPS, TRIES
 from rigid_sim_ros.engine.model.shapes import Material
 
@@ -41,6 +42,25 @@ def test_a_floor_joins_no_groups():
     scene.step()
     # The two that are on top of each other are one.
     assert scene.work.buffers.count[GROUPS] == 3
+
+
+def test_bodies_that_a_spring_ties_go_through_a_step_together():
+    """Else its force would act on each for other times once one of them bounces in a step."""
+    balls = [{'name': name, 'mass': 1.0, 'shape': {'type': 'sphere', 'radius': R},
+              'pose': {'position': [x, 0.0, z]}}
+             for name, x, z in (('a', 0.0, 0.3), ('b', 2.0, 1.0))]
+    spring = {'type': 'spring', 'a': 'a', 'b': 'b', 'stiffness': 100.0, 'rest_length': 1.0}
+    world = World.from_dict({
+        'format': 1, 'world': {'contact': 'event', 'step': 0.01}, 'forces': [spring],
+        'materials': {'default': {'friction': 0.0, 'restitution': 1.0}},
+        'bodies': [{'name': 'ground', 'fixed': True, 'shape': {'type': 'plane'}}, *balls]})
+    fastest = 0.0
+    for _ in range(100):
+        world.step()
+        fastest = max(fastest, float(world.linear_momentum[1, 0]))
+        # Without friction nothing pushes the two aside: rounding of some 10 kg m/s.
+        assert abs(world.linear_momentum[:, 0].sum()) < 1e-13
+    assert fastest > 5.0
 
 
 def test_a_step_in_which_a_body_gets_farther_than_thought_begins_anew():
