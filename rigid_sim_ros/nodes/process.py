@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the nodes share as processes: how they start, end, and complain."""
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+import faulthandler
 from itertools import pairwise
 import os
 from pathlib import Path
@@ -21,8 +23,10 @@ from rigid_sim_ros.problems import printable
 from rigid_sim_ros.reading import check
 
 DONE, FAILED, USAGE = 0, 1, 2
+_STDERR = 2             # the file descriptor, whatever Python has made of sys.stderr
 _SPIN_PERIOD = 0.2      # s between two looks at whether to end
 _LOG_PERIOD = 5.0       # s between two lines about what ROS cannot read
+LONGEST_END = 20.0     # s that ROS may take to end
 # Arguments of ROS that name a file, and how many bytes it may have.
 _FILES, _MOST_BYTES = ('--params-file', '--log-config-file'), 2 ** 24
 _PACKAGE = Path(__file__).parents[1]
@@ -60,6 +64,27 @@ def start_ros(ros_args: Sequence[str]) -> None:
     set_logger_level('rcl', LoggingSeverity.FATAL)
     rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)
     set_logger_level('rcl', LoggingSeverity.UNSET)
+
+
+@contextmanager
+def ends_in_time() -> Iterator[None]:
+    """
+    End this process with code 1 if ROS has not ended, by `end_ros`, some seconds after the block.
+
+    What Fast DDS 2.14 takes down while another node is found may wait for ever: set_listener of
+    its DomainParticipant holds a lock until no callback is at work, and one of them waits for that
+    lock. rclpy keeps the GIL meanwhile, and neither a signal nor a thread of Python gets a turn.
+    """
+    try:
+        yield
+    finally:
+        faulthandler.dump_traceback_later(LONGEST_END, exit=True, file=_STDERR)
+
+
+def end_ros() -> None:
+    """End ROS, if it was started."""
+    rclpy.try_shutdown()
+    faulthandler.cancel_dump_traceback_later()
 
 
 def ros_text(error: Exception) -> str:

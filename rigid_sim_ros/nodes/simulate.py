@@ -16,7 +16,6 @@ import traceback
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
-import rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -31,7 +30,8 @@ from rigid_sim_ros.nodes.joint_inputs import JointReceiver
 from rigid_sim_ros.nodes.neighbours import Neighbours
 from rigid_sim_ros.nodes.parameters import declare, is_live, mistake_in, ParameterError
 from rigid_sim_ros.nodes.process import (
-    complain, DONE, FAILED, Parser, ROS_ERRORS, ros_text, start_ros, Threads)
+    complain, DONE, end_ros, ends_in_time, FAILED, Parser, ROS_ERRORS, ros_text, start_ros,
+    Threads)
 from rigid_sim_ros.nodes.publishers import (
     check_tf, chosen_bodies, message_class, Publishers)
 from rigid_sim_ros.nodes.qos import profiles
@@ -244,8 +244,9 @@ def run(
     restore = stop_on_signals(stopped)
     try:
         start_ros(ros_args)
-        simulation = Simulation(scene, duration, record, moment, paused, stopped)
-        simulation.run()
+        with ends_in_time():
+            simulation = Simulation(scene, duration, record, moment, paused, stopped)
+            simulation.run()
         simulation.node.destroy_node()
         return FAILED if simulation.lost_a_recording else DONE
     except Stopped:
@@ -264,7 +265,7 @@ def run(
         traceback.print_exc()       # a mistake of this program, not of its user
         return FAILED
     finally:
-        rclpy.try_shutdown()
+        end_ros()
         restore()
 
 

@@ -9,12 +9,11 @@ from collections.abc import Sequence
 import os
 import threading
 
-import rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 
 from rigid_sim_ros.nodes.process import (
-    complain, DONE, ROS_ERRORS, ros_text, start_ros, Threads)
+    complain, DONE, end_ros, ends_in_time, ROS_ERRORS, ros_text, start_ros, Threads)
 from rigid_sim_ros.nodes.view_driver import RosDriver
 from rigid_sim_ros.nodes.view_feed import Feed, simulations
 from rigid_sim_ros.signals import Stop, stop_on_signals
@@ -116,8 +115,9 @@ def run(
         start_ros(ros_args)
         server, _ = open_page(host, port)
         try:
-            view = View(server, stopped)
-            view.run(target, rate, begins)
+            with ends_in_time():
+                view = View(server, stopped)
+                view.run(target, rate, begins)
             view.node.destroy_node()
         finally:
             stop(server)
@@ -126,6 +126,6 @@ def run(
     except ROS_ERRORS as error:
         return complain(ros_text(error))
     finally:
-        rclpy.try_shutdown()
+        end_ros()
         restore()
     return DONE

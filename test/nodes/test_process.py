@@ -184,6 +184,23 @@ def test_the_node_runs_inside_another_program(ros, tmp_path, scene):
     assert verify(tmp_path / 'bag').holds
 
 
+@pytest.mark.parametrize('mistake', [False, True])
+def test_a_process_ends_though_ros_waits_for_ever_as_it_takes_the_node_down(
+        ros, tmp_path, scene, mistake):
+    # As Fast DDS may wait, with the GIL: pause() of C, which returns after a signal alone.
+    code = ('import ctypes\n'
+            'from rclpy.node import Node\n'
+            'from rigid_sim_ros.nodes import process, simulate\n'
+            'process.LONGEST_END = 0.5\n'
+            'Node.destroy_node = Node.__del__ = lambda node: ctypes.PyDLL(None).pause()\n'
+            f'simulate.run({scene!r}, duration=0.1, ros_args=["--ros-args", "-p", '
+            f'"real_time_factor:={-1.0 if mistake else 1.0}"])')
+    done = fresh.run('-c', code, cwd=tmp_path)
+    assert done.returncode == 1
+    assert 'Timeout' in done.stderr
+    assert ('real_time_factor' in done.stderr) == mistake
+
+
 def test_a_mistyped_parameter_is_named_with_the_nearest(probe, tmp_path, scene):
     with running(tmp_path, scene, publish_rat=50.0) as process:
         probe.wait_for(lambda: "did you mean 'publish_rate'?" in process.stderr)

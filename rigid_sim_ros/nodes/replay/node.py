@@ -15,7 +15,6 @@ import time
 import traceback
 from typing import Any
 
-import rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -26,7 +25,8 @@ from rigid_sim_ros.bag.playback import PlayableBag
 from rigid_sim_ros.nodes.declaring import ParameterError
 from rigid_sim_ros.nodes.neighbours import Neighbours
 from rigid_sim_ros.nodes.process import (
-    complain, DONE, FAILED, Parser, ROS_ERRORS, ros_text, start_ros, Threads)
+    complain, DONE, end_ros, ends_in_time, FAILED, Parser, ROS_ERRORS, ros_text, start_ros,
+    Threads)
 from rigid_sim_ros.nodes.replay.controls import Controls
 from rigid_sim_ros.nodes.replay.outputs import Outputs
 from rigid_sim_ros.nodes.replay.parameters import declare
@@ -204,8 +204,9 @@ def run(
     try:
         overrides.update(read_overrides(qos_path) if qos_path else {})
         start_ros(ros_args)
-        replay = Replay(overrides, stopped)
-        replay.run()
+        with ends_in_time():
+            replay = Replay(overrides, stopped)
+            replay.run()
         replay.node.destroy_node()
     except (BagError, ParameterError, OSError) as error:
         return complain(str(error))
@@ -215,7 +216,7 @@ def run(
         traceback.print_exc()       # a mistake of this program, not of its user
         return FAILED
     finally:
-        rclpy.try_shutdown()
+        end_ros()
         restore()
     return DONE
 
