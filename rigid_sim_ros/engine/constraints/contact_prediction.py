@@ -81,6 +81,12 @@ class Prediction(NamedTuple):
     moved: Array
     gap: Array  # (POINTS, c) [m] of each point where a manifold was found
     pose: Array  # (s, 12) scratch, as in `Memory.pose`
+    # (s, 12) poses in the middle of the step, of bodies that go on without a force; (n, 3) [rad/s]
+    # the angular velocities then; of 8 bits, 1 where they are known in this step
+    middle: Array
+    middle_spin: Array
+    is_placed: IntArray  # (s,)
+    is_turned: IntArray  # (n,)
     old: Array  # (POINTS, 6) scratch
     pressed: IntArray  # (n,) of 8 bits, 1: a contact pressed the body in the step before
     still: Loads  # of 0
@@ -90,21 +96,25 @@ def make_prediction(n: int, shapes: int, capacity: int) -> Prediction:
     """Return buffers for n bodies."""
     return Prediction(room(capacity, kind=np.int8), room(POINTS, capacity), room(capacity, 3),
                       room(capacity, 3), room(POINTS, capacity), room(shapes, 12),
-                      np.zeros((POINTS, _OLD)), room(n, kind=np.int8), empty_loads(n))
+                      room(shapes, 12), room(n, 3), room(shapes, kind=np.int8),
+                      room(n, kind=np.int8), np.zeros((POINTS, _OLD)), room(n, kind=np.int8),
+                      empty_loads(n))
 
 
 @kernel
 def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
-                     manifolds: Manifolds, margin: Array, rest_margin: Array, activity: IntArray,
-                     prediction: Prediction, scratch: Scratch) -> None:
+                     manifolds: Manifolds, pose: Array, margin: Array, rest_margin: Array,
+                     activity: IntArray, prediction: Prediction, scratch: Scratch) -> None:
     """
     Bring the manifolds to the time in which they act.
 
-    activity (c,) becomes DORMANT where a pair does not meet as it moves, elsewhere ACTS; margin
-    and rest_margin (s,) [m] are those of `Memory`.
+    activity (c,) becomes DORMANT where a pair does not meet as it moves, elsewhere ACTS; pose
+    (s, 12), margin and rest_margin (s,) [m] are those of `Memory`.
     """
     first, count = rows_in_use(manifolds)
     known = False
+    prediction.is_placed[:] = 0
+    prediction.is_turned[:] = 0
     for k in range(count):
         r = (first + k) & INDEX
         activity[r], prediction.given[r] = ACTS, 0
@@ -124,8 +134,8 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
                         + prediction.pressed[manifolds.body_b[r] & INDEX] == 0)
         if near and not may_pass:
             if moved > SLOW * size and not mended:
-                _rewrite(model, state, prediction.still, shapes, manifolds, r, 0.5 * model.h,
-                         True, margin[a] + margin[b], prediction, scratch)
+                _move_to_middle(model, state, shapes, manifolds, r, pose, margin[a] + margin[b],
+                                prediction, scratch)
         elif _closes(model, state, loads, manifolds, r, (MET if near else TOUCHING) * size):
             n = row(manifolds.normal, r)
             if mended:
@@ -136,8 +146,8 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
                 activity[r] = DORMANT
                 forget_impulses(manifolds, r)
             elif not mended:
-                _rewrite(model, state, loads, shapes, manifolds, r, t, False,
-                         margin[a] + margin[b], prediction, scratch)
+                _move_to_meeting(model, state, loads, shapes, manifolds, r, t,
+                                 margin[a] + margin[b], prediction, scratch)
         elif near:
             activity[r] = DORMANT
             forget_impulses(manifolds, r)
@@ -267,19 +277,64 @@ def _way(model: Model, state: State, loads: Loads, i: int, t: float) -> Vector:
 
 
 @kernel
-def _points_after(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds: Manifolds,
-                  r: int, t: float, touches: bool, margin: float, prediction: Prediction,
-                  scratch: Scratch) -> tuple[int, Vector, float]:
-    """
-    Find the points of a manifold t [s] after the start, or earlier, so that nothing overlaps.
+def _place_in_middle(model: Model, state: State, shapes: Shapes, s: int,
+                     prediction: Prediction) -> None:
+    """Place a shape where it is in the middle of the step, unless that is done already."""
+    if prediction.is_placed[s] == 0:
+        place_ahead(model, state, prediction.still, shapes, s, 0.5 * model.h, prediction.middle)
+        prediction.is_placed[s] = 1
 
-    Returns how many there are, the normal, and the time; 0 where these would be of other features.
+
+@kernel
+def _spin_in_middle(model: Model, state: State, i: int, prediction: Prediction) -> Vector:
+    """Return the angular velocity of a body [rad/s] in the middle of the step, without torque."""
+    if prediction.is_turned[i] == 0:
+        w = _spin_after(model, state, i, 0.5 * model.h)
+        for k in range(3):
+            prediction.middle_spin[i, k] = w[k]
+        prediction.is_turned[i] = 1
+    return row(prediction.middle_spin, i)
+
+
+@kernel
+def _move_to_middle(model: Model, state: State, shapes: Shapes, manifolds: Manifolds, r: int,
+                    pose: Array, margin: float, prediction: Prediction, scratch: Scratch) -> None:
+    """
+    Give a manifold that touches the normal and the points of the middle of the step.
+
+    It stays as it is where the points would be of other features: these would begin without the
+    impulses that bear the load.
     """
     a, b = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
     for s in (a, b):
-        place_ahead(model, state, loads, shapes, s, 0.0, prediction.pose)
-    on_face = touches and meets_face(prediction.pose, shapes, a, b, row(manifolds.normal, r))
-    first_gap = _smallest_gap(manifolds, r)
+        _place_in_middle(model, state, shapes, s, prediction)
+    count, n = collide(prediction.middle, shapes, a, b, margin, scratch)
+    before = row(manifolds.normal, r)
+    if count == 0 or dot(n, before) < SAME_NORMAL:
+        return
+    if meets_face(pose, shapes, a, b, before) and not meets_face(prediction.middle, shapes, a, b,
+                                                                 n):
+        return      # what is beside the face comes next: more of the floor, or nothing
+    if not _same_features(manifolds, r, count, scratch.ids):
+        return
+    i, j = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+    w_A = _spin_in_middle(model, state, i, prediction)
+    w_B = _spin_in_middle(model, state, j, prediction)
+    _rewrite(model, state, prediction.still, manifolds, r, 0.5 * model.h, count, n, w_A, w_B, True,
+             prediction, scratch)
+
+
+@kernel
+def _move_to_meeting(model: Model, state: State, loads: Loads, shapes: Shapes,
+                     manifolds: Manifolds, r: int, t: float, margin: float,
+                     prediction: Prediction, scratch: Scratch) -> None:
+    """
+    Give a manifold the normal and the points of the time t [s] at which its pair meets.
+
+    Or of a time a little earlier, so that nothing overlaps.
+    """
+    a, b = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
+    first_gap, met = _smallest_gap(manifolds, r), MET * min(shapes.bound[a], shapes.bound[b])
     for _ in range(EARLIER):
         for s in (a, b):
             place_ahead(model, state, loads, shapes, s, t, prediction.pose)
@@ -287,41 +342,34 @@ def _points_after(model: Model, state: State, loads: Loads, shapes: Shapes, mani
         deepest = 0.0
         for p in range(count):
             deepest = min(deepest, scratch.points[p, 3])
-        if touches or deepest == 0.0:
+        if deepest == 0.0:
             break
         # Corners overlap by less than they went on: from the axis that overlaps least.
-        met = MET * min(shapes.bound[a], shapes.bound[b])
         t *= max(first_gap - met, 0.0) / max(first_gap - deepest, TINY)
-    if count == 0 or dot(n, row(manifolds.normal, r)) < (SAME_NORMAL if touches else 0.0):
-        return 0, n, t
-    if on_face and not meets_face(prediction.pose, shapes, a, b, n):
-        return 0, n, t      # what is beside the face comes next: more of the floor, or nothing
-    if touches and not _same_features(manifolds, r, count, scratch.ids):
-        return 0, n, t      # others would begin without the impulses that bear the load
-    return count, n, t
+    if count == 0 or dot(n, row(manifolds.normal, r)) < 0.0:
+        return
+    i, j = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+    w_A, w_B = _spin_after(model, state, i, t), _spin_after(model, state, j, t)
+    _rewrite(model, state, loads, manifolds, r, t, count, n, w_A, w_B, False, prediction, scratch)
 
 
 @kernel
-def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds: Manifolds,
-             r: int, t: float, touches: bool, margin: float, prediction: Prediction,
-             scratch: Scratch) -> None:
+def _rewrite(model: Model, state: State, loads: Loads, manifolds: Manifolds, r: int, t: float,
+             count: int, n: Vector, w_A: Vector, w_B: Vector, touches: bool,
+             prediction: Prediction, scratch: Scratch) -> None:
     """
-    Give a manifold the normal and the points of t [s] after the start of the step.
+    Give a manifold the `count` points in `scratch` and the normal n of t [s] after the start.
 
-    Its gaps stay those of the start: of points that touch already as they were found there, of
-    others by going back along the path.
+    w_A, w_B are the angular velocities then. Its gaps stay those of the start: of points that
+    touch already as they were found there, of others by going back along the path.
     """
-    count, n, t = _points_after(model, state, loads, shapes, manifolds, r, t, touches, margin,
-                                prediction, scratch)
-    if count == 0:
-        return
     i, j = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
-    old_count = _note_old(model, state, manifolds, r, prediction.old)
-    w_A, w_B = _spin_after(model, state, i, t), _spin_after(model, state, j, t)
+    old_A, old_B = _spin_after(model, state, i, 0.0), _spin_after(model, state, j, 0.0)
+    old_count = _note_old(model, state, manifolds, r, old_A, old_B, prediction.old)
     way_A, way_B = _way(model, state, loads, i, t), _way(model, state, loads, j, t)
     x_A, x_B = add(column(state.x, i), way_A), add(column(state.x, j), way_B)
     slide, known = (0.0, 0.0, 0.0), 0
-    slow = _turns_little(model, state, i, w_A) and _turns_little(model, state, j, w_B)
+    slow = _turns_little(model.h, old_A, w_A) and _turns_little(model.h, old_B, w_B)
     features = (manifolds.feature[0, r], manifolds.feature[1, r], manifolds.feature[2, r],
                 manifolds.feature[3, r])
     for p in range(count):
@@ -359,9 +407,9 @@ def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds
 
 
 @kernel
-def _turns_little(model: Model, state: State, i: int, later: Vector) -> bool:
-    """Return whether a body, with w = `later` by then, turns by so little that rates tell all."""
-    w, most = _spin_after(model, state, i, 0.0), MOST_TURNED / model.h
+def _turns_little(h: float, w: Vector, later: Vector) -> bool:
+    """Return whether a body, with w [rad/s] = `later` by then, turns by so little in a step h."""
+    most = MOST_TURNED / h
     return bool(max(dot(w, w), dot(later, later)) <= most * most)
 
 
@@ -386,10 +434,10 @@ def row_from(values: Array, i: int, k: int) -> Vector:
 
 
 @kernel
-def _note_old(model: Model, state: State, manifolds: Manifolds, r: int, old: Array) -> int:
+def _note_old(model: Model, state: State, manifolds: Manifolds, r: int, w_A: Vector, w_B: Vector,
+              old: Array) -> int:
     """Write what `_rewrite` asks for of the points that were found; return how many these are."""
     a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
-    w_A, w_B = _spin_after(model, state, a, 0.0), _spin_after(model, state, b, 0.0)
     for p in range(manifolds.points[r]):
         u = _velocity(model, state, a, b, w_A, w_B, row(manifolds.r_A[p], r),
                       row(manifolds.r_B[p], r))
