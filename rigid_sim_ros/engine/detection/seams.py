@@ -229,12 +229,10 @@ def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int,
     while at >= 0:
         j, other = (at >> 1) & INDEX, at & 1
         t, _ = _shapes_of(rows, j, other)
-        if not _one_surface(pose, shapes, m, s, t):
-            if shapes.still[m] == 1:
-                break       # those of one body lie side by side
-            at = seams.link[other, j]
-            continue
+        if shapes.still[m] == 1 and shapes.body[t] != shapes.body[s]:
+            break       # those of one body lie side by side
         if (s != t and _reaches(memory.box, t, low, high, most)
+                and _one_surface(pose, shapes, m, s, t)
                 and not are_same(n, _push(pose, shapes, rows, j, other, n))):
             flush = tolerance(shapes, m, s, t)
             for p in range(1 if area else count):
@@ -326,13 +324,11 @@ def stands(shapes: Shapes, memory: Memory, rows: Manifolds, m: int, k: int, side
         while at >= 0:
             j, other = (at >> 1) & INDEX, at & 1
             t, _ = _shapes_of(rows, j, other)
-            if not _one_surface(pose, shapes, m, s, t):
-                if shapes.still[m] == 1:
-                    break
-                at = seams.link[other, j]
-                continue
+            if shapes.still[m] == 1 and shapes.body[t] != shapes.body[s]:
+                break
             at = seams.link[other, j]
-            if s == t or not _reaches(memory.box, t, x, x, near):
+            if (s == t or not _reaches(memory.box, t, x, x, near)
+                    or not _one_surface(pose, shapes, m, s, t)):
                 continue
             n_T = _push(pose, shapes, rows, j, other, n)
             if are_same(n, n_T):
