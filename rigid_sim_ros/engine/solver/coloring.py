@@ -80,6 +80,7 @@ class Blocks(NamedTuple):
     dormant: IntArray  # (b,) of 16 bits, the bits of the lanes of DORMANT manifolds
     direct: IntArray  # (b,) of 16 bits, of the lanes of small islands, see direct_islands.py
     held: IntArray  # (b,) of 16 bits, of those of them whose island has a fixed body
+    unsettled: IntArray  # (b,) of 16 bits, of the lanes that the latest visits changed by much
     residual: Array  # (b,) largest change of velocity that the last visit made [m/s]
     again: IntArray  # (b,) of 32 bits, those of a region with something left, from its first on
     numbers: Array  # flat, the rows of contact_blocks.py
@@ -105,7 +106,7 @@ def make_blocks(capacity: int) -> Blocks:
 
     return Blocks(integers(REGIONS), integers(REGIONS), integers(b), integers(b),
                   room(b, kind=np.int16), room(b, kind=np.int16), room(b, kind=np.int16),
-                  room(b, kind=np.int16), room(b),
+                  room(b, kind=np.int16), room(b, kind=np.int16), room(b),
                   room(b, kind=np.int32),
                   room((b + 1) * BLOCK_SIZE),
                   lanes(), lanes(), lanes())
