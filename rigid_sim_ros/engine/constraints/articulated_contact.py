@@ -24,9 +24,9 @@ from rigid_sim_ros.engine.contact.carried_forces import keep_force, recall_force
 from rigid_sim_ros.engine.contact.classify import resting_speed
 from rigid_sim_ros.engine.contact.contact_rows import all_rows, apply_forces, effect, rate
 from rigid_sim_ros.engine.contact.contacts import (
-    add_contact_load, Contacts, push_rows, read_bodies, read_velocity, to_world)
+    add_contact_load, Contacts, push_rows, read_touched, read_velocity, relative, to_contact, to_world)
 from rigid_sim_ros.engine.dynamics.force_and_torque import kick, Loads
-from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork
+from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork, SOLVED
 from rigid_sim_ros.engine.joints.settle import find_motions, find_motions_of_pieces
 from rigid_sim_ros.engine.joints.shake import expect
 from rigid_sim_ros.engine.maths.rotation import quaternion
@@ -76,16 +76,18 @@ def solve_contacts(model: Model, state: State, table: JointTable, motion: JointM
     if first:
         work.law.bend[:] = 0.0
         expect(table, motion, work)
-    read_bodies(model, state, loads.F, loads.tau, w.bodies)
+    read_touched(model, state, loads.F, loads.tau, w.contacts, w.bodies)
     if first:
         _note_approach(h, w)
     _begin_with(model, state, w.chosen[:w.count[POINTS_IN_USE]], w.count[WIDTH], first, w)
     axes = w.system.axes
     axes.is_row[:] = 0
     found = SAME
+    work.known[SOLVED] = 0
     for n in range(MOST_PIECES):
         _find_velocities(model, state, table, motion, work, h, first, w)
         if n > 0 and not take_rows(work, axes) and found != YIELD:
+            work.known[SOLVED] = 1
             break
         keep_pieces(work, axes)
         if free_rows(table, work, axes):
@@ -104,12 +106,10 @@ def solve_contacts(model: Model, state: State, table: JointTable, motion: JointM
 
 @kernel
 def _note_approach(h: float, w: ContactBuffers) -> None:
-    """Note the rates of the gaps before the kick of half a step of h [s]; spoil the velocities."""
-    for i in range(w.bodies.velocity.shape[0]):
-        for k in range(6):
-            w.bodies.velocity[i, k] -= 0.5 * h * w.bodies.acceleration[i, k]
+    """Note the rates of the gaps before the kick of half a step of h [s]."""
     for k in w.chosen[:w.count[POINTS_IN_USE]]:
-        w.approach[k] = rate_of_gap(w, k)
+        gained = relative(w.bodies.acceleration, w.contacts, k)
+        w.approach[k] = rate_of_gap(w, k) - 0.5 * h * to_contact(w.contacts, k, gained)[0]
 
 
 @kernel
@@ -362,6 +362,7 @@ def _add_displacing(model: Model, state: State, table: JointTable, work: JointWo
                 contacts, k, (w.pushed[k, 0], 0.0, 0.0)), (0.0, 0.0, 0.0), loads)
     if not is_any:
         return
+    work.known[SOLVED] = 0
     for g in range(table.first_row.shape[0] - 1):
         answer_to_impulses(model, table, work, g, loads)
     for i in range(model.m.shape[0]):

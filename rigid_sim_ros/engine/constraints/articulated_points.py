@@ -88,6 +88,15 @@ def take_touching(h: float, soon: float, w: ContactBuffers) -> None:
 
 
 @kernel
+def has_restitution(w: ContactBuffers) -> bool:
+    """Return whether any point may bounce."""
+    for k in range(w.contacts.count[0]):
+        if w.contacts.restitution[k] > 0.0:
+            return True
+    return False
+
+
+@kernel
 def any_bounces(h: float, soon: float, w: ContactBuffers) -> bool:
     """Return whether anything that touches, or does within `soon` [s], is to bounce now."""
     for k in range(w.contacts.count[0]):

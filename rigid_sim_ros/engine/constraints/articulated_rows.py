@@ -306,14 +306,16 @@ def solve_system(system: System, m: int, width: int, is_new: bool) -> float:
     Find the impulses f of m points from what stands there; return the violation, 0 if none.
 
     Points yield by R (f - f'), R their compliance and f' the impulses of the time before, first
-    none (the proximal point algorithm: Rockafellar, Monotone operators and the proximal point
-    algorithm, SIAM J. Control Optim. 14 (1976)). That is repeated as long as it gets less: between
-    bodies that are wedged in it does not.
+    those that stand there (the proximal point algorithm: Rockafellar, Monotone operators and the
+    proximal point algorithm, SIAM J. Control Optim. 14 (1976)): where these are a solution, as of
+    what rests, nothing is left to do. That is repeated as long as it gets less: between bodies
+    that are wedged in it does not.
     """
     r, rows, size = all_rows(system.rows, m, width), system.rows, 0.0
     for i in range(r):
         size = max(size, abs(rows.b[i]))
-        system.center[i] = 0.0
+        system.center[i] = rows.f[i] if moves(rows, i) else 0.0
+        rows.b[i] -= rows.compliance[i] * system.center[i]
     regularisation = REGULARISATION
     worst, before = np.inf, np.inf
     for n in range(MOST_PROXIMAL_STEPS):

@@ -115,8 +115,8 @@ def write_matrix(rows: Rows, m: int, width: int) -> None:
     The entries of rows behind them are given.
     """
     size = all_rows(rows, m, width)
+    forget_effects(rows, 0, m)
     for d in range(m):
-        forget_effects(rows, 0, m)
         for j in range(width * d, width * d + width):
             at = rows.at[j]
             for e in range(rows.first[d], rows.first[d + 1]):
@@ -126,6 +126,7 @@ def write_matrix(rows: Rows, m: int, width: int) -> None:
             for c in range(m):
                 for i in range(width * c, width * c + width):
                     rows.A[size * j + i] = _effect_of_bodies(rows, c, i)
+        forget_effects(rows, d, d + 1)
     rows.in_matrix[0] = size
 
 

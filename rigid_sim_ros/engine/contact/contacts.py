@@ -204,12 +204,35 @@ def read_bodies(model: Model, state: State, F: Array, tau: Array, bodies: Bodies
 
 
 @kernel
+def read_touched(model: Model, state: State, F: Array, tau: Array, contacts: Contacts,
+                 bodies: Bodies) -> None:
+    """Do the same for the bodies of the points, pair after pair."""
+    for n in range(contacts.count[1]):
+        k = contacts.first[n]
+        read_body(model, state, F, tau, contacts.body_a[k], bodies)
+        read_body(model, state, F, tau, contacts.body_b[k], bodies)
+
+
+@kernel
 def read_body(model: Model, state: State, F: Array, tau: Array, i: int, bodies: Bodies) -> None:
     """Do the same for body i."""
+    if model.inv_m[i] == 0.0:
+        _read_unmoved(state, i, bodies)
+        return
     read_velocity(model, state, i, bodies)
     for k in range(3):
         bodies.acceleration[i, k] = model.inv_m[i] * F[k, i]
     read_turning(model, quaternion(state.q, i), tau, i, bodies)
+
+
+@kernel
+def _read_unmoved(state: State, i: int, bodies: Bodies) -> None:
+    """Do the same for a body that nothing pushes."""
+    for k in range(3):
+        bodies.velocity[i, k], bodies.velocity[i, 3 + k] = state.V[k, i], state.V[3 + k, i]
+        bodies.acceleration[i, k] = bodies.acceleration[i, 3 + k] = 0.0
+        for j in range(3):
+            bodies.inv_I_W[i, k, j] = 0.0
 
 
 @kernel

@@ -39,10 +39,8 @@ def _store_six(a: Array, i: int, V: SixEights) -> None:
 @kernel
 def push_nothing(table: JointTable, work: AnswerWork, first: int, last: int) -> None:
     """Let no impulse act on the rows from first to last, nor along their axes."""
-    for i in range(6 * LANES * first, 6 * LANES * last):
-        work.F[i] = 0.0
-    for i in range(LANES * table.first_axis[first], LANES * table.first_axis[last]):
-        work.tau[i] = 0.0
+    work.F[6 * LANES * first:6 * LANES * last] = 0.0
+    work.tau[LANES * table.first_axis[first]:LANES * table.first_axis[last]] = 0.0
 
 
 @inlined

@@ -21,8 +21,9 @@ TOLERANCE = 1e-13
 UNLOCKED, LOCKED, STIFF = range(3)
 # Bits of `AxisLaw.bound`: an axis whose limits are one position is at both.
 AT_LOWER, AT_UPPER = 1, 2
-# Places in `JointWork.known`: whether the factors, and what the axes feel, are of these poses.
-FACTORED, FELT = range(2)
+# Places in `JointWork.known`: whether the factors, and what the axes feel, are of these poses, and
+# the motions of the momenta with which the next half of a step begins.
+FACTORED, FELT, SOLVED = range(3)
 PAST = 4        # steps whose curvature is remembered
 
 
@@ -143,7 +144,7 @@ class JointWork(NamedTuple):
     inv_D: Array    # (k,) 1 / (s . U + extra); 0 for an axis that is LOCKED
     extra: Array    # (k,) what armature and implicit forces add
     tau: Array      # (k,) impulse along the axis
-    known: IntArray     # (2,) see FACTORED
+    known: IntArray     # (3,) see FACTORED
     factored_locked: IntArray   # (k,) what `locked` and `extra` were when A, U, D were written
     factored_extra: Array       # (k,)
     locked: IntArray    # (k,) UNLOCKED, LOCKED or STIFF
@@ -173,7 +174,7 @@ def make_joint_work(table: JointTable) -> JointWork:
     z = np.zeros
     return JointWork(
         z((r, 3)), z((r, 3)), z((r, 3)), z((r, 6)), z((r, SIZE)), z((k, 3)), z((k, 6)), z(k),
-        z(k), z(k), z(2, dtype=np.int64), z(k, dtype=np.int64), z(k), z(k, dtype=np.int64), z(k),
+        z(k), z(k), z(3, dtype=np.int64), z(k, dtype=np.int64), z(k), z(k, dtype=np.int64), z(k),
         z(k), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 3)),
         z((r, 4)), z((r, SIZE)), z(k), z((r, 6)), z(BLOCK_SIZE),
         z(1, dtype=np.int64), _loop_work(table), _law_work(table),

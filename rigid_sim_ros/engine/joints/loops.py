@@ -227,7 +227,8 @@ def close(model: Model, table: JointTable, state: State, work: JointWork, whole:
         if last > first:
             _close_by_missing(table, work, g)
             for m in range(first, last):
-                work.loop.total[m] += work.loop.impulse[m]
+                before = 0.0 if whole else work.loop.total[m]
+                work.loop.total[m] = before + work.loop.impulse[m]
             for n in range(work.loop.rank[g], last - first):
                 m = first + work.loop.order[first + n]
                 work.loop.wanted[m] = _rate_of(table, work, m)

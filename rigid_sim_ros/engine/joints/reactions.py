@@ -29,8 +29,6 @@ def note_momenta(table: JointTable, state: State, work: JointWork) -> None:
     for i in range(table.body.shape[0]):
         P, L = column(state.P, table.body[i]), column(state.L, table.body[i])
         set_six(work.before, i, (P[0], P[1], P[2], L[0], L[1], L[2]))
-    for m in range(work.loop.total.shape[0]):
-        work.loop.total[m] = 0.0
 
 
 @kernel

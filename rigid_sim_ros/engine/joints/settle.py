@@ -6,7 +6,7 @@ import math
 
 from rigid_sim_ros.engine.joints.articulated import factor, gather_momenta, lock, solve
 from rigid_sim_ros.engine.joints.buffers import (
-    AT_LOWER, AT_UPPER, FACTORED, FELT, JointMotion, JointWork, TOLERANCE, UNLOCKED)
+    AT_LOWER, AT_UPPER, FACTORED, FELT, JointMotion, JointWork, SOLVED, TOLERANCE, UNLOCKED)
 from rigid_sim_ros.engine.joints.effective_inertia import (
     add_loops, effective_inertias, has_damped_loops)
 from rigid_sim_ros.engine.joints.joint_coordinates import place_joints
@@ -47,7 +47,7 @@ def prepare_step(model: Model, table: JointTable, state: State, work: JointWork)
 @kernel
 def place(model: Model, table: JointTable, state: State, work: JointWork) -> None:
     """Write where everything is at the present poses, of which nothing else is known then."""
-    work.known[FACTORED] = work.known[FELT] = 0
+    work.known[FACTORED] = work.known[FELT] = work.known[SOLVED] = 0
     place_joints(model, table, state, work)
     if table.condition_joint.shape[0] > 0:
         place_conditions(model, table, state, work)
@@ -108,8 +108,14 @@ def _feel(model: Model, table: JointTable, motion: JointMotion, work: JointWork)
 @kernel
 def solve_motions(model: Model, table: JointTable, state: State, motion: JointMotion,
                   work: JointWork, h: float, first: bool) -> None:
-    """Do what `find_motions` does, and note efforts and what locked axes are to reach."""
-    find_motions(model, table, state, motion, work, h, first)
+    """
+    Do what `find_motions` does, and note efforts and what locked axes are to reach.
+
+    Where contacts found the same motions last they stand.
+    """
+    if work.known[SOLVED] == 0:
+        find_motions(model, table, state, motion, work, h, first)
+    work.known[SOLVED] = 0
     if table.lawful > 0:
         note_efforts(table, motion, work, h, first)
         if first:

@@ -266,6 +266,12 @@ def arrive(c: JointedArguments, h: float, record: bool) -> None:
 
 
 @kernel
+def follows_exactly(table: JointTable) -> bool:
+    """Return whether anything depends on positions, which are then read in each step."""
+    return table.lawful + table.condition_joint.shape[0] > 0
+
+
+@kernel
 def _follow_positions(c: JointedArguments, h: float) -> None:
     """
     Keep count of the turns of joints, and of all positions where anything depends on them.
@@ -274,7 +280,7 @@ def _follow_positions(c: JointedArguments, h: float) -> None:
     itself from the poses.
     """
     table = c.table
-    if table.lawful + table.condition_joint.shape[0] > 0:
+    if follows_exactly(table):
         read_positions(table, c.state, c.motion)
         return
     for k in range(table.axis_joint.shape[0]):

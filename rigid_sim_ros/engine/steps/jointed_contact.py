@@ -34,8 +34,8 @@ from rigid_sim_ros.engine.maths.vector import row
 from rigid_sim_ros.engine.model.kinds.table import is_unbounded
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.engine.steps.articulated import (
-    arrive, begin_part, begin_step, end_step, finish, go_back, JointedArguments, later_loads,
-    MOST_SLOWED, move_bodies, slow_down)
+    arrive, begin_part, begin_step, end_step, finish, follows_exactly, go_back, JointedArguments,
+    later_loads, MOST_SLOWED, move_bodies, slow_down)
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
@@ -144,8 +144,10 @@ def reach(c: JointedContact, r: int, h: float) -> tuple[float, float]:
 def read_way(c: JointedContact) -> None:
     """Read the velocities of the way that was taken, and which points took part in it."""
     model, state, w = c.joints.model, c.joints.state, c.buffers
-    for i in range(model.m.shape[0]):
-        read_velocity(model, state, i, w.bodies)
+    for n in range(w.contacts.count[1]):
+        k = w.contacts.first[n]
+        read_velocity(model, state, w.contacts.body_a[k], w.bodies)
+        read_velocity(model, state, w.contacts.body_b[k], w.bodies)
     match_forces(w.contacts, w.half, w.count[HALF_KNOWN], w.match)
 
 
@@ -249,7 +251,8 @@ def _keep_part(c: JointedContact) -> None:
 def end(c: JointedContact) -> None:
     """End a step."""
     end_step(c.joints)
-    read_positions(c.joints.table, c.joints.state, c.joints.motion)
+    if not follows_exactly(c.joints.table):
+        read_positions(c.joints.table, c.joints.state, c.joints.motion)
     c.place[STEPS] -= 1
     c.place[STAGE] = BEGIN
 

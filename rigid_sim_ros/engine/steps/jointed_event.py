@@ -16,7 +16,7 @@ All bodies go through this side by side. After MOST_EVENTS in a step the rest of
 from rigid_sim_ros.engine.constraints.articulated_points import (
     meeting_within, take_all, take_loaded, take_touching)
 from rigid_sim_ros.engine.contact.contact_search import DONE
-from rigid_sim_ros.engine.contact.contacts import read_bodies
+from rigid_sim_ros.engine.contact.contacts import read_touched
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.joints.limits import SHORTEST
 from rigid_sim_ros.engine.steps.jointed_contact import (
@@ -71,7 +71,7 @@ def _meet(c: JointedContact) -> int:
     if why != DONE:
         return why
     sum_loads(model, state, joints.wrenches, joints.work.loads)
-    read_bodies(model, state, joints.work.loads.F, joints.work.loads.tau, w.bodies)
+    read_touched(model, state, joints.work.loads.F, joints.work.loads.tau, w.contacts, w.bodies)
     if c.place[CUT_SHORT] == 1:
         take_all(w)
     else:

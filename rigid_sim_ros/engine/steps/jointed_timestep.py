@@ -13,10 +13,10 @@ import math
 
 from rigid_sim_ros.engine.constraints.articulated_buffers import WOKEN
 from rigid_sim_ros.engine.constraints.articulated_points import (
-    any_bounces, bouncing_within, leave_arriving, leave_bouncing, take_close, take_loaded,
+    any_bounces, bouncing_within, has_restitution, leave_arriving, leave_bouncing, take_close, take_loaded,
     take_touching, wake, wake_met)
 from rigid_sim_ros.engine.contact.contact_search import DONE
-from rigid_sim_ros.engine.contact.contacts import read_bodies
+from rigid_sim_ros.engine.contact.contacts import read_touched
 from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.joints.limits import SHORTEST
@@ -86,13 +86,14 @@ def _seek(c: JointedContact) -> int:
     if why != DONE:
         return why
     sum_loads(model, joints.state, joints.wrenches, loads)
-    read_bodies(model, joints.state, loads.F, loads.tau, w.bodies)
+    if has_restitution(w):
+        read_touched(model, joints.state, loads.F, loads.tau, w.contacts, w.bodies)
     if c.place[CUT_SHORT] == 0 and any_bounces(h, SHORTEST * h, w):
         take_touching(h, SHORTEST * h, w)
         why, again = collide_chosen(c, True, h)
         if why != DONE or again:
             return why
-        read_bodies(model, joints.state, loads.F, loads.tau, w.bodies)
+        read_touched(model, joints.state, loads.F, loads.tau, w.contacts, w.bodies)
     manifolds = current(c.memory)
     for r in range(manifolds.count[0]):
         speed, least = reach(c, r, h)
@@ -142,5 +143,7 @@ def _choose_loaded(c: JointedContact) -> None:
     """Let take part in the second half of a way what it has to stop, or to send back."""
     model, loads = c.joints.model, c.joints.work.loads
     take_loaded(model, c.buffers)
-    read_bodies(model, c.joints.state, loads.F, loads.tau, c.buffers.bodies)
-    leave_arriving(c.joints.model.h, c.buffers)
+    if has_restitution(c.buffers):
+        read_touched(model, c.joints.state, loads.F, loads.tau, c.buffers.contacts,
+                     c.buffers.bodies)
+        leave_arriving(c.joints.model.h, c.buffers)
