@@ -107,6 +107,26 @@ def test_a_loop_hangs_on_the_forces_of_its_joints():
     assert np.abs(frame.linear_velocity).max() < 1e-12
 
 
+def test_hinges_of_a_loop_bear_no_torque_where_another_meets_its_limit():
+    # In the step in which the driven hinge meets its limit, 0.14 s after the start, what acts
+    # along its axis is found in several rounds, of which only the last one counts.
+    bodies = [body('left', 1.0, (0, 0, 0.5), rod(1, 1, 0.02)),
+              body('right', 1.0, (0, 0, 0.5), rod(1, 1, 0.02), (2, 0, 0)),
+              body('beam', 2.0, (1, 0, 0), (0.01, 0.7, 0.7, 0, 0, 0), (0, 0, 1))]
+    joints = [joint('driven', 'world', 'left', friction=2.0, limits={'upper': 0.3},
+                    drive={'mode': 'position', 'stiffness': 200, 'damping': 5, 'position': 0.5}),
+              joint('foot', 'world', 'right', position=(2, 0, 0)),
+              joint('on_left', 'left', 'beam', position=(0, 0, 1)),
+              joint('on_right', 'beam', 'right', position=(2, 0, 0))]
+    linkage = world(bodies, joints)
+    for _ in range(200):
+        linkage.step()
+        for name in ('foot', 'on_left', 'on_right'):
+            # The torques of the others are up to 10 N m.
+            assert linkage.joint_wrench(name)[4] == pytest.approx(0.0, abs=1e-9)
+    assert linkage.joint_position[0] == pytest.approx(0.3, abs=1e-9)
+
+
 @pytest.mark.parametrize('kind', ['prismatic', 'universal'])
 def test_a_loop_that_asks_the_same_twice_holds_at_any_spin(kind):
     """Which row of the loop counts as the one that depends changes from step to step."""
