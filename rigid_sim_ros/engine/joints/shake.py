@@ -378,12 +378,11 @@ def leaves_active_set(table: JointTable, state: State, work: JointWork, h: float
     for k in range(table.has_laws.shape[0]):
         if table.has_laws[k] == 0 or work.locked[k] != UNLOCKED:
             continue
-        low, high = table.laws.lower[k] - TOLERANCE, table.laws.upper[k] + TOLERANCE
-        if low > -math.inf or high < math.inf:
-            q = joint_position(table, state, table.axis_joint[k], law.before[k])
-            if not low <= q <= high:
-                law.bend[k] = (q - law.before[k]) / h - law.half_rate[k]
-                found = True
+        q = joint_position(table, state, table.axis_joint[k], law.before[k])
+        # Also for what is not a number, of an axis without limits too.
+        if not table.laws.lower[k] - TOLERANCE <= q <= table.laws.upper[k] + TOLERANCE:
+            law.bend[k] = (q - law.before[k]) / h - law.half_rate[k]
+            found = True
         v = law.half_rate[k]
         slack = _PIECE_SLACK * (1.0 + abs(v))
         found = found or (strict and not law.begin[k] - slack <= v <= law.end[k] + slack)
