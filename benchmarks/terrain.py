@@ -23,7 +23,8 @@ ROVER = Path(rigid_sim_ros.__file__).parent / 'example_scenes' / 'rover.yaml'
 SIDE, SIZE = 50, 20.0   # points along each side of the terrain, and how long that is [m]
 HILL = 0.05     # [m]
 SETTLED = 500   # steps of 1 ms before anything is measured
-PARTS = {'stands': (500, 0.0), 'drives': (2000, 5.0)}   # steps, and the speed of the wheels [rad/s]
+# Steps, and the speed of the wheels [rad/s].
+PARTS = {'stands': (500, 0.0), 'drives': (2000, 5.0)}
 
 
 def heights(hill: float) -> list[list[float]]:

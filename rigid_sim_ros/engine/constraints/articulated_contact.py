@@ -24,7 +24,8 @@ from rigid_sim_ros.engine.contact.carried_forces import keep_force, recall_force
 from rigid_sim_ros.engine.contact.classify import resting_speed
 from rigid_sim_ros.engine.contact.contact_rows import all_rows, apply_forces, effect, rate
 from rigid_sim_ros.engine.contact.contacts import (
-    add_contact_load, Contacts, push_rows, read_touched, read_velocity, relative, to_contact, to_world)
+    add_contact_load, Contacts, push_rows, read_touched, read_velocity, relative, to_contact,
+    to_world)
 from rigid_sim_ros.engine.dynamics.force_and_torque import kick, Loads
 from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork, SOLVED
 from rigid_sim_ros.engine.joints.settle import find_motions, find_motions_of_pieces

@@ -13,8 +13,8 @@ import math
 
 from rigid_sim_ros.engine.constraints.articulated_buffers import WOKEN
 from rigid_sim_ros.engine.constraints.articulated_points import (
-    any_bounces, bouncing_within, has_restitution, leave_arriving, leave_bouncing, take_close, take_loaded,
-    take_touching, wake, wake_met)
+    any_bounces, bouncing_within, has_restitution, leave_arriving, leave_bouncing, take_close,
+    take_loaded, take_touching, wake, wake_met)
 from rigid_sim_ros.engine.contact.contact_search import DONE
 from rigid_sim_ros.engine.contact.contacts import read_touched
 from rigid_sim_ros.engine.detection.manifolds import current
