@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from laws import (
     apart_laws, driven_laws, energy_laws, ground_laws, impact_laws, jointed_laws, jointed_twins,
-    mixed_laws, rest_laws, shot_laws, slept_laws, standing_laws, twin_laws)
+    mixed_laws, rest_laws, ridden_laws, shot_laws, slept_laws, standing_laws, twin_laws)
 from laws.crowd_scenes import draw_collapse, draw_crates
 from laws.driven_scenes import draw_driven, draw_driven_at_a_wall, draw_driven_floating
 from laws.ground_scenes import (
@@ -22,6 +22,7 @@ from laws.thin_scenes import draw_flat, draw_flight, draw_thin, draw_thin_restin
 import numpy as np
 
 RIGID = ('timestep', 'event', 'qp')
+_TOUCHING = ('timestep', 'event')
 # What is soft by its definition is not asked where the law is of rigid impacts and rest.
 ALL = (*RIGID, 'penalty')
 
@@ -61,6 +62,8 @@ LAWS = {law.name: law for law in (
         twin_laws.draw_pair, twin_laws.alike(twin_laws.reordered), ALL),
     Law('weight', 'the force on the ground is the weight at rest',
         rest_laws.draw_weight, rest_laws.judge_weight),
+    Law('ridden', 'what stands on a floor that moves goes with it',
+        ridden_laws.draw_ridden, ridden_laws.judge_ridden, _TOUCHING),
     Law('rolling', 'rolling keeps energy',
         energy_laws.draw_rolling, energy_laws.judge_rolling),
     Law('limit', 'half the step is half the distance to the limit',
@@ -97,7 +100,6 @@ JOINTED = {law.name: law for law in (
     *_twins('jointed', draw_jointed, _WITH_JOINTS, _JOINTED_TWINS))}
 
 # Those of scenes with joints and loose bodies.
-_TOUCHING = ('timestep', 'event')
 MIXED = {law.name: law for law in (
     Law('mixed-energy', 'energy never grows without work, and joints hold',
         draw_mixed, jointed_laws.judge_jointed_energy, _TOUCHING),
