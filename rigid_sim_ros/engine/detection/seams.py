@@ -158,18 +158,15 @@ def _centre(pose: Array, turn: Array, shapes: Shapes, s: int) -> Vector:
 
 
 @kernel
-def _one_surface(pose: Array, shapes: Shapes, m: int, s: int, t: int) -> bool:
+def _one_surface(pose: Array, shapes: Shapes, s: int, t: int) -> bool:
     """
     Return whether M may move over both S and T as over one surface.
 
-    If M is fixed, only if S and T are of one body. Of two bodies of which one moves, only where
-    they have a direction in common, as what lies flush has: in a heap that tumbles, pieces that
-    meet M in one place hold it each for itself.
+    Of two bodies of which one moves, only where they have a direction in common, as what lies
+    flush has: in a heap that tumbles, pieces that meet M in one place hold it each for itself.
     """
     if shapes.body[s] == shapes.body[t]:
         return True
-    if shapes.still[m] == 1:
-        return False
     if shapes.still[s] + shapes.still[t] == 2:
         return True
     for i in range(3):
@@ -230,9 +227,9 @@ def _is_suspect(shapes: Shapes, memory: Memory, rows: Manifolds, k: int, s: int,
         j, other = (at >> 1) & INDEX, at & 1
         t, _ = _shapes_of(rows, j, other)
         if shapes.still[m] == 1 and shapes.body[t] != shapes.body[s]:
-            break       # those of one body lie side by side
+            break       # a fixed M is met by each body for itself, whose pieces lie side by side
         if (s != t and _reaches(memory.box, t, low, high, most)
-                and _one_surface(pose, shapes, m, s, t)
+                and _one_surface(pose, shapes, s, t)
                 and not are_same(n, _push(pose, shapes, rows, j, other, n))):
             flush = tolerance(shapes, m, s, t)
             for p in range(1 if area else count):
@@ -328,7 +325,7 @@ def stands(shapes: Shapes, memory: Memory, rows: Manifolds, m: int, k: int, side
                 break
             at = seams.link[other, j]
             if (s == t or not _reaches(memory.box, t, x, x, near)
-                    or not _one_surface(pose, shapes, m, s, t)):
+                    or not _one_surface(pose, shapes, s, t)):
                 continue
             n_T = _push(pose, shapes, rows, j, other, n)
             if are_same(n, n_T):

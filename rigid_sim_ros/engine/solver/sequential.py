@@ -380,7 +380,7 @@ def sweep(region: int, blocks: Blocks, motion: Array, what: Sweep, much: float) 
         if bits != 0:
             residual = visit_block(blocks, block, motion, what, bits)
         note_left(blocks, block, residual, what)
-        blocks.unsettled[block] = bits_of(residual > much)
+        blocks.unsettled[block] = bits_of(residual > much) & blocks.left[block] // CHANGED
         unsettled |= blocks.unsettled[block]
     return unsettled != 0
 

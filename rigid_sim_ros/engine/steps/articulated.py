@@ -266,7 +266,7 @@ def arrive(c: JointedArguments, h: float, record: bool) -> None:
 
 
 @kernel
-def follows_exactly(table: JointTable) -> bool:
+def reads_positions(table: JointTable) -> bool:
     """Return whether anything depends on positions, which are then read in each step."""
     return table.lawful + table.condition_joint.shape[0] > 0
 
@@ -280,7 +280,7 @@ def _follow_positions(c: JointedArguments, h: float) -> None:
     itself from the poses.
     """
     table = c.table
-    if follows_exactly(table):
+    if reads_positions(table):
         read_positions(table, c.state, c.motion)
         return
     for k in range(table.axis_joint.shape[0]):

@@ -34,8 +34,8 @@ from rigid_sim_ros.engine.maths.vector import row
 from rigid_sim_ros.engine.model.kinds.table import is_unbounded
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.engine.steps.articulated import (
-    arrive, begin_part, begin_step, end_step, finish, follows_exactly, go_back, JointedArguments,
-    later_loads, MOST_SLOWED, move_bodies, slow_down)
+    arrive, begin_part, begin_step, end_step, finish, go_back, JointedArguments, later_loads,
+    MOST_SLOWED, move_bodies, reads_positions, slow_down)
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
@@ -251,7 +251,7 @@ def _keep_part(c: JointedContact) -> None:
 def end(c: JointedContact) -> None:
     """End a step."""
     end_step(c.joints)
-    if not follows_exactly(c.joints.table):
+    if not reads_positions(c.joints.table):
         read_positions(c.joints.table, c.joints.state, c.joints.motion)
     c.place[STEPS] -= 1
     c.place[STAGE] = BEGIN
