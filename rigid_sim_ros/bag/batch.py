@@ -3,6 +3,7 @@
 """Run a scene offline, as fast as possible, into the bag that the node would have recorded."""
 
 from collections.abc import Callable
+import math
 import os
 import time
 from typing import Any
@@ -32,9 +33,19 @@ class Batch:
                  publish_rate: float = PUBLISH_RATE, hash_interval: int = HASH_INTERVAL,
                  storage: str = 'mcap', compression: str = 'none', node: str = '/rigid_sim',
                  **options: Any) -> None:
-        """Create the bag; BagError if that cannot be done."""
+        """
+        Create the bag; BagError if that cannot be done.
+
+        States are recorded `publish_rate` times a second [Hz] of simulation time and hashes every
+        `hash_interval` steps, 0: never. ValueError for less than 0.
+        """
+        if not 0.0 <= publish_rate < math.inf:
+            raise ValueError(f'publish_rate {publish_rate!r} Hz, must be finite and >= 0')
+        if hash_interval < 0:
+            raise ValueError(f'hash_interval {hash_interval!r}, must be >= 0')
         self.world = world
-        self._publish_interval = max(1, round(_SECOND / (publish_rate * world.step_ns)))
+        self._publish_interval = max(1, round(
+            _SECOND / (publish_rate * world.step_ns))) if publish_rate else 0
         self._hash_interval = hash_interval
         self._ticks = 0         # steps taken, which a reset does not set back
         self._start_ns = time.time_ns()
@@ -74,7 +85,7 @@ class Batch:
     def publish(self) -> None:
         """Record what the node would publish now."""
         index = self.world.step_index
-        if index % self._publish_interval == 0:
+        if self._publish_interval and index % self._publish_interval == 0:
             self._record(kinds.CLOCK, kinds.POSE, kinds.TWIST, kinds.STATE, kinds.JOINT_STATES)
         if self._hash_interval and index % self._hash_interval == 0:
             self._record(kinds.STATE_HASH)
@@ -84,7 +95,7 @@ class Batch:
         intervals = [n for n in (self._publish_interval, self._hash_interval) if n]
         while steps > 0:
             index = self.world.step_index
-            count = min(steps, *(n - index % n for n in intervals))
+            count = min([steps, *(n - index % n for n in intervals)])
             self.world.step(count)
             self._ticks += count
             steps -= count

@@ -81,7 +81,7 @@ class JointReceiver:
 
     def _states(self, model: str, message: Any) -> tuple[Command, ...]:
         joints = self._named(model, message.name)
-        commands = []
+        states = {}
         for name, joint, goals in self._rows(joints, message, ('position', 'velocity')):
             position, velocity = goals['position'], goals['velocity']
             if position != position:
@@ -89,10 +89,9 @@ class JointReceiver:
                     raise _Refused('not finite', f'joint {name!r} has a velocity and no position, '
                                    'must have both')
                 continue
-            commands.append(Command('set_joint_state', {
-                'name': joint.name, 'position': position,
-                'velocity': velocity if velocity == velocity else 0.0}))
-        return tuple(commands)
+            states[joint.name] = {'position': position,
+                                  'velocity': velocity if velocity == velocity else 0.0}
+        return (Command('set_joint_states', {'states': states}),) if states else ()
 
     def _trajectory(self, model: str, message: Any) -> tuple[Command, ...]:
         joints = self._named(model, message.joint_names)

@@ -239,7 +239,7 @@ class StepLoop:
                 if one.kind == 'set_joint_commands':
                     given['duration'] = self._held_for('command_timeout')
                 self._world.apply(Command(one.kind, given))
-                self._moved |= one.kind == 'set_joint_state'
+                self._moved |= one.kind == 'set_joint_states'
         except ValueError as error:
             self._refusals.refuse('impossible', f'{item.topic}: {error}')
             return

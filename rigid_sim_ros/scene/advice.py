@@ -160,6 +160,9 @@ def _of_integrator(scene: Scene) -> Iterator[str]:
     if scene.spec.world.integrator == 'euler':
         yield ('integrator euler adds energy to whatever swings or spins: use another one but to '
                'compare')
+    if scene.orientation != 'quaternion' and scene.integrator in ('symplectic', 'rk4'):
+        yield (f'orientation {scene.orientation} is how euler and semi_implicit turn a body: '
+               f'integrator {scene.integrator} does not ask for it; leave it out')
 
 
 def _of_contact(scene: Scene) -> Iterator[str]:

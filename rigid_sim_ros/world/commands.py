@@ -10,7 +10,8 @@ from rigid_sim_ros.world.readings import Readings
 # Names of the methods of World that change it.
 KINDS = frozenset({'add', 'apply_impulse', 'apply_wrench', 'cancel_wrenches',
                    'follow_trajectory', 'remove', 'reset', 'set_joint_command',
-                   'set_joint_commands', 'set_joint_state', 'set_pose', 'set_twist'})
+                   'set_joint_commands', 'set_joint_state', 'set_joint_states', 'set_pose',
+                   'set_twist'})
 # What may be said of a command besides the arguments of its method: how the message that brought a
 # wrench named its frame, for the world's may have another name outside.
 FRAME_ID = 'frame_id'

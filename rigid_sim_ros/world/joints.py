@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a world offers of its joints."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -129,6 +129,53 @@ class WithJoints(Commanded):
         joint, one with several axes, numbers that are not finite or beyond the joint's limits, or
         a loop that cannot close there; then nothing has changed.
         """
+        ((p, v),) = self._set_joints({name: (position, velocity)})
+        self._tell('set_joint_state', name=name, position=p, velocity=v)
+
+    def set_joint_states(self, states: Mapping[str, Mapping[str, float]]) -> None:
+        """
+        Do for several joints what `set_joint_state` does for one, at once: all of them, or none.
+
+        states are by the names of the joints, as in {'shoulder': {'position': 0.5, 'velocity':
+        0.0}}; a velocity that is not given is 0. Joints of one loop may be given together.
+        """
+        if not isinstance(states, Mapping) or not all(
+                isinstance(one, Mapping) and 'position' in one
+                and one.keys() <= {'position', 'velocity'} for one in states.values()):
+            raise ValueError(f'states {states!r:.80}, must be a mapping of joints to mappings '
+                             'with a position, and a velocity if any')
+        found = self._set_joints({name: (one['position'], one.get('velocity', 0.0))
+                                  for name, one in states.items()})
+        self._tell('set_joint_states', states={
+            name: {'position': p, 'velocity': v}
+            for name, (p, v) in zip(states, found, strict=True)})
+
+    def _set_joints(self, goals: Mapping[str, tuple[float, float]]) -> list[tuple[float, float]]:
+        """Put joints at positions and velocities, and return these; ValueError changes nothing."""
+        found = [self._joint_goal(name, *goal) for name, goal in goals.items()]
+        if not found:
+            return []
+        assert self._joints is not None
+        joints, before = self._joints, self._kept()
+        positions, rates = joints.motion.position.copy(), joints.motion.rate.copy()
+        given = np.zeros(len(rates), dtype=np.int64)
+        for j, k, p, v in found:
+            positions[j], rates[k], given[k] = p, v, 1
+        if len(joints.table.condition_joint) > 0:
+            rates[given == 0] = np.nan
+        gap = self._assemble([j for j, *_ in found], positions, given, rates)
+        if not gap <= CLOSED:
+            self._take_back(before)
+            told = ', '.join(f"position {p:g} of joint '{name}'"
+                             for name, (_, _, p, _) in zip(goals, found, strict=True))
+            raise ValueError(f'{told}: its loop cannot close there, {gap:.3g} m or rad are left; '
+                             'must be one that it can reach')
+        self._motion_is_current = False
+        return [(p, v) for *_, p, v in found]
+
+    def _joint_goal(self, name: str, position: float,
+                    velocity: float) -> tuple[int, int, float, float]:
+        """Return joint, axis, position and velocity; ValueError for what cannot be."""
         joints, j = self._known_joint(name)
         k = self._axis_of(j)
         if k == NONE:
@@ -140,20 +187,7 @@ class WithJoints(Commanded):
         if not laws.lower[k] <= p <= laws.upper[k]:
             raise ValueError(f"position {p:g} of joint '{name}', must be within its limits "
                              f'{laws.lower[k]:g} .. {laws.upper[k]:g}')
-        before = self._kept()
-        positions, rates = joints.motion.position.copy(), joints.motion.rate.copy()
-        given = np.zeros(len(rates), dtype=np.int64)
-        positions[j], rates[k], given[k] = p, v, 1
-        in_loop = len(joints.table.condition_joint) > 0
-        if in_loop:
-            rates[np.arange(len(rates)) != k] = np.nan
-        gap = self._assemble([j], positions, given, rates)
-        if not gap <= CLOSED:
-            self._take_back(before)
-            raise ValueError(f"position {p:g} of joint '{name}': its loop cannot close there, "
-                             f'{gap:.3g} m or rad are left; must be one that it can reach')
-        self._motion_is_current = False
-        self._tell('set_joint_state', name=name, position=p, velocity=v)
+        return j, k, p, v
 
     def _assemble(self, moved: Sequence[int], position: Array, given: IntArray,
                   rate: Array) -> float:

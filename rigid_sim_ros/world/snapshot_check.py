@@ -143,7 +143,7 @@ def check(meta: Mapping[str, Any], arrays: Mapping[str, np.ndarray],
         raise ValueError(f'the snapshot {"lacks" if odd in present else "has"} an array '
                          f'{odd!r}: {_MEND}')
     lengths = {'n': sizes.bodies, 'z': sizes.fixed}
-    # Joints never change in number: the arrays of any time have the lengths of these.
+    # A snapshot has the joints of its scene: its arrays have the lengths of those of the world.
     for name in present:
         if name.startswith('joint_'):
             lengths |= {axis: length for axis, length in zip(

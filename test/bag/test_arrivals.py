@@ -6,7 +6,9 @@ import pytest
 
 from rigid_sim_ros import World
 from rigid_sim_ros.bag.batch import Batch
+from rigid_sim_ros.bag.info import info
 from rigid_sim_ros.bag.motion import read_motion
+from rigid_sim_ros.bag.verify import verify
 from rigid_sim_ros.plots.contacts import simulate_contacts
 from rigid_sim_ros.plots.energies import energies
 
@@ -71,3 +73,24 @@ def test_contacts_are_told_of_the_bodies_that_have_them(motion, tmp_path):
         assert contacts.force[row, 1:3] == pytest.approx([first, early], rel=1e-3)
     assert np.isnan(contacts.gap[contacts.time < 0.1, 3]).all()
     assert np.isfinite(contacts.gap[contacts.time > 0.11, 3]).all()
+
+
+def test_a_batch_that_records_no_states_records_all_else_and_is_verified(tmp_path):
+    batch = Batch(World.from_dict({'bodies': [GROUND, ball('first', 0.0)]}), tmp_path / 'bag',
+                  publish_rate=0.0, hash_interval=10)
+    batch.run(100)
+    batch.close()
+    topics = info(tmp_path / 'bag').topics
+    assert topics['/rigid_sim/first/pose'][1] == 0
+    assert topics['/rigid_sim/state_hash'][1] == 11
+    assert verify(tmp_path / 'bag').holds
+
+
+@pytest.mark.parametrize('option', [{'publish_rate': -1.0}, {'publish_rate': float('nan')},
+                                    {'hash_interval': -1}])
+def test_a_batch_refuses_what_is_no_rate(tmp_path, option):
+    world = World.from_dict({'bodies': [ball('first', 0.0)]})
+    (name, value), = option.items()
+    with pytest.raises(ValueError, match=f'{name} {value}.*must be'):
+        Batch(world, tmp_path / 'bag', **option)
+    assert not (tmp_path / 'bag').exists()

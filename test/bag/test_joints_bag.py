@@ -139,6 +139,7 @@ def test_the_description_of_a_model_is_recorded_once_and_verified(tmp_path):
 @pytest.mark.parametrize('kind, arguments', [
     ('set_joint_commands', {'commands': 7}), ('set_joint_commands', {'commands': {'elbow': 7}}),
     ('set_joint_commands', {'commands': {'shoulder': {'speed': 1.0}}}),
+    ('set_joint_states', {'states': 7}), ('set_joint_states', {'states': {'elbow': 7}}),
     ('follow_trajectory', {'names': 7, 'times': [1.0], 'positions': [[1.0]]}),
     ('follow_trajectory', {'names': [['shoulder']], 'times': [1.0], 'positions': [[1.0]]}),
     ('follow_trajectory', {'names': ['shoulder'], 'times': 'soon', 'positions': {}}),

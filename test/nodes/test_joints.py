@@ -219,6 +219,7 @@ BAD = [
     ('joint_commands', state_of(['elbow'], position=[1e9]), 'impossible'),
     ('set_joint_states', state_of(['elbow'], velocity=[1.0]), 'not finite'),
     ('set_joint_states', state_of(['shoulder'], position=[2.0]), 'impossible'),
+    ('set_joint_states', state_of(['elbow', 'shoulder'], position=[0.3, 2.0]), 'impossible'),
     ('joint_trajectory', trajectory(['nobody'], point(1.0, [0.0])), 'unknown joint'),
     ('joint_trajectory', trajectory(['elbow']), 'length'),
     ('joint_trajectory', trajectory(['elbow'], point(1.0, [])), 'length'),

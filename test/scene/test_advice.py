@@ -95,6 +95,13 @@ def test_the_explicit_euler_method_is_for_comparison() -> None:
     assert 'euler' in advice_for('integrator: euler')[0]
 
 
+def test_an_orientation_that_the_integrator_does_not_ask_for_is_said() -> None:
+    assert 'integrator symplectic does not ask' in advice_for('orientation: matrix')[0]
+    assert 'integrator rk4 does not ask' in advice_for(
+        'orientation: axis_angle, integrator: rk4')[0]
+    assert advice_for('orientation: matrix, integrator: semi_implicit') == []
+
+
 def test_an_integrator_that_contact_does_not_use_is_said() -> None:
     pair = f'{BALL}, {BALL.replace("ball", "other")}'
     assert 'runs worlds without contact only' in advice_for('integrator: rk4', pair)[0]

@@ -80,6 +80,16 @@ def test_a_joint_is_put_at_a_state_and_what_hangs_on_it_goes_along():
         [0, 2.0, 0], one.position[1]), atol=1e-14)
 
 
+def test_joints_that_are_put_at_once_are_where_one_after_the_other_puts_them():
+    one, other = hanging(3, angle=0.1), hanging(3, angle=0.1)
+    one.set_joint_states({'joint0': {'position': 0.5, 'velocity': 2.0},
+                          'joint2': {'position': -0.3}})
+    other.set_joint_state('joint0', 0.5, 2.0)
+    other.set_joint_state('joint2', -0.3)
+    np.testing.assert_allclose(one.position, other.position, atol=1e-15)
+    np.testing.assert_allclose(one.linear_velocity, other.linear_velocity, atol=1e-14)
+
+
 def test_a_joint_in_a_loop_takes_the_others_along():
     one = four_bar()
     one.set_joint_state('a', -1.0, 0.5)
@@ -132,6 +142,9 @@ def test_a_state_that_a_loop_cannot_reach_changes_nothing():
     (lambda one: one.set_joint_state('joint0', math.nan), 'position nan, must be finite'),
     (lambda one: one.set_joint_state('joint0', 2.5),
      r"position 2.5 of joint 'joint0', must be within its limits -2 \.\. 2"),
+    (lambda one: one.set_joint_states({'joint1': {'position': 0.1}, 'joint0': {'position': 2.5}}),
+     r"position 2.5 of joint 'joint0', must be within its limits -2 \.\. 2"),
+    (lambda one: one.set_joint_states({'joint1': {'velocity': 0.1}}), 'must be a mapping of'),
     (lambda one: one.set_joint_command('joint0', 'force'), "mode 'force', must be one of: effort, "
      'velocity, position'),
     (lambda one: one.set_joint_command('joint0', effort='much'), "effort 'much', must be a "

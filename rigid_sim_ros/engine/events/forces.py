@@ -18,7 +18,7 @@ from rigid_sim_ros.engine.detection.backtrack import film
 from rigid_sim_ros.engine.events.buffers import (
     BORNE, Buffers, CHOSEN, DEEP, EventArguments, EventSettings, HELD, KNOWN, MORE_ROWS, NEEDED,
     STUCK, TOUCHED, UNSOLVED, WIDTH, WORST)
-from rigid_sim_ros.engine.events.groups import Groups
+from rigid_sim_ros.engine.events.groups import Groups, MANY_EVENTS, MUCH_WORK, NO_FORCES
 from rigid_sim_ros.engine.events.move import load, shift_levers
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Shapes
@@ -252,9 +252,11 @@ def balance(c: EventArguments, g: int) -> int:
     model, state, shapes, settings, w = c.model, c.state, c.shapes, c.settings, c.buffers
     contacts, width, groups = w.contacts, w.count[WIDTH], w.groups
     w.newton.effort[0] = groups.effort[g]
-    if groups.events[g] >= settings.max_events or effort_left(w, g) < 0.0:
-        # The forces are to last for the rest of the step, and are found for that.
-        end_short(g, groups)
+    # Then the forces are to last for the rest of the step, and are found for that.
+    if groups.events[g] >= settings.max_events:
+        end_short(g, MANY_EVENTS, groups)
+    elif effort_left(w, g) < 0.0:
+        end_short(g, MUCH_WORK, groups)
     first, last = contacts.first[groups.block[g]], contacts.first[groups.block[g + 1]]
     m = _choose(contacts, w.bodies, first, last, model.h, settings.touching, w.chosen)
     w.count[CHOSEN], w.count[DEEP] = m, 0
@@ -276,15 +278,16 @@ def balance(c: EventArguments, g: int) -> int:
     write_rows(model, contacts, w.bodies, chosen, width, COMPLIANCE, rows)
     known = recall_forces(model, contacts, chosen, width, c.carried, w.match, rows.f)
     if not _solve_with_levers(model, g, m, FEW_STEPS if known else 0, span, w):
-        end_short(g, groups)
+        end_short(g, NO_FORCES, groups)
     groups.effort[g] = w.newton.effort[0]
     return STUCK if w.number[WORST] > TOLERANCE and m <= FOR_OSQP else DONE
 
 
 @kernel
-def end_short(g: int, groups: Groups) -> None:
-    """Let the rest of the step of a group run without events."""
-    groups.short[g], groups.span[g] = 1, groups.left[g]
+def end_short(g: int, why: int, groups: Groups) -> None:
+    """Let the rest of the step of a group run without events; the first reason is kept."""
+    groups.short[g] = why if groups.short[g] == 0 else groups.short[g]
+    groups.span[g] = groups.left[g]
 
 
 @kernel

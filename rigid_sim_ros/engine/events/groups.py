@@ -33,6 +33,9 @@ from rigid_sim_ros.kernels.kernel import kernel
 FAR, SLACK = 2.0, 0.01
 # A step that began anew so often goes on as one group.
 MOST_TRIES = 8
+# Why the rest of the step of a group goes on without backtracking: it had `max_events`; it used up
+# its budget of work; no forces, or no impulses, stop all points of what is squeezed.
+MANY_EVENTS, MUCH_WORK, NO_FORCES, NO_IMPULSES = 1, 2, 3, 4
 
 
 class Groups(NamedTuple):
@@ -53,7 +56,7 @@ class Groups(NamedTuple):
     effort: Array  # (n,) multiplications so far in this step, about
     residual: Array  # (n,) the largest in this step
     events: IntArray  # (n,)
-    short: IntArray  # (n,) 1: it goes on without backtracking
+    short: IntArray  # (n,) why it goes on without backtracking, 0: it does not
     far: Array  # (s,) [m] how far a shape may move in this step
     moved: Array  # (s,) [m] how far it moved, at most
     radius: Array  # (s,) [m] of the spheres

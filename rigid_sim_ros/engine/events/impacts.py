@@ -20,7 +20,7 @@ from rigid_sim_ros.engine.events.buffers import (
     BOUNCED, Buffers, COLLISIONS, DEEPEST, EventArguments, EventSettings, FRESH, GROUPS, MORE_ROOM,
     MORE_ROWS, NEEDED, TOUCHED, UNSOLVED, WIDTH, WORST)
 from rigid_sim_ros.engine.events.forces import end_short, room_for, solve, take_no_energy
-from rigid_sim_ros.engine.events.groups import Groups
+from rigid_sim_ros.engine.events.groups import Groups, NO_IMPULSES
 from rigid_sim_ros.engine.maths.algebra import norm
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import State
@@ -178,7 +178,7 @@ def collide_group(c: EventArguments, g: int) -> int:
         if done < 0:
             _read_group(model, state, g, w)
             if not _stop_together(model, state, settings, g, w):
-                end_short(g, groups)
+                end_short(g, NO_IMPULSES, groups)
         _read_group(model, state, g, w)
     groups.effort[g] = w.newton.effort[0]
     return DONE

@@ -213,7 +213,7 @@ def _find_way(c: EventArguments, g: int) -> None:
     first, last = contacts.first[groups.block[g]], contacts.first[groups.block[g + 1]]
     count = near_pairs(shapes, g, memory.pose, memory.box, groups, w.pairs)
     groups.effort[g] += PER_EVENT + PER_PAIR * count
-    if groups.short[g] == 1:
+    if groups.short[g] != 0:
         t, which = first_passage(c.model, c.state, w.work.loads, shapes, w.pairs, count, until,
                                  w.pose, memory.scratch)
         groups.way[g], groups.met[g] = t, MET if which >= 0 else NOTHING
@@ -262,7 +262,7 @@ def _go(c: EventArguments) -> None:
     for i in range(model.m.shape[0]):
         g = groups.of[i]
         w.times[i] = groups.way[g] if g >= 0 else 0.0
-        if g >= 0 and groups.short[g] == 1 and model.inv_m[i] == 0.0:
+        if g >= 0 and groups.short[g] != 0 and model.inv_m[i] == 0.0:
             w.times[i] = groups.left[g]
     _add_impulses(model, w)
     record(model, current(c.memory), w.contacts, w.impulses)
@@ -289,7 +289,7 @@ def _has_ended(c: EventArguments) -> bool:
         if groups.left[g] > 0.0:
             t = groups.way[g]
             # What is left where a group that has spent its budget might get through is lost.
-            ends = (groups.met[g] == NOTHING and t == groups.left[g]) or groups.short[g] == 1
+            ends = (groups.met[g] == NOTHING and t == groups.left[g]) or groups.short[g] != 0
             groups.left[g] = 0.0 if ends else groups.left[g] - t
             _next_span(c.model, g, w)
         over = over and groups.left[g] == 0.0

@@ -41,9 +41,9 @@ _X, _Q, _P, _L, _INV_I, _M, _INV_M, _MEAN_L, _FAST, _ROWS = 0, 3, 7, 10, 13, 16,
 
 # Of `used`: where the slots of the first half end; where those of the second one begin and end.
 FIRST_END, SECOND_BEGIN, SECOND_END, _USED = range(4)
-# Empty slots between the halves. A core that goes from slot to slot is sent some thirty lines of
-# the cache beyond the last one that it asked for. If another core writes there, it would have to
-# take every one of them back first, in each substep.
+# Empty slots between the halves. A core that reads slot after slot prefetches some thirty cache
+# lines beyond the last one that it asked for. Where the other core writes these, each of them
+# travels from core to core in each substep.
 _BETWEEN_HALVES = 64
 
 
@@ -65,9 +65,9 @@ class SolverBodies(NamedTuple):
     # here alone, from `begin_push` on, and with it the inverse mass.
     drifted: Array
     # F / m [m/s^2] and torque [N m] of all that is no contact, and 0, 0. Where gravity is all
-    # there is, it stands in the slots that stand still, and nowhere else
+    # there is, `alike` is 1, and only the slots of what stands still hold it: all read it there
     smooth: Array
-    alike: IntArray  # (1,) 1 where that is so
+    alike: IntArray  # (1,)
     # `motion` of this substep without contacts; between two substeps what contacts added in the
     # one before, which they add to the next one to begin with
     base: Array

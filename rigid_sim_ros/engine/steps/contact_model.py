@@ -54,7 +54,7 @@ class ContactReport(NamedTuple):
     deepest: float = 0.0  # [m] overlap
     asleep: int = 0  # bodies that sleep
     residual: float = 0.0  # of the solver, in its own measure
-    iterations: int = 0  # of the solver
+    iterations: int = 0  # of OSQP where it was asked; of the sequential solver its substeps
     message: str = ''  # what the solver could not do
 
 

@@ -165,7 +165,7 @@ class EventReport(NamedTuple):
     deepest: float  # [m] the deepest overlap that was met during the step, >= 0
     residual: float  # the largest, relative to the accelerations (coulomb.residual)
     unsolved: int  # problems of contact whose conditions could not be met to the tolerance
-    cut_short: bool  # more than `max_events`: part of the step ran without backtracking
+    cut_short: int  # why part of the step ran without backtracking, see groups.py; 0: none did
 
 
 def report(c: EventArguments) -> EventReport:
@@ -173,4 +173,4 @@ def report(c: EventArguments) -> EventReport:
     w = c.buffers
     return EventReport(int(w.contacts.count[0]), int(w.count[EVENTS]), int(w.count[COLLISIONS]),
                        float(w.number[DEEPEST]), float(w.number[RESIDUAL]),
-                       int(w.count[UNSOLVED]), bool(w.count[CUT_SHORT]))
+                       int(w.count[UNSOLVED]), int(w.count[CUT_SHORT]))

@@ -12,6 +12,7 @@ from rigid_sim_ros.engine.detection.manifolds import (
     current_manifolds, earlier_manifolds, Manifolds)
 from rigid_sim_ros.engine.dynamics.integrate import make_work, ORIENTATIONS
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
+from rigid_sim_ros.engine.events.groups import MANY_EVENTS, MUCH_WORK, NO_FORCES, NO_IMPULSES
 from rigid_sim_ros.engine.solver.arguments import (
     Arguments, make_arguments, SequentialSettings, TimestepSettings, with_cut)
 from rigid_sim_ros.engine.solver.partition import Cut
@@ -58,6 +59,11 @@ class FreeMotion(OneThread):
         return np.zeros(0, dtype=CONTACT)
 
 
+# Why a part of a step of `event` ran without backtracking, see events/groups.py.
+_SHORT = {MANY_EVENTS: 'more than {} collisions in one step',
+          MUCH_WORK: 'the collisions in one step took more work than they may',
+          NO_FORCES: 'no forces stop all points of what is squeezed',
+          NO_IMPULSES: 'no impulses stop all points of what is squeezed'}
 # Of `Rest`, what influences later steps.
 _REST = ('steps', 'asleep', 'pose', 'load')
 
@@ -155,7 +161,11 @@ class Timestep(Touching):
 
 
 class VelocityQp(Touching):
-    """Velocity level, all contacts at once by OSQP: the reference for small scenes."""
+    """
+    Velocity level, all contacts at once: the reference for small scenes.
+
+    By Newton's method, and by OSQP where that does not solve up to MOST_POINTS of them.
+    """
 
     def __init__(self, setup: Setup) -> None:
         """Make room for no contacts yet."""
@@ -177,9 +187,11 @@ class VelocityQp(Touching):
         self._arguments = self._begin()
 
     def report(self) -> ContactReport:
-        """Return the counts and what OSQP said."""
+        """Return the counts, and how well the contacts were solved."""
         done = self._arguments.work.report
-        message = '' if done.solved else f'OSQP left a contact problem unsolved: {done.status}'
+        message = '' if done.solved else (
+            f'a contact problem was left with a residual of {done.residual:.1e}'
+            + (f' (OSQP: {done.status})' if done.status else ''))
         return self._counts()._replace(residual=done.residual, iterations=done.iterations,
                                        message=message)
 
@@ -210,14 +222,15 @@ class Event(Touching):
             self._arguments, unnamed('carried', Carried, arrays) if arrays else no_forces())
 
     def report(self) -> ContactReport:
-        """Return the counts and what OSQP said."""
+        """Return the counts, and what could not be done."""
         done = event.report(self._arguments)
         message = ''
         if done.unsolved:
             message = (f'{done.unsolved} contact problems were left with a residual of '
                        f'{done.residual:.1e}')
         elif done.cut_short:
-            message = f'more than {self._arguments.settings.max_events} collisions in one step'
+            message = (_SHORT[done.cut_short].format(self._arguments.settings.max_events)
+                       + ': the rest of the step ran without backtracking')
         # Not only where the step began: the deepest of all times at which it was interrupted.
         return self._counts()._replace(deepest=done.deepest, residual=done.residual,
                                        message=message)

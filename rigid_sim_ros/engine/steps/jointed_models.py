@@ -115,7 +115,8 @@ class JointedEvent(JointedTimestep):
         done = super().report()
         if self._arguments.place[jointed_contact.CUT_SHORT] == 0:
             return done
-        message = f'more than {jointed_event.MOST_EVENTS} collisions in one step'
+        message = (f'more than {jointed_event.MOST_EVENTS} collisions and hits of limits in one '
+                   'step')
         return done._replace(message=f'{done.message}; {message}' if done.message else message)
 
 

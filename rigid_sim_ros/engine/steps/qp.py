@@ -115,7 +115,7 @@ def advance(c: QpArguments, count: int) -> QpArguments:
     """
     Advance the state by `count` steps; return the arguments, whose buffers may have grown.
 
-    What OSQP could not solve is applied as far as it came, and said in `work.report`.
+    What could not be solved is applied as far as it came, and said in `work.report`.
     """
     for _ in range(count):
         c = step(c)

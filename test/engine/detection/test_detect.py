@@ -10,7 +10,8 @@ import pytest
 
 from rigid_sim_ros.engine.detection.manifolds import (
     CONTACTS, empty_memory, forget_pairs, lasting, RECYCLED, with_lasting)
-from rigid_sim_ros.engine.model.kinds.table import BOX
+from rigid_sim_ros.engine.model.hulls import Polyhedron
+from rigid_sim_ros.engine.model.kinds.table import BOX, HULL
 
 CUBE = (BOX, (0.5, 0.5, 0.5), None)
 
@@ -190,3 +191,34 @@ def test_the_counters_say_how_many_points_there_are():
     scene = on_a_plane()
     scene.detect()
     assert scene.memory.counters[CONTACTS] == 4
+
+
+def disk(corners, radius=0.5, height=0.1):
+    """Return a disk of many corners as a mesh about z."""
+    angle = 2 * np.pi * np.arange(corners) / corners
+    ring = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    vertices = np.vstack([np.insert(ring, 2, z, axis=1) for z in (-0.5 * height, 0.5 * height)])
+    k = np.arange(corners)
+    after = (k + 1) % corners
+    sides = np.concatenate([np.stack([k, after, corners + after], axis=1),
+                            np.stack([k, corners + after, corners + k], axis=1)])
+    fan = np.stack([0 * k[1:-1], k[2:], k[1:-1]], axis=1)
+    return Polyhedron(vertices, np.concatenate([sides, fan, corners + fan[:, ::-1]]))
+
+
+@pytest.mark.parametrize('tilt', [0.0, 1e-3])
+@pytest.mark.parametrize('corners', [64, 128, 300])
+def test_of_more_corners_on_a_plane_than_there_is_room_for_all_sides_are_met(corners, tilt):
+    # Tilted about x by so little that all corners are within the margin: the lowest is at -y.
+    q = (np.sin(0.5 * tilt), 0.0, 0.0, np.cos(0.5 * tilt))
+    scene = Scene([PLANE_SHAPE, (HULL, (0.0, 0.0, 0.0), disk(corners))],
+                  [((0.0, 0.0, 0.0), UPRIGHT), ((0.0, 0.0, 0.05), q)], fixed=[0])
+    row, = scene.rows()
+    angles = np.sort(np.arctan2(row['r_B'][:, 1], row['r_B'][:, 0]))
+    gaps = np.diff(np.append(angles, angles[0] + 2 * np.pi))
+    # They stand around the middle: at right angles where all lie as low, and where the lowest is
+    # preferred the next one is the farthest from it.
+    assert np.degrees(gaps.max()) < 150
+    # The lowest is among them, to the part of the size from which it matters.
+    lowest = 0.05 - (0.5 * np.sin(tilt) + 0.05 * np.cos(tilt))
+    assert row['gap'].min() < lowest + 1e-6

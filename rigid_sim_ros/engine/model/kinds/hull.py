@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from rigid_sim_ros.engine.maths.algebra import dot, subtract
 from rigid_sim_ros.engine.maths.pose import point_to_world, to_shape, to_world
 from rigid_sim_ros.engine.model.hulls import HullTable
 from rigid_sim_ros.engine.model.inertia import mesh, mesh_volume
@@ -105,14 +106,50 @@ def _outline(pose: Array, size: Array, s: int, hulls: HullTable, hull: int, n_W:
 @kernel
 def _on_plane(pose: Array, size: Array, s: int, hulls: HullTable, hull: int, n: Vector, p: Vector,
               margin: float, points: Array, ids: IntArray) -> int:
-    count, first = 0, hulls.first[hull]
+    """
+    Write the vertices near a plane; of more than there is room for evenly many, and the deepest.
+
+    What is left out is found by number: the vertices of a rim mostly stand in its order. The last
+    place is that of the deepest one.
+    """
+    count, near, every, deepest, least = 0, 0, 1, -1, margin
+    room = points.shape[0] - 1
     for v in range(hulls.count[hull]):
-        if count < points.shape[0]:
-            k = first + v
-            q = point_to_world(pose, s, (hulls.vertices[k, 0], hulls.vertices[k, 1],
-                                         hulls.vertices[k, 2]))
+        q = _vertex(pose, s, hulls, hull, v)
+        gap = dot(n, subtract(q, p))
+        if gap >= margin:
+            continue
+        if gap < least:
+            deepest, least = v, gap
+        if count == room:
+            count, every = _keep_every_second(points, ids, count), 2 * every
+        if near % every == 0:
             count = put_near_plane(points, ids, count, n, p, q, v, margin)
+        near += 1
+    if every > 1:
+        count = put_near_plane(points, ids, count, n, p, _vertex(pose, s, hulls, hull, deepest),
+                               deepest, margin)
     return count
+
+
+@kernel
+def _vertex(pose: Array, s: int, hulls: HullTable, hull: int, v: int) -> Vector:
+    """Return vertex v of a hull [m, world axes]."""
+    k = hulls.first[hull] + v
+    return point_to_world(pose, s, (hulls.vertices[k, 0], hulls.vertices[k, 1],
+                                    hulls.vertices[k, 2]))
+
+
+@kernel
+def _keep_every_second(points: Array, ids: IntArray, count: int) -> int:
+    """Keep candidates 0, 2, 4, ...; return their number."""
+    kept = 0
+    for k in range(0, count, 2):
+        for i in range(4):
+            points[kept, i] = points[k, i]
+        ids[kept] = ids[k]
+        kept += 1
+    return kept
 
 
 def _size(part: Any) -> Size:
