@@ -32,13 +32,15 @@ import tempfile
 from typing import Any
 
 import numba
-from numba.core import caching, compiler_lock
+from numba.core import caching
 
 from rigid_sim_ros.kernels.type_description import description
 
 _NumbasCache: Any = caching.FunctionCache
 _NumbasFiles: Any = caching.IndexDataCacheFile
-_one_at_a_time: Any = compiler_lock.global_compiler_lock    # of the threads of this process
+_OfSourceFile: Any = caching._SourceFileBackedLocatorMixin
+_NumbasLocator: Any = caching._CacheLocator
+_NumbasImpl: Any = caching.CompileResultCacheImpl
 _logger = logging.getLogger(__name__)
 _ROOT = Path(__file__).parents[1]       # of the package
 _DIGEST = 16        # bytes
@@ -161,23 +163,38 @@ class LateCache:
     ten; the others would take a twelfth of a second at each start.
     """
 
-    def __init__(self, kernel: Any, folder: Path) -> None:
+    def __init__(self, kernel: Any) -> None:
         self._kernel = kernel
-        self._folder = folder
 
     def __getattr__(self, name: str) -> Any:
-        config: Any = numba.config
-        with _one_at_a_time:
-            elsewhere = config.CACHE_DIR
-            config.CACHE_DIR = str(self._folder)
-            try:
-                self._kernel._cache = _Cache(self._kernel.py_func)
-            except (OSError, RuntimeError):     # no folder: then nothing is kept
-                null: Any = caching.NullCache
-                self._kernel._cache = null()
-            finally:
-                config.CACHE_DIR = elsewhere
+        try:
+            self._kernel._cache = _Cache(self._kernel.py_func)
+        except (OSError, RuntimeError):     # no folder: then nothing is kept
+            null: Any = caching.NullCache
+            self._kernel._cache = null()
         return getattr(self._kernel._cache, name)
+
+
+class _Locator(_OfSourceFile, _NumbasLocator):
+    """Tells where the cache of a kernel is, wherever Numba is to keep that of other functions."""
+
+    def __init__(self, function: Any, file: str) -> None:
+        self._py_file, self._lineno = file, function.__code__.co_firstlineno
+        folder = cache_folder(function.__module__)
+        if Path(file) != _path(function.__module__):
+            # It is compiled as a kernel of a module and stands elsewhere: no digest covers that.
+            folder /= self.get_suitable_cache_subpath(file)
+        self._cache_path = str(folder)
+
+    def get_cache_path(self) -> str:
+        """Return the folder."""
+        return self._cache_path
+
+
+class _Impl(_NumbasImpl):
+    """How a kernel is made bytes, with a place of its own."""
+
+    _locator_classes = (_Locator,)
 
 
 class _Files(_NumbasFiles):
@@ -238,14 +255,12 @@ def _digest_of(data: bytes) -> bytes:
 class _Cache(_NumbasCache):
     """Numba's cache of a kernel, which reads machine code without what it takes to make some."""
 
+    _impl_class = _Impl
+
     def __init__(self, function: Any) -> None:
         """Make the cache of a function, whose name tells it from others of the same source."""
         super().__init__(function)
         self._qualname = function.__qualname__
-        if Path(function.__code__.co_filename) == _path(function.__module__):
-            # Numba takes a folder in it, named after where the source lies. It is of use for what
-            # is compiled as a kernel of a module and stands elsewhere: no digest covers that.
-            self._cache_path = str(cache_folder(function.__module__))
         self._cache_file: Any = _Files(self._cache_path, self._impl.filename_base,
                                        self._impl.locator.get_source_stamp())
 

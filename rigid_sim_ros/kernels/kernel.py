@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numba
 
-from rigid_sim_ros.kernels.cache import cache_folder, LateCache
+from rigid_sim_ros.kernels.cache import LateCache
 from rigid_sim_ros.kernels.linking import Kernel, STAYS_APART, without_literals
 from rigid_sim_ros.kernels.numba_target import SUPPORTED
 
@@ -25,7 +25,7 @@ def _compiled(function: Function, **options: Any) -> Any:
     njit: Any = numba.njit
     compiled: Any = (Kernel(function, options={'nopython': True, **options}) if SUPPORTED
                      else njit(**options)(function))
-    compiled._cache = LateCache(compiled, cache_folder(function.__module__))
+    compiled._cache = LateCache(compiled)
     return compiled
 
 
