@@ -154,5 +154,7 @@ _INHERITED = tuple(os.environ.get('PYTHONPATH', '').split(os.pathsep))
 if __name__ == '__main__':
     for library in _LIBRARIES:
         import_module(library)
+    # What Numba imports and starts when it compiles for the first time: 0.3 s of a processor.
+    import_module('numba').njit(lambda x: abs(x))(1.0)
     if (work := _serve()) is not None:
         _become(work)

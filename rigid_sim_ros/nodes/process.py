@@ -19,6 +19,7 @@ from rclpy.logging import get_logger, LoggingSeverity, set_logger_level
 from rclpy.signals import SignalHandlerOptions
 
 from rigid_sim_ros.environment import check_node, has_place_for_logs
+from rigid_sim_ros.nodes.delivery import ask_often
 from rigid_sim_ros.problems import printable
 from rigid_sim_ros.reading import check
 
@@ -57,6 +58,7 @@ def start_ros(ros_args: Sequence[str]) -> None:
                 check(os.stat(path), path, _MOST_BYTES)
             except OSError as error:
                 raise OSError(f'{option} {path}: {error.strerror}') from None
+    ask_often()
     words = list(ros_args)
     if not has_place_for_logs():
         words += ['--ros-args', '--disable-external-lib-logs']

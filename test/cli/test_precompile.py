@@ -41,6 +41,11 @@ bodies:
   - {{name: a, shape: {{type: sphere, radius: 0.1}}, mass: 1, pose: {{position: [0, 0, 0.1]}}}}
   - {{name: b, shape: {{type: box, size: [1, 1, 1]}}, mass: 1, pose: {{position: [2, 0, 0.5]}}}}
 """
+# Nothing can touch, so that nobody looks for contacts.
+ALONE = """
+format: 1
+bodies: [{name: ball, shape: {type: sphere, radius: 0.1}, mass: 1}]
+"""
 # Two pendulums: one hangs at rest and sleeps after five steps, the other swings.
 PENDULUMS = """
 format: 1
@@ -83,13 +88,15 @@ def test_a_scene_that_was_compiled_is_not_compiled_again(tmp_path: Path) -> None
 
 def test_after_all_was_compiled_no_scene_is_compiled(tmp_path: Path) -> None:
     said = run('-m', 'rigid_sim_ros', 'compile')
-    assert '12/12' in said
+    assert '13/13' in said
     examples = [path.stem for path in
                 (Path(rigid_sim_ros.__file__).parent / 'example_scenes').glob('*.yaml')]
     own = [scene(tmp_path, model, restitution) for model in MODELS for restitution in (0.0, 0.5)]
     pendulums = tmp_path / 'pendulums.yaml'
     pendulums.write_text(PENDULUMS, encoding='utf-8')
-    assert run('-c', COMPILED, *examples, *own, str(pendulums)) == '[]\n'
+    alone = tmp_path / 'alone.yaml'
+    alone.write_text(ALONE, encoding='utf-8')
+    assert run('-c', COMPILED, *examples, *own, str(pendulums), str(alone)) == '[]\n'
     world = load_scene(pendulums)
     world.step(20)
     assert world.contact_report().asleep == 1   # the other articulation is a part of the whole

@@ -10,6 +10,7 @@ their attributes. What is only known by a place in memory is described by its ty
 
 from collections import Counter, deque
 from collections.abc import Mapping
+from functools import cache
 import re
 import sys
 import types
@@ -76,7 +77,7 @@ class Walk:
         kind = self.describe(type(value))
         if isinstance(value, _WEAK) or depth == 0:
             return kind
-        if isinstance(value, (Mapping, types.MappingProxyType)):
+        if _is_mapping(type(value)):
             value = list(value.items())
         elif not isinstance(value, (list, tuple, set, frozenset, deque)):
             return kind
@@ -88,7 +89,7 @@ class Walk:
         if depth == 0 or type(value) in _PROXIES or isinstance(value, _WEAK):
             return
         within = []
-        if isinstance(value, (Mapping, types.MappingProxyType)):
+        if _is_mapping(type(value)):
             within = [(_ADDRESS.sub('', str(key)), part) for key, part in list(value.items())]
         elif isinstance(value, tuple):
             within = list(enumerate(value))
@@ -101,6 +102,11 @@ class Walk:
         for key, part in within:
             taken[key] += 1
             yield from self._parts(f'{name}[{key} {taken[key]}]', part, depth - 1)
+
+
+@cache
+def _is_mapping(kind):
+    return issubclass(kind, (Mapping, types.MappingProxyType))
 
 
 def _word(value):

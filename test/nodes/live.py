@@ -30,12 +30,14 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_srvs.srv import SetBool, Trigger
 
+from rigid_sim_ros.nodes.delivery import ask_often
+
 # s: far more than anything here takes, so that only what never happens fails. With eight busy
 # processes beside on two cores the longest of all waits took 75 s.
 PATIENCE = 180.0
 AGAIN = 0.5     # s after which a question that changes nothing is asked again
 LOST = 20.0     # s after which an answer of a service will not come any more
-# s: what was lost on its way is missed at the next heartbeat, every 0.1 s: heartbeats.xml.
+# s: what was lost on its way is missed at the next heartbeat, every 0.1 s: nodes/delivery.py.
 SILENCE = 2.0
 
 # Deep enough for everything that a test waits for.
@@ -382,7 +384,7 @@ def start_ros() -> None:
     """Put this process and its children into a domain of their own."""
     os.environ['ROS_DOMAIN_ID'] = str(free_domain())
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(Path(__file__).with_name('heartbeats.xml'))
+    ask_often()
     # The kernels compile at their first use, which takes longer than any patience below.
     with tempfile.TemporaryDirectory() as folder:
         first = Process(['simulate', '--duration', '0.001'], Path(folder), is_forked=True)

@@ -47,11 +47,12 @@ bodies:
 RED, GREEN, MAGENTA = 0, 120, 300
 _SIZE = 700, 400    # px
 # The processor draws: a picture of 1000 x 600 pixels takes 0.25 s of its time, one of 700 x 400
-# with half as many pixels in a row 0.05 s. And each picture waits a little for the next one.
+# with half as many pixels in a row 0.05 s. And each picture waits a little [ms] for the next one.
 _COARSE = '/?fixedDpr=0.5'
+_PAUSE = 350
 _FEW_PICTURES = """
   const draw = window.requestAnimationFrame.bind(window);
-  window.requestAnimationFrame = (callback) => setTimeout(() => draw(callback), 350);
+  window.requestAnimationFrame = (callback) => setTimeout(() => draw(callback), PAUSE);
   window.cancelAnimationFrame = clearTimeout;
 """
 # What the page hears of as of something typed: its framework overrides the setter of the element.
@@ -101,13 +102,12 @@ class Page:
 
     def __init__(
         self, browser: Any, address: str, size: tuple[int, int] = _SIZE, *,
-        draws_all: bool = False,
+        pause: int = _PAUSE,
     ) -> None:
-        """Open an address; `draws_all`: as many pictures as there is time for."""
+        """Open an address; `pause` [ms] is how long each picture waits for the next one."""
         # In a context of its own: nothing is shared with another page.
         self.page = browser.new_page(viewport=dict(zip(('width', 'height'), size, strict=True)))
-        if not draws_all:
-            self.page.add_init_script(_FEW_PICTURES)
+        self.page.add_init_script(_FEW_PICTURES.replace('PAUSE', str(pause)))
         self.page.add_init_script(_KEPT_NOTES)
         self.page.set_default_timeout(1000 * PATIENCE)
         self.requests: list[str] = []

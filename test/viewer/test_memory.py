@@ -20,6 +20,8 @@ from viewer.telling import Told
 from rigid_sim_ros.viewer.server import PageServer, start, stop
 
 OVERLAYS = ('velocities', 'wrenches', 'contacts', 'body axes', 'names', 'trails')
+# ms: about as many pictures are drawn as are told.
+PAUSE = 50
 # How many pictures are drawn between two counts, and how often the scene changes.
 PICTURES, SCENES = 30, 10
 # What fills only slowly is full after so many counts.
@@ -50,7 +52,7 @@ def told(server: PageServer) -> Told:
 @pytest.fixture(scope='module')
 def page(told: Told, server: PageServer, browser: Any) -> Iterator[Page]:
     """Give the page with all that can be switched on, and the charts in view."""
-    page = Page(browser, f'http://127.0.0.1:{server.get_port()}', (500, 300), draws_all=True)
+    page = Page(browser, f'http://127.0.0.1:{server.get_port()}', (500, 300), pause=PAUSE)
     for overlay in OVERLAYS:
         page.switch(overlay)
     show_charts(page)
@@ -92,7 +94,7 @@ def things(snapshot: str) -> dict[str, int]:
     """Count objects, functions and arrays of JavaScript in a snapshot of its memory."""
     head, _, rest = snapshot.partition('"nodes":[')
     meta = json.loads(head[len('{"snapshot":'):].rstrip().rstrip(','))['meta']
-    numbers = np.array(rest[:rest.index(']')].split(','), dtype=np.int64)
+    numbers = np.fromstring(rest[:rest.index(']')], dtype=np.int64, sep=',')
     kinds = numbers[meta['node_fields'].index('type')::len(meta['node_fields'])]
     names = meta['node_types'][0]
     return {name: int((kinds == names.index(name)).sum()) for name in _THINGS}

@@ -16,7 +16,7 @@ import trimesh
 
 from rigid_sim_ros.messages.codec import StateEncoder
 from rigid_sim_ros.scene import read_scene, scene_from_dict
-from rigid_sim_ros.viewer.motion import MotionDecoder
+from rigid_sim_ros.viewer.motion import among, Motion, MotionDecoder, without_absent
 from rigid_sim_ros.viewer.shapes import Shapes
 
 TETRAHEDRON = {'vertices': '0 0 0, 1 0 0, 0 1 0, 0 0 1', 'faces': '0 2 1, 0 1 3, 0 3 2, 1 2 3'}
@@ -127,6 +127,15 @@ def test_a_cut_state_is_not_read():
     assert decoder.read(data) is not None
     assert decoder.read(data[:-20]) is None
     assert MotionDecoder(NAMES).read(data[:50]) is None
+
+
+def test_bodies_that_are_not_there_have_numbers_and_change_nothing_of_the_others():
+    there = Motion(5, *numbers(3))
+    shown = without_absent(among(there, np.arange(len(NAMES)), len(NAMES) + 1))
+    assert shown.t_ns == 5
+    for array, written in zip(shown[1:], there[1:], strict=True):
+        assert np.array_equal(array[:-1], written)
+        assert np.isfinite(array[-1]).all()
 
 
 def looks(*visuals, **more):

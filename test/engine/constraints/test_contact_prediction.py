@@ -54,6 +54,21 @@ def test_what_meets_within_a_step_has_the_normal_of_that_moment():
     assert scene.state.P[:, 1] @ n == pytest.approx(0.0, abs=10.0 * within)
 
 
+def test_levers_of_what_falls_until_it_meets_are_those_of_that_moment():
+    big, small = ball(0.5, 1.0)._replace(mass=None), ball(0.1, 1.0)
+    # By 0.06 m in the step, 0.04 m of it by the load; some 0.012 m are free.
+    start, v, g, h = 0.61 * np.array((0.6, 0.0, 0.8)), (0.0, 0.0, -1.0), 200.0, 0.02
+    scene = TimestepScene([big, small._replace(position=start, velocity=v)],
+                          Material(friction=0.0), h, (0.0, 0.0, -g))
+    scene.step()
+    manifolds = scene.manifolds()
+    n = manifolds.normal[0]
+    assert n[0] > 0.6 + 1e-3    # it is another one at the start
+    # Found to 1e-4 of the smaller radius.
+    assert manifolds.r_B[0, 0] == pytest.approx(-0.1 * n, abs=1e-5)
+    assert manifolds.r_A[0, 0] == pytest.approx(0.5 * n, abs=2e-5)
+
+
 def drift_of_energy(h):
     """Return by how much the energy of a ball that rolls unevenly is off at most in 1 s [J]."""
     r, m, offset = 0.1, 1.0, 0.04

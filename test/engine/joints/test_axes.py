@@ -114,11 +114,14 @@ def test_a_joint_whose_limits_are_one_position_is_fixed_whatever_its_drive_does(
     assert one.joint_effort[0] == pytest.approx(1e5 * 4.9, rel=1e-12)
 
 
+# It is met as the 500th step ends, or 0.3 of the way through it.
+@pytest.mark.parametrize('upper', [1.0, 0.9986])
 @pytest.mark.parametrize('restitution', [0.5, 1.0])
-def test_a_limit_gives_back_what_its_restitution_says(restitution):
-    one = wheel(limits={'upper': 1.0, 'restitution': restitution}, velocity=2.0)
+def test_a_limit_gives_back_what_its_restitution_says(upper, restitution):
+    one = wheel(limits={'upper': upper, 'restitution': restitution}, velocity=2.0)
     one.step(700)
-    assert one.joint_velocity[0] == pytest.approx(-2.0 * restitution, rel=1e-9)
+    # The time of a limit is known to 1e-9 of a way, SHARP.
+    assert one.joint_velocity[0] == pytest.approx(-2.0 * restitution, rel=2e-9)
 
 
 def test_a_joint_comes_to_rest_on_a_limit_that_bounces():
