@@ -70,6 +70,10 @@ class Folders:
         findings.error(place, f'file {shown} is not there, must be at {found[0]}')
         return None
 
+    def package(self, name: str) -> Path | None:
+        """Return the folder of a package, None where there is none of that name."""
+        return next((folder for folder, _ in self._named(name)), None)
+
     def _named(self, name: str) -> Iterator[tuple[Path, bool]]:
         """Return the folders of a package, and whether the user has named them."""
         if name in self.packages:

@@ -20,7 +20,7 @@ from rigid_sim_ros.models.description import Frame, Inertia, Joint, Link, Mimic,
 from rigid_sim_ros.models.files import Folders
 from rigid_sim_ros.models.findings import Findings, ModelError
 from rigid_sim_ros.models.mjcf_actuators import read_actuators
-from rigid_sim_ros.models.mjcf_compile import compiled
+from rigid_sim_ros.models.mjcf_compile import compiled, placed
 from rigid_sim_ros.models.mjcf_shapes import read_shapes
 from rigid_sim_ros.models.poses import (
     combined, IDENTITY, inverse, Pose, Quaternion, turned_tensor, Vector)
@@ -40,6 +40,8 @@ _HINGE, _SLIDE, _BALL, _FREE = 'hinge', 'slide', 'ball', 'free'
 _BETWEEN = 1e-6
 # [m or rad] What is written with six digits is closed.
 _CLOSED = 1e-5
+# What contacts have in MuJoCo where the file says nothing: sliding, torsional, rolling; condim.
+_FRICTION, _CONDIM = (1.0, 0.005, 0.0001), 3
 # Flags that change the motion, besides that of gravity.
 _DISABLED = ('constraint', 'equality', 'frictionloss', 'limit', 'spring', 'damper', 'actuation')
 
@@ -53,7 +55,7 @@ def read_mjcf(data: bytes, path: Path, folders: Folders) -> Model:
     except ImportError:
         raise ModelError([Problem(NEEDED, '', str(path))]) from None
     except ValueError as error:
-        raise ModelError([Problem(str(error), '', str(path))]) from None
+        raise ModelError([placed(str(error), root)]) from None
     return _Reader(mujoco, model, root, path).model()
 
 
@@ -313,6 +315,10 @@ class _Reader:
         m, dof = self._m, int(self._m.jnt_dofadr[row])
         self._axes[row] = joint
         is_limited = bool(m.jnt_limited[row])
+        low, high = (float(bound) for bound in m.jnt_range[row])
+        if low > high:
+            self._findings.error(joint.place, f'joint {joint.name!r}: range {low:g} {high:g}, its '
+                                 'first number must be the smaller one: swap them')
         joint.kind = ('prismatic' if kind == _SLIDE else 'revolute' if is_limited
                       else 'continuous')
         joint.axis = _vector(m.jnt_axis[row])
@@ -431,6 +437,9 @@ class _Reader:
                 ('pair', m.npair, 'contype and conaffinity tell what touches')):
             if count:
                 findings.ignore(self._first(tag), f'<{tag}>', why)
+        if m.ngeom and (np.any(m.geom_friction != _FRICTION) or np.any(m.geom_condim != _CONDIM)):
+            word = 'friction' if np.any(m.geom_friction != _FRICTION) else 'condim'
+            findings.ignore(self._first(word), word, 'materials are those of the scene')
         for word, why in (
                 ('surfacevel', 'a kinematic body carries what lies on it'), ('adhesion', '')):
             if np.any(getattr(m, f'geom_{word}', 0.0)):

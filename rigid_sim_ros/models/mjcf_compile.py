@@ -11,17 +11,23 @@ what it may take, and what comes back is the compiled model in MuJoCo's binary f
 from importlib.util import find_spec
 import os
 from pathlib import Path
+import re
 import resource
 import signal
 import subprocess
 import sys
 from typing import Any
 
+from rigid_sim_ros.models.xml_tree import Element
+from rigid_sim_ros.problems import Problem
+
 # [s] of a processor, of which a robot takes tenths, and [s] until what stands still is ended.
 _MOST_SECONDS, _PATIENCE = 10, 120
 # [bytes] of addresses that it may use, libraries and all, and of what comes back.
 _MOST_MEMORY, _MOST_RESULT = 3 << 30, 256 << 20
 _GOOD, _WRONG = b'+', b'-'      # how an answer begins: with a model, or with words
+# What MuJoCo says of where a mistake is.
+_LINE, _OPENED = re.compile(r', line (\d+)'), re.compile(r"opening file '([^']*)'")
 _ROOT = Path(__file__).parents[2]
 
 
@@ -57,6 +63,20 @@ def compiled(path: Path, seconds: int = _MOST_SECONDS) -> Any:
 
     name = 'compiled.mjb'
     return mujoco.MjModel.from_binary_path(name, {name: answer[1:]})
+
+
+def placed(message: str, root: Element) -> Problem:
+    """Return what MuJoCo says with its place: the line, or the file that it could not open."""
+    named = _LINE.search(message)
+    opened = _OPENED.search(message)
+    places = [element for element in root.every() if opened is not None
+              and opened[1].endswith(element.attributes.get('file', '') or '\0')]
+    if places:
+        return Problem(message, places[0].path, root.file, places[0].line)
+    # A line of a file that is included is one of that file, which MuJoCo does not name.
+    is_alone = not any(one.tag == 'include' or (one.tag == 'model' and 'file' in one.attributes)
+                       for one in root.every())
+    return Problem(message, '', root.file, int(named[1]) if named and is_alone else 0)
 
 
 def _answer(path: str) -> bytes:

@@ -19,6 +19,7 @@ from rigid_sim_ros.models.description import Frame, Joint, Link, Model, MOST_LIN
 from rigid_sim_ros.models.findings import Findings, Place
 from rigid_sim_ros.models.inertia import mended, mistake, together
 from rigid_sim_ros.models.poses import combined, IDENTITY, inverse, Pose
+from rigid_sim_ros.models.values import mend
 from rigid_sim_ros.problems import Problem
 
 _ONE_AXIS = ('revolute', 'continuous', 'prismatic')
@@ -417,8 +418,9 @@ class _Maker:
         assert joint.mimic is not None
         other, multiplier, offset = joint.mimic
         if ('joint', other) not in self._names:
+            near = mend(other, tuple(one.name for one in self._model.joints))
             self._findings.error(joint.place, f'mimics {other[:60]!r}, must be a joint of the '
-                                 'model')
+                                 f'model{f": {near}" if near.startswith("did") else ""}')
             return
         made['mimic'] = {'joint': self._names['joint', other], 'multiplier': multiplier,
                          'offset': offset}

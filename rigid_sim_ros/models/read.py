@@ -35,8 +35,14 @@ def read_model(path: Path, packages: Mapping[str, Path] | None = None,
     # As it is written, and absolute: links that a workspace is made of stay as they are.
     folder = Path(os.path.abspath(path)).parent
     folders = Folders(folder, dict(packages or {}))
-    data = expanded(path, arguments or {}) if kind == _XACRO else contents(path)
-    model = _READERS[kind](data, path, folders)
+    told = path
+    if kind == _XACRO:
+        data = expanded(path, arguments or {}, folders)
+        # Lines are those of what `xacro FILE` writes: it does not say where these come from.
+        told = path.with_name(f'{path.name} (expanded by xacro)')
+    else:
+        data = contents(path)
+    model = _READERS[kind](data, told, folders)
     if _READERS[kind] is read_urdf:
         model.urdf = data.decode('utf-8', 'replace')
     if srdf is None:

@@ -8,10 +8,12 @@ model, link, joint and frame has a pose relative to another one; names are whole
 `gripper::finger`.
 """
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from rigid_sim_ros.models.findings import Findings, Place
 from rigid_sim_ros.models.poses import combined, IDENTITY, inverse, Pose
+from rigid_sim_ros.models.values import mend
 from rigid_sim_ros.models.xml_tree import Element
 
 MODEL = '__model__'
@@ -56,8 +58,9 @@ class FrameGraph:
         whole = self._known(f'{scope}{name}')
         if whole == MODEL or whole in self._nodes:
             return whole
+        here = [one.removeprefix(scope) for one in self._nodes if one.startswith(scope)]
         self._findings.error(element, f'{name[:80]!r} is neither a link nor a frame, a joint or a '
-                             'model here, must be one')
+                             f'model here, {_meant(name, here)}')
         return ''
 
     def _known(self, name: str) -> str:
@@ -72,13 +75,13 @@ class FrameGraph:
         at = name
         while at not in self._poses:
             if at in seen or at not in self._nodes:
-                self._findings.error(element, 'its pose leads back to itself, must lead to the '
-                                     'model' if at in seen else f'{at[:80]!r} is no frame')
-                return IDENTITY
+                self._report(at, chain, element)
+                break
             seen.add(at)
             chain.append(at)
             at = self._known(self._nodes[at].base)
-        pose = self._poses[at]
+        # Of what is reported, once, all that is relative to it has some pose.
+        pose = self._poses.setdefault(at, IDENTITY)
         for step in reversed(chain):
             node = self._nodes[step]
             pose = combined(pose, node.raw)
@@ -86,6 +89,14 @@ class FrameGraph:
                 pose = combined(pose, inverse(self._within(node.placement, step, element)))
             self._poses[step] = pose
         return pose
+
+    def _report(self, at: str, chain: list[str], element: Place) -> None:
+        """Report a chain of poses that ends at what is no frame, or leads back to itself."""
+        element = self._nodes[chain[-1]].element if chain else element
+        if at in chain:
+            self._findings.error(element, 'its pose leads back to itself, must lead to the model')
+        else:
+            self._findings.error(element, f'{at[:80]!r} is no frame, {_meant(at, self._nodes)}')
 
     def _within(self, name: str, model: str, element: Place) -> Pose:
         """Return the pose of a frame in the model that it belongs to."""
@@ -116,3 +127,9 @@ class FrameGraph:
             seen.add(name)
             name = node.attached
         return WORLD
+
+
+def _meant(name: str, known: Iterable[str]) -> str:
+    """Return which of the known names was meant, if one is near."""
+    words = mend(name, tuple(known))
+    return words if words.startswith('did') else 'must be one'

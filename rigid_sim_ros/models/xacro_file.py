@@ -13,6 +13,7 @@ import sys
 import threading
 from typing import Any
 
+from rigid_sim_ros.models.files import Folders
 from rigid_sim_ros.models.findings import ModelError
 from rigid_sim_ros.models.xml_tree import MAX_BYTES
 from rigid_sim_ros.problems import Problem
@@ -22,12 +23,13 @@ NEEDED = ("needs xacro, which is not installed: `pip install '.[xacro]'` in a cl
           'rigid_sim_ros, `pip install xacro`, or ROS 2 from apt')
 
 
-def expanded(path: Path, arguments: Mapping[str, str]) -> bytes:
+def expanded(path: Path, arguments: Mapping[str, str], folders: Folders) -> bytes:
     """
     Return the URDF that a xacro file writes with these arguments; raises ModelError.
 
-    xacro evaluates expressions and reads the files that they name: unlike the other formats it is
-    a program, for files of those one trusts. None of the files may be such as nothing ends.
+    `$(find PACKAGE)` is the folder that package:// has. xacro evaluates expressions and reads the
+    files that they name: unlike the other formats it is a program, for files of those one trusts.
+    None of the files may be such as nothing ends.
     """
     try:
         import xacro
@@ -35,12 +37,42 @@ def expanded(path: Path, arguments: Mapping[str, str]) -> bytes:
         raise ModelError([Problem(NEEDED, '', str(path))]) from None
     told = StringIO()
     try:
-        with redirect_stderr(told), redirect_stdout(told), _regular_files_only():
+        with (redirect_stderr(told), redirect_stdout(told), _regular_files_only(),
+              _packages_of(folders)):
             document = xacro.process_file(str(path), mappings=dict(arguments))
             return bytes(document.toprettyxml(indent='  ', encoding='utf-8'))
     except (Exception, SystemExit) as error:  # whatever an expression in the file may raise
         words = ' '.join(str(error).split()) or type(error).__name__
-        raise ModelError([Problem(f'xacro says: {words[:300]}', '', str(path))]) from None
+        place = _file_at_work(path)
+        raise ModelError([Problem(f'xacro says: {words[:300]}', '', place)]) from None
+
+
+def _file_at_work(path: Path) -> str:
+    """Return the file in which xacro stopped, which is that of the model or an included one."""
+    import xacro
+
+    return str((getattr(xacro, 'filestack', None) or [path])[-1] or path)
+
+
+@contextmanager
+def _packages_of(folders: Folders) -> Iterator[None]:
+    """Let xacro find packages where models find theirs, also those of no sourced workspace."""
+    from xacro import substitution_args
+
+    original = substitution_args._eval_find
+
+    def find(name: str) -> str:
+        folder = folders.package(name)
+        if folder is None:
+            raise ValueError(f'package {name[:60]!r} is not found, must be named by `packages: '
+                             '{NAME: FOLDER}`, or be in AMENT_PREFIX_PATH, or around the model')
+        return str(folder)
+
+    substitution_args._eval_find = substitution_args._eval_dict['find'] = find
+    try:
+        yield
+    finally:
+        substitution_args._eval_find = substitution_args._eval_dict['find'] = original
 
 
 _watched = threading.local()     # has an attribute in a thread in which xacro runs

@@ -15,7 +15,8 @@ from rigid_sim_ros.engine.joints.joint_coordinates import (
     joint_distance, joint_error, joint_position)
 from rigid_sim_ros.engine.maths.rotation_in_python import from_matrix, multiply, rotate
 from rigid_sim_ros.engine.model import joints as engine
-from rigid_sim_ros.engine.model.joints import build_joints, JointTable, Laws, LoopError, Mimic
+from rigid_sim_ros.engine.model.joints import (
+    axis_groups, build_joints, JointTable, Laws, LoopError, Mimic)
 from rigid_sim_ros.engine.model.model import Model, WORLD
 from rigid_sim_ros.engine.state.state import copy_into, copy_state, State
 from rigid_sim_ros.kernels.arrays import Array, IntArray
@@ -299,11 +300,13 @@ def put_together(spec: schema.Scene, model: Model, state: State, joints: SceneJo
     motion = joints_at_rest(table, joints.drives)
     work = make_joint_work(table)
     motion.position[:] = joints.position
-    given, before = _given(named, table), copy_state(state)
+    apart = (axis_groups(table) == engine.NONE).astype(np.int64)
+    given, before = _given(named, table, apart), copy_state(state)
     gap = assemble(model, table, state, motion, work, joints.position, given)
     if not gap <= CLOSED and given.any():
         copy_into(state, before)
-        gap = assemble(model, table, state, motion, work, joints.position, np.zeros_like(given))
+        given = apart
+        gap = assemble(model, table, state, motion, work, joints.position, given)
     if not gap <= CLOSED:
         worst = max(range(len(named)), key=lambda i: gap_of(table, state, i))
         report(('joints', worst), f'does not close: its frames stay {gap:.3g} m or rad apart, '
@@ -312,15 +315,25 @@ def put_together(spec: schema.Scene, model: Model, state: State, joints: SceneJo
     for i, joint in enumerate(named):
         _check_start(joint, joint_position(table, state, i, float(joints.position[i])),
                      below(('joints', i), report))
-    set_rates(model, table, state, motion, work, joints.velocity)
+    velocity = joints.velocity
+    if len(table.condition_joint) > 0 and not np.isnan(velocity).all():
+        # Bodies move as written, as far as joints let them; of those joints that then get another
+        # velocity, only loops and couplings tell others.
+        set_rates(model, table, state, motion, work, np.full_like(velocity, np.nan))
+        velocity = np.where((apart == 1) & np.isnan(velocity), motion.rate, velocity)
+    set_rates(model, table, state, motion, work, velocity)
 
 
-def _given(named: Sequence[schema.Joint], table: JointTable) -> IntArray:
-    """Return (k,) 1 for axes that keep a written position while others let loops close."""
-    given = np.zeros(len(table.translates), dtype=np.int64)
-    if len(table.condition_joint) > 0:
-        for k, j in enumerate(table.axis_joint):
-            given[k] = int(j != engine.NONE and named[j].position is not None)
+def _given(named: Sequence[schema.Joint], table: JointTable, apart: IntArray) -> IntArray:
+    """
+    Return (k,) 1 for axes that keep their position while others let loops close.
+
+    Those are the axes whose position is written, and with a 1 in apart (k,) those that no loop
+    and no coupling sees.
+    """
+    given = apart.copy()
+    for k, j in enumerate(table.axis_joint):
+        given[k] |= int(j != engine.NONE and named[j].position is not None)
     return given
 
 

@@ -12,7 +12,7 @@ from rigid_sim_ros.engine.joints.joint_coordinates import joint_coordinates
 from rigid_sim_ros.engine.joints.joint_rates import joint_rate
 from rigid_sim_ros.engine.joints.part import articulation_of_joint
 from rigid_sim_ros.engine.maths.rotation_in_python import rotate
-from rigid_sim_ros.engine.model.joints import NONE
+from rigid_sim_ros.engine.model.joints import axis_groups, NONE
 from rigid_sim_ros.engine.state.state import copy_state, write_motion
 from rigid_sim_ros.engine.steps.jointed_motion import JointedMotion, JointSetup
 from rigid_sim_ros.kernels.arrays import Array, IntArray
@@ -158,11 +158,12 @@ class WithJoints(Commanded):
         assert self._joints is not None
         joints, before = self._joints, self._kept()
         positions, rates = joints.motion.position.copy(), joints.motion.rate.copy()
-        given = np.zeros(len(rates), dtype=np.int64)
+        groups = axis_groups(joints.table)
+        follows = (groups != NONE) & np.isin(groups, groups[[k for _, k, *_ in found]])
+        given = 1 - follows.astype(np.int64)
+        rates[follows] = np.nan
         for j, k, p, v in found:
             positions[j], rates[k], given[k] = p, v, 1
-        if len(joints.table.condition_joint) > 0:
-            rates[given == 0] = np.nan
         gap = self._assemble([j for j, *_ in found], positions, given, rates)
         if not gap <= CLOSED:
             self._take_back(before)

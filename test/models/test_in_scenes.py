@@ -152,6 +152,40 @@ def test_a_xacro_file_is_expanded_with_its_arguments(path) -> None:
         read_scene(model)
 
 
+HEAD = '<robot name="pendulum" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+
+
+def test_xacro_finds_the_package_around_a_model(tmp_path) -> None:
+    """As in a clone whose workspace is not built yet."""
+    parts = URDF.replace('<robot name="pendulum">', HEAD.replace(' name="pendulum"', ''))
+    write(tmp_path, 'clone/package.xml', '<package><name>pendulum_description</name></package>')
+    write(tmp_path, 'clone/urdf/parts.xacro', parts)
+    find = (f'{HEAD}<xacro:include filename="$(find pendulum_description)/urdf/parts.xacro"/>'
+            '</robot>')
+    model = write(tmp_path, 'clone/urdf/pendulum.urdf.xacro', find)
+    assert read_scene(model).names == ('pendulum/base', 'pendulum/rod')
+    write(tmp_path, 'clone/urdf/parts.xacro', parts.replace('"10"', '"${lost}"'))
+    with pytest.raises(SceneError, match="xacro says: name 'lost' is not defined") as error:
+        read_scene(model)
+    assert error.value.problems[0].file == str(tmp_path / 'clone/urdf/parts.xacro')
+    model.write_text(find.replace('find pendulum', 'find nobody'), encoding='utf-8')
+    with pytest.raises(SceneError, match="package 'nobody_description' is not found, must be"):
+        read_scene(model)
+
+
+def test_lines_of_a_xacro_file_are_those_of_what_it_expands_to(tmp_path) -> None:
+    text = URDF.replace('<robot name="pendulum">', f'{HEAD}<xacro:property name="m" value="-1"/>')
+    text = text.replace('mass value="1"', 'mass value="${m}"')
+    model = write(tmp_path, 'pendulum.urdf.xacro', text)
+    shown = fresh.run('-c', f'import sys, xacro; sys.argv[1:] = [{str(model)!r}]; xacro.main()')
+    expanded = shown.stdout.splitlines()
+    with pytest.raises(SceneError, match="value '-1', must be >= 0") as error:
+        read_scene(model)
+    problem = error.value.problems[0]
+    assert problem.file == f'{model} (expanded by xacro)'
+    assert 'mass value="-1"' in expanded[problem.line - 1]
+
+
 def test_the_description_of_a_robot_is_the_text_of_its_file(path) -> None:
     scene = read_scene(path)
     assert scene.descriptions == {'left': URDF, 'right': URDF}

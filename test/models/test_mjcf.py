@@ -197,6 +197,40 @@ def test_a_mistake_is_named(tmp_path, old, new, words) -> None:
     assert error.value.problems[0].file == str(path)
 
 
+@pytest.mark.parametrize(('old', 'new', 'words'), [
+    ('<body name="lower"', '<body mas="1" name="lower"', "unrecognized attribute: 'mas'"),
+    ('</worldbody>', '<body name="point"><joint/></body></worldbody>', 'larger than mjMINVAL'),
+    ('<worldbody>', '<asset><mesh name="m" file="no.stl"/></asset><worldbody>', "no.stl'"),
+    ('<worldbody>', '<worldbody><body name="x"><geom size=".1"/><joint range="2 -2"/></body>',
+     'range 2 -2, its first number must be the smaller one: swap them')])
+def test_what_mujoco_refuses_or_ignores_has_its_line(tmp_path, old, new, words) -> None:
+    text = ARM.replace(old, f'\n\n{new}', 1)
+    path = write(tmp_path, 'arm.xml', text.replace('<compiler ', '<compiler angle="radian" '))
+    with pytest.raises(SceneError) as error:
+        read_scene(path)
+    problem = error.value.problems[0]
+    assert words in problem.message
+    assert (problem.file, problem.line) == (str(path), text[:text.index(new)].count('\n') + 1)
+
+
+def test_a_line_of_an_included_file_is_none_of_the_first(tmp_path) -> None:
+    write(tmp_path, 'part.xml', '<mujocoinclude>\n\n<body mas="1"/></mujocoinclude>')
+    text = ARM.replace('<worldbody>', '<worldbody><include file="part.xml"/>')
+    with pytest.raises(SceneError, match=r"MuJoCo says: .*'mas'") as error:
+        read_scene(write(tmp_path, 'arm.xml', text))
+    assert error.value.problems[0].line == 0
+
+
+@pytest.mark.parametrize('word', ['friction=".5"', 'condim="4"'])
+def test_materials_of_contact_are_told_once(tmp_path, word) -> None:
+    path = write(tmp_path, 'arm.xml', ARM.replace('<geom ', f'<geom {word} '))
+    notes = [str(note) for note in read_scene(path).notes if 'ignored: materials' in str(note)]
+    assert len(notes) == 1
+    assert f"{word.split('=')[0]} is ignored: materials are those of the scene" in notes[0]
+    plain = read_scene(write(tmp_path, 'b.xml', ARM)).notes
+    assert 'ignored: materials' not in ' '.join(map(str, plain))
+
+
 def attaching(asset: str, beside: str = '') -> str:
     return (f'<mujoco model="m"><asset>{asset}</asset><worldbody><body name="a"><geom size=".1"/>'
             f'</body>{beside}</worldbody></mujoco>')

@@ -282,6 +282,10 @@ def test_a_four_bar_linkage_closes_and_moves(tmp_path) -> None:
      "'b' is neither a link nor a frame"),
     (link('a', '<pose relative_to="f"/>') + '<frame name="f"><pose relative_to="a"/></frame>',
      'its pose leads back to itself'),
+    (link('a', '<pose relative_to="mont"/>') + '<frame name="mount"/>',
+     "'mont' is no frame, did you mean 'mount'?"),
+    (link('arm') + '<joint name="j" type="ball"><parent>world</parent><child>amr</child></joint>',
+     "a model here, did you mean 'arm'?"),
     (link('a', '<pose>1 2 3</pose>'), 'must be 6 numbers'),
     (link('a') + link('a'), 'is there twice'),
     (link('a') + '<include><uri>model://nobody</uri></include>', "package 'nobody' is not found"),
@@ -297,6 +301,16 @@ def test_a_mistake_is_named_with_its_line_and_mend(tmp_path, content, words) -> 
     first = error.value.problems[0]
     assert words in first.message
     assert (first.file, first.line) == (str(path), 1)
+
+
+def test_a_frame_that_is_missing_is_told_once(tmp_path) -> None:
+    rest = ''.join(link(name, f'<pose relative_to="{on}"/>') for on, name in ('ab', 'bc', 'cd'))
+    path = write(tmp_path, 'm.sdf', sdf(f'{rest}\n{link("a", """<pose relative_to="x"/>""")}'))
+    with pytest.raises(SceneError) as error:
+        read_scene(path)
+    first, = error.value.problems
+    assert first.message == "'x' is no frame, must be one"
+    assert (first.line, first.key) == (2, "model 'm'/link 'a'")
 
 
 def test_an_old_version_is_refused_with_the_way_to_a_new_one(tmp_path) -> None:

@@ -100,6 +100,42 @@ def test_a_joint_in_a_loop_takes_the_others_along():
     assert gaps(one) < 1e-12
 
 
+def gripping(base, **of_finger):
+    """Return a world with an arm of two joints, on a base, whose fingers are coupled."""
+    bodies = [body('base', 5.0, position=(0.2, 0.1, 0.3), **base), body('upper', 2.0),
+              body('lower', 1.0, position=(0.0, 0.0, 1.0)),
+              *(body(name, 0.2, position=(0.0, 0.0, 2.0)) for name in ('left', 'right'))]
+    right = {'mimic': {'joint': 'left', 'multiplier': -1.0}}
+    return world(bodies, [
+        joint('shoulder', 'base', 'upper', 'spherical', child_pose={}, brings_child=True),
+        joint('elbow', 'upper', 'lower', position=(0, 0, 1)),
+        *(joint(name, 'lower', name, 'prismatic', (0, 0, 1)) | more
+          for name, more in (('left', of_finger), ('right', right)))])
+
+
+@pytest.mark.parametrize('base', [{}, {'fixed': True}], ids=['floating', 'fixed'])
+def test_only_joints_that_are_coupled_follow_one_that_is_put_somewhere(base):
+    one = gripping(base)
+    one.set_joint_state('elbow', 0.7, 0.3)
+    shoulder = one.joint_coordinates('shoulder')
+    place, twist = one.position[0].copy(), one.linear_velocity[0].copy()
+    one.set_joint_state('left', 0.05, 0.02)
+    np.testing.assert_allclose(one.joint_position[1:], [0.7, 0.05, -0.05], atol=1e-15)
+    # To the rounding of the momenta of a few kg and m/s.
+    np.testing.assert_allclose(one.joint_velocity[1:], [0.3, 0.02, -0.02], atol=1e-14)
+    np.testing.assert_allclose(one.joint_coordinates('shoulder'), shoulder, atol=1e-15)
+    np.testing.assert_array_equal(one.position[0], place)
+    np.testing.assert_allclose(one.linear_velocity[0], twist, atol=1e-15)
+
+
+def test_only_joints_that_are_coupled_follow_one_that_begins_somewhere():
+    one = gripping({}, position=0.05, velocity=0.02)
+    np.testing.assert_allclose(one.joint_position[1:], [0.0, 0.05, -0.05], atol=1e-15)
+    np.testing.assert_allclose(one.joint_velocity[1:], [0.0, 0.02, -0.02], atol=1e-15)
+    np.testing.assert_array_equal(one.position[0], [0.2, 0.1, 0.3])
+    np.testing.assert_allclose(one.linear_velocity[0], 0.0, atol=1e-15)
+
+
 @pytest.mark.parametrize('closing', ['revolute', 'spherical'])
 def test_velocities_are_those_of_positions_in_a_loop_too(closing):
     one = four_bar(closing=closing)

@@ -6,16 +6,17 @@ import math
 
 from rigid_sim_ros.engine.joints.articulated import gather_momenta, lock, solve, write_momenta
 from rigid_sim_ros.engine.joints.buffers import (
-    JointMotion, JointWork, LOCKED, TOLERANCE, UNLOCKED)
+    JointMotion, JointWork, LOCKED, UNLOCKED)
 from rigid_sim_ros.engine.joints.forward_kinematics import (
     move_forest, pose_forest, read_positions, read_rates)
+from rigid_sim_ros.engine.joints.joint_coordinates import has_one_coordinate
 from rigid_sim_ros.engine.joints.loops import close
 from rigid_sim_ros.engine.joints.settle import factor_all, prepare
 from rigid_sim_ros.engine.joints.shake import ask_back, measure, shift_poses
 from rigid_sim_ros.engine.maths.rotation import quaternion
 from rigid_sim_ros.engine.maths.spatial import set_six
 from rigid_sim_ros.engine.maths.vector import column, set_column
-from rigid_sim_ros.engine.model.joints import JointTable
+from rigid_sim_ros.engine.model.joints import JointTable, NONE
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.rates import angular_momentum
 from rigid_sim_ros.engine.state.state import body_spin, State
@@ -46,7 +47,7 @@ def assemble(model: Model, table: JointTable, state: State, motion: JointMotion,
     for _ in range(_ROUNDS):
         _prepare(model, table, state, work, position, given)
         gap = measure(table, state, motion, work, False)
-        if gap <= TOLERANCE or not gap < math.inf:
+        if gap <= work.tolerance[0] or not gap < math.inf:
             break
         # A change in a time of 1 s is the way itself.
         ask_back(table, work, max(1.0, gap / _STRIDE))
@@ -88,7 +89,9 @@ def _prepare(model: Model, table: JointTable, state: State, work: JointWork,
         work.given[k], work.law.astray[k] = 0.0, 0.0
         if given[k] == 1:
             j = table.axis_joint[k]
-            work.law.target[k] = position[j]
+            # What has no one coordinate keeps its angles, and what floats its place.
+            has_one = j != NONE and has_one_coordinate(table.kind[j])
+            work.law.target[k] = position[j] if has_one else math.inf
     factor_all(model, table, work)
 
 

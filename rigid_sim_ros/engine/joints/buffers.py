@@ -13,9 +13,11 @@ from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.eight import LANES
 
 EFFORT, VELOCITY, POSITION = range(3)       # modes of a drive
-# [m] and [rad] Joints are closed to this. Rounding leaves some 1e-15 of each metre from the
-# origin; ten times more would show in energies after a minute, ten times less cost one more round.
-TOLERANCE = 1e-13
+# [m] and [rad] Joints are closed to this. Ten times more would show in energies after a minute,
+# ten times less cost one more round. Far from the origin it is a share of the distance: a joint is
+# a difference of two positions, each rounded to 2^-53 of it, and of a quadruped 1 to 100 km away
+# rounds of SHAKE were seen to leave 4 times that. What is asked for less is never reached.
+TOLERANCE, ROUNDED = 1e-13, 8.0 * 2.0 ** -53
 # Of an axis: its rate follows; its rate is given; the same, but it yields a little, where only
 # that satisfies the conditions beside its tree.
 UNLOCKED, LOCKED, STIFF = range(3)
@@ -144,6 +146,7 @@ class JointWork(NamedTuple):
     inv_D: Array    # (k,) 1 / (s . U + extra); 0 for an axis that is LOCKED
     extra: Array    # (k,) what armature and implicit forces add
     tau: Array      # (k,) impulse along the axis
+    tolerance: Array    # (1,) [m] and [rad] to which joints are closed at the present poses
     known: IntArray     # (3,) see FACTORED
     factored_locked: IntArray   # (k,) what `locked` and `extra` were when A, U, D were written
     factored_extra: Array       # (k,)
@@ -174,8 +177,9 @@ def make_joint_work(table: JointTable) -> JointWork:
     z = np.zeros
     return JointWork(
         z((r, 3)), z((r, 3)), z((r, 3)), z((r, 6)), z((r, SIZE)), z((k, 3)), z((k, 6)), z(k),
-        z(k), z(k), z(3, dtype=np.int64), z(k, dtype=np.int64), z(k), z(k, dtype=np.int64), z(k),
-        z(k), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 3)),
+        z(k), z(k), np.full(1, TOLERANCE), z(3, dtype=np.int64), z(k, dtype=np.int64), z(k),
+        z(k, dtype=np.int64), z(k), z(k), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)),
+        z((r, 6)), z((r, 3)),
         z((r, 4)), z((r, SIZE)), z(k), z((r, 6)), z(BLOCK_SIZE),
         z(1, dtype=np.int64), _loop_work(table), _law_work(table),
         AnswerWork(z(6 * LANES * r), z(LANES * k), z(6 * LANES * r), z(LANES * k)))

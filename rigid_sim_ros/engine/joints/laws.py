@@ -26,7 +26,7 @@ import math
 
 from rigid_sim_ros.engine.joints.articulated import axis_part
 from rigid_sim_ros.engine.joints.buffers import (
-    AT_LOWER, AT_UPPER, EFFORT, JointMotion, JointWork, TOLERANCE, UNLOCKED)
+    AT_LOWER, AT_UPPER, EFFORT, JointMotion, JointWork, UNLOCKED)
 from rigid_sim_ros.engine.maths.spatial import load, minus, Six, six, times_motion
 from rigid_sim_ros.engine.maths.vector import norm, row
 from rigid_sim_ros.engine.model.joints import JointTable
@@ -63,7 +63,7 @@ def begin_laws(table: JointTable, motion: JointMotion, work: JointWork, h: float
         law.stick[k] = -law.bend[k]
         _bound_forces(table, motion, work, k, h)
         # What is to meet a limit begins free: the rate that it would have tells how fast it comes.
-        far, is_free = TOLERANCE / h, law.high[k] > law.low[k]
+        far, is_free = work.tolerance[0] / h, law.high[k] > law.low[k]
         if is_free and v <= law.low[k] < -far:
             _go_to(work, k, law.low[k], 1)
         elif is_free and v >= law.high[k] > far:
@@ -126,9 +126,9 @@ def impact_laws(table: JointTable, motion: JointMotion, work: JointWork) -> None
         q = motion.position[table.axis_joint[k]]
         law.before[k], law.half_rate[k] = q, motion.rate[k]
         law.back[k], law.bound[k] = -law.share[k] * motion.rate[k], law.met[k]
-        if q <= laws.lower[k] + TOLERANCE:
+        if q <= laws.lower[k] + work.tolerance[0]:
             law.bound[k] |= AT_LOWER
-        if q >= laws.upper[k] - TOLERANCE:
+        if q >= laws.upper[k] - work.tolerance[0]:
             law.bound[k] |= AT_UPPER
     end_laws(table, motion, work, 0.0)
 

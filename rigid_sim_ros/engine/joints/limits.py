@@ -11,8 +11,7 @@ pushes the floor until it is stretched.
 import math
 
 from rigid_sim_ros.engine.joints.articulated import write_momenta
-from rigid_sim_ros.engine.joints.buffers import (
-    AT_LOWER, AT_UPPER, JointMotion, JointWork, TOLERANCE)
+from rigid_sim_ros.engine.joints.buffers import AT_LOWER, AT_UPPER, JointMotion, JointWork
 from rigid_sim_ros.engine.joints.reactions import add_wrenches_of_joints, note_momenta
 from rigid_sim_ros.engine.joints.settle import find_motions_after_impact, prepare_step
 from rigid_sim_ros.engine.model.joints import JointTable
@@ -29,8 +28,8 @@ SHARP = 1e-9
 SHORTEST = 1.0 / 1024.0
 # [m or rad] What is at its limit, and would pass it by more than this in a step, has just arrived.
 PASSES = 1e-9
-# [m or rad] So near to its limit it is there: as near as joints are closed, and a little more.
-NEAR = 10.0 * TOLERANCE
+# Of what joints are closed to: so near to its limit an axis is there.
+NEAR = 10.0
 
 
 @kernel
@@ -77,14 +76,14 @@ def release_hits(table: JointTable, work: JointWork, h: float) -> bool:
 @kernel
 def note_arrived(table: JointTable, motion: JointMotion, work: JointWork, h: float) -> bool:
     """Note which axes have met a limit just as the step before ended, of h [s]; return if any."""
-    laws, found = table.laws, False
+    laws, near, found = table.laws, NEAR * work.tolerance[0], False
     for k in range(table.has_laws.shape[0]):
         if table.has_laws[k] == 0:
             continue
         q, way = motion.position[table.axis_joint[k]], h * motion.rate[k]
-        if way < -PASSES and q <= laws.lower[k] + NEAR:
+        if way < -PASSES and q <= laws.lower[k] + near:
             work.law.share[k], work.law.met[k], found = laws.restitution[k], AT_LOWER, True
-        elif way > PASSES and q >= laws.upper[k] - NEAR:
+        elif way > PASSES and q >= laws.upper[k] - near:
             work.law.share[k], work.law.met[k], found = laws.restitution[k], AT_UPPER, True
     return found
 

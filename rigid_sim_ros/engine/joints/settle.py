@@ -6,7 +6,8 @@ import math
 
 from rigid_sim_ros.engine.joints.articulated import factor, gather_momenta, lock, solve
 from rigid_sim_ros.engine.joints.buffers import (
-    AT_LOWER, AT_UPPER, FACTORED, FELT, JointMotion, JointWork, SOLVED, TOLERANCE, UNLOCKED)
+    AT_LOWER, AT_UPPER, FACTORED, FELT, JointMotion, JointWork, ROUNDED, SOLVED, TOLERANCE,
+    UNLOCKED)
 from rigid_sim_ros.engine.joints.effective_inertia import (
     add_loops, effective_inertias, has_damped_loops)
 from rigid_sim_ros.engine.joints.joint_coordinates import place_joints
@@ -49,8 +50,19 @@ def place(model: Model, table: JointTable, state: State, work: JointWork) -> Non
     """Write where everything is at the present poses, of which nothing else is known then."""
     work.known[FACTORED] = work.known[FELT] = work.known[SOLVED] = 0
     place_joints(model, table, state, work)
+    work.tolerance[0] = max(TOLERANCE, ROUNDED * _farthest(table, state))
     if table.condition_joint.shape[0] > 0:
         place_conditions(model, table, state, work)
+
+
+@kernel
+def _farthest(table: JointTable, state: State) -> float:
+    """Return the largest coordinate [m] of the bodies that joints hold."""
+    farthest = 0.0
+    for body in table.body:
+        for n in range(3):
+            farthest = max(farthest, abs(state.x[n, body]))
+    return farthest
 
 
 @kernel
@@ -246,7 +258,7 @@ def _aim(table: JointTable, motion: JointMotion, work: JointWork) -> None:
             law.target[k] = table.laws.upper[k]
         if law.bound[k] != 0:
             law.back[k] = _rebound(table, motion, work, k)
-            if abs(law.target[k] - law.before[k]) <= 10.0 * TOLERANCE:
+            if abs(law.target[k] - law.before[k]) <= 10.0 * work.tolerance[0]:
                 law.approach[k] = 0.0   # it was there: it meets nothing on this way
         elif v == law.stick[k]:
             if not was_held:

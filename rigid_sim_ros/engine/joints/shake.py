@@ -16,7 +16,7 @@ from rigid_sim_ros.engine.dynamics.free_flight import drift_from
 from rigid_sim_ros.engine.joints.articulated import (
     add_momenta, along, axis_part, solve, write_momenta)
 from rigid_sim_ros.engine.joints.buffers import (
-    JointMotion, JointWork, LOCKED, PAST, STIFF, TOLERANCE, UNLOCKED)
+    JointMotion, JointWork, LOCKED, PAST, STIFF, UNLOCKED)
 from rigid_sim_ros.engine.joints.joint_coordinates import joint_error, joint_position
 from rigid_sim_ros.engine.joints.loops import close, measure_conditions
 from rigid_sim_ros.engine.joints.settle import solve_motions
@@ -44,8 +44,8 @@ RESOLVED = 0.1
 # A step that does not resolve the motion is taken in halves, again and again, up to this many
 # parts; smaller ones would mean that something else is wrong, and these need but converge.
 MOST_PARTS = 64
-# [rad] Errors that may be of rounding say nothing of that.
-_ROUGH = 1e-12
+# Of what joints are closed to: angles that may be of rounding say nothing of that.
+_ROUGH = 10.0
 # Rounds at most: each leaves half of the error at most. Usually one is enough.
 MOST_ROUNDS = 40
 _ZERO = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -226,13 +226,13 @@ def _close_poses(model: Model, table: JointTable, state: State, motion: JointMot
         if stiff and not yields and not worst <= 0.5 * before:
             yields, rounds, before = True, 0, math.inf
             worst = measure(table, state, motion, work, True)
-        if worst <= TOLERANCE:
+        if worst <= work.tolerance[0]:
             return True
         if rounds > 0:
             asked = rounds == 1 and MOST_PARTS * h > model.h
             most = (RESOLVED if asked else 0.5) * angle
             angle = largest_angle(table, work, yields)
-            if not angle <= max(most, _ROUGH):
+            if not angle <= max(most, _ROUGH * work.tolerance[0]):
                 return False
             left = max(left, worst / before)
         rounds, before = rounds + 1, worst
@@ -380,7 +380,9 @@ def leaves_active_set(table: JointTable, state: State, work: JointWork, h: float
             continue
         q = joint_position(table, state, table.axis_joint[k], law.before[k])
         # Also for what is not a number, of an axis without limits too.
-        if not table.laws.lower[k] - TOLERANCE <= q <= table.laws.upper[k] + TOLERANCE:
+        # Loops that hold the axis at its limit are closed to this, and so is its own joint.
+        near = 2.0 * work.tolerance[0]
+        if not table.laws.lower[k] - near <= q <= table.laws.upper[k] + near:
             law.bend[k] = (q - law.before[k]) / h - law.half_rate[k]
             found = True
         v = law.half_rate[k]

@@ -341,6 +341,39 @@ def build_joints(joints: Sequence[Joint], mass: Sequence[float]) -> JointTable:
         _integers(forest.first_row), _integers(first_condition))
 
 
+def axis_groups(table: JointTable) -> IntArray:
+    """
+    Return which axes move together so that loops close and couplings hold, (k,).
+
+    Axes of one group have the same number; NONE is an axis that no condition sees.
+    """
+    first = list(range(len(table.translates)))
+    seen = np.zeros(len(first), dtype=bool)
+    for m in range(len(table.condition_joint)):
+        axes = _axes_of_condition(table, m)
+        seen[axes] = True
+        for k in axes[1:]:
+            a, b = _first(first, axes[0]), _first(first, k)
+            first[max(a, b)] = min(a, b)
+    return _integers([_first(first, k) if seen[k] else NONE for k in range(len(first))])
+
+
+def _axes_of_condition(table: JointTable, m: int) -> list[int]:
+    """Return the axes that condition m sees: of a loop those between the bodies that it joins."""
+    if table.condition_place[m] == MIMIC:
+        return [int(k) for k in table.coupled_axis[m]]
+    j = table.condition_joint[m]
+    ways: list[set[int]] = []
+    for body in (int(table.body_a[j]), int(table.body_b[j])):
+        row = NONE if body == WORLD else int(table.row_of_body[body])
+        ways.append(set())
+        while row != NONE:
+            ways[-1].add(row)
+            row = int(table.parent[row])
+    return [k for row in sorted(ways[0] ^ ways[1])
+            for k in range(int(table.first_axis[row]), int(table.first_axis[row + 1]))]
+
+
 def _conditions(joints: Sequence[Joint], forest: _Forest, row_of_joint: Sequence[int],
                 first_axis: Sequence[int]) -> tuple[list[_Condition], list[int]]:
     """Return the conditions beside the tree, sorted by articulation, and where each begins."""

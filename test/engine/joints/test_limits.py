@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parts of a step between which axes stop at their limits."""
 
+from engine.jointed import hanging
 import numpy as np
 import pytest
 
 from rigid_sim_ros.engine.joints.limits import SHORTEST, way_until
+from rigid_sim_ros.engine.joints.shake import leaves_active_set
 
 
 @pytest.mark.parametrize('left', [1.0, 0.5, 2.0 * SHORTEST, 1.5 * SHORTEST, SHORTEST])
@@ -20,3 +22,14 @@ def test_neither_a_way_nor_what_is_left_of_the_step_is_too_short(left):
         # As long as it may be, it is as long as is asked for.
         if SHORTEST <= t <= left - SHORTEST:
             assert way == t * h
+
+
+@pytest.mark.parametrize('limits', [{}, {'limits': {'lower': -3.0, 'upper': 3.0}}])
+def test_a_position_that_is_no_number_is_within_no_limits(limits):
+    """Also of an axis that has none: then the step is taken in parts, and does not end as that."""
+    one = hanging(1, friction=0.1, **limits)
+    one.step()
+    joints = one._joints
+    assert not leaves_active_set(joints.table, one._state, joints._scratch, 1e-3, False)
+    one._state.q[:, joints.table.body[0]] = np.nan
+    assert leaves_active_set(joints.table, one._state, joints._scratch, 1e-3, False)
