@@ -394,17 +394,6 @@ def lanes_in(_: Any, bits: Any) -> Any:
 
 
 @intrinsic
-def count_of(_: Any, mask: Any) -> Any:
-    """Return in how many lanes a mask holds."""
-
-    def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> ir.Value:
-        bits = builder.bitcast(args[0], ir.IntType(LANES))
-        return builder.zext(builder.ctpop(bits), _INT)
-
-    return types.int64(_MASK), generate
-
-
-@intrinsic
 def largest_of(_: Any, lanes: Any) -> Any:
     """Return the largest number of all lanes."""
 

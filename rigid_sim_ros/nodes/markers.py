@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from rigid_sim_ros.engine.maths.rotation_in_python import multiply_arrays, rotate_arrays
 from rigid_sim_ros.engine.model.kinds.drawing import Surface
 from rigid_sim_ros.engine.model.kinds.table import BY_TYPE, KINDS, UNIT_SURFACES
 from rigid_sim_ros.messages.codec import Marker, MarkersEncoder
@@ -69,8 +70,8 @@ class SceneMarkers:
                                       with_alpha(color), solid.points))
                 q_BP = np.array(pose.orientation)
                 bodies.append(index)
-                positions.append(pose.position + _rotate(q_BP, np.array(solid.position)))
-                orientations.append(_multiply(q_BP, np.array(solid.orientation)))
+                positions.append(pose.position + rotate_arrays(q_BP, np.array(solid.position)))
+                orientations.append(multiply_arrays(q_BP, np.array(solid.orientation)))
         self._bodies = np.array(bodies, dtype=np.intp)
         p_BM, q_BM = np.array(positions).reshape(-1, 3), np.array(orientations).reshape(-1, 4)
         # Most are where their body is.
@@ -94,8 +95,8 @@ class SceneMarkers:
         p, q = p_WB[self._bodies], q_WB[self._bodies]
         k = self._placed
         if len(k):
-            p[k] += _rotate(q[k], self._p_BM)
-            q[k] = _multiply(q[k], self._q_BM)
+            p[k] += rotate_arrays(q[k], self._p_BM)
+            q[k] = multiply_arrays(q[k], self._q_BM)
         if not self._is_due(t_ns, p[self._heavy], q[self._heavy]):
             return self._few.encode(t_ns, p[self._light], q[self._light])
         return self._all.encode(t_ns, p, q)
@@ -176,16 +177,3 @@ def _points(shape: Any) -> Iterable[_Solid]:
     extent = float(np.ptp(np.array(shape.positions), axis=0).max())
     diameter = max(_PARTICLE_SHARE * extent, _LEAST_PARTICLE)
     yield _Solid(_SPHERE_LIST, (diameter,) * 3, points=shape.positions)
-
-
-def _rotate(q: _Array, v: _Array) -> _Array:
-    """Rotate vectors (..., 3) by unit quaternions (..., 4)."""
-    t = 2.0 * np.cross(q[..., :3], v)
-    return v + q[..., 3:] * t + np.cross(q[..., :3], t)
-
-
-def _multiply(a: _Array, b: _Array) -> _Array:
-    """Return the products of quaternions (..., 4): first b, then a."""
-    xyz = a[..., 3:] * b[..., :3] + b[..., 3:] * a[..., :3] + np.cross(a[..., :3], b[..., :3])
-    w = a[..., 3] * b[..., 3] - np.sum(a[..., :3] * b[..., :3], axis=-1)
-    return np.concatenate([xyz, w[..., None]], axis=-1)

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from rigid_sim_ros.engine.state.world_inertia import world_inertia_of
 from rigid_sim_ros.scene import Scene
 from rigid_sim_ros.viewer.motion import Array, Motion
 from rigid_sim_ros.viewer.simulation import BodyWrench, triple, Vector
@@ -80,8 +81,7 @@ class Masses:
         k = hand.body
         speed = min(_FASTEST, _STABLE / max(interval, 1e-6))
         R_WB = Rotation.from_quat(motion.orientation[k])
-        R_WC = (R_WB * self._R_BC[k]).as_matrix()
-        I_W = R_WC @ np.diag(self._I[k]) @ R_WC.T
+        I_W = world_inertia_of((R_WB * self._R_BC[k]).as_quat(), self._I[k])
         p = held_point(hand, motion)
         v = motion.linear[k] + np.cross(motion.angular[k], p - motion.position[k])
         r = p - self.centre(k, motion)

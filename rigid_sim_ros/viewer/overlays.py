@@ -8,6 +8,7 @@ from rosbags.serde import SerdeError
 import viser
 
 from rigid_sim_ros.bag.topics import typestore
+from rigid_sim_ros.engine.maths.rotation_in_python import rotate_arrays
 from rigid_sim_ros.viewer.grip import Grip, held_point, Masses
 from rigid_sim_ros.viewer.motion import Array, Motion
 from rigid_sim_ros.viewer.simulation import Applied
@@ -141,9 +142,7 @@ class Overlays:
         self._arrows[WRENCHES].show(np.reshape(starts, (-1, 3)), np.reshape(ends, (-1, 3)))
 
     def _in_body(self, name: str, force: Array) -> Array:
-        q = np.array(self._frames[name][1].orientation)
-        t = 2.0 * np.cross(q[:3], force)
-        return np.asarray(force + q[3] * t + np.cross(q[:3], t))
+        return rotate_arrays(np.array(self._frames[name][1].orientation), force)
 
     def _origin(self, name: str) -> Array:
         return np.array(self._frames[name][1].position)

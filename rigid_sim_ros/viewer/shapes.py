@@ -16,11 +16,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 import trimesh
 
+from rigid_sim_ros.engine.maths.rotation_in_python import add, multiply, rotate
 from rigid_sim_ros.engine.model.kinds.drawing import Form, Surface
 from rigid_sim_ros.engine.model.kinds.table import BY_TYPE, KINDS, UNIT_SURFACES
+from rigid_sim_ros.kernels.arrays import Quaternion, Vector
 from rigid_sim_ros.scene import Scene, schema
 from rigid_sim_ros.scene.appearance import body_color
-from rigid_sim_ros.viewer.motion import Array
 
 _PARTICLE_SHARE = 0.04      # diameter of a particle as a share of the extent of its body
 _LEAST_PARTICLE = 1e-3      # m
@@ -116,18 +117,15 @@ class Shapes:
         return Solid(index, form, (1.0, 1.0, 1.0))
 
 
-def _place(part: Any) -> tuple[Sequence[float], Sequence[float]]:
+def _place(part: Any) -> tuple[Vector, Quaternion]:
     return part.pose.position, part.pose.orientation
 
 
 def _placed(body: int, form: Form, part: Any) -> Solid:
     """Return a form of a part, which has a place of its own in the body."""
     p, q = _place(part)
-    x, y, z, w = q
-    a, b, c, d = form.orientation
-    turn = (w * a + x * d + y * c - z * b, w * b - x * c + y * d + z * a,
-            w * c + x * b - y * a + z * d, w * d - x * a - y * b - z * c)
-    return Solid(body, form.name, form.scale, (_turned(q, form.position) + p).tolist(), turn)
+    return Solid(body, form.name, form.scale, add(rotate(q, form.position), p),
+                 multiply(q, form.orientation))
 
 
 def _points(body: int, part: Any) -> Iterable[Solid]:
@@ -135,7 +133,7 @@ def _points(body: int, part: Any) -> Iterable[Solid]:
     diameter = max(_PARTICLE_SHARE * extent, _LEAST_PARTICLE)
     p, q = _place(part)
     for point in part.positions:
-        yield Solid(body, 'sphere', (diameter,) * 3, (_turned(q, point) + p).tolist())
+        yield Solid(body, 'sphere', (diameter,) * 3, add(rotate(q, point), p))
 
 
 def _plane(body: int, part: Any) -> Plane:
@@ -145,12 +143,6 @@ def _plane(body: int, part: Any) -> Plane:
     # not defined for n = -z, where half a turn about x does.
     turn = np.array([-y, x, 0.0, 1.0 + z]) if z > -1.0 + 1e-9 else np.array([1.0, 0.0, 0.0, 0.0])
     return Plane(body, part.offset * normal, turn / np.linalg.norm(turn))
-
-
-def _turned(q: Sequence[float], v: Sequence[float]) -> Array:
-    axis, r = np.array(q[:3]), np.array(v)
-    t = 2.0 * np.cross(axis, r)
-    return np.asarray(r + q[3] * t + np.cross(axis, t))
 
 
 def _shaded(surface: Surface) -> Surface:

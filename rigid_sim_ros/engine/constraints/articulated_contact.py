@@ -22,7 +22,7 @@ from rigid_sim_ros.engine.constraints.articulated_rows import (
 from rigid_sim_ros.engine.constraints.contact_rules import NEGLIGIBLE
 from rigid_sim_ros.engine.contact.carried_forces import keep_force, recall_forces
 from rigid_sim_ros.engine.contact.classify import resting_speed
-from rigid_sim_ros.engine.contact.contact_rows import all_rows, apply_forces, effect, rate
+from rigid_sim_ros.engine.contact.contact_rows import all_rows, effect, rate, write_effects
 from rigid_sim_ros.engine.contact.contacts import (
     add_contact_load, Contacts, push_rows, read_touched, read_velocity, relative, to_contact,
     to_world)
@@ -241,7 +241,7 @@ def _note_work(chosen: IntArray, width: int, w: ContactBuffers) -> float:
     It is f . (u_0 + u_1) / 2 with the rates u_0 without them and u_1 = u_0 + A f with them.
     """
     rows, total = w.system.rows, 0.0
-    apply_forces(rows, chosen.shape[0], width, rows.f)
+    write_effects(rows, chosen.shape[0], width, rows.f)
     for c in range(chosen.shape[0]):
         w.work[chosen[c]] = 0.0
         for i in range(width * c, width * c + width):
@@ -293,7 +293,7 @@ def _take_no_energy(chosen: IntArray, width: int, w: ContactBuffers) -> None:
     f . A f / 2 at least. Bodies that are wedged in may find none.
     """
     rows, m, linear, gain = w.system.rows, chosen.shape[0], 0.0, 0.0
-    apply_forces(rows, m, width, rows.f)
+    write_effects(rows, m, width, rows.f)
     for c in range(m):
         for i in range(width * c, width * c + width):
             linear += rows.f[i] * w.free[i]
@@ -327,7 +327,7 @@ def _displace(contacts: Contacts, chosen: IntArray, width: int, h: float,
     it, bodies would be as fast as nothing else is, and what limits of joints make of that stays.
     """
     rows, m, any_wanted = w.system.rows, chosen.shape[0], False
-    apply_forces(rows, m, width, rows.f)
+    write_effects(rows, m, width, rows.f)
     for c in range(m):
         for i in range(width * c, width * c + width):
             w.row[i] = rate(rows, c, i, rows.f)

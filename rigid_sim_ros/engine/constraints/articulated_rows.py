@@ -20,7 +20,7 @@ from rigid_sim_ros.engine.constraints.articulated_axes import (
 from rigid_sim_ros.engine.contact.contact_newton import (
     make_newton, Newton, number_bodies, refine_rows)
 from rigid_sim_ros.engine.contact.contact_rows import (
-    all_rows, apply_forces, coupling, effect, make_rows, Rows, SIDES, sweep_rows, violation,
+    all_rows, coupling, effect, make_rows, Rows, SIDES, sweep_rows, violation, write_effects,
     write_matrix, write_rows)
 from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts
 from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, ENOUGH, GOAL
@@ -292,7 +292,7 @@ def read_row_rates(rows: Rows, m: int, width: int, velocity: Array, u: Array) ->
 @kernel
 def take_off(rows: Rows, m: int, width: int, f: Array, u: Array) -> None:
     """Take what the impulses f at the points do off the rates u of all rows."""
-    apply_forces(rows, m, width, f)
+    write_effects(rows, m, width, f)
     for c in range(m):
         for i in range(width * c, width * c + width):
             u[i] -= effect(rows, c, i, f)

@@ -4,7 +4,6 @@
 
 from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts, linear
 from rigid_sim_ros.engine.maths.algebra import norm
-from rigid_sim_ros.kernels.arrays import Array
 from rigid_sim_ros.kernels.kernel import kernel
 
 SEPARATING, RESTING, COLLIDING = range(3)
@@ -41,9 +40,3 @@ def resting_speed(contacts: Contacts, bodies: Bodies, k: int, h: float) -> float
     pull_A = norm(linear(bodies.acceleration, a))
     pull_B = norm(linear(bodies.acceleration, b))
     return 0.5 * h * max(pull_A, pull_B) + STILL * contacts.size[k] / h
-
-
-@kernel
-def share_a_body(inv_m: Array, a: int, b: int, c: int, d: int) -> bool:
-    """Return whether the pairs of bodies a, b and c, d have one in common that moves."""
-    return bool((inv_m[a] > 0.0 and a in (c, d)) or (inv_m[b] > 0.0 and b in (c, d)))

@@ -120,7 +120,7 @@ def _wobbles(L: Vector, inv_I: Vector, t: float) -> bool:
 
 @inlined
 def turned(line: Array, L: Vector) -> Vector:
-    """Return J L."""
+    """Return I^-1 L [rad/s], world axes, of L [kg m^2/s]."""
     return symmetric_times(get(line, INVERSE), get(line, INVERSE + 3), L)
 
 

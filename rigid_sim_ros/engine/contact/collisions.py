@@ -14,12 +14,13 @@ threshold is left to the contact solver, which makes it rest: so ends the sequen
 bounces.
 """
 
-from rigid_sim_ros.engine.contact.classify import classify, COLLIDING, share_a_body
+from rigid_sim_ros.engine.contact.classify import classify, COLLIDING
 from rigid_sim_ros.engine.contact.colliding_body import (
     ACCELERATION, CollisionWork, get, INV_M, load_body, NEVER, put, SPIN, store_body, TOGETHER,
     turn_body, VELOCITY, velocity_on)
 from rigid_sim_ros.engine.contact.collision_impulses import (
     ADDED, BETWEEN, BODY_A, BODY_B, find_impulses, MU, NORMAL, POINTS_OF, SLIDE)
+from rigid_sim_ros.engine.contact.contacts import share_a_body
 from rigid_sim_ros.engine.contact.impact_offsets import gap_now
 from rigid_sim_ros.engine.detection.manifolds import ACTS, LEFT_OUT, Manifolds, rows_in_use
 from rigid_sim_ros.engine.maths.vector import (
@@ -87,7 +88,7 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
 def collide_candidates(h: float, inv_m: Array, inv_I_C: Array, state: State, shapes: Shapes,
                        materials: Materials, manifolds: Manifolds, normal_impulse: Array,
                        friction_impulse: Array, work: CollisionWork) -> int:
-    """Do that with the pairs that were chosen, as their bodies move by now."""
+    """Let the chosen pairs collide, in the order of time, as their bodies move by now."""
     candidates, collisions = work.candidates[0], 0
     for _ in range(ROUNDS if candidates > 0 else 0):
         earlier = collisions

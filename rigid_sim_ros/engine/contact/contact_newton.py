@@ -223,7 +223,7 @@ def solve_step(rows: Rows, m: int, width: int, touched: int, w: Newton) -> bool:
 
 @kernel
 def _solve_for_forces(rows: Rows, m: int, width: int, w: Newton) -> bool:
-    """Do what `solve_step` does by the system (1 + E G M^-1 G') df = y."""
+    """Put the change of the forces in the place of y, by (1 + E G M^-1 G') df = y."""
     size = all_rows(rows, m, width)
     K, A = w.K[:size * size].reshape((size, size)), rows.A[:size * size].reshape((size, size))
     for i in range(width * m, size):
@@ -287,8 +287,8 @@ def effort_of(m: int, width: int, touched: int) -> float:
 
 
 @kernel
-def solve_rows(rows: Rows, m: int, width: int, touched: int, steps: int, most: float,
-               w: Newton) -> float:
+def solve_contact_rows(rows: Rows, m: int, width: int, touched: int, steps: int, most: float,
+                       w: Newton) -> float:
     """
     Find rows.f from what stands there; return the violation of the laws against max |b|.
 

@@ -131,6 +131,27 @@ def write_matrix(rows: Rows, m: int, width: int) -> None:
 
 
 @kernel
+def read_matrix(rows: Rows, m: int, width: int, A: Array, mu: Array, softer: float) -> None:
+    """
+    Take A, (wm, wm) [1/kg], and the coefficients of m points, whose bodies need not be known.
+
+    A_ii grows by its part `softer`. How much of it counts as compliance changes no solution; with
+    half of it E of contact_newton.py stays of the size of 1 / A_ii.
+    """
+    size = width * m
+    rows.in_matrix[0], rows.scalar.present[0] = size, 0
+    for i in range(size):
+        for j in range(size):
+            rows.A[size * i + j] = A[i, j]
+        rows.stiff[i] = (1.0 + softer) * A[i, i]
+        rows.compliance[i] = 0.5 * rows.stiff[i]
+        rows.A[size * i + i] = rows.stiff[i] - rows.compliance[i]
+    for c in range(m):
+        for d in range(coefficients(width)):
+            rows.mu[c, d] = mu[c, d]
+
+
+@kernel
 def write_rates(rows: Rows, m: int, width: int, f: Array) -> None:
     """Write the rates of all rows under the forces f, which have been applied."""
     size = rows.in_matrix[0]
@@ -190,7 +211,7 @@ def add_force(rows: Rows, c: int, i: int, change: float) -> None:
 
 
 @kernel
-def apply_forces(rows: Rows, m: int, width: int, f: Array) -> None:
+def write_effects(rows: Rows, m: int, width: int, f: Array) -> None:
     """Write z of the forces f at the first m points."""
     if rows.in_matrix[0] > 0:
         return
@@ -211,7 +232,9 @@ def forget_effects(rows: Rows, first: int, last: int) -> None:
 
 @kernel
 def coupling(rows: Rows, i: int, j: int) -> float:
-    """Return A_ij of two rows of one point."""
+    """Return A_ij [1/kg] of two different rows of one point."""
+    if rows.in_matrix[0] > 0:
+        return rows.A[rows.in_matrix[0] * i + j]
     total = 0.0
     for k in range(SIDES):
         total += rows.G[i, k] * rows.W[rows.at[j] + k]
@@ -227,7 +250,7 @@ def disk_stiffness(rows: Rows, x: int, size: int) -> float:
 @kernel
 def violation(rows: Rows, m: int, width: int, f: Array) -> float:
     """Write z and the rates of the forces f, and return by how much they violate the laws."""
-    apply_forces(rows, m, width, f)
+    write_effects(rows, m, width, f)
     write_rates(rows, m, width, f)
     worst = 0.0
     for c in range(m):

@@ -24,11 +24,11 @@ import numpy as np
 
 from rigid_sim_ros.engine.detection.manifolds import Manifolds
 from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
-from rigid_sim_ros.engine.maths.algebra import column, cross, norm, quaternion, row
+from rigid_sim_ros.engine.maths.algebra import column, cross, norm, quaternion, row, scale
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes, smaller
 from rigid_sim_ros.engine.state.rates import spin_of
-from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.engine.state.state import add_impulse_with_lever, State
 from rigid_sim_ros.engine.state.world_inertia import world_inertia
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Quaternion, Vector
 from rigid_sim_ros.kernels.kernel import kernel
@@ -85,6 +85,12 @@ def make_bodies(n: int) -> Bodies:
 
 
 @kernel
+def share_a_body(inv_m: Array, a: int, b: int, c: int, d: int) -> bool:
+    """Return whether the pairs of bodies a, b and c, d have one in common that moves."""
+    return bool((inv_m[a] > 0.0 and a in (c, d)) or (inv_m[b] > 0.0 and b in (c, d)))
+
+
+@kernel
 def tangents(n: Vector) -> tuple[Vector, Vector]:
     """Return t1, t2 that make a right-handed frame with n; the same for the same n."""
     # The axis least aligned with n, so that nothing cancels in the product.
@@ -125,7 +131,7 @@ def gather(state: State, manifolds: Manifolds, shapes: Shapes, materials: Materi
 @kernel
 def gather_by_key(state: State, manifolds: Manifolds, shapes: Shapes, materials: Materials,
                   reach: float, key: IntArray, order: IntArray, contacts: Contacts) -> int:
-    """Do the same in the order of keys >= 0 of pairs of bodies; others are left out."""
+    """Write points as `gather` does, by the keys of pairs; keys < 0 leave a pair out."""
     for k in range(manifolds.count[0]):
         # By insertion: the rows are nearly in order, and within a block their order remains.
         at = k
@@ -206,7 +212,7 @@ def read_bodies(model: Model, state: State, F: Array, tau: Array, bodies: Bodies
 @kernel
 def read_touched(model: Model, state: State, F: Array, tau: Array, contacts: Contacts,
                  bodies: Bodies) -> None:
-    """Do the same for the bodies of the points, pair after pair."""
+    """Write what `read_bodies` writes for the bodies of the points alone, pair after pair."""
     for n in range(contacts.count[1]):
         k = contacts.first[n]
         read_body(model, state, F, tau, contacts.body_a[k], bodies)
@@ -215,7 +221,7 @@ def read_touched(model: Model, state: State, F: Array, tau: Array, contacts: Con
 
 @kernel
 def read_body(model: Model, state: State, F: Array, tau: Array, i: int, bodies: Bodies) -> None:
-    """Do the same for body i."""
+    """Write velocity, inverse inertia and free acceleration of body i under F [N], tau [N m]."""
     if model.inv_m[i] == 0.0:
         _read_unmoved(state, i, bodies)
         return
@@ -227,7 +233,7 @@ def read_body(model: Model, state: State, F: Array, tau: Array, i: int, bodies: 
 
 @kernel
 def _read_unmoved(state: State, i: int, bodies: Bodies) -> None:
-    """Do the same for a body that nothing pushes."""
+    """Write the prescribed twist of body i, which no load moves: inverse inertia 0."""
     for k in range(3):
         bodies.velocity[i, k], bodies.velocity[i, 3 + k] = state.V[k, i], state.V[3 + k, i]
         bodies.acceleration[i, k] = bodies.acceleration[i, 3 + k] = 0.0
@@ -373,13 +379,6 @@ def push_rows(model: Model, state: State, contacts: Contacts, k: int, width: int
 @kernel
 def push(state: State, contacts: Contacts, k: int, J: Vector, model: Model) -> None:
     """Apply an impulse [N s, world axes] at point k: J to B, -J to A (Meyer, "Impulse")."""
-    for side in range(2):
-        body = contacts.body_a[k] if side == 0 else contacts.body_b[k]
-        if model.inv_m[body] == 0.0:
-            continue
-        sign = -1.0 if side == 0 else 1.0
-        r = row(contacts.r_A, k) if side == 0 else row(contacts.r_B, k)
-        turning = cross(r, J)
-        for i in range(3):
-            state.P[i, body] += sign * J[i]
-            state.L[i, body] += sign * turning[i]
+    a, b = contacts.body_a[k], contacts.body_b[k]
+    add_impulse_with_lever(model.inv_m, state, a, row(contacts.r_A, k), scale(-1.0, J))
+    add_impulse_with_lever(model.inv_m, state, b, row(contacts.r_B, k), J)

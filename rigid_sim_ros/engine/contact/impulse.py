@@ -17,11 +17,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.contact.classify import classify, COLLIDING, resting_speed, share_a_body
+from rigid_sim_ros.engine.contact.classify import classify, COLLIDING, resting_speed
+from rigid_sim_ros.engine.contact.contact_newton import (
+    make_newton, Newton, NEWTON_STEPS, refine_rows)
+from rigid_sim_ros.engine.contact.contact_rows import make_rows, read_matrix, Rows
 from rigid_sim_ros.engine.contact.contacts import (
     Bodies, Contacts, push_rows, read_coefficients, read_rates, read_velocity, relative,
-    to_contact)
-from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, GOAL, NEWTON_STEPS, refine
+    share_a_body, to_contact)
+from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, GOAL, onto_disk
 from rigid_sim_ros.engine.contact.resting_qp import effective_mass
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import State
@@ -54,12 +57,8 @@ class Room(NamedTuple):
     mu: Array  # (m, 3)
     e: Array  # (m,)
     plastic: Array  # (m,) zeros
-    b: Array  # (wm,) rates that are wanted to be 0
-    trial: Array  # (wm,)
-    x: Array  # (wm,)
-    M: Array  # (wm, wm) A with a small compliance
-    K: Array  # (wm, wm)
-    last: IntArray  # (wm,)
+    soft: Rows  # the same problem with a small compliance
+    newton: Newton
 
 
 def make_room(m: int, width: int) -> Room:
@@ -68,9 +67,8 @@ def make_room(m: int, width: int) -> Room:
     return Room(np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64),
                 np.zeros((rows, rows)), np.zeros((2, rows, 3)),
                 np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros((m, 3)), np.zeros(m),
-                np.zeros(m), np.zeros(rows), np.zeros(rows), np.zeros(rows),
-                np.zeros((rows, rows)), np.zeros((rows, rows)),
-                np.zeros(rows, dtype=np.int64))
+                np.zeros(m), make_rows(m, rows, 0, 0, matrix=rows),
+                make_newton(m, rows, 0, 0, rows))
 
 
 @kernel
@@ -223,13 +221,14 @@ def _collide(model: Model, state: State, contacts: Contacts, bodies: Bodies, h: 
         read_velocity(model, state, contacts.body_b[at], bodies)
 
 
-def impact(A: Array, u0: Array, mu: Array, e: Array, J: Array) -> None:
+@kernel
+def solve_impact(room: Room, m: int, width: int) -> None:
     """
-    Write the impulses J, (3m,) [N s], of m points of one pair of bodies; triples (n, t1, t2).
+    Write the impulses room.J, (wm,) [N s], of m points of pairs that collide together.
 
-    A, (3m, 3m) [1/kg], gives the change of velocity A J; u0 [m/s] is the velocity of B relative
-    to A before; mu and e, (m,), are the coefficients of friction and restitution. With rows for
-    spinning and rolling, 6 a point, mu is (m, 3): see `contacts`. Points that
+    A of the room, (wm, wm) [1/kg], gives the change of velocity A J; u0 [m/s] is the velocity of B
+    relative to A before; mu and e are the coefficients of friction and restitution. w = 3 rows to
+    a point, (n, t1, t2), or 6 with those for spinning and rolling: see `contacts`. Points that
     approach get u_n >= -e u_n0 and the others u_n >= 0, with J_n >= 0, and equality where J_n > 0.
 
     Newton's restitution together with friction can create energy where A couples normal and
@@ -238,17 +237,6 @@ def impact(A: Array, u0: Array, mu: Array, e: Array, J: Array) -> None:
     energy, is at most (1 - e^2) / 2 J_0 . u0 <= 0, because the plastic impulse J_0 leaves
     J_0 . (u0 + A J_0) <= 0.
     """
-    m, rows = len(e), len(u0)
-    room = make_room(m, rows // m)
-    room.A[:], room.u0[:], room.e[:] = A, u0, e
-    room.mu[:, :mu.reshape(m, -1).shape[1]] = mu.reshape(m, -1)
-    solve_impact(room, m, rows // m)
-    J[:] = room.J
-
-
-@kernel
-def solve_impact(room: Room, m: int, width: int) -> None:
-    """Write room.J as `impact` does, from A, u0, mu and e of the room."""
     rows, A, J, u0 = width * m, room.A, room.J, room.u0
     _solve(room, room.e, m, width)
     least = 2.0
@@ -287,16 +275,16 @@ def _solve(room: Room, e: Array, m: int, width: int) -> None:
     _sweep(room.A, room.u0, room.mu, e, room.J, room.u, m, width)
     if m == 1:
         return
-    A, b = room.M[:rows, :rows], room.b[:rows]
+    soft = room.soft
+    read_matrix(soft, m, width, room.A, room.mu, COMPLIANCE)
     for i in range(rows):
-        b[i] = room.u0[i]
+        soft.f[i], soft.b[i] = room.J[i], room.u0[i]
         if i % width == 0:
-            b[i] += e[i // width] * min(b[i], 0.0)
-        size = max(size, abs(b[i]))
-        for j in range(rows):
-            A[i, j] = room.A[i, j] * (1.0 + COMPLIANCE if i == j else 1.0)
-    refine(A, b, room.mu[:m], room.J[:rows], GOAL * size, NEWTON_STEPS, room.u[:rows],
-           room.trial[:rows], room.K[:rows, :rows], room.x[:rows], room.last)
+            soft.b[i] += e[i // width] * min(room.u0[i], 0.0)
+        size = max(size, abs(soft.b[i]))
+    refine_rows(soft, m, width, 0, GOAL * size, NEWTON_STEPS, room.newton)
+    for i in range(rows):
+        room.J[i] = soft.f[i]
     _sweep(room.A, room.u0, room.mu, e, room.J, room.u, m, width)
 
 
@@ -355,10 +343,7 @@ def _rub(A: Array, u: Array, limit: float, x: int, y: int, J: Array, rows: int) 
         if new_x * new_x + new_y * new_y > limit * limit:
             # The largest eigenvalue bounds the step: below 2 / it the projection converges.
             largest = max(A[x, x], A[y, y]) + abs(A[x, y])
-            new_x, new_y = old_x - u[x] / largest, old_y - u[y] / largest
-            size = np.sqrt(new_x * new_x + new_y * new_y)
-            if size > limit:
-                new_x, new_y = new_x * limit / size, new_y * limit / size
+            new_x, new_y = onto_disk(old_x - u[x] / largest, old_y - u[y] / largest, limit)
         J[x], J[y] = new_x, new_y
     step_x, step_y = J[x] - old_x, J[y] - old_y
     for i in range(rows):

@@ -35,6 +35,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.contact.contacts import (
     add_contact_load, Bodies, Contacts, relative, to_contact, to_world)
+from rigid_sim_ros.engine.contact.coulomb import onto_disk
 from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.maths.algebra import cross, quaternion, rotate, row
 from rigid_sim_ros.engine.model.kinds.table import KINDS
@@ -62,11 +63,6 @@ class PenaltySettings(NamedTuple):
 
     tangential: float = TANGENTIAL
     bristle_damping: float = BRISTLE_DAMPING
-
-
-def stiffness_for_depth(weight: float, depth: float, points: int = 1) -> float:
-    """Return the stiffness [N/m] at which a weight [N] on some points sinks in by depth [m]."""
-    return weight / (points * depth)
 
 
 def stable_step(model: Model, shapes: Shapes, materials: Materials) -> tuple[float, int, int]:
@@ -152,10 +148,10 @@ def _point_force(model: Model, state: State, shapes: Shapes, materials: Material
     mass = 1.0 / (inv_m * points)
     damping = 2.0 * settings.bristle_damping * math.sqrt(along * mass)
     f_1, f_2 = -along * s[1] - damping * u[1], -along * s[2] - damping * u[2]
-    size, limit = math.sqrt(f_1 * f_1 + f_2 * f_2), contacts.friction[k] * normal
+    wanted_1, wanted_2 = f_1, f_2
+    f_1, f_2 = onto_disk(f_1, f_2, contacts.friction[k] * normal)
     left_1, left_2 = s[1], s[2]
-    if size > limit:
-        f_1, f_2 = f_1 * limit / size, f_2 * limit / size
+    if f_1 != wanted_1 or f_2 != wanted_2:
         # While it slips the bristle alone holds the force.
         left_1, left_2 = -f_1 / along, -f_2 / along
     return (normal, f_1, f_2), left_1, left_2

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.contact.contacts import Contacts, length, to_world
-from rigid_sim_ros.engine.detection.manifolds import Manifolds
+from rigid_sim_ros.engine.detection.manifolds import forget_impulses, Manifolds
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray
@@ -83,14 +83,10 @@ def _entry(acted: Acted, a: int, b: int, feature: int) -> int:
 
 
 @kernel
-def forget_impulses(manifolds: Manifolds) -> None:
+def forget_all_impulses(manifolds: Manifolds) -> None:
     """Begin a step in which nothing has acted yet."""
     for r in range(manifolds.count[0]):
-        manifolds.spin[r] = 0.0
-        for j in range(manifolds.points[r]):
-            manifolds.impulse[j, r] = 0.0
-        for i in range(3):
-            manifolds.friction[r, i] = 0.0
+        forget_impulses(manifolds, r)
 
 
 @kernel

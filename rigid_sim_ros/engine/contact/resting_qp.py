@@ -33,10 +33,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.contact.classify import resting_speed
+from rigid_sim_ros.engine.contact.contact_newton import (
+    FEW_STEPS, make_newton, Newton, NEWTON_STEPS, refine_rows)
+from rigid_sim_ros.engine.contact.contact_rows import (
+    make_rows, read_matrix, Rows, sweep_rows, violation)
 from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts, length, read_rates
 from rigid_sim_ros.engine.contact.coulomb import (
-    coefficient_table, COMPLIANCE, disk, ENOUGH, FEW_STEPS, GOAL, improve, NEWTON_STEPS, sweep,
-    TOLERANCE)
+    coefficients, COMPLIANCE, disk, ENOUGH, GOAL, TOLERANCE)
 from rigid_sim_ros.engine.detection.backtrack import film
 from rigid_sim_ros.engine.maths.algebra import cross, row
 from rigid_sim_ros.engine.model.model import Model
@@ -72,7 +75,9 @@ LIFTING = 0.1
 class Outcome(NamedTuple):
     """How a set of contact forces was found."""
 
-    residual: float  # violation of the conditions, relative to |b|; see `residual`
+    # The largest |f - P(f - a / A_ii)| A_ii over the points relative to max |b|, P the projection
+    # onto f_n >= 0 and the disks |f_t| <= mu f_n: 0 exactly for a solution.
+    residual: float
     solved: bool  # whether that is within TOLERANCE
     status: str  # OSQP's own word, or 'carried over' where it was not needed
     osqp_iterations: int
@@ -227,6 +232,44 @@ def _osqp(A: Array, q: Array, C: Any, f: Array) -> tuple[Array, str, int]:
     return found, str(result.info.status), int(result.info.iter)
 
 
+class Problem(NamedTuple):
+    """A, b and mu as the methods of contact_rows.py and contact_newton.py take them."""
+
+    rows: Rows
+    newton: Newton
+
+
+def make_problem(A: Array, b: Array, mu: Array) -> Problem:
+    """Return the problem of m points with the coefficients mu, (m, 1) or (m, 3)."""
+    m, size = len(mu), len(b)
+    problem = Problem(make_rows(m, size, 0, 0, matrix=size), make_newton(m, size, 0, 0, size))
+    read_matrix(problem.rows, m, size // m, A, mu, 0.0)
+    problem.rows.b[:] = b
+    return problem
+
+
+def improve(problem: Problem, f: Array, sweeps: int, goal: float, steps: int) -> float:
+    """
+    Improve f, in place, by so many sweeps and then Newton's method; return its violation.
+
+    Sweeps cannot end in a cycle as Newton's method can, but only creep where points are redundant.
+    """
+    rows, m = problem.rows, len(problem.rows.mu)
+    width = len(f) // m
+    rows.f[:] = f
+    violation(rows, m, width, rows.f)
+    sweep_rows(rows, m, width, rows.f, sweeps, 0.0)
+    worst = float(refine_rows(rows, m, width, 0, goal, steps, problem.newton))
+    f[:] = rows.f
+    return worst
+
+
+def coefficient_table(mu: Array, rows: int) -> Array:
+    """Return the coefficients as (m, 1) or, with rows for spinning and rolling, (m, 3)."""
+    m = len(mu)
+    return np.ascontiguousarray(mu.reshape(m, -1)[:, :coefficients(rows // m)])
+
+
 def soften(A: Array, compliance: float = COMPLIANCE) -> Array:
     """Return A with its diagonal larger by that fraction."""
     return A + np.diag(compliance * np.diag(A))
@@ -246,7 +289,8 @@ def solve(A: Array, b: Array, mu: Array, start: Array) -> tuple[Array, Outcome]:
     f, stiff, table = start.copy(), soften(A), coefficient_table(mu, len(b))
     # Forces that carry over come with a division into open, sticking and sliding points: try that
     # first.
-    worst = improve(stiff, b, table, f, GOAL * size, FEW_STEPS if start.any() else 0)
+    worst = improve(make_problem(stiff, b, table), f, 0, GOAL * size,
+                    FEW_STEPS if start.any() else 0)
     if worst <= ENOUGH * size:
         return f, Outcome(worst / max(size, 1e-300), True, CARRIED_OVER, 0)
     return search(stiff, b, table, start)
@@ -282,7 +326,7 @@ def _search(A: Array, b: Array, mu: Array, start: Array) -> tuple[Array, Outcome
     m, size = len(mu), float(np.abs(b).max(initial=0.0))
     width = len(b) // m
     best, worst, status, iterations = start, np.inf, '', 0
-    now = start
+    now, problem = start, make_problem(A, b, mu)
     for turn in range(ROUNDS + 1):
         if turn < ROUNDS:
             a, f = (A @ now + b).reshape(m, width), now.reshape(m, width)
@@ -296,10 +340,9 @@ def _search(A: Array, b: Array, mu: Array, start: Array) -> tuple[Array, Outcome
         most = int(LAST_PRODUCTS / len(b) ** 2)
         for sweeps in (0, SWEEPS) if turn < ROUNDS else (min(n, most) for n in LAST_SWEEPS):
             trial = now.copy()
-            sweep(A, b, mu, trial, sweeps)
-            violation = improve(A, b, mu, trial, GOAL * size, NEWTON_STEPS)
-            if violation < worst:
-                worst, best = violation, trial
+            left = improve(problem, trial, sweeps, GOAL * size, NEWTON_STEPS)
+            if left < worst:
+                worst, best = left, trial
             if worst <= ENOUGH * size:
                 break
         if worst <= (ENOUGH if turn < FEW_ROUNDS else TOLERANCE) * size:

@@ -6,9 +6,9 @@ from rigid_sim_ros.engine.contact.carried_forces import copy_force, keep_force, 
 from rigid_sim_ros.engine.contact.classify import classify, COLLIDING, resting_speed
 from rigid_sim_ros.engine.contact.contact_ahead import carry_ahead, turn_bodies
 from rigid_sim_ros.engine.contact.contact_newton import (
-    effort_of, FEW_STEPS, number_bodies, solve_rows)
+    effort_of, FEW_STEPS, number_bodies, solve_contact_rows)
 from rigid_sim_ros.engine.contact.contact_rows import (
-    apply_forces, Rows, sweep_rows, violation, write_rows)
+    Rows, sweep_rows, violation, write_effects, write_rows)
 from rigid_sim_ros.engine.contact.contact_search import DONE
 from rigid_sim_ros.engine.contact.contacts import (
     Bodies, Contacts, push_rows, read_rates, relative, to_contact)
@@ -94,7 +94,7 @@ def _push_apart(model: Model, state: State, shapes: Shapes, settings: EventSetti
     for c in range(m):
         rows.mu[c, 0], rows.mu[c, 1], rows.mu[c, 2] = 0.0, 0.0, 0.0
         rows.b[width * c] = w.newton.y[width * c]
-    apply_forces(rows, m, width, rows.trial)
+    write_effects(rows, m, width, rows.trial)
     sweep_rows(rows, m, width, rows.trial, PUSH_SWEEPS, 0.0)
     members = w.groups.body[w.groups.first[g]:w.groups.first[g + 1]]
     for j in members:
@@ -185,8 +185,8 @@ def solve(g: int, m: int, width: int, steps: int, span: float, w: Buffers) -> bo
     rows, size, last = w.rows, 0.0, 0.0
     for i in range(width * m):
         size = max(size, abs(rows.b[i]))
-    w.number[WORST] = solve_rows(rows, m, width, w.count[TOUCHED], steps, effort_left(w, g),
-                                 w.newton)
+    w.number[WORST] = solve_contact_rows(rows, m, width, w.count[TOUCHED], steps,
+                                         effort_left(w, g), w.newton)
     for _ in range(ROUNDS):
         yields = 0.0
         for i in range(width * m):
@@ -200,8 +200,8 @@ def solve(g: int, m: int, width: int, steps: int, span: float, w: Buffers) -> bo
             now = rows.compliance[i] * rows.f[i]
             rows.b[i] -= now - w.proximal[i]
             w.proximal[i] = now
-        w.number[WORST] = solve_rows(rows, m, width, w.count[TOUCHED], FEW_STEPS,
-                                     effort_left(w, g), w.newton)
+        w.number[WORST] = solve_contact_rows(rows, m, width, w.count[TOUCHED], FEW_STEPS,
+                                             effort_left(w, g), w.newton)
     return True
 
 
@@ -236,7 +236,7 @@ def _solve_with_levers(model: Model, g: int, m: int, steps: int, span: float, w:
     if not solve(g, m, width, steps, span, w):
         return False
     for _ in range(AGAIN):
-        apply_forces(rows, m, width, rows.f)
+        write_effects(rows, m, width, rows.f)
         if not shift_levers(model, w.contacts, w.bodies, w.chosen[:m], width, rows, span, goal,
                             w.assumed):
             return True

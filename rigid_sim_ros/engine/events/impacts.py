@@ -13,7 +13,7 @@ from rigid_sim_ros.engine.contact.contacts import (
     Contacts, gather_by_key, push_rows, read_body, read_rates)
 from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, TOLERANCE
 from rigid_sim_ros.engine.contact.impulse import collide_all, collides
-from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses
+from rigid_sim_ros.engine.contact.recorded_impulses import forget_all_impulses
 from rigid_sim_ros.engine.contact.spare_points import mark_spare
 from rigid_sim_ros.engine.detection.manifolds import current, Manifolds
 from rigid_sim_ros.engine.events.buffers import (
@@ -89,7 +89,7 @@ def find_points(c: EventArguments) -> int:
     if w.count[NEEDED] > w.bounced.shape[0]:
         return MORE_MANIFOLDS
     if w.count[FRESH] == 1:
-        forget_impulses(manifolds)
+        forget_all_impulses(manifolds)
         w.count[FRESH] = 0
     w.number[DEEPEST] = max(w.number[DEEPEST], _deepest(manifolds))
     return DONE

@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.maths.rotation_in_python import from_matrix
+from rigid_sim_ros.engine.maths.rotation_in_python import (
+    from_matrix, multiply_arrays, rotate_arrays)
 from rigid_sim_ros.engine.model.inertia import check, is_diagonal, MassProperties, principal_axes
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 
@@ -68,16 +69,6 @@ def _quaternion(R: Array) -> Array:
     return np.array(from_matrix((tuple(x), tuple(y), tuple(z))))
 
 
-def _rotated(q: Array, v: Array) -> Array:
-    t = 2.0 * np.cross(q[:3], v)
-    return np.asarray(v + q[3] * t + np.cross(q[:3], t))
-
-
-def _product(a: Array, b: Array) -> Array:
-    return np.concatenate([a[3] * b[:3] + b[3] * a[:3] + np.cross(a[:3], b[:3]),
-                           [a[3] * b[3] - a[:3] @ b[:3]]])
-
-
 def build_model(bodies: Sequence[Body], frames: Sequence[Frame], forces: ForceTable, h: float,
                 gravity: Sequence[float]) -> Model:
     """
@@ -113,8 +104,8 @@ def build_model(bodies: Sequence[Body], frames: Sequence[Frame], forces: ForceTa
     q_CF = np.concatenate([q_CB, np.zeros((len(frames), 4))])
     for k, frame in enumerate(frames, start=n):
         b = frame.body
-        p_CF[k] = p_CB[b] + _rotated(q_CB[b], np.asarray(frame.p_BF, dtype=np.float64))
-        q_CF[k] = _product(q_CB[b], np.asarray(frame.q_BF, dtype=np.float64))
+        p_CF[k] = p_CB[b] + rotate_arrays(q_CB[b], np.asarray(frame.p_BF, dtype=np.float64))
+        q_CF[k] = multiply_arrays(q_CB[b], np.asarray(frame.q_BF, dtype=np.float64))
     fixed = np.array([i for i, body in enumerate(bodies) if body.fixed], dtype=np.int64)
     return Model(float(h), np.array(gravity, dtype=np.float64), m, inv_m, I_C, inv_I_C, p_CB, q_CB,
                  fixed, frame_body, p_CF, q_CF, forces)

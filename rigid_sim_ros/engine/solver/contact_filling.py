@@ -18,7 +18,7 @@ from rigid_sim_ros.engine.solver.coloring import (
     lanes_of, numbers_of, PIECE, points_in, QUIET, QUIET_BALLS)
 from rigid_sim_ros.engine.solver.partition import ACROSS, is_by_number, SECOND, Sides
 from rigid_sim_ros.engine.solver.solver_bodies import (
-    INV_I, INV_M, is_carried, SolverBodies, still_slot, STRIDE)
+    INV_I, INV_M, moves_by_twist, SolverBodies, still_slot, STRIDE)
 from rigid_sim_ros.engine.solver.sphere_sweep import prepare_balls, warm_balls
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.bits import fetch
@@ -64,9 +64,9 @@ def choose_manifolds(region: int, manifolds: Manifolds, sides: Sides, activity: 
 
 
 @kernel
-def classify(region: int, material: IntArray, materials: Materials, round_shapes: IntArray,
-             shifts: Array, shifted: bool, manifolds: Manifolds, bodies: SolverBodies,
-             work: Coloring) -> None:
+def classify_blocks(region: int, material: IntArray, materials: Materials,
+                    round_shapes: IntArray, shifts: Array, shifted: bool, manifolds: Manifolds,
+                    bodies: SolverBodies, work: Coloring) -> None:
     """
     Write the class of each manifold of a region.
 
@@ -82,7 +82,7 @@ def classify(region: int, material: IntArray, materials: Materials, round_shapes
         rolling, spinning = materials.rolling[first, second], materials.spinning[first, second]
         i, j = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         balls = points == 1 and round_shapes[a] + round_shapes[b] == 2 and (
-            spinning == 0.0) and not (is_carried(bodies, i) or is_carried(bodies, j))
+            spinning == 0.0) and not (moves_by_twist(bodies, i) or moves_by_twist(bodies, j))
         if balls and shifted:
             balls = not (was_shifted(shifts[i]) or was_shifted(shifts[j]))
         quiet = points == 1 and manifolds.impulse[0, r] == 0.0

@@ -23,9 +23,9 @@ from rigid_sim_ros.kernels.kernel import INDEX, kernel, part
 
 
 @part
-def keep_impulses(region: int, blocks: Blocks, coloring: Coloring, manifolds: Manifolds,
-                  prediction: Prediction, bodies: SolverBodies, h: float, substeps: int,
-                  adds: bool, normal_impulse: Array, friction_impulse: Array) -> float:
+def store_impulses(region: int, blocks: Blocks, coloring: Coloring, manifolds: Manifolds,
+                   prediction: Prediction, bodies: SolverBodies, h: float, substeps: int,
+                   adds: bool, normal_impulse: Array, friction_impulse: Array) -> float:
     """
     Keep the impulses of a region, and give pairs back what L their motion cost.
 

@@ -24,12 +24,12 @@ from rigid_sim_ros.engine.solver.coloring import (
     awake_in, begin_blocks, BETWEEN, Blocks, CACHED, CHANGED, color_piece, fetch_block,
     first_block, make_room, OVERLAPPING, PIECE, REGIONS)
 from rigid_sim_ros.engine.solver.contact_filling import (
-    choose_manifolds, classify, DEEPEST, fill_blocks, NEW, place_lanes)
+    choose_manifolds, classify_blocks, DEEPEST, fill_blocks, NEW, place_lanes)
 from rigid_sim_ros.engine.solver.contact_sweep import note_left, separate, visit_block, visit_lanes
 from rigid_sim_ros.engine.solver.direct_islands import FEW, find_islands
 from rigid_sim_ros.engine.solver.impacts import (
     drift_blocks, end_impacts, find_approaching, pass_on, TURNS, visit_waiting)
-from rigid_sim_ros.engine.solver.impulse_keeping import keep_impulses
+from rigid_sim_ros.engine.solver.impulse_keeping import store_impulses
 from rigid_sim_ros.engine.solver.island_push import push_islands
 from rigid_sim_ros.engine.solver.new_islands import (
     end_round, excuse_approaches, find_new_islands, forget_excuses, kick_new, sweep_new)
@@ -117,14 +117,14 @@ def _across(c: Arguments, stage: int) -> None:
 
 @kernel
 def _in_all(c: Arguments, stage: int) -> None:
-    """Do a stage in both halves, and then across."""
+    """Run a stage of the solver in both halves, and then between them."""
     _in_halves(c, stage)
     _across(c, stage)
 
 
 @kernel
 def _in_all_back(c: Arguments, stage: int) -> None:
-    """Do a stage across, and then in both halves."""
+    """Run a stage of the solver between the halves, and then in both."""
     _across(c, stage)
     _in_halves(c, stage)
 
@@ -282,7 +282,7 @@ def solve_part(c: Arguments, number: int) -> int:
         _drift(region, what, slow, h, work)
     elif stage == KEEP:
         manifolds, acted = current(c.memory), earlier(c.memory)
-        notes[LARGEST] = keep_impulses(
+        notes[LARGEST] = store_impulses(
             region, blocks, work.coloring, manifolds, c.work.prediction, bodies, h,
             c.settings.sequential.substeps, work.shifted[0] == 1, acted.impulse, acted.friction)
     return 0
@@ -340,8 +340,8 @@ def _fill(c: Arguments, region: int) -> None:
         load_bodies(region, model.h, model.gravity, model.inv_m, model.inv_I_C, state,
                     c.work.loads, work.bodies)
         choose_manifolds(region, manifolds, sides, activity, work.coloring)
-    classify(region, c.shapes.material, c.materials, c.work.round_shapes,
-             c.work.collision.body, shifted, manifolds, work.bodies, work.coloring)
+    classify_blocks(region, c.shapes.material, c.materials, c.work.round_shapes,
+                    c.work.collision.body, shifted, manifolds, work.bodies, work.coloring)
     coloring, blocks, bodies = work.coloring, work.blocks, work.bodies
     begin_blocks(region, blocks)
     for begin in range(0, coloring.members[region], PIECE):

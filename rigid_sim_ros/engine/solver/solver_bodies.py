@@ -125,7 +125,7 @@ def still_slot(used: IntArray, region: int) -> int:
 
 
 @inlined
-def is_carried(bodies: SolverBodies, i: int) -> bool:
+def moves_by_twist(bodies: SolverBodies, i: int) -> bool:
     """Return whether body i has a slot and yet cannot be pushed: it moves by its twist."""
     slot = bodies.slot[i & INDEX] & INDEX
     return (slot > 0) & (bodies.motion[slot * STRIDE + INV_M] == 0.0)
@@ -213,7 +213,7 @@ def kick_bodies(half: int, used: IntArray, motion: Array, smooth: Array, alike: 
 
 @part
 def kick(slot: int, motion: Array, smooth: Array, forces: int, base: Array, h: float) -> None:
-    """Do what `kick_bodies` does with one slot; the forces on it stand in that of `forces`."""
+    """Add to the motion of a slot what forces, which stand in the slot `forces`, do in h [s]."""
     kicked = load(motion, slot) + h * load(smooth, forces)
     store(motion, slot, kicked + load(base, slot))
     store(base, slot, kicked)

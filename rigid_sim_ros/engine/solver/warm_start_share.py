@@ -8,11 +8,12 @@ heavy body lets pass through a light one is then a small part of it that is left
 the light one away faster than the sweeps that follow can make good. (What is carried over from
 the step before, by feature: detection/carried_impulses.py.)
 
-Of impulses f that act on bodies with the velocities v the energy is
+Of impulses f that act on bodies with the velocities v, G v those of their points, the energy
+is
 
-    T(s) = T(0) + s f . J v + s^2 f . A f / 2        for a part s of them,
+    T(s) = T(0) + s f . G v + s^2 f . A f / 2        for a part s of them,
 
-and for those that solve the contacts, A f + J v = 0 where f is not 0, the minimum is at s = 1. So
+and for those that solve the contacts, A f + G v = 0 where f is not 0, the minimum is at s = 1. So
 where it is at less than 1 / 2, beyond which they would make energy, that part of them is taken.
 """
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from rigid_sim_ros.engine.maths.rotation import multiply, quaternion, rotate
 from rigid_sim_ros.engine.maths.vector import (
-    add, add_scaled, column, cross, row, scale, set_column, subtract)
+    add, column, cross, row, scale, set_column, subtract)
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.rates import angular_momentum, angular_velocity, velocity_at
 from rigid_sim_ros.kernels.arrays import Array, IntArray
@@ -218,8 +218,19 @@ def total_angular_momentum(state: State) -> tuple[float, float, float]:
 @kernel
 def add_impulse(model: Model, state: State, i: int, p_W: tuple[float, float, float],
                 J_W: tuple[float, float, float]) -> None:
-    """Change P by J [N s] and L by (p - x) x J (Meyer, "Impulse"); J, p in world axes."""
-    if model.inv_m[i] > 0.0:
-        r = subtract(p_W, column(state.x, i))
+    """Let an impulse J_W [N s] act on body i at the point p_W [m], both in world axes."""
+    add_impulse_with_lever(model.inv_m, state, i, subtract(p_W, column(state.x, i)), J_W)
+
+
+@kernel
+def add_impulse_with_lever(inv_m: Array, state: State, i: int,
+                           r_W: tuple[float, float, float],
+                           J_W: tuple[float, float, float]) -> None:
+    """
+    Change P by J [N s] and L by r x J (Meyer, "Impulse") where something can push the body.
+
+    r_W [m] from its centre of mass to where the impulse acts, world axes like J_W.
+    """
+    if inv_m[i] > 0.0:
         set_column(state.P, i, add(column(state.P, i), J_W))
-        set_column(state.L, i, add_scaled(column(state.L, i), 1.0, cross(r, J_W)))
+        set_column(state.L, i, add(column(state.L, i), cross(r_W, J_W)))

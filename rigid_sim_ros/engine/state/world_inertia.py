@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Inertia in world axes (Meyer, Rigid Body Dynamics, "Inertia Tensor")."""
 
+import numpy as np
+
 from rigid_sim_ros.engine.maths import algebra
 from rigid_sim_ros.engine.maths.rotation import Matrix, to_matrix
-from rigid_sim_ros.kernels.arrays import Quaternion, Vector
-from rigid_sim_ros.kernels.kernel import kernel
+from rigid_sim_ros.kernels.arrays import Array, Quaternion, Vector
+from rigid_sim_ros.kernels.kernel import in_python, kernel
 
 
 @kernel
@@ -24,3 +26,11 @@ def _row(R: Matrix, j: int, moments: Vector) -> Vector:
     r = R[j]
     scaled = (r[0] * moments[0], r[1] * moments[1], r[2] * moments[2])
     return (algebra.dot(scaled, R[0]), algebra.dot(scaled, R[1]), algebra.dot(scaled, R[2]))
+
+
+_world_inertia = in_python(world_inertia)
+
+
+def world_inertia_of(q_WC: Array, moments: Array) -> Array:
+    """Return `world_inertia`, (3, 3), as Python works it out: of (4,) and (3,) numbers."""
+    return np.array(_world_inertia(tuple(q_WC.tolist()), tuple(moments.tolist())))

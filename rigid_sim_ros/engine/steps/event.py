@@ -163,7 +163,7 @@ class EventReport(NamedTuple):
     events: int  # times at which the step was interrupted
     collisions: int  # of pairs of bodies
     deepest: float  # [m] the deepest overlap that was met during the step, >= 0
-    residual: float  # the largest, relative to the accelerations (coulomb.residual)
+    residual: float  # the largest, relative to the accelerations (resting_qp.Outcome)
     unsolved: int  # problems of contact whose conditions could not be met to the tolerance
     cut_short: int  # why part of the step ran without backtracking, see groups.py; 0: none did
 

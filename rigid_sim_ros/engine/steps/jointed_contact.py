@@ -24,7 +24,8 @@ from rigid_sim_ros.engine.contact.carried_forces import match_forces, recall_for
 from rigid_sim_ros.engine.contact.contact_search import (
     DONE, find_points, MORE_CONTACTS, MORE_MANIFOLDS, MORE_MEMORY)
 from rigid_sim_ros.engine.contact.contacts import read_velocity
-from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses, note, note_all, record
+from rigid_sim_ros.engine.contact.recorded_impulses import (
+    forget_all_impulses, note, note_all, record)
 from rigid_sim_ros.engine.detection.backtrack import approach_bound
 from rigid_sim_ros.engine.detection.manifolds import current, grown, Memory
 from rigid_sim_ros.engine.detection.margins import set_margins
@@ -77,7 +78,7 @@ class JointedContact(NamedTuple):
 def begin(c: JointedContact) -> None:
     """Begin a step."""
     begin_step(c.joints)
-    forget_impulses(current(c.memory))
+    forget_all_impulses(current(c.memory))
     c.buffers.acted.count[0] = c.buffers.half_acted.count[0] = 0
     c.buffers.system.residual[0] = 0.0
 

@@ -10,7 +10,7 @@ the points that overlap at both ends of each part (penalty.py).
 from typing import NamedTuple
 
 from rigid_sim_ros.engine.contact.contact_search import DONE
-from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses
+from rigid_sim_ros.engine.contact.recorded_impulses import forget_all_impulses
 from rigid_sim_ros.engine.detection.manifolds import current
 from rigid_sim_ros.engine.dynamics.force_and_torque import kick
 from rigid_sim_ros.engine.joints.forward_kinematics import read_positions
@@ -64,7 +64,7 @@ def run(c: JointedPenalty) -> int:
 def _begin(c: JointedPenalty) -> None:
     """Begin a step."""
     begin_step(c.joints)
-    forget_impulses(current(c.contact.memory))
+    forget_all_impulses(current(c.contact.memory))
     c.part[PARTS_DONE], c.part[SIZE], c.part[SLOWED] = 0, next_size(c.joints.motion), 0
     c.contact.buffers.count[STAGE] = SEEK
 

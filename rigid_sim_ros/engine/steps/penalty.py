@@ -16,7 +16,7 @@ from rigid_sim_ros.engine.contact.contact_search import (
 from rigid_sim_ros.engine.contact.contacts import (
     Bodies, Contacts, make_bodies, make_contacts, read_velocity, to_world)
 from rigid_sim_ros.engine.contact.penalty_force import penalty_forces, PenaltySettings
-from rigid_sim_ros.engine.contact.recorded_impulses import forget_impulses
+from rigid_sim_ros.engine.contact.recorded_impulses import forget_all_impulses
 from rigid_sim_ros.engine.detection.manifolds import current, grown, Memory
 from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads, kick, Loads
 from rigid_sim_ros.engine.dynamics.free_flight import fly
@@ -114,7 +114,7 @@ def take_second_half(c: PenaltyArguments) -> None:
     kick_by_change(c.state, work.loads, work.later, c.model.h)
     end_kinematic(c.model, c.state)
     count_down(c.wrenches)
-    forget_impulses(current(c.memory))
+    forget_all_impulses(current(c.memory))
     record(c, c.model.h)
     c.buffers.count[STAGE] = BEGIN
     c.buffers.count[STEPS] -= 1

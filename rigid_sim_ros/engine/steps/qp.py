@@ -20,9 +20,9 @@ import numpy as np
 from rigid_sim_ros.engine.contact.basis import Basis
 from rigid_sim_ros.engine.contact.collisions import collide_bodies
 from rigid_sim_ros.engine.contact.contact_newton import (
-    FEW_STEPS, make_newton, number_bodies, solve_rows)
+    FEW_STEPS, make_newton, number_bodies, solve_contact_rows)
 from rigid_sim_ros.engine.contact.contact_rows import (
-    apply_forces, make_rows, Rows, sweep_rows, violation, write_rows)
+    make_rows, Rows, sweep_rows, violation, write_effects, write_rows)
 from rigid_sim_ros.engine.contact.contacts import (
     Bodies, Contacts, gather_all, make_bodies, make_contacts, read_bodies, relative, to_contact,
     to_world)
@@ -243,7 +243,7 @@ def _find_impulses(model: Model, chosen: IntArray, rows: Rows, work: QpWork) -> 
     contacts, m = work.contacts, len(chosen)
     newton = make_newton(m, 3 * m, len(model.m), len(model.m))
     touched = number_bodies(contacts, chosen, model.inv_m, newton.slot)
-    worst = float(solve_rows(rows, m, 3, touched, FEW_STEPS, EFFORT, newton))
+    worst = float(solve_contact_rows(rows, m, 3, touched, FEW_STEPS, EFFORT, newton))
     outcome = Outcome(worst, worst <= TOLERANCE, '', 0)
     if not outcome.solved and m <= MOST_POINTS:
         A = np.zeros((3 * m, 3 * m))
@@ -267,7 +267,7 @@ def _push_apart(c: QpArguments, chosen: IntArray, rows: Rows, f: Array) -> Array
     if (wanted > 0.0).any():
         rows.mu[:] = 0.0
         rows.b[::3] = -wanted
-        apply_forces(rows, m, 3, displaced)
+        write_effects(rows, m, 3, displaced)
         sweep_rows(rows, m, 3, displaced, PUSH_SWEEPS, 1e-9 * float(wanted.max()))
         _push(contacts, chosen, displaced, bodies, bodies.drifted)
     return displaced

@@ -6,7 +6,17 @@ from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
-from rigid_sim_ros.engine.contact.impulse import impact
+from rigid_sim_ros.engine.contact.impulse import make_room, solve_impact
+
+
+def impact(A, u0, mu, e, J):
+    """Write the impulses J, (wm,), at m points with mu (m,), or (m, 3) with rows that turn."""
+    m, rows = len(e), len(u0)
+    room = make_room(m, rows // m)
+    room.A[:], room.u0[:], room.e[:] = A, u0, e
+    room.mu[:, :mu.reshape(m, -1).shape[1]] = mu.reshape(m, -1)
+    solve_impact(room, m, rows // m)
+    J[:] = room.J
 
 
 def solve(A, u0, mu, e):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros.engine.contact import resting_qp
-from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, residual, TOLERANCE
+from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, TOLERANCE
 from rigid_sim_ros.engine.contact.resting_qp import solve
 
 G = 9.81
@@ -47,6 +47,18 @@ def test_friction_at_its_limit_pulls_against_the_slip_without_lifting(slip):
     a = A @ f + b
     assert f[1::3] == pytest.approx(-0.2 * f[::3], rel=1e-12)
     assert np.abs(a[::3]).max() < 1e-6  # not mu |a_t|, which the convex problem alone would give
+
+
+def residual(A, b, mu, f):
+    """Return how far forces are from the conditions, relative to max |b|; see `Outcome`."""
+    f, a, stiff = f.reshape(-1, 3), (A @ f + b).reshape(-1, 3), np.diag(A).reshape(-1, 3)
+    along = np.abs(f[:, 0] - np.maximum(0.0, f[:, 0] - a[:, 0] / stiff[:, 0])) * stiff[:, 0]
+    across = stiff[:, 1:].max(axis=1)
+    w = f[:, 1:] - a[:, 1:] / across[:, None]
+    limit, size = mu * np.maximum(0.0, f[:, 0]), np.hypot(*w.T)
+    w *= np.where(size > limit, limit / np.maximum(size, 1e-300), 1.0)[:, None]
+    off = np.abs(f[:, 1:] - w).max(axis=1) * across
+    return max(along.max(), off.max()) / np.abs(b).max()
 
 
 @examples(40)

@@ -8,7 +8,7 @@ from engine.touching import about_y, ball, box, G, ground, PenaltyScene, same_bi
 import numpy as np
 import pytest
 
-from rigid_sim_ros.engine.contact.penalty_force import check_step, stable_step, stiffness_for_depth
+from rigid_sim_ros.engine.contact.penalty_force import check_step, stable_step
 from rigid_sim_ros.engine.model.shapes import Material
 
 SLOPE = math.radians(20.0)
@@ -208,11 +208,6 @@ def test_an_unstable_step_is_refused_with_one_that_works():
     with pytest.raises(ValueError, match=message):
         check_step(scene.model, scene.shapes, scene.materials)
     check_step(scene.model._replace(h=0.00023), scene.shapes, scene.materials)
-
-
-def test_a_stiffness_follows_from_the_depth_that_one_accepts():
-    assert stiffness_for_depth(weight=10.0 * G, depth=1e-4,
-                               points=4) == pytest.approx(10.0 * G / 4e-4)
 
 
 def test_the_same_bits_after_a_restart_in_the_middle_of_contact():

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.kernels.arrays import Array, IntArray, Quaternion, Vector
 
 
 class Surface(NamedTuple):
@@ -29,8 +29,8 @@ class Form(NamedTuple):
 
     name: str
     scale: tuple[float, float, float]  # along the axes of the form
-    position: Sequence[float] = (0.0, 0.0, 0.0)  # [m]
-    orientation: Sequence[float] = (0.0, 0.0, 0.0, 1.0)  # form to S, x, y, z, w
+    position: Vector = (0.0, 0.0, 0.0)  # [m]
+    orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)  # form to S, x, y, z, w
 
 
 def revolved(profile: Sequence[tuple[float, float]], sides: int) -> Surface:
