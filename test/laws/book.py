@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 from laws import (
     apart_laws, driven_laws, energy_laws, ground_laws, impact_laws, jointed_laws, jointed_twins,
-    mixed_laws, rest_laws, ridden_laws, shot_laws, slept_laws, standing_laws, twin_laws)
+    mixed_laws, pivot_laws, rest_laws, ridden_laws, shot_laws, slept_laws, standing_laws,
+    twin_laws)
 from laws.crowd_scenes import draw_collapse, draw_crates
 from laws.driven_scenes import draw_driven, draw_driven_at_a_wall, draw_driven_floating
 from laws.ground_scenes import (
@@ -68,6 +69,8 @@ LAWS = {law.name: law for law in (
         energy_laws.draw_rolling, energy_laws.judge_rolling),
     Law('limit', 'half the step is half the distance to the limit',
         rest_laws.draw_limit, rest_laws.judge_limit),
+    Law('pivot', 'what turns about a border is stopped by the other points of its side',
+        pivot_laws.draw_pivot, pivot_laws.judge_pivot, ('timestep',)),
     Law('decided', 'every model agrees on what slides or falls',
         rest_laws.draw_decided, rest_laws.judge_decided))}
 

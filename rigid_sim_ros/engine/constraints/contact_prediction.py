@@ -27,7 +27,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.detection.backtrack import approach_bound, pair_gap, place_ahead
+from rigid_sim_ros.engine.detection.backtrack import (
+    approach_bound, least_stage, pair_gap, place_ahead)
 from rigid_sim_ros.engine.detection.manifold_rows import is_mended
 from rigid_sim_ros.engine.detection.manifolds import (
     ACTS, DORMANT, forget_impulses, Manifolds, POINTS, rows_in_use, Scratch)
@@ -58,7 +59,8 @@ FAR = 0.05
 # [rad] What turns farther in a step moves its points along more than a bow: their mean velocity is
 # not that of the middle, and the rate at which it changes there says nothing of the whole.
 MOST_TURNED = 1.0
-# Stages of conservative advancement: what touches for less than one, and not deeply, is missed.
+# Stages of conservative advancement of what is not thin: what touches for less than one, and not
+# deeply, is missed.
 STAGES = 16
 # And so often the time of a meeting is put earlier at most, until nothing overlaps: what overlaps
 # has no direction between what is nearest.
@@ -135,7 +137,7 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
         if near and not may_pass:
             if moved > SLOW * size and not mended:
                 _move_to_middle(model, state, shapes, manifolds, r, pose, margin[a] + margin[b],
-                                prediction, scratch)
+                                moved, prediction, scratch)
         elif _closes(model, state, loads, manifolds, r, (MET if near else TOUCHING) * size):
             n = row(manifolds.normal, r)
             if mended:
@@ -147,7 +149,7 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
                 forget_impulses(manifolds, r)
             elif not mended:
                 _move_to_meeting(model, state, loads, shapes, manifolds, r, t,
-                                 margin[a] + margin[b], prediction, scratch)
+                                 margin[a] + margin[b], moved, prediction, scratch)
         elif near:
             activity[r] = DORMANT
             forget_impulses(manifolds, r)
@@ -192,21 +194,21 @@ def _meeting(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b
     `met` [m] is left between them; from there back along a straight line.
     """
     t = 0.0
-    for _ in range(STAGES):
+    while True:
         back = (-n[0], -n[1], -n[2])
         speed = (approach_bound(model, state, loads, shapes, a, n, model.h)
                  + approach_bound(model, state, loads, shapes, b, back, model.h))
         if not speed * (model.h - t) >= gap:
             return math.inf
-        later = min(t + max(gap / speed, model.h / STAGES), model.h)
+        stage = least_stage(shapes, a, b, speed, model.h / STAGES)
+        later = min(t + max(gap / speed, stage), model.h)
         then, n = pair_gap(model, state, loads, shapes, a, b, later, pose, scratch)
         if then <= met:
             # A little before, the direction between what is nearest is still the normal.
             return t + (later - t) * max(gap - met, 0.0) / max(gap - then, TINY)
         if later >= model.h:
-            break
+            return math.inf
         t, gap = later, then
-    return math.inf
 
 
 @kernel
@@ -298,7 +300,8 @@ def _spin_in_middle(model: Model, state: State, i: int, prediction: Prediction) 
 
 @kernel
 def _move_to_middle(model: Model, state: State, shapes: Shapes, manifolds: Manifolds, r: int,
-                    pose: Array, margin: float, prediction: Prediction, scratch: Scratch) -> None:
+                    pose: Array, margin: float, way: float, prediction: Prediction,
+                    scratch: Scratch) -> None:
     """
     Give a manifold that touches the normal and the points of the middle of the step.
 
@@ -308,7 +311,7 @@ def _move_to_middle(model: Model, state: State, shapes: Shapes, manifolds: Manif
     a, b = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
     for s in (a, b):
         _place_in_middle(model, state, shapes, s, prediction)
-    count, n = collide(prediction.middle, shapes, a, b, margin, scratch)
+    count, n = collide(prediction.middle, shapes, a, b, margin, way, scratch)
     before = row(manifolds.normal, r)
     if count == 0 or dot(n, before) < SAME_NORMAL:
         return
@@ -327,7 +330,7 @@ def _move_to_middle(model: Model, state: State, shapes: Shapes, manifolds: Manif
 @kernel
 def _move_to_meeting(model: Model, state: State, loads: Loads, shapes: Shapes,
                      manifolds: Manifolds, r: int, t: float, margin: float,
-                     prediction: Prediction, scratch: Scratch) -> None:
+                     way: float, prediction: Prediction, scratch: Scratch) -> None:
     """
     Give a manifold the normal and the points of the time t [s] at which its pair meets.
 
@@ -338,7 +341,7 @@ def _move_to_meeting(model: Model, state: State, loads: Loads, shapes: Shapes,
     for _ in range(EARLIER):
         for s in (a, b):
             place_ahead(model, state, loads, shapes, s, t, prediction.pose)
-        count, n = collide(prediction.pose, shapes, a, b, margin, scratch)
+        count, n = collide(prediction.pose, shapes, a, b, margin, way, scratch)
         deepest = 0.0
         for p in range(count):
             deepest = min(deepest, scratch.points[p, 3])

@@ -18,7 +18,7 @@ from rigid_sim_ros.engine.contact.colliding_body import CollisionWork, get, SPIN
 from rigid_sim_ros.engine.contact.collisions import bounces
 from rigid_sim_ros.engine.contact.impact_offsets import shifted, was_shifted
 from rigid_sim_ros.engine.detection.backtrack import (
-    approach_bound, crossing, pair_gap, place_ahead)
+    approach_bound, crossing, least_stage, pair_gap, place_ahead)
 from rigid_sim_ros.engine.detection.manifolds import (
     ACTS, DORMANT, forget_impulses, LEFT_OUT, Manifolds, rows_in_use, Scratch)
 from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
@@ -88,26 +88,27 @@ def _next_touch(model: Model, state: State, loads: Loads, shapes: Shapes, manifo
     """
     Return when [s] in the step, after `begin`, the shapes of a manifold meet; inf: not at all.
 
-    By conservative advancement in few stages. What has not parted by the end of one does not meet.
+    By conservative advancement in few stages. What has not parted by the end of the first does not
+    meet.
     """
     a, b, h = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX, model.h
     met, t = MET * smaller(shapes, a, b), begin
     gap, n = pair_gap(model, state, loads, shapes, a, b, t, pose, scratch)
-    for stage in range(STAGES):
+    while True:
         back = (-n[0], -n[1], -n[2])
         speed = (approach_bound(model, state, loads, shapes, a, n, h)
                  + approach_bound(model, state, loads, shapes, b, back, h))
         if not gap - speed * (h - t) <= met:
             return math.inf
-        later = min(t + max((gap - met) / speed, (h - begin) / STAGES), h)
+        stage = least_stage(shapes, a, b, speed, (h - begin) / STAGES)
+        later = min(t + max((gap - met) / speed, stage), h)
         then, n = pair_gap(model, state, loads, shapes, a, b, later, pose, scratch)
         if then <= met and gap > met:
             return crossing(model, state, loads, shapes, a, b, t, later, gap, then, met, pose,
                             scratch)
-        if later >= h or (then <= met and stage > 0):
-            break
+        if later >= h or (then <= met and t > begin):
+            return math.inf
         t, gap = later, then
-    return math.inf
 
 
 @kernel
@@ -123,7 +124,7 @@ def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds
     a, b = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX
     for s in (a, b):
         place_ahead(model, state, loads, shapes, s, t, prediction.pose)
-    count, n = collide(prediction.pose, shapes, a, b, margin[a] + margin[b], scratch)
+    count, n = collide(prediction.pose, shapes, a, b, margin[a] + margin[b], 0.0, scratch)
     if count == 0:
         return False
     _turn_impulses(manifolds, r, n, normal_impulse, friction_impulse)

@@ -177,7 +177,7 @@ def _meet(model: Model, state: State, still: Loads, shapes: Shapes, a: int, b: i
     """
     place_ahead(model, state, still, shapes, a, t, pose)
     place_ahead(model, state, still, shapes, b, t, pose)
-    count, n = collide(pose, shapes, a, b, margin, scratch)
+    count, n = collide(pose, shapes, a, b, margin, 0.0, scratch)
     return 0 if on_face and not meets_face(pose, shapes, a, b, n) else count, n
 
 

@@ -97,11 +97,23 @@ def pair_gap(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b
     if FAMILY[shapes.kind[a], shapes.kind[b]] == BOXES and gap < NEAR * shapes.bound[a]:
         # The distance of thin boxes is 0 to rounding while the overlap is slight; separating axes
         # see it.
-        count, axis = collide(pose, shapes, a, b, NEAR * shapes.bound[a], scratch)
+        count, axis = collide(pose, shapes, a, b, NEAR * shapes.bound[a], 0.0, scratch)
         for k in range(count):
             if scratch.points[k, 3] < gap:
                 gap, n = scratch.points[k, 3], axis
     return gap, n
+
+
+@kernel
+def least_stage(shapes: Shapes, a: int, b: int, speed: float, most: float) -> float:
+    """
+    Return how long [s] two shapes go on at the least between two looks, at most `most` [s].
+
+    At no more than `speed` [m/s] they go no farther than both are thick, or would be through each
+    other, unseen; but not less than the part LEAST_ADVANCE of `most`.
+    """
+    thick = shapes.half_width[a] + shapes.half_width[b]
+    return max(LEAST_ADVANCE * most, min(most, thick / speed if speed > 0.0 else most))
 
 
 @kernel

@@ -325,12 +325,11 @@ def _points_of(shapes: Shapes, memory: Memory, scratch: Scratch, k: int, a: int,
     if family == BOXES:
         if boxes_apart(memory.pose, shapes.size, shapes.bound, a, b, memory.axis, k, margin):
             return AS_BEFORE, NONE
-        # What may touch with a face is seen as a face, unless that tells nothing.
-        for way in (max(0.0, margin - memory.rest_margin[a] - memory.rest_margin[b]), 0.0):
-            count, n = box_box(memory.pose, shapes.size, a, b, margin, way, scratch.points,
-                               scratch.ids, scratch.polygon, scratch.labels, scratch.numbers)
-            if count != UNSETTLED or way == 0.0:
-                break
+        # What may touch with a face is seen as a face: where its border touches, by the search,
+        # or the next corner of what pivots there would be met a step late.
+        way = max(0.0, margin - memory.rest_margin[a] - memory.rest_margin[b])
+        count, n = box_box(memory.pose, shapes.size, a, b, margin, way, scratch.points,
+                           scratch.ids, scratch.polygon, scratch.labels, scratch.numbers)
     if count == UNSETTLED:
         count = _search(shapes, memory, k, thread, c)
         if count in (AS_BEFORE, UNKNOWN):

@@ -20,10 +20,12 @@ def set_margins(model: Model, h: float, state: State, part_of: float, radius: Ar
     Write the margins of some shapes [m]: what they have at rest, and as far as they move in h [s].
 
     So nothing passes what is thinner than its way in a step, or is met late. The margin at rest is
-    `part_of` the thickness (s,) [m], half of the least that a shape measures across. radius (n,)
-    [m] is how far the points of a body are from its centre of mass.
+    `part_of` the thickness (s,) [m], half of the least that a shape measures across, and at least
+    as far as gravity lets a body fall in the step. radius (n,) [m] is how far the points of a body
+    are from its centre of mass.
     """
     rest = standard_of_rest(model, state, shapes.body)
+    fall = 0.5 * h * h * norm((model.gravity[0], model.gravity[1], model.gravity[2]))
     s = first
     while s < last:
         i = shapes.body[s] & INDEX
@@ -32,7 +34,7 @@ def set_margins(model: Model, h: float, state: State, part_of: float, radius: Ar
         pushed = model.inv_m[i] > 0.0
         if pushed or memory.margin[s] != way or memory.rest_margin[s] != 0.0:
             for k in range(s, shapes.after[s]):
-                memory.rest_margin[k] = part_of * thickness[k] if pushed else 0.0
+                memory.rest_margin[k] = max(part_of * thickness[k], fall) if pushed else 0.0
                 memory.margin[k] = memory.rest_margin[k] + way
         s = shapes.after[s]
 

@@ -11,6 +11,10 @@ kinematic by `deepest`, and goes with that from there on: on a ship that flies p
 rest of its step is lost, with what forces did in it and contacts left, or what falls would gain
 speed without falling. Velocities that contacts gave stay, and the next step finds the pair.
 
+Of a pair that overlapped already as the step began, contacts did not stop what they should: of
+what turns by radians a step they act at an attitude to which it does not come. Such a pair
+collides where it was stopped, at the attitude that it has there, without restitution and friction.
+
 Two bodies that can both be pushed are not asked: what is lost of a way that an impulse turned
 would change their angular momentum, which is kept where nothing fixed takes it.
 
@@ -20,19 +24,21 @@ Only what moves farther than half of that depth is asked. Most steps end with on
 import math
 
 from rigid_sim_ros.engine.contact.impact_offsets import displacement, SHIFT, was_shifted
-from rigid_sim_ros.engine.detection.backtrack import DEEPER, passage
+from rigid_sim_ros.engine.detection.backtrack import DEEPER, pair_gap, passage, place_ahead
 from rigid_sim_ros.engine.detection.broad_phase import may_collide
 from rigid_sim_ros.engine.detection.grid import boxes_overlap
 from rigid_sim_ros.engine.detection.manifolds import current, rows_in_use
 from rigid_sim_ros.engine.detection.margins import standard_of_rest
+from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
 from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
 from rigid_sim_ros.engine.dynamics.kinematic import prescribed_spin, prescribed_velocity
 from rigid_sim_ros.engine.maths.rotation import exponential, multiply, quaternion, set_quaternion
 from rigid_sim_ros.engine.maths.vector import (
-    add, add_scaled, add_to_column, column, dot, norm, scale, set_column, subtract)
+    add, add_scaled, add_to_column, column, cross, dot, norm, row, scale, set_column, subtract)
 from rigid_sim_ros.engine.solver.arguments import Arguments
 from rigid_sim_ros.engine.solver.solver_bodies import STRIDE, TOUCHED
-from rigid_sim_ros.engine.state.rates import angular_momentum, fastest_turning, velocity_at
+from rigid_sim_ros.engine.state.rates import (
+    angular_momentum, fastest_turning, spin_of, velocity_at)
 from rigid_sim_ros.engine.state.state import copy_body, State
 from rigid_sim_ros.kernels.arrays import Array, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, inlined, kernel
@@ -40,9 +46,10 @@ from rigid_sim_ros.kernels.kernel import INDEX, inlined, kernel
 
 @kernel
 def is_any_fast(c: Arguments) -> bool:
-    """Return whether any body may move so far in this step that it gets through something."""
+    """Forget who was stopped; return whether any body may go far enough to get through things."""
     least = 0.5 * DEEPER * c.work.ways.thinnest[0] / c.model.h
     rest = standard_of_rest(c.model, c.state, c.shapes.body)
+    c.work.ways.met[:] = -1
     for i in range(c.model.m.shape[0]):
         v, L = _mean_motion(c, i)
         speed = norm(subtract(v, rest)) if _moves(c, i) else 0.0
@@ -166,6 +173,10 @@ def _end_at_passage(c: Arguments, a: int, b: int) -> None:
                     c.work.prediction.pose, c.memory.scratch)
         if t / h < ways.part[i]:
             ways.part[i] = t / h
+            ways.met[i, 0], ways.met[i, 1] = a, b
+            gap, _ = pair_gap(c.model, ways.path, c.work.prediction.still, shapes, a, b, 0.0,
+                              c.work.prediction.pose, c.memory.scratch)
+            ways.sank[i] = 1 if gap < 0.0 else 0
             arm = subtract(column(ways.path.x, i), column(ways.path.x, k))
             set_column(ways.carried, i, velocity_at(
                 prescribed_velocity(ways.path, k), prescribed_spin(ways.path, k), arm))
@@ -193,6 +204,39 @@ def _stop(c: Arguments, i: int) -> None:
     _take_turn(bodies.motion, at + 3, scale(lost, column(loads.tau, i)))
     bodies.total[at:at + STRIDE] = 0.0
     bodies.drifted[at + TOUCHED] = 1.0
+
+
+@kernel
+def hit_what_stopped(c: Arguments) -> None:
+    """Let bodies collide with what stopped them, at the end of a step that began in an overlap."""
+    ways, shapes, pose = c.work.ways, c.shapes, c.work.prediction.pose
+    for i in range(c.model.m.shape[0]):
+        a, b = ways.met[i, 0], ways.met[i, 1]
+        if a < 0 or ways.sank[i] == 0:
+            continue
+        for s in (a, b):
+            place_ahead(c.model, c.state, c.work.prediction.still, shapes, s, 0.0, pose)
+        count, n = collide(pose, shapes, a, b, 0.0, 0.0, c.memory.scratch)
+        k = shapes.body[b] if shapes.body[a] == i else shapes.body[a]
+        out = scale(1.0 if shapes.body[b] == i else -1.0, n)
+        for p in range(count):
+            _stop_point(c, i, k, row(c.memory.scratch.points, p), out)
+
+
+@kernel
+def _stop_point(c: Arguments, i: int, k: int, at: Vector, n: Vector) -> None:
+    """Take from body i the velocity of a point at `at` [m] against the normal n, out of body k."""
+    model, state = c.model, c.state
+    q, inv_I, inv_m = quaternion(state.q, i), column(model.inv_I_C, i), model.inv_m[i]
+    r, arm = subtract(at, column(state.x, i)), subtract(at, column(state.x, k))
+    u = subtract(
+        velocity_at(scale(inv_m, column(state.P, i)), spin_of(q, column(state.L, i), inv_I), r),
+        velocity_at(prescribed_velocity(state, k), prescribed_spin(state, k), arm))
+    lever = cross(r, n)
+    J = -dot(u, n) / (inv_m + dot(lever, spin_of(q, lever, inv_I)))
+    if J > 0.0:
+        add_to_column(state.P, i, scale(J, n))
+        add_to_column(state.L, i, scale(J, lever))
 
 
 @kernel

@@ -14,17 +14,19 @@ pencil J differs by the square of its length over its width between the axis and
 L lies along the axis by some degrees that is a hundred times the energy.
 
 The impulse of the ground had another lever then, so what it gave to L is not known better than by
-that part: L loses it. Where bodies that can be pushed touch each other their common L is
-conserved, and the attitude gives way: it turns by the least angle that brings the energy back,
+that part: L loses it. Where bodies that can be pushed touch each other, and nothing else, their
+common L is conserved, and the attitude gives way: it turns by the least angle that brings the
+energy back,
 
     dE = a . (w x L),    w = J L,    for a turn by the vector a,
 
-along w x L, by Newton's method. What gains less than `MORE` stays: that is the order of the step.
+along w x L, by Newton's method. What touches something that nothing pushes must not turn: it
+might get through that. What gains less than `MORE` stays: that is the order of the step.
 """
 
 import math
 
-from rigid_sim_ros.engine.detection.manifolds import current, rows_in_use
+from rigid_sim_ros.engine.detection.manifolds import current, earlier, rows_in_use
 from rigid_sim_ros.engine.maths.rotation import (
     exponential, multiply, quaternion, set_quaternion, unit)
 from rigid_sim_ros.engine.maths.vector import (
@@ -32,6 +34,7 @@ from rigid_sim_ros.engine.maths.vector import (
 from rigid_sim_ros.engine.solver.arguments import Arguments
 from rigid_sim_ros.engine.solver.solver_bodies import J, STRIDE, TOUCHED
 from rigid_sim_ros.engine.state.rates import spin_of
+from rigid_sim_ros.kernels.arrays import Array
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
 # Share of the energy of rotation. Smaller: the attitude of what rolls is moved by what is only the
@@ -56,21 +59,34 @@ def take_back_gains(c: Arguments) -> None:
     """Let bodies have the energy that their impulses left."""
     for i in range(c.model.m.shape[0]):
         if _gain(c, i) > 0.0:
-            if _meets_what_moves(c, i):
+            if _keeps_momentum(c, i):
                 _turn_back(c, i)
             else:
                 _slow_down(c, i)
 
 
 @kernel
-def _meets_what_moves(c: Arguments, i: int) -> bool:
-    """Return whether a body may have touched another one that can be pushed."""
-    manifolds = current(c.memory)
+def _keeps_momentum(c: Arguments, i: int) -> bool:
+    """Return whether a body is among such that nothing fixed or kinematic touched or stopped."""
+    manifolds, acted = current(c.memory), earlier(c.memory)
     first, count = rows_in_use(manifolds)
+    meets = False
     for k in range(count):
         r = (first + k) & INDEX
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
-        if i in (a, b) and min(c.model.inv_m[a], c.model.inv_m[b]) > 0.0:
+        if i in (a, b):
+            moves = min(c.model.inv_m[a], c.model.inv_m[b]) > 0.0
+            if not moves and _acted(acted.impulse, manifolds.points[r], r):
+                return False
+            meets = meets or moves
+    return meets and c.work.ways.met[i, 0] < 0
+
+
+@kernel
+def _acted(impulse: Array, points: int, r: int) -> bool:
+    """Return whether a manifold had an impulse in this step."""
+    for p in range(points):
+        if impulse[p, r] != 0.0:
             return True
     return False
 

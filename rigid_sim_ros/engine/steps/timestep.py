@@ -30,7 +30,7 @@ from rigid_sim_ros.engine.solver.arguments import Arguments, with_memory
 from rigid_sim_ros.engine.solver.parallel_detection import (
     detect_in_parallel, set_margins_and_sides, share_part, take_sides_of)
 from rigid_sim_ros.engine.solver.partition import begin_slots, choose_cut, ENOUGH, mark_touching
-from rigid_sim_ros.engine.solver.passages import end_ways, is_any_fast
+from rigid_sim_ros.engine.solver.passages import end_ways, hit_what_stopped, is_any_fast
 from rigid_sim_ros.engine.solver.sequential import (
     move_solved, solve_contacts, solve_directly, solve_part, store_part)
 from rigid_sim_ros.engine.solver.sleeping import (
@@ -250,7 +250,7 @@ def predict(c: Arguments) -> None:
     predict_part(c, CONTACTS)
 
 
-CONTACTS, PASSAGES, TURNS = range(3)
+CONTACTS, PASSAGES, TURNS, HITS = range(4)
 
 
 @by_address
@@ -262,6 +262,9 @@ def predict_part(c: Arguments, what: int) -> int:
         return 0
     if what == TURNS:
         take_back_gains(c)
+        return 0
+    if what == HITS:
+        hit_what_stopped(c)
         return 0
     predict_contacts(c.model, c.state, work.loads, c.shapes, current(memory), memory.pose,
                      memory.margin, memory.rest_margin, work.collision.activity, work.prediction,
@@ -301,12 +304,15 @@ def solve(c: Arguments) -> None:
     """Find the impulses of what touches, and move all bodies."""
     begin_slots(c.work.solver.sides, c.memory.touching, c.work.solver.bodies)
     solve_contacts(c)
-    if is_any_fast(c):
+    is_fast = is_any_fast(c)
+    if is_fast:
         predict_part(c, PASSAGES)
     move_solved(c)
     if gains_any_by_turning(c):
         predict_part(c, TURNS)
     move_kinematic(c.model, c.state, c.model.h)
+    if is_fast:
+        predict_part(c, HITS)
 
 
 @kernel

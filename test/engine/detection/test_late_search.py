@@ -17,9 +17,6 @@ BALL, BOX = {'type': 'sphere', 'radius': 0.2}, {'type': 'box', 'size': [0.4, 0.4
 ROD = {'type': 'capsule', 'radius': 0.1, 'length': 0.6}
 # [m] Between the nearest corners of two boxes, along each axis: nearer than the margin.
 NEAR = 0.002
-# Where a box is beside and above another one [m], and half of both one's angles, about: edges are
-# nearest, and none of the faces is as near as it comes in a step.
-PLACE, TURNED = (0.357, -0.357), ((-0.085, -0.032, 0.032), (0.087, -0.083, -0.01))
 
 
 def scene(*bodies):
@@ -37,16 +34,6 @@ def corner_to_corner():
     one = scene((BOX, (0, 0, 1)), (BOX, (0.4 + NEAR, 0.4 + NEAR, 1.4 + NEAR)),
                 *((BALL, (k % 10, 2 + k // 10, 0.21)) for k in range(100)))
     one['bodies'][1]['twist'] = {'angular': [0.1, -0.1, 0]}
-    return one
-
-
-def fast_boxes():
-    """Return a box that comes near another one so fast that first a face is looked for."""
-    one = scene((BOX, (0, 0, 1)), (BOX, (PLACE[0], PLACE[1], 1.44)))
-    for body, turned in zip(one['bodies'][1:], TURNED, strict=True):
-        body['pose']['orientation'] = (np.append(turned, 1.0)
-                                       / np.linalg.norm([*turned, 1.0])).tolist()
-    one['bodies'][2]['twist'] = {'linear': [0, 0, -5.0]}
     return one
 
 
@@ -107,13 +94,6 @@ def test_boxes_that_meet_with_corners_wait_for_the_search_and_come_to_the_same(a
     known = World.from_dict(corner_to_corner())
     known.step(20)
     assert world.state_hash() == known.state_hash()
-
-
-def test_fast_boxes_need_no_search_where_edges_tell_what_is_nearest(asked):
-    world = World.from_dict(fast_boxes())
-    world.step(1)
-    assert world.contact_report().contacts == 1
-    assert asked == []
 
 
 @pytest.mark.parametrize('threads', [1, 2])

@@ -45,19 +45,20 @@ FAMILY = np.array([[_family(a, b) for b in range(len(KINDS))] for a in range(len
 
 
 @kernel
-def collide(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
+def collide(pose: Array, shapes: Shapes, a: int, b: int, margin: float, way: float,
             scratch: Scratch) -> tuple[int, Vector]:
     """
     Find the points of shapes a and b that are nearer than the margin [m].
 
     Returns their number, at most 4, and the unit normal from A to B, world axes. The points are
-    left in `scratch.points` (on A, with the gap) and `scratch.ids`. With 0 points the normal is a
+    left in `scratch.points` (on A, with the gap) and `scratch.ids`. `way` [m] is how far the pair
+    still moves: what may touch with a face is seen as a face. With 0 points the normal is a
     direction that separates the shapes by more than the margin, or 0 where none is known.
     """
     family = FAMILY[shapes.kind[a], shapes.kind[b]]
     points, ids = scratch.points, scratch.ids
     if family == BOXES:
-        count, n = box_box(pose, shapes.size, a, b, margin, 0.0, points, ids, scratch.polygon,
+        count, n = box_box(pose, shapes.size, a, b, margin, way, points, ids, scratch.polygon,
                            scratch.labels, scratch.numbers)
         if count != UNSETTLED:
             return count, n
