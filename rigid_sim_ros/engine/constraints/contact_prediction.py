@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.detection.backtrack import (
-    approach_bound, least_stage, pair_gap, place_ahead)
+    approach_bound, least_stage, pair_gap, place_ahead, way_ahead)
 from rigid_sim_ros.engine.detection.manifold_rows import is_mended
 from rigid_sim_ros.engine.detection.manifolds import (
     ACTS, DORMANT, forget_impulses, Manifolds, POINTS, rows_in_use, Scratch)
@@ -59,10 +59,7 @@ FAR = 0.05
 # [rad] What turns farther in a step moves its points along more than a bow: their mean velocity is
 # not that of the middle, and the rate at which it changes there says nothing of the whole.
 MOST_TURNED = 1.0
-# Stages of conservative advancement of what is not thin: what touches for less than one, and not
-# deeply, is missed.
-STAGES = 16
-# And so often the time of a meeting is put earlier at most, until nothing overlaps: what overlaps
+# So often the time of a meeting is put earlier at most, until nothing overlaps: what overlaps
 # has no direction between what is nearest.
 EARLIER = 12
 TINY = 1e-300
@@ -200,7 +197,7 @@ def _meeting(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b
                  + approach_bound(model, state, loads, shapes, b, back, model.h))
         if not speed * (model.h - t) >= gap:
             return math.inf
-        stage = least_stage(shapes, a, b, speed, model.h / STAGES)
+        stage = least_stage(shapes, a, b, speed, model.h)
         later = min(t + max(gap / speed, stage), model.h)
         then, n = pair_gap(model, state, loads, shapes, a, b, later, pose, scratch)
         if then <= met:
@@ -269,13 +266,6 @@ def _velocity(model: Model, state: State, a: int, b: int, w_A: Vector, w_B: Vect
     """Return the velocity of B relative to A at a point [m/s]."""
     v = subtract(body_velocity(model, state, b), body_velocity(model, state, a))
     return add(v, subtract(cross(w_B, r_B), cross(w_A, r_A)))
-
-
-@kernel
-def _way(model: Model, state: State, loads: Loads, i: int, t: float) -> Vector:
-    """Return how far the centre of mass of a body moves in t [s]."""
-    return scale(t, add_scaled(body_velocity(model, state, i), 0.5 * t * model.inv_m[i],
-                               column(loads.F, i)))
 
 
 @kernel
@@ -369,7 +359,7 @@ def _rewrite(model: Model, state: State, loads: Loads, manifolds: Manifolds, r: 
     i, j = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
     old_A, old_B = _spin_after(model, state, i, 0.0), _spin_after(model, state, j, 0.0)
     old_count = _note_old(model, state, manifolds, r, old_A, old_B, prediction.old)
-    way_A, way_B = _way(model, state, loads, i, t), _way(model, state, loads, j, t)
+    way_A, way_B = way_ahead(model, state, loads, i, t), way_ahead(model, state, loads, j, t)
     x_A, x_B = add(column(state.x, i), way_A), add(column(state.x, j), way_B)
     slide, known = (0.0, 0.0, 0.0), 0
     slow = _turns_little(model.h, old_A, w_A) and _turns_little(model.h, old_B, w_B)

@@ -18,7 +18,7 @@ from rigid_sim_ros.engine.contact.colliding_body import CollisionWork, get, SPIN
 from rigid_sim_ros.engine.contact.collisions import bounces
 from rigid_sim_ros.engine.contact.impact_offsets import shifted, was_shifted
 from rigid_sim_ros.engine.detection.backtrack import (
-    approach_bound, crossing, least_stage, pair_gap, place_ahead)
+    approach_bound, crossing, least_stage, pair_gap, place_ahead, way_ahead)
 from rigid_sim_ros.engine.detection.manifolds import (
     ACTS, DORMANT, forget_impulses, LEFT_OUT, Manifolds, rows_in_use, Scratch)
 from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
@@ -27,14 +27,12 @@ from rigid_sim_ros.engine.maths.vector import (
     add, add_scaled, column, cross, dot, row, scale, subtract)
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes, smaller
-from rigid_sim_ros.engine.state.state import body_velocity, State
+from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
 # So many times ways are followed anew at most; with friction two bodies may rattle for longer.
 TIMES = 4
-# A pair is looked at so often on its way: what touches for less, and not deeply, is missed.
-STAGES = 16
 # Of the smaller shape: the gap at which a pair meets. There is still a direction between what is
 # nearest.
 MET = 1e-4
@@ -100,7 +98,7 @@ def _next_touch(model: Model, state: State, loads: Loads, shapes: Shapes, manifo
                  + approach_bound(model, state, loads, shapes, b, back, h))
         if not gap - speed * (h - t) <= met:
             return math.inf
-        stage = least_stage(shapes, a, b, speed, (h - begin) / STAGES)
+        stage = least_stage(shapes, a, b, speed, h - begin)
         later = min(t + max((gap - met) / speed, stage), h)
         then, n = pair_gap(model, state, loads, shapes, a, b, later, pose, scratch)
         if then <= met and gap > met:
@@ -131,7 +129,7 @@ def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds
     forget_impulses(manifolds, r)
     i, j = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
     A, B = work.body[i], work.body[j]
-    way_A, way_B = _way(model, state, loads, i, t), _way(model, state, loads, j, t)
+    way_A, way_B = way_ahead(model, state, loads, i, t), way_ahead(model, state, loads, j, t)
     x_A, x_B = add(column(state.x, i), way_A), add(column(state.x, j), way_B)
     for p in range(count):
         gap = scratch.points[p, 3]
@@ -153,13 +151,6 @@ def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds
     for k in range(5):
         manifolds.found_at[r, k] = 0.0
     return True
-
-
-@kernel
-def _way(model: Model, state: State, loads: Loads, i: int, t: float) -> Vector:
-    """Return how far the centre of mass of a body moves in t [s]."""
-    return scale(t, add_scaled(body_velocity(model, state, i), 0.5 * t * model.inv_m[i],
-                               column(loads.F, i)))
 
 
 @kernel

@@ -31,7 +31,7 @@ from rigid_sim_ros.engine.model.kinds.table import is_ball, is_unbounded
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Shapes, smaller
 from rigid_sim_ros.engine.state.rates import fastest_turning
-from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.engine.state.state import body_velocity, State
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import kernel
 
@@ -43,6 +43,9 @@ GAP = 1e-12
 # Shapes that graze advance by at least this part of a step: a dent of less than that duration may
 # be missed.
 LEAST_ADVANCE = 1.0 / 1024.0
+# Stages in which a meeting within a step is looked for, of what is not thin: what touches for less
+# than one, and not deeply, is missed.
+STAGES = 16
 # Of the smaller shape: those without a formula for their distance touch at this gap. At 0 the
 # iteration that finds the distance has no direction left to take the normal from. 1e-11 would make
 # the normal noisy; 1e-8 is unseen.
@@ -88,6 +91,13 @@ def place_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, s: int
 
 
 @kernel
+def way_ahead(model: Model, state: State, loads: Loads, i: int, t: float) -> Vector:
+    """Return how far the centre of mass of a body moves in t [s] under constant loads [m]."""
+    return scale(t, add_scaled(body_velocity(model, state, i), 0.5 * t * model.inv_m[i],
+                               column(loads.F, i)))
+
+
+@kernel
 def pair_gap(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b: int, t: float,
              pose: Array, scratch: Scratch) -> tuple[float, Vector]:
     """Return the gap [m] of two shapes after t [s], and the normal from A to B."""
@@ -105,13 +115,14 @@ def pair_gap(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b
 
 
 @kernel
-def least_stage(shapes: Shapes, a: int, b: int, speed: float, most: float) -> float:
+def least_stage(shapes: Shapes, a: int, b: int, speed: float, left: float) -> float:
     """
-    Return how long [s] two shapes go on at the least between two looks, at most `most` [s].
+    Return how long [s] two shapes go on at the least between two looks, `left` [s] in STAGES.
 
     At no more than `speed` [m/s] they go no farther than both are thick, or would be through each
-    other, unseen; but not less than the part LEAST_ADVANCE of `most`.
+    other, unseen; but not less than the part LEAST_ADVANCE of a stage.
     """
+    most = left / STAGES
     thick = shapes.half_width[a] + shapes.half_width[b]
     return max(LEAST_ADVANCE * most, min(most, thick / speed if speed > 0.0 else most))
 
