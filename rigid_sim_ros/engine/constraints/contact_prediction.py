@@ -31,7 +31,7 @@ from rigid_sim_ros.engine.detection.backtrack import (
     approach_bound, least_stage, pair_gap, place_ahead, way_ahead)
 from rigid_sim_ros.engine.detection.manifold_rows import is_mended
 from rigid_sim_ros.engine.detection.manifolds import (
-    ACTS, DORMANT, forget_impulses, Manifolds, POINTS, rows_in_use, Scratch)
+    ACTS, DORMANT, forget_impulses, has_impulse, Manifolds, POINTS, rows_in_use, Scratch)
 from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
 from rigid_sim_ros.engine.detection.narrow_phase.surface import meets_face
 from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads, Loads
@@ -125,7 +125,8 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
         # What is mended for what lies beside would, as a pair alone, be as it was before.
         gap, mended = _smallest_gap(manifolds, r), is_mended(manifolds, r)
         near, may_pass = gap <= TOUCHING * size, False
-        if near and gap > MET * size and not _presses(manifolds, r):
+        if near and gap > MET * size and not has_impulse(
+                manifolds.impulse, manifolds.points[r], r):
             if not known:
                 _mark_pressed(model, manifolds, prediction.pressed)
                 known = True
@@ -161,22 +162,13 @@ def _smallest_gap(manifolds: Manifolds, r: int) -> float:
 
 
 @kernel
-def _presses(manifolds: Manifolds, r: int) -> bool:
-    """Return whether a manifold had an impulse in the step before."""
-    for p in range(manifolds.points[r]):
-        if manifolds.impulse[p, r] != 0.0:
-            return True
-    return False
-
-
-@kernel
 def _mark_pressed(model: Model, manifolds: Manifolds, pressed: IntArray) -> None:
     """Mark the bodies that move and that a contact pressed in the step before."""
     first, count = rows_in_use(manifolds)
     pressed[:] = 0
     for k in range(count):
         r = (first + k) & INDEX
-        if _presses(manifolds, r):
+        if has_impulse(manifolds.impulse, manifolds.points[r], r):
             for i in (manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX):
                 pressed[i] = 1 if model.inv_m[i] > 0.0 else 0
 

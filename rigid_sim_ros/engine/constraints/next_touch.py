@@ -20,7 +20,7 @@ from rigid_sim_ros.engine.contact.impact_offsets import shifted, was_shifted
 from rigid_sim_ros.engine.detection.backtrack import (
     approach_bound, crossing, least_stage, pair_gap, place_ahead, way_ahead)
 from rigid_sim_ros.engine.detection.manifolds import (
-    ACTS, DORMANT, forget_impulses, LEFT_OUT, Manifolds, rows_in_use, Scratch)
+    ACTS, DORMANT, forget_impulses, has_impulse, LEFT_OUT, Manifolds, rows_in_use, Scratch)
 from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
 from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.maths.vector import (
@@ -54,7 +54,8 @@ def find_next_touches(model: Model, state: State, loads: Loads, shapes: Shapes,
     for k in range(count):
         r = (first + k) & INDEX
         i, j = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
-        rests = work.activity[r] == ACTS and not _collided(manifolds, r, normal_impulse)
+        rests = work.activity[r] == ACTS and not has_impulse(
+            normal_impulse, manifolds.points[r], r)
         if (rests or not bounces(shapes, materials, manifolds, r) or model.inv_m[i] == 0.0
                 or model.inv_m[j] == 0.0 or not (was_shifted(work.body[i])
                                                  or was_shifted(work.body[j]))):
@@ -69,15 +70,6 @@ def find_next_touches(model: Model, state: State, loads: Loads, shapes: Shapes,
                 work.candidates[0] += 1
             work.activity[r] = LEFT_OUT
     return found
-
-
-@kernel
-def _collided(manifolds: Manifolds, r: int, normal_impulse: Array) -> bool:
-    """Return whether a pair collided in this step."""
-    for p in range(manifolds.points[r]):
-        if normal_impulse[p, r] != 0.0:
-            return True
-    return False
 
 
 @kernel

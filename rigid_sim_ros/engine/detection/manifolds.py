@@ -369,6 +369,15 @@ def with_lasting(memory: Memory, arrays: Sequence[Array | IntArray]) -> Memory:
 
 
 @kernel
+def has_impulse(impulse: Array, points: int, r: int) -> bool:
+    """Return whether any of the points of manifold r has one of the normal impulses (4, c)."""
+    for p in range(points):
+        if impulse[p, r] != 0.0:
+            return True
+    return False
+
+
+@kernel
 def forget_impulses(manifolds: Manifolds, r: int) -> None:
     """Let a manifold begin with no impulses."""
     manifolds.spin[r] = 0.0

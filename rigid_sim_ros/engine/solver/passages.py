@@ -39,17 +39,16 @@ from rigid_sim_ros.engine.solver.arguments import Arguments
 from rigid_sim_ros.engine.solver.solver_bodies import STRIDE, TOUCHED
 from rigid_sim_ros.engine.state.rates import (
     angular_momentum, fastest_turning, spin_of, velocity_at)
-from rigid_sim_ros.engine.state.state import copy_body, State
+from rigid_sim_ros.engine.state.state import add_impulse_with_lever, copy_body, State
 from rigid_sim_ros.kernels.arrays import Array, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, inlined, kernel
 
 
 @kernel
 def is_any_fast(c: Arguments) -> bool:
-    """Forget who was stopped; return whether any body may go far enough to get through things."""
+    """Return whether any body may go so far in this step that it gets through something."""
     least = 0.5 * DEEPER * c.work.ways.thinnest[0] / c.model.h
     rest = standard_of_rest(c.model, c.state, c.shapes.body)
-    c.work.ways.met[:] = -1
     for i in range(c.model.m.shape[0]):
         v, L = _mean_motion(c, i)
         speed = norm(subtract(v, rest)) if _moves(c, i) else 0.0
@@ -208,10 +207,15 @@ def _stop(c: Arguments, i: int) -> None:
 
 @kernel
 def hit_what_stopped(c: Arguments) -> None:
-    """Let bodies collide with what stopped them, at the end of a step that began in an overlap."""
+    """
+    Let bodies collide with what stopped them, at the end of a step that began in an overlap.
+
+    And forget who was stopped.
+    """
     ways, shapes, pose = c.work.ways, c.shapes, c.work.prediction.pose
     for i in range(c.model.m.shape[0]):
         a, b = ways.met[i, 0], ways.met[i, 1]
+        ways.met[i, 0] = ways.met[i, 1] = -1
         if a < 0 or ways.sank[i] == 0:
             continue
         for s in (a, b):
@@ -235,8 +239,7 @@ def _stop_point(c: Arguments, i: int, k: int, at: Vector, n: Vector) -> None:
     lever = cross(r, n)
     J = -dot(u, n) / (inv_m + dot(lever, spin_of(q, lever, inv_I)))
     if J > 0.0:
-        add_to_column(state.P, i, scale(J, n))
-        add_to_column(state.L, i, scale(J, lever))
+        add_impulse_with_lever(model.inv_m, state, i, r, scale(J, n))
 
 
 @kernel

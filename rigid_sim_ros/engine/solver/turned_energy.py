@@ -26,7 +26,8 @@ might get through that. What gains less than `MORE` stays: that is the order of 
 
 import math
 
-from rigid_sim_ros.engine.detection.manifolds import current, earlier, rows_in_use
+from rigid_sim_ros.engine.detection.manifolds import (
+    current, earlier, has_impulse, rows_in_use)
 from rigid_sim_ros.engine.maths.rotation import (
     exponential, multiply, quaternion, set_quaternion, unit)
 from rigid_sim_ros.engine.maths.vector import (
@@ -34,7 +35,6 @@ from rigid_sim_ros.engine.maths.vector import (
 from rigid_sim_ros.engine.solver.arguments import Arguments
 from rigid_sim_ros.engine.solver.solver_bodies import J, STRIDE, TOUCHED
 from rigid_sim_ros.engine.state.rates import spin_of
-from rigid_sim_ros.kernels.arrays import Array
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
 # Share of the energy of rotation. Smaller: the attitude of what rolls is moved by what is only the
@@ -76,19 +76,10 @@ def _keeps_momentum(c: Arguments, i: int) -> bool:
         a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         if i in (a, b):
             moves = min(c.model.inv_m[a], c.model.inv_m[b]) > 0.0
-            if not moves and _acted(acted.impulse, manifolds.points[r], r):
+            if not moves and has_impulse(acted.impulse, manifolds.points[r], r):
                 return False
             meets = meets or moves
     return meets and c.work.ways.met[i, 0] < 0
-
-
-@kernel
-def _acted(impulse: Array, points: int, r: int) -> bool:
-    """Return whether a manifold had an impulse in this step."""
-    for p in range(points):
-        if impulse[p, r] != 0.0:
-            return True
-    return False
 
 
 @kernel

@@ -5,6 +5,7 @@
 import math
 
 from rigid_sim_ros.engine.maths.algebra import cross, dot
+from rigid_sim_ros.engine.model.kinds.points import copy_candidate
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import kernel
 
@@ -127,9 +128,7 @@ def _drop_far(points: Array, ids: IntArray, count: int, size: float) -> int:
     deepest, kept = _deepest(points, count), 0
     for k in range(count):
         if points[k, 3] <= deepest + FAR * size or not _stands_above(points, count, k):
-            for i in range(4):
-                points[kept, i] = points[k, i]
-            ids[kept] = ids[k]
+            copy_candidate(points, ids, kept, k)
             kept += 1
     return kept
 
@@ -188,8 +187,6 @@ def _keep(points: Array, ids: IntArray, a: int, b: int, c: int, d: int) -> int:
     kept = 0
     for k in range(max(max(a, b), max(c, d)) + 1):
         if k in (a, b, c, d):
-            for i in range(4):
-                points[kept, i] = points[k, i]
-            ids[kept] = ids[k]
+            copy_candidate(points, ids, kept, k)
             kept += 1
     return kept

@@ -18,7 +18,7 @@ from rigid_sim_ros.engine.model.inertia import mesh, mesh_volume
 from rigid_sim_ros.engine.model.kinds.box import reach_of_box
 from rigid_sim_ros.engine.model.kinds.drawing import Surface
 from rigid_sim_ros.engine.model.kinds.kind import Kind, Size
-from rigid_sim_ros.engine.model.kinds.points import put_near_plane, write_corner
+from rigid_sim_ros.engine.model.kinds.points import copy_candidate, put_near_plane, write_corner
 from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import kernel
 
@@ -145,9 +145,7 @@ def _keep_every_second(points: Array, ids: IntArray, count: int) -> int:
     """Keep candidates 0, 2, 4, ...; return their number."""
     kept = 0
     for k in range(0, count, 2):
-        for i in range(4):
-            points[kept, i] = points[k, i]
-        ids[kept] = ids[k]
+        copy_candidate(points, ids, kept, k)
         kept += 1
     return kept
 

@@ -18,6 +18,14 @@ def put(points: Array, ids: IntArray, k: int, p: Vector, gap: float, feature: in
 
 
 @kernel
+def copy_candidate(points: Array, ids: IntArray, to: int, k: int) -> None:
+    """Write candidate k in the place `to`."""
+    for i in range(4):
+        points[to, i] = points[k, i]
+    ids[to] = ids[k]
+
+
+@kernel
 def put_near_plane(points: Array, ids: IntArray, count: int, n: Vector, p: Vector, q: Vector,
                    feature: int, margin: float) -> int:
     """Add the point q of a shape if it is near the plane; return the new number of points."""
