@@ -72,7 +72,9 @@ def find_seams(shapes: Shapes, memory: Memory) -> bool:
     for k in range(first, first + count):
         for side in range(2):
             s, m = _shapes_of(rows, k & INDEX, side)
-            if is_faceted(shapes.kind[s]) and _is_suspect(shapes, memory, rows, k & INDEX, s, m):
+            # A half space has one normal, whatever the surface that it meets looks like.
+            if (is_faceted(shapes.kind[s]) and not is_unbounded(shapes.kind[m])
+                    and _is_suspect(shapes, memory, rows, k & INDEX, s, m)):
                 seams.suspect[found] = 2 * k + side
                 found += 1
     seams.count[0] = found
