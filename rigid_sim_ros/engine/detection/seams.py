@@ -255,7 +255,7 @@ def mend_seams(shapes: Shapes, memory: Memory, scratch: Scratch) -> None:
     """
     Take contacts that are none off the manifolds that `find_seams` listed, and mend these.
 
-    A shape that is left with no manifold keeps its nearest one: what holds a body stays.
+    A shape that the others do not hold keeps its nearest manifold: see `_hold`.
     """
     rows, seams, before = current(memory), memory.seams, earlier(memory)
     lost = 0
@@ -286,25 +286,39 @@ def mend_seams(shapes: Shapes, memory: Memory, scratch: Scratch) -> None:
         # Its points are found anew in the next step, whatever becomes of them.
         mark_mended(rows, k)
         rows.points[k] = kept if kept > 0 else -points
-        if kept == 0:
-            lost -= _keep_nearest(rows, seams, m)
+    for i in range(seams.count[0]):
+        k, side = (seams.suspect[i] >> 1) & INDEX, seams.suspect[i] & 1
+        if rows.points[k] < 0:
+            lost -= _hold(shapes, rows, seams, k, side)
     memory.counters[CONTACTS] -= lost
     pack_rows(rows)
 
 
 @kernel
-def _keep_nearest(rows: Manifolds, seams: Seams, m: int) -> int:
-    """Give shape M back its nearest manifold if it has none left; return how many points."""
-    at, best, nearest = seams.head[m], -1, math.inf
+def _hold(shapes: Shapes, rows: Manifolds, seams: Seams, k: int, side: int) -> int:
+    """
+    Give shape M back its nearest manifold if the others do not hold it; return how many points.
+
+    They do not if there are none. Nor if what was taken overlaps by more than the tolerance, and
+    they by less than half of that: M overlaps the union of its pieces at least as far as any of
+    them, and would sink into this one.
+    """
+    s, m = _shapes_of(rows, k, side)
+    at, best = _first(shapes, rows, seams, m, k, side), -1
+    nearest, held = math.inf, math.inf
     while at >= 0:
-        k = (at >> 1) & INDEX
-        if rows.points[k] > 0:
-            return 0
-        for p in range(-rows.points[k]):
-            if rows.gap[p, k] < nearest:
-                best, nearest = k, rows.gap[p, k]
-        at = seams.link[at & 1, k]
-    if best < 0:
+        j, other = (at >> 1) & INDEX, at & 1
+        t, _ = _shapes_of(rows, j, other)
+        if shapes.still[m] == 1 and shapes.body[t] != shapes.body[s]:
+            break
+        for p in range(abs(rows.points[j])):
+            if rows.points[j] > 0:
+                held = min(held, rows.gap[p, j])
+            elif rows.gap[p, j] < nearest:
+                best, nearest = j, rows.gap[p, j]
+        at = seams.link[other, j]
+    sinks = nearest < -tolerance(shapes, m, s, s) and held > 0.5 * nearest
+    if held < math.inf and not sinks:
         return 0
     rows.points[best] = -rows.points[best]
     return int(rows.points[best])

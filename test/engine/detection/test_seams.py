@@ -3,7 +3,7 @@
 """Seams: a floor of flush pieces is a floor, and what is no floor stays what it is."""
 
 from engine.detecting import Scene, UPRIGHT
-from engine.flush_floors import Floor
+from engine.flush_floors import Floor, random_turn, turned
 import numpy as np
 import pytest
 
@@ -187,3 +187,45 @@ def test_an_edge_on_a_face_just_above_the_ground_keeps_the_normal_of_that_face(f
     normals = [row['normal'] for row in world.contacts() if row['body_b'] == 1]
     assert len(normals) > 0
     assert np.abs(np.array(normals)[:, 0]) == pytest.approx(1.0, abs=PREFERENCE)
+
+
+# An angle: sizes and places of its two boxes.
+ANGLE = [((3.0, 1.0, 1.0), (-0.4, 0.0, -0.6)), ((1.0, 1.0, 2.0), (0.6, 0.0, 0.9))]
+ANGLE_SHAPE = {'compound': [{'type': 'box', 'size': size, 'pose': {'position': at}}
+                            for size, at in ANGLE]}
+
+
+def test_an_angle_in_the_ground_has_the_normal_of_the_ground():
+    """Two boxes of one body that moves on, at any attitude: its lowest corner is as deep as it is."""
+    rng = np.random.default_rng(3)
+    ground = {'name': 'ground', 'shape': {'type': 'plane'}, 'fixed': True}
+    for _ in range(40):
+        q = random_turn(rng)
+        lowest = min(turned(q, at + 0.5 * signs * size)[2] for size, at in ANGLE
+                     for signs in np.array(np.meshgrid(*[(-1, 1)] * 3)).T.reshape(-1, 3))
+        height = rng.uniform(-0.3, -0.01) - lowest
+        world = World.from_dict({
+            'format': 1, 'world': {'contact': 'timestep', 'step': 5e-3},
+            'bodies': [ground, {
+                'name': 'angle', 'mass': 1.0, 'shape': ANGLE_SHAPE,
+                'pose': {'position': [0.0, 0.0, height], 'orientation': list(q)},
+                'twist': {'linear': list(rng.normal(size=3) * (6.0, 6.0, 1.0)),
+                          'angular': list(rng.normal(size=3) * 8.0)}}]})
+        world.step()
+        assert set(map(tuple, world.contacts()['normal'])) == {(0.0, 0.0, 1.0)}
+        assert world.contact_report().deepest == pytest.approx(-height - lowest, abs=1e-9)
+
+
+def test_an_edge_across_the_inner_corner_of_an_angle_does_not_sink():
+    """
+    A beam lies with its edge in the corner, where each box covers what the other one has there.
+
+    It overlaps both, one by 0.125 m and one by 0.08 m; what is left has to hold it as far.
+    """
+    angle = {'name': 'angle', 'mass': 1.0, 'shape': ANGLE_SHAPE}
+    beam = {'name': 'beam', 'mass': 1.0, 'shape': {'type': 'box', 'size': [2.76, 0.745, 1.067]},
+            'pose': {'position': [-0.58, 0.073, 0.811], 'orientation': [-0.21755825, -0.16091733, -0.84419321, 0.46272221]}}
+    world = World.from_dict({'format': 1, 'world': {'contact': 'timestep', 'gravity': [0, 0, 0]},
+                             'bodies': [angle, beam]})
+    world.step()
+    assert 0.05 < world.contact_report().deepest < 0.25
