@@ -8,12 +8,12 @@ from typing import Any
 from rigid_sim_ros.messages.topics import JOINT_COMMANDS, JOINT_TRAJECTORY, SET_JOINT_STATES
 from rigid_sim_ros.nodes.inputs import JointInput, Queue, Refusals
 from rigid_sim_ros.scene import schema
-from rigid_sim_ros.scene.errors import nearest
 from rigid_sim_ros.scene.joint_groups import full_name, joint_groups
+from rigid_sim_ros.times import SECOND
+from rigid_sim_ros.words import nearest
 from rigid_sim_ros.world.commands import Command
 from rigid_sim_ros.world.drives import how_to_drive
 
-_SECOND = 1_000_000_000
 _NAN = math.nan
 
 # What a drive needs so that it can be told one of these, and what it is told then.
@@ -184,4 +184,4 @@ def _row(what: str, k: int, values: list[float], joints: dict[str, schema.Joint]
 
 def _seconds(time: Any) -> float:
     """Return a builtin_interfaces/Time or Duration in s."""
-    return float((time.sec * _SECOND + time.nanosec) / _SECOND)
+    return float((time.sec * SECOND + time.nanosec) / SECOND)

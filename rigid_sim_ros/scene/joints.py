@@ -21,7 +21,8 @@ from rigid_sim_ros.engine.model.model import Model, WORLD
 from rigid_sim_ros.engine.state.state import copy_into, copy_state, State
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.scene import schema
-from rigid_sim_ros.scene.errors import below, nearest, Report, shown
+from rigid_sim_ros.scene.errors import below, Report, shown
+from rigid_sim_ros.words import nearest
 
 _KINDS = {'fixed': engine.FIXED, 'revolute': engine.REVOLUTE, 'continuous': engine.REVOLUTE,
           'prismatic': engine.PRISMATIC, 'spherical': engine.SPHERICAL,
