@@ -8,12 +8,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rigid_sim_ros import World
-from rigid_sim_ros.engine.constraints.articulated_rows import answer_to_impulses
+from rigid_sim_ros.engine.constraints import articulated_rows
 from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads
+from rigid_sim_ros.engine.joints import effective_inertia
 from rigid_sim_ros.engine.joints.buffers import make_joint_work
-from rigid_sim_ros.engine.joints.effective_inertia import effective_inertias
 from rigid_sim_ros.engine.joints.settle import prepare
 from rigid_sim_ros.engine.model.joints import NONE
+from rigid_sim_ros.kernels.kernel import in_python
+
+# To compile these takes longer than they take in Python.
+answer_to_impulses = in_python(articulated_rows.answer_to_impulses)
+effective_inertias = in_python(effective_inertia.effective_inertias)
 
 
 def cross_matrix(r):
