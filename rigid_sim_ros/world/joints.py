@@ -21,6 +21,7 @@ from rigid_sim_ros.scene.joints import CLOSED, gap_of
 from rigid_sim_ros.scene.schema import Bounds
 from rigid_sim_ros.world.bounds import check_joint
 from rigid_sim_ros.world.commands import Commanded
+from rigid_sim_ros.world.joining import Others
 from rigid_sim_ros.world.values import finite, some
 
 if TYPE_CHECKING:
@@ -193,25 +194,21 @@ class WithJoints(Commanded):
     def _assemble(self, moved: Sequence[int], position: Array, given: IntArray,
                   rate: Array) -> float:
         """
-        Do what `JointedMotion.assemble` does with the articulations of some joints.
+        Put the bodies of the articulations of some joints where coordinates and rates say.
 
-        All others stay as they are, to the last bit: what sleeps sleeps on.
+        See `JointedMotion.assemble`; all others stay as they are.
         """
         assert self._joints is not None
-        table, motion, state = self._joints.table, self._joints.motion, copy_state(self._state)
-        kept = {name: getattr(motion, name).copy() for name in (
-            'position', 'rate', 'held', 'held_at')}
+        table, motion = self._joints.table, self._joints.motion
+        others = Others(self._state, motion)
         gap = self._joints.assemble(self._state, position, given, rate)
         of_joint = articulation_of_joint(table)
         stays = ~np.isin(np.arange(len(table.first_row) - 1), of_joint[list(moved)])
-        row = stays.repeat(np.diff(table.first_row))
-        axis = row.repeat(np.diff(table.first_axis))
-        for array, old in zip(self._state, state, strict=True):
-            array[..., table.body[row]] = old[..., table.body[row]]
-        for name in ('rate', 'held', 'held_at'):
-            getattr(motion, name)[axis] = kept[name][axis]
-        joint = (of_joint != NONE) & stays[of_joint]
-        motion.position[joint] = kept['position'][joint]
+        rows = stays.repeat(np.diff(table.first_row))
+        bodies = np.zeros(self._state.x.shape[1], bool)
+        bodies[table.body[rows]] = True
+        others.stay(self._state, motion, bodies, rows.repeat(np.diff(table.first_axis)),
+                    (of_joint != NONE) & stays[of_joint])
         return gap
 
     def _kept(self) -> tuple[list[np.ndarray], list[np.ndarray]]:
