@@ -3,6 +3,7 @@
 """The articulated-body method against the same equations as one dense matrix."""
 
 from engine.jointed_trees import random_tree
+from inside import model_of, state_of
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -69,7 +70,7 @@ def motions_of_axes(table, work):
 def test_an_articulation_answers_to_an_impulse_as_the_dense_equations_do(seed, on_world):
     rng = np.random.default_rng(seed)
     world = World.from_dict(random_tree(rng, 8, on_world=on_world))
-    model, state, table = world._model, world._state, world.scene.joints.table
+    model, state, table = model_of(world), state_of(world), world.scene.joints.table
     work = make_joint_work(table)
     prepare(model, table, state, work)
     M, S = inertia_at_points(model, state, table, work), motions_of_axes(table, work)
@@ -88,7 +89,7 @@ def test_an_articulation_answers_to_an_impulse_as_the_dense_equations_do(seed, o
 def test_responses_are_reciprocal():
     # What an impulse here does there, one there does here: M~^-1 is symmetric.
     world = World.from_dict(random_tree(np.random.default_rng(3), 8))
-    model, state, table = world._model, world._state, world.scene.joints.table
+    model, state, table = model_of(world), state_of(world), world.scene.joints.table
     work = make_joint_work(table)
     prepare(model, table, state, work)
     F = np.random.default_rng(4).normal(0, 1, (2, 6))
@@ -100,7 +101,7 @@ def test_responses_are_reciprocal():
 @pytest.mark.parametrize('on_world', [True, False])
 def test_an_axis_feels_the_inertia_of_the_inverse_mass_matrix(on_world):
     world = World.from_dict(random_tree(np.random.default_rng(5), 8, on_world=on_world))
-    model, state, table = world._model, world._state, world.scene.joints.table
+    model, state, table = model_of(world), state_of(world), world.scene.joints.table
     work = make_joint_work(table)
     prepare(model, table, state, work)
     effective_inertias(table, work)
