@@ -50,9 +50,8 @@ MAY_IMPORT = {
 # The rooms of the engine; each imports of those that stand after it.
 ROOMS = ('steps', 'events', 'solver', 'constraints', 'joints', 'contact', 'detection', 'dynamics',
          'state', 'model', 'maths')
-# SciPy comes with OSQP, whose matrices are those of scipy.sparse; llvmlite with Numba, whose
-# vectors are LLVM's.
-ENGINE_LIBRARIES = {'llvmlite', 'numba', 'numpy', 'osqp', 'scipy'}
+# SciPy comes with OSQP, whose matrices are those of scipy.sparse.
+ENGINE_LIBRARIES = {'numba', 'numpy', 'osqp', 'scipy'}
 ROS_LIBRARIES = ('rclpy', 'rcl_', 'ament_', 'launch', 'rosidl_', 'builtin_interfaces')
 
 

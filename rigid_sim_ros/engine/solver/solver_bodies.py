@@ -246,7 +246,7 @@ def mark_astride(begin: int, end: int, at_A: IntArray, at_B: IntArray, astride: 
 @kernel
 def begin_push_astride(begin: int, end: int, at_A: IntArray, at_B: IntArray, motion: Array,
                        drifted: Array) -> None:
-    """Do what `begin_push` does, of the slots of these lanes."""
+    """Let nobody be pushed yet in the slots of these lanes."""
     for lane in range(begin, end):
         for at in (at_A[lane] & INDEX, at_B[lane] & INDEX):
             begin_push(at // STRIDE, at // STRIDE + 1, motion, drifted)
@@ -255,7 +255,7 @@ def begin_push_astride(begin: int, end: int, at_A: IntArray, at_B: IntArray, mot
 @kernel
 def begin_push_inside(first: int, last: int, astride: IntArray, motion: Array,
                       drifted: Array) -> None:
-    """Do what `begin_push` does, but for the slots of bodies astride, some of which are pushed."""
+    """Let nobody be pushed yet in these slots, but for bodies astride, some of which are."""
     for slot in range(first, last):
         if astride[slot] == 0:
             begin_push(slot, slot + 1, motion, drifted)
