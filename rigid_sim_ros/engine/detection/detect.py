@@ -25,7 +25,7 @@ from rigid_sim_ros.engine.detection.pair_list import (
     find_pairs, look_for_share, note_moved, take_shares)
 from rigid_sim_ros.engine.detection.seams import find_seams, mend_seams
 from rigid_sim_ros.engine.detection.transform_update import (
-    bound, next_placed, note_settled, place_bodies, place_shapes)
+    next_placed, note_settled, place_bodies, place_shapes, write_aabbs)
 from rigid_sim_ros.engine.detection.witness import boxes_apart, remember, separates
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Shapes
@@ -138,7 +138,7 @@ def place_some(state: State, shapes: Shapes, memory: Memory, half: int, some: tu
     begin, end = next_placed(shapes, memory.settled, some[0], last)
     while begin < last:
         place_shapes(state, shapes, memory.turn, memory.pose, begin, end)
-        bound(shapes.kind, shapes.size, memory.pose, memory.margin, memory.box, begin, end)
+        write_aabbs(shapes.kind, shapes.size, memory.pose, memory.margin, memory.box, begin, end)
         left += mark_moved(shapes.kind, memory.pose, memory.box, anew, memory.grid, begin, end)
         begin, end = next_placed(shapes, memory.settled, end, last)
     memory.left[half, 0] = left
