@@ -160,16 +160,9 @@ def _check_limits(name: str, joint: schema.Joint, given: dict[str, float]) -> No
 
     An effort beyond the limit is none: the drive exerts what it can, as with its own controller.
     """
-    limits = joint.limits
-    position, velocity = given.get('position', _NAN), given.get('velocity', _NAN)
-    lower = -math.inf if limits.lower is None else limits.lower
-    upper = math.inf if limits.upper is None else limits.upper
-    if position < lower or position > upper:
-        raise _Refused('limits', f'position {position:g} of joint {name!r}, must be within its '
-                       f'limits {lower:g} .. {upper:g}')
-    if limits.velocity is not None and abs(velocity) > limits.velocity:
-        raise _Refused('limits', f'velocity {velocity:g} of joint {name!r}, must be within its '
-                       f'limit {limits.velocity:g}')
+    wrong = joint.limits.beyond(given.get('position', _NAN), given.get('velocity', _NAN), name)
+    if wrong:
+        raise _Refused('limits', wrong)
 
 
 def _row(what: str, k: int, values: list[float], joints: dict[str, schema.Joint]) -> list[float]:

@@ -3,6 +3,7 @@
 """What a world offers of its joints."""
 
 from collections.abc import Mapping, Sequence
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -185,10 +186,9 @@ class WithJoints(Commanded):
                              'continuous or prismatic one that closes no loop')
         p, v = finite('position', position, 0.0), finite('velocity', velocity, 0.0)
         check_joint(self._bounds, name, bool(joints.table.translates[k]), p, v)
-        laws = joints.table.laws
-        if not laws.lower[k] <= p <= laws.upper[k]:
-            raise ValueError(f"position {p:g} of joint '{name}', must be within its limits "
-                             f'{laws.lower[k]:g} .. {laws.upper[k]:g}')
+        wrong = (self.scene.spec.joints or ())[j].limits.beyond(p, math.nan, name)
+        if wrong:
+            raise ValueError(wrong)
         return j, k, p, v
 
     def _assemble(self, moved: Sequence[int], position: Array, given: IntArray,
