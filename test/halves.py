@@ -4,6 +4,7 @@
 
 from typing import Any
 
+from inside import solver_of
 import numpy as np
 
 from rigid_sim_ros import World
@@ -42,5 +43,5 @@ def rows_and(across: list[dict[str, Any]], speed: float) -> World:
 
 def members(world: World) -> np.ndarray:
     """Return how many contacts either half has, and how many are across."""
-    found: np.ndarray = world._contact._arguments.work.solver.coloring.members
+    found: np.ndarray = solver_of(world).coloring.members
     return found

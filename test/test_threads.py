@@ -6,6 +6,7 @@ import time
 from typing import Any
 
 from dropping import SHAPES
+from inside import contact_of, helper_of, memory_of, solver_of
 import numpy as np
 import pytest
 
@@ -46,7 +47,7 @@ def crowd(kinds: list[str], restitution: float = 0.0, spacing: float = 0.2,
 def test_two_threads_give_the_hash_of_one_at_every_step(kinds, more):
     one, two = crowd(kinds, **more), crowd(kinds, **more)
     two.threads = 2
-    helper, begun, steps, start = two._contact._helper, time.monotonic(), 0, one.save()
+    helper, begun, steps, start = helper_of(two), time.monotonic(), 0, one.save()
     # The helper compiles its part first. Bodies that have parted meanwhile would have no halves.
     while steps < 40 or (helper.done < SOME and time.monotonic() - begun < LONGEST):
         if steps % 40 == 0:
@@ -64,7 +65,7 @@ def test_two_threads_give_the_hash_of_one_at_every_step(kinds, more):
     while rows.start == 0 and time.monotonic() - begun < 2 * LONGEST:
         one.step(10)
         two.step(10)
-        rows = slice_in_use(current_manifolds(two._contact._memory))
+        rows = slice_in_use(current_manifolds(memory_of(two)))
     assert rows.start > 0
     assert one.contacts().tobytes() == two.contacts().tobytes()
     assert one.contact_report() == two.contact_report()
@@ -83,7 +84,7 @@ def test_a_world_that_is_no_longer_cut_forgets_its_halves():
         'contact': 'timestep', 'step': 1 / 240, 'gravity': [0, 0, 0]}}
     world = World.from_dict(scene)
     world.step(3)
-    assert world._contact._arguments.work.solver.blocks.count.all()
+    assert solver_of(world).blocks.count.all()
     for k in range(100, len(balls)):
         world.set_pose(f'b{k}', (10.0 * k, 0, 0), (0, 0, 0, 1))
     fresh = World.from_dict(scene)
@@ -92,12 +93,12 @@ def test_a_world_that_is_no_longer_cut_forgets_its_halves():
     for halves in (2, 1):
         world.step()
         fresh.step()
-        assert world._contact._arguments.work.solver.sides.cut.halved[0] == halves - 1
+        assert solver_of(world).sides.cut.halved[0] == halves - 1
         assert world.state_hash() == fresh.state_hash()
-        assert world._contact.report() == fresh._contact.report()
+        assert contact_of(world).report() == contact_of(fresh).report()
     # What is left there would be visited when an impact is calmed.
-    assert world._contact._arguments.work.solver.blocks.count.tolist()[1:] == [0, 0]
-    assert not world._contact._arguments.work.solver.notes[1:].any()
+    assert solver_of(world).blocks.count.tolist()[1:] == [0, 0]
+    assert not solver_of(world).notes[1:].any()
 
 
 def mixed(world: World) -> World:
@@ -111,12 +112,12 @@ def mixed(world: World) -> World:
 
 def has_halves(world: World) -> bool:
     """Return whether the last step had halves."""
-    return bool(world._contact._arguments.work.solver.sides.cut.halved[0] == 1)
+    return bool(solver_of(world).sides.cut.halved[0] == 1)
 
 
 def cut_by_place(world: World) -> bool | None:
     """Return whether a plane cuts a world, and not the numbers of the bodies; None: nothing."""
-    cut = world._contact._arguments.work.solver.sides.cut
+    cut = solver_of(world).sides.cut
     return bool(cut.by_place[0]) if has_halves(world) else None
 
 
@@ -133,8 +134,8 @@ def test_bodies_that_have_mixed_are_cut_by_a_plane(sleep_after):
         two.step()
         assert one.state_hash() == two.state_hash()
     # Neither half has all of them.
-    assert min(one._contact._arguments.work.solver.blocks.count[:2]) > 0.3 * max(
-        one._contact._arguments.work.solver.blocks.count[:2])
+    counts = solver_of(one).blocks.count[:2]
+    assert min(counts) > 0.3 * max(counts)
 
 
 @pytest.mark.parametrize('by_place', [False, True])
@@ -183,15 +184,15 @@ def test_halves_stay_when_a_world_needs_more_room():
                             'mass': 1.0, 'pose': {'position': (0.26 * place).tolist()}}
                            for k, place in enumerate(places)]})
     world.step()
-    contact, grown_when_halved = world._contact, 0
+    grown_when_halved = 0
     for _ in range(400):
-        rows = len(contact._memory.pages[0].shape_a)
-        left = int(contact._arguments.work.solver.sides.cut.left[0])
+        rows = len(memory_of(world).pages[0].shape_a)
+        left = int(solver_of(world).sides.cut.left[0])
         world.step()
         if left > 0:
             # As if nothing had happened: who is restored may have the room already.
-            assert contact._arguments.work.solver.sides.cut.left[0] == left - 1
-            grown_when_halved += len(contact._memory.pages[0].shape_a) > rows
+            assert solver_of(world).sides.cut.left[0] == left - 1
+            grown_when_halved += len(memory_of(world).pages[0].shape_a) > rows
     assert grown_when_halved > 0
 
 

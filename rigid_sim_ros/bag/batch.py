@@ -13,13 +13,13 @@ from rigid_sim_ros.bag.errors import BagError
 from rigid_sim_ros.bag.events import INPUTS
 from rigid_sim_ros.bag.outputs import joint_topics, Outputs, state_topics
 from rigid_sim_ros.bag.recorder import Recorder, Status
+from rigid_sim_ros.times import SECOND
 from rigid_sim_ros.world import World
 from rigid_sim_ros.world.commands import Command
 
 # What msg_config/default.yaml sets for the node.
 PUBLISH_RATE = 100.0    # [Hz] of simulation time
 HASH_INTERVAL = 1000    # steps
-_SECOND = 1_000_000_000
 
 
 class Batch:
@@ -45,7 +45,7 @@ class Batch:
             raise ValueError(f'hash_interval {hash_interval!r}, must be >= 0')
         self.world = world
         self._publish_interval = max(1, round(
-            _SECOND / (publish_rate * world.step_ns))) if publish_rate else 0
+            SECOND / (publish_rate * world.step_ns))) if publish_rate else 0
         self._hash_interval = hash_interval
         self._ticks = 0         # steps taken, which a reset does not set back
         self._start_ns = time.time_ns()

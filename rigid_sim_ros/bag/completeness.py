@@ -10,12 +10,12 @@ by then. So a message, a topic or a file that was taken out is missed.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
-from fnmatch import fnmatchcase
+from collections.abc import Mapping
 
 from rigid_sim_ros.bag import topics as kinds
 from rigid_sim_ros.bag.joint_messages import JointMessages
 from rigid_sim_ros.bag.session import Session
+from rigid_sim_ros.words import matching
 from rigid_sim_ros.world import World
 
 # Types that a node has on topics of certain kinds only.
@@ -27,12 +27,6 @@ for _kind in (kinds.CLOCK, kinds.POSE, kinds.TWIST, kinds.STATE, kinds.TRANSFORM
 
 # Kinds with a topic for each body, all of which are published together.
 _OF_BODIES = (kinds.POSE, kinds.TWIST)
-
-
-def chosen(names: Iterable[str], patterns: Iterable[str]) -> list[str]:
-    """Return the names that a pattern matches."""
-    patterns = list(patterns)
-    return [name for name in names if any(fnmatchcase(name, p) for p in patterns)]
 
 
 def wrong_topics(session: Session, world: World, is_part: bool, joints: JointMessages) -> str:
@@ -67,7 +61,7 @@ def wrong_topics(session: Session, world: World, is_part: bool, joints: JointMes
     patterns = session.parameters.get('bodies')
     if not isinstance(patterns, list):
         return ''
-    for name in chosen(bodies, map(str, patterns)):
+    for name in matching(bodies, map(str, patterns)):
         for kind in _OF_BODIES:
             if listed[kind, name] != 1:
                 return f'the session does not list the {kind} of body {name!r}, as it must'

@@ -22,6 +22,7 @@ from rigid_sim_ros.bag.reader import BagReader
 from rigid_sim_ros.bag.session import Session
 from rigid_sim_ros.messages.topics import body_of
 from rigid_sim_ros.scene import Scene, scene_from_text, SceneError
+from rigid_sim_ros.times import SECOND
 
 Array: TypeAlias = npt.NDArray[np.float64]
 
@@ -182,7 +183,7 @@ class _Gathering:
              numbers: Array) -> None:
         name = topic.removesuffix(f'/{suffix}').strip('/')
         at = message.header.stamp
-        t_ns = at.sec * 1_000_000_000 + at.nanosec
+        t_ns = at.sec * SECOND + at.nanosec
         self._singles.setdefault(name, []).append((t_ns, stamp, columns, numbers))
 
     # --- all together ---------------------------------------------------------------------------

@@ -16,6 +16,8 @@ from typing import Any, NamedTuple
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
+from rigid_sim_ros.times import SECOND
+
 RELIABLE, BEST_EFFORT = 'reliable', 'best_effort'
 VOLATILE, TRANSIENT_LOCAL = 'volatile', 'transient_local'
 AUTOMATIC, MANUAL_BY_TOPIC = 'automatic', 'manual_by_topic'
@@ -25,7 +27,6 @@ _RELIABILITY = {1: RELIABLE, 2: BEST_EFFORT}
 _DURABILITY = {1: TRANSIENT_LOCAL, 2: VOLATILE}
 _LIVELINESS = {1: AUTOMATIC, 3: MANUAL_BY_TOPIC}
 
-_SECOND = 1_000_000_000
 # [s] Durations from here on are infinite, in the notations of DDS and of rmw.
 _INFINITE_S = 2 ** 31 - 1
 
@@ -126,5 +127,5 @@ def _duration(value: object) -> int | None:
     seconds, rest = value.get('sec', 0), value.get('nsec', 0)
     if not isinstance(seconds, int) or not isinstance(rest, int):
         return None
-    span = seconds * _SECOND + rest
+    span = seconds * SECOND + rest
     return span if span > 0 and seconds < _INFINITE_S else None

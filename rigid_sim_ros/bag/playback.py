@@ -19,8 +19,8 @@ from rigid_sim_ros.bag.offered_qos import OfferedQos
 from rigid_sim_ros.bag.playable_files import (
     Message, metadata_times, metadata_topics, open_file, RecordedTopic, TIME)
 from rigid_sim_ros.bag.reader import BagReader
+from rigid_sim_ros.times import SECOND
 
-_SECOND = 1_000_000_000
 _SESSION, _STEP = '/bag/session', '/bag/step'
 
 
@@ -110,12 +110,12 @@ class PlayableBag:
             span = int(metadata['duration']['nanoseconds'])
         except (KeyError, TypeError, ValueError):
             return
-        margin = span + _SECOND
+        margin = span + SECOND
         if self.files and not (
                 start - margin <= self.first_ns and self.last_ns <= start + span + margin):
             raise BagError(
-                f'{self.path}: metadata.yaml tells of {span / _SECOND:g} s, the files hold '
-                f'{(self.last_ns - self.first_ns) / _SECOND:g} s: `rigid_sim recover {self.path}` '
+                f'{self.path}: metadata.yaml tells of {span / SECOND:g} s, the files hold '
+                f'{(self.last_ns - self.first_ns) / SECOND:g} s: `rigid_sim recover {self.path}` '
                 'makes it anew')
 
     def _qos(self, told: Mapping[str, RecordedTopic]) -> dict[str, OfferedQos]:

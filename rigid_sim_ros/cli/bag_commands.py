@@ -17,10 +17,9 @@ from rigid_sim_ros.bag.verify import verify
 from rigid_sim_ros.bag.writer import check_path
 from rigid_sim_ros.cli.report import console, pace, print_table
 from rigid_sim_ros.problems import counted, printable
+from rigid_sim_ros.times import SECOND
 from rigid_sim_ros.warm_up import announced, warm_up
 from rigid_sim_ros.world import load_scene, World
-
-_SECOND = 1e9
 
 
 def _say(text: str) -> None:
@@ -34,7 +33,7 @@ def run_batch(scene: str, duration: float, output: str, *, rate: float, hash_int
     world = announced(lambda: load_scene(scene))
     check_path(output)      # fails now, not after compiling
     warm_up(world.scene)
-    steps = round(duration * _SECOND / world.step_ns)
+    steps = round(duration * SECOND / world.step_ns)
     begin = time.monotonic()
     batch = Batch(world, output, publish_rate=rate, hash_interval=hash_interval, storage=storage,
                   compression=compression)
@@ -48,7 +47,7 @@ def run_batch(scene: str, duration: float, output: str, *, rate: float, hash_int
         raise
     status = batch.close()
     seconds = time.monotonic() - begin
-    simulated = steps * world.step_ns / _SECOND
+    simulated = steps * world.step_ns / SECOND
     click.echo(f'{output}: {simulated:g} s of {world.scene.name} in {counted(steps, "step")} and '
                f'{counted(status.messages, "message")}, {pace(simulated, seconds)}')
     return 0
@@ -94,7 +93,7 @@ def run_info(bag: str) -> int:
     found = info(bag)
     out = console()
     out.print(f'{bag}: {counted(found.messages, "message")} in '
-              f'{(found.last_ns - found.first_ns) / _SECOND:.3f} s, '
+              f'{(found.last_ns - found.first_ns) / SECOND:.3f} s, '
               f'{counted(found.files, "file")}, '
               f'{found.size / 1e6:.2f} MB', soft_wrap=True)
     for line in _session_lines(found):

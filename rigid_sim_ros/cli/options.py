@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from rigid_sim_ros.problems import span
-from rigid_sim_ros.scene.errors import nearest
+from rigid_sim_ros.words import nearest
 
 
 class Commands(click.Group):

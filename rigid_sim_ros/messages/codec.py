@@ -18,11 +18,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from rigid_sim_ros.times import SECOND
+
 _Floats = npt.NDArray[np.float64]
 _Bytes = npt.NDArray[np.uint8]
 
 _CDR_LE = b'\x00\x01\x00\x00'
-_SECOND = 1_000_000_000
 _POSE = 7       # doubles: position, orientation
 _TWIST = 6      # doubles: linear, angular
 _DOUBLE = 8     # bytes
@@ -83,7 +84,7 @@ class _Writer:
         return self._append(raw, 1)
 
     def header(self, frame_id: str, t_ns: int = 0) -> int:
-        offset = self.number('I', *divmod(t_ns, _SECOND))
+        offset = self.number('I', *divmod(t_ns, SECOND))
         self.string(frame_id)
         return offset
 
@@ -117,7 +118,7 @@ class _Rows:
         self._doubles = self._rows['doubles']
 
     def _encode(self, t_ns: int, first: _Floats, second: _Floats) -> list[bytes]:
-        self._stamps[:] = divmod(t_ns, _SECOND)
+        self._stamps[:] = divmod(t_ns, SECOND)
         self._doubles[:, :3] = first
         self._doubles[:, 3:] = second
         data, size = self._rows.tobytes(), self._size
@@ -183,7 +184,7 @@ class StateEncoder:
         position is (n, 3) in m, orientation (n, 4) as x, y, z, w, linear (n, 3) in m/s and
         angular (n, 3) in rad/s.
         """
-        self._stamp[:] = divmod(t_ns, _SECOND)
+        self._stamp[:] = divmod(t_ns, SECOND)
         self._transforms[:, :3] = position
         self._transforms[:, 3:] = orientation
         self._twists[:, :3] = linear
@@ -212,7 +213,7 @@ class JointStateEncoder:
         self, t_ns: int, position: _Floats, velocity: _Floats, effort: _Floats,
     ) -> bytes:
         """Encode the state of the joints, each (j,): rad, rad/s and N m, or m, m/s and N."""
-        self._stamp[:] = divmod(t_ns, _SECOND)
+        self._stamp[:] = divmod(t_ns, SECOND)
         for column, values in zip(self._columns, (position, velocity, effort), strict=True):
             column[:] = values
         return self._data.tobytes()
@@ -233,7 +234,7 @@ class _Scattered:
 
         position is (n, 3) in m, orientation (n, 4) as x, y, z, w.
         """
-        stamp = np.array(divmod(t_ns, _SECOND), dtype='<u4')
+        stamp = np.array(divmod(t_ns, SECOND), dtype='<u4')
         self._poses[:, :3] = position
         self._poses[:, 3:] = orientation
         self._data[self._at_stamps] = stamp.view(np.uint8)
@@ -297,7 +298,7 @@ class PointMarkersEncoder:
         """Encode the markers with these points: for each (n, 3) in m, n at least 1."""
         written: list[bytes | bytearray] = []
         for (piece, stamp, length), own in zip(self._pieces, points, strict=True):
-            pack_into('<iI', piece, stamp, *divmod(t_ns, _SECOND))
+            pack_into('<iI', piece, stamp, *divmod(t_ns, SECOND))
             pack_into('<I', piece, length, len(own))
             written += [piece, own.astype('<f8', copy=False).tobytes()]
         return b''.join([*written, self._end])
@@ -348,7 +349,7 @@ def encode_wrench(
 def encode_clock(t_ns: int) -> bytes:
     """Encode a rosgraph_msgs/Clock."""
     writer = _Writer()
-    writer.number('I', *divmod(t_ns, _SECOND))
+    writer.number('I', *divmod(t_ns, SECOND))
     return bytes(writer.data)
 
 

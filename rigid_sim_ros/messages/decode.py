@@ -11,6 +11,8 @@ import struct
 import numpy as np
 import numpy.typing as npt
 
+from rigid_sim_ros.times import SECOND
+
 _STRING = struct.Struct('<4xI')
 _UINT64 = struct.Struct('<4xQ')
 _BYTES = struct.Struct('<4xIII')
@@ -121,7 +123,7 @@ class _Walk:
             raise Malformed(f'a name is damaged ({error})') from None
 
     def header(self) -> tuple[int, str]:
-        t_ns = self.uint32() * 1_000_000_000 + self.uint32()
+        t_ns = self.uint32() * SECOND + self.uint32()
         return t_ns, self.string()
 
     def doubles(self, count: int) -> npt.NDArray[np.float64]:

@@ -19,8 +19,8 @@ from rigid_sim_ros.models.description import Frame, Joint, Link, Model, MOST_LIN
 from rigid_sim_ros.models.findings import Findings, Place
 from rigid_sim_ros.models.inertia import mended, mistake, together
 from rigid_sim_ros.models.poses import combined, IDENTITY, inverse, Pose
-from rigid_sim_ros.models.values import mend
 from rigid_sim_ros.problems import Problem
+from rigid_sim_ros.words import similar
 
 _ONE_AXIS = ('revolute', 'continuous', 'prismatic')
 
@@ -418,9 +418,9 @@ class _Maker:
         assert joint.mimic is not None
         other, multiplier, offset = joint.mimic
         if ('joint', other) not in self._names:
-            near = mend(other, tuple(one.name for one in self._model.joints))
+            near = similar(other, (one.name for one in self._model.joints))
             self._findings.error(joint.place, f'mimics {other[:60]!r}, must be a joint of the '
-                                 f'model{f": {near}" if near.startswith("did") else ""}')
+                                 f'model{f": {near}" if near else ""}')
             return
         made['mimic'] = {'joint': self._names['joint', other], 'multiplier': multiplier,
                          'offset': offset}

@@ -18,9 +18,10 @@ from rigid_sim_ros.models.poses import (
 from rigid_sim_ros.models.sdf_frames import FrameGraph, MODEL, WORLD
 from rigid_sim_ros.models.sdf_joints import JOINT_TYPES, read_laws
 from rigid_sim_ros.models.sdf_shapes import read_shape
-from rigid_sim_ros.models.values import check_children, flag, mend, number, several
+from rigid_sim_ros.models.values import check_children, flag, number, several
 from rigid_sim_ros.models.xml_tree import Element, parse, read
 from rigid_sim_ros.problems import Problem
+from rigid_sim_ros.words import nearest
 
 _OLDEST = 1.6
 # Models in models in models; a file that includes itself would never end.
@@ -344,7 +345,7 @@ class _Reader:
         check_children(element, _JOINT, _JOINT_IGNORED, findings, is_physics=True)
         kind = element.attributes.get('type', '')
         if kind not in JOINT_TYPES:
-            findings.error(element, f'type {kind[:40]!r}, {mend(kind, tuple(JOINT_TYPES))}')
+            findings.error(element, f'type {kind[:40]!r}, {nearest(kind, JOINT_TYPES)}')
             return
         ends = []
         for tag in ('parent', 'child'):

@@ -8,13 +8,12 @@ model, link, joint and frame has a pose relative to another one; names are whole
 `gripper::finger`.
 """
 
-from collections.abc import Iterable
 from typing import NamedTuple
 
 from rigid_sim_ros.models.findings import Findings, Place
 from rigid_sim_ros.models.poses import combined, IDENTITY, inverse, Pose
-from rigid_sim_ros.models.values import mend
 from rigid_sim_ros.models.xml_tree import Element
+from rigid_sim_ros.words import similar
 
 MODEL = '__model__'
 WORLD = 'world'
@@ -60,7 +59,7 @@ class FrameGraph:
             return whole
         here = [one.removeprefix(scope) for one in self._nodes if one.startswith(scope)]
         self._findings.error(element, f'{name[:80]!r} is neither a link nor a frame, a joint or a '
-                             f'model here, {_meant(name, here)}')
+                             f'model here, {similar(name, here) or "must be one"}')
         return ''
 
     def _known(self, name: str) -> str:
@@ -96,7 +95,8 @@ class FrameGraph:
         if at in chain:
             self._findings.error(element, 'its pose leads back to itself, must lead to the model')
         else:
-            self._findings.error(element, f'{at[:80]!r} is no frame, {_meant(at, self._nodes)}')
+            meant = similar(at, self._nodes) or 'must be one'
+            self._findings.error(element, f'{at[:80]!r} is no frame, {meant}')
 
     def _within(self, name: str, model: str, element: Place) -> Pose:
         """Return the pose of a frame in the model that it belongs to."""
@@ -127,9 +127,3 @@ class FrameGraph:
             seen.add(name)
             name = node.attached
         return WORLD
-
-
-def _meant(name: str, known: Iterable[str]) -> str:
-    """Return which of the known names was meant, if one is near."""
-    words = mend(name, tuple(known))
-    return words if words.startswith('did') else 'must be one'

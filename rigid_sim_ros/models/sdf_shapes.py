@@ -8,8 +8,9 @@ from rigid_sim_ros.models.description import MeshFile, Shape
 from rigid_sim_ros.models.files import Folders
 from rigid_sim_ros.models.findings import Findings
 from rigid_sim_ros.models.poses import combined, IDENTITY, Pose
-from rigid_sim_ros.models.values import check_children, mend, number, several
+from rigid_sim_ros.models.values import check_children, number, several
 from rigid_sim_ros.models.xml_tree import Element
+from rigid_sim_ros.words import nearest
 
 
 def read_shape(element: Element, pose: Pose, folders: Folders,
@@ -33,7 +34,7 @@ def read_shape(element: Element, pose: Pose, folders: Folders,
     elif solids[0].tag in _SOLIDS:
         shape = _SOLIDS[solids[0].tag](solids[0], pose, folders, own)
     elif solids[0].tag != 'empty':
-        own.error(solids[0], f'is not known here, {mend(solids[0].tag, tuple(_SOLIDS))}')
+        own.error(solids[0], f'is not known here, {nearest(solids[0].tag, _SOLIDS)}')
     if not is_physics and own.errors:
         findings.ignore(element, '<visual>', 'its shape is not known or not found')
         return None

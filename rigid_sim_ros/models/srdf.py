@@ -6,8 +6,8 @@ from pathlib import Path
 
 from rigid_sim_ros.models.description import Model
 from rigid_sim_ros.models.findings import Findings
-from rigid_sim_ros.models.values import mend
 from rigid_sim_ros.models.xml_tree import read
+from rigid_sim_ros.words import nearest
 
 
 def read_srdf(path: Path, model: Model) -> None:
@@ -22,7 +22,7 @@ def read_srdf(path: Path, model: Model) -> None:
         for name in pair:
             if name not in links:
                 findings.error(element, f'{name[:60]!r} is no link of the model, '
-                               f'{mend(name, tuple(sorted(links))[:12])}')
+                               f'{nearest(name, sorted(links))}')
         if pair[0] != pair[1]:
             model.ignored_pairs.append((pair[0], pair[1]))
     findings.stop()

@@ -11,9 +11,10 @@ from rigid_sim_ros.models.files import Folders
 from rigid_sim_ros.models.findings import Findings, ModelError
 from rigid_sim_ros.models.poses import combined, from_rpy, IDENTITY, Pose, turned_tensor
 from rigid_sim_ros.models.values import (
-    attribute, check_attributes, check_children, mend, several, vector)
+    attribute, check_attributes, check_children, several, vector)
 from rigid_sim_ros.models.xml_tree import Element, parse
 from rigid_sim_ros.problems import Problem
+from rigid_sim_ros.words import nearest
 
 # Elements of a robot that say nothing of how it moves, or say it to another simulator.
 _ROBOT = ('link', 'joint', 'material')
@@ -167,7 +168,7 @@ class _Reader:
             return None if path is None else Shape(
                 'mesh', {}, pose, solid, MeshFile(path, (x, y, z)))
         known = ('box', 'sphere', 'cylinder', 'capsule', 'mesh')
-        findings.error(solid, f'is no solid, {mend(solid.tag, known)}')
+        findings.error(solid, f'is no solid, {nearest(solid.tag, known)}')
         return None
 
     def _color(self, element: Element) -> tuple[float, ...] | None:
@@ -197,7 +198,7 @@ class _Reader:
             findings.error(element, 'has no name, must have one')
         kind = element.attributes.get('type', '')
         if kind not in _TYPES:
-            findings.error(element, f'type {kind[:40]!r}, {mend(kind, tuple(_TYPES))}')
+            findings.error(element, f'type {kind[:40]!r}, {nearest(kind, _TYPES)}')
         ends = []
         for tag in ('parent', 'child'):
             end = element.find(tag)
@@ -296,7 +297,7 @@ def _place_links(links: list[Link], joints: list[Joint], root: Element,
         for name in (joint.parent, joint.child):
             if name not in by_name:
                 findings.error(joint.place, f'{name[:60]!r} is no link, '
-                               f'{mend(name, tuple(by_name)[:12])}')
+                               f'{nearest(name, by_name)}')
         if held.setdefault(joint.child, joint) is not joint:
             findings.error(joint.place, f'{joint.child!r} is the child of '
                            f'{held[joint.child].name!r} too, in URDF a link must have one parent')

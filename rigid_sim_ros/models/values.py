@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Numbers and words of a model's file, each with its limits and its mend."""
 
-from difflib import get_close_matches
 import math
 
 from rigid_sim_ros.models.findings import Findings
 from rigid_sim_ros.models.xml_tree import Element
+from rigid_sim_ros.words import nearest
 
 # Largest number that a file may hold: nobody means more, and products of a few do not overflow.
 MOST = 1e30
@@ -91,7 +91,7 @@ def check_children(element: Element, known: tuple[str, ...], ignored: tuple[str,
         if child.tag in ignored or not is_physics or is_custom:
             findings.ignore(child, f'<{child.tag[:_SHOWN]}>', _WHY.get(child.tag, ''))
         else:
-            findings.error(child, f'is not known in <{element.tag}>, {mend(child.tag, known)}')
+            findings.error(child, f'is not known in <{element.tag}>, {nearest(child.tag, known)}')
 
 
 def check_attributes(element: Element, known: tuple[str, ...], ignored: tuple[str, ...],
@@ -103,16 +103,7 @@ def check_attributes(element: Element, known: tuple[str, ...], ignored: tuple[st
         if key in ignored:
             findings.ignore(element, f'{key} of <{element.tag}>')
         else:
-            findings.error(element, f'attribute {_shown(key)} is not known, {mend(key, known)}')
-
-
-def mend(word: str, known: tuple[str, ...]) -> str:
-    """Return what was meant, or what may be."""
-    match = get_close_matches(word[:_SHOWN], known, n=1, cutoff=0.5)
-    if match:
-        return f"did you mean '{match[0]}'?"
-    return f'must be {", ".join(known[:-1])} or {known[-1]}' if len(known) > 1 else (
-        f'must be {known[0]}' if known else 'must go')
+            findings.error(element, f'attribute {_shown(key)} is not known, {nearest(key, known)}')
 
 
 def _shown(text: str) -> str:

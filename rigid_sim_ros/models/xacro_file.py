@@ -54,12 +54,18 @@ def _file_at_work(path: Path) -> str:
     return str((getattr(xacro, 'filestack', None) or [path])[-1] or path)
 
 
+_expanding = threading.Lock()
+
+
 @contextmanager
 def _packages_of(folders: Folders) -> Iterator[None]:
-    """Let xacro find packages where models find theirs, also those of no sourced workspace."""
-    from xacro import substitution_args
+    """
+    Let xacro find packages where models find theirs, also those of no sourced workspace.
 
-    original = substitution_args._eval_find
+    xacro has no argument for that: within this block its own function is another one, for the
+    whole process. So one file is expanded at a time.
+    """
+    from xacro import substitution_args
 
     def find(name: str) -> str:
         folder = folders.package(name)
@@ -68,11 +74,13 @@ def _packages_of(folders: Folders) -> Iterator[None]:
                              '{NAME: FOLDER}`, or be in AMENT_PREFIX_PATH, or around the model')
         return str(folder)
 
-    substitution_args._eval_find = substitution_args._eval_dict['find'] = find
-    try:
-        yield
-    finally:
-        substitution_args._eval_find = substitution_args._eval_dict['find'] = original
+    with _expanding:
+        original = substitution_args._eval_find
+        substitution_args._eval_find = substitution_args._eval_dict['find'] = find
+        try:
+            yield
+        finally:
+            substitution_args._eval_find = substitution_args._eval_dict['find'] = original
 
 
 _watched = threading.local()     # has an attribute in a thread in which xacro runs

@@ -12,7 +12,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from ruamel.yaml import YAML
 
-from rigid_sim_ros.scene.errors import nearest
+from rigid_sim_ros.words import nearest
+
 
 # Of NaN: rclpy checks ranges, and has let it pass in other versions.
 NOT_A_NUMBER = 'must be a number'

@@ -15,9 +15,9 @@ from rigid_sim_ros.nodes.inputs import Refusals
 from rigid_sim_ros.nodes.pacing import Lateness, Pacer
 from rigid_sim_ros.nodes.publishers import Publishers
 from rigid_sim_ros.nodes.recording import NOT_RECORDING, Recording
+from rigid_sim_ros.times import SECOND
 from rigid_sim_ros.world import World
 
-_SECOND = 1_000_000_000
 _OK, _WARN, _ERROR = 0, 1, 2
 
 
@@ -30,7 +30,7 @@ class Diagnostics:
     ) -> None:
         self.accepted = 0       # wrenches, from the start
         self.accepted_of_joints = 0     # messages to joints, likewise
-        self.period_ns: float = _SECOND
+        self.period_ns: float = SECOND
         self._name = name
         self._world = world
         self._publishers = publishers
@@ -84,19 +84,19 @@ class Diagnostics:
         messages = publishers.messages - self._messages
         cost_ns = publishers.cost_ns - self._cost_ns
         values: dict[str, object] = {
-            'simulation time [s]': f'{self._world.time_ns / _SECOND:.9f}',
-            'step [s]': f'{self._world.step_ns / _SECOND:.9f}',
-            'steps per second': f'{steps * _SECOND / wall_ns:.1f}',
+            'simulation time [s]': f'{self._world.time_ns / SECOND:.9f}',
+            'step [s]': f'{self._world.step_ns / SECOND:.9f}',
+            'steps per second': f'{steps * SECOND / wall_ns:.1f}',
             'real-time factor': f'{steps * self._world.step_ns / wall_ns:.4f}',
             'real-time factor wanted': f'{pacer.factor:g}' if pacer.factor else 'unlimited',
             'overruns': pacer.overruns,
             'overruns lately': overruns,
-            'wall time given up [s]': f'{pacer.dropped_ns / _SECOND:.3f}',
+            'wall time given up [s]': f'{pacer.dropped_ns / SECOND:.3f}',
             'lateness median [us]': f'{self._late_us(0.5):.0f}',
             'lateness 99 % [us]': f'{self._late_us(0.99):.0f}',
             'lateness worst [us]': f'{self._late_us(1.0):.0f}',
             'step thread CPU share [%]': f'{100 * thread_ns / wall_ns:.1f}',
-            'messages per second': f'{messages * _SECOND / wall_ns:.0f}',
+            'messages per second': f'{messages * SECOND / wall_ns:.0f}',
             'cost per message [us]': f'{cost_ns / max(1, messages) / 1e3:.2f}',
         }
         clocks = publishers.clock_publishers()
@@ -106,7 +106,7 @@ class Diagnostics:
             return self._status('pace', _WARN, text, values)
         # A step that is late is made up for; the pace is not held where that is not possible.
         if given_up := pacer.dropped_ns - self._dropped_ns:
-            text = f'cannot keep the pace: {given_up / _SECOND:.3f} s given up lately'
+            text = f'cannot keep the pace: {given_up / SECOND:.3f} s given up lately'
             return self._status('pace', _WARN, text, values)
         return self._status('pace', _OK, 'paused' if paused else 'running', values)
 

@@ -8,12 +8,12 @@ from typing import Any
 from rigid_sim_ros.messages.topics import JOINT_COMMANDS, JOINT_TRAJECTORY, SET_JOINT_STATES
 from rigid_sim_ros.nodes.inputs import JointInput, Queue, Refusals
 from rigid_sim_ros.scene import schema
-from rigid_sim_ros.scene.errors import nearest
 from rigid_sim_ros.scene.joint_groups import full_name, joint_groups
+from rigid_sim_ros.times import SECOND
+from rigid_sim_ros.words import nearest
 from rigid_sim_ros.world.commands import Command
 from rigid_sim_ros.world.drives import how_to_drive
 
-_SECOND = 1_000_000_000
 _NAN = math.nan
 
 # What a drive needs so that it can be told one of these, and what it is told then.
@@ -160,16 +160,9 @@ def _check_limits(name: str, joint: schema.Joint, given: dict[str, float]) -> No
 
     An effort beyond the limit is none: the drive exerts what it can, as with its own controller.
     """
-    limits = joint.limits
-    position, velocity = given.get('position', _NAN), given.get('velocity', _NAN)
-    lower = -math.inf if limits.lower is None else limits.lower
-    upper = math.inf if limits.upper is None else limits.upper
-    if position < lower or position > upper:
-        raise _Refused('limits', f'position {position:g} of joint {name!r}, must be within its '
-                       f'limits {lower:g} .. {upper:g}')
-    if limits.velocity is not None and abs(velocity) > limits.velocity:
-        raise _Refused('limits', f'velocity {velocity:g} of joint {name!r}, must be within its '
-                       f'limit {limits.velocity:g}')
+    wrong = joint.limits.beyond(given.get('position', _NAN), given.get('velocity', _NAN), name)
+    if wrong:
+        raise _Refused('limits', wrong)
 
 
 def _row(what: str, k: int, values: list[float], joints: dict[str, schema.Joint]) -> list[float]:
@@ -184,4 +177,4 @@ def _row(what: str, k: int, values: list[float], joints: dict[str, schema.Joint]
 
 def _seconds(time: Any) -> float:
     """Return a builtin_interfaces/Time or Duration in s."""
-    return float((time.sec * _SECOND + time.nanosec) / _SECOND)
+    return float((time.sec * SECOND + time.nanosec) / SECOND)

@@ -8,7 +8,6 @@ rclpy, which passes them on as they are. All of them go through `_send` or `_sen
 which a recording gets the same bytes. What has a topic for each body is sent later, between steps.
 """
 from collections.abc import Iterable, Mapping, Sequence
-from fnmatch import fnmatchcase
 from importlib import import_module
 from math import inf
 from time import perf_counter_ns
@@ -31,13 +30,13 @@ from rigid_sim_ros.nodes.delivery import await_delivery
 from rigid_sim_ros.nodes.markers import SceneMarkers
 from rigid_sim_ros.nodes.outbox import Outbox
 from rigid_sim_ros.nodes.parameters import ParameterError
+from rigid_sim_ros.words import matches, matching
 from rigid_sim_ros.world import World
 
 
-def chosen_bodies(names: Sequence[str], patterns: Iterable[str]) -> list[int]:
+def chosen_bodies(names: Sequence[str], patterns: Sequence[str]) -> list[int]:
     """Return the indices of the bodies that a pattern matches, in the order of the scene."""
-    patterns = list(patterns)
-    return [k for k, name in enumerate(names) if any(fnmatchcase(name, p) for p in patterns)]
+    return [k for k, name in enumerate(names) if matches(name, patterns)]
 
 
 def chosen_joints(world: World, patterns: Iterable[str]) -> list[str]:
@@ -46,7 +45,7 @@ def chosen_joints(world: World, patterns: Iterable[str]) -> list[str]:
 
     ParameterError for one whose topic is that of a body, on which the node hears wrenches.
     """
-    chosen = [world.joint_names[k] for k in chosen_bodies(world.joint_names, patterns)]
+    chosen = matching(world.joint_names, patterns)
     for name in chosen:
         if name in world.names:
             raise ParameterError(

@@ -22,10 +22,10 @@ from rigid_sim_ros.nodes.pacing import MILLISECOND, NEVER, Pacer
 from rigid_sim_ros.nodes.publishers import Publishers
 from rigid_sim_ros.nodes.recording import Recording
 from rigid_sim_ros.problems import printable
+from rigid_sim_ros.times import SECOND
 from rigid_sim_ros.world import World
 from rigid_sim_ros.world.commands import Command, FRAME_ID
 
-_SECOND = 1_000_000_000
 
 # Steps between two looks at the inputs and at the stop flag when no publication comes before.
 # A batch saves the cost of entering the kernel; inputs wait for at most one.
@@ -156,9 +156,9 @@ class StepLoop:
         if self._publishers.send_waiting(now_ns + wait_ns):
             return      # and look again: time has passed
         if wait_ns <= _PLAIN_SLEEP_NS:
-            sleep(wait_ns / _SECOND)
+            sleep(wait_ns / SECOND)
         else:
-            self._queue.wait(min(wait_ns, _LONGEST_WAIT_NS) / _SECOND)
+            self._queue.wait(min(wait_ns, _LONGEST_WAIT_NS) / SECOND)
 
     def _schedule(self) -> None:
         """
@@ -167,7 +167,7 @@ class StepLoop:
         Those of one step go out in this order, but the topics of single bodies: these come last.
         """
         rate = self._parameters['diagnostics_rate']
-        self._diagnostics.period_ns = _SECOND / rate if rate else inf
+        self._diagnostics.period_ns = SECOND / rate if rate else inf
         outputs = [
             (self._interval('clock_rate'), self._publish_clock),
             (self._interval('publish_rate'), self._publish_state),
@@ -180,7 +180,7 @@ class StepLoop:
         rate = self._parameters[rate_name]
         if not rate:
             return 0
-        return max(1, round(min(_SECOND / rate / self._world.step_ns, NEVER)))
+        return max(1, round(min(SECOND / rate / self._world.step_ns, NEVER)))
 
     def _publish_all(self) -> None:
         for _, publish in self._outputs:
@@ -247,7 +247,7 @@ class StepLoop:
 
     def _held_for(self, parameter: str) -> float:
         """Return for how long [s] a message holds: at least one step."""
-        return max(self._parameters[parameter], self._world.step_ns / _SECOND)
+        return max(self._parameters[parameter], self._world.step_ns / SECOND)
 
     def _apply_parameter(self, item: ParameterInput) -> None:
         self._parameters[item.name] = item.value
@@ -322,7 +322,7 @@ class StepLoop:
         self._recording.note(self._world.step_index, kind)
 
     def _time(self) -> str:
-        return f'{self._world.time_ns / _SECOND:.9f} s'
+        return f'{self._world.time_ns / SECOND:.9f} s'
 
     def _refuse_requests(self) -> None:
         for item in self._queue.close():

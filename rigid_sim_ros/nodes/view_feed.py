@@ -18,6 +18,7 @@ from visualization_msgs.msg import MarkerArray
 from rigid_sim_ros.messages.topics import JOINT_STATES, topic_name
 from rigid_sim_ros.scene import scene_from_text, SceneError
 from rigid_sim_ros.scene.joint_groups import joint_groups
+from rigid_sim_ros.times import SECOND
 from rigid_sim_ros.viewer.overlays import CONTACTS, WRENCHES
 from rigid_sim_ros.viewer.simulation import Applied, Inbox, Report
 
@@ -119,7 +120,7 @@ class Feed:
         force, torque = message.wrench.force, message.wrench.torque
         stamp = message.header.stamp
         self._inbox.applied[body] = Applied(
-            stamp.sec * 1_000_000_000 + stamp.nanosec, message.header.frame_id,
+            stamp.sec * SECOND + stamp.nanosec, message.header.frame_id,
             (force.x, force.y, force.z), (torque.x, torque.y, torque.z))
 
     def _take_report(self, message: Any) -> None:

@@ -3,7 +3,6 @@
 """What `rigid_sim plot` does and prints; returns the exit code."""
 
 from collections.abc import Callable, Sequence
-from fnmatch import fnmatchcase
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from rigid_sim_ros.plots.diagram import Diagram
 from rigid_sim_ros.plots.energies import energies
 from rigid_sim_ros.plots.panels import OF_CONTACT, OF_JOINTS, OF_SCENE, QUANTITIES, Shown
 from rigid_sim_ros.problems import counted
-from rigid_sim_ros.scene.errors import nearest
+from rigid_sim_ros.words import matches, matching, nearest
 
 # What writes a kind of file: its module in this package, its function, and the library it needs.
 _WRITERS = {
@@ -110,25 +109,24 @@ def choose_bodies(motion: Motion, patterns: Sequence[str]) -> npt.NDArray[np.int
         found = [k for k, name in enumerate(names) if name not in still]
         return np.array(found or range(len(names)), dtype=np.intp)
     for pattern in patterns:
-        if not any(fnmatchcase(name, pattern) for name in names):
+        if not matching(names, [pattern]):
             some = ', '.join(names[:8]) + (', ...' if len(names) > 8 else '')
             raise BagError(f'--bodies {pattern!r} matches no body, must be one of {some}, or a '
                            "pattern such as 'block_*'")
-    return np.array([k for k, name in enumerate(names)
-                     if any(fnmatchcase(name, pattern) for pattern in patterns)], dtype=np.intp)
+    return np.array([k for k, name in enumerate(names) if matches(name, patterns)], dtype=np.intp)
 
 
 def choose_joints(motion: Motion, patterns: Sequence[str],
                   time: Array) -> dict[str, tuple[Array, Array]]:
     """Return the series of the joints that a pattern matches, of all without one, in a span."""
     for pattern in patterns:
-        if not any(fnmatchcase(name, pattern) for name in motion.joints):
+        if not matching(motion.joints, [pattern]):
             some = ', '.join(list(motion.joints)[:8])
             raise BagError(f'--joints {pattern!r} matches no joint, '
                            + (f'must be one of {some}' if some else 'the bag tells of none'))
     found = {}
     for name, (at, values) in motion.joints.items():
-        if not patterns or any(fnmatchcase(name, pattern) for pattern in patterns):
+        if not patterns or matches(name, patterns):
             inside = (at >= time[0]) & (at <= time[-1])
             found[name] = (at[inside], values[inside])
     return found

@@ -8,13 +8,13 @@ keys. What a model's file says is read once: afterwards the part is bodies and j
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from fnmatch import fnmatchcase
 from typing import Any
 
 from rigid_sim_ros.problems import Problem
-from rigid_sim_ros.scene.errors import nearest, SceneError, shown
+from rigid_sim_ros.scene.errors import SceneError, shown
 from rigid_sim_ros.scene.reader import read_parts
 from rigid_sim_ros.scene.schema import Scene
+from rigid_sim_ros.words import matching, nearest
 
 # What a part of several may have. `collision` has the pairs of `ignore` alone.
 LISTS = ('bodies', 'joints')
@@ -186,7 +186,7 @@ def _force_without(force: Mapping[str, Any], frames: set[str], left: Iterable[st
     if 'bodies' not in force:
         return force
     bodies = [pattern for pattern in force['bodies']
-              if pattern == '*' or any(fnmatchcase(name, pattern) for name in left)]
+              if pattern == '*' or matching(left, [pattern])]
     return {**force, 'bodies': bodies} if bodies else None
 
 

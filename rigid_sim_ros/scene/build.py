@@ -25,9 +25,10 @@ from rigid_sim_ros.problems import Problem
 from rigid_sim_ros.reading import is_inside
 from rigid_sim_ros.scene import collision, mass, mesh, schema, terrain, visuals
 from rigid_sim_ros.scene.document import Source
-from rigid_sim_ros.scene.errors import below, nearest, Path as Place, Report, SceneError, shown
+from rigid_sim_ros.scene.errors import below, Path as Place, Report, SceneError, shown
 from rigid_sim_ros.scene.forces import force_table
 from rigid_sim_ros.scene.joints import build_scene_joints, check_joints, put_together, SceneJoints
+from rigid_sim_ros.words import nearest
 
 _logger = logging.getLogger(__name__)
 

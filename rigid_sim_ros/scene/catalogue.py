@@ -7,7 +7,8 @@ import os
 from pathlib import Path
 
 from rigid_sim_ros.problems import Problem
-from rigid_sim_ros.scene.errors import nearest, SceneError
+from rigid_sim_ros.scene.errors import SceneError
+from rigid_sim_ros.words import nearest
 
 # What `rigid_sim run` shows without a scene, as msg_config/default.yaml says too.
 DEFAULT_SCENE = 'tower'

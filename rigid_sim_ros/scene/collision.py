@@ -13,8 +13,9 @@ from rigid_sim_ros.engine.model.kinds.table import BY_TYPE, KINDS
 from rigid_sim_ros.engine.model.shapes import ALL_GROUPS, Material, Shape
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.scene import schema
-from rigid_sim_ros.scene.errors import nearest, Path, Report, shown
+from rigid_sim_ros.scene.errors import Path, Report, shown
 from rigid_sim_ros.scene.terrain import columns, sheets
+from rigid_sim_ros.words import nearest
 
 # Groups are bits of a 64-bit number whose sign stays free.
 MAX_GROUPS = 62

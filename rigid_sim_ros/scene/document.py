@@ -125,7 +125,7 @@ class YamlSource:
         return data, count
 
     def _item(self, node: Any, path: Path, step: str | int) -> tuple[Any, int]:
-        """Do the same for what stands at `step` in the mapping or list at `path`."""
+        """Return what stands at `step` in the mapping or list at `path`, and its count."""
         if isinstance(node, SCALAR) and (convert := _SCALARS.get(str(node.tag))) is not None:
             # Most values of a scene: without a path, which is for mistakes.
             try:

@@ -1,8 +1,7 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """What is wrong with a scene: every mistake with its place, its value and its mend."""
-from collections.abc import Callable, Iterable, Sequence
-from difflib import get_close_matches
+from collections.abc import Callable, Iterable
 from typing import TypeAlias
 
 from rigid_sim_ros.problems import counted, Problem
@@ -14,8 +13,6 @@ Report: TypeAlias = Callable[[Path, str], None]
 
 # [characters] A value longer than this is cut in a message; one line of a terminal stays one line.
 _SHOWN = 60
-# [words] A longer choice is cut.
-_LISTED = 12
 
 
 class SceneError(ValueError):
@@ -60,24 +57,3 @@ def shown(value: object) -> str:
     except Exception:  # An int with more digits than Python prints, or a stranger's object.
         text = f'<{type(value).__name__}>'
     return text if len(text) <= _SHOWN else f'{text[:_SHOWN - 4]}...{text[-1]}'
-
-
-def nearest(word: object, known: Iterable[str]) -> str:
-    """
-    Write the mend for a word that is not known.
-
-    Names the most similar of the known words, or lists them all when none is similar.
-    """
-    names = list(dict.fromkeys(known))
-    match = get_close_matches(str(word)[:_SHOWN], names, n=1, cutoff=0.5)
-    if match:
-        return f"did you mean '{match[0]}'?"
-    if len(names) > _LISTED:
-        names[_LISTED - 1:] = [f'one of {len(names) - _LISTED + 1} more']
-    return f'must be {either(names)}'
-
-
-def either(words: Sequence[str]) -> str:
-    """Write a choice: ``a``, ``a or b``, ``a, b or c``."""
-    *head, last = words
-    return f'{", ".join(head)} or {last}' if head else last

@@ -3,7 +3,6 @@
 """The forces of a scene as rows of the engine's table."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from fnmatch import fnmatchcase
 from itertools import combinations
 
 import numpy as np
@@ -11,7 +10,8 @@ import numpy as np
 from rigid_sim_ros.engine.dynamics.forces import FORCES, WIDTH
 from rigid_sim_ros.engine.model.model import ForceTable, WORLD
 from rigid_sim_ros.scene import schema
-from rigid_sim_ros.scene.errors import below, nearest, Report, shown
+from rigid_sim_ros.scene.errors import below, Report, shown
+from rigid_sim_ros.words import matches, matching, nearest
 
 _Ends = tuple[int, int]
 
@@ -74,9 +74,9 @@ def _chosen(force: schema.BodyForce, scene: schema.Scene, least: int,
     """Return the bodies that can move and whose names match, in the order of the scene."""
     names = [body.name for body in scene.bodies]
     chosen = {i for i, name in enumerate(names) if scene.bodies[i].is_pushed
-              and any(fnmatchcase(name, pattern) for pattern in force.bodies)}
+              and matches(name, force.bodies)}
     strangers = [(i, pattern) for i, pattern in enumerate(force.bodies)
-                 if not any(fnmatchcase(name, pattern) for name in names)]
+                 if not matching(names, [pattern])]
     for i, pattern in strangers:
         report(('bodies', i), f'{shown(pattern)} matches no body, {nearest(pattern, names)}')
     # Not for '*': a force on all is right for a scene that has few bodies or none that moves.

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The joints of a scene file, and the models that bring some: see schema.py."""
 
+import math
 from typing import Annotated, TypeAlias
 
 from pydantic import model_validator
@@ -32,6 +33,27 @@ class JointLimits(Spec):
     restitution: Annotated[float, Quantity(least=0.0, most=1.0)] = 0.0
     velocity: Annotated[float, Quantity('rad/s or m/s', above=0.0)] | None = None
     effort: Annotated[float, Quantity('N m or N', least=0.0)] | None = None
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The lowest and the highest position, infinite where nothing bounds it."""
+        return (-math.inf if self.lower is None else self.lower,
+                math.inf if self.upper is None else self.upper)
+
+    def beyond(self, position: float, velocity: float, joint: str, where: str = '') -> str:
+        """
+        Return what is wrong with goals of a joint, or with where it is put; '' for nothing.
+
+        NaN is no goal. `where` is said after the name of the joint.
+        """
+        lower, upper = self.range
+        if position < lower or position > upper:
+            return (f"position {position:g} of joint '{joint}'{where}, must be within its limits "
+                    f'{lower:g} .. {upper:g}')
+        if self.velocity is not None and abs(velocity) > self.velocity:
+            return (f"velocity {velocity:g} of joint '{joint}'{where}, must be within its limit "
+                    f'{self.velocity:g}')
+        return ''
 
 
 class JointSpring(Spec):

@@ -21,7 +21,8 @@ from rigid_sim_ros.engine.model.model import Model, WORLD
 from rigid_sim_ros.engine.state.state import copy_into, copy_state, State
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.scene import schema
-from rigid_sim_ros.scene.errors import below, nearest, Report, shown
+from rigid_sim_ros.scene.errors import below, Report, shown
+from rigid_sim_ros.words import nearest
 
 _KINDS = {'fixed': engine.FIXED, 'revolute': engine.REVOLUTE, 'continuous': engine.REVOLUTE,
           'prismatic': engine.PRISMATIC, 'spherical': engine.SPHERICAL,
@@ -109,11 +110,10 @@ def _check_limits(joint: schema.Joint, here: Report) -> None:
     elif lower is not None and upper is not None and lower > upper:
         here(('limits', 'lower'), f'{lower:g} is above upper {upper:g}, must be below it')
     elif joint.type in _ONE_AXIS and (joint.position is not None or joint.mimic is None):
-        position = joint.position or 0.0
-        if (lower is not None and position < lower) or (upper is not None and position > upper):
+        position, (lowest, highest) = joint.position or 0.0, joint.limits.range
+        if not lowest <= position <= highest:
             here(('position',), f'{position:g} is beyond the limits, must be within '
-                 f'{-math.inf if lower is None else lower:g} .. '
-                 f'{math.inf if upper is None else upper:g}')
+                 f'{lowest:g} .. {highest:g}')
 
 
 def _check_mimic(joint: schema.Joint, joints: Sequence[schema.Joint], here: Report) -> None:
@@ -224,8 +224,7 @@ def _joint(spec: schema.Scene, model: Model, joint: schema.Joint, index: Mapping
 def _laws(joint: schema.Joint) -> Laws:
     limits, spring = joint.limits, joint.spring or schema.JointSpring(stiffness=0.0)
     return Laws(joint.armature, joint.damping, joint.friction, spring.stiffness, spring.rest,
-                -math.inf if limits.lower is None else limits.lower,
-                math.inf if limits.upper is None else limits.upper, limits.restitution,
+                *limits.range, limits.restitution,
                 math.inf if limits.velocity is None else limits.velocity,
                 math.inf if limits.effort is None else limits.effort)
 
@@ -339,10 +338,8 @@ def _given(named: Sequence[schema.Joint], table: JointTable, apart: IntArray) ->
 
 def _check_start(joint: schema.Joint, position: float, here: Report) -> None:
     """Report a joint that others have taken beyond its limits."""
-    lower, upper = joint.limits.lower, joint.limits.upper
-    if joint.type in _ONE_AXIS and not (
-            (-math.inf if lower is None else lower - CLOSED) <= position
-            <= (math.inf if upper is None else upper + CLOSED)):
+    lower, upper = joint.limits.range
+    if joint.type in _ONE_AXIS and not lower - CLOSED <= position <= upper + CLOSED:
         here(('limits',), f'do not hold at the start: other joints take this one to '
              f'{position:.4g}, must be within, with other positions of these or other limits')
 

@@ -17,7 +17,8 @@ from rigid_sim_ros.engine.model import inertia
 from rigid_sim_ros.engine.model.inertia import MassProperties
 from rigid_sim_ros.engine.model.kinds.table import BY_TYPE, KINDS
 from rigid_sim_ros.scene import schema
-from rigid_sim_ros.scene.errors import dotted, either, Path
+from rigid_sim_ros.scene.errors import dotted, Path
+from rigid_sim_ros.words import either
 
 _MEND = 'must have mass, density or inertial'
 _STANDS = 'the body must be fixed: true or kinematic: true'

@@ -4,7 +4,6 @@
 
 from collections import Counter
 from collections.abc import Hashable, Iterable, Mapping
-from fnmatch import fnmatchcase
 import math
 from pathlib import Path
 from typing import Any
@@ -22,8 +21,8 @@ from rigid_sim_ros.problems import Problem
 from rigid_sim_ros.scene import mesh, schema, terrain, visuals as visuals_of
 from rigid_sim_ros.scene.collision import convex_hull
 from rigid_sim_ros.scene.document import Source
-from rigid_sim_ros.scene.errors import (
-    below, dotted, nearest, Path as Place, Report, SceneError, shown)
+from rigid_sim_ros.scene.errors import below, dotted, Path as Place, Report, SceneError, shown
+from rigid_sim_ros.words import matching, nearest
 
 # Part of its convex hull that a collision mesh may leave empty without a word.
 _HOLLOW = 0.01
@@ -200,7 +199,7 @@ class _Named:
     def matching(self, pattern: str, place: Place) -> list[str]:
         """Return the names in the file of joints that match; report a pattern that none does."""
         found = [name for name in self._names
-                 if fnmatchcase(name, pattern) or fnmatchcase(ros_name(name), pattern)]
+                 if matching([name, ros_name(name)], [pattern])]
         if not found:
             self._report(place, f'{shown(pattern)} is no joint of the model with one axis, '
                          f'{nearest(pattern, self._names) if self._names else "must be none"}')

@@ -18,10 +18,11 @@ from rigid_sim_ros.reading import bytes_of
 from rigid_sim_ros.scene import catalogue, schema
 from rigid_sim_ros.scene.build import build, Scene
 from rigid_sim_ros.scene.document import DictSource, Source, YamlSource
-from rigid_sim_ros.scene.errors import either, nearest, Path as Place, SceneError, shown
+from rigid_sim_ros.scene.errors import Path as Place, SceneError, shown
 from rigid_sim_ros.scene.models import alone, Expansion
 from rigid_sim_ros.scene.values import place
 from rigid_sim_ros.scene.yaml_tree import collector_paused
+from rigid_sim_ros.words import either, nearest
 
 
 def read_scene(path_or_name: str | os.PathLike[str]) -> Scene:

@@ -13,7 +13,8 @@ from typing import Annotated, Any, TypeAlias
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import core_schema, PydanticCustomError
 
-from rigid_sim_ros.scene.errors import nearest, Path, shown
+from rigid_sim_ros.scene.errors import Path, shown
+from rigid_sim_ros.words import nearest
 
 # A quaternion this close to unit length is normalised: what is left of one written with four
 # digits. One farther off is more likely a mistake (degrees, or w first and a digit lost) than a

@@ -10,12 +10,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 import viser
 
+from rigid_sim_ros.times import SECOND
 from rigid_sim_ros.viewer.grip import Hands, Push
 from rigid_sim_ros.viewer.inputs import put, write
 from rigid_sim_ros.viewer.motion import Motion
 from rigid_sim_ros.viewer.simulation import Driver, Report, Vector
 
-_SECOND = 1_000_000_000
 _SLOWEST, _FASTEST = 0.05, 5.0
 _NONE = '-'
 _WORLD_AXES, _BODY_AXES = 'world axes', 'body axes'
@@ -187,7 +187,7 @@ class BodyPanel:
             return
         self._hands.pushes.append(Push(
             k, self._force.value, self._torque.value, self._axes.value == _BODY_AXES,
-            round(self._duration.value * _SECOND)))
+            round(self._duration.value * SECOND)))
 
     def _set_pose(self) -> None:
         k = self._index()

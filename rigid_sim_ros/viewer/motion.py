@@ -8,6 +8,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from rigid_sim_ros.messages.decode import Malformed, multi_dof_state
+from rigid_sim_ros.times import SECOND
 
 Array = npt.NDArray[np.float64]
 
@@ -47,7 +48,7 @@ class MotionDecoder:
         except ValueError:
             return None
         sec, nanosec = np.frombuffer(data, '<u4', 2, 4).tolist()
-        return Motion(sec * 1_000_000_000 + nanosec, pose[:, :3], pose[:, 3:], twist[:, :3],
+        return Motion(sec * SECOND + nanosec, pose[:, :3], pose[:, 3:], twist[:, :3],
                       twist[:, 3:])
 
     def _learn(self, data: bytes) -> bool:

@@ -15,10 +15,9 @@ import numpy as np
 from rigid_sim_ros.engine.detection.manifolds import POINTS
 from rigid_sim_ros.kernels.arrays import IntArray
 from rigid_sim_ros.scene.additions import names_a_file, with_parts, without
-from rigid_sim_ros.world.joint_numbering import JointNumbering, JointPlaces, joints_between
+from rigid_sim_ros.world.joint_numbering import GONE, JointNumbering, JointPlaces, joints_between
 from rigid_sim_ros.world.snapshot_check import TABLE
 
-GONE = -1
 # Arrays about pairs of shapes, and about what lies on each other by these.
 _OF_PAIRS = ('manifold_', 'carried_', 'bristle_', 'cut_', 'rest_')
 

@@ -22,14 +22,11 @@ from rigid_sim_ros.world.applied_wrenches import AppliedWrenches
 from rigid_sim_ros.world.changes import (
     changed, checked, moved, Numbering, order_after, places_between, wake)
 from rigid_sim_ros.world.commands import OWN
-from rigid_sim_ros.world.joining import Before, Joining
+from rigid_sim_ros.world.joining import Before, Joining, ROUNDED
 from rigid_sim_ros.world.joint_numbering import articulations, joint_numbering
 from rigid_sim_ros.world.model_dynamics import WithModels
 
 _logger = logging.getLogger(__name__)
-
-# [m, or of a quaternion] What a few sums and products change of a pose.
-_ROUNDED = 1e-12
 
 
 class Changing(WithModels):
@@ -242,8 +239,8 @@ class Changing(WithModels):
         motion.position[i], motion.orientation[i] = pose.position, pose.orientation
         write_motion(self._model, written_at, motion, i)
         x, q = written_at.x[:, i], written_at.q[:, i]
-        return bool((np.abs(x - self._state.x[:, i]) <= _ROUNDED * (1.0 + np.abs(x))).all()
-                    and (np.abs(q - self._state.q[:, i]) <= _ROUNDED).all())
+        return bool((np.abs(x - self._state.x[:, i]) <= ROUNDED * (1.0 + np.abs(x))).all()
+                    and (np.abs(q - self._state.q[:, i]) <= ROUNDED).all())
 
     def _pose_of(self, name: str) -> Pose:
         if name == 'world':

@@ -214,18 +214,12 @@ class WithDrives(WithJoints):
     def _check_goals(self, name: str, positions: Array, velocities: Array) -> None:
         """Raise ValueError for points beyond the limits of a joint, and a velocity at the end."""
         joint = (self.scene.spec.joints or ())[self.joint_names.index(name)]
-        limits = joint.limits
         check_joint(self._bounds, name, joint.type == 'prismatic',
                     float(np.abs(positions).max()), float(np.nanmax(np.abs([*velocities, 0.0]))))
-        lower = -np.inf if limits.lower is None else limits.lower
-        upper = np.inf if limits.upper is None else limits.upper
-        for k in np.flatnonzero(~((lower <= positions) & (positions <= upper))).tolist():
-            raise ValueError(f"position {positions[k]:g} of joint '{name}' in point {k}, must be "
-                             f'within its limits {lower:g} .. {upper:g}')
-        most = np.inf if limits.velocity is None else limits.velocity
-        for k in np.flatnonzero(np.abs(velocities) > most).tolist():
-            raise ValueError(f"velocity {velocities[k]:g} of joint '{name}' in point {k}, must be "
-                             f'within its limit {most:g}')
+        for k, (p, v) in enumerate(zip(positions.tolist(), velocities.tolist(), strict=True)):
+            wrong = joint.limits.beyond(p, v, name, f' in point {k}')
+            if wrong:
+                raise ValueError(wrong)
         if abs(velocities[-1]) > _AT_REST:
             raise ValueError(f"velocity {velocities[-1]:g} of joint '{name}' in the last point, "
                              'must be 0: there the joint stays')

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rigid_sim_ros.engine.joints.buffers import JointMotion
 from rigid_sim_ros.engine.model.joints import NONE
 from rigid_sim_ros.engine.state.state import copy_state, MOVING_FIELDS, State
 from rigid_sim_ros.engine.steps.jointed_motion import JointedMotion
@@ -14,8 +15,9 @@ from rigid_sim_ros.scene import schema
 from rigid_sim_ros.scene.joints import CLOSED, gap_of
 from rigid_sim_ros.world.joint_numbering import Articulation, articulations
 
-# [m or rad] A gap that the rounding of poses leaves: nothing has to be moved for it.
-_ROUNDED = 1e-12
+# [m, rad, or of a quaternion] What a few sums and products change of a pose: nothing has to be
+# moved for it.
+ROUNDED = 1e-12
 
 
 class Before(NamedTuple):
@@ -25,6 +27,26 @@ class Before(NamedTuple):
     at_start: frozenset[str]    # of these, that have not moved since the world began
     joints: frozenset[str]
     articulations: frozenset[tuple[frozenset[str], frozenset[str]]]     # joints and bodies
+
+
+class Others:
+    """Bodies and joints as they are before a change, for those that it is not about."""
+
+    def __init__(self, state: State, motion: JointMotion) -> None:
+        """Copy what a change may write to."""
+        self._state = copy_state(state)
+        self._of_axes = {name: getattr(motion, name).copy() for name in (
+            'rate', 'held', 'held_at')}
+        self._position = motion.position.copy()
+
+    def stay(self, state: State, motion: JointMotion, bodies: np.ndarray, axes: np.ndarray,
+             joints: np.ndarray) -> None:
+        """Let what is True in these be as it was, to the last bit: what sleeps sleeps on."""
+        for name in MOVING_FIELDS:
+            getattr(state, name)[:, bodies] = getattr(self._state, name)[:, bodies]
+        for name, before in self._of_axes.items():
+            getattr(motion, name)[axes] = before[axes]
+        motion.position[joints] = self._position[joints]
 
 
 class Joining:
@@ -68,28 +90,21 @@ class Joining:
 
     def _settle(self, moved: Sequence[Articulation], brings: frozenset[str]) -> None:
         motion, table = self._joints.motion, self._joints.table
-        state = copy_state(self._state)
-        kept = {name: getattr(motion, name).copy() for name in (
-            'position', 'rate', 'held', 'held_at', 'known', 'parts')}
+        others = Others(self._state, motion)
+        known, parts = motion.known.copy(), motion.parts.copy()
         new = [self._index[name] for one in moved for name in one.joints
                if name not in self._before.joints]
         if new:
             self._join(new, brings)
         else:
             self._joints.read_anew(self._state)
-        other_axes = np.ones(len(motion.rate), bool)
-        others = np.ones(self._state.x.shape[1], bool)
-        other_joints = np.ones(len(motion.position), bool)
+        bodies, axes, joints = (np.ones(count, bool) for count in (
+            self._state.x.shape[1], len(motion.rate), len(motion.position)))
         for one in moved:
-            other_axes[one.axes], others[table.body[one.rows]] = False, False
-            other_joints[[self._index[name] for name in one.joints]] = False
-        # What hangs together with nothing that came or went stays to the last bit.
-        for name in MOVING_FIELDS:
-            getattr(self._state, name)[:, others] = getattr(state, name)[:, others]
-        for name in ('rate', 'held', 'held_at'):
-            getattr(motion, name)[other_axes] = kept[name][other_axes]
-        motion.position[other_joints] = kept['position'][other_joints]
-        motion.known[:], motion.parts[:] = kept['known'], kept['parts']
+            bodies[table.body[one.rows]], axes[one.axes] = False, False
+            joints[[self._index[name] for name in one.joints]] = False
+        others.stay(self._state, motion, bodies, axes, joints)
+        motion.known[:], motion.parts[:] = known, parts
 
     def _join(self, new: Sequence[int], brings: frozenset[str]) -> None:
         """Put together what new joints join, and let them answer to the momenta."""
@@ -113,7 +128,7 @@ class Joining:
             given[k] = named[j].position is not None
             if named[j].velocity is not None:
                 rate[k] = named[j].velocity
-        if max(gaps.values()) <= _ROUNDED and not any(position[new]):
+        if max(gaps.values()) <= ROUNDED and not any(position[new]):
             self._joints.project(self._state, rate)
             return
         gap = self._joints.join(self._state, position, given, rate)

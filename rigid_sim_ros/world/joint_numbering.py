@@ -10,7 +10,7 @@ import numpy as np
 from rigid_sim_ros.engine.model.joints import JointTable, NONE
 from rigid_sim_ros.kernels.arrays import IntArray
 
-GONE = -1
+GONE = -1       # the new number of what is no longer there
 
 
 class JointNumbering(NamedTuple):

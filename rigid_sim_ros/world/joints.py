@@ -3,6 +3,7 @@
 """What a world offers of its joints."""
 
 from collections.abc import Mapping, Sequence
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,7 @@ from rigid_sim_ros.scene.joints import CLOSED, gap_of
 from rigid_sim_ros.scene.schema import Bounds
 from rigid_sim_ros.world.bounds import check_joint
 from rigid_sim_ros.world.commands import Commanded
+from rigid_sim_ros.world.joining import Others
 from rigid_sim_ros.world.values import finite, some
 
 if TYPE_CHECKING:
@@ -184,34 +186,29 @@ class WithJoints(Commanded):
                              'continuous or prismatic one that closes no loop')
         p, v = finite('position', position, 0.0), finite('velocity', velocity, 0.0)
         check_joint(self._bounds, name, bool(joints.table.translates[k]), p, v)
-        laws = joints.table.laws
-        if not laws.lower[k] <= p <= laws.upper[k]:
-            raise ValueError(f"position {p:g} of joint '{name}', must be within its limits "
-                             f'{laws.lower[k]:g} .. {laws.upper[k]:g}')
+        wrong = (self.scene.spec.joints or ())[j].limits.beyond(p, math.nan, name)
+        if wrong:
+            raise ValueError(wrong)
         return j, k, p, v
 
     def _assemble(self, moved: Sequence[int], position: Array, given: IntArray,
                   rate: Array) -> float:
         """
-        Do what `JointedMotion.assemble` does with the articulations of some joints.
+        Put the bodies of the articulations of some joints where coordinates and rates say.
 
-        All others stay as they are, to the last bit: what sleeps sleeps on.
+        See `JointedMotion.assemble`; all others stay as they are.
         """
         assert self._joints is not None
-        table, motion, state = self._joints.table, self._joints.motion, copy_state(self._state)
-        kept = {name: getattr(motion, name).copy() for name in (
-            'position', 'rate', 'held', 'held_at')}
+        table, motion = self._joints.table, self._joints.motion
+        others = Others(self._state, motion)
         gap = self._joints.assemble(self._state, position, given, rate)
         of_joint = articulation_of_joint(table)
         stays = ~np.isin(np.arange(len(table.first_row) - 1), of_joint[list(moved)])
-        row = stays.repeat(np.diff(table.first_row))
-        axis = row.repeat(np.diff(table.first_axis))
-        for array, old in zip(self._state, state, strict=True):
-            array[..., table.body[row]] = old[..., table.body[row]]
-        for name in ('rate', 'held', 'held_at'):
-            getattr(motion, name)[axis] = kept[name][axis]
-        joint = (of_joint != NONE) & stays[of_joint]
-        motion.position[joint] = kept['position'][joint]
+        rows = stays.repeat(np.diff(table.first_row))
+        bodies = np.zeros(self._state.x.shape[1], bool)
+        bodies[table.body[rows]] = True
+        others.stay(self._state, motion, bodies, rows.repeat(np.diff(table.first_axis)),
+                    (of_joint != NONE) & stays[of_joint])
         return gap
 
     def _kept(self) -> tuple[list[np.ndarray], list[np.ndarray]]:

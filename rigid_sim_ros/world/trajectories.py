@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.times import SECOND
 
-_SECOND = 1_000_000_000
 _ORDER = 5
 _POWERS = np.arange(1.0, _ORDER + 1)
 # What a point may lack is not a number.
@@ -47,7 +47,7 @@ class Waypoints:
         if not ((seconds >= 0.0) & (seconds < 1e9)).all():
             raise ValueError(f'times {seconds.tolist()}, must be finite numbers from 0 to 1e9 s')
         self.seconds = seconds
-        self.times: IntArray = np.round(seconds * _SECOND).astype(np.int64)     # [ns]
+        self.times: IntArray = np.round(seconds * SECOND).astype(np.int64)     # [ns]
         late = np.flatnonzero(np.diff(self.times) <= 0)
         if len(late):
             k = int(late[0])
@@ -135,7 +135,7 @@ class Trajectories:
                 break
             self._now = np.where(goes_on, following, self._now)
         joints, c = self.joints, self._coefficient[self._now]
-        s = (t_ns - self._begin[self._now]) / _SECOND
+        s = (t_ns - self._begin[self._now]) / SECOND
         position, velocity = c[:, _ORDER].copy(), np.zeros(len(c))
         with np.errstate(over='ignore', invalid='ignore'):  # of a snapshot from anywhere
             for k in range(_ORDER - 1, -1, -1):     # Horner's rule for a polynomial and its slope
@@ -172,11 +172,11 @@ def pieces(points: Waypoints, j: int, start_ns: int, now_ns: int, position: floa
     if times[0] > now_ns:
         first = (position, velocity, 0.0)
         begins.append(now_ns)
-        found.append(_curve(first, (p[0], v[0], a[0]), (times[0] - now_ns) / _SECOND))
+        found.append(_curve(first, (p[0], v[0], a[0]), (times[0] - now_ns) / SECOND))
     for k in range(len(times) - 1):
         begins.append(times[k])
         found.append(_curve((p[k], v[k], a[k]), (p[k + 1], v[k + 1], a[k + 1]),
-                            (times[k + 1] - times[k]) / _SECOND))
+                            (times[k + 1] - times[k]) / SECOND))
     begins.append(times[-1])
     found.append(np.array([p[-1], *[0.0] * _ORDER]))
     return begins, found
@@ -189,7 +189,7 @@ def extremes(begins: Sequence[int], coefficients: Sequence[Array]) -> tuple[Arra
     A polynomial of the fifth order comes near its extremes at one of these
     times, and no bound is so sharp that nearer would be better.
     """
-    lasting = np.append(np.diff(begins) / _SECOND, 0.0)
+    lasting = np.append(np.diff(begins) / SECOND, 0.0)
     positions, velocities = [], []
     with np.errstate(over='ignore', invalid='ignore'):
         for T, c in zip(lasting, coefficients, strict=True):
@@ -203,9 +203,9 @@ def start_of(start: float | None, now_ns: int, points: Waypoints) -> int:
     """Return when a trajectory starts [ns]; ValueError for one that has ended already."""
     if start is None:
         return now_ns
-    if not 0.0 <= start < _LATEST / _SECOND:
+    if not 0.0 <= start < _LATEST / SECOND:
         raise ValueError(f'start {start!r} s, must be a time of the simulation, or None for now')
-    start_ns = round(start * _SECOND)
+    start_ns = round(start * SECOND)
     if start_ns + int(points.times[-1]) <= now_ns:
         raise ValueError(f'the trajectory ends at {(start_ns + int(points.times[-1])) / 1e9:g} s, '
                          f'and it is {now_ns / 1e9:g} s: must end in the future, or leave its '

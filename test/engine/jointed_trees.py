@@ -5,6 +5,7 @@
 import copy
 
 from engine.jointed import body, scene
+from inside import state_of
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -135,4 +136,4 @@ def scaled(spec, factor):
 def gaps(world):
     """Return the largest gap of a joint of a world [m or rad], by the engine's own measure."""
     table = world.scene.joints.table
-    return max(gap_of(table, world._state, j) for j in range(len(table.kind)))
+    return max(gap_of(table, state_of(world), j) for j in range(len(table.kind)))

@@ -359,8 +359,7 @@ def _rewrite(model: Model, state: State, loads: Loads, manifolds: Manifolds, r: 
                 manifolds.feature[3, r])
     for p in range(count):
         gap, old = scratch.points[p, 3], -1
-        at = (scratch.points[p, 0], scratch.points[p, 1], scratch.points[p, 2])
-        r_A, r_B = subtract(at, x_A), subtract(add_scaled(at, gap, n), x_B)
+        r_A, r_B = levers(scratch, p, n, x_A, x_B)
         u = _velocity(model, state, i, j, w_A, w_B, r_A, r_B)
         for q in range(old_count):
             if features[q] == scratch.ids[p]:
@@ -375,16 +374,37 @@ def _rewrite(model: Model, state: State, loads: Loads, manifolds: Manifolds, r: 
         if not touches or old < 0:
             gap -= dot(n, add(subtract(way_B, way_A), scale(
                 t, subtract(cross(w_B, r_B), cross(w_A, r_A)))))
-        manifolds.gap[p, r], prediction.gap[p, r] = gap, scratch.points[p, 3]
         manifolds.impulse[p, r] = prediction.old[old, _IMPULSE] if old >= 0 else 0.0
-        manifolds.feature[p, r] = scratch.ids[p]
-        prediction.turn[p, r] = turn
-        for k in range(3):
-            manifolds.r_A[p, r, k], manifolds.r_B[p, r, k] = r_A[k], r_B[k]
+        write_point(manifolds, r, p, gap, r_A, r_B, turn, prediction, scratch)
     for k in range(3):
-        manifolds.normal[r, k] = n[k]
-        prediction.moved[r, k] = way_B[k] - way_A[k]
         prediction.turn_t[r, k] = 2.0 * slide[k] / known if known > 0 else 0.0
+    write_frame(manifolds, r, count, n, subtract(way_B, way_A), prediction)
+
+
+@kernel
+def levers(scratch: Scratch, p: int, n: Vector, x_A: Vector, x_B: Vector) -> tuple[Vector, Vector]:
+    """Return where point p of a search is on A and on B, from their centres of mass [m]."""
+    at = (scratch.points[p, 0], scratch.points[p, 1], scratch.points[p, 2])
+    return subtract(at, x_A), subtract(add_scaled(at, scratch.points[p, 3], n), x_B)
+
+
+@kernel
+def write_point(manifolds: Manifolds, r: int, p: int, gap: float, r_A: Vector, r_B: Vector,
+                turn: float, prediction: Prediction, scratch: Scratch) -> None:
+    """Give a manifold point p of a search; `gap` [m] is that at the start of the step."""
+    manifolds.gap[p, r], prediction.gap[p, r] = gap, scratch.points[p, 3]
+    manifolds.feature[p, r] = scratch.ids[p]
+    prediction.turn[p, r] = turn
+    for k in range(3):
+        manifolds.r_A[p, r, k], manifolds.r_B[p, r, k] = r_A[k], r_B[k]
+
+
+@kernel
+def write_frame(manifolds: Manifolds, r: int, count: int, n: Vector, moved: Vector,
+                prediction: Prediction) -> None:
+    """Give a manifold the normal and number of the points that it was given, of a later time."""
+    for k in range(3):
+        manifolds.normal[r, k], prediction.moved[r, k] = n[k], moved[k]
     manifolds.points[r], prediction.given[r] = count, 1
     # Those that were found are no longer there, to be taken over by the next step.
     for k in range(5):

@@ -13,7 +13,8 @@ found anew. What is fixed needs none of that: passages.py lets nothing get throu
 
 import math
 
-from rigid_sim_ros.engine.constraints.contact_prediction import Prediction
+from rigid_sim_ros.engine.constraints.contact_prediction import (
+    levers, Prediction, write_frame, write_point)
 from rigid_sim_ros.engine.contact.colliding_body import CollisionWork, get, SPIN
 from rigid_sim_ros.engine.contact.collisions import bounces
 from rigid_sim_ros.engine.contact.impact_offsets import shifted, was_shifted
@@ -124,24 +125,15 @@ def _rewrite(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds
     way_A, way_B = way_ahead(model, state, loads, i, t), way_ahead(model, state, loads, j, t)
     x_A, x_B = add(column(state.x, i), way_A), add(column(state.x, j), way_B)
     for p in range(count):
-        gap = scratch.points[p, 3]
-        at = (scratch.points[p, 0], scratch.points[p, 1], scratch.points[p, 2])
-        r_A, r_B = subtract(at, x_A), subtract(add_scaled(at, gap, n), x_B)
+        r_A, r_B = levers(scratch, p, n, x_A, x_B)
         way = add(subtract(way_B, way_A), scale(
             t, subtract(cross(get(B, SPIN), r_B), cross(get(A, SPIN), r_A))))
         way = add(way, subtract(shifted(B, r_B), shifted(A, r_A)))
-        manifolds.gap[p, r], prediction.gap[p, r] = gap - dot(n, way), gap
-        manifolds.feature[p, r] = scratch.ids[p]
-        prediction.turn[p, r] = 0.0
-        for k in range(3):
-            manifolds.r_A[p, r, k], manifolds.r_B[p, r, k] = r_A[k], r_B[k]
+        gap = scratch.points[p, 3] - dot(n, way)
+        write_point(manifolds, r, p, gap, r_A, r_B, 0.0, prediction, scratch)
     for k in range(3):
-        manifolds.normal[r, k] = n[k]
-        prediction.moved[r, k], prediction.turn_t[r, k] = way_B[k] - way_A[k], 0.0
-    manifolds.points[r], prediction.given[r] = count, 1
-    # Those that were found are no longer there, to be taken over by the next step.
-    for k in range(5):
-        manifolds.found_at[r, k] = 0.0
+        prediction.turn_t[r, k] = 0.0
+    write_frame(manifolds, r, count, n, subtract(way_B, way_A), prediction)
     return True
 
 

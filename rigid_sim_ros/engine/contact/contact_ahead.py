@@ -134,7 +134,7 @@ def _make_rigid(contacts: Contacts, chosen: IntArray, width: int, u: Array) -> N
 
 @kernel
 def _fit_motion(contacts: Contacts, chosen: IntArray, width: int, u: Array) -> None:
-    """Do that for the points of one pair of bodies, by least squares."""
+    """Let the slip of one pair of bodies be that of a rigid motion, by least squares."""
     share = 1.0 / chosen.shape[0]
     middle, v, w = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for c in range(chosen.shape[0]):

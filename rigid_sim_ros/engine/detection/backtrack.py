@@ -215,7 +215,7 @@ def pairs_ahead(model: Model, state: State, loads: Loads, shapes: Shapes, t: flo
 @kernel
 def pairs_near(model: Model, shapes: Shapes, pose: Array, radius: Array, low: Array,
                order: IntArray, pairs: IntArray) -> int:
-    """Do the same for poses and spheres of the given radii [m]; low and order are scratch."""
+    """Write the pairs of shapes whose spheres of given radii [m] meet; low, order are scratch."""
     count, movers, widest, found = shapes.body.shape[0], 0, 0.0, 0
     for s in range(count):
         low[s] = pose[s, 0] - radius[s]

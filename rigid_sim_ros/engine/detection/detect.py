@@ -25,7 +25,7 @@ from rigid_sim_ros.engine.detection.pair_list import (
     find_pairs, look_for_share, note_moved, take_shares)
 from rigid_sim_ros.engine.detection.seams import find_seams, mend_seams
 from rigid_sim_ros.engine.detection.transform_update import (
-    bound, next_placed, note_settled, place_bodies, place_shapes)
+    next_placed, note_settled, place_bodies, place_shapes, write_aabbs)
 from rigid_sim_ros.engine.detection.witness import boxes_apart, remember, separates
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Shapes
@@ -114,7 +114,7 @@ def detect(model: Model, state: State, shapes: Shapes, memory: Memory, margin: f
 def detect_within_margins(model: Model, state: State, shapes: Shapes, memory: Memory,
                           c: Any) -> bool:
     """
-    Do the same for margins that differ: that of a pair is the sum of two of `memory.margin`.
+    Find manifolds with margins that differ: of a pair the sum of two of `memory.margin`.
 
     What it exceeds that of `memory.rest_margin` by is how far the pair may move in the step. `c`
     are the arguments of the step, by which `search` is called, which may not be compiled yet; what
@@ -138,7 +138,7 @@ def place_some(state: State, shapes: Shapes, memory: Memory, half: int, some: tu
     begin, end = next_placed(shapes, memory.settled, some[0], last)
     while begin < last:
         place_shapes(state, shapes, memory.turn, memory.pose, begin, end)
-        bound(shapes.kind, shapes.size, memory.pose, memory.margin, memory.box, begin, end)
+        write_aabbs(shapes.kind, shapes.size, memory.pose, memory.margin, memory.box, begin, end)
         left += mark_moved(shapes.kind, memory.pose, memory.box, anew, memory.grid, begin, end)
         begin, end = next_placed(shapes, memory.settled, end, last)
     memory.left[half, 0] = left
@@ -147,7 +147,7 @@ def place_some(state: State, shapes: Shapes, memory: Memory, half: int, some: tu
 @kernel
 def detect_stage(stage: int, model: Model, state: State, shapes: Shapes, memory: Memory,
                  c: Any) -> bool:
-    """Do what `detect_within_margins` does, or a stage of it for one thread or for each."""
+    """Detect within margins, or take a stage of that for one thread or for each."""
     if stage == WHOLE:
         return detect_within_margins(model, state, shapes, memory, c)
     if stage == ALL:
@@ -173,7 +173,7 @@ def detect_part(c: Arguments, stage: int) -> int:
 
 @by_address
 def search(c: Arguments, number: int) -> int:
-    """Do what `search_pair` does."""
+    """Search for the nearest points of the pair with this number; see `search_pair`."""
     return search_pair(number, c.shapes, c.memory)
 
 
@@ -342,7 +342,7 @@ def _points_of(shapes: Shapes, memory: Memory, scratch: Scratch, k: int, a: int,
 
 @part
 def _search(shapes: Shapes, memory: Memory, k: int, thread: int, c: Any) -> int:
-    """Do what `search_pair` does; UNKNOWN if `search` is not compiled yet."""
+    """Search for the nearest points of pair k; UNKNOWN if `search` is not compiled yet."""
     if c is None:
         return search_pair(2 * k + thread, shapes, memory)
     return UNKNOWN if address_of(search, c) == 0 else search(c, 2 * k + thread)

@@ -141,9 +141,9 @@ def place_shapes(state: State, shapes: Shapes, turn: Array, pose: Array, first: 
 
 
 @kernel
-def bound(kind: IntArray, size: Array, pose: Array, margin: Array, box: Array, first: int,
-          last: int) -> None:
-    """Write the bounding boxes of some shapes and of what is ahead; infinite for a plane."""
+def write_aabbs(kind: IntArray, size: Array, pose: Array, margin: Array, box: Array, first: int,
+                last: int) -> None:
+    """Write the AABBs of some shapes, larger by their margins; infinite for a plane."""
     for s in range(first, last):
         for k in range(3):
             x, y, z = pose[s, 3 + 3 * k], pose[s, 4 + 3 * k], pose[s, 5 + 3 * k]

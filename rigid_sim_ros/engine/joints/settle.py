@@ -121,7 +121,7 @@ def _feel(model: Model, table: JointTable, motion: JointMotion, work: JointWork)
 def solve_motions(model: Model, table: JointTable, state: State, motion: JointMotion,
                   work: JointWork, h: float, first: bool) -> None:
     """
-    Do what `find_motions` does, and note efforts and what locked axes are to reach.
+    Find the motions of all bodies, note efforts, and what locked axes are to reach.
 
     Where contacts found the same motions last they stand.
     """

@@ -15,14 +15,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rigid_sim_ros.engine.maths import union_find
 from rigid_sim_ros.engine.maths.rotation_in_python import rotate
 from rigid_sim_ros.engine.model.model import WORLD
 from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.kernels.kernel import in_python
 
 FIXED, REVOLUTE, PRISMATIC, SPHERICAL, UNIVERSAL, PLANAR, DISTANCE, FREE = range(8)
 NONE = -1       # no row, no joint
 NO_LIMIT = np.inf
 
+_first_of, _unite = in_python(union_find.first_of), in_python(union_find.unite)
 _X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 _OF_A, _OF_B, _OF_WORLD = range(3)
 # The motions that a kind allows, as axes of rotation (0) and of translation (1), and the body in
@@ -196,22 +199,22 @@ class _Forest:
 
         First those along which forces act: they need an axis of their own.
         """
-        first = list(range(n + 1))
+        first = np.arange(n + 1)
         chosen = [False] * len(self.joints)
         mimicked = {joint.mimic.joint for joint in self.joints if joint.mimic is not None}
         order = sorted(range(len(self.joints)), key=lambda j: not (
             has_laws(self.joints[j]) or j in mimicked))
         for j in order:
             joint = self.joints[j]
-            a, b = (_first(first, self.node(body)) for body in (joint.body_a, joint.body_b))
-            if joint.kind not in (DISTANCE, FREE) and a != b:
-                first[max(a, b)] = min(a, b)
+            a, b = self.node(joint.body_a), self.node(joint.body_b)
+            if joint.kind not in (DISTANCE, FREE) and _first_of(first, a) != _first_of(first, b):
+                _unite(first, a, b)
                 chosen[j] = True
         return chosen
 
     def _groups(self, n: int) -> list[int]:
         """Return the first body of the articulation of each body that a joint holds, or NONE."""
-        first = list(range(n + 1))
+        first = np.arange(n + 1)
         held = [False] * (n + 1)
         for joint in self.joints:
             if joint.kind == FREE:
@@ -223,9 +226,8 @@ class _Forest:
             moving = [end for end in ends if end != n]
             for end in moving:
                 held[end] = True
-                a, b = _first(first, moving[0]), _first(first, end)
-                first[max(a, b)] = min(a, b)
-        return [_first(first, i) if held[i] else NONE for i in range(n)]
+                _unite(first, moving[0], end)
+        return [int(_first_of(first, i)) if held[i] else NONE for i in range(n)]
 
     def _hang(self) -> None:
         """Find the rows, articulation by articulation, each body behind its parent."""
@@ -289,13 +291,6 @@ class LoopError(ValueError):
         self.joint = joint
 
 
-def _first(first: list[int], i: int) -> int:
-    while first[i] != i:
-        first[i] = first[first[i]]
-        i = first[i]
-    return i
-
-
 def build_joints(joints: Sequence[Joint], mass: Sequence[float]) -> JointTable:
     """
     Return the table of these joints; mass (n,) [kg] is 0 for what cannot be pushed.
@@ -347,15 +342,14 @@ def axis_groups(table: JointTable) -> IntArray:
 
     Axes of one group have the same number; NONE is an axis that no condition sees.
     """
-    first = list(range(len(table.translates)))
+    first = np.arange(len(table.translates))
     seen = np.zeros(len(first), dtype=bool)
     for m in range(len(table.condition_joint)):
         axes = _axes_of_condition(table, m)
         seen[axes] = True
         for k in axes[1:]:
-            a, b = _first(first, axes[0]), _first(first, k)
-            first[max(a, b)] = min(a, b)
-    return _integers([_first(first, k) if seen[k] else NONE for k in range(len(first))])
+            _unite(first, axes[0], k)
+    return _integers([_first_of(first, k) if seen[k] else NONE for k in range(len(first))])
 
 
 def _axes_of_condition(table: JointTable, m: int) -> list[int]:

@@ -15,14 +15,13 @@ only some of its lanes need.
 
 from typing import Any, NamedTuple
 
-from llvmlite.binding import get_host_cpu_name
 import numpy as np
 
 from rigid_sim_ros.engine.constraints.contact_blocks import (
     BALLS_BEGIN, BALLS_SIZE, BLOCK_SIZE, SMALL_SIZE)
 from rigid_sim_ros.engine.solver.solver_bodies import most_slots
 from rigid_sim_ros.kernels.arrays import Array, IntArray, integers, room
-from rigid_sim_ros.kernels.bits import fetch, lowest_zero
+from rigid_sim_ros.kernels.bits import fetch, FETCHING_PAYS, lowest_zero
 from rigid_sim_ros.kernels.eight import EVERY, LANES
 from rigid_sim_ros.kernels.kernel import INDEX, inlined, kernel, part, pasted
 
@@ -38,9 +37,8 @@ _NONE_LEFT = COLORS
 # of a piece that is too small are not full.
 PIECE = 2048
 # Blocks of a region that the processor's own cache has room for, about: who goes through more of
-# them asks for each ahead of time. Other processors than those of AMD do so by themselves, and are
-# held up: by 8 % of a step of 10 000 spheres on an Intel Xeon.
-CACHED = 512 if get_host_cpu_name().startswith('znver') else 1 << 40
+# them asks for each ahead of time, where that pays.
+CACHED = 512 if FETCHING_PAYS else 1 << 40
 # What a visit leaves to do in a block: an overlap; that it was pushed since the last substep; and
 # the bits of the lanes that it changed, the first of which is given here.
 OVERLAPPING, SHOVED, CHANGED = 1, 2, 4

@@ -282,7 +282,7 @@ def _separate_many(b: Array, push: Array, at_A: IntArray, at_B: IntArray, points
 @part
 def _separate_small(b: Array, push: Array, at_A: IntArray, at_B: IntArray, rate: float,
                     mask: Mask, found: Mask) -> None:
-    """Do the same for manifolds of one point: their common point c."""
+    """Push manifolds of one point, which is their common point c."""
     A, B, n = gather(push, at_A), gather(push, at_B), load_three(b, NORMAL)
     _, u, _ = relative_twist(b, A, B)
     wanted = wanted_of(b, POINT, rate, mask)
@@ -314,7 +314,7 @@ def _twist(b: Array, A: Motion, B: Motion) -> tuple[Three, Three]:
 @part
 def _drift(b: Array, A: Motion, B: Motion, h: float, points: int, shoved: bool,
            what: Sweep) -> Eight:
-    """Do what `drift_block` does; return the fastest approach of each pair, below 0 [m/s]."""
+    """Let gaps change by the motion of h [s]; return the fastest approach of each pair [m/s]."""
     n, t1, t2 = axes(b)
     v, u, w = relative_twist(b, A, B)
     drift_together(b, points, shoved, v, h)

@@ -80,7 +80,7 @@ def find_approaching(region: int, blocks: Blocks, motion: Array, what: Sweep, to
 @kernel
 def drift_blocks(region: int, blocks: Blocks, drifted: Array, h: float, what: Sweep,
                  tolerance: float, work: Impacts) -> bool:
-    """Do the same after the bodies have drifted for h [s], and move the gaps on."""
+    """Move the gaps on by a drift of h [s], and find the pairs that approach at its end."""
     first, any_waits = first_block(blocks, region), False
     for block in range(first, first + blocks.count[region]):
         meets = drift_block(blocks, block, drifted, h, what, tolerance)

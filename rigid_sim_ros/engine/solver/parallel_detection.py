@@ -35,7 +35,7 @@ _OF_RECYCLED, _OF_NEW = 2, 14
 
 @part
 def detect_in_parallel(c: Arguments) -> int:
-    """Do what `detect_within_margins` does; return 1 if all was there for it, else 0."""
+    """Detect within margins by two threads; return 1 if all was there for it, else 0."""
     memory, job = c.memory, c.job
     alone, shared = address_of(detect_part, c), address_of(share_part, c)
     side_by_side(job, shared, c, PLACE, PLACE + 1)

@@ -29,9 +29,9 @@ from rigid_sim_ros.kernels.kernel import INDEX, inlined, kernel, part, pasted
 # what a contact of balls needs besides. So a body fills one line of the cache, and whatever all
 # bodies do alike is one loop over a flat array.
 STRIDE = 8
-INV_I = 7  # the first of J, which is that about all axes of a ball [1/(kg m^2)]
+INV_I = 7  # the first of INV_I_W, which is that about all axes of a ball [1/(kg m^2)]
 INV_M = 6  # in `mass` as well, after the inverse inertia, world axes
-J = 0  # xx, xy, xz, yy, yz, zz
+INV_I_W = 0  # xx, xy, xz, yy, yz, zz
 # In `drifted` at the end of a step: whether a contact acted on a body.
 TOUCHED = 7
 # Rows of the scratch block in which eight bodies are moved: the state before and afterwards, what
@@ -72,7 +72,7 @@ class SolverBodies(NamedTuple):
     # one before, which they add to the next one to begin with
     base: Array
     total: Array  # sums of `drifted` over the substeps
-    mass: Array  # see J and INV_M
+    mass: Array  # see INV_I_W and INV_M
     lanes: Array  # flat scratch for each half, as the next one
     at: IntArray
 
@@ -156,12 +156,13 @@ def load_bodies(half: int, h: float, gravity: Array, inv_m: Array, inv_I_C: Arra
             bodies.drifted[motion + k] = bodies.motion[motion + k]
             bodies.drifted[motion + 3 + k] = bodies.motion[motion + 3 + k]
         mass[motion + INV_M] = inv_m[i]
-        # What moves by its twist has w in the place of L, and the matrix 1 in that of J: it turns,
-        # and no impulse changes that, see `_response`.
+        # What moves by its twist has w in the place of L, and the matrix 1 in that of the inverse
+        # inertia: it turns, and no impulse changes that, see `_response`.
         moments = column(inv_I_C, i) if inv_m[i] > 0.0 else (1.0, 1.0, 1.0)
-        _turn_inertia(mass, motion + J, moments, quaternion(state.q, i), column(state.L, i),
+        _turn_inertia(mass, motion + INV_I_W, moments, quaternion(state.q, i), column(state.L, i),
                       0.5 * h)
-        bodies.motion[motion + INV_M], bodies.motion[motion + INV_I] = inv_m[i], mass[motion + J]
+        bodies.motion[motion + INV_M] = inv_m[i]
+        bodies.motion[motion + INV_I] = mass[motion + INV_I_W]
         if not alike:
             _load_forces(bodies.smooth, motion, inv_m[i], column(loads.F, i),
                          column(loads.tau, i))
@@ -246,7 +247,7 @@ def mark_astride(begin: int, end: int, at_A: IntArray, at_B: IntArray, astride: 
 @kernel
 def begin_push_astride(begin: int, end: int, at_A: IntArray, at_B: IntArray, motion: Array,
                        drifted: Array) -> None:
-    """Do what `begin_push` does, of the slots of these lanes."""
+    """Let nobody be pushed yet in the slots of these lanes."""
     for lane in range(begin, end):
         for at in (at_A[lane] & INDEX, at_B[lane] & INDEX):
             begin_push(at // STRIDE, at // STRIDE + 1, motion, drifted)
@@ -255,7 +256,7 @@ def begin_push_astride(begin: int, end: int, at_A: IntArray, at_B: IntArray, mot
 @kernel
 def begin_push_inside(first: int, last: int, astride: IntArray, motion: Array,
                       drifted: Array) -> None:
-    """Do what `begin_push` does, but for the slots of bodies astride, some of which are pushed."""
+    """Let nobody be pushed yet in these slots, but for bodies astride, some of which are."""
     for slot in range(first, last):
         if astride[slot] == 0:
             begin_push(slot, slot + 1, motion, drifted)

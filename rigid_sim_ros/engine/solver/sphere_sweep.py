@@ -60,7 +60,7 @@ def warm_balls(b: Array, warm: Array, at_A: IntArray, at_B: IntArray, inv_m_A: E
 @part
 def visit_balls(b: Array, motion: Array, at_A: IntArray, at_B: IntArray, what: Sweep,
                 mask: Mask) -> Eight:
-    """Do what `visit` does: solve normals and then friction."""
+    """Solve the normals and then the friction of a block of balls; see `visit`."""
     A, B = gather(motion, at_A), gather(motion, at_B)
     n, t1, t2 = axes(b)
     v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
@@ -127,7 +127,7 @@ def drift_balls(b: Array, A: Motion, B: Motion, h: float, shoved: bool, what: Sw
 @part
 def separate_balls(b: Array, push: Array, at_A: IntArray, at_B: IntArray, rate: float,
                    mask: Mask, found: Mask) -> None:
-    """Do what `separate` does: push along the line of centres, which turns nobody."""
+    """Push balls apart along the line of centres, which turns nobody; see `separate`."""
     A, B, n = gather(push, at_A), gather(push, at_B), load_three(b, NORMAL)
     wanted = wanted_of(b, POINT, rate, mask)
     parting = dot((B[0] - A[0], B[1] - A[1], B[2] - A[2]), n)

@@ -4,13 +4,13 @@
 What an impact turns ends with the energy that the impact left.
 
 The solver takes the inertia that a body has in the middle of the step on its way without contacts.
-That way keeps the energy of rotation, and impulses only take from it, so with this inertia J_m
+That way keeps the energy of rotation, and impulses only take from it, so with this inertia I_m
 
-    E = L . J_m L / 2,    L the angular momentum after all impulses,
+    E = L . I_m^-1 L / 2,    L the angular momentum after all impulses,
 
 is no more than what was there. But an impulse changes the way, and where the body ends, with
-another inertia J, the same L may have another energy. Of a cube it has not; of a rod as thin as a
-pencil J differs by the square of its length over its width between the axis and across, and where
+another inertia, the same L may have another energy. Of a cube it has not; of a rod as thin as a
+pencil it differs by the square of its length over its width between the axis and across, and where
 L lies along the axis by some degrees that is a hundred times the energy.
 
 The impulse of the ground had another lever then, so what it gave to L is not known better than by
@@ -18,7 +18,7 @@ that part: L loses it. Where bodies that can be pushed touch each other, and not
 common L is conserved, and the attitude gives way: it turns by the least angle that brings the
 energy back,
 
-    dE = a . (w x L),    w = J L,    for a turn by the vector a,
+    dE = a . (w x L),    w = inv_I L,    for a turn by the vector a,
 
 along w x L, by Newton's method. What touches something that nothing pushes must not turn: it
 might get through that. What gains less than `MORE` stays: that is the order of the step.
@@ -33,7 +33,7 @@ from rigid_sim_ros.engine.maths.rotation import (
 from rigid_sim_ros.engine.maths.vector import (
     add_scaled, column, cross, dot, scale, set_column, symmetric_times)
 from rigid_sim_ros.engine.solver.arguments import Arguments
-from rigid_sim_ros.engine.solver.solver_bodies import J, STRIDE, TOUCHED
+from rigid_sim_ros.engine.solver.solver_bodies import INV_I_W, STRIDE, TOUCHED
 from rigid_sim_ros.engine.state.rates import spin_of
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
@@ -85,7 +85,7 @@ def _keeps_momentum(c: Arguments, i: int) -> bool:
 @kernel
 def _slow_down(c: Arguments, i: int) -> None:
     """
-    Take the gain from L, along w: E(s) = E - s w . w + s^2 w . J w / 2 of L - s w.
+    Take the gain from L, along w: E(s) = E - s w . w + s^2 w . inv_I w / 2 of L - s w.
 
     Along w a little of L has the most energy.
     """
@@ -122,7 +122,7 @@ def _gain(c: Arguments, i: int) -> float:
             or max(d[0], d[1], d[2]) <= most * min(d[0], d[1], d[2])):
         return 0.0
     L, mass = column(c.state.L, i), bodies.mass
-    at += J
+    at += INV_I_W
     left = dot(L, symmetric_times((mass[at], mass[at + 1], mass[at + 2]),
                                   (mass[at + 3], mass[at + 4], mass[at + 5]), L))
     now = dot(L, spin_of(quaternion(c.state.q, i), L, d))

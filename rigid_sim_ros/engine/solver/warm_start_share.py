@@ -28,7 +28,7 @@ from rigid_sim_ros.engine.solver.coloring import (
 from rigid_sim_ros.engine.solver.direct_islands import is_uneven, Islands, root_of
 from rigid_sim_ros.engine.solver.impacts import Impacts
 from rigid_sim_ros.engine.solver.solver_bodies import (
-    INV_M, J, slots_of, SolverBodies, STRIDE)
+    INV_I_W, INV_M, slots_of, SolverBodies, STRIDE)
 from rigid_sim_ros.kernels.arrays import Array
 from rigid_sim_ros.kernels.eight import LANES
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
@@ -88,7 +88,7 @@ def _find_shares(bodies: SolverBodies, h: float, islands: Islands) -> bool:
 def _energy(bodies: SolverBodies, at: int, smooth: int, h: float) -> tuple[float, float]:
     """Return dv . M v and dv . M dv of a body, v with its forces of h [s] and dv of contacts."""
     motion, base, mass = bodies.motion, bodies.base, bodies.mass
-    dw = symmetric_times(get(mass, at + J), get(mass, at + J + 3), get(base, at + 3))
+    dw = symmetric_times(get(mass, at + INV_I_W), get(mass, at + INV_I_W + 3), get(base, at + 3))
     slope = bend = 0.0
     for k in range(3):
         dP = base[at + k] / motion[at + INV_M]

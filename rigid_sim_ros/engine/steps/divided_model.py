@@ -107,7 +107,7 @@ class DividedTimestep(JointedTimestep):
             self._divide(free, BEGIN)
         self._arguments, self._pack = jointed_contact.advance(
             self._run, self._arguments, 1, self._pack)
-        while self._arguments.place[jointed_contact.STEPS] > 0:
+        while self._arguments.now.steps_left[0] > 0:
             self._divide(free, TAKE_CALLED)
             self._arguments, self._pack = jointed_contact.go_on(
                 self._run, self._arguments, self._pack)

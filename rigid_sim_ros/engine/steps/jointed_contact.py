@@ -3,9 +3,8 @@
 """
 What the steps of bodies that joints hold and that touch each other have in common.
 
-Their arguments, how they find the points that touch, and what they record of the impulses there.
-What needs help is a buffer that has to grow: the kernel returns the reason, Python does what is
-asked, and it goes on from the stage at which it stopped.
+Their arguments, how they find the points that touch, what they record of the impulses there, and
+what Python does when a kernel stops (jointed_progress.py).
 """
 
 from collections.abc import Callable
@@ -37,6 +36,7 @@ from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.engine.steps.articulated import (
     arrive, begin_part, begin_step, end_step, finish, go_back, JointedArguments, later_loads,
     MOST_SLOWED, move_bodies, reads_positions, slow_down)
+from rigid_sim_ros.engine.steps.jointed_progress import BEGIN, Progress
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
@@ -48,13 +48,6 @@ MARGIN = 0.01
 # met, which are CALLED in `elsewhere`.
 MORE_ROWS, MORE_BODIES = 4, 5
 CALLED = 2
-# Places in `JointedContact.place`: steps that are left, the stage, and what the model counts.
-STEPS, STAGE, LOOKS, SIZE, EVENTS, TRIES, COLLISIONS, CUT_SHORT, SLOWED, SEARCHES = range(10)
-# The stage of every model at which a step begins.
-BEGIN = 0
-# Places in `JointedContact.span`: [s] within which time what touches is to be found, and half of
-# the least that any shape measures across [m], but for planes.
-WITHIN, THINNEST = 2, 3
 
 
 class JointedContact(NamedTuple):
@@ -66,12 +59,12 @@ class JointedContact(NamedTuple):
     memory: Memory
     radius: Array  # (n,) [m] how far the shapes of a body reach from its centre of mass
     thickness: Array  # (s,) [m] half of the least that a shape measures across
+    thinnest: float  # [m] the least of these, but for planes
     elsewhere: IntArray  # (n,) 1: another solver moves the body, and it touches nothing here
     # (s,) [m] how far shapes go in the step, as was known when bodies were given to solvers
     looked: Array
     buffers: ContactBuffers
-    place: IntArray  # (10,) see STEPS
-    span: Array  # (4,) see jointed_ways.LEFT, and WITHIN
+    now: Progress
 
 
 @kernel
@@ -86,14 +79,14 @@ def begin(c: JointedContact) -> None:
 @kernel
 def find_touching(c: JointedContact, h: float) -> int:
     """Write the points that may touch within h [s]; return DONE, or what is needed first."""
-    c.span[WITHIN] = h
+    c.now.within[0] = h
     return find_within(c, 0)
 
 
 @by_address
 def find_within(c: JointedContact, _: int) -> int:
-    """Do what `find_touching` does for the time that it wrote."""
-    memory, shapes, w, h = c.memory, c.shapes, c.buffers, c.span[WITHIN]
+    """Write the points that may touch within the time that `find_touching` was given."""
+    memory, shapes, w, h = c.memory, c.shapes, c.buffers, c.now.within[0]
     model, state = c.joints.model, c.joints.state
     set_margins(model, h, state, MARGIN, c.radius, c.thickness, shapes, memory, 0,
                 shapes.body.shape[0])
@@ -166,11 +159,11 @@ def retry_unresolved(c: JointedContact) -> bool:
         c.joints.scratch.unresolved[0] += 1
         w.count[POINTS_IN_USE] = 0
         return True
-    if c.place[SLOWED] == MOST_SLOWED:
+    if c.now.slowed[0] == MOST_SLOWED:
         return False
     go_back(c.joints)
     slow_down(c.joints)
-    c.place[SLOWED] += 1
+    c.now.slowed[0] += 1
     return True
 
 
@@ -214,7 +207,7 @@ def choose(c: JointedContact, after: int) -> int:
     w.count[NEEDED] = choose_points(c.joints.model, c.joints.table, w)
     if w.count[NEEDED] > w.system.rows.at.shape[0]:
         return MORE_ROWS
-    c.place[STAGE] = after
+    c.now.stage[0] = after
     return DONE
 
 
@@ -254,8 +247,8 @@ def end(c: JointedContact) -> None:
     end_step(c.joints)
     if not reads_positions(c.joints.table):
         read_positions(c.joints.table, c.joints.state, c.joints.motion)
-    c.place[STEPS] -= 1
-    c.place[STAGE] = BEGIN
+    c.now.steps_left[0] -= 1
+    c.now.stage[0] = BEGIN
 
 
 def advance(run: Callable[..., Any], c: JointedContact, count: int,
@@ -265,7 +258,7 @@ def advance(run: Callable[..., Any], c: JointedContact, count: int,
 
     Returns the arguments, whose buffers may have grown, and their pack.
     """
-    c.place[STEPS], c.place[STAGE] = count, BEGIN
+    c.now.steps_left[0], c.now.stage[0] = count, BEGIN
     return go_on(run, c, pack)
 
 

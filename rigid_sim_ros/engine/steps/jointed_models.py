@@ -15,11 +15,12 @@ from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.solver.arguments import radii, thicknesses
 from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.engine.steps import (
-    jointed_contact, jointed_event, jointed_penalty, jointed_timestep, penalty)
+    jointed_contact, jointed_event, jointed_penalty, jointed_steps, penalty)
 from rigid_sim_ros.engine.steps.contact_model import (
     CONTACT, ContactReport, named, OneThread, rows_of_acted, Setup, Touching, unnamed)
 from rigid_sim_ros.engine.steps.free_models import recalled_bristles
 from rigid_sim_ros.engine.steps.jointed_motion import JointedMotion, JointSetup, kept
+from rigid_sim_ros.engine.steps.jointed_progress import no_progress
 
 
 def unresolved(motion: JointedMotion) -> str:
@@ -45,20 +46,19 @@ class Jointed(OneThread, JointedMotion):
 class JointedTimestep(Touching, JointedMotion):
     """Velocity level, all impulses of an island at once; joints answer to them."""
 
-    _run = staticmethod(jointed_timestep.run)
+    _run = staticmethod(jointed_steps.TIMESTEP)
 
     def __init__(self, setup: Setup, joints: JointSetup) -> None:
         """Make room for no contacts yet."""
         Touching.__init__(self, setup)
         JointedMotion.__init__(self, setup.model, joints)
         b, n = self._basis(), len(setup.model.m)
+        thickness = thicknesses(b.shapes)
         self._arguments = jointed_contact.JointedContact(
             self.arguments(b.state, b.wrenches), b.shapes, b.materials, b.memory,
-            radii(b.shapes, n), thicknesses(b.shapes), np.zeros(n, dtype=np.int64),
-            np.zeros(len(b.shapes.body)), self._fresh_buffers(), np.zeros(10, dtype=np.int64),
-            np.zeros(4))
-        c = self._arguments
-        c.span[jointed_contact.THINNEST] = c.thickness[c.thickness > 0.0].min(initial=np.inf)
+            radii(b.shapes, n), thickness, float(thickness[thickness > 0.0].min(initial=np.inf)),
+            np.zeros(n, dtype=np.int64), np.zeros(len(b.shapes.body)), self._fresh_buffers(),
+            no_progress())
 
     def _fresh_buffers(self) -> ContactBuffers:
         s = self._setup
@@ -108,12 +108,12 @@ class JointedTimestep(Touching, JointedMotion):
 class JointedEvent(JointedTimestep):
     """Every collision at its own time; joints answer to it."""
 
-    _run = staticmethod(jointed_event.run)
+    _run = staticmethod(jointed_steps.EVENT)
 
     def report(self) -> ContactReport:
         """Return the counts, and what could not be done."""
         done = super().report()
-        if self._arguments.place[jointed_contact.CUT_SHORT] == 0:
+        if self._arguments.now.cut_short[0] == 0:
             return done
         message = (f'more than {jointed_event.MOST_EVENTS} collisions and hits of limits in one '
                    'step')
@@ -130,7 +130,7 @@ class JointedPenalty(Touching, JointedMotion):
         basis = self._basis()
         self._arguments = jointed_penalty.JointedPenalty(
             self.arguments(basis.state, basis.wrenches), penalty.make_arguments(basis),
-            np.zeros(3, dtype=np.int64))
+            *np.zeros((3, 1), dtype=np.int64))
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:
         """Advance the state, and count wrenches and commands down."""

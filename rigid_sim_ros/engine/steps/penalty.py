@@ -46,9 +46,16 @@ class Bristles(NamedTuple):
 
 
 class Buffers(NamedTuple):
-    """Memory of the kernel, and where it stands; capacity c points."""
+    """
+    Memory of the kernel, and how far a step has come; capacity c points.
 
-    count: IntArray  # type: ignore[assignment]  # (4,) see STEPS
+    A step that needs a larger buffer returns to Python and goes on with the same stage.
+    """
+
+    steps_left: IntArray  # (1,)
+    stage: IntArray  # (1,) of a step
+    known: IntArray  # (1,) bristles in use
+    needed: IntArray  # (1,) what there has to be room for
     work: Work
     bodies: Bodies
     loads: Loads
@@ -72,8 +79,6 @@ class PenaltyArguments(NamedTuple):
     buffers: Buffers
 
 
-# Places in `Buffers.count`.
-STEPS, STAGE, KNOWN, NEEDED = range(4)
 # Stages of a step.
 BEGIN, END = range(2)
 
@@ -81,11 +86,11 @@ BEGIN, END = range(2)
 @kernel
 def run(c: PenaltyArguments) -> int:
     """Take steps until none are left; return DONE, or what is needed before they go on."""
-    while c.buffers.count[STEPS] > 0:
+    while c.buffers.steps_left[0] > 0:
         why = find_overlaps(c)
         if why != DONE:
             return why
-        if c.buffers.count[STAGE] == BEGIN:
+        if c.buffers.stage[0] == BEGIN:
             take_first_half(c)
         else:
             take_second_half(c)
@@ -101,7 +106,7 @@ def take_first_half(c: PenaltyArguments) -> None:
     kick(c.state, loads, 0.5 * c.model.h)
     fly(c.model, c.state, (0.0, 0.0, 0.0), c.model.h, np.int64(1), c.buffers.work.block)
     move_kinematic(c.model, c.state, c.model.h)
-    c.buffers.count[STAGE] = END
+    c.buffers.stage[0] = END
 
 
 @kernel
@@ -116,8 +121,8 @@ def take_second_half(c: PenaltyArguments) -> None:
     count_down(c.wrenches)
     forget_all_impulses(current(c.memory))
     record(c, c.model.h)
-    c.buffers.count[STAGE] = BEGIN
-    c.buffers.count[STEPS] -= 1
+    c.buffers.stage[0] = BEGIN
+    c.buffers.steps_left[0] -= 1
 
 
 @kernel
@@ -127,12 +132,12 @@ def find_overlaps(c: PenaltyArguments) -> int:
     for s in range(shapes.bound.shape[0]):
         memory.margin[s] = MARGIN * shapes.bound[s] if shapes.bound[s] < np.inf else 0.0
     memory.rest_margin[:] = np.inf
-    why, w.count[NEEDED] = find_points(c.model, c.state, shapes, c.materials, memory, 0.0, w.order,
-                                       w.contacts)
+    why, w.needed[0] = find_points(c.model, c.state, shapes, c.materials, memory, 0.0, w.order,
+                                   w.contacts)
     if why != DONE:
         return why
-    w.count[NEEDED] = max(w.count[NEEDED], w.count[KNOWN])
-    if w.count[NEEDED] > w.contacts.gap.shape[0]:
+    w.needed[0] = max(w.needed[0], w.known[0])
+    if w.needed[0] > w.contacts.gap.shape[0]:
         return MORE_CONTACTS
     # Whose twist is over stands still; in the second half of a step that is nobody.
     begin_kinematic(c.model, c.state)
@@ -145,11 +150,11 @@ def find_overlaps(c: PenaltyArguments) -> int:
 def push(c: PenaltyArguments, t: float, h: float) -> None:
     """Kick by h [s] of the forces of all points, after a slip of t [s]; keep bristles."""
     w = c.buffers
-    _recall(w.contacts, c.state, w.bristles, w.count[KNOWN], w.stretch)
+    _recall(w.contacts, c.state, w.bristles, w.known[0], w.stretch)
     penalty_forces(c.model, c.state, c.shapes, c.materials, c.settings, w.contacts, w.bodies,
                    w.stretch, t, w.loads, w.impulses)
     _keep(w.contacts, c.state, w.stretch, w.bristles)
-    w.count[KNOWN] = w.contacts.count[0]
+    w.known[0] = w.contacts.count[0]
     kick(c.state, w.loads, h)
 
 
@@ -218,8 +223,9 @@ def no_bristles() -> Bristles:
 def make_arguments(basis: Basis) -> PenaltyArguments:
     """Return the arguments of a world with buffers of their own, and no bristles."""
     n, c = len(basis.model.m), 64
+    left, stage, known, needed = np.zeros((4, 1), dtype=np.int64)
     buffers = Buffers(
-        np.zeros(4, dtype=np.int64), make_work(n), make_bodies(n), empty_loads(n),
+        left, stage, known, needed, make_work(n), make_bodies(n), empty_loads(n),
         np.zeros((2, c), dtype=np.int64), make_contacts(c), np.zeros((c, 3)), np.zeros((c, 3)),
         _longer(no_bristles(), c))
     return PenaltyArguments(*basis, PenaltySettings(), buffers)
@@ -227,7 +233,7 @@ def make_arguments(basis: Basis) -> PenaltyArguments:
 
 def with_room(c: PenaltyArguments, why: int) -> PenaltyArguments:
     """Return arguments with the room that a kernel stopped for."""
-    w, rows = c.buffers, 2 * int(c.buffers.count[NEEDED])
+    w, rows = c.buffers, 2 * int(c.buffers.needed[0])
     if why == MORE_MEMORY:
         return c._replace(memory=grown(c.memory))
     if why == MORE_MANIFOLDS:
@@ -239,13 +245,13 @@ def with_room(c: PenaltyArguments, why: int) -> PenaltyArguments:
 
 def carried_over(c: PenaltyArguments) -> Bristles:
     """Return all that influences later steps, besides the state."""
-    known = int(c.buffers.count[KNOWN])
+    known = int(c.buffers.known[0])
     return Bristles._make(field[:known].copy() for field in c.buffers.bristles)
 
 
 def with_carried(c: PenaltyArguments, bristles: Bristles) -> PenaltyArguments:
     """Return arguments that go on with these bristles."""
-    c.buffers.count[KNOWN] = len(bristles.feature)
+    c.buffers.known[0] = len(bristles.feature)
     room = len(c.buffers.bristles.feature)
     return c._replace(buffers=c.buffers._replace(bristles=_longer(bristles, room)))
 
@@ -258,7 +264,7 @@ def advance(c: PenaltyArguments, count: int,
     Kick, drift, kick: order 2 while the points stay the same. The pack that is returned is for the
     next call. `carried_over` together with the state is all that the next step depends on.
     """
-    c.buffers.count[STEPS] = count
+    c.buffers.steps_left[0] = count
     while True:
         pack = packed(c, pack)
         why = pack.run(run)

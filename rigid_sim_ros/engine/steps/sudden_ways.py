@@ -14,7 +14,7 @@ from rigid_sim_ros.engine.maths.rotation import quaternion
 from rigid_sim_ros.engine.maths.vector import add_scaled, column, norm, scale, subtract
 from rigid_sim_ros.engine.model.kinds.table import is_unbounded
 from rigid_sim_ros.engine.state.rates import spin_of
-from rigid_sim_ros.engine.steps.jointed_contact import CALLED, JointedContact, THINNEST
+from rigid_sim_ros.engine.steps.jointed_contact import CALLED, JointedContact
 from rigid_sim_ros.kernels.kernel import kernel
 
 # Of what was noted: a body that is faster than that is noted again.
@@ -40,7 +40,7 @@ def goes_suddenly(c: JointedContact, h: float) -> bool:
     a = 0
     while a < shapes.body.shape[0]:
         i, after = shapes.body[a], shapes.after[a]
-        if gained[i] > c.buffers.sudden[i] and h * gained[i] > 0.5 * c.span[THINNEST]:
+        if gained[i] > c.buffers.sudden[i] and h * gained[i] > 0.5 * c.thinnest:
             for s in range(a, after):
                 if not is_unbounded(shapes.kind[s]) and _may_have_passed_any(c, s, h):
                     c.buffers.sudden[i], found = MORE * gained[i], True

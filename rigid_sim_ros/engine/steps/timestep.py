@@ -99,7 +99,7 @@ FIND, MOVE = range(2)
 @kernel
 def take_half(c: Arguments, half: int) -> int:
     """
-    Do what a step does to find contacts, or to move bodies; return 1 if it was done, else 0.
+    Find contacts, or move bodies: the halves of a step; return 1 if it was done, else 0.
 
     Who wakes in between, and sleeps at its end, is for the caller to decide.
     """

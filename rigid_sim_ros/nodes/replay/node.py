@@ -8,7 +8,6 @@ plays, and one reads ahead.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from fnmatch import fnmatchcase
 import gc
 import sys
 import time
@@ -34,13 +33,13 @@ from rigid_sim_ros.nodes.replay.player import Player, Settings
 from rigid_sim_ros.nodes.replay.qos import read_overrides
 from rigid_sim_ros.nodes.replay.terminal import attend, Bar, Keyboard
 from rigid_sim_ros.problems import counted
-from rigid_sim_ros.scene.errors import nearest
 from rigid_sim_ros.signals import Stop, stop_on_signals
+from rigid_sim_ros.times import SECOND
+from rigid_sim_ros.words import matching, nearest
 
 NODE_NAME = 'replay'
 SKIP = 5.0              # s that an arrow key moves
 
-_SECOND = 1_000_000_000
 
 # s: how long the interpreter may stay with another thread while the one that plays wants it. The
 # default of 5 ms would be late for every message.
@@ -157,30 +156,29 @@ class Replay:
         for reason, topics in self._outputs.skipped:
             more = f' and {len(topics) - 3} more' if len(topics) > 3 else ''
             self._log.warning(f'skipping {", ".join(topics[:3])}{more}: {reason}')
-        length = (self._bag.last_ns - self._bag.first_ns) / _SECOND
+        length = (self._bag.last_ns - self._bag.first_ns) / SECOND
         self._log.info(f'replaying {parameters["bag"]}: {length:.3f} s, '
                        f'{counted(len(self._outputs.names), "topic")}')
 
 
 def _chosen(bag: PlayableBag, patterns: Sequence[str]) -> list[str]:
     """Return the topics that a pattern matches; ParameterError for one that matches none."""
-    chosen = [name for name in bag.topics if any(fnmatchcase(name, p) for p in patterns)]
     for pattern in patterns:
-        if bag.topics and not any(fnmatchcase(name, pattern) for name in bag.topics):
+        if bag.topics and not matching(bag.topics, [pattern]):
             raise ParameterError(
                 f'parameter topics: no topic of the bag matches {pattern!r}: '
                 f'{nearest(pattern, sorted(bag.topics))}')
-    return chosen
+    return matching(bag.topics, patterns)
 
 
 def _settings(bag: PlayableBag, parameters: Mapping[str, Any]) -> Settings:
     length_ns = bag.last_ns - bag.first_ns
-    start_ns = round(parameters['start'] * _SECOND)
+    start_ns = round(parameters['start'] * SECOND)
     if start_ns > length_ns:
         raise ParameterError(f'parameter start: {parameters["start"]:g} s, must be at most '
-                             f'{length_ns / _SECOND:g} s, which is all of {bag.path}')
+                             f'{length_ns / SECOND:g} s, which is all of {bag.path}')
     return Settings(
-        start_ns, round(parameters['duration'] * _SECOND) or None, parameters['rate'],
+        start_ns, round(parameters['duration'] * SECOND) or None, parameters['rate'],
         parameters['loop'], parameters['clock_rate'], parameters['paused'])
 
 

@@ -22,8 +22,8 @@ from rigid_sim_ros.nodes.replay.outputs import Outputs
 from rigid_sim_ros.nodes.replay.read_ahead import ReadAhead
 from rigid_sim_ros.nodes.replay.timeline import Timeline
 from rigid_sim_ros.problems import counted
+from rigid_sim_ros.times import SECOND
 
-_SECOND = 1_000_000_000
 
 # Messages that are sent between two looks at the commands: some 2 ms.
 _MOST_AT_ONCE = 500
@@ -31,7 +31,7 @@ _LOOK = 0.2         # s between two looks at whether to end
 _LONGEST_SLEEP = 3600.0     # s: the queue cannot wait for ever in one go
 # A bag that lasts no time at all would loop as fast as it can.
 _SHORTEST_LOOP_NS = 100 * MILLISECOND
-_LOG_PERIOD_NS = 5 * _SECOND
+_LOG_PERIOD_NS = 5 * SECOND
 # Messages whose times differ by no more are of one time stamp: recorders make the times of one
 # moment distinct by counting nanoseconds.
 _SAME_TIME_NS = 1
@@ -138,7 +138,7 @@ class Player:
     def _turn(self) -> None:
         wait_ns = self._next_due() - monotonic_ns()
         try:
-            command = (self._commands.get(timeout=min(wait_ns / _SECOND, _LONGEST_SLEEP))
+            command = (self._commands.get(timeout=min(wait_ns / SECOND, _LONGEST_SLEEP))
                        if wait_ns > 0 else self._commands.get_nowait())
         except Empty:
             self._advance(monotonic_ns())
@@ -213,7 +213,7 @@ class Player:
         if not self._fresh:
             self._given_up_ns += given_up_ns
         if self._given_up_ns > CATCH_UP_NS and now_ns - self._logged_ns > _LOG_PERIOD_NS:
-            self._log.warning(f'{self._given_up_ns / _SECOND:.1f} s behind: reading or publishing '
+            self._log.warning(f'{self._given_up_ns / SECOND:.1f} s behind: reading or publishing '
                               'took too long; what follows is shifted by that')
             self._logged_ns, self._given_up_ns = now_ns, 0
 
@@ -233,7 +233,7 @@ class Player:
 
     def _set_clock_rate(self, rate: float) -> Answer:
         if rate and self._outputs.make_clock():
-            self._clock_period_ns = _SECOND / rate
+            self._clock_period_ns = SECOND / rate
             self._clock_due_ns = monotonic_ns() + self._clock_period_ns
         else:
             self._clock_period_ns, self._clock_due_ns = 0.0, inf
@@ -261,13 +261,13 @@ class Player:
         return self._pause(not self._paused)
 
     def _seek(self, seconds: float) -> Answer:
-        length = (self._bag.last_ns - self._bag.first_ns) / _SECOND
-        at_ns = self._bag.first_ns + round(min(max(seconds, 0.0), length) * _SECOND)
+        length = (self._bag.last_ns - self._bag.first_ns) / SECOND
+        at_ns = self._bag.first_ns + round(min(max(seconds, 0.0), length) * SECOND)
         self._begin(min(at_ns, self._bag.last_ns))
         return True, f'at {self._time()}'
 
     def _skip(self, seconds: float) -> Answer:
-        return self._seek(self.status().position_ns / _SECOND + seconds)
+        return self._seek(self.status().position_ns / SECOND + seconds)
 
     def _step(self, _: None) -> Answer:
         """Publish the messages of the next time stamp, or of the next step of a recording."""
@@ -303,7 +303,7 @@ class Player:
         return None
 
     def _time(self) -> str:
-        return f'{self.status().position_ns / _SECOND:.9f} s'
+        return f'{self.status().position_ns / SECOND:.9f} s'
 
     def _wake(self, _: None) -> Answer:
         return True, ''

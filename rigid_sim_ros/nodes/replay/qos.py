@@ -19,7 +19,8 @@ from rigid_sim_ros.bag.offered_qos import (
     AUTOMATIC, BEST_EFFORT, MANUAL_BY_TOPIC, OfferedQos, RELIABLE, TRANSIENT_LOCAL, VOLATILE)
 from rigid_sim_ros.nodes.declaring import given_names, ParameterError
 from rigid_sim_ros.reading import bytes_of
-from rigid_sim_ros.scene.errors import nearest
+from rigid_sim_ros.times import SECOND
+from rigid_sim_ros.words import nearest
 
 # [bytes] Of a file of overrides, some hundred for each topic.
 _MOST_BYTES = 2 ** 20
@@ -125,6 +126,6 @@ def _mapping(where: str, value: Any) -> dict[Any, Any]:
 def _nanoseconds(where: str, value: Any) -> int:
     parts = _mapping(where, value)
     try:
-        return int(parts.get('sec', 0)) * 1_000_000_000 + int(parts.get('nsec', 0))
+        return int(parts.get('sec', 0)) * SECOND + int(parts.get('nsec', 0))
     except (TypeError, ValueError):
         raise ParameterError(f'{where}: {value!r}, must be {{sec: ..., nsec: ...}}') from None

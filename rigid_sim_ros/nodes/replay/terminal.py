@@ -19,11 +19,11 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn
 
 from rigid_sim_ros.nodes.replay.player import Status
+from rigid_sim_ros.times import SECOND
 
 HELP = 'space pause · ← → 5 s back, on · ↑ ↓ faster, slower · s single step · q quit'
 
 _PERIOD = 0.1           # s between two looks at the keyboard and the end, and two pictures
-_SECOND = 1e9
 
 # Keys as terminals send them: arrows as ESC [ A, or ESC O A in the mode for applications.
 _KEY = re.compile(rb'\x1b[\[O][0-9;]*[A-Za-z~]|\x1b.?|.', re.DOTALL)
@@ -124,11 +124,11 @@ class Bar:
 
 def times_text(status: Status) -> str:
     """Return elapsed and total time and the rate."""
-    total = f'{status.length_ns / _SECOND:.2f}'
+    total = f'{status.length_ns / SECOND:.2f}'
     state = 'paused' if status.is_paused else f'x{status.rate:g}'
     if not status.has_begun:
         state = 'waits for subscribers'
-    return f'{status.position_ns / _SECOND:{len(total)}.2f} / {total} s {state:>6}'
+    return f'{status.position_ns / SECOND:{len(total)}.2f} / {total} s {state:>6}'
 
 
 def attend(

@@ -7,15 +7,19 @@ from engine.touching import ball, box, ground
 import numpy as np
 import pytest
 
-from rigid_sim_ros.engine.contact.colliding_body import SPIN, turn_body
+from rigid_sim_ros.engine.contact import colliding_body
+from rigid_sim_ros.engine.contact.colliding_body import SPIN
 from rigid_sim_ros.engine.contact.collisions import collide_bodies
 from rigid_sim_ros.engine.detection.detect import detect
 from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
 from rigid_sim_ros.engine.model.shapes import Material
 from rigid_sim_ros.engine.state.rates import spin_of
+from rigid_sim_ros.kernels.kernel import in_python
 from rigid_sim_ros.world import World
 
 SIZE = np.array((0.3, 0.2, 0.1))
+# To compile it takes longer than it takes in Python.
+turn_body = in_python(colliding_body.turn_body)
 
 
 def collided(things, restitution, friction):

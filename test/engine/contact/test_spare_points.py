@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A face on many pieces of one body is borne by four points."""
 
+from inside import arguments_of
 import numpy as np
 import pytest
 
@@ -43,5 +44,5 @@ def test_the_impact_of_a_face_on_many_triangles_is_a_small_problem():
     # It touches where a gap of 1e-8 of the smaller shape is left, which closes within a step.
     assert np.abs(world.linear_velocity[1]).max() < 1e-8 * 0.3 / 0.002
     # Its dense matrices have three to six rows a point, of the 32 that there is room for at least.
-    assert len(world._contact._arguments.buffers.room.e) == 32
-    assert not event.report(world._contact._arguments).cut_short
+    assert len(arguments_of(world).buffers.room.e) == 32
+    assert not event.report(arguments_of(world)).cut_short

@@ -1,6 +1,7 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """A world steps before the search for any two convex shapes is compiled, and waits if it must."""
+from inside import arguments_of, memory_of, pack_of
 import numpy as np
 import pytest
 
@@ -81,7 +82,7 @@ def take_away(pack):
 ])
 def test_the_shapes_of_a_world_say_whether_it_searches(bodies, searched):
     world = World.from_dict(scene(*bodies))
-    pieces = timestep.pieces_of(world._contact._arguments, helped=False)
+    pieces = timestep.pieces_of(arguments_of(world), helped=False)
     where = {'never': pieces.unused, 'hardly ever': pieces.late, 'always': pieces.helped}
     assert [name for name, some in where.items() if search in some] == [searched]
 
@@ -102,10 +103,10 @@ def test_a_step_that_waited_is_the_same_step_on_two_threads(threads, asked):
     for world in (known, other):
         world.threads = threads
         world.step(3)
-    assert current_manifolds(other._contact._memory).count[0] >= ENOUGH
+    assert current_manifolds(memory_of(other)).count[0] >= ENOUGH
     known.step(5)
     asked.clear()
-    take_away(other._contact._pack)
+    take_away(pack_of(other))
     other.step(5)
     assert asked == ['search']
     assert other.state_hash() == known.state_hash()

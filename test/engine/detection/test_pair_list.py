@@ -7,11 +7,15 @@ from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
+from rigid_sim_ros.engine.detection import pair_list
 from rigid_sim_ros.engine.detection.manifolds import REBUILT
-from rigid_sim_ros.engine.detection.pair_list import (
-    look_for_share, note_moved, sort_new, take_in, update_alone)
+from rigid_sim_ros.engine.detection.pair_list import sort_new, take_in
 from rigid_sim_ros.engine.model.kinds.table import BOX, SPHERE
+from rigid_sim_ros.kernels.kernel import in_python
 
+# To compile these takes longer than they take in Python.
+look_for_share, note_moved, update_alone = map(
+    in_python, (pair_list.look_for_share, pair_list.note_moved, pair_list.update_alone))
 SHAPES = 12
 BALL, CUBE = (SPHERE, (0.5, 0.0, 0.0), None), (BOX, (0.5, 0.5, 0.5), None)
 ALL = [(a, b) for a in range(SHAPES) for b in range(a + 1, SHAPES)]

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The model `event` where bodies that nothing pushes close on one between them."""
 
+from inside import arguments_of
 import numpy as np
 import pytest
 
@@ -49,7 +50,7 @@ def test_an_impact_without_a_solution_ends_once_it_does_not_become_weaker():
     most = 0
     for _ in range(40):
         world.step()
-        most = max(most, report(world._contact._arguments).collisions)
+        most = max(most, report(arguments_of(world)).collisions)
         # Between them it goes no faster than they do.
         assert np.abs(world.linear_velocity[0]).max() < 0.1 + 1e-6
     # Of three pairs, twice three are asked for whether they become weaker.

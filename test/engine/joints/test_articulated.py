@@ -3,17 +3,23 @@
 """The articulated-body method against the same equations as one dense matrix."""
 
 from engine.jointed_trees import random_tree
+from inside import model_of, state_of
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from rigid_sim_ros import World
-from rigid_sim_ros.engine.constraints.articulated_rows import answer_to_impulses
+from rigid_sim_ros.engine.constraints import articulated_rows
 from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads
+from rigid_sim_ros.engine.joints import effective_inertia
 from rigid_sim_ros.engine.joints.buffers import make_joint_work
-from rigid_sim_ros.engine.joints.effective_inertia import effective_inertias
 from rigid_sim_ros.engine.joints.settle import prepare
 from rigid_sim_ros.engine.model.joints import NONE
+from rigid_sim_ros.kernels.kernel import in_python
+
+# To compile these takes longer than they take in Python.
+answer_to_impulses = in_python(articulated_rows.answer_to_impulses)
+effective_inertias = in_python(effective_inertia.effective_inertias)
 
 
 def cross_matrix(r):
@@ -64,7 +70,7 @@ def motions_of_axes(table, work):
 def test_an_articulation_answers_to_an_impulse_as_the_dense_equations_do(seed, on_world):
     rng = np.random.default_rng(seed)
     world = World.from_dict(random_tree(rng, 8, on_world=on_world))
-    model, state, table = world._model, world._state, world.scene.joints.table
+    model, state, table = model_of(world), state_of(world), world.scene.joints.table
     work = make_joint_work(table)
     prepare(model, table, state, work)
     M, S = inertia_at_points(model, state, table, work), motions_of_axes(table, work)
@@ -83,7 +89,7 @@ def test_an_articulation_answers_to_an_impulse_as_the_dense_equations_do(seed, o
 def test_responses_are_reciprocal():
     # What an impulse here does there, one there does here: M~^-1 is symmetric.
     world = World.from_dict(random_tree(np.random.default_rng(3), 8))
-    model, state, table = world._model, world._state, world.scene.joints.table
+    model, state, table = model_of(world), state_of(world), world.scene.joints.table
     work = make_joint_work(table)
     prepare(model, table, state, work)
     F = np.random.default_rng(4).normal(0, 1, (2, 6))
@@ -95,7 +101,7 @@ def test_responses_are_reciprocal():
 @pytest.mark.parametrize('on_world', [True, False])
 def test_an_axis_feels_the_inertia_of_the_inverse_mass_matrix(on_world):
     world = World.from_dict(random_tree(np.random.default_rng(5), 8, on_world=on_world))
-    model, state, table = world._model, world._state, world.scene.joints.table
+    model, state, table = model_of(world), state_of(world), world.scene.joints.table
     work = make_joint_work(table)
     prepare(model, table, state, work)
     effective_inertias(table, work)

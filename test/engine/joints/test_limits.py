@@ -3,6 +3,7 @@
 """The parts of a step between which axes stop at their limits."""
 
 from engine.jointed import hanging
+from inside import joints_of, state_of
 import numpy as np
 import pytest
 
@@ -29,7 +30,7 @@ def test_a_position_that_is_no_number_is_within_no_limits(limits):
     """Also of an axis that has none: then the step is taken in parts, and does not end as that."""
     one = hanging(1, friction=0.1, **limits)
     one.step()
-    joints = one._joints
-    assert not leaves_active_set(joints.table, one._state, joints._scratch, 1e-3, False)
-    one._state.q[:, joints.table.body[0]] = np.nan
-    assert leaves_active_set(joints.table, one._state, joints._scratch, 1e-3, False)
+    joints = joints_of(one)
+    assert not leaves_active_set(joints.table, state_of(one), joints._scratch, 1e-3, False)
+    state_of(one).q[:, joints.table.body[0]] = np.nan
+    assert leaves_active_set(joints.table, state_of(one), joints._scratch, 1e-3, False)

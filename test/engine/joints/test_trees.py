@@ -14,6 +14,7 @@ from engine.jointed import (
     body, chain_tips, double_pendulum_tips, energy, G, hanging, joint, panda, PANDA_TIP,
     panda_tips, pendulum_tips, point_of, rod, world)
 from engine.jointed_trees import gaps
+from inside import joints_of
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -161,6 +162,6 @@ def test_far_from_the_origin_joints_close_as_well_as_positions_are_written():
         assert gaps(far) <= 1e-10
         # It takes as little time: what cannot be closed better is no motion that a step is too
         # long for.
-        assert far._joints.motion.parts[0] == 1
+        assert joints_of(far).motion.parts[0] == 1
     # In a step of 1 ms, so open a joint gives 1e-7 m/s; all of one sign, in 300 of them, 5e-6 m.
     np.testing.assert_allclose(far.position - (1e5, 0, 0), near.position, atol=5e-6)

@@ -7,6 +7,7 @@ import functools
 from engine.stepping import TimestepScene
 from engine.touching import ball, box, ground
 from hypothesis import given, settings, strategies as st
+from inside import solver_of
 import numpy as np
 import pytest
 from test_halves import LENGTH, members, row, rows_and, SPEED
@@ -101,7 +102,7 @@ def impact():
     world = rows_and(across, SPEED)
     world.step(3)
     assert members(world)[BETWEEN] == 16
-    return world._contact._arguments.work.solver
+    return solver_of(world)
 
 
 # Of an impact in the middle of a step of four substeps of 1 / 960 s.

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How bodies are shared out when they are written back changes nothing."""
 
+from inside import model_of, solver_of, state_of
 import numpy as np
 import pytest
 
@@ -23,17 +24,17 @@ def world(request):
          'twist': {'linear': [0.1 * k, 1.0, -0.5], 'angular': [3.0, 0.0, 900.0 * (k % 5 == 3)]}}
         for k in range(COUNT)] + [
             {'name': 'ground', 'fixed': True, 'shape': {'type': 'plane'}}]})
-    before = [field.copy() for field in world._state]
+    before = [field.copy() for field in state_of(world)]
     world.step()
-    slots = world._contact._arguments.work.solver.bodies.slot[:COUNT]
+    slots = solver_of(world).bodies.slot[:COUNT]
     assert np.flatnonzero(slots == 0).tolist() == list(request.param)
     return world, before
 
 
 def written(world, before, halves):
     """Return what is written back of a world's last step, to the state before."""
-    n, state, model = COUNT + 1, State._make(field.copy() for field in before), world._model
-    bodies = world._contact._arguments.work.solver.bodies
+    n, state, model = COUNT + 1, State._make(field.copy() for field in before), model_of(world)
+    bodies = solver_of(world).bodies
     # As in a world of two halves: gravity stands in the slots that stand still.
     for still in (0, bodies.used[SECOND_BEGIN]):
         bodies.smooth[still * STRIDE:still * STRIDE + 3] = model.gravity
@@ -46,7 +47,7 @@ def written(world, before, halves):
 @pytest.mark.parametrize('alike', [0, 1])
 def test_a_slot_that_stands_still_has_no_trace_of_whom_it_had_before(world, alike):
     world, before = world
-    model, bodies = world._model, make_bodies(COUNT + 1)
+    model, bodies = model_of(world), make_bodies(COUNT + 1)
     loads = empty_loads(COUNT + 1)
     loads.F[:] = 7.0
     bodies.alike[0] = alike
@@ -69,9 +70,9 @@ def test_a_slot_that_stands_still_has_no_trace_of_whom_it_had_before(world, alik
 def test_bodies_that_lie_otherwise_are_written_the_same(world):
     world, before = world
     one, two = written(world, before, 1), written(world, before, 2)
-    touching = world._contact._arguments.work.solver.bodies.slot > 0
+    touching = solver_of(world).bodies.slot > 0
     for name, whole, parts in zip(one._fields, one, two, strict=True):
         assert whole.tobytes() == parts.tobytes(), name
         # The last step wrote the same, with as many substeps.
-        now = getattr(world._state, name)
+        now = getattr(state_of(world), name)
         assert whole[..., touching].tobytes() == now[..., touching].tobytes(), name

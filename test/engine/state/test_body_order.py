@@ -5,6 +5,7 @@
 from typing import Any
 
 from dropping import REACH, SHAPES
+from inside import order_of
 import numpy as np
 import pytest
 
@@ -131,12 +132,12 @@ def test_a_large_world_is_saved_and_restored():
     (MANY, {'solver': 'qp'}, 'as in the scene')])
 def test_few_bodies_and_other_models_keep_the_order_of_the_scene(count, model, order):
     world = crowd(None, count, **model)
-    kept = world._order.tolist() == list(range(count + 1))
+    kept = order_of(world) == list(range(count + 1))
     assert kept == (order == 'as in the scene')
-    assert sorted(world._order.tolist()) == list(range(count + 1))
+    assert sorted(order_of(world)) == list(range(count + 1))
     if not kept:
         # What does not move comes last.
-        assert world.names[world._order[-1]] == 'ground'
+        assert world.names[order_of(world)[-1]] == 'ground'
 
 
 def test_a_body_of_a_large_world_that_flies_off_is_named():

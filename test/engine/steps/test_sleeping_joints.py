@@ -4,6 +4,7 @@
 
 import math
 
+from inside import joints_of
 import numpy as np
 import pytest
 
@@ -160,7 +161,7 @@ def test_a_whole_turn_of_a_joint_is_a_disturbance(sleeping):
 
 def test_a_turn_that_no_bit_of_the_pose_tells_is_a_disturbance(sleeping):
     """As `set_joint_state` may leave it where rounding takes what two turns change of a pose."""
-    sleeping._joints.motion.position[1] += 4.0 * math.pi
+    joints_of(sleeping).motion.position[1] += 4.0 * math.pi
     sleeping.step(1)
     assert asleep(sleeping) == 2
 

@@ -84,7 +84,7 @@ def nearest_point(family: int, pose: Array, size: Array, a: int,
 @kernel
 def collide_by_search(pose: Array, shapes: Shapes, a: int, b: int, margin: float,
                       scratch: Scratch) -> tuple[int, Vector]:
-    """Do the same for any two convex shapes, neither of them a plane nor both of them boxes."""
+    """Write the points of two convex shapes by search: none is a plane, not both are boxes."""
     family = FAMILY[shapes.kind[a], shapes.kind[b]]
     if family not in ONE_POINT:
         return convex_convex(pose, shapes, a, b, margin, scratch)
@@ -98,7 +98,7 @@ def collide_by_search(pose: Array, shapes: Shapes, a: int, b: int, margin: float
 @kernel
 def on_plane(pose: Array, shapes: Shapes, a: int, b: int, second: bool, margin: float,
              scratch: Scratch) -> tuple[int, Vector]:
-    """Do the same for a plane, which may be the second of both, and another shape."""
+    """Write the points of a plane, which may be the second of both, and another shape."""
     plane, s = (b, a) if second else (a, b)
     points = scratch.points
     count = plane_shape(pose, shapes, plane, s, margin, points, scratch.ids)
