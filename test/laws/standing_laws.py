@@ -41,8 +41,9 @@ def draw_standing(rng: Generator) -> Scene:
             joints.append(_joint(rng, name, parent, place - _origin(bodies, parent), out, link,
                                  {'friction': friction, 'drive': drive}, load))
             parent, place = name, place + way
+    h = float(rng.choice([1e-3, 2e-3, 4e-3, 1.0 / 60.0]))
     spec = {'format': 1,
-            'world': {'gravity': [0.0, 0.0, -G], 'step': float(rng.choice([1e-3, 2e-3, 4e-3, 1.0 / 60.0]))},
+            'world': {'gravity': [0.0, 0.0, -G], 'step': h},
             'materials': {'default': {'friction': float(rng.choice([0.5, 1.0])),
                                       'restitution': float(rng.choice([0.0, 0.4, 0.8]))}},
             'bodies': bodies, 'joints': joints}

@@ -208,6 +208,7 @@ def shake(model: Model, table: JointTable, state: State, motion: JointMotion, wo
     write_momenta(model, table, state, work)
     keep_poses(table, state, work)
     drift_from(model, state, table.body, 0, table.body.shape[0], work.x, work.q, h, work.block)
+    # Articulations do not know of each other: each takes the rounds that it needs.
     for g in range(table.first_row.shape[0] - 1):
         if not _close_poses(model, table, state, motion, work, h, g):
             return False
@@ -220,11 +221,12 @@ def _close_poses(model: Model, table: JointTable, state: State, motion: JointMot
     """
     Correct the momenta of articulation g, moved by h [s], until it ends where its joints hold.
 
-    Articulations do not know of each other. An axis may be locked, by dry friction or at its limit, at a position that its loops or its
+    An axis may be locked, by dry friction or at its limit, at a position that its loops or its
     coupling give as well, to the tolerance of the steps before. Then both cannot be had to this
     tolerance, and the axis yields.
     """
-    stiff, left = table.lawful > 0 and any_stiff(table, work, g), _LEFT * largest_turn(table, work, h, g)
+    stiff = table.lawful > 0 and any_stiff(table, work, g)
+    left = _LEFT * largest_turn(table, work, h, g)
     first, last = table.first_row[g], table.first_row[g + 1]
     yields, rounds, before, angle = False, 0, math.inf, math.inf
     for _ in range(MOST_ROUNDS):
@@ -263,12 +265,14 @@ def largest_angle(table: JointTable, work: JointWork, yields: bool, g: int) -> f
     """
     Return the largest way or angle that joints are off [rad], metres over the longest lever.
 
-    Those of articulation g, which was measured last. That is the same where all is larger, smaller or turned.
+    Those of articulation g, which was measured last. That is the same where all is larger, smaller
+    or turned.
     """
     long, way, angle = (math.sqrt(work.largest[0]), math.sqrt(work.largest[1]),
                         math.sqrt(work.largest[2]))
     unit = 1.0 / long if long > 0.0 else 0.0
-    worst = angle if unit * way <= angle else unit * way
+    worst = unit * way
+    worst = worst if angle <= worst else angle
     begin, end = table.first_row[g], table.first_row[g + 1]
     for k in range(table.first_axis[begin], table.first_axis[end]):
         if work.locked[k] == LOCKED or (work.locked[k] == STIFF and not yields):
