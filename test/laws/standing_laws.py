@@ -10,6 +10,7 @@ from laws.solids import box, capsule, Generator
 import numpy as np
 
 TIME = 4.0  # [s] in which a swing of some Hz dies out by viscous damping and dry friction
+DEEP = 1e-3  # of the size, half of what feet yield that are as thick as 0.03 of it
 LAST = 20  # steps at the end that are looked at
 
 
@@ -19,7 +20,7 @@ def draw_standing(rng: Generator) -> Scene:
 
     Drives hold the legs, some of which give way where the effort is bounded; limits may be near.
     """
-    size, mass = between(rng, 0.1, 1.0), between(rng, 1.0, 50.0)
+    size, mass = between(rng, 0.01, 1.0), between(rng, 1.0, 50.0)
     legs, links = int(rng.integers(3, 7)), int(rng.integers(1, 4))
     length = 0.8 * size / links
     trunk = box((0.5 * size, 0.4 * size, 0.1 * size))
@@ -27,7 +28,8 @@ def draw_standing(rng: Generator) -> Scene:
     load = mass * G * length / legs     # [N m] about what a joint bears
     friction = load * between(rng, 0.02, 1.0)
     drive = {'mode': 'position', 'stiffness': load * between(rng, 5.0, 50.0)}
-    drive['damping'] = 0.03 * drive['stiffness']
+    drive['damping'] = between(rng, 0.1, 0.5) * math.sqrt(size / G) * drive['stiffness']
+    share = between(rng, 0.01, 0.1)     # of the mass of the trunk, that of a leg
     for leg in range(legs):
         angle = 2.0 * math.pi * (leg + rng.uniform(-0.2, 0.2)) / legs
         out = np.array([math.cos(angle), math.sin(angle), 0.0])
@@ -35,12 +37,13 @@ def draw_standing(rng: Generator) -> Scene:
         for link in range(links):
             name = f'leg{leg}_{link}'
             way = (0.25 * out - [0.0, 0.0, 1.0]) * length
-            bodies.append(_link(name, 0.1 * mass / links, place, way, size))
+            bodies.append(_link(name, share * mass / links, place, way, size))
             joints.append(_joint(rng, name, parent, place - _origin(bodies, parent), out, link,
                                  {'friction': friction, 'drive': drive}, load))
             parent, place = name, place + way
+    h = float(rng.choice([1e-3, 2e-3, 4e-3, 1.0 / 60.0]))
     spec = {'format': 1,
-            'world': {'gravity': [0.0, 0.0, -G], 'step': float(rng.choice([1e-3, 2e-3, 4e-3]))},
+            'world': {'gravity': [0.0, 0.0, -G], 'step': h},
             'materials': {'default': {'friction': float(rng.choice([0.5, 1.0])),
                                       'restitution': float(rng.choice([0.0, 0.4, 0.8]))}},
             'bodies': bodies, 'joints': joints}
@@ -79,11 +82,12 @@ def _joint(rng: Generator, name: str, parent: str, at: np.ndarray, out: np.ndarr
 
 def judge_standing(scene: Scene, build: Build) -> Verdict:
     """
-    Ask whether all is at rest at the end, and the floor bears the weight.
+    Ask whether all is at rest at the end, on the floor, which bears the weight.
 
     What dry friction holds has stopped: what is left is what the solver leaves, which finds
     impulses to 1e-9 of those of a step under gravity. 1e-6 of the speed of a fall from the height
-    of the robot is far above that, and far below what anybody would see.
+    of the robot is far above that, and far below what anybody would see. What came to rest has
+    not sunk in: where a way is straight to first order it ends within its curvature of the floor.
     """
     run = build(scene.spec)
     assert isinstance(run, Ours)
@@ -97,4 +101,5 @@ def judge_standing(scene: Scene, build: Build) -> Verdict:
         verdicts.append(Verdict(speed / fast, 1e-6, 'of the speed of a fall is left'))
         borne = -run.world.contact_wrenches()[0, 2]
         verdicts.append(Verdict(abs(borne / weight - 1.0), 1e-6, 'of the weight is not borne'))
+    verdicts.append(Verdict(run.deepest() / scene.size, DEEP, 'of the size is sunk in'))
     return worst(verdicts)

@@ -310,15 +310,27 @@ def _has_met(h: float, w: ContactBuffers, k: int) -> float:
 
     The velocities are those of the way, and w.match says which points took part in it already:
     what these sank by is the curvature of their way. The gap of the others is followed back at its
-    present rate; where it was none at the start the shapes turned into each other while they
-    touched.
+    present rate. Where that leads to no gap at the start, the shapes turned into each other while
+    they touched; or, if none of their points took part, the way is so curved that its end tells
+    nothing of its start, and half of it is to be tried.
     """
     contacts = w.contacts
     gap, touching = contacts.gap[k], TOUCHING * contacts.size[k]
     if w.match[k] >= 0 or gap >= -touching:
         return math.inf
     before = gap - h * rate_of_gap(w, k)
-    return h * before / (before - gap) if before > touching else math.inf
+    if before > touching:
+        return h * before / (before - gap)
+    return math.inf if _took_part(w, contacts.shape_a[k], contacts.shape_b[k]) else 0.5 * h
+
+
+@kernel
+def _took_part(w: ContactBuffers, a: int, b: int) -> bool:
+    """Return whether any point of two shapes took part in the way that was tried."""
+    for i in range(w.count[HALF_KNOWN]):
+        if w.half.shape_a[i] == a and w.half.shape_b[i] == b:
+            return True
+    return False
 
 
 @kernel

@@ -123,9 +123,11 @@ def write_matrix(rows: Rows, m: int, width: int) -> None:
                 for k in range(6):
                     rows.z[rows.moved[e], k] = rows.W[at + k]
                 at += 6
-            for c in range(m):
+            # A is symmetric.
+            for c in range(d, m):
                 for i in range(width * c, width * c + width):
                     rows.A[size * j + i] = _effect_of_bodies(rows, c, i)
+                    rows.A[size * i + j] = rows.A[size * j + i]
         forget_effects(rows, d, d + 1)
     rows.in_matrix[0] = size
 

@@ -12,11 +12,11 @@ import numpy as np
 
 from rigid_sim_ros.engine.dynamics.force_and_torque import kick_some, Loads
 from rigid_sim_ros.engine.dynamics.free_rotation import MAX_ANGLE, turn, turn_fast
-from rigid_sim_ros.engine.maths.rotation import quaternion, set_quaternion
-from rigid_sim_ros.engine.maths.vector import column
+from rigid_sim_ros.engine.maths.rotation import quaternion, rotate_back, set_quaternion
+from rigid_sim_ros.engine.maths.vector import column, norm, times
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import State
-from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.kernels.arrays import Array, IntArray, Quaternion, Vector
 from rigid_sim_ros.kernels.kernel import apart, inlined, kernel
 
 # Bodies of a block: their numbers fill one vector register of 512 bits, or two of 256.
@@ -83,15 +83,15 @@ def drift(model: Model, state: State, times: Array, block: Array) -> None:
 
 
 @kernel
-def drift_from(model: Model, state: State, bodies: IntArray, x: Array, q: Array, h: float,
-               block: Array) -> None:
+def drift_from(model: Model, state: State, bodies: IntArray, begin: int, end: int, x: Array,
+               q: Array, h: float, block: Array) -> None:
     """
     Put bodies (r,) to where they are h [s] of free flight after the poses x (r, 3), q (r, 4).
 
-    Their momenta are those of the state, and stay.
+    Those from begin to end; their momenta are those of the state, and stay.
     """
-    for first in range(0, bodies.shape[0], LANES):
-        lanes = min(LANES, bodies.shape[0] - first)
+    for first in range(begin, end, LANES):
+        lanes = min(LANES, end - first)
         for i in range(lanes):
             body, r = bodies[first + i], first + i
             for k in range(4):
@@ -106,15 +106,26 @@ def drift_from(model: Model, state: State, bodies: IntArray, x: Array, q: Array,
         _fly_block(block, h, np.int64(1))
         for i in range(lanes):
             body, r = bodies[first + i], first + i
-            if _is_fast(model, state, h, body):
-                set_quaternion(state.q, body, (q[r, 0], q[r, 1], q[r, 2], q[r, 3]))
-            _store(model, state, h, np.int64(1), i, body, block)
+            _put(model, state, h, i, body, (q[r, 0], q[r, 1], q[r, 2], q[r, 3]), block)
 
 
 @inlined
-def _is_fast(model: Model, state: State, h: float, body: int) -> bool:
-    """Return whether a body is, or may be, too fast for `turn` in h [s]."""
+def _put(model: Model, state: State, h: float, lane: int, body: int, q: Quaternion,
+         block: Array) -> None:
+    """Write where a body is that was at q; one that is too fast for `turn` is turned here."""
+    for k in range(3):
+        state.x[k, body] = block[(_X + k) * LANES + lane]
     L, inv_I = column(state.L, body), column(model.inv_I_C, body)
+    if _may_be_fast(L, inv_I, h) and h * norm(times(inv_I, rotate_back(q, L))) > MAX_ANGLE:
+        set_quaternion(state.q, body, turn_fast(q, L, inv_I, h))
+        return
+    for k in range(4):
+        state.q[k, body] = block[(_Q + k) * LANES + lane]
+
+
+@inlined
+def _may_be_fast(L: Vector, inv_I: Vector, h: float) -> bool:
+    """Return whether a body may turn too fast for `turn` in h [s], wherever L points in it."""
     # |I^-1 l| <= max(I^-1) |L|: never below the angle that it bounds.
     bound = max(inv_I[0], inv_I[1], inv_I[2]) * h
     return bound * bound * (
@@ -189,9 +200,7 @@ def _store(model: Model, state: State, h: float, count: int | np.int64, lane: in
         state.x[k, body] = block[(_X + k) * LANES + lane]
         state.P[k, body] = block[(_P + k) * LANES + lane]
     L, inv_I = column(state.L, body), column(model.inv_I_C, body)
-    # |I^-1 l| <= max(I^-1) |L|: never below the angle that it bounds.
-    bound = max(inv_I[0], inv_I[1], inv_I[2]) * h
-    if bound * bound * (L[0] * L[0] + L[1] * L[1] + L[2] * L[2]) <= MAX_ANGLE * MAX_ANGLE:
+    if not _may_be_fast(L, inv_I, h):
         for k in range(4):
             state.q[k, body] = block[(_Q + k) * LANES + lane]
     else:

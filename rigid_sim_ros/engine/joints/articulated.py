@@ -174,9 +174,10 @@ def write_momenta(model: Model, table: JointTable, state: State, work: JointWork
 
 
 @kernel
-def add_momenta(model: Model, table: JointTable, state: State, work: JointWork) -> None:
-    """Add the momenta of the motions V, which are changes, to those of the bodies."""
-    for i in range(table.body.shape[0]):
+def add_momenta(model: Model, table: JointTable, state: State, work: JointWork, first: int,
+                last: int) -> None:
+    """Add the momenta of the motions V, which are changes, to the bodies of some rows."""
+    for i in range(first, last):
         P, L = momenta_of(model, table, work, i)
         add_to_column(state.P, table.body[i], P)
         add_to_column(state.L, table.body[i], L)

@@ -46,14 +46,19 @@ def assemble(model: Model, table: JointTable, state: State, motion: JointMotion,
     gap = math.inf
     for _ in range(_ROUNDS):
         _prepare(model, table, state, work, position, given)
-        gap = measure(table, state, motion, work, False)
+        gap, articulations = 0.0, table.first_row.shape[0] - 1
+        for g in range(articulations):
+            off = measure(table, state, motion, work, False, g)
+            gap = gap if off <= gap else off
         if gap <= work.tolerance[0] or not gap < math.inf:
             break
         # A change in a time of 1 s is the way itself.
-        ask_back(table, work, max(1.0, gap / _STRIDE))
+        for g in range(articulations):
+            ask_back(table, work, max(1.0, gap / _STRIDE), g)
         solve(table, work, 0, table.body.shape[0], False, True)
         close(model, table, state, work, False)
-        shift_poses(table, state, work, 1.0)
+        for g in range(articulations):
+            shift_poses(table, state, work, 1.0, g)
         read_positions(table, state, motion)
         pose_forest(table, state, motion.position, work)
     _momenta_for_spins(model, table, state)

@@ -26,7 +26,7 @@ AT_LOWER, AT_UPPER = 1, 2
 # Places in `JointWork.known`: whether the factors, and what the axes feel, are of these poses, and
 # the motions of the momenta with which the next half of a step begins.
 FACTORED, FELT, SOLVED = range(3)
-PAST = 4        # steps whose curvature is remembered
+PAST = 5        # steps whose curvature is remembered
 
 
 class Drives(NamedTuple):
@@ -158,6 +158,9 @@ class JointWork(NamedTuple):
     V: Array        # (r, 6) motion of the bodies
     base: Array     # (r, 6) motion of what a row hangs on, at its reference point
     error: Array    # (r, 6) of the joints' conditions
+    # (3,) of the articulation measured last: the squares of its longest lever [m], and of the
+    # largest way [m] and angle [rad] in `error`
+    largest: Array
     curved: Array   # (r, 6) c / h of the present step
     x: Array        # (r, 3) poses at the start of the substep
     q: Array        # (r, 4)
@@ -179,8 +182,7 @@ def make_joint_work(table: JointTable) -> JointWork:
         z((r, 3)), z((r, 3)), z((r, 3)), z((r, 6)), z((r, SIZE)), z((k, 3)), z((k, 6)), z(k),
         z(k), z(k), np.full(1, TOLERANCE), z(3, dtype=np.int64), z(k, dtype=np.int64), z(k),
         z(k, dtype=np.int64), z(k), z(k), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)),
-        z((r, 6)), z((r, 3)),
-        z((r, 4)), z((r, SIZE)), z(k), z((r, 6)), z(BLOCK_SIZE),
+        z(3), z((r, 6)), z((r, 3)), z((r, 4)), z((r, SIZE)), z(k), z((r, 6)), z(BLOCK_SIZE),
         z(1, dtype=np.int64), _loop_work(table), _law_work(table),
         AnswerWork(z(6 * LANES * r), z(LANES * k), z(6 * LANES * r), z(LANES * k)))
 

@@ -219,21 +219,28 @@ def close(model: Model, table: JointTable, state: State, work: JointWork, whole:
     part. Of rows that depend on others, what is wanted becomes what the others make of it.
     """
     for g in range(table.first_row.shape[0] - 1):
-        first, last = table.first_condition[g], table.first_condition[g + 1]
-        for m in range(first, last):
-            work.loop.missing[m] = work.loop.wanted[m] - _rate_of(table, work, m)
-            if whole:
-                work.loop.missing[m] -= _base_rate(model, table, state, work, m)
-        if last > first:
-            _close_by_missing(table, work, g)
-            for m in range(first, last):
-                before = 0.0 if whole else work.loop.total[m]
-                work.loop.total[m] = before + work.loop.impulse[m]
-            for n in range(work.loop.rank[g], last - first):
-                m = first + work.loop.order[first + n]
-                work.loop.wanted[m] = _rate_of(table, work, m)
-                if whole:
-                    work.loop.wanted[m] += _base_rate(model, table, state, work, m)
+        if table.first_condition[g + 1] > table.first_condition[g]:
+            close_one(model, table, state, work, whole, g)
+
+
+@kernel
+def close_one(model: Model, table: JointTable, state: State, work: JointWork, whole: bool,
+              g: int) -> None:
+    """Do what `close` does for articulation g, which has conditions."""
+    first, last = table.first_condition[g], table.first_condition[g + 1]
+    for m in range(first, last):
+        work.loop.missing[m] = work.loop.wanted[m] - _rate_of(table, work, m)
+        if whole:
+            work.loop.missing[m] -= _base_rate(model, table, state, work, m)
+    _close_by_missing(table, work, g)
+    for m in range(first, last):
+        before = 0.0 if whole else work.loop.total[m]
+        work.loop.total[m] = before + work.loop.impulse[m]
+    for n in range(work.loop.rank[g], last - first):
+        m = first + work.loop.order[first + n]
+        work.loop.wanted[m] = _rate_of(table, work, m)
+        if whole:
+            work.loop.wanted[m] += _base_rate(model, table, state, work, m)
 
 
 @kernel
@@ -277,11 +284,11 @@ def _close_by_missing(table: JointTable, work: JointWork, g: int) -> None:
 
 
 @kernel
-def measure_conditions(table: JointTable, state: State, motion: JointMotion,
-                       work: JointWork) -> float:
-    """Write how the conditions are off; return the largest number among these."""
+def measure_conditions(table: JointTable, state: State, motion: JointMotion, work: JointWork,
+                       g: int) -> float:
+    """Write how the conditions of articulation g are off; return the largest of these numbers."""
     worst = 0.0
-    for m in range(table.condition_joint.shape[0]):
+    for m in range(table.first_condition[g], table.first_condition[g + 1]):
         j = table.condition_joint[m]
         e = 0.0
         if table.condition_place[m] == MIMIC:

@@ -18,11 +18,11 @@ from rigid_sim_ros.engine.joints.articulated import (
 from rigid_sim_ros.engine.joints.buffers import (
     JointMotion, JointWork, LOCKED, PAST, STIFF, UNLOCKED)
 from rigid_sim_ros.engine.joints.joint_coordinates import joint_error, joint_position
-from rigid_sim_ros.engine.joints.loops import close, measure_conditions
+from rigid_sim_ros.engine.joints.loops import close_one, measure_conditions
 from rigid_sim_ros.engine.joints.settle import solve_motions
 from rigid_sim_ros.engine.maths.rotation import multiply, quaternion, set_quaternion, unit
 from rigid_sim_ros.engine.maths.spatial import minus, set_six, Six, six
-from rigid_sim_ros.engine.maths.vector import add_scaled, column, cross, norm, row, set_column
+from rigid_sim_ros.engine.maths.vector import add_scaled, column, cross, dot, norm, row, set_column
 from rigid_sim_ros.engine.model.joints import JointTable, MIMIC, NONE
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import State
@@ -31,7 +31,10 @@ from rigid_sim_ros.kernels.kernel import inlined, kernel
 # A round leaves a part of the error that is proportional to the angle of the fastest body in the
 # step: 0.1 to 0.6 times that was seen, more where the fastest body is the lightest by far. So a
 # last round need not be measured that is known to leave less than _UNSEEN [m or rad].
-_LEFT, _UNSEEN = 4.0, 2e-13
+# Where it leaves less than _NEAR the bodies are moved on by what the correction does to first
+# order: so far their poses may be from where their momenta would have brought them, but the joints
+# are measured, and closed, there.
+_LEFT, _UNSEEN, _NEAR = 4.0, 2e-13, 1e-10
 _SHORTEST = 1e-3    # [m] a lever counts as this much longer, so that none is 0
 # [rad/s or m/s] and as a part: less than this beyond its piece a rate is on it.
 _PIECE_SLACK = 1e-9
@@ -63,9 +66,9 @@ def keep_poses(table: JointTable, state: State, work: JointWork) -> None:
 
 
 @kernel
-def shift_poses(table: JointTable, state: State, work: JointWork, h: float) -> None:
-    """Move the bodies on by h [s] of the motions V, which are so small that their order is 1."""
-    for i in range(table.body.shape[0]):
+def shift_poses(table: JointTable, state: State, work: JointWork, h: float, g: int) -> None:
+    """Move articulation g by h [s] of the motions V, which are so small that their order is 1."""
+    for i in range(table.first_row[g], table.first_row[g + 1]):
         body, V = table.body[i], six(work.V, i)
         w = (V[3], V[4], V[5])
         r = cross(w, row(work.com, i))
@@ -78,15 +81,16 @@ def shift_poses(table: JointTable, state: State, work: JointWork, h: float) -> N
 
 @kernel
 def measure(table: JointTable, state: State, motion: JointMotion, work: JointWork,
-            yields: bool) -> float:
+            yields: bool, g: int) -> float:
     """
-    Write how the joints are off; return the largest number among these.
+    Write how the joints of articulation g are off; return the largest number among these.
 
     yields: but for axes that are STIFF, off from where they are locked by YIELDING at most.
     """
-    worst = measure_conditions(table, state, motion, work)
-    for i in range(table.body.shape[0]):
-        j = table.joint[i]
+    worst, lever, way, angle = measure_conditions(table, state, motion, work, g), 0.0, 0.0, 0.0
+    for i in range(table.first_row[g], table.first_row[g + 1]):
+        j, com, arm = table.joint[i], row(work.com, i), row(work.arm, i)
+        lever = max(lever, dot(com, com), dot(arm, arm))
         if j == NONE:
             continue
         e = joint_error(table, state, j)
@@ -105,6 +109,10 @@ def measure(table: JointTable, state: State, motion: JointMotion, work: JointWor
             work.error[i, n] = table.sense[i] * e[n]
             # A comparison with what is not a number is false: it has to be caught as well.
             worst = worst if abs(e[n]) <= worst else abs(e[n])
+        d, a = dot((e[0], e[1], e[2]), (e[0], e[1], e[2])), dot(
+            (e[3], e[4], e[5]), (e[3], e[4], e[5]))
+        way, angle = way if d <= way else d, angle if a <= angle else a
+    work.largest[0], work.largest[1], work.largest[2] = lever, way, angle
     return worst
 
 
@@ -122,61 +130,56 @@ def expect(table: JointTable, motion: JointMotion, work: JointWork) -> None:
     """
     Write the relative motions c / h that the joints will need, as the steps before needed them.
 
-    c / h is a smooth function of time: a cubic through four values leaves an error of the order
-    h^6 in the pose at the end of the step.
+    c / h is a smooth function of time: a polynomial through n values leaves an error of the order
+    h^(n+2) in the pose at the end of the step, and n <= PAST.
     """
-    known = motion.known[0]
-    w0, w1, w2, w3 = 0.0, 0.0, 0.0, 0.0
-    if known >= 4:
-        w0, w1, w2, w3 = 4.0, -6.0, 4.0, -1.0
-    elif known == 3:
-        w0, w1, w2 = 3.0, -3.0, 1.0
-    elif known == 2:
-        w0, w1 = 2.0, -1.0
-    elif known == 1:
-        w0 = 1.0
-    past, strain = motion.curvature, motion.strain
+    known, past, strain, weight = motion.known[0], motion.curvature, motion.strain, -1.0
+    curved = work.curved
+    curved[:], work.loop.curved[:] = 0.0, 0.0
+    for n in range(known):
+        # The binomial coefficients of `known`, with changing signs.
+        weight = weight * (n - known) / (n + 1)
+        for i in range(table.body.shape[0]):
+            for k in range(6):
+                curved[i, k] += weight * past[n, i, k]
+        for m in range(strain.shape[1]):
+            work.loop.curved[m] += weight * strain[n, m]
     for i in range(table.body.shape[0]):
-        c = minus(_ZERO, -w0, six(past[0], i))
-        c = minus(minus(c, -w1, six(past[1], i)), -w2, six(past[2], i))
-        c = minus(c, -w3, six(past[3], i))
+        c = six(curved, i)
         # Along its axes a joint needs nothing: what were there would grow, as nothing holds it.
         for k in range(table.first_axis[i], table.first_axis[i + 1]):
             c = _without_axis(table, work, k, c)
-        set_six(work.curved, i, c)
-    for m in range(strain.shape[1]):
-        work.loop.curved[m] = (w0 * strain[0, m] + w1 * strain[1, m] + w2 * strain[2, m]
-                               + w3 * strain[3, m])
+        set_six(curved, i, c)
 
 
 @kernel
 def remember(table: JointTable, motion: JointMotion, work: JointWork) -> None:
     """Note the relative motions that were needed."""
     past, strain = motion.curvature, motion.strain
+    for n in range(PAST - 1, 0, -1):
+        for i in range(table.body.shape[0]):
+            for k in range(6):
+                past[n, i, k] = past[n - 1, i, k]
+        for m in range(strain.shape[1]):
+            strain[n, m] = strain[n - 1, m]
     for i in range(table.body.shape[0]):
-        for n in range(6):
-            past[3, i, n] = past[2, i, n]
-            past[2, i, n] = past[1, i, n]
-            past[1, i, n] = past[0, i, n]
-            past[0, i, n] = work.curved[i, n]
+        for k in range(6):
+            past[0, i, k] = work.curved[i, k]
     for m in range(strain.shape[1]):
-        strain[3, m] = strain[2, m]
-        strain[2, m] = strain[1, m]
-        strain[1, m] = strain[0, m]
         strain[0, m] = work.loop.curved[m]
     motion.known[0] = min(motion.known[0] + 1, PAST)
 
 
 @kernel
-def largest_turn(table: JointTable, work: JointWork, h: float) -> float:
+def largest_turn(table: JointTable, work: JointWork, h: float, g: int) -> float:
     """
-    Return by how much the geometry changes in h [s], at most and about.
+    Return by how much the geometry of articulation g changes in h [s], at most and about.
 
     By the largest angle of a body [rad], and the longest way along an axis over the levers of its
     body.
     """
     fastest, longest = 0.0, 0.0
-    for i in range(table.body.shape[0]):
+    for i in range(table.first_row[g], table.first_row[g + 1]):
         V = six(work.V, i)
         fastest = max(fastest, V[3] * V[3] + V[4] * V[4] + V[5] * V[5])
         if table.joint[i] != NONE:
@@ -204,81 +207,78 @@ def shake(model: Model, table: JointTable, state: State, motion: JointMotion, wo
         work.loop.curved[m] = work.loop.wanted[m] / h
     write_momenta(model, table, state, work)
     keep_poses(table, state, work)
-    return _close_poses(model, table, state, motion, work, h)
+    drift_from(model, state, table.body, 0, table.body.shape[0], work.x, work.q, h, work.block)
+    # Articulations do not know of each other: each takes the rounds that it needs.
+    for g in range(table.first_row.shape[0] - 1):
+        if not _close_poses(model, table, state, motion, work, h, g):
+            return False
+    return True
 
 
 @kernel
 def _close_poses(model: Model, table: JointTable, state: State, motion: JointMotion,
-                 work: JointWork, h: float) -> bool:
+                 work: JointWork, h: float, g: int) -> bool:
     """
-    Move the bodies by h [s], and correct their momenta until they end where the joints hold.
+    Correct the momenta of articulation g, moved by h [s], until it ends where its joints hold.
 
     An axis may be locked, by dry friction or at its limit, at a position that its loops or its
     coupling give as well, to the tolerance of the steps before. Then both cannot be had to this
     tolerance, and the axis yields.
     """
-    stiff, left = any_stiff(table, work), _LEFT * largest_turn(table, work, h)
+    stiff = table.lawful > 0 and any_stiff(table, work, g)
+    left = _LEFT * largest_turn(table, work, h, g)
+    first, last = table.first_row[g], table.first_row[g + 1]
     yields, rounds, before, angle = False, 0, math.inf, math.inf
     for _ in range(MOST_ROUNDS):
-        drift_from(model, state, table.body, work.x, work.q, h, work.block)
-        worst = measure(table, state, motion, work, yields)
+        worst = measure(table, state, motion, work, yields, g)
         # Also for what is not a number.
         if stiff and not yields and not worst <= 0.5 * before:
             yields, rounds, before = True, 0, math.inf
-            worst = measure(table, state, motion, work, True)
+            worst = measure(table, state, motion, work, True, g)
         if worst <= work.tolerance[0]:
             return True
         if rounds > 0:
             asked = rounds == 1 and MOST_PARTS * h > model.h
             most = (RESOLVED if asked else 0.5) * angle
-            angle = largest_angle(table, work, yields)
+            angle = largest_angle(table, work, yields, g)
             if not angle <= max(most, _ROUGH * work.tolerance[0]):
                 return False
             left = max(left, worst / before)
         rounds, before = rounds + 1, worst
-        correct(model, table, state, work, h)
-        for k in range(work.rate.shape[0]):
+        correct(model, table, state, work, h, g)
+        for k in range(table.first_axis[first], table.first_axis[last]):
             work.law.half_rate[k] += work.rate[k]
-        if not stiff and worst * (left + worst) <= _UNSEEN:
-            shift_poses(table, state, work, h)
+        leaves = worst * (left + worst)
+        if leaves <= _NEAR:
+            shift_poses(table, state, work, h, g)
+        else:
+            drift_from(model, state, table.body, first, last, work.x, work.q, h, work.block)
+        if not stiff and leaves <= _UNSEEN:
             return True
         if rounds == 1:
-            angle = largest_angle(table, work, yields)  # of what was measured, and is corrected
+            angle = largest_angle(table, work, yields, g)   # of what was measured
     return False
 
 
 @kernel
-def longest_lever(table: JointTable, work: JointWork) -> float:
-    """Return the longest way [m] between joints that follow one another, or to a body's middle."""
-    longest = 0.0
-    for i in range(table.body.shape[0]):
-        lever = norm(row(work.com, i))
-        if table.parent[i] != NONE:
-            lever = max(lever, norm(row(work.arm, i)))
-        longest = max(longest, lever)
-    return longest
-
-
-@kernel
-def largest_angle(table: JointTable, work: JointWork, yields: bool) -> float:
+def largest_angle(table: JointTable, work: JointWork, yields: bool, g: int) -> float:
     """
     Return the largest way or angle that joints are off [rad], metres over the longest lever.
 
-    They have been measured. That is the same where all is larger, smaller or turned.
+    Those of articulation g, which was measured last. That is the same where all is larger, smaller
+    or turned.
     """
-    long, worst = longest_lever(table, work), 0.0
+    long, way, angle = (math.sqrt(work.largest[0]), math.sqrt(work.largest[1]),
+                        math.sqrt(work.largest[2]))
     unit = 1.0 / long if long > 0.0 else 0.0
-    for i in range(table.body.shape[0]):
-        if table.joint[i] == NONE:
-            continue
-        e = six(work.error, i)
-        for off in (unit * norm((e[0], e[1], e[2])), norm((e[3], e[4], e[5]))):
+    worst = unit * way
+    worst = worst if angle <= worst else angle
+    begin, end = table.first_row[g], table.first_row[g + 1]
+    for k in range(table.first_axis[begin], table.first_axis[end]):
+        if work.locked[k] == LOCKED or (work.locked[k] == STIFF and not yields):
+            off = abs(work.law.astray[k]) * (unit if table.translates[k] == 1 else 1.0)
             worst = worst if off <= worst else off
-        for k in range(table.first_axis[i], table.first_axis[i + 1]):
-            if work.locked[k] == LOCKED or (work.locked[k] == STIFF and not yields):
-                off = abs(work.law.astray[k]) * (unit if table.translates[k] == 1 else 1.0)
-                worst = worst if off <= worst else off
-    for m in range(table.condition_joint.shape[0]):
+    for m in range(table.first_condition[g], table.first_condition[g + 1]):
         off = abs(work.loop.off[m]) * (unit if _is_length(table, work, m) else 1.0)
         worst = worst if off <= worst else off
     return worst
@@ -294,32 +294,36 @@ def _is_length(table: JointTable, work: JointWork, m: int) -> bool:
 
 
 @kernel
-def any_stiff(table: JointTable, work: JointWork) -> bool:
-    """Return whether any axis is STIFF."""
-    for k in range(table.has_laws.shape[0]):
+def any_stiff(table: JointTable, work: JointWork, g: int) -> bool:
+    """Return whether any axis of articulation g is STIFF."""
+    begin, end = table.first_row[g], table.first_row[g + 1]
+    for k in range(table.first_axis[begin], table.first_axis[end]):
         if work.locked[k] == STIFF:
             return True
     return False
 
 
 @kernel
-def correct(model: Model, table: JointTable, state: State, work: JointWork, h: float) -> None:
-    """Change the momenta by joint impulses that take the errors back, to first order."""
-    ask_back(table, work, h)
-    solve(table, work, 0, table.body.shape[0], False, True)
-    close(model, table, state, work, False)
-    for m in range(work.loop.wanted.shape[0]):
+def correct(model: Model, table: JointTable, state: State, work: JointWork, h: float,
+            g: int) -> None:
+    """Change momenta of articulation g by joint impulses that take its errors back, to order 1."""
+    first, last = table.first_row[g], table.first_row[g + 1]
+    ask_back(table, work, h, g)
+    solve(table, work, first, last, False, True)
+    if table.first_condition[g + 1] > table.first_condition[g]:
+        close_one(model, table, state, work, False, g)
+    for m in range(table.first_condition[g], table.first_condition[g + 1]):
         work.loop.curved[m] += work.loop.wanted[m] / h
-    add_momenta(model, table, state, work)
+    add_momenta(model, table, state, work, first, last)
 
 
 @kernel
-def ask_back(table: JointTable, work: JointWork, h: float) -> None:
-    """Ask for the relative motions that take the errors back in h [s]."""
-    rate = 1.0 / h
-    for k in range(work.tau.shape[0]):
+def ask_back(table: JointTable, work: JointWork, h: float, g: int) -> None:
+    """Ask for the relative motions that take the errors of articulation g back in h [s]."""
+    rate, first, last = 1.0 / h, table.first_row[g], table.first_row[g + 1]
+    for k in range(table.first_axis[first], table.first_axis[last]):
         work.tau[k], work.given[k] = 0.0, 0.0
-    for i in range(table.body.shape[0]):
+    for i in range(first, last):
         set_six(work.F, i, _ZERO)
         c = minus(_ZERO, rate, six(work.error, i))
         set_six(work.curved, i, minus(six(work.curved, i), -rate, c))
@@ -335,7 +339,7 @@ def ask_back(table: JointTable, work: JointWork, h: float) -> None:
                 way = work.law.target[k] + work.law.astray[k] - work.law.before[k]
                 work.law.bend[k] = way / h - work.law.half_rate[k]
         set_six(work.c, i, c)
-    for m in range(work.loop.wanted.shape[0]):
+    for m in range(table.first_condition[g], table.first_condition[g + 1]):
         work.loop.wanted[m] = -work.loop.off[m] / h
         if table.condition_place[m] == MIMIC:
             # How such an axis goes back is no rate along it, which the condition would see.

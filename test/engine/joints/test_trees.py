@@ -165,3 +165,30 @@ def test_far_from_the_origin_joints_close_as_well_as_positions_are_written():
         assert joints_of(far).motion.parts[0] == 1
     # In a step of 1 ms, so open a joint gives 1e-7 m/s; all of one sign, in 300 of them, 5e-6 m.
     np.testing.assert_allclose(far.position - (1e5, 0, 0), near.position, atol=5e-6)
+
+
+def test_an_articulation_moves_bit_for_bit_as_if_others_were_not_there():
+    """Whatever these need: the one beside it is 30 times as fast, and closes in more rounds."""
+    def pendulum(name, y, speed):
+        bodies = [body(f'{name}{i}', 1.0, (0, 0, -0.5), rod(1.0, 1.0, 0.02), (0, y, -i))
+                  for i in range(2)]
+        joints = [joint(f'{name}_top', 'world', f'{name}0', position=(0, y, 0)) | {
+                      'position': 1.0, 'velocity': speed},
+                  joint(f'{name}_knee', f'{name}0', f'{name}1', position=(0, 0, -1))]
+        return bodies, joints
+
+    slow, fast = pendulum('slow', 0.0, 0.5), pendulum('fast', 3.0, 15.0)
+    alone, beside = world(*slow), world(slow[0] + fast[0], slow[1] + fast[1])
+    for one in (alone, beside):
+        one.step(200)
+    np.testing.assert_array_equal(beside.position[:2], alone.position)
+    np.testing.assert_array_equal(beside.orientation[:2], alone.orientation)
+    np.testing.assert_array_equal(beside.joint_velocity[:2], alone.joint_velocity)
+
+
+def test_a_thin_rod_on_an_axle_along_it_turns_by_more_than_a_radian_a_step():
+    axle = world([body('rod', 1.0, (0, 0, 0), rod(1.0, 1.0, 0.01), (0, 0, 0))],
+                 [joint('axle', 'world', 'rod', axis=(0, 0, 1)) | {'velocity': 1500.0}])
+    axle.step(100)
+    # The rounding of 100 steps, a few 1e-16 of 150 rad in each.
+    assert axle.joint_position[0] == pytest.approx(150.0, abs=1e-11)
