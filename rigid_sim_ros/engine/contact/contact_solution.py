@@ -13,8 +13,9 @@ from rigid_sim_ros.kernels.kernel import kernel
 # ends, and how often, each time three times as many: they find which of several redundant points
 # on the verge of slipping do slip.
 SWEEPS, ROUNDS = 20, 3
-# An iteration of the interior point method, in steps of Newton's method.
-ITERATION = 1.2
+# What the interior point method counts as, in steps of Newton's method, however many iterations it
+# takes: that may depend on rounding, and what is cut short should not.
+COUNTED = 18.0
 
 
 @kernel
@@ -46,9 +47,9 @@ def solve_contact_rows(rows: Rows, m: int, width: int, touched: int, steps: int,
         return worst / size
     for k in range(count):
         interior.start[k] = rows.f[k]
-    turns, left = approach_solution(rows, m, width, touched, size, TOLERANCE * size, again,
-                                    proximal, w, interior)
-    w.effort[0] += turns * ITERATION * effort_of(m, width, touched)
+    _, left = approach_solution(rows, m, width, touched, size, TOLERANCE * size, again,
+                                proximal, w, interior)
+    w.effort[0] += COUNTED * effort_of(m, width, touched)
     for k in range(count):
         if left < worst:
             now = rows.compliance[k] * rows.f[k]
