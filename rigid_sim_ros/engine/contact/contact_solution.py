@@ -14,7 +14,8 @@ from rigid_sim_ros.kernels.kernel import kernel
 # on the verge of slipping do slip.
 SWEEPS, ROUNDS = 20, 3
 # What the interior point method counts as, in steps of Newton's method, however many iterations it
-# takes: that may depend on rounding, and what is cut short should not.
+# takes: that may depend on rounding, and what is cut short should not. Where there is no solution
+# it ends after a few, which do not count.
 COUNTED = 18.0
 
 
@@ -49,7 +50,8 @@ def solve_contact_rows(rows: Rows, m: int, width: int, touched: int, steps: int,
         interior.start[k] = rows.f[k]
     _, left = approach_solution(rows, m, width, touched, size, TOLERANCE * size, again,
                                 proximal, w, interior)
-    w.effort[0] += COUNTED * effort_of(m, width, touched)
+    if left < worst:
+        w.effort[0] += COUNTED * effort_of(m, width, touched)
     for k in range(count):
         if left < worst:
             now = rows.compliance[k] * rows.f[k]
