@@ -22,19 +22,16 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.contact.contact_rows import (
-    all_rows, disk_stiffness, Rows, sweep_rows, violation)
+    all_rows, disk_stiffness, Rows, violation)
 from rigid_sim_ros.engine.contact.contacts import Contacts
-from rigid_sim_ros.engine.contact.coulomb import coefficients, disk, ENOUGH, GOAL, TOLERANCE
+from rigid_sim_ros.engine.contact.coulomb import coefficients, disk
 from rigid_sim_ros.engine.contact.scalar_rows import resolve
 from rigid_sim_ros.engine.maths.elimination import solve_columns, solve_linear
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
-# While the division of the points lasts, 1 or 2 are enough.
-FEW_STEPS = 4
-# Steps of Newton's method after so many sweeps, and how often: sweeps find which points press and
-# which slide, Newton's method the forces.
-NEWTON_STEPS, SWEEPS, ROUNDS = 10, 20, 6
+# Steps of Newton's method: while the division of the points lasts 1 or 2 are enough.
+FEW_STEPS, NEWTON_STEPS = 4, 10
 
 
 class Newton(NamedTuple):
@@ -139,8 +136,8 @@ def _write_scalar_case(rows: Rows, n: int, q: int, f: Array, w: Newton) -> None:
 
 
 @kernel
-def _add_point(rows: Rows, c: int, width: int, slot: IntArray, E: Array, y: Array, K: Array,
-               p: Array) -> None:
+def add_point(rows: Rows, c: int, width: int, slot: IntArray, E: Array, y: Array, K: Array,
+              p: Array) -> None:
     """Add G' E W' of point c to K, and G' y to p."""
     n = width * c
     for side in range(2):
@@ -161,8 +158,9 @@ def _add_point(rows: Rows, c: int, width: int, slot: IntArray, E: Array, y: Arra
                 for e in range(rows.first[c], rows.first[c + 1]):
                     at = slot[rows.moved[e]]
                     if at >= 0:
+                        line, moves = K[i][6 * at:6 * at + 6], rows.W[begin:begin + 6]
                         for k in range(6):
-                            K[i, 6 * at + k] += weight * rows.W[begin + k]
+                            line[k] += weight * moves[k]
                     begin += 6
 
 
@@ -203,7 +201,7 @@ def solve_step(rows: Rows, m: int, width: int, touched: int, w: Newton) -> bool:
             K[i, j] = 0.0
         K[i, i] = 1.0
     for c in range(m):
-        _add_point(rows, c, width, w.slot, w.E, w.y, K, p)
+        add_point(rows, c, width, w.slot, w.E, w.y, K, p)
     if not solve_linear(K, p, w.last):
         return False
     for c in range(m):
@@ -272,45 +270,3 @@ def refine_rows(rows: Rows, m: int, width: int, touched: int, goal: float, steps
             for i in range(count):
                 f[i] = trial[i]
     return best
-
-
-@kernel
-def effort_of(m: int, width: int, touched: int) -> float:
-    """
-    Return how many multiplications a step of Newton's method takes, about.
-
-    Not counted one by one: how many an elimination takes depends on the order of the bodies. They
-    touch few others, so it is far from (6 s)^3 / 3.
-    """
-    by_forces = width * width * width * m * m * m / 3.0
-    return 1000.0 * m + min(by_forces, 216.0 * touched * touched)
-
-
-@kernel
-def solve_contact_rows(rows: Rows, m: int, width: int, touched: int, steps: int, most: float,
-                       w: Newton) -> float:
-    """
-    Find rows.f from what stands there; return the violation of the laws against max |b|.
-
-    Newton's method, `steps` of it, and where that does not do sweeps of Gauss-Seidel and Newton's
-    method by turns, until that took `most` multiplications.
-    """
-    size, count = 0.0, width * m
-    for i in range(count):
-        size = max(size, abs(rows.b[i]))
-    if size == 0.0:
-        size = 1e-300
-    worst = refine_rows(rows, m, width, touched, GOAL * size, steps, w)
-    if worst <= ENOUGH * size:
-        return worst / size
-    sweeps, until = SWEEPS, w.effort[0] + most
-    for turn in range(ROUNDS):
-        violation(rows, m, width, rows.f)
-        sweep_rows(rows, m, width, rows.f, sweeps, 0.1 * ENOUGH * size)
-        worst = refine_rows(rows, m, width, touched, GOAL * size, NEWTON_STEPS, w)
-        w.effort[0] += NEWTON_STEPS * effort_of(m, width, touched) + 50.0 * count * sweeps
-        if (worst <= ENOUGH * size or (turn > 1 and worst <= TOLERANCE * size)
-                or w.effort[0] > until):
-            break
-        sweeps *= 3
-    return worst / size

@@ -11,6 +11,7 @@ from rigid_sim_ros.engine.contact.contact_newton import make_newton, Newton
 from rigid_sim_ros.engine.contact.contact_rows import make_rows, Rows
 from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts, make_bodies, make_contacts
 from rigid_sim_ros.engine.contact.impulse import make_room, MOST_ALIKE, Room
+from rigid_sim_ros.engine.contact.interior_point import Interior, make_interior
 from rigid_sim_ros.engine.detection.manifolds import Memory
 from rigid_sim_ros.engine.detection.transform_update import unplaced
 from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads, Loads
@@ -82,6 +83,7 @@ class Buffers(NamedTuple):
     rows: Rows  # of the chosen points
     proximal: Array  # (r,) rates by the compliance at the proximal point, not in rows.b
     newton: Newton
+    interior: Interior
     pushed: Loads  # momenta that only displace, for the time of a span
     pairs: IntArray  # (p, 2) that may meet
     allowed: Array  # (p,)
@@ -119,7 +121,8 @@ def make_buffers(bodies: int, shapes: int) -> Buffers:
                    np.zeros((c, 6)), whole(c), np.zeros(c), whole(c), whole(c), whole(c),
                    np.zeros(c),
                    whole(c, 3), make_room(MOST_ALIKE, 6), make_rows(16, 48, bodies), np.zeros(48),
-                   make_newton(16, 48, 4, bodies), empty_loads(bodies), whole(c, 2), np.zeros(c),
+                   make_newton(16, 48, 4, bodies), make_interior(16, 48, 4), empty_loads(bodies),
+                   whole(c, 2), np.zeros(c),
                    make_groups(bodies, shapes, c), np.zeros(bodies), empty_state(bodies),
                    no_forces())
 
@@ -140,7 +143,8 @@ def more_rows(buffers: Buffers, rows: int, touched: int) -> Buffers:
     r, bodies = max(2 * rows, len(buffers.rows.b)), len(buffers.then)
     s = max(touched + touched // 2, len(buffers.newton.p) // 6)
     return buffers._replace(rows=make_rows(r // 3, r, bodies), proximal=np.zeros(r),
-                            newton=make_newton(r // 3, r, s, bodies))
+                            newton=make_newton(r // 3, r, s, bodies),
+                            interior=make_interior(r // 3, r, s))
 
 
 def more_pairs(buffers: Buffers, pairs: int) -> Buffers:

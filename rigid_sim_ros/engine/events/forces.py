@@ -5,14 +5,15 @@
 from rigid_sim_ros.engine.contact.carried_forces import copy_force, keep_force, recall_forces
 from rigid_sim_ros.engine.contact.classify import classify, COLLIDING, resting_speed
 from rigid_sim_ros.engine.contact.contact_ahead import carry_ahead, turn_bodies
-from rigid_sim_ros.engine.contact.contact_newton import (
-    effort_of, FEW_STEPS, number_bodies, solve_contact_rows)
+from rigid_sim_ros.engine.contact.contact_newton import FEW_STEPS, number_bodies
 from rigid_sim_ros.engine.contact.contact_rows import (
     Rows, sweep_rows, violation, write_effects, write_rows)
 from rigid_sim_ros.engine.contact.contact_search import DONE
+from rigid_sim_ros.engine.contact.contact_solution import (
+    continue_rows, effort_of, solve_contact_rows)
 from rigid_sim_ros.engine.contact.contacts import (
     Bodies, Contacts, push_rows, read_rates, relative, to_contact)
-from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, ENOUGH, TOLERANCE
+from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, TOLERANCE
 from rigid_sim_ros.engine.contact.resting_qp import CLOSING, LIFTING, resting_rates
 from rigid_sim_ros.engine.detection.backtrack import film
 from rigid_sim_ros.engine.events.buffers import (
@@ -40,7 +41,10 @@ COUNTED = 4
 # Of the accelerations: as much points may yield to their forces by their compliance. 1e-6 of g
 # sinks in by 3e-6 g h^2.
 YIELDS = 1e-6
-AGAIN = 10  # times at most that forces are found again for what follows from them
+# Levers are right where what they still change is this part of the accelerations: as much as a
+# solution may be off.
+LEVERS = TOLERANCE
+AGAIN = 10  # times at most that forces are found again for their levers, within the budget
 ROUNDS = 40  # times at most that they are for what points yield
 # What points yield without end falls by less than this part of it in a round.
 STUCK_AT = 1e-3
@@ -165,7 +169,7 @@ def room_for(model: Model, w: Buffers, m: int) -> bool:
 
 
 @kernel
-def solve(g: int, m: int, width: int, steps: int, span: float, w: Buffers) -> bool:
+def solve(m: int, width: int, steps: int, again: bool, span: float, w: Buffers) -> bool:
     """
     Find the forces of the first m points from what stands there, whatever they have to carry.
 
@@ -176,6 +180,8 @@ def solve(g: int, m: int, width: int, steps: int, span: float, w: Buffers) -> bo
     left, and is driven aside by a part of the load, so that is to be as much smaller as the load
     would move it in the span; 0 s asks for nothing of that.
 
+    `again`: a problem like the one before, of the same points.
+
     Returns whether there are such forces. Where bodies that nothing pushes close on one between
     them there are none, and each time adds the same to those of the time before, for ever: the
     least change of b with which there were any (Pazy, Asymptotic behavior of contractions in
@@ -185,23 +191,23 @@ def solve(g: int, m: int, width: int, steps: int, span: float, w: Buffers) -> bo
     rows, size, last = w.rows, 0.0, 0.0
     for i in range(width * m):
         size = max(size, abs(rows.b[i]))
-    w.number[WORST] = solve_contact_rows(rows, m, width, w.count[TOUCHED], steps,
-                                         effort_left(w, g), w.newton)
+    w.number[WORST] = solve_contact_rows(rows, m, width, w.count[TOUCHED], steps, again,
+                                         w.proximal, w.newton, w.interior)
     for _ in range(ROUNDS):
         yields = 0.0
         for i in range(width * m):
             yields = max(yields, abs(rows.compliance[i] * rows.f[i] - w.proximal[i]))
-        if yields * max(1.0, _reach(m, width, span, w)) <= YIELDS * size:
+        if (w.number[WORST] > TOLERANCE
+                or yields * max(1.0, _reach(m, width, span, w)) <= YIELDS * size):
             return True
-        if w.number[WORST] <= TOLERANCE and abs(yields - last) < STUCK_AT * yields:
+        if abs(yields - last) < STUCK_AT * yields:
             return False
         last = yields
         for i in range(width * m):
             now = rows.compliance[i] * rows.f[i]
             rows.b[i] -= now - w.proximal[i]
             w.proximal[i] = now
-        w.number[WORST] = solve_contact_rows(rows, m, width, w.count[TOUCHED], FEW_STEPS,
-                                             effort_left(w, g), w.newton)
+        w.number[WORST] = continue_rows(rows, m, width, w.count[TOUCHED], w.newton)
     return True
 
 
@@ -232,16 +238,18 @@ def _solve_with_levers(model: Model, g: int, m: int, steps: int, span: float, w:
     w.proximal[:width * m] = 0.0
     goal = 0.0
     for i in range(width * m):
-        goal = max(goal, 0.1 * ENOUGH * abs(rows.b[i]))
-    if not solve(g, m, width, steps, span, w):
+        goal = max(goal, LEVERS * abs(rows.b[i]))
+    if not solve(m, width, steps, False, span, w):
         return False
     for _ in range(AGAIN):
+        if w.number[WORST] > TOLERANCE or effort_left(w, g) < 0.0:
+            return True
         write_effects(rows, m, width, rows.f)
         if not shift_levers(model, w.contacts, w.bodies, w.chosen[:m], width, rows, span, goal,
                             w.assumed):
             return True
         write_rows(model, w.contacts, w.bodies, w.chosen[:m], width, COMPLIANCE, rows)
-        if not solve(g, m, width, FEW_STEPS, span, w):
+        if not solve(m, width, FEW_STEPS, True, span, w):
             return False
     return True
 

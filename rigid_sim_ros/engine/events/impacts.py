@@ -217,7 +217,7 @@ def _stop_together(model: Model, state: State, settings: EventSettings, g: int,
         read_rates(model, w.contacts, w.bodies.velocity, w.chosen[c], width, rows.b, width * c)
     for i in range(width * m):
         rows.f[i], w.proximal[i] = 0.0, 0.0
-    stops = solve(g, m, width, 0, 0.0, w)
+    stops = solve(m, width, 0, False, 0.0, w)
     w.groups.residual[g] = max(w.groups.residual[g], w.number[WORST])
     if w.number[WORST] > TOLERANCE:
         w.count[UNSOLVED] += 1

@@ -43,6 +43,51 @@ def solve_linear(K: Array, x: Array, last: IntArray) -> bool:
 
 
 @kernel
+def factor_linear(K: Array, last: IntArray, order: IntArray) -> bool:
+    """
+    Replace K by its factors, for `solve_factored`; return False if K is singular.
+
+    last and order, (n,): the last entry of a row that is not 0, and which row came to each place.
+    """
+    size = last.shape[0]
+    for i in range(size):
+        last[i], order[i] = size - 1, i
+        while last[i] > 0 and K[i, last[i]] == 0.0:
+            last[i] -= 1
+    for k in range(size):
+        p = _pivot(K, k, size)
+        if K[p, k] == 0.0:
+            return False
+        if p != k:
+            for j in range(max(last[k], last[p]) + 1):
+                K[k, j], K[p, j] = K[p, j], K[k, j]
+            last[k], last[p] = last[p], last[k]
+            order[k], order[p] = order[p], order[k]
+        end = last[k] + 1
+        for i in range(k + 1, size):
+            if K[i, k] != 0.0:
+                factor = K[i, k] / K[k, k]
+                K[i, k] = factor
+                last[i] = max(last[i], last[k])
+                source, target = K[k][k + 1:end], K[i][k + 1:end]
+                for j in range(target.shape[0]):
+                    target[j] -= factor * source[j]
+    return True
+
+
+@kernel
+def solve_factored(K: Array, b: Array, x: Array, last: IntArray, order: IntArray) -> None:
+    """Write to x the solution for the right side b, by the factors of `factor_linear`."""
+    for i in range(x.shape[0]):
+        total = b[order[i]]
+        for j in range(i):
+            if K[i, j] != 0.0:
+                total -= K[i, j] * x[j]
+        x[i] = total
+    _substitute_back(K, x, last)
+
+
+@kernel
 def _pivot(K: Array, k: int, size: int) -> int:
     """Return the row from k on whose entry in column k is the largest."""
     p = k

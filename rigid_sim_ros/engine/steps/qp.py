@@ -19,15 +19,16 @@ import numpy as np
 
 from rigid_sim_ros.engine.contact.basis import Basis
 from rigid_sim_ros.engine.contact.collisions import collide_bodies
-from rigid_sim_ros.engine.contact.contact_newton import (
-    FEW_STEPS, make_newton, number_bodies, solve_contact_rows)
+from rigid_sim_ros.engine.contact.contact_newton import FEW_STEPS, make_newton, number_bodies
 from rigid_sim_ros.engine.contact.contact_rows import (
     make_rows, Rows, sweep_rows, violation, write_effects, write_rows)
+from rigid_sim_ros.engine.contact.contact_solution import solve_contact_rows
 from rigid_sim_ros.engine.contact.contacts import (
     Bodies, Contacts, gather_all, make_bodies, make_contacts, read_bodies, relative, to_contact,
     to_world)
 from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, TOLERANCE
 from rigid_sim_ros.engine.contact.impact_offsets import gap_now
+from rigid_sim_ros.engine.contact.interior_point import make_interior
 from rigid_sim_ros.engine.contact.resting_qp import effective_mass, Outcome, solve
 from rigid_sim_ros.engine.detection.carried_impulses import clear_impulses
 from rigid_sim_ros.engine.detection.detect import detect_within_margins
@@ -53,8 +54,8 @@ from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import kernel
 
 
-# Multiplications that a step may take; beyond it, and for more points, OSQP is not asked either.
-EFFORT, MOST_POINTS = 1e8, 16
+# For more points OSQP is not asked.
+MOST_POINTS = 16
 # Of the size of a shape: no overlap is displaced by more in a step.
 MOST_PUSH = 0.03
 PUSH_SWEEPS = 300  # for displacements: what they leave is for the next step
@@ -242,8 +243,10 @@ def _find_impulses(model: Model, chosen: IntArray, rows: Rows, work: QpWork) -> 
     """Return the impulses by Newton's method, by OSQP where that does not do; report how."""
     contacts, m = work.contacts, len(chosen)
     newton = make_newton(m, 3 * m, len(model.m), len(model.m))
+    interior = make_interior(m, 3 * m, len(model.m))
     touched = number_bodies(contacts, chosen, model.inv_m, newton.slot)
-    worst = float(solve_contact_rows(rows, m, 3, touched, FEW_STEPS, EFFORT, newton))
+    worst = float(solve_contact_rows(rows, m, 3, touched, FEW_STEPS, False,
+                                     np.zeros(3 * m), newton, interior))
     outcome = Outcome(worst, worst <= TOLERANCE, '', 0)
     if not outcome.solved and m <= MOST_POINTS:
         A = np.zeros((3 * m, 3 * m))
