@@ -291,10 +291,8 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
             write_row(state, memory.turn, now, row, i, j, count, n, scratch.points,
                       scratch.ids, are_flat(shapes.kind, a, b))
         carry_over(now, before, row, old if known else -1, count)
-        now.shape_a[row], now.shape_b[row] = a, b
-        now.body_a[row], now.body_b[row] = i, j
+        _name_row(now, row, a, b, i, j, count)
         touching[i] = touching[j] = 1
-        now.points[row] = count
         contacts += count
         rows += 1
         if place != last:
@@ -302,6 +300,14 @@ def find_manifolds(state: State, shapes: Shapes, memory: Memory, scratch: Scratc
     found_so[PAIRS], found_so[WITNESSED] = near, settled
     found_so[RECYCLED], found_so[CONTACTS] = recycled, contacts
     found_so[ROWS], found_so[LEFT_OUT] = rows, left_out
+
+
+@part
+def _name_row(rows: Manifolds, row: int, a: int, b: int, i: int, j: int, count: int) -> None:
+    """Write whose row it is: of the shapes a and b of the bodies i and j, with `count` points."""
+    rows.shape_a[row], rows.shape_b[row] = a, b
+    rows.body_a[row], rows.body_b[row] = i, j
+    rows.points[row] = count
 
 
 @part
