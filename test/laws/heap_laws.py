@@ -4,8 +4,8 @@
 
 import math
 
-from laws.motion import Build, look, Look, masses, potential, Verdict, worst
-from laws.scenes import any_attitude, body, draw_scales, fixed, G, plane, Scales, Scene, Spec, world
+from laws.motion import Build, Look, look, masses, potential, Verdict, worst
+from laws.scenes import any_attitude, body, draw_scales, fixed, G, plane, Scene, Spec, world
 from laws.solids import box, compound, DRAW, draw_solid, Generator, Solid
 import numpy as np
 

@@ -196,7 +196,7 @@ ANGLE_SHAPE = {'compound': [{'type': 'box', 'size': size, 'pose': {'position': a
 
 
 def test_an_angle_in_the_ground_has_the_normal_of_the_ground():
-    """Two boxes of one body that moves on, at any attitude: its lowest corner is as deep as it is."""
+    """Two boxes of a body that moves on, at any attitude: the gap is that of its lowest corner."""
     rng = np.random.default_rng(3)
     ground = {'name': 'ground', 'shape': {'type': 'plane'}, 'fixed': True}
     for _ in range(40):
@@ -224,7 +224,8 @@ def test_an_edge_across_the_inner_corner_of_an_angle_does_not_sink():
     """
     angle = {'name': 'angle', 'mass': 1.0, 'shape': ANGLE_SHAPE}
     beam = {'name': 'beam', 'mass': 1.0, 'shape': {'type': 'box', 'size': [2.76, 0.745, 1.067]},
-            'pose': {'position': [-0.58, 0.073, 0.811], 'orientation': [-0.21755825, -0.16091733, -0.84419321, 0.46272221]}}
+            'pose': {'position': [-0.58, 0.073, 0.811],
+                     'orientation': [-0.21755825, -0.16091733, -0.84419321, 0.46272221]}}
     world = World.from_dict({'format': 1, 'world': {'contact': 'timestep', 'gravity': [0, 0, 0]},
                              'bodies': [angle, beam]})
     world.step()
