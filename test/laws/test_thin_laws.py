@@ -30,3 +30,10 @@ def test_law_holds_for_thin_bodies(law, model):
 @pytest.mark.parametrize('seed', THROUGH)
 def test_what_once_got_through_the_ground_does_not(seed):
     assert not breaches('thin-through', 'timestep', [seed])
+
+
+# In `event`, disks whose rim wobbled sank through a mesh: four points in one plane were to bear
+# what touched beside them, or were themselves only about to touch.
+@pytest.mark.parametrize('seed', [3, 16])
+def test_a_disk_that_wobbles_does_not_get_through_a_mesh(seed):
+    assert not breaches('thin-through', 'event', [seed])

@@ -5,27 +5,36 @@ Which points of a face that lies on many pieces of one body bear it, and which a
 
 A box on a ground of fine triangles has points along the edges of each. All in one plane, they bear
 it as four of them do, as of a pair of shapes four are kept: a force or an impulse on the others is
-a sum of those on these. A problem of hundreds of points takes seconds.
+a sum of those on these. A problem of hundreds of points takes seconds. That holds between the four
+only: a disk that wobbles gets deeper at points of its rim beside them, and these bear it as well.
 """
 
 from rigid_sim_ros.engine.contact.contacts import Contacts
 from rigid_sim_ros.engine.detection.narrow_phase.reduce import reduce_to_four
 from rigid_sim_ros.engine.detection.narrow_phase.surface import are_same
-from rigid_sim_ros.engine.maths.vector import row
+from rigid_sim_ros.engine.maths.vector import cross, dot, norm, row, subtract
 from rigid_sim_ros.engine.model.shapes import Shapes
-from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import kernel
 
 ENOUGH = 4  # points of a plane
+BESIDE = 1e-3  # of the half width: a point no farther beside those that bear is spare
 _UNKNOWN = -1
 
 
 @kernel
-def mark_spare(shapes: Shapes, contacts: Contacts, points: Array, ids: IntArray) -> None:
-    """Write to contacts.spare which points are; points, (c, 4 or more), and ids are scratch."""
+def mark_spare(shapes: Shapes, contacts: Contacts, touching: float, points: Array,
+               ids: IntArray) -> None:
+    """
+    Write to contacts.spare which points are; points, (c, 4 or more), and ids are scratch.
+
+    None is whose gap is more than `touching` of its size: such ones bear nothing for others.
+    """
     for k in range(contacts.count[1]):
         first, last = contacts.first[k], contacts.first[k + 1]
-        contacts.spare[first:last] = 0 if last - first <= ENOUGH else _UNKNOWN
+        for i in range(first, last):
+            touches = contacts.gap[i] <= touching * contacts.size[i]
+            contacts.spare[i] = _UNKNOWN if touches and last - first > ENOUGH else 0
         for i in range(first, last):
             if contacts.spare[i] == _UNKNOWN:
                 _mark_plane(shapes, contacts, i, last, points, ids)
@@ -56,6 +65,35 @@ def _mark_plane(shapes: Shapes, contacts: Contacts, i: int, last: int, points: A
         kept = reduce_to_four(points, ids, count, n, shapes.half_width[moving])
     for j in ids[:kept]:
         contacts.spare[j] = 0
+    if kept == count or kept < ENOUGH - 1:
+        return
+    most = BESIDE * shapes.half_width[moving]
+    for j in range(i, last):
+        if (contacts.spare[j] == 1 and _moving(shapes, contacts, j) == moving
+                and are_same(n, row(contacts.axes[j], 0))):
+            at = row(contacts.r_A if contacts.shape_a[j] == moving else contacts.r_B, j)
+            contacts.spare[j] = 1 if _is_between(points, kept, at, n, most) else 0
+
+
+@kernel
+def _is_between(points: Array, kept: int, p: Vector, n: Vector, most: float) -> bool:
+    """Return whether p is between three of the points, or no farther [m] beside them."""
+    for a in range(kept):
+        for b in range(a + 1, kept):
+            for c in range(b + 1, kept):
+                if _is_in_triangle(row(points, a), row(points, b), row(points, c), p, n, most):
+                    return True
+    return False
+
+
+@kernel
+def _is_in_triangle(a: Vector, b: Vector, c: Vector, p: Vector, n: Vector, most: float) -> bool:
+    sign = 1.0 if dot(n, cross(subtract(b, a), subtract(c, a))) > 0.0 else -1.0
+    for begin, end in ((a, b), (b, c), (c, a)):
+        along = subtract(end, begin)
+        if sign * dot(n, cross(along, subtract(p, begin))) < -most * norm(along):
+            return False
+    return True
 
 
 @kernel

@@ -75,7 +75,7 @@ def find_points(c: EventArguments) -> int:
         return MORE_CONTACTS
     _list_blocks(w)
     # Both are scratch here.
-    mark_spare(c.shapes, w.contacts, w.push, w.chosen)
+    mark_spare(c.shapes, w.contacts, c.settings.touching, w.push, w.chosen)
     largest = 0
     for k in range(w.contacts.count[1]):
         borne = 0
