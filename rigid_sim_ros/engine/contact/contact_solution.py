@@ -52,14 +52,21 @@ def solve_contact_rows(rows: Rows, m: int, width: int, touched: int, steps: int,
                                 proximal, w, interior)
     if left < worst:
         w.effort[0] += COUNTED * effort_of(m, width, touched)
-    for k in range(count):
-        if left < worst:
-            now = rows.compliance[k] * rows.f[k]
-            rows.b[k] -= now - proximal[k]
-            proximal[k] = now
-        else:
+    if left < worst:
+        move_proximal(rows, count, proximal)
+    else:
+        for k in range(count):
             rows.f[k] = interior.start[k]
     return continue_rows(rows, m, width, touched, w)
+
+
+@kernel
+def move_proximal(rows: Rows, count: int, proximal: Array) -> None:
+    """Let `count` rows yield by what is more than the forces of now, which proximal (r,) holds."""
+    for k in range(count):
+        now = rows.compliance[k] * rows.f[k]
+        rows.b[k] -= now - proximal[k]
+        proximal[k] = now
 
 
 @kernel

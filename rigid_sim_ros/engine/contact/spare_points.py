@@ -50,14 +50,13 @@ def _mark_plane(shapes: Shapes, contacts: Contacts, i: int, last: int, points: A
         return
     count, several, n = 0, False, row(contacts.axes[i], 0)
     for j in range(i, last):
-        if (contacts.spare[j] != _UNKNOWN or _moving(shapes, contacts, j) != moving
-                or not are_same(n, row(contacts.axes[j], 0))):
+        if contacts.spare[j] != _UNKNOWN or not _is_in_plane(shapes, contacts, j, moving, n):
             continue
         contacts.spare[j] = 1
         several = several or contacts.manifold[j] != contacts.manifold[i]
+        at = _lever(contacts, j, moving)
         for c in range(3):
-            points[count, c] = (contacts.r_A[j, c] if contacts.shape_a[j] == moving
-                                else contacts.r_B[j, c])
+            points[count, c] = at[c]
         points[count, 3], ids[count] = contacts.gap[j], j
         count += 1
     kept = count
@@ -69,10 +68,21 @@ def _mark_plane(shapes: Shapes, contacts: Contacts, i: int, last: int, points: A
         return
     most = BESIDE * shapes.half_width[moving]
     for j in range(i, last):
-        if (contacts.spare[j] == 1 and _moving(shapes, contacts, j) == moving
-                and are_same(n, row(contacts.axes[j], 0))):
-            at = row(contacts.r_A if contacts.shape_a[j] == moving else contacts.r_B, j)
+        if contacts.spare[j] == 1 and _is_in_plane(shapes, contacts, j, moving, n):
+            at = _lever(contacts, j, moving)
             contacts.spare[j] = 1 if _is_between(points, kept, at, n, most) else 0
+
+
+@kernel
+def _is_in_plane(shapes: Shapes, contacts: Contacts, j: int, moving: int, n: Vector) -> bool:
+    """Return whether a point is of the shape `moving`, and has the normal n."""
+    return _moving(shapes, contacts, j) == moving and are_same(n, row(contacts.axes[j], 0))
+
+
+@kernel
+def _lever(contacts: Contacts, j: int, moving: int) -> Vector:
+    """Return where a point is from the centre of mass of what carries the shape `moving` [m]."""
+    return row(contacts.r_A if contacts.shape_a[j] == moving else contacts.r_B, j)
 
 
 @kernel

@@ -10,7 +10,7 @@ from rigid_sim_ros.engine.contact.contact_rows import (
     Rows, sweep_rows, violation, write_effects, write_rows)
 from rigid_sim_ros.engine.contact.contact_search import DONE
 from rigid_sim_ros.engine.contact.contact_solution import (
-    continue_rows, effort_of, solve_contact_rows)
+    continue_rows, effort_of, move_proximal, solve_contact_rows)
 from rigid_sim_ros.engine.contact.contacts import (
     Bodies, Contacts, push_rows, read_rates, relative, to_contact)
 from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, TOLERANCE
@@ -203,10 +203,7 @@ def solve(m: int, width: int, steps: int, again: bool, span: float, w: Buffers) 
         if abs(yields - last) < STUCK_AT * yields:
             return False
         last = yields
-        for i in range(width * m):
-            now = rows.compliance[i] * rows.f[i]
-            rows.b[i] -= now - w.proximal[i]
-            w.proximal[i] = now
+        move_proximal(rows, width * m, w.proximal)
         w.number[WORST] = continue_rows(rows, m, width, w.count[TOUCHED], w.newton)
     return True
 

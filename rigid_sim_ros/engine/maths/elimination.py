@@ -17,10 +17,7 @@ def solve_linear(K: Array, x: Array, last: IntArray) -> bool:
     touch make a band.
     """
     size = x.shape[0]
-    for i in range(size):
-        last[i] = size - 1
-        while last[i] > 0 and K[i, last[i]] == 0.0:
-            last[i] -= 1
+    _find_last(K, last, size)
     for k in range(size):
         p = _pivot(K, k, size)
         if K[p, k] == 0.0:
@@ -50,10 +47,9 @@ def factor_linear(K: Array, last: IntArray, order: IntArray) -> bool:
     last and order, (n,): the last entry of a row that is not 0, and which row came to each place.
     """
     size = last.shape[0]
+    _find_last(K, last, size)
     for i in range(size):
-        last[i], order[i] = size - 1, i
-        while last[i] > 0 and K[i, last[i]] == 0.0:
-            last[i] -= 1
+        order[i] = i
     for k in range(size):
         p = _pivot(K, k, size)
         if K[p, k] == 0.0:
@@ -85,6 +81,15 @@ def solve_factored(K: Array, b: Array, x: Array, last: IntArray, order: IntArray
                 total -= K[i, j] * x[j]
         x[i] = total
     _substitute_back(K, x, last)
+
+
+@kernel
+def _find_last(K: Array, last: IntArray, size: int) -> None:
+    """Write the last entry that is not 0 of each of `size` rows, 0 where there is none."""
+    for i in range(size):
+        last[i] = size - 1
+        while last[i] > 0 and K[i, last[i]] == 0.0:
+            last[i] -= 1
 
 
 @kernel
