@@ -18,6 +18,7 @@ from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads, Loads
 from rigid_sim_ros.engine.dynamics.integrate import make_work, Work
 from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
 from rigid_sim_ros.engine.events.groups import Groups, make_groups
+from rigid_sim_ros.engine.events.progress import no_progress, Progress
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
 from rigid_sim_ros.engine.state.state import empty_state, State
@@ -44,22 +45,14 @@ class EventSettings(NamedTuple):
 
 # Why the kernel stops, besides what contact_search.py says.
 MORE_ROOM, MORE_ROWS, MORE_PAIRS, MORE_FORCES, STUCK = range(4, 9)
-# At which stage it goes on.
-BEGIN, GROUP, CONTACTS, IMPULSES, FORCES, SETTLE, MOVE = range(7)
-# Places in `Buffers.count`.
-(STEPS, STAGE, FRESH, EVENTS, COLLISIONS, CUT_SHORT, CHOSEN, WIDTH, KNOWN, BOUNCED, NEEDED,
- TOUCHED, UNSOLVED, DEEP, GROUPS, NOW, TRIES, KNOWN_BEFORE) = range(18)
 # Of a point in `Buffers.held`.
 HELD, BORNE = 1, 2
-# Places in `Buffers.number`.
-RESIDUAL, DEEPEST, WORST = range(3)
 
 
 class Buffers(NamedTuple):
     """Scratch memory of the kernel, and where it stands; capacities c points, r rows, p pairs."""
 
-    count: IntArray  # type: ignore[assignment]  # (18,) see STEPS
-    number: Array  # (3,) see RESIDUAL
+    now: Progress
     work: Work
     bodies: Bodies
     then: Array  # (n, 6) velocities at the end of a span
@@ -103,7 +96,7 @@ class EventArguments(NamedTuple):
     materials: Materials
     memory: Memory
     settings: EventSettings
-    carried: Carried  # with room to spare: as many rows as `KNOWN` says are in use
+    carried: Carried  # with room to spare: as many rows are in use as `Progress.known` says
     buffers: Buffers
 
 
@@ -114,7 +107,7 @@ def make_buffers(bodies: int, shapes: int) -> Buffers:
         return np.zeros(shape, dtype=np.int64)
 
     c = 64
-    return Buffers(whole(18), np.zeros(3), make_work(bodies), make_bodies(bodies),
+    return Buffers(no_progress(), make_work(bodies), make_bodies(bodies),
                    np.zeros((bodies, 6)), np.zeros((bodies, 3)),
                    empty_loads(bodies), empty_loads(bodies), unplaced(shapes),
                    make_contacts(c), whole(2, c), np.zeros((c, 6)), np.zeros((c, 6)),

@@ -17,8 +17,7 @@ from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, TOLERANCE
 from rigid_sim_ros.engine.contact.resting_qp import CLOSING, LIFTING, resting_rates
 from rigid_sim_ros.engine.detection.backtrack import film
 from rigid_sim_ros.engine.events.buffers import (
-    BORNE, Buffers, CHOSEN, DEEP, EventArguments, EventSettings, HELD, KNOWN, MORE_ROWS, NEEDED,
-    STUCK, TOUCHED, UNSOLVED, WIDTH, WORST)
+    BORNE, Buffers, EventArguments, EventSettings, HELD, MORE_ROWS, STUCK)
 from rigid_sim_ros.engine.events.groups import Groups, MANY_EVENTS, MUCH_WORK, NO_FORCES
 from rigid_sim_ros.engine.events.move import load, shift_levers
 from rigid_sim_ros.engine.model.model import Model
@@ -81,7 +80,7 @@ def _push_apart(model: Model, state: State, shapes: Shapes, settings: EventSetti
     So nothing that comes apart gains a velocity, however deep it was. The momenta are left in
     `w.push`, and what they are at the bodies in `w.pushed`.
     """
-    rows, width = w.rows, w.count[WIDTH]
+    rows, width = w.rows, w.now.width[0]
     contacts = w.contacts
     violation(rows, m, width, rows.f)
     for c in range(m):
@@ -118,8 +117,8 @@ def _push_apart(model: Model, state: State, shapes: Shapes, settings: EventSetti
 def remember(c: EventArguments) -> None:
     """Carry over the forces of the groups that moved, and keep those of the others."""
     model, shapes, carried, w = c.model, c.shapes, c.carried, c.buffers
-    contacts, g, width, kept = w.contacts, w.groups, w.count[WIDTH], 0
-    for k in range(w.count[KNOWN]):
+    contacts, g, width, kept = w.contacts, w.groups, w.now.width[0], 0
+    for k in range(w.now.known[0]):
         of = max(g.of[shapes.body[carried.shape_a[k]]], g.of[shapes.body[carried.shape_b[k]]])
         if of >= 0 and g.way[of] == 0.0:
             copy_force(carried, kept, carried, k)
@@ -129,7 +128,7 @@ def remember(c: EventArguments) -> None:
             continue
         keep_force(model, contacts, k, width, w.force[k], carried, kept)
         kept += 1
-    w.count[KNOWN] = kept
+    w.now.known[0] = kept
 
 
 @kernel
@@ -162,10 +161,10 @@ def effort_left(w: Buffers, g: int) -> float:
 @kernel
 def room_for(model: Model, w: Buffers, m: int) -> bool:
     """Return whether there is room for the first m chosen points, and number their bodies."""
-    w.count[NEEDED] = w.count[WIDTH] * m
-    w.count[TOUCHED] = number_bodies(w.contacts, w.chosen[:m], model.inv_m, w.newton.slot)
-    return (w.count[NEEDED] <= w.rows.b.shape[0]
-            and 6 * w.count[TOUCHED] <= w.newton.p.shape[0])
+    w.now.needed[0] = w.now.width[0] * m
+    w.now.touched[0] = number_bodies(w.contacts, w.chosen[:m], model.inv_m, w.newton.slot)
+    return (w.now.needed[0] <= w.rows.b.shape[0]
+            and 6 * w.now.touched[0] <= w.newton.p.shape[0])
 
 
 @kernel
@@ -191,20 +190,20 @@ def solve(m: int, width: int, steps: int, again: bool, span: float, w: Buffers) 
     rows, size, last = w.rows, 0.0, 0.0
     for i in range(width * m):
         size = max(size, abs(rows.b[i]))
-    w.number[WORST] = solve_contact_rows(rows, m, width, w.count[TOUCHED], steps, again,
-                                         w.proximal, w.newton, w.interior)
+    w.now.worst[0] = solve_contact_rows(rows, m, width, w.now.touched[0], steps, again,
+                                        w.proximal, w.newton, w.interior)
     for _ in range(ROUNDS):
         yields = 0.0
         for i in range(width * m):
             yields = max(yields, abs(rows.compliance[i] * rows.f[i] - w.proximal[i]))
-        if (w.number[WORST] > TOLERANCE
+        if (w.now.worst[0] > TOLERANCE
                 or yields * max(1.0, _reach(m, width, span, w)) <= YIELDS * size):
             return True
         if abs(yields - last) < STUCK_AT * yields:
             return False
         last = yields
         move_proximal(rows, width * m, w.proximal)
-        w.number[WORST] = continue_rows(rows, m, width, w.count[TOUCHED], w.newton)
+        w.now.worst[0] = continue_rows(rows, m, width, w.now.touched[0], w.newton)
     return True
 
 
@@ -227,7 +226,7 @@ def _solve_with_levers(model: Model, g: int, m: int, steps: int, span: float, w:
     the middle of the span. A shift after the forces are known would be a torque that nothing
     balances: below a load of R times its weight a light body would turn by R times as much.
     """
-    rows, width = w.rows, w.count[WIDTH]
+    rows, width = w.rows, w.now.width[0]
     for c in range(m):
         for side in range(2):
             for i in range(3):
@@ -239,7 +238,7 @@ def _solve_with_levers(model: Model, g: int, m: int, steps: int, span: float, w:
     if not solve(m, width, steps, False, span, w):
         return False
     for _ in range(AGAIN):
-        if w.number[WORST] > TOLERANCE or effort_left(w, g) < 0.0:
+        if w.now.worst[0] > TOLERANCE or effort_left(w, g) < 0.0:
             return True
         write_effects(rows, m, width, rows.f)
         if not shift_levers(model, w.contacts, w.bodies, w.chosen[:m], width, rows, span, goal,
@@ -255,7 +254,7 @@ def _solve_with_levers(model: Model, g: int, m: int, steps: int, span: float, w:
 def balance(c: EventArguments, g: int) -> int:
     """Find the forces at the resting points of a group."""
     model, state, shapes, settings, w = c.model, c.state, c.shapes, c.settings, c.buffers
-    contacts, width, groups = w.contacts, w.count[WIDTH], w.groups
+    contacts, width, groups = w.contacts, w.now.width[0], w.groups
     w.newton.effort[0] = groups.effort[g]
     # Then the forces are to last for the rest of the step, and are found for that.
     if groups.events[g] >= settings.max_events:
@@ -264,12 +263,12 @@ def balance(c: EventArguments, g: int) -> int:
         end_short(g, MUCH_WORK, groups)
     first, last = contacts.first[groups.block[g]], contacts.first[groups.block[g + 1]]
     m = _choose(contacts, w.bodies, first, last, model.h, settings.touching, w.chosen)
-    w.count[CHOSEN], w.count[DEEP] = m, 0
+    w.now.chosen[0], w.now.is_deep[0] = m, 0
     if not room_for(model, w, m):
         return MORE_ROWS
     if m == 0:
         return DONE
-    w.newton.effort[0] += COUNTED * effort_of(m, width, w.count[TOUCHED])
+    w.newton.effort[0] += COUNTED * effort_of(m, width, w.now.touched[0])
     chosen, rows = w.chosen[:m], w.rows
     span = min(groups.span[g], groups.left[g])
     _sink(contacts, w.bodies, chosen, span, settings.overlap, w.depth)
@@ -279,13 +278,13 @@ def balance(c: EventArguments, g: int) -> int:
                 w.pose, c.memory.scratch, rows.trial)
     if resting_rates(model, shapes, contacts, w.bodies, chosen, width, rows.trial, span,
                      _closing(model, groups, g), rows.b):
-        w.count[DEEP] = 1
+        w.now.is_deep[0] = 1
     write_rows(model, contacts, w.bodies, chosen, width, COMPLIANCE, rows)
     known = recall_forces(model, contacts, chosen, width, c.carried, w.match, rows.f)
     if not _solve_with_levers(model, g, m, FEW_STEPS if known else 0, span, w):
         end_short(g, NO_FORCES, groups)
     groups.effort[g] = w.newton.effort[0]
-    return STUCK if w.number[WORST] > TOLERANCE and m <= FOR_OSQP else DONE
+    return STUCK if w.now.worst[0] > TOLERANCE and m <= FOR_OSQP else DONE
 
 
 @kernel
@@ -314,13 +313,13 @@ def settle(c: EventArguments, g: int) -> None:
     The forces are then left in `w.force`, and what they are at the bodies in `w.loads`.
     """
     model, w = c.model, c.buffers
-    m, width, rows, groups = w.count[CHOSEN], w.count[WIDTH], w.rows, w.groups
+    m, width, rows, groups = w.now.chosen[0], w.now.width[0], w.rows, w.groups
     if m == 0:
         return
     span = min(groups.span[g], groups.left[g])
-    groups.residual[g] = max(groups.residual[g], w.number[WORST])
-    if w.number[WORST] > TOLERANCE:
-        w.count[UNSOLVED] += 1
+    groups.residual[g] = max(groups.residual[g], w.now.worst[0])
+    if w.now.worst[0] > TOLERANCE:
+        w.now.unsolved[0] += 1
         for n in range(m):
             read_rates(model, w.contacts, w.bodies.velocity, w.chosen[n], width, rows.trial,
                        width * n)
@@ -336,7 +335,7 @@ def settle(c: EventArguments, g: int) -> None:
             w.held[k] = BORNE
             w.sunk[k] = _depth(contacts, w.bodies, k, span, c.settings.overlap)
     load(model, w.contacts, w.chosen[:m], width, w.force, w.loads)
-    if w.count[DEEP] == 1:
+    if w.now.is_deep[0] == 1:
         _push_apart(model, c.state, c.shapes, c.settings, m, g, span,
                     _closing(model, groups, g), w)
 

@@ -17,8 +17,7 @@ from rigid_sim_ros.engine.contact.recorded_impulses import forget_all_impulses
 from rigid_sim_ros.engine.contact.spare_points import mark_spare
 from rigid_sim_ros.engine.detection.manifolds import current, Manifolds
 from rigid_sim_ros.engine.events.buffers import (
-    BOUNCED, Buffers, COLLISIONS, DEEPEST, EventArguments, EventSettings, FRESH, GROUPS, MORE_ROOM,
-    MORE_ROWS, NEEDED, TOUCHED, UNSOLVED, WIDTH, WORST)
+    Buffers, EventArguments, EventSettings, MORE_ROOM, MORE_ROWS)
 from rigid_sim_ros.engine.events.forces import end_short, room_for, solve, take_no_energy
 from rigid_sim_ros.engine.events.groups import Groups, NO_IMPULSES
 from rigid_sim_ros.engine.maths.algebra import norm
@@ -64,14 +63,14 @@ def find_points(c: EventArguments) -> int:
     state, w = c.state, c.buffers
     why, rows = find_manifolds(c.model, state, c.shapes, c.memory, w.order)
     if why != DONE:
-        w.count[NEEDED] = rows
+        w.now.needed[0] = rows
         return why
     manifolds = current(c.memory)
     _sort_by_group(manifolds, w.groups, state.x.shape[1], w.order[0])
     found = gather_by_key(state, manifolds, c.shapes, c.materials, np.inf, w.order[0, :rows],
                           w.order[1, :rows], w.contacts)
     if found > w.contacts.gap.shape[0]:
-        w.count[NEEDED] = found
+        w.now.needed[0] = found
         return MORE_CONTACTS
     _list_blocks(w)
     # Both are scratch here.
@@ -82,16 +81,16 @@ def find_points(c: EventArguments) -> int:
         for i in range(w.contacts.first[k], w.contacts.first[k + 1]):
             borne += 1 - w.contacts.spare[i]
         largest = max(largest, borne)
-    w.count[NEEDED] = largest
+    w.now.needed[0] = largest
     if largest > w.room.chosen.shape[0]:
         return MORE_ROOM
-    w.count[NEEDED] = w.count[BOUNCED] + w.contacts.count[1]
-    if w.count[NEEDED] > w.bounced.shape[0]:
+    w.now.needed[0] = w.now.bounced[0] + w.contacts.count[1]
+    if w.now.needed[0] > w.bounced.shape[0]:
         return MORE_MANIFOLDS
-    if w.count[FRESH] == 1:
+    if w.now.forgets[0] == 1:
         forget_all_impulses(manifolds)
-        w.count[FRESH] = 0
-    w.number[DEEPEST] = max(w.number[DEEPEST], _deepest(manifolds))
+        w.now.forgets[0] = 0
+    w.now.deepest[0] = max(w.now.deepest[0], _deepest(manifolds))
     return DONE
 
 
@@ -110,7 +109,7 @@ def _sort_by_group(manifolds: Manifolds, groups: Groups, n: int, key: IntArray) 
 def _list_blocks(w: Buffers) -> None:
     """Write which blocks of contacts belong to each group."""
     contacts, groups, k = w.contacts, w.groups, 0
-    for g in range(w.count[GROUPS]):
+    for g in range(w.now.groups[0]):
         groups.block[g] = k
         while k < contacts.count[1]:
             at = contacts.first[k]
@@ -133,12 +132,12 @@ def _deepest(manifolds: Manifolds) -> float:
 def _bounce(contacts: Contacts, k: int, w: Buffers) -> int:
     """Return the row of `bounced` that belongs to the bodies of block k, after adding it."""
     a, b = contacts.body_a[contacts.first[k]], contacts.body_b[contacts.first[k]]
-    for i in range(w.count[BOUNCED]):
+    for i in range(w.now.bounced[0]):
         if w.bounced[i, 0] == a and w.bounced[i, 1] == b:
             return i
-    i = w.count[BOUNCED]
+    i = w.now.bounced[0]
     w.bounced[i, 0], w.bounced[i, 1], w.bounced[i, 2] = a, b, 0
-    w.count[BOUNCED] += 1
+    w.now.bounced[0] += 1
     return i
 
 
@@ -153,7 +152,7 @@ def collide_group(c: EventArguments, g: int) -> int:
     w.newton.effort[0] = groups.effort[g] + PER_EVENT
     for k in range(first, last):
         is_inelastic = False
-        for i in range(w.count[BOUNCED]):
+        for i in range(w.now.bounced[0]):
             at = contacts.first[k]
             if (w.bounced[i, 0] == contacts.body_a[at] and w.bounced[i, 1] == contacts.body_b[at]
                     and w.bounced[i, 2] >= settings.max_bounces):
@@ -165,9 +164,9 @@ def collide_group(c: EventArguments, g: int) -> int:
     if not room_for(model, w, _touching_points(settings, g, w)):
         return MORE_ROWS
     done = collide_all(model, state, contacts, w.bodies, model.h, settings.touching, quiet,
-                       w.count[WIDTH], w.elastic, limit, first, last, w.room, w.impulses)
+                       w.now.width[0], w.elastic, limit, first, last, w.room, w.impulses)
     if done != 0:
-        w.count[COLLISIONS] += abs(done)
+        w.now.collisions[0] += abs(done)
         w.newton.effort[0] += PER_PAIR * abs(done)
         for k in range(first, last):
             pushed = False
@@ -210,17 +209,17 @@ def _stop_together(model: Model, state: State, settings: EventSettings, g: int,
 
     Returns whether nothing approaches afterwards; see `solve`.
     """
-    m, width, rows = _touching_points(settings, g, w), w.count[WIDTH], w.rows
-    w.count[TOUCHED] = number_bodies(w.contacts, w.chosen[:m], model.inv_m, w.newton.slot)
+    m, width, rows = _touching_points(settings, g, w), w.now.width[0], w.rows
+    w.now.touched[0] = number_bodies(w.contacts, w.chosen[:m], model.inv_m, w.newton.slot)
     write_rows(model, w.contacts, w.bodies, w.chosen[:m], width, COMPLIANCE, rows)
     for c in range(m):
         read_rates(model, w.contacts, w.bodies.velocity, w.chosen[c], width, rows.b, width * c)
     for i in range(width * m):
         rows.f[i], w.proximal[i] = 0.0, 0.0
     stops = solve(m, width, 0, False, 0.0, w)
-    w.groups.residual[g] = max(w.groups.residual[g], w.number[WORST])
-    if w.number[WORST] > TOLERANCE:
-        w.count[UNSOLVED] += 1
+    w.groups.residual[g] = max(w.groups.residual[g], w.now.worst[0])
+    if w.now.worst[0] > TOLERANCE:
+        w.now.unsolved[0] += 1
         for i in range(width * m):
             rows.trial[i] = rows.b[i]
         take_no_energy(rows, m, width, 1.0)

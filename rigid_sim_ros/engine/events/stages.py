@@ -20,14 +20,14 @@ from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinematic
 from rigid_sim_ros.engine.dynamics.wrenches import count_down
 from rigid_sim_ros.engine.events.buffers import (
-    BEGIN, BOUNCED, Buffers, COLLISIONS, CONTACTS, CUT_SHORT, DEEPEST, EventArguments, EVENTS,
-    FORCES, FRESH, GROUP, GROUPS, HELD, IMPULSES, KNOWN, KNOWN_BEFORE, MORE_FORCES, MORE_PAIRS,
-    MOVE, NEEDED, NOW, RESIDUAL, SETTLE, STAGE, STEPS, STUCK, TRIES, UNSOLVED, WIDTH)
+    Buffers, EventArguments, HELD, MORE_FORCES, MORE_PAIRS, STUCK)
 from rigid_sim_ros.engine.events.forces import balance, remember, settle
 from rigid_sim_ros.engine.events.groups import find_groups, may_go, near_pairs, note_way, reach_out
 from rigid_sim_ros.engine.events.impacts import (
     collide_group, find_points, look_near, PER_EVENT, PER_PAIR)
 from rigid_sim_ros.engine.events.move import move
+from rigid_sim_ros.engine.events.progress import (
+    BEGIN, CONTACTS, FORCES, GROUP, IMPULSES, MOVE, SETTLE)
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.engine.state.state import copy_into
@@ -46,16 +46,16 @@ NOTHING, MET, SANK = -1, 0, 1
 @kernel
 def begin_step(c: EventArguments) -> int:
     """Begin a step: keep the state and the forces, to which it goes back if it begins anew."""
-    w, known = c.buffers, c.buffers.count[KNOWN]
+    w, known = c.buffers, c.buffers.now.known[0]
     if known > w.forces_before.feature.shape[0]:
-        w.count[NEEDED] = known
+        w.now.needed[0] = known
         return MORE_FORCES
     begin_kinematic(c.model, c.state)
     copy_into(w.before, c.state)
     copy_forces(w.forces_before, c.carried, known)
-    w.count[KNOWN_BEFORE], w.count[TRIES] = known, 0
-    w.count[WIDTH] = row_count(c.materials)
-    w.count[STAGE] = GROUP
+    w.now.known_before[0], w.now.tries[0] = known, 0
+    w.now.width[0] = row_count(c.materials)
+    w.now.stage[0] = GROUP
     return DONE
 
 
@@ -65,21 +65,21 @@ def group_bodies(c: EventArguments) -> int:
     model, state, shapes, w = c.model, c.state, c.shapes, c.buffers
     sum_loads(model, state, c.wrenches, w.work.loads)
     look_near(c)
-    reach_out(model, state, w.work.loads, shapes, c.memory.margin, w.count[TRIES], w.pose,
+    reach_out(model, state, w.work.loads, shapes, c.memory.margin, w.now.tries[0], w.pose,
               w.groups)
     groups, pairs = find_groups(model, state, shapes, w.pose, w.pairs, w.groups)
     if pairs > w.pairs.shape[0]:
-        w.count[NEEDED] = pairs
+        w.now.needed[0] = pairs
         return MORE_PAIRS
-    w.count[GROUPS] = groups
+    w.now.groups[0] = groups
     for g in range(groups):
         w.groups.left[g] = w.groups.span[g] = model.h
         w.groups.effort[g] = w.groups.residual[g] = 0.0
         w.groups.events[g] = w.groups.short[g] = 0
-    w.number[DEEPEST] = 0.0
-    w.count[FRESH] = 1
-    w.count[COLLISIONS], w.count[BOUNCED], w.count[UNSOLVED] = 0, 0, 0
-    w.count[STAGE] = CONTACTS
+    w.now.deepest[0] = 0.0
+    w.now.forgets[0] = 1
+    w.now.collisions[0], w.now.bounced[0], w.now.unsolved[0] = 0, 0, 0
+    w.now.stage[0] = CONTACTS
     return DONE
 
 
@@ -93,10 +93,10 @@ def find_contacts(c: EventArguments) -> int:
     if why != DONE:
         return why
     points = w.contacts.count[0]
-    if points + w.count[KNOWN] > carried.feature.shape[0]:
-        w.count[NEEDED] = points + w.count[KNOWN]
+    if points + w.now.known[0] > carried.feature.shape[0]:
+        w.now.needed[0] = points + w.now.known[0]
         return MORE_FORCES
-    match_forces(w.contacts, carried, w.count[KNOWN], w.match)
+    match_forces(w.contacts, carried, w.now.known[0], w.match)
     w.held[:points] = 0
     for field in (w.impulses, w.force, w.push):
         field[:points] = 0.0
@@ -106,7 +106,7 @@ def find_contacts(c: EventArguments) -> int:
     for i in range(model.m.shape[0]):
         for k in range(6):
             w.then[i, k] = w.bodies.velocity[i, k]
-    w.count[STAGE], w.count[NOW] = IMPULSES, 0
+    w.now.stage[0], w.now.group[0] = IMPULSES, 0
     return DONE
 
 
@@ -114,13 +114,13 @@ def find_contacts(c: EventArguments) -> int:
 def apply_impulses(c: EventArguments) -> int:
     """Apply the impulses of all that collides now."""
     w = c.buffers
-    for g in range(w.count[NOW], w.count[GROUPS]):
-        w.count[NOW] = g
+    for g in range(w.now.group[0], w.now.groups[0]):
+        w.now.group[0] = g
         if w.groups.left[g] > 0.0:
             why = collide_group(c, g)
             if why != DONE:
                 return why
-    w.count[STAGE], w.count[NOW] = FORCES, 0
+    w.now.stage[0], w.now.group[0] = FORCES, 0
     return DONE
 
 
@@ -128,19 +128,19 @@ def apply_impulses(c: EventArguments) -> int:
 def find_forces(c: EventArguments) -> int:
     """Find the forces at the resting points of all groups."""
     w = c.buffers
-    for g in range(w.count[NOW], w.count[GROUPS]):
-        w.count[NOW] = g
+    for g in range(w.now.group[0], w.now.groups[0]):
+        w.now.group[0] = g
         if w.groups.left[g] == 0.0:
             continue
-        if w.count[STAGE] == FORCES:
+        if w.now.stage[0] == FORCES:
             why = balance(c, g)
             if why == STUCK:
-                w.count[STAGE] = SETTLE
+                w.now.stage[0] = SETTLE
             if why != DONE:
                 return why
         settle(c, g)
-        w.count[STAGE] = FORCES
-    w.count[STAGE] = MOVE
+        w.now.stage[0] = FORCES
+    w.now.stage[0] = MOVE
     return DONE
 
 
@@ -157,7 +157,7 @@ def move_bodies(c: EventArguments) -> int:
     if _has_ended(c):
         end_step(c)
     else:
-        c.buffers.count[STAGE] = CONTACTS
+        c.buffers.now.stage[0] = CONTACTS
     return DONE
 
 
@@ -174,7 +174,7 @@ def _add_contact_loads(c: EventArguments) -> None:
 def _may_go(c: EventArguments) -> bool:
     """Return whether no shape goes farther than was thought when the groups were made."""
     w, groups, within = c.buffers, c.buffers.groups, True
-    for g in range(w.count[GROUPS]):
+    for g in range(w.now.groups[0]):
         if groups.left[g] > 0.0:
             until = min(groups.span[g], groups.left[g])
             within &= may_go(c.model, c.state, w.work.loads, c.shapes, g, until, groups)
@@ -186,17 +186,17 @@ def _begin_anew(c: EventArguments) -> None:
     """Go back to the start of the step, for other groups."""
     w = c.buffers
     copy_into(c.state, w.before)
-    copy_forces(c.carried, w.forces_before, w.count[KNOWN_BEFORE])
-    w.count[KNOWN] = w.count[KNOWN_BEFORE]
-    w.count[TRIES] += 1
-    w.count[STAGE] = GROUP
+    copy_forces(c.carried, w.forces_before, w.now.known_before[0])
+    w.now.known[0] = w.now.known_before[0]
+    w.now.tries[0] += 1
+    w.now.stage[0] = GROUP
 
 
 @kernel
 def _backtrack(c: EventArguments) -> None:
     """Find for how long each group may move: until a pair meets, or the end of its span."""
     w, groups = c.buffers, c.buffers.groups
-    for g in range(w.count[GROUPS]):
+    for g in range(w.now.groups[0]):
         groups.way[g] = 0.0
         if groups.left[g] > 0.0:
             _find_way(c, g)
@@ -277,7 +277,7 @@ def _add_impulses(model: Model, w: Buffers) -> None:
         if w.held[k] == HELD:
             a, b = w.contacts.body_a[k], w.contacts.body_b[k]
             t = w.times[a] if model.inv_m[a] > 0.0 else w.times[b]
-            for i in range(w.count[WIDTH]):
+            for i in range(w.now.width[0]):
                 w.impulses[k, i] += t * w.force[k, i]
 
 
@@ -285,7 +285,7 @@ def _add_impulses(model: Model, w: Buffers) -> None:
 def _has_ended(c: EventArguments) -> bool:
     """Take the ways of the groups from what is left of the step; return whether it is over."""
     w, groups, over = c.buffers, c.buffers.groups, True
-    for g in range(w.count[GROUPS]):
+    for g in range(w.now.groups[0]):
         if groups.left[g] > 0.0:
             t = groups.way[g]
             # What is left where a group that has spent its budget might get through is lost.
@@ -320,11 +320,11 @@ def end_step(c: EventArguments) -> None:
     w, groups = c.buffers, c.buffers.groups
     end_kinematic(c.model, c.state)
     count_down(c.wrenches)
-    w.count[EVENTS] = w.count[CUT_SHORT] = 0
-    w.number[RESIDUAL] = 0.0
-    for g in range(w.count[GROUPS]):
-        w.count[EVENTS] += groups.events[g]
-        w.count[CUT_SHORT] = max(w.count[CUT_SHORT], groups.short[g])
-        w.number[RESIDUAL] = max(w.number[RESIDUAL], groups.residual[g])
-    w.count[STEPS] -= 1
-    w.count[STAGE] = BEGIN
+    w.now.events[0] = w.now.cut_short[0] = 0
+    w.now.residual[0] = 0.0
+    for g in range(w.now.groups[0]):
+        w.now.events[0] += groups.events[g]
+        w.now.cut_short[0] = max(w.now.cut_short[0], groups.short[g])
+        w.now.residual[0] = max(w.now.residual[0], groups.residual[g])
+    w.now.steps_left[0] -= 1
+    w.now.stage[0] = BEGIN

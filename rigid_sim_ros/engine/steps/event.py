@@ -42,10 +42,9 @@ from rigid_sim_ros.engine.contact.impulse import make_room
 from rigid_sim_ros.engine.contact.resting_qp import effective_mass, search, soften
 from rigid_sim_ros.engine.detection.manifolds import grown
 from rigid_sim_ros.engine.events.buffers import (
-    BEGIN, CHOSEN, COLLISIONS, CONTACTS, CUT_SHORT, DEEPEST, EventArguments, EVENTS, EventSettings,
-    GROUP, IMPULSES, KNOWN, make_buffers, more_contacts, more_manifolds, MORE_PAIRS, more_pairs,
-    MORE_ROOM, MORE_ROWS, more_rows, MOVE, NEEDED, RESIDUAL, STAGE, STEPS, STUCK, TOUCHED,
-    UNSOLVED, WIDTH, WORST)
+    EventArguments, EventSettings, make_buffers, more_contacts, more_manifolds, MORE_PAIRS,
+    more_pairs, MORE_ROOM, MORE_ROWS, more_rows, STUCK)
+from rigid_sim_ros.engine.events.progress import BEGIN, CONTACTS, GROUP, IMPULSES, MOVE
 from rigid_sim_ros.engine.events.stages import (
     apply_impulses, begin_step, find_contacts, find_forces, group_bodies, move_bodies)
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack, packed
@@ -55,7 +54,7 @@ from rigid_sim_ros.kernels.kernel import kernel
 @kernel
 def run(c: EventArguments) -> int:
     """Take steps until none are left; return DONE, or what is needed before they go on."""
-    while c.buffers.count[STEPS] > 0:
+    while c.buffers.now.steps_left[0] > 0:
         why = go_on(c)
         if why != DONE:
             return why
@@ -69,7 +68,7 @@ def go_on(c: EventArguments) -> int:
 
     From the contacts on it is a circle, until no group has anything left of the step.
     """
-    stage = c.buffers.count[STAGE]
+    stage = c.buffers.now.stage[0]
     if stage == BEGIN:
         return begin_step(c)
     if stage == GROUP:
@@ -91,7 +90,7 @@ def advance(c: EventArguments, count: int,
     The pack that is returned is for the next call. `carried_over` together with the state is all
     that the next step depends on.
     """
-    c.buffers.count[STEPS], c.buffers.count[STAGE] = count, BEGIN
+    c.buffers.now.steps_left[0], c.buffers.now.stage[0] = count, BEGIN
     while True:
         pack = packed(c, pack)
         why = pack.run(run)
@@ -111,7 +110,7 @@ def make_arguments(basis: Basis) -> EventArguments:
 
 def _with_room(c: EventArguments, why: int) -> EventArguments:
     """Return arguments with the room that the kernel stopped for."""
-    w, needed = c.buffers, int(c.buffers.count[NEEDED])
+    w, needed = c.buffers, int(c.buffers.now.needed[0])
     if why == MORE_MEMORY:
         return c._replace(memory=grown(c.memory))
     if why == MORE_CONTACTS:
@@ -121,7 +120,7 @@ def _with_room(c: EventArguments, why: int) -> EventArguments:
     elif why == MORE_ROOM:
         w = w._replace(room=make_room(2 * needed, 6))
     elif why == MORE_ROWS:
-        w = more_rows(w, needed, int(w.count[TOUCHED]))
+        w = more_rows(w, needed, int(w.now.touched[0]))
     elif why == MORE_PAIRS:
         w = more_pairs(w, needed)
     else:
@@ -133,26 +132,26 @@ def _with_room(c: EventArguments, why: int) -> EventArguments:
 def _search(c: EventArguments) -> None:
     """Find the resting forces by OSQP, from those that were found."""
     w = c.buffers
-    m, width = int(w.count[CHOSEN]), int(w.count[WIDTH])
+    m, width = int(w.now.chosen[0]), int(w.now.width[0])
     rows = width * m
     A = np.zeros((rows, rows))
     effective_mass(c.model, w.contacts, w.bodies, w.chosen, m, width, np.zeros((2, rows, 3)), A)
     mu = np.ascontiguousarray(w.rows.mu[:m, :coefficients(width)])
     f, outcome = search(soften(A), w.rows.b[:rows], mu, w.rows.f[:rows].copy())
-    if outcome.residual < w.number[WORST]:
+    if outcome.residual < w.now.worst[0]:
         w.rows.f[:rows] = f
-        w.number[WORST] = outcome.residual
+        w.now.worst[0] = outcome.residual
 
 
 def carried_over(c: EventArguments) -> Carried:
     """Return all that influences later steps, besides the state: the forces of the last one."""
-    known = int(c.buffers.count[KNOWN])
+    known = int(c.buffers.now.known[0])
     return Carried._make(field[:known] for field in c.carried)
 
 
 def with_carried(c: EventArguments, forces: Carried) -> EventArguments:
     """Return arguments that go on with these forces."""
-    c.buffers.count[KNOWN] = len(forces.feature)
+    c.buffers.now.known[0] = len(forces.feature)
     return c._replace(carried=forces)
 
 
@@ -171,6 +170,6 @@ class EventReport(NamedTuple):
 def report(c: EventArguments) -> EventReport:
     """Return what the latest step did."""
     w = c.buffers
-    return EventReport(int(w.contacts.count[0]), int(w.count[EVENTS]), int(w.count[COLLISIONS]),
-                       float(w.number[DEEPEST]), float(w.number[RESIDUAL]),
-                       int(w.count[UNSOLVED]), int(w.count[CUT_SHORT]))
+    return EventReport(int(w.contacts.count[0]), int(w.now.events[0]), int(w.now.collisions[0]),
+                       float(w.now.deepest[0]), float(w.now.residual[0]),
+                       int(w.now.unsolved[0]), int(w.now.cut_short[0]))
