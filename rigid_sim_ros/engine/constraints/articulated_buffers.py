@@ -14,16 +14,23 @@ from rigid_sim_ros.engine.dynamics.force_and_torque import empty_loads, Loads
 from rigid_sim_ros.engine.model.joints import JointTable
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 
-# Places in `ContactBuffers.count`: points taken part, islands, forces carried over from the step
-# before and between the halves of this one, rows of a point, what there has to be room for, and
-# pairs that were woken.
-POINTS_IN_USE, ISLANDS, KNOWN, HALF_KNOWN, WIDTH, NEEDED, WOKEN = range(7)
+
+class Counts(NamedTuple):
+    """How much of the buffers is in use; each an array of one number."""
+
+    points: IntArray  # that take part
+    islands: IntArray
+    known: IntArray  # impulses carried over from the step before
+    half_known: IntArray  # and from the first half of this part of a step
+    width: IntArray  # rows of a point: 3, or 6 where anything resists rolling or spinning
+    needed: IntArray  # points, or rows of an island, that there has to be room for
+    woken: IntArray  # pairs
 
 
 class ContactBuffers(NamedTuple):
     """Scratch memory for c points of contact, and the impulses that are carried over."""
 
-    count: IntArray  # type: ignore[assignment]  # (7,) see POINTS_IN_USE
+    counts: Counts
     contacts: Contacts
     order: IntArray  # (2, rows of the memory) for `gather`
     bodies: Bodies
@@ -67,8 +74,9 @@ def make_buffers(table: JointTable, bodies: int, points: int, manifolds: int,
     c, r = points, 6 * points + len(table.translates)
     carried, half = (Carried._make(longer(field, c) for field in no_forces()) for _ in range(2))
     return ContactBuffers(
-        whole(7), make_contacts(c), whole(2, manifolds), make_bodies(bodies), whole(c), whole(c),
-        whole(c, 2), whole(c), whole(c), whole(c + 1), whole(bodies), whole(bodies), whole(bodies),
+        Counts(*(whole(1) for _ in Counts._fields)), make_contacts(c), whole(2, manifolds),
+        make_bodies(bodies), whole(c), whole(c), whole(c, 2), whole(c), whole(c), whole(c + 1),
+        whole(bodies), whole(bodies), whole(bodies),
         np.zeros((c, 6)), np.zeros((c, 6)), empty_loads(bodies), np.zeros(c), np.zeros(c),
         np.zeros(c), np.zeros(r), np.zeros(r), np.zeros(r), make_system(rows, table, bodies),
         carried, half, np.zeros(c), np.zeros(c), np.zeros(bodies), np.zeros(bodies),
@@ -80,7 +88,7 @@ def more_points(w: ContactBuffers, table: JointTable, points: int) -> ContactBuf
     fresh = make_buffers(table, len(w.parent), 2 * points, w.order.shape[1],
                          len(w.system.rows.at))
     return fresh._replace(
-        count=w.count, displacing=w.displacing, parent=w.parent, held=w.held, gained=w.gained,
+        counts=w.counts, displacing=w.displacing, parent=w.parent, held=w.held, gained=w.gained,
         sudden=w.sudden,
         woken=longer(w.woken, 2 * points),
         carried=_longer(w.carried, 2 * points),
@@ -95,13 +103,13 @@ def with_carried(w: ContactBuffers, table: JointTable, carried: Carried) -> Cont
     """Return scratch memory that begins with these impulses of the step before."""
     known = len(carried.feature)
     w = more_points(w, table, known) if known > len(w.chosen) else w
-    w.count[KNOWN] = known
+    w.counts.known[0] = known
     return w._replace(carried=_longer(carried, len(w.chosen)))
 
 
 def carried_over(w: ContactBuffers) -> Carried:
     """Return the impulses of the latest step from which the next one begins."""
-    return Carried._make(field[:w.count[KNOWN]].copy() for field in w.carried)
+    return Carried._make(field[:w.counts.known[0]].copy() for field in w.carried)
 
 
 def _longer(carried: Carried, points: int) -> Carried:

@@ -13,8 +13,7 @@ found again together with what acts along it (articulated_axes.py).
 
 from rigid_sim_ros.engine.constraints.articulated_axes import (
     begin_with, free_rows, keep_pieces, let_yield, take_rows)
-from rigid_sim_ros.engine.constraints.articulated_buffers import (
-    ContactBuffers, HALF_KNOWN, ISLANDS, KNOWN, POINTS_IN_USE, WIDTH)
+from rigid_sim_ros.engine.constraints.articulated_buffers import ContactBuffers
 from rigid_sim_ros.engine.constraints.articulated_points import rate_of_gap, REBOUNDS
 from rigid_sim_ros.engine.constraints.articulated_rows import (
     answer_to_impulses, moves, push_apart, read_row_rates, solve_system, take_off, write_system,
@@ -72,7 +71,7 @@ def solve_contacts(model: Model, state: State, table: JointTable, motion: JointM
     """
     if first:
         w.displacing.F[:], w.displacing.tau[:] = 0.0, 0.0
-    if w.count[POINTS_IN_USE] == 0:
+    if w.counts.points[0] == 0:
         return
     if first:
         work.law.bend[:] = 0.0
@@ -80,7 +79,7 @@ def solve_contacts(model: Model, state: State, table: JointTable, motion: JointM
     read_touched(model, state, loads.F, loads.tau, w.contacts, w.bodies)
     if first:
         _note_approach(h, w)
-    _begin_with(model, state, w.chosen[:w.count[POINTS_IN_USE]], w.count[WIDTH], first, w)
+    _begin_with(model, state, w.chosen[:w.counts.points[0]], w.counts.width[0], first, w)
     axes = w.system.axes
     axes.is_row[:] = 0
     found = SAME
@@ -95,7 +94,7 @@ def solve_contacts(model: Model, state: State, table: JointTable, motion: JointM
             find_motions_of_pieces(model, table, state, work, h if first else 0.0)
             read_velocities(model, state, table, work, w)
         found = SAME
-        for island in range(w.count[ISLANDS]):
+        for island in range(w.counts.islands[0]):
             chosen = w.chosen[w.first[island]:w.first[island + 1]]
             found = max(found, _solve_island(model, state, table, work, chosen, h, first, w))
         if table.lawful == 0 or found == SAME:
@@ -108,7 +107,7 @@ def solve_contacts(model: Model, state: State, table: JointTable, motion: JointM
 @kernel
 def _note_approach(h: float, w: ContactBuffers) -> None:
     """Note the rates of the gaps before the kick of half a step of h [s]."""
-    for k in w.chosen[:w.count[POINTS_IN_USE]]:
+    for k in w.chosen[:w.counts.points[0]]:
         gained = relative(w.bodies.acceleration, w.contacts, k)
         w.approach[k] = rate_of_gap(w, k) - 0.5 * h * to_contact(w.contacts, k, gained)[0]
 
@@ -156,7 +155,7 @@ def _solve_island(model: Model, state: State, table: JointTable, work: JointWork
 
     Returns whether they are the SAME as before, or OTHERS, or axes have to YIELD first.
     """
-    contacts, system, width, m = w.contacts, w.system, w.count[WIDTH], chosen.shape[0]
+    contacts, system, width, m = w.contacts, w.system, w.counts.width[0], chosen.shape[0]
     rows = system.rows
     write_system(model, table, work, contacts, w.bodies, chosen, width, system)
     read_row_rates(rows, m, width, w.bodies.velocity, rows.b)
@@ -206,7 +205,7 @@ def _must_yield(table: JointTable, work: JointWork, chosen: IntArray, h: float, 
     of h [s] gaps may close. The rows have been written. Returns whether any axis
     became a row, for which the impulses are to be found anew.
     """
-    contacts, rows, width, found = w.contacts, w.system.rows, w.count[WIDTH], False
+    contacts, rows, width, found = w.contacts, w.system.rows, w.counts.width[0], False
     for c in range(chosen.shape[0]):
         k, gap = chosen[c], 0.0
         if first:
@@ -356,7 +355,7 @@ def _add_displacing(model: Model, state: State, table: JointTable, work: JointWo
     They are those of the answer of the joints, and less if a body would turn by too much.
     """
     loads, contacts, fastest, is_any = w.displacing, w.contacts, 0.0, False
-    for k in w.chosen[:w.count[POINTS_IN_USE]]:
+    for k in w.chosen[:w.counts.points[0]]:
         if w.pushed[k, 0] > 0.0:
             is_any = True
             add_contact_load(model.inv_m, contacts, k, to_world(
@@ -415,10 +414,11 @@ def _sum_momenta(model: Model, state: State, parent: IntArray, total: Array) -> 
 @kernel
 def keep_impulses(model: Model, first: bool, w: ContactBuffers) -> None:
     """Carry the impulses over to the other half of the step, or to the next step."""
-    carried, kept = w.half if first else w.carried, w.count[POINTS_IN_USE]
+    carried, kept = w.half if first else w.carried, w.counts.points[0]
+    known = w.counts.half_known if first else w.counts.known
     for c in range(kept):
         k = w.chosen[c]
-        keep_force(model, w.contacts, k, w.count[WIDTH], w.impulse[k], carried, c)
+        keep_force(model, w.contacts, k, w.counts.width[0], w.impulse[k], carried, c)
         if first:
             w.half_bounce[c], w.half_work[c] = w.bounce[k], w.work[k]
-    w.count[HALF_KNOWN if first else KNOWN] = kept
+    known[0] = kept

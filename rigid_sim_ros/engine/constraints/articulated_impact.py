@@ -10,8 +10,7 @@ against their limits.
 """
 
 from rigid_sim_ros.engine.constraints.articulated_axes import any_left_piece, keep_pieces
-from rigid_sim_ros.engine.constraints.articulated_buffers import (
-    ContactBuffers, ISLANDS, POINTS_IN_USE, WIDTH)
+from rigid_sim_ros.engine.constraints.articulated_buffers import ContactBuffers
 from rigid_sim_ros.engine.constraints.articulated_contact import (
     MOST_PIECES, read_velocities, rebound)
 from rigid_sim_ros.engine.constraints.articulated_points import rate_of_gap
@@ -46,7 +45,7 @@ def collide(model: Model, state: State, table: JointTable, motion: JointMotion, 
     is the step, and the impulses are those of `w.impulse` afterwards. Returns the number of
     collisions; with none nothing is changed.
     """
-    for k in w.chosen[:w.count[POINTS_IN_USE]]:
+    for k in w.chosen[:w.counts.points[0]]:
         w.impulse[k, :] = 0.0
     most = MOST_COLLISIONS * w.contacts.count[1]
     for count in range(most + 1):
@@ -60,7 +59,7 @@ def collide(model: Model, state: State, table: JointTable, motion: JointMotion, 
         if count < most:
             _collide(model, state, table, motion, work, w.pair[:m], h, elastic, w)
         else:
-            for n in range(w.count[ISLANDS]):
+            for n in range(w.counts.islands[0]):
                 _collide(model, state, table, motion, work,
                          w.chosen[w.first[n]:w.first[n + 1]], h, False, w)
     _end(model, state, table, motion, work)
@@ -104,7 +103,7 @@ def _collide(model: Model, state: State, table: JointTable, motion: JointMotion,
 
     They are found again where they put an axis on another piece, off its limit or against it.
     """
-    contacts, rows, width, m = w.contacts, w.system.rows, w.count[WIDTH], chosen.shape[0]
+    contacts, rows, width, m = w.contacts, w.system.rows, w.counts.width[0], chosen.shape[0]
     r = width * m
     for c in range(m):
         k = chosen[c]
@@ -138,8 +137,9 @@ def _collide(model: Model, state: State, table: JointTable, motion: JointMotion,
 def _push(model: Model, state: State, table: JointTable, motion: JointMotion, work: JointWork,
           chosen: IntArray, w: ContactBuffers) -> None:
     """Give the bodies the impulses w.row, and read how they move then."""
+    width = w.counts.width[0]
     for c in range(chosen.shape[0]):
-        push_rows(model, state, w.contacts, chosen[c], w.count[WIDTH], w.row, w.count[WIDTH] * c)
+        push_rows(model, state, w.contacts, chosen[c], width, w.row, width * c)
     find_motions_after_impact(model, table, state, motion, work)
     read_velocities(model, state, table, work, w)
 
@@ -148,7 +148,7 @@ def _push(model: Model, state: State, table: JointTable, motion: JointMotion, wo
 def _take_no_energy(model: Model, state: State, table: JointTable, motion: JointMotion,
                     work: JointWork, chosen: IntArray, w: ContactBuffers) -> None:
     """Halve impulses that give energy, as those may for which no pieces were found."""
-    rows, width, m = w.system.rows, w.count[WIDTH], chosen.shape[0]
+    rows, width, m = w.system.rows, w.counts.width[0], chosen.shape[0]
     for _ in range(MOST_HALVINGS):
         read_row_rates(rows, m, width, w.bodies.velocity, rows.b)
         given, moved = 0.0, 0.0

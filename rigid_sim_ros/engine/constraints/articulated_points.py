@@ -11,8 +11,7 @@ where they met (`meeting_within`).
 
 import math
 
-from rigid_sim_ros.engine.constraints.articulated_buffers import (
-    ContactBuffers, HALF_KNOWN, ISLANDS, KNOWN, POINTS_IN_USE, WIDTH, WOKEN)
+from rigid_sim_ros.engine.constraints.articulated_buffers import ContactBuffers
 from rigid_sim_ros.engine.contact.carried_forces import match_forces
 from rigid_sim_ros.engine.contact.classify import resting_speed
 from rigid_sim_ros.engine.contact.contacts import Contacts, relative, to_contact
@@ -44,7 +43,7 @@ def rate_of_gap(w: ContactBuffers, k: int) -> float:
 def take_close(w: ContactBuffers) -> None:
     """Let take part what is close, and the pairs that were woken."""
     contacts = w.contacts
-    match_forces(contacts, w.carried, w.count[KNOWN], w.match)
+    match_forces(contacts, w.carried, w.counts.known[0], w.match)
     for k in range(contacts.count[0]):
         acts = contacts.gap[k] <= CLOSE * contacts.size[k] or _is_woken(
             w, contacts.shape_a[k], contacts.shape_b[k])
@@ -53,7 +52,7 @@ def take_close(w: ContactBuffers) -> None:
 
 @kernel
 def _is_woken(w: ContactBuffers, a: int, b: int) -> bool:
-    for n in range(w.count[WOKEN]):
+    for n in range(w.counts.woken[0]):
         if w.woken[n, 0] == a and w.woken[n, 1] == b:
             return True
     return False
@@ -62,11 +61,11 @@ def _is_woken(w: ContactBuffers, a: int, b: int) -> bool:
 @kernel
 def wake(w: ContactBuffers, a: int, b: int) -> bool:
     """Let all points of two shapes take part in this part of a step; return whether it is new."""
-    n = w.count[WOKEN]
+    n = w.counts.woken[0]
     if n == w.woken.shape[0] or _is_woken(w, a, b):
         return False
     w.woken[n, 0], w.woken[n, 1] = a, b
-    w.count[WOKEN] += 1
+    w.counts.woken[0] += 1
     return True
 
 
@@ -79,7 +78,7 @@ def take_touching(h: float, soon: float, w: ContactBuffers) -> None:
     read.
     """
     contacts = w.contacts
-    match_forces(contacts, w.carried, w.count[KNOWN], w.match)
+    match_forces(contacts, w.carried, w.counts.known[0], w.match)
     for k in range(contacts.count[0]):
         slow, rate = resting_speed(contacts, w.bodies, k, h), rate_of_gap(w, k)
         gap = contacts.gap[k] - TOUCHING * contacts.size[k]
@@ -139,7 +138,7 @@ def bouncing_within(way: float, h: float, w: ContactBuffers) -> float:
 @kernel
 def take_all(w: ContactBuffers) -> None:
     """Let all points take part."""
-    match_forces(w.contacts, w.carried, w.count[KNOWN], w.match)
+    match_forces(w.contacts, w.carried, w.counts.known[0], w.match)
     for k in range(w.contacts.count[0]):
         w.active[k] = 1
 
@@ -186,7 +185,7 @@ def _match_moved(model: Model, w: ContactBuffers) -> None:
     without that it would not bounce.
     """
     contacts, half = w.contacts, w.half
-    for i in range(w.count[HALF_KNOWN]):
+    for i in range(w.counts.half_known[0]):
         is_there, nearest, impulse = False, NONE, norm(row(half.force, i))
         for k in range(contacts.count[0]):
             if contacts.shape_a[k] == half.shape_a[i] and contacts.shape_b[k] == half.shape_b[i]:
@@ -229,8 +228,8 @@ def choose_points(model: Model, table: JointTable, w: ContactBuffers) -> int:
     for n in range(islands, 0, -1):     # each is now where the next one begins
         w.first[n] = w.first[n - 1]
     w.first[0] = 0
-    w.count[ISLANDS], w.count[POINTS_IN_USE] = islands, found
-    return w.count[WIDTH] * largest
+    w.counts.islands[0], w.counts.points[0] = islands, found
+    return w.counts.width[0] * largest
 
 
 @kernel
@@ -327,7 +326,7 @@ def _has_met(h: float, w: ContactBuffers, k: int) -> float:
 @kernel
 def _took_part(w: ContactBuffers, a: int, b: int) -> bool:
     """Return whether any point of two shapes took part in the way that was tried."""
-    for i in range(w.count[HALF_KNOWN]):
+    for i in range(w.counts.half_known[0]):
         if w.half.shape_a[i] == a and w.half.shape_b[i] == b:
             return True
     return False

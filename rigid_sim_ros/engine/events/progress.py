@@ -26,7 +26,7 @@ class Progress(NamedTuple):
     stage: IntArray  # which is taken next
     group: IntArray  # with which it goes on
     needed: IntArray  # how much there has to be room for before it does
-    width: IntArray  # rows of a point: 1, 3 with friction, 6 with that against rolling
+    width: IntArray  # rows of a point: 3, or 6 where anything resists rolling or spinning
     # Of the step
     tries: IntArray  # how often it began anew, with other groups
     groups: IntArray

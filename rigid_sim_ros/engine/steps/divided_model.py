@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rigid_sim_ros.engine.constraints.articulated_buffers import (
-    carried_over, KNOWN, make_buffers, WIDTH, with_carried)
+    carried_over, make_buffers, with_carried)
 from rigid_sim_ros.engine.dynamics.wrenches import no_wrenches, Wrenches
 from rigid_sim_ros.engine.joints.buffers import make_joint_work
 from rigid_sim_ros.engine.joints.part import Part, part_of
@@ -72,12 +72,12 @@ class DividedTimestep(JointedTimestep):
                 scratch=make_joint_work(self._part.table)._replace(
                     unresolved=self._scratch.unresolved))
         if not self._acts:
-            w.count[KNOWN] = w.acted.count[0] = 0
+            w.counts.known[0] = w.acted.count[0] = 0
             w.system.residual[0] = 0.0
         if joints.table is not self._arguments.joints.table:
             buffers = make_buffers(joints.table, len(self._inv_m), len(w.chosen),
                                    w.order.shape[1], len(w.system.rows.at))
-            buffers.count[WIDTH] = w.count[WIDTH]
+            buffers.counts.width[0] = w.counts.width[0]
             self._arguments = self._arguments._replace(
                 joints=joints, buffers=with_carried(buffers, joints.table, carried_over(w)))
 

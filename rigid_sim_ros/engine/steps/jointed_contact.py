@@ -13,8 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.constraints.articulated_buffers import (
-    ContactBuffers, HALF_KNOWN, more_points, NEEDED, POINTS_IN_USE, WIDTH, WOKEN)
+from rigid_sim_ros.engine.constraints.articulated_buffers import ContactBuffers, more_points
 from rigid_sim_ros.engine.constraints.articulated_contact import (
     keep_impulses, solve_contacts, undo_displacing)
 from rigid_sim_ros.engine.constraints.articulated_points import choose_points
@@ -94,20 +93,20 @@ def find_within(c: JointedContact, _: int) -> int:
     while s < shapes.body.shape[0]:
         i, after = shapes.body[s], shapes.after[s]
         # What met on a way that was gone is to be found, however fast it was on that.
-        sudden = max(w.sudden[i], w.gained[i]) if w.count[WOKEN] > 0 else w.sudden[i]
+        sudden = max(w.sudden[i], w.gained[i]) if w.counts.woken[0] > 0 else w.sudden[i]
         for k in range(s, after if sudden > 0.0 else s):
             memory.margin[k] += h * sudden
         s = after
-    why, w.count[NEEDED] = find_points(model, state, shapes, c.materials, memory, np.inf, w.order,
-                                       w.contacts)
+    why, w.counts.needed[0] = find_points(model, state, shapes, c.materials, memory, np.inf,
+                                          w.order, w.contacts)
     if why != DONE:
         return why
     for k in range(w.contacts.count[0]):
         if c.elsewhere[w.contacts.body_a[k]] + c.elsewhere[w.contacts.body_b[k]] > 0:
             w.contacts.gap[k] = np.inf
     # What acts at these comes to what acted in this step.
-    w.count[NEEDED] += w.acted.count[0] + w.half_acted.count[0]
-    return MORE_CONTACTS if w.count[NEEDED] > w.contacts.gap.shape[0] else DONE
+    w.counts.needed[0] += w.acted.count[0] + w.half_acted.count[0]
+    return MORE_CONTACTS if w.counts.needed[0] > w.contacts.gap.shape[0] else DONE
 
 
 @kernel
@@ -142,7 +141,7 @@ def read_way(c: JointedContact) -> None:
         k = w.contacts.first[n]
         read_velocity(model, state, w.contacts.body_a[k], w.bodies)
         read_velocity(model, state, w.contacts.body_b[k], w.bodies)
-    match_forces(w.contacts, w.half, w.count[HALF_KNOWN], w.match)
+    match_forces(w.contacts, w.half, w.counts.half_known[0], w.match)
 
 
 @kernel
@@ -154,10 +153,10 @@ def retry_unresolved(c: JointedContact) -> bool:
     moves too fast without that is slowed down.
     """
     w = c.buffers
-    if w.count[POINTS_IN_USE] > 0:
+    if w.counts.points[0] > 0:
         go_back(c.joints)
         c.joints.scratch.unresolved[0] += 1
-        w.count[POINTS_IN_USE] = 0
+        w.counts.points[0] = 0
         return True
     if c.now.slowed[0] == MOST_SLOWED:
         return False
@@ -189,7 +188,7 @@ def keep_first_half(c: JointedContact) -> None:
     w = c.buffers
     keep_impulses(c.joints.model, True, w)
     w.half_acted.count[0] = 0
-    for k in w.chosen[:w.count[POINTS_IN_USE]]:
+    for k in w.chosen[:w.counts.points[0]]:
         note(c.joints.state, w.contacts, k, w.impulse[k], w.half_acted)
 
 
@@ -204,8 +203,8 @@ def take_way(c: JointedContact, h: float) -> None:
 def choose(c: JointedContact, after: int) -> int:
     """Choose the points that take part; go on with a stage if there is room for them."""
     w = c.buffers
-    w.count[NEEDED] = choose_points(c.joints.model, c.joints.table, w)
-    if w.count[NEEDED] > w.system.rows.at.shape[0]:
+    w.counts.needed[0] = choose_points(c.joints.model, c.joints.table, w)
+    if w.counts.needed[0] > w.system.rows.at.shape[0]:
         return MORE_ROWS
     c.now.stage[0] = after
     return DONE
@@ -229,9 +228,9 @@ def _keep_part(c: JointedContact) -> None:
     model, state, w = c.joints.model, c.joints.state, c.buffers
     note_all(w.acted, w.half_acted)
     w.half_acted.count[0] = 0
-    for k in w.chosen[:w.count[POINTS_IN_USE]]:
+    for k in w.chosen[:w.counts.points[0]]:
         note(state, w.contacts, k, w.impulse[k], w.acted)
-    chosen, width = w.chosen[:w.count[POINTS_IN_USE]], w.count[WIDTH]
+    chosen, width = w.chosen[:w.counts.points[0]], w.counts.width[0]
     recall_forces(model, w.contacts, chosen, width, w.half, w.match, w.row)
     w.pushed[:] = 0.0
     for n in range(chosen.shape[0]):
@@ -277,7 +276,7 @@ def go_on(run: Callable[..., Any], c: JointedContact,
         why = pack.run(run)
         if why in (DONE, MORE_BODIES):
             return c, pack
-        w, needed = c.buffers, int(c.buffers.count[NEEDED])
+        w, needed = c.buffers, int(c.buffers.counts.needed[0])
         if why == MORE_MEMORY:
             c = c._replace(memory=grown(c.memory))
         elif why == MORE_MANIFOLDS:

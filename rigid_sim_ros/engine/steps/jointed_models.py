@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from rigid_sim_ros.engine.constraints.articulated_buffers import (
-    carried_over, ContactBuffers, make_buffers, WIDTH, with_carried)
+    carried_over, ContactBuffers, make_buffers, with_carried)
 from rigid_sim_ros.engine.contact.carried_forces import Carried
 from rigid_sim_ros.engine.contact.contacts import row_count
 from rigid_sim_ros.engine.detection.manifolds import current_manifolds, Manifolds
@@ -63,7 +63,7 @@ class JointedTimestep(Touching, JointedMotion):
     def _fresh_buffers(self) -> ContactBuffers:
         s = self._setup
         buffers = make_buffers(self.table, len(s.model.m), 64, 64, 48)
-        buffers.count[WIDTH] = row_count(s.materials)
+        buffers.counts.width[0] = row_count(s.materials)
         return buffers
 
     def advance(self, state: State, wrenches: Wrenches, count: int) -> None:

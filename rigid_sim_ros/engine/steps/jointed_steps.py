@@ -10,7 +10,6 @@ rest of a step is one way.
 from collections.abc import Callable
 from typing import Any
 
-from rigid_sim_ros.engine.constraints.articulated_buffers import WOKEN
 from rigid_sim_ros.engine.contact.contact_search import DONE
 from rigid_sim_ros.engine.joints.limits import (
     first_hit, note_arrived, release_hits, SHARP, SHORTEST, stop_hits)
@@ -78,7 +77,7 @@ def _begin_way(c: JointedContact) -> None:
     """Begin a way, on which nothing has met yet: as long as may be, or all that is left."""
     now, most = c.now, part(c)
     now.tries[0], now.looks[0], now.slowed[0], now.searches[0] = 0, 0, 0, 0
-    c.buffers.count[WOKEN] = 0
+    c.buffers.counts.woken[0] = 0
     forget_sudden(c)
     is_last = now.left[0] < most + SHORTEST * c.joints.model.h
     now.way[0] = now.left[0] if is_last else most

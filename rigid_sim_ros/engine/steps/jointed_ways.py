@@ -7,7 +7,6 @@ A way is as long as the motion of the joints is resolved by, and ends where some
 joint meets its limit: the state goes back to its start, and it is tried again until then.
 """
 
-from rigid_sim_ros.engine.constraints.articulated_buffers import NEEDED, POINTS_IN_USE, WIDTH
 from rigid_sim_ros.engine.constraints.articulated_impact import collide
 from rigid_sim_ros.engine.constraints.articulated_points import choose_points
 from rigid_sim_ros.engine.contact.contact_search import DONE
@@ -63,8 +62,8 @@ def collide_chosen(c: JointedContact, elastic: bool, h: float) -> tuple[int, boo
     """
     joints, w = c.joints, c.buffers
     model, state = joints.model, joints.state
-    w.count[NEEDED] = choose_points(model, joints.table, w)
-    if w.count[NEEDED] > w.system.rows.at.shape[0]:
+    w.counts.needed[0] = choose_points(model, joints.table, w)
+    if w.counts.needed[0] > w.system.rows.at.shape[0]:
         return MORE_ROWS, False
     collisions = collide(model, state, joints.table, joints.motion, joints.scratch, model.h,
                          elastic, w)
@@ -99,8 +98,8 @@ def _record_collisions(c: JointedContact) -> None:
     """Record the impulses of what collided; forces begin anew after it."""
     w = c.buffers
     w.pushed[:] = 0.0
-    for k in w.chosen[:w.count[POINTS_IN_USE]]:
-        for i in range(w.count[WIDTH]):
+    for k in w.chosen[:w.counts.points[0]]:
+        for i in range(w.counts.width[0]):
             w.pushed[k, i] = w.impulse[k, i]
         note(c.joints.state, w.contacts, k, w.impulse[k], w.acted)
     record(c.joints.model, current(c.memory), w.contacts, w.pushed)
