@@ -19,22 +19,13 @@ def solve_linear(K: Array, x: Array, last: IntArray) -> bool:
     size = x.shape[0]
     _find_last(K, last, size)
     for k in range(size):
-        p = _pivot(K, k, size)
-        if K[p, k] == 0.0:
+        p = _eliminate(K, k, last, size)
+        if p < 0:
             return False
-        if p != k:
-            for j in range(k, max(last[k], last[p]) + 1):
-                K[k, j], K[p, j] = K[p, j], K[k, j]
-            x[k], x[p] = x[p], x[k]
-            last[k], last[p] = last[p], last[k]
-        end = last[k] + 1
+        x[k], x[p] = x[p], x[k]
         for i in range(k + 1, size):
             if K[i, k] != 0.0:
-                factor = K[i, k] / K[k, k]
-                last[i] = max(last[i], last[k])
-                for j in range(k + 1, end):
-                    K[i, j] -= factor * K[k, j]
-                x[i] -= factor * x[k]
+                x[i] -= K[i, k] * x[k]
     _substitute_back(K, x, last)
     return True
 
@@ -51,24 +42,37 @@ def factor_linear(K: Array, last: IntArray, order: IntArray) -> bool:
     for i in range(size):
         order[i] = i
     for k in range(size):
-        p = _pivot(K, k, size)
-        if K[p, k] == 0.0:
+        p = _eliminate(K, k, last, size)
+        if p < 0:
             return False
-        if p != k:
-            for j in range(max(last[k], last[p]) + 1):
-                K[k, j], K[p, j] = K[p, j], K[k, j]
-            last[k], last[p] = last[p], last[k]
-            order[k], order[p] = order[p], order[k]
-        end = last[k] + 1
-        for i in range(k + 1, size):
-            if K[i, k] != 0.0:
-                factor = K[i, k] / K[k, k]
-                K[i, k] = factor
-                last[i] = max(last[i], last[k])
-                source, target = K[k][k + 1:end], K[i][k + 1:end]
-                for j in range(target.shape[0]):
-                    target[j] -= factor * source[j]
+        order[k], order[p] = order[p], order[k]
     return True
+
+
+@kernel
+def _eliminate(K: Array, k: int, last: IntArray, size: int) -> int:
+    """
+    Take column k out of the rows below the largest of its entries, which comes to place k.
+
+    The factors stay in that column. Returns from where that row came, -1 if it is all zeros.
+    """
+    p = _pivot(K, k, size)
+    if K[p, k] == 0.0:
+        return -1
+    if p != k:
+        for j in range(max(last[k], last[p]) + 1):
+            K[k, j], K[p, j] = K[p, j], K[k, j]
+        last[k], last[p] = last[p], last[k]
+    end = last[k] + 1
+    for i in range(k + 1, size):
+        if K[i, k] != 0.0:
+            factor = K[i, k] / K[k, k]
+            K[i, k] = factor
+            last[i] = max(last[i], last[k])
+            source, target = K[k][k + 1:end], K[i][k + 1:end]
+            for j in range(target.shape[0]):
+                target[j] -= factor * source[j]
+    return p
 
 
 @kernel
