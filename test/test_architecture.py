@@ -138,12 +138,9 @@ def test_the_product_of_quaternions_is_written_once() -> None:
 
 
 def test_inertia_is_turned_in_no_further_place() -> None:
-    # The home, world_inertia.py, has it by rows, which no pattern finds. The others write six
-    # numbers to where they are needed (colliding_body, solver_bodies), and turn tensors that are
-    # not diagonal.
-    assert list(homes_of(is_turned_tensor)) == [
-        'engine/contact/colliding_body.py', 'engine/model/inertia.py',
-        'engine/solver/solver_bodies.py', 'models/poses.py']
+    # The home, world_inertia.py, has it by rows, which no pattern finds. The others turn tensors
+    # that are not diagonal.
+    assert list(homes_of(is_turned_tensor)) == ['engine/model/inertia.py', 'models/poses.py']
 
 
 def test_the_velocity_of_a_point_is_written_in_no_further_place() -> None:

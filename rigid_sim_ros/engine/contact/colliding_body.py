@@ -9,22 +9,20 @@ import numpy as np
 from rigid_sim_ros.engine.contact.impact_offsets import SHIFT, was_shifted
 from rigid_sim_ros.engine.contact.impulse import make_room, MOST_ALIKE, Room
 from rigid_sim_ros.engine.detection.manifolds import POINTS
-from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
+from rigid_sim_ros.engine.dynamics.free_rotation import may_turn_by, SAME_ATTITUDE, turn_fast
 from rigid_sim_ros.engine.maths.rotation import (
-    exponential, multiply, quaternion, set_quaternion, to_matrix, unit)
+    exponential, multiply, quaternion, set_quaternion, unit)
 from rigid_sim_ros.engine.maths.vector import (
-    add, add_scaled, add_to_column, column, cross, dot, scale, subtract, symmetric_times,
-    times)
+    add, add_scaled, add_to_column, column, cross, dot, scale, subtract, symmetric_times)
 from rigid_sim_ros.engine.state.rates import velocity_at
 from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.engine.state.world_inertia import write_world_inertia
 from rigid_sim_ros.kernels.arrays import Array, IntArray, integers, Quaternion, room, Vector
 from rigid_sim_ros.kernels.kernel import inlined, kernel
 
 NEVER = 1e30  # [s]
 # Pairs that collide together, at most.
 TOGETHER = 32
-# [rad] What turns less until a collision has the inertia of the start of the step.
-SAME_ATTITUDE = 1e-6
 # Columns of `CollisionWork.body`.
 VELOCITY, SPIN, ACCELERATION, INVERSE, INV_M, DP, DL, COLUMNS = 0, 3, 6, 9, 15, 16, 19, 28
 
@@ -88,11 +86,7 @@ def load_body(inv_m: Array, inv_I_C: Array, state: State, F: Array, i: int, line
 @kernel
 def _write_spin(inv_I_C: Array, state: State, i: int, q: Quaternion, line: Array) -> None:
     """Write the inverse inertia and the angular velocity of a body with an attitude."""
-    R, inv_I, at = to_matrix(q), column(inv_I_C, i), INVERSE
-    for k in range(3):
-        for j in range(k, 3):
-            line[at] = dot(times(R[k], inv_I), R[j])
-            at += 1
+    write_world_inertia(q, column(inv_I_C, i), line, INVERSE)
     w = turned(line, column(state.L, i))
     put(line, SPIN, add(w, (state.V[3, i], state.V[4, i], state.V[5, i])))
 
@@ -113,9 +107,8 @@ def turn_body(inv_I_C: Array, state: State, i: int, tau: float, line: Array) -> 
 @kernel
 def _wobbles(L: Vector, inv_I: Vector, t: float) -> bool:
     """Return whether the inertia about the axes of the world changes within t [s]."""
-    angle = t * max(inv_I[0], inv_I[1], inv_I[2])
     alike = inv_I[0] == inv_I[1] and inv_I[1] == inv_I[2]
-    return not alike and angle * angle * dot(L, L) > SAME_ATTITUDE * SAME_ATTITUDE
+    return not alike and may_turn_by(SAME_ATTITUDE, L, inv_I, t)
 
 
 @inlined

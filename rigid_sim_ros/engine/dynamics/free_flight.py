@@ -11,12 +11,12 @@ its bodies together.
 import numpy as np
 
 from rigid_sim_ros.engine.dynamics.force_and_torque import kick_some, Loads
-from rigid_sim_ros.engine.dynamics.free_rotation import MAX_ANGLE, turn, turn_fast
+from rigid_sim_ros.engine.dynamics.free_rotation import MAX_ANGLE, may_turn_by, turn, turn_fast
 from rigid_sim_ros.engine.maths.rotation import quaternion, rotate_back, set_quaternion
 from rigid_sim_ros.engine.maths.vector import column, norm, times
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import State
-from rigid_sim_ros.kernels.arrays import Array, IntArray, Quaternion, Vector
+from rigid_sim_ros.kernels.arrays import Array, IntArray, Quaternion
 from rigid_sim_ros.kernels.kernel import apart, inlined, kernel
 
 # Bodies of a block: their numbers fill one vector register of 512 bits, or two of 256.
@@ -116,20 +116,12 @@ def _put(model: Model, state: State, h: float, lane: int, body: int, q: Quaterni
     for k in range(3):
         state.x[k, body] = block[(_X + k) * LANES + lane]
     L, inv_I = column(state.L, body), column(model.inv_I_C, body)
-    if _may_be_fast(L, inv_I, h) and h * norm(times(inv_I, rotate_back(q, L))) > MAX_ANGLE:
+    if (may_turn_by(MAX_ANGLE, L, inv_I, h)
+            and h * norm(times(inv_I, rotate_back(q, L))) > MAX_ANGLE):
         set_quaternion(state.q, body, turn_fast(q, L, inv_I, h))
         return
     for k in range(4):
         state.q[k, body] = block[(_Q + k) * LANES + lane]
-
-
-@inlined
-def _may_be_fast(L: Vector, inv_I: Vector, h: float) -> bool:
-    """Return whether a body may turn too fast for `turn` in h [s], wherever L points in it."""
-    # |I^-1 l| <= max(I^-1) |L|: never below the angle that it bounds.
-    bound = max(inv_I[0], inv_I[1], inv_I[2]) * h
-    return bound * bound * (
-        L[0] * L[0] + L[1] * L[1] + L[2] * L[2]) > MAX_ANGLE * MAX_ANGLE
 
 
 @kernel
@@ -200,7 +192,7 @@ def _store(model: Model, state: State, h: float, count: int | np.int64, lane: in
         state.x[k, body] = block[(_X + k) * LANES + lane]
         state.P[k, body] = block[(_P + k) * LANES + lane]
     L, inv_I = column(state.L, body), column(model.inv_I_C, body)
-    if not _may_be_fast(L, inv_I, h):
+    if not may_turn_by(MAX_ANGLE, L, inv_I, h):
         for k in range(4):
             state.q[k, body] = block[(_Q + k) * LANES + lane]
     else:

@@ -25,7 +25,8 @@ so these turn exactly. So does what is fast and has two equal moments, by the fo
 import math
 
 from rigid_sim_ros.engine.maths.rotation import exponential, multiply, rotate_back, unit
-from rigid_sim_ros.engine.maths.vector import add, add_scaled, cross, norm, subtract, times
+from rigid_sim_ros.engine.maths.vector import (
+    add, add_scaled, cross, dot, norm, subtract, times)
 from rigid_sim_ros.kernels.arrays import Quaternion, Vector
 from rigid_sim_ros.kernels.kernel import inlined, kernel
 
@@ -37,6 +38,8 @@ MAX_ANGLE = 0.25
 # numerous. What turns by more about its odd axis is taken for a top: where it is none exactly,
 # longer calls would end at an attitude that has nothing to do with L, and so with any energy.
 MAX_SUBSTEPS = 1024
+# [rad] What turns by less has the inertia about the axes of the world that it had before.
+SAME_ATTITUDE = 1e-6
 
 
 @inlined
@@ -96,6 +99,14 @@ def turn(q_WC: Quaternion, L: Vector, inv_I: Vector, h: float) -> Quaternion:
     # |q|^2 is off by rounding only: one Newton step for 1 / |q| from 1 restores it.
     s = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return (q[0] * s, q[1] * s, q[2] * s, q[3] * s)
+
+
+@inlined
+def may_turn_by(angle: float, L: Vector, inv_I: Vector, h: float) -> bool:
+    """Return whether a body may turn by more than an angle in h [s], wherever L points in it."""
+    # |I^-1 l| <= max(I^-1) |L|: never below the angle that it bounds.
+    bound = h * max(inv_I[0], max(inv_I[1], inv_I[2]))
+    return bound * bound * dot(L, L) > angle * angle
 
 
 @kernel

@@ -17,7 +17,7 @@ from rigid_sim_ros.engine.model.joints import (
     DISTANCE, FIXED, JointTable, NONE, PLANAR, PRISMATIC, REVOLUTE, UNIVERSAL)
 from rigid_sim_ros.engine.model.model import Model, WORLD
 from rigid_sim_ros.engine.state.state import body_spin, body_velocity, State
-from rigid_sim_ros.engine.state.world_inertia import world_inertia
+from rigid_sim_ros.engine.state.world_inertia import write_world_inertia
 from rigid_sim_ros.kernels.arrays import Array, Quaternion, Vector
 from rigid_sim_ros.kernels.kernel import inlined, kernel
 
@@ -71,7 +71,7 @@ def place_joints(model: Model, table: JointTable, state: State, work: JointWork)
                 work.arm[i, k] = p[k] - work.p[parent, k]
         elif table.base[i] != WORLD:
             place_base(model, table, state, work, i)
-        _write_inertia(q, column(model.I_C, body), work.I_W, i)
+        write_world_inertia(q, column(model.I_C, body), work.I_W[i], 0)
         for k in range(table.first_axis[i], table.first_axis[i + 1]):
             s = row(table.axis, k)
             if table.axis_body[k] != WORLD:
@@ -89,14 +89,6 @@ def place_base(model: Model, table: JointTable, state: State, work: JointWork, i
     v = add(body_velocity(model, state, base), cross(w, r))
     for k in range(3):
         work.base[i, k], work.base[i, 3 + k] = v[k], w[k]
-
-
-@inlined
-def _write_inertia(q: Quaternion, moments: Vector, I_W: Array, i: int) -> None:
-    """Write the upper triangle of R I R^T."""
-    x, y, z = world_inertia(q, moments)
-    I_W[i, 0], I_W[i, 1], I_W[i, 2] = x
-    I_W[i, 3], I_W[i, 4], I_W[i, 5] = y[1], y[2], z[2]
 
 
 @kernel

@@ -16,10 +16,12 @@ import numpy as np
 
 from rigid_sim_ros.engine.constraints.contact_blocks import load_three
 from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
-from rigid_sim_ros.engine.dynamics.free_rotation import MAX_ANGLE, turn, turn_fast
-from rigid_sim_ros.engine.maths.rotation import quaternion, to_matrix
-from rigid_sim_ros.engine.maths.vector import column, dot
+from rigid_sim_ros.engine.dynamics.free_rotation import (
+    MAX_ANGLE, may_turn_by, SAME_ATTITUDE, turn, turn_fast)
+from rigid_sim_ros.engine.maths.rotation import quaternion
+from rigid_sim_ros.engine.maths.vector import column
 from rigid_sim_ros.engine.state.state import State
+from rigid_sim_ros.engine.state.world_inertia import write_world_inertia
 from rigid_sim_ros.kernels.arrays import Array, IntArray, integers, Quaternion, room, Vector
 from rigid_sim_ros.kernels.eight import (
     any_of, gather, LANES, load, read_eight, select, store, write_eight)
@@ -45,10 +47,6 @@ FIRST_END, SECOND_BEGIN, SECOND_END, _USED = range(4)
 # lines beyond the last one that it asked for. Where the other core writes these, each of them
 # travels from core to core in each substep.
 _BETWEEN_HALVES = 64
-
-
-# [rad] What turns less in half of a step has the inertia of its start.
-SAME_ATTITUDE = 1e-6
 
 
 class SolverBodies(NamedTuple):
@@ -187,15 +185,9 @@ def _turn_inertia(mass: Array, line: int, d: Vector, q: Quaternion, L: Vector, t
             mass[line + k] = 0.0
         mass[line] = mass[line + 3] = mass[line + 5] = d[0]
         return
-    angle = t * max(d[0], max(d[1], d[2]))
-    if angle * angle * dot(L, L) > SAME_ATTITUDE * SAME_ATTITUDE:
+    if may_turn_by(SAME_ATTITUDE, L, d, t):
         q = turn_fast(q, L, d, t)
-    R = to_matrix(q)
-    for k in range(3):
-        for j in range(k, 3):
-            mass[line] = (R[k][0] * d[0] * R[j][0] + R[k][1] * d[1] * R[j][1]
-                          + R[k][2] * d[2] * R[j][2])
-            line += 1
+    write_world_inertia(q, d, mass, line)
 
 
 @kernel
@@ -401,8 +393,7 @@ def _move(bodies: SolverBodies, at: IntArray, b: Array, h: float, share: float) 
     L = (share * v[3], share * v[4], share * v[5])
     inv_I = load_three(b, _INV_I)
     # Too fast for `turn`: below, one by one.
-    bound = h * max(inv_I[0], max(inv_I[1], inv_I[2]))
-    fast = bound * bound * dot(L, L) > MAX_ANGLE * MAX_ANGLE
+    fast = may_turn_by(MAX_ANGLE, L, inv_I, h)
     q = (load(b, _Q), load(b, _Q + 1), load(b, _Q + 2), load(b, _Q + 3))
     turned = turn(q, L, inv_I, h)
     for k in range(4):
