@@ -43,8 +43,8 @@ Motion: TypeAlias = tuple[Eight, Eight, Eight, Eight, Eight, Eight, Eight, Eight
 # Rows of a block. Balls do without the first of them, see BALLS_BEGIN:
 ARM_A = 0  # c from the centre of mass of A [m], world axes
 ARM_B = 3  # c from the centre of mass of B; before `prepare_block`: x_A - x_B
-J_A = 6  # inverse inertia of A, world axes: xx, xy, xz, yy, yz, zz
-J_B = 12
+INV_I_A = 6  # inverse inertia of A, world axes: xx, xy, xz, yy, yz, zz
+INV_I_B = 12
 INV_TT = 18  # inverse of the force part of K_TT: 00, 01, 11
 K_SPIN = 21  # K_TT02 and K_TT12: how a torque about n makes a pair slide
 INV_SPIN = 23  # 1 / K_TT22
@@ -266,11 +266,11 @@ def prepare_block(b: Array, points: int, small: bool, inv_m_A: Eight, inv_m_B: E
     """
     Work out frames, arms and responses of the eight manifolds of a block.
 
-    Filled in before: NORMAL, x_A - x_B in ARM_B, J_A, J_B, MU, SPIN_LEVER, the friction impulse
-    as a world vector in TORSION, SPIN, that against rolling as one from ROLL on, and for each of
-    four points GAP, IMPULSE and in S, T, MASS where it is from the centre of mass of A [m], world
-    axes. A point that is not there has the gap ABSENT, and so have all but the first in a block of
-    one point.
+    Filled in before: NORMAL, x_A - x_B in ARM_B, INV_I_A, INV_I_B, MU, SPIN_LEVER, the friction
+    impulse as a world vector in TORSION, SPIN, that against rolling as one from ROLL on, and for
+    each of four points GAP, IMPULSE and in S, T, MASS where it is from the centre of mass of A
+    [m], world axes. A point that is not there has the gap ABSENT, and so have all but the first in
+    a block of one point.
     """
     count = 4 if points > 1 else 1
     make_basis(b)
@@ -281,8 +281,8 @@ def prepare_block(b: Array, points: int, small: bool, inv_m_A: Eight, inv_m_B: E
         r = subtract(load_three(b, point), load_three(b, ARM_A))
         store(b, point + S, dot(r, t1))
         store(b, point + T, dot(r, t2))
-    nn_A, tn_A, tt_A = _response(b, ARM_A, J_A, inv_m_A)
-    nn_B, tn_B, tt_B = _response(b, ARM_B, J_B, inv_m_B)
+    nn_A, tn_A, tt_A = _response(b, ARM_A, INV_I_A, inv_m_A)
+    nn_B, tn_B, tt_B = _response(b, ARM_B, INV_I_B, inv_m_B)
     _prepare_friction(b, tt_A, tt_B, _place_friction(b, count))
     if small:
         # The point is c, and its column g is (1, 0, 0).

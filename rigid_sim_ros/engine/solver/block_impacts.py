@@ -12,7 +12,7 @@ the two bodies become x + d, (1 - |d| / |x|)^2 of it stays, nothing where they a
 """
 
 from rigid_sim_ros.engine.constraints.contact_blocks import (
-    axes, FRICTION, IMPULSE, J_A, J_B, LEVER_A, LEVER_B, load_three, Motion, NORMAL, POINT,
+    axes, FRICTION, IMPULSE, INV_I_A, INV_I_B, LEVER_A, LEVER_B, load_three, Motion, NORMAL, POINT,
     POINT_ROWS, RESTING, RESTING_ROLL, RESTING_SPIN, RESTING_T, ROLL, SIZE, SPIN, symmetric, Three,
     TOTAL, TOTAL_T, TURN, TURN_T)
 from rigid_sim_ros.engine.maths.vector import add, cross, dot, scale, subtract
@@ -111,7 +111,7 @@ def _relative_motion(b: Array, kind: int, A: Motion, B: Motion, inv_I_A: Eight,
         turn = subtract(scale(load(b, LEVER_B), w_B), scale(load(b, LEVER_A), w_A))
         return add((B[0] - A[0], B[1] - A[1], B[2] - A[2]), cross(turn, n)), w_A, w_B
     _, u, _ = relative_twist(b, A, B)
-    return u, symmetric(b, J_A, (A[3], A[4], A[5])), symmetric(b, J_B, (B[3], B[4], B[5]))
+    return u, symmetric(b, INV_I_A, (A[3], A[4], A[5])), symmetric(b, INV_I_B, (B[3], B[4], B[5]))
 
 
 @part

@@ -3,10 +3,10 @@
 """The way of manifolds into the blocks of the sequential solver."""
 
 from rigid_sim_ros.engine.constraints.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, axes, combine, friction_of, GAP, IMPULSE, J_A, J_B, LEVER_A, LEVER_B,
-    load_three, Motion, MU, NORMAL, normal_sum, POINT, POINT_ROWS, prepare_block, pushed, RESTING,
-    ROLL, ROLL_LEVER, S, SIZE, smallest_gap, SPIN, SPIN_LEVER, store_three, T, Three, TORSION,
-    TOTAL_T, TURN)
+    ABSENT, ARM_A, ARM_B, axes, combine, friction_of, GAP, IMPULSE, INV_I_A, INV_I_B, LEVER_A,
+    LEVER_B, load_three, Motion, MU, NORMAL, normal_sum, POINT, POINT_ROWS, prepare_block, pushed,
+    RESTING, ROLL, ROLL_LEVER, S, SIZE, smallest_gap, SPIN, SPIN_LEVER, store_three, T, Three,
+    TORSION, TOTAL_T, TURN)
 from rigid_sim_ros.engine.constraints.contact_prediction import Prediction
 from rigid_sim_ros.engine.constraints.contact_rules import SKIN
 from rigid_sim_ros.engine.contact.impact_offsets import displacement, gap_now, was_shifted
@@ -269,10 +269,10 @@ def _copy_places(b: Array, rows: IntArray, manifolds: Manifolds, prediction: Pre
 
 @part
 def _copy_inertia(b: Array, A: Motion, B: Motion) -> None:
-    store_three(b, J_A, (A[0], A[1], A[2]))
-    store_three(b, J_A + 3, (A[3], A[4], A[5]))
-    store_three(b, J_B, (B[0], B[1], B[2]))
-    store_three(b, J_B + 3, (B[3], B[4], B[5]))
+    store_three(b, INV_I_A, (A[0], A[1], A[2]))
+    store_three(b, INV_I_A + 3, (A[3], A[4], A[5]))
+    store_three(b, INV_I_B, (B[0], B[1], B[2]))
+    store_three(b, INV_I_B + 3, (B[3], B[4], B[5]))
 
 
 @part

@@ -4,7 +4,7 @@
 
 from rigid_sim_ros.engine.constraints.contact_blocks import (
     ABSENT, ARM_A, ARM_B, axes, begin_sums, combine, drift_together, friction_of, GAP, IMPULSE,
-    J_A, J_B, K_N, K_NN, K_TN, keep_friction, load_three, load_two, MASS, Motion, NORMAL,
+    INV_I_A, INV_I_B, K_N, K_NN, K_TN, keep_friction, load_three, load_two, MASS, Motion, NORMAL,
     normal_sum, POINT, POINT_ROWS, PRESSED, pushed, RESTING, ROLL, ROLL_LEVER, ROLL_STEP, S, SHOVE,
     SHOVE_TURN, SIZE, smallest_gap, SPEED, store_two, symmetric, T, Three, TURN_T)
 from rigid_sim_ros.engine.constraints.contact_rules import (
@@ -297,7 +297,7 @@ def _separate_small(b: Array, push: Array, at_A: IntArray, at_B: IntArray, rate:
 @part
 def relative_twist(b: Array, A: Motion, B: Motion) -> tuple[Three, Three, Three]:
     """Return v_B - v_A, the relative velocity at c and the relative spin, in W."""
-    w_A, w_B = symmetric(b, J_A, (A[3], A[4], A[5])), symmetric(b, J_B, (B[3], B[4], B[5]))
+    w_A, w_B = symmetric(b, INV_I_A, (A[3], A[4], A[5])), symmetric(b, INV_I_B, (B[3], B[4], B[5]))
     v = (B[0] - A[0], B[1] - A[1], B[2] - A[2])
     at_c = subtract(add(v, cross(w_B, load_three(b, ARM_B))), cross(w_A, load_three(b, ARM_A)))
     return v, at_c, subtract(w_B, w_A)

@@ -20,9 +20,9 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.constraints.contact_blocks import (
-    ABSENT, ARM_A, ARM_B, axes, FRICTION, GAP, IMPULSE, J_A, J_B, LEVER_A, LEVER_B, MU, NORMAL,
-    POINT, POINT_ROWS, PRESSED, ROLL, ROLL_LEVER, S, SIZE, SPEED, SPIN, SPIN_LEVER, store_three, T,
-    TURN_T)
+    ABSENT, ARM_A, ARM_B, axes, FRICTION, GAP, IMPULSE, INV_I_A, INV_I_B, LEVER_A, LEVER_B, MU,
+    NORMAL, POINT, POINT_ROWS, PRESSED, ROLL, ROLL_LEVER, S, SIZE, SPEED, SPIN, SPIN_LEVER,
+    store_three, T, TURN_T)
 from rigid_sim_ros.engine.constraints.contact_rules import least_speed, Sweep
 from rigid_sim_ros.engine.maths.vector import (
     cross, dot, symmetric_cofactors, symmetric_times)
@@ -111,10 +111,10 @@ def _write_inertia(blocks: Blocks, bodies: SolverBodies, lane: int, side: int, k
         to[1] = to[4] = to[6] = 1.0 / bodies.motion[at + INV_I]
         to[2] = to[3] = to[5] = 0.0
         return
-    J = J_A if side == 0 else J_B
-    first = _three(b, J, i)
+    inv_I = INV_I_A if side == 0 else INV_I_B
+    first = _three(b, inv_I, i)
     (to[1], to[2], to[3]), (to[4], to[5], to[6]) = symmetric_cofactors(
-        first, _three(b, J + 3, i))
+        first, _three(b, inv_I + 3, i))
     determinant = first[0] * to[1] + first[1] * to[2] + first[2] * to[3]
     for j in range(1, 7):
         to[j] /= determinant
@@ -264,7 +264,7 @@ def _write_row(blocks: Blocks, bodies: SolverBodies, lane: int, c: int, r: int, 
             inv_I = bodies.motion[at + INV_I]
             w = (inv_I * turn[0], inv_I * turn[1], inv_I * turn[2])
         else:
-            w = _turned(b, J_A if side == 0 else J_B, i, turn)
+            w = _turned(b, INV_I_A if side == 0 else INV_I_B, i, turn)
         L = (bodies.motion[at + 3], bodies.motion[at + 4], bodies.motion[at + 5])
         rows.rate[c, r] += dot(w, L)
         for k in range(3):

@@ -125,8 +125,8 @@ def _give_back(b: Array, acted: Three, rows: IntArray, prediction: Prediction,
     A, B = gather(bodies.motion, at_A), gather(bodies.motion, at_B)
     # Of what is fixed or moves by its twist the inverse mass is 0: then neither gives anything.
     gives = both(both(A[INV_M] > 0.0, B[INV_M] > 0.0), select(held, 0.0, 1.0) > 0.0)
-    J_A, J_B = gather(bodies.mass, at_A), gather(bodies.mass, at_B)
-    A, B = without_gain(A, B, J_A[:6], J_B[:6], apart, gained, gives)
+    inv_I_A, inv_I_B = gather(bodies.mass, at_A), gather(bodies.mass, at_B)
+    A, B = without_gain(A, B, inv_I_A[:6], inv_I_B[:6], apart, gained, gives)
     scatter(bodies.motion, at_A, A)
     scatter(bodies.motion, at_B, B)
 

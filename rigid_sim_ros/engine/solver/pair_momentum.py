@@ -31,22 +31,23 @@ from rigid_sim_ros.kernels.kernel import part
 
 
 @part
-def without_gain(A: Motion, B: Motion, J_A: Six, J_B: Six, d: Three, gained: Three,
+def without_gain(A: Motion, B: Motion, inv_I_A: Six, inv_I_B: Six, d: Three, gained: Three,
                  mask: Mask) -> tuple[Motion, Motion]:
     """
     Return the motions of pairs without the L [kg m^2/s] that they gained, in the lanes of a mask.
 
-    J_A and J_B are the inverse inertia, world axes; d [m] from the centre of A to that of B
-    as the step ends.
+    inv_I_A and inv_I_B are the inverse inertia, world axes; d [m] from the centre of A to that of
+    B as the step ends.
     """
     m = inverse_of(A[INV_M] + B[INV_M])
-    I_A, I_B = _inverse(J_A), _inverse(J_B)
+    I_A, I_B = _inverse(inv_I_A), _inverse(inv_I_B)
     inverse = _inverse(_of_both(I_A, I_B, m, d))
     L_A, L_B, v = (A[3], A[4], A[5]), (B[3], B[4], B[5]), (B[0] - A[0], B[1] - A[1], B[2] - A[2])
     L = add(add(L_A, L_B), scale(m, cross(d, v)))
     w = scale(-1.0, _times(inverse, gained))
     # Of the energy beyond that of the common centre of mass.
-    before = 0.5 * (m * dot(v, v) + dot(L_A, _times(J_A, L_A)) + dot(L_B, _times(J_B, L_B)))
+    before = 0.5 * (m * dot(v, v) + dot(L_A, _times(inv_I_A, L_A))
+                    + dot(L_B, _times(inv_I_B, L_B)))
     after = before + dot(w, add_scaled(L, -0.5, gained))
     kept = spread(1.0)
     grows = after > (1.0 + MORE) * before

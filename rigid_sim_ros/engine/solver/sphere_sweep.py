@@ -4,13 +4,13 @@
 Visits of the sequential solver to eight contacts of balls; see contact_blocks.py.
 
 The common point c = x_A + a n = x_B + b n lies on the normal through both centres of mass, and the
-inverse inertia of each body is a number J. With m = b w_B - a w_A the relative velocity at c is
+inertia of each body is a number I. With m = b w_B - a w_A the relative velocity at c is
 
     u = v_B - v_A + m x n,   u . n = (v_B - v_A) . n,   u . t1 = (v_B - v_A) . t1 + m . t2, ...
 
-so the response K is diagonal: 1/m_A + 1/m_B along n, besides a^2 J_A + b^2 J_B along t1 and t2.
-About n a point makes no torque; where something resists spinning, the blocks are those of other
-shapes. That takes a third of the work of other contacts and half of their memory.
+so the response K is diagonal: 1/m_A + 1/m_B along n, besides a^2 / I_A + b^2 / I_B along t1 and
+t2. About n a point makes no torque; where something resists spinning, the blocks are those of
+other shapes. That takes a third of the work of other contacts and half of their memory.
 """
 
 from rigid_sim_ros.engine.constraints.contact_blocks import (
@@ -28,7 +28,8 @@ from rigid_sim_ros.kernels.kernel import part
 
 
 @part
-def prepare_balls(b: Array, inv_m_A: Eight, inv_m_B: Eight, J_A: Eight, J_B: Eight) -> None:
+def prepare_balls(b: Array, inv_m_A: Eight, inv_m_B: Eight, inv_I_A: Eight,
+                  inv_I_B: Eight) -> None:
     """
     Work out frames and responses, given the inverse masses and inertias.
 
@@ -39,7 +40,7 @@ def prepare_balls(b: Array, inv_m_A: Eight, inv_m_B: Eight, J_A: Eight, J_B: Eig
     a, c = load(b, LEVER_A), load(b, LEVER_B)
     straight = inv_m_A + inv_m_B
     store(b, POINT + MASS, select(load(b, POINT + GAP) < ABSENT, inverse_of(straight), 0.0))
-    store(b, STICK, inverse_of(straight + a * a * J_A + c * c * J_B))
+    store(b, STICK, inverse_of(straight + a * a * inv_I_A + c * c * inv_I_B))
 
 
 @part

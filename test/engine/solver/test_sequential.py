@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros.engine.constraints.contact_blocks import (
-    ARM_A, ARM_B, BALLS_BEGIN, BALLS_SIZE, BASIS, BLOCK_SIZE, FRICTION, IMPULSE, INV_SPIN, INV_TT,
-    J_A, J_B, K_NN, K_SPIN, K_TN, NORMAL, POINT, POINT_ROWS, S, SPIN, T)
+    ARM_A, ARM_B, BALLS_BEGIN, BALLS_SIZE, BASIS, BLOCK_SIZE, FRICTION, IMPULSE, INV_I_A, INV_I_B,
+    INV_SPIN, INV_TT, K_NN, K_SPIN, K_TN, NORMAL, POINT, POINT_ROWS, S, SPIN, T)
 from rigid_sim_ros.engine.constraints.contact_rules import Sweep
 from rigid_sim_ros.engine.model.kinds.table import BOX
 from rigid_sim_ros.engine.model.shapes import Material
@@ -112,7 +112,8 @@ def axes(rows, lane):
 def read_twist(rows, lane, blocks, bodies):
     """Return the twist of B relative to A at c as the bodies have it now, N before T."""
     u, w = np.zeros(3), np.zeros(3)
-    for at, arm, inertia, sign in ((blocks.at_A, ARM_A, J_A, -1), (blocks.at_B, ARM_B, J_B, 1)):
+    for at, arm, inertia, sign in ((blocks.at_A, ARM_A, INV_I_A, -1),
+                                   (blocks.at_B, ARM_B, INV_I_B, 1)):
         motion = bodies.motion[at[lane]:at[lane] + 6]
         xx, xy, xz, yy, yz, zz = rows[inertia:inertia + 6, lane]
         spin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ motion[3:]
