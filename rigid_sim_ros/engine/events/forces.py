@@ -17,12 +17,10 @@ from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, TOLERANCE
 from rigid_sim_ros.engine.contact.resting_qp import CLOSING, LIFTING, resting_rates
 from rigid_sim_ros.engine.detection.backtrack import film
 from rigid_sim_ros.engine.events.buffers import (
-    BORNE, Buffers, EventArguments, EventSettings, HELD, MORE_ROWS, STUCK)
+    BORNE, Buffers, EventArguments, HELD, MORE_ROWS, STUCK)
 from rigid_sim_ros.engine.events.groups import Groups, MANY_EVENTS, MUCH_WORK, NO_FORCES
 from rigid_sim_ros.engine.events.move import load, shift_levers
 from rigid_sim_ros.engine.model.model import Model
-from rigid_sim_ros.engine.model.shapes import Shapes
-from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
@@ -72,41 +70,40 @@ def _choose(contacts: Contacts, bodies: Bodies, first: int, last: int, h: float,
 
 
 @kernel
-def _push_apart(model: Model, state: State, shapes: Shapes, settings: EventSettings, m: int,
-                g: int, span: float, closing: float, w: Buffers) -> None:
+def _push_apart(c: EventArguments, m: int, g: int, span: float) -> None:
     """
     Add momenta that displace what overlaps, and are removed when the span is over.
 
     So nothing that comes apart gains a velocity, however deep it was. The momenta are left in
     `w.push`, and what they are at the bodies in `w.pushed`.
     """
-    rows, width = w.rows, w.now.width[0]
-    contacts = w.contacts
+    model, state, w = c.model, c.state, c.buffers
+    rows, width, contacts, closing = w.rows, w.now.width[0], w.contacts, _closing(c, g)
     violation(rows, m, width, rows.f)
-    for c in range(m):
-        k, at = w.chosen[c], width * c
-        depth = film(shapes, contacts.shape_a[k], contacts.shape_b[k]) - contacts.gap[k]
+    for n in range(m):
+        k, at = w.chosen[n], width * n
+        depth = film(c.shapes, contacts.shape_a[k], contacts.shape_b[k]) - contacts.gap[k]
         wanted = min(CLOSING * depth / closing,
-                     settings.push_out * contacts.size[k] / model.h)
+                     c.settings.push_out * contacts.size[k] / model.h)
         if CLOSING * depth / closing <= LIFTING * resting_speed(contacts, w.bodies, k, model.h):
             wanted = 0.0
         for i in range(at, at + width):
             rows.trial[i] = 0.0
         # Not what leaves its overlap by itself.
         w.newton.y[at] = -wanted + span * max(rows.a[at], 0.0)
-    for c in range(m):
-        rows.mu[c, 0], rows.mu[c, 1], rows.mu[c, 2] = 0.0, 0.0, 0.0
-        rows.b[width * c] = w.newton.y[width * c]
+    for n in range(m):
+        rows.mu[n, 0], rows.mu[n, 1], rows.mu[n, 2] = 0.0, 0.0, 0.0
+        rows.b[width * n] = w.newton.y[width * n]
     write_effects(rows, m, width, rows.trial)
     sweep_rows(rows, m, width, rows.trial, PUSH_SWEEPS, 0.0)
     members = w.groups.body[w.groups.first[g]:w.groups.first[g + 1]]
     for j in members:
         for i in range(3):
             w.pushed.F[i, j], w.pushed.tau[i, j] = state.P[i, j], state.L[i, j]
-    for c in range(m):
-        push_rows(model, state, contacts, w.chosen[c], width, rows.trial, width * c)
+    for n in range(m):
+        push_rows(model, state, contacts, w.chosen[n], width, rows.trial, width * n)
         for i in range(width):
-            w.push[w.chosen[c], i] = rows.trial[width * c + i]
+            w.push[w.chosen[n], i] = rows.trial[width * n + i]
     for j in members:
         for i in range(3):
             w.pushed.F[i, j] = state.P[i, j] - w.pushed.F[i, j]
@@ -277,7 +274,7 @@ def balance(c: EventArguments, g: int) -> int:
     carry_ahead(model, state, w.still, shapes, contacts, w.bodies, w.then, chosen, width, span,
                 w.pose, c.memory.scratch, rows.trial)
     if resting_rates(model, shapes, contacts, w.bodies, chosen, width, rows.trial, span,
-                     _closing(model, groups, g), rows.b):
+                     _closing(c, g), rows.b):
         w.now.is_deep[0] = 1
     write_rows(model, contacts, w.bodies, chosen, width, COMPLIANCE, rows)
     known = recall_forces(model, contacts, chosen, width, c.carried, w.match, rows.f)
@@ -295,14 +292,14 @@ def end_short(g: int, why: int, groups: Groups) -> None:
 
 
 @kernel
-def _closing(model: Model, groups: Groups, g: int) -> float:
+def _closing(c: EventArguments, g: int) -> float:
     """
     Return the time [s] in which gaps of a group are closed in part.
 
     What is left of a step after a collision may be nothing: a gap of rounding over that is no
     speed.
     """
-    return min(max(groups.span[g], CUT * model.h), model.h)
+    return min(max(c.buffers.groups.span[g], CUT * c.model.h), c.model.h)
 
 
 @kernel
@@ -336,8 +333,7 @@ def settle(c: EventArguments, g: int) -> None:
             w.sunk[k] = _depth(contacts, w.bodies, k, span, c.settings.overlap)
     load(model, w.contacts, w.chosen[:m], width, w.force, w.loads)
     if w.now.is_deep[0] == 1:
-        _push_apart(model, c.state, c.shapes, c.settings, m, g, span,
-                    _closing(model, groups, g), w)
+        _push_apart(c, m, g, span)
 
 
 @kernel

@@ -21,8 +21,6 @@ from rigid_sim_ros.engine.events.buffers import (
 from rigid_sim_ros.engine.events.forces import end_short, room_for, solve, take_no_energy
 from rigid_sim_ros.engine.events.groups import Groups, NO_IMPULSES
 from rigid_sim_ros.engine.maths.algebra import norm
-from rigid_sim_ros.engine.model.model import Model
-from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
@@ -175,19 +173,20 @@ def collide_group(c: EventArguments, g: int) -> int:
             if pushed:
                 w.bounced[_bounce(contacts, k, w), 2] += 1
         if done < 0:
-            _read_group(model, state, g, w)
-            if not _stop_together(model, state, settings, g, w):
+            _read_group(c, g)
+            if not _stop_together(c, g):
                 end_short(g, NO_IMPULSES, groups)
-        _read_group(model, state, g, w)
+        _read_group(c, g)
     groups.effort[g] = w.newton.effort[0]
     return DONE
 
 
 @kernel
-def _read_group(model: Model, state: State, g: int, w: Buffers) -> None:
+def _read_group(c: EventArguments, g: int) -> None:
     """Read the bodies of a group again."""
-    for at in range(w.groups.first[g], w.groups.first[g + 1]):
-        read_body(model, state, w.work.loads.F, w.work.loads.tau, w.groups.body[at], w.bodies)
+    loads, groups, bodies = c.buffers.work.loads, c.buffers.groups, c.buffers.bodies
+    for at in range(groups.first[g], groups.first[g + 1]):
+        read_body(c.model, c.state, loads.F, loads.tau, groups.body[at], bodies)
 
 
 @kernel
@@ -202,18 +201,18 @@ def _touching_points(settings: EventSettings, g: int, w: Buffers) -> int:
 
 
 @kernel
-def _stop_together(model: Model, state: State, settings: EventSettings, g: int,
-                   w: Buffers) -> bool:
+def _stop_together(c: EventArguments, g: int) -> bool:
     """
     End an impact that goes to and fro for ever: all points at once, with e = 0.
 
     Returns whether nothing approaches afterwards; see `solve`.
     """
-    m, width, rows = _touching_points(settings, g, w), w.now.width[0], w.rows
+    model, state, w = c.model, c.state, c.buffers
+    m, width, rows = _touching_points(c.settings, g, w), w.now.width[0], w.rows
     w.now.touched[0] = number_bodies(w.contacts, w.chosen[:m], model.inv_m, w.newton.slot)
     write_rows(model, w.contacts, w.bodies, w.chosen[:m], width, COMPLIANCE, rows)
-    for c in range(m):
-        read_rates(model, w.contacts, w.bodies.velocity, w.chosen[c], width, rows.b, width * c)
+    for n in range(m):
+        read_rates(model, w.contacts, w.bodies.velocity, w.chosen[n], width, rows.b, width * n)
     for i in range(width * m):
         rows.f[i], w.proximal[i] = 0.0, 0.0
     stops = solve(m, width, 0, False, 0.0, w)
@@ -223,8 +222,8 @@ def _stop_together(model: Model, state: State, settings: EventSettings, g: int,
         for i in range(width * m):
             rows.trial[i] = rows.b[i]
         take_no_energy(rows, m, width, 1.0)
-    for c in range(m):
-        push_rows(model, state, w.contacts, w.chosen[c], width, rows.f, width * c)
+    for n in range(m):
+        push_rows(model, state, w.contacts, w.chosen[n], width, rows.f, width * n)
         for i in range(width):
-            w.impulses[w.chosen[c], i] += rows.f[width * c + i]
+            w.impulses[w.chosen[n], i] += rows.f[width * n + i]
     return stops

@@ -7,10 +7,9 @@ from rigid_sim_ros.engine.contact.contacts import (
     add_contact_load, Bodies, Contacts, to_world, torque_in_world)
 from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.dynamics.free_flight import drift
-from rigid_sim_ros.engine.dynamics.integrate import sum_loads, Work
+from rigid_sim_ros.engine.dynamics.integrate import sum_loads
 from rigid_sim_ros.engine.dynamics.kinematic import carry
-from rigid_sim_ros.engine.dynamics.wrenches import Wrenches
-from rigid_sim_ros.engine.events.groups import Groups
+from rigid_sim_ros.engine.events.buffers import EventArguments
 from rigid_sim_ros.engine.maths.algebra import cross
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.state import State
@@ -29,31 +28,30 @@ def load(model: Model, contacts: Contacts, chosen: IntArray, width: int, force: 
 
 
 @kernel
-def move(model: Model, state: State, wrenches: Wrenches, contacts: Contacts, bodies: Bodies,
-         force: Array, push: Array, assumed: Array, groups: Groups, loads: Loads, pushed: Loads,
-         times: Array, work: Work) -> None:
+def move(c: EventArguments) -> None:
     """
-    Kick, drift, kick like `integrate.symplectic`, each body for its time, (n,) [s].
+    Kick, drift, kick like `integrate.symplectic`, each body for its time in `Buffers.times`.
 
-    With constant contact forces, (c, 6) [N, contact axes], that are in work.loads; `loads` are
-    theirs alone, with levers of the middle of the span of a group as `bodies` move with the
-    accelerations `assumed`, (n, 3). push, (c, 6) [N s], are impulses that the momenta hold for
-    this way only, and `pushed` what they are at the bodies.
+    The loads hold the constant contact forces, with levers of the middle of the span of a group as
+    bodies move with the accelerations `Buffers.assumed`; the momenta hold, for this way only, the
+    impulses that displace.
     """
+    model, state, work, times = c.model, c.state, c.buffers.work, c.buffers.times
+    loads, pushed = c.buffers.loads, c.buffers.pushed
     _kick(state, work.loads, times, 0.5)
     drift(model, state, times, work.block)
     for i in model.fixed:
         if times[i] > 0.0:
             carry(state, i, times[i])
-    for k in range(contacts.count[0]):
-        _meet_again(model, state, contacts, bodies, k, force, push, assumed, groups, times)
+    for k in range(c.buffers.contacts.count[0]):
+        _meet_again(c, k)
     _kick(state, work.loads, times, 0.5)
     for j in range(model.m.shape[0]):  # what is left are the loads without contacts
         for i in range(3):
             work.loads.F[i, j] -= loads.F[i, j]
             work.loads.tau[i, j] -= loads.tau[i, j]
     # As in `integrate.symplectic`: the momenta are known now to first order.
-    sum_loads(model, state, wrenches, work.later)
+    sum_loads(model, state, c.wrenches, work.later)
     _kick(state, work.later, times, 0.5)
     _kick(state, work.loads, times, -0.5)
     for j in range(model.m.shape[0]):
@@ -107,10 +105,9 @@ def shift_levers(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntAr
 
 
 @kernel
-def _meet_again(model: Model, state: State, contacts: Contacts, bodies: Bodies, k: int,
-                force: Array, push: Array, assumed: Array, groups: Groups, times: Array) -> None:
+def _meet_again(c: EventArguments, k: int) -> None:
     """
-    Let -F on A and F on B act at one point, after a drift of t [s].
+    Let -F on A and F on B of point k act at one place, after a drift of t [s].
 
     The change t F of the momenta keeps the angular momentum of both if it acts at one place p with
     the levers p - (x_0 + x_1) / 2. Those of `contacts` are from where the centres were expected to
@@ -118,8 +115,10 @@ def _meet_again(model: Model, state: State, contacts: Contacts, bodies: Bodies, 
     d_A and d_B, p becomes p + s, s = (w_A d_A + w_B d_B) / (w_A + w_B) with w = 1 / M. An impulse
     J that is removed at the end is then one at centres that went on by x_1 - x_0.
     """
+    state, contacts, groups = c.state, c.buffers.contacts, c.buffers.groups
+    force, push = c.buffers.force, c.buffers.push
     a, b = contacts.body_a[k], contacts.body_b[k]
-    w_A, w_B, t = model.inv_m[a], model.inv_m[b], times[a]
+    w_A, w_B, t = c.model.inv_m[a], c.model.inv_m[b], c.buffers.times[a]
     if w_A == 0.0 or w_B == 0.0 or t == 0.0 or force[k, 0] + push[k, 0] == 0.0:
         return
     g = groups.of[a]
@@ -127,9 +126,7 @@ def _meet_again(model: Model, state: State, contacts: Contacts, bodies: Bodies, 
     F = to_world(contacts, k, (force[k, 0], force[k, 1], force[k, 2]))
     J = to_world(contacts, k, (push[k, 0], push[k, 1], push[k, 2]))
     # d_B - d_A; the momenta are still those of the drift.
-    off = (_off(model, state, bodies, assumed, a, b, 0, span, t),
-           _off(model, state, bodies, assumed, a, b, 1, span, t),
-           _off(model, state, bodies, assumed, a, b, 2, span, t))
+    off = (_off(c, a, b, 0, span, t), _off(c, a, b, 1, span, t), _off(c, a, b, 2, span, t))
     apart = (w_B * state.P[0, b] - w_A * state.P[0, a], w_B * state.P[1, b] - w_A * state.P[1, a],
              w_B * state.P[2, b] - w_A * state.P[2, a])
     turning, back = cross(off, F), cross(apart, J)
@@ -140,10 +137,10 @@ def _meet_again(model: Model, state: State, contacts: Contacts, bodies: Bodies, 
 
 
 @kernel
-def _off(model: Model, state: State, bodies: Bodies, assumed: Array, a: int, b: int, i: int,
-         span: float, t: float) -> float:
+def _off(c: EventArguments, a: int, b: int, i: int, span: float, t: float) -> float:
     """Return how much farther [m] B is from A in the middle of the way than expected, axis i."""
-    moved = t * (model.inv_m[b] * state.P[i, b] - model.inv_m[a] * state.P[i, a])
+    inv_m, P, bodies, assumed = c.model.inv_m, c.state.P, c.buffers.bodies, c.buffers.assumed
+    moved = t * (inv_m[b] * P[i, b] - inv_m[a] * P[i, a])
     expected = span * (bodies.velocity[b, i] - bodies.velocity[a, i]
                        + 0.5 * span * (assumed[b, i] - assumed[a, i]))
     return 0.5 * (moved - expected)

@@ -31,7 +31,7 @@ from rigid_sim_ros.engine.events.progress import (
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.engine.state.state import copy_into
-from rigid_sim_ros.kernels.arrays import Array, IntArray
+from rigid_sim_ros.kernels.arrays import Array
 from rigid_sim_ros.kernels.kernel import kernel
 
 # Of a step: no part in which forces stay constant is shorter.
@@ -220,7 +220,7 @@ def _find_way(c: EventArguments, g: int) -> None:
         return
     if groups.residual[g] > ROUGH:  # shorter spans would not help
         _let_sink(shapes, contacts, first, last, w.sunk)
-    _allow(w.pairs, count, contacts, first, last, w.held, w.sunk, w.allowed)
+    _allow(w, count, first, last)
     t, which = first_event(c.model, c.state, w.work.loads, shapes, w.pairs, count, w.allowed,
                            c.settings.overlap, until, w.pose, memory.scratch)
     groups.way[g] = t
@@ -236,17 +236,21 @@ def _let_sink(shapes: Shapes, contacts: Contacts, first: int, last: int, sunk: A
 
 
 @kernel
-def _allow(pairs: IntArray, count: int, contacts: Contacts, first: int, last: int, held: IntArray,
-           sunk: Array, allowed: Array) -> None:
-    """Write how deep the pairs that get forces may go, 0 for the others; see `first_event`."""
+def _allow(w: Buffers, count: int, first: int, last: int) -> None:
+    """
+    Write how deep the pairs that get forces may go, 0 for the others; see `first_event`.
+
+    Of the first `count` pairs, whose points of contact are those from first to last.
+    """
+    pairs, contacts, allowed = w.pairs, w.contacts, w.allowed
     allowed[:count] = 0.0
     p = 0
     for k in range(first, last):
-        if held[k] == 0:
+        if w.held[k] == 0:
             continue
         for _ in range(count):
             if pairs[p, 0] == contacts.shape_a[k] and pairs[p, 1] == contacts.shape_b[k]:
-                allowed[p] = min(allowed[p], sunk[k])
+                allowed[p] = min(allowed[p], w.sunk[k])
                 break
             p = (p + 1) % count
 
@@ -266,8 +270,7 @@ def _go(c: EventArguments) -> None:
             w.times[i] = groups.left[g]
     _add_impulses(model, w)
     record(model, current(c.memory), w.contacts, w.impulses)
-    move(model, c.state, c.wrenches, w.contacts, w.bodies, w.force, w.push, w.assumed, groups,
-         w.loads, w.pushed, w.times, w.work)
+    move(c)
 
 
 @kernel
