@@ -2,15 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is legal in a scene and yet will not go well: what the author should know before a run."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.dynamics.forces import FORCES
+from rigid_sim_ros.engine.dynamics.force_rates import ForceRow
+from rigid_sim_ros.engine.dynamics.forces import force_row, FORCES
 from rigid_sim_ros.engine.model.inertia import mesh_volume
-from rigid_sim_ros.engine.model.model import Model, WORLD
+from rigid_sim_ros.engine.model.model import WORLD
 from rigid_sim_ros.engine.model.shapes import can_meet
 from rigid_sim_ros.scene.build import Scene
 from rigid_sim_ros.scene.contact_advice import below, describe_contact
@@ -27,90 +27,6 @@ FAST_TURN = 0.25
 HOLLOW = 0.01
 
 
-class Rates(NamedTuple):
-    """How fast a force acts on the bodies at its ends, as upper bounds."""
-
-    oscillation: float = 0.0  # [rad/s]
-    damping: float = 0.0  # [1/s]
-
-
-class _Row:
-    """One row of a scene's force table, with what its ends weigh."""
-
-    def __init__(self, scene: Scene, r: int) -> None:
-        self._model: Model = scene.model
-        table = scene.model.forces
-        self.kind = list(FORCES)[table.kind[r]]
-        self.a, self.b = int(table.frame_a[r]), int(table.frame_b[r])
-        self._values = table.parameters[r]
-        self.state = scene.state
-
-    def value(self, name: str) -> np.ndarray:
-        """Return the numbers of a parameter."""
-        start = 0
-        for parameter in FORCES[self.kind].parameters:
-            if parameter.name == name:
-                return self._values[start:start + parameter.size]
-            start += parameter.size
-        raise KeyError(name)
-
-    def scalar(self, name: str) -> float:
-        """Return the number of a parameter."""
-        return float(self.value(name)[0])
-
-    def inv_m(self, frame: int) -> float:
-        """Return 1 / mass [1/kg] of the body of a frame, 0 for what cannot move."""
-        return 0.0 if frame == WORLD else float(self._model.inv_m[self._model.frame_body[frame]])
-
-    def inv_I(self, frame: int) -> float:
-        """Return 1 / moment of inertia [1/(kg m^2)] about the axis that turns most easily."""
-        if frame == WORLD:
-            return 0.0
-        return float(self._model.inv_I_C[:, self._model.frame_body[frame]].max())
-
-    def inv_m_at(self, frame: int, offset: float = 0.0) -> float:
-        """Return the most that a point of a frame, `offset` [m] from its origin, yields [1/kg]."""
-        if frame == WORLD:
-            return 0.0
-        arm = float(np.linalg.norm(self._model.p_CF[frame])) + offset
-        return self.inv_m(frame) + arm * arm * self.inv_I(frame)
-
-
-def _at_points(row: _Row) -> Rates:
-    anchor = float(np.linalg.norm(row.value('anchor')))
-    inv = row.inv_m_at(row.a) + row.inv_m_at(row.b, anchor)
-    return Rates(math.sqrt(row.scalar('stiffness') * inv), row.scalar('damping') * inv)
-
-
-def _between_centres(row: _Row) -> Rates:
-    return Rates(math.sqrt(row.scalar('stiffness') * (row.inv_m(row.a) + row.inv_m(row.b))))
-
-
-def _between_axes(row: _Row) -> Rates:
-    inv = row.inv_I(row.a) + row.inv_I(row.b)
-    return Rates(math.sqrt(row.scalar('stiffness') * inv), row.scalar('damping') * inv)
-
-
-def _in_air(row: _Row) -> Rates:
-    # Drag grows with the speed; the one at the start is the one that is known. Frames that wind
-    # acts on are bodies.
-    inv_m, inv_I = row.inv_m(row.a), row.inv_I(row.a)
-    v = inv_m * row.state.P[:, row.a] - row.value('velocity')
-    w = inv_I * np.linalg.norm(row.state.L[:, row.a])
-    return Rates(damping=max(
-        inv_m * (row.scalar('drag') + row.scalar('quadratic_drag') * float(np.linalg.norm(v))),
-        inv_I * (row.scalar('angular_drag') + row.scalar('quadratic_angular_drag') * float(w))))
-
-
-_RATES: dict[str, Callable[[_Row], Rates]] = {
-    'wind': _in_air,
-    'spring': _at_points,
-    'avoidance': _between_centres,
-    'hold_point': _at_points,
-    'hold_orientation': _between_axes,
-}
-
-
 def advice(scene: Scene) -> list[str]:
     """Return a line, with what to do, for each thing in a scene that will not go well."""
     return [*_of_forces(scene), *_of_spin(scene), *_of_integrator(scene), *_of_contact(scene),
@@ -123,11 +39,11 @@ def _of_forces(scene: Scene) -> Iterator[str]:
     worst: dict[str, tuple[float, float, str]] = {}
     names = {index: name for name, index in scene.frame_names.items()} | {WORLD: 'world'}
     for r in range(scene.model.forces.kind.shape[0]):
-        row = _Row(scene, r)
-        rates = _RATES[row.kind](row)
+        kind, row = force_row(scene.model, scene.state, r)
+        rates = FORCES[kind].rates(row)
         fastest = max(rates.oscillation, rates.damping)
-        if fastest * h > COARSE and fastest > worst.get(row.kind, (0.0,))[0]:
-            worst[row.kind] = fastest, rates.oscillation, _ends(row, names)
+        if fastest * h > COARSE and fastest > worst.get(kind, (0.0,))[0]:
+            worst[kind] = fastest, rates.oscillation, _ends(kind, row, names)
     for kind, (fastest, oscillation, ends) in worst.items():
         if fastest == oscillation:
             what = f'may oscillate at {fastest / math.tau:.3g} Hz'
@@ -139,8 +55,8 @@ def _of_forces(scene: Scene) -> Iterator[str]:
                .replace('follows and will', 'does not follow: it will'))
 
 
-def _ends(row: _Row, names: dict[int, str]) -> str:
-    if FORCES[row.kind].ends == 'each':
+def _ends(kind: str, row: ForceRow, names: dict[int, str]) -> str:
+    if FORCES[kind].ends == 'each':
         return f'on {names[row.a]}'
     return f'between {names[row.a]} and {names[row.b]}'
 

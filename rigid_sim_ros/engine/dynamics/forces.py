@@ -12,6 +12,8 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from rigid_sim_ros.engine.dynamics.force_and_torque import add_force, add_torque, Loads
+from rigid_sim_ros.engine.dynamics.force_rates import (
+    at_points, between_axes, between_centres, ForceRow, in_air, Rates)
 from rigid_sim_ros.engine.maths.rotation import conjugate, logarithm, multiply
 from rigid_sim_ros.engine.maths.vector import (
     add_scaled, add_to_column, column, dot, norm, scale, subtract)
@@ -42,6 +44,7 @@ class ForceKind(NamedTuple):
     add: Callable[..., float]
     # 'each': a row for each of `bodies`; 'pairs': for each pair of them; 'ab': keys a and b
     ends: str
+    rates: Callable[[ForceRow], Rates]
     parameters: tuple[Parameter, ...]
 
 
@@ -144,29 +147,39 @@ def hold_orientation(model: Model, state: State, a: int, b: int, p: Array,
 _ANCHOR = Parameter('anchor', 3, 'm', (0.0, 0.0, 0.0), None, 'point in the axes of b')
 
 FORCES: dict[str, ForceKind] = {
-    'wind': ForceKind(wind, 'each', (
+    'wind': ForceKind(wind, 'each', in_air, (
         Parameter('velocity', 3, 'm/s', (0.0, 0.0, 0.0), None, 'of the air, world axes'),
         Parameter('drag', 1, 'N s/m', (0.0,), 0.0, 'linear, at the centre of mass'),
         Parameter('quadratic_drag', 1, 'N s^2/m^2', (0.0,), 0.0, 'grows with the square'),
         Parameter('angular_drag', 1, 'N m s', (0.0,), 0.0, 'linear damping of the rotation'),
         Parameter('quadratic_angular_drag', 1, 'N m s^2', (0.0,), 0.0, 'grows with the square'))),
-    'spring': ForceKind(spring, 'ab', (
+    'spring': ForceKind(spring, 'ab', at_points, (
         _ANCHOR,
         Parameter('stiffness', 1, 'N/m', None, 0.0, 'force per stretch'),
         Parameter('damping', 1, 'N s/m', (0.0,), 0.0, 'force per rate of stretch'),
         Parameter('rest_length', 1, 'm', (0.0,), 0.0, 'length without a force'))),
-    'avoidance': ForceKind(avoidance, 'pairs', (
+    'avoidance': ForceKind(avoidance, 'pairs', between_centres, (
         Parameter('range', 1, 'm', None, 0.0, 'distance of the centres where it begins'),
         Parameter('stiffness', 1, 'N/m', None, 0.0, 'force per depth inside the range'))),
-    'hold_point': ForceKind(hold_point, 'ab', (
+    'hold_point': ForceKind(hold_point, 'ab', at_points, (
         _ANCHOR,
         Parameter('stiffness', 1, 'N/m', None, 0.0, 'force per distance'),
         Parameter('damping', 1, 'N s/m', (0.0,), 0.0, 'force per relative velocity'))),
-    'hold_orientation': ForceKind(hold_orientation, 'ab', (
+    'hold_orientation': ForceKind(hold_orientation, 'ab', between_axes, (
         Parameter('orientation', 4, '1', (0.0, 0.0, 0.0, 1.0), None, 'of a in the axes of b'),
         Parameter('stiffness', 1, 'N m/rad', None, 0.0, 'torque per angle'),
         Parameter('damping', 1, 'N m s/rad', (0.0,), 0.0, 'torque per relative spin'))),
 }
+
+
+def force_row(model: Model, state: State, r: int) -> tuple[str, ForceRow]:
+    """Return the kind and the contents of a row of the force table."""
+    table, values, start = model.forces, {}, 0
+    kind = list(FORCES)[table.kind[r]]
+    for parameter in FORCES[kind].parameters:
+        values[parameter.name] = table.parameters[r, start:start + parameter.size]
+        start += parameter.size
+    return kind, ForceRow(model, state, int(table.frame_a[r]), int(table.frame_b[r]), values)
 
 
 @kernel
