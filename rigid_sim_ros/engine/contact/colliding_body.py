@@ -27,6 +27,19 @@ TOGETHER = 32
 VELOCITY, SPIN, ACCELERATION, INVERSE, INV_M, DP, DL, COLUMNS = 0, 3, 6, 9, 15, 16, 19, 28
 
 
+class CollidingPairs(NamedTuple):
+    """Pairs of bodies that collide at the same time; k is TOGETHER."""
+
+    body: IntArray  # (k, 2) A and B
+    points: IntArray  # (k,)
+    normal: Array  # (k, 3) from A to B
+    between: Array  # (k, 3) [m] from the centre of mass of A to that of B
+    added: Array  # (k, 3) [m/s] what forces add to the relative velocity until then
+    mu: Array  # (k,) coefficient of friction
+    centre: Array  # (k, 3) [m] of the pressure, from the centre of mass of A
+    slide: Array  # (k, 3) [N s] the impulse of friction on B
+
+
 class CollisionWork(NamedTuple):
     """Buffers for n bodies and c manifolds."""
 
@@ -41,7 +54,7 @@ class CollisionWork(NamedTuple):
     pairs: IntArray  # (n,) of 32 bits, how many pairs of a body touch first
     body: Array  # (n, 28) v, w, F / m, inverse inertia in world axes, 1 / m, new momenta, shifts
     together: IntArray  # (TOGETHER,) places in `rows` of the pairs that collide together
-    pair: Array  # (TOGETHER, 19) see collision_impulses.py
+    pair: CollidingPairs
     # (TOGETHER, POINTS, 3) their points from the centres of mass of A [m]
     point: Array
     # (TOGETHER, POINTS) normal velocity after it [m/s], NEVER for a point that takes no part
@@ -55,10 +68,17 @@ def make_collision_work(n: int, capacity: int) -> CollisionWork:
     """Return buffers for n bodies and `capacity` manifolds."""
     return CollisionWork(integers(1), room(capacity, kind=np.int32), room(capacity),
                          room(capacity, kind=np.int8), room(n), room(n), room(n, kind=np.int32),
-                         room(n, COLUMNS), integers(TOGETHER), np.zeros((TOGETHER, 19)),
+                         room(n, COLUMNS), integers(TOGETHER), _no_pairs(),
                          np.zeros((TOGETHER, POINTS, 3)), np.zeros((TOGETHER, POINTS)),
                          np.zeros((TOGETHER, POINTS)),
                          np.zeros((MOST_ALIKE, 2), dtype=np.int64), make_room(MOST_ALIKE, 3))
+
+
+def _no_pairs() -> CollidingPairs:
+    k = TOGETHER
+    return CollidingPairs(
+        integers(k, 2), integers(k), np.zeros((k, 3)), np.zeros((k, 3)), np.zeros((k, 3)),
+        np.zeros(k), np.zeros((k, 3)), np.zeros((k, 3)))
 
 
 @inlined

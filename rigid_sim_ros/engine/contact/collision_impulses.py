@@ -14,7 +14,7 @@ Two methods find them:
 """
 
 from rigid_sim_ros.engine.contact.colliding_body import (
-    change_at, CollisionWork, get, INV_M, NEVER, push_body, put, relative_after, response, turned)
+    change_at, CollisionWork, INV_M, NEVER, push_body, put, relative_after, response, turned)
 from rigid_sim_ros.engine.contact.impulse import MOST_ALIKE, solve_impact
 from rigid_sim_ros.engine.maths.algebra import perpendicular
 from rigid_sim_ros.engine.maths.vector import (
@@ -25,17 +25,13 @@ from rigid_sim_ros.kernels.kernel import inlined, kernel
 # Visits to the points and the friction of one collision, at most, and the part of the impulse by
 # which one of them may still change it.
 VISITS, CONVERGED = 1000, 1e-12
-# Columns of `CollisionWork.pair`: the bodies and the number of points; the normal; from the centre
-# of mass of A to that of B; what forces add to the relative velocity until then; the coefficient
-# of friction; the centre of the pressure from that of A; the impulse of friction.
-BODY_A, BODY_B, POINTS_OF, NORMAL, BETWEEN, ADDED, MU, CENTRE, SLIDE = 0, 1, 2, 3, 6, 9, 12, 13, 16
 
 
 @kernel
 def find_impulses(count: int, work: CollisionWork) -> None:
     """Find and apply the impulses of one collision of some pairs."""
     for k in range(count):
-        put(work.pair[k], SLIDE, (0.0, 0.0, 0.0))
+        put(work.pair.slide[k], 0, (0.0, 0.0, 0.0))
     points = _choose_points(count, work) if count > 1 else 0
     if 0 < points <= MOST_ALIKE:
         _solve_at_once(points, work)
@@ -45,8 +41,8 @@ def find_impulses(count: int, work: CollisionWork) -> None:
 
 @inlined
 def _bodies(k: int, work: CollisionWork) -> tuple[Array, Array]:
-    pair = work.pair[k]
-    return work.body[int(pair[BODY_A])], work.body[int(pair[BODY_B])]
+    bodies = work.pair.body
+    return work.body[bodies[k, 0]], work.body[bodies[k, 1]]
 
 
 @kernel
@@ -54,21 +50,21 @@ def _push(k: int, r_A: Vector, J: Vector, work: CollisionWork) -> None:
     """Let an impulse act on B of a pair, r_A from the centre of mass of A, and -J on A."""
     A, B = _bodies(k, work)
     push_body(A, r_A, scale(-1.0, J))
-    push_body(B, subtract(r_A, get(work.pair[k], BETWEEN)), J)
+    push_body(B, subtract(r_A, row(work.pair.between, k)), J)
 
 
 @kernel
 def _velocity(k: int, r_A: Vector, work: CollisionWork) -> Vector:
     """Return the velocity of B relative to A at a point of a pair, as it is by now."""
     A, B = _bodies(k, work)
-    return relative_after(A, B, r_A, get(work.pair[k], BETWEEN), get(work.pair[k], ADDED))
+    return relative_after(A, B, r_A, row(work.pair.between, k), row(work.pair.added, k))
 
 
 @kernel
 def _response(k: int, r_A: Vector, e: Vector, work: CollisionWork) -> float:
     """Return how much a unit impulse along e at a point changes the relative velocity there."""
     A, B = _bodies(k, work)
-    return response(A, r_A, e) + response(B, subtract(r_A, get(work.pair[k], BETWEEN)), e)
+    return response(A, r_A, e) + response(B, subtract(r_A, row(work.pair.between, k)), e)
 
 
 # --- by visits -----------------------------------------------------------------------------------
@@ -83,12 +79,12 @@ def _solve_by_visits(count: int, work: CollisionWork) -> None:
     left = _visit_normals(count, VISITS, work)
     for k in range(count):
         _write_centre(k, work)
-        rubs |= work.pair[k, MU] > 0.0 and _pressure(k, work) > 0.0
+        rubs |= work.pair.mu[k] > 0.0 and _pressure(k, work) > 0.0
     while rubs and left > 0:
         moved = total = 0.0
         for k in range(count):
             moved += _visit_friction(k, work)
-            total += norm(get(work.pair[k], SLIDE))
+            total += norm(row(work.pair.slide, k))
         left = _visit_normals(count, left, work)
         if moved <= CONVERGED * total:
             break
@@ -102,9 +98,9 @@ def _visit_together(k: int, work: CollisionWork) -> None:
 
     Before each is visited alone, so that what lies symmetrically stays so.
     """
-    n = get(work.pair[k], NORMAL)
+    n = row(work.pair.normal, k)
     count, c, missing = 0, (0.0, 0.0, 0.0), 0.0
-    for p in range(int(work.pair[k, POINTS_OF])):
+    for p in range(work.pair.points[k]):
         if work.target[k, p] < NEVER:
             count += 1
             c = add(c, row(work.point[k], p))
@@ -114,7 +110,7 @@ def _visit_together(k: int, work: CollisionWork) -> None:
     r_A = scale(1.0 / count, c)
     J = max(0.0, missing / count / _response(k, r_A, n, work))
     _push(k, r_A, scale(J, n), work)
-    for p in range(int(work.pair[k, POINTS_OF])):
+    for p in range(work.pair.points[k]):
         if work.target[k, p] < NEVER:
             work.impulse[k, p] = J / count
 
@@ -122,7 +118,7 @@ def _visit_together(k: int, work: CollisionWork) -> None:
 @kernel
 def _visit_point(k: int, p: int, work: CollisionWork) -> float:
     """Bring one point to its target by an impulse >= 0; return by how much that changed [N s]."""
-    n, r_A = get(work.pair[k], NORMAL), row(work.point[k], p)
+    n, r_A = row(work.pair.normal, k), row(work.point[k], p)
     missing = work.target[k, p] - dot(n, _velocity(k, r_A, work))
     after = max(0.0, work.impulse[k, p] + missing / _response(k, r_A, n, work))
     change = after - work.impulse[k, p]
@@ -143,7 +139,7 @@ def _visit_normals(count: int, most: int, work: CollisionWork) -> int:
         left -= 1
         moved = total = 0.0
         for k in range(count):
-            for p in range(int(work.pair[k, POINTS_OF])):
+            for p in range(work.pair.points[k]):
                 if work.target[k, p] < NEVER:
                     moved += _visit_point(k, p, work)
             total += _pressure(k, work)
@@ -156,7 +152,7 @@ def _visit_normals(count: int, most: int, work: CollisionWork) -> int:
 def _pressure(k: int, work: CollisionWork) -> float:
     """Return the sum of the normal impulses of a pair [N s]."""
     total = 0.0
-    for p in range(int(work.pair[k, POINTS_OF])):
+    for p in range(work.pair.points[k]):
         total += work.impulse[k, p]
     return total
 
@@ -165,18 +161,18 @@ def _pressure(k: int, work: CollisionWork) -> float:
 def _write_centre(k: int, work: CollisionWork) -> None:
     """Write the centre of the pressure of a pair, if there is any."""
     c, pressure = (0.0, 0.0, 0.0), _pressure(k, work)
-    for p in range(int(work.pair[k, POINTS_OF])):
+    for p in range(work.pair.points[k]):
         c = add_scaled(c, work.impulse[k, p], row(work.point[k], p))
-    put(work.pair[k], CENTRE, scale(1.0 / pressure, c) if pressure > 0.0 else c)
+    put(work.pair.centre[k], 0, scale(1.0 / pressure, c) if pressure > 0.0 else c)
 
 
 @kernel
 def _visit_friction(k: int, work: CollisionWork) -> float:
     """Stop the sliding at c within the cone of Coulomb; return how much that changed J [N s]."""
-    n, c, J = get(work.pair[k], NORMAL), get(work.pair[k], CENTRE), get(work.pair[k], SLIDE)
+    n, c, J = row(work.pair.normal, k), row(work.pair.centre, k), row(work.pair.slide, k)
     u = _velocity(k, c, work)
     u = add_scaled(u, -dot(n, u), n)
-    speed, most = norm(u), work.pair[k, MU] * _pressure(k, work)
+    speed, most = norm(u), work.pair.mu[k] * _pressure(k, work)
     wanted = J
     if speed > 0.0:
         e = scale(1.0 / speed, u)
@@ -186,7 +182,7 @@ def _visit_friction(k: int, work: CollisionWork) -> float:
         wanted = scale(most / size, wanted)
     change = subtract(wanted, J)
     _push(k, c, change, work)
-    put(work.pair[k], SLIDE, wanted)
+    put(work.pair.slide[k], 0, wanted)
     return norm(change)
 
 
@@ -202,10 +198,10 @@ def _limit_energy(count: int, work: CollisionWork) -> None:
     """
     changed = after = 0.0
     for k in range(count):
-        n, c, J = get(work.pair[k], NORMAL), get(work.pair[k], CENTRE), get(work.pair[k], SLIDE)
+        n, c, J = row(work.pair.normal, k), row(work.pair.centre, k), row(work.pair.slide, k)
         changed += dot(J, _change(k, c, work))
         after += dot(J, _velocity(k, c, work))
-        for p in range(int(work.pair[k, POINTS_OF])):
+        for p in range(work.pair.points[k]):
             r, f = row(work.point[k], p), work.impulse[k, p]
             changed += f * dot(n, _change(k, r, work))
             after += f * dot(n, _velocity(k, r, work))
@@ -213,19 +209,19 @@ def _limit_energy(count: int, work: CollisionWork) -> None:
         return
     less = 2.0 * (changed - after) / changed - 1.0
     for k in range(count):
-        n, c, J = get(work.pair[k], NORMAL), get(work.pair[k], CENTRE), get(work.pair[k], SLIDE)
-        for p in range(int(work.pair[k, POINTS_OF])):
+        n, c, J = row(work.pair.normal, k), row(work.pair.centre, k), row(work.pair.slide, k)
+        for p in range(work.pair.points[k]):
             _push(k, row(work.point[k], p), scale(less * work.impulse[k, p], n), work)
             work.impulse[k, p] *= 1.0 + less
         _push(k, c, scale(less, J), work)
-        put(work.pair[k], SLIDE, scale(1.0 + less, J))
+        put(work.pair.slide[k], 0, scale(1.0 + less, J))
 
 
 @kernel
 def _change(k: int, r_A: Vector, work: CollisionWork) -> Vector:
     """Return how much the collision has changed the relative velocity at a point of a pair."""
     A, B = _bodies(k, work)
-    return subtract(change_at(B, subtract(r_A, get(work.pair[k], BETWEEN))), change_at(A, r_A))
+    return subtract(change_at(B, subtract(r_A, row(work.pair.between, k))), change_at(A, r_A))
 
 
 # --- all at once ---------------------------------------------------------------------------------
@@ -236,7 +232,7 @@ def _choose_points(count: int, work: CollisionWork) -> int:
     """Write the points of some pairs that take part, as far as there is room; return how many."""
     found = 0
     for k in range(count):
-        for p in range(int(work.pair[k, POINTS_OF])):
+        for p in range(work.pair.points[k]):
             if work.target[k, p] < NEVER:
                 if found < MOST_ALIKE:
                     work.chosen[found, 0], work.chosen[found, 1] = k, p
@@ -254,7 +250,7 @@ def _solve_at_once(points: int, work: CollisionWork) -> None:
         for a in range(3):
             room.u0[3 * i + a] = dot(axes[a], u)
         room.e[i] = work.target[k, p] / -room.u0[3 * i]
-        room.mu[i, 0] = work.pair[k, MU]
+        room.mu[i, 0] = work.pair.mu[k]
         for j in range(points):
             others = _axes(work.chosen[j, 0], work)
             for a in range(3):
@@ -266,14 +262,14 @@ def _solve_at_once(points: int, work: CollisionWork) -> None:
         n, t1, t2 = _axes(k, work)
         work.impulse[k, p] = room.J[3 * i]
         slide = add(scale(room.J[3 * i + 1], t1), scale(room.J[3 * i + 2], t2))
-        put(work.pair[k], SLIDE, add(get(work.pair[k], SLIDE), slide))
+        put(work.pair.slide[k], 0, add(row(work.pair.slide, k), slide))
         _push(k, row(work.point[k], p), add_scaled(slide, room.J[3 * i], n), work)
 
 
 @kernel
 def _axes(k: int, work: CollisionWork) -> tuple[Vector, Vector, Vector]:
     """Return the normal of a pair and two tangents."""
-    n = get(work.pair[k], NORMAL)
+    n = row(work.pair.normal, k)
     t = perpendicular(n)
     return n, t, cross(n, t)
 
@@ -284,13 +280,13 @@ def _coupling(i: int, e: Vector, j: int, f: Vector, work: CollisionWork) -> floa
     k, l = work.chosen[i, 0], work.chosen[j, 0]  # noqa: E741
     here, there = row(work.point[k], work.chosen[i, 1]), row(work.point[l], work.chosen[j, 1])
     total = 0.0
-    for side in (BODY_A, BODY_B):
-        body = work.pair[k, side]
-        r = here if side == BODY_A else subtract(here, get(work.pair[k], BETWEEN))
-        for other in (BODY_A, BODY_B):
-            if work.pair[l, other] == body:
-                s = there if other == BODY_A else subtract(there, get(work.pair[l], BETWEEN))
-                line = work.body[int(body)]
+    for side in range(2):
+        body = work.pair.body[k, side]
+        r = here if side == 0 else subtract(here, row(work.pair.between, k))
+        for other in range(2):
+            if work.pair.body[l, other] == body:
+                s = there if other == 0 else subtract(there, row(work.pair.between, l))
+                line = work.body[body]
                 change = line[INV_M] * dot(e, f) + dot(cross(r, e), turned(line, cross(s, f)))
                 total += change if side == other else -change
     return total

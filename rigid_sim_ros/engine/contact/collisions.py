@@ -18,8 +18,7 @@ from rigid_sim_ros.engine.contact.classify import classify, COLLIDING
 from rigid_sim_ros.engine.contact.colliding_body import (
     ACCELERATION, CollisionWork, get, INV_M, load_body, NEVER, put, SPIN, store_body, TOGETHER,
     turn_body, VELOCITY, velocity_on)
-from rigid_sim_ros.engine.contact.collision_impulses import (
-    ADDED, BETWEEN, BODY_A, BODY_B, find_impulses, MU, NORMAL, POINTS_OF, SLIDE)
+from rigid_sim_ros.engine.contact.collision_impulses import find_impulses
 from rigid_sim_ros.engine.contact.contacts import share_a_body
 from rigid_sim_ros.engine.contact.impact_offsets import gap_now
 from rigid_sim_ros.engine.detection.manifolds import ACTS, LEFT_OUT, Manifolds, rows_in_use
@@ -192,7 +191,7 @@ def _collide(inv_m: Array, inv_I_C: Array, state: State, shapes: Shapes, materia
         for body in (manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX):
             turn_body(inv_I_C, state, body, tau, work.body[body])
         one, other = manifolds.shape_a[r], manifolds.shape_b[r]
-        work.pair[k, MU] = materials.friction[shapes.material[one], shapes.material[other]]
+        work.pair.mu[k] = materials.friction[shapes.material[one], shapes.material[other]]
         _read_pair(state.x, shapes.kind, shapes.size, manifolds,
                    ALIKE * _size(shapes, manifolds, r),
                    _restitution(shapes, materials, one, other), r, tau, k, work)
@@ -316,7 +315,7 @@ def _read_pair(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, toge
     Its points that touch within a distance of `together` [m] take part.
     """
     a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
-    A, B, pair = work.body[a], work.body[b], work.pair[k]
+    A, B, pair = work.body[a], work.body[b], work.pair
     n = row(manifolds.normal, r)
     acceleration = subtract(get(B, ACCELERATION), get(A, ACCELERATION))
     spheres = _are_balls(kind, manifolds, r)
@@ -338,10 +337,10 @@ def _read_pair(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, toge
         follows_B = 1.0
     elif is_ball(kind[manifolds.shape_a[r]]) or B[INV_M] == 0.0:
         follows_B = 0.0
-    pair[BODY_A], pair[BODY_B], pair[POINTS_OF] = a, b, manifolds.points[r]
-    put(pair, NORMAL, n)
-    put(pair, BETWEEN, d)
-    put(pair, ADDED, scale(tau, acceleration))
+    pair.body[k, 0], pair.body[k, 1], pair.points[k] = a, b, manifolds.points[r]
+    put(pair.normal[k], 0, n)
+    put(pair.between[k], 0, d)
+    put(pair.added[k], 0, scale(tau, acceleration))
     for p in range(manifolds.points[r]):
         r_A, r_B = row(manifolds.r_A[p], r), add(row(manifolds.r_B[p], r), d)
         c = o_A if spheres else add_scaled(r_A, follows_B, subtract(r_B, r_A))
@@ -360,11 +359,11 @@ def _read_pair(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, toge
 def _write_pair(kind: IntArray, manifolds: Manifolds, r: int, k: int, normal_impulse: Array,
                 friction_impulse: Array, work: CollisionWork) -> None:
     """Add the impulses of pair k of a collision to those of its manifold."""
-    J = get(work.pair[k], SLIDE)
+    J = row(work.pair.slide, k)
     if _are_balls(kind, manifolds, r):
         # The manifold has the normal from the start of the step.
         before = row(manifolds.normal, r)
-        J = add_scaled(J, work.impulse[k, 0], get(work.pair[k], NORMAL))
+        J = add_scaled(J, work.impulse[k, 0], row(work.pair.normal, k))
         work.impulse[k, 0] = dot(J, before)
         J = add_scaled(J, -work.impulse[k, 0], before)
     for p in range(manifolds.points[r]):
