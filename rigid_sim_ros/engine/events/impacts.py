@@ -18,13 +18,13 @@ from rigid_sim_ros.engine.contact.spare_points import mark_spare
 from rigid_sim_ros.engine.detection.manifolds import current, Manifolds
 from rigid_sim_ros.engine.events.buffers import (
     Buffers, EventArguments, EventSettings, MORE_ROOM, MORE_ROWS)
-from rigid_sim_ros.engine.events.forces import end_short, room_for, solve, take_no_energy
 from rigid_sim_ros.engine.events.groups import Groups, NO_IMPULSES
+from rigid_sim_ros.engine.events.resting_forces import end_short, room_for, solve, take_no_energy
 from rigid_sim_ros.engine.maths.algebra import norm
 from rigid_sim_ros.kernels.arrays import IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
-# In multiplications, see forces.EFFORT: what an event takes, and for each pair that may
+# In multiplications, see resting_forces.EFFORT: what an event takes, and for each pair that may
 # meet, or that collides.
 PER_EVENT, PER_PAIR = 1e4, 5e3
 

@@ -21,13 +21,13 @@ from rigid_sim_ros.engine.dynamics.kinematic import begin_kinematic, end_kinemat
 from rigid_sim_ros.engine.dynamics.wrenches import count_down
 from rigid_sim_ros.engine.events.buffers import (
     Buffers, EventArguments, HELD, MORE_FORCES, MORE_PAIRS, STUCK)
-from rigid_sim_ros.engine.events.forces import balance, remember, settle
 from rigid_sim_ros.engine.events.groups import find_groups, may_go, near_pairs, note_way, reach_out
 from rigid_sim_ros.engine.events.impacts import (
     collide_group, find_points, look_near, PER_EVENT, PER_PAIR)
 from rigid_sim_ros.engine.events.move import move
 from rigid_sim_ros.engine.events.progress import (
     BEGIN, CONTACTS, FORCES, GROUP, IMPULSES, MOVE, SETTLE)
+from rigid_sim_ros.engine.events.resting_forces import balance, remember, settle
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.model.shapes import Shapes
 from rigid_sim_ros.engine.state.state import copy_into

@@ -8,10 +8,11 @@ from typing import Any
 from rigid_sim_ros.engine.model.shapes import can_meet
 from rigid_sim_ros.engine.steps.contact_model import ContactModel, Setup
 from rigid_sim_ros.engine.steps.divided_model import DividedTimestep, has_free_bodies
-from rigid_sim_ros.engine.steps.free_models import Event, FreeMotion, Penalty, Timestep, VelocityQp
 from rigid_sim_ros.engine.steps.jointed_models import (
     Jointed, JointedEvent, JointedPenalty, JointedTimestep)
 from rigid_sim_ros.engine.steps.jointed_motion import JointSetup
+from rigid_sim_ros.engine.steps.unjointed_models import (
+    Event, FreeMotion, Penalty, Timestep, VelocityQp)
 
 # By contact and solver; the others have but one way to solve, whatever the solver is called.
 CONTACT_MODELS: dict[tuple[str, str], Callable[[Setup], Any]] = {

@@ -20,9 +20,9 @@ from rigid_sim_ros.engine.steps import jointed_contact
 from rigid_sim_ros.engine.steps.contact_model import ContactReport, Setup
 from rigid_sim_ros.engine.steps.divided_timestep import (
     BEGIN, COMMANDS, DIVIDE, Division, MERGE, run, TAKE_CALLED)
-from rigid_sim_ros.engine.steps.free_models import Timestep
 from rigid_sim_ros.engine.steps.jointed_models import JointedTimestep
 from rigid_sim_ros.engine.steps.jointed_motion import JointSetup
+from rigid_sim_ros.engine.steps.unjointed_models import Timestep
 from rigid_sim_ros.kernels.argument_pack import ArgumentPack
 
 

@@ -18,9 +18,9 @@ from rigid_sim_ros.engine.steps import (
     jointed_contact, jointed_event, jointed_penalty, jointed_steps, penalty)
 from rigid_sim_ros.engine.steps.contact_model import (
     CONTACT, ContactReport, named, OneThread, rows_of_acted, Setup, Touching, unnamed)
-from rigid_sim_ros.engine.steps.free_models import recalled_bristles
 from rigid_sim_ros.engine.steps.jointed_motion import JointedMotion, JointSetup, kept
 from rigid_sim_ros.engine.steps.jointed_progress import no_progress
+from rigid_sim_ros.engine.steps.unjointed_models import recalled_bristles
 
 
 def unresolved(motion: JointedMotion) -> str:
