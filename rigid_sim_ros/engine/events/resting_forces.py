@@ -89,11 +89,9 @@ def _push_apart(c: EventArguments, m: int, g: int, span: float) -> None:
             wanted = 0.0
         for i in range(at, at + width):
             rows.trial[i] = 0.0
-        # Not what leaves its overlap by itself.
-        w.newton.y[at] = -wanted + span * max(rows.a[at], 0.0)
-    for n in range(m):
         rows.mu[n, 0], rows.mu[n, 1], rows.mu[n, 2] = 0.0, 0.0, 0.0
-        rows.b[width * n] = w.newton.y[width * n]
+        # Not what leaves its overlap by itself.
+        rows.b[at] = -wanted + span * max(rows.a[at], 0.0)
     write_effects(rows, m, width, rows.trial)
     sweep_rows(rows, m, width, rows.trial, PUSH_SWEEPS, 0.0)
     members = w.groups.body[w.groups.first[g]:w.groups.first[g + 1]]
