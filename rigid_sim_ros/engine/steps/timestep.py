@@ -250,20 +250,38 @@ def predict(c: Arguments) -> None:
     predict_part(c, CONTACTS)
 
 
-CONTACTS, PASSAGES, TURNS, HITS = range(4)
+@kernel
+def stop_before_passages(c: Arguments) -> None:
+    """Let bodies stop where they would get through something that nothing pushes."""
+    predict_part(c, PASSAGES)
+
+
+@kernel
+def take_back_energy(c: Arguments) -> None:
+    """Take from bodies the energy that they gained by turning under their impulses."""
+    predict_part(c, GAINS)
+
+
+@kernel
+def collide_stopped(c: Arguments) -> None:
+    """Let bodies collide with what stopped them, where the step began in an overlap."""
+    predict_part(c, STOPPED)
+
+
+CONTACTS, PASSAGES, GAINS, STOPPED = range(4)
 
 
 @by_address
 def predict_part(c: Arguments, what: int) -> int:
-    """Predict the contacts of the step, or mend the ways of bodies, or where they ended."""
+    """Predict the contacts of a step, or do one of three things that few steps need."""
     memory, work = c.memory, c.work
     if what == PASSAGES:
         end_ways(c)
         return 0
-    if what == TURNS:
+    if what == GAINS:
         take_back_gains(c)
         return 0
-    if what == HITS:
+    if what == STOPPED:
         hit_what_stopped(c)
         return 0
     predict_contacts(c.model, c.state, work.loads, c.shapes, current(memory), memory.pose,
@@ -306,13 +324,13 @@ def solve(c: Arguments) -> None:
     solve_contacts(c)
     is_fast = is_any_fast(c)
     if is_fast:
-        predict_part(c, PASSAGES)
+        stop_before_passages(c)
     move_solved(c)
     if gains_any_by_turning(c):
-        predict_part(c, TURNS)
+        take_back_energy(c)
     move_kinematic(c.model, c.state, c.model.h)
     if is_fast:
-        predict_part(c, HITS)
+        collide_stopped(c)
 
 
 @kernel
