@@ -55,14 +55,16 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
     """
-    Let Python not look for cycles while it imports all tests.
+    Let Python not look for cycles while it imports all tests, nor among what they are made of.
 
-    In each worker that was a quarter of the time of the imports.
+    In each worker that was a quarter of the time of the imports. What stays until the end is a
+    million objects: to look through them takes 0.1 s, each time, ten times as a worker ends alone.
     """
     gc.disable()
     try:
         return (yield)
     finally:
+        gc.freeze()
         gc.enable()
 
 
