@@ -15,7 +15,8 @@ from rigid_sim_ros.kernels.numba_target import SUPPORTED
 Function = TypeVar('Function', bound=Callable[..., Any])
 
 # Numba counts an index below 0 from the end, and tests for it at each access. A positive number
-# stays what it is under this mask, and the tests go.
+# stays what it is under this mask, and the tests go: without it a step of `tower` takes 4 % longer
+# and one of `balls` 9 %.
 INDEX = (1 << 40) - 1
 
 
