@@ -25,9 +25,11 @@ for _kind in (kinds.CLOCK, kinds.POSE, kinds.TWIST, kinds.STATE, kinds.TRANSFORM
               kinds.ALL_JOINT_STATES):
     _KINDS.setdefault(kinds.TYPES[_kind], set()).add(_kind)
 
-# Kinds with one topic, by the parameter that asks for it; any list of bodies asks for the others.
-_ASKED_FOR = (('bodies', kinds.STATE), ('bodies', kinds.STATE_HASH), ('publish_clock', kinds.CLOCK),
-              ('publish_tf', kinds.TRANSFORMS), ('publish_joint_states', kinds.ALL_JOINT_STATES))
+# Kinds with one topic, and the parameter that asks for it. A node has some in any case, and it has
+# `bodies`.
+_ASKED_FOR = (('bodies', kinds.STATE), ('bodies', kinds.STATE_HASH),
+              ('publish_clock', kinds.CLOCK), ('publish_tf', kinds.TRANSFORMS),
+              ('publish_joint_states', kinds.ALL_JOINT_STATES))
 # Kinds with a topic for each body, all of which are published together.
 _OF_BODIES = (kinds.POSE, kinds.TWIST)
 

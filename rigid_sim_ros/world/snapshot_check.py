@@ -158,8 +158,8 @@ def check(meta: Mapping[str, Any], arrays: Mapping[str, np.ndarray],
             raise ValueError(f'the snapshot makes no sense, {what}: {_MEND}')
     step, sources = meta.get('step_index'), meta.get('sources')
     if type(step) is not int or not 0 <= step * step_ns < 2 ** 63:
-        raise ValueError(f'the snapshot is of step {step!r:.40}, must be a whole number of steps >= 0 '
-                         f'with a time below 2^63 ns: {_MEND}')
+        raise ValueError(f'the snapshot is of step {step!r:.40}, must be a whole number of steps '
+                         f'>= 0 with a time below 2^63 ns: {_MEND}')
     if not isinstance(sources, list) or len(sources) != lengths['r'] or not all(
             type(source) is str for source in sources):
         raise ValueError(f'the snapshot has {lengths["r"]} wrenches of other sources than a list '

@@ -1,6 +1,6 @@
 # Copyright 2026 The rigid_sim_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whatever a session publishes of bodies and joints is missed, or told of, where it was changed."""
+"""What a session publishes of bodies and joints is missed, or told of, where it was changed."""
 
 from collections.abc import Callable
 from functools import cache
