@@ -10,6 +10,7 @@ import pytest
 
 NODE = [sys.executable, '-m', 'rigid_sim_ros', 'run', 't_handle', '--duration', '0.01']
 CHECK = [sys.executable, '-m', 'rigid_sim_ros', 'check', 't_handle']
+SCENES = [sys.executable, '-m', 'rigid_sim_ros', 'scenes']
 RENDER = [sys.executable, '-m', 'rigid_sim_ros', 'render', 'bag', '--output', 'bag.png']
 needs_ros = pytest.mark.skipif(find_spec('rclpy') is None, reason='rclpy is not installed')
 
@@ -28,6 +29,8 @@ def under(limits, command, **environment):
     ('ulimit -v 200000; ', CHECK, {}, 'ulimit -v unlimited'),
     ('ulimit -v 1500000; ', RENDER, {}, 'ulimit -v unlimited'),
     ('', CHECK, {'NUMBA_DISABLE_JIT': '1'}, 'NUMBA_DISABLE_JIT'),
+    ('exec >/dev/full; ', SCENES, {}, 'No space left'),
+    ('exec >/dev/full; ', [*SCENES, '--help'], {}, 'No space left'),
 ])
 def test_what_is_not_allowed_is_one_line_and_code_2(limits, command, environment, said):
     result = under(limits, command, **environment)

@@ -10,7 +10,7 @@ by then. So a message, a topic or a file that was taken out is missed.
 """
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from rigid_sim_ros.bag import topics as kinds
 from rigid_sim_ros.bag.joint_messages import JointMessages
@@ -25,6 +25,11 @@ for _kind in (kinds.CLOCK, kinds.POSE, kinds.TWIST, kinds.STATE, kinds.TRANSFORM
               kinds.ALL_JOINT_STATES):
     _KINDS.setdefault(kinds.TYPES[_kind], set()).add(_kind)
 
+# Kinds with one topic, and the parameter that asks for it. A node has some in any case, and it has
+# `bodies`.
+_ASKED_FOR = (('bodies', kinds.STATE), ('bodies', kinds.STATE_HASH),
+              ('publish_clock', kinds.CLOCK), ('publish_tf', kinds.TRANSFORMS),
+              ('publish_joint_states', kinds.ALL_JOINT_STATES))
 # Kinds with a topic for each body, all of which are published together.
 _OF_BODIES = (kinds.POSE, kinds.TWIST)
 
@@ -58,13 +63,23 @@ def wrong_topics(session: Session, world: World, is_part: bool, joints: JointMes
     for model in () if is_part else joints.models:
         if listed[kinds.JOINT_STATES, model] != 1:
             return f'the session does not list the joint states of {model!r}, as it must'
-    patterns = session.parameters.get('bodies')
-    if not isinstance(patterns, list):
-        return ''
-    for name in matching(bodies, map(str, patterns)):
-        for kind in _OF_BODIES:
-            if listed[kind, name] != 1:
-                return f'the session does not list the {kind} of body {name!r}, as it must'
+    return _not_listed(session, listed, bodies, () if is_part else joints.joints)
+
+
+def _not_listed(session: Session, listed: Counter[tuple[str, str]], bodies: Iterable[str],
+                joints: Iterable[str]) -> str:
+    """Return which topic the parameters ask for that the session does not list, '' if none."""
+    asked = session.parameters
+    for parameter, kind in _ASKED_FOR:
+        if asked.get(parameter) not in (None, False) and listed[kind, ''] != 1:
+            return f'the session does not list the {kind}, as it must with {parameter!r}'
+    for parameter, names, wanted in (('bodies', bodies, _OF_BODIES),
+                                     ('joint_wrenches', joints, (kinds.JOINT_WRENCH,))):
+        patterns = asked.get(parameter)
+        for name in matching(names, map(str, patterns if isinstance(patterns, list) else ())):
+            for kind in wanted:
+                if listed[kind, name] != 1:
+                    return f'the session does not list the {kind} of {name!r}, as it must'
     return ''
 
 

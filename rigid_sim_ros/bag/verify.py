@@ -61,6 +61,7 @@ class Verdict(NamedTuple):
     gaps: int                   # stretches of which inputs are missing, and which were left out
     skipped: int                # messages after such, up to the next full state
     others: tuple[str, ...]     # topics that are not of the session
+    unchecked: tuple[str, ...]  # topics of the session that are there and are not made again
     note: str                   # how this software differs from the one that recorded, or ''
 
     @property
@@ -101,7 +102,7 @@ def verify(path: str | os.PathLike[str], progress: Callable[[int], None] | None 
         difference = Difference(run.step, '', str(error))
     return Verdict(difference, tuple(reader.faults), run.compared, run.steps,
                    run.steps * run.step_ns / 1e9, run.gaps, run.skipped, tuple(sorted(run.others)),
-                   run.note)
+                   tuple(run.unchecked()), run.note)
 
 
 class Resimulation:
@@ -166,6 +167,11 @@ class Resimulation:
                 self._begin(topic, data)
             elif topic not in self._topics:
                 self._take_other(topic)
+
+    def unchecked(self) -> list[str]:
+        """Return the topics of the session that have messages of which none is compared."""
+        return sorted(name for name in self._topics
+                      if self._seen[name] and name not in self._handlers)
 
     def finish(self, types: Mapping[str, str]) -> None:
         """Compare what there is as a whole; `types` are those of the topics in the files."""

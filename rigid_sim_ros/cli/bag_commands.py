@@ -20,6 +20,7 @@ from rigid_sim_ros.problems import counted, printable
 from rigid_sim_ros.times import SECOND
 from rigid_sim_ros.warm_up import announced, warm_up
 from rigid_sim_ros.world import load_scene, World
+from rigid_sim_ros.world.values import some
 
 
 def _say(text: str) -> None:
@@ -82,6 +83,8 @@ def run_verify(bag: str) -> int:
              'left out')
     if verdict.others:
         _say(f'note: not of the session, and not compared: {", ".join(verdict.others)}')
+    if verdict.unchecked:
+        _say(f'note: recorded, and not made again to be compared: {some(verdict.unchecked)}')
     _say(f'{bag}: the same to the bit: {counted(verdict.messages, "message")} of '
          f'{counted(verdict.steps, "step")}, {verdict.seconds:g} s, '
          f'{pace(verdict.seconds, seconds)}')

@@ -8,7 +8,9 @@ and everything but `run` works where no ROS is installed.
 """
 from collections.abc import Sequence
 from contextlib import nullcontext
+import errno
 from importlib import import_module
+import os
 from typing import Any, NoReturn
 
 import click
@@ -441,6 +443,13 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
         fail(str(error))
     except click.Abort:
         raise SystemExit(INTERRUPTED) from None
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            raise
+        # Python would write what is left of it at the end, and say once more that it cannot.
+        with open(os.devnull, 'wb') as nothing:
+            os.dup2(nothing.fileno(), 1)
+        fail(f'what is printed cannot be written: {os.strerror(error.errno)}')
     raise SystemExit(code if isinstance(code, int) else 0)
 
 

@@ -67,7 +67,9 @@ def cache_folder(module: str) -> Path:
 def base_folder() -> Path:
     """Return the folder below which all compiled kernels are kept."""
     home = os.environ.get('XDG_CACHE_HOME') or os.path.join(os.path.expanduser('~'), '.cache')
-    bases = [Path(base) for base in (os.environ.get('NUMBA_CACHE_DIR'), home) if base]
+    # Without links, which somebody might let lead elsewhere later.
+    bases = [Path(os.path.realpath(base))
+             for base in (os.environ.get('NUMBA_CACHE_DIR'), home) if base]
     for base in bases:
         if _is_private(base):
             return base / _BELOW
@@ -91,15 +93,20 @@ def _is_private(base: Path) -> bool:
     folder = base / _BELOW
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        facts = folder.stat()
-        above = [path.stat() for path in (folder.parent, base)]
+        facts, *above = (path.lstat() for path in (folder, *folder.parents))
     except OSError:
         return False
-    # In a folder that is sticky, as /tmp is, nobody can replace what is another's.
-    return (facts.st_uid == os.geteuid() and not _others_may_write(facts)
-            and os.access(folder, os.W_OK | os.X_OK)
-            and all(each.st_uid in (0, os.geteuid()) and (
-                each.st_mode & stat.S_ISVTX or not _others_may_write(each)) for each in above))
+    return (stat.S_ISDIR(facts.st_mode) and facts.st_uid == os.geteuid()
+            and not _others_may_write(facts) and os.access(folder, os.W_OK | os.X_OK)
+            # Whoever may write to a folder above can put another one in the place of this one.
+            and not any(_others_may_replace(each) for each in above)
+            and all(stat.S_ISDIR(each.st_mode) and each.st_uid in (0, os.geteuid())
+                    for each in above[:len(_BELOW.parts)]))
+
+
+def _others_may_replace(facts: os.stat_result) -> bool:
+    """Return whether others may move what is in a folder; in one that is sticky nobody can."""
+    return not facts.st_mode & stat.S_ISVTX and _others_may_write(facts)
 
 
 def _others_may_write(facts: os.stat_result) -> bool:

@@ -28,6 +28,7 @@ from rigid_sim_ros.scene.document import Source
 from rigid_sim_ros.scene.errors import below, Path as Place, Report, SceneError, shown
 from rigid_sim_ros.scene.forces import force_table
 from rigid_sim_ros.scene.joints import build_scene_joints, check_joints, put_together, SceneJoints
+from rigid_sim_ros.scene.reach import far_beyond
 from rigid_sim_ros.words import nearest
 
 _logger = logging.getLogger(__name__)
@@ -122,6 +123,9 @@ def build(spec: schema.Scene, name: str, folder: Path | None, source: Source,
     joints = build_scene_joints(spec, model, report)
     if joints is not None:
         put_together(spec, model, state, joints, report)
+    if not problems:
+        for i, text in far_beyond(spec.world.bounds, model, state):
+            report(('bodies', i), text)
     shapes = _shapes(spec, model, report)
     if problems or shapes is None:
         raise SceneError(problems)
@@ -359,11 +363,17 @@ def _shapes(spec: schema.Scene, model: Model, report: Report) -> Shapes | None:
     """Return what can touch, None after a report of what cannot be built."""
     solids, places = collision.shapes(spec, report)
     try:
-        return build_shapes(model, solids, collision.ignored(spec))
+        built = build_shapes(model, solids, collision.ignored(spec))
     except HullError as error:
         report(places[error.index], str(error))
     except ValueError as error:
         report(('bodies',), str(error))
+    else:
+        with np.errstate(over='ignore'):
+            reach = np.linalg.norm(built.p_CS, axis=1)
+        for k in np.flatnonzero(~np.isfinite(reach)).tolist():
+            report(('bodies', int(built.body[k])), _EXTREME)
+        return built
     return None
 
 

@@ -18,6 +18,7 @@ from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.engine.state.frames import point_on_frame, vector_on_frame
 from rigid_sim_ros.engine.state.state import MOVING_FIELDS, State
 from rigid_sim_ros.kernels.arrays import Array
+from rigid_sim_ros.scene.reach import QUANTITIES, reached
 from rigid_sim_ros.scene.schema import Bounds, FAR
 
 
@@ -29,9 +30,8 @@ class _Quantity(NamedTuple):
     bound: str      # its key in `world: {bounds: {}}`
 
 
-_POSITION = _Quantity('position', 'm', 'position')
-_LINEAR = _Quantity('linear velocity', 'm/s', 'linear')
-_ANGULAR = _Quantity('angular velocity', 'rad/s', 'angular')
+_POSITION, _LINEAR, _ANGULAR = _QUANTITIES = tuple(
+    _Quantity(text, unit, bound) for bound, (text, unit) in QUANTITIES.items())
 
 
 def check_position(bounds: Bounds, body: str, p_WB: Array) -> None:
@@ -107,18 +107,17 @@ def check_reach(bounds: Bounds, model: Model, like: State,
     """Raise ValueError for motion or wrenches in a snapshot that are far beyond the bounds."""
     state = like._replace(**{name: arrays[name] for name in MOVING_FIELDS})
     with np.errstate(over='ignore', invalid='ignore'):
-        # |w| = |I^-1 L| is at most the largest of 1/I times |L|.
-        reached = [(_POSITION, state.x), (_LINEAR, state.P * model.inv_m),
-                   (_ANGULAR, state.L * model.inv_I_C.max(axis=0))]
+        found = reached(model, state._replace(V=np.zeros_like(state.V)))
+        reaches = [(quantity, found[quantity.bound]) for quantity in _QUANTITIES]
         for r in range(len(arrays['body'])):
             p_F = arrays['point'][r] if arrays['at_point'][r] == 1 else None
             v, w = changes_of_twist(
                 model, state, int(arrays['body'][r]), int(arrays['frame'][r]), p_F,
                 model.h * arrays['force'][r], model.h * arrays['torque'][r])
-            reached += [(_LINEAR, v), (_ANGULAR, w)]
+            reaches += [(_LINEAR, v), (_ANGULAR, w)]
         if 'V' in arrays:
-            reached += [(_LINEAR, arrays['V'][:3]), (_ANGULAR, arrays['V'][3:])]
-        for quantity, values in reached:
+            reaches += [(_LINEAR, arrays['V'][:3]), (_ANGULAR, arrays['V'][3:])]
+        for quantity, values in reaches:
             bound = FAR * getattr(bounds, quantity.bound)
             if not (abs(values) <= bound).all():
                 raise ValueError(

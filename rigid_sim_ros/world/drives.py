@@ -244,8 +244,8 @@ class WithDrives(WithJoints):
         """Return the trajectories for a snapshot, of a world with joints."""
         return {} if self._joints is None else self._paths.rows()
 
-    def _take_paths(self, arrays: Mapping[str, np.ndarray]) -> None:
-        """Go on with the trajectories of a snapshot; ValueError for such as no world has."""
+    def _check_paths(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Raise ValueError for trajectories in a snapshot such as no world has."""
         if self._joints is None:
             return
         joint, begin, _ = (arrays[name] for name in PATH_FIELDS)
@@ -257,5 +257,9 @@ class WithDrives(WithJoints):
         if (np.diff(joint) < 0).any() or (np.diff(begin)[np.diff(joint) == 0] <= 0).any():
             raise ValueError('the snapshot has trajectories that are not sorted: it was changed, '
                              'or saved by another version')
-        self._paths.replace(arrays)
-        self._leads = True
+
+    def _take_paths(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Go on with the trajectories of a snapshot, if there are joints."""
+        if self._joints is not None:
+            self._paths.replace(arrays)
+            self._leads = True

@@ -87,17 +87,18 @@ class Saving(Changing):
                              'another version; run the scene from its start')
         check(meta, arrays, self._dynamic(), self._sizes, self.step_ns)
         check_reach(self._bounds, self._model, self._start, arrays)
+        self._check_paths(arrays)
         self._take(arrays, meta['sources'])
         self.step_index = meta['step_index']
 
     def _take(self, arrays: Mapping[str, np.ndarray], sources: list[str]) -> None:
         """Go on from the arrays of a snapshot that fit."""
-        # First what may still be refused, so that a refusal changes nothing.
-        self._take_paths(arrays)
+        # First what raises an error where the arrays are of another layout.
         self._contact.recall({name: array for name, array in arrays.items()
                               if name not in MOVING_FIELDS + POSED_FIELDS + FIELDS + PATH_FIELDS})
         copy_into(self._state, self._start._replace(**{name: arrays[name]
                                                        for name in MOVING_FIELDS}))
+        self._take_paths(arrays)
         self._posed.replace(self._state, arrays)
         self._applied.replace({name: arrays[name] for name in FIELDS}, sources)
         self._motion_is_current = False

@@ -158,8 +158,8 @@ def check(meta: Mapping[str, Any], arrays: Mapping[str, np.ndarray],
             raise ValueError(f'the snapshot makes no sense, {what}: {_MEND}')
     step, sources = meta.get('step_index'), meta.get('sources')
     if type(step) is not int or not 0 <= step * step_ns < 2 ** 63:
-        raise ValueError(f'the snapshot is of step {step!r}, must be a whole number of steps >= 0 '
-                         f'with a time below 2^63 ns: {_MEND}')
+        raise ValueError(f'the snapshot is of step {step!r:.40}, must be a whole number of steps '
+                         f'>= 0 with a time below 2^63 ns: {_MEND}')
     if not isinstance(sources, list) or len(sources) != lengths['r'] or not all(
             type(source) is str for source in sources):
         raise ValueError(f'the snapshot has {lengths["r"]} wrenches of other sources than a list '
@@ -198,6 +198,13 @@ def _are_of_their_bodies(arrays: Mapping[str, np.ndarray], sizes: Sizes) -> bool
                               arrays[f'manifold_body_{side}']) for side in 'ab')
 
 
+def _are_as_many_polyhedra(arrays: Mapping[str, np.ndarray], _: Sizes) -> bool:
+    """Return whether what has an orientation has a normal, and places of all its points."""
+    polyhedra = arrays['manifold_found_at'][:, :4].any(axis=1)
+    return (len(arrays['manifold_normal_A']) == polyhedra.sum()
+            and len(arrays['manifold_p_A_C']) == arrays['manifold_points'][polyhedra].sum())
+
+
 def _are_found_where_they_last(arrays: Mapping[str, np.ndarray], _: Sizes) -> bool:
     """Return whether what has no orientation at which it was found has no gap of then either."""
     found_at = arrays['manifold_found_at']
@@ -215,6 +222,8 @@ def _are_sorted(arrays: Mapping[str, np.ndarray], sizes: Sizes) -> bool:
 _RELATIONS: Sequence[
     tuple[str, str, Callable[[Mapping[str, np.ndarray], Sizes], bool]]] = (
     ('q', 'orientations are not of unit length', lambda arrays, _: _are_unit(arrays['q'])),
+    ('joint_known', 'more is known of the past of joints than is kept', lambda arrays, _: (
+        arrays['joint_known'][0] <= PAST)),
     ('joint_parts', 'a step is not in halves of halves', lambda arrays, _: (
         64 % int(arrays['joint_parts'][0]) == 0)),
     ('manifold_normal', 'normals are not of unit length', lambda arrays, _: (
@@ -223,6 +232,8 @@ _RELATIONS: Sequence[
      lambda arrays, _: arrays['manifold_count'][0] == len(arrays['manifold_points'])),
     ('manifold_points', 'the points of the manifolds are not as many as they say',
      lambda arrays, _: arrays['manifold_points'].sum() == len(arrays['manifold_gap'])),
+    ('manifold_found_at', 'manifolds of polyhedra are not as many as they say',
+     _are_as_many_polyhedra),
     ('manifold_body_a', 'the shapes of a manifold belong to other bodies', _are_of_their_bodies),
     ('manifold_shape_a', 'the manifolds are not sorted', _are_sorted),
     ('manifold_found_at', 'a manifold has a gap from before, and no orientation',

@@ -205,7 +205,7 @@ def test_what_a_trusted_folder_holds_is_run(tmp_path, filled, suffix):
     assert trace.exists()
 
 
-@pytest.mark.parametrize('which', ['kernels', 'rigid_sim_ros', '.'])
+@pytest.mark.parametrize('which', ['kernels', 'rigid_sim_ros', '.', '..'])
 def test_a_folder_that_others_may_write_to_is_not_used(tmp_path, filled, which):
     home = tmp_path / 'home'
     trace = planted(home, filled, '.nbi', '.nbc')
@@ -215,6 +215,25 @@ def test_a_folder_that_others_may_write_to_is_not_used(tmp_path, filled, which):
     assert 'set NUMBA_CACHE_DIR' in said
     assert len(said.splitlines()) == 1
     assert not trace.exists()
+
+
+@pytest.mark.parametrize('which', ['kernels', 'rigid_sim_ros'])
+def test_a_link_that_somebody_may_let_lead_elsewhere_is_not_followed(tmp_path, filled, which):
+    home, elsewhere = tmp_path / 'home', tmp_path / 'elsewhere'
+    trace = planted(elsewhere, filled, '.nbi', '.nbc')
+    link = home / 'rigid_sim_ros' / which if which == 'kernels' else home / which
+    link.parent.mkdir(parents=True)
+    link.symlink_to(elsewhere / link.relative_to(home))
+    counts, said = found(home)
+    assert counts == ['0', '1']
+    assert 'set NUMBA_CACHE_DIR' in said
+    assert not trace.exists()
+
+
+def test_a_cache_may_be_given_by_a_link(tmp_path, filled):
+    home = tmp_path / 'home'
+    home.symlink_to(filled)
+    assert found(home)[0] == ['1', '0']
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason='only root may give a folder away')

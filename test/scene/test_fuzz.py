@@ -81,19 +81,47 @@ def test_fuzzed_numbers_are_read_or_refused(data) -> None:
                     'stiffness': 50, 'damping': 1, 'rest_length': 1}]}
     for _ in range(data.draw(st.integers(1, 3))):
         put(scene, data.draw(st.sampled_from(places(scene))), data.draw(EXTREMES))
-    with warnings.catch_warnings():
+    read_or_refused({'format': 1, **scene})
+
+
+def read_or_refused(scene: dict[str, Any]) -> None:
+    with warnings.catch_warnings(), limited_time():
         warnings.simplefilter('error')
         try:
-            world = World.from_dict({'format': 1, **scene})
+            world = World.from_dict(scene)
             world.restore(world.save())     # or a bag of it would count as changed
         except SceneError as error:
             assert all('\n' not in str(problem) for problem in error.problems)
 
 
+# With joints of all kinds, drives, loops, heights, and bodies that are moved.
+EXAMPLES = ('arm', 'drone_in_wind', 'four_bar', 'gripper', 'quadruped', 'ramp', 'rover',
+            'spring_pendulum', 'turntable', 'valley')
+
+
 @examples(60)
-@given(name=st.sampled_from([
-    'arm', 'drone_in_wind', 'four_bar', 'gripper', 'ramp', 'rover', 'spring_pendulum', 'valley']),
-    data=st.data())
+@given(name=st.sampled_from(EXAMPLES), data=st.data())
+def test_fuzzed_numbers_of_examples_are_read_or_refused(name, data) -> None:
+    scene = yaml.safe_load(find(name).read_text(encoding='utf-8'))
+    for _ in range(data.draw(st.integers(1, 3))):
+        put(scene, data.draw(st.sampled_from(places(scene))), data.draw(EXTREMES))
+    read_or_refused(scene)
+
+
+@pytest.mark.parametrize('name, place', [
+    ('turntable', ('bodies', 2, 'shape', 'size', 1)),
+    ('quadruped', ('joints', 0, 'pose', 'position', 0)), ('four_bar', ('joints', 0, 'velocity')),
+    ('valley', ('bodies', 0, 'shape', 'size', 0)),
+    ('arm', ('bodies', 0, 'shape', 'pose', 'position', 2))])
+def test_every_size_of_a_number_is_read_or_refused(name, place) -> None:
+    scene = yaml.safe_load(find(name).read_text(encoding='utf-8'))
+    for power in range(-320, 309, 12):
+        put(scene, place, 10.0 ** power)
+        read_or_refused(scene)
+
+
+@examples(60)
+@given(name=st.sampled_from(EXAMPLES), data=st.data())
 def test_fuzzed_values_of_any_kind_are_read_or_refused(name, data) -> None:
     scene = yaml.safe_load(find(name).read_text(encoding='utf-8'))
     put(scene, data.draw(st.sampled_from(everything(scene))),

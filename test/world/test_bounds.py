@@ -93,3 +93,14 @@ def test_a_torque_counts_with_the_moment_of_the_force():
     world.apply_wrench('crate', **push, torque=(0.0, 1.0, 0.0))     # 0.5 N m in all
     with pytest.raises(ValueError, match=r'must be within 0.76 rad/s'):
         world.apply_wrench('crate', **push, torque=(0.0, -0.1, 0.0))
+
+
+def test_a_thin_rod_that_turns_across_its_axis_may_be_saved() -> None:
+    # 1 m long and 20 um thick: the moment across is 1.7e9 times that about the axis, so that |L|
+    # over the least moment is far beyond 1e6 * 1e5 rad/s, and the angular velocity is not.
+    rod = World.from_dict({'world': {'contact': 'none'}, 'bodies': [
+        {'name': 'rod', 'mass': 1.0, 'twist': {'angular': [100.0, 0.0, 0.0]},
+         'shape': {'type': 'cylinder', 'radius': 1e-5, 'length': 1.0}}]})
+    rod.restore(rod.save())
+    with pytest.raises(ValueError, match='angular velocity'):
+        rod.set_twist('rod', (0, 0, 0), (1e6, 0, 0))

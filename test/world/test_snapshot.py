@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A snapshot may come from anybody: it is taken as a whole, or refused and nothing has changed."""
 
+from collections.abc import Sequence
 import contextlib
 from functools import cache
 import json
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros import World
+from rigid_sim_ros.engine.joints.buffers import PAST
 from rigid_sim_ros.world.snapshot import pack, unpack
 from rigid_sim_ros.world.snapshot_check import TABLE
 
@@ -25,6 +27,9 @@ MODELS: dict[str, dict[str, Any]] = {
     'event': {'contact': 'event'},
     'penalty': {'contact': 'penalty'},
 }
+# The same with joints; in `timestep` bodies may sleep, which makes the state larger.
+JOINTED = {f'{model} with joints': model for model in MODELS}
+ALL = [*MODELS, *JOINTED]
 
 
 def scene(model: str) -> dict[str, Any]:
@@ -43,11 +48,55 @@ def scene(model: str) -> dict[str, Any]:
         ]}
 
 
+def jointed_scene(model: str) -> dict[str, Any]:
+    """Return these beside an arm, two rods that close a loop, and a plate that moves."""
+    def rod(name: str, x: float, z: float) -> dict[str, Any]:
+        return {'name': name, 'mass': 1.0, 'shape': {'type': 'box', 'size': [0.2, 0.2, 0.4]},
+                'pose': {'position': [x, 0, z]}}
+
+    def joint(name: str, ends: tuple[str, str], place: Sequence[float], kind: str = 'revolute',
+              axis: Sequence[float] = (0, 1, 0), **more: Any) -> dict[str, Any]:
+        return {'name': name, 'type': kind, 'parent': ends[0], 'child': ends[1], 'axis': [*axis],
+                'pose': {'position': [*place]}, **more}
+
+    plain, drive = scene(model), {'mode': 'position', 'stiffness': 40.0, 'damping': 4.0}
+    return {
+        **plain, 'collision': {'sleep_after': 0.004} if model == 'timestep' else {},
+        'materials': {'default': {'stiffness': 2000.0}},
+        'bodies': [
+            *plain['bodies'], rod('upper', 3, 1.0), rod('lower', 3, 0.6), rod('left', 5, 1.0),
+            rod('right', 5.5, 1.0), rod('low', 8, 0.2),
+            {'name': 'plate', 'kinematic': True, 'pose': {'position': [8, 0, -0.05]},
+             'shape': {'type': 'box', 'size': [1, 1, 0.1]}}],
+        'joints': [
+            joint('shoulder', ('world', 'upper'), (3, 0, 1.2), position=0.7, drive=drive,
+                  limits={'lower': -2, 'upper': 2}),
+            joint('elbow', ('upper', 'lower'), (0, 0, -0.2), friction=0.05, drive=drive),
+            joint('first', ('world', 'left'), (5, 0, 1.2)),
+            joint('second', ('world', 'right'), (5.5, 0, 1.2)),
+            {'name': 'bar', 'type': 'distance', 'parent': 'left', 'child': 'right', 'length': 0.5,
+             'pose': {'position': [0, 0, -0.2]}, 'child_pose': {'position': [0, 0, -0.2]}},
+            joint('lift', ('world', 'low'), (8, 0, 0.3), 'prismatic', (0, 0, 1))]}
+
+
 def busy(model: str) -> World:
     """Return a world in contact, with wrenches in effect."""
+    if model in JOINTED:
+        return busy_with_joints(JOINTED[model])
     world = World.from_dict(scene(model))
     world.apply_wrench('crate', (1, 2, 3), frame='crate/handle', duration=1.0, source='hand')
     world.apply_wrench('ball', (0, 0, 1), frame='crate', point=(0.1, 0, 0), duration=2.0)
+    world.step(15)
+    return world
+
+
+def busy_with_joints(model: str) -> World:
+    """Return one in which drives have been told something too, and a plate moves."""
+    world = World.from_dict(jointed_scene(model))
+    world.set_twist('plate', (0.1, 0, 0), (0, 0, 0.2))
+    world.apply_wrench('lower', (1, 2, 3), frame='crate/handle', duration=1.0, source='hand')
+    world.follow_trajectory(['shoulder'], [0.1, 0.5], [[0.5], [0.2]])
+    world.set_joint_command('elbow', position=0.3, duration=0.5)
     world.step(15)
     return world
 
@@ -99,13 +148,13 @@ def changed(model: str, name: str, place: int, value: float) -> bytes:
     return pack(meta, arrays | {name: array})
 
 
-@pytest.mark.parametrize('model', MODELS)
+@pytest.mark.parametrize('model', ALL)
 def test_a_world_takes_back_what_it_saved(model) -> None:
     assert check(model, saved_world(model))
     assert set(unpack(saved_world(model))[1]) <= TABLE.keys()
 
 
-@pytest.mark.parametrize('model', MODELS)
+@pytest.mark.parametrize('model', ALL)
 def test_a_number_that_names_something_else_is_refused(model) -> None:
     for name, array in unpack(saved_world(model))[1].items():
         if array.size == 0 or array.dtype.kind != 'i':
@@ -117,12 +166,33 @@ def test_a_number_that_names_something_else_is_refused(model) -> None:
                     model, name, 0, np.clip(value, most.min, most.max))), (name, value)
 
 
-@pytest.mark.parametrize('model', MODELS)
+@pytest.mark.parametrize('model', ALL)
 @pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf])
 def test_a_number_that_is_not_finite_is_refused(model, value) -> None:
     for name, array in unpack(saved_world(model))[1].items():
         if array.dtype.kind == 'f' and array.size:
             assert not check(model, changed(model, name, 3, value)), name
+
+
+@pytest.mark.parametrize('model', JOINTED)
+@pytest.mark.parametrize('known', [PAST + 1, 64])
+def test_more_of_the_past_of_joints_than_is_kept_is_refused(model, known) -> None:
+    # Within the range that holds for the number beside it.
+    assert not check(model, changed(model, 'joint_known', 0, known))
+    check(model, changed(model, 'joint_known', 0, PAST))
+
+
+def test_a_trajectory_stays_where_what_else_is_said_is_refused() -> None:
+    model = 'timestep with joints'
+    meta, arrays = unpack(saved_world(model))
+    for name, array in arrays.items():
+        if name.startswith('path_'):
+            arrays[name] = array[:0]
+    normals = arrays['manifold_normal_A']
+    assert not check(model, pack(meta, {**arrays, 'manifold_normal_A': normals[:-1]}))
+    assert not check(model, pack(meta, {**arrays, 'manifold_p_A_C': normals[:0],
+                                        'manifold_p_B_C': normals[:0]}))
+    assert check(model, pack(meta, arrays))
 
 
 @pytest.mark.parametrize('value', [1.0, -1.0, -0.0])
@@ -152,7 +222,7 @@ NUMBERS = st.one_of(st.floats(), st.integers(-2 ** 63, 2 ** 63 - 1).map(float),
                     st.sampled_from([0.0, -1.0, 1.0, 2.0, 5.0, 1e308, -1e308, 5e-324, 1e200]))
 
 
-@pytest.mark.parametrize('model', MODELS)
+@pytest.mark.parametrize('model', ALL)
 @examples(60)
 @given(data=st.data())
 def test_fuzzed_arrays_are_taken_or_refused(model, data) -> None:
