@@ -43,7 +43,7 @@ from rigid_sim_ros.kernels.kernel import kernel
 _WEDGED = 0.2
 # Of what a row moves without joints: its compliance while a solution is looked for, MORE times as
 # much where none is found, up to MOST_REGULARISATION.
-REGULARISATION, MORE, MOST_REGULARISATION = 1e-5, 100.0, 1e-2
+REGULARISATION, MORE, MOST_REGULARISATION = 1e-5, 10.0, 1e-2
 # Steps of the proximal point algorithm at most, until what the compliance does is this part of the
 # rates, while it gets less by this factor.
 MOST_PROXIMAL_STEPS, YIELDS, CONTRACTS = 20, 1e-10, 0.7
