@@ -19,7 +19,6 @@ from rigid_sim_ros.engine.steps.jointed_contact import CALLED, JointedContact
 from rigid_sim_ros.kernels.kernel import kernel
 
 
-
 @kernel
 def forget_sudden(c: JointedContact) -> None:
     """Begin a way of which nothing is known but the velocities at its start."""

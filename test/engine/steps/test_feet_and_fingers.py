@@ -42,14 +42,14 @@ def landing_leg(mass, limit, pitch, speed, step):
     (0.2, 1.2, -0.3, 2.0, 1 / 240),     # little friction, and the leg is fifty times as heavy
     (0.8, 0.35, -0.3, 2.0, 1 / 60)])
 def test_a_light_foot_lands_without_energy_and_does_not_sink_in(mass, limit, pitch, speed, step):
-    """Of the 50 J and more that the leg has, no step gives any, and the foot stops at the floor."""
+    """No step gives any to the 50 J and more that the leg has, and the floor stops the foot."""
     world = landing_leg(mass, limit, pitch, speed, step)
     energy, deepest = [], 0.0
     for _ in range(round(0.5 / step)):
         world.step(1)
         energy.append(world.kinetic_energy() + world.potential_energy())
         deepest = max(deepest, world.contact_report().deepest)
-    # What overlaps is lifted by a fifth of it: 10 kg g 0.2 * 2e-4 m = 4 mJ at most.
+    # What overlaps, by 2e-4 m at most, is lifted by a fifth of it: 10 kg g 4e-5 m = 4 mJ.
     assert np.diff(energy).max() < 4e-3
     # Second order: 0.22 m (h w)^2 / 8, of the turn h w = 0.3 that brings the toes down, is 2 mm
     # before they are stopped; they are stopped where they come down, to a tenth of that.
