@@ -313,9 +313,9 @@ def _has_met(h: float, w: ContactBuffers, k: int) -> float:
     The velocities are those of the way, and w.match says which points took part in it already:
     what these sank by is the curvature of their way. The gap of the others is followed back at its
     present rate. Where that leads to no gap at the start, and the shapes touched elsewhere, they
-    turned into each other; but what came nearer by half of its overlap or more was so near at the
-    start that it met at once. If none of their points took part, the way is so curved that its end
-    tells nothing of its start, and half of it is to be tried.
+    turned into each other. But what can be seen of overlap, half of which or more came by that
+    rate, was a gap so small that it seems to be none; and if none of their points took part, the
+    way is so curved that its end tells nothing of its start. Half of it is to be tried then.
     """
     contacts = w.contacts
     gap, touching = contacts.gap[k], TOUCHING * contacts.size[k]
@@ -324,9 +324,10 @@ def _has_met(h: float, w: ContactBuffers, k: int) -> float:
     before = gap - h * rate_of_gap(w, k)
     if before > touching:
         return h * before / (before - gap)
-    if not _took_part(w, contacts.shape_a[k], contacts.shape_b[k]):
+    has_come = before > 0.5 * gap and gap < -CLOSE * contacts.size[k]
+    if has_come or not _took_part(w, contacts.shape_a[k], contacts.shape_b[k]):
         return 0.5 * h
-    return 0.0 if before > 0.5 * gap else math.inf
+    return math.inf
 
 
 @kernel
