@@ -40,8 +40,8 @@ class AxisRows(NamedTuple):
     axis: IntArray  # (k,) axes of the rows of the present island
     scale: Array  # (k,) [m; of a translation 1] the lengths by which rates count; 0: it is held
     impulse: Array  # (k,) of an axis that is a row, a guess [N m s], beside a - b v
-    locked: IntArray  # (k,) pieces for which impulses of contact were found
-    extra: Array  # (k,)
+    begin: Array  # (k,) pieces for which impulses of contact were found: from these rates
+    end: Array  # (k,) to these
 
 
 def make_axis_rows(axes: int) -> AxisRows:
@@ -50,27 +50,32 @@ def make_axis_rows(axes: int) -> AxisRows:
     def whole() -> IntArray:
         return np.zeros(axes, dtype=np.int64)
 
-    return AxisRows(whole(), whole(), np.zeros(axes), np.zeros(axes), whole(), np.zeros(axes))
+    return AxisRows(whole(), whole(), *(np.zeros(axes) for _ in range(4)))
 
 
 @kernel
 def keep_pieces(work: JointWork, axes: AxisRows) -> None:
     """Note on which pieces all axes are."""
-    for k in range(axes.locked.shape[0]):
-        axes.locked[k], axes.extra[k] = work.locked[k], work.extra[k]
+    for k in range(axes.begin.shape[0]):
+        axes.begin[k], axes.end[k] = work.law.begin[k], work.law.end[k]
 
 
 @kernel
 def has_left_piece(work: JointWork, axes: AxisRows, k: int) -> bool:
-    """Return whether axis k is on another piece than noted, but for rows."""
-    return axes.is_row[k] == 0 and (work.locked[k] != axes.locked[k]
-                                    or work.extra[k] != axes.extra[k])
+    """
+    Return whether axis k is on another piece than noted, but for rows.
+
+    Where it begins and ends tells the piece. What the axis yields does not: it is locked by dry
+    friction and at its limit alike, and yields as much to either side of dry friction.
+    """
+    return axes.is_row[k] == 0 and (work.law.begin[k] != axes.begin[k]
+                                    or work.law.end[k] != axes.end[k])
 
 
 @kernel
 def any_left_piece(work: JointWork, axes: AxisRows) -> bool:
     """Return whether any axis is on another piece than noted, but for rows."""
-    for k in range(axes.locked.shape[0]):
+    for k in range(axes.begin.shape[0]):
         if has_left_piece(work, axes, k):
             return True
     return False
@@ -80,7 +85,7 @@ def any_left_piece(work: JointWork, axes: AxisRows) -> bool:
 def take_rows(work: JointWork, axes: AxisRows) -> bool:
     """Let axes that have left their pieces be rows from now on; return whether any has."""
     found = False
-    for k in range(axes.locked.shape[0]):
+    for k in range(axes.begin.shape[0]):
         if has_left_piece(work, axes, k):
             axes.is_row[k], found = 1, True
     return found

@@ -29,6 +29,8 @@ TOUCHING = 1e-7
 CLOSE, NEAR = 1e-4, 1e-6
 # Of the size of a shape: impulses that move a body by less in a step are rounding of others.
 NOTHING = 1e-12
+# Of what was noted: a body that is faster than that is noted again.
+MORE = 1.1
 # Times the speed that loads and joints give in half a step: slower approaches do not bounce.
 REBOUNDS = 2.0
 
@@ -309,9 +311,10 @@ def _has_met(h: float, w: ContactBuffers, k: int) -> float:
 
     The velocities are those of the way, and w.match says which points took part in it already:
     what these sank by is the curvature of their way. The gap of the others is followed back at its
-    present rate. Where that leads to no gap at the start, the shapes turned into each other while
-    they touched; or, if none of their points took part, the way is so curved that its end tells
-    nothing of its start, and half of it is to be tried.
+    present rate. Where that leads to no gap at the start, and the shapes touched elsewhere, they
+    turned into each other. But what can be seen of overlap, half of which or more came by that
+    rate, was a gap so small that it seems to be none; and if none of their points took part, the
+    way is so curved that its end tells nothing of its start. Half of it is to be tried then.
     """
     contacts = w.contacts
     gap, touching = contacts.gap[k], TOUCHING * contacts.size[k]
@@ -320,7 +323,10 @@ def _has_met(h: float, w: ContactBuffers, k: int) -> float:
     before = gap - h * rate_of_gap(w, k)
     if before > touching:
         return h * before / (before - gap)
-    return math.inf if _took_part(w, contacts.shape_a[k], contacts.shape_b[k]) else 0.5 * h
+    has_come = before > 0.5 * gap and gap < -CLOSE * contacts.size[k]
+    if has_come or not _took_part(w, contacts.shape_a[k], contacts.shape_b[k]):
+        return 0.5 * h
+    return math.inf
 
 
 @kernel
@@ -343,9 +349,25 @@ def meeting_within(h: float, w: ContactBuffers) -> float:
 
 @kernel
 def wake_met(h: float, w: ContactBuffers) -> bool:
-    """Wake what met on a way of h [s]; return whether anything was not awake."""
-    any_was = False
-    for k in range(w.contacts.count[0]):
+    """
+    Wake what met on a way of h [s]; return whether anything was not awake.
+
+    Nor is what was not found at the start, as impulses on this way brought it nearer than its
+    velocity there said: a foot whose heel is stopped comes down on its toes.
+    """
+    contacts, any_was = w.contacts, False
+    for k in range(contacts.count[0]):
         if _has_met(h, w, k) < h:
-            any_was = wake(w, w.contacts.shape_a[k], w.contacts.shape_b[k]) or any_was
+            is_new = wake(w, contacts.shape_a[k], contacts.shape_b[k])
+            any_was = is_new or _outran(w, contacts.body_a[k]) or _outran(
+                w, contacts.body_b[k]) or any_was
     return any_was
+
+
+@kernel
+def _outran(w: ContactBuffers, i: int) -> bool:
+    """Note how much faster body i went than its loads say; return whether that is news."""
+    if w.gained[i] <= w.sudden[i]:
+        return False
+    w.sudden[i] = MORE * w.gained[i]
+    return True

@@ -43,10 +43,12 @@ from rigid_sim_ros.kernels.kernel import kernel
 _WEDGED = 0.2
 # Of what a row moves without joints: its compliance while a solution is looked for, MORE times as
 # much where none is found, up to MOST_REGULARISATION.
-REGULARISATION, MORE, MOST_REGULARISATION = 1e-5, 100.0, 1e-2
+REGULARISATION, MORE, MOST_REGULARISATION = 1e-5, 10.0, 1e-2
 # Steps of the proximal point algorithm at most, until what the compliance does is this part of the
 # rates, while it gets less by this factor.
 MOST_PROXIMAL_STEPS, YIELDS, CONTRACTS = 20, 1e-10, 0.7
+# Of the largest rate: what still yields by more in the end is far from a solution.
+ASTRAY = 1e-3
 # Sweeps before each run of Newton's method, its steps, and runs at most.
 SWEEPS, NEWTON_STEPS, ROUNDS = 60, 12, 5
 # Sweeps, from no impulses at all, where that finds no solution.
@@ -309,15 +311,37 @@ def solve_system(system: System, m: int, width: int, is_new: bool) -> float:
     those that stand there (the proximal point algorithm: Rockafellar, Monotone operators and the
     proximal point algorithm, SIAM J. Control Optim. 14 (1976)): where these are a solution, as of
     what rests, nothing is left to do. That is repeated as long as it gets less: between bodies
-    that are wedged in it does not.
+    that are wedged in it does not, nor where it began with impulses of another problem that are
+    far too large. It then begins anew, with none.
     """
     r, rows, size = all_rows(system.rows, m, width), system.rows, 0.0
     for i in range(r):
         size = max(size, abs(rows.b[i]))
         system.center[i] = rows.f[i] if moves(rows, i) else 0.0
         rows.b[i] -= rows.compliance[i] * system.center[i]
+    worst, yields = _approach(system, m, width, is_new, size)
+    if not is_new and yields > ASTRAY * size:
+        for i in range(r):
+            if moves(rows, i):
+                rows.b[i] += rows.compliance[i] * system.center[i]
+            rows.f[i] = system.center[i] = 0.0
+        worst, _ = _approach(system, m, width, True, size)
+    if size > 0.0:
+        system.residual[0] = max(system.residual[0], worst / size)
+    return worst if worst > ENOUGH * size else 0.0
+
+
+@kernel
+def _approach(system: System, m: int, width: int, is_new: bool,
+              size: float) -> tuple[float, float]:
+    """
+    Repeat what `solve_system` says; `size` is max |b|.
+
+    Returns the violation, and what the points still yielded by the last time [m/s].
+    """
+    r, rows = all_rows(system.rows, m, width), system.rows
     regularisation = REGULARISATION
-    worst, before = np.inf, np.inf
+    worst, before, yields = np.inf, np.inf, 0.0
     for n in range(MOST_PROXIMAL_STEPS):
         worst, regularisation = _improve(system, m, width, is_new and n == 0, size, regularisation)
         yields = 0.0
@@ -332,9 +356,7 @@ def solve_system(system: System, m: int, width: int, is_new: bool) -> float:
                 rows.b[i] -= rows.compliance[i] * (rows.f[i] - system.center[i])
                 system.center[i] = rows.f[i]
     _add_regularisation(system, r, REGULARISATION / regularisation - 1.0)
-    if size > 0.0:
-        system.residual[0] = max(system.residual[0], worst / size)
-    return worst if worst > ENOUGH * size else 0.0
+    return worst, yields
 
 
 @kernel

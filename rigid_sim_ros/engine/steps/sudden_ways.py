@@ -8,6 +8,7 @@ give a body any other velocity within the way, and so it might pass what is thin
 way is then tried again by what is known of it now.
 """
 
+from rigid_sim_ros.engine.constraints.articulated_points import MORE
 from rigid_sim_ros.engine.detection.broad_phase import may_collide
 from rigid_sim_ros.engine.detection.margins import fastest_point, standard_of_rest
 from rigid_sim_ros.engine.maths.rotation import quaternion
@@ -16,9 +17,6 @@ from rigid_sim_ros.engine.model.kinds.table import is_unbounded
 from rigid_sim_ros.engine.state.rates import spin_of
 from rigid_sim_ros.engine.steps.jointed_contact import CALLED, JointedContact
 from rigid_sim_ros.kernels.kernel import kernel
-
-# Of what was noted: a body that is faster than that is noted again.
-MORE = 1.1
 
 
 @kernel
