@@ -17,7 +17,7 @@ from rigid_sim_ros.engine.constraints.contact_prediction import (
     levers, Prediction, write_frame, write_point)
 from rigid_sim_ros.engine.contact.colliding_body import CollisionWork, get, SPIN
 from rigid_sim_ros.engine.contact.collisions import bounces
-from rigid_sim_ros.engine.contact.impact_offsets import shifted, was_shifted
+from rigid_sim_ros.engine.contact.impact_offsets import has_collided, shifted
 from rigid_sim_ros.engine.detection.backtrack import (
     approach_bound, crossing, least_stage, pair_gap, place_ahead, way_ahead)
 from rigid_sim_ros.engine.detection.manifolds import (
@@ -58,8 +58,8 @@ def find_next_touches(model: Model, state: State, loads: Loads, shapes: Shapes,
         rests = work.activity[r] == ACTS and not has_impulse(
             normal_impulse, manifolds.points[r], r)
         if (rests or not bounces(shapes, materials, manifolds, r) or model.inv_m[i] == 0.0
-                or model.inv_m[j] == 0.0 or not (was_shifted(work.body[i])
-                                                 or was_shifted(work.body[j]))):
+                or model.inv_m[j] == 0.0 or not (has_collided(work.body[i])
+                                                 or has_collided(work.body[j]))):
             continue
         t = _next_touch(model, state, loads, shapes, manifolds, r, max(work.last[i], work.last[j]),
                         prediction.pose, scratch)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros.engine.contact.impact_offsets import SHIFT, was_shifted
+from rigid_sim_ros.engine.contact.impact_offsets import COLLIDED, has_collided, SHIFT
 from rigid_sim_ros.engine.contact.impulse import make_room, MOST_ALIKE, Room
 from rigid_sim_ros.engine.detection.manifolds import POINTS
 from rigid_sim_ros.engine.dynamics.free_rotation import may_turn_by, SAME_ATTITUDE, turn_fast
@@ -24,7 +24,7 @@ NEVER = 1e30  # [s]
 # Pairs that collide together, at most.
 TOGETHER = 32
 # Columns of `CollisionWork.body`.
-VELOCITY, SPIN, ACCELERATION, INVERSE, INV_M, DP, DL, COLUMNS = 0, 3, 6, 9, 15, 16, 19, 28
+VELOCITY, SPIN, ACCELERATION, INVERSE, INV_M, DP, DL, COLUMNS = 0, 3, 6, 9, 15, 16, 19, 29
 
 
 class CollidingPairs(NamedTuple):
@@ -52,7 +52,7 @@ class CollisionWork(NamedTuple):
     first: Array  # (n,) the earliest of a body's times
     last: Array  # (n,) [s] after the start of the step, when a body collided last
     pairs: IntArray  # (n,) of 32 bits, how many pairs of a body touch first
-    body: Array  # (n, 28) v, w, F / m, inverse inertia in world axes, 1 / m, new momenta, shifts
+    body: Array  # (n, 29) v, w, F / m, inverse inertia in world axes, 1 / m, new momenta, shifts
     together: IntArray  # (TOGETHER,) places in `rows` of the pairs that collide together
     pair: CollidingPairs
     # (TOGETHER, POINTS, 3) their points from the centres of mass of A [m]
@@ -120,7 +120,7 @@ def turn_body(inv_I_C: Array, state: State, i: int, tau: float, line: Array) -> 
     itself once the body has turned. What collided already in this step has those of that time.
     """
     L, inv_I = column(state.L, i), column(inv_I_C, i)
-    if _wobbles(L, inv_I, tau) or was_shifted(line):
+    if _wobbles(L, inv_I, tau) or has_collided(line):
         _write_spin(inv_I_C, state, i, turn_fast(quaternion(state.q, i), L, inv_I, tau), line)
 
 
@@ -157,6 +157,7 @@ def store_body(inv_I_C: Array, state: State, i: int, tau: float, line: Array) ->
     for k in range(3):
         line[SHIFT + k] += dx[k]
         line[SHIFT + 3 + k] += angle[k]
+    line[COLLIDED] = 1.0
     put(line, DP, (0.0, 0.0, 0.0))
     put(line, DL, (0.0, 0.0, 0.0))
 

@@ -319,13 +319,14 @@ def _read_pair(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, toge
     n = row(manifolds.normal, r)
     acceleration = subtract(get(B, ACCELERATION), get(A, ACCELERATION))
     spheres = _are_balls(kind, manifolds, r)
-    o_A = (0.0, 0.0, 0.0)
+    on_A = on_B = (0.0, 0.0, 0.0)
     if spheres:
-        radius = size[manifolds.shape_a[r], 0]
-        o_A = add_scaled(row(manifolds.r_A[0], r), -radius, n)
+        before = n
         _, n = _touch_of_spheres(tau, x, size, manifolds, r, tau, work.body)
-        # A sphere that is a part of a body has moved with it.
-        o_A = add_scaled(add_scaled(o_A, tau, cross(get(A, SPIN), o_A)), radius, n)
+        on_A = _on_sphere(A, row(manifolds.r_A[0], r), size[manifolds.shape_a[r], 0], before, n,
+                          tau)
+        on_B = _on_sphere(B, row(manifolds.r_B[0], r), -size[manifolds.shape_b[r], 0], before, n,
+                          tau)
     # From the centre of mass of A to that of B at tau.
     d = subtract(column(x, b), column(x, a))
     d = add_scaled(d, tau, subtract(get(B, VELOCITY), get(A, VELOCITY)))
@@ -343,7 +344,10 @@ def _read_pair(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, toge
     put(pair.added[k], 0, scale(tau, acceleration))
     for p in range(manifolds.points[r]):
         r_A, r_B = row(manifolds.r_A[p], r), add(row(manifolds.r_B[p], r), d)
-        c = o_A if spheres else add_scaled(r_A, follows_B, subtract(r_B, r_A))
+        if spheres:
+            # What is known of A and of B differs where they overlap, or turn about other points.
+            r_A, r_B, follows_B = on_A, add(on_B, d), 0.5
+        c = add_scaled(r_A, follows_B, subtract(r_B, r_A))
         put(work.point[k, p], 0, c)
         work.impulse[k, p] = 0.0
         work.target[k, p] = NEVER
@@ -353,6 +357,19 @@ def _read_pair(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, toge
         u += tau * dot(n, acceleration)
         if (gap <= together or spheres) and u < 0.0:
             work.target[k, p] = -restitution * u
+
+
+@kernel
+def _on_sphere(body: Array, r: Vector, radius: float, before: Vector, n: Vector,
+               tau: float) -> Vector:
+    """
+    Return where the normal n leaves a sphere at tau [s], from the centre of mass of its body [m].
+
+    At the start that is r, and the normal `before`; `radius` is below 0 for the one that n enters.
+    A sphere that is a part of a body moves with it.
+    """
+    o = add_scaled(r, -radius, before)
+    return add_scaled(add_scaled(o, tau, cross(get(body, SPIN), o)), radius, n)
 
 
 @kernel

@@ -4,7 +4,8 @@
 Where collisions inside a step moved the bodies, as if to the start of the step.
 
 A line of `CollisionWork.body` ends with them: six columns, displacement of the centre of mass [m]
-and rotation [rad], world axes. Solvers that run after the collisions start from there.
+and rotation [rad], world axes, and one that is 1 where the body has collided. Solvers that run
+after the collisions start from there.
 """
 
 from rigid_sim_ros.engine.detection.manifolds import Manifolds
@@ -13,6 +14,7 @@ from rigid_sim_ros.kernels.arrays import Array, Vector
 from rigid_sim_ros.kernels.kernel import kernel
 
 SHIFT = 22  # the first of the six columns
+COLLIDED = 28
 
 
 @kernel
@@ -22,12 +24,9 @@ def displacement(line: Array) -> Vector:
 
 
 @kernel
-def was_shifted(line: Array) -> bool:
-    """Return whether collisions moved a body."""
-    moved = False
-    for k in range(SHIFT, SHIFT + 6):
-        moved |= line[k] != 0.0
-    return moved
+def has_collided(line: Array) -> bool:
+    """Return whether a body has collided in this step; at its start that moves it nowhere."""
+    return bool(line[COLLIDED] != 0.0)
 
 
 @kernel

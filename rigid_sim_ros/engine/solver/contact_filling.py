@@ -9,7 +9,7 @@ from rigid_sim_ros.engine.constraints.contact_blocks import (
     TORSION, TOTAL_T, TURN)
 from rigid_sim_ros.engine.constraints.contact_prediction import Prediction
 from rigid_sim_ros.engine.constraints.contact_rules import SKIN
-from rigid_sim_ros.engine.contact.impact_offsets import displacement, gap_now, was_shifted
+from rigid_sim_ros.engine.contact.impact_offsets import displacement, gap_now, has_collided
 from rigid_sim_ros.engine.detection.manifolds import (
     DORMANT, first_row, LEFT_OUT, Manifolds, POINTS, rows_in_use)
 from rigid_sim_ros.engine.model.shapes import Materials, Shapes
@@ -84,7 +84,7 @@ def classify_blocks(region: int, material: IntArray, materials: Materials,
         balls = points == 1 and round_shapes[a] + round_shapes[b] == 2 and (
             spinning == 0.0) and not (moves_by_twist(bodies, i) or moves_by_twist(bodies, j))
         if balls and shifted:
-            balls = not (was_shifted(shifts[i]) or was_shifted(shifts[j]))
+            balls = not (has_collided(shifts[i]) or has_collided(shifts[j]))
         quiet = points == 1 and manifolds.impulse[0, r] == 0.0
         if rolling > 0.0:
             work.kind[region, k] = min(points - 1, 2) + 3
@@ -297,8 +297,8 @@ def _copy_turns(b: Array, rows: IntArray, points: int, manifolds: Manifolds,
         r = rows[i] & INDEX
         given = rows[i] >= 0 and prediction.given[r] == 1
         if given and shifted:
-            given = not (was_shifted(shifts[manifolds.body_a[r]])
-                         or was_shifted(shifts[manifolds.body_b[r]]))
+            given = not (has_collided(shifts[manifolds.body_a[r]])
+                         or has_collided(shifts[manifolds.body_b[r]]))
         for p in range(POINTS if points > 1 else 1):
             turn = prediction.turn[p, r] if given else 0.0
             b[(POINT + p * POINT_ROWS + TURN) * LANES + i] = turn

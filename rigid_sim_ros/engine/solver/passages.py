@@ -23,7 +23,7 @@ Only what moves farther than half of that depth is asked. Most steps end with on
 
 import math
 
-from rigid_sim_ros.engine.contact.impact_offsets import displacement, SHIFT, was_shifted
+from rigid_sim_ros.engine.contact.impact_offsets import displacement, has_collided, SHIFT
 from rigid_sim_ros.engine.detection.backtrack import DEEPER, pair_gap, passage, place_ahead
 from rigid_sim_ros.engine.detection.broad_phase import may_collide
 from rigid_sim_ros.engine.detection.grid import boxes_overlap
@@ -125,7 +125,7 @@ def _write_ways(c: Arguments) -> None:
     for k in range(count if c.work.solver.shifted[0] == 1 else 0):
         r = (first + k) & INDEX
         for i in (manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX):
-            if was_shifted(c.work.collision.body[i]) and c.model.inv_m[i] > 0.0:
+            if has_collided(c.work.collision.body[i]) and c.model.inv_m[i] > 0.0:
                 _begin_before(c, i, c.work.collision.body[i])
     rest = standard_of_rest(c.model, c.state, c.shapes.body)
     for i in range(c.model.m.shape[0]):
