@@ -11,7 +11,7 @@ kinematic by `deepest`, and goes with that from there on: on a ship that flies p
 rest of its step is lost, with what forces did in it and contacts left, or what falls would gain
 speed without falling. Velocities that contacts gave stay, and the next step finds the pair.
 
-Of a pair that overlapped already as the step began, contacts did not stop what they should: of
+Of a pair that overlapped already as its way began, contacts did not stop what they should: of
 what turns by radians a step they act at an attitude to which it does not come. Such a pair
 collides where it was stopped, at the attitude that it has there, without restitution and friction.
 
@@ -23,7 +23,7 @@ Only what moves farther than half of that depth is asked. Most steps end with on
 
 import math
 
-from rigid_sim_ros.engine.contact.impact_offsets import displacement, SHIFT, was_shifted
+from rigid_sim_ros.engine.contact.impact_offsets import was_shifted
 from rigid_sim_ros.engine.detection.backtrack import DEEPER, pair_gap, passage, place_ahead
 from rigid_sim_ros.engine.detection.broad_phase import may_collide
 from rigid_sim_ros.engine.detection.grid import boxes_overlap
@@ -32,13 +32,12 @@ from rigid_sim_ros.engine.detection.margins import standard_of_rest
 from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
 from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
 from rigid_sim_ros.engine.dynamics.kinematic import prescribed_spin, prescribed_velocity
-from rigid_sim_ros.engine.maths.rotation import exponential, multiply, quaternion, set_quaternion
+from rigid_sim_ros.engine.maths.rotation import quaternion, set_quaternion
 from rigid_sim_ros.engine.maths.vector import (
-    add, add_scaled, add_to_column, column, cross, dot, norm, row, scale, set_column, subtract)
+    add_scaled, add_to_column, column, cross, dot, norm, row, scale, set_column, subtract)
 from rigid_sim_ros.engine.solver.arguments import Arguments
 from rigid_sim_ros.engine.solver.solver_bodies import STRIDE, TOUCHED
-from rigid_sim_ros.engine.state.rates import (
-    angular_momentum, fastest_turning, spin_of, velocity_at)
+from rigid_sim_ros.engine.state.rates import fastest_turning, spin_of, velocity_at
 from rigid_sim_ros.engine.state.state import add_impulse_with_lever, copy_body, State
 from rigid_sim_ros.kernels.arrays import Array, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, inlined, kernel
@@ -111,7 +110,7 @@ def _write_ways(c: Arguments) -> None:
     """
     Write the motions at constant P and L that bring bodies to where the solver lets them go.
 
-    Of what bounced, straight from where it was before.
+    Of what bounced, from its last collision on: before, it was on other ways.
     """
     ways, h = c.work.ways, c.model.h
     path = ways.path
@@ -120,33 +119,20 @@ def _write_ways(c: Arguments) -> None:
         v, L = _mean_motion(c, i)
         set_column(path.P, i, scale(c.model.m[i], v))
         set_column(path.L, i, L)
+        ways.begin[i] = 0.0
     manifolds = current(c.memory)
     first, count = rows_in_use(manifolds)
     for k in range(count if c.work.solver.shifted[0] == 1 else 0):
         r = (first + k) & INDEX
         for i in (manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX):
             if was_shifted(c.work.collision.body[i]) and c.model.inv_m[i] > 0.0:
-                _begin_before(c, i, c.work.collision.body[i])
+                ways.begin[i] = c.work.collision.last[i]
     rest = standard_of_rest(c.model, c.state, c.shapes.body)
     for i in range(c.model.m.shape[0]):
         ways.part[i] = 1.0
         v = scale(c.model.inv_m[i], column(path.P, i))
         speed = norm(subtract(v, rest)) if _moves(c, i) else 0.0
         ways.length[i] = h * (speed + _turning(c, i, path, column(path.L, i)))
-
-
-@kernel
-def _begin_before(c: Arguments, i: int, line: Array) -> None:
-    """Let a way begin where a body was before collisions shifted it."""
-    path, moved, h = c.work.ways.path, displacement(line), c.model.h
-    angle = (line[SHIFT + 3], line[SHIFT + 4], line[SHIFT + 5])
-    v, L = _mean_motion(c, i)
-    q = multiply(exponential(scale(-1.0, angle)), quaternion(c.state.q, i))
-    set_column(path.x, i, subtract(column(c.state.x, i), moved))
-    set_quaternion(path.q, i, q)
-    set_column(path.P, i, scale(c.model.m[i], add_scaled(v, 1.0 / h, moved)))
-    set_column(path.L, i, add(L, angular_momentum(
-        q, scale(1.0 / h, angle), column(c.model.I_C, i))))
 
 
 @kernel
@@ -168,13 +154,13 @@ def _end_at_passage(c: Arguments, a: int, b: int) -> None:
     if shapes.still[a] == 1:
         i, k = k, i
     if ways.length[i] > 0.5 * DEEPER * min(shapes.half_width[a], shapes.half_width[b]):
-        t = passage(c.model, ways.path, c.work.prediction.still, shapes, a, b, h,
+        t = passage(c.model, ways.path, c.work.prediction.still, shapes, a, b, ways.begin[i], h,
                     c.work.prediction.pose, c.memory.scratch)
         if t / h < ways.part[i]:
             ways.part[i] = t / h
             ways.met[i, 0], ways.met[i, 1] = a, b
-            gap, _ = pair_gap(c.model, ways.path, c.work.prediction.still, shapes, a, b, 0.0,
-                              c.work.prediction.pose, c.memory.scratch)
+            gap, _ = pair_gap(c.model, ways.path, c.work.prediction.still, shapes, a, b,
+                              ways.begin[i], c.work.prediction.pose, c.memory.scratch)
             ways.sank[i] = 1 if gap < 0.0 else 0
             arm = subtract(column(ways.path.x, i), column(ways.path.x, k))
             set_column(ways.carried, i, velocity_at(
