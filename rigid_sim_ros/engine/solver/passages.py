@@ -23,7 +23,7 @@ Only what moves farther than half of that depth is asked. Most steps end with on
 
 import math
 
-from rigid_sim_ros.engine.contact.impact_offsets import was_shifted
+from rigid_sim_ros.engine.contact.impact_offsets import displacement, SHIFT, was_shifted
 from rigid_sim_ros.engine.detection.backtrack import DEEPER, pair_gap, passage, place_ahead
 from rigid_sim_ros.engine.detection.broad_phase import may_collide
 from rigid_sim_ros.engine.detection.grid import boxes_overlap
@@ -32,12 +32,13 @@ from rigid_sim_ros.engine.detection.margins import standard_of_rest
 from rigid_sim_ros.engine.detection.narrow_phase.collide import collide
 from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
 from rigid_sim_ros.engine.dynamics.kinematic import prescribed_spin, prescribed_velocity
-from rigid_sim_ros.engine.maths.rotation import quaternion, set_quaternion
+from rigid_sim_ros.engine.maths.rotation import exponential, multiply, quaternion, set_quaternion
 from rigid_sim_ros.engine.maths.vector import (
-    add_scaled, add_to_column, column, cross, dot, norm, row, scale, set_column, subtract)
+    add, add_scaled, add_to_column, column, cross, dot, norm, row, scale, set_column, subtract)
 from rigid_sim_ros.engine.solver.arguments import Arguments
 from rigid_sim_ros.engine.solver.solver_bodies import STRIDE, TOUCHED
-from rigid_sim_ros.engine.state.rates import fastest_turning, spin_of, velocity_at
+from rigid_sim_ros.engine.state.rates import (
+    angular_momentum, fastest_turning, spin_of, velocity_at)
 from rigid_sim_ros.engine.state.state import add_impulse_with_lever, copy_body, State
 from rigid_sim_ros.kernels.arrays import Array, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, inlined, kernel
@@ -110,7 +111,8 @@ def _write_ways(c: Arguments) -> None:
     """
     Write the motions at constant P and L that bring bodies to where the solver lets them go.
 
-    Of what bounced, from its last collision on: before, it was on other ways.
+    Of what bounced and then flies, from its last collision on: before, it was on other ways. Where
+    the solver pushed it besides, straight from where it was before.
     """
     ways, h = c.work.ways, c.model.h
     path = ways.path
@@ -126,13 +128,30 @@ def _write_ways(c: Arguments) -> None:
         r = (first + k) & INDEX
         for i in (manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX):
             if was_shifted(c.work.collision.body[i]) and c.model.inv_m[i] > 0.0:
-                ways.begin[i] = c.work.collision.last[i]
+                if c.work.solver.bodies.slot[i] == 0:
+                    ways.begin[i] = c.work.collision.last[i]
+                else:
+                    _begin_before(c, i, c.work.collision.body[i])
     rest = standard_of_rest(c.model, c.state, c.shapes.body)
     for i in range(c.model.m.shape[0]):
         ways.part[i] = 1.0
         v = scale(c.model.inv_m[i], column(path.P, i))
         speed = norm(subtract(v, rest)) if _moves(c, i) else 0.0
         ways.length[i] = h * (speed + _turning(c, i, path, column(path.L, i)))
+
+
+@kernel
+def _begin_before(c: Arguments, i: int, line: Array) -> None:
+    """Let a way begin where a body was before collisions shifted it."""
+    path, moved, h = c.work.ways.path, displacement(line), c.model.h
+    angle = (line[SHIFT + 3], line[SHIFT + 4], line[SHIFT + 5])
+    v, L = _mean_motion(c, i)
+    q = multiply(exponential(scale(-1.0, angle)), quaternion(c.state.q, i))
+    set_column(path.x, i, subtract(column(c.state.x, i), moved))
+    set_quaternion(path.q, i, q)
+    set_column(path.P, i, scale(c.model.m[i], add_scaled(v, 1.0 / h, moved)))
+    set_column(path.L, i, add(L, angular_momentum(
+        q, scale(1.0 / h, angle), column(c.model.I_C, i))))
 
 
 @kernel
