@@ -27,6 +27,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rigid_sim_ros.engine.contact.classify import classify, COLLIDING
+from rigid_sim_ros.engine.contact.collisions import bounces, slowest_bounce
 from rigid_sim_ros.engine.detection.backtrack import (
     approach_bound, least_stage, pair_gap, place_ahead, way_ahead)
 from rigid_sim_ros.engine.detection.manifold_rows import is_mended
@@ -39,9 +41,9 @@ from rigid_sim_ros.engine.dynamics.free_rotation import turn_fast
 from rigid_sim_ros.engine.dynamics.kinematic import prescribed_spin
 from rigid_sim_ros.engine.maths.rotation import quaternion
 from rigid_sim_ros.engine.maths.vector import (
-    add, add_scaled, column, cross, dot, row, scale, subtract)
+    add, add_scaled, column, cross, dot, norm, row, scale, subtract)
 from rigid_sim_ros.engine.model.model import Model
-from rigid_sim_ros.engine.model.shapes import Shapes
+from rigid_sim_ros.engine.model.shapes import Materials, Shapes, smaller
 from rigid_sim_ros.engine.state.rates import angular_velocity
 from rigid_sim_ros.engine.state.state import body_velocity, State
 from rigid_sim_ros.kernels.arrays import Array, IntArray, room, Vector
@@ -102,8 +104,9 @@ def make_prediction(n: int, shapes: int, capacity: int) -> Prediction:
 
 @kernel
 def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
-                     manifolds: Manifolds, pose: Array, margin: Array, rest_margin: Array,
-                     activity: IntArray, prediction: Prediction, scratch: Scratch) -> None:
+                     materials: Materials, manifolds: Manifolds, pose: Array, margin: Array,
+                     rest_margin: Array, activity: IntArray, prediction: Prediction,
+                     scratch: Scratch) -> None:
     """
     Bring the manifolds to the time in which they act.
 
@@ -133,7 +136,8 @@ def predict_contacts(model: Model, state: State, loads: Loads, shapes: Shapes,
             may_pass = (prediction.pressed[manifolds.body_a[r] & INDEX]
                         + prediction.pressed[manifolds.body_b[r] & INDEX] == 0)
         if near and not may_pass:
-            if moved > SLOW * size and not mended:
+            if moved > SLOW * size and not mended and not _bounces_at_once(
+                    model, state, loads, shapes, materials, manifolds, r):
                 _move_to_middle(model, state, shapes, manifolds, r, pose, margin[a] + margin[b],
                                 moved, prediction, scratch)
         elif _closes(model, state, loads, manifolds, r, (MET if near else TOUCHING) * size):
@@ -258,6 +262,31 @@ def _velocity(model: Model, state: State, a: int, b: int, w_A: Vector, w_B: Vect
     """Return the velocity of B relative to A at a point [m/s]."""
     v = subtract(body_velocity(model, state, b), body_velocity(model, state, a))
     return add(v, subtract(cross(w_B, r_B), cross(w_A, r_A)))
+
+
+@kernel
+def _bounces_at_once(model: Model, state: State, loads: Loads, shapes: Shapes,
+                     materials: Materials, manifolds: Manifolds, r: int) -> bool:
+    """
+    Return whether a pair that touches approaches so fast that it bounces.
+
+    It does so where it is, not in the middle of the step.
+    """
+    if not bounces(shapes, materials, manifolds, r):
+        return False
+    a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+    n = row(manifolds.normal, r)
+    of_A = scale(model.inv_m[a], column(loads.F, a))
+    of_B = scale(model.inv_m[b], column(loads.F, b))
+    slowest = slowest_bounce(model.h, dot(n, subtract(of_B, of_A)), max(norm(of_A), norm(of_B)),
+                             smaller(shapes, manifolds.shape_a[r], manifolds.shape_b[r]))
+    w_A, w_B = _spin_after(model, state, a, 0.0), _spin_after(model, state, b, 0.0)
+    for p in range(manifolds.points[r]):
+        u = _velocity(model, state, a, b, w_A, w_B, row(manifolds.r_A[p], r),
+                      row(manifolds.r_B[p], r))
+        if classify(dot(n, u), slowest) == COLLIDING:
+            return True
+    return False
 
 
 @kernel

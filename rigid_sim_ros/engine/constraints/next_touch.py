@@ -5,17 +5,18 @@ Where bodies meet within a step once collisions have changed their ways.
 
 Manifolds are those of the ways with which the step began. Two rods that hit each other with one
 end bounce, turn, and may meet with the other ends in the same step; and who would have passed by
-may be sent into another. So after collisions the pairs of bodies that both move, and that do not
+may be sent into another. So after collisions the pairs of which one has collided, and that do not
 touch by what is known of them, are followed along their new ways, from the last collision on. A
 manifold of a pair that meets gets the normal and the points of that moment; then collisions are
-found anew. What is fixed needs none of that: passages.py lets nothing get through it.
+found anew. A pair that bounced and parts for the rest of the step is left out: the levers of its
+manifold are those of its collision, and by them a body that turns would seem to come back.
 """
 
 import math
 
 from rigid_sim_ros.engine.constraints.contact_prediction import (
     levers, Prediction, write_frame, write_point)
-from rigid_sim_ros.engine.contact.colliding_body import CollisionWork, get, SPIN
+from rigid_sim_ros.engine.contact.colliding_body import CollisionWork, get, NEVER, SPIN
 from rigid_sim_ros.engine.contact.collisions import bounces
 from rigid_sim_ros.engine.contact.impact_offsets import has_collided, shifted
 from rigid_sim_ros.engine.detection.backtrack import (
@@ -34,6 +35,8 @@ from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
 # So many times ways are followed anew at most; with friction two bodies may rattle for longer.
 TIMES = 4
+# So often the first stage is halved, at most, until what collided is seen apart.
+SOONER = 8
 # Of the smaller shape: the gap at which a pair meets. There is still a direction between what is
 # nearest.
 MET = 1e-4
@@ -57,12 +60,13 @@ def find_next_touches(model: Model, state: State, loads: Loads, shapes: Shapes,
         i, j = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         rests = work.activity[r] == ACTS and not has_impulse(
             normal_impulse, manifolds.points[r], r)
-        if (rests or not bounces(shapes, materials, manifolds, r) or model.inv_m[i] == 0.0
-                or model.inv_m[j] == 0.0 or not (has_collided(work.body[i])
-                                                 or has_collided(work.body[j]))):
+        if (rests or not bounces(shapes, materials, manifolds, r)
+                or not (has_collided(work.body[i]) or has_collided(work.body[j]))):
             continue
         t = _next_touch(model, state, loads, shapes, manifolds, r, max(work.last[i], work.last[j]),
                         prediction.pose, scratch)
+        if t == math.inf and work.activity[r] == ACTS:
+            work.activity[r] = LEFT_OUT
         if t <= model.h and _rewrite(model, state, loads, shapes, manifolds, r, t, margin,
                                      normal_impulse, friction_impulse, prediction, scratch, work):
             found += 1
@@ -79,11 +83,10 @@ def _next_touch(model: Model, state: State, loads: Loads, shapes: Shapes, manifo
     """
     Return when [s] in the step, after `begin`, the shapes of a manifold meet; inf: not at all.
 
-    By conservative advancement in few stages. What has not parted by the end of the first does not
-    meet.
+    By conservative advancement in few stages. NEVER if they have not parted soon after `begin`.
     """
     a, b, h = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX, model.h
-    met, t = MET * smaller(shapes, a, b), begin
+    met, t, looks = MET * smaller(shapes, a, b), begin, 0
     gap, n = pair_gap(model, state, loads, shapes, a, b, t, pose, scratch)
     while True:
         back = (-n[0], -n[1], -n[2])
@@ -91,15 +94,21 @@ def _next_touch(model: Model, state: State, loads: Loads, shapes: Shapes, manifo
                  + approach_bound(model, state, loads, shapes, b, back, h))
         if not gap - speed * (h - t) <= met:
             return math.inf
-        stage = least_stage(shapes, a, b, speed, h - begin)
+        stage = least_stage(shapes, a, b, speed, h - begin) * 0.5 ** looks
         later = min(t + max((gap - met) / speed, stage), h)
-        then, n = pair_gap(model, state, loads, shapes, a, b, later, pose, scratch)
+        then, n_then = pair_gap(model, state, loads, shapes, a, b, later, pose, scratch)
         if then <= met and gap > met:
             return crossing(model, state, loads, shapes, a, b, t, later, gap, then, met, pose,
                             scratch)
-        if later >= h or (then <= met and t > begin):
+        if then <= met:
+            # It has not parted yet, or met again already: that is seen only by looking sooner.
+            looks += 1
+            if looks > SOONER:
+                return NEVER
+        elif later >= h:
             return math.inf
-        t, gap = later, then
+        else:
+            t, gap, n, looks = later, then, n_then, 0
 
 
 @kernel

@@ -240,6 +240,17 @@ def _time_of_touch(gap: float, v: float, a: float, h: float, slowest: float) -> 
     return t if t <= h else 2.0 * NEVER
 
 
+@inlined
+def slowest_bounce(h: float, acceleration: float, pull: float, smallest: float) -> float:
+    """
+    Return how fast [m/s] two shapes approach, at the least, that bounce off each other.
+
+    Under a relative acceleration along the normal and up to `pull` of either [m/s^2].
+    """
+    # Too slow is also what a force alone makes of rest within two steps.
+    return max(SLOWEST * h * pull, STILL * smallest / h, 2.0 * abs(acceleration) * h)
+
+
 @kernel
 def _touch(h: float, x: Array, kind: IntArray, size: Array, manifolds: Manifolds, smallest: float,
            r: int, work: CollisionWork) -> float:
@@ -252,15 +263,12 @@ def _touch(h: float, x: Array, kind: IntArray, size: Array, manifolds: Manifolds
     n = row(manifolds.normal, r)
     of_A, of_B = get(work.body[a], ACCELERATION), get(work.body[b], ACCELERATION)
     acceleration, pull = dot(n, subtract(of_B, of_A)), max(norm(of_A), norm(of_B))
-    # Too slow is also what a force alone makes of rest within two steps.
-    slowest = max(SLOWEST * h * pull, STILL * smallest / h, 2.0 * abs(acceleration) * h)
+    slowest = slowest_bounce(h, acceleration, pull, smallest)
     earliest = 3.0 * NEVER
     slow = False
     for p in range(manifolds.points[r]):
-        v = subtract(velocity_on(work.body[b], row(manifolds.r_B[p], r)),
-                     velocity_on(work.body[a], row(manifolds.r_A[p], r)))
-        gap = gap_now(manifolds, work.body, r, p)
-        time = _time_of_touch(gap, dot(n, v), acceleration, h, slowest)
+        gap, v = gap_now(manifolds, work.body, r, p), _rate(manifolds, r, p, n, work.body)
+        time = _time_of_touch(gap, v, acceleration, h, slowest)
         slow = slow or time == NEVER
         earliest = min(earliest, time)
     if _are_balls(kind, manifolds, r) and earliest <= h:
@@ -299,6 +307,14 @@ def _touch_of_spheres(h: float, x: Array, size: Array, manifolds: Manifolds, r: 
             return 2.0 * NEVER, n
         t = max(0.0, t - (distance - radius_a - radius_b) / rate)
     return t if t <= h else 2.0 * NEVER, n
+
+
+@inlined
+def _rate(manifolds: Manifolds, r: int, p: int, n: Vector, body: Array) -> float:
+    """Return how fast the gap of a point grows [m/s], with the levers of its manifold."""
+    A, B = body[manifolds.body_a[r] & INDEX], body[manifolds.body_b[r] & INDEX]
+    return dot(n, subtract(velocity_on(B, row(manifolds.r_B[p], r)),
+                           velocity_on(A, row(manifolds.r_A[p], r))))
 
 
 @inlined
@@ -352,9 +368,10 @@ def _read_pair(x: Array, kind: IntArray, size: Array, manifolds: Manifolds, toge
         work.impulse[k, p] = 0.0
         work.target[k, p] = NEVER
         u = dot(n, subtract(velocity_on(B, subtract(c, d)), velocity_on(A, c)))
-        gap = gap_now(manifolds, work.body, r, p)
-        gap += tau * u + 0.5 * tau * tau * dot(n, acceleration)
         u += tau * dot(n, acceleration)
+        # As the time of touch was found: by another lever a point that touches would be apart.
+        gap = gap_now(manifolds, work.body, r, p) + tau * _rate(manifolds, r, p, n, work.body)
+        gap += 0.5 * tau * tau * dot(n, acceleration)
         if (gap <= together or spheres) and u < 0.0:
             work.target[k, p] = -restitution * u
 

@@ -392,7 +392,7 @@ def first_event(model: Model, state: State, loads: Loads, shapes: Shapes, pairs:
             if t < best:
                 best, which = t, k
             continue
-        t = _sinking(model, state, loads, shapes, a, b, gap, n, level, until, pose, scratch)
+        t = _sinking(model, state, loads, shapes, a, b, gap, n, level, 0.0, until, pose, scratch)
         if t < best:
             best, which = t, k
     return best, which
@@ -409,7 +409,8 @@ def first_passage(model: Model, state: State, loads: Loads, shapes: Shapes, pair
     """
     best, which = until, -1
     for k in range(count):
-        t = passage(model, state, loads, shapes, pairs[k, 0], pairs[k, 1], until, pose, scratch)
+        t = passage(model, state, loads, shapes, pairs[k, 0], pairs[k, 1], 0.0, until, pose,
+                    scratch)
         if t < best:
             best, which = t, k
     return best, which
@@ -417,11 +418,15 @@ def first_passage(model: Model, state: State, loads: Loads, shapes: Shapes, pair
 
 @kernel
 def passage(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b: int,
-            until: float, pose: Array, scratch: Scratch) -> float:
-    """Return when [s] two shapes get so deep that they might get through; inf: they do not."""
-    gap, n = pair_gap(model, state, loads, shapes, a, b, 0.0, pose, scratch)
+            begin: float, until: float, pose: Array, scratch: Scratch) -> float:
+    """
+    Return when [s] two shapes get so deep that they might get through; inf: they do not.
+
+    From `begin` to `until` [s] after the time of the state.
+    """
+    gap, n = pair_gap(model, state, loads, shapes, a, b, begin, pose, scratch)
     level = deepest(shapes, a, b, gap)
-    return _sinking(model, state, loads, shapes, a, b, gap, n, level, until, pose, scratch)
+    return _sinking(model, state, loads, shapes, a, b, gap, n, level, begin, until, pose, scratch)
 
 
 @kernel
@@ -432,7 +437,8 @@ def deepest(shapes: Shapes, a: int, b: int, gap: float) -> float:
 
 @kernel
 def _sinking(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b: int, gap: float,
-             n: Vector, level: float, until: float, pose: Array, scratch: Scratch) -> float:
+             n: Vector, level: float, begin: float, until: float, pose: Array,
+             scratch: Scratch) -> float:
     """
     Return when [s] the gap of two shapes fell below a `level` [m, < 0]; inf: it did not.
 
@@ -441,17 +447,18 @@ def _sinking(model: Model, state: State, loads: Loads, shapes: Shapes, a: int, b
     `until` is not the best time so far: what is seen must not depend on which pairs were asked
     before.
     """
-    # Along the normal of the start: no overlap is deeper than that.
+    # Along the normal of `begin`: no overlap is deeper than that.
     back = (-n[0], -n[1], -n[2])
-    way = until * (approach_bound(model, state, loads, shapes, a, n, until)
-                   + approach_bound(model, state, loads, shapes, b, back, until))
+    left = until - begin
+    way = left * (approach_bound(model, state, loads, shapes, a, n, until)
+                  + approach_bound(model, state, loads, shapes, b, back, until))
     if gap - way >= level:
         return math.inf
     parts = max(1.0, min(math.ceil(way / (shapes.half_width[a] + shapes.half_width[b])),
                          1.0 / LEAST_ADVANCE))
-    before, then = 0.0, gap
+    before, then = begin, gap
     for k in range(int(parts)):
-        t = until * (k + 1) / parts
+        t = begin + left * (k + 1) / parts
         above, then = then, pair_gap(model, state, loads, shapes, a, b, t, pose, scratch)[0]
         if then < level:
             return crossing(model, state, loads, shapes, a, b, before, t, above, then, level,

@@ -68,18 +68,19 @@ class Ways(NamedTuple):
     """How far n bodies go in a step, see passages.py."""
 
     thinnest: Array  # (1,) [m] half of the least that any shape measures across
+    begin: Array  # (n,) [s] after the start of the step, from when on a way is looked at
     path: State  # with which P and L they would get there, if these were constant
     length: Array  # (n,) [m] how far any point of a body goes, at most, past what is at rest
     part: Array  # (n,) of its way that a body may go
     carried: Array  # (3, n) [m/s] with which it goes on then, with what it met
     met: IntArray  # (n, 2) the shapes that met there, -1: it was not stopped
-    sank: IntArray  # (n,) 1 if they overlapped as the step began
+    sank: IntArray  # (n,) 1 if they overlapped as the way began
 
 
 def _make_ways(shapes: Shapes, n: int) -> Ways:
     """Return room for n bodies."""
-    return Ways(np.array([shapes.half_width.min(initial=np.inf)]), empty_state(n), room(n),
-                room(n), room(3, n), np.full((n, 2), -1), integers(n))
+    return Ways(np.array([shapes.half_width.min(initial=np.inf)]), room(n), empty_state(n),
+                room(n), room(n), room(3, n), np.full((n, 2), -1), integers(n))
 
 
 class TimestepSettings(NamedTuple):

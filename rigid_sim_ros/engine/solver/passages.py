@@ -11,7 +11,7 @@ kinematic by `deepest`, and goes with that from there on: on a ship that flies p
 rest of its step is lost, with what forces did in it and contacts left, or what falls would gain
 speed without falling. Velocities that contacts gave stay, and the next step finds the pair.
 
-Of a pair that overlapped already as the step began, contacts did not stop what they should: of
+Of a pair that overlapped already as its way began, contacts did not stop what they should: of
 what turns by radians a step they act at an attitude to which it does not come. Such a pair
 collides where it was stopped, at the attitude that it has there, without restitution and friction.
 
@@ -111,7 +111,8 @@ def _write_ways(c: Arguments) -> None:
     """
     Write the motions at constant P and L that bring bodies to where the solver lets them go.
 
-    Of what bounced, straight from where it was before.
+    Of what bounced and then flies, from its last collision on: before, it was on other ways. Where
+    the solver pushed it besides, straight from where it was before.
     """
     ways, h = c.work.ways, c.model.h
     path = ways.path
@@ -120,13 +121,17 @@ def _write_ways(c: Arguments) -> None:
         v, L = _mean_motion(c, i)
         set_column(path.P, i, scale(c.model.m[i], v))
         set_column(path.L, i, L)
+        ways.begin[i] = 0.0
     manifolds = current(c.memory)
     first, count = rows_in_use(manifolds)
     for k in range(count if c.work.solver.shifted[0] == 1 else 0):
         r = (first + k) & INDEX
         for i in (manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX):
             if has_collided(c.work.collision.body[i]) and c.model.inv_m[i] > 0.0:
-                _begin_before(c, i, c.work.collision.body[i])
+                if c.work.solver.bodies.slot[i] == 0:
+                    ways.begin[i] = c.work.collision.last[i]
+                else:
+                    _begin_before(c, i, c.work.collision.body[i])
     rest = standard_of_rest(c.model, c.state, c.shapes.body)
     for i in range(c.model.m.shape[0]):
         ways.part[i] = 1.0
@@ -168,13 +173,13 @@ def _end_at_passage(c: Arguments, a: int, b: int) -> None:
     if shapes.still[a] == 1:
         i, k = k, i
     if ways.length[i] > 0.5 * DEEPER * min(shapes.half_width[a], shapes.half_width[b]):
-        t = passage(c.model, ways.path, c.work.prediction.still, shapes, a, b, h,
+        t = passage(c.model, ways.path, c.work.prediction.still, shapes, a, b, ways.begin[i], h,
                     c.work.prediction.pose, c.memory.scratch)
         if t / h < ways.part[i]:
             ways.part[i] = t / h
             ways.met[i, 0], ways.met[i, 1] = a, b
-            gap, _ = pair_gap(c.model, ways.path, c.work.prediction.still, shapes, a, b, 0.0,
-                              c.work.prediction.pose, c.memory.scratch)
+            gap, _ = pair_gap(c.model, ways.path, c.work.prediction.still, shapes, a, b,
+                              ways.begin[i], c.work.prediction.pose, c.memory.scratch)
             ways.sank[i] = 1 if gap < 0.0 else 0
             arm = subtract(column(ways.path.x, i), column(ways.path.x, k))
             set_column(ways.carried, i, velocity_at(

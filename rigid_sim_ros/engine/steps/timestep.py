@@ -284,9 +284,9 @@ def predict_part(c: Arguments, what: int) -> int:
     if what == STOPPED:
         hit_what_stopped(c)
         return 0
-    predict_contacts(c.model, c.state, work.loads, c.shapes, current(memory), memory.pose,
-                     memory.margin, memory.rest_margin, work.collision.activity, work.prediction,
-                     memory.scratch)
+    predict_contacts(c.model, c.state, work.loads, c.shapes, c.materials, current(memory),
+                     memory.pose, memory.margin, memory.rest_margin, work.collision.activity,
+                     work.prediction, memory.scratch)
     return 0
 
 
