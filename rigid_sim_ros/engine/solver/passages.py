@@ -196,16 +196,22 @@ def _stop(c: Arguments, i: int) -> None:
     met = add_scaled(column(path.x, i), until * c.model.inv_m[i], column(path.P, i))
     set_column(c.state.x, i, add_scaled(met, lost, column(ways.carried, i)))
     set_quaternion(c.state.q, i, q)
-    if slot == 0:
-        bodies.flies[i] = 0
-        add_to_column(c.state.P, i, scale(until, column(loads.F, i)))
-        add_to_column(c.state.L, i, scale(until, column(loads.tau, i)))
-        return
-    at, F, inv_m = slot * STRIDE, column(loads.F, i), c.model.inv_m[i]
+    F, m, inv_m = column(loads.F, i), c.model.m[i], c.model.inv_m[i]
     # What forces did on the way that is lost, seen from what it goes with.
     lost_way = scale(lost, subtract(scale(inv_m, column(path.P, i)), column(ways.carried, i)))
-    _take_work(bodies.motion, at, F, inv_m, dot(F, lost_way), column(ways.carried, i))
-    _take_turn(bodies.motion, at + 3, scale(lost, column(loads.tau, i)))
+    work = dot(F, lost_way)
+    if slot == 0:
+        bodies.flies[i] = 0
+        v = scale(inv_m, add_scaled(column(c.state.P, i), h, F))
+        v = _without_work(v, F, inv_m, work, column(ways.carried, i))
+        set_column(c.state.P, i, scale(m, v))
+        add_to_column(c.state.L, i, scale(until, column(loads.tau, i)))
+        return
+    at, motion = slot * STRIDE, bodies.motion
+    v = _without_work((motion[at], motion[at + 1], motion[at + 2]), F, inv_m, work,
+                      column(ways.carried, i))
+    motion[at], motion[at + 1], motion[at + 2] = v
+    _take_turn(motion, at + 3, scale(lost, column(loads.tau, i)))
     bodies.total[at:at + STRIDE] = 0.0
     bodies.drifted[at + TOUCHED] = 1.0
 
@@ -248,20 +254,18 @@ def _stop_point(c: Arguments, i: int, k: int, at: Vector, n: Vector) -> None:
 
 
 @kernel
-def _take_work(motion: Array, at: int, F: Vector, inv_m: float, work: float, rest: Vector) -> None:
+def _without_work(v: Vector, F: Vector, inv_m: float, work: float, rest: Vector) -> Vector:
     """
-    Take from v along F the energy `work` [J], as far as it is there, past `rest`.
+    Return v [m/s] without the energy `work` [J] along F, as far as it is there, past `rest`.
 
     What a contact has stopped is there no longer: h F / m taken from it would throw it up.
     """
     square = dot(F, F)
     if square == 0.0 or work <= 0.0:
-        return
-    along = dot(F, subtract((motion[at], motion[at + 1], motion[at + 2]), rest))
+        return v
+    along = dot(F, subtract(v, rest))
     left = math.sqrt(max(along * along - 2.0 * inv_m * square * work, 0.0))
-    change = (math.copysign(left, along) - along) / square
-    for k in range(3):
-        motion[at + k] += change * F[k]
+    return add_scaled(v, (math.copysign(left, along) - along) / square, F)
 
 
 @kernel
