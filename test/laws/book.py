@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from laws import (
-    apart_laws, driven_laws, energy_laws, ground_laws, heap_laws, impact_laws, jointed_laws,
+    apart_laws, driven_laws, elastic_laws, energy_laws, ground_laws, heap_laws, impact_laws, jointed_laws,
     jointed_twins, mixed_laws, pivot_laws, rest_laws, ridden_laws, shot_laws, slept_laws,
     standing_laws, twin_laws)
 from laws.crowd_scenes import draw_collapse, draw_crates
@@ -145,7 +145,9 @@ CROWDS = {law.name: law for law in (
     Law('collapse-energy', 'energy never grows without work where many fall',
         draw_collapse, energy_laws.judge_energy, ('timestep',)),
     Law('heap', 'what falls in a heap overlaps little, gains nothing, and comes to rest',
-        heap_laws.draw_heap, heap_laws.judge_heap, _TOUCHING))}
+        heap_laws.draw_heap, heap_laws.judge_heap, _TOUCHING),
+    Law('elastic', 'what bounces without loss keeps its energy',
+        elastic_laws.draw_elastic, elastic_laws.judge_elastic, _TOUCHING))}
 
 # Those of grounds of triangles.
 GROUNDS = {law.name: law for law in (
