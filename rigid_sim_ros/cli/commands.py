@@ -449,7 +449,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
         # Python would write what is left of it at the end, and say once more that it cannot.
         with open(os.devnull, 'wb') as nothing:
             os.dup2(nothing.fileno(), 1)
-        fail(f'what is printed cannot be written: {os.strerror(error.errno)}')
+        fail(f'the output cannot be written: {os.strerror(error.errno)}')
     raise SystemExit(code if isinstance(code, int) else 0)
 
 
