@@ -7,9 +7,9 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from laws import (
-    apart_laws, driven_laws, elastic_laws, energy_laws, ground_laws, heap_laws, impact_laws, jointed_laws,
-    jointed_twins, mixed_laws, pivot_laws, rest_laws, ridden_laws, shot_laws, slept_laws,
-    standing_laws, twin_laws)
+    apart_laws, driven_laws, elastic_laws, energy_laws, ground_laws, heap_laws, impact_laws,
+    jointed_laws, jointed_twins, mixed_laws, pivot_laws, rest_laws, ridden_laws, shot_laws,
+    slept_laws, standing_laws, twin_laws)
 from laws.crowd_scenes import draw_collapse, draw_crates
 from laws.driven_scenes import draw_driven, draw_driven_at_a_wall, draw_driven_floating
 from laws.ground_scenes import (
