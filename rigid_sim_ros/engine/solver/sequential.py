@@ -62,8 +62,6 @@ LARGEST, PUSHED, SUBSTEP, WAITING, UNSETTLED = 3, 4, 5, 6, 7
 # back and forth. A heap of 1000 boxes of 0.2 m overlaps by 0.9 mm 5 s after it fell, and by 6 mm
 # without, and takes a tenth less time: what is not settled moves, and is detected anew.
 MUCH = 0.1
-# More than rounding: see `slow` of solve_part.
-ABOVE = 1.0 + 1e-6
 
 
 @part
@@ -248,9 +246,8 @@ def solve_part(c: Arguments, number: int) -> int:
     motion = bodies.motion
     what = _sweep_of(stage not in (APPROACH, IMPACT_BACK, IMPACT), notes[SUBSTEP], h,
                      c.settings.sequential.substeps)
-    # What gravity does in a substep: up to it an approach is the work of forces, not an impact.
-    # What falls from rest approaches with just that, and rounding must not decide.
-    slow = ABOVE * h * norm((c.model.gravity[0], c.model.gravity[1], c.model.gravity[2]))
+    # What gravity does in a substep: below it an approach is the work of forces, not an impact.
+    slow = h * norm((c.model.gravity[0], c.model.gravity[1], c.model.gravity[2]))
     if stage == FILL:
         _fill(c, region)
     elif stage == APPROACH:
