@@ -32,8 +32,8 @@ def draw_elastic(rng: Generator) -> Scene:
                            speed / size * rng.normal(size=3)))
     surface = {'friction': 0.0, 'restitution': 1.0}
     half = 0.5 * side * cell
-    spec = world([*bodies, *_walls(half)], between(rng, *WAY) * size / speed, surface)
-    spec['world']['gravity'] = [0.0, 0.0, 0.0]
+    spec = world([*bodies, *_walls(half)], between(rng, *WAY) * size / speed, surface,
+                 (0.0, 0.0, 0.0))
     return Scene(spec, size, STEPS, {'half': half, 'moving': count})
 
 
@@ -52,7 +52,7 @@ def judge_elastic(scene: Scene, build: Build) -> Verdict:
 
     A collision keeps the energy to 1e-8. What meets more often in a step than collisions are
     followed is stopped: of all bodies, one or the other loses a part of its energy so, and that is
-    no more than a hundredth in so few steps.
+    no more than a thousandth of all in so few steps.
     """
     run, of = build(scene.spec), masses(scene.spec)
     moves = slice(scene.facts['moving'])

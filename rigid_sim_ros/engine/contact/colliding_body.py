@@ -52,7 +52,9 @@ class CollisionWork(NamedTuple):
     first: Array  # (n,) the earliest of a body's times
     last: Array  # (n,) [s] after the start of the step, when a body collided last
     pairs: IntArray  # (n,) of 32 bits, how many pairs of a body touch first
-    body: Array  # (n, 29) v, w, F / m, inverse inertia in world axes, 1 / m, new momenta, shifts
+    # (n, 29) v, w, F / m, inverse inertia in world axes, 1 / m, new momenta, and the columns of
+    # impact_offsets.py
+    body: Array
     together: IntArray  # (TOGETHER,) places in `rows` of the pairs that collide together
     pair: CollidingPairs
     # (TOGETHER, POINTS, 3) their points from the centres of mass of A [m]
