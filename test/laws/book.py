@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 from laws import (
     apart_laws, driven_laws, elastic_laws, energy_laws, ground_laws, heap_laws, impact_laws,
-    jointed_laws, jointed_twins, mixed_laws, pivot_laws, rest_laws, ridden_laws, shot_laws,
-    slept_laws, standing_laws, twin_laws)
+    jointed_laws, jointed_twins, mixed_laws, pivot_laws, rest_laws, ridden_laws, row_laws,
+    shot_laws, slept_laws, standing_laws, twin_laws)
 from laws.crowd_scenes import draw_collapse, draw_crates
 from laws.driven_scenes import draw_driven, draw_driven_at_a_wall, draw_driven_floating
 from laws.ground_scenes import (
@@ -147,7 +147,9 @@ CROWDS = {law.name: law for law in (
     Law('heap', 'what falls in a heap overlaps little, gains nothing, and comes to rest',
         heap_laws.draw_heap, heap_laws.judge_heap, _TOUCHING),
     Law('elastic', 'what bounces without loss keeps its energy',
-        elastic_laws.draw_elastic, elastic_laws.judge_elastic, _TOUCHING))}
+        elastic_laws.draw_elastic, elastic_laws.judge_elastic, _TOUCHING),
+    Law('row', 'a blow goes through a row body by body',
+        row_laws.draw_row, row_laws.judge_row, _TOUCHING))}
 
 # Those of grounds of triangles.
 GROUNDS = {law.name: law for law in (

@@ -55,3 +55,10 @@ def test_a_heap_of_all_shapes_comes_to_rest(seed):
 @pytest.mark.parametrize('seed', [22, 74])
 def test_what_turns_fast_bounces_without_loss(seed):
     assert not breaches('elastic', 'timestep', [seed])
+
+
+# Gaps of a few hundredths: what was hit had not been looked at, and entered the next by half of
+# its size.
+@pytest.mark.parametrize('seed', [74, 89, 96])
+def test_a_blow_goes_through_a_row_within_a_step(seed):
+    assert not breaches('row', 'timestep', [seed])

@@ -8,8 +8,10 @@ end bounce, turn, and may meet with the other ends in the same step; and who wou
 may be sent into another. So after collisions the pairs of which one has collided, and that do not
 touch by what is known of them, are followed along their new ways, from the last collision on. A
 manifold of a pair that meets gets the normal and the points of that moment; then collisions are
-found anew. A pair that bounced and parts for the rest of the step is left out: the levers of its
-manifold are those of its collision, and by them a body that turns would seem to come back.
+found anew. What touches meets as soon as one of the two is sent into the other: a blow goes back
+and forth in a row within the step. A pair that bounced and parts for the rest of the step is left
+out: the levers of its manifold are those of its collision, and by them a body that turns would
+seem to come back.
 """
 
 import math
@@ -33,7 +35,7 @@ from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
-# So many times ways are followed anew at most; with friction two bodies may rattle for longer.
+# So many times a pair meets anew in a step at most; with friction two bodies may rattle for longer.
 TIMES = 4
 # So often the first stage is halved, at most, until what collided is seen apart.
 SOONER = 8
@@ -51,7 +53,7 @@ def find_next_touches(model: Model, state: State, loads: Loads, shapes: Shapes,
     Bring the manifolds of pairs that meet on new ways to where they do; return how many do.
 
     margin (s,) [m] is that of `Memory`; the impulses are those of `collide_bodies`. A pair that
-    was dormant becomes one of the pairs that may collide.
+    was dormant becomes one of the pairs that may collide. `work.met` counts how often a pair met.
     """
     first, count = rows_in_use(manifolds)
     found = 0
@@ -60,11 +62,13 @@ def find_next_touches(model: Model, state: State, loads: Loads, shapes: Shapes,
         i, j = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         rests = work.activity[r] == ACTS and not has_impulse(
             normal_impulse, manifolds.points[r], r)
-        if (rests or not bounces(shapes, materials, manifolds, r)
+        if (rests or work.met[r] == TIMES or not bounces(shapes, materials, manifolds, r)
                 or not (has_collided(work.body[i]) or has_collided(work.body[j]))):
             continue
+        # Neither has collided with anything since they did with each other.
+        bounced = work.stamp[r] > 0 and work.stamp[r] == work.collisions[i] + work.collisions[j]
         t = _next_touch(model, state, loads, shapes, manifolds, r, max(work.last[i], work.last[j]),
-                        prediction.pose, scratch)
+                        bounced, prediction.pose, scratch)
         if t == math.inf and work.activity[r] == ACTS:
             work.activity[r] = LEFT_OUT
         if t <= model.h and _rewrite(model, state, loads, shapes, manifolds, r, t, margin,
@@ -74,16 +78,18 @@ def find_next_touches(model: Model, state: State, loads: Loads, shapes: Shapes,
                 work.rows[work.candidates[0]] = r
                 work.candidates[0] += 1
             work.activity[r] = LEFT_OUT
+            work.met[r] += 1
     return found
 
 
 @kernel
 def _next_touch(model: Model, state: State, loads: Loads, shapes: Shapes, manifolds: Manifolds,
-                r: int, begin: float, pose: Array, scratch: Scratch) -> float:
+                r: int, begin: float, bounced: bool, pose: Array, scratch: Scratch) -> float:
     """
     Return when [s] in the step, after `begin`, the shapes of a manifold meet; inf: not at all.
 
-    By conservative advancement in few stages. NEVER if they have not parted soon after `begin`.
+    By conservative advancement in few stages. What touches at `begin` and has just `bounced` has
+    to part first: NEVER if it does not soon. Anything else that touches meets if it comes nearer.
     """
     a, b, h = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX, model.h
     met, t, looks = MET * smaller(shapes, a, b), begin, 0
@@ -100,7 +106,9 @@ def _next_touch(model: Model, state: State, loads: Loads, shapes: Shapes, manifo
         if then <= met and gap > met:
             return crossing(model, state, loads, shapes, a, b, t, later, gap, then, met, pose,
                             scratch)
-        if then <= met:
+        if then <= met and then < gap and not bounced:
+            return t
+        if then <= met and bounced:
             # It has not parted yet, or met again already: that is seen only by looking sooner.
             looks += 1
             if looks > SOONER:

@@ -49,8 +49,13 @@ class CollisionWork(NamedTuple):
     # (c,) of 8 bits, ACTS, DORMANT, or LEFT_OUT: too fast to be at rest, but will not touch in
     # this step
     activity: IntArray
-    first: Array  # (n,) the earliest of a body's times
+    met: IntArray  # (c,) of 8 bits, how often they met anew in this step; see next_touch.py
+    first: Array  # (n,) the earliest of the times of a body and of those near it
+    nearby: Array  # (n,) scratch for that
     last: Array  # (n,) [s] after the start of the step, when a body collided last
+    collisions: IntArray  # (n,) of 32 bits, how many pairs of a body that moves collided so far
+    # (c,) of 32 bits, how many pairs of its two bodies had collided when they did with each other
+    stamp: IntArray
     pairs: IntArray  # (n,) of 32 bits, how many pairs of a body touch first
     # (n, 29) v, w, F / m, inverse inertia in world axes, 1 / m, new momenta, and the columns of
     # impact_offsets.py
@@ -69,8 +74,10 @@ class CollisionWork(NamedTuple):
 def make_collision_work(n: int, capacity: int) -> CollisionWork:
     """Return buffers for n bodies and `capacity` manifolds."""
     return CollisionWork(integers(1), room(capacity, kind=np.int32), room(capacity),
-                         room(capacity, kind=np.int8), room(n), room(n), room(n, kind=np.int32),
-                         room(n, COLUMNS), integers(TOGETHER), _no_pairs(),
+                         room(capacity, kind=np.int8), room(capacity, kind=np.int8), room(n),
+                         room(n), room(n), room(n, kind=np.int32), room(capacity, kind=np.int32),
+                         room(n, kind=np.int32), room(n, COLUMNS),
+                         integers(TOGETHER), _no_pairs(),
                          np.zeros((TOGETHER, POINTS, 3)), np.zeros((TOGETHER, POINTS)),
                          np.zeros((TOGETHER, POINTS)),
                          np.zeros((MOST_ALIKE, 2), dtype=np.int64), make_room(MOST_ALIKE, 3))

@@ -38,6 +38,9 @@ AT_ONCE = 1e-6
 # What approaches slower does not bounce: this part of what the forces make of rest within a step,
 # and in a step this part of the size of the smaller shape, where no force acts.
 SLOWEST, STILL = 0.1, 1e-8
+# A pair collides when no pair within so many touches earlier: what is farther away would have to
+# pass that on in as many collisions, in between.
+REACH = 4
 # Rounds of collisions in a step. A row of k touching bodies takes about k; what is left after the
 # last round is stopped without a bounce by the contact solver.
 ROUNDS = 200
@@ -76,9 +79,10 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
     work.candidates[0] = candidates
     for k in range(count if candidates > 0 else 0):
         r = (first_row + k) & INDEX
+        work.met[r] = work.stamp[r] = 0
         for body in (manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX):
             load_body(inv_m, inv_I_C, state, F, body, work.body[body])
-            work.last[body] = 0.0
+            work.last[body], work.collisions[body] = 0.0, 0
     return collide_candidates(h, inv_m, inv_I_C, state, shapes, materials, manifolds,
                               normal_impulse, friction_impulse, work)
 
@@ -93,16 +97,9 @@ def collide_candidates(h: float, inv_m: Array, inv_I_C: Array, state: State, sha
         earlier = collisions
         for k in range(candidates):
             r = work.rows[k]
-            work.first[manifolds.body_a[r]] = work.first[manifolds.body_b[r]] = NEVER
-        for k in range(candidates):
-            r = work.rows[k]
-            a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
             work.time[k] = _touch(h, state.x, shapes.kind, shapes.size, manifolds,
                                   _size(shapes, manifolds, r), r, work)
-            if inv_m[a] > 0.0:
-                work.first[a] = min(work.first[a], work.time[k])
-            if inv_m[b] > 0.0:
-                work.first[b] = min(work.first[b], work.time[k])
+        _find_first(inv_m, candidates, manifolds, work)
         _count_first(h, inv_m, candidates, manifolds, work)
         for k in range(candidates):
             if _is_first(h, k, manifolds, work):
@@ -116,6 +113,31 @@ def collide_candidates(h: float, inv_m: Array, inv_I_C: Array, state: State, sha
 
 
 @kernel
+def _find_first(inv_m: Array, candidates: int, manifolds: Manifolds, work: CollisionWork) -> None:
+    """Find the first touch of each body, and of those to which REACH pairs lead from it."""
+    for k in range(candidates):
+        r = work.rows[k]
+        work.first[manifolds.body_a[r]] = work.first[manifolds.body_b[r]] = NEVER
+    for k in range(candidates):
+        r = work.rows[k]
+        for body in (manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX):
+            if inv_m[body] > 0.0:
+                work.first[body] = min(work.first[body], work.time[k])
+    for _ in range(REACH):
+        for k in range(candidates):
+            r = work.rows[k]
+            for body in (manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX):
+                work.nearby[body] = work.first[body]
+        for k in range(candidates):
+            r = work.rows[k]
+            a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+            # Through what nothing pushes nothing is passed on: its first touch is never.
+            if inv_m[a] > 0.0 and inv_m[b] > 0.0:
+                work.first[a] = min(work.first[a], work.nearby[b])
+                work.first[b] = min(work.first[b], work.nearby[a])
+
+
+@kernel
 def bounces(shapes: Shapes, materials: Materials, manifolds: Manifolds, r: int) -> bool:
     """Return whether a pair has a restitution."""
     return _restitution(shapes, materials, manifolds.shape_a[r], manifolds.shape_b[r]) > 0.0
@@ -123,7 +145,7 @@ def bounces(shapes: Shapes, materials: Materials, manifolds: Manifolds, r: int) 
 
 @kernel
 def _is_first(h: float, k: int, manifolds: Manifolds, work: CollisionWork) -> bool:
-    """Return whether no body of candidate k touches anything else before; or at once."""
+    """Return whether nothing near candidate k touches before it; or at once."""
     a, b = manifolds.body_a[work.rows[k]] & INDEX, manifolds.body_b[work.rows[k]] & INDEX
     return bool(work.time[k] <= h
                 and work.time[k] <= min(work.first[a], work.first[b]) + AT_ONCE * h)
@@ -205,6 +227,11 @@ def _collide(inv_m: Array, inv_I_C: Array, state: State, shapes: Shapes, materia
             # Their other times are no longer true.
             if inv_m[body] > 0.0:
                 work.first[body] = -1.0
+                work.collisions[body] += 1
+    for k in range(count):
+        r = work.rows[work.together[k]] & INDEX
+        work.stamp[r] = (work.collisions[manifolds.body_a[r]]
+                         + work.collisions[manifolds.body_b[r]])
 
 
 @inlined

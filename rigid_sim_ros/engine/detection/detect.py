@@ -204,7 +204,7 @@ def settle_seams(shapes: Shapes, memory: Memory, c: Any) -> bool:
         return True
     if address_of(search, c) == 0:
         memory.counters[NO_SEARCH] = 1
-        memory.page[0] = 1 - memory.page[0]
+        turn_page_back(memory)
         return False
     search(c, ALL_SEAMS)
     return True
@@ -238,6 +238,12 @@ def turn_page(memory: Memory, first: int, rows: int) -> bool:
     now.count[0], now.count[1] = rows, first
     memory.page[0] = 1 - memory.page[0]
     return True
+
+
+@kernel
+def turn_page_back(memory: Memory) -> None:
+    """Let the rows of the step before be the current manifolds again, to detect anew."""
+    memory.page[0] = 1 - memory.page[0]
 
 
 @kernel

@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 
 from rigid_sim_ros.engine.constraints.contact_prediction import predict_contacts
-from rigid_sim_ros.engine.constraints.next_touch import find_next_touches, TIMES
-from rigid_sim_ros.engine.contact.collisions import collide_bodies, collide_candidates
+from rigid_sim_ros.engine.constraints.next_touch import find_next_touches
+from rigid_sim_ros.engine.contact.collisions import collide_bodies, collide_candidates, ROUNDS
 from rigid_sim_ros.engine.detection.carried_impulses import clear_impulses
-from rigid_sim_ros.engine.detection.detect import detect_part, search, WHOLE
+from rigid_sim_ros.engine.detection.detect import detect_part, search, turn_page_back, WHOLE
 from rigid_sim_ros.engine.detection.manifolds import (
     current, current_manifolds, earlier, grown, NO_SEARCH)
 from rigid_sim_ros.engine.detection.narrow_phase.collide import BOXES, FAMILY, SEARCHED
+from rigid_sim_ros.engine.detection.thrown_margins import SEARCHES, widen_margins
 from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
 from rigid_sim_ros.engine.dynamics.forces import add_scene_forces
 from rigid_sim_ros.engine.dynamics.free_flight import fly
@@ -215,6 +216,20 @@ def wake_or_sleep(c: Arguments, when: int) -> int:
 @kernel
 def detect(c: Arguments) -> bool:
     """Find the manifolds of what is near each other; return whether all was there for it."""
+    if not detect_once(c):
+        return False
+    for _ in range(SEARCHES):
+        if not widen_margins(c.model.inv_m, c.work.thickness, c.shapes, c.materials, c.memory):
+            break
+        turn_page_back(c.memory)
+        if detect_part(c, WHOLE) == 0:
+            return False
+    return True
+
+
+@kernel
+def detect_once(c: Arguments) -> bool:
+    """Find the manifolds within the margins of how bodies move as the step begins."""
     many, cut = current(c.memory).count[0] >= ENOUGH, c.work.solver.sides.cut
     if not many:
         cut.halved[0], cut.left[0] = 0, 0
@@ -305,7 +320,7 @@ def collide(c: Arguments, _: int) -> int:
     count = collide_bodies(
         model.h, model.inv_m, model.inv_I_C, c.state, work.loads.F, c.shapes, c.materials,
         manifolds, acted.impulse, acted.friction, work.collision)
-    for _ in range(TIMES if count > 0 else 0):
+    for _ in range(ROUNDS if count > 0 else 0):
         if find_next_touches(
                 model, c.state, work.loads, c.shapes, c.materials, manifolds, c.memory.margin,
                 acted.impulse, acted.friction, work.prediction, c.memory.scratch,
