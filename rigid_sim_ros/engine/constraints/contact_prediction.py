@@ -276,10 +276,7 @@ def _bounces_at_once(model: Model, state: State, loads: Loads, shapes: Shapes,
         return False
     a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
     n = row(manifolds.normal, r)
-    of_A = scale(model.inv_m[a], column(loads.F, a))
-    of_B = scale(model.inv_m[b], column(loads.F, b))
-    slowest = slowest_bounce(model.h, dot(n, subtract(of_B, of_A)), max(norm(of_A), norm(of_B)),
-                             smaller(shapes, manifolds.shape_a[r], manifolds.shape_b[r]))
+    slowest = slowest_of_pair(model, loads, shapes, manifolds, r, n)
     w_A, w_B = _spin_after(model, state, a, 0.0), _spin_after(model, state, b, 0.0)
     for p in range(manifolds.points[r]):
         u = _velocity(model, state, a, b, w_A, w_B, row(manifolds.r_A[p], r),
@@ -287,6 +284,17 @@ def _bounces_at_once(model: Model, state: State, loads: Loads, shapes: Shapes,
         if classify(dot(n, u), slowest) == COLLIDING:
             return True
     return False
+
+
+@kernel
+def slowest_of_pair(model: Model, loads: Loads, shapes: Shapes, manifolds: Manifolds, r: int,
+                    n: Vector) -> float:
+    """Return how fast a pair approaches along n [m/s], at the least, that bounces."""
+    a, b = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
+    of_A = scale(model.inv_m[a], column(loads.F, a))
+    of_B = scale(model.inv_m[b], column(loads.F, b))
+    return slowest_bounce(model.h, dot(n, subtract(of_B, of_A)), max(norm(of_A), norm(of_B)),
+                          smaller(shapes, manifolds.shape_a[r], manifolds.shape_b[r]))
 
 
 @kernel

@@ -17,10 +17,10 @@ seem to come back.
 import math
 
 from rigid_sim_ros.engine.constraints.contact_prediction import (
-    levers, Prediction, write_frame, write_point)
+    levers, Prediction, slowest_of_pair, write_frame, write_point)
 from rigid_sim_ros.engine.contact.colliding_body import CollisionWork, get, NEVER, SPIN
-from rigid_sim_ros.engine.contact.collisions import bounces
-from rigid_sim_ros.engine.contact.impact_offsets import has_collided, shifted
+from rigid_sim_ros.engine.contact.collisions import bounces, collisions_of
+from rigid_sim_ros.engine.contact.impact_offsets import shifted
 from rigid_sim_ros.engine.detection.backtrack import (
     approach_bound, crossing, least_stage, pair_gap, place_ahead, way_ahead)
 from rigid_sim_ros.engine.detection.manifolds import (
@@ -35,7 +35,7 @@ from rigid_sim_ros.engine.state.state import State
 from rigid_sim_ros.kernels.arrays import Array, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
-# So many times a pair meets anew in a step at most; with friction two bodies may rattle for longer.
+# So many times a pair meets anew in a step at most; with friction bodies may rattle for longer.
 TIMES = 4
 # So often the first stage is halved, at most, until what collided is seen apart.
 SOONER = 8
@@ -62,11 +62,13 @@ def find_next_touches(model: Model, state: State, loads: Loads, shapes: Shapes,
         i, j = manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX
         rests = work.activity[r] == ACTS and not has_impulse(
             normal_impulse, manifolds.points[r], r)
-        if (rests or work.met[r] == TIMES or not bounces(shapes, materials, manifolds, r)
-                or not (has_collided(work.body[i]) or has_collided(work.body[j]))):
+        now = collisions_of(manifolds, r, work)
+        if (rests or now == 0 or now == work.followed_at[r] or work.met[r] == TIMES
+                or not bounces(shapes, materials, manifolds, r)):
             continue
+        work.followed_at[r] = now
         # Neither has collided with anything since they did with each other.
-        bounced = work.stamp[r] > 0 and work.stamp[r] == work.collisions[i] + work.collisions[j]
+        bounced = work.collided_at[r] == now
         t = _next_touch(model, state, loads, shapes, manifolds, r, max(work.last[i], work.last[j]),
                         bounced, prediction.pose, scratch)
         if t == math.inf and work.activity[r] == ACTS:
@@ -79,6 +81,7 @@ def find_next_touches(model: Model, state: State, loads: Loads, shapes: Shapes,
                 work.candidates[0] += 1
             work.activity[r] = LEFT_OUT
             work.met[r] += 1
+            work.timed_at[r] = -1
     return found
 
 
@@ -89,7 +92,8 @@ def _next_touch(model: Model, state: State, loads: Loads, shapes: Shapes, manifo
     Return when [s] in the step, after `begin`, the shapes of a manifold meet; inf: not at all.
 
     By conservative advancement in few stages. What touches at `begin` and has just `bounced` has
-    to part first: NEVER if it does not soon. Anything else that touches meets if it comes nearer.
+    to part first: NEVER if it does not soon. Else it meets if it approaches fast enough to bounce;
+    NEVER if it touches at the end of the step without that.
     """
     a, b, h = manifolds.shape_a[r] & INDEX, manifolds.shape_b[r] & INDEX, model.h
     met, t, looks = MET * smaller(shapes, a, b), begin, 0
@@ -106,15 +110,17 @@ def _next_touch(model: Model, state: State, loads: Loads, shapes: Shapes, manifo
         if then <= met and gap > met:
             return crossing(model, state, loads, shapes, a, b, t, later, gap, then, met, pose,
                             scratch)
-        if then <= met and then < gap and not bounced:
-            return t
+        if then <= met and not bounced:
+            slowest = slowest_of_pair(model, loads, shapes, manifolds, r, n)
+            if gap - then > slowest * (later - t):
+                return t
         if then <= met and bounced:
             # It has not parted yet, or met again already: that is seen only by looking sooner.
             looks += 1
             if looks > SOONER:
                 return NEVER
         elif later >= h:
-            return math.inf
+            return math.inf if then > met else NEVER
         else:
             t, gap, n, looks = later, then, n_then, 0
 

@@ -54,8 +54,11 @@ class CollisionWork(NamedTuple):
     nearby: Array  # (n,) scratch for that
     last: Array  # (n,) [s] after the start of the step, when a body collided last
     collisions: IntArray  # (n,) of 32 bits, how many pairs of a body that moves collided so far
-    # (c,) of 32 bits, how many pairs of its two bodies had collided when they did with each other
-    stamp: IntArray
+    # (c,) of 32 bits, the sum of that of both bodies, when they collided with each other; when
+    # their time was found; when their ways were followed. -1: not yet
+    collided_at: IntArray
+    timed_at: IntArray
+    followed_at: IntArray
     pairs: IntArray  # (n,) of 32 bits, how many pairs of a body touch first
     # (n, 29) v, w, F / m, inverse inertia in world axes, 1 / m, new momenta, and the columns of
     # impact_offsets.py
@@ -76,6 +79,7 @@ def make_collision_work(n: int, capacity: int) -> CollisionWork:
     return CollisionWork(integers(1), room(capacity, kind=np.int32), room(capacity),
                          room(capacity, kind=np.int8), room(capacity, kind=np.int8), room(n),
                          room(n), room(n), room(n, kind=np.int32), room(capacity, kind=np.int32),
+                         room(capacity, kind=np.int32), room(capacity, kind=np.int32),
                          room(n, kind=np.int32), room(n, COLUMNS),
                          integers(TOGETHER), _no_pairs(),
                          np.zeros((TOGETHER, POINTS, 3)), np.zeros((TOGETHER, POINTS)),

@@ -40,7 +40,7 @@ AT_ONCE = 1e-6
 SLOWEST, STILL = 0.1, 1e-8
 # A pair collides when no pair within so many touches earlier: what is farther away would have to
 # pass that on in as many collisions, in between.
-REACH = 4
+REACH = 2
 # Rounds of collisions in a step. A row of k touching bodies takes about k; what is left after the
 # last round is stopped without a bounce by the contact solver.
 ROUNDS = 200
@@ -79,7 +79,8 @@ def collide_bodies(h: float, inv_m: Array, inv_I_C: Array, state: State, F: Arra
     work.candidates[0] = candidates
     for k in range(count if candidates > 0 else 0):
         r = (first_row + k) & INDEX
-        work.met[r] = work.stamp[r] = 0
+        work.met[r] = 0
+        work.collided_at[r] = work.timed_at[r] = work.followed_at[r] = -1
         for body in (manifolds.body_a[r] & INDEX, manifolds.body_b[r] & INDEX):
             load_body(inv_m, inv_I_C, state, F, body, work.body[body])
             work.last[body], work.collisions[body] = 0.0, 0
@@ -97,8 +98,11 @@ def collide_candidates(h: float, inv_m: Array, inv_I_C: Array, state: State, sha
         earlier = collisions
         for k in range(candidates):
             r = work.rows[k]
-            work.time[k] = _touch(h, state.x, shapes.kind, shapes.size, manifolds,
-                                  _size(shapes, manifolds, r), r, work)
+            now = collisions_of(manifolds, r, work)
+            if work.timed_at[r] != now:
+                work.timed_at[r] = now
+                work.time[k] = _touch(h, state.x, shapes.kind, shapes.size, manifolds,
+                                      _size(shapes, manifolds, r), r, work)
         _find_first(inv_m, candidates, manifolds, work)
         _count_first(h, inv_m, candidates, manifolds, work)
         for k in range(candidates):
@@ -135,6 +139,12 @@ def _find_first(inv_m: Array, candidates: int, manifolds: Manifolds, work: Colli
             if inv_m[a] > 0.0 and inv_m[b] > 0.0:
                 work.first[a] = min(work.first[a], work.nearby[b])
                 work.first[b] = min(work.first[b], work.nearby[a])
+
+
+@inlined
+def collisions_of(manifolds: Manifolds, r: int, work: CollisionWork) -> int:
+    """Return how often the bodies of a manifold collided: the same number, the same ways."""
+    return work.collisions[manifolds.body_a[r]] + work.collisions[manifolds.body_b[r]]
 
 
 @kernel
@@ -230,8 +240,7 @@ def _collide(inv_m: Array, inv_I_C: Array, state: State, shapes: Shapes, materia
                 work.collisions[body] += 1
     for k in range(count):
         r = work.rows[work.together[k]] & INDEX
-        work.stamp[r] = (work.collisions[manifolds.body_a[r]]
-                         + work.collisions[manifolds.body_b[r]])
+        work.collided_at[r] = collisions_of(manifolds, r, work)
 
 
 @inlined
