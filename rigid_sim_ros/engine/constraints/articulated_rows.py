@@ -112,7 +112,7 @@ def write_system(model: Model, table: JointTable, work: JointWork, contacts: Con
             _regularise(rows, c, i)
     # Of one island only: of several at once each would hear of the others, if only as rounding.
     if width * m < 6 * system.touched[0] or rows.scalar.present[0] > 0:
-        write_matrix(rows, m, width)
+        write_matrix(rows, m, width, model.inv_m)
 
 
 @kernel

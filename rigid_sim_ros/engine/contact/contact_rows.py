@@ -108,28 +108,38 @@ def write_rows(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArra
 
 
 @kernel
-def write_matrix(rows: Rows, m: int, width: int) -> None:
+def write_matrix(rows: Rows, m: int, width: int, inv_m: Array) -> None:
     """
     Write A of the rows of m points, by which the effects of forces are found from now on.
 
     The entries of rows behind them are given.
     """
     size = all_rows(rows, m, width)
-    forget_effects(rows, 0, m)
     for d in range(m):
-        for j in range(width * d, width * d + width):
-            at = rows.at[j]
-            for e in range(rows.first[d], rows.first[d + 1]):
-                for k in range(6):
-                    rows.z[rows.moved[e], k] = rows.W[at + k]
-                at += 6
-            # A is symmetric.
-            for c in range(d, m):
+        for c in range(d, m):
+            on_A = _place_of(rows, d, rows.body[c, 0], inv_m)
+            on_B = _place_of(rows, d, rows.body[c, 1], inv_m)
+            for j in range(width * d, width * d + width):
                 for i in range(width * c, width * c + width):
-                    rows.A[size * j + i] = _effect_of_bodies(rows, c, i)
-                    rows.A[size * i + j] = rows.A[size * j + i]
-        forget_effects(rows, d, d + 1)
+                    total, at = 0.0, rows.at[j] + on_A
+                    for k in range(6 if on_A >= 0 else 0):
+                        total += rows.G[i, k] * rows.W[at + k]
+                    at = rows.at[j] + on_B
+                    for k in range(6 if on_B >= 0 else 0):
+                        total += rows.G[i, 6 + k] * rows.W[at + k]
+                    # A is symmetric.
+                    rows.A[size * j + i] = rows.A[size * i + j] = total
     rows.in_matrix[0] = size
+
+
+@kernel
+def _place_of(rows: Rows, d: int, body: int, inv_m: Array) -> int:
+    """Return where a body stands in W of a row of point d; -1: the point does not move it."""
+    if inv_m[body] > 0.0:
+        for e in range(rows.first[d], rows.first[d + 1]):
+            if rows.moved[e] == body:
+                return 6 * (e - rows.first[d])
+    return -1
 
 
 @kernel
