@@ -46,6 +46,7 @@ class Rows(NamedTuple):
     A: Array  # (r r,) the matrix G M^-1 G', symmetric but for rounding
     f: Array  # (r,) the forces
     trial: Array  # (r,) scratch
+    factored: IntArray  # (1,) 1: Newton's matrix is factored for these rows, and the last E
     scalar: ScalarRows  # rows beside those of the points, behind them; only with a matrix
 
 
@@ -62,7 +63,7 @@ def make_rows(points: int, rows: int, bodies: int, moved: int = 2, scalars: int 
                 np.zeros(rows, dtype=np.int64), np.zeros(6 * moved * rows), np.zeros(r),
                 np.zeros(r), np.zeros((points, 3)), np.zeros(r), np.zeros(r),
                 np.zeros((bodies, 6)), np.zeros(1, dtype=np.int64), np.zeros(matrix * matrix),
-                np.zeros(r), np.zeros(r), make_scalar_rows(scalars))
+                np.zeros(r), np.zeros(r), np.zeros(1, dtype=np.int64), make_scalar_rows(scalars))
 
 
 @kernel
@@ -76,6 +77,7 @@ def write_rows(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArra
                compliance: float, rows: Rows) -> None:
     """Write G, W and the coefficients of the chosen points, as if there were no joints."""
     rows.first[0], rows.in_matrix[0], rows.scalar.present[0] = 0, 0, 0
+    rows.factored[0] = 0
     for c in range(chosen.shape[0]):
         k = chosen[c]
         rows.body[c, 0], rows.body[c, 1] = contacts.body_a[k], contacts.body_b[k]
@@ -151,7 +153,7 @@ def read_matrix(rows: Rows, m: int, width: int, A: Array, mu: Array, softer: flo
     half of it E of contact_newton.py stays of the size of 1 / A_ii.
     """
     size = width * m
-    rows.in_matrix[0], rows.scalar.present[0] = size, 0
+    rows.in_matrix[0], rows.scalar.present[0], rows.factored[0] = size, 0, 0
     for i in range(size):
         for j in range(size):
             rows.A[size * i + j] = A[i, j]
