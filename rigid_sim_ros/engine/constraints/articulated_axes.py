@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rigid_sim_ros.engine.contact.contact_rows import Rows
-from rigid_sim_ros.engine.joints.answers import answer, push_nothing
+from rigid_sim_ros.engine.joints.answers import answer, push_nothing, want_all
 from rigid_sim_ros.engine.joints.buffers import JointWork, UNLOCKED
 from rigid_sim_ros.engine.joints.laws import impulse_at, kink_of, KINKS, reaction_of
 from rigid_sim_ros.engine.joints.loops import take_within_loops
@@ -197,6 +197,7 @@ def _answer_axes(table: JointTable, work: JointWork, axes: AxisRows, g: int, n: 
     last = first    # those of an articulation were listed one after the other
     while last < rows.scalar.present[0] and start <= axes.axis[last] < stop:
         last += 1
+    want_all(work.answers, begin, end, True)
     for block in range(first, last, LANES):
         lanes = min(LANES, last - block)
         push_nothing(table, work.answers, begin, end)

@@ -27,7 +27,7 @@ from rigid_sim_ros.engine.contact.contacts import (
     to_world)
 from rigid_sim_ros.engine.dynamics.force_and_torque import kick, Loads
 from rigid_sim_ros.engine.joints.buffers import JointMotion, JointWork, SOLVED
-from rigid_sim_ros.engine.joints.settle import find_motions, find_motions_of_pieces
+from rigid_sim_ros.engine.joints.settle import find_motions, find_motions_of_pieces, find_pieces
 from rigid_sim_ros.engine.joints.shake import expect
 from rigid_sim_ros.engine.maths.rotation import quaternion
 from rigid_sim_ros.engine.maths.union_find import first_of
@@ -82,16 +82,21 @@ def solve_contacts(model: Model, state: State, table: JointTable, motion: JointM
     _begin_with(model, state, w.chosen[:w.counts.points[0]], w.counts.width[0], first, w)
     axes = w.system.axes
     axes.is_row[:] = 0
-    found = SAME
+    found, freed, ahead = SAME, False, h if first else 0.0
     work.known[SOLVED] = 0
     for n in range(MOST_PIECES):
-        _find_velocities(model, state, table, motion, work, h, first, w)
+        if n == 0 or freed:
+            find_motions(model, table, state, motion, work, h, first)
+        else:   # what acts along the axes is the same, and most stay on their pieces
+            find_pieces(model, table, state, work, ahead)
+        read_velocities(model, state, table, work, w)
         if n > 0 and not take_rows(work, axes) and found != YIELD:
             work.known[SOLVED] = 1
             break
         keep_pieces(work, axes)
-        if free_rows(table, work, axes):
-            find_motions_of_pieces(model, table, state, work, h if first else 0.0)
+        freed = free_rows(table, work, axes)
+        if freed:
+            find_motions_of_pieces(model, table, state, work, ahead)
             read_velocities(model, state, table, work, w)
         found = SAME
         for island in range(w.counts.islands[0]):
@@ -110,14 +115,6 @@ def _note_approach(h: float, w: ContactBuffers) -> None:
     for k in w.chosen[:w.counts.points[0]]:
         gained = relative(w.bodies.acceleration, w.contacts, k)
         w.approach[k] = rate_of_gap(w, k) - 0.5 * h * to_contact(w.contacts, k, gained)[0]
-
-
-@kernel
-def _find_velocities(model: Model, state: State, table: JointTable, motion: JointMotion,
-                     work: JointWork, h: float, first: bool, w: ContactBuffers) -> None:
-    """Write the velocities of all bodies as the joints let them move with their momenta."""
-    find_motions(model, table, state, motion, work, h, first)
-    read_velocities(model, state, table, work, w)
 
 
 @kernel

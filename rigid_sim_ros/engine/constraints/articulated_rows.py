@@ -25,7 +25,8 @@ from rigid_sim_ros.engine.contact.contact_rows import (
 from rigid_sim_ros.engine.contact.contacts import Bodies, Contacts
 from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, ENOUGH, GOAL
 from rigid_sim_ros.engine.dynamics.force_and_torque import Loads
-from rigid_sim_ros.engine.joints.answers import answer, motion_in, push, push_nothing
+from rigid_sim_ros.engine.joints.answers import (
+    answer, motion_in, push, push_nothing, want_all, want_parents)
 from rigid_sim_ros.engine.joints.articulated import momenta_of, solve, velocity_of_center
 from rigid_sim_ros.engine.joints.buffers import JointWork
 from rigid_sim_ros.engine.joints.loops import (
@@ -112,7 +113,7 @@ def write_system(model: Model, table: JointTable, work: JointWork, contacts: Con
             _regularise(rows, c, i)
     # Of one island only: of several at once each would hear of the others, if only as rounding.
     if width * m < 6 * system.touched[0] or rows.scalar.present[0] > 0:
-        write_matrix(rows, m, width)
+        write_matrix(rows, m, width, model.inv_m)
 
 
 @kernel
@@ -206,6 +207,7 @@ def _answer_rows(table: JointTable, work: JointWork, system: System, g: int, m: 
     """Write how articulation g answers to unit impulses along all rows that push it."""
     rows, of, lane = system.rows, system.articulation, 0
     begin, end = table.first_row[g], table.first_row[g + 1]
+    _want_touched(table, work, system, g)
     for c in range(m):
         if of[rows.body[c, 0]] != g and of[rows.body[c, 1]] != g:
             continue
@@ -225,6 +227,20 @@ def _answer_rows(table: JointTable, work: JointWork, system: System, g: int, m: 
                 lane = 0
     if lane > 0:
         _write_answers(table, work, system, g, lane, width * m)
+
+
+@kernel
+def _want_touched(table: JointTable, work: JointWork, system: System, g: int) -> None:
+    """Ask for the answers of what is touched of articulation g; of all of it for other rows."""
+    begin, end = table.first_row[g], table.first_row[g + 1]
+    has_others = (table.first_condition[g + 1] > table.first_condition[g]
+                  or system.rows.scalar.present[0] > 0)
+    want_all(work.answers, begin, end, has_others)
+    body = system.first[g]
+    while body != NONE:
+        work.answers.wanted[table.row_of_body[body]] = 1
+        body = system.following[body]
+    want_parents(table, work.answers, begin, end)
 
 
 @kernel

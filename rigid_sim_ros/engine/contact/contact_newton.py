@@ -14,7 +14,8 @@ and with dz = M^-1 dp, dp = G' df, the change of the momenta dp of the bodies so
     (1 + G' E W') dp = G' y.
 
 E is of the size of 1 / compliance where a point presses, so one step leaves 1e-8 of the violation
-that rounding of the whole would leave 1e-16 of; the next step takes that.
+that rounding of the whole would leave 1e-16 of; the next step takes that. While the division of
+the points lasts, and none slides, E is the same in it, and so are the factors of the matrix.
 """
 
 from typing import NamedTuple
@@ -26,7 +27,7 @@ from rigid_sim_ros.engine.contact.contact_rows import (
 from rigid_sim_ros.engine.contact.contacts import Contacts
 from rigid_sim_ros.engine.contact.coulomb import coefficients, disk
 from rigid_sim_ros.engine.contact.scalar_rows import resolve
-from rigid_sim_ros.engine.maths.elimination import solve_columns, solve_linear
+from rigid_sim_ros.engine.maths.elimination import factor_linear, solve_columns, solve_factored
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
@@ -44,6 +45,8 @@ class Newton(NamedTuple):
     E: Array  # (c, 6, 6)
     y: Array  # (r,) and the change of the forces
     last: IntArray  # as many as K has rows
+    order: IntArray  # likewise, of its factors
+    x: Array  # likewise, scratch
     effort: Array  # (1,) multiplications so far in this step, about
 
 
@@ -52,7 +55,8 @@ def make_newton(points: int, rows: int, touched: int, bodies: int, matrix: int =
     size = max(6 * touched, matrix)
     return Newton(np.zeros(bodies, dtype=np.int64), np.zeros(size * size),
                   np.zeros(6 * touched), np.zeros((6, 13)), np.zeros((points, 6, 6)),
-                  np.zeros(max(rows, matrix)), np.zeros(size, dtype=np.int64), np.zeros(1))
+                  np.zeros(max(rows, matrix)), np.zeros(size, dtype=np.int64),
+                  np.zeros(size, dtype=np.int64), np.zeros(size), np.zeros(1))
 
 
 @kernel
@@ -136,9 +140,8 @@ def _write_scalar_case(rows: Rows, n: int, q: int, f: Array, w: Newton) -> None:
 
 
 @kernel
-def add_point(rows: Rows, c: int, width: int, slot: IntArray, E: Array, y: Array, K: Array,
-              p: Array) -> None:
-    """Add G' E W' of point c to K, and G' y to p."""
+def add_point(rows: Rows, c: int, width: int, slot: IntArray, E: Array, K: Array) -> None:
+    """Add G' E W' of point c to K."""
     n = width * c
     for side in range(2):
         to = slot[rows.body[c, side]]
@@ -146,8 +149,6 @@ def add_point(rows: Rows, c: int, width: int, slot: IntArray, E: Array, y: Array
             continue
         for j in range(6):
             i = 6 * to + j
-            for q in range(width):
-                p[i] += rows.G[n + q, 6 * side + j] * y[n + q]
             for r in range(width):
                 weight = 0.0
                 for q in range(width):
@@ -165,8 +166,19 @@ def add_point(rows: Rows, c: int, width: int, slot: IntArray, E: Array, y: Array
 
 
 @kernel
+def _add_push(rows: Rows, c: int, width: int, slot: IntArray, y: Array, p: Array) -> None:
+    """Add G' y of point c to p."""
+    for side in range(2):
+        to = slot[rows.body[c, side]]
+        for j in range(6 if to >= 0 else 0):
+            for q in range(width * c, width * c + width):
+                p[6 * to + j] += rows.G[q, 6 * side + j] * y[q]
+
+
+@kernel
 def newton_step(rows: Rows, m: int, width: int, touched: int, f: Array, w: Newton) -> bool:
     """Take one step from f, in place; rows.a has to be that of f. False: it is not possible."""
+    is_factored = rows.factored[0] == 1 and rows.scalar.present[0] == 0
     for c in range(m):
         _write_case(rows, c, width, f, w.local)
         if not solve_columns(w.local, width, 2 * width + 1):
@@ -174,9 +186,11 @@ def newton_step(rows: Rows, m: int, width: int, touched: int, f: Array, w: Newto
         for q in range(width):
             w.y[width * c + q] = w.local[q, 2 * width]
             for r in range(width):
+                is_factored = is_factored and w.E[c, q, r] == w.local[q, width + r]
                 w.E[c, q, r] = w.local[q, width + r]
     for q in range(rows.scalar.present[0]):
         _write_scalar_case(rows, width * m, q, f, w)
+    rows.factored[0] = 1 if is_factored else 0
     if not solve_step(rows, m, width, touched, w):
         return False
     for i in range(all_rows(rows, m, width)):
@@ -194,16 +208,22 @@ def solve_step(rows: Rows, m: int, width: int, touched: int, w: Newton) -> bool:
     if rows.in_matrix[0] > 0:
         return _solve_for_forces(rows, m, width, w)
     size = 6 * touched
-    K, p = w.K[:size * size].reshape((size, size)), w.p[:size]
+    K, p, dp = w.K[:size * size].reshape((size, size)), w.p[:size], w.x[:size]
     for i in range(size):
         p[i] = 0.0
-        for j in range(size):
-            K[i, j] = 0.0
-        K[i, i] = 1.0
     for c in range(m):
-        add_point(rows, c, width, w.slot, w.E, w.y, K, p)
-    if not solve_linear(K, p, w.last):
-        return False
+        _add_push(rows, c, width, w.slot, w.y, p)
+    if rows.factored[0] == 0:
+        for i in range(size):
+            for j in range(size):
+                K[i, j] = 0.0
+            K[i, i] = 1.0
+        for c in range(m):
+            add_point(rows, c, width, w.slot, w.E, K)
+        if not factor_linear(K, w.last[:size], w.order[:size]):
+            return False
+        rows.factored[0] = 1
+    solve_factored(K, p, dp, w.last[:size], w.order[:size])
     for c in range(m):
         n = width * c
         for r in range(width):
@@ -212,7 +232,7 @@ def solve_step(rows: Rows, m: int, width: int, touched: int, w: Newton) -> bool:
                 at = w.slot[rows.moved[e]]
                 if at >= 0:
                     for k in range(6):
-                        moved += rows.W[begin + k] * p[6 * at + k]
+                        moved += rows.W[begin + k] * dp[6 * at + k]
                 begin += 6
             for q in range(width):
                 w.y[n + q] -= w.E[c, q, r] * moved
@@ -223,7 +243,23 @@ def solve_step(rows: Rows, m: int, width: int, touched: int, w: Newton) -> bool:
 def _solve_for_forces(rows: Rows, m: int, width: int, w: Newton) -> bool:
     """Put the change of the forces in the place of y, by (1 + E G M^-1 G') df = y."""
     size = all_rows(rows, m, width)
-    K, A = w.K[:size * size].reshape((size, size)), rows.A[:size * size].reshape((size, size))
+    K, df = w.K[:size * size].reshape((size, size)), w.x[:size]
+    if rows.factored[0] == 0:
+        _write_force_matrix(rows, m, width, w.E, K)
+        if not factor_linear(K, w.last[:size], w.order[:size]):
+            return False
+        rows.factored[0] = 1
+    solve_factored(K, w.y, df, w.last[:size], w.order[:size])
+    for i in range(size):
+        w.y[i] = df[i]
+    return True
+
+
+@kernel
+def _write_force_matrix(rows: Rows, m: int, width: int, E: Array, K: Array) -> None:
+    """Write 1 + E G M^-1 G' to K."""
+    size = K.shape[0]
+    A = rows.A[:size * size].reshape((size, size))
     for i in range(width * m, size):
         for j in range(size):
             K[i, j] = rows.scalar.E[i - width * m] * A[i, j]
@@ -234,11 +270,10 @@ def _solve_for_forces(rows: Rows, m: int, width: int, w: Newton) -> bool:
             for j in range(size):
                 K[q, j] = 0.0
             for r in range(width):
-                part = w.E[c, q - n, r]
+                part = E[c, q - n, r]
                 for j in range(size if part != 0.0 else 0):
                     K[q, j] += part * A[n + r, j]
             K[q, q] += 1.0
-    return solve_linear(K, w.y[:size], w.last)
 
 
 @kernel

@@ -46,6 +46,7 @@ class Rows(NamedTuple):
     A: Array  # (r r,) the matrix G M^-1 G', symmetric but for rounding
     f: Array  # (r,) the forces
     trial: Array  # (r,) scratch
+    factored: IntArray  # (1,) 1: Newton's matrix is factored for these rows, and the last E
     scalar: ScalarRows  # rows beside those of the points, behind them; only with a matrix
 
 
@@ -62,7 +63,7 @@ def make_rows(points: int, rows: int, bodies: int, moved: int = 2, scalars: int 
                 np.zeros(rows, dtype=np.int64), np.zeros(6 * moved * rows), np.zeros(r),
                 np.zeros(r), np.zeros((points, 3)), np.zeros(r), np.zeros(r),
                 np.zeros((bodies, 6)), np.zeros(1, dtype=np.int64), np.zeros(matrix * matrix),
-                np.zeros(r), np.zeros(r), make_scalar_rows(scalars))
+                np.zeros(r), np.zeros(r), np.zeros(1, dtype=np.int64), make_scalar_rows(scalars))
 
 
 @kernel
@@ -76,6 +77,7 @@ def write_rows(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArra
                compliance: float, rows: Rows) -> None:
     """Write G, W and the coefficients of the chosen points, as if there were no joints."""
     rows.first[0], rows.in_matrix[0], rows.scalar.present[0] = 0, 0, 0
+    rows.factored[0] = 0
     for c in range(chosen.shape[0]):
         k = chosen[c]
         rows.body[c, 0], rows.body[c, 1] = contacts.body_a[k], contacts.body_b[k]
@@ -108,28 +110,38 @@ def write_rows(model: Model, contacts: Contacts, bodies: Bodies, chosen: IntArra
 
 
 @kernel
-def write_matrix(rows: Rows, m: int, width: int) -> None:
+def write_matrix(rows: Rows, m: int, width: int, inv_m: Array) -> None:
     """
     Write A of the rows of m points, by which the effects of forces are found from now on.
 
     The entries of rows behind them are given.
     """
     size = all_rows(rows, m, width)
-    forget_effects(rows, 0, m)
     for d in range(m):
-        for j in range(width * d, width * d + width):
-            at = rows.at[j]
-            for e in range(rows.first[d], rows.first[d + 1]):
-                for k in range(6):
-                    rows.z[rows.moved[e], k] = rows.W[at + k]
-                at += 6
-            # A is symmetric.
-            for c in range(d, m):
+        for c in range(d, m):
+            on_A = _place_of(rows, d, rows.body[c, 0], inv_m)
+            on_B = _place_of(rows, d, rows.body[c, 1], inv_m)
+            for j in range(width * d, width * d + width):
                 for i in range(width * c, width * c + width):
-                    rows.A[size * j + i] = _effect_of_bodies(rows, c, i)
-                    rows.A[size * i + j] = rows.A[size * j + i]
-        forget_effects(rows, d, d + 1)
+                    total, at = 0.0, rows.at[j] + on_A
+                    for k in range(6 if on_A >= 0 else 0):
+                        total += rows.G[i, k] * rows.W[at + k]
+                    at = rows.at[j] + on_B
+                    for k in range(6 if on_B >= 0 else 0):
+                        total += rows.G[i, 6 + k] * rows.W[at + k]
+                    # A is symmetric.
+                    rows.A[size * j + i] = rows.A[size * i + j] = total
     rows.in_matrix[0] = size
+
+
+@kernel
+def _place_of(rows: Rows, d: int, body: int, inv_m: Array) -> int:
+    """Return where a body stands in W of a row of point d; -1: the point does not move it."""
+    if inv_m[body] > 0.0:
+        for e in range(rows.first[d], rows.first[d + 1]):
+            if rows.moved[e] == body:
+                return 6 * (e - rows.first[d])
+    return -1
 
 
 @kernel
@@ -141,7 +153,7 @@ def read_matrix(rows: Rows, m: int, width: int, A: Array, mu: Array, softer: flo
     half of it E of contact_newton.py stays of the size of 1 / A_ii.
     """
     size = width * m
-    rows.in_matrix[0], rows.scalar.present[0] = size, 0
+    rows.in_matrix[0], rows.scalar.present[0], rows.factored[0] = size, 0, 0
     for i in range(size):
         for j in range(size):
             rows.A[size * i + j] = A[i, j]

@@ -361,14 +361,14 @@ def _add_disk(rows: Rows, c: int, d: int, width: int, w: Newton, i: Interior) ->
 
 @kernel
 def _factor(rows: Rows, m: int, width: int, touched: int, w: Newton, i: Interior) -> bool:
-    size = 6 * touched
-    K, p = w.K[:size * size].reshape((size, size)), w.p[:size]
+    size, rows.factored[0] = 6 * touched, 0
+    K = w.K[:size * size].reshape((size, size))
     for k in range(size):
         for j in range(size):
             K[k, j] = 0.0
         K[k, k] = 1.0
     for c in range(m):
-        add_point(rows, c, width, w.slot, w.E, w.y, K, p)
+        add_point(rows, c, width, w.slot, w.E, K)
     return factor_linear(K, w.last[:size], i.order[:size])
 
 

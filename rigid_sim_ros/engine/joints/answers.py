@@ -4,7 +4,9 @@
 How articulations answer to impulses on their bodies: eight of them at once, one in each lane.
 
 The recursion is that of articulated.solve, with nothing asked of the joints. Each row of contact
-needs an answer, and the factors that all of them read are the same.
+needs an answer, and the factors that all of them read are the same. Impulses act, and answers are
+asked for, where an articulation is touched: what else hangs on it, as arms on a body that stands,
+is left out.
 """
 
 from rigid_sim_ros.engine.joints.articulated import along, axis_part
@@ -43,6 +45,21 @@ def push_nothing(table: JointTable, work: AnswerWork, first: int, last: int) -> 
     work.tau[LANES * table.first_axis[first]:LANES * table.first_axis[last]] = 0.0
 
 
+@kernel
+def want_all(work: AnswerWork, first: int, last: int, wanted: bool) -> None:
+    """Ask for the motions of all rows from first to last, which are whole trees, or of none."""
+    for i in range(first, last):
+        work.wanted[i] = 1 if wanted else 0
+
+
+@kernel
+def want_parents(table: JointTable, work: AnswerWork, first: int, last: int) -> None:
+    """Ask for what the rows hang on whose motions are asked for."""
+    for i in range(last - 1, first - 1, -1):
+        if work.wanted[i] == 1 and table.parent[i] != NONE:
+            work.wanted[table.parent[i]] = 1
+
+
 @inlined
 def push(work: JointWork, lane: int, r: int, f: Vector, n: Vector) -> None:
     """Add an impulse f [N s] with the moment n [N m s] about the centre of mass of row r."""
@@ -54,10 +71,16 @@ def push(work: JointWork, lane: int, r: int, f: Vector, n: Vector) -> None:
 
 @kernel
 def answer(table: JointTable, work: JointWork, first: int, last: int) -> None:
-    """Write the motions V and the rates of the rows from first to last, which are whole trees."""
+    """
+    Write the motions V and the rates of the rows that are wanted, of those from first to last.
+
+    These are whole trees; nothing acts on the others.
+    """
     own = work.answers
     for back in range(last - first):
         i = last - 1 - back
+        if own.wanted[i] == 0:
+            continue
         h = _load_six(own.F, i)
         for n in range(table.first_axis[i + 1] - table.first_axis[i]):
             k = table.first_axis[i + 1] - 1 - n
@@ -71,6 +94,8 @@ def answer(table: JointTable, work: JointWork, first: int, last: int) -> None:
             _store_six(own.F, table.parent[i], minus(on_parent, -1.0, F))
     zero = spread(0.0)
     for i in range(first, last):
+        if own.wanted[i] == 0:
+            continue
         parent = table.parent[i]
         V = (zero, zero, zero, zero, zero, zero)
         if parent != NONE:

@@ -127,6 +127,7 @@ class LawWork(NamedTuple):
 class AnswerWork(NamedTuple):
     """Scratch memory for answers to eight impulses at once; rows of eight numbers."""
 
+    wanted: IntArray    # (r,) 1: the motion of the row, or of one that hangs on it, is asked for
     F: Array        # (6 r,) impulses on the bodies, then what the subtrees hand down
     tau: Array      # (k,) impulses along the axes
     V: Array        # (6 r,) motions
@@ -184,7 +185,8 @@ def make_joint_work(table: JointTable) -> JointWork:
         z(k, dtype=np.int64), z(k), z(k), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)), z((r, 6)),
         z(3), z((r, 6)), z((r, 3)), z((r, 4)), z((r, SIZE)), z(k), z((r, 6)), z(BLOCK_SIZE),
         z(1, dtype=np.int64), _loop_work(table), _law_work(table),
-        AnswerWork(z(6 * LANES * r), z(LANES * k), z(6 * LANES * r), z(LANES * k)))
+        AnswerWork(z(r, dtype=np.int64), z(6 * LANES * r), z(LANES * k), z(6 * LANES * r),
+                   z(LANES * k)))
 
 
 def _loop_work(table: JointTable) -> LoopWork:

@@ -148,7 +148,7 @@ def find_motions(model: Model, table: JointTable, state: State, motion: JointMot
         begin_laws(table, motion, work, h)
     elif table.lawful > 0:
         end_laws(table, motion, work, h)
-    _find_pieces(model, table, state, work, h if first else 0.0)
+    find_pieces(model, table, state, work, h if first else 0.0)
 
 
 @kernel
@@ -157,13 +157,17 @@ def find_motions_after_impact(model: Model, table: JointTable, state: State, mot
     """Write the motions that follow from the momenta and the joints, in no time."""
     if table.lawful > 0:
         impact_laws(table, motion, work)
-    _find_pieces(model, table, state, work, 0.0)
+    find_pieces(model, table, state, work, 0.0)
 
 
 @kernel
-def _find_pieces(model: Model, table: JointTable, state: State, work: JointWork,
-                 ahead: float) -> None:
-    """Solve for the motions on those pieces of what acts along the axes that they end on."""
+def find_pieces(model: Model, table: JointTable, state: State, work: JointWork,
+                ahead: float) -> None:
+    """
+    Solve for the motions on those pieces of what acts along the axes that they end on.
+
+    It begins on those that they are on; c = ahead * curved.
+    """
     if table.lawful == 0:
         _solve(model, table, state, work, ahead)
         return

@@ -7,35 +7,13 @@ from rigid_sim_ros.kernels.kernel import kernel
 
 
 @kernel
-def solve_linear(K: Array, x: Array, last: IntArray) -> bool:
-    """
-    Replace x by K^-1 x, destroying K; return False if K is singular.
-
-    By Gaussian elimination with partial pivoting.
-
-    last, (n,), is scratch: the last entry of a row that is not 0. Bodies of which only neighbours
-    touch make a band.
-    """
-    size = x.shape[0]
-    _find_last(K, last, size)
-    for k in range(size):
-        p = _eliminate(K, k, last, size)
-        if p < 0:
-            return False
-        x[k], x[p] = x[p], x[k]
-        for i in range(k + 1, size):
-            if K[i, k] != 0.0:
-                x[i] -= K[i, k] * x[k]
-    _substitute_back(K, x, last)
-    return True
-
-
-@kernel
 def factor_linear(K: Array, last: IntArray, order: IntArray) -> bool:
     """
     Replace K by its factors, for `solve_factored`; return False if K is singular.
 
-    last and order, (n,): the last entry of a row that is not 0, and which row came to each place.
+    By Gaussian elimination with partial pivoting. last and order, (n,): the last entry of a row
+    that is not 0, and which row came to each place. Bodies of which only neighbours touch make a
+    band.
     """
     size = last.shape[0]
     _find_last(K, last, size)
@@ -138,7 +116,7 @@ def solve_symmetric(K: Array, x: Array, last: IntArray) -> bool:
 
     Of K, which is symmetric, what stands on and above the diagonal is read. By elimination without
     pivoting, which is stable then (Golub, Van Loan, Matrix Computations, section 4.2). last (n,)
-    is scratch, as for `solve_linear`.
+    is scratch: the last entry of a row that is not 0.
     """
     size = x.shape[0]
     for i in range(size):
