@@ -15,6 +15,7 @@ from rigid_sim_ros import __version__
 from rigid_sim_ros.bag.decode import string
 from rigid_sim_ros.bag.errors import BagError, Damaged
 from rigid_sim_ros.bag.topics import Topic
+from rigid_sim_ros.world.version import source_digest
 
 # Grows when a bag of before cannot be verified any more.
 FORMAT = 2
@@ -52,8 +53,9 @@ def new_session(node: str, scene: str, bodies: Sequence[str], step_ns: int, fram
                 parameters: Mapping[str, Any], topics: Sequence[Topic]) -> Session:
     """Return the session of this software."""
     software = {
-        'rigid_sim_ros': __version__, 'numpy': np.__version__, 'numba': numba.__version__,
-        'python': platform.python_version(), 'machine': platform.machine()}
+        'rigid_sim_ros': __version__, 'source': source_digest(), 'numpy': np.__version__,
+        'numba': numba.__version__, 'python': platform.python_version(),
+        'machine': platform.machine()}
     return Session(FORMAT, software, node, scene, tuple(bodies), step_ns, frame_id,
                    dict(parameters), tuple(topics))
 

@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rigid_sim_ros import __version__
 from rigid_sim_ros.bag import decode, events, session as sessions, topics as kinds
 from rigid_sim_ros.bag.completeness import Tally, wrong_topics
 from rigid_sim_ros.bag.errors import BagError
@@ -31,6 +30,8 @@ from rigid_sim_ros.messages.codec import encode_wrench
 from rigid_sim_ros.scene import scene_from_text, SceneError
 from rigid_sim_ros.world import World
 from rigid_sim_ros.world.commands import FRAME_ID
+from rigid_sim_ros.world.snapshot import are_same
+from rigid_sim_ros.world.version import version
 
 # Comparable kinds that are made of the state alone.
 _STATES = frozenset({kinds.CLOCK, kinds.POSE, kinds.TWIST, kinds.STATE, kinds.TRANSFORMS,
@@ -227,9 +228,10 @@ class Resimulation:
         self.step_ns = world.step_ns
         self._pace = Pace(world.step_ns)
         self._topics = session.by_name
-        mine, theirs = __version__, session.software.get('rigid_sim_ros', '?')
-        if mine != theirs:
-            self.note = f'recorded with version {theirs}, simulated again with {mine}'
+        theirs = (f"{session.software.get('rigid_sim_ros', '?')} "
+                  f"({session.software.get('source', '?')})")
+        if theirs != version():
+            self.note = f'recorded with version {theirs}, simulated again with {version()}'
         self._is_lost = True
         by_kind = {
             kinds.STEP: self._take_step, kinds.EVENT: self._take_event,
@@ -263,9 +265,9 @@ class Resimulation:
         state = decode.byte_array(data)
         if not self._is_lost:
             self.compared += 1
-            if state == world.save():
-                return
             saved = world.save()
+            if are_same(state, saved):
+                return
         try:
             world.restore(state)
         except (ValueError, KeyError, TypeError) as error:

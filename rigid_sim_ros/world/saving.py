@@ -8,6 +8,8 @@ How bytes hold it: snapshot.py. What is refused: snapshot_check.py.
 
 from collections.abc import Mapping
 import hashlib
+import logging
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +22,9 @@ from rigid_sim_ros.world.snapshot import pack, unpack
 from rigid_sim_ros.world.snapshot_check import check, Sizes
 from rigid_sim_ros.world.trajectories import FIELDS as PATH_FIELDS
 from rigid_sim_ros.world.values import some
+from rigid_sim_ros.world.version import version
+
+_logger = logging.getLogger(__name__)
 
 
 class Saving(Changing):
@@ -58,7 +63,7 @@ class Saving(Changing):
         """
         meta = {'scene': self._fingerprint(), 'bodies': len(self.names),
                 'step_index': self.step_index, 'sources': self._applied.sources,
-                'order': self._order_mark()}
+                'order': self._order_mark(), 'version': version()}
         if self._changes:
             meta['changes'] = self._changes
         return pack(meta, self._dynamic())
@@ -67,10 +72,24 @@ class Saving(Changing):
         """
         Continue from what `save` returned, bit for bit.
 
-        ValueError if it belongs to another scene, is damaged, or holds anything that no world of
-        this scene can be in; then this one stays as it is.
+        What another version saved goes on with other bits where that moves bodies otherwise: a
+        warning says so. ValueError if it belongs to another scene, is damaged, or holds anything
+        that no world of this scene can be in; then this one stays as it is.
         """
         meta, arrays = unpack(data)
+        theirs, mine = meta.get('version', 'unknown'), version()
+        if theirs == mine:
+            self._restore(data, meta, arrays)
+            return
+        versions = f'saved by version {theirs!r:.60}, this is {mine!r}'
+        try:
+            self._restore(data, meta, arrays)
+        except ValueError as error:
+            raise ValueError(f'{error} ({versions})') from None
+        _logger.warning('the snapshot was %s: the motion may go on with other bits', versions)
+
+    def _restore(self, data: bytes, meta: Mapping[str, Any],
+                 arrays: Mapping[str, np.ndarray]) -> None:
         if meta.get('scene') != self._fingerprint():
             raise ValueError(
                 f"the snapshot of {meta.get('bodies')!r:.20} bodies is of another scene than this "
@@ -79,7 +98,7 @@ class Saving(Changing):
         if (changes := meta.get('changes', [])) != self._changes:
             other = type(self)(self._origin)
             other._follow_changes(changes)
-            other.restore(data)
+            other._restore(data, meta, arrays)
             self._become(other)
             return
         if meta.get('order', '') != self._order_mark():

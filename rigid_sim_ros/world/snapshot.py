@@ -37,6 +37,22 @@ def pack(meta: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> bytes:
     return _PREFIX.pack(_MAGIC, len(header), _checksum(len(header), body)) + body
 
 
+def are_same(one: bytes, other: bytes) -> bool:
+    """Return whether two snapshots say the same of a world, whichever version saved them."""
+    if one == other:
+        return True
+    try:
+        (meta, arrays), (others_meta, others_arrays) = unpack(one), unpack(other)
+    except ValueError:
+        return False
+    return ({**meta, 'version': ''} == {**others_meta, 'version': ''}
+            and arrays.keys() == others_arrays.keys()
+            and all(array.shape == others_arrays[name].shape
+                    and array.dtype == others_arrays[name].dtype
+                    and array.tobytes() == others_arrays[name].tobytes()
+                    for name, array in arrays.items()))
+
+
 def _checksum(header_size: int, body: bytes) -> int:
     return zlib.crc32(body, header_size)
 

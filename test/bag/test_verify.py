@@ -6,6 +6,7 @@ from bag.sessions import (
     forge, messages_of, NODE, rewrite, session, shared_session, world, wrench_session, WRENCHES)
 import pytest
 
+from rigid_sim_ros import __version__
 from rigid_sim_ros.bag import events, session as sessions, topics as kinds
 from rigid_sim_ros.bag.batch import Batch
 from rigid_sim_ros.bag.errors import BagError
@@ -297,6 +298,22 @@ def test_another_version_is_noted(tmp_path) -> None:
     bag = forge(shared_session(), tmp_path, describe=lambda session: session._replace(
         software={**session.software, 'rigid_sim_ros': '0.0.7'}))
     assert verify(bag).note.startswith('recorded with version 0.0.7')
+
+
+def test_what_another_version_recorded_is_compared_by_what_it_says_of_the_world(tmp_path) -> None:
+    def change(topic, data):
+        if topic.kind != kinds.SNAPSHOT:
+            return data
+        meta, arrays = unpack(decode.byte_array(data))
+        return encode_bytes(pack({**meta, 'version': '0.0.7 (12345678)'}, arrays))
+    bag = rewrite(shared_session(), tmp_path, change)
+    assert verify(bag).difference is None
+
+
+def test_another_state_of_the_source_is_noted(tmp_path) -> None:
+    bag = forge(shared_session(), tmp_path, describe=lambda session: session._replace(
+        software={**session.software, 'source': '12345678'}))
+    assert verify(bag).note.startswith(f'recorded with version {__version__} (12345678)')
 
 
 @pytest.mark.parametrize('change', [{'step_ns': 7}, {'bodies': ('crate',)}])

@@ -160,3 +160,22 @@ def test_the_rover_goes_as_velocity_commands_say(probe, tmp_path):
         probe.wait_for(goes, 'a rover at 0.5 m/s')
         # Interrupted as it takes a message, rclpy raises an error that says nothing of that.
         assert probe.set_parameter('slip', 2.0, '/drive_rover').successful
+
+
+def test_the_car_turns_as_velocity_commands_say(probe, tmp_path):
+    command = Twist()
+    command.linear.x, command.angular.z = 0.5, 0.5
+
+    def goes():
+        probe.publish('/cmd_vel', command)
+        # The radius is right to 1e-3, see test_robot_examples.py, and so is the rate.
+        return [twist for twist in twists if abs(twist.twist.angular.z - 0.5) < 1e-3]
+
+    words = ('drive_car', '--ros-args', '-p', 'sim:=/car_sim')
+    with (running(tmp_path / 'sim', 'car', name='car_sim', publish_rate=50.0,
+                  publish_clock=False),
+          example(tmp_path, *words),
+          probe.listening(TwistStamped, '/car_sim/chassis/twist') as twists):
+        probe.wait_for(goes, 'a car that turns at 0.5 rad/s')
+        # Interrupted as it takes a message, rclpy raises an error that says nothing of that.
+        assert probe.set_parameter('track', 0.265, '/drive_car').successful

@@ -19,6 +19,7 @@ from rigid_sim_ros import World
 from rigid_sim_ros.engine.joints.buffers import PAST
 from rigid_sim_ros.world.snapshot import pack, unpack
 from rigid_sim_ros.world.snapshot_check import TABLE
+from rigid_sim_ros.world.version import version
 
 MODELS: dict[str, dict[str, Any]] = {
     'none': {'contact': 'none'},
@@ -214,6 +215,33 @@ def test_facts_that_make_no_sense_are_refused(meta) -> None:
     if 'bodies' in meta:
         new['scene'] = 'another'
     assert not check('timestep', pack(new, arrays))
+
+
+def of_another_version(model: str, arrays: dict[str, np.ndarray]) -> bytes:
+    return pack({**unpack(saved_world(model))[0], 'version': '0.0.7 (12345678)'}, arrays)
+
+
+@pytest.mark.parametrize('model', ['timestep', 'event with joints'])
+def test_what_another_version_saved_goes_on_with_a_warning(model, caplog) -> None:
+    world = shared_world(model)
+    world.restore(saved_world(model))
+    assert not caplog.records
+    before = world.state_hash()
+    world.step(3)
+    world.restore(of_another_version(model, unpack(saved_world(model))[1]))
+    assert world.state_hash() == before
+    text, = (record.getMessage() for record in caplog.records)
+    assert "'0.0.7 (12345678)'" in text
+    assert version() in text
+
+
+def test_what_another_version_saved_and_does_not_fit_is_refused_with_both_versions() -> None:
+    _, arrays = unpack(saved_world('timestep'))
+    del arrays['manifold_spin']
+    with pytest.raises(ValueError, match='lacks an array') as refusal:
+        shared_world('timestep').restore(of_another_version('timestep', arrays))
+    assert "'0.0.7 (12345678)'" in str(refusal.value)
+    assert version() in str(refusal.value)
 
 
 SHAPES = st.lists(st.integers(-1, 5), max_size=3).map(tuple)

@@ -76,6 +76,10 @@ def take_touching(h: float, soon: float, w: ContactBuffers) -> None:
     """
     Let take part what touches, and what is as near as a rebound that is too short to be one.
 
+    And what is close, comes no nearer, and took part in the way before, which stopped it there.
+    The loads of its bodies do not say how drives and joints push it: it may begin to come, ever
+    faster, and the end of a way from where it rests does not tell when on it that met.
+
     What meets within a time `soon` [s] touches already. h [s] is the step; the bodies have been
     read.
     """
@@ -83,9 +87,11 @@ def take_touching(h: float, soon: float, w: ContactBuffers) -> None:
     match_forces(contacts, w.carried, w.counts.known[0], w.match)
     for k in range(contacts.count[0]):
         slow, rate = resting_speed(contacts, w.bodies, k, h), rate_of_gap(w, k)
-        gap = contacts.gap[k] - TOUCHING * contacts.size[k]
+        touching, close = TOUCHING * contacts.size[k], CLOSE * contacts.size[k]
+        gap = contacts.gap[k] - touching
         rests = gap <= 0.25 * h * slow and abs(rate) <= slow
-        w.active[k] = 1 if gap + soon * min(rate, 0.0) <= 0.0 or rests else 0
+        stopped = w.match[k] >= 0 and gap <= close and h * abs(rate) <= touching
+        w.active[k] = 1 if gap + soon * min(rate, 0.0) <= 0.0 or rests or stopped else 0
 
 
 @kernel

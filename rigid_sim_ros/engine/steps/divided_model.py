@@ -19,7 +19,7 @@ from rigid_sim_ros.engine.state.state import empty_state, State
 from rigid_sim_ros.engine.steps import jointed_contact
 from rigid_sim_ros.engine.steps.contact_model import ContactReport, Setup
 from rigid_sim_ros.engine.steps.divided_timestep import (
-    BEGIN, COMMANDS, DIVIDE, Division, MERGE, run, TAKE_CALLED)
+    BEGIN, COMMANDS, DIVIDE, Division, MERGE, run, StartedMotion, TAKE_CALLED)
 from rigid_sim_ros.engine.steps.jointed_models import JointedTimestep
 from rigid_sim_ros.engine.steps.jointed_motion import JointSetup
 from rigid_sim_ros.engine.steps.unjointed_models import Timestep
@@ -52,6 +52,8 @@ class DividedTimestep(JointedTimestep):
         self._has_joints = _of_no_step(len(self._inv_m))
         self._awake = _of_no_step(len(self.table.first_row) - 1)
         self._told = np.zeros((TOLD, len(self.motion.rate)))
+        self._started = StartedMotion._make(
+            getattr(self.motion, name).copy() for name in StartedMotion._fields)
         self._arguments = self._arguments._replace(
             joints=self.arguments(self._copy, self._wrenches), memory=self._memory)
         self._division: ArgumentPack | None = None
@@ -105,12 +107,12 @@ class DividedTimestep(JointedTimestep):
         """Let what joints hold, and what touches it, take the step."""
         if self._is_part:
             self._divide(free, BEGIN)
-        self._arguments, self._pack = jointed_contact.advance(
-            self._run, self._arguments, 1, self._pack)
-        while self._arguments.now.steps_left[0] > 0:
+        while True:
+            self._arguments, self._pack = jointed_contact.advance(
+                self._run, self._arguments, 1, self._pack)
+            if self._arguments.now.steps_left[0] == 0:
+                break
             self._divide(free, TAKE_CALLED)
-            self._arguments, self._pack = jointed_contact.go_on(
-                self._run, self._arguments, self._pack)
 
     def _divide(self, free: Arguments, what: int) -> Any:
         pack, c = self._division, self._arguments
@@ -119,7 +121,7 @@ class DividedTimestep(JointedTimestep):
             pack = self._division = ArgumentPack(Division(
                 free, c.joints.model, self._copy, self._wrenches, c.shapes, c.memory,
                 c.elsewhere, c.looked, self._part,
-                self.table, self.motion, self._told, self._inv_m, self._inv_I_C,
+                self.table, self.motion, self._started, self._told, self._inv_m, self._inv_I_C,
                 self._has_joints, self._awake, self._parent, self._marked))
         return pack.run(run, what)
 

@@ -41,6 +41,15 @@ from rigid_sim_ros.kernels.arrays import Array, IntArray, Vector
 from rigid_sim_ros.kernels.kernel import INDEX, kernel
 
 
+class StartedMotion(NamedTuple):
+    """What a step changes of joints, and the next one needs, as it was when the step began."""
+
+    position: Array  # (j,) [rad or m]
+    rate: Array  # (k,) [rad/s or m/s]
+    held: IntArray  # (k,)
+    held_at: Array  # (k,)
+
+
 class Division(NamedTuple):
     """What both solvers have of a world, whose models and shapes are for `divide` to write."""
 
@@ -57,6 +66,7 @@ class Division(NamedTuple):
     # --- of the world
     table: JointTable  # of all joints
     motion: JointMotion
+    started: StartedMotion
     told: Array  # (TOLD, k) see joint_rest.py
     inv_m: Array  # (n,) [1/kg] of all bodies
     inv_I_C: Array  # (3, n) [1/(kg m^2)] of all bodies
@@ -107,12 +117,17 @@ def divide(d: Division) -> bool:
         d.looked[s] = d.free.memory.margin[s]
     copy_into(d.state, d.free.state)
     _copy_wrenches(d.wrenches, d.free.wrenches)
+    _copy_motion(d.started, d.motion)
     return others
 
 
 @kernel
 def take_called(d: Division) -> None:
-    """Give the solver with joints what it met though it was elsewhere, with all its island."""
+    """
+    Give the solver with joints what it met though it was elsewhere, with all its island.
+
+    It begins the step anew, with the state that all bodies had then.
+    """
     for i in range(d.elsewhere.shape[0]):
         if d.elsewhere[i] == CALLED:
             d.marked[first_of(d.parent, i)] = 1
@@ -120,6 +135,19 @@ def take_called(d: Division) -> None:
         if d.marked[first_of(d.parent, i)] == 1:
             d.has_joints[i] = 1
     _give(d, True)
+    copy_into(d.state, d.free.state)
+    _copy_motion(d.motion, d.started)
+    take_out(d.part, d.motion)
+    d.motion.known[0] = d.motion.known[1] = 0
+
+
+@kernel
+def _copy_motion(target: StartedMotion | JointMotion, source: StartedMotion | JointMotion) -> None:
+    for j in range(source.position.shape[0]):
+        target.position[j] = source.position[j]
+    for k in range(source.rate.shape[0]):
+        target.rate[k] = source.rate[k]
+        target.held[k], target.held_at[k] = source.held[k], source.held_at[k]
 
 
 @kernel

@@ -253,21 +253,13 @@ def end(c: JointedContact) -> None:
 def advance(run: Callable[..., Any], c: JointedContact, count: int,
             pack: ArgumentPack | None) -> tuple[JointedContact, ArgumentPack]:
     """
-    Advance the state by `count` steps of a kernel `run`, that of the model.
+    Advance the state by `count` steps of a kernel `run`, that of the model, or until it calls.
 
-    Returns the arguments, whose buffers may have grown, and their pack.
+    Returns the arguments, whose buffers may have grown, and their pack. Steps are left where it
+    calls bodies that are elsewhere: it is for the caller to give these to this solver, and to
+    begin that step again.
     """
     c.now.steps_left[0], c.now.stage[0] = count, BEGIN
-    return go_on(run, c, pack)
-
-
-def go_on(run: Callable[..., Any], c: JointedContact,
-          pack: ArgumentPack | None) -> tuple[JointedContact, ArgumentPack]:
-    """
-    Go on from the stage that was reached, to the end of the steps or until bodies are called.
-
-    Steps are left then: it is for the caller to give these bodies to this solver, and to go on.
-    """
     while True:
         pack = packed(c, pack)
         if not pack.is_linked:

@@ -26,7 +26,7 @@ from rigid_sim_ros.engine.steps.jointed_progress import (
     ARRIVE, COLLIDE, FIRST_HALF, SECOND_HALF)
 from rigid_sim_ros.engine.steps.jointed_ways import (
     collide_chosen, go_until, may_end_earlier, safe_way, try_again_until)
-from rigid_sim_ros.engine.steps.sudden_ways import reaches_others
+from rigid_sim_ros.engine.steps.sudden_ways import bounces_at_others, reaches_others
 from rigid_sim_ros.kernels.kernel import kernel
 
 # Ways that are tried with what met on the ones before; of a chain of shapes that hit each other
@@ -49,7 +49,10 @@ def collide(c: JointedContact) -> int:
         _read_touched(c)
     if c.now.cut_short[0] == 0 and any_bounces(h, SHORTEST * h, w):
         take_touching(h, SHORTEST * h, w)
+        before = c.now.collisions[0]
         why, again = collide_chosen(c, True, h)
+        if why == DONE and c.now.collisions[0] > before and bounces_at_others(c):
+            return MORE_BODIES
         if why != DONE or again:
             return why
         _read_touched(c)
@@ -92,10 +95,7 @@ def _end_at_bounce(c: JointedContact, h: float) -> None:
 @kernel
 def look_back(c: JointedContact) -> int:
     """Go back if shapes met on the way that took no part in it, or that are elsewhere."""
-    # Bodies that are elsewhere are still where they were as the step began.
     if c.now.left[0] == c.joints.model.h and reaches_others(c, c.now.way[0]):
-        go_back(c.joints)
-        c.now.stage[0] = COLLIDE
         return MORE_BODIES
     why = find_touching(c, 0.0)
     if why != DONE:

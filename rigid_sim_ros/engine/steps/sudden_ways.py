@@ -12,6 +12,7 @@ from rigid_sim_ros.engine.constraints.articulated_points import MORE
 from rigid_sim_ros.engine.detection.broad_phase import may_collide
 from rigid_sim_ros.engine.detection.margins import fastest_point, standard_of_rest
 from rigid_sim_ros.engine.maths.rotation import quaternion
+from rigid_sim_ros.engine.maths.union_find import first_of
 from rigid_sim_ros.engine.maths.vector import add_scaled, column, norm, scale, subtract
 from rigid_sim_ros.engine.model.kinds.table import is_unbounded
 from rigid_sim_ros.engine.state.rates import spin_of
@@ -70,10 +71,7 @@ def reaches_others(c: JointedContact, h: float) -> bool:
     what it hits, that starts from rest.
     """
     model, state, shapes, found = c.joints.model, c.joints.state, c.shapes, False
-    others = 0
-    for k in range(c.elsewhere.shape[0]):
-        others += c.elsewhere[k]
-    if others == 0:
+    if not _has_others(c):
         return False
     rest, a = standard_of_rest(model, state, shapes.body), 0
     while a < shapes.body.shape[0]:
@@ -85,6 +83,36 @@ def reaches_others(c: JointedContact, h: float) -> bool:
                     found = _call_what_is_near(c, s, way) or found
         a = after
     return found
+
+
+@kernel
+def bounces_at_others(c: JointedContact) -> bool:
+    """
+    Return whether what has just collided may meet what another solver moves; call that.
+
+    It goes otherwise for the rest of the step than was known as bodies were given to solvers.
+    """
+    model, state, shapes, found = c.joints.model, c.joints.state, c.shapes, False
+    if not _has_others(c):
+        return False
+    rest, a = standard_of_rest(model, state, shapes.body), 0
+    while a < shapes.body.shape[0]:
+        i, after = shapes.body[a], shapes.after[a]
+        if model.inv_m[i] > 0.0 and c.buffers.label[first_of(c.buffers.parent, i)] >= 0:
+            way = c.now.left[0] * fastest_point(model, state, rest, c.radius, shapes, i)
+            for s in range(a, after):
+                found = _call_what_is_near(c, s, way) or found
+        a = after
+    return found
+
+
+@kernel
+def _has_others(c: JointedContact) -> bool:
+    """Return whether another solver moves any bodies."""
+    for k in range(c.elsewhere.shape[0]):
+        if c.elsewhere[k] > 0:
+            return True
+    return False
 
 
 @kernel

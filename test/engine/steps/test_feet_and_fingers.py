@@ -4,10 +4,11 @@
 
 import math
 
+from inside import arguments_of
 import numpy as np
 import pytest
 
-from rigid_sim_ros import World
+from rigid_sim_ros import load_scene, World
 
 GROUND = {'name': 'ground', 'fixed': True, 'shape': {'type': 'plane'}}
 
@@ -99,3 +100,23 @@ def test_a_cube_that_tips_from_corner_to_corner_does_not_sink_in(seed, contact):
         deepest = max(deepest, world.contact_report().deepest)
     # A corner goes 6 mm in a step; it is to be found where it meets to second order in the way.
     assert deepest < 1e-4
+
+
+def test_what_its_joints_press_on_another_robot_meets_it_once():
+    """A quadruped falls on the trunk of another one, and both feel their drives from then on."""
+    spec = load_scene('quadruped').scene.spec.model_dump(exclude_none=True)
+    bodies, joints = list(spec['bodies']), list(spec['joints'])
+    for body in spec['bodies'][1:]:
+        x, y, z = body['pose']['position']
+        bodies.append(body | {'name': f"upper_{body['name']}",
+                              'pose': {'position': [x + 0.05, y + 0.02, z + 0.36]}})
+    joints += [joint | {key: f'upper_{joint[key]}' for key in ('name', 'parent', 'child')}
+               for joint in spec['joints']]
+    world = World.from_dict(spec | {'world': {'step': 0.001, 'contact': 'event'},
+                                    'bodies': bodies, 'joints': joints})
+    events = 0
+    for _ in range(500):
+        world.step(1)
+        events += int(arguments_of(world).now.events[0])
+    # Most steps have none: what fell comes to rest within them, on some ten points.
+    assert events < 2 * 500

@@ -4,6 +4,7 @@
 
 import math
 
+from engine.jointed_trees import gaps
 from inside import joints_of
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from rigid_sim_ros import load_scene, World
 
 G = 9.81
+MASS = 15.3     # kg, of the example of a quadruped and a ball
 INERTIAL = {'mass': 1.0, 'inertia': [0.01, 0.01, 0.01, 0.0, 0.0, 0.0]}
 FLOOR = {'name': 'floor', 'fixed': True, 'shape': {'type': 'plane'}}
 # A plate that a drive holds level at its edge, with a box on it; it sags by 2.6 mrad.
@@ -88,6 +90,82 @@ def test_a_quadruped_that_stands_sleeps_and_a_push_wakes_it():
     assert asleep(world) == 0
     # An impulse of 2 N s for 15 kg on legs that give way.
     assert world.linear_velocity[world.names.index('trunk'), 1] > 0.02
+
+
+@pytest.fixture(scope='module')
+def asleep_on_box():
+    """Return the scene of a quadruped and a ball on a box, and what it saves when both sleep."""
+    scene = load_scene('quadruped').scene.spec.model_dump(exclude_none=True)
+    ground = {'name': 'ground', 'fixed': True, 'shape': {'type': 'box', 'size': [12.0, 12.0, 0.2]},
+              'material': 'rubber', 'pose': {'position': [0.0, 0.0, -0.1]}}
+    ball = {'name': 'ball', 'mass': 0.3, 'shape': {'type': 'sphere', 'radius': 0.06},
+            'material': 'bouncy', 'pose': {'position': [5.0, 0.0, 0.06]}}
+    scene |= {'bodies': [ground, *scene['bodies'][1:], ball],
+              'materials': {'rubber': {'friction': 0.8}, 'bouncy': {'restitution': 0.8}},
+              'collision': {'sleep_after': 0.2}}
+    world = World.from_dict(scene)
+    world.step(3500)
+    return scene, world.save()
+
+
+@pytest.fixture
+def guarded(asleep_on_box):
+    """Return a world in which a quadruped sleeps, and a ball some metres away."""
+    scene, saved = asleep_on_box
+    world = World.from_dict(scene)
+    world.restore(saved)
+    assert asleep(world) == 14
+    return world
+
+
+@pytest.mark.parametrize('disturb', [
+    lambda world: world.remove('ground'),
+    lambda world: world.set_pose('ground', (0.0, 0.0, -0.11), (0.0, 0.0, 0.0, 1.0)),
+    lambda world: world.set_pose('ground', (90.0, 0.0, -0.1), (0.0, 0.0, 0.0, 1.0)),
+], ids=['goes', 'sinks', 'is put elsewhere'])
+def test_a_quadruped_falls_when_what_it_sleeps_on_leaves_it(guarded, disturb):
+    disturb(guarded)
+    guarded.step(5)
+    assert asleep(guarded) == 0
+    # Nothing carries it: the knees push the feet down by far less than 1 cm in 5 ms, and the
+    # weight of all is what changes their momentum.
+    assert guarded.total_momentum() == pytest.approx([0.0, 0.0, -MASS * G * 0.005], abs=1e-12)
+    assert gaps(guarded) < 1e-12
+
+
+def test_a_wrench_on_the_last_link_of_a_leg_wakes_the_quadruped(guarded):
+    guarded.apply_wrench('rear_left_shank', force=(0.0, 20.0, 0.0), duration=0.1)
+    guarded.step(100)
+    assert asleep(guarded) == 1
+    # The drive of the hip gives 150 N m/rad against some 0.3 m of it.
+    assert np.abs(guarded.joint_velocity[6]) > 1e-3
+    assert gaps(guarded) < 1e-12
+
+
+@pytest.mark.parametrize('velocity', [(0.0, 0.0, -3.0), (0.0, -30.0, 0.0)], ids=['falls', 'shot'])
+def test_a_ball_that_hits_a_sleeping_quadruped_gives_it_its_momentum(guarded, velocity):
+    """What all bodies have changes by the weight and by what the floor does, from then on."""
+    v = np.array(velocity)
+    away, speed = -v / np.linalg.norm(v), np.linalg.norm(v)
+    # It comes in 50 ms to the middle of the top of the trunk, or of its side.
+    place = guarded.position[guarded.names.index('trunk')] + away * (
+        0.06 + np.abs(away) @ [0.2, 0.08, 0.05] + 0.05 * speed)
+    guarded.set_pose('ball', place, (0.0, 0.0, 0.0, 1.0))
+    guarded.set_twist('ball', velocity, (0.0, 0.0, 0.0))
+    guarded.step(40)
+    assert asleep(guarded) == 13
+    ground, woke = guarded.names.index('ground'), False
+    for _ in range(60):
+        before = guarded.total_momentum()
+        guarded.step(1)
+        assert gaps(guarded) < 1e-12
+        if asleep(guarded) == 0:
+            expected = before - 0.001 * guarded.contact_wrenches()[ground, :3]
+            expected[2] -= MASS * G * 0.001
+            # A few hundred sums of impulses of up to 16 N s, each rounded to 1e-16 of that.
+            assert guarded.total_momentum() == pytest.approx(expected, abs=3e-13)
+            woke = True
+    assert woke
 
 
 def test_what_sleeps_feels_what_it_felt_before():
