@@ -9,6 +9,8 @@ Start the node `replay`.
 `ros2 launch rigid_sim_ros replay.launch.py --show-args` lists the arguments. When the node ends,
 so does the launch, unless another launch file includes this one, or `ends_launch` says otherwise.
 """
+from itertools import pairwise
+import os
 from pathlib import Path
 import sys
 from typing import Any
@@ -64,6 +66,14 @@ def _node(context: Any) -> list[Node]:
 
 def _ending(given: dict[str, str]) -> list[Shutdown] | None:
     """Return what happens when the node ends; None, for launch fails with an empty list."""
-    ends = given['ends_launch'].lower() in ('true', '1') if given['ends_launch'] else any(
-        Path(word).name == Path(__file__).name for word in sys.argv)
+    ends = (given['ends_launch'].lower() in ('true', '1') if given['ends_launch']
+            else _is_launched(sys.argv))
     return [Shutdown()] if ends else None
+
+
+def _is_launched(words: list[str]) -> bool:
+    """Return whether a command line names this file, not another one of that name."""
+    return any(
+        (package, word) == ('rigid_sim_ros', Path(__file__).name)
+        or (os.path.exists(word) and os.path.samefile(word, __file__))
+        for package, word in pairwise(words))

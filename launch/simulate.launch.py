@@ -13,7 +13,11 @@ so does the launch, with RViz; when RViz is closed, the node goes on.
 
 Another launch file may include this one, more than once: with different names, and publish_clock
 false for all but one. Such a launch goes on when a node ends, unless `ends_launch` says otherwise.
+Launch hands the arguments of one inclusion, such as `record`, on to the next ones that do not
+give their own: put each into a GroupAction.
 """
+from itertools import pairwise
+import os
 from pathlib import Path
 import sys
 from typing import Any
@@ -68,9 +72,17 @@ def _nodes(context: Any) -> list[Node]:
 
 def _ending(given: dict[str, str]) -> list[Shutdown] | None:
     """Return what happens when the node ends; None, for launch fails with an empty list."""
-    ends = given['ends_launch'].lower() in ('true', '1') if given['ends_launch'] else any(
-        Path(word).name == Path(__file__).name for word in sys.argv)
+    ends = (given['ends_launch'].lower() in ('true', '1') if given['ends_launch']
+            else _is_launched(sys.argv))
     return [Shutdown()] if ends else None
+
+
+def _is_launched(words: list[str]) -> bool:
+    """Return whether a command line names this file, not another one of that name."""
+    return any(
+        (package, word) == ('rigid_sim_ros', Path(__file__).name)
+        or (os.path.exists(word) and os.path.samefile(word, __file__))
+        for package, word in pairwise(words))
 
 
 def _rviz(given: dict[str, str]) -> Node:

@@ -119,19 +119,18 @@ def _strict(data: bytes) -> bytes:
     if blank and data.startswith(b'<?xml', len(blank)):
         declaration, end, rest = data[len(blank):].partition(b'?>')
         data = declaration + end + blank + rest
-    found, at = [], 0
+    mended, at = bytearray(data), 0
     while begin := _BEGINS.search(data, at):
         end = _PARTS[begin[0]]
         stop = data.find(end, begin.end())
         if stop < 0:
             break
-        inside = data[begin.end():stop]
         if begin[0] == b'<!--':
-            inside = inside.replace(b'--', b'  ')
-            inside = inside[:-1] + b' ' if inside.endswith(b'-') else inside
-        found += [data[at:begin.end()], inside, end]
+            inside = data[begin.end():stop].replace(b'--', b'  ')
+            # As long as it was: millions of comments take no room beside the file.
+            mended[begin.end():stop] = inside[:-1] + b' ' if inside.endswith(b'-') else inside
         at = stop + len(end)
-    return b''.join([*found, data[at:]])
+    return bytes(mended)
 
 
 class _Builder(ContentHandler):
@@ -141,6 +140,8 @@ class _Builder(ContentHandler):
         super().__init__()
         self._file = file
         self._open: list[Element] = []
+        # What an open element holds comes in pieces, which are joined once: a file may have 1e7.
+        self._texts: list[list[str]] = []
         self._count = 0
         self._locator: Locator | None = None
         self.root: Element | None = None
@@ -169,11 +170,12 @@ class _Builder(ContentHandler):
         else:
             parent.children.append(element)
         self._open.append(element)
+        self._texts.append([])
 
     def endElement(self, name: str) -> None:
         """Close the element."""
-        self._open.pop()
+        self._open.pop().text = ''.join(self._texts.pop())
 
     def characters(self, content: str) -> None:
         """Keep text."""
-        self._open[-1].text += content
+        self._texts[-1].append(content)

@@ -61,8 +61,9 @@ class SceneJoints(NamedTuple):
 def check_joints(spec: schema.Scene, report: Report) -> None:
     """Report what does not fit together although each value is right by itself."""
     bodies = {body.name: body for body in spec.bodies}
-    known = ['world', *bodies]
+    known = {'world': None, **bodies}
     joints = spec.joints or ()
+    others = {joint.name: joint for joint in joints}
     by_name: dict[str, int] = {}
     for i, joint in enumerate(joints):
         here = below(('joints', i), report)
@@ -81,7 +82,7 @@ def check_joints(spec: schema.Scene, report: Report) -> None:
                  'must be a body that is not fixed, or no joint')
         _check_keys(joint, here)
         _check_limits(joint, here)
-        _check_mimic(joint, joints, here)
+        _check_mimic(joint, others, here)
     if joints and spec.world.integrator != 'symplectic':
         report(('world', 'integrator'), f'{shown(spec.world.integrator)} beside joints, must be '
                'symplectic, which keeps them closed')
@@ -116,10 +117,9 @@ def _check_limits(joint: schema.Joint, here: Report) -> None:
                  f'{lowest:g} .. {highest:g}')
 
 
-def _check_mimic(joint: schema.Joint, joints: Sequence[schema.Joint], here: Report) -> None:
+def _check_mimic(joint: schema.Joint, others: Mapping[str, schema.Joint], here: Report) -> None:
     if joint.mimic is None:
         return
-    others = {other.name: other for other in joints}
     other = others.get(joint.mimic.joint)
     if other is None or other.type not in _ONE_AXIS:
         ok = [name for name, one in others.items() if one.type in _ONE_AXIS]
@@ -155,7 +155,7 @@ def build_scene_joints(spec: schema.Scene, model: Model, report: Report) -> Scen
         report(('joints', error.joint), 'closes a loop and has forces along its axis, must have '
                'none: let a joint without forces close the loop')
         return None
-    position = np.array([_start(joint, joints, by_name) for joint in joints])
+    position = _starts(joints)
     velocity = np.full(len(table.translates), np.nan)
     drives = no_drives(table)
     for i, joint in enumerate(joints):
@@ -183,13 +183,19 @@ def set_drive(drives: Drives, k: int, drive: schema.JointDrive, mode: str, posit
     drives.position[k], drives.velocity[k], drives.effort[k] = position, velocity, effort
 
 
-def _start(joint: schema.Joint, joints: Sequence[schema.Joint],
-           by_name: Mapping[str, int]) -> float:
-    """Return the position at the start, of a joint that mimics from the one that it follows."""
-    if joint.position is None and joint.mimic is not None:
-        other = joints[by_name[joint.mimic.joint]]
-        return joint.mimic.multiplier * _start(other, joints, by_name) + joint.mimic.offset
-    return joint.position or 0.0
+def _starts(joints: Sequence[schema.Joint]) -> Array:
+    """Return the positions at the start, of joints that mimic from those that they follow."""
+    by_name = {joint.name: joint for joint in joints}
+    found: dict[str, float] = {}
+    for joint in joints:
+        followers = []
+        while joint.name not in found and joint.position is None and joint.mimic is not None:
+            followers.append((joint.name, joint.mimic))
+            joint = by_name[joint.mimic.joint]
+        position = found.setdefault(joint.name, joint.position or 0.0)
+        for name, mimic in reversed(followers):
+            position = found[name] = mimic.multiplier * position + mimic.offset
+    return np.array([found[joint.name] for joint in joints])
 
 
 def _joint(spec: schema.Scene, model: Model, joint: schema.Joint, index: Mapping[str, int],

@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the files of a model are found, and where none is read."""
 
+import tracemalloc
 from urllib.parse import quote
 
+from bag.hostile import limited_time
 from models.robots import INERTIAL, URDF, write
 import numpy as np
 import pytest
@@ -140,6 +142,27 @@ def test_a_document_without_end_is_refused(tmp_path) -> None:
               '<robot name="&b;"/>')
     with pytest.raises(SceneError, match='document type or entities, must have none'):
         read_scene(write(tmp_path, 'laughs.urdf', laughs))
+
+
+def test_what_grows_with_the_square_of_a_file_does_not_begin() -> None:
+    """An element's text comes in thousands of pieces; a comment is mended where it stands."""
+    text = '\n' * 30_000_000
+    with limited_time():
+        assert parse(f'<robot>{text}</robot>'.encode(), 'r.urdf').text == text
+
+
+def test_comments_take_no_room_beside_the_file() -> None:
+    comments = b'<!-- a--b --->' * 20_000
+    tracemalloc.start()
+    try:
+        root = parse(b'<robot>' + comments + b'</robot>', 'r.urdf')
+        _, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert not root.children
+    # The file once more as it is mended and as it is read, and the parser's 64 kB at a time;
+    # pieces of some 40 bytes each, three a comment, were more than ten times as much.
+    assert most < 4 * len(comments)
 
 
 def test_a_name_with_a_line_break_stays_on_its_line(tmp_path) -> None:

@@ -45,6 +45,8 @@ def test_the_parameter_file_is_an_argument(probe, tmp_path, scene):
 def test_the_launch_ends_with_the_node(ros, tmp_path, scene):
     with launch(tmp_path, f'scene:={scene}', 'duration:=0.1') as process:
         assert process.wait() == 0
+    # Launch returns 0 whatever the node did.
+    assert 'process has finished cleanly' in (tmp_path / 'stdout').read_text(encoding='utf-8')
 
 
 def test_a_launch_that_includes_the_file_twice_goes_on_when_one_node_ends(probe, tmp_path, scene):

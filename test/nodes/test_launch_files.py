@@ -58,3 +58,15 @@ def test_the_launch_ends_with_the_node_of_the_file_that_was_launched(node, name)
     assert node(name, included).on_exit is NOTHING
     assert node(name, by_itself, ends_launch='false').on_exit is NOTHING
     assert len(node(name, included, ends_launch='true').on_exit) == 1
+
+
+@pytest.mark.parametrize('name', FILES)
+def test_another_launch_file_may_have_the_same_name(node, name, tmp_path, monkeypatch):
+    """It includes this one, twice perhaps: then one node that ends is no end of the launch."""
+    file = f'{name}.launch.py'
+    (tmp_path / file).touch()
+    monkeypatch.chdir(tmp_path)     # for a path that is relative
+    for included in (['lab', file], [file], [str(tmp_path / file)]):
+        assert node(name, ['ros2', 'launch', *included]).on_exit is NOTHING
+    for by_itself in (['rigid_sim_ros', file], [str(ROOT / 'launch' / file)]):
+        assert len(node(name, ['ros2', 'launch', *by_itself]).on_exit) == 1

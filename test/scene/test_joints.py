@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from rigid_sim_ros.engine.model import joints as engine
-from rigid_sim_ros.scene import scene_from_text, SceneError
+from rigid_sim_ros.scene import scene_from_text, SceneError, schema
+from rigid_sim_ros.scene.joints import _starts
 
 BODIES = """
 world: {contact: none}
@@ -156,6 +157,18 @@ def test_a_follower_begins_where_the_joint_that_it_mimics_has_it():
     scene = read(SHOULDER + ', position: 0.4', ELBOW + ', mimic: {joint: shoulder, multiplier: -1,'
                  ' offset: 0.1}')
     assert scene.joints.position.tolist() == [0.4, pytest.approx(-0.3)]
+
+
+def test_joints_that_mimic_one_another_may_be_more_than_python_calls_functions_deep():
+    count = 5000
+    chain = [schema.Joint(name=f'j{i}', type='revolute', parent='world', child=f'b{i}',
+                          mimic={'joint': f'j{i + 1}', 'multiplier': 1.0, 'offset': 0.25})
+             for i in range(count)]
+    first = schema.Joint(name=f'j{count}', type='revolute', parent='world', child='b',
+                         position=1.0)
+    # Quarters of integers are exact.
+    assert _starts([*chain, first]).tolist() == [
+        1.0 + 0.25 * i for i in range(count, -1, -1)]
 
 
 def test_a_child_is_brought_to_where_its_joint_wants_it_wherever_it_is_written():

@@ -239,16 +239,22 @@ class _Forest:
                     at.setdefault(self.node(body), []).append(j)
         self.first_row = [0]
         world = len(self.moves)
-        for group in sorted({group for group in self.groups if group != NONE}):
-            members = [i for i, its in enumerate(self.groups) if its == group]
-            for j in at.get(world, []):
-                joint = self.joints[j]
-                end = joint.body_b if self.node(joint.body_a) == world else joint.body_a
-                if self.groups[end] == group and self.row_of[end] == NONE:
+        members: dict[int, list[int]] = {}
+        for i, group in enumerate(self.groups):
+            members.setdefault(group, []).append(i)
+        members.pop(NONE, None)
+        hanging: dict[int, list[tuple[int, int]]] = {group: [] for group in members}
+        for j in at.get(world, []):
+            joint = self.joints[j]
+            end = joint.body_b if self.node(joint.body_a) == world else joint.body_a
+            hanging[self.groups[end]].append((j, end))
+        for group in sorted(members):
+            for j, end in hanging[group]:
+                if self.row_of[end] == NONE:
                     self._descend(NONE, j, at)
             # What hangs on nothing: from a body that is nobody's child, the heaviest of these. The
             # order in a file should not say which.
-            for i in sorted(members, key=lambda i: (i in children, -self.mass[i], i)):
+            for i in sorted(members[group], key=lambda i: (i in children, -self.mass[i], i)):
                 if self.row_of[i] == NONE:
                     self.row_of[i] = len(self.rows)
                     self.rows.append(_Row(i, NONE, NONE, WORLD, 1.0))
@@ -374,11 +380,15 @@ def _conditions(joints: Sequence[Joint], forest: _Forest, row_of_joint: Sequence
     found: list[_Condition] = []
     first = [0]
     groups = [forest.groups[forest.rows[r].body] for r in forest.first_row[:-1]]
+    members: dict[int, list[int]] = {}
+    for j, joint in enumerate(joints):
+        for body in (joint.body_a, joint.body_b):
+            if forest.node(body) == body:
+                members.setdefault(forest.groups[body], []).append(j)
+                break
     for group in groups:
-        for j, joint in enumerate(joints):
-            moving = [body for body in (joint.body_a, joint.body_b) if forest.node(body) == body]
-            if not moving or forest.groups[moving[0]] != group:
-                continue
+        for j in members.get(group, []):
+            joint = joints[j]
             if not forest.in_forest[j] and joint.kind != FREE:
                 found += [_Condition(j, place, (NONE, NONE), (0.0, 0.0))
                           for place in range(_CONDITIONS[joint.kind])]
