@@ -161,11 +161,12 @@ def resting_rates(model: Model, shapes: Shapes, contacts: Contacts, bodies: Bodi
     step to step: of the gap a part is closed in `closing` [s]. Returns whether a point overlaps so
     much that this would give it a speed worth mentioning: that is left to displacements.
     """
-    deep = False
+    deep, thick = False, 0.0
     for c in range(chosen.shape[0]):
         k, at = chosen[c], width * c
         read_rates(model, contacts, bodies.acceleration, k, width, b, at)
-        gap = contacts.gap[k] - film(shapes, contacts.shape_a[k], contacts.shape_b[k])
+        thick = common_film(shapes, contacts, chosen, c, thick)
+        gap = contacts.gap[k] - thick
         wanted = -CLOSING * gap / closing
         if wanted <= LIFTING * resting_speed(contacts, bodies, k, model.h):
             u[at] -= wanted
@@ -174,6 +175,28 @@ def resting_rates(model: Model, shapes: Shapes, contacts: Contacts, bodies: Bodi
         for i in range(width):
             b[at + i] += u[at + i] / span
     return deep
+
+
+@kernel
+def common_film(shapes: Shapes, contacts: Contacts, chosen: IntArray, c: int,
+                last: float) -> float:
+    """
+    Return the gap [m] at which chosen point c is to rest; `last`: that of point c - 1.
+
+    It is one for all points of a pair of bodies: on triangles of many sizes a box would be tilted
+    by what the films of these differ by, and a light one under a load driven aside.
+    """
+    k = chosen[c]
+    a, b = contacts.body_a[k], contacts.body_b[k]
+    if c > 0 and contacts.body_a[chosen[c - 1]] == a and contacts.body_b[chosen[c - 1]] == b:
+        return last
+    thick = 0.0
+    for n in range(c, chosen.shape[0]):
+        k = chosen[n]
+        if contacts.body_a[k] != a or contacts.body_b[k] != b:
+            break
+        thick = max(thick, film(shapes, contacts.shape_a[k], contacts.shape_b[k]))
+    return thick
 
 
 def _pyramid(mu: Array, pull: Array) -> Any:

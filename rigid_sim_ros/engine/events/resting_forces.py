@@ -14,11 +14,12 @@ from rigid_sim_ros.engine.contact.contact_solution import (
 from rigid_sim_ros.engine.contact.contacts import (
     Bodies, Contacts, push_rows, read_rates, relative, to_contact)
 from rigid_sim_ros.engine.contact.coulomb import COMPLIANCE, TOLERANCE
-from rigid_sim_ros.engine.contact.resting_qp import CLOSING, LIFTING, resting_rates
-from rigid_sim_ros.engine.detection.backtrack import film
+from rigid_sim_ros.engine.contact.resting_qp import (
+    CLOSING, common_film, LIFTING, resting_rates)
 from rigid_sim_ros.engine.events.buffers import (
     BORNE, Buffers, EventArguments, HELD, MORE_ROWS, STUCK)
-from rigid_sim_ros.engine.events.groups import Groups, MANY_EVENTS, MUCH_WORK, NO_FORCES
+from rigid_sim_ros.engine.events.groups import (
+    Groups, MANY_EVENTS, MUCH_WORK, NO_FORCES, NOTHING, SHORTEST, WORKS)
 from rigid_sim_ros.engine.events.move import load, shift_levers
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.kernels.arrays import Array, IntArray
@@ -45,7 +46,11 @@ AGAIN = 10  # times at most that forces are found again for their levers, within
 ROUNDS = 40  # times at most that they are for what points yield
 # What points yield without end falls by less than this part of it in a round.
 STUCK_AT = 1e-3
+FALLS = 0.1  # of what the forces change most by: one that falls by as much will open its point
 PUSH_SWEEPS = 30  # over the points, for displacements: what they leave is for the next step
+# Of the energy that the impulses of a span give to what is at rest: forces that do more work than
+# this act for too long. What rolls a tenth of a radian in a span gets a hundredth.
+WORK = 0.03
 
 
 @kernel
@@ -80,9 +85,11 @@ def _push_apart(c: EventArguments, m: int, g: int, span: float) -> None:
     model, state, w = c.model, c.state, c.buffers
     rows, width, contacts, closing = w.rows, w.now.width[0], w.contacts, _closing(c, g)
     violation(rows, m, width, rows.f)
+    thick = 0.0
     for n in range(m):
         k, at = w.chosen[n], width * n
-        depth = film(c.shapes, contacts.shape_a[k], contacts.shape_b[k]) - contacts.gap[k]
+        thick = common_film(c.shapes, contacts, w.chosen[:m], n, thick)
+        depth = thick - contacts.gap[k]
         wanted = min(CLOSING * depth / closing,
                      c.settings.push_out * contacts.size[k] / model.h)
         if CLOSING * depth / closing <= LIFTING * resting_speed(contacts, w.bodies, k, model.h):
@@ -180,7 +187,9 @@ def solve(m: int, width: int, steps: int, again: bool, span: float, w: Buffers) 
     them there are none, and each time adds the same to those of the time before, for ever: the
     least change of b with which there were any (Pazy, Asymptotic behavior of contractions in
     Hilbert space, Israel J. Math. 9 (1971)). The first ones let that body go where the points
-    yield least, and stay.
+    yield least, and stay. Where some forces fall while others grow, redundant points differ in what
+    they ask for, as by the gaps that rounding leaves to the corners of a box: that goes on until
+    one of them opens, and the bodies move alike all the while.
     """
     rows, size, last = w.rows, 0.0, 0.0
     for i in range(width * m):
@@ -195,11 +204,21 @@ def solve(m: int, width: int, steps: int, again: bool, span: float, w: Buffers) 
                 or yields * max(1.0, _reach(m, width, span, w)) <= YIELDS * size):
             return True
         if abs(yields - last) < STUCK_AT * yields:
-            return False
+            return _falls(rows, m, width, FALLS * yields, w.proximal)
         last = yields
         move_proximal(rows, width * m, w.proximal)
         w.now.worst[0] = continue_rows(rows, m, width, w.now.touched[0], w.newton)
     return True
+
+
+@kernel
+def _falls(rows: Rows, m: int, width: int, most: float, proximal: Array) -> bool:
+    """Return whether a point presses less than the time before, by more than `most` [m/s^2]."""
+    for c in range(m):
+        i = width * c
+        if rows.compliance[i] * rows.f[i] - proximal[i] < -most:
+            return True
+    return False
 
 
 @kernel
@@ -305,13 +324,18 @@ def settle(c: EventArguments, g: int) -> None:
     """
     See to it that the forces that were found do no work, and that overlaps end.
 
-    The forces are then left in `w.force`, and what they are at the bodies in `w.loads`.
+    The forces are then left in `w.force`, and what they are at the bodies in `w.loads`. None are
+    left where they are to be found again for a shorter span; `Groups.met` then is WORKS.
     """
     model, w = c.model, c.buffers
     m, width, rows, groups = w.now.chosen[0], w.now.width[0], w.rows, w.groups
+    groups.met[g] = NOTHING
     if m == 0:
         return
     span = min(groups.span[g], groups.left[g])
+    if groups.short[g] == 0 and span > SHORTEST * model.h and _do_work(c, m, span):
+        groups.met[g] = WORKS
+        return
     groups.residual[g] = max(groups.residual[g], w.now.worst[0])
     if w.now.worst[0] > TOLERANCE:
         w.now.unsolved[0] += 1
@@ -332,6 +356,42 @@ def settle(c: EventArguments, g: int) -> None:
     load(model, w.contacts, w.chosen[:m], width, w.force, w.loads)
     if w.now.is_deep[0] == 1:
         _push_apart(c, m, g, span)
+
+
+@kernel
+def _do_work(c: EventArguments, m: int, span: float) -> bool:
+    """
+    Return whether the forces of the first m points do work on the bodies within a span [s].
+
+    The work of a point is span f . G_m (v_0 + v_1) / 2, see contact_ahead.py; a rigid contact does
+    none that is positive. Where the place of contact runs along a body, as around the rim of a
+    disk that is about to lie flat, or where a point that leaves would come back within the span,
+    G_m is not that of the whole span: what the work is then is of third order in the span.
+    What lifts an overlap, or is left of having lifted it, has a rate below that of LIFTING.
+    """
+    w, rows, width = c.buffers, c.buffers.rows, c.buffers.now.width[0]
+    write_effects(rows, m, width, rows.f)
+    work, scale = 0.0, 0.0
+    for n in range(m):
+        i, k = width * n, w.chosen[n]
+        gain = -rows.f[i] * LIFTING * resting_speed(w.contacts, w.bodies, k, c.model.h)
+        for at in range(i, i + width):
+            gain += rows.f[at] * _mean_rate(rows, w.bodies, w.then, n, at, span)
+        work += max(gain, 0.0)
+        scale += rows.stiff[i] * rows.f[i] * rows.f[i] * span
+    return work > WORK * scale
+
+
+@kernel
+def _mean_rate(rows: Rows, bodies: Bodies, then: Array, n: int, i: int, span: float) -> float:
+    """Return the mean of the rates of row i, of point n, at the start and the end of a span."""
+    total = 0.0
+    for side in range(2):
+        body = rows.body[n, side]
+        for j in range(6):
+            after = then[body, j] + span * (bodies.acceleration[body, j] + rows.z[body, j])
+            total += rows.G[i, 6 * side + j] * 0.5 * (bodies.velocity[body, j] + after)
+    return total
 
 
 @kernel
