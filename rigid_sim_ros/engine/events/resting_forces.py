@@ -5,7 +5,8 @@
 from rigid_sim_ros.engine.contact.carried_forces import copy_force, keep_force, recall_forces
 from rigid_sim_ros.engine.contact.classify import classify, COLLIDING, resting_speed
 from rigid_sim_ros.engine.contact.contact_ahead import carry_ahead, turn_bodies
-from rigid_sim_ros.engine.contact.contact_newton import FEW_STEPS, number_bodies
+from rigid_sim_ros.engine.contact.contact_newton import (
+    FEW_STEPS, NEWTON_STEPS, number_bodies, refine_rows)
 from rigid_sim_ros.engine.contact.contact_rows import (
     Rows, sweep_rows, violation, write_effects, write_rows)
 from rigid_sim_ros.engine.contact.contact_search import DONE
@@ -47,7 +48,7 @@ ROUNDS = 40  # times at most that they are for what points yield
 # What points yield without end falls by less than this part of it in a round.
 STUCK_AT = 1e-3
 FALLS = 0.1  # of what the forces change most by: one that falls by as much will open its point
-PUSH_SWEEPS = 30  # over the points, for displacements: what they leave is for the next step
+PUSH_SWEEPS = 30  # over the points, for displacements, before Newton's method
 # Of the energy that the impulses of a span give to what is at rest: forces that do more work than
 # this act for too long. What rolls a tenth of a radian in a span gets a hundredth.
 WORK = 0.03
@@ -84,8 +85,9 @@ def _push_apart(c: EventArguments, m: int, g: int, span: float) -> None:
     """
     model, state, w = c.model, c.state, c.buffers
     rows, width, contacts, closing = w.rows, w.now.width[0], w.contacts, _closing(c, g)
+    w.groups.effort[g] += COUNTED * effort_of(m, width, w.now.touched[0])
     violation(rows, m, width, rows.f)
-    thick = 0.0
+    thick, fastest = 0.0, 0.0
     for n in range(m):
         k, at = w.chosen[n], width * n
         thick = common_film(c.shapes, contacts, w.chosen[:m], n, thick)
@@ -95,20 +97,22 @@ def _push_apart(c: EventArguments, m: int, g: int, span: float) -> None:
         if CLOSING * depth / closing <= LIFTING * resting_speed(contacts, w.bodies, k, model.h):
             wanted = 0.0
         for i in range(at, at + width):
-            rows.trial[i] = 0.0
+            rows.f[i] = 0.0
         rows.mu[n, 0], rows.mu[n, 1], rows.mu[n, 2] = 0.0, 0.0, 0.0
         # Not what leaves its overlap by itself.
         rows.b[at] = -wanted + span * max(rows.a[at], 0.0)
-    write_effects(rows, m, width, rows.trial)
-    sweep_rows(rows, m, width, rows.trial, PUSH_SWEEPS, 0.0)
+        fastest = max(fastest, wanted)
+    write_effects(rows, m, width, rows.f)
+    sweep_rows(rows, m, width, rows.f, PUSH_SWEEPS, 0.0)
+    refine_rows(rows, m, width, w.now.touched[0], TOLERANCE * fastest, NEWTON_STEPS, w.newton)
     members = w.groups.body[w.groups.first[g]:w.groups.first[g + 1]]
     for j in members:
         for i in range(3):
             w.pushed.F[i, j], w.pushed.tau[i, j] = state.P[i, j], state.L[i, j]
     for n in range(m):
-        push_rows(model, state, contacts, w.chosen[n], width, rows.trial, width * n)
+        push_rows(model, state, contacts, w.chosen[n], width, rows.f, width * n)
         for i in range(width):
-            w.push[w.chosen[n], i] = rows.trial[width * n + i]
+            w.push[w.chosen[n], i] = rows.f[width * n + i]
     for j in members:
         for i in range(3):
             w.pushed.F[i, j] = state.P[i, j] - w.pushed.F[i, j]
