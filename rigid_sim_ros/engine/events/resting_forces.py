@@ -20,13 +20,14 @@ from rigid_sim_ros.engine.contact.resting_qp import (
 from rigid_sim_ros.engine.events.buffers import (
     BORNE, Buffers, EventArguments, HELD, MORE_ROWS, STUCK)
 from rigid_sim_ros.engine.events.groups import (
-    Groups, MANY_EVENTS, MUCH_WORK, NO_FORCES, NOTHING, SHORTEST, WORKS)
+    Groups, MANY_EVENTS, MUCH_WORK, NO_FORCES, NOTHING, WORKS)
 from rigid_sim_ros.engine.events.move import load, shift_levers
 from rigid_sim_ros.engine.model.model import Model
 from rigid_sim_ros.kernels.arrays import Array, IntArray
 from rigid_sim_ros.kernels.kernel import kernel
 
-CUT = 1.0 / 16.0  # of a step: gaps are not closed within less
+# Of a step: gaps are not closed within less, and spans not cut to less since forces do work.
+CUT = 1.0 / 16.0
 # Multiplications for each body of a group, and for 20 at least, that a step may take, about 0.2
 # ms; what is left of the step then runs without backtracking, and contact problems are used as far
 # as they came.
@@ -50,8 +51,8 @@ STUCK_AT = 1e-3
 FALLS = 0.1  # of what the forces change most by: one that falls by as much will open its point
 PUSH_SWEEPS = 30  # over the points, for displacements, before Newton's method
 # Of the energy that the impulses of a span give to what is at rest: forces that do more work than
-# this act for too long. What rolls a tenth of a radian in a span gets a hundredth.
-WORK = 0.03
+# this act for too long.
+WORK = 0.1
 
 
 @kernel
@@ -87,11 +88,10 @@ def _push_apart(c: EventArguments, m: int, g: int, span: float) -> None:
     rows, width, contacts, closing = w.rows, w.now.width[0], w.contacts, _closing(c, g)
     w.groups.effort[g] += COUNTED * effort_of(m, width, w.now.touched[0])
     violation(rows, m, width, rows.f)
-    thick, fastest = 0.0, 0.0
+    fastest = 0.0
     for n in range(m):
         k, at = w.chosen[n], width * n
-        thick = common_film(c.shapes, contacts, w.chosen[:m], n, thick)
-        depth = thick - contacts.gap[k]
+        depth = common_film(c.shapes, contacts, w.chosen[:m], n) - contacts.gap[k]
         wanted = min(CLOSING * depth / closing,
                      c.settings.push_out * contacts.size[k] / model.h)
         if CLOSING * depth / closing <= LIFTING * resting_speed(contacts, w.bodies, k, model.h):
@@ -337,9 +337,12 @@ def settle(c: EventArguments, g: int) -> None:
     if m == 0:
         return
     span = min(groups.span[g], groups.left[g])
-    if groups.short[g] == 0 and span > SHORTEST * model.h and _do_work(c, m, span):
+    works, share = _work(c, m, span)
+    if works and groups.short[g] == 0 and span > CUT * model.h:
         groups.met[g] = WORKS
         return
+    for i in range(width * m if works else 0):
+        rows.f[i] *= share
     groups.residual[g] = max(groups.residual[g], w.now.worst[0])
     if w.now.worst[0] > TOLERANCE:
         w.now.unsolved[0] += 1
@@ -363,39 +366,50 @@ def settle(c: EventArguments, g: int) -> None:
 
 
 @kernel
-def _do_work(c: EventArguments, m: int, span: float) -> bool:
+def _work(c: EventArguments, m: int, span: float) -> tuple[bool, float]:
     """
-    Return whether the forces of the first m points do work on the bodies within a span [s].
+    Return whether the forces of the first m points do work within a span [s], and what part not.
 
-    The work of a point is span f . G_m (v_0 + v_1) / 2, see contact_ahead.py; a rigid contact does
-    none that is positive. Where the place of contact runs along a body, as around the rim of a
-    disk that is about to lie flat, or where a point that leaves would come back within the span,
-    G_m is not that of the whole span: what the work is then is of third order in the span.
-    What lifts an overlap, or is left of having lifted it, has a rate below that of LIFTING.
+    The work of a point is span f . G_m (v_0 + v_1) / 2, see contact_ahead.py; along the normal a
+    rigid contact does none that is positive. Where the place of contact runs along a body, as
+    around the rim of a disk that is about to lie flat, or where a point that leaves would come
+    back within the span, G_m is not that of the whole span: what the work is then is of third order
+    in the span. What lifts an overlap, or is left of having lifted it, has a rate below that of
+    LIFTING.
     """
     w, rows, width = c.buffers, c.buffers.rows, c.buffers.now.width[0]
     write_effects(rows, m, width, rows.f)
-    work, scale = 0.0, 0.0
+    work, scale, without, by_forces = 0.0, 0.0, 0.0, 0.0
     for n in range(m):
         i, k = width * n, w.chosen[n]
-        gain = -rows.f[i] * LIFTING * resting_speed(w.contacts, w.bodies, k, c.model.h)
-        for at in range(i, i + width):
-            gain += rows.f[at] * _mean_rate(rows, w.bodies, w.then, n, at, span)
-        work += max(gain, 0.0)
+        lifts = LIFTING * resting_speed(w.contacts, w.bodies, k, c.model.h)
+        before, gain = _mean_rates(rows, w.bodies, w.then, n, i, span)
+        without += rows.f[i] * before
+        by_forces += rows.f[i] * gain
+        work += rows.f[i] * max(before + gain - lifts, 0.0)
         scale += rows.stiff[i] * rows.f[i] * rows.f[i] * span
-    return work > WORK * scale
+    if work <= WORK * scale or without + by_forces <= 0.0:
+        return False, 1.0
+    return True, -without / by_forces if without < 0.0 else 0.0
 
 
 @kernel
-def _mean_rate(rows: Rows, bodies: Bodies, then: Array, n: int, i: int, span: float) -> float:
-    """Return the mean of the rates of row i, of point n, at the start and the end of a span."""
-    total = 0.0
+def _mean_rates(rows: Rows, bodies: Bodies, then: Array, n: int, i: int,
+                span: float) -> tuple[float, float]:
+    """
+    Return the mean of the rates of row i, of point n, at the start and the end of a span.
+
+    Without the forces, and what these add to it.
+    """
+    before, gain = 0.0, 0.0
     for side in range(2):
         body = rows.body[n, side]
         for j in range(6):
-            after = then[body, j] + span * (bodies.acceleration[body, j] + rows.z[body, j])
-            total += rows.G[i, 6 * side + j] * 0.5 * (bodies.velocity[body, j] + after)
-    return total
+            G = 0.5 * rows.G[i, 6 * side + j]
+            before += G * (bodies.velocity[body, j] + then[body, j]
+                           + span * bodies.acceleration[body, j])
+            gain += G * span * rows.z[body, j]
+    return before, gain
 
 
 @kernel

@@ -316,8 +316,7 @@ def _next_span(model: Model, g: int, w: Buffers) -> None:
         if groups.met[g] == SANK:
             groups.span[g] = max(groups.way[g], SHORTEST * model.h)
         if groups.met[g] == WORKS:
-            until = min(groups.span[g], groups.left[g])
-            groups.span[g] = max(0.5 * until, SHORTEST * model.h)
+            groups.span[g] = 0.5 * min(groups.span[g], groups.left[g])
 
 
 @kernel
