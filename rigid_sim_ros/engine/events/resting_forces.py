@@ -50,6 +50,7 @@ ROUNDS = 40  # times at most that they are for what points yield
 STUCK_AT = 1e-3
 FALLS = 0.1  # of what the forces change most by: one that falls by as much will open its point
 PUSH_SWEEPS = 30  # over the points, for displacements, before Newton's method
+UNPUSHED = 1e-3  # of what is wanted: points that lack, or yield by, more cannot be displaced
 # Of the energy that the impulses of a span give to what is at rest: forces that do more work than
 # this act for too long.
 WORK = 0.1
@@ -104,7 +105,7 @@ def _push_apart(c: EventArguments, m: int, g: int, span: float) -> None:
         fastest = max(fastest, wanted)
     write_effects(rows, m, width, rows.f)
     sweep_rows(rows, m, width, rows.f, PUSH_SWEEPS, 0.0)
-    refine_rows(rows, m, width, w.now.touched[0], TOLERANCE * fastest, NEWTON_STEPS, w.newton)
+    _refine_push(rows, m, width, fastest, w)
     members = w.groups.body[w.groups.first[g]:w.groups.first[g + 1]]
     for j in members:
         for i in range(3):
@@ -117,6 +118,25 @@ def _push_apart(c: EventArguments, m: int, g: int, span: float) -> None:
         for i in range(3):
             w.pushed.F[i, j] = state.P[i, j] - w.pushed.F[i, j]
             w.pushed.tau[i, j] = state.L[i, j] - w.pushed.tau[i, j]
+
+
+@kernel
+def _refine_push(rows: Rows, m: int, width: int, fastest: float, w: Buffers) -> None:
+    """
+    Bring the displacing momenta of the first m points to a solution, if there is one.
+
+    Where bodies that nothing pushes hold one between them there is none: points would yield by as
+    much as is wanted of them, `fastest` [m/s], and not by rounding. Then those of the sweeps stay.
+    """
+    yields = 0.0
+    for i in range(width * m):
+        w.proximal[i] = rows.f[i]
+    worst = refine_rows(rows, m, width, w.now.touched[0], TOLERANCE * fastest, NEWTON_STEPS,
+                        w.newton)
+    for i in range(width * m):
+        yields = max(yields, rows.compliance[i] * rows.f[i])
+    for i in range(width * m if max(worst, yields) > UNPUSHED * fastest else 0):
+        rows.f[i] = w.proximal[i]
 
 
 @kernel
