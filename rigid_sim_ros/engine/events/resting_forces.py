@@ -48,7 +48,6 @@ AGAIN = 10  # times at most that forces are found again for their levers, within
 ROUNDS = 40  # times at most that they are for what points yield
 # What points yield without end falls by less than this part of it in a round.
 STUCK_AT = 1e-3
-FALLS = 0.1  # of what the forces change most by: one that falls by as much will open its point
 PUSH_SWEEPS = 30  # over the points, for displacements, before Newton's method
 UNPUSHED = 1e-3  # of what is wanted: points that lack, or yield by, more cannot be displaced
 # Of the energy that the impulses of a span give to what is at rest: forces that do more work than
@@ -211,9 +210,8 @@ def solve(m: int, width: int, steps: int, again: bool, span: float, w: Buffers) 
     them there are none, and each time adds the same to those of the time before, for ever: the
     least change of b with which there were any (Pazy, Asymptotic behavior of contractions in
     Hilbert space, Israel J. Math. 9 (1971)). The first ones let that body go where the points
-    yield least, and stay. Where some forces fall while others grow, redundant points differ in what
-    they ask for, as by the gaps that rounding leaves to the corners of a box: that goes on until
-    one of them opens, and the bodies move alike all the while.
+    yield least, and stay. Where it is no more than YIELDS, redundant points differ in what they ask
+    for, as by the gaps that rounding leaves to the corners of a box, and the bodies move alike.
     """
     rows, size, last = w.rows, 0.0, 0.0
     for i in range(width * m):
@@ -228,21 +226,11 @@ def solve(m: int, width: int, steps: int, again: bool, span: float, w: Buffers) 
                 or yields * max(1.0, _reach(m, width, span, w)) <= YIELDS * size):
             return True
         if abs(yields - last) < STUCK_AT * yields:
-            return _falls(rows, m, width, FALLS * yields, w.proximal)
+            return yields <= YIELDS * size
         last = yields
         move_proximal(rows, width * m, w.proximal)
         w.now.worst[0] = continue_rows(rows, m, width, w.now.touched[0], w.newton)
     return True
-
-
-@kernel
-def _falls(rows: Rows, m: int, width: int, most: float, proximal: Array) -> bool:
-    """Return whether a point presses less than the time before, by more than `most` [m/s^2]."""
-    for c in range(m):
-        i = width * c
-        if rows.compliance[i] * rows.f[i] - proximal[i] < -most:
-            return True
-    return False
 
 
 @kernel
