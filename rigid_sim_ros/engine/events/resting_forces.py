@@ -86,7 +86,6 @@ def _push_apart(c: EventArguments, m: int, g: int, span: float) -> None:
     """
     model, state, w = c.model, c.state, c.buffers
     rows, width, contacts, closing = w.rows, w.now.width[0], w.contacts, _closing(c, g)
-    w.groups.effort[g] += COUNTED * effort_of(m, width, w.now.touched[0])
     violation(rows, m, width, rows.f)
     fastest = 0.0
     for n in range(m):
