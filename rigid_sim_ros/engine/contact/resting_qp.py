@@ -184,7 +184,7 @@ def common_film(shapes: Shapes, contacts: Contacts, chosen: IntArray, c: int) ->
     Return the gap [m] at which chosen point c is to rest.
 
     It is one for all points of a pair of bodies along one normal: on triangles of many sizes a box
-    would be tilted by what the films of these differ by, and a light one under a load driven aside.
+    would be tilted by what their films differ by, and a light one under a load driven aside.
     """
     k = chosen[c]
     thick = film(shapes, contacts.shape_a[k], contacts.shape_b[k])

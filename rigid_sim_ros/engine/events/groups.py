@@ -36,8 +36,8 @@ MOST_TRIES = 8
 # Why the rest of the step of a group goes on without backtracking: it had `max_events`; it used up
 # its budget of work; no forces, or no impulses, stop all points of what is squeezed.
 MANY_EVENTS, MUCH_WORK, NO_FORCES, NO_IMPULSES = 1, 2, 3, 4
-# How the way of a group ends, in `Groups.met`: nothing met, a pair met, one sank in; or it does not
-# begin, since its forces would do work.
+# How the way of a group ends, in `Groups.met`: nothing met, a pair met, one sank in; or it does
+# not begin, since its forces would do work.
 NOTHING, MET, SANK, WORKS = -1, 0, 1, 2
 # Of a step: no part in which forces stay constant is shorter, but for what events leave.
 SHORTEST = 1.0 / 256.0

@@ -209,8 +209,8 @@ def solve(m: int, width: int, steps: int, again: bool, span: float, w: Buffers) 
     them there are none, and each time adds the same to those of the time before, for ever: the
     least change of b with which there were any (Pazy, Asymptotic behavior of contractions in
     Hilbert space, Israel J. Math. 9 (1971)). The first ones let that body go where the points
-    yield least, and stay. Where it is no more than YIELDS, redundant points differ in what they ask
-    for, as by the gaps that rounding leaves to the corners of a box, and the bodies move alike.
+    yield least, and stay. Where it is no more than YIELDS, redundant points differ in what they
+    ask for, as by the gaps that rounding leaves to the corners of a box, and the bodies move alike.
     """
     rows, size, last = w.rows, 0.0, 0.0
     for i in range(width * m):
@@ -380,8 +380,8 @@ def _work(c: EventArguments, m: int, span: float) -> tuple[bool, float]:
     The work of a point is span f . G_m (v_0 + v_1) / 2, see contact_ahead.py; along the normal a
     rigid contact does none that is positive. Where the place of contact runs along a body, as
     around the rim of a disk that is about to lie flat, or where a point that leaves would come
-    back within the span, G_m is not that of the whole span: what the work is then is of third order
-    in the span. What lifts an overlap, or is left of having lifted it, has a rate below that of
+    back within the span, G_m is not that of the whole span: the work is then of third order in
+    the span. What lifts an overlap, or is left of having lifted it, has a rate below that of
     LIFTING.
     """
     w, rows, width = c.buffers, c.buffers.rows, c.buffers.now.width[0]
