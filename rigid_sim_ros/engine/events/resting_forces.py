@@ -210,7 +210,7 @@ def solve(m: int, width: int, steps: int, again: bool, span: float, w: Buffers) 
     least change of b with which there were any (Pazy, Asymptotic behavior of contractions in
     Hilbert space, Israel J. Math. 9 (1971)). The first ones let that body go where the points
     yield least, and stay. Where it is no more than YIELDS, redundant points differ in what they
-    ask for, as by the gaps that rounding leaves to the corners of a box, and the bodies move alike.
+    ask for, as by gaps that rounding leaves to the corners of a box, and the bodies move alike.
     """
     rows, size, last = w.rows, 0.0, 0.0
     for i in range(width * m):
